@@ -1,0 +1,1 @@
+"""What the world looks like: builders that return a Scene; no physics loop, no GL."""

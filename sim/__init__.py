@@ -1,0 +1,1 @@
+"""What happens in the world: rover, cameras, rendering, recording."""

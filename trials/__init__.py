@@ -1,0 +1,1 @@
+"""Everything that composes or compares: scoring, reports, baselines, the command line."""

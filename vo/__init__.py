@@ -1,0 +1,1 @@
+"""The stereo visual odometry estimator, and nothing else."""

@@ -1,0 +1,1 @@
+"""What simulator, estimator and trials share: geometry, rigs, sequences, files and errors."""

@@ -1,0 +1,74 @@
+"""The estimator protocol: stereo frames in, one estimate per frame out."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Protocol
+
+from vo.contract.arrays import Array, Indices, Mask
+from vo.contract.sequence import StereoFrame
+
+
+class Status(StrEnum):
+    """How a frame ended; exactly one for every frame."""
+
+    START = "start"
+    """The first frame, or the first after a loss: it defines or resumes the odometry frame."""
+    TRACKED = "tracked"
+    """The motion rests on enough inliers."""
+    WEAK = "weak"
+    """There is a pose, but it deserves suspicion; the reason says why."""
+    LOST = "lost"
+    """There is no pose for this frame; the reason says why."""
+
+
+@dataclass(frozen=True)
+class Observations:
+    """The landmarks seen in one frame.
+
+    Attributes:
+        ids: (N,) landmark identifiers, unique over the whole run.
+        pixels: (N, 2) left-image (u, v) in pixels.
+        disparity_px: (N,) estimated disparity; NaN where unknown.
+        inlier: (N,) whether the landmark agrees with the frame's motion.
+    """
+
+    ids: Indices
+    pixels: Array
+    disparity_px: Array
+    inlier: Mask
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What an estimator says of one frame.
+
+    Attributes:
+        timestamp_ns: The frame's.
+        status: Exactly one.
+        T_odom_cam: (4, 4) left camera in the first left camera's frame; None only when lost.
+        reason: Why the status is not `tracked`; empty when there is nothing to say.
+        counts: Stage name to number of items that survived it, in stage order.
+        timings_ms: Stage name to milliseconds, in stage order.
+        observations: Landmarks seen, if the estimator shares them.
+    """
+
+    timestamp_ns: int
+    status: Status
+    T_odom_cam: Array | None
+    reason: str = ""
+    counts: Mapping[str, int] = field(default_factory=dict[str, int])
+    timings_ms: Mapping[str, float] = field(default_factory=dict[str, float])
+    observations: Observations | None = None
+
+    def __post_init__(self) -> None:
+        if (self.T_odom_cam is None) != (self.status is Status.LOST):
+            raise ValueError(f"status {self.status} with T_odom_cam {self.T_odom_cam}")
+
+
+class Estimator(Protocol):
+    """Anything that turns stereo frames into estimates, one call a frame, in order of time."""
+
+    def track(self, frame: StereoFrame) -> Estimate:
+        """Take the next frame and return its estimate; never raises on image content."""
+        ...

@@ -1,0 +1,85 @@
+"""Reading and writing files so that a reader never sees half of one."""
+
+import os
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from vo.contract.arrays import Array, Image
+from vo.contract.errors import DatasetError
+
+PNG_END = b"IEND\xaeB`\x82"
+
+
+@contextmanager
+def replacing(path: Path) -> Generator[Path]:
+    """Yield a temporary path beside `path`, which it replaces only when the block succeeds."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        yield partial
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write UTF-8 text, whole or not at all."""
+    with replacing(path) as partial:
+        partial.write_text(text, encoding="utf-8")
+
+
+def read_grey(path: Path) -> Image:
+    """Read an image as (H, W) uint8 grey; colour is converted, 16 bits are scaled to 8.
+
+    Raises:
+        DatasetError: If the file is missing, truncated or not an image.
+    """
+    image = _decode(path, cv2.IMREAD_GRAYSCALE)
+    return np.asarray(image, dtype=np.uint8)
+
+
+def read_float(path: Path) -> Array:
+    """Read a (H, W) float32 label.
+
+    Raises:
+        DatasetError: If the file is missing, damaged or not a float image.
+    """
+    image = _decode(path, cv2.IMREAD_UNCHANGED)
+    if image.dtype != np.float32 or image.ndim != 2:
+        raise DatasetError(f"{path}: expected a one-channel 32-bit float image, got {image.dtype}")
+    return image
+
+
+def encode_png(image: Image) -> bytes:
+    """Encode (H, W) grey or (H, W, 3) RGB uint8 losslessly."""
+    if image.ndim == 3:
+        image = np.ascontiguousarray(image[..., ::-1])
+    return cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1].tobytes()
+
+
+def encode_float(label: Array) -> bytes:
+    """Encode a (H, W) float32 label losslessly: TIFF, LZW with the floating-point predictor."""
+    options = [cv2.IMWRITE_TIFF_COMPRESSION, cv2.IMWRITE_TIFF_COMPRESSION_LZW]
+    options += [cv2.IMWRITE_TIFF_PREDICTOR, cv2.IMWRITE_TIFF_PREDICTOR_FLOATINGPOINT]
+    return cv2.imencode(".tiff", np.asarray(label, dtype=np.float32), options)[1].tobytes()
+
+
+def _decode(path: Path, flags: int) -> Array:
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise DatasetError(f"{path}: cannot be read ({error.strerror})") from None
+    # OpenCV fills the rest of a truncated PNG with zeros and says nothing.
+    if path.suffix.lower() == ".png" and not data.endswith(PNG_END):
+        raise DatasetError(f"{path}: the PNG is truncated or damaged")
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
+    except cv2.error:
+        image = None
+    if image is None:
+        raise DatasetError(f"{path}: not a readable image")
+    return np.asarray(image)

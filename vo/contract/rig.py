@@ -1,0 +1,92 @@
+"""The rectified stereo pair: one focal length, parallel axes, rows aligned."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from vo.contract.arrays import Array
+from vo.contract.errors import CalibrationError
+
+
+@dataclass(frozen=True)
+class StereoRig:
+    """Calibration of a rectified pair; `cam` is the left camera in OpenCV axes.
+
+    Attributes:
+        width_px: Image width W.
+        height_px: Image height H.
+        f_px: Focal length, shared by both eyes and both axes.
+        cx_px: Principal point along u, shared by both eyes; (W - 1) / 2 when centred.
+        cy_px: Principal point along v; (H - 1) / 2 when centred.
+        baseline_m: Distance of the right camera along the left camera's x axis, > 0.
+        T_body_cam: (4, 4) left camera in the carrier's body frame.
+
+    Raises:
+        CalibrationError: If a value is not finite, or size, focal length or baseline not positive.
+    """
+
+    width_px: int
+    height_px: int
+    f_px: float
+    cx_px: float
+    cy_px: float
+    baseline_m: float
+    T_body_cam: Array = field(default_factory=lambda: np.eye(4))
+
+    def __post_init__(self) -> None:
+        for name in ("width_px", "height_px", "f_px", "baseline_m"):
+            value = getattr(self, name)
+            if not np.isfinite(value) or value <= 0:
+                raise CalibrationError(f"calibration: {name} is {value}, must be positive")
+        for name in ("cx_px", "cy_px"):
+            if not np.isfinite(getattr(self, name)):
+                raise CalibrationError(f"calibration: {name} is {getattr(self, name)}")
+        T = np.asarray(self.T_body_cam, dtype=float)
+        orthonormal = T.shape == (4, 4) and np.allclose(
+            T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-3
+        )
+        if not orthonormal or not np.isfinite(T).all() or np.linalg.det(T[:3, :3]) < 0:
+            raise CalibrationError("calibration: T_body_cam is not a rigid 4x4 transform")
+
+    @property
+    def K(self) -> Array:
+        """(3, 3) pinhole matrix of either eye, pixels."""
+        return np.array([[self.f_px, 0, self.cx_px], [0, self.f_px, self.cy_px], [0, 0, 1.0]])
+
+    def project(self, points_cam: Array) -> Array:
+        """Project (..., 3) points_cam in metres to (..., 3) (u_left, v, disparity) in pixels.
+
+        A point in or behind the image plane (z <= 0) projects to NaN.
+
+        Source:
+            u = f x / z + cx, v = f y / z + cy, d = f b / z (thesis eqs. 2.1, 2.5).
+        """
+        z = points_cam[..., 2]
+        inverse_z = np.divide(1.0, z, out=np.full_like(z, np.nan), where=z > 0)
+        u = self.f_px * points_cam[..., 0] * inverse_z + self.cx_px
+        v = self.f_px * points_cam[..., 1] * inverse_z + self.cy_px
+        return np.stack([u, v, self.f_px * self.baseline_m * inverse_z], axis=-1)
+
+    def triangulate(self, pixels_left: Array, disparity_px: Array) -> Array:
+        """Back-project left-image pixels into the left camera frame.
+
+        Args:
+            pixels_left: (..., 2) (u, v) in pixels, centres on integers.
+            disparity_px: (...,) u_left - u_right in pixels.
+
+        Returns:
+            (..., 3) points_cam in metres; NaN where the disparity is not positive.
+
+        Source:
+            Z = f b / d (thesis eq. 2.5).
+        """
+        d = np.asarray(disparity_px, dtype=float)
+        inverse_d = np.divide(1.0, d, out=np.full_like(d, np.nan), where=d > 0)
+        z = self.f_px * self.baseline_m * inverse_d
+        x = (pixels_left[..., 0] - self.cx_px) * z / self.f_px
+        y = (pixels_left[..., 1] - self.cy_px) * z / self.f_px
+        return np.stack([x, y, z], axis=-1)
+
+    def normalized(self, pixels: Array) -> Array:
+        """Map (..., 2) pixels to normalised image coordinates (x/z, y/z)."""
+        return (pixels - np.array([self.cx_px, self.cy_px])) / self.f_px

@@ -1,0 +1,75 @@
+"""A stereo sequence: what an estimator may see, and nothing else."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from vo.contract.arrays import Image, Indices
+from vo.contract.errors import DatasetError
+from vo.contract.rig import StereoRig
+
+
+@dataclass(frozen=True)
+class StereoFrame:
+    """One rectified grey pair, exposed at the same time.
+
+    Attributes:
+        timestamp_ns: Middle of the exposure.
+        left: (H, W) uint8.
+        right: (H, W) uint8.
+    """
+
+    timestamp_ns: int
+    left: Image
+    right: Image
+
+
+@dataclass(frozen=True)
+class StereoSequence:
+    """Calibration, times and a loader of pairs. It holds no truth, by construction.
+
+    Attributes:
+        name: For tables and titles.
+        rig: Calibration of the delivered (rectified) images.
+        timestamps_ns: (N,) int64, strictly increasing, N >= 1.
+        load: Maps a frame index to its (left, right) images.
+    """
+
+    name: str
+    rig: StereoRig
+    timestamps_ns: Indices
+    load: Callable[[int], tuple[Image, Image]]
+
+    def __post_init__(self) -> None:
+        if len(self.timestamps_ns) == 0:
+            raise DatasetError(f"{self.name}: the sequence has no frames")
+        steps = np.diff(self.timestamps_ns)
+        if (steps <= 0).any():
+            i = int(np.argmax(steps <= 0)) + 1
+            raise DatasetError(
+                f"{self.name}: time must increase, but frame {i} is at {self.timestamps_ns[i]} ns "
+                f"after {self.timestamps_ns[i - 1]} ns"
+            )
+
+    def __len__(self) -> int:
+        return len(self.timestamps_ns)
+
+    def __getitem__(self, i: int) -> StereoFrame:
+        """Load frame i.
+
+        Raises:
+            DatasetError: If an image is missing, damaged or not of the calibrated size.
+        """
+        left, right = self.load(i)
+        expected = (self.rig.height_px, self.rig.width_px)
+        for eye, image in (("left", left), ("right", right)):
+            if image.shape != expected:
+                raise DatasetError(
+                    f"{self.name}: {eye} image of frame {i} is {image.shape[1]}x{image.shape[0]}, "
+                    f"the calibration says {expected[1]}x{expected[0]}"
+                )
+        return StereoFrame(int(self.timestamps_ns[i]), left, right)
+
+    def __iter__(self) -> Iterator[StereoFrame]:
+        return (self[i] for i in range(len(self)))

@@ -1,0 +1,80 @@
+"""Settings: frozen models from defaults, a TOML file and `--set a.b=c`, unknown keys refused."""
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from vo.contract.errors import SettingsError
+
+
+class Settings(BaseModel):
+    """Base of every settings model: immutable, and an unknown key is an error."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+S = TypeVar("S", bound=Settings)
+
+
+def resolve(model: type[S], toml: Path | None = None, overrides: Sequence[str] = ()) -> S:
+    """Build `model` from its defaults, then a TOML file, then `key.path=value` overrides.
+
+    Raises:
+        SettingsError: If the file is unreadable, or a key or value is not accepted; the
+            message names the key and the valid ones.
+    """
+    values = _read_toml(toml) if toml else {}
+    for override in overrides:
+        key, equals, text = override.partition("=")
+        if not equals:
+            raise SettingsError(
+                f"--set {override}: expected key=value, for example rig.tilt_deg=20"
+            )
+        _assign(values, key.strip(), text.strip())
+    try:
+        return model.model_validate(values)
+    except ValidationError as error:
+        raise SettingsError(_explain(model, error)) from None
+
+
+def _read_toml(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise SettingsError(f"{path}: cannot be read ({error.strerror})") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise SettingsError(f"{path}: not valid TOML ({error})") from None
+
+
+def _assign(values: dict[str, Any], key: str, text: str) -> None:
+    *parents, last = key.split(".")
+    table: Any = values
+    for name in parents:
+        table = table.setdefault(name, {})
+        if not isinstance(table, dict):
+            raise SettingsError(f"--set {key}: {name} is a value, not a group")
+    try:  # numbers, booleans and lists as TOML writes them; anything else is a string
+        table[last] = tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        table[last] = text
+
+
+def _explain(model: type[BaseModel], error: ValidationError) -> str:
+    first = error.errors()[0]
+    key = ".".join(str(part) for part in first["loc"])
+    if first["type"] != "extra_forbidden":
+        return f"setting {key}: {first['msg'].lower()}, got {first['input']!r}"
+    valid = ", ".join(sorted(_fields_at(model, first["loc"][:-1])))
+    return f"unknown setting {key}; valid here: {valid}"
+
+
+def _fields_at(model: type[BaseModel], path: Sequence[int | str]) -> Mapping[str, Any]:
+    for name in path:
+        annotation = model.model_fields[str(name)].annotation
+        if not (isinstance(annotation, type) and issubclass(annotation, BaseModel)):
+            return {}
+        model = annotation
+    return model.model_fields

@@ -1,0 +1,123 @@
+"""A trajectory, and its TUM text form."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from vo.contract import se3
+from vo.contract.arrays import Array, Indices
+from vo.contract.errors import TrajectoryError
+from vo.contract.files import write_text
+
+NS_PER_S = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Poses of a frame over time.
+
+    Attributes:
+        timestamps_ns: (N,) int64, strictly increasing.
+        T_ref_frame: (N, 4, 4): the moving frame (usually `cam`) in a fixed one (`world`, `odom`).
+    """
+
+    timestamps_ns: Indices
+    T_ref_frame: Array
+
+    def __post_init__(self) -> None:
+        if self.T_ref_frame.shape != (len(self.timestamps_ns), 4, 4):
+            raise TrajectoryError(
+                f"trajectory: {len(self.timestamps_ns)} times but poses {self.T_ref_frame.shape}"
+            )
+        if not np.isfinite(self.T_ref_frame).all():
+            raise TrajectoryError("trajectory: a pose is not finite")
+        if (np.diff(self.timestamps_ns) <= 0).any():
+            raise TrajectoryError("trajectory: timestamps must increase")
+
+    def __len__(self) -> int:
+        return len(self.timestamps_ns)
+
+    def at(self, timestamps_ns: Indices) -> "Trajectory":
+        """Interpolate (linear in position, spherical in rotation) at times within the range.
+
+        Raises:
+            TrajectoryError: If a time lies outside the trajectory.
+        """
+        times = np.asarray(timestamps_ns, dtype=np.int64)
+        if len(times) == 0:
+            return Trajectory(times, np.zeros((0, 4, 4)))
+        start, end = self.timestamps_ns[[0, -1]]
+        if times[0] < start or times[-1] > end:
+            raise TrajectoryError(
+                f"trajectory covers {start}..{end} ns, asked for {times[0]}..{times[-1]} ns"
+            )
+        # Relative to the first time, seconds in double precision are exact to far below 1 ns.
+        known, asked = (self.timestamps_ns - start) / NS_PER_S, (times - start) / NS_PER_S
+        if len(known) == 1:
+            return Trajectory(times, np.repeat(self.T_ref_frame, len(times), axis=0))
+        R = Slerp(known, Rotation.from_matrix(self.T_ref_frame[:, :3, :3]))(asked).as_matrix()
+        t = np.stack([np.interp(asked, known, self.T_ref_frame[:, k, 3]) for k in range(3)], -1)
+        return Trajectory(times, se3.pose(R, t))
+
+
+def write_tum(path: Path, trajectory: Trajectory) -> None:
+    """Write `timestamp tx ty tz qx qy qz qw` lines: seconds, metres, scalar last."""
+    t = trajectory.T_ref_frame[:, :3, 3]
+    quat_wxyz = se3.to_quat_wxyz(trajectory.T_ref_frame)
+    rows = np.hstack([t, quat_wxyz[:, 1:], quat_wxyz[:, :1]])
+    lines = ["# timestamp tx ty tz qx qy qz qw"]
+    for time, row in zip(trajectory.timestamps_ns, rows, strict=True):
+        seconds, nanoseconds = divmod(int(time), NS_PER_S)
+        lines.append(f"{seconds}.{nanoseconds:09d} " + " ".join(f"{x:.9f}" for x in row))
+    write_text(path, "\n".join(lines) + "\n")
+
+
+def read_tum(path: Path) -> Trajectory:
+    """Read a TUM trajectory; nanoseconds survive the round trip.
+
+    Raises:
+        TrajectoryError: If the file is missing or a line is malformed; names file and line.
+    """
+    times: list[int] = []
+    rows: list[list[float]] = []
+    for number, line in enumerate(_lines(path), start=1):
+        words = line.split()
+        if not words or words[0].startswith("#"):
+            continue
+        try:
+            if len(words) != 8:
+                raise ValueError(f"{len(words)} columns instead of 8")
+            times.append(_nanoseconds(words[0]))
+            rows.append([float(word) for word in words[1:]])
+            if not np.isfinite(rows[-1]).all() or np.linalg.norm(rows[-1][3:]) < 0.5:
+                raise ValueError("not a finite pose with a unit quaternion")
+        except ValueError as error:
+            raise TrajectoryError(f"{path}:{number}: {error}") from None
+        if len(times) > 1 and times[-1] <= times[-2]:
+            raise TrajectoryError(f"{path}:{number}: time does not increase")
+    if not rows:
+        raise TrajectoryError(f"{path}: holds no poses")
+    table = np.array(rows)
+    return Trajectory(
+        np.array(times, dtype=np.int64), se3.from_quat_wxyz(table[:, [6, 3, 4, 5]], table[:, :3])
+    )
+
+
+def _lines(path: Path) -> list[str]:
+    try:
+        return path.read_text(encoding="utf-8").splitlines()
+    except OSError as error:
+        raise TrajectoryError(f"{path}: cannot be read ({error.strerror})") from None
+    except UnicodeDecodeError:
+        raise TrajectoryError(f"{path}: not a text file") from None
+
+
+def _nanoseconds(text: str) -> int:
+    """Seconds as text to int nanoseconds without passing through a float."""
+    if "e" in text.lower():
+        return round(float(text) * NS_PER_S)
+    seconds, _, fraction = text.partition(".")
+    sign = -1 if seconds.startswith("-") else 1
+    return int(seconds) * NS_PER_S + sign * int((fraction + "0" * 9)[:9])
