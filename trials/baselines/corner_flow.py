@@ -1,0 +1,153 @@
+"""The plain baseline: corners, Lucas–Kanade in time and across the pair, PnP; frame to frame."""
+
+from collections.abc import Callable
+from time import perf_counter
+from typing import TypeVar, cast
+
+import cv2
+import numpy as np
+from pydantic import Field
+
+from vo.contract import se3
+from vo.contract.arrays import Array, Image, Mask
+from vo.contract.estimator import Estimate, Observations, Status
+from vo.contract.rig import StereoRig
+from vo.contract.sequence import StereoFrame
+from vo.contract.settings import Settings
+
+T = TypeVar("T")
+
+
+class CornerFlowSettings(Settings):
+    """What the baseline may be tuned by.
+
+    Attributes:
+        max_corners: Corners detected per frame.
+        quality: Weakest corner accepted, relative to the strongest (Shi–Tomasi).
+        spacing_px: Least distance of two corners.
+        window_px: Side of the Lucas–Kanade window.
+        levels: Pyramid levels above the full image.
+        round_trip_px: Most a corner may move when it is tracked forth and back.
+        row_px: Most that left and right rows of a corner may differ.
+        min_disparity_px: Corners further away than this disparity are not used.
+        inlier_px: Reprojection error that RANSAC accepts.
+        trials: RANSAC trials.
+        min_inliers: Fewer inliers than this is a lost frame.
+        seed: Of OpenCV's random numbers, set before every RANSAC.
+    """
+
+    max_corners: int = Field(default=800, ge=4)
+    quality: float = Field(default=0.01, gt=0, lt=1)
+    spacing_px: float = Field(default=10.0, ge=1)
+    window_px: int = Field(default=15, ge=5)
+    levels: int = Field(default=4, ge=0)
+    round_trip_px: float = Field(default=0.5, gt=0)
+    row_px: float = Field(default=1.0, gt=0)
+    min_disparity_px: float = Field(default=1.0, gt=0)
+    inlier_px: float = Field(default=1.0, gt=0)
+    trials: int = Field(default=300, ge=1)
+    min_inliers: int = Field(default=12, ge=6)
+    seed: int = Field(default=0, ge=0)
+
+
+class CornerFlow:
+    """Estimator that remembers the previous frame and nothing else."""
+
+    def __init__(self, rig: StereoRig, settings: CornerFlowSettings | None = None) -> None:
+        self.rig = rig
+        self.settings = settings or CornerFlowSettings()
+        self._T_odom_cam = np.eye(4)
+        self._previous: StereoFrame | None = None
+        self._landmarks = 0
+
+    def track(self, frame: StereoFrame) -> Estimate:
+        """Estimate the motion since the previous frame; never raises on image content."""
+        s, previous, watch = self.settings, self._previous, _Stopwatch()
+        self._previous = frame
+        if previous is None:
+            return Estimate(frame.timestamp_ns, Status.START, self._T_odom_cam)
+
+        # 1. Corners of the previous left image (Shi & Tomasi 1994).
+        corners = watch.time("corners", lambda: self._detect(previous.left))
+        # 2. Their disparity and 3. their new place, by Lucas–Kanade there and back (Bouguet 2000).
+        right, seen = watch.time(
+            "stereo", lambda: self._follow(previous.left, previous.right, corners)
+        )
+        disparity_px = corners[:, 0] - right[:, 0]
+        seen &= np.abs(corners[:, 1] - right[:, 1]) <= s.row_px
+        seen &= disparity_px >= s.min_disparity_px
+        corners, disparity_px = corners[seen], disparity_px[seen]
+        moved, kept = watch.time("flow", lambda: self._follow(previous.left, frame.left, corners))
+        points_prev = self.rig.triangulate(corners[kept], disparity_px[kept])
+        # 4. T_cam_prev by RANSAC PnP, then Levenberg–Marquardt on the inliers.
+        T_cam_prev, inlier = watch.time("pose", lambda: self._solve(points_prev, moved[kept]))
+
+        counts = {"corners": len(seen), "stereo": len(kept), "flow": len(inlier)}
+        counts["inliers"] = int(inlier.sum())
+        ids = self._landmarks + np.arange(len(inlier))
+        self._landmarks += len(inlier)
+        observed = Observations(ids, moved[kept], np.full(len(inlier), np.nan), inlier)
+        status, reason = Status.TRACKED, ""
+        if T_cam_prev is None:
+            status = Status.LOST
+            reason = f"{counts['inliers']} inliers of {len(inlier)} tracks, need {s.min_inliers}"
+            self._previous = None
+        else:
+            self._T_odom_cam = self._T_odom_cam @ se3.inverse(T_cam_prev)
+        T_odom_cam = None if T_cam_prev is None else self._T_odom_cam
+        return Estimate(frame.timestamp_ns, status, T_odom_cam, reason, counts, watch.ms, observed)
+
+    def _detect(self, image: Image) -> Array:
+        """Return (N, 2) float32 corners (u, v), N may be 0."""
+        s = self.settings
+        corners = cast(
+            "Array | None",
+            cv2.goodFeaturesToTrack(image, s.max_corners, s.quality, s.spacing_px),
+        )
+        return np.zeros((0, 2), np.float32) if corners is None else corners.reshape(-1, 2)
+
+    def _follow(self, a: Image, b: Image, pixels_a: Array) -> tuple[Array, Mask]:
+        """Track (N, 2) pixels from image a to b; the mask says which came back to their start."""
+        if len(pixels_a) == 0:
+            return pixels_a, np.zeros(0, dtype=bool)
+        s = self.settings
+        window, guess = (s.window_px, s.window_px), np.empty_like(pixels_a)  # guess: unused output
+        pixels_b, found, _ = cv2.calcOpticalFlowPyrLK(
+            a, b, pixels_a, guess, winSize=window, maxLevel=s.levels
+        )
+        back, found_back, _ = cv2.calcOpticalFlowPyrLK(
+            b, a, pixels_b, guess.copy(), winSize=window, maxLevel=s.levels
+        )
+        kept = (found.ravel() == 1) & (found_back.ravel() == 1)
+        return pixels_b, kept & (np.linalg.norm(back - pixels_a, axis=1) <= s.round_trip_px)
+
+    def _solve(self, points_prev: Array, pixels: Array) -> tuple[Array | None, Mask]:
+        """Return T_cam_prev (4, 4), or None, and the inliers (N,) of (N, 3) m to (N, 2) px."""
+        s, K = self.settings, self.rig.K
+        inlier = np.zeros(len(pixels), dtype=bool)
+        if len(pixels) < s.min_inliers:
+            return None, inlier
+        cv2.setRNGSeed(s.seed)
+        points, pixels = points_prev.astype(np.float64), pixels.astype(np.float64)
+        found, rotation, t, chosen = cv2.solvePnPRansac(
+            points, pixels, K, None, iterationsCount=s.trials, reprojectionError=s.inlier_px
+        )
+        if not found or len(chosen) < s.min_inliers:
+            return None, inlier
+        inlier[np.ravel(chosen).astype(np.int64)] = True
+        rotation, t = cv2.solvePnPRefineLM(points[inlier], pixels[inlier], K, None, rotation, t)
+        T_cam_prev = se3.pose(cv2.Rodrigues(rotation)[0], np.ravel(t))
+        return (T_cam_prev if np.isfinite(T_cam_prev).all() else None), inlier
+
+
+class _Stopwatch:
+    """Milliseconds by stage."""
+
+    def __init__(self) -> None:
+        self.ms: dict[str, float] = {}
+
+    def time(self, stage: str, work: Callable[[], T]) -> T:
+        start = perf_counter()
+        result = work()
+        self.ms[stage] = 1e3 * (perf_counter() - start)
+        return result
