@@ -1,0 +1,134 @@
+"""A saved run, read back: the trajectory, and whatever lies beside it."""
+
+import csv
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vo.contract.arrays import Array, Indices, Mask
+from vo.contract.errors import TrajectoryError
+from vo.contract.estimator import Status
+from vo.contract.trajectory import Trajectory, read_tum
+from vo.runner import COUNT, MILLISECONDS, companion
+
+
+@dataclass(frozen=True)
+class FrameTable:
+    """What frames.csv says of N frames.
+
+    Attributes:
+        timestamps_ns: (N,).
+        status: N statuses.
+        reason: N texts, empty when there is nothing to say.
+        frame_ms: (N,) wall time of the estimator.
+        counts: Stage to (N,) items that survived it; NaN where the stage did not run.
+        timings_ms: Stage to (N,) milliseconds; NaN where the stage did not run.
+    """
+
+    timestamps_ns: Indices
+    status: tuple[Status, ...]
+    reason: tuple[str, ...]
+    frame_ms: Array
+    counts: Mapping[str, Array]
+    timings_ms: Mapping[str, Array]
+
+    def __len__(self) -> int:
+        return len(self.timestamps_ns)
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """The sparse visibility mask: K observations of landmarks in left images.
+
+    Attributes:
+        landmark: (K,) identifiers.
+        frame: (K,) frame indices, not decreasing.
+        pixels: (K, 2) (u, v).
+        disparity_px: (K,), NaN where unknown.
+        inlier: (K,).
+    """
+
+    landmark: Indices
+    frame: Indices
+    pixels: Array
+    disparity_px: Array
+    inlier: Mask
+
+
+@dataclass(frozen=True)
+class SavedRun:
+    """A trajectory file and its companions.
+
+    Attributes:
+        path: The trajectory file.
+        estimator: Name to show: of the estimator where known, else of the file.
+        trajectory: T_odom_cam, or any trajectory of the left camera up to a rigid motion.
+        frames: None for a trajectory that came without its record.
+        tracks: Likewise.
+        about: Content of run.json; empty where there is none.
+    """
+
+    path: Path
+    estimator: str
+    trajectory: Trajectory
+    frames: FrameTable | None = None
+    tracks: Tracks | None = None
+    about: Mapping[str, Any] = field(default_factory=dict[str, Any])
+
+
+def read_run(path: Path) -> SavedRun:
+    """Read a TUM file with the companions that are there.
+
+    Raises:
+        TrajectoryError: If the trajectory is missing or malformed, or a companion is damaged.
+    """
+    trajectory = read_tum(path)
+    frames, tracks = companion(path, "frames.csv"), companion(path, "tracks.npz")
+    record = companion(path, "run.json")
+    about: Mapping[str, Any] = {}
+    try:
+        if record.is_file():
+            about = json.loads(record.read_text(encoding="utf-8"))
+        return SavedRun(
+            path,
+            str(about.get("estimator", path.stem)),
+            trajectory,
+            _read_frames(frames) if frames.is_file() else None,
+            _read_tracks(tracks) if tracks.is_file() else None,
+            about,
+        )
+    except (OSError, ValueError, KeyError, AttributeError) as error:
+        raise TrajectoryError(f"{path}: a file beside it is damaged ({error})") from None
+
+
+def _read_frames(path: Path) -> FrameTable:
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+
+    def column(name: str) -> Array:
+        return np.array([float(row[name] or "nan") for row in rows])
+
+    names = list(rows[0]) if rows else []
+    return FrameTable(
+        np.array([int(row["timestamp_ns"]) for row in rows], dtype=np.int64),
+        tuple(Status(row["status"]) for row in rows),
+        tuple(row["reason"] for row in rows),
+        column("frame_ms"),
+        {x.removeprefix(COUNT): column(x) for x in names if x.startswith(COUNT)},
+        {x.removeprefix(MILLISECONDS): column(x) for x in names if x.startswith(MILLISECONDS)},
+    )
+
+
+def _read_tracks(path: Path) -> Tracks:
+    with np.load(path) as file:
+        return Tracks(
+            file["landmark"],
+            file["frame"],
+            np.stack([file["u_px"], file["v_px"]], axis=-1).astype(float),
+            file["disparity_px"].astype(float),
+            file["inlier"],
+        )

@@ -1,0 +1,161 @@
+"""From a sequence to a trajectory file: calls the estimator frame by frame and keeps the record."""
+
+import csv
+import hashlib
+import importlib.metadata
+import json
+import platform
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from vo.contract.dataset import MANIFEST
+from vo.contract.estimator import Estimate, Estimator, Observations
+from vo.contract.files import replacing, write_text
+from vo.contract.sequence import StereoSequence
+from vo.contract.trajectory import Trajectory, write_tum
+
+PACKAGES = ("driftyard", "numpy", "opencv-python-headless", "gtsam", "numba", "scipy")
+COUNT, MILLISECONDS = "count:", "ms:"
+"""Prefixes of the per-stage columns of frames.csv."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """What an estimator said of a whole sequence.
+
+    Attributes:
+        sequence: Name of the sequence.
+        estimates: One per frame, in order of time; they hold no images.
+        frame_ms: Wall time of each `track` call, milliseconds; loading of images is not in it.
+    """
+
+    sequence: str
+    estimates: tuple[Estimate, ...]
+    frame_ms: tuple[float, ...]
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """T_odom_cam of the frames that are not lost; may be empty."""
+        posed = [(x.timestamp_ns, x.T_odom_cam) for x in self.estimates if x.T_odom_cam is not None]
+        times = np.array([time for time, _ in posed], dtype=np.int64)
+        return Trajectory(times, np.array([T for _, T in posed]).reshape(-1, 4, 4))
+
+
+def run(
+    sequence: StereoSequence,
+    estimator: Estimator,
+    progress: Callable[[Estimate], None] | None = None,
+) -> Run:
+    """Feed every frame to the estimator, in order.
+
+    Args:
+        sequence: Loaded lazily, one pair at a time.
+        estimator: Fresh; it keeps its own state.
+        progress: Called with each estimate.
+
+    Raises:
+        DatasetError: If an image is missing, damaged or of the wrong size.
+    """
+    estimates: list[Estimate] = []
+    frame_ms: list[float] = []
+    for frame in sequence:
+        start = perf_counter()
+        estimates.append(estimator.track(frame))
+        frame_ms.append(1e3 * (perf_counter() - start))
+        if progress:
+            progress(estimates[-1])
+    return Run(sequence.name, tuple(estimates), tuple(frame_ms))
+
+
+def write_run(
+    out: Path, run: Run, estimator: str, settings: Mapping[str, Any], dataset: Path
+) -> None:
+    """Write the trajectory and, beside it, everything that explains it.
+
+    Each file appears whole; the trajectory last, so that where it is, the others are.
+
+    Args:
+        out: The TUM file. Beside it come `<stem>.frames.csv` (status, reason, counts and
+            milliseconds of every frame), `<stem>.tracks.npz` (the sparse visibility mask: one
+            entry per landmark and frame) and `<stem>.run.json` (provenance).
+        run: What to write.
+        estimator: Its name on the command line.
+        settings: Its resolved settings.
+        dataset: Folder of the sequence; its manifest, where there is one, is fingerprinted.
+    """
+    _write_frames(companion(out, "frames.csv"), run)
+    _write_tracks(companion(out, "tracks.npz"), run.estimates)
+    manifest = dataset / MANIFEST
+    about = {
+        "estimator": estimator,
+        "sequence": run.sequence,
+        "dataset": str(dataset.resolve()),
+        "dataset_sha256": _sha256(manifest) if manifest.is_file() else None,
+        "settings": dict(settings),
+        "versions": _versions(),
+    }
+    write_text(companion(out, "run.json"), json.dumps(about, indent=1) + "\n")
+    write_tum(out, run.trajectory)
+
+
+def companion(out: Path, kind: str) -> Path:
+    """Path of a file that belongs to the trajectory `out`."""
+    return out.with_name(f"{out.stem}.{kind}")
+
+
+def _write_frames(path: Path, run: Run) -> None:
+    counts = _stages(x.counts for x in run.estimates)
+    timings = _stages(x.timings_ms for x in run.estimates)
+    header = ["timestamp_ns", "status", "reason", "frame_ms"]
+    header += [COUNT + name for name in counts] + [MILLISECONDS + name for name in timings]
+    with replacing(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(header)
+        for x, ms in zip(run.estimates, run.frame_ms, strict=True):
+            row = [x.timestamp_ns, x.status.value, x.reason, f"{ms:.3f}"]
+            row += [x.counts.get(name, "") for name in counts]
+            row += [f"{x.timings_ms[n]:.3f}" if n in x.timings_ms else "" for n in timings]
+            table.writerow(row)
+
+
+def _write_tracks(path: Path, estimates: tuple[Estimate, ...]) -> None:
+    nothing = Observations(
+        np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros(0), np.zeros(0, dtype=bool)
+    )
+    seen = [x.observations or nothing for x in estimates] or [nothing]
+    frames = [np.full(len(x.ids), i, dtype=np.int64) for i, x in enumerate(seen)]
+    pixels = np.concatenate([x.pixels for x in seen]).astype(np.float32)
+    with replacing(path) as partial, partial.open("wb") as file:
+        np.savez_compressed(
+            file,
+            landmark=np.concatenate([x.ids for x in seen]).astype(np.int64),
+            frame=np.concatenate(frames),
+            u_px=pixels[:, 0],
+            v_px=pixels[:, 1],
+            disparity_px=np.concatenate([x.disparity_px for x in seen]).astype(np.float32),
+            inlier=np.concatenate([x.inlier for x in seen]).astype(bool),
+        )
+
+
+def _stages(records: Iterable[Mapping[str, Any]]) -> list[str]:
+    """Every stage name once, in the order of the most complete frames."""
+    return list(dict.fromkeys(name for x in sorted(records, key=len, reverse=True) for name in x))
+
+
+def _versions() -> dict[str, str]:
+    versions = {"python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            versions[package] = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            versions[package] = "not installed"
+    return versions
+
+
+def _sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
