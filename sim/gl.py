@@ -1,0 +1,78 @@
+"""The off-screen GL context: EGL if a device answers, else OSMesa; chosen at run time."""
+
+import ctypes
+import os
+from typing import Literal, Protocol
+
+from vo.contract.errors import DriftyardError
+
+Backend = Literal["egl", "osmesa"]
+
+
+class GraphicsError(DriftyardError):
+    """There is no usable software or hardware GL, or a picture is too large for it."""
+
+
+class GLContext(Protocol):
+    """What MuJoCo's two off-screen contexts have in common."""
+
+    def make_current(self) -> None:
+        """Direct this thread's GL calls here."""
+        ...
+
+    def free(self) -> None:
+        """Release the context."""
+        ...
+
+
+def choose_backend(wanted: Literal["auto", "egl", "osmesa"]) -> Backend:
+    """Resolve `auto`: the environment's MUJOCO_GL if it names one of the two, else what is there."""
+    if wanted != "auto":
+        return wanted
+    environment = os.environ.get("MUJOCO_GL", "").strip().lower()
+    if environment == "osmesa" or environment == "egl":
+        return environment
+    return "egl" if _egl_has_a_device() else "osmesa"
+
+
+def open_context(wanted: Literal["auto", "egl", "osmesa"], width: int, height: int) -> GLContext:
+    """Create an off-screen context; the buffers of `width` x `height` pixels are for OSMesa.
+
+    MuJoCo's backends are imported here and by name: importing one binds PyOpenGL to it for the
+    life of the process, and `mujoco.GLContext` would ask for a window system.
+
+    Raises:
+        GraphicsError: If the backend is missing; says what to install.
+    """
+    backend = choose_backend(wanted)
+    try:
+        if backend == "egl":
+            from mujoco.egl import GLContext as Context
+        else:
+            from mujoco.osmesa import GLContext as Context
+        context: GLContext = Context(width, height)
+    except (ImportError, AttributeError, RuntimeError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise GraphicsError(
+            f"no off-screen GL through {backend} ({reason}); install it with: "
+            "apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri libosmesa6"
+        ) from None
+    context.make_current()
+    return context
+
+
+def _egl_has_a_device() -> bool:
+    """Ask the library itself: binding PyOpenGL to EGL in vain would rule out OSMesa."""
+    try:
+        egl = ctypes.CDLL("libEGL.so.1")
+    except OSError:
+        return False
+    egl.eglGetProcAddress.restype = ctypes.c_void_p
+    address = egl.eglGetProcAddress(b"eglQueryDevicesEXT")
+    if not address:
+        return False
+    query = ctypes.CFUNCTYPE(
+        ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, ctypes.POINTER(ctypes.c_int)
+    )(address)
+    count = ctypes.c_int(0)
+    return bool(query(0, None, ctypes.byref(count))) and count.value > 0

@@ -1,0 +1,201 @@
+"""The ER1-like rover: two driven wheels in front, a swivel caster behind, a laptop and a mast.
+
+Body frame: origin at the midpoint of the wheel axle, x forward, y left, z up. Visible parts carry
+the mass and touch nothing; what touches is simpler and hidden in geom group 3.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+
+WHEEL_RADIUS_M = 0.05
+TRACK_M = 0.38
+TYRE_HALF_WIDTH_M = 0.015
+CASTER_RADIUS_M = 0.03
+CASTER_X_M = -0.27
+CASTER_TRAIL_M = 0.025
+CAMERA_X_M = 0.10
+"""Of the optical centres: ahead of every part, so that the rover never sees itself."""
+
+PREFIX = "rover/"
+BODY = PREFIX + "body"
+WHEELS = (PREFIX + "wheel_left", PREFIX + "wheel_right")
+"""Names of the wheels' joints and of their actuators, left then right."""
+
+VISIBLE_GROUP = 1
+CONTACT_GROUP = 3
+
+ALUMINIUM = (0.72, 0.74, 0.76, 1.0)
+BLACK = (0.06, 0.06, 0.07, 1.0)
+RUBBER = (0.10, 0.10, 0.10, 1.0)
+HUB = (0.85, 0.85, 0.82, 1.0)
+SCREEN = (0.16, 0.24, 0.38, 1.0)
+BEAM_M = 0.0125
+"""Half side of the aluminium profiles."""
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A visible box: centre and half sizes in metres in the body frame, mass in kg."""
+
+    pos: tuple[float, float, float]
+    size: tuple[float, float, float]
+    mass: float
+    rgba: tuple[float, float, float, float] = ALUMINIUM
+    quat_wxyz: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+
+
+LOWER_Z, DECK_Z = 0.03, 0.20
+
+PARTS = (
+    *(_Part((-0.12, y, LOWER_Z), (0.18, BEAM_M, BEAM_M), 0.30) for y in (-0.15, 0.15)),
+    *(_Part((x, 0.0, LOWER_Z), (BEAM_M, 0.1375, BEAM_M), 0.20) for x in (0.045, -0.12, -0.285)),
+    *(
+        _Part((x, y, 0.115), (BEAM_M, BEAM_M, 0.0725), 0.10)
+        for x in (0.0, -0.285)
+        for y in (-0.15, 0.15)
+    ),
+    *(_Part((-0.1425, y, DECK_Z), (0.155, BEAM_M, BEAM_M), 0.25) for y in (-0.15, 0.15)),
+    *(_Part((x, 0.0, DECK_Z), (BEAM_M, 0.1375, BEAM_M), 0.20) for x in (0.0, -0.285)),
+    _Part((-0.12, 0.0, 0.075), (0.10, 0.12, 0.04), 4.0, BLACK),  # battery and motor controller
+    *(_Part((0.0, y, 0.0), (0.03, 0.04, 0.025), 0.45, BLACK) for y in (-0.12, 0.12)),  # motors
+    _Part((-0.13, 0.0, DECK_Z + 0.027), (0.12, 0.165, 0.014), 1.7, BLACK),  # laptop
+    _Part((0.005, 0.0, DECK_Z + 0.14), (0.005, 0.165, 0.115), 0.5, BLACK),  # its lid, open
+    _Part((-0.001, 0.0, DECK_Z + 0.145), (0.002, 0.15, 0.095), 0.05, SCREEN),
+    _Part((CASTER_X_M, 0.0, 0.022), (0.03, 0.03, 0.006), 0.10, BLACK),  # the caster's mount
+)
+
+
+def build_rover(camera_height_m: float, wheel_torque_max_nm: float) -> mujoco.MjSpec:
+    """Build the rover as a spec of its own, its body at the origin, ready to be attached.
+
+    It has a free joint, two wheel hinges with a velocity actuator each (rad/s, forward
+    positive) and the caster's two passive hinges.
+
+    Args:
+        camera_height_m: Of the optical centres above level ground; the mast reaches there.
+        wheel_torque_max_nm: Limit of each wheel's motor.
+    """
+    spec = mujoco.MjSpec()
+    body = spec.worldbody.add_body(name="body")
+    body.add_freejoint(name="free")
+    for part in PARTS:
+        _add_part(body, part)
+    _add_mast(body, camera_height_m - WHEEL_RADIUS_M)
+    _add_contact_boxes(body, camera_height_m - WHEEL_RADIUS_M)
+    for name, y in (("wheel_left", TRACK_M / 2), ("wheel_right", -TRACK_M / 2)):
+        _add_driven_wheel(spec, body, name, y, wheel_torque_max_nm)
+    _add_caster(body)
+    return spec
+
+
+def _add_part(body: mujoco.MjsBody, part: _Part) -> None:
+    _visible(body, mujoco.mjtGeom.mjGEOM_BOX, part.pos, part.size, part.mass, part.rgba)
+
+
+def _add_mast(body: mujoco.MjsBody, camera_z_m: float) -> None:
+    """The post, the arm at its top and the camera housing, all behind the optical centres."""
+    half = (camera_z_m - LOWER_Z) / 2
+    x = 0.045
+    for part in (
+        _Part((x, 0.0, LOWER_Z + half), (0.01, 0.01, half), 0.30),
+        _Part(((x + 0.075) / 2, 0.0, camera_z_m), (0.02, 0.01, 0.01), 0.05),
+        _Part((0.075, 0.0, camera_z_m), (0.012, 0.075, 0.016), 0.20, BLACK),
+    ):
+        _add_part(body, part)
+
+
+def _add_contact_boxes(body: mujoco.MjsBody, camera_z_m: float) -> None:
+    """Chassis and mast as obstacles feel them."""
+    for pos, size in (
+        ((-0.12, 0.0, 0.12), (0.18, 0.17, 0.09)),
+        ((0.055, 0.0, camera_z_m / 2 + 0.1), (0.03, 0.05, camera_z_m / 2 - 0.08)),
+    ):
+        body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX, pos=pos, size=size, mass=0.0, group=CONTACT_GROUP
+        )
+
+
+def _add_driven_wheel(
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, y_m: float, torque_max_nm: float
+) -> None:
+    wheel = body.add_body(name=name, pos=(0.0, y_m, 0.0))
+    wheel.add_joint(
+        name=name,
+        type=mujoco.mjtJoint.mjJNT_HINGE,
+        axis=(0.0, 1.0, 0.0),
+        armature=0.004,  # the motor's inertia behind its gear
+        damping=0.01,
+    )
+    _add_tyre(wheel, WHEEL_RADIUS_M, TYRE_HALF_WIDTH_M, mass=0.25, friction=0.9)
+    for quarter in range(2):  # spokes, so that one sees it turn
+        size = (0.035, 0.016, 0.005) if quarter else (0.005, 0.016, 0.035)
+        _visible(wheel, mujoco.mjtGeom.mjGEOM_BOX, (0.0, 0.0, 0.0), size, 0.01, HUB)
+    motor = spec.add_actuator(
+        name=name,
+        trntype=mujoco.mjtTrn.mjTRN_JOINT,
+        target=name,
+        ctrlrange=(-20.0, 20.0),
+        forcerange=(-torque_max_nm, torque_max_nm),
+    )
+    motor.set_to_velocity(kv=2.0)
+
+
+def _add_caster(body: mujoco.MjsBody) -> None:
+    """A fork that swivels about the vertical and drags its wheel behind the pivot."""
+    wheel_z = CASTER_RADIUS_M - WHEEL_RADIUS_M
+    fork = body.add_body(name="caster_fork", pos=(CASTER_X_M, 0.0, 0.015))
+    fork.add_joint(
+        name="caster_swivel", axis=(0.0, 0.0, 1.0), damping=0.005, armature=1e-4, frictionloss=0.005
+    )
+    for y in (-0.018, 0.018):
+        pos = (-CASTER_TRAIL_M / 2, y, -0.015)
+        _visible(fork, mujoco.mjtGeom.mjGEOM_BOX, pos, (0.015, 0.002, 0.02), 0.04, ALUMINIUM)
+    wheel = fork.add_body(name="caster_wheel", pos=(-CASTER_TRAIL_M, 0.0, wheel_z - 0.015))
+    wheel.add_joint(name="caster_wheel", axis=(0.0, 1.0, 0.0), damping=2e-4, armature=1e-4)
+    _add_tyre(wheel, CASTER_RADIUS_M, 0.012, mass=0.10, friction=0.6)
+
+
+def _add_tyre(
+    wheel: mujoco.MjsBody, radius_m: float, half_width_m: float, mass: float, friction: float
+) -> None:
+    """A cylinder to look at and, inside it, an ellipsoid: the crowned tyre that meets the ground.
+
+    The crown touches flat ground in one point below the axle, which makes odometry's two
+    constants, radius and track, exact; a cylinder's contact wanders over its width.
+    """
+    across = (2**-0.5, 2**-0.5, 0.0, 0.0)
+    size = (radius_m, half_width_m, 0.0)
+    _visible(wheel, mujoco.mjtGeom.mjGEOM_CYLINDER, (0, 0, 0), size, mass, RUBBER, across)
+    wheel.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_ELLIPSOID,
+        size=(radius_m, half_width_m, radius_m),
+        mass=0.0,
+        condim=4,
+        friction=(friction, 0.002, 0.0001),
+        solref=(0.01, 1.0),
+        group=CONTACT_GROUP,
+    )
+
+
+def _visible(
+    body: mujoco.MjsBody,
+    shape: mujoco.mjtGeom,
+    pos: Sequence[float],
+    size: Sequence[float],
+    mass: float,
+    rgba: Sequence[float],
+    quat_wxyz: Sequence[float] = (1.0, 0.0, 0.0, 0.0),
+) -> None:
+    body.add_geom(
+        type=shape,
+        pos=pos,
+        quat=quat_wxyz,
+        size=size,
+        mass=mass,
+        rgba=rgba,
+        group=VISIBLE_GROUP,
+        contype=0,
+        conaffinity=0,
+    )
