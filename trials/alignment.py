@@ -1,0 +1,131 @@
+"""Two trajectories at the same times, and the ways to lay one over the other."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from vo.contract import se3
+from vo.contract.arrays import Array, Indices
+from vo.contract.errors import TrajectoryError
+from vo.contract.trajectory import Trajectory
+
+
+class Alignment(StrEnum):
+    """What of the estimate's frame is taken from the truth before positions are compared."""
+
+    FIRST_POSE = "first_pose"
+    """The first pose: nothing is fitted, heading errors at the start grow with distance."""
+    SE3 = "se3"
+    """The rigid motion of least squares over all positions."""
+    SIM3 = "sim3"
+    """The same with a scale: forgives what a stereo pair should know."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Truth and estimate of the left camera at the same N >= 2 times.
+
+    Attributes:
+        timestamps_ns: (N,).
+        T_world_cam: (N, 4, 4) truth.
+        T_odom_cam: (N, 4, 4) estimate, in any fixed frame.
+    """
+
+    timestamps_ns: Indices
+    T_world_cam: Array
+    T_odom_cam: Array
+
+    @property
+    def travelled_m(self) -> Array:
+        """(N,) length of the true path up to each time: the sum of its chords."""
+        steps = np.linalg.norm(np.diff(self.T_world_cam[:, :3, 3], axis=0), axis=1)
+        return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+@dataclass(frozen=True)
+class Similarity:
+    """p_a = scale * R_a_b @ p_b + t_a_b; a rigid motion where scale is 1.
+
+    Attributes:
+        R_a_b: (3, 3).
+        t_a_b: (3,) metres in a.
+        scale: Length in a of one metre in b.
+    """
+
+    R_a_b: Array
+    t_a_b: Array
+    scale: float = 1.0
+
+    def map(self, T_b_frame: Array) -> Array:
+        """Carry poses (N, 4, 4) from b to a; rotations stay rotations."""
+        t = self.scale * T_b_frame[:, :3, 3] @ self.R_a_b.T + self.t_a_b
+        return se3.pose(self.R_a_b @ T_b_frame[:, :3, :3], t)
+
+
+def associate(truth: Trajectory, estimate: Trajectory) -> Pair:
+    """Interpolate the truth at the estimate's times; times outside the truth are left out.
+
+    Raises:
+        TrajectoryError: If fewer than two times are shared.
+    """
+    times = estimate.timestamps_ns
+    shared = (times >= truth.timestamps_ns[0]) & (times <= truth.timestamps_ns[-1])
+    if shared.sum() < 2:
+        raise TrajectoryError(
+            f"the estimate shares {shared.sum()} times with the truth, scoring needs 2; "
+            f"truth {_span(truth)}, estimate {_span(estimate)}"
+        )
+    T_world_cam = truth.at(times[shared]).T_ref_frame
+    return Pair(times[shared], T_world_cam, estimate.T_ref_frame[shared])
+
+
+def fit(pair: Pair, alignment: Alignment) -> Similarity:
+    """Find the motion that lays the estimate over the truth.
+
+    Raises:
+        TrajectoryError: If a scale is asked for and the estimate never moves.
+    """
+    if alignment is Alignment.FIRST_POSE:
+        T_world_odom = pair.T_world_cam[0] @ se3.inverse(pair.T_odom_cam[0])
+        return Similarity(T_world_odom[:3, :3], T_world_odom[:3, 3])
+    world, odom = pair.T_world_cam[:, :3, 3], pair.T_odom_cam[:, :3, 3]
+    return umeyama(world, odom, with_scale=alignment is Alignment.SIM3)
+
+
+def umeyama(points_a: Array, points_b: Array, with_scale: bool) -> Similarity:
+    """Least-squares motion from b to a of corresponding points.
+
+    Args:
+        points_a: (N, 3) metres.
+        points_b: (N, 3) metres.
+        with_scale: Whether the scale is free or 1.
+
+    Returns:
+        The minimiser. Where it is not unique (points on a line), one of them.
+
+    Raises:
+        TrajectoryError: If the scale is free and points_b coincide.
+
+    Source:
+        Umeyama, Least-squares estimation of transformation parameters between two point
+        patterns, PAMI 13(4), 1991.
+    """
+    mean_a, mean_b = points_a.mean(axis=0), points_b.mean(axis=0)  # eqs. 34, 35
+    a, b = points_a - mean_a, points_b - mean_b
+    variance_b = np.mean(np.sum(b**2, axis=1))  # eq. 37
+    U, D, Vt = np.linalg.svd(a.T @ b / len(a))  # eq. 38
+    S = np.array([1.0, 1.0, np.sign(np.linalg.det(U) * np.linalg.det(Vt))])  # eqs. 39, 43
+    R_a_b = (U * S) @ Vt  # eq. 40
+    scale = 1.0
+    if with_scale:
+        if variance_b == 0:
+            raise TrajectoryError("the estimate never moves, so it has no scale to align")
+        scale = float(np.sum(D * S) / variance_b)  # eq. 42
+    return Similarity(R_a_b, mean_a - scale * R_a_b @ mean_b, scale)  # eq. 41
+
+
+def _span(trajectory: Trajectory) -> str:
+    if len(trajectory) == 0:
+        return "is empty"
+    return f"{trajectory.timestamps_ns[0]}..{trajectory.timestamps_ns[-1]} ns"
