@@ -10,6 +10,9 @@ from vo.contract.arrays import Array, Indices
 from vo.contract.errors import TrajectoryError
 from vo.contract.trajectory import Trajectory
 
+REACH_NS = 20_000_000
+"""A time this far from the nearest sample of the truth has no truth: 6 mm at 0.3 m/s."""
+
 
 class Alignment(StrEnum):
     """What of the estimate's frame is taken from the truth before positions are compared."""
@@ -64,13 +67,19 @@ class Similarity:
 
 
 def associate(truth: Trajectory, estimate: Trajectory) -> Pair:
-    """Interpolate the truth at the estimate's times; times outside the truth are left out.
+    """Interpolate the truth at the estimate's times.
+
+    Times further than `REACH_NS` from every sample of the truth are left out: beyond its ends, and
+    in the gaps of a motion-capture system that lost its target.
 
     Raises:
-        TrajectoryError: If fewer than two times are shared.
+        TrajectoryError: If fewer than two times remain.
     """
-    times = estimate.timestamps_ns
-    shared = (times >= truth.timestamps_ns[0]) & (times <= truth.timestamps_ns[-1])
+    times, known = estimate.timestamps_ns, truth.timestamps_ns
+    after = np.searchsorted(known, times).clip(1, len(known) - 1) if len(known) > 1 else 0
+    distance_ns = np.minimum(np.abs(times - known[after]), np.abs(times - known[after - 1]))
+    inside = (times >= known[0]) & (times <= known[-1])
+    shared = inside & (distance_ns <= REACH_NS)
     if shared.sum() < 2:
         raise TrajectoryError(
             f"the estimate shares {shared.sum()} times with the truth, scoring needs 2; "

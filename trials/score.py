@@ -72,7 +72,8 @@ class Score:
         estimator: Its name.
         frames: In the sequence.
         statuses: Status to number of frames; only `lost` is known without the run's record.
-        path_m: True path between the first and the last pose.
+        compared: Poses with a truth to compare with.
+        path_m: True path between the first and the last of them.
         drift_1m: The headline; None where the path is shorter than 1 m.
         segments: Drift by segment length, lengths chosen by the path.
         kitti_percent: Mean translation error over all of `segments`, each segment counting once.
@@ -91,6 +92,7 @@ class Score:
     estimator: str
     frames: int
     statuses: Mapping[str, int]
+    compared: int
     path_m: float
     drift_1m: SegmentDrift | None
     segments: tuple[SegmentDrift, ...]
@@ -136,6 +138,7 @@ def score_run(truth: Trajectory, run: SavedRun, frames: int) -> Score:
         estimator=run.estimator,
         frames=frames,
         statuses=_statuses(run, frames),
+        compared=len(pair.timestamps_ns),
         path_m=path_m,
         drift_1m=SegmentDrift.of(1.0, over_1m) if len(over_1m) else None,
         segments=tuple(SegmentDrift.of(x, errors) for x, errors in by_length.items()),
