@@ -92,6 +92,14 @@ class StereoRenderer:
         self._gl.free()
         self._gl = None
 
+    @property
+    def gl_strings(self) -> dict[str, str]:
+        """Vendor, renderer and version, as the driver calls itself."""
+        from OpenGL import GL  # binds to the backend chosen on entering
+
+        names = {"vendor": GL.GL_VENDOR, "renderer": GL.GL_RENDERER, "version": GL.GL_VERSION}
+        return {name: GL.glGetString(code).decode() for name, code in names.items()}
+
     def stereo(self, depth: bool = True) -> StereoView:
         """Render both eyes at the world's present state (see `World.place_bodies`).
 
@@ -120,15 +128,30 @@ class StereoRenderer:
                 ids[geom.segid + 1] = geom.objid
         return self._eyes(ids[codes])
 
-    def picture(self, camera: mujoco.MjvCamera, width_px: int, height_px: int) -> Image:
+    def picture(
+        self,
+        camera: mujoco.MjvCamera,
+        width_px: int,
+        height_px: int,
+        orthographic_m: float | None = None,
+    ) -> Image:
         """Render one (H, W, 3) RGB picture from any camera, for people to look at.
 
-        An orthographic camera's vertical extent in metres is the model's `vis.global_.fovy`.
+        Args:
+            camera: Free, tracking or fixed.
+            width_px: W.
+            height_px: H.
+            orthographic_m: Vertical extent of an orthographic view; None for perspective.
         """
         if width_px > self._paint.offWidth or height_px > self._paint.offHeight:
             size = max(width_px, self._paint.offWidth), max(height_px, self._paint.offHeight)
             mujoco.mjr_resizeOffscreen(*size, self._paint)
+        view = self._world.model.vis.global_
+        perspective_fovy_deg = view.fovy
+        if orthographic_m is not None:
+            camera.orthographic, view.fovy = 1, orthographic_m
         self._update(camera, mujoco.mjtStereo.mjSTEREO_NONE)
+        view.fovy = perspective_fovy_deg
         rgb = np.empty((height_px, width_px, 3), np.uint8)
         self._draw(self._paint, mujoco.MjrRect(0, 0, width_px, height_px), rgb, None)
         return np.asarray(cv2.flip(rgb, 0), np.uint8)

@@ -46,22 +46,22 @@ class _Part:
     quat_wxyz: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
 
 
-LOWER_Z, DECK_Z = 0.03, 0.20
+LOWER_Z, DECK_Z = 0.03, 0.16
 
 PARTS = (
     *(_Part((-0.12, y, LOWER_Z), (0.18, BEAM_M, BEAM_M), 0.30) for y in (-0.15, 0.15)),
     *(_Part((x, 0.0, LOWER_Z), (BEAM_M, 0.1375, BEAM_M), 0.20) for x in (0.045, -0.12, -0.285)),
     *(
-        _Part((x, y, 0.115), (BEAM_M, BEAM_M, 0.0725), 0.10)
+        _Part((x, y, (LOWER_Z + DECK_Z) / 2), (BEAM_M, BEAM_M, (DECK_Z - LOWER_Z) / 2 - BEAM_M), 0.10)
         for x in (0.0, -0.285)
         for y in (-0.15, 0.15)
     ),
     *(_Part((-0.1425, y, DECK_Z), (0.155, BEAM_M, BEAM_M), 0.25) for y in (-0.15, 0.15)),
     *(_Part((x, 0.0, DECK_Z), (BEAM_M, 0.1375, BEAM_M), 0.20) for x in (0.0, -0.285)),
-    _Part((-0.12, 0.0, 0.075), (0.10, 0.12, 0.04), 4.0, BLACK),  # battery and motor controller
+    _Part((-0.12, 0.0, 0.08), (0.10, 0.12, 0.037), 4.0, BLACK),  # battery and motor controller
     *(_Part((0.0, y, 0.0), (0.03, 0.04, 0.025), 0.45, BLACK) for y in (-0.12, 0.12)),  # motors
     _Part((-0.13, 0.0, DECK_Z + 0.027), (0.12, 0.165, 0.014), 1.7, BLACK),  # laptop
-    _Part((0.005, 0.0, DECK_Z + 0.14), (0.005, 0.165, 0.115), 0.5, BLACK),  # its lid, open
+    _Part((0.005, 0.0, DECK_Z + 0.135), (0.005, 0.165, 0.11), 0.5, BLACK),  # its lid, open
     _Part((-0.001, 0.0, DECK_Z + 0.145), (0.002, 0.15, 0.095), 0.05, SCREEN),
     _Part((CASTER_X_M, 0.0, 0.022), (0.03, 0.03, 0.006), 0.10, BLACK),  # the caster's mount
 )
