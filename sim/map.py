@@ -35,9 +35,7 @@ class TopDownMap:
         return np.stack([u, v], axis=-1)
 
 
-def render_map(
-    renderer: StereoRenderer, extent_m: tuple[float, float, float, float]
-) -> TopDownMap:
+def render_map(renderer: StereoRenderer, extent_m: tuple[float, float, float, float]) -> TopDownMap:
     """Render the scene from above.
 
     Args:

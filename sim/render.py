@@ -1,5 +1,7 @@
 """The renderer: both eyes in one pass, colour and labels, and single pictures for people."""
 
+from collections.abc import Generator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
@@ -202,21 +204,17 @@ class StereoRenderer:
         return np.ascontiguousarray(left), np.ascontiguousarray(right)
 
 
-class _segmenting:
-    """Draws flat geom numbers instead of surfaces while the block runs."""
-
-    FLAGS = (mujoco.mjtRndFlag.mjRND_SEGMENT, mujoco.mjtRndFlag.mjRND_IDCOLOR)
-
-    def __init__(self, scene: mujoco.MjvScene) -> None:
-        self._flags = scene.flags
-
-    def __enter__(self) -> None:
-        for flag in self.FLAGS:
-            self._flags[flag] = True
-
-    def __exit__(self, *_: object) -> None:
-        for flag in self.FLAGS:
-            self._flags[flag] = False
+@contextmanager
+def _segmenting(scene: mujoco.MjvScene) -> Generator[None]:
+    """Draw flat geom numbers instead of surfaces while the block runs."""
+    flags = (mujoco.mjtRndFlag.mjRND_SEGMENT, mujoco.mjtRndFlag.mjRND_IDCOLOR)
+    for flag in flags:
+        scene.flags[flag] = True
+    try:
+        yield
+    finally:
+        for flag in flags:
+            scene.flags[flag] = False
 
 
 def _context(model: mujoco.MjModel, samples: int, shadow_size_px: int) -> mujoco.MjrContext:

@@ -52,7 +52,9 @@ PARTS = (
     *(_Part((-0.12, y, LOWER_Z), (0.18, BEAM_M, BEAM_M), 0.30) for y in (-0.15, 0.15)),
     *(_Part((x, 0.0, LOWER_Z), (BEAM_M, 0.1375, BEAM_M), 0.20) for x in (0.045, -0.12, -0.285)),
     *(
-        _Part((x, y, (LOWER_Z + DECK_Z) / 2), (BEAM_M, BEAM_M, (DECK_Z - LOWER_Z) / 2 - BEAM_M), 0.10)
+        _Part(
+            (x, y, (LOWER_Z + DECK_Z) / 2), (BEAM_M, BEAM_M, (DECK_Z - LOWER_Z) / 2 - BEAM_M), 0.10
+        )
         for x in (0.0, -0.285)
         for y in (-0.15, 0.15)
     ),

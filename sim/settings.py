@@ -13,48 +13,48 @@ OptionValue = bool | int | float | str
 class RigSettings(Settings):
     """The stereo pair and its place on the mast; the images are rectified and undistorted."""
 
-    width_px: int = Field(640, ge=16, le=4096)
-    height_px: int = Field(480, ge=16, le=4096)
-    hfov_deg: float = Field(70.0, ge=10.0, le=150.0)
-    baseline_m: float = Field(0.09, gt=0.0, le=0.3)
-    height_m: float = Field(0.5, ge=0.35, le=1.5)
+    width_px: int = Field(default=640, ge=16, le=4096)
+    height_px: int = Field(default=480, ge=16, le=4096)
+    hfov_deg: float = Field(default=70.0, ge=10.0, le=150.0)
+    baseline_m: float = Field(default=0.09, gt=0.0, le=0.3)
+    height_m: float = Field(default=0.5, ge=0.35, le=1.5)
     """Of the optical centres above level ground."""
-    tilt_deg: float = Field(25.0, ge=-45.0, le=60.0)
+    tilt_deg: float = Field(default=25.0, ge=-45.0, le=60.0)
     """Of the optical axes below the horizon."""
-    rate_hz: float = Field(15.0, ge=1.0, le=240.0)
+    rate_hz: float = Field(default=15.0, ge=1.0, le=240.0)
     color: bool = False
 
 
 class RoverSettings(Settings):
     """The carrier's drive train and encoders."""
 
-    wheel_torque_max_nm: float = Field(1.5, gt=0.0, le=10.0)
-    encoder_ticks_per_turn: int = Field(2000, ge=8, le=1_000_000)
-    encoder_rate_hz: float = Field(100.0, ge=1.0, le=1000.0)
+    wheel_torque_max_nm: float = Field(default=1.5, gt=0.0, le=10.0)
+    encoder_ticks_per_turn: int = Field(default=2000, ge=8, le=1_000_000)
+    encoder_rate_hz: float = Field(default=100.0, ge=1.0, le=1000.0)
 
 
 class DriveSettings(Settings):
     """How the rover follows a route of the scene."""
 
     route: str = "default"
-    distance_m: float | None = Field(None, gt=0.0)
+    distance_m: float | None = Field(default=None, gt=0.0)
     """Path length after which to stop; none: the whole route once. Closed routes repeat."""
-    speed_mps: float = Field(0.3, gt=0.0, le=0.7)
-    acceleration_mps2: float = Field(0.3, gt=0.0, le=2.0)
-    turn_rate_max_deg_s: float = Field(40.0, gt=0.0, le=180.0)
-    lookahead_m: float = Field(0.35, ge=0.1, le=2.0)
+    speed_mps: float = Field(default=0.3, gt=0.0, le=0.7)
+    acceleration_mps2: float = Field(default=0.3, gt=0.0, le=2.0)
+    turn_rate_max_deg_s: float = Field(default=40.0, gt=0.0, le=180.0)
+    lookahead_m: float = Field(default=0.35, ge=0.1, le=2.0)
 
 
 class RenderSettings(Settings):
     """Quality of the pictures; labels do not depend on it."""
 
     backend: Literal["auto", "egl", "osmesa"] = "auto"
-    samples: int = Field(4, ge=0, le=16)
+    samples: int = Field(default=4, ge=0, le=16)
     """Colour samples a pixel; 0 switches multisampling off."""
-    shadow_size_px: int = Field(2048, ge=0, le=16384)
+    shadow_size_px: int = Field(default=2048, ge=0, le=16384)
     """Side of the shadow map; 0 switches shadows off."""
-    near_m: float = Field(0.05, gt=0.0, le=0.2)
-    far_m: float = Field(100.0, ge=20.0, le=1000.0)
+    near_m: float = Field(default=0.05, gt=0.0, le=0.2)
+    far_m: float = Field(default=100.0, ge=20.0, le=1000.0)
 
 
 class LabelSettings(Settings):
@@ -67,7 +67,7 @@ class LabelSettings(Settings):
 class RecordSettings(Settings):
     """Everything that, with the scene's name, determines a dataset to the byte."""
 
-    seed: int = Field(0, ge=0)
+    seed: int = Field(default=0, ge=0)
     scene: Mapping[str, OptionValue] = Field(default_factory=dict[str, OptionValue])
     """Options of the scene's builder."""
     rig: RigSettings = RigSettings()

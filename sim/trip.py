@@ -70,9 +70,7 @@ def drive_trip(world: World, settings: RecordSettings) -> Trip:
         if step == encoders.next_step(timestep_s):
             encoders.read(time_ns, world.wheel_angles_rad)
         if step == frame_step:
-            frames.append(
-                (time_ns, world.data.qpos.copy(), world.T_world_body, world.v_world_body)
-            )
+            frames.append((time_ns, world.data.qpos.copy(), world.T_world_body, world.v_world_body))
             frame_step += world.steps_per_frame
             if driver.arrived and last_step is None:
                 last_step = step + round(REST_S / timestep_s)
