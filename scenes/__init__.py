@@ -1,1 +1,60 @@
 """What the world looks like: builders that return a Scene; no physics loop, no GL."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from scenes import brick_court
+from scenes.scene import Scene
+from vo.contract.errors import SettingsError
+from vo.contract.settings import Settings
+
+
+@dataclass(frozen=True)
+class SceneBuilder:
+    """How to build a scene, and what can be known without building it.
+
+    Attributes:
+        tests: One sentence: what the scene tests.
+        options: Model of the options.
+        build: Builds from a generator and a value of `options`.
+    """
+
+    tests: str
+    options: type[Settings]
+    build: Callable[[np.random.Generator, Any], Scene]
+
+
+SCENES: dict[str, SceneBuilder] = {
+    "brick_court": SceneBuilder(
+        brick_court.TESTS, brick_court.BrickCourtSettings, brick_court.build
+    ),
+}
+
+
+def build_scene(name: str, rng: np.random.Generator, options: Mapping[str, object]) -> Scene:
+    """Build the scene `name`; the same generator state and options give the same scene.
+
+    Raises:
+        SettingsError: If there is no such scene or option, or a value is refused.
+    """
+    if name not in SCENES:
+        raise SettingsError(f"unknown scene {name}; valid: {', '.join(sorted(SCENES))}")
+    entry = SCENES[name]
+    try:
+        settings = entry.options.model_validate(dict(options))
+    except ValidationError as error:
+        raise SettingsError(_explain(name, entry.options, error)) from None
+    return entry.build(rng, settings)
+
+
+def _explain(name: str, model: type[Settings], error: ValidationError) -> str:
+    first = error.errors()[0]
+    key = ".".join(str(part) for part in first["loc"])
+    if first["type"] == "extra_forbidden":
+        valid = ", ".join(sorted(model.model_fields))
+        return f"scene {name}: unknown option {key}; valid: {valid}"
+    return f"scene {name}: option {key}: {first['msg'].lower()}, got {first['input']!r}"

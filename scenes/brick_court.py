@@ -1,0 +1,248 @@
+"""A paved court in the sun: every brick its own, settled by a few millimetres."""
+
+from typing import Annotated
+
+import mujoco
+import numpy as np
+from pydantic import Field
+
+from scenes.light import Light, LightMap, ground_light, shaded_normals
+from scenes.mesh import Mesh, merged, patch
+from scenes.paving import Bond, Paving, brick_mesh, lay
+from scenes.props import bench, grass_tufts, lamp_post, litter, planter, shrub
+from scenes.routes import rounded_loop
+from scenes.scene import Scene
+from scenes.stage import HIDDEN_GROUP, Stage
+from scenes.surfaces import greenery, masonry, sky, timber
+from scenes.surfaces.atlas import pack
+from scenes.surround import brick_wall, kerb, plaster_wall
+from vo.contract.arrays import Array
+from vo.contract.settings import Settings
+
+TESTS = "Outdoor paving of single bricks: small wheels bump, the camera shakes, the ground is rich."
+MODULE_M = 0.1
+SWATH_M = 0.6  # half width around the route within which every brick is a collision box
+BRICK_THICKNESS_M = 0.06
+
+
+class BrickCourtSettings(Settings):
+    """What may be asked of the court.
+
+    Attributes:
+        length_m: Size of the paving along x.
+        width_m: Size of the paving along y.
+        height_std_mm: Deviation of the bricks' heights; clipped at twice this.
+        gap_mm: Width of the joints.
+        bond: Laying pattern.
+    """
+
+    length_m: Annotated[float, Field(ge=9, le=20)] = 12.0
+    width_m: Annotated[float, Field(ge=7, le=16)] = 9.0
+    height_std_mm: Annotated[float, Field(ge=0, le=5)] = 2.0
+    gap_mm: Annotated[float, Field(ge=1, le=12)] = 4.0
+    bond: Bond = "herringbone"
+
+
+def build(rng: np.random.Generator, settings: BrickCourtSettings) -> Scene:
+    """Build the court; layout, textures and light follow the generator."""
+    stage = Stage("brick_court")
+    sand_m = -(2.5 * settings.height_std_mm + 1.5) / 1e3  # below the lowest corner of a brick
+    half = np.array([settings.length_m, settings.width_m]) / 2
+    cells = (round(settings.length_m / MODULE_M), round(settings.width_m / MODULE_M))
+    paving = lay(
+        rng, cells, MODULE_M, settings.gap_mm / 1e3, settings.height_std_mm / 1e3, settings.bond
+    )
+    route = _route(rng, half)
+    light = _sun(rng)
+    _surfaces(stage, rng)
+    _furnish(stage, rng, half)
+    _surround(stage, rng, half)
+    reach = tuple(np.concatenate([-half - 3, half + 3]).tolist())
+    baked = ground_light(reach, stage.blockers, light)
+    _pave(stage, rng, paving, baked, light)
+    _ground(stage, rng, half, sand_m, baked, light)
+    stage.floor(sand_m)
+    _bump(stage, paving, route)
+    stage.finish(light, sky.town_sky(rng))
+    return Scene(
+        name="brick_court",
+        tests=TESTS,
+        spec=stage.spec,
+        routes={"default": route},
+        extent_m=tuple(np.concatenate([-half - 0.6, half + 0.6]).tolist()),
+        tags=frozenset({"outdoor", "bumpy", "textured"}),
+    )
+
+
+def _route(rng: np.random.Generator, half: Array) -> Array:
+    """Drive around the middle, counter-clockwise, with a jog in each long side."""
+    x, y = half - 0.95
+    jog = rng.uniform(0.25, 0.45, 2)
+    corners = np.array(
+        [
+            (x, -y + rng.uniform(0, 0.2)),
+            (x - rng.uniform(0, 0.2), y),
+            (0.45 * x, y),
+            (0.15 * x, y - jog[0]),
+            (-0.45 * x, y - jog[0]),
+            (-x, y - rng.uniform(0, 0.2)),
+            (-x + rng.uniform(0, 0.2), -y),
+            (-0.45 * x, -y),
+            (-0.15 * x, -y + jog[1]),
+            (0.35 * x, -y + jog[1]),
+        ]
+    )
+    return rounded_loop(corners, radius_m=0.9)
+
+
+def _sun(rng: np.random.Generator) -> Light:
+    azimuth, elevation = rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(36, 56))
+    flat = np.cos(elevation)
+    return Light(
+        key=np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)]),
+        key_rgb=(0.86, 0.82, 0.74),
+        fill_rgb=(0.34, 0.36, 0.40),
+        ambient_rgb=(0.24, 0.24, 0.25),
+    )
+
+
+def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
+    stage.material("sand", masonry.sand(rng, 1024))
+    stage.material("concrete", masonry.concrete(rng, (1024, 1024)))
+    stage.material("mortar", masonry.concrete(rng, (512, 512), 168.0))
+    stage.material("plaster", masonry.plaster(rng, (1024, 2048), (206, 190, 160)))
+    stage.material("gravel", masonry.gravel(rng, 1024))
+    stage.material("lawn", greenery.lawn(rng, 2048))
+    stage.material("soil", greenery.soil(rng, 512))
+    stage.material("leaves", greenery.leaves(rng, 1, 512)[0])
+    stage.material("timber", timber.wood(rng, (256, 1024), (142, 108, 74)))
+    stage.material("iron", timber.painted(rng, (256, 256), (58, 62, 60)))
+
+
+def _furnish(stage: Stage, rng: np.random.Generator, half: Array) -> None:
+    """Put planters, benches and the lamp inside the loop of the route."""
+    room = half - 2.3  # the route keeps outside this
+    planter(stage, "planter_0", rng, np.array([-0.45, 0.1]) * room, (2.2, 1.0, 0.45))
+    planter(stage, "planter_1", rng, np.array([0.62, 0.25]) * room, (1.2, 1.2, 0.40))
+    bench(stage, "bench_0", rng, np.array([0.1, -0.55]) * room, rng.uniform(-0.2, 0.2))
+    bench(stage, "bench_1", rng, np.array([0.15, 0.62]) * room, np.pi + rng.uniform(-0.2, 0.2))
+    lamp_post(stage, "lamp", np.array([0.85, -0.6]) * room)
+
+
+def _surround(stage: Stage, rng: np.random.Generator, half: Array) -> None:
+    """Walls to the north and west, shrubs before them and along the open sides."""
+    x, y = half
+    atlas = pack(masonry.wall_bricks(rng, 64, (48, 140)))
+    stage.material("wall_bricks", atlas.image)
+    brick_wall(stage, "wall_north", rng, atlas, (-x - 1.0, y + 1.0), 2 * x + 3.6, 2.2, 0.0)
+    plaster_wall(stage, "wall_west", rng, (-x - 1.0, -y - 2.6), 2 * y + 3.6, 2.4, np.pi / 2)
+    for _ in range(9):
+        along = rng.uniform(-0.95, 0.95)
+        at = (along * x, y + 0.62) if rng.random() < 0.6 else (-x - 0.62, along * y)
+        radius = rng.uniform(0.2, 0.34)
+        shrub(stage, rng, (*at, 0.75 * radius), radius)
+    for k in range(14):
+        at = (x + rng.uniform(1.6, 2.4), (k / 7 - 1) * (y + 1))
+        shrub(stage, rng, (*at, 0.35), rng.uniform(0.35, 0.5))
+
+
+def _ground(
+    stage: Stage,
+    rng: np.random.Generator,
+    half: Array,
+    sand_m: float,
+    baked: LightMap,
+    light: Light,
+) -> None:
+    """Sand under the bricks, kerb, gravel before the walls, lawn elsewhere."""
+    x, y = half
+    sand = patch((-x, -y, sand_m), (2 * x, 0, 0), (0, 2 * y, 0), (60, 45), (1.0, 1.0))
+    stage.draw_lit("sand", _lit(sand, baked, light))
+    stage.draw_lit("concrete", _lit(merged(kerb(rng, half, 0.12, 0.03)), baked, light))
+    edge = 0.12
+    north = _strip((-x - 1.05, y + edge), (x + 3, y + 1.05), 0.0, 1.5)
+    west = _strip((-x - 1.05, -y - 3), (-x - edge, y + edge), 0.0, 1.5)
+    stage.draw_lit("gravel", _lit(merged([north, west]), baked, light))
+    east = _strip((x + edge, -y - edge), (x + 3, y + 1.05), 0.012, 4.0)
+    south = _strip((-x - edge, -y - 3), (x + 3, -y - edge), 0.012, 4.0)
+    beyond = [
+        _strip((x + 3, -30), (30, 30), 0.012, 4.0, 1.5),
+        _strip((-30, -30), (x + 3, -y - 3), 0.012, 4.0, 1.5),
+        _strip((-30, y + 1.05), (x + 3, 30), 0.012, 4.0, 1.5),
+        _strip((-30, -y - 3), (-x - 1.05, y + 1.05), 0.012, 4.0, 1.5),
+    ]
+    stage.draw_lit("lawn", _lit(merged([east, south, *beyond]), baked, light))
+    count = 500
+    tufts = np.concatenate(
+        [
+            rng.uniform((x + 0.13, -y), (x + 2.2, y), (count, 2)),
+            rng.uniform((-x, -y - 2.2), (x, -y - 0.13), (count, 2)),
+        ]
+    )
+    stage.draw_lit("lawn", _lit(grass_tufts(rng, tufts), baked, light))
+
+
+def _pave(
+    stage: Stage, rng: np.random.Generator, paving: Paving, baked: LightMap, light: Light
+) -> None:
+    """Draw the bricks; those under a shadow's edge finely divided."""
+    atlas = pack(masonry.paving_bricks(rng, 144, (100, 200)))
+    stage.material("paving", atlas.image)
+    count = len(paving.centre)
+    rects = atlas.rects[rng.integers(atlas.count, size=count)]
+    turned = rng.random(count) < 0.5
+    probes = paving.centre[:, None, :2] + paving.reach[:, None] * np.array(
+        [[0, 0], [1, 1], [1, -1], [-1, 1], [-1, -1]]
+    )
+    key = baked.at(probes.reshape(-1, 2))[0].reshape(count, -1)
+    fine = np.ptp(key, axis=1) > 0.05
+    for keep, divisions in ((~fine, (1, 1)), (fine, (4, 2))):
+        if keep.any():
+            mesh = brick_mesh(paving.select(keep), rects[keep], turned[keep], divisions)
+            stage.draw_lit("paving", _lit(mesh, baked, light))
+    leaves = pack(greenery.fallen_leaves(rng, 24, 64))
+    stage.material("litter", leaves.image)
+    dropped = 170
+    under = paving.centre[rng.integers(count, size=dropped)]
+    shift = rng.uniform(-0.04, 0.04, (dropped, 2))
+    places = np.column_stack([under[:, :2] + shift, under[:, 2] + 0.006])
+    stage.draw_lit("litter", _lit(litter(rng, places, leaves), baked, light))
+
+
+def _bump(stage: Stage, paving: Paving, route: Array) -> None:
+    """Give each brick near the route a collision box with the pose of its drawing."""
+    gap = np.linalg.norm(paving.centre[:, None, :2] - route[None, ::2], axis=-1).min(axis=1)
+    near = paving.select(gap < SWATH_M)
+    for k, (centre, reach, slope) in enumerate(
+        zip(near.centre, near.reach, near.slope, strict=True)
+    ):
+        tilt = np.array([1, slope[1] / 2, -slope[0] / 2, 0])  # small turn that lifts along slope
+        normal = np.array([-slope[0], -slope[1], 1]) / np.sqrt(1 + slope @ slope)
+        stage.spec.worldbody.add_geom(
+            name=f"brick_{k}",
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            pos=centre - normal * BRICK_THICKNESS_M / 2,
+            quat=tilt / np.linalg.norm(tilt),
+            size=(*reach, BRICK_THICKNESS_M / 2),
+            group=HIDDEN_GROUP,
+        )
+
+
+def _strip(
+    low: tuple[float, float],
+    high: tuple[float, float],
+    height_m: float,
+    period_m: float,
+    cell_m: float = 0.15,
+) -> Mesh:
+    """Cover x, y from (2,) low to (2,) high; neighbours of one period join without a seam."""
+    sx, sy = high[0] - low[0], high[1] - low[1]
+    cells = (int(np.ceil(sx / cell_m)), int(np.ceil(sy / cell_m)))
+    offset = (low[0] / period_m, -high[1] / period_m)
+    return patch((*low, height_m), (sx, 0, 0), (0, sy, 0), cells, (period_m, period_m), offset)
+
+
+def _lit(mesh: Mesh, baked: LightMap, light: Light) -> Mesh:
+    """Light a mesh that lies on the ground by the ground's baked light."""
+    key, fill = baked.at(mesh.points)
+    return Mesh(mesh.points, shaded_normals(mesh.normals, key, fill, light), mesh.uv, mesh.faces)

@@ -1,0 +1,175 @@
+"""Triangle meshes with texture coordinates: the only thing scenes draw."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vo.contract.arrays import Array, Indices
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Triangles, counter-clockwise seen from outside.
+
+    Attributes:
+        points: (V, 3) metres.
+        normals: (V, 3) unit, for shading.
+        uv: (V, 2) texture coordinates, v down the image; outside [0, 1] the texture repeats.
+        faces: (F, 3) indices of points.
+    """
+
+    points: Array
+    normals: Array
+    uv: Array
+    faces: Indices
+
+    def moved(self, position: Sequence[float], yaw_rad: float = 0.0) -> "Mesh":
+        """Turn about z, then shift by (3,) metres."""
+        c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+        R = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
+        return Mesh(
+            self.points @ R.T + np.asarray(position), self.normals @ R.T, self.uv, self.faces
+        )
+
+    def textured(self, rect: Array) -> "Mesh":
+        """Squeeze uv in [0, 1] into an atlas cell, (4,) u0, v0, u1, v1."""
+        return Mesh(
+            self.points, self.normals, rect[:2] + self.uv * (rect[2:] - rect[:2]), self.faces
+        )
+
+
+def merged(meshes: Sequence[Mesh]) -> Mesh:
+    """Join one or more meshes into one."""
+    offsets = np.cumsum([0, *(len(mesh.points) for mesh in meshes[:-1])])
+    return Mesh(
+        np.concatenate([mesh.points for mesh in meshes]),
+        np.concatenate([mesh.normals for mesh in meshes]),
+        np.concatenate([mesh.uv for mesh in meshes]),
+        np.concatenate([m.faces + o for m, o in zip(meshes, offsets, strict=True)]),
+    )
+
+
+def polygons(corners: Array, uv: Array, normals: Array | None = None) -> Mesh:
+    """Build N flat convex polygons of K corners each.
+
+    Args:
+        corners: (N, K, 3) metres, counter-clockwise seen from outside.
+        uv: (N, K, 2) texture coordinates.
+        normals: (N, K, 3) shading normals; the polygons' own by default.
+    """
+    count, sides, _ = corners.shape
+    if normals is None:
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        normals = np.broadcast_to(normal[:, None], corners.shape)
+    fan = np.array([[0, k, k + 1] for k in range(1, sides - 1)])
+    faces = (np.arange(count)[:, None, None] * sides + fan).reshape(-1, 3)
+    return Mesh(corners.reshape(-1, 3), normals.reshape(-1, 3), uv.reshape(-1, 2), faces)
+
+
+def patch(
+    origin: Sequence[float],
+    side_u: Sequence[float],
+    side_v: Sequence[float],
+    cells: tuple[int, int] = (1, 1),
+    texture_m: tuple[float, float] | None = None,
+    offset: Sequence[float] = (0.0, 0.0),
+) -> Mesh:
+    """Build a parallelogram as a grid; it faces along side_u x side_v.
+
+    Args:
+        origin: (3,) corner, metres.
+        side_u: (3,) edge along which u grows, metres.
+        side_v: (3,) edge along which v falls (up the image), metres.
+        cells: Quads along either edge.
+        texture_m: Size of one texture period; by default the whole image fits once.
+        offset: (2,) added to the texture coordinates.
+    """
+    a, b = np.meshgrid(
+        np.linspace(0, 1, cells[0] + 1), np.linspace(0, 1, cells[1] + 1), indexing="ij"
+    )
+    edge_u, edge_v = np.asarray(side_u, dtype=float), np.asarray(side_v, dtype=float)
+    points = np.asarray(origin) + a[..., None] * edge_u + b[..., None] * edge_v
+    lengths = np.array([np.linalg.norm(edge_u), np.linalg.norm(edge_v)])
+    periods = np.ones(2) if texture_m is None else lengths / np.asarray(texture_m)
+    uv = np.stack([a, 1 - b], axis=-1) * periods + np.asarray(offset)
+    normal = np.cross(edge_u, edge_v)
+    normal /= np.linalg.norm(normal)
+    index = np.arange(a.size).reshape(a.shape)
+    quads = np.stack([index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]], axis=-1)
+    faces = quads[..., [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
+    return Mesh(points.reshape(-1, 3), np.tile(normal, (a.size, 1)), uv.reshape(-1, 2), faces)
+
+
+def box(
+    centre: Sequence[float],
+    size: Sequence[float],
+    texture_m: tuple[float, float] | None = None,
+    offset: Sequence[float] = (0.0, 0.0),
+    cell_m: float = 0.4,
+    bottom: bool = False,
+) -> Mesh:
+    """Build an axis-aligned box of (3,) full size; every face carries the texture upright.
+
+    Args:
+        centre: (3,) metres.
+        size: (3,) full edge lengths, metres.
+        texture_m: As in `patch`, one period on each face.
+        offset: As in `patch`.
+        cell_m: Faces are divided into cells of at most this size, for baked light.
+        bottom: Whether the underside is drawn.
+    """
+    x, y, z = np.asarray(size, dtype=float)
+    c = np.asarray(centre, dtype=float)
+    h = np.array([x, y, z]) / 2
+    sides = [
+        (c + np.array([-h[0], -h[1], -h[2]]), (x, 0, 0), (0, 0, z)),
+        (c + np.array([h[0], -h[1], -h[2]]), (0, y, 0), (0, 0, z)),
+        (c + np.array([h[0], h[1], -h[2]]), (-x, 0, 0), (0, 0, z)),
+        (c + np.array([-h[0], h[1], -h[2]]), (0, -y, 0), (0, 0, z)),
+        (c + np.array([-h[0], -h[1], h[2]]), (x, 0, 0), (0, y, 0)),
+    ]
+    if bottom:
+        sides.append((c + np.array([-h[0], h[1], -h[2]]), (x, 0, 0), (0, -y, 0)))
+    return merged(
+        [patch(o, u, v, _divisions(u, v, cell_m), texture_m, offset) for o, u, v in sides]
+    )
+
+
+def _divisions(side_u: Sequence[float], side_v: Sequence[float], cell_m: float) -> tuple[int, int]:
+    along_u, along_v = np.linalg.norm(side_u), np.linalg.norm(side_v)
+    return max(1, int(np.ceil(along_u / cell_m))), max(1, int(np.ceil(along_v / cell_m)))
+
+
+def tube(
+    start: Sequence[float],
+    end: Sequence[float],
+    radius_m: float,
+    sides: int = 10,
+    taper: float = 1.0,
+) -> Mesh:
+    """Build an open round bar; u runs once around, v along; `taper` scales the end's radius."""
+    a, b = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
+    axis = (b - a) / np.linalg.norm(b - a)
+    helper = np.array([1.0, 0, 0]) if abs(axis[0]) < 0.9 else np.array([0, 1.0, 0])
+    e1 = np.cross(axis, helper)
+    e1 /= np.linalg.norm(e1)
+    e2 = np.cross(axis, e1)
+    angle = np.linspace(0, 2 * np.pi, sides + 1)
+    radial = np.cos(angle)[:, None] * e1 + np.sin(angle)[:, None] * e2
+    ring = np.stack([a + radius_m * radial, b + radius_m * taper * radial], axis=1)
+    corners = np.stack([ring[:-1, 0], ring[1:, 0], ring[1:, 1], ring[:-1, 1]], axis=1)
+    normals = np.stack([radial[:-1], radial[1:], radial[1:], radial[:-1]], axis=1)
+    u = angle / (2 * np.pi)
+    low, high = np.zeros(sides), np.ones(sides)
+    uv = np.stack(
+        [
+            np.stack([u[:-1], high], axis=1),
+            np.stack([u[1:], high], axis=1),
+            np.stack([u[1:], low], axis=1),
+            np.stack([u[:-1], low], axis=1),
+        ],
+        axis=1,
+    )
+    return polygons(corners, uv, normals)

@@ -1,0 +1,160 @@
+"""Bricks laid one by one: where each lies, how far it has settled, and what it looks like."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from scenes.mesh import Mesh, polygons
+from vo.contract.arrays import Array, Mask
+
+Bond = Literal["herringbone", "running"]
+SKIRT_M = 0.010  # how far a brick's flanks are drawn below its top
+BEVEL_M = 0.0025
+FOLD_M = 0.006  # how far inside the rim the texture of the flanks is taken from
+_PAIRS = np.array([[0, 1], [1, 2], [2, 3], [3, 0]])  # corners of a brick along each side
+
+
+@dataclass(frozen=True)
+class Paving:
+    """N bricks and their pose.
+
+    Attributes:
+        centre: (N, 3) middle of the top face, metres, world.
+        half: (N, 2) half length and half width without the joint, metres, in the brick's axes.
+        quarter: (N,) whether the brick's length lies along world y instead of x.
+        slope: (N, 2) rise of the top face along world x and y, dimensionless and small.
+    """
+
+    centre: Array
+    half: Array
+    quarter: Mask
+    slope: Array
+
+    def select(self, keep: Mask) -> "Paving":
+        """Keep the bricks of an (N,) mask."""
+        return Paving(self.centre[keep], self.half[keep], self.quarter[keep], self.slope[keep])
+
+    @property
+    def reach(self) -> Array:
+        """(N, 2) half sizes along world x and y, metres."""
+        return np.where(self.quarter[:, None], self.half[:, ::-1], self.half)
+
+
+def lay(
+    rng: np.random.Generator,
+    cells: tuple[int, int],
+    module_m: float,
+    gap_m: float,
+    height_std_m: float,
+    bond: Bond,
+) -> Paving:
+    """Pave cells[0] x cells[1] modules of one brick width, centred on the origin.
+
+    Args:
+        rng: Draws the settlement.
+        cells: Modules along world x and y; a brick covers two, a half brick at the edge one.
+        module_m: Brick width with its joint.
+        gap_m: Joint width.
+        height_std_m: Deviation of the heights; they are clipped at twice this.
+        bond: Laying pattern.
+    """
+    corner, length, quarter = _herringbone(cells) if bond == "herringbone" else _running(cells)
+    reach = np.where(
+        quarter[:, None],
+        np.stack([np.ones_like(length), length], axis=1),
+        np.stack([length, np.ones_like(length)], axis=1),
+    )
+    middle = (corner + reach / 2 - np.asarray(cells) / 2) * module_m
+    half = np.stack([length, np.ones_like(length)], axis=1) * module_m / 2 - gap_m / 2
+    height = height_std_m * np.clip(rng.standard_normal(len(middle)), -2, 2)
+    slope = 1.5 * height_std_m * np.clip(rng.standard_normal((len(middle), 2)), -2, 2)
+    return Paving(np.column_stack([middle, height]), half, quarter, slope)
+
+
+def _herringbone(cells: tuple[int, int]) -> tuple[Array, Array, Mask]:
+    """Corner (N, 2), length (N,) in modules, orientation (N,) of 90 degree herringbone."""
+    i, j = (a.ravel() for a in np.meshgrid(*(np.arange(-1, n) for n in cells), indexing="ij"))
+    phase = (i - j) % 4
+    starts = (phase == 0) | (phase == 3)
+    return _clipped(np.stack([i, j], axis=1)[starts], (phase == 3)[starts], cells)
+
+
+def _running(cells: tuple[int, int]) -> tuple[Array, Array, Mask]:
+    """Rows along x, every other one shifted by half a brick; results as in `_herringbone`."""
+    i, j = (a.ravel() for a in np.meshgrid(*(np.arange(-1, n) for n in cells), indexing="ij"))
+    starts = (i + j) % 2 == 0
+    corner = np.stack([i, j], axis=1)[starts]
+    return _clipped(corner, np.zeros(len(corner), dtype=bool), cells)
+
+
+def _clipped(corner: Array, quarter: Mask, cells: tuple[int, int]) -> tuple[Array, Array, Mask]:
+    """Cut bricks at the border to halves, drop those outside."""
+    step = np.where(quarter[:, None], [0, 1], [1, 0])
+    limit = np.asarray(cells)
+    first = np.all((corner >= 0) & (corner < limit), axis=1)
+    second = np.all((corner + step >= 0) & (corner + step < limit), axis=1)
+    keep = first | second
+    start = np.where(first[:, None], corner, corner + step)
+    return start[keep], (first.astype(float) + second)[keep], quarter[keep]
+
+
+def brick_mesh(
+    paving: Paving, rects: Array, turned: Mask, divisions: tuple[int, int] = (1, 1)
+) -> Mesh:
+    """Draw bevelled bricks: a top and four flanks each.
+
+    Args:
+        paving: The bricks.
+        rects: (N, 4) atlas cell of each brick, u along its length; half bricks use half of it.
+        turned: (N,) whether the face is turned by 180 degrees.
+        divisions: Quads of the top along length and width, for baked light.
+    """
+    ring = paving.half[:, None] * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    inset = ring - np.sign(ring) * BEVEL_M
+    nu, nv = divisions
+    a, b = np.meshgrid(np.linspace(-1, 1, nu + 1), np.linspace(-1, 1, nv + 1), indexing="ij")
+    grid = np.stack([a, b], axis=-1)
+    quads = np.stack([grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]], axis=2)
+    top = quads.reshape(1, nu * nv, 4, 2) * (paving.half - BEVEL_M)[:, None, None]
+    flank = np.concatenate([ring[:, _PAIRS], inset[:, _PAIRS[:, ::-1]]], axis=2)
+    plan = np.concatenate([top, flank], axis=1)  # (N, Q, 4, 2) in the brick's axes
+    drop = np.zeros(plan.shape[:3])
+    drop[:, nu * nv :, :2] = SKIRT_M
+    world = _in_world(paving, plan, drop)
+    folded = plan.copy()  # flanks show what lies inside the rim, mirrored: no streaks
+    folded[:, nu * nv :, :2] = (2 * inset - ring - np.sign(ring) * FOLD_M)[:, _PAIRS]
+    uv = _face_uv(paving, folded, rects, turned)
+    normals = np.broadcast_to(_top_normals(paving)[:, None, None], world.shape).copy()
+    outward = np.array([[0, -1.0], [1, 0], [0, 1], [-1, 0]])
+    outward = np.where(
+        paving.quarter[:, None, None],
+        np.stack([-outward[:, 1], outward[:, 0]], axis=-1),
+        outward,
+    )
+    normals[:, nu * nv :, :, :2] += 1.2 * outward[:, :, None]
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    flat = (-1, 4)
+    return polygons(world.reshape(*flat, 3), uv.reshape(*flat, 2), normals.reshape(*flat, 3))
+
+
+def _in_world(paving: Paving, plan: Array, drop: Array) -> Array:
+    """Place (N, Q, 4, 2) points of the brick's axes, `drop` metres below its top face."""
+    turned = np.stack([-plan[..., 1], plan[..., 0]], axis=-1)
+    xy = np.where(paving.quarter[:, None, None, None], turned, plan)
+    rise = (xy * paving.slope[:, None, None]).sum(axis=-1)
+    offset = np.concatenate([xy, (rise - drop)[..., None]], axis=-1)
+    return paving.centre[:, None, None] + offset
+
+
+def _face_uv(paving: Paving, plan: Array, rects: Array, turned: Mask) -> Array:
+    """Project each brick's atlas cell straight down; the scale is that of a whole brick."""
+    whole = paving.half.max(axis=0)
+    share = plan / whole / 2 * np.where(turned, -1, 1)[:, None, None, None] + 0.5
+    span = (rects[:, 2:] - rects[:, :2])[:, None, None]
+    return rects[:, None, None, :2] + share * span
+
+
+def _top_normals(paving: Paving) -> Array:
+    normal = np.column_stack([-paving.slope, np.ones(len(paving.slope))])
+    return normal / np.linalg.norm(normal, axis=1, keepdims=True)

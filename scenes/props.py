@@ -1,0 +1,174 @@
+"""Outdoor furniture: planters, benches, a lamp post, shrubs and litter."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from scenes.mesh import Mesh, box, merged, polygons, tube
+from scenes.stage import Stage
+from scenes.surfaces.atlas import Atlas
+from vo.contract.arrays import Array
+
+
+def planter(
+    stage: Stage, name: str, rng: np.random.Generator, centre: Array, size: Sequence[float]
+) -> None:
+    """Put a concrete trough of (3,) full size at (2,) centre, filled with soil and shrubs."""
+    length, width, height = size
+    x, y = centre
+    wall = 0.07
+    for dx, dy, sx, sy in (
+        (0, (width - wall) / 2, length, wall),
+        (0, -(width - wall) / 2, length, wall),
+        ((length - wall) / 2, 0, wall, width - 2 * wall),
+        (-(length - wall) / 2, 0, wall, width - 2 * wall),
+    ):
+        piece = box((x + dx, y + dy, height / 2), (sx, sy, height), (1.2, 1.2), rng.random(2), 0.15)
+        stage.draw("concrete", piece)
+    inner = (length - 1.9 * wall, width - 1.9 * wall, 0.01)
+    stage.draw("soil", box((x, y, height - 0.06), inner, (0.8, 0.8), rng.random(2)))
+    stage.obstacle(name, (x, y, height / 2), size)
+    count = max(2, int(length * width * 7))
+    for _ in range(count):
+        at = centre + rng.uniform(-0.5, 0.5, 2) * np.array([length - 0.5, width - 0.45])
+        radius = rng.uniform(0.18, 0.30)
+        shrub(stage, rng, (at[0], at[1], height + 0.45 * radius), radius)
+
+
+def shrub(stage: Stage, rng: np.random.Generator, centre: Sequence[float], radius_m: float) -> None:
+    """Grow a bush: an inner ball of dark foliage and loose leaves around it."""
+    stage.draw("leaves", ball(rng, centre, radius_m * 0.86))
+    stage.draw("leaves", leaf_cloud(rng, centre, radius_m, int(900 * radius_m)))
+    stage.blocker(centre, np.full(3, 1.5 * radius_m).tolist(), rng.uniform(0, 1.5), 0.8)
+
+
+def ball(rng: np.random.Generator, centre: Sequence[float], radius_m: float) -> Mesh:
+    """Build a lumpy sphere; its texture repeats every 0.35 m."""
+    theta, phi = np.meshgrid(np.linspace(0, np.pi, 9), np.linspace(0, 2 * np.pi, 15))
+    unit = np.stack(
+        [np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1
+    )
+    bumps = rng.uniform(0, 6.28, 3)
+    swell = 1 + 0.12 * np.sin(4 * unit @ np.eye(3) + bumps).sum(axis=-1)
+    points = np.asarray(centre) + radius_m * swell[..., None] * unit
+    uv = np.stack([phi, theta], axis=-1) * radius_m / 0.35 + rng.random(2)
+    quad = [
+        (slice(None, -1), slice(None, -1)),
+        (slice(None, -1), slice(1, None)),
+        (slice(1, None), slice(1, None)),
+        (slice(1, None), slice(None, -1)),
+    ]
+    corners, corner_uv, normals = (
+        np.stack([values[q] for q in quad], axis=2).reshape(-1, 4, values.shape[-1])
+        for values in (points, uv, unit)
+    )
+    return polygons(corners, corner_uv, normals)
+
+
+def leaf_cloud(
+    rng: np.random.Generator, centre: Sequence[float], radius_m: float, count: int
+) -> Mesh:
+    """Scatter small leaf-shaped quads over a sphere, facing outward more or less."""
+    out = rng.standard_normal((count, 3))
+    out[:, 2] = np.abs(out[:, 2]) - 0.3
+    out /= np.linalg.norm(out, axis=1, keepdims=True)
+    along = np.cross(out, rng.standard_normal((count, 3)))
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    facing = out + 0.5 * rng.standard_normal((count, 3))
+    across = np.cross(facing, along)
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    root = np.asarray(centre) + radius_m * rng.uniform(0.8, 1.15, (count, 1)) * out
+    length = rng.uniform(0.025, 0.05, (count, 1))
+    tip = np.stack(
+        [
+            root - length * along,
+            root - 0.4 * length * across,
+            root + length * along,
+            root + 0.4 * length * across,
+        ],
+        axis=1,
+    )
+    uv = rng.random((count, 1, 2)) + np.array([[0, 0], [0.1, 0.05], [0.2, 0], [0.1, -0.05]])
+    normals = np.repeat(out[:, None], 4, axis=1)
+    return polygons(tip, uv, normals)
+
+
+def grass_tufts(rng: np.random.Generator, places: Array, blades: int = 9) -> Mesh:
+    """Grow blades of grass, 5 to 12 cm, at (N, 2) x, y metres on z = 0."""
+    at = np.repeat(places, blades, axis=0) + rng.normal(0, 0.018, (len(places) * blades, 2))
+    count = len(at)
+    lean = rng.normal(0, 0.025, (count, 2))
+    side = rng.standard_normal((count, 2))
+    side *= 0.003 / np.linalg.norm(side, axis=1, keepdims=True)
+    height = rng.uniform(0.03, 0.10, count)
+    foot = np.zeros(count)
+    corners = np.stack(
+        [
+            np.column_stack([at - side, foot]),
+            np.column_stack([at + side, foot]),
+            np.column_stack([at + lean, height]),
+        ],
+        axis=1,
+    )
+    uv = rng.random((count, 1, 2)) + np.array([[0, 0], [0.01, 0], [0, 0.06]])
+    up = np.broadcast_to(np.array([0, 0, 1.0]), corners.shape)
+    return polygons(corners, uv, up)
+
+
+def litter(rng: np.random.Generator, places: Array, atlas: Atlas) -> Mesh:
+    """Drop dry leaves at (N, 3) metres: folded along the midrib, edges curled up."""
+    count = len(places)
+    yaw = rng.uniform(0, 2 * np.pi, count)
+    length, width = rng.uniform(0.02, 0.04, (2, count)) * np.array([[1.0], [0.55]])
+    share = np.array([-1, -0.5, 0.2, 1.0])
+    spread = np.array([0.0, 1.0, 0.85, 0.0])
+    curl = rng.uniform(0.15, 0.6, count)
+    e1 = np.stack([np.cos(yaw), np.sin(yaw), np.zeros(count)], axis=1)
+    e2 = np.stack([-np.sin(yaw), np.cos(yaw), np.zeros(count)], axis=1)
+    spine = places[:, None] + length[:, None, None] * share[:, None] * e1[:, None]
+    lift = (curl * width)[:, None, None] * spread[:, None] * np.array([0, 0, 1.0])
+    reach = width[:, None, None] * spread[:, None] * e2[:, None]
+    left, right = spine + reach + lift, spine - reach + lift
+    cell = atlas.rects[rng.integers(atlas.count, size=count)]
+    plain = np.stack([share / 2 + 0.5, np.full(4, 0.5)], axis=1)
+    halves: list[Mesh] = []
+    for rim, sign in ((left, 0.5), (right, -0.5)):
+        corners = np.stack([spine[:, 0], rim[:, 1], rim[:, 2], spine[:, 3]], axis=1)
+        uv = plain + np.column_stack([np.zeros(4), sign * spread])
+        uv = cell[:, None, :2] + uv * (cell[:, 2:] - cell[:, :2])[:, None]
+        up = np.broadcast_to(np.array([0, 0, 1.0]), corners.shape)
+        if sign > 0:
+            corners, uv = corners[:, ::-1], uv[:, ::-1]
+        halves.append(polygons(corners, uv, up))
+    return merged(halves)
+
+
+def bench(stage: Stage, name: str, rng: np.random.Generator, centre: Array, yaw_rad: float) -> None:
+    """Put a slatted bench, 1.6 m long, at (2,) metres; its back is towards +y before the turn."""
+    place = (centre[0], centre[1], 0.0)
+    slats = [(y, 0.44) for y in (-0.18, -0.06, 0.06, 0.18)] + [(0.26, z) for z in (0.6, 0.74)]
+    for y, z in slats:
+        thick = (1.6, 0.095, 0.035) if z < 0.5 else (1.6, 0.035, 0.1)
+        wood = box((0, y, z), thick, (1.0, 0.25), rng.random(2), bottom=True)
+        stage.draw("timber", wood.moved(place, yaw_rad))
+    for x in (-0.6, 0.6):
+        for part in (
+            box((x, -0.16, 0.21), (0.05, 0.05, 0.42), (0.5, 0.5), rng.random(2)),
+            box((x, 0.22, 0.4), (0.05, 0.05, 0.8), (0.5, 0.5), rng.random(2)),
+            box((x, 0.03, 0.395), (0.045, 0.42, 0.05), (0.5, 0.5), rng.random(2), bottom=True),
+        ):
+            stage.draw("iron", part.moved(place, yaw_rad))
+    stage.obstacle(name, (*centre, 0.4), (1.6, 0.55, 0.8), yaw_rad, shadow=False)
+    stage.blocker((*centre, 0.44), (1.6, 0.46, 0.04), yaw_rad, 0.85)
+    back = centre + 0.26 * np.array([-np.sin(yaw_rad), np.cos(yaw_rad)])
+    stage.blocker((*back, 0.67), (1.6, 0.04, 0.25), yaw_rad, 0.85)
+
+
+def lamp_post(stage: Stage, name: str, centre: Array) -> None:
+    """Put an iron lamp post, 3.4 m high, at (2,) metres."""
+    x, y = centre
+    stage.draw("iron", tube((x, y, 0.0), (x, y, 0.5), 0.075, 14, 0.75))
+    stage.draw("iron", tube((x, y, 0.5), (x, y, 3.2), 0.05, 12, 0.7))
+    stage.draw("iron", tube((x, y, 3.2), (x, y, 3.4), 0.12, 12, 0.4))
+    stage.draw("iron", box((x, y, 0.02), (0.26, 0.26, 0.04), (0.5, 0.5)))
+    stage.obstacle(name, (x, y, 1.7), (0.12, 0.12, 3.4))

@@ -1,0 +1,58 @@
+"""Lawn, leaves, soil and bark."""
+
+import numpy as np
+
+from scenes.surfaces.noise import blend, fractal, ramp, smoothstep, to_image
+from vo.contract.arrays import Image
+
+
+def lawn(rng: np.random.Generator, side_px: int) -> Image:
+    """Draw short grass from above: (S, S, 3), tiling."""
+    size = (side_px, side_px)
+    blades = np.maximum(
+        fractal(rng, size, (2, 24), 0.5, stretch=5.0),
+        fractal(rng, size, (2, 24), 0.5, stretch=5.0).T,
+    )
+    patches = fractal(rng, size, (60, side_px), 1.4)
+    colour = ramp(((38, 44, 24), (70, 82, 44), (100, 112, 64), (140, 146, 92)), 0.40 + 0.2 * blades)
+    colour = blend(colour, (128, 116, 74), 0.5 * smoothstep(0.4, 2.0, patches))
+    return to_image(colour * (1 + 0.06 * patches)[..., None])
+
+
+def leaves(rng: np.random.Generator, count: int, side_px: int) -> Image:
+    """Draw dense foliage, dark in its depth: (count, S, S, 3), each tiling."""
+    size = (count, side_px, side_px)
+    height = np.full(size, -9.0, dtype=np.float32)
+    tone = np.zeros(size, dtype=np.float32)
+    for layer in range(4):
+        stretch = 2.2 if layer % 2 else 0.6
+        bump = fractal(rng, size, (8, 34), 0.4, stretch=stretch) + 0.35 * layer
+        shade = fractal(rng, size, (8, 60), 0.8)
+        tone = np.where(bump > height, shade, tone)
+        height = np.maximum(height, bump)
+    colour = ramp(
+        ((18, 26, 12), (52, 72, 34), (88, 112, 54), (136, 156, 86)),
+        0.12 + 0.22 * height + 0.10 * tone,
+    )
+    return to_image(colour)
+
+
+def fallen_leaves(rng: np.random.Generator, count: int, side_px: int) -> Image:
+    """Draw dry leaf blades with midrib and veins along u: (count, S, S, 3)."""
+    size = (count, side_px, side_px)
+    v, u = np.mgrid[:side_px, :side_px] / (side_px - 1) - 0.5
+    palette = ((92, 66, 44), (128, 92, 56), (150, 118, 70), (118, 108, 66))
+    tone = rng.uniform(0, 1, (count, 1, 1))
+    colour = ramp(palette, tone + 0.12 * fractal(rng, size, (4, side_px), 1.2))
+    ribs = np.abs(np.sin(26 * (u - 0.9 * np.abs(v)))) < 0.14
+    midrib = np.abs(v) < 0.018
+    return to_image(blend(colour, (70, 48, 30), 0.5 * (ribs | midrib) * np.ones(size)))
+
+
+def soil(rng: np.random.Generator, side_px: int) -> Image:
+    """Draw dark planting soil with chips of bark: (S, S, 3), tiling."""
+    size = (side_px, side_px)
+    clods = fractal(rng, size, (2, 60), 0.7)
+    chips = fractal(rng, size, (4, 30), 0.3, stretch=3.0)
+    colour = ramp(((26, 20, 16), (58, 44, 34), (88, 70, 54)), 0.45 + 0.2 * clods)
+    return to_image(blend(colour, (118, 90, 66), 0.7 * smoothstep(1.2, 2.0, chips)))

@@ -1,0 +1,132 @@
+"""Baked clay, sand, concrete, plaster and gravel."""
+
+import numpy as np
+
+from scenes.surfaces.noise import blend, fractal, ramp, smoothstep, to_image
+from vo.contract.arrays import Array, Image
+
+CLAY = (  # from underfired to overfired
+    (176, 134, 108),
+    (164, 112, 90),
+    (148, 98, 82),
+    (130, 90, 80),
+    (110, 84, 80),
+)
+
+
+def paving_bricks(rng: np.random.Generator, count: int, shape: tuple[int, int]) -> Image:
+    """Draw worn clay pavers at 1 mm per texel: (count, H, W, 3), each different."""
+    height, width = shape
+    size = (count, height, width)
+    tone = rng.beta(2.2, 2.2, count)[:, None, None]
+    cloud = fractal(rng, size, (14, 180), 1.4)
+    grain = fractal(rng, size, (1.6, 6), 0.2)
+    speck = fractal(rng, size, (3.0, 9), 0.0)
+    scuff = fractal(rng, size, (2.5, 60), 0.9, stretch=4.0)
+    face = ramp(CLAY, tone + 0.10 * cloud)
+    face *= (1 + 0.035 * grain + 0.03 * scuff)[..., None]
+    face = blend(face, (186, 150, 126), 0.55 * smoothstep(1.7, 2.6, speck))  # grog
+    face = blend(face, (58, 42, 40), 0.75 * smoothstep(1.7, 2.4, -speck))  # pits
+    stain = fractal(rng, size, (30, 260), 1.6) + 0.5 * rng.standard_normal((count, 1, 1))
+    face = blend(face, (84, 74, 66), 0.45 * smoothstep(0.7, 2.2, stain))
+    bloom = fractal(rng, size, (4, 120), 1.2) + 0.5 * rng.standard_normal((count, 1, 1))
+    face = blend(face, (206, 192, 178), 0.42 * smoothstep(1.2, 2.8, bloom))  # efflorescence
+    return to_image(_worn_edges(face, scuff, grain))
+
+
+def _worn_edges(face: Array, coarse: Array, fine: Array) -> Array:
+    """Chip and dirty the rim of (N, H, W, 3) pavers, by (N, H, W) noises."""
+    height, width = face.shape[1:3]
+    v, u = np.mgrid[:height, :width]
+    inset = np.minimum(np.minimum(u, width - 1 - u), np.minimum(v, height - 1 - v))
+    ragged = inset + 1.6 * coarse + 0.8 * fine
+    face = blend(face, (190, 156, 132), 0.30 * smoothstep(9, 4, ragged))
+    return blend(face, (62, 50, 44), 0.85 * smoothstep(3.5, 0.5, ragged))
+
+
+def wall_bricks(rng: np.random.Generator, count: int, shape: tuple[int, int]) -> Image:
+    """Draw smoother facing bricks, at 1.5 mm per texel: (count, H, W, 3)."""
+    size = (count, *shape)
+    tone = rng.beta(2, 2, count)[:, None, None]
+    cloud = fractal(rng, size, (8, 140), 1.3, stretch=2.0)
+    grain = fractal(rng, size, (1.6, 7), 0.3)
+    face = ramp(((170, 118, 92), (150, 92, 70), (126, 78, 64)), tone + 0.12 * cloud)
+    face *= (1 + 0.05 * grain)[..., None]
+    soot = fractal(rng, size, (6, 140), 1.2)
+    face = blend(face, (78, 66, 60), 0.5 * smoothstep(0.9, 2.4, soot))
+    return to_image(_worn_edges(face, cloud, grain))
+
+
+def sand(rng: np.random.Generator, side_px: int) -> Image:
+    """Draw damp jointing sand with moss and grit: (S, S, 3), tiling."""
+    size = (side_px, side_px)
+    body = fractal(rng, size, (2, 200), 0.9)
+    grain = fractal(rng, size, (1.5, 4), 0.0)
+    colour = ramp(((78, 66, 54), (112, 98, 80), (142, 126, 104)), 0.5 + 0.14 * body)
+    colour *= (1 + 0.12 * grain)[..., None]
+    moss = fractal(rng, size, (3, 400), 1.3)
+    colour = blend(colour, (66, 74, 40), 0.8 * smoothstep(0.5, 1.5, moss))
+    return to_image(colour)
+
+
+def concrete(rng: np.random.Generator, shape: tuple[int, int], tone: float = 150.0) -> Image:
+    """Draw weathered concrete of a mean grey `tone`: (H, W, 3), tiling."""
+    cloud = fractal(rng, shape, (20, max(shape)), 1.5)
+    grain = fractal(rng, shape, (1.5, 8), 0.2)
+    holes = fractal(rng, shape, (4, 14), 0.0)
+    grey = tone * (1 + 0.07 * cloud + 0.045 * grain)
+    colour = grey[..., None] * np.array([1.0, 0.98, 0.94], dtype=np.float32)
+    colour = blend(colour, (70, 68, 62), 0.7 * smoothstep(2.1, 2.8, holes))
+    stain = fractal(rng, shape, (12, max(shape)), 1.4)
+    colour = blend(colour, (96, 92, 78), 0.5 * smoothstep(0.8, 2.2, stain))
+    return to_image(colour)
+
+
+def plaster(
+    rng: np.random.Generator, shape: tuple[int, int], rgb: tuple[float, float, float]
+) -> Image:
+    """Draw painted rough plaster, dirtier towards the bottom row: (H, W, 3), tiling along u."""
+    height, _ = shape
+    cloud = fractal(rng, shape, (30, 900), 1.5)
+    trowel = fractal(rng, shape, (4, 40), 0.7, stretch=2.5)
+    grain = fractal(rng, shape, (1.5, 4), 0.0)
+    colour = np.asarray(rgb) * (1 + 0.03 * cloud + 0.03 * trowel + 0.03 * grain)[..., None]
+    down = np.linspace(-1, 1, height)[:, None]
+    grime = fractal(rng, shape, (4, 700), 1.2) + 2.4 * down
+    colour = blend(colour, (104, 94, 80), 0.5 * smoothstep(1.6, 4.2, grime))
+    crack = np.abs(fractal(rng, shape, (10, 500), 1.5))
+    here = smoothstep(0.8, 1.6, fractal(rng, shape, (80, 900), 1.5))
+    colour = blend(colour, (88, 80, 70), 0.7 * here * smoothstep(0.05, 0.0, crack))
+    return to_image(colour)
+
+
+def gravel(rng: np.random.Generator, side_px: int, stone_px: float = 14.0) -> Image:
+    """Draw rounded pebbles as the nearest of jittered centres: (S, S, 3), tiling."""
+    cells = max(2, int(side_px / stone_px))
+    pitch = side_px / cells
+    centre = (
+        rng.uniform(0.1, 0.9, (cells, cells, 2))
+        + np.stack(np.meshgrid(np.arange(cells), np.arange(cells), indexing="ij"), axis=-1)
+    ) * pitch
+    v, u = np.mgrid[:side_px, :side_px]
+    warp = fractal(rng, (2, side_px, side_px), (6, 60), 1.0) * 1.3
+    rv, ru = v + warp[0], u + warp[1]
+    iv, iu = (rv // pitch).astype(int), (ru // pitch).astype(int)
+    nearest = np.full((side_px, side_px), np.inf)
+    second = nearest.copy()
+    owner = np.zeros((side_px, side_px), dtype=int)
+    for dv in (-1, 0, 1):
+        for du in (-1, 0, 1):
+            cv, cu = (iv + dv) % cells, (iu + du) % cells
+            gap_v = (rv - centre[cv, cu, 0] + side_px / 2) % side_px - side_px / 2
+            gap_u = (ru - centre[cv, cu, 1] + side_px / 2) % side_px - side_px / 2
+            distance = np.hypot(gap_v, gap_u)
+            closer = distance < nearest
+            second = np.where(closer, nearest, np.minimum(second, distance))
+            owner = np.where(closer, cv * cells + cu, owner)
+            nearest = np.where(closer, distance, nearest)
+    tone = rng.beta(2, 2, cells * cells)[owner]
+    colour = ramp(((86, 82, 78), (134, 126, 114), (172, 160, 142), (196, 190, 180)), tone)
+    dome = smoothstep(0, 0.55, (second - nearest) / pitch)
+    grain = fractal(rng, (side_px, side_px), (1.5, 6), 0.3)
+    return to_image(colour * (0.30 + 0.72 * dome * (1 + 0.08 * grain))[..., None])

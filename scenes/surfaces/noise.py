@@ -1,0 +1,69 @@
+"""Band-limited noise and the few operators that turn it into colour."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.fft
+
+from vo.contract.arrays import Array, Image
+
+
+def fractal(
+    rng: np.random.Generator,
+    shape: Sequence[int],
+    wavelengths_px: tuple[float, float],
+    slope: float = 1.0,
+    stretch: float = 1.0,
+) -> Array:
+    """Draw periodic noise whose power lies between two wavelengths.
+
+    Args:
+        rng: Source of the phases and amplitudes.
+        shape: (..., H, W); leading axes are independent draws.
+        wavelengths_px: Shortest and longest wavelength kept, in pixels.
+        slope: Amplitude falls with spatial frequency as f ** -slope; 1 is natural, 0 is white.
+        stretch: Features are this many times longer along the columns (u) than along the rows.
+
+    Returns:
+        (..., H, W) float32 of zero mean and unit deviation over each (H, W) cell; wraps at its
+        borders, so that it also tiles.
+    """
+    height, width = shape[-2:]
+    white = rng.standard_normal(tuple(shape), dtype=np.float32)
+    frequency = np.hypot(
+        scipy.fft.fftfreq(height)[:, None], stretch * scipy.fft.rfftfreq(width)[None, :]
+    )
+    shortest, longest = wavelengths_px
+    with np.errstate(divide="ignore"):
+        gain = np.where(frequency > 0, frequency**-slope, 0.0)
+    gain *= frequency >= 1 / longest
+    gain *= np.exp(-((frequency * shortest) ** 4))  # a soft upper edge does not ring
+    spectrum = scipy.fft.rfft2(white) * gain.astype(np.float32)
+    noise = scipy.fft.irfft2(spectrum, s=(height, width))
+    deviation = noise.std(axis=(-2, -1), keepdims=True)
+    return (noise / np.maximum(deviation, 1e-9)).astype(np.float32)
+
+
+def smoothstep(low: float, high: float, values: Array) -> Array:
+    """Rise from 0 at `low` to 1 at `high` with zero slope at both ends; any shape."""
+    t = np.clip((values - low) / (high - low), 0, 1)
+    return t * t * (3 - 2 * t)
+
+
+def blend(base: Array, over: Array | Sequence[float], weight: Array) -> Array:
+    """Mix colours: (..., 3) base with (..., 3) over by (...) weight in [0, 1]."""
+    return base + (np.asarray(over, dtype=np.float32) - base) * weight[..., None]
+
+
+def ramp(stops: Sequence[Sequence[float]], values: Array) -> Array:
+    """Look (...) values in [0, 1] up in K evenly spaced colour stops, giving (..., 3)."""
+    table = np.asarray(stops, dtype=np.float32)
+    at = np.clip(values, 0, 1) * (len(table) - 1)
+    lower = np.minimum(at.astype(int), len(table) - 2)
+    share = (at - lower)[..., None].astype(np.float32)
+    return table[lower] * (1 - share) + table[lower + 1] * share
+
+
+def to_image(colour: Array) -> Image:
+    """Quantise (..., 3) colours in 0..255 to uint8, clipping."""
+    return np.clip(colour + 0.5, 0, 255).astype(np.uint8)

@@ -1,0 +1,69 @@
+"""The sky with a far skyline, as the six faces of a cube."""
+
+import numpy as np
+
+from scenes.surfaces.noise import blend, fractal, ramp, smoothstep, to_image
+from vo.contract.arrays import Array, Image
+
+
+def town_sky(rng: np.random.Generator, side_px: int = 512) -> Image:
+    """Draw hazy sky, clouds, tree line and roofs: (6 S, S, 3), +x -x +y -y +z -z in the world."""
+    return np.concatenate([to_image(face) for face in _shade(rng, _directions(side_px))])
+
+
+def plain_sky(rgb: tuple[int, int, int], side_px: int = 8) -> Image:
+    """Fill the cube with one colour, for rooms: (6 S, S, 3)."""
+    return np.full((6 * side_px, side_px, 3), rgb, dtype=np.uint8)
+
+
+def _directions(side_px: int) -> Array:
+    """Unit ray of each texel: (6, S, S, 3), world axes."""
+    t = (np.arange(side_px) + 0.5) / side_px * 2 - 1
+    down, right = np.meshgrid(t, t, indexing="ij")
+    one = np.ones_like(down)
+    # OpenGL's cube faces, in a frame of y up and -z forward: right, left, up, down, front, back.
+    gl = np.stack(
+        [
+            np.stack([one, -down, -right], axis=-1),
+            np.stack([-one, -down, right], axis=-1),
+            np.stack([right, one, down], axis=-1),
+            np.stack([right, -one, -down], axis=-1),
+            np.stack([right, -down, one], axis=-1),
+            np.stack([-right, -down, -one], axis=-1),
+        ]
+    )
+    world = np.stack([gl[..., 0], -gl[..., 2], gl[..., 1]], axis=-1)
+    return world / np.linalg.norm(world, axis=-1, keepdims=True)
+
+
+def _shade(rng: np.random.Generator, rays: Array) -> Array:
+    azimuth = np.arctan2(rays[..., 1], rays[..., 0])
+    elevation = np.arcsin(rays[..., 2])
+    colour = ramp(
+        ((214, 219, 221), (196, 209, 220), (160, 186, 212), (118, 154, 196)),
+        np.clip(elevation / 1.2, 0, 1),
+    )
+    cloud = _panorama(fractal(rng, (512, 1024), (8, 500), 1.3, stretch=2.0), azimuth, elevation)
+    colour = blend(colour, (236, 236, 234), 0.8 * smoothstep(0.1, 1.6, cloud))
+    x = (azimuth / (2 * np.pi) + 0.5) * 1024
+    roofs = np.repeat(rng.uniform(0.02, 0.16, 64) * (rng.random(64) < 0.55), 16)
+    crowns = 0.075 + 0.022 * fractal(rng, (1, 1024), (8, 300), 0.9)[0]
+    texture = _panorama(fractal(rng, (512, 1024), (3, 60), 0.7), azimuth, elevation)
+    column = x.astype(int) % 1024
+    house = ramp(((146, 136, 126), (176, 160, 142), (150, 112, 94)), (column // 16 % 7) / 6)
+    windows = (np.sin(x * 1.6) > 0.35) & (np.sin(elevation * 190) > 0.2)
+    house = blend(house, (92, 98, 106), 0.7 * windows)
+    colour = np.where((elevation < roofs[column])[..., None], house, colour)
+    trees = ramp(((52, 62, 44), (84, 96, 66), (120, 128, 96)), 0.5 + 0.22 * texture)
+    colour = np.where((elevation < crowns[column])[..., None], trees, colour)
+    haze = 0.35 * (elevation < 0.2) * (elevation > -0.02)
+    colour = blend(colour, (206, 210, 210), haze)
+    return np.where((elevation < -0.01)[..., None], np.array([96.0, 100, 78]), colour)
+
+
+def _panorama(image: Array, azimuth: Array, elevation: Array) -> Array:
+    """Look an (H, W) image up by direction; it wraps, so any scale will do."""
+    height, width = image.shape
+    column = ((azimuth / (2 * np.pi) + 0.5) * width).astype(int) % width
+    row = (np.abs(elevation) / (np.pi / 2) * height).astype(int) % height
+    return image[row, column]

@@ -1,0 +1,28 @@
+"""Wood, metal and other stuff that furniture is made of."""
+
+import numpy as np
+
+from scenes.surfaces.noise import blend, fractal, smoothstep, to_image
+from vo.contract.arrays import Image
+
+
+def wood(
+    rng: np.random.Generator, shape: tuple[int, int], rgb: tuple[float, float, float]
+) -> Image:
+    """Draw planed wood with the grain along u: (H, W, 3), tiling."""
+    drift = fractal(rng, shape, (60, 1200), 1.6, stretch=6.0)
+    rings = np.sin(9 * drift + 2.5 * fractal(rng, shape, (8, 400), 1.2, stretch=12.0))
+    pores = fractal(rng, shape, (2, 12), 0.3, stretch=9.0)
+    colour = np.asarray(rgb) * (1 + 0.07 * rings + 0.04 * drift)[..., None]
+    return to_image(blend(colour, np.asarray(rgb) * 0.55, 0.6 * smoothstep(1.2, 2.4, pores)))
+
+
+def painted(
+    rng: np.random.Generator, shape: tuple[int, int], rgb: tuple[float, float, float]
+) -> Image:
+    """Draw painted or powder-coated metal with dust and scratches: (H, W, 3), tiling."""
+    dust = fractal(rng, shape, (2, 300), 1.1)
+    scratches = fractal(rng, shape, (2, 20), 0.3, stretch=14.0)
+    colour = np.asarray(rgb) * (1 + 0.035 * dust)[..., None]
+    colour = blend(colour, np.asarray(rgb) * 0.6 + 70, 0.5 * smoothstep(2.2, 3.2, scratches))
+    return to_image(colour)
