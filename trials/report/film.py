@@ -1,0 +1,104 @@
+"""Left images with the landmarks seen in them and where each came from."""
+
+import base64
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from trials.runs import SavedRun, Tracks
+from vo.contract.arrays import Array, Image, Indices
+from vo.contract.sequence import StereoSequence
+
+WIDTH_PX = 800
+TRAIL_FRAMES = 12
+OUTLIER = (150, 150, 150)
+
+
+@dataclass(frozen=True)
+class Still:
+    """One annotated image.
+
+    Attributes:
+        uri: JPEG as a data URI.
+        caption: Frame, time and counts.
+    """
+
+    uri: str
+    caption: str
+
+
+def stills(sequence: StereoSequence, run: SavedRun, count: int = 4) -> list[Still]:
+    """Draw frames spread over the run, one of them the one with the fewest inliers.
+
+    Returns:
+        At most `count` stills in order of time; none where the run came without tracks.
+    """
+    if run.tracks is None or len(run.tracks.frame) == 0:
+        return []
+    return [_still(sequence, run, run.tracks, i) for i in _choose(run.tracks, count)]
+
+
+def _choose(tracks: Tracks, count: int) -> list[int]:
+    inliers = np.bincount(tracks.frame[tracks.inlier], minlength=int(tracks.frame.max()) + 1)
+    seen = np.unique(tracks.frame)
+    spread = seen[((np.arange(count - 1) + 0.5) / (count - 1) * len(seen)).astype(int)]
+    hardest = seen[np.argmin(inliers[seen])]
+    return sorted({int(i) for i in (*spread, hardest)})
+
+
+def _still(sequence: StereoSequence, run: SavedRun, tracks: Tracks, frame: int) -> Still:
+    canvas = _annotate(sequence[frame].left, tracks, frame)
+    jpeg = cv2.imencode(".jpg", canvas, [cv2.IMWRITE_JPEG_QUALITY, 85])[1].tobytes()
+    here = tracks.frame == frame
+    time_s = (sequence.timestamps_ns[frame] - sequence.timestamps_ns[0]) / 1e9
+    caption = f"frame {frame}, {time_s:.1f} s: {tracks.inlier[here].sum()} of {here.sum()} agree"
+    if run.frames is not None:
+        caption += f", {run.frames.status[frame].value}"
+    return Still("data:image/jpeg;base64," + base64.b64encode(jpeg).decode(), caption)
+
+
+def _annotate(image: Image, tracks: Tracks, frame: int) -> Image:
+    """Draw trails of up to TRAIL_FRAMES frames: warm is near, cool is far; rejected is grey."""
+    scale = max(1.0, WIDTH_PX / image.shape[1])
+    size = (round(image.shape[1] * scale), round(image.shape[0] * scale))
+    canvas = cv2.cvtColor(
+        cv2.resize(image, size, interpolation=cv2.INTER_CUBIC), cv2.COLOR_GRAY2BGR
+    )
+    canvas = (0.8 * canvas).astype(np.uint8)
+    shift = 4  # OpenCV draws at 1/16 pixel
+    fixed = np.round(((tracks.pixels + 0.5) * scale - 0.5) * (1 << shift)).astype(np.int32)
+    here = np.flatnonzero(tracks.frame == frame)
+    recent = np.flatnonzero((tracks.frame <= frame) & (tracks.frame > frame - TRAIL_FRAMES))
+    by_landmark = _by_landmark(tracks, recent)
+    trails = [by_landmark[int(name)] for name in tracks.landmark[here]]
+    colours = _colours(tracks, here, np.array([len(trail) for trail in trails], dtype=float))
+    for trail, colour in zip(trails, colours, strict=True):
+        cv2.polylines(canvas, [fixed[trail]], False, colour, 2, cv2.LINE_AA, shift)
+    for k, colour in zip(here, colours, strict=True):
+        centre = (int(fixed[k, 0]), int(fixed[k, 1]))
+        filled = -1 if tracks.inlier[k] else 1
+        cv2.circle(canvas, centre, 3 << shift, colour, filled, cv2.LINE_AA, shift)
+    return canvas
+
+
+def _by_landmark(tracks: Tracks, chosen: Indices) -> dict[int, Indices]:
+    """Landmark to the indices of its observations among `chosen`, in order of frames."""
+    order = chosen[np.argsort(tracks.landmark[chosen], kind="stable")]
+    names, starts = np.unique(tracks.landmark[order], return_index=True)
+    groups = np.split(order, starts[1:])
+    return {int(name): group for name, group in zip(names, groups, strict=True)}
+
+
+def _colours(tracks: Tracks, here: Indices, age: Array) -> Sequence[tuple[int, int, int]]:
+    """BGR of K observations by the rank of their disparity; of their age where none is known."""
+    disparity_px = tracks.disparity_px[here]
+    value = disparity_px if np.isfinite(disparity_px).any() else age
+    rank = np.argsort(np.argsort(value)) / max(len(value) - 1, 1)
+    lookup = (25 + 205 * rank).astype(np.uint8)[None]  # the ends of the table are too dark
+    table: Array = cv2.applyColorMap(lookup, cv2.COLORMAP_TURBO)[0]
+    return [
+        (int(b), int(g), int(r)) if agrees else OUTLIER
+        for agrees, (b, g, r) in zip(tracks.inlier[here], table, strict=True)
+    ]

@@ -1,0 +1,93 @@
+"""Composes the page from a dataset and the runs on it."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from trials.alignment import Alignment, Pair, associate, fit
+from trials.report.charts import drift_by_length, error_over_distance, stage_counts, stage_timings
+from trials.report.film import TRAIL_FRAMES, stills
+from trials.report.plan import plan, read_map
+from trials.report.svg import Chart
+from trials.runs import SavedRun
+from trials.score import Score, score_run
+from vo.contract.arrays import Array
+from vo.contract.errors import DatasetError
+from vo.contract.files import write_text
+from vo.contract.readers import open_sequence, read_truth
+
+TEMPLATE = "page.html.j2"
+
+
+def write_report(dataset: Path, runs: Sequence[SavedRun], out: Path) -> None:
+    """Write one HTML file that needs no other file and no network.
+
+    Args:
+        dataset: Folder with truth.
+        runs: At least one; the first is the one shown in detail.
+        out: The page.
+
+    Raises:
+        DatasetError: If the dataset is unreadable or holds no truth.
+        TrajectoryError: If a run has nothing in common with the truth.
+    """
+    sequence, truth = open_sequence(dataset), read_truth(dataset)
+    if truth is None:
+        raise DatasetError(f"{dataset}: holds no truth to compare with")
+    runs = _distinct(runs)
+    scores = [score_run(truth, run, len(sequence)) for run in runs]
+    pairs = {run.estimator: associate(truth, run.trajectory) for run in runs}
+    main = runs[0]
+    environment = Environment(
+        loader=PackageLoader("trials.report", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    page = environment.get_template(TEMPLATE).render(
+        name=sequence.name,
+        duration_s=(sequence.timestamps_ns[-1] - sequence.timestamps_ns[0]) / 1e9,
+        scores=scores,
+        main=scores[0],
+        plan=plan(
+            truth.at(pairs[main.estimator].timestamps_ns).T_ref_frame,
+            {name: _positions(pair) for name, pair in pairs.items()},
+            read_map(dataset),
+        ),
+        charts=_charts(main, pairs, scores),
+        stills=stills(sequence, main),
+        trail_frames=TRAIL_FRAMES,
+        records=[(run.estimator, json.dumps(dict(run.about), indent=1)) for run in runs],
+    )
+    write_text(out, page)
+
+
+def _charts(main: SavedRun, pairs: dict[str, Pair], scores: Sequence[Score]) -> list[Chart]:
+    charts = [error_over_distance(pairs)]
+    if scores[0].segments:
+        charts.append(drift_by_length(scores))
+    if main.frames is not None and main.frames.counts:
+        charts.append(stage_counts(main.frames))
+    if main.frames is not None and main.frames.timings_ms:
+        charts.append(stage_timings(main.frames))
+    return charts
+
+
+def _positions(pair: Pair) -> Array:
+    """Estimated positions (N, 3) in the world, the first pose aligned."""
+    return fit(pair, Alignment.FIRST_POSE).map(pair.T_odom_cam)[:, :3, 3]
+
+
+def _distinct(runs: Sequence[SavedRun]) -> list[SavedRun]:
+    """Tell runs of one estimator apart by their files."""
+    names = [run.estimator for run in runs]
+    return [
+        run
+        if names.count(run.estimator) == 1
+        else replace(run, estimator=f"{run.estimator} ({run.path.stem})")
+        for run in runs
+    ]
