@@ -1,0 +1,168 @@
+"""Sub-pixel alignment of patches by Gauss–Newton on their intensities.
+
+One warp serves time and stereo: a template patch is scaled by `zoom`, moved by (du, dv), and
+compared after both sides were given zero mean and unit norm, which cancels gain and offset.
+
+Source: Baker and Matthews, Lucas–Kanade 20 Years On, IJCV 2004 (inverse compositional form);
+normalisation after Evangelidis and Psarakis, enhanced correlation coefficient, PAMI 2008.
+"""
+
+import numba
+import numpy as np
+
+from vo.contract.arrays import Array, Image
+
+MOST_STEPS = 12
+CONVERGED_PX = 0.005
+FLAT = 1e-6
+
+
+def align(
+    template: Image,
+    pixels: Array,
+    image: Image,
+    start: Array,
+    zoom: Array,
+    patch_px: int,
+    horizontal_only: bool = False,
+) -> tuple[Array, Array]:
+    """Move each start position to where the image looks most like the template.
+
+    Args:
+        template: (H, W) uint8.
+        pixels: (N, 2) patch centres in the template, sub-pixel.
+        image: (H', W') uint8.
+        start: (N, 2) first guess in the image, within about two pixels.
+        zoom: (N,) size of the patch in the image over its size in the template.
+        patch_px: Side of the template patch, odd.
+        horizontal_only: Search along the row, as in a rectified pair.
+
+    Returns:
+        (N, 2) aligned pixels and (N,) their ZNCC; both NaN where the patch left an image, was
+        flat, or moved more than half its side from the start.
+    """
+    aligned = np.full((len(pixels), 2), np.nan)
+    zncc = np.full(len(pixels), np.nan)
+    _align_all(
+        template, np.asarray(pixels, dtype=np.float64), image, np.asarray(start, dtype=np.float64),
+        np.asarray(zoom, dtype=np.float64), patch_px // 2, horizontal_only, aligned, zncc,
+    )  # fmt: skip
+    return aligned, zncc
+
+
+@numba.njit(cache=True)
+def _align_all(
+    template: Image,
+    pixels: Array,
+    image: Image,
+    start: Array,
+    zoom: Array,
+    radius: int,
+    horizontal_only: bool,
+    aligned: Array,
+    zncc: Array,
+) -> None:
+    side = 2 * radius + 1
+    padded = np.empty((side + 2, side + 2))
+    patch = np.empty((side, side))
+    now = np.empty((side, side))
+    gu = np.empty((side, side))
+    gv = np.empty((side, side))
+    for i in range(len(pixels)):
+        if not _sample(template, pixels[i, 0], pixels[i, 1], 1.0, padded):
+            continue
+        _gradients(padded, patch, gu, gv)
+        if not _normalise(patch, gu, gv):
+            continue
+        a, b, d = (gu * gu).sum(), (gu * gv).sum(), (gv * gv).sum()
+        if horizontal_only:
+            b, d = 0.0, 1.0
+        determinant = a * d - b * b
+        if determinant < FLAT * FLAT:
+            continue
+        u, v = start[i]
+        for _ in range(MOST_STEPS):
+            if not _sample(image, u, v, zoom[i], now) or not _normalise_only(now):
+                u = np.nan
+                break
+            e = now - patch
+            p, q = (gu * e).sum(), (gv * e).sum()
+            if horizontal_only:
+                q = 0.0
+            step_u = -(d * p - b * q) / determinant * zoom[i]
+            step_v = -(a * q - b * p) / determinant * zoom[i]
+            u += step_u
+            v += step_v
+            if abs(u - start[i, 0]) > radius or abs(v - start[i, 1]) > radius:
+                u = np.nan
+                break
+            if step_u * step_u + step_v * step_v < CONVERGED_PX * CONVERGED_PX:
+                break
+        if np.isnan(u) or not _sample(image, u, v, zoom[i], now) or not _normalise_only(now):
+            continue
+        aligned[i, 0], aligned[i, 1] = u, v
+        zncc[i] = (now * patch).sum()
+
+
+@numba.njit(cache=True)
+def _sample(image: Image, u: float, v: float, zoom: float, out: Array) -> bool:
+    """Sample a square grid of spacing `zoom` about (u, v), bilinearly; False if it leaves."""
+    side = out.shape[0]
+    reach = zoom * (side - 1) / 2
+    height, width = image.shape
+    inside = u - reach >= 0 and v - reach >= 0 and u + reach < width - 1 and v + reach < height - 1
+    if not inside:  # also where u or v is NaN
+        return False
+    for j in range(side):
+        y = v - reach + zoom * j
+        y0 = int(y)
+        fy = y - y0
+        for k in range(side):
+            x = u - reach + zoom * k
+            x0 = int(x)
+            fx = x - x0
+            top = image[y0, x0] * (1 - fx) + image[y0, x0 + 1] * fx
+            bottom = image[y0 + 1, x0] * (1 - fx) + image[y0 + 1, x0 + 1] * fx
+            out[j, k] = top * (1 - fy) + bottom * fy
+    return True
+
+
+@numba.njit(cache=True)
+def _gradients(padded: Array, patch: Array, gu: Array, gv: Array) -> None:
+    """Cut the margin of one sample off, with central differences, grey levels per pixel."""
+    side = patch.shape[0]
+    for j in range(side):
+        for k in range(side):
+            patch[j, k] = padded[j + 1, k + 1]
+            gu[j, k] = (padded[j + 1, k + 2] - padded[j + 1, k]) / 2
+            gv[j, k] = (padded[j + 2, k + 1] - padded[j, k + 1]) / 2
+
+
+@numba.njit(cache=True)
+def _normalise(patch: Array, gu: Array, gv: Array) -> bool:
+    """Bring the patch to zero mean and unit norm, and its gradients along; False if flat.
+
+    The derivative of the normalised patch is the gradient without its parts along the constant
+    and along the patch itself.
+    """
+    mean = patch.mean()
+    patch -= mean
+    norm = np.sqrt((patch * patch).sum())
+    if norm < FLAT:
+        return False
+    patch /= norm
+    for g in (gu, gv):
+        g -= g.mean()
+        g /= norm
+        g -= (g * patch).sum() * patch
+    return True
+
+
+@numba.njit(cache=True)
+def _normalise_only(patch: Array) -> bool:
+    patch -= patch.mean()
+    norm = np.sqrt((patch * patch).sum())
+    if norm < FLAT:
+        return False
+    patch /= norm
+    return True

@@ -1,0 +1,114 @@
+"""Every choice of the estimator, with its unit and its default."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from vo.contract.settings import Settings
+
+
+class FeatureSettings(Settings):
+    """CenSurE (thesis 3.2)."""
+
+    count: int = Field(default=500, ge=1, description="features kept per image")
+    threshold: float = Field(
+        default=2.0, ge=0, description="least centre-surround response, grey levels"
+    )
+    line_ratio: float = Field(
+        default=12.0, gt=1, description="largest ratio of principal gradients"
+    )
+    apart_px: float = Field(
+        default=5.0, ge=0, description="least distance of new landmarks to others"
+    )
+    cell_px: int = Field(
+        default=40, ge=8, description="side of the cells among which features are spread"
+    )
+
+
+class MatchingSettings(Settings):
+    """ZNCC with marriage assignment (thesis 3.2) and sub-pixel alignment."""
+
+    patch_px: int = Field(default=13, ge=5, le=31, description="side of the correlated patch, odd")
+    zncc: float = Field(default=0.75, gt=0, lt=1, description="least correlation of a match")
+    search_px: float = Field(
+        default=24.0, gt=0, description="radius of the window around the prediction"
+    )
+    widest_search_px: float = Field(
+        default=96.0, gt=0, description="radius while nothing can be predicted"
+    )
+    align_px: int = Field(
+        17, ge=5, le=31, description="side of the patch aligned to sub-pixels, odd"
+    )
+    align_zncc: float = Field(
+        default=0.85, gt=0, lt=1, description="least correlation after alignment"
+    )
+    align_reach_px: float = Field(
+        default=3.0, gt=0, description="most that alignment may move a feature"
+    )
+    most_zoom: float = Field(
+        default=1.3, gt=1, description="change of size after which templates renew"
+    )
+
+
+class StereoSettings(Settings):
+    """Dense stereo (thesis 3.1), made sub-pixel at the features."""
+
+    method: Literal["block_matching", "semi_global"] = "semi_global"
+    shrink: int = Field(
+        default=2, ge=1, le=4, description="dense stereo works on images this much smaller"
+    )
+    most_disparity_px: float = Field(
+        default=96.0, gt=0, description="the closest point searched for"
+    )
+    least_disparity_px: float = Field(
+        default=8.0, gt=0, description="depth gate: 5.1 m with the default rig, as in thesis 3.1"
+    )
+    align_px: int = Field(
+        default=11, ge=5, le=31, description="side of the patch aligned across the pair"
+    )
+    align_zncc: float = Field(default=0.85, gt=0, lt=1, description="least left-right correlation")
+
+
+class MotionSettings(Settings):
+    """RANSAC over P3P (thesis 2.7, 3.3, 5.4)."""
+
+    threshold: float = Field(
+        default=0.003, gt=0, description="acceptance, normalised image coordinates"
+    )
+    confidence: float = Field(default=0.9999, gt=0, lt=1, description="1 - p_fail")
+    most_trials: int = Field(default=500, ge=1)
+    batch: int = Field(default=50, ge=1, description="hypotheses solved and scored at once")
+    least_inliers: int = Field(default=8, ge=4, description="fewer, and the frame is lost")
+    weak_inliers: int = Field(default=25, ge=4, description="fewer, and the frame is weak")
+
+
+class RefinementSettings(Settings):
+    """Bundle adjustment (thesis 2.8, 3.4)."""
+
+    window: int = Field(default=8, ge=2, description="keyframes refined together")
+    least_views: int = Field(
+        default=3, ge=2, description="keyframes that must see a refined point (4.4)"
+    )
+    sigma_px: float = Field(default=0.2, gt=0, description="noise of u, v and disparity")
+    huber: float = Field(default=1.5, gt=0, description="where the loss turns linear, in sigmas")
+    most_iterations: int = Field(default=15, ge=1)
+    keyframe_parallax_px: float = Field(
+        20.0, ge=0, description="median flow that starts a keyframe"
+    )
+    keyframe_share: float = Field(
+        default=0.6, gt=0, le=1, description="tracked share that starts one"
+    )
+
+
+class OdometrySettings(Settings):
+    """The whole estimator."""
+
+    seed: int = Field(default=0, ge=0, description="of RANSAC's samples")
+    patience: int = Field(
+        default=5, ge=0, description="lost frames after which the odometry starts anew"
+    )
+    features: FeatureSettings = FeatureSettings()
+    matching: MatchingSettings = MatchingSettings()
+    stereo: StereoSettings = StereoSettings()
+    motion: MotionSettings = MotionSettings()
+    refinement: RefinementSettings = RefinementSettings()

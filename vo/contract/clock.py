@@ -1,0 +1,25 @@
+"""Milliseconds by stage."""
+
+from collections.abc import Generator
+from contextlib import contextmanager
+from time import perf_counter
+
+
+class Clock:
+    """Adds up the wall time of named blocks: `with clock("stereo"): ...`.
+
+    Attributes:
+        ms: Stage name to milliseconds, in the order of first entry.
+    """
+
+    def __init__(self) -> None:
+        self.ms: dict[str, float] = {}
+
+    @contextmanager
+    def __call__(self, stage: str) -> Generator[None]:
+        """Time a block; a stage entered twice is summed."""
+        start = perf_counter()
+        try:
+            yield
+        finally:
+            self.ms[stage] = self.ms.get(stage, 0.0) + 1e3 * (perf_counter() - start)

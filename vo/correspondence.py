@@ -1,0 +1,104 @@
+"""From landmarks to their pixels in a new view: prediction, marriage, sub-pixel alignment."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vo.alignment import align
+from vo.config import MatchingSettings, OdometrySettings
+from vo.contract import se3
+from vo.contract.arrays import Array, Image, Indices, Mask
+from vo.contract.rig import StereoRig
+from vo.matching import marry
+from vo.stereo import disparity_at
+from vo.tracks import LocalMap
+from vo.view import View
+
+
+@dataclass(frozen=True)
+class Matches:
+    """Landmarks found in a view, row by row.
+
+    Attributes:
+        rows: (N,) rows of the map's landmarks, ascending.
+        ids: (N,) their identifiers.
+        points_odom: (N, 3) their positions, metres.
+        features: (N,) rows of the view's features.
+        pixels: (N, 2) left-image (u, v), sub-pixel.
+        disparity_px: (N,) NaN where unknown.
+    """
+
+    rows: Indices
+    ids: Indices
+    points_odom: Array
+    features: Indices
+    pixels: Array
+    disparity_px: Array
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @property
+    def measured(self) -> tuple[Array, Array, Array]:
+        """Points, pixels and disparities: what a pose is refined on."""
+        return self.points_odom, self.pixels, self.disparity_px
+
+    def select(self, keep: Mask) -> "Matches":
+        """Keep some rows."""
+        return Matches(**{name: value[keep] for name, value in vars(self).items()})
+
+
+def find_matches(
+    local_map: LocalMap,
+    view: View,
+    T_odom_cam: Array,
+    reach_px: float,
+    rig: StereoRig,
+    settings: OdometrySettings,
+) -> Matches:
+    """Match landmarks with features near where a guessed pose puts them.
+
+    Args:
+        local_map: Landmarks, and the keyframes that hold their templates.
+        view: The new frame.
+        T_odom_cam: (4, 4) guessed pose.
+        reach_px: Radius of the search window.
+        rig: Projects.
+        settings: Patch sizes and least correlations.
+
+    Returns:
+        Those whose aligned patch still resembles the landmark's template.
+    """
+    landmarks, features = local_map.landmarks, view.features
+    points_cam = se3.transform(se3.inverse(T_odom_cam), landmarks.points_odom)
+    expected = rig.project(points_cam)[:, :2]
+    rows, found = marry(
+        landmarks.vectors, expected, view.vectors, features.pixels, reach_px, settings.matching
+    ).T
+    zoom = landmarks.anchor_depth_m[rows] / points_cam[rows, 2]
+    pixels = _align(
+        local_map, rows, view.frame.left, features.pixels[found], zoom, settings.matching
+    )
+    good = ~np.isnan(pixels[:, 0])
+    rows, found, pixels = rows[good], found[good], pixels[good]
+    disparity_px = disparity_at(view.frame, view.dense, pixels, settings.stereo)
+    return Matches(
+        rows, landmarks.ids[rows], landmarks.points_odom[rows], found, pixels, disparity_px
+    )
+
+
+def _align(
+    local_map: LocalMap, rows: Indices, image: Image, start: Array, zoom: Array, s: MatchingSettings
+) -> Array:
+    """Align the templates of landmarks: (N, 2) pixels, NaN where the result is unlike or far."""
+    landmarks = local_map.landmarks
+    pixels, zncc = np.full((len(rows), 2), np.nan), np.full(len(rows), np.nan)
+    for keyframe in local_map.keyframes:
+        here = landmarks.anchor[rows] == keyframe.serial
+        centres = landmarks.anchor_pixels[rows][here]
+        pixels[here], zncc[here] = align(
+            keyframe.left, centres, image, start[here], zoom[here], s.align_px
+        )
+    with np.errstate(invalid="ignore"):
+        good = (zncc > s.align_zncc) & (np.abs(pixels - start).max(axis=1) < s.align_reach_px)
+    return np.where(good[:, None], pixels, np.nan)

@@ -1,0 +1,164 @@
+"""Growing the local map by a keyframe, and refining its motion and structure (thesis 3.4)."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from vo.config import OdometrySettings, RefinementSettings
+from vo.contract import se3
+from vo.contract.arrays import Array
+from vo.contract.rig import StereoRig
+from vo.correspondence import Matches
+from vo.refine import Bundle, refine_structure
+from vo.stereo import disparity_at
+from vo.tracks import Keyframe, Landmarks, LocalMap, no_landmarks, visibility
+from vo.view import View
+
+DETERMINED = 6
+"""A keyframe that sees fewer refined landmarks keeps its pose."""
+
+
+def is_new_view(last: Keyframe, matches: Matches, settings: RefinementSettings) -> bool:
+    """Whether a view has moved far enough from the last keyframe to become one itself.
+
+    Args:
+        last: The last keyframe.
+        matches: Inliers of the view.
+        settings: Median image motion, or share of the keyframe's landmarks lost, that suffices.
+    """
+    _, then, now = np.intersect1d(last.ids, matches.ids, assume_unique=True, return_indices=True)
+    if len(then) < settings.keyframe_share * len(last.ids):
+        return True
+    flow_px = np.linalg.norm(matches.pixels[now] - last.pixels[then], axis=1)
+    return bool(np.median(flow_px) > settings.keyframe_parallax_px)
+
+
+def add_keyframe(
+    local_map: LocalMap | None,
+    view: View,
+    T_odom_cam: Array,
+    matches: Matches | None,
+    rig: StereoRig,
+    settings: OdometrySettings,
+) -> LocalMap:
+    """Append a view as a keyframe, with fresh landmarks on features that matched nothing.
+
+    The oldest keyframe beyond the window is dropped. Landmarks whose template has grown or
+    shrunk too much, or was dropped, take the new keyframe as their anchor if it sees them, and
+    are forgotten otherwise.
+
+    Args:
+        local_map: None to start a new one.
+        view: The new keyframe's.
+        T_odom_cam: (4, 4) its pose.
+        matches: Inliers of the view; None for none.
+        rig: Triangulates.
+        settings: The window, and how much a template may change.
+    """
+    if local_map is None:
+        local_map = LocalMap((), no_landmarks(view.vectors.shape[1]), 0, 0)
+    serial, known = local_map.next_serial, local_map.landmarks
+    taken = matches.pixels if matches else np.zeros((0, 2))
+    pixels, disparity_px, vectors = _fresh_features(view, taken, settings)
+    points_cam = rig.triangulate(pixels, disparity_px)
+    fresh = Landmarks(
+        ids=local_map.next_id + np.arange(len(pixels)),
+        points_odom=se3.transform(T_odom_cam, points_cam),
+        vectors=vectors,
+        anchor=np.full(len(pixels), serial),
+        anchor_pixels=pixels,
+        anchor_depth_m=points_cam[:, 2],
+    )
+    keyframe = Keyframe(serial, T_odom_cam, view.frame.left, fresh.ids, pixels, disparity_px)
+    if matches:
+        keyframe = replace(
+            keyframe,
+            ids=np.concatenate([matches.ids, fresh.ids]),
+            pixels=np.concatenate([matches.pixels, pixels]),
+            disparity_px=np.concatenate([matches.disparity_px, disparity_px]),
+        )
+    keyframes = (*local_map.keyframes, keyframe)[-settings.refinement.window :]
+    if matches:
+        known = _renew_anchors(known, matches, keyframe, keyframes[0].serial, settings)
+    known = known.select(known.anchor >= keyframes[0].serial)
+    return LocalMap(keyframes, known.extend(fresh), serial + 1, local_map.next_id + len(fresh))
+
+
+def _fresh_features(
+    view: View, taken: Array, settings: OdometrySettings
+) -> tuple[Array, Array, Array]:
+    """Features that have a depth and lie apart from pixels taken: (N, 2), (N,) px and (N, P)."""
+    pixels = view.features.pixels
+    if len(taken):
+        distance = np.linalg.norm(pixels[:, None] - taken[None], axis=-1).min(axis=1)
+        free = distance > settings.features.apart_px
+    else:
+        free = np.ones(len(pixels), dtype=bool)
+    pixels, vectors = pixels[free], view.vectors[free]
+    disparity_px = disparity_at(view.frame, view.dense, pixels, settings.stereo)
+    known = ~np.isnan(disparity_px)
+    return pixels[known], disparity_px[known], vectors[known]
+
+
+def _renew_anchors(
+    landmarks: Landmarks, seen: Matches, keyframe: Keyframe, oldest: int, s: OdometrySettings
+) -> Landmarks:
+    """Take new templates for the seen landmarks whose old one is worn or about to be dropped."""
+    depth_m = se3.transform(se3.inverse(keyframe.T_odom_cam), seen.points_odom)[:, 2]
+    zoom = landmarks.anchor_depth_m[seen.rows] / depth_m
+    worn = np.maximum(zoom, 1 / zoom) > s.matching.most_zoom
+    worn |= landmarks.anchor[seen.rows] < oldest
+    return landmarks.update(
+        seen.rows[worn],
+        anchor=np.full(worn.sum(), keyframe.serial),
+        anchor_pixels=seen.pixels[worn],
+        anchor_depth_m=depth_m[worn],
+    )
+
+
+def refine_map(
+    local_map: LocalMap, rig: StereoRig, settings: OdometrySettings
+) -> tuple[LocalMap, int]:
+    """Refine the window's poses and the landmarks that enough keyframes see (thesis 4.4).
+
+    The oldest keyframe stays, and so does one that sees too few of these landmarks to be
+    determined. Landmarks seen too rarely move rigidly with their anchor.
+
+    Returns:
+        The refined map and the iterations that it took, 0 if there was nothing to refine.
+    """
+    keyframes, landmarks = local_map.keyframes, local_map.landmarks
+    ids, mask = visibility(keyframes)
+    chosen = mask.sum(axis=1) >= settings.refinement.least_views
+    chosen &= np.isin(ids, landmarks.ids)
+    fixed = mask[chosen].sum(axis=0) < DETERMINED
+    fixed[0] = True
+    if fixed.all():
+        return local_map, 0
+    ids = ids[chosen]
+    rows = np.searchsorted(landmarks.ids, ids)
+    used = [np.isin(keyframe.ids, ids) for keyframe in keyframes]
+    pairs = list(zip(keyframes, used, strict=True))
+    T_before = np.stack([keyframe.T_odom_cam for keyframe in keyframes])
+    bundle = Bundle(
+        T_world_cam=T_before,
+        points_world=landmarks.points_odom[rows],
+        camera=np.concatenate([np.full(u.sum(), i) for i, u in enumerate(used)]),
+        point=np.concatenate([np.searchsorted(ids, k.ids[u]) for k, u in pairs]),
+        pixels=np.concatenate([k.pixels[u] for k, u in pairs]),
+        disparity_px=np.concatenate([k.disparity_px[u] for k, u in pairs]),
+        fixed=fixed,
+        K=rig.K,
+        baseline_m=rig.baseline_m,
+    )
+    refined = refine_structure(bundle, settings.refinement)
+    moved = refined.T_world_cam @ se3.inverse(T_before)
+    anchor = landmarks.anchor - keyframes[0].serial
+    points_odom = np.einsum("nij,nj->ni", moved[anchor, :3, :3], landmarks.points_odom)
+    points_odom += moved[anchor, :3, 3]
+    points_odom[rows] = refined.points_world
+    keyframes = tuple(
+        replace(k, T_odom_cam=T) for k, T in zip(keyframes, refined.T_world_cam, strict=True)
+    )
+    landmarks = replace(landmarks, points_odom=points_odom)
+    return replace(local_map, keyframes=keyframes, landmarks=landmarks), refined.iterations

@@ -1,0 +1,69 @@
+"""Matching by ZNCC with marriage assignment (thesis 3.2, eq. 3.1)."""
+
+import numpy as np
+
+from vo.config import MatchingSettings
+from vo.contract.arrays import Array, Image, Indices
+
+LEAST_CONTRAST = 1.0
+"""Standard deviation in grey levels below which a patch says nothing."""
+
+
+def describe(image: Image, pixels: Array, patch_px: int) -> Array:
+    """Cut a square patch about each pixel and normalise it, so that a dot product is the ZNCC.
+
+    Args:
+        image: (H, W) uint8.
+        pixels: (N, 2) (u, v); rounded to the nearest pixel.
+        patch_px: Side of the patch, odd.
+
+    Returns:
+        (N, patch_px**2) float32 of zero mean and unit norm. All zero, and so matching nothing,
+        where the patch is flat or leaves the image.
+    """
+    r = patch_px // 2
+    columns, rows = np.rint(pixels).astype(np.int64).T
+    height, width = image.shape
+    inside = (columns >= r) & (rows >= r) & (columns < width - r) & (rows < height - r)
+    vectors = np.zeros((len(pixels), patch_px**2), dtype=np.float32)
+    if not inside.any():
+        return vectors
+    windows = np.lib.stride_tricks.sliding_window_view(image, (patch_px, patch_px))
+    patches = windows[rows[inside] - r, columns[inside] - r].reshape(-1, patch_px**2)
+    centred = patches - patches.mean(axis=1, dtype=np.float32, keepdims=True)
+    norm = np.linalg.norm(centred, axis=1, keepdims=True)
+    vectors[inside] = np.where(norm > LEAST_CONTRAST * patch_px, centred / np.maximum(norm, 1), 0)
+    return vectors
+
+
+def marry(
+    vectors_a: Array,
+    expected_a: Array,
+    vectors_b: Array,
+    pixels_b: Array,
+    radius_px: float,
+    settings: MatchingSettings,
+) -> Indices:
+    """Pair features that choose each other as the most similar within the search window.
+
+    Args:
+        vectors_a: (N, P) from `describe`.
+        expected_a: (N, 2) where each of a is expected in image b; a NaN matches nothing.
+        vectors_b: (M, P).
+        pixels_b: (M, 2).
+        radius_px: Radius of the search window about the expectation.
+        settings: The least correlation.
+
+    Returns:
+        (K, 2) index pairs (into a, into b), one to one, in order of a.
+    """
+    if len(vectors_a) == 0 or len(vectors_b) == 0:
+        return np.zeros((0, 2), dtype=np.int64)
+    scores = vectors_a @ vectors_b.T
+    with np.errstate(invalid="ignore"):
+        near = np.abs(expected_a[:, None, :] - pixels_b[None, :, :]).max(axis=-1) < radius_px
+    scores = np.where(near, scores, -1.0)
+    best_b, best_a = scores.argmax(axis=1), scores.argmax(axis=0)
+    a = np.arange(len(vectors_a))
+    married = (best_a[best_b] == a) & (scores[a, best_b] > settings.zncc)
+    return np.stack([a[married], best_b[married]], axis=-1)

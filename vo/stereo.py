@@ -1,0 +1,97 @@
+"""Disparity: dense by OpenCV, made sub-pixel at the features (thesis 2.5, 3.1)."""
+
+import cv2
+import numpy as np
+
+from vo.alignment import align
+from vo.config import StereoSettings
+from vo.contract.arrays import Array, Image
+from vo.contract.sequence import StereoFrame
+
+FIXED_POINT = 16.0
+"""OpenCV's matchers return sixteenths of a pixel."""
+
+MOST_CORRECTION_PX = 2.0
+"""Alignment that moves a dense disparity further has found something else."""
+
+
+class DenseStereo:
+    """A dense matcher, on images reduced by `settings.shrink`."""
+
+    def __init__(self, settings: StereoSettings) -> None:
+        """Size the search so that it covers `settings.most_disparity_px`."""
+        self._shrink = settings.shrink
+        self.disparities = 16 * int(np.ceil(settings.most_disparity_px / self._shrink / 16))
+        if settings.method == "block_matching":
+            self._matcher = cv2.StereoBM.create(self.disparities, 15)
+            self._matcher.setUniquenessRatio(8)
+            self._matcher.setTextureThreshold(5)
+        else:
+            self._matcher = cv2.StereoSGBM.create(
+                minDisparity=0, numDisparities=self.disparities, blockSize=5, P1=8 * 25,
+                P2=32 * 25, disp12MaxDiff=1, uniquenessRatio=8,
+                mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,
+            )  # fmt: skip
+
+    def __call__(self, left: Image, right: Image) -> Array:
+        """Return the disparity u_left - u_right at each left pixel.
+
+        Args:
+            left: (H, W) uint8.
+            right: (H, W) uint8.
+
+        Returns:
+            (H / shrink, W / shrink) float32 in pixels of the full image; NaN where unknown.
+        """
+        if self._shrink > 1:
+            size = (left.shape[1] // self._shrink, left.shape[0] // self._shrink)
+            left, right = (
+                np.asarray(cv2.resize(x, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+                for x in (left, right)
+            )
+        if left.shape[1] <= self.disparities:
+            return np.full(left.shape, np.nan, dtype=np.float32)
+        raw = self._matcher.compute(left, right)
+        return np.where(raw > 0, raw * np.float32(self._shrink / FIXED_POINT), np.nan)
+
+
+def disparity_at(
+    frame: StereoFrame, dense: Array, pixels: Array, settings: StereoSettings
+) -> Array:  # fmt: skip
+    """Read the dense disparity at features and refine it by aligning their patches.
+
+    Args:
+        frame: The pair.
+        dense: Disparity map, possibly of a smaller image; NaN where unknown.
+        pixels: (N, 2) left-image (u, v).
+        settings: The depth gate and the least correlation.
+
+    Returns:
+        (N,) u_left - u_right; NaN where unknown, unlike, or beyond the depth gate.
+    """
+    disparity = _lookup(dense, pixels, frame.left.shape)
+    start = np.stack([pixels[:, 0] - disparity, pixels[:, 1]], axis=-1)
+    same_size = np.ones(len(pixels))
+    aligned, zncc = align(
+        frame.left, pixels, frame.right, start, same_size, settings.align_px, horizontal_only=True
+    )
+    refined = pixels[:, 0] - aligned[:, 0]
+    with np.errstate(invalid="ignore"):
+        good = (
+            (zncc > settings.align_zncc)
+            & (np.abs(refined - disparity) < 2)
+            & (refined > settings.least_disparity_px)
+        )
+    return np.where(good, refined, np.nan)
+
+
+def _lookup(dense: Array, pixels: Array, shape: tuple[int, ...]) -> Array:
+    """Nearest value of a map that covers the image of `shape`, NaN outside."""
+    rows = np.floor((pixels[:, 1] + 0.5) * dense.shape[0] / shape[0])
+    columns = np.floor((pixels[:, 0] + 0.5) * dense.shape[1] / shape[1])
+    with np.errstate(invalid="ignore"):
+        inside = (rows >= 0) & (rows < dense.shape[0])
+        inside &= (columns >= 0) & (columns < dense.shape[1])
+    values = np.full(len(pixels), np.nan)
+    values[inside] = dense[rows[inside].astype(int), columns[inside].astype(int)]
+    return values

@@ -1,0 +1,109 @@
+"""Landmarks, keyframes, and the window of keyframes in which landmarks are still known."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vo.contract.arrays import Array, Image, Indices, Mask
+
+
+@dataclass(frozen=True)
+class Keyframe:
+    """A frame that is kept, with the landmarks that agreed with its pose.
+
+    Attributes:
+        serial: Counts the keyframes of a run.
+        T_odom_cam: (4, 4) left camera in the first left camera's frame.
+        left: (H, W) uint8, the source of templates.
+        ids: (N,) landmarks seen, ascending.
+        pixels: (N, 2) left-image (u, v).
+        disparity_px: (N,) NaN where unknown.
+    """
+
+    serial: int
+    T_odom_cam: Array
+    left: Image
+    ids: Indices
+    pixels: Array
+    disparity_px: Array
+
+
+@dataclass(frozen=True)
+class Landmarks:
+    """Points that the next frame may see again, row by row.
+
+    Attributes:
+        ids: (N,) ascending, unique over the whole run.
+        points_odom: (N, 3) metres.
+        vectors: (N, P) latest appearance, for matching.
+        anchor: (N,) serial of the keyframe that holds the template for alignment.
+        anchor_pixels: (N, 2) template centre in that keyframe.
+        anchor_depth_m: (N,) depth there.
+    """
+
+    ids: Indices
+    points_odom: Array
+    vectors: Array
+    anchor: Indices
+    anchor_pixels: Array
+    anchor_depth_m: Array
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    def select(self, rows: Mask | Indices) -> "Landmarks":
+        """Keep some rows."""
+        return Landmarks(**{name: value[rows] for name, value in vars(self).items()})
+
+    def extend(self, other: "Landmarks") -> "Landmarks":
+        """Append rows, whose ids must be larger."""
+        mine, theirs = vars(self), vars(other)
+        return Landmarks(**{name: np.concatenate([mine[name], theirs[name]]) for name in mine})
+
+    def update(self, rows: Indices | Mask, **columns: Array) -> "Landmarks":
+        """Replace the named columns of some rows."""
+        renewed = {name: getattr(self, name).copy() for name in columns}
+        for name, values in columns.items():
+            renewed[name][rows] = values
+        return replace(self, **renewed)
+
+
+@dataclass(frozen=True)
+class LocalMap:
+    """The last keyframes and the landmarks that they saw.
+
+    Attributes:
+        keyframes: Oldest first.
+        landmarks: Those whose anchor is among the keyframes.
+        next_serial: Of the next keyframe.
+        next_id: Of the next landmark.
+    """
+
+    keyframes: tuple[Keyframe, ...]
+    landmarks: Landmarks
+    next_serial: int
+    next_id: int
+
+    def seen(self, rows: Indices, vectors: Array) -> "LocalMap":
+        """Renew the appearance of landmarks."""
+        return replace(self, landmarks=self.landmarks.update(rows, vectors=vectors))
+
+
+def no_landmarks(vector_size: int) -> Landmarks:
+    """The empty set, for appearance vectors of a size."""
+    none = np.zeros(0, dtype=np.int64)
+    return Landmarks(
+        none, np.zeros((0, 3)), np.zeros((0, vector_size), np.float32), none, np.zeros((0, 2)),
+        np.zeros(0),
+    )  # fmt: skip
+
+
+def visibility(keyframes: tuple[Keyframe, ...]) -> tuple[Indices, Mask]:
+    """The binary mask M[j, i]: landmark j is seen by keyframe i (thesis 4.4).
+
+    Returns:
+        (L,) ascending landmark ids and (L, K) mask.
+    """
+    ids = np.unique(np.concatenate([keyframe.ids for keyframe in keyframes]))
+    mask = np.stack([np.isin(ids, keyframe.ids) for keyframe in keyframes], axis=1)
+    return ids, mask
