@@ -1,8 +1,6 @@
 """The plain baseline: corners, Lucas–Kanade in time and across the pair, PnP; frame to frame."""
 
-from collections.abc import Callable
-from time import perf_counter
-from typing import TypeVar, cast
+from typing import cast
 
 import cv2
 import numpy as np
@@ -10,12 +8,11 @@ from pydantic import Field
 
 from vo.contract import se3
 from vo.contract.arrays import Array, Image, Mask
+from vo.contract.clock import Clock
 from vo.contract.estimator import Estimate, Observations, Status
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
 from vo.contract.settings import Settings
-
-T = TypeVar("T")
 
 
 class CornerFlowSettings(Settings):
@@ -62,40 +59,43 @@ class CornerFlow:
 
     def track(self, frame: StereoFrame) -> Estimate:
         """Estimate the motion since the previous frame; never raises on image content."""
-        s, previous, watch = self.settings, self._previous, _Stopwatch()
+        s, previous, clock = self.settings, self._previous, Clock()
         self._previous = frame
         if previous is None:
             return Estimate(frame.timestamp_ns, Status.START, self._T_odom_cam)
 
-        # 1. Corners of the previous left image (Shi & Tomasi 1994).
-        corners = watch.time("corners", lambda: self._detect(previous.left))
-        # 2. Their disparity and 3. their new place, by Lucas–Kanade there and back (Bouguet 2000).
-        right, seen = watch.time(
-            "stereo", lambda: self._follow(previous.left, previous.right, corners)
-        )
-        disparity_px = corners[:, 0] - right[:, 0]
-        seen &= np.abs(corners[:, 1] - right[:, 1]) <= s.row_px
-        seen &= disparity_px >= s.min_disparity_px
-        corners, disparity_px = corners[seen], disparity_px[seen]
-        moved, kept = watch.time("flow", lambda: self._follow(previous.left, frame.left, corners))
-        points_prev = self.rig.triangulate(corners[kept], disparity_px[kept])
-        # 4. T_cam_prev by RANSAC PnP, then Levenberg–Marquardt on the inliers.
-        T_cam_prev, inlier = watch.time("pose", lambda: self._solve(points_prev, moved[kept]))
+        with clock("corners"):  # of the previous left image (Shi & Tomasi 1994)
+            corners = self._detect(previous.left)
+        with clock("stereo"):  # Lucas–Kanade there and back (Bouguet 2000)
+            right, seen = self._follow(previous.left, previous.right, corners)
+            disparity_px = corners[:, 0] - right[:, 0]
+            seen &= np.abs(corners[:, 1] - right[:, 1]) <= s.row_px
+            seen &= disparity_px >= s.min_disparity_px
+            corners, disparity_px = corners[seen], disparity_px[seen]
+        with clock("flow"):  # the same in time
+            moved, kept = self._follow(previous.left, frame.left, corners)
+            points_prev = self.rig.triangulate(corners[kept], disparity_px[kept])
+        with clock("pose"):  # RANSAC PnP, then Levenberg–Marquardt on the inliers
+            T_cam_prev, inlier = self._solve(points_prev, moved[kept])
 
         counts = {"corners": len(seen), "stereo": len(kept), "flow": len(inlier)}
         counts["inliers"] = int(inlier.sum())
         ids = self._landmarks + np.arange(len(inlier))
         self._landmarks += len(inlier)
-        observed = Observations(ids, moved[kept], np.full(len(inlier), np.nan), inlier)
-        status, reason = Status.TRACKED, ""
         if T_cam_prev is None:
-            status = Status.LOST
-            reason = f"{counts['inliers']} inliers of {len(inlier)} tracks, need {s.min_inliers}"
             self._previous = None
-        else:
-            self._T_odom_cam = self._T_odom_cam @ se3.inverse(T_cam_prev)
-        T_odom_cam = None if T_cam_prev is None else self._T_odom_cam
-        return Estimate(frame.timestamp_ns, status, T_odom_cam, reason, counts, watch.ms, observed)
+            unknown = np.full(len(inlier), np.nan)
+            observed = Observations(ids, moved[kept], unknown, inlier)
+            reason = f"{counts['inliers']} inliers of {len(inlier)} tracks, need {s.min_inliers}"
+            return Estimate(
+                frame.timestamp_ns, Status.LOST, None, reason, counts, clock.ms, observed
+            )
+        self._T_odom_cam = self._T_odom_cam @ se3.inverse(T_cam_prev)
+        expected_px = self.rig.project(se3.transform(T_cam_prev, points_prev))[:, 2]
+        observed = Observations(ids, moved[kept], expected_px, inlier)
+        return Estimate(
+            frame.timestamp_ns, Status.TRACKED, self._T_odom_cam, "", counts, clock.ms, observed
+        )
 
     def _detect(self, image: Image) -> Array:
         """Return (N, 2) float32 corners (u, v), N may be 0."""
@@ -138,16 +138,3 @@ class CornerFlow:
         rotation, t = cv2.solvePnPRefineLM(points[inlier], pixels[inlier], K, None, rotation, t)
         T_cam_prev = se3.pose(cv2.Rodrigues(rotation)[0], np.ravel(t))
         return (T_cam_prev if np.isfinite(T_cam_prev).all() else None), inlier
-
-
-class _Stopwatch:
-    """Milliseconds by stage."""
-
-    def __init__(self) -> None:
-        self.ms: dict[str, float] = {}
-
-    def time(self, stage: str, work: Callable[[], T]) -> T:
-        start = perf_counter()
-        result = work()
-        self.ms[stage] = 1e3 * (perf_counter() - start)
-        return result

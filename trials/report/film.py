@@ -73,7 +73,7 @@ def _annotate(image: Image, tracks: Tracks, frame: int) -> Image:
     recent = np.flatnonzero((tracks.frame <= frame) & (tracks.frame > frame - TRAIL_FRAMES))
     by_landmark = _by_landmark(tracks, recent)
     trails = [by_landmark[int(name)] for name in tracks.landmark[here]]
-    colours = _colours(tracks, here, np.array([len(trail) for trail in trails], dtype=float))
+    colours = _colours(tracks, here)
     for trail, colour in zip(trails, colours, strict=True):
         cv2.polylines(canvas, [fixed[trail]], False, colour, 2, cv2.LINE_AA, shift)
     for k, colour in zip(here, colours, strict=True):
@@ -91,11 +91,9 @@ def _by_landmark(tracks: Tracks, chosen: Indices) -> dict[int, Indices]:
     return {int(name): group for name, group in zip(names, groups, strict=True)}
 
 
-def _colours(tracks: Tracks, here: Indices, age: Array) -> Sequence[tuple[int, int, int]]:
-    """BGR of K observations by the rank of their disparity; of their age where none is known."""
-    disparity_px = tracks.disparity_px[here]
-    value = disparity_px if np.isfinite(disparity_px).any() else age
-    rank = np.argsort(np.argsort(value)) / max(len(value) - 1, 1)
+def _colours(tracks: Tracks, here: Indices) -> Sequence[tuple[int, int, int]]:
+    """BGR of K observations by the rank of their disparity, the unknown ones last."""
+    rank = np.argsort(np.argsort(tracks.disparity_px[here])) / max(len(here) - 1, 1)
     lookup = (25 + 205 * rank).astype(np.uint8)[None]  # the ends of the table are too dark
     table: Array = cv2.applyColorMap(lookup, cv2.COLORMAP_TURBO)[0]
     return [

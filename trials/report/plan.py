@@ -144,7 +144,7 @@ def plan(T_world_cam: Array, estimates: Mapping[str, Array], background: SceneMa
         view = View.around(ground.project(points))
     parts = [_backdrop(view, background, ground)]
     on_page = view.place(ground.project(truth))
-    parts += [_path(on_page, "truth")]
+    parts.append(_path(on_page, "truth"))
     for i, positions in enumerate(estimates.values()):
         parts.append(_path(view.place(ground.project(positions)), f"s{i % COLOURS}"))
     parts.append(_mark(on_page[0], "start"))
@@ -176,14 +176,14 @@ def _backdrop(view: View, background: SceneMap | None, ground: Ground) -> str:
 
 def _path(points: Array, style: str) -> str:
     d = trace(points[:, 0], points[:, 1])
-    return f'<path class="halo" d="{d}"/><path class="line {style}" d="{d}"/>'
+    return f'<path class="halo {style}" d="{d}"/><path class="line {style}" d="{d}"/>'
 
 
 def _mark(point: Array, label: str) -> str:
     x, y = point
     return (
         f'<circle class="start" cx="{x:.1f}" cy="{y:.1f}" r="6"/>'
-        f'<text class="mark" x="{x + 11:.1f}" y="{y + 5:.1f}">{label}</text>'
+        f'<text class="mark" x="{x - 6:.1f}" y="{y - 12:.1f}">{label}</text>'
     )
 
 
@@ -192,6 +192,6 @@ def _scale_bar(view: View) -> str:
     x, y, end = 16.0, view.height - 16.0, 16.0 + length_m * view.scale
     d = f"M{x} {y - 6:.1f}V{y:.1f}H{end:.1f}V{y - 6:.1f}"
     return (
-        f'<path class="halo" d="{d}"/><path class="line bar" d="{d}"/>'
+        f'<path class="halo bar" d="{d}"/><path class="line bar" d="{d}"/>'
         f'<text class="mark" x="{x + 8}" y="{y - 7:.1f}">{length_m:g} m</text>'
     )

@@ -185,7 +185,7 @@ def ticks(low: float, high: float, count: int = 5) -> Array:
     power = 10.0 ** np.floor(np.log10(raw))
     step = power * next(m for m in (1, 2, 5, 10) if m * power >= raw * (1 - 1e-9))
     first, last = np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9)
-    return np.round(np.arange(first, last + 1) * step, 12)
+    return np.round(np.arange(first, last + 1) * step, 12) + 0.0  # no -0
 
 
 def thin(x: Array, y: Array) -> tuple[Array, Array]:
