@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from scenes import brick_court
+from scenes import brick_court, office
 from scenes.scene import Scene
 from vo.contract.errors import SettingsError
 from vo.contract.settings import Settings
@@ -32,6 +32,7 @@ SCENES: dict[str, SceneBuilder] = {
     "brick_court": SceneBuilder(
         brick_court.TESTS, brick_court.BrickCourtSettings, brick_court.build
     ),
+    "office": SceneBuilder(office.TESTS, office.OfficeSettings, office.build),
 }
 
 

@@ -1,0 +1,246 @@
+"""An open-plan office: carpet tiles, desks in islands, shelves and clutter along the walls."""
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from scenes import furniture
+from scenes.furniture import Place, local
+from scenes.light import Light, ground_light, shaded_normals
+from scenes.mesh import Mesh, box, merged, patch
+from scenes.routes import rounded_loop
+from scenes.scene import Scene
+from scenes.stage import Stage
+from scenes.surfaces import greenery, masonry, prints, sky, textile, timber
+from scenes.surfaces.atlas import Atlas, pack
+from vo.contract.arrays import Array
+from vo.contract.settings import Settings
+
+TESTS = "Indoor carpet of fine, faint texture between desks and shelves: a smooth, level drive."
+TILE_M = 0.5
+ROOM_HEIGHT_M = 2.7
+WALL_M = 0.12
+
+
+class OfficeSettings(Settings):
+    """What may be asked of the office.
+
+    Attributes:
+        length_m: Size of the room along x.
+        width_m: Size of the room along y.
+        clutter: Share of the places along the walls that are filled.
+    """
+
+    length_m: Annotated[float, Field(ge=12, le=20)] = 13.0
+    width_m: Annotated[float, Field(ge=8.5, le=14)] = 9.0
+    clutter: Annotated[float, Field(ge=0, le=1)] = 0.85
+
+
+def build(rng: np.random.Generator, settings: OfficeSettings) -> Scene:
+    """Build the office; layout, textures and light follow the generator."""
+    stage = Stage("office")
+    half = np.array([settings.length_m, settings.width_m]) / 2
+    atlases = _surfaces(stage, rng)
+    light = _lamps(rng)
+    _walls(stage, rng, half, atlases["posters"])
+    _islands(stage, rng, half, atlases)
+    _along_walls(stage, rng, half, atlases, settings.clutter)
+    _carpet(stage, rng, half, light)
+    stage.floor(0.0)
+    stage.finish(light, sky.plain_sky((188, 194, 200)))
+    return Scene(
+        name="office",
+        tests=TESTS,
+        spec=stage.spec,
+        routes={"default": _route(rng, half)},
+        extent_m=(-half[0] - 0.2, -half[1] - 0.2, half[0] + 0.2, half[1] + 0.2),
+        tags=frozenset({"indoor", "level", "textured"}),
+    )
+
+
+def _route(rng: np.random.Generator, half: Array) -> Array:
+    """Drive once around the islands, counter-clockwise."""
+    x, y = half - 1.25
+    corners = np.array(
+        [
+            (x, -y + rng.uniform(0, 0.12)),
+            (x - rng.uniform(0, 0.12), y),
+            (0.3 * x, y - rng.uniform(0, 0.1)),
+            (-0.3 * x, y),
+            (-x, y - rng.uniform(0, 0.12)),
+            (-x + rng.uniform(0, 0.12), -y),
+            (-0.3 * x, -y + rng.uniform(0, 0.1)),
+            (0.3 * x, -y),
+        ]
+    )
+    return rounded_loop(corners, radius_m=0.8)
+
+
+def _lamps(rng: np.random.Generator) -> Light:
+    """Wide daylight from the windows, in the wall towards +y, and ceiling panels as the fill."""
+    azimuth, elevation = np.pi / 2 + rng.uniform(-0.5, 0.5), np.radians(rng.uniform(50, 60))
+    flat = np.cos(elevation)
+    return Light(
+        key=np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)]),
+        key_rgb=(0.42, 0.43, 0.44),
+        fill_rgb=(0.46, 0.45, 0.42),
+        ambient_rgb=(0.26, 0.26, 0.26),
+        softness_rad=0.45,
+    )
+
+
+def _surfaces(stage: Stage, rng: np.random.Generator) -> dict[str, Atlas]:
+    """Define the materials; returns the atlases by material."""
+    atlases = {
+        "posters": pack(prints.posters(rng, 10, (420, 300))),
+        "books": pack(prints.book_rows(rng, 14, (192, 672))),
+        "cartons": pack(prints.cartons(rng, 8, 256)),
+        "screens": pack(prints.screens(rng, 6, (200, 340))),
+    }
+    for name, atlas in atlases.items():
+        stage.material(name, atlas.image)
+    stage.material("wall", masonry.plaster(rng, (512, 2048), (206, 204, 196)))
+    stage.material("beech", timber.wood(rng, (512, 1024), (190, 158, 118)))
+    stage.material("oak", timber.wood(rng, (512, 1024), (142, 106, 72)))
+    stage.material("steel", timber.painted(rng, (256, 256), (150, 152, 154)))
+    stage.material("panel", timber.painted(rng, (512, 512), (182, 182, 178)))
+    drawer = (172, 174, 174) if rng.random() < 0.5 else (120, 134, 142)
+    stage.material("drawer", timber.painted(rng, (512, 512), drawer))
+    stage.material("plastic", timber.painted(rng, (256, 256), (56, 58, 62)))
+    stage.material("pot", timber.painted(rng, (256, 256), (150, 104, 80)))
+    seat = np.array(((66, 84, 108), (112, 70, 62), (76, 92, 78)))[rng.integers(3)]
+    stage.material("cloth", textile.fabric(rng, 256, (seat[0], seat[1], seat[2])))
+    stage.material("leaves", greenery.leaves(rng, 1, 512)[0])
+    stage.material("soil", greenery.soil(rng, 256))
+    stage.material("notes", prints.notes(rng, (480, 500)))
+    stage.material("keyboard", prints.keyboard())
+    stage.material("label", prints.posters(rng, 1, (64, 128))[0])
+    return atlases
+
+
+def _walls(stage: Stage, rng: np.random.Generator, half: Array, posters: Atlas) -> None:
+    """Four walls with skirting; posters, a door to -x and windows to +y."""
+    x, y = half
+    runs = (((-x, y), 2 * x, 0.0), ((x, y), 2 * y, -np.pi / 2))
+    runs += (((x, -y), 2 * x, np.pi), ((-x, -y), 2 * y, np.pi / 2))
+    for k, (start, length, yaw) in enumerate(runs):
+        put = furniture.at(stage, (*start, yaw))
+        inside = patch((0, 0, 0), (length, 0, 0), (0, 0, ROOM_HEIGHT_M), (24, 9))
+        period = inside.textured(np.array([0, 0, length / 8, 1.0]))
+        put("wall", period)
+        put("oak", box((length / 2, -0.008, 0.05), (length - 0.04, 0.016, 0.1), (1.2, 0.6)))
+        wall: Place = (*start, yaw)
+        middle = local(wall, length / 2, WALL_M / 2)
+        size = (length + 2 * WALL_M, WALL_M, ROOM_HEIGHT_M)
+        furniture.solid(stage, f"wall_{k}", middle, size, shadow=False)
+        for place in np.arange(0.8, length - 1.2, 1.15):
+            if rng.random() < 0.5 and not (k == 0 or (k == 3 and abs(place - y) < 1.5)):
+                low = rng.uniform(0.55, 1.2)
+                sheet = box((place + 0.25, -0.004, low + 0.42), (0.6, 0.006, 0.84))
+                put("posters", sheet.textured(posters.rects[rng.integers(posters.count)]))
+    _door(stage, rng, (-x, -y, np.pi / 2), y)
+
+
+def _door(stage: Stage, rng: np.random.Generator, wall: Place, along_m: float) -> None:
+    put = furniture.at(stage, wall)
+    put("oak", box((along_m, -0.012, 1.03), (0.92, 0.02, 2.06), (1.2, 2.2), rng.random(2)))
+    for side in (-0.5, 0.5):
+        frame = box((along_m + side, -0.02, 1.06), (0.08, 0.04, 2.12), (0.5, 0.5))
+        put("steel", frame)
+    put("steel", box((along_m + 0.36, -0.05, 1.02), (0.13, 0.02, 0.02), (0.5, 0.5), bottom=True))
+    put("steel", box((along_m, -0.024, 0.18), (0.84, 0.003, 0.24), (0.5, 0.5)))
+
+
+def _islands(
+    stage: Stage, rng: np.random.Generator, half: Array, atlases: dict[str, Atlas]
+) -> None:
+    """Three islands of four desks, back to back, with a chair and clutter at each."""
+    pitch = (2 * half[0] - 2 * 2.0) / 3
+    for k in range(3):
+        centre: Place = ((k - 1) * pitch, 0.0, np.pi / 2 + rng.normal(0, 0.01))
+        for j, (dx, side) in enumerate(((-0.81, 1), (0.81, 1), (-0.81, -1), (0.81, -1))):
+            turn = 0.0 if side < 0 else np.pi
+            place = local(centre, dx, side * 0.42, turn)
+            number = 4 * k + j
+            furniture.desk(stage, f"desk_{number}", rng, place, atlases["screens"])
+            seat = local(place, rng.uniform(-0.2, 0.2), rng.uniform(-0.62, -0.5), np.pi)
+            turned = (seat[0], seat[1], seat[2] + rng.uniform(-0.6, 0.6))
+            furniture.chair(stage, f"chair_{number}", rng, turned)
+            if rng.random() < 0.6:
+                spot = local(place, rng.uniform(0.35, 0.55) * rng.choice([-1, 1]), -0.55)
+                furniture.bin_(stage, f"bin_{number}", spot)
+
+
+def _along_walls(
+    stage: Stage,
+    rng: np.random.Generator,
+    half: Array,
+    atlases: dict[str, Atlas],
+    clutter: float,
+) -> None:
+    """Line the walls, 0.45 m deep, with bookcases, cabinets, boxes, plants and a whiteboard."""
+    x, y = half
+    sides = (
+        (np.array([-x, y]), 2 * x, 0.0),
+        (np.array([x, y]), 2 * y, -np.pi / 2),
+        (np.array([x, -y]), 2 * x, np.pi),
+        (np.array([-x, -y]), 2 * y, np.pi / 2),
+    )
+    number = 0
+    for start, length, yaw in sides:
+        wall: Place = (float(start[0]), float(start[1]), yaw)
+        for along in np.arange(0.75, length - 0.7, 1.12):
+            blocked = start[0] < 0 and start[1] < 0 and abs(along - y) < 1.1  # the door
+            if blocked or rng.random() > clutter:
+                continue
+            _piece(stage, f"piece_{number}", rng, local(wall, float(along), 0.0), atlases)
+            number += 1
+
+
+def _piece(
+    stage: Stage, name: str, rng: np.random.Generator, wall: Place, atlases: dict[str, Atlas]
+) -> None:
+    """Stand one random piece against the wall at a place on it."""
+    kind = rng.choice(
+        ["books", "cabinet", "cartons", "plant", "board"], p=[0.42, 0.2, 0.18, 0.13, 0.07]
+    )
+    if kind == "books":
+        place = local(wall, 0, -0.20)
+        furniture.bookcase(stage, name, rng, place, atlases["books"], atlases["cartons"])
+    elif kind == "cabinet":
+        furniture.cabinet(stage, name, rng, local(wall, 0, -0.26))
+    elif kind == "cartons":
+        place = local(wall, rng.uniform(-0.2, 0.2), -0.25, rng.uniform(-0.1, 0.1))
+        furniture.cartons_stack(stage, name, rng, place, atlases["cartons"])
+    elif kind == "plant":
+        furniture.plant(stage, name, rng, local(wall, 0, -0.25))
+    else:
+        furniture.whiteboard(stage, name, local(wall, 0, -0.32, rng.uniform(-0.05, 0.05)))
+
+
+def _carpet(stage: Stage, rng: np.random.Generator, half: Array, light: Light) -> None:
+    """Lay carpet tiles, each of a random variant and turn, in the baked light of the room."""
+    atlas = pack(textile.carpet_tiles(rng, 16, 500))
+    stage.material("carpet", atlas.image)
+    counts = np.ceil(2 * half / TILE_M).astype(int)
+    tiles: list[Mesh] = []
+    for i, j in np.ndindex(*counts):
+        corner = (i * TILE_M - half[0], j * TILE_M - half[1], 0.0)
+        tile = patch(corner, (TILE_M, 0, 0), (0, TILE_M, 0), (5, 5))
+        tiles.append(
+            _turned(tile, int(rng.integers(8))).textured(atlas.rects[rng.integers(atlas.count)])
+        )
+    carpet = merged(tiles)
+    reach = (-half[0], -half[1], half[0], half[1])
+    baked = ground_light(reach, stage.blockers, light, 0.08)
+    key, fill = baked.at(carpet.points)
+    normals = shaded_normals(carpet.normals, key, fill, light)
+    stage.draw_lit("carpet", Mesh(carpet.points, normals, carpet.uv, carpet.faces))
+
+
+def _turned(tile: Mesh, turn: int) -> Mesh:
+    """Show the unit texture in one of its 8 turns and mirror images."""
+    uv = tile.uv[:, ::-1] if turn & 1 else tile.uv
+    flips = np.array([turn >> 1 & 1, turn >> 2 & 1])
+    return Mesh(tile.points, tile.normals, flips + uv * (1 - 2 * flips), tile.faces)

@@ -1,0 +1,47 @@
+"""Carpet tiles and upholstery."""
+
+import numpy as np
+
+from scenes.surfaces.noise import blend, fractal, ramp, smoothstep, to_image
+from vo.contract.arrays import Array, Image
+
+CARPETS = (  # dark, middle, light yarn
+    ((58, 62, 70), (96, 102, 112), (146, 152, 160)),
+    ((66, 62, 58), (112, 104, 96), (162, 154, 144)),
+    ((52, 62, 64), (88, 104, 104), (136, 152, 150)),
+)
+
+
+def carpet_tiles(rng: np.random.Generator, count: int, side_px: int) -> Image:
+    """Draw worn loop-pile tiles of one range at 1 mm per texel: (count, S, S, 3)."""
+    size = (count, side_px, side_px)
+    yarn = CARPETS[rng.integers(len(CARPETS))]
+    loops = fractal(rng, size, (2.2, 7), 0.0)
+    heather = fractal(rng, size, (6, 50), 0.5, stretch=2.5)
+    tread = fractal(rng, size, (40, side_px), 1.3)
+    batch = rng.normal(0, 0.03, (count, 1, 1))
+    colour = ramp(yarn, 0.46 + 0.13 * loops + 0.11 * heather + 0.05 * tread + batch)
+    fleck = fractal(rng, size, (3, 12), 0.0, stretch=1.8)
+    accent = np.array(((176, 120, 70), (88, 122, 150), (190, 184, 172)))[rng.integers(3)]
+    colour = blend(colour, accent, 0.6 * smoothstep(1.9, 2.7, fleck))
+    colour = blend(colour, np.array(yarn[0]) * 0.7, 0.7 * smoothstep(1.8, 2.6, -fleck))
+    spill = fractal(rng, size, (10, 200), 1.5) + 0.6 * rng.standard_normal((count, 1, 1))
+    colour = blend(colour, (66, 56, 46), 0.4 * smoothstep(1.9, 2.8, spill))
+    return to_image(colour * _seam(side_px, loops)[..., None])
+
+
+def _seam(side_px: int, ragged: Array) -> Array:
+    """Darken the cut edge of (N, S, S) tiles by a texel or two."""
+    v, u = np.mgrid[:side_px, :side_px]
+    inset = np.minimum(np.minimum(u, side_px - 1 - u), np.minimum(v, side_px - 1 - v))
+    return 1 - 0.28 * smoothstep(3.5, 0.5, inset + 0.8 * ragged)
+
+
+def fabric(rng: np.random.Generator, side_px: int, rgb: tuple[float, float, float]) -> Image:
+    """Draw a coarse weave: (S, S, 3), tiling when S is a multiple of 8."""
+    v, u = np.mgrid[:side_px, :side_px]
+    weave = np.sin(u * np.pi / 2) * np.sin(v * np.pi / 2)
+    yarn = fractal(rng, (side_px, side_px), (2, 30), 0.4, stretch=3.0)
+    wear = fractal(rng, (side_px, side_px), (30, side_px), 1.4)
+    tone = 1 + 0.10 * weave + 0.10 * yarn + 0.05 * wear
+    return to_image(np.asarray(rgb) * tone[..., None])
