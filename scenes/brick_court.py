@@ -1,5 +1,6 @@
 """A paved court in the sun: every brick its own, settled by a few millimetres."""
 
+from dataclasses import replace
 from typing import Annotated
 
 import mujoco
@@ -9,13 +10,14 @@ from pydantic import Field
 from scenes.light import Light, LightMap, ground_light, shaded_normals
 from scenes.mesh import Mesh, merged, patch
 from scenes.paving import Bond, Paving, brick_mesh, lay
-from scenes.props import bench, grass_tufts, lamp_post, litter, planter, shrub
+from scenes.props import bench, grass_tufts, lamp_post, litter, planter, potted_plant, shrub
 from scenes.routes import rounded_loop
 from scenes.scene import Scene
 from scenes.stage import HIDDEN_GROUP, Stage
-from scenes.surfaces import greenery, masonry, sky, timber
+from scenes.surfaces import greenery, masonry, prints, sky, timber
 from scenes.surfaces.atlas import pack
-from scenes.surround import brick_wall, kerb, plaster_wall
+from scenes.surfaces.noise import fractal, smoothstep
+from scenes.surround import brick_wall, kerb, on_wall, plaster_wall
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 
@@ -58,7 +60,7 @@ def build(rng: np.random.Generator, settings: BrickCourtSettings) -> Scene:
     _furnish(stage, rng, half)
     _surround(stage, rng, half)
     reach = tuple(np.concatenate([-half - 3, half + 3]).tolist())
-    baked = ground_light(reach, stage.blockers, light)
+    baked = _weathered(rng, ground_light(reach, stage.blockers, light))
     _pave(stage, rng, paving, baked, light)
     _ground(stage, rng, half, sand_m, baked, light)
     stage.floor(sand_m)
@@ -116,6 +118,7 @@ def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
     stage.material("soil", greenery.soil(rng, 512))
     stage.material("leaves", greenery.leaves(rng, 1, 512)[0])
     stage.material("timber", timber.wood(rng, (256, 1024), (142, 108, 74)))
+    stage.material("pot", timber.painted(rng, (256, 256), (158, 106, 82)))
     stage.material("iron", timber.painted(rng, (256, 256), (58, 62, 60)))
 
 
@@ -126,6 +129,9 @@ def _furnish(stage: Stage, rng: np.random.Generator, half: Array) -> None:
     planter(stage, "planter_1", rng, np.array([0.62, 0.25]) * room, (1.2, 1.2, 0.40))
     bench(stage, "bench_0", rng, np.array([0.1, -0.55]) * room, rng.uniform(-0.2, 0.2))
     bench(stage, "bench_1", rng, np.array([0.15, 0.62]) * room, np.pi + rng.uniform(-0.2, 0.2))
+    for k, corner in enumerate(((1, 1), (-1, 1), (-1, -1), (1, -1))):
+        beside = half + rng.uniform(0.35, 0.55, 2)
+        potted_plant(stage, f"pot_{k}", rng, beside * corner)
     lamp_post(stage, "lamp", np.array([0.85, -0.6]) * room)
 
 
@@ -135,14 +141,22 @@ def _surround(stage: Stage, rng: np.random.Generator, half: Array) -> None:
     atlas = pack(masonry.wall_bricks(rng, 64, (48, 140)))
     stage.material("wall_bricks", atlas.image)
     brick_wall(stage, "wall_north", rng, atlas, (-x - 1.0, y + 1.0), 2 * x + 3.6, 2.2, 0.0)
-    plaster_wall(stage, "wall_west", rng, (-x - 1.0, -y - 2.6), 2 * y + 3.6, 2.4, np.pi / 2)
+    west = (-x - 1.0, -y - 2.6)
+    plaster_wall(stage, "wall_west", rng, west, 2 * y + 3.6, 2.4, np.pi / 2)
+    bills = pack(prints.posters(rng, 8, (420, 300)))
+    stage.material("posters", bills.image)
+    spots = [
+        (along + rng.uniform(0, 0.9), rng.uniform(0.32, 0.7), 0.6, 0.84)
+        for along in np.arange(1.5, 2 * y + 2, 1.7)
+    ]
+    stage.draw("posters", *on_wall(rng, bills, west, np.pi / 2, spots))
     for _ in range(9):
         along = rng.uniform(-0.95, 0.95)
         at = (along * x, y + 0.62) if rng.random() < 0.6 else (-x - 0.62, along * y)
         radius = rng.uniform(0.2, 0.34)
         shrub(stage, rng, (*at, 0.75 * radius), radius)
     for k in range(14):
-        at = (x + rng.uniform(1.6, 2.4), (k / 7 - 1) * (y + 1))
+        at = (x + rng.uniform(1.6, 2.4), (k / 7 - 1) * (y + 1) + rng.uniform(-0.3, 0.3))
         shrub(stage, rng, (*at, 0.35), rng.uniform(0.35, 0.5))
 
 
@@ -226,6 +240,12 @@ def _bump(stage: Stage, paving: Paving, route: Array) -> None:
             size=(*reach, BRICK_THICKNESS_M / 2),
             group=HIDDEN_GROUP,
         )
+
+
+def _weathered(rng: np.random.Generator, baked: LightMap) -> LightMap:
+    """Darken the ground in clouds of half a metre to several: damp, dirt, worn tracks."""
+    cloud = fractal(rng, baked.shares.shape[1:], (0.4 / baked.step_m, 5 / baked.step_m), 0.8)
+    return replace(baked, shares=baked.shares * (1 - 0.14 * smoothstep(-0.5, 2.0, cloud)))
 
 
 def _strip(

@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from scenes.mesh import Mesh, box, merged, patch, tube
-from scenes.props import ball, leaf_cloud
 from scenes.stage import Stage
 from scenes.surfaces.atlas import Atlas
 
@@ -159,20 +158,6 @@ def bin_(stage: Stage, name: str, place: Place) -> None:
     put = at(stage, place)
     put("plastic", tube((0, 0, 0.0), (0, 0, 0.32), 0.11, 16, 1.25))
     solid(stage, name, place, (0.26, 0.26, 0.32))
-
-
-def plant(stage: Stage, name: str, rng: np.random.Generator, place: Place) -> None:
-    """Put a potted plant, about 1 m high."""
-    x, y, _ = place
-    stage.draw("pot", tube((x, y, 0.0), (x, y, 0.34), 0.14, 16, 1.3))
-    stage.draw("soil", patch((x - 0.12, y - 0.12, 0.3), (0.24, 0, 0), (0, 0.24, 0)))
-    for _ in range(5):
-        lean = rng.normal(0, 0.12, 2)
-        stage.draw("pot", tube((x, y, 0.3), (x + lean[0], y + lean[1], 0.75), 0.012, 6, 0.6))
-        crown = (x + 1.2 * lean[0], y + 1.2 * lean[1], rng.uniform(0.6, 0.95))
-        stage.draw("leaves", leaf_cloud(rng, crown, 0.22, 110))
-    stage.draw("leaves", ball(rng, (x, y, 0.78), 0.13))
-    solid(stage, name, place, (0.34, 0.34, 1.0))
 
 
 def whiteboard(stage: Stage, name: str, place: Place) -> None:

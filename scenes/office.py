@@ -9,6 +9,7 @@ from scenes import furniture
 from scenes.furniture import Place, local
 from scenes.light import Light, ground_light, shaded_normals
 from scenes.mesh import Mesh, box, merged, patch
+from scenes.props import potted_plant
 from scenes.routes import rounded_loop
 from scenes.scene import Scene
 from scenes.stage import Stage
@@ -83,9 +84,9 @@ def _lamps(rng: np.random.Generator) -> Light:
     flat = np.cos(elevation)
     return Light(
         key=np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)]),
-        key_rgb=(0.42, 0.43, 0.44),
-        fill_rgb=(0.46, 0.45, 0.42),
-        ambient_rgb=(0.26, 0.26, 0.26),
+        key_rgb=(0.52, 0.53, 0.54),
+        fill_rgb=(0.52, 0.51, 0.48),
+        ambient_rgb=(0.30, 0.30, 0.295),
         softness_rad=0.45,
     )
 
@@ -100,7 +101,7 @@ def _surfaces(stage: Stage, rng: np.random.Generator) -> dict[str, Atlas]:
     }
     for name, atlas in atlases.items():
         stage.material(name, atlas.image)
-    stage.material("wall", masonry.plaster(rng, (512, 2048), (206, 204, 196)))
+    stage.material("wall", masonry.plaster(rng, (512, 2048), (214, 211, 202), 0.3))
     stage.material("beech", timber.wood(rng, (512, 1024), (190, 158, 118)))
     stage.material("oak", timber.wood(rng, (512, 1024), (142, 106, 72)))
     stage.material("steel", timber.painted(rng, (256, 256), (150, 152, 154)))
@@ -214,7 +215,7 @@ def _piece(
         place = local(wall, rng.uniform(-0.2, 0.2), -0.25, rng.uniform(-0.1, 0.1))
         furniture.cartons_stack(stage, name, rng, place, atlases["cartons"])
     elif kind == "plant":
-        furniture.plant(stage, name, rng, local(wall, 0, -0.25))
+        potted_plant(stage, name, rng, local(wall, 0, -0.25)[:2])
     else:
         furniture.whiteboard(stage, name, local(wall, 0, -0.32, rng.uniform(-0.05, 0.05)))
 

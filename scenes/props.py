@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from scenes.mesh import Mesh, box, merged, polygons, tube
+from scenes.mesh import Mesh, box, merged, patch, polygons, tube
 from scenes.stage import Stage
 from scenes.surfaces.atlas import Atlas
 from vo.contract.arrays import Array
@@ -36,15 +36,36 @@ def planter(
 
 
 def shrub(stage: Stage, rng: np.random.Generator, centre: Sequence[float], radius_m: float) -> None:
-    """Grow a bush: an inner ball of dark foliage and loose leaves around it."""
-    stage.draw("leaves", ball(rng, centre, radius_m * 0.86))
-    stage.draw("leaves", leaf_cloud(rng, centre, radius_m, int(900 * radius_m)))
+    """Grow a bush: a few balls of foliage and loose leaves around them."""
+    core = np.asarray(centre)
+    for _ in range(4):
+        lobe = core + radius_m * rng.uniform((-0.45, -0.45, -0.5), (0.45, 0.45, 0.35))
+        stage.draw("leaves", ball(rng, lobe, radius_m * rng.uniform(0.5, 0.72)))
+    stage.draw("leaves", leaf_cloud(rng, centre, radius_m, int(1100 * radius_m)))
     stage.blocker(centre, np.full(3, 1.5 * radius_m).tolist(), rng.uniform(0, 1.5), 0.8)
+
+
+def potted_plant(
+    stage: Stage, name: str, rng: np.random.Generator, centre: Sequence[float]
+) -> None:
+    """Put a pot with a leafy plant, about 1 m high, at (2,) metres."""
+    x, y = centre
+    stage.draw("pot", tube((x, y, 0.0), (x, y, 0.34), 0.14, 16, 1.3))
+    stage.draw("soil", patch((x - 0.12, y - 0.12, 0.3), (0.24, 0, 0), (0, 0.24, 0)))
+    for _ in range(5):
+        lean = rng.normal(0, 0.12, 2)
+        stage.draw("pot", tube((x, y, 0.3), (x + lean[0], y + lean[1], 0.75), 0.012, 6, 0.6))
+        crown = (x + 1.2 * lean[0], y + 1.2 * lean[1], rng.uniform(0.6, 0.95))
+        stage.draw("leaves", leaf_cloud(rng, crown, 0.22, 110))
+    stage.draw("leaves", ball(rng, (x, y, 0.78), 0.13))
+    stage.obstacle(name, (x, y, 0.5), (0.34, 0.34, 1.0), shadow=False)
+    stage.blocker((x, y, 0.17), (0.3, 0.3, 0.34))
+    stage.blocker((x, y, 0.78), (0.4, 0.4, 0.4), 0.5, 0.6)
 
 
 def ball(rng: np.random.Generator, centre: Sequence[float], radius_m: float) -> Mesh:
     """Build a lumpy sphere; its texture repeats every 0.35 m."""
-    theta, phi = np.meshgrid(np.linspace(0, np.pi, 9), np.linspace(0, 2 * np.pi, 15))
+    theta, phi = np.meshgrid(np.linspace(0, np.pi, 7), np.linspace(0, 2 * np.pi, 11))
     unit = np.stack(
         [np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1
     )
@@ -77,7 +98,7 @@ def leaf_cloud(
     facing = out + 0.5 * rng.standard_normal((count, 3))
     across = np.cross(facing, along)
     across /= np.linalg.norm(across, axis=1, keepdims=True)
-    root = np.asarray(centre) + radius_m * rng.uniform(0.8, 1.15, (count, 1)) * out
+    root = np.asarray(centre) + radius_m * rng.uniform(0.7, 1.08, (count, 1)) * out
     length = rng.uniform(0.025, 0.05, (count, 1))
     tip = np.stack(
         [

@@ -13,8 +13,12 @@ def lawn(rng: np.random.Generator, side_px: int) -> Image:
         fractal(rng, size, (2, 24), 0.5, stretch=5.0),
         fractal(rng, size, (2, 24), 0.5, stretch=5.0).T,
     )
+    clumps = fractal(rng, size, (12, 90), 0.6)
     patches = fractal(rng, size, (60, side_px), 1.4)
-    colour = ramp(((38, 44, 24), (70, 82, 44), (100, 112, 64), (140, 146, 92)), 0.40 + 0.2 * blades)
+    colour = ramp(
+        ((38, 44, 24), (70, 82, 44), (100, 112, 64), (140, 146, 92)),
+        0.38 + 0.17 * blades + 0.09 * clumps,
+    )
     colour = blend(colour, (128, 116, 74), 0.5 * smoothstep(0.4, 2.0, patches))
     return to_image(colour * (1 + 0.06 * patches)[..., None])
 

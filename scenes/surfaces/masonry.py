@@ -23,10 +23,12 @@ def paving_bricks(rng: np.random.Generator, count: int, shape: tuple[int, int]) 
     grain = fractal(rng, size, (1.6, 6), 0.2)
     speck = fractal(rng, size, (3.0, 9), 0.0)
     scuff = fractal(rng, size, (2.5, 60), 0.9, stretch=4.0)
-    face = ramp(CLAY, tone + 0.10 * cloud)
-    face *= (1 + 0.035 * grain + 0.03 * scuff)[..., None]
-    face = blend(face, (186, 150, 126), 0.55 * smoothstep(1.7, 2.6, speck))  # grog
-    face = blend(face, (58, 42, 40), 0.75 * smoothstep(1.7, 2.4, -speck))  # pits
+    lump = fractal(rng, size, (5, 26), 0.4)
+    face = ramp(CLAY, tone + 0.12 * cloud + 0.05 * lump)
+    face *= (1 + 0.055 * grain + 0.04 * lump + 0.03 * scuff)[..., None]
+    face *= 1 + 0.035 * rng.standard_normal((count, 1, 1, 3)).astype(np.float32)
+    face = blend(face, (208, 176, 150), 0.60 * smoothstep(1.5, 2.4, speck))  # grog
+    face = blend(face, (56, 44, 42), 0.80 * smoothstep(1.5, 2.2, -speck))  # pits
     stain = fractal(rng, size, (30, 260), 1.6) + 0.5 * rng.standard_normal((count, 1, 1))
     face = blend(face, (84, 74, 66), 0.45 * smoothstep(0.7, 2.2, stain))
     bloom = fractal(rng, size, (4, 120), 1.2) + 0.5 * rng.standard_normal((count, 1, 1))
@@ -50,7 +52,7 @@ def wall_bricks(rng: np.random.Generator, count: int, shape: tuple[int, int]) ->
     tone = rng.beta(2, 2, count)[:, None, None]
     cloud = fractal(rng, size, (8, 140), 1.3, stretch=2.0)
     grain = fractal(rng, size, (1.6, 7), 0.3)
-    face = ramp(((170, 118, 92), (150, 92, 70), (126, 78, 64)), tone + 0.12 * cloud)
+    face = ramp(((186, 142, 114), (166, 114, 92), (138, 98, 84)), tone + 0.12 * cloud)
     face *= (1 + 0.05 * grain)[..., None]
     soot = fractal(rng, size, (6, 140), 1.2)
     face = blend(face, (78, 66, 60), 0.5 * smoothstep(0.9, 2.4, soot))
@@ -83,9 +85,19 @@ def concrete(rng: np.random.Generator, shape: tuple[int, int], tone: float = 150
 
 
 def plaster(
-    rng: np.random.Generator, shape: tuple[int, int], rgb: tuple[float, float, float]
+    rng: np.random.Generator,
+    shape: tuple[int, int],
+    rgb: tuple[float, float, float],
+    dirt: float = 1.0,
 ) -> Image:
-    """Draw painted rough plaster, dirtier towards the bottom row: (H, W, 3), tiling along u."""
+    """Draw painted rough plaster, dirtier towards the bottom row: (H, W, 3), tiling along u.
+
+    Args:
+        rng: Source of the noise.
+        shape: (H, W) in pixels.
+        rgb: Paint.
+        dirt: Strength of grime and cracks: 1 outdoors, less indoors.
+    """
     height, _ = shape
     cloud = fractal(rng, shape, (30, 900), 1.5)
     trowel = fractal(rng, shape, (4, 40), 0.7, stretch=2.5)
@@ -93,10 +105,10 @@ def plaster(
     colour = np.asarray(rgb) * (1 + 0.03 * cloud + 0.03 * trowel + 0.03 * grain)[..., None]
     down = np.linspace(-1, 1, height)[:, None]
     grime = fractal(rng, shape, (4, 700), 1.2) + 2.4 * down
-    colour = blend(colour, (104, 94, 80), 0.5 * smoothstep(1.6, 4.2, grime))
+    colour = blend(colour, (104, 94, 80), 0.5 * dirt * smoothstep(1.6, 4.2, grime))
     crack = np.abs(fractal(rng, shape, (10, 500), 1.5))
     here = smoothstep(0.8, 1.6, fractal(rng, shape, (80, 900), 1.5))
-    colour = blend(colour, (88, 80, 70), 0.7 * here * smoothstep(0.05, 0.0, crack))
+    colour = blend(colour, (88, 80, 70), 0.7 * dirt * here * smoothstep(0.05, 0.0, crack))
     return to_image(colour)
 
 

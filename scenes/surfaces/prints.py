@@ -72,7 +72,7 @@ def _book_row(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
     while u < width:
         thick = int(rng.integers(9, 40))
         tall = int(rng.uniform(0.66, 0.95) * height)
-        base = np.array(INKS[rng.integers(len(INKS))]) * rng.uniform(0.7, 1.1)
+        base = 0.75 * np.array(INKS[rng.integers(len(INKS))]) * rng.uniform(0.7, 1.1) + 28
         spine = row[height - tall :, u : u + thick - 1]
         round_off = 1 - 0.35 * np.linspace(-1, 1, spine.shape[1]) ** 2
         wear = 1 + 0.05 * rng.standard_normal((tall, 1))
@@ -129,7 +129,7 @@ def cartons(rng: np.random.Generator, count: int, side_px: int) -> Image:
     size = (count, side_px, side_px)
     tone = 1 + 0.03 * fractal(rng, size, (2, 12), 0.2) + 0.05 * fractal(rng, size, (20, 300), 1.4)
     flutes = 0.015 * np.sin(np.arange(side_px) * 2 * np.pi / 6)
-    tint = np.array([168, 132, 94]) * rng.uniform(0.85, 1.1, (count, 1, 1, 1))
+    tint = np.array([172, 142, 108]) * rng.uniform(0.85, 1.1, (count, 1, 1, 1))
     board = tint * (tone + flutes)[..., None]
     scuff = smoothstep(1.5, 2.6, fractal(rng, size, (4, 80), 1.1))
     sides = to_image(blend(board, (206, 180, 146), 0.5 * scuff))

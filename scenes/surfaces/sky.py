@@ -1,6 +1,7 @@
 """The sky with a far skyline, as the six faces of a cube."""
 
 import numpy as np
+from scipy.ndimage import map_coordinates
 
 from scenes.surfaces.noise import blend, fractal, ramp, smoothstep, to_image
 from vo.contract.arrays import Array, Image
@@ -43,27 +44,27 @@ def _shade(rng: np.random.Generator, rays: Array) -> Array:
         ((214, 219, 221), (196, 209, 220), (160, 186, 212), (118, 154, 196)),
         np.clip(elevation / 1.2, 0, 1),
     )
-    cloud = _panorama(fractal(rng, (512, 1024), (8, 500), 1.3, stretch=2.0), azimuth, elevation)
+    cloud = _panorama(fractal(rng, (512, 2048), (8, 500), 1.3, stretch=2.0), azimuth, elevation)
     colour = blend(colour, (236, 236, 234), 0.8 * smoothstep(0.1, 1.6, cloud))
     x = (azimuth / (2 * np.pi) + 0.5) * 1024
     roofs = np.repeat(rng.uniform(0.02, 0.16, 64) * (rng.random(64) < 0.55), 16)
-    crowns = 0.075 + 0.022 * fractal(rng, (1, 1024), (8, 300), 0.9)[0]
-    texture = _panorama(fractal(rng, (512, 1024), (3, 60), 0.7), azimuth, elevation)
+    crowns = 0.075 + 0.022 * _panorama(fractal(rng, (8, 2048), (6, 300), 0.9), azimuth, 0 * x)
+    texture = _panorama(fractal(rng, (512, 2048), (2, 40), 0.6), azimuth, elevation)
     column = x.astype(int) % 1024
     house = ramp(((146, 136, 126), (176, 160, 142), (150, 112, 94)), (column // 16 % 7) / 6)
     windows = (np.sin(x * 1.6) > 0.35) & (np.sin(elevation * 190) > 0.2)
     house = blend(house, (92, 98, 106), 0.7 * windows)
     colour = np.where((elevation < roofs[column])[..., None], house, colour)
-    trees = ramp(((52, 62, 44), (84, 96, 66), (120, 128, 96)), 0.5 + 0.22 * texture)
-    colour = np.where((elevation < crowns[column])[..., None], trees, colour)
-    haze = 0.35 * (elevation < 0.2) * (elevation > -0.02)
+    trees = ramp(((40, 50, 34), (74, 88, 56), (116, 126, 88)), 0.5 + 0.24 * texture)
+    colour = np.where((elevation < crowns)[..., None], trees, colour)
+    haze = 0.18 * (elevation < 0.2) * (elevation > -0.02)
     colour = blend(colour, (206, 210, 210), haze)
     return np.where((elevation < -0.01)[..., None], np.array([96.0, 100, 78]), colour)
 
 
 def _panorama(image: Array, azimuth: Array, elevation: Array) -> Array:
-    """Look an (H, W) image up by direction; it wraps, so any scale will do."""
+    """Look an (H, W) image up by direction; it wraps around and mirrors below the horizon."""
     height, width = image.shape
-    column = ((azimuth / (2 * np.pi) + 0.5) * width).astype(int) % width
-    row = (np.abs(elevation) / (np.pi / 2) * height).astype(int) % height
-    return image[row, column]
+    column = (azimuth / (2 * np.pi) + 0.5) * width
+    row = np.abs(elevation) / (np.pi / 2) * height
+    return map_coordinates(image, [row, column], order=1, mode="grid-wrap")

@@ -6,9 +6,9 @@ from scenes.surfaces.noise import blend, fractal, ramp, smoothstep, to_image
 from vo.contract.arrays import Array, Image
 
 CARPETS = (  # dark, middle, light yarn
-    ((58, 62, 70), (96, 102, 112), (146, 152, 160)),
-    ((66, 62, 58), (112, 104, 96), (162, 154, 144)),
-    ((52, 62, 64), (88, 104, 104), (136, 152, 150)),
+    ((58, 62, 70), (104, 110, 120), (162, 168, 176)),
+    ((68, 62, 56), (118, 110, 100), (172, 164, 152)),
+    ((54, 64, 66), (96, 112, 112), (150, 166, 164)),
 )
 
 
@@ -20,13 +20,13 @@ def carpet_tiles(rng: np.random.Generator, count: int, side_px: int) -> Image:
     heather = fractal(rng, size, (6, 50), 0.5, stretch=2.5)
     tread = fractal(rng, size, (40, side_px), 1.3)
     batch = rng.normal(0, 0.03, (count, 1, 1))
-    colour = ramp(yarn, 0.46 + 0.13 * loops + 0.11 * heather + 0.05 * tread + batch)
+    colour = ramp(yarn, 0.48 + 0.15 * loops + 0.12 * heather + 0.05 * tread + batch)
     fleck = fractal(rng, size, (3, 12), 0.0, stretch=1.8)
     accent = np.array(((176, 120, 70), (88, 122, 150), (190, 184, 172)))[rng.integers(3)]
     colour = blend(colour, accent, 0.6 * smoothstep(1.9, 2.7, fleck))
     colour = blend(colour, np.array(yarn[0]) * 0.7, 0.7 * smoothstep(1.8, 2.6, -fleck))
     spill = fractal(rng, size, (10, 200), 1.5) + 0.6 * rng.standard_normal((count, 1, 1))
-    colour = blend(colour, (66, 56, 46), 0.4 * smoothstep(1.9, 2.8, spill))
+    colour = blend(colour, (66, 56, 46), 0.3 * smoothstep(2.1, 3.0, spill))
     return to_image(colour * _seam(side_px, loops)[..., None])
 
 
