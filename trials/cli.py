@@ -1,0 +1,62 @@
+"""The command line; `main` turns every error that input can cause into one line and status 2."""
+
+import sys
+from collections.abc import Callable
+
+import typer
+
+from trials.commands.datasets import generate, preview, scenes, verify
+from trials.commands.demo import demo
+from trials.commands.doctor import doctor
+from trials.commands.runs import report, run, score
+from vo.contract.errors import DriftyardError
+
+BAD_INPUT, INTERRUPTED = 2, 130
+
+COMMANDS: dict[Callable[..., None], str] = {
+    scenes: "driftyard scenes",
+    preview: "driftyard preview brick_court --out preview.png",
+    generate: "driftyard generate brick_court --out court --seed 7 --set drive.distance_m=20",
+    verify: "driftyard verify court",
+    run: "driftyard run court --out court.txt --estimator corner_flow",
+    score: "driftyard score court court.txt --json",
+    report: "driftyard report court court.txt --out court.html",
+    doctor: "driftyard doctor",
+    demo: "driftyard demo",
+}
+"""Every command with the example that its help shows."""
+
+app = typer.Typer(
+    help="A proving ground for stereo visual odometry.",
+    epilog="Example: driftyard demo",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+for command, example in COMMANDS.items():
+    app.command(epilog=f"Example: {example}")(command)
+
+
+def main() -> None:
+    """Run the command line and exit."""
+    try:
+        app(prog_name="driftyard")
+    except DriftyardError as error:
+        _fail(str(error))
+    except OSError as error:  # a full disk, a folder without permission: not a bug either
+        if error.filename is None:
+            raise
+        _fail(f"{error.filename}: {error.strerror}")
+    except SystemExit as exit:
+        if exit.code == INTERRUPTED:
+            print("driftyard: interrupted", file=sys.stderr)
+        raise
+
+
+def _fail(message: str) -> None:
+    print(f"driftyard: error: {' '.join(message.split())}", file=sys.stderr)
+    sys.exit(BAD_INPUT)
+
+
+if __name__ == "__main__":
+    main()
