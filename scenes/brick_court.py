@@ -209,7 +209,7 @@ def _pave(
         [[0, 0], [1, 1], [1, -1], [-1, 1], [-1, -1]]
     )
     key = baked.at(probes.reshape(-1, 2))[0].reshape(count, -1)
-    fine = np.ptp(key, axis=1) > 0.05
+    fine = np.ptp(key, axis=1) > 0.15
     for keep, divisions in ((~fine, (1, 1)), (fine, (4, 2))):
         if keep.any():
             mesh = brick_mesh(paving.select(keep), rects[keep], turned[keep], divisions)

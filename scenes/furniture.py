@@ -1,10 +1,10 @@
 """Office furniture: each piece draws itself on a stage and leaves one collision box."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
-from scenes.mesh import Mesh, box, merged, patch, tube
+from scenes.mesh import Mesh, Vector, box, merged, patch, tube
 from scenes.stage import Stage
 from scenes.surfaces.atlas import Atlas
 
@@ -27,9 +27,7 @@ def local(place: Place, dx: float, dy: float, turn_rad: float = 0.0) -> Place:
     return (float(x + c * dx - s * dy), float(y + s * dx + c * dy), yaw + turn_rad)
 
 
-def solid(
-    stage: Stage, name: str, place: Place, size: Sequence[float], shadow: bool = True
-) -> None:
+def solid(stage: Stage, name: str, place: Place, size: Vector, shadow: bool = True) -> None:
     """Add the collision box of (3,) full size that stands at a place."""
     stage.obstacle(name, (place[0], place[1], size[2] / 2), size, place[2], shadow)
 

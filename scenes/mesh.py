@@ -2,10 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
 from vo.contract.arrays import Array, Indices
+
+Vector: TypeAlias = Sequence[float] | Array
+"""A few numbers, as a tuple or an array."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +28,7 @@ class Mesh:
     uv: Array
     faces: Indices
 
-    def moved(self, position: Sequence[float], yaw_rad: float = 0.0) -> "Mesh":
+    def moved(self, position: Vector, yaw_rad: float = 0.0) -> "Mesh":
         """Turn about z, then shift by (3,) metres."""
         c, s = np.cos(yaw_rad), np.sin(yaw_rad)
         R = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
@@ -69,12 +73,12 @@ def polygons(corners: Array, uv: Array, normals: Array | None = None) -> Mesh:
 
 
 def patch(
-    origin: Sequence[float],
-    side_u: Sequence[float],
-    side_v: Sequence[float],
+    origin: Vector,
+    side_u: Vector,
+    side_v: Vector,
     cells: tuple[int, int] = (1, 1),
     texture_m: tuple[float, float] | None = None,
-    offset: Sequence[float] = (0.0, 0.0),
+    offset: Vector = (0.0, 0.0),
 ) -> Mesh:
     """Build a parallelogram as a grid; it faces along side_u x side_v.
 
@@ -103,10 +107,10 @@ def patch(
 
 
 def box(
-    centre: Sequence[float],
-    size: Sequence[float],
+    centre: Vector,
+    size: Vector,
     texture_m: tuple[float, float] | None = None,
-    offset: Sequence[float] = (0.0, 0.0),
+    offset: Vector = (0.0, 0.0),
     cell_m: float = 0.4,
     bottom: bool = False,
 ) -> Mesh:
@@ -137,19 +141,19 @@ def box(
     )
 
 
-def _divisions(side_u: Sequence[float], side_v: Sequence[float], cell_m: float) -> tuple[int, int]:
+def _divisions(side_u: Vector, side_v: Vector, cell_m: float) -> tuple[int, int]:
     along_u, along_v = np.linalg.norm(side_u), np.linalg.norm(side_v)
     return max(1, int(np.ceil(along_u / cell_m))), max(1, int(np.ceil(along_v / cell_m)))
 
 
 def tube(
-    start: Sequence[float],
-    end: Sequence[float],
+    start: Vector,
+    end: Vector,
     radius_m: float,
     sides: int = 10,
     taper: float = 1.0,
 ) -> Mesh:
-    """Build an open round bar; u runs once around, v along; `taper` scales the end's radius."""
+    """Build a round bar; u runs once around, v along; `taper` scales the end's radius."""
     a, b = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
     axis = (b - a) / np.linalg.norm(b - a)
     helper = np.array([1.0, 0, 0]) if abs(axis[0]) < 0.9 else np.array([0, 1.0, 0])
@@ -172,4 +176,5 @@ def tube(
         ],
         axis=1,
     )
-    return polygons(corners, uv, normals)
+    ends = np.stack([ring[:0:-1, 0], ring[:-1, 1]])
+    return merged([polygons(corners, uv, normals), polygons(ends, np.zeros((2, sides, 2)))])

@@ -94,7 +94,7 @@ def _clipped(corner: Array, quarter: Mask, cells: tuple[int, int]) -> tuple[Arra
     limit = np.asarray(cells)
     first = np.all((corner >= 0) & (corner < limit), axis=1)
     second = np.all((corner + step >= 0) & (corner + step < limit), axis=1)
-    keep = first | second
+    keep = np.logical_or(first, second)
     start = np.where(first[:, None], corner, corner + step)
     return start[keep], (first.astype(float) + second)[keep], quarter[keep]
 

@@ -1,18 +1,14 @@
 """Outdoor furniture: planters, benches, a lamp post, shrubs and litter."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from scenes.mesh import Mesh, box, merged, patch, polygons, tube
+from scenes.mesh import Mesh, Vector, box, merged, patch, polygons, tube
 from scenes.stage import Stage
 from scenes.surfaces.atlas import Atlas
 from vo.contract.arrays import Array
 
 
-def planter(
-    stage: Stage, name: str, rng: np.random.Generator, centre: Array, size: Sequence[float]
-) -> None:
+def planter(stage: Stage, name: str, rng: np.random.Generator, centre: Array, size: Vector) -> None:
     """Put a concrete trough of (3,) full size at (2,) centre, filled with soil and shrubs."""
     length, width, height = size
     x, y = centre
@@ -35,23 +31,21 @@ def planter(
         shrub(stage, rng, (at[0], at[1], height + 0.45 * radius), radius)
 
 
-def shrub(stage: Stage, rng: np.random.Generator, centre: Sequence[float], radius_m: float) -> None:
+def shrub(stage: Stage, rng: np.random.Generator, centre: Vector, radius_m: float) -> None:
     """Grow a bush: a few balls of foliage and loose leaves around them."""
     core = np.asarray(centre)
-    for _ in range(4):
+    for _ in range(3):
         lobe = core + radius_m * rng.uniform((-0.45, -0.45, -0.5), (0.45, 0.45, 0.35))
         stage.draw("leaves", ball(rng, lobe, radius_m * rng.uniform(0.5, 0.72)))
-    stage.draw("leaves", leaf_cloud(rng, centre, radius_m, int(1100 * radius_m)))
+    stage.draw("leaves", leaf_cloud(rng, centre, radius_m, int(700 * radius_m)))
     stage.blocker(centre, np.full(3, 1.5 * radius_m).tolist(), rng.uniform(0, 1.5), 0.8)
 
 
-def potted_plant(
-    stage: Stage, name: str, rng: np.random.Generator, centre: Sequence[float]
-) -> None:
+def potted_plant(stage: Stage, name: str, rng: np.random.Generator, centre: Vector) -> None:
     """Put a pot with a leafy plant, about 1 m high, at (2,) metres."""
     x, y = centre
     stage.draw("pot", tube((x, y, 0.0), (x, y, 0.34), 0.14, 16, 1.3))
-    stage.draw("soil", patch((x - 0.12, y - 0.12, 0.3), (0.24, 0, 0), (0, 0.24, 0)))
+    stage.draw("soil", patch((x - 0.12, y - 0.12, 0.345), (0.24, 0, 0), (0, 0.24, 0)))
     for _ in range(5):
         lean = rng.normal(0, 0.12, 2)
         stage.draw("pot", tube((x, y, 0.3), (x + lean[0], y + lean[1], 0.75), 0.012, 6, 0.6))
@@ -63,7 +57,7 @@ def potted_plant(
     stage.blocker((x, y, 0.78), (0.4, 0.4, 0.4), 0.5, 0.6)
 
 
-def ball(rng: np.random.Generator, centre: Sequence[float], radius_m: float) -> Mesh:
+def ball(rng: np.random.Generator, centre: Vector, radius_m: float) -> Mesh:
     """Build a lumpy sphere; its texture repeats every 0.35 m."""
     theta, phi = np.meshgrid(np.linspace(0, np.pi, 7), np.linspace(0, 2 * np.pi, 11))
     unit = np.stack(
@@ -86,9 +80,7 @@ def ball(rng: np.random.Generator, centre: Sequence[float], radius_m: float) -> 
     return polygons(corners, corner_uv, normals)
 
 
-def leaf_cloud(
-    rng: np.random.Generator, centre: Sequence[float], radius_m: float, count: int
-) -> Mesh:
+def leaf_cloud(rng: np.random.Generator, centre: Vector, radius_m: float, count: int) -> Mesh:
     """Scatter small leaf-shaped quads over a sphere, facing outward more or less."""
     out = rng.standard_normal((count, 3))
     out[:, 2] = np.abs(out[:, 2]) - 0.3

@@ -1,12 +1,10 @@
 """What a scene is assembled on: meshes gathered by material, boxes for the wheels, baked light."""
 
-from collections.abc import Sequence
-
 import mujoco
 import numpy as np
 
 from scenes.light import Blocker, Light, occlusion, shaded_normals, visibility
-from scenes.mesh import Mesh, merged
+from scenes.mesh import Mesh, Vector, merged
 from vo.contract.arrays import Array, Image
 
 HIDDEN_GROUP = 3  # the renderer draws groups 0 to 2: what collides and what is seen are apart
@@ -39,8 +37,8 @@ class Stage:
 
     def blocker(
         self,
-        centre: Sequence[float],
-        size: Sequence[float],
+        centre: Vector,
+        size: Vector,
         yaw_rad: float = 0.0,
         opacity: float = 1.0,
     ) -> None:
@@ -51,8 +49,8 @@ class Stage:
     def obstacle(
         self,
         name: str,
-        centre: Sequence[float],
-        size: Sequence[float],
+        centre: Vector,
+        size: Vector,
         yaw_rad: float = 0.0,
         shadow: bool = True,
     ) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from scenes.mesh import Mesh, box, polygons
+from scenes.mesh import Mesh, Vector, box, polygons
 from scenes.stage import Stage
 from scenes.surfaces.atlas import Atlas
 from vo.contract.arrays import Array
@@ -19,7 +19,7 @@ def brick_wall(
     name: str,
     rng: np.random.Generator,
     atlas: Atlas,
-    start: Sequence[float],
+    start: Vector,
     length_m: float,
     height_m: float,
     yaw_rad: float,
@@ -64,7 +64,7 @@ def plaster_wall(
     stage: Stage,
     name: str,
     rng: np.random.Generator,
-    start: Sequence[float],
+    start: Vector,
     length_m: float,
     height_m: float,
     yaw_rad: float,
@@ -84,7 +84,7 @@ def plaster_wall(
 def on_wall(
     rng: np.random.Generator,
     atlas: Atlas,
-    start: Sequence[float],
+    start: Vector,
     yaw_rad: float,
     spots: Sequence[tuple[float, float, float, float]],
 ) -> list[Mesh]:
@@ -127,7 +127,7 @@ def kerb(rng: np.random.Generator, half: Array, width_m: float, height_m: float)
 def _collide(
     stage: Stage,
     name: str,
-    start: Sequence[float],
+    start: Vector,
     length_m: float,
     thickness_m: float,
     height_m: float,

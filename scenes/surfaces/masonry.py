@@ -26,7 +26,7 @@ def paving_bricks(rng: np.random.Generator, count: int, shape: tuple[int, int]) 
     lump = fractal(rng, size, (5, 26), 0.4)
     face = ramp(CLAY, tone + 0.12 * cloud + 0.05 * lump)
     face *= (1 + 0.055 * grain + 0.04 * lump + 0.03 * scuff)[..., None]
-    face *= 1 + 0.035 * rng.standard_normal((count, 1, 1, 3)).astype(np.float32)
+    face *= 1 + 0.018 * rng.standard_normal((count, 1, 1, 3)).astype(np.float32)
     face = blend(face, (208, 176, 150), 0.60 * smoothstep(1.5, 2.4, speck))  # grog
     face = blend(face, (56, 44, 42), 0.80 * smoothstep(1.5, 2.2, -speck))  # pits
     stain = fractal(rng, size, (30, 260), 1.6) + 0.5 * rng.standard_normal((count, 1, 1))

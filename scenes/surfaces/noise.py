@@ -38,8 +38,8 @@ def fractal(
         gain = np.where(frequency > 0, frequency**-slope, 0.0)
     gain *= frequency >= 1 / longest
     gain *= np.exp(-((frequency * shortest) ** 4))  # a soft upper edge does not ring
-    spectrum = scipy.fft.rfft2(white) * gain.astype(np.float32)
-    noise = scipy.fft.irfft2(spectrum, s=(height, width))
+    spectrum = np.asarray(scipy.fft.rfft2(white)) * gain.astype(np.float32)
+    noise = np.asarray(scipy.fft.irfft2(spectrum, s=(height, width)))
     deviation = noise.std(axis=(-2, -1), keepdims=True)
     return (noise / np.maximum(deviation, 1e-9)).astype(np.float32)
 
@@ -55,7 +55,7 @@ def blend(base: Array, over: Array | Sequence[float], weight: Array) -> Array:
     return base + (np.asarray(over, dtype=np.float32) - base) * weight[..., None]
 
 
-def ramp(stops: Sequence[Sequence[float]], values: Array) -> Array:
+def ramp(stops: Sequence[Sequence[float] | Array], values: Array) -> Array:
     """Look (...) values in [0, 1] up in K evenly spaced colour stops, giving (..., 3)."""
     table = np.asarray(stops, dtype=np.float32)
     at = np.clip(values, 0, 1) * (len(table) - 1)
