@@ -11,9 +11,10 @@ from vo.contract.arrays import Array
 from vo.contract.errors import DriftyardError, SettingsError
 
 CONTROL_RATE_HZ = 50.0
+PROGRESS_STEP_M = 0.001
 CLOSED_WITHIN_M = 0.05
 """A route whose ends are closer than this may be driven around repeatedly."""
-ARRIVED_WITHIN_M = 0.01
+ARRIVED_WITHIN_M = 0.003
 TIPPED_RAD = math.radians(45)
 STUCK_AFTER_S = 4.0
 STUCK_WITHIN_M = 0.03
@@ -125,7 +126,7 @@ class Driver:
 
     def _advance(self, position: Array) -> None:
         """Move the nearest point forward along the path, never back and never to a far branch."""
-        s = self._progress_m + np.linspace(0.0, self._settings.lookahead_m, 36)
+        s = self._progress_m + np.arange(0.0, self._settings.lookahead_m, PROGRESS_STEP_M)
         s = np.minimum(s, self._path.length_m)
         distances = np.linalg.norm(self._path.at(s) - position, axis=1)
         self._progress_m = float(s[np.argmin(distances)])

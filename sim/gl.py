@@ -26,7 +26,7 @@ class GLContext(Protocol):
 
 
 def choose_backend(wanted: Literal["auto", "egl", "osmesa"]) -> Backend:
-    """Resolve `auto`: MUJOCO_GL of the environment if it names one of the two, else what is there."""
+    """Resolve `auto`: the environment's MUJOCO_GL if it names either, else what is there."""
     if wanted != "auto":
         return wanted
     environment = os.environ.get("MUJOCO_GL", "").strip().lower()

@@ -22,9 +22,10 @@ def disparity_from_depth(rig: StereoRig, depth_m: Array) -> Array:
 def visible_in_right(disparity_px: Array) -> Mask:
     """Which left pixels the right camera sees too, from the left disparity alone.
 
-    Every left pixel is splatted onto the two right pixels that it falls between; it is hidden if
-    something nearer landed on either. Pixels that leave the image or have no disparity are not
-    visible.
+    Every left pixel is splatted onto the two right pixels that it falls between, which closes
+    the gaps in surfaces that the right camera sees stretched. It is hidden if something nearer
+    landed on the right pixel next to it; so outlines hide up to a pixel too much, never too
+    little. Pixels that leave the image or have no disparity are not visible.
 
     Args:
         disparity_px: (H, W), NaN where unknown.
@@ -33,16 +34,15 @@ def visible_in_right(disparity_px: Array) -> Mask:
     disparity = np.nan_to_num(disparity_px, nan=-1.0)
     u_right = np.arange(width, dtype=np.float32) - disparity
     inside = (disparity >= 0) & (u_right >= 0) & (u_right <= width - 1)
-    first = np.clip(np.floor(u_right), 0, width - 2).astype(np.int32)
-    bins = first + (np.arange(height, dtype=np.int32) * width)[:, None]
+    row = (np.arange(height, dtype=np.int32) * width)[:, None].repeat(width, axis=1)[inside]
+    landed, d = u_right[inside], disparity[inside]
     nearest = np.full(height * width, -1.0, dtype=np.float32)
-    # Right images are crossed from left to right as left images are; where two surfaces land on
-    # one bin the nearer must win, whatever the order.
-    flat = bins[inside]
-    for offset in (0, 1):
-        np.maximum.at(nearest, flat + offset, disparity[inside])
-    hidden = np.maximum(nearest[bins], nearest[bins + 1]) > disparity + OCCLUDED_BY_PX
-    return inside & ~hidden
+    for bins in (np.floor(landed), np.ceil(landed)):
+        np.maximum.at(nearest, row + bins.astype(np.int32), d)
+    hidden = nearest[row + np.rint(landed).astype(np.int32)] > d + OCCLUDED_BY_PX
+    visible = inside.copy()
+    visible[inside] = ~hidden
+    return visible
 
 
 def photometric_residual(left: Image, right: Image, disparity_px: Array, visible: Mask) -> Array:

@@ -26,7 +26,7 @@ WHEELS = (PREFIX + "wheel_left", PREFIX + "wheel_right")
 VISIBLE_GROUP = 1
 CONTACT_GROUP = 3
 
-ALUMINIUM = (0.72, 0.74, 0.76, 1.0)
+ALUMINIUM = (0.50, 0.52, 0.54, 1.0)
 BLACK = (0.06, 0.06, 0.07, 1.0)
 RUBBER = (0.10, 0.10, 0.10, 1.0)
 HUB = (0.85, 0.85, 0.82, 1.0)

@@ -91,9 +91,11 @@ def _check_certificate(
         for key, tolerance in TOLERANCES.items()
         if not abs(stated.get(key, float("inf")) - found[key]) <= tolerance
     ]
-    if not found["passed"]:
-        worst = f"{found['worst_frame_median_grey']:g} at {found['worst_frame_ns']} ns"
-        problem = f"residual too large: median {found['median_grey']:g}, worst frame {worst}"
+    failed: list[int] = found["failed_frames_ns"]
+    if failed:
+        problem = (
+            f"the disparity does not explain {len(failed)} frames, the first at {failed[0]} ns"
+        )
         findings.append(Finding("mav0", problem))
     return findings
 

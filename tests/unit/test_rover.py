@@ -1,0 +1,109 @@
+"""The rover as a machine: weight, rest, straight lines, turns, bumps, and honest encoders."""
+
+import math
+
+import mujoco
+import numpy as np
+import pytest
+
+from sim.drive import DriveError, wheel_speeds
+from sim.rover import BODY, TRACK_M, WHEEL_RADIUS_M
+from sim.settings import DriveSettings, RecordSettings
+from sim.trip import Trip, drive_trip
+from sim.world import build_world
+from vo.contract import se3
+from vo.contract.errors import SettingsError
+
+
+def test_weight_and_rest(make_scene, settled):
+    world = settled(make_scene(), RecordSettings())
+    body = world.model.body(BODY)
+    assert 10 < body.subtreemass[0] < 12
+    assert world.model.opt.timestep <= 0.001
+    before = world.T_world_body
+    mujoco.mj_step(world.model, world.data, 2000)
+    drift = se3.log(se3.inverse(before) @ world.T_world_body)
+    assert np.abs(drift).max() < 1e-4
+    assert world.T_world_body[2, 3] == pytest.approx(WHEEL_RADIUS_M, abs=5e-4)
+
+
+def test_drives_straight_at_the_speed_asked_for(make_scene, settled):
+    world = settled(make_scene(), RecordSettings())
+    start = world.T_world_body
+    world.command_wheels(wheel_speeds(0.3, 0.0))
+    mujoco.mj_step(world.model, world.data, round(5 / world.model.opt.timestep))
+    x, y = (se3.inverse(start) @ world.T_world_body)[:2, 3]
+    assert x == pytest.approx(1.5, rel=0.03)
+    assert abs(y) < 0.01
+
+
+def test_turns_on_the_spot(make_scene, settled):
+    world = settled(make_scene(), RecordSettings())
+    world.command_wheels(wheel_speeds(0.0, math.radians(30)))
+    mujoco.mj_step(world.model, world.data, round(3 / world.model.opt.timestep))
+    yaw = se3.rotation_vector(world.T_world_body)[2]
+    assert yaw == pytest.approx(math.radians(90), rel=0.06)
+    assert np.linalg.norm(world.T_world_body[:2, 3]) < 0.03
+
+
+def test_bumps_shake_it_but_do_not_throw_it_off(make_scene):
+    settings = RecordSettings()
+    flat, bumpy = (
+        drive_trip(build_world(make_scene(bumps=bumps), settings), settings)
+        for bumps in (False, True)
+    )
+
+    def tilt_rad(trip: Trip) -> float:
+        return float(np.arccos(np.clip(trip.T_world_body[:, 2, 2], -1, 1)).max())
+
+    assert tilt_rad(flat) < math.radians(0.5)
+    assert math.radians(0.5) < tilt_rad(bumpy) < math.radians(6)
+    assert bumpy.T_world_body[-1, :2, 3] == pytest.approx([3.0, 0.0], abs=0.03)
+
+
+def test_encoders_explain_the_path(make_scene):
+    """Dead reckoning from ticks ends within 1.5 % of a path with turns, but not exactly there."""
+    route = np.array([[0, 0], [1.5, 0], [2.5, 1.0], [2.5, 2.0], [1.0, 2.0]])
+    settings = RecordSettings()
+    trip = drive_trip(build_world(make_scene(route=route), settings), settings)
+    turns = np.diff(trip.wheel_counts, axis=0) / settings.rover.encoder_ticks_per_turn
+    left, right = (turns * 2 * math.pi * WHEEL_RADIUS_M).T
+    heading = np.concatenate([[0], np.cumsum((right - left) / TRACK_M)])[:-1]
+    heading = heading + (right - left) / TRACK_M / 2
+    position = [((left + right) / 2 * f(heading)).sum() for f in (np.cos, np.sin)]
+    at = trip.T_world_body[-1, :2, 3] - trip.T_world_body[0, :2, 3]
+    error = np.linalg.norm(position - at) / trip.length_m
+    assert 1e-6 < error < 0.015
+    spacing_ns = np.diff(trip.wheel_times_ns)
+    assert abs(spacing_ns - 10_000_000).max() <= 1_000_000
+    assert trip.wheel_times_ns[0] == trip.timestamps_ns[0]
+
+
+def test_trips_repeat_exactly(make_scene):
+    settings = RecordSettings(drive=DriveSettings(distance_m=1.0))
+    first, second = (
+        drive_trip(build_world(make_scene(bumps=True), settings), settings) for _ in range(2)
+    )
+    np.testing.assert_array_equal(first.qpos, second.qpos)
+    np.testing.assert_array_equal(first.wheel_counts, second.wheel_counts)
+
+
+def test_velocity_is_the_derivative_of_position(make_scene):
+    settings = RecordSettings(drive=DriveSettings(distance_m=1.0))
+    trip = drive_trip(build_world(make_scene(), settings), settings)
+    seconds = np.diff(trip.timestamps_ns) * 1e-9
+    secant = np.diff(trip.T_world_body[:, :3, 3], axis=0) / seconds[:, None]
+    mean = (trip.v_world_body[1:] + trip.v_world_body[:-1]) / 2
+    np.testing.assert_allclose(secant, mean, atol=0.012)
+
+
+def test_a_wall_across_the_route_ends_the_trip_with_a_reason(make_scene):
+    settings = RecordSettings()
+    with pytest.raises(DriveError, match=r"got stuck at \d+\.\d+ s near \(0\.\d+, "):
+        drive_trip(build_world(make_scene(wall=True), settings), settings)
+
+
+def test_an_unknown_route_lists_the_valid_ones(make_scene):
+    settings = RecordSettings(drive=DriveSettings(route="scenic"))
+    with pytest.raises(SettingsError, match="no route scenic; valid: default"):
+        build_world(make_scene(), settings)
