@@ -16,6 +16,7 @@ from rich.progress import (
 from rich.table import Table
 from rich.text import Text
 
+from trials.alignment import Alignment
 from trials.score import Score
 
 out = Console(highlight=False, soft_wrap=True)
@@ -49,37 +50,37 @@ def progress_bar(title: str) -> Generator[Callable[[int, int], None]]:
 
 
 def score_table(title: str, scores: Sequence[Score]) -> Table:
-    """Lay out one row per run."""
-    table = Table(title=title, title_justify="left", caption_justify="left")
-    table.add_column("estimator")
-    for heading in (
-        "drift 1 m\n%",
-        "rotation\n°/m",
-        "end\nm",
-        "end\n%",
-        "ATE first\nm",
-        "ATE SE(3)\nm",
-        "ATE Sim(3)\nm",
-        "weak\n",
-        "lost\n",
-        "ms per\nframe",
-    ):
-        table.add_column(heading, justify="right")
-    for x in scores:
-        ate = [x.ate_m[k].rmse if k in x.ate_m else None for k in ("first_pose", "se3", "sim3")]
-        table.add_row(
-            x.estimator,
-            _number(x.drift_1m.mean_percent if x.drift_1m else None, 3),
-            _number(x.drift_1m.mean_deg_per_m if x.drift_1m else None, 4),
-            _number(x.end_m, 3),
-            _number(x.end_percent, 2),
-            *(_number(value, 4) for value in ate),
-            str(x.statuses.get("weak", "–")),
-            str(x.statuses.get("lost", "–")),
-            _number(x.frame_ms, 1),
-        )
+    """Lay out one column per run, so that the table fits a narrow terminal."""
+    table = Table("", *(x.estimator for x in scores), title=title, title_justify="left")
+    for column in table.columns[1:]:
+        column.justify = "right"
+    for label, figure in FIGURES.items():
+        table.add_row(label, *(figure(x) for x in scores))
     return table
 
 
 def _number(value: float | None, digits: int) -> str:
     return "–" if value is None else f"{value:.{digits}f}"
+
+
+def _ate(score: Score, alignment: Alignment) -> str:
+    spread = score.ate_m.get(alignment.value)
+    return _number(spread.rmse if spread else None, 4)
+
+
+FIGURES: dict[str, Callable[[Score], str]] = {
+    "drift over 1 m, mean, %": lambda x: _number(x.drift_1m and x.drift_1m.mean_percent, 3),
+    "drift over 1 m, median, %": lambda x: _number(x.drift_1m and x.drift_1m.median_percent, 3),
+    "rotation over 1 m, °/m": lambda x: _number(x.drift_1m and x.drift_1m.mean_deg_per_m, 4),
+    "end point, m": lambda x: _number(x.end_m, 3),
+    "end point, % of path": lambda x: _number(x.end_percent, 2),
+    "ATE, first pose, m": lambda x: _ate(x, Alignment.FIRST_POSE),
+    "ATE, SE(3), m": lambda x: _ate(x, Alignment.SE3),
+    "ATE, Sim(3), m": lambda x: _ate(x, Alignment.SIM3),
+    "path, m": lambda x: _number(x.path_m, 2),
+    "frames": lambda x: str(x.frames),
+    "weak": lambda x: str(x.statuses.get("weak", "–")),
+    "lost": lambda x: str(x.statuses.get("lost", "–")),
+    "ms per frame": lambda x: _number(x.frame_ms, 1),
+}
+"""The rows of the score table."""

@@ -13,7 +13,8 @@ from vo.contract.sequence import StereoSequence
 
 WIDTH_PX = 800
 TRAIL_FRAMES = 12
-OUTLIER = (150, 150, 150)
+OUTLIER, UNKNOWN = (150, 150, 150), (235, 235, 235)
+"""Colours of landmarks that disagree, and of those without a disparity."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ def _still(sequence: StereoSequence, run: SavedRun, tracks: Tracks, frame: int) 
 
 
 def _annotate(image: Image, tracks: Tracks, frame: int) -> Image:
-    """Draw trails of up to TRAIL_FRAMES frames: warm is near, cool is far; rejected is grey."""
+    """Draw trails of up to TRAIL_FRAMES frames: warm is near, cool is far."""
     scale = max(1.0, WIDTH_PX / image.shape[1])
     size = (round(image.shape[1] * scale), round(image.shape[0] * scale))
     canvas = cv2.cvtColor(
@@ -92,11 +93,12 @@ def _by_landmark(tracks: Tracks, chosen: Indices) -> dict[int, Indices]:
 
 
 def _colours(tracks: Tracks, here: Indices) -> Sequence[tuple[int, int, int]]:
-    """BGR of K observations by the rank of their disparity, the unknown ones last."""
-    rank = np.argsort(np.argsort(tracks.disparity_px[here])) / max(len(here) - 1, 1)
-    lookup = (25 + 205 * rank).astype(np.uint8)[None]  # the ends of the table are too dark
+    """BGR of K observations by the rank of their disparity."""
+    disparity_px = tracks.disparity_px[here]
+    known = np.isfinite(disparity_px)
+    rank = np.argsort(np.argsort(disparity_px)) / max(int(known.sum()) - 1, 1)  # NaN sorts last
+    lookup = (25 + 205 * rank.clip(max=1)).astype(np.uint8)[None]  # the table's ends are too dark
     table: Array = cv2.applyColorMap(lookup, cv2.COLORMAP_TURBO)[0]
-    return [
-        (int(b), int(g), int(r)) if agrees else OUTLIER
-        for agrees, (b, g, r) in zip(tracks.inlier[here], table, strict=True)
-    ]
+    table[~known] = UNKNOWN
+    table[~tracks.inlier[here]] = OUTLIER
+    return [(int(b), int(g), int(r)) for b, g, r in table]

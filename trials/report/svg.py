@@ -10,7 +10,7 @@ from vo.contract.arrays import Array
 
 WIDTH, HEIGHT = 480, 270
 """Size of a chart in its own units; text is 13 of them, legible at the width of a phone."""
-LEFT, RIGHT, TOP, BOTTOM = 50, 12, 12, 44
+LEFT, RIGHT, TOP, BOTTOM = 60, 12, 12, 44
 COLOURS = 8
 """Number of series colours that the style sheet defines."""
 MOST_POINTS = 600
@@ -172,10 +172,12 @@ def trace(x: Array, y: Array) -> str:
     commands: list[str] = []
     pen_down = False
     for a, b in zip(x.tolist(), y.tolist(), strict=True):
-        finite = np.isfinite(a) and np.isfinite(b)
-        if finite:
-            commands.append(f"{'L' if pen_down else 'M'}{a:.1f} {b:.1f}")
-        pen_down = bool(finite)
+        if not (np.isfinite(a) and np.isfinite(b)):
+            pen_down = False
+            continue
+        # A stroke of no length makes a lone point a dot.
+        commands.append(f"L{a:.1f} {b:.1f}" if pen_down else f"M{a:.1f} {b:.1f}h0")
+        pen_down = True
     return "".join(commands)
 
 
