@@ -100,11 +100,12 @@ def _route(rng: np.random.Generator, half: Array) -> Array:
 def _sun(rng: np.random.Generator) -> Light:
     azimuth, elevation = rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(36, 56))
     flat = np.cos(elevation)
+    on_ground = np.array([0.50, 0.475, 0.43])  # all lamps together light level ground by about 1
     return Light(
         key=np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)]),
-        key_rgb=(0.86, 0.82, 0.74),
-        fill_rgb=(0.34, 0.36, 0.40),
-        ambient_rgb=(0.24, 0.24, 0.25),
+        key_rgb=on_ground / np.sin(elevation),
+        fill_rgb=np.array([0.30, 0.315, 0.34]),
+        ambient_rgb=np.array([0.21, 0.21, 0.22]),
     )
 
 
@@ -170,7 +171,8 @@ def _ground(
 ) -> None:
     """Sand under the bricks, kerb, gravel before the walls, lawn elsewhere."""
     x, y = half
-    sand = patch((-x, -y, sand_m), (2 * x, 0, 0), (0, 2 * y, 0), (60, 45), (1.0, 1.0))
+    bed = half + 0.2  # reaches under the kerb, whose stones leave gaps
+    sand = patch((*-bed, sand_m), (2 * bed[0], 0, 0), (0, 2 * bed[1], 0), (60, 45), (1.0, 1.0))
     stage.draw_lit("sand", _lit(sand, baked, light))
     stage.draw_lit("concrete", _lit(merged(kerb(rng, half, 0.12, 0.03)), baked, light))
     edge = 0.12

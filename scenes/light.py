@@ -49,15 +49,15 @@ class Light:
     """
 
     key: Array
-    key_rgb: tuple[float, float, float]
-    fill_rgb: tuple[float, float, float]
-    ambient_rgb: tuple[float, float, float]
+    key_rgb: Array
+    fill_rgb: Array
+    ambient_rgb: Array
     softness_rad: float = 0.02
 
     def install(self, spec: mujoco.MjSpec) -> None:
         """Add the lamps, none of which casts a rendered shadow, to the world."""
         world = spec.worldbody
-        fill = np.asarray(self.fill_rgb) / FILL_SHARE
+        fill = self.fill_rgb / FILL_SHARE
         for name, towards, rgb in (
             ("key", self.key, self.key_rgb),
             ("fill", np.array([0, 0, 1.0]), fill),

@@ -82,11 +82,12 @@ def _lamps(rng: np.random.Generator) -> Light:
     """Wide daylight from the windows, in the wall towards +y, and ceiling panels as the fill."""
     azimuth, elevation = np.pi / 2 + rng.uniform(-0.5, 0.5), np.radians(rng.uniform(50, 60))
     flat = np.cos(elevation)
+    on_floor = np.array([0.33, 0.335, 0.34])  # all lamps together light the floor by about 1
     return Light(
         key=np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)]),
-        key_rgb=(0.52, 0.53, 0.54),
-        fill_rgb=(0.52, 0.51, 0.48),
-        ambient_rgb=(0.30, 0.30, 0.295),
+        key_rgb=on_floor / np.sin(elevation),
+        fill_rgb=np.array([0.43, 0.42, 0.40]),
+        ambient_rgb=np.array([0.24, 0.24, 0.24]),
         softness_rad=0.45,
     )
 
@@ -116,6 +117,7 @@ def _surfaces(stage: Stage, rng: np.random.Generator) -> dict[str, Atlas]:
     stage.material("soil", greenery.soil(rng, 256))
     stage.material("notes", prints.notes(rng, (480, 500)))
     stage.material("keyboard", prints.keyboard())
+    stage.material("glass", sky.window_view(rng, (128, 192)))
     stage.material("label", prints.posters(rng, 1, (64, 128))[0])
     return atlases
 
@@ -141,6 +143,18 @@ def _walls(stage: Stage, rng: np.random.Generator, half: Array, posters: Atlas) 
                 sheet = box((place + 0.25, -0.004, low + 0.42), (0.6, 0.006, 0.84))
                 put("posters", sheet.textured(posters.rects[rng.integers(posters.count)]))
     _door(stage, rng, (-x, -y, np.pi / 2), y)
+    _windows(stage, (-x, y, 0.0), 2 * x)
+
+
+def _windows(stage: Stage, wall: Place, length_m: float) -> None:
+    """Glaze a wall from 0.95 m up, in bays of 2.4 m."""
+    put = furniture.at(stage, wall)
+    for middle in np.arange(1.5, length_m - 1.2, 2.4):
+        put("glass", box((middle, -0.006, 1.65), (1.9, 0.008, 1.36)))
+        for dx in (-0.95, 0.0, 0.95):
+            put("panel", box((middle + dx, -0.02, 1.65), (0.06, 0.04, 1.42), (1.0, 1.0)))
+        for dz in (-0.71, 0.71):
+            put("panel", box((middle, -0.022, 1.65 + dz), (1.96, 0.05, 0.06), (1.0, 1.0)))
 
 
 def _door(stage: Stage, rng: np.random.Generator, wall: Place, along_m: float) -> None:

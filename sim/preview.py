@@ -145,6 +145,8 @@ def _draw_depth(axes: Axes, world: World, depth_m: Array) -> None:
     colours[np.isnan(depth_m)] = 40
     _show(axes, colours, "at 2  depth and disparity")
     height, width = depth_m.shape
+    legend = (0.635 * width, 0.045 * height), 0.345 * width, 0.42 * height
+    axes.add_patch(Rectangle(*legend, facecolor=INK, alpha=0.72))
     for metres in (0.5, 1, 2, 4, 8):
         level = round(255 * (1 - math.log(metres / near) / math.log(far / near)))
         swatch = cv2.applyColorMap(np.full((1, 1), level, np.uint8), cv2.COLORMAP_TURBO)

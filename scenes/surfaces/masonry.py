@@ -6,11 +6,11 @@ from scenes.surfaces.noise import blend, fractal, ramp, smoothstep, to_image
 from vo.contract.arrays import Array, Image
 
 CLAY = (  # from underfired to overfired
-    (176, 134, 108),
-    (164, 112, 90),
-    (148, 98, 82),
-    (130, 90, 80),
-    (110, 84, 80),
+    (200, 162, 136),
+    (184, 136, 114),
+    (168, 122, 106),
+    (150, 114, 104),
+    (132, 110, 106),
 )
 
 

@@ -17,6 +17,14 @@ def plain_sky(rgb: tuple[int, int, int], side_px: int = 8) -> Image:
     return np.full((6 * side_px, side_px, 3), rgb, dtype=np.uint8)
 
 
+def window_view(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
+    """Draw what a bright window shows, overexposed but for tree tops: (H, W, 3)."""
+    up = np.linspace(1, 0, shape[0])[:, None]
+    edge = 0.25 + 0.06 * fractal(rng, shape, (4, 200), 1.0)
+    colour = ramp(((222, 226, 226), (206, 218, 230)), up * np.ones(shape))
+    return to_image(blend(colour, (150, 160, 140), 0.8 * smoothstep(0.02, -0.02, up - edge)))
+
+
 def _directions(side_px: int) -> Array:
     """Unit ray of each texel: (6, S, S, 3), world axes."""
     t = (np.arange(side_px) + 0.5) / side_px * 2 - 1

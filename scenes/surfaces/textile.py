@@ -6,9 +6,9 @@ from scenes.surfaces.noise import blend, fractal, ramp, smoothstep, to_image
 from vo.contract.arrays import Array, Image
 
 CARPETS = (  # dark, middle, light yarn
-    ((58, 62, 70), (104, 110, 120), (162, 168, 176)),
-    ((68, 62, 56), (118, 110, 100), (172, 164, 152)),
-    ((58, 64, 64), (104, 112, 110), (158, 166, 162)),
+    ((66, 70, 78), (122, 127, 136), (186, 191, 198)),
+    ((76, 70, 64), (136, 127, 117), (194, 186, 174)),
+    ((68, 74, 74), (122, 130, 128), (182, 190, 186)),
 )
 
 
@@ -18,9 +18,9 @@ def carpet_tiles(rng: np.random.Generator, count: int, side_px: int) -> Image:
     yarn = CARPETS[rng.integers(len(CARPETS))]
     loops = fractal(rng, size, (2.2, 7), 0.0)
     heather = fractal(rng, size, (6, 50), 0.5, stretch=2.5)
-    tread = fractal(rng, size, (40, side_px), 1.3)
-    batch = rng.normal(0, 0.03, (count, 1, 1))
-    colour = ramp(yarn, 0.48 + 0.15 * loops + 0.12 * heather + 0.05 * tread + batch)
+    tread = fractal(rng, size, (24, 300), 0.9)
+    batch = rng.normal(0, 0.04, (count, 1, 1))
+    colour = ramp(yarn, 0.48 + 0.15 * loops + 0.12 * heather + 0.08 * tread + batch)
     fleck = fractal(rng, size, (3, 12), 0.0, stretch=1.8)
     accent = np.array(((176, 120, 70), (88, 122, 150), (190, 184, 172)))[rng.integers(3)]
     colour = blend(colour, accent, 0.6 * smoothstep(1.9, 2.7, fleck))

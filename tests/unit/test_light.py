@@ -1,0 +1,95 @@
+"""Baked light: the solved normals give the wanted shares, shadows fall where geometry says."""
+
+import numpy as np
+import pytest
+
+from scenes.light import (
+    FILL_SHARE,
+    Blocker,
+    Light,
+    ground_light,
+    occlusion,
+    shaded_normals,
+    visibility,
+)
+
+SUN = Light(
+    key=np.array([0.6, 0.0, 0.8]),
+    key_rgb=np.ones(3),
+    fill_rgb=np.ones(3),
+    ambient_rgb=np.zeros(3),
+    softness_rad=1e-6,
+)
+BOX = Blocker(np.array([0.0, 0.0, 0.5]), np.array([0.1, 0.2, 0.5]))
+
+
+def test_solved_normals_are_unit_and_give_both_shares():
+    rng = np.random.default_rng(0)
+    normals = rng.standard_normal((400, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    key_share, fill_share = rng.random((2, 400))
+    solved = shaded_normals(normals, key_share, fill_share, SUN)
+    np.testing.assert_allclose(np.linalg.norm(solved, axis=1), 1, atol=1e-9)
+    wanted_key = key_share * np.maximum(normals @ SUN.key, 0)
+    np.testing.assert_allclose(solved @ SUN.key, wanted_key, atol=1e-9)
+    wanted_fill = FILL_SHARE * fill_share * (0.55 + 0.45 * normals[:, 2])
+    slack = np.sqrt((1 - SUN.key[2] ** 2) * (1 - wanted_key**2))
+    feasible = np.abs(wanted_fill - SUN.key[2] * wanted_key) < 0.999 * slack
+    assert feasible.mean() > 0.5
+    np.testing.assert_allclose(solved[feasible, 2], wanted_fill[feasible], atol=1e-9)
+
+
+def test_level_ground_takes_the_whole_fill_in_sun_and_in_shadow():
+    up = np.tile([0.0, 0, 1], (2, 1))
+    solved = shaded_normals(up, np.array([1.0, 0.0]), np.ones(2), SUN)
+    np.testing.assert_allclose(solved @ SUN.key, [0.8, 0], atol=1e-9)
+    np.testing.assert_allclose(solved[:, 2], FILL_SHARE, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "seen"),
+    [
+        # The sun is towards +x at slope 4/3: a post of 1 m shades 0.75 m beyond its far side.
+        (0.2, 0.0, 1),
+        (-0.2, 0.0, 0),
+        (-0.84, 0.0, 0),
+        (-0.86, 0.0, 1),
+        (-0.4, 0.19, 0),
+        (-0.4, 0.21, 1),
+    ],
+)
+def test_the_shadow_of_a_post_ends_where_trigonometry_says(x, y, seen):
+    assert visibility(np.array([[x, y, 0.0]]), [BOX], SUN) == pytest.approx(seen)
+
+
+def test_a_turned_box_shades_as_its_turned_footprint():
+    turned = Blocker(BOX.centre, BOX.half, np.pi / 2)
+    points = np.array([[-0.4, 0.15, 0.0], [-0.94, 0.0, 0.0]])
+    np.testing.assert_allclose(visibility(points, [BOX], SUN), [0, 1])
+    np.testing.assert_allclose(visibility(points, [turned], SUN), [1, 0])
+
+
+def test_foliage_lets_part_of_the_light_through():
+    leaves = Blocker(BOX.centre, BOX.half, 0.0, 0.7)
+    assert visibility(np.array([[-0.3, 0, 0]]), [leaves], SUN) == pytest.approx(0.3)
+
+
+def test_nothing_in_the_way_means_full_light():
+    points = np.zeros((3, 3))
+    np.testing.assert_array_equal(visibility(points, [], SUN), 1)
+    np.testing.assert_array_equal(occlusion(points, []), 1)
+
+
+def test_occlusion_fades_with_distance():
+    points = np.array([[0.15, 0, 0], [0.4, 0, 0], [3.0, 0, 0]])
+    near, middle, far = occlusion(points, [BOX])
+    assert 0.4 < near < middle < far
+    assert far == pytest.approx(1, abs=1e-3)
+
+
+def test_the_light_map_agrees_with_its_rays():
+    baked = ground_light((-1, -1, 1, 1), [BOX], SUN, step_m=0.1)
+    samples = np.array([[-0.5, 0.0, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]])
+    key, fill = baked.at(samples)
+    np.testing.assert_allclose(key, visibility(samples, [BOX], SUN))
+    np.testing.assert_allclose(fill, occlusion(samples, [BOX]), atol=1e-3)

@@ -1,0 +1,83 @@
+"""Bricks: each spot paved once, heights as asked, drawings where the poses say."""
+
+import numpy as np
+import pytest
+
+from scenes.paving import BEVEL_M, brick_mesh, lay
+from scenes.routes import resampled, rounded_loop, route_length
+
+BONDS = ("herringbone", "running")
+
+
+@pytest.mark.parametrize("bond", BONDS)
+@pytest.mark.parametrize("cells", [(12, 9), (7, 10), (1, 1)])
+def test_every_module_is_paved_exactly_once(bond, cells):
+    paving = lay(np.random.default_rng(0), cells, 0.1, 0.004, 0.0, bond)
+    covered = np.zeros(cells, dtype=int)
+    low = paving.centre[:, :2] - paving.reach - 0.002
+    first = np.round(low / 0.1 + np.asarray(cells) / 2).astype(int)
+    size = np.round((paving.reach + 0.002) * 2 / 0.1).astype(int)
+    for (i, j), (ni, nj) in zip(first, size, strict=True):
+        covered[i : i + ni, j : j + nj] += 1
+    np.testing.assert_array_equal(covered, 1)
+
+
+@pytest.mark.parametrize("bond", BONDS)
+def test_most_bricks_are_whole(bond):
+    paving = lay(np.random.default_rng(0), (40, 30), 0.1, 0.004, 0.002, bond)
+    whole = paving.half[:, 0] > 0.06
+    assert whole.mean() > 0.9
+    np.testing.assert_allclose(paving.half[whole], [[0.098, 0.048]] * whole.sum())
+    np.testing.assert_allclose(paving.half[~whole], 0.048)
+
+
+def test_heights_have_the_wanted_spread_and_are_clipped():
+    paving = lay(np.random.default_rng(0), (120, 90), 0.1, 0.004, 0.002, "herringbone")
+    height = paving.centre[:, 2]
+    assert height.std() == pytest.approx(0.002, rel=0.1)
+    assert np.abs(height).max() == pytest.approx(0.004)
+    assert abs(height.mean()) < 1e-4
+
+
+def test_the_drawn_tops_lie_on_the_posed_planes():
+    rng = np.random.default_rng(0)
+    paving = lay(rng, (6, 5), 0.1, 0.004, 0.002, "herringbone")
+    count = len(paving.centre)
+    mesh = brick_mesh(
+        paving, np.tile([0, 0, 1.0, 1], (count, 1)), np.zeros(count, dtype=bool), (4, 2)
+    )
+    points = mesh.points.reshape(count, -1, 4, 3)[:, :8]
+    offset = points - paving.centre[:, None, None]
+    rise = (offset[..., :2] * paving.slope[:, None, None]).sum(axis=-1)
+    np.testing.assert_allclose(offset[..., 2], rise, atol=1e-12)
+    extent = np.abs(offset[..., :2]).max(axis=(1, 2))
+    np.testing.assert_allclose(extent, paving.reach - BEVEL_M)
+
+
+def test_all_faces_of_a_brick_look_outward():
+    paving = lay(np.random.default_rng(0), (4, 4), 0.1, 0.004, 0.002, "herringbone")
+    count = len(paving.centre)
+    mesh = brick_mesh(paving, np.tile([0, 0, 1.0, 1], (count, 1)), np.zeros(count, dtype=bool))
+    a, b, c = (mesh.points[mesh.faces[:, k]] for k in range(3))
+    outward = mesh.normals[mesh.faces].mean(axis=1)
+    assert np.all((np.cross(b - a, c - a) * outward).sum(axis=1) > 0)
+
+
+def test_a_rounded_square_has_the_length_of_its_sides_and_arcs():
+    square = np.array([[1.0, -1], [1, 1], [-1, 1], [-1, -1]])
+    loop = rounded_loop(square, 0.5, step_m=0.02)
+    assert route_length(loop) == pytest.approx(4 * 1 + 2 * np.pi * 0.5, rel=2e-3)
+    np.testing.assert_array_equal(loop[0], loop[-1])
+    np.testing.assert_allclose(loop[0], [0, -1])
+    np.testing.assert_allclose(np.linalg.norm(np.diff(loop, axis=0), axis=1), 0.02, rtol=0.02)
+
+
+def test_corners_that_leave_no_room_are_refused():
+    with pytest.raises(ValueError, match="too short"):
+        rounded_loop(np.array([[1.0, -1], [1, 1], [-1, 1], [-1, -1]]), 1.2)
+
+
+def test_resampling_keeps_both_ends():
+    path = resampled(np.array([[0.0, 0], [1, 0], [1, 1]]), 0.3)
+    np.testing.assert_array_equal(path[[0, -1]], [[0, 0], [1, 1]])
+    assert len(path) == 8
