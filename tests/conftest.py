@@ -1,6 +1,7 @@
 """Worlds small enough to reason about, for every test that needs one."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import cv2
 import mujoco
@@ -22,6 +23,19 @@ BOXES = (
     ((2.20, -0.55, 0.35), (0.15, 0.10, 0.12), 0.2),
     ((5.00, 0.20, 0.45), (0.30, 0.50, 0.25), -0.3),
 )
+
+
+@pytest.fixture(scope="session")
+def real_data() -> Callable[[str], Path]:
+    """Find a folder of data made by others, or skip: it is not part of the repository."""
+    root = Path(__file__).resolve().parents[2] / "shared" / "data"
+
+    def find(name: str) -> Path:
+        if not (root / name).is_dir():
+            pytest.skip(f"{root / name} is absent")
+        return root / name
+
+    return find
 
 
 @pytest.fixture(scope="session")

@@ -32,7 +32,7 @@ class _RateColumn(ProgressColumn):
 
 @contextmanager
 def progress_bar(title: str) -> Generator[Callable[[int, int], None]]:
-    """Show a bar on stderr; yields what to call with (done, in total)."""
+    """Show a bar on stderr if that is a terminal; yields what to call with (done, in total)."""
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -40,7 +40,7 @@ def progress_bar(title: str) -> Generator[Callable[[int, int], None]]:
         _RateColumn(),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=err) as progress:
+    with Progress(*columns, console=err, disable=not err.is_terminal) as progress:
         task = progress.add_task(title, total=None)
 
         def update(done: int, total: int) -> None:

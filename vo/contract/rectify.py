@@ -67,7 +67,7 @@ def rectify(left: PinholeCamera, right: PinholeCamera) -> tuple[StereoRig, Remap
         return rig, _unchanged, _unchanged
     R_left, R_right, P_left, P_right = cv2.stereoRectify(
         left.K, left.distortion, right.K, right.distortion, size,
-        T_right_left[:3, :3], T_right_left[:3, 3], flags=cv2.CALIB_ZERO_DISPARITY, alpha=0,
+        T_right_left[:3, :3], T_right_left[:3, 3:], flags=cv2.CALIB_ZERO_DISPARITY, alpha=0,
     )[:4]  # fmt: skip
     if P_right[0, 3] >= 0:
         raise CalibrationError(

@@ -1,0 +1,155 @@
+"""Metrics on trajectories whose errors can be worked out by hand."""
+
+import numpy as np
+import pytest
+
+from trials.alignment import REACH_NS, Alignment, Pair, associate, umeyama
+from trials.metrics import (
+    errors_over_distance,
+    errors_over_time,
+    position_errors,
+    segment_lengths_m,
+)
+from trials.runs import SavedRun
+from trials.score import score_run
+from vo.contract import se3
+from vo.contract.errors import TrajectoryError
+from vo.contract.trajectory import Trajectory
+
+
+def along_x(x_m):
+    T = np.tile(np.eye(4), (len(x_m), 1, 1))
+    T[:, 0, 3] = x_m
+    return T
+
+
+def pair(true_x, estimated_x):
+    return Pair(np.arange(len(true_x)), along_x(true_x), along_x(estimated_x))
+
+
+def test_segments_are_exactly_as_long_as_asked():
+    """Frames at 0, 0.4, 1.3, 2.3 m; the estimate is 1 % long: every segment errs by 1 %."""
+    true = np.array([0, 0.4, 1.3, 2.3])
+    errors = errors_over_distance(pair(true, 1.01 * true), 1.0)
+    # Segments from 0 m (ends between frames) and 0.4 m; and 1.3 m ends on the last frame.
+    assert errors.start.tolist() == [0, 1, 2]
+    assert np.allclose(errors.translation_m, 0.01)
+    assert np.allclose(errors.rotation_rad, 0)
+
+
+def test_error_inside_a_frame_is_shared_by_length():
+    """The estimate slips 0.2 m in the second of two 1 m steps; a 1.5 m segment gets half of it."""
+    errors = errors_over_distance(pair([0, 1, 2], [0, 1, 2.2]), 1.5)
+    assert np.allclose(errors.translation_m, [0.1])
+
+
+def test_standing_still_starts_segments_but_has_no_length():
+    errors = errors_over_distance(pair([0, 0, 0, 1, 1], [0, 0.1, 0, 1, 1]), 1.0)
+    assert errors.start.tolist() == [0, 1, 2]
+    assert np.allclose(errors.translation_m, [0, 0.1, 0])
+
+
+def test_too_short_a_path_has_no_segments():
+    assert len(errors_over_distance(pair([0, 0.5], [0, 0.5]), 1.0)) == 0
+
+
+def test_a_turn_of_one_degree_in_the_middle():
+    """Straight 2 m, but the estimate turns by 1° after 1 m: 1.5 m segments from 0 m see
+    0.5 m after the bend, 2 * 0.5 * sin(0.5°) off."""
+    true = along_x(np.arange(0, 2.01, 0.25))
+    bend = se3.exp(np.array([0, 0, 0, 0, 0, np.radians(1)]))
+    estimate = true.copy()
+    after = true[:, 0, 3] > 1
+    origin = along_x([1.0])[0]
+    estimate[after] = origin @ bend @ se3.inverse(origin) @ true[after]
+    errors = errors_over_distance(Pair(np.arange(9), true, estimate), 1.5)
+    assert errors.translation_m[0] == pytest.approx(2 * 0.5 * np.sin(np.radians(0.5)))
+    assert errors.rotation_rad[0] == pytest.approx(np.radians(1))
+
+
+def test_over_time():
+    errors = errors_over_time(pair([0, 1, 2, 3], [0, 1, 2.5, 3.5]), step=2)
+    assert np.allclose(errors.translation_m, [0.5, 0.5])
+    assert np.allclose(errors.length_m, [2, 2])
+    assert len(errors_over_time(pair([0, 1], [0, 1]), step=2)) == 0
+
+
+def test_position_errors_by_alignment():
+    """Estimate twice as long: from the first pose 0, 1, 2 m off; fitted, 1, 0, 1; scaled, none."""
+    twice = pair([0, 1, 2], [0, 2, 4])
+    assert np.allclose(position_errors(twice, Alignment.FIRST_POSE), [0, 1, 2])
+    assert np.allclose(position_errors(twice, Alignment.SE3), [1, 0, 1])
+    assert np.allclose(position_errors(twice, Alignment.SIM3), 0, atol=1e-12)
+
+
+def test_umeyama_of_the_paper():
+    """The worked example at the end of Umeyama's paper, lifted to three dimensions: a reflection
+    would fit better and must not be returned."""
+    b = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0]], dtype=float)
+    a = np.array([[0, 0, 0], [-1, 0, 0], [0, 2, 0]], dtype=float)
+    found = umeyama(a, b, with_scale=True)
+    assert np.linalg.det(found.R_a_b) == pytest.approx(1)
+    # In the plane the paper finds scale 0.721 for a rotation about z; in space the mirror image
+    # is a half turn about y, exact.
+    assert found.scale == pytest.approx(1)
+    assert np.allclose(found.R_a_b, np.diag([-1, 1, -1]))
+
+
+def test_umeyama_refuses_a_reflection_in_space():
+    rng = np.random.default_rng(0)
+    b = rng.normal(size=(20, 3))
+    found = umeyama(b * [-1, 1, 1], b, with_scale=False)
+    assert np.linalg.det(found.R_a_b) == pytest.approx(1)
+
+
+def test_no_scale_without_motion():
+    with pytest.raises(TrajectoryError, match="never moves"):
+        position_errors(pair([0, 1, 2], [0, 0, 0]), Alignment.SIM3)
+
+
+def test_truth_is_not_bridged_across_its_gaps():
+    far = 50 * REACH_NS
+    truth = Trajectory(np.array([0, 1000, far, far + 1000]), along_x([0, 1, 50, 51]))
+    times = np.array([500, 2000, far // 2, far - 500, far + 500, far + 2000])
+    found = associate(truth, Trajectory(times, along_x(np.zeros(6))))
+    assert found.timestamps_ns.tolist() == [500, 2000, far - 500, far + 500]
+    assert found.T_world_cam[0, 0, 3] == pytest.approx(0.5)
+
+
+def test_strangers_are_refused():
+    truth = Trajectory(np.array([0, 10]), along_x([0, 1]))
+    late = Trajectory(np.array([10**12, 10**12 + 1]), along_x([0, 1]))
+    with pytest.raises(TrajectoryError, match="shares 0 times"):
+        associate(truth, late)
+
+
+def test_lengths_suit_the_path():
+    assert segment_lengths_m(0.9) == ()
+    assert segment_lengths_m(3.5) == (1, 2, 3)
+    assert segment_lengths_m(250) == (100, 200)
+
+
+def test_score_of_a_run_without_record():
+    """11 frames of 0.5 m, estimate 2 % short, two poses missing at the end."""
+    times = np.arange(11) * 10**8
+    truth = Trajectory(times, along_x(0.5 * np.arange(11)))
+    estimate = Trajectory(times[:9], along_x(0.49 * np.arange(9)))
+    score = score_run(truth, SavedRun("x.txt", "x", estimate), frames=11)
+    assert score.statuses == {"lost": 2}
+    assert score.path_m == pytest.approx(4.0)
+    assert score.drift_1m.mean_percent == pytest.approx(2)
+    assert [x.length_m for x in score.segments] == [1, 2, 3, 4]
+    assert [x.segments for x in score.segments] == [7, 5, 3, 1]
+    assert score.kitti_percent == pytest.approx(2)
+    assert (score.end_m, score.end_percent) == (pytest.approx(0.08), pytest.approx(2))
+    assert score.rpe_frame_m.rmse == pytest.approx(0.01)
+    assert score.ate_m["sim3"].rmse == pytest.approx(0, abs=1e-12)
+    assert score.frame_ms is None
+
+
+def test_score_of_an_estimate_that_stands_still():
+    times = np.arange(3)
+    truth = Trajectory(times, along_x([0, 1, 2]))
+    score = score_run(truth, SavedRun("x.txt", "x", Trajectory(times, along_x([0, 0, 0]))), 3)
+    assert score.drift_1m.mean_percent == pytest.approx(100)
+    assert "sim3" not in score.ate_m

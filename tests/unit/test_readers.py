@@ -1,0 +1,136 @@
+"""Folder readers on folders that the tests write: EuRoC and KITTI."""
+
+import cv2
+import numpy as np
+import pytest
+from folders import BASELINE_M, F_PX, HEIGHT, PERIOD_NS, WIDTH, wall, write_euroc
+
+from vo.contract.errors import CalibrationError, DatasetError, TrajectoryError
+from vo.contract.readers import open_sequence, read_truth
+
+
+@pytest.fixture
+def euroc(tmp_path):
+    return write_euroc(tmp_path / "drive", wall(3), truth_step_m=0.5)
+
+
+@pytest.fixture
+def kitti(tmp_path):
+    folder = tmp_path / "05"
+    for eye in ("image_0", "image_1"):
+        (folder / eye).mkdir(parents=True)
+    for i, pair in enumerate(wall(3)):
+        for eye, image in zip(("image_0", "image_1"), pair, strict=True):
+            cv2.imwrite(str(folder / eye / f"{i:06d}.png"), image)
+    P0 = [F_PX, 0, 100, 0, 0, F_PX, 90, 0, 0, 0, 1, 0]
+    P1 = [*P0[:3], -F_PX * BASELINE_M, *P0[4:]]
+    rows = [f"{name}: " + " ".join(map(str, P)) for name, P in (("P0", P0), ("P1", P1))]
+    (folder / "calib.txt").write_text("\n".join(rows) + "\n")
+    (folder / "times.txt").write_text("0.0\n1.036e-01\n0.2\n")
+    return folder
+
+
+def test_euroc_pixels_and_calibration_arrive_unchanged(euroc):
+    sequence = open_sequence(euroc)
+    assert (sequence.name, len(sequence)) == ("drive", 3)
+    rig = sequence.rig
+    assert (rig.f_px, rig.baseline_m, rig.cx_px) == (F_PX, BASELINE_M, (WIDTH - 1) / 2)
+    for i, (frame, (left, right)) in enumerate(zip(sequence, wall(3), strict=True)):
+        assert frame.timestamp_ns == (i + 1) * PERIOD_NS
+        assert (frame.left == left).all()
+        assert (frame.right == right).all()
+
+
+def test_mav0_itself_opens_too(euroc):
+    assert len(open_sequence(euroc / "mav0")) == 3
+
+
+def test_euroc_truth_is_of_the_left_camera(tmp_path):
+    T_body_left, T_body_right = np.eye(4), np.eye(4)
+    T_body_left[:3, 3] = [0.3, 0.0, 0.5]
+    T_body_right[:3, 3] = [0.3 + BASELINE_M, 0.0, 0.5]
+    folder = write_euroc(
+        tmp_path / "x", wall(2), T_body_cams=(T_body_left, T_body_right), truth_step_m=2.0
+    )
+    assert np.allclose(read_truth(folder).T_ref_frame[1, :3, 3], [2.3, 0, 0.5])
+
+
+def test_no_truth_is_none(tmp_path):
+    assert read_truth(write_euroc(tmp_path / "x", wall(2))) is None
+
+
+def test_kitti(kitti):
+    sequence = open_sequence(kitti)
+    assert sequence.timestamps_ns.tolist() == [0, 103_600_000, 200_000_000]
+    rig = sequence.rig
+    assert (rig.f_px, rig.cx_px, rig.cy_px) == (F_PX, 100, 90)
+    assert rig.baseline_m == pytest.approx(BASELINE_M)
+    assert (sequence[2].right == wall(3)[2][1]).all()
+    assert read_truth(kitti) is None
+
+
+def test_kitti_truth_of_the_benchmark_layout(kitti):
+    poses = kitti.parent.parent / "poses"
+    poses.mkdir()
+    (poses / "05.txt").write_text("1 0 0 0 0 1 0 0 0 0 1 0\n" * 2 + "1 0 0 7 0 1 0 0 0 0 1 0\n")
+    assert read_truth(kitti).T_ref_frame[2, 0, 3] == 7
+    (poses / "05.txt").write_text("1 0 0 0 0 1 0 0 0 0 1 0\n")
+    with pytest.raises(TrajectoryError, match="1 poses for 3 times"):
+        read_truth(kitti)
+
+
+def test_kitti_faults(kitti):
+    (kitti / "image_1" / "000002.png").rename(kitti / "image_1" / "000003.png")
+    with pytest.raises(DatasetError, match=r"000002.png in image_0 has no partner"):
+        open_sequence(kitti)
+    (kitti / "image_1" / "000003.png").unlink()
+    with pytest.raises(DatasetError, match="image_0 holds 3 images, image_1 2"):
+        open_sequence(kitti)
+    (kitti / "image_0" / "000002.png").unlink()
+    with pytest.raises(DatasetError, match="3 times for 2 images"):
+        open_sequence(kitti)
+    (kitti / "times.txt").write_text("0\n1\n")
+    (kitti / "calib.txt").write_text("P0: 1 2 3\n")
+    with pytest.raises(CalibrationError, match="P0 must be 12 numbers"):
+        open_sequence(kitti)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("intrinsics: ", "[.nan, 200, 1, 1]", "NaN"),
+        ("intrinsics: ", "[-1.0, 200, 1, 1]", "must be positive"),
+        ("camera_model: ", "omni", "camera_model omni"),
+        ("resolution: ", "[240]", "not enough values"),
+        ("T_BS: ", "{}", "key 'data' is missing"),
+    ],
+)
+def test_euroc_calibration_faults(euroc, key, value, message):
+    import yaml
+
+    path = euroc / "mav0" / "cam0" / "sensor.yaml"
+    sheet = yaml.safe_load(path.read_text().removeprefix("%YAML:1.0\n"))
+    sheet[key.rstrip(": ")] = yaml.safe_load(value)
+    path.write_text(yaml.safe_dump(sheet))
+    with pytest.raises(CalibrationError, match=message):
+        open_sequence(euroc)
+
+
+def test_swapped_eyes_are_refused(tmp_path):
+    left = np.eye(4)
+    left[0, 3] = BASELINE_M
+    with pytest.raises(CalibrationError, match="swapped"):
+        open_sequence(write_euroc(tmp_path / "x", wall(2), T_body_cams=(left, np.eye(4))))
+
+
+def test_unknown_layout_lists_the_known_ones(tmp_path):
+    with pytest.raises(DatasetError, match=r"EuRoC folder .* or KITTI"):
+        open_sequence(tmp_path)
+
+
+def test_colour_is_read_as_grey(euroc):
+    path = euroc / "mav0" / "cam0" / "data" / f"{PERIOD_NS}.png"
+    colour = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+    colour[..., 1] = 200
+    cv2.imwrite(str(path), colour)
+    assert (open_sequence(euroc)[0].left == round(0.587 * 200)).all()
