@@ -7,12 +7,13 @@ import mujoco
 import numpy as np
 from pydantic import Field
 
-from scenes.light import Light, LightMap, ground_light, shaded_normals
+from scenes.light import Light, shaded_normals
 from scenes.mesh import Mesh, merged, patch
 from scenes.paving import Bond, Paving, brick_mesh, lay
 from scenes.props import bench, grass_tufts, lamp_post, litter, planter, potted_plant, shrub
 from scenes.routes import rounded_loop
 from scenes.scene import Scene
+from scenes.shadow import LightMap, ground_light
 from scenes.stage import HIDDEN_GROUP, Stage
 from scenes.surfaces import greenery, masonry, prints, sky, timber
 from scenes.surfaces.atlas import pack

@@ -7,11 +7,12 @@ from pydantic import Field
 
 from scenes import furniture
 from scenes.furniture import Place, local
-from scenes.light import Light, ground_light, shaded_normals
+from scenes.light import Light, shaded_normals
 from scenes.mesh import Mesh, box, merged, patch
 from scenes.props import potted_plant
 from scenes.routes import rounded_loop
 from scenes.scene import Scene
+from scenes.shadow import ground_light
 from scenes.stage import Stage
 from scenes.surfaces import greenery, masonry, prints, sky, textile, timber
 from scenes.surfaces.atlas import Atlas, pack

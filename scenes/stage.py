@@ -3,8 +3,9 @@
 import mujoco
 import numpy as np
 
-from scenes.light import Blocker, Light, occlusion, shaded_normals, visibility
+from scenes.light import Light, shaded_normals
 from scenes.mesh import Mesh, Vector, merged
+from scenes.shadow import Blocker, occlusion, visibility
 from vo.contract.arrays import Array, Image
 
 HIDDEN_GROUP = 3  # the renderer draws groups 0 to 2: what collides and what is seen are apart
