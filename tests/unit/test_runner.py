@@ -1,0 +1,113 @@
+"""From sequence to files and back."""
+
+import json
+
+import numpy as np
+import pytest
+from folders import PERIOD_NS, wall, write_euroc
+
+from trials.runs import read_run
+from vo.contract.errors import TrajectoryError
+from vo.contract.estimator import Estimate, Observations, Status
+from vo.contract.readers import open_sequence
+from vo.runner import run, write_run
+
+
+class Scripted:
+    """An estimator that starts, tracks, gets lost and resumes; stages differ by frame."""
+
+    def __init__(self):
+        self.frames = 0
+
+    def track(self, frame):
+        i, self.frames = self.frames, self.frames + 1
+        T = np.eye(4)
+        T[0, 3] = i
+        if i == 0:
+            return Estimate(frame.timestamp_ns, Status.START, T, counts={"corners": 9})
+        if i == 2:
+            return Estimate(frame.timestamp_ns, Status.LOST, None, 'dark, and "odd"')
+        seen = Observations(
+            np.array([7, 9]),
+            np.array([[1.5, 2.5], [3, 4]]),
+            np.array([8, np.nan]),
+            np.array([1, 0]),
+        )
+        counts, timings = {"corners": 9, "inliers": 4}, {"detect": 1.5, "match": 2.25}
+        return Estimate(frame.timestamp_ns, Status.TRACKED, T, "", counts, timings, seen)
+
+
+@pytest.fixture
+def dataset(tmp_path):
+    return write_euroc(tmp_path / "drive", wall(4))
+
+
+@pytest.fixture
+def written(tmp_path, dataset):
+    seen = []
+    result = run(open_sequence(dataset), Scripted(), seen.append)
+    assert len(seen) == 4
+    out = tmp_path / "runs" / "a.v1.txt"
+    write_run(out, result, "scripted", {"gain": 2}, dataset)
+    return out
+
+
+def test_everything_survives_the_round_trip(written):
+    saved = read_run(written)
+    assert saved.estimator == "scripted"
+    assert saved.trajectory.timestamps_ns.tolist() == [PERIOD_NS * k for k in (1, 2, 4)]
+    assert saved.trajectory.T_ref_frame[:, 0, 3].tolist() == [0, 1, 3]
+    frames = saved.frames
+    assert [x.value for x in frames.status] == ["start", "tracked", "lost", "tracked"]
+    assert frames.reason[2] == 'dark, and "odd"'
+    assert list(frames.counts) == ["corners", "inliers"]
+    assert np.array_equal(frames.counts["inliers"], [np.nan, 4, np.nan, 4], equal_nan=True)
+    assert np.array_equal(frames.timings_ms["match"], [np.nan, 2.25, np.nan, 2.25], equal_nan=True)
+    assert (frames.frame_ms >= 0).all()
+    tracks = saved.tracks
+    assert tracks.frame.tolist() == [1, 1, 3, 3]
+    assert tracks.landmark.tolist() == [7, 9, 7, 9]
+    assert tracks.pixels[0].tolist() == [1.5, 2.5]
+    assert tracks.inlier.tolist() == [True, False] * 2
+    assert np.isnan(tracks.disparity_px[1])
+
+
+def test_provenance(written, dataset):
+    about = json.loads((written.parent / "a.v1.run.json").read_text())
+    assert about["settings"] == {"gain": 2}
+    assert about["dataset_sha256"] is None
+    assert about["versions"]["numpy"] == np.__version__
+
+
+def test_the_manifest_is_fingerprinted(tmp_path, dataset):
+    (dataset / "dataset.json").write_text("abc")
+    write_run(tmp_path / "x.txt", run(open_sequence(dataset), Scripted()), "s", {}, dataset)
+    about = json.loads((tmp_path / "x.run.json").read_text())
+    expected = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
+    assert about["dataset_sha256"] == expected  # SHA-256 of "abc", FIPS 180-2 B.1
+
+
+def test_only_final_names_remain(written):
+    names = {path.name for path in written.parent.iterdir()}
+    assert names == {f"a.v1.{x}" for x in ("txt", "frames.csv", "tracks.npz", "run.json")}
+
+
+def test_a_trajectory_alone_is_a_run_too(written):
+    for kind in ("frames.csv", "tracks.npz", "run.json"):
+        (written.parent / f"a.v1.{kind}").unlink()
+    saved = read_run(written)
+    assert (saved.estimator, saved.frames, saved.tracks) == ("a.v1", None, None)
+
+
+@pytest.mark.parametrize("kind", ["frames.csv", "tracks.npz", "run.json"])
+def test_damaged_companions_are_reported(written, kind):
+    (written.parent / f"a.v1.{kind}").write_text("junk\njunk\n")
+    with pytest.raises(TrajectoryError, match=r"a.v1.txt: a file beside it is damaged"):
+        read_run(written)
+
+
+def test_status_and_pose_must_agree():
+    with pytest.raises(ValueError, match="status lost"):
+        Estimate(0, Status.LOST, np.eye(4))
+    with pytest.raises(ValueError, match="status tracked"):
+        Estimate(0, Status.TRACKED, None)
