@@ -91,11 +91,6 @@ class Driver:
         self._moved_from_m = 0.0
         self.arrived = False
 
-    @property
-    def progress_m(self) -> float:
-        """Arc length of the path point nearest to the rover."""
-        return self._progress_m
-
     def command(self, T_world_body: Array, time_s: float) -> Array:
         """Return the wheel speeds to ask for now, (2,) left and right in rad/s.
 

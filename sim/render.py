@@ -45,7 +45,8 @@ class StereoRenderer:
 
     Colour may be multisampled. Depth and segmentation never are: they come from a pass of their
     own without samples, textures, light or shadows, so that each holds exactly at pixel centres
-    (a resolved depth is some sample's, off the centre). Without multisampling one pass gives both.
+    (a resolved depth is some sample's, off the centre: a median 0.13 % wrong on paving). Without
+    multisampling one pass gives both.
     """
 
     def __init__(self, world: World, settings: RenderSettings, color: bool = False) -> None:

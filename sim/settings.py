@@ -39,7 +39,7 @@ class DriveSettings(Settings):
     route: str = "default"
     distance_m: float | None = Field(default=None, gt=0.0)
     """Path length after which to stop; none: the whole route once. Closed routes repeat."""
-    speed_mps: float = Field(default=0.3, gt=0.0, le=0.7)
+    speed_mps: float = Field(default=0.3, ge=0.02, le=0.7)
     acceleration_mps2: float = Field(default=0.3, gt=0.0, le=2.0)
     turn_rate_max_deg_s: float = Field(default=40.0, gt=0.0, le=180.0)
     lookahead_m: float = Field(default=0.35, ge=0.1, le=2.0)

@@ -16,6 +16,8 @@ from vo.contract.errors import SettingsError
 from vo.contract.rig import StereoRig
 
 TIMESTEP_MAX_S = 0.001
+START_CLEARANCE_M = 0.01
+"""Above the level ground, so that no brick is inside a wheel; the rover drops and settles."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +105,3 @@ def _attach_rover(spec: mujoco.MjSpec, route: Array, settings: RecordSettings) -
         quat=(math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)),
     )
     spec.attach(rover, prefix=PREFIX, frame=start)
-
-
-START_CLEARANCE_M = 0.01
-"""Above the level ground, so that no brick is inside a wheel; the rover drops and settles."""
