@@ -113,6 +113,9 @@ def record_scene(
     """Record a scene with a progress bar; returns the certificate."""
     from sim.record import record
     from trials.commands import console
+    from vo.contract.dataset import DatasetWriter
+
+    DatasetWriter(out, overwrite)  # refuses now what it would refuse after building the scene
 
     with console.progress_bar(f"recording {name}") as progress:
         return record(build(name, settings), settings, out, overwrite, progress)

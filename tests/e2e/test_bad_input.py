@@ -1,0 +1,194 @@
+"""Every way to be misused ends in one clear line and status 2, with nothing half-written."""
+
+import shutil
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+from folders import PERIOD_NS, wall, write_euroc
+from terminal import driftyard
+
+FIRST = f"mav0/cam0/data/{PERIOD_NS}.png"
+
+
+def assert_refused(result, *fragments):
+    assert result.returncode == 2, result.stdout + result.stderr
+    lines = result.stderr.splitlines()
+    assert len(lines) == 1, result.stderr
+    assert lines[0].startswith("driftyard: error: ")
+    for fragment in fragments:
+        assert fragment in lines[0]
+
+
+@pytest.fixture(scope="module")
+def pristine(tmp_path_factory):
+    return write_euroc(tmp_path_factory.mktemp("pristine") / "d", wall(3), truth_step_m=0.1)
+
+
+@pytest.fixture
+def dataset(pristine, tmp_path):
+    return shutil.copytree(pristine, tmp_path / "d")
+
+
+def edit_sheet(dataset, eye, **values):
+    path = dataset / f"mav0/cam{eye}/sensor.yaml"
+    sheet = yaml.safe_load(path.read_text().removeprefix("%YAML:1.0\n"))
+    path.write_text(yaml.safe_dump({**sheet, **values}))
+
+
+def remove(dataset):
+    shutil.rmtree(dataset)
+
+
+def wrong_size(dataset):
+    cv2.imwrite(str(dataset / FIRST), np.zeros((20, 30), np.uint8))
+
+
+def truncate(dataset):
+    data = (dataset / FIRST).read_bytes()
+    (dataset / FIRST).write_bytes(data[: len(data) // 2])
+
+
+def empty_file(dataset):
+    (dataset / FIRST).write_bytes(b"")
+
+
+def missing_image(dataset):
+    (dataset / FIRST).unlink()
+
+
+def shorten_right(dataset):
+    table = dataset / "mav0/cam1/data.csv"
+    table.write_text("".join(table.read_text().splitlines(keepends=True)[:-1]))
+
+
+def shift_right(dataset):
+    table = dataset / "mav0/cam1/data.csv"
+    table.write_text(table.read_text().replace(f"{2 * PERIOD_NS},", f"{2 * PERIOD_NS + 1},"))
+
+
+def reverse_time(dataset):
+    for eye in (0, 1):
+        table = dataset / f"mav0/cam{eye}/data.csv"
+        header, *rows = table.read_text().splitlines(keepends=True)
+        table.write_text(header + "".join(rows[::-1]))
+
+
+def no_frames(dataset):
+    for eye in (0, 1):
+        (dataset / f"mav0/cam{eye}/data.csv").write_text("#timestamp [ns],filename\n")
+
+
+def zero_baseline(dataset):
+    edit_sheet(dataset, 1, T_BS={"data": np.eye(4).ravel().tolist()})
+
+
+def nan_calibration(dataset):
+    edit_sheet(dataset, 0, intrinsics=[float("nan"), 200.0, 100.0, 100.0])
+
+
+def no_calibration(dataset):
+    (dataset / "mav0/cam1/sensor.yaml").unlink()
+
+
+@pytest.mark.parametrize(
+    ("damage", "fragments"),
+    [
+        (remove, ["d: no such folder"]),
+        (wrong_size, ["left image of frame 0 is 30x20, the calibration says 240x180"]),
+        (truncate, [FIRST, "truncated"]),
+        (empty_file, [FIRST]),
+        (missing_image, [FIRST, "cannot be read"]),
+        (shorten_right, ["cam0 lists 3 images, cam1 2"]),
+        (shift_right, ["frame 1 is at 200000000 ns left, 200000001 ns right"]),
+        (reverse_time, ["time must increase", "frame 1"]),
+        (no_frames, ["no frames"]),
+        (zero_baseline, ["mav0/cam1/sensor.yaml", "zero baseline"]),
+        (nan_calibration, ["mav0/cam0/sensor.yaml", "NaN"]),
+        (no_calibration, ["mav0/cam1/sensor.yaml", "cannot be read"]),
+    ],
+)
+def test_bad_datasets(dataset, tmp_path, damage, fragments):
+    damage(dataset)
+    words = ("run", "d", "--out", "out/x.txt", "--estimator", "corner_flow")
+    assert_refused(driftyard(*words, cwd=tmp_path), *fragments)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "fragments"),
+    [
+        (["--estimator", "orb"], ["unknown estimator orb", "corner_flow, driftyard"]),
+        (["--set", "seeds=3"], ["unknown setting seeds", "features"]),
+        (["--set", "seed=nan"], ["seed"]),
+        (["--config", "nowhere.toml"], ["nowhere.toml", "cannot be read"]),
+        (["--config", "bad.toml"], ["bad.toml", "not valid TOML"]),
+    ],
+)
+def test_bad_run_options(dataset, tmp_path, words, fragments):
+    (tmp_path / "bad.toml").write_text("= 3")
+    assert_refused(driftyard("run", "d", "--out", "x.txt", *words, cwd=tmp_path), *fragments)
+    assert not list(tmp_path.glob("*x*txt*"))
+
+
+def test_output_that_is_a_folder(dataset, tmp_path):
+    assert_refused(driftyard("run", "d", "--out", ".", cwd=tmp_path), "is a folder")
+
+
+@pytest.mark.parametrize(
+    ("words", "fragments"),
+    [
+        (["generate", "moon", "--out", "o"], ["unknown scene moon", "brick_court, office"]),
+        (["generate", "office", "--out", "o", "--set", "rig.tilt=3"], ["rig.tilt", "tilt_deg"]),
+        (["generate", "office", "--out", "o", "--set", "rig.tilt_deg=nan"], ["rig.tilt_deg"]),
+        (["generate", "office", "--out", "o", "--set", "rig.baseline_m=0"], ["rig.baseline_m"]),
+        (["generate", "office", "--out", "d"], ["already exists"]),
+        (["preview", "moon", "--out", "o"], ["unknown scene moon"]),
+        (["verify", "o"], ["o: no such folder"]),
+        (["verify", "d"], ["dataset.json", "cannot be read"]),
+    ],
+)
+def test_bad_requests_for_datasets(dataset, tmp_path, words, fragments):
+    assert_refused(driftyard(*words, cwd=tmp_path), *fragments)
+    assert {path.name for path in tmp_path.iterdir()} == {"d"}
+
+
+@pytest.mark.parametrize("command", ["score", "report"])
+@pytest.mark.parametrize(
+    ("text", "fragments"),
+    [
+        (None, ["x.txt: cannot be read"]),
+        ("1 0 0 nan 0 0 0 1\n", ["x.txt:1: not a finite pose"]),
+        ("1 0 0 0 0 0 0 1\n2 0 0 0 0 0 0 1\n", ["x.txt: the estimate shares 0 times"]),
+    ],
+)
+def test_bad_trajectories(dataset, tmp_path, command, text, fragments):
+    if text:
+        (tmp_path / "x.txt").write_text(text)
+    assert_refused(driftyard(command, "d", "x.txt", cwd=tmp_path), *fragments)
+    assert not (tmp_path / "report.html").exists()
+
+
+def test_scoring_without_truth(dataset, tmp_path):
+    shutil.rmtree(dataset / "mav0/state_groundtruth_estimate0")
+    (tmp_path / "x.txt").write_text("0.1 0 0 0 0 0 0 1\n")
+    assert_refused(driftyard("score", "d", "x.txt", cwd=tmp_path), "holds no truth")
+
+
+@pytest.mark.parametrize("words", [["fly"], ["run"], ["run", "d", "--bogus"], ["generate", "x"]])
+def test_usage_errors(tmp_path, words):
+    result = driftyard(*words, cwd=tmp_path)
+    assert result.returncode == 2
+    assert "Usage:" in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+@pytest.mark.parametrize(
+    "command",
+    ["scenes", "preview", "generate", "verify", "run", "score", "report", "doctor", "demo"],
+)
+def test_every_help_shows_an_example(tmp_path, command):
+    result = driftyard(command, "--help", cwd=tmp_path)
+    assert result.returncode == 0
+    assert f"Example: driftyard {command}" in result.stdout

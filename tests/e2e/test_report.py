@@ -1,0 +1,83 @@
+"""The report of a short recording, through the command line."""
+
+import json
+import re
+
+import cv2
+import numpy as np
+import pytest
+from folders import BASELINE_M, DISPARITY_PX, HEIGHT, WIDTH, wall, write_euroc
+from terminal import driftyard
+
+STEP_PX = 24
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("report")
+    pairs = wall(8, STEP_PX)
+    blank = np.full((HEIGHT, WIDTH), 90, np.uint8)
+    pairs[5] = (blank, blank)
+    write_euroc(folder / "wall", pairs, truth_step_m=STEP_PX / DISPARITY_PX * BASELINE_M)
+    for name in ("a.txt", "b.txt"):
+        words = ("run", "wall", "--out", name, "--estimator", "corner_flow")
+        result = driftyard(*words, cwd=folder)
+        assert result.returncode == 0, result.stderr
+    return folder
+
+
+def test_run_says_how_it_went(results):
+    words = ("run", "wall", "--out", "c.txt", "--estimator", "corner_flow")
+    assert driftyard(*words, cwd=results).stdout.startswith("c.txt: 8 frames, 1 lost, ")
+
+
+def test_score_as_json(results):
+    result = driftyard("score", "wall", "a.txt", "--json", cwd=results)
+    (score,) = json.loads(result.stdout)
+    assert (score["file"], score["frames"]) == ("a.txt", 8)
+    assert score["statuses"] == {"start": 2, "tracked": 5, "weak": 0, "lost": 1}
+    # 7 steps of 0.3 m; the resumed start has missed two of them.
+    assert score["path_m"] == pytest.approx(2.1)
+    assert score["end_m"] == pytest.approx(0.6, abs=0.02)
+    assert 0 < score["ate_m"]["se3"]["rmse"] < score["ate_m"]["first_pose"]["rmse"]
+
+
+def test_score_as_table(results):
+    result = driftyard("score", "wall", "a.txt", "b.txt", cwd=results)
+    assert result.stdout.count("corner_flow") == 2
+    assert "drift over 1 m" in result.stdout
+
+
+def test_report_is_one_page_with_every_section(results):
+    result = driftyard("report", "wall", "a.txt", "b.txt", "--out", "page.html", cwd=results)
+    assert result.returncode == 0, result.stderr
+    page = (results / "page.html").read_text(encoding="utf-8")
+    for words in (
+        "drift over 1 m",
+        "Scores",
+        "The drive from above",
+        "What corner_flow (a) saw",
+        "Error over distance",
+        "Survivors of each stage",
+        "Time spent by stage",
+        "How the figures are defined",
+        "Settings and versions: corner_flow (b)",
+    ):
+        assert words in page, words
+    assert 'class="band-lost"' in page
+    assert page.count("data:image/jpeg;base64,") >= 3
+    outside = re.findall(r'(?:src|href)="(?!data:)([^"]*)"', page)
+    assert outside == []
+    assert "nan" not in "".join(re.findall(r' d="([^"]*)"', page)).lower()
+
+
+def test_the_map_is_drawn_where_the_manifest_says(results):
+    cv2.imwrite(str(results / "wall" / "map.png"), np.zeros((50, 100, 3), np.uint8))
+    place = {"file": "map.png", "x_min_m": -1.0, "y_max_m": 2.0, "metres_per_px": 0.05}
+    manifest = results / "wall" / "dataset.json"
+    manifest.write_text(json.dumps({"schema_version": 1, "map": place}))
+    driftyard("report", "wall", "a.txt", "--out", "map.html", cwd=results)
+    page = (results / "map.html").read_text(encoding="utf-8")
+    manifest.unlink()
+    # 5 m over 720 units: the start, at the world's origin, is 1 m from the left, 2 m from the top.
+    assert '<circle class="start" cx="144.0" cy="288.0"' in page
