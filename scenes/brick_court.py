@@ -16,7 +16,7 @@ from scenes.scene import Scene
 from scenes.shadow import LightMap, ground_light
 from scenes.stage import HIDDEN_GROUP, Stage
 from scenes.surfaces import greenery, masonry, prints, sky, timber
-from scenes.surfaces.atlas import pack
+from scenes.surfaces.atlas import Atlas, pack
 from scenes.surfaces.noise import fractal, smoothstep
 from scenes.surround import brick_wall, kerb, on_wall, plaster_wall
 from vo.contract.arrays import Array
@@ -57,12 +57,12 @@ def build(rng: np.random.Generator, settings: BrickCourtSettings) -> Scene:
     )
     route = _route(rng, half)
     light = _sun(rng)
-    _surfaces(stage, rng)
+    bricks = _surfaces(stage, rng)
     _furnish(stage, rng, half)
     _surround(stage, rng, half)
     reach = tuple(np.concatenate([-half - 3, half + 3]).tolist())
     baked = _weathered(rng, ground_light(reach, stage.blockers, light))
-    _pave(stage, rng, paving, baked, light)
+    _pave(stage, rng, paving, bricks, baked, light)
     _ground(stage, rng, half, sand_m, baked, light)
     stage.floor(sand_m)
     _bump(stage, paving, route)
@@ -110,7 +110,10 @@ def _sun(rng: np.random.Generator) -> Light:
     )
 
 
-def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
+def _surfaces(stage: Stage, rng: np.random.Generator) -> Atlas:
+    """Define the materials; returns the bricks, which hide most else and so are the first."""
+    bricks = pack(masonry.paving_bricks(rng, 144, (100, 200)))
+    stage.material("paving", bricks.image)
     stage.material("sand", masonry.sand(rng, 1024))
     stage.material("concrete", masonry.concrete(rng, (1024, 1024)))
     stage.material("mortar", masonry.concrete(rng, (512, 512), 168.0))
@@ -122,6 +125,7 @@ def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
     stage.material("timber", timber.wood(rng, (256, 1024), (142, 108, 74)))
     stage.material("pot", timber.painted(rng, (256, 256), (158, 106, 82)))
     stage.material("iron", timber.painted(rng, (256, 256), (58, 62, 60)))
+    return bricks
 
 
 def _furnish(stage: Stage, rng: np.random.Generator, half: Array) -> None:
@@ -189,7 +193,7 @@ def _ground(
         _strip((-30, -y - 3), (-x - 1.05, y + 1.05), 0.012, 4.0, 1.5),
     ]
     stage.draw_lit("lawn", _lit(merged([east, south, *beyond]), baked, light))
-    count = 500
+    count = 380
     tufts = np.concatenate(
         [
             rng.uniform((x + 0.13, -y), (x + 2.2, y), (count, 2)),
@@ -200,13 +204,16 @@ def _ground(
 
 
 def _pave(
-    stage: Stage, rng: np.random.Generator, paving: Paving, baked: LightMap, light: Light
+    stage: Stage,
+    rng: np.random.Generator,
+    paving: Paving,
+    bricks: Atlas,
+    baked: LightMap,
+    light: Light,
 ) -> None:
     """Draw the bricks; those under a shadow's edge finely divided."""
-    atlas = pack(masonry.paving_bricks(rng, 144, (100, 200)))
-    stage.material("paving", atlas.image)
     count = len(paving.centre)
-    rects = atlas.rects[rng.integers(atlas.count, size=count)]
+    rects = bricks.rects[rng.integers(bricks.count, size=count)]
     turned = rng.random(count) < 0.5
     probes = paving.centre[:, None, :2] + paving.reach[:, None] * np.array(
         [[0, 0], [1, 1], [1, -1], [-1, 1], [-1, -1]]
@@ -222,7 +229,7 @@ def _pave(
     dropped = 170
     under = paving.centre[rng.integers(count, size=dropped)]
     shift = rng.uniform(-0.04, 0.04, (dropped, 2))
-    places = np.column_stack([under[:, :2] + shift, under[:, 2] + 0.006])
+    places = np.column_stack([under[:, :2] + shift, under[:, 2] + 0.003])
     stage.draw_lit("litter", _lit(litter(rng, places, leaves), baked, light))
 
 
@@ -256,7 +263,7 @@ def _strip(
     high: tuple[float, float],
     height_m: float,
     period_m: float,
-    cell_m: float = 0.15,
+    cell_m: float = 0.25,
 ) -> Mesh:
     """Cover x, y from (2,) low to (2,) high; neighbours of one period join without a seam."""
     sx, sy = high[0] - low[0], high[1] - low[1]

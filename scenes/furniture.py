@@ -105,12 +105,12 @@ def bookcase(
             wide = min(float(rng.uniform(0.24, 0.5)), inner / 2 - free - 0.004)
             middle = free + wide / 2
             if rng.random() < 0.75:
-                tall, back = 0.29, rng.uniform(0.0, 0.03)
-                block = box((middle, 0.02 + back, z + 0.012 + tall / 2), (wide - 0.006, 0.25, tall))
+                tall, back = 0.29, rng.uniform(0.0, 0.025)
+                block = box((middle, back, z + 0.012 + tall / 2), (wide - 0.006, 0.25, tall))
                 put("books", block.textured(_window(rng, books, wide)))
             else:
                 tall = float(rng.uniform(0.16, 0.27))
-                block = box((middle, 0.01, z + 0.012 + tall / 2), (wide - 0.03, 0.28, tall))
+                block = box((middle, 0.0, z + 0.012 + tall / 2), (wide - 0.03, 0.28, tall))
                 put("cartons", block.textured(cartons.rects[rng.integers(cartons.count)]))
             free += wide
     solid(stage, name, place, (width, depth, height))

@@ -83,12 +83,12 @@ def _lamps(rng: np.random.Generator) -> Light:
     """Wide daylight from the windows, in the wall towards +y, and ceiling panels as the fill."""
     azimuth, elevation = np.pi / 2 + rng.uniform(-0.5, 0.5), np.radians(rng.uniform(50, 60))
     flat = np.cos(elevation)
-    on_floor = np.array([0.33, 0.335, 0.34])  # all lamps together light the floor by about 1
+    on_floor = np.array([0.29, 0.295, 0.30])  # all lamps together light the floor by about 1
     return Light(
         key=np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)]),
         key_rgb=on_floor / np.sin(elevation),
-        fill_rgb=np.array([0.43, 0.42, 0.40]),
-        ambient_rgb=np.array([0.24, 0.24, 0.24]),
+        fill_rgb=np.array([0.38, 0.372, 0.36]),
+        ambient_rgb=np.array([0.33, 0.328, 0.325]),
         softness_rad=0.45,
     )
 
@@ -102,7 +102,7 @@ def _surfaces(stage: Stage, rng: np.random.Generator) -> dict[str, Atlas]:
         "screens": pack(prints.screens(rng, 6, (200, 340))),
     }
     for name, atlas in atlases.items():
-        stage.material(name, atlas.image)
+        stage.material(name, atlas.image, 0.4 if name == "screens" else 0.0)
     stage.material("wall", masonry.plaster(rng, (512, 2048), (214, 211, 202), 0.3))
     stage.material("beech", timber.wood(rng, (512, 1024), (190, 158, 118)))
     stage.material("oak", timber.wood(rng, (512, 1024), (142, 106, 72)))
@@ -118,7 +118,7 @@ def _surfaces(stage: Stage, rng: np.random.Generator) -> dict[str, Atlas]:
     stage.material("soil", greenery.soil(rng, 256))
     stage.material("notes", prints.notes(rng, (480, 500)))
     stage.material("keyboard", prints.keyboard())
-    stage.material("glass", sky.window_view(rng, (128, 192)))
+    stage.material("glass", sky.window_view(rng, (128, 192)), 0.5)
     stage.material("label", prints.posters(rng, 1, (64, 128))[0])
     return atlases
 

@@ -24,7 +24,7 @@ def planter(stage: Stage, name: str, rng: np.random.Generator, centre: Array, si
     inner = (length - 1.9 * wall, width - 1.9 * wall, 0.01)
     stage.draw("soil", box((x, y, height - 0.06), inner, (0.8, 0.8), rng.random(2)))
     stage.obstacle(name, (x, y, height / 2), size)
-    count = max(2, int(length * width * 7))
+    count = max(2, int(length * width * 5))
     for _ in range(count):
         at = centre + rng.uniform(-0.5, 0.5, 2) * np.array([length - 0.5, width - 0.45])
         radius = rng.uniform(0.18, 0.30)
@@ -37,7 +37,7 @@ def shrub(stage: Stage, rng: np.random.Generator, centre: Vector, radius_m: floa
     for _ in range(3):
         lobe = core + radius_m * rng.uniform((-0.45, -0.45, -0.5), (0.45, 0.45, 0.35))
         stage.draw("leaves", ball(rng, lobe, radius_m * rng.uniform(0.5, 0.72)))
-    stage.draw("leaves", leaf_cloud(rng, centre, radius_m, int(700 * radius_m)))
+    stage.draw("leaves", leaf_cloud(rng, centre, radius_m, int(600 * radius_m)))
     stage.blocker(centre, np.full(3, 1.5 * radius_m).tolist(), rng.uniform(0, 1.5), 0.8)
 
 
@@ -124,8 +124,9 @@ def grass_tufts(rng: np.random.Generator, places: Array, blades: int = 9) -> Mes
         axis=1,
     )
     uv = rng.random((count, 1, 2)) + np.array([[0, 0], [0.01, 0], [0, 0.06]])
-    up = np.broadcast_to(np.array([0, 0, 1.0]), corners.shape)
-    return polygons(corners, uv, up)
+    tilt = np.column_stack([rng.normal(0, 0.5, (count, 2)), np.ones(count)])
+    tilt /= np.linalg.norm(tilt, axis=1, keepdims=True)  # blades catch the sun one by one
+    return polygons(corners, uv, np.broadcast_to(tilt[:, None], corners.shape))
 
 
 def litter(rng: np.random.Generator, places: Array, atlas: Atlas) -> Mesh:

@@ -19,12 +19,17 @@ class Stage:
         self.spec.modelname = name
         self.blockers: list[Blocker] = []
         self._images: dict[str, Image] = {}
+        self._glow: dict[str, float] = {}
         self._raw: dict[str, list[Mesh]] = {}
         self._lit: dict[str, list[Mesh]] = {}
 
-    def material(self, name: str, image: Image) -> None:
-        """Define a matte material by its (H, W, 3) texture."""
+    def material(self, name: str, image: Image, glow: float = 0.0) -> None:
+        """Define a matte material by its (H, W, 3) texture; `glow` is light of its own, 0 to 1.
+
+        Materials are drawn in the order of their definition; what is hidden later costs nothing.
+        """
         self._images[name] = image
+        self._glow[name] = glow
         self._raw[name] = []
         self._lit[name] = []
 
@@ -101,7 +106,9 @@ class Stage:
 
     def _write(self, name: str, image: Image, mesh: Mesh) -> None:
         _add_texture(self.spec, name, image, mujoco.mjtTexture.mjTEXTURE_2D)
-        material = self.spec.add_material(name=name, specular=0.0, shininess=0.0)
+        material = self.spec.add_material(
+            name=name, specular=0.0, shininess=0.0, emission=self._glow[name]
+        )
         material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
         _add_mesh(self.spec, name, mesh)
         self.spec.worldbody.add_geom(

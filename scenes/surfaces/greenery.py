@@ -10,14 +10,14 @@ def lawn(rng: np.random.Generator, side_px: int) -> Image:
     """Draw short grass from above: (S, S, 3), tiling."""
     size = (side_px, side_px)
     blades = np.maximum(
-        fractal(rng, size, (2, 24), 0.5, stretch=5.0),
-        fractal(rng, size, (2, 24), 0.5, stretch=5.0).T,
+        fractal(rng, size, (2, 20), 0.2, stretch=5.0),
+        fractal(rng, size, (2, 20), 0.2, stretch=5.0).T,
     )
     clumps = fractal(rng, size, (12, 90), 0.6)
     patches = fractal(rng, size, (60, side_px), 1.4)
     colour = ramp(
         ((38, 44, 24), (70, 82, 44), (100, 112, 64), (140, 146, 92)),
-        0.38 + 0.17 * blades + 0.09 * clumps,
+        0.30 + 0.24 * blades + 0.08 * clumps,
     )
     colour = blend(colour, (128, 116, 74), 0.5 * smoothstep(0.4, 2.0, patches))
     return to_image(colour * (1 + 0.06 * patches)[..., None])
@@ -45,7 +45,7 @@ def fallen_leaves(rng: np.random.Generator, count: int, side_px: int) -> Image:
     """Draw dry leaf blades with midrib and veins along u: (count, S, S, 3)."""
     size = (count, side_px, side_px)
     v, u = np.mgrid[:side_px, :side_px] / (side_px - 1) - 0.5
-    palette = ((92, 66, 44), (128, 92, 56), (150, 118, 70), (118, 108, 66))
+    palette = ((88, 68, 52), (118, 92, 66), (140, 118, 84), (110, 104, 76))
     tone = rng.uniform(0, 1, (count, 1, 1))
     colour = ramp(palette, tone + 0.12 * fractal(rng, size, (4, side_px), 1.2))
     ribs = np.abs(np.sin(26 * (u - 0.9 * np.abs(v)))) < 0.14

@@ -57,13 +57,13 @@ def _shade(rng: np.random.Generator, rays: Array) -> Array:
     x = (azimuth / (2 * np.pi) + 0.5) * 1024
     roofs = np.repeat(rng.uniform(0.02, 0.16, 64) * (rng.random(64) < 0.55), 16)
     crowns = 0.075 + 0.022 * _panorama(fractal(rng, (8, 2048), (6, 300), 0.9), azimuth, 0 * x)
-    texture = _panorama(fractal(rng, (512, 2048), (2, 40), 0.6), azimuth, elevation)
+    texture = _panorama(fractal(rng, (512, 2048), (3, 160), 0.9), azimuth, elevation)
     column = x.astype(int) % 1024
     house = ramp(((146, 136, 126), (176, 160, 142), (150, 112, 94)), (column // 16 % 7) / 6)
     windows = (np.sin(x * 1.6) > 0.35) & (np.sin(elevation * 190) > 0.2)
     house = blend(house, (92, 98, 106), 0.7 * windows)
     colour = np.where((elevation < roofs[column])[..., None], house, colour)
-    trees = ramp(((40, 50, 34), (74, 88, 56), (116, 126, 88)), 0.5 + 0.24 * texture)
+    trees = ramp(((40, 50, 34), (74, 88, 56), (116, 126, 88)), 0.28 + 4 * elevation + 0.2 * texture)
     colour = np.where((elevation < crowns)[..., None], trees, colour)
     haze = 0.18 * (elevation < 0.2) * (elevation > -0.02)
     colour = blend(colour, (206, 210, 210), haze)

@@ -20,12 +20,12 @@ def carpet_tiles(rng: np.random.Generator, count: int, side_px: int) -> Image:
     heather = fractal(rng, size, (6, 50), 0.5, stretch=2.5)
     tread = fractal(rng, size, (24, 300), 0.9)
     batch = rng.normal(0, 0.04, (count, 1, 1))
-    colour = ramp(yarn, 0.48 + 0.15 * loops + 0.12 * heather + 0.08 * tread + batch)
+    colour = ramp(yarn, 0.48 + 0.15 * loops + 0.12 * heather + 0.055 * tread + batch)
     fleck = fractal(rng, size, (3, 12), 0.0, stretch=1.8)
     accent = np.array(((176, 120, 70), (88, 122, 150), (190, 184, 172)))[rng.integers(3)]
     colour = blend(colour, accent, 0.6 * smoothstep(1.9, 2.7, fleck))
     colour = blend(colour, np.array(yarn[0]) * 0.7, 0.7 * smoothstep(1.8, 2.6, -fleck))
-    spill = fractal(rng, size, (10, 200), 1.5) + 0.6 * rng.standard_normal((count, 1, 1))
+    spill = fractal(rng, size, (10, 200), 1.5) + 0.25 * rng.standard_normal((count, 1, 1))
     colour = blend(colour, (66, 56, 46), 0.3 * smoothstep(2.1, 3.0, spill))
     return to_image(colour * _seam(side_px, loops)[..., None])
 
