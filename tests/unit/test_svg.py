@@ -40,6 +40,14 @@ def test_thinning_averages():
     assert x[:2].tolist() == [0.5, 2.5]
 
 
+def test_thinning_keeps_what_is_rare():
+    y = np.full(2 * MOST_POINTS, np.nan)
+    y[7] = 5
+    _, thinned = thin(np.arange(2.0 * MOST_POINTS), y)
+    assert thinned[3] == 5
+    assert np.isnan(np.delete(thinned, 3)).all()
+
+
 def test_names_are_escaped():
     chart = line_chart("<b>", {"<i>": (np.zeros(2), np.zeros(2))}, "<u>", "&")
     assert not any(tag in chart.svg for tag in ("<b>", "<i>", "<u>"))

@@ -39,8 +39,8 @@ def drift_by_length(scores: Sequence[Score]) -> Chart:
         for score in scores
     }
     caption = (
-        "Mean translation error of all segments of a length, by that length. Flat: an error of "
-        "scale or heading; falling: errors of single frames that average out."
+        "Mean translation error of all segments of a length, by that length. Flat: scale is off; "
+        "falling: errors of single frames that average out; rising: rotation errors that add up."
     )
     return line_chart(
         "Drift by segment length", series, "segment length (m)", "drift (%)", caption=caption

@@ -145,7 +145,7 @@ def plan(T_world_cam: Array, estimates: Mapping[str, Array], background: SceneMa
     parts = [_backdrop(view, background, ground)]
     on_page = view.place(ground.project(truth))
     parts.append(_path(on_page, "truth"))
-    for i, positions in enumerate(estimates.values()):
+    for i, positions in reversed(list(enumerate(estimates.values()))):  # the first on top
         parts.append(_path(view.place(ground.project(positions)), f"s{i % COLOURS}"))
     parts.append(_mark(on_page[0], "start"))
     parts.append(_scale_bar(view))

@@ -191,12 +191,14 @@ def ticks(low: float, high: float, count: int = 5) -> Array:
 
 
 def thin(x: Array, y: Array) -> tuple[Array, Array]:
-    """Average (N,) curves to at most MOST_POINTS points; a bin with a NaN is NaN."""
+    """Average (N,) curves to at most MOST_POINTS points; a bin is NaN where it holds only NaN."""
     if len(x) <= MOST_POINTS:
         return x, y
     cuts = np.linspace(0, len(x), MOST_POINTS + 1).astype(int)[:-1]
-    sizes = np.diff([*cuts, len(x)])
-    return np.add.reduceat(x, cuts) / sizes, np.add.reduceat(y, cuts) / sizes
+    known = np.add.reduceat(np.isfinite(y).astype(float), cuts)
+    total = np.add.reduceat(np.nan_to_num(y), cuts)
+    mean = np.divide(total, known, out=np.full(len(cuts), np.nan), where=known > 0)
+    return np.add.reduceat(x, cuts) / np.diff([*cuts, len(x)]), mean
 
 
 def _range(curves: Sequence[Array]) -> tuple[float, float]:

@@ -1,0 +1,55 @@
+"""Commands that need no dataset, and the interrupt key."""
+
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from terminal import ROOT, driftyard
+
+
+def test_scenes_are_listed(tmp_path):
+    result = driftyard("scenes", cwd=tmp_path)
+    assert result.returncode == 0
+    assert "brick_court" in result.stdout
+    assert "office" in result.stdout
+
+
+@pytest.mark.gl
+def test_doctor_renders(tmp_path):
+    result = driftyard("doctor", cwd=tmp_path)
+    assert result.returncode == 0, result.stdout
+    assert "renders: " in result.stdout
+    assert "gtsam" in result.stdout
+
+
+def test_help_loads_nothing_heavy(tmp_path):
+    code = (
+        "import sys, trials.cli; "
+        "sys.exit(', '.join({'cv2', 'mujoco', 'gtsam', 'numba', 'scipy'} & set(sys.modules)))"
+    )
+    result = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert result.stderr.strip() == ""
+
+
+@pytest.mark.gl
+def test_an_interrupted_recording_leaves_nothing(tmp_path):
+    words = ("generate", "office", "--out", "o", "--set", "drive.distance_m=3")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "trials.cli", *words],
+        cwd=tmp_path,
+        env={"PYTHONPATH": str(ROOT), "PATH": ""},
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    images = tmp_path / ".o.partial/mav0/cam0/data"
+    deadline = time.monotonic() + 60
+    while not (images.is_dir() and any(images.iterdir())):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, stderr = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert stderr.splitlines() == ["driftyard: interrupted"]
+    assert list(tmp_path.iterdir()) == []
