@@ -194,10 +194,11 @@ def _ground(
     ]
     stage.draw_lit("lawn", _lit(merged([east, south, *beyond]), baked, light))
     count = 380
+    beside = 0.14 + rng.exponential(0.35, (2, count))  # uncut where the mower meets the kerb
     tufts = np.concatenate(
         [
-            rng.uniform((x + 0.13, -y), (x + 2.2, y), (count, 2)),
-            rng.uniform((-x, -y - 2.2), (x, -y - 0.13), (count, 2)),
+            np.column_stack([x + beside[0], rng.uniform(-y, y, count)]),
+            np.column_stack([rng.uniform(-x, x, count), -y - beside[1]]),
         ]
     )
     stage.draw_lit("lawn", _lit(grass_tufts(rng, tufts), baked, light))
