@@ -9,7 +9,7 @@ from pydantic import Field
 
 from scenes.light import Light, shaded_normals
 from scenes.mesh import Mesh, merged, patch
-from scenes.paving import Bond, Paving, brick_mesh, lay
+from scenes.paving import BEVEL_M, Bond, Paving, brick_flanks, brick_tops, lay
 from scenes.props import bench, grass_tufts, lamp_post, litter, planter, potted_plant, shrub
 from scenes.routes import rounded_loop
 from scenes.scene import Scene
@@ -25,6 +25,7 @@ from vo.contract.settings import Settings
 TESTS = "Outdoor paving of single bricks: small wheels bump, the camera shakes, the ground is rich."
 MODULE_M = 0.1
 SWATH_M = 0.6  # half width around the route within which every brick is a collision box
+FLANKS_M = 1.3  # distance from the route beyond which a few millimetres of flank do not show
 BRICK_THICKNESS_M = 0.06
 
 
@@ -56,16 +57,17 @@ def build(rng: np.random.Generator, settings: BrickCourtSettings) -> Scene:
         rng, cells, MODULE_M, settings.gap_mm / 1e3, settings.height_std_mm / 1e3, settings.bond
     )
     route = _route(rng, half)
+    gap_m = np.linalg.norm(paving.centre[:, None, :2] - route[None, ::2], axis=-1).min(axis=1)
     light = _sun(rng)
     bricks = _surfaces(stage, rng)
     _furnish(stage, rng, half)
     _surround(stage, rng, half)
     reach = tuple(np.concatenate([-half - 3, half + 3]).tolist())
     baked = _weathered(rng, ground_light(reach, stage.blockers, light))
-    _pave(stage, rng, paving, bricks, baked, light)
+    _pave(stage, rng, paving, gap_m, bricks, baked, light)
     _ground(stage, rng, half, sand_m, baked, light)
     stage.floor(sand_m)
-    _bump(stage, paving, route)
+    _bump(stage, paving.select(gap_m < SWATH_M))
     stage.finish(light, sky.town_sky(rng))
     return Scene(
         name="brick_court",
@@ -177,7 +179,7 @@ def _ground(
     """Sand under the bricks, kerb, gravel before the walls, lawn elsewhere."""
     x, y = half
     bed = half + 0.2  # reaches under the kerb, whose stones leave gaps
-    sand = patch((*-bed, sand_m), (2 * bed[0], 0, 0), (0, 2 * bed[1], 0), (60, 45), (1.0, 1.0))
+    sand = patch((*-bed, sand_m), (2 * bed[0], 0, 0), (0, 2 * bed[1], 0), (44, 33), (1.0, 1.0))
     stage.draw_lit("sand", _lit(sand, baked, light))
     stage.draw_lit("concrete", _lit(merged(kerb(rng, half, 0.12, 0.03)), baked, light))
     edge = 0.12
@@ -208,11 +210,22 @@ def _pave(
     stage: Stage,
     rng: np.random.Generator,
     paving: Paving,
+    gap_m: Array,
     bricks: Atlas,
     baked: LightMap,
     light: Light,
 ) -> None:
-    """Draw the bricks; those under a shadow's edge finely divided."""
+    """Draw the bricks, finely divided under a shadow's edge, with flanks where they show.
+
+    Args:
+        stage: Receives the meshes.
+        rng: Chooses the faces.
+        paving: The bricks.
+        gap_m: (N,) distance of each from the route.
+        bricks: Their faces.
+        baked: Light on the ground.
+        light: The lamps.
+    """
     count = len(paving.centre)
     rects = bricks.rects[rng.integers(bricks.count, size=count)]
     turned = rng.random(count) < 0.5
@@ -221,10 +234,18 @@ def _pave(
     )
     key = baked.at(probes.reshape(-1, 2))[0].reshape(count, -1)
     fine = np.ptp(key, axis=1) > 0.15
-    for keep, divisions in ((~fine, (1, 1)), (fine, (4, 2))):
+    near = gap_m < FLANKS_M
+    for keep, divisions, inset_m in (
+        (near & ~fine, (1, 1), BEVEL_M),
+        (near & fine, (4, 2), BEVEL_M),
+        (~near & ~fine, (1, 1), 0.0),
+        (~near & fine, (4, 2), 0.0),
+    ):
         if keep.any():
-            mesh = brick_mesh(paving.select(keep), rects[keep], turned[keep], divisions)
-            stage.draw_lit("paving", _lit(mesh, baked, light))
+            tops = brick_tops(paving.select(keep), rects[keep], turned[keep], divisions, inset_m)
+            stage.draw_lit("paving", _lit(tops, baked, light))
+    flanks = brick_flanks(paving.select(near), rects[near], turned[near])
+    stage.draw_lit("paving", _lit(flanks, baked, light))
     leaves = pack(greenery.fallen_leaves(rng, 24, 64))
     stage.material("litter", leaves.image)
     dropped = 170
@@ -234,10 +255,8 @@ def _pave(
     stage.draw_lit("litter", _lit(litter(rng, places, leaves), baked, light))
 
 
-def _bump(stage: Stage, paving: Paving, route: Array) -> None:
-    """Give each brick near the route a collision box with the pose of its drawing."""
-    gap = np.linalg.norm(paving.centre[:, None, :2] - route[None, ::2], axis=-1).min(axis=1)
-    near = paving.select(gap < SWATH_M)
+def _bump(stage: Stage, near: Paving) -> None:
+    """Give each brick a collision box with the pose of its drawing."""
     for k, (centre, reach, slope) in enumerate(
         zip(near.centre, near.reach, near.slope, strict=True)
     ):

@@ -99,43 +99,54 @@ def _clipped(corner: Array, quarter: Mask, cells: tuple[int, int]) -> tuple[Arra
     return start[keep], (first.astype(float) + second)[keep], quarter[keep]
 
 
-def brick_mesh(
-    paving: Paving, rects: Array, turned: Mask, divisions: tuple[int, int] = (1, 1)
+def brick_tops(
+    paving: Paving,
+    rects: Array,
+    turned: Mask,
+    divisions: tuple[int, int] = (1, 1),
+    inset_m: float = BEVEL_M,
 ) -> Mesh:
-    """Draw bevelled bricks: a top and four flanks each.
+    """Draw the top face of each brick.
 
     Args:
         paving: The bricks.
         rects: (N, 4) atlas cell of each brick, u along its length; half bricks use half of it.
         turned: (N,) whether the face is turned by 180 degrees.
-        divisions: Quads of the top along length and width, for baked light.
+        divisions: Quads along length and width, for baked light.
+        inset_m: How far the face stays inside the brick's outline.
     """
-    ring = paving.half[:, None] * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    inset = ring - np.sign(ring) * BEVEL_M
     nu, nv = divisions
     a, b = np.meshgrid(np.linspace(-1, 1, nu + 1), np.linspace(-1, 1, nv + 1), indexing="ij")
     grid = np.stack([a, b], axis=-1)
     quads = np.stack([grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]], axis=2)
-    top = quads.reshape(1, nu * nv, 4, 2) * (paving.half - BEVEL_M)[:, None, None]
-    flank = np.concatenate([ring[:, _PAIRS], inset[:, _PAIRS[:, ::-1]]], axis=2)
-    plan = np.concatenate([top, flank], axis=1)  # (N, Q, 4, 2) in the brick's axes
+    plan = quads.reshape(1, nu * nv, 4, 2) * (paving.half - inset_m)[:, None, None]
+    world = _in_world(paving, plan, np.zeros(plan.shape[:3]))
+    normals = np.broadcast_to(_top_normals(paving)[:, None, None], world.shape)
+    return _quads(world, _face_uv(paving, plan, rects, turned), normals)
+
+
+def brick_flanks(paving: Paving, rects: Array, turned: Mask) -> Mesh:
+    """Draw the bevelled flanks between the inset top and SKIRT_M below it; as `brick_tops`."""
+    ring = paving.half[:, None] * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    inset = ring - np.sign(ring) * BEVEL_M
+    plan = np.concatenate([ring[:, _PAIRS], inset[:, _PAIRS[:, ::-1]]], axis=2)
     drop = np.zeros(plan.shape[:3])
-    drop[:, nu * nv :, :2] = SKIRT_M
+    drop[:, :, :2] = SKIRT_M
     world = _in_world(paving, plan, drop)
-    folded = plan.copy()  # flanks show what lies inside the rim, mirrored: no streaks
-    folded[:, nu * nv :, :2] = (2 * inset - ring - np.sign(ring) * FOLD_M)[:, _PAIRS]
-    uv = _face_uv(paving, folded, rects, turned)
-    normals = np.broadcast_to(_top_normals(paving)[:, None, None], world.shape).copy()
+    folded = plan.copy()  # shows what lies inside the rim, mirrored: no streaks
+    folded[:, :, :2] = (2 * inset - ring - np.sign(ring) * FOLD_M)[:, _PAIRS]
     outward = np.array([[0, -1.0], [1, 0], [0, 1], [-1, 0]])
-    outward = np.where(
-        paving.quarter[:, None, None],
-        np.stack([-outward[:, 1], outward[:, 0]], axis=-1),
-        outward,
-    )
-    normals[:, nu * nv :, :, :2] += 1.2 * outward[:, :, None]
+    along_y = np.stack([-outward[:, 1], outward[:, 0]], axis=-1)
+    normals = np.broadcast_to(_top_normals(paving)[:, None, None], world.shape).copy()
+    sideways = np.where(paving.quarter[:, None, None], along_y, outward)
+    normals[..., :2] += 1.2 * sideways[:, :, None]
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    flat = (-1, 4)
-    return polygons(world.reshape(*flat, 3), uv.reshape(*flat, 2), normals.reshape(*flat, 3))
+    return _quads(world, _face_uv(paving, folded, rects, turned), normals)
+
+
+def _quads(world: Array, uv: Array, normals: Array) -> Mesh:
+    """Join (N, Q, 4, ...) corners of all bricks into one mesh."""
+    return polygons(world.reshape(-1, 4, 3), uv.reshape(-1, 4, 2), normals.reshape(-1, 4, 3))
 
 
 def _in_world(paving: Paving, plan: Array, drop: Array) -> Array:

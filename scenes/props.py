@@ -37,7 +37,7 @@ def shrub(stage: Stage, rng: np.random.Generator, centre: Vector, radius_m: floa
     for _ in range(3):
         lobe = core + radius_m * rng.uniform((-0.45, -0.45, -0.5), (0.45, 0.45, 0.35))
         stage.draw("leaves", ball(rng, lobe, radius_m * rng.uniform(0.5, 0.72)))
-    stage.draw("leaves", leaf_cloud(rng, centre, radius_m, int(600 * radius_m)))
+    stage.draw("leaves", leaf_cloud(rng, centre, radius_m, int(1000 * radius_m)))
     stage.blocker(centre, np.full(3, 1.5 * radius_m).tolist(), rng.uniform(0, 1.5), 0.8)
 
 
@@ -81,7 +81,7 @@ def ball(rng: np.random.Generator, centre: Vector, radius_m: float) -> Mesh:
 
 
 def leaf_cloud(rng: np.random.Generator, centre: Vector, radius_m: float, count: int) -> Mesh:
-    """Scatter small leaf-shaped quads over a sphere, facing outward more or less."""
+    """Scatter small pointed leaves over a sphere, facing outward more or less."""
     out = rng.standard_normal((count, 3))
     out[:, 2] = np.abs(out[:, 2]) - 0.3
     out /= np.linalg.norm(out, axis=1, keepdims=True)
@@ -92,18 +92,15 @@ def leaf_cloud(rng: np.random.Generator, centre: Vector, radius_m: float, count:
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     root = np.asarray(centre) + radius_m * rng.uniform(0.7, 1.08, (count, 1)) * out
     length = rng.uniform(0.025, 0.05, (count, 1))
-    tip = np.stack(
-        [
-            root - length * along,
-            root - 0.4 * length * across,
-            root + length * along,
-            root + 0.4 * length * across,
-        ],
+    corners = np.stack(
+        [root - 0.5 * across * length, root + length * 1.8 * along, root + 0.5 * across * length],
         axis=1,
     )
-    uv = rng.random((count, 1, 2)) + np.array([[0, 0], [0.1, 0.05], [0.2, 0], [0.1, -0.05]])
-    normals = np.repeat(out[:, None], 4, axis=1)
-    return polygons(tip, uv, normals)
+    uv = rng.random((count, 1, 2)) + np.array([[0, 0.08], [0.2, 0], [0, -0.08]])
+    normals = np.repeat(out[:, None], 3, axis=1)
+    inward = (np.cross(along, across) * out).sum(axis=1) < 0
+    corners[inward] = corners[inward][:, ::-1]
+    return polygons(corners, uv, normals)
 
 
 def grass_tufts(rng: np.random.Generator, places: Array, blades: int = 9) -> Mesh:

@@ -106,7 +106,7 @@ def contact_sheet(world: World, sights: Sights) -> Image:
     figure = Figure(figsize=(16, 9.5), dpi=120, facecolor=PAPER)
     canvas = FigureCanvasAgg(figure)
     grid = figure.add_gridspec(
-        3, 4, left=0.012, right=0.988, top=0.915, bottom=0.03, wspace=0.03, hspace=0.10
+        3, 4, left=0.012, right=0.988, top=0.895, bottom=0.02, wspace=0.03, hspace=0.10
     )
     for k, view in enumerate(sights.views):
         _show(figure.add_subplot(grid[k // 2, k % 2]), view, f"{k + 1}  left eye")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from scenes.paving import BEVEL_M, brick_mesh, lay
+from scenes.paving import BEVEL_M, SKIRT_M, brick_flanks, brick_tops, lay
 from scenes.routes import resampled, rounded_loop, route_length
 
 BONDS = ("herringbone", "running")
@@ -43,10 +43,10 @@ def test_the_drawn_tops_lie_on_the_posed_planes():
     rng = np.random.default_rng(0)
     paving = lay(rng, (6, 5), 0.1, 0.004, 0.002, "herringbone")
     count = len(paving.centre)
-    mesh = brick_mesh(
+    mesh = brick_tops(
         paving, np.tile([0, 0, 1.0, 1], (count, 1)), np.zeros(count, dtype=bool), (4, 2)
     )
-    points = mesh.points.reshape(count, -1, 4, 3)[:, :8]
+    points = mesh.points.reshape(count, 8, 4, 3)
     offset = points - paving.centre[:, None, None]
     rise = (offset[..., :2] * paving.slope[:, None, None]).sum(axis=-1)
     np.testing.assert_allclose(offset[..., 2], rise, atol=1e-12)
@@ -54,10 +54,26 @@ def test_the_drawn_tops_lie_on_the_posed_planes():
     np.testing.assert_allclose(extent, paving.reach - BEVEL_M)
 
 
-def test_all_faces_of_a_brick_look_outward():
+def test_flanks_close_the_rim_of_the_tops():
+    paving = lay(np.random.default_rng(0), (6, 5), 0.1, 0.004, 0.002, "herringbone")
+    count = len(paving.centre)
+    looks = np.tile([0, 0, 1.0, 1], (count, 1)), np.zeros(count, dtype=bool)
+    tops = brick_tops(paving, *looks).points.reshape(count, 4, 3)
+    flanks = brick_flanks(paving, *looks).points.reshape(count, 4, 4, 3)
+    rims = np.sort(flanks[:, :, 3], axis=1), np.sort(tops, axis=1)
+    np.testing.assert_allclose(*rims, atol=1e-12)
+    lows = flanks[:, :, :2]
+    extent = np.abs(lows - paving.centre[:, None, None])[..., :2].max(axis=(1, 2))
+    np.testing.assert_allclose(extent, paving.reach)
+    below = paving.centre[:, None, None, 2] - lows[..., 2]
+    np.testing.assert_allclose(below, SKIRT_M, atol=1e-3)
+
+
+@pytest.mark.parametrize("draw", [brick_tops, brick_flanks])
+def test_all_faces_of_a_brick_look_outward(draw):
     paving = lay(np.random.default_rng(0), (4, 4), 0.1, 0.004, 0.002, "herringbone")
     count = len(paving.centre)
-    mesh = brick_mesh(paving, np.tile([0, 0, 1.0, 1], (count, 1)), np.zeros(count, dtype=bool))
+    mesh = draw(paving, np.tile([0, 0, 1.0, 1], (count, 1)), np.zeros(count, dtype=bool))
     a, b, c = (mesh.points[mesh.faces[:, k]] for k in range(3))
     outward = mesh.normals[mesh.faces].mean(axis=1)
     assert np.all((np.cross(b - a, c - a) * outward).sum(axis=1) > 0)
