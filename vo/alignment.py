@@ -1,7 +1,8 @@
 """Sub-pixel alignment of patches by Gauss–Newton on their intensities.
 
-One warp serves time and stereo: a template patch is scaled by `zoom`, moved by (du, dv), and
-compared after both sides were given zero mean and unit norm, which cancels gain and offset.
+One aligner serves time and stereo: a template patch is warped by a known affine map, moved by
+an unknown (du, dv), and compared after both sides were given zero mean and unit norm, which
+cancels gain and offset.
 
 Source: Baker and Matthews, Lucas–Kanade 20 Years On, IJCV 2004 (inverse compositional form);
 normalisation after Evangelidis and Psarakis, enhanced correlation coefficient, PAMI 2008.
@@ -22,7 +23,7 @@ def align(
     pixels: Array,
     image: Image,
     start: Array,
-    zoom: Array,
+    warp: Array,
     patch_px: int,
     horizontal_only: bool = False,
 ) -> tuple[Array, Array]:
@@ -33,7 +34,7 @@ def align(
         pixels: (N, 2) patch centres in the template, sub-pixel.
         image: (H', W') uint8.
         start: (N, 2) first guess in the image, within about two pixels.
-        zoom: (N,) size of the patch in the image over its size in the template.
+        warp: (N, 2, 2) offsets (du, dv) in the template to offsets in the image.
         patch_px: Side of the template patch, odd.
         horizontal_only: Search along the row, as in a rectified pair.
 
@@ -45,7 +46,7 @@ def align(
     zncc = np.full(len(pixels), np.nan)
     _align_all(
         template, np.asarray(pixels, dtype=np.float64), image, np.asarray(start, dtype=np.float64),
-        np.asarray(zoom, dtype=np.float64), patch_px // 2, horizontal_only, aligned, zncc,
+        np.asarray(warp, dtype=np.float64), patch_px // 2, horizontal_only, aligned, zncc,
     )  # fmt: skip
     return aligned, zncc
 
@@ -56,20 +57,21 @@ def _align_all(
     pixels: Array,
     image: Image,
     start: Array,
-    zoom: Array,
+    warp: Array,
     radius: int,
     horizontal_only: bool,
     aligned: Array,
     zncc: Array,
 ) -> None:
     side = 2 * radius + 1
+    unwarped = np.eye(2)
     padded = np.empty((side + 2, side + 2))
     patch = np.empty((side, side))
     now = np.empty((side, side))
     gu = np.empty((side, side))
     gv = np.empty((side, side))
     for i in range(len(pixels)):
-        if not _sample(template, pixels[i, 0], pixels[i, 1], 1.0, padded):
+        if not _sample(template, pixels[i, 0], pixels[i, 1], unwarped, padded):
             continue
         _gradients(padded, patch, gu, gv)
         if not _normalise(patch, gu, gv):
@@ -82,15 +84,16 @@ def _align_all(
             continue
         u, v = start[i]
         for _ in range(MOST_STEPS):
-            if not _sample(image, u, v, zoom[i], now) or not _normalise_only(now):
+            if not _sample(image, u, v, warp[i], now) or not _normalise_only(now):
                 u = np.nan
                 break
             e = now - patch
             p, q = (gu * e).sum(), (gv * e).sum()
             if horizontal_only:
                 q = 0.0
-            step_u = -(d * p - b * q) / determinant * zoom[i]
-            step_v = -(a * q - b * p) / determinant * zoom[i]
+            du, dv = (d * p - b * q) / determinant, (a * q - b * p) / determinant
+            step_u = -(warp[i, 0, 0] * du + warp[i, 0, 1] * dv)
+            step_v = -(warp[i, 1, 0] * du + warp[i, 1, 1] * dv)
             u += step_u
             v += step_v
             if abs(u - start[i, 0]) > radius or abs(v - start[i, 1]) > radius:
@@ -98,29 +101,30 @@ def _align_all(
                 break
             if step_u * step_u + step_v * step_v < CONVERGED_PX * CONVERGED_PX:
                 break
-        if np.isnan(u) or not _sample(image, u, v, zoom[i], now) or not _normalise_only(now):
+        if np.isnan(u) or not _sample(image, u, v, warp[i], now) or not _normalise_only(now):
             continue
         aligned[i, 0], aligned[i, 1] = u, v
         zncc[i] = (now * patch).sum()
 
 
 @numba.njit(cache=True)
-def _sample(image: Image, u: float, v: float, zoom: float, out: Array) -> bool:
-    """Sample a square grid of spacing `zoom` about (u, v), bilinearly; False if it leaves."""
+def _sample(image: Image, u: float, v: float, warp: Array, out: Array) -> bool:
+    """Sample a warped unit grid about (u, v), bilinearly; False if it leaves the image."""
     side = out.shape[0]
-    reach = zoom * (side - 1) / 2
+    r = (side - 1) / 2
     height, width = image.shape
-    inside = u - reach >= 0 and v - reach >= 0 and u + reach < width - 1 and v + reach < height - 1
-    if not inside:  # also where u or v is NaN
+    reach_u = r * (abs(warp[0, 0]) + abs(warp[0, 1]))
+    reach_v = r * (abs(warp[1, 0]) + abs(warp[1, 1]))
+    inside = u - reach_u >= 0 and u + reach_u < width - 1
+    inside = inside and v - reach_v >= 0 and v + reach_v < height - 1
+    if not inside:  # also where u, v or the warp is NaN
         return False
     for j in range(side):
-        y = v - reach + zoom * j
-        y0 = int(y)
-        fy = y - y0
         for k in range(side):
-            x = u - reach + zoom * k
-            x0 = int(x)
-            fx = x - x0
+            x = u + warp[0, 0] * (k - r) + warp[0, 1] * (j - r)
+            y = v + warp[1, 0] * (k - r) + warp[1, 1] * (j - r)
+            x0, y0 = int(x), int(y)
+            fx, fy = x - x0, y - y0
             top = image[y0, x0] * (1 - fx) + image[y0, x0 + 1] * fx
             bottom = image[y0 + 1, x0] * (1 - fx) + image[y0 + 1, x0 + 1] * fx
             out[j, k] = top * (1 - fy) + bottom * fy

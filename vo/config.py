@@ -37,7 +37,7 @@ class MatchingSettings(Settings):
         default=96.0, gt=0, description="radius while nothing can be predicted"
     )
     align_px: int = Field(
-        17, ge=5, le=31, description="side of the patch aligned to sub-pixels, odd"
+        default=17, ge=5, le=31, description="side of the patch aligned to sub-pixels, odd"
     )
     align_zncc: float = Field(
         default=0.85, gt=0, lt=1, description="least correlation after alignment"
@@ -89,11 +89,12 @@ class RefinementSettings(Settings):
     least_views: int = Field(
         default=3, ge=2, description="keyframes that must see a refined point (4.4)"
     )
-    sigma_px: float = Field(default=0.2, gt=0, description="noise of u, v and disparity")
+    sigma_px: float = Field(default=0.1, gt=0, description="noise of u and v")
+    sigma_disparity_px: float = Field(default=0.3, gt=0, description="noise of the disparity")
     huber: float = Field(default=1.5, gt=0, description="where the loss turns linear, in sigmas")
     most_iterations: int = Field(default=15, ge=1)
     keyframe_parallax_px: float = Field(
-        20.0, ge=0, description="median flow that starts a keyframe"
+        default=20.0, ge=0, description="median flow that starts a keyframe"
     )
     keyframe_share: float = Field(
         default=0.6, gt=0, le=1, description="tracked share that starts one"

@@ -11,8 +11,11 @@ from vo.contract.arrays import Array, Image, Indices, Mask
 from vo.contract.rig import StereoRig
 from vo.matching import marry
 from vo.stereo import disparity_at
-from vo.tracks import LocalMap
+from vo.tracks import Landmarks, LocalMap
 from vo.view import View
+
+WARP_STEP_PX = 4.0
+"""Distance between the points of a surface whose images tell how a patch deforms."""
 
 
 @dataclass(frozen=True)
@@ -75,9 +78,8 @@ def find_matches(
     rows, found = marry(
         landmarks.vectors, expected, view.vectors, features.pixels, reach_px, settings.matching
     ).T
-    zoom = landmarks.anchor_depth_m[rows] / points_cam[rows, 2]
     pixels = _align(
-        local_map, rows, view.frame.left, features.pixels[found], zoom, settings.matching
+        local_map, rows, view.frame.left, features.pixels[found], T_odom_cam, rig, settings.matching
     )
     good = ~np.isnan(pixels[:, 0])
     rows, found, pixels = rows[good], found[good], pixels[good]
@@ -88,17 +90,34 @@ def find_matches(
 
 
 def _align(
-    local_map: LocalMap, rows: Indices, image: Image, start: Array, zoom: Array, s: MatchingSettings
-) -> Array:
+    local_map: LocalMap, rows: Indices, image: Image, start: Array, T_odom_cam: Array,
+    rig: StereoRig, s: MatchingSettings,
+) -> Array:  # fmt: skip
     """Align the templates of landmarks: (N, 2) pixels, NaN where the result is unlike or far."""
-    landmarks = local_map.landmarks
+    landmarks = local_map.landmarks.select(rows)
     pixels, zncc = np.full((len(rows), 2), np.nan), np.full(len(rows), np.nan)
     for keyframe in local_map.keyframes:
-        here = landmarks.anchor[rows] == keyframe.serial
-        centres = landmarks.anchor_pixels[rows][here]
+        here = landmarks.anchor == keyframe.serial
+        anchored = landmarks.select(here)
+        T_cam_anchor = se3.inverse(T_odom_cam) @ keyframe.T_odom_cam
+        warp = _surface_warp(anchored, T_cam_anchor, rig)
         pixels[here], zncc[here] = align(
-            keyframe.left, centres, image, start[here], zoom[here], s.align_px
+            keyframe.left, anchored.anchor_pixels, image, start[here], warp, s.align_px
         )
     with np.errstate(invalid="ignore"):
         good = (zncc > s.align_zncc) & (np.abs(pixels - start).max(axis=1) < s.align_reach_px)
     return np.where(good[:, None], pixels, np.nan)
+
+
+def _surface_warp(landmarks: Landmarks, T_cam_anchor: Array, rig: StereoRig) -> Array:
+    """How a slanted patch in the anchor's image deforms on its way to another camera.
+
+    Returns:
+        (N, 2, 2) affine maps of pixel offsets, from the images of three points of the surface.
+    """
+    offsets = WARP_STEP_PX * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    pixels = landmarks.anchor_pixels[:, None] + offsets
+    disparity_px = rig.f_px * rig.baseline_m / landmarks.anchor_depth_m[:, None]
+    disparity_px = disparity_px + landmarks.anchor_slopes @ offsets.T
+    moved = rig.project(se3.transform(T_cam_anchor, rig.triangulate(pixels, disparity_px)))[..., :2]
+    return np.swapaxes(moved[:, 1:] - moved[:, :1], 1, 2) / WARP_STEP_PX

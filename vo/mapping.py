@@ -10,7 +10,7 @@ from vo.contract.arrays import Array
 from vo.contract.rig import StereoRig
 from vo.correspondence import Matches
 from vo.refine import Bundle, refine_structure
-from vo.stereo import disparity_at
+from vo.stereo import disparity_at, disparity_slopes
 from vo.tracks import Keyframe, Landmarks, LocalMap, no_landmarks, visibility
 from vo.view import View
 
@@ -68,6 +68,7 @@ def add_keyframe(
         anchor=np.full(len(pixels), serial),
         anchor_pixels=pixels,
         anchor_depth_m=points_cam[:, 2],
+        anchor_slopes=disparity_slopes(view.dense, pixels, view.frame.left.shape),
     )
     keyframe = Keyframe(serial, T_odom_cam, view.frame.left, fresh.ids, pixels, disparity_px)
     if matches:
@@ -79,7 +80,7 @@ def add_keyframe(
         )
     keyframes = (*local_map.keyframes, keyframe)[-settings.refinement.window :]
     if matches:
-        known = _renew_anchors(known, matches, keyframe, keyframes[0].serial, settings)
+        known = _renew_anchors(known, matches, view, keyframe, keyframes[0].serial, settings)
     known = known.select(known.anchor >= keyframes[0].serial)
     return LocalMap(keyframes, known.extend(fresh), serial + 1, local_map.next_id + len(fresh))
 
@@ -101,18 +102,20 @@ def _fresh_features(
 
 
 def _renew_anchors(
-    landmarks: Landmarks, seen: Matches, keyframe: Keyframe, oldest: int, s: OdometrySettings
-) -> Landmarks:
+    landmarks: Landmarks, seen: Matches, view: View, keyframe: Keyframe, oldest: int,
+    settings: OdometrySettings,
+) -> Landmarks:  # fmt: skip
     """Take new templates for the seen landmarks whose old one is worn or about to be dropped."""
     depth_m = se3.transform(se3.inverse(keyframe.T_odom_cam), seen.points_odom)[:, 2]
     zoom = landmarks.anchor_depth_m[seen.rows] / depth_m
-    worn = np.maximum(zoom, 1 / zoom) > s.matching.most_zoom
+    worn = np.maximum(zoom, 1 / zoom) > settings.matching.most_zoom
     worn |= landmarks.anchor[seen.rows] < oldest
     return landmarks.update(
         seen.rows[worn],
         anchor=np.full(worn.sum(), keyframe.serial),
         anchor_pixels=seen.pixels[worn],
         anchor_depth_m=depth_m[worn],
+        anchor_slopes=disparity_slopes(view.dense, seen.pixels[worn], view.frame.left.shape),
     )
 
 

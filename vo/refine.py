@@ -127,7 +127,8 @@ def refine_motion(
         (4, 4) refined T_world_cam and the number of iterations.
     """
     measured = np.column_stack([pixels, disparity_px])
-    known = np.where(np.isnan(measured), 0.0, 1.0 / settings.sigma_px)
+    sigma = np.array([settings.sigma_px, settings.sigma_px, settings.sigma_disparity_px])
+    known = np.where(np.isnan(measured), 0.0, 1.0 / sigma)
     measured = np.nan_to_num(measured)
     f = rig.f_px * np.array([1.0, 1.0, rig.baseline_m])
     c = np.array([rig.cx_px, rig.cy_px, 0.0])
@@ -167,8 +168,8 @@ def _noise(settings: RefinementSettings) -> tuple[gtsam.noiseModel.Base, gtsam.n
 
     u_right = u_left - d inherits the error of u_left, so the two are correlated.
     """
-    s2 = settings.sigma_px**2
-    covariance = np.array([[s2, s2, 0], [s2, 2 * s2, 0], [0, 0, s2]])
+    s2, d2 = settings.sigma_px**2, settings.sigma_disparity_px**2
+    covariance = np.array([[s2, s2, 0], [s2, s2 + d2, 0], [0, 0, s2]])
     huber = gtsam.noiseModel.mEstimator.Huber.Create(settings.huber)
     robust = gtsam.noiseModel.Robust.Create
     return (

@@ -1,11 +1,12 @@
 """Disparity: dense by OpenCV, made sub-pixel at the features (thesis 2.5, 3.1)."""
 
 import cv2
+import numba
 import numpy as np
 
 from vo.alignment import align
 from vo.config import StereoSettings
-from vo.contract.arrays import Array, Image
+from vo.contract.arrays import Array, Image, Indices
 from vo.contract.sequence import StereoFrame
 
 FIXED_POINT = 16.0
@@ -13,6 +14,15 @@ FIXED_POINT = 16.0
 
 MOST_CORRECTION_PX = 2.0
 """Alignment that moves a dense disparity further has found something else."""
+
+PLANE_RADIUS = 4
+"""Half side of the square of dense disparities to which a plane is fitted."""
+
+PLANE_SHARE = 0.6
+"""Share of that square that must be known."""
+
+PLANE_RMS_PX = 0.7
+"""Misfit above which the surface is not plane."""
 
 
 class DenseStereo:
@@ -71,9 +81,9 @@ def disparity_at(
     """
     disparity = _lookup(dense, pixels, frame.left.shape)
     start = np.stack([pixels[:, 0] - disparity, pixels[:, 1]], axis=-1)
-    same_size = np.ones(len(pixels))
+    warp = _left_to_right(disparity_slopes(dense, pixels, frame.left.shape))
     aligned, zncc = align(
-        frame.left, pixels, frame.right, start, same_size, settings.align_px, horizontal_only=True
+        frame.left, pixels, frame.right, start, warp, settings.align_px, horizontal_only=True
     )
     refined = pixels[:, 0] - aligned[:, 0]
     with np.errstate(invalid="ignore"):
@@ -83,6 +93,58 @@ def disparity_at(
             & (refined > settings.least_disparity_px)
         )
     return np.where(good, refined, np.nan)
+
+
+def disparity_slopes(dense: Array, pixels: Array, shape: tuple[int, ...]) -> Array:
+    """Slant of the surface at each pixel: (N, 2) change of disparity per pixel along u and v.
+
+    A plane is fitted to the dense disparity nearby; zero, a surface that faces the camera, where
+    there is too little of it or it is not plane.
+    """
+    scale = np.array([dense.shape[1] / shape[1], dense.shape[0] / shape[0]])
+    centres = np.nan_to_num((pixels + 0.5) * scale, nan=-1.0).astype(np.int64)
+    slopes = np.zeros((len(pixels), 2))
+    _fit_planes(dense, centres, slopes)
+    return slopes * scale
+
+
+@numba.njit(cache=True)
+def _fit_planes(dense: Array, centres: Indices, slopes: Array) -> None:
+    """Least squares of d = c + a x + b y over a square; writes (a, b)."""
+    height, width = dense.shape
+    r = PLANE_RADIUS
+    for i in range(len(centres)):
+        u, v = centres[i]
+        if u < r or v < r or u >= width - r or v >= height - r:
+            continue
+        n = sx = sy = sxx = sxy = syy = sd = sxd = syd = sdd = 0.0
+        for y in range(-r, r + 1):
+            for x in range(-r, r + 1):
+                d = dense[v + y, u + x]
+                if np.isnan(d):
+                    continue
+                n += 1.0
+                sx, sy, sd = sx + x, sy + y, sd + d
+                sxx, sxy, syy = sxx + x * x, sxy + x * y, syy + y * y
+                sxd, syd, sdd = sxd + x * d, syd + y * d, sdd + d * d
+        if n < PLANE_SHARE * (2 * r + 1) ** 2:
+            continue
+        sxx, sxy, syy = sxx - sx * sx / n, sxy - sx * sy / n, syy - sy * sy / n
+        sxd, syd, sdd = sxd - sx * sd / n, syd - sy * sd / n, sdd - sd * sd / n
+        determinant = sxx * syy - sxy * sxy
+        if determinant <= 0.0:
+            continue
+        a = (syy * sxd - sxy * syd) / determinant
+        b = (sxx * syd - sxy * sxd) / determinant
+        if (sdd - a * sxd - b * syd) / n < PLANE_RMS_PX**2:
+            slopes[i, 0], slopes[i, 1] = a, b
+
+
+def _left_to_right(slopes: Array) -> Array:
+    """Affine maps (N, 2, 2) of left offsets to right ones: u_right = u_left - d(u_left, v)."""
+    warp = np.tile(np.eye(2), (len(slopes), 1, 1))
+    warp[:, 0] -= slopes
+    return warp
 
 
 def _lookup(dense: Array, pixels: Array, shape: tuple[int, ...]) -> Array:

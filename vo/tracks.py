@@ -39,6 +39,7 @@ class Landmarks:
         anchor: (N,) serial of the keyframe that holds the template for alignment.
         anchor_pixels: (N, 2) template centre in that keyframe.
         anchor_depth_m: (N,) depth there.
+        anchor_slopes: (N, 2) slant of the surface there: change of disparity per pixel along u, v.
     """
 
     ids: Indices
@@ -47,6 +48,7 @@ class Landmarks:
     anchor: Indices
     anchor_pixels: Array
     anchor_depth_m: Array
+    anchor_slopes: Array
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -94,7 +96,7 @@ def no_landmarks(vector_size: int) -> Landmarks:
     none = np.zeros(0, dtype=np.int64)
     return Landmarks(
         none, np.zeros((0, 3)), np.zeros((0, vector_size), np.float32), none, np.zeros((0, 2)),
-        np.zeros(0),
+        np.zeros(0), np.zeros((0, 2)),
     )  # fmt: skip
 
 
