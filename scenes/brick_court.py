@@ -103,11 +103,11 @@ def _route(rng: np.random.Generator, half: Array) -> Array:
 def _sun(rng: np.random.Generator) -> Light:
     azimuth, elevation = rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(36, 56))
     flat = np.cos(elevation)
-    on_ground = np.array([0.50, 0.475, 0.43])  # all lamps together light level ground by about 1
+    on_ground = np.array([0.45, 0.43, 0.39])  # all lamps together light level ground by about 1
     return Light(
         key=np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)]),
         key_rgb=on_ground / np.sin(elevation),
-        fill_rgb=np.array([0.30, 0.315, 0.34]),
+        fill_rgb=np.array([0.34, 0.355, 0.38]),
         ambient_rgb=np.array([0.21, 0.21, 0.22]),
     )
 

@@ -165,8 +165,8 @@ def whiteboard(stage: Stage, name: str, place: Place) -> None:
     put("notes", box((0, -0.004, 1.05), (1.46, 0.01, 1.40)))
     for x in (-0.7, 0.7):
         put("steel", tube((x, 0.03, 0.06), (x, 0.03, 0.4), 0.02))
-        put("steel", box((x, 0.03, 0.055), (0.04, 0.5, 0.03), (0.5, 0.5), bottom=True))
-        for y in (-0.2, 0.26):
+        put("steel", box((x, 0.03, 0.055), (0.04, 0.3, 0.03), (0.5, 0.5), bottom=True))
+        for y in (-0.08, 0.14):
             put("plastic", tube((x - 0.015, y, 0.025), (x + 0.015, y, 0.025), 0.024, 10))
-    solid(stage, name, place, (1.5, 0.55, 1.7), shadow=False)
+    solid(stage, name, place, (1.5, 0.36, 1.7), shadow=False)
     stage.blocker((place[0], place[1], 1.05), (1.5, 0.03, 1.44), place[2])

@@ -232,7 +232,7 @@ def _piece(
     elif kind == "plant":
         potted_plant(stage, name, rng, local(wall, 0, -0.25)[:2])
     else:
-        furniture.whiteboard(stage, name, local(wall, 0, -0.32, rng.uniform(-0.05, 0.05)))
+        furniture.whiteboard(stage, name, local(wall, 0, -0.56, rng.uniform(-0.05, 0.05)))
 
 
 def _carpet(stage: Stage, rng: np.random.Generator, half: Array, light: Light) -> None:
@@ -249,7 +249,7 @@ def _carpet(stage: Stage, rng: np.random.Generator, half: Array, light: Light) -
         )
     carpet = merged(tiles)
     reach = (-half[0], -half[1], half[0], half[1])
-    baked = ground_light(reach, stage.blockers, light, 0.08)
+    baked = ground_light(reach, stage.blockers, light)
     key, fill = baked.at(carpet.points)
     normals = shaded_normals(carpet.normals, key, fill, light)
     stage.draw_lit("carpet", Mesh(carpet.points, normals, carpet.uv, carpet.faces))

@@ -64,7 +64,7 @@ def ball(rng: np.random.Generator, centre: Vector, radius_m: float) -> Mesh:
         [np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1
     )
     bumps = rng.uniform(0, 6.28, 3)
-    swell = 1 + 0.12 * np.sin(4 * unit @ np.eye(3) + bumps).sum(axis=-1)
+    swell = 1 + 0.13 * np.sin(5 * unit + bumps).sum(axis=-1)
     points = np.asarray(centre) + radius_m * swell[..., None] * unit
     uv = np.stack([phi, theta], axis=-1) * radius_m / 0.35 + rng.random(2)
     quad = [

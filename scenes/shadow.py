@@ -27,7 +27,9 @@ class Blocker:
     opacity: float = 1.0
 
 
-def visibility(points: Array, blockers: list[Blocker], light: Light, samples: int = 6) -> Array:
+def visibility(
+    points: Array, blockers: list[Blocker], light: Light, samples: int = 6, inside: bool = False
+) -> Array:
     """Share of the key lamp seen from each point.
 
     Args:
@@ -35,6 +37,8 @@ def visibility(points: Array, blockers: list[Blocker], light: Light, samples: in
         blockers: What casts shadows.
         light: Gives the lamp's direction and its angular radius.
         samples: Rays over the lamp's disc.
+        inside: Whether a box shades what is inside it: so for the ground, but not for the parts
+            of furniture, whose boxes are around them.
 
     Returns:
         (N,) in [0, 1].
@@ -48,7 +52,7 @@ def visibility(points: Array, blockers: list[Blocker], light: Light, samples: in
     radius = light.softness_rad * np.sqrt((k + 0.5) / samples)
     turn = k * np.pi * (3 - np.sqrt(5))  # sunflower: even cover of the disc
     rays = light.key + radius * (np.cos(turn) * side + np.sin(turn) * up)
-    return _seen(np.ascontiguousarray(points, dtype=np.float64), rays, *_table(blockers))
+    return _seen(np.ascontiguousarray(points, dtype=np.float64), rays, *_table(blockers), inside)
 
 
 def _table(blockers: list[Blocker]) -> tuple[Array, Array, Array, Array]:
@@ -64,7 +68,13 @@ def _table(blockers: list[Blocker]) -> tuple[Array, Array, Array, Array]:
 
 @njit(cache=True)
 def _seen(
-    points: Array, rays: Array, centres: Array, halves: Array, turns: Array, opacities: Array
+    points: Array,
+    rays: Array,
+    centres: Array,
+    halves: Array,
+    turns: Array,
+    opacities: Array,
+    inside: bool,
 ) -> Array:
     """Mean over (S, 3) rays of the light left behind all boxes: (N,), slab test in each frame."""
     seen = np.zeros(len(points))
@@ -83,22 +93,36 @@ def _seen(
                     near = (-halves[b, axis] - start[axis]) * inverse
                     far = (halves[b, axis] - start[axis]) * inverse
                     enter, leave = max(enter, min(near, far)), min(leave, max(near, far))
-                if leave > enter and enter > -1e-3:  # a box does not shade its own surface
+                ahead = leave > 0 if inside else enter > -1e-3
+                if leave > enter and ahead:
                     left *= 1 - opacities[b]
             seen[n] += left / len(rays)
     return seen
 
 
-def occlusion(points: Array, blockers: list[Blocker], reach_m: float = 0.5) -> Array:
-    """Dim the fill close to the blockers: (N,) in [0, 1] for (N, 3) points, 1 in the open."""
+def occlusion(
+    points: Array, blockers: list[Blocker], reach_m: float = 0.5, inside: bool = False
+) -> Array:
+    """Dim the fill close to the blockers: (N,) in [0, 1] for (N, 3) points, 1 in the open.
+
+    `inside` is as for `visibility`.
+    """
     if not blockers:
         return np.ones(len(points))
-    return _openness(np.ascontiguousarray(points, dtype=np.float64), *_table(blockers), reach_m)
+    return _openness(
+        np.ascontiguousarray(points, dtype=np.float64), *_table(blockers), reach_m, inside
+    )
 
 
 @njit(cache=True)
 def _openness(
-    points: Array, centres: Array, halves: Array, turns: Array, opacities: Array, reach_m: float
+    points: Array,
+    centres: Array,
+    halves: Array,
+    turns: Array,
+    opacities: Array,
+    reach_m: float,
+    inside: bool,
 ) -> Array:
     """Multiply, over all boxes, what each leaves of the fill at its distance from (N, 3) points."""
     left = np.ones(len(points))
@@ -110,7 +134,7 @@ def _openness(
             y = max(abs(c * dy - t * dx) - halves[b, 1], 0.0)
             z = max(abs(points[n, 2] - centres[b, 2]) - halves[b, 2], 0.0)
             distance = np.sqrt(x * x + y * y + z * z)
-            if distance > 1e-3:  # a box does not dim its own surface
+            if inside or distance > 1e-3:
                 left[n] *= 1 - 0.55 * opacities[b] * np.exp(-3 * distance / reach_m)
     return left
 
@@ -146,5 +170,6 @@ def ground_light(
     x = np.arange(extent_m[0], extent_m[2] + step_m, step_m)
     y = np.arange(extent_m[1], extent_m[3] + step_m, step_m)
     grid = np.stack(np.meshgrid(x, y, [1e-4], indexing="ij"), axis=-1).reshape(-1, 3)
-    shares = np.stack([visibility(grid, blockers, light), occlusion(grid, blockers)])
+    key = visibility(grid, blockers, light, inside=True)
+    shares = np.stack([key, occlusion(grid, blockers, inside=True)])
     return LightMap(np.array(extent_m[:2]), step_m, shares.reshape(2, len(x), len(y)))

@@ -67,6 +67,14 @@ def test_foliage_lets_part_of_the_light_through():
     assert visibility(np.array([[-0.3, 0, 0]]), [leaves], SUN) == pytest.approx(0.3)
 
 
+def test_a_box_shades_the_ground_under_it_but_not_its_own_parts():
+    within = np.array([[0.0, 0.0, 0.2]])
+    assert visibility(within, [BOX], SUN) == pytest.approx(1)
+    assert visibility(within, [BOX], SUN, inside=True) == pytest.approx(0)
+    assert occlusion(within, [BOX]) == pytest.approx(1)
+    assert occlusion(within, [BOX], inside=True) < 0.5
+
+
 def test_nothing_in_the_way_means_full_light():
     points = np.zeros((3, 3))
     np.testing.assert_array_equal(visibility(points, [], SUN), 1)
