@@ -25,7 +25,7 @@ from vo.contract.settings import Settings
 TESTS = "Outdoor paving of single bricks: small wheels bump, the camera shakes, the ground is rich."
 MODULE_M = 0.1
 SWATH_M = 0.6  # half width around the route within which every brick is a collision box
-FLANKS_M = 1.3  # distance from the route beyond which a few millimetres of flank do not show
+FLANKS_M = 1.0  # distance from the route beyond which a few millimetres of flank do not show
 BRICK_THICKNESS_M = 0.06
 
 
@@ -195,7 +195,7 @@ def _ground(
         _strip((-30, -y - 3), (-x - 1.05, y + 1.05), 0.012, 4.0, 1.5),
     ]
     stage.draw_lit("lawn", _lit(merged([east, south, *beyond]), baked, light))
-    count = 380
+    count = 300
     beside = 0.14 + rng.exponential(0.35, (2, count))  # uncut where the mower meets the kerb
     tufts = np.concatenate(
         [

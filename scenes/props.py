@@ -24,7 +24,7 @@ def planter(stage: Stage, name: str, rng: np.random.Generator, centre: Array, si
     inner = (length - 1.9 * wall, width - 1.9 * wall, 0.01)
     stage.draw("soil", box((x, y, height - 0.06), inner, (0.8, 0.8), rng.random(2)))
     stage.obstacle(name, (x, y, height / 2), size)
-    count = max(2, int(length * width * 5))
+    count = max(2, int(length * width * 4))
     for _ in range(count):
         at = centre + rng.uniform(-0.5, 0.5, 2) * np.array([length - 0.5, width - 0.45])
         radius = rng.uniform(0.18, 0.30)
@@ -34,10 +34,11 @@ def planter(stage: Stage, name: str, rng: np.random.Generator, centre: Array, si
 def shrub(stage: Stage, rng: np.random.Generator, centre: Vector, radius_m: float) -> None:
     """Grow a bush: a few balls of foliage and loose leaves around them."""
     core = np.asarray(centre)
-    for _ in range(3):
-        lobe = core + radius_m * rng.uniform((-0.45, -0.45, -0.5), (0.45, 0.45, 0.35))
-        stage.draw("leaves", ball(rng, lobe, radius_m * rng.uniform(0.5, 0.72)))
-    stage.draw("leaves", leaf_cloud(rng, centre, radius_m, int(1000 * radius_m)))
+    stage.draw("leaves", ball(rng, core - (0, 0, 0.3 * radius_m), 0.7 * radius_m))  # rooted
+    for _ in range(2):
+        lobe = core + radius_m * rng.uniform((-0.5, -0.5, -0.3), (0.5, 0.5, 0.4))
+        stage.draw("leaves", ball(rng, lobe, radius_m * rng.uniform(0.5, 0.7)))
+    stage.draw("leaves", leaf_cloud(rng, centre, radius_m, int(700 * radius_m)))
     stage.blocker(centre, np.full(3, 1.5 * radius_m).tolist(), rng.uniform(0, 1.5), 0.8)
 
 
@@ -59,7 +60,7 @@ def potted_plant(stage: Stage, name: str, rng: np.random.Generator, centre: Vect
 
 def ball(rng: np.random.Generator, centre: Vector, radius_m: float) -> Mesh:
     """Build a lumpy sphere; its texture repeats every 0.35 m."""
-    theta, phi = np.meshgrid(np.linspace(0, np.pi, 7), np.linspace(0, 2 * np.pi, 11))
+    theta, phi = np.meshgrid(np.linspace(0, np.pi, 6), np.linspace(0, 2 * np.pi, 10))
     unit = np.stack(
         [np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1
     )
