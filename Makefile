@@ -1,0 +1,40 @@
+# `make demo` and `make test` work from a bare clone; `make help` lists every target.
+
+.DEFAULT_GOAL := help
+.PHONY: demo test lint bench accuracy clean help
+
+VENV := .venv
+READY := $(VENV)/.ready
+BIN := $(VENV)/bin
+
+# pyright would ask the network for a newer release at every call.
+export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
+
+demo: $(READY)  ## generate a drive of 21 m, estimate, score and report it (into demo/)
+	$(BIN)/driftyard demo
+
+test: lint  ## lint, then every test
+	$(BIN)/pytest
+
+lint: $(READY)  ## style, types and the layers of the imports
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/pyright
+	$(BIN)/lint-imports
+
+bench: $(READY)  ## speed of estimator and generator on this machine
+	$(BIN)/python -m trials.bench
+
+accuracy: $(READY)  ## drift of the default settings on ten drives (into build/accuracy/)
+	$(BIN)/python -m trials.accuracy
+
+clean:  ## remove results and caches; the environment in .venv stays
+	rm -rf build demo dist .pytest_cache .hypothesis .ruff_cache .import_linter_cache
+	find scenes sim vo trials tests -name __pycache__ -type d -exec rm -rf {} +
+
+help:  ## this list
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-10s%s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+$(READY): pyproject.toml .ci/setup
+	sh .ci/setup $(VENV)
+	@touch $@
