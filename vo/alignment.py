@@ -1,6 +1,6 @@
 """Sub-pixel alignment of patches by Gauss–Newton on their intensities.
 
-One aligner serves time and stereo: a template patch is warped by a known affine map, moved by
+One aligner serves time and stereo: a template patch is warped as its surface demands, moved by
 an unknown (du, dv), and compared after both sides were given zero mean and unit norm, which
 cancels gain and offset.
 
@@ -34,7 +34,9 @@ def align(
         pixels: (N, 2) patch centres in the template, sub-pixel.
         image: (H', W') uint8.
         start: (N, 2) first guess in the image, within about two pixels.
-        warp: (N, 2, 2) offsets (du, dv) in the template to offsets in the image.
+        warp: (N, 3, 2): an offset o in the template becomes warp[:2] @ o / (1 + warp[2] @ o) in
+            the image, which is exact for a plane. An affine map alone makes the error of a match
+            grow with the square of the patch's size.
         patch_px: Side of the template patch, odd.
         horizontal_only: Search along the row, as in a rectified pair.
 
@@ -64,7 +66,7 @@ def _align_all(
     zncc: Array,
 ) -> None:
     side = 2 * radius + 1
-    unwarped = np.eye(2)
+    unwarped = np.eye(3, 2)
     padded = np.empty((side + 2, side + 2))
     patch = np.empty((side, side))
     now = np.empty((side, side))
@@ -113,16 +115,20 @@ def _sample(image: Image, u: float, v: float, warp: Array, out: Array) -> bool:
     side = out.shape[0]
     r = (side - 1) / 2
     height, width = image.shape
-    reach_u = r * (abs(warp[0, 0]) + abs(warp[0, 1]))
-    reach_v = r * (abs(warp[1, 0]) + abs(warp[1, 1]))
+    shrink = 1 - r * (abs(warp[2, 0]) + abs(warp[2, 1]))
+    if not shrink > 0.5:  # the surface is seen almost edge-on; also where the warp is NaN
+        return False
+    reach_u = r * (abs(warp[0, 0]) + abs(warp[0, 1])) / shrink
+    reach_v = r * (abs(warp[1, 0]) + abs(warp[1, 1])) / shrink
     inside = u - reach_u >= 0 and u + reach_u < width - 1
     inside = inside and v - reach_v >= 0 and v + reach_v < height - 1
-    if not inside:  # also where u, v or the warp is NaN
+    if not inside:  # also where u or v is NaN
         return False
     for j in range(side):
         for k in range(side):
-            x = u + warp[0, 0] * (k - r) + warp[0, 1] * (j - r)
-            y = v + warp[1, 0] * (k - r) + warp[1, 1] * (j - r)
+            scale = 1 / (1 + warp[2, 0] * (k - r) + warp[2, 1] * (j - r))
+            x = u + scale * (warp[0, 0] * (k - r) + warp[0, 1] * (j - r))
+            y = v + scale * (warp[1, 0] * (k - r) + warp[1, 1] * (j - r))
             x0, y0 = int(x), int(y)
             fx, fy = x - x0, y - y0
             top = image[y0, x0] * (1 - fx) + image[y0, x0 + 1] * fx

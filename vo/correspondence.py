@@ -14,9 +14,6 @@ from vo.stereo import disparity_at
 from vo.tracks import Landmarks, LocalMap
 from vo.view import View
 
-WARP_STEP_PX = 4.0
-"""Distance between the points of a surface whose images tell how a patch deforms."""
-
 
 @dataclass(frozen=True)
 class Matches:
@@ -112,12 +109,18 @@ def _align(
 def _surface_warp(landmarks: Landmarks, T_cam_anchor: Array, rig: StereoRig) -> Array:
     """How a slanted patch in the anchor's image deforms on its way to another camera.
 
+    Inverse depth is linear in the pixels of a plane, so with m = (x / z, y / z, 1) in the anchor,
+    h = R m + t / z is linear too, and the plane's homography is (h_x / h_z, h_y / h_z).
+
     Returns:
-        (N, 2, 2) affine maps of pixel offsets, from the images of three points of the surface.
+        (N, 3, 2) warps as `vo.alignment.align` takes them.
     """
-    offsets = WARP_STEP_PX * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-    pixels = landmarks.anchor_pixels[:, None] + offsets
-    disparity_px = rig.f_px * rig.baseline_m / landmarks.anchor_depth_m[:, None]
-    disparity_px = disparity_px + landmarks.anchor_slopes @ offsets.T
-    moved = rig.project(se3.transform(T_cam_anchor, rig.triangulate(pixels, disparity_px)))[..., :2]
-    return np.swapaxes(moved[:, 1:] - moved[:, :1], 1, 2) / WARP_STEP_PX
+    R, t = T_cam_anchor[:3, :3], T_cam_anchor[:3, 3]
+    rays = rig.normalized(landmarks.anchor_pixels)
+    m = np.concatenate([rays, np.ones((len(rays), 1))], axis=1)
+    h = m @ R.T + t / landmarks.anchor_depth_m[:, None]
+    inverse_depth_slopes = landmarks.anchor_slopes / (rig.f_px * rig.baseline_m)
+    dh = R[:, :2] / rig.f_px + t[:, None] * inverse_depth_slopes[:, None]  # (N, 3, 2) per pixel
+    bend = dh[:, 2:] / h[:, 2, None, None]
+    dx = dh[:, :2] / h[:, 2, None, None] - h[:, :2, None] / h[:, 2, None, None] * bend
+    return np.concatenate([rig.f_px * dx, bend], axis=1)

@@ -141,8 +141,8 @@ def _fit_planes(dense: Array, centres: Indices, slopes: Array) -> None:
 
 
 def _left_to_right(slopes: Array) -> Array:
-    """Affine maps (N, 2, 2) of left offsets to right ones: u_right = u_left - d(u_left, v)."""
-    warp = np.tile(np.eye(2), (len(slopes), 1, 1))
+    """Warps (N, 3, 2) of left offsets to right ones: u_right = u_left - d(u_left, v)."""
+    warp = np.tile(np.eye(3, 2), (len(slopes), 1, 1))
     warp[:, 0] -= slopes
     return warp
 
