@@ -1,0 +1,242 @@
+"""CenSurE against brute force, and against blobs and lines whose place and size are known."""
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from vo.config import FeatureSettings
+from vo.features import detect, octagon_area, scale_space
+
+# (m, n) of centre and surround, copied from Agrawal, Konolige and Blas 2008, table 1
+TABLE_1 = (
+    ((3, 0), (5, 2)),
+    ((3, 1), (5, 3)),
+    ((3, 2), (7, 3)),
+    ((5, 2), (9, 4)),
+    ((5, 3), (9, 7)),
+    ((7, 3), (13, 7)),
+    ((9, 4), (15, 10)),
+)
+LARGEST_PX = 15 + 2 * 10
+EVERYTHING = FeatureSettings(count=10**6, threshold=0.0, line_ratio=1e12)
+"""All extrema: nothing is too weak, too long or too many."""
+
+
+def octagon(m, n, size):
+    """Mask of the octagon in a square: half width h, corners cut where |x| + |y| is too large."""
+    y, x = np.abs(np.mgrid[:size, :size] - size // 2)
+    h = (m - 1) // 2 + n
+    return (x <= h) & (y <= h) & (x + y <= h + (m - 1) // 2)
+
+
+def brute_responses(image):
+    responses = np.zeros((len(TABLE_1), *image.shape))
+    for response, (inner, outer) in zip(responses, TABLE_1, strict=True):
+        size = outer[0] + 2 * outer[1]
+        centre = octagon(*inner, size)
+        ring = octagon(*outer, size) & ~centre
+        kernel = centre / centre.sum() - ring / ring.sum()
+        fits = slice(size // 2, -(size // 2))
+        response[fits, fits] = cv2.filter2D(image.astype(float), cv2.CV_64F, kernel)[fits, fits]
+    return responses
+
+
+def brute_extrema(responses):
+    """Value at every (scale, v, u) that beats all its 26 neighbours, none of them cut off."""
+    scales, height, width = responses.shape
+    edge = LARGEST_PX // 2 + 1
+    found = {}
+    for s in range(1, scales - 1):
+        for v in range(edge, height - edge):
+            for u in range(edge, width - edge):
+                around = responses[s - 1 : s + 2, v - 1 : v + 2, u - 1 : u + 2].ravel()
+                value = responses[s, v, u]
+                if value and (np.delete(np.sign(value) * around, 13) < abs(value)).all():
+                    found[s, v, u] = value
+    return found
+
+
+def noise(shape, seed=0):
+    return np.random.default_rng(seed).integers(0, 256, shape, dtype=np.uint8)
+
+
+def smooth_noise(shape, seed=0):
+    """Blobs of many sizes, full contrast."""
+    smooth = sum(cv2.GaussianBlur(noise(shape, seed).astype(float), (0, 0), s) * s for s in (2, 5))
+    return cv2.normalize(smooth, None, 0, 255, cv2.NORM_MINMAX).astype(np.uint8)
+
+
+def blob(u, v, sigma, contrast=120.0, shape=(120, 140)):
+    rows, columns = np.mgrid[: shape[0], : shape[1]]
+    bump = np.exp(-((columns - u) ** 2 + (rows - v) ** 2) / (2 * sigma**2))
+    return np.round(100 + contrast * bump).astype(np.uint8)
+
+
+def bar(u, v, angle, shape=(120, 140)):
+    """A blob six times as long as wide."""
+    rows, columns = np.mgrid[: shape[0], : shape[1]]
+    x, y = columns - u, rows - v
+    along, across = x * np.cos(angle) + y * np.sin(angle), y * np.cos(angle) - x * np.sin(angle)
+    bump = np.exp(-((along / 15) ** 2 + (across / 2.5) ** 2) / 2)
+    return np.round(100 + 120 * bump).astype(np.uint8)
+
+
+def edge(angle, shape=(120, 140)):
+    rows, columns = np.mgrid[: shape[0], : shape[1]]
+    away = (columns - shape[1] / 2) * np.sin(angle) - (rows - shape[0] / 2) * np.cos(angle)
+    return np.round(60 + 140 / (1 + np.exp(-away / 2))).astype(np.uint8)
+
+
+@pytest.mark.parametrize("scale", range(7))
+def test_responses_equal_brute_force_sums(scale):
+    image = noise((61, 83))
+    inner, outer = TABLE_1[scale]
+    for m, n in (inner, outer):
+        assert octagon_area(m, n) == octagon(m, n, LARGEST_PX).sum()
+    ours = scale_space(image)
+    assert ours.shape == (7, 61, 83)
+    np.testing.assert_allclose(ours[scale], brute_responses(image)[scale], rtol=0, atol=1e-3)
+
+
+def test_hand_worked_response():
+    """One white pixel against a centre of 9 pixels and a surround of 69 - 9."""
+    image = np.zeros((40, 40), np.uint8)
+    image[20, 20] = 255
+    smallest = scale_space(image)[0]
+    assert smallest[20, 20] == pytest.approx(255 / 9, abs=1e-4)
+    assert smallest[21, 21] == pytest.approx(255 / 9, abs=1e-4)
+    assert smallest[20, 22] == pytest.approx(-255 / 60, abs=1e-4)
+    assert smallest[23, 23] == pytest.approx(-255 / 60, abs=1e-4)
+    assert smallest[24, 23] == 0  # the corner that the octagon cuts off
+
+
+@pytest.mark.parametrize("image", [noise((70, 80)), smooth_noise((80, 90))], ids=["fine", "soft"])
+def test_extrema_equal_a_search_of_27_neighbours(image):
+    expected = brute_extrema(scale_space(image))
+    found = detect(image, EVERYTHING)
+    edge = LARGEST_PX // 2 + 1  # the brute force stays where every octagon fits
+    far = np.array(image.shape[::-1]) - 1 - edge
+    rounded = np.round(found.pixels)
+    inner = ((rounded >= edge) & (rounded <= far)).all(axis=1)
+    values = dict(zip(found.response, found.pixels, strict=True))
+    assert len(expected) > 15
+    for (_, v, u), value in expected.items():
+        assert np.abs(values[np.float64(value)] - [u, v]).max() <= 0.5
+    # Rounding half a pixel may move a feature across the edge.
+    assert abs(inner.sum() - len(expected)) <= 2
+
+
+def test_threshold_keeps_the_strong_ones():
+    image = smooth_noise((80, 90))
+    everything = detect(image, EVERYTHING)
+    strong = detect(image, EVERYTHING.model_copy(update={"threshold": 20.0}))
+    assert 0 < len(strong) < len(everything)
+    assert len(strong) == (np.abs(everything.response) > 20).sum()
+    assert np.abs(strong.response).min() > 20
+
+
+@settings(deadline=None, max_examples=30)
+@given(
+    u=st.floats(55, 85),
+    v=st.floats(50, 70),
+    sigma=st.floats(2.5, 5.0),
+    contrast=st.sampled_from([-90.0, -40.0, 60.0, 150.0]),
+)
+def test_a_blob_is_found_where_it_is(u, v, sigma, contrast):
+    found = detect(blob(u, v, sigma, contrast), FeatureSettings())
+    assert np.hypot(*(found.pixels[0] - [u, v])) < 0.15
+    assert np.sign(found.response[0]) == np.sign(contrast)
+
+
+def test_sub_pixel_error_is_small_but_not_zero():
+    rng = np.random.default_rng(0)
+    centres = rng.uniform([55, 50], [85, 70], (40, 2))
+    found = np.array([detect(blob(u, v, 3.0), FeatureSettings()).pixels[0] for u, v in centres])
+    rmse = np.sqrt(((found - centres) ** 2).mean())
+    assert 1e-4 < rmse < 0.05  # rounding to whole pixels would give 0.29
+    assert np.abs((found - centres).mean(axis=0)).max() < 0.02
+
+
+def test_size_follows_the_blob():
+    """The surround reaches to where a Gaussian has faded: 2 to 3 sigma."""
+    sigmas = np.array([2.5, 3.0, 4.0, 5.0, 6.0])
+    scales_px = np.array([detect(blob(70, 60, s), FeatureSettings()).scale_px[0] for s in sigmas])
+    assert (np.diff(scales_px) > 0).all(), scales_px
+    assert (scales_px > 2.2 * sigmas).all(), scales_px
+    assert (scales_px < 3.0 * sigmas).all(), scales_px
+
+
+@pytest.mark.parametrize("angle_deg", [0, 20, 45, 71, 90, 135])
+def test_long_things_are_no_features(angle_deg):
+    image = bar(90, 80, np.radians(angle_deg))
+    anything = detect(image, FeatureSettings(line_ratio=1e12))
+    assert np.abs(anything.pixels[0] - [90, 80]).max() < 0.1
+    assert len(detect(image, FeatureSettings())) == 0
+    assert len(detect(edge(np.radians(angle_deg)), FeatureSettings())) == 0
+    beside = detect(np.maximum(image, blob(30, 30, 3.0)), FeatureSettings()).pixels
+    assert np.abs(beside[0] - [30, 30]).max() < 0.1
+
+
+def test_features_are_spread_over_the_image():
+    """A loud half must not take all the places of a quiet one."""
+    image = smooth_noise((160, 320)).astype(float)
+    image[:, 160:] = 128 + 0.2 * (image[:, 160:] - 128)
+    image = image.astype(np.uint8)
+    together, apart = (
+        detect(image, FeatureSettings(count=60, cell_px=cell_px)) for cell_px in (400, 40)
+    )
+    quiet = [(x.pixels[:, 0] > 160).sum() for x in (together, apart)]
+    assert len(together) == len(apart) == 60
+    assert quiet[0] < 6
+    assert 22 < quiet[1] < 38
+    for chosen in (together, apart):
+        assert (np.diff(np.abs(chosen.response)) <= 0).all()
+
+
+def test_the_best_of_each_cell_comes_first():
+    image = smooth_noise((160, 200))
+    everything = detect(image, EVERYTHING)
+    cells = {tuple(x) for x in np.round(everything.pixels).astype(int) // 40}
+    few = detect(image, EVERYTHING.model_copy(update={"count": len(cells), "cell_px": 40}))
+    # Rounding a sub-pixel position can move it over the edge of its cell, so nearly all.
+    assert len({tuple(x) for x in np.round(few.pixels).astype(int) // 40}) >= len(cells) - 2
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (3, 40), (5, 5), (10, 200)])
+def test_too_small_an_image_has_no_features(shape):
+    for image in (noise(shape), np.zeros(shape, np.uint8)):
+        found = detect(image, FeatureSettings())
+        assert len(found) == 0
+        assert found.pixels.shape == (0, 2)
+
+
+@pytest.mark.xfail(
+    strict=True, reason="scales that do not fit count as zero, so edges look extreme"
+)
+def test_one_that_the_largest_octagon_does_not_fit_has_none_either():
+    assert len(detect(noise((LARGEST_PX - 1, 200)), FeatureSettings())) == 0
+
+
+@pytest.mark.parametrize("grey", [0, 90, 255])
+def test_a_flat_image_has_no_features(grey):
+    faintest = FeatureSettings(threshold=1e-3)  # below it is the rounding of the sums
+    assert len(detect(np.full((120, 160), grey, np.uint8), faintest)) == 0
+
+
+def test_same_image_same_features():
+    a, b = (detect(smooth_noise((120, 160)), FeatureSettings()) for _ in range(2))
+    for name in ("pixels", "scale_px", "response"):
+        np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+
+
+def test_a_turned_or_inverted_image_has_turned_or_inverted_features():
+    image = smooth_noise((100, 130))
+    there = detect(image, EVERYTHING)
+    turned = detect(np.ascontiguousarray(image.T), EVERYTHING)
+    inverted = detect(255 - image, EVERYTHING)
+    assert len(there) == len(turned) == len(inverted) > 50
+    order, other = (np.lexsort(np.round(x, 3).T) for x in (there.pixels, turned.pixels[:, ::-1]))
+    np.testing.assert_allclose(there.pixels[order], turned.pixels[other][:, ::-1], atol=1e-3)
+    np.testing.assert_allclose(np.sort(there.response), np.sort(-inverted.response), atol=1e-3)
