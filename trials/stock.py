@@ -1,0 +1,81 @@
+"""MuJoCo's own renderer, as its documentation uses it: what ours is measured against."""
+
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import mujoco
+import numpy as np
+
+from sim.labels import disparity_from_depth
+from sim.render import SPARE_GEOMS
+from sim.rig import CAMERA
+from sim.rover import PREFIX
+from sim.settings import RenderSettings
+from sim.world import World
+from vo.contract.arrays import Array, Image
+from vo.contract.files import encode_float, encode_png
+from vo.contract.rig import StereoRig
+
+
+@dataclass(frozen=True)
+class StockView:
+    """One frame of the plain loop.
+
+    Attributes:
+        left: (H, W, 3) RGB uint8.
+        right: Like `left`.
+        depth_left_m: (H, W) float32 planar depth.
+    """
+
+    left: Image
+    right: Image
+    depth_left_m: Array
+
+
+@contextmanager
+def stock_renderer(world: World, settings: RenderSettings) -> Generator[mujoco.Renderer]:
+    """Open `mujoco.Renderer` at the size of the rig and the quality of the settings.
+
+    The environment's MUJOCO_GL must have named its backend before mujoco was imported.
+    """
+    quality = world.model.vis.quality
+    quality.offsamples, quality.shadowsize = settings.samples, settings.shadow_size_px
+    size = world.rig.height_px, world.rig.width_px
+    with mujoco.Renderer(world.model, *size, world.model.ngeom + SPARE_GEOMS) as renderer:
+        yield renderer
+
+
+def render_plainly(renderer: mujoco.Renderer, world: World) -> StockView:
+    """Make right image, left image and left depth, one call after the other."""
+    camera = world.model.camera(PREFIX + CAMERA).id
+    centre = world.data.cam_xpos[camera].copy()
+    half_baseline = world.rig.baseline_m / 2 * world.data.cam_xmat[camera].reshape(3, 3)[:, 0]
+    world.data.cam_xpos[camera] = centre + half_baseline
+    renderer.update_scene(world.data, camera)
+    right = renderer.render()
+    world.data.cam_xpos[camera] = centre - half_baseline
+    renderer.update_scene(world.data, camera)
+    left = renderer.render()
+    renderer.enable_depth_rendering()
+    renderer.update_scene(world.data, camera)
+    depth_left_m = renderer.render()
+    renderer.disable_depth_rendering()
+    world.data.cam_xpos[camera] = centre
+    return StockView(left, right, depth_left_m)
+
+
+def write_plainly(view: StockView, rig: StereoRig, folder: Path) -> None:
+    """Write the four files of a dataset's frame, one after the other."""
+    disparity_px = disparity_from_depth(rig, view.depth_left_m)
+    (folder / "left.png").write_bytes(encode_png(grey(view.left)))
+    (folder / "right.png").write_bytes(encode_png(grey(view.right)))
+    (folder / "depth.tiff").write_bytes(encode_float(view.depth_left_m))
+    (folder / "disparity.tiff").write_bytes(encode_float(disparity_px))
+
+
+def grey(rgb: Image) -> Image:
+    """Convert (H, W, 3) RGB to (H, W) grey, as a dataset's images are."""
+    return np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), np.uint8)
