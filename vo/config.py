@@ -87,7 +87,7 @@ class RefinementSettings(Settings):
 
     window: int = Field(default=8, ge=2, description="keyframes refined together")
     least_views: int = Field(
-        default=3, ge=2, description="keyframes that must see a refined point (4.4)"
+        default=3, ge=2, description="frames that must see a refined point (4.4)"
     )
     sigma_px: float = Field(default=0.1, gt=0, description="noise of u and v")
     sigma_disparity_px: float = Field(default=0.3, gt=0, description="noise of the disparity")

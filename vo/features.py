@@ -65,13 +65,8 @@ def scale_space(image: Image) -> Array:
         margin = (outer[0] - 1) // 2 + outer[1]
         if min(height, width) <= 2 * margin:
             continue
-        centre, both = _octagon_sums(*tables, *inner), _octagon_sums(*tables, *outer)
-        trim = margin - ((inner[0] - 1) // 2 + inner[1])
-        centre = centre[trim:-trim, trim:-trim]
         area, ring = octagon_area(*inner), octagon_area(*outer) - octagon_area(*inner)
-        # mean of the centre minus mean of the surround without the centre
-        inside = np.float32(1 / area + 1 / ring)
-        response[margin:-margin, margin:-margin] = centre * inside - both * np.float32(1 / ring)
+        _center_surround(*tables, *inner, *outer, area, ring, response)
     return responses
 
 
@@ -104,51 +99,81 @@ def _prefix_sums(image: Image) -> tuple[Array, Array, Array]:
 
 
 @numba.njit(cache=True)
-def _octagon_sums(straight: Array, falling: Array, rising: Array, m: int, n: int) -> Array:
-    """Sum of the octagon (m, n) around every pixel where it fits: (H - 2 h, W - 2 h) int32."""
-    size = m + 2 * n
+def _center_surround(
+    straight: Array, falling: Array, rising: Array, m_inner: int, n_inner: int, m_outer: int,
+    n_outer: int, area: int, ring: int, response: Array,
+) -> None:  # fmt: skip
+    """Write the mean of the centre minus that of the surround, wherever the surround fits."""
+    size = m_outer + 2 * n_outer
+    margin = size // 2
+    trim = margin - (m_inner + 2 * n_inner) // 2
     height, width = straight.shape[0] - size, straight.shape[1] - size
-    sums = np.empty((height, width), dtype=np.int32)
-    for v in range(height):  # (v, u) is the upper left corner of the bounding square
+    centre = np.empty(width, dtype=np.int32)
+    both = np.empty(width, dtype=np.int32)
+    inside, outside = np.float32(1 / area + 1 / ring), np.float32(1 / ring)
+    for v in range(height):
+        _octagon_sums(straight, falling, rising, m_inner, n_inner, v + trim, trim, centre)
+        _octagon_sums(straight, falling, rising, m_outer, n_outer, v, 0, both)
         for u in range(width):
-            sums[v, u] = (
-                straight[v + n + m, u + size]
-                - straight[v + n, u + size]
-                - straight[v + n + m, u]
-                + straight[v + n, u]
-            )
-        if n == 0:
-            continue
-        for u in range(width):  # the upper trapezoid grows by one on each side per row
-            sums[v, u] += (
-                falling[v + n, u + size - 1]
-                - falling[v, u + n + m - 1]
-                - rising[v + n, u + 1]
-                + rising[v, u + n + 1]
-            )
-        for u in range(width):  # the lower one shrinks
-            sums[v, u] += (
-                rising[v + size, u + n + m]
-                - rising[v + n + m, u + size]
-                - falling[v + size, u + n]
-                + falling[v + n + m, u]
-            )
-    return sums
-
-
-def _extrema(responses: Array, threshold: float) -> Array:
-    """Rows (scale, v, u) of the extrema over 3x3x3 neighbours, |response| > threshold."""
-    return _find_extrema(np.abs(responses), responses, threshold)
+            response[v + margin, u + margin] = centre[u] * inside - both[u] * outside
 
 
 @numba.njit(cache=True)
-def _find_extrema(magnitude: Array, responses: Array, threshold: float) -> Array:
+def _octagon_sums(
+    straight: Array, falling: Array, rising: Array, m: int, n: int, v: int, u0: int, sums: Array
+) -> None:
+    """Sum octagons whose bounding squares have their upper left corners at row v, from column u0.
+
+    The rectangle of m rows between two trapezoids, the upper of which grows by one pixel on each
+    side per row while the lower shrinks.
+    """
+    size = m + 2 * n
+    for i in range(len(sums)):
+        u = u0 + i
+        sums[i] = (
+            straight[v + n + m, u + size]
+            - straight[v + n, u + size]
+            - straight[v + n + m, u]
+            + straight[v + n, u]
+        )
+    if n == 0:
+        return
+    for i in range(len(sums)):
+        u = u0 + i
+        sums[i] += (
+            falling[v + n, u + size - 1]
+            - falling[v, u + n + m - 1]
+            - rising[v + n, u + 1]
+            + rising[v, u + n + 1]
+        )
+    for i in range(len(sums)):
+        u = u0 + i
+        sums[i] += (
+            rising[v + size, u + n + m]
+            - rising[v + n + m, u + size]
+            - falling[v + size, u + n]
+            + falling[v + n + m, u]
+        )
+
+
+@numba.njit(cache=True)
+def _extrema(responses: Array, threshold: float) -> Array:
+    """Rows (scale, v, u) of the extrema over 3x3x3 neighbours, |response| > threshold."""
     scales, height, width = responses.shape
     found = []
     for s in range(1, scales - 1):
         for v in range(1, height - 1):
             for u in range(1, width - 1):
-                if magnitude[s, v, u] > threshold and _is_extremum(responses, s, v, u):
+                value = responses[s, v, u]
+                if -threshold <= value <= threshold:
+                    continue
+                before, after = responses[s, v, u - 1], responses[s, v, u + 1]
+                above, below = responses[s, v - 1, u], responses[s, v + 1, u]
+                if value > 0:  # most pixels are no extremum among these four already
+                    beaten = before > value or after > value or above > value or below > value
+                else:
+                    beaten = before < value or after < value or above < value or below < value
+                if not beaten and _is_extremum(responses, s, v, u):
                     found.append((s, v, u))
     rows = np.empty((len(found), 3), dtype=np.int64)
     for i in range(len(found)):

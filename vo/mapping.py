@@ -65,6 +65,7 @@ def add_keyframe(
         ids=local_map.next_id + np.arange(len(pixels)),
         points_odom=se3.transform(T_odom_cam, points_cam),
         vectors=vectors,
+        views=np.ones(len(pixels), dtype=np.int64),
         anchor=np.full(len(pixels), serial),
         anchor_pixels=pixels,
         anchor_depth_m=points_cam[:, 2],
@@ -122,7 +123,9 @@ def _renew_anchors(
 def refine_map(
     local_map: LocalMap, rig: StereoRig, settings: OdometrySettings
 ) -> tuple[LocalMap, int]:
-    """Refine the window's poses and the landmarks that enough keyframes see (thesis 4.4).
+    """Refine the window's poses and the landmarks that were seen often enough (thesis 4.4).
+
+    A landmark takes part if at least `least_views` frames saw it, two of them keyframes.
 
     The oldest keyframe stays, and so does one that sees too few of these landmarks to be
     determined. Landmarks seen too rarely move rigidly with their anchor.
@@ -132,8 +135,8 @@ def refine_map(
     """
     keyframes, landmarks = local_map.keyframes, local_map.landmarks
     ids, mask = visibility(keyframes)
-    chosen = mask.sum(axis=1) >= settings.refinement.least_views
-    chosen &= np.isin(ids, landmarks.ids)
+    often = landmarks.ids[landmarks.views >= settings.refinement.least_views]
+    chosen = np.isin(ids, often) & (mask.sum(axis=1) >= 2)
     fixed = mask[chosen].sum(axis=0) < DETERMINED
     fixed[0] = True
     if fixed.all():

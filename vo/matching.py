@@ -1,5 +1,6 @@
 """Matching by ZNCC with marriage assignment (thesis 3.2, eq. 3.1)."""
 
+import numba
 import numpy as np
 
 from vo.config import MatchingSettings
@@ -57,13 +58,38 @@ def marry(
     Returns:
         (K, 2) index pairs (into a, into b), one to one, in order of a.
     """
-    if len(vectors_a) == 0 or len(vectors_b) == 0:
-        return np.zeros((0, 2), dtype=np.int64)
-    scores = vectors_a @ vectors_b.T
-    with np.errstate(invalid="ignore"):
-        near = np.abs(expected_a[:, None, :] - pixels_b[None, :, :]).max(axis=-1) < radius_px
-    scores = np.where(near, scores, -1.0)
-    best_b, best_a = scores.argmax(axis=1), scores.argmax(axis=0)
-    a = np.arange(len(vectors_a))
-    married = (best_a[best_b] == a) & (scores[a, best_b] > settings.zncc)
-    return np.stack([a[married], best_b[married]], axis=-1)
+    best_b, best_a = _choices(
+        vectors_a, np.asarray(expected_a, dtype=np.float64), vectors_b,
+        np.asarray(pixels_b, dtype=np.float64), radius_px, settings.zncc,
+    )  # fmt: skip
+    a = np.flatnonzero(best_b >= 0)
+    married = a[best_a[best_b[a]] == a]
+    return np.stack([married, best_b[married]], axis=-1)
+
+
+@numba.njit(cache=True, fastmath=True)
+def _choices(
+    vectors_a: Array, expected_a: Array, vectors_b: Array, pixels_b: Array, radius: float,
+    least: float,
+) -> tuple[Indices, Indices]:  # fmt: skip
+    """The favourite of each a among b and of each b among a; -1 where nobody is similar enough.
+
+    Only pairs inside the search window are correlated. Of equals, the first wins.
+    """
+    best_b = np.full(len(vectors_a), -1, dtype=np.int64)
+    best_a = np.full(len(vectors_b), -1, dtype=np.int64)
+    score_b = np.full(len(vectors_b), least, dtype=np.float32)
+    for a in range(len(vectors_a)):
+        score_a = np.float32(least)
+        u, v = expected_a[a]
+        for b in range(len(vectors_b)):
+            if not (abs(pixels_b[b, 0] - u) < radius and abs(pixels_b[b, 1] - v) < radius):
+                continue  # also where the expectation is NaN
+            score = np.float32(0.0)
+            for k in range(vectors_a.shape[1]):
+                score += vectors_a[a, k] * vectors_b[b, k]
+            if score > score_a:
+                score_a, best_b[a] = score, b
+            if score > score_b[b]:
+                score_b[b], best_a[b] = score, a
+    return best_b, best_a

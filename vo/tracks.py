@@ -36,6 +36,7 @@ class Landmarks:
         ids: (N,) ascending, unique over the whole run.
         points_odom: (N, 3) metres.
         vectors: (N, P) latest appearance, for matching.
+        views: (N,) frames that saw the landmark, keyframes or not.
         anchor: (N,) serial of the keyframe that holds the template for alignment.
         anchor_pixels: (N, 2) template centre in that keyframe.
         anchor_depth_m: (N,) depth there.
@@ -45,6 +46,7 @@ class Landmarks:
     ids: Indices
     points_odom: Array
     vectors: Array
+    views: Indices
     anchor: Indices
     anchor_pixels: Array
     anchor_depth_m: Array
@@ -87,17 +89,24 @@ class LocalMap:
     next_id: int
 
     def seen(self, rows: Indices, vectors: Array) -> "LocalMap":
-        """Renew the appearance of landmarks."""
-        return replace(self, landmarks=self.landmarks.update(rows, vectors=vectors))
+        """Count a view of some landmarks and renew their appearance."""
+        views = self.landmarks.views[rows] + 1
+        return replace(self, landmarks=self.landmarks.update(rows, vectors=vectors, views=views))
 
 
 def no_landmarks(vector_size: int) -> Landmarks:
     """The empty set, for appearance vectors of a size."""
     none = np.zeros(0, dtype=np.int64)
     return Landmarks(
-        none, np.zeros((0, 3)), np.zeros((0, vector_size), np.float32), none, np.zeros((0, 2)),
-        np.zeros(0), np.zeros((0, 2)),
-    )  # fmt: skip
+        ids=none,
+        points_odom=np.zeros((0, 3)),
+        vectors=np.zeros((0, vector_size), np.float32),
+        views=none,
+        anchor=none,
+        anchor_pixels=np.zeros((0, 2)),
+        anchor_depth_m=np.zeros(0),
+        anchor_slopes=np.zeros((0, 2)),
+    )
 
 
 def visibility(keyframes: tuple[Keyframe, ...]) -> tuple[Indices, Mask]:
