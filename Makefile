@@ -19,7 +19,7 @@ test: lint  ## lint, then every test
 lint: $(READY)  ## style, types and the layers of the imports
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
-	$(BIN)/pyright
+	$(BIN)/pyright --pythonpath $(BIN)/python
 	$(BIN)/lint-imports
 
 bench: $(READY)  ## speed of estimator and generator on this machine
