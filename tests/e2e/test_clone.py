@@ -1,0 +1,80 @@
+"""A clone holds everything: no file that a command needs was left uncommitted."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from terminal import ROOT
+
+pytestmark = [
+    pytest.mark.gl,
+    pytest.mark.slow,
+    pytest.mark.skipif(not (ROOT / ".git").exists(), reason="not a git checkout"),
+]
+
+
+@pytest.fixture(scope="module")
+def clone(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("clone") / "driftyard"
+    subprocess.run(["git", "clone", "--quiet", ROOT, folder], check=True, timeout=60)
+    return folder
+
+
+def in_clone(clone: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    """Run Python on the clone's packages, with the dependencies of this environment."""
+    return subprocess.run(
+        [sys.executable, *words],
+        cwd=clone,
+        env={**os.environ, "PYTHONPATH": str(clone)},
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+
+
+def test_the_packages_are_the_clones_own(clone):
+    code = "import scenes, sim, vo, trials; print(*(m.__file__ for m in (scenes, sim, vo, trials)))"
+    result = in_clone(clone, "-c", code)
+    assert result.returncode == 0, result.stderr
+    assert all(path.startswith(str(clone)) for path in result.stdout.split())
+
+
+def test_demo_runs_from_a_clone(clone):
+    result = in_clone(clone, "-m", "trials.cli", "demo", "--distance", "1.5")
+    assert result.returncode == 0, result.stderr
+    page = clone / "demo" / "report.html"
+    assert result.stdout.splitlines()[-1] == page.resolve().as_uri()
+    assert page.read_text().count("<svg") > 2
+    status = subprocess.run(
+        ["git", "status", "--porcelain"], cwd=clone, capture_output=True, text=True, check=True
+    )
+    assert status.stdout == ""  # results are ignored by git
+
+
+def test_make_knows_its_targets(clone):
+    result = subprocess.run(
+        ["make", "help"], cwd=clone, capture_output=True, text=True, check=True, timeout=30
+    )
+    named = {line.split()[1] for line in result.stdout.splitlines()}
+    assert named == {"demo", "test", "lint", "bench", "accuracy", "clean", "help"}
+    dry = subprocess.run(
+        ["make", "--dry-run", "demo"], cwd=clone, capture_output=True, text=True, check=True
+    )
+    assert dry.stdout.splitlines()[-1].endswith("driftyard demo")
+
+
+def test_setup_says_what_to_do_without_python(clone):
+    result = subprocess.run(
+        ["sh", ".ci/setup", "nowhere"],
+        cwd=clone,
+        env={**os.environ, "PYTHON": "python-that-is-not-there"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert result.returncode == 1
+    assert "sudo apt-get install python3" in result.stderr
+    assert not (clone / "nowhere").exists()
