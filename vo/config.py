@@ -37,7 +37,7 @@ class MatchingSettings(Settings):
         default=96.0, gt=0, description="radius while nothing can be predicted"
     )
     align_px: int = Field(
-        default=17, ge=5, le=31, description="side of the patch aligned to sub-pixels, odd"
+        default=9, ge=5, le=31, description="side of the patch aligned to sub-pixels, odd"
     )
     align_zncc: float = Field(
         default=0.85, gt=0, lt=1, description="least correlation after alignment"
@@ -64,7 +64,7 @@ class StereoSettings(Settings):
         default=8.0, gt=0, description="depth gate: 5.1 m with the default rig, as in thesis 3.1"
     )
     align_px: int = Field(
-        default=11, ge=5, le=31, description="side of the patch aligned across the pair"
+        default=9, ge=5, le=31, description="side of the patch aligned across the pair"
     )
     align_zncc: float = Field(default=0.85, gt=0, lt=1, description="least left-right correlation")
 
@@ -94,10 +94,10 @@ class RefinementSettings(Settings):
     huber: float = Field(default=1.5, gt=0, description="where the loss turns linear, in sigmas")
     most_iterations: int = Field(default=15, ge=1)
     keyframe_parallax_px: float = Field(
-        default=20.0, ge=0, description="median flow that starts a keyframe"
+        default=30.0, ge=0, description="median flow that starts a keyframe"
     )
     keyframe_share: float = Field(
-        default=0.6, gt=0, le=1, description="tracked share that starts one"
+        default=0.3, gt=0, le=1, description="tracked share that starts one"
     )
 
 
