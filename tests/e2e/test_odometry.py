@@ -133,7 +133,7 @@ def test_a_drive_is_tracked_with_little_drift(drive, sequence, result):
     errors = errors_over_distance(pair, 1.0)
     drift_percent = 100 * errors.translation_m.mean()
     assert len(errors) > 10
-    assert 0.0005 < drift_percent < 0.5
+    assert 0.0005 < drift_percent < 0.3
     assert 1e-6 < errors.rotation_rad.mean() < np.radians(0.3)
 
 

@@ -6,7 +6,7 @@ import pytest
 from vo.config import MotionSettings, RefinementSettings
 from vo.contract import se3
 from vo.contract.rig import StereoRig
-from vo.motion import relative_orientation
+from vo.motion import relative_orientation, reprojection_errors
 from vo.refine import Bundle, refine_motion, refine_structure
 
 RIG = StereoRig(640, 480, 457.0, 319.5, 239.5, 0.09)
@@ -179,3 +179,11 @@ def test_half_the_noise_half_the_error(worlds, refined):
         T = refine_structure(bundle(world, *follow(world)), REFINEMENT).T_world_cam
         halves.append(tangent_errors(world, T))
     assert rmse_m(halves) == pytest.approx(whole / 2, rel=0.05)
+
+
+def test_points_behind_the_camera_have_no_error():
+    """They project to the same ray, so only the sign of their depth tells."""
+    points = np.array([[0.5, 0.2, 2.0], [-0.5, -0.2, -2.0], [0.5, 0.2, 0.0]])
+    rays = np.array([[0.25, 0.1], [0.25, 0.1], [0.25, 0.1]])
+    errors = reprojection_errors(np.array([np.eye(4), np.eye(4)]), points, rays)
+    np.testing.assert_allclose(errors, [[0, np.nan, np.nan]] * 2, atol=1e-12)

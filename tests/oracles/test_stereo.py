@@ -119,6 +119,20 @@ def test_unknown_outside_and_in_front_of_what_is_seen(plane):
     assert disparity_at(plane.frame, dense, np.zeros((0, 2)), SETTINGS).shape == (0,)
 
 
+@pytest.mark.parametrize("shrink", [1, 2, 4])
+def test_the_dense_map_is_read_where_the_pixel_is(shrink):
+    """All of it unknown but the one cell that covers the pixel."""
+    plane, pixel = Plane(40.3, 0.0, 0.0), np.array([[203.4, 101.6]])
+    shape = (HEIGHT // shrink, WIDTH // shrink)
+    row, column = 102 // shrink, 203 // shrink  # the pixel that the place rounds to
+    for moved in (0, -1, 1):
+        for axis in (0, 1):
+            dense = np.full(shape, np.nan, np.float32)
+            dense[row + moved * (axis == 0), column + moved * (axis == 1)] = 40
+            found = disparity_at(plane.frame, dense, pixel, SETTINGS)
+            assert np.isnan(found[0]) == (moved != 0)
+
+
 def test_depth_gate():
     plane = Plane(4.0, 0.04, 0.0)  # 8 px at u = 100, 18 px at u = 350
     dense = dense_of(plane.frame)
