@@ -40,7 +40,7 @@ def detect(image: Image, settings: FeatureSettings) -> Features:
     """Find the strongest features of an image, spread over its cells.
 
     Args:
-        image: (H, W) uint8; an image too small for the largest octagon has no features.
+        image: (H, W) uint8; scales that do not fit it are left out.
         settings: Thresholds and the number wanted.
 
     Returns:
@@ -158,12 +158,17 @@ def _octagon_sums(
 
 @numba.njit(cache=True)
 def _extrema(responses: Array, threshold: float) -> Array:
-    """Rows (scale, v, u) of the extrema over 3x3x3 neighbours, |response| > threshold."""
+    """Rows (scale, v, u) of the extrema over 3x3x3 neighbours, |response| > threshold.
+
+    Only where all neighbours have a response, the scale above included.
+    """
     scales, height, width = responses.shape
     found = []
     for s in range(1, scales - 1):
-        for v in range(1, height - 1):
-            for u in range(1, width - 1):
+        m, n = OUTER[s + 1]
+        margin = m // 2 + n + 1
+        for v in range(margin, height - margin):
+            for u in range(margin, width - margin):
                 value = responses[s, v, u]
                 if -threshold <= value <= threshold:
                     continue

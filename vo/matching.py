@@ -67,7 +67,7 @@ def marry(
     return np.stack([married, best_b[married]], axis=-1)
 
 
-@numba.njit(cache=True, fastmath=True)
+@numba.njit(cache=True, fastmath={"reassoc", "contract"})  # sums in any order; NaN stays NaN
 def _choices(
     vectors_a: Array, expected_a: Array, vectors_b: Array, pixels_b: Array, radius: float,
     least: float,
