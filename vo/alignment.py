@@ -43,7 +43,13 @@ def align(
     Returns:
         (N, 2) aligned pixels and (N,) their ZNCC; both NaN where the patch left an image, was
         flat, or moved more than half its side from the start.
+
+    Raises:
+        ValueError: If the shapes disagree; the compiled loop would not notice.
     """
+    n = len(pixels)
+    if (np.shape(pixels), np.shape(start), np.shape(warp)) != ((n, 2), (n, 2), (n, 3, 2)):
+        raise ValueError(f"shapes {np.shape(pixels)}, {np.shape(start)} and {np.shape(warp)}")
     aligned = np.full((len(pixels), 2), np.nan)
     zncc = np.full(len(pixels), np.nan)
     _align_all(

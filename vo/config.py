@@ -1,10 +1,20 @@
 """Every choice of the estimator, with its unit and its default."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from vo.contract.settings import Settings
+
+
+def _odd(value: int) -> int:
+    if value % 2 == 0:
+        raise ValueError("must be odd")
+    return value
+
+
+PatchSide = Annotated[int, Field(ge=5, le=31), AfterValidator(_odd)]
+"""Side of a square patch about a pixel."""
 
 
 class FeatureSettings(Settings):
@@ -28,7 +38,7 @@ class FeatureSettings(Settings):
 class MatchingSettings(Settings):
     """ZNCC with marriage assignment (thesis 3.2) and sub-pixel alignment."""
 
-    patch_px: int = Field(default=13, ge=5, le=31, description="side of the correlated patch, odd")
+    patch_px: PatchSide = Field(default=13, description="side of the correlated patch")
     zncc: float = Field(default=0.75, gt=0, lt=1, description="least correlation of a match")
     search_px: float = Field(
         default=24.0, gt=0, description="radius of the window around the prediction"
@@ -36,9 +46,7 @@ class MatchingSettings(Settings):
     widest_search_px: float = Field(
         default=96.0, gt=0, description="radius while nothing can be predicted"
     )
-    align_px: int = Field(
-        default=9, ge=5, le=31, description="side of the patch aligned to sub-pixels, odd"
-    )
+    align_px: PatchSide = Field(default=9, description="side of the patch aligned to sub-pixels")
     align_zncc: float = Field(
         default=0.85, gt=0, lt=1, description="least correlation after alignment"
     )
@@ -63,9 +71,7 @@ class StereoSettings(Settings):
     least_disparity_px: float = Field(
         default=8.0, gt=0, description="depth gate: 5.1 m with the default rig, as in thesis 3.1"
     )
-    align_px: int = Field(
-        default=9, ge=5, le=31, description="side of the patch aligned across the pair"
-    )
+    align_px: PatchSide = Field(default=9, description="side of the patch aligned across the pair")
     align_zncc: float = Field(default=0.85, gt=0, lt=1, description="least left-right correlation")
 
 

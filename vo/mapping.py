@@ -11,7 +11,7 @@ from vo.contract.rig import StereoRig
 from vo.correspondence import Matches
 from vo.refine import Bundle, refine_structure
 from vo.stereo import disparity_at, disparity_slopes
-from vo.tracks import Keyframe, Landmarks, LocalMap, no_landmarks, visibility
+from vo.tracks import Keyframe, Landmarks, LocalMap, visibility
 from vo.view import View
 
 DETERMINED = 6
@@ -34,7 +34,7 @@ def is_new_view(last: Keyframe, matches: Matches, settings: RefinementSettings) 
 
 
 def add_keyframe(
-    local_map: LocalMap | None,
+    local_map: LocalMap,
     view: View,
     T_odom_cam: Array,
     matches: Matches | None,
@@ -48,15 +48,13 @@ def add_keyframe(
     are forgotten otherwise.
 
     Args:
-        local_map: None to start a new one.
+        local_map: May be empty.
         view: The new keyframe's.
         T_odom_cam: (4, 4) its pose.
         matches: Inliers of the view; None for none.
         rig: Triangulates.
         settings: The window, and how much a template may change.
     """
-    if local_map is None:
-        local_map = LocalMap((), no_landmarks(view.vectors.shape[1]), 0, 0)
     serial, known = local_map.next_serial, local_map.landmarks
     taken = matches.pixels if matches else np.zeros((0, 2))
     pixels, disparity_px, vectors = _fresh_features(view, taken, settings)

@@ -14,7 +14,7 @@ from vo.mapping import add_keyframe, is_new_view, refine_map
 from vo.motion import relative_orientation, reprojection_errors
 from vo.refine import refine_motion
 from vo.stereo import DenseStereo
-from vo.tracks import LocalMap
+from vo.tracks import empty_map
 from vo.view import View, look
 
 
@@ -26,7 +26,7 @@ class StereoOdometry:
         self.settings = settings or OdometrySettings()
         self._dense_stereo = DenseStereo(self.settings.stereo)
         self._rng = np.random.default_rng(self.settings.seed)
-        self._map: LocalMap | None = None
+        self._map = empty_map()
         self._T_odom_cam = np.eye(4)  # of the last frame that had a pose
         self._T_before_now = np.eye(4)  # its motion, which predicts the next
         self._lost_frames = 0
@@ -36,7 +36,7 @@ class StereoOdometry:
         s, rig, clock = self.settings, self.rig, Clock()
         view = look(frame, self._dense_stereo, s, clock)
         counts = {"features": len(view.features), "matches": 0, "inliers": 0}
-        if self._map is None:
+        if not self._map.keyframes:
             return self._start(view, counts, clock)
 
         for T_guess, reach_px in self._guesses():
@@ -88,9 +88,10 @@ class StereoOdometry:
     def _start(self, view: View, counts: dict[str, int], clock: Clock) -> Estimate:
         """Begin a map at the last known pose, if the view shows enough points with depth."""
         time, s = view.frame.timestamp_ns, self.settings
-        fresh = add_keyframe(None, view, self._T_odom_cam, None, self.rig, s)
+        fresh = add_keyframe(self._map, view, self._T_odom_cam, None, self.rig, s)
         counts["fresh"] = len(fresh.landmarks)
         if len(fresh.landmarks) < s.motion.least_inliers:
+            self._lost_frames += 1
             reason = f"{len(fresh.landmarks)} features with depth, need {s.motion.least_inliers}"
             return Estimate(time, Status.LOST, None, reason, counts, clock.ms)
         reason = f"resumed after {self._lost_frames} lost frames" if self._lost_frames else ""
@@ -103,6 +104,6 @@ class StereoOdometry:
         self._lost_frames += 1
         self._T_before_now = np.eye(4)
         if self._lost_frames > s.patience:
-            self._map = None
+            self._map = empty_map(self._map.next_serial, self._map.next_id)
         reason = f"{counts['inliers']} inliers, need {s.motion.least_inliers}"
         return Estimate(view.frame.timestamp_ns, Status.LOST, None, reason, counts, clock.ms)

@@ -12,6 +12,9 @@ from vo.orientation import absolute_orientation
 SAME_LENGTH = 1e-5
 """Relative error up to which the remaining law of cosines counts as satisfied."""
 
+LEAST_RATIO = 1e-4
+"""Legs shorter than this share of another mean a camera that stands in a point."""
+
 REAL = 1e-4
 """Largest imaginary part of a quartic root that rounding may have made complex."""
 
@@ -48,16 +51,13 @@ def leg_lengths(points_ref: Array, rays_cam: Array) -> tuple[Array, Indices]:
         # Two values of y = c / a from the law on AC; the law on BC says which is right.
         root = np.sqrt(cos_ac[:, None] ** 2 - 1 + ac2[:, None] / a2)
         y = cos_ac[:, None, None] + np.stack([root, -root], axis=-1)  # (B, 4, 2)
-        x, a2 = x[..., None], a2[..., None]
+        x, a2 = np.broadcast_to(x[..., None], y.shape), np.broadcast_to(a2[..., None], y.shape)
         bc2_again = a2 * (x**2 + y**2 - 2 * x * y * cos_bc[:, None, None])
-        error = np.abs(bc2_again / bc2[:, None, None] - 1)
-        error = np.where((x > 0) & (y > 0), error, np.inf)
-        best = np.nanargmin(np.where(np.isnan(error), np.inf, error), axis=-1)[..., None]
-        y = np.take_along_axis(y, best, axis=-1)
-        found = np.take_along_axis(error, best, axis=-1)[..., 0] < SAME_LENGTH
-    legs = np.sqrt(a2) * np.concatenate([np.ones_like(x), x, y], axis=-1)
-    triplet = np.broadcast_to(np.arange(len(A))[:, None], found.shape)
-    return legs[found], triplet[found]
+        found = np.abs(bc2_again / bc2[:, None, None] - 1) < SAME_LENGTH
+        found &= (a2 > 0) & (x > LEAST_RATIO) & (y > LEAST_RATIO)
+    ratios = np.stack([np.ones_like(x), x, y], axis=-1)[found]
+    triplet = np.broadcast_to(np.arange(len(A))[:, None, None], found.shape)[found]
+    return np.sqrt(a2[found])[:, None] * ratios, triplet
 
 
 def _ratios(K1: Array, K2: Array, cab: Array, cac: Array, cbc: Array, solvable: Array) -> Array:

@@ -95,13 +95,12 @@ def refine_structure(bundle: Bundle, settings: RefinementSettings) -> Refined:
         else:
             measured = gtsam.StereoPoint2(u, u - d, v)
             graph.add(gtsam.GenericStereoFactor3D(measured, stereo_noise, X(i), L(j), stereo))
-    optimizer = _optimizer(graph, values, settings)
-    result = optimizer.optimize()
+    values, iterations = _optimize(graph, values, settings)
     return Refined(
-        np.array([result.atPose3(X(i)).matrix() for i in range(len(bundle.T_world_cam))]),
-        np.array([result.atPoint3(L(j)) for j in range(len(bundle.points_world))]).reshape(-1, 3),
-        optimizer.iterations(),
-        optimizer.error(),
+        np.array([values.atPose3(X(i)).matrix() for i in range(len(bundle.T_world_cam))]),
+        np.array([values.atPoint3(L(j)) for j in range(len(bundle.points_world))]).reshape(-1, 3),
+        iterations,
+        graph.error(values),
     )
 
 
@@ -157,9 +156,8 @@ def refine_motion(
         weight = known
         residual = np.linalg.norm(whitened(None, values, None).reshape(-1, 3), axis=1)
         weight = known * np.sqrt(settings.huber / np.maximum(residual, settings.huber))[:, None]
-        optimizer = _optimizer(graph, values, settings)
-        values = optimizer.optimize()
-        iterations += optimizer.iterations()
+        values, more = _optimize(graph, values, settings)
+        iterations += more
     return values.atPose3(X(0)).matrix(), iterations
 
 
@@ -178,10 +176,19 @@ def _noise(settings: RefinementSettings) -> tuple[gtsam.noiseModel.Base, gtsam.n
     )
 
 
-def _optimizer(
+def _optimize(
     graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, settings: RefinementSettings
-) -> gtsam.LevenbergMarquardtOptimizer:
+) -> tuple[gtsam.Values, int]:
+    """Levenberg–Marquardt: the solution and its iterations.
+
+    A system that does not determine its unknowns leaves them as they were, and counts as not
+    converged.
+    """
     parameters = gtsam.LevenbergMarquardtParams()
     parameters.setMaxIterations(settings.most_iterations)
     parameters.setRelativeErrorTol(1e-5)
-    return gtsam.LevenbergMarquardtOptimizer(graph, values, parameters)
+    optimizer = gtsam.LevenbergMarquardtOptimizer(graph, values, parameters)
+    try:
+        return optimizer.optimize(), optimizer.iterations()
+    except RuntimeError:  # gtsam's IndeterminateLinearSystemException has no type of its own here
+        return values, settings.most_iterations

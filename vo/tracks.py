@@ -61,6 +61,8 @@ class Landmarks:
 
     def extend(self, other: "Landmarks") -> "Landmarks":
         """Append rows, whose ids must be larger."""
+        if len(self) == 0:
+            return other
         mine, theirs = vars(self), vars(other)
         return Landmarks(**{name: np.concatenate([mine[name], theirs[name]]) for name in mine})
 
@@ -94,19 +96,20 @@ class LocalMap:
         return replace(self, landmarks=self.landmarks.update(rows, vectors=vectors, views=views))
 
 
-def no_landmarks(vector_size: int) -> Landmarks:
-    """The empty set, for appearance vectors of a size."""
+def empty_map(next_serial: int = 0, next_id: int = 0) -> LocalMap:
+    """A map without keyframes or landmarks, which goes on counting from another one."""
     none = np.zeros(0, dtype=np.int64)
-    return Landmarks(
+    landmarks = Landmarks(
         ids=none,
         points_odom=np.zeros((0, 3)),
-        vectors=np.zeros((0, vector_size), np.float32),
+        vectors=np.zeros((0, 0), np.float32),
         views=none,
         anchor=none,
         anchor_pixels=np.zeros((0, 2)),
         anchor_depth_m=np.zeros(0),
         anchor_slopes=np.zeros((0, 2)),
     )
+    return LocalMap((), landmarks, next_serial, next_id)
 
 
 def visibility(keyframes: tuple[Keyframe, ...]) -> tuple[Indices, Mask]:

@@ -204,13 +204,11 @@ def test_after_long_darkness_it_starts_where_it_was(resumed):
     assert start.reason.startswith("resumed after")
 
 
-@pytest.mark.xfail(strict=True, reason="frames that fail to start are not counted as lost")
 def test_the_new_start_says_how_long_it_was_lost(resumed):
     dark, estimates = resumed
     assert estimates[3 + dark].reason == f"resumed after {dark} lost frames"
 
 
-@pytest.mark.xfail(strict=True, reason="a new map numbers its landmarks from zero")
 def test_landmarks_of_the_new_start_are_new(resumed):
     dark, estimates = resumed
     before = np.concatenate([x.observations.ids for x in estimates[1:3]])
