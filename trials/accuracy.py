@@ -3,7 +3,8 @@
 Every scene is driven with seeds 0, 1, ...; parameters were chosen on seeds of 100 and above, so
 that no figure here is of a drive that a parameter has seen. A drive is one sample: the figures
 are medians over drives, with the worst drive and a bootstrap interval over drives. Recordings are
-kept under a folder named after the sources that made them, and made again when those change.
+kept under a folder named after the sources that made them, and made again when those change or a
+file is damaged.
 """
 
 import hashlib
@@ -25,6 +26,7 @@ from vo.contract.arrays import Array
 from vo.contract.errors import DatasetError, DriftyardError
 
 if TYPE_CHECKING:
+    from sim.settings import RecordSettings
     from trials.score import Score
 
 SCENES = ("brick_court", "office")
@@ -114,18 +116,25 @@ def score_drive(drive: Drive) -> "list[Score]":
     """Record a drive unless it is there, and score every estimator on it."""
     from sim.record import record
     from trials.commands.datasets import build, record_settings
-    from vo.contract.dataset import read_manifest
 
     # Labels are for training and checking; a score needs images and truth.
     overrides = [f"drive.distance_m={drive.distance_m}", "labels.depth=false"]
     settings = record_settings(drive.seed, [*overrides, "labels.disparity=false"], None)
-    try:
-        there = read_manifest(drive.folder)["settings"] == settings.model_dump(mode="json")
-    except DatasetError:
-        there = False
-    if not there:
+    if not _is_recorded(drive.folder, settings):
         record(build(drive.scene, settings), settings, drive.folder, overwrite=True)
     return score_recording(drive.folder, drive.folder.parent)
+
+
+def _is_recorded(folder: Path, settings: "RecordSettings") -> bool:
+    """Whether the folder was recorded with these settings and no file was lost or changed since."""
+    from sim.verify import verify
+    from vo.contract.dataset import read_manifest
+
+    try:
+        same = read_manifest(folder).get("settings") == settings.model_dump(mode="json")
+        return same and not verify(folder)
+    except DatasetError:
+        return False
 
 
 def score_recording(folder: Path, runs: Path) -> "list[Score]":
