@@ -101,9 +101,13 @@ def accuracy(
     ):
         progress(0, len(drives))
         jobs = {pool.submit(score_drive, drive): drive for drive in drives}
-        for done, job in enumerate(as_completed(jobs), start=1):
-            scores[jobs[job].scene] += job.result()
-            progress(done, len(drives))
+        try:
+            for done, job in enumerate(as_completed(jobs), start=1):
+                scores[jobs[job].scene] += job.result()
+                progress(done, len(drives))
+        except BaseException:
+            pool.shutdown(cancel_futures=True)  # one drive failed: the others would be for nothing
+            raise
     if kitti is not None:
         scores[kitti.resolve().name] = score_recording(kitti, cache)
     for name, of_scene in scores.items():
