@@ -50,7 +50,11 @@ def drift_by_length(scores: Sequence[Score]) -> Chart:
 def stage_counts(frames: FrameTable) -> Chart:
     """How many items survive each stage, over time, with everything but `tracked` shaded."""
     time_s = _time_s(frames)
-    series = {stage: (time_s, counts) for stage, counts in frames.counts.items()}
+    series = {
+        stage: (time_s, counts)
+        for stage, counts in frames.counts.items()
+        if not stage.endswith("iterations")  # of an optimiser: no items that survive
+    }
     caption = "Shaded frames are not plainly tracked: grey start, amber weak, red lost."
     return line_chart(
         "Survivors of each stage",
