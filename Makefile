@@ -1,4 +1,5 @@
 # `make demo` and `make test` work from a bare clone; `make help` lists every target.
+# `make bench` and `make accuracy` take options: make bench ARGS=--quick
 
 .DEFAULT_GOAL := help
 .PHONY: demo test lint bench accuracy clean help
@@ -23,10 +24,10 @@ lint: $(READY)  ## style, types and the layers of the imports
 	$(BIN)/lint-imports
 
 bench: $(READY)  ## speed of estimator and generator on this machine
-	$(BIN)/python -m trials.bench
+	$(BIN)/python -m trials.bench $(ARGS)
 
 accuracy: $(READY)  ## drift of the default settings on ten drives (into build/accuracy/)
-	$(BIN)/python -m trials.accuracy
+	$(BIN)/python -m trials.accuracy $(ARGS)
 
 clean:  ## remove results and caches; the environment in .venv stays
 	rm -rf build demo dist .pytest_cache .hypothesis .ruff_cache .import_linter_cache
