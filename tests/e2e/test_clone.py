@@ -56,12 +56,21 @@ def test_demo_runs_from_a_clone(clone):
 
 def test_make_knows_its_targets(clone):
     result = subprocess.run(
-        ["make", "help"], cwd=clone, capture_output=True, text=True, check=True, timeout=30
+        ["make", "--no-print-directory", "help"],
+        cwd=clone,
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=30,
     )
     named = {line.split()[1] for line in result.stdout.splitlines()}
     assert named == {"demo", "test", "lint", "bench", "accuracy", "clean", "help"}
     dry = subprocess.run(
-        ["make", "--dry-run", "demo"], cwd=clone, capture_output=True, text=True, check=True
+        ["make", "--no-print-directory", "--dry-run", "demo"],
+        cwd=clone,
+        capture_output=True,
+        text=True,
+        check=True,
     )
     assert dry.stdout.splitlines()[-1].endswith("driftyard demo")
 
