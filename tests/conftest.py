@@ -7,11 +7,16 @@ import cv2
 import mujoco
 import numpy as np
 import pytest
+from hypothesis import settings
 
 from scenes.scene import Scene
 from sim.settings import RecordSettings
 from sim.world import World, build_world
 from vo.contract.arrays import Array
+
+# Time limits say more about a shared machine than about the code.
+settings.register_profile("driftyard", deadline=None)
+settings.load_profile("driftyard")
 
 SceneMaker = Callable[..., Scene]
 
