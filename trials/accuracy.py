@@ -20,10 +20,11 @@ import numpy as np
 import typer
 from rich.table import Table
 
+from trials.cli import guard
 from trials.commands import console
 from trials.estimators import ESTIMATORS
 from vo.contract.arrays import Array
-from vo.contract.errors import DatasetError, DriftyardError
+from vo.contract.errors import DatasetError
 
 if TYPE_CHECKING:
     from sim.settings import RecordSettings
@@ -38,7 +39,6 @@ PROCESSES = 2
 """Drives at a time; figures in milliseconds are slower for it than those of `make bench`."""
 
 RESAMPLES, CONFIDENCE = 10_000, 0.95
-BAD_INPUT = 2
 
 
 @dataclass(frozen=True)
@@ -237,8 +237,4 @@ def _write(out: Path, scores: "dict[str, list[Score]]") -> None:
 
 
 if __name__ == "__main__":
-    try:
-        typer.run(accuracy)
-    except DriftyardError as error:
-        console.err.print(f"driftyard: error: {error}")
-        raise SystemExit(BAD_INPUT) from None
+    guard(lambda: typer.run(accuracy))

@@ -16,6 +16,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
+from trials.cli import guard
 from trials.commands import console
 from trials.estimators import ESTIMATORS
 from trials.speed import (
@@ -28,14 +29,12 @@ from trials.speed import (
     measure_renderers,
     on_cores,
 )
-from vo.contract.errors import DriftyardError
 
 DISTANCE_M, FRAMES = 5.0, 40
 QUICK_DISTANCE_M, QUICK_FRAMES = 1.5, 8
 """Length of the drive, and how many of its frames both renderers draw."""
 
 PACKAGES = ("mujoco", "numpy", "opencv-python-headless", "gtsam", "numba")
-BAD_INPUT = 2
 
 
 def bench(
@@ -101,8 +100,4 @@ def estimator_table(estimated: dict[str, EstimatorSpeed]) -> Table:
 
 
 if __name__ == "__main__":
-    try:
-        typer.run(bench)
-    except DriftyardError as error:
-        console.err.print(f"driftyard: error: {error}")
-        raise SystemExit(BAD_INPUT) from None
+    guard(lambda: typer.run(bench))

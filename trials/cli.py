@@ -39,8 +39,13 @@ for command, example in COMMANDS.items():
 
 def main() -> None:
     """Run the command line and exit."""
+    guard(lambda: app(prog_name="driftyard"))
+
+
+def guard(command: Callable[[], object]) -> None:
+    """Run a command; what a user got wrong ends in one line and exit status 2."""
     try:
-        app(prog_name="driftyard")
+        command()
     except DriftyardError as error:
         _fail(str(error))
     except OSError as error:  # a full disk, a folder without permission: not a bug either

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
 
 from trials.alignment import Alignment, Pair, fit
 from vo.contract import se3
@@ -103,7 +102,4 @@ def _relative(
 
 def _between(T: Array, position: Array) -> Array:
     """Poses (K, 4, 4) at fractional indices (K,) of (N, 4, 4)."""
-    index = np.arange(len(T))
-    R = Slerp(index, Rotation.from_matrix(T[:, :3, :3]))(position).as_matrix()
-    t = np.stack([np.interp(position, index, T[:, k, 3]) for k in range(3)], axis=-1)
-    return se3.pose(R, t)
+    return se3.interpolate(np.arange(len(T)), T, position)

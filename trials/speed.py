@@ -176,15 +176,8 @@ def measure_estimator(name: str, dataset: Path) -> EstimatorSpeed:
     for i in range(min(WARM_FRAMES, len(sequence))):
         warm.track(sequence[i])
     estimator, _ = make_estimator(name, sequence.rig)
-    done = 0
-    with console.progress_bar(f"running {name}") as progress:
-
-        def advance(_: object) -> None:
-            nonlocal done
-            done += 1
-            progress(done, len(sequence))
-
-        result = run(sequence, estimator, advance)
+    with console.counting_bar(f"running {name}", len(sequence)) as count:
+        result = run(sequence, estimator, count)
     stages = dict.fromkeys(stage for x in result.estimates for stage in x.timings_ms)
     stage_ms = {
         stage: sum(x.timings_ms.get(stage, 0.0) for x in result.estimates) / len(sequence)

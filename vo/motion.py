@@ -1,4 +1,4 @@
-"""The camera's pose from 3D-2D matches: P3P under RANSAC (thesis 3.3), then refinement (3.4)."""
+"""The camera's pose from 3D-2D matches: P3P under RANSAC (thesis 3.3)."""
 
 import numpy as np
 

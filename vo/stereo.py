@@ -89,7 +89,7 @@ def disparity_at(
     with np.errstate(invalid="ignore"):
         good = (
             (zncc > settings.align_zncc)
-            & (np.abs(refined - disparity) < 2)
+            & (np.abs(refined - disparity) < MOST_CORRECTION_PX)
             & (refined > settings.least_disparity_px)
         )
     return np.where(good, refined, np.nan)

@@ -1,5 +1,6 @@
 """What the commands share on the terminal: progress bars and the score table."""
 
+import itertools
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 
@@ -47,6 +48,14 @@ def progress_bar(title: str) -> Generator[Callable[[int, int], None]]:
             progress.update(task, completed=done, total=total)
 
         yield update
+
+
+@contextmanager
+def counting_bar(label: str, total: int) -> Generator[Callable[[object], None]]:
+    """Show a progress bar that advances by one with every call, whatever it is called with."""
+    done = itertools.count(1)
+    with progress_bar(label) as progress:
+        yield lambda _: progress(next(done), total)
 
 
 def score_table(title: str, scores: Sequence[Score]) -> Table:

@@ -77,15 +77,8 @@ def run_estimator(
         raise TrajectoryError(f"{out}: is a folder; --out names the trajectory file")
     sequence = open_sequence(dataset)
     tracker, settings = make_estimator(estimator, sequence.rig, config, overrides)
-    done = 0
-    with console.progress_bar(f"running {estimator}") as progress:
-
-        def advance(_: object) -> None:
-            nonlocal done
-            done += 1
-            progress(done, len(sequence))
-
-        result = run(sequence, tracker, advance)
+    with console.counting_bar(f"running {estimator}", len(sequence)) as count:
+        result = run(sequence, tracker, count)
     write_run(out, result, estimator, settings, dataset)
     lost = sum(x.status is Status.LOST for x in result.estimates)
     mean_ms = sum(result.frame_ms) / len(result.frame_ms)

@@ -5,7 +5,7 @@ Every function takes stacks: leading dimensions are carried through.
 """
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import Rotation, Slerp
 
 from vo.contract.arrays import Array
 
@@ -91,3 +91,12 @@ def to_quat_wxyz(T: Array) -> Array:
     R = np.reshape(T[..., :3, :3], (-1, 3, 3))
     quat = Rotation.from_matrix(R).as_quat(canonical=True, scalar_first=True)
     return quat.reshape(*T.shape[:-2], 4)
+
+
+def interpolate(known: Array, T: Array, asked: Array) -> Array:
+    """Poses (K, 4, 4) at parameters `asked` (K,) between poses (N, 4, 4) at `known` (N,), N >= 2.
+
+    Linear in position, spherical in rotation; `known` increases and spans `asked`.
+    """
+    R = Slerp(known, Rotation.from_matrix(T[:, :3, :3]))(asked).as_matrix()
+    return pose(R, np.stack([np.interp(asked, known, T[:, k, 3]) for k in range(3)], axis=-1))

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
 
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices
@@ -57,9 +56,7 @@ class Trajectory:
         known, asked = (self.timestamps_ns - start) / NS_PER_S, (times - start) / NS_PER_S
         if len(known) == 1:
             return Trajectory(times, np.repeat(self.T_ref_frame, len(times), axis=0))
-        R = Slerp(known, Rotation.from_matrix(self.T_ref_frame[:, :3, :3]))(asked).as_matrix()
-        t = np.stack([np.interp(asked, known, self.T_ref_frame[:, k, 3]) for k in range(3)], -1)
-        return Trajectory(times, se3.pose(R, t))
+        return Trajectory(times, se3.interpolate(known, self.T_ref_frame, asked))
 
 
 def write_tum(path: Path, trajectory: Trajectory) -> None:
