@@ -1,7 +1,7 @@
 """What the world looks like: builders that return a Scene; no physics loop, no GL."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -21,11 +21,14 @@ class SceneBuilder:
         tests: One sentence: what the scene tests.
         options: Model of the options.
         build: Builds from a generator and a value of `options`.
+        defaults: Recording settings that belong to the scene, as `key.path` to value; whoever
+            records it may change them.
     """
 
     tests: str
     options: type[Settings]
     build: Callable[[np.random.Generator, Any], Scene]
+    defaults: Mapping[str, float | str] = field(default_factory=dict[str, float | str])
 
 
 SCENES: dict[str, SceneBuilder] = {
@@ -36,15 +39,24 @@ SCENES: dict[str, SceneBuilder] = {
 }
 
 
+def find_scene(name: str) -> SceneBuilder:
+    """Look a builder up.
+
+    Raises:
+        SettingsError: If there is no such scene.
+    """
+    if name not in SCENES:
+        raise SettingsError(f"unknown scene {name}; valid: {', '.join(sorted(SCENES))}")
+    return SCENES[name]
+
+
 def build_scene(name: str, rng: np.random.Generator, options: Mapping[str, object]) -> Scene:
     """Build the scene `name`; the same generator state and options give the same scene.
 
     Raises:
         SettingsError: If there is no such scene or option, or a value is refused.
     """
-    if name not in SCENES:
-        raise SettingsError(f"unknown scene {name}; valid: {', '.join(sorted(SCENES))}")
-    entry = SCENES[name]
+    entry = find_scene(name)
     try:
         settings = entry.options.model_validate(dict(options))
     except ValidationError as error:

@@ -12,9 +12,9 @@ from scenes.mesh import Mesh, merged, patch
 from scenes.paving import BEVEL_M, Bond, Paving, brick_flanks, brick_tops, lay
 from scenes.props import bench, grass_tufts, lamp_post, litter, planter, potted_plant, shrub
 from scenes.routes import rounded_loop
-from scenes.scene import Scene
+from scenes.scene import HIDDEN_GROUP, Kind, Scene
 from scenes.shadow import LightMap, ground_light
-from scenes.stage import HIDDEN_GROUP, Stage
+from scenes.stage import Stage
 from scenes.surfaces import greenery, masonry, prints, sky, timber
 from scenes.surfaces.atlas import Atlas, pack
 from scenes.surfaces.noise import fractal, smoothstep
@@ -64,8 +64,10 @@ def build(rng: np.random.Generator, settings: BrickCourtSettings) -> Scene:
     _surround(stage, rng, half)
     reach = tuple(np.concatenate([-half - 3, half + 3]).tolist())
     baked = _weathered(rng, ground_light(reach, stage.blockers, light))
-    _pave(stage, rng, paving, gap_m, bricks, baked, light)
-    _ground(stage, rng, half, sand_m, baked, light)
+    with stage.object("paving", Kind.GROUND):
+        _pave(stage, rng, paving, gap_m, bricks, baked, light)
+    with stage.object("surrounding_ground", Kind.GROUND):
+        _ground(stage, rng, half, sand_m, baked, light)
     stage.floor(sand_m)
     _bump(stage, paving.select(gap_m < SWATH_M))
     stage.finish(light, sky.town_sky(rng))
@@ -73,6 +75,7 @@ def build(rng: np.random.Generator, settings: BrickCourtSettings) -> Scene:
         name="brick_court",
         tests=TESTS,
         spec=stage.spec,
+        things=stage.things,
         routes={"default": route},
         extent_m=tuple(np.concatenate([-half - 0.6, half + 0.6]).tolist()),
         tags=frozenset({"outdoor", "bumpy", "textured"}),
@@ -157,7 +160,14 @@ def _surround(stage: Stage, rng: np.random.Generator, half: Array) -> None:
         (along + rng.uniform(0, 0.9), rng.uniform(0.32, 0.7), 0.6, 0.84)
         for along in np.arange(1.5, 2 * y + 2, 1.7)
     ]
-    stage.draw("posters", *on_wall(rng, bills, west, np.pi / 2, spots))
+    with stage.object("posters"):
+        stage.draw("posters", *on_wall(rng, bills, west, np.pi / 2, spots))
+    with stage.object("shrubs"):
+        _plant_shrubs(stage, rng, half)
+
+
+def _plant_shrubs(stage: Stage, rng: np.random.Generator, half: Array) -> None:
+    x, y = half
     for _ in range(9):
         along = rng.uniform(-0.95, 0.95)
         at = (along * x, y + 0.62) if rng.random() < 0.6 else (-x - 0.62, along * y)

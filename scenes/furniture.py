@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from scenes.mesh import Mesh, Vector, box, merged, patch, tube
-from scenes.stage import Stage
+from scenes.stage import Stage, one_object
 from scenes.surfaces.atlas import Atlas
 
 Place = tuple[float, float, float]
@@ -32,6 +32,7 @@ def solid(stage: Stage, name: str, place: Place, size: Vector, shadow: bool = Tr
     stage.obstacle(name, (place[0], place[1], size[2] / 2), size, place[2], shadow)
 
 
+@one_object
 def desk(stage: Stage, name: str, rng: np.random.Generator, place: Place, screens: Atlas) -> None:
     """Set up a workplace of 1.6 x 0.8 m: top, legs, drawers, screen, keyboard, papers."""
     put = at(stage, place)
@@ -60,6 +61,7 @@ def desk(stage: Stage, name: str, rng: np.random.Generator, place: Place, screen
     stage.blocker((drawers[0], drawers[1], 0.3), (0.4, 0.55, 0.58), place[2], 0.9)
 
 
+@one_object
 def chair(stage: Stage, name: str, rng: np.random.Generator, place: Place) -> None:
     """Put a swivel chair on a five-armed base."""
     put = at(stage, place)
@@ -81,6 +83,7 @@ def chair(stage: Stage, name: str, rng: np.random.Generator, place: Place) -> No
     stage.blocker((place[0], place[1], 0.07), (0.34, 0.34, 0.08), place[2], 0.5)
 
 
+@one_object
 def bookcase(
     stage: Stage,
     name: str,
@@ -123,6 +126,7 @@ def _window(rng: np.random.Generator, atlas: Atlas, wide_m: float) -> np.ndarray
     return np.array([start, v0, start + (u1 - u0) * wide_m, v1])
 
 
+@one_object
 def cabinet(stage: Stage, name: str, rng: np.random.Generator, place: Place) -> None:
     """Put a filing cabinet of 0.8 x 0.45 x 1.1 m with four drawers."""
     put = at(stage, place)
@@ -136,6 +140,7 @@ def cabinet(stage: Stage, name: str, rng: np.random.Generator, place: Place) -> 
     solid(stage, name, place, (0.8, 0.45, 1.1))
 
 
+@one_object
 def cartons_stack(
     stage: Stage, name: str, rng: np.random.Generator, place: Place, atlas: Atlas
 ) -> None:
@@ -151,6 +156,7 @@ def cartons_stack(
     solid(stage, name, place, (0.44, 0.38, base))
 
 
+@one_object
 def bin_(stage: Stage, name: str, place: Place) -> None:
     """Put a round waste-paper bin."""
     put = at(stage, place)
@@ -158,6 +164,7 @@ def bin_(stage: Stage, name: str, place: Place) -> None:
     solid(stage, name, place, (0.26, 0.26, 0.32))
 
 
+@one_object
 def whiteboard(stage: Stage, name: str, place: Place) -> None:
     """Put a whiteboard on castors, its lower edge at 0.35 m."""
     put = at(stage, place)

@@ -54,6 +54,32 @@ def merged(meshes: Sequence[Mesh]) -> Mesh:
     )
 
 
+def cut_into_cells(mesh: Mesh, at_most: int) -> list[Mesh]:
+    """Halve a mesh along the longer side of its plan until no piece has more faces than that.
+
+    Returns:
+        Meshes that together have every triangle once, each compact as seen from above.
+    """
+    middles = mesh.points[mesh.faces][:, :, :2].mean(axis=1)
+    cells: list[Mesh] = []
+    pending = [np.arange(len(mesh.faces))]
+    while pending:
+        mine = pending.pop()
+        if len(mine) <= at_most:
+            cells.append(_only(mesh, mesh.faces[mine]))
+            continue
+        axis = np.argmax(np.ptp(middles[mine], axis=0))
+        order = mine[np.argsort(middles[mine, axis], kind="stable")]
+        pending += [order[: len(mine) // 2], order[len(mine) // 2 :]]
+    return cells
+
+
+def _only(mesh: Mesh, faces: Indices) -> Mesh:
+    """Keep some triangles and the points that they use."""
+    used, index = np.unique(faces, return_inverse=True)
+    return Mesh(mesh.points[used], mesh.normals[used], mesh.uv[used], index.reshape(faces.shape))
+
+
 def polygons(corners: Array, uv: Array, normals: Array | None = None) -> Mesh:
     """Build N flat convex polygons of K corners each.
 

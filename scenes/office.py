@@ -11,7 +11,7 @@ from scenes.light import Light, shaded_normals
 from scenes.mesh import Mesh, box, merged, patch
 from scenes.props import potted_plant
 from scenes.routes import rounded_loop
-from scenes.scene import Scene
+from scenes.scene import Kind, Scene
 from scenes.shadow import ground_light
 from scenes.stage import Stage
 from scenes.surfaces import greenery, masonry, prints, sky, textile, timber
@@ -45,16 +45,19 @@ def build(rng: np.random.Generator, settings: OfficeSettings) -> Scene:
     half = np.array([settings.length_m, settings.width_m]) / 2
     atlases = _surfaces(stage, rng)
     light = _lamps(rng)
-    _walls(stage, rng, half, atlases["posters"])
+    with stage.object("walls"):
+        _walls(stage, rng, half, atlases["posters"])
     _islands(stage, rng, half, atlases)
     _along_walls(stage, rng, half, atlases, settings.clutter)
-    _carpet(stage, rng, half, light)
+    with stage.object("carpet", Kind.GROUND):
+        _carpet(stage, rng, half, light)
     stage.floor(0.0)
-    stage.finish(light, sky.plain_sky((188, 194, 200)))
+    stage.finish(light, None)
     return Scene(
         name="office",
         tests=TESTS,
         spec=stage.spec,
+        things=stage.things,
         routes={"default": _route(rng, half)},
         extent_m=(-half[0] - 0.2, -half[1] - 0.2, half[0] + 0.2, half[1] + 0.2),
         tags=frozenset({"indoor", "level", "textured"}),
@@ -143,8 +146,10 @@ def _walls(stage: Stage, rng: np.random.Generator, half: Array, posters: Atlas) 
                 low = rng.uniform(0.55, 1.2)
                 sheet = box((place + 0.25, -0.004, low + 0.42), (0.6, 0.006, 0.84))
                 put("posters", sheet.textured(posters.rects[rng.integers(posters.count)]))
-    _door(stage, rng, (-x, -y, np.pi / 2), y)
-    _windows(stage, (-x, y, 0.0), 2 * x)
+    with stage.object("door"):
+        _door(stage, rng, (-x, -y, np.pi / 2), y)
+    with stage.object("windows"):
+        _windows(stage, (-x, y, 0.0), 2 * x)
 
 
 def _windows(stage: Stage, wall: Place, length_m: float) -> None:

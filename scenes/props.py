@@ -3,11 +3,12 @@
 import numpy as np
 
 from scenes.mesh import Mesh, Vector, box, merged, patch, polygons, tube
-from scenes.stage import Stage
+from scenes.stage import Stage, one_object
 from scenes.surfaces.atlas import Atlas
 from vo.contract.arrays import Array
 
 
+@one_object
 def planter(stage: Stage, name: str, rng: np.random.Generator, centre: Array, size: Vector) -> None:
     """Put a concrete trough of (3,) full size at (2,) centre, filled with soil and shrubs."""
     length, width, height = size
@@ -42,6 +43,7 @@ def shrub(stage: Stage, rng: np.random.Generator, centre: Vector, radius_m: floa
     stage.blocker(centre, np.full(3, 1.5 * radius_m).tolist(), rng.uniform(0, 1.5), 0.8)
 
 
+@one_object
 def potted_plant(stage: Stage, name: str, rng: np.random.Generator, centre: Vector) -> None:
     """Put a pot with a leafy plant, about 1 m high, at (2,) metres."""
     x, y = centre
@@ -155,6 +157,7 @@ def litter(rng: np.random.Generator, places: Array, atlas: Atlas) -> Mesh:
     return merged(halves)
 
 
+@one_object
 def bench(stage: Stage, name: str, rng: np.random.Generator, centre: Array, yaw_rad: float) -> None:
     """Put a slatted bench, 1.6 m long, at (2,) metres; its back is towards +y before the turn."""
     place = (centre[0], centre[1], 0.0)
@@ -176,6 +179,7 @@ def bench(stage: Stage, name: str, rng: np.random.Generator, centre: Array, yaw_
     stage.blocker((*back, 0.67), (1.6, 0.04, 0.25), yaw_rad, 0.85)
 
 
+@one_object
 def lamp_post(stage: Stage, name: str, centre: Array) -> None:
     """Put an iron lamp post, 3.4 m high, at (2,) metres."""
     x, y = centre

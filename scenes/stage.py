@@ -1,27 +1,56 @@
 """What a scene is assembled on: meshes gathered by material, boxes for the wheels, baked light."""
 
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import wraps
+from typing import Concatenate, ParamSpec
+
 import mujoco
 import numpy as np
 
 from scenes.light import Light, shaded_normals
-from scenes.mesh import Mesh, Vector, merged
+from scenes.mesh import Mesh, Vector, cut_into_cells, merged
+from scenes.scene import HIDDEN_GROUP, PAINT_GROUP, TWIN_GROUP, Kind, Motion, Thing
 from scenes.shadow import Blocker, occlusion, visibility
 from vo.contract.arrays import Array, Image
 
-HIDDEN_GROUP = 3  # the renderer draws groups 0 to 2: what collides and what is seen are apart
+P = ParamSpec("P")
+WORLD = "world"
+CELL_FACES = 2000
+"""Larger meshes are cut: the renderer leaves out the pieces that are out of view."""
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A mesh on the stage: where it belongs and whether its normals carry their light already."""
+
+    material: str
+    thing: Thing
+    body: str
+    mesh: Mesh
+    lit: bool
 
 
 class Stage:
-    """Collects a world, then writes it into an MjSpec: one drawn geom for each material."""
+    """Collects a world, then writes it into an MjSpec.
+
+    What is drawn is written twice: merged by material and part of the world for pictures, so that
+    the renderer has few surfaces and can leave out those behind it; and merged by object for
+    labels. Both have the same triangles.
+    """
 
     def __init__(self, name: str) -> None:
         self.spec = mujoco.MjSpec()
         self.spec.modelname = name
         self.blockers: list[Blocker] = []
+        self.things: dict[str, Thing] = {}
+        self.movers: dict[str, Motion] = {}
         self._images: dict[str, Image] = {}
         self._glow: dict[str, float] = {}
-        self._raw: dict[str, list[Mesh]] = {}
-        self._lit: dict[str, list[Mesh]] = {}
+        self._parts: list[_Part] = []
+        self._thing = Thing("surroundings", Kind.STATIC)
+        self._body = WORLD
 
     def material(self, name: str, image: Image, glow: float = 0.0) -> None:
         """Define a matte material by its (H, W, 3) texture; `glow` is light of its own, 0 to 1.
@@ -30,16 +59,44 @@ class Stage:
         """
         self._images[name] = image
         self._glow[name] = glow
-        self._raw[name] = []
-        self._lit[name] = []
+
+    @contextmanager
+    def object(self, name: str, kind: Kind = Kind.STATIC) -> Generator[None]:
+        """Make everything drawn inside the block one object; the innermost block counts."""
+        outer, self._thing = self._thing, Thing(name, kind)
+        try:
+            yield
+        finally:
+            self._thing = outer
+
+    @contextmanager
+    def mover(self, name: str, motion: Motion) -> Generator[None]:
+        """Make everything inside the block one object that moves by itself.
+
+        Meshes and obstacles in the block are in the object's own frame, which `motion` places in
+        the world; the light on it does not change while it moves.
+        """
+        outer = self._thing, self._body
+        self.spec.worldbody.add_body(name=name, mocap=True)
+        self.movers[name] = motion
+        self._thing, self._body = Thing(name, Kind.MOVING), name
+        try:
+            yield
+        finally:
+            self._thing, self._body = outer
 
     def draw(self, material: str, *meshes: Mesh) -> None:
         """Show meshes, each (V, 3) in world metres; their light is baked in `finish`."""
-        self._raw[material].extend(meshes)
+        self._keep(material, meshes, lit=False)
 
     def draw_lit(self, material: str, *meshes: Mesh) -> None:
         """Show meshes whose normals carry their light already."""
-        self._lit[material].extend(meshes)
+        self._keep(material, meshes, lit=True)
+
+    def _keep(self, material: str, meshes: tuple[Mesh, ...], lit: bool) -> None:
+        if material not in self._images:
+            raise KeyError(f"no material {material}; defined: {', '.join(self._images)}")
+        self._parts.extend(_Part(material, self._thing, self._body, m, lit) for m in meshes)
 
     def blocker(
         self,
@@ -60,8 +117,11 @@ class Stage:
         yaw_rad: float = 0.0,
         shadow: bool = True,
     ) -> None:
-        """Add a box of (3,) full size that the rover collides with, and that casts shadow."""
-        self.spec.worldbody.add_geom(
+        """Add a box of (3,) full size that the rover collides with, and that casts shadow.
+
+        What moves by itself casts none.
+        """
+        self._body_spec(self._body).add_geom(
             name=name,
             type=mujoco.mjtGeom.mjGEOM_BOX,
             pos=centre,
@@ -69,7 +129,7 @@ class Stage:
             quat=(np.cos(yaw_rad / 2), 0, 0, np.sin(yaw_rad / 2)),
             group=HIDDEN_GROUP,
         )
-        if shadow:
+        if shadow and self._body == WORLD:
             self.blocker(centre, size, yaw_rad)
 
     def floor(self, height_m: float) -> None:
@@ -82,44 +142,91 @@ class Stage:
             group=HIDDEN_GROUP,
         )
 
-    def finish(self, light: Light, sky: Image) -> None:
+    def finish(self, light: Light, sky: Image | None) -> None:
         """Bake the light and write textures, materials, meshes, lamps and sky.
 
         Args:
             light: The scene's lamps.
-            sky: (6 S, S, 3) faces of a cube: +x, -x, +y, -y, +z, -z as MuJoCo orders them.
+            sky: (6 S, S, 3) faces of a cube: +x, -x, +y, -y, +z, -z as MuJoCo orders them; None
+                where no sky can be seen.
         """
+        baked = [replace(p, mesh=self._bake(p, light)) for p in self._parts]
         for name, image in self._images.items():
-            meshes = [self._bake(mesh, light) for mesh in self._raw[name]] + self._lit[name]
-            if meshes:
-                self._write(name, image, merged(meshes))
+            mine = [part for part in baked if part.material == name]
+            if mine:
+                self._add_material(name, image)
+                self._paint(name, mine)
+        self._add_twins(baked)
         light.install(self.spec)
-        _add_texture(self.spec, "sky", sky, mujoco.mjtTexture.mjTEXTURE_SKYBOX)
+        if sky is not None:
+            _add_texture(self.spec, "sky", sky, mujoco.mjtTexture.mjTEXTURE_SKYBOX)
         _tune_view(self.spec)
 
-    def _bake(self, mesh: Mesh, light: Light) -> Mesh:
+    def _bake(self, part: _Part, light: Light) -> Mesh:
+        mesh = part.mesh
+        if part.lit:
+            return mesh
+        blockers = self.blockers if part.body == WORLD else []
         clear = mesh.points + 2e-3 * mesh.normals
-        key = visibility(clear, self.blockers, light)
-        fill = occlusion(clear, self.blockers)
+        key = visibility(clear, blockers, light)
+        fill = occlusion(clear, blockers)
         normals = shaded_normals(mesh.normals, key, fill, light)
         return Mesh(mesh.points, normals, mesh.uv, mesh.faces)
 
-    def _write(self, name: str, image: Image, mesh: Mesh) -> None:
+    def _paint(self, material: str, parts: list[_Part]) -> None:
+        """Write a material's meshes, those of the world cut into cells."""
+        for body in dict.fromkeys(part.body for part in parts):
+            mesh = merged([part.mesh for part in parts if part.body == body])
+            for k, cell in enumerate(cut_into_cells(mesh, CELL_FACES)):
+                name = "/".join(["paint", material, *([body] if body != WORLD else []), str(k)])
+                self._add_geom(name, body, cell, PAINT_GROUP, material)
+
+    def _add_twins(self, parts: list[_Part]) -> None:
+        """Write what each object looks like to the labels."""
+        by_thing: dict[tuple[Thing, str], list[Mesh]] = {}
+        for part in parts:
+            by_thing.setdefault((part.thing, part.body), []).append(part.mesh)
+        for (thing, body), meshes in by_thing.items():
+            for k, cell in enumerate(cut_into_cells(merged(meshes), CELL_FACES)):
+                name = f"thing/{thing.name}/{k}"
+                self._add_geom(name, body, cell, TWIN_GROUP, None)
+                self.things[name] = thing
+
+    def _add_material(self, name: str, image: Image) -> None:
         _add_texture(self.spec, name, image, mujoco.mjtTexture.mjTEXTURE_2D)
         material = self.spec.add_material(
             name=name, specular=0.0, shininess=0.0, emission=self._glow[name]
         )
         material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
+
+    def _add_geom(self, name: str, body: str, mesh: Mesh, group: int, material: str | None) -> None:
         _add_mesh(self.spec, name, mesh)
-        self.spec.worldbody.add_geom(
+        geom = self._body_spec(body).add_geom(
             name=name,
             type=mujoco.mjtGeom.mjGEOM_MESH,
             meshname=name,
-            material=name,
             contype=0,
             conaffinity=0,
-            group=0,
+            group=group,
         )
+        if material is not None:
+            geom.material = material
+
+    def _body_spec(self, body: str) -> mujoco.MjsBody:
+        return self.spec.worldbody if body == WORLD else self.spec.body(body)
+
+
+def one_object(
+    build: Callable[Concatenate[Stage, str, P], None],
+) -> Callable[Concatenate[Stage, str, P], None]:
+    """Make what a function `build(stage, name, ...)` draws the object `name` of segmentation."""
+
+    @wraps(build)
+    def inside(stage: Stage, name: str, *args: P.args, **kwargs: P.kwargs) -> None:
+        with stage.object(name):
+            build(stage, name, *args, **kwargs)
+
+    return inside
 
 
 def _add_texture(spec: mujoco.MjSpec, name: str, image: Image, kind: mujoco.mjtTexture) -> None:

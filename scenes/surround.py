@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from scenes.mesh import Mesh, Vector, box, polygons
-from scenes.stage import Stage
+from scenes.stage import Stage, one_object
 from scenes.surfaces.atlas import Atlas
 from vo.contract.arrays import Array
 
@@ -14,6 +14,7 @@ STRETCHER_M = 0.22
 PROUD_M = 0.006  # of bricks over their mortar, of posters over their wall
 
 
+@one_object
 def brick_wall(
     stage: Stage,
     name: str,
@@ -60,6 +61,7 @@ def brick_wall(
     _collide(stage, name, start, length_m, thickness, height_m, yaw_rad)
 
 
+@one_object
 def plaster_wall(
     stage: Stage,
     name: str,

@@ -68,9 +68,9 @@ def look_around(world: World, settings: RecordSettings) -> Sights:
         top_down = render_map(renderer, world.scene.extent_m)
         for index in indices:
             _stand(world, index)
-            views.append(renderer.stereo(depth=False).left)
+            views.append(renderer.paint()[0])
         _stand(world, indices[1])
-        depth_m = renderer.stereo().depth_left_m
+        depth_m = renderer.survey().depth_left_m
         chase = renderer.picture(_chase_camera(world), *CHASE_PX)
     return Sights(world.route[indices], views, depth_m, chase, top_down)
 

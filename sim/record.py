@@ -13,12 +13,13 @@ from sim.certificate import FrameResidual, certify, measure_frame
 from sim.labels import disparity_from_depth
 from sim.manifest import MAP, manifest
 from sim.map import render_map
-from sim.render import StereoRenderer, StereoView
+from sim.render import StereoRenderer, Survey
 from sim.sensors import LABELS, camera_sheet, label_sheet, truth_sheet, wheels_sheet
 from sim.settings import RecordSettings
 from sim.trip import Trip, drive_trip
 from sim.world import World, build_world
 from vo.contract import se3
+from vo.contract.arrays import Image
 from vo.contract.dataset import TRUTH, DatasetWriter
 from vo.contract.files import encode_float, encode_png
 from vo.contract.rig import StereoRig
@@ -98,11 +99,14 @@ def _write_frames(
             for time_ns, qpos in zip(trip.timestamps_ns, trip.qpos, strict=True):
                 world.data.qpos[:] = qpos
                 world.place_bodies()
-                view = renderer.stereo()
+                survey = renderer.survey()
+                images = renderer.paint()
                 if len(pending) == FRAMES_IN_FLIGHT:
                     collect()
                 pending.append(
-                    pool.submit(_write_frame, writer, settings, world.rig, int(time_ns), view)
+                    pool.submit(
+                        _write_frame, writer, settings, world.rig, int(time_ns), images, survey
+                    )
                 )
             while pending:
                 collect()
@@ -113,15 +117,21 @@ def _write_frames(
 
 
 def _write_frame(
-    writer: DatasetWriter, settings: RecordSettings, rig: StereoRig, time_ns: int, view: StereoView
+    writer: DatasetWriter,
+    settings: RecordSettings,
+    rig: StereoRig,
+    time_ns: int,
+    images: tuple[Image, Image],
+    survey: Survey,
 ) -> FrameResidual:
-    disparity_px = disparity_from_depth(rig, view.depth_left_m)
-    writer.add(f"mav0/cam0/data/{time_ns}.png", encode_png(view.left))
-    writer.add(f"mav0/cam1/data/{time_ns}.png", encode_png(view.right))
-    labels = {"depth": view.depth_left_m, "disparity": disparity_px}
+    left, right = images
+    disparity_px = disparity_from_depth(rig, survey.depth_left_m)
+    writer.add(f"mav0/cam0/data/{time_ns}.png", encode_png(left))
+    writer.add(f"mav0/cam1/data/{time_ns}.png", encode_png(right))
+    labels = {"depth": survey.depth_left_m, "disparity": disparity_px}
     for label in _wanted(settings):
         writer.add(f"mav0/{label}0/data/{time_ns}.tiff", encode_float(labels[label]))
-    return measure_frame(time_ns, view.left, view.right, disparity_px)
+    return measure_frame(time_ns, left, right, disparity_px)
 
 
 def _write_sensors(
@@ -135,7 +145,7 @@ def _write_sensors(
     for label in _wanted(settings):
         writer.add_yaml(f"mav0/{label}0/sensor.yaml", label_sheet(rig, rate_hz, label))
         writer.add_csv(f"mav0/{label}0/data.csv", IMAGE_COLUMNS, ((t, f"{t}.tiff") for t in times))
-    writer.add_yaml("mav0/wheels0/sensor.yaml", wheels_sheet(settings.rover))
+    writer.add_yaml("mav0/wheels0/sensor.yaml", wheels_sheet(settings.encoders))
     counts = zip(trip.wheel_times_ns.tolist(), *trip.wheel_counts.T.tolist(), strict=True)
     writer.add_csv("mav0/wheels0/data.csv", WHEEL_COLUMNS, counts)
     writer.add_yaml(f"{TRUTH}/sensor.yaml", truth_sheet(settings))

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from sim.rover import TRACK_M, WHEEL_RADIUS_M
-from sim.settings import RecordSettings, RoverSettings
+from sim.settings import EncoderSettings, RecordSettings
 from vo.contract import se3
 from vo.contract.arrays import Array
 from vo.contract.rig import StereoRig
@@ -47,14 +47,14 @@ def label_sheet(rig: StereoRig, rate_hz: float, label: str) -> dict[str, Any]:
     }
 
 
-def wheels_sheet(settings: RoverSettings) -> dict[str, Any]:
+def wheels_sheet(settings: EncoderSettings) -> dict[str, Any]:
     """Describe the wheel encoders."""
     return {
         "sensor_type": "wheel_encoders",
         "comment": "ticks since the start, forward positive; stamps are exact, their spacing is "
         "the sampling period to one physics step",
-        "rate_hz": settings.encoder_rate_hz,
-        "ticks_per_turn": settings.encoder_ticks_per_turn,
+        "rate_hz": settings.rate_hz,
+        "ticks_per_turn": settings.ticks_per_turn,
         "wheel_radius_m": WHEEL_RADIUS_M,
         "track_m": TRACK_M,
     }

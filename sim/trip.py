@@ -55,7 +55,7 @@ def drive_trip(world: World, settings: RecordSettings) -> Trip:
         SettingsError: If the route is too short for the distance asked for.
     """
     driver = Driver(plan_path(world.route, settings.drive.distance_m), settings.drive)
-    encoders = Encoders(settings.rover.encoder_ticks_per_turn, settings.rover.encoder_rate_hz)
+    encoders = Encoders(settings.encoders.ticks_per_turn, settings.encoders.rate_hz)
     timestep_s = world.model.opt.timestep
     mujoco.mj_step(world.model, world.data, round(START_NS * 1e-9 / timestep_s))
 

@@ -26,7 +26,8 @@ class World:
 
     Attributes:
         scene: What was compiled.
-        rig: Calibration of the stereo pair.
+        rig: True geometry of the stereo pair, in the size that is delivered.
+        render_rig: What is rendered: the same with a margin, for the lens to bend.
         route: (N, 2) waypoints in world x, y metres that the rover starts on.
         steps_per_frame: Physics steps between two images; a frame period is a whole number.
         model: With the rover under the prefix `rover/`.
@@ -35,6 +36,7 @@ class World:
 
     scene: Scene
     rig: StereoRig
+    render_rig: StereoRig
     route: Array
     steps_per_frame: int
     model: mujoco.MjModel
@@ -93,7 +95,8 @@ def build_world(scene: Scene, settings: RecordSettings) -> World:
     model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    return World(scene, stereo_rig(settings.rig), route, steps_per_frame, model, data)
+    rig = stereo_rig(settings.rig)
+    return World(scene, rig, rig, route, steps_per_frame, model, data)
 
 
 def _attach_rover(spec: mujoco.MjSpec, route: Array, settings: RecordSettings) -> None:

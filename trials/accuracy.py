@@ -123,7 +123,9 @@ def score_drive(drive: Drive) -> "list[Score]":
 
     # Labels are for training and checking; a score needs images and truth.
     overrides = [f"drive.distance_m={drive.distance_m}", "labels.depth=false"]
-    settings = record_settings(drive.seed, [*overrides, "labels.disparity=false"], None)
+    settings = record_settings(
+        drive.scene, drive.seed, [*overrides, "labels.disparity=false"], None
+    )
     if not _is_recorded(drive.folder, settings):
         record(build(drive.scene, settings), settings, drive.folder, overwrite=True)
     return score_recording(drive.folder, drive.folder.parent)

@@ -101,7 +101,9 @@ def measure_generator(trial: Trial, out: Path) -> GeneratorSpeed:
     from trials.commands.datasets import build, record_settings
     from vo.contract.dataset import read_manifest
 
-    settings = record_settings(trial.seed, [f"drive.distance_m={trial.distance_m}"], None)
+    settings = record_settings(
+        trial.scene, trial.seed, [f"drive.distance_m={trial.distance_m}"], None
+    )
     finished_s: list[float] = []
     start = perf_counter()
     with console.progress_bar("generating") as progress:
@@ -136,7 +138,9 @@ def measure_renderers(trial: Trial, frames: int, folder: Path) -> RenderSpeed:
     from trials.commands.datasets import build, record_settings
     from trials.stock import grey, render_plainly, stock_renderer, write_plainly
 
-    settings = record_settings(trial.seed, [f"drive.distance_m={trial.distance_m}"], None)
+    settings = record_settings(
+        trial.scene, trial.seed, [f"drive.distance_m={trial.distance_m}"], None
+    )
     world = build_world(build(trial.scene, settings), settings)
     trip = drive_trip(world, settings)
     rows: list[tuple[float, ...]] = []

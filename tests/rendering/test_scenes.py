@@ -11,9 +11,9 @@ import pytest
 from scenes import SCENES, build_scene
 from scenes.routes import route_length
 from scenes.scene import Scene
-from scenes.stage import HIDDEN_GROUP
+from scenes.scene import HIDDEN_GROUP
 from sim.preview import Sights, contact_sheet, look_around
-from sim.render import StereoRenderer, StereoView
+from sim.render import StereoRenderer
 from sim.settings import RecordSettings
 from sim.world import World, build_world
 from vo.contract.arrays import Array

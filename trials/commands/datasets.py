@@ -42,7 +42,7 @@ def preview(
     from sim.preview import preview as render_sheet
     from trials.commands import console
 
-    settings = record_settings(seed, overrides or [], config)
+    settings = record_settings(scene, seed, overrides or [], config)
     render_sheet(build(scene, settings), settings, out)
     console.out.print(f"{out}")
 
@@ -58,7 +58,7 @@ def generate(
     """Drive a scene, render it and write a dataset folder with exact labels."""
     from trials.commands import console
 
-    settings = record_settings(seed, overrides or [], config)
+    settings = record_settings(scene, seed, overrides or [], config)
     certificate = record_scene(scene, settings, out, overwrite)
     console.out.print(
         f"{out}: median left-right residual {certificate['median_grey']:g} grey levels, "
@@ -81,18 +81,19 @@ def verify(dataset: Annotated[Path, typer.Argument(help="Folder that generate wr
 
 
 def record_settings(
-    seed: int | None, overrides: list[str], config: Path | None
+    scene: str, seed: int | None, overrides: list[str], config: Path | None
 ) -> "RecordSettings":
-    """Resolve what a dataset is made from.
+    """Resolve what a dataset of a scene is made from.
 
     Raises:
-        SettingsError: If a key or value is not accepted.
+        SettingsError: If there is no such scene, or a key or value is not accepted.
     """
+    from scenes import find_scene
     from sim.settings import RecordSettings
     from vo.contract.settings import resolve
 
     seeded = [] if seed is None else [f"seed={seed}"]
-    return resolve(RecordSettings, config, [*overrides, *seeded])
+    return resolve(RecordSettings, config, [*overrides, *seeded], find_scene(scene).defaults)
 
 
 def build(name: str, settings: "RecordSettings") -> "Scene":

@@ -26,7 +26,7 @@ def demo(
     from trials.report.page import write_report
     from trials.runs import read_run
 
-    settings = record_settings(seed, [f"drive.distance_m={distance}"], None)
+    settings = record_settings(SCENE, seed, [f"drive.distance_m={distance}"], None)
     dataset = out / SCENE
     if _is_recorded(dataset, settings):
         console.out.print(f"{dataset}: is there already, and verified")

@@ -19,14 +19,29 @@ class Settings(BaseModel):
 S = TypeVar("S", bound=Settings)
 
 
-def resolve(model: type[S], toml: Path | None = None, overrides: Sequence[str] = ()) -> S:
-    """Build `model` from its defaults, then a TOML file, then `key.path=value` overrides.
+def resolve(
+    model: type[S],
+    toml: Path | None = None,
+    overrides: Sequence[str] = (),
+    base: Mapping[str, Any] | None = None,
+) -> S:
+    """Build `model` from its defaults, `base`, a TOML file, then `key.path=value` overrides.
+
+    Args:
+        model: What to build.
+        toml: File of settings.
+        overrides: As on the command line.
+        base: Values by `key.path` that differ from the model's own defaults.
 
     Raises:
         SettingsError: If the file is unreadable, or a key or value is not accepted; the
             message names the key and the valid ones.
     """
-    values = _read_toml(toml) if toml else {}
+    values: dict[str, Any] = {}
+    for key, value in (base or {}).items():
+        _place(values, key, value)
+    if toml:
+        _merge(values, _read_toml(toml))
     for override in overrides:
         key, equals, text = override.partition("=")
         if not equals:
@@ -50,21 +65,36 @@ def _read_toml(path: Path) -> dict[str, Any]:
 
 
 def _assign(values: dict[str, Any], key: str, text: str) -> None:
+    try:  # numbers, booleans and lists as TOML writes them; anything else is a string
+        _place(values, key, tomllib.loads(f"value = {text}")["value"])
+    except tomllib.TOMLDecodeError:
+        _place(values, key, text)
+
+
+def _place(values: dict[str, Any], key: str, value: Any) -> None:
     *parents, last = key.split(".")
     table: Any = values
     for name in parents:
         table = table.setdefault(name, {})
         if not isinstance(table, dict):
             raise SettingsError(f"--set {key}: {name} is a value, not a group")
-    try:  # numbers, booleans and lists as TOML writes them; anything else is a string
-        table[last] = tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
-        table[last] = text
+    table[last] = value
+
+
+def _merge(values: dict[str, Any], over: Mapping[str, Any]) -> None:
+    """Lay nested tables over others in place, leaf by leaf."""
+    for key, value in over.items():
+        if isinstance(value, dict) and isinstance(values.get(key), dict):
+            _merge(values[key], value)
+        else:
+            values[key] = value
 
 
 def _explain(model: type[BaseModel], error: ValidationError) -> str:
     first = error.errors()[0]
     key = ".".join(str(part) for part in first["loc"])
+    if not key:  # a rule over several settings says it all itself
+        return f"setting {first['msg'].removeprefix('Value error, ')}"
     if first["type"] != "extra_forbidden":
         return f"setting {key}: {first['msg'].lower()}, got {first['input']!r}"
     valid = ", ".join(sorted(_fields_at(model, first["loc"][:-1])))
