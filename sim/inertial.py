@@ -1,0 +1,173 @@
+"""Inertial readings from true motion: exact means over each interval, then noise and bias."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from sim.settings import ImuSettings
+from vo.contract import se3
+from vo.contract.arrays import Array, Indices
+
+
+@dataclass(frozen=True)
+class ImuReadings:
+    """What a strapdown unit measures, in its own axes: one mean per interval between states.
+
+    Attributes:
+        times_ns: (N,) middle of each interval.
+        intervals_ns: (N,) length of each interval.
+        gyro_radps: (N, 3) mean angular velocity: the turn over the interval by its length.
+        accel_mps2: (N, 3) mean specific force, in the axes at the middle of the turn.
+    """
+
+    times_ns: Indices
+    intervals_ns: Indices
+    gyro_radps: Array
+    accel_mps2: Array
+
+    @property
+    def intervals_s(self) -> Array:
+        """(N,) lengths in seconds."""
+        return self.intervals_ns * 1e-9
+
+
+@dataclass(frozen=True)
+class ImuBiases:
+    """What was added to readings besides white noise.
+
+    Attributes:
+        gyro_radps: (N, 3) at each reading.
+        accel_mps2: (N, 3) at each reading.
+    """
+
+    gyro_radps: Array
+    accel_mps2: Array
+
+
+def imu_states(
+    T_world_body: Array, v_world_body: Array, w_world_body: Array, T_body_imu: Array
+) -> tuple[Array, Array]:
+    """Move true states from the body's origin to the unit.
+
+    Args:
+        T_world_body: (K, 4, 4).
+        v_world_body: (K, 3) velocity of the body's origin in world axes, m/s.
+        w_world_body: (K, 3) angular velocity of the body in world axes, rad/s.
+        T_body_imu: (4, 4).
+
+    Returns:
+        T_world_imu (K, 4, 4), and v_world_imu (K, 3) = v + w x R_world_body r.
+    """
+    arm_world = T_world_body[:, :3, :3] @ T_body_imu[:3, 3]
+    return T_world_body @ T_body_imu, v_world_body + np.cross(w_world_body, arm_world)
+
+
+def ideal_readings(
+    times_ns: Indices,
+    T_world_body: Array,
+    v_world_body: Array,
+    w_world_body: Array,
+    T_body_imu: Array,
+    gravity_mps2: Array,
+) -> ImuReadings:
+    """Perfect readings of a unit that integrates within each interval, as real ones do.
+
+    Turn and change of velocity over each interval are those of the states, so that `integrate`
+    returns every orientation and velocity exactly, whatever shocks lie between. Positions follow
+    by the trapezoidal rule; they drift only where the force changes within an interval.
+
+    Args:
+        times_ns: (K,) increasing.
+        T_world_body: (K, 4, 4) states at these times.
+        v_world_body: (K, 3) velocity of the body's origin in world axes, m/s.
+        w_world_body: (K, 3) angular velocity of the body in world axes, rad/s.
+        T_body_imu: (4, 4) the unit in the body frame.
+        gravity_mps2: (3,) in world axes, such as (0, 0, -9.81).
+
+    Returns:
+        K - 1 readings.
+
+    Raises:
+        ValueError: If times do not increase.
+    """
+    intervals_ns = np.diff(times_ns)
+    if (intervals_ns <= 0).any():
+        raise ValueError("times of inertial states must increase")
+    dt = intervals_ns[:, None] * 1e-9
+    T_world_imu, v_world_imu = imu_states(T_world_body, v_world_body, w_world_body, T_body_imu)
+    R = Rotation.from_matrix(T_world_imu[:, :3, :3])
+    turn = (R[:-1].inv() * R[1:]).as_rotvec()
+    R_world_mid = R[:-1] * Rotation.from_rotvec(turn / 2)
+    force_world = np.diff(v_world_imu, axis=0) / dt - gravity_mps2
+    middles_ns = times_ns[:-1] + intervals_ns // 2
+    return ImuReadings(middles_ns, intervals_ns, turn / dt, R_world_mid.inv().apply(force_world))
+
+
+def with_noise(
+    readings: ImuReadings, settings: ImuSettings, rng: np.random.Generator
+) -> tuple[ImuReadings, ImuBiases]:
+    """Add white noise of the given densities and biases that walk, starting at zero.
+
+    Args:
+        readings: Perfect ones.
+        settings: Densities and their common factor.
+        rng: Draws the noise.
+
+    Source:
+        Trawny and Roumeliotis, Indirect Kalman filter for 3D attitude estimation, 2005, eqs. 93
+        and 96: a discrete deviation of density / sqrt(dt), a step of the bias of walk * sqrt(dt).
+    """
+    root_dt = np.sqrt(readings.intervals_s)[:, None]
+    n = len(root_dt)
+
+    def disturb(density: float, walk: float) -> tuple[Array, Array]:
+        white = settings.noise * density / root_dt * rng.standard_normal((n, 3))
+        steps = settings.noise * walk * root_dt * rng.standard_normal((n, 3))
+        bias = np.cumsum(steps, axis=0) - steps[:1]
+        return bias, bias + white
+
+    gyro_bias, gyro_error = disturb(
+        settings.gyroscope_noise_density, settings.gyroscope_random_walk
+    )
+    accel_bias, accel_error = disturb(
+        settings.accelerometer_noise_density, settings.accelerometer_random_walk
+    )
+    noisy = replace(
+        readings,
+        gyro_radps=readings.gyro_radps + gyro_error,
+        accel_mps2=readings.accel_mps2 + accel_error,
+    )
+    return noisy, ImuBiases(gyro_bias, accel_bias)
+
+
+def integrate(
+    readings: ImuReadings, T_world_imu: Array, v_world_imu: Array, gravity_mps2: Array
+) -> tuple[Array, Array]:
+    """Strapdown integration: dead reckoning from a known start.
+
+    Args:
+        readings: N intervals.
+        T_world_imu: (4, 4) at the start of the first interval.
+        v_world_imu: (3,) in world axes, there, m/s.
+        gravity_mps2: (3,) in world axes.
+
+    Returns:
+        T_world_imu (N + 1, 4, 4) and v_world_imu (N + 1, 3) at the intervals' ends.
+
+    Source:
+        Savage, Strapdown inertial navigation integration algorithm design, 1998, with the force
+        turned by half the interval's turn and the trapezoidal rule for position.
+    """
+    dt = readings.intervals_s[:, None]
+    half_turn = Rotation.from_rotvec(readings.gyro_radps * dt / 2)
+    half, whole = half_turn.as_matrix(), (half_turn * half_turn).as_matrix()
+    R = np.empty((len(dt) + 1, 3, 3))
+    R[0] = T_world_imu[:3, :3]
+    for k in range(len(dt)):
+        R[k + 1] = R[k] @ whole[k]
+    gain = ((R[:-1] @ half) @ readings.accel_mps2[..., None])[..., 0] + gravity_mps2
+    v = np.concatenate([[v_world_imu], v_world_imu + np.cumsum(gain * dt, axis=0)])
+    moved = np.cumsum((v[:-1] + v[1:]) / 2 * dt, axis=0)
+    p = np.concatenate([[np.zeros(3)], moved]) + T_world_imu[:3, 3]
+    return se3.pose(R, p), v

@@ -1,0 +1,100 @@
+"""Grey levels and linear light: decoding rendered images, encoding a sensor's."""
+
+from typing import Literal
+
+import cv2
+import numba
+import numpy as np
+
+from vo.contract.arrays import Array, Image
+
+Response = Literal["srgb", "linear"]
+
+ENCODING_BINS = 4096
+"""Finer than the closest two grey levels are in linear light, so at most one lies in a bin."""
+
+
+def _srgb_to_linear(srgb: Array) -> Array:
+    """IEC 61966-2-1, both 0 to 1."""
+    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+
+
+LINEAR: Array = _srgb_to_linear(np.arange(256) / 255).astype(np.float32)
+"""(256,) float32 linear light, 0 to 1, of each level of a rendered (sRGB) image."""
+
+
+def decode(image: Image) -> Array:
+    """Return the linear light, float32 of 0 to 1, of a rendered (H, W[, 3]) uint8 image."""
+    return np.asarray(cv2.LUT(image, LINEAR))
+
+
+def levels_to_light(response: Response, levels: Array) -> Array:
+    """Linear light of (fractional) grey levels 0 to 255 of a sensor, any shape."""
+    share = np.asarray(levels, np.float64) / 255
+    return _srgb_to_linear(share) if response == "srgb" else share
+
+
+class Encoding:
+    """From linear light to the nearest grey level, exactly, in a table and one comparison."""
+
+    def __init__(self, response: Response) -> None:
+        """Prepare the table.
+
+        Args:
+            response: How light becomes a grey level.
+        """
+        edges = levels_to_light(response, np.arange(255) + 0.5)
+        self._edges = np.append(edges, np.inf).astype(np.float32)
+        starts = np.arange(ENCODING_BINS + 1) / np.float32(ENCODING_BINS)
+        self._first = np.searchsorted(self._edges, starts, side="right").astype(np.uint8)
+
+    def __call__(self, light: Array) -> Image:
+        """Encode (H, W[, 3]) float32 light; what is out of [0, 1] is clipped."""
+        return self.develop(light, 0.0, 0.0, None)
+
+    def develop(self, light: Array, shot: float, floor: float, normal: Array | None) -> Image:
+        """Add noise of variance shot * light + floor to light and encode it.
+
+        Args:
+            light: (H, W[, 3]) float32, after all gains.
+            shot: Variance that each unit of light adds.
+            floor: Variance without light.
+            normal: Standard normal float32 like `light`; None for no noise.
+        """
+        out = np.empty(light.shape, np.uint8)
+        flat, out_flat = np.ascontiguousarray(light).reshape(-1), out.reshape(-1)
+        if normal is None:
+            _encode(flat, self._edges, self._first, out_flat)
+        else:
+            variances = np.float32(shot), np.float32(floor)
+            _develop(flat, *variances, normal.reshape(-1), self._edges, self._first, out_flat)
+        return out
+
+
+@numba.njit(cache=True, nogil=True)
+def _level(light: np.float32, edges: Array, first: Array) -> int:
+    """Nearest grey level: the bin's first, or the next if the one edge in the bin is passed."""
+    light = min(max(light, np.float32(0)), np.float32(1))
+    level = first[int(light * np.float32(ENCODING_BINS))]
+    return level + (light >= edges[level])
+
+
+@numba.njit(cache=True, nogil=True)
+def _encode(light: Array, edges: Array, first: Array, out: Image) -> None:
+    for i in range(len(light)):
+        out[i] = _level(light[i], edges, first)
+
+
+@numba.njit(cache=True, nogil=True)
+def _develop(
+    light: Array,
+    shot: np.float32,
+    floor: np.float32,
+    normal: Array,
+    edges: Array,
+    first: Array,
+    out: Image,
+) -> None:
+    for i in range(len(light)):
+        y = max(light[i], np.float32(0))
+        out[i] = _level(y + np.sqrt(shot * y + floor) * normal[i], edges, first)

@@ -1,0 +1,107 @@
+"""Bicubic sampling at exact sub-pixel places, and what it does to noise.
+
+OpenCV's cubic (a = -3/4) is faster, but shifts even a linear ramp by up to 0.05 pixels.
+"""
+
+import numba
+import numpy as np
+
+from vo.contract.arrays import Array
+
+TAPS_PX = 2
+"""Pixels on each side of a place that its sample depends on."""
+
+
+def sample(image: Array, u_px: Array, v_px: Array) -> Array:
+    """Sample an image between its pixels; beyond its border the border's pixels continue.
+
+    Args:
+        image: (H, W) or (H, W, C) float32.
+        u_px: (M, N) float32 places, centres of pixels on integers; NaN gives NaN.
+        v_px: Like `u_px`.
+
+    Returns:
+        (M, N) or (M, N, C) float32.
+
+    Source:
+        Keys, Cubic convolution interpolation for digital image processing, 1981, a = -1/2: exact
+        on quadratic images.
+    """
+    channels = np.ascontiguousarray(image.reshape(*image.shape[:2], -1), dtype=np.float32)
+    out = np.empty((*u_px.shape, channels.shape[2]), np.float32)
+    _sample(channels, u_px, v_px, out)
+    return out.reshape(*u_px.shape, *image.shape[2:])
+
+
+def noise_share(u_px: Array, v_px: Array) -> Array:
+    """Variance of a sample of white noise over the variance of the noise itself.
+
+    The sum of the squared weights: 1 on a pixel, 0.41 in the middle of four.
+
+    Args:
+        u_px: (M, N) float32 places; NaN gives NaN.
+        v_px: Like `u_px`.
+
+    Returns:
+        (M, N) float32.
+    """
+    out = np.empty(u_px.shape, np.float32)
+    _noise_share(u_px, v_px, out)
+    return out
+
+
+@numba.njit(cache=True, nogil=True)
+def _weights(t: np.float32) -> tuple[np.float32, np.float32, np.float32, np.float32]:
+    """Weights of the pixels at -1, 0, 1, 2 for a place t in [0, 1)."""
+    half = np.float32(0.5)
+    two, three, four, five = np.float32(2), np.float32(3), np.float32(4), np.float32(5)
+    return (
+        half * t * (t * (two - t) - np.float32(1)),
+        half * (t * t * (three * t - five) + two),
+        half * t * (t * (four - three * t) + np.float32(1)),
+        half * t * t * (t - np.float32(1)),
+    )
+
+
+@numba.njit(cache=True, nogil=True)
+def _sample(image: Array, u_px: Array, v_px: Array, out: Array) -> None:
+    height, width, channels = image.shape
+    for i in range(u_px.shape[0]):
+        for j in range(u_px.shape[1]):
+            u, v = u_px[i, j], v_px[i, j]
+            if not (abs(u) < 1e6 and abs(v) < 1e6):
+                out[i, j] = np.nan
+                continue
+            u0, v0 = int(np.floor(u)), int(np.floor(v))
+            wu, wv = _weights(np.float32(u - u0)), _weights(np.float32(v - v0))
+            inside = u0 >= 1 and u0 < width - 2 and v0 >= 1 and v0 < height - 2
+            for c in range(channels):
+                total = np.float32(0)
+                for m in range(4):
+                    y = v0 + m - 1
+                    x = u0 - 1
+                    if inside:
+                        row = (
+                            wu[0] * image[y, x, c]
+                            + wu[1] * image[y, x + 1, c]
+                            + wu[2] * image[y, x + 2, c]
+                            + wu[3] * image[y, x + 3, c]
+                        )
+                    else:
+                        y = min(max(y, 0), height - 1)
+                        row = np.float32(0)
+                        for n in range(4):
+                            row += wu[n] * image[y, min(max(x + n, 0), width - 1), c]
+                    total += wv[m] * row
+                out[i, j, c] = total
+
+
+@numba.njit(cache=True, nogil=True)
+def _noise_share(u_px: Array, v_px: Array, out: Array) -> None:
+    for i in range(u_px.shape[0]):
+        for j in range(u_px.shape[1]):
+            u, v = u_px[i, j], v_px[i, j]
+            a, b, c, d = _weights(np.float32(u - np.floor(u)))
+            along = a * a + b * b + c * c + d * d
+            a, b, c, d = _weights(np.float32(v - np.floor(v)))
+            out[i, j] = along * (a * a + b * b + c * c + d * d)
