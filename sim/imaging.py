@@ -15,7 +15,7 @@ from sim.lens import (
     unknown_rotation,
 )
 from sim.light import Encoding, levels_to_light
-from sim.resample import sample
+from sim.resample import sample, sample_variance
 from sim.settings import RecordSettings
 from vo.contract.arrays import Array, Image
 from vo.contract.rig import StereoRig
@@ -107,6 +107,17 @@ class Sensor:
             return chip
         picture = sample(chip.astype(np.float32), *self._picture_map)
         return np.asarray(cv2.convertScaleAbs(np.maximum(picture, 0)), np.uint8)
+
+    @property
+    def noise_share(self) -> Array | None:
+        """Share of the chip's noise variance that `undistort` leaves; None if it does nothing.
+
+        (H, W) float32. What is left is correlated between neighbours.
+        """
+        if self._picture_map is None:
+            return None
+        u_px, v_px = self._picture_map
+        return sample_variance(np.ones((2, 2), np.float32), u_px, v_px)
 
     def noise_sigma(self, gain: float) -> Array:
         """Standard deviation in grey levels that noise adds at each noise-free grey level.

@@ -1,13 +1,16 @@
-"""Dense labels of the left camera: disparity, visibility, and how well they explain the pixels."""
+"""Dense labels of one view: disparity, flow, normals, classes and objects."""
 
-import cv2
+import numba
 import numpy as np
 
-from vo.contract.arrays import Array, Image, Mask
+from sim.warp import residual
+from vo.contract.arrays import Array, Image, Indices, Mask
 from vo.contract.rig import StereoRig
 
 OCCLUDED_BY_PX = 1.0
 """A surface hides another in the right image if its disparity is larger by more than this."""
+BEND_MAX_RAD = 0.02
+"""Three pixels are on one plane if their normal turns by no more than this between them."""
 
 
 def disparity_from_depth(rig: StereoRig, depth_m: Array) -> Array:
@@ -57,15 +60,123 @@ def photometric_residual(left: Image, right: Image, disparity_px: Array, visible
     Returns:
         (N,) float32 signed residuals of the visible pixels.
     """
-    height, width = disparity_px.shape
-    left, right = _grey(left), _grey(right)
-    u = np.arange(width, dtype=np.float32) - np.nan_to_num(disparity_px).astype(np.float32)
-    v = np.repeat(np.arange(height, dtype=np.float32)[:, None], width, axis=1)
-    warped = cv2.remap(right.astype(np.float32), u, v, cv2.INTER_CUBIC)
-    return left[visible].astype(np.float32) - warped[visible]
+    places: Array = np.indices(disparity_px.shape, np.float32)
+    return residual(left, right, places[1] - disparity_px, places[0], visible)
 
 
-def _grey(image: Image) -> Image:
-    if image.ndim == 2:
-        return image
-    return np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8)
+def flow(rig: StereoRig, depth_m: Array, bodies: Indices, T_next_now: Array) -> Array:
+    """Tell where each pixel's point is in the next picture of the same camera.
+
+    Args:
+        rig: Gives the pinhole.
+        depth_m: (H, W) float32 planar depth; NaN for sky, which turns with body 0.
+        bodies: (H, W) integer index of the rigid body that each pixel shows.
+        T_next_now: (B, 4, 4) by body: takes its points from the camera's axes now to the
+            camera's axes at the next picture. Body 0 is the world at rest.
+
+    Returns:
+        (H, W, 3) float32 du and dv in pixels and the depth in the next picture in metres. All
+        NaN for points that come to lie behind the camera; the depth is NaN for sky.
+    """
+    out = np.empty((*depth_m.shape, 3), np.float32)
+    T = np.ascontiguousarray(T_next_now, dtype=np.float64)
+    _flow(depth_m, bodies, T, rig.f_px, rig.cx_px, rig.cy_px, out)
+    return out
+
+
+def normals(rig: StereoRig, depth_m: Array) -> Array:
+    """Unit normals of the surfaces, from three pixels on the same plane along each axis.
+
+    A plane n . p = 1 seen through a pinhole has 1/Z = n . (x, y, 1), affine in the pixel. Of the
+    three runs of three pixels that hold the pixel, the one with the smallest second difference
+    gives the slope, so that edges do not mix surfaces.
+
+    Args:
+        rig: Gives the pinhole.
+        depth_m: (H, W) float32 planar depth; NaN for nothing.
+
+    Returns:
+        (H, W, 3) float32 in the camera's axes, towards the camera; NaN where no three pixels
+        are on one plane, or at nothing.
+    """
+    out = np.empty((*depth_m.shape, 3), np.float32)
+    _normals(1 / depth_m, rig.f_px, rig.cx_px, rig.cy_px, BEND_MAX_RAD, out)
+    return out
+
+
+def class_image(kinds: Array, geoms: Indices) -> Image:
+    """Return the (H, W) uint8 class of each pixel.
+
+    Args:
+        kinds: (G,) class of each geom, 1 to 255.
+        geoms: (H, W) geom that each pixel shows; negative for nothing, which is class 0.
+    """
+    return _look_up(kinds, geoms).astype(np.uint8, copy=False)
+
+
+def object_image(objects: Array, geoms: Indices) -> Array:
+    """Return the (H, W) uint16 object of each pixel.
+
+    Args:
+        objects: (G,) object of each geom, 1 to 65535; geoms may share one.
+        geoms: (H, W) geom that each pixel shows; negative for nothing, which is object 0.
+    """
+    return _look_up(np.asarray(objects, np.uint16), geoms)
+
+
+def _look_up(table: Array, geoms: Indices) -> Array:
+    """Value of each geom; 0 for the negative ones, which take the last entry."""
+    padded = np.append(table, np.zeros(1, table.dtype))
+    return padded[np.maximum(geoms, -1)]
+
+
+@numba.njit(cache=True, nogil=True)
+def _flow(
+    depth_m: Array, bodies: Indices, T: Array, f: float, cx: float, cy: float, out: Array
+) -> None:
+    height, width = depth_m.shape
+    for v in range(height):
+        for u in range(width):
+            x, y, z = (u - cx) / f, (v - cy) / f, depth_m[v, u]
+            sky = np.isnan(z)
+            M = T[0 if sky else bodies[v, u]]
+            near = 0.0 if sky else 1 / z
+            X = M[0, 0] * x + M[0, 1] * y + M[0, 2] + M[0, 3] * near
+            Y = M[1, 0] * x + M[1, 1] * y + M[1, 2] + M[1, 3] * near
+            Z = M[2, 0] * x + M[2, 1] * y + M[2, 2] + M[2, 3] * near
+            if Z > 0:
+                out[v, u, 0] = f * X / Z + cx - u
+                out[v, u, 1] = f * Y / Z + cy - v
+                out[v, u, 2] = Z * z
+            else:
+                out[v, u] = np.nan
+
+
+@numba.njit(cache=True, nogil=True)
+def _normals(nearness: Array, f: float, cx: float, cy: float, bend_max: float, out: Array) -> None:
+    height, width = nearness.shape
+    for v in range(height):
+        for u in range(width):
+            a, bend_u = _slope(nearness[v], u)
+            b, bend_v = _slope(nearness[:, u], v)
+            nx, ny = f * a, f * b
+            nz = nearness[v, u] - a * (u - cx) - b * (v - cy)
+            norm = np.sqrt(nx * nx + ny * ny + nz * nz)
+            if f * max(bend_u, bend_v) <= bend_max * norm:
+                out[v, u, 0] = -nx / norm
+                out[v, u, 1] = -ny / norm
+                out[v, u, 2] = -nz / norm
+            else:
+                out[v, u] = np.nan
+
+
+@numba.njit(cache=True, nogil=True)
+def _slope(line: Array, k: int) -> tuple[float, float]:
+    """Slope at k and second difference of the straightest three entries that hold k."""
+    slope, bend = np.nan, np.inf
+    for centre in (k, k - 1, k + 1):
+        if centre >= 1 and centre + 1 < len(line):
+            second = abs(line[centre - 1] - 2 * line[centre] + line[centre + 1])
+            if second < bend:
+                slope, bend = (line[centre + 1] - line[centre - 1]) / 2, second
+    return slope, bend

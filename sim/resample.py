@@ -27,44 +27,46 @@ def sample(image: Array, u_px: Array, v_px: Array) -> Array:
         Keys, Cubic convolution interpolation for digital image processing, 1981, a = -1/2: exact
         on quadratic images.
     """
-    channels = np.ascontiguousarray(image.reshape(*image.shape[:2], -1), dtype=np.float32)
-    out = np.empty((*u_px.shape, channels.shape[2]), np.float32)
-    _sample(channels, u_px, v_px, out)
-    return out.reshape(*u_px.shape, *image.shape[2:])
+    return _sampled(image, u_px, v_px, False)
 
 
-def noise_share(u_px: Array, v_px: Array) -> Array:
-    """Variance of a sample of white noise over the variance of the noise itself.
+def sample_variance(variance: Array, u_px: Array, v_px: Array) -> Array:
+    """Variance of what `sample` returns if each pixel carries noise of its own.
 
-    The sum of the squared weights: 1 on a pixel, 0.41 in the middle of four.
+    Squared weights, which sum to 1 on a pixel and to 0.41 in the middle of four.
 
     Args:
+        variance: (H, W) or (H, W, C) float32 of the pixels.
         u_px: (M, N) float32 places; NaN gives NaN.
         v_px: Like `u_px`.
 
     Returns:
-        (M, N) float32.
+        (M, N) or (M, N, C) float32.
     """
-    out = np.empty(u_px.shape, np.float32)
-    _noise_share(u_px, v_px, out)
-    return out
+    return _sampled(variance, u_px, v_px, True)
+
+
+def _sampled(image: Array, u_px: Array, v_px: Array, squared: bool) -> Array:
+    channels = np.ascontiguousarray(image.reshape(*image.shape[:2], -1), dtype=np.float32)
+    out = np.empty((*u_px.shape, channels.shape[2]), np.float32)
+    _sample(channels, u_px, v_px, squared, out)
+    return out.reshape(*u_px.shape, *image.shape[2:])
 
 
 @numba.njit(cache=True, nogil=True)
-def _weights(t: np.float32) -> tuple[np.float32, np.float32, np.float32, np.float32]:
+def _weights(t: np.float32, squared: bool) -> tuple[np.float32, np.float32, np.float32, np.float32]:
     """Weights of the pixels at -1, 0, 1, 2 for a place t in [0, 1)."""
     half = np.float32(0.5)
     two, three, four, five = np.float32(2), np.float32(3), np.float32(4), np.float32(5)
-    return (
-        half * t * (t * (two - t) - np.float32(1)),
-        half * (t * t * (three * t - five) + two),
-        half * t * (t * (four - three * t) + np.float32(1)),
-        half * t * t * (t - np.float32(1)),
-    )
+    a = half * t * (t * (two - t) - np.float32(1))
+    b = half * (t * t * (three * t - five) + two)
+    c = half * t * (t * (four - three * t) + np.float32(1))
+    d = half * t * t * (t - np.float32(1))
+    return (a * a, b * b, c * c, d * d) if squared else (a, b, c, d)
 
 
 @numba.njit(cache=True, nogil=True)
-def _sample(image: Array, u_px: Array, v_px: Array, out: Array) -> None:
+def _sample(image: Array, u_px: Array, v_px: Array, squared: bool, out: Array) -> None:
     height, width, channels = image.shape
     for i in range(u_px.shape[0]):
         for j in range(u_px.shape[1]):
@@ -73,7 +75,8 @@ def _sample(image: Array, u_px: Array, v_px: Array, out: Array) -> None:
                 out[i, j] = np.nan
                 continue
             u0, v0 = int(np.floor(u)), int(np.floor(v))
-            wu, wv = _weights(np.float32(u - u0)), _weights(np.float32(v - v0))
+            wu = _weights(np.float32(u - u0), squared)
+            wv = _weights(np.float32(v - v0), squared)
             inside = u0 >= 1 and u0 < width - 2 and v0 >= 1 and v0 < height - 2
             for c in range(channels):
                 total = np.float32(0)
@@ -94,14 +97,3 @@ def _sample(image: Array, u_px: Array, v_px: Array, out: Array) -> None:
                             row += wu[n] * image[y, min(max(x + n, 0), width - 1), c]
                     total += wv[m] * row
                 out[i, j, c] = total
-
-
-@numba.njit(cache=True, nogil=True)
-def _noise_share(u_px: Array, v_px: Array, out: Array) -> None:
-    for i in range(u_px.shape[0]):
-        for j in range(u_px.shape[1]):
-            u, v = u_px[i, j], v_px[i, j]
-            a, b, c, d = _weights(np.float32(u - np.floor(u)))
-            along = a * a + b * b + c * c + d * d
-            a, b, c, d = _weights(np.float32(v - np.floor(v)))
-            out[i, j] = along * (a * a + b * b + c * c + d * d)

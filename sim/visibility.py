@@ -1,0 +1,123 @@
+"""What a second view sees of the first: hidden, out of the picture, or there."""
+
+from enum import IntEnum
+
+import numba
+import numpy as np
+
+from vo.contract.arrays import Array, Image
+from vo.contract.rig import StereoRig
+
+
+class Occlusion(IntEnum):
+    """Why a pixel has no counterpart in a second view; the value is the pixel in a label."""
+
+    VISIBLE = 0
+    HIDDEN = 1
+    OUTSIDE = 2
+    NOTHING = 3
+
+
+VISIBLE, HIDDEN, OUTSIDE, NOTHING = (int(code) for code in Occlusion)
+
+OCCLUDED_BY_PX = 0.5
+"""A surface hides another from the right eye if its disparity is larger by more than this: the
+strip that it hides is then that wide."""
+OCCLUDED_BY_SHARE = 0.01
+"""A surface hides another from the next view if its depth is smaller by more than this share."""
+
+
+def occlusion(rig: StereoRig, depth_left_m: Array, depth_right_m: Array) -> Image:
+    """Tell which left pixels the right eye sees too.
+
+    A left pixel's point is visible if the right eye meets a surface of its disparity there. The
+    right pixels on both sides of it are asked, each carried to the point by its own surface's
+    slope, and none may be nearer: outlines hide up to a pixel too much.
+
+    Args:
+        rig: Gives disparities.
+        depth_left_m: (H, W) float32 planar depth; NaN where nothing is met.
+        depth_right_m: Like `depth_left_m`, in the right eye.
+
+    Returns:
+        (H, W) uint8 of Occlusion: outside is left of the right eye's first pixel centre.
+    """
+    scale = np.float32(rig.f_px * rig.baseline_m)
+    left, right = scale / depth_left_m, np.nan_to_num(scale / depth_right_m)
+    out = np.empty(left.shape, np.uint8)
+    _stereo(left, right, OCCLUDED_BY_PX, out)
+    return out
+
+
+def covisibility(flow: Array, depth_next_m: Array) -> Image:
+    """Tell which pixels the next view of the same camera sees too, by the rule of `occlusion`.
+
+    Args:
+        flow: (H, W, 3) float32 du, dv in pixels and depth in the next view, as `labels.flow`.
+        depth_next_m: (H, W) float32 what the next view meets; NaN for nothing.
+
+    Returns:
+        (H, W) uint8 of Occlusion: outside is beyond the outermost pixel centres or behind the
+        camera; nothing where no surface is met now.
+    """
+    out = np.empty(depth_next_m.shape, np.uint8)
+    _next(flow, np.nan_to_num(1 / depth_next_m), OCCLUDED_BY_SHARE, out)
+    return out
+
+
+@numba.njit(cache=True, nogil=True)
+def _stereo(left: Array, right: Array, slack: float, out: Image) -> None:
+    height, width = left.shape
+    for v in range(height):
+        for u in range(width):
+            disparity = left[v, u]
+            if np.isnan(disparity):
+                out[v, u] = NOTHING
+            elif u - disparity < 0:
+                out[v, u] = OUTSIDE
+            else:
+                out[v, u] = _meets(right, u - disparity, float(v), disparity, slack)
+
+
+@numba.njit(cache=True, nogil=True)
+def _next(flow: Array, nearness: Array, share: float, out: Image) -> None:
+    height, width = nearness.shape
+    for v in range(height):
+        for u in range(width):
+            u_next, v_next, depth = u + flow[v, u, 0], v + flow[v, u, 1], flow[v, u, 2]
+            if not (0 <= u_next <= width - 1 and 0 <= v_next <= height - 1):
+                out[v, u] = NOTHING if np.isnan(depth) and not np.isnan(u_next) else OUTSIDE
+            elif np.isnan(depth):
+                out[v, u] = NOTHING
+            else:
+                out[v, u] = _meets(nearness, u_next, v_next, 1 / depth, share / depth)
+
+
+@numba.njit(cache=True, nogil=True)
+def _meets(nearness: Array, u: float, v: float, wanted: float, slack: float) -> int:
+    """Whether the pixels around a place show a surface as near as is wanted, and none nearer.
+
+    Disparity and 1/Z are affine in the pixel on a plane (thesis eq. 2.5), so that a pixel's
+    surface is carried exactly to the place by its slopes.
+    """
+    height, width = nearness.shape
+    u0, v0 = int(np.floor(u)), int(np.floor(v))
+    met = False
+    for y in range(v0, v0 + 1 + (v > v0)):
+        for x in range(u0, u0 + 1 + (u > u0)):
+            here = nearness[y, x]
+            before = here - nearness[y, x - 1] if x > 0 else np.inf
+            after = nearness[y, x + 1] - here if x + 1 < width else np.inf
+            slope_u = before if abs(before) < abs(after) else after
+            before = here - nearness[y - 1, x] if y > 0 else np.inf
+            after = nearness[y + 1, x] - here if y + 1 < height else np.inf
+            slope_v = before if abs(before) < abs(after) else after
+            carried = here
+            if u != x:
+                carried += slope_u * (u - x)
+            if v != y:
+                carried += slope_v * (v - y)
+            if carried > wanted + slack:
+                return HIDDEN
+            met = met or carried >= wanted - slack
+    return VISIBLE if met else HIDDEN
