@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from scenes import brick_court, office
+from scenes import brick_court, custom, office
 from scenes.scene import Scene
 from vo.contract.errors import SettingsError
 from vo.contract.settings import Settings
@@ -40,13 +40,18 @@ SCENES: dict[str, SceneBuilder] = {
 
 
 def find_scene(name: str) -> SceneBuilder:
-    """Look a builder up.
+    """Look a builder up; a file or a `module:function` is a scene of the user's own.
 
     Raises:
         SettingsError: If there is no such scene.
     """
+    if custom.is_custom(name):
+        return SceneBuilder(custom.TESTS, Settings, lambda *_: custom.load_scene(name))
     if name not in SCENES:
-        raise SettingsError(f"unknown scene {name}; valid: {', '.join(sorted(SCENES))}")
+        valid = ", ".join(sorted(SCENES))
+        raise SettingsError(
+            f"unknown scene {name}; valid: {valid}, an MJCF file, or module:function"
+        )
     return SCENES[name]
 
 

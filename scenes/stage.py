@@ -85,6 +85,22 @@ class Stage:
         finally:
             self._thing, self._body = outer
 
+    @contextmanager
+    def loose(self, name: str, position: Vector, yaw_rad: float) -> Generator[None]:
+        """Make everything inside the block one object that can be pushed and fall over.
+
+        Meshes and obstacles in the block are in the object's own frame, which starts at (3,)
+        metres; give the obstacles a mass.
+        """
+        outer = self._thing, self._body
+        turn = (np.cos(yaw_rad / 2), 0, 0, np.sin(yaw_rad / 2))
+        self.spec.worldbody.add_body(name=name, pos=position, quat=turn).add_freejoint()
+        self._thing, self._body = Thing(name, Kind.MOVING), name
+        try:
+            yield
+        finally:
+            self._thing, self._body = outer
+
     def draw(self, material: str, *meshes: Mesh) -> None:
         """Show meshes, each (V, 3) in world metres; their light is baked in `finish`."""
         self._keep(material, meshes, lit=False)
@@ -116,10 +132,11 @@ class Stage:
         size: Vector,
         yaw_rad: float = 0.0,
         shadow: bool = True,
+        mass_kg: float = 0.0,
     ) -> None:
         """Add a box of (3,) full size that the rover collides with, and that casts shadow.
 
-        What moves by itself casts none.
+        What moves casts none; its mass counts where it can be pushed.
         """
         self._body_spec(self._body).add_geom(
             name=name,
@@ -128,6 +145,7 @@ class Stage:
             size=np.asarray(size, dtype=float) / 2,
             quat=(np.cos(yaw_rad / 2), 0, 0, np.sin(yaw_rad / 2)),
             group=HIDDEN_GROUP,
+            mass=mass_kg,
         )
         if shadow and self._body == WORLD:
             self.blocker(centre, size, yaw_rad)
@@ -142,22 +160,25 @@ class Stage:
             group=HIDDEN_GROUP,
         )
 
-    def finish(self, light: Light, sky: Image | None) -> None:
+    def finish(self, light: Light | None, sky: Image | None) -> None:
         """Bake the light and write textures, materials, meshes, lamps and sky.
 
         Args:
-            light: The scene's lamps.
+            light: The scene's lamps; None for an addition to a scene that has its own.
             sky: (6 S, S, 3) faces of a cube: +x, -x, +y, -y, +z, -z as MuJoCo orders them; None
                 where no sky can be seen.
         """
-        baked = [replace(p, mesh=self._bake(p, light)) for p in self._parts]
+        baked = self._parts
+        if light is not None:
+            baked = [replace(p, mesh=self._bake(p, light)) for p in self._parts]
         for name, image in self._images.items():
             mine = [part for part in baked if part.material == name]
             if mine:
                 self._add_material(name, image)
                 self._paint(name, mine)
         self._add_twins(baked)
-        light.install(self.spec)
+        if light is not None:
+            light.install(self.spec)
         if sky is not None:
             _add_texture(self.spec, "sky", sky, mujoco.mjtTexture.mjTEXTURE_SKYBOX)
         _tune_view(self.spec)
@@ -207,6 +228,7 @@ class Stage:
             meshname=name,
             contype=0,
             conaffinity=0,
+            mass=0,
             group=group,
         )
         if material is not None:

@@ -1,40 +1,55 @@
-"""The certificate: how well right images, warped by the disparity label, explain left ones."""
+"""The certificate: how well the labels explain the pixels, given the noise that was injected.
 
-from collections.abc import Iterable
+Right images are warped to left ones by the disparity, next images to present ones by the flow, on
+the pixels that both see. What the sensor is known to do to one of the two images only (the right
+eye's gain, vignetting, a turn that calibration ignores) is undone or followed first.
+"""
+
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from sim.labels import photometric_residual, visible_in_right
-from vo.contract.arrays import Array, Image, Indices
+from sim.imaging import Sensor
+from sim.labels import visible_in_right
+from sim.lens import unknown_rotation
+from sim.settings import RecordSettings
+from sim.visibility import VISIBLE
+from sim.warp import expected_residual, residual
+from vo.contract.arrays import Array, Image, Indices, Mask
+from vo.contract.rig import StereoRig
 
 SHIFT_PX = 0.5
 SHARE = 0.8
 FINE_GREY = 0.3
-"""A frame passes if its median residual is at most FINE_GREY (what rounding two images leaves) or
-less than SHARE of what a label wrong by SHIFT_PX, to either side, would leave: texture decides
-how large a residual is, and no constant fits every scene."""
+NOISE_FACTOR = 1.2
+"""A frame passes if its median residual is at most FINE_GREY (what rounding two images leaves),
+at most NOISE_FACTOR times what the injected noise explains, or less than SHARE of what a label
+wrong by SHIFT_PX, to either side, would leave: texture decides how large a residual is, and no
+constant fits every scene."""
 
 ROW_STEP = 4
 BINS_PER_GREY = 50
 """Resolution of the histograms: residuals are exact to 1/50 grey level."""
+MEDIAN_OF_NORMAL = 0.67449
+"""Median of the absolute value of a standard normal variable."""
 
 
 @dataclass(frozen=True)
-class FrameResidual:
-    """One frame's photometric residuals on the left pixels that the right camera sees.
+class Residual:
+    """Photometric residuals of one warp, on the pixels that both images show.
 
     Attributes:
-        timestamp_ns: The frame's.
         histogram: (256 * BINS_PER_GREY + 1,) pixels by absolute residual.
-        shifted_median: Median residual of the better of two labels shifted by +-SHIFT_PX.
-        visible_fraction: Visible pixels over all pixels.
+        shifted_median: Median residual of the better of two labels wrong by SHIFT_PX.
+        noise_median: Median residual that noise and rounding alone explain.
+        visible_fraction: Pixels compared over all pixels.
     """
 
-    timestamp_ns: int
     histogram: Indices
     shifted_median: float
+    noise_median: float
     visible_fraction: float
 
     @property
@@ -45,27 +60,122 @@ class FrameResidual:
     @property
     def passed(self) -> bool:
         """Whether the label explains the pixels."""
-        return self.median <= max(FINE_GREY, SHARE * self.shifted_median)
+        limits = FINE_GREY, NOISE_FACTOR * self.noise_median, SHARE * self.shifted_median
+        return self.median <= max(limits)
 
 
-def measure_frame(
-    timestamp_ns: int, left: Image, right: Image, disparity_px: Array
-) -> FrameResidual:
-    """Warp the right image (H, W[, 3]) onto the left by the (H, W) label disparity and compare.
+@dataclass(frozen=True)
+class FrameResidual:
+    """One frame's residuals.
 
-    Rows of a rectified pair know nothing of each other, so every ROW_STEP-th is as good as all.
+    Attributes:
+        timestamp_ns: The frame's.
+        stereo: Left against right by the disparity.
+        flow: Present against next left image by the flow; None where there is no such label.
     """
-    left, right, disparity_px = (a[::ROW_STEP] for a in (left, right, disparity_px))
-    visible = visible_in_right(disparity_px)
 
-    def histogram(shift_px: float) -> Indices:
-        shifted = disparity_px + np.float32(shift_px)
-        residual = np.abs(photometric_residual(left, right, shifted, visible))
-        bins = np.minimum(residual * BINS_PER_GREY, 256 * BINS_PER_GREY).astype(np.int64)
+    timestamp_ns: int
+    stereo: Residual
+    flow: Residual | None
+
+
+class Judge:
+    """Measures frames; knows what the sensor does to their pixels."""
+
+    def __init__(self, settings: RecordSettings, rig: StereoRig, sensors: Sequence[Sensor]) -> None:
+        """Prepare.
+
+        Args:
+            settings: Of the recording.
+            rig: True geometry.
+            sensors: Left and right.
+        """
+        self._sensors = sensors
+        R = unknown_rotation(settings.calibration)
+        self._H_true_nominal = rig.K @ R.T @ np.linalg.inv(rig.K)
+        self._is_turned = not np.array_equal(R, np.eye(3))
+
+    def stereo(self, left: Image, right: Image, disparity_px: Array, gain: float) -> Residual:
+        """Compare both eyes.
+
+        Args:
+            left: (H, W) or (H, W, 3) uint8.
+            right: Like `left`.
+            disparity_px: (H, W) label.
+            gain: Of the automatic exposure.
+        """
+        disparity_px = disparity_px[::ROW_STEP]
+        v, u = _rows(left)
+        visible = visible_in_right(disparity_px)
+        sigmas = [sensor.noise_sigma(gain) for sensor in self._sensors]
+        images = [s.flattened(x) for s, x in zip(self._sensors, (left, right), strict=True)]
+
+        def places(shift_px: float) -> tuple[Array, Array]:
+            return self._in_true_right(u - disparity_px - np.float32(shift_px), v)
+
+        shifted = [places(shift) for shift in (-SHIFT_PX, SHIFT_PX)]
+        return _compare(images, places(0.0), shifted, visible, sigmas)
+
+    def flow(
+        self,
+        now: Image,
+        following: Image,
+        flow: Array,
+        covisibility: Array,
+        gains: tuple[float, float],
+    ) -> Residual:
+        """Compare two successive left images.
+
+        Args:
+            now: (H, W) or (H, W, 3) uint8.
+            following: The next, like `now`.
+            flow: (H, W, 3) label.
+            covisibility: (H, W) label.
+            gains: Of the automatic exposure, in both.
+        """
+        v, u = _rows(now)
+        du, dv = flow[::ROW_STEP, :, 0], flow[::ROW_STEP, :, 1]
+        visible = (covisibility[::ROW_STEP] == VISIBLE) & np.isfinite(du)
+        left = self._sensors[0]
+        sigmas = [left.noise_sigma(gain) for gain in gains]
+        images = [left.flattened(now), left.flattened(following)]
+        half = SHIFT_PX / np.sqrt(2).astype(np.float32)
+        shifted = [(u + du + s, v + dv + s) for s in (-half, half)]
+        return _compare(images, (u + du, v + dv), shifted, visible, sigmas)
+
+    def _in_true_right(self, u: Array, v: Array) -> tuple[Array, Array]:
+        """Follow the turn of the right eye that calibration does not know."""
+        if not self._is_turned:
+            return u, v
+        x, y, w = np.einsum("ij,jhw->ihw", self._H_true_nominal, np.stack([u, v, np.ones_like(u)]))
+        return (x / w).astype(np.float32), (y / w).astype(np.float32)
+
+
+def _rows(image: Image) -> tuple[Array, Array]:
+    """(v, u) float32 of every ROW_STEP-th row."""
+    v, u = np.mgrid[: image.shape[0] : ROW_STEP, : image.shape[1]].astype(np.float32)
+    return v, u
+
+
+def _compare(
+    images: Sequence[Image],
+    places: tuple[Array, Array],
+    shifted: Sequence[tuple[Array, Array]],
+    visible: Mask,
+    sigmas: Sequence[Array],
+) -> Residual:
+    """Warp the second image to rows of the first; see `Judge.stereo`."""
+    image, other = images[0][::ROW_STEP], images[1]
+
+    def histogram(at: tuple[Array, Array]) -> Indices:
+        absolute = np.abs(residual(image, other, *at, visible))
+        bins = np.minimum(absolute * BINS_PER_GREY, 256 * BINS_PER_GREY).astype(np.int64)
         return np.bincount(bins, minlength=256 * BINS_PER_GREY + 1)
 
-    shifted_median = min(quantile(histogram(shift_px), 0.5) for shift_px in (-SHIFT_PX, SHIFT_PX))
-    return FrameResidual(timestamp_ns, histogram(0.0), shifted_median, float(visible.mean()))
+    expected = expected_residual(image, other, *places, visible, *sigmas)
+    noise = MEDIAN_OF_NORMAL * float(np.median(expected)) if len(expected) else 0.0
+    shifted_median = min(quantile(histogram(at), 0.5) for at in shifted)
+    return Residual(histogram(places), shifted_median, noise, float(visible.mean()))
 
 
 def quantile(histogram: Indices, q: float) -> float:
@@ -74,29 +184,55 @@ def quantile(histogram: Indices, q: float) -> float:
     return float(np.searchsorted(cumulative, q * cumulative[-1]) / BINS_PER_GREY)
 
 
-def certify(frames: Iterable[FrameResidual]) -> dict[str, Any]:
+def certify(frames: Iterable[FrameResidual], checks: dict[str, Any]) -> dict[str, Any]:
     """Summarise all frames; the same images and labels always give the same numbers.
+
+    Args:
+        frames: In order.
+        checks: From `plausibility.check_folder`; each with its own `passed`.
 
     Returns:
         JSON-ready content of the manifest's `certificate`.
     """
     frames = list(frames)
-    total = np.sum([frame.histogram for frame in frames], axis=0)
-    levels = np.arange(len(total)) / BINS_PER_GREY
-    worst = max(frames, key=lambda frame: (frame.median, -frame.timestamp_ns))
-    rms = float(np.sqrt((total * levels**2).sum() / max(total.sum(), 1)))
+    stereo = {frame.timestamp_ns: frame.stereo for frame in frames}
+    flow = {frame.timestamp_ns: frame.flow for frame in frames if frame.flow is not None}
+    parts = {"stereo": _summary(stereo)}
+    if flow:
+        parts["flow"] = _summary(flow)
     return {
-        "about": "absolute grey-level difference between left and right warped by disparity0, "
-        f"bicubic, on the pixels of every {ROW_STEP}th row that the right camera sees",
-        "median_grey": quantile(total, 0.5),
-        "rms_grey": round(rms, 4),
-        "p95_grey": quantile(total, 0.95),
-        "worst_frame_ns": worst.timestamp_ns,
-        "worst_frame_median_grey": worst.median,
-        "visible_fraction": round(float(np.mean([f.visible_fraction for f in frames])), 6),
-        "shifted_median_grey": round(float(np.median([f.shifted_median for f in frames])), 4),
-        "rule": f"a frame passes if its median is at most {FINE_GREY:g}, or {SHARE:g} times "
-        f"what a disparity wrong by {SHIFT_PX:g} px leaves",
-        "failed_frames_ns": [frame.timestamp_ns for frame in frames if not frame.passed],
-        "passed": all(frame.passed for frame in frames),
+        "about": "absolute grey-level differences, warped bicubically, of every "
+        f"{ROW_STEP}th row's pixels that both images show: left against right by the disparity, "
+        "and present against next left image by the flow",
+        "rule": f"a frame passes if its median is at most {FINE_GREY:g}, or {NOISE_FACTOR:g} times "
+        f"what the injected noise explains, or {SHARE:g} times what a label wrong by "
+        f"{SHIFT_PX:g} px leaves",
+        **parts,
+        **checks,
+        "passed": all(part["passed"] for part in [*parts.values(), *checks.values()]),
     }
+
+
+def _summary(residuals: dict[int, Residual]) -> dict[str, Any]:
+    total = np.sum([r.histogram for r in residuals.values()], axis=0)
+    levels = np.arange(len(total)) / BINS_PER_GREY
+    worst_ns, worst = max(residuals.items(), key=lambda item: (item[1].median, -item[0]))
+    failed = [time_ns for time_ns, r in residuals.items() if not r.passed]
+    return {
+        "median_grey": quantile(total, 0.5),
+        "rms_grey": round(float(np.sqrt((total * levels**2).sum() / max(total.sum(), 1))), 4),
+        "p95_grey": quantile(total, 0.95),
+        "noise_median_grey": _middle([r.noise_median for r in residuals.values()]),
+        "shifted_median_grey": _middle([r.shifted_median for r in residuals.values()]),
+        "visible_fraction": round(
+            float(np.mean([r.visible_fraction for r in residuals.values()])), 6
+        ),
+        "worst_frame_ns": worst_ns,
+        "worst_frame_median_grey": worst.median,
+        "failed_frames_ns": failed,
+        "passed": not failed,
+    }
+
+
+def _middle(values: Sequence[float]) -> float:
+    return round(float(np.median(values)), 4)

@@ -1,19 +1,17 @@
 """The driver: pure pursuit of a route by wheel speeds, from the rover's true pose."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
+from sim.path import Path
 from sim.rover import TRACK_M, WHEEL_RADIUS_M
 from sim.settings import DriveSettings
 from vo.contract.arrays import Array
-from vo.contract.errors import DriftyardError, SettingsError
+from vo.contract.errors import DriftyardError
 
 CONTROL_RATE_HZ = 50.0
 PROGRESS_STEP_M = 0.001
-CLOSED_WITHIN_M = 0.05
-"""A route whose ends are closer than this may be driven around repeatedly."""
 ARRIVED_WITHIN_M = 0.003
 TIPPED_RAD = math.radians(45)
 STUCK_AFTER_S = 4.0
@@ -22,56 +20,6 @@ STUCK_WITHIN_M = 0.03
 
 class DriveError(DriftyardError):
     """The rover tipped over, got stuck or left its route; says when."""
-
-
-@dataclass(frozen=True)
-class Path:
-    """A polyline to drive along, by arc length.
-
-    Attributes:
-        waypoints: (N, 2) world x, y in metres, N >= 2.
-        marks_m: (N,) arc length at each waypoint, from 0.
-    """
-
-    waypoints: Array
-    marks_m: Array
-
-    @property
-    def length_m(self) -> float:
-        """From the first waypoint to the last."""
-        return float(self.marks_m[-1])
-
-    def at(self, s_m: float | Array) -> Array:
-        """Return the (..., 2) points at arc lengths (...), clamped to the ends."""
-        x, y = (np.interp(s_m, self.marks_m, self.waypoints[:, k]) for k in range(2))
-        return np.stack([x, y], axis=-1)
-
-
-def plan_path(route: Array, distance_m: float | None) -> Path:
-    """Cut a route, or repeat a closed one, to the distance asked for.
-
-    Args:
-        route: (N, 2) waypoints in metres.
-        distance_m: Path length; None for the route once.
-
-    Raises:
-        SettingsError: If an open route is shorter than that.
-    """
-    once = _path(route)
-    if distance_m is None:
-        return once
-    points = route
-    if distance_m > once.length_m:
-        if np.linalg.norm(route[-1] - route[0]) > CLOSED_WITHIN_M:
-            raise SettingsError(
-                f"setting drive.distance_m: {distance_m:g} m asked for, but the route is open and "
-                f"{once.length_m:.1f} m long"
-            )
-        laps = math.ceil(distance_m / once.length_m)
-        points = np.concatenate([route[:1]] + [route[1:]] * laps)
-    whole = _path(points)
-    keep = whole.marks_m < distance_m
-    return _path(np.concatenate([whole.waypoints[keep], whole.at(distance_m)[None]]))
 
 
 class Driver:
@@ -89,6 +37,8 @@ class Driver:
         self._speed_mps = 0.0
         self._moved_at_s = 0.0
         self._moved_from_m = 0.0
+        self._halt_at_m = settings.stop_every_m or math.inf
+        self._halted_at_s: float | None = None
         self.arrived = False
 
     def command(self, T_world_body: Array, time_s: float) -> Array:
@@ -105,7 +55,8 @@ class Driver:
         self._advance(T_world_body[:2, 3])
         left_m = self._path.length_m - self._progress_m
         self.arrived = self.arrived or left_m < ARRIVED_WITHIN_M
-        if self.arrived:
+        if self.arrived or self._halting(time_s):
+            self._speed_mps = 0.0
             return np.zeros(2)
         settings = self._settings
         curvature, ahead = self._pursue(T_world_body, left_m)
@@ -113,11 +64,25 @@ class Driver:
         if not ahead:  # the path leads backwards: turn on the spot
             self._speed_mps = 0.0
             return wheel_speeds(0.0, math.copysign(turn_max, curvature))
-        braking = math.sqrt(2 * settings.acceleration_mps2 * left_m)
+        stop_m = min(left_m, self._halt_at_m - self._progress_m)
+        braking = math.sqrt(2 * settings.acceleration_mps2 * max(stop_m, 0.0))
         cornering = turn_max / max(abs(curvature), 1e-6)
         faster = self._speed_mps + settings.acceleration_mps2 / CONTROL_RATE_HZ
         self._speed_mps = min(faster, settings.speed_mps, braking, cornering)
         return wheel_speeds(self._speed_mps, self._speed_mps * curvature)
+
+    def _halting(self, time_s: float) -> bool:
+        """Whether the rover stands at a halt; sets the next one when it has stood long enough."""
+        if self._progress_m < self._halt_at_m - ARRIVED_WITHIN_M:
+            return False
+        if self._halted_at_s is None:
+            self._halted_at_s = time_s
+        if time_s - self._halted_at_s < self._settings.stop_s:
+            self._moved_at_s = time_s
+            return True
+        self._halt_at_m += self._settings.stop_every_m
+        self._halted_at_s = None
+        return False
 
     def _advance(self, position: Array) -> None:
         """Move the nearest point forward along the path, never back and never to a far branch."""
@@ -154,8 +119,3 @@ def wheel_speeds(forward_mps: float, turn_radps: float) -> Array:
     """Differential drive: (2,) wheel speeds left and right, rad/s."""
     difference = turn_radps * TRACK_M / 2
     return np.array([forward_mps - difference, forward_mps + difference]) / WHEEL_RADIUS_M
-
-
-def _path(waypoints: Array) -> Path:
-    steps = np.linalg.norm(np.diff(waypoints, axis=0), axis=1)
-    return Path(waypoints, np.concatenate([[0.0], np.cumsum(steps)]))

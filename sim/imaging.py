@@ -119,6 +119,25 @@ class Sensor:
         u_px, v_px = self._picture_map
         return sample_variance(np.ones((2, 2), np.float32), u_px, v_px)
 
+    def flattened(self, picture: Image) -> Array:
+        """Undo vignetting and this eye's own sensitivity in a rectified picture.
+
+        Returns:
+            (H, W[, 3]) grey levels, uint8 if there is nothing to undo, else float32.
+        """
+        if self._fall_off is None and self._sensitivity == 1:
+            return picture
+        light = levels_to_light(self._sensor.response, picture)
+        share = np.float32(self._sensitivity)
+        if self._fall_off is not None:
+            m = self.chip_margin_px
+            inner = slice(m, -m) if m else slice(None)
+            share = share * self._fall_off[inner, inner]
+        fine = np.linspace(0, 255, 255 * 16 + 1)
+        even = light / (share if picture.ndim == 2 else np.atleast_3d(share))
+        knots = levels_to_light(self._sensor.response, fine)
+        return np.interp(even, knots, fine).astype(np.float32)
+
     def noise_sigma(self, gain: float) -> Array:
         """Standard deviation in grey levels that noise adds at each noise-free grey level.
 

@@ -3,6 +3,7 @@
 import numba
 import numpy as np
 
+from sim.visibility import straightest
 from sim.warp import residual
 from vo.contract.arrays import Array, Image, Indices, Mask
 from vo.contract.rig import StereoRig
@@ -157,8 +158,8 @@ def _normals(nearness: Array, f: float, cx: float, cy: float, bend_max: float, o
     height, width = nearness.shape
     for v in range(height):
         for u in range(width):
-            a, bend_u = _slope(nearness[v], u)
-            b, bend_v = _slope(nearness[:, u], v)
+            a, bend_u = straightest(nearness[v], u)
+            b, bend_v = straightest(nearness[:, u], v)
             nx, ny = f * a, f * b
             nz = nearness[v, u] - a * (u - cx) - b * (v - cy)
             norm = np.sqrt(nx * nx + ny * ny + nz * nz)
@@ -168,15 +169,3 @@ def _normals(nearness: Array, f: float, cx: float, cy: float, bend_max: float, o
                 out[v, u, 2] = -nz / norm
             else:
                 out[v, u] = np.nan
-
-
-@numba.njit(cache=True, nogil=True)
-def _slope(line: Array, k: int) -> tuple[float, float]:
-    """Slope at k and second difference of the straightest three entries that hold k."""
-    slope, bend = np.nan, np.inf
-    for centre in (k, k - 1, k + 1):
-        if centre >= 1 and centre + 1 < len(line):
-            second = abs(line[centre - 1] - 2 * line[centre] + line[centre + 1])
-            if second < bend:
-                slope, bend = (line[centre + 1] - line[centre - 1]) / 2, second
-    return slope, bend

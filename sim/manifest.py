@@ -1,16 +1,19 @@
 """The manifest: what dataset.json says beside the hashes."""
 
 import importlib.metadata
+from collections.abc import Sequence
 from typing import Any
 
 import cv2
 import mujoco
 import numpy as np
 
-from scenes.scene import Scene
+from scenes.scene import Thing
+from sim.lens import unknown_rotation
 from sim.map import TopDownMap
 from sim.settings import RecordSettings
 from sim.trip import Trip
+from sim.world import World
 from vo.contract.rig import StereoRig
 
 MAP = "map.png"
@@ -18,7 +21,10 @@ MAP = "map.png"
 CONVENTIONS = {
     "transforms": "T_a_b maps coordinates of frame b to frame a: p_a = T_a_b p_b",
     "world": "metres, z up",
-    "body": "the rover: origin midway between the driven wheels, x forward, y left, z up",
+    "body": "the rover: origin midway between the driven wheels, x forward, y left, z up; rigid "
+    "with cameras and inertial unit, also where the mast bends or a hand carries them",
+    "rig": "rig is the delivered calibration, rig_true the camera as it is; labels hold for the "
+    "left eye of rig_true and an ideal right eye beside it",
     "camera": "x right, y down, z forward; T_BS in a sensor.yaml is T_body_camera",
     "pixels": "(u, v), centres on integers, so that a centred principal point is (W-1)/2",
     "disparity": "u_left - u_right > 0, of left pixels",
@@ -29,10 +35,11 @@ CONVENTIONS = {
 
 
 def manifest(
-    scene: Scene,
+    world: World,
     settings: RecordSettings,
-    rig: StereoRig,
+    delivered: StereoRig,
     trip: Trip,
+    things: Sequence[Thing],
     top_down: TopDownMap,
     gl: dict[str, str],
     certificate: dict[str, Any],
@@ -40,28 +47,29 @@ def manifest(
     """Return JSON-ready content that holds no time of creation, so that bytes can repeat.
 
     Args:
-        scene: What was driven through.
+        world: What was driven through.
         settings: Resolved.
-        rig: Calibration that was delivered.
-        trip: What the rover did.
+        delivered: Calibration in the sensor.yaml files.
+        trip: What the carrier did.
+        things: Objects by their number in the segmentation, from 1 on.
         top_down: The picture in MAP.
         gl: Vendor, renderer and version.
         certificate: From `certify`.
     """
+    scene = world.scene
     return {
         "scene": {"name": scene.name, "tests": scene.tests, "tags": sorted(scene.tags)},
         "seed": settings.seed,
         "settings": settings.model_dump(mode="json"),
-        "frames": len(trip),
+        "complete": not trip.ended,
+        "ended": trip.ended,
+        "frames": int(trip.delivered.sum()),
+        "dropped_frames": int((~trip.delivered).sum()),
         "path_length_m": round(trip.length_m, 4),
-        "rig": {
-            "width_px": rig.width_px,
-            "height_px": rig.height_px,
-            "f_px": rig.f_px,
-            "cx_px": rig.cx_px,
-            "cy_px": rig.cy_px,
-            "baseline_m": rig.baseline_m,
-            "T_body_cam": rig.T_body_cam.tolist(),
+        "rig": _rig(delivered),
+        "rig_true": {
+            **_rig(world.rig),
+            "R_nominal_right": unknown_rotation(settings.calibration).tolist(),
         },
         "map": {
             "file": MAP,
@@ -71,6 +79,10 @@ def manifest(
             "world_to_pixel": "u = (x - x_min_m) / metres_per_px - 0.5; "
             "v = (y_max_m - y) / metres_per_px - 0.5",
         },
+        "things": [
+            {"id": k, "name": thing.name, "class": thing.kind.name.lower()}
+            for k, thing in enumerate(things, start=1)
+        ],
         "conventions": CONVENTIONS,
         "software": {
             "driftyard": _version(),
@@ -80,6 +92,18 @@ def manifest(
             "gl": gl,
         },
         "certificate": certificate,
+    }
+
+
+def _rig(rig: StereoRig) -> dict[str, Any]:
+    return {
+        "width_px": rig.width_px,
+        "height_px": rig.height_px,
+        "f_px": rig.f_px,
+        "cx_px": rig.cx_px,
+        "cy_px": rig.cy_px,
+        "baseline_m": rig.baseline_m,
+        "T_body_cam": rig.T_body_cam.tolist(),
     }
 
 

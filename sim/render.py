@@ -11,7 +11,6 @@ import numpy as np
 from scenes.scene import HIDDEN_GROUP, PAINT_GROUP, TWIN_GROUP
 from sim.gl import GLContext, GraphicsError, open_context
 from sim.rig import CAMERA
-from sim.rover import PREFIX
 from sim.settings import RenderSettings
 from sim.target import Target
 from sim.view import in_view
@@ -184,7 +183,7 @@ class StereoRenderer:
         model, data = self._world.model, self._world.data
         camera = mujoco.MjvCamera()
         camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
-        camera.fixedcamid = model.camera(PREFIX + CAMERA).id
+        camera.fixedcamid = model.camera(CAMERA).id
         groups = model.geom_group.copy()
         model.geom_group[~in_view(model, data, self._world.render_rig)] = HIDDEN_GROUP
         try:

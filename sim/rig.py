@@ -5,17 +5,18 @@ OpenCV's axes: x right, y down, z forward. R_GL_CV below is the only place where
 """
 
 import math
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 
-from sim.rover import CAMERA_X_M, WHEEL_RADIUS_M
+from sim.rover import CAMERA_X_M, MAST, PREFIX, WHEEL_RADIUS_M
 from sim.settings import RigSettings
 from vo.contract import se3
 from vo.contract.arrays import Array
 from vo.contract.rig import StereoRig
 
-CAMERA = "stereo"
+CAMERA = PREFIX + "stereo"
 R_GL_CV: Array = np.diag([1.0, -1.0, -1.0])
 
 
@@ -38,20 +39,47 @@ def stereo_rig(settings: RigSettings) -> StereoRig:
     )
 
 
-def add_rig(rover: mujoco.MjSpec, settings: RigSettings) -> None:
-    """Mount the pair on the rover's mast: one MuJoCo camera, whose `ipd` is the baseline.
+def widened(rig: StereoRig, margin_px: int) -> StereoRig:
+    """Return the same pair with that many more pixels on every side."""
+    return replace(
+        rig,
+        width_px=rig.width_px + 2 * margin_px,
+        height_px=rig.height_px + 2 * margin_px,
+        cx_px=rig.cx_px + margin_px,
+        cy_px=rig.cy_px + margin_px,
+    )
+
+
+def add_rig(carrier: mujoco.MjSpec, settings: RigSettings, rig: StereoRig) -> None:
+    """Mount a pair on the carrier's mast: one MuJoCo camera, whose `ipd` is the baseline.
 
     The camera sits halfway between the eyes; MuJoCo puts the left one at -ipd/2 along its x.
+
+    Args:
+        carrier: Has a body `mast`.
+        settings: Where on the mast.
+        rig: What is rendered, centred.
     """
-    rig = stereo_rig(settings)
     T_body_gl = se3.pose(R_body_gl(settings.tilt_deg), _center_body(settings))
-    rover.body("body").add_camera(
-        name=CAMERA,
+    carrier.body(MAST).add_camera(
+        name=CAMERA.removeprefix(PREFIX),
         pos=T_body_gl[:3, 3],
         quat=se3.to_quat_wxyz(T_body_gl),
         fovy=math.degrees(2 * math.atan(rig.height_px / 2 / rig.f_px)),
         ipd=rig.baseline_m,
     )
+
+
+def T_world_left(camera_pos: Array, camera_mat: Array, rig: StereoRig) -> Array:
+    """Turn MuJoCo's pose of the camera between the eyes into the left eye's, in OpenCV's axes.
+
+    Args:
+        camera_pos: (3,) cam_xpos.
+        camera_mat: (9,) cam_xmat.
+        rig: Gives the baseline.
+    """
+    R_world_cv = camera_mat.reshape(3, 3) @ R_GL_CV
+    return se3.pose(R_world_cv, camera_pos - rig.baseline_m / 2 * R_world_cv[:, 0])
 
 
 def R_body_gl(tilt_deg: float) -> Array:

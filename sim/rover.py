@@ -4,10 +4,13 @@ Body frame: origin at the midpoint of the wheel axle, x forward, y left, z up. V
 the mass and touch nothing; what touches is simpler and hidden in geom group 3.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
+
+from sim.settings import RoverSettings
 
 WHEEL_RADIUS_M = 0.05
 TRACK_M = 0.38
@@ -20,6 +23,8 @@ CAMERA_X_M = 0.10
 
 PREFIX = "rover/"
 BODY = PREFIX + "body"
+MAST = "mast"
+"""Body that carries the cameras and the inertial unit, within the rover's own spec."""
 WHEELS = (PREFIX + "wheel_left", PREFIX + "wheel_right")
 """Names of the wheels' joints and of their actuators, left then right."""
 
@@ -33,6 +38,15 @@ HUB = (0.85, 0.85, 0.82, 1.0)
 SCREEN = (0.16, 0.24, 0.38, 1.0)
 BEAM_M = 0.0125
 """Half side of the aluminium profiles."""
+
+
+CRATE = (0.55, 0.42, 0.26, 1.0)
+LOAD_AT = (-0.22, 0.11, 0.42)
+"""Of the load's middle: behind the mast, where no eye looks, and left of the caster."""
+LOAD_ARM_M, LOAD_HZ = 0.22, 3.0
+HEAD_KG = 0.40
+"""Of mast, arm and cameras, as far as they swing."""
+GRAVITY_MPS2 = 9.81
 
 
 @dataclass(frozen=True)
@@ -69,25 +83,33 @@ PARTS = (
 )
 
 
-def build_rover(camera_height_m: float, wheel_torque_max_nm: float) -> mujoco.MjSpec:
+def build_rover(camera_height_m: float, settings: RoverSettings) -> mujoco.MjSpec:
     """Build the rover as a spec of its own, its body at the origin, ready to be attached.
 
     It has a free joint, two wheel hinges with a velocity actuator each (rad/s, forward
-    positive) and the caster's two passive hinges.
+    positive), the caster's two passive hinges, and two more each for a mast that bends and a
+    load that sways, where the settings ask for them. The frame of the body `mast` is that of the
+    rover's own body as long as the mast is straight.
 
     Args:
         camera_height_m: Of the optical centres above level ground; the mast reaches there.
-        wheel_torque_max_nm: Limit of each wheel's motor.
+        settings: Motors, mast and load.
     """
     spec = mujoco.MjSpec()
     body = spec.worldbody.add_body(name="body")
     body.add_freejoint(name="free")
     for part in PARTS:
         _add_part(body, part)
-    _add_mast(body, camera_height_m - WHEEL_RADIUS_M)
-    _add_contact_boxes(body, camera_height_m - WHEEL_RADIUS_M)
+    camera_z_m = camera_height_m - WHEEL_RADIUS_M
+    mast = body.add_body(name=MAST)
+    _add_mast(mast, camera_z_m)
+    if settings.flex_deg > 0:
+        _bend(mast, camera_z_m, settings)
+    if settings.load_kg > 0:
+        _add_load(body, settings.load_kg)
+    _add_contact_boxes(body, camera_z_m)
     for name, y in (("wheel_left", TRACK_M / 2), ("wheel_right", -TRACK_M / 2)):
-        _add_driven_wheel(spec, body, name, y, wheel_torque_max_nm)
+        _add_driven_wheel(spec, body, name, y, settings.wheel_torque_max_nm)
     _add_caster(body)
     return spec
 
@@ -106,6 +128,44 @@ def _add_mast(body: mujoco.MjsBody, camera_z_m: float) -> None:
         _Part((0.075, 0.0, camera_z_m), (0.012, 0.075, 0.016), 0.20, BLACK),
     ):
         _add_part(body, part)
+
+
+def _bend(mast: mujoco.MjsBody, camera_z_m: float, settings: RoverSettings) -> None:
+    """Hinge the mast at its foot, forward and sideways, with springs.
+
+    A push of one g on the head, of mass m at height h above the foot, bends it by the angle a:
+    the stiffness is m g h / a, and the natural frequency sqrt(g / (h a)) whatever the mass.
+    """
+    height = camera_z_m - LOWER_Z
+    stiffness = HEAD_KG * GRAVITY_MPS2 * height / math.radians(settings.flex_deg)
+    critical = 2 * math.sqrt(stiffness * HEAD_KG * height**2)
+    for name, axis in (("mast_pitch", (0.0, 1.0, 0.0)), ("mast_roll", (1.0, 0.0, 0.0))):
+        mast.add_joint(
+            name=name,
+            type=mujoco.mjtJoint.mjJNT_HINGE,
+            pos=(0.045, 0.0, LOWER_Z),
+            axis=axis,
+            stiffness=stiffness,
+            damping=settings.flex_damping * critical,
+        )
+
+
+def _add_load(body: mujoco.MjsBody, mass_kg: float) -> None:
+    """Put a crate on springs over the left rear, swaying at LOAD_HZ with little damping."""
+    x, y, z = LOAD_AT
+    load = body.add_body(name="load", pos=(x, y, z - LOAD_ARM_M))
+    inertia = mass_kg * LOAD_ARM_M**2
+    stiffness = inertia * (2 * math.pi * LOAD_HZ) ** 2 + mass_kg * GRAVITY_MPS2 * LOAD_ARM_M
+    for name, axis in (("load_pitch", (0.0, 1.0, 0.0)), ("load_roll", (1.0, 0.0, 0.0))):
+        load.add_joint(
+            name=name,
+            type=mujoco.mjtJoint.mjJNT_HINGE,
+            axis=axis,
+            stiffness=stiffness,
+            damping=0.1 * math.sqrt(stiffness * inertia),
+        )
+    crate = (0.0, 0.0, LOAD_ARM_M)
+    _visible(load, mujoco.mjtGeom.mjGEOM_BOX, crate, (0.09, 0.06, 0.07), mass_kg, CRATE)
 
 
 def _add_contact_boxes(body: mujoco.MjsBody, camera_z_m: float) -> None:

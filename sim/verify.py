@@ -6,24 +6,36 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from sim.certificate import FrameResidual, certify, measure_frame
+import numpy as np
+
+from sim.certificate import FrameResidual, Judge, certify
+from sim.imaging import Sensor
 from sim.labels import disparity_from_depth
+from sim.lens import margin_px
+from sim.plausibility import check_folder
 from sim.record import Progress
+from sim.rig import stereo_rig, widened
+from sim.sensors import EXPOSURES, LABELS, label_file
+from sim.settings import RecordSettings
 from vo.contract.arrays import Array
 from vo.contract.dataset import MANIFEST, read_manifest
 from vo.contract.errors import DatasetError
 from vo.contract.euroc import open_euroc
-from vo.contract.files import read_float
+from vo.contract.files import read_codes, read_float
 from vo.contract.rig import StereoRig
+from vo.contract.settings import validated
 
 TOLERANCES = {
     "median_grey": 0.1,
     "rms_grey": 0.1,
     "p95_grey": 0.2,
     "worst_frame_median_grey": 0.2,
+    "noise_median_grey": 0.1,
     "visible_fraction": 1e-4,
 }
 """Room for another OpenCV's interpolation and grey conversion."""
+OTHERS = 1e-4
+"""Room, absolute and relative, for the other checks' figures."""
 
 
 @dataclass(frozen=True)
@@ -75,38 +87,92 @@ def _check_certificate(
     folder: Path, manifest: dict[str, Any], progress: Progress | None
 ) -> list[Finding]:
     stated: dict[str, Any] = _table(folder, manifest, "certificate")
-    sequence = open_euroc(folder)
-    load = _disparity_loader(folder, sequence.rig)
+    settings = validated(RecordSettings, _table(folder, manifest, "settings"))
+    frames = _measure(folder, settings, progress)
+    if not frames:
+        return []
+    found = certify(frames, check_folder(folder, settings))
+    findings: list[Finding] = []
+    for part, figures in found.items():
+        if isinstance(figures, dict):
+            findings += _compare(part, stated.get(part, {}), figures)
+    return findings
+
+
+def _compare(part: str, stated: dict[str, Any], found: dict[str, Any]) -> list[Finding]:
+    """Tell which figures of a part of the certificate changed, and whether it fails."""
+    findings: list[Finding] = []
+    for key, value in found.items():
+        if isinstance(value, float):
+            room = TOLERANCES.get(key, OTHERS * max(1.0, abs(value)))
+            if not abs(stated.get(key, float("inf")) - value) <= room:
+                problem = f"certificate.{part}.{key} is {stated.get(key)!r}, recomputed {value!r}"
+                findings.append(Finding(MANIFEST, problem))
+    failed: list[int] = found.get("failed_frames_ns", [])
+    if failed:
+        label = {"stereo": "disparity", "flow": "flow"}[part]
+        frames = f"{len(failed)} frames, the first at {failed[0]} ns"
+        findings.append(Finding("mav0", f"the {label} does not explain {frames}"))
+    elif not found["passed"]:
+        findings.append(Finding("mav0", f"the {part} check fails: {found}"))
+    return findings
+
+
+def _measure(
+    folder: Path, settings: RecordSettings, progress: Progress | None
+) -> list[FrameResidual]:
+    """Measure every frame again; nothing without a disparity or depth label."""
+    rig = stereo_rig(settings.rig)
+    load = _disparity_loader(folder, rig)
     if load is None:
         return []
-    residuals: list[FrameResidual] = []
-    for frame in sequence:
-        disparity_px = load(frame.timestamp_ns)
-        residuals.append(measure_frame(frame.timestamp_ns, frame.left, frame.right, disparity_px))
+    render_rig = widened(rig, margin_px(settings, rig))
+    judge = Judge(settings, rig, [Sensor(settings, eye, rig, render_rig) for eye in (0, 1)])
+    gains = _read_gains(folder)
+    sequence = open_euroc(folder)
+    has_flow = settings.labels.flow and settings.labels.covisibility
+    frames: list[FrameResidual] = []
+    following = sequence[0]
+    for k in range(len(sequence)):
+        frame = following
+        time_ns = frame.timestamp_ns
+        stereo = judge.stereo(frame.left, frame.right, load(time_ns), gains[time_ns])
+        flow = None
+        if k + 1 < len(sequence):
+            following = sequence[k + 1]
+            if has_flow:
+                flow = judge.flow(
+                    frame.left,
+                    following.left,
+                    read_float(label_file(folder, "flow", time_ns), 3),
+                    read_codes(label_file(folder, "covisibility", time_ns)),
+                    (gains[time_ns], gains[following.timestamp_ns]),
+                )
+        frames.append(FrameResidual(time_ns, stereo, flow))
         if progress:
-            progress(len(residuals), len(sequence))
-    found = certify(residuals)
-    findings = [
-        Finding(MANIFEST, f"certificate.{key} is {stated.get(key)!r}, recomputed {found[key]!r}")
-        for key, tolerance in TOLERANCES.items()
-        if not abs(stated.get(key, float("inf")) - found[key]) <= tolerance
-    ]
-    failed: list[int] = found["failed_frames_ns"]
-    if failed:
-        problem = (
-            f"the disparity does not explain {len(failed)} frames, the first at {failed[0]} ns"
-        )
-        findings.append(Finding("mav0", problem))
-    return findings
+            progress(len(frames), len(sequence))
+    return frames
+
+
+def _read_gains(folder: Path) -> dict[int, float]:
+    """Gain of the automatic exposure by timestamp."""
+    table = folder / EXPOSURES
+    try:
+        times = np.loadtxt(table, delimiter=",", usecols=0, dtype=np.int64, ndmin=1)
+        gains = np.loadtxt(table, delimiter=",", usecols=2, ndmin=1)
+    except (OSError, ValueError):
+        raise DatasetError(f"{table}: missing or malformed") from None
+    return dict(zip(times.tolist(), gains.tolist(), strict=True))
 
 
 def _disparity_loader(folder: Path, rig: StereoRig) -> Callable[[int], Array] | None:
     """Map a time to the (H, W) disparity label, from depth if need be; None without labels."""
-    disparity, depth = (folder / f"mav0/{label}0/data" for label in ("disparity", "depth"))
-    if disparity.is_dir():
-        return lambda time_ns: read_float(disparity / f"{time_ns}.tiff")
-    if depth.is_dir():
-        return lambda time_ns: disparity_from_depth(rig, read_float(depth / f"{time_ns}.tiff"))
+    if (folder / "mav0" / LABELS["disparity"].folder).is_dir():
+        return lambda time_ns: read_float(label_file(folder, "disparity", time_ns))
+    if (folder / "mav0" / LABELS["depth"].folder).is_dir():
+        return lambda time_ns: disparity_from_depth(
+            rig, read_float(label_file(folder, "depth", time_ns))
+        )
     return None
 
 

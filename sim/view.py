@@ -4,7 +4,6 @@ import mujoco
 import numpy as np
 
 from sim.rig import CAMERA
-from sim.rover import PREFIX
 from vo.contract.arrays import Mask
 from vo.contract.rig import StereoRig
 
@@ -17,7 +16,7 @@ def in_view(model: mujoco.MjModel, data: mujoco.MjData, rig: StereoRig) -> Mask:
         data: With bodies and cameras in place.
         rig: Size and focal length of the images; both eyes are centred.
     """
-    camera = model.camera(PREFIX + CAMERA).id
+    camera = model.camera(CAMERA).id
     R_world_gl = data.cam_xmat[camera].reshape(3, 3)
     tan_u, tan_v = rig.width_px / 2 / rig.f_px, rig.height_px / 2 / rig.f_px
     inward = np.array(  # normals of the sides, in MuJoCo's camera axes: it looks along -z

@@ -100,24 +100,29 @@ def _meets(nearness: Array, u: float, v: float, wanted: float, slack: float) -> 
     Disparity and 1/Z are affine in the pixel on a plane (thesis eq. 2.5), so that a pixel's
     surface is carried exactly to the place by its slopes.
     """
-    height, width = nearness.shape
     u0, v0 = int(np.floor(u)), int(np.floor(v))
     met = False
     for y in range(v0, v0 + 1 + (v > v0)):
         for x in range(u0, u0 + 1 + (u > u0)):
-            here = nearness[y, x]
-            before = here - nearness[y, x - 1] if x > 0 else np.inf
-            after = nearness[y, x + 1] - here if x + 1 < width else np.inf
-            slope_u = before if abs(before) < abs(after) else after
-            before = here - nearness[y - 1, x] if y > 0 else np.inf
-            after = nearness[y + 1, x] - here if y + 1 < height else np.inf
-            slope_v = before if abs(before) < abs(after) else after
-            carried = here
-            if u != x:
-                carried += slope_u * (u - x)
-            if v != y:
-                carried += slope_v * (v - y)
+            carried = nearness[y, x]
+            if abs(carried - wanted) > slack:
+                if u != x:
+                    carried += straightest(nearness[y], x)[0] * (u - x)
+                if v != y:
+                    carried += straightest(nearness[:, x], y)[0] * (v - y)
             if carried > wanted + slack:
                 return HIDDEN
             met = met or carried >= wanted - slack
     return VISIBLE if met else HIDDEN
+
+
+@numba.njit(cache=True, nogil=True)
+def straightest(line: Array, k: int) -> tuple[float, float]:
+    """Slope at k and second difference of the straightest three entries that hold k."""
+    slope, bend = 0.0, np.inf
+    for centre in (k, k - 1, k + 1):
+        if centre >= 1 and centre + 1 < len(line):
+            second = abs(line[centre - 1] - 2 * line[centre] + line[centre + 1])
+            if second < bend:
+                slope, bend = (line[centre + 1] - line[centre - 1]) / 2, second
+    return slope, bend

@@ -12,7 +12,6 @@ import numpy as np
 from sim.labels import disparity_from_depth
 from sim.render import SPARE_GEOMS
 from sim.rig import CAMERA
-from sim.rover import PREFIX
 from sim.settings import RenderSettings
 from sim.world import World
 from vo.contract.arrays import Array, Image
@@ -50,7 +49,7 @@ def stock_renderer(world: World, settings: RenderSettings) -> Generator[mujoco.R
 
 def render_plainly(renderer: mujoco.Renderer, world: World) -> StockView:
     """Make right image, left image and left depth, one call after the other."""
-    camera = world.model.camera(PREFIX + CAMERA).id
+    camera = world.model.camera(CAMERA).id
     centre = world.data.cam_xpos[camera].copy()
     half_baseline = world.rig.baseline_m / 2 * world.data.cam_xmat[camera].reshape(3, 3)[:, 0]
     world.data.cam_xpos[camera] = centre + half_baseline

@@ -1,12 +1,13 @@
 """Making and checking datasets: scenes, preview, generate, verify."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 if TYPE_CHECKING:
     from scenes.scene import Scene
+    from sim.record import Recording
     from sim.settings import RecordSettings
 
 SceneName = Annotated[str, typer.Argument(help="Name, as `driftyard scenes` lists it.")]
@@ -59,11 +60,15 @@ def generate(
     from trials.commands import console
 
     settings = record_settings(scene, seed, overrides or [], config)
-    certificate = record_scene(scene, settings, out, overwrite)
+    recording = record_scene(scene, settings, out, overwrite)
+    certificate = recording.certificate
     console.out.print(
-        f"{out}: median left-right residual {certificate['median_grey']:g} grey levels, "
+        f"{out}: median left-right residual {certificate['stereo']['median_grey']:g} grey levels, "
         + ("certified" if certificate["passed"] else "[bold red]not certified[/]")
     )
+    if recording.ended:
+        console.err.print(f"{out}: incomplete, {recording.ended}")
+        raise typer.Exit(1)
 
 
 def verify(dataset: Annotated[Path, typer.Argument(help="Folder that generate wrote.")]) -> None:
@@ -110,8 +115,8 @@ def build(name: str, settings: "RecordSettings") -> "Scene":
 
 def record_scene(
     name: str, settings: "RecordSettings", out: Path, overwrite: bool = False
-) -> dict[str, Any]:
-    """Record a scene with a progress bar; returns the certificate."""
+) -> "Recording":
+    """Record a scene with a progress bar."""
     from sim.record import record
     from trials.commands import console
     from vo.contract.dataset import DatasetWriter

@@ -42,27 +42,44 @@ def read_grey(path: Path) -> Image:
     return np.asarray(image, dtype=np.uint8)
 
 
-def read_float(path: Path) -> Array:
-    """Read a (H, W) float32 label.
+def read_float(path: Path, channels: int = 1) -> Array:
+    """Read a (H, W) or (H, W, 3) float32 label.
 
     Raises:
         DatasetError: If the file is missing, damaged or not a float image.
     """
     image = _decode(path, cv2.IMREAD_UNCHANGED)
-    if image.dtype != np.float32 or image.ndim != 2:
-        raise DatasetError(f"{path}: expected a one-channel 32-bit float image, got {image.dtype}")
+    shape = (*image.shape[:2], channels)[: 2 if channels == 1 else 3]
+    if image.dtype != np.float32 or image.shape != shape:
+        raise DatasetError(
+            f"{path}: expected a 32-bit float image of {channels} channels, got {image.dtype}"
+        )
+    return image if channels == 1 else image[..., ::-1]
+
+
+def read_codes(path: Path) -> Array:
+    """Read a (H, W) label of whole numbers, uint8 or uint16.
+
+    Raises:
+        DatasetError: If the file is missing, damaged or of another kind.
+    """
+    image = _decode(path, cv2.IMREAD_UNCHANGED)
+    if image.dtype not in (np.uint8, np.uint16) or image.ndim != 2:
+        raise DatasetError(f"{path}: expected one channel of 8 or 16 bits, got {image.dtype}")
     return image
 
 
-def encode_png(image: Image) -> bytes:
-    """Encode (H, W) grey or (H, W, 3) RGB uint8 losslessly."""
+def encode_png(image: Array) -> bytes:
+    """Encode (H, W) grey of 8 or 16 bits, or (H, W, 3) RGB uint8, losslessly."""
     if image.ndim == 3:
         image = np.ascontiguousarray(image[..., ::-1])
     return cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1].tobytes()
 
 
 def encode_float(label: Array) -> bytes:
-    """Encode a (H, W) float32 label losslessly: TIFF, LZW with the floating-point predictor."""
+    """Encode (H, W) or (H, W, 3) float32 losslessly: TIFF, LZW, floating-point predictor."""
+    if label.ndim == 3:
+        label = np.ascontiguousarray(label[..., ::-1])
     options = [cv2.IMWRITE_TIFF_COMPRESSION, cv2.IMWRITE_TIFF_COMPRESSION_LZW]
     options += [cv2.IMWRITE_TIFF_PREDICTOR, cv2.IMWRITE_TIFF_PREDICTOR_FLOATINGPOINT]
     return cv2.imencode(".tiff", np.asarray(label, dtype=np.float32), options)[1].tobytes()

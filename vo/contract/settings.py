@@ -49,8 +49,29 @@ def resolve(
                 f"--set {override}: expected key=value, for example rig.tilt_deg=20"
             )
         _assign(values, key.strip(), text.strip())
+    return validated(model, values)
+
+
+def amended(settings: S, values: Mapping[str, Any]) -> S:
+    """Return settings with some values, by `key.path`, replaced.
+
+    Raises:
+        SettingsError: If a key or value is not accepted.
+    """
+    content = settings.model_dump()
+    for key, value in values.items():
+        _place(content, key, value)
+    return validated(type(settings), content)
+
+
+def validated(model: type[S], content: Mapping[str, Any]) -> S:
+    """Build settings from nested tables.
+
+    Raises:
+        SettingsError: If a key or value is not accepted; names the key and the valid ones.
+    """
     try:
-        return model.model_validate(values)
+        return model.model_validate(content)
     except ValidationError as error:
         raise SettingsError(_explain(model, error)) from None
 

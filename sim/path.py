@@ -1,0 +1,67 @@
+"""A path: where to drive, by arc length."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from vo.contract.arrays import Array
+from vo.contract.errors import SettingsError
+
+CLOSED_WITHIN_M = 0.05
+"""A route whose ends are closer than this may be driven around repeatedly."""
+
+
+@dataclass(frozen=True)
+class Path:
+    """A polyline to drive along, by arc length.
+
+    Attributes:
+        waypoints: (N, 2) world x, y in metres, N >= 2.
+        marks_m: (N,) arc length at each waypoint, from 0.
+    """
+
+    waypoints: Array
+    marks_m: Array
+
+    @property
+    def length_m(self) -> float:
+        """From the first waypoint to the last."""
+        return float(self.marks_m[-1])
+
+    def at(self, s_m: float | Array) -> Array:
+        """Return the (..., 2) points at arc lengths (...), clamped to the ends."""
+        x, y = (np.interp(s_m, self.marks_m, self.waypoints[:, k]) for k in range(2))
+        return np.stack([x, y], axis=-1)
+
+
+def plan_path(route: Array, distance_m: float | None) -> Path:
+    """Cut a route, or repeat a closed one, to the distance asked for.
+
+    Args:
+        route: (N, 2) waypoints in metres.
+        distance_m: Path length; None for the route once.
+
+    Raises:
+        SettingsError: If an open route is shorter than that.
+    """
+    once = _path(route)
+    if distance_m is None:
+        return once
+    points = route
+    if distance_m > once.length_m:
+        if np.linalg.norm(route[-1] - route[0]) > CLOSED_WITHIN_M:
+            raise SettingsError(
+                f"setting drive.distance_m: {distance_m:g} m asked for, but the route is open and "
+                f"{once.length_m:.1f} m long"
+            )
+        laps = math.ceil(distance_m / once.length_m)
+        points = np.concatenate([route[:1]] + [route[1:]] * laps)
+    whole = _path(points)
+    keep = whole.marks_m < distance_m
+    return _path(np.concatenate([whole.waypoints[keep], whole.at(distance_m)[None]]))
+
+
+def _path(waypoints: Array) -> Path:
+    steps = np.linalg.norm(np.diff(waypoints, axis=0), axis=1)
+    return Path(waypoints, np.concatenate([[0.0], np.cumsum(steps)]))
