@@ -1,13 +1,30 @@
-"""Disparity, visibility and residual on images small enough to work out by hand."""
+"""Dense labels on images small enough to work out by hand, and on worlds solved ray by ray."""
+
+import math
 
 import numpy as np
 import pytest
+from raycast import Ball, Box, Ground, look
 
-from sim.certificate import certify, measure_frame
-from sim.labels import disparity_from_depth, photometric_residual, visible_in_right
+from sim.certificate import FrameResidual, Judge, certify
+from sim.imaging import Sensor
+from sim.labels import (
+    class_image,
+    disparity_from_depth,
+    flow,
+    normals,
+    object_image,
+    photometric_residual,
+    visible_in_right,
+)
+from sim.resample import sample, sample_variance
+from sim.settings import RecordSettings
+from sim.warp import expected_residual, residual
+from vo.contract import se3
 from vo.contract.rig import StereoRig
 
-RIG = StereoRig(width_px=12, height_px=2, f_px=100, cx_px=5.5, cy_px=0.5, baseline_m=0.1)
+WIDE = StereoRig(width_px=160, height_px=120, f_px=114, cx_px=79.5, cy_px=59.5, baseline_m=0.09)
+RIG = StereoRig(width_px=12, height_px=8, f_px=100, cx_px=5.5, cy_px=3.5, baseline_m=0.1)
 
 
 def test_disparity_is_f_b_over_z():
@@ -47,17 +64,134 @@ def test_a_shifted_image_leaves_no_residual():
 
 
 def test_certificate_names_the_worst_frame_and_fails_on_it():
+    settings = RecordSettings()
+    judge = Judge(settings, RIG, [Sensor(settings, eye, RIG, RIG) for eye in (0, 1)])
     right = np.full((8, 12), 100, dtype=np.uint8)
     disparity_px = np.full((8, 12), 1.0, dtype=np.float32)
     frames = [
-        measure_frame(time_ns, right + np.uint8(error), right, disparity_px)
+        FrameResidual(
+            time_ns, judge.stereo(right + np.uint8(error), right, disparity_px, 1.0), None
+        )
         for time_ns, error in ((1, 0), (2, 1), (3, 5), (4, 0))
     ]
-    certificate = certify(frames)
-    assert certificate["worst_frame_ns"] == 3
-    assert certificate["worst_frame_median_grey"] == 5.0
-    assert certificate["rms_grey"] == pytest.approx(np.sqrt((1 + 25) / 4), abs=1e-3)
-    assert certificate["visible_fraction"] == pytest.approx(11 / 12, abs=1e-6)
-    assert certificate["failed_frames_ns"] == [2, 3]
-    assert not certificate["passed"]
-    assert certify(frames[:1])["passed"]
+    stereo = certify(frames, {})["stereo"]
+    assert stereo["worst_frame_ns"] == 3
+    assert stereo["worst_frame_median_grey"] == 5.0
+    assert stereo["rms_grey"] == pytest.approx(np.sqrt((1 + 25) / 4), abs=1e-3)
+    assert stereo["visible_fraction"] == pytest.approx(11 / 12, abs=1e-6)
+    assert stereo["failed_frames_ns"] == [2, 3]
+    assert not certify(frames, {})["passed"]
+    assert certify(frames[:1], {})["passed"]
+    assert not certify(frames[:1], {"inertial": {"passed": False}})["passed"]
+
+
+def test_normals_are_exact_on_planes_up_to_their_edges_and_nowhere_else():
+    R = np.array([[0, -0.34, 0.94], [-1, 0, 0], [0, -0.94, -0.34]])
+    T_world_cam = se3.pose(se3.exp(np.array([0, 0, 0, 0, 0, 0.2]))[:3, :3] @ R, np.array([0, 0, 1]))
+    T_world_cam[:3, :3] = (
+        np.linalg.svd(T_world_cam[:3, :3])[0] @ np.linalg.svd(T_world_cam[:3, :3])[2]
+    )
+    box = Box((0.3, 0.3, 0.3), se3.exp(np.array([2.0, 0.2, 0.3, 0, 0, 0.5])))
+    ball = Ball(0.2, se3.exp(np.array([1.6, -0.3, 0.2, 0, 0, 0])))
+    view = look([Ground(), box, ball], WIDE, T_world_cam)
+    ours = normals(WIDE, view.depth_m)
+    known = np.isfinite(ours).all(axis=-1)
+    planes = (view.shapes == 0) | (view.shapes == 1)
+    assert known[planes].mean() > 0.99
+    assert not known[~planes].any()
+    cosine = (ours * view.normals_cam)[known].sum(axis=-1)
+    assert np.degrees(np.arccos(np.clip(cosine, -1, 1))).max() < 0.05
+    np.testing.assert_allclose(np.linalg.norm(ours[known], axis=-1), 1, atol=1e-6)
+
+
+def test_flow_of_sky_is_the_turn_alone_and_bodies_move_by_themselves():
+    depth_m = np.full((120, 160), np.nan, np.float32)
+    depth_m[60:] = 2.0
+    bodies = np.zeros((120, 160), np.int32)
+    bodies[90:] = 1
+    turned = se3.exp(np.array([0.1, -0.05, 0.2, 0.0, 0.02, 0.01]))
+    pushed = se3.pose(np.eye(3), np.array([0.1, 0, 0.5]))
+    moved = flow(WIDE, depth_m, bodies, np.stack([turned, pushed @ turned]))
+    assert np.isnan(moved[:60, :, 2]).all()
+
+    for v, u in ((5, 10), (70, 20), (100, 150)):
+        body = pushed @ turned if bodies[v, u] else turned
+        ray = np.array([(u - WIDE.cx_px) / WIDE.f_px, (v - WIDE.cy_px) / WIDE.f_px, 1])
+        far = np.isnan(depth_m[v, u])
+        p = turned[:3, :3] @ ray if far else body[:3, :3] @ ray * 2 + body[:3, 3]
+        pixel = WIDE.f_px * p[:2] / p[2] + (WIDE.cx_px, WIDE.cy_px)
+        np.testing.assert_allclose(moved[v, u, :2], pixel - (u, v), atol=1e-4)
+        if not far:
+            assert moved[v, u, 2] == pytest.approx(p[2], rel=1e-6)
+
+
+def test_classes_and_objects_are_looked_up_and_nothing_is_zero():
+    geoms = np.array([[-1, 0], [2, 1]])
+    classes = class_image(np.array([3, 1, 2]), geoms)
+    assert classes.dtype == np.uint8
+    assert classes.tolist() == [[0, 3], [2, 1]]
+    objects = object_image(np.array([300, 7, 7]), geoms)
+    assert objects.dtype == np.uint16
+    assert objects.tolist() == [[0, 300], [7, 7]]
+
+
+def test_sampling_is_exact_on_parabolas():
+    v, u = np.indices((12, 16)).astype(np.float32)
+    image = 3 + 0.5 * u - 0.2 * v + 0.03 * u * u - 0.05 * v * v + 0.1 * u * v
+    rng = np.random.default_rng(2)
+    x, y = rng.uniform(1, 10, (2, 5, 7)).astype(np.float32)
+    expected = 3 + 0.5 * x - 0.2 * y + 0.03 * x * x - 0.05 * y * y + 0.1 * x * y
+    np.testing.assert_allclose(sample(image, x, y), expected, atol=2e-5)
+    both = sample(np.stack([image, 2 * image], axis=-1), x, y)
+    np.testing.assert_allclose(both, np.stack([expected, 2 * expected], axis=-1), atol=4e-5)
+
+
+def test_sampling_continues_the_border_and_passes_nan_on():
+    image = np.arange(12, dtype=np.float32).reshape(3, 4)
+    u = np.array([[-5, 9, 0, np.nan]], np.float32)
+    v = np.array([[0, 2, -3, 1]], np.float32)
+    np.testing.assert_array_equal(sample(image, u, v), [[0, 11, 0, np.nan]])
+
+
+@pytest.mark.parametrize(("phase_u", "phase_v"), [(0, 0), (0.5, 0), (0.3, 0.8)])
+def test_variance_of_samples_is_as_measured(phase_u: float, phase_v: float):
+    rng = np.random.default_rng(3)
+    noise = 5 * rng.standard_normal((400, 400), dtype=np.float32)
+    v, u = np.indices(noise.shape).astype(np.float32)
+    u, v = u[5:-5, 5:-5] + np.float32(phase_u), v[5:-5, 5:-5] + np.float32(phase_v)
+    promised = sample_variance(np.full_like(noise, 25), u, v)
+    assert promised.std() < 1e-3
+    assert sample(noise, u, v).var() == pytest.approx(promised.mean(), rel=0.03)
+
+
+def _noisy_pair(rng: np.random.Generator, color: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Smooth images, the right one moved by 3.5 px, with a noise of 4 and 6 grey levels."""
+    shape = (200, 300, 3) if color else (200, 300)
+    u = np.arange(300)[:, None] if color else np.arange(300)
+    left = 120 + 40 * np.sin(u / 20) + 4 * rng.standard_normal(shape)
+    right = 120 + 40 * np.sin((u + 3.5) / 20) + 6 * rng.standard_normal(shape)
+    return np.rint(left).astype(np.uint8), np.rint(right).astype(np.uint8)
+
+
+@pytest.mark.parametrize("color", [False, True])
+def test_noise_explains_the_residual_of_a_right_label_and_not_of_a_wrong_one(color: bool):
+    left, right = _noisy_pair(np.random.default_rng(4), color)
+    v, u = np.indices((200, 300)).astype(np.float32)
+    visible = (u > 10) & (u < 290)
+    sigma_left, sigma_right = np.full(256, 4.0), np.full(256, 6.0)
+    known = visible, sigma_left, sigma_right
+    expected = expected_residual(left, right, u - 3.5, v, *known)
+    measured = residual(left, right, u - 3.5, v, visible)
+    ratio = math.sqrt((measured**2).mean() / (expected**2).mean())
+    assert ratio == pytest.approx(1, abs=0.01)
+    wrong = residual(left, right, u - 6.5, v, visible)
+    assert math.sqrt((wrong**2).mean() / (expected**2).mean()) > 1.1
+
+
+def test_without_noise_rounding_is_what_is_expected():
+    image = np.full((8, 12), 100, np.uint8)
+    v, u = np.indices((8, 12)).astype(np.float32)
+    visible = np.ones((8, 12), bool)
+    quiet = np.zeros(256)
+    expected = expected_residual(image, image, u, v, visible, quiet, quiet)
+    np.testing.assert_allclose(expected, math.sqrt(1 / 6), rtol=1e-6)
