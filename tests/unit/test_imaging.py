@@ -1,0 +1,257 @@
+"""The sensor: exact where nothing is set, and noise, gains and fall-off as the formulas say."""
+
+import dataclasses
+import math
+
+import cv2
+import numpy as np
+import pytest
+
+from sim.imaging import WELL, Sensor
+from sim.lens import margin_px
+from sim.light import LINEAR, Encoding, Response, decode, levels_to_light
+from sim.metering import EXPOSURE_MIN_MS, AutoExposure
+from sim.settings import RecordSettings, SensorSettings
+from vo.contract.arrays import Array, Image
+from vo.contract.rig import StereoRig
+
+RIG = StereoRig(width_px=160, height_px=120, f_px=114, cx_px=79.5, cy_px=59.5, baseline_m=0.09)
+LEVELS = np.arange(256, dtype=np.uint8)
+
+
+def sensor_of(eye: int = 0, **sensor: float | str) -> tuple[Sensor, StereoRig]:
+    settings = RecordSettings(sensor=SensorSettings.model_validate(sensor))
+    m = margin_px(settings, RIG)
+    size = {"width_px": RIG.width_px + 2 * m, "height_px": RIG.height_px + 2 * m}
+    rendered = dataclasses.replace(RIG, **size, cx_px=RIG.cx_px + m, cy_px=RIG.cy_px + m)
+    return Sensor(settings, 1 if eye else 0, RIG, rendered), rendered
+
+
+def flat(level: int, rig: StereoRig = RIG) -> Image:
+    return np.full((rig.height_px, rig.width_px), level, np.uint8)
+
+
+def exposed(
+    image: Image, eye: int = 0, brightness: float = 1, gain: float = 1, seed: int = 0,
+    **sensor: float | str,
+) -> Image:  # fmt: skip
+    camera, _ = sensor_of(eye, **sensor)
+    return camera.expose(decode(image), brightness, gain, np.random.default_rng(seed))
+
+
+def noise_image(shape: tuple[int, ...] = (120, 160)) -> Image:
+    return np.random.default_rng(1).integers(0, 256, shape, np.uint8)
+
+
+def test_decoding_is_the_standards_and_survives_encoding():
+    """sRGB 188 is half the light (IEC 61966-2-1: 0.5029)."""
+    assert LINEAR[[0, 255]].tolist() == [0, 1]
+    assert LINEAR[188] == pytest.approx(0.5029, abs=1e-4)
+    assert LINEAR[5] == pytest.approx(5 / 255 / 12.92)
+    np.testing.assert_array_equal(Encoding("srgb")(decode(LEVELS[None])), LEVELS[None])
+    assert decode(noise_image((3, 4, 3))).shape == (3, 4, 3)
+
+
+@pytest.mark.parametrize("response", ["srgb", "linear"])
+def test_encoding_takes_the_nearest_level_everywhere(response: Response):
+    light = np.linspace(-0.1, 1.1, 200_001).astype(np.float32)
+    ours = Encoding(response)(light[None])[0]
+    clipped = np.clip(light.astype(np.float64), 0, 1)
+    share = np.where(clipped <= 0.0031308, 12.92 * clipped, 1.055 * clipped ** (1 / 2.4) - 0.055)
+    exact = 255 * (share if response == "srgb" else clipped)
+    clear = np.abs(exact % 1 - 0.5) > 1e-3
+    np.testing.assert_array_equal(ours[clear], np.rint(exact)[clear])
+    np.testing.assert_allclose(ours, exact, atol=0.501)
+
+
+@pytest.mark.parametrize("shape", [(120, 160), (120, 160, 3)])
+@pytest.mark.parametrize("eye", [0, 1])
+def test_a_perfect_camera_changes_nothing(shape: tuple[int, ...], eye: int):
+    image = noise_image(shape)
+    np.testing.assert_array_equal(exposed(image, eye), image)
+    np.testing.assert_array_equal(exposed(image, eye, brightness=0.5, gain=2), image)
+    camera, _ = sensor_of(eye)
+    assert camera.undistort(image) is image
+    assert camera.noise_share is None
+    assert not camera.is_noisy
+
+
+def test_gains_multiply_light_and_clip():
+    level = 100
+    for kw, factor in (
+        ({"brightness": 2.0}, 2.0),
+        ({"gain": 1.7}, 1.7),
+        ({"gain_db": 6.0}, 10**0.3),
+        ({"right_gain": 1.4, "eye": 1}, 1.4),
+        ({"right_gain": 1.4, "eye": 0}, 1.0),
+    ):
+        out = exposed(flat(level), **kw)  # type: ignore[arg-type]
+        assert LINEAR[out[0, 0]] == pytest.approx(LINEAR[level] * factor, rel=0.01)
+    assert (exposed(flat(200), brightness=4) == 255).all()
+
+
+def test_a_linear_response_is_proportional_to_light():
+    out = exposed(np.tile(LEVELS[:160], (120, 1)), response="linear")
+    np.testing.assert_array_equal(out[0], np.rint(255 * LINEAR[:160]))
+
+
+def test_vignetting_takes_its_share_in_the_corner_and_none_in_the_middle():
+    out = levels_to_light("srgb", exposed(flat(200), vignetting=0.5))
+    assert out[60, 80] == pytest.approx(LINEAR[200], rel=0.01)
+    for corner in (out[0, 0], out[-1, -1]):
+        assert corner == pytest.approx(0.5 * LINEAR[200], rel=0.01)
+    r2 = (79.5**2) / (79.5**2 + 59.5**2)
+    assert out[60, 0] == pytest.approx((1 - 0.5 * r2) * LINEAR[200], rel=0.01)
+
+
+def test_softness_is_a_gaussian_of_light_up_to_the_border():
+    camera, rendered = sensor_of(softness_px=1.2)
+    image = noise_image((rendered.height_px, rendered.width_px))
+    out = camera.expose(decode(image), 1, 1, np.random.default_rng(0))
+    m = (rendered.width_px - RIG.width_px) // 2
+    wide = cv2.GaussianBlur(decode(image).astype(np.float64), (21, 21), 1.2)[m:-m, m:-m]
+    error = out - Encoding("srgb")(wide.astype(np.float32)).astype(float)
+    assert out.shape == (120, 160)
+    assert np.abs(error)[8:-8, 8:-8].max() <= 2  # the tail beyond three deviations
+    step = np.where(np.arange(rendered.width_px) < rendered.width_px // 2, 0, 255).astype(np.uint8)
+    edge = camera.expose(
+        decode(np.tile(step, (rendered.height_px, 1))), 1, 1, np.random.default_rng(0)
+    )
+    spread = np.gradient(levels_to_light("srgb", edge[60]))
+    place = np.arange(160)
+    mean = (spread * place).sum() / spread.sum()
+    deviation = math.sqrt((spread * (place - mean) ** 2).sum() / spread.sum())
+    assert deviation == pytest.approx(1.2, abs=0.25)  # the central difference adds 0.2
+
+
+NOISES = [
+    ({"full_well": 8000.0, "read_noise": 12.0}, 1.0, 0),
+    ({"full_well": 8000.0, "read_noise": 12.0}, 8.0, 0),
+    ({"read_noise": 30.0}, 2.0, 0),
+    ({"read_noise": 30.0, "right_noise": 3.0}, 1.0, 1),
+    ({"full_well": 3000.0, "gain_db": 12.0}, 1.0, 1),
+    ({"full_well": 3000.0, "response": "linear"}, 2.0, 0),
+]
+
+
+@pytest.mark.parametrize(("sensor", "gain", "eye"), NOISES)
+@pytest.mark.parametrize("level", [40, 128, 220])
+def test_noise_has_the_variance_of_electrons(
+    sensor: dict[str, float | str], gain: float, eye: int, level: int
+):
+    """In light: (G/well) y + (G read/well)^2, written out anew, against 19,200 pixels."""
+    response: Response = "linear" if sensor.get("response") == "linear" else "srgb"
+    y = float(levels_to_light(response, np.array(level)))
+    G = gain * 10 ** (float(sensor.get("gain_db", 0)) / 20)
+    well = float(sensor.get("full_well", 0)) or WELL
+    read = float(sensor.get("read_noise", 0)) * (float(sensor.get("right_noise", 1)) if eye else 1)
+    shot = y * well / G if "full_well" in sensor else 0.0
+    sigma = G / well * math.sqrt(shot + read**2)
+    camera, _ = sensor_of(eye, **sensor)
+    light = np.full((120, 160), y / G, np.float32)
+    out = camera.expose(light, 1.0, gain, np.random.default_rng(2))
+    measured = levels_to_light(response, out)
+    assert measured.mean() == pytest.approx(y, abs=4 * sigma / math.sqrt(out.size) + 2e-3)
+    assert out.std() == pytest.approx(math.hypot(camera.noise_sigma(gain)[level], 0.29), rel=0.03)
+    if sigma < 0.2 * min(y, 1 - y):  # elsewhere the response bends within the noise, or clips
+        width = float(np.diff(levels_to_light(response, np.array([level - 0.5, level + 0.5])))[0])
+        assert measured.std() == pytest.approx(math.hypot(sigma, width / 12**0.5), rel=0.04)
+
+
+def test_noise_table_is_zero_without_noise_and_the_slope_of_the_response_with_little():
+    assert sensor_of()[0].noise_sigma(1.0).max() < 1e-9
+    table = sensor_of(read_noise=1.0, full_well=10_000.0)[0].noise_sigma(1.0)
+    y = LINEAR[100]
+    slope = 255 * 1.055 / 2.4 * y ** (1 / 2.4 - 1)
+    assert table[100] == pytest.approx(slope * math.sqrt(y / 1e4 + 1e-8), rel=0.01)
+    assert table[0] < table[50]
+    assert table[255] < table[250]  # clipped from above
+
+
+def test_noise_is_independent_between_pixels_channels_and_pictures_and_repeats_with_its_seed():
+    image = np.full((120, 160, 3), 120, np.uint8)
+    noise = {"full_well": 2000.0}
+    one, two = exposed(image, seed=3, **noise), exposed(image, seed=4, **noise)
+    np.testing.assert_array_equal(one, exposed(image, seed=3, **noise))
+    for a, b in (
+        (one[..., 0], one[..., 1]), (one, two), (one[:, 1:, 0], one[:, :-1, 0])
+    ):  # fmt: skip
+        assert abs(np.corrcoef(a.ravel(), b.ravel())[0, 1]) < 0.03
+
+
+def test_rectifying_lowers_noise_by_the_share_that_is_told():
+    camera, rendered = sensor_of(k1=-0.2, k2=0.04, full_well=3000.0)
+    light = decode(flat(128, rendered))
+    rng = np.random.default_rng(5)
+    pictures = [camera.undistort(camera.expose(light, 1, 1, rng)) for _ in range(200)]
+    measured = np.var(pictures, axis=0, dtype=np.float64) - 1 / 12
+    share = camera.noise_share
+    assert share is not None
+    promised = share * (camera.noise_sigma(1.0)[128] ** 2 + 1 / 12)
+    assert measured.mean() == pytest.approx(promised.mean(), rel=0.02)
+    assert 0.35 < share.min() < 0.5 < 0.9 < share.max() <= 1
+    dim, clear = share < np.quantile(share, 0.2), share > np.quantile(share, 0.8)
+    assert measured[clear].mean() > 1.5 * measured[dim].mean()
+
+
+def test_light_of_the_wrong_size_is_refused():
+    camera, _ = sensor_of()
+    with pytest.raises(ValueError, match="light of"):
+        camera.expose(np.zeros((5, 5), np.float32), 1, 1, np.random.default_rng(0))
+
+
+def automatic(**sensor: float) -> SensorSettings:
+    return SensorSettings.model_validate({"auto_exposure": True, **sensor})
+
+
+def run(settings: SensorSettings, radiance: Array, painted_ms: float = 5.0) -> Array:
+    """Meter uniform scenes of the given (N,) radiance; return (N, 3) ms, gain and mean grey."""
+    meter, encode = AutoExposure(settings, painted_ms), Encoding(settings.response)
+    rows: list[tuple[float, float, float]] = []
+    for level in radiance:
+        exposure = meter.next()
+        light = np.full((1, 1), level * exposure.brightness * exposure.gain, np.float32)
+        grey = float(encode(light).mean())
+        meter.see(grey)
+        rows.append((exposure.time_ms, exposure.gain, grey))
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("response", ["srgb", "linear"])
+@pytest.mark.parametrize("radiance", [0.003, 0.05, 0.5, 20.0])
+def test_automatic_exposure_reaches_its_target(response: Response, radiance: float):
+    settings = automatic(response=response, delay_frames=2)  # type: ignore[arg-type]
+    history = run(settings, np.full(40, radiance))
+    assert history[-1, 2] == pytest.approx(110, abs=2)
+    steps = np.sign(np.diff(np.abs(history[:, 2] - 110)))
+    assert (steps <= 0).mean() > 0.9  # it settles, and does not swing
+
+
+def test_exposure_comes_before_gain_and_both_end():
+    time_ms, gain, grey = run(automatic(exposure_max_ms=12, gain_max_db=20), np.full(40, 0.03))[-1]
+    assert time_ms == pytest.approx(12)
+    assert 1 < gain < 10
+    assert grey == pytest.approx(110, abs=2)
+    time_ms, gain, grey = run(automatic(exposure_max_ms=12, gain_max_db=20), np.full(40, 1e-4))[-1]
+    assert (time_ms, gain) == pytest.approx((12, 10))
+    assert grey < 60
+    time_ms, gain, _ = run(automatic(), np.full(60, 1e5))[-1]
+    assert (time_ms, gain) == pytest.approx((EXPOSURE_MIN_MS, 1))
+
+
+@pytest.mark.parametrize("delay", [1, 2, 5])
+def test_a_change_of_light_is_answered_after_the_delay(delay: int):
+    radiance = np.where(np.arange(60) < 30, 0.15, 0.6)
+    history = run(automatic(delay_frames=delay), radiance)
+    settled, answered = history[29, 0], np.flatnonzero(history[:, 0] < 0.95 * history[29, 0])
+    assert settled == pytest.approx(history[28, 0], rel=0.02)
+    assert answered[answered >= 30][0] == 30 + delay
+    assert history[-1, 2] == pytest.approx(110, abs=2)
+
+
+def test_no_more_pictures_than_the_delay_may_be_unseen():
+    meter = AutoExposure(automatic(delay_frames=2), 5.0)
+    meter.next()
+    meter.next()
+    with pytest.raises(IndexError):
+        meter.next()

@@ -1,0 +1,188 @@
+"""Lens, margin and calibration errors against OpenCV and against hand-turned cameras."""
+
+import dataclasses
+import math
+
+import cv2
+import numpy as np
+import pytest
+
+from sim.imaging import Sensor
+from sim.lens import (
+    chip_map,
+    chip_margin_px,
+    delivered_rig,
+    distort,
+    margin_px,
+    picture_map,
+    undistort,
+    unknown_rotation,
+)
+from sim.light import decode
+from sim.settings import CalibrationSettings, RecordSettings, RigSettings, SensorSettings
+from vo.contract.arrays import Array, Image
+from vo.contract.errors import CalibrationError, SettingsError
+from vo.contract.rig import StereoRig
+
+RIG = StereoRig(width_px=160, height_px=120, f_px=114, cx_px=79.5, cy_px=59.5, baseline_m=0.09)
+UNTURNED: Array = np.eye(3)
+SMALL = RigSettings(width_px=160, height_px=120)
+LENSES = {
+    "barrel": SensorSettings(k1=-0.28, k2=0.07),
+    "pincushion": SensorSettings(k1=0.12, k2=-0.02),
+    "decentred": SensorSettings(k1=-0.1, k2=0.02, p1=0.004, p2=-0.003),
+}
+
+
+def widened(rig: StereoRig, margin: int) -> StereoRig:
+    return dataclasses.replace(
+        rig,
+        width_px=rig.width_px + 2 * margin,
+        height_px=rig.height_px + 2 * margin,
+        cx_px=rig.cx_px + margin,
+        cy_px=rig.cy_px + margin,
+    )
+
+
+def coefficients(lens: SensorSettings) -> Array:
+    return np.array([lens.k1, lens.k2, lens.p1, lens.p2])
+
+
+def recording(lens: SensorSettings, **calibration: float) -> RecordSettings:
+    return RecordSettings(rig=SMALL, sensor=lens, calibration=CalibrationSettings(**calibration))
+
+
+def pixels() -> Array:
+    v, u = np.mgrid[:120:7, :160:7].astype(float)
+    return np.stack([u, v], axis=-1)
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_distortion_is_opencvs(name: str):
+    lens, points = LENSES[name], RIG.normalized(pixels())
+    rays = np.dstack([points, np.ones(points.shape[:2])]).reshape(-1, 3)
+    theirs, _ = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), RIG.K, coefficients(lens))
+    ours = distort(lens, points).reshape(-1, 2) * RIG.f_px + (RIG.cx_px, RIG.cy_px)
+    np.testing.assert_allclose(ours, theirs[:, 0], atol=1e-9)
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_the_chip_takes_light_from_where_opencv_says(name: str):
+    lens = LENSES[name]
+    u, v = chip_map(recording(lens), RIG, np.eye(3), 0)
+    criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-12)
+    rays = cv2.undistortPoints(
+        pixels().reshape(-1, 1, 2), RIG.K, coefficients(lens), None, None, None, criteria
+    )
+    theirs = rays.reshape(*pixels().shape) * RIG.f_px + (RIG.cx_px, RIG.cy_px)
+    np.testing.assert_allclose(np.dstack([u, v])[::7, ::7], theirs, atol=0.02)
+    np.testing.assert_allclose(distort(lens, undistort(lens, rays)), rays, atol=1e-9)
+
+
+def test_beyond_the_fold_no_light_arrives():
+    lens = SensorSettings(k1=-0.3)
+    furthest = 2 / 3 * math.sqrt(1 / 0.9)  # r - 0.3 r^3 at its maximum
+    inside, outside = undistort(lens, np.array([[furthest - 0.01, 0], [furthest + 0.01, 0]]))
+    assert 0.9 < inside[0] < math.sqrt(1 / 0.9)
+    assert np.isnan(outside).all()
+
+
+def texture(rig: StereoRig, R_nominal_eye: Array = UNTURNED) -> Image:
+    """A smooth pattern on the sphere of directions, so that any camera can look at it."""
+    v, u = np.indices((rig.height_px, rig.width_px))
+    ray = np.stack([*np.moveaxis(rig.normalized(np.dstack([u, v])), -1, 0), np.ones(u.shape)], -1)
+    x, y, z = np.moveaxis(ray @ R_nominal_eye.T, -1, 0)
+    grey = 128 + 60 * np.sin(12 * x / z) * np.cos(9 * y / z) + 30 * np.sin(15 * (x + y) / z)
+    return np.rint(grey).astype(np.uint8)
+
+
+def taken(settings: RecordSettings, eye: int) -> tuple[Sensor, Image]:
+    """A rectified picture of the pattern."""
+    rendered = widened(RIG, margin_px(settings, RIG))
+    sensor = Sensor(settings, 1 if eye else 0, RIG, rendered)
+    chip = sensor.expose(decode(texture(rendered)), 1.0, 1.0, np.random.default_rng(0))
+    return sensor, sensor.undistort(chip)
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_rectifying_a_distorted_picture_gives_the_pinholes_to_the_corners(name: str):
+    sensor, picture = taken(recording(LENSES[name]), 0)
+    error = picture.astype(float) - texture(RIG)
+    assert picture.shape == (120, 160)
+    assert np.abs(error).max() < 4
+    assert 0 < np.sqrt((error**2).mean()) < 0.8  # rounding thrice leaves 0.5
+    assert (sensor.chip_margin_px > 2) == (name == "pincushion")
+
+
+@pytest.mark.parametrize("angle", ["roll_deg", "pitch_deg", "yaw_deg"])
+def test_only_the_right_eye_is_turned_and_calibration_does_not_see_it(angle: str):
+    settings = recording(SensorSettings(), **{angle: 2.0})
+    np.testing.assert_array_equal(taken(settings, 0)[1], texture(RIG))
+    turned = texture(RIG, unknown_rotation(settings.calibration))
+    error = taken(settings, 1)[1].astype(float) - turned
+    assert np.abs(error).max() <= 2
+    assert np.abs(turned.astype(float) - texture(RIG)).mean() > 2
+
+
+def test_turns_go_the_way_the_settings_say():
+    """Upwards: -y. To the right: +x. Clockwise as seen: the camera's right side goes down."""
+    forward, right = np.array([0, 0, 1.0]), np.array([1.0, 0, 0])
+    assert (unknown_rotation(CalibrationSettings(pitch_deg=5)) @ forward)[1] < -0.08
+    assert (unknown_rotation(CalibrationSettings(yaw_deg=5)) @ forward)[0] > 0.08
+    assert (unknown_rotation(CalibrationSettings(roll_deg=5)) @ right)[1] > 0.08
+
+
+def test_a_wrong_focal_length_rectifies_wrongly_but_fills_the_picture():
+    settings = recording(LENSES["barrel"], focal_percent=5)
+    u, v = picture_map(settings, RIG)
+    delivered = delivered_rig(RIG, settings.calibration)
+    theirs = cv2.initUndistortRectifyMap(
+        delivered.K, coefficients(LENSES["barrel"]), None, delivered.K, (160, 120), cv2.CV_32FC1
+    )
+    np.testing.assert_allclose([u, v], theirs, atol=1e-3)
+
+
+@pytest.mark.parametrize("name", LENSES)
+@pytest.mark.parametrize("yaw_deg", [0.0, 3.0])
+def test_the_margin_gives_light_to_every_pixel_and_no_more(name: str, yaw_deg: float):
+    settings = recording(LENSES[name], yaw_deg=yaw_deg, pitch_deg=-1.0)
+    margin, pad = margin_px(settings, RIG), chip_margin_px(settings, RIG)
+    u, v = picture_map(settings, RIG)
+    assert min(u.min(), v.min()) + pad >= 1
+    assert max(u.max() - 159, v.max() - 119) - pad <= -1
+    needed = -math.inf
+    for R in (np.eye(3), unknown_rotation(settings.calibration)):
+        u, v = chip_map(settings, RIG, R, pad)
+        needed = max(needed, -u.min(), -v.min(), u.max() - 159, v.max() - 119)
+    assert needed + 1 < margin < needed + 4
+
+
+def test_softness_alone_needs_the_reach_of_its_spread():
+    assert margin_px(recording(SensorSettings(softness_px=1.5)), RIG) == 5
+    assert margin_px(recording(SensorSettings()), RIG) == 0
+
+
+@pytest.mark.parametrize(
+    ("lens", "calibration", "message"),
+    [
+        ({"k1": -0.5}, {}, "sensor.k1 = -0.5.*folds.*rig.hfov_deg"),
+        ({}, {"yaw_deg": 40}, "calibration.roll_deg, pitch_deg and yaw_deg need"),
+        ({"k1": -0.2, "k2": -0.2}, {}, "folds"),
+    ],
+)
+def test_lenses_that_cannot_be_rendered_are_refused(
+    lens: dict[str, float], calibration: dict[str, float], message: str
+):
+    with pytest.raises(SettingsError, match=message) as refusal:
+        margin_px(recording(SensorSettings(**lens), **calibration), RIG)
+    assert "\n" not in str(refusal.value)
+
+
+def test_calibration_errors_scale_what_is_delivered_but_not_to_nothing():
+    rig = delivered_rig(RIG, CalibrationSettings(baseline_percent=2, focal_percent=-1))
+    assert rig.baseline_m == pytest.approx(0.0918)
+    assert rig.f_px == pytest.approx(112.86)
+    assert (rig.cx_px, rig.width_px) == (79.5, 160)
+    for name in ("baseline_percent", "focal_percent"):
+        with pytest.raises(CalibrationError, match="must be positive"):
+            margin_px(recording(SensorSettings(), **{name: -100.0}), RIG)
