@@ -108,13 +108,14 @@ class Judge:
         v, u = _rows(left)
         visible = visible_in_right(disparity_px)
         sigmas = [sensor.noise_sigma(gain) for sensor in self._sensors]
-        images = [s.flattened(x) for s, x in zip(self._sensors, (left, right), strict=True)]
+        images = left, right
+        flat = [s.flattened(x) for s, x in zip(self._sensors, images, strict=True)]
 
         def places(shift_px: float) -> tuple[Array, Array]:
             return self._in_true_right(u - disparity_px - np.float32(shift_px), v)
 
         shifted = [places(shift) for shift in (-SHIFT_PX, SHIFT_PX)]
-        return _compare(images, places(0.0), shifted, visible, sigmas)
+        return _compare(images, flat, places(0.0), shifted, visible, sigmas)
 
     def flow(
         self,
@@ -138,10 +139,11 @@ class Judge:
         visible = (covisibility[::ROW_STEP] == VISIBLE) & np.isfinite(du)
         left = self._sensors[0]
         sigmas = [left.noise_sigma(gain) for gain in gains]
-        images = [left.flattened(now), left.flattened(following)]
+        images = now, following
+        flat = [left.flattened(image) for image in images]
         half = SHIFT_PX / np.sqrt(2).astype(np.float32)
         shifted = [(u + du + s, v + dv + s) for s in (-half, half)]
-        return _compare(images, (u + du, v + dv), shifted, visible, sigmas)
+        return _compare(images, flat, (u + du, v + dv), shifted, visible, sigmas)
 
     def _in_true_right(self, u: Array, v: Array) -> tuple[Array, Array]:
         """Follow the turn of the right eye that calibration does not know."""
@@ -159,20 +161,30 @@ def _rows(image: Image) -> tuple[Array, Array]:
 
 def _compare(
     images: Sequence[Image],
+    flat: Sequence[Array],
     places: tuple[Array, Array],
     shifted: Sequence[tuple[Array, Array]],
     visible: Mask,
     sigmas: Sequence[Array],
 ) -> Residual:
-    """Warp the second image to rows of the first; see `Judge.stereo`."""
-    image, other = images[0][::ROW_STEP], images[1]
+    """Warp the second image to rows of the first.
+
+    Args:
+        images: As delivered: their levels say how noisy they are.
+        flat: The same as all eyes would see them alike.
+        places: Of the first image's rows in the second.
+        shifted: Wrong ones, to compare with.
+        visible: Which of them to compare.
+        sigmas: Noise of both images by grey level.
+    """
+    image, other = flat[0][::ROW_STEP], flat[1]
 
     def histogram(at: tuple[Array, Array]) -> Indices:
         absolute = np.abs(residual(image, other, *at, visible))
         bins = np.minimum(absolute * BINS_PER_GREY, 256 * BINS_PER_GREY).astype(np.int64)
         return np.bincount(bins, minlength=256 * BINS_PER_GREY + 1)
 
-    expected = expected_residual(image, other, *places, visible, *sigmas)
+    expected = expected_residual(images[0][::ROW_STEP], images[1], *places, visible, *sigmas)
     noise = MEDIAN_OF_NORMAL * float(np.median(expected)) if len(expected) else 0.0
     shifted_median = min(quantile(histogram(at), 0.5) for at in shifted)
     return Residual(histogram(places), shifted_median, noise, float(visible.mean()))

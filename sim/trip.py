@@ -111,7 +111,7 @@ def make_trip(world: World, settings: RecordSettings) -> Trip:
     log = _Log(world, settings)
     driver = Driver(world.path, settings.drive) if world.is_driven else None
     timestep_s = world.model.opt.timestep
-    control = _Clock(CONTROL_RATE_HZ, timestep_s)
+    control = _Clock(CONTROL_RATE_HZ if driver else 0, timestep_s)
     movers = _Clock(1 / MOVER_PERIOD_S, timestep_s) if world.movers else _Clock(0, timestep_s)
     mujoco.mj_step(world.model, world.data, round((START_S - log.lead_s) / timestep_s))
     step, last_step, ended = -round(log.lead_s / timestep_s), math.inf, ""
@@ -119,7 +119,7 @@ def make_trip(world: World, settings: RecordSettings) -> Trip:
         time_s = START_S + step * timestep_s
         if movers.due(step):
             world.move_movers(time_s)
-        if driver and step >= 0 and control.due(step):
+        if driver and control.due(step):
             try:
                 world.command_wheels(driver.command(world.T_world_chassis, time_s))
             except DriveError as error:
