@@ -14,7 +14,7 @@ from sim.lens import (
     picture_map,
     unknown_rotation,
 )
-from sim.light import Encoding, levels_to_light
+from sim.light import Encoding, levels_to_light, light_to_levels
 from sim.resample import sample, sample_variance
 from sim.settings import RecordSettings
 from vo.contract.arrays import Array, Image
@@ -91,8 +91,12 @@ class Sensor:
         return self._encoding.develop(light, *self._variances(gain), normal)
 
     def encode(self, light: Array) -> Image:
-        """Grey levels, uint8, of amplified linear light without noise, any shape of 1 to 3 axes."""
-        return self._encoding(light)
+        """Grey levels, uint8, without noise, lens and fall-off, for metering.
+
+        Args:
+            light: Linear, any shape; `gain_db` and the eye's sensitivity are still to come.
+        """
+        return self._encoding(light * np.float32(self._sensitivity * self._fixed_gain))
 
     def undistort(self, chip: Image) -> Image:
         """Make the chip's picture a pinhole's by the delivered calibration.
@@ -105,7 +109,7 @@ class Sensor:
         """
         if self._picture_map is None:
             return chip
-        picture = sample(chip.astype(np.float32), *self._picture_map)
+        picture = self._delivered(chip.astype(np.float32))
         return np.asarray(cv2.convertScaleAbs(np.maximum(picture, 0)), np.uint8)
 
     @property
@@ -127,16 +131,13 @@ class Sensor:
         """
         if self._fall_off is None and self._sensitivity == 1:
             return picture
-        light = levels_to_light(self._sensor.response, picture)
         share = np.float32(self._sensitivity)
         if self._fall_off is not None:
-            m = self.chip_margin_px
-            inner = slice(m, -m) if m else slice(None)
-            share = share * self._fall_off[inner, inner]
-        fine = np.linspace(0, 255, 255 * 16 + 1)
+            share = share * self._delivered(self._fall_off)
+        response = self._sensor.response
+        light = levels_to_light(response, np.arange(256)).astype(np.float32)[picture]
         even = light / (share if picture.ndim == 2 else np.atleast_3d(share))
-        knots = levels_to_light(self._sensor.response, fine)
-        return np.interp(even, knots, fine).astype(np.float32)
+        return light_to_levels(response, even)
 
     def noise_sigma(self, gain: float) -> Array:
         """Standard deviation in grey levels that noise adds at each noise-free grey level.
@@ -151,14 +152,17 @@ class Sensor:
             (256,) float32.
         """
         shot, floor = self._variances(gain)
-        light = levels_to_light(self._sensor.response, np.arange(256))[:, None]
+        response = self._sensor.response
+        light = levels_to_light(response, np.arange(256))[:, None]
         z = np.linspace(-6, 6, 241)
         share = np.exp(-z * z / 2) / np.exp(-z * z / 2).sum()
-        noisy = np.clip(light + np.sqrt(shot * light + floor) * z, 0, 1)
-        fine = np.linspace(0, 255, 255 * 16 + 1)
-        levels = np.interp(noisy, levels_to_light(self._sensor.response, fine), fine)
+        levels = light_to_levels(response, light + np.sqrt(shot * light + floor) * z)
         mean = (levels * share).sum(axis=1, keepdims=True)
         return np.sqrt(((levels - mean) ** 2 * share).sum(axis=1)).astype(np.float32)
+
+    def _delivered(self, chip: Array) -> Array:
+        """Resample (H + 2 m, W + 2 m[, 3]) float32 of the chip for the picture, (H, W[, 3])."""
+        return chip if self._picture_map is None else sample(chip, *self._picture_map)
 
     def _variances(self, gain: float) -> tuple[float, float]:
         """Noise of the amplified light y, as variances per y and at y = 0.

@@ -222,11 +222,12 @@ def _before_fold(settings: SensorSettings, points: Array) -> Array:
 
 
 def _folds(settings: RecordSettings) -> SettingsError:
+    """Radially nothing ever folds if 9 k1^2 < 20 k2: then 1 + 3 k1 r^2 + 5 k2 r^4 has no root."""
     sensor = settings.sensor
     return SettingsError(
         f"sensor.k1 = {sensor.k1:g}, k2 = {sensor.k2:g}, p1 = {sensor.p1:g}, p2 = {sensor.p2:g}: "
-        f"this lens folds the picture at rig.hfov_deg = {settings.rig.hfov_deg:g}; "
-        "use less distortion or a smaller field of view"
+        f"this lens folds the picture at rig.hfov_deg = {settings.rig.hfov_deg:g}; use less "
+        f"distortion, k2 above {0.45 * sensor.k1**2:.2g}, or a smaller field of view"
     )
 
 

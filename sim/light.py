@@ -34,6 +34,14 @@ def levels_to_light(response: Response, levels: Array) -> Array:
     return _srgb_to_linear(share) if response == "srgb" else share
 
 
+def light_to_levels(response: Response, light: Array) -> Array:
+    """Fractional grey levels 0 to 255 of linear light, any shape; inverts `levels_to_light`."""
+    light = np.clip(light, 0, 1)
+    if response == "linear":
+        return 255 * light
+    return 255 * np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+
+
 class Encoding:
     """From linear light to the nearest grey level, exactly, in a table and one comparison."""
 

@@ -153,6 +153,13 @@ def test_sampling_continues_the_border_and_passes_nan_on():
     np.testing.assert_array_equal(sample(image, u, v), [[0, 11, 0, np.nan]])
 
 
+def test_samples_at_the_border_are_those_of_a_continued_image():
+    image = np.random.default_rng(9).random((7, 9), dtype=np.float32)
+    padded = np.pad(image, 6, mode="edge")
+    v, u = np.mgrid[-2:9:0.25, -2:11:0.25].astype(np.float32)
+    np.testing.assert_allclose(sample(image, u, v), sample(padded, u + 6, v + 6), atol=1e-6)
+
+
 @pytest.mark.parametrize(("phase_u", "phase_v"), [(0, 0), (0.5, 0), (0.3, 0.8)])
 def test_variance_of_samples_is_as_measured(phase_u: float, phase_v: float):
     rng = np.random.default_rng(3)

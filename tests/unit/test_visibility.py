@@ -99,6 +99,17 @@ def test_a_steep_plane_hides_nothing_of_itself():
     assert not (occlusion(RIG, left.depth_m, right.depth_m) == Occlusion.HIDDEN).any()
 
 
+def test_what_the_other_eye_meets_nowhere_is_hidden():
+    """A wire falls between the right eye's pixels: a wall of 2 px behind it is all there is."""
+    rig = StereoRig(12, 1, 100, 5.5, 0, 0.1)
+    left = np.full((1, 12), 10 / 2.0, np.float32)
+    left[0, 8] = 10 / 4.5
+    right = np.full((1, 12), 10 / 2.0, np.float32)
+    code = occlusion(rig, left, right)[0]
+    assert code[8] == Occlusion.HIDDEN
+    assert (np.delete(code, 8)[2:] == Occlusion.VISIBLE).all()
+
+
 def test_covisibility_agrees_with_rays_to_the_next_camera(left: View):
     """The camera goes on and turns while one ball rolls to the side."""
     T_world_next = T_WORLD_LEFT @ se3.exp(np.array([0, 0, 0.03, 0.01, 0.03, 0.005]))
