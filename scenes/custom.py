@@ -2,6 +2,7 @@
 
 import importlib
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -34,7 +35,7 @@ def load_scene(name: str) -> Scene:
     """
     made = _from_function(name) if ":" in name else _from_file(Path(name))
     if isinstance(made, Scene):
-        return made
+        return replace(made, source=name)
     try:
         model = made.compile()
     except ValueError as error:
@@ -49,6 +50,7 @@ def load_scene(name: str) -> Scene:
         routes={"default": rounded_loop(square, radius_m=0.5)},
         extent_m=_extent(model),
         tags=frozenset({"custom"}),
+        source=name,
     )
 
 

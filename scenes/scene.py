@@ -65,6 +65,7 @@ class Scene:
         movers: Name of a mocap body to its motion; the rover feels it and does not push it.
         brightness: Illuminance at (...) times in seconds, 1 where the pictures are as painted.
         elevation: Height in metres of the drivable ground at (..., 2) x, y.
+        source: How to ask for it again, where that is not its name: a file or `module:function`.
     """
 
     name: str
@@ -77,3 +78,4 @@ class Scene:
     movers: Mapping[str, Motion] = field(default_factory=dict[str, Motion])
     brightness: Callable[[Array], Array] = steady
     elevation: Callable[[Array], Array] = lambda xy: np.zeros(np.shape(xy)[:-1])
+    source: str = ""

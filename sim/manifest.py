@@ -58,7 +58,12 @@ def manifest(
     """
     scene = world.scene
     return {
-        "scene": {"name": scene.name, "tests": scene.tests, "tags": sorted(scene.tags)},
+        "scene": {
+            "name": scene.name,
+            "source": scene.source or scene.name,
+            "tests": scene.tests,
+            "tags": sorted(scene.tags),
+        },
         "seed": settings.seed,
         "settings": settings.model_dump(mode="json"),
         "complete": not trip.ended,

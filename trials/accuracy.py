@@ -118,8 +118,9 @@ def accuracy(
 
 def score_drive(drive: Drive) -> "list[Score]":
     """Record a drive unless it is there, and score every estimator on it."""
+    from sim.batch import build
     from sim.record import record
-    from trials.commands.datasets import build, record_settings
+    from trials.commands.datasets import record_settings
 
     # Labels are for training and checking; a score needs images and truth.
     overrides = [f"drive.distance_m={drive.distance_m}", "labels.depth=false"]

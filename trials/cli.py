@@ -5,9 +5,10 @@ from collections.abc import Callable
 
 import typer
 
-from trials.commands.datasets import generate, preview, scenes, verify
+from trials.commands.datasets import generate, scenes, verify
 from trials.commands.demo import demo
 from trials.commands.doctor import doctor
+from trials.commands.preview import preview
 from trials.commands.runs import report, run, score
 from vo.contract.errors import DriftyardError
 

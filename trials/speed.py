@@ -97,8 +97,9 @@ def on_cores(cores: list[int], measure: Callable[..., T], *words: object) -> T:
 
 def measure_generator(trial: Trial, out: Path) -> GeneratorSpeed:
     """Record the dataset `out` and watch the clock."""
+    from sim.batch import build
     from sim.record import record
-    from trials.commands.datasets import build, record_settings
+    from trials.commands.datasets import record_settings
     from vo.contract.dataset import read_manifest
 
     settings = record_settings(
@@ -132,10 +133,11 @@ def measure_renderers(trial: Trial, frames: int, folder: Path) -> RenderSpeed:
     # mujoco picks the backend of its own renderer when it is imported.
     os.environ["MUJOCO_GL"] = choose_backend("auto")
 
+    from sim.batch import build
     from sim.render import StereoRenderer
     from sim.trip import drive_trip
     from sim.world import build_world
-    from trials.commands.datasets import build, record_settings
+    from trials.commands.datasets import record_settings
     from trials.stock import grey, render_plainly, stock_renderer, write_plainly
 
     settings = record_settings(

@@ -3,6 +3,7 @@
 import itertools
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 
 from rich.console import Console
 from rich.progress import (
@@ -56,6 +57,48 @@ def counting_bar(label: str, total: int) -> Generator[Callable[[object], None]]:
     done = itertools.count(1)
     with progress_bar(label) as progress:
         yield lambda _: progress(next(done), total)
+
+
+@contextmanager
+def fleet_bar(
+    datasets: int,
+) -> Generator[tuple[Callable[[Path, int, int], None], Callable[[Path], None]]]:
+    """Show one bar for many datasets that are made at once: datasets, frames, rate, time left.
+
+    Yields:
+        What to call with (dataset, frames done, frames in total), and with a finished dataset.
+    """
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("frames"),
+        _RateColumn(),
+        TimeRemainingColumn(),
+    )
+    done: dict[Path, int] = {}
+    total: dict[Path, int] = {}
+    finished: set[Path] = set()
+    with Progress(*columns, console=err, disable=not err.is_terminal) as progress:
+        task = progress.add_task("", total=None)
+
+        def show() -> None:
+            mean = sum(total.values()) / len(total) if total else 0
+            expected = round(sum(total.values()) + mean * (datasets - len(total)))
+            label = f"{len(finished)}/{datasets} datasets"
+            frames = sum(done.values())
+            progress.update(task, description=label, completed=frames, total=expected or None)
+
+        def advance(dataset: Path, frames: int, of: int) -> None:
+            done[dataset], total[dataset] = frames, of
+            show()
+
+        def finish(dataset: Path) -> None:
+            finished.add(dataset)
+            done[dataset] = total.get(dataset, 0)
+            show()
+
+        yield advance, finish
 
 
 def score_table(title: str, scores: Sequence[Score]) -> Table:

@@ -1,0 +1,174 @@
+"""Many datasets: pure tasks, spread over the cores or a cluster by Dask.
+
+A task is (scene, settings) to a dataset folder and depends on nothing else, so that it may run
+anywhere that sees the folder, and again if its worker was lost. A folder that is there and was
+made with the same settings is finished work; it is not done again.
+"""
+
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from scenes import build_scene
+from scenes.scene import Scene
+from sim.record import Progress, Recording, record
+from sim.settings import RecordSettings
+from sim.streams import stream
+from vo.contract.dataset import MANIFEST, read_manifest
+from vo.contract.errors import DatasetError, DriftyardError
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+TOPIC = "driftyard-frames"
+REPORT_PERIOD_S = 0.5
+RETRIES = 2
+"""How often a dataset is tried again after its worker was lost."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """One dataset to make.
+
+    Attributes:
+        scene: Name in the registry, MJCF file or `module:function`.
+        settings: Resolved.
+        out: Folder.
+    """
+
+    scene: str
+    settings: RecordSettings
+    out: Path
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the folder is a dataset of this task already.
+
+        Raises:
+            DatasetError: If something else is in its place.
+        """
+        if not self.out.exists():
+            return False
+        if not (self.out / MANIFEST).is_file():
+            raise DatasetError(f"{self.out}: in the way, and not a dataset")
+        made = read_manifest(self.out)
+        same = made["settings"] == self.settings.model_dump(mode="json")
+        if not same or made["scene"]["source"] != self.scene:
+            raise DatasetError(f"{self.out}: a dataset made with other settings is in the way")
+        return True
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a task.
+
+    Attributes:
+        task: The task.
+        recording: What was recorded; None if that failed.
+        problem: Why it failed, or why the recording ended early; empty if all is well.
+    """
+
+    task: Task
+    recording: Recording | None
+    problem: str
+
+
+def build(scene: str, settings: RecordSettings) -> Scene:
+    """Build a scene from its own stream of random numbers.
+
+    Raises:
+        SettingsError: If there is no such scene or option.
+    """
+    return build_scene(scene, stream(settings.seed, "scene"), settings.scene)
+
+
+def perform(task: Task, progress: Progress | None = None) -> Outcome:
+    """Make one dataset; what is wrong with it is in the outcome, other errors are raised."""
+    try:
+        scene = build(task.scene, task.settings)
+        recording = record(scene, task.settings, task.out, progress=progress)
+    except DriftyardError as error:
+        return Outcome(task, None, str(error))
+    return Outcome(task, recording, recording.ended)
+
+
+def perform_all(
+    tasks: Sequence[Task],
+    scheduler: str | None,
+    workers: int | None,
+    progress: Callable[[Path, int, int], None],
+) -> Iterator[Outcome]:
+    """Make datasets, each on one core of its own; yields them as they are finished.
+
+    Args:
+        tasks: None of them done.
+        scheduler: Address of a running Dask scheduler; None for a cluster of local processes.
+        workers: Of the local cluster; None for one a core.
+        progress: Called with a dataset's folder, its frames done and its frames in total.
+    """
+    from distributed import as_completed
+
+    def hear(event: tuple[Any, tuple[str, int, int]]) -> None:
+        out, done, total = event[1]
+        progress(Path(out), done, total)
+
+    with _client(scheduler, workers) as client:
+        client.subscribe_topic(TOPIC, hear)
+        futures = [client.submit(_perform_remotely, t, pure=False, retries=RETRIES) for t in tasks]
+        task_of = dict(zip(futures, tasks, strict=True))
+        for future in as_completed(futures):
+            if future.status == "error":
+                yield Outcome(task_of[future], None, str(future.exception()))
+            else:
+                yield future.result()
+            future.release()
+
+
+def _perform_remotely(task: Task) -> Outcome:
+    """Run in a Dask worker: as `perform`, and tell the client how far it is, now and then."""
+    from distributed import get_worker
+
+    worker, told_s = get_worker(), -REPORT_PERIOD_S
+
+    def tell(done: int, total: int) -> None:
+        nonlocal told_s
+        if done == total or time.monotonic() - told_s > REPORT_PERIOD_S:
+            told_s = time.monotonic()
+            worker.log_event(TOPIC, (str(task.out), done, total))
+
+    return perform(task, tell)
+
+
+@contextmanager
+def _client(scheduler: str | None, workers: int | None) -> "Iterator[Client]":
+    """Connect, or start one process a core, each with a single-threaded renderer.
+
+    Raises:
+        DatasetError: If no scheduler answers at the address.
+    """
+    import dask
+    from distributed import Client, LocalCluster
+
+    if scheduler is not None:
+        try:
+            client = Client(scheduler, timeout="10s")
+        except (OSError, TimeoutError, ValueError) as error:
+            reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+            raise DatasetError(f"scheduler {scheduler}: does not answer ({reason})") from None
+        with client:
+            yield client
+        return
+    count = workers or len(os.sched_getaffinity(0))
+    alone = {"LP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+    with (
+        dask.config.set({"distributed.nanny.pre-spawn-environ": alone}),
+        LocalCluster(
+            n_workers=count, threads_per_worker=1, dashboard_address=None, silence_logs=50
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        yield client
