@@ -132,7 +132,7 @@ def _check_flow(folder: Path, settings: RecordSettings) -> dict[str, Any]:
     pictured = _frame_times(folder, "depth")
     worst_px = 0.0
     for k in np.unique(np.linspace(0, len(listed) - 1, FLOW_FRAMES).astype(int)):
-        now, following = pictured[k], pictured[k + 1]
+        now, following = int(pictured[k]), int(pictured[k + 1])
         T_world_cam = poses[np.searchsorted(times_ns, [now, following])] @ rig.T_body_cam
         depth = read_float(label_file(folder, "depth", now))
         predicted = flow(

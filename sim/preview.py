@@ -17,12 +17,14 @@ from sim.map import TopDownMap, render_map
 from sim.render import StereoRenderer
 from sim.rover import PREFIX, WHEEL_RADIUS_M
 from sim.settings import RecordSettings
-from sim.world import START_CLEARANCE_M, World, build_world
+from sim.world import START_CLEARANCE_M, START_S, World, build_world
 from vo.contract.arrays import Array, Image
 from vo.contract.files import encode_png, replacing
 
 STOPS = 6
 SETTLE_S = 0.4
+HEADING_M = 0.05
+"""How far ahead on its way the rover looks for its heading."""
 DEPTH_RANGE_M = (0.5, 8.0)
 CHASE_PX = (960, 720)
 INK, FAINT, ROUTE, PAPER = "#2b3036", "#6d747c", "#ff7a1a", "#f5f4f0"
@@ -33,7 +35,7 @@ class Sights:
     """Everything rendered for a sheet.
 
     Attributes:
-        stops: (STOPS, 2) where the rover stood, world x, y in metres.
+        stops: (STOPS, 2) where the carrier stood, world x, y in metres.
         views: What the left eye saw at each stop, (H, W, 3) RGB.
         depth_m: (H, W) planar depth at the second stop; NaN where nothing is hit.
         chase: The rover at the second stop from behind, (H, W, 3) RGB.
@@ -62,30 +64,37 @@ def preview(scene: Scene, settings: RecordSettings, out: Path) -> None:
 
 def look_around(world: World, settings: RecordSettings) -> Sights:
     """Stand the rover at even spacing along its route and render; moves the world's state."""
-    indices = np.linspace(0, len(world.route) - 1, STOPS + 1)[:STOPS].astype(int)
+    shares = np.arange(STOPS) / STOPS
+    stops: list[Array] = []
     views: list[Image] = []
     with StereoRenderer(world, settings.render, color=True) as renderer:
         top_down = render_map(renderer, world.scene.extent_m)
-        for index in indices:
-            _stand(world, index)
+        for share in shares:
+            _stand(world, share)
+            stops.append(world.T_world_body[:2, 3])
             views.append(renderer.paint()[0])
-        _stand(world, indices[1])
+        _stand(world, shares[1])
         depth_m = renderer.survey().depth_left_m
         chase = renderer.picture(_chase_camera(world), *CHASE_PX)
-    return Sights(world.route[indices], views, depth_m, chase, top_down)
+    return Sights(np.array(stops), views, depth_m, chase, top_down)
 
 
-def _stand(world: World, index: int) -> None:
-    """Put the rover on a waypoint, heading along the route, and let its springs settle."""
+def _stand(world: World, share: float) -> None:
+    """Bring the carrier that share of its way: the rover, on its springs, or the hands."""
     model, data = world.model, world.data
-    here, ahead = world.route[index], world.route[index + 1]
-    yaw = math.atan2(*(ahead - here)[::-1])
     mujoco.mj_resetData(model, data)
+    if world.arrival_s is not None:
+        world.place(START_S + share * (world.arrival_s - START_S), data.qpos.copy())
+        return
+    s_m = share * world.path.length_m
+    here, ahead = world.path.at(s_m), world.path.at(s_m + HEADING_M)
+    yaw = math.atan2(*(ahead - here)[::-1])
     data.joint(PREFIX + "free").qpos = (
         *here,
-        WHEEL_RADIUS_M + START_CLEARANCE_M,
+        float(world.scene.elevation(here)) + WHEEL_RADIUS_M + START_CLEARANCE_M,
         *(math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)),
     )
+    world.move_movers(START_S)
     mujoco.mj_step(model, data, nstep=round(SETTLE_S / model.opt.timestep))
     world.place_bodies()
 
@@ -122,10 +131,9 @@ def contact_sheet(world: World, sights: Sights) -> Image:
 
 def _facts(world: World) -> str:
     rig = world.rig
-    length = np.linalg.norm(np.diff(world.route, axis=0), axis=1).sum()
     hfov = math.degrees(2 * math.atan(rig.width_px / 2 / rig.f_px))
     return (
-        f"route {length:.1f} m    {rig.width_px} × {rig.height_px} px    "
+        f"route {world.path.length_m:.1f} m    {rig.width_px} × {rig.height_px} px    "
         f"{hfov:.0f}° wide    baseline {100 * rig.baseline_m:.1f} cm"
     )
 
@@ -163,7 +171,7 @@ def _draw_map(axes: Axes, world: World, sights: Sights) -> None:
     """Draw route, direction, stops, start and a scale bar over the picture from above."""
     top_down = sights.top_down
     _show(axes, top_down.image, "from above")
-    u, v = top_down.pixels(world.route).T
+    u, v = top_down.pixels(world.path.waypoints).T
     axes.plot(u, v, color="white", linewidth=4.5, alpha=0.75, solid_capstyle="round")
     axes.plot(u, v, color=ROUTE, linewidth=2.2, solid_capstyle="round")
     for k in range(12, len(u) - 2, max(1, len(u) // 14)):

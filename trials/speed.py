@@ -135,7 +135,7 @@ def measure_renderers(trial: Trial, frames: int, folder: Path) -> RenderSpeed:
 
     from sim.batch import build
     from sim.render import StereoRenderer
-    from sim.trip import drive_trip
+    from sim.trip import make_trip
     from sim.world import build_world
     from trials.commands.datasets import record_settings
     from trials.stock import grey, render_plainly, stock_renderer, write_plainly
@@ -144,7 +144,7 @@ def measure_renderers(trial: Trial, frames: int, folder: Path) -> RenderSpeed:
         trial.scene, trial.seed, [f"drive.distance_m={trial.distance_m}"], None
     )
     world = build_world(build(trial.scene, settings), settings)
-    trip = drive_trip(world, settings)
+    trip = make_trip(world, settings)
     rows: list[tuple[float, ...]] = []
     with (
         StereoRenderer(world, settings.render) as renderer,
@@ -152,16 +152,17 @@ def measure_renderers(trial: Trial, frames: int, folder: Path) -> RenderSpeed:
         console.progress_bar("rendering") as progress,
     ):
         for index in np.linspace(0, len(trip) - 1, frames + 1).astype(int):
-            world.data.qpos[:] = trip.qpos[index]
-            world.place_bodies()
+            time_ns = trip.timestamps_ns[index]
+            world.place(time_ns * 1e-9, trip.states.at(world.model, time_ns))
             start = perf_counter()
-            ours = renderer.stereo()
+            left, _ = renderer.paint()
+            renderer.survey()
             drawn = perf_counter()
             plain = render_plainly(stock, world)
             plainly_drawn = perf_counter()
             write_plainly(plain, world.rig, folder)
             written = perf_counter()
-            unlike = np.abs(grey(plain.left).astype(int) - ours.left) > 1
+            unlike = np.abs(grey(plain.left).astype(int) - left) > 1
             times_s = drawn - start, plainly_drawn - drawn, written - plainly_drawn
             rows.append((*(1e3 * x for x in times_s), float(unlike.mean())))
             progress(len(rows), frames + 1)

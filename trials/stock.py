@@ -9,8 +9,9 @@ import cv2
 import mujoco
 import numpy as np
 
+from scenes.scene import PAINT_GROUP
 from sim.labels import disparity_from_depth
-from sim.render import SPARE_GEOMS
+from sim.render import BOTH_GROUPS, SPARE_GEOMS
 from sim.rig import CAMERA
 from sim.settings import RenderSettings
 from sim.world import World
@@ -51,15 +52,18 @@ def render_plainly(renderer: mujoco.Renderer, world: World) -> StockView:
     """Make right image, left image and left depth, one call after the other."""
     camera = world.model.camera(CAMERA).id
     centre = world.data.cam_xpos[camera].copy()
+    option = mujoco.MjvOption()
+    option.geomgroup[:] = 0
+    option.geomgroup[[*BOTH_GROUPS, PAINT_GROUP]] = 1
     half_baseline = world.rig.baseline_m / 2 * world.data.cam_xmat[camera].reshape(3, 3)[:, 0]
     world.data.cam_xpos[camera] = centre + half_baseline
-    renderer.update_scene(world.data, camera)
+    renderer.update_scene(world.data, camera, option)
     right = renderer.render()
     world.data.cam_xpos[camera] = centre - half_baseline
-    renderer.update_scene(world.data, camera)
+    renderer.update_scene(world.data, camera, option)
     left = renderer.render()
     renderer.enable_depth_rendering()
-    renderer.update_scene(world.data, camera)
+    renderer.update_scene(world.data, camera, option)
     depth_left_m = renderer.render()
     renderer.disable_depth_rendering()
     world.data.cam_xpos[camera] = centre

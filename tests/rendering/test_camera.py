@@ -10,13 +10,13 @@ import pytest
 
 from sim.labels import disparity_from_depth, photometric_residual, visible_in_right
 from sim.map import render_map
-from sim.render import NO_GEOM, StereoRenderer, StereoView
+from sim.render import NO_GEOM, StereoRenderer, Survey
 from sim.rig import CAMERA
 from sim.rover import CONTACT_GROUP, PREFIX
 from sim.settings import RecordSettings, RenderSettings, RigSettings
 from sim.world import World
 from vo.contract import se3
-from vo.contract.arrays import Array
+from vo.contract.arrays import Array, Image
 from vo.contract.rig import StereoRig
 
 pytestmark = pytest.mark.gl
@@ -36,16 +36,26 @@ def world(request, make_scene, settled) -> World:
     return settled(make_scene(boxes=True), RecordSettings(rig=request.param))
 
 
-@pytest.fixture(scope="module")
-def masks(world) -> tuple[Array, Array]:
-    with StereoRenderer(world, RenderSettings()) as renderer:
-        return renderer.segmentation()
+@dataclasses.dataclass(frozen=True)
+class View:
+    left: Image
+    right: Image
+    survey: Survey
 
 
 @pytest.fixture(scope="module")
-def view(world) -> StereoView:
-    with StereoRenderer(world, RenderSettings(samples=4)) as renderer:
-        return renderer.stereo()
+def view(world) -> View:
+    return look(world, RenderSettings(samples=4))
+
+
+@pytest.fixture(scope="module")
+def masks(view) -> tuple[Array, Array]:
+    return view.survey.geoms_left, view.survey.geoms_right
+
+
+def look(world: World, settings: RenderSettings, color: bool = False) -> View:
+    with StereoRenderer(world, settings, color) as renderer:
+        return View(*renderer.paint(), renderer.survey())
 
 
 def test_pixels_are_where_the_calibration_projects_the_boxes(world, masks):
@@ -97,7 +107,7 @@ def test_depth_agrees_with_ray_casts_at_pixel_centres(world, view):
     pixels = np.column_stack(
         [rng.integers(0, side, 500) for side in (world.rig.width_px, world.rig.height_px)]
     )
-    for eye, depth_m in enumerate((view.depth_left_m, view.depth_right_m)):
+    for eye, depth_m in enumerate((view.survey.depth_left_m, view.survey.depth_right_m)):
         rendered = depth_m[pixels[:, 1], pixels[:, 0]]
         cast = _cast(world, pixels, eye)
         assert (np.isnan(rendered) == np.isnan(cast)).all()
@@ -106,16 +116,15 @@ def test_depth_agrees_with_ray_casts_at_pixel_centres(world, view):
         np.testing.assert_allclose(rendered[hit], cast[hit], rtol=2e-4)
 
 
-def test_depth_does_not_depend_on_multisampling(world, view):
-    with StereoRenderer(world, RenderSettings(samples=0, shadow_size_px=0)) as renderer:
-        plain = renderer.stereo()
-    np.testing.assert_array_equal(plain.depth_left_m, view.depth_left_m)
-    np.testing.assert_array_equal(plain.depth_right_m, view.depth_right_m)
+def test_labels_do_not_depend_on_the_quality_of_pictures(world, view):
+    plain = look(world, RenderSettings(samples=0, shadow_size_px=0))
+    for name, label in vars(view.survey).items():
+        np.testing.assert_array_equal(getattr(plain.survey, name), label)
     assert (plain.left != view.left).any()
 
 
 def test_right_warped_by_the_label_is_left(world, view):
-    disparity_px = disparity_from_depth(world.rig, view.depth_left_m)
+    disparity_px = disparity_from_depth(world.rig, view.survey.depth_left_m)
     visible = visible_in_right(disparity_px)
 
     def median(shift_px: float) -> float:
@@ -131,8 +140,8 @@ def test_right_warped_by_the_label_is_left(world, view):
 
 def test_visibility_agrees_with_the_right_eye(world, view):
     """The label's verdict, from left alone, against the depth that the right eye sees there."""
-    disparity_px = disparity_from_depth(world.rig, view.depth_left_m)
-    right_px = disparity_from_depth(world.rig, view.depth_right_m)
+    disparity_px = disparity_from_depth(world.rig, view.survey.depth_left_m)
+    right_px = disparity_from_depth(world.rig, view.survey.depth_right_m)
     visible = visible_in_right(disparity_px)
     v, u = np.nonzero(visible)
     landed = right_px[v, np.rint(u - disparity_px[v, u]).astype(int)]
@@ -147,8 +156,7 @@ def test_the_rover_does_not_see_itself(world, masks):
 
 
 def test_color_and_grey_agree(world, view):
-    with StereoRenderer(world, RenderSettings(samples=4), color=True) as renderer:
-        color = renderer.stereo().left
+    color = look(world, RenderSettings(samples=4), color=True).left
     assert color.shape == (*view.left.shape, 3)
     np.testing.assert_array_equal(cv2.cvtColor(color, cv2.COLOR_RGB2GRAY), view.left)
 

@@ -15,14 +15,16 @@ from sim.settings import (
     RenderSettings,
     RigSettings,
 )
-from sim.trip import START_NS
 from sim.verify import Finding, verify
+from sim.world import START_S
 from vo.contract.dataset import MANIFEST, read_manifest
 from vo.contract.errors import DatasetError
 from vo.contract.files import encode_png, read_float, read_grey
 from vo.contract.readers import open_sequence, read_truth
 
 pytestmark = pytest.mark.gl
+
+START_NS = round(START_S * 1e9)
 
 SHORT = RecordSettings(
     rig=RigSettings(width_px=160, height_px=120, rate_hz=10),
@@ -82,8 +84,9 @@ def test_labels_are_one_geometry_in_two_units(dataset):
 def test_it_certifies_itself(dataset):
     certificate = read_manifest(dataset)["certificate"]
     assert certificate["passed"]
-    assert 0 < certificate["median_grey"] < certificate["p95_grey"]
-    assert 0.5 < certificate["visible_fraction"] < 1
+    stereo = certificate["stereo"]
+    assert 0 < stereo["median_grey"] < stereo["p95_grey"]
+    assert 0.5 < stereo["visible_fraction"] < 1
     assert verify(dataset) == []
 
 
@@ -137,7 +140,7 @@ def test_verify_sees_images_that_contradict_the_labels(damaged):
     (damaged / MANIFEST).write_text(json.dumps(manifest))
     problems = [finding.problem for finding in verify(damaged)]
     assert any(problem.startswith("the disparity does not explain") for problem in problems)
-    assert any(problem.startswith("certificate.median_grey is") for problem in problems)
+    assert any(problem.startswith("certificate.stereo.median_grey is") for problem in problems)
 
 
 def test_verify_refuses_what_is_no_dataset(tmp_path):

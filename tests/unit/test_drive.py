@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from sim.drive import DriveError, Driver, plan_path, wheel_speeds
+from sim.drive import DriveError, Driver, wheel_speeds
+from sim.path import plan_path
 from sim.rover import TRACK_M, WHEEL_RADIUS_M
 from sim.settings import DriveSettings
 from vo.contract import se3

@@ -64,7 +64,7 @@ def read_codes(path: Path) -> Array:
         DatasetError: If the file is missing, damaged or of another kind.
     """
     image = _decode(path, cv2.IMREAD_UNCHANGED)
-    if image.dtype not in (np.uint8, np.uint16) or image.ndim != 2:
+    if image.dtype.name not in ("uint8", "uint16") or image.ndim != 2:
         raise DatasetError(f"{path}: expected one channel of 8 or 16 bits, got {image.dtype}")
     return image
 
