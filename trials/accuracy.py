@@ -2,15 +2,10 @@
 
 Every scene is driven with seeds 0, 1, ...; parameters were chosen on seeds of 100 and above, so
 that no figure here is of a drive that a parameter has seen. A drive is one sample: the figures
-are medians over drives, with the worst drive and a bootstrap interval over drives. Recordings are
-kept under a folder named after the sources that made them, and made again when those change or a
-file is damaged.
+are medians over drives, with the worst drive and a bootstrap interval over drives.
 """
 
-import hashlib
 import json
-import multiprocessing
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -22,40 +17,18 @@ from rich.table import Table
 
 from trials.cli import guard
 from trials.commands import console
+from trials.commands.datasets import record_settings
+from trials.drives import NO_LABELS, Drive, fingerprint, score_drives, score_recording
 from trials.estimators import ESTIMATORS
 from vo.contract.arrays import Array
-from vo.contract.errors import DatasetError
+from vo.contract.readers import open_sequence
 
 if TYPE_CHECKING:
-    from sim.settings import RecordSettings
     from trials.score import Score
 
 SCENES = ("brick_court", "office")
 CACHE = Path("build/accuracy")
-GENERATOR = ("scenes", "sim", "vo/contract")
-"""Folders of the sources that decide what a recording looks like."""
-
-PROCESSES = 2
-"""Drives at a time; figures in milliseconds are slower for it than those of `make bench`."""
-
 RESAMPLES, CONFIDENCE = 10_000, 0.95
-
-
-@dataclass(frozen=True)
-class Drive:
-    """One recording to make and score.
-
-    Attributes:
-        scene: Name.
-        seed: Of everything random.
-        distance_m: Path length.
-        folder: Dataset folder.
-    """
-
-    scene: str
-    seed: int
-    distance_m: float
-    folder: Path
 
 
 @dataclass(frozen=True)
@@ -90,95 +63,29 @@ def accuracy(
 ) -> None:
     """Record or reuse the drives, run every estimator over them and print its errors."""
     cache = CACHE / fingerprint()
+    if kitti is not None:
+        open_sequence(kitti)  # a wrong path ends it now, not after all drives
+    overrides = [f"drive.distance_m={distance}", *NO_LABELS]
     drives = [
-        Drive(scene, seed, distance, cache / f"{scene}-{seed}-{distance:g}m")
+        Drive(
+            scene,
+            record_settings(scene, seed, overrides),
+            cache / f"{scene}-{seed}-{distance:g}m",
+            tuple(ESTIMATORS),
+        )
         for scene, seed in product(SCENES, range(seeds))
     ]
     scores: dict[str, list[Score]] = {scene: [] for scene in SCENES}
-    with (
-        console.progress_bar("drives") as progress,
-        ProcessPoolExecutor(PROCESSES, multiprocessing.get_context("spawn")) as pool,
-    ):
-        progress(0, len(drives))
-        jobs = {pool.submit(score_drive, drive): drive for drive in drives}
-        try:
-            for done, job in enumerate(as_completed(jobs), start=1):
-                scores[jobs[job].scene] += job.result()
-                progress(done, len(drives))
-        except BaseException:
-            pool.shutdown(cancel_futures=True)  # one drive failed: the others would be for nothing
-            raise
+    with console.counting_bar("drives", len(drives)) as count:
+        for drive, of_drive in score_drives(drives):
+            scores[drive.scene] += of_drive
+            count(drive)
     if kitti is not None:
-        scores[kitti.resolve().name] = score_recording(kitti, cache)
+        scores[kitti.resolve().name] = score_recording(kitti, cache, tuple(ESTIMATORS))
     for name, of_scene in scores.items():
         console.out.print(accuracy_table(name, of_scene))
     if out is not None:
         _write(out, scores)
-
-
-def score_drive(drive: Drive) -> "list[Score]":
-    """Record a drive unless it is there, and score every estimator on it."""
-    from sim.batch import build
-    from sim.record import record
-    from trials.commands.datasets import record_settings
-
-    # Labels are for training and checking; a score needs images and truth.
-    overrides = [f"drive.distance_m={drive.distance_m}", "labels.depth=false"]
-    settings = record_settings(
-        drive.scene, drive.seed, [*overrides, "labels.disparity=false"], None
-    )
-    if not _is_recorded(drive.folder, settings):
-        record(build(drive.scene, settings), settings, drive.folder, overwrite=True)
-    return score_recording(drive.folder, drive.folder.parent)
-
-
-def _is_recorded(folder: Path, settings: "RecordSettings") -> bool:
-    """Whether the folder was recorded with these settings and no file was lost or changed since."""
-    from sim.verify import verify
-    from vo.contract.dataset import read_manifest
-
-    try:
-        same = read_manifest(folder).get("settings") == settings.model_dump(mode="json")
-        return same and not verify(folder)
-    except DatasetError:
-        return False
-
-
-def score_recording(folder: Path, runs: Path) -> "list[Score]":
-    """Run and score every estimator on a recording; the runs are kept in the folder `runs`.
-
-    Raises:
-        DatasetError: If the recording is damaged or holds no truth.
-    """
-    import cv2
-
-    from trials.estimators import make_estimator
-    from trials.runs import read_run
-    from trials.score import score_run
-    from vo.contract.readers import open_sequence, read_truth
-    from vo.runner import run, write_run
-
-    cv2.setNumThreads(1)
-    sequence, truth = open_sequence(folder), read_truth(folder)
-    if truth is None:
-        raise DatasetError(f"{folder}: holds no truth to compare with")
-    scores: list[Score] = []
-    for name in ESTIMATORS:
-        estimator, settings = make_estimator(name, sequence.rig)
-        file = runs / f"{sequence.name}.{name}.txt"
-        write_run(file, run(sequence, estimator), name, settings, folder)
-        scores.append(score_run(truth, read_run(file), len(sequence)))
-    return scores
-
-
-def fingerprint() -> str:
-    """Hash the sources of the generator to twelve hexadecimal digits."""
-    root = Path(__file__).resolve().parents[1]
-    digest = hashlib.sha256()
-    for folder in GENERATOR:
-        for file in sorted((root / folder).rglob("*.py")):
-            digest.update(file.read_bytes())
-    return digest.hexdigest()[:12]
 
 
 def bootstrap_interval(values: Array) -> tuple[float, float]:

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from trials.accuracy import bootstrap_interval, fingerprint
+from trials.accuracy import bootstrap_interval
+from trials.drives import fingerprint
 
 
 def test_interval_of_equal_drives_is_a_point():

@@ -1,15 +1,13 @@
 """Everything in one command."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from trials.commands.datasets import record_scene, record_settings
 from trials.commands.runs import run_estimator, score_files
-
-if TYPE_CHECKING:
-    from sim.settings import RecordSettings
+from trials.drives import is_recorded
 
 SCENE = "brick_court"
 DISTANCE_M = 21
@@ -28,7 +26,7 @@ def demo(
 
     settings = record_settings(SCENE, seed, [f"drive.distance_m={distance}"], None)
     dataset = out / SCENE
-    if _is_recorded(dataset, settings):
+    if is_recorded(dataset, settings):
         console.out.print(f"{dataset}: is there already, and verified")
     else:
         record_scene(SCENE, settings, dataset, overwrite=True)
@@ -39,19 +37,3 @@ def demo(
     write_report(dataset, [read_run(file) for file in files], page)
     console.out.print(console.score_table(SCENE, score_files(dataset, files)))
     console.out.print(f"{page.resolve().as_uri()}")
-
-
-def _is_recorded(dataset: Path, settings: "RecordSettings") -> bool:
-    """Whether the folder was recorded with these settings and is sound."""
-    from sim.verify import verify
-    from trials.commands import console
-    from vo.contract.dataset import read_manifest
-    from vo.contract.errors import DatasetError
-
-    try:
-        if read_manifest(dataset).get("settings") != settings.model_dump(mode="json"):
-            return False
-        with console.progress_bar("verifying") as progress:
-            return not verify(dataset, progress)
-    except DatasetError:
-        return False
