@@ -32,6 +32,11 @@ def _linear(full: float) -> Callable[[float], float]:
     return lambda strength: full * strength
 
 
+def _noisy_well(strength: float) -> float:
+    """Shot noise, as a share of full scale, is proportional to the strength."""
+    return min(1500.0 / strength**2, 200_000.0)
+
+
 _SHUTTER_MS = 12.0
 """Exposure that comes with whatever shakes the camera: without one, a shake leaves no trace in an
 image."""
@@ -65,8 +70,8 @@ DISTURBANCES: dict[str, Disturbance] = {
     "noise": Disturbance(
         "shot and read noise of a small, cheap sensor",
         {
-            "sensor.full_well": lambda s: 1500.0 / s**2,
-            "sensor.read_noise": lambda s: 25.0 / s,
+            "sensor.full_well": _noisy_well,
+            "sensor.read_noise": lambda s: _noisy_well(s) * s / 60,
         },
     ),
     "defocus": Disturbance("a lens out of focus", {"sensor.softness_px": _linear(2.0)}),

@@ -91,11 +91,11 @@ def expose(
     edges = np.linspace(start_s, end_s, slots + 1)
     if slots == 1:
         return _paint(world, trip, renderer, (start_s + end_s) / 2, sky), 1
-    shares = _shares(shutter, edges)
+    portions = shares(shutter, edges)
     total: list[Array] = []
     for slot, time_s in enumerate((edges[1:] + edges[:-1]) / 2):
         images = _paint(world, trip, renderer, float(time_s), sky=True)
-        lights = [_weighed(decode(x), shares[eye, :, slot]) for eye, x in enumerate(images)]
+        lights = [_weighed(decode(x), portions[eye, :, slot]) for eye, x in enumerate(images)]
         total = [t + light for t, light in zip(total, lights, strict=True)] if total else lights
     return (total[0], total[1]), slots
 
@@ -155,6 +155,24 @@ def mean_brightness(world: World, shutter: Shutter, samples: int = 33) -> Array:
     return world.scene.brightness(times_s).mean(axis=1)
 
 
+def shares(shutter: Shutter, edges: Array) -> Array:
+    """Share of its light that a row of an eye gets from each slot: (2, H, slots), sums of one.
+
+    A row that is open for an instant takes what a slot's length around it shows.
+
+    Args:
+        shutter: When which row is open.
+        edges: (slots + 1,) times in seconds, evenly spaced, that bound the slots.
+    """
+    slot_s = edges[1] - edges[0]
+    middle = (shutter.start_s + shutter.end_s) / 2
+    half = np.maximum(shutter.end_s - shutter.start_s, slot_s)[..., None] / 2
+    low = np.maximum(middle[..., None] - half, edges[:-1])
+    high = np.minimum(middle[..., None] + half, edges[1:])
+    overlap = np.maximum(high - low, 0)
+    return (overlap / overlap.sum(axis=-1, keepdims=True)).astype(np.float32)
+
+
 def _paint(
     world: World, trip: Trip, renderer: StereoRenderer, time_s: float, sky: bool
 ) -> tuple[Image, Image]:
@@ -164,20 +182,6 @@ def _paint(
 
 def _place(world: World, trip: Trip, time_s: float) -> None:
     world.place(time_s, trip.states.at(world.model, time_s * 1e9))
-
-
-def _shares(shutter: Shutter, edges: Array) -> Array:
-    """Share of its light that a row of an eye gets from each slot: (2, H, slots), sums of one.
-
-    A row that is open for an instant takes what a slot's length around it shows.
-    """
-    slot_s = edges[1] - edges[0]
-    middle = (shutter.start_s + shutter.end_s) / 2
-    half = np.maximum(shutter.end_s - shutter.start_s, slot_s)[..., None] / 2
-    low = np.maximum(middle[..., None] - half, edges[:-1])
-    high = np.minimum(middle[..., None] + half, edges[1:])
-    overlap = np.maximum(high - low, 0)
-    return (overlap / overlap.sum(axis=-1, keepdims=True)).astype(np.float32)
 
 
 def _weighed(light: Array, share: Array) -> Array:

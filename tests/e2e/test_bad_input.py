@@ -176,7 +176,7 @@ def test_scoring_without_truth(dataset, tmp_path):
     assert_refused(driftyard("score", "d", "x.txt", cwd=tmp_path), "holds no truth")
 
 
-@pytest.mark.parametrize("words", [["fly"], ["run"], ["run", "d", "--bogus"], ["generate", "x"]])
+@pytest.mark.parametrize("words", [["fly"], ["run"], ["run", "d", "--bogus"], ["preview"]])
 def test_usage_errors(tmp_path, words):
     result = driftyard(*words, cwd=tmp_path)
     assert result.returncode == 2

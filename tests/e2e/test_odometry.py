@@ -274,8 +274,8 @@ def turn(scene):
             body = T @ se3.inverse(world.rig.T_body_cam)
             joint.qpos = np.concatenate([body[:3, 3], se3.to_quat_wxyz(body)])
             world.place_bodies()
-            view = renderer.stereo(depth=False)
-            frames.append(StereoFrame(10**8 * i, view.left, view.right))
+            left, right = renderer.paint()
+            frames.append(StereoFrame(10**8 * i, left, right))
     T_world_cam_now = np.array(T_world_cam_now)
     return frames, se3.inverse(T_world_cam_now[0]) @ T_world_cam_now
 

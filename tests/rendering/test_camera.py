@@ -12,7 +12,7 @@ from sim.labels import disparity_from_depth, photometric_residual, visible_in_ri
 from sim.map import render_map
 from sim.render import NO_GEOM, StereoRenderer, Survey
 from sim.rig import CAMERA
-from sim.rover import CONTACT_GROUP, PREFIX
+from sim.rover import CONTACT_GROUP
 from sim.settings import RecordSettings, RenderSettings, RigSettings
 from sim.world import World
 from vo.contract import se3
@@ -93,10 +93,10 @@ def test_rig_follows_from_its_settings(world):
     tilt_deg = math.degrees(math.asin(-forward_body[2]))
     assert tilt_deg == pytest.approx(12 if rig.width_px == 401 else 25)
     centre_body = rig.T_body_cam[:3, 3] + rig.T_body_cam[:3, 0] * rig.baseline_m / 2
-    T_world_body = world.T_world_body
-    camera = world.data.camera(PREFIX + CAMERA)
+    T_world_chassis = world.T_world_chassis
+    camera = world.data.camera(CAMERA)
     np.testing.assert_allclose(
-        se3.transform(T_world_body, centre_body[None])[0], camera.xpos, atol=1e-9
+        se3.transform(T_world_chassis, centre_body[None])[0], camera.xpos, atol=1e-9
     )
     assert camera.xpos[2] == pytest.approx(0.7 if rig.width_px == 401 else 0.5, abs=2e-3)
 
@@ -178,7 +178,7 @@ def test_map_pixels_are_where_the_map_says(world):
 def _misplaced(world: World, rig: StereoRig, masks: tuple[Array, Array]) -> int:
     """Count pixels of either eye whose geom contradicts the projected outlines of the boxes."""
     wrong = 0
-    T_cam_world = se3.inverse(world.T_world_body @ rig.T_body_cam)
+    T_cam_world = se3.inverse(world.T_world_chassis @ rig.T_body_cam)
     grid = np.stack(np.meshgrid(np.arange(rig.width_px), np.arange(rig.height_px)), axis=-1)
     outlines = [_outlines(world, rig, T_cam_world, f"box_{k}") for k in range(5)]
     for eye, ids in enumerate(masks):
@@ -215,7 +215,7 @@ def _inside(outline: Array, grid: Array) -> Array:
 def _cast(world: World, pixels: Array, eye: int) -> Array:
     """Planar depth by MuJoCo's ray casts through pixel centres; NaN for the sky."""
     rig = world.rig
-    T_world_cam = world.T_world_body @ rig.T_body_cam
+    T_world_cam = world.T_world_chassis @ rig.T_body_cam
     origin = T_world_cam[:3, 3] + eye * rig.baseline_m * T_world_cam[:3, 0]
     rays_cam = np.column_stack([rig.normalized(pixels), np.ones(len(pixels))])
     groups = np.ones(6, np.uint8)
