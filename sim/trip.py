@@ -106,7 +106,7 @@ def make_trip(world: World, settings: RecordSettings) -> Trip:
     A rover that tips over or gets stuck ends the trip with the frames until then.
 
     Raises:
-        DriveError: If that happens before the first frame.
+        DriveError: If that happens before the second frame.
     """
     log = _Log(world, settings)
     driver = Driver(world.path, settings.drive) if world.is_driven else None

@@ -27,6 +27,8 @@ START_S = 1.0
 """Time of the first frame; the second before it belongs to the rover's settling."""
 START_CLEARANCE_M = 0.01
 """Above the level ground, so that no brick is inside a wheel; the rover drops and settles."""
+WALK_STEP_M = 0.1
+"""Spacing of the points that a hand is led along."""
 SETTLING_CONTACT_M = 0.004
 """Deeper into an obstacle than this, the rover has no room to start."""
 
@@ -138,7 +140,7 @@ def build_world(scene: Scene, settings: RecordSettings) -> World:
         carrier = build_hand()
         movers[BODY], arrival_s = walk(
             scene,
-            path.at(np.arange(0, path.length_m, 0.1)),
+            path.at(np.linspace(0, path.length_m, math.ceil(path.length_m / WALK_STEP_M) + 1)),
             settings.drive,
             settings.handheld,
             START_S,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from scenes.scene import Scene
+from scenes.scene import Motion, Scene
 from sim.settings import RecordSettings
 from sim.world import World, build_world
 from vo.contract.arrays import Array
@@ -29,6 +29,9 @@ BOXES = (
     ((5.00, 0.20, 0.45), (0.30, 0.50, 0.25), -0.3),
 )
 
+MOVER_M = (0.15, 0.15, 0.10)
+"""Half sizes."""
+
 
 @pytest.fixture(scope="session")
 def real_data() -> Callable[[str], Path]:
@@ -45,10 +48,15 @@ def real_data() -> Callable[[str], Path]:
 
 @pytest.fixture(scope="session")
 def make_scene() -> SceneMaker:
-    """A textured plane with, on request, floating boxes, bricks or a wall across the route."""
+    """A textured plane with, on request, floating boxes, bricks, a wall across the route, and a
+    textured box that moves by itself."""
 
     def make(
-        route: Array | None = None, boxes: bool = False, bumps: bool = False, wall: bool = False
+        route: Array | None = None,
+        boxes: bool = False,
+        bumps: bool = False,
+        wall: bool = False,
+        mover: Motion | None = None,
     ) -> Scene:
         spec = mujoco.MjSpec()
         # A lamp on the camera and highlights shine differently into each eye.
@@ -72,7 +80,16 @@ def make_scene() -> SceneMaker:
             _add_box(spec, "wall", (1.0, 0, 0.3), (0.05, 2, 0.3))
         if route is None:
             route = np.array([[0.0, 0.0], [3.0, 0.0]])
-        return Scene("toy", "The tests.", spec, {"default": route}, (-2.0, -3.0, 6.0, 3.0))
+        if mover is not None:
+            _add_mover(spec)
+        return Scene(
+            "toy",
+            "The tests.",
+            spec,
+            {"default": route},
+            (-2.0, -3.0, 6.0, 3.0),
+            movers={} if mover is None else {"mover": mover},
+        )
 
     return make
 
@@ -101,6 +118,12 @@ def _add_ground(spec: mujoco.MjSpec) -> None:
     ground.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "noise"
     spec.worldbody.add_geom(
         name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=(30, 30, 1), material="ground"
+    )
+
+
+def _add_mover(spec: mujoco.MjSpec) -> None:
+    spec.worldbody.add_body(name="mover", mocap=True).add_geom(
+        name="mover", type=mujoco.mjtGeom.mjGEOM_BOX, size=MOVER_M, material="ground"
     )
 
 
