@@ -179,9 +179,9 @@ class Stage:
         self._add_twins(baked)
         if light is not None:
             light.install(self.spec)
+            _tune_view(self.spec)
         if sky is not None:
             _add_texture(self.spec, "sky", sky, mujoco.mjtTexture.mjTEXTURE_SKYBOX)
-        _tune_view(self.spec)
 
     def _bake(self, part: _Part, light: Light) -> Mesh:
         mesh = part.mesh
