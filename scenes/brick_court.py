@@ -1,14 +1,14 @@
 """A paved court in the sun: every brick its own, settled by a few millimetres."""
 
-from dataclasses import replace
 from typing import Annotated
 
 import mujoco
 import numpy as np
 from pydantic import Field
 
-from scenes.light import Light, shaded_normals
-from scenes.mesh import Mesh, merged, patch
+from scenes.ground import lit, strip, weathered
+from scenes.light import Light, sun
+from scenes.mesh import merged, patch
 from scenes.paving import BEVEL_M, Bond, Paving, brick_flanks, brick_tops, lay
 from scenes.props import bench, grass_tufts, lamp_post, litter, planter, potted_plant, shrub
 from scenes.routes import rounded_loop
@@ -17,7 +17,6 @@ from scenes.shadow import LightMap, ground_light
 from scenes.stage import Stage
 from scenes.surfaces import greenery, masonry, prints, sky, timber
 from scenes.surfaces.atlas import Atlas, pack
-from scenes.surfaces.noise import fractal, smoothstep
 from scenes.surround import brick_wall, kerb, on_wall, plaster_wall
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
@@ -58,12 +57,12 @@ def build(rng: np.random.Generator, settings: BrickCourtSettings) -> Scene:
     )
     route = _route(rng, half)
     gap_m = np.linalg.norm(paving.centre[:, None, :2] - route[None, ::2], axis=-1).min(axis=1)
-    light = _sun(rng)
+    light = sun(rng)
     bricks = _surfaces(stage, rng)
     _furnish(stage, rng, half)
     _surround(stage, rng, half)
     reach = tuple(np.concatenate([-half - 3, half + 3]).tolist())
-    baked = _weathered(rng, ground_light(reach, stage.blockers, light))
+    baked = weathered(rng, ground_light(reach, stage.blockers, light))
     with stage.object("paving", Kind.GROUND):
         _pave(stage, rng, paving, gap_m, bricks, baked, light)
     with stage.object("surrounding_ground", Kind.GROUND):
@@ -101,18 +100,6 @@ def _route(rng: np.random.Generator, half: Array) -> Array:
         ]
     )
     return rounded_loop(corners, radius_m=0.9)
-
-
-def _sun(rng: np.random.Generator) -> Light:
-    azimuth, elevation = rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(36, 56))
-    flat = np.cos(elevation)
-    on_ground = np.array([0.45, 0.43, 0.39])  # all lamps together light level ground by about 1
-    return Light(
-        key=np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)]),
-        key_rgb=on_ground / np.sin(elevation),
-        fill_rgb=np.array([0.34, 0.355, 0.38]),
-        ambient_rgb=np.array([0.21, 0.21, 0.22]),
-    )
 
 
 def _surfaces(stage: Stage, rng: np.random.Generator) -> Atlas:
@@ -190,21 +177,21 @@ def _ground(
     x, y = half
     bed = half + 0.2  # reaches under the kerb, whose stones leave gaps
     sand = patch((*-bed, sand_m), (2 * bed[0], 0, 0), (0, 2 * bed[1], 0), (44, 33), (1.0, 1.0))
-    stage.draw_lit("sand", _lit(sand, baked, light))
-    stage.draw_lit("concrete", _lit(merged(kerb(rng, half, 0.12, 0.03)), baked, light))
+    stage.draw_lit("sand", lit(sand, baked, light))
+    stage.draw_lit("concrete", lit(merged(kerb(rng, half, 0.12, 0.03)), baked, light))
     edge = 0.12
-    north = _strip((-x - 1.05, y + edge), (x + 3, y + 1.05), 0.0, 1.5)
-    west = _strip((-x - 1.05, -y - 3), (-x - edge, y + edge), 0.0, 1.5)
-    stage.draw_lit("gravel", _lit(merged([north, west]), baked, light))
-    east = _strip((x + edge, -y - edge), (x + 3, y + 1.05), 0.012, 4.0)
-    south = _strip((-x - edge, -y - 3), (x + 3, -y - edge), 0.012, 4.0)
+    north = strip((-x - 1.05, y + edge), (x + 3, y + 1.05), 0.0, 1.5)
+    west = strip((-x - 1.05, -y - 3), (-x - edge, y + edge), 0.0, 1.5)
+    stage.draw_lit("gravel", lit(merged([north, west]), baked, light))
+    east = strip((x + edge, -y - edge), (x + 3, y + 1.05), 0.012, 4.0)
+    south = strip((-x - edge, -y - 3), (x + 3, -y - edge), 0.012, 4.0)
     beyond = [
-        _strip((x + 3, -30), (30, 30), 0.012, 4.0, 1.5),
-        _strip((-30, -30), (x + 3, -y - 3), 0.012, 4.0, 1.5),
-        _strip((-30, y + 1.05), (x + 3, 30), 0.012, 4.0, 1.5),
-        _strip((-30, -y - 3), (-x - 1.05, y + 1.05), 0.012, 4.0, 1.5),
+        strip((x + 3, -30), (30, 30), 0.012, 4.0, 1.5),
+        strip((-30, -30), (x + 3, -y - 3), 0.012, 4.0, 1.5),
+        strip((-30, y + 1.05), (x + 3, 30), 0.012, 4.0, 1.5),
+        strip((-30, -y - 3), (-x - 1.05, y + 1.05), 0.012, 4.0, 1.5),
     ]
-    stage.draw_lit("lawn", _lit(merged([east, south, *beyond]), baked, light))
+    stage.draw_lit("lawn", lit(merged([east, south, *beyond]), baked, light))
     count = 300
     beside = 0.14 + rng.exponential(0.35, (2, count))  # uncut where the mower meets the kerb
     tufts = np.concatenate(
@@ -213,7 +200,7 @@ def _ground(
             np.column_stack([rng.uniform(-x, x, count), -y - beside[1]]),
         ]
     )
-    stage.draw_lit("lawn", _lit(grass_tufts(rng, tufts), baked, light))
+    stage.draw_lit("lawn", lit(grass_tufts(rng, tufts), baked, light))
 
 
 def _pave(
@@ -253,16 +240,16 @@ def _pave(
     ):
         if keep.any():
             tops = brick_tops(paving.select(keep), rects[keep], turned[keep], divisions, inset_m)
-            stage.draw_lit("paving", _lit(tops, baked, light))
+            stage.draw_lit("paving", lit(tops, baked, light))
     flanks = brick_flanks(paving.select(near), rects[near], turned[near])
-    stage.draw_lit("paving", _lit(flanks, baked, light))
+    stage.draw_lit("paving", lit(flanks, baked, light))
     leaves = pack(greenery.fallen_leaves(rng, 24, 64))
     stage.material("litter", leaves.image)
     dropped = 170
     under = paving.centre[rng.integers(count, size=dropped)]
     shift = rng.uniform(-0.04, 0.04, (dropped, 2))
     places = np.column_stack([under[:, :2] + shift, under[:, 2] + 0.003])
-    stage.draw_lit("litter", _lit(litter(rng, places, leaves), baked, light))
+    stage.draw_lit("litter", lit(litter(rng, places, leaves), baked, light))
 
 
 def _bump(stage: Stage, near: Paving) -> None:
@@ -280,29 +267,3 @@ def _bump(stage: Stage, near: Paving) -> None:
             size=(*reach, BRICK_THICKNESS_M / 2),
             group=HIDDEN_GROUP,
         )
-
-
-def _weathered(rng: np.random.Generator, baked: LightMap) -> LightMap:
-    """Darken the ground in clouds of half a metre to several: damp, dirt, worn tracks."""
-    cloud = fractal(rng, baked.shares.shape[1:], (0.4 / baked.step_m, 5 / baked.step_m), 0.8)
-    return replace(baked, shares=baked.shares * (1 - 0.14 * smoothstep(-0.5, 2.0, cloud)))
-
-
-def _strip(
-    low: tuple[float, float],
-    high: tuple[float, float],
-    height_m: float,
-    period_m: float,
-    cell_m: float = 0.25,
-) -> Mesh:
-    """Cover x, y from (2,) low to (2,) high; neighbours of one period join without a seam."""
-    sx, sy = high[0] - low[0], high[1] - low[1]
-    cells = (int(np.ceil(sx / cell_m)), int(np.ceil(sy / cell_m)))
-    offset = (low[0] / period_m, -high[1] / period_m)
-    return patch((*low, height_m), (sx, 0, 0), (0, sy, 0), cells, (period_m, period_m), offset)
-
-
-def _lit(mesh: Mesh, baked: LightMap, light: Light) -> Mesh:
-    """Light a mesh that lies on the ground by the ground's baked light."""
-    key, fill = baked.at(mesh.points)
-    return Mesh(mesh.points, shaded_normals(mesh.normals, key, fill, light), mesh.uv, mesh.faces)

@@ -73,9 +73,23 @@ def shaded_normals(normals: Array, key_share: Array, fill_share: Array, light: L
         times fill_share times the hemisphere seen; where no unit vector has both, the key's share
         is kept and the fill's is the nearest possible.
     """
-    k = float(light.key[2])
     key = key_share * np.maximum(normals @ light.key, 0)
-    fill = FILL_SHARE * fill_share * (0.55 + 0.45 * normals[:, 2])
+    return solved_normals(key, fill_share * (0.55 + 0.45 * normals[:, 2]), light)
+
+
+def solved_normals(key: Array, sky: Array, light: Light) -> Array:
+    """Solve for normals that receive given shares of both lamps.
+
+    Args:
+        key: (V,) wanted n . key, in [0, 1].
+        sky: (V,) share of the fill of an unoccluded upward surface, in [0, 1].
+        light: The lamps.
+
+    Returns:
+        (V, 3) unit normals; see `shaded_normals` for what is kept where not both are possible.
+    """
+    k = float(light.key[2])
+    fill = FILL_SHARE * sky
     # |n| = 1 needs key² + fill² - 2 k key fill <= 1 - k²: an interval of fill around k key.
     slack = np.sqrt((1 - k * k) * np.maximum(1 - key * key, 0)) * 0.999
     fill = np.clip(fill, k * key - slack, k * key + slack)
@@ -86,3 +100,33 @@ def shaded_normals(normals: Array, key_share: Array, fill_share: Array, light: L
     planar = along_key[:, None] * light.key + along_z[:, None] * z
     rest = np.sqrt(np.maximum(1 - (planar**2).sum(axis=1), 0))
     return planar + rest[:, None] * across
+
+
+def sun(rng: np.random.Generator, elevation_deg: tuple[float, float] = (36, 56)) -> Light:
+    """Shine from a random side of a clear sky; all lamps together light level ground by about 1."""
+    azimuth, elevation = rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(*elevation_deg))
+    on_ground = np.array([0.45, 0.43, 0.39])
+    return Light(
+        key=_towards(azimuth, elevation),
+        key_rgb=on_ground / np.sin(elevation),
+        fill_rgb=np.array([0.34, 0.355, 0.38]),
+        ambient_rgb=np.array([0.21, 0.21, 0.22]),
+    )
+
+
+def hall_light(rng: np.random.Generator, elevation_deg: tuple[float, float] = (55, 68)) -> Light:
+    """Light a room from wide ceiling panels; all together light the floor by about 1."""
+    azimuth, elevation = rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(*elevation_deg))
+    on_floor = np.array([0.30, 0.298, 0.285])
+    return Light(
+        key=_towards(azimuth, elevation),
+        key_rgb=on_floor / np.sin(elevation),
+        fill_rgb=np.array([0.38, 0.376, 0.362]),
+        ambient_rgb=np.array([0.32, 0.318, 0.31]),
+        softness_rad=0.5,
+    )
+
+
+def _towards(azimuth_rad: float, elevation_rad: float) -> Array:
+    flat = np.cos(elevation_rad)
+    return np.array([flat * np.cos(azimuth_rad), flat * np.sin(azimuth_rad), np.sin(elevation_rad)])

@@ -1,0 +1,100 @@
+"""Ground to drive on: pieces of texture that never line up, and the ground's own baked light."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from scenes.light import Light, shaded_normals
+from scenes.mesh import Mesh, patch, polygons
+from scenes.shadow import LightMap
+from scenes.surfaces.atlas import Atlas
+from scenes.surfaces.noise import fractal, smoothstep
+from vo.contract.arrays import Array
+
+Placing = Callable[[Array], Array]
+"""(..., 2) plan coordinates in metres to (..., 3) points in the world."""
+
+
+def strip(
+    low: tuple[float, float],
+    high: tuple[float, float],
+    height_m: float,
+    period_m: float,
+    cell_m: float = 0.25,
+) -> Mesh:
+    """Cover x, y from (2,) low to (2,) high; neighbours of one period join without a seam."""
+    sx, sy = high[0] - low[0], high[1] - low[1]
+    cells = (int(np.ceil(sx / cell_m)), int(np.ceil(sy / cell_m)))
+    offset = (low[0] / period_m, -high[1] / period_m)
+    return patch((*low, height_m), (sx, 0, 0), (0, sy, 0), cells, (period_m, period_m), offset)
+
+
+def quads(low: tuple[float, float], high: tuple[float, float], cell_m: float) -> Array:
+    """Divide a rectangle into squares of about `cell_m`: (N, 4, 2) corners, counter-clockwise."""
+    a, b = (
+        np.linspace(start, end, max(1, round((end - start) / cell_m)) + 1)
+        for start, end in zip(low, high, strict=True)
+    )
+    x, y = (v.ravel() for v in np.meshgrid(a[:-1], b[:-1], indexing="ij"))
+    dx, dy = a[1] - a[0], b[1] - b[0]
+    square = np.array([(0, 0), (dx, 0), (dx, dy), (0, dy)])
+    return np.column_stack([x, y])[:, None] + square
+
+
+def scattered(rng: np.random.Generator, corners: Array, tile_m: float, period_m: float) -> Array:
+    """Show tiles from random places of a tiling texture, turned at random.
+
+    What has no features larger than a tile then joins without visible seams and never repeats.
+
+    Args:
+        rng: Chooses place and turn of each tile.
+        corners: (N, 4, 2) quads, metres; none may lie in two tiles.
+        tile_m: Side of a tile.
+        period_m: Size of the texture.
+
+    Returns:
+        (N, 4, 2) texture coordinates.
+    """
+    share, tile = _in_tiles(rng, corners, tile_m)
+    places = rng.random((tile.max() + 1, 2))
+    return share * tile_m / period_m + places[tile][:, None]
+
+
+def tiled(rng: np.random.Generator, corners: Array, tile_m: float, atlas: Atlas) -> Array:
+    """Lay tiles of random variants in random turns; arguments and result as in `scattered`."""
+    share, tile = _in_tiles(rng, corners, tile_m)
+    rects = atlas.rects[rng.integers(atlas.count, size=tile.max() + 1)][tile][:, None]
+    return rects[..., :2] + share * (rects[..., 2:] - rects[..., :2])
+
+
+def _in_tiles(rng: np.random.Generator, corners: Array, tile_m: float) -> tuple[Array, Array]:
+    """Place of (N, 4, 2) corners in their tile, 0 to 1 and in its turn; and (N,) the tile."""
+    index = np.floor(corners.mean(axis=1) / tile_m)
+    _, tile = np.unique(index, axis=0, return_inverse=True)
+    turns = rng.random((tile.max() + 1, 3)) < 0.5
+    share = corners / tile_m - index[:, None]
+    swap, flip = turns[tile, None, :1], turns[tile, None, 1:]
+    share = np.where(swap, share[..., ::-1], share)
+    return np.where(flip, 1 - share, share), tile
+
+
+def level(corners: Array, uv: Array, place: Placing | float = 0.0) -> Mesh:
+    """Build (N, 4, 2) quads, either at a height in metres or placed in the world, facing up."""
+    if callable(place):
+        points = place(corners)
+    else:
+        points = np.concatenate([corners, np.full((*corners.shape[:-1], 1), place)], axis=-1)
+    return polygons(points, uv, np.broadcast_to(np.array([0, 0, 1.0]), points.shape))
+
+
+def weathered(rng: np.random.Generator, baked: LightMap, strength: float = 0.14) -> LightMap:
+    """Darken the ground in clouds of half a metre to several: damp, dirt, worn tracks."""
+    cloud = fractal(rng, baked.shares.shape[1:], (0.4 / baked.step_m, 5 / baked.step_m), 0.8)
+    return replace(baked, shares=baked.shares * (1 - strength * smoothstep(-0.5, 2.0, cloud)))
+
+
+def lit(mesh: Mesh, baked: LightMap, light: Light) -> Mesh:
+    """Light a mesh that lies on the ground by the ground's baked light."""
+    key, fill = baked.at(mesh.points)
+    return Mesh(mesh.points, shaded_normals(mesh.normals, key, fill, light), mesh.uv, mesh.faces)
