@@ -191,7 +191,7 @@ def test_adaptive_blur_is_what_many_more_sub_frames_show(carry):
         reference = np.mean([decode(images[eye]) for images in many], axis=0)
         encode = Encoding("srgb")
         blurred, wanted = encode(capture.light[eye]), encode(reference.astype(np.float32))
-        assert _psnr(blurred, wanted) >= 45
+        assert _psnr(blurred, wanted) > 55  # half a slot late it would be 50
         ((*sharp,),) = stand.instants(np.array([START_S]))
         assert _psnr(sharp[eye], wanted) < 35
 
