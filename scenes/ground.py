@@ -94,7 +94,8 @@ def weathered(rng: np.random.Generator, baked: LightMap, strength: float = 0.14)
     return replace(baked, shares=baked.shares * (1 - strength * smoothstep(-0.5, 2.0, cloud)))
 
 
-def lit(mesh: Mesh, baked: LightMap, light: Light) -> Mesh:
-    """Light a mesh that lies on the ground by the ground's baked light."""
+def lit(mesh: Mesh, baked: LightMap, light: Light, share: Array | float = 1.0) -> Mesh:
+    """Light a mesh that lies on the ground by a (V,) share of the ground's baked light."""
     key, fill = baked.at(mesh.points)
-    return Mesh(mesh.points, shaded_normals(mesh.normals, key, fill, light), mesh.uv, mesh.faces)
+    normals = shaded_normals(mesh.normals, key * share, fill * share, light)
+    return Mesh(mesh.points, normals, mesh.uv, mesh.faces)

@@ -60,8 +60,10 @@ def potted_plant(stage: Stage, name: str, rng: np.random.Generator, centre: Vect
     stage.blocker((x, y, 0.78), (0.4, 0.4, 0.4), 0.5, 0.6)
 
 
-def ball(rng: np.random.Generator, centre: Vector, radius_m: float) -> Mesh:
-    """Build a lumpy sphere; its texture repeats every 0.35 m."""
+def ball(
+    rng: np.random.Generator, centre: Vector, radius_m: float, period_m: float = 0.35
+) -> Mesh:
+    """Build a lumpy sphere; its texture repeats every `period_m`."""
     theta, phi = np.meshgrid(np.linspace(0, np.pi, 6), np.linspace(0, 2 * np.pi, 10))
     unit = np.stack(
         [np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1
@@ -69,7 +71,7 @@ def ball(rng: np.random.Generator, centre: Vector, radius_m: float) -> Mesh:
     bumps = rng.uniform(0, 6.28, 3)
     swell = 1 + 0.13 * np.sin(5 * unit + bumps).sum(axis=-1)
     points = np.asarray(centre) + radius_m * swell[..., None] * unit
-    uv = np.stack([phi, theta], axis=-1) * radius_m / 0.35 + rng.random(2)
+    uv = np.stack([phi, theta], axis=-1) * radius_m / period_m + rng.random(2)
     quad = [
         (slice(None, -1), slice(None, -1)),
         (slice(None, -1), slice(1, None)),

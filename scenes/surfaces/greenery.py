@@ -3,11 +3,11 @@
 import numpy as np
 
 from scenes.surfaces.noise import blend, fractal, ramp, smoothstep, to_image
-from vo.contract.arrays import Image
+from vo.contract.arrays import Array, Image
 
 
-def lawn(rng: np.random.Generator, side_px: int) -> Image:
-    """Draw short grass from above: (S, S, 3), tiling."""
+def lawn(rng: np.random.Generator, side_px: int, patchy: float = 1.0) -> Image:
+    """Draw short grass from above: (S, S, 3), tiling; `patchy` is the strength of dry patches."""
     size = (side_px, side_px)
     blades = np.maximum(
         fractal(rng, size, (2, 20), 0.2, stretch=5.0),
@@ -19,8 +19,41 @@ def lawn(rng: np.random.Generator, side_px: int) -> Image:
         ((38, 44, 24), (70, 82, 44), (100, 112, 64), (140, 146, 92)),
         0.30 + 0.24 * blades + 0.08 * clumps,
     )
-    colour = blend(colour, (128, 116, 74), 0.5 * smoothstep(0.4, 2.0, patches))
-    return to_image(colour * (1 + 0.06 * patches)[..., None])
+    colour = blend(colour, (128, 116, 74), 0.5 * patchy * smoothstep(0.4, 2.0, patches))
+    return to_image(colour * (1 + 0.06 * patchy * patches)[..., None])
+
+
+def mown(rng: np.random.Generator, side_px: int) -> Image:
+    """Draw trodden, freshly mown grass with dry clippings and a little earth: (S, S, 3), tiling.
+
+    Nothing in it is larger than a few centimetres at 1 mm per texel.
+    """
+    size = (side_px, side_px)
+    blades = np.maximum(
+        fractal(rng, size, (2, 16), 0.2, stretch=4.0),
+        fractal(rng, size, (2, 16), 0.2, stretch=4.0).T,
+    )
+    clumps = fractal(rng, size, (10, 60), 0.4)
+    colour = grass_tones(0.34 + 0.24 * blades + 0.11 * clumps).astype(np.float32)
+    straw = np.maximum(
+        fractal(rng, size, (3, 14), 0.0, stretch=7.0),
+        fractal(rng, size, (3, 14), 0.0, stretch=7.0).T,
+    )
+    colour = blend(colour, (196, 182, 132), 0.85 * smoothstep(1.7, 2.3, straw))
+    earth = smoothstep(1.0, 1.9, fractal(rng, size, (4, 60), 0.5))
+    return to_image(blend(colour, (104, 88, 66), 0.8 * earth))
+
+
+def foliage(rng: np.random.Generator, side_px: int, haze: float) -> Image:
+    """Draw the leaves of a tree in the sun, far enough for some haze: (S, S, 3), tiling."""
+    near = leaves(rng, 1, side_px)[0] * np.array([1.25, 1.3, 1.1]) + (18, 22, 8)
+    return to_image(near + haze * (np.array([176, 190, 178]) - near))
+
+
+def grass_tones(values: Array) -> Image:
+    """Colour (H, W) values in [0, 1] as grass, deep green to straw: (H, W, 3)."""
+    stops = ((34, 42, 20), (66, 84, 38), (98, 116, 56), (138, 146, 82), (184, 172, 122))
+    return to_image(ramp(stops, values))
 
 
 def leaves(rng: np.random.Generator, count: int, side_px: int) -> Image:

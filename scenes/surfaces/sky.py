@@ -7,9 +7,12 @@ from scenes.surfaces.noise import blend, fractal, ramp, smoothstep, to_image
 from vo.contract.arrays import Array, Image
 
 
-def town_sky(rng: np.random.Generator, side_px: int = 512) -> Image:
-    """Draw hazy sky, clouds, tree line and roofs: (6 S, S, 3), +x -x +y -y +z -z in the world."""
-    return np.concatenate([to_image(face) for face in _shade(rng, _directions(side_px))])
+def town_sky(rng: np.random.Generator, side_px: int = 512, houses: float = 0.55) -> Image:
+    """Draw hazy sky, clouds, tree line and roofs: (6 S, S, 3), +x -x +y -y +z -z in the world.
+
+    `houses` is the share of the skyline that is built up.
+    """
+    return np.concatenate([to_image(face) for face in _shade(rng, _directions(side_px), houses)])
 
 
 def plain_sky(rgb: tuple[int, int, int], side_px: int = 8) -> Image:
@@ -45,7 +48,7 @@ def _directions(side_px: int) -> Array:
     return world / np.linalg.norm(world, axis=-1, keepdims=True)
 
 
-def _shade(rng: np.random.Generator, rays: Array) -> Array:
+def _shade(rng: np.random.Generator, rays: Array, houses: float) -> Array:
     azimuth = np.arctan2(rays[..., 1], rays[..., 0])
     elevation = np.arcsin(rays[..., 2])
     colour = ramp(
@@ -55,7 +58,7 @@ def _shade(rng: np.random.Generator, rays: Array) -> Array:
     cloud = _panorama(fractal(rng, (512, 2048), (8, 500), 1.3, stretch=2.0), azimuth, elevation)
     colour = blend(colour, (236, 236, 234), 0.8 * smoothstep(0.1, 1.6, cloud))
     x = (azimuth / (2 * np.pi) + 0.5) * 1024
-    roofs = np.repeat(rng.uniform(0.02, 0.16, 64) * (rng.random(64) < 0.55), 16)
+    roofs = np.repeat(rng.uniform(0.02, 0.16, 64) * (rng.random(64) < houses), 16)
     crowns = 0.075 + 0.022 * _panorama(fractal(rng, (8, 2048), (6, 300), 0.9), azimuth, 0 * x)
     texture = _panorama(fractal(rng, (512, 2048), (3, 160), 0.9), azimuth, elevation)
     column = x.astype(int) % 1024

@@ -1,0 +1,128 @@
+"""What grows in a meadow: grass of any length, flowers, trees and hedges."""
+
+import numpy as np
+
+from scenes.mesh import Mesh, Vector, merged, polygons, tube
+from scenes.props import ball, leaf_cloud
+from scenes.stage import Stage, one_object
+from vo.contract.arrays import Array
+
+UV_BLADE = 0.05
+"""Share of the grass texture that a blade shows: about one tone."""
+
+
+def grass(rng: np.random.Generator, feet: Array, height_m: Array, width_m: Array) -> Mesh:
+    """Grow one bent blade at each foot.
+
+    Args:
+        rng: Chooses lean and tone.
+        feet: (N, 3) metres.
+        height_m: (N,) of the tips.
+        width_m: (N,) at the foot.
+
+    Returns:
+        Two triangles for each blade: straight below, hanging over above.
+    """
+    count = len(feet)
+    azimuth = rng.uniform(0, 2 * np.pi, count)
+    out = np.column_stack([np.cos(azimuth), np.sin(azimuth)])
+    lean = (rng.gamma(2.0, 0.13, count) * height_m)[:, None] * out
+    side = 0.5 * width_m[:, None] * np.column_stack([-out[:, 1], out[:, 0]])
+    knee = np.column_stack([0.35 * lean, 0.6 * height_m])
+    tip = np.column_stack([lean, height_m])
+    flat = np.zeros((count, 1))
+    left, right = np.hstack([side, flat]), np.hstack([-side, flat])
+    corners = np.stack(
+        [feet + left, feet + right, feet + tip, feet + knee + 0.8 * left],
+        axis=1,
+    )
+    along = np.array([(0, 0), (0.1, 0), (0.05, 1), (0, 0.6)]) * UV_BLADE
+    uv = rng.random((count, 1, 2)) + along
+    tilt = np.column_stack([rng.normal(0, 0.35, (count, 2)), np.ones(count)])
+    tilt /= np.linalg.norm(tilt, axis=1, keepdims=True)  # blades catch the sun one by one
+    return polygons(corners, uv, np.broadcast_to(tilt[:, None], corners.shape))
+
+
+def flowers(
+    rng: np.random.Generator, feet: Array, height_m: Array, radius_m: float, palette: Array
+) -> tuple[Mesh, Mesh]:
+    """Grow a flower at each of (N, 3) feet, (N,) metres high.
+
+    Args:
+        rng: Chooses lean and colours.
+        feet: (N, 3) metres.
+        height_m: (N,) of the blossoms.
+        radius_m: Of the blossoms.
+        palette: (K, 2) texture coordinates of the colours.
+
+    Returns:
+        The stems, for the grass texture, and the blossoms, for the palette's.
+    """
+    count = len(feet)
+    lean = np.column_stack([rng.normal(0, 0.1, (count, 2)), np.ones(count)])
+    head = feet + height_m[:, None] * lean
+    side = np.array([0.002, 0, 0])
+    stem = polygons(
+        np.stack([feet - side, feet + side, head], axis=1),
+        rng.random((count, 1, 2)) + np.zeros((1, 3, 1)),
+        np.broadcast_to(np.array([0, 0, 1.0]), (count, 3, 3)),
+    )
+    up = lean + rng.normal(0, 0.35, (count, 3))
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    e1 = np.cross(up, [1.0, 0, 0])
+    e1 /= np.linalg.norm(e1, axis=1, keepdims=True)
+    e2 = np.cross(up, e1)
+    angle = np.arange(6) * np.pi / 3
+    size = radius_m * rng.uniform(0.7, 1.2, (count, 1, 1))
+    petals = np.cos(angle)[:, None] * e1[:, None] + np.sin(angle)[:, None] * e2[:, None]
+    corners = head[:, None] + size * petals
+    uv = np.repeat(palette[rng.integers(len(palette), size=count)][:, None], 6, axis=1)
+    return stem, polygons(corners, uv, np.repeat(up[:, None], 6, axis=1))
+
+
+@one_object
+def tree(stage: Stage, name: str, rng: np.random.Generator, foot: Vector, height_m: float) -> None:
+    """Plant a broad-leaved tree at (3,) metres: a trunk, boughs and a crown of lobes."""
+    base = np.asarray(foot, dtype=float)
+    crown = base + np.array((0, 0, 0.62 * height_m))
+    reach = 0.3 * height_m
+    stage.draw(
+        "bark", tube(base, base + np.array((0, 0, 0.55 * height_m)), 0.035 * height_m, 9, 0.6)
+    )
+    lobes: list[Mesh] = [ball(rng, crown, 0.75 * reach, period_m=2.2)]
+    for _ in range(6):
+        out = rng.standard_normal(3) * (1, 1, 0.8)
+        at = crown + 0.75 * reach * out / np.linalg.norm(out)
+        lobes.append(ball(rng, at, rng.uniform(0.4, 0.62) * reach, period_m=2.2))
+    for turn in rng.uniform(0, 2 * np.pi, 3):
+        end = crown + 0.5 * reach * np.array([np.cos(turn), np.sin(turn), 0.1])
+        stage.draw(
+            "bark", tube(base + np.array((0, 0, 0.4 * height_m)), end, 0.018 * height_m, 6, 0.5)
+        )
+    stage.draw("foliage", *lobes)
+    stage.obstacle(
+        name, base + np.array((0, 0, 0.3 * height_m)), (0.2, 0.2, 0.6 * height_m), shadow=False
+    )
+    stage.blocker(base + np.array((0, 0, 0.25 * height_m)), np.array([0.06, 0.06, 0.5]) * height_m)
+    stage.blocker(crown, np.array([1.9, 1.9, 1.6]) * reach, rng.uniform(0, 1.5), 0.75)
+
+
+@one_object
+def hedge(
+    stage: Stage, name: str, rng: np.random.Generator, start: Vector, end: Vector, height_m: float
+) -> None:
+    """Grow a clipped hedge, 0.6 m thick, from (2,) `start` to (2,) `end` metres."""
+    a, b = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
+    length = float(np.linalg.norm(b - a))
+    yaw = float(np.arctan2(*(b - a)[::-1]))
+    lobes: list[Mesh] = []
+    for along in np.arange(0.25, length, 0.42):
+        centre = (along, rng.normal(0, 0.03), 0.42 * height_m)
+        lobe = ball(rng, (0, 0, 0), 0.36, period_m=0.7)
+        stretched = lobe.points * (1.0, 0.85, 0.55 * height_m / 0.36) + centre
+        lobes.append(Mesh(stretched, lobe.normals, lobe.uv, lobe.faces))
+    for along in np.arange(0.3, length, 0.6):
+        lobes.append(leaf_cloud(rng, (along, 0, 0.7 * height_m), 0.36, 60))
+    stage.draw("leaves", merged(lobes).moved((*a, 0.0), yaw))
+    centre = (*(a + b) / 2, height_m / 2)
+    stage.obstacle(name, centre, (length, 0.6, height_m), yaw)
