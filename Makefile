@@ -2,7 +2,7 @@
 # `make bench` and `make accuracy` take options: make bench ARGS=--quick
 
 .DEFAULT_GOAL := help
-.PHONY: demo test lint bench accuracy clean help
+.PHONY: demo test lint bench accuracy proof response scenes clean help
 
 VENV := .venv
 READY := $(VENV)/.ready
@@ -28,6 +28,15 @@ bench: $(READY)  ## speed of estimator and generator on this machine
 
 accuracy: $(READY)  ## drift of the default settings on ten drives (into build/accuracy/)
 	$(BIN)/python -m trials.accuracy $(ARGS)
+
+scenes: $(READY)  ## picture of all scenes for the README
+	$(BIN)/driftyard preview all --out docs/images/scenes.jpg
+
+proof: $(READY)  ## how exact labels, blur and sensors are, beside what is promised
+	$(BIN)/python -m trials.proof $(ARGS)
+
+response: $(READY)  ## what every disturbance and every scene costs the baseline (an hour)
+	$(BIN)/python -m trials.response $(ARGS)
 
 clean:  ## remove results and caches; the environment in .venv stays
 	rm -rf build demo dist .pytest_cache .hypothesis .ruff_cache .import_linter_cache

@@ -1,0 +1,49 @@
+"""Pictures for people as files: PNG or JPEG, as the name says."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from vo.contract.arrays import Image
+from vo.contract.errors import SettingsError
+from vo.contract.files import encode_png, replacing
+
+SUFFIXES = (".png", ".jpg", ".jpeg")
+JPEG_QUALITY = 88
+
+
+def picture_suffix(out: Path) -> str:
+    """Return the kind of picture that a name asks for.
+
+    Raises:
+        SettingsError: If it is none of SUFFIXES.
+    """
+    return known_suffix(out, SUFFIXES)
+
+
+def known_suffix(out: Path, valid: tuple[str, ...]) -> str:
+    """Return a file's suffix in small letters.
+
+    Raises:
+        SettingsError: If it is not one of the valid ones.
+    """
+    suffix = out.suffix.lower()
+    if suffix not in valid:
+        raise SettingsError(f"{out}: the name must end in {' or '.join(valid)}")
+    return suffix
+
+
+def write_picture(out: Path, image: Image, quality: int = JPEG_QUALITY) -> None:
+    """Write (H, W, 3) RGB as PNG or JPEG, whole or not at all.
+
+    Raises:
+        SettingsError: If the name has another suffix.
+    """
+    if picture_suffix(out) == ".png":
+        data = encode_png(image)
+    else:
+        bgr = np.ascontiguousarray(image[..., ::-1])
+        data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
+    with replacing(out) as partial:
+        partial.write_bytes(data)
