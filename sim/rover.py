@@ -28,6 +28,8 @@ MAST = "mast"
 WHEELS = (PREFIX + "wheel_left", PREFIX + "wheel_right")
 """Names of the wheels' joints and of their actuators, left then right."""
 
+WHEEL_BODIES = (*WHEELS, PREFIX + "caster_wheel")
+
 VISIBLE_GROUP = 1
 CONTACT_GROUP = 3
 

@@ -177,6 +177,16 @@ def wheels_sheet(settings: EncoderSettings) -> dict[str, Any]:
     }
 
 
+def contact_sheet(rate_hz: float) -> dict[str, Any]:
+    """Describe the loads on the wheels, which are truth: no rover measures them."""
+    return {
+        "sensor_type": "wheel_loads",
+        "comment": "normal force between ground and wheel at an instant",
+        "rate_hz": rate_hz,
+        "unit": "N",
+    }
+
+
 def truth_sheet(settings: RecordSettings) -> dict[str, Any]:
     """Describe the true state."""
     return {

@@ -14,6 +14,7 @@ from sim.sensors import (
     LABELS,
     T_body_imu,
     camera_sheet,
+    contact_sheet,
     imu_sheet,
     label_sheet,
     raw_camera_sheet,
@@ -32,6 +33,7 @@ GRAVITY_MPS2: Array = np.array([0.0, 0.0, -9.81])
 IMAGE_COLUMNS = ("timestamp [ns]", "filename")
 EXPOSURE_COLUMNS = ("timestamp [ns]", "exposure [ms]", "gain []", "sub-frames []")
 WHEEL_COLUMNS = ("timestamp [ns]", "left [ticks]", "right [ticks]")
+CONTACT_COLUMNS = ("timestamp [ns]", "left [N]", "right [N]", "caster [N]")
 IMU_COLUMNS = (
     "timestamp [ns]",
     *(f"w_RS_S_{axis} [rad s^-1]" for axis in "xyz"),
@@ -117,11 +119,15 @@ def _stamped(times_ns: Indices, values: Array) -> Iterator[list[float]]:
 
 
 def write_wheels(writer: DatasetWriter, settings: RecordSettings, trip: Trip) -> None:
-    """Write the encoders, if the carrier has wheels."""
+    """Write encoders and wheel loads, if the carrier has wheels."""
     if len(trip.wheel_counts):
         writer.add_yaml("mav0/wheels0/sensor.yaml", wheels_sheet(settings.encoders))
         counts = zip(trip.wheel_times_ns.tolist(), *trip.wheel_counts.T.tolist(), strict=True)
         writer.add_csv("mav0/wheels0/data.csv", WHEEL_COLUMNS, counts)
+        motions = trip.motions
+        writer.add_yaml("mav0/contact0/sensor.yaml", contact_sheet(settings.imu.rate_hz))
+        loads = _stamped(motions.times_ns, motions.wheel_forces_n)
+        writer.add_csv("mav0/contact0/data.csv", CONTACT_COLUMNS, loads)
 
 
 def perfect_readings(settings: RecordSettings, trip: Trip) -> ImuReadings:

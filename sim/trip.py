@@ -8,7 +8,7 @@ import numpy as np
 
 from sim.drive import CONTROL_RATE_HZ, DriveError, Driver
 from sim.encoders import Encoders
-from sim.rover import BODY, MAST, PREFIX
+from sim.rover import BODY, MAST, PREFIX, WHEEL_BODIES
 from sim.settings import RecordSettings
 from sim.streams import stream
 from sim.world import START_S, World
@@ -56,12 +56,14 @@ class Motions:
         T_world_body: (M, 4, 4)
         v_world_body: (M, 3) velocity of the body origin in world axes, m/s.
         w_world_body: (M, 3) angular velocity in world axes, rad/s.
+        wheel_forces_n: (M, 3) load on left, right and caster wheel; zeros without wheels.
     """
 
     times_ns: Indices
     T_world_body: Array
     v_world_body: Array
     w_world_body: Array
+    wheel_forces_n: Array
 
 
 @dataclass(frozen=True)
@@ -166,7 +168,7 @@ class _Log:
         self._encoders = Encoders(settings.encoders.ticks_per_turn, settings.encoders.rate_hz)
         self._frames: list[tuple[int, Array, Array]] = []
         self._states: list[tuple[int, Array]] = []
-        self._motions: list[tuple[int, Array, Array, Array]] = []
+        self._motions: list[tuple[int, Array, Array, Array, Array]] = []
 
     @property
     def _frame_step(self) -> int:
@@ -193,7 +195,8 @@ class _Log:
             if frame:
                 self._frames.append((time_ns, T_world_body, v_world_body))
             if imu:
-                self._motions.append((time_ns, T_world_body, v_world_body, w_world_body))
+                forces_n = wheel_forces_n(world)
+                self._motions.append((time_ns, T_world_body, v_world_body, w_world_body, forces_n))
         if world.is_driven and step == self._encoders.next_step(self._timestep_s):
             self._encoders.read(time_ns, world.wheel_angles_rad)
 
@@ -248,6 +251,22 @@ def body_motion(world: World, time_s: float) -> tuple[Array, Array, Array]:
     T_world_body = world.T_world_body
     lever = T_world_body[:3, 3] - world.data.xpos[mast]
     return T_world_body, twist[3:] + np.cross(twist[:3], lever), twist[:3]
+
+
+def wheel_forces_n(world: World) -> Array:
+    """Normal force (3,) between the ground and the left, the right and the caster wheel, now."""
+    total, force = np.zeros(3), np.empty(6)
+    if not world.is_driven:
+        return total
+    model, data = world.model, world.data
+    wheels = [model.body(name).id for name in WHEEL_BODIES]
+    for k, contact in enumerate(data.contact):
+        bodies = model.geom_bodyid[contact.geom]
+        for wheel, body in enumerate(wheels):
+            if body in bodies:
+                mujoco.mj_contactForce(model, data, k, force)
+                total[wheel] += force[0]
+    return total
 
 
 def _kept(settings: RecordSettings, frames: int) -> Mask:
