@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from scenes import brick_court, custom, meadow, office
+from scenes import brick_court, corridor, custom, meadow, office
 from scenes.scene import Scene
 from vo.contract.errors import SettingsError
 from vo.contract.settings import Settings
@@ -34,6 +34,9 @@ class SceneBuilder:
 SCENES: dict[str, SceneBuilder] = {
     "brick_court": SceneBuilder(
         brick_court.TESTS, brick_court.BrickCourtSettings, brick_court.build
+    ),
+    "corridor": SceneBuilder(
+        corridor.TESTS, corridor.CorridorSettings, corridor.build, {"rig.tilt_deg": 8.0}
     ),
     "meadow": SceneBuilder(
         meadow.TESTS, meadow.MeadowSettings, meadow.build, {"rig.tilt_deg": 15.0}

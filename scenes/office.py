@@ -7,9 +7,11 @@ from pydantic import Field
 
 from scenes import furniture
 from scenes.furniture import Place, local
+from scenes.interior import WALL_M
 from scenes.light import Light, shaded_normals
 from scenes.mesh import Mesh, box, merged, patch
 from scenes.props import potted_plant
+from scenes.rooms import sides
 from scenes.routes import rounded_loop
 from scenes.scene import Kind, Scene
 from scenes.shadow import ground_light
@@ -22,7 +24,6 @@ from vo.contract.settings import Settings
 TESTS = "Indoor carpet of fine, faint texture between desks and shelves: a smooth, level drive."
 TILE_M = 0.5
 ROOM_HEIGHT_M = 2.7
-WALL_M = 0.12
 
 
 class OfficeSettings(Settings):
@@ -129,15 +130,12 @@ def _surfaces(stage: Stage, rng: np.random.Generator) -> dict[str, Atlas]:
 def _walls(stage: Stage, rng: np.random.Generator, half: Array, posters: Atlas) -> None:
     """Four walls with skirting; posters, a door to -x and windows to +y."""
     x, y = half
-    runs = (((-x, y), 2 * x, 0.0), ((x, y), 2 * y, -np.pi / 2))
-    runs += (((x, -y), 2 * x, np.pi), ((-x, -y), 2 * y, np.pi / 2))
-    for k, (start, length, yaw) in enumerate(runs):
-        put = furniture.at(stage, (*start, yaw))
+    for k, (wall, length) in enumerate(sides(half)):
+        put = furniture.at(stage, wall)
         inside = patch((0, 0, 0), (length, 0, 0), (0, 0, ROOM_HEIGHT_M), (24, 9))
         period = inside.textured(np.array([0, 0, length / 8, 1.0]))
         put("wall", period)
         put("oak", box((length / 2, -0.008, 0.05), (length - 0.04, 0.016, 0.1), (1.2, 0.6)))
-        wall: Place = (*start, yaw)
         middle = local(wall, length / 2, WALL_M / 2)
         size = (length + 2 * WALL_M, WALL_M, ROOM_HEIGHT_M)
         furniture.solid(stage, f"wall_{k}", middle, size, shadow=False)

@@ -1,5 +1,6 @@
 """Baked clay, sand, concrete, plaster and gravel."""
 
+import cv2
 import numpy as np
 
 from scenes.surfaces.noise import blend, fractal, ramp, smoothstep, to_image
@@ -84,6 +85,32 @@ def concrete(rng: np.random.Generator, shape: tuple[int, int], tone: float = 150
     return to_image(colour)
 
 
+def slab(rng: np.random.Generator, side_px: int, joint_px: int = 8) -> Image:
+    """Draw a floated concrete slab, sawn around its edge: (S, S, 3); S is a multiple of 4.
+
+    Stains and scuffs are drawn at half that size, only the grain is as fine as the texels.
+    """
+    half = (side_px // 2, side_px // 2)
+    cloud = fractal(rng, half, (20, side_px), 1.3)
+    tone = 150 * (1 + 0.06 * cloud + 0.05 * fractal(rng, half, (3, 14), 0.3))
+    coarse = tone[..., None] * np.array([1.0, 0.985, 0.95], dtype=np.float32)
+    oil = smoothstep(1.3, 2.6, fractal(rng, half, (8, 400), 1.3))
+    coarse = blend(coarse, (84, 80, 74), 0.55 * oil)
+    scuff = fractal(rng, half, (2, 60), 0.5, stretch=12.0) + 0.8 * cloud
+    coarse = blend(coarse, (74, 72, 70), 0.5 * smoothstep(1.6, 2.8, scuff))
+    crack = np.abs(fractal(rng, half, (12, 700), 1.5))
+    here = smoothstep(0.9, 1.5, fractal(rng, half, (100, 900), 1.5))
+    coarse = blend(coarse, (70, 68, 64), 0.8 * here * smoothstep(0.025, 0.0, crack))
+    full = np.asarray(cv2.resize(coarse, (side_px, side_px), interpolation=cv2.INTER_LINEAR))
+    speck = fractal(rng, (side_px, side_px), (1.6, 7), 0.2)
+    full *= (1 + 0.065 * speck)[..., None]
+    full = blend(full, (66, 64, 60), 0.7 * smoothstep(2.2, 3.0, speck))
+    v, u = np.mgrid[:side_px, :side_px]
+    inset = np.minimum(np.minimum(u, side_px - 1 - u), np.minimum(v, side_px - 1 - v))
+    sawn = smoothstep(0.5 * joint_px + 1.5, 0.5 * joint_px - 1.5, inset + 0.5 * speck)
+    return to_image(blend(full, (58, 55, 50), 0.85 * sawn))
+
+
 def plaster(
     rng: np.random.Generator,
     shape: tuple[int, int],
@@ -110,6 +137,17 @@ def plaster(
     here = smoothstep(0.8, 1.6, fractal(rng, shape, (80, 900), 1.5))
     colour = blend(colour, (88, 80, 70), 0.7 * dirt * here * smoothstep(0.05, 0.0, crack))
     return to_image(colour)
+
+
+def painted_wall(
+    rng: np.random.Generator, shape: tuple[int, int], rgb: tuple[float, float, float]
+) -> Image:
+    """Draw a smooth wall under paint from a roller, nearly blank: (H, W, 3), tiling."""
+    cloud = fractal(rng, shape, (40, max(shape)), 1.4)
+    roller = fractal(rng, shape, (1.5, 8), 0.2)
+    marks = fractal(rng, shape, (3, 30), 0.5, stretch=3.0)
+    colour = np.asarray(rgb) * (1 + 0.010 * cloud + 0.005 * roller)[..., None]
+    return to_image(blend(colour, np.asarray(rgb) * 0.72, 0.6 * smoothstep(3.9, 4.8, marks)))
 
 
 def gravel(rng: np.random.Generator, side_px: int, stone_px: float = 14.0) -> Image:

@@ -176,3 +176,37 @@ def notes(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
         cv2.rectangle(canvas, (u, v), (u + 36, v + 36), paper, -1)
         _small_print(rng, canvas, (u + 4, v + 9, u + 32, v + 30), (70, 70, 76))
     return canvas
+
+
+def door_signs(rng: np.random.Generator, count: int, side_px: int) -> Image:
+    """Draw number plates of rooms with names below: (count, S, S, 3)."""
+    plates = np.full((count, side_px, side_px, 3), (226, 228, 228), dtype=np.uint8)
+    floor = int(rng.integers(1, 5))
+    s = side_px / 160
+    for k, plate in enumerate(plates):
+        number = f"{floor}.{2 * k + int(rng.integers(2)):02d}"
+        cv2.rectangle(plate, (0, 0), (side_px, int(12 * s)), (60, 84, 112), -1)
+        cv2.putText(
+            plate, number, (int(18 * s), int(78 * s)), cv2.FONT_HERSHEY_DUPLEX,
+            1.6 * s, (40, 44, 50), max(1, round(3 * s)), cv2.LINE_AA,
+        )  # fmt: skip
+        window = (int(18 * s), int(104 * s), int(140 * s), int(140 * s))
+        _small_print(rng, plate, window, (70, 72, 78))
+    return plates
+
+
+def pictograms(side_px: int) -> Image:
+    """Draw the signs for a fire extinguisher and for the way out: (2, S, S, 3)."""
+    s = side_px
+    fire = np.full((s, s, 3), (170, 34, 32), dtype=np.uint8)
+    white = (232, 234, 232)
+    cv2.rectangle(fire, (int(0.3 * s), int(0.35 * s)), (int(0.5 * s), int(0.85 * s)), white, -1)
+    cv2.line(fire, (int(0.4 * s), int(0.22 * s)), (int(0.4 * s), int(0.35 * s)), white, s // 16)
+    cv2.line(fire, (int(0.4 * s), int(0.25 * s)), (int(0.62 * s), int(0.5 * s)), white, s // 24)
+    flame = np.array([(0.72, 0.45), (0.85, 0.7), (0.76, 0.86), (0.62, 0.86), (0.6, 0.68)])
+    cv2.fillPoly(fire, [(flame * s).astype(np.int32)], white)
+    out = np.full((s, s, 3), (30, 128, 84), dtype=np.uint8)
+    cv2.rectangle(out, (int(0.68 * s), int(0.15 * s)), (int(0.9 * s), int(0.85 * s)), white, -1)
+    tail, head = (int(0.12 * s), int(0.5 * s)), (int(0.58 * s), int(0.5 * s))
+    cv2.arrowedLine(out, tail, head, white, s // 10, cv2.LINE_AA, tipLength=0.45)
+    return np.stack([fire, out])

@@ -1,0 +1,222 @@
+"""An office corridor that runs around a core: painted walls, plain flooring, a row of doors."""
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from scenes import interior
+from scenes.furniture import Place, at, local
+from scenes.ground import level, quads, scattered
+from scenes.interior import Run
+from scenes.lamps import Panels
+from scenes.light import Light, hall_light
+from scenes.mesh import Mesh, box
+from scenes.props import potted_plant
+from scenes.rooms import sides
+from scenes.routes import rounded_loop
+from scenes.scene import Kind, Scene
+from scenes.stage import Stage
+from scenes.surfaces import floor, greenery, masonry, prints, timber
+from scenes.surfaces.atlas import Atlas, pack
+from vo.contract.arrays import Array
+from vo.contract.settings import Settings
+
+TESTS = "Blank walls and plain flooring: few features, far apart, and long looks down the corridor."
+HEIGHT_M = 2.5
+FLOORS = ((146, 150, 142), (158, 146, 126), (124, 136, 148), (150, 152, 154))
+LEAVES = ((96, 118, 138), (162, 126, 88), (120, 132, 112), (176, 174, 168))
+
+
+class CorridorSettings(Settings):
+    """What may be asked of the corridor.
+
+    Attributes:
+        length_m: Of the long arms, between the outer walls.
+        width_m: Of the short arms, between the outer walls.
+        arm_m: Width of the corridor.
+        doors: Share of the places for doors that have one.
+    """
+
+    length_m: Annotated[float, Field(ge=13, le=30)] = 14.5
+    width_m: Annotated[float, Field(ge=7, le=20)] = 7.8
+    arm_m: Annotated[float, Field(ge=1.7, le=2.6)] = 2.0
+    doors: Annotated[float, Field(ge=0, le=1)] = 0.8
+
+
+def build(rng: np.random.Generator, settings: CorridorSettings) -> Scene:
+    """Build the corridor; colours, doors and what hangs on the walls follow the generator."""
+    stage = Stage("corridor")
+    half = np.array([settings.length_m, settings.width_m]) / 2
+    core = half - settings.arm_m
+    middle = half - settings.arm_m / 2
+    light = hall_light(rng, (55, 60))
+    panels = Panels(_panel_places(middle), core)
+    atlases = _surfaces(stage, rng)
+    with stage.object("floor", Kind.GROUND):
+        _floor(stage, rng, half, core, panels, light)
+    _walls(stage, rng, half, core, panels, light)
+    with stage.object("ceiling"):
+        _ceiling(stage, half, panels, light)
+    for k, run in enumerate((*sides(half), *interior.around(core))):
+        _furnish(stage, f"{k}", rng, run, atlases, settings)
+    for k, (x, y, yaw) in enumerate(((-core[0], middle[1], 0.0), (core[0], -middle[1], np.pi))):
+        interior.exit_sign(
+            stage, f"exit_{k}", (x, y, yaw + np.pi / 2), HEIGHT_M, atlases["signs_lit"].rects[0]
+        )
+    _corners_filled(stage, rng, half)
+    stage.floor(0.0)
+    stage.finish(light, None)
+    x, y = half + 0.15
+    return Scene(
+        name="corridor",
+        tests=TESTS,
+        spec=stage.spec,
+        things=stage.things,
+        routes={"default": rounded_loop(_corners(middle), radius_m=0.65)},
+        extent_m=(-x, -y, x, y),
+        tags=frozenset({"indoor", "level", "plain"}),
+    )
+
+
+def _corners(middle: Array) -> Array:
+    """Drive counter-clockwise."""
+    return np.array([(1, -1), (1, 1), (-1, 1), (-1, -1)]) * middle
+
+
+def _panel_places(middle: Array) -> Array:
+    """One ceiling panel at every corner and about every 2.4 m between: (P, 3) metres."""
+    places: list[Array] = []
+    corners = _corners(middle)
+    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        count = max(2, round(float(np.linalg.norm(end - start)) / 2.4))
+        places.extend(start + share * (end - start) for share in np.arange(count) / count)
+    return np.column_stack([places, np.full(len(places), HEIGHT_M)])
+
+
+def _surfaces(stage: Stage, rng: np.random.Generator) -> dict[str, Atlas]:
+    """Define the materials; returns the atlases by material."""
+    symbols = prints.pictograms(160)
+    atlases = {
+        "posters": pack(prints.posters(rng, 8, (280, 200))),
+        "signs": pack(np.concatenate([prints.door_signs(rng, 14, 160), symbols[:1]])),
+        "signs_lit": pack(symbols[1:]),
+    }
+    stage.material("floor", floor.linoleum(rng, 2048, FLOORS[rng.integers(len(FLOORS))]))
+    tint = np.array((214, 212, 204)) * rng.uniform(0.96, 1.02, 3)
+    stage.material("wall", masonry.painted_wall(rng, (1024, 1024), (tint[0], tint[1], tint[2])))
+    for name, atlas in atlases.items():
+        stage.material(name, atlas.image, 0.5 if name == "signs_lit" else 0.0)
+    leaf = np.array(LEAVES[rng.integers(len(LEAVES))])
+    stage.material("leaf", masonry.painted_wall(rng, (512, 512), (leaf[0], leaf[1], leaf[2])), 0.12)
+    stage.material("frame", timber.painted(rng, (256, 256), (116, 120, 124)), 0.1)
+    stage.material("skirting", timber.painted(rng, (256, 512), (92, 96, 98)), 0.1)
+    stage.material("steel", timber.painted(rng, (256, 256), (160, 162, 164)), 0.1)
+    stage.material("radiator", masonry.painted_wall(rng, (256, 256), (206, 206, 200)), 0.05)
+    stage.material("red", timber.painted(rng, (128, 128), (176, 36, 30)), 0.1)
+    stage.material("plastic", timber.painted(rng, (128, 128), (50, 52, 56)))
+    stage.material("label", prints.posters(rng, 1, (128, 96))[0])
+    stage.material("cork", greenery.soil(rng, 256) // 2 + np.array([92, 66, 40], np.uint8), 0.1)
+    stage.material("ceiling", masonry.painted_wall(rng, (512, 512), (218, 217, 212)), 0.3)
+    stage.material("panel", timber.painted(rng, (128, 128), (170, 172, 172)), 0.2)
+    stage.material("lamp", np.full((8, 8, 3), (244, 244, 238), np.uint8), 0.7)
+    stage.material("pot", timber.painted(rng, (128, 128), (96, 98, 100)))
+    stage.material("soil", greenery.soil(rng, 128))
+    stage.material("leaves", greenery.leaves(rng, 1, 512)[0])
+    return atlases
+
+
+def _floor(
+    stage: Stage, rng: np.random.Generator, half: Array, core: Array, panels: Panels, light: Light
+) -> None:
+    """Unroll flooring in sheets of 2 m on the four arms."""
+    (x, y), (cx, cy) = half, core
+    arms = (((-x, -y), (x, -cy)), ((-x, cy), (x, y)), ((-x, -cy), (-cx, cy)), ((cx, -cy), (x, cy)))
+    corners = np.concatenate([quads(low, high, 0.25) for low, high in arms])
+    sheet = level(corners, scattered(rng, corners, 2.0, 2.048))
+    stage.draw_lit("floor", panels.shine(sheet, light))
+
+
+def _walls(
+    stage: Stage, rng: np.random.Generator, half: Array, core: Array, panels: Panels, light: Light
+) -> None:
+    period = (3.1, 2.9)
+    for k, run in enumerate(sides(half)):
+        with stage.object(f"wall_{k}"):
+            _wall(stage, run, period, panels, light)
+            interior.collide(stage, f"wall_{k}", run, HEIGHT_M)
+    with stage.object("core"):
+        for run in interior.around(core):
+            _wall(stage, run, period, panels, light)
+    stage.obstacle("core", (0, 0, HEIGHT_M / 2), (*2 * core, HEIGHT_M), shadow=False)
+
+
+def _wall(
+    stage: Stage, run: Run, period: tuple[float, float], panels: Panels, light: Light
+) -> None:
+    stage.draw_lit("wall", panels.shine(interior.wall_face(run, HEIGHT_M, period), light))
+    stage.draw_lit("skirting", panels.shine(interior.skirting(run), light))
+
+
+def _ceiling(stage: Stage, half: Array, panels: Panels, light: Light) -> None:
+    """Close the room and let the panels in."""
+    corners = quads((-half[0], -half[1]), (half[0], half[1]), 0.5)
+    down = level(corners, corners / 2.0, HEIGHT_M)
+    under = Mesh(down.points, -down.normals, down.uv, down.faces[:, ::-1])
+    stage.draw_lit("ceiling", panels.shine(under, light))
+    for place in panels.places:
+        interior.ceiling_panel(stage, place, (0.6, 0.6))
+
+
+def _furnish(
+    stage: Stage,
+    name: str,
+    rng: np.random.Generator,
+    run: Run,
+    atlases: dict[str, Atlas],
+    settings: CorridorSettings,
+) -> None:
+    """Hang doors on a wall, and between them now and then a board, an extinguisher or a switch."""
+    wall, length = run
+    signs = atlases["signs"].rects
+    pitch = length / max(1, round(length / 2.9))
+    margin = 1.1
+    for k, along in enumerate(np.arange(pitch / 2, length, pitch)):
+        spot = float(along + rng.uniform(-0.35, 0.35))
+        if not margin < spot < length - margin:
+            continue
+        if rng.random() < settings.doors:
+            interior.door(
+                stage, f"door_{name}_{k}", rng, wall, spot, signs[rng.integers(len(signs) - 1)]
+            )
+            with stage.object(f"switch_{name}_{k}"):
+                _switch(stage, wall, spot + 0.72)
+        beside = float(along + pitch / 2 + rng.uniform(-0.1, 0.1))
+        if beside > length - margin or pitch < 2.4:
+            continue
+        draw = rng.random()
+        if draw < 0.22:
+            interior.notice_board(stage, f"board_{name}_{k}", rng, wall, beside, atlases["posters"])
+        elif draw < 0.45:
+            interior.extinguisher(stage, f"extinguisher_{name}_{k}", wall, beside, signs[-1])
+
+
+def _corners_filled(stage: Stage, rng: np.random.Generator, half: Array) -> None:
+    """Stand a plant in two of the outer corners, hang a radiator beside the others."""
+    for k, (wall, length) in enumerate(sides(half)):
+        if k % 2:
+            x, y, _ = local(wall, 0.44, -0.44)
+            potted_plant(stage, f"plant_{k}", rng, (x, y))
+        else:
+            interior.radiator(stage, f"radiator_{k}", wall, 0.75 + rng.uniform(0, 0.2))
+        for j, along in enumerate((0.9, length - 0.9)):
+            with stage.object(f"switch_corner_{k}_{j}"):
+                _switch(stage, wall, along + 0.5 * (1 - 2 * j) + rng.uniform(-0.1, 0.1))
+
+
+def _switch(stage: Stage, wall: Place, along_m: float) -> None:
+    """Put a light switch at 1.05 m and a socket at 0.3 m on a wall."""
+    put = at(stage, wall)
+    for z in (0.3, 1.05):
+        put("panel", box((along_m, -0.006, z), (0.08, 0.012, 0.08)))
+        put("frame", box((along_m, -0.013, z), (0.05, 0.004, 0.05)))
