@@ -14,7 +14,8 @@ INK, FAINT, ROUTE, PAPER = "#2b3036", "#6d747c", "#ff7a1a", "#f5f4f0"
 OTHERS = ("#4fc3f7", "#c6ff5e", "#ff8ad8", "#ffe14d", "#b39dff", "#7dffd4")
 MOVES = "#ff3b5c"
 MOVES_FOR_S = 20.0
-ARROWS = 6
+ARROWS, TICKS = 6, 8
+KEY_COLUMNS = 5
 BAR_SHARE = 0.22
 """Of the map's width, at most, for the scale bar."""
 
@@ -44,7 +45,8 @@ def draw_map(axes: Axes, world: World, top_down: TopDownMap, stops: Array, full:
     if full:
         _draw_key(axes, world)
         axes.tick_params(labelsize=7, colors=FAINT, length=2, pad=2)
-        axes.locator_params(nbins=8)
+        axes.locator_params(axis="x", nbins=TICKS * min(width / height, 1))
+        axes.locator_params(axis="y", nbins=TICKS * min(height / width, 1))
         for spine in axes.spines.values():
             spine.set_visible(False)
     else:
@@ -173,6 +175,8 @@ def _draw_key(axes: Axes, world: World) -> None:
         *((OTHERS[k % len(OTHERS)], "--", n) for k, n in enumerate(others)),
     ]
     if moving:
-        lines.append((MOVES, ":", f"moves, first {MOVES_FOR_S:g} s"))
+        lines.append((MOVES, ":", f"moving, {MOVES_FOR_S:g} s"))
     handles = [axes.plot([], [], color=c, linestyle=s, label=n)[0] for c, s, n in lines]
-    axes.legend(handles=handles, fontsize=7.5, loc="upper right", framealpha=0.85, borderpad=0.5)
+    look = {"fontsize": 8, "labelcolor": INK, "frameon": False, "ncols": KEY_COLUMNS}
+    packed = {"borderpad": 0, "borderaxespad": 0.4, "handlelength": 1.8, "columnspacing": 1.4}
+    axes.legend(handles=handles, loc="lower left", bbox_to_anchor=(0, 1), **look, **packed)

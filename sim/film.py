@@ -96,7 +96,7 @@ def first_seconds(world: World, settings: RecordSettings, seconds: float) -> tup
         if reach_m < path.length_m:
             world = replace(world, path=plan_path(path.waypoints, reach_m))
     trip = make_trip(world, settings)
-    wanted = trip.timestamps_ns < round(1e9 * (START_S + seconds + 1.5 / settings.rig.rate_hz))
+    wanted = trip.timestamps_ns < round(1e9 * (START_S + seconds + 0.5 / settings.rig.rate_hz))
     return world, replace(trip, delivered=trip.delivered & wanted)
 
 

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -24,7 +24,7 @@ from sim.plates import (
     show,
 )
 from sim.settings import RecordSettings
-from sim.sights import Sights, Stop, look_around
+from sim.sights import CHASE_PX, Sights, Stop, look_around
 from sim.world import START_S, World, build_world
 from vo.contract.arrays import Array, Image
 
@@ -33,6 +33,8 @@ STRIP_IN, HEADER_IN, MARGIN_IN = 0.36, 0.72, 0.2
 """Height of the titles above each plate and above the sheet, and width of the sheet's edge."""
 SET_LINES = 8
 """How many settings are listed."""
+FLAT = 0.42
+"""A map that is flatter than this leaves room for another picture."""
 RELIEF_M = 0.02
 """Less difference in height than this is level ground."""
 
@@ -49,66 +51,85 @@ def preview(scene: Scene, settings: RecordSettings, out: Path) -> None:
     write_picture(out, contact_sheet(world, look_around(world, settings)))
 
 
+class _Grid:
+    """A figure with rows of COLUMNS cells, each with a strip for its title above."""
+
+    def __init__(self, rows: int, aspect: float) -> None:
+        """Size the figure for pictures of that height over width."""
+        self._column_in = (WIDTH_IN - 2 * MARGIN_IN) / COLUMNS
+        self._row_in = self._column_in * min(max(aspect, 0.5), 1.0) + STRIP_IN
+        self.height_in = HEADER_IN + rows * self._row_in + MARGIN_IN
+        self.figure = Figure(figsize=(WIDTH_IN, self.height_in), dpi=DPI, facecolor=PAPER)
+        self._canvas = FigureCanvasAgg(self.figure)
+
+    def cell(self, row: float, column: float, rows: float = 1, columns: float = 1) -> Axes:
+        """Add axes over some cells; pictures start in the upper left corner."""
+        left = MARGIN_IN + column * self._column_in
+        top = HEADER_IN + row * self._row_in + STRIP_IN
+        wide, tall = columns * self._column_in - 0.08, rows * self._row_in - STRIP_IN - 0.03
+        low = self.height_in - top - tall
+        box = left / WIDTH_IN, low / self.height_in, wide / WIDTH_IN, tall / self.height_in
+        return self.figure.add_axes(box, anchor="NW")
+
+    def write(self, left_in: float, top_in: float, text: str, **look: Any) -> None:
+        """Write into the header, by inches from the upper left corner."""
+        self.figure.text(left_in / WIDTH_IN, 1 - top_in / self.height_in, text, **look)
+
+    def image(self) -> Image:
+        """Draw it all, (H, W, 3) RGB."""
+        self._canvas.draw()
+        return np.ascontiguousarray(np.asarray(self._canvas.buffer_rgba())[..., :3])
+
+
 def contact_sheet(world: World, sights: Sights) -> Image:
     """Compose the sheet, (H, 1920, 3) RGB: views and map above, labels of one instant below."""
     height_px, width_px = sights.views[0].shape[:2]
-    column_in = (WIDTH_IN - 2 * MARGIN_IN) / COLUMNS
-    row_in = column_in * min(max(height_px / width_px, 0.5), 1.0) + STRIP_IN
-    height_in = HEADER_IN + 4 * row_in + MARGIN_IN
-    figure = Figure(figsize=(WIDTH_IN, height_in), dpi=DPI, facecolor=PAPER)
-    canvas = FigureCanvasAgg(figure)
-
-    def cell(row: float, column: float, rows: float = 1, columns: float = 1) -> Axes:
-        """Place axes on the grid, below the strip for their title."""
-        left = MARGIN_IN + column * column_in
-        top = height_in - HEADER_IN - row * row_in - STRIP_IN
-        wide, tall = columns * column_in - 0.08, rows * row_in - STRIP_IN - 0.03
-        box = (left / WIDTH_IN, (top - tall) / height_in, wide / WIDTH_IN, tall / height_in)
-        return figure.add_axes(box, anchor="NW")
-
+    grid = _Grid(4, height_px / width_px)
     for k, stop in enumerate(sights.stops):
-        show(cell(k // 3, k % 3), stop.view, f"{k + 1}", _told(stop))
-    chart = cell(0, 3.1, 1.94, 1.9)
+        show(grid.cell(k // 3, k % 3), stop.view, f"{k + 1}", _told(stop))
+    chart = grid.cell(0, 3.1, 1.94, 1.9)
     chart.set_anchor("N")
     stops = np.array([stop.position for stop in sights.stops])
     draw_map(chart, world, sights.top_down, stops, full=True)
-    _draw_labels(cell, sights)
-    _draw_facts(cell(3, 4), world, sights.settings)
-    _draw_header(figure, world, sights, height_in)
-    canvas.draw()
-    return np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[..., :3])
+    _draw_chase(grid, sights)
+    _draw_labels(grid, sights)
+    _draw_facts(grid.cell(3, 4), world, sights.settings)
+    _draw_header(grid, world, sights.settings)
+    return grid.image()
 
 
-class _Cell(Protocol):
-    """Gives axes by row and column."""
+def _draw_chase(grid: _Grid, sights: Sights) -> None:
+    """Show the carrier, large where a flat map leaves room below it."""
+    at = f"at {sights.shown + 1}"
+    height_px, width_px = sights.top_down.image.shape[:2]
+    if height_px > FLAT * width_px:
+        show(grid.cell(2, 0), sights.chase, at, "from behind")
+        return
+    middle = slice(CHASE_PX[1] // 5, -CHASE_PX[1] // 4)
+    show(grid.cell(1, 3.1, 1, 1.9), sights.chase[middle], at, "from behind")
+    show(grid.cell(2, 0), sights.views[sights.shown], at, "left eye")
 
-    def __call__(self, row: float, column: float, rows: float = 1, columns: float = 1) -> Axes: ...
 
-
-def _draw_labels(cell: _Cell, sights: Sights) -> None:
-    """Show one instant: both eyes are above and left, every label beside."""
-    stop, at = sights.stops[sights.shown], f"at {sights.shown + 1}"
+def _draw_labels(grid: _Grid, sights: Sights) -> None:
+    """Show the labels of one instant, beside both eyes."""
+    stop = sights.stops[sights.shown]
     annotation = stop.annotation
-    show(cell(2, 0), sights.chase, at, "from behind")
-    draw_depth(cell(2, 1), annotation)
-    draw_objects(cell(2, 2), annotation)
-    draw_classes(cell(2, 3), annotation)
-    draw_normals(cell(2, 4), annotation)
-    show(cell(3, 0), stop.right, at, "right eye")
-    draw_occlusion(cell(3, 1), annotation, stop.view)
-    draw_flow(cell(3, 2), annotation)
-    draw_covisibility(cell(3, 3), annotation, stop.view)
+    draw_depth(grid.cell(2, 1), annotation)
+    draw_objects(grid.cell(2, 2), annotation)
+    draw_classes(grid.cell(2, 3), annotation)
+    draw_normals(grid.cell(2, 4), annotation)
+    show(grid.cell(3, 0), stop.right, f"at {sights.shown + 1}", "right eye")
+    draw_occlusion(grid.cell(3, 1), annotation, stop.view)
+    draw_flow(grid.cell(3, 2), annotation)
+    draw_covisibility(grid.cell(3, 3), annotation, stop.view)
 
 
-def _draw_header(figure: Figure, world: World, sights: Sights, height_in: float) -> None:
-    left = MARGIN_IN / WIDTH_IN
-    name = world.scene.name
-    figure.text(left, 1 - 0.4 / height_in, name, fontsize=20, weight="bold", color=INK)
-    figure.text(left, 1 - 0.66 / height_in, world.scene.tests, fontsize=11, color=FAINT)
-    right: dict[str, Any] = {"color": FAINT, "ha": "right"}
-    facts = _facts(world, sights.settings)
-    for k, line in enumerate(facts):
-        figure.text(1 - left, 1 - (0.4 + 0.26 * k) / height_in, line, fontsize=10, **right)
+def _draw_header(grid: _Grid, world: World, settings: RecordSettings) -> None:
+    grid.write(MARGIN_IN, 0.4, world.scene.name, fontsize=20, weight="bold", color=INK)
+    grid.write(MARGIN_IN, 0.66, world.scene.tests, fontsize=11, color=FAINT)
+    for k, line in enumerate(_facts(world, settings)):
+        right = WIDTH_IN - MARGIN_IN
+        grid.write(right, 0.4 + 0.26 * k, line, fontsize=10, color=FAINT, ha="right")
 
 
 def _facts(world: World, settings: RecordSettings) -> tuple[str, str]:
