@@ -30,12 +30,20 @@ class Shot:
         exposure_ms: Open shutter.
         gain: Of the automatic exposure.
         subframes: Renders that it took.
+        brightness: Light that the left eye received, as a multiple of what is painted; mean of
+            the rows.
     """
 
     timestamp_ns: int
     exposure_ms: float
     gain: float
     subframes: int
+    brightness: float
+
+    @property
+    def level(self) -> float:
+        """Of the picture, as a multiple of what is painted, in linear light."""
+        return self.brightness * self.gain
 
 
 @dataclass(frozen=True)
@@ -110,11 +118,18 @@ class StereoCamera:
             )
             light, count = expose(world, trip, renderer, settings.exposure, shutter, survey)
             brightness = exposure.brightness * mean_brightness(world, shutter)
+            shot = Shot(
+                int(trip.timestamps_ns[index]),
+                exposure.time_ms,
+                exposure.gain,
+                count,
+                float(brightness.mean()),
+            )
             if settings.sensor.auto_exposure:
-                automatic.see(self._mean_grey(light[0], float(brightness.mean()) * exposure.gain))
+                automatic.see(self._mean_grey(light[0], shot.level))
             yield Capture(
                 int(index),
-                Shot(int(trip.timestamps_ns[index]), exposure.time_ms, exposure.gain, count),
+                shot,
                 light,
                 brightness,
                 self._cropped(survey),

@@ -2,7 +2,8 @@
 
 Right images are warped to left ones by the disparity, next images to present ones by the flow, on
 the pixels that both see. What the sensor is known to do to one of the two images only (the right
-eye's gain, vignetting, a turn that calibration ignores) is undone or followed first.
+eye's gain, another exposure, vignetting, a turn that calibration ignores) is undone or followed
+first.
 """
 
 from collections.abc import Iterable, Sequence
@@ -11,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from sim.camera import Shot
 from sim.imaging import Sensor
 from sim.labels import visible_in_right
 from sim.lens import unknown_rotation
@@ -29,6 +31,8 @@ at most NOISE_FACTOR times what the injected noise explains, or less than SHARE 
 wrong by SHIFT_PX, to either side, would leave: texture decides how large a residual is, and no
 constant fits every scene."""
 
+DARK = 1e-6
+"""Nothing is exposed less than this, in multiples of what is painted."""
 ROW_STEP = 4
 BINS_PER_GREY = 50
 """Resolution of the histograms: residuals are exact to 1/50 grey level."""
@@ -95,27 +99,28 @@ class Judge:
         self._H_true_nominal = rig.K @ R.T @ np.linalg.inv(rig.K)
         self._is_turned = not np.array_equal(R, np.eye(3))
 
-    def stereo(self, left: Image, right: Image, disparity_px: Array, gain: float) -> Residual:
+    def stereo(self, left: Image, right: Image, disparity_px: Array, shot: Shot) -> Residual:
         """Compare both eyes.
 
         Args:
             left: (H, W) or (H, W, 3) uint8.
             right: Like `left`.
             disparity_px: (H, W) label.
-            gain: Of the automatic exposure.
+            shot: How the frame was exposed.
         """
         disparity_px = disparity_px[::ROW_STEP]
         v, u = _rows(left)
         visible = visible_in_right(disparity_px)
-        sigmas = [sensor.noise_sigma(gain) for sensor in self._sensors]
-        images = left, right
-        flat = [s.flattened(x) for s, x in zip(self._sensors, images, strict=True)]
+        views = [
+            _view(sensor, image, shot.gain, 1.0)
+            for sensor, image in zip(self._sensors, (left, right), strict=True)
+        ]
 
         def places(shift_px: float) -> tuple[Array, Array]:
             return self._in_true_right(u - disparity_px - np.float32(shift_px), v)
 
         shifted = [places(shift) for shift in (-SHIFT_PX, SHIFT_PX)]
-        return _compare(images, flat, places(0.0), shifted, visible, sigmas)
+        return _compare(*views, places(0.0), shifted, visible)
 
     def flow(
         self,
@@ -123,7 +128,7 @@ class Judge:
         following: Image,
         flow: Array,
         covisibility: Array,
-        gains: tuple[float, float],
+        shots: tuple[Shot, Shot],
     ) -> Residual:
         """Compare two successive left images.
 
@@ -132,18 +137,19 @@ class Judge:
             following: The next, like `now`.
             flow: (H, W, 3) label.
             covisibility: (H, W) label.
-            gains: Of the automatic exposure, in both.
+            shots: How both were exposed.
         """
         v, u = _rows(now)
         du, dv = flow[::ROW_STEP, :, 0], flow[::ROW_STEP, :, 1]
         visible = (covisibility[::ROW_STEP] == VISIBLE) & np.isfinite(du)
-        left = self._sensors[0]
-        sigmas = [left.noise_sigma(gain) for gain in gains]
-        images = now, following
-        flat = [left.flattened(image) for image in images]
+        brighter = max(shots[1].level, DARK) / max(shots[0].level, DARK)
+        views = [
+            _view(self._sensors[0], image, shot.gain, level)
+            for image, shot, level in zip((now, following), shots, (1.0, brighter), strict=True)
+        ]
         half = SHIFT_PX / np.sqrt(2).astype(np.float32)
         shifted = [(u + du + s, v + dv + s) for s in (-half, half)]
-        return _compare(images, flat, (u + du, v + dv), shifted, visible, sigmas)
+        return _compare(*views, (u + du, v + dv), shifted, visible)
 
     def _in_true_right(self, u: Array, v: Array) -> tuple[Array, Array]:
         """Follow the turn of the right eye that calibration does not know."""
@@ -159,32 +165,67 @@ def _rows(image: Image) -> tuple[Array, Array]:
     return v, u
 
 
+@dataclass(frozen=True)
+class _View:
+    """One of two images that are compared.
+
+    Attributes:
+        image: As delivered: its levels say how noisy it is.
+        flat: (H, W[, 3]) levels as every eye would see them in the same light.
+        stretch: (H, W[, 3]) by how much that multiplied small differences.
+        sigma: (256,) noise by grey level.
+    """
+
+    image: Image
+    flat: Array
+    stretch: Array
+    sigma: Array
+
+    @property
+    def rows(self) -> "_View":
+        """Every ROW_STEP-th of them."""
+        some = slice(None, None, ROW_STEP)
+        return _View(self.image[some], self.flat[some], self.stretch[some], self.sigma)
+
+
+def _view(sensor: Sensor, image: Image, gain: float, level: float) -> _View:
+    flat, stretch = sensor.flattened(image, level), sensor.stretch(image, level)
+    return _View(image, flat, stretch, sensor.noise_sigma(gain))
+
+
 def _compare(
-    images: Sequence[Image],
-    flat: Sequence[Array],
+    first: _View,
+    second: _View,
     places: tuple[Array, Array],
     shifted: Sequence[tuple[Array, Array]],
     visible: Mask,
-    sigmas: Sequence[Array],
 ) -> Residual:
     """Warp the second image to rows of the first.
 
     Args:
-        images: As delivered: their levels say how noisy they are.
-        flat: The same as all eyes would see them alike.
+        first: All rows.
+        second: All rows.
         places: Of the first image's rows in the second.
         shifted: Wrong ones, to compare with.
         visible: Which of them to compare.
-        sigmas: Noise of both images by grey level.
     """
-    image, other = flat[0][::ROW_STEP], flat[1]
+    first = first.rows
 
     def histogram(at: tuple[Array, Array]) -> Indices:
-        absolute = np.abs(residual(image, other, *at, visible))
+        absolute = np.abs(residual(first.flat, second.flat, *at, visible))
         bins = np.minimum(absolute * BINS_PER_GREY, 256 * BINS_PER_GREY).astype(np.int64)
         return np.bincount(bins, minlength=256 * BINS_PER_GREY + 1)
 
-    expected = expected_residual(images[0][::ROW_STEP], images[1], *places, visible, *sigmas)
+    expected = expected_residual(
+        first.image,
+        second.image,
+        *places,
+        visible,
+        first.sigma,
+        second.sigma,
+        first.stretch,
+        second.stretch,
+    )
     noise = MEDIAN_OF_NORMAL * float(np.median(expected)) if len(expected) else 0.0
     shifted_median = min(quantile(histogram(at), 0.5) for at in shifted)
     return Residual(histogram(places), shifted_median, noise, float(visible.mean()))

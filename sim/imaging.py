@@ -123,21 +123,48 @@ class Sensor:
         u_px, v_px = self._picture_map
         return sample_variance(np.ones((2, 2), np.float32), u_px, v_px)
 
-    def flattened(self, picture: Image) -> Array:
-        """Undo vignetting and this eye's own sensitivity in a rectified picture.
+    def flattened(self, picture: Image, exposed: float = 1.0) -> Array:
+        """Undo vignetting, this eye's own sensitivity and an exposure in a rectified picture.
+
+        Args:
+            picture: (H, W[, 3]) uint8.
+            exposed: Exposure and gain, as a multiple of what they should have been.
 
         Returns:
             (H, W[, 3]) grey levels, uint8 if there is nothing to undo, else float32.
         """
-        if self._fall_off is None and self._sensitivity == 1:
+        share = self._share(picture, exposed)
+        if share is None:
             return picture
-        share = np.float32(self._sensitivity)
-        if self._fall_off is not None:
-            share = share * self._delivered(self._fall_off)
         response = self._sensor.response
-        light = levels_to_light(response, np.arange(256)).astype(np.float32)[picture]
-        even = light / (share if picture.ndim == 2 else np.atleast_3d(share))
-        return light_to_levels(response, even)
+        light = levels_to_light(response, np.arange(256)).astype(np.float32)
+        return light_to_levels(response, light[picture] / share).astype(np.float32)
+
+    def stretch(self, picture: Image, exposed: float = 1.0) -> Array:
+        """By how much `flattened` multiplies a small difference at each pixel of a picture.
+
+        Args:
+            picture: As for `flattened`.
+            exposed: As for `flattened`.
+
+        Returns:
+            (H, W[, 3]) float32; the slope of light over grey levels before and after.
+        """
+        share = self._share(picture, exposed)
+        if share is None:
+            return np.ones(picture.shape, np.float32)
+        levels = np.arange(256)
+        slope = np.gradient(levels_to_light(self._sensor.response, levels))
+        after = np.interp(self.flattened(picture, exposed), levels, slope)
+        return (slope[picture] / (share * after)).astype(np.float32)
+
+    def _share(self, picture: Image, exposed: float) -> Array | None:
+        """Share of the light that a picture should have; None where it has it all."""
+        light = np.float32(self._sensitivity * exposed)
+        if self._fall_off is None:
+            return None if light == 1 else light
+        share = light * self._delivered(self._fall_off)
+        return share if picture.ndim == 2 else share[..., None]
 
     def noise_sigma(self, gain: float) -> Array:
         """Standard deviation in grey levels that noise adds at each noise-free grey level.

@@ -31,15 +31,20 @@ FLOW_MAX_PX = 0.01
 FLOW_FRAMES = 8
 
 
-def check_folder(folder: Path, settings: RecordSettings) -> dict[str, Any]:
+def check_folder(folder: Path, settings: RecordSettings, ended: str) -> dict[str, Any]:
     """Compare what the sensors of a dataset folder say with its truth.
+
+    Args:
+        folder: Of the dataset.
+        settings: Of the recording.
+        ended: Why it ended early; empty if it did not.
 
     Returns:
         One JSON-ready table for each check, with `passed`; no table where files are missing.
     """
     checks: dict[str, Any] = {"inertial": _check_inertial(folder, settings)}
     if (folder / "mav0/wheels0").is_dir():
-        checks["encoders"] = _check_encoders(folder, settings)
+        checks["encoders"] = _check_encoders(folder, settings, ended)
     if all((folder / "mav0" / LABELS[name].folder).is_dir() for name in ("flow", "depth")):
         checks["geometry"] = _check_flow(folder, settings)
     return checks
@@ -98,8 +103,12 @@ def _inertial_limits(settings: RecordSettings) -> tuple[float, float]:
     return DRIFT_MAX_M + drift_m, TURN_MAX_DEG + float(np.degrees(turn_rad))
 
 
-def _check_encoders(folder: Path, settings: RecordSettings) -> dict[str, Any]:
-    """Compare the path that the wheels rolled with the one that the rover went."""
+def _check_encoders(folder: Path, settings: RecordSettings, ended: str) -> dict[str, Any]:
+    """Compare the path that the wheels rolled with the one that the rover went.
+
+    They are free to differ where the ground was made slippery or rough, and after a failure: the
+    wheels of a rover that is stuck keep turning.
+    """
     wheel_ns, counts = _read_table(folder / "mav0/wheels0/data.csv")
     times_ns, poses, _ = _read_states(folder / TRUTH / "data.csv")
     at_frames = np.stack([np.interp(times_ns, wheel_ns, c) for c in counts.T], axis=1)
@@ -120,7 +129,7 @@ def _check_encoders(folder: Path, settings: RecordSettings) -> dict[str, Any]:
         "slip_percent": round(100 * slip, 3),
         "turned_deg": round(float(np.degrees(turned_rad)), 2),
         "true_turned_deg": round(float(np.degrees(yaw[-1] - yaw[0])), 2),
-        "passed": is_rough or abs(slip) <= SLIP_MAX,
+        "passed": is_rough or bool(ended) or abs(slip) <= SLIP_MAX,
     }
 
 

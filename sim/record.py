@@ -81,7 +81,7 @@ def record(
         write_exposures(writer, shots)
         write_inertial(writer, settings, trip)
         write_wheels(writer, settings, trip)
-        certificate = certify(frames, check_folder(writer.partial, settings))
+        certificate = certify(frames, check_folder(writer.partial, settings, trip.ended))
         writer.commit(
             manifest(world, settings, delivered, trip, annotator.things, top_down, gl, certificate)
         )
@@ -121,12 +121,12 @@ class _Darkroom:
 
     def _measure(self, annotation: Annotation, negatives: "_Negatives") -> FrameResidual:
         picture, capture = negatives.picture.result(), negatives.capture
-        stereo = self.judge.stereo(*picture.rectified, annotation.disparity, capture.shot.gain)
+        stereo = self.judge.stereo(*picture.rectified, annotation.disparity, capture.shot)
         flow = None
         if self.settings.labels.flow and negatives.following and negatives.next_picture:
             images = picture.rectified[0], negatives.next_picture.result().rectified[0]
-            gains = capture.shot.gain, negatives.following.shot.gain
-            flow = self.judge.flow(*images, annotation.flow, annotation.covisibility, gains)
+            shots = capture.shot, negatives.following.shot
+            flow = self.judge.flow(*images, annotation.flow, annotation.covisibility, shots)
         return FrameResidual(capture.shot.timestamp_ns, stereo, flow)
 
 

@@ -31,7 +31,13 @@ from vo.contract.rig import StereoRig
 
 GRAVITY_MPS2: Array = np.array([0.0, 0.0, -9.81])
 IMAGE_COLUMNS = ("timestamp [ns]", "filename")
-EXPOSURE_COLUMNS = ("timestamp [ns]", "exposure [ms]", "gain []", "sub-frames []")
+EXPOSURE_COLUMNS = (
+    "timestamp [ns]",
+    "exposure [ms]",
+    "gain []",
+    "sub-frames []",
+    "brightness []",
+)
 WHEEL_COLUMNS = ("timestamp [ns]", "left [ticks]", "right [ticks]")
 CONTACT_COLUMNS = ("timestamp [ns]", "left [N]", "right [N]", "caster [N]")
 IMU_COLUMNS = (
@@ -73,9 +79,9 @@ def write_cameras(
             _list_files(writer, form.folder, listed, form.suffix)
 
 
-def write_exposures(writer: DatasetWriter, captures: Sequence[Shot]) -> None:
+def write_exposures(writer: DatasetWriter, shots: Sequence[Shot]) -> None:
     """Write how each frame was exposed."""
-    rows = ((s.timestamp_ns, s.exposure_ms, s.gain, s.subframes) for s in captures)
+    rows = ((s.timestamp_ns, s.exposure_ms, s.gain, s.subframes, s.brightness) for s in shots)
     writer.add_csv(EXPOSURES, EXPOSURE_COLUMNS, rows)
 
 

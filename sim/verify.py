@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from sim.camera import Shot
 from sim.certificate import FrameResidual, Judge, certify
 from sim.imaging import Sensor
 from sim.labels import disparity_from_depth
@@ -91,7 +92,7 @@ def _check_certificate(
     frames = _measure(folder, settings, progress)
     if not frames:
         return []
-    found = certify(frames, check_folder(folder, settings))
+    found = certify(frames, check_folder(folder, settings, manifest.get("ended", "")))
     findings: list[Finding] = []
     for part, figures in found.items():
         if isinstance(figures, dict):
@@ -128,7 +129,7 @@ def _measure(
         return []
     render_rig = widened(rig, margin_px(settings, rig))
     judge = Judge(settings, rig, [Sensor(settings, eye, rig, render_rig) for eye in (0, 1)])
-    gains = _read_gains(folder)
+    shots = _read_shots(folder)
     sequence = open_euroc(folder)
     has_flow = settings.labels.flow and settings.labels.covisibility
     frames: list[FrameResidual] = []
@@ -136,7 +137,7 @@ def _measure(
     for k in range(len(sequence)):
         frame = following
         time_ns = frame.timestamp_ns
-        stereo = judge.stereo(frame.left, frame.right, load(time_ns), gains[time_ns])
+        stereo = judge.stereo(frame.left, frame.right, load(time_ns), shots[time_ns])
         flow = None
         if k + 1 < len(sequence):
             following = sequence[k + 1]
@@ -146,7 +147,7 @@ def _measure(
                     following.left,
                     read_float(label_file(folder, "flow", time_ns), 3),
                     read_codes(label_file(folder, "covisibility", time_ns)),
-                    (gains[time_ns], gains[following.timestamp_ns]),
+                    (shots[time_ns], shots[following.timestamp_ns]),
                 )
         frames.append(FrameResidual(time_ns, stereo, flow))
         if progress:
@@ -154,15 +155,18 @@ def _measure(
     return frames
 
 
-def _read_gains(folder: Path) -> dict[int, float]:
-    """Gain of the automatic exposure by timestamp."""
+def _read_shots(folder: Path) -> dict[int, Shot]:
+    """How each frame was exposed, by timestamp."""
     table = folder / EXPOSURES
     try:
-        times = np.loadtxt(table, delimiter=",", usecols=0, dtype=np.int64, ndmin=1)
-        gains = np.loadtxt(table, delimiter=",", usecols=2, ndmin=1)
+        times = np.loadtxt(table, delimiter=",", usecols=0, dtype=np.int64, ndmin=1).tolist()
+        rows = np.loadtxt(table, delimiter=",", usecols=(1, 2, 3, 4), ndmin=2).tolist()
     except (OSError, ValueError):
         raise DatasetError(f"{table}: missing or malformed") from None
-    return dict(zip(times.tolist(), gains.tolist(), strict=True))
+    return {
+        time_ns: Shot(time_ns, exposure_ms, gain, int(subframes), brightness)
+        for time_ns, (exposure_ms, gain, subframes, brightness) in zip(times, rows, strict=True)
+    }
 
 
 def _disparity_loader(folder: Path, rig: StereoRig) -> Callable[[int], Array] | None:

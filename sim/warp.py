@@ -37,6 +37,8 @@ def expected_residual(
     visible: Mask,
     sigma_image: Array,
     sigma_other: Array,
+    stretch_image: Array | float = 1.0,
+    stretch_other: Array | float = 1.0,
 ) -> Array:
     """Standard deviation of each residual that noise and rounding of both images alone cause.
 
@@ -48,13 +50,18 @@ def expected_residual(
         visible: As for `residual`.
         sigma_image: (256,) deviation of the noise in `image` at each grey level.
         sigma_other: (256,) of that in `other`.
+        stretch_image: By how much noise and rounding of each pixel of `image` were multiplied
+            afterwards, in its shape.
+        stretch_other: Of those of `other`.
 
     Returns:
         (N,) float32 in grey levels; compare the root of the mean square with that of `residual`.
     """
-    own = _grey_variance(image, sigma_image)[visible]
+    own = _grey_variance(image, sigma_image, stretch_image)[visible]
     places = _places(u_px, v_px, visible)
-    return np.sqrt(own + sample_variance(_grey_variance(other, sigma_other), *places)[0])
+    return np.sqrt(
+        own + sample_variance(_grey_variance(other, sigma_other, stretch_other), *places)[0]
+    )
 
 
 def _places(u_px: Array, v_px: Array, visible: Mask) -> tuple[Array, Array]:
@@ -68,8 +75,8 @@ def _grey(image: Image) -> Array:
     return levels if levels.ndim == 2 else np.asarray(cv2.cvtColor(levels, cv2.COLOR_RGB2GRAY))
 
 
-def _grey_variance(image: Image, sigma: Array) -> Array:
+def _grey_variance(image: Image, sigma: Array, stretch: Array | float) -> Array:
     """(H, W) float32 variance of the grey of each pixel."""
     table = (np.asarray(sigma, np.float64) ** 2 + ROUNDING_VARIANCE).astype(np.float32)
-    variance = table[image]
+    variance = table[image] * np.square(stretch, dtype=np.float32)
     return variance if image.ndim == 2 else variance @ GREY_WEIGHTS**2

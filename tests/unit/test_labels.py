@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from raycast import Ball, Box, Ground, look
 
+from sim.camera import Shot
 from sim.certificate import FrameResidual, Judge, certify
 from sim.imaging import Sensor
 from sim.labels import (
@@ -24,6 +25,7 @@ from vo.contract import se3
 from vo.contract.rig import StereoRig
 
 WIDE = StereoRig(width_px=160, height_px=120, f_px=114, cx_px=79.5, cy_px=59.5, baseline_m=0.09)
+SHOT = Shot(timestamp_ns=0, exposure_ms=0.0, gain=1.0, subframes=1, brightness=1.0)
 RIG = StereoRig(width_px=12, height_px=8, f_px=100, cx_px=5.5, cy_px=3.5, baseline_m=0.1)
 
 
@@ -70,7 +72,7 @@ def test_certificate_names_the_worst_frame_and_fails_on_it():
     disparity_px = np.full((8, 12), 1.0, dtype=np.float32)
     frames = [
         FrameResidual(
-            time_ns, judge.stereo(right + np.uint8(error), right, disparity_px, 1.0), None
+            time_ns, judge.stereo(right + np.uint8(error), right, disparity_px, SHOT), None
         )
         for time_ns, error in ((1, 0), (2, 1), (3, 5), (4, 0))
     ]
