@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from scenes import brick_court, corridor, custom, meadow, office
+from scenes import asphalt, brick_court, corridor, custom, meadow, office
 from scenes.scene import Scene
 from vo.contract.errors import SettingsError
 from vo.contract.settings import Settings
@@ -32,6 +32,7 @@ class SceneBuilder:
 
 
 SCENES: dict[str, SceneBuilder] = {
+    "asphalt": SceneBuilder(asphalt.TESTS, asphalt.AsphaltSettings, asphalt.build),
     "brick_court": SceneBuilder(
         brick_court.TESTS, brick_court.BrickCourtSettings, brick_court.build
     ),

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from scenes.surfaces.noise import blend, fractal, smoothstep, to_image
+from scenes.surfaces.noise import blend, fractal, ramp, smoothstep, to_image
 from vo.contract.arrays import Image
 
 
@@ -16,3 +16,51 @@ def linoleum(rng: np.random.Generator, side_px: int, rgb: tuple[float, float, fl
     colour = blend(colour, np.asarray(rgb) * 1.14, 0.7 * smoothstep(1.7, 2.6, -chips))
     heels = fractal(rng, size, (5, 40), 0.4, stretch=5.0)
     return to_image(blend(colour, (54, 52, 50), 0.5 * smoothstep(3.7, 4.4, heels)))
+
+
+def asphalt(rng: np.random.Generator, side_px: int) -> Image:
+    """Draw worn asphalt, chips of stone up to 8 mm in dark binder: (S, S, 3), tiling.
+
+    It has no features larger than a few stones, so any two pieces of it look alike.
+    """
+    size = (side_px, side_px)
+    chips = fractal(rng, size, (3.2, 9), 0.0)
+    fine = fractal(rng, size, (1.8, 5), 0.0)
+    tone = fractal(rng, size, (5, 12), 0.0)
+    binder = 80 * (1 + 0.10 * fine + 0.05 * fractal(rng, size, (10, 120), 0.8))
+    stone = ramp(
+        ((104, 102, 100), (138, 134, 128), (168, 161, 152), (196, 190, 180)), 0.42 + 0.2 * tone
+    )
+    colour = binder[..., None] * np.array([1.0, 0.99, 0.99], dtype=np.float32)
+    colour = blend(colour, stone, 0.85 * smoothstep(0.15, 0.8, chips))
+    colour = blend(colour, (54, 53, 53), 0.6 * smoothstep(1.0, 2.0, -chips))  # pits
+    return to_image(colour * (1 + 0.05 * fine)[..., None])
+
+
+def road_paint(
+    rng: np.random.Generator, shape: tuple[int, int], wear: float, ground: Image
+) -> Image:
+    """Draw a stripe of road paint along u, rubbed through to the `ground` below: (H, W, 3).
+
+    The stripe leaves a tenth of the height free on either side for its ragged edges.
+    """
+    height, width = shape
+    base = ground[np.arange(height)[:, None] % len(ground), np.arange(width) % len(ground)]
+    grain = fractal(rng, shape, (2, 12), 0.2)
+    rubbed = 0.6 * grain + fractal(rng, shape, (20, 600), 1.2)
+    v = np.abs(np.arange(height) / (height - 1) - 0.5)[:, None]
+    edge = smoothstep(0.41, 0.39, v + 0.006 * grain)
+    cover = edge * smoothstep(2.6 - 3.4 * wear + 0.7, 2.6 - 3.4 * wear, rubbed)
+    paint = np.array((206, 204, 196)) * (1 + 0.04 * grain)[..., None]
+    return to_image(blend(base.astype(np.float32), paint, 0.92 * cover))
+
+
+def iron_cover(rng: np.random.Generator, side_px: int) -> Image:
+    """Draw a square cast-iron cover of a shaft in its frame: (S, S, 3)."""
+    v, u = np.mgrid[:side_px, :side_px] / (side_px - 1) - 0.5
+    rust = fractal(rng, (side_px, side_px), (2, side_px), 1.0)
+    colour = np.array((104, 92, 82)) * (1 + 0.10 * rust)[..., None]
+    ribs = (np.sin(44 * (u + v)) > 0.1) & (np.sin(44 * (u - v)) > 0.1)
+    inside = np.maximum(np.abs(u), np.abs(v))
+    colour = blend(colour, (62, 56, 52), 0.7 * (ribs & (inside < 0.41)))
+    return to_image(blend(colour, (34, 32, 32), 0.9 * (np.abs(inside - 0.43) < 0.012)))

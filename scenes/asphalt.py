@@ -1,0 +1,221 @@
+"""A car park: a wide field of fine, dark asphalt that looks the same everywhere."""
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from scenes.ground import level, lit, quads, scattered, strip, weathered
+from scenes.light import Light, sun
+from scenes.mesh import Mesh, merged, patch, tube
+from scenes.plants import hedge, tree
+from scenes.props import grass_tufts, lamp_post
+from scenes.routes import rounded_loop
+from scenes.scene import Kind, Scene
+from scenes.shadow import LightMap, ground_light
+from scenes.stage import Stage, one_object
+from scenes.surfaces import floor, greenery, masonry, prints, sky, timber
+from scenes.surfaces.floor import asphalt
+from scenes.surround import kerb
+from scenes.vehicles import PAINTS, car
+from vo.contract.arrays import Array
+from vo.contract.settings import Settings
+
+TESTS = "Self-similar asphalt without landmarks: any patch of the ground resembles any other."
+BAY_M = (2.5, 5.0)
+AISLE_M = 13.0
+"""Depth of the free field between the two rows of bays."""
+PAINT_M = 0.0006
+KERB_M = 0.08
+TILE_M = 0.5
+
+
+class AsphaltSettings(Settings):
+    """What may be asked of the car park.
+
+    Attributes:
+        bays: In each of the two rows.
+        parked: Share of the bays that are taken.
+        wear: Of the markings: 0 fresh, 1 nearly gone.
+    """
+
+    bays: Annotated[int, Field(ge=8, le=16)] = 10
+    parked: Annotated[float, Field(ge=0, le=1)] = 0.5
+    wear: Annotated[float, Field(ge=0, le=1)] = 0.6
+
+
+def build(rng: np.random.Generator, settings: AsphaltSettings) -> Scene:
+    """Build the car park; cars, markings, trees and light follow the generator."""
+    stage = Stage("asphalt")
+    half = np.array([settings.bays * BAY_M[0] + 1.0, AISLE_M + 2 * BAY_M[1]]) / 2
+    light = sun(rng, (38, 60))
+    _surfaces(stage, rng, settings.wear)
+    _park(stage, rng, settings)
+    _surround(stage, rng, half)
+    x, y = half
+    baked = ground_light((-x - 4, -y - 4, x + 4, y + 4), stage.blockers, light, 0.08)
+    baked = weathered(rng, baked, 0.10)
+    _ground(stage, rng, half, baked, light)
+    _mark(stage, rng, settings, baked, light)
+    stage.floor(0.0)
+    stage.finish(light, sky.town_sky(rng))
+    return Scene(
+        name="asphalt",
+        tests=TESTS,
+        spec=stage.spec,
+        things=stage.things,
+        routes={"default": _route(rng)},
+        extent_m=(-x - 0.6, -y - 0.6, x + 0.6, y + 0.6),
+        tags=frozenset({"outdoor", "level", "textured"}),
+    )
+
+
+def _route(rng: np.random.Generator) -> Array:
+    """Drive around in the free field, counter-clockwise."""
+    x, y = 6.2, 3.4
+    corners = np.array([(x, -y), (x, y), (0.2, y), (-x, y), (-x, -y), (-0.2, -y)])
+    return rounded_loop(corners + rng.uniform(-0.35, 0.35, corners.shape), radius_m=1.2)
+
+
+def _surfaces(stage: Stage, rng: np.random.Generator, wear: float) -> None:
+    ground = asphalt(rng, 1024)
+    stage.material("asphalt", ground)
+    stage.material("marking", floor.road_paint(rng, (160, 2048), wear, ground))
+    stage.material("cover", floor.iron_cover(rng, 512))
+    stage.material("concrete", masonry.concrete(rng, (1024, 1024)))
+    stage.material("lawn", greenery.lawn(rng, 1024))
+    stage.material("leaves", greenery.leaves(rng, 1, 512)[0])
+    stage.material("foliage", greenery.leaves(rng, 1, 512)[0])
+    stage.material("bark", timber.wood(rng, (256, 256), (96, 82, 68)))
+    stage.material("iron", timber.painted(rng, (256, 256), (92, 96, 96)))
+    stage.material("rubber", timber.painted(rng, (128, 128), (34, 34, 36)))
+    stage.material("glass", timber.painted(rng, (128, 128), (52, 60, 68)))
+    stage.material("lamps", timber.painted(rng, (64, 64), (188, 150, 140)))
+    stage.material("plates", prints.door_signs(rng, 1, 96)[0])
+    for k, paint in enumerate(PAINTS):
+        stage.material(f"paint_{k}", masonry.painted_wall(rng, (128, 128), paint))
+
+
+def _park(stage: Stage, rng: np.random.Generator, settings: AsphaltSettings) -> None:
+    """Leave cars in a share of the bays."""
+    left = -settings.bays * BAY_M[0] / 2
+    for row, side in enumerate((-1, 1)):
+        for k in range(settings.bays):
+            if rng.random() > settings.parked:
+                continue
+            spot = np.array([left + (k + 0.5) * BAY_M[0], side * (AISLE_M + BAY_M[1]) / 2])
+            spot += rng.normal(0, (0.08, 0.18))
+            nose_in = rng.random() < 0.7
+            yaw = side * (np.pi / 2 if nose_in else -np.pi / 2) + rng.normal(0, 0.02)
+            paint = f"paint_{rng.integers(len(PAINTS))}"
+            car(stage, f"car_{row}_{k}", rng, spot, yaw, paint)
+
+
+def _surround(stage: Stage, rng: np.random.Generator, half: Array) -> None:
+    """Bollards at the open end, lamp posts, a hedge along one row and trees beyond."""
+    x, y = half
+    for k, across in enumerate(np.arange(-AISLE_M / 2 + 0.6, AISLE_M / 2, 1.6)):
+        _bollard(stage, f"bollard_{k}", np.array([x - 0.35, across + rng.normal(0, 0.02)]))
+    for k, sign in enumerate(((1, 1), (-1, 1), (1, -1), (-1, -1))):
+        lamp_post(stage, f"lamp_{k}", (half + 0.7) * sign * (0.55, 1))
+    hedge(stage, "hedge", rng, (-x, y + 1.3), (x, y + 1.3), rng.uniform(1.0, 1.4))
+    for k in range(12):
+        angle = 2 * np.pi * (k + rng.uniform(-0.3, 0.3)) / 12
+        spot = (half + rng.uniform(3.5, 9.0)) * (1.15 * np.cos(angle), 1.15 * np.sin(angle))
+        if (np.abs(spot) < half + 2.2).all():
+            spot *= 1.45
+        tree(stage, f"tree_{k}", rng, (*spot, 0.0), rng.uniform(4.5, 7.5))
+
+
+@one_object
+def _bollard(stage: Stage, name: str, centre: Array) -> None:
+    x, y = centre
+    stage.draw("iron", tube((x, y, 0), (x, y, 0.85), 0.045, 12))
+    stage.draw("lamps", tube((x, y, 0.68), (x, y, 0.76), 0.0465, 12))
+    stage.draw("iron", tube((x, y, 0.85), (x, y, 0.9), 0.045, 12, 0.5))
+    stage.obstacle(name, (x, y, 0.45), (0.1, 0.1, 0.9))
+
+
+def _ground(
+    stage: Stage, rng: np.random.Generator, half: Array, baked: LightMap, light: Light
+) -> None:
+    """Asphalt up to the kerb, lawn beyond."""
+    x, y = half
+    corners = quads((-x - 0.1, -y - 0.1), (x + 0.1, y + 0.1), 0.25)
+    with stage.object("asphalt", Kind.GROUND):
+        field = level(corners, scattered(rng, corners, TILE_M, 1.024))
+        stage.draw_lit("asphalt", lit(field, baked, light))
+    with stage.object("kerb"):
+        stage.draw_lit("concrete", lit(merged(kerb(rng, half, 0.15, KERB_M)), baked, light))
+    with stage.object("lawn", Kind.GROUND):
+        edge, far = 0.14, 40.0
+        sides = (
+            ((x + edge, -y - edge), (x + 4, y + edge), 0.4),
+            ((-x - 4, -y - edge), (-x - edge, y + edge), 0.4),
+            ((-x - 4, y + edge), (x + 4, y + 4), 0.4),
+            ((-x - 4, -y - 4), (x + 4, -y - edge), 0.4),
+            ((x + 4, -far), (far, far), 2.0),
+            ((-far, -far), (-x - 4, far), 2.0),
+            ((-x - 4, y + 4), (x + 4, far), 2.0),
+            ((-x - 4, -far), (x + 4, -y - 4), 2.0),
+        )
+        turf = merged([strip(low, high, KERB_M - 0.02, 4.0, cell) for low, high, cell in sides])
+        stage.draw_lit("lawn", lit(turf, baked, light))
+        feet = np.concatenate([_fringe(rng, half, axis, 220) for axis in (0, 1)])
+        stage.draw_lit(
+            "lawn", lit(grass_tufts(rng, feet).moved((0, 0, KERB_M - 0.02)), baked, light)
+        )
+
+
+def _fringe(rng: np.random.Generator, half: Array, axis: int, count: int) -> Array:
+    """Feet (N, 2) of uncut grass behind the kerb on both sides across an axis."""
+    feet = np.empty((count, 2))
+    feet[:, axis] = rng.choice((-1, 1), count) * (half[axis] + 0.2 + rng.exponential(0.2, count))
+    feet[:, 1 - axis] = rng.uniform(-half[1 - axis], half[1 - axis], count)
+    return feet
+
+
+def _mark(
+    stage: Stage,
+    rng: np.random.Generator,
+    settings: AsphaltSettings,
+    baked: LightMap,
+    light: Light,
+) -> None:
+    """Paint bays and two arrows; let a cover of a shaft in."""
+    lines: list[Mesh] = []
+    left = -settings.bays * BAY_M[0] / 2
+    for side in (-1, 1):
+        for k in range(settings.bays + 1):
+            start = (left + k * BAY_M[0], side * AISLE_M / 2)
+            lines.append(_line(rng, start, (start[0], side * (AISLE_M / 2 + BAY_M[1]))))
+    for side in (-1, 1):
+        tip = np.array([rng.uniform(-4, 4), side * rng.uniform(3.0, 3.8)])
+        along = np.array([-side, 0.0])
+        across = np.array([0.0, 0.42])
+        lines.append(_line(rng, tip - 1.7 * along, tip - 0.08 * along))
+        lines += [_line(rng, tip - 0.55 * along + s * across, tip) for s in (-1, 1)]
+    with stage.object("markings", Kind.GROUND):
+        stage.draw_lit("marking", *(lit(line, baked, light) for line in lines))
+    with stage.object("shaft_cover", Kind.GROUND):
+        x, y = rng.uniform(-3, 3), rng.uniform(-1.2, 1.2)
+        cover = patch((x, y, 2 * PAINT_M), (0.6, 0, 0), (0, 0.6, 0), (3, 3))
+        stage.draw_lit("cover", lit(cover, baked, light))
+
+
+def _line(
+    rng: np.random.Generator,
+    start: tuple[float, float] | Array,
+    end: tuple[float, float] | Array,
+    width_m: float = 0.15,
+) -> Mesh:
+    """Build a painted stripe between two (2,) points; a random stretch of the texture."""
+    a, b = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
+    way = b - a
+    length = float(np.linalg.norm(way))
+    side = width_m * np.array([-way[1], way[0]]) / length
+    cells = (max(1, round(length / 0.25)), 1)
+    raised = PAINT_M * rng.uniform(0.8, 1.2)  # stripes that cross do not flicker
+    origin = (*(a - side / 2), raised)
+    offset = (rng.random(), 0.0)
+    return patch(origin, (*way, 0), (*side, 0), cells, (2.048, width_m), offset)
