@@ -1,0 +1,191 @@
+"""Worlds of a user's own: accepted as they are, or refused in one line."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from scenes import build_scene, find_scene
+from scenes.custom import LOOP_M, is_custom, load_scene
+from scenes.scene import Kind
+from sim.settings import DriveSettings, RecordSettings, TerrainSettings
+from sim.trip import make_trip
+from sim.world import build_world, thing_of
+from vo.contract.errors import SettingsError
+
+YARD = """
+<mujoco model="yard">
+  <compiler angle="radian"/>
+  <option timestep="0.01" gravity="0 0 -9.81"/>
+  <visual><map znear="0.02" zfar="70"/><quality shadowsize="1024"/></visual>
+  <asset>
+    <texture name="grid" type="2d" builtin="checker" rgb1=".2 .3 .4" rgb2=".6 .6 .5"
+             width="256" height="256"/>
+    <material name="grid" texture="grid" texrepeat="8 8" texuniform="true"/>
+  </asset>
+  <worldbody>
+    <light pos="0 0 4" dir="0 0 -1"/>
+    <geom name="floor" type="plane" size="6 6 1" material="grid"/>
+    <geom name="pillar" type="cylinder" pos="2 2 0.5" size="0.2 0.5" material="grid"/>
+    <body name="ball" pos="2.5 0 0.2"><freejoint/>
+      <geom name="ball" type="sphere" size="0.15" mass="0.3" rgba="0.8 0.2 0.2 1"/></body>
+  </worldbody>
+</mujoco>
+"""
+MODULE = """
+import mujoco
+import numpy as np
+from scenes.scene import Scene
+
+def spec():
+    made = mujoco.MjSpec()
+    made.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=(5, 5, 1))
+    return made
+
+def scene():
+    route = np.array([[0.0, 0.0], [1.0, 0.5]])
+    return Scene("mine", "My own.", spec(), {"default": route, "back": route[::-1]}, (-1, -1, 2, 2))
+
+def number():
+    return 3
+
+constant = 5
+"""
+
+
+@pytest.fixture
+def yard(tmp_path) -> Path:
+    path = tmp_path / "yard.xml"
+    path.write_text(YARD)
+    return path
+
+
+@pytest.fixture
+def module(tmp_path, monkeypatch) -> str:
+    """A module that can be imported, under a name of its own for every test."""
+    name = f"worlds_{tmp_path.name}"
+    (tmp_path / f"{name}.py").write_text(MODULE)
+    monkeypatch.syspath_prepend(tmp_path)
+    return name
+
+
+@pytest.mark.parametrize(
+    ("name", "custom"),
+    [("office", False), ("a.xml", True), ("b/c.mjcf", True), ("m:f", True), ("xml", False)],
+)
+def test_files_and_functions_are_told_from_names(name, custom):
+    assert is_custom(name) == custom
+
+
+def test_an_mjcf_file_becomes_a_scene_with_a_round_route(yard):
+    scene = build_scene(str(yard), np.random.default_rng(0), {})
+    assert scene.name == "yard"
+    assert scene.source == str(yard)
+    route = scene.routes["default"]
+    np.testing.assert_allclose(route[0], route[-1])
+    assert np.abs(route).max() <= LOOP_M / 2 + 1e-9
+    x_min, y_min, x_max, y_max = scene.extent_m
+    assert x_min < -LOOP_M / 2
+    assert y_min < -LOOP_M / 2
+    assert x_max >= 2.65
+    assert y_max >= 2.2
+
+
+def test_a_rover_drives_in_a_users_world_and_knows_its_things(yard):
+    settings = RecordSettings(drive=DriveSettings(distance_m=1.0))
+    world = build_world(load_scene(str(yard)), settings)
+    assert world.model.opt.timestep <= 1e-3  # ours, not the file's
+    trip = make_trip(world, settings)
+    assert trip.length_m == pytest.approx(1.0, abs=0.05)
+    kinds = {thing.name: thing.kind for thing in (thing_of(world, g) for g in range(3))}
+    assert kinds["floor"] == Kind.GROUND
+    assert kinds["pillar"] == Kind.STATIC
+    assert thing_of(world, world.model.geom("ball").id).kind == Kind.MOVING
+
+
+def test_terrain_can_be_laid_in_a_users_world(yard):
+    settings = RecordSettings(terrain=TerrainSettings(brick_mm=10.0))
+    world = build_world(load_scene(str(yard)), settings)
+    assert any(world.model.geom(g).name.startswith("terrain/") for g in range(world.model.ngeom))
+
+
+def test_waypoints_of_ones_own_replace_the_route(yard):
+    drive = DriveSettings(waypoints=((0.0, 0.0), (1.0, 1.0)))
+    world = build_world(load_scene(str(yard)), RecordSettings(drive=drive))
+    np.testing.assert_allclose(world.T_world_chassis[:2, :2] @ [1, 0], np.sqrt([0.5, 0.5]))
+    assert world.path.length_m == pytest.approx(np.sqrt(2))
+    with pytest.raises(SettingsError, match=r"drive\.waypoints: two points at least"):
+        build_world(
+            load_scene(str(yard)), RecordSettings(drive=DriveSettings(waypoints=((0.0, 0.0),)))
+        )
+
+
+def test_a_function_may_return_a_spec_or_a_whole_scene(module):
+    made = load_scene(f"{module}:spec")
+    assert isinstance(made.spec, mujoco.MjSpec)
+    assert made.name == "spec"
+    scene = load_scene(f"{module}:scene")
+    assert scene.name == "mine"
+    assert set(scene.routes) == {"default", "back"}
+    assert scene.source == f"{module}:scene"
+    assert find_scene(f"{module}:scene").defaults == {}
+
+
+@pytest.mark.parametrize(
+    ("function", "fragment"),
+    [
+        ("nothing", "has no function nothing"),
+        ("constant", "has no function constant"),
+        ("number", "returned a int, must be an MjSpec or a Scene"),
+    ],
+)
+def test_a_function_that_is_none_is_refused(module, function, fragment):
+    with pytest.raises(SettingsError, match=fragment):
+        load_scene(f"{module}:{function}")
+
+
+def test_a_module_that_is_not_there_is_refused():
+    with pytest.raises(SettingsError, match="cannot import no_such_module"):
+        load_scene("no_such_module:build")
+
+
+@pytest.mark.parametrize(
+    ("text", "fragment"),
+    [
+        ("<mujoco><worldbody>", "not valid MJCF"),
+        ("<mujoco><worldbody><geom type='blob'/></worldbody></mujoco>", "not valid MJCF"),
+        (
+            "<mujoco><worldbody><geom type='mesh' mesh='m'/></worldbody></mujoco>",
+            "does not compile",
+        ),
+        (
+            "<mujoco><worldbody><body><freejoint/></body></worldbody></mujoco>",
+            "does not compile",
+        ),
+    ],
+)
+def test_a_file_that_mujoco_refuses_is_refused_in_one_line(tmp_path, text, fragment):
+    path = tmp_path / "bad.xml"
+    path.write_text(text)
+    with pytest.raises(SettingsError, match=fragment) as caught:
+        load_scene(str(path))
+    assert "\n" not in str(caught.value)
+    assert str(path) in str(caught.value)
+
+
+def test_a_missing_file_is_named():
+    with pytest.raises(SettingsError, match=r"nowhere\.xml: no such file"):
+        load_scene("nowhere.xml")
+
+
+def test_a_start_inside_of_something_names_it(yard):
+    yard.write_text(YARD.replace('pos="2 2 0.5"', 'pos="1.0 0 0.3"'))
+    route = DriveSettings(waypoints=((1.0, 0.0), (2.0, 0.0)))
+    with pytest.raises(SettingsError, match=r"no free space at the start \(1, 0\) m, pillar is"):
+        build_world(load_scene(str(yard)), RecordSettings(drive=route))
+
+
+def test_options_are_not_for_a_users_world(yard):
+    with pytest.raises(SettingsError, match="unknown option bricks"):
+        build_scene(str(yard), np.random.default_rng(0), {"bricks": 3})
