@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from scenes import asphalt, brick_court, corridor, custom, meadow, office
+from scenes import asphalt, brick_court, corridor, custom, dusk, meadow, office, ramp, warehouse
 from scenes.scene import Scene
 from vo.contract.errors import SettingsError
 from vo.contract.settings import Settings
@@ -39,10 +39,26 @@ SCENES: dict[str, SceneBuilder] = {
     "corridor": SceneBuilder(
         corridor.TESTS, corridor.CorridorSettings, corridor.build, {"rig.tilt_deg": 8.0}
     ),
+    "dusk": SceneBuilder(
+        dusk.TESTS,
+        dusk.DuskSettings,
+        dusk.build,
+        {
+            "rig.tilt_deg": 18.0,
+            "sensor.auto_exposure": True,
+            "sensor.full_well": 8000.0,
+            "sensor.read_noise": 12.0,
+            "exposure.time_ms": 10.0,
+        },
+    ),
     "meadow": SceneBuilder(
         meadow.TESTS, meadow.MeadowSettings, meadow.build, {"rig.tilt_deg": 15.0}
     ),
     "office": SceneBuilder(office.TESTS, office.OfficeSettings, office.build),
+    "ramp": SceneBuilder(ramp.TESTS, ramp.RampSettings, ramp.build, {"rig.tilt_deg": 18.0}),
+    "warehouse": SceneBuilder(
+        warehouse.TESTS, warehouse.WarehouseSettings, warehouse.build, {"rig.tilt_deg": 15.0}
+    ),
 }
 
 

@@ -60,9 +60,7 @@ def potted_plant(stage: Stage, name: str, rng: np.random.Generator, centre: Vect
     stage.blocker((x, y, 0.78), (0.4, 0.4, 0.4), 0.5, 0.6)
 
 
-def ball(
-    rng: np.random.Generator, centre: Vector, radius_m: float, period_m: float = 0.35
-) -> Mesh:
+def ball(rng: np.random.Generator, centre: Vector, radius_m: float, period_m: float = 0.35) -> Mesh:
     """Build a lumpy sphere; its texture repeats every `period_m`."""
     theta, phi = np.meshgrid(np.linspace(0, np.pi, 6), np.linspace(0, 2 * np.pi, 10))
     unit = np.stack(

@@ -1,5 +1,6 @@
 """How much of the lamps reaches a point past the boxes that stand around it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,10 +53,12 @@ def visibility(
     radius = light.softness_rad * np.sqrt((k + 0.5) / samples)
     turn = k * np.pi * (3 - np.sqrt(5))  # sunflower: even cover of the disc
     rays = light.key + radius * (np.cos(turn) * side + np.sin(turn) * up)
-    return _seen(np.ascontiguousarray(points, dtype=np.float64), rays, *_table(blockers), inside)
+    return _seen(
+        np.ascontiguousarray(points, dtype=np.float64), rays, *blocker_table(blockers), inside
+    )
 
 
-def _table(blockers: list[Blocker]) -> tuple[Array, Array, Array, Array]:
+def blocker_table(blockers: list[Blocker]) -> tuple[Array, Array, Array, Array]:
     """Centres (B, 3), half sizes (B, 3), cosine and sine of the turns (B, 2), opacities (B,)."""
     yaw = np.array([b.yaw_rad for b in blockers])
     return (
@@ -64,6 +67,27 @@ def _table(blockers: list[Blocker]) -> tuple[Array, Array, Array, Array]:
         np.column_stack([np.cos(yaw), np.sin(yaw)]),
         np.array([b.opacity for b in blockers]),
     )
+
+
+@njit(cache=True)
+def crossing(
+    point: Array, ray: Array, centre: Array, half: Array, turn: Array
+) -> tuple[float, float]:
+    """Where a line enters and leaves a box, in multiples of the ray; slab test in its frame.
+
+    Where it misses, it leaves before it enters. `turn` is the cosine and sine of the box's yaw.
+    """
+    dx, dy = point[0] - centre[0], point[1] - centre[1]
+    c, t = turn[0], turn[1]
+    start = (c * dx + t * dy, c * dy - t * dx, point[2] - centre[2])
+    along = (c * ray[0] + t * ray[1], c * ray[1] - t * ray[0], ray[2])
+    enter, leave = -1e9, 1e9
+    for axis in range(3):
+        inverse = 1 / along[axis] if abs(along[axis]) > 1e-9 else 1e9
+        near = (-half[axis] - start[axis]) * inverse
+        far = (half[axis] - start[axis]) * inverse
+        enter, leave = max(enter, min(near, far)), min(leave, max(near, far))
+    return enter, leave
 
 
 @njit(cache=True)
@@ -76,23 +100,13 @@ def _seen(
     opacities: Array,
     inside: bool,
 ) -> Array:
-    """Mean over (S, 3) rays of the light left behind all boxes: (N,), slab test in each frame."""
+    """Mean over (S, 3) rays of the light left behind all boxes: (N,)."""
     seen = np.zeros(len(points))
     for n in range(len(points)):
         for s in range(len(rays)):
             left = 1.0
             for b in range(len(centres)):
-                dx, dy = points[n, 0] - centres[b, 0], points[n, 1] - centres[b, 1]
-                rx, ry = rays[s, 0], rays[s, 1]
-                c, t = turns[b, 0], turns[b, 1]
-                start = (c * dx + t * dy, c * dy - t * dx, points[n, 2] - centres[b, 2])
-                along = (c * rx + t * ry, c * ry - t * rx, rays[s, 2])
-                enter, leave = -1e9, 1e9
-                for axis in range(3):
-                    inverse = 1 / along[axis] if abs(along[axis]) > 1e-9 else 1e9
-                    near = (-halves[b, axis] - start[axis]) * inverse
-                    far = (halves[b, axis] - start[axis]) * inverse
-                    enter, leave = max(enter, min(near, far)), min(leave, max(near, far))
+                enter, leave = crossing(points[n], rays[s], centres[b], halves[b], turns[b])
                 ahead = leave > 0 if inside else enter > -1e-3
                 if leave > enter and ahead:
                     left *= 1 - opacities[b]
@@ -110,7 +124,7 @@ def occlusion(
     if not blockers:
         return np.ones(len(points))
     return _openness(
-        np.ascontiguousarray(points, dtype=np.float64), *_table(blockers), reach_m, inside
+        np.ascontiguousarray(points, dtype=np.float64), *blocker_table(blockers), reach_m, inside
     )
 
 
@@ -165,11 +179,17 @@ def ground_light(
     blockers: list[Blocker],
     light: Light,
     step_m: float = 0.05,
+    elevation: Callable[[Array], Array] | None = None,
 ) -> LightMap:
-    """Bake the ground z = 0 over x_min, y_min, x_max, y_max."""
+    """Bake the ground over x_min, y_min, x_max, y_max; it is at z = 0 unless it has an elevation.
+
+    `elevation` gives (...) heights in metres at (..., 2) x, y.
+    """
     x = np.arange(extent_m[0], extent_m[2] + step_m, step_m)
     y = np.arange(extent_m[1], extent_m[3] + step_m, step_m)
     grid = np.stack(np.meshgrid(x, y, [1e-4], indexing="ij"), axis=-1).reshape(-1, 3)
+    if elevation is not None:
+        grid[:, 2] += elevation(grid[:, :2])
     key = visibility(grid, blockers, light, inside=True)
     shares = np.stack([key, occlusion(grid, blockers, inside=True)])
     return LightMap(np.array(extent_m[:2]), step_m, shares.reshape(2, len(x), len(y)))

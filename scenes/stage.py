@@ -160,17 +160,24 @@ class Stage:
             group=HIDDEN_GROUP,
         )
 
-    def finish(self, light: Light | None, sky: Image | None) -> None:
+    def finish(
+        self,
+        light: Light | None,
+        sky: Image | None,
+        shine: Callable[[Mesh], Mesh] | None = None,
+    ) -> None:
         """Bake the light and write textures, materials, meshes, lamps and sky.
 
         Args:
             light: The scene's lamps; None for an addition to a scene that has its own.
             sky: (6 S, S, 3) faces of a cube: +x, -x, +y, -y, +z, -z as MuJoCo orders them; None
                 where no sky can be seen.
+            shine: Bakes light of its own, instead of the key's and the fill's, into the meshes of
+                the world that carry none yet.
         """
         baked = self._parts
         if light is not None:
-            baked = [replace(p, mesh=self._bake(p, light)) for p in self._parts]
+            baked = [replace(p, mesh=self._bake(p, light, shine)) for p in self._parts]
         for name, image in self._images.items():
             mine = [part for part in baked if part.material == name]
             if mine:
@@ -183,10 +190,12 @@ class Stage:
         if sky is not None:
             _add_texture(self.spec, "sky", sky, mujoco.mjtTexture.mjTEXTURE_SKYBOX)
 
-    def _bake(self, part: _Part, light: Light) -> Mesh:
+    def _bake(self, part: _Part, light: Light, shine: Callable[[Mesh], Mesh] | None) -> Mesh:
         mesh = part.mesh
         if part.lit:
             return mesh
+        if shine is not None and part.body == WORLD:
+            return shine(mesh)
         blockers = self.blockers if part.body == WORLD else []
         clear = mesh.points + 2e-3 * mesh.normals
         key = visibility(clear, blockers, light)
@@ -209,7 +218,8 @@ class Stage:
             by_thing.setdefault((part.thing, part.body), []).append(part.mesh)
         for (thing, body), meshes in by_thing.items():
             for k, cell in enumerate(cut_into_cells(merged(meshes), CELL_FACES)):
-                name = f"thing/{thing.name}/{k}"
+                limb = [body] if body not in (WORLD, thing.name) else []
+                name = "/".join(["thing", thing.name, *limb, str(k)])
                 self._add_geom(name, body, cell, TWIN_GROUP, None)
                 self.things[name] = thing
 

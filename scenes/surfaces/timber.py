@@ -26,3 +26,12 @@ def painted(
     colour = np.asarray(rgb) * (1 + 0.035 * dust)[..., None]
     colour = blend(colour, np.asarray(rgb) * 0.6 + 70, 0.5 * smoothstep(2.2, 3.2, scratches))
     return to_image(colour)
+
+
+def slotted(
+    rng: np.random.Generator, shape: tuple[int, int], rgb: tuple[float, float, float]
+) -> Image:
+    """Draw the painted post of a rack with two rows of slots, 50 mm apart on a metre: (H, W, 3)."""
+    v, u = np.mgrid[: shape[0], : shape[1]] / np.array(shape).reshape(2, 1, 1)
+    slot = (np.abs(v * 20 % 1 - 0.5) < 0.28) & (np.abs(np.abs(u - 0.5) - 0.22) < 0.07)
+    return to_image(blend(painted(rng, shape, rgb).astype(np.float32), (34, 36, 40), 0.85 * slot))

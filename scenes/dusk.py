@@ -1,0 +1,292 @@
+"""A service yard after sunset: pools of lamplight, dark stretches, a mains flicker."""
+
+from collections.abc import Callable
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from scenes.furniture import Place, at, solid
+from scenes.ground import level, quads, tiled
+from scenes.lamplight import Lamplight
+from scenes.light import Light
+from scenes.mesh import box, patch, tube
+from scenes.props import bench, lamp_post, planter
+from scenes.routes import rounded_loop
+from scenes.scene import Kind, Scene
+from scenes.stage import Stage, one_object
+from scenes.storage import cone, load, standing_drums
+from scenes.surfaces import greenery, masonry, prints, signs, sky, timber
+from scenes.surfaces.atlas import Atlas, pack
+from scenes.surround import brick_wall, on_wall, plaster_wall
+from vo.contract.arrays import Array
+from vo.contract.settings import Settings
+
+TESTS = "Little light: pools under lamps, dark between, mains flicker, lamps that fail and return."
+HALF_M = np.array([7.2, 5.4])
+ROOF_Y_M = -1.9
+"""South of it a roof covers the yard."""
+ROOF_Z_M = 2.7
+FLAG_M = 0.5
+MAINS_HZ = 100.0
+"""Lamps brighten twice in each period of 50 Hz mains."""
+EPISODES = 48
+
+
+class DuskSettings(Settings):
+    """What may be asked of the yard.
+
+    Attributes:
+        level: Mean illuminance over that of a sunny scene.
+        flicker: Depth of the mains flicker, as a share of the mean.
+        unrest: How far lamps dim and recover over seconds; 0 holds them steady.
+    """
+
+    level: Annotated[float, Field(gt=0, le=1)] = 0.035
+    flicker: Annotated[float, Field(ge=0, le=1)] = 0.4
+    unrest: Annotated[float, Field(ge=0, le=1)] = 0.6
+
+
+def build(rng: np.random.Generator, settings: DuskSettings) -> Scene:
+    """Build the yard; layout, textures, lamps and their failures follow the generator."""
+    stage = Stage("dusk")
+    flags, faces, skins = _surfaces(stage, rng)
+    lamps = _lamps(stage, rng)
+    _walls(stage, rng)
+    _roof(stage, rng)
+    _furnish(stage, rng, faces, skins)
+    with stage.object("flagstones", Kind.GROUND):
+        corners = quads(tuple(-HALF_M - 0.5), tuple(HALF_M + 0.5), 0.125)
+        stage.draw("flags", level(corners, tiled(rng, corners, FLAG_M, flags)))
+    stage.floor(0.0)
+    light = _evening()
+    places, powers = (np.array(values) for values in zip(*lamps, strict=True))
+    shine = Lamplight(places, powers, stage.blockers, light).shine
+    stage.finish(light, _evening_sky(rng), shine)
+    return Scene(
+        name="dusk",
+        tests=TESTS,
+        spec=stage.spec,
+        things=stage.things,
+        routes={"default": _route(rng)},
+        extent_m=(-HALF_M[0] - 0.4, -HALF_M[1] - 0.4, HALF_M[0] + 0.4, HALF_M[1] + 0.4),
+        tags=frozenset({"outdoor", "level", "dark", "flicker"}),
+        brightness=_brightness(rng, settings),
+    )
+
+
+def _brightness(rng: np.random.Generator, settings: DuskSettings) -> Callable[[Array], Array]:
+    """Flicker with the mains around a level that steps and drifts every few seconds."""
+    lengths = rng.uniform(3.0, 9.0, EPISODES)
+    turns = rng.uniform(0.08, 2.5, EPISODES)  # how long a change takes: switched or dimmed
+    depth = settings.unrest * rng.beta(0.8, 0.8, EPISODES)
+    levels = (1 - depth) / (1 - depth).mean()
+    starts = np.concatenate([[0.0], np.cumsum(lengths)])
+    times = np.column_stack([starts[:-1], starts[1:] - np.minimum(turns, 0.8 * lengths)]).ravel()
+    times = np.append(times, starts[-1])
+    steps = np.append(np.repeat(levels, 2), levels[0])
+    phase = rng.uniform(0, 2 * np.pi)
+
+    def brightness(time_s: Array) -> Array:
+        time_s = np.asarray(time_s, dtype=float)
+        slow = np.interp(time_s % starts[-1], times, steps)
+        mains = 1 + settings.flicker * np.cos(2 * np.pi * MAINS_HZ * time_s + phase)
+        return settings.level * slow * mains
+
+    return brightness
+
+
+def _route(rng: np.random.Generator) -> Array:
+    """Drive around the yard, half of it under the roof."""
+    x, y = HALF_M - 1.35
+    corners = np.array(
+        [
+            (x, -y),
+            (x, y),
+            (0.4 * x, y),
+            (0.1 * x, y - 0.7),
+            (-0.4 * x, y - 0.7),
+            (-0.6 * x, y),
+            (-x, y),
+            (-x, -y),
+            (-0.4 * x, -y),
+            (-0.1 * x, -y + 0.5),
+            (0.35 * x, -y + 0.5),
+            (0.6 * x, -y),
+        ]
+    )
+    return rounded_loop(corners + rng.uniform(-0.08, 0.08, corners.shape), radius_m=0.9)
+
+
+def _evening() -> Light:
+    """Lamps of a warm white over what is left of the sky."""
+    elevation = np.radians(62)
+    return Light(
+        key=np.array([np.cos(elevation), 0.0, np.sin(elevation)]),
+        key_rgb=np.array([1.12, 0.93, 0.66]),
+        fill_rgb=np.array([0.075, 0.088, 0.115]),
+        ambient_rgb=np.array([0.055, 0.06, 0.072]),
+    )
+
+
+def _evening_sky(rng: np.random.Generator) -> Array:
+    """Show the same town after sunset."""
+    dim = sky.town_sky(rng).astype(float) / 255
+    return (255 * dim**1.3 * np.array([0.30, 0.33, 0.44])).astype(np.uint8)
+
+
+def _surfaces(stage: Stage, rng: np.random.Generator) -> tuple[Atlas, Atlas, Atlas]:
+    """Define the materials; returns flagstones, faces of cartons and skins of drums."""
+    flags = pack(np.stack([masonry.slab(rng, 500, 7) for _ in range(20)]))
+    stage.material("flags", flags.image)
+    faces = pack(prints.cartons(rng, 6, 256))
+    stage.material("cartons", faces.image)
+    skins = pack(signs.drums(rng, ((58, 84, 116), (120, 58, 46), (70, 92, 76)), (256, 512)))
+    stage.material("drums", skins.image)
+    yellow, black = (206, 164, 52), (52, 50, 48)
+    stage.material("concrete", masonry.concrete(rng, (1024, 1024)))
+    stage.material("mortar", masonry.concrete(rng, (512, 512), 160.0))
+    stage.material("plaster", masonry.plaster(rng, (1024, 2048), (188, 178, 160)))
+    stage.material("shutter", signs.shutter(rng, (1024, 1024), (112, 122, 128)))
+    stage.material("hazard", signs.stripes(rng, (256, 256), (yellow, black), 32))
+    stage.material("paint", signs.worn(rng, _white((256, 1024)), (126, 122, 114), 0.6))
+    stage.material("grate", signs.grate(256))
+    stage.material("soil", greenery.soil(rng, 256))
+    stage.material("leaves", greenery.foliage(rng, 512, 0.0))
+    stage.material("pine", timber.wood(rng, (256, 1024), (168, 138, 100)))
+    stage.material("timber", timber.wood(rng, (256, 1024), (142, 108, 74)))
+    stage.material("iron", timber.painted(rng, (256, 256), (74, 78, 78)))
+    stage.material("container", timber.painted(rng, (512, 512), (66, 98, 82)))
+    stage.material("dark", timber.painted(rng, (128, 128), (56, 56, 58)))
+    stage.material("cone", timber.painted(rng, (128, 128), (204, 92, 44)))
+    stage.material("band", timber.painted(rng, (128, 128), (214, 212, 206)))
+    stage.material("bulb", np.full((8, 8, 3), (255, 240, 206), np.uint8), 0.95)
+    return flags, faces, skins
+
+
+def _white(shape: tuple[int, int]) -> Array:
+    return np.full((*shape, 3), (208, 206, 198), np.uint8)
+
+
+def _lamps(stage: Stage, rng: np.random.Generator) -> list[tuple[Array, float]]:
+    """Hang and stand the lamps; returns place and power of each."""
+    x, y = HALF_M
+    lamps: list[tuple[Array, float]] = []
+    for k, (px, py) in enumerate(((-0.48 * x, 1.0), (0.52 * x, 0.6))):
+        foot = np.array([px, py]) + rng.uniform(-0.3, 0.3, 2)
+        lamp_post(stage, f"lamp_{k}", foot)
+        with stage.object(f"lamp_{k}"):
+            stage.draw("bulb", tube((*foot, 3.2), (*foot, 3.06), 0.09, 12, 0.8))
+        lamps.append((np.array([*foot, 3.5]), rng.uniform(7, 10)))
+    walls = ((-0.75 * x, y, 0.0), (0.15 * x, y, 0.0), (x, 0.55 * y, -np.pi / 2))
+    for k, (px, py, yaw) in enumerate((*walls, (-x, -0.35 * y, np.pi / 2))):
+        place: Place = (px + rng.uniform(-0.2, 0.2), py, yaw)
+        put = at(stage, place)
+        with stage.object(f"wall_lamp_{k}"):
+            put("iron", box((0, -0.08, 2.05), (0.3, 0.16, 0.05), bottom=True))
+            put("bulb", box((0, -0.09, 2.0), (0.22, 0.1, 0.05), bottom=True))
+        out = 0.26 * np.array([np.sin(yaw), -np.cos(yaw)])
+        lamps.append((np.array([place[0] + out[0], place[1] + out[1], 2.0]), rng.uniform(2.2, 4)))
+    for k, px in enumerate((-0.55 * x, 0.42 * x)):
+        spot = np.array([px + rng.uniform(-0.3, 0.3), 0.5 * (ROOF_Y_M - y)])
+        with stage.object(f"tube_{k}"):
+            stage.draw("bulb", box((*spot, ROOF_Z_M - 0.05), (1.2, 0.09, 0.06), bottom=True))
+        for dx in (-0.4, 0.4):
+            lamps.append(
+                (np.array([spot[0] + dx, spot[1], ROOF_Z_M - 0.15]), rng.uniform(2.6, 4.2))
+            )
+    return lamps
+
+
+def _walls(stage: Stage, rng: np.random.Generator) -> None:
+    """Enclose the yard: brick to the north and east, plaster elsewhere, shutters and bills."""
+    x, y = HALF_M
+    bricks = pack(masonry.wall_bricks(rng, 64, (48, 140)))
+    stage.material("wall_bricks", bricks.image)
+    bills = pack(prints.posters(rng, 8, (420, 300)))
+    stage.material("posters", bills.image)
+    brick_wall(stage, "wall_north", rng, bricks, (-x, y), 2 * x, 3.0, 0.0)
+    brick_wall(stage, "wall_east", rng, bricks, (x, y), 2 * y, 3.4, -np.pi / 2)
+    plaster_wall(stage, "wall_south", rng, (x, -y), 2 * x, 3.2, np.pi)
+    plaster_wall(stage, "wall_west", rng, (-x, -y), 2 * y, 3.0, np.pi / 2)
+    with stage.object("posters"):
+        for start, yaw, length in (((x, -y), np.pi, 2 * x), ((-x, -y), np.pi / 2, 2 * y)):
+            spots = [
+                (along + rng.uniform(0, 0.5), rng.uniform(0.5, 0.9), 0.6, 0.84)
+                for along in np.arange(0.8, length - 1.5, 2.3)
+            ]
+            stage.draw("posters", *on_wall(rng, bills, start, yaw, spots))
+    for k, (wall, along) in enumerate((((x, -y, np.pi), 4.2), ((-x, y, 0.0), 10.4))):
+        with stage.object(f"shutter_{k}"):
+            put = at(stage, wall)
+            put("shutter", box((along, -0.03, 1.15), (2.0, 0.05, 2.3), (2.0, 2.3), cell_m=0.25))
+            for side in (-1.06, 1.06):
+                put("iron", box((along + side, -0.05, 1.18), (0.12, 0.1, 2.36), cell_m=0.25))
+
+
+def _roof(stage: Stage, rng: np.random.Generator) -> None:
+    """Cover the south of the yard by a concrete roof on columns."""
+    x, y = HALF_M
+    middle, depth = 0.5 * (ROOF_Y_M - y), ROOF_Y_M + y
+    with stage.object("roof"):
+        slab = box(
+            (0, middle, ROOF_Z_M + 0.1), (2 * x, depth, 0.2), (1.2, 1.2), cell_m=0.4, bottom=True
+        )
+        stage.draw("concrete", slab)
+    stage.blocker((0, middle, ROOF_Z_M + 0.12), (2 * x, depth, 0.2))
+    for k, px in enumerate(np.linspace(-0.72, 0.72, 5) * x):
+        with stage.object(f"column_{k}"):
+            shaft = box(
+                (px, ROOF_Y_M - 0.2, ROOF_Z_M / 2),
+                (0.32, 0.32, ROOF_Z_M),
+                (1.2, 1.2),
+                rng.random(2),
+                0.15,
+            )
+            stage.draw("concrete", shaft)
+            guard = box((px, ROOF_Y_M - 0.2, 0.4), (0.335, 0.335, 0.5), (0.5, 0.5), cell_m=0.12)
+            stage.draw("hazard", guard)
+        stage.obstacle(f"column_{k}", (px, ROOF_Y_M - 0.2, ROOF_Z_M / 2), (0.3, 0.3, ROOF_Z_M))
+
+
+def _furnish(stage: Stage, rng: np.random.Generator, faces: Atlas, skins: Atlas) -> None:
+    """Fill the middle and the edges; mark bays and gratings on the ground."""
+    x, y = HALF_M
+    planter(stage, "planter", rng, np.array([0.08 * x, 0.95]), (1.8, 0.8, 0.45))
+    bench(stage, "bench", rng, np.array([0.7, -0.5]), rng.uniform(-0.2, 0.2))
+    _container(stage, "container_0", (-0.62 * x, -0.5, 0.15))
+    _container(stage, "container_1", (0.6 * x, -0.75, np.pi / 2))
+    standing_drums(stage, "drum", rng, np.array([2.45, -0.6]), skins)
+    for k, (px, py) in enumerate(((-1.85, 0.9), (-1.5, -0.85))):
+        place: Place = (px, py, rng.uniform(0, 3))
+        with stage.object(f"pallet_{k}"):
+            load(stage, rng, place, 0.0, faces, skins)
+        solid(stage, f"pallet_{k}", place, (1.2, 0.8, 0.9), shadow=False)
+    for k, (px, py) in enumerate(((-x + 0.5, y - 0.5), (x - 0.45, -y + 0.5), (x - 0.5, 0.1 * y))):
+        cone(stage, f"cone_{k}", (px, py, rng.uniform(0, 1.5)))
+    with stage.object("markings", Kind.GROUND):
+        for k in range(5):
+            line = patch(
+                (0.86 * x, -2.0 + k * 1.1, 0.0007), (0, 0.09, 0), (-1.9, 0, 0), (1, 10), (0.25, 1.0)
+            )
+            stage.draw("paint", line)
+        for px in (-0.5 * x, 0.5 * x):
+            drain = patch((px - 0.2, -y + 1.05, 0.0007), (0.4, 0, 0), (0, 0.4, 0), (3, 3))
+            stage.draw("grate", drain)
+
+
+@one_object
+def _container(stage: Stage, name: str, place: Place) -> None:
+    """Put a refuse container of 1.25 x 0.9 m on castors."""
+    put = at(stage, place)
+    put("container", box((0, 0, 0.6), (1.2, 0.85, 0.9), (1.0, 1.0), cell_m=0.15))
+    put("container", box((0, 0, 1.07), (1.26, 0.92, 0.06), (1.0, 1.0), cell_m=0.2, bottom=True))
+    put("dark", box((0, 0.2, 1.15), (1.2, 0.5, 0.1), cell_m=0.2))
+    for x in (-0.4, -0.13, 0.13, 0.4):
+        for y in (-0.435, 0.435):
+            put("container", box((x, y, 0.6), (0.05, 0.03, 0.86), (1.0, 1.0), cell_m=0.2))
+    for x in (-0.5, 0.5):
+        for y in (-0.33, 0.33):
+            put("dark", tube((x - 0.025, y, 0.075), (x + 0.025, y, 0.075), 0.075, 12))
+    solid(stage, name, place, (1.26, 0.92, 1.15), shadow=False)
+    stage.blocker((place[0], place[1], 0.62), (1.2, 0.86, 0.95), place[2])

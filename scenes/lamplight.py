@@ -1,0 +1,84 @@
+"""Light of lamps that stand in the scene: pools on the ground, shadows behind boxes."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from scenes.light import Light, solved_normals
+from scenes.mesh import Mesh
+from scenes.shadow import Blocker, blocker_table, crossing, occlusion
+from vo.contract.arrays import Array
+
+BULB_M = 0.12
+"""Radius of a lamp's shade: softens shadows."""
+
+
+@dataclass(frozen=True)
+class Lamplight:
+    """Lamps that shine downwards and sideways, and what stands in their way.
+
+    Attributes:
+        places: (L, 3) metres, world.
+        powers: (L,) share of the key light on a surface that faces the lamp at 1 m.
+        blockers: What casts shadows.
+        light: Gives the lamps' colour as its key and the rest of the sky as its fill.
+    """
+
+    places: Array
+    powers: Array
+    blockers: list[Blocker]
+    light: Light
+
+    def shine(self, mesh: Mesh) -> Mesh:
+        """Bake the lamps into a mesh's shading normals."""
+        clear = np.ascontiguousarray(mesh.points + 3e-3 * mesh.normals)
+        turn = np.arange(4) * np.pi / 2
+        ring = BULB_M * np.column_stack([np.cos(turn), np.sin(turn), 0 * turn])
+        key = _received(
+            clear,
+            np.ascontiguousarray(mesh.normals),
+            np.ascontiguousarray(self.places, dtype=float),
+            np.ascontiguousarray(self.powers, dtype=float),
+            ring,
+            *blocker_table(self.blockers),
+        )
+        soft = 1 - np.exp(-key)  # pools keep their texture right below a lamp
+        sky = occlusion(clear, self.blockers) * (0.55 + 0.45 * mesh.normals[:, 2])
+        normals = solved_normals(soft, sky, self.light)
+        return Mesh(mesh.points, normals, mesh.uv, mesh.faces)
+
+
+@njit(cache=True)
+def _received(
+    points: Array,
+    normals: Array,
+    places: Array,
+    powers: Array,
+    ring: Array,
+    centres: Array,
+    halves: Array,
+    turns: Array,
+    opacities: Array,
+) -> Array:
+    """Irradiance (V,) from all lamps; each ray ends at the lamp."""
+    total = np.zeros(len(points))
+    for n in range(len(points)):
+        for m in range(len(places)):
+            way = places[m] - points[n]
+            squared = way[0] ** 2 + way[1] ** 2 + way[2] ** 2
+            distance = np.sqrt(squared)
+            facing = (way * normals[n]).sum() / distance
+            down = 0.25 + 0.75 * max(way[2], 0.0) / distance
+            full = powers[m] * facing * down / max(squared, 0.04)
+            if full < 0.003:
+                continue
+            for r in range(len(ring)):
+                ray = way + ring[r]
+                left = 1.0
+                for b in range(len(centres)):
+                    enter, leave = crossing(points[n], ray, centres[b], halves[b], turns[b])
+                    if leave > enter and enter > -1e-3 and enter < 0.97:
+                        left *= 1 - opacities[b]
+                total[n] += full * left / len(ring)
+    return total
