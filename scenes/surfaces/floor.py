@@ -64,3 +64,23 @@ def iron_cover(rng: np.random.Generator, side_px: int) -> Image:
     inside = np.maximum(np.abs(u), np.abs(v))
     colour = blend(colour, (62, 56, 52), 0.7 * (ribs & (inside < 0.41)))
     return to_image(blend(colour, (34, 32, 32), 0.9 * (np.abs(inside - 0.43) < 0.012)))
+
+
+def paving_slabs(rng: np.random.Generator, count: int, side_px: int) -> Image:
+    """Draw cast paving slabs with a washed face, joints included: (count, S, S, 3)."""
+    size = (count, side_px, side_px)
+    cloud = fractal(rng, size, (20, 2 * side_px), 1.3)
+    grit = fractal(rng, size, (2.4, 8), 0.1)
+    grain = fractal(rng, size, (1.6, 4), 0.0)
+    batch = rng.normal(0, 0.05, (count, 1, 1))
+    tint = np.array([156, 150, 140]) * (1 + 0.008 * rng.standard_normal((count, 1, 1, 3)))
+    colour = tint * (1 + batch + 0.06 * cloud + 0.08 * grain)[..., None]
+    colour = blend(colour, (92, 86, 80), 0.8 * smoothstep(0.5, 1.4, grit))
+    colour = blend(colour, (206, 198, 184), 0.75 * smoothstep(0.8, 1.6, -grit))
+    stain = fractal(rng, size, (8, side_px), 1.4) + 0.4 * rng.standard_normal((count, 1, 1))
+    colour = blend(colour, (88, 84, 70), 0.5 * smoothstep(1.1, 2.6, stain))
+    v, u = np.mgrid[:side_px, :side_px]
+    inset = np.minimum(np.minimum(u, side_px - 1 - u), np.minimum(v, side_px - 1 - v))
+    ragged = inset + 0.7 * grit + 0.8 * cloud
+    colour = blend(colour, (190, 184, 172), 0.25 * smoothstep(9, 4, ragged))
+    return to_image(blend(colour, (58, 54, 46), 0.9 * smoothstep(4.2, 1.6, ragged)))

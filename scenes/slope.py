@@ -1,0 +1,112 @@
+"""A road that rises to a plateau and falls again along x: its height, its surface, its feel."""
+
+import itertools
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from scenes.mesh import Mesh, polygons
+from scenes.scene import HIDDEN_GROUP
+from scenes.stage import Stage
+from vo.contract.arrays import Array
+
+STEP_M = 0.1
+"""Spacing of the knots in the vertical curves; the surface is straight between knots."""
+BLEND_M = 0.8
+"""Length of the vertical curve at each change of grade."""
+THICKNESS_M = 0.3
+
+
+@dataclass(frozen=True)
+class Slope:
+    """Height over x, symmetric about the middle of the plateau at x = 0, level at z = 0 outside.
+
+    Attributes:
+        knots: (K,) x in metres, multiples of `STEP_M`, increasing.
+        heights: (K,) metres.
+    """
+
+    knots: Array
+    heights: Array
+
+    @classmethod
+    def rising(cls, grade: float, plateau_m: float, run_m: float) -> "Slope":
+        """Rise at most by `grade` over `run_m` on both sides of a plateau, without a kink."""
+        count = round((plateau_m / 2 + run_m) / STEP_M)
+        x = STEP_M * np.arange(-count, 0 + 1)  # one side; the other mirrors it
+        along = x - x[0]
+        ease = np.minimum(along, run_m - along) / BLEND_M
+        steepness = grade * np.clip(ease, 0, 1)
+        rise = np.concatenate([[0], np.cumsum((steepness[1:] + steepness[:-1]) / 2 * STEP_M)])
+        return cls(np.concatenate([x, -x[-2::-1]]), np.concatenate([rise, rise[-2::-1]]))
+
+    @property
+    def top_m(self) -> float:
+        """Height of the plateau."""
+        return float(self.heights.max())
+
+    def height(self, x: Array) -> Array:
+        """Height at (...) x, metres."""
+        return np.interp(x, self.knots, self.heights)
+
+    def elevation(self, xy: Array) -> Array:
+        """Height at (..., 2) x, y: the same across the road."""
+        return self.height(np.asarray(xy)[..., 0])
+
+    def place(self, xy: Array) -> Array:
+        """Lift (..., 2) points onto the road: (..., 3)."""
+        return np.concatenate([xy, self.elevation(xy)[..., None]], axis=-1)
+
+    def tilted(self, mesh: Mesh) -> Mesh:
+        """Turn the normals of a mesh that lies on the road to the road's own."""
+        x = mesh.points[:, 0]
+        grade = (self.height(x + STEP_M / 2) - self.height(x - STEP_M / 2)) / STEP_M
+        normals = np.column_stack([-grade, np.zeros(len(x)), np.ones(len(x))])
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        return Mesh(mesh.points, normals, mesh.uv, mesh.faces)
+
+    def beam(
+        self,
+        x: tuple[float, float],
+        y: tuple[float, float],
+        z: tuple[float, float],
+        period_m: float,
+        offset: float = 0.0,
+    ) -> Mesh:
+        """Build a bar along the road between two x, two y and two heights above the road."""
+        (y0, y1), (z0, z1) = sorted(y), z
+        stations = np.linspace(*x, max(2, round((x[1] - x[0]) / (2 * STEP_M)) + 1))
+        ground = self.height(stations)
+        ring = np.stack(
+            [
+                np.column_stack([stations, np.full(len(stations), across), ground + up])
+                for across, up in ((y0, z0), (y0, z1), (y1, z1), (y1, z0))
+            ],
+            axis=1,
+        )
+        a, b = ring[:-1], ring[1:]
+        sides = [np.stack([a[:, k], b[:, k], b[:, k + 1], a[:, k + 1]], axis=1) for k in range(3)]
+        corners = np.concatenate([*sides, ring[:1, ::-1], ring[-1:]])
+        uv = np.stack([corners[..., 0], -corners[..., 1:].sum(axis=-1)], axis=-1)
+        return polygons(corners, uv / period_m + offset)
+
+    def feel(self, stage: Stage, half_width_m: float) -> None:
+        """Let wheels feel the road: one tilted box for each straight piece."""
+        bends = np.abs(np.diff(self.heights, 2)) > 1e-9
+        keep = np.concatenate([[True], bends, [True]])
+        ends = np.column_stack([self.knots[keep], self.heights[keep]])
+        for k, (a, b) in enumerate(itertools.pairwise(ends)):
+            if a[1] + b[1] == 0:
+                continue
+            length, pitch = np.hypot(*(b - a)), np.arctan2(b[1] - a[1], b[0] - a[0])
+            up = np.array([-np.sin(pitch), 0, np.cos(pitch)])
+            middle = np.array([(a[0] + b[0]) / 2, 0, (a[1] + b[1]) / 2])
+            stage.spec.worldbody.add_geom(
+                name=f"slope_{k}",
+                type=mujoco.mjtGeom.mjGEOM_BOX,
+                pos=middle - up * THICKNESS_M / 2,
+                quat=(np.cos(pitch / 2), 0, -np.sin(pitch / 2), 0),
+                size=(length / 2, half_width_m, THICKNESS_M / 2),
+                group=HIDDEN_GROUP,
+            )
