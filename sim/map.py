@@ -17,7 +17,7 @@ CAMERA_ABOVE_M = 30.0
 HEADROOM_M = 0.6
 """What is lower than this above the ground is no ceiling."""
 PROBES = 40
-COVERED_SHARE = 0.5
+COVERED_SHARE = 0.2
 """There is a ceiling if more than this share of the path has something above it."""
 CEILING_THICK_M = 0.5
 """What reaches further down than this from the lowest place seen overhead is no ceiling alone."""
@@ -117,9 +117,11 @@ def lid_off(world: World) -> Generator[None]:
 
 
 def _below_ceiling_m(world: World) -> float:
-    """Height below whatever most of the path still has above it."""
-    heights, _ = _overhead(world)
-    return min(float(np.median(heights)) - UNDER_CEILING_M, CAMERA_ABOVE_M)
+    """Height below what the path still has above it, where that is of one piece with walls."""
+    heights, geoms = _overhead(world)
+    if np.mean(geoms >= 0) <= COVERED_SHARE:
+        return CAMERA_ABOVE_M
+    return float(np.median(heights[geoms >= 0])) - UNDER_CEILING_M
 
 
 def _overhead(world: World) -> tuple[Array, Indices]:

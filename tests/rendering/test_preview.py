@@ -149,6 +149,7 @@ def test_a_picture_has_a_known_suffix(tmp_path, name):
 )
 def test_a_bad_suffix_is_refused_before_anything_is_built(tmp_path, monkeypatch, options):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sim.batch.build", lambda *_: pytest.fail("built nevertheless"))
     result = CliRunner().invoke(app, ["preview", "office", *options])
     assert isinstance(result.exception, SettingsError)
     assert "must end in" in str(result.exception)
