@@ -9,8 +9,8 @@ from scenes import interior
 from scenes.furniture import Place, at, local
 from scenes.ground import level, quads, scattered
 from scenes.interior import Run
-from scenes.lamps import Panels
-from scenes.light import Light, hall_light
+from scenes.lamplight import Lamplight
+from scenes.light import Light
 from scenes.mesh import Mesh, box
 from scenes.props import potted_plant
 from scenes.rooms import sides
@@ -24,6 +24,8 @@ from vo.contract.settings import Settings
 
 TESTS = "Blank walls and plain flooring: few features, far apart, and long looks down the corridor."
 HEIGHT_M = 2.5
+PANEL_POWER = 6.0
+"""As `Lamplight.powers`."""
 FLOORS = ((146, 150, 142), (158, 146, 126), (124, 136, 148), (150, 152, 154))
 LEAVES = ((96, 118, 138), (162, 126, 88), (120, 132, 112), (176, 174, 168))
 
@@ -50,14 +52,13 @@ def build(rng: np.random.Generator, settings: CorridorSettings) -> Scene:
     half = np.array([settings.length_m, settings.width_m]) / 2
     core = half - settings.arm_m
     middle = half - settings.arm_m / 2
-    light = hall_light(rng, (55, 60))
-    panels = Panels(_panel_places(middle), core)
+    panels = _panel_places(middle)
     atlases = _surfaces(stage, rng)
     with stage.object("floor", Kind.GROUND):
-        _floor(stage, rng, half, core, panels, light)
-    _walls(stage, rng, half, core, panels, light)
+        _floor(stage, rng, half, core)
+    _walls(stage, half, core)
     with stage.object("ceiling"):
-        _ceiling(stage, half, panels, light)
+        _ceiling(stage, half, panels)
     for k, run in enumerate((*sides(half), *interior.around(core))):
         _furnish(stage, f"{k}", rng, run, atlases, settings)
     for k, (x, y, yaw) in enumerate(((-core[0], middle[1], 0.0), (core[0], -middle[1], np.pi))):
@@ -66,7 +67,9 @@ def build(rng: np.random.Generator, settings: CorridorSettings) -> Scene:
         )
     _corners_filled(stage, rng, half)
     stage.floor(0.0)
-    stage.finish(light, None)
+    light = _lamps(rng)
+    shine = Lamplight(panels, np.full(len(panels), PANEL_POWER), stage.blockers, light).shine
+    stage.finish(light, None, shine)
     x, y = half + 0.15
     return Scene(
         name="corridor",
@@ -92,6 +95,18 @@ def _panel_places(middle: Array) -> Array:
         count = max(2, round(float(np.linalg.norm(end - start)) / 2.4))
         places.extend(start + share * (end - start) for share in np.arange(count) / count)
     return np.column_stack([places, np.full(len(places), HEIGHT_M)])
+
+
+def _lamps(rng: np.random.Generator) -> Light:
+    """Give the panels' colour as the key's; a good part comes back from walls and floor."""
+    turn = rng.uniform(0, 2 * np.pi)
+    tint = np.array([1.0, 0.99, 0.955]) * rng.uniform(0.96, 1.0, 3)
+    return Light(
+        key=np.array([0.5 * np.cos(turn), 0.5 * np.sin(turn), np.sqrt(0.75)]),
+        key_rgb=0.62 * tint,
+        fill_rgb=0.2 * tint,
+        ambient_rgb=0.29 * tint,
+    )
 
 
 def _surfaces(stage: Stage, rng: np.random.Generator) -> dict[str, Atlas]:
@@ -126,45 +141,39 @@ def _surfaces(stage: Stage, rng: np.random.Generator) -> dict[str, Atlas]:
     return atlases
 
 
-def _floor(
-    stage: Stage, rng: np.random.Generator, half: Array, core: Array, panels: Panels, light: Light
-) -> None:
+def _floor(stage: Stage, rng: np.random.Generator, half: Array, core: Array) -> None:
     """Unroll flooring in sheets of 2 m on the four arms."""
     (x, y), (cx, cy) = half, core
     arms = (((-x, -y), (x, -cy)), ((-x, cy), (x, y)), ((-x, -cy), (-cx, cy)), ((cx, -cy), (x, cy)))
     corners = np.concatenate([quads(low, high, 0.25) for low, high in arms])
     sheet = level(corners, scattered(rng, corners, 2.0, 2.048))
-    stage.draw_lit("floor", panels.shine(sheet, light))
+    stage.draw("floor", sheet)
 
 
-def _walls(
-    stage: Stage, rng: np.random.Generator, half: Array, core: Array, panels: Panels, light: Light
-) -> None:
+def _walls(stage: Stage, half: Array, core: Array) -> None:
     period = (3.1, 2.9)
     for k, run in enumerate(sides(half)):
         with stage.object(f"wall_{k}"):
-            _wall(stage, run, period, panels, light)
+            _wall(stage, run, period)
             interior.collide(stage, f"wall_{k}", run, HEIGHT_M)
     with stage.object("core"):
         for run in interior.around(core):
-            _wall(stage, run, period, panels, light)
-    stage.obstacle("core", (0, 0, HEIGHT_M / 2), (*2 * core, HEIGHT_M), shadow=False)
+            _wall(stage, run, period)
+    stage.obstacle("core", (0, 0, HEIGHT_M / 2), (*2 * core, HEIGHT_M))
 
 
-def _wall(
-    stage: Stage, run: Run, period: tuple[float, float], panels: Panels, light: Light
-) -> None:
-    stage.draw_lit("wall", panels.shine(interior.wall_face(run, HEIGHT_M, period), light))
-    stage.draw_lit("skirting", panels.shine(interior.skirting(run), light))
+def _wall(stage: Stage, run: Run, period: tuple[float, float]) -> None:
+    stage.draw("wall", interior.wall_face(run, HEIGHT_M, period))
+    stage.draw("skirting", interior.skirting(run))
 
 
-def _ceiling(stage: Stage, half: Array, panels: Panels, light: Light) -> None:
+def _ceiling(stage: Stage, half: Array, panels: Array) -> None:
     """Close the room and let the panels in."""
     corners = quads((-half[0], -half[1]), (half[0], half[1]), 0.5)
     down = level(corners, corners / 2.0, HEIGHT_M)
     under = Mesh(down.points, -down.normals, down.uv, down.faces[:, ::-1])
-    stage.draw_lit("ceiling", panels.shine(under, light))
-    for place in panels.places:
+    stage.draw("ceiling", under)
+    for place in panels:
         interior.ceiling_panel(stage, place, (0.6, 0.6))
 
 
