@@ -65,12 +65,15 @@ def _from_file(path: Path) -> mujoco.MjSpec:
 
 def _from_function(name: str) -> mujoco.MjSpec | Scene:
     module_name, _, function_name = name.partition(":")
+    if not module_name or not function_name:
+        raise SettingsError(f"{name}: expected module:function")
     if "" not in sys.path:
         sys.path.insert(0, "")
     try:
         module = importlib.import_module(module_name)
-    except ImportError as error:
-        raise SettingsError(f"{name}: cannot import {module_name} ({error})") from None
+    except (ImportError, SyntaxError) as error:
+        reason = _one_line(error)
+        raise SettingsError(f"{name}: cannot import {module_name} ({reason})") from None
     build = getattr(module, function_name, None)
     if not callable(build):
         raise SettingsError(f"{name}: {module_name} has no function {function_name}")

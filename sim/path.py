@@ -43,8 +43,11 @@ def plan_path(route: Array, distance_m: float | None) -> Path:
         distance_m: Path length; None for the route once.
 
     Raises:
-        SettingsError: If an open route is shorter than that.
+        SettingsError: If an open route is shorter than that, or leads nowhere.
     """
+    route = route[np.append(True, (np.diff(route, axis=0) != 0).any(axis=1))]
+    if len(route) < 2:
+        raise SettingsError("setting drive.waypoints: all points are the same")
     once = _path(route)
     if distance_m is None:
         return once

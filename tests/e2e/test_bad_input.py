@@ -9,6 +9,8 @@ import yaml
 from folders import PERIOD_NS, wall, write_euroc
 from terminal import driftyard
 
+FILLED = """<mujoco><worldbody><geom type="plane" size="5 5 1"/>
+<geom name="block" type="box" size="3 3 0.3"/></worldbody></mujoco>"""
 FIRST = f"mav0/cam0/data/{PERIOD_NS}.png"
 
 
@@ -139,17 +141,50 @@ def test_output_that_is_a_folder(dataset, tmp_path):
 @pytest.mark.parametrize(
     ("words", "fragments"),
     [
-        (["generate", "moon", "--out", "o"], ["unknown scene moon", "brick_court, office"]),
+        (["generate", "moon", "--out", "o"], ["unknown scene moon", "brick_court"]),
         (["generate", "office", "--out", "o", "--set", "rig.tilt=3"], ["rig.tilt", "tilt_deg"]),
         (["generate", "office", "--out", "o", "--set", "rig.tilt_deg=nan"], ["rig.tilt_deg"]),
         (["generate", "office", "--out", "o", "--set", "rig.baseline_m=0"], ["rig.baseline_m"]),
+        (
+            ["generate", "office", "--out", "o", "--set", "labels.flows=true"],
+            ["labels.flows", "flow"],
+        ),
+        (
+            ["generate", "office", "--out", "o", "--set", "exposure.time_ms=80"],
+            ["exposure.time_ms", "takes 80.0 ms", "rig.rate_hz leaves 66.7 ms"],
+        ),
+        (
+            ["generate", "office", "--out", "o", "--set", "calibration.baseline_percent=-100"],
+            ["baseline", "must be positive"],
+        ),
+        (
+            ["generate", "office", "--out", "o", "--set", "sensor.k1=-0.5"],
+            ["sensor.k1 = -0.5", "folds the picture"],
+        ),
+        (["generate", "office", "--out", "o", "--disturb", "fog"], ["disturbance fog", "blur"]),
+        (["generate", "office", "--out", "o", "--disturb", "blur=x"], ["blur", "not a number"]),
+        (
+            ["generate", "office", "--out", "o", "--set", "drive.waypoints=[[1,1],[1,1]]"],
+            ["drive.waypoints", "the same"],
+        ),
+        (["generate", "nowhere.xml", "--out", "o"], ["nowhere.xml: no such file"]),
+        (["generate", "d/mav0/cam0/broken.xml", "--out", "o"], ["broken.xml: not valid MJCF"]),
+        (
+            ["generate", "d/mav0/cam0/filled.xml", "--out", "o"],
+            ["no free space at the start", "block is in the way"],
+        ),
+        (["generate", "no_module:build", "--out", "o"], ["cannot import no_module"]),
+        (["generate", "json:nothing", "--out", "o"], ["json has no function nothing"]),
         (["generate", "office", "--out", "d"], ["already exists"]),
-        (["preview", "moon", "--out", "o"], ["unknown scene moon"]),
+        (["preview", "moon", "--out", "o.png"], ["unknown scene moon"]),
+        (["preview", "office", "--out", "o"], ["must end in .png"]),
         (["verify", "o"], ["o: no such folder"]),
         (["verify", "d"], ["dataset.json", "cannot be read"]),
     ],
 )
 def test_bad_requests_for_datasets(dataset, tmp_path, words, fragments):
+    (dataset / "mav0/cam0/broken.xml").write_text("<mujoco>")
+    (dataset / "mav0/cam0/filled.xml").write_text(FILLED)
     assert_refused(driftyard(*words, cwd=tmp_path), *fragments)
     assert {path.name for path in tmp_path.iterdir()} == {"d"}
 

@@ -145,6 +145,19 @@ def test_a_function_that_is_none_is_refused(module, function, fragment):
         load_scene(f"{module}:{function}")
 
 
+@pytest.mark.parametrize("name", [":build", "worlds:"])
+def test_half_a_function_is_refused(name):
+    with pytest.raises(SettingsError, match=f"{name}: expected module:function"):
+        load_scene(name)
+
+
+def test_a_module_with_a_slip_of_the_pen_is_refused_in_one_line(tmp_path, monkeypatch):
+    (tmp_path / "slipped.py").write_text("def build(:\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(SettingsError, match=r"cannot import slipped .*line 1"):
+        load_scene("slipped:build")
+
+
 def test_a_module_that_is_not_there_is_refused():
     with pytest.raises(SettingsError, match="cannot import no_such_module"):
         load_scene("no_such_module:build")

@@ -39,6 +39,13 @@ def test_an_open_route_is_not_lengthened():
         plan_path(SQUARE[:3], 9.0)
 
 
+def test_points_that_repeat_lead_nowhere():
+    path = plan_path(np.array([[0.0, 0], [0, 0], [0, 1], [0, 1], [0, 3]]), None)
+    np.testing.assert_array_equal(path.waypoints, [[0, 0], [0, 1], [0, 3]])
+    with pytest.raises(SettingsError, match=r"drive\.waypoints: all points are the same"):
+        plan_path(np.array([[1.0, 2], [1, 2]]), None)
+
+
 def test_wheel_speeds_of_a_turn():
     left, right = wheel_speeds(0.3, 0.5)
     assert (left + right) / 2 * WHEEL_RADIUS_M == pytest.approx(0.3)
