@@ -2,7 +2,7 @@
 # `make bench` and `make accuracy` take options: make bench ARGS=--quick
 
 .DEFAULT_GOAL := help
-.PHONY: demo test lint bench accuracy proof response scenes clean help
+.PHONY: demo test lint bench accuracy proof response bump scenes clean help
 
 VENV := .venv
 READY := $(VENV)/.ready
@@ -37,6 +37,9 @@ proof: $(READY)  ## how exact labels, blur and sensors are, beside what is promi
 
 response: $(READY)  ## what every disturbance and every scene costs the baseline (an hour)
 	$(BIN)/python -m trials.response $(ARGS)
+
+bump: $(READY)  ## what a brick under a wheel does to every channel, as a figure
+	$(BIN)/python -m trials.bump $(ARGS)
 
 clean:  ## remove results and caches; the environment in .venv stays
 	rm -rf build demo dist .pytest_cache .hypothesis .ruff_cache .import_linter_cache
