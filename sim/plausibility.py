@@ -3,6 +3,7 @@
 Everything is read back from the files, so that a recording and its verification compute the same.
 """
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -137,11 +138,10 @@ def _check_flow(folder: Path, settings: RecordSettings) -> dict[str, Any]:
     """Predict the flow of what stands still from depth and poses; a few frames, evenly spread."""
     rig = stereo_rig(settings.rig)
     times_ns, poses, _ = _read_states(folder / TRUTH / "data.csv")
-    listed = _frame_times(folder, "flow")
-    pictured = _frame_times(folder, "depth")
+    pairs = list(pairwise(_frame_times(folder, "depth").tolist()))
+    chosen = np.linspace(0, len(pairs) - 1, min(FLOW_FRAMES, len(pairs))).astype(int)
     worst_px = 0.0
-    for k in np.unique(np.linspace(0, len(listed) - 1, FLOW_FRAMES).astype(int)):
-        now, following = int(pictured[k]), int(pictured[k + 1])
+    for now, following in (pairs[k] for k in chosen):
         T_world_cam = poses[np.searchsorted(times_ns, [now, following])] @ rig.T_body_cam
         depth = read_float(label_file(folder, "depth", now))
         predicted = flow(
