@@ -7,7 +7,18 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from scenes import asphalt, brick_court, corridor, custom, dusk, meadow, office, ramp, warehouse
+from scenes import (
+    asphalt,
+    brick_court,
+    corridor,
+    custom,
+    dusk,
+    meadow,
+    office,
+    ramp,
+    turntable,
+    warehouse,
+)
 from scenes.scene import Scene
 from vo.contract.errors import SettingsError
 from vo.contract.settings import Settings
@@ -56,6 +67,12 @@ SCENES: dict[str, SceneBuilder] = {
     ),
     "office": SceneBuilder(office.TESTS, office.OfficeSettings, office.build),
     "ramp": SceneBuilder(ramp.TESTS, ramp.RampSettings, ramp.build, {"rig.tilt_deg": 18.0}),
+    "turntable": SceneBuilder(
+        turntable.TESTS,
+        turntable.TurntableSettings,
+        turntable.build,
+        {"rig.tilt_deg": 15.0, "drive.turn_rate_max_deg_s": 120.0, "exposure.time_ms": 18.0},
+    ),
     "warehouse": SceneBuilder(
         warehouse.TESTS, warehouse.WarehouseSettings, warehouse.build, {"rig.tilt_deg": 15.0}
     ),

@@ -65,3 +65,16 @@ def _arc(a: Array, b: Array, c: Array, length: float, radius_m: float) -> list[A
     angles = np.linspace(0, abs(turn), max(2, int(np.degrees(abs(turn)) / 3)))
     sine, cosine = np.sin(angles)[:, None], np.cos(angles)[:, None]
     return list(start + radius_m * (sine * u + (1 - cosine) * left))
+
+
+def sharp_loop(corners: Array, step_m: float = 0.1) -> Array:
+    """Sample the closed polygon of (K, 2) corners, each of which stays one of the waypoints.
+
+    Returns:
+        (N, 2) waypoints in metres, about `step_m` apart, the last equal to the first, which is the
+        middle of the edge from the last corner to the first.
+    """
+    start = (corners[-1:] + corners[:1]) / 2
+    ends = np.concatenate([start, corners, start])
+    edges = [resampled(ends[k : k + 2], step_m)[:-1] for k in range(len(ends) - 1)]
+    return np.concatenate([*edges, start])

@@ -84,3 +84,32 @@ def paving_slabs(rng: np.random.Generator, count: int, side_px: int) -> Image:
     ragged = inset + 0.7 * grit + 0.8 * cloud
     colour = blend(colour, (190, 184, 172), 0.25 * smoothstep(9, 4, ragged))
     return to_image(blend(colour, (58, 54, 46), 0.9 * smoothstep(4.2, 1.6, ragged)))
+
+
+def granite_setts(rng: np.random.Generator, count: int, side_px: int) -> Image:
+    """Draw the worn tops of small granite blocks in their sand joints: (count, S, S, 3)."""
+    size = (count, side_px, side_px)
+    tone = rng.beta(2, 2, (count, 1, 1))
+    cloud = fractal(rng, size, (14, 2 * side_px), 1.2)
+    face = ramp(
+        ((122, 120, 120), (150, 146, 142), (170, 162, 154), (190, 186, 180)), tone + 0.08 * cloud
+    )
+    face *= 1 + 0.012 * rng.standard_normal((count, 1, 1, 3))
+    grain = fractal(rng, size, (1.8, 6), 0.0)
+    face = blend(face, (196, 190, 182), 0.6 * smoothstep(0.9, 1.8, grain))
+    face = blend(face, (62, 60, 62), 0.7 * smoothstep(1.0, 1.9, -grain))
+    dirt = fractal(rng, size, (4, side_px), 1.1) + 0.4 * rng.standard_normal((count, 1, 1))
+    face = blend(face, (92, 86, 76), 0.5 * smoothstep(0.9, 2.4, dirt))
+    v, u = np.abs(np.mgrid[:side_px, :side_px] / (side_px - 1) * 2 - 1)
+    round_ = (u**5 + v**5) ** 0.2 + 0.018 * cloud + 0.01 * grain
+    face *= (1 - 0.35 * smoothstep(0.72, 0.98, round_))[..., None]
+    sand = np.array((100, 92, 78)) * (1 + 0.12 * grain)[..., None]
+    return to_image(blend(face, sand, smoothstep(0.90, 0.97, round_)))
+
+
+def water(rng: np.random.Generator, side_px: int) -> Image:
+    """Draw still, slightly rippled water under a bright sky: (S, S, 3), tiling."""
+    size = (side_px, side_px)
+    ripple = fractal(rng, size, (20, 160), 0.8)
+    colour = ramp(((66, 88, 92), (104, 128, 132), (168, 186, 190)), 0.42 + 0.16 * ripple)
+    return to_image(colour)
