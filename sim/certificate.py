@@ -33,7 +33,7 @@ constant fits every scene."""
 
 DARK = 1e-6
 """Nothing is exposed less than this, in multiples of what is painted."""
-ROW_STEP = 4
+ROW_STEP = 8
 BINS_PER_GREY = 50
 """Resolution of the histograms: residuals are exact to 1/50 grey level."""
 MEDIAN_OF_NORMAL = 0.67449
@@ -111,16 +111,16 @@ class Judge:
         disparity_px = disparity_px[::ROW_STEP]
         v, u = _rows(left)
         visible = visible_in_right(disparity_px)
-        views = [
+        first, second = (
             _view(sensor, image, shot.gain, 1.0)
             for sensor, image in zip(self._sensors, (left, right), strict=True)
-        ]
+        )
 
         def places(shift_px: float) -> tuple[Array, Array]:
             return self._in_true_right(u - disparity_px - np.float32(shift_px), v)
 
         shifted = [places(shift) for shift in (-SHIFT_PX, SHIFT_PX)]
-        return _compare(*views, places(0.0), shifted, visible)
+        return _compare(first, second, places(0.0), shifted, visible)
 
     def flow(
         self,
@@ -143,13 +143,13 @@ class Judge:
         du, dv = flow[::ROW_STEP, :, 0], flow[::ROW_STEP, :, 1]
         visible = (covisibility[::ROW_STEP] == VISIBLE) & np.isfinite(du)
         brighter = max(shots[1].level, DARK) / max(shots[0].level, DARK)
-        views = [
+        first, second = (
             _view(self._sensors[0], image, shot.gain, level)
             for image, shot, level in zip((now, following), shots, (1.0, brighter), strict=True)
-        ]
+        )
         half = SHIFT_PX / np.sqrt(2).astype(np.float32)
         shifted = [(u + du + s, v + dv + s) for s in (-half, half)]
-        return _compare(*views, (u + du, v + dv), shifted, visible)
+        return _compare(first, second, (u + du, v + dv), shifted, visible)
 
     def _in_true_right(self, u: Array, v: Array) -> tuple[Array, Array]:
         """Follow the turn of the right eye that calibration does not know."""

@@ -2,17 +2,24 @@
 
 import multiprocessing
 import os
+import resource
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
-from typing import TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from trials.commands import console
+from vo.contract.arrays import Image
 
+if TYPE_CHECKING:
+    from sim.settings import RecordSettings
+
+NOISE = ("sensor.full_well=6000", "sensor.read_noise=15")
+"""What the recorded camera adds."""
 WARM_FRAMES = 12
 """Shown to an estimator beforehand, so that compilation and first touches are not timed."""
 
@@ -55,33 +62,37 @@ class GeneratorSpeed:
 
     Attributes:
         frames: Recorded.
-        frame_ms: Mean from the first finished frame to the last: rendered, encoded, hashed,
-            certified and written, two images with depth and disparity.
+        frame_ms: Mean from the first finished frame to the last: rendered, noise added, encoded,
+            hashed, certified and written, two images with depth and disparity.
         whole_s: With the scene, the drive and the map.
+        memory_mb: Largest resident size of the process.
         gl: Name of the GL's renderer.
     """
 
     frames: int
     frame_ms: float
     whole_s: float
+    memory_mb: float
     gl: str
 
 
 @dataclass(frozen=True)
 class RenderSpeed:
-    """Our renderer and the stock one on the same frames; means in milliseconds a frame.
+    """Our renderer and the stock one on the same frames; medians in milliseconds a frame.
 
     Attributes:
-        ours_ms: Both images, both depths.
-        stock_ms: Both images, left depth.
+        ours_ms: Both images, both depths, both identities.
+        stock_ms: Both images, both depths.
+        stock_left_ms: Both images, left depth.
         stock_files_ms: Encoding and writing the stock frame's images, depth and disparity.
-        different: Share of left pixels that differ by more than one grey level.
+        different_grey: Mean difference of the left images.
     """
 
     ours_ms: float
     stock_ms: float
+    stock_left_ms: float
     stock_files_ms: float
-    different: float
+    different_grey: float
 
 
 def on_cores(cores: list[int], measure: Callable[..., T], *words: object) -> T:
@@ -96,15 +107,12 @@ def on_cores(cores: list[int], measure: Callable[..., T], *words: object) -> T:
 
 
 def measure_generator(trial: Trial, out: Path) -> GeneratorSpeed:
-    """Record the dataset `out` and watch the clock."""
+    """Record the dataset `out` with sensor noise and watch the clock."""
     from sim.batch import build
     from sim.record import record
-    from trials.commands.datasets import record_settings
     from vo.contract.dataset import read_manifest
 
-    settings = record_settings(
-        trial.scene, trial.seed, [f"drive.distance_m={trial.distance_m}"], None
-    )
+    settings = _settings(trial, NOISE)
     finished_s: list[float] = []
     start = perf_counter()
     with console.progress_bar("generating") as progress:
@@ -116,57 +124,129 @@ def measure_generator(trial: Trial, out: Path) -> GeneratorSpeed:
         record(build(trial.scene, settings), settings, out, progress=advance)
     whole_s = perf_counter() - start
     frame_ms = 1e3 * (finished_s[-1] - finished_s[0]) / (len(finished_s) - 1)
+    memory_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     gl = read_manifest(out)["software"]["gl"]["renderer"]
-    return GeneratorSpeed(len(finished_s), frame_ms, whole_s, gl)
+    return GeneratorSpeed(len(finished_s), frame_ms, whole_s, memory_mb, gl)
+
+
+def measure_scaling(trial: Trial, cores: list[int], folder: Path) -> float:
+    """Frame rate of one generator a core over that of a single one, each held to its core."""
+    alone = on_cores(cores[:1], measure_generator, trial, folder / "alone")
+    with ThreadPoolExecutor(len(cores)) as pool:  # each thread has its own affinity
+        jobs = [
+            pool.submit(on_cores, [core], measure_generator, trial, folder / f"core_{core}")
+            for core in cores
+        ]
+        together = [job.result() for job in jobs]
+    return sum(alone.frame_ms / each.frame_ms for each in together)
 
 
 def measure_renderers(trial: Trial, frames: int, folder: Path) -> RenderSpeed:
     """Draw the same instants of the drive with both renderers, which take turns.
+
+    Each has a process of its own, because what one sets for the driver would help the other.
 
     Args:
         trial: The drive.
         frames: How many to draw, evenly spread.
         folder: Where the stock frames are written.
     """
+    spawn = multiprocessing.get_context("spawn")
+    with (
+        ProcessPoolExecutor(1, spawn, _open_ours, (trial,)) as ours,
+        ProcessPoolExecutor(1, spawn, _open_stock, (trial,)) as stock,
+        console.progress_bar("rendering") as progress,
+    ):
+        rows: list[tuple[float, ...]] = []
+        for k, share in enumerate(np.linspace(0, 1, frames + 1)):
+            ours_ms, left = ours.submit(_draw_ours, share).result()
+            stock_ms, plain_left = stock.submit(_draw_stock, share, folder).result()
+            different = float(np.abs(left.astype(int) - plain_left).mean())
+            rows.append((ours_ms, *stock_ms, different))
+            progress(k, frames)
+    return RenderSpeed(*np.median(rows[1:], axis=0).tolist())  # the first uploads textures
+
+
+@dataclass(frozen=True)
+class _Stand:
+    """A renderer before a world, in a process of its own."""
+
+    world: Any
+    trip: Any
+    renderer: Any
+
+    def place(self, share: float) -> None:
+        """Bring the world to a share of the trip."""
+        time_ns = self.trip.timestamps_ns[round(share * (len(self.trip) - 1))]
+        states = self.trip.states.at(self.world.model, time_ns)
+        self.world.place(time_ns * 1e-9, states)
+
+
+_stand: _Stand
+
+
+def _open_ours(trial: Trial) -> None:
+    from sim.render import StereoRenderer
+
+    global _stand
+    world, trip = _drive(trial)
+    renderer = StereoRenderer(world, _settings(trial).render).__enter__()
+    _stand = _Stand(world, trip, renderer)
+
+
+def _open_stock(trial: Trial) -> None:
     from sim.gl import choose_backend
 
     # mujoco picks the backend of its own renderer when it is imported.
     os.environ["MUJOCO_GL"] = choose_backend("auto")
+    from trials.stock import stock_renderer
 
+    global _stand
+    world, trip = _drive(trial)
+    renderer = stock_renderer(world, _settings(trial).render).__enter__()
+    _stand = _Stand(world, trip, renderer)
+
+
+def _draw_ours(share: float) -> tuple[float, Image]:
+    """Milliseconds, and the left image."""
+    _stand.place(share)
+    start = perf_counter()
+    left, _ = _stand.renderer.paint()
+    _stand.renderer.survey()
+    return 1e3 * (perf_counter() - start), left
+
+
+def _draw_stock(share: float, folder: Path) -> tuple[tuple[float, float, float], Image]:
+    """Milliseconds with both depths, with the left one, and of the files; the left image."""
+    from trials.stock import grey, render_plainly, write_plainly
+
+    _stand.place(share)
+    start = perf_counter()
+    render_plainly(_stand.renderer, _stand.world, depths=2)
+    both = perf_counter()
+    plain = render_plainly(_stand.renderer, _stand.world, depths=1)
+    left = perf_counter()
+    write_plainly(plain, _stand.world.rig, folder)
+    written = perf_counter()
+    times_ms = 1e3 * (both - start), 1e3 * (left - both), 1e3 * (written - left)
+    return times_ms, grey(plain.left)
+
+
+def _drive(trial: Trial) -> tuple[Any, Any]:
     from sim.batch import build
-    from sim.render import StereoRenderer
     from sim.trip import make_trip
     from sim.world import build_world
-    from trials.commands.datasets import record_settings
-    from trials.stock import grey, render_plainly, stock_renderer, write_plainly
 
-    settings = record_settings(
-        trial.scene, trial.seed, [f"drive.distance_m={trial.distance_m}"], None
-    )
+    settings = _settings(trial)
     world = build_world(build(trial.scene, settings), settings)
-    trip = make_trip(world, settings)
-    rows: list[tuple[float, ...]] = []
-    with (
-        StereoRenderer(world, settings.render) as renderer,
-        stock_renderer(world, settings.render) as stock,
-        console.progress_bar("rendering") as progress,
-    ):
-        for index in np.linspace(0, len(trip) - 1, frames + 1).astype(int):
-            time_ns = trip.timestamps_ns[index]
-            world.place(time_ns * 1e-9, trip.states.at(world.model, time_ns))
-            start = perf_counter()
-            left, _ = renderer.paint()
-            renderer.survey()
-            drawn = perf_counter()
-            plain = render_plainly(stock, world)
-            plainly_drawn = perf_counter()
-            write_plainly(plain, world.rig, folder)
-            written = perf_counter()
-            unlike = np.abs(grey(plain.left).astype(int) - left) > 1
-            times_s = drawn - start, plainly_drawn - drawn, written - plainly_drawn
-            rows.append((*(1e3 * x for x in times_s), float(unlike.mean())))
-            progress(len(rows), frames + 1)
-    return RenderSpeed(*np.mean(rows[1:], axis=0).tolist())  # the first frame uploads textures
+    return world, make_trip(world, settings)
+
+
+def _settings(trial: Trial, overrides: tuple[str, ...] = ()) -> "RecordSettings":
+    from trials.commands.datasets import record_settings
+
+    distance = f"drive.distance_m={trial.distance_m}"
+    return record_settings(trial.scene, trial.seed, [distance, *overrides])
 
 
 def measure_estimator(name: str, dataset: Path) -> EstimatorSpeed:

@@ -48,26 +48,36 @@ def stock_renderer(world: World, settings: RenderSettings) -> Generator[mujoco.R
         yield renderer
 
 
-def render_plainly(renderer: mujoco.Renderer, world: World) -> StockView:
-    """Make right image, left image and left depth, one call after the other."""
+def render_plainly(renderer: mujoco.Renderer, world: World, depths: int) -> StockView:
+    """Make both images and the depth of one eye or two, one call after the other.
+
+    Args:
+        renderer: From `stock_renderer`.
+        world: At the state to show.
+        depths: 1 for the left one alone, 2 for both; only the left one is returned.
+    """
     camera = world.model.camera(CAMERA).id
     centre = world.data.cam_xpos[camera].copy()
     option = mujoco.MjvOption()
     option.geomgroup[:] = 0
     option.geomgroup[[*BOTH_GROUPS, PAINT_GROUP]] = 1
     half_baseline = world.rig.baseline_m / 2 * world.data.cam_xmat[camera].reshape(3, 3)[:, 0]
-    world.data.cam_xpos[camera] = centre + half_baseline
-    renderer.update_scene(world.data, camera, option)
-    right = renderer.render()
-    world.data.cam_xpos[camera] = centre - half_baseline
-    renderer.update_scene(world.data, camera, option)
-    left = renderer.render()
-    renderer.enable_depth_rendering()
-    renderer.update_scene(world.data, camera, option)
-    depth_left_m = renderer.render()
-    renderer.disable_depth_rendering()
+
+    def look(side: int, depth: bool) -> Array:
+        world.data.cam_xpos[camera] = centre + side * half_baseline
+        if depth:
+            renderer.enable_depth_rendering()
+        renderer.update_scene(world.data, camera, option)
+        seen = renderer.render()
+        renderer.disable_depth_rendering()
+        return seen
+
+    right, left = look(1, False), look(-1, False)
+    if depths == 2:
+        look(1, True)
+    view = StockView(left, right, look(-1, True))
     world.data.cam_xpos[camera] = centre
-    return StockView(left, right, depth_left_m)
+    return view
 
 
 def write_plainly(view: StockView, rig: StereoRig, folder: Path) -> None:

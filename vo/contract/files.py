@@ -70,10 +70,16 @@ def read_codes(path: Path) -> Array:
 
 
 def encode_png(image: Array) -> bytes:
-    """Encode (H, W) grey of 8 or 16 bits, or (H, W, 3) RGB uint8, losslessly."""
+    """Encode (H, W) grey of 8 or 16 bits, or (H, W, 3) RGB uint8, losslessly.
+
+    Differences along the row, Huffman-coded: a third of the usual strategy's time, and smaller on
+    camera images. Repetitive images, such as labels, would be smaller the usual way.
+    """
     if image.ndim == 3:
         image = np.ascontiguousarray(image[..., ::-1])
-    return cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1].tobytes()
+    options = [cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_HUFFMAN_ONLY]
+    options += [cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_SUB]
+    return cv2.imencode(".png", image, options)[1].tobytes()
 
 
 def encode_float(label: Array) -> bytes:
