@@ -7,7 +7,7 @@ made with the same settings is finished work; it is not done again.
 
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -144,13 +144,13 @@ def _perform_remotely(task: Task) -> Outcome:
 
 
 @contextmanager
-def _client(scheduler: str | None, workers: int | None) -> "Iterator[Client]":
+def _client(scheduler: str | None, workers: int | None) -> "Generator[Client]":
     """Connect, or start one process a core, each with a single-threaded renderer.
 
     Raises:
         DatasetError: If no scheduler answers at the address.
     """
-    import dask
+    import dask.config as dask_config
     from distributed import Client, LocalCluster
 
     if scheduler is not None:
@@ -164,11 +164,10 @@ def _client(scheduler: str | None, workers: int | None) -> "Iterator[Client]":
         return
     count = workers or len(os.sched_getaffinity(0))
     alone = {"LP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+    quiet: dict[str, Any] = {"dashboard_address": None, "silence_logs": 50}
     with (
-        dask.config.set({"distributed.nanny.pre-spawn-environ": alone}),
-        LocalCluster(
-            n_workers=count, threads_per_worker=1, dashboard_address=None, silence_logs=50
-        ) as cluster,
+        dask_config.set({"distributed.nanny.pre-spawn-environ": alone}),
+        LocalCluster(n_workers=count, threads_per_worker=1, **quiet) as cluster,
         Client(cluster) as client,
     ):
         yield client

@@ -34,7 +34,7 @@ def _linear(full: float) -> Callable[[float], float]:
 
 def _noisy_well(strength: float) -> float:
     """Shot noise, as a share of full scale, is proportional to the strength."""
-    return min(1500.0 / strength**2, 200_000.0)
+    return min(500.0 / strength**2, 200_000.0)
 
 
 _SHUTTER_MS = 25.0
@@ -63,7 +63,7 @@ DISTURBANCES: dict[str, Disturbance] = {
         "wet patches on which the wheels spin",
         {
             "terrain.ice_share": lambda s: 0.6,
-            "terrain.ice_friction": lambda s: 0.04 / s,
+            "terrain.ice_friction": lambda s: min(0.04 / s, 0.9),
             "exposure.time_ms": _linear(_SHUTTER_MS),
         },
     ),
@@ -82,8 +82,8 @@ DISTURBANCES: dict[str, Disturbance] = {
     "noise": Disturbance(
         "shot and read noise of a small, cheap sensor",
         {
-            "sensor.full_well": lambda s: 500.0 / s**2,
-            "sensor.read_noise": lambda s: 15.0 / s,
+            "sensor.full_well": _noisy_well,
+            "sensor.read_noise": lambda s: 0.03 * s * _noisy_well(s),
         },
     ),
     "defocus": Disturbance("a lens out of focus", {"sensor.softness_px": _linear(2.5)}),

@@ -162,7 +162,7 @@ class Sensor:
         """Share of the light that a picture should have; None where it has it all."""
         light = np.float32(self._sensitivity * exposed)
         if self._fall_off is None:
-            return None if light == 1 else light
+            return None if light == 1 else np.asarray(light)
         share = light * self._delivered(self._fall_off)
         return share if picture.ndim == 2 else share[..., None]
 

@@ -132,8 +132,8 @@ def _draw_panel(panel: "Axes", label: str, lines: Mapping[str, tuple[Channel, st
     for name, ((times_s, values), colour) in lines.items():
         shown = (times_s >= SECONDS[0]) & (times_s <= SECONDS[1])
         by_frame = len(times_s) < 1000 and name in ("blur", "features")
-        style = {"drawstyle": "steps-mid"} if by_frame else {}
-        panel.plot(times_s[shown], values[shown], color=colour, linewidth=1.0, label=name, **style)
+        (line,) = panel.plot(times_s[shown], values[shown], color=colour, linewidth=1.0, label=name)
+        line.set_drawstyle("steps-mid" if by_frame else "default")
     panel.set_ylabel(label, fontsize=9)
     panel.grid(color="#e6e6e6", linewidth=0.6)
     panel.margins(x=0)

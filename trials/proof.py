@@ -63,7 +63,8 @@ def _geometry(scene: str, seed: int) -> list[Row]:
     world, trip, settings = _drive(scene, seed, [f"drive.distance_m={DISTANCE_M}"])
     with _rendering(world, settings) as renderer:
         for k in np.linspace(0, len(trip) - 1, FRAMES).astype(int):
-            world.place(trip.timestamps_ns[k] * 1e-9, trip.states.qpos[k])
+            time_ns = int(trip.timestamps_ns[k])
+            world.place(time_ns * 1e-9, trip.states.at(world.model, time_ns))
             pairs.append(np.stack(_depth_and_rays(world, renderer)))
     depth, cast = np.hstack(pairs)
     error = np.abs(depth - cast)
