@@ -37,7 +37,7 @@ def _noisy_well(strength: float) -> float:
     return min(500.0 / strength**2, 200_000.0)
 
 
-_SHUTTER_MS = 25.0
+_SHUTTER_MS = 30.0
 """Exposure that comes with whatever shakes the camera: without one, a shake leaves no trace in an
 image."""
 
@@ -86,7 +86,7 @@ DISTURBANCES: dict[str, Disturbance] = {
             "sensor.read_noise": lambda s: 0.03 * s * _noisy_well(s),
         },
     ),
-    "defocus": Disturbance("a lens out of focus", {"sensor.softness_px": _linear(2.5)}),
+    "defocus": Disturbance("a lens out of focus", {"sensor.softness_px": _linear(4.0)}),
     "rolling_shutter": Disturbance(
         "rows read out one after the other", {"exposure.line_time_us": _linear(60.0)}
     ),
@@ -96,7 +96,7 @@ DISTURBANCES: dict[str, Disturbance] = {
     "eye_mismatch": Disturbance(
         "a right eye with another gain and more noise",
         {
-            "sensor.right_gain": lambda s: 1 / (1 + 0.6 * s),
+            "sensor.right_gain": lambda s: 1 / (1 + 0.25 * s),
             "sensor.right_noise": lambda s: 1 + 7 * s,
             "sensor.read_noise": _linear(60.0),
         },

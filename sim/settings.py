@@ -135,7 +135,7 @@ class SensorSettings(Settings):
     p1: float = Field(default=0.0, ge=-0.02, le=0.02)
     p2: float = Field(default=0.0, ge=-0.02, le=0.02)
     """Radial and tangential distortion, in OpenCV's convention."""
-    softness_px: float = Field(default=0.0, ge=0.0, le=5.0)
+    softness_px: float = Field(default=0.0, ge=0.0, le=12.0)
     """Deviation of the lens's Gaussian point spread."""
     vignetting: float = Field(default=0.0, ge=0.0, le=1.0)
     """Light lost in the image's corner."""
