@@ -15,6 +15,8 @@ OTHERS = ("#4fc3f7", "#c6ff5e", "#ff8ad8", "#ffe14d", "#b39dff", "#7dffd4")
 MOVES = "#ff3b5c"
 MOVES_FOR_S = 20.0
 ARROWS, TICKS = 6, 8
+LIMB_M = 0.4
+"""Movers that start closer to each other than this are parts of one, and one line does."""
 KEY_COLUMNS = 5
 BAR_SHARE = 0.22
 """Of the map's width, at most, for the scale bar."""
@@ -109,9 +111,12 @@ def _draw_other_routes(axes: Axes, world: World) -> None:
 def _draw_movers(axes: Axes, world: World) -> None:
     """Draw where each mover is at the start and will have been some seconds later."""
     times_s = START_S + np.linspace(0, MOVES_FOR_S, 81)
+    starts: list[Array] = []
     for name, motion in world.movers.items():
-        if name == BODY:
+        start = motion(START_S)[:2, 3]
+        if name == BODY or any(np.linalg.norm(start - other) < LIMB_M for other in starts):
             continue
+        starts.append(start)
         way = np.array([motion(float(t))[:2, 3] for t in times_s])
         axes.plot(*way.T, color=MOVES, linewidth=1.4, linestyle=(0, (1, 1.2)))
         axes.plot(*way[0], "o", color=MOVES, markersize=5, markeredgecolor="white")
@@ -143,7 +148,7 @@ def _draw_bar(axes: Axes, extent: tuple[float, float, float, float]) -> None:
     """Draw a scale bar of a round length into the lower left corner, its length above it."""
     width_m, height_m = extent[1] - extent[0], extent[3] - extent[2]
     length_m = bar_length_m(width_m)
-    left, low = extent[0] + 0.03 * width_m, extent[2] + 0.03 * height_m
+    left, low = extent[0] + 0.03 * width_m, extent[2] + min(0.03 * width_m, 0.1 * height_m)
     for half, colour in enumerate(("white", INK)):
         ends = left + length_m / 2 * np.array([half, half + 1])
         line = axes.plot(ends, [low, low], color=colour, linewidth=4, solid_capstyle="butt")[0]

@@ -10,7 +10,7 @@ from vo.contract.errors import SettingsError
 from vo.contract.files import encode_png, replacing
 
 SUFFIXES = (".png", ".jpg", ".jpeg")
-JPEG_QUALITY = 88
+JPEG_QUALITY = 85
 
 
 def picture_suffix(out: Path) -> str:

@@ -105,7 +105,7 @@ def _draw_chase(grid: _Grid, sights: Sights) -> None:
     if height_px > FLAT * width_px:
         show(grid.cell(2, 0), sights.chase, at, "from behind")
         return
-    middle = slice(CHASE_PX[1] // 5, -CHASE_PX[1] // 4)
+    middle = slice(CHASE_PX[1] // 4, -CHASE_PX[1] // 7)
     show(grid.cell(1, 3.1, 1, 1.9), sights.chase[middle], at, "from behind")
     show(grid.cell(2, 0), sights.views[sights.shown], at, "left eye")
 
