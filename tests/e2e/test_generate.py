@@ -1,0 +1,74 @@
+"""Datasets through the command line: of a user's own world, again from a manifest, and many."""
+
+import json
+
+import pytest
+from terminal import driftyard
+
+pytestmark = pytest.mark.gl
+
+YARD = """<mujoco><asset>
+<texture name="t" type="2d" builtin="checker" rgb1=".2 .3 .4" rgb2=".6 .6 .5"
+ width="64" height="64"/>
+<material name="t" texture="t" texrepeat="4 4" texuniform="true"/></asset><worldbody>
+<light pos="0 0 4"/><geom type="plane" size="5 5 1" material="t"/>
+<geom name="post" type="cylinder" pos="2 2 0.5" size="0.2 0.5"/></worldbody></mujoco>"""
+TINY = [
+    word
+    for setting in (
+        "rig.width_px=64",
+        "rig.height_px=48",
+        "drive.distance_m=0.05",
+        "render.shadow_size_px=256",
+    )
+    for word in ("--set", setting)
+]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with a world of one's own, and a dataset of it."""
+    folder = tmp_path_factory.mktemp("generate")
+    (folder / "yard.xml").write_text(YARD)
+    result = driftyard("generate", "yard.xml", "--out", "d", "--seed", 7, *TINY, cwd=folder)
+    assert result.returncode == 0, result.stderr
+    return folder
+
+
+def content(dataset):
+    files = (path for path in dataset.rglob("*") if path.is_file())
+    return {path.relative_to(dataset).as_posix(): path.read_bytes() for path in files}
+
+
+def test_a_users_world_becomes_a_dataset_that_verifies(folder):
+    manifest = json.loads((folder / "d/dataset.json").read_text())
+    assert manifest["scene"]["name"] == "yard"
+    assert manifest["scene"]["source"] == "yard.xml"
+    assert manifest["seed"] == 7
+    assert manifest["certificate"]["passed"]
+    assert driftyard("verify", "d", cwd=folder).returncode == 0
+
+
+def test_a_dataset_is_made_again_from_its_manifest_to_the_byte(folder):
+    result = driftyard("generate", "--from", "d/dataset.json", "--out", "again", cwd=folder)
+    assert result.returncode == 0, result.stderr
+    assert content(folder / "again") == content(folder / "d")
+
+
+def test_disturbances_of_strength_zero_leave_every_byte(folder):
+    words = ("--out", "zero", "--seed", 7, "--disturb", "blur=0,noise=0,slip=0", *TINY)
+    result = driftyard("generate", "yard.xml", *words, cwd=folder)
+    assert result.returncode == 0, result.stderr
+    assert content(folder / "zero") == content(folder / "d")
+
+
+def test_many_datasets_are_the_single_ones(folder):
+    words = ("--out", "many", "--seed", 6, "--count", 2, "--workers", 1, *TINY)
+    result = driftyard("generate", "yard.xml", *words, cwd=folder)
+    assert result.returncode == 0, result.stderr
+    made = {
+        json.loads((path / "dataset.json").read_text())["seed"]: path
+        for path in (folder / "many").iterdir()
+    }
+    assert set(made) == {6, 7}
+    assert content(made[7]) == content(folder / "d")
