@@ -14,7 +14,7 @@ from sim.camera import Capture, Picture, Shot, StereoCamera
 from sim.certificate import FrameResidual, Judge, certify
 from sim.lens import delivered_rig
 from sim.manifest import MAP, manifest
-from sim.map import render_map
+from sim.map import survey_map
 from sim.plausibility import check_folder
 from sim.render import StereoRenderer
 from sim.sensors import CODES, LABELS
@@ -71,7 +71,7 @@ def record(
         judge = Judge(settings, world.rig, camera.sensors)
         darkroom = _Darkroom(writer, settings, camera, annotator, judge)
         with StereoRenderer(world, settings.render, settings.rig.color) as renderer:
-            top_down = render_map(renderer, scene.extent_m)
+            top_down = survey_map(world, renderer)
             captures = camera.captures(trip, renderer)
             shots, frames = _write_frames(darkroom, captures, int(trip.delivered.sum()), progress)
             gl = renderer.gl_strings

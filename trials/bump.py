@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 BASELINE = "corner_flow"
 SECONDS = (2.0, 9.0)
 """What is shown, in the recording's own time."""
-SHUTTER_MS = 25.0
+SHUTTER_MS = 35.0
 INK, RED, BLUE, OCHRE = "#2b3036", "#c8401e", "#2a6fb0", "#b5820e"
 
 Channel = tuple[Array, Array]
@@ -41,7 +41,7 @@ def bump(
 
     overrides = [
         "drive.distance_m=3",
-        "terrain.brick_mm=12",
+        "terrain.brick_mm=18",
         "terrain.brick_gap_m=0.6",
         f"exposure.time_ms={SHUTTER_MS}",
     ]
@@ -120,12 +120,26 @@ def draw(channels: Mapping[str, Channel], scene: str) -> "Figure":
         (f"blur in\n{SHUTTER_MS:g} ms, px", (("blur", INK),)),
         ("features that\nsurvive", (("features", INK),)),
     )
+    impacts_s = _impacts_s(channels)
     for panel, (label, lines) in zip(panels, rows, strict=True):
+        for time_s in impacts_s:
+            panel.axvline(time_s, color="#f0d9a8", linewidth=3.0, zorder=0)
         _draw_panel(panel, label, {name: (channels[name], colour) for name, colour in lines})
     panels[0].legend(loc="upper right", fontsize=8, ncols=3, frameon=False)
     panels[-1].set_xlabel("time, s")
     figure.suptitle(f"Bricks under the wheels, {scene}", x=0.01, ha="left", weight="bold")
     return figure
+
+
+def _impacts_s(channels: Mapping[str, Channel]) -> list[float]:
+    """When a wheel bore more than twice what it bears at rest, once for each blow."""
+    impacts: list[float] = []
+    for wheel in ("left", "right", "caster"):
+        times_s, loads = channels[wheel]
+        for time_s in times_s[loads > 2 * np.median(loads)].tolist():
+            if SECONDS[0] < time_s < SECONDS[1] and all(abs(time_s - t) > 0.15 for t in impacts):
+                impacts.append(time_s)
+    return impacts
 
 
 def _draw_panel(panel: "Axes", label: str, lines: Mapping[str, tuple[Channel, str]]) -> None:
