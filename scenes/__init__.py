@@ -16,6 +16,7 @@ from scenes import (
     meadow,
     office,
     ramp,
+    stop_and_go,
     turntable,
     warehouse,
 )
@@ -67,6 +68,12 @@ SCENES: dict[str, SceneBuilder] = {
     ),
     "office": SceneBuilder(office.TESTS, office.OfficeSettings, office.build),
     "ramp": SceneBuilder(ramp.TESTS, ramp.RampSettings, ramp.build, {"rig.tilt_deg": 18.0}),
+    "stop_and_go": SceneBuilder(
+        stop_and_go.TESTS,
+        stop_and_go.StopAndGoSettings,
+        stop_and_go.build,
+        {"rig.tilt_deg": 8.0, "drive.stop_every_m": 0.9, "drive.stop_s": 4.0},
+    ),
     "turntable": SceneBuilder(
         turntable.TESTS,
         turntable.TurntableSettings,

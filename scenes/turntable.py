@@ -1,16 +1,16 @@
 """A small town square: straight legs between the corners of a star, fast turns on the spot."""
 
-import itertools
 from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
+from scenes.courses import coursed
 from scenes.facade import facade
 from scenes.ground import lit, strip, weathered
 from scenes.light import Light, sun
-from scenes.mesh import Mesh, box, merged, polygons, tube
+from scenes.mesh import box, merged, polygons, tube
 from scenes.plants import hedge, tree
 from scenes.props import bench, lamp_post, litter, planter, potted_plant
 from scenes.routes import sharp_loop
@@ -26,6 +26,7 @@ TESTS = "Straight legs and sharp corners: fast turns on the spot that blur long 
 HALF_M = np.array([7.0, 6.6])
 COURSE_M = 0.105
 """Width of a row of setts with its joint."""
+SETT_M = (0.088, 0.125)
 PLASTERS = ((206, 186, 150), (196, 160, 134), (186, 190, 180), (204, 198, 188))
 WOODS = ((84, 104, 92), (112, 82, 60), (88, 100, 116), (120, 56, 48))
 
@@ -56,7 +57,8 @@ def build(rng: np.random.Generator, settings: TurntableSettings) -> Scene:
     baked = ground_light((-x - 0.3, -y - 2.0, x + 0.3, y + 0.3), stage.blockers, light)
     baked = weathered(rng, baked)
     with stage.object("setts", Kind.GROUND):
-        stage.draw_lit("setts", lit(_setts(rng, setts), baked, light))
+        laid = coursed(rng, HALF_M, COURSE_M, SETT_M, setts)
+        stage.draw_lit("setts", lit(laid, baked, light))
     with stage.object("street", Kind.GROUND):
         _street(stage, baked, light)
     _leaves(stage, rng, baked, light)
@@ -189,27 +191,6 @@ def _furnish(stage: Stage, rng: np.random.Generator) -> None:
         )
         for j, spot in enumerate(spots):
             potted_plant(stage, f"pot_{k}_{j}", rng, spot)
-
-
-def _setts(rng: np.random.Generator, atlas: Atlas) -> Mesh:
-    """Lay setts of about 0.1 m in courses along x: two triangles each."""
-    x, y = HALF_M
-    rows: list[Array] = []
-    marks = np.arange(-y, y + COURSE_M, COURSE_M)
-    for low, high in itertools.pairwise(marks):
-        ends = np.cumsum(rng.uniform(0.85, 1.2, round(2 * x / COURSE_M)) * COURSE_M)
-        ends = np.concatenate([[0], ends]) * (2 * x + 0.1) / ends[-1] - x - 0.05
-        a, b = ends[:-1], ends[1:]
-        low_, high_ = np.full(len(a), low), np.full(len(a), high)
-        rows.append(np.stack([a, low_, b, low_, b, high_, a, high_], axis=1).reshape(-1, 4, 2))
-    corners = np.concatenate(rows)
-    cell = atlas.rects[rng.integers(atlas.count, size=len(corners))]
-    unit = np.array([(0, 1), (1, 1), (1, 0), (0, 0)])
-    flip = rng.random((len(corners), 1, 2)) < 0.5
-    share = np.where(flip, 1 - unit, unit)
-    uv = cell[:, None, :2] + share * (cell[:, 2:] - cell[:, :2])[:, None]
-    points = np.concatenate([corners, np.zeros((*corners.shape[:2], 1))], axis=-1)
-    return polygons(points, uv)
 
 
 def _street(stage: Stage, baked: LightMap, light: Light) -> None:

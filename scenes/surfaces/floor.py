@@ -113,3 +113,21 @@ def water(rng: np.random.Generator, side_px: int) -> Image:
     ripple = fractal(rng, size, (20, 160), 0.8)
     colour = ramp(((66, 88, 92), (104, 128, 132), (168, 186, 190)), 0.42 + 0.16 * ripple)
     return to_image(colour)
+
+
+def parquet(
+    rng: np.random.Generator, count: int, shape: tuple[int, int], rgb: tuple[float, float, float]
+) -> Image:
+    """Draw oiled planks with the grain along u, each of its own tone: (count, H, W, 3)."""
+    size = (count, *shape)
+    drift = fractal(rng, size, (40, 900), 1.5, stretch=7.0)
+    rings = np.sin(7 * drift + 1.6 * fractal(rng, size, (6, 300), 1.1, stretch=12.0))
+    pores = fractal(rng, size, (2, 10), 0.2, stretch=8.0)
+    tone = 1 + rng.normal(0, 0.09, (count, 1, 1)) + 0.07 * rings + 0.04 * drift + 0.02 * pores
+    colour = np.asarray(rgb) * tone[..., None]
+    colour = blend(colour, np.asarray(rgb) * 0.5, 0.55 * smoothstep(1.2, 2.3, pores))
+    scuffs = fractal(rng, size, (3, 60), 0.6, stretch=3.0)
+    colour = blend(colour, np.asarray(rgb) * 0.8 + 40, 0.4 * smoothstep(2.2, 3.2, scuffs))
+    v, u = np.mgrid[: shape[0], : shape[1]]
+    inset = np.minimum(np.minimum(u, shape[1] - 1 - u), np.minimum(v, shape[0] - 1 - v))
+    return to_image(blend(colour, np.asarray(rgb) * 0.3, 0.8 * smoothstep(1.8, 0.2, inset)))

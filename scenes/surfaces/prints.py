@@ -210,3 +210,54 @@ def pictograms(side_px: int) -> Image:
     tail, head = (int(0.12 * s), int(0.5 * s)), (int(0.58 * s), int(0.5 * s))
     cv2.arrowedLine(out, tail, head, white, s // 10, cv2.LINE_AA, tipLength=0.45)
     return np.stack([fire, out])
+
+
+def paintings(rng: np.random.Generator, count: int, shape: tuple[int, int]) -> Image:
+    """Paint landscapes, fields of colour and abstract swirls in turn: (count, H, W, 3)."""
+    painters = (_landscape, _colour_field, _swirls)
+    return np.stack([painters[k % 3](rng, shape) for k in range(count)])
+
+
+def _landscape(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
+    """Ranges of hills, darker the nearer, under a washed sky."""
+    height, width = shape
+    strokes = fractal(rng, shape, (3, 40), 0.6, stretch=3.0)
+    down = np.linspace(0, 1, height)[:, None]
+    low, high = (np.array(INKS[k]) for k in rng.permutation(len(INKS))[:2])
+    colour = ramp((0.5 * high + 100, 0.3 * low + 160), down + 0.06 * strokes)
+    for k, base in enumerate(np.linspace(0.45, 0.85, 4)):
+        ridge = base + 0.05 * fractal(rng, (8, width), (20, 600), 1.2)[0]
+        tone = (1.1 - 0.22 * k) * (0.6 * low + 0.25 * high)
+        hill = tone * (1 + 0.12 * strokes)[..., None]
+        colour = blend(colour, hill, smoothstep(0, 0.012, down - ridge))
+    return to_image(colour)
+
+
+def _colour_field(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
+    """Soft-edged rectangles and lines on a ground."""
+    height, width = shape
+    canvas = np.full((*shape, 3), INKS[rng.integers(len(INKS))], np.uint8)
+    for _ in range(int(rng.integers(5, 10))):
+        u, v = (int(x) for x in rng.uniform((0, 0), (0.8 * width, 0.8 * height)))
+        du, dv = (int(x) for x in rng.uniform((0.08, 0.08), (0.5, 0.5)) * (width, height))
+        ink = INKS[rng.integers(len(INKS))]
+        cv2.rectangle(canvas, (u, v), (u + du, v + dv), ink, -1 if rng.random() < 0.7 else 5)
+    brush = fractal(rng, shape, (3, 60), 0.6, stretch=2.0)
+    return to_image(canvas * (1 + 0.06 * brush)[..., None])
+
+
+def _swirls(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
+    """Bands of colour that follow the contours of noise."""
+    relief = fractal(rng, shape, (30, 500), 1.6)
+    inks = [np.array(INKS[k]) for k in rng.permutation(len(INKS))[:4]]
+    bands = 0.5 + 0.5 * np.sin(5 * relief + 0.5 * fractal(rng, shape, (4, 60), 0.8))
+    return to_image(ramp(inks, bands) * (1 + 0.05 * fractal(rng, shape, (2, 20), 0.4))[..., None])
+
+
+def marble(rng: np.random.Generator, side_px: int, rgb: tuple[float, float, float]) -> Image:
+    """Draw veined, polished stone: (S, S, 3), tiling."""
+    size = (side_px, side_px)
+    vein = np.abs(fractal(rng, size, (8, side_px), 1.5))
+    cloud = fractal(rng, size, (20, side_px), 1.3)
+    colour = np.asarray(rgb) * (1 + 0.04 * cloud)[..., None]
+    return to_image(blend(colour, np.asarray(rgb) * 0.6, 0.6 * smoothstep(0.12, 0.0, vein)))

@@ -1,0 +1,60 @@
+"""Blocks and planks laid in courses: each its own face from an atlas, flat and level."""
+
+import itertools
+
+import numpy as np
+
+from scenes.ground import level
+from scenes.mesh import Mesh
+from scenes.surfaces.atlas import Atlas
+from vo.contract.arrays import Array
+
+_UNIT = np.array([(0.0, 1.0), (1, 1), (1, 0), (0, 0)])
+
+
+def coursed(
+    rng: np.random.Generator,
+    half: Array,
+    width_m: float,
+    lengths_m: tuple[float, float],
+    atlas: Atlas,
+    cuts: int = 1,
+) -> Mesh:
+    """Cover (2,) half sizes about the origin with courses along x.
+
+    Args:
+        rng: Chooses lengths, faces and their turns.
+        half: Half sizes, metres; the last course may reach beyond in y.
+        width_m: Of a course.
+        lengths_m: Shortest and longest piece.
+        atlas: Faces, length along u.
+        cuts: Quads along each piece, for baked light.
+    """
+    x, y = half
+    pieces: list[Array] = []
+    for low, high in itertools.pairwise(np.arange(-y, y + width_m, width_m)):
+        ends = _ends(rng, x, lengths_m)
+        low_, high_ = np.full(len(ends) - 1, low), np.full(len(ends) - 1, high)
+        a, b = ends[:-1], ends[1:]
+        pieces.append(np.stack([a, low_, b, low_, b, high_, a, high_], axis=1).reshape(-1, 4, 2))
+    corners = np.concatenate(pieces)
+    cell = atlas.rects[rng.integers(atlas.count, size=len(corners))]
+    share = np.where(rng.random((len(corners), 1, 2)) < 0.5, 1 - _UNIT, _UNIT)
+    uv = cell[:, None, :2] + share * (cell[:, 2:] - cell[:, :2])[:, None]
+    return level(_cut(corners, cuts), _cut(uv, cuts))
+
+
+def _ends(rng: np.random.Generator, x: float, lengths_m: tuple[float, float]) -> Array:
+    """Where the pieces of one course begin and end, from -x to x; those at the ends are cut off."""
+    steps = rng.uniform(*lengths_m, int(2 * x / lengths_m[0]) + 3)
+    ends = -x - steps[0] * rng.uniform(0, 0.9) + np.concatenate([[0], np.cumsum(steps)])
+    return np.clip(ends[: np.searchsorted(ends, x) + 1], -x, x)
+
+
+def _cut(quads: Array, cuts: int) -> Array:
+    """Cut (N, 4, 2) quads across their first side into (N cuts, 4, 2)."""
+    share = np.linspace(0, 1, cuts + 1)[:, None]
+    low = quads[:, None, 0] + share * (quads[:, None, 1] - quads[:, None, 0])
+    high = quads[:, None, 3] + share * (quads[:, None, 2] - quads[:, None, 3])
+    cut = np.stack([low[:, :-1], low[:, 1:], high[:, 1:], high[:, :-1]], axis=2)
+    return cut.reshape(-1, 4, 2)

@@ -1,0 +1,176 @@
+"""A museum hall with paintings and sculptures, where the rover stops to look again and again."""
+
+from dataclasses import replace
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from scenes import exhibits, interior
+from scenes.courses import coursed
+from scenes.furniture import Place, local, solid
+from scenes.ground import level, lit, quads
+from scenes.light import hall_light
+from scenes.mesh import Mesh, box, tube
+from scenes.rooms import sides
+from scenes.routes import rounded_loop
+from scenes.scene import Kind, Scene
+from scenes.shadow import ground_light
+from scenes.stage import Stage
+from scenes.surfaces import floor, masonry, prints, textile, timber
+from scenes.surfaces.atlas import Atlas, pack
+from vo.contract.arrays import Array
+from vo.contract.settings import Settings
+
+TESTS = "Standing still half of the time: an estimator must not drift while nothing moves."
+HALF_M = np.array([8.0, 5.0])
+HEIGHT_M = 3.6
+SCREEN_M = (3.4, 0.24, 2.5)
+"""Full size of a free-standing wall with paintings on both sides."""
+PLANK_M = 0.14
+HUES = ((92, 112, 116), (128, 84, 74), (104, 112, 88), (86, 88, 110))
+
+
+class StopAndGoSettings(Settings):
+    """What may be asked of the hall.
+
+    Attributes:
+        paintings: Share of the places on the walls that are hung.
+        sculptures: Number of pedestals.
+    """
+
+    paintings: Annotated[float, Field(ge=0, le=1)] = 0.85
+    sculptures: Annotated[int, Field(ge=0, le=8)] = 7
+
+
+def build(rng: np.random.Generator, settings: StopAndGoSettings) -> Scene:
+    """Build the hall; exhibits, colours, planks and light follow the generator."""
+    stage = Stage("stop_and_go")
+    light = hall_light(rng)
+    light = replace(light, ambient_rgb=1.3 * light.ambient_rgb)  # white walls all around
+    planks, canvases = _surfaces(stage, rng)
+    _walls(stage, rng, canvases, settings.paintings)
+    _screens(stage, rng, canvases)
+    _exhibit(stage, rng, settings.sculptures)
+    x, y = HALF_M
+    baked = ground_light((-x, -y, x, y), stage.blockers, light)
+    with stage.object("parquet", Kind.GROUND):
+        laid = coursed(rng, HALF_M, PLANK_M, (0.8, 1.1), planks, 4)
+        stage.draw_lit("planks", lit(laid, baked, light))
+    with stage.object("ceiling"):
+        _ceiling(stage)
+    stage.floor(0.0)
+    stage.finish(light, None)
+    return Scene(
+        name="stop_and_go",
+        tests=TESTS,
+        spec=stage.spec,
+        things=stage.things,
+        routes={"default": _route(rng)},
+        extent_m=(-x - 0.2, -y - 0.2, x + 0.2, y + 0.2),
+        tags=frozenset({"indoor", "level"}),
+    )
+
+
+def _route(rng: np.random.Generator) -> Array:
+    """Walk around the screens, counter-clockwise, a little closer to one wall, then the other."""
+    x, y = 6.1, 3.1
+    corners = np.array([(x, -y), (x, y), (2.0, y), (-2.0, y), (-x, y), (-x, -y), (-2, -y), (2, -y)])
+    return rounded_loop(corners + rng.uniform(-0.16, 0.16, corners.shape), radius_m=0.8)
+
+
+def _surfaces(stage: Stage, rng: np.random.Generator) -> tuple[Atlas, Atlas]:
+    """Define the materials; returns planks and paintings."""
+    oak = np.array((168, 132, 92)) * rng.uniform(0.8, 1.08)
+    planks = pack(floor.parquet(rng, 18, (140, 900), (oak[0], oak[1], oak[2])))
+    stage.material("planks", planks.image)
+    stage.material("wall", masonry.painted_wall(rng, (512, 1024), (210, 208, 202)))
+    hue = HUES[rng.integers(len(HUES))]
+    stage.material("accent", masonry.painted_wall(rng, (512, 1024), hue))
+    canvases = pack(prints.paintings(rng, 15, (280, 380)))
+    stage.material("paintings", canvases.image)
+    stage.material("labels", prints.door_signs(rng, 1, 128)[0])
+    stage.material("signs", prints.door_signs(rng, 1, 128)[0])
+    stage.material("frame_gold", timber.wood(rng, (128, 256), (164, 128, 66)))
+    stage.material("frame_black", timber.painted(rng, (128, 128), (44, 42, 42)))
+    stage.material("skirting", timber.painted(rng, (128, 256), (196, 194, 188)))
+    stage.material("pedestal", masonry.painted_wall(rng, (256, 256), (222, 220, 214)))
+    stage.material("bronze", timber.painted(rng, (256, 256), (104, 82, 58)))
+    stage.material("marble", prints.marble(rng, 256, (206, 204, 198)))
+    stage.material("brass", timber.painted(rng, (128, 128), (172, 142, 84)))
+    stage.material("rope", textile.fabric(rng, 64, (120, 34, 38)))
+    cloth = HUES[rng.integers(len(HUES))]
+    stage.material("cloth", textile.fabric(rng, 256, cloth))
+    stage.material("ceiling", masonry.painted_wall(rng, (256, 256), (214, 213, 208)), 0.25)
+    stage.material("leaf", timber.wood(rng, (512, 512), (126, 92, 62)))
+    stage.material("frame", timber.wood(rng, (128, 256), (112, 80, 54)))
+    stage.material("steel", timber.painted(rng, (128, 128), (164, 162, 156)))
+    return planks, canvases
+
+
+def _walls(stage: Stage, rng: np.random.Generator, canvases: Atlas, hung: float) -> None:
+    """Four walls with paintings, one of them in a colour; doors in the short ones."""
+    accent = int(rng.integers(4))
+    for k, run in enumerate(sides(HALF_M)):
+        wall, length = run
+        with stage.object(f"wall_{k}"):
+            paint = "accent" if k == accent else "wall"
+            stage.draw(paint, interior.wall_face(run, HEIGHT_M, (4.1, HEIGHT_M)))
+            stage.draw("skirting", interior.skirting(run))
+            interior.collide(stage, f"wall_{k}", run, HEIGHT_M)
+        spots = np.arange(1.3, length - 1.2, 2.15)
+        for j, along in enumerate(spots):
+            if k % 2 and j == len(spots) // 2:
+                plate = np.array([0, 0, 1, 1.0])
+                interior.door(stage, f"door_{k}", rng, wall, float(along), plate)
+            elif rng.random() < hung:
+                spot = float(along + rng.uniform(-0.15, 0.15))
+                exhibits.painting(stage, f"painting_{k}_{j}", rng, wall, spot, canvases)
+
+
+def _screens(stage: Stage, rng: np.random.Generator, canvases: Atlas) -> None:
+    """Two walls in the middle with paintings on both sides."""
+    _length, thick, high = SCREEN_M
+    for k, x in enumerate((-3.4, 3.4)):
+        place: Place = (x, 0.0, rng.normal(0, 0.01))
+        with stage.object(f"screen_{k}"):
+            block = box((0, 0, high / 2), SCREEN_M, (4.1, HEIGHT_M), rng.random(2))
+            stage.draw("wall", block.moved((x, 0, 0), place[2]))
+        solid(stage, f"screen_{k}", place, SCREEN_M)
+        for side in (0, 1):
+            face = local(place, 0.0, (2 * side - 1) * thick / 2, side * np.pi)
+            for j, along in enumerate((-0.85, 0.85)):
+                name = f"painting_screen_{k}_{side}_{j}"
+                exhibits.painting(stage, name, rng, face, along, canvases)
+
+
+def _exhibit(stage: Stage, rng: np.random.Generator, count: int) -> None:
+    """Stand sculptures in the corners and in the middle, benches and barriers before paintings."""
+    x, y = HALF_M
+    corners = [(sx * (x - 0.6), sy * (y - 0.6)) for sx in (-1, 1) for sy in (-1, 1)]
+    spots = [(0.0, 0.0), *corners, (-0.7, 1.35), (0.7, -1.35), (0.9, 1.3)]
+    for k, (px, py) in enumerate(spots[:count]):
+        at_x, at_y = np.array([px, py]) + rng.uniform(-0.08, 0.08, 2)
+        exhibits.sculpture(stage, f"sculpture_{k}", rng, (at_x, at_y, rng.uniform(0, 0.6)))
+    for k, sign in enumerate((-1, 1)):
+        place = (sign * (3.4 + rng.uniform(-0.3, 0.3)), sign * 1.45, rng.normal(0, 0.03))
+        exhibits.settee(stage, f"bench_{k}", rng, place)
+        start = (-sign * (3.4 + rng.uniform(-0.2, 0.2)) - 1.2, sign * (y - 0.55), 0.0)
+        exhibits.barrier(stage, f"barrier_{k}", start, 2.4)
+
+
+def _ceiling(stage: Stage) -> None:
+    """Close the hall, with two tracks of spotlights below."""
+    x, y = HALF_M
+    corners = quads((-x, -y), (x, y), 1.0)
+    down = level(corners, corners / 3.0, HEIGHT_M)
+    stage.draw("ceiling", Mesh(down.points, -down.normals, down.uv, down.faces[:, ::-1]))
+    for across in (-0.62 * y, 0.62 * y):
+        track = box((0, across, HEIGHT_M - 0.12), (2 * x - 1, 0.06, 0.05), (0.4, 0.4), bottom=True)
+        stage.draw("frame_black", track)
+        outward = np.sign(across)
+        for along in np.arange(-x + 1.2, x - 1, 1.6):
+            top = np.array([along, across, HEIGHT_M - 0.16])
+            stage.draw(
+                "frame_black", tube(top, top + np.array([0, 0.1 * outward, -0.2]), 0.05, 10, 1.2)
+            )
