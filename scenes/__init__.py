@@ -11,6 +11,7 @@ from scenes import (
     asphalt,
     brick_court,
     corridor,
+    crowded,
     custom,
     dusk,
     meadow,
@@ -50,6 +51,9 @@ SCENES: dict[str, SceneBuilder] = {
     ),
     "corridor": SceneBuilder(
         corridor.TESTS, corridor.CorridorSettings, corridor.build, {"rig.tilt_deg": 8.0}
+    ),
+    "crowded": SceneBuilder(
+        crowded.TESTS, crowded.CrowdedSettings, crowded.build, {"rig.tilt_deg": 10.0}
     ),
     "dusk": SceneBuilder(
         dusk.TESTS,

@@ -111,6 +111,24 @@ def slab(rng: np.random.Generator, side_px: int, joint_px: int = 8) -> Image:
     return to_image(blend(full, (58, 55, 50), 0.85 * sawn))
 
 
+def terrazzo(rng: np.random.Generator, count: int, side_px: int) -> Image:
+    """Draw polished marble chips at 1 mm per texel, joints around: (count, S, S, 3)."""
+    size = (count, side_px, side_px)
+    colour = np.array([176, 170, 158]) * (1 + 0.03 * fractal(rng, size, (2, 8), 0.0))[..., None]
+    chips = (
+        (7, 16, (214, 208, 196)), (6, 14, (128, 112, 98)), (5, 12, (92, 90, 88)),
+        (9, 24, (196, 172, 146)), (4, 9, (70, 68, 66)),
+    )  # fmt: skip
+    for shortest, longest, rgb in chips:
+        here = smoothstep(1.05, 1.25, fractal(rng, size, (shortest, longest), 0.0))
+        colour = blend(colour, rgb, 0.9 * here)
+    wear = fractal(rng, size, (40, 900), 1.3) + 0.4 * rng.standard_normal((count, 1, 1))
+    colour *= (1 + 0.05 * wear)[..., None]
+    v, u = np.mgrid[:side_px, :side_px]
+    inset = np.minimum(np.minimum(u, side_px - 1 - u), np.minimum(v, side_px - 1 - v))
+    return to_image(blend(colour, (84, 80, 74), 0.8 * np.broadcast_to(inset < 2, size)))
+
+
 def plaster(
     rng: np.random.Generator,
     shape: tuple[int, int],

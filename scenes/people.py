@@ -1,0 +1,282 @@
+"""Who walks through a scene: figures with swinging legs, trolleys and robot carriers."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from scenes.mesh import Mesh, Vector, box, merged, polygons, tube
+from scenes.scene import Kind, Motion
+from scenes.stage import Stage
+from scenes.surfaces import textile, timber
+from scenes.surfaces.atlas import Atlas, pack
+from vo.contract.arrays import Array
+
+LEG_M = 0.86
+SWING_RAD = 0.4
+STRIDE_M = 4 * LEG_M * np.sin(SWING_RAD)
+"""Way from one left step to the next at which the standing foot does not slide."""
+TURN_S = 1.3
+"""How long somebody takes to turn round before walking back."""
+CLOTHES = (
+    (58, 66, 84), (126, 64, 58), (84, 98, 80), (176, 160, 132), (70, 70, 74), (148, 128, 88),
+    (96, 112, 138), (188, 184, 176), (60, 58, 62), (74, 82, 104), (104, 94, 82), (46, 50, 58),
+)  # fmt: skip
+SKINS = ((206, 164, 138), (160, 116, 90), (108, 76, 58), (222, 184, 160))
+HAIRS = ((52, 42, 36), (96, 72, 50), (150, 128, 96), (120, 118, 116))
+
+Walk = Callable[[float], tuple[Array, float, float]]
+"""Time in seconds to (2,) place in metres, heading in radians and way walked in metres."""
+
+
+@dataclass(frozen=True)
+class Lap:
+    """A walk around a closed path at a steady pace.
+
+    Attributes:
+        path: (N, 2) metres, the last point equal to the first.
+        pace_mps: Along the path; negative: against its sense.
+        start_m: Where on it the walk begins.
+    """
+
+    path: Array
+    pace_mps: float
+    start_m: float
+
+    @cached_property
+    def marks_m(self) -> Array:
+        """Way along the path to each of its points: (N,)."""
+        steps = np.linalg.norm(np.diff(self.path, axis=0), axis=1)
+        return np.concatenate([[0.0], np.cumsum(steps)])
+
+    def __call__(self, time_s: float) -> tuple[Array, float, float]:
+        """See `Walk`."""
+        marks = self.marks_m
+        way = self.start_m + self.pace_mps * time_s
+        here, ahead = (
+            np.array([np.interp(s % marks[-1], marks, self.path[:, k]) for k in (0, 1)])
+            for s in (way, way + np.copysign(0.3, self.pace_mps))
+        )
+        heading = float(np.arctan2(*(ahead - here)[::-1]))
+        return here, heading, abs(self.pace_mps) * time_s
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """Walks to and fro between two places, standing at either end in between.
+
+    Attributes:
+        start: (2,) metres.
+        end: (2,) metres.
+        times_s: (K,) when each walk begins, the first one from `start`.
+        pace_mps: Of every walk.
+    """
+
+    start: Array
+    end: Array
+    times_s: Array
+    pace_mps: float
+
+    def __call__(self, time_s: float) -> tuple[Array, float, float]:
+        """See `Walk`."""
+        span = self.end - self.start
+        length = float(np.linalg.norm(span))
+        towards = float(np.arctan2(span[1], span[0]))
+        begun = int(np.searchsorted(self.times_s, time_s))
+        until = self.times_s[begun] - time_s if begun < len(self.times_s) else np.inf
+        turned = float(np.clip(1 - until / TURN_S, 0, 1)) if begun else 1.0
+        heading = towards + np.pi * (begun - 1 + turned)
+        way = min(self.pace_mps * (time_s - self.times_s[begun - 1]), length) if begun else 0.0
+        share = way / length if begun % 2 else 1 - way / length
+        return self.start + share * span, heading, way
+
+
+def wardrobe(rng: np.random.Generator) -> Atlas:
+    """Draw cloths, then skins, then hair, then leather, each a cell of 128 pixels."""
+    cells = [textile.fabric(rng, 128, rgb) for rgb in CLOTHES]
+    cells += [timber.painted(rng, (128, 128), rgb) for rgb in SKINS + HAIRS + ((40, 36, 34),)]
+    return pack(np.stack(cells))
+
+
+def placed(walk: Walk, ahead_m: float = 0.0) -> Motion:
+    """Move something upright along a walk, `ahead_m` before the one who walks."""
+
+    def motion(time_s: float) -> Array:
+        place, heading, _ = walk(time_s)
+        return _upright(place, heading, 0.0) @ _shifted(ahead_m, 0.0, 0.0)
+
+    return motion
+
+
+def person(
+    stage: Stage,
+    name: str,
+    rng: np.random.Generator,
+    walk: Walk,
+    clothes: Atlas,
+    arms_m: float = 0.0,
+) -> None:
+    """Let a figure about 1.75 m high walk; `arms_m` is how far the hands reach forward."""
+    scale = rng.uniform(0.92, 1.05)
+    coat, legs = (clothes.rects[k] for k in rng.integers(len(CLOTHES), size=2))
+    skin = clothes.rects[len(CLOTHES) + rng.integers(len(SKINS))]
+    hair = clothes.rects[len(CLOTHES) + len(SKINS) + rng.integers(len(HAIRS))]
+    leather = clothes.rects[-1]
+    body = _torso(rng, coat, skin, hair, leather, arms_m)
+    hip = LEG_M * scale
+
+    def torso_motion(time_s: float) -> Array:
+        place, heading, way = walk(time_s)
+        swing = SWING_RAD * np.sin(2 * np.pi * way / (STRIDE_M * scale))
+        return _upright(place, heading, hip * (np.cos(swing) - 1))
+
+    with stage.mover(name, torso_motion):
+        stage.draw("clothes", replace(body, points=scale * body.points))
+        stage.obstacle(name, (0.0, 0.0, 0.9), (0.34, 0.5, 1.7))
+    leg = _leg(legs, leather)
+    for side in (-1.0, 1.0):
+        limb = f"{name}_{'left' if side > 0 else 'right'}_leg"
+        with stage.mover(limb, _swinging(walk, side, hip, scale)), stage.object(name, Kind.MOVING):
+            stage.draw("clothes", replace(leg, points=scale * leg.points))
+
+
+def _swinging(walk: Walk, side: float, hip_m: float, scale: float) -> Motion:
+    def motion(time_s: float) -> Array:
+        place, heading, way = walk(time_s)
+        swing = SWING_RAD * np.sin(2 * np.pi * way / (STRIDE_M * scale))
+        c, s = np.cos(side * swing), np.sin(side * swing)
+        T_hip_leg = np.array([[c, 0, -s, 0], [0, 1, 0, 0], [s, 0, c, 0], [0, 0, 0, 1.0]])
+        at_hip = _shifted(0.0, 0.095 * side, hip_m * np.cos(swing))
+        return _upright(place, heading, 0.0) @ at_hip @ T_hip_leg
+
+    return motion
+
+
+def _torso(
+    rng: np.random.Generator, coat: Array, skin: Array, hair: Array, leather: Array, arms_m: float
+) -> Mesh:
+    """Build all of a figure but its legs, standing on z = 0 and facing along x."""
+    low = rng.uniform(0.5, 0.8)  # the hem: of a coat or of a jacket
+    trunk = tube((0, 0, low), (0, 0, 1.18), 0.19, 14, 0.98)
+    chest = tube((0, 0, 1.18), (0, 0, 1.44), 0.186, 14, 0.78)
+    parts = [_narrowed(trunk, 0.66).textured(coat), _narrowed(chest, 0.66).textured(coat)]
+    for side in (-1, 1):
+        shoulder = np.array([0.0, 0.2 * side, 1.4])
+        elbow = shoulder + np.array([-0.02 + 0.35 * arms_m, 0.045 * side, -0.29])
+        hand = elbow + np.array([0.05 + 0.65 * arms_m, -0.01 * side, -0.26 + 0.4 * arms_m])
+        parts.append(tube(shoulder, elbow, 0.058, 9, 0.85).textured(coat))
+        parts.append(tube(elbow, hand, 0.05, 9, 0.8).textured(coat))
+        parts.append(_ellipsoid(hand, (0.045, 0.03, 0.06)).textured(skin))
+        parts.append(_ellipsoid(shoulder, (0.07, 0.075, 0.065)).textured(coat))
+    parts.append(tube((0, 0, 1.42), (0.01, 0, 1.53), 0.055, 10).textured(skin))
+    parts.append(_ellipsoid((0.015, 0, 1.62), (0.095, 0.078, 0.125)).textured(skin))
+    parts.append(_ellipsoid((-0.012, 0, 1.655), (0.1, 0.088, 0.115)).textured(hair))
+    if rng.random() < 0.45 and not arms_m:
+        rucksack = box((-0.2, 0, 1.14), (0.16, 0.3, 0.44), cell_m=0.15, bottom=True)
+        parts.append(rucksack.textured(leather))
+    elif not arms_m and rng.random() < 0.5:
+        bag = box((0.03, 0.27, 0.66), (0.34, 0.12, 0.26), cell_m=0.15, bottom=True)
+        parts.append(bag.textured(leather))
+    return merged(parts)
+
+
+def _leg(cloth: Array, leather: Array) -> Mesh:
+    """Build a leg that hangs from the hip at the origin, a shoe at its end."""
+    knee, ankle = (0.012, 0, -0.43), (-0.01, 0, -0.8)
+    return merged(
+        [
+            tube((0, 0, 0.02), knee, 0.085, 10, 0.74).textured(cloth),
+            tube(knee, ankle, 0.066, 10, 0.82).textured(cloth),
+            _ellipsoid((0.045, 0, -LEG_M + 0.04), (0.135, 0.048, 0.045)).textured(leather),
+        ]
+    )
+
+
+def _narrowed(mesh: Mesh, depth: float) -> Mesh:
+    return replace(mesh, points=mesh.points * np.array([depth, 1.0, 1.0]))
+
+
+def _ellipsoid(centre: Vector, radii: Vector) -> Mesh:
+    """Build an upright ellipsoid of (3,) radii; u runs once around, v from top to bottom."""
+    theta, phi = np.meshgrid(np.linspace(0, np.pi, 7), np.linspace(0, 2 * np.pi, 11))
+    unit = np.stack(
+        [np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1
+    )
+    uv = np.stack([phi / (2 * np.pi), theta / np.pi], axis=-1)
+    points = np.asarray(centre) + np.asarray(radii) * unit
+    rim = ((slice(None, -1), slice(None, -1)), (slice(None, -1), slice(1, None)))
+    rim += ((slice(1, None), slice(1, None)), (slice(1, None), slice(None, -1)))
+    corners, corner_uv, normals = (
+        np.stack([values[q] for q in rim], axis=2).reshape(-1, 4, values.shape[-1])
+        for values in (points, uv, unit)
+    )
+    return polygons(corners, corner_uv, normals)
+
+
+def _upright(place: Array, heading_rad: float, z_m: float) -> Array:
+    c, s = np.cos(heading_rad), np.sin(heading_rad)
+    return np.array([[c, -s, 0, place[0]], [s, c, 0, place[1]], [0, 0, 1, z_m], [0, 0, 0, 1.0]])
+
+
+def _shifted(x: float, y: float, z: float) -> Array:
+    T = np.eye(4)
+    T[:3, 3] = x, y, z
+    return T
+
+
+def trolley(
+    stage: Stage, name: str, rng: np.random.Generator, motion: Motion, faces: Atlas
+) -> None:
+    """Let a platform trolley of 1.1 x 0.65 m roll along x, loaded with cartons."""
+    with stage.mover(name, motion):
+        stage.draw("steel", box((0, 0, 0.2), (1.1, 0.65, 0.06), (0.5, 0.5), bottom=True))
+        for y in (-0.28, 0.28):
+            stage.draw("steel", tube((-0.53, y, 0.2), (-0.53, y, 0.98), 0.017, 8))
+            for x in (-0.42, 0.42):
+                stage.draw("dark", tube((x, y - 0.02, 0.08), (x, y + 0.02, 0.08), 0.08, 12))
+        stage.draw("steel", tube((-0.53, -0.29, 0.98), (-0.53, 0.29, 0.98), 0.017, 8))
+        base = 0.23
+        for x in (-0.22, 0.28):
+            top = base
+            for _ in range(int(rng.integers(1, 4))):
+                size = rng.uniform((0.38, 0.42, 0.24), (0.46, 0.6, 0.36))
+                block = box((x, rng.normal(0, 0.02), top + size[2] / 2), size, cell_m=0.3)
+                stage.draw("cartons", block.textured(faces.rects[rng.integers(faces.count)]))
+                top += float(size[2])
+        stage.obstacle(name, (0.0, 0.0, 0.5), (1.12, 0.66, 0.96))
+
+
+def roll_cage(
+    stage: Stage, name: str, rng: np.random.Generator, motion: Motion, faces: Atlas
+) -> None:
+    """Let a roll cage of 0.85 x 0.7 x 1.7 m, full of cartons, roll along x."""
+    with stage.mover(name, motion):
+        stage.draw("steel", box((0, 0, 0.19), (0.85, 0.7, 0.04), (0.5, 0.5), bottom=True))
+        for x in (-0.4, 0.4):
+            for y in (-0.33, 0.33):
+                stage.draw("steel", tube((x, y, 0.19), (x, y, 1.7), 0.015, 8))
+                stage.draw("dark", tube((x, y - 0.02, 0.08), (x, y + 0.02, 0.08), 0.08, 12))
+            for z in np.arange(0.45, 1.71, 0.25):
+                stage.draw("steel", tube((x, -0.33, z), (x, 0.33, z), 0.008, 6))
+            for y in np.arange(-0.22, 0.23, 0.11):
+                stage.draw("steel", tube((x, y, 0.19), (x, y, 1.7), 0.006, 6))
+        for x, y in ((-0.19, -0.16), (-0.19, 0.16), (0.2, -0.16), (0.2, 0.16)):
+            top = 0.21
+            while top < 1.3:
+                size = rng.uniform((0.3, 0.26, 0.2), (0.36, 0.31, 0.4))
+                block = box((x, y, top + size[2] / 2), size, cell_m=0.3)
+                stage.draw("cartons", block.textured(faces.rects[rng.integers(faces.count)]))
+                top += float(size[2])
+        stage.obstacle(name, (0.0, 0.0, 0.85), (0.86, 0.7, 1.66))
+
+
+def carrier(stage: Stage, name: str, motion: Motion) -> None:
+    """Let a low robot carrier of 0.9 x 0.6 m roll along x."""
+    with stage.mover(name, motion):
+        stage.draw("shell", box((0, 0, 0.2), (0.9, 0.6, 0.26), (0.9, 0.6), bottom=True))
+        stage.draw("hazard", box((0, 0, 0.1), (0.915, 0.615, 0.1), (0.4, 0.4)))
+        stage.draw("dark", box((0, 0, 0.04), (0.8, 0.5, 0.07)))
+        stage.draw("steel", tube((-0.36, 0.2, 0.33), (-0.36, 0.2, 0.95), 0.014, 8))
+        stage.draw("cone", tube((-0.36, 0.2, 0.95), (-0.36, 0.2, 1.03), 0.035, 12))
+        stage.obstacle(name, (0.0, 0.0, 0.2), (0.92, 0.62, 0.38))
