@@ -14,6 +14,7 @@ from scenes import (
     crowded,
     custom,
     dusk,
+    lab_circle,
     meadow,
     office,
     ramp,
@@ -65,6 +66,17 @@ SCENES: dict[str, SceneBuilder] = {
             "sensor.full_well": 8000.0,
             "sensor.read_noise": 12.0,
             "exposure.time_ms": 10.0,
+        },
+    ),
+    "lab_circle": SceneBuilder(
+        lab_circle.TESTS,
+        lab_circle.LabCircleSettings,
+        lab_circle.build,
+        {
+            "drive.carrier": "handheld",
+            "drive.speed_mps": 0.5,
+            "rig.height_m": 1.25,
+            "rig.tilt_deg": 12.0,
         },
     ),
     "meadow": SceneBuilder(

@@ -131,3 +131,14 @@ def parquet(
     v, u = np.mgrid[: shape[0], : shape[1]]
     inset = np.minimum(np.minimum(u, shape[1] - 1 - u), np.minimum(v, shape[0] - 1 - v))
     return to_image(blend(colour, np.asarray(rgb) * 0.3, 0.8 * smoothstep(1.8, 0.2, inset)))
+
+
+def terrazzo(rng: np.random.Generator, side_px: int) -> Image:
+    """Draw ground stone chips of 5 to 20 mm in pale cement: (S, S, 3), tiling."""
+    size = (side_px, side_px)
+    body = fractal(rng, size, (2, 60), 0.6)
+    colour = np.array((176, 172, 162)) * (1 + 0.025 * body)[..., None]
+    for chip in ((112, 104, 96), (206, 200, 190), (148, 112, 92), (92, 98, 100)):
+        grain = fractal(rng, size, (8, 28), 0.0) + 0.2 * fractal(rng, size, (3, 8), 0.0)
+        colour = blend(colour, chip, 0.8 * smoothstep(1.35, 1.6, grain))
+    return to_image(colour)
