@@ -18,6 +18,7 @@ from scenes import (
     meadow,
     office,
     ramp,
+    sill,
     stop_and_go,
     turntable,
     warehouse,
@@ -63,8 +64,9 @@ SCENES: dict[str, SceneBuilder] = {
         {
             "rig.tilt_deg": 18.0,
             "sensor.auto_exposure": True,
-            "sensor.full_well": 8000.0,
-            "sensor.read_noise": 12.0,
+            "sensor.target_grey": 80.0,
+            "sensor.full_well": 15000.0,
+            "sensor.read_noise": 3.0,
             "exposure.time_ms": 10.0,
         },
     ),
@@ -84,6 +86,7 @@ SCENES: dict[str, SceneBuilder] = {
     ),
     "office": SceneBuilder(office.TESTS, office.OfficeSettings, office.build),
     "ramp": SceneBuilder(ramp.TESTS, ramp.RampSettings, ramp.build, {"rig.tilt_deg": 18.0}),
+    "sill": SceneBuilder(sill.TESTS, sill.SillSettings, sill.build, {"rig.tilt_deg": 18.0}),
     "stop_and_go": SceneBuilder(
         stop_and_go.TESTS,
         stop_and_go.StopAndGoSettings,
