@@ -287,7 +287,8 @@ def test_how_each_frame_was_exposed_is_listed(recorded):
 
 
 def test_a_recording_that_ends_early_says_so_and_verifies(make_scene, tmp_path):
-    settings = PLAIN.model_copy(update={"drive": DriveSettings(), "rig": PLAIN.rig})
+    rig = PLAIN.rig.model_copy(update={"rate_hz": 2})
+    settings = PLAIN.model_copy(update={"drive": DriveSettings(), "rig": rig})
     recording = record(make_scene(wall=True), settings, tmp_path / "stuck")
     manifest = read_manifest(tmp_path / "stuck")
     assert "got stuck" in recording.ended
