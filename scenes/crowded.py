@@ -139,7 +139,7 @@ def _crossing(rng: np.random.Generator, route: Array, share: float) -> Walk:
 def _surfaces(stage: Stage, rng: np.random.Generator) -> dict[str, Atlas]:
     """Define the materials; returns the atlases by material."""
     atlases = {
-        "floor": pack(masonry.terrazzo(rng, 16, 600)),
+        "floor": pack(masonry.terrazzo_tiles(rng, 16, 600)),
         "clothes": people.wardrobe(rng),
         "posters": pack(prints.posters(rng, 12, (420, 300))),
         "screens": pack(prints.screens(rng, 4, (200, 340))),

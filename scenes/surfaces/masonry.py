@@ -111,7 +111,7 @@ def slab(rng: np.random.Generator, side_px: int, joint_px: int = 8) -> Image:
     return to_image(blend(full, (58, 55, 50), 0.85 * sawn))
 
 
-def terrazzo(rng: np.random.Generator, count: int, side_px: int) -> Image:
+def terrazzo_tiles(rng: np.random.Generator, count: int, side_px: int) -> Image:
     """Draw polished marble chips at 1 mm per texel, joints around: (count, S, S, 3)."""
     size = (count, side_px, side_px)
     colour = np.array([176, 170, 158]) * (1 + 0.03 * fractal(rng, size, (2, 8), 0.0))[..., None]

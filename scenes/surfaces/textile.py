@@ -45,3 +45,29 @@ def fabric(rng: np.random.Generator, side_px: int, rgb: tuple[float, float, floa
     wear = fractal(rng, (side_px, side_px), (30, side_px), 1.4)
     tone = 1 + 0.10 * weave + 0.10 * yarn + 0.05 * wear
     return to_image(np.asarray(rgb) * tone[..., None])
+
+
+def rugs(rng: np.random.Generator, count: int, shape: tuple[int, int]) -> Image:
+    """Draw woven rugs at 2 mm per texel, borders around a field of lozenges: (count, H, W, 3)."""
+    height, width = shape
+    v, u = np.mgrid[:height, :width]
+    inset = np.minimum(np.minimum(u, width - 1 - u), np.minimum(v, height - 1 - v))
+    dyes = np.array(((124, 52, 44), (52, 64, 92), (186, 160, 118), (74, 84, 62), (58, 44, 42)))
+    made: list[Image] = []
+    for _ in range(count):
+        ground, field, figure, band = dyes[rng.permutation(len(dyes))[:4]]
+        period = int(rng.integers(60, 110))
+        steps = np.abs((u % period) - period / 2) // 5 + np.abs((v % period) - period / 2) // 5
+        lozenge = steps * 10 < period * rng.uniform(0.5, 0.8)
+        core = steps * 10 < period * 0.25
+        colour = np.where(lozenge[..., None], figure, field).astype(np.float32)
+        colour = np.where(core[..., None], band, colour)
+        colour = np.where((inset < 70)[..., None], ground, colour)
+        colour = np.where(((inset > 28) & (inset < 44))[..., None], band, colour)
+        teeth = (inset >= 44) & (inset < 56) & ((u // 8 + v // 8) % 2 == 0)
+        colour = np.where(teeth[..., None], figure, colour)
+        yarn = (
+            1 + 0.12 * fractal(rng, shape, (2, 6), 0.0) + 0.05 * fractal(rng, shape, (20, 300), 1.0)
+        )
+        made.append(to_image(colour * yarn[..., None]))
+    return np.stack(made)
