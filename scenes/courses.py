@@ -9,6 +9,8 @@ from scenes.mesh import Mesh
 from scenes.surfaces.atlas import Atlas
 from vo.contract.arrays import Array
 
+OVERLAP_M = 2e-4
+"""Of neighbouring courses: they share no vertices, and hairlines would open between them."""
 _UNIT = np.array([(0.0, 1.0), (1, 1), (1, 0), (0, 0)])
 
 
@@ -34,7 +36,8 @@ def coursed(
     pieces: list[Array] = []
     for low, high in itertools.pairwise(np.arange(-y, y + width_m, width_m)):
         ends = _ends(rng, x, lengths_m)
-        low_, high_ = np.full(len(ends) - 1, low), np.full(len(ends) - 1, high)
+        low_ = np.full(len(ends) - 1, low - OVERLAP_M)
+        high_ = np.full(len(ends) - 1, high + OVERLAP_M)
         a, b = ends[:-1], ends[1:]
         pieces.append(np.stack([a, low_, b, low_, b, high_, a, high_], axis=1).reshape(-1, 4, 2))
     corners = np.concatenate(pieces)

@@ -158,7 +158,8 @@ def _way(
     """Lay slabs on the way and kerbs along it, let dry leaves lie about."""
     atlas = pack(floor.paving_slabs(rng, 20, 400))
     stage.material("slabs", atlas.image)
-    corners = quads((-half[0], -half[1]), (half[0], half[1]), 0.1)
+    under = half + 0.1  # the kerbs stand on slabs
+    corners = quads((-under[0], -under[1]), (under[0], under[1]), 0.1)
     slabs = slope.tilted(level(corners, tiled(rng, corners, SLAB_M, atlas), slope.place))
     with stage.object("way", Kind.GROUND):
         stage.draw_lit("slabs", lit(slabs, baked, light))
@@ -178,7 +179,8 @@ def _kerbs(rng: np.random.Generator, slope: Slope, half: Array) -> Mesh:
     width, height = KERB_M
     stones: list[Mesh] = []
     for side in (-1, 1):
-        marks = np.linspace(-half[0], half[0], round(2 * half[0]) + 1)
+        reach = half[0] + width
+        marks = np.linspace(-reach, reach, round(2 * reach) + 1)
         for a, b in itertools.pairwise(marks):
             y = (side * (half[1] + 0.002), side * (half[1] + width - 0.002))
             top = height + rng.normal(0, 0.0015)
@@ -201,7 +203,7 @@ def _lawn(
     light: Light,
 ) -> None:
     """Grass on the banks and beyond, uncut along the kerb."""
-    edge = half + KERB_M[0] - 0.02
+    edge = half + KERB_M[0] - 0.04
 
     def place(xy: Array) -> Array:
         away = (np.abs(xy[..., 1]) - edge[1]) / BANK_M
