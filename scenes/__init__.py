@@ -15,6 +15,7 @@ from scenes import (
     custom,
     dusk,
     lab_circle,
+    long_haul,
     meadow,
     office,
     ramp,
@@ -80,6 +81,9 @@ SCENES: dict[str, SceneBuilder] = {
             "rig.height_m": 1.25,
             "rig.tilt_deg": 12.0,
         },
+    ),
+    "long_haul": SceneBuilder(
+        long_haul.TESTS, long_haul.LongHaulSettings, long_haul.build, {"rig.tilt_deg": 15.0}
     ),
     "meadow": SceneBuilder(
         meadow.TESTS, meadow.MeadowSettings, meadow.build, {"rig.tilt_deg": 15.0}

@@ -8,7 +8,15 @@ from numba import njit
 from scipy.ndimage import map_coordinates
 
 from scenes.light import Light
-from vo.contract.arrays import Array
+from vo.contract.arrays import Array, Mask
+
+Table = tuple[Array, Array, Array, Array]
+"""Boxes by column, see `blocker_table`."""
+
+OCCLUSION_REACHES = 8
+"""Beyond so many times its reach, a box dims the fill by less than 1e-10."""
+LOWEST_CULLED_RAD = 0.1
+"""A lower lamp throws shadows too far to leave any box out."""
 
 
 @dataclass(frozen=True)
@@ -53,12 +61,35 @@ def visibility(
     radius = light.softness_rad * np.sqrt((k + 0.5) / samples)
     turn = k * np.pi * (3 - np.sqrt(5))  # sunflower: even cover of the disc
     rays = light.key + radius * (np.cos(turn) * side + np.sin(turn) * up)
-    return _seen(
-        np.ascontiguousarray(points, dtype=np.float64), rays, *blocker_table(blockers), inside
-    )
+    table = _shading(blockers, points, light)
+    return _seen(np.ascontiguousarray(points, dtype=np.float64), rays, *table, inside)
 
 
-def blocker_table(blockers: list[Blocker]) -> tuple[Array, Array, Array, Array]:
+def _shading(blockers: list[Blocker], points: Array, light: Light) -> Table:
+    """Table of the boxes whose shadows can fall on any of (N, 3) points: a bound, by height."""
+    table = blocker_table(blockers)
+    centres, halves = table[:2]
+    lowest = np.arcsin(np.clip(light.key[2], -1, 1)) - light.softness_rad
+    if lowest < LOWEST_CULLED_RAD:
+        return table
+    rise = centres[:, 2] + halves[:, 2] - points[:, 2].min()
+    keep = (rise > 0) & (_gaps(centres, halves, points) < rise / np.tan(lowest))
+    return _rows(table, keep)
+
+
+def _rows(table: Table, keep: Mask) -> Table:
+    centres, halves, turns, opacities = table
+    return centres[keep], halves[keep], turns[keep], opacities[keep]
+
+
+def _gaps(centres: Array, halves: Array, points: Array) -> Array:
+    """Distance in the plane from boxes' round hulls to the bounding rectangle of (N, 3) points."""
+    low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
+    outside = np.maximum(np.maximum(low - centres[:, :2], centres[:, :2] - high), 0)
+    return np.linalg.norm(outside, axis=1) - np.linalg.norm(halves[:, :2], axis=1)
+
+
+def blocker_table(blockers: list[Blocker]) -> Table:
     """Centres (B, 3), half sizes (B, 3), cosine and sine of the turns (B, 2), opacities (B,)."""
     yaw = np.array([b.yaw_rad for b in blockers])
     return (
@@ -123,9 +154,9 @@ def occlusion(
     """
     if not blockers:
         return np.ones(len(points))
-    return _openness(
-        np.ascontiguousarray(points, dtype=np.float64), *blocker_table(blockers), reach_m, inside
-    )
+    table = blocker_table(blockers)
+    table = _rows(table, _gaps(table[0], table[1], points) < OCCLUSION_REACHES * reach_m)
+    return _openness(np.ascontiguousarray(points, dtype=np.float64), *table, reach_m, inside)
 
 
 @njit(cache=True)

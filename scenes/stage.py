@@ -175,9 +175,9 @@ class Stage:
             shine: Bakes light of its own, instead of the key's and the fill's, into the meshes of
                 the world that carry none yet.
         """
-        baked = self._parts
+        baked = self._gathered()
         if light is not None:
-            baked = [replace(p, mesh=self._bake(p, light, shine)) for p in self._parts]
+            baked = [replace(p, mesh=self._bake(p, light, shine)) for p in baked]
         for name, image in self._images.items():
             mine = [part for part in baked if part.material == name]
             if mine:
@@ -189,6 +189,16 @@ class Stage:
             _tune_view(self.spec)
         if sky is not None:
             _add_texture(self.spec, "sky", sky, mujoco.mjtTexture.mjTEXTURE_SKYBOX)
+
+    def _gathered(self) -> list[_Part]:
+        """Join what has the same material, object, body and state of light."""
+        alike: dict[tuple[str, Thing, str, bool], list[Mesh]] = {}
+        for p in self._parts:
+            alike.setdefault((p.material, p.thing, p.body, p.lit), []).append(p.mesh)
+        return [
+            _Part(material, thing, body, merged(meshes), lit)
+            for (material, thing, body, lit), meshes in alike.items()
+        ]
 
     def _bake(self, part: _Part, light: Light, shine: Callable[[Mesh], Mesh] | None) -> Mesh:
         mesh = part.mesh

@@ -1,0 +1,386 @@
+"""Once around a block of houses, three hundred metres, on five kinds of path."""
+
+from dataclasses import replace
+from itertools import pairwise
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+from scipy.spatial import cKDTree
+
+from scenes.courses import coursed
+from scenes.facade import facade
+from scenes.furniture import Place
+from scenes.ground import level, quads, scattered, tiled
+from scenes.light import Light, shaded_normals, sun
+from scenes.mesh import Mesh, cut_into_cells, merged, patch
+from scenes.plants import hedge, tree
+from scenes.props import bench, grass_tufts, lamp_post, litter, planter, shrub
+from scenes.ribbon import Ribbon
+from scenes.routes import rounded_loop, route_length
+from scenes.scene import Kind, Scene
+from scenes.shadow import LightMap, occlusion, visibility
+from scenes.stage import Stage, one_object
+from scenes.surfaces import floor, greenery, masonry, prints, sky, timber
+from scenes.surfaces.atlas import Atlas, pack
+from scenes.surfaces.noise import fractal, smoothstep
+from scenes.surround import brick_wall
+from scenes.vehicles import PAINTS, car
+from vo.contract.arrays import Array
+from vo.contract.settings import Settings
+
+TESTS = "A long loop around a block: drift has time to grow, and the start is seen again."
+HALF_M = np.array([46.0, 29.0])
+"""Half sizes of the route's rectangle, before it is scaled to its length."""
+PATH_M = 2.4
+EDGE_M = 0.1
+LAWN_M = -0.015
+"""Height of the lawn, a little below the path."""
+MARGIN_M = 12.0
+"""How far the lawn reaches beyond the route."""
+SECTIONS = ("asphalt", "slabs", "bricks", "gravel", "asphalt", "setts", "slabs", "bricks")
+CHUNK_FACES = 1200
+"""Meshes of the ground are lit in pieces of this size: each meets only the shadows around it."""
+
+
+class LongHaulSettings(Settings):
+    """What may be asked of the block.
+
+    Attributes:
+        length_m: Of the route.
+        trees: How many stand around.
+        houses: Share of the places for houses that are built up.
+    """
+
+    length_m: Annotated[float, Field(ge=290, le=320)] = 305.0
+    trees: Annotated[int, Field(ge=0, le=80)] = 38
+    houses: Annotated[float, Field(ge=0, le=1)] = 0.8
+
+
+class _Plots:
+    """Where there is still room: keeps things off the path and off one another."""
+
+    def __init__(self, route: Array) -> None:
+        self._tree = cKDTree(route)
+        self._taken: list[tuple[Array, float]] = []
+
+    def take(self, spot: Array, radius_m: float) -> bool:
+        """Claim a circle at (2,) metres, unless the path or something else is there."""
+        if self._tree.query(spot)[0] < radius_m + PATH_M / 2 + 0.1:
+            return False
+        if any(np.linalg.norm(spot - p) < radius_m + r for p, r in self._taken):
+            return False
+        self._taken.append((spot, radius_m))
+        return True
+
+    def take_row(self, start: Array, end: Array, radius_m: float) -> bool:
+        """Claim a row of circles from (2,) to (2,) metres, all or none."""
+        count = max(2, int(np.ceil(np.linalg.norm(end - start) / radius_m)) + 1)
+        spots = np.linspace(start, end, count)
+        free = self._tree.query(spots)[0].min() > radius_m + PATH_M / 2 + 0.1
+        if not free or any(
+            np.linalg.norm(spots - p, axis=1).min() < radius_m + r for p, r in self._taken
+        ):
+            return False
+        self._taken += [(spot, radius_m) for spot in spots]
+        return True
+
+
+def build(rng: np.random.Generator, settings: LongHaulSettings) -> Scene:
+    """Build the block; route, houses, gardens, textures and light follow the generator."""
+    stage = Stage("long_haul")
+    ribbon = Ribbon(_route(rng, settings.length_m))
+    light = sun(rng, (38, 54))
+    atlases = _surfaces(stage, rng)
+    plots = _Plots(ribbon.route)
+    _build_up(stage, rng, plots, ribbon, settings.houses, atlases["wall_bricks"])
+    _furnish(stage, rng, plots, ribbon)
+    _plant(stage, rng, plots, ribbon, settings.trees)
+    ground = _Ground(stage, rng, ribbon, light)
+    with stage.object("path", Kind.GROUND):
+        _pave(ground, rng, ribbon, atlases)
+    with stage.object("lawn", Kind.GROUND):
+        _lawn(ground, rng, ribbon)
+    stage.floor(0.0)
+    stage.finish(light, sky.town_sky(rng))
+    x_min, y_min = ribbon.route.min(axis=0) - 8
+    x_max, y_max = ribbon.route.max(axis=0) + 8
+    return Scene(
+        name="long_haul",
+        tests=TESTS,
+        spec=stage.spec,
+        things=stage.things,
+        routes={"default": ribbon.route},
+        extent_m=(float(x_min), float(y_min), float(x_max), float(y_max)),
+        tags=frozenset({"outdoor", "level", "long", "textured"}),
+    )
+
+
+def _route(rng: np.random.Generator, length_m: float) -> Array:
+    """Go around the block counter-clockwise, with a few jogs, scaled to the length."""
+    x, y = HALF_M
+    jog = rng.uniform(1.0, 2.2, 6)
+    corners = np.array(
+        [
+            (0.1 * x, -y),
+            (0.2 * x, -y + jog[0]),
+            (0.55 * x, -y + jog[0]),
+            (0.65 * x, -y),
+            (x, -y),
+            (x, -0.25 * y),
+            (x - jog[1], -0.05 * y),
+            (x - jog[1], 0.35 * y),
+            (x, 0.55 * y),
+            (x, y),
+            (0.45 * x, y),
+            (0.3 * x, y - jog[2]),
+            (-0.2 * x, y - jog[2] - jog[3] / 2),
+            (-0.35 * x, y),
+            (-x, y),
+            (-x, 0.2 * y),
+            (-x + jog[4], -0.1 * y),
+            (-x + jog[4] / 2, -0.5 * y),
+            (-x, -0.65 * y),
+            (-x, -y),
+            (-0.5 * x, -y),
+            (-0.4 * x, -y + jog[5]),
+            (-0.15 * x, -y + jog[5]),
+        ]
+    )
+    corners[:, 0] *= rng.uniform(0.97, 1.03)
+    path = rounded_loop(corners, radius_m=3.0)
+    for _ in range(3):  # arcs keep their radius: the scale converges, not at once
+        corners *= length_m / route_length(path)
+        path = rounded_loop(corners, radius_m=3.0)
+    return path
+
+
+def _surfaces(stage: Stage, rng: np.random.Generator) -> dict[str, Atlas]:
+    """Define the materials; returns the atlases by material."""
+    atlases = {
+        "slabs": pack(floor.paving_slabs(rng, 20, 400)),
+        "bricks": pack(masonry.paving_bricks(rng, 80, (100, 200))),
+        "setts": pack(floor.granite_setts(rng, 64, 104)),
+        "litter": pack(greenery.fallen_leaves(rng, 16, 64)),
+        "wall_bricks": pack(masonry.wall_bricks(rng, 40, (48, 140))),
+    }
+    for name, atlas in atlases.items():
+        stage.material(name, atlas.image)
+    stage.material("asphalt", floor.asphalt(rng, 1024))
+    stage.material("gravel", masonry.gravel(rng, 1024))
+    stage.material("concrete", masonry.concrete(rng, (1024, 1024)))
+    stage.material("lawn", greenery.lawn(rng, 1024, patchy=0.4))
+    stage.material("cover", floor.iron_cover(rng, 384))
+    stage.material("mortar", masonry.concrete(rng, (512, 512), 168.0))
+    stage.material("leaves", greenery.leaves(rng, 1, 512)[0])
+    stage.material("foliage", greenery.foliage(rng, 512, 0.08))
+    stage.material("bark", timber.wood(rng, (256, 256), (100, 84, 68)))
+    stage.material("timber", timber.wood(rng, (256, 1024), (142, 108, 74)))
+    stage.material("iron", timber.painted(rng, (256, 256), (66, 70, 70)))
+    stage.material("soil", greenery.soil(rng, 256))
+    for k, rgb in enumerate(((206, 186, 150), (190, 160, 138), (184, 188, 180))):
+        stage.material(f"plaster_{k}", masonry.plaster(rng, (512, 1024), rgb))
+    for k, rgb in enumerate(((84, 104, 92), (112, 82, 60))):
+        stage.material(f"wood_{k}", timber.wood(rng, (256, 256), rgb))
+    stage.material("roof", timber.painted(rng, (256, 256), (96, 84, 76)))
+    stage.material("glass", timber.painted(rng, (128, 128), (58, 66, 74)))
+    stage.material("rubber", timber.painted(rng, (128, 128), (34, 34, 36)))
+    stage.material("lamps", timber.painted(rng, (64, 64), (188, 150, 140)))
+    stage.material("plates", prints.door_signs(rng, 1, 96)[0])
+    for k in range(3):
+        stage.material(f"paint_{k}", timber.painted(rng, (128, 128), PAINTS[k + 2]))
+    return atlases
+
+
+def _build_up(
+    stage: Stage,
+    rng: np.random.Generator,
+    plots: _Plots,
+    ribbon: Ribbon,
+    share: float,
+    bricks: Atlas,
+) -> None:
+    """Line the outside of the route with houses, garden walls and hedges, side by side."""
+    low, high = ribbon.route.min(axis=0), ribbon.route.max(axis=0)
+    sides = (  # where a row begins, which way it runs: fronts are seen from its right-hand side
+        (np.array([low[0], high[1]]), 0.0, high[0] - low[0]),
+        (np.array([high[0], high[1]]), -np.pi / 2, high[1] - low[1]),
+        (np.array([high[0], low[1]]), np.pi, high[0] - low[0]),
+        (np.array([low[0], low[1]]), np.pi / 2, high[1] - low[1]),
+    )
+    number = 0
+    for corner, yaw, run in sides:
+        ahead = np.array([np.cos(yaw), np.sin(yaw)])
+        out = np.array([-ahead[1], ahead[0]])
+        along = rng.uniform(0, 3)
+        while along < run - 8:
+            wide = min(float(rng.uniform(8, 13)), run - along)
+            start = corner + along * ahead + rng.uniform(3.6, 6.5) * out
+            name, end = f"{number}", start + wide * ahead
+            kind = "house" if rng.random() < share else str(rng.choice(["wall", "hedge"]))
+            if not plots.take_row(start + 0.6 * out, end + 0.6 * out, 0.7):
+                pass
+            elif kind == "house":
+                place: Place = (start[0], start[1], yaw)
+                plaster, wood = f"plaster_{rng.integers(3)}", f"wood_{rng.integers(2)}"
+                facade(stage, f"house_{name}", rng, place, wide, 2, plaster, wood)
+            elif kind == "wall":
+                brick_wall(stage, f"wall_{name}", rng, bricks, start, wide, 1.6, yaw)
+            else:
+                hedge(stage, f"hedge_{name}", rng, start, end, rng.uniform(1.0, 1.6))
+            along += wide + float(rng.choice([0.4, rng.uniform(2, 5)]))
+            number += 1
+
+
+def _furnish(stage: Stage, rng: np.random.Generator, plots: _Plots, ribbon: Ribbon) -> None:
+    """Stand lamps, benches, planters, bushes and cars beside the path."""
+    for k, s in enumerate(np.arange(6.0, ribbon.length_m, 17.0)):
+        spot = ribbon.at(np.array([s, (1.75, -1.75)[k % 2]]))
+        if plots.take(spot, 0.2):
+            lamp_post(stage, f"lamp_{k}", spot)
+    for k, s in enumerate(np.arange(3.0, ribbon.length_m, 4.3)):
+        side = float(rng.choice([-1, 1]))
+        kind = rng.choice(
+            ["bench", "planter", "bush", "car", "none"], p=[0.14, 0.1, 0.44, 0.14, 0.18]
+        )
+        reach = {"bench": 0.9, "planter": 0.9, "bush": 0.6, "car": 2.2}.get(str(kind), 0.0)
+        off = side * (PATH_M / 2 + reach + rng.uniform(0.15, 0.5))
+        spot = ribbon.at(np.array([s + rng.uniform(-0.8, 0.8), off]))
+        if not reach or not plots.take(spot, reach):
+            continue
+        yaw = ribbon.yaw(s)
+        if kind == "bench":
+            bench(stage, f"bench_{k}", rng, spot, yaw + (0.0 if side > 0 else np.pi))
+        elif kind == "planter":
+            planter(stage, f"planter_{k}", rng, spot, (1.1, 1.1, 0.42))
+        elif kind == "car":
+            car(stage, f"car_{k}", rng, spot, yaw, f"paint_{rng.integers(3)}")
+        else:
+            _bush(stage, f"bush_{k}", rng, spot, float(rng.uniform(0.3, 0.55)))
+
+
+@one_object
+def _bush(stage: Stage, name: str, rng: np.random.Generator, spot: Array, radius_m: float) -> None:
+    shrub(stage, rng, (*spot, 0.7 * radius_m), radius_m)
+    size = np.array([1.3, 1.3, 1.4]) * radius_m
+    stage.obstacle(name, (*spot, 0.7 * radius_m), size, shadow=False)
+
+
+def _plant(
+    stage: Stage, rng: np.random.Generator, plots: _Plots, ribbon: Ribbon, count: int
+) -> None:
+    """Plant trees: most along the path, the rest in the middle of the block; and inner hedges."""
+    for k, s in enumerate(np.arange(10.0, ribbon.length_m, 33.0)):
+        ends = ribbon.at(np.array([(s, 2.3), (s + rng.uniform(5, 8), 2.3)]))
+        if plots.take_row(ends[0], ends[1], 0.45):
+            hedge(stage, f"inner_hedge_{k}", rng, ends[0], ends[1], rng.uniform(0.7, 1.1))
+    for k in range(count):
+        for _ in range(20):
+            if k % 4:
+                off = rng.choice([-1, 1]) * rng.uniform(2.4, 7)
+                spot = ribbon.at(np.array([rng.uniform(0, ribbon.length_m), off]))
+            else:
+                spot = rng.uniform(-0.8, 0.8, 2) * HALF_M
+            if plots.take(spot, 0.9):
+                tree(stage, f"tree_{k}", rng, (*spot, 0.0), rng.uniform(4.0, 8.0))
+                break
+
+
+class _Ground:
+    """Draws what lies on the ground, in the light that reaches it past all that stands."""
+
+    def __init__(
+        self, stage: Stage, rng: np.random.Generator, ribbon: Ribbon, light: Light
+    ) -> None:
+        self._stage, self._light = stage, light
+        low, high = ribbon.route.min(axis=0) - MARGIN_M, ribbon.route.max(axis=0) + MARGIN_M
+        self.low, self.high = np.floor(low), np.ceil(high)
+        cells = tuple(((self.high - self.low) / 0.25).astype(int))
+        clouds = 1 - 0.24 * smoothstep(-0.6, 2.0, fractal(rng, cells, (2.5, 60), 0.7))
+        self._dirt = LightMap(self.low, 0.25, np.stack([clouds, clouds]))
+
+    def draw(self, material: str, mesh: Mesh) -> None:
+        """Show a mesh in pieces, darkened in clouds by dirt and damp."""
+        for cell in cut_into_cells(mesh, CHUNK_FACES):
+            dirt, _ = self._dirt.at(cell.points)
+            clear = cell.points + np.array([0, 0, 0.02])
+            key = visibility(clear, self._stage.blockers, self._light, 4, inside=True)
+            fill = occlusion(clear, self._stage.blockers, inside=True)
+            normals = shaded_normals(cell.normals, key * dirt, fill * dirt, self._light)
+            self._stage.draw_lit(material, replace(cell, normals=normals))
+
+
+def _pave(
+    ground: _Ground, rng: np.random.Generator, ribbon: Ribbon, atlases: dict[str, Atlas]
+) -> None:
+    """Lay the sections of the path, its edging, covers and fallen leaves."""
+    ends = np.linspace(0, ribbon.length_m, len(SECTIONS) + 1)
+    turn = int(rng.integers(len(SECTIONS)))
+    for k, (start, end) in enumerate(pairwise(ends)):
+        kind = SECTIONS[(k + turn) % len(SECTIONS)]
+        ground.draw(kind, ribbon.bent(_section(rng, kind, start, end, atlases)))
+        if kind != "gravel":
+            spots = np.arange(start + 6, end - 4, 13.0) + rng.uniform(-2, 2)
+            covers = [
+                patch((s, t, 0.0006), (0.5, 0, 0), (0, 0.5, 0), (2, 2))
+                for s, t in zip(spots, rng.uniform(-1.0, 0.5, len(spots)), strict=True)
+            ]
+            ground.draw("cover", ribbon.bent(merged(covers)))
+    for side in (-1, 1):
+        low = side * (PATH_M + EDGE_M) / 2 - EDGE_M / 2
+        strip = quads((0.0, low), (ribbon.length_m, low + EDGE_M), 0.5)
+        edge = level(strip, scattered(rng, strip, 1.0, 1.2))
+        skirt = patch(
+            (0, low + EDGE_M, -0.03), (ribbon.length_m, 0, 0), (0, 0, 0.03), (600, 1), (1.2, 1.2)
+        )
+        if side < 0:
+            skirt = patch(
+                (ribbon.length_m, low, -0.03),
+                (-ribbon.length_m, 0, 0),
+                (0, 0, 0.03),
+                (600, 1),
+                (1.2, 1.2),
+            )
+        ground.draw("concrete", ribbon.bent(merged([edge, skirt])))
+    where = np.column_stack(
+        [rng.uniform(0, ribbon.length_m, 900), rng.choice([-1, 1], 900) * rng.beta(4, 2, 900) * 1.2]
+    )
+    fallen = np.column_stack([ribbon.at(where), np.full(900, 0.003)])
+    ground.draw("litter", litter(rng, fallen, atlases["litter"]))
+
+
+def _section(
+    rng: np.random.Generator, kind: str, start: float, end: float, atlases: dict[str, Atlas]
+) -> Mesh:
+    """Lay one section in the ribbon's own coordinates."""
+    half = np.array([(end - start) / 2, PATH_M / 2])
+    if kind == "bricks":
+        laid = coursed(rng, half, PATH_M / 24, (0.196, 0.206), atlases[kind])
+        return laid.moved(((start + end) / 2, 0.0, 0.0))
+    if kind == "setts":
+        laid = coursed(rng, half, PATH_M / 20, (0.1, 0.15), atlases[kind])
+        return laid.moved(((start + end) / 2, 0.0, 0.0))
+    if kind == "slabs":
+        rows = round((end - start) / 0.4)
+        scale = np.array([(end - start) / (0.4 * rows), 1.0])
+        corners = quads((0.0, -PATH_M / 2), (0.4 * rows, PATH_M / 2), 0.2)
+        uv = tiled(rng, corners, 0.4, atlases[kind])
+        return level(corners * scale + np.array([start, 0.0]), uv)
+    corners = quads((0.0, -1.5), (np.floor((end - start) * 4) / 4, 1.5), 0.25)
+    uv = scattered(rng, corners, 0.5, 1.024)
+    squeeze = np.array([(end - start) / (np.floor((end - start) * 4) / 4), PATH_M / 3.0])
+    return level(corners * squeeze + np.array([start, 0.0]), uv)
+
+
+def _lawn(ground: _Ground, rng: np.random.Generator, ribbon: Ribbon) -> None:
+    """Sow lawn everywhere, uncut where the mower meets the path."""
+    corners = quads(tuple(ground.low), tuple(ground.high), 1.0)
+    distance = cKDTree(ribbon.route).query(corners.mean(axis=1))[0]
+    corners = corners[distance > PATH_M / 2 - 0.75]
+    ground.draw("lawn", level(corners, scattered(rng, corners, 1.0, 2.05), LAWN_M))
+    count = 1500
+    beside = PATH_M / 2 + EDGE_M + 0.02 + rng.exponential(0.15, count)
+    places = np.column_stack(
+        [rng.uniform(0, ribbon.length_m, count), beside * rng.choice([-1, 1], count)]
+    )
+    ground.draw("lawn", grass_tufts(rng, ribbon.at(places), 7))
