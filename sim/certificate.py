@@ -237,12 +237,28 @@ def quantile(histogram: Indices, q: float) -> float:
     return float(np.searchsorted(cumulative, q * cumulative[-1]) / BINS_PER_GREY)
 
 
-def certify(frames: Iterable[FrameResidual], checks: dict[str, Any]) -> dict[str, Any]:
+def unjudged(settings: RecordSettings) -> frozenset[str]:
+    """Parts whose labels cannot explain the pixels, because not all were exposed at one time.
+
+    Labels hold for both eyes at once and for the middle row; their residuals are stated, and no
+    frame fails for them.
+    """
+    exposure = settings.exposure
+    stereo = {"stereo"} if exposure.eye_offset_ms != 0 else set[str]()
+    return frozenset(stereo | ({"flow"} if exposure.line_time_us > 0 else set()))
+
+
+def certify(
+    frames: Iterable[FrameResidual],
+    checks: dict[str, Any],
+    lenient: frozenset[str] = frozenset(),
+) -> dict[str, Any]:
     """Summarise all frames; the same images and labels always give the same numbers.
 
     Args:
         frames: In order.
         checks: From `plausibility.check_folder`; each with its own `passed`.
+        lenient: Parts that no frame can fail, from `unjudged`.
 
     Returns:
         JSON-ready content of the manifest's `certificate`.
@@ -250,9 +266,9 @@ def certify(frames: Iterable[FrameResidual], checks: dict[str, Any]) -> dict[str
     frames = list(frames)
     stereo = {frame.timestamp_ns: frame.stereo for frame in frames}
     flow = {frame.timestamp_ns: frame.flow for frame in frames if frame.flow is not None}
-    parts = {"stereo": _summary(stereo)}
+    parts = {"stereo": _summary(stereo, "stereo" not in lenient)}
     if flow:
-        parts["flow"] = _summary(flow)
+        parts["flow"] = _summary(flow, "flow" not in lenient)
     return {
         "about": "absolute grey-level differences, warped bicubically, of every "
         f"{ROW_STEP}th row's pixels that both images show: left against right by the disparity, "
@@ -266,11 +282,11 @@ def certify(frames: Iterable[FrameResidual], checks: dict[str, Any]) -> dict[str
     }
 
 
-def _summary(residuals: dict[int, Residual]) -> dict[str, Any]:
+def _summary(residuals: dict[int, Residual], judged: bool) -> dict[str, Any]:
     total = np.sum([r.histogram for r in residuals.values()], axis=0)
     levels = np.arange(len(total)) / BINS_PER_GREY
     worst_ns, worst = max(residuals.items(), key=lambda item: (item[1].median, -item[0]))
-    failed = [time_ns for time_ns, r in residuals.items() if not r.passed]
+    failed = [time_ns for time_ns, r in residuals.items() if judged and not r.passed]
     return {
         "median_grey": quantile(total, 0.5),
         "rms_grey": round(float(np.sqrt((total * levels**2).sum() / max(total.sum(), 1))), 4),
@@ -282,6 +298,7 @@ def _summary(residuals: dict[int, Residual]) -> dict[str, Any]:
         ),
         "worst_frame_ns": worst_ns,
         "worst_frame_median_grey": worst.median,
+        "judged": judged,
         "failed_frames_ns": failed,
         "passed": not failed,
     }

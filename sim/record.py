@@ -11,7 +11,7 @@ from typing import Any
 from scenes.scene import Scene
 from sim.annotate import Annotation, Annotator
 from sim.camera import Capture, Picture, Shot, StereoCamera
-from sim.certificate import FrameResidual, Judge, certify
+from sim.certificate import FrameResidual, Judge, certify, unjudged
 from sim.lens import delivered_rig
 from sim.manifest import MAP, manifest
 from sim.map import survey_map
@@ -81,7 +81,8 @@ def record(
         write_exposures(writer, shots)
         write_inertial(writer, settings, trip)
         write_wheels(writer, settings, trip)
-        certificate = certify(frames, check_folder(writer.partial, settings, trip.ended))
+        checks = check_folder(writer.partial, settings, trip.ended)
+        certificate = certify(frames, checks, unjudged(settings))
         writer.commit(
             manifest(world, settings, delivered, trip, annotator.things, top_down, gl, certificate)
         )

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sim.camera import Shot
-from sim.certificate import FrameResidual, Judge, certify
+from sim.certificate import FrameResidual, Judge, certify, unjudged
 from sim.imaging import Sensor
 from sim.labels import disparity_from_depth
 from sim.lens import margin_px
@@ -92,7 +92,8 @@ def _check_certificate(
     frames = _measure(folder, settings, progress)
     if not frames:
         return []
-    found = certify(frames, check_folder(folder, settings, manifest.get("ended", "")))
+    checks = check_folder(folder, settings, manifest.get("ended", ""))
+    found = certify(frames, checks, unjudged(settings))
     findings: list[Finding] = []
     for part, figures in found.items():
         if isinstance(figures, dict):
