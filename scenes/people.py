@@ -85,9 +85,11 @@ class Crossing:
         towards = float(np.arctan2(span[1], span[0]))
         begun = int(np.searchsorted(self.times_s, time_s))
         until = self.times_s[begun] - time_s if begun < len(self.times_s) else np.inf
-        turned = float(np.clip(1 - until / TURN_S, 0, 1)) if begun else 1.0
+        turned = float(np.clip(1 - until / TURN_S, 0, 1))
         heading = towards + np.pi * (begun - 1 + turned)
-        way = min(self.pace_mps * (time_s - self.times_s[begun - 1]), length) if begun else 0.0
+        if not begun:
+            return self.start, towards, 0.0
+        way = min(self.pace_mps * (time_s - self.times_s[begun - 1]), length)
         share = way / length if begun % 2 else 1 - way / length
         return self.start + share * span, heading, way
 
