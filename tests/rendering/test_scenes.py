@@ -119,6 +119,7 @@ def built_elsewhere() -> Iterator[dict[tuple[str, int], Future[dict[str, str]]]]
     asked = [("corridor", SEED + 1), ("lab_circle", SEED + 1), *((name, SEED) for name in SCENES)]
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as other:
         yield {ask: other.submit(digests, *ask) for ask in asked}
+        other.shutdown(cancel_futures=True)
 
 
 def digests(name: str, seed: int) -> dict[str, str]:
