@@ -169,11 +169,12 @@ def measure_renderers(trial: Trial, frames: int, folder: Path) -> RenderSpeed:
 
 @dataclass(frozen=True)
 class _Stand:
-    """A renderer before a world, in a process of its own."""
+    """A renderer before a world, in a process of its own, open as long as the process lives."""
 
     world: Any
     trip: Any
     renderer: Any
+    opened: Any
 
     def place(self, share: float) -> None:
         """Bring the world to a share of the trip."""
@@ -190,8 +191,8 @@ def _open_ours(trial: Trial) -> None:
 
     global _stand
     world, trip = _drive(trial)
-    renderer = StereoRenderer(world, _settings(trial).render).__enter__()
-    _stand = _Stand(world, trip, renderer)
+    opened = StereoRenderer(world, _settings(trial).render)
+    _stand = _Stand(world, trip, opened.__enter__(), opened)
 
 
 def _open_stock(trial: Trial) -> None:
@@ -203,8 +204,8 @@ def _open_stock(trial: Trial) -> None:
 
     global _stand
     world, trip = _drive(trial)
-    renderer = stock_renderer(world, _settings(trial).render).__enter__()
-    _stand = _Stand(world, trip, renderer)
+    opened = stock_renderer(world, _settings(trial).render)
+    _stand = _Stand(world, trip, opened.__enter__(), opened)
 
 
 def _draw_ours(share: float) -> tuple[float, Image]:
