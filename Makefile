@@ -35,7 +35,7 @@ scenes: $(READY)  ## picture of all scenes for the README
 proof: $(READY)  ## how exact labels, blur and sensors are, beside what is promised
 	$(BIN)/python -m trials.proof $(ARGS)
 
-response: $(READY)  ## what every disturbance and every scene costs the baseline (an hour)
+response: $(READY)  ## what every disturbance and every scene costs the baseline (hours)
 	$(BIN)/python -m trials.response $(ARGS)
 
 bump: $(READY)  ## what a brick under a wheel does to every channel, as a figure

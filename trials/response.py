@@ -1,7 +1,7 @@
 """How the baseline responds to every disturbance, and what every scene costs it; `make response`.
 
 Each disturbance is tried at several strengths on one scene, each scene undisturbed, all with
-the same seeds; parameters of the disturbances were chosen on seed 100. To be done in an hour, the
+the same seeds; parameters of the disturbances were chosen on seed 100. It takes hours, though the
 drives are short, with at most twelve sub-frames, up to a pixel apart where these suffice.
 """
 
