@@ -15,11 +15,6 @@ def town_sky(rng: np.random.Generator, side_px: int = 512, houses: float = 0.55)
     return np.concatenate([to_image(face) for face in _shade(rng, _directions(side_px), houses)])
 
 
-def plain_sky(rgb: tuple[int, int, int], side_px: int = 8) -> Image:
-    """Fill the cube with one colour, for rooms: (6 S, S, 3)."""
-    return np.full((6 * side_px, side_px, 3), rgb, dtype=np.uint8)
-
-
 def window_view(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
     """Draw what a bright window shows, overexposed but for tree tops: (H, W, 3)."""
     up = np.linspace(1, 0, shape[0])[:, None]
