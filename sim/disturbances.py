@@ -105,7 +105,7 @@ DISTURBANCES: dict[str, Disturbance] = {
         "frames that never arrive", {"sensor.drop_share": lambda s: min(0.6 * s, 0.9)}
     ),
     "miscalibration": Disturbance(
-        "a calibration that has aged: baseline, focal length and the eyes' angle",
+        "an aged calibration: baseline, focal length, angles",
         {
             "calibration.baseline_percent": _linear(0.5),
             "calibration.focal_percent": _linear(0.5),
