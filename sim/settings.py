@@ -118,7 +118,7 @@ class ExposureSettings(Settings):
 
     time_ms: float = Field(default=0.0, ge=0.0, le=200.0)
     """Open shutter, centred on the timestamp; 0: an instant."""
-    step_px: float = Field(default=0.5, gt=0.05, le=1.0)
+    step_px: float = Field(default=1.0, gt=0.05, le=1.0)
     """Largest motion of any pixel from one rendered sub-frame to the next."""
     subframes_max: int = Field(default=96, ge=1, le=512)
     line_time_us: float = Field(default=0.0, ge=0.0, le=200.0)
