@@ -11,6 +11,7 @@ from vo.contract.arrays import Array, Image, Indices, Mask
 from vo.contract.rig import StereoRig
 from vo.matching import marry
 from vo.stereo import disparity_at
+from vo.templates import cut
 from vo.tracks import Landmarks, LocalMap
 from vo.view import View
 
@@ -98,9 +99,9 @@ def _align(
         anchored = landmarks.select(here)
         T_cam_anchor = se3.inverse(T_odom_cam) @ keyframe.T_odom_cam
         warp = _surface_warp(anchored, T_cam_anchor, rig)
-        pixels[here], zncc[here] = align(
-            keyframe.left, anchored.anchor_pixels, image, start[here], warp, s.align_px
-        )
+        templates = cut(keyframe.left, anchored.anchor_pixels, s.align_px)
+        aligned = align(templates, image, start[here], warp)
+        pixels[here], zncc[here] = aligned.pixels, aligned.zncc
     with np.errstate(invalid="ignore"):
         good = (zncc > s.align_zncc) & (np.abs(pixels - start).max(axis=1) < s.align_reach_px)
     return np.where(good[:, None], pixels, np.nan)

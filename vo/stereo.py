@@ -8,6 +8,7 @@ from vo.alignment import align
 from vo.config import StereoSettings
 from vo.contract.arrays import Array, Image, Indices
 from vo.contract.sequence import StereoFrame
+from vo.templates import cut
 
 FIXED_POINT = 16.0
 """OpenCV's matchers return sixteenths of a pixel."""
@@ -82,13 +83,12 @@ def disparity_at(
     disparity = _lookup(dense, pixels, frame.left.shape)
     start = np.stack([pixels[:, 0] - disparity, pixels[:, 1]], axis=-1)
     warp = _left_to_right(disparity_slopes(dense, pixels, frame.left.shape))
-    aligned, zncc = align(
-        frame.left, pixels, frame.right, start, warp, settings.align_px, horizontal_only=True
-    )
-    refined = pixels[:, 0] - aligned[:, 0]
+    templates = cut(frame.left, pixels, settings.align_px)
+    aligned = align(templates, frame.right, start, warp, horizontal_only=True)
+    refined = pixels[:, 0] - aligned.pixels[:, 0]
     with np.errstate(invalid="ignore"):
         good = (
-            (zncc > settings.align_zncc)
+            (aligned.zncc > settings.align_zncc)
             & (np.abs(refined - disparity) < MOST_CORRECTION_PX)
             & (refined > settings.least_disparity_px)
         )

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vo.alignment import align
+from vo.templates import cut
 
 PATCH_PX = 17
 SIZE = (140, 120)
@@ -45,6 +46,13 @@ def each(warp, count=1):
 PLAIN = each(STILL, len(CENTRES))
 
 
+def find(template, pixels, image, start, warp, horizontal_only=False):
+    """Cut and align: the places and their correlation."""
+    found = align(cut(template, pixels, PATCH_PX), image, start, warp, horizontal_only)
+    assert (np.isnan(found.covariance_px2).all(axis=(1, 2)) == np.isnan(found.zncc)).all()
+    return found.pixels, found.zncc
+
+
 def assert_near(aligned, expected):
     error_px = np.linalg.norm(aligned - expected, axis=1)
     assert np.median(error_px) < SHARP_PX
@@ -56,7 +64,7 @@ def assert_near(aligned, expected):
 def test_recovers_a_shift(shift, seed):
     texture = Texture(seed)
     image = texture.image(target=shift)
-    aligned, zncc = align(texture.image(), CENTRES, image, CENTRES, PLAIN, PATCH_PX)
+    aligned, zncc = find(texture.image(), CENTRES, image, CENTRES, PLAIN)
     assert_near(aligned, CENTRES + shift)
     assert zncc.min() > 0.999
 
@@ -67,7 +75,7 @@ def test_error_is_small_but_not_zero():
     for seed in range(30):
         texture, shift = Texture(seed), rng.uniform(-1.5, 1.5, 2)
         image = texture.image(target=shift)
-        aligned, _ = align(texture.image(), CENTRES, image, CENTRES, PLAIN, PATCH_PX)
+        aligned, _ = find(texture.image(), CENTRES, image, CENTRES, PLAIN)
         errors.append(aligned - CENTRES - shift)
     rmse = np.sqrt(np.mean(np.square(errors)))
     assert 1e-4 < rmse < SHARP_PX / 2
@@ -90,10 +98,10 @@ def test_recovers_the_place_under_a_known_warp(warp):
         texture, target = Texture(seed), np.array([68.4, 57.7])
         template, image = texture.image(), texture.image(warp, centre, target)
         start = (target + np.array([0.8, -1.1]))[None]
-        aligned, zncc = align(template, centre[None], image, start, each(warp), PATCH_PX)
+        aligned, zncc = find(template, centre[None], image, start, each(warp))
         assert np.abs(aligned - target).max() < 1.5 * SHARP_PX
         assert zncc[0] > 0.999
-        _, unaware = align(template, centre[None], image, start, each(STILL), PATCH_PX)
+        _, unaware = find(template, centre[None], image, start, each(STILL))
         assert not unaware[0] > zncc[0]  # NaN where it got lost
 
 
@@ -102,7 +110,7 @@ def test_recovers_the_place_under_a_known_warp(warp):
 def test_gain_and_offset_do_not_matter(gain, offset):
     texture, shift = Texture(2), np.array([0.6, -0.9])
     image = texture.image(target=shift, gain=gain, offset=50 + offset)
-    aligned, zncc = align(texture.image(), CENTRES, image, CENTRES, PLAIN, PATCH_PX)
+    aligned, zncc = find(texture.image(), CENTRES, image, CENTRES, PLAIN)
     assert_near(aligned, CENTRES + shift)
     assert zncc.min() > 0.998
 
@@ -113,7 +121,7 @@ def test_zncc_is_that_of_the_aligned_patches():
     template = texture.image()
     image = (texture.image(target=shift) + noise).clip(0, 255).astype(np.uint8)
     centre = np.array([[60.0, 50.0]])
-    aligned, zncc = align(template, centre, image, centre + shift, each(STILL), PATCH_PX)
+    aligned, zncc = find(template, centre, image, centre + shift, each(STILL))
     size = (PATCH_PX, PATCH_PX)
     patches = [
         cv2.getRectSubPix(x.astype(np.float32), size, tuple(map(float, place)))
@@ -130,7 +138,7 @@ def test_same_place_as_opencv():
         texture = Texture(seed)
         template, image = texture.image(), texture.image(target=shift)
         centres = np.round(CENTRES)
-        aligned, _ = align(template, centres, image, centres, PLAIN, PATCH_PX)
+        aligned, _ = find(template, centres, image, centres, PLAIN)
         for (u, v), ours in zip(centres.astype(int), aligned, strict=True):
             r = PATCH_PX // 2
             patch = template[v - r : v + r + 1, u - r : u + r + 1]
@@ -145,7 +153,7 @@ def test_same_place_as_opencv():
 def test_horizontal_search_stays_on_the_row():
     texture, shift = Texture(4), np.array([1.2, 0.0])
     template, image = texture.image(), texture.image(target=shift)
-    aligned, _ = align(template, CENTRES, image, CENTRES, PLAIN, PATCH_PX, horizontal_only=True)
+    aligned, _ = find(template, CENTRES, image, CENTRES, PLAIN, horizontal_only=True)
     np.testing.assert_array_equal(aligned[:, 1], CENTRES[:, 1])
     assert np.abs(aligned[:, 0] - CENTRES[:, 0] - shift[0]).max() < SHARP_PX
 
@@ -155,10 +163,10 @@ def test_horizontal_search_needs_no_vertical_texture():
     stripes = np.round(128 + 60 * np.cos(np.arange(SIZE[0]) / 3)).astype(np.uint8)
     image = np.tile(stripes, (SIZE[1], 1))
     start = CENTRES + np.array([0.8, 0])
-    along, zncc = align(image, CENTRES, image, start, PLAIN, PATCH_PX, horizontal_only=True)
+    along, zncc = find(image, CENTRES, image, start, PLAIN, horizontal_only=True)
     assert np.abs(along - CENTRES).max() < SHARP_PX
     assert zncc.min() > 0.999
-    anywhere, _ = align(image, CENTRES, image, start, PLAIN, PATCH_PX)
+    anywhere, _ = find(image, CENTRES, image, start, PLAIN)
     assert np.isnan(anywhere).all()
 
 
@@ -173,19 +181,17 @@ def test_what_cannot_be_aligned_is_nan():
     cases += [(image, inside, image, [[np.nan, 60]]), (image, [[70, np.nan]], image, inside)]
     cases += [(image, inside, image, [[1e6, 60]]), (image, inside, image, [[-1e6, 60]])]
     for template, pixels, other, start in cases:
-        aligned, zncc = align(
-            template, np.asarray(pixels), other, np.asarray(start), each(STILL), PATCH_PX
-        )
+        aligned, zncc = find(template, np.asarray(pixels), other, np.asarray(start), each(STILL))
         assert np.isnan(aligned).all()
         assert np.isnan(zncc).all()
-    aligned, _ = align(image, inside, image, inside, each(np.full((3, 2), np.nan)), PATCH_PX)
+    aligned, _ = find(image, inside, image, inside, each(np.full((3, 2), np.nan)))
     assert np.isnan(aligned).all()
 
 
 def test_it_does_not_wander_off():
     """Unrelated texture: the result stays within half a patch of the start, or there is none."""
     a, b = Texture(6).image(), Texture(7).image()
-    aligned, zncc = align(a, CENTRES, b, CENTRES, PLAIN, PATCH_PX)
+    aligned, zncc = find(a, CENTRES, b, CENTRES, PLAIN)
     moved = np.abs(aligned - CENTRES)[~np.isnan(zncc)]
     assert (moved <= PATCH_PX // 2).all()
     assert not (zncc > 0.95).any()
@@ -196,8 +202,8 @@ def test_one_bad_patch_does_not_disturb_the_others():
     image = texture.image(target=shift)
     mixed = CENTRES.copy()
     mixed[2] = np.nan
-    alone, _ = align(texture.image(), CENTRES, image, CENTRES, PLAIN, PATCH_PX)
-    together, _ = align(texture.image(), mixed, image, mixed, PLAIN, PATCH_PX)
+    alone, _ = find(texture.image(), CENTRES, image, CENTRES, PLAIN)
+    together, _ = find(texture.image(), mixed, image, mixed, PLAIN)
     good = [0, 1, 3, 4]
     np.testing.assert_array_equal(together[good], alone[good])
     assert np.isnan(together[2]).all()
@@ -205,8 +211,46 @@ def test_one_bad_patch_does_not_disturb_the_others():
 
 def test_nothing_in_nothing_out():
     none = np.zeros((0, 2))
-    aligned, zncc = align(
-        Texture().image(), none, Texture().image(), none, np.zeros((0, 3, 2)), PATCH_PX
-    )
+    aligned, zncc = find(Texture().image(), none, Texture().image(), none, np.zeros((0, 3, 2)))
     assert aligned.shape == (0, 2)
     assert zncc.shape == (0,)
+
+
+@pytest.mark.parametrize("whole", [True, False], ids=["whole pixels", "between pixels"])
+@pytest.mark.parametrize("along_row", [True, False])
+@pytest.mark.parametrize("warp", [STILL, WARPS["everything"]], ids=["still", "warped"])
+def test_covariance_says_how_far_noise_moves_a_match(warp, along_row, whole):
+    """Normalised errors under known noise have unit variance, in both directions together too."""
+    rng, normalised = np.random.default_rng(0), []
+    for seed in range(60):
+        texture = Texture(seed)
+        centre, target = (np.round(x) + (0 if whole else rng.uniform(-0.5, 0.5, 2)) for x in
+                          (CENTRES[seed % 5], np.array([68.4, 57.7])))  # fmt: skip
+        images = (texture.image(), texture.image(warp, centre, target))
+        noisy = [np.round(x + rng.normal(scale=4, size=x.shape)).clip(0, 255) for x in images]
+        template, image = (x.astype(np.uint8) for x in noisy)
+        templates = cut(template, centre[None], PATCH_PX)
+        found = align(templates, image, target[None], each(warp), horizontal_only=along_row)
+        error, covariance = found.pixels[0] - target, found.covariance_px2[0]
+        if along_row:
+            normalised.append(error[0] ** 2 / covariance[0, 0])
+        else:
+            normalised.append(error @ np.linalg.solve(covariance, error) / 2)
+    assert 0.6 < np.mean(normalised) < 1.5
+
+
+def test_templates_are_normalised_and_differentiated():
+    image = Texture(3).image()
+    templates = cut(image, CENTRES, 9)
+    patches, (gu, gv) = templates.patches, templates.gradients.swapaxes(0, 1)
+    assert np.abs(patches.sum(axis=(1, 2))).max() < 1e-4
+    np.testing.assert_allclose((patches**2).sum(axis=(1, 2)), 1, rtol=1e-5)
+    for axis, ours in ((0, gu), (1, gv)):
+        step = np.eye(2)[axis] * 0.5
+        ahead, behind = (cut(image, CENTRES + s * step, 9) for s in (1, -1))
+        numeric = ahead.patches - behind.patches
+        assert np.corrcoef(numeric.ravel(), ours.ravel())[0, 1] > 0.999
+        assert np.linalg.norm(ours) == pytest.approx(np.linalg.norm(numeric), rel=0.05)
+    few = templates.select(np.array([2, 0]))
+    np.testing.assert_array_equal(few.norms, templates.norms[[2, 0]])
+    np.testing.assert_array_equal(cut(image, np.array([[1.0, 50], [np.nan, 50]]), 9).norms, 0)

@@ -1,0 +1,137 @@
+"""Patches cut from an image once, to be aligned with many others."""
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from vo.contract.arrays import Array, Image, Indices, Mask
+
+FLAT = 1e-3
+"""Norm in grey levels below which a patch shows nothing."""
+
+
+@dataclass(frozen=True)
+class Templates:
+    """Square patches of zero mean and unit norm, S samples a side.
+
+    Attributes:
+        patches: (N, S, S) float32; without meaning where the norm is zero.
+        gradients: (N, 2, S, S) float32 derivatives of the normalised patch along u and v, per
+            pixel; orthogonal to a constant and to the patch.
+        norms: (N,) float32 norm of the centred patch in grey levels; zero where the patch left
+            the image or is flat.
+        noise_kept: (N,) float32 share of the variance of white pixel noise that interpolation
+            between pixels left in the patch, 1 at whole pixels.
+    """
+
+    patches: Array
+    gradients: Array
+    norms: Array
+    noise_kept: Array
+
+    def __len__(self) -> int:
+        return len(self.patches)
+
+    def select(self, rows: Mask | Indices) -> "Templates":
+        """Keep some rows."""
+        return Templates(**{name: value[rows] for name, value in vars(self).items()})
+
+
+def cut(image: Image, pixels: Array, patch_px: int) -> Templates:
+    """Cut patches about sub-pixel places.
+
+    Args:
+        image: (H, W) uint8.
+        pixels: (N, 2) centres (u, v).
+        patch_px: Side S, odd.
+    """
+    n, side = len(pixels), patch_px
+    templates = Templates(
+        np.zeros((n, side, side), dtype=np.float32),
+        np.zeros((n, 2, side, side), dtype=np.float32),
+        np.zeros(n, dtype=np.float32),
+        np.ones(n, dtype=np.float32),
+    )
+    _cut_all(
+        image, np.asarray(pixels, dtype=np.float64), templates.patches, templates.gradients,
+        templates.norms, templates.noise_kept,
+    )  # fmt: skip
+    return templates
+
+
+@numba.njit(cache=True, fastmath={"reassoc", "contract"})  # sums in any order; NaN stays NaN
+def _cut_all(
+    image: Image, pixels: Array, patches: Array, gradients: Array, norms: Array, noise_kept: Array
+) -> None:
+    side = patches.shape[1]
+    margin = side // 2 + 1
+    height, width = image.shape
+    padded = np.empty((side + 2, side + 2), dtype=np.float32)
+    for i in range(len(pixels)):
+        u, v = pixels[i]
+        inside = u >= margin and u < width - 1 - margin and v >= margin and v < height - 1 - margin
+        if not inside:  # also where a pixel is NaN
+            continue
+        _sample_square(image, u, v, padded)
+        norms[i] = _differentiate(padded, patches[i], gradients[i, 0], gradients[i, 1])
+        fu, fv = u - np.floor(u), v - np.floor(v)
+        noise_kept[i] = (1 - 2 * fu * (1 - fu)) * (1 - 2 * fv * (1 - fv))
+
+
+@numba.njit(cache=True, fastmath={"reassoc", "contract"})
+def _sample_square(image: Image, u: float, v: float, out: Array) -> None:
+    """Sample a unit grid about (u, v) bilinearly: the weights are the same everywhere."""
+    side = out.shape[0]
+    u0, v0 = int(u) - side // 2, int(v) - side // 2
+    fu, fv = np.float32(u - int(u)), np.float32(v - int(v))
+    one = np.float32(1)
+    w00, w01 = (one - fv) * (one - fu), (one - fv) * fu
+    w10, w11 = fv * (one - fu), fv * fu
+    for j in range(side):
+        above, below = image[v0 + j], image[v0 + j + 1]
+        for k in range(side):
+            x = u0 + k
+            out[j, k] = w00 * above[x] + w01 * above[x + 1] + w10 * below[x] + w11 * below[x + 1]
+
+
+@numba.njit(cache=True, fastmath={"reassoc", "contract"})
+def _differentiate(padded: Array, patch: Array, gu: Array, gv: Array) -> float:
+    """Normalise the inner part of a padded patch and its central differences; return the norm.
+
+    The derivative of the normalised patch is the gradient without its parts along the constant
+    and along the patch itself.
+    """
+    side = patch.shape[0]
+    half, count = np.float32(0.5), np.float32(side * side)
+    mean = mean_u = mean_v = np.float32(0)
+    for j in range(side):
+        for k in range(side):
+            patch[j, k] = padded[j + 1, k + 1]
+            gu[j, k] = (padded[j + 1, k + 2] - padded[j + 1, k]) * half
+            gv[j, k] = (padded[j + 2, k + 1] - padded[j, k + 1]) * half
+            mean += patch[j, k]
+            mean_u += gu[j, k]
+            mean_v += gv[j, k]
+    mean, mean_u, mean_v = mean / count, mean_u / count, mean_v / count
+    squares = np.float32(0)
+    for j in range(side):
+        for k in range(side):
+            patch[j, k] -= mean
+            squares += patch[j, k] * patch[j, k]
+    norm = np.sqrt(squares)
+    if not norm > FLAT:
+        return 0.0
+    along_u = along_v = np.float32(0)
+    for j in range(side):
+        for k in range(side):
+            patch[j, k] /= norm
+            gu[j, k] = (gu[j, k] - mean_u) / norm
+            gv[j, k] = (gv[j, k] - mean_v) / norm
+            along_u += gu[j, k] * patch[j, k]
+            along_v += gv[j, k] * patch[j, k]
+    for j in range(side):
+        for k in range(side):
+            gu[j, k] -= along_u * patch[j, k]
+            gv[j, k] -= along_v * patch[j, k]
+    return norm
