@@ -18,11 +18,18 @@ PatchSide = Annotated[int, Field(ge=5, le=31), AfterValidator(_odd)]
 
 
 class FeatureSettings(Settings):
-    """CenSurE (thesis 3.2)."""
+    """CenSurE (thesis 3.2), or Harris corners to compare with."""
 
+    detector: Literal["censure", "harris"] = "censure"
+    kernel: Literal["box", "octagon", "star"] = Field(
+        default="octagon", description="shape of CenSurE's centre and surround"
+    )
+    scales: int = Field(
+        default=7, ge=3, le=7, description="sizes of the kernel; all but the outer two find"
+    )
     count: int = Field(default=500, ge=1, description="features kept per image")
     threshold: float = Field(
-        default=2.0, ge=0, description="least centre-surround response, grey levels"
+        default=2.0, ge=0, description="least contrast of a feature, grey levels"
     )
     line_ratio: float = Field(
         default=12.0, gt=1, description="largest ratio of principal gradients"

@@ -6,8 +6,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from vo.censure import scale_space
 from vo.config import FeatureSettings
-from vo.features import detect, octagon_area, scale_space
+from vo.features import detect
+from vo.kernels import kernels
+from vo.octagons import octagon_area
 
 # (m, n) of centre and surround, copied from Agrawal, Konolige and Blas 2008, table 1
 TABLE_1 = (
@@ -19,7 +22,8 @@ TABLE_1 = (
     ((7, 3), (13, 7)),
     ((9, 4), (15, 10)),
 )
-LARGEST_PX = 15 + 2 * 10
+LARGEST_PX = {"box": 29, "octagon": 15 + 2 * 10, "star": 43}
+KERNELS = tuple(LARGEST_PX)
 EVERYTHING = FeatureSettings(count=10**6, threshold=0.0, line_ratio=1e12)
 """All extrema: nothing is too weak, too long or too many."""
 
@@ -31,22 +35,48 @@ def octagon(m, n, size):
     return (x <= h) & (y <= h) & (x + y <= h + (m - 1) // 2)
 
 
-def brute_responses(image):
-    responses = np.zeros((len(TABLE_1), *image.shape))
-    for response, (inner, outer) in zip(responses, TABLE_1, strict=True):
+def square(half, size):
+    y, x = np.abs(np.mgrid[:size, :size] - size // 2)
+    return (x <= half) & (y <= half)
+
+
+def star(half, size):
+    """A square and a diamond whose tips stand out by half the square's half side, rounded up."""
+    y, x = np.abs(np.mgrid[:size, :size] - size // 2)
+    return square(half, size) | (x + y <= half + np.ceil(half / 2))
+
+
+def masks(kernel, scale):
+    """Centre and whole in a square that just holds the whole."""
+    if kernel == "octagon":
+        inner, outer = TABLE_1[scale]
         size = outer[0] + 2 * outer[1]
-        centre = octagon(*inner, size)
-        ring = octagon(*outer, size) & ~centre
-        kernel = centre / centre.sum() - ring / ring.sum()
-        fits = slice(size // 2, -(size // 2))
-        response[fits, fits] = cv2.filter2D(image.astype(float), cv2.CV_64F, kernel)[fits, fits]
+        return octagon(*inner, size), octagon(*outer, size)
+    half = scale + 1
+    if kernel == "box":
+        return square(half, 4 * half + 1), square(2 * half, 4 * half + 1)
+    return star(half, 6 * half + 1), star(2 * half, 6 * half + 1)
+
+
+def brute_responses(image, kernel="octagon"):
+    responses = np.zeros((7, *image.shape))
+    for scale, response in enumerate(responses):
+        centre, whole = masks(kernel, scale)
+        ring = whole & ~centre
+        weights = centre / centre.sum() - ring / ring.sum()
+        fits = slice(len(whole) // 2, -(len(whole) // 2))
+        response[fits, fits] = cv2.filter2D(image.astype(float), cv2.CV_64F, weights)[fits, fits]
     return responses
 
 
-def brute_extrema(responses):
+def responses_of(image, kernel="octagon"):
+    return scale_space(image, kernels(kernel, 7))
+
+
+def brute_extrema(responses, kernel):
     """Value at every (scale, v, u) that beats all its 26 neighbours, none of them cut off."""
     scales, height, width = responses.shape
-    edge = LARGEST_PX // 2 + 1
+    edge = LARGEST_PX[kernel] // 2 + 1
     found = {}
     for s in range(1, scales - 1):
         for v in range(edge, height - edge):
@@ -89,22 +119,33 @@ def edge(angle, shape=(120, 140)):
     return np.round(60 + 140 / (1 + np.exp(-away / 2))).astype(np.uint8)
 
 
-@pytest.mark.parametrize("scale", range(7))
-def test_responses_equal_brute_force_sums(scale):
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_responses_equal_brute_force_sums(kernel):
     image = noise((61, 83))
-    inner, outer = TABLE_1[scale]
-    for m, n in (inner, outer):
-        assert octagon_area(m, n) == octagon(m, n, LARGEST_PX).sum()
-    ours = scale_space(image)
-    assert ours.shape == (7, 61, 83)
-    np.testing.assert_allclose(ours[scale], brute_responses(image)[scale], rtol=0, atol=1e-3)
+    expected = brute_responses(image, kernel)
+    assert (np.ptp(expected, axis=(1, 2)) > 5).all()
+    np.testing.assert_allclose(responses_of(image, kernel), expected, rtol=0, atol=1e-3)
+
+
+@pytest.mark.parametrize(("m", "n"), [(3, 0), (1, 4), (9, 7), (15, 10)])
+def test_octagons_have_the_area_of_their_mask(m, n):
+    assert octagon_area(m, n) == octagon(m, n, 41).sum()
+
+
+def test_sums_beyond_32_bits_wrap_around_unharmed():
+    """The table of this image would reach 2.2e9 in its corner."""
+    white = responses_of(np.full((3000, 2900), 255, np.uint8))[:, 40:-40, 40:-40]
+    assert np.abs(white).max() < 1e-3
+    image = np.full((3000, 2900), 255, np.uint8)
+    image[2900, 2800] = 0
+    assert responses_of(image)[0, 2900, 2800] == pytest.approx(-255 / 9, abs=1e-3)
 
 
 def test_hand_worked_response():
     """One white pixel against a centre of 9 pixels and a surround of 69 - 9."""
     image = np.zeros((40, 40), np.uint8)
     image[20, 20] = 255
-    smallest = scale_space(image)[0]
+    smallest = responses_of(image)[0]
     assert smallest[20, 20] == pytest.approx(255 / 9, abs=1e-4)
     assert smallest[21, 21] == pytest.approx(255 / 9, abs=1e-4)
     assert smallest[20, 22] == pytest.approx(-255 / 60, abs=1e-4)
@@ -112,16 +153,17 @@ def test_hand_worked_response():
     assert smallest[24, 23] == 0  # the corner that the octagon cuts off
 
 
+@pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("image", [noise((70, 80)), smooth_noise((80, 90))], ids=["fine", "soft"])
-def test_extrema_equal_a_search_of_27_neighbours(image):
-    expected = brute_extrema(scale_space(image))
-    found = detect(image, EVERYTHING)
-    edge = LARGEST_PX // 2 + 1  # the brute force stays where every octagon fits
+def test_extrema_equal_a_search_of_27_neighbours(image, kernel):
+    expected = brute_extrema(responses_of(image, kernel), kernel)
+    found = detect(image, EVERYTHING.model_copy(update={"kernel": kernel}))
+    edge = LARGEST_PX[kernel] // 2 + 1  # the brute force stays where every kernel fits
     far = np.array(image.shape[::-1]) - 1 - edge
     rounded = np.round(found.pixels)
     inner = ((rounded >= edge) & (rounded <= far)).all(axis=1)
     values = dict(zip(found.response, found.pixels, strict=True))
-    assert len(expected) > 15
+    assert len(expected) > 10
     for (_, v, u), value in expected.items():
         assert np.abs(values[np.float64(value)] - [u, v]).max() <= 0.5
     # Rounding half a pixel may move a feature across the edge.
@@ -143,9 +185,10 @@ def test_threshold_keeps_the_strong_ones():
     v=st.floats(50, 70),
     sigma=st.floats(2.5, 5.0),
     contrast=st.sampled_from([-90.0, -40.0, 60.0, 150.0]),
+    kernel=st.sampled_from(KERNELS),
 )
-def test_a_blob_is_found_where_it_is(u, v, sigma, contrast):
-    found = detect(blob(u, v, sigma, contrast), FeatureSettings())
+def test_a_blob_is_found_where_it_is(u, v, sigma, contrast, kernel):
+    found = detect(blob(u, v, sigma, contrast), FeatureSettings(kernel=kernel))
     assert np.hypot(*(found.pixels[0] - [u, v])) < 0.15
     assert np.sign(found.response[0]) == np.sign(contrast)
 
@@ -213,12 +256,12 @@ def test_too_small_an_image_has_no_features(shape):
 
 
 def test_scales_that_do_not_fit_the_image_find_nothing():
-    found = detect(noise((LARGEST_PX - 1, 200)), FeatureSettings())
+    found = detect(noise((LARGEST_PX["octagon"] - 1, 200)), FeatureSettings())
     assert len(found) > 0
     # The second largest surround fits, so it confirms extrema of the one below and no others.
-    assert found.scale_px.max() < LARGEST_PX / 2 - 1
+    assert found.scale_px.max() < LARGEST_PX["octagon"] / 2 - 1
     assert (found.pixels[:, 1] > 6).all()
-    assert (found.pixels[:, 1] < LARGEST_PX - 8).all()
+    assert (found.pixels[:, 1] < LARGEST_PX["octagon"] - 8).all()
 
 
 @pytest.mark.parametrize("grey", [0, 90, 255])
