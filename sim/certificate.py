@@ -33,7 +33,7 @@ constant fits every scene."""
 
 DARK = 1e-6
 """Nothing is exposed less than this, in multiples of what is painted."""
-ROW_STEP = 8
+ROW_STEP = 16
 BINS_PER_GREY = 50
 """Resolution of the histograms: residuals are exact to 1/50 grey level."""
 MEDIAN_OF_NORMAL = 0.67449
