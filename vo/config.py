@@ -1,8 +1,8 @@
 """Every choice of the estimator, with its unit and its default."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, model_validator
 
 from vo.contract.settings import Settings
 
@@ -83,16 +83,43 @@ class StereoSettings(Settings):
 
 
 class MotionSettings(Settings):
-    """RANSAC over P3P (thesis 2.7, 3.3, 5.4)."""
+    """Orientation under RANSAC (thesis 2.6, 2.7, 3.3, 5.4)."""
 
-    threshold: float = Field(
-        default=0.003, gt=0, description="acceptance, normalised image coordinates"
+    method: Literal["relative", "absolute"] = Field(
+        default="relative", description="from points and pixels, or from points and points (4.1)"
     )
+    solver: Literal["fischler_bolles", "lambda_twist"] = Field(
+        default="lambda_twist", description="of the three legs, if relative"
+    )
+    absolute_solver: Literal["horn", "umeyama"] = "horn"
+    scheme: Literal["adaptive", "preemptive"] = Field(
+        default="adaptive", description="one hypothesis after the other, or all side by side"
+    )
+    score: Literal["inliers", "msac"] = Field(
+        default="msac", description="count inliers, or weigh each by how well it fits"
+    )
+    residual: Literal["reprojection", "distance"] = Field(
+        default="reprojection", description="what is held against the threshold; distance in metres"
+    )
+    threshold: float = Field(default=0.003, gt=0, description="acceptance by reprojection (5.4)")
+    threshold_unit: Literal["normalized", "pixels"] = "normalized"
+    threshold_m: float = Field(default=0.05, gt=0, description="acceptance by distance")
     confidence: float = Field(default=0.9999, gt=0, lt=1, description="1 - p_fail")
-    most_trials: int = Field(default=500, ge=1)
-    batch: int = Field(default=50, ge=1, description="hypotheses solved and scored at once")
+    most_trials: int = Field(default=500, ge=1, description="all of them, if preemptive")
+    preemptive_block: int = Field(
+        default=10, ge=1, description="matches between two halvings of the hypotheses"
+    )
+    local_rounds: int = Field(
+        default=4, ge=0, description="refits to the inliers of each new best; 0 is plain RANSAC"
+    )
     least_inliers: int = Field(default=8, ge=4, description="fewer, and the frame is lost")
     weak_inliers: int = Field(default=25, ge=4, description="fewer, and the frame is weak")
+
+    @model_validator(mode="after")
+    def _distances_need_points(self) -> Self:
+        if self.residual == "distance" and self.method == "relative":
+            raise ValueError('motion.residual "distance" needs motion.method "absolute"')
+        return self
 
 
 class RefinementSettings(Settings):

@@ -1,38 +1,94 @@
-"""The camera's pose from 3D-2D matches: P3P under RANSAC (thesis 3.3)."""
+"""The camera's pose from landmarks and how a new view sees them (thesis 2.6, 3.3, 4.1)."""
 
 import numpy as np
 
 from vo.config import MotionSettings
 from vo.contract import se3
-from vo.contract.arrays import Array, Indices
-from vo.p3p import solve_p3p
+from vo.contract.arrays import Array, Mask
+from vo.hypotheses import Problem
+from vo.orientation import ABSOLUTE_SOLVERS
+from vo.p3p import SOLVERS
 from vo.ransac import Consensus, ransac
 
 
+def find_motion(
+    points_odom: Array,
+    rays: Array,
+    points_cam: Array,
+    settings: MotionSettings,
+    rng: np.random.Generator,
+    f_px: float,
+) -> Consensus | None:
+    """Estimate T_odom_cam by relative or by absolute orientation under RANSAC.
+
+    Args:
+        points_odom: (N, 3) landmarks, metres.
+        rays: (N, 2) normalised image coordinates (x / z, y / z) of the left camera.
+        points_cam: (N, 3) metres, triangulated in the new view; NaN where it has no depth.
+        settings: Method, solver, RANSAC's.
+        rng: Draws the samples.
+        f_px: Focal length, for a threshold in pixels.
+
+    Returns:
+        T_odom_cam, its inliers and covariance, or None if fewer than three matches can be used or
+        all of them are degenerate. Absolute orientation uses the matches with depth, and only
+        these can be its inliers.
+    """
+    absolute = settings.method == "absolute"
+    usable = _finite(points_odom) & _finite(rays)
+    if absolute:
+        usable &= _finite(points_cam)
+    metric = absolute and settings.residual == "distance"
+    outcome = ransac(
+        Problem(
+            points_odom=np.ascontiguousarray(points_odom[usable], dtype=np.float64),
+            rays=np.ascontiguousarray(rays[usable], dtype=np.float64),
+            points_cam=np.ascontiguousarray(points_cam[usable], dtype=np.float64),
+            absolute=absolute,
+            solver=(
+                ABSOLUTE_SOLVERS[settings.absolute_solver] if absolute else SOLVERS[settings.solver]
+            ),
+            metric=metric,
+            threshold=settings.threshold_m if metric else acceptance(settings, f_px),
+            inlier_cost=1.0 if settings.score == "msac" else 0.999 / max(len(usable), 1),
+        ),
+        settings,
+        rng,
+    )
+    if outcome is None:
+        return None
+    inliers = np.zeros(len(usable), dtype=np.bool_)
+    inliers[usable] = outcome.inliers
+    return Consensus(outcome.T, inliers, outcome.trials, outcome.covariance)
+
+
 def relative_orientation(
-    points_odom: Array, rays: Array, settings: MotionSettings, rng: np.random.Generator
+    points_odom: Array,
+    rays: Array,
+    settings: MotionSettings,
+    rng: np.random.Generator,
+    f_px: float = np.nan,
 ) -> Consensus | None:
     """Estimate T_odom_cam from landmarks and where the left camera sees them.
 
-    Args:
-        points_odom: (N, 3) metres.
-        rays: (N, 2) normalised image coordinates (x / z, y / z).
-        settings: RANSAC's.
-        rng: Draws the samples.
-
-    Returns:
-        T_odom_cam and its inliers, or None if fewer than three matches or all degenerate.
+    As `find_motion`; `f_px` is only needed for a threshold in pixels.
     """
-    homogeneous = np.concatenate([rays, np.ones((len(rays), 1))], axis=1)
-    unit = homogeneous / np.linalg.norm(homogeneous, axis=1, keepdims=True)
+    relative = settings.model_copy(update={"method": "relative", "residual": "reprojection"})
+    nowhere = np.full(np.shape(points_odom), np.nan)
+    return find_motion(points_odom, rays, nowhere, relative, rng, f_px)
 
-    def solve(samples: Indices) -> Array:
-        return solve_p3p(points_odom[samples], unit[samples])[0]
 
-    def residuals(T_odom_cam: Array) -> Array:
-        return reprojection_errors(T_odom_cam, points_odom, rays)
+def acceptance(settings: MotionSettings, f_px: float) -> float:
+    """Largest reprojection error of an inlier, in normalised image coordinates.
 
-    return ransac(len(rays), solve, residuals, settings, rng)
+    Raises:
+        ValueError: If the threshold is in pixels and the focal length is not known.
+    """
+    if settings.threshold_unit == "normalized":
+        return settings.threshold
+    if not f_px > 0:
+        raise ValueError(f"a threshold in pixels needs a focal length, got {f_px}")
+    return settings.threshold / f_px
 
 
 def reprojection_errors(T_odom_cam: Array, points_odom: Array, rays: Array) -> Array:
@@ -46,3 +102,7 @@ def reprojection_errors(T_odom_cam: Array, points_odom: Array, rays: Array) -> A
         points_cam[..., :2], z, out=np.full_like(points_cam[..., :2], np.nan), where=z > 0
     )
     return np.linalg.norm(seen - rays, axis=-1)
+
+
+def _finite(rows: Array) -> Mask:
+    return np.asarray(np.isfinite(rows).all(axis=1))

@@ -11,7 +11,7 @@ from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
 from vo.correspondence import find_matches
 from vo.mapping import add_keyframe, is_new_view, refine_map
-from vo.motion import relative_orientation, reprojection_errors
+from vo.motion import acceptance, find_motion, reprojection_errors
 from vo.refine import refine_motion
 from vo.stereo import DenseStereo
 from vo.tracks import empty_map
@@ -43,9 +43,12 @@ class StereoOdometry:
             with clock("matching"):  # marriage by ZNCC, sub-pixel alignment (3.2)
                 matches = find_matches(self._map, view, T_guess, reach_px, rig, s)
                 counts["matches"] = len(matches)
-            with clock("motion"):  # P3P under RANSAC (3.3)
+            with clock("motion"):  # orientation under RANSAC (3.3)
                 rays = rig.normalized(matches.pixels)
-                consensus = relative_orientation(matches.points_odom, rays, s.motion, self._rng)
+                points_cam = rig.triangulate(matches.pixels, matches.disparity_px)
+                consensus = find_motion(
+                    matches.points_odom, rays, points_cam, s.motion, self._rng, rig.f_px
+                )
                 if consensus is None or consensus.inliers.sum() < s.motion.least_inliers:
                     continue
             with clock("motion refinement"):  # at every frame (3.4)
@@ -53,7 +56,7 @@ class StereoOdometry:
                     consensus.T, *matches.select(consensus.inliers).measured, rig, s.refinement
                 )
                 errors = reprojection_errors(T_odom_cam, matches.points_odom, rays)
-                inliers = matches.select(errors < s.motion.threshold)
+                inliers = matches.select(errors < acceptance(s.motion, rig.f_px))
                 counts["inliers"] = len(inliers)
             if len(inliers) >= s.motion.least_inliers:
                 break

@@ -1,84 +1,155 @@
-"""Random sample consensus with an adaptive number of trials (thesis 2.7).
+"""Random sample consensus: adaptive or preemptive, with local optimisation (thesis 2.2, 2.7).
 
-Source: Fischler and Bolles, CACM 1981; L = log p_fail / log(1 - p_good^k), thesis eq. 2.28.
+Source: Fischler and Bolles, CACM 1981, with L = log p_fail / log(1 - p_good^k), thesis eq. 2.28;
+Chum, Matas and Kittler, Locally optimized RANSAC, DAGM 2003; Nistér, Preemptive RANSAC for live
+structure and motion estimation, MVA 2005.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 
 from vo.config import MotionSettings
+from vo.contract import se3
 from vo.contract.arrays import Array, Indices, Mask
+from vo.hypotheses import MOST_POSES, SAMPLE, Problem, cost, improve, inliers, propose, uncertainty
 
-SAMPLE = 3
+FINISHING = 20
+"""Most refits of the best pose, if poses are refitted at all."""
 
 
 @dataclass(frozen=True)
 class Consensus:
-    """The model that most data agree with.
+    """The pose that most matches agree with.
 
     Attributes:
-        T: (4, 4) the model.
-        inliers: (N,) data within the threshold of it.
+        T: (4, 4) T_odom_cam.
+        inliers: (N,) matches within the threshold of it.
         trials: Samples drawn.
+        covariance: (6, 6) of the pose that fits the inliers best, tangent order (w, v) in the
+            camera's frame as GTSAM's Pose3; NaN where the inliers do not determine it.
     """
 
     T: Array
     inliers: Mask
     trials: int
+    covariance: Array
 
 
 def ransac(
-    count: int,
-    solve: Callable[[Indices], Array],
-    residuals: Callable[[Array], Array],
-    settings: MotionSettings,
-    rng: np.random.Generator,
+    problem: Problem, settings: MotionSettings, rng: np.random.Generator
 ) -> Consensus | None:
-    """Find the model with the most inliers; among equals, the one that fits them best.
+    """Find the pose of least cost.
 
     Args:
-        count: Number of data N.
-        solve: (B, 3) sample indices to (S, 4, 4) candidate models; S may be 0.
-        residuals: (S, 4, 4) models to (S, N) errors in the unit of the threshold; NaN is bad.
-        settings: Threshold, confidence and number of trials.
+        problem: N matches, all finite.
+        settings: Scheme, confidence, trials and refits.
         rng: Draws the samples.
 
     Returns:
-        None if there are fewer than three data or no sample gives a model.
+        None if there are fewer than three matches or no sample gives a pose.
     """
+    count = len(problem.points_odom)
     if count < SAMPLE:
         return None
-    best: Consensus | None = None
-    best_score = -1.0
-    trials, needed = 0, settings.most_trials
-    while trials < needed:
-        samples = rng.random((settings.batch, count)).argpartition(SAMPLE - 1, axis=1)[:, :SAMPLE]
-        trials += settings.batch
-        models = solve(samples)
-        if len(models) == 0:
-            continue
-        with np.errstate(invalid="ignore"):
-            errors = residuals(models)
-            inliers = errors < settings.threshold
-        # The fraction below one breaks ties between equal counts.
-        misfit = np.where(inliers, errors, settings.threshold).mean(axis=1) / settings.threshold
-        score = inliers.sum(axis=1) + 0.999 * (1 - misfit)
-        s = int(score.argmax())
-        if score[s] > best_score:
-            best, best_score = Consensus(models[s], inliers[s], trials), float(score[s])
-            needed = min(
-                settings.most_trials, trials_needed(inliers[s].mean(), settings.confidence)
-            )
-    return None if best is None else Consensus(best.T, best.inliers, trials)
+    # In random order, so that the first matches judged stand for all.
+    order = rng.permutation(count)
+    shuffled = problem._replace(
+        points_odom=problem.points_odom[order],
+        rays=problem.rays[order],
+        points_cam=problem.points_cam[order],
+    )
+    draws = rng.random((settings.most_trials, SAMPLE))
+    pose = np.zeros((3, 4))
+    if settings.scheme == "preemptive":
+        trials = _search_preemptive(shuffled, draws, settings.preemptive_block, pose)
+    else:
+        trials = _search(shuffled, draws, settings.confidence, settings.local_rounds, pose)
+    rows, covariance = _finish(shuffled, pose, FINISHING if settings.local_rounds else 0)
+    if len(rows) < SAMPLE:
+        return None
+    mask = np.zeros(count, dtype=np.bool_)
+    mask[order[rows]] = True
+    T_odom_cam = se3.inverse(se3.pose(pose[:, :3], pose[:, 3]))
+    return Consensus(T_odom_cam, mask, int(trials), covariance)
 
 
-def trials_needed(p_good: float, confidence: float) -> int:
-    """Samples of three after which one is all good with the given confidence."""
+@numba.njit(cache=True)
+def trials_needed(p_good: float, confidence: float) -> float:
+    """Samples of three after which one is all good with the given confidence (eq. 2.28)."""
     p_sample = p_good**SAMPLE
     if p_sample >= 1:
-        return 1
+        return 1.0
     if p_sample <= 0:
-        return np.iinfo(np.int64).max
-    return int(np.ceil(np.log(1 - confidence) / np.log1p(-p_sample)))
+        return np.inf
+    return np.ceil(np.log(1 - confidence) / np.log1p(-p_sample))
+
+
+@numba.njit(cache=True)
+def _search(
+    problem: Problem, draws: Array, confidence: float, local_rounds: int, pose: Array
+) -> int:
+    """One sample after the other until a better one has become unlikely; returns how many."""
+    count = len(problem.points_odom)
+    sample, poses = np.empty(SAMPLE, dtype=np.int64), np.empty((MOST_POSES, 3, 4))
+    best = np.inf
+    trials, needed = 0, len(draws)
+    while trials < needed:
+        _choose(draws[trials], count, sample)
+        trials += 1
+        better = False
+        for k in range(propose(problem, sample, poses)):
+            now = cost(problem, poses[k], 0, count, best)
+            if now < best:
+                best, better, pose[:] = now, True, poses[k]
+        if better:
+            best = improve(problem, pose, best, local_rounds)
+            share = len(inliers(problem, pose)) / count
+            needed = int(min(len(draws), trials_needed(share, confidence)))
+    return trials
+
+
+@numba.njit(cache=True)
+def _search_preemptive(problem: Problem, draws: Array, block: int, pose: Array) -> int:
+    """Judge all hypotheses by a block of matches, keep the better half, go on with the next.
+
+    Returns:
+        The number of samples.
+    """
+    count = len(problem.points_odom)
+    sample, poses = np.empty(SAMPLE, dtype=np.int64), np.empty((MOST_POSES * len(draws), 3, 4))
+    found = 0
+    for draw in draws:
+        _choose(draw, count, sample)
+        found += propose(problem, sample, poses[found:])
+    costs, alive = np.zeros(found), np.arange(found)
+    seen = 0
+    while seen < count and len(alive) > 1:
+        after = min(seen + block, count)
+        for k in alive:
+            costs[k] += cost(problem, poses[k], seen, after, np.inf)
+        alive = alive[np.argsort(costs[alive])[: max(len(alive) // 2, 1)]]
+        seen = after
+    if found:
+        pose[:] = poses[alive[0]]
+    return len(draws)
+
+
+@numba.njit(cache=True)
+def _choose(draw: Array, count: int, sample: Indices) -> None:
+    """Turn three numbers below 1 into three different rows, all triplets equally likely."""
+    sample[0] = int(draw[0] * count)
+    sample[1] = int(draw[1] * (count - 1))
+    sample[1] += sample[1] >= sample[0]  # step over the row that is taken
+    sample[2] = int(draw[2] * (count - 2))
+    sample[2] += sample[2] >= min(sample[0], sample[1])
+    sample[2] += sample[2] >= max(sample[0], sample[1])
+
+
+@numba.njit(cache=True)
+def _finish(problem: Problem, pose: Array, rounds: int) -> tuple[Indices, Array]:
+    """Refit the best pose, in place, until it stays; its inliers and its covariance."""
+    improve(problem, pose, cost(problem, pose, 0, len(problem.points_odom), np.inf), rounds)
+    rows = inliers(problem, pose)
+    return rows, uncertainty(problem, pose, rows)
