@@ -11,7 +11,8 @@ import numpy as np
 from vo.contract.arrays import Array, Indices
 from vo.orientation import orient
 from vo.p3p import MOST_CANDIDATES, p3p, slender
-from vo.pose_steps import covariance, covariance_of_points, step
+from vo.pose_covariance import covariance, covariance_of_points
+from vo.pose_steps import step
 
 SAMPLE = 3
 MOST_POSES = 4
@@ -121,8 +122,8 @@ def improve(problem: Problem, pose: Array, now: float, rounds: int) -> float:
         if len(rows) < SAMPLE:
             break
         if problem.absolute:
-            args = problem.points_cam, problem.points_odom, rows, problem.solver, refitted
-            done = orient(*args)
+            solver = problem.solver
+            done = orient(problem.points_cam, problem.points_odom, rows, solver, refitted)
         else:
             done = step(problem.points_odom, problem.rays, rows, pose, refitted)
         if not done:
