@@ -14,7 +14,7 @@ from vo.config import FeatureSettings
 from vo.contract.arrays import Array, Image
 from vo.kernels import Kernels, kernels
 from vo.octagons import add_octagons, prefix_sums
-from vo.subpixel import peak
+from vo.subpixel import peak, vertices
 
 
 def censure(image: Image, settings: FeatureSettings) -> Array:
@@ -25,22 +25,23 @@ def censure(image: Image, settings: FeatureSettings) -> Array:
         settings: Kernel, number of scales and thresholds.
 
     Returns:
-        (N, 4) rows (u_px, v_px, scale_px, response). The scale is the radius of the disc that has
-        the surround's outer area, interpolated between scales; the response is the mean of the
-        centre minus that of the surround, grey levels, positive where the centre is brighter.
+        (N, 4) rows (u_px, v_px, scale_px, response). The scale is the standard deviation of the
+        Gaussian blob that would peak there in scale; the response is the contrast of that blob,
+        grey levels, positive where it is brighter than its surround.
     """
     shape = kernels(settings.kernel, settings.scales)
     responses = scale_space(image, shape)
     found = _extrema(responses, shape.margin, settings.threshold)
     window_px = np.round(shape.centre_px).astype(np.int64) + 2
     found = found[_round(image, found, window_px, settings.line_ratio)]
-    return _interpolate(responses, found, shape.scale_px)
+    return _interpolate(responses, found, shape)
 
 
 def scale_space(image: Image, shape: Kernels) -> Array:
-    """Centre-minus-surround mean grey level at every pixel and scale: (S, H, W) float32.
+    """Contrast of the blob at every pixel and scale, grey levels: (S, H, W) float32.
 
-    Zero where the surround does not fit into the image (section 3.2, equations 2 and 3).
+    The mean of the centre minus that of the surround, times the kernel's gain; zero where the
+    surround does not fit into the image (section 3.2, equations 2 and 3).
     """
     responses = np.zeros((len(shape.margin), *image.shape), dtype=np.float32)
     _center_surround(
@@ -171,12 +172,11 @@ def _round(image: Image, found: Array, window_px: Array, most_ratio: float) -> A
     return kept
 
 
-def _interpolate(responses: Array, found: Array, scale_px: Array) -> Array:
-    """Refine (scale, v, u) by a parabola along each axis through the extremum."""
+def _interpolate(responses: Array, found: Array, shape: Kernels) -> Array:
+    """Refine (scale, v, u) in the image and, by a parabola, between the scales."""
     s, v, u = found.T
     centre = responses[s, v, u]
-    ds = peak(responses[s - 1, v, u], centre, responses[s + 1, v, u])
-    dv = peak(responses[s, v - 1, u], centre, responses[s, v + 1, u])
-    du = peak(responses[s, v, u - 1], centre, responses[s, v, u + 1])
-    radius = np.interp(s + ds, np.arange(len(scale_px)), scale_px)
-    return np.stack([u + du, v + dv, radius, centre], axis=-1)
+    between = s + peak(responses[s - 1, v, u], centre, responses[s + 1, v, u])
+    scale_px = np.interp(between, shape.blob_scale, shape.blob_sigma_px)
+    pixels = found[:, :0:-1] + vertices(responses, found)
+    return np.column_stack([pixels, scale_px, centre])

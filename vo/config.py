@@ -29,7 +29,7 @@ class FeatureSettings(Settings):
     )
     count: int = Field(default=500, ge=1, description="features kept per image")
     threshold: float = Field(
-        default=2.0, ge=0, description="least contrast of a feature, grey levels"
+        default=4.0, ge=0, description="least contrast of a feature, grey levels"
     )
     line_ratio: float = Field(
         default=12.0, gt=1, description="largest ratio of principal gradients"

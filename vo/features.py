@@ -24,9 +24,10 @@ class Features:
 
     Attributes:
         pixels: (N, 2) float64 (u, v), sub-pixel, centres on integers.
-        scale_px: (N,) radius of the region that the detector looked at.
-        response: (N,) contrast, grey levels. Of CenSurE, mean of the centre minus that of the
-            surround, positive where the centre is brighter; of Harris, never negative.
+        scale_px: (N,) standard deviation of the Gaussian blob that would be found alike; of
+            Harris, of the window.
+        response: (N,) contrast, grey levels: of CenSurE that blob's, positive where it is brighter
+            than its surround; of Harris, which measures gradients, grey levels per pixel.
     """
 
     pixels: Array

@@ -8,10 +8,10 @@ import numpy as np
 
 from vo.config import FeatureSettings
 from vo.contract.arrays import Array, Image
-from vo.subpixel import peak
+from vo.subpixel import vertices
 
 SIGMA_PX = 1.5
-"""Of the Gaussian window over which gradients are averaged; features have twice that radius."""
+"""Of the Gaussian window over which gradients are averaged."""
 
 _BEFORE = np.array([[1, 1, 1], [1, 0, 0], [0, 0, 0]], dtype=np.uint8)
 _AFTER = np.ascontiguousarray(_BEFORE[::-1, ::-1])
@@ -30,11 +30,10 @@ def harris(image: Image, settings: FeatureSettings) -> Array:
         & (response >= cv2.dilate(response, _AFTER))
     )
     inside = (u > 0) & (v > 0) & (u < image.shape[1] - 1) & (v < image.shape[0] - 1)
-    u, v = u[inside], v[inside]
-    centre = response[v, u]
-    du = peak(response[v, u - 1], centre, response[v, u + 1])
-    dv = peak(response[v - 1, u], centre, response[v + 1, u])
-    return np.stack([u + du, v + dv, np.full(len(u), 2 * SIGMA_PX), centre], axis=-1)
+    found = np.stack([np.zeros_like(u), v, u], axis=-1)[inside]
+    pixels = found[:, :0:-1] + vertices(response[None], found)
+    strength = response[found[:, 1], found[:, 2]]
+    return np.column_stack([pixels, np.full(len(found), SIGMA_PX), strength])
 
 
 def harris_response(image: Image, line_ratio: float) -> Array:
