@@ -18,6 +18,9 @@ SAMPLE = 3
 MOST_POSES = 4
 """That one sample may give."""
 
+WIDEST = 3.0
+"""Thresholds within which the first refit looks for inliers; each next one within half as many."""
+
 BLOCK = 16
 """Matches judged at a time before a bad pose is given up."""
 
@@ -102,23 +105,27 @@ def cost(problem: Problem, pose: Array, first: int, last: int, bail: float) -> f
 
 
 @numba.njit(cache=True, error_model="numpy")
-def inliers(problem: Problem, pose: Array) -> Indices:
-    """Rows of the matches within the threshold."""
+def inliers(problem: Problem, pose: Array, reach: float = 1.0) -> Indices:
+    """Rows of the matches within so many thresholds."""
     all_of_them = np.empty(len(problem.points_odom))
     misfits(problem, pose, 0, len(all_of_them), all_of_them)
-    return np.flatnonzero(all_of_them < 1)
+    return np.flatnonzero(all_of_them < reach * reach)
 
 
 @numba.njit(cache=True, error_model="numpy")
 def improve(problem: Problem, pose: Array, now: float, rounds: int) -> float:
     """Refit a pose (3, 4), in place, to its inliers while its cost falls; returns the cost.
 
+    The first rounds reach further, to catch what a pose from three noisy points has missed.
+
     Source:
-        Chum, Matas and Kittler, Locally optimized RANSAC, DAGM 2003, iterative least squares.
+        Chum, Matas and Kittler, Locally optimized RANSAC, DAGM 2003: iterative least squares
+        with a threshold that shrinks.
     """
     refitted = np.empty((3, 4))
-    for _ in range(rounds):
-        rows = inliers(problem, pose)
+    for k in range(rounds):
+        reach = max(WIDEST / 2**k, 1.0)
+        rows = inliers(problem, pose, reach)
         if len(rows) < SAMPLE:
             break
         if problem.absolute:
@@ -129,9 +136,10 @@ def improve(problem: Problem, pose: Array, now: float, rounds: int) -> float:
         if not done:
             break
         then = cost(problem, refitted, 0, len(problem.points_odom), now)
-        if not then < now:
+        if then < now:
+            pose[:], now = refitted, then
+        elif reach == 1:
             break
-        pose[:], now = refitted, then
     return now
 
 
