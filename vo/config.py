@@ -66,20 +66,37 @@ class MatchingSettings(Settings):
 
 
 class StereoSettings(Settings):
-    """Dense stereo (thesis 3.1), made sub-pixel at the features."""
+    """Disparity at the features, sparse or from a dense map (thesis 3.1), made sub-pixel."""
 
-    method: Literal["block_matching", "semi_global"] = "semi_global"
-    shrink: int = Field(
-        default=2, ge=1, le=4, description="dense stereo works on images this much smaller"
+    method: Literal["sparse", "block_matching", "semi_global"] = "sparse"
+    search_px: PatchSide = Field(default=9, description="sparse: side of the correlated patch")
+    distinct: float = Field(
+        default=1.5, ge=1, description="sparse: least ratio of 1 - ZNCC, the next best to the best"
     )
+    expected_reach_px: float = Field(
+        default=3.0, gt=0, description="sparse: search about a disparity that is expected"
+    )
+    shrink: int = Field(
+        default=2, ge=1, le=4, description="dense: works on images this much smaller"
+    )
+    block_px: PatchSide = Field(default=15, description="block matching: side of the block")
     most_disparity_px: float = Field(
         default=96.0, gt=0, description="the closest point searched for"
     )
     least_disparity_px: float = Field(
-        default=8.0, gt=0, description="depth gate: 5.1 m with the default rig, as in thesis 3.1"
+        default=8.0,
+        ge=0,
+        description="depth gate: 5.1 m with the default rig, as in thesis 3.1; 0 is none",
     )
+    refine: bool = Field(default=True, description="align the patches to sub-pixels")
     align_px: PatchSide = Field(default=9, description="side of the patch aligned across the pair")
-    align_zncc: float = Field(default=0.85, gt=0, lt=1, description="least left-right correlation")
+    align_zncc: float = Field(default=0.5, gt=0, lt=1, description="least left-right correlation")
+    most_sigma_px: float = Field(
+        default=0.3, gt=0, description="largest standard deviation by the noise of the images"
+    )
+    most_spread_px: float = Field(
+        default=0.6, gt=0, description="largest disagreement of windows shifted left and right"
+    )
 
 
 class MotionSettings(Settings):

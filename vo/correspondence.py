@@ -9,8 +9,8 @@ from vo.config import MatchingSettings, OdometrySettings
 from vo.contract import se3
 from vo.contract.arrays import Array, Image, Indices, Mask
 from vo.contract.rig import StereoRig
+from vo.disparity import measure_disparities
 from vo.matching import marry
-from vo.stereo import disparity_at
 from vo.templates import cut
 from vo.tracks import Landmarks, LocalMap
 from vo.view import View
@@ -81,7 +81,7 @@ def find_matches(
     )
     good = ~np.isnan(pixels[:, 0])
     rows, found, pixels = rows[good], found[good], pixels[good]
-    disparity_px = disparity_at(view.frame, view.dense, pixels, settings.stereo)
+    disparity_px = measure_disparities(view.frame, view.dense, pixels, settings.stereo).values_px
     return Matches(
         rows, landmarks.ids[rows], landmarks.points_odom[rows], found, pixels, disparity_px
     )

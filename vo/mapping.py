@@ -9,8 +9,9 @@ from vo.contract import se3
 from vo.contract.arrays import Array
 from vo.contract.rig import StereoRig
 from vo.correspondence import Matches
+from vo.disparity import measure_disparities
 from vo.refine import Bundle, refine_structure
-from vo.stereo import disparity_at, disparity_slopes
+from vo.surface import surface_slopes
 from vo.tracks import Keyframe, Landmarks, LocalMap, visibility
 from vo.view import View
 
@@ -57,7 +58,7 @@ def add_keyframe(
     """
     serial, known = local_map.next_serial, local_map.landmarks
     taken = matches.pixels if matches else np.zeros((0, 2))
-    pixels, disparity_px, vectors = _fresh_features(view, taken, settings)
+    pixels, disparity_px, slopes, vectors = _fresh_features(view, taken, settings)
     points_cam = rig.triangulate(pixels, disparity_px)
     fresh = Landmarks(
         ids=local_map.next_id + np.arange(len(pixels)),
@@ -67,7 +68,7 @@ def add_keyframe(
         anchor=np.full(len(pixels), serial),
         anchor_pixels=pixels,
         anchor_depth_m=points_cam[:, 2],
-        anchor_slopes=disparity_slopes(view.dense, pixels, view.frame.left.shape),
+        anchor_slopes=slopes,
     )
     keyframe = Keyframe(serial, T_odom_cam, view.frame.left, fresh.ids, pixels, disparity_px)
     if matches:
@@ -79,15 +80,19 @@ def add_keyframe(
         )
     keyframes = (*local_map.keyframes, keyframe)[-settings.refinement.window :]
     if matches:
-        known = _renew_anchors(known, matches, view, keyframe, keyframes[0].serial, settings)
+        known = _renew_anchors(known, matches, keyframe, keyframes[0].serial, settings)
     known = known.select(known.anchor >= keyframes[0].serial)
     return LocalMap(keyframes, known.extend(fresh), serial + 1, local_map.next_id + len(fresh))
 
 
 def _fresh_features(
     view: View, taken: Array, settings: OdometrySettings
-) -> tuple[Array, Array, Array]:
-    """Features that have a depth and lie apart from pixels taken: (N, 2), (N,) px and (N, P)."""
+) -> tuple[Array, Array, Array, Array]:
+    """Features that have a depth and lie apart from pixels taken.
+
+    Returns:
+        (N, 2) pixels, (N,) disparities, their (N, 2) slopes and (N, P) appearances.
+    """
     pixels = view.features.pixels
     if len(taken):
         distance = np.linalg.norm(pixels[:, None] - taken[None], axis=-1).min(axis=1)
@@ -95,13 +100,13 @@ def _fresh_features(
     else:
         free = np.ones(len(pixels), dtype=bool)
     pixels, vectors = pixels[free], view.vectors[free]
-    disparity_px = disparity_at(view.frame, view.dense, pixels, settings.stereo)
-    known = ~np.isnan(disparity_px)
-    return pixels[known], disparity_px[known], vectors[known]
+    found = measure_disparities(view.frame, view.dense, pixels, settings.stereo)
+    known = found.known
+    return pixels[known], found.values_px[known], found.slopes[known], vectors[known]
 
 
 def _renew_anchors(
-    landmarks: Landmarks, seen: Matches, view: View, keyframe: Keyframe, oldest: int,
+    landmarks: Landmarks, seen: Matches, keyframe: Keyframe, oldest: int,
     settings: OdometrySettings,
 ) -> Landmarks:  # fmt: skip
     """Take new templates for the seen landmarks whose old one is worn or about to be dropped."""
@@ -114,7 +119,9 @@ def _renew_anchors(
         anchor=np.full(worn.sum(), keyframe.serial),
         anchor_pixels=seen.pixels[worn],
         anchor_depth_m=depth_m[worn],
-        anchor_slopes=disparity_slopes(view.dense, seen.pixels[worn], view.frame.left.shape),
+        anchor_slopes=surface_slopes(
+            seen.pixels[worn], seen.disparity_px[worn], keyframe.pixels, keyframe.disparity_px
+        ),
     )
 
 

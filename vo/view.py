@@ -19,7 +19,7 @@ class View:
         frame: The pair.
         features: Of the left image.
         vectors: (N, P) appearance of the features.
-        dense: Disparity map, NaN where unknown.
+        dense: Disparity map, NaN where unknown; of size zero where stereo is sparse.
     """
 
     frame: StereoFrame

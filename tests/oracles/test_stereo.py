@@ -4,9 +4,13 @@ import cv2
 import numpy as np
 import pytest
 
-from vo.config import StereoSettings
+from vo.config import FeatureSettings, StereoSettings
 from vo.contract.sequence import StereoFrame
-from vo.stereo import DenseStereo, disparity_at, disparity_slopes
+from vo.disparity import measure_disparities
+from vo.epipolar import search_rows
+from vo.features import detect
+from vo.stereo import DenseStereo
+from vo.surface import surface_slopes
 
 WIDTH, HEIGHT = 400, 240
 SETTINGS = StereoSettings()
@@ -53,8 +57,12 @@ def pixels():
     return np.random.default_rng(0).uniform([130, 25], [WIDTH - 26, HEIGHT - 26], (300, 2))
 
 
-def dense_of(frame, settings=SETTINGS):
+def dense_of(frame, settings):
     return DenseStereo(settings)(frame.left, frame.right)
+
+
+def measure(frame, pixels, settings=SETTINGS, **known):
+    return measure_disparities(frame, dense_of(frame, settings), pixels, settings, **known)
 
 
 @pytest.mark.parametrize("method", ["semi_global", "block_matching"])
@@ -72,51 +80,134 @@ def test_dense_disparity(plane, method, shrink):
     assert (np.abs(error[right_of_blind]) < 2).mean() > 0.97
 
 
-def test_disparity_at_features_is_sub_pixel(plane, pixels):
-    """Against 0.06 px and more of the dense map alone."""
-    found = disparity_at(plane.frame, dense_of(plane.frame), pixels, SETTINGS)
-    error = np.abs(found - plane.disparity_px(pixels))
-    known = ~np.isnan(found)
-    assert known.mean() > 0.9
-    assert 1e-4 < np.median(error[known]) < 0.05
-    assert np.quantile(error[known], 0.99) < 0.3
+@pytest.fixture(params=["sparse", "semi_global", "block_matching"])
+def method(request):
+    return request.param
 
 
-def test_slopes(plane, pixels):
-    dense = dense_of(plane.frame)
-    slopes = disparity_slopes(dense, pixels, plane.frame.left.shape)
-    assert slopes.shape == (300, 2)
-    assert np.abs(np.median(slopes, axis=0) - plane.slopes).max() < 0.02
-    assert np.median(np.abs(slopes - plane.slopes)) < 0.03
+def test_disparity_at_features_is_sub_pixel(plane, pixels, method):
+    """Against 0.06 px and more of the dense maps alone; the uncertainty is that of rounding."""
+    found = measure(plane.frame, pixels, StereoSettings(method=method))
+    error = np.abs(found.values_px - plane.disparity_px(pixels))
+    assert found.known.mean() > 0.9
+    assert 1e-4 < np.median(error[found.known]) < 0.03
+    assert np.quantile(error[found.known], 0.99) < 0.3
+    assert (error[found.known] < 4 * found.sigma_px[found.known] + 0.02).mean() > 0.97
+    assert np.array_equal(np.isnan(found.sigma_px), ~found.known)
 
 
-@pytest.mark.parametrize("shrink", [1, 2, 4])
-def test_slopes_of_an_exact_map(shrink):
-    """Per pixel of the full image, whatever the size of the map."""
-    a, b = 0.1, -0.05
-    rows, columns = np.mgrid[: HEIGHT // shrink, : WIDTH // shrink] * float(shrink)
-    exact = (30 + a * columns + b * rows).astype(np.float32)
-    slopes = disparity_slopes(exact, np.array([[200.0, 100.0]]), (HEIGHT, WIDTH))
-    np.testing.assert_allclose(slopes, [[a, b]], atol=1e-5)
+def test_slopes_come_from_neighbours(plane, pixels):
+    found = measure(plane.frame, pixels)
+    error = np.abs(found.slopes - plane.slopes)[found.known]
+    assert 0 < np.median(error) < 0.003
+    assert np.quantile(error, 0.95) < 0.02
 
 
-def test_no_slope_where_there_is_no_plane():
-    dense = np.full((HEIGHT, WIDTH), 20.0, np.float32)
-    dense[:, WIDTH // 2 :] = 40.0
-    unknown = np.full((HEIGHT, WIDTH), np.nan, np.float32)
-    places = np.array([[WIDTH / 2, 100.0], [-20.0, 50.0], [1e4, 50.0], [np.nan, np.nan], [0, 0]])
-    for values in (dense, unknown):
-        assert not disparity_slopes(values, places, (HEIGHT, WIDTH)).any()
+def test_search_where_a_disparity_is_expected(plane, pixels):
+    """It is found where it is expected, and nowhere else."""
+    alone, truth = pixels[:1], plane.disparity_px(pixels[:1])
+    slopes = plane.slopes[None]
+    for expected_px, known in ((truth + 2, True), (truth + 9, False), (truth * np.nan, True)):
+        found = measure(plane.frame, alone, slopes=slopes, expected_px=expected_px)
+        assert found.known[0] == known
+        assert not np.abs(found.values_px - truth)[0] > 0.05
 
 
-def test_unknown_outside_and_in_front_of_what_is_seen(plane):
-    dense = dense_of(plane.frame)
+def test_a_known_slant_makes_a_lone_feature_exact():
+    """On a floor, a window without neighbours is taken for upright; their slant helps as much."""
+    plane = Plane(*PLANES["floor"])
+    rng = np.random.default_rng(1)
+    near, pixels = (rng.uniform([130, 25], [WIDTH - 26, HEIGHT - 26], (60, 2)) for _ in range(2))
+    near_px = plane.disparity_px(near)
+    slopes = np.tile(plane.slopes, (60, 1))
+    errors = []
+    for known in ({}, {"slopes": slopes}, {"nearby": np.column_stack([near, near_px])}):
+        found = [measure(plane.frame, p[None], **known_of(known, i)) for i, p in enumerate(pixels)]
+        values = np.array([x.values_px[0] for x in found])
+        errors.append(np.nanmedian(np.abs(values - plane.disparity_px(pixels))))
+    assert errors[1] < 0.3 * errors[0]
+    assert errors[2] < 0.3 * errors[0]
+
+
+def known_of(known, i):
+    return {"slopes": known["slopes"][i : i + 1]} if "slopes" in known else known
+
+
+def test_slopes_of_exact_planes():
+    """The plane on which the feature itself lies, of two; none where there are too few points."""
+    rng = np.random.default_rng(0)
+    places = rng.uniform(0, 100, (60, 2))
+    left = places[:, 0] < 50
+    a, b = np.array([0.1, -0.05]), np.array([-0.2, 0.15])
+    disparity_px = np.where(left, 30 + places @ a, 75 + places @ b)
+    at = np.array([[40.0, 50.0], [60.0, 50.0]])
+    own = np.array([30 + at[0] @ a, 75 + at[1] @ b])
+    slopes = surface_slopes(at, own, places, disparity_px)
+    np.testing.assert_allclose(slopes, [a, b], atol=2e-3)
+    alone = surface_slopes(at, np.full(2, np.nan), places[left], disparity_px[left])
+    np.testing.assert_allclose(alone, [a, a], atol=2e-3)
+    few = np.where(np.arange(60) < 3, disparity_px, np.nan)
+    assert not surface_slopes(at, own, places, few).any()
+    assert not surface_slopes(at, own, places, rng.uniform(0, 90, 60)).any()
+    line = np.column_stack([np.arange(30.0), np.full(30, 50.0)])
+    along = surface_slopes(at[:1], own[:1], line, 30 + line @ a)
+    np.testing.assert_allclose(along, [[0.1, 0.0]], atol=2e-3)
+
+
+def test_search_is_that_of_opencv(plane):
+    """Whole disparities and correlations against OpenCV's template matching."""
+    left, right = plane.frame.left, plane.frame.right
+    rng, r = np.random.default_rng(0), 5
+    places = rng.integers([130, 20], [WIDTH - 20, HEIGHT - 20], (50, 2))
+    nearest, farthest = np.full(50, 90.0), np.full(50, 3.0)
+    found, zncc, rival = search_rows(
+        left, right, places.astype(float), nearest, farthest, 2 * r + 1
+    )
+    assert np.isfinite(found).mean() > 0.8
+    for (u, v), disparity, score, other in zip(places, found, zncc, rival, strict=True):
+        if np.isnan(disparity):
+            continue
+        strip = right[v - r : v + r + 1, max(u - 90 - r, 0) : u - 3 + r + 1]
+        patch = left[v - r : v + r + 1, u - r : u + r + 1]
+        scores = cv2.matchTemplate(strip, patch, cv2.TM_CCOEFF_NORMED)[0]
+        best = int(np.argmax(scores))
+        assert disparity == u - r - max(u - 90 - r, 0) - best
+        assert score == pytest.approx(scores[best], abs=1e-4)
+        rest = np.delete(scores, range(max(best - 2, 0), min(best + 3, len(scores))))
+        assert other == pytest.approx(rest.max(), abs=1e-4)
+
+
+def test_what_only_one_eye_sees_has_no_disparity():
+    """A near strip hides a part of the wall from the right eye, and straddles windows."""
+    wall, strip = Plane(12.0, 0.0, 0.0, seed=1), Plane(40.0, 0.0, 0.0, seed=2)
+    left, right = wall.frame.left.copy(), wall.frame.right.copy()
+    left[:, 200:260] = strip.frame.left[:, 200:260]
+    right[:, 160:220] = strip.frame.right[:, 160:220]
+    frame = StereoFrame(0, left, right)
+    u = np.arange(110.0, 350.0)
+    places = np.column_stack([u, np.full(len(u), 120.0)])
+    found = measure(frame, places)
+    truth = np.where((u >= 200) & (u < 260), 40.0, 12.0)
+    hidden = (u >= 172) & (u < 200)  # seen by the right eye behind the strip
+    near_edge = np.minimum(np.abs(u - 199.5), np.abs(u - 259.5)) < 6
+    assert found.known[hidden & ~near_edge].mean() < 0.1
+    assert found.known[~hidden & ~near_edge].mean() > 0.9
+    assert np.abs(found.values_px - truth)[found.known & ~near_edge & ~hidden].max() < 0.1
+    known_near = found.known & near_edge
+    assert (np.abs(found.values_px - truth)[known_near] < 1).mean() > 0.8
+    anything = SETTINGS.model_copy(update={"most_spread_px": 9.0})
+    careless = measure(frame, places, anything)
+    wrong = np.abs(careless.values_px - truth)[careless.known] > 1
+    assert wrong.sum() > (np.abs(found.values_px - truth)[found.known] > 1).sum()
+
+
+def test_unknown_outside_and_in_front_of_what_is_seen(plane, method):
+    settings = StereoSettings(method=method)
     places = [[-5, 50], [WIDTH + 5, 50], [200, -5], [200, HEIGHT + 5], [np.nan, 50], [2, 2]]
-    assert np.isnan(disparity_at(plane.frame, dense, np.array(places, float), SETTINGS)).all()
-    nothing = np.full_like(dense, np.nan)
-    inside = np.array([[200.0, 100.0]])
-    assert np.isnan(disparity_at(plane.frame, nothing, inside, SETTINGS)).all()
-    assert disparity_at(plane.frame, dense, np.zeros((0, 2)), SETTINGS).shape == (0,)
+    assert not measure(plane.frame, np.array(places, float), settings).known.any()
+    assert measure(plane.frame, np.zeros((0, 2)), settings).values_px.shape == (0,)
+    nothing = StereoFrame(0, plane.frame.left, np.full_like(plane.frame.right, 90))
+    assert not measure(nothing, np.array([[200.0, 100.0]]), settings).known.any()
 
 
 @pytest.mark.parametrize("shrink", [1, 2, 4])
@@ -125,44 +216,68 @@ def test_the_dense_map_is_read_where_the_pixel_is(shrink):
     plane, pixel = Plane(40.3, 0.0, 0.0), np.array([[203.4, 101.6]])
     shape = (HEIGHT // shrink, WIDTH // shrink)
     row, column = 102 // shrink, 203 // shrink  # the pixel that the place rounds to
+    settings = StereoSettings(method="semi_global")
     for moved in (0, -1, 1):
         for axis in (0, 1):
             dense = np.full(shape, np.nan, np.float32)
             dense[row + moved * (axis == 0), column + moved * (axis == 1)] = 40
-            found = disparity_at(plane.frame, dense, pixel, SETTINGS)
-            assert np.isnan(found[0]) == (moved != 0)
+            found = measure_disparities(plane.frame, dense, pixel, settings)
+            assert found.known[0] == (moved == 0)
 
 
-def test_depth_gate():
+def test_a_dense_disparity_may_be_taken_as_it_is(plane, pixels):
+    """As the thesis does."""
+    settings = StereoSettings(method="block_matching", shrink=1, refine=False)
+    dense = dense_of(plane.frame, settings)
+    found = measure_disparities(plane.frame, dense, pixels, settings)
+    columns, rows = np.floor(pixels + 0.5).astype(int).T
+    np.testing.assert_array_equal(found.values_px, dense[rows, columns])
+    error = np.abs(found.values_px - plane.disparity_px(pixels))[found.known]
+    assert found.known.mean() > 0.9
+    assert 0.01 < np.median(error) < 0.3
+
+
+@pytest.mark.parametrize("refine", [True, False])
+def test_depth_gate(method, refine):
     plane = Plane(4.0, 0.04, 0.0)  # 8 px at u = 100, 18 px at u = 350
-    dense = dense_of(plane.frame)
     u = np.linspace(50, 370, 60)
     places = np.column_stack([u, np.full(60, 120.0)])
     gate_px = 12.0
-    gated = disparity_at(
-        plane.frame, dense, places, SETTINGS.model_copy(update={"least_disparity_px": gate_px})
-    )
+    settings = StereoSettings(method=method, least_disparity_px=gate_px, refine=refine, shrink=1)
+    gated = measure(plane.frame, places, settings)
     truth = plane.disparity_px(places)
-    assert np.isnan(gated[truth < gate_px - 0.2]).all()
-    assert (~np.isnan(gated[truth > gate_px + 0.2])).mean() > 0.9
+    assert not gated.known[truth < gate_px - 1].any()
+    assert gated.known[(truth > gate_px + 1) & (u > 120)].mean() > 0.8
+
+
+def test_without_a_gate_far_points_are_kept():
+    plane = Plane(0.4, 0.0, 0.0)
+    u = np.linspace(50, 370, 60)
+    places = np.column_stack([u, np.full(60, 120.0)])
+    found = measure(plane.frame, places, StereoSettings(least_disparity_px=0))
+    assert found.known.mean() > 0.9
+    assert np.abs(found.values_px - 0.4)[found.known].max() < 0.1
 
 
 def test_a_wrong_start_is_not_believed(plane, pixels):
     """The dense map is wrong by 5 px everywhere: alignment finds the truth in almost no case."""
-    wrong = dense_of(plane.frame) + 5
-    found = disparity_at(plane.frame, wrong, pixels, SETTINGS)
-    assert np.isnan(found).mean() > 0.8
+    settings = StereoSettings(method="semi_global")
+    wrong = dense_of(plane.frame, settings) + 5
+    found = measure_disparities(plane.frame, wrong, pixels, settings)
+    assert found.known.mean() < 0.2
 
 
-def test_too_small_or_blank_a_pair_has_no_depth():
+def test_too_small_or_blank_a_pair_has_no_depth(method):
+    settings = StereoSettings(method=method)
     tiny = np.zeros((20, 30), np.uint8)
-    assert np.isnan(DenseStereo(SETTINGS)(tiny, tiny)).all()
+    places = np.array([[15.0, 10.0]])
+    assert not measure(StereoFrame(0, tiny, tiny), places, settings).known.any()
     blank = np.full((HEIGHT, WIDTH), 90, np.uint8)
-    assert np.isnan(DenseStereo(SETTINGS)(blank, blank)).mean() > 0.99
+    assert not measure(StereoFrame(0, blank, blank), places * 10, settings).known.any()
 
 
 def test_same_pair_same_disparity(plane, pixels):
-    a, b = (disparity_at(plane.frame, dense_of(plane.frame), pixels, SETTINGS) for _ in range(2))
+    a, b = (measure(plane.frame, pixels).values_px for _ in range(2))
     np.testing.assert_array_equal(a, b)
 
 
@@ -182,20 +297,21 @@ def motorcycle(real_data):
 
 
 @pytest.mark.parametrize(
-    ("method", "least_known", "least_good"),
-    [("semi_global", 0.6, 0.85), ("block_matching", 0.4, 0.8)],
+    ("method", "least_known"), [("sparse", 0.58), ("semi_global", 0.53), ("block_matching", 0.45)]
 )
-def test_motorcycle(motorcycle, method, least_known, least_good):
+def test_motorcycle(motorcycle, method, least_known):
+    """At CenSurE features: 95 % of what is believed is right within 1 px, 80 % within 0.5 px."""
     frame, truth = motorcycle
-    settings = SETTINGS.model_copy(update={"method": method})
-    rows, columns = np.nonzero(~np.isnan(truth))
-    chosen = np.random.default_rng(0).choice(len(rows), 4000, replace=False)
-    pixels = np.column_stack([columns, rows])[chosen].astype(float)
-    true_px = truth[rows, columns][chosen]
-    found = disparity_at(frame, dense_of(frame, settings), pixels, settings)
-    known = ~np.isnan(found)
-    error = np.abs(found - true_px)[known]
+    pixels = detect(frame.left, FeatureSettings(count=1000)).pixels
+    columns, rows = np.rint(pixels).astype(int).T
+    true_px = truth[rows, columns]
+    settings = StereoSettings(method=method)
+    found = measure(frame, pixels, settings)
+    judged = ~np.isnan(true_px)
+    known = found.known[judged]
+    error = np.abs(found.values_px - true_px)[judged][known]
     figures = f"known {known.mean():.3f}, within 1 px {(error < 1).mean():.3f} of those"
-    assert least_known < known.mean() < 0.99, figures
-    assert least_good < (error < 1).mean() < 0.999, figures
-    assert 0.01 < np.median(error) < 0.3, figures
+    assert least_known < known.mean() < 0.95, figures
+    assert 0.95 < (error < 1).mean() < 0.999, figures
+    assert 0.8 < (error < 0.5).mean() < 0.99, figures
+    assert 0.01 < np.median(error) < 0.2, figures
