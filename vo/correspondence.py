@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vo.alignment import align
-from vo.config import MatchingSettings, OdometrySettings
+from vo.alignment import Alignment, align
+from vo.config import MatchingSettings, OdometrySettings, RefinementSettings
 from vo.contract import se3
 from vo.contract.arrays import Array, Image, Indices, Mask
 from vo.contract.rig import StereoRig
@@ -25,24 +25,24 @@ class Matches:
         ids: (N,) their identifiers.
         points_odom: (N, 3) their positions, metres.
         features: (N,) rows of the view's features.
-        pixels: (N, 2) left-image (u, v), sub-pixel.
-        disparity_px: (N,) NaN where unknown.
+        measured: (N, 3) left-image u, v, sub-pixel, and disparity, NaN where unknown.
+        sigma: (N, 3) their standard deviations, pixels.
     """
 
     rows: Indices
     ids: Indices
     points_odom: Array
     features: Indices
-    pixels: Array
-    disparity_px: Array
+    measured: Array
+    sigma: Array
 
     def __len__(self) -> int:
         return len(self.rows)
 
     @property
-    def measured(self) -> tuple[Array, Array, Array]:
-        """Points, pixels and disparities: what a pose is refined on."""
-        return self.points_odom, self.pixels, self.disparity_px
+    def pixels(self) -> Array:
+        """(N, 2) left-image (u, v)."""
+        return self.measured[:, :2]
 
     def select(self, keep: Mask) -> "Matches":
         """Keep some rows."""
@@ -72,39 +72,63 @@ def find_matches(
     """
     landmarks, features = local_map.landmarks, view.features
     points_cam = se3.transform(se3.inverse(T_odom_cam), landmarks.points_odom)
-    expected = rig.project(points_cam)[:, :2]
+    expected = rig.project(points_cam)
     rows, found = marry(
-        landmarks.vectors, expected, view.vectors, features.pixels, reach_px, settings.matching
-    ).T
-    pixels = _align(
-        local_map, rows, view.frame.left, features.pixels[found], T_odom_cam, rig, settings.matching
+        landmarks.vectors, expected[:, :2], view.vectors, features.pixels, reach_px,
+        settings.matching,
+    ).T  # fmt: skip
+    start = features.pixels[found]
+    aligned = _align(
+        local_map, rows, view.frame.left, start, T_odom_cam, rig, settings.matching
     )
-    good = ~np.isnan(pixels[:, 0])
-    rows, found, pixels = rows[good], found[good], pixels[good]
-    disparity_px = measure_disparities(view.frame, view.dense, pixels, settings.stereo).values_px
+    with np.errstate(invalid="ignore"):
+        good = aligned.zncc > settings.matching.align_zncc
+        good &= np.abs(aligned.pixels - start).max(axis=1) < settings.matching.align_reach_px
+    rows, found, pixels = rows[good], found[good], aligned.pixels[good]
+    stereo = measure_disparities(
+        view.frame, view.dense, pixels, settings.stereo,
+        expected_px=expected[rows, 2], slopes=landmarks.anchor_slopes[rows],
+    )  # fmt: skip
+    variance = np.diagonal(aligned.covariance_px2[good], axis1=1, axis2=2)
     return Matches(
-        rows, landmarks.ids[rows], landmarks.points_odom[rows], found, pixels, disparity_px
+        rows,
+        landmarks.ids[rows],
+        landmarks.points_odom[rows],
+        found,
+        np.column_stack([pixels, stereo.values_px]),
+        measurement_sigma(variance, stereo.sigma_px, settings.refinement),
     )
+
+
+def measurement_sigma(variance_px2: Array, disparity_px: Array, s: RefinementSettings) -> Array:
+    """Standard deviations (N, 3) of u, v and disparity: noise, and what warps do not explain.
+
+    Args:
+        variance_px2: (N, 2) of u and v by the noise of the images.
+        disparity_px: (N,) standard deviation of the disparity by the same; NaN where unknown.
+        s: The rest, alike for all.
+    """
+    pixels = np.sqrt(variance_px2 + s.sigma_px**2)
+    return np.column_stack([pixels, np.hypot(disparity_px, s.sigma_disparity_px)])
 
 
 def _align(
     local_map: LocalMap, rows: Indices, image: Image, start: Array, T_odom_cam: Array,
     rig: StereoRig, s: MatchingSettings,
-) -> Array:  # fmt: skip
-    """Align the templates of landmarks: (N, 2) pixels, NaN where the result is unlike or far."""
+) -> Alignment:  # fmt: skip
+    """Align the templates of landmarks with an image."""
     landmarks = local_map.landmarks.select(rows)
-    pixels, zncc = np.full((len(rows), 2), np.nan), np.full(len(rows), np.nan)
+    n = len(rows)
+    result = Alignment(np.full((n, 2), np.nan), np.full(n, np.nan), np.full((n, 2, 2), np.nan))
     for keyframe in local_map.keyframes:
         here = landmarks.anchor == keyframe.serial
         anchored = landmarks.select(here)
         T_cam_anchor = se3.inverse(T_odom_cam) @ keyframe.T_odom_cam
         warp = _surface_warp(anchored, T_cam_anchor, rig)
         templates = cut(keyframe.left, anchored.anchor_pixels, s.align_px)
-        aligned = align(templates, image, start[here], warp)
-        pixels[here], zncc[here] = aligned.pixels, aligned.zncc
-    with np.errstate(invalid="ignore"):
-        good = (zncc > s.align_zncc) & (np.abs(pixels - start).max(axis=1) < s.align_reach_px)
-    return np.where(good[:, None], pixels, np.nan)
+        for name, values in vars(align(templates, image, start[here], warp)).items():
+            getattr(result, name)[here] = values
+    return result
 
 
 def _surface_warp(landmarks: Landmarks, T_cam_anchor: Array, rig: StereoRig) -> Array:

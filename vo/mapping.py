@@ -3,12 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from vo.config import OdometrySettings, RefinementSettings
 from vo.contract import se3
 from vo.contract.arrays import Array
 from vo.contract.rig import StereoRig
-from vo.correspondence import Matches
+from vo.correspondence import Matches, measurement_sigma
 from vo.disparity import measure_disparities
 from vo.refine import Bundle, refine_structure
 from vo.surface import surface_slopes
@@ -30,7 +31,7 @@ def is_new_view(last: Keyframe, matches: Matches, settings: RefinementSettings) 
     _, then, now = np.intersect1d(last.ids, matches.ids, assume_unique=True, return_indices=True)
     if len(then) < settings.keyframe_share * len(last.ids):
         return True
-    flow_px = np.linalg.norm(matches.pixels[now] - last.pixels[then], axis=1)
+    flow_px = np.linalg.norm(matches.pixels[now] - last.measured[then, :2], axis=1)
     return bool(np.median(flow_px) > settings.keyframe_parallax_px)
 
 
@@ -38,6 +39,7 @@ def add_keyframe(
     local_map: LocalMap,
     view: View,
     T_odom_cam: Array,
+    covariance: Array,
     matches: Matches | None,
     rig: StereoRig,
     settings: OdometrySettings,
@@ -52,57 +54,63 @@ def add_keyframe(
         local_map: May be empty.
         view: The new keyframe's.
         T_odom_cam: (4, 4) its pose.
+        covariance: (6, 6) of the pose.
         matches: Inliers of the view; None for none.
         rig: Triangulates.
         settings: The window, and how much a template may change.
     """
     serial, known = local_map.next_serial, local_map.landmarks
-    taken = matches.pixels if matches else np.zeros((0, 2))
-    pixels, disparity_px, slopes, vectors = _fresh_features(view, taken, settings)
-    points_cam = rig.triangulate(pixels, disparity_px)
+    taken = matches.measured if matches else np.zeros((0, 3))
+    measured, sigma, slopes, vectors = _fresh_features(view, taken, settings)
+    points_cam = rig.triangulate(measured[:, :2], measured[:, 2])
+    n = len(measured)
     fresh = Landmarks(
-        ids=local_map.next_id + np.arange(len(pixels)),
+        ids=local_map.next_id + np.arange(n),
         points_odom=se3.transform(T_odom_cam, points_cam),
         vectors=vectors,
-        views=np.ones(len(pixels), dtype=np.int64),
-        anchor=np.full(len(pixels), serial),
-        anchor_pixels=pixels,
+        views=np.ones(n, dtype=np.int64),
+        anchor=np.full(n, serial),
+        anchor_pixels=measured[:, :2],
         anchor_depth_m=points_cam[:, 2],
         anchor_slopes=slopes,
     )
-    keyframe = Keyframe(serial, T_odom_cam, view.frame.left, fresh.ids, pixels, disparity_px)
+    keyframe = Keyframe(serial, T_odom_cam, covariance, view.frame.left, fresh.ids, measured, sigma)
     if matches:
         keyframe = replace(
             keyframe,
             ids=np.concatenate([matches.ids, fresh.ids]),
-            pixels=np.concatenate([matches.pixels, pixels]),
-            disparity_px=np.concatenate([matches.disparity_px, disparity_px]),
+            measured=np.concatenate([matches.measured, measured]),
+            sigma=np.concatenate([matches.sigma, sigma]),
         )
     keyframes = (*local_map.keyframes, keyframe)[-settings.refinement.window :]
     if matches:
         known = _renew_anchors(known, matches, keyframe, keyframes[0].serial, settings)
     known = known.select(known.anchor >= keyframes[0].serial)
-    return LocalMap(keyframes, known.extend(fresh), serial + 1, local_map.next_id + len(fresh))
+    return LocalMap(keyframes, known.extend(fresh), serial + 1, local_map.next_id + n)
 
 
 def _fresh_features(
     view: View, taken: Array, settings: OdometrySettings
 ) -> tuple[Array, Array, Array, Array]:
-    """Features that have a depth and lie apart from pixels taken.
+    """Features that have a depth and lie apart from the (N, 3) measurements taken.
 
     Returns:
-        (N, 2) pixels, (N,) disparities, their (N, 2) slopes and (N, P) appearances.
+        (N, 3) measurements, their (N, 3) sigmas, the disparity's (N, 2) slopes and (N, P)
+        appearances.
     """
     pixels = view.features.pixels
+    free = np.ones(len(pixels), dtype=bool)
     if len(taken):
-        distance = np.linalg.norm(pixels[:, None] - taken[None], axis=-1).min(axis=1)
-        free = distance > settings.features.apart_px
-    else:
-        free = np.ones(len(pixels), dtype=bool)
+        free = cKDTree(taken[:, :2]).query(pixels)[0] > settings.features.apart_px
     pixels, vectors = pixels[free], view.vectors[free]
-    found = measure_disparities(view.frame, view.dense, pixels, settings.stereo)
+    found = measure_disparities(view.frame, view.dense, pixels, settings.stereo, nearby=taken)
     known = found.known
-    return pixels[known], found.values_px[known], found.slopes[known], vectors[known]
+    measured = np.column_stack([pixels, found.values_px])[known]
+    # A fresh landmark is wherever its template was cut: its pixel has no error of its own.
+    sigma = measurement_sigma(
+        np.zeros((known.sum(), 2)), found.sigma_px[known], settings.refinement
+    )
+    return measured, sigma, found.slopes[known], vectors[known]
 
 
 def _renew_anchors(
@@ -120,7 +128,10 @@ def _renew_anchors(
         anchor_pixels=seen.pixels[worn],
         anchor_depth_m=depth_m[worn],
         anchor_slopes=surface_slopes(
-            seen.pixels[worn], seen.disparity_px[worn], keyframe.pixels, keyframe.disparity_px
+            seen.pixels[worn],
+            seen.measured[worn, 2],
+            keyframe.measured[:, :2],
+            keyframe.measured[:, 2],
         ),
     )
 
@@ -156,8 +167,8 @@ def refine_map(
         points_world=landmarks.points_odom[rows],
         camera=np.concatenate([np.full(u.sum(), i) for i, u in enumerate(used)]),
         point=np.concatenate([np.searchsorted(ids, k.ids[u]) for k, u in pairs]),
-        pixels=np.concatenate([k.pixels[u] for k, u in pairs]),
-        disparity_px=np.concatenate([k.disparity_px[u] for k, u in pairs]),
+        measured=np.concatenate([k.measured[u] for k, u in pairs]),
+        sigma=np.concatenate([k.sigma[u] for k, u in pairs]),
         fixed=fixed,
         K=rig.K,
         baseline_m=rig.baseline_m,
@@ -169,7 +180,16 @@ def refine_map(
     points_odom += moved[anchor, :3, 3]
     points_odom[rows] = refined.points_world
     keyframes = tuple(
-        replace(k, T_odom_cam=T) for k, T in zip(keyframes, refined.T_world_cam, strict=True)
+        replace(k, T_odom_cam=T, covariance=_carried(keyframes[0], k, T, spread))
+        for k, T, spread in zip(keyframes, refined.T_world_cam, refined.covariance, strict=True)
     )
     landmarks = replace(landmarks, points_odom=points_odom)
     return replace(local_map, keyframes=keyframes, landmarks=landmarks), refined.iterations
+
+
+def _carried(oldest: Keyframe, keyframe: Keyframe, T_odom_cam: Array, relative: Array) -> Array:
+    """Covariance of a refined keyframe: what the oldest one's becomes there, and its own."""
+    if not relative.any():  # it was not refined
+        return keyframe.covariance
+    T_cam_oldest = se3.inverse(T_odom_cam) @ oldest.T_odom_cam
+    return se3.carry_covariance(T_cam_oldest, oldest.covariance) + relative

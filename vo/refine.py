@@ -1,24 +1,36 @@
 """Bundle adjustment in GTSAM: motion only, or motion and structure (thesis 2.8, 3.4).
 
-The only module that imports gtsam, whose Pose3 tangents are (w, v).
+The only module that imports gtsam, whose Pose3 tangents are (w, v); covariances leave it in the
+project's order. All measurements of a bundle
+are one factor on its cameras, from which `vo.reduction` has eliminated the points: GTSAM then
+solves for tens of unknowns, and Python is entered once an iteration instead of once a measurement
+(docs/decisions/0014).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import gtsam
 import numpy as np
-from gtsam.symbol_shorthand import L, X
+from gtsam.symbol_shorthand import X
 
 from vo.config import RefinementSettings
-from vo.contract import se3
 from vo.contract.arrays import Array, Indices, Mask
 from vo.contract.rig import StereoRig
-
-NEAREST_M = 1e-3
-"""Points are kept this far in front of a camera while a pose is tried."""
+from vo.reduction import camera_normal, reduce, robust_weights, squared_residuals
 
 REWEIGHTINGS = 3
-"""Rounds in which the motion's Huber weights are renewed (Holland and Welsch, 1977)."""
+"""Rounds in which the Huber weights are renewed (Holland and Welsch, 1977)."""
+
+LIFT = 1e-9
+"""Added to the diagonal of normal equations, relative: directions that nothing determines stay."""
+
+
+TURN_LAST = [3, 4, 5, 0, 1, 2]
+"""From GTSAM's tangents (w, v) to (v, w)."""
+
+MEDIAN_CHI2_3 = 2.366
+"""Median of chi-squared with three degrees of freedom."""
 
 
 @dataclass(frozen=True)
@@ -30,10 +42,10 @@ class Bundle:
         points_world: (J, 3) initial points, metres.
         camera: (M,) index of the camera of each measurement.
         point: (M,) index of the point of each measurement.
-        pixels: (M, 2) left-image (u, v).
-        disparity_px: (M,) NaN where only the left eye measured.
+        measured: (M, 3) left-image u, v and disparity, pixels; NaN where not measured.
+        sigma: (M, 3) their standard deviations, pixels.
         fixed: (K,) cameras that must not move; at least one.
-        K: (3, 3) pinhole matrix.
+        K: (3, 3) pinhole matrix without skew.
         baseline_m: Of the stereo pair.
     """
 
@@ -41,8 +53,8 @@ class Bundle:
     points_world: Array
     camera: Indices
     point: Indices
-    pixels: Array
-    disparity_px: Array
+    measured: Array
+    sigma: Array
     fixed: Mask
     K: Array
     baseline_m: float
@@ -55,14 +67,34 @@ class Refined:
     Attributes:
         T_world_cam: (K, 4, 4).
         points_world: (J, 3) metres.
+        covariance: (K, 6, 6) of each camera given the fixed ones, tangent (v m, w rad) in its own
+            frame; zero for those.
         iterations: Levenberg–Marquardt steps; `most_iterations` if it did not converge.
         error: Final value of half the summed robust squared whitened residuals.
     """
 
     T_world_cam: Array
     points_world: Array
+    covariance: Array
     iterations: int
     error: float
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A camera refined on points that stay.
+
+    Attributes:
+        T_world_cam: (4, 4).
+        covariance: (6, 6) tangent (v m, w rad) in the camera's frame; of the measurements alone.
+        iterations: Levenberg–Marquardt steps.
+        misfit: Median squared residual over what the sigmas make one expect; 1 if they are right.
+    """
+
+    T_world_cam: Array
+    covariance: Array
+    iterations: int
+    misfit: float
 
 
 def refine_structure(bundle: Bundle, settings: RefinementSettings) -> Refined:
@@ -74,121 +106,154 @@ def refine_structure(bundle: Bundle, settings: RefinementSettings) -> Refined:
     Source:
         thesis eq. 2.29 with a Huber loss; the gauge is held by the fixed cameras.
     """
-    K = bundle.K
-    intrinsics = (K[0, 0], K[1, 1], K[0, 1], K[0, 2], K[1, 2])
-    stereo, mono = gtsam.Cal3_S2Stereo(*intrinsics, bundle.baseline_m), gtsam.Cal3_S2(*intrinsics)
-    stereo_noise, mono_noise = _noise(settings)
-    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-    for i, T in enumerate(bundle.T_world_cam):
-        values.insert(X(i), gtsam.Pose3(T))
-        if bundle.fixed[i]:
-            graph.add(gtsam.NonlinearEqualityPose3(X(i), gtsam.Pose3(T)))
-    for j, point in enumerate(bundle.points_world):
-        values.insert(L(j), point)
-    for i, j, (u, v), d in zip(
-        bundle.camera, bundle.point, bundle.pixels, bundle.disparity_px, strict=True
-    ):
-        if np.isnan(d):
-            graph.add(
-                gtsam.GenericProjectionFactorCal3_S2(np.array([u, v]), mono_noise, X(i), L(j), mono)
-            )
-        else:
-            measured = gtsam.StereoPoint2(u, u - d, v)
-            graph.add(gtsam.GenericStereoFactor3D(measured, stereo_noise, X(i), L(j), stereo))
-    values, iterations = _optimize(graph, values, settings)
-    return Refined(
-        np.array([values.atPose3(X(i)).matrix() for i in range(len(bundle.T_world_cam))]),
-        np.array([values.atPoint3(L(j)) for j in range(len(bundle.points_world))]).reshape(-1, 3),
-        iterations,
-        graph.error(values),
-    )
+    order = np.argsort(bundle.point, kind="stable")
+    camera, point = bundle.camera[order], bundle.point[order]
+    measured, known = _weighted(bundle.measured[order], bundle.sigma[order])
+    intrinsics = _intrinsics(bundle.K, bundle.baseline_m)
+    first = np.searchsorted(point, np.arange(len(bundle.points_world) + 1))
+    moving = np.flatnonzero(~bundle.fixed)
+    slot = np.full(len(bundle.fixed), -1)
+    slot[moving] = np.arange(len(moving))
+    T, points, weight = bundle.T_world_cam.copy(), bundle.points_world.copy(), known
+
+    def normal(poses: Array) -> tuple[Array, Array, float]:
+        nonlocal points
+        T[moving] = poses
+        *equations, points = reduce(
+            *_split(T), points, first, camera, measured, weight, intrinsics, slot, len(moving)
+        )
+        return equations[0], equations[1], equations[2]
+
+    iterations = 0
+    for _ in range(REWEIGHTINGS):
+        weight = robust_weights(
+            *_split(T), points, camera, point, measured, known, intrinsics, settings.huber
+        )
+        poses, steps = _optimize(T[moving], normal, settings)
+        iterations += steps
+        if steps >= settings.most_iterations:
+            break
+    H, _, error = normal(poses)
+    covariance = np.zeros((len(T), 6, 6))
+    covariance[moving] = _diagonal_blocks(_inverse(H))[:, TURN_LAST][:, :, TURN_LAST]
+    return Refined(T, points, covariance, iterations, error)
 
 
 def refine_motion(
     T_world_cam: Array,
     points_world: Array,
-    pixels: Array,
-    disparity_px: Array,
+    measured: Array,
+    sigma: Array,
     rig: StereoRig,
     settings: RefinementSettings,
-) -> tuple[Array, int]:
+) -> Pose:
     """Minimise the reprojection error over one camera, the points staying as they are.
 
     Args:
         T_world_cam: (4, 4) initial pose.
         points_world: (N, 3) metres.
-        pixels: (N, 2) left-image (u, v).
-        disparity_px: (N,) NaN where only the left eye measured.
+        measured: (N, 3) left-image u, v and disparity, pixels; NaN where not measured.
+        sigma: (N, 3) their standard deviations.
         rig: Projects.
-        settings: Noise, loss and iterations.
-
-    Returns:
-        (4, 4) refined T_world_cam and the number of iterations.
+        settings: Loss and iterations.
     """
-    measured = np.column_stack([pixels, disparity_px])
-    sigma = np.array([settings.sigma_px, settings.sigma_px, settings.sigma_disparity_px])
-    known = np.where(np.isnan(measured), 0.0, 1.0 / sigma)
-    measured = np.nan_to_num(measured)
-    f = rig.f_px * np.array([1.0, 1.0, rig.baseline_m])
-    c = np.array([rig.cx_px, rig.cy_px, 0.0])
-    weight = known
+    seen, known = _weighted(measured, sigma)
+    points = np.ascontiguousarray(points_world, dtype=np.float64)
+    intrinsics = _intrinsics(rig.K, rig.baseline_m)
+    everyone = np.arange(len(points))
+    poses, weight, iterations = T_world_cam[None], known, 0
 
-    def whitened(_: object, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
-        # One factor for all points: residuals and derivatives in a few array products.
-        T = values.atPose3(X(0))
-        p = (points_world - T.translation()) @ T.rotation().matrix()  # points_cam
-        z = np.maximum(p[:, 2], NEAREST_M)
-        q = np.column_stack([p[:, :2], np.ones(len(p))]) / z[:, None]  # (x / z, y / z, 1 / z)
-        if jacobians is not None:
-            dq = np.zeros((len(p), 3, 3))
-            dq[:, 0, 0] = dq[:, 1, 1] = 1 / z
-            dq[:, :, 2] = -q / z[:, None]
-            dp = np.concatenate([se3.skew(p), np.broadcast_to(-np.eye(3), (len(p), 3, 3))], axis=2)
-            jacobians[0] = np.asfortranarray(((weight * f)[..., None] * (dq @ dp)).reshape(-1, 6))
-        return (weight * (f * q + c - measured)).ravel()
+    def normal(poses: Array) -> tuple[Array, Array, float]:
+        R, t = _split(poses)
+        return camera_normal(R[0], t[0], points, seen, weight, intrinsics)
 
-    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-    values.insert(X(0), gtsam.Pose3(T_world_cam))
-    noise = gtsam.noiseModel.Unit.Create(3 * len(points_world))
-    graph.add(gtsam.CustomFactor(noise, [X(0)], whitened))
-    iterations = 0
-    for _ in range(REWEIGHTINGS):
-        weight = known
-        residual = np.linalg.norm(whitened(None, values, None).reshape(-1, 3), axis=1)
-        weight = known * np.sqrt(settings.huber / np.maximum(residual, settings.huber))[:, None]
-        values, more = _optimize(graph, values, settings)
+    for _ in range(REWEIGHTINGS if len(points) else 0):
+        weight = robust_weights(
+            *_split(poses), points, 0 * everyone, everyone, seen, known, intrinsics, settings.huber
+        )
+        poses, more = _optimize(poses, normal, settings)
         iterations += more
-    return values.atPose3(X(0)).matrix(), iterations
-
-
-def _noise(settings: RefinementSettings) -> tuple[gtsam.noiseModel.Base, gtsam.noiseModel.Base]:
-    """Noise of (u_left, u_right, v) and of (u, v).
-
-    u_right = u_left - d inherits the error of u_left, so the two are correlated.
-    """
-    s2, d2 = settings.sigma_px**2, settings.sigma_disparity_px**2
-    covariance = np.array([[s2, s2, 0], [s2, s2 + d2, 0], [0, 0, s2]])
-    huber = gtsam.noiseModel.mEstimator.Huber.Create(settings.huber)
-    robust = gtsam.noiseModel.Robust.Create
-    return (
-        robust(huber, gtsam.noiseModel.Gaussian.Covariance(covariance)),
-        robust(huber, gtsam.noiseModel.Isotropic.Sigma(2, settings.sigma_px)),
-    )
+    covariance = _inverse(normal(poses)[0])[TURN_LAST][:, TURN_LAST]
+    squared = squared_residuals(*_split(poses), points, seen, known, intrinsics)
+    return Pose(poses[0], covariance, iterations, float(np.median(squared)) / MEDIAN_CHI2_3)
 
 
 def _optimize(
-    graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, settings: RefinementSettings
-) -> tuple[gtsam.Values, int]:
-    """Levenberg–Marquardt: the solution and its iterations.
+    poses: Array, normal: Callable[[Array], tuple[Array, Array, float]], s: RefinementSettings
+) -> tuple[Array, int]:
+    """Levenberg–Marquardt over one factor that is given by its normal equations.
 
-    A system that does not determine its unknowns leaves them as they were, and counts as not
-    converged.
+    Args:
+        poses: (S, 4, 4) where to start.
+        normal: Poses to (6 S, 6 S) information H, (6 S,) gradient g and cost f. The factor's
+            residuals e and derivatives J are any with J'J = H, J'e = g and e'e = 2 f.
+        s: Iterations.
+
+    Returns:
+        (S, 4, 4) poses and the steps taken; the poses as given if nothing determines them.
     """
+    keys = [X(i) for i in range(len(poses))]
+    size = 6 * len(poses)
+
+    def residuals(_: object, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
+        H, g, cost = normal(np.array([values.atPose3(key).matrix() for key in keys]))
+        e = np.zeros(size + 1)
+        if jacobians is None:
+            e[-1] = np.sqrt(2 * cost)
+            return e
+        L = _cholesky(H)
+        e[:-1] = np.linalg.solve(L, g)
+        e[-1] = np.sqrt(max(2 * cost - e @ e, 0.0))
+        J = np.vstack([L.T, np.zeros(size)])
+        for i in range(len(keys)):
+            jacobians[i] = np.asfortranarray(J[:, 6 * i : 6 * i + 6])
+        return e
+
+    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    for key, T in zip(keys, poses, strict=True):
+        values.insert(key, gtsam.Pose3(T))
+    graph.add(gtsam.CustomFactor(gtsam.noiseModel.Unit.Create(size + 1), keys, residuals))
     parameters = gtsam.LevenbergMarquardtParams()
-    parameters.setMaxIterations(settings.most_iterations)
+    parameters.setMaxIterations(s.most_iterations)
     parameters.setRelativeErrorTol(1e-5)
     optimizer = gtsam.LevenbergMarquardtOptimizer(graph, values, parameters)
     try:
-        return optimizer.optimize(), optimizer.iterations()
+        values = optimizer.optimize()
     except RuntimeError:  # gtsam's IndeterminateLinearSystemException has no type of its own here
-        return values, settings.most_iterations
+        return poses, s.most_iterations
+    return np.array([values.atPose3(key).matrix() for key in keys]), optimizer.iterations()
+
+
+def _weighted(measured: Array, sigma: Array) -> tuple[Array, Array]:
+    """Measurements without NaN, and one over their sigmas, zero where nothing was measured."""
+    weight = np.where(np.isnan(measured), 0.0, 1.0 / sigma)
+    return np.nan_to_num(measured), weight
+
+
+def _intrinsics(K: Array, baseline_m: float) -> Array:
+    return np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2], K[0, 0] * baseline_m])
+
+
+def _split(T: Array) -> tuple[Array, Array]:
+    return np.ascontiguousarray(T[:, :3, :3]), np.ascontiguousarray(T[:, :3, 3])
+
+
+def _lifted(H: Array) -> Array:
+    return H + np.diag(LIFT * np.diag(H) + 1e-12)
+
+
+def _cholesky(H: Array) -> Array:
+    try:
+        return np.linalg.cholesky(_lifted(H))
+    except np.linalg.LinAlgError:  # rounding made it indefinite
+        values, vectors = np.linalg.eigh(_lifted(H))
+        return vectors * np.sqrt(np.maximum(values, 0.0))
+
+
+def _inverse(H: Array) -> Array:
+    return np.linalg.pinv(_lifted(H), hermitian=True)
+
+
+def _diagonal_blocks(matrix: Array) -> Array:
+    n = len(matrix) // 6
+    return matrix.reshape(n, 6, n, 6)[np.arange(n), :, np.arange(n)]

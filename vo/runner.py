@@ -13,8 +13,16 @@ from typing import Any
 
 import numpy as np
 
+from vo.contract.arrays import Array
 from vo.contract.dataset import MANIFEST
-from vo.contract.estimator import Estimate, Estimator, Observations
+from vo.contract.estimator import (
+    Estimate,
+    Estimator,
+    Hindsight,
+    Observations,
+    PointMap,
+    Reflecting,
+)
 from vo.contract.files import replacing, write_text
 from vo.contract.sequence import StereoSequence
 from vo.contract.trajectory import Trajectory, write_tum
@@ -32,11 +40,13 @@ class Run:
         sequence: Name of the sequence.
         estimates: One per frame, in order of time; they hold no images.
         frame_ms: Wall time of each `track` call, milliseconds; loading of images is not in it.
+        hindsight: What it said at the end; empty for one that keeps nothing.
     """
 
     sequence: str
     estimates: tuple[Estimate, ...]
     frame_ms: tuple[float, ...]
+    hindsight: Hindsight = Hindsight()
 
     @property
     def trajectory(self) -> Trajectory:
@@ -69,7 +79,8 @@ def run(
         frame_ms.append(1e3 * (perf_counter() - start))
         if progress:
             progress(estimates[-1])
-    return Run(sequence.name, tuple(estimates), tuple(frame_ms))
+    hindsight = estimator.reflect() if isinstance(estimator, Reflecting) else Hindsight()
+    return Run(sequence.name, tuple(estimates), tuple(frame_ms), hindsight)
 
 
 def write_run(
@@ -82,7 +93,8 @@ def write_run(
     Args:
         out: The TUM file. Beside it come `<stem>.frames.csv` (status, reason, counts and
             milliseconds of every frame), `<stem>.tracks.npz` (the sparse visibility mask: one
-            entry per landmark and frame) and `<stem>.run.json` (provenance).
+            entry per landmark and frame), `<stem>.covariance.npz`, `<stem>.smoothed.txt` and
+            `<stem>.map.ply` where the estimator offers them, and `<stem>.run.json` (provenance).
         run: What to write.
         estimator: Its name on the command line.
         settings: Its resolved settings.
@@ -90,6 +102,14 @@ def write_run(
     """
     _write_frames(companion(out, "frames.csv"), run)
     _write_tracks(companion(out, "tracks.npz"), run.estimates)
+    _write_covariances(companion(out, "covariance.npz"), run.estimates)
+    smoothed, points = companion(out, "smoothed.txt"), companion(out, "map.ply")
+    for stale in (smoothed, points):
+        stale.unlink(missing_ok=True)
+    if run.hindsight.trajectory is not None:
+        write_tum(smoothed, run.hindsight.trajectory)
+    if run.hindsight.points is not None:
+        write_ply(points, run.hindsight.points)
     manifest = dataset / MANIFEST
     about = {
         "estimator": estimator,
@@ -140,6 +160,49 @@ def _write_tracks(path: Path, estimates: tuple[Estimate, ...]) -> None:
             disparity_px=np.concatenate([x.disparity_px for x in seen]).astype(np.float32),
             inlier=np.concatenate([x.inlier for x in seen]).astype(bool),
         )
+
+
+def _write_covariances(path: Path, estimates: tuple[Estimate, ...]) -> None:
+    """Write (N, 6, 6) of poses and of steps between them; NaN where the estimator does not say."""
+    unknown = np.full((6, 6), np.nan)
+
+    def stack(values: Iterable[Array | None]) -> Array:
+        found = [unknown if x is None else x for x in values]
+        return np.array(found, dtype=np.float64).reshape(-1, 6, 6)
+
+    with replacing(path) as partial, partial.open("wb") as file:
+        np.savez_compressed(
+            file,
+            timestamp_ns=np.array([x.timestamp_ns for x in estimates], dtype=np.int64),
+            pose=stack(x.covariance for x in estimates),
+            step=stack(x.step_covariance for x in estimates),
+        )
+
+
+def write_ply(path: Path, points: PointMap) -> None:
+    """Write a map as binary PLY: position in metres, grey as colour, and `views`, track length."""
+    row = np.dtype(
+        [("x", "<f4"), ("y", "<f4"), ("z", "<f4")]
+        + [(name, "u1") for name in ("red", "green", "blue")]
+        + [("views", "<i4")]
+    )
+    table = np.zeros(len(points.ids), row)
+    for k, axis in enumerate("xyz"):
+        table[axis] = points.points_odom[:, k]
+    for channel in ("red", "green", "blue"):
+        table[channel] = points.grey
+    table["views"] = points.views
+    kinds = {"<f4": "float", "u1": "uchar", "<i4": "int"}
+    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(table)}"]
+    header += [f"property {kinds[kind]} {name}" for name, kind in _fields(row)]
+    with replacing(path) as partial, partial.open("wb") as file:
+        file.write(("\n".join([*header, "end_header"]) + "\n").encode("ascii"))
+        file.write(table.tobytes())
+
+
+def _fields(row: "np.dtype[np.void]") -> list[tuple[str, str]]:
+    """Names and kinds, the byte order left off where there is none."""
+    return [(name, kind.lstrip("|")) for name, kind in row.descr]
 
 
 def _stages(records: Iterable[Mapping[str, Any]]) -> list[str]:

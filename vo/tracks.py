@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vo.contract import se3
 from vo.contract.arrays import Array, Image, Indices, Mask
 
 
@@ -14,18 +15,20 @@ class Keyframe:
     Attributes:
         serial: Counts the keyframes of a run.
         T_odom_cam: (4, 4) left camera in the first left camera's frame.
+        covariance: (6, 6) of it, tangent (v m, w rad) in the camera's frame.
         left: (H, W) uint8, the source of templates.
         ids: (N,) landmarks seen, ascending.
-        pixels: (N, 2) left-image (u, v).
-        disparity_px: (N,) NaN where unknown.
+        measured: (N, 3) left-image u, v and disparity, pixels; the disparity NaN where unknown.
+        sigma: (N, 3) their standard deviations.
     """
 
     serial: int
     T_odom_cam: Array
+    covariance: Array
     left: Image
     ids: Indices
-    pixels: Array
-    disparity_px: Array
+    measured: Array
+    sigma: Array
 
 
 @dataclass(frozen=True)
@@ -94,6 +97,34 @@ class LocalMap:
         """Count a view of some landmarks and renew their appearance."""
         views = self.landmarks.views[rows] + 1
         return replace(self, landmarks=self.landmarks.update(rows, vectors=vectors, views=views))
+
+
+    def grey(self) -> Image:
+        """Brightness of each landmark where its template was cut: (N,) uint8."""
+        grey = np.zeros(len(self.landmarks), np.uint8)
+        for keyframe in self.keyframes:
+            here = self.landmarks.anchor == keyframe.serial
+            u, v = np.rint(self.landmarks.anchor_pixels[here]).astype(np.int64).T
+            grey[here] = keyframe.left[v, u]
+        return grey
+
+    def moved(self, T_new_old: Array, covariance: Array) -> "LocalMap":
+        """Carry all poses and points by a rigid motion of the odometry frame.
+
+        Args:
+            T_new_old: (4, 4).
+            covariance: (6, 6) of the last keyframe afterwards; the others' follow from it.
+        """
+        last = T_new_old @ self.keyframes[-1].T_odom_cam
+
+        def carried(k: Keyframe) -> Keyframe:
+            T = T_new_old @ k.T_odom_cam
+            spread = se3.carry_covariance(se3.inverse(T) @ last, covariance)
+            return replace(k, T_odom_cam=T, covariance=spread)
+
+        points = se3.transform(T_new_old, self.landmarks.points_odom)
+        landmarks = replace(self.landmarks, points_odom=points)
+        return replace(self, keyframes=tuple(map(carried, self.keyframes)), landmarks=landmarks)
 
 
 def empty_map(next_serial: int = 0, next_id: int = 0) -> LocalMap:

@@ -12,7 +12,8 @@ from vo.refine import Bundle, refine_motion, refine_structure
 RIG = StereoRig(640, 480, 457.0, 319.5, 239.5, 0.09)
 T_WORLD_CAM = se3.exp(np.array([0.4, -0.2, 0.3, 0.1, -0.3, 0.2]))
 NUDGE = se3.exp(np.array([0.03, -0.02, 0.04, 0.01, 0.02, -0.015]))
-PLAIN = RefinementSettings(sigma_px=0.2, sigma_disparity_px=0.4, huber=1e6, most_iterations=50)
+SIGMA = np.array([0.2, 0.2, 0.4])
+PLAIN = RefinementSettings(huber=1e6, most_iterations=50)
 """Least squares: no loss."""
 
 
@@ -23,20 +24,23 @@ def points_ahead(count, rng):
     return se3.transform(T_WORLD_CAM, points_cam)
 
 
-def measure(T_world_cam, points_world, rng=None, settings=PLAIN):
-    """(N, 2) pixels and (N,) disparities, with noise if there is a generator."""
+def measure(T_world_cam, points_world, rng=None):
+    """(N, 3) pixels and disparities, with noise if there is a generator."""
     seen = RIG.project(se3.transform(se3.inverse(T_world_cam), points_world))
     if rng is not None:
-        s, d = settings.sigma_px, settings.sigma_disparity_px
-        seen = seen + rng.normal(scale=[s, s, d], size=seen.shape)
-    return seen[:, :2], seen[:, 2]
+        seen = seen + rng.normal(scale=SIGMA, size=seen.shape)
+    return seen
 
 
-def whitened(T_world_cam, points_world, pixels, disparity_px, settings=PLAIN):
+def refined(T_start, points, measured, settings=PLAIN):
+    sigma = np.tile(SIGMA, (len(points), 1))
+    return refine_motion(T_start, points, measured, sigma, RIG, settings)
+
+
+def whitened(T_world_cam, points_world, measured):
     """Residuals (N, 3) over their noise, zero where nothing was measured."""
     seen = RIG.project(se3.transform(se3.inverse(T_world_cam), points_world))
-    sigma = [settings.sigma_px, settings.sigma_px, settings.sigma_disparity_px]
-    return np.nan_to_num((seen - np.column_stack([pixels, disparity_px])) / sigma)
+    return np.nan_to_num((seen - measured) / SIGMA)
 
 
 def jacobian(T_world_cam, *data, step=1e-6):
@@ -81,8 +85,8 @@ def sba_7(real_data):
         points_world=np.array(points),
         camera=camera.astype(int),
         point=point.astype(int),
-        pixels=np.column_stack([u, v]),
-        disparity_px=np.full(len(u), np.nan),
+        measured=np.column_stack([u, v, np.full(len(u), np.nan)]),
+        sigma=np.ones((len(u), 3)),
         fixed=np.arange(7) == 0,
         K=np.loadtxt(folder / "calib.txt"),
         baseline_m=1.0,
@@ -93,14 +97,14 @@ def mean_squared_px2(bundle, T_world_cam, points_world):
     T_cam_world = se3.inverse(T_world_cam)[bundle.camera]
     p = np.einsum("mij,mj->mi", T_cam_world[:, :3, :3], points_world[bundle.point])
     p = (p + T_cam_world[:, :3, 3]) @ bundle.K.T
-    return ((p[:, :2] / p[:, 2:] - bundle.pixels) ** 2).sum(axis=1).mean()
+    return ((p[:, :2] / p[:, 2:] - bundle.measured[:, :2]) ** 2).sum(axis=1).mean()
 
 
 def test_published_error_of_sba_7(sba_7):
-    assert (len(sba_7.points_world), len(sba_7.pixels)) == (465, 1916)
+    assert (len(sba_7.points_world), len(sba_7.measured)) == (465, 1916)
     before = mean_squared_px2(sba_7, sba_7.T_world_cam, sba_7.points_world)
     assert before == pytest.approx(19.0947, abs=1e-4)
-    settings = RefinementSettings(sigma_px=1.0, huber=1e6, most_iterations=100)
+    settings = RefinementSettings(huber=1e6, most_iterations=100)
     refined = refine_structure(sba_7, settings)
     after = mean_squared_px2(sba_7, refined.T_world_cam, refined.points_world)
     assert after == pytest.approx(0.675396, abs=1e-5)
@@ -113,22 +117,21 @@ def test_published_error_of_sba_7(sba_7):
 @pytest.mark.parametrize("mono", [False, True])
 def test_motion_without_noise_is_the_truth(start, mono):
     points = points_ahead(60, np.random.default_rng(0))
-    pixels, disparity_px = measure(T_WORLD_CAM, points)
+    measured = measure(T_WORLD_CAM, points)
     if mono:
-        disparity_px = np.full_like(disparity_px, np.nan)
-    found, iterations = refine_motion(start, points, pixels, disparity_px, RIG, PLAIN)
-    assert difference(found, T_WORLD_CAM) < 1e-6
-    assert iterations > 0
+        measured[:, 2] = np.nan
+    found = refined(start, points, measured)
+    assert difference(found.T_world_cam, T_WORLD_CAM) < 1e-6
+    assert found.iterations >= int(start is not T_WORLD_CAM)
 
 
 def test_motion_equals_scipy():
     rng = np.random.default_rng(1)
     points = points_ahead(50, rng)
-    pixels, disparity_px = measure(T_WORLD_CAM, points, rng)
-    disparity_px[::3] = np.nan
-    data = points, pixels, disparity_px
-    found, _ = refine_motion(T_WORLD_CAM @ NUDGE, *data, RIG, PLAIN)
-    expected = scipy_motion(T_WORLD_CAM, *data)
+    measured = measure(T_WORLD_CAM, points, rng)
+    measured[::3, 2] = np.nan
+    found = refined(T_WORLD_CAM @ NUDGE, points, measured).T_world_cam
+    expected = scipy_motion(T_WORLD_CAM, points, measured)
     assert difference(expected, T_WORLD_CAM) > 1e-4
     assert difference(found, expected) < 1e-5
 
@@ -136,59 +139,61 @@ def test_motion_equals_scipy():
 def test_motion_error_has_the_covariance_of_the_noise():
     """Squared error over its covariance is 6 on average, the number of unknowns.
 
-    Smaller would mean that the truth leaked, larger that information was lost.
+    Smaller would mean that the truth leaked, larger that information was lost. The covariance
+    that comes with the pose says the same as one by differences.
     """
     rng = np.random.default_rng(2)
-    normalised = []
+    normalised, stated = [], []
     for _ in range(150):
         points = points_ahead(25, rng)
-        data = points, *measure(T_WORLD_CAM, points, rng)
-        found, _ = refine_motion(T_WORLD_CAM @ NUDGE, *data, RIG, PLAIN)
-        error = se3.log(se3.inverse(T_WORLD_CAM) @ found)
+        data = points, measure(T_WORLD_CAM, points, rng)
+        found = refined(T_WORLD_CAM @ NUDGE, *data)
+        error = se3.log(se3.inverse(T_WORLD_CAM) @ found.T_world_cam)
         normalised.append(np.sum((jacobian(T_WORLD_CAM, *data) @ error) ** 2))
+        stated.append(error @ np.linalg.solve(found.covariance, error))
     # Of 150 means of chi-squared with 6 degrees the deviation is sqrt(12 / 150) = 0.28.
     assert 5.1 < np.mean(normalised) < 6.9
+    assert np.mean(stated) == pytest.approx(np.mean(normalised), rel=0.02)
 
 
 def test_disparity_that_is_unknown_does_not_count():
     """With NaN it is as if only the left eye existed; with a value it does count."""
     rng = np.random.default_rng(3)
     points = points_ahead(40, rng)
-    pixels, disparity_px = measure(T_WORLD_CAM, points, rng)
-    unknown = np.full_like(disparity_px, np.nan)
-    mono, _ = refine_motion(T_WORLD_CAM @ NUDGE, points, pixels, unknown, RIG, PLAIN)
-    stereo, _ = refine_motion(T_WORLD_CAM @ NUDGE, points, pixels, disparity_px, RIG, PLAIN)
-    assert difference(mono, scipy_motion(T_WORLD_CAM, points, pixels, unknown)) < 1e-5
+    measured = measure(T_WORLD_CAM, points, rng)
+    unknown = measured.copy()
+    unknown[:, 2] = np.nan
+    mono = refined(T_WORLD_CAM @ NUDGE, points, unknown).T_world_cam
+    stereo = refined(T_WORLD_CAM @ NUDGE, points, measured).T_world_cam
+    assert difference(mono, scipy_motion(T_WORLD_CAM, points, unknown)) < 1e-5
     assert difference(mono, stereo) > 1e-5
 
 
 def test_huber_holds_outliers():
     rng = np.random.default_rng(4)
     points = points_ahead(80, rng)
-    pixels, disparity_px = measure(T_WORLD_CAM, points, rng)
-    pixels[::8] += rng.uniform(3, 6, (10, 2))
-    data = points, pixels, disparity_px
+    measured = measure(T_WORLD_CAM, points, rng)
+    measured[::8, :2] += rng.uniform(3, 6, (10, 2))
     robust = PLAIN.model_copy(update={"huber": 1.5})
     plain, held = (
-        difference(refine_motion(T_WORLD_CAM, *data, RIG, s)[0], T_WORLD_CAM)
+        difference(refined(T_WORLD_CAM, points, measured, s).T_world_cam, T_WORLD_CAM)
         for s in (PLAIN, robust)
     )
     assert plain > 5e-3
     assert 1e-5 < held < plain / 4
     # SciPy minimises the same loss to the end; three renewals of the weights come close.
-    found, _ = refine_motion(T_WORLD_CAM, *data, RIG, robust)
-    assert difference(found, scipy_motion(T_WORLD_CAM, *data, loss="huber")) < held / 2
+    found = refined(T_WORLD_CAM, points, measured, robust).T_world_cam
+    expected = scipy_motion(T_WORLD_CAM, points, measured, loss="huber")
+    assert difference(found, expected) < held / 2
 
 
 def test_points_behind_the_camera_do_not_break_it():
     rng = np.random.default_rng(5)
     points = points_ahead(30, rng)
-    pixels, disparity_px = measure(T_WORLD_CAM, points)
+    measured = measure(T_WORLD_CAM, points)
     points[0] = T_WORLD_CAM[:3, 3] - 2 * T_WORLD_CAM[:3, 2]
-    found, _ = refine_motion(
-        T_WORLD_CAM, points, pixels, disparity_px, RIG, PLAIN.model_copy(update={"huber": 1.5})
-    )
-    assert np.isfinite(found).all()
+    found = refined(T_WORLD_CAM, points, measured, PLAIN.model_copy(update={"huber": 1.5}))
+    assert np.isfinite(found.T_world_cam).all()
 
 
 @pytest.fixture
@@ -198,16 +203,15 @@ def stereo_bundle():
     points = points_ahead(40, rng)
     steps = np.outer(np.arange(4), [0.05, 0.01, 0.08, 0.01, -0.02, 0.005])
     T_world_cam = T_WORLD_CAM @ se3.exp(steps)
-    seen = [measure(T, points, rng) for T in T_world_cam]
-    disparity_px = np.concatenate([d for _, d in seen])
-    disparity_px[::5] = np.nan
+    measured = np.concatenate([measure(T, points, rng) for T in T_world_cam])
+    measured[::5, 2] = np.nan
     return Bundle(
         T_world_cam=np.concatenate([T_world_cam[:1], T_world_cam[1:] @ NUDGE]),
         points_world=points + rng.normal(scale=0.02, size=points.shape),
         camera=np.repeat(np.arange(4), 40),
         point=np.tile(np.arange(40), 4),
-        pixels=np.concatenate([p for p, _ in seen]),
-        disparity_px=disparity_px,
+        measured=measured,
+        sigma=np.tile(SIGMA, (160, 1)),
         fixed=np.arange(4) == 0,
         K=RIG.K,
         baseline_m=RIG.baseline_m,
@@ -228,7 +232,7 @@ def test_structure_equals_scipy(stereo_bundle):
         parts = []
         for i in range(4):
             own = b.camera == i
-            parts.append(whitened(T[i], points, b.pixels[own], b.disparity_px[own]))
+            parts.append(whitened(T[i], points, b.measured[own]))
         return np.concatenate(parts).ravel()
 
     found = least_squares(residuals, np.zeros(18 + 120), xtol=1e-12, ftol=1e-12)
@@ -249,15 +253,33 @@ def test_fixed_cameras_stay(stereo_bundle):
 
 
 def test_huber_holds_outliers_of_the_structure(stereo_bundle):
-    pixels = stereo_bundle.pixels.copy()
-    pixels[10] += [25, -20]
-    spoilt = Bundle(**{**vars(stereo_bundle), "pixels": pixels})
+    measured = stereo_bundle.measured.copy()
+    measured[10, :2] += [25, -20]
+    spoilt = Bundle(**{**vars(stereo_bundle), "measured": measured})
     clean = refine_structure(stereo_bundle, PLAIN)
     errors = [
         difference(refine_structure(spoilt, s).T_world_cam[3], clean.T_world_cam[3])
         for s in (PLAIN, PLAIN.model_copy(update={"huber": 1.5}))
     ]
     assert errors[1] < errors[0] / 3
+
+
+def test_covariance_is_that_of_the_full_problem(stereo_bundle):
+    """The block of the inverse of all normal equations, points included, by differences."""
+    b = stereo_bundle
+    found = refine_structure(b, PLAIN)
+
+    def residuals(x):
+        T = np.concatenate([found.T_world_cam[:1], found.T_world_cam[1:] @ se3.exp(x[:18].reshape(3, 6))])
+        points = found.points_world + x[18:].reshape(-1, 3)
+        return np.concatenate(
+            [whitened(T[i], points, b.measured[b.camera == i]).ravel() for i in range(4)]
+        )
+
+    steps = 1e-6 * np.eye(18 + 120)
+    J = np.stack([(residuals(e) - residuals(-e)) / 2e-6 for e in steps], axis=1)
+    covariance = np.linalg.inv(J.T @ J)[12:18, 12:18]
+    np.testing.assert_allclose(found.covariance[3], covariance, rtol=1e-3, atol=1e-9)
 
 
 def test_iterations_are_bounded(stereo_bundle):

@@ -3,10 +3,11 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
-from vo.contract.arrays import Array, Indices, Mask
+from vo.contract.arrays import Array, Image, Indices, Mask
 from vo.contract.sequence import StereoFrame
+from vo.contract.trajectory import Trajectory
 
 
 class Status(StrEnum):
@@ -40,6 +41,37 @@ class Observations:
 
 
 @dataclass(frozen=True)
+class PointMap:
+    """The points that were estimated along the way.
+
+    Attributes:
+        ids: (N,) landmark identifiers.
+        points_odom: (N, 3) metres, in the first left camera's frame.
+        grey: (N,) uint8 brightness.
+        views: (N,) frames that saw the point.
+    """
+
+    ids: Indices
+    points_odom: Array
+    grey: Image
+    views: Indices
+
+
+@dataclass(frozen=True)
+class Hindsight:
+    """What an estimator knows at the end of a sequence.
+
+    Attributes:
+        trajectory: T_odom_cam of the frames that had a pose, by all that came later; None if
+            there is nothing better than what was said at the time.
+        points: None if the estimator keeps no map.
+    """
+
+    trajectory: Trajectory | None = None
+    points: PointMap | None = None
+
+
+@dataclass(frozen=True)
 class Estimate:
     """What an estimator says of one frame.
 
@@ -51,6 +83,9 @@ class Estimate:
         counts: Stage name to number of items that survived it, in stage order.
         timings_ms: Stage name to milliseconds, in stage order.
         observations: Landmarks seen, if the estimator shares them.
+        covariance: (6, 6) of T_odom_cam, tangent (v m, w rad) in the camera's frame; None if the
+            estimator does not say.
+        step_covariance: (6, 6) of the motion since the last frame that had a pose, likewise.
     """
 
     timestamp_ns: int
@@ -60,6 +95,8 @@ class Estimate:
     counts: Mapping[str, int] = field(default_factory=dict[str, int])
     timings_ms: Mapping[str, float] = field(default_factory=dict[str, float])
     observations: Observations | None = None
+    covariance: Array | None = None
+    step_covariance: Array | None = None
 
     def __post_init__(self) -> None:
         if (self.T_odom_cam is None) != (self.status is Status.LOST):
@@ -71,4 +108,13 @@ class Estimator(Protocol):
 
     def track(self, frame: StereoFrame) -> Estimate:
         """Take the next frame and return its estimate; never raises on image content."""
+        ...
+
+
+@runtime_checkable
+class Reflecting(Protocol):
+    """An estimator that has something to say when the sequence is over."""
+
+    def reflect(self) -> Hindsight:
+        """Look back, after the last frame."""
         ...

@@ -42,6 +42,18 @@ def skew(w: Array) -> Array:
     return S - np.swapaxes(S, -1, -2)
 
 
+def adjoint(T_a_b: Array) -> Array:
+    """Carry tangents: (6, 6) Ad with T_a_b exp(x) = exp(Ad x) T_a_b, for tangents (v, w)."""
+    R = T_a_b[:3, :3]
+    return np.block([[R, skew(T_a_b[:3, 3]) @ R], [np.zeros((3, 3)), R]])
+
+
+def carry_covariance(T_a_b: Array, covariance_b: Array) -> Array:
+    """Covariance (6, 6) of a tangent in frame b, seen from frame a that moves rigidly with it."""
+    Ad = adjoint(T_a_b)
+    return Ad @ covariance_b @ Ad.T
+
+
 def _left_jacobian(w: Array) -> Array:
     """V(w) with exp(v, w) = (R, V v); Barfoot, State Estimation for Robotics, eq. 7.77."""
     theta = np.linalg.norm(w, axis=-1)[..., None, None]

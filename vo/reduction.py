@@ -1,0 +1,272 @@
+"""The reduced camera system: every point solved for and eliminated, in compiled loops.
+
+Bundle adjustment couples cameras only through the points that they share, and given the cameras
+each point is a problem of its own in three unknowns. `reduce` solves it and adds what remains, by
+the Schur complement, to the normal equations of the cameras alone: a handful of unknowns instead
+of a thousand.
+
+Source: Triggs, McLauchlan, Hartley and Fitzgibbon, Bundle Adjustment: A Modern Synthesis, 2000,
+sections 6.1 and 8.1; Golub and Pereyra, variable projection, 1973.
+"""
+
+import numba
+import numpy as np
+
+from vo.contract.arrays import Array, Indices
+
+NEAREST_M = 1e-3
+"""Points are kept this far in front of a camera while a pose is tried."""
+
+POINT_STEPS = 4
+CONVERGED = 1e-8
+"""A point's step, relative to its norm, that ends its refinement."""
+
+FREE = 1e-9
+"""Share of a point's information that is added to each diagonal entry: a point that is seen too
+little to be determined stays where it is along what nobody saw."""
+
+
+@numba.njit(cache=True)
+def whitened(
+    R: Array, t: Array, point: Array, measured: Array, weight: Array, intrinsics: Array, out: Array
+) -> None:
+    """Write the (u, v, disparity) residual of a point seen by one camera, in sigmas: (3,)."""
+    fx, fy, cx, cy, fb = intrinsics
+    x, y, z = _seen_from(R, t, point)
+    out[0] = weight[0] * (fx * x / z + cx - measured[0])
+    out[1] = weight[1] * (fy * y / z + cy - measured[1])
+    out[2] = weight[2] * (fb / z - measured[2])
+
+
+@numba.njit(cache=True)
+def _seen_from(R: Array, t: Array, point: Array) -> tuple[float, float, float]:
+    """The point in the camera's frame, where R, t is the camera in the world."""
+    dx, dy, dz = point[0] - t[0], point[1] - t[1], point[2] - t[2]
+    x = R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz
+    y = R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz
+    z = R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz
+    return x, y, max(z, NEAREST_M)
+
+
+@numba.njit(cache=True)
+def _derivatives(
+    R: Array, t: Array, point: Array, weight: Array, intrinsics: Array, by_camera: Array,
+    by_point: Array,
+) -> None:  # fmt: skip
+    """Write d residual / d camera tangent (w, v), (3, 6), and / d point, (3, 3)."""
+    fx, fy, _, _, fb = intrinsics
+    x, y, z = _seen_from(R, t, point)
+    # Rows of d residual / d point in the camera's frame.
+    q = np.zeros((3, 3))
+    q[0, 0], q[0, 2] = weight[0] * fx / z, -weight[0] * fx * x / (z * z)
+    q[1, 1], q[1, 2] = weight[1] * fy / z, -weight[1] * fy * y / (z * z)
+    q[2, 2] = -weight[2] * fb / (z * z)
+    for i in range(3):
+        a, b, c = q[i, 0], q[i, 1], q[i, 2]
+        # The camera moves by (w, v) in its own frame: d point = point x w - v.
+        by_camera[i, 0] = b * z - c * y
+        by_camera[i, 1] = c * x - a * z
+        by_camera[i, 2] = a * y - b * x
+        by_camera[i, 3], by_camera[i, 4], by_camera[i, 5] = -a, -b, -c
+        for k in range(3):
+            by_point[i, k] = a * R[k, 0] + b * R[k, 1] + c * R[k, 2]
+
+
+@numba.njit(cache=True)
+def robust_weights(
+    rotations: Array, centres: Array, points: Array, camera: Indices, point: Indices,
+    measured: Array, weight: Array, intrinsics: Array, huber: float,
+) -> Array:  # fmt: skip
+    """Scale (M, 3) weights so that their squares give the Huber loss of each measurement."""
+    scaled = weight.copy()
+    r = np.empty(3)
+    for m in range(len(camera)):
+        i, j = camera[m], point[m]
+        whitened(rotations[i], centres[i], points[j], measured[m], weight[m], intrinsics, r)
+        size = np.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
+        if size > huber:
+            for k in range(3):
+                scaled[m, k] *= np.sqrt(huber / size)
+    return scaled
+
+
+@numba.njit(cache=True)
+def reduce(
+    rotations: Array, centres: Array, points: Array, first: Indices, camera: Indices,
+    measured: Array, weight: Array, intrinsics: Array, slot: Indices, size: int,
+) -> tuple[Array, Array, float, Array]:  # fmt: skip
+    """Solve for every point and eliminate it.
+
+    Args:
+        rotations: (K, 3, 3) of the cameras in the world.
+        centres: (K, 3) metres.
+        points: (J, 3) where to start.
+        first: (J + 1,) where the measurements of each point begin.
+        camera: (M,) sorted by point.
+        measured: (M, 3) u, v, disparity; anything where the weight is zero.
+        weight: (M, 3) one over sigma; zero where nothing was measured.
+        intrinsics: fx, fy, cx, cy, and focal length times baseline.
+        slot: (K,) place of each camera among the unknowns; -1 for one that is fixed.
+        size: Cameras that may move, S.
+
+    Returns:
+        (6 S, 6 S) and (6 S,) normal equations of the cameras, half the sum of squares, and the
+        (J, 3) points that belong to these cameras.
+    """
+    H, g = np.zeros((6 * size, 6 * size)), np.zeros(6 * size)
+    solved = points.copy()
+    cost = 0.0
+    r, F, E = np.empty(3), np.empty((3, 6)), np.empty((3, 3))
+    V, b = np.empty((3, 3)), np.empty(3)
+    most = 1
+    for j in range(len(points)):
+        most = max(most, first[j + 1] - first[j])
+    W = np.empty((most, 6, 3))
+    Y = np.empty((most, 6, 3))
+    for j in range(len(points)):
+        _solve_point(
+            rotations, centres, solved[j], first[j], first[j + 1], camera, measured, weight,
+            intrinsics,
+        )  # fmt: skip
+        V[:], b[:] = 0.0, 0.0
+        for m in range(first[j], first[j + 1]):
+            i, n = camera[m], m - first[j]
+            whitened(rotations[i], centres[i], solved[j], measured[m], weight[m], intrinsics, r)
+            _derivatives(rotations[i], centres[i], solved[j], weight[m], intrinsics, F, E)
+            cost += 0.5 * (r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
+            for p in range(3):
+                for q in range(3):
+                    V[p, q] += E[0, p] * E[0, q] + E[1, p] * E[1, q] + E[2, p] * E[2, q]
+                b[p] += E[0, p] * r[0] + E[1, p] * r[1] + E[2, p] * r[2]
+            s = slot[i]
+            if s < 0:
+                continue
+            for p in range(6):
+                for q in range(3):
+                    W[n, p, q] = F[0, p] * E[0, q] + F[1, p] * E[1, q] + F[2, p] * E[2, q]
+                g[6 * s + p] += F[0, p] * r[0] + F[1, p] * r[1] + F[2, p] * r[2]
+                for q in range(6):
+                    H[6 * s + p, 6 * s + q] += (
+                        F[0, p] * F[0, q] + F[1, p] * F[1, q] + F[2, p] * F[2, q]
+                    )
+        inverse = _inverse(V)
+        for m in range(first[j], first[j + 1]):
+            s, n = slot[camera[m]], m - first[j]
+            if s < 0:
+                continue
+            for p in range(6):
+                for q in range(3):
+                    Y[n, p, q] = (
+                        W[n, p, 0] * inverse[0, q]
+                        + W[n, p, 1] * inverse[1, q]
+                        + W[n, p, 2] * inverse[2, q]
+                    )
+                g[6 * s + p] -= Y[n, p, 0] * b[0] + Y[n, p, 1] * b[1] + Y[n, p, 2] * b[2]
+        for m in range(first[j], first[j + 1]):
+            s, n = slot[camera[m]], m - first[j]
+            if s < 0:
+                continue
+            for m_other in range(first[j], first[j + 1]):
+                s_other, n_other = slot[camera[m_other]], m_other - first[j]
+                if s_other < s:
+                    continue
+                for p in range(6):
+                    for q in range(6):
+                        H[6 * s + p, 6 * s_other + q] -= (
+                            Y[n, p, 0] * W[n_other, q, 0]
+                            + Y[n, p, 1] * W[n_other, q, 1]
+                            + Y[n, p, 2] * W[n_other, q, 2]
+                        )
+    for p in range(6 * size):
+        for q in range(p):
+            H[p, q] = H[q, p]
+    return H, g, cost, solved
+
+
+@numba.njit(cache=True)
+def _solve_point(
+    rotations: Array, centres: Array, point: Array, start: int, end: int, camera: Indices,
+    measured: Array, weight: Array, intrinsics: Array,
+) -> None:  # fmt: skip
+    """Move a point to where its cameras see it, by Gauss–Newton with halved steps; in place."""
+    r, F, E = np.empty(3), np.empty((3, 6)), np.empty((3, 3))
+    V, b, tried = np.empty((3, 3)), np.empty(3), np.empty(3)
+    for _ in range(POINT_STEPS):
+        V[:], b[:] = 0.0, 0.0
+        cost = 0.0
+        for m in range(start, end):
+            i = camera[m]
+            whitened(rotations[i], centres[i], point, measured[m], weight[m], intrinsics, r)
+            _derivatives(rotations[i], centres[i], point, weight[m], intrinsics, F, E)
+            cost += r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
+            for p in range(3):
+                for q in range(3):
+                    V[p, q] += E[0, p] * E[0, q] + E[1, p] * E[1, q] + E[2, p] * E[2, q]
+                b[p] += E[0, p] * r[0] + E[1, p] * r[1] + E[2, p] * r[2]
+        step = -_inverse(V) @ b
+        better = False
+        for _ in range(4):
+            for p in range(3):
+                tried[p] = point[p] + step[p]
+            new_cost = 0.0
+            for m in range(start, end):
+                i = camera[m]
+                whitened(rotations[i], centres[i], tried, measured[m], weight[m], intrinsics, r)
+                new_cost += r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
+            if new_cost <= cost:
+                better = True
+                break
+            for p in range(3):
+                step[p] *= 0.25
+        if not better:
+            return
+        for p in range(3):
+            point[p] = tried[p]
+        if step @ step < CONVERGED**2 * (point @ point):
+            return
+
+
+@numba.njit(cache=True)
+def _inverse(V: Array) -> Array:
+    """Inverse of a symmetric positive semi-definite 3x3 matrix, lifted a little off zero."""
+    lift = FREE * (V[0, 0] + V[1, 1] + V[2, 2]) + 1e-300
+    a, d, f = V[0, 0] + lift, V[1, 1] + lift, V[2, 2] + lift
+    b, c, e = V[0, 1], V[0, 2], V[1, 2]
+    A, B, C = d * f - e * e, c * e - b * f, b * e - c * d
+    determinant = a * A + b * B + c * C
+    out = np.empty((3, 3))
+    out[0, 0], out[0, 1], out[0, 2] = A, B, C
+    out[1, 0], out[1, 1], out[1, 2] = B, a * f - c * c, b * c - a * e
+    out[2, 0], out[2, 1], out[2, 2] = C, b * c - a * e, a * d - b * b
+    return out / determinant
+
+
+@numba.njit(cache=True)
+def camera_normal(
+    R: Array, t: Array, points: Array, measured: Array, weight: Array, intrinsics: Array
+) -> tuple[Array, Array, float]:
+    """Normal equations of one camera whose points stay: (6, 6), (6,) and half the squares."""
+    H, g, cost = np.zeros((6, 6)), np.zeros(6), 0.0
+    r, F, E = np.empty(3), np.empty((3, 6)), np.empty((3, 3))
+    for j in range(len(points)):
+        whitened(R, t, points[j], measured[j], weight[j], intrinsics, r)
+        _derivatives(R, t, points[j], weight[j], intrinsics, F, E)
+        cost += 0.5 * (r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
+        for p in range(6):
+            g[p] += F[0, p] * r[0] + F[1, p] * r[1] + F[2, p] * r[2]
+            for q in range(6):
+                H[p, q] += F[0, p] * F[0, q] + F[1, p] * F[1, q] + F[2, p] * F[2, q]
+    return H, g, cost
+
+
+@numba.njit(cache=True)
+def squared_residuals(
+    rotations: Array, centres: Array, points: Array, measured: Array, weight: Array,
+    intrinsics: Array,
+) -> Array:  # fmt: skip
+    """Squared whitened residuals of points seen by the first camera, (N,)."""
+    squared, r = np.empty(len(points)), np.empty(3)
+    for j in range(len(points)):
+        whitened(rotations[0], centres[0], points[j], measured[j], weight[j], intrinsics, r)
+        squared[j] = r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
+    return squared
