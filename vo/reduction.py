@@ -18,7 +18,7 @@ NEAREST_M = 1e-3
 """Points are kept this far in front of a camera while a pose is tried."""
 
 POINT_STEPS = 4
-CONVERGED = 1e-8
+CONVERGED = 1e-7
 """A point's step, relative to its norm, that ends its refinement."""
 
 FREE = 1e-9
@@ -56,20 +56,24 @@ def _derivatives(
     """Write d residual / d camera tangent (w, v), (3, 6), and / d point, (3, 3)."""
     fx, fy, _, _, fb = intrinsics
     x, y, z = _seen_from(R, t, point)
-    # Rows of d residual / d point in the camera's frame.
-    q = np.zeros((3, 3))
-    q[0, 0], q[0, 2] = weight[0] * fx / z, -weight[0] * fx * x / (z * z)
-    q[1, 1], q[1, 2] = weight[1] * fy / z, -weight[1] * fy * y / (z * z)
-    q[2, 2] = -weight[2] * fb / (z * z)
-    for i in range(3):
-        a, b, c = q[i, 0], q[i, 1], q[i, 2]
-        # The camera moves by (w, v) in its own frame: d point = point x w - v.
-        by_camera[i, 0] = b * z - c * y
-        by_camera[i, 1] = c * x - a * z
-        by_camera[i, 2] = a * y - b * x
-        by_camera[i, 3], by_camera[i, 4], by_camera[i, 5] = -a, -b, -c
-        for k in range(3):
-            by_point[i, k] = a * R[k, 0] + b * R[k, 1] + c * R[k, 2]
+    # Rows (a, 0, c), (0, b, d), (0, 0, e) of d residual / d point in the camera's frame.
+    a, b, e = weight[0] * fx / z, weight[1] * fy / z, -weight[2] * fb / (z * z)
+    c, d = -a * x / z, -b * y / z
+    # The camera moves by (w, v) in its own frame: d point = point x w - v.
+    _fill_row(by_camera[0], by_point[0], R, a, 0.0, c, x, y, z)
+    _fill_row(by_camera[1], by_point[1], R, 0.0, b, d, x, y, z)
+    _fill_row(by_camera[2], by_point[2], R, 0.0, 0.0, e, x, y, z)
+
+
+@numba.njit(cache=True, inline="always")
+def _fill_row(
+    by_camera: Array, by_point: Array, R: Array, a: float, b: float, c: float, x: float, y: float,
+    z: float,
+) -> None:  # fmt: skip
+    by_camera[0], by_camera[1], by_camera[2] = b * z - c * y, c * x - a * z, a * y - b * x
+    by_camera[3], by_camera[4], by_camera[5] = -a, -b, -c
+    for k in range(3):
+        by_point[k] = a * R[k, 0] + b * R[k, 1] + c * R[k, 2]
 
 
 @numba.njit(cache=True)
@@ -97,6 +101,8 @@ def reduce(
 ) -> tuple[Array, Array, float, Array]:  # fmt: skip
     """Solve for every point and eliminate it.
 
+    With `size` 0 and all slots -1 that leaves the cost and the points, for a third of the time.
+
     Args:
         rotations: (K, 3, 3) of the cameras in the world.
         centres: (K, 3) metres.
@@ -117,7 +123,7 @@ def reduce(
     solved = points.copy()
     cost = 0.0
     r, F, E = np.empty(3), np.empty((3, 6)), np.empty((3, 3))
-    V, b = np.empty((3, 3)), np.empty(3)
+    V, b, inverse = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
     most = 1
     for j in range(len(points)):
         most = max(most, first[j + 1] - first[j])
@@ -126,7 +132,7 @@ def reduce(
     for j in range(len(points)):
         _solve_point(
             rotations, centres, solved[j], first[j], first[j + 1], camera, measured, weight,
-            intrinsics,
+            intrinsics, r, F, E, V, b, inverse,
         )  # fmt: skip
         V[:], b[:] = 0.0, 0.0
         for m in range(first[j], first[j + 1]):
@@ -134,6 +140,8 @@ def reduce(
             whitened(rotations[i], centres[i], solved[j], measured[m], weight[m], intrinsics, r)
             _derivatives(rotations[i], centres[i], solved[j], weight[m], intrinsics, F, E)
             cost += 0.5 * (r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
+            if size == 0:
+                continue
             for p in range(3):
                 for q in range(3):
                     V[p, q] += E[0, p] * E[0, q] + E[1, p] * E[1, q] + E[2, p] * E[2, q]
@@ -149,7 +157,9 @@ def reduce(
                     H[6 * s + p, 6 * s + q] += (
                         F[0, p] * F[0, q] + F[1, p] * F[1, q] + F[2, p] * F[2, q]
                     )
-        inverse = _inverse(V)
+        if size == 0:
+            continue
+        _invert(V, inverse)
         for m in range(first[j], first[j + 1]):
             s, n = slot[camera[m]], m - first[j]
             if s < 0:
@@ -186,11 +196,14 @@ def reduce(
 @numba.njit(cache=True)
 def _solve_point(
     rotations: Array, centres: Array, point: Array, start: int, end: int, camera: Indices,
-    measured: Array, weight: Array, intrinsics: Array,
+    measured: Array, weight: Array, intrinsics: Array, r: Array, F: Array, E: Array, V: Array,
+    b: Array, inverse: Array,
 ) -> None:  # fmt: skip
-    """Move a point to where its cameras see it, by Gauss–Newton with halved steps; in place."""
-    r, F, E = np.empty(3), np.empty((3, 6)), np.empty((3, 3))
-    V, b, tried = np.empty((3, 3)), np.empty(3), np.empty(3)
+    """Move a point to where its cameras see it, by Gauss–Newton with shortened steps; in place.
+
+    What comes after the intrinsics is room to work in.
+    """
+    step, tried = np.empty(3), np.empty(3)
     for _ in range(POINT_STEPS):
         V[:], b[:] = 0.0, 0.0
         cost = 0.0
@@ -203,7 +216,9 @@ def _solve_point(
                 for q in range(3):
                     V[p, q] += E[0, p] * E[0, q] + E[1, p] * E[1, q] + E[2, p] * E[2, q]
                 b[p] += E[0, p] * r[0] + E[1, p] * r[1] + E[2, p] * r[2]
-        step = -_inverse(V) @ b
+        _invert(V, inverse)
+        for p in range(3):
+            step[p] = -(inverse[p, 0] * b[0] + inverse[p, 1] * b[1] + inverse[p, 2] * b[2])
         better = False
         for _ in range(4):
             for p in range(3):
@@ -220,25 +235,26 @@ def _solve_point(
                 step[p] *= 0.25
         if not better:
             return
+        moved2, norm2 = 0.0, 0.0
         for p in range(3):
             point[p] = tried[p]
-        if step @ step < CONVERGED**2 * (point @ point):
+            moved2 += step[p] * step[p]
+            norm2 += point[p] * point[p]
+        if moved2 < CONVERGED**2 * norm2:
             return
 
 
 @numba.njit(cache=True)
-def _inverse(V: Array) -> Array:
-    """Inverse of a symmetric positive semi-definite 3x3 matrix, lifted a little off zero."""
+def _invert(V: Array, out: Array) -> None:
+    """Invert a symmetric positive semi-definite 3x3 matrix, lifted a little off zero."""
     lift = FREE * (V[0, 0] + V[1, 1] + V[2, 2]) + 1e-300
     a, d, f = V[0, 0] + lift, V[1, 1] + lift, V[2, 2] + lift
     b, c, e = V[0, 1], V[0, 2], V[1, 2]
     A, B, C = d * f - e * e, c * e - b * f, b * e - c * d
-    determinant = a * A + b * B + c * C
-    out = np.empty((3, 3))
-    out[0, 0], out[0, 1], out[0, 2] = A, B, C
-    out[1, 0], out[1, 1], out[1, 2] = B, a * f - c * c, b * c - a * e
-    out[2, 0], out[2, 1], out[2, 2] = C, b * c - a * e, a * d - b * b
-    return out / determinant
+    scale = 1 / (a * A + b * B + c * C)
+    out[0, 0], out[0, 1], out[0, 2] = A * scale, B * scale, C * scale
+    out[1, 0], out[1, 1], out[1, 2] = B * scale, (a * f - c * c) * scale, (b * c - a * e) * scale
+    out[2, 0], out[2, 1], out[2, 2] = C * scale, (b * c - a * e) * scale, (a * d - b * b) * scale
 
 
 @numba.njit(cache=True)

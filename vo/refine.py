@@ -20,11 +20,16 @@ from vo.contract.rig import StereoRig
 from vo.reduction import camera_normal, reduce, robust_weights, squared_residuals
 
 REWEIGHTINGS = 3
-"""Rounds in which the Huber weights are renewed (Holland and Welsch, 1977)."""
+"""Rounds in which the Huber weights are renewed (Holland and Welsch, 1977), for one camera."""
+
+STRUCTURE_REWEIGHTINGS = 2
+"""The same for many, which were refined before."""
 
 LIFT = 1e-9
 """Added to the diagonal of normal equations, relative: directions that nothing determines stay."""
 
+
+Normal = Callable[[Array, bool], tuple[Array, Array, float]]
 
 TURN_LAST = [3, 4, 5, 0, 1, 2]
 """From GTSAM's tangents (w, v) to (v, w)."""
@@ -116,16 +121,19 @@ def refine_structure(bundle: Bundle, settings: RefinementSettings) -> Refined:
     slot[moving] = np.arange(len(moving))
     T, points, weight = bundle.T_world_cam.copy(), bundle.points_world.copy(), known
 
-    def normal(poses: Array) -> tuple[Array, Array, float]:
+    nowhere = np.full_like(slot, -1)
+
+    def normal(poses: Array, derivatives: bool) -> tuple[Array, Array, float]:
         nonlocal points
         T[moving] = poses
-        *equations, points = reduce(
-            *_split(T), points, first, camera, measured, weight, intrinsics, slot, len(moving)
+        places, size = (slot, len(moving)) if derivatives else (nowhere, 0)
+        H, g, cost, points = reduce(
+            *_split(T), points, first, camera, measured, weight, intrinsics, places, size
         )
-        return equations[0], equations[1], equations[2]
+        return H, g, cost
 
     iterations = 0
-    for _ in range(REWEIGHTINGS):
+    for _ in range(STRUCTURE_REWEIGHTINGS):
         weight = robust_weights(
             *_split(T), points, camera, point, measured, known, intrinsics, settings.huber
         )
@@ -133,7 +141,7 @@ def refine_structure(bundle: Bundle, settings: RefinementSettings) -> Refined:
         iterations += steps
         if steps >= settings.most_iterations:
             break
-    H, _, error = normal(poses)
+    H, _, error = normal(poses, derivatives=True)
     covariance = np.zeros((len(T), 6, 6))
     covariance[moving] = _diagonal_blocks(_inverse(H))[:, TURN_LAST][:, :, TURN_LAST]
     return Refined(T, points, covariance, iterations, error)
@@ -163,7 +171,7 @@ def refine_motion(
     everyone = np.arange(len(points))
     poses, weight, iterations = T_world_cam[None], known, 0
 
-    def normal(poses: Array) -> tuple[Array, Array, float]:
+    def normal(poses: Array, derivatives: bool = True) -> tuple[Array, Array, float]:
         R, t = _split(poses)
         return camera_normal(R[0], t[0], points, seen, weight, intrinsics)
 
@@ -179,14 +187,15 @@ def refine_motion(
 
 
 def _optimize(
-    poses: Array, normal: Callable[[Array], tuple[Array, Array, float]], s: RefinementSettings
+    poses: Array, normal: Normal, s: RefinementSettings
 ) -> tuple[Array, int]:
     """Levenberg–Marquardt over one factor that is given by its normal equations.
 
     Args:
         poses: (S, 4, 4) where to start.
-        normal: Poses to (6 S, 6 S) information H, (6 S,) gradient g and cost f. The factor's
-            residuals e and derivatives J are any with J'J = H, J'e = g and e'e = 2 f.
+        normal: Poses to (6 S, 6 S) information H, (6 S,) gradient g and cost f, of which H and g
+            may be anything where no derivatives are asked for. The factor's residuals e and
+            derivatives J are any with J'J = H, J'e = g and e'e = 2 f.
         s: Iterations.
 
     Returns:
@@ -196,7 +205,8 @@ def _optimize(
     size = 6 * len(poses)
 
     def residuals(_: object, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
-        H, g, cost = normal(np.array([values.atPose3(key).matrix() for key in keys]))
+        here = np.array([values.atPose3(key).matrix() for key in keys])
+        H, g, cost = normal(here, jacobians is not None)
         e = np.zeros(size + 1)
         if jacobians is None:
             e[-1] = np.sqrt(2 * cost)
@@ -251,7 +261,7 @@ def _cholesky(H: Array) -> Array:
 
 
 def _inverse(H: Array) -> Array:
-    return np.linalg.pinv(_lifted(H), hermitian=True)
+    return np.linalg.inv(_lifted(H))
 
 
 def _diagonal_blocks(matrix: Array) -> Array:
