@@ -284,12 +284,29 @@ def test_the_best_of_each_cell_comes_first():
     assert len({tuple(x) for x in np.round(few.pixels).astype(int) // 40}) >= len(cells) - 2
 
 
-@pytest.mark.parametrize("shape", [(1, 1), (3, 40), (5, 5), (10, 200)])
-def test_too_small_an_image_has_no_features(shape):
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("shape", [(1, 1), (3, 40), (5, 5), (10, 200), (200, 11)])
+def test_too_small_an_image_has_no_features(shape, kernel):
     for image in (noise(shape), np.zeros(shape, np.uint8)):
-        found = detect(image, FeatureSettings())
+        found = detect(image, FeatureSettings(kernel=kernel))
         assert len(found) == 0
         assert found.pixels.shape == (0, 2)
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("scales", [3, 5])
+def test_fewer_scales_find_the_smaller_features(kernel, scales):
+    """Exactly those whose scale lies below the largest, which all kernels have to confirm."""
+    image = smooth_noise((121, 163))
+    everything = EVERYTHING.model_copy(update={"kernel": kernel})
+    few = detect(image, everything.model_copy(update={"scales": scales}))
+    expected = brute_extrema(responses_of(image, kernel)[:scales], kernel)
+    found = dict(zip(few.response, few.pixels, strict=True))
+    assert len(expected) > 10
+    for (_, v, u), value in expected.items():
+        assert np.abs(found[np.float64(value)] - [u, v]).max() <= 0.5
+    assert few.scale_px.max() < {3: 3.0, 5: 5.0}[scales]
+    assert detect(image, everything).scale_px.max() > 5.0
 
 
 def test_scales_that_do_not_fit_the_image_find_nothing():
