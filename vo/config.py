@@ -129,8 +129,8 @@ class MotionSettings(Settings):
     local_rounds: int = Field(
         default=4, ge=0, description="refits to the inliers of each new best; 0 is plain RANSAC"
     )
-    least_inliers: int = Field(default=8, ge=4, description="fewer, and the frame is lost")
-    weak_inliers: int = Field(default=25, ge=4, description="fewer, and the frame is weak")
+    least_inliers: int = Field(default=8, ge=3, description="fewer, and the frame is lost")
+    weak_inliers: int = Field(default=25, ge=3, description="fewer, and the frame is weak")
 
     @model_validator(mode="after")
     def _distances_need_points(self) -> Self:

@@ -195,6 +195,12 @@ def test_threshold_in_pixels_needs_a_focal_length():
     assert acceptance(settings, 300.0) == pytest.approx(0.005)
 
 
+def test_distance_cannot_judge_rays():
+    with pytest.raises(ValueError, match=r"motion\.method"):
+        MotionSettings(residual="distance")
+    assert MotionSettings(residual="distance", method="absolute").threshold_m > 0
+
+
 def test_relative_orientation_ignores_depth_and_outlasts_absolute():
     """Thesis 4.1: depth noise spoils the orientation of points to points, not of rays to points."""
     relative, absolute = [], []
