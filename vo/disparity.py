@@ -16,6 +16,7 @@ from vo.config import StereoSettings
 from vo.contract.arrays import Array, Mask
 from vo.contract.sequence import StereoFrame
 from vo.epipolar import search_rows
+from vo.slant import fit_slopes
 from vo.stereo import look_up
 from vo.surface import left_to_right, surface_slopes
 from vo.templates import Templates, cut
@@ -25,6 +26,9 @@ BEHIND_PX = -2.0
 
 MOST_CORRECTION_PX = 2.0
 """Alignment that moves a disparity further has found something else."""
+
+SLANT_PX = 13
+"""Side of the patch from which a lone feature's slant is read: slopes need a lever."""
 
 SPREAD_SIGMAS = 3.0
 """Disagreement of the shifted windows that counts as one standard deviation."""
@@ -87,22 +91,24 @@ def measure_disparities(
         known = distinct & (start > settings.least_disparity_px)
         values_px = np.where(known, start, np.nan)
         sigma_px = np.where(known, UNREFINED_SIGMA_PX, np.nan)
-        return Disparities(values_px, sigma_px, _slant(pixels, values_px, nearby))
+        return Disparities(values_px, sigma_px, _planes(pixels, values_px, nearby))
 
     templates = cut(frame.left, pixels, settings.align_px)
     slant = slopes
     if slant is None:
         facing = _align(frame, templates, pixels, start, np.zeros((len(pixels), 2)))
-        slant = _slant(pixels, _judge(facing, pixels, start, distinct, settings)[0], nearby)
+        first_px, _ = _judge(facing, pixels, start, distinct, settings)
+        slant = _slant(frame, pixels, start, _planes(pixels, first_px, nearby))
     aligned = _align(frame, templates, pixels, start, slant)
     values_px, sigma_px = _judge(aligned, pixels, start, distinct, settings)
     spread_px = _spread(frame, pixels, values_px, slant, settings)
     known = (spread_px < settings.most_spread_px) & (values_px > settings.least_disparity_px)
     values_px = np.where(known, values_px, np.nan)
     sigma_px = np.where(known, np.hypot(sigma_px, spread_px / SPREAD_SIGMAS), np.nan)
-    return Disparities(
-        values_px, sigma_px, _slant(pixels, values_px, nearby) if slopes is None else slopes
-    )
+    if slopes is None:
+        planes = _planes(pixels, values_px, nearby)
+        slopes = np.where(planes.any(axis=1, keepdims=True), planes, slant)
+    return Disparities(values_px, sigma_px, slopes)
 
 
 def _start(
@@ -126,12 +132,22 @@ def _start(
     return start, 1 - rival > settings.distinct * (1 - zncc)
 
 
-def _slant(pixels: Array, disparity_px: Array, nearby: Array | None) -> Array:
-    """Slopes (N, 2) of planes through the disparities at pixels and nearby."""
+def _planes(pixels: Array, disparity_px: Array, nearby: Array | None) -> Array:
+    """Slopes (N, 2) of planes through the disparities at pixels and nearby; zero without one."""
     known = np.column_stack([pixels, disparity_px])
     if nearby is not None:
         known = np.concatenate([known, nearby])
     return surface_slopes(pixels, disparity_px, known[:, :2], known[:, 2])
+
+
+def _slant(frame: StereoFrame, pixels: Array, start: Array, planes: Array) -> Array:
+    """Slopes of planes (N, 2), where there is none from the patch itself, else zero."""
+    lone = ~planes.any(axis=1) & ~np.isnan(start)
+    right = np.stack([pixels[:, 0] - start, pixels[:, 1]], axis=-1)[lone]
+    fitted = fit_slopes(cut(frame.left, pixels[lone], SLANT_PX), frame.right, right)
+    slopes = planes.copy()
+    slopes[lone] = np.nan_to_num(fitted)
+    return slopes
 
 
 def _align(

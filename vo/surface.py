@@ -13,7 +13,7 @@ import numpy as np
 from vo.contract.arrays import Array
 
 NEIGHBOURS = 16
-REACH_PX = 60.0
+REACH_PX = 120.0
 """Neighbours further away show another surface."""
 
 LEAST_NEIGHBOURS = 4.0

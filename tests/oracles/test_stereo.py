@@ -9,8 +9,10 @@ from vo.contract.sequence import StereoFrame
 from vo.disparity import measure_disparities
 from vo.epipolar import search_rows
 from vo.features import detect
+from vo.slant import fit_slopes
 from vo.stereo import DenseStereo
 from vo.surface import surface_slopes
+from vo.templates import cut
 
 WIDTH, HEIGHT = 400, 240
 SETTINGS = StereoSettings()
@@ -113,24 +115,29 @@ def test_search_where_a_disparity_is_expected(plane, pixels):
         assert not np.abs(found.values_px - truth)[0] > 0.05
 
 
-def test_a_known_slant_makes_a_lone_feature_exact():
-    """On a floor, a window without neighbours is taken for upright; their slant helps as much."""
-    plane = Plane(*PLANES["floor"])
-    rng = np.random.default_rng(1)
-    near, pixels = (rng.uniform([130, 25], [WIDTH - 26, HEIGHT - 26], (60, 2)) for _ in range(2))
-    near_px = plane.disparity_px(near)
-    slopes = np.tile(plane.slopes, (60, 1))
-    errors = []
-    for known in ({}, {"slopes": slopes}, {"nearby": np.column_stack([near, near_px])}):
-        found = [measure(plane.frame, p[None], **known_of(known, i)) for i, p in enumerate(pixels)]
-        values = np.array([x.values_px[0] for x in found])
-        errors.append(np.nanmedian(np.abs(values - plane.disparity_px(pixels))))
-    assert errors[1] < 0.3 * errors[0]
-    assert errors[2] < 0.3 * errors[0]
+def test_a_lone_feature_shows_its_slant(plane, pixels):
+    """Without neighbours, from its patch; with them, more exactly."""
+    error = {"alone": [], "helped": []}
+    others = np.column_stack([pixels[60:], plane.disparity_px(pixels[60:])])
+    for pixel in pixels[:60]:
+        for name, nearby in (("alone", None), ("helped", others)):
+            found = measure(plane.frame, pixel[None], nearby=nearby)
+            error[name].append(np.abs(found.slopes[0] - plane.slopes).max())
+    assert 0 < np.median(error["alone"]) < 0.02
+    assert np.median(error["helped"]) < 0.2 * np.median(error["alone"])
 
 
-def known_of(known, i):
-    return {"slopes": known["slopes"][i : i + 1]} if "slopes" in known else known
+def test_slant_of_patches_on_planes(plane, pixels):
+    right = pixels - np.column_stack([plane.disparity_px(pixels), np.zeros(len(pixels))])
+    slopes = fit_slopes(
+        cut(plane.frame.left, pixels, 17), plane.frame.right, right + np.array([0.7, 0])
+    )
+    assert np.isfinite(slopes).all(axis=1).mean() > 0.9
+    assert np.nanmedian(np.abs(slopes - plane.slopes)) < 0.005
+    assert np.abs(np.nanmedian(slopes, axis=0) - plane.slopes).max() < 0.003
+    nowhere = np.array([[200.0, 5.0], [np.nan, 50.0], [5.0, 50.0]])
+    templates = cut(plane.frame.left, np.full((3, 2), 100.0), 17)
+    assert np.isnan(fit_slopes(templates, plane.frame.right, nowhere)).all()
 
 
 def test_slopes_of_exact_planes():
