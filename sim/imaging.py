@@ -1,6 +1,7 @@
 """The sensor: from linear light at the lens to grey levels in the picture."""
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Literal
 
 import cv2
@@ -14,7 +15,7 @@ from sim.lens import (
     picture_map,
     unknown_rotation,
 )
-from sim.light import Encoding, levels_to_light, light_to_levels
+from sim.light import Encoding, Response, levels_to_light, light_to_levels
 from sim.resample import sample, sample_variance
 from sim.settings import RecordSettings
 from vo.contract.arrays import Array, Image
@@ -176,16 +177,9 @@ class Sensor:
             gain: Of the automatic exposure, as in `expose`.
 
         Returns:
-            (256,) float32.
+            (256,) float32, read-only.
         """
-        shot, floor = self._variances(gain)
-        response = self._sensor.response
-        light = levels_to_light(response, np.arange(256))[:, None]
-        z = np.linspace(-6, 6, 241)
-        share = np.exp(-z * z / 2) / np.exp(-z * z / 2).sum()
-        levels = light_to_levels(response, light + np.sqrt(shot * light + floor) * z)
-        mean = (levels * share).sum(axis=1, keepdims=True)
-        return np.sqrt(((levels - mean) ** 2 * share).sum(axis=1)).astype(np.float32)
+        return _noise_table(self._sensor.response, *self._variances(gain))
 
     def _delivered(self, chip: Array) -> Array:
         """Resample (H + 2 m, W + 2 m[, 3]) float32 of the chip for the picture, (H, W[, 3])."""
@@ -230,6 +224,19 @@ class Sensor:
             return light
 
         return optics
+
+
+@lru_cache(maxsize=64)  # both eyes of every frame ask; the gain changes rarely, if at all
+def _noise_table(response: Response, shot: float, floor: float) -> Array:
+    """Standard deviation (256,) of each level of light y whose variance is shot y + floor."""
+    light = levels_to_light(response, np.arange(256))[:, None]
+    z = np.linspace(-6, 6, 241)
+    share = np.exp(-z * z / 2) / np.exp(-z * z / 2).sum()
+    levels = light_to_levels(response, light + np.sqrt(shot * light + floor) * z)
+    mean = (levels * share).sum(axis=1, keepdims=True)
+    table = np.sqrt(((levels - mean) ** 2 * share).sum(axis=1)).astype(np.float32)
+    table.flags.writeable = False
+    return table
 
 
 def _fall_off(vignetting: float, rig: StereoRig, margin_px: int) -> Array | None:

@@ -4,12 +4,12 @@ import numba
 import numpy as np
 
 from sim.visibility import straightest
-from sim.warp import residual
 from vo.contract.arrays import Array, Image, Indices, Mask
 from vo.contract.rig import StereoRig
 
-OCCLUDED_BY_PX = 1.0
-"""A surface hides another in the right image if its disparity is larger by more than this."""
+SPLAT_COVERS_PX = 1.0
+"""A splat hides another on the same right pixel if its disparity is larger by more than this: less
+may be the slope of one surface from a left pixel to the next."""
 BEND_MAX_RAD = 0.02
 """Three pixels are on one plane if their normal turns by no more than this between them."""
 
@@ -43,26 +43,10 @@ def visible_in_right(disparity_px: Array) -> Mask:
     nearest = np.full(height * width, -1.0, dtype=np.float32)
     for bins in (np.floor(landed), np.ceil(landed)):
         np.maximum.at(nearest, row + bins.astype(np.int32), d)
-    hidden = nearest[row + np.rint(landed).astype(np.int32)] > d + OCCLUDED_BY_PX
+    hidden = nearest[row + np.rint(landed).astype(np.int32)] > d + SPLAT_COVERS_PX
     visible = inside.copy()
     visible[inside] = ~hidden
     return visible
-
-
-def photometric_residual(left: Image, right: Image, disparity_px: Array, visible: Mask) -> Array:
-    """Left minus the right image warped to it by the disparity, bicubic, in grey levels.
-
-    Args:
-        left: (H, W) or (H, W, 3) uint8.
-        right: Like `left`.
-        disparity_px: (H, W) of the left image.
-        visible: (H, W) pixels to compare.
-
-    Returns:
-        (N,) float32 signed residuals of the visible pixels.
-    """
-    places: Array = np.indices(disparity_px.shape, np.float32)
-    return residual(left, right, places[1] - disparity_px, places[0], visible)
 
 
 def flow(rig: StereoRig, depth_m: Array, bodies: Indices, T_next_now: Array) -> Array:

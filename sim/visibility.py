@@ -20,7 +20,7 @@ class Occlusion(IntEnum):
 
 VISIBLE, HIDDEN, OUTSIDE, NOTHING = (int(code) for code in Occlusion)
 
-OCCLUDED_BY_PX = 0.5
+HIDING_STRIP_PX = 0.5
 """A surface hides another from the right eye if its disparity is larger by more than this: the
 strip that it hides is then that wide."""
 OCCLUDED_BY_SHARE = 0.01
@@ -45,7 +45,7 @@ def occlusion(rig: StereoRig, depth_left_m: Array, depth_right_m: Array) -> Imag
     scale = np.float32(rig.f_px * rig.baseline_m)
     left, right = scale / depth_left_m, np.nan_to_num(scale / depth_right_m)
     out = np.empty(left.shape, np.uint8)
-    _stereo(left, right, OCCLUDED_BY_PX, out)
+    _stereo(left, right, HIDING_STRIP_PX, out)
     return out
 
 

@@ -8,12 +8,13 @@ import mujoco
 import numpy as np
 import pytest
 
-from sim.labels import disparity_from_depth, photometric_residual, visible_in_right
+from sim.labels import disparity_from_depth, visible_in_right
 from sim.map import render_map
 from sim.render import NO_GEOM, StereoRenderer, Survey
 from sim.rig import CAMERA
 from sim.rover import CONTACT_GROUP
 from sim.settings import RecordSettings, RenderSettings, RigSettings
+from sim.warp import residual
 from sim.world import World
 from vo.contract import se3
 from vo.contract.arrays import Array, Image
@@ -126,12 +127,11 @@ def test_labels_do_not_depend_on_the_quality_of_pictures(world, view):
 def test_right_warped_by_the_label_is_left(world, view):
     disparity_px = disparity_from_depth(world.rig, view.survey.depth_left_m)
     visible = visible_in_right(disparity_px)
+    v, u = np.indices(disparity_px.shape, np.float32)
 
     def median(shift_px: float) -> float:
-        shifted = disparity_px + np.float32(shift_px)
-        return float(
-            np.median(np.abs(photometric_residual(view.left, view.right, shifted, visible)))
-        )
+        u_px = u - disparity_px - np.float32(shift_px)
+        return float(np.median(np.abs(residual(view.left, view.right, u_px, v, visible))))
 
     assert 0.5 < visible.mean() < 1
     assert median(0) < 0.5

@@ -15,7 +15,6 @@ from sim.labels import (
     flow,
     normals,
     object_image,
-    photometric_residual,
     visible_in_right,
 )
 from sim.resample import sample, sample_variance
@@ -62,7 +61,8 @@ def test_a_shifted_image_leaves_no_residual():
     disparity_px = np.full((2, 12), 3.0, dtype=np.float32)
     visible = visible_in_right(disparity_px)
     assert visible.sum() == 18
-    np.testing.assert_allclose(photometric_residual(left, right, disparity_px, visible), 0)
+    v, u = np.indices(disparity_px.shape, np.float32)
+    np.testing.assert_allclose(residual(left, right, u - disparity_px, v, visible), 0)
 
 
 def test_certificate_names_the_worst_frame_and_fails_on_it():

@@ -7,7 +7,7 @@ import pytest
 from raycast import Ball, Box, Ground, View, look, sees
 
 from sim.labels import disparity_from_depth, flow
-from sim.visibility import OCCLUDED_BY_PX, Occlusion, covisibility, occlusion
+from sim.visibility import HIDING_STRIP_PX, Occlusion, covisibility, occlusion
 from vo.contract import se3
 from vo.contract.arrays import Array, Mask
 from vo.contract.rig import StereoRig
@@ -85,7 +85,7 @@ def test_what_occlusion_misses_is_hidden_by_half_a_pixel_at_most(left: View):
     nearest = disparity_from_depth(RIG, right.depth_m)[v, np.rint(at).astype(int)]
     excess = nearest - disparity[v, u]
     other = right.shapes[v, np.rint(at).astype(int)] != left.shapes[v, u]
-    assert np.nanmax(excess[other]) < OCCLUDED_BY_PX + 0.3  # and the slope over half a pixel
+    assert np.nanmax(excess[other]) < HIDING_STRIP_PX + 0.3  # and the slope over half a pixel
 
 
 def test_a_steep_plane_hides_nothing_of_itself():
