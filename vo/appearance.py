@@ -31,7 +31,7 @@ def explain_failure(view: View, settings: OdometrySettings) -> str:
         return ", ".join(flaws)
     if len(view.features) < FEW_FEATURES:
         return f"{len(view.features)} features: blurred or without texture"
-    return "the eyes look swapped" if _eyes_look_swapped(view, settings) else ""
+    return "the eyes look swapped" if eyes_look_swapped(view, settings) else ""
 
 
 def _flaw(image: Image) -> str:
@@ -43,7 +43,8 @@ def _flaw(image: Image) -> str:
     return ""
 
 
-def _eyes_look_swapped(view: View, settings: OdometrySettings) -> bool:
+def eyes_look_swapped(view: View, settings: OdometrySettings) -> bool:
+    """Whether far more features have a disparity with the eyes the other way round."""
     pixels = view.features.pixels[:PROBES]
     frame = view.frame
     swapped = StereoFrame(frame.timestamp_ns, frame.right, frame.left)
@@ -53,9 +54,3 @@ def _eyes_look_swapped(view: View, settings: OdometrySettings) -> bool:
         return int(measure_disparities(pair, dense, pixels, settings.stereo).known.sum())
 
     return known(swapped) > SWAPPED * max(known(frame), 1) and known(swapped) > PROBES // 8
-
-
-def sharpness(image: Image) -> float:
-    """Mean absolute difference of neighbours along rows, grey levels; blur lowers it."""
-    some = image[::4].astype(np.int16)
-    return float(np.abs(np.diff(some, axis=1)).mean())

@@ -27,7 +27,7 @@ class FeatureSettings(Settings):
     scales: int = Field(
         default=7, ge=3, le=7, description="sizes of the kernel; all but the outer two find"
     )
-    count: int = Field(default=500, ge=1, description="features kept per image")
+    count: int = Field(default=800, ge=1, description="features kept per image")
     threshold: float = Field(
         default=4.0, ge=0, description="least contrast of a feature, grey levels"
     )
@@ -84,9 +84,9 @@ class StereoSettings(Settings):
         default=96.0, gt=0, description="the closest point searched for"
     )
     least_disparity_px: float = Field(
-        default=8.0,
+        default=1.0,
         ge=0,
-        description="depth gate: 5.1 m with the default rig, as in thesis 3.1; 0 is none",
+        description="depth gate; 8 is 5.1 m with the default rig, as in thesis 3.1; 0 is none",
     )
     refine: bool = Field(default=True, description="align the patches to sub-pixels")
     align_px: PatchSide = Field(default=9, description="side of the patch aligned across the pair")
@@ -95,7 +95,7 @@ class StereoSettings(Settings):
         default=0.3, gt=0, description="largest standard deviation by the noise of the images"
     )
     most_spread_px: float = Field(
-        default=0.6, gt=0, description="largest disagreement of windows shifted left and right"
+        default=0.25, gt=0, description="largest disagreement of windows shifted left and right"
     )
 
 
@@ -146,8 +146,12 @@ class RefinementSettings(Settings):
     least_views: int = Field(
         default=3, ge=2, description="frames that must see a refined point (4.4)"
     )
-    sigma_px: float = Field(default=0.1, gt=0, description="noise of u and v")
-    sigma_disparity_px: float = Field(default=0.3, gt=0, description="noise of the disparity")
+    sigma_px: float = Field(
+        default=0.07, gt=0, description="error of u and v beside what noise explains"
+    )
+    sigma_disparity_px: float = Field(
+        default=0.15, gt=0, description="error of the disparity beside what noise explains"
+    )
     huber: float = Field(default=1.5, gt=0, description="where the loss turns linear, in sigmas")
     most_iterations: int = Field(default=15, ge=1)
     keyframe_parallax_px: float = Field(

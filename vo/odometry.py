@@ -9,7 +9,7 @@ from vo.contract.clock import Clock
 from vo.contract.estimator import Estimate, Hindsight, Observations, Status
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
-from vo.appearance import explain_failure
+from vo.appearance import explain_failure, eyes_look_swapped
 from vo.correspondence import Matches, find_matches
 from vo.history import History
 from vo.mapping import add_keyframe, is_new_view, refine_map
@@ -19,6 +19,10 @@ from vo.refine import Pose, refine_motion
 from vo.stereo import DenseStereo
 from vo.tracks import LocalMap, empty_map
 from vo.view import View, look
+
+
+ONE_EYED = 0.7
+"""Share of inliers without disparity above which the right image shows something else."""
 
 
 class StereoOdometry:
@@ -53,6 +57,8 @@ class StereoOdometry:
             return self._lose(view, counts, clock)
         pose, matches, inliers = located
         T_odom_cam = pose.T_world_cam
+        if np.isnan(inliers.measured[:, 2]).mean() > ONE_EYED and eyes_look_swapped(view, s):
+            return self._lose(view, counts, clock)
 
         with clock("structure refinement"):  # motion and structure, on long tracks (3.4, 4.4)
             self._map = self._map.seen(inliers.rows, view.vectors[inliers.features])
@@ -136,8 +142,10 @@ class StereoOdometry:
     def _start(self, view: View, counts: dict[str, int], clock: Clock) -> Estimate:
         """Begin a map at the last known pose, if the view shows enough points with depth."""
         time, s = view.frame.timestamp_ns, self.settings
-        covariance = ADRIFT * np.eye(6) if self._lost_frames else np.zeros((6, 6))
-        fresh = add_keyframe(self._map, view, self._T_odom_cam, covariance, None, self.rig, s)
+        T_odom_cam, covariance = self._T_odom_cam, np.zeros((6, 6))
+        if self._lost_frames:
+            T_odom_cam, covariance = self._find_again(view) or (T_odom_cam, ADRIFT * np.eye(6))
+        fresh = add_keyframe(self._map, view, T_odom_cam, covariance, None, self.rig, s)
         counts["fresh"] = len(fresh.landmarks)
         if len(fresh.landmarks) < s.motion.least_inliers:
             self._lost_frames += 1
@@ -147,9 +155,11 @@ class StereoOdometry:
             return Estimate(time, Status.LOST, None, reason, counts, clock.ms)
         reason = f"new segment after {self._lost_frames} lost frames" if self._lost_frames else ""
         self._map = fresh
-        step = self._advance(view, self._T_odom_cam, covariance)
+        if covariance[0, 0] < ADRIFT:
+            self._lost_map = None
+        step = self._advance(view, T_odom_cam, np.zeros((6, 6))) + covariance
         return Estimate(
-            time, Status.START, self._T_odom_cam, reason, counts, clock.ms, None, covariance, step
+            time, Status.START, T_odom_cam, reason, counts, clock.ms, None, covariance, step
         )
 
     def _lose(self, view: View, counts: dict[str, int], clock: Clock) -> Estimate:
@@ -158,26 +168,29 @@ class StereoOdometry:
         self._lost_frames += 1
         self._T_before_now = np.eye(4)
         if self._lost_frames > s.patience:
-            self._lost_map = self._map
+            self._lost_map = self._lost_map or self._map
             self._map = empty_map(self._map.next_serial, self._map.next_id)
         reason = explain_failure(view, s) or (
             f"{counts['inliers']} inliers, need {s.motion.least_inliers}"
         )
         return Estimate(view.frame.timestamp_ns, Status.LOST, None, reason, counts, clock.ms)
 
-    def _stitch(self, view: View) -> None:
-        """Move this segment to where the last keyframe sees the segment that was lost."""
+    def _find_again(self, view: View) -> tuple[Array, Array] | None:
+        """Pose and (6, 6) covariance of a view by the map of the segment that was lost."""
         if self._lost_map is None:
-            return
+            return None
         found = find_again(self._lost_map, view, self.rig, self.settings, self._rng)
         if found is None:
-            return
-        T_new_old = found.T_world_cam @ se3.inverse(self._map.keyframes[-1].T_odom_cam)
-        first = self._map.keyframes[0].serial
+            return None
         known = self._lost_map.keyframes[-1]
-        covariance = found.covariance + se3.carry_covariance(
-            se3.inverse(found.T_world_cam) @ known.T_odom_cam, known.covariance
-        )
-        self._map = self._map.moved(T_new_old, covariance)
-        self._history.move(first, T_new_old)
-        self._lost_map = None
+        T_cam_known = se3.inverse(found.T_world_cam) @ known.T_odom_cam
+        carried = se3.carry_covariance(T_cam_known, known.covariance)
+        return found.T_world_cam, carried + found.covariance
+
+    def _stitch(self, view: View) -> None:
+        """Move this segment to where its last keyframe sees the segment that was lost."""
+        if found := self._find_again(view):
+            T_odom_cam, covariance = found
+            T_new_old = T_odom_cam @ se3.inverse(self._map.keyframes[-1].T_odom_cam)
+            self._history.move(self._map.keyframes[0].serial, T_new_old)
+            self._map, self._lost_map = self._map.moved(T_new_old, covariance), None

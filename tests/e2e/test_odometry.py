@@ -166,7 +166,7 @@ def test_a_blank_frame_is_lost_and_the_next_is_tracked(odometry, frames, truth):
     estimates = track_all(odometry, shown)
     expected = [Status.START] + [Status.TRACKED] * 7 + [Status.LOST] + [Status.TRACKED] * 6
     assert statuses(estimates) == expected
-    assert "inliers" in estimates[8].reason
+    assert estimates[8].reason.startswith("left image blank (grey ")
     # The gap costs nothing: the map is still there.
     assert 1e-6 < error_m(estimates[-1], truth[-1]) < 0.005
 
@@ -201,12 +201,7 @@ def test_after_long_darkness_it_starts_where_it_was(resumed):
     assert statuses(estimates[3:]) == [Status.LOST] * dark + [Status.START] + [Status.TRACKED] * 3
     start = estimates[3 + dark]
     np.testing.assert_array_equal(start.T_odom_cam, estimates[2].T_odom_cam)
-    assert start.reason.startswith("resumed after")
-
-
-def test_the_new_start_says_how_long_it_was_lost(resumed):
-    dark, estimates = resumed
-    assert estimates[3 + dark].reason == f"resumed after {dark} lost frames"
+    assert start.reason == f"new segment after {dark} lost frames"
 
 
 def test_landmarks_of_the_new_start_are_new(resumed):
@@ -219,7 +214,7 @@ def test_landmarks_of_the_new_start_are_new(resumed):
 def test_nothing_to_see_at_all(odometry, frames):
     estimates = track_all(odometry, [blank(x) for x in frames])
     assert statuses(estimates) == [Status.LOST] * len(frames)
-    assert estimates[0].reason == "0 features with depth, need 8"
+    assert all(f"{eye} image blank" in estimates[0].reason for eye in ("left", "right"))
 
 
 def test_nothing_to_see_at_first(odometry, frames):
@@ -238,7 +233,7 @@ def test_eyes_swapped_on_the_way(odometry, frames, truth):
     baseline; most of that must be gone again with the next ones."""
     estimates = track_all(odometry, [*frames[:4], swapped(frames[4]), *frames[5:8]])
     assert Status.LOST not in statuses(estimates[5:])
-    assert error_m(estimates[-1], truth[7]) < 0.06
+    assert error_m(estimates[-1], truth[7]) < 0.01
 
 
 def test_nothing_but_noise(odometry, frames):

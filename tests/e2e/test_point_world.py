@@ -11,9 +11,8 @@ from vo.refine import Bundle, refine_motion, refine_structure
 
 RIG = StereoRig(640, 480, 457.0, 319.5, 239.5, 0.09)
 SIGMA_PX, SIGMA_DISPARITY_PX = 0.2, 0.2
-REFINEMENT = RefinementSettings(
-    sigma_px=SIGMA_PX, sigma_disparity_px=SIGMA_DISPARITY_PX, huber=1e6, most_iterations=50
-)
+SIGMA = np.array([SIGMA_PX, SIGMA_PX, SIGMA_DISPARITY_PX])
+REFINEMENT = RefinementSettings(huber=1e6, most_iterations=50)
 MOTION = MotionSettings(threshold=0.003)
 FRAMES, POINTS, WORLDS = 6, 60, 25
 UNKNOWN = 6 * (FRAMES - 1)
@@ -55,8 +54,10 @@ def follow(world, outliers=0):
         assert not found.inliers[:outliers].any()
         assert found.inliers[outliers:].mean() > 0.7  # a sample of three noisy landmarks
         keep = found.inliers
-        T, _ = refine_motion(found.T, landmarks[keep], pixels[keep], seen[keep, 2], RIG, REFINEMENT)
-        T_odom_cam.append(T)
+        measured = np.column_stack([pixels, seen[:, 2]])[keep]
+        sigma = np.tile(SIGMA, (keep.sum(), 1))
+        pose = refine_motion(found.T, landmarks[keep], measured, sigma, RIG, REFINEMENT)
+        T_odom_cam.append(pose.T_world_cam)
     return np.array(T_odom_cam), landmarks
 
 
@@ -67,8 +68,8 @@ def bundle(world, T_odom_cam, landmarks):
         points_world=landmarks,
         camera=np.repeat(np.arange(FRAMES), POINTS),
         point=np.tile(np.arange(POINTS), FRAMES),
-        pixels=seen[:, :2],
-        disparity_px=seen[:, 2],
+        measured=seen,
+        sigma=np.tile(SIGMA, (len(seen), 1)),
         fixed=np.arange(FRAMES) == 0,
         K=RIG.K,
         baseline_m=RIG.baseline_m,
@@ -81,19 +82,18 @@ def information(world):
     By central differences at the truth, and the Schur complement of the points.
     """
     step = 1e-6
-    sigma = np.array([SIGMA_PX, SIGMA_PX, SIGMA_DISPARITY_PX])
     poses = np.zeros((FRAMES, POINTS, 3, UNKNOWN))
     points = np.zeros((FRAMES, POINTS, 3, 3))
     for k, e in enumerate(step * np.eye(6)):
         ahead, back = (
             project(world.T_odom_cam @ se3.exp(s * e), world.points_odom) for s in (1, -1)
         )
-        slope = (ahead - back) / (2 * step) / sigma
+        slope = (ahead - back) / (2 * step) / SIGMA
         for i in range(1, FRAMES):
             poses[i, :, :, 6 * (i - 1) + k] = slope[i]
     for k, e in enumerate(step * np.eye(3)):
         ahead, back = (project(world.T_odom_cam, world.points_odom + s * e) for s in (1, -1))
-        points[..., k] = (ahead - back) / (2 * step) / sigma
+        points[..., k] = (ahead - back) / (2 * step) / SIGMA
     total = np.einsum("ijku,ijkw->uw", poses, poses)
     cross = np.einsum("ijku,ijkp->jup", poses, points)
     own = np.einsum("ijkp,ijkq->jpq", points, points)
