@@ -1,16 +1,35 @@
-"""Estimators by name, and anyone's as `module:Class`."""
+"""Estimators to choose from: ours by name, anyone's class as `module:Class`, anyone's program."""
 
-import importlib
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any
 
 from vo.contract.errors import SettingsError
-from vo.contract.estimator import Estimator
+from vo.contract.estimator import Estimate, Estimator
 from vo.contract.rig import StereoRig
 from vo.contract.settings import Settings, resolve
 
+if TYPE_CHECKING:
+    from trials.plugins.command import Command
+    from vo.runner import Run
+
 Factory = Callable[[StereoRig, Path | None, Sequence[str]], tuple[Estimator, Settings]]
+
+
+@dataclass(frozen=True)
+class Named:
+    """An estimator that runs in this process.
+
+    Attributes:
+        name: A key of ESTIMATORS, or `module:Class`.
+        config: TOML file of settings.
+        overrides: `key=value` each.
+    """
+
+    name: str = "driftyard"
+    config: Path | None = None
+    overrides: tuple[str, ...] = ()
 
 
 def _driftyard(
@@ -42,7 +61,7 @@ def make_estimator(
     """Build a fresh estimator.
 
     Args:
-        name: A key of ESTIMATORS, or `module:Class` of a class that is called with the rig alone.
+        name: A key of ESTIMATORS, or `module:Class`; see `trials.plugins.classes`.
         rig: Of the sequence it will see.
         config: TOML file of settings.
         overrides: `key=value` each.
@@ -52,6 +71,7 @@ def make_estimator(
 
     Raises:
         SettingsError: If there is no such estimator, or it refuses a setting.
+        PluginError: If a class of someone's own cannot be built.
     """
     if name in ESTIMATORS:
         estimator, settings = ESTIMATORS[name](rig, config, overrides)
@@ -59,20 +79,48 @@ def make_estimator(
     if ":" not in name:
         valid = ", ".join(sorted(ESTIMATORS))
         raise SettingsError(f"unknown estimator {name}; valid: {valid}, or module:Class")
-    if config or overrides:
-        raise SettingsError(f"estimator {name}: --set and --config are for driftyard's own")
-    return _load(name)(rig), {}
+    from trials.plugins.classes import build
+
+    return build(name, rig, config, overrides)
 
 
-def _load(name: str) -> Callable[[StereoRig], Estimator]:
-    module_name, _, class_name = name.partition(":")
-    try:
-        module = importlib.import_module(module_name)
-    except (ImportError, ValueError) as error:
-        raise SettingsError(f"estimator {name}: cannot import {module_name} ({error})") from None
-    found = getattr(module, class_name, None)
-    if not callable(getattr(found, "track", None)):
-        raise SettingsError(
-            f"estimator {name}: {module_name} has no class {class_name or '?'} with a method track"
-        )
-    return cast("Callable[[StereoRig], Estimator]", found)
+def estimate(
+    choice: "Named | Command",
+    dataset: Path,
+    out: Path,
+    progress: Callable[[Estimate], None] | None = None,
+) -> "Run":
+    """Run an estimator of any kind over a dataset and write what `vo.runner.write_run` writes.
+
+    A class from outside may raise on a frame, which is then lost. What a program prints is kept
+    in `<stem>.printed.txt` beside the result.
+
+    Args:
+        choice: What to run.
+        dataset: Folder of the sequence.
+        out: Trajectory to write, TUM format.
+        progress: Called with the estimate of each frame; never for a program.
+
+    Raises:
+        DriftyardError: If dataset, estimator or settings are wrong, or a plug-in fails.
+    """
+    from trials.plugins import PluginError
+    from trials.plugins.guard import Guarded
+    from vo.contract.readers import open_sequence
+    from vo.runner import companion, run, write_run
+
+    sequence = open_sequence(dataset)
+    if not isinstance(choice, Named):
+        from trials.plugins.command import run_command
+
+        result = run_command(choice, dataset, sequence, companion(out, "printed.txt"))
+        about = {"command": choice.template, "timeout_s": choice.timeout_s}
+        write_run(out, result, choice.name, about, dataset)
+        return result
+    estimator, settings = make_estimator(choice.name, sequence.rig, choice.config, choice.overrides)
+    guarded = None if choice.name in ESTIMATORS else Guarded(estimator)
+    result = run(sequence, guarded or estimator, progress)
+    write_run(out, result, choice.name, settings, dataset)
+    if guarded and guarded.complaint:
+        raise PluginError(f"{out} is written, but reflect failed: {guarded.complaint}")
+    return result

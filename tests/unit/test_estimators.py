@@ -1,13 +1,57 @@
 """Estimators by name."""
 
+import sys
+
 import pytest
 
 from trials.baselines.corner_flow import CornerFlow
 from trials.estimators import ESTIMATORS, make_estimator
+from trials.plugins import PluginError
 from vo.contract.errors import SettingsError
 from vo.contract.rig import StereoRig
 
 RIG = StereoRig(640, 480, 457.0, 319.5, 239.5, 0.09)
+
+
+OWN = """
+import numpy as np
+from pydantic import BaseModel, Field
+from vo.contract.estimator import Estimate, Status
+from vo.contract.settings import Settings
+
+class Standing:
+    def __init__(self, rig):
+        self.rig = rig
+
+    def track(self, frame):
+        return Estimate(frame.timestamp_ns, Status.TRACKED, np.eye(4))
+
+class Tuned(Standing):
+    class Settings(Settings):
+        gain: float = Field(default=1.0, gt=0)
+
+    def __init__(self, rig, settings):
+        self.rig, self.settings = rig, settings
+
+class Lenient(Standing):
+    class Settings(BaseModel):
+        gain: float = 1.0
+
+class Broken(Standing):
+    def __init__(self, rig):
+        1 / 0
+"""
+
+
+@pytest.fixture
+def own_module(tmp_path, monkeypatch):
+    """A module in the working directory, as a user would have it."""
+    (tmp_path / "own.py").write_text(OWN)
+    (tmp_path / "unparsable.py").write_text("class X(:\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    yield
+    sys.modules.pop("own", None)
 
 
 def test_settings_arrive_and_are_resolved():
@@ -21,6 +65,15 @@ def test_a_class_of_ones_own():
     estimator, settings = make_estimator("trials.baselines.corner_flow:CornerFlow", RIG)
     assert isinstance(estimator, CornerFlow)
     assert settings == {}
+
+
+def test_settings_of_a_class_of_ones_own(own_module, tmp_path):
+    (tmp_path / "x.toml").write_text("gain = 3\n")
+    assert make_estimator("own:Tuned", RIG)[1] == {"gain": 1.0}
+    estimator, settings = make_estimator("own:Tuned", RIG, tmp_path / "x.toml")
+    assert settings == {"gain": 3.0}
+    assert (estimator.rig, estimator.settings.gain) == (RIG, 3.0)
+    assert make_estimator("own:Tuned", RIG, None, ["gain=4"])[1] == {"gain": 4.0}
 
 
 def test_a_file_of_settings(tmp_path):
@@ -38,15 +91,20 @@ def test_a_file_of_settings(tmp_path):
         ("trials.alignment:Pair", [], "has no class Pair with a method track"),
         ("trials.alignment:", [], "has no class"),
         (":", [], "cannot import"),
-        ("trials.baselines.corner_flow:CornerFlow", ["a=1"], "--set and --config are for"),
+        ("trials.baselines.corner_flow:CornerFlow", ["a=1"], "has no Settings, so takes no --set"),
+        ("own:Tuned", ["gian=2"], "unknown setting gian; valid here: gain"),
+        ("own:Tuned", ["gain=-2"], "setting gain"),
+        ("own:Lenient", [], "its Settings must refuse unknown keys"),
+        ("own:Broken", [], r"own:Broken: cannot be built \(ZeroDivisionError: division by zero\)"),
+        ("unparsable:X", [], "cannot import unparsable"),
         ("corner_flow", ["corners=1"], "unknown setting corners; valid here: inlier_px"),
         ("corner_flow", ["quality=nan"], "quality"),
         ("corner_flow", ["quality"], "expected key=value"),
         ("driftyard", ["nonsense=1"], "unknown setting nonsense; valid here: features"),
     ],
 )
-def test_mistakes_name_the_choices(name, overrides, message):
-    with pytest.raises(SettingsError, match=message):
+def test_mistakes_name_the_choices(name, overrides, message, own_module):
+    with pytest.raises((SettingsError, PluginError), match=message):
         make_estimator(name, RIG, None, overrides)
 
 

@@ -9,6 +9,8 @@ import typer
 from trials.commands.datasets import Config, Overrides
 
 if TYPE_CHECKING:
+    from trials.estimators import Named
+    from trials.plugins.command import Command
     from trials.score import Score
 
 Dataset = Annotated[Path, typer.Argument(help="driftyard, EuRoC or KITTI odometry folder.")]
@@ -19,13 +21,41 @@ def run(
     dataset: Dataset,
     out: Annotated[Path, typer.Option(help="Trajectory to write, TUM format.")],
     estimator: Annotated[
-        str, typer.Option(metavar="NAME", help="driftyard, corner_flow or module:Class.")
-    ] = "driftyard",
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="driftyard, corner_flow or module:Class.",
+            show_default="driftyard",
+        ),
+    ] = None,
+    command: Annotated[
+        str | None,
+        typer.Option(
+            metavar="CMD",
+            help="Or a program with {dataset} and {out} among its words; it writes a trajectory "
+            "of the left camera, TUM format.",
+        ),
+    ] = None,
+    timeout: Annotated[
+        float, typer.Option(metavar="SECONDS", min=0, help="Longest that the program may run.")
+    ] = 3600.0,
+    label: Annotated[
+        str, typer.Option(help="What tables call the program.", show_default="its file name")
+    ] = "",
     overrides: Overrides = None,
     config: Config = None,
 ) -> None:
     """Run an estimator over a dataset; writes its trajectory and the record of every frame."""
-    run_estimator(dataset, out, estimator, overrides or [], config)
+    from vo.contract.errors import SettingsError
+
+    if command is None:
+        run_estimator(dataset, out, estimator or "driftyard", overrides or [], config)
+        return
+    if estimator or overrides or config:
+        raise SettingsError("--command: takes no --estimator, --set or --config")
+    from trials.plugins.command import Command
+
+    run_choice(dataset, out, Command(command, timeout, label))
 
 
 def score(
@@ -61,28 +91,39 @@ def report(
 def run_estimator(
     dataset: Path, out: Path, estimator: str, overrides: list[str], config: Path | None = None
 ) -> None:
-    """Run with a progress bar, write the files and say how it went.
+    """Run one of ours or a class, with a progress bar, and say how it went.
 
     Raises:
         DriftyardError: If dataset, estimator or settings are wrong.
     """
+    from trials.estimators import Named
+
+    run_choice(dataset, out, Named(estimator, config, tuple(overrides)))
+
+
+def run_choice(dataset: Path, out: Path, choice: "Named | Command") -> None:
+    """Run an estimator of any kind with a progress bar, write the files and say how it went.
+
+    Raises:
+        DriftyardError: If dataset, estimator or settings are wrong, or a plug-in fails.
+    """
     from trials.commands import console
-    from trials.estimators import make_estimator
+    from trials.estimators import estimate
     from vo.contract.errors import TrajectoryError
     from vo.contract.estimator import Status
     from vo.contract.readers import open_sequence
-    from vo.runner import run, write_run
 
     if out.is_dir():
         raise TrajectoryError(f"{out}: is a folder; --out names the trajectory file")
-    sequence = open_sequence(dataset)
-    tracker, settings = make_estimator(estimator, sequence.rig, config, overrides)
-    with console.counting_bar(f"running {estimator}", len(sequence)) as count:
-        result = run(sequence, tracker, count)
-    write_run(out, result, estimator, settings, dataset)
-    lost = sum(x.status is Status.LOST for x in result.estimates)
+    frames = len(open_sequence(dataset))
+    with console.counting_bar(f"running {choice.name}", frames) as count:
+        result = estimate(choice, dataset, out, count)
+    lost = [x for x in result.estimates if x.status is Status.LOST]
     mean_ms = sum(result.frame_ms) / len(result.frame_ms)
-    console.out.print(f"{out}: {len(sequence)} frames, {lost} lost, {mean_ms:.1f} ms per frame")
+    why = f" (the first: {lost[0].reason})" if lost else ""
+    console.out.print(
+        f"{out}: {frames} frames, {len(lost)} lost{why}, {mean_ms:.1f} ms per frame", markup=False
+    )
 
 
 def score_files(dataset: Path, files: list[Path]) -> list["Score"]:
