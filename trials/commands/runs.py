@@ -120,9 +120,9 @@ def run_choice(dataset: Path, out: Path, choice: "Named | Command") -> None:
         result = estimate(choice, dataset, out, count)
     lost = [x for x in result.estimates if x.status is Status.LOST]
     mean_ms = sum(result.frame_ms) / len(result.frame_ms)
-    why = f" (the first: {lost[0].reason})" if lost else ""
+    why = f"; the first lost: {lost[0].reason}" if lost else ""
     console.out.print(
-        f"{out}: {frames} frames, {len(lost)} lost{why}, {mean_ms:.1f} ms per frame", markup=False
+        f"{out}: {frames} frames, {len(lost)} lost, {mean_ms:.1f} ms per frame{why}", markup=False
     )
 
 
