@@ -155,6 +155,7 @@ class StereoOdometry:
             return Estimate(time, Status.LOST, None, reason, counts, clock.ms)
         reason = f"new segment after {self._lost_frames} lost frames" if self._lost_frames else ""
         self._map = fresh
+        self._history.remember(fresh, s.refinement.least_views)
         if covariance[0, 0] < ADRIFT:
             self._lost_map = None
         step = self._advance(view, T_odom_cam, np.zeros((6, 6))) + covariance
