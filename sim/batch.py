@@ -2,13 +2,17 @@
 
 A task is (scene, settings) to a dataset folder and depends on nothing else, so that it may run
 anywhere that sees the folder, and again if its worker was lost. A folder that is there and was
-made with the same settings is finished work; it is not done again.
+made with the same settings is finished work; it is not done again. Until it is finished it has a
+hidden name beside the final one, which whoever makes the dataset next removes.
 """
 
+import logging
 import os
+import threading
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import contextmanager
+from concurrent.futures import CancelledError
+from contextlib import chdir, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,7 +31,11 @@ if TYPE_CHECKING:
 TOPIC = "driftyard-frames"
 REPORT_PERIOD_S = 0.5
 RETRIES = 2
-"""How often a dataset is tried again after its worker was lost."""
+"""How often a local cluster tries a dataset again after its worker was lost."""
+LOST = "its worker was lost, and so was every other that tried (killed, or out of memory?)"
+
+_turn = threading.Lock()
+"""Held by who makes a dataset: GL is bound to a process, and so is the working directory."""
 
 
 @dataclass(frozen=True)
@@ -87,12 +95,23 @@ def build(scene: str, settings: RecordSettings) -> Scene:
 
 
 def perform(task: Task, progress: Progress | None = None) -> Outcome:
-    """Make one dataset; what is wrong with it is in the outcome, other errors are raised."""
+    """Make one dataset; what is wrong with it is in the outcome, other errors are raised.
+
+    It may be there already, if a worker was lost between finishing and saying so.
+    """
     try:
-        scene = build(task.scene, task.settings)
-        recording = record(scene, task.settings, task.out, progress=progress)
+        if task.is_done:
+            made = read_manifest(task.out)
+            recording = Recording(made["certificate"], made["ended"])
+        else:
+            scene = build(task.scene, task.settings)
+            recording = record(scene, task.settings, task.out, progress=progress)
     except DriftyardError as error:
-        return Outcome(task, None, str(error))
+        return Outcome(task, None, str(error).removeprefix(f"{task.out}: "))
+    except OSError as error:
+        if error.filename is None:
+            raise
+        return Outcome(task, None, f"{error.filename}: {error.strerror}")
     return Outcome(task, recording, recording.ended)
 
 
@@ -109,8 +128,11 @@ def perform_all(
         scheduler: Address of a running Dask scheduler; None for a cluster of local processes.
         workers: Of the local cluster; None for one a core.
         progress: Called with a dataset's folder, its frames done and its frames in total.
+
+    Raises:
+        DatasetError: If no scheduler answers at the address, or it is lost.
     """
-    from distributed import as_completed
+    from distributed import KilledWorker, as_completed
 
     def hear(event: tuple[Any, tuple[str, int, int]]) -> None:
         out, done, total = event[1]
@@ -118,18 +140,32 @@ def perform_all(
 
     with _client(scheduler, workers) as client:
         client.subscribe_topic(TOPIC, hear)
-        futures = [client.submit(_perform_remotely, t, pure=False, retries=RETRIES) for t in tasks]
+        here = Path.cwd()
+        futures = [client.submit(_perform_remotely, t, here, pure=False) for t in tasks]
         task_of = dict(zip(futures, tasks, strict=True))
         for future in as_completed(futures):
-            if future.status == "error":
-                yield Outcome(task_of[future], None, str(future.exception()))
-            else:
-                yield future.result()
+            try:
+                outcome = future.result()
+            except KilledWorker:
+                outcome = Outcome(task_of[future], None, LOST)
+            except CancelledError:
+                address = scheduler or "of the local cluster"
+                raise DatasetError(
+                    f"scheduler {address}: lost; the same command goes on from here"
+                ) from None
+            except Exception as error:  # the other datasets do not suffer
+                outcome = Outcome(task_of[future], None, f"{type(error).__name__}: {error}")
+            yield outcome
             future.release()
 
 
-def _perform_remotely(task: Task) -> Outcome:
-    """Run in a Dask worker: as `perform`, and tell the client how far it is, now and then."""
+def _perform_remotely(task: Task, folder: Path) -> Outcome:
+    """Run in a Dask worker: as `perform`, and tell the client how far it is, now and then.
+
+    Args:
+        task: Its paths are relative to `folder`.
+        folder: Where the command was given; a worker of another's cluster started elsewhere.
+    """
     from distributed import get_worker
 
     worker, told_s = get_worker(), -REPORT_PERIOD_S
@@ -140,7 +176,8 @@ def _perform_remotely(task: Task) -> Outcome:
             told_s = time.monotonic()
             worker.log_event(TOPIC, (str(task.out), done, total))
 
-    return perform(task, tell)
+    with _turn, chdir(folder):
+        return perform(task, tell)
 
 
 @contextmanager
@@ -153,6 +190,7 @@ def _client(scheduler: str | None, workers: int | None) -> "Generator[Client]":
     import dask.config as dask_config
     from distributed import Client, LocalCluster
 
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # we say it ourselves
     if scheduler is not None:
         try:
             client = Client(scheduler, timeout="10s")
@@ -164,9 +202,16 @@ def _client(scheduler: str | None, workers: int | None) -> "Generator[Client]":
         return
     count = workers or len(os.sched_getaffinity(0))
     alone = {"LP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-    quiet: dict[str, Any] = {"dashboard_address": None, "silence_logs": 50}
+    # Of any port: that of None is 8787, where a second command would be warned of the first.
+    quiet: dict[str, Any] = {"dashboard_address": "127.0.0.1:0", "silence_logs": 50}
+    orders: dict[str, Any] = {
+        "distributed.nanny.pre-spawn-environ": alone,
+        "distributed.scheduler.allowed-failures": RETRIES,
+        # No task waits at a worker: one that is lost would take the blame for its death too.
+        "distributed.scheduler.worker-saturation": 1.0,
+    }
     with (
-        dask_config.set({"distributed.nanny.pre-spawn-environ": alone}),
+        dask_config.set(orders),
         LocalCluster(n_workers=count, threads_per_worker=1, **quiet) as cluster,
         Client(cluster) as client,
     ):

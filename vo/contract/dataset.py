@@ -1,9 +1,11 @@
 """The dataset folder: layout, manifest, and a writer that leaves a whole folder or none."""
 
 import csv
+import fcntl
 import hashlib
 import io
 import json
+import os
 import shutil
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -22,8 +24,9 @@ TRUTH = "mav0/state_groundtruth_estimate0"
 class DatasetWriter:
     """Collects files in a hidden sibling folder, which takes the final name only when complete.
 
-    Use as a context manager; leaving it without `commit` (an error, Ctrl-C) removes every trace.
-    `add` may be called from several threads.
+    Use as a context manager; leaving it without `commit` (an error, Ctrl-C) removes every trace,
+    and after a kill the next one for the same dataset does. `add` may be called from several
+    threads.
     """
 
     def __init__(self, out: Path, overwrite: bool = False) -> None:
@@ -40,10 +43,15 @@ class DatasetWriter:
                 raise DatasetError(f"{out}: holds no {MANIFEST}; will not overwrite it")
         self.partial = out.with_name(f".{out.name}.partial")
         self.sha256: dict[str, str] = {}
+        self._committed = False
 
     def __enter__(self) -> Self:
-        shutil.rmtree(self.partial, ignore_errors=True)
-        self.partial.mkdir(parents=True)
+        """Take the hidden folder.
+
+        Raises:
+            DatasetError: If another process is writing the same dataset.
+        """
+        self._lock = _own(self.partial, self.out)
         return self
 
     def __exit__(
@@ -52,13 +60,17 @@ class DatasetWriter:
         error: BaseException | None,
         tb: TracebackType | None,
     ) -> None:
-        shutil.rmtree(self.partial, ignore_errors=True)
+        if not self._committed:
+            shutil.rmtree(self.partial, ignore_errors=True)
+        os.close(self._lock)
 
     def add(self, name: str, data: bytes) -> None:
-        """Write one file under its path inside the folder, and remember its hash."""
-        path = self.partial / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(data)
+        """Write one file under its path inside the folder, and remember its hash.
+
+        Raises:
+            DatasetError: If the disk is full; names the file.
+        """
+        self._write(name, data)
         self.sha256[name] = hashlib.sha256(data).hexdigest()
 
     def add_yaml(self, name: str, content: Mapping[str, Any]) -> None:
@@ -73,13 +85,47 @@ class DatasetWriter:
         self.add(name, text.getvalue().encode())
 
     def commit(self, manifest: Mapping[str, Any]) -> None:
-        """Write the manifest with the hash of every file, and give the folder its name."""
+        """Write the manifest with the hash of every file, and give the folder its name.
+
+        Raises:
+            DatasetError: As `add`.
+        """
         content = {"schema_version": SCHEMA_VERSION, **manifest}
         content["sha256"] = dict(sorted(self.sha256.items()))
-        (self.partial / MANIFEST).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        self._write(MANIFEST, (json.dumps(content, indent=1) + "\n").encode())
         if self.out.exists():
             shutil.rmtree(self.out)
         self.partial.rename(self.out)
+        self._committed = True
+
+    def _write(self, name: str, data: bytes) -> None:
+        path = self.partial / name
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(data)
+        except OSError as error:  # of a failed write, Python does not say which file it was
+            raise DatasetError(f"{self.out}: {name} cannot be written ({error.strerror})") from None
+
+
+def _own(partial: Path, out: Path) -> int:
+    """Make a folder, empty, that is ours while the descriptor returned is open: until our death.
+
+    Raises:
+        DatasetError: If it is another process's; names `out`.
+    """
+    partial.mkdir(parents=True, exist_ok=True)
+    lock = os.open(partial, os.O_RDONLY)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        ours = os.path.samestat(os.fstat(lock), partial.stat())  # it may just have been renamed
+    except (BlockingIOError, FileNotFoundError):
+        ours = False
+    if not ours:
+        os.close(lock)
+        raise DatasetError(f"{out}: another process is writing it")
+    for left in partial.iterdir():
+        shutil.rmtree(left) if left.is_dir() else left.unlink()
+    return lock
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:

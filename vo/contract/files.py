@@ -16,12 +16,21 @@ PNG_END = b"IEND\xaeB`\x82"
 
 @contextmanager
 def replacing(path: Path) -> Generator[Path]:
-    """Yield a temporary path beside `path`, which it replaces only when the block succeeds."""
+    """Yield a temporary path beside `path`, which it replaces only when the block succeeds.
+
+    Raises:
+        DatasetError: If the disk is full; names `path`.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:
         yield partial
         partial.replace(path)
+    except OSError as error:
+        if error.filename is not None:
+            raise
+        # Of a failed write, Python does not say which file it was.
+        raise DatasetError(f"{path}: cannot be written ({error.strerror or error})") from None
     finally:
         partial.unlink(missing_ok=True)
 

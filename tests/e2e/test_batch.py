@@ -1,0 +1,280 @@
+"""Many datasets while workers are killed, schedulers vanish and disks are full.
+
+Real processes, real signals, and a real file system without room: what was complete stays to the
+byte, nothing half-written takes a final name, and the same command makes only what is missing.
+"""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from terminal import ROOT, driftyard
+
+from vo.contract.dataset import DatasetWriter
+from vo.contract.errors import DatasetError
+
+pytestmark = [pytest.mark.gl, pytest.mark.slow]
+
+YARD = """<mujoco><asset>
+<texture name="t" type="2d" builtin="checker" rgb1=".2 .3 .4" rgb2=".6 .6 .5"
+ width="64" height="64"/>
+<material name="t" texture="t" texrepeat="4 4" texuniform="true"/></asset><worldbody>
+<light pos="0 0 4"/><geom type="plane" size="5 5 1" material="t"/></worldbody></mujoco>"""
+SMALL = [
+    word
+    for setting in (
+        "rig.width_px=160",
+        "rig.height_px=120",
+        "drive.distance_m=0.5",
+        "render.shadow_size_px=256",
+    )
+    for word in ("--set", setting)
+]
+MANY = ["generate", "yard.xml", "--out", "many", "--count", "3", *SMALL]
+NAMES = ["yard-00000", "yard-00001", "yard-00002"]
+IN_THE_MIDDLE = 4
+"""Pictures that there are when something happens, of about 40."""
+PATIENCE_S = 90
+
+
+def content(dataset: Path) -> dict[str, bytes]:
+    files = (path for path in dataset.rglob("*") if path.is_file())
+    return {path.relative_to(dataset).as_posix(): path.read_bytes() for path in files}
+
+
+def stamps(dataset: Path) -> dict[Path, tuple[int, int]]:
+    """What a file that is written again would change, even to the same bytes."""
+    about = {path: path.stat() for path in dataset.rglob("*")}
+    return {path: (stat.st_ino, stat.st_mtime_ns) for path, stat in about.items()}
+
+
+def start(*words: str, cwd: Path) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", *words],
+        cwd=cwd,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def until(condition, process: subprocess.Popen[str]):
+    """Wait for something to be true while a command runs, and return it."""
+    end_s = time.monotonic() + PATIENCE_S
+    while not (found := condition()):
+        assert process.poll() is None, "the command ended too early"
+        assert time.monotonic() < end_s, "nothing happened"
+        time.sleep(0.01)
+    return found
+
+
+def writer_of(partial: Path) -> int | None:
+    """The process that is in the middle of a dataset, by the folder that it holds open."""
+    if len(list(partial.glob("mav0/cam0/data/*.png"))) < IN_THE_MIDDLE:
+        return None
+    for link in Path("/proc").glob("[0-9]*/fd/*"):
+        try:
+            if os.readlink(link) == str(partial):
+                return int(link.parts[2])
+        except OSError:  # gone meanwhile
+            continue
+    return None
+
+
+def partial_of(folder: Path, name: str) -> Path:
+    return folder / "many" / f".{name}.partial"
+
+
+@pytest.fixture(scope="module")
+def calm(tmp_path_factory) -> dict[str, dict[str, bytes]]:
+    """Name to content of the datasets when nothing happens."""
+    folder = tmp_path_factory.mktemp("calm")
+    (folder / "yard.xml").write_text(YARD)
+    result = driftyard(*MANY, "--workers", 1, cwd=folder)
+    assert result.returncode == 0, result.stderr
+    return {name: content(folder / "many" / name) for name in NAMES}
+
+
+@pytest.fixture
+def folder(tmp_path) -> Path:
+    (tmp_path / "yard.xml").write_text(YARD)
+    return tmp_path
+
+
+def test_a_worker_that_is_killed_costs_only_time(folder, calm):
+    run = start("trials.cli", *MANY, "--workers", "2", cwd=folder)
+    worker = until(lambda: writer_of(partial_of(folder, NAMES[1])), run)
+    os.kill(worker, signal.SIGKILL)
+    _, complaints = run.communicate(timeout=PATIENCE_S)
+    assert run.returncode == 0, complaints
+    assert complaints == ""
+    assert {path.name: content(path) for path in (folder / "many").iterdir()} == calm
+
+
+def test_a_dataset_whose_workers_all_die_is_named_and_the_others_are_made(folder, calm):
+    """The second is killed at every try; again without that, only it is made."""
+    run = start("trials.cli", *MANY, "--workers", "1", cwd=folder)
+    until((folder / "many" / NAMES[0]).exists, run)
+    before, killed = stamps(folder / "many" / NAMES[0]), set()
+    while run.poll() is None:
+        worker = writer_of(partial_of(folder, NAMES[1]))
+        if worker and worker not in killed:
+            os.kill(worker, signal.SIGKILL)
+            killed.add(worker)
+        time.sleep(0.01)
+    _, complaints = run.communicate()
+    assert run.returncode == 1
+    assert len(killed) == 3
+    assert complaints.startswith(f"many/{NAMES[1]}: its worker was lost")
+    assert NAMES[0] not in complaints
+    assert NAMES[2] not in complaints
+    assert stamps(folder / "many" / NAMES[0]) == before
+    made = {path.name for path in (folder / "many").iterdir() if not path.name.startswith(".")}
+    assert made == {NAMES[0], NAMES[2]}
+    before |= stamps(folder / "many" / NAMES[2])
+
+    again = driftyard(*MANY, "--workers", 1, cwd=folder)
+    assert again.returncode == 0, again.stderr
+    assert "2 of 3 datasets are there already" in again.stdout
+    assert {path.name: content(path) for path in (folder / "many").iterdir()} == calm
+    after = stamps(folder / "many" / NAMES[0]) | stamps(folder / "many" / NAMES[2])
+    assert after == before
+
+
+class Cluster:
+    """A scheduler and a worker of two threads, which started in a folder of their own."""
+
+    def __init__(self, folder: Path) -> None:
+        sheet = folder / "scheduler.json"
+        local = ("--host", "127.0.0.1", "--no-dashboard")
+        words = ("distributed.cli.dask_scheduler", "--port", "0", "--scheduler-file", str(sheet))
+        self.scheduler = start(*words, *local, cwd=folder)
+        self.address = until(lambda: address_in(sheet), self.scheduler)
+        words = ("distributed.cli.dask_worker", self.address, "--nthreads", "2")
+        self.worker = start(*words, *local, cwd=folder)
+
+    def stop(self) -> None:
+        for process in (self.worker, self.scheduler):
+            process.terminate()
+            process.communicate(timeout=PATIENCE_S)
+
+
+def address_in(sheet: Path) -> str | None:
+    try:
+        return json.loads(sheet.read_text())["address"]
+    except (OSError, ValueError):
+        return None
+
+
+@pytest.fixture
+def cluster(tmp_path_factory) -> Iterator[Cluster]:
+    made = Cluster(tmp_path_factory.mktemp("elsewhere"))
+    yield made
+    made.stop()
+
+
+def test_a_cluster_of_someone_elses_makes_the_same_datasets(folder, calm, cluster):
+    result = driftyard(*MANY, "--scheduler", cluster.address, cwd=folder)
+    assert result.returncode == 0, result.stderr
+    assert {path.name: content(path) for path in (folder / "many").iterdir()} == calm
+
+
+def test_a_scheduler_that_vanishes_is_said_in_one_line(folder, calm, cluster):
+    run = start("trials.cli", *MANY, "--scheduler", cluster.address, cwd=folder)
+    until(lambda: writer_of(partial_of(folder, NAMES[1])), run)
+    cluster.scheduler.kill()
+    _, complaints = run.communicate(timeout=PATIENCE_S)
+    assert run.returncode == 2
+    assert complaints.splitlines() == [
+        f"driftyard: error: scheduler {cluster.address}: lost; the same command goes on from here"
+    ]
+    made = [path for path in (folder / "many").iterdir() if not path.name.startswith(".")]
+    assert made
+    assert all(content(path) == calm[path.name] for path in made)
+
+
+def test_a_folder_that_another_process_is_writing_is_left_to_it(tmp_path):
+    """Such as a worker that was thought lost and is alive; a dead one's folder is taken over."""
+    out = tmp_path / "d"
+    with DatasetWriter(out) as first:
+        first.add("a", b"a")
+        with pytest.raises(DatasetError, match="another process is writing it"):
+            DatasetWriter(out).__enter__()
+        assert (first.partial / "a").read_bytes() == b"a"
+    first.partial.mkdir()
+    (first.partial / "left").write_text("by the dead")
+    with DatasetWriter(out) as second:
+        second.commit({})
+    assert [path.name for path in out.iterdir()] == ["dataset.json"]
+
+
+def limited(*words: str, blocks: int, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """Run `driftyard` where a file has no room for more than so many blocks of 512 bytes."""
+    command = ["sh", "-c", f'ulimit -f {blocks}; exec "$@"', "sh"]
+    return subprocess.run(
+        [*command, sys.executable, "-m", "trials.cli", *words],
+        cwd=cwd,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize(("blocks", "file"), [(4, "mav0/"), (200, "map.png")])
+def test_a_file_that_finds_no_room_is_named_and_nothing_stays(folder, calm, blocks, file):
+    sizes = {name: len(data) for name, data in calm[NAMES[0]].items()}
+    assert max(sizes.values()) > 512 * blocks
+    result = limited("generate", "yard.xml", "--out", "d", *SMALL, blocks=blocks, cwd=folder)
+    assert result.returncode == 2, result.stdout + result.stderr
+    (line,) = result.stderr.splitlines()
+    assert line.startswith(f"driftyard: error: d: {file}")
+    assert line.endswith("cannot be written (File too large)")
+    assert [path.name for path in folder.iterdir()] == ["yard.xml"]
+
+
+def test_a_picture_that_finds_no_room_leaves_the_one_before(folder):
+    (folder / "p.png").write_bytes(b"before")
+    words = ("preview", "yard.xml", "--out", "p.png", *SMALL)
+    result = limited(*words, blocks=4, cwd=folder)
+    assert result.returncode == 2, result.stdout + result.stderr
+    assert result.stderr == "driftyard: error: p.png: cannot be written (File too large)\n"
+    assert {path.name for path in folder.iterdir()} == {"yard.xml", "p.png"}
+    assert (folder / "p.png").read_bytes() == b"before"
+
+
+def test_a_full_disk_leaves_what_was_complete(folder, calm):
+    """A file system with room for one dataset and a half, in a name space of its own."""
+    if subprocess.run(["unshare", "-Urm", "true"], capture_output=True, check=False).returncode:
+        pytest.skip("mounting is not allowed here")
+    room = round(1.5 * sum(-(-len(data) // 4096) * 4096 for data in calm[NAMES[0]].values()))
+    script = (
+        f"mkdir disk && mount -t tmpfs -o size={room} tmpfs disk && cp yard.xml disk && cd disk || "
+        'exit 99; "$@"; echo status $?; ls -A . many; cat many/yard-*/dataset.json'
+    )
+    command = [sys.executable, "-m", "trials.cli", *MANY, "--workers", "1"]
+    result = subprocess.run(
+        ["unshare", "-Urm", "sh", "-c", script, "sh", *command],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=False,
+    )
+    said, listed = result.stdout.split("status 1\n")
+    assert "1 datasets in many" in said
+    (name,) = (line for line in listed.splitlines() if line in NAMES)
+    assert ".partial" not in listed
+    assert calm[name]["dataset.json"].decode() in listed
+    complaints = [" ".join(x.split()) for x in result.stderr.split("many/yard-") if x]
+    assert len(complaints) == 2
+    assert all(line.endswith("cannot be written (No space left on device)") for line in complaints)
