@@ -242,13 +242,14 @@ def test_a_file_that_finds_no_room_is_named_and_nothing_stays(folder, calm, bloc
 
 
 def test_a_picture_that_finds_no_room_leaves_the_one_before(folder):
-    (folder / "p.png").write_bytes(b"before")
     words = ("preview", "yard.xml", "--out", "p.png", *SMALL)
+    assert driftyard(*words, cwd=folder).returncode == 0
+    before = (folder / "p.png").read_bytes()
     result = limited(*words, blocks=4, cwd=folder)
     assert result.returncode == 2, result.stdout + result.stderr
     assert result.stderr == "driftyard: error: p.png: cannot be written (File too large)\n"
     assert {path.name for path in folder.iterdir()} == {"yard.xml", "p.png"}
-    assert (folder / "p.png").read_bytes() == b"before"
+    assert (folder / "p.png").read_bytes() == before
 
 
 def test_a_full_disk_leaves_what_was_complete(folder, calm):
