@@ -1,0 +1,184 @@
+"""The truth that stands in for a stage, against labels that it does not use."""
+
+import cv2
+import numpy as np
+import pytest
+
+from sim.record import record
+from sim.settings import (
+    DriveSettings,
+    LabelSettings,
+    RecordSettings,
+    RenderSettings,
+    RigSettings,
+)
+from trials.oracles import RIGHT_PX, STAGES, Oracle
+from trials.truth import TrueWorld
+from vo.contract import se3
+from vo.contract.errors import DatasetError, SettingsError
+from vo.contract.files import read_codes, read_float
+from vo.contract.readers import open_sequence, read_truth
+from vo.contract.sequence import StereoFrame
+from vo.hooks import Hooks
+
+pytestmark = pytest.mark.gl
+
+SETTINGS = RecordSettings(
+    rig=RigSettings(width_px=160, height_px=120, rate_hz=10),
+    drive=DriveSettings(distance_m=0.25),
+    render=RenderSettings(shadow_size_px=256),
+    labels=LabelSettings(flow=True, covisibility=True),
+)
+FRAME = 8
+"""At full speed."""
+DOWN = np.array([0.0, 1.0])
+
+
+@pytest.fixture(scope="module")
+def dataset(make_scene, tmp_path_factory):
+    out = tmp_path_factory.mktemp("oracles") / "boxes"
+    record(make_scene(boxes=True), SETTINGS, out)
+    return out
+
+
+@pytest.fixture(scope="module")
+def times(dataset):
+    return open_sequence(dataset).timestamps_ns[FRAME : FRAME + 2].tolist()
+
+
+@pytest.fixture(scope="module")
+def grid():
+    """Every pixel but the outermost."""
+    v, u = np.mgrid[1:119, 1:159]
+    return np.stack([u.ravel(), v.ravel()], axis=-1).astype(float)
+
+
+def label(dataset, folder, time, pixels, **options):
+    path = next((dataset / "mav0" / folder / "data").glob(f"{time}.*"))
+    image = read_codes(path) if path.suffix == ".png" else read_float(path, **options)
+    u, v = pixels.astype(int).T
+    return image[v, u]
+
+
+def frame_at(time):
+    blank = np.zeros((120, 160), np.uint8)
+    return StereoFrame(time, blank, blank)
+
+
+def test_disparity_at_pixels_is_the_label(dataset, times, grid):
+    found = TrueWorld(dataset).disparity(times[0], grid)
+    expected = label(dataset, "disparity0", times[0], grid)
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+
+
+def test_disparity_between_pixels_of_a_plane_is_exact(dataset, times):
+    """The ground at z = 0, seen from a known pose."""
+    world = TrueWorld(dataset)
+    pixels = np.random.default_rng(0).uniform([5, 60], [150, 115], (400, 2))
+    points = world.points_world(times[0], pixels)
+    ground = np.abs(points[:, 2]) < 0.01
+    assert ground.mean() > 0.5
+    assert np.quantile(np.abs(points[ground, 2]), 0.97) < 1e-6  # the rest touches a box
+    np.testing.assert_allclose(world.project(times[0], points), pixels, atol=1e-9)
+
+
+def test_outside_there_is_nothing(dataset, times):
+    pixels = np.array([[-0.1, 50.0], [50.0, 119.1], [np.nan, 3.0], [159.0, 119.0]])
+    known = ~np.isnan(TrueWorld(dataset).disparity(times[0], pixels))
+    assert known.tolist() == [False, False, False, True]
+
+
+def test_sightings_are_the_flow_where_the_next_image_shows_them(dataset, times, grid):
+    world = TrueWorld(dataset)
+    seen = world.sightings(times[1], world.points_world(times[0], grid))
+    flow = label(dataset, "flow0", times[0], grid, channels=3)[:, :2]
+    shown = label(dataset, "covisibility0", times[0], grid)
+    found = ~np.isnan(seen[:, 0])
+    np.testing.assert_allclose((seen - grid)[found], flow[found], atol=1e-3)
+    assert np.abs(flow[found]).max() > 1
+    assert found[shown == 0].all()
+    near = cv2.dilate((shown == 0).reshape(118, 158).astype(np.uint8), np.ones((3, 3), np.uint8))
+    hidden = (shown == 1) | (shown == 2)
+    deep = hidden & (near.ravel() == 0)  # covisibility hides a pixel too many at outlines
+    assert deep.sum() > 50
+    assert not found[deep].any()
+
+
+def test_each_stage_alone_is_true_and_the_others_pass(dataset, times, grid):
+    frame, ids = frame_at(times[1]), np.arange(len(grid))
+    wrong = np.full_like(grid, 3.0)
+    guess, last = np.eye(4), se3.exp(np.array([0.1, 0, 0, 0, 0.1, 0]))
+    calls = {
+        "matches": (("pixels", ids, wrong), 2),
+        "stereo": (("disparity", grid, wrong[:, 0]), 1),
+        "inliers": (("inliers", ids, wrong, np.ones(len(ids), bool)), 2),
+        "prediction": (("predicted", times[0], last, guess), 2),
+    }
+    assert set(calls) == set(STAGES)
+    for chosen in STAGES:
+        oracle = Oracle(dataset, [chosen])
+        oracle.born(frame_at(times[0]), ids, grid)
+        for stage, ((name, *words), _) in calls.items():
+            passed = getattr(Hooks(), name)(frame, *words)
+            same = np.array_equal(getattr(oracle, name)(frame, *words), passed)
+            assert same == (stage != chosen), (stage, chosen)
+
+
+def test_predictions_continue_the_estimate_by_the_true_step(dataset, times):
+    T_world_cam = read_truth(dataset).at(np.array(times)).T_ref_frame
+    last = se3.exp(np.array([3.0, 1, 0, 0, 0.7, 0]))
+    found = Oracle(dataset, ["prediction"]).predicted(frame_at(times[1]), times[0], last, np.eye(4))
+    np.testing.assert_allclose(
+        se3.inverse(last) @ found, se3.inverse(T_world_cam[0]) @ T_world_cam[1], atol=1e-12
+    )
+
+
+def test_inliers_are_near_the_truth(dataset, times, grid):
+    oracle, frame = Oracle(dataset, ["inliers", "matches"]), frame_at(times[1])
+    ids = np.arange(len(grid)) + 500
+    oracle.born(frame_at(times[0]), ids, grid)
+    true = oracle.pixels(frame, ids, grid)
+    known = ~np.isnan(true[:, 0])
+    ids, true = ids[known], true[known]
+    for off, right in ((0.9 * RIGHT_PX, True), (1.1 * RIGHT_PX, False)):
+        agree = np.full(len(ids), not right)
+        assert (oracle.inliers(frame, ids, true + off * DOWN, agree) == right).all()
+    stranger = np.array([7])
+    assert not oracle.inliers(frame, stranger, true[:1], np.array([True]))[0]
+
+
+def test_stated_noise(dataset, times, grid):
+    exact, noisy = Oracle(dataset), Oracle(dataset, noise_px=0.2)
+    again, other = Oracle(dataset, noise_px=0.2), Oracle(dataset, noise_px=0.2, seed=1)
+    ids = np.arange(len(grid))
+    for oracle in (exact, noisy, again, other):
+        oracle.born(frame_at(times[0]), ids, grid)
+    inner = (grid > 10).all(axis=1) & (grid < [150, 110]).all(axis=1)
+    for name, words in (("pixels", (ids, grid)), ("disparity", (grid, grid[:, 0]))):
+        a, b, c, d = (
+            getattr(x, name)(frame_at(times[1]), *words)[inner]
+            for x in (exact, noisy, again, other)
+        )
+        off = (b - a)[~np.isnan(a)]
+        assert 0.19 < off.std() < 0.21
+        assert abs(off.mean()) < 0.01
+        np.testing.assert_array_equal(b, c)
+        assert np.nanmax(np.abs(d - b)) > 0.1
+
+
+def test_what_is_missing_is_named(dataset, make_scene, tmp_path):
+    with pytest.raises(SettingsError, match="unknown stage luck; valid: prediction, matches"):
+        Oracle(dataset, ["luck", "stereo"])
+    with pytest.raises(DatasetError, match=r"dataset.json"):
+        Oracle(tmp_path)
+    bare = SETTINGS.model_copy(
+        update={
+            "labels": LabelSettings(depth=False, disparity=False),
+            "drive": DriveSettings(distance_m=0.05),
+        }
+    )
+    record(make_scene(), bare, tmp_path / "bare")
+    with pytest.raises(
+        DatasetError, match=r"has no depth labels; generate it with labels\.depth=true"
+    ):
+        Oracle(tmp_path / "bare")

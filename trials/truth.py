@@ -1,0 +1,129 @@
+"""What a dataset's labels say of points: their depth, their place, and where they show up later."""
+
+from dataclasses import fields
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sim.sensors import label_file
+from vo.contract import se3
+from vo.contract.arrays import Array, Mask
+from vo.contract.dataset import MANIFEST, read_manifest
+from vo.contract.errors import DatasetError
+from vo.contract.euroc import read_euroc_truth
+from vo.contract.files import read_float
+from vo.contract.rig import StereoRig
+
+SAME_SURFACE = 0.02
+"""Relative difference of disparities that are one surface's."""
+
+SAME_SURFACE_PX = 0.1
+"""And the absolute one, which far surfaces may differ by."""
+
+EDGE_PX = 1.0
+"""Neighbouring pixels whose disparities differ by more belong to two surfaces."""
+
+HELD_LABELS = 4
+
+
+class TrueWorld:
+    """The labels of a dataset, read when they are asked for. Its points are at rest.
+
+    Attributes:
+        rig: The camera as it is, which need not be as it was calibrated.
+    """
+
+    def __init__(self, dataset: Path) -> None:
+        """Open a dataset that has depth labels.
+
+        Raises:
+            DatasetError: If it has none, or no manifest.
+        """
+        manifest = read_manifest(dataset)
+        try:
+            true = manifest["rig_true"]
+            values: dict[str, Any] = {field.name: true[field.name] for field in fields(StereoRig)}
+            values["T_body_cam"] = np.array(values["T_body_cam"])
+            self.rig = StereoRig(**values)
+        except (KeyError, TypeError):
+            raise DatasetError(f"{dataset / MANIFEST}: does not say what the rig is") from None
+        if not label_file(dataset, "depth", 0).parent.is_dir():
+            raise DatasetError(
+                f"{dataset}: has no depth labels; generate it with labels.depth=true"
+            )
+        truth = read_euroc_truth(dataset, self.rig.T_body_cam)
+        if truth is None:
+            raise DatasetError(f"{dataset}: has no true poses")
+        self._trajectory = truth
+        self._dataset = dataset
+        self._disparity = lru_cache(HELD_LABELS)(self._read_disparity)
+
+    def T_world_cam(self, time_ns: int) -> Array:
+        """Pose (4, 4) of the left camera."""
+        return self._trajectory.at(np.array([time_ns])).T_ref_frame[0]
+
+    def disparity(self, time_ns: int, pixels: Array) -> Array:
+        """Disparity (N,) at (N, 2) left-image pixels; NaN where there is no surface.
+
+        It is linear in the pixel on a plane, so it is interpolated, except across edges.
+        """
+        label = self._disparity(time_ns)
+        corners, weights = _corners(label, pixels)
+        nearest = corners[np.arange(len(pixels)), np.argmax(weights, axis=1)]
+        with np.errstate(invalid="ignore"):
+            edge = ~(np.ptp(corners, axis=1) <= EDGE_PX)
+        inside = _inside(label, pixels)
+        return np.where(inside, np.where(edge, nearest, (corners * weights).sum(axis=1)), np.nan)
+
+    def points_world(self, time_ns: int, pixels: Array) -> Array:
+        """Surface points (N, 3) at (N, 2) left-image pixels, metres; NaN where there is none."""
+        points_cam = self.rig.triangulate(pixels, self.disparity(time_ns, pixels))
+        return se3.transform(self.T_world_cam(time_ns), points_cam)
+
+    def project(self, time_ns: int, points_world: Array) -> Array:
+        """Left-image pixels (N, 2) of (N, 3) points, whether they can be seen or not."""
+        return self._projected(time_ns, points_world)[:, :2]
+
+    def sightings(self, time_ns: int, points_world: Array) -> Array:
+        """Left-image pixels (N, 2) of (N, 3) points at rest; NaN where they cannot be seen.
+
+        A point is seen if the depth label has its depth where it should be, or beside that.
+        """
+        expected = self._projected(time_ns, points_world)
+        label = self._disparity(time_ns)
+        d = expected[:, 2]
+        corners, _ = _corners(label, expected[:, :2])
+        here = np.column_stack([self.disparity(time_ns, expected[:, :2]), corners])
+        with np.errstate(invalid="ignore"):
+            off = np.abs(here - d[:, None])
+            seen = (off <= SAME_SURFACE * d[:, None] + SAME_SURFACE_PX).any(axis=1)
+        seen &= _inside(label, expected[:, :2])
+        return np.where(seen[:, None], expected[:, :2], np.nan)
+
+    def _projected(self, time_ns: int, points_world: Array) -> Array:
+        T_cam_world = se3.inverse(self.T_world_cam(time_ns))
+        return self.rig.project(se3.transform(T_cam_world, points_world))
+
+    def _read_disparity(self, time_ns: int) -> Array:
+        depth_m = read_float(label_file(self._dataset, "depth", time_ns))
+        return self.rig.f_px * self.rig.baseline_m / depth_m.astype(np.float64)
+
+
+def _inside(label: Array, pixels: Array) -> Mask:
+    height, width = label.shape
+    with np.errstate(invalid="ignore"):
+        inside: Mask = (pixels >= 0) & (pixels <= [width - 1, height - 1])
+    return np.all(inside, axis=1)
+
+
+def _corners(label: Array, pixels: Array) -> tuple[Array, Array]:
+    """Values and bilinear weights (N, 4) of the four pixels around each place."""
+    height, width = label.shape
+    places = np.nan_to_num(pixels).clip(0, [width - 1, height - 1])
+    u, v = np.minimum(places, [width - 2, height - 2]).astype(np.int64).T
+    a, b = places[:, 0] - u, places[:, 1] - v
+    values = np.stack([label[v, u], label[v, u + 1], label[v + 1, u], label[v + 1, u + 1]], -1)
+    weights = np.stack([(1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b], axis=-1)
+    return values, weights

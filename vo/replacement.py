@@ -1,0 +1,124 @@
+"""Putting what hooks return in the place of what a stage found, consistently."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from vo.config import OdometrySettings, StereoSettings
+from vo.contract.arrays import Array, Indices
+from vo.contract.rig import StereoRig
+from vo.contract.sequence import StereoFrame
+from vo.correspondence import Matches, measurement_sigma
+from vo.disparity import UNREFINED_SIGMA_PX, Disparities, measure_disparities
+from vo.features import Features
+from vo.hooks import UNTOUCHED, Hooks
+from vo.matching import describe
+from vo.tracks import LocalMap
+from vo.view import View
+
+SAME_PX = 1e-9
+"""A pixel that moved less was not replaced."""
+
+
+def replace_features(hooks: Hooks, view: View, settings: OdometrySettings) -> View:
+    """Ask for other features, and describe them; scales and responses are those found nearest."""
+    if hooks is UNTOUCHED:
+        return view
+    found = view.features
+    pixels = hooks.features(view.frame, found.pixels)
+    nearest = _nearest(pixels, found.pixels)
+    if nearest is None:
+        ones = np.ones(len(pixels))
+        features = Features(pixels, ones, ones)
+    else:
+        features = Features(pixels, found.scale_px[nearest], found.response[nearest])
+    vectors = describe(view.frame.left, pixels, settings.matching.patch_px)
+    return replace(view, features=features, vectors=vectors)
+
+
+def replace_disparities(
+    hooks: Hooks, frame: StereoFrame, pixels: Array, found: Disparities, settings: StereoSettings
+) -> Disparities:
+    """Ask for other disparities at (N, 2) pixels; the depth gate holds for them too."""
+    if hooks is UNTOUCHED:
+        return found
+    values_px = hooks.disparity(frame, pixels, found.values_px)
+    known = values_px > settings.least_disparity_px  # not NaN
+    sigma_px = np.where(np.isnan(found.sigma_px), UNREFINED_SIGMA_PX, found.sigma_px)
+    return Disparities(
+        np.where(known, values_px, np.nan), np.where(known, sigma_px, np.nan), found.slopes
+    )
+
+
+def replace_matches(
+    hooks: Hooks,
+    matches: Matches,
+    local_map: LocalMap,
+    view: View,
+    rig: StereoRig,
+    settings: OdometrySettings,
+) -> Matches:
+    """Ask for other pixels of the map's landmarks, and for other disparities there.
+
+    A landmark whose pixel is replaced takes its appearance from the nearest feature, and its
+    disparity is measured anew. Without any feature in view nothing is replaced.
+
+    Args:
+        hooks: Whom to ask.
+        matches: Found.
+        local_map: Whose landmarks may be matched.
+        view: The frame.
+        rig: Calibration.
+        settings: Of stereo and of the noise.
+    """
+    if hooks is UNTOUCHED or len(view.features) == 0:
+        return matches
+    landmarks, frame = local_map.landmarks, view.frame
+    n = len(landmarks)
+    measured, sigma = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
+    measured[matches.rows], sigma[matches.rows] = matches.measured, matches.sigma
+    features = np.zeros(n, dtype=np.int64)
+    features[matches.rows] = matches.features
+
+    before = measured[:, :2].copy()
+    pixels = hooks.pixels(frame, landmarks.ids, before)
+    known = ~np.isnan(pixels).any(axis=1)
+    kept = known & (np.abs(pixels - before).max(axis=1) < SAME_PX)
+    fresh = np.flatnonzero(known & ~kept)
+    measured[fresh], sigma[fresh] = _measure(
+        view, pixels[fresh], landmarks.anchor_slopes[fresh], settings
+    )
+    nearest = _nearest(pixels[fresh], view.features.pixels)
+    features[fresh] = 0 if nearest is None else nearest
+
+    rows = np.flatnonzero(known)
+    measured, sigma = measured[rows], sigma[rows]
+    values_px = hooks.disparity(frame, measured[:, :2], measured[:, 2])
+    unjudged = np.hypot(UNREFINED_SIGMA_PX, settings.refinement.sigma_disparity_px)
+    sigma[np.isnan(sigma[:, 2]), 2] = unjudged
+    usable = values_px > settings.stereo.least_disparity_px  # not NaN
+    measured[:, 2] = np.where(usable, values_px, np.nan)
+    sigma[~usable, 2] = np.nan
+    return Matches(
+        rows,
+        landmarks.ids[rows],
+        landmarks.points_odom[rows],
+        features[rows],
+        measured,
+        sigma,
+    )
+
+
+def _measure(
+    view: View, pixels: Array, slopes: Array, settings: OdometrySettings
+) -> tuple[Array, Array]:
+    """Measurements (N, 3) at given pixels, and their standard deviations."""
+    found = measure_disparities(view.frame, view.dense, pixels, settings.stereo, slopes=slopes)
+    sigma = measurement_sigma(np.zeros((len(pixels), 2)), found.sigma_px, settings.refinement)
+    return np.column_stack([pixels, found.values_px]), sigma
+
+
+def _nearest(pixels: Array, among: Array) -> Indices | None:
+    """Rows of the (M, 2) among that are nearest to (N, 2) pixels; None if there is none."""
+    return cKDTree(among).query(pixels)[1] if len(among) else None
