@@ -9,7 +9,7 @@ from vo.config import OdometrySettings, StereoSettings
 from vo.contract.arrays import Array, Indices
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
-from vo.correspondence import Matches, measurement_sigma
+from vo.correspondence import Matches
 from vo.disparity import UNREFINED_SIGMA_PX, Disparities, measure_disparities
 from vo.features import Features
 from vo.hooks import UNTOUCHED, Hooks
@@ -115,7 +115,9 @@ def _measure(
 ) -> tuple[Array, Array]:
     """Measurements (N, 3) at given pixels, and their standard deviations."""
     found = measure_disparities(view.frame, view.dense, pixels, settings.stereo, slopes=slopes)
-    sigma = measurement_sigma(np.zeros((len(pixels), 2)), found.sigma_px, settings.refinement)
+    s = settings.refinement
+    pixel_sigma = np.full((len(pixels), 2), s.sigma_px)
+    sigma = np.column_stack([pixel_sigma, np.hypot(found.sigma_px, s.sigma_disparity_px)])
     return np.column_stack([pixels, found.values_px]), sigma
 
 
