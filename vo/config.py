@@ -34,6 +34,15 @@ class FeatureSettings(Settings):
     line_ratio: float = Field(
         default=12.0, gt=1, description="largest ratio of principal gradients"
     )
+    smoothing_px: float = Field(
+        default=1.2, ge=0, description="Gaussian that noisy images go through; 0 never"
+    )
+    clear_share: float = Field(
+        default=0.1,
+        ge=0,
+        le=1,
+        description="images are noisy if a smaller share of new features has a depth",
+    )
     apart_px: float = Field(
         default=5.0, ge=0, description="least distance of new landmarks to others"
     )
@@ -95,7 +104,7 @@ class StereoSettings(Settings):
         default=0.3, gt=0, description="largest standard deviation by the noise of the images"
     )
     most_spread_px: float = Field(
-        default=0.25, gt=0, description="largest disagreement of windows shifted left and right"
+        default=0.6, gt=0, description="largest disagreement of windows shifted left and right"
     )
 
 

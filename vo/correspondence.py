@@ -96,20 +96,23 @@ def find_matches(
         landmarks.points_odom[rows],
         found,
         np.column_stack([pixels, stereo.values_px]),
-        measurement_sigma(variance, stereo.sigma_px, settings.refinement),
+        measurement_sigma(variance, stereo.sigma_px, local_map.noise, settings.refinement),
     )
 
 
-def measurement_sigma(variance_px2: Array, disparity_px: Array, s: RefinementSettings) -> Array:
+def measurement_sigma(
+    variance_px2: Array, disparity_px: Array, noise: tuple[float, float], s: RefinementSettings
+) -> Array:
     """Standard deviations (N, 3) of u, v and disparity: noise, and what warps do not explain.
 
     Args:
         variance_px2: (N, 2) of u and v by the noise of the images.
         disparity_px: (N,) standard deviation of the disparity by the same; NaN where unknown.
+        noise: Factors of pixels and of disparities that residuals have shown.
         s: The rest, alike for all.
     """
-    pixels = np.sqrt(variance_px2 + s.sigma_px**2)
-    return np.column_stack([pixels, np.hypot(disparity_px, s.sigma_disparity_px)])
+    pixels = noise[0] * np.sqrt(variance_px2 + s.sigma_px**2)
+    return np.column_stack([pixels, noise[1] * np.hypot(disparity_px, s.sigma_disparity_px)])
 
 
 def _align(

@@ -20,6 +20,10 @@ DETERMINED = 6
 """A keyframe that sees fewer refined landmarks keeps its pose."""
 
 
+LEARNING = 0.2
+"""How far one refinement moves what is believed of the noise, in the logarithm."""
+
+
 def is_new_view(last: Keyframe, matches: Matches, settings: RefinementSettings) -> bool:
     """Whether a view has moved far enough from the last keyframe to become one itself.
 
@@ -61,7 +65,9 @@ def add_keyframe(
     """
     serial, known = local_map.next_serial, local_map.landmarks
     taken = matches.measured if matches else np.zeros((0, 3))
-    measured, sigma, slopes, vectors = _fresh_features(view, taken, settings)
+    measured, sigma, slopes, vectors, share = _fresh_features(
+        view, taken, local_map.noise, settings
+    )
     points_cam = rig.triangulate(measured[:, :2], measured[:, 2])
     n = len(measured)
     fresh = Landmarks(
@@ -86,17 +92,19 @@ def add_keyframe(
     if matches:
         known = _renew_anchors(known, matches, keyframe, keyframes[0].serial, settings)
     known = known.select(known.anchor >= keyframes[0].serial)
-    return LocalMap(keyframes, known.extend(fresh), serial + 1, local_map.next_id + n)
+    return LocalMap(
+        keyframes, known.extend(fresh), serial + 1, local_map.next_id + n, share, local_map.noise
+    )
 
 
 def _fresh_features(
-    view: View, taken: Array, settings: OdometrySettings
-) -> tuple[Array, Array, Array, Array]:
+    view: View, taken: Array, noise: tuple[float, float], settings: OdometrySettings
+) -> tuple[Array, Array, Array, Array, float]:
     """Features that have a depth and lie apart from the (N, 3) measurements taken.
 
     Returns:
-        (N, 3) measurements, their (N, 3) sigmas, the disparity's (N, 2) slopes and (N, P)
-        appearances.
+        (N, 3) measurements, their (N, 3) sigmas, the disparity's (N, 2) slopes, (N, P)
+        appearances, and the share of features that N are of those apart.
     """
     pixels = view.features.pixels
     free = np.ones(len(pixels), dtype=bool)
@@ -108,9 +116,10 @@ def _fresh_features(
     measured = np.column_stack([pixels, found.values_px])[known]
     # A fresh landmark is wherever its template was cut: its pixel has no error of its own.
     sigma = measurement_sigma(
-        np.zeros((known.sum(), 2)), found.sigma_px[known], settings.refinement
+        np.zeros((known.sum(), 2)), found.sigma_px[known], noise, settings.refinement
     )
-    return measured, sigma, found.slopes[known], vectors[known]
+    share = float(known.mean()) if len(known) else 1.0
+    return measured, sigma, found.slopes[known], vectors[known], share
 
 
 def _renew_anchors(
@@ -184,7 +193,16 @@ def refine_map(
         for k, T, spread in zip(keyframes, refined.T_world_cam, refined.covariance, strict=True)
     )
     landmarks = replace(landmarks, points_odom=points_odom)
-    return replace(local_map, keyframes=keyframes, landmarks=landmarks), refined.iterations
+    noise = _learnt(local_map.noise, refined.misfit)
+    refined_map = replace(local_map, keyframes=keyframes, landmarks=landmarks, noise=noise)
+    return refined_map, refined.iterations
+
+
+def _learnt(noise: tuple[float, float], misfit: Array) -> tuple[float, float]:
+    """Follow the residuals slowly, and not below half of what is assumed."""
+    factor = np.where(np.isfinite(misfit), np.maximum(misfit, 1e-3), 1.0) ** (LEARNING / 2)
+    pixels, disparities = np.clip(np.array(noise) * factor, 0.5, 10.0)
+    return float(pixels), float(disparities)
 
 
 def _carried(oldest: Keyframe, keyframe: Keyframe, T_odom_cam: Array, relative: Array) -> Array:

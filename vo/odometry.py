@@ -39,12 +39,13 @@ class StereoOdometry:
         self._T_odom_cam = np.eye(4)  # of the last frame that had a pose
         self._T_before_now = np.eye(4)  # its motion, which predicts the next
         self._spread = np.zeros((6, 6))  # its covariance, given the map
+        self._smoothing_px = 0.0
         self._lost_frames = 0
 
     def track(self, frame: StereoFrame) -> Estimate:
         """Estimate the pose of the next frame; never raises on image content."""
         s, clock = self.settings, Clock()
-        view = look(frame, self._dense_stereo, s, clock)  # CenSurE (3.2), dense stereo (3.1)
+        view = look(frame, self._dense_stereo, s, clock, self._smoothing_px)  # CenSurE (3.2)
         counts = {"features": len(view.features), "matches": 0, "inliers": 0}
         if not self._map.keyframes:
             return self._start(view, counts, clock)
@@ -70,6 +71,8 @@ class StereoOdometry:
                 self._map, counts["structure iterations"] = refine_map(self._map, self.rig, s)
                 self._stitch(view)
                 self._history.remember(self._map, s.refinement.least_views)
+                if self._map.depth_share < s.features.clear_share:
+                    self._smoothing_px = s.features.smoothing_px
                 T_odom_cam = self._map.keyframes[-1].T_odom_cam
 
         weak = len(inliers) < s.motion.weak_inliers
@@ -146,6 +149,10 @@ class StereoOdometry:
         if self._lost_frames:
             T_odom_cam, covariance = self._find_again(view) or (T_odom_cam, ADRIFT * np.eye(6))
         fresh = add_keyframe(self._map, view, T_odom_cam, covariance, None, self.rig, s)
+        if fresh.depth_share < s.features.clear_share and not self._smoothing_px:
+            self._smoothing_px = s.features.smoothing_px
+            view = look(view.frame, self._dense_stereo, s, clock, self._smoothing_px)
+            fresh = add_keyframe(self._map, view, T_odom_cam, covariance, None, self.rig, s)
         counts["fresh"] = len(fresh.landmarks)
         if len(fresh.landmarks) < s.motion.least_inliers:
             self._lost_frames += 1

@@ -276,13 +276,15 @@ def camera_normal(
 
 
 @numba.njit(cache=True)
-def squared_residuals(
-    rotations: Array, centres: Array, points: Array, measured: Array, weight: Array,
-    intrinsics: Array,
+def all_residuals(
+    rotations: Array, centres: Array, points: Array, camera: Indices, point: Indices,
+    measured: Array, weight: Array, intrinsics: Array,
 ) -> Array:  # fmt: skip
-    """Squared whitened residuals of points seen by the first camera, (N,)."""
-    squared, r = np.empty(len(points)), np.empty(3)
-    for j in range(len(points)):
-        whitened(rotations[0], centres[0], points[j], measured[j], weight[j], intrinsics, r)
-        squared[j] = r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
-    return squared
+    """Whitened residuals (M, 3) of all measurements."""
+    residuals = np.empty((len(camera), 3))
+    for m in range(len(camera)):
+        i, j = camera[m], point[m]
+        whitened(
+            rotations[i], centres[i], points[j], measured[m], weight[m], intrinsics, residuals[m]
+        )
+    return residuals

@@ -17,7 +17,7 @@ from gtsam.symbol_shorthand import X
 from vo.config import RefinementSettings
 from vo.contract.arrays import Array, Indices, Mask
 from vo.contract.rig import StereoRig
-from vo.reduction import camera_normal, reduce, robust_weights, squared_residuals
+from vo.reduction import all_residuals, camera_normal, reduce, robust_weights
 
 REWEIGHTINGS = 3
 """Rounds in which the Huber weights are renewed (Holland and Welsch, 1977), for one camera."""
@@ -34,8 +34,8 @@ Normal = Callable[[Array, bool], tuple[Array, Array, float]]
 TURN_LAST = [3, 4, 5, 0, 1, 2]
 """From GTSAM's tangents (w, v) to (v, w)."""
 
-MEDIAN_CHI2_3 = 2.366
-"""Median of chi-squared with three degrees of freedom."""
+MEDIAN_CHI2 = (0.455, 1.386)
+"""Medians of chi-squared with one and two degrees of freedom."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +76,8 @@ class Refined:
             frame; zero for those.
         iterations: Levenberg–Marquardt steps; `most_iterations` if it did not converge.
         error: Final value of half the summed robust squared whitened residuals.
+        misfit: (2,) median squared residual of pixels and of disparities, over what their sigmas
+            make one expect; 1 where they are right, NaN where there are none.
     """
 
     T_world_cam: Array
@@ -83,6 +85,7 @@ class Refined:
     covariance: Array
     iterations: int
     error: float
+    misfit: Array
 
 
 @dataclass(frozen=True)
@@ -93,13 +96,11 @@ class Pose:
         T_world_cam: (4, 4).
         covariance: (6, 6) tangent (v m, w rad) in the camera's frame; of the measurements alone.
         iterations: Levenberg–Marquardt steps.
-        misfit: Median squared residual over what the sigmas make one expect; 1 if they are right.
     """
 
     T_world_cam: Array
     covariance: Array
     iterations: int
-    misfit: float
 
 
 def refine_structure(bundle: Bundle, settings: RefinementSettings) -> Refined:
@@ -144,7 +145,8 @@ def refine_structure(bundle: Bundle, settings: RefinementSettings) -> Refined:
     H, _, error = normal(poses, derivatives=True)
     covariance = np.zeros((len(T), 6, 6))
     covariance[moving] = _diagonal_blocks(_inverse(H))[:, TURN_LAST][:, :, TURN_LAST]
-    return Refined(T, points, covariance, iterations, error)
+    residuals = all_residuals(*_split(T), points, camera, point, measured, known, intrinsics)
+    return Refined(T, points, covariance, iterations, error, _misfit(residuals, known))
 
 
 def refine_motion(
@@ -182,8 +184,7 @@ def refine_motion(
         poses, more = _optimize(poses, normal, settings)
         iterations += more
     covariance = _inverse(normal(poses)[0])[TURN_LAST][:, TURN_LAST]
-    squared = squared_residuals(*_split(poses), points, seen, known, intrinsics)
-    return Pose(poses[0], covariance, iterations, float(np.median(squared)) / MEDIAN_CHI2_3)
+    return Pose(poses[0], covariance, iterations)
 
 
 def _optimize(
@@ -232,6 +233,17 @@ def _optimize(
     except RuntimeError:  # gtsam's IndeterminateLinearSystemException has no type of its own here
         return poses, s.most_iterations
     return np.array([values.atPose3(key).matrix() for key in keys]), optimizer.iterations()
+
+
+def _misfit(residuals: Array, weight: Array) -> Array:
+    pixels = (residuals[:, :2] ** 2).sum(axis=1)
+    disparities = residuals[weight[:, 2] > 0, 2] ** 2
+    return np.array(
+        [
+            np.median(squared) / MEDIAN_CHI2[k] if len(squared) else np.nan
+            for squared, k in ((pixels, 1), (disparities, 0))
+        ]
+    )
 
 
 def _weighted(measured: Array, sigma: Array) -> tuple[Array, Array]:

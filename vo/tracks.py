@@ -86,12 +86,17 @@ class LocalMap:
         landmarks: Those whose anchor is among the keyframes.
         next_serial: Of the next keyframe.
         next_id: Of the next landmark.
+        depth_share: Share of the last keyframe's new features that had a depth.
+        noise: By how much errors of pixels and of disparities exceed what is assumed, as far as
+            residuals have shown.
     """
 
     keyframes: tuple[Keyframe, ...]
     landmarks: Landmarks
     next_serial: int
     next_id: int
+    depth_share: float = 1.0
+    noise: tuple[float, float] = (1.0, 1.0)
 
     def seen(self, rows: Indices, vectors: Array) -> "LocalMap":
         """Count a view of some landmarks and renew their appearance."""

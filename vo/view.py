@@ -2,8 +2,11 @@
 
 from dataclasses import dataclass
 
+import cv2
+import numpy as np
+
 from vo.config import OdometrySettings
-from vo.contract.arrays import Array
+from vo.contract.arrays import Array, Image
 from vo.contract.clock import Clock
 from vo.contract.sequence import StereoFrame
 from vo.features import Features, detect
@@ -29,12 +32,32 @@ class View:
 
 
 def look(
-    frame: StereoFrame, dense_stereo: DenseStereo, settings: OdometrySettings, clock: Clock
+    frame: StereoFrame,
+    dense_stereo: DenseStereo,
+    settings: OdometrySettings,
+    clock: Clock,
+    smoothing_px: float = 0.0,
 ) -> View:
-    """Detect and describe features in the left image (thesis 3.2), and match the eyes (3.1)."""
+    """Detect and describe features in the left image (thesis 3.2), and match the eyes (3.1).
+
+    Args:
+        frame: The pair.
+        dense_stereo: Matches the eyes, if stereo is dense.
+        settings: Of features and patches.
+        clock: Times the stages.
+        smoothing_px: Standard deviation of a Gaussian that both images go through first.
+    """
+    if smoothing_px > 0:
+        frame = StereoFrame(
+            frame.timestamp_ns, _smooth(frame.left, smoothing_px), _smooth(frame.right, smoothing_px)
+        )
     with clock("features"):
         features = detect(frame.left, settings.features)
         vectors = describe(frame.left, features.pixels, settings.matching.patch_px)
     with clock("stereo"):
         dense = dense_stereo(frame.left, frame.right)
     return View(frame, features, vectors, dense)
+
+
+def _smooth(image: Image, sigma_px: float) -> Image:
+    return np.asarray(cv2.GaussianBlur(image, (0, 0), sigma_px), np.uint8)
