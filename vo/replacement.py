@@ -6,8 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from vo.config import OdometrySettings, StereoSettings
-from vo.contract.arrays import Array, Indices
-from vo.contract.rig import StereoRig
+from vo.contract.arrays import Array
 from vo.contract.sequence import StereoFrame
 from vo.correspondence import Matches
 from vo.disparity import UNREFINED_SIGMA_PX, Disparities, measure_disparities
@@ -27,12 +26,11 @@ def replace_features(hooks: Hooks, view: View, settings: OdometrySettings) -> Vi
         return view
     found = view.features
     pixels = hooks.features(view.frame, found.pixels)
-    nearest = _nearest(pixels, found.pixels)
-    if nearest is None:
-        ones = np.ones(len(pixels))
-        features = Features(pixels, ones, ones)
-    else:
-        features = Features(pixels, found.scale_px[nearest], found.response[nearest])
+    scale_px = response = np.ones(len(pixels))
+    if len(found):
+        nearest = cKDTree(found.pixels).query(pixels)[1]
+        scale_px, response = found.scale_px[nearest], found.response[nearest]
+    features = Features(pixels, scale_px, response)
     vectors = describe(view.frame.left, pixels, settings.matching.patch_px)
     return replace(view, features=features, vectors=vectors)
 
@@ -56,7 +54,6 @@ def replace_matches(
     matches: Matches,
     local_map: LocalMap,
     view: View,
-    rig: StereoRig,
     settings: OdometrySettings,
 ) -> Matches:
     """Ask for other pixels of the map's landmarks, and for other disparities there.
@@ -69,7 +66,6 @@ def replace_matches(
         matches: Found.
         local_map: Whose landmarks may be matched.
         view: The frame.
-        rig: Calibration.
         settings: Of stereo and of the noise.
     """
     if hooks is UNTOUCHED or len(view.features) == 0:
@@ -89,8 +85,7 @@ def replace_matches(
     measured[fresh], sigma[fresh] = _measure(
         view, pixels[fresh], landmarks.anchor_slopes[fresh], settings
     )
-    nearest = _nearest(pixels[fresh], view.features.pixels)
-    features[fresh] = 0 if nearest is None else nearest
+    features[fresh] = cKDTree(view.features.pixels).query(pixels[fresh])[1]
 
     rows = np.flatnonzero(known)
     measured, sigma = measured[rows], sigma[rows]
@@ -119,8 +114,3 @@ def _measure(
     pixel_sigma = np.full((len(pixels), 2), s.sigma_px)
     sigma = np.column_stack([pixel_sigma, np.hypot(found.sigma_px, s.sigma_disparity_px)])
     return np.column_stack([pixels, found.values_px]), sigma
-
-
-def _nearest(pixels: Array, among: Array) -> Indices | None:
-    """Rows of the (M, 2) among that are nearest to (N, 2) pixels; None if there is none."""
-    return cKDTree(among).query(pixels)[1] if len(among) else None

@@ -68,7 +68,7 @@ def matches(views, local_map):
 
 
 def replaced(hooks, matches, local_map, views):
-    return replace_matches(hooks, matches, local_map, views[1], RIG, SETTINGS)
+    return replace_matches(hooks, matches, local_map, views[1], SETTINGS)
 
 
 def assert_same(a, b):
@@ -140,7 +140,7 @@ def test_without_features_nothing_can_be_matched(views, local_map):
     view = look(StereoFrame(5, blank, blank), DenseStereo(SETTINGS.stereo), SETTINGS, Clock())
     none = find_matches(local_map, view, np.eye(4), 24.0, RIG, SETTINGS)
     hooks = Answer(local_map.landmarks.anchor_pixels)
-    assert len(replace_matches(hooks, none, local_map, view, RIG, SETTINGS)) == 0
+    assert len(replace_matches(hooks, none, local_map, view, SETTINGS)) == 0
 
 
 def test_features_are_described_where_they_are_put(views):
