@@ -3,7 +3,8 @@
 The estimators run on a single core, the generator on all of them. The generator stands beside a
 plain loop over `mujoco.Renderer` that makes the same left image, right image and depth of the
 same trip at the same quality. The two renderers take turns frame by frame, and the recording is
-timed before and after them, so that all meet the same load of the machine.
+timed before and after them, so that all meet the same load of the machine. At last a frame of a
+drive of 300 m stands beside one of 30 m.
 """
 
 import importlib.metadata
@@ -19,21 +20,17 @@ from rich.table import Table
 from trials.cli import guard
 from trials.commands import console
 from trials.estimators import ESTIMATORS
-from trials.speed import (
-    EstimatorSpeed,
-    GeneratorSpeed,
-    RenderSpeed,
-    Trial,
-    measure_estimator,
-    measure_generator,
-    measure_renderers,
-    measure_scaling,
-    on_cores,
-)
+from trials.speed.estimator import EstimatorSpeed, measure_estimator
+from trials.speed.generator import GeneratorSpeed, measure_generator, measure_scaling
+from trials.speed.length import LengthCost, measure_lengths
+from trials.speed.renderers import RenderSpeed, measure_renderers
+from trials.speed.trial import Trial, on_cores
 
 DISTANCE_M, FRAMES = 5.0, 40
 QUICK_DISTANCE_M, QUICK_FRAMES = 1.5, 8
 """Length of the drive, and how many of its frames both renderers draw."""
+LONG_SCENE, LENGTHS_M, QUICK_LENGTHS_M = "long_haul", (30.0, 300.0), (3.0, 30.0)
+"""Where a frame of a long drive is compared with one of a short drive."""
 
 PACKAGES = ("mujoco", "numpy", "opencv-python-headless", "gtsam", "numba")
 
@@ -54,6 +51,9 @@ def bench(
         rendered = on_cores(cores, measure_renderers, trial, frames, folder)
         after = on_cores(cores, measure_generator, trial, folder / "again")
         scaling = measure_scaling(trial, cores[:2], folder)
+        short_m, long_m = QUICK_LENGTHS_M if quick else LENGTHS_M
+        short, long = (Trial(LONG_SCENE, seed, x) for x in (short_m, long_m))
+        lengths = on_cores(cores, measure_lengths, short, long, frames)
         estimated = {x: on_cores(cores[:1], measure_estimator, x, dataset) for x in ESTIMATORS}
     versions = ", ".join(f"{x} {importlib.metadata.version(x)}" for x in PACKAGES)
     console.out.print(f"{scene}, seed {seed}, {trial.distance_m:g} m; {before.gl}")
@@ -64,6 +64,7 @@ def bench(
         f"{before.frames} frames in {before.whole_s:.1f} s with scene, drive and map; "
         f"left images of the two renderers differ by {rendered.different_grey:.2f} grey levels"
     )
+    console.out.print(length_table(lengths))
     console.out.print(estimator_table(estimated))
 
 
@@ -106,6 +107,27 @@ def ratio_table(
     ):
         table.add_row(label, f"{found:.2f}", promised)
     table.add_row("memory of a worker, GB", f"{memory_mb / 1024:.2f}", "< 1.5")
+    return table
+
+
+def length_table(cost: LengthCost) -> Table:
+    """Lay out what a frame costs on a short and on a long drive, and their ratio."""
+    short, long = cost.short, cost.long
+    title = f"{LONG_SCENE}, CPU ms per frame"
+    table = Table(title, *(f"{x.distance_m:g} m" for x in (short, long)), "ratio", "promised")
+    for column in table.columns[1:4]:
+        column.justify = "right"
+    stretch = f"images and depth, on the first {short.distance_m:g} m"
+    for label, a, b, promised in (
+        ("physics", short.physics_ms, long.physics_ms, ""),
+        ("images with noise, and depth", short.picture_ms, long.picture_ms, ""),
+        (stretch, short.picture_ms, cost.again_ms, ""),
+        ("all", short.frame_ms, long.frame_ms, "≤ 1"),
+    ):
+        table.add_row(label, f"{a:.1f}", f"{b:.1f}", f"{b / a:.2f}", promised)
+    table.add_row("frames", str(short.frames), str(long.frames), "", "")
+    memory_gb = (x.memory_mb / 1024 for x in (short, long))
+    table.add_row("peak memory, GB", *(f"{x:.2f}" for x in memory_gb), "", "< 1.5")
     return table
 
 

@@ -1,0 +1,1 @@
+"""Measurements of speed, each meant for a process of its own; heavy imports wait for them."""

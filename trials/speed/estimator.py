@@ -1,0 +1,50 @@
+"""How fast an estimator is."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from trials.commands import console
+
+WARM_FRAMES = 12
+"""Shown to an estimator beforehand, so that compilation and first touches are not timed."""
+
+
+@dataclass(frozen=True)
+class EstimatorSpeed:
+    """One estimator.
+
+    Attributes:
+        frames: Timed.
+        frame_ms: Mean wall time of a `track` call; loading the images is not in it.
+        stage_ms: Stage to its mean over all frames.
+    """
+
+    frames: int
+    frame_ms: float
+    stage_ms: dict[str, float]
+
+
+def measure_estimator(name: str, dataset: Path) -> EstimatorSpeed:
+    """Run an estimator over a dataset, warm."""
+    import cv2
+
+    from trials.estimators import make_estimator
+    from vo.contract.readers import open_sequence
+    from vo.runner import run
+
+    cv2.setNumThreads(1)
+    sequence = open_sequence(dataset)
+    warm, _ = make_estimator(name, sequence.rig)
+    for i in range(min(WARM_FRAMES, len(sequence))):
+        warm.track(sequence[i])
+    estimator, _ = make_estimator(name, sequence.rig)
+    with console.counting_bar(f"running {name}", len(sequence)) as count:
+        result = run(sequence, estimator, count)
+    stages = dict.fromkeys(stage for x in result.estimates for stage in x.timings_ms)
+    stage_ms = {
+        stage: sum(x.timings_ms.get(stage, 0.0) for x in result.estimates) / len(sequence)
+        for stage in stages
+    }
+    return EstimatorSpeed(len(sequence), float(np.mean(result.frame_ms)), stage_ms)
