@@ -1,6 +1,7 @@
 """A trip: the carrier follows its route once, in physics alone; what happened is then rendered."""
 
 import math
+from array import array
 from dataclasses import dataclass
 
 import mujoco
@@ -155,6 +156,25 @@ class _Clock:
         return True
 
 
+class _Rows:
+    """Times and numbers, gathered without an object for each: a long trip has a million."""
+
+    def __init__(self) -> None:
+        self.times_ns = array("q")
+        self._values = array("d")
+
+    def add(self, time_ns: int, *values: Array) -> None:
+        """Append a row of as many numbers as the others have."""
+        self.times_ns.append(time_ns)
+        for x in values:
+            self._values.frombytes(x.tobytes())
+
+    @property
+    def values(self) -> Array:
+        """(rows, numbers) float64."""
+        return np.array(self._values).reshape(len(self.times_ns), -1)
+
+
 class _Log:
     """Samples the world for cameras, inertial unit and encoders."""
 
@@ -167,8 +187,8 @@ class _Log:
         self._imu = _Clock(settings.imu.rate_hz, timestep_s)
         self._encoders = Encoders(settings.encoders.ticks_per_turn, settings.encoders.rate_hz)
         self._frames: list[tuple[int, Array, Array]] = []
-        self._states: list[tuple[int, Array]] = []
-        self._motions: list[tuple[int, Array, Array, Array, Array]] = []
+        self._states = _Rows()
+        self._motions = _Rows()
 
     @property
     def _frame_step(self) -> int:
@@ -188,15 +208,15 @@ class _Log:
         to_frame = abs(step - self._frame_step)
         since_frame = step - round((len(self._frames) - 1) * self._frame_period)
         if min(to_frame, since_frame if self._frames else to_frame) <= self._half_window:
-            self._states.append((time_ns, world.data.qpos.copy()))
+            self._states.add(time_ns, world.data.qpos)
         frame, imu = step == self._frame_step, step >= 0 and self._imu.due(step)
         if frame or imu:
             T_world_body, v_world_body, w_world_body = body_motion(world, time_s)
             if frame:
                 self._frames.append((time_ns, T_world_body, v_world_body))
             if imu:
-                forces_n = wheel_forces_n(world)
-                self._motions.append((time_ns, T_world_body, v_world_body, w_world_body, forces_n))
+                motion = T_world_body.ravel(), v_world_body, w_world_body, wheel_forces_n(world)
+                self._motions.add(time_ns, *motion)
         if world.is_driven and step == self._encoders.next_step(self._timestep_s):
             self._encoders.read(time_ns, world.wheel_angles_rad)
 
@@ -207,21 +227,24 @@ class _Log:
         """
         complete = len(self._frames)
         while complete and self._frames[complete - 1][0] + self.lead_s * 1e9 > (
-            self._states[-1][0] + 1
+            self._states.times_ns[-1] + 1
         ):
             complete -= 1
         if complete < 2:
             raise DriveError(ended or "the trip ended before its second frame")
         times, poses, velocities = zip(*self._frames[:complete], strict=True)
-        state_times, qpos = zip(*self._states, strict=True)
-        motion_times, *motions = zip(*self._motions, strict=True)
+        poses_dense, *motions = np.split(self._motions.values, (16, 19, 22), axis=1)
         return Trip(
             np.array(times, dtype=np.int64),
             _kept(self._settings, complete),
-            States(np.array(state_times, dtype=np.int64), np.array(qpos)),
+            States(np.array(self._states.times_ns, dtype=np.int64), self._states.values),
             np.array(poses),
             np.array(velocities),
-            Motions(np.array(motion_times, dtype=np.int64), *(np.array(x) for x in motions)),
+            Motions(
+                np.array(self._motions.times_ns, dtype=np.int64),
+                poses_dense.reshape(-1, 4, 4),
+                *(x.copy() for x in motions),
+            ),
             np.array(self._encoders.times_ns, dtype=np.int64),
             np.array(self._encoders.counts, dtype=np.int64).reshape(-1, 2),
             ended,
