@@ -1,0 +1,170 @@
+"""Systems by others: the pipe to another process, and those that can run here."""
+
+import os
+import shutil
+import sys
+
+import cv2
+import numpy as np
+import pytest
+from folders import BASELINE_M, DISPARITY_PX, F_PX, HEIGHT, PERIOD_NS, WIDTH, wall
+
+from trials.estimators import make_estimator
+from trials.plugins import PluginError
+from trials.systems import elsewhere, environments
+from trials.systems.elsewhere import Elsewhere
+from trials.systems.environments import PLACE, ForeignSystemError, folder_of
+from vo.contract.errors import SettingsError
+from vo.contract.estimator import Status
+from vo.contract.rig import StereoRig
+from vo.contract.sequence import StereoFrame
+
+RIG = StereoRig(WIDTH, HEIGHT, F_PX, (WIDTH - 1) / 2, (HEIGHT - 1) / 2, BASELINE_M)
+STEP_PX = 4
+STEP_M = STEP_PX / DISPARITY_PX * BASELINE_M
+
+WORKER = """
+import os, sys, time
+import numpy as np
+from pipe import serve
+
+def start(rig):
+    print("the system talks")
+    os.system("echo its libraries talk too")
+    if rig.get("refuse"):
+        sys.exit("no licence")
+
+    def track(t, left, right):
+        print("about every frame")
+        if rig.get("hang"):
+            time.sleep(60)
+        if left.max() == 0:
+            return None, "dark"
+        if left.max() == 1:
+            raise ValueError("segmentation fault, as it were")
+        T = np.eye(4)
+        T[:3, 3] = [t, left.mean(), right.mean()]
+        return T, "ok"
+
+    return track
+
+serve(start)
+"""
+
+
+@pytest.fixture
+def installed(tmp_path, monkeypatch):
+    """An environment with this interpreter, and a worker that is no system at all."""
+    python = tmp_path / "systems" / "toy_vo" / "bin" / "python"
+    python.parent.mkdir(parents=True)
+    python.write_text(f'#!/bin/sh\nexec {sys.executable} "$@"\n')
+    python.chmod(0o755)
+    monkeypatch.setenv(PLACE, str(tmp_path / "systems"))
+    workers = tmp_path / "workers"
+    workers.mkdir()
+    shutil.copy(elsewhere.WORKERS / "pipe.py", workers)
+    (workers / "toy_vo_worker.py").write_text(WORKER)
+    monkeypatch.setattr(elsewhere, "WORKERS", workers)
+
+
+def frame(i, left, right):
+    eyes = (np.full((HEIGHT, WIDTH), grey, np.uint8) for grey in (left, right))
+    return StereoFrame(i * PERIOD_NS, *eyes)
+
+
+def test_frames_go_and_poses_come(installed):
+    system = Elsewhere("toy_vo", RIG, {})
+    estimates = [system.track(frame(i, *eyes)) for i, eyes in enumerate([(7, 9), (0, 5), (8, 6)])]
+    assert [x.status for x in estimates] == [Status.START, Status.LOST, Status.TRACKED]
+    assert estimates[0].T_odom_cam[:3, 3].tolist() == [0, 7, 9]
+    assert estimates[2].T_odom_cam[:3, 3].tolist() == [0.2, 8, 6]
+    assert estimates[1].reason == "dark"
+    assert all(x.timings_ms["track"] > 0 for x in estimates)
+    assert estimates[2].timestamp_ns == 2 * PERIOD_NS
+    process = system._process
+    system.reflect()
+    assert process.returncode == 0
+
+
+def test_a_worker_that_dies_says_why(installed):
+    with pytest.raises(PluginError, match="toy_vo ended with status 1: no licence"):
+        Elsewhere("toy_vo", RIG, {"refuse": True})
+    system = Elsewhere("toy_vo", RIG, {})
+    for _ in range(2):
+        with pytest.raises(PluginError, match="segmentation fault, as it were"):
+            system.track(frame(0, 1, 1))
+
+
+def test_a_worker_that_hangs_is_ended(installed):
+    system = Elsewhere("toy_vo", RIG, {"hang": True}, patience_s=1.0)
+    process = system._process
+    with pytest.raises(PluginError, match="toy_vo says nothing for 1 s"):
+        system.track(frame(0, 7, 7))
+    assert process.returncode is not None
+
+
+def test_a_forgotten_worker_ends(installed):
+    system = Elsewhere("toy_vo", RIG, {})
+    process = system._process
+    del system
+    assert process.returncode == 0
+
+
+def test_what_is_not_installed_says_how(tmp_path, monkeypatch):
+    monkeypatch.setenv(PLACE, str(tmp_path))
+    with pytest.raises(ForeignSystemError, match=r"python -m trials.systems.install toy_vo"):
+        make_estimator("trials.systems.toy_vo:ToyVo", RIG)
+    with pytest.raises(SettingsError, match="unknown system basalt; valid: orbslam3, toy_vo"):
+        folder_of("basalt")
+    with pytest.raises(SettingsError, match="vocabulary: no such file"):
+        make_estimator("trials.systems.orbslam3:OrbSlam3", RIG, None, ["vocabulary=nowhere"])
+
+
+def test_what_cannot_be_installed_says_so(tmp_path, monkeypatch):
+    monkeypatch.setenv(PLACE, str(tmp_path))
+    impossible = environments.Package((f"{tmp_path}/no-such-wheel.whl",), "", "")
+    monkeypatch.setitem(environments.SYSTEMS, "toy_vo", impossible)
+    with pytest.raises(ForeignSystemError, match=r"cannot install toy_vo: .*no-such-wheel"):
+        environments.install("toy_vo")
+
+
+def slide(estimator, frames=6):
+    """Track a wall that passes by; returns the estimates."""
+    pairs = wall(frames, STEP_PX)
+    return [estimator.track(StereoFrame(i * PERIOD_NS, *pair)) for i, pair in enumerate(pairs)]
+
+
+@pytest.mark.skipif(not hasattr(cv2, "Odometry"), reason="OpenCV has no cv2.Odometry")
+def test_rgbd_odometry_follows_a_wall():
+    estimator, settings = make_estimator("trials.systems.rgbd:RgbdOdometry", RIG)
+    assert settings["method"] == "rgb_depth"
+    estimates = slide(estimator)
+    assert [x.status.value for x in estimates] == ["start"] + ["tracked"] * 5
+    moved = estimates[-1].T_odom_cam[:3, 3]
+    assert 1e-6 < np.linalg.norm(moved - [5 * STEP_M, 0, 0]) < 0.02  # turning looks alike
+    blank = np.zeros((HEIGHT, WIDTH), np.uint8)
+    lost = estimator.track(StereoFrame(6 * PERIOD_NS, blank, blank))
+    assert (lost.status, lost.reason) == (Status.LOST, "no alignment")
+
+
+@pytest.mark.skipif(
+    not (folder_of("toy_vo") / "bin/python").exists(), reason="toy-vo is not installed"
+)
+def test_toy_vo_follows_a_wall():
+    estimates = slide(make_estimator("trials.systems.toy_vo:ToyVo", RIG)[0])
+    moved = estimates[-1].T_odom_cam[:3, 3]
+    assert 1e-6 < np.linalg.norm(moved - [5 * STEP_M, 0, 0]) < 0.03
+
+
+VOCABULARY = os.environ.get("DRIFTYARD_ORB_VOCABULARY", "")
+
+
+@pytest.mark.skipif(
+    not VOCABULARY or not (folder_of("orbslam3") / "bin/python").exists(),
+    reason="ORB-SLAM3 is not installed, or DRIFTYARD_ORB_VOCABULARY not set",
+)
+def test_orbslam3_follows_a_wall():
+    name, setting = "trials.systems.orbslam3:OrbSlam3", f"vocabulary={VOCABULARY}"
+    estimates = slide(make_estimator(name, RIG, None, [setting])[0])
+    moved = estimates[-1].T_odom_cam[:3, 3]
+    assert 1e-6 < np.linalg.norm(moved - [5 * STEP_M, 0, 0]) < 0.03
