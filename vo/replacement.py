@@ -16,6 +16,9 @@ from vo.matching import describe
 from vo.tracks import LocalMap
 from vo.view import View
 
+UNKNOWN = -1
+"""In the place of a whole number, such as the row of a feature that does not exist."""
+
 SAME_PX = 1e-9
 """A pixel that moved less was not replaced."""
 
@@ -58,8 +61,8 @@ def replace_matches(
 ) -> Matches:
     """Ask for other pixels of the map's landmarks, and for other disparities there.
 
-    A landmark whose pixel is replaced takes its appearance from the nearest feature, and its
-    disparity is measured anew. Without any feature in view nothing is replaced.
+    A landmark whose pixel is replaced keeps its appearance, and its disparity is measured anew.
+    Its feature is UNKNOWN, and its likeness NaN.
 
     Args:
         hooks: Whom to ask.
@@ -68,41 +71,40 @@ def replace_matches(
         view: The frame.
         settings: Of stereo and of the noise.
     """
-    if hooks is UNTOUCHED or len(view.features) == 0:
+    if hooks is UNTOUCHED:
         return matches
     landmarks, frame = local_map.landmarks, view.frame
-    n = len(landmarks)
-    measured, sigma = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
-    measured[matches.rows], sigma[matches.rows] = matches.measured, matches.sigma
-    features = np.zeros(n, dtype=np.int64)
-    features[matches.rows] = matches.features
-
-    before = measured[:, :2].copy()
-    pixels = hooks.pixels(frame, landmarks.ids, before)
-    known = ~np.isnan(pixels).any(axis=1)
-    kept = known & (np.abs(pixels - before).max(axis=1) < SAME_PX)
+    found = np.full((len(landmarks), 2), np.nan)
+    found[matches.rows] = matches.pixels
+    pixels = hooks.pixels(frame, landmarks.ids, found)
+    known = ~np.isnan(pixels[:, 0])
+    kept = np.abs(pixels - found).max(axis=1) < SAME_PX
     fresh = np.flatnonzero(known & ~kept)
+    every = _spread(matches.select(kept[matches.rows]), len(landmarks))
+    measured, sigma = every["measured"], every["sigma"]
     measured[fresh], sigma[fresh] = _measure(
         view, pixels[fresh], landmarks.anchor_slopes[fresh], settings
     )
-    features[fresh] = cKDTree(view.features.pixels).query(pixels[fresh])[1]
 
-    rows = np.flatnonzero(known)
-    measured, sigma = measured[rows], sigma[rows]
-    values_px = hooks.disparity(frame, measured[:, :2], measured[:, 2])
-    unjudged = np.hypot(UNREFINED_SIGMA_PX, settings.refinement.sigma_disparity_px)
-    sigma[np.isnan(sigma[:, 2]), 2] = unjudged
+    values_px = hooks.disparity(frame, measured[known, :2], measured[known, 2])
     usable = values_px > settings.stereo.least_disparity_px  # not NaN
-    measured[:, 2] = np.where(usable, values_px, np.nan)
-    sigma[~usable, 2] = np.nan
-    return Matches(
-        rows,
-        landmarks.ids[rows],
-        landmarks.points_odom[rows],
-        features[rows],
-        measured,
-        sigma,
-    )
+    unjudged = np.hypot(UNREFINED_SIGMA_PX, settings.refinement.sigma_disparity_px)
+    sigma_px = np.where(np.isnan(sigma[known, 2]), unjudged, sigma[known, 2])
+    measured[known, 2] = np.where(usable, values_px, np.nan)
+    sigma[known, 2] = np.where(usable, sigma_px, np.nan)
+    every["rows"] = np.arange(len(landmarks))
+    every["ids"], every["points_odom"] = landmarks.ids, landmarks.points_odom
+    return Matches(**every).select(known)
+
+
+def _spread(matches: Matches, n: int) -> dict[str, Array]:
+    """Columns of the matches for each of n landmarks; UNKNOWN or NaN for those without."""
+    columns: dict[str, Array] = {}
+    for name, values in vars(matches).items():
+        nothing = UNKNOWN if values.dtype.kind == "i" else np.nan
+        columns[name] = np.full((n, *values.shape[1:]), nothing, values.dtype)
+        columns[name][matches.rows] = values
+    return columns
 
 
 def _measure(
