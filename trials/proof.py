@@ -243,11 +243,10 @@ def _corners(world: "World") -> dict[str, Array]:
 
 def _blur(seed: int) -> list[tuple[tuple[str, str], str, str, bool]]:
     """Compare exposures on the turntable and at rest with one of 64 sub-frames."""
-    from scenes import SCENES
     from sim.exposure import expose, open_shutter
     from sim.light import Encoding, decode
 
-    scene = "turntable" if "turntable" in SCENES else "office"
+    scene = "turntable"
     world, trip, settings = _drive(scene, seed, ["drive.distance_m=6", "exposure.time_ms=20"])
     speed = np.abs(np.gradient(np.unwrap(np.arctan2(*trip.T_world_body[:, 1::-1, 0].T))))
     fast = np.argsort(speed)[-FRAMES:]

@@ -16,7 +16,9 @@ from pathlib import Path
 import pytest
 from terminal import ROOT, driftyard
 
-from vo.contract.dataset import DatasetWriter
+from sim.batch import Task, perform
+from sim.settings import RecordSettings
+from vo.contract.dataset import DatasetWriter, read_manifest
 from vo.contract.errors import DatasetError
 
 pytestmark = [pytest.mark.gl, pytest.mark.slow]
@@ -146,6 +148,21 @@ def test_a_dataset_whose_workers_all_die_is_named_and_the_others_are_made(folder
     assert {path.name: content(path) for path in (folder / "many").iterdir()} == calm
     after = stamps(folder / "many" / NAMES[0]) | stamps(folder / "many" / NAMES[2])
     assert after == before
+
+
+def test_a_dataset_that_its_worker_finished_without_saying_so_counts(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    result = driftyard("generate", "yard.xml", "--out", "d", *SMALL, cwd=folder)
+    assert result.returncode == 0, result.stderr
+    before, manifest = stamps(folder / "d"), read_manifest(folder / "d")
+    settings = RecordSettings.model_validate(manifest["settings"])
+    outcome = perform(Task("yard.xml", settings, Path("d")))
+    assert outcome.problem == ""
+    assert outcome.recording is not None
+    assert outcome.recording.certificate == manifest["certificate"]
+    assert stamps(folder / "d") == before
+    other = perform(Task("yard.xml", settings.model_copy(update={"seed": 1}), Path("d")))
+    assert other.problem == "a dataset made with other settings is in the way"
 
 
 class Cluster:
