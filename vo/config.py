@@ -62,6 +62,12 @@ class MatchingSettings(Settings):
     widest_search_px: float = Field(
         default=96.0, gt=0, description="radius while nothing can be predicted"
     )
+    guided: bool = Field(
+        default=True, description="look for the other landmarks where the first pose puts them (F5)"
+    )
+    guided_quantile: float = Field(
+        default=0.35, ge=0, le=1, description="they must be as alike as this share of the others"
+    )
     align_px: PatchSide = Field(default=9, description="side of the patch aligned to sub-pixels")
     align_zncc: float = Field(
         default=0.85, gt=0, lt=1, description="least correlation after alignment"

@@ -15,18 +15,21 @@ from vo.templates import cut
 from vo.tracks import Landmarks, LocalMap
 from vo.view import View
 
+NO_FEATURE = -1
+
 
 @dataclass(frozen=True)
 class Matches:
     """Landmarks found in a view, row by row.
 
     Attributes:
-        rows: (N,) rows of the map's landmarks, ascending.
+        rows: (N,) rows of the map's landmarks, each once.
         ids: (N,) their identifiers.
         points_odom: (N, 3) their positions, metres.
-        features: (N,) rows of the view's features.
+        features: (N,) rows of the view's features, NO_FEATURE where none answered.
         measured: (N, 3) left-image u, v, sub-pixel, and disparity, NaN where unknown.
         sigma: (N, 3) their standard deviations, pixels.
+        zncc: (N,) likeness to the landmark's template.
     """
 
     rows: Indices
@@ -35,6 +38,7 @@ class Matches:
     features: Indices
     measured: Array
     sigma: Array
+    zncc: Array
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -43,6 +47,12 @@ class Matches:
     def pixels(self) -> Array:
         """(N, 2) left-image (u, v)."""
         return self.measured[:, :2]
+
+    def extend(self, other: "Matches") -> "Matches":
+        """Append rows, and sort by landmark."""
+        both = {k: np.concatenate([v, getattr(other, k)]) for k, v in vars(self).items()}
+        order = np.argsort(both["rows"])
+        return Matches(**{name: value[order] for name, value in both.items()})
 
     def select(self, keep: Mask) -> "Matches":
         """Keep some rows."""
@@ -72,31 +82,71 @@ def find_matches(
     """
     landmarks, features = local_map.landmarks, view.features
     points_cam = se3.transform(se3.inverse(T_odom_cam), landmarks.points_odom)
-    expected = rig.project(points_cam)
+    expected = rig.project(points_cam)[:, :2]
     rows, found = marry(
-        landmarks.vectors, expected[:, :2], view.vectors, features.pixels, reach_px,
-        settings.matching,
-    ).T  # fmt: skip
-    start = features.pixels[found]
-    aligned = _align(
-        local_map, rows, view.frame.left, start, T_odom_cam, rig, settings.matching
-    )
+        landmarks.vectors, expected, view.vectors, features.pixels, reach_px, settings.matching
+    ).T
+    return _measure(local_map, view, T_odom_cam, rows, found, features.pixels[found], rig, settings)
+
+
+def find_more(
+    local_map: LocalMap,
+    view: View,
+    T_odom_cam: Array,
+    matches: Matches,
+    rig: StereoRig,
+    settings: OdometrySettings,
+) -> Matches:
+    """Add the landmarks that no feature answered to, where a good pose puts them (F5).
+
+    Args:
+        local_map: As for `find_matches`.
+        view: The new frame.
+        T_odom_cam: (4, 4) its pose, to within about a pixel.
+        matches: What is matched already; stays as it is.
+        rig: Projects.
+        settings: As for `find_matches`.
+    """
+    points_cam = se3.transform(se3.inverse(T_odom_cam), local_map.landmarks.points_odom)
+    expected = rig.project(points_cam)
+    height, width = view.frame.left.shape
+    with np.errstate(invalid="ignore"):
+        visible = (expected[:, :2] > 0).all(axis=1) & (expected[:, 2] > 0)
+        visible &= (expected[:, 0] < width) & (expected[:, 1] < height)
+    visible[matches.rows] = False
+    rows = np.flatnonzero(visible)
+    nobody = np.full(len(rows), NO_FEATURE)
+    more = _measure(local_map, view, T_odom_cam, rows, nobody, expected[rows, :2], rig, settings)
+    # Without a feature to answer, only likeness tells a landmark from what now lies in its place.
+    alike = more.zncc > np.quantile(matches.zncc, settings.matching.guided_quantile)
+    return matches.extend(more.select(alike & ~np.isnan(more.measured[:, 2])))
+
+
+def _measure(
+    local_map: LocalMap, view: View, T_odom_cam: Array, rows: Indices, features: Indices,
+    start: Array, rig: StereoRig, settings: OdometrySettings,
+) -> Matches:  # fmt: skip
+    """Align landmarks from where they are expected, in both eyes; drop those that look unlike."""
+    landmarks = local_map.landmarks
+    aligned = _align(local_map, rows, view.frame.left, start, T_odom_cam, rig, settings.matching)
     with np.errstate(invalid="ignore"):
         good = aligned.zncc > settings.matching.align_zncc
         good &= np.abs(aligned.pixels - start).max(axis=1) < settings.matching.align_reach_px
-    rows, found, pixels = rows[good], found[good], aligned.pixels[good]
+    rows, features, pixels = rows[good], features[good], aligned.pixels[good]
+    points_cam = se3.transform(se3.inverse(T_odom_cam), landmarks.points_odom[rows])
     stereo = measure_disparities(
         view.frame, view.dense, pixels, settings.stereo,
-        expected_px=expected[rows, 2], slopes=landmarks.anchor_slopes[rows],
+        expected_px=rig.project(points_cam)[:, 2], slopes=landmarks.anchor_slopes[rows],
     )  # fmt: skip
     variance = np.diagonal(aligned.covariance_px2[good], axis1=1, axis2=2)
     return Matches(
         rows,
         landmarks.ids[rows],
         landmarks.points_odom[rows],
-        found,
+        features,
         np.column_stack([pixels, stereo.values_px]),
         measurement_sigma(variance, stereo.sigma_px, local_map.noise, settings.refinement),
+        aligned.zncc[good],
     )
 
 

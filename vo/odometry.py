@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from vo.appearance import explain_failure, eyes_look_swapped
 from vo.config import OdometrySettings
 from vo.contract import se3
 from vo.contract.arrays import Array
@@ -9,17 +10,15 @@ from vo.contract.clock import Clock
 from vo.contract.estimator import Estimate, Hindsight, Observations, Status
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
-from vo.appearance import explain_failure, eyes_look_swapped
-from vo.correspondence import Matches, find_matches
+from vo.correspondence import Matches, find_matches, find_more
 from vo.history import History
+from vo.localisation import agreeing, orient, refine_pose
 from vo.mapping import add_keyframe, is_new_view, refine_map
-from vo.motion import acceptance, find_motion, reprojection_errors
 from vo.recovery import ADRIFT, find_again
-from vo.refine import Pose, refine_motion
+from vo.refine import Pose
 from vo.stereo import DenseStereo
 from vo.tracks import LocalMap, empty_map
 from vo.view import View, look
-
 
 ONE_EYED = 0.7
 """Share of inliers without disparity above which the right image shows something else."""
@@ -62,7 +61,7 @@ class StereoOdometry:
             return self._lose(view, counts, clock)
 
         with clock("structure refinement"):  # motion and structure, on long tracks (3.4, 4.4)
-            self._map = self._map.seen(inliers.rows, view.vectors[inliers.features])
+            self._map = self._map.seen(inliers.rows, inliers.features, view.vectors)
             if is_new_view(self._map.keyframes[-1], inliers, s.refinement):
                 covariance = self._covariance(T_odom_cam, pose.covariance)
                 self._map = add_keyframe(
@@ -100,21 +99,19 @@ class StereoOdometry:
             matches = find_matches(self._map, view, T_guess, reach_px, rig, s)
             counts["matches"] = len(matches)
         with clock("motion"):  # orientation under RANSAC (3.3)
-            rays = rig.normalized(matches.pixels)
-            points_cam = rig.triangulate(matches.pixels, matches.measured[:, 2])
-            consensus = find_motion(
-                matches.points_odom, rays, points_cam, s.motion, self._rng, rig.f_px
-            )
+            consensus = orient(matches, rig, s.motion, self._rng)
             if consensus is None or consensus.inliers.sum() < s.motion.least_inliers:
                 return None
         with clock("motion refinement"):  # at every frame (3.4)
-            agreed = matches.select(consensus.inliers)
-            pose = refine_motion(
-                consensus.T, agreed.points_odom, agreed.measured, agreed.sigma, rig, s.refinement
-            )
-            errors = reprojection_errors(pose.T_world_cam, matches.points_odom, rays)
-            inliers = matches.select(errors < acceptance(s.motion, rig.f_px))
-            counts["motion iterations"], counts["inliers"] = pose.iterations, len(inliers)
+            pose = refine_pose(consensus.T, matches.select(consensus.inliers), rig, s)
+        if s.matching.guided:
+            with clock("guided matching"):  # the other landmarks, where the pose puts them (F5)
+                matches = find_more(self._map, view, pose.T_world_cam, matches, rig, s)
+                agreed = agreeing(pose.T_world_cam, matches, rig, s.motion)
+                pose = refine_pose(pose.T_world_cam, agreed, rig, s)
+        inliers = agreeing(pose.T_world_cam, matches, rig, s.motion)
+        counts["found"], counts["inliers"] = len(matches), len(inliers)
+        counts["motion iterations"] = pose.iterations
         return (pose, matches, inliers) if len(inliers) >= s.motion.least_inliers else None
 
     def _guesses(self) -> tuple[tuple[Array, float], tuple[Array, float]]:

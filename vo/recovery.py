@@ -5,8 +5,8 @@ import numpy as np
 from vo.config import OdometrySettings
 from vo.contract.rig import StereoRig
 from vo.correspondence import find_matches
-from vo.motion import find_motion
-from vo.refine import Pose, refine_motion
+from vo.localisation import orient, refine_pose
+from vo.refine import Pose
 from vo.tracks import LocalMap
 from vo.view import View
 
@@ -42,15 +42,11 @@ def find_again(
     everywhere = float(max(view.frame.left.shape))
     T_guess = lost_map.keyframes[-1].T_odom_cam
     matches = find_matches(lost_map, view, T_guess, everywhere, rig, settings)
-    points_cam = rig.triangulate(matches.pixels, matches.measured[:, 2])
     motion = settings.motion.model_copy(update={"method": "absolute", "residual": "reprojection"})
-    rays = rig.normalized(matches.pixels)
-    consensus = find_motion(matches.points_odom, rays, points_cam, motion, rng, rig.f_px)
+    consensus = orient(matches, rig, motion, rng)
     if consensus is None:
         return None
     agreed = matches.select(consensus.inliers)
     if len(agreed) < max(STITCHING_INLIERS, STITCHING_SHARE * len(matches)):
         return None
-    return refine_motion(
-        consensus.T, agreed.points_odom, agreed.measured, agreed.sigma, rig, settings.refinement
-    )
+    return refine_pose(consensus.T, agreed, rig, settings)

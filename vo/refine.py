@@ -133,12 +133,12 @@ def refine_structure(bundle: Bundle, settings: RefinementSettings) -> Refined:
         )
         return H, g, cost
 
-    iterations = 0
+    poses, iterations = T[moving], 0
     for _ in range(STRUCTURE_REWEIGHTINGS):
         weight = robust_weights(
             *_split(T), points, camera, point, measured, known, intrinsics, settings.huber
         )
-        poses, steps = _optimize(T[moving], normal, settings)
+        poses, steps = _optimize(poses, normal, settings)
         iterations += steps
         if steps >= settings.most_iterations:
             break
@@ -187,9 +187,7 @@ def refine_motion(
     return Pose(poses[0], covariance, iterations)
 
 
-def _optimize(
-    poses: Array, normal: Normal, s: RefinementSettings
-) -> tuple[Array, int]:
+def _optimize(poses: Array, normal: Normal, s: RefinementSettings) -> tuple[Array, int]:
     """Levenberg–Marquardt over one factor that is given by its normal equations.
 
     Args:

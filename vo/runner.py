@@ -6,7 +6,7 @@ import importlib.metadata
 import json
 import platform
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -31,6 +31,13 @@ PACKAGES = ("driftyard", "numpy", "opencv-python-headless", "gtsam", "numba", "s
 COUNT, MILLISECONDS = "count:", "ms:"
 """Prefixes of the per-stage columns of frames.csv."""
 
+VERTEX = (
+    *((axis, "<f4", "float") for axis in "xyz"),
+    *((channel, "u1", "uchar") for channel in ("red", "green", "blue")),
+    ("views", "<i4", "int"),
+)
+"""Name, NumPy's and PLY's type of a map point's properties."""
+
 
 @dataclass(frozen=True)
 class Run:
@@ -46,7 +53,7 @@ class Run:
     sequence: str
     estimates: tuple[Estimate, ...]
     frame_ms: tuple[float, ...]
-    hindsight: Hindsight = Hindsight()
+    hindsight: Hindsight = field(default_factory=Hindsight)
 
     @property
     def trajectory(self) -> Trajectory:
@@ -181,28 +188,17 @@ def _write_covariances(path: Path, estimates: tuple[Estimate, ...]) -> None:
 
 def write_ply(path: Path, points: PointMap) -> None:
     """Write a map as binary PLY: position in metres, grey as colour, and `views`, track length."""
-    row = np.dtype(
-        [("x", "<f4"), ("y", "<f4"), ("z", "<f4")]
-        + [(name, "u1") for name in ("red", "green", "blue")]
-        + [("views", "<i4")]
-    )
-    table = np.zeros(len(points.ids), row)
+    table = np.zeros(len(points.ids), np.dtype([(name, kind) for name, kind, _ in VERTEX]))
     for k, axis in enumerate("xyz"):
         table[axis] = points.points_odom[:, k]
     for channel in ("red", "green", "blue"):
         table[channel] = points.grey
     table["views"] = points.views
-    kinds = {"<f4": "float", "u1": "uchar", "<i4": "int"}
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(table)}"]
-    header += [f"property {kinds[kind]} {name}" for name, kind in _fields(row)]
+    header += [f"property {kind} {name}" for name, _, kind in VERTEX]
     with replacing(path) as partial, partial.open("wb") as file:
         file.write(("\n".join([*header, "end_header"]) + "\n").encode("ascii"))
         file.write(table.tobytes())
-
-
-def _fields(row: "np.dtype[np.void]") -> list[tuple[str, str]]:
-    """Names and kinds, the byte order left off where there is none."""
-    return [(name, kind.lstrip("|")) for name, kind in row.descr]
 
 
 def _stages(records: Iterable[Mapping[str, Any]]) -> list[str]:

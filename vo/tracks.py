@@ -98,11 +98,19 @@ class LocalMap:
     depth_share: float = 1.0
     noise: tuple[float, float] = (1.0, 1.0)
 
-    def seen(self, rows: Indices, vectors: Array) -> "LocalMap":
-        """Count a view of some landmarks and renew their appearance."""
-        views = self.landmarks.views[rows] + 1
-        return replace(self, landmarks=self.landmarks.update(rows, vectors=vectors, views=views))
+    def seen(self, rows: Indices, features: Indices, vectors: Array) -> "LocalMap":
+        """Count a view of some landmarks; renew the appearance of those that have a feature.
 
+        Args:
+            rows: (N,) landmarks.
+            features: (N,) their rows among `vectors`, negative for none.
+            vectors: (F, P) appearances of the view's features.
+        """
+        landmarks = self.landmarks.update(rows, views=self.landmarks.views[rows] + 1)
+        answered = features >= 0
+        return replace(
+            self, landmarks=landmarks.update(rows[answered], vectors=vectors[features[answered]])
+        )
 
     def grey(self) -> Image:
         """Brightness of each landmark where its template was cut: (N,) uint8."""

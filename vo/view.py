@@ -49,7 +49,9 @@ def look(
     """
     if smoothing_px > 0:
         frame = StereoFrame(
-            frame.timestamp_ns, _smooth(frame.left, smoothing_px), _smooth(frame.right, smoothing_px)
+            frame.timestamp_ns,
+            _smooth(frame.left, smoothing_px),
+            _smooth(frame.right, smoothing_px),
         )
     with clock("features"):
         features = detect(frame.left, settings.features)

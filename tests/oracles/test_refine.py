@@ -270,7 +270,9 @@ def test_covariance_is_that_of_the_full_problem(stereo_bundle):
     found = refine_structure(b, PLAIN)
 
     def residuals(x):
-        T = np.concatenate([found.T_world_cam[:1], found.T_world_cam[1:] @ se3.exp(x[:18].reshape(3, 6))])
+        T = np.concatenate(
+            [found.T_world_cam[:1], found.T_world_cam[1:] @ se3.exp(x[:18].reshape(3, 6))]
+        )
         points = found.points_world + x[18:].reshape(-1, 3)
         return np.concatenate(
             [whitened(T[i], points, b.measured[b.camera == i]).ravel() for i in range(4)]

@@ -1,0 +1,43 @@
+"""Where the camera is, by landmarks that were matched: consensus, refinement, who agrees."""
+
+import numpy as np
+
+from vo.config import MotionSettings, OdometrySettings
+from vo.contract.arrays import Array
+from vo.contract.rig import StereoRig
+from vo.correspondence import Matches
+from vo.motion import acceptance, find_motion, reprojection_errors
+from vo.ransac import Consensus
+from vo.refine import Pose, refine_motion
+
+
+def orient(
+    matches: Matches, rig: StereoRig, settings: MotionSettings, rng: np.random.Generator
+) -> Consensus | None:
+    """Estimate T_odom_cam without a guess, by relative or absolute orientation under RANSAC."""
+    return find_motion(
+        matches.points_odom,
+        rig.normalized(matches.pixels),
+        rig.triangulate(matches.pixels, matches.measured[:, 2]),
+        settings,
+        rng,
+        rig.f_px,
+    )
+
+
+def refine_pose(
+    T_odom_cam: Array, matches: Matches, rig: StereoRig, settings: OdometrySettings
+) -> Pose:
+    """Refine a pose on matches, the landmarks staying as they are."""
+    return refine_motion(
+        T_odom_cam, matches.points_odom, matches.measured, matches.sigma, rig, settings.refinement
+    )
+
+
+def agreeing(
+    T_odom_cam: Array, matches: Matches, rig: StereoRig, settings: MotionSettings
+) -> Matches:
+    """Keep the matches that a pose explains to within the acceptance threshold (5.4)."""
+    rays = rig.normalized(matches.pixels)
+    errors = reprojection_errors(T_odom_cam, matches.points_odom, rays)
+    return matches.select(errors < acceptance(settings, rig.f_px))
