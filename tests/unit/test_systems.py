@@ -136,7 +136,9 @@ def slide(estimator, frames=6):
 
 @pytest.mark.skipif(not hasattr(cv2, "Odometry"), reason="OpenCV has no cv2.Odometry")
 def test_rgbd_odometry_follows_a_wall():
-    estimator, settings = make_estimator("trials.systems.rgbd:RgbdOdometry", RIG)
+    estimator, settings = make_estimator(
+        "trials.systems.rgbd:RgbdOdometry", RIG, None, ["method=rgb_depth"]
+    )
     assert settings["method"] == "rgb_depth"
     estimates = slide(estimator)
     assert [x.status.value for x in estimates] == ["start"] + ["tracked"] * 5

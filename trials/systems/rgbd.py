@@ -25,11 +25,16 @@ DEPTH_UNITS = 5000.0
 """In a metre. OpenCV takes depth as the TUM RGB-D files have it and does not say so."""
 
 
-class RgbdSettings(Settings):
-    """Of the odometry; those not named keep OpenCV's values."""
+LEVELS = 4
+"""Of its pyramid."""
 
-    method: Literal["rgb", "rgb_depth"] = "rgb_depth"
+
+class RgbdSettings(Settings):
+    """Of the odometry; those not named keep OpenCV's values. Chosen in its favour."""
+
+    method: Literal["rgb", "rgb_depth"] = "rgb"
     farthest_m: float = Field(default=4.0, gt=0, description="depth beyond is not used")
+    least_gradient: float = Field(default=3.0, gt=0, description="of pixels used; OpenCV's is 10")
 
 
 class RgbdOdometry:
@@ -45,6 +50,8 @@ class RgbdOdometry:
         chosen = cv2.OdometrySettings()
         chosen.setCameraMatrix(rig.K.astype(np.float32))
         chosen.setMaxDepth(settings.farthest_m)
+        gradients = np.full((LEVELS, 1), settings.least_gradient, np.float32)
+        chosen.setMinGradientMagnitudes(gradients)
         kinds = {"rgb": cv2.OdometryType_RGB, "rgb_depth": cv2.OdometryType_RGB_DEPTH}
         self._odometry = cv2.Odometry(kinds[settings.method], chosen, cv2.OdometryAlgoType_COMMON)
         self._before: Any = None  # the prepared frame
