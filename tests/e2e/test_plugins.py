@@ -6,6 +6,7 @@ import pytest
 from folders import wall, write_euroc
 from terminal import driftyard
 
+from trials.estimators import ESTIMATORS
 from trials.runs import read_run
 
 STEP_M = 0.05
@@ -58,6 +59,11 @@ def place(tmp_path):
     (tmp_path / "mine.py").write_text(OWN)
     (tmp_path / "program.py").write_text(PROGRAM)
     return tmp_path
+
+
+def test_the_help_lists_every_estimator(tmp_path):
+    shown = driftyard("run", "--help", cwd=tmp_path).stdout
+    assert all(name in shown for name in ESTIMATORS)
 
 
 def test_a_class(place):

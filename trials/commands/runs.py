@@ -24,7 +24,7 @@ def run(
         str | None,
         typer.Option(
             metavar="NAME",
-            help="driftyard, corner_flow or module:Class.",
+            help="driftyard, thesis, corner_flow or module:Class.",
             show_default="driftyard",
         ),
     ] = None,
