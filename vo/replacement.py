@@ -97,6 +97,14 @@ def replace_matches(
     return Matches(**every).select(known)
 
 
+def replace_inliers(hooks: Hooks, view: View, matches: Matches, agreed: Matches) -> Matches:
+    """Ask which matches are right, given those that agree with a motion."""
+    if hooks is UNTOUCHED:
+        return agreed
+    agree = np.isin(matches.ids, agreed.ids)
+    return matches.select(hooks.inliers(view.frame, matches.ids, matches.pixels, agree))
+
+
 def _spread(matches: Matches, n: int) -> dict[str, Array]:
     """Columns of the matches for each of n landmarks; UNKNOWN or NaN for those without."""
     columns: dict[str, Array] = {}

@@ -12,7 +12,13 @@ from vo.correspondence import find_matches
 from vo.disparity import measure_disparities
 from vo.hooks import UNTOUCHED, Hooks
 from vo.mapping import add_keyframe
-from vo.replacement import UNKNOWN, replace_disparities, replace_features, replace_matches
+from vo.replacement import (
+    UNKNOWN,
+    replace_disparities,
+    replace_features,
+    replace_inliers,
+    replace_matches,
+)
 from vo.stereo import DenseStereo
 from vo.tracks import empty_map
 from vo.view import look
@@ -154,6 +160,20 @@ def test_features_are_described_where_they_are_put(views):
         np.testing.assert_array_equal(new, old[[3, 1]])
     np.testing.assert_array_equal(view.vectors[0], views[0].vectors[3])
     assert len(replace_features(Answer(pixels[:0]), views[0], SETTINGS).vectors) == 0
+
+
+def test_inliers_can_be_turned_round(matches, views):
+    class Contrary(Hooks):
+        def inliers(self, frame, ids, pixels, agree):
+            assert frame is views[1].frame
+            np.testing.assert_array_equal(pixels, matches.pixels)
+            return ~agree
+
+    odd = np.arange(len(matches)) % 2 == 1
+    agreed = matches.select(odd)
+    assert_same(replace_inliers(Hooks(), views[1], matches, agreed), agreed)
+    assert_same(replace_inliers(UNTOUCHED, views[1], matches, agreed), agreed)
+    assert_same(replace_inliers(Contrary(), views[1], matches, agreed), matches.select(~odd))
 
 
 def test_disparities_of_features(views):
