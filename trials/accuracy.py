@@ -19,7 +19,7 @@ from trials.cli import guard
 from trials.commands import console
 from trials.commands.datasets import record_settings
 from trials.drives import NO_LABELS, Drive, fingerprint, score_drives, score_recording
-from trials.estimators import ESTIMATORS
+from trials.estimators import COMPARED
 from vo.contract.arrays import Array
 from vo.contract.readers import open_sequence
 
@@ -71,7 +71,7 @@ def accuracy(
             scene,
             record_settings(scene, seed, overrides),
             cache / f"{scene}-{seed}-{distance:g}m",
-            tuple(ESTIMATORS),
+            COMPARED,
         )
         for scene, seed in product(SCENES, range(seeds))
     ]
@@ -81,7 +81,7 @@ def accuracy(
             scores[drive.scene] += of_drive
             count(drive)
     if kitti is not None:
-        scores[kitti.resolve().name] = score_recording(kitti, cache, tuple(ESTIMATORS))
+        scores[kitti.resolve().name] = score_recording(kitti, cache, COMPARED)
     for name, of_scene in scores.items():
         console.out.print(accuracy_table(name, of_scene))
     if out is not None:

@@ -19,7 +19,7 @@ from rich.table import Table
 
 from trials.cli import guard
 from trials.commands import console
-from trials.estimators import ESTIMATORS
+from trials.estimators import COMPARED
 from trials.speed.estimator import EstimatorSpeed, measure_estimator
 from trials.speed.generator import GeneratorSpeed, measure_generator, measure_scaling
 from trials.speed.length import LengthCost, measure_lengths
@@ -54,7 +54,7 @@ def bench(
         short_m, long_m = QUICK_LENGTHS_M if quick else LENGTHS_M
         short, long = (Trial(LONG_SCENE, seed, x) for x in (short_m, long_m))
         lengths = on_cores(cores, measure_lengths, short, long, frames)
-        estimated = {x: on_cores(cores[:1], measure_estimator, x, dataset) for x in ESTIMATORS}
+        estimated = {x: on_cores(cores[:1], measure_estimator, x, dataset) for x in COMPARED}
     versions = ", ".join(f"{x} {importlib.metadata.version(x)}" for x in PACKAGES)
     console.out.print(f"{scene}, seed {seed}, {trial.distance_m:g} m; {before.gl}")
     console.out.print(f"python {platform.python_version()}, {versions}")

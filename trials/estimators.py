@@ -12,6 +12,7 @@ from vo.contract.settings import Settings, resolve
 
 if TYPE_CHECKING:
     from trials.plugins.command import Command
+    from vo.config import OdometrySettings
     from vo.runner import Run
 
 Factory = Callable[[StereoRig, Path | None, Sequence[str]], tuple[Estimator, Settings]]
@@ -37,7 +38,24 @@ def _driftyard(
 ) -> tuple[Estimator, Settings]:
     from vo.config import OdometrySettings
 
-    settings = resolve(OdometrySettings, config, overrides)
+    return _odometry(OdometrySettings(), rig, config, overrides)
+
+
+def _thesis(
+    rig: StereoRig, config: Path | None, overrides: Sequence[str]
+) -> tuple[Estimator, Settings]:
+    from vo.config import THESIS
+
+    return _odometry(THESIS, rig, config, overrides)
+
+
+def _odometry(
+    preset: "OdometrySettings", rig: StereoRig, config: Path | None, overrides: Sequence[str]
+) -> tuple[Estimator, Settings]:
+    from vo.config import OdometrySettings
+
+    base = preset.model_dump(exclude_defaults=True)
+    settings = resolve(OdometrySettings, config, overrides, base)
     from vo.odometry import StereoOdometry  # loads gtsam and numba: after the cheap mistakes
 
     return StereoOdometry(rig, settings), settings
@@ -52,7 +70,13 @@ def _corner_flow(
     return CornerFlow(rig, settings), settings
 
 
-ESTIMATORS: dict[str, Factory] = {"driftyard": _driftyard, "corner_flow": _corner_flow}
+ESTIMATORS: dict[str, Factory] = {
+    "driftyard": _driftyard,
+    "thesis": _thesis,
+    "corner_flow": _corner_flow,
+}
+COMPARED = ("driftyard", "corner_flow")
+"""What tables of accuracy and speed show by default: the best that we have, and the baseline."""
 
 
 def make_estimator(

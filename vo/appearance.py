@@ -1,7 +1,5 @@
 """What is wrong with a picture, in words: dark, blank, blurred, blocked, or the eyes swapped."""
 
-import numpy as np
-
 from vo.config import OdometrySettings
 from vo.contract.arrays import Image
 from vo.contract.sequence import StereoFrame

@@ -56,6 +56,9 @@ class MatchingSettings(Settings):
 
     patch_px: PatchSide = Field(default=13, description="side of the correlated patch")
     zncc: float = Field(default=0.75, gt=0, lt=1, description="least correlation of a match")
+    predict: Literal["steady", "still"] = Field(
+        default="steady", description="where to search first: the last motion goes on, or ended"
+    )
     search_px: float = Field(
         default=24.0, gt=0, description="radius of the window around the prediction"
     )
@@ -68,6 +71,9 @@ class MatchingSettings(Settings):
     guided_quantile: float = Field(
         default=0.35, ge=0, le=1, description="they must be as alike as this share of the others"
     )
+    align: bool = Field(
+        default=True, description="place matches by their intensities, not by the feature"
+    )
     align_px: PatchSide = Field(default=9, description="side of the patch aligned to sub-pixels")
     align_zncc: float = Field(
         default=0.85, gt=0, lt=1, description="least correlation after alignment"
@@ -78,6 +84,12 @@ class MatchingSettings(Settings):
     most_zoom: float = Field(
         default=1.3, gt=1, description="change of size after which templates renew"
     )
+
+    @model_validator(mode="after")
+    def _guided_matches_are_aligned(self) -> Self:
+        if self.guided and not self.align:
+            raise ValueError("matching.guided needs matching.align")
+        return self
 
 
 class StereoSettings(Settings):
@@ -161,11 +173,17 @@ class RefinementSettings(Settings):
     least_views: int = Field(
         default=3, ge=2, description="frames that must see a refined point (4.4)"
     )
+    most_points: int = Field(
+        default=2000, ge=10, description="points refined at once: those that most keyframes saw"
+    )
     sigma_px: float = Field(
         default=0.07, gt=0, description="error of u and v beside what noise explains"
     )
     sigma_disparity_px: float = Field(
         default=0.15, gt=0, description="error of the disparity beside what noise explains"
+    )
+    learn_noise: bool = Field(
+        default=True, description="let residuals correct these two errors on the way"
     )
     huber: float = Field(default=1.5, gt=0, description="where the loss turns linear, in sigmas")
     most_iterations: int = Field(default=15, ge=1)
@@ -178,7 +196,7 @@ class RefinementSettings(Settings):
 
 
 class OdometrySettings(Settings):
-    """The whole estimator."""
+    """The whole estimator; the defaults are the best that we know, `THESIS` is where it began."""
 
     seed: int = Field(default=0, ge=0, description="of RANSAC's samples")
     patience: int = Field(
@@ -189,3 +207,28 @@ class OdometrySettings(Settings):
     stereo: StereoSettings = StereoSettings()
     motion: MotionSettings = MotionSettings()
     refinement: RefinementSettings = RefinementSettings()
+
+
+THESIS = OdometrySettings(
+    features=FeatureSettings(count=500, cell_px=10_000, smoothing_px=0),
+    matching=MatchingSettings(predict="still", search_px=60, guided=False, align=False),
+    stereo=StereoSettings(method="block_matching", shrink=1, refine=False, least_disparity_px=8),
+    motion=MotionSettings(
+        solver="fischler_bolles",
+        score="inliers",
+        local_rounds=0,
+        threshold=0.005,
+        confidence=0.99,
+        least_inliers=3,
+    ),
+    refinement=RefinementSettings(
+        keyframe_parallax_px=0, sigma_px=0.5, sigma_disparity_px=0.5, learn_noise=False
+    ),
+)
+"""What the thesis did, and nothing more.
+
+Stated there: 500 features (5.1.1), dense correlation stereo with a gate of 5 m (3.1), P3P after
+Fischler and Bolles (2.6.2), most inliers within 0.005 in normalised coordinates (2.7, 5.4), going
+on with three of them (5.1.1), refinement of points seen in three frames (4.4). Chosen by us,
+because it gives no number: search window, confidence, window of refinement, noise.
+"""

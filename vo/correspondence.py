@@ -86,7 +86,9 @@ def find_matches(
     rows, found = marry(
         landmarks.vectors, expected, view.vectors, features.pixels, reach_px, settings.matching
     ).T
-    return _measure(local_map, view, T_odom_cam, rows, found, features.pixels[found], rig, settings)
+    least = settings.matching.align_zncc
+    start = features.pixels[found]
+    return _measure(local_map, view, T_odom_cam, rows, found, start, least, rig, settings)
 
 
 def find_more(
@@ -116,21 +118,28 @@ def find_more(
     visible[matches.rows] = False
     rows = np.flatnonzero(visible)
     nobody = np.full(len(rows), NO_FEATURE)
-    more = _measure(local_map, view, T_odom_cam, rows, nobody, expected[rows, :2], rig, settings)
     # Without a feature to answer, only likeness tells a landmark from what now lies in its place.
-    alike = more.zncc > np.quantile(matches.zncc, settings.matching.guided_quantile)
-    return matches.extend(more.select(alike & ~np.isnan(more.measured[:, 2])))
+    least = float(np.quantile(matches.zncc, settings.matching.guided_quantile))
+    start = expected[rows, :2]
+    more = _measure(local_map, view, T_odom_cam, rows, nobody, start, least, rig, settings)
+    return matches.extend(more.select(~np.isnan(more.measured[:, 2])))
 
 
 def _measure(
     local_map: LocalMap, view: View, T_odom_cam: Array, rows: Indices, features: Indices,
-    start: Array, rig: StereoRig, settings: OdometrySettings,
+    start: Array, least_zncc: float, rig: StereoRig, settings: OdometrySettings,
 ) -> Matches:  # fmt: skip
     """Align landmarks from where they are expected, in both eyes; drop those that look unlike."""
     landmarks = local_map.landmarks
-    aligned = _align(local_map, rows, view.frame.left, start, T_odom_cam, rig, settings.matching)
+    if settings.matching.align:
+        aligned = _align(
+            local_map, rows, view.frame.left, start, T_odom_cam, rig, settings.matching
+        )
+    else:
+        n = len(rows)
+        aligned = Alignment(start, np.ones(n), np.zeros((n, 2, 2)))
     with np.errstate(invalid="ignore"):
-        good = aligned.zncc > settings.matching.align_zncc
+        good = aligned.zncc > least_zncc
         good &= np.abs(aligned.pixels - start).max(axis=1) < settings.matching.align_reach_px
     rows, features, pixels = rows[good], features[good], aligned.pixels[good]
     points_cam = se3.transform(se3.inverse(T_odom_cam), landmarks.points_odom[rows])

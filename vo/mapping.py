@@ -161,7 +161,11 @@ def refine_map(
     keyframes, landmarks = local_map.keyframes, local_map.landmarks
     ids, mask = visibility(keyframes)
     often = landmarks.ids[landmarks.views >= settings.refinement.least_views]
-    chosen = np.isin(ids, often) & (mask.sum(axis=1) >= 2)
+    seen = mask.sum(axis=1)
+    chosen = np.isin(ids, often) & (seen >= 2)
+    if chosen.sum() > settings.refinement.most_points:  # the longest tracks say most
+        longest = np.argsort(np.where(chosen, -seen, 1), kind="stable")
+        chosen[longest[settings.refinement.most_points :]] = False
     fixed = mask[chosen].sum(axis=0) < DETERMINED
     fixed[0] = True
     if fixed.all():
@@ -193,7 +197,9 @@ def refine_map(
         for k, T, spread in zip(keyframes, refined.T_world_cam, refined.covariance, strict=True)
     )
     landmarks = replace(landmarks, points_odom=points_odom)
-    noise = _learnt(local_map.noise, refined.misfit)
+    noise = local_map.noise
+    if settings.refinement.learn_noise:
+        noise = _learnt(noise, refined.misfit)
     refined_map = replace(local_map, keyframes=keyframes, landmarks=landmarks, noise=noise)
     return refined_map, refined.iterations
 

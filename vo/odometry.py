@@ -115,12 +115,10 @@ class StereoOdometry:
         return (pose, matches, inliers) if len(inliers) >= s.motion.least_inliers else None
 
     def _guesses(self) -> tuple[tuple[Array, float], tuple[Array, float]]:
-        """Predicted poses and how far to search about them: steady motion, then any motion."""
+        """Predicted poses and how far to search about them: the expected motion, then any."""
         s = self.settings.matching
-        return (
-            (self._T_odom_cam @ self._T_before_now, s.search_px),
-            (self._T_odom_cam, s.widest_search_px),
-        )
+        motion = self._T_before_now if s.predict == "steady" else np.eye(4)
+        return (self._T_odom_cam @ motion, s.search_px), (self._T_odom_cam, s.widest_search_px)
 
     def _advance(self, view: View, T_odom_cam: Array, spread: Array) -> Array:
         """Take over a pose; returns the (6, 6) covariance of the step from the last one."""

@@ -4,8 +4,8 @@ import numpy as np
 
 from vo.config import OdometrySettings
 from vo.contract.rig import StereoRig
-from vo.correspondence import find_matches
-from vo.localisation import orient, refine_pose
+from vo.correspondence import find_matches, find_more
+from vo.localisation import agreeing, orient, refine_pose
 from vo.refine import Pose
 from vo.tracks import LocalMap
 from vo.view import View
@@ -13,11 +13,14 @@ from vo.view import View
 ADRIFT = 1.0
 """Variance, m² and rad², of the pose of a segment that nothing connects to what went before."""
 
-STITCHING_INLIERS = 20
-"""A false connection would be worse than none."""
+CANDIDATE_INLIERS = 6
+"""Of matches from all over the image, most of them false: enough to try a pose."""
 
-STITCHING_SHARE = 0.4
-"""Of the matches that must agree."""
+LOOSE = 3.0
+"""Points of two single views disagree by more than a point and a pixel do."""
+
+CONFIRMED = 40
+"""Landmarks that must then be found just where the pose puts them: chance does not do that."""
 
 
 def find_again(
@@ -30,7 +33,7 @@ def find_again(
     """Locate a view in a map that was lost, with no idea of where it might be.
 
     Landmarks are matched all over the image, and points with points: absolute orientation needs
-    no guess and no second view.
+    no guess. Landmarks that are then found where that pose puts them confirm it.
 
     Args:
         lost_map: Its landmarks still have their appearance and templates.
@@ -42,11 +45,22 @@ def find_again(
     everywhere = float(max(view.frame.left.shape))
     T_guess = lost_map.keyframes[-1].T_odom_cam
     matches = find_matches(lost_map, view, T_guess, everywhere, rig, settings)
-    motion = settings.motion.model_copy(update={"method": "absolute", "residual": "reprojection"})
+    motion = settings.motion.model_copy(
+        update={
+            "method": "absolute",
+            "residual": "reprojection",
+            "threshold": LOOSE * settings.motion.threshold,
+        }
+    )
     consensus = orient(matches, rig, motion, rng)
-    if consensus is None:
+    if consensus is None or consensus.inliers.sum() < CANDIDATE_INLIERS:
         return None
-    agreed = matches.select(consensus.inliers)
-    if len(agreed) < max(STITCHING_INLIERS, STITCHING_SHARE * len(matches)):
-        return None
-    return refine_pose(consensus.T, agreed, rig, settings)
+    matches = matches.select(consensus.inliers)
+    pose = refine_pose(consensus.T, matches, rig, settings)
+    for _ in range(2):
+        matches = find_more(lost_map, view, pose.T_world_cam, matches, rig, settings)
+        matches = agreeing(pose.T_world_cam, matches, rig, settings.motion)
+        if len(matches) < CANDIDATE_INLIERS:
+            return None
+        pose = refine_pose(pose.T_world_cam, matches, rig, settings)
+    return pose if len(matches) >= CONFIRMED else None

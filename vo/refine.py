@@ -224,7 +224,7 @@ def _optimize(poses: Array, normal: Normal, s: RefinementSettings) -> tuple[Arra
     graph.add(gtsam.CustomFactor(gtsam.noiseModel.Unit.Create(size + 1), keys, residuals))
     parameters = gtsam.LevenbergMarquardtParams()
     parameters.setMaxIterations(s.most_iterations)
-    parameters.setRelativeErrorTol(1e-5)
+    parameters.setRelativeErrorTol(1e-4)
     optimizer = gtsam.LevenbergMarquardtOptimizer(graph, values, parameters)
     try:
         values = optimizer.optimize()

@@ -109,10 +109,12 @@ def write_run(
     """
     _write_frames(companion(out, "frames.csv"), run)
     _write_tracks(companion(out, "tracks.npz"), run.estimates)
-    _write_covariances(companion(out, "covariance.npz"), run.estimates)
-    smoothed, points = companion(out, "smoothed.txt"), companion(out, "map.ply")
-    for stale in (smoothed, points):
+    offered = ("covariance.npz", "smoothed.txt", "map.ply")
+    covariance, smoothed, points = (companion(out, kind) for kind in offered)
+    for stale in (covariance, smoothed, points):
         stale.unlink(missing_ok=True)
+    if any(x.covariance is not None for x in run.estimates):
+        _write_covariances(covariance, run.estimates)
     if run.hindsight.trajectory is not None:
         write_tum(smoothed, run.hindsight.trajectory)
     if run.hindsight.points is not None:

@@ -17,7 +17,7 @@ from sim.settings import (
 from sim.world import build_world
 from trials.alignment import Pair, associate
 from trials.metrics import errors_over_distance
-from vo.config import OdometrySettings
+from vo.config import THESIS, OdometrySettings
 from vo.contract import se3
 from vo.contract.estimator import Status
 from vo.contract.readers import open_sequence, read_truth
@@ -199,12 +199,10 @@ def resumed(sequence, frames):
     return len(dark), track_all(StereoOdometry(sequence.rig), [*frames[:3], *dark, *frames[11:]])
 
 
-def test_after_long_darkness_it_starts_where_it_was(resumed):
+def test_after_long_darkness_it_starts_anew(resumed):
     dark, estimates = resumed
     assert statuses(estimates[3:]) == [Status.LOST] * dark + [Status.START] + [Status.TRACKED] * 3
-    start = estimates[3 + dark]
-    np.testing.assert_array_equal(start.T_odom_cam, estimates[2].T_odom_cam)
-    assert start.reason == f"new segment after {dark} lost frames"
+    assert estimates[3 + dark].reason == f"new segment after {dark} lost frames"
 
 
 def test_landmarks_of_the_new_start_are_new(resumed):
@@ -212,6 +210,83 @@ def test_landmarks_of_the_new_start_are_new(resumed):
     before = np.concatenate([x.observations.ids for x in estimates[1:3]])
     after = np.concatenate([x.observations.ids for x in estimates[4 + dark :]])
     assert not np.isin(after, before).any()
+
+
+def test_a_new_segment_is_stitched_to_the_old_one(odometry, frames, truth):
+    """After darkness beyond patience the camera stands elsewhere, and soon knows where."""
+    dark = [blank(x) for x in frames[4 : 4 + PATIENCE + 2]]
+    estimates = track_all(odometry, [*frames[:4], *dark, *frames[4 + len(dark) :]])
+    after = estimates[4 + len(dark)]
+    assert after.status is Status.START
+    assert error_m(after, estimates[3].T_odom_cam) > 0.15
+    assert 1e-6 < error_m(after, truth[4 + len(dark)]) < 0.01
+    jump = se3.log(se3.inverse(truth[4 + len(dark)]) @ after.T_odom_cam)
+    assert jump @ np.linalg.solve(after.covariance, jump) < 50
+    assert error_m(estimates[-1], truth[-1]) < 0.01
+
+
+def test_a_segment_elsewhere_is_not_stitched(odometry, frames):
+    """What shows nothing of the old segment goes on from its last pose, and says how unsure."""
+    dark = [blank(x) for x in frames[4 : 4 + PATIENCE + 2]]
+    elsewhere = [replaced(x, x.left[::-1].copy(), x.right[::-1].copy()) for x in frames[:3]]
+    estimates = track_all(odometry, [*frames[:4], *dark, *elsewhere])
+    start = estimates[4 + len(dark)]
+    np.testing.assert_array_equal(start.T_odom_cam, estimates[3].T_odom_cam)
+    assert start.covariance[0, 0] > 0.5
+
+
+def test_hindsight_knows_every_posed_frame_and_a_map(result, sequence):
+    smoothed, points = result.hindsight.trajectory, result.hindsight.points
+    posed = [x for x in result.estimates if x.T_odom_cam is not None]
+    assert smoothed.timestamps_ns.tolist() == [x.timestamp_ns for x in posed]
+    moved_m = [error_m(x, T) for x, T in zip(posed, smoothed.T_ref_frame, strict=True)]
+    assert 0 < max(moved_m) < 0.01
+    assert len(np.unique(points.ids)) == len(points.ids) > 300
+    assert points.views.min() >= OdometrySettings().refinement.least_views
+    first = points.points_odom[points.points_odom[:, 2] < 1.5]
+    assert np.median(sequence.rig.project(first)[:, 1]) > sequence.rig.cy_px  # on the ground
+
+
+def test_covariance_grows_and_steps_are_small(result):
+    posed = [x for x in result.estimates if x.T_odom_cam is not None]
+    spread_m = np.array([np.sqrt(np.trace(x.covariance[:3, :3])) for x in posed])
+    step_m = np.array([np.sqrt(np.trace(x.step_covariance[:3, :3])) for x in posed])
+    assert 0 < spread_m[20] < spread_m[-1] < 0.02
+    assert 1e-6 < np.median(step_m[1:]) < 1e-3
+
+
+@pytest.mark.parametrize("kernel", ["box", "star"])
+def test_other_choices_track_too(sequence, frames, truth, kernel):
+    settings = OdometrySettings.model_validate(
+        {
+            "features": {"kernel": kernel},
+            "stereo": {"method": "semi_global"},
+            "motion": {"method": "absolute", "solver": "fischler_bolles", "scheme": "preemptive"},
+        }
+    )
+    estimates = track_all(StereoOdometry(sequence.rig, settings), frames[:8])
+    assert Status.LOST not in statuses(estimates)
+    assert 1e-6 < error_m(estimates[-1], truth[7]) < 0.01
+
+
+def test_the_thesis_tracks_but_less_well(sequence, frames, truth):
+    estimates = track_all(StereoOdometry(sequence.rig, THESIS), frames)
+    assert Status.LOST not in statuses(estimates)
+    ours = track_all(StereoOdometry(sequence.rig), frames)
+    assert error_m(ours[-1], truth[-1]) < error_m(estimates[-1], truth[-1]) < 0.03
+
+
+def test_noise_is_smoothed_and_tracked(odometry, frames, truth):
+    """Noise of 9 grey levels hides the depth of nearly all features until it is smoothed."""
+    rng = np.random.default_rng(0)
+
+    def grainy(image):
+        return np.clip(image / 2 + rng.normal(30, 9, image.shape), 0, 255).astype(np.uint8)
+
+    shown = [replaced(x, grainy(x.left), grainy(x.right)) for x in frames]
+    estimates = track_all(odometry, shown)
+    assert Status.LOST not in statuses(estimates)
+    assert error_m(estimates[-1], truth[-1]) < 0.02
 
 
 def test_nothing_to_see_at_all(odometry, frames):

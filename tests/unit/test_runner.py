@@ -1,6 +1,8 @@
 """From sequence to files and back."""
 
 import json
+import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,8 +10,9 @@ from folders import PERIOD_NS, wall, write_euroc
 
 from trials.runs import read_run
 from vo.contract.errors import TrajectoryError
-from vo.contract.estimator import Estimate, Observations, Status
+from vo.contract.estimator import Estimate, Hindsight, Observations, PointMap, Status
 from vo.contract.readers import open_sequence
+from vo.contract.trajectory import Trajectory, read_tum
 from vo.runner import run, write_run
 
 
@@ -90,6 +93,52 @@ def test_the_manifest_is_fingerprinted(tmp_path, dataset):
 def test_only_final_names_remain(written):
     names = {path.name for path in written.parent.iterdir()}
     assert names == {f"a.v1.{x}" for x in ("txt", "frames.csv", "tracks.npz", "run.json")}
+
+
+class Reflective(Scripted):
+    """Says how sure it is, and looks back at the end."""
+
+    def track(self, frame):
+        estimate = super().track(frame)
+        if estimate.status is Status.LOST:
+            return estimate
+        spread = np.diag(np.arange(1.0, 7.0)) * self.frames
+        return replace(estimate, covariance=spread, step_covariance=0.5 * spread)
+
+    def reflect(self):
+        times = PERIOD_NS * np.array([1, 2, 4])
+        points = PointMap(
+            np.array([7, 9]),
+            np.array([[0.5, -1, 2], [3, 4, 5.25]]),
+            np.array([10, 200], np.uint8),
+            np.array([3, 12]),
+        )
+        return Hindsight(Trajectory(times, np.tile(2 * np.eye(4), (3, 1, 1))), points)
+
+
+def test_what_an_estimator_offers_is_written(tmp_path, dataset):
+    out = tmp_path / "b.txt"
+    write_run(out, run(open_sequence(dataset), Reflective()), "reflective", {}, dataset)
+    with np.load(tmp_path / "b.covariance.npz") as file:
+        assert file["timestamp_ns"].tolist() == [PERIOD_NS * k for k in (1, 2, 3, 4)]
+        np.testing.assert_array_equal(file["pose"][3], 4 * np.diag(np.arange(1.0, 7.0)))
+        np.testing.assert_array_equal(file["step"][1], np.diag(np.arange(1.0, 7.0)))
+        assert np.isnan(file["pose"][2]).all()
+    assert len(read_tum(tmp_path / "b.smoothed.txt")) == 3
+    header, _, body = (tmp_path / "b.map.ply").read_bytes().partition(b"end_header\n")
+    assert header.startswith(b"ply\nformat binary_little_endian 1.0\nelement vertex 2\n")
+    names = [x.split()[2].decode() for x in header.splitlines() if x.startswith(b"property")]
+    assert names == ["x", "y", "z", "red", "green", "blue", "views"]
+    rows = list(struct.iter_unpack("<fffBBBi", body))
+    assert rows == [(0.5, -1, 2, 10, 10, 10, 3), (3, 4, 5.25, 200, 200, 200, 12)]
+
+
+def test_what_an_earlier_run_offered_does_not_stay(tmp_path, dataset):
+    out = tmp_path / "b.txt"
+    write_run(out, run(open_sequence(dataset), Reflective()), "reflective", {}, dataset)
+    write_run(out, run(open_sequence(dataset), Scripted()), "scripted", {}, dataset)
+    kinds = {path.name for path in tmp_path.glob("b.*")}
+    assert kinds == {f"b.{x}" for x in ("txt", "frames.csv", "tracks.npz", "run.json")}
 
 
 def test_a_trajectory_alone_is_a_run_too(written):
