@@ -11,7 +11,9 @@ from vo.contract.arrays import Array
 from vo.contract.rig import StereoRig
 from vo.correspondence import Matches, measurement_sigma
 from vo.disparity import measure_disparities
+from vo.hooks import UNTOUCHED, Hooks
 from vo.refine import Bundle, refine_structure
+from vo.replacement import replace_disparities
 from vo.surface import surface_slopes
 from vo.tracks import Keyframe, Landmarks, LocalMap, visibility
 from vo.view import View
@@ -47,6 +49,7 @@ def add_keyframe(
     matches: Matches | None,
     rig: StereoRig,
     settings: OdometrySettings,
+    hooks: Hooks = UNTOUCHED,
 ) -> LocalMap:
     """Append a view as a keyframe, with fresh landmarks on features that matched nothing.
 
@@ -62,11 +65,12 @@ def add_keyframe(
         matches: Inliers of the view; None for none.
         rig: Triangulates.
         settings: The window, and how much a template may change.
+        hooks: May replace disparities; hear of the fresh landmarks.
     """
     serial, known = local_map.next_serial, local_map.landmarks
     taken = matches.measured if matches else np.zeros((0, 3))
     measured, sigma, slopes, vectors, share = _fresh_features(
-        view, taken, local_map.noise, settings
+        view, taken, local_map.noise, settings, hooks
     )
     points_cam = rig.triangulate(measured[:, :2], measured[:, 2])
     n = len(measured)
@@ -80,6 +84,7 @@ def add_keyframe(
         anchor_depth_m=points_cam[:, 2],
         anchor_slopes=slopes,
     )
+    hooks.born(view.frame, fresh.ids, fresh.anchor_pixels)
     keyframe = Keyframe(serial, T_odom_cam, covariance, view.frame.left, fresh.ids, measured, sigma)
     if matches:
         keyframe = replace(
@@ -98,7 +103,7 @@ def add_keyframe(
 
 
 def _fresh_features(
-    view: View, taken: Array, noise: tuple[float, float], settings: OdometrySettings
+    view: View, taken: Array, noise: tuple[float, float], settings: OdometrySettings, hooks: Hooks
 ) -> tuple[Array, Array, Array, Array, float]:
     """Features that have a depth and lie apart from the (N, 3) measurements taken.
 
@@ -112,6 +117,7 @@ def _fresh_features(
         free = cKDTree(taken[:, :2]).query(pixels)[0] > settings.features.apart_px
     pixels, vectors = pixels[free], view.vectors[free]
     found = measure_disparities(view.frame, view.dense, pixels, settings.stereo, nearby=taken)
+    found = replace_disparities(hooks, view.frame, pixels, found, settings.stereo)
     known = found.known
     measured = np.column_stack([pixels, found.values_px])[known]
     # A fresh landmark is wherever its template was cut: its pixel has no error of its own.

@@ -1,0 +1,86 @@
+"""The estimator with the truth in the place of its stages, on rendered images."""
+
+import numpy as np
+import pytest
+
+from scenes import build_scene
+from sim.record import record
+from sim.settings import DriveSettings, LabelSettings, RecordSettings, RenderSettings, RigSettings
+from trials.oracles import STAGES, Oracle
+from vo.contract import se3
+from vo.contract.readers import open_sequence, read_truth
+from vo.hooks import Hooks
+from vo.odometry import StereoOdometry
+from vo.runner import run
+
+pytestmark = [pytest.mark.gl, pytest.mark.slow]
+
+SETTINGS = RecordSettings(
+    rig=RigSettings(rate_hz=10),
+    drive=DriveSettings(distance_m=1.0),
+    render=RenderSettings(samples=0, shadow_size_px=512),
+    labels=LabelSettings(disparity=False),
+)
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("oracles") / "drive"
+    record(build_scene("office", np.random.default_rng(5), {}), SETTINGS, folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def errors(drive):
+    """Distance to the truth, metres, of each pose, with hooks in place."""
+    sequence = open_sequence(drive)
+    T_world_cam = read_truth(drive).T_ref_frame
+    T_odom_cam = se3.inverse(T_world_cam[0]) @ T_world_cam
+
+    def measure(hooks):
+        result = run(sequence, StereoOdometry(sequence.rig, None, hooks))
+        off = result.trajectory.T_ref_frame[:, :3, 3] - T_odom_cam[:, :3, 3]
+        return np.linalg.norm(off, axis=1), result
+
+    return measure
+
+
+@pytest.fixture(scope="module")
+def usual(errors):
+    return errors(Hooks())
+
+
+def test_hooks_that_do_nothing_change_nothing(drive, usual):
+    sequence = open_sequence(drive)
+    result = run(sequence, StereoOdometry(sequence.rig))
+    np.testing.assert_array_equal(result.trajectory.T_ref_frame, usual[1].trajectory.T_ref_frame)
+
+
+def test_with_all_the_truth_hardly_any_error_is_left(drive, errors, usual):
+    exact, _ = errors(Oracle(drive))
+    assert 0 < exact.max() < 1e-4
+    assert exact.max() < 0.3 * usual[0].max()
+    noisy, _ = errors(Oracle(drive, noise_px=0.5))
+    assert 2 * exact.max() < noisy.max() < 0.01
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_every_stage_can_be_replaced_alone(stage, drive, errors, usual):
+    found, result = errors(Oracle(drive, [stage]))
+    assert len(found) == len(usual[0])
+    assert not np.array_equal(result.trajectory.T_ref_frame, usual[1].trajectory.T_ref_frame)
+    assert found.max() < 3 * usual[0].max()
+    if stage == "matches":
+        assert found.max() < 0.7 * usual[0].max()
+
+
+def test_features_can_be_replaced(errors):
+    class LeftHalf(Hooks):
+        def features(self, frame, pixels):
+            return pixels[pixels[:, 0] < 320]
+
+        def born(self, frame, ids, pixels):
+            assert (pixels[:, 0] < 320).all()
+
+    found, _ = errors(LeftHalf())
+    assert 0 < found.max() < 0.02

@@ -1,0 +1,93 @@
+"""Where the camera has been: its last pose, its map, and the segment that was lost."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from vo.config import OdometrySettings
+from vo.contract import se3
+from vo.contract.arrays import Array
+from vo.contract.rig import StereoRig
+from vo.history import History
+from vo.recovery import find_again
+from vo.tracks import LocalMap, empty_map
+from vo.view import View
+
+
+@dataclass
+class Journey:
+    """The state that one frame hands to the next.
+
+    Attributes:
+        map: Keyframes and landmarks of the present segment; empty before its first frame.
+        lost_map: Of a segment that nothing connects to the present one; None for none.
+        history: For hindsight.
+        T_odom_cam: (4, 4) pose of the last frame that had one.
+        T_before_now: (4, 4) its motion, which predicts the next.
+        spread: (6, 6) covariance of that pose, given the map.
+        last_ns: Its time.
+        lost_frames: Since then.
+    """
+
+    map: LocalMap = field(default_factory=empty_map)
+    lost_map: LocalMap | None = None
+    history: History = field(default_factory=History)
+    T_odom_cam: Array = field(default_factory=lambda: np.eye(4))
+    T_before_now: Array = field(default_factory=lambda: np.eye(4))
+    spread: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    last_ns: int = 0
+    lost_frames: int = 0
+
+    def advance(self, view: View, T_odom_cam: Array, spread: Array) -> Array:
+        """Take over a pose and its covariance given the map.
+
+        Returns:
+            (6, 6) covariance of the step from the last pose.
+        """
+        T_now_before = se3.inverse(T_odom_cam) @ self.T_odom_cam
+        step = se3.carry_covariance(T_now_before, self.spread) + spread
+        self.T_before_now, self.T_odom_cam = se3.inverse(T_now_before), T_odom_cam
+        self.spread, self.lost_frames, self.last_ns = spread, 0, view.frame.timestamp_ns
+        keyframe = self.map.keyframes[-1]
+        T_keyframe_cam = se3.inverse(keyframe.T_odom_cam) @ T_odom_cam
+        self.history.place(self.last_ns, keyframe.serial, T_keyframe_cam)
+        return step
+
+    def lose(self, patience: int) -> None:
+        """Count a frame without a pose; when patience ends, the next view starts a new map."""
+        self.lost_frames += 1
+        self.T_before_now = np.eye(4)
+        if self.lost_frames > patience and self.map.keyframes:
+            self.lost_map = self.lost_map or self.map
+            self.map = empty_map(self.map.next_serial, self.map.next_id)
+
+    def covariance(self, T_odom_cam: Array, spread: Array) -> Array:
+        """Covariance (6, 6) of a pose: that of the last keyframe, and its own given the map."""
+        return _after(self.map, T_odom_cam, spread)
+
+    def find_again(
+        self, view: View, rig: StereoRig, settings: OdometrySettings, rng: np.random.Generator
+    ) -> tuple[Array, Array] | None:
+        """Pose and (6, 6) covariance of a view by the map of the segment that was lost."""
+        if self.lost_map is None:
+            return None
+        found = find_again(self.lost_map, view, rig, settings, rng)
+        if found is None:
+            return None
+        return found.T_world_cam, _after(self.lost_map, found.T_world_cam, found.covariance)
+
+    def stitch(
+        self, view: View, rig: StereoRig, settings: OdometrySettings, rng: np.random.Generator
+    ) -> None:
+        """Move this segment to where its last keyframe, the view, sees the one that was lost."""
+        if found := self.find_again(view, rig, settings, rng):
+            T_odom_cam, covariance = found
+            T_new_old = T_odom_cam @ se3.inverse(self.map.keyframes[-1].T_odom_cam)
+            self.history.move(self.map.keyframes[0].serial, T_new_old)
+            self.map, self.lost_map = self.map.moved(T_new_old, covariance), None
+
+
+def _after(local_map: LocalMap, T_odom_cam: Array, spread: Array) -> Array:
+    keyframe = local_map.keyframes[-1]
+    T_cam_keyframe = se3.inverse(T_odom_cam) @ keyframe.T_odom_cam
+    return se3.carry_covariance(T_cam_keyframe, keyframe.covariance) + spread
