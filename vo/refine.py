@@ -4,7 +4,7 @@ The only module that imports gtsam, whose Pose3 tangents are (w, v); covariances
 project's order. All measurements of a bundle
 are one factor on its cameras, from which `vo.reduction` has eliminated the points: GTSAM then
 solves for tens of unknowns, and Python is entered once an iteration instead of once a measurement
-(docs/decisions/0014).
+(docs/decisions/0006).
 """
 
 from collections.abc import Callable
