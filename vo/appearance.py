@@ -1,10 +1,16 @@
-"""What is wrong with a picture, in words: dark, blank, blurred, blocked, or the eyes swapped."""
+"""What is wrong with the pictures, in words: dark, blank, blurred, swapped or askew."""
 
+from collections.abc import Sequence
+
+import numpy as np
+
+from vo.alignment import align
 from vo.config import OdometrySettings
-from vo.contract.arrays import Image
+from vo.contract.arrays import Array, Image
 from vo.contract.sequence import StereoFrame
 from vo.disparity import measure_disparities
 from vo.stereo import DenseStereo
+from vo.templates import cut
 from vo.view import View
 
 DARK_GREY = 6.0
@@ -19,6 +25,15 @@ PROBES = 80
 
 SWAPPED = 3.0
 """So many times more of them must have a disparity then."""
+
+
+FEWEST_ROWS = 20
+"""Landmarks whose median tells where rows lie."""
+
+PERSISTENT = 10
+"""Keyframes before rows that do not meet are put down to the calibration."""
+
+ASKEW_PX = 0.25
 
 
 def explain_failure(view: View, settings: OdometrySettings) -> str:
@@ -52,3 +67,31 @@ def eyes_look_swapped(view: View, settings: OdometrySettings) -> bool:
         return int(measure_disparities(pair, dense, pixels, settings.stereo).known.sum())
 
     return known(swapped) > SWAPPED * max(known(frame), 1) and known(swapped) > PROBES // 8
+
+
+def row_offset_px(view: View, measured: Array, settings: OdometrySettings) -> float:
+    """How much lower the right image shows what the left one does, pixels; NaN if unknown.
+
+    Zero, if the pair is rectified as its calibration says. Median over landmarks, aligned in both
+    directions.
+
+    Args:
+        view: The pair.
+        measured: (N, 3) left-image u, v and disparity of landmarks, NaN where unknown.
+        settings: Of the patches.
+    """
+    known = measured[~np.isnan(measured[:, 2])][:PROBES]
+    start = known[:, :2] - np.column_stack([known[:, 2], np.zeros(len(known))])
+    templates = cut(view.frame.left, known[:, :2], settings.stereo.align_px)
+    facing = np.tile(np.eye(3, 2), (len(known), 1, 1))
+    lower = align(templates, view.frame.right, start, facing).pixels[:, 1] - known[:, 1]
+    lower = lower[~np.isnan(lower)]
+    return float(np.median(lower)) if len(lower) >= FEWEST_ROWS else np.nan
+
+
+def explain_calibration(offsets_px: Sequence[float]) -> str:
+    """Complain of rows that persistently do not meet, by the offsets of many keyframes."""
+    known = np.array([x for x in offsets_px if not np.isnan(x)])[-PERSISTENT:]
+    if len(known) < PERSISTENT or abs(np.median(known)) < ASKEW_PX:
+        return ""
+    return f"right rows lie {np.median(known):+.2f} px lower: is the stereo calibration right?"

@@ -27,6 +27,7 @@ class Journey:
         spread: (6, 6) covariance of that pose, given the map.
         last_ns: Its time.
         lost_frames: Since then.
+        row_offsets_px: Of the keyframes, how much lower the right eye shows what the left one does.
     """
 
     map: LocalMap = field(default_factory=empty_map)
@@ -37,6 +38,7 @@ class Journey:
     spread: Array = field(default_factory=lambda: np.zeros((6, 6)))
     last_ns: int = 0
     lost_frames: int = 0
+    row_offsets_px: list[float] = field(default_factory=list[float])
 
     def advance(self, view: View, T_odom_cam: Array, spread: Array) -> Array:
         """Take over a pose and its covariance given the map.

@@ -2,7 +2,12 @@
 
 import numpy as np
 
-from vo.appearance import explain_failure, eyes_look_swapped
+from vo.appearance import (
+    explain_calibration,
+    explain_failure,
+    eyes_look_swapped,
+    row_offset_px,
+)
 from vo.config import OdometrySettings
 from vo.contract.arrays import Array
 from vo.contract.clock import Clock
@@ -66,6 +71,7 @@ class StereoOdometry:
                 here.map, counts["structure iterations"] = refine_map(here.map, rig, s)
                 here.stitch(view, rig, s, self._rng)  # to a segment that was lost (6)
                 here.history.remember(here.map, s.refinement.least_views)
+                here.row_offsets_px.append(row_offset_px(view, inliers.measured, s))
                 T_odom_cam = here.map.keyframes[-1].T_odom_cam
                 if here.map.depth_share < s.features.clear_share:
                     self._smoothing_px = s.features.smoothing_px
@@ -73,7 +79,8 @@ class StereoOdometry:
         step = here.advance(view, T_odom_cam, pose.covariance)
         weak = len(inliers) < s.motion.weak_inliers
         status = Status.WEAK if weak else Status.TRACKED
-        reason = f"{len(inliers)} inliers, fewer than {s.motion.weak_inliers}" if weak else ""
+        few = f"{len(inliers)} inliers, fewer than {s.motion.weak_inliers}"
+        reason = few if weak else explain_calibration(here.row_offsets_px)
         seen = Observations(
             matches.ids, matches.pixels, matches.measured[:, 2], np.isin(matches.ids, inliers.ids)
         )

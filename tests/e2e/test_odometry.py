@@ -1,5 +1,6 @@
 """The whole estimator on rendered images: a short drive, a turn, and everything that goes wrong."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -287,6 +288,24 @@ def test_noise_is_smoothed_and_tracked(odometry, frames, truth):
     estimates = track_all(odometry, shown)
     assert Status.LOST not in statuses(estimates)
     assert error_m(estimates[-1], truth[-1]) < 0.02
+
+
+@pytest.mark.parametrize("lower_px", [0.0, 0.5])
+def test_rows_that_do_not_meet_are_reported(sequence, lower_px):
+    """A right eye that looks half a pixel higher than the calibration says."""
+    settings = OdometrySettings.model_validate({"refinement": {"keyframe_parallax_px": 0}})
+    odometry = StereoOdometry(sequence.rig, settings)
+    down = np.float32([[1, 0, 0], [0, 1, lower_px]])
+    size = (sequence.rig.width_px, sequence.rig.height_px)
+    frames = [sequence[i] for i in range(MOVING, MOVING + 14)]
+    shown = [replaced(x, right=cv2.warpAffine(x.right, down, size)) for x in frames]
+    reasons = [x.reason for x in track_all(odometry, shown)]
+    assert not any(reasons[:10])
+    if lower_px:
+        assert reasons[-1].startswith("right rows lie +0.")
+        assert "calibration" in reasons[-1]
+    else:
+        assert not any(reasons)
 
 
 def test_nothing_to_see_at_all(odometry, frames):
