@@ -26,7 +26,8 @@ class Journey:
         T_before_now: (4, 4) its motion, which predicts the next.
         spread: (6, 6) covariance of that pose, given the map.
         last_ns: Its time.
-        lost_frames: Since then.
+        seen_ns: Time of the last frame, with or without a pose.
+        lost_frames: Since the last pose.
         row_offsets_px: Of the keyframes, how much lower the right eye shows what the left one does.
     """
 
@@ -37,6 +38,7 @@ class Journey:
     T_before_now: Array = field(default_factory=lambda: np.eye(4))
     spread: Array = field(default_factory=lambda: np.zeros((6, 6)))
     last_ns: int = 0
+    seen_ns: int = -1
     lost_frames: int = 0
     row_offsets_px: list[float] = field(default_factory=list[float])
 

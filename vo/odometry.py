@@ -45,6 +45,10 @@ class StereoOdometry:
     def track(self, frame: StereoFrame) -> Estimate:
         """Estimate the pose of the next frame; never raises on image content."""
         s, rig, here, clock = self.settings, self.rig, self._journey, Clock()
+        if frame.timestamp_ns <= here.seen_ns:
+            reason = f"not later than the frame before, at {here.seen_ns} ns"
+            return Estimate(frame.timestamp_ns, Status.LOST, None, reason)
+        here.seen_ns = frame.timestamp_ns
         view = self._look(frame, clock)  # CenSurE (3.2), dense stereo (3.1)
         counts = {"features": len(view.features), "matches": 0, "inliers": 0}
         if not here.map.keyframes:
@@ -144,7 +148,8 @@ class StereoOdometry:
         elsewhere = ADRIFT * np.eye(6) if lost else np.zeros((6, 6))
         T_odom_cam, covariance = known or (here.T_odom_cam, elsewhere)
         fresh = add_keyframe(here.map, view, T_odom_cam, covariance, None, self.rig, s, self.hooks)
-        if fresh.depth_share < s.features.clear_share and not self._smoothing_px:
+        noisy = fresh.depth_share < s.features.clear_share
+        if noisy and self._smoothing_px < s.features.smoothing_px:
             self._smoothing_px = s.features.smoothing_px
             return self._start(self._look(view.frame, clock), counts, clock)
         counts["fresh"] = len(fresh.landmarks)

@@ -21,6 +21,7 @@ from trials.metrics import errors_over_distance
 from vo.config import THESIS, OdometrySettings
 from vo.contract import se3
 from vo.contract.estimator import Status
+from vo.contract.rig import StereoRig
 from vo.contract.readers import open_sequence, read_truth
 from vo.contract.sequence import StereoFrame
 from vo.odometry import StereoOdometry
@@ -96,6 +97,11 @@ def blank(frame):
 
 def swapped(frame):
     return replaced(frame, frame.right, frame.left)
+
+
+def later(frame, frames):
+    """The same pictures some frame periods later."""
+    return StereoFrame(frame.timestamp_ns + 10**8 * frames, frame.left, frame.right)
 
 
 def noise(frame):
@@ -229,7 +235,8 @@ def test_a_new_segment_is_stitched_to_the_old_one(odometry, frames, truth):
 def test_a_segment_elsewhere_is_not_stitched(odometry, frames):
     """What shows nothing of the old segment goes on from its last pose, and says how unsure."""
     dark = [blank(x) for x in frames[4 : 4 + PATIENCE + 2]]
-    elsewhere = [replaced(x, x.left[::-1].copy(), x.right[::-1].copy()) for x in frames[:3]]
+    upended = [replaced(x, x.left[::-1].copy(), x.right[::-1].copy()) for x in frames[:3]]
+    elsewhere = [later(x, 100) for x in upended]
     estimates = track_all(odometry, [*frames[:4], *dark, *elsewhere])
     start = estimates[4 + len(dark)]
     np.testing.assert_array_equal(start.T_odom_cam, estimates[3].T_odom_cam)
@@ -338,6 +345,28 @@ def test_nothing_but_noise(odometry, frames):
     assert Status.TRACKED not in statuses(estimates)
 
 
+def test_time_that_does_not_advance(odometry, frames, truth):
+    """A frame out of order is refused, and changes nothing."""
+    estimates = track_all(odometry, [*frames[:4], frames[2], frames[3], *frames[4:8]])
+    assert [i for i, x in enumerate(estimates) if x.status is Status.LOST] == [4, 5]
+    assert estimates[4].reason.startswith("not later than the frame before, at ")
+    plain = track_all(StereoOdometry(odometry.rig), frames[:8])
+    np.testing.assert_array_equal(estimates[-1].T_odom_cam, plain[-1].T_odom_cam)
+
+
+def test_odd_sizes(frames):
+    """What fits no block, cell or kernel is only fewer features."""
+    for width, height in ((641, 479), (97, 83), (33, 21)):
+        rig = StereoRig(width, height, 300.0, (width - 1) / 2, (height - 1) / 2, 0.09)
+        small = [
+            replaced(x, *(cv2.resize(eye, (width, height)) for eye in (x.left, x.right)))
+            for x in frames[:3]
+        ]
+        for preset in (OdometrySettings(), THESIS):
+            estimates = track_all(StereoOdometry(rig, preset), small)
+            assert all(x.T_odom_cam is not None or x.reason for x in estimates)
+
+
 def test_a_single_frame(odometry, frames):
     (estimate,) = track_all(odometry, frames[:1])
     assert estimate.status is Status.START
@@ -345,7 +374,7 @@ def test_a_single_frame(odometry, frames):
 
 
 def test_standing_still(odometry, frames):
-    estimates = track_all(odometry, [frames[0]] * 4)
+    estimates = track_all(odometry, [later(frames[0], i) for i in range(4)])
     assert statuses(estimates) == [Status.START] + [Status.TRACKED] * 3
     assert error_m(estimates[-1], np.eye(4)) < 1e-4
 
