@@ -22,6 +22,10 @@ DETERMINED = 6
 """A keyframe that sees fewer refined landmarks keeps its pose."""
 
 
+STANDING_PX = 1.0
+"""Median flow since the last keyframe below which the camera has not moved: however few landmarks
+are left, another keyframe would only add its own error (thesis 5.1.3)."""
+
 LEARNING = 0.2
 """How far one refinement moves what is believed of the noise, in the logarithm."""
 
@@ -35,10 +39,11 @@ def is_new_view(last: Keyframe, matches: Matches, settings: RefinementSettings) 
         settings: Median image motion, or share of the keyframe's landmarks lost, that suffices.
     """
     _, then, now = np.intersect1d(last.ids, matches.ids, assume_unique=True, return_indices=True)
-    if len(then) < settings.keyframe_share * len(last.ids):
+    if len(then) == 0:
         return True
-    flow_px = np.linalg.norm(matches.pixels[now] - last.measured[then, :2], axis=1)
-    return bool(np.median(flow_px) > settings.keyframe_parallax_px)
+    flow_px = np.median(np.linalg.norm(matches.pixels[now] - last.measured[then, :2], axis=1))
+    few = len(then) < settings.keyframe_share * len(last.ids)
+    return bool(flow_px > (STANDING_PX if few else settings.keyframe_parallax_px))
 
 
 def add_keyframe(
