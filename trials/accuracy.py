@@ -66,7 +66,7 @@ def accuracy(
 ) -> None:
     """Record or reuse the drives, run every estimator over them and print its errors."""
     cache = CACHE / fingerprint()
-    names = _scenes(scenes)
+    names = chosen_scenes(scenes)
     if kitti is not None:
         open_sequence(kitti)  # a wrong path ends it now, not after all drives
     overrides = [f"drive.distance_m={distance}", *NO_LABELS]
@@ -93,7 +93,12 @@ def accuracy(
         _write(out, scores)
 
 
-def _scenes(names: str) -> list[str]:
+def chosen_scenes(names: str) -> list[str]:
+    """Split `a,b,c`, or name all there are.
+
+    Raises:
+        SettingsError: If one is unknown.
+    """
     from scenes import SCENES as KNOWN
     from vo.contract.errors import SettingsError
 

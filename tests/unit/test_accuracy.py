@@ -1,10 +1,17 @@
 """The statistics behind `make accuracy`."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from trials.accuracy import bootstrap_interval
+from scenes import SCENES
+from trials.accuracy import bootstrap_interval, chosen_scenes, summary_table
 from trials.drives import fingerprint
+from trials.runs import SavedRun
+from trials.score import score_run
+from vo.contract.errors import SettingsError
+from vo.contract.trajectory import Trajectory
 
 
 def test_interval_of_equal_drives_is_a_point():
@@ -30,3 +37,35 @@ def test_interval_covers_the_true_median_as_often_as_it_says(drives):
 def test_fingerprint_is_of_the_sources_alone():
     assert fingerprint() == fingerprint()
     assert len(fingerprint()) == 12
+
+
+def drive(scale):
+    """The score of a straight drive of three metres whose estimate is so much too long."""
+    times = 10**8 * np.arange(61)
+    T = np.tile(np.eye(4), (61, 1, 1))
+    T[:, 2, 3] = np.linspace(0, 3, 61)
+    truth = Trajectory(times, T)
+    estimated = T.copy()
+    estimated[:, 2, 3] *= scale
+    return truth, Trajectory(times, estimated)
+
+
+def scored(name, scale):
+    truth, estimated = drive(scale)
+    return score_run(truth, SavedRun(Path("x.txt"), name, estimated), 65)
+
+
+def test_summary_sets_medians_beside_each_other():
+    """Three drives: scales wrong by 1, 2 and 6 per mille, the baseline's by 4 each time."""
+    scores = [scored("driftyard", 1 + x) for x in (0.001, 0.006, 0.002)]
+    scores += [scored("corner_flow", 1.004)] * 3
+    table = summary_table({"office": scores})
+    (row,) = zip(*(column.cells for column in table.columns), strict=True)
+    assert row == ("office", "0.200", "0.600", "0.400", "0.50", "12", "12")
+
+
+def test_scenes_are_named_or_all():
+    assert chosen_scenes("office,dusk") == ["office", "dusk"]
+    assert chosen_scenes("all") == list(SCENES)
+    with pytest.raises(SettingsError, match="--scenes: unknown offcie; valid: all, asphalt"):
+        chosen_scenes("offcie")
