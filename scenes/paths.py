@@ -1,0 +1,128 @@
+"""The paths and lawns of a block: sections of paving along a ribbon, in the light of day."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from scenes.courses import coursed
+from scenes.ground import level, quads, scattered, tiled
+from scenes.light import Light, shaded_normals
+from scenes.mesh import Mesh, cut_into_cells, merged, patch
+from scenes.props import grass_tufts, litter
+from scenes.ribbon import Ribbon
+from scenes.shadow import LightMap, occlusion, visibility
+from scenes.stage import Stage
+from scenes.surfaces.atlas import Atlas
+from scenes.surfaces.noise import fractal, smoothstep
+
+PATH_M = 2.4
+EDGE_M = 0.1
+LAWN_M = -0.015
+"""Height of the lawn, a little below the path."""
+MARGIN_M = 12.0
+"""How far the lawn reaches beyond the route."""
+SECTIONS = ("asphalt", "slabs", "bricks", "gravel", "asphalt", "setts", "slabs", "bricks")
+CHUNK_FACES = 1200
+"""Meshes of the ground are lit in pieces of this size: each meets only the shadows around it."""
+
+
+class Ground:
+    """Draws what lies on the ground, in the light that reaches it past all that stands."""
+
+    def __init__(
+        self, stage: Stage, rng: np.random.Generator, ribbon: Ribbon, light: Light
+    ) -> None:
+        self._stage, self._light = stage, light
+        low, high = ribbon.route.min(axis=0) - MARGIN_M, ribbon.route.max(axis=0) + MARGIN_M
+        self.low, self.high = np.floor(low), np.ceil(high)
+        cells = tuple(((self.high - self.low) / 0.25).astype(int))
+        clouds = 1 - 0.24 * smoothstep(-0.6, 2.0, fractal(rng, cells, (2.5, 60), 0.7))
+        self._dirt = LightMap(self.low, 0.25, np.stack([clouds, clouds]))
+
+    def draw(self, material: str, mesh: Mesh) -> None:
+        """Show a mesh in pieces, darkened in clouds by dirt and damp."""
+        for cell in cut_into_cells(mesh, CHUNK_FACES):
+            dirt, _ = self._dirt.at(cell.points)
+            clear = cell.points + np.array([0, 0, 0.02])
+            key = visibility(clear, self._stage.blockers, self._light, 4, inside=True)
+            fill = occlusion(clear, self._stage.blockers, inside=True)
+            normals = shaded_normals(cell.normals, key * dirt, fill * dirt, self._light)
+            self._stage.draw_lit(material, replace(cell, normals=normals))
+
+
+def pave(
+    ground: Ground, rng: np.random.Generator, ribbon: Ribbon, atlases: dict[str, Atlas]
+) -> None:
+    """Lay the sections of the path, its edging, covers and fallen leaves."""
+    ends = np.linspace(0, ribbon.length_m, len(SECTIONS) + 1)
+    turn = int(rng.integers(len(SECTIONS)))
+    for k, (start, end) in enumerate(pairwise(ends)):
+        kind = SECTIONS[(k + turn) % len(SECTIONS)]
+        ground.draw(kind, ribbon.bent(_section(rng, kind, start, end, atlases)))
+        if kind != "gravel":
+            spots = np.arange(start + 6, end - 4, 13.0) + rng.uniform(-2, 2)
+            covers = [
+                patch((s, t, 0.0006), (0.5, 0, 0), (0, 0.5, 0), (2, 2))
+                for s, t in zip(spots, rng.uniform(-1.0, 0.5, len(spots)), strict=True)
+            ]
+            ground.draw("cover", ribbon.bent(merged(covers)))
+    for side in (-1, 1):
+        low = side * (PATH_M + EDGE_M) / 2 - EDGE_M / 2
+        strip = quads((0.0, low), (ribbon.length_m, low + EDGE_M), 0.5)
+        edge = level(strip, scattered(rng, strip, 1.0, 1.2))
+        skirt = patch(
+            (0, low + EDGE_M, -0.03), (ribbon.length_m, 0, 0), (0, 0, 0.03), (600, 1), (1.2, 1.2)
+        )
+        if side < 0:
+            skirt = patch(
+                (ribbon.length_m, low, -0.03),
+                (-ribbon.length_m, 0, 0),
+                (0, 0, 0.03),
+                (600, 1),
+                (1.2, 1.2),
+            )
+        ground.draw("concrete", ribbon.bent(merged([edge, skirt])))
+    where = np.column_stack(
+        [rng.uniform(0, ribbon.length_m, 900), rng.choice([-1, 1], 900) * rng.beta(4, 2, 900) * 1.2]
+    )
+    fallen = np.column_stack([ribbon.at(where), np.full(900, 0.003)])
+    ground.draw("litter", litter(rng, fallen, atlases["litter"]))
+
+
+def _section(
+    rng: np.random.Generator, kind: str, start: float, end: float, atlases: dict[str, Atlas]
+) -> Mesh:
+    """Lay one section in the ribbon's own coordinates."""
+    half = np.array([(end - start) / 2, PATH_M / 2])
+    if kind == "bricks":
+        laid = coursed(rng, half, PATH_M / 24, (0.196, 0.206), atlases[kind])
+        return laid.moved(((start + end) / 2, 0.0, 0.0))
+    if kind == "setts":
+        laid = coursed(rng, half, PATH_M / 20, (0.1, 0.15), atlases[kind])
+        return laid.moved(((start + end) / 2, 0.0, 0.0))
+    if kind == "slabs":
+        rows = round((end - start) / 0.4)
+        scale = np.array([(end - start) / (0.4 * rows), 1.0])
+        corners = quads((0.0, -PATH_M / 2), (0.4 * rows, PATH_M / 2), 0.2)
+        uv = tiled(rng, corners, 0.4, atlases[kind])
+        return level(corners * scale + np.array([start, 0.0]), uv)
+    corners = quads((0.0, -1.5), (np.floor((end - start) * 4) / 4, 1.5), 0.25)
+    uv = scattered(rng, corners, 0.5, 1.024)
+    squeeze = np.array([(end - start) / (np.floor((end - start) * 4) / 4), PATH_M / 3.0])
+    return level(corners * squeeze + np.array([start, 0.0]), uv)
+
+
+def lawn(ground: Ground, rng: np.random.Generator, ribbon: Ribbon) -> None:
+    """Sow lawn everywhere, uncut where the mower meets the path."""
+    corners = quads(tuple(ground.low), tuple(ground.high), 1.0)
+    distance = cKDTree(ribbon.route).query(corners.mean(axis=1))[0]
+    corners = corners[distance > PATH_M / 2 - 0.75]
+    ground.draw("lawn", level(corners, scattered(rng, corners, 1.0, 2.05), LAWN_M))
+    count = 1500
+    beside = PATH_M / 2 + EDGE_M + 0.02 + rng.exponential(0.15, count)
+    places = np.column_stack(
+        [rng.uniform(0, ribbon.length_m, count), beside * rng.choice([-1, 1], count)]
+    )
+    ground.draw("lawn", grass_tufts(rng, ribbon.at(places), 7))
