@@ -21,8 +21,8 @@ from trials.metrics import errors_over_distance
 from vo.config import THESIS, OdometrySettings
 from vo.contract import se3
 from vo.contract.estimator import Status
-from vo.contract.rig import StereoRig
 from vo.contract.readers import open_sequence, read_truth
+from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
 from vo.odometry import StereoOdometry
 from vo.runner import run

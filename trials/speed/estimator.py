@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from trials.commands import console
+from vo.contract.arrays import Array
 
 WARM_FRAMES = 12
 """Shown to an estimator beforehand, so that compilation and first touches are not timed."""
@@ -17,12 +18,12 @@ class EstimatorSpeed:
 
     Attributes:
         frames: Timed.
-        frame_ms: Mean wall time of a `track` call; loading the images is not in it.
+        frame_ms: (frames,) wall time of each `track` call; loading the images is not in it.
         stage_ms: Stage to its mean over all frames.
     """
 
     frames: int
-    frame_ms: float
+    frame_ms: Array
     stage_ms: dict[str, float]
 
 
@@ -47,4 +48,4 @@ def measure_estimator(name: str, dataset: Path) -> EstimatorSpeed:
         stage: sum(x.timings_ms.get(stage, 0.0) for x in result.estimates) / len(sequence)
         for stage in stages
     }
-    return EstimatorSpeed(len(sequence), float(np.mean(result.frame_ms)), stage_ms)
+    return EstimatorSpeed(len(sequence), np.array(result.frame_ms), stage_ms)
