@@ -173,9 +173,6 @@ class RefinementSettings(Settings):
     least_views: int = Field(
         default=3, ge=2, description="frames that must see a refined point (4.4)"
     )
-    most_points: int = Field(
-        default=2000, ge=10, description="points refined at once: those that most keyframes saw"
-    )
     sigma_px: float = Field(
         default=0.07, gt=0, description="error of u and v beside what noise explains"
     )

@@ -172,11 +172,7 @@ def refine_map(
     keyframes, landmarks = local_map.keyframes, local_map.landmarks
     ids, mask = visibility(keyframes)
     often = landmarks.ids[landmarks.views >= settings.refinement.least_views]
-    seen = mask.sum(axis=1)
-    chosen = np.isin(ids, often) & (seen >= 2)
-    if chosen.sum() > settings.refinement.most_points:  # the longest tracks say most
-        longest = np.argsort(np.where(chosen, -seen, 1), kind="stable")
-        chosen[longest[settings.refinement.most_points :]] = False
+    chosen = np.isin(ids, often) & (mask.sum(axis=1) >= 2)
     fixed = mask[chosen].sum(axis=0) < DETERMINED
     fixed[0] = True
     if fixed.all():
