@@ -1,6 +1,7 @@
 """What is wrong with the pictures, in words: dark, blank, blurred, swapped or askew."""
 
-from collections.abc import Sequence
+from collections.abc import Collection
+from statistics import median
 
 import numpy as np
 
@@ -89,9 +90,8 @@ def row_offset_px(view: View, measured: Array, settings: OdometrySettings) -> fl
     return float(np.median(lower)) if len(lower) >= FEWEST_ROWS else np.nan
 
 
-def explain_calibration(offsets_px: Sequence[float]) -> str:
-    """Complain of rows that persistently do not meet, by the offsets of many keyframes."""
-    known = np.array([x for x in offsets_px if not np.isnan(x)])[-PERSISTENT:]
-    if len(known) < PERSISTENT or abs(np.median(known)) < ASKEW_PX:
+def explain_calibration(offsets_px: Collection[float]) -> str:
+    """Complain of rows that persistently do not meet, by the offsets of PERSISTENT keyframes."""
+    if len(offsets_px) < PERSISTENT or abs(median(offsets_px)) < ASKEW_PX:
         return ""
-    return f"right rows lie {np.median(known):+.2f} px lower: is the stereo calibration right?"
+    return f"right rows lie {median(offsets_px):+.2f} px lower: is the stereo calibration right?"

@@ -1,9 +1,11 @@
 """Where the camera has been: its last pose, its map, and the segment that was lost."""
 
+from collections import deque
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from vo.appearance import PERSISTENT
 from vo.config import OdometrySettings
 from vo.contract import se3
 from vo.contract.arrays import Array
@@ -28,7 +30,8 @@ class Journey:
         last_ns: Its time.
         seen_ns: Time of the last frame, with or without a pose.
         lost_frames: Since the last pose.
-        row_offsets_px: Of the keyframes, how much lower the right eye shows what the left one does.
+        row_offsets_px: Of the last keyframes that could tell, how much lower the right eye shows
+            what the left one does.
     """
 
     map: LocalMap = field(default_factory=empty_map)
@@ -40,7 +43,7 @@ class Journey:
     last_ns: int = 0
     seen_ns: int = -1
     lost_frames: int = 0
-    row_offsets_px: list[float] = field(default_factory=list[float])
+    row_offsets_px: deque[float] = field(default_factory=lambda: deque(maxlen=PERSISTENT))
 
     def advance(self, view: View, T_odom_cam: Array, spread: Array) -> Array:
         """Take over a pose and its covariance given the map.

@@ -75,7 +75,8 @@ class StereoOdometry:
                 here.map, counts["structure iterations"] = refine_map(here.map, rig, s)
                 here.stitch(view, rig, s, self._rng)  # to a segment that was lost (6)
                 here.history.remember(here.map, s.refinement.least_views)
-                here.row_offsets_px.append(row_offset_px(view, inliers.measured, s))
+                if not np.isnan(lower_px := row_offset_px(view, inliers.measured, s)):
+                    here.row_offsets_px.append(lower_px)
                 T_odom_cam = here.map.keyframes[-1].T_odom_cam
                 if here.map.depth_share < s.features.clear_share:
                     self._smoothing_px = s.features.smoothing_px
