@@ -7,6 +7,7 @@ from folders import BASELINE_M, F_PX, HEIGHT, PERIOD_NS, WIDTH, wall, write_euro
 
 from vo.contract.errors import CalibrationError, DatasetError, TrajectoryError
 from vo.contract.readers import open_sequence, read_truth
+from vo.contract.wheels import STALE_NS, WheelLog
 
 
 @pytest.fixture
@@ -134,3 +135,40 @@ def test_colour_is_read_as_grey(euroc):
     colour[..., 1] = 200
     cv2.imwrite(str(path), colour)
     assert (open_sequence(euroc)[0].left == round(0.587 * 200)).all()
+
+
+def write_wheels(folder, rows):
+    table = folder / "mav0" / "wheels0" / "data.csv"
+    table.parent.mkdir()
+    table.write_text("#timestamp [ns],left [ticks],right [ticks]\n" + rows)
+
+
+def test_a_frame_has_the_last_wheel_reading_before_it(euroc):
+    assert open_sequence(euroc)[0].wheel_ticks is None
+    rows = [f"{PERIOD_NS},-3,4", f"{2 * PERIOD_NS - 1},5,6", f"{2 * PERIOD_NS + 1},7,8"]
+    write_wheels(euroc, "\n".join(rows))
+    ticks = [frame.wheel_ticks for frame in open_sequence(euroc)]
+    assert ticks == [(-3, 4), (5, 6), (7, 8)]
+
+
+def test_silent_encoders_do_not_tell_of_wheels_at_rest():
+    log = WheelLog(np.array([10**9, 2 * 10**9]), np.array([[1, 2], [3, 4]]))
+    assert log.at(10**9 - 1) is None
+    assert log.at(10**9 + STALE_NS) == (1, 2)
+    assert log.at(10**9 + STALE_NS + 1) is None
+    assert log.at(2 * 10**9) == (3, 4)
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        ("2000,1", "expected 'timestamp"),
+        ("2000,1,nan", "whole numbers"),
+        ("2000,1,2,3", "expected"),
+        ("1000,1,2", "time must increase"),
+    ],
+)
+def test_wheel_table_faults_name_the_line(euroc, row, message):
+    write_wheels(euroc, f"1000,0,0\n{row}\n")
+    with pytest.raises(DatasetError, match=rf"wheels0/data.csv:3: .*{message}"):
+        open_sequence(euroc)

@@ -13,6 +13,7 @@ from vo.contract.files import read_grey
 from vo.contract.rectify import PinholeCamera, rectify
 from vo.contract.sequence import StereoSequence
 from vo.contract.trajectory import Trajectory
+from vo.contract.wheels import read_wheels
 
 TRUTH_FOLDER = "state_groundtruth_estimate0"
 
@@ -24,6 +25,8 @@ def is_euroc(folder: Path) -> bool:
 
 def open_euroc(folder: Path) -> StereoSequence:
     """Open the stereo pair of an ASL folder; distorted or unaligned eyes are rectified on loading.
+
+    Wheel encoders are taken from `wheels0`, a table that this project adds to the layout.
 
     Raises:
         DatasetError: If a table is missing or malformed, or left and right differ.
@@ -45,7 +48,8 @@ def open_euroc(folder: Path) -> StereoSequence:
     def load(i: int) -> tuple[Image, Image]:
         return remap_left(read_grey(files_left[i])), remap_right(read_grey(files_right[i]))
 
-    return StereoSequence(folder.resolve().name, rig, times, load)
+    wheels = read_wheels(mav / "wheels0" / "data.csv")
+    return StereoSequence(folder.resolve().name, rig, times, load, wheels)
 
 
 def read_euroc_truth(folder: Path, T_body_cam: Array) -> Trajectory | None:

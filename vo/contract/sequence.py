@@ -8,6 +8,7 @@ import numpy as np
 from vo.contract.arrays import Image, Indices
 from vo.contract.errors import DatasetError
 from vo.contract.rig import StereoRig
+from vo.contract.wheels import WheelLog
 
 
 @dataclass(frozen=True)
@@ -18,11 +19,14 @@ class StereoFrame:
         timestamp_ns: Middle of the exposure.
         left: (H, W) uint8.
         right: (H, W) uint8.
+        wheel_ticks: Counted by the left and the right wheel's encoder, forward positive; None if
+            nothing counts them.
     """
 
     timestamp_ns: int
     left: Image
     right: Image
+    wheel_ticks: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True)
@@ -34,12 +38,14 @@ class StereoSequence:
         rig: Calibration of the delivered (rectified) images.
         timestamps_ns: (N,) int64, strictly increasing, N >= 1.
         load: Maps a frame index to its (left, right) images.
+        wheels: What encoders counted; None where there are none.
     """
 
     name: str
     rig: StereoRig
     timestamps_ns: Indices
     load: Callable[[int], tuple[Image, Image]]
+    wheels: WheelLog | None = None
 
     def __post_init__(self) -> None:
         if len(self.timestamps_ns) == 0:
@@ -69,7 +75,9 @@ class StereoSequence:
                     f"{self.name}: {eye} image of frame {i} is {image.shape[1]}x{image.shape[0]}, "
                     f"the calibration says {expected[1]}x{expected[0]}"
                 )
-        return StereoFrame(int(self.timestamps_ns[i]), left, right)
+        timestamp_ns = int(self.timestamps_ns[i])
+        ticks = self.wheels.at(timestamp_ns) if self.wheels else None
+        return StereoFrame(timestamp_ns, left, right, ticks)
 
     def __iter__(self) -> Iterator[StereoFrame]:
         return (self[i] for i in range(len(self)))
