@@ -169,9 +169,37 @@ class MotionSettings(Settings):
 class RefinementSettings(Settings):
     """Bundle adjustment (thesis 2.8, 3.4)."""
 
+    mode: Literal["motion", "window", "fixed_lag"] = Field(
+        default="window",
+        description="what keyframes refine: nothing but their own pose, the last of them, or "
+        "these incrementally with what older ones left behind",
+    )
+    smooth: Literal["none", "window", "global"] = Field(
+        default="window",
+        description="trajectory at the end: none, by the last refinement, or by one of all",
+    )
     window: int = Field(default=8, ge=2, description="keyframes refined together")
     least_views: int = Field(
         default=3, ge=2, description="frames that must see a refined point (4.4)"
+    )
+    least_parallax_deg: float = Field(
+        default=0.0,
+        ge=0,
+        lt=90,
+        description="rays of a refined point, eyes and keyframes together, must differ by this",
+    )
+    use_disparity: bool = Field(
+        default=True, description="refine by both eyes, or by the left one as in eq. 2.29"
+    )
+    drop_iterations: int = Field(
+        default=0,
+        ge=0,
+        description="a frame whose pose takes more is weak and no keyframe (5.3); 0 never",
+    )
+    firewall_keyframes: int = Field(
+        default=0,
+        ge=0,
+        description="keyframes after which all landmarks are triangulated anew (F7); 0 never",
     )
     sigma_px: float = Field(
         default=0.07, gt=0, description="error of u and v beside what noise explains"

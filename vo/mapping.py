@@ -1,4 +1,4 @@
-"""Growing the local map by a keyframe, and refining its motion and structure (thesis 3.4)."""
+"""Growing the local map by a keyframe (thesis 3.4)."""
 
 from dataclasses import replace
 
@@ -12,22 +12,14 @@ from vo.contract.rig import StereoRig
 from vo.correspondence import Matches, measurement_sigma
 from vo.disparity import measure_disparities
 from vo.hooks import UNTOUCHED, Hooks
-from vo.refine import Bundle, refine_structure
 from vo.replacement import replace_disparities
 from vo.surface import surface_slopes
-from vo.tracks import Keyframe, Landmarks, LocalMap, visibility
+from vo.tracks import Keyframe, Landmarks, LocalMap, empty_map
 from vo.view import View
-
-DETERMINED = 6
-"""A keyframe that sees fewer refined landmarks keeps its pose."""
-
 
 STANDING_PX = 1.0
 """Median flow since the last keyframe below which the camera has not moved: however few landmarks
 are left, another keyframe would only add its own error (thesis 5.1.3)."""
-
-LEARNING = 0.2
-"""How far one refinement moves what is believed of the noise, in the logarithm."""
 
 
 def is_new_view(last: Keyframe, matches: Matches, settings: RefinementSettings) -> bool:
@@ -60,7 +52,8 @@ def add_keyframe(
 
     The oldest keyframe beyond the window is dropped. Landmarks whose template has grown or
     shrunk too much, or was dropped, take the new keyframe as their anchor if it sees them, and
-    are forgotten otherwise.
+    are forgotten otherwise. At a firewall all are forgotten: the view starts the map anew, at its
+    pose, so that no error of the structure reaches beyond (Nistér, Naroditsky and Bergen, 2004).
 
     Args:
         local_map: May be empty.
@@ -72,6 +65,10 @@ def add_keyframe(
         settings: The window, and how much a template may change.
         hooks: May replace disparities; hear of the fresh landmarks.
     """
+    kept = settings.refinement.firewall_keyframes
+    if 0 < kept <= local_map.next_serial - local_map.first_serial:
+        local_map = empty_map(local_map.next_serial, local_map.next_id, local_map.noise)
+        matches = None
     serial, known = local_map.next_serial, local_map.landmarks
     taken = matches.measured if matches else np.zeros((0, 3))
     measured, sigma, slopes, vectors, share = _fresh_features(
@@ -102,8 +99,13 @@ def add_keyframe(
     if matches:
         known = _renew_anchors(known, matches, keyframe, keyframes[0].serial, settings)
     known = known.select(known.anchor >= keyframes[0].serial)
-    return LocalMap(
-        keyframes, known.extend(fresh), serial + 1, local_map.next_id + n, share, local_map.noise
+    return replace(
+        local_map,
+        keyframes=keyframes,
+        landmarks=known.extend(fresh),
+        next_serial=serial + 1,
+        next_id=local_map.next_id + n,
+        depth_share=share,
     )
 
 
@@ -154,73 +156,3 @@ def _renew_anchors(
             keyframe.measured[:, 2],
         ),
     )
-
-
-def refine_map(
-    local_map: LocalMap, rig: StereoRig, settings: OdometrySettings
-) -> tuple[LocalMap, int]:
-    """Refine the window's poses and the landmarks that were seen often enough (thesis 4.4).
-
-    A landmark takes part if at least `least_views` frames saw it, two of them keyframes.
-
-    The oldest keyframe stays, and so does one that sees too few of these landmarks to be
-    determined. Landmarks seen too rarely move rigidly with their anchor.
-
-    Returns:
-        The refined map and the iterations that it took, 0 if there was nothing to refine.
-    """
-    keyframes, landmarks = local_map.keyframes, local_map.landmarks
-    ids, mask = visibility(keyframes)
-    often = landmarks.ids[landmarks.views >= settings.refinement.least_views]
-    chosen = np.isin(ids, often) & (mask.sum(axis=1) >= 2)
-    fixed = mask[chosen].sum(axis=0) < DETERMINED
-    fixed[0] = True
-    if fixed.all():
-        return local_map, 0
-    ids = ids[chosen]
-    rows = np.searchsorted(landmarks.ids, ids)
-    used = [np.isin(keyframe.ids, ids) for keyframe in keyframes]
-    pairs = list(zip(keyframes, used, strict=True))
-    T_before = np.stack([keyframe.T_odom_cam for keyframe in keyframes])
-    bundle = Bundle(
-        T_world_cam=T_before,
-        points_world=landmarks.points_odom[rows],
-        camera=np.concatenate([np.full(u.sum(), i) for i, u in enumerate(used)]),
-        point=np.concatenate([np.searchsorted(ids, k.ids[u]) for k, u in pairs]),
-        measured=np.concatenate([k.measured[u] for k, u in pairs]),
-        sigma=np.concatenate([k.sigma[u] for k, u in pairs]),
-        fixed=fixed,
-        K=rig.K,
-        baseline_m=rig.baseline_m,
-    )
-    refined = refine_structure(bundle, settings.refinement)
-    moved = refined.T_world_cam @ se3.inverse(T_before)
-    anchor = landmarks.anchor - keyframes[0].serial
-    points_odom = np.einsum("nij,nj->ni", moved[anchor, :3, :3], landmarks.points_odom)
-    points_odom += moved[anchor, :3, 3]
-    points_odom[rows] = refined.points_world
-    keyframes = tuple(
-        replace(k, T_odom_cam=T, covariance=_carried(keyframes[0], k, T, spread))
-        for k, T, spread in zip(keyframes, refined.T_world_cam, refined.covariance, strict=True)
-    )
-    landmarks = replace(landmarks, points_odom=points_odom)
-    noise = local_map.noise
-    if settings.refinement.learn_noise:
-        noise = _learnt(noise, refined.misfit)
-    refined_map = replace(local_map, keyframes=keyframes, landmarks=landmarks, noise=noise)
-    return refined_map, refined.iterations
-
-
-def _learnt(noise: tuple[float, float], misfit: Array) -> tuple[float, float]:
-    """Follow the residuals slowly, and not below half of what is assumed."""
-    factor = np.where(np.isfinite(misfit), np.maximum(misfit, 1e-3), 1.0) ** (LEARNING / 2)
-    pixels, disparities = np.clip(np.array(noise) * factor, 0.5, 10.0)
-    return float(pixels), float(disparities)
-
-
-def _carried(oldest: Keyframe, keyframe: Keyframe, T_odom_cam: Array, relative: Array) -> Array:
-    """Covariance of a refined keyframe: what the oldest one's becomes there, and its own."""
-    if not relative.any():  # it was not refined
-        return keyframe.covariance
-    T_cam_oldest = se3.inverse(T_odom_cam) @ oldest.T_odom_cam
-    return se3.carry_covariance(T_cam_oldest, oldest.covariance) + relative

@@ -17,8 +17,9 @@ from vo.contract.sequence import StereoFrame
 from vo.correspondence import Matches, find_matches, find_more
 from vo.hooks import UNTOUCHED, Hooks
 from vo.journey import Journey
+from vo.local_bundle import refine_map
 from vo.localisation import agreeing, orient, refine_pose
-from vo.mapping import add_keyframe, is_new_view, refine_map
+from vo.mapping import add_keyframe, is_new_view
 from vo.recovery import ADRIFT
 from vo.refine import Pose
 from vo.replacement import replace_features, replace_inliers, replace_matches

@@ -1,23 +1,21 @@
-"""Bundle adjustment in GTSAM: motion only, or motion and structure (thesis 2.8, 3.4).
+"""Bundle adjustment: motion only, or motion and structure (thesis 2.8, 3.4).
 
-The only module that imports gtsam, whose Pose3 tangents are (w, v); covariances leave it in the
-project's order. All measurements of a bundle
-are one factor on its cameras, from which `vo.reduction` has eliminated the points: GTSAM then
-solves for tens of unknowns, and Python is entered once an iteration instead of once a measurement
-(docs/decisions/0006).
+All measurements of a bundle are few factors on its cameras, from which `vo.reduction` has
+eliminated the points: GTSAM then solves for the cameras alone, and Python is entered once an
+iteration and factor instead of once a measurement (docs/decisions/0006).
 """
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-import gtsam
 import numpy as np
-from gtsam.symbol_shorthand import X
 
+from vo.bundle import Bundle, Chunk, chunks, intrinsics, split_pose, weigh
 from vo.config import RefinementSettings
-from vo.contract.arrays import Array, Indices, Mask
+from vo.contract.arrays import Array, Mask
 from vo.contract.rig import StereoRig
-from vo.reduction import all_residuals, camera_normal, reduce, robust_weights
+from vo.reduction import camera_normal, robust_weights
+from vo.solver import TURN_LAST, Part, information_inverse, optimize
 
 REWEIGHTINGS = 3
 """Rounds in which the Huber weights are renewed (Holland and Welsch, 1977), for one camera."""
@@ -25,44 +23,10 @@ REWEIGHTINGS = 3
 STRUCTURE_REWEIGHTINGS = 2
 """The same for many, which were refined before."""
 
-LIFT = 1e-9
-"""Added to the diagonal of normal equations, relative: directions that nothing determines stay."""
-
-
-Normal = Callable[[Array, bool], tuple[Array, Array, float]]
-
-TURN_LAST = [3, 4, 5, 0, 1, 2]
-"""From GTSAM's tangents (w, v) to (v, w)."""
+SIX = np.arange(6)
 
 MEDIAN_CHI2 = (0.455, 1.386)
 """Medians of chi-squared with one and two degrees of freedom."""
-
-
-@dataclass(frozen=True)
-class Bundle:
-    """Cameras, points and what the cameras measured.
-
-    Attributes:
-        T_world_cam: (K, 4, 4) initial poses.
-        points_world: (J, 3) initial points, metres.
-        camera: (M,) index of the camera of each measurement.
-        point: (M,) index of the point of each measurement.
-        measured: (M, 3) left-image u, v and disparity, pixels; NaN where not measured.
-        sigma: (M, 3) their standard deviations, pixels.
-        fixed: (K,) cameras that must not move; at least one.
-        K: (3, 3) pinhole matrix without skew.
-        baseline_m: Of the stereo pair.
-    """
-
-    T_world_cam: Array
-    points_world: Array
-    camera: Indices
-    point: Indices
-    measured: Array
-    sigma: Array
-    fixed: Mask
-    K: Array
-    baseline_m: float
 
 
 @dataclass(frozen=True)
@@ -73,7 +37,7 @@ class Refined:
         T_world_cam: (K, 4, 4).
         points_world: (J, 3) metres.
         covariance: (K, 6, 6) of each camera given the fixed ones, tangent (v m, w rad) in its own
-            frame; zero for those.
+            frame; zero for those, and for all if it was not asked for.
         iterations: Levenberg–Marquardt steps; `most_iterations` if it did not converge.
         error: Final value of half the summed robust squared whitened residuals.
         misfit: (2,) median squared residual of pixels and of disparities, over what their sigmas
@@ -103,50 +67,79 @@ class Pose:
     iterations: int
 
 
-def refine_structure(bundle: Bundle, settings: RefinementSettings) -> Refined:
+def refine_structure(
+    bundle: Bundle, settings: RefinementSettings, covariances: bool = True
+) -> Refined:
     """Minimise the reprojection error over all cameras that may move and all points.
 
     Every point should be seen by at least three cameras (thesis 4.4); this function takes what
-    it is given.
+    it is given. The covariances of K cameras cost K cubed.
 
     Source:
         thesis eq. 2.29 with a Huber loss; the gauge is held by the fixed cameras.
     """
-    order = np.argsort(bundle.point, kind="stable")
-    camera, point = bundle.camera[order], bundle.point[order]
-    measured, known = _weighted(bundle.measured[order], bundle.sigma[order])
-    intrinsics = _intrinsics(bundle.K, bundle.baseline_m)
-    first = np.searchsorted(point, np.arange(len(bundle.points_world) + 1))
-    moving = np.flatnonzero(~bundle.fixed)
-    slot = np.full(len(bundle.fixed), -1)
-    slot[moving] = np.arange(len(moving))
-    T, points, weight = bundle.T_world_cam.copy(), bundle.points_world.copy(), known
-
-    nowhere = np.full_like(slot, -1)
-
-    def normal(poses: Array, derivatives: bool) -> tuple[Array, Array, float]:
-        nonlocal points
-        T[moving] = poses
-        places, size = (slot, len(moving)) if derivatives else (nowhere, 0)
-        H, g, cost, points = reduce(
-            *_split(T), points, first, camera, measured, weight, intrinsics, places, size
-        )
-        return H, g, cost
-
-    poses, iterations = T[moving], 0
+    pieces = chunks(bundle, settings.use_disparity)
+    T = bundle.T_world_cam.copy()
+    moving = ~bundle.fixed
+    parts = [_part(chunk, T, moving) for chunk in pieces if moving[chunk.cameras].any()]
+    iterations = 0
     for _ in range(STRUCTURE_REWEIGHTINGS):
-        weight = robust_weights(
-            *_split(T), points, camera, point, measured, known, intrinsics, settings.huber
-        )
-        poses, steps = _optimize(poses, normal, settings)
+        for chunk in pieces:
+            chunk.reweigh(T[chunk.cameras], settings.huber)
+        T[moving], steps = optimize(T[moving], parts, settings.most_iterations)
         iterations += steps
         if steps >= settings.most_iterations:
             break
-    H, _, error = normal(poses, derivatives=True)
+    points, error = bundle.points_world.copy(), 0.0
+    for chunk in pieces:
+        error += chunk.normal(T[chunk.cameras], moving[chunk.cameras], derivatives=False)[2]
+        points[chunk.rows] = chunk.points
     covariance = np.zeros((len(T), 6, 6))
-    covariance[moving] = _diagonal_blocks(_inverse(H))[:, TURN_LAST][:, :, TURN_LAST]
-    residuals = all_residuals(*_split(T), points, camera, point, measured, known, intrinsics)
-    return Refined(T, points, covariance, iterations, error, _misfit(residuals, known))
+    if covariances:
+        covariance[moving] = _covariances(pieces, T, moving)
+    return Refined(T, points, covariance, iterations, error, misfit(pieces, T))
+
+
+def _part(chunk: Chunk, T: Array, moving: Mask) -> Part:
+    """The share of a chunk in the cost of the moving cameras; the others stay as they are."""
+    here = T[chunk.cameras].copy()
+    own = moving[chunk.cameras]
+    places = (np.cumsum(moving) - 1)[chunk.cameras[own]]
+
+    def normal(poses: Array, derivatives: bool) -> tuple[Array, Array, float]:
+        here[own] = poses
+        return chunk.normal(here, own, derivatives)
+
+    return Part(places, normal)
+
+
+def _covariances(pieces: Sequence[Chunk], T: Array, moving: Mask) -> Array:
+    """Diagonal blocks (S, 6, 6) of the inverse of all normal equations, tangents (v, w)."""
+    size = int(moving.sum())
+    total = np.zeros((size, 6, size, 6))
+    for chunk in pieces:
+        own = moving[chunk.cameras]
+        places = (np.cumsum(moving) - 1)[chunk.cameras[own]]
+        H, _, _ = chunk.normal(T[chunk.cameras], own, derivatives=True)
+        n = len(places)
+        total[np.ix_(places, SIX, places, SIX)] += H.reshape(n, 6, n, 6)
+    inverse = information_inverse(total.reshape(6 * size, 6 * size)).reshape(size, 6, size, 6)
+    blocks = inverse[np.arange(size), :, np.arange(size)]
+    return blocks[:, TURN_LAST][:, :, TURN_LAST]
+
+
+def misfit(pieces: Sequence[Chunk], T: Array) -> Array:
+    """Median squared residual of pixels and of disparities over what is expected, (2,)."""
+    residuals = np.concatenate([chunk.residuals(T[chunk.cameras]) for chunk in pieces])
+    known = np.concatenate([chunk.known for chunk in pieces])
+    pixels = (residuals[:, :2] ** 2).sum(axis=1)
+    disparities = residuals[known[:, 2] > 0, 2] ** 2
+    return np.array(
+        [
+            np.median(squared) / MEDIAN_CHI2[k] if len(squared) else np.nan
+            for squared, k in ((pixels, 1), (disparities, 0))
+        ]
+    )
 
 
 def refine_motion(
@@ -167,113 +160,22 @@ def refine_motion(
         rig: Projects.
         settings: Loss and iterations.
     """
-    seen, known = _weighted(measured, sigma)
+    seen, known = weigh(measured, sigma, settings.use_disparity)
     points = np.ascontiguousarray(points_world, dtype=np.float64)
-    intrinsics = _intrinsics(rig.K, rig.baseline_m)
+    f = intrinsics(rig.K, rig.baseline_m)
     everyone = np.arange(len(points))
     poses, weight, iterations = T_world_cam[None], known, 0
 
     def normal(poses: Array, derivatives: bool = True) -> tuple[Array, Array, float]:
-        R, t = _split(poses)
-        return camera_normal(R[0], t[0], points, seen, weight, intrinsics)
+        R, t = split_pose(poses)
+        return camera_normal(R[0], t[0], points, seen, weight, f)
 
+    whole = Part(np.array([0]), normal)
     for _ in range(REWEIGHTINGS if len(points) else 0):
         weight = robust_weights(
-            *_split(poses), points, 0 * everyone, everyone, seen, known, intrinsics, settings.huber
+            *split_pose(poses), points, 0 * everyone, everyone, seen, known, f, settings.huber
         )
-        poses, more = _optimize(poses, normal, settings)
+        poses, more = optimize(poses, [whole], settings.most_iterations)
         iterations += more
-    covariance = _inverse(normal(poses)[0])[TURN_LAST][:, TURN_LAST]
+    covariance = information_inverse(normal(poses)[0])[TURN_LAST][:, TURN_LAST]
     return Pose(poses[0], covariance, iterations)
-
-
-def _optimize(poses: Array, normal: Normal, s: RefinementSettings) -> tuple[Array, int]:
-    """Levenberg–Marquardt over one factor that is given by its normal equations.
-
-    Args:
-        poses: (S, 4, 4) where to start.
-        normal: Poses to (6 S, 6 S) information H, (6 S,) gradient g and cost f, of which H and g
-            may be anything where no derivatives are asked for. The factor's residuals e and
-            derivatives J are any with J'J = H, J'e = g and e'e = 2 f.
-        s: Iterations.
-
-    Returns:
-        (S, 4, 4) poses and the steps taken; the poses as given if nothing determines them.
-    """
-    keys = [X(i) for i in range(len(poses))]
-    size = 6 * len(poses)
-
-    def residuals(_: object, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
-        here = np.array([values.atPose3(key).matrix() for key in keys])
-        H, g, cost = normal(here, jacobians is not None)
-        e = np.zeros(size + 1)
-        if jacobians is None:
-            e[-1] = np.sqrt(2 * cost)
-            return e
-        L = _cholesky(H)
-        e[:-1] = np.linalg.solve(L, g)
-        e[-1] = np.sqrt(max(2 * cost - e @ e, 0.0))
-        J = np.vstack([L.T, np.zeros(size)])
-        for i in range(len(keys)):
-            jacobians[i] = np.asfortranarray(J[:, 6 * i : 6 * i + 6])
-        return e
-
-    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-    for key, T in zip(keys, poses, strict=True):
-        values.insert(key, gtsam.Pose3(T))
-    graph.add(gtsam.CustomFactor(gtsam.noiseModel.Unit.Create(size + 1), keys, residuals))
-    parameters = gtsam.LevenbergMarquardtParams()
-    parameters.setMaxIterations(s.most_iterations)
-    parameters.setRelativeErrorTol(1e-4)
-    optimizer = gtsam.LevenbergMarquardtOptimizer(graph, values, parameters)
-    try:
-        values = optimizer.optimize()
-    except RuntimeError:  # gtsam's IndeterminateLinearSystemException has no type of its own here
-        return poses, s.most_iterations
-    return np.array([values.atPose3(key).matrix() for key in keys]), optimizer.iterations()
-
-
-def _misfit(residuals: Array, weight: Array) -> Array:
-    pixels = (residuals[:, :2] ** 2).sum(axis=1)
-    disparities = residuals[weight[:, 2] > 0, 2] ** 2
-    return np.array(
-        [
-            np.median(squared) / MEDIAN_CHI2[k] if len(squared) else np.nan
-            for squared, k in ((pixels, 1), (disparities, 0))
-        ]
-    )
-
-
-def _weighted(measured: Array, sigma: Array) -> tuple[Array, Array]:
-    """Measurements without NaN, and one over their sigmas, zero where nothing was measured."""
-    weight = np.where(np.isnan(measured), 0.0, 1.0 / sigma)
-    return np.nan_to_num(measured), weight
-
-
-def _intrinsics(K: Array, baseline_m: float) -> Array:
-    return np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2], K[0, 0] * baseline_m])
-
-
-def _split(T: Array) -> tuple[Array, Array]:
-    return np.ascontiguousarray(T[:, :3, :3]), np.ascontiguousarray(T[:, :3, 3])
-
-
-def _lifted(H: Array) -> Array:
-    return H + np.diag(LIFT * np.diag(H) + 1e-12)
-
-
-def _cholesky(H: Array) -> Array:
-    try:
-        return np.linalg.cholesky(_lifted(H))
-    except np.linalg.LinAlgError:  # rounding made it indefinite
-        values, vectors = np.linalg.eigh(_lifted(H))
-        return vectors * np.sqrt(np.maximum(values, 0.0))
-
-
-def _inverse(H: Array) -> Array:
-    return np.linalg.inv(_lifted(H))
-
-
-def _diagonal_blocks(matrix: Array) -> Array:
-    n = len(matrix) // 6
-    return matrix.reshape(n, 6, n, 6)[np.arange(n), :, np.arange(n)]

@@ -6,6 +6,7 @@ import numpy as np
 
 from vo.contract import se3
 from vo.contract.arrays import Array, Image, Indices, Mask
+from vo.fixed_lag import FixedLag
 
 
 @dataclass(frozen=True)
@@ -89,6 +90,8 @@ class LocalMap:
         depth_share: Share of the last keyframe's new features that had a depth.
         noise: By how much errors of pixels and of disparities exceed what is assumed, as far as
             residuals have shown.
+        first_serial: Of the first keyframe, be it in the window or not.
+        lag: What keyframes that left the window left behind, if refinement is incremental.
     """
 
     keyframes: tuple[Keyframe, ...]
@@ -97,6 +100,8 @@ class LocalMap:
     next_id: int
     depth_share: float = 1.0
     noise: tuple[float, float] = (1.0, 1.0)
+    first_serial: int = 0
+    lag: FixedLag | None = None
 
     def seen(self, rows: Indices, features: Indices, vectors: Array) -> "LocalMap":
         """Count a view of some landmarks; renew the appearance of those that have a feature.
@@ -137,10 +142,13 @@ class LocalMap:
 
         points = se3.transform(T_new_old, self.landmarks.points_odom)
         landmarks = replace(self.landmarks, points_odom=points)
-        return replace(self, keyframes=tuple(map(carried, self.keyframes)), landmarks=landmarks)
+        keyframes = tuple(map(carried, self.keyframes))
+        return replace(self, keyframes=keyframes, landmarks=landmarks, lag=None)
 
 
-def empty_map(next_serial: int = 0, next_id: int = 0) -> LocalMap:
+def empty_map(
+    next_serial: int = 0, next_id: int = 0, noise: tuple[float, float] = (1.0, 1.0)
+) -> LocalMap:
     """A map without keyframes or landmarks, which goes on counting from another one."""
     none = np.zeros(0, dtype=np.int64)
     landmarks = Landmarks(
@@ -153,7 +161,7 @@ def empty_map(next_serial: int = 0, next_id: int = 0) -> LocalMap:
         anchor_depth_m=np.zeros(0),
         anchor_slopes=np.zeros((0, 2)),
     )
-    return LocalMap((), landmarks, next_serial, next_id)
+    return LocalMap((), landmarks, next_serial, next_id, noise=noise, first_serial=next_serial)
 
 
 def visibility(keyframes: tuple[Keyframe, ...]) -> tuple[Indices, Mask]:

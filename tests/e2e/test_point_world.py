@@ -7,7 +7,8 @@ from vo.config import MotionSettings, RefinementSettings
 from vo.contract import se3
 from vo.contract.rig import StereoRig
 from vo.motion import relative_orientation, reprojection_errors
-from vo.refine import Bundle, refine_motion, refine_structure
+from vo.bundle import Bundle
+from vo.refine import refine_motion, refine_structure
 
 RIG = StereoRig(640, 480, 457.0, 319.5, 239.5, 0.09)
 SIGMA_PX, SIGMA_DISPARITY_PX = 0.2, 0.2

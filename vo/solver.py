@@ -1,0 +1,105 @@
+"""Normal equations as GTSAM factors, and Levenberg–Marquardt over them (docs/decisions/0006).
+
+GTSAM's Pose3 tangents are (w, v): so are the equations here. Covariances leave it as (v, w).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import gtsam
+import numpy as np
+from gtsam.symbol_shorthand import X
+
+from vo.contract.arrays import Array, Indices
+
+LIFT = 1e-9
+"""Added to the diagonal of normal equations, relative: directions that nothing determines stay."""
+
+TURN_LAST = [3, 4, 5, 0, 1, 2]
+"""From GTSAM's tangents (w, v) to (v, w)."""
+
+Normal = Callable[[Array, bool], tuple[Array, Array, float]]
+"""(S, 4, 4) poses to (6 S, 6 S) information H, (6 S,) gradient g and cost f.
+
+H and g may be anything where the second argument, whether derivatives are needed, is false.
+"""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A share of a problem: its cost by some of the poses.
+
+    Attributes:
+        places: (S,) rows of the poses that it is about.
+        normal: Takes these poses only.
+    """
+
+    places: Indices
+    normal: Normal
+
+
+def factor(keys: Sequence[int], normal: Normal) -> gtsam.CustomFactor:
+    """Make a factor whose residuals e and derivatives J have J'J = H, J'e = g and e'e = 2 f."""
+    keys, size = list(keys), 6 * len(keys)
+
+    def residuals(_: object, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
+        here = np.array([values.atPose3(key).matrix() for key in keys])
+        H, g, cost = normal(here, jacobians is not None)
+        e = np.zeros(size + 1)
+        if jacobians is None:
+            e[-1] = np.sqrt(2 * cost)
+            return e
+        L = _cholesky(H)
+        e[:-1] = np.linalg.solve(L, g)
+        e[-1] = np.sqrt(max(2 * cost - e @ e, 0.0))
+        J = np.vstack([L.T, np.zeros(size)])
+        for i in range(len(keys)):
+            jacobians[i] = np.asfortranarray(J[:, 6 * i : 6 * i + 6])
+        return e
+
+    return gtsam.CustomFactor(gtsam.noiseModel.Unit.Create(size + 1), keys, residuals)
+
+
+def optimize(poses: Array, parts: Sequence[Part], most_iterations: int) -> tuple[Array, int]:
+    """Minimise the sum of the parts' costs by Levenberg–Marquardt.
+
+    Args:
+        poses: (S, 4, 4) where to start; each in at least one part.
+        parts: Few that share few poses are cheap: GTSAM's elimination is sparse in them.
+        most_iterations: Steps.
+
+    Returns:
+        (S, 4, 4) poses and the steps taken; the poses as given if nothing determines them.
+    """
+    keys = [X(i) for i in range(len(poses))]
+    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    for key, T in zip(keys, poses, strict=True):
+        values.insert(key, gtsam.Pose3(T))
+    for part in parts:
+        graph.add(factor([keys[i] for i in part.places], part.normal))
+    parameters = gtsam.LevenbergMarquardtParams()
+    parameters.setMaxIterations(most_iterations)
+    parameters.setRelativeErrorTol(1e-4)
+    optimizer = gtsam.LevenbergMarquardtOptimizer(graph, values, parameters)
+    try:
+        values = optimizer.optimize()
+    except RuntimeError:  # gtsam's IndeterminateLinearSystemException has no type of its own here
+        return poses, most_iterations
+    return np.array([values.atPose3(key).matrix() for key in keys]), optimizer.iterations()
+
+
+def information_inverse(H: Array) -> Array:
+    """Covariance (6 S, 6 S) of what normal equations determine."""
+    return np.linalg.inv(_lifted(H))
+
+
+def _lifted(H: Array) -> Array:
+    return H + np.diag(LIFT * np.diag(H) + 1e-12)
+
+
+def _cholesky(H: Array) -> Array:
+    try:
+        return np.linalg.cholesky(_lifted(H))
+    except np.linalg.LinAlgError:  # rounding made it indefinite
+        values, vectors = np.linalg.eigh(_lifted(H))
+        return vectors * np.sqrt(np.maximum(values, 0.0))
