@@ -227,6 +227,10 @@ class OdometrySettings(Settings):
     patience: int = Field(
         default=5, ge=0, description="lost frames after which the odometry starts anew"
     )
+    standing: Literal["none", "image", "encoders"] = Field(
+        default="encoders",
+        description="what tells that the rover stands (E11): nothing, flow, or wheels and flow",
+    )
     features: FeatureSettings = FeatureSettings()
     matching: MatchingSettings = MatchingSettings()
     stereo: StereoSettings = StereoSettings()
@@ -235,6 +239,7 @@ class OdometrySettings(Settings):
 
 
 THESIS = OdometrySettings(
+    standing="none",
     features=FeatureSettings(count=500, cell_px=10_000, smoothing_px=0),
     matching=MatchingSettings(predict="still", search_px=60, guided=False, align=False),
     stereo=StereoSettings(method="block_matching", shrink=1, refine=False, least_disparity_px=8),

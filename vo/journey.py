@@ -12,6 +12,7 @@ from vo.contract.arrays import Array
 from vo.contract.rig import StereoRig
 from vo.history import History
 from vo.recovery import find_again
+from vo.standing import Rest
 from vo.tracks import LocalMap, empty_map
 from vo.view import View
 
@@ -27,6 +28,7 @@ class Journey:
         T_odom_cam: (4, 4) pose of the last frame that had one.
         T_before_now: (4, 4) its motion, which predicts the next.
         spread: (6, 6) covariance of that pose, given the map.
+        rest: The last frame that was somewhere else than the one before it; None before the first.
         last_ns: Its time.
         seen_ns: Time of the last frame, with or without a pose.
         lost_frames: Since the last pose.
@@ -40,6 +42,7 @@ class Journey:
     T_odom_cam: Array = field(default_factory=lambda: np.eye(4))
     T_before_now: Array = field(default_factory=lambda: np.eye(4))
     spread: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    rest: Rest | None = None
     last_ns: int = 0
     seen_ns: int = -1
     lost_frames: int = 0

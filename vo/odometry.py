@@ -23,6 +23,7 @@ from vo.mapping import add_keyframe, is_new_view
 from vo.recovery import ADRIFT
 from vo.refine import Pose
 from vo.replacement import replace_features, replace_inliers, replace_matches
+from vo.standing import Rest, stands
 from vo.stereo import DenseStereo
 from vo.view import View, look
 
@@ -45,7 +46,7 @@ class StereoOdometry:
 
     def track(self, frame: StereoFrame) -> Estimate:
         """Estimate the pose of the next frame; never raises on image content."""
-        s, rig, here, clock = self.settings, self.rig, self._journey, Clock()
+        s, here, clock = self.settings, self._journey, Clock()
         if frame.timestamp_ns <= here.seen_ns:
             reason = f"not later than the frame before, at {here.seen_ns} ns"
             return Estimate(frame.timestamp_ns, Status.LOST, None, reason)
@@ -62,27 +63,14 @@ class StereoOdometry:
         else:
             return self._lose(view, counts, clock)
         pose, matches, inliers = located
-        T_odom_cam = pose.T_world_cam
         if np.isnan(inliers.measured[:, 2]).mean() > ONE_EYED and eyes_look_swapped(view, s):
             return self._lose(view, counts, clock)
 
         with clock("structure refinement"):  # motion and structure, on long tracks (3.4, 4.4)
             here.map = here.map.seen(inliers.rows, inliers.features, view.vectors)
-            if is_new_view(here.map.keyframes[-1], inliers, s.refinement):
-                spread = here.covariance(T_odom_cam, pose.covariance)
-                here.map = add_keyframe(
-                    here.map, view, T_odom_cam, spread, inliers, rig, s, self.hooks
-                )
-                here.map, counts["structure iterations"] = refine_map(here.map, rig, s)
-                here.stitch(view, rig, s, self._rng)  # to a segment that was lost (6)
-                here.history.remember(here.map, s.refinement.least_views)
-                if not np.isnan(lower_px := row_offset_px(view, inliers.measured, s)):
-                    here.row_offsets_px.append(lower_px)
-                T_odom_cam = here.map.keyframes[-1].T_odom_cam
-                if here.map.depth_share < s.features.clear_share:
-                    self._smoothing_px = s.features.smoothing_px
+            T_odom_cam, spread = self._settle(frame, view, pose, inliers, counts)
 
-        step = here.advance(view, T_odom_cam, pose.covariance)
+        step = here.advance(view, T_odom_cam, spread)
         weak = len(inliers) < s.motion.weak_inliers
         status = Status.WEAK if weak else Status.TRACKED
         few = f"{len(inliers)} inliers, fewer than {s.motion.weak_inliers}"
@@ -90,7 +78,7 @@ class StereoOdometry:
         seen = Observations(
             matches.ids, matches.pixels, matches.measured[:, 2], np.isin(matches.ids, inliers.ids)
         )
-        covariance = here.covariance(T_odom_cam, pose.covariance)
+        covariance = here.covariance(T_odom_cam, spread)
         return Estimate(
             frame.timestamp_ns, status, T_odom_cam, reason, counts, clock.ms, seen, covariance, step
         )
@@ -141,6 +129,40 @@ class StereoOdometry:
         counts["found"], counts["inliers"] = len(matches), len(inliers)
         counts["motion iterations"] = pose.iterations
         return (pose, matches, inliers) if len(inliers) >= s.motion.least_inliers else None
+
+    def _settle(
+        self, frame: StereoFrame, view: View, pose: Pose, inliers: Matches, counts: dict[str, int]
+    ) -> tuple[Array, Array]:
+        """The pose held if the camera stands (5.1.3, E11), or else after the map has grown.
+
+        Returns:
+            (4, 4) T_odom_cam, and its (6, 6) covariance given the map.
+        """
+        rest, standing = self._journey.rest, self.settings.standing
+        ticks = frame.wheel_ticks if standing == "encoders" else None
+        if rest and standing != "none" and stands(rest, inliers, ticks, self.rig):
+            return rest.T_odom_cam, rest.spread
+        T_odom_cam = self._refine(view, pose, inliers, counts)
+        self._journey.rest = Rest(
+            T_odom_cam, pose.covariance, inliers.ids, inliers.pixels, frame.wheel_ticks
+        )
+        return T_odom_cam, pose.covariance
+
+    def _refine(self, view: View, pose: Pose, inliers: Matches, counts: dict[str, int]) -> Array:
+        """Let a new view grow and refine the map; the pose (4, 4) afterwards."""
+        s, rig, here, T_odom_cam = self.settings, self.rig, self._journey, pose.T_world_cam
+        if not is_new_view(here.map.keyframes[-1], inliers, s.refinement):
+            return T_odom_cam
+        spread = here.covariance(T_odom_cam, pose.covariance)
+        here.map = add_keyframe(here.map, view, T_odom_cam, spread, inliers, rig, s, self.hooks)
+        here.map, counts["structure iterations"] = refine_map(here.map, rig, s)
+        here.stitch(view, rig, s, self._rng)  # to a segment that was lost (6)
+        here.history.remember(here.map, s.refinement.least_views)
+        if not np.isnan(lower_px := row_offset_px(view, inliers.measured, s)):
+            here.row_offsets_px.append(lower_px)
+        if here.map.depth_share < s.features.clear_share:
+            self._smoothing_px = s.features.smoothing_px
+        return here.map.keyframes[-1].T_odom_cam
 
     def _start(self, view: View, counts: dict[str, int], clock: Clock) -> Estimate:
         """Begin a map where the old one knows the view, or else at the last pose."""

@@ -379,27 +379,68 @@ def test_standing_still(odometry, frames):
     assert error_m(estimates[-1], np.eye(4)) < 1e-4
 
 
-@pytest.fixture(scope="module")
-def turn(scene):
-    """Views of a camera that turns by 2.5 degrees a frame about its own centre, and the truth."""
+def grainy(frame, seed):
+    """A frame with the noise of a fair camera, 2 grey levels."""
+    rng = np.random.default_rng(seed)
+    eyes = (
+        np.clip(np.rint(eye + rng.normal(0, 2, eye.shape)), 0, 255).astype(np.uint8)
+        for eye in (frame.left, frame.right)
+    )
+    return replaced(frame, *eyes)
+
+
+def halted(rig, frame, standing):
+    """Stand for 10 s at 10 Hz; how far the pose moved after the first second, m and degrees."""
+    odometry = StereoOdometry(rig, OdometrySettings(standing=standing))
+    estimates = track_all(odometry, [grainy(later(frame, i), i) for i in range(100)])
+    assert statuses(estimates) == [Status.START] + [Status.TRACKED] * 99
+    moved = [se3.inverse(estimates[10].T_odom_cam) @ x.T_odom_cam for x in estimates[10:]]
+    turned_rad = max(se3.rotation_angle(T) for T in moved)
+    return max(np.linalg.norm(T[:3, 3]) for T in moved), np.degrees(turned_rad)
+
+
+def test_a_halt_does_not_drift(sequence, frames):
+    """By image alone: a sixth of a minute moves it by a sixth of 1 mm and 0.01 degrees at most."""
+    far_m, far_deg = halted(sequence.rig, frames[0], "image")
+    assert far_m < 1e-3 / 6
+    assert far_deg < 0.01 / 6
+    noisy_m, _ = halted(sequence.rig, frames[0], "none")
+    assert noisy_m > 2 * max(far_m, 1e-5)
+
+
+def carried(scene, motions):
+    """What a camera sees that moves by tangents (v, w) from the start, and the truth."""
     world = build_world(scene, SETTINGS)
     joint = world.data.joint(PREFIX + "free")
-    T_world_body = world.T_world_body
-    T_world_cam = T_world_body @ world.rig.T_body_cam
-    T_world_cam_now, frames = [], []
+    T_world_first = world.T_world_body @ world.rig.T_body_cam
+    frames = []
     with StereoRenderer(world, SETTINGS.render) as renderer:
-        for i in range(15):
-            about = se3.exp(np.array([0, 0, 0, 0, 0, i * np.radians(2.5)]))
-            T = T_world_cam.copy()
-            T[:3, :3] = about[:3, :3] @ T_world_cam[:3, :3]
-            T_world_cam_now.append(T)
-            body = T @ se3.inverse(world.rig.T_body_cam)
-            joint.qpos = np.concatenate([body[:3, 3], se3.to_quat_wxyz(body)])
+        for i, T_first_cam in enumerate(se3.exp(motions)):
+            T_world_body = T_world_first @ T_first_cam @ se3.inverse(world.rig.T_body_cam)
+            joint.qpos = np.concatenate([T_world_body[:3, 3], se3.to_quat_wxyz(T_world_body)])
             world.place_bodies()
             left, right = renderer.paint()
             frames.append(StereoFrame(10**8 * i, left, right))
-    T_world_cam_now = np.array(T_world_cam_now)
-    return frames, se3.inverse(T_world_cam_now[0]) @ T_world_cam_now
+    return frames, se3.exp(motions)
+
+
+def test_a_creep_is_not_taken_for_a_halt(odometry, scene):
+    """A tenth of a millimetre a frame is below the noise of a frame; 40 of them are not."""
+    motions = np.zeros((40, 6))
+    motions[:, 2] = 1e-4 * np.arange(40)
+    frames, truth = carried(scene, motions)
+    estimates = track_all(odometry, [grainy(x, i) for i, x in enumerate(frames)])
+    errors_m = [error_m(x, T) for x, T in zip(estimates, truth, strict=True)]
+    assert max(errors_m) < 1e-3
+    assert errors_m[-1] < 0.2 * truth[-1, 2, 3]
+
+
+@pytest.fixture(scope="module")
+def turn(scene):
+    """Views of a camera that turns by 2.5 degrees a frame about its own upright axis."""
+    motions = np.zeros((15, 6))
+    motions[:, 4] = -np.radians(2.5) * np.arange(15)
+    return carried(scene, motions)
 
 
 def test_a_turn_on_the_spot_is_tracked(odometry, turn):
