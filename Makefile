@@ -2,7 +2,7 @@
 # `make bench` and `make accuracy` take options: make bench ARGS=--quick
 
 .DEFAULT_GOAL := help
-.PHONY: demo test lint bench accuracy proof response bump scenes clean help
+.PHONY: demo test lint bench accuracy proof response bump replan scenes clean help
 
 VENV := .venv
 READY := $(VENV)/.ready
@@ -40,6 +40,9 @@ response: $(READY)  ## what every disturbance and every scene costs the baseline
 
 bump: $(READY)  ## what a brick under a wheel does to every channel, as a figure
 	$(BIN)/python -m trials.bump $(ARGS)
+
+replan: $(READY)  ## how much faster D* Lite replans on a grid than A* plans anew
+	$(BIN)/python -m trials.navigation.bench $(ARGS)
 
 clean:  ## remove results and caches; the environment in .venv stays
 	rm -rf build demo dist .pytest_cache .hypothesis .ruff_cache .import_linter_cache

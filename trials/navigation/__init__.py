@@ -1,0 +1,1 @@
+"""Planning where to drive, and driving there."""
