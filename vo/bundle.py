@@ -15,6 +15,9 @@ WHOLE = 24
 SPAN = 6
 """Points first seen by so many cameras in a row are a chunk of a larger bundle."""
 
+DETERMINED = 6
+"""A camera that sees fewer points is not placed by them."""
+
 
 @dataclass(frozen=True)
 class Bundle:

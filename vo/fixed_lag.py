@@ -135,16 +135,19 @@ class FixedLag:
 
     def _settle(self, serials: list[int], active: Chunk, s: RefinementSettings) -> Smoothed:
         """Take Gauss–Newton steps until they are small."""
-        T, steps = self._poses(serials), 1
+        T_odom_cam, steps = self._poses(serials), 1
         while steps < s.most_iterations:
             self._smoother.update()
-            before, T, steps = T, self._poses(serials), steps + 1
-            if np.abs(se3.log(se3.inverse(before) @ T)).max() < SETTLED:
+            T_before, T_odom_cam = T_odom_cam, self._poses(serials)
+            steps += 1
+            if np.abs(se3.log(se3.inverse(T_before) @ T_odom_cam)).max() < SETTLED:
                 break
-        active.normal(T[active.cameras], np.zeros(len(active.cameras), bool), derivatives=False)
+        still = np.zeros(len(active.cameras), bool)
+        active.normal(T_odom_cam[active.cameras], still, derivatives=False)
         marginals = [self._smoother.marginalCovariance(X(serial)) for serial in serials]
         covariance = np.array(marginals)[:, TURN_LAST][:, :, TURN_LAST]
-        return Smoothed(T, covariance + self._inherited(T), active, steps)
+        covariance += self._inherited(T_odom_cam)
+        return Smoothed(T_odom_cam, covariance, active, steps)
 
     def _inherited(self, T_odom_cam: Array) -> Array:
         """What the first keyframe's covariance becomes at (K, 4, 4) poses: (K, 6, 6)."""

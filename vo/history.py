@@ -9,7 +9,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from vo.contract.arrays import Array
+from vo.bundle import Sight
+from vo.config import RefinementSettings
+from vo.contract import se3
+from vo.contract.arrays import Array, Indices
 from vo.contract.estimator import PointMap
 from vo.contract.trajectory import Trajectory
 from vo.tracks import LocalMap
@@ -17,28 +20,44 @@ from vo.tracks import LocalMap
 
 @dataclass
 class History:
-    """Grows by a few numbers a frame and a few bytes a landmark; images are never kept."""
+    """Grows by a few numbers a frame and a few bytes a landmark; images are never kept.
+
+    Attributes:
+        keyframes: Serial to the latest T_odom_cam.
+        frames: Time, serial of the keyframe that a frame hangs on, and T_keyframe_cam.
+        places: Landmark to its latest position (3,), metres.
+        traits: Landmark to its grey level, its number of views, and its anchor's serial.
+        sights: Serial to what the keyframe saw, in single precision; only where everything is
+            refined in the end.
+    """
 
     keyframes: dict[int, Array] = field(default_factory=dict[int, Array])
-    """Serial to the latest T_odom_cam."""
     frames: list[tuple[int, int, Array]] = field(default_factory=list[tuple[int, int, Array]])
-    """Time, serial of the keyframe that a frame hangs on, and T_keyframe_cam."""
-    _points: dict[int, tuple[Array, int, int]] = field(
-        default_factory=dict[int, tuple[Array, int, int]]
-    )
-    """Landmark to its latest position, grey level and number of views."""
+    places: dict[int, Array] = field(default_factory=dict[int, Array])
+    traits: dict[int, tuple[int, int, int]] = field(default_factory=dict[int, tuple[int, int, int]])
+    sights: dict[int, Sight] = field(default_factory=dict[int, Sight])
 
-    def remember(self, local_map: LocalMap, least_views: int) -> None:
+    def remember(self, local_map: LocalMap, settings: RefinementSettings) -> None:
         """Take over the map's keyframes and those landmarks that enough frames saw."""
         for keyframe in local_map.keyframes:
             self.keyframes[keyframe.serial] = keyframe.T_odom_cam
+        if settings.smooth == "global":
+            newest = local_map.keyframes[-1]
+            self.sights[newest.serial] = Sight(
+                newest.T_odom_cam,
+                newest.ids,
+                newest.measured.astype(np.float32),
+                newest.sigma.astype(np.float32),
+            )
         landmarks = local_map.landmarks
         grey = local_map.grey()
-        for row in np.flatnonzero(landmarks.views >= least_views):
-            self._points[int(landmarks.ids[row])] = (
-                landmarks.points_odom[row].astype(np.float32),
+        for row in np.flatnonzero(landmarks.views >= settings.least_views):
+            landmark = int(landmarks.ids[row])
+            self.places[landmark] = landmarks.points_odom[row].astype(np.float32)
+            self.traits[landmark] = (
                 int(grey[row]),
                 int(landmarks.views[row]),
+                int(landmarks.anchor[row]),
             )
 
     def place(self, timestamp_ns: int, serial: int, T_keyframe_cam: Array) -> None:
@@ -46,10 +65,19 @@ class History:
         self.frames.append((timestamp_ns, serial, T_keyframe_cam))
 
     def move(self, first: int, T_new_old: Array) -> None:
-        """Carry the keyframes from a serial on by a rigid motion of the odometry frame."""
+        """Carry keyframes from a serial on, and their points, by a motion of the odometry frame."""
         for serial in self.keyframes:
             if serial >= first:
                 self.keyframes[serial] = T_new_old @ self.keyframes[serial]
+        for landmark, (_, _, anchor) in self.traits.items():
+            if anchor >= first:
+                moved = se3.transform(T_new_old, self.places[landmark][None])[0]
+                self.places[landmark] = moved.astype(np.float32)
+
+    def positions(self, ids: Indices) -> Array:
+        """Where landmarks (N,) are: (N, 3) metres."""
+        places = [self.places[int(landmark)] for landmark in ids]
+        return np.array(places, dtype=np.float64).reshape(-1, 3)
 
     @property
     def smoothed(self) -> Trajectory:
@@ -61,10 +89,8 @@ class History:
     @property
     def points(self) -> PointMap:
         """Every landmark that was ever remembered."""
-        rows = list(self._points.values())
+        ids = np.array(list(self.places), dtype=np.int64)
+        traits = np.array([self.traits[int(i)] for i in ids], dtype=np.int64).reshape(-1, 3)
         return PointMap(
-            np.array(list(self._points), dtype=np.int64),
-            np.array([p for p, _, _ in rows], dtype=np.float32).reshape(-1, 3),
-            np.array([g for _, g, _ in rows], dtype=np.uint8),
-            np.array([v for _, _, v in rows], dtype=np.int64),
+            ids, self.positions(ids).astype(np.float32), traits[:, 0].astype(np.uint8), traits[:, 1]
         )

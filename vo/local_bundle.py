@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from vo.bundle import Sight, collect
+from vo.bundle import DETERMINED, Sight, collect
 from vo.config import OdometrySettings, RefinementSettings
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices
@@ -13,9 +13,6 @@ from vo.fixed_lag import FixedLag
 from vo.parallax import parallax_rad
 from vo.refine import misfit, refine_structure
 from vo.tracks import Keyframe, Landmarks, LocalMap, visibility
-
-DETERMINED = 6
-"""A keyframe that sees fewer refined landmarks keeps its pose."""
 
 LEARNING = 0.2
 """How far one refinement moves what is believed of the noise, in the logarithm."""
@@ -33,7 +30,7 @@ def refine_map(
     Returns:
         The refined map and the iterations that it took, 0 if there was nothing to refine.
     """
-    if settings.refinement.mode == "motion":
+    if settings.refinement.mode in ("none", "motion"):
         return local_map, 0
     refine = _refine_window if settings.refinement.mode == "window" else _refine_incrementally
     return refine(local_map, rig, settings.refinement)

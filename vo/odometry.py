@@ -15,6 +15,7 @@ from vo.contract.estimator import Estimate, Hindsight, Observations, Status
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
 from vo.correspondence import Matches, find_matches, find_more
+from vo.doubt import explain_doubt, is_unsettled
 from vo.hooks import UNTOUCHED, Hooks
 from vo.journey import Journey
 from vo.local_bundle import refine_map
@@ -23,6 +24,7 @@ from vo.mapping import add_keyframe, is_new_view
 from vo.recovery import ADRIFT
 from vo.refine import Pose
 from vo.replacement import replace_features, replace_inliers, replace_matches
+from vo.smoothing import look_back
 from vo.standing import Rest, stands
 from vo.stereo import DenseStereo
 from vo.view import View, look
@@ -71,10 +73,9 @@ class StereoOdometry:
             T_odom_cam, spread = self._settle(frame, view, pose, inliers, counts)
 
         step = here.advance(view, T_odom_cam, spread)
-        weak = len(inliers) < s.motion.weak_inliers
-        status = Status.WEAK if weak else Status.TRACKED
-        few = f"{len(inliers)} inliers, fewer than {s.motion.weak_inliers}"
-        reason = few if weak else explain_calibration(here.row_offsets_px)
+        doubt = explain_doubt(len(inliers), counts["motion iterations"], s)
+        status = Status.WEAK if doubt else Status.TRACKED
+        reason = doubt or explain_calibration(here.row_offsets_px)
         seen = Observations(
             matches.ids, matches.pixels, matches.measured[:, 2], np.isin(matches.ids, inliers.ids)
         )
@@ -84,8 +85,8 @@ class StereoOdometry:
         )
 
     def reflect(self) -> Hindsight:
-        """Return the trajectory by the last refinement of every keyframe, and the map."""
-        return Hindsight(self._journey.history.smoothed, self._journey.history.points)
+        """Return the map, and the trajectory as far as later frames corrected it."""
+        return look_back(self._journey.history, self.rig, self.settings.refinement)
 
     def _look(self, frame: StereoFrame, clock: Clock) -> View:
         view = look(frame, self._dense_stereo, self.settings, clock, self._smoothing_px)
@@ -117,6 +118,7 @@ class StereoOdometry:
                 return None
         with clock("motion refinement"):  # at every frame (3.4)
             pose = refine_pose(consensus.T, agreed, rig, s)
+            counts["motion iterations"] = pose.iterations
         if s.matching.guided:
             with clock("guided matching"):  # the other landmarks, where the pose puts them (F5)
                 matches = find_more(local_map, view, pose.T_world_cam, matches, rig, s)
@@ -124,10 +126,10 @@ class StereoOdometry:
                 agreed = agreeing(pose.T_world_cam, matches, rig, s.motion)
                 agreed = replace_inliers(hooks, view, matches, agreed)
                 pose = refine_pose(pose.T_world_cam, agreed, rig, s)
+                counts["motion iterations"] += pose.iterations
         inliers = agreeing(pose.T_world_cam, matches, rig, s.motion)
         inliers = replace_inliers(hooks, view, matches, inliers)
         counts["found"], counts["inliers"] = len(matches), len(inliers)
-        counts["motion iterations"] = pose.iterations
         return (pose, matches, inliers) if len(inliers) >= s.motion.least_inliers else None
 
     def _settle(
@@ -151,13 +153,14 @@ class StereoOdometry:
     def _refine(self, view: View, pose: Pose, inliers: Matches, counts: dict[str, int]) -> Array:
         """Let a new view grow and refine the map; the pose (4, 4) afterwards."""
         s, rig, here, T_odom_cam = self.settings, self.rig, self._journey, pose.T_world_cam
-        if not is_new_view(here.map.keyframes[-1], inliers, s.refinement):
+        unsettled = is_unsettled(counts["motion iterations"], s)  # (5.3)
+        if unsettled or not is_new_view(here.map.keyframes[-1], inliers, s.refinement):
             return T_odom_cam
         spread = here.covariance(T_odom_cam, pose.covariance)
         here.map = add_keyframe(here.map, view, T_odom_cam, spread, inliers, rig, s, self.hooks)
         here.map, counts["structure iterations"] = refine_map(here.map, rig, s)
         here.stitch(view, rig, s, self._rng)  # to a segment that was lost (6)
-        here.history.remember(here.map, s.refinement.least_views)
+        here.history.remember(here.map, s.refinement)
         if not np.isnan(lower_px := row_offset_px(view, inliers.measured, s)):
             here.row_offsets_px.append(lower_px)
         if here.map.depth_share < s.features.clear_share:
@@ -181,7 +184,7 @@ class StereoOdometry:
             few = f"{len(fresh.landmarks)} features with depth, need {s.motion.least_inliers}"
             return self._lose(view, counts, clock, few)
         here.map, here.lost_map = fresh, None if known else here.lost_map
-        here.history.remember(fresh, s.refinement.least_views)
+        here.history.remember(fresh, s.refinement)
         step = here.advance(view, T_odom_cam, np.zeros((6, 6))) + covariance
         reason = f"new segment after {lost} lost frames" if lost else ""
         return Estimate(
