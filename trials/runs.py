@@ -11,9 +11,9 @@ import numpy as np
 
 from vo.contract.arrays import Array, Indices, Mask
 from vo.contract.errors import TrajectoryError
-from vo.contract.estimator import Status
+from vo.contract.estimator import PointMap, Status
 from vo.contract.trajectory import Trajectory, read_tum
-from vo.runner import COUNT, MILLISECONDS, companion
+from vo.runner import COUNT, MILLISECONDS, VERTEX, companion
 
 
 @dataclass(frozen=True)
@@ -83,26 +83,57 @@ class SavedRun:
 def read_run(path: Path) -> SavedRun:
     """Read a TUM file with the companions that are there.
 
+    The trajectory may be empty if its record says that every frame was lost.
+
     Raises:
         TrajectoryError: If the trajectory is missing or malformed, or a companion is damaged.
     """
-    trajectory = read_tum(path)
     frames, tracks = companion(path, "frames.csv"), companion(path, "tracks.npz")
     record = companion(path, "run.json")
     about: Mapping[str, Any] = {}
     try:
         if record.is_file():
             about = json.loads(record.read_text(encoding="utf-8"))
+        table = _read_frames(frames) if frames.is_file() else None
         return SavedRun(
             path,
             str(about.get("estimator", path.stem)),
-            trajectory,
-            _read_frames(frames) if frames.is_file() else None,
+            _read_trajectory(path, table),
+            table,
             _read_tracks(tracks) if tracks.is_file() else None,
             about,
         )
     except (OSError, ValueError, KeyError, AttributeError) as error:
         raise TrajectoryError(f"{path}: a file beside it is damaged ({error})") from None
+
+
+def read_map(path: Path) -> PointMap:
+    """Read a PLY file that `vo.runner.write_ply` wrote.
+
+    Raises:
+        TrajectoryError: If it is missing or was written by something else.
+    """
+    kind = np.dtype([(name, kind) for name, kind, _ in VERTEX])
+    try:
+        header, end, body = path.read_bytes().partition(b"end_header\n")
+    except OSError as error:
+        raise TrajectoryError(f"{path}: cannot be read ({error.strerror})") from None
+    properties = [line.split()[-1] for line in header.split(b"\n") if line[:8] == b"property"]
+    if not end or tuple(map(bytes.decode, properties)) != kind.names or len(body) % kind.itemsize:
+        raise TrajectoryError(f"{path}: not a map of this program")
+    table = np.frombuffer(body, kind)
+    return PointMap(
+        table["landmark"].astype(np.int64),
+        np.stack([table[axis] for axis in "xyz"], axis=-1).astype(float),
+        table["red"].copy(),
+        table["views"].astype(np.int64),
+    )
+
+
+def _read_trajectory(path: Path, frames: FrameTable | None) -> Trajectory:
+    if frames and path.is_file() and set(frames.status) == {Status.LOST}:
+        return Trajectory(np.zeros(0, dtype=np.int64), np.zeros((0, 4, 4)))
+    return read_tum(path)
 
 
 def _read_frames(path: Path) -> FrameTable:

@@ -35,6 +35,7 @@ VERTEX = (
     *((axis, "<f4", "float") for axis in "xyz"),
     *((channel, "u1", "uchar") for channel in ("red", "green", "blue")),
     ("views", "<i4", "int"),
+    ("landmark", "<i4", "int"),
 )
 """Name, NumPy's and PLY's type of a map point's properties."""
 
@@ -189,13 +190,13 @@ def _write_covariances(path: Path, estimates: tuple[Estimate, ...]) -> None:
 
 
 def write_ply(path: Path, points: PointMap) -> None:
-    """Write a map as binary PLY: position in metres, grey as colour, and `views`, track length."""
+    """Write a map as binary PLY: position in metres, grey as colour, track length, identifier."""
     table = np.zeros(len(points.ids), np.dtype([(name, kind) for name, kind, _ in VERTEX]))
     for k, axis in enumerate("xyz"):
         table[axis] = points.points_odom[:, k]
     for channel in ("red", "green", "blue"):
         table[channel] = points.grey
-    table["views"] = points.views
+    table["views"], table["landmark"] = points.views, points.ids
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(table)}"]
     header += [f"property {kind} {name}" for name, _, kind in VERTEX]
     with replacing(path) as partial, partial.open("wb") as file:

@@ -1,0 +1,1 @@
+"""The experiments of the thesis, run again where the truth is known."""

@@ -1,0 +1,162 @@
+"""E11: standing still drifts, unless it is recognised (thesis 5.1.3)."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from trials.experiments.experiment import (
+    Experiment,
+    Findings,
+    Scale,
+    TableOf,
+    Verdict,
+    ragged,
+)
+from trials.experiments.trial import Outcome, Outcomes, Recording, Trial, Variant, crossed
+from trials.intervals import mean_interval
+from trials.report.figure import BLUE, GREEN, GREY, OCHRE, RED, tidy
+from vo.contract import se3
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+HALT = ("drive.stop_every_m=0.9", "drive.stop_s=10")
+UNAWARE = Variant("thesis", "thesis")
+FOLLOWING = Variant("default, unaware", "driftyard", ("standing=none",))
+BY_IMAGE = Variant("default, by image", "driftyard", ("standing=image",))
+BY_WHEELS = Variant("default, by image and encoders", "driftyard", ("standing=encoders",))
+SHOWN = ((UNAWARE, RED), (FOLLOWING, BLUE), (BY_IMAGE, OCHRE), (BY_WHEELS, GREEN))
+AT_REST_MPS = 1e-3
+LEAST_S = 1.0
+"""A halt is no shorter."""
+MOST_MM, MOST_DEG = 1.0, 0.01
+"""Drift in a minute that counts as none."""
+
+
+def trials(scale: Scale) -> Sequence[Trial]:
+    """Drives that halt for ten seconds every 0.9 m, with a sensor's noise."""
+    short = (*scale.drive[1:], f"drive.distance_m={0.6 * scale.distance_m:g}")
+    return crossed(
+        [Recording("stop_and_go", seed, (*short, *HALT), "noise") for seed in scale.seeds[:3]],
+        [v for v, _ in SHOWN],
+    )
+
+
+def halts(run: Outcome) -> list[tuple[int, int]]:
+    """First and last row, among the poses, of every time that the camera truly stood still."""
+    pair = run.pair
+    time_s = pair.timestamps_ns * 1e-9
+    speed = np.diff(pair.travelled_m) / np.diff(time_s)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], speed < AT_REST_MPS, [False]])))
+    pairs = zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+    return [(a, b) for a, b in pairs if time_s[b] - time_s[a] > LEAST_S]
+
+
+def drift_at_rest(run: Outcome) -> tuple[float, float, float]:
+    """Length of all halts in seconds, and what the pose moved in them: mm and degrees in all."""
+    seconds = moved_mm = turned_deg = 0.0
+    T = run.pair.T_odom_cam
+    for a, b in halts(run):
+        step = se3.inverse(T[a]) @ T[b]
+        seconds += (run.pair.timestamps_ns[b] - run.pair.timestamps_ns[a]) * 1e-9
+        moved_mm += 1e3 * float(np.linalg.norm(step[:3, 3]))
+        turned_deg += float(np.degrees(se3.rotation_angle(step)))
+    return seconds, moved_mm, turned_deg
+
+
+def analyse(outcomes: Outcomes) -> Findings:
+    """Add up what the pose does while the camera stands."""
+    rows: list[tuple[str, ...]] = []
+    moved: dict[str, float] = {}
+    turned: dict[str, float] = {}
+    total_s = 0.0
+    for variant, _ in SHOWN:
+        found = np.array([drift_at_rest(x) for x in outcomes.of(variant)])
+        minutes = found[:, 0] / 60
+        total_s = float(found[:, 0].sum())
+        moved[variant.label] = float(found[:, 1].sum() / minutes.sum())
+        turned[variant.label] = float(found[:, 2].sum() / minutes.sum())
+        rows.append(
+            (
+                variant.label,
+                mean_interval(found[:, 1] / minutes).text(3),
+                mean_interval(found[:, 2] / minutes).text(4),
+                mean_interval(outcomes.drifts(variant)).text(3),
+            )
+        )
+    drifts = moved[UNAWARE.label] > MOST_MM or turned[UNAWARE.label] > MOST_DEG
+    cured = moved[BY_IMAGE.label] < MOST_MM and turned[BY_IMAGE.label] < MOST_DEG
+    verdict = Verdict.HOLDS if drifts and cured else Verdict.PARTLY
+    verdict = verdict if drifts else Verdict.FAILS
+    return Findings(
+        verdict,
+        f"In a minute of standing still the thesis preset moves by {moved[UNAWARE.label]:.2f} mm "
+        f"and {turned[UNAWARE.label]:.3f}°; the default settings, unaware of it, by "
+        f"{moved[FOLLOWING.label]:.3f} mm and {turned[FOLLOWING.label]:.4f}°, by image by "
+        f"{moved[BY_IMAGE.label]:.3f} mm and {turned[BY_IMAGE.label]:.4f}°, by image and encoders "
+        f"by {moved[BY_WHEELS.label]:.3f} mm and {turned[BY_WHEELS.label]:.4f}° "
+        f"({total_s:.0f} s of halts).",
+        TableOf(
+            (
+                "variant",
+                "moved while standing, mm a minute",
+                "turned while standing, ° a minute",
+                "drift over 1 m, %",
+            ),
+            tuple(rows),
+        ),
+        "How far each pose is from where the halt began, over the halts of the first seed one "
+        "after the other; grey lines part them.",
+        lambda figure: _draw(figure, outcomes),
+        {
+            "halts": ragged(
+                **{f"{v.label}, mm": _wander(outcomes.at(outcomes.recordings[0], v))[1]
+                   for v, _ in SHOWN}
+            )
+        },
+    )  # fmt: skip
+
+
+def _wander(run: Outcome) -> tuple[np.ndarray, np.ndarray, list[float]]:
+    """Seconds of standing so far, mm from the halt's first pose, and when each halt ends."""
+    times: list[np.ndarray] = [np.zeros(0)]
+    away: list[np.ndarray] = [np.zeros(0)]
+    ends: list[float] = []
+    so_far = 0.0
+    for a, b in halts(run):
+        here = run.pair.T_odom_cam[a : b + 1, :3, 3]
+        time_s = (run.pair.timestamps_ns[a : b + 1] - run.pair.timestamps_ns[a]) * 1e-9
+        times.append(so_far + time_s)
+        away.append(1e3 * np.linalg.norm(here - here[0], axis=1))
+        so_far += float(time_s[-1])
+        ends.append(so_far)
+    return np.concatenate(times), np.concatenate(away), ends
+
+
+def _draw(figure: "Figure", outcomes: Outcomes) -> None:
+    panel = figure.subplots()
+    first = outcomes.recordings[0]
+    for variant, colour in SHOWN:
+        times_s, away_mm, ends = _wander(outcomes.at(first, variant))
+        panel.plot(times_s, np.maximum(away_mm, 1e-4), color=colour, lw=1.0, label=variant.label)
+        for end in ends:
+            panel.axvline(end, color=GREY, lw=0.6)
+    panel.set_yscale("log")
+    panel.legend(fontsize=8, frameon=False, ncols=2, loc="upper right")
+    tidy(panel, "time stood still, s", "distance from where the halt began, mm",
+         f"stop_and_go with noise, seed {first.seed}")  # fmt: skip
+
+
+EXPERIMENT = Experiment(
+    id="E11",
+    title="Standing still",
+    claim="Standing still drifts; it helps to detect whether there is motion, by wheels or images.",
+    source="section 5.1.3",
+    setup="Halts of ten seconds in the hall of stop_and_go, with the noise of a small sensor: the "
+    "thesis preset, and the default settings unaware of standing, by image, and by image and "
+    f"encoders. No drift: less than {MOST_MM:g} mm and {MOST_DEG:g}° a minute.",
+    size_in=(9.0, 3.4),
+    trials=trials,
+    analyse=analyse,
+)

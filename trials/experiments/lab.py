@@ -1,0 +1,80 @@
+"""Runs trials, two at a time, and keeps what came of them until something that made it changes."""
+
+import hashlib
+import json
+import multiprocessing
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+
+from trials.drives import PROCESSES, fingerprint, is_recorded
+from trials.experiments.trial import Outcome, Outcomes, Recording, Trial, Variant
+
+ESTIMATOR = ("vo", "trials/baselines")
+"""Folders of the sources that decide what an estimator says."""
+
+
+def perform(
+    trials: Sequence[Trial], cache: Path, progress: Callable[[object], None] = lambda _: None
+) -> Outcomes:
+    """Record what is missing, run what is missing, and return all.
+
+    Args:
+        trials: May share recordings; each is made once.
+        cache: Folder of recordings and runs, each named after all that decides its content.
+        progress: Called with every recording that is done with.
+
+    Raises:
+        DriftyardError: If a scene, setting or estimator is wrong.
+    """
+    variants: dict[Recording, list[Variant]] = {}
+    for trial in trials:
+        variants.setdefault(trial.recording, []).append(trial.variant)
+    done: dict[Trial, Outcome] = {}
+    with ProcessPoolExecutor(PROCESSES, multiprocessing.get_context("spawn")) as pool:
+        jobs = [pool.submit(run_over, recording, of, cache) for recording, of in variants.items()]
+        try:
+            for job in as_completed(jobs):
+                done |= {outcome.trial: outcome for outcome in job.result()}
+                progress(job)
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+    return Outcomes({trial: done[trial] for trial in trials})
+
+
+def run_over(recording: Recording, variants: Sequence[Variant], cache: Path) -> list[Outcome]:
+    """Record a drive unless it is there, and run every variant over it that has not been."""
+    import cv2
+
+    from trials.estimators import Named, estimate
+
+    cv2.setNumThreads(1)
+    dataset = recorded(recording, cache)
+    outcomes: list[Outcome] = []
+    for variant in variants:
+        words = json.dumps([dataset.name, variant.estimator, variant.overrides])
+        key = hashlib.sha256((words + fingerprint(ESTIMATOR)).encode()).hexdigest()[:16]
+        file = cache / "runs" / f"{key}.txt"
+        if not file.is_file():  # it is written last, so what belongs to it is there too
+            file.parent.mkdir(parents=True, exist_ok=True)
+            estimate(Named(variant.estimator, None, variant.overrides), dataset, file)
+        outcomes.append(Outcome(Trial(recording, variant), dataset, file))
+    return outcomes
+
+
+def recorded(recording: Recording, cache: Path) -> Path:
+    """Return the folder of a drive, recorded now unless it is there."""
+    from sim.batch import build
+    from sim.record import record
+    from trials.commands.datasets import record_settings
+
+    settings = record_settings(
+        recording.scene, recording.seed, list(recording.overrides), None, recording.disturb
+    )
+    words = settings.model_dump_json() + fingerprint()
+    key = hashlib.sha256(words.encode()).hexdigest()[:12]
+    folder = cache / "recordings" / f"{recording.scene}-{recording.seed}-{key}"
+    if not is_recorded(folder, settings):
+        record(build(recording.scene, settings), settings, folder, overwrite=True)
+    return folder
