@@ -5,7 +5,7 @@ Points are eliminated from its factors as in the window (`vo.bundle`). When a ke
 points that it saw and that the newest one no longer sees are used up: their measurements become
 a factor that is marginalised with it. Of points that are still in sight, its measurement is
 dropped, as by Leutenegger et al. (OKVIS, IJRR 2015, section 4.3): a prior on them would tie all
-of them together.
+of them together. Where that leaves too few, the oldest of these are used up too.
 """
 
 from dataclasses import dataclass
@@ -30,6 +30,9 @@ GAUGE_SIGMA = 1e-6
 SETTLED = 1e-5
 """Change of all poses, metres and radians, that ends the steps of an update."""
 
+LEAST_USED = 30
+"""Points that a keyframe must leave behind, for those after it to stay where they are."""
+
 
 @dataclass(frozen=True)
 class Smoothed:
@@ -38,12 +41,14 @@ class Smoothed:
     Attributes:
         T_odom_cam: (K, 4, 4).
         covariance: (K, 6, 6) tangent (v m, w rad).
-        chunk: The landmarks that were asked for, where these poses put them.
+        ids: (J,) landmarks that took part.
+        chunk: Them, where these poses put them.
         iterations: Gauss–Newton steps.
     """
 
     T_odom_cam: Array
     covariance: Array
+    ids: Indices
     chunk: Chunk
     iterations: int
 
@@ -93,7 +98,8 @@ class FixedLag:
 
         Args:
             sights: By serial, ascending; those in the lag, the newest ones new.
-            ids: (J,) ascending, landmarks to use; each in two sights at least, none of them spent.
+            ids: (J,) ascending, landmarks to use; each in two sights at least. Those that are
+                spent, or become so now, are left out.
             points_odom: (J, 3) about where they are, metres.
             rig: Projects.
             settings: Loss, and the most steps.
@@ -106,34 +112,40 @@ class FixedLag:
             if serial not in self._sights and serial != self.first:
                 values.insert(X(serial), gtsam.Pose3(sight.T_world_cam))
                 times[X(serial)] = float(serial)
-        kept = min(sights)
-        if used_up := self._use_up(kept, sights[max(sights)].ids, rig, settings):
+        if used_up := self._use_up(min(sights), sights[max(sights)].ids, rig, settings):
             graph.add(used_up)
+        fresh = ~np.isin(ids, self.spent)
+        ids, points_odom = ids[fresh], points_odom[fresh]
         active = _chunk(sights, ids, points_odom, rig, settings)
         graph.add(_factor(list(sights), active))
         self._smoother.update(graph, values, times, self._active)
         self._active = [self._smoother.getISAM2Result().getNewFactorsIndices()[-1]]
         self._sights, self._landmarks = dict(sights), (ids, points_odom)
-        return self._settle(list(sights), active, settings)
+        return self._settle(list(sights), ids, active, settings)
 
     def _use_up(
         self, kept: int, in_sight: Indices, rig: StereoRig, settings: RefinementSettings
     ) -> gtsam.CustomFactor | None:
-        """Landmarks of keyframes that leave now, and that are out of sight."""
-        leaving = [s for serial, s in self._sights.items() if serial < kept]
+        """Landmarks of keyframes that leave now: out of sight, or the oldest."""
+        leaving = [s.ids for serial, s in self._sights.items() if serial < kept]
         ids, points = self._landmarks
         if not leaving:
             return None
-        gone = np.isin(ids, np.concatenate([s.ids for s in leaving])) & ~np.isin(ids, in_sight)
-        if not gone.any():
+        theirs = np.isin(ids, np.concatenate(leaving))
+        used = theirs & ~np.isin(ids, in_sight)
+        lasting = np.flatnonzero(theirs & ~used)
+        used[lasting[: max(0, LEAST_USED - int(used.sum()))]] = True
+        if not used.any():
             return None
-        self.spent = np.concatenate([self.spent, ids[gone]])
+        self.spent = np.concatenate([self.spent, ids[used]])
         recent = np.unique(np.concatenate([s.ids for s in self._sights.values()]))
         self.spent = self.spent[np.isin(self.spent, recent)]
-        chunk = _chunk(self._sights, ids[gone], points[gone], rig, settings)
+        chunk = _chunk(self._sights, ids[used], points[used], rig, settings)
         return _factor(list(self._sights), chunk)
 
-    def _settle(self, serials: list[int], active: Chunk, s: RefinementSettings) -> Smoothed:
+    def _settle(
+        self, serials: list[int], ids: Indices, active: Chunk, s: RefinementSettings
+    ) -> Smoothed:
         """Take Gauss–Newton steps until they are small."""
         T_odom_cam, steps = self._poses(serials), 1
         while steps < s.most_iterations:
@@ -147,7 +159,7 @@ class FixedLag:
         marginals = [self._smoother.marginalCovariance(X(serial)) for serial in serials]
         covariance = np.array(marginals)[:, TURN_LAST][:, :, TURN_LAST]
         covariance += self._inherited(T_odom_cam)
-        return Smoothed(T_odom_cam, covariance, active, steps)
+        return Smoothed(T_odom_cam, covariance, ids, active, steps)
 
     def _inherited(self, T_odom_cam: Array) -> Array:
         """What the first keyframe's covariance becomes at (K, 4, 4) poses: (K, 6, 6)."""

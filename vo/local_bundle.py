@@ -81,7 +81,7 @@ def _refine_incrementally(
     unmoved = local_map.keyframes[: -len(keyframes)]
     T = [k.T_odom_cam for k in unmoved] + list(found.T_odom_cam)
     spread = [k.covariance for k in unmoved] + list(found.covariance)
-    moved = _moved(local_map, np.array(T), spread, ids, found.chunk.points)
+    moved = _moved(local_map, np.array(T), spread, found.ids, found.chunk.points)
     noise = misfit([found.chunk], found.T_odom_cam)
     return _with_noise(replace(moved, lag=lag), noise, s), found.iterations
 
