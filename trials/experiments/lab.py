@@ -48,17 +48,21 @@ def run_over(recording: Recording, variants: Sequence[Variant], cache: Path) -> 
     import cv2
 
     from trials.estimators import Named, estimate
+    from trials.plugins.command import Command
 
     cv2.setNumThreads(1)
     dataset = recorded(recording, cache)
     outcomes: list[Outcome] = []
     for variant in variants:
-        words = json.dumps([dataset.name, variant.estimator, variant.overrides])
+        words = json.dumps([dataset.name, variant.estimator, variant.overrides, variant.command])
         key = hashlib.sha256((words + fingerprint(ESTIMATOR)).encode()).hexdigest()[:16]
         file = cache / "runs" / f"{key}.txt"
         if not file.is_file():  # it is written last, so what belongs to it is there too
             file.parent.mkdir(parents=True, exist_ok=True)
-            estimate(Named(variant.estimator, None, variant.overrides), dataset, file)
+            choice = Named(variant.estimator, None, variant.overrides)
+            if variant.command:
+                choice = Command(variant.command, label=variant.label)
+            estimate(choice, dataset, file)
         outcomes.append(Outcome(Trial(recording, variant), dataset, file))
     return outcomes
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from trials.experiments.experiment import Experiment, Findings, Scale, TableOf, Verdict
 from trials.report.figure import save_figure
@@ -87,21 +88,11 @@ def read_record(file: Path) -> Record:
     """
     try:
         content: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-        if content.pop("schema") != SCHEMA:
-            raise KeyError("schema")
-        table = content.pop("table")
-        rows = tuple(tuple(row) for row in table["rows"])
-        return Record(
-            **{
-                **content,
-                "verdict": Verdict(content["verdict"]),
-                "table": TableOf(tuple(table["columns"]), rows),
-                "data": tuple(content["data"]),
-                "seeds": tuple(content["seeds"]),
-            }
-        )
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        raise DatasetError(f"{file}: not a record of an experiment ({SCHEMA})") from None
+        if content.pop("schema", None) == SCHEMA:
+            return TypeAdapter(Record).validate_python(content)
+    except (OSError, ValueError, AttributeError):  # pydantic's errors are ValueErrors too
+        pass
+    raise DatasetError(f"{file}: not a record of an experiment ({SCHEMA})")
 
 
 def _write_csv(file: Path, columns: Any) -> None:

@@ -43,11 +43,13 @@ class Variant:
         label: In tables and figures.
         estimator: Name, as for `driftyard run`.
         overrides: `key=value` each, of the estimator's settings.
+        command: A program instead, as for `driftyard run --command`; empty for none.
     """
 
     label: str
     estimator: str = "driftyard"
     overrides: tuple[str, ...] = ()
+    command: str = ""
 
 
 @dataclass(frozen=True)
