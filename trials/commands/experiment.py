@@ -45,8 +45,7 @@ def experiment(
             outcomes = perform(trials, out / "cache", count)
         record = write_record(one, one.analyse(outcomes), scale, results)
         _print(record, results)
-    if page is not None:
-        _write_page(results, page)
+    _write_pages(results, page)
 
 
 def _chosen(which: str) -> "list[Experiment]":
@@ -75,12 +74,16 @@ def _print(record: "Record", folder: Path) -> None:
     console.out.print(f"{folder / record.figure}\n")
 
 
-def _write_page(folder: Path, page: Path) -> None:
+def _write_pages(folder: Path, page: Path | None) -> None:
     from trials.commands import console
-    from trials.experiments.page import write_page
+    from trials.experiments.page import write_html, write_page
     from trials.experiments.record import read_record
     from trials.experiments.registry import EXPERIMENTS
 
     files = [file for name in EXPERIMENTS if (file := folder / f"{name}.json").is_file()]
-    write_page([read_record(file) for file in files], folder, page)
-    console.out.print(f"{page}")
+    records = [read_record(file) for file in files]
+    write_html(records, folder, folder / "report.html")
+    console.out.print(f"{folder / 'report.html'}")
+    if page is not None:
+        write_page(records, folder, page)
+        console.out.print(f"{page}")

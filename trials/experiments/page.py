@@ -1,20 +1,50 @@
-"""The page of all experiments, as Markdown: verdicts first, then each with its figure."""
+"""The page of all experiments, as Markdown and as HTML: verdicts first, then each figure."""
 
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
-from trials.experiments.experiment import TableOf
+from trials.experiments.experiment import TableOf, Verdict
 from trials.experiments.record import Record
+from trials.report.study import Mood, Part, write_study
 from vo.contract.files import write_text
 
-INTRODUCTION = """# The thesis' claims, tested
-
-The thesis that this estimator follows drew its conclusions by eye, from camera data without a
-reference. Here each claim is tested where the truth is known. `driftyard experiment all` makes the
-recordings, runs the variants, draws the figures and writes this page; an interval after a figure is
-at 95 %, over drives (Student's t; ratios of paired drives through their logarithms).
+TITLE = "The thesis' claims, tested"
+INTRODUCTION = """The thesis that this estimator follows drew its conclusions by eye, from camera
+data without a reference. Here each claim is tested where the truth is known. `driftyard experiment
+all` makes the recordings, runs the variants, draws the figures and writes this page. An interval
+after a figure is at 95 %, over drives (Student's t; ratios of paired drives by their logarithms).
 """
+
+MOODS: dict[Verdict, Mood] = {
+    Verdict.HOLDS: "good",
+    Verdict.PARTLY: "mixed",
+    Verdict.FAILS: "bad",
+    Verdict.OPEN: "open",
+}
+
+
+def write_html(records: Sequence[Record], folder: Path, out: Path) -> None:
+    """Write all records as one HTML page; their figures and data are in a folder."""
+    parts = [
+        Part(
+            id=r.id,
+            title=r.title,
+            claim=r.claim,
+            source=f"thesis, {r.source}",
+            setup=_setup(r),
+            verdict=r.verdict.value,
+            mood=MOODS[r.verdict],
+            sentence=r.sentence,
+            figure=folder / r.figure,
+            caption=r.caption,
+            data=tuple(folder / name for name in r.data),
+            columns=r.table.columns,
+            rows=r.table.rows,
+        )
+        for r in records
+    ]
+    write_study(TITLE, INTRODUCTION.replace("`", ""), parts, out)
 
 
 def write_page(records: Sequence[Record], folder: Path, page: Path) -> None:
@@ -38,7 +68,7 @@ def page_text(records: Sequence[Record], pictures: str) -> str:
         ("", "claim", "here it"),
         tuple((f"[{r.id}](#{_anchor(r)})", r.claim, f"**{r.verdict.value}**") for r in records),
     )
-    parts = [INTRODUCTION, markdown_table(summary)]
+    parts = [f"# {TITLE}\n\n{INTRODUCTION}", markdown_table(summary)]
     parts += [_section(record, pictures) for record in records]
     return "\n".join(parts)
 
@@ -53,14 +83,17 @@ def _anchor(record: Record) -> str:
     return "".join(kept)
 
 
+def _setup(record: Record) -> str:
+    return f"{record.setup} Seeds {', '.join(map(str, record.seeds))}, or the first of them."
+
+
 def _section(record: Record, pictures: str) -> str:
-    seeds = ", ".join(map(str, record.seeds))
     return f"""
 ## {_heading(record)}
 
 *{record.claim}* (thesis, {record.source})
 
-{record.setup} Seeds {seeds}.
+{_setup(record)}
 
 **It {record.verdict.value}.** {record.sentence}
 
