@@ -44,7 +44,7 @@ def _disturbance(name: str) -> Callable[[float], str]:
 
 
 AXES: dict[str, Axis] = {
-    "exposure": Axis("open shutter, ms", 120.0, _setting("exposure.time_ms"), scene="turntable"),
+    "exposure": Axis("open shutter, ms", 60.0, _setting("exposure.time_ms"), scene="turntable"),
     "brick_height": Axis("height of the bricks, mm", 30.0, _setting("terrain.brick_mm")),
     "speed": Axis(
         "speed, m/s", 1.5, lambda s: (f"drive.speed_mps={max(s, 0.1):.6g}",
@@ -55,7 +55,7 @@ AXES: dict[str, Axis] = {
         lambda s: (f"scene.doors={0.8 * (1 - s):.6g}",), scene="corridor",
     ),
     **{
-        name: Axis(f"{name}: strength ({x.about})", 4.0, disturb=_disturbance(name))
+        name: Axis(f"{name}: strength ({x.about})", 2.0, disturb=_disturbance(name))
         for name, x in DISTURBANCES.items()
     },
 }  # fmt: skip
@@ -133,10 +133,7 @@ class Curve:
 def stress(
     axis: Axis,
     scene: str,
-    variant: Variant,
-    seeds: Sequence[int],
-    shared: tuple[str, ...],
-    perform: Perform,
+    respond: Callable[[Sequence[float]], Sequence[Response]],
     points: int = 5,
     rounds: int = 4,
     limits: Limits = Limits(),
@@ -146,42 +143,50 @@ def stress(
     Args:
         axis: What to turn up.
         scene: Where.
-        variant: The estimator.
-        seeds: Of the drives at every strength.
-        shared: Overrides of every recording.
-        perform: Records and runs.
+        respond: Finds what each of some strengths does.
         points: Strengths to begin with, 0 and the axis' reach among them; 2 or more.
         rounds: Halvings.
         limits: What counts as broken.
     """
-    known: dict[float, Response] = {}
-
-    def curve() -> Curve:
-        ordered = tuple(known[strength] for strength in sorted(known))
-        return Curve(axis, scene, ordered, limits)
-
-    def try_out(strengths: Sequence[float]) -> None:
-        asked = {
-            x: [
-                Trial(
-                    Recording(scene, seed, (*shared, *axis.overrides(x)), axis.disturb(x)), variant
-                )
-                for seed in seeds
-            ]
-            for x in strengths
-        }
-        outcomes = perform([trial for trials in asked.values() for trial in trials])
-        known.update(
-            {x: _response(x, [outcomes.by_trial[t] for t in ts]) for x, ts in asked.items()}
-        )
-
-    try_out(np.linspace(0, axis.reach, points).tolist())
+    known = list(respond(np.linspace(0, axis.reach, points).tolist()))
     for _ in range(rounds):
-        bracket = curve().bracket
+        bracket = Curve(axis, scene, tuple(known), limits).bracket
         if bracket is None or bracket[1] == 0:
             break
-        try_out([sum(bracket) / 2])
-    return curve()
+        known = sorted([*known, *respond([sum(bracket) / 2])], key=lambda x: x.strength)
+    return Curve(axis, scene, tuple(known), limits)
+
+
+def responder(
+    axis: Axis,
+    scene: str,
+    variant: Variant,
+    seeds: Sequence[int],
+    shared: tuple[str, ...],
+    perform: Perform,
+) -> Callable[[Sequence[float]], list[Response]]:
+    """Make the function that drives with given strengths.
+
+    Args:
+        axis: What to turn up.
+        scene: Where.
+        variant: The estimator.
+        seeds: Of the drives at every strength.
+        shared: Overrides of every recording.
+        perform: Records and runs.
+    """
+
+    def drives(strength: float) -> list[Trial]:
+        overrides = (*shared, *axis.overrides(strength))
+        disturb = axis.disturb(strength)
+        return [Trial(Recording(scene, x, overrides, disturb), variant) for x in seeds]
+
+    def respond(strengths: Sequence[float]) -> list[Response]:
+        trials = {x: drives(x) for x in strengths}
+        outcomes = perform([trial for of in trials.values() for trial in of]).by_trial
+        return [_response(x, [outcomes[t] for t in of]) for x, of in trials.items()]
+
+    return respond
 
 
 def _response(strength: float, outcomes: Sequence[Outcome]) -> Response:

@@ -54,7 +54,7 @@ def stress(
     from trials.experiments.lab import perform
     from trials.experiments.trial import Variant
     from trials.report.figure import save_figure
-    from trials.stress import AXES, Limits, draw, verdict
+    from trials.stress import AXES, Limits, draw, responder, verdict
     from trials.stress import stress as turn_up
     from vo.contract.errors import SettingsError
 
@@ -65,17 +65,15 @@ def stress(
     label = Path(command.split()[0]).name if command else estimator
     variant = Variant(label, estimator, tuple(overrides or ()), command)
     with console.counting_bar(f"{axis} on {place}", seeds * (points + rounds)) as count:
-        curve = turn_up(
+        respond = responder(
             chosen,
             place,
             variant,
             tuple(range(seeds)),
             (f"drive.distance_m={distance:g}", *NO_LABELS),
             lambda trials: perform(trials, out / "cache", count),
-            points,
-            rounds,
-            Limits(drift, lost / 100),
         )
+        curve = turn_up(chosen, place, respond, points, rounds, Limits(drift, lost / 100))
     name = f"{axis}-{place}-{label.replace(':', '_')}"
     title = f"{label}: {axis} on {place}"
     save_figure(out / f"{name}.png", (7.0, 4.6), lambda figure: draw(figure, curve, title))

@@ -40,8 +40,7 @@ RISE = 1.1
 
 def trials(scale: Scale) -> Sequence[Trial]:
     """Both orientations on level ground, indoors and out, and on turns that blur."""
-    recordings = [Recording(s, seed, scale.drive) for s in SCENES for seed in scale.seeds]
-    return crossed(recordings, VARIANTS)
+    return crossed(scale.recordings(SCENES), VARIANTS)
 
 
 def analyse(outcomes: Outcomes) -> Findings:
@@ -49,7 +48,7 @@ def analyse(outcomes: Outcomes) -> Findings:
     rows: list[tuple[str, ...]] = []
     lasted: dict[str, list[float]] = {v.label: [] for v in VARIANTS}
     drift: dict[str, list[float]] = {v.label: [] for v in VARIANTS}
-    for scene in SCENES:
+    for scene in dict.fromkeys(r.scene for r in outcomes.recordings):
         for variant in VARIANTS:
             mine = outcomes.of(variant, scene)
             shares = np.array([survived(x) for x in mine])

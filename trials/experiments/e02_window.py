@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from trials.experiments.experiment import Experiment, Findings, Scale, TableOf, Verdict
-from trials.experiments.trial import Outcomes, Recording, Trial, Variant, crossed
+from trials.experiments.trial import Outcomes, Trial, Variant, crossed
 from trials.intervals import Interval, mean_interval, ratio_interval
 from trials.report.figure import BLUE, RED, tidy
 
@@ -34,8 +34,7 @@ MUCH = 3.0
 def trials(scale: Scale) -> Sequence[Trial]:
     """Windows of several sizes, and all frames, at every frame."""
     short = replace(scale, distance_m=min(LENGTH_M, scale.distance_m))
-    recordings = [Recording(s, seed, short.drive) for s in SCENES for seed in scale.seeds]
-    return crossed(recordings, VARIANTS)
+    return crossed(short.recordings(SCENES), VARIANTS)
 
 
 def analyse(outcomes: Outcomes) -> Findings:

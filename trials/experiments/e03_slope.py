@@ -16,7 +16,7 @@ from trials.experiments.experiment import (
     ragged,
 )
 from trials.experiments.measures import aligned_poses, pitch_deg
-from trials.experiments.trial import Outcome, Outcomes, Recording, Trial, crossed
+from trials.experiments.trial import Outcome, Outcomes, Trial, crossed
 from trials.experiments.variants import DEFAULT, THESIS, UNREFINED
 from trials.intervals import mean_interval
 from trials.report.figure import BLUE, INK, OCHRE, RED, tidy
@@ -32,9 +32,7 @@ SHOWN = ((UNREFINED, BLUE), (THESIS, RED), (DEFAULT, OCHRE))
 def trials(scale: Scale) -> Sequence[Trial]:
     """Drives up the ramp."""
     longer = replace(scale, distance_m=LENGTH_M * min(1.0, scale.distance_m / FULL.distance_m))
-    return crossed(
-        [Recording("ramp", seed, longer.drive) for seed in scale.seeds], [v for v, _ in SHOWN]
-    )
+    return crossed(longer.recordings(["ramp"]), [v for v, _ in SHOWN])
 
 
 def pitch_error_deg(run: Outcome) -> np.ndarray:

@@ -16,7 +16,7 @@ from trials.experiments.experiment import (
     ragged,
 )
 from trials.experiments.measures import paths_m
-from trials.experiments.trial import Outcomes, Recording, Trial, crossed
+from trials.experiments.trial import Outcomes, Trial, crossed
 from trials.experiments.variants import DEFAULT, THESIS, UNREFINED
 from trials.intervals import mean_interval, ratio_interval
 from trials.report.figure import BLUE, INK, OCHRE, RED, tidy
@@ -34,9 +34,7 @@ BADLY = 2.0
 def trials(scale: Scale) -> Sequence[Trial]:
     """Circles in the laboratory."""
     once = replace(scale, distance_m=LENGTH_M * min(1.0, scale.distance_m / FULL.distance_m))
-    return crossed(
-        [Recording("lab_circle", seed, once.drive) for seed in scale.seeds], [v for v, _ in SHOWN]
-    )
+    return crossed(once.recordings(["lab_circle"]), [v for v, _ in SHOWN])
 
 
 def analyse(outcomes: Outcomes) -> Findings:

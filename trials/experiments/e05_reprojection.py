@@ -15,7 +15,7 @@ from trials.experiments.experiment import (
     ragged,
 )
 from trials.experiments.measures import turn_rate_deg_s
-from trials.experiments.trial import Outcome, Outcomes, Recording, Trial, crossed
+from trials.experiments.trial import Outcome, Outcomes, Trial, crossed
 from trials.experiments.variants import UNREFINED
 from trials.intervals import mean_interval
 from trials.report.figure import BLUE, GREY, RED, tidy
@@ -59,7 +59,7 @@ class Reprojection:
 
 def trials(scale: Scale) -> Sequence[Trial]:
     """Fast turns with an open shutter."""
-    return crossed([Recording("turntable", s, scale.drive) for s in scale.seeds[:3]], [UNREFINED])
+    return crossed(scale.recordings(["turntable"], 3), [UNREFINED])
 
 
 def reprojection(outcome: Outcome) -> Reprojection:

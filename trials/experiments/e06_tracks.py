@@ -7,7 +7,7 @@ import numpy as np
 
 from trials.experiments.experiment import Experiment, Findings, Scale, TableOf, Verdict
 from trials.experiments.measures import track_lengths
-from trials.experiments.trial import Outcome, Outcomes, Recording, Trial, Variant, crossed
+from trials.experiments.trial import Outcome, Outcomes, Trial, Variant, crossed
 from trials.intervals import mean_interval
 from trials.report.figure import BLUE, INK, RED, tidy
 from trials.runs import read_map
@@ -32,8 +32,7 @@ FRAMES = 90
 
 def trials(scale: Scale) -> Sequence[Trial]:
     """Points of at least two or three views, refined by the left eye alone and by both."""
-    recordings = [Recording(s, seed, scale.drive) for s in SCENES for seed in scale.seeds[:3]]
-    return crossed(recordings, VARIANTS)
+    return crossed(scale.recordings(SCENES, 3), VARIANTS)
 
 
 def distances_m(run: Outcome) -> np.ndarray:

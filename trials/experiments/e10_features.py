@@ -11,7 +11,7 @@ from trials.experiments.sweep import (
     sweep_data,
     sweep_table,
 )
-from trials.experiments.trial import Outcomes, Recording, Trial, Variant, crossed
+from trials.experiments.trial import Outcomes, Trial, Variant, crossed
 from trials.intervals import ratio_interval
 
 SCENES = ("office", "brick_court", "corridor")
@@ -23,8 +23,7 @@ SETTING, STAGE, LABEL = "features kept in an image", "inliers", "inliers"
 
 def trials(scale: Scale) -> Sequence[Trial]:
     """From 50 to 1000 features."""
-    recordings = [Recording(s, seed, scale.drive) for s in SCENES for seed in scale.seeds[:3]]
-    return crossed(recordings, SWEEP.values())
+    return crossed(scale.recordings(SCENES, 3), SWEEP.values())
 
 
 def analyse(outcomes: Outcomes) -> Findings:

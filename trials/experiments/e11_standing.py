@@ -1,6 +1,7 @@
 """E11: standing still drifts, unless it is recognised (thesis 5.1.3)."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,7 +37,7 @@ MOST_MM, MOST_DEG = 1.0, 0.01
 
 def trials(scale: Scale) -> Sequence[Trial]:
     """Drives that halt for ten seconds every 0.9 m, with a sensor's noise."""
-    short = (*scale.drive[1:], f"drive.distance_m={0.6 * scale.distance_m:g}")
+    short = replace(scale, distance_m=0.6 * scale.distance_m).drive
     return crossed(
         [Recording("stop_and_go", seed, (*short, *HALT), "noise") for seed in scale.seeds[:3]],
         [v for v, _ in SHOWN],

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from trials.experiments.trial import Outcomes, Trial
+from trials.experiments.trial import Outcomes, Recording, Trial
 from vo.contract.arrays import Array
 
 if TYPE_CHECKING:
@@ -30,20 +30,31 @@ class Scale:
     Attributes:
         seeds: Of the recordings of every setting.
         distance_m: Of each drive.
+        most_scenes: Of those among which an experiment repeats the same.
+        overrides: Of the generator's settings, `key=value` each.
     """
 
     seeds: tuple[int, ...]
     distance_m: float
+    most_scenes: int = 99
+    overrides: tuple[str, ...] = ()
 
     @property
     def drive(self) -> tuple[str, ...]:
         """Overrides that every recording shares: its length, and no labels, which none needs."""
         return (f"drive.distance_m={self.distance_m:g}", "labels.depth=false",
-                "labels.disparity=false")  # fmt: skip
+                "labels.disparity=false", *self.overrides)  # fmt: skip
+
+    def recordings(self, scenes: Sequence[str], seeds: int | None = None) -> list[Recording]:
+        """Drives through some scenes, each with all or the first few seeds."""
+        chosen = scenes[: self.most_scenes]
+        return [Recording(x, seed, self.drive) for x in chosen for seed in self.seeds[:seeds]]
 
 
 FULL = Scale(seeds=(0, 1, 2, 3), distance_m=4.0)
-SMALL = Scale(seeds=(0,), distance_m=1.2)
+SMALL = Scale(
+    seeds=(0,), distance_m=1.2, most_scenes=1, overrides=("rig.width_px=320", "rig.height_px=240")
+)
 """For tests: enough to see that it runs, and too little to believe."""
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from trials.experiments.compare import comparison_data, comparison_table, draw_ratios, ratios
 from trials.experiments.experiment import Experiment, Findings, Scale, Verdict
-from trials.experiments.trial import Outcomes, Recording, Trial, Variant, crossed
+from trials.experiments.trial import Outcomes, Trial, Variant, crossed
 
 SCENES = ("office", "brick_court", "meadow", "corridor", "turntable")
 REFERENCE = Variant("CenSurE, octagon")
@@ -18,8 +18,7 @@ OTHERS = (
 
 def trials(scale: Scale) -> Sequence[Trial]:
     """Every detector on scenes with much and little texture."""
-    recordings = [Recording(s, seed, scale.drive) for s in SCENES for seed in scale.seeds[:3]]
-    return crossed(recordings, (REFERENCE, *OTHERS))
+    return crossed(scale.recordings(SCENES, 3), (REFERENCE, *OTHERS))
 
 
 def analyse(outcomes: Outcomes) -> Findings:

@@ -7,7 +7,7 @@ import numpy as np
 
 from trials.experiments.experiment import Experiment, Findings, Scale, TableOf, Verdict
 from trials.experiments.sweep import lost_percent
-from trials.experiments.trial import Outcomes, Recording, Trial, Variant, crossed
+from trials.experiments.trial import Outcomes, Trial, Variant, crossed
 from trials.intervals import Interval, mean_interval, ratio_interval
 from trials.report.figure import BLUE, GREY, RED, tidy
 
@@ -36,8 +36,7 @@ CAUGHT_UP = 1.1
 
 def trials(scale: Scale) -> Sequence[Trial]:
     """Both orientations on every stereo, without refinement, which would hide the difference."""
-    recordings = [Recording(s, seed, scale.drive) for s in SCENES for seed in scale.seeds[:3]]
-    return crossed(recordings, [v for pair in PAIRS.values() for v in pair])
+    return crossed(scale.recordings(SCENES, 3), [v for pair in PAIRS.values() for v in pair])
 
 
 def gaps(outcomes: Outcomes) -> dict[str, Interval]:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from trials.experiments.compare import comparison_data, comparison_table, draw_ratios, ratios
 from trials.experiments.experiment import Experiment, Findings, Scale, Verdict
-from trials.experiments.trial import Outcomes, Recording, Trial, Variant, crossed
+from trials.experiments.trial import Outcomes, Trial, Variant, crossed
 from trials.experiments.variants import DEFAULT, THESIS
 
 SCENES = ("office", "brick_court", "corridor", "crowded", "turntable")
@@ -41,8 +41,7 @@ OTHERS = (
 
 def trials(scale: Scale) -> Sequence[Trial]:
     """The default settings, and the same with one thing changed."""
-    recordings = [Recording(s, seed, scale.drive) for s in SCENES for seed in scale.seeds[:3]]
-    return crossed(recordings, (DEFAULT, *OTHERS))
+    return crossed(scale.recordings(SCENES, 3), (DEFAULT, *OTHERS))
 
 
 def analyse(outcomes: Outcomes) -> Findings:

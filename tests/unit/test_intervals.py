@@ -1,0 +1,47 @@
+"""Intervals against SciPy's own and by hand."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from trials.intervals import mean_interval, ratio_interval
+
+
+def test_the_mean_has_students_interval():
+    values = np.random.default_rng(3).normal(2.0, 0.5, 9)
+    found = mean_interval(values)
+    expected = stats.ttest_1samp(values, 0).confidence_interval(0.95)
+    assert found.value == pytest.approx(values.mean())
+    assert (found.low, found.high) == pytest.approx((expected.low, expected.high))
+
+
+def test_missing_values_are_left_out():
+    assert mean_interval(np.array([1.0, np.nan, 3.0])).value == 2.0
+    lone = mean_interval(np.array([np.nan, 5.0]))
+    assert lone.value == 5.0
+    assert np.isnan(lone.low)
+    assert mean_interval(np.full(2, np.nan)).text() == "–"
+    assert lone.text(1) == "5.0"
+
+
+def test_ratios_are_paired_and_geometric():
+    found = ratio_interval(np.array([2.0, 8.0]), np.array([1.0, 1.0]))
+    assert found.value == pytest.approx(4.0)
+    # log ratios ln 2 and ln 8: mean ln 4, standard error ln 2, Student's factor for one degree
+    reach = np.exp(stats.t.ppf(0.975, 1) * np.log(2))
+    assert (found.low, found.high) == pytest.approx((4 / reach, 4 * reach))
+
+
+def test_a_pair_with_a_loss_is_left_out():
+    found = ratio_interval(np.array([2.0, np.nan, 3.0]), np.array([1.0, 1.0, 0.0]))
+    assert found.value == pytest.approx(2.0)
+    assert np.isnan(found.high)
+
+
+def test_intervals_cover_as_they_promise():
+    rng = np.random.default_rng(5)
+    hits = 0
+    for _ in range(400):
+        found = mean_interval(rng.normal(1.0, 2.0, 4))
+        hits += found.low <= 1.0 <= found.high
+    assert 0.92 < hits / 400 < 0.98

@@ -1,0 +1,57 @@
+"""The search for the breaking point, on estimators whose breaking point is known."""
+
+from collections.abc import Sequence
+
+import pytest
+
+from sim.disturbances import parse_disturbances
+from trials.commands.datasets import record_settings
+from trials.stress import AXES, Axis, Curve, Limits, Response, columns, stress, verdict
+
+AXIS = Axis("strength", 8.0)
+
+
+def respond(strengths: Sequence[float]) -> list[Response]:
+    """Two drives whose drift is a tenth more than the strength, in %."""
+    return [Response(x, (0, 1), (0.1 + x, 0.1 + x), (0.0, 0.0)) for x in strengths]
+
+
+def search(limit: float, rounds: int = 6) -> Curve:
+    return stress(AXIS, "office", respond, 3, rounds, Limits(drift_percent=limit))
+
+
+@pytest.mark.parametrize("breaking", [0.3, 2.5, 7.9])
+def test_halving_finds_the_breaking_point(breaking):
+    curve = search(0.1 + breaking)
+    assert curve.bracket is not None
+    low, high = curve.bracket
+    assert low <= breaking <= high
+    assert high - low == pytest.approx(4.0 / 2**6)
+    assert "Breaks between" in verdict(curve)
+
+
+def test_what_bears_all_has_no_breaking_point():
+    curve = search(100.0)
+    assert curve.bracket is None
+    assert len(curve.responses) == 3  # nothing to halve
+    assert verdict(curve).startswith("Bears all up to 8")
+
+
+def test_what_is_broken_from_the_start_is_said():
+    curve = search(0.01)
+    assert curve.bracket == (0.0, 0.0)
+    assert "as it is" in verdict(curve)
+
+
+def test_every_drive_is_a_row():
+    table = columns(search(2.0, rounds=1))
+    assert {len(values) for values in table.values()} == {8}
+
+
+@pytest.mark.parametrize("name", AXES)
+def test_every_axis_makes_settings_over_its_reach(name):
+    axis = AXES[name]
+    for strength in (0.0, axis.reach / 2, axis.reach):
+        overrides, disturb = list(axis.overrides(strength)), axis.disturb(strength)
+        parse_disturbances(disturb)
+        record_settings(axis.scene, 0, overrides, None, disturb)
