@@ -2,7 +2,7 @@
 # `make bench` and `make accuracy` take options: make bench ARGS=--quick
 
 .DEFAULT_GOAL := help
-.PHONY: demo test lint bench accuracy proof response bump replan scenes clean help
+.PHONY: demo test lint bench accuracy proof response bump replan routing scenes clean help
 
 VENV := .venv
 READY := $(VENV)/.ready
@@ -43,6 +43,9 @@ bump: $(READY)  ## what a brick under a wheel does to every channel, as a figure
 
 replan: $(READY)  ## how much faster D* Lite replans on a grid than A* plans anew
 	$(BIN)/python -m trials.navigation.bench $(ARGS)
+
+routing: $(READY)  ## static and dynamic routing, with and without clearing (into build/routing/)
+	$(BIN)/driftyard route --out build/routing $(ARGS)
 
 clean:  ## remove results and caches; the environment in .venv stays
 	rm -rf build demo dist .pytest_cache .hypothesis .ruff_cache .import_linter_cache

@@ -9,6 +9,7 @@ from trials.commands.datasets import generate, scenes, verify
 from trials.commands.demo import demo
 from trials.commands.doctor import doctor
 from trials.commands.preview import preview
+from trials.commands.route import route
 from trials.commands.runs import report, run, score
 from vo.contract.errors import DriftyardError
 
@@ -22,6 +23,7 @@ COMMANDS: dict[Callable[..., None], str] = {
     run: "driftyard run court --out court.txt --estimator corner_flow",
     score: "driftyard score court court.txt --json",
     report: "driftyard report court court.txt --out court.html",
+    route: "driftyard route --out routing",
     doctor: "driftyard doctor",
     demo: "driftyard demo",
 }

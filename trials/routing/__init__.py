@@ -1,0 +1,1 @@
+"""Routing an urgent vehicle over roads whose delays change during the drive."""

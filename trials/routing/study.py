@@ -1,0 +1,209 @@
+"""Travel times of all strategies: over node delay, over queuing delay, and at random."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from trials.navigation.graph import PlanningError
+from trials.routing.drive import STRATEGIES, Delays, drive, undelayed_s
+from trials.routing.generation import SMALL_CONGESTED
+from trials.routing.network import Network, Road
+from vo.contract.arrays import Array
+
+NODE_MAX_S, QUEUE_MAX_S = 180.0, 420.0
+"""Longest wait at a node and longest queuing delay."""
+NODE_S, QUEUE_S = NODE_MAX_S / 2, QUEUE_MAX_S / 2
+"""What the one is while the other is varied."""
+STEPS = 9
+APART = 0.4
+"""Random ends are at least this far apart, as a share of the network's extent."""
+TRIES = 10_000
+RESAMPLES, CONFIDENCE = 2000, 0.95
+
+Done = Callable[[object], None]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A drive to be made by every strategy.
+
+    Attributes:
+        start: Node.
+        goal: Node.
+        onsets_s: By congested road, when after departure its queue arises.
+        free_s: Travel time without any delay.
+    """
+
+    start: int
+    goal: int
+    onsets_s: dict[Road, float]
+    free_s: float
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Travel times over one kind of delay.
+
+    Attributes:
+        delays_s: (k,) the delay that is varied.
+        times_s: (4, k, cases) by STRATEGIES.
+    """
+
+    delays_s: Array
+    times_s: Array
+
+
+@dataclass(frozen=True)
+class Randomised:
+    """Travel times with random ends, waits and queues.
+
+    Attributes:
+        free_s: (cases,) without any delay.
+        times_s: (4, cases) by STRATEGIES.
+    """
+
+    free_s: Array
+    times_s: Array
+
+    @property
+    def increase_percent(self) -> Array:
+        """(4, cases) over the undelayed time."""
+        return 100 * (self.times_s / self.free_s - 1)
+
+
+def small_case(network: Network) -> Case:
+    """The small network's drive: just after departure, a queue on the shorter way."""
+    start, goal = network.start or 0, network.goal or len(network.names) - 1
+    return Case(start, goal, {SMALL_CONGESTED: 1.0}, undelayed_s(network, start, goal))
+
+
+def random_case(network: Network, share: float, rng: np.random.Generator) -> Case:
+    """Draw ends, as far as the network leaves them open, and roads that become congested.
+
+    Queues arise at any moment of the undelayed travel time, both ways on a road together.
+
+    Raises:
+        PlanningError: If no two nodes far apart are connected, or the given ones are not.
+    """
+    start, goal, free_s = _ends(network, rng)
+    onsets_s: dict[Road, float] = {}
+    for a, b in network.lengths_m:
+        if a < b or (b, a) not in network.lengths_m:
+            congested, onset_s = rng.random() < share, float(rng.uniform(0, free_s))
+            if congested:
+                both = ((a, b), (b, a)) if (b, a) in network.lengths_m else ((a, b),)
+                onsets_s |= dict.fromkeys(both, onset_s)
+    return Case(start, goal, onsets_s, free_s)
+
+
+def _ends(network: Network, rng: np.random.Generator) -> tuple[int, int, float]:
+    if network.start is not None and network.goal is not None:
+        return network.start, network.goal, undelayed_s(network, network.start, network.goal)
+    least_s = APART * network.direct_s.max()
+    n = len(network.names)
+    for _ in range(TRIES):
+        start = int(rng.integers(n)) if network.start is None else network.start
+        goal = int(rng.integers(n)) if network.goal is None else network.goal
+        if start != goal and network.direct_s[start, goal] >= least_s:
+            try:
+                return start, goal, undelayed_s(network, start, goal)
+            except PlanningError:
+                continue
+    raise PlanningError("no two nodes far apart are connected; name a start and a goal")
+
+
+def travel_times(
+    network: Network, case: Case, waits_s: Array, queues_s: dict[Road, float], lead_s: float
+) -> Array:
+    """Let every strategy make the same drive; returns (4,) seconds."""
+    queues = {road: (case.onsets_s[road], queue_s) for road, queue_s in queues_s.items()}
+    delays = Delays(waits_s, queues, lead_s)
+    return np.array([drive(network, delays, case.start, case.goal, s).time_s for s in STRATEGIES])
+
+
+def sweep(network: Network, cases: Sequence[Case], over: str, lead_s: float, done: Done) -> Sweep:
+    """Vary the wait at every node (`over` is "node") or the delay on congested roads ("queue")."""
+    delays_s = np.linspace(0, NODE_MAX_S if over == "node" else QUEUE_MAX_S, STEPS)
+    times_s = np.empty((len(STRATEGIES), STEPS, len(cases)))
+    for k, delay_s in enumerate(delays_s.tolist()):
+        node_s, queue_s = (delay_s, QUEUE_S) if over == "node" else (NODE_S, delay_s)
+        waits_s = np.full(len(network.names), node_s)
+        for i, case in enumerate(cases):
+            queues_s = dict.fromkeys(case.onsets_s, queue_s)
+            times_s[:, k, i] = travel_times(network, case, waits_s, queues_s, lead_s)
+            done(case)
+    return Sweep(delays_s, times_s)
+
+
+def randomised(
+    network: Network,
+    cases: Sequence[Case],
+    lead_s: float,
+    rng: np.random.Generator,
+    done: Done,
+    known_s: float | None = None,
+) -> Randomised:
+    """Draw each node's wait and each queue up to the longest.
+
+    Args:
+        network: The roads.
+        cases: The drives.
+        lead_s: Of the clearing.
+        rng: For waits and queues.
+        done: Called with every case.
+        known_s: If given, all queues arise then, instead of during the drive.
+    """
+    times_s = np.empty((len(STRATEGIES), len(cases)))
+    for i, case in enumerate(cases):
+        waits_s = rng.uniform(0, NODE_MAX_S, len(network.names))
+        queues_s = {road: float(rng.uniform(0, QUEUE_MAX_S)) for road in case.onsets_s}
+        onsets_s = case.onsets_s if known_s is None else dict.fromkeys(case.onsets_s, known_s)
+        timed = Case(case.start, case.goal, onsets_s, case.free_s)
+        times_s[:, i] = travel_times(network, timed, waits_s, queues_s, lead_s)
+        done(case)
+    return Randomised(np.array([case.free_s for case in cases]), times_s)
+
+
+def without_delays(network: Network, cases: Sequence[Case], lead_s: float) -> Randomised:
+    """No waits, no queues."""
+    waits_s = np.zeros(len(network.names))
+    times_s = [travel_times(network, case, waits_s, {}, lead_s) for case in cases]
+    return Randomised(np.array([case.free_s for case in cases]), np.array(times_s).T)
+
+
+@dataclass(frozen=True)
+class Study:
+    """One network's part in sweeps.
+
+    Attributes:
+        network: The roads.
+        cases: The drives.
+        calm: Without delays.
+        node: Over the wait at every node.
+        queue: Over the delay on congested roads.
+    """
+
+    network: Network
+    cases: Sequence[Case]
+    calm: Randomised
+    node: Sweep
+    queue: Sweep
+
+
+def study(network: Network, cases: Sequence[Case], lead_s: float, done: Done) -> Study:
+    """Make all sweeps on a network."""
+    return Study(
+        network,
+        cases,
+        without_delays(network, cases, lead_s),
+        sweep(network, cases, "node", lead_s, done),
+        sweep(network, cases, "queue", lead_s, done),
+    )
+
+
+def mean_interval(samples: Array, rng: np.random.Generator) -> tuple[float, float, float]:
+    """Mean of (n,) samples and the ends of its bootstrap interval."""
+    means = samples[rng.integers(len(samples), size=(RESAMPLES, len(samples)))].mean(axis=1)
+    low, high = np.quantile(means, ((1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2))
+    return float(samples.mean()), float(low), float(high)
