@@ -5,6 +5,7 @@ the covariance is right, more where the estimator believes itself too much (Bar-
 Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, section 5.4).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -157,3 +158,58 @@ def _statuses(run: SavedRun, timestamps_ns: Indices) -> tuple[Status, ...]:
         return (Status.TRACKED,) * len(timestamps_ns)
     status = dict(zip(run.frames.timestamps_ns.tolist(), run.frames.status, strict=True))
     return tuple(status[x] for x in timestamps_ns.tolist())
+
+
+@dataclass(frozen=True)
+class Summary:
+    """NEES of some runs at the frames of one status.
+
+    Attributes:
+        status: Name, or "all".
+        steps: How many motions from frame to frame there are.
+        step: Their mean NEES; 6 if covariances are right.
+        step_bounds: Between which it falls then, at CONFIDENCE, if steps are independent.
+        step_inside: Share of steps in the ellipsoid that should hold CONFIDENCE of them.
+        over_1m: Mean NEES of motions over 1 m; NaN where there are none.
+        over_1m_inside: As for steps.
+        absolute: Mean NEES of poses.
+        absolute_bounds: For one pose of every run; those of a run go together.
+    """
+
+    status: str
+    steps: int
+    step: float
+    step_bounds: tuple[float, float]
+    step_inside: float
+    over_1m: float
+    over_1m_inside: float
+    absolute: float
+    absolute_bounds: tuple[float, float]
+
+
+def summary(runs: Sequence[Nees]) -> list[Summary]:
+    """Sum up runs, all frames first, then by status; statuses without a step are left out."""
+    parts = {"all": runs, **{x.value: [run.at(x) for run in runs] for x in Status}}
+    return [found for name, some in parts.items() if (found := _summed(name, some))]
+
+
+def _summed(name: str, runs: Sequence[Nees]) -> Summary | None:
+    step, over_1m, absolute = (
+        np.concatenate([np.zeros(0), *(getattr(run, kind) for run in runs)])
+        for kind in ("step", "over_1m", "absolute")
+    )
+    step, over_1m, absolute = (x[np.isfinite(x)] for x in (step, over_1m, absolute))
+    if len(step) == 0:
+        return None
+    level = np.array([CONFIDENCE])
+    return Summary(
+        name,
+        len(step),
+        float(step.mean()),
+        mean_bounds(len(step)),
+        float(calibration(step, level)[0]),
+        float(over_1m.mean()) if len(over_1m) else np.nan,
+        float(calibration(over_1m, level)[0]),
+        float(absolute.mean()) if len(absolute) else np.nan,
+        mean_bounds(len(runs)),
+    )

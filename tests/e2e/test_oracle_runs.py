@@ -70,8 +70,11 @@ def test_every_stage_can_be_replaced_alone(stage, drive, errors, usual):
     assert len(found) == len(usual[0])
     assert not np.array_equal(result.trajectory.T_ref_frame, usual[1].trajectory.T_ref_frame)
     assert found.max() < 3 * usual[0].max()
-    if stage == "matches":
-        assert found.max() < 0.7 * usual[0].max()
+
+
+def test_true_matches_take_error_away(drive, errors, usual):
+    found, _ = errors(Oracle(drive, ["matches", "features"]))
+    assert 0 < found.max() < 0.7 * usual[0].max()
 
 
 def test_features_can_be_replaced(errors):

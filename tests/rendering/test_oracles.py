@@ -1,5 +1,7 @@
 """The truth that stands in for a stage, against labels that it does not use."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -107,9 +109,13 @@ def test_sightings_are_the_flow_where_the_next_image_shows_them(dataset, times, 
 def test_each_stage_alone_is_true_and_the_others_pass(dataset, times, grid):
     frame, ids = frame_at(times[1]), np.arange(len(grid))
     wrong = np.full_like(grid, 3.0)
+    beside = Oracle(dataset)
+    beside.born(frame_at(times[0]), ids, grid)
+    beside = beside.pixels(frame_at(times[1]), ids, grid) + 0.5 * DOWN
     guess, last = np.eye(4), se3.exp(np.array([0.1, 0, 0, 0, 0.1, 0]))
     calls = {
         "matches": (("pixels", ids, wrong), 2),
+        "features": (("pixels", ids, beside), 2),
         "stereo": (("disparity", grid, wrong[:, 0]), 1),
         "inliers": (("inliers", ids, wrong, np.ones(len(ids), bool)), 2),
         "prediction": (("predicted", times[0], last, guess), 2),
@@ -120,7 +126,7 @@ def test_each_stage_alone_is_true_and_the_others_pass(dataset, times, grid):
         oracle.born(frame_at(times[0]), ids, grid)
         for stage, ((name, *words), _) in calls.items():
             passed = getattr(Hooks(), name)(frame, *words)
-            same = np.array_equal(getattr(oracle, name)(frame, *words), passed)
+            same = np.array_equal(getattr(oracle, name)(frame, *words), passed, equal_nan=True)
             assert same == (stage != chosen), (stage, chosen)
 
 
@@ -134,7 +140,7 @@ def test_predictions_continue_the_estimate_by_the_true_step(dataset, times):
 
 
 def test_inliers_are_near_the_truth(dataset, times, grid):
-    oracle, frame = Oracle(dataset, ["inliers", "matches"]), frame_at(times[1])
+    oracle, frame = Oracle(dataset, ["inliers", "matches", "features"]), frame_at(times[1])
     ids = np.arange(len(grid)) + 500
     oracle.born(frame_at(times[0]), ids, grid)
     true = oracle.pixels(frame, ids, grid)
@@ -145,6 +151,41 @@ def test_inliers_are_near_the_truth(dataset, times, grid):
         assert (oracle.inliers(frame, ids, true + off * DOWN, agree) == right).all()
     stranger = np.array([7])
     assert not oracle.inliers(frame, stranger, true[:1], np.array([True]))[0]
+
+
+def test_which_landmarks_and_where_are_two_things(dataset, times, grid):
+    """Half of the landmarks are found half a pixel off, a quarter far off, a quarter not at all."""
+    frame, ids = frame_at(times[1]), np.arange(len(grid))
+    found = {}
+    for stages in (["matches"], ["features"], ["matches", "features"]):
+        oracle = Oracle(dataset, stages)
+        oracle.born(frame_at(times[0]), ids, grid)
+        true = oracle._world.sightings(times[1], oracle._points_of(ids))
+        inner = (np.abs(true - [79.5, 59.5]) < [70, 50]).all(axis=1)
+        given = true + 0.5 * DOWN
+        given[1::4] += 8.0
+        given[3::4] = np.nan
+        found[tuple(stages)] = oracle.pixels(frame, ids, given) - true
+    off, near = given - true, inner & (ids % 2 == 0)
+    far, none = inner & (ids % 4 == 1), inner & (ids % 4 == 3)
+    assert min(near.sum(), far.sum(), none.sum()) > 500
+    matches, features, both = found.values()
+    np.testing.assert_array_equal(matches[near], off[near])  # stays where it was found
+    np.testing.assert_allclose(matches[far | none], [[0, 0.5]] * (far | none).sum(), atol=1e-9)
+    np.testing.assert_allclose(features[near], 0, atol=1e-9)
+    np.testing.assert_array_equal(features[far], off[far])
+    assert np.isnan(features[none]).all()
+    np.testing.assert_allclose(both[inner], 0, atol=1e-9)
+
+
+def test_true_depth_for_one_who_mistakes_the_baseline(dataset, times, grid):
+    """Whatever the estimator believes, what it triangulates has the depth of the label."""
+    world, frame = TrueWorld(dataset), frame_at(times[0])
+    believed = replace(world.rig, baseline_m=1.1 * world.rig.baseline_m)
+    oracle = Oracle(dataset, ["stereo"], rig=believed)
+    disparity = oracle.disparity(frame, grid, np.full(len(grid), 5.0))
+    depth = label(dataset, "depth0", times[0], grid)
+    np.testing.assert_allclose(believed.triangulate(grid, disparity)[:, 2], depth, rtol=1e-6)
 
 
 def test_stated_noise(dataset, times, grid):

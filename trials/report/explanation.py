@@ -1,0 +1,130 @@
+"""Figures of an explanation: what each stage costs, where on the route, and calibration."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from trials.attribution import REST, Attribution
+from trials.consistency import calibration
+from trials.explanation import Explanation
+from trials.report.figure import BLUE, GREEN, GREY, INK, OCHRE, PURPLE, RED, save_figure, tidy
+from vo.contract.arrays import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+COLOURS = {
+    "prediction": PURPLE,
+    "matching": RED,
+    "matches": RED,
+    "features": OCHRE,
+    "stereo": BLUE,
+    "inliers": GREEN,
+    REST: GREY,
+}
+BIN_M = 0.25
+KINDS = {"step": "frame to frame", "over_1m": "over 1 m", "absolute": "since the start"}
+
+
+def draw_waterfalls(explanations: Sequence[Explanation], out: Path) -> None:
+    """Draw a panel for each scene: from the drift, stage by stage, down to what remains."""
+    parts = [(x.name, x.attribution) for x in explanations if x.attribution]
+
+    def draw(figure: "Figure") -> None:
+        for panel, (name, attribution) in zip(_panels(figure, len(parts)), parts, strict=True):
+            _waterfall(panel, attribution)
+            tidy(panel, "", "drift over 1 m, %", name)
+
+    save_figure(out, _size(len(parts)), draw)
+
+
+def draw_paths(explanations: Sequence[Explanation], out: Path) -> None:
+    """Draw a panel for each scene: the share of each stage along the path, means over drives."""
+    parts = [(x.name, x.attribution) for x in explanations if x.attribution]
+
+    def draw(figure: "Figure") -> None:
+        panels = _panels(figure, len(parts))
+        for panel, (name, attribution) in zip(panels, parts, strict=True):
+            _path(panel, attribution)
+            tidy(panel, "middle of the metre, m along the path", "drift over 1 m, %", name)
+        handles, labels = panels[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper left", ncols=6, fontsize=8, frameon=False)
+
+    save_figure(out, _size(len(parts)), draw)
+
+
+def draw_calibration(explanations: Sequence[Explanation], out: Path) -> None:
+    """Draw a panel for each scene: how many errors lie in the ellipsoids that should hold them."""
+    parts = [x for x in explanations if x.nees]
+    levels = np.linspace(0, 1, 101)[1:-1]
+
+    def draw(figure: "Figure") -> None:
+        panels = _panels(figure, len(parts))
+        for panel, part in zip(panels, parts, strict=True):
+            panel.plot([0, 100], [0, 100], color=GREY, linewidth=1, linestyle="--", label="ideal")
+            for (kind, label), colour in zip(KINDS.items(), (BLUE, RED, INK), strict=True):
+                inside = calibration(part.pooled(kind), levels)
+                panel.plot(100 * levels, 100 * inside, color=colour, linewidth=1.5, label=label)
+            panel.set_aspect("equal")
+            tidy(panel, "ellipsoid that should hold, %", "errors inside, %", part.name)
+        handles, labels = panels[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper left", ncols=4, fontsize=8, frameon=False)
+
+    save_figure(out, _size(len(parts)), draw)
+
+
+def _size(panels: int) -> tuple[float, float]:
+    columns = min(3, panels)
+    return 3.5 * columns + 0.5, 2.9 * -(-panels // columns) + 0.4
+
+
+def _panels(figure: "Figure", count: int) -> "list[Axes]":
+    columns = min(3, count)
+    panels = figure.subplots(-(-count // columns), columns, squeeze=False).ravel().tolist()
+    for panel in panels[count:]:
+        panel.set_axis_off()
+    return panels[:count]
+
+
+def _waterfall(panel: "Axes", attribution: Attribution) -> None:
+    level, shares = attribution.drift, attribution.shares
+    panel.bar(0, level, color=INK, width=0.7)
+    panel.errorbar(0, level, _arms(level, attribution.drift_interval), color=GREY, capsize=3)
+    for k, share in enumerate(shares[:-1], 1):
+        below = level - share.drift
+        panel.plot([k - 0.65, k + 0.35], [level, level], color=GREY, linewidth=0.7)
+        panel.bar(k, -share.drift, bottom=level, color=COLOURS[share.stage], width=0.7)
+        panel.errorbar(
+            k, below, _arms(share.drift, share.drift_interval)[::-1], color=INK, capsize=3
+        )
+        level = below
+    rest = shares[-1]
+    panel.bar(len(shares), rest.drift, color=GREY, width=0.7)
+    panel.errorbar(
+        len(shares), rest.drift, _arms(rest.drift, rest.drift_interval), color=INK, capsize=3
+    )
+    panel.axhline(0, color=INK, linewidth=0.8)
+    panel.set_xticks(range(len(shares) + 1), ["drift", *(x.stage for x in shares)])
+    panel.tick_params(axis="x", rotation=28)
+
+
+def _arms(value: float, interval: tuple[float, float]) -> Array:
+    """Lengths (2, 1) of the whiskers below and above a value."""
+    low, high = interval
+    return np.array([[max(value - low, 0.0)], [max(high - value, 0.0)]])
+
+
+def _path(panel: "Axes", attribution: Attribution) -> None:
+    at_m = np.concatenate([x for x, _ in attribution.by_segment.values()]) + 0.5
+    shares = np.concatenate([x for _, x in attribution.by_segment.values()], axis=1)
+    bins = np.floor(at_m / BIN_M).astype(int)
+    filled = np.unique(bins)
+    means = np.array([shares[:, bins == x].mean(axis=1) for x in filled]).T
+    middle_m = (filled + 0.5) * BIN_M
+    panel.plot(middle_m, means.sum(axis=0), color=INK, linewidth=2, label="drift")
+    for share, mean in zip(attribution.shares, means, strict=True):
+        panel.plot(middle_m, mean, color=COLOURS[share.stage], linewidth=1.4, label=share.stage)
+    panel.axhline(0, color=INK, linewidth=0.6)
