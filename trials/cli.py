@@ -8,6 +8,7 @@ import typer
 from trials.commands.datasets import generate, scenes, verify
 from trials.commands.demo import demo
 from trials.commands.doctor import doctor
+from trials.commands.explain import explain
 from trials.commands.preview import preview
 from trials.commands.route import route
 from trials.commands.runs import report, run, score
@@ -24,6 +25,7 @@ COMMANDS: dict[Callable[..., None], str] = {
     score: "driftyard score court court.txt --json",
     report: "driftyard report court court.txt --out court.html",
     route: "driftyard route --out routing",
+    explain: "driftyard explain --scene brick_court --seeds 3",
     doctor: "driftyard doctor",
     demo: "driftyard demo",
 }
