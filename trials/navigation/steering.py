@@ -1,0 +1,180 @@
+"""Local control: pure pursuit (Coulter 1992) and the dynamic window (Fox, Burgard, Thrun 1997)."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from trials.navigation.occupancy import OccupancyGrid
+from vo.contract.arrays import Array
+from vo.contract.settings import Settings
+
+PIVOT_RAD = math.radians(60)
+"""Pure pursuit turns on the spot towards what lies farther to the side."""
+
+
+class Twist(NamedTuple):
+    """Forward speed in m/s and turning speed in rad/s, positive to the left."""
+
+    forward_mps: float
+    turn_radps: float
+
+
+class Pose2(NamedTuple):
+    """Place in metres and heading in radians from x to y."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+
+
+class SteeringSettings(Settings):
+    """Limits of the rover, and the preferences of the dynamic window."""
+
+    forward_max_mps: float = Field(default=0.5, gt=0)
+    turn_max_radps: float = Field(default=1.0, gt=0)
+    forward_accel_mps2: float = Field(default=0.5, gt=0, description="and braking")
+    turn_accel_radps2: float = Field(default=3.0, gt=0)
+    ahead_m: float = Field(default=0.6, gt=0, description="pure pursuit aims this far ahead")
+    period_s: float = Field(default=0.1, gt=0, description="between two commands")
+    horizon_s: float = Field(default=1.5, gt=0, description="that a command is thought to last")
+    samples: int = Field(default=11, ge=3, description="of either speed")
+    heading_gain: float = Field(default=1.0, ge=0)
+    clearance_gain: float = Field(default=0.3, ge=0)
+    speed_gain: float = Field(default=0.3, ge=0)
+    roomy_m: float = Field(default=0.5, gt=0, description="clearance beyond which more is no use")
+
+
+def aim(pose: Pose2, path_m: Array, ahead_m: float) -> Array:
+    """Point (2,) of the path, `ahead_m` along it from where the path is closest; at most its end.
+
+    Args:
+        pose: Where the rover is.
+        path_m: (N, 2) corners of the path, N >= 1.
+        ahead_m: Along the path.
+    """
+    here = np.array([pose.x_m, pose.y_m])
+    if len(path_m) == 1:
+        return path_m[0].astype(float)
+    a, ab = path_m[:-1], np.diff(path_m, axis=0)
+    lengths = np.linalg.norm(ab, axis=1)
+    squares = np.where(lengths > 0, lengths**2, 1)
+    share = np.clip(((here - a) * ab).sum(axis=1) / squares, 0, 1)
+    k = int(np.argmin(np.linalg.norm(a + share[:, None] * ab - here, axis=1)))
+    stations = np.concatenate([[0], np.cumsum(lengths)])
+    station = stations[k] + share[k] * lengths[k] + ahead_m
+    return np.array([np.interp(station, stations, path_m[:, i]) for i in (0, 1)])
+
+
+def pure_pursuit(pose: Pose2, path_m: Array, settings: SteeringSettings) -> Twist:
+    """Follow a path by the arc through a point ahead; turn on the spot if it is far to the side.
+
+    The arc through (x, y) in the rover's frame has the curvature 2 y / (x² + y²).
+
+    Args:
+        pose: Where the rover is.
+        path_m: (N, 2) corners of the path, N >= 1.
+        settings: Limits, and how far ahead to aim.
+    """
+    x_m, y_m = _in_body(pose, aim(pose, path_m, settings.ahead_m))
+    square = x_m**2 + y_m**2
+    if square == 0:
+        return Twist(0.0, 0.0)
+    if abs(math.atan2(y_m, x_m)) > PIVOT_RAD:
+        return Twist(0.0, math.copysign(settings.turn_max_radps, y_m))
+    curvature = 2 * y_m / square
+    # Slower in narrow bends, and short of the end: it is then that the aim is closer than asked.
+    braking_mps = math.sqrt(2 * settings.forward_accel_mps2 * math.sqrt(square))
+    turning_mps = settings.turn_max_radps / abs(curvature) if curvature else math.inf
+    forward = min(settings.forward_max_mps, braking_mps, turning_mps)
+    return Twist(forward, forward * curvature)
+
+
+def dynamic_window(
+    pose: Pose2,
+    twist: Twist,
+    target_m: Array,
+    grid: OccupancyGrid,
+    free_m: Array,
+    settings: SteeringSettings,
+) -> Twist | None:
+    """Choose the speeds, among those within reach, that head for a target and keep clear.
+
+    Args:
+        pose: Where the rover is, in the grid's frame.
+        twist: Its speeds now.
+        target_m: (2,) where to head.
+        grid: Geometry of the cells.
+        free_m: (H, W) how far each cell is from where the rover would touch; 0 or less there.
+        settings: Limits and preferences.
+
+    Returns:
+        The next speeds; None if at none of them one could stop before touching.
+    """
+    forward, turn = _window(twist, settings)
+    times_s = np.arange(settings.period_s, settings.horizon_s + 1e-9, settings.period_s)
+    arcs = _arcs(pose, forward, turn, times_s)
+    clear_m = _clearances(arcs, grid, free_m)
+    touching = np.pad(clear_m <= 0, ((0, 0), (0, 1)), constant_values=True)
+    first = touching.argmax(axis=1)  # one past the last pose, if none touches
+    room_m = np.where(first < len(times_s), forward * first * settings.period_s, np.inf)
+    admissible = forward <= np.sqrt(2 * settings.forward_accel_mps2 * room_m)
+    if not admissible.any():
+        return None
+    least_m = np.clip(clear_m.min(axis=1), 0, settings.roomy_m)
+    # Headings are compared half-way to the target, if it is close: no arc is past it there.
+    away_m = math.hypot(target_m[0] - pose.x_m, target_m[1] - pose.y_m)
+    half_way = 0.5 * away_m / (settings.forward_max_mps * settings.period_s)
+    x_m, y_m, yaw_rad = arcs[:, min(int(half_way), len(times_s) - 1)].T
+    bearing = np.arctan2(target_m[1] - y_m, target_m[0] - x_m) - yaw_rad
+    heading = 1 - np.abs(np.arctan2(np.sin(bearing), np.cos(bearing))) / np.pi
+    score = (
+        settings.heading_gain * heading
+        + settings.clearance_gain * least_m / settings.roomy_m
+        + settings.speed_gain * forward / settings.forward_max_mps
+    )
+    best = int(np.argmax(np.where(admissible, score, -np.inf)))
+    return Twist(float(forward[best]), float(turn[best]))
+
+
+def _window(twist: Twist, settings: SteeringSettings) -> tuple[Array, Array]:
+    """Speeds (n,) that can be reached within a period; straight on is among them if it can be."""
+    v_step = settings.forward_accel_mps2 * settings.period_s
+    w_step = settings.turn_accel_radps2 * settings.period_s
+    top, most = settings.forward_max_mps, settings.turn_max_radps
+    reach = np.linspace(-1, 1, settings.samples)
+    speeds = np.unique(np.clip(twist.forward_mps + v_step * reach, 0, top))
+    turns = np.clip(twist.turn_radps + w_step * reach, -most, most)
+    if turns[0] < 0 < turns[-1]:
+        turns = np.append(turns, 0.0)
+    forward, turn = np.meshgrid(speeds, np.unique(turns))
+    return forward.ravel(), turn.ravel()
+
+
+def _arcs(pose: Pose2, forward: Array, turn: Array, times_s: Array) -> Array:
+    """Poses (n, t, 3) on the arcs of constant speeds."""
+    angle = turn[:, None] * times_s
+    yaw = pose.yaw_rad + angle
+    # The chord of an arc: sin(a/2) / (a/2) times its length, at half the angle.
+    chord = forward[:, None] * times_s * np.sinc(angle / (2 * np.pi))
+    middle = pose.yaw_rad + angle / 2
+    return np.stack(
+        [pose.x_m + chord * np.cos(middle), pose.y_m + chord * np.sin(middle), yaw], axis=-1
+    )
+
+
+def _clearances(arcs: Array, grid: OccupancyGrid, free_m: Array) -> Array:
+    """How far (n, t) each pose is from touching; outside the grid nothing is in the way."""
+    cells = np.floor((arcs[..., :2] - np.array(grid.corner_xy_m)) / grid.cell_m + 0.5).astype(int)
+    column, row = cells[..., 0], cells[..., 1]
+    height, width = free_m.shape
+    inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
+    found = free_m[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
+    return np.where(inside, found, np.inf)
+
+
+def _in_body(pose: Pose2, point_m: Array) -> tuple[float, float]:
+    dx, dy = point_m[0] - pose.x_m, point_m[1] - pose.y_m
+    c, s = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+    return float(c * dx + s * dy), float(-s * dx + c * dy)
