@@ -65,6 +65,9 @@ class MatchingSettings(Settings):
     widest_search_px: float = Field(
         default=96.0, gt=0, description="radius while nothing can be predicted"
     )
+    triplets: bool = Field(
+        default=False, description="matches must be consistent with the frame before (F4)"
+    )
     guided: bool = Field(
         default=True, description="look for the other landmarks where the first pose puts them (F5)"
     )
@@ -129,8 +132,10 @@ class StereoSettings(Settings):
 class MotionSettings(Settings):
     """Orientation under RANSAC (thesis 2.6, 2.7, 3.3, 5.4)."""
 
-    method: Literal["relative", "absolute"] = Field(
-        default="relative", description="from points and pixels, or from points and points (4.1)"
+    method: Literal["relative", "absolute", "split", "refinement"] = Field(
+        default="relative",
+        description="from points and pixels, from points and points (4.1), rotation before "
+        "translation (F6), or by refinement of the expected motion alone (F8)",
     )
     solver: Literal["fischler_bolles", "lambda_twist"] = Field(
         default="lambda_twist", description="of the three legs, if relative"
@@ -156,12 +161,16 @@ class MotionSettings(Settings):
     local_rounds: int = Field(
         default=4, ge=0, description="refits to the inliers of each new best; 0 is plain RANSAC"
     )
+    prior: bool = Field(
+        default=True,
+        description="landmarks that were at rest, or where expected, weigh more; others go",
+    )
     least_inliers: int = Field(default=8, ge=3, description="fewer, and the frame is lost")
     weak_inliers: int = Field(default=25, ge=3, description="fewer, and the frame is weak")
 
     @model_validator(mode="after")
     def _distances_need_points(self) -> Self:
-        if self.residual == "distance" and self.method == "relative":
+        if self.residual == "distance" and self.method != "absolute":
             raise ValueError('motion.residual "distance" needs motion.method "absolute"')
         return self
 
@@ -247,6 +256,7 @@ THESIS = OdometrySettings(
         solver="fischler_bolles",
         score="inliers",
         local_rounds=0,
+        prior=False,
         threshold=0.005,
         confidence=0.99,
         least_inliers=3,

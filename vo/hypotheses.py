@@ -38,6 +38,7 @@ class Problem(NamedTuple):
         threshold: Largest error of an inlier, in metres if metric, else normalised.
         inlier_cost: Cost of an inlier at the threshold; that of an outlier is 1. One for MSAC
             (Torr and Zisserman, CVIU 2000); for a count, so little that it only breaks ties.
+        weights: (N,) how much each match counts, not negative.
     """
 
     points_odom: Array
@@ -48,6 +49,7 @@ class Problem(NamedTuple):
     metric: bool
     threshold: float
     inlier_cost: float
+    weights: Array
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -98,7 +100,8 @@ def cost(problem: Problem, pose: Array, first: int, last: int, bail: float) -> f
         end = min(start + BLOCK, last)
         misfits(problem, pose, start, end, some)
         for k in range(end - start):
-            total += problem.inlier_cost * some[k] if some[k] < 1 else 1.0
+            one = problem.inlier_cost * some[k] if some[k] < 1 else 1.0
+            total += problem.weights[start + k] * one
         if total >= bail:
             return np.inf
     return total

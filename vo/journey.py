@@ -14,6 +14,7 @@ from vo.history import History
 from vo.recovery import find_again
 from vo.standing import Rest
 from vo.tracks import LocalMap, empty_map
+from vo.triplets import Sighting
 from vo.view import View
 
 
@@ -28,6 +29,8 @@ class Journey:
         T_odom_cam: (4, 4) pose of the last frame that had one.
         T_before_now: (4, 4) its motion, which predicts the next.
         spread: (6, 6) covariance of that pose, given the map.
+        before: What the last frame with a pose saw; None before the first.
+        strikes: Landmark to frames in a row with whose motion it disagreed.
         rest: The last frame that was somewhere else than the one before it; None before the first.
         last_ns: Its time.
         seen_ns: Time of the last frame, with or without a pose.
@@ -42,6 +45,8 @@ class Journey:
     T_odom_cam: Array = field(default_factory=lambda: np.eye(4))
     T_before_now: Array = field(default_factory=lambda: np.eye(4))
     spread: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    before: Sighting | None = None
+    strikes: dict[int, int] = field(default_factory=dict[int, int])
     rest: Rest | None = None
     last_ns: int = 0
     seen_ns: int = -1

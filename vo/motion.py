@@ -8,7 +8,8 @@ from vo.contract.arrays import Array, Mask
 from vo.hypotheses import Problem
 from vo.orientation import ABSOLUTE_SOLVERS
 from vo.p3p import SOLVERS
-from vo.ransac import Consensus, ransac
+from vo.ransac import Consensus, consensus, ransac
+from vo.split import split_motion
 
 
 def find_motion(
@@ -18,8 +19,10 @@ def find_motion(
     settings: MotionSettings,
     rng: np.random.Generator,
     f_px: float,
+    weights: Array | None = None,
+    T_odom_guess: Array | None = None,
 ) -> Consensus | None:
-    """Estimate T_odom_cam by relative or by absolute orientation under RANSAC.
+    """Estimate T_odom_cam by relative or absolute orientation, or split, under RANSAC.
 
     Args:
         points_odom: (N, 3) landmarks, metres.
@@ -28,6 +31,8 @@ def find_motion(
         settings: Method, solver, RANSAC's.
         rng: Draws the samples.
         f_px: Focal length, for a threshold in pixels.
+        weights: (N,) how much each match counts, if not all the same.
+        T_odom_guess: (4, 4) expected pose, which only `split` asks for; where odom is, if None.
 
     Returns:
         T_odom_cam, its inliers and covariance, or None if fewer than three matches can be used or
@@ -39,27 +44,42 @@ def find_motion(
     if absolute:
         usable &= _finite(points_cam)
     metric = absolute and settings.residual == "distance"
-    outcome = ransac(
-        Problem(
-            points_odom=np.ascontiguousarray(points_odom[usable], dtype=np.float64),
-            rays=np.ascontiguousarray(rays[usable], dtype=np.float64),
-            points_cam=np.ascontiguousarray(points_cam[usable], dtype=np.float64),
-            absolute=absolute,
-            solver=(
-                ABSOLUTE_SOLVERS[settings.absolute_solver] if absolute else SOLVERS[settings.solver]
-            ),
-            metric=metric,
-            threshold=settings.threshold_m if metric else acceptance(settings, f_px),
-            inlier_cost=1.0 if settings.score == "msac" else 0.999 / max(len(usable), 1),
+    count = int(usable.sum())
+    problem = Problem(
+        points_odom=np.ascontiguousarray(points_odom[usable], dtype=np.float64),
+        rays=np.ascontiguousarray(rays[usable], dtype=np.float64),
+        points_cam=np.ascontiguousarray(points_cam[usable], dtype=np.float64),
+        absolute=absolute,
+        solver=(
+            ABSOLUTE_SOLVERS[settings.absolute_solver] if absolute else SOLVERS[settings.solver]
         ),
-        settings,
-        rng,
+        metric=metric,
+        threshold=settings.threshold_m if metric else acceptance(settings, f_px),
+        inlier_cost=1.0 if settings.score == "msac" else 0.999 / max(count, 1),
+        weights=np.ones(count) if weights is None else weights[usable].astype(np.float64),
     )
+    if settings.method == "split":
+        T_guess = np.eye(4) if T_odom_guess is None else T_odom_guess
+        outcome = _split(problem, T_guess, settings, rng)
+    else:
+        outcome = ransac(problem, settings, rng)
     if outcome is None:
         return None
     inliers = np.zeros(len(usable), dtype=np.bool_)
     inliers[usable] = outcome.inliers
     return Consensus(outcome.T, inliers, outcome.trials, outcome.covariance)
+
+
+def _split(
+    problem: Problem, T_odom_guess: Array, settings: MotionSettings, rng: np.random.Generator
+) -> Consensus | None:
+    trials = settings.most_trials
+    pose = split_motion(
+        problem.points_odom, problem.rays, T_odom_guess, problem.threshold, trials, rng
+    )
+    found = None if pose is None else consensus(problem, pose, trials, settings)
+    # A guess can make up for what a degenerate scene leaves open; that is no measurement.
+    return found if found and np.isfinite(found.covariance).all() else None
 
 
 def relative_orientation(

@@ -27,6 +27,8 @@ from vo.replacement import replace_features, replace_inliers, replace_matches
 from vo.smoothing import look_back
 from vo.standing import Rest, stands
 from vo.stereo import DenseStereo
+from vo.triplets import Sighting, consistent
+from vo.trust import believed, judge
 from vo.view import View, look
 
 ONE_EYED = 0.7
@@ -70,7 +72,10 @@ class StereoOdometry:
 
         with clock("structure refinement"):  # motion and structure, on long tracks (3.4, 4.4)
             here.map = here.map.seen(inliers.rows, inliers.features, view.vectors)
+            here.before = Sighting(view.frame.left, inliers.ids, inliers.pixels)
             T_odom_cam, spread = self._settle(frame, view, pose, inliers, counts)
+            if s.motion.prior:
+                here.map, here.strikes = judge(here.map, here.strikes, matches.ids, inliers.ids)
 
         step = here.advance(view, T_odom_cam, spread)
         doubt = explain_doubt(len(inliers), counts["motion iterations"], s)
@@ -95,8 +100,8 @@ class StereoOdometry:
     def _guesses(self, frame: StereoFrame) -> tuple[tuple[Array, float], tuple[Array, float]]:
         """Predicted poses and how far to search about them: the expected motion, then any."""
         s, here = self.settings.matching, self._journey
-        motion = here.T_before_now if s.predict == "steady" else np.eye(4)
-        expected = here.T_odom_cam @ motion
+        steady = s.predict == "steady" and not self._wheels_rest(frame)
+        expected = here.T_odom_cam @ (here.T_before_now if steady else np.eye(4))
         expected = self.hooks.predicted(frame, here.last_ns, here.T_odom_cam, expected)
         return (expected, s.search_px), (here.T_odom_cam, s.widest_search_px)
 
@@ -107,13 +112,15 @@ class StereoOdometry:
         s, rig, hooks, local_map = self.settings, self.rig, self.hooks, self._journey.map
         with clock("matching"):  # marriage by ZNCC, sub-pixel alignment (3.2)
             matches = find_matches(local_map, view, T_guess, reach_px, rig, s)
-            matches = replace_matches(hooks, matches, local_map, view, s)
+            matches = replace_matches(hooks, self._confirmed(matches, view), local_map, view, s)
             counts["matches"] = len(matches)
         with clock("motion"):  # orientation under RANSAC (3.3)
-            consensus = orient(matches, rig, s.motion, self._rng)
+            weights = believed(matches, local_map, self._journey.strikes, T_guess, rig, s)
+            consensus = orient(matches, T_guess, weights, rig, s, self._rng)
             if consensus is None:
                 return None
             agreed = replace_inliers(hooks, view, matches, matches.select(consensus.inliers))
+            counts["consensus"] = len(agreed)
             if len(agreed) < s.motion.least_inliers:
                 return None
         with clock("motion refinement"):  # at every frame (3.4)
@@ -122,7 +129,7 @@ class StereoOdometry:
         if s.matching.guided:
             with clock("guided matching"):  # the other landmarks, where the pose puts them (F5)
                 matches = find_more(local_map, view, pose.T_world_cam, matches, rig, s)
-                matches = replace_matches(hooks, matches, local_map, view, s)
+                matches = replace_matches(hooks, self._confirmed(matches, view), local_map, view, s)
                 agreed = agreeing(pose.T_world_cam, matches, rig, s.motion)
                 agreed = replace_inliers(hooks, view, matches, agreed)
                 pose = refine_pose(pose.T_world_cam, agreed, rig, s)
@@ -131,6 +138,23 @@ class StereoOdometry:
         inliers = replace_inliers(hooks, view, matches, inliers)
         counts["found"], counts["inliers"] = len(matches), len(inliers)
         return (pose, matches, inliers) if len(inliers) >= s.motion.least_inliers else None
+
+    def _confirmed(self, matches: Matches, view: View) -> Matches:
+        """Matches that the frame before confirms, if it is asked (F4)."""
+        s, here = self.settings.matching, self._journey
+        if not s.triplets or here.before is None:
+            return matches
+        landmarks, left = here.map.landmarks, view.frame.left
+        return matches.select(consistent(matches, landmarks, here.before, left, s.align_px))
+
+    def _wheels_rest(self, frame: StereoFrame) -> bool:
+        """Whether encoders say that no wheel has turned since the camera last moved."""
+        rest, ticks = self._journey.rest, frame.wheel_ticks
+        return (
+            self.settings.standing == "encoders"
+            and rest is not None
+            and (ticks is not None and ticks == rest.wheel_ticks)
+        )
 
     def _settle(
         self, frame: StereoFrame, view: View, pose: Pose, inliers: Matches, counts: dict[str, int]

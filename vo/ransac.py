@@ -5,7 +5,7 @@ Chum, Matas and Kittler, Locally optimized RANSAC, DAGM 2003; Nistér, Preemptiv
 structure and motion estimation, MVA 2005.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numba
 import numpy as np
@@ -59,6 +59,7 @@ def ransac(
         points_odom=problem.points_odom[order],
         rays=problem.rays[order],
         points_cam=problem.points_cam[order],
+        weights=problem.weights[order],
     )
     draws = rng.random((settings.most_trials, SAMPLE))
     pose = np.zeros((3, 4))
@@ -66,13 +67,26 @@ def ransac(
         trials = _search_preemptive(shuffled, draws, settings.preemptive_block, pose)
     else:
         trials = _search(shuffled, draws, settings.confidence, settings.local_rounds, pose)
-    rows, covariance = _finish(shuffled, pose, FINISHING if settings.local_rounds else 0)
-    if len(rows) < SAMPLE:
+    found = consensus(shuffled, pose, int(trials), settings)
+    if found is None:
         return None
     mask = np.zeros(count, dtype=np.bool_)
-    mask[order[rows]] = True
+    mask[order] = found.inliers
+    return replace(found, inliers=mask)
+
+
+def consensus(
+    problem: Problem, pose: Array, trials: int, settings: MotionSettings
+) -> Consensus | None:
+    """Refit a pose (3, 4) to who agrees with it; None if fewer than three matches do."""
+    pose = pose.copy()
+    rows, covariance = _finish(problem, pose, FINISHING if settings.local_rounds else 0)
+    if len(rows) < SAMPLE:
+        return None
+    mask = np.zeros(len(problem.points_odom), dtype=np.bool_)
+    mask[rows] = True
     T_odom_cam = se3.inverse(se3.pose(pose[:, :3], pose[:, 3]))
-    return Consensus(T_odom_cam, mask, int(trials), covariance)
+    return Consensus(T_odom_cam, mask, trials, covariance)
 
 
 @numba.njit(cache=True)
@@ -92,11 +106,12 @@ def _search(
 ) -> int:
     """One sample after the other until a better one has become unlikely; returns how many."""
     count = len(problem.points_odom)
+    marks = _marks(problem.weights)
     sample, poses = np.empty(SAMPLE, dtype=np.int64), np.empty((MOST_POSES, 3, 4))
     best = np.inf
     trials, needed = 0, len(draws)
     while trials < needed:
-        _choose(draws[trials], count, sample)
+        _choose(draws[trials], marks, sample)
         trials += 1
         better = False
         for k in range(propose(problem, sample, poses)):
@@ -105,7 +120,7 @@ def _search(
                 best, better, pose[:] = now, True, poses[k]
         if better:
             best = improve(problem, pose, best, local_rounds)
-            share = len(inliers(problem, pose)) / count
+            share = problem.weights[inliers(problem, pose)].sum() / marks[-1]
             needed = int(min(len(draws), trials_needed(share, confidence)))
     return trials
 
@@ -119,9 +134,10 @@ def _search_preemptive(problem: Problem, draws: Array, block: int, pose: Array) 
     """
     count = len(problem.points_odom)
     sample, poses = np.empty(SAMPLE, dtype=np.int64), np.empty((MOST_POSES * len(draws), 3, 4))
+    marks = _marks(problem.weights)
     found = 0
     for draw in draws:
-        _choose(draw, count, sample)
+        _choose(draw, marks, sample)
         found += propose(problem, sample, poses[found:])
     costs, alive = np.zeros(found), np.arange(found)
     seen = 0
@@ -137,14 +153,27 @@ def _search_preemptive(problem: Problem, draws: Array, block: int, pose: Array) 
 
 
 @numba.njit(cache=True)
-def _choose(draw: Array, count: int, sample: Indices) -> None:
-    """Turn three numbers below 1 into three different rows, all triplets equally likely."""
-    sample[0] = int(draw[0] * count)
-    sample[1] = int(draw[1] * (count - 1))
-    sample[1] += sample[1] >= sample[0]  # step over the row that is taken
-    sample[2] = int(draw[2] * (count - 2))
-    sample[2] += sample[2] >= min(sample[0], sample[1])
-    sample[2] += sample[2] >= max(sample[0], sample[1])
+def _marks(weights: Array) -> Array:
+    """(N + 1,) where each match's stretch of the total weight begins, and the total."""
+    marks = np.zeros(len(weights) + 1)
+    marks[1:] = np.cumsum(weights)
+    return marks
+
+
+@numba.njit(cache=True)
+def _choose(draw: Array, marks: Array, sample: Indices) -> None:
+    """Turn three numbers below 1 into three different rows, each drawn in proportion to weight."""
+    for k in range(SAMPLE):
+        left = marks[-1]
+        taken = np.sort(sample[:k])
+        for row in taken:
+            left -= marks[row + 1] - marks[row]
+        place = draw[k] * left
+        for row in taken:  # step over the rows that are taken
+            if place >= marks[row]:
+                place += marks[row + 1] - marks[row]
+        row = np.searchsorted(marks, place, side="right") - 1
+        sample[k] = min(row, len(marks) - 2)
 
 
 @numba.njit(cache=True)

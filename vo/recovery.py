@@ -52,7 +52,8 @@ def find_again(
             "threshold": LOOSE * settings.motion.threshold,
         }
     )
-    consensus = orient(matches, rig, motion, rng)
+    absolute = settings.model_copy(update={"motion": motion})
+    consensus = orient(matches, T_guess, np.ones(len(matches)), rig, absolute, rng)
     if consensus is None or consensus.inliers.sum() < CANDIDATE_INLIERS:
         return None
     matches = matches.select(consensus.inliers)

@@ -7,7 +7,7 @@ from vo.config import MotionSettings
 from vo.contract import se3
 from vo.hypotheses import Problem, cost, inliers, misfits
 from vo.p3p import SOLVERS
-from vo.ransac import _choose, ransac, trials_needed
+from vo.ransac import _choose, _marks, ransac, trials_needed
 
 T_ODOM_CAM = se3.exp(np.array([0.3, -0.1, 0.2, 0.05, -0.1, 0.02]))
 THRESHOLD = 0.003
@@ -24,7 +24,7 @@ def problem(count, share, noise=0.0, seed=0, inlier_cost=1.0):
     seen[~good] = rng.uniform(-0.6, 0.6, ((~good).sum(), 2))
     points_odom = se3.transform(T_ODOM_CAM, points_cam)
     given = points_odom, seen, points_cam, False, SOLVERS["lambda_twist"], False, THRESHOLD
-    return Problem(*given, inlier_cost), good
+    return Problem(*given, inlier_cost, np.ones(count)), good
 
 
 def consensus_on(matches, seed=0, **settings):
@@ -106,8 +106,9 @@ def test_a_count_prefers_more_and_msac_better(tight, spread, x_inliers, x_msac):
     """A few inliers more win the count; to MSAC their misfit costs more than that."""
     points, rays = two_views(tight, spread)
     given = points, rays, points, False, SOLVERS["lambda_twist"], False, THRESHOLD
-    by_count = Problem(*given, inlier_cost=0.999 / len(points))
-    by_msac = Problem(*given, inlier_cost=1.0)
+    equal = np.ones(len(points))
+    by_count = Problem(*given, inlier_cost=0.999 / len(points), weights=equal)
+    by_msac = Problem(*given, inlier_cost=1.0, weights=equal)
     assert consensus_on(by_count).T[0, 3] == pytest.approx(x_inliers, abs=0.01)
     assert consensus_on(by_msac).T[0, 3] == pytest.approx(x_msac, abs=0.01)
 
@@ -117,7 +118,7 @@ def test_cost_by_hand():
     points = np.array([[0.0, 0, 2], [1, 1, 2], [0, 1, 2], [0, 0, -2]])
     rays = np.array([[0.0, 0], [0.5 + THRESHOLD / 2, 0.5], [0, 0.6], [0, 0]])
     pose = np.eye(3, 4)
-    matches = Problem(points, rays, points, False, 0, False, THRESHOLD, 1.0)
+    matches = Problem(points, rays, points, False, 0, False, THRESHOLD, 1.0, np.ones(4))
     errors = np.empty(4)
     misfits(matches, pose, 0, 4, errors)
     np.testing.assert_allclose(errors, [0, 0.25, (0.1 / THRESHOLD) ** 2, np.inf], atol=1e-12)
@@ -125,6 +126,8 @@ def test_cost_by_hand():
     assert cost(matches, pose, 1, 3, np.inf) == pytest.approx(1.25)
     assert cost(matches, pose, 0, 4, 2.24) == np.inf
     assert cost(matches._replace(inlier_cost=0.1), pose, 0, 4, np.inf) == pytest.approx(2.025)
+    weighted = matches._replace(weights=np.array([1, 4, 2, 0.0]))
+    assert cost(weighted, pose, 0, 4, np.inf) == pytest.approx(4 * 0.25 + 2)
     np.testing.assert_array_equal(inliers(matches, pose), [0, 1])
     metric = matches._replace(metric=True, points_cam=points + np.array([0, 0, 0.3]), threshold=0.5)
     misfits(metric, pose, 0, 4, errors)
@@ -151,12 +154,39 @@ def test_samples_are_of_distinct_matches_and_all_triplets_equally_likely():
     sample = np.empty(3, dtype=np.int64)
     draws = 60_000
     for draw in rng.random((draws, 3)):
-        _choose(draw, 5, sample)
+        _choose(draw, np.arange(6.0), sample)
         seen[tuple(sample)] += 1
     distinct = np.array([len({i, j, k}) == 3 for i, j, k in np.ndindex(5, 5, 5)]).reshape(5, 5, 5)
     assert (seen[~distinct] == 0).all()
     expected = draws / 60
     assert np.abs(seen[distinct] - expected).max() < 4.5 * np.sqrt(expected)
+
+
+def test_samples_follow_the_weights():
+    """Against drawing without replacement by NumPy's generator."""
+    weights = np.array([1.0, 0, 2, 3, 4])
+    rng = np.random.default_rng(0)
+    sample = np.empty(3, dtype=np.int64)
+    drawn, expected = np.zeros((2, 5, 3))
+    for draw in rng.random((20_000, 3)):
+        _choose(draw, _marks(weights), sample)
+        assert len(set(sample)) == 3
+        drawn[sample, range(3)] += 1
+        expected[rng.choice(5, 3, replace=False, p=weights / 10), range(3)] += 1
+    assert (drawn[1] == 0).all()
+    assert np.abs(drawn - expected).max() < 4.5 * np.sqrt(2 * 20_000 / 4)
+
+
+def test_the_larger_group_does_not_win_against_weight():
+    """Sixty matches agree on one motion, forty that weigh three times as much on another."""
+    points, rays = two_views(40, 60)
+    given = points, rays, points, False, SOLVERS["lambda_twist"], False, THRESHOLD
+    weights = np.where(np.arange(100) < 40, 3.0, 1.0)
+    matches = Problem(*given, 1.0, np.ones(100))
+    assert consensus_on(matches).T[0, 3] == pytest.approx(2, abs=0.01)
+    for scheme in ("adaptive", "preemptive"):
+        found = consensus_on(matches._replace(weights=weights), scheme=scheme)
+        assert found.T[0, 3] == pytest.approx(0, abs=0.01)
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])
