@@ -9,6 +9,7 @@ from trials.commands.datasets import generate, scenes, verify
 from trials.commands.demo import demo
 from trials.commands.doctor import doctor
 from trials.commands.explain import explain
+from trials.commands.gate import gate
 from trials.commands.preview import preview
 from trials.commands.route import route
 from trials.commands.runs import report, run, score
@@ -26,6 +27,7 @@ COMMANDS: dict[Callable[..., None], str] = {
     report: "driftyard report court court.txt --out court.html",
     route: "driftyard route --out routing",
     explain: "driftyard explain --scene brick_court --seeds 3",
+    gate: "driftyard gate --baseline baseline.json --estimator my_vo:MyOdometry",
     doctor: "driftyard doctor",
     demo: "driftyard demo",
 }

@@ -1,0 +1,1 @@
+"""The gate: an estimator against a stored baseline, over paired sequences, with a decision."""

@@ -1,0 +1,65 @@
+"""Tests that the gate could have used instead; see docs/decisions/0015."""
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy import stats
+
+from trials.gate.rules import Rules
+from vo.contract.arrays import Array
+
+LEVEL = Rules().level
+FLIPS = 999
+
+
+def t_of_scenes(log_ratios: Array) -> bool:
+    """Student's t of scene means: the gate's own, from five scenes on."""
+    return _t(log_ratios.mean(axis=1))
+
+
+def t_of_sequences(log_ratios: Array) -> bool:
+    """Student's t that takes all sequences for independent."""
+    return _t(log_ratios.ravel())
+
+
+def wilcoxon(log_ratios: Array) -> bool:
+    """Wilcoxon's signed ranks of all sequences."""
+    return _p(stats.wilcoxon(log_ratios.ravel(), alternative="greater")) <= LEVEL
+
+
+def sign_flips(log_ratios: Array) -> bool:
+    """Signs of scene means flipped at random."""
+    means = log_ratios.mean(axis=1)
+    signs = np.random.default_rng(0).choice((-1.0, 1.0), (FLIPS, len(means)))
+    return bool((1 + np.sum((signs * means).sum(axis=1) >= means.sum())) / (1 + FLIPS) <= LEVEL)
+
+
+def bootstrap(log_ratios: Array) -> bool:
+    """BCa bootstrap of scene means."""
+    means = log_ratios.mean(axis=1)
+    if len(means) < 2:
+        return False
+    found = stats.bootstrap(
+        (means,), np.mean, n_resamples=FLIPS, confidence_level=1 - 2 * LEVEL,
+        method="BCa", rng=np.random.default_rng(0),
+    )  # fmt: skip
+    return bool(found.confidence_interval.low > 0)
+
+
+TESTS: dict[str, Callable[[Array], bool]] = {
+    "t, scenes": t_of_scenes,
+    "t, sequences": t_of_sequences,
+    "Wilcoxon, sequences": wilcoxon,
+    "sign flips, scenes": sign_flips,
+    "BCa, scenes": bootstrap,
+}
+
+
+def _t(values: Array) -> bool:
+    if len(values) < 2:
+        return False
+    return _p(stats.ttest_1samp(values, 0.0, alternative="greater")) <= LEVEL
+
+
+def _p(result: object) -> float:
+    return float(np.asarray(result)[1])

@@ -1,0 +1,144 @@
+"""The baseline file: what was measured, on which sequences, by which software, judged how."""
+
+import json
+import platform
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal, Self
+
+from pydantic import Field, model_validator
+
+from trials.gate.design import Design
+from trials.gate.measurement import Measurement
+from trials.gate.rules import Rules
+from vo.contract.errors import DatasetError
+from vo.contract.files import write_text
+from vo.contract.settings import Settings, validated
+
+KIND, SCHEMA_VERSION = "driftyard gate baseline", 1
+MISMATCHES = ("datasets", "platform")
+"""What may differ from the baseline only if it is accepted."""
+
+
+class Recorded(Settings):
+    """One sequence of the baseline."""
+
+    scene: str
+    seed: int
+    sha256: str
+    """Of the dataset's contents."""
+    measured: Measurement
+
+
+class Baseline(Settings):
+    """What a candidate is compared with."""
+
+    kind: Literal["driftyard gate baseline"] = KIND
+    schema_version: Literal[1] = SCHEMA_VERSION
+    estimator: str
+    settings: Mapping[str, Any]
+    """Resolved, of the estimator."""
+    reference: str
+    """Estimator in whose time times are expressed."""
+    rules: Rules
+    design: Design
+    platform: str
+    generator: str
+    """Hash of the sources that recorded the sequences."""
+    software: Mapping[str, Any]
+    """Versions, and the GL that rendered."""
+    sequences: tuple[Recorded, ...] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _is_of_its_design(self) -> Self:
+        if tuple((x.scene, x.seed) for x in self.sequences) != self.design.sequences:
+            raise ValueError("sequences: are not those of design")
+        return self
+
+    @property
+    def measured(self) -> list[Measurement]:
+        """Of each sequence."""
+        return [x.measured for x in self.sequences]
+
+    @property
+    def scenes(self) -> list[str]:
+        """Of each sequence."""
+        return [x.scene for x in self.sequences]
+
+
+def this_platform() -> str:
+    """Operating system and kind of processor."""
+    return f"{platform.system()} {platform.machine()}"
+
+
+def read_baseline(path: Path) -> Baseline:
+    """Read what `write_baseline` wrote.
+
+    Raises:
+        DatasetError: If the file is missing, no baseline, or of another schema.
+        SettingsError: If a value in it is not accepted.
+    """
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise DatasetError(
+            f"{path}: cannot be read ({error.strerror}); gate --bless writes a baseline"
+        ) from None
+    except ValueError:
+        raise DatasetError(f"{path}: not a gate baseline") from None
+    if not isinstance(content, dict) or content.get("kind") != KIND:
+        raise DatasetError(f"{path}: not a gate baseline")
+    version = content.get("schema_version")
+    if version != SCHEMA_VERSION:
+        raise DatasetError(
+            f"{path}: baseline of schema {version}, this program reads {SCHEMA_VERSION}; bless anew"
+        )
+    return validated(Baseline, content)
+
+
+def write_baseline(path: Path, baseline: Baseline) -> None:
+    """Write it whole or not at all."""
+    write_text(path, baseline.model_dump_json(indent=1) + "\n")
+
+
+def platform_mismatch(baseline: Baseline) -> str:
+    """Say how this platform is not the baseline's; empty if it is."""
+    here = this_platform()
+    return "" if here == baseline.platform else f"platform is {here}, was {baseline.platform}"
+
+
+def dataset_mismatch(
+    baseline: Baseline, hashes: Sequence[str], generator: str, software: Mapping[str, Any]
+) -> str:
+    """Say how the sequences are not the baseline's, and what may be the cause; empty if they are.
+
+    Args:
+        baseline: To compare with.
+        hashes: Of the contents of its sequences as they are here.
+        generator: Hash of the sources here.
+        software: Versions and GL here.
+    """
+    pairs = list(zip(baseline.sequences, hashes, strict=True))
+    other = [known for known, sha256 in pairs if known.sha256 != sha256]
+    if not other:
+        return ""
+    causes = [] if generator == baseline.generator else ["the generator's sources changed"]
+    for name, now in software.items():
+        was = baseline.software.get(name)
+        if was != now:
+            causes.append(f"{name} is {_told(now)}, was {_told(was)}")
+    why = f" ({'; '.join(causes)})" if causes else ""
+    return (
+        f"datasets differ in {len(other)} of {len(pairs)} sequences, the first {other[0].scene} "
+        f"seed {other[0].seed}{why}"
+    )
+
+
+def refuse(path: Path, kind: str, mismatch: str, accepted: Collection[str]) -> None:
+    """Raise DatasetError if there is a mismatch of a kind that is not accepted."""
+    if mismatch and kind not in accepted:
+        raise DatasetError(f"{path}: {mismatch}; bless anew, or --accept {kind}")
+
+
+def _told(version: Any) -> str:
+    return version.get("renderer", "?") if isinstance(version, dict) else str(version)

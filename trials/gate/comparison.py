@@ -1,0 +1,132 @@
+"""The gate from end to end: record, check that all is comparable, measure, decide."""
+
+import json
+from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from trials.drives import fingerprint
+from trials.estimators import Named
+from trials.gate.baseline import (
+    Baseline,
+    Recorded,
+    dataset_mismatch,
+    platform_mismatch,
+    refuse,
+    this_platform,
+)
+from trials.gate.decision import Decision, decide
+from trials.gate.design import Design, fingerprints, record
+from trials.gate.measure import measure, run_file
+from trials.gate.measurement import Measurement
+from trials.gate.rules import Rules
+from vo.contract.dataset import read_manifest
+from vo.runner import companion
+
+if TYPE_CHECKING:
+    from trials.plugins.command import Command
+
+Bar = Callable[[str, int], AbstractContextManager[Callable[[object], None]]]
+"""Makes a progress bar from label and total; yields what to call at each step."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A candidate against a baseline.
+
+    Attributes:
+        baseline: It.
+        estimator: The candidate's name.
+        settings: Its resolved settings.
+        software: Versions and GL of this run.
+        measured: The candidate on each of the baseline's sequences.
+        decision: What follows.
+        mismatches: What differs from the baseline and was accepted.
+    """
+
+    baseline: Baseline
+    estimator: str
+    settings: Mapping[str, Any]
+    software: Mapping[str, Any]
+    measured: Sequence[Measurement]
+    decision: Decision
+    mismatches: tuple[str, ...]
+
+
+def bless(
+    choice: "Named | Command", reference: str, rules: Rules, design: Design, cache: Path, bar: Bar
+) -> Baseline:
+    """Measure an estimator, to compare others with.
+
+    Raises:
+        DriftyardError: If design or estimator are wrong, or it fails on every sequence.
+    """
+    with bar("recording", len(design.sequences)) as count:
+        datasets = record(design, cache, count)
+    with bar(f"running {choice.name}", len(datasets)) as count:
+        measured = measure(choice, Named(reference), datasets, count)
+    settings, software = _provenance(datasets, measured)
+    rows = zip(design.sequences, fingerprints(datasets), measured, strict=True)
+    return Baseline(
+        estimator=choice.name,
+        settings=settings,
+        reference=reference,
+        rules=rules,
+        design=design,
+        platform=this_platform(),
+        generator=fingerprint(),
+        software=software,
+        sequences=tuple(
+            Recorded(scene=scene, seed=seed, sha256=sha256, measured=x)
+            for (scene, seed), sha256, x in rows
+        ),
+    )
+
+
+def compare(
+    path: Path,
+    baseline: Baseline,
+    choice: "Named | Command",
+    accepted: Collection[str],
+    cache: Path,
+    bar: Bar,
+) -> Comparison:
+    """Run a candidate over the baseline's sequences and decide.
+
+    Args:
+        path: Of the baseline, for messages.
+        baseline: Its content.
+        choice: The candidate.
+        accepted: Those of MISMATCHES that do not matter.
+        cache: Folder of recordings.
+        bar: Shows progress.
+
+    Raises:
+        DriftyardError: If sequences or platform are not the baseline's, the estimator is wrong, or
+            it fails on every sequence.
+    """
+    elsewhere = platform_mismatch(baseline)
+    refuse(path, "platform", elsewhere, accepted)
+    with bar("recording", len(baseline.sequences)) as count:
+        datasets = record(baseline.design, cache, count)
+    rendered: dict[str, Any] = read_manifest(datasets[0]).get("software", {})
+    other = dataset_mismatch(baseline, fingerprints(datasets), fingerprint(), rendered)
+    refuse(path, "datasets", other, accepted)
+    with bar(f"running {choice.name}", len(datasets)) as count:
+        measured = measure(choice, Named(baseline.reference), datasets, count)
+    settings, software = _provenance(datasets, measured)
+    decision = decide(baseline.rules, baseline.scenes, baseline.measured, measured)
+    mismatches = tuple(x for x in (elsewhere, other) if x)
+    return Comparison(baseline, choice.name, settings, software, measured, decision, mismatches)
+
+
+def _provenance(
+    datasets: Sequence[Path], measured: Sequence[Measurement]
+) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
+    """Settings and software, from the first run that succeeded and its dataset."""
+    dataset = next(x for x, found in zip(datasets, measured, strict=True) if not found.problem)
+    about = json.loads(companion(run_file(dataset), "run.json").read_text(encoding="utf-8"))
+    software = {**about["versions"], **read_manifest(dataset).get("software", {})}
+    return about["settings"], software

@@ -1,0 +1,133 @@
+"""Running an estimator over the sequences of a gate; what fails there is lost, not the gate."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.stats import chi2
+
+from trials.consistency import DEGREES, nees
+from trials.estimators import Named, estimate, make_estimator
+from trials.gate.measurement import Measurement
+from trials.runs import SavedRun, read_run
+from trials.score import score_run
+from vo.contract.errors import DatasetError, DriftyardError, SettingsError, TrajectoryError
+from vo.contract.estimator import Status
+from vo.contract.readers import open_sequence, read_truth
+from vo.contract.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from trials.plugins.command import Command
+
+MOST_LETTERS = 300
+"""Of what an estimator says went wrong."""
+
+
+class Pace:
+    """The reference's time on a sequence, frame by frame behind those of the candidate.
+
+    So both see the same state of the machine, whatever else runs on it.
+    """
+
+    def __init__(self, reference: Named, dataset: Path) -> None:
+        self._sequence = open_sequence(dataset)
+        self._estimator, _ = make_estimator(
+            reference.name, self._sequence.rig, reference.config, reference.overrides
+        )
+        self._frame_ms: list[float] = []
+
+    def __call__(self, _: object = None) -> None:
+        """Run the reference on the next frame."""
+        frame = self._sequence[len(self._frame_ms)]
+        start = perf_counter()
+        self._estimator.track(frame)
+        self._frame_ms.append(1e3 * (perf_counter() - start))
+
+    def median_ms(self) -> float:
+        """Median over all frames; those that are left are run first."""
+        while len(self._frame_ms) < len(self._sequence):
+            self()
+        return float(np.median(self._frame_ms))
+
+
+def measure(
+    choice: "Named | Command",
+    reference: Named,
+    datasets: Sequence[Path],
+    progress: Callable[[object], None],
+) -> list[Measurement]:
+    """Run an estimator over sequences; its runs are kept beside the datasets.
+
+    Args:
+        choice: What to judge.
+        reference: In whose time times are told; run after each frame, or, for a program, after
+            the sequence.
+        datasets: Folders with truth.
+        progress: Called for each sequence.
+
+    Raises:
+        SettingsError: If an estimator does not exist or refuses a setting.
+        DatasetError: If a dataset is damaged, or the estimator fails on every one.
+    """
+    import cv2
+
+    cv2.setNumThreads(1)
+    found: list[Measurement] = []
+    for dataset in datasets:
+        found.append(_measure(choice, reference, dataset))
+        progress(dataset)
+    if all(x.problem for x in found):
+        raise DatasetError(
+            f"{choice.name} failed on every sequence; on {datasets[0].name}: {found[0].problem}"
+        )
+    return found
+
+
+def run_file(dataset: Path) -> Path:
+    """Trajectory that `measure` writes."""
+    return dataset.with_name(f"{dataset.name}.candidate.txt")
+
+
+def _measure(choice: "Named | Command", reference: Named, dataset: Path) -> Measurement:
+    frames, out, pace = len(open_sequence(dataset)), run_file(dataset), Pace(reference, dataset)
+    truth = read_truth(dataset)
+    if truth is None:
+        raise DatasetError(f"{dataset}: holds no truth to compare with")
+    try:
+        ran = estimate(choice, dataset, out, pace)
+    except (DatasetError, SettingsError):
+        raise
+    except Exception as error:  # anyone's code: whatever it raises, the other sequences go on
+        return Measurement(frames=frames, lost_frames=frames, problem=_told(error))
+    measured = Measurement(
+        frames=frames,
+        lost_frames=sum(x.status is Status.LOST for x in ran.estimates),
+        frame_ms=float(np.median(ran.frame_ms)),
+        reference_ms=pace.median_ms(),
+    )
+    try:
+        saved = read_run(out)
+        score = score_run(truth, saved, frames)
+    except TrajectoryError:  # fewer than two poses: lost, and nothing to score
+        return measured
+    drift = score.drift_1m.mean_percent if score.drift_1m else None
+    return measured.model_copy(update={"drift_percent": drift, "nees": _nees(truth, saved)})
+
+
+def _told(error: Exception) -> str:
+    """One printable line, whatever the exception holds."""
+    words = " ".join(str(error).split())
+    line = words if isinstance(error, DriftyardError) else f"{type(error).__name__}: {words}"
+    return "".join(x if x.isprintable() else "?" for x in line)[:MOST_LETTERS]
+
+
+def _nees(truth: Trajectory, saved: SavedRun) -> float | None:
+    """Median over frames of the NEES of steps, over the median that it should have."""
+    try:
+        known = nees(truth, saved).step
+    except TrajectoryError:
+        return None
+    known = known[np.isfinite(known) & (known > 0)]
+    return float(np.median(known) / chi2.median(DEGREES)) if len(known) else None

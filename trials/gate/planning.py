@@ -1,0 +1,71 @@
+"""How many sequences a wanted sensitivity needs."""
+
+import numpy as np
+
+from trials.gate.statistics import LEAST_DEGREES, LEAST_SCENES, detectable
+
+MOST_SEEDS, MOST_SCENES = 200, 500
+
+
+def seeds_needed(
+    within: float, between: float, scenes: int, change: float, level: float, power: float
+) -> int | None:
+    """Find the least number of seeds of each of these scenes that detects a true log ratio.
+
+    Seeds average out what differs from sequence to sequence, not what differs between scenes.
+
+    Args:
+        within: As of `design_error`.
+        between: Likewise.
+        scenes: Likewise.
+        change: Log ratio to find.
+        level: Of the one-sided test.
+        power: Probability to find it.
+
+    Returns:
+        None if MOST_SEEDS are not enough, or `within` is not known.
+    """
+    if np.isnan(within):
+        return None
+    counts = range(1, MOST_SEEDS + 1)
+    return next(
+        (n for n in counts if _finds(within, between, scenes, n, change, level, power)), None
+    )
+
+
+def scenes_needed(
+    within: float, between: float, seeds: int, change: float, level: float, power: float
+) -> int | None:
+    """Find the least number of scenes, with so many seeds of each; otherwise as `seeds_needed`."""
+    counts = range(LEAST_SCENES, MOST_SCENES + 1)
+    return next(
+        (k for k in counts if _finds(within, between, k, seeds, change, level, power)), None
+    )
+
+
+def design_error(within: float, between: float, scenes: int, seeds: int) -> tuple[float, int]:
+    """Standard error of a balanced design's mean, and its degrees of freedom.
+
+    Args:
+        within: Standard deviation of sequences about their scene's mean; NaN counts as none.
+        between: Standard deviation of scenes beyond that.
+        scenes: Number of them; below LEAST_SCENES they are all there is, and do not spread.
+        seeds: Of each.
+    """
+    own = float(np.nan_to_num(within)) ** 2 / seeds
+    if scenes >= LEAST_SCENES:
+        return float(np.sqrt((between**2 + own) / scenes)), scenes - 1
+    return float(np.sqrt(own / scenes)), scenes * (seeds - 1)
+
+
+def _finds(
+    within: float,
+    between: float,
+    scenes: int,
+    seeds: int,
+    change: float,
+    level: float,
+    power: float,
+) -> bool:
+    error, degrees = design_error(within, between, scenes, seeds)
+    return degrees >= LEAST_DEGREES and detectable(error, degrees, level, power) <= change

@@ -1,0 +1,166 @@
+"""What paired log ratios say: Student's t with scenes as blocks.
+
+Sequences of one scene resemble each other, so with LEAST_SCENES scenes or more a scene is one
+sample, the mean of its sequences, and the statement is about scenes like these. With fewer, every
+sequence is a sample about its scene's mean, and the statement is about these scenes alone.
+docs/decisions/0015 says why Student's t.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from vo.contract.arrays import Array
+
+LEAST_SCENES = 5
+LEAST_DEGREES = 4
+"""Of freedom: below them a spread is a guess."""
+RESAMPLES = 2000
+
+
+@dataclass(frozen=True)
+class Effect:
+    """Mean of paired differences and how sure it is.
+
+    Attributes:
+        values: (N,) differences, one a pair, all finite.
+        scenes: N names.
+    """
+
+    values: Array
+    scenes: tuple[str, ...]
+
+    @staticmethod
+    def of(values: Array, scenes: Sequence[str]) -> "Effect":
+        """Keep the pairs whose difference is known; (N,) values and their scenes."""
+        known = np.isfinite(values)
+        kept = tuple(scene for scene, is_known in zip(scenes, known, strict=True) if is_known)
+        return Effect(values[known], kept)
+
+    @property
+    def by_scene(self) -> bool:
+        """Whether a scene is one sample."""
+        return len(set(self.scenes)) >= LEAST_SCENES
+
+    @property
+    def degrees(self) -> int:
+        """Degrees of freedom of the spread; not positive where there is none."""
+        return degrees_of_freedom(self.scenes)
+
+    @property
+    def scene_means(self) -> Array:
+        """(S,) mean by scene."""
+        names = np.array(self.scenes)
+        return np.array([self.values[names == name].mean() for name in dict.fromkeys(self.scenes)])
+
+    @property
+    def mean(self) -> float:
+        """Mean in which every scene counts the same; NaN without pairs."""
+        return float(self.scene_means.mean()) if len(self.values) else np.nan
+
+    @property
+    def error(self) -> float:
+        """Standard error of the mean; NaN without degrees of freedom."""
+        if self.degrees < 1:
+            return np.nan
+        counts = np.array(list(Counter(self.scenes).values()))
+        if self.by_scene:
+            return float(self.scene_means.std(ddof=1) / np.sqrt(len(counts)))
+        return self.within * float(np.sqrt(np.sum(1 / counts)) / len(counts))
+
+    @property
+    def within(self) -> float:
+        """Standard deviation of pairs about their scene's mean; NaN with one pair a scene."""
+        spare = len(self.values) - len(set(self.scenes))
+        return float(np.sqrt(np.sum(self.residuals**2) / spare)) if spare else np.nan
+
+    @property
+    def between(self) -> float:
+        """Standard deviation of scenes beyond what `within` explains; 0 where that is all.
+
+        With one pair a scene, all of it: how much of it is the pairs' own is not known.
+        """
+        means = self.scene_means
+        if len(means) < 2:
+            return 0.0
+        own = 0.0 if np.isnan(self.within) else self.within**2 * len(means) / len(self.values)
+        return float(np.sqrt(max(means.var(ddof=1) - own, 0.0)))
+
+    @property
+    def residuals(self) -> Array:
+        """(N,) of pairs about their scene's mean."""
+        means = dict(zip(dict.fromkeys(self.scenes), self.scene_means, strict=True))
+        return self.values - np.array([means[name] for name in self.scenes])
+
+    def bounds(self, level: float) -> tuple[float, float]:
+        """Bounds that the true mean is below, and above, with probability `level` each."""
+        reach = _quantile(1 - level, self.degrees) * self.error
+        return self.mean - reach, self.mean + reach
+
+    def bootstrap(self, level: float) -> tuple[float, float]:
+        """Bounds as of `bounds`, by the bias-corrected and accelerated bootstrap of the samples.
+
+        Source:
+            Efron, Better bootstrap confidence intervals, JASA 1987.
+        """
+        samples = self.scene_means if self.by_scene else self.mean + self.residuals
+        if np.ptp(samples) < 1e-12:  # nothing to draw from: BCa divides by the spread
+            return self.mean, self.mean
+        found = stats.bootstrap(
+            (samples,), np.mean, n_resamples=RESAMPLES, confidence_level=1 - 2 * level,
+            method="BCa", rng=np.random.default_rng(0),
+        ).confidence_interval  # fmt: skip
+        return float(found.low), float(found.high)
+
+
+def degrees_of_freedom(scenes: Sequence[str]) -> int:
+    """Degrees of freedom of pairs in these scenes."""
+    blocks = len(set(scenes))
+    return blocks - 1 if blocks >= LEAST_SCENES else len(scenes) - blocks
+
+
+def detectable(error: float, degrees: int, level: float, power: float) -> float:
+    """Smallest true mean that is found greater than zero with a probability of `power`.
+
+    Args:
+        error: Standard error of the mean.
+        degrees: Of freedom, >= 1.
+        level: Of the one-sided test.
+        power: Wanted.
+
+    Source:
+        The non-central t distribution: Cohen, Statistical Power Analysis, 1988, chapter 2.
+    """
+    critical = _quantile(1 - level, degrees)
+    low, high = 0.0, critical + 40.0
+    for _ in range(60):
+        middle = (low + high) / 2
+        if stats.nct.sf(critical, degrees, middle) < power:
+            low = middle
+        else:
+            high = middle
+    return error * high
+
+
+def newly_lost(before: Sequence[bool], after: Sequence[bool]) -> tuple[int, int, float]:
+    """Compare losses on the same sequences.
+
+    Returns:
+        Sequences lost only after, only before, and the probability of so many or more of the
+        former among both if either were as likely.
+
+    Source:
+        McNemar, Psychometrika 1947, in its exact form.
+    """
+    gone = sum(b and not a for a, b in zip(before, after, strict=True))
+    back = sum(a and not b for a, b in zip(before, after, strict=True))
+    changed = gone + back
+    p = stats.binomtest(gone, changed, 0.5, alternative="greater").pvalue if changed else 1.0
+    return gone, back, float(p)
+
+
+def _quantile(probability: float, degrees: int) -> float:
+    return float(stats.t.ppf(probability, degrees)) if degrees >= 1 else np.nan

@@ -1,0 +1,132 @@
+"""What the gate found, as words: the same for terminal, Markdown and JUnit."""
+
+import numpy as np
+
+from trials.gate.comparison import Comparison
+from trials.gate.decision import Change, Finding, Verdict, percent
+from trials.gate.measurement import Measurement
+from trials.gate.planning import scenes_needed, seeds_needed
+from trials.gate.rules import Rules
+
+TITLES = {
+    "drift": "drift, %",
+    "losses": "lost, %",
+    "time": "time",
+    "nees": "NEES",
+}
+HEADER = ("figure", "baseline", "now", "change", "bounds", "finds", "verdict")
+
+
+def rows(found: Comparison) -> list[tuple[str, ...]]:
+    """Cells under HEADER, a row a figure."""
+    return [_row(x) for x in found.decision.findings]
+
+
+def headline(found: Comparison) -> str:
+    """The verdict and its reason in one line."""
+    decision = found.decision
+    names = f"{decision.verdict.value}: {found.estimator} against {found.baseline.estimator}"
+    if decision.remark:
+        return f"{names}: {decision.remark}"
+    if decision.verdict is Verdict.PASS:
+        return f"{names}: drift {decision.findings[0].why}"
+    same = [x for x in decision.findings if x.verdict is decision.verdict]
+    return f"{names}: {'; '.join(f'{x.figure} {x.why}' for x in same)}"
+
+
+def notes(found: Comparison) -> list[str]:
+    """What a reader must know beside the table: the design, what the columns mean, oddities."""
+    rules, drift = found.baseline.rules, found.decision.findings[0].change
+    scenes = found.baseline.scenes
+    by_scene = drift is not None and drift.effect.by_scene
+    sample = "scenes are the samples" if by_scene else "holds for these scenes alone"
+    lines = [
+        f"{len(scenes)} sequences of {len(set(scenes))} scenes; {sample}",
+        "drift over 1 m; share of sequences lost; time of a frame over "
+        f"{found.baseline.reference}'s; NEES over its expectation",
+        f"bounds hold with {1 - rules.level:.0%} each, by Student's t; of drift by bootstrap: "
+        f"{_bounds(drift.bootstrap) if drift else '–'}",
+        f"'finds' is the smallest increase that is found with a probability of {rules.power:.0%}",
+        _margins(rules),
+    ]
+    lines += [f"accepted: {x}" for x in found.mismatches]
+    for known, now in zip(found.baseline.sequences, found.measured, strict=True):
+        if now.is_lost:
+            news = "lost, as before" if known.measured.is_lost else "newly lost"
+            lines.append(f"{known.scene} seed {known.seed}: {news} ({_loss(now)})")
+    return lines
+
+
+def plan_line(found: Comparison, change: float) -> str:
+    """How many sequences it takes to find a log ratio of drift, by the spread of this run."""
+    rules, drift = found.baseline.rules, found.decision.findings[0].change
+    wanted = f"to find +{percent(change)} of drift with {rules.power:.0%}"
+    if drift is None or drift.effect.degrees < 1:
+        return f"{wanted}: too few sequences to know how much they spread"
+    if drift.effect.error == 0:
+        return f"{wanted}: unknown, for these estimators do not differ on any sequence"
+    effect, present = drift.effect, len(set(drift.effect.scenes))
+    each = max(1, round(len(effect.values) / present))
+    wish = (change - drift.null, rules.level, rules.power)
+    seeds = seeds_needed(effect.within, effect.between, present, *wish)
+    more = scenes_needed(effect.within, effect.between, each, *wish)
+    spread = 100 * np.hypot(effect.between, np.nan_to_num(effect.within))
+    options = [
+        f"{seeds} seeds of each of the {present} scenes" if seeds else "",
+        f"{more} scenes with {each} each" if more else "",
+    ]
+    told = " or ".join(x for x in options if x) or "no design of a reasonable size is enough"
+    single = "; with more seeds than one, how many of them" if each == 1 else ""
+    return f"{wanted}: {told} (they spread by {spread:.1f} %){single}"
+
+
+def _row(finding: Finding) -> tuple[str, ...]:
+    title = TITLES[finding.figure]
+    scale, digits = (100, 0) if finding.figure == "losses" else (1, 3)
+    levels = (
+        f"{scale * x:.{digits}f}" if np.isfinite(x) else "–"
+        for x in (finding.before, finding.after)
+    )
+    change = finding.change
+    if change is None:
+        return (title, *levels, "", "", "", finding.verdict.value)
+    mean = percent(change.effect.mean, signed=True) if np.isfinite(change.effect.mean) else "–"
+    finds = percent(change.detectable, signed=True) if np.isfinite(change.detectable) else "–"
+    return (title, *levels, mean, _bounds((change.low, change.high)), finds, finding.verdict.value)
+
+
+def _bounds(bounds: tuple[float, float]) -> str:
+    if not np.isfinite(bounds).all():
+        return "–"
+    low, high = (percent(x, signed=True) for x in bounds)
+    return f"{low.removesuffix(' %')} to {high}"
+
+
+def _margins(rules: Rules) -> str:
+    named = {"drift": rules.drift_margin, "time": rules.time_margin, "NEES": rules.nees_margin}
+    gated = ", ".join(f"{name} {margin:.0%}" for name, margin in named.items() if margin)
+    return f"increases that may pass: {gated}"
+
+
+def _loss(measured: Measurement) -> str:
+    return measured.problem or f"{measured.lost_frames} of {measured.frames} frames"
+
+
+def change_json(change: Change) -> dict[str, object]:
+    """A change with its statistics, numbers as ratios; None where unknown."""
+
+    def ratio(log_ratio: float) -> float | None:
+        return float(np.exp(log_ratio)) if np.isfinite(log_ratio) else None
+
+    effect = change.effect
+    return {
+        "ratio": ratio(effect.mean),
+        "bounds": [ratio(change.low), ratio(change.high)],
+        "bootstrap_bounds": [ratio(x) for x in change.bootstrap],
+        "detectable_ratio": ratio(change.detectable),
+        "sequences": len(effect.values),
+        "samples_are": "scenes" if effect.by_scene else "sequences",
+        "degrees_of_freedom": effect.degrees,
+        "log_ratios": effect.values.tolist(),
+        "scenes": list(effect.scenes),
+    }
