@@ -1,5 +1,8 @@
 """Routing against hand-worked drives and, where nothing changes on the way, against Dijkstra."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.sparse import csr_matrix
@@ -14,6 +17,7 @@ from trials.routing.generation import (
     large_network,
     small_network,
 )
+from trials.routing.maps import read_map
 from trials.routing.network import Network, RoadCosts
 from trials.routing.study import Randomised, Sweep, random_case, randomised, small_case, sweep
 from trials.routing.verdicts import both_never_worse, clearing_saves_more
@@ -148,3 +152,13 @@ def test_verdicts_tell_the_worse_from_the_better():
 def test_names_of_strategies():
     assert Strategy(dynamic=True, clearing=True).name == "dynamic + clearing"
     assert len({s.name for s in STRATEGIES}) == 4
+
+
+def test_the_map_of_the_documentation_can_be_driven(tmp_path):
+    text = (Path(__file__).parents[2] / "docs/routing.md").read_text()
+    (tmp_path / "town.json").write_text(re.findall(r"```json\n(.*?)```", text, re.DOTALL)[0])
+    network = read_map(tmp_path / "town.json")
+    assert (network.start, network.goal) == (0, 3)
+    assert network.lengths_m[0, 2] == network.lengths_m[2, 0] == 1100
+    assert (3, 1) not in network.lengths_m  # one way
+    assert undelayed_s(network, 0, 3) == pytest.approx(2 * np.hypot(900, 400) / 50 * 3.6)
