@@ -77,25 +77,19 @@ class Drift:
 
 @dataclass(frozen=True)
 class Job:
-    """One run: a dataset, and the oracles in it."""
+    """One run.
+
+    Attributes:
+        dataset: With depth labels.
+        subject: What runs.
+        oracles: Stages that are true.
+        folder: Where runs of this subject on this dataset are kept.
+    """
 
     dataset: Path
     subject: Subject
     oracles: Coalition
-    cache: Path
-
-    @property
-    def folder(self) -> Path:
-        """Where this dataset's runs of this subject are kept."""
-        manifest = self.dataset / MANIFEST
-        if not manifest.is_file():
-            raise DatasetError(f"{self.dataset}: no {MANIFEST}: oracles need a simulated dataset")
-        about = [sources(self.subject.estimator.name), repr(asdict(self.subject))]
-        if config := self.subject.estimator.config:
-            about.append(config.read_text(encoding="utf-8"))
-        digest = hashlib.sha256(manifest.read_bytes())
-        digest.update("\n".join(about).encode())
-        return self.cache / f"{self.dataset.name}-{digest.hexdigest()[:12]}"
+    folder: Path
 
     @property
     def file(self) -> Path:
@@ -121,11 +115,6 @@ def drifts(jobs: Sequence[Job]) -> Iterator[tuple[Job, Drift]]:
             raise
 
 
-def separable(asked: Sequence[str], players: Sequence[str]) -> list[str]:
-    """Keep the players for which the estimator asked its hooks."""
-    return [x for x in players if set(PLAYERS[x]) <= set(asked)]
-
-
 def paired(name: str, found: dict[Coalition, Drift]) -> Sequence1m:
     """Keep the segments that every combination of oracles has.
 
@@ -142,10 +131,27 @@ def paired(name: str, found: dict[Coalition, Drift]) -> Sequence1m:
 
 
 def jobs_for(
-    dataset: Path, subject: Subject, players: Sequence[str], cache: Path
+    dataset: Path, subject: Subject, players: Sequence[str], folder: Path
 ) -> dict[Coalition, Job]:
     """One job for every combination of players."""
-    return {c: Job(dataset, subject, _oracles(c), cache) for c in coalitions(players)}
+    return {c: Job(dataset, subject, _oracles(c), folder) for c in coalitions(players)}
+
+
+def run_folder(dataset: Path, subject: Subject, cache: Path) -> Path:
+    """Folder named after all that decides the runs of a subject on a dataset.
+
+    Raises:
+        DatasetError: If the dataset is none of ours.
+    """
+    manifest = dataset / MANIFEST
+    if not manifest.is_file():
+        raise DatasetError(f"{dataset}: no {MANIFEST}: oracles need a simulated dataset")
+    about = [sources(subject.estimator.name), repr(asdict(subject))]
+    if config := subject.estimator.config:
+        about.append(config.read_text(encoding="utf-8"))
+    digest = hashlib.sha256(manifest.read_bytes())
+    digest.update("\n".join(about).encode())
+    return cache / f"{dataset.name}-{digest.hexdigest()[:12]}"
 
 
 def sources(estimator: str) -> str:

@@ -9,7 +9,18 @@ import numpy as np
 
 from trials.attribution import Attribution, Coalition, attribute
 from trials.bound import Bound, bound
-from trials.combinations import BORN, PLAYERS, RUN, Drift, Job, Subject, drifts, jobs_for, paired
+from trials.combinations import (
+    BORN,
+    PLAYERS,
+    RUN,
+    Drift,
+    Job,
+    Subject,
+    drifts,
+    jobs_for,
+    paired,
+    run_folder,
+)
 from trials.consistency import Nees, nees
 from trials.runs import SavedRun, read_run
 from vo.contract.arrays import Array
@@ -91,7 +102,7 @@ def explain(
         DriftyardError: If a dataset has no labels, or no metre survives all combinations.
     """
     datasets = [x for some in groups.values() for x in some]
-    first = {x: Job(x, subject, frozenset(), cache) for x in datasets}
+    first = {x: Job(x, subject, frozenset(), run_folder(x, subject, cache)) for x in datasets}
     every = len(datasets) * 2 ** len(players)
     plain: dict[Path, Drift] = {}
     for done, (job, drift) in enumerate(drifts(list(first.values())), 1):
@@ -99,11 +110,11 @@ def explain(
         progress(done, every)
     replaceable = {x for drift in plain.values() for x in drift.asked}
     separated = [x for x in players if set(PLAYERS[x]) <= replaceable]
-    jobs = {x: jobs_for(x, subject, separated, cache) for x in datasets}
-    owner = {job.file: (x, c) for x in datasets for c, job in jobs[x].items()}
+    jobs = {x: jobs_for(x, subject, separated, first[x].folder) for x in datasets}
+    owner = {job: (x, c) for x in datasets for c, job in jobs[x].items()}
     found: dict[Path, dict[Coalition, Drift]] = {x: {} for x in datasets}
     for done, (job, drift) in enumerate(drifts([j for x in datasets for j in jobs[x].values()]), 1):
-        dataset, coalition = owner[job.file]
+        dataset, coalition = owner[job]
         found[dataset][coalition] = drift
         progress(done, len(owner))
     return [

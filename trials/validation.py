@@ -7,7 +7,7 @@ from pathlib import Path
 from rich.table import Table
 
 from trials.attribution import Attribution, attribute
-from trials.combinations import Subject, drifts, jobs_for, paired
+from trials.combinations import Drift, Job, Subject, drifts, jobs_for, paired, run_folder
 from trials.injection import Injection
 
 CASES = {
@@ -59,16 +59,18 @@ def validate(
         progress: Called with the runs done and those in all.
     """
     subjects = [subject, *(replace(subject, injection=x) for x, _ in CASES.values())]
-    jobs = {(s, d): jobs_for(d, s, players, cache) for s in subjects for d in datasets}
+    jobs = {
+        (s, d): jobs_for(d, s, players, run_folder(d, s, cache)) for s in subjects for d in datasets
+    }
     every = [job for some in jobs.values() for job in some.values()]
-    found = {}
+    found: dict[Job, Drift] = {}
     for done, (job, drift) in enumerate(drifts(every), 1):
-        found[job.file] = drift
+        found[job] = drift
         progress(done, len(every))
     before, *after = (
         attribute(
             [
-                paired(str(d), {c: found[job.file] for c, job in jobs[subject, d].items()})
+                paired(str(d), {c: found[job] for c, job in jobs[subject, d].items()})
                 for d in datasets
             ],
             players,
