@@ -8,6 +8,7 @@ import numpy as np
 from vo.contract.arrays import Array, Indices, Mask
 from vo.contract.rig import StereoRig
 from vo.reduction import all_residuals, reduce, robust_weights
+from vo.sandwich import shares
 
 WHOLE = 24
 """Bundles of no more cameras are one chunk: dense equations of this size are cheap."""
@@ -126,6 +127,14 @@ class Chunk:
             self.intrinsics, slot, size,
         )  # fmt: skip
         return H, g, cost
+
+    def shares(self, T: Array, moving: Mask) -> tuple[Array, Array]:
+        """What residuals and common shifts do to the gradient, as `vo.sandwich.shares` says."""
+        slot = np.where(moving, np.cumsum(moving) - 1, -1)
+        return shares(
+            *split_pose(T), self.points, self.first, self.camera, self.measured, self.weight,
+            self.intrinsics, slot, int(moving.sum()),
+        )  # fmt: skip
 
     def reweigh(self, T: Array, huber: float) -> None:
         """Take the Huber weights of the present residuals."""

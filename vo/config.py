@@ -178,10 +178,10 @@ class MotionSettings(Settings):
 class RefinementSettings(Settings):
     """Bundle adjustment (thesis 2.8, 3.4)."""
 
-    mode: Literal["motion", "window", "fixed_lag"] = Field(
+    mode: Literal["none", "motion", "window", "fixed_lag"] = Field(
         default="window",
-        description="what keyframes refine: nothing but their own pose, the last of them, or "
-        "these incrementally with what older ones left behind",
+        description="what is refined: nothing, every frame's pose, also the last keyframes with "
+        "what they see, or these incrementally with what older ones left behind",
     )
     smooth: Literal["none", "window", "global"] = Field(
         default="window",
@@ -215,6 +215,13 @@ class RefinementSettings(Settings):
     )
     sigma_disparity_px: float = Field(
         default=0.15, gt=0, description="error of the disparity beside what noise explains"
+    )
+    common_px: float = Field(
+        default=0.0, ge=0, description="error that all measurements of a metre have in common"
+    )
+    covariance: Literal["assumed", "residuals"] = Field(
+        default="residuals",
+        description="of poses: by the noise assumed, or by residuals where these show more",
     )
     learn_noise: bool = Field(
         default=True, description="let residuals correct these two errors on the way"

@@ -49,7 +49,7 @@ def _seen_from(R: Array, t: Array, point: Array) -> tuple[float, float, float]:
 
 
 @numba.njit(cache=True)
-def _derivatives(
+def derivatives(
     R: Array, t: Array, point: Array, weight: Array, intrinsics: Array, by_camera: Array,
     by_point: Array,
 ) -> None:  # fmt: skip
@@ -138,7 +138,7 @@ def reduce(
         for m in range(first[j], first[j + 1]):
             i, n = camera[m], m - first[j]
             whitened(rotations[i], centres[i], solved[j], measured[m], weight[m], intrinsics, r)
-            _derivatives(rotations[i], centres[i], solved[j], weight[m], intrinsics, F, E)
+            derivatives(rotations[i], centres[i], solved[j], weight[m], intrinsics, F, E)
             cost += 0.5 * (r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
             if size == 0:
                 continue
@@ -159,7 +159,7 @@ def reduce(
                     )
         if size == 0:
             continue
-        _invert(V, inverse)
+        invert(V, inverse)
         for m in range(first[j], first[j + 1]):
             s, n = slot[camera[m]], m - first[j]
             if s < 0:
@@ -210,13 +210,13 @@ def _solve_point(
         for m in range(start, end):
             i = camera[m]
             whitened(rotations[i], centres[i], point, measured[m], weight[m], intrinsics, r)
-            _derivatives(rotations[i], centres[i], point, weight[m], intrinsics, F, E)
+            derivatives(rotations[i], centres[i], point, weight[m], intrinsics, F, E)
             cost += r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
             for p in range(3):
                 for q in range(3):
                     V[p, q] += E[0, p] * E[0, q] + E[1, p] * E[1, q] + E[2, p] * E[2, q]
                 b[p] += E[0, p] * r[0] + E[1, p] * r[1] + E[2, p] * r[2]
-        _invert(V, inverse)
+        invert(V, inverse)
         for p in range(3):
             step[p] = -(inverse[p, 0] * b[0] + inverse[p, 1] * b[1] + inverse[p, 2] * b[2])
         better = False
@@ -245,7 +245,7 @@ def _solve_point(
 
 
 @numba.njit(cache=True)
-def _invert(V: Array, out: Array) -> None:
+def invert(V: Array, out: Array) -> None:
     """Invert a symmetric positive semi-definite 3x3 matrix, lifted a little off zero."""
     lift = FREE * (V[0, 0] + V[1, 1] + V[2, 2]) + 1e-300
     a, d, f = V[0, 0] + lift, V[1, 1] + lift, V[2, 2] + lift
@@ -266,7 +266,7 @@ def camera_normal(
     r, F, E = np.empty(3), np.empty((3, 6)), np.empty((3, 3))
     for j in range(len(points)):
         whitened(R, t, points[j], measured[j], weight[j], intrinsics, r)
-        _derivatives(R, t, points[j], weight[j], intrinsics, F, E)
+        derivatives(R, t, points[j], weight[j], intrinsics, F, E)
         cost += 0.5 * (r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
         for p in range(6):
             g[p] += F[0, p] * r[0] + F[1, p] * r[1] + F[2, p] * r[2]

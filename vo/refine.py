@@ -15,6 +15,7 @@ from vo.config import RefinementSettings
 from vo.contract.arrays import Array, Mask
 from vo.contract.rig import StereoRig
 from vo.reduction import camera_normal, robust_weights
+from vo.sandwich import camera_shares
 from vo.solver import TURN_LAST, Part, information_inverse, optimize
 
 REWEIGHTINGS = 3
@@ -22,6 +23,12 @@ REWEIGHTINGS = 3
 
 STRUCTURE_REWEIGHTINGS = 2
 """The same for many, which were refined before."""
+
+COMMON_M = 1.0
+"""Way over which an error that measurements have in common stays the same."""
+
+SHORTEST_M = 0.05
+"""Steps are not taken to be shorter than this share of it."""
 
 SIX = np.arange(6)
 
@@ -96,7 +103,7 @@ def refine_structure(
         points[chunk.rows] = chunk.points
     covariance = np.zeros((len(T), 6, 6))
     if covariances:
-        covariance[moving] = _covariances(pieces, T, moving)
+        covariance[moving] = _covariances(pieces, T, bundle.fixed, settings)
     return Refined(T, points, covariance, iterations, error, misfit(pieces, T))
 
 
@@ -113,19 +120,37 @@ def _part(chunk: Chunk, T: Array, moving: Mask) -> Part:
     return Part(places, normal)
 
 
-def _covariances(pieces: Sequence[Chunk], T: Array, moving: Mask) -> Array:
-    """Diagonal blocks (S, 6, 6) of the inverse of all normal equations, tangents (v, w)."""
+def _covariances(
+    pieces: Sequence[Chunk], T: Array, fixed: Mask, settings: RefinementSettings
+) -> Array:
+    """Covariance (S, 6, 6) of each moving camera given the fixed ones, tangents (v, w)."""
+    moving = ~fixed
     size = int(moving.sum())
-    total = np.zeros((size, 6, size, 6))
+    H, B = np.zeros((size, 6, size, 6)), np.zeros((size, 6, size, 6))
+    shifted = np.zeros((size, 6, 3))
     for chunk in pieces:
-        own = moving[chunk.cameras]
+        here, own = T[chunk.cameras], moving[chunk.cameras]
         places = (np.cumsum(moving) - 1)[chunk.cameras[own]]
-        H, _, _ = chunk.normal(T[chunk.cameras], own, derivatives=True)
-        n = len(places)
-        total[np.ix_(places, SIX, places, SIX)] += H.reshape(n, 6, n, 6)
-    inverse = information_inverse(total.reshape(6 * size, 6 * size)).reshape(size, 6, size, 6)
-    blocks = inverse[np.arange(size), :, np.arange(size)]
+        n, block = len(places), np.ix_(places, SIX, places, SIX)
+        H[block] += chunk.normal(here, own, derivatives=True)[0].reshape(n, 6, n, 6)
+        outer, shift = chunk.shares(here, own)
+        B[block] += outer.reshape(n, 6, n, 6)
+        shifted[places] += shift.reshape(n, 6, 3)
+    inverse = information_inverse(H.reshape(6 * size, 6 * size))
+    spread = _spread(inverse, B.reshape(6 * size, 6 * size), settings)
+    blocks = spread.reshape(size, 6, size, 6)[np.arange(size), :, np.arange(size)]
+    lean = settings.common_px * (inverse @ shifted.reshape(6 * size, 3)).reshape(size, 6, 3)
+    travelled_m = np.linalg.norm(T[moving, :3, 3] - T[fixed][0, :3, 3], axis=1)
+    lean *= np.sqrt(COMMON_M / np.clip(travelled_m, SHORTEST_M, COMMON_M))[:, None, None]
+    blocks = blocks + lean @ lean.swapaxes(1, 2)
     return blocks[:, TURN_LAST][:, :, TURN_LAST]
+
+
+def _spread(inverse: Array, B: Array, settings: RefinementSettings) -> Array:
+    """Covariance by residuals, if these are larger than assumed: few points fit too well."""
+    if settings.covariance == "residuals" and np.trace(B @ inverse) > len(B):
+        return inverse @ B @ inverse
+    return inverse
 
 
 def misfit(pieces: Sequence[Chunk], T: Array) -> Array:
@@ -177,5 +202,7 @@ def refine_motion(
         )
         poses, more = optimize(poses, [whole], settings.most_iterations)
         iterations += more
-    covariance = information_inverse(normal(poses)[0])[TURN_LAST][:, TURN_LAST]
-    return Pose(poses[0], covariance, iterations)
+    R, t = split_pose(poses)
+    B = camera_shares(R[0], t[0], points, seen, weight, f)
+    covariance = _spread(information_inverse(normal(poses)[0]), B, settings)
+    return Pose(poses[0], covariance[TURN_LAST][:, TURN_LAST], iterations)

@@ -102,4 +102,4 @@ def _cholesky(H: Array) -> Array:
         return np.linalg.cholesky(_lifted(H))
     except np.linalg.LinAlgError:  # rounding made it indefinite
         values, vectors = np.linalg.eigh(_lifted(H))
-        return vectors * np.sqrt(np.maximum(values, 0.0))
+        return vectors * np.sqrt(np.maximum(values, LIFT * values[-1] + 1e-12))

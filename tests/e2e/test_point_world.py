@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
+from vo.bundle import Bundle
 from vo.config import MotionSettings, RefinementSettings
 from vo.contract import se3
 from vo.contract.rig import StereoRig
 from vo.motion import relative_orientation, reprojection_errors
-from vo.bundle import Bundle
 from vo.refine import refine_motion, refine_structure
 
 RIG = StereoRig(640, 480, 457.0, 319.5, 239.5, 0.09)
 SIGMA_PX, SIGMA_DISPARITY_PX = 0.2, 0.2
 SIGMA = np.array([SIGMA_PX, SIGMA_PX, SIGMA_DISPARITY_PX])
-REFINEMENT = RefinementSettings(huber=1e6, most_iterations=50)
+REFINEMENT = RefinementSettings(covariance="assumed", huber=1e6, most_iterations=50)
 MOTION = MotionSettings(threshold=0.003)
 FRAMES, POINTS, WORLDS = 6, 60, 25
 UNKNOWN = 6 * (FRAMES - 1)

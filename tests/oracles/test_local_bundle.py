@@ -14,7 +14,7 @@ from vo.parallax import parallax_rad
 from vo.refine import refine_structure
 from vo.smoothing import refine_all
 
-PLAIN = RefinementSettings(huber=1e6, most_iterations=50, learn_noise=False)
+PLAIN = RefinementSettings(covariance="assumed", huber=1e6, most_iterations=50, learn_noise=False)
 
 
 def settings(**changes):

@@ -14,7 +14,7 @@ RIG = StereoRig(640, 480, 457.0, 319.5, 239.5, 0.09)
 T_WORLD_CAM = se3.exp(np.array([0.4, -0.2, 0.3, 0.1, -0.3, 0.2]))
 NUDGE = se3.exp(np.array([0.03, -0.02, 0.04, 0.01, 0.02, -0.015]))
 SIGMA = np.array([0.2, 0.2, 0.4])
-PLAIN = RefinementSettings(huber=1e6, most_iterations=50)
+PLAIN = RefinementSettings(covariance="assumed", huber=1e6, most_iterations=50)
 """Least squares: no loss."""
 
 

@@ -1,0 +1,105 @@
+"""Firewall and iteration counts, on pictures of a wall that moves sideways."""
+
+import numpy as np
+import pytest
+from folders import BASELINE_M, F_PX, HEIGHT, WIDTH, wall
+
+from vo.config import OdometrySettings
+from vo.contract.clock import Clock
+from vo.contract.estimator import Status
+from vo.contract.rig import StereoRig
+from vo.contract.sequence import StereoFrame
+from vo.correspondence import find_matches
+from vo.doubt import explain_doubt
+from vo.mapping import add_keyframe
+from vo.odometry import StereoOdometry
+from vo.stereo import DenseStereo
+from vo.tracks import empty_map
+from vo.view import look
+
+RIG = StereoRig(WIDTH, HEIGHT, F_PX, (WIDTH - 1) / 2, (HEIGHT - 1) / 2, BASELINE_M)
+
+
+def settings(**refinement):
+    return OdometrySettings.model_validate({"refinement": refinement})
+
+
+@pytest.fixture(scope="module")
+def frames():
+    return [StereoFrame(i, *pair) for i, pair in enumerate(wall(6, 4))]
+
+
+@pytest.fixture(scope="module")
+def views(frames):
+    s = OdometrySettings()
+    return [look(frame, DenseStereo(s.stereo), s, Clock()) for frame in frames]
+
+
+@pytest.mark.parametrize(("firewall", "kept"), [(0, True), (1, False), (2, True)])
+def test_a_firewall_forgets_all_structure(views, firewall, kept):
+    """The second keyframe is a firewall if one keyframe lies between two of them."""
+    s = settings(firewall_keyframes=firewall)
+    none = np.zeros((6, 6))
+    first = add_keyframe(empty_map(), views[0], np.eye(4), none, None, RIG, s)
+    matches = find_matches(first, views[1], np.eye(4), 24.0, RIG, s)
+    T_odom_cam = np.eye(4)
+    T_odom_cam[0, 3] = 0.01
+    second = add_keyframe(first, views[1], T_odom_cam, none, matches, RIG, s)
+    old = np.isin(second.landmarks.ids, first.landmarks.ids)
+    assert len(second.landmarks) > 20
+    assert old.any() == kept
+    assert len(second.keyframes) == (2 if kept else 1)
+    assert second.first_serial == (0 if kept else 1)
+    assert second.next_serial == 2
+    assert second.landmarks.ids.min() >= (0 if kept else first.next_id)
+    np.testing.assert_array_equal(second.keyframes[-1].T_odom_cam, T_odom_cam)
+    assert (second.landmarks.anchor[~old] == 1).all()
+
+
+@pytest.mark.parametrize(
+    "policy", [{}, {"firewall_keyframes": 2}, {"mode": "fixed_lag"}, {"mode": "motion"}]
+)
+def test_the_way_is_the_same_by_every_policy(frames, policy):
+    """The wall is one plane that moves by 4 px of its one depth: sideways, step by step."""
+    odometry = StereoOdometry(RIG, settings(keyframe_parallax_px=0, **policy))
+    estimates = [odometry.track(frame) for frame in frames]
+    moved = np.array([x.T_odom_cam[0, 3] for x in estimates])
+    step = np.median(np.diff(moved))
+    assert abs(step) > 1e-3
+    np.testing.assert_allclose(np.diff(moved), step, rtol=0.1)
+
+
+def test_frames_that_take_too_many_iterations_are_weak_and_no_keyframes(frames):
+    """One iteration is never enough."""
+    free, dropping = (
+        StereoOdometry(RIG, settings(keyframe_parallax_px=0, drop_iterations=n)) for n in (0, 1)
+    )
+    tracked = [free.track(frame) for frame in frames[:4]][1:]
+    weak = [dropping.track(frame) for frame in frames[:4]][1:]
+    assert all(x.status is Status.TRACKED for x in tracked)
+    assert all("structure iterations" in x.counts for x in tracked)
+    for x in weak:
+        assert x.status is Status.WEAK
+        assert x.reason == f"{x.counts['motion iterations']} iterations, more than 1"
+        assert "structure iterations" not in x.counts
+
+
+def test_doubts_in_words():
+    s = settings(drop_iterations=20)
+    assert explain_doubt(1000, 20, s) == ""
+    assert explain_doubt(1000, 21, s) == "21 iterations, more than 20"
+    few = s.motion.weak_inliers
+    assert explain_doubt(few - 1, 21, s) == f"{few - 1} inliers, fewer than {few}"
+    assert explain_doubt(1000, 99, settings()) == ""
+
+
+@pytest.mark.parametrize("smooth", ["none", "window", "global"])
+def test_hindsight(frames, smooth):
+    odometry = StereoOdometry(RIG, settings(keyframe_parallax_px=0, smooth=smooth))
+    said = [odometry.track(frame).T_odom_cam for frame in frames]
+    seen = odometry.reflect()
+    assert len(seen.points.ids) > 20
+    if smooth == "none":
+        assert seen.trajectory is None
+    else:
+        np.testing.assert_allclose(seen.trajectory.T_ref_frame, said, atol=2e-3)
