@@ -132,10 +132,10 @@ class StereoSettings(Settings):
 class MotionSettings(Settings):
     """Orientation under RANSAC (thesis 2.6, 2.7, 3.3, 5.4)."""
 
-    method: Literal["relative", "absolute", "split", "refinement"] = Field(
+    method: Literal["relative", "absolute", "split"] = Field(
         default="relative",
-        description="from points and pixels, from points and points (4.1), rotation before "
-        "translation (F6), or by refinement of the expected motion alone (F8)",
+        description="from points and pixels, from points and points (4.1), or rotation from far "
+        "points before translation from near ones (F6)",
     )
     solver: Literal["fischler_bolles", "lambda_twist"] = Field(
         default="lambda_twist", description="of the three legs, if relative"

@@ -10,12 +10,6 @@ from vo.motion import acceptance, find_motion, reprojection_errors
 from vo.ransac import Consensus
 from vo.refine import Pose, refine_motion
 
-REACHES = (16.0, 8.0, 4.0, 2.0, 1.0, 1.0)
-"""Thresholds within which matches go on to the next refinement."""
-
-TURN_FIRST = [3, 4, 5, 0, 1, 2]
-"""From the tangent order (v, w) to RANSAC's (w, v)."""
-
 
 def orient(
     matches: Matches,
@@ -32,11 +26,9 @@ def orient(
         T_odom_guess: (4, 4) expected pose; the orientations under RANSAC do without it.
         weights: (N,) how much each match counts there.
         rig: Projects.
-        settings: All of motion, and those of refinement if nothing else finds the motion.
+        settings: Of motion.
         rng: Draws the samples.
     """
-    if settings.motion.method == "refinement":
-        return _descend(matches, T_odom_guess, rig, settings)
     return find_motion(
         matches.points_odom,
         rig.normalized(matches.pixels),
@@ -47,29 +39,6 @@ def orient(
         weights,
         T_odom_guess,
     )
-
-
-def _descend(
-    matches: Matches, T_odom_cam: Array, rig: StereoRig, settings: OdometrySettings
-) -> Consensus | None:
-    """Robust refinement from a guess, of ever closer matches: no motion is estimated before (F8).
-
-    Source:
-        Sünderhauf, Konolige, Lacroix and Protzel, Visual odometry using sparse bundle adjustment
-        on an autonomous outdoor vehicle, 2006; who is left out shrinks as in graduated
-        non-convexity.
-    """
-    rays = rig.normalized(matches.pixels)
-    covariance = np.full((6, 6), np.nan)
-    close = np.ones(len(matches), dtype=np.bool_)
-    for reach in REACHES:
-        if close.sum() < settings.motion.least_inliers:
-            return None
-        refined = refine_pose(T_odom_cam, matches.select(close), rig, settings)
-        T_odom_cam, covariance = refined.T_world_cam, refined.covariance
-        errors = reprojection_errors(T_odom_cam, matches.points_odom, rays)
-        close = errors < reach * acceptance(settings.motion, rig.f_px)
-    return Consensus(T_odom_cam, close, 0, covariance[TURN_FIRST][:, TURN_FIRST])
 
 
 def refine_pose(

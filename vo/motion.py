@@ -22,7 +22,7 @@ def find_motion(
     weights: Array | None = None,
     T_odom_guess: Array | None = None,
 ) -> Consensus | None:
-    """Estimate T_odom_cam by relative or absolute orientation, or split, under RANSAC.
+    """Estimate T_odom_cam by `settings.method`.
 
     Args:
         points_odom: (N, 3) landmarks, metres.
@@ -58,16 +58,16 @@ def find_motion(
         inlier_cost=1.0 if settings.score == "msac" else 0.999 / max(count, 1),
         weights=np.ones(count) if weights is None else weights[usable].astype(np.float64),
     )
+    T_guess = np.eye(4) if T_odom_guess is None else T_odom_guess
     if settings.method == "split":
-        T_guess = np.eye(4) if T_odom_guess is None else T_odom_guess
         outcome = _split(problem, T_guess, settings, rng)
     else:
         outcome = ransac(problem, settings, rng)
     if outcome is None:
         return None
-    inliers = np.zeros(len(usable), dtype=np.bool_)
-    inliers[usable] = outcome.inliers
-    return Consensus(outcome.T, inliers, outcome.trials, outcome.covariance)
+    agree = np.zeros(len(usable), dtype=np.bool_)
+    agree[usable] = outcome.inliers
+    return Consensus(outcome.T, agree, outcome.trials, outcome.covariance)
 
 
 def _split(

@@ -172,3 +172,10 @@ def test_wheel_table_faults_name_the_line(euroc, row, message):
     write_wheels(euroc, f"1000,0,0\n{row}\n")
     with pytest.raises(DatasetError, match=rf"wheels0/data.csv:3: .*{message}"):
         open_sequence(euroc)
+
+
+def test_sixteen_bits_are_scaled_to_eight(euroc):
+    path = euroc / "mav0" / "cam0" / "data" / f"{PERIOD_NS}.png"
+    deep = np.full((HEIGHT, WIDTH), 200 * 256, np.uint16)
+    cv2.imwrite(str(path), deep)
+    assert (open_sequence(euroc)[0].left == 200).all()
