@@ -7,9 +7,7 @@ was interrupted and a second one is free.
 import hashlib
 import importlib.util
 import json
-import multiprocessing
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, field
 from functools import reduce
 from pathlib import Path
@@ -20,6 +18,7 @@ import numpy as np
 from trials.attribution import Coalition, Sequence1m, coalitions
 from trials.estimators import ESTIMATORS, Named
 from trials.injection import Injection
+from trials.workers import spread
 from vo.contract.arrays import Array, Indices
 from vo.contract.dataset import MANIFEST
 from vo.contract.errors import DatasetError
@@ -35,7 +34,6 @@ PLAYERS = {
 """What can be blamed, and the oracles that take its place."""
 USUAL = ("prediction", "matching", "stereo", "inliers")
 SOURCES = ("vo", "trials/oracles.py", "trials/truth.py", "trials/injection.py")
-PROCESSES = 2
 RUN = "run.txt"
 """Trajectory of a run without any oracle, with all its companions."""
 BORN = "born.npz"
@@ -98,21 +96,15 @@ class Job:
 
 
 def drifts(jobs: Sequence[Job]) -> Iterator[tuple[Job, Drift]]:
-    """Run what has not been run, PROCESSES at a time; yields as they finish."""
+    """Run what has not been run, on all cores; yields as they finish."""
     missing = [job for job in jobs if not job.file.is_file()]
     for job in jobs:
         if job not in missing:
             yield job, _load(job.file)
     if not missing:
         return
-    with ProcessPoolExecutor(PROCESSES, multiprocessing.get_context("spawn")) as pool:
-        pending = {pool.submit(_run, job): job for job in missing}
-        try:
-            for done in as_completed(pending):
-                yield pending[done], done.result()
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+    for k, drift in spread(_run, [(job,) for job in missing]):
+        yield missing[k], drift
 
 
 def paired(name: str, found: dict[Coalition, Drift]) -> Sequence1m:

@@ -5,13 +5,12 @@ those change or a file is damaged.
 """
 
 import hashlib
-import multiprocessing
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from trials.workers import spread
 from vo.contract.errors import DatasetError
 
 if TYPE_CHECKING:
@@ -20,8 +19,6 @@ if TYPE_CHECKING:
 
 GENERATOR = ("scenes", "sim", "vo/contract")
 """Folders of the sources that decide what a recording looks like."""
-PROCESSES = 2
-"""Drives at a time; figures in milliseconds are slower for it than those of `make bench`."""
 NO_LABELS = ("labels.depth=false", "labels.disparity=false")
 """Labels are for training and checking; a score needs images and truth."""
 
@@ -44,15 +41,9 @@ class Drive:
 
 
 def score_drives(drives: Sequence[Drive]) -> "Iterator[tuple[Drive, list[Score]]]":
-    """Record what is missing and score it, PROCESSES at a time; yields drives as they finish."""
-    with ProcessPoolExecutor(PROCESSES, multiprocessing.get_context("spawn")) as pool:
-        jobs = {pool.submit(score_drive, drive): drive for drive in drives}
-        try:
-            for job in as_completed(jobs):
-                yield jobs[job], job.result()
-        except BaseException:
-            pool.shutdown(cancel_futures=True)  # one drive failed: the others would be for nothing
-            raise
+    """Record what is missing and score it; yields drives as they finish."""
+    for k, scores in spread(score_drive, [(drive,) for drive in drives]):
+        yield drives[k], scores
 
 
 def score_drive(drive: Drive) -> "list[Score]":

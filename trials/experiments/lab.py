@@ -2,13 +2,12 @@
 
 import hashlib
 import json
-import multiprocessing
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 
-from trials.drives import PROCESSES, fingerprint, is_recorded
+from trials.drives import fingerprint, is_recorded
 from trials.experiments.trial import Outcome, Outcomes, Recording, Trial, Variant
+from trials.workers import spread
 
 ESTIMATOR = ("vo", "trials/baselines")
 """Folders of the sources that decide what an estimator says."""
@@ -31,15 +30,10 @@ def perform(
     for trial in trials:
         variants.setdefault(trial.recording, []).append(trial.variant)
     done: dict[Trial, Outcome] = {}
-    with ProcessPoolExecutor(PROCESSES, multiprocessing.get_context("spawn")) as pool:
-        jobs = [pool.submit(run_over, recording, of, cache) for recording, of in variants.items()]
-        try:
-            for job in as_completed(jobs):
-                done |= {outcome.trial: outcome for outcome in job.result()}
-                progress(job)
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+    calls = [(recording, of, cache) for recording, of in variants.items()]
+    for _, outcomes in spread(run_over, calls):
+        done |= {outcome.trial: outcome for outcome in outcomes}
+        progress(outcomes)
     return Outcomes({trial: done[trial] for trial in trials})
 
 
