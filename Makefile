@@ -2,7 +2,7 @@
 # `make bench` and `make accuracy` take options: make bench ARGS=--quick
 
 .DEFAULT_GOAL := help
-.PHONY: demo test lint bench accuracy proof response bump replan routing scenes clean help
+.PHONY: demo test lint bench accuracy proof response bump replan routing scenes gate gate-power clean help
 
 VENV := .venv
 READY := $(VENV)/.ready
@@ -46,6 +46,12 @@ replan: $(READY)  ## how much faster D* Lite replans on a grid than A* plans ane
 
 routing: $(READY)  ## static and dynamic routing, with and without clearing (into build/routing/)
 	$(BIN)/driftyard route --out build/routing $(ARGS)
+
+gate: $(READY)  ## this repository's own gate: has the default estimator regressed?
+	$(BIN)/driftyard gate --baseline tests/gate/baseline.json --accept datasets,platform $(ARGS)
+
+gate-power: $(READY)  ## how often the gate errs, by simulation
+	$(BIN)/python -m trials.gate.simulate $(ARGS)
 
 clean:  ## remove results and caches; the environment in .venv stays
 	rm -rf build demo dist .pytest_cache .hypothesis .ruff_cache .import_linter_cache

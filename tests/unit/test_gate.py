@@ -1,0 +1,228 @@
+"""The gate's statistics, its decision, and what it does with estimators that fail."""
+
+import json
+from dataclasses import replace
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from folders import wall, write_euroc
+from scipy import stats
+
+from trials.estimators import Named
+from trials.gate.baseline import Baseline, Recorded, dataset_mismatch, read_baseline, write_baseline
+from trials.gate.comparison import Comparison
+from trials.gate.decision import Verdict, decide
+from trials.gate.design import Design
+from trials.gate.measure import measure
+from trials.gate.measurement import Measurement
+from trials.gate.planning import design_error, seeds_needed
+from trials.gate.reports import as_json, as_junit, as_markdown
+from trials.gate.rules import Rules
+from trials.gate.simulate import modelled, repeat
+from trials.gate.statistics import Effect, detectable, newly_lost
+from vo.contract.errors import DatasetError, SettingsError
+
+SCENES = tuple(f"s{k}" for k in range(6))
+STEP_M, FRAMES = 0.05, 30
+
+
+def measured(drift=0.1, lost=0, ms=10.0, nees=1.0):
+    return Measurement(
+        frames=100, lost_frames=lost, drift_percent=drift, frame_ms=ms, reference_ms=5, nees=nees
+    )
+
+
+def changed(ratios, scenes=SCENES, **after):
+    before = [measured() for _ in ratios]
+    return decide(Rules(), scenes, before, [measured(0.1 * x, **after) for x in ratios])
+
+
+def test_scene_means_are_tested_as_student_does():
+    values = np.random.default_rng(0).normal(0.03, 0.1, 12)
+    effect = Effect.of(values, SCENES * 2)
+    means = values.reshape(2, 6).mean(axis=0)
+    interval = stats.ttest_1samp(means, 0).confidence_interval(0.9)
+    assert effect.bounds(0.05) == pytest.approx((interval.low, interval.high))
+
+
+def test_pairs_of_few_scenes_are_compared_with_their_scene():
+    """One scene: the plain interval of a mean."""
+    values = np.random.default_rng(1).normal(0, 0.1, 8)
+    interval = stats.ttest_1samp(values, 0).confidence_interval(0.9)
+    assert Effect.of(values, ["a"] * 8).bounds(0.05) == pytest.approx((interval.low, interval.high))
+
+
+def test_detectable_change_is_found_with_the_promised_power():
+    rng = np.random.default_rng(2)
+    error, degrees = design_error(0.1, 0.0, 8, 1)
+    draws = rng.normal(detectable(error, degrees, 0.05, 0.8), 0.1, (4000, 8))
+    found = stats.ttest_1samp(draws, 0, axis=1, alternative="greater").pvalue <= 0.05
+    assert np.mean(found) == pytest.approx(0.8, abs=0.025)
+
+
+def test_seeds_cannot_average_out_scenes():
+    assert seeds_needed(0.1, 0.0, 6, 0.05, 0.05, 0.8) is not None
+    assert seeds_needed(0.1, 0.2, 6, 0.05, 0.05, 0.8) is None
+
+
+def test_losses_by_hand():
+    """Five newly lost of five: 1/32."""
+    assert newly_lost([False] * 6, [True] * 5 + [False]) == (5, 0, pytest.approx(1 / 32))
+    assert newly_lost([True, False], [False, True]) == (1, 1, pytest.approx(0.75))
+
+
+def test_verdicts():
+    rng = np.random.default_rng(3)
+    noise = np.exp(rng.normal(0, 0.02, 6))
+    assert changed(np.ones(6)).verdict is Verdict.PASS
+    assert changed(noise).verdict is Verdict.PASS
+    assert changed(1.3 * noise).verdict is Verdict.REGRESS
+    assert changed(1.05 * np.exp(rng.normal(0, 0.3, 6))).verdict is Verdict.UNDECIDED
+    assert changed(noise, ms=20.0).verdict is Verdict.REGRESS
+    assert changed(noise, nees=4.0).verdict is Verdict.REGRESS
+    assert changed(noise, nees=0.25).verdict is Verdict.REGRESS
+    assert changed(noise, lost=50).verdict is Verdict.REGRESS
+
+
+def test_too_few_sequences_decide_nothing():
+    decision = changed(np.full(4, 9.0), SCENES[:4])
+    assert decision.verdict is Verdict.UNDECIDED
+    assert "too few sequences" in decision.remark
+
+
+def test_level_and_power_of_the_decision_itself():
+    """Room for four standard deviations of 200 repetitions."""
+    case = modelled(6, 0.08, 0.03)
+    rng = np.random.default_rng(4)
+    calm, risen = (
+        np.mean(
+            [
+                repeat(rng, case.draw(rng, 6, case.seeds) + x).verdict is Verdict.REGRESS
+                for _ in range(200)
+            ]
+        )
+        for x in (np.log(1.005), np.log(1.1))
+    )
+    assert 0 < calm < 0.05 + 4 * 0.0154
+    assert risen > 0.8 - 4 * 0.0283
+
+
+@pytest.fixture
+def baseline():
+    return Baseline(
+        estimator="a", settings={}, reference="corner_flow", rules=Rules(),
+        design=Design(scenes=SCENES), platform="Linux x", generator="1", software={"mujoco": "4"},
+        sequences=tuple(
+            Recorded(scene=x, seed=0, sha256=x, measured=measured()) for x in SCENES
+        ),
+    )  # fmt: skip
+
+
+def test_baseline_is_read_back(baseline, tmp_path):
+    write_baseline(tmp_path / "b.json", baseline)
+    assert read_baseline(tmp_path / "b.json") == baseline
+
+
+def test_baselines_that_are_none(baseline, tmp_path):
+    file = tmp_path / "b.json"
+    with pytest.raises(DatasetError, match="gate --bless writes a baseline"):
+        read_baseline(file)
+    for text in ("{", "[]", '{"kind": "driftyard gate result"}'):
+        file.write_text(text)
+        with pytest.raises(DatasetError, match="not a gate baseline"):
+            read_baseline(file)
+    content = json.loads(baseline.model_dump_json())
+    file.write_text(json.dumps({**content, "schema_version": 7}))
+    with pytest.raises(DatasetError, match="schema 7, this program reads 1"):
+        read_baseline(file)
+    file.write_text(json.dumps({**content, "sequences": content["sequences"][1:]}))
+    with pytest.raises(SettingsError, match="not those of design"):
+        read_baseline(file)
+
+
+def test_other_datasets_are_named_with_the_cause(baseline):
+    same = [x.sha256 for x in baseline.sequences]
+    assert dataset_mismatch(baseline, same, "2", {}) == ""
+    told = dataset_mismatch(baseline, [*same[:5], "?"], "1", {"mujoco": "5"})
+    assert told == "datasets differ in 1 of 6 sequences, the first s5 seed 0 (mujoco is 5, was 4)"
+
+
+def test_reports_agree(baseline):
+    after = [measured(0.2) for _ in SCENES[1:]]
+    after.append(Measurement(frames=100, lost_frames=100, problem="died <b>|\n"))
+    decision = decide(Rules(), SCENES, baseline.measured, after)
+    found = Comparison(baseline, "b", {}, {}, after, decision, ())
+    assert json.loads(as_json(found))["verdict"] == "regress"
+    markdown = as_markdown(found)
+    assert "regress: b against a" in markdown
+    assert "s5 seed 0: newly lost (died &lt;b>" in markdown
+    suite = ElementTree.fromstring(as_junit(found))
+    assert suite.attrib["failures"] == str(len(suite.findall("testcase/failure"))) == "1"
+    few = replace(found, decision=replace(decision, remark="too few"))
+    assert ElementTree.fromstring(as_junit(few)).attrib["failures"] == "0"
+
+
+OWN = """
+import numpy as np
+from vo.contract.estimator import Estimate, Status
+
+class Sliding:
+    made = 0
+
+    def __init__(self, rig):
+        Sliding.made += 1
+        self.fails, self.frames = Sliding.made == 2, 0
+
+    def track(self, frame):
+        if self.fails:
+            raise ValueError("second")
+        T = np.eye(4)
+        T[0, 3] = 0.051 * self.frames
+        self.frames += 1
+        return Estimate(frame.timestamp_ns, Status.TRACKED, T)
+
+class Silent:
+    def __init__(self, rig):
+        pass
+
+    def track(self, frame):
+        return Estimate(frame.timestamp_ns, Status.LOST, None, "blind")
+
+class Hopeless(Silent):
+    def track(self, frame):
+        raise ValueError("never")
+"""
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    (tmp_path / "gated.py").write_text(OWN)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    return [
+        write_euroc(tmp_path / f"d{k}", wall(FRAMES, seed=k), truth_step_m=STEP_M) for k in range(3)
+    ]
+
+
+def run(name, place):
+    return measure(Named(f"gated:{name}"), Named("corner_flow"), place, lambda _: None)
+
+
+def test_a_crash_loses_one_sequence(place):
+    first, second, third = run("Sliding", place)
+    assert first.drift_percent == third.drift_percent == pytest.approx(2.0)
+    assert second.is_lost
+    assert "ValueError: second" in second.problem
+    assert first.frame_ms
+    assert first.reference_ms
+    assert first.nees is None
+
+
+def test_no_pose_at_all_is_a_loss(place):
+    for found in run("Silent", place):
+        assert (found.is_lost, found.lost_frames, found.problem) == (True, FRAMES, "")
+
+
+def test_failing_everywhere_is_an_error(place):
+    with pytest.raises(DatasetError, match=r"failed on every sequence.*ValueError: never"):
+        run("Hopeless", place)
