@@ -9,9 +9,17 @@ import pytest
 from folders import wall, write_euroc
 from scipy import stats
 
+from trials.commands import console
 from trials.estimators import Named
-from trials.gate.baseline import Baseline, Recorded, dataset_mismatch, read_baseline, write_baseline
-from trials.gate.comparison import Comparison
+from trials.gate.baseline import (
+    Baseline,
+    Recorded,
+    dataset_mismatch,
+    read_baseline,
+    refuse,
+    write_baseline,
+)
+from trials.gate.comparison import Comparison, compare
 from trials.gate.decision import Verdict, decide
 from trials.gate.design import Design
 from trials.gate.measure import measure
@@ -146,6 +154,21 @@ def test_other_datasets_are_named_with_the_cause(baseline):
     assert dataset_mismatch(baseline, same, "2", {}) == ""
     told = dataset_mismatch(baseline, [*same[:5], "?"], "1", {"mujoco": "5"})
     assert told == "datasets differ in 1 of 6 sequences, the first s5 seed 0 (mujoco is 5, was 4)"
+
+
+def test_another_platform_is_refused_before_anything_is_recorded(baseline, tmp_path):
+    with pytest.raises(
+        DatasetError, match=r"b\.json: platform is .*, was Linux x; .*--accept plat"
+    ):
+        compare(tmp_path / "b.json", baseline, Named(), (), tmp_path, console.counting_bar)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_mismatch_is_refused_unless_accepted(tmp_path):
+    refuse(tmp_path, "datasets", "datasets differ", ["datasets"])
+    refuse(tmp_path, "datasets", "", [])
+    with pytest.raises(DatasetError, match="datasets differ; bless anew, or --accept datasets"):
+        refuse(tmp_path, "datasets", "datasets differ", ["platform"])
 
 
 def test_reports_agree(baseline):
