@@ -162,7 +162,7 @@ class MotionSettings(Settings):
         default=4, ge=0, description="refits to the inliers of each new best; 0 is plain RANSAC"
     )
     prior: bool = Field(
-        default=True,
+        default=False,
         description="landmarks that were at rest, or where expected, weigh more; others go",
     )
     least_inliers: int = Field(default=8, ge=3, description="fewer, and the frame is lost")
@@ -263,7 +263,6 @@ THESIS = OdometrySettings(
         solver="fischler_bolles",
         score="inliers",
         local_rounds=0,
-        prior=False,
         threshold=0.005,
         confidence=0.99,
         least_inliers=3,
