@@ -1,0 +1,74 @@
+"""A film of a trial: what `render` shows after every step, as MP4 or GIF, without moviepy."""
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from sim.film import film_suffix, writing
+from vo.contract.arrays import Array, Image
+from vo.contract.errors import SettingsError
+
+
+class Filmed(gymnasium.Wrapper[Any, Array, Any, Array]):
+    """Writes a film for each trial, whole when the trial is over or the environment is closed."""
+
+    def __init__(self, env: gymnasium.Env[Any, Array], out: Path, every: int = 1) -> None:
+        """Film an environment.
+
+        Args:
+            env: With render_mode rgb_array.
+            out: Name of the first film; later ones have `_1`, `_2`, ... before the suffix.
+            every: Steps from one frame to the next.
+
+        Raises:
+            SettingsError: If the name has another suffix than .mp4 or .gif, or the environment
+                gives no pictures.
+        """
+        super().__init__(env)
+        if env.render_mode != "rgb_array":
+            raise SettingsError('a film needs render_mode="rgb_array"')
+        film_suffix(out)
+        self._out, self._every, self._trials, self._steps = out, every, 0, 0
+        self._running = ExitStack()
+        self._show: Callable[[Image], None] | None = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Begin a trial and its film."""
+        self._running.close()
+        told = self.env.reset(seed=seed, options=options)
+        number = f"_{self._trials}" if self._trials else ""
+        name = self._out.with_name(f"{self._out.stem}{number}{self._out.suffix}")
+        name.parent.mkdir(parents=True, exist_ok=True)
+        rate_hz = float(self.env.metadata["render_fps"]) / self._every
+        self._show = self._running.enter_context(writing(name, rate_hz))
+        self._trials, self._steps = self._trials + 1, 0
+        self._take()
+        return told
+
+    def step(self, action: Array) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        """Drive on; the last picture of a trial is always in its film."""
+        told = self.env.step(action)
+        self._steps += 1
+        over = told[2] or told[3]
+        if over or self._steps % self._every == 0:
+            self._take()
+        if over:
+            self._running.close()
+            self._show = None
+        return told
+
+    def close(self) -> None:
+        """Finish the film."""
+        self._running.close()
+        super().close()
+
+    def _take(self) -> None:
+        image = self.env.render()
+        if self._show is not None:
+            self._show(np.asarray(image, np.uint8))
