@@ -128,8 +128,8 @@ class Chunk:
         )  # fmt: skip
         return H, g, cost
 
-    def shares(self, T: Array, moving: Mask) -> tuple[Array, Array]:
-        """What residuals and common shifts do to the gradient, as `vo.sandwich.shares` says."""
+    def shares(self, T: Array, moving: Mask) -> Array:
+        """What the points' residuals do to the gradient, as `vo.sandwich.shares` says."""
         slot = np.where(moving, np.cumsum(moving) - 1, -1)
         return shares(
             *split_pose(T), self.points, self.first, self.camera, self.measured, self.weight,

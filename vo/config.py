@@ -216,9 +216,6 @@ class RefinementSettings(Settings):
     sigma_disparity_px: float = Field(
         default=0.15, gt=0, description="error of the disparity beside what noise explains"
     )
-    common_px: float = Field(
-        default=0.0, ge=0, description="error that all measurements of a metre have in common"
-    )
     covariance: Literal["assumed", "residuals"] = Field(
         default="residuals",
         description="of poses: by the noise assumed, or by residuals where these show more",

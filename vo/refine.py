@@ -24,12 +24,6 @@ REWEIGHTINGS = 3
 STRUCTURE_REWEIGHTINGS = 2
 """The same for many, which were refined before."""
 
-COMMON_M = 1.0
-"""Way over which an error that measurements have in common stays the same."""
-
-SHORTEST_M = 0.05
-"""Steps are not taken to be shorter than this share of it."""
-
 SIX = np.arange(6)
 
 MEDIAN_CHI2 = (0.455, 1.386)
@@ -127,22 +121,15 @@ def _covariances(
     moving = ~fixed
     size = int(moving.sum())
     H, B = np.zeros((size, 6, size, 6)), np.zeros((size, 6, size, 6))
-    shifted = np.zeros((size, 6, 3))
     for chunk in pieces:
         here, own = T[chunk.cameras], moving[chunk.cameras]
         places = (np.cumsum(moving) - 1)[chunk.cameras[own]]
         n, block = len(places), np.ix_(places, SIX, places, SIX)
         H[block] += chunk.normal(here, own, derivatives=True)[0].reshape(n, 6, n, 6)
-        outer, shift = chunk.shares(here, own)
-        B[block] += outer.reshape(n, 6, n, 6)
-        shifted[places] += shift.reshape(n, 6, 3)
+        B[block] += chunk.shares(here, own).reshape(n, 6, n, 6)
     inverse = information_inverse(H.reshape(6 * size, 6 * size))
     spread = _spread(inverse, B.reshape(6 * size, 6 * size), settings)
     blocks = spread.reshape(size, 6, size, 6)[np.arange(size), :, np.arange(size)]
-    lean = settings.common_px * (inverse @ shifted.reshape(6 * size, 3)).reshape(size, 6, 3)
-    travelled_m = np.linalg.norm(T[moving, :3, 3] - T[fixed][0, :3, 3], axis=1)
-    lean *= np.sqrt(COMMON_M / np.clip(travelled_m, SHORTEST_M, COMMON_M))[:, None, None]
-    blocks = blocks + lean @ lean.swapaxes(1, 2)
     return blocks[:, TURN_LAST][:, :, TURN_LAST]
 
 

@@ -5,9 +5,7 @@ independently, and as much as was assumed. Errors of a landmark's template are i
 measurements, and some err more. Taking each landmark's share of the gradient as one draw gives the
 covariance without either assumption: H^-1 B H^-1 with B the sum of the shares' outer products
 (Liang and Zeger, Biometrika 1986, eq. 7; Huber, 1967).
-
-What all landmarks err alike by, for a stretch of the way, no residual shows. How the solution
-leans when all measurements are shifted alike is the third thing computed here.
+What all landmarks err alike by, for a stretch of the way, no residual shows.
 """
 
 import numba
@@ -21,34 +19,30 @@ from vo.reduction import derivatives, invert, whitened
 def shares(
     rotations: Array, centres: Array, points: Array, first: Indices, camera: Indices,
     measured: Array, weight: Array, intrinsics: Array, slot: Indices, size: int,
-) -> tuple[Array, Array]:  # fmt: skip
-    """Sum of outer products of the points' gradients, and gradients of common shifts.
+) -> Array:  # fmt: skip
+    """Sum of outer products of the points' gradients.
 
     The arguments are those of `vo.reduction.reduce`, the points where that found them.
 
     Returns:
-        (6 S, 6 S) B, and (6 S, 3) change of the reduced gradient by a shift of one pixel of every
-        u, v and disparity.
+        (6 S, 6 S) B.
     """
-    B, shifted = np.zeros((6 * size, 6 * size)), np.zeros((6 * size, 3))
+    B, share = np.zeros((6 * size, 6 * size)), np.zeros(6 * size)
     r, F, E = np.empty(3), np.empty((3, 6)), np.empty((3, 3))
-    V, inverse = np.empty((3, 3)), np.empty((3, 3))
-    pulls = np.empty((3, 4))  # E' of the residual, and of the three shifts
-    share = np.zeros((6 * size, 4))
+    V, inverse, pull = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     for j in range(len(points)):
-        V[:], pulls[:] = 0.0, 0.0
+        V[:], pull[:] = 0.0, 0.0
         for m in range(first[j], first[j + 1]):
             i = camera[m]
             whitened(rotations[i], centres[i], points[j], measured[m], weight[m], intrinsics, r)
             derivatives(rotations[i], centres[i], points[j], weight[m], intrinsics, F, E)
             for p in range(3):
                 for k in range(3):
-                    pulls[p, 0] += E[k, p] * r[k]
-                    pulls[p, 1 + k] -= E[k, p] * weight[m, k]
+                    pull[p] += E[k, p] * r[k]
                     for q in range(3):
                         V[p, q] += E[k, p] * E[k, q]
         invert(V, inverse)
-        moved = -inverse @ pulls  # what the point does about it
+        moved = -inverse @ pull  # what the point does about it
         for m in range(first[j], first[j + 1]):
             i = camera[m]
             s = slot[i]
@@ -57,11 +51,9 @@ def shares(
             whitened(rotations[i], centres[i], points[j], measured[m], weight[m], intrinsics, r)
             derivatives(rotations[i], centres[i], points[j], weight[m], intrinsics, F, E)
             for k in range(3):
-                for c in range(4):
-                    left = E[k, 0] * moved[0, c] + E[k, 1] * moved[1, c] + E[k, 2] * moved[2, c]
-                    left += r[k] if c == 0 else (-weight[m, k] if c == k + 1 else 0.0)
-                    for p in range(6):
-                        share[6 * s + p, c] += F[k, p] * left
+                left = r[k] + E[k, 0] * moved[0] + E[k, 1] * moved[1] + E[k, 2] * moved[2]
+                for p in range(6):
+                    share[6 * s + p] += F[k, p] * left
         for m in range(first[j], first[j + 1]):
             a = slot[camera[m]]
             if a < 0:
@@ -72,13 +64,12 @@ def shares(
                     continue
                 for p in range(6):
                     for q in range(6):
-                        B[6 * a + p, 6 * b + q] += share[6 * a + p, 0] * share[6 * b + q, 0]
+                        B[6 * a + p, 6 * b + q] += share[6 * a + p] * share[6 * b + q]
         for m in range(first[j], first[j + 1]):
             a = slot[camera[m]]
             if a >= 0:
-                shifted[6 * a : 6 * a + 6] += share[6 * a : 6 * a + 6, 1:]
                 share[6 * a : 6 * a + 6] = 0.0
-    return B, shifted
+    return B
 
 
 @numba.njit(cache=True)

@@ -10,11 +10,10 @@ from vo.contract import se3
 from vo.reduction import reduce
 from vo.refine import refine_motion
 
-PLAIN = RefinementSettings(common_px=0, huber=1e6, most_iterations=50)
+PLAIN = RefinementSettings(huber=1e6, most_iterations=50)
 
 
 def test_shares_are_the_gradients_of_single_points():
-    """B sums the points' outer products; a shift of all pixels changes the gradient as stated."""
     passage = Passage(1, 4, fresh=8)
     ids = np.intersect1d(passage.sights[0].ids, passage.sights[3].ids)
     bundle = collect(passage.sights, ids, passage.points[ids], np.arange(4) == 0, RIG)
@@ -32,14 +31,9 @@ def test_shares_are_the_gradients_of_single_points():
 
     for _ in range(3):  # the points settle
         chunk.normal(bundle.T_world_cam, ~bundle.fixed, derivatives=False)
-    B, shifted = chunk.shares(bundle.T_world_cam, ~bundle.fixed)
+    B = chunk.shares(bundle.T_world_cam, ~bundle.fixed)
     each = np.array(list(gradients(chunk.measured)))
     np.testing.assert_allclose(B, each.T @ each, rtol=1e-4, atol=1e-4 * np.abs(B).max())
-    for k, shift in enumerate(1e-3 * np.eye(3)):
-        ahead, back = (sum(gradients(chunk.measured + s * shift)) for s in (1, -1))
-        expected = (ahead - back) / 2e-3
-        # The reduction's derivatives are Gauss and Newton's: residuals bend them a little.
-        np.testing.assert_allclose(shifted[:, k], expected, atol=0.05 * np.abs(expected).max())
 
 
 def test_residuals_tell_noise_that_is_larger_than_assumed():
