@@ -6,7 +6,7 @@ that errors are biased or go together, and that a pose is told before the frames
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +29,9 @@ BORN_SIGMA_PX = 0.01
 
 FITTED = 4000
 """Residuals to which a distribution is fitted."""
+
+LEAST_SIGHTINGS = 100
+"""Fewer say nothing of the noise."""
 
 LENGTH_M = 1.0
 STRIDE = 5
@@ -114,11 +117,11 @@ def bound(dataset: Path, run: SavedRun, births: Path) -> Bound:
     if truth is None:
         raise TrajectoryError(f"{dataset}: holds no truth to compare with")
     world, pair = TrueWorld(dataset), associate(truth, run.trajectory)
+    pair, seen = _seeing(pair, _sightings(world, pair, run, births))
     travelled_m = pair.travelled_m
     starts = np.flatnonzero(travelled_m + LENGTH_M <= travelled_m[-1])[::STRIDE]
     if len(starts) == 0:
         raise TrajectoryError(f"{run.path}: its path is shorter than {LENGTH_M:g} m")
-    seen = _sightings(world, pair, run, births)
     noise = _noise(seen.residual_px)
     covariance = _least_covariance(world.rig, pair, seen, noise, run.path)
     ends = np.searchsorted(travelled_m, travelled_m[starts] + LENGTH_M)
@@ -133,14 +136,19 @@ def _sightings(world: TrueWorld, pair: Pair, run: SavedRun, births: Path) -> Sig
     tracks, frames = run.tracks, run.frames
     if tracks is None or frames is None or tracks.landmark.size == 0:
         raise TrajectoryError(f"{run.path}: its estimator shares no tracks")
+    times = frames.timestamps_ns[tracks.frame]
     with np.load(births) as file:
         ids, born_ns, pixels = file["landmark"], file["timestamp_ns"], file["pixels"]
+    later = np.ones(len(times), dtype=bool)
+    if len(ids) == 0:  # nobody heard of births: each landmark is what it was first seen as
+        ids, first = np.unique(tracks.landmark, return_index=True)
+        born_ns, pixels, later[first] = times[first], tracks.pixels[first], False
     points = np.full((len(ids), 3), np.nan)
     for time in np.unique(born_ns).tolist():
         points[born_ns == time] = world.points_world(time, pixels[born_ns == time])
-    times = frames.timestamps_ns[tracks.frame]
     known = ids[np.isfinite(points[:, 0]) & np.isin(born_ns, pair.timestamps_ns)]
-    kept = tracks.inlier & np.isin(tracks.landmark, known) & np.isin(times, pair.timestamps_ns)
+    kept = tracks.inlier & later & np.isin(tracks.landmark, known)
+    kept &= np.isin(times, pair.timestamps_ns)
     rows = np.searchsorted(ids, tracks.landmark[kept])
     camera = np.searchsorted(pair.timestamps_ns, times[kept])
     T_cam_world = se3.inverse(pair.T_world_cam)[camera]
@@ -148,9 +156,19 @@ def _sightings(world: TrueWorld, pair: Pair, run: SavedRun, births: Path) -> Sig
     true = world.rig.project(points_cam + T_cam_world[:, :3, 3])
     residual = np.column_stack([tracks.pixels, tracks.disparity_px])[kept] - true
     right = np.nanmax(np.abs(residual), axis=1) < NEAR_PX
+    if right.sum() < LEAST_SIGHTINGS:
+        raise TrajectoryError(f"{run.path}: only {right.sum()} inliers are where they should be")
     used, point = np.unique(rows[right], return_inverse=True)
     born = np.searchsorted(pair.timestamps_ns, born_ns[used])
     return Sightings(points[used], born, camera[right], point, residual[right])
+
+
+def _seeing(pair: Pair, seen: Sightings) -> tuple[Pair, Sightings]:
+    """Keep the frames that see something: the others have no bound."""
+    frames = np.unique(np.concatenate([seen.born, seen.camera]))
+    born, camera = (np.searchsorted(frames, x) for x in (seen.born, seen.camera))
+    kept = Pair(*(x[frames] for x in (pair.timestamps_ns, pair.T_world_cam, pair.T_odom_cam)))
+    return kept, replace(seen, born=born, camera=camera)
 
 
 def _least_covariance(

@@ -1,0 +1,137 @@
+"""Attribution on rendered images: injected errors are found, and the command writes its page."""
+
+import csv
+import json
+import sys
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from scenes import build_scene
+from sim.record import record
+from sim.settings import DriveSettings, LabelSettings, RecordSettings, RenderSettings, RigSettings
+from trials import combinations
+from trials.attribution import REST
+from trials.cli import app
+from trials.combinations import Subject
+from trials.estimators import Named
+from trials.explanation import explain
+from trials.validation import LEAST, validate
+
+pytestmark = [pytest.mark.gl, pytest.mark.slow]
+
+SETTINGS = RecordSettings(
+    rig=RigSettings(rate_hz=8),
+    drive=DriveSettings(distance_m=1.6),
+    render=RenderSettings(samples=0, shadow_size_px=512),
+    labels=LabelSettings(disparity=False),
+)
+STAGES = ("matching", "stereo")
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("explain") / "drive"
+    record(build_scene("office", np.random.default_rng(5), {}), SETTINGS, folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory):
+    return tmp_path_factory.mktemp("runs")
+
+
+def ignore(done, total):
+    assert 0 < done <= total
+
+
+def test_injected_errors_are_blamed_on_their_stage(drive, cache):
+    findings = validate([drive], Subject(), STAGES, cache, ignore)
+    assert len(findings) == 3
+    for finding in findings:
+        assert finding.after.drift > 3 * finding.before.drift, finding.name
+        assert LEAST <= finding.blamed < 2, finding.name
+
+
+def test_shares_bound_and_consistency_of_a_drive(drive, cache):
+    (found,) = explain({"office": [drive]}, Subject(), STAGES, cache, ignore)
+    assert found.attribution is not None
+    assert sum(x.share for x in found.attribution.shares) == pytest.approx(1)
+    assert found.attribution.drift == pytest.approx(found.drift[0])
+    assert 0 < found.attribution.shares[-1].share < 0.7
+    (bound,) = found.bounded
+    assert 1 < bound.ratio_over_1m < 50
+    assert (bound.noise.effective_px > 0.005).all()
+    assert (bound.noise.effective_px < 0.5).all()
+    assert np.isfinite(found.pooled("step")).sum() > 20
+
+
+def test_runs_are_kept(drive, cache, monkeypatch):
+    explain({"office": [drive]}, Subject(), STAGES, cache, ignore)
+
+    def never(*_):
+        raise AssertionError("a run that is there was run again")
+
+    monkeypatch.setattr(combinations, "ProcessPoolExecutor", never)
+    explain({"office": [drive]}, Subject(), STAGES, cache, ignore)
+
+
+def test_what_an_estimator_does_not_let_replace_is_said(drive, cache, tmp_path, monkeypatch):
+    module = tmp_path / "steps.py"
+    module.write_text(
+        "from vo.odometry import StereoOdometry\n"
+        "class Closed:\n"
+        "    def __init__(self, rig):\n"
+        "        self._inner = StereoOdometry(rig)\n"
+        "    def track(self, frame):\n"
+        "        return self._inner.track(frame)\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    subject = Subject(Named("steps:Closed"))
+    (found,) = explain({"office": [drive]}, subject, STAGES, cache, ignore)
+    assert found.attribution is None
+    assert found.inseparable == STAGES
+    assert len(found.drift) == 1
+    (bound,) = found.bounded  # by its tracks alone
+    assert 1 < bound.ratio_over_1m < 50
+
+
+def test_the_command_writes_page_figures_and_data(drive, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = ["explain", str(drive), "--stages", "matching,stereo", "--out", "found"]
+    result = CliRunner().invoke(app, words)
+    assert result.exit_code == 0, result.output
+    out = tmp_path / "found"
+    page = (out / "explain.md").read_text()
+    for figure in ("shares.png", "path.png", "calibration.png"):
+        assert (out / figure).stat().st_size > 10_000
+        assert f"({figure})" in page
+    (found,) = json.loads((out / "explain.json").read_text())
+    assert [x["stage"] for x in found["shares"]] == ["matching", "stereo", REST]
+    with (out / "explain.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    total = [float(x["drift_percent"]) for x in rows]
+    assert np.mean(total) == pytest.approx(found["drift_percent"], abs=1e-4)
+    parts = [sum(float(x[k]) for k in ("matching", "stereo", REST)) for x in rows]
+    np.testing.assert_allclose(parts, total, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["--scene", "office", "--stages", "luck"], "unknown luck; valid: prediction, matching"),
+        (["--scene", "office", "--stages", "matching,matches"], "name each stage once"),
+        ([], "name datasets, or else --scene"),
+        (["nowhere"], "nowhere"),
+    ],
+)
+def test_wrong_words_end_in_one_line(words, complaint, monkeypatch, capsys):
+    from trials.cli import main
+
+    monkeypatch.setattr(sys, "argv", ["driftyard", "explain", *words])
+    with pytest.raises(SystemExit) as exit:
+        main()
+    assert exit.value.code == 2
+    assert complaint in capsys.readouterr().err
