@@ -2,7 +2,7 @@
 # `make bench` and `make accuracy` take options: make bench ARGS=--quick
 
 .DEFAULT_GOAL := help
-.PHONY: demo test lint bench accuracy proof response bump replan routing scenes gate gate-power clean help
+.PHONY: demo test lint bench accuracy proof response bump replan routing scenes gate gate-power explain clean help
 
 VENV := .venv
 READY := $(VENV)/.ready
@@ -52,6 +52,10 @@ gate: $(READY)  ## this repository's own gate: has the default estimator regress
 
 gate-power: $(READY)  ## how often the gate errs, by simulation
 	$(BIN)/python -m trials.gate.simulate $(ARGS)
+
+explain: $(READY)  ## where the drift comes from, for six scenes (docs/explain.md; hours)
+	$(BIN)/driftyard explain --scene brick_court,office,asphalt,corridor,meadow,dusk \
+	  --seeds 3 --distance 4 --out docs/images/explain --page docs/explain.md $(ARGS)
 
 clean:  ## remove results and caches; the environment in .venv stays
 	rm -rf build demo dist .pytest_cache .hypothesis .ruff_cache .import_linter_cache

@@ -50,8 +50,7 @@ def draw_paths(explanations: Sequence[Explanation], out: Path) -> None:
         for panel, (name, attribution) in zip(panels, parts, strict=True):
             _path(panel, attribution)
             tidy(panel, "middle of the metre, m along the path", "drift over 1 m, %", name)
-        handles, labels = panels[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper left", ncols=6, fontsize=8, frameon=False)
+        _legend(figure, panels)
 
     save_figure(out, _size(len(parts)), draw)
 
@@ -70,8 +69,7 @@ def draw_calibration(explanations: Sequence[Explanation], out: Path) -> None:
                 panel.plot(100 * levels, 100 * inside, color=colour, linewidth=1.5, label=label)
             panel.set_aspect("equal")
             tidy(panel, "ellipsoid that should hold, %", "errors inside, %", part.name)
-        handles, labels = panels[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper left", ncols=4, fontsize=8, frameon=False)
+        _legend(figure, panels)
 
     save_figure(out, _size(len(parts)), draw)
 
@@ -87,6 +85,13 @@ def _panels(figure: "Figure", count: int) -> "list[Axes]":
     for panel in panels[count:]:
         panel.set_axis_off()
     return panels[:count]
+
+
+def _legend(figure: "Figure", panels: "Sequence[Axes]") -> None:
+    handles, labels = panels[0].get_legend_handles_labels()
+    columns = 3 if len(panels) == 1 else 6
+    place = "outside upper left"
+    figure.legend(handles, labels, loc=place, ncols=columns, fontsize=8, frameon=False)
 
 
 def _waterfall(panel: "Axes", attribution: Attribution) -> None:
