@@ -26,7 +26,7 @@ lint: $(READY)  ## style, types and the layers of the imports
 bench: $(READY)  ## speed of estimator and generator on this machine
 	$(BIN)/python -m trials.bench $(ARGS)
 
-accuracy: $(READY)  ## drift of the default settings on ten drives (into build/accuracy/)
+accuracy: $(READY)  ## drift of the default settings on ten drives
 	$(BIN)/python -m trials.accuracy $(ARGS)
 
 scenes: $(READY)  ## picture of all scenes for the README

@@ -6,10 +6,11 @@ are medians over drives, with the worst drive and a bootstrap interval over driv
 """
 
 import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -17,18 +18,15 @@ from rich.table import Table
 
 from trials.cli import guard
 from trials.commands import console
-from trials.commands.datasets import record_settings
-from trials.drives import NO_LABELS, Drive, fingerprint, score_drives, score_recording
 from trials.estimators import COMPARED
+from trials.lab import NO_LABELS, perform, run_over
+from trials.outcomes import Outcome, Recording, Trial, Variant, crossed
 from vo.contract.arrays import Array
 from vo.contract.readers import open_sequence
 
-if TYPE_CHECKING:
-    from trials.score import Score
-
 SCENES = ("brick_court", "office")
 """What is driven by default; `--scenes all` takes hours."""
-CACHE = Path("build/accuracy")
+VARIANTS = tuple(Variant(name, name) for name in COMPARED)
 RESAMPLES, CONFIDENCE = 10_000, 0.95
 
 
@@ -65,32 +63,24 @@ def accuracy(
     out: Annotated[Path | None, typer.Option("--json", help="File for all scores.")] = None,
 ) -> None:
     """Record or reuse the drives, run every estimator over them and print its errors."""
-    cache = CACHE / fingerprint()
     names = chosen_scenes(scenes)
     if kitti is not None:
         open_sequence(kitti)  # a wrong path ends it now, not after all drives
-    overrides = [f"drive.distance_m={distance}", *NO_LABELS]
-    drives = [
-        Drive(
-            scene,
-            record_settings(scene, seed, overrides, None, disturb),
-            cache / "-".join([scene, *([disturb] if disturb else []), str(seed), f"{distance:g}m"]),
-            COMPARED,
-        )
-        for scene, seed in product(names, range(seeds))
-    ]
-    scores: dict[str, list[Score]] = {scene: [] for scene in names}
+    overrides = (f"drive.distance_m={distance:g}", *NO_LABELS)
+    drives = [Recording(x, seed, overrides, disturb) for x, seed in product(names, range(seeds))]
     with console.counting_bar("drives", len(drives)) as count:
-        for drive, of_drive in score_drives(drives):
-            scores[drive.scene] += of_drive
-            count(drive)
+        outcomes = perform(crossed(drives, VARIANTS), progress=count)
+    runs = {name: [x for v in VARIANTS for x in outcomes.of(v, name)] for name in names}
     if kitti is not None:
-        scores[kitti.resolve().name] = score_recording(kitti, cache, COMPARED)
-    for name, of_scene in scores.items():
+        of_kitti = Recording(kitti.resolve().name, 0)
+        runs[of_kitti.scene] = [
+            Outcome(Trial(of_kitti, v), kitti, run_over(kitti, v)) for v in VARIANTS
+        ]
+    for name, of_scene in runs.items():
         console.out.print(accuracy_table(name, of_scene))
-    console.out.print(summary_table(scores))
+    console.out.print(summary_table(runs))
     if out is not None:
-        _write(out, scores)
+        _write(out, runs)
 
 
 def chosen_scenes(names: str) -> list[str]:
@@ -109,21 +99,15 @@ def chosen_scenes(names: str) -> list[str]:
     return chosen
 
 
-def summary_table(scores: "dict[str, list[Score]]") -> Table:
+def summary_table(runs: Mapping[str, Sequence[Outcome]]) -> Table:
     """Lay out one row a scene: our drift over 1 m and the baseline's, medians over drives."""
     ours, baseline = COMPARED
     table = Table("drift over 1 m, %", ours, "worst", baseline, "ratio", "lost", f"{baseline} lost")
     for column in table.columns[1:]:
         column.justify = "right"
-    for scene, of_scene in scores.items():
-        drift: dict[str, Array] = {}
-        lost: dict[str, int] = {}
-        for name in COMPARED:
-            mine = [x for x in of_scene if x.estimator == name]
-            drift[name] = np.array(
-                [x.drift_1m.mean_percent if x.drift_1m else np.nan for x in mine]
-            )
-            lost[name] = sum(x.statuses.get("lost", 0) for x in mine)
+    for scene, of_scene in runs.items():
+        mine = {name: [x for x in of_scene if x.trial.variant.label == name] for name in COMPARED}
+        drift = {name: np.array([x.drift_percent for x in mine[name]]) for name in COMPARED}
         medians = [float(np.median(drift[name])) for name in COMPARED]
         table.add_row(
             scene,
@@ -131,8 +115,7 @@ def summary_table(scores: "dict[str, list[Score]]") -> Table:
             f"{drift[ours].max():.3f}",
             f"{medians[1]:.3f}",
             f"{medians[0] / medians[1]:.2f}",
-            str(lost[ours]),
-            str(lost[baseline]),
+            *(str(sum(x.lost_frames for x in mine[name])) for name in COMPARED),
         )
     return table
 
@@ -151,22 +134,22 @@ def bootstrap_interval(values: Array) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def accuracy_table(title: str, scores: "list[Score]") -> Table:
+def accuracy_table(title: str, runs: Sequence[Outcome]) -> Table:
     """Lay out every figure of every estimator: median over drives, worst, interval."""
-    names = list(dict.fromkeys(x.estimator for x in scores))
-    drives = len(scores) // len(names)
-    path_m = sum(x.path_m for x in scores) / len(names)
+    names = list(dict.fromkeys(x.trial.variant.label for x in runs))
+    drives = len(runs) // len(names)
+    path_m = sum(x.path_m for x in runs) / len(names)
     title = f"{title}: {drives} {'drive' if drives == 1 else 'drives'}, {path_m:.1f} m in all"
     table = Table("estimator", "figure", "median", "worst", "95 %", title=title)
     for column in table.columns[2:]:
         column.justify = "right"
     for name in names:
-        mine = [x for x in scores if x.estimator == name]
+        mine = [x for x in runs if x.trial.variant.label == name]
         for k, figure in enumerate(FIGURES):
-            values = [_at(x.as_json(), figure.key) for x in mine]
+            values = [_at(x.score.as_json() if x.score else None, figure.key) for x in mine]
             table.add_row(name if k == 0 else "", figure.label, *_spread(values, figure.digits))
-        lost = [x.statuses.get("lost", 0) for x in mine]
-        total = f"{sum(lost)} of {sum(x.frames for x in mine)}"
+        lost = [x.lost_frames for x in mine]
+        total = f"{sum(lost)} of {sum(len(x.frames) for x in mine)}"
         table.add_row("", "frames lost", total, str(max(lost)), "", end_section=True)
     return table
 
@@ -188,10 +171,17 @@ def _at(content: Any, key: tuple[str, ...]) -> float | None:
     return content
 
 
-def _write(out: Path, scores: "dict[str, list[Score]]") -> None:
+def _write(out: Path, runs: Mapping[str, Sequence[Outcome]]) -> None:
     from vo.contract.files import write_text
 
-    content = {name: [x.as_json() for x in of_scene] for name, of_scene in scores.items()}
+    content = {
+        name: [
+            {"seed": x.trial.recording.seed, "estimator": x.trial.variant.label,
+             "score": x.score.as_json() if x.score else None}
+            for x in of_scene
+        ]
+        for name, of_scene in runs.items()
+    }  # fmt: skip
     write_text(out, json.dumps(content, indent=1) + "\n")
 
 

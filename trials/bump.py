@@ -35,7 +35,7 @@ def bump(
     """Drive over loose bricks and draw wheel load, shock, pitch, blur and features in time."""
     from sim.batch import build
     from sim.record import record
-    from trials.drives import score_recording
+    from trials.estimators import Named, estimate
     from trials.runs import read_run
     from vo.contract.files import replacing
 
@@ -50,8 +50,8 @@ def bump(
         folder = Path(name) / scene
         with console.progress_bar(f"recording {scene}") as progress:
             record(build(scene, settings), settings, folder, progress=progress)
-        score_recording(folder, folder.parent, (BASELINE,))
-        run = read_run(folder.parent / f"{scene}.{BASELINE}.txt")
+        estimate(Named(BASELINE), folder, folder.parent / "run.txt")
+        run = read_run(folder.parent / "run.txt")
         assert run.frames is not None
         channels = read_channels(folder, settings.exposure.step_px)
         times_s = np.array(run.frames.timestamps_ns) * 1e-9

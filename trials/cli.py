@@ -8,11 +8,13 @@ import typer
 from trials.commands.datasets import generate, scenes, verify
 from trials.commands.demo import demo
 from trials.commands.doctor import doctor
+from trials.commands.experiment import experiment
 from trials.commands.explain import explain
 from trials.commands.gate import gate
 from trials.commands.preview import preview
 from trials.commands.route import route
 from trials.commands.runs import report, run, score
+from trials.commands.stress import stress
 from vo.contract.errors import DriftyardError
 
 BAD_INPUT, INTERRUPTED = 2, 130
@@ -25,9 +27,11 @@ COMMANDS: dict[Callable[..., None], str] = {
     run: "driftyard run court --out court.txt --estimator corner_flow",
     score: "driftyard score court court.txt --json",
     report: "driftyard report court court.txt --out court.html",
+    gate: "driftyard gate --baseline baseline.json --estimator my_vo:MyOdometry",
     route: "driftyard route --out routing",
     explain: "driftyard explain --scene brick_court --seeds 3",
-    gate: "driftyard gate --baseline baseline.json --estimator my_vo:MyOdometry",
+    experiment: "driftyard experiment E1,E3",
+    stress: "driftyard stress exposure --estimator corner_flow",
     doctor: "driftyard doctor",
     demo: "driftyard demo",
 }

@@ -16,16 +16,13 @@ from rich.table import Table
 
 from trials.cli import guard
 from trials.commands import console
-from trials.commands.datasets import record_settings
-from trials.drives import NO_LABELS, Drive, fingerprint, score_drives
+from trials.lab import NO_LABELS, perform
+from trials.outcomes import Outcome, Recording, Variant, crossed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from trials.score import Score
-
-BASELINE = "corner_flow"
-CACHE = Path("build/response")
+BASELINE = Variant("corner_flow", "corner_flow")
 STRENGTHS = (0.5, 1.0, 2.0)
 PLACES = {"collision": "office", "sill": "office", "slip": "office"}
 """Where a disturbance is tried, if not on PLACE: these want level ground."""
@@ -56,7 +53,7 @@ class Response:
 
 
 @dataclass(frozen=True)
-class Trial:
+class Setting:
     """A setting whose response is wanted.
 
     Attributes:
@@ -78,27 +75,20 @@ def response(
     out: Annotated[Path, typer.Option(help="PNG of the curves.")] = Path("build/response.png"),
 ) -> None:
     """Record or reuse the drives, run the baseline over them, print a table and draw the curves."""
-    trials = _trials([name for name in only.split(",") if name])
-    cache = CACHE / fingerprint()
-    jobs: dict[Path, Trial] = {}
-    drives: list[Drive] = []
-    for trial in trials:
-        for seed in range(first_seed, first_seed + seeds):
-            drive = _drive(trial, seed, distance, cache)
-            jobs[drive.folder] = trial
-            drives.append(drive)
-    found: dict[Trial, list[Response]] = {trial: [] for trial in trials}
+    settings = _settings([name for name in only.split(",") if name])
+    seeded = range(first_seed, first_seed + seeds)
+    drives = {(x, seed): _drive(x, seed, distance) for x in settings for seed in seeded}
     with console.counting_bar("drives", len(drives)) as count:
-        for drive, scores in score_drives(drives):
-            found[jobs[drive.folder]].append(_respond(drive.settings.seed, scores[0]))
-            count(drive)
+        outcomes = perform(crossed(drives.values(), [BASELINE]), progress=count)
+    found = {x: [_respond(outcomes.at(drives[x, seed], BASELINE)) for seed in seeded]
+             for x in settings}  # fmt: skip
     console.out.print(scene_table(found))
     console.out.print(disturbance_table(found))
     draw(found, out)
     console.out.print(f"{out}")
 
 
-def _trials(only: Sequence[str]) -> list[Trial]:
+def _settings(only: Sequence[str]) -> list[Setting]:
     from scenes import SCENES
     from sim.disturbances import DISTURBANCES
     from vo.contract.errors import SettingsError
@@ -110,21 +100,18 @@ def _trials(only: Sequence[str]) -> list[Trial]:
     wanted = [name for name in DISTURBANCES if not only or name in only]
     places = dict.fromkeys(PLACES.get(name, PLACE) for name in wanted)
     scenes = dict.fromkeys([*places, *(name for name in SCENES if not only or name in only)])
-    disturbed = [Trial(PLACES.get(n, PLACE), n, s) for n in wanted for s in STRENGTHS]
-    return [*(Trial(name, "", 0.0) for name in scenes), *disturbed]
+    disturbed = [Setting(PLACES.get(n, PLACE), n, s) for n in wanted for s in STRENGTHS]
+    return [*(Setting(name, "", 0.0) for name in scenes), *disturbed]
 
 
-def _drive(trial: Trial, seed: int, distance_m: float, cache: Path) -> Drive:
-    disturb = f"{trial.disturbance}={trial.strength}" if trial.disturbance else ""
-    overrides = [f"drive.distance_m={distance_m}", *NO_LABELS, *QUICKER]
-    settings = record_settings(trial.scene, seed, overrides, None, disturb)
-    name = f"{trial.scene}-{disturb or 'undisturbed'}-{seed}-{distance_m:g}m"
-    return Drive(trial.scene, settings, cache / name, (BASELINE,))
+def _drive(setting: Setting, seed: int, distance_m: float) -> Recording:
+    disturb = f"{setting.disturbance}={setting.strength}" if setting.disturbance else ""
+    overrides = (f"drive.distance_m={distance_m:g}", *NO_LABELS, *QUICKER)
+    return Recording(setting.scene, seed, overrides, disturb)
 
 
-def _respond(seed: int, score: "Score") -> Response:
-    drift = score.drift_1m.mean_percent if score.drift_1m else np.nan
-    return Response(seed, drift, score.statuses.get("lost", 0) / score.frames)
+def _respond(outcome: Outcome) -> Response:
+    return Response(outcome.trial.recording.seed, outcome.drift_percent, outcome.lost_share)
 
 
 def level(responses: Sequence[Response]) -> float:
@@ -132,7 +119,7 @@ def level(responses: Sequence[Response]) -> float:
     return float(np.median([np.inf if r.is_lost else r.drift_percent for r in responses]))
 
 
-def scene_table(found: Mapping[Trial, Sequence[Response]]) -> Table:
+def scene_table(found: Mapping[Setting, Sequence[Response]]) -> Table:
     """Lay out the undisturbed drift on every scene, and its spread."""
     rows = {t.scene: level(r) for t, r in found.items() if not t.disturbance}
     finite = [x for x in rows.values() if np.isfinite(x)]
@@ -143,13 +130,13 @@ def scene_table(found: Mapping[Trial, Sequence[Response]]) -> Table:
     return table
 
 
-def disturbance_table(found: Mapping[Trial, Sequence[Response]]) -> Table:
+def disturbance_table(found: Mapping[Setting, Sequence[Response]]) -> Table:
     """Lay out the drift at every strength, and how many times the undisturbed it is at 1."""
     table = Table("disturbance", "on", "0", *(f"{s:g}" for s in STRENGTHS), "1 over 0", "bites")
     for name in dict.fromkeys(t.disturbance for t in found if t.disturbance):
         scene = PLACES.get(name, PLACE)
-        calm = level(found[Trial(scene, "", 0.0)])
-        levels = [level(found[Trial(scene, name, s)]) for s in STRENGTHS]
+        calm = level(found[Setting(scene, "", 0.0)])
+        levels = [level(found[Setting(scene, name, s)]) for s in STRENGTHS]
         ratio = levels[STRENGTHS.index(1.0)] / calm
         bites = "yes" if ratio >= 2 else "no"
         grows = "" if levels == sorted(levels) else ", not monotone"
@@ -162,7 +149,7 @@ def _percent(drift: float) -> str:
     return f"{drift:.3f}" if np.isfinite(drift) else "lost"
 
 
-def draw(found: Mapping[Trial, Sequence[Response]], out: Path) -> None:
+def draw(found: Mapping[Setting, Sequence[Response]], out: Path) -> None:
     """Draw one panel for each disturbance: drift over strength, drives as dots, losses on top."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -182,8 +169,8 @@ def draw(found: Mapping[Trial, Sequence[Response]], out: Path) -> None:
     top, bottom = 2.0 * max(drifts, default=1.0), 0.7 * min(drifts, default=0.1)
     for panel, name in zip(panels, names, strict=False):
         scene = PLACES.get(name, PLACE)
-        curve = {0.0: found[Trial(scene, "", 0.0)]}
-        curve |= {s: found[Trial(scene, name, s)] for s in STRENGTHS}
+        curve = {0.0: found[Setting(scene, "", 0.0)]}
+        curve |= {s: found[Setting(scene, name, s)] for s in STRENGTHS}
         _draw_curve(panel, curve, (bottom, top))
         panel.set_title(f"{name}, {scene}", fontsize=9, weight="bold", loc="left")
         panel.text(

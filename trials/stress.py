@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sim.disturbances import DISTURBANCES
-from trials.experiments.trial import Outcome, Outcomes, Recording, Trial, Variant
+from trials.outcomes import Outcome, Outcomes, Recording, Trial, Variant
 from trials.report.figure import INK, RED, tidy
 
 if TYPE_CHECKING:

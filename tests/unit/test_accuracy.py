@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from scenes import SCENES
-from trials.accuracy import bootstrap_interval, chosen_scenes, summary_table
-from trials.drives import fingerprint
-from trials.runs import SavedRun
-from trials.score import score_run
+from trials.accuracy import accuracy_table, bootstrap_interval, chosen_scenes, summary_table
+from trials.lab import fingerprint
+from trials.outcomes import Outcome, Recording, Trial, Variant
 from vo.contract.errors import SettingsError
+from vo.contract.estimator import Estimate, Status
 from vo.contract.trajectory import Trajectory
+from vo.runner import Run, write_run
 
 
 def test_interval_of_equal_drives_is_a_point():
@@ -39,29 +40,41 @@ def test_fingerprint_is_of_the_sources_alone():
     assert len(fingerprint()) == 12
 
 
-def drive(scale):
-    """The score of a straight drive of three metres whose estimate is so much too long."""
-    times = 10**8 * np.arange(61)
-    T = np.tile(np.eye(4), (61, 1, 1))
-    T[:, 2, 3] = np.linspace(0, 3, 61)
-    truth = Trajectory(times, T)
+def outcome(folder: Path, name: str, seed: int, scale: float | None) -> Outcome:
+    """A straight drive of three metres, its estimate so much too long or all lost; 4 frames are."""
+    times = 10**8 * np.arange(65)
+    T = np.tile(np.eye(4), (65, 1, 1))
+    T[:, 2, 3] = np.minimum(np.arange(65) / 20, 3)
     estimated = T.copy()
-    estimated[:, 2, 3] *= scale
-    return truth, Trajectory(times, estimated)
+    estimated[:, 2, 3] *= scale or 1
+    lost = [scale is None or i > 60 for i in range(65)]
+    estimates = tuple(
+        Estimate(t, Status.LOST, None) if gone else Estimate(t, Status.TRACKED, pose)
+        for t, pose, gone in zip(times.tolist(), estimated, lost, strict=True)
+    )
+    file = folder / f"{name}-{seed}.txt"
+    write_run(file, Run("made", estimates, (1.0,) * 65), name, {}, folder)
+    made = Outcome(Trial(Recording("office", seed), Variant(name, name)), folder, file)
+    vars(made)["truth"] = Trajectory(times, T)
+    return made
 
 
-def scored(name, scale):
-    truth, estimated = drive(scale)
-    return score_run(truth, SavedRun(Path("x.txt"), name, estimated), 65)
-
-
-def test_summary_sets_medians_beside_each_other():
+def test_summary_sets_medians_beside_each_other(tmp_path):
     """Three drives: scales wrong by 1, 2 and 6 per mille, the baseline's by 4 each time."""
-    scores = [scored("driftyard", 1 + x) for x in (0.001, 0.006, 0.002)]
-    scores += [scored("corner_flow", 1.004)] * 3
-    table = summary_table({"office": scores})
+    runs = [outcome(tmp_path, "driftyard", k, 1 + x) for k, x in enumerate((0.001, 0.006, 0.002))]
+    runs += [outcome(tmp_path, "corner_flow", k, 1.004) for k in range(3)]
+    table = summary_table({"office": runs})
     (row,) = zip(*(column.cells for column in table.columns), strict=True)
     assert row == ("office", "0.200", "0.600", "0.400", "0.50", "12", "12")
+
+
+def test_a_drive_without_any_pose_is_no_figure_but_is_counted(tmp_path):
+    runs = [outcome(tmp_path, "driftyard", 0, 1.001), outcome(tmp_path, "corner_flow", 0, None)]
+    (row,) = zip(*(c.cells for c in summary_table({"office": runs}).columns), strict=True)
+    assert row == ("office", "0.100", "0.100", "nan", "nan", "4", "65")
+    cells = list(accuracy_table("office", runs).columns[2].cells)
+    assert cells[0] == "0.100"
+    assert cells[6:] == ["–"] * 5 + ["65 of 65"]
 
 
 def test_scenes_are_named_or_all():

@@ -23,7 +23,7 @@ from trials.experiments.measures import breaks_at, step_errors_m, survived
 from trials.experiments.page import page_text, write_html
 from trials.experiments.record import read_record, write_record
 from trials.experiments.registry import EXPERIMENTS
-from trials.experiments.trial import Outcome, Recording, Trial, Variant
+from trials.outcomes import Outcome, Recording, Trial, Variant
 from trials.runs import read_map
 from vo.contract import se3
 from vo.contract.errors import DatasetError, TrajectoryError

@@ -7,7 +7,7 @@ import typer
 
 from trials.commands.datasets import record_scene, record_settings
 from trials.commands.runs import run_estimator, score_files
-from trials.drives import is_recorded
+from trials.lab import is_recorded
 
 SCENE = "brick_court"
 DISTANCE_M = 21

@@ -32,8 +32,8 @@ def experiment(
 
     from trials.commands import console
     from trials.experiments.experiment import FULL, SMALL
-    from trials.experiments.lab import perform
     from trials.experiments.record import write_record
+    from trials.lab import perform
 
     chosen = _chosen(which)
     scale = SMALL if small else FULL
@@ -42,7 +42,7 @@ def experiment(
     for one in chosen:
         trials = one.trials(scale)
         with console.counting_bar(one.id, len({x.recording for x in trials})) as count:
-            outcomes = perform(trials, out / "cache", count)
+            outcomes = perform(trials, progress=count)
         record = write_record(one, one.analyse(outcomes), scale, results)
         _print(record, results)
     _write_pages(results, page)

@@ -89,28 +89,17 @@ def _driven(scenes: str, seeds: int, distance_m: float) -> dict[str, list[Path]]
     """Record or reuse drives with depth labels."""
     from trials.accuracy import chosen_scenes
     from trials.commands import console
-    from trials.commands.datasets import record_settings
-    from trials.drives import Drive, fingerprint, score_drives
+    from trials.lab import record_all
+    from trials.outcomes import Recording
 
-    overrides = [f"drive.distance_m={distance_m}", "labels.depth=true", "labels.disparity=false"]
-    overrides += ["exposure.subframes_max=12"]
-    cache = CACHE / fingerprint()
-    drives = [
-        Drive(
-            name,
-            record_settings(name, seed, overrides, None, ""),
-            cache / f"{name}-{seed}-{distance_m:g}m",
-            (),
-        )
-        for name in chosen_scenes(scenes)
-        for seed in range(seeds)
-    ]
+    overrides = (f"drive.distance_m={distance_m:g}", "labels.depth=true", "labels.disparity=false",
+                 "exposure.subframes_max=12")  # fmt: skip
+    drives = [Recording(x, seed, overrides) for x in chosen_scenes(scenes) for seed in range(seeds)]
+    groups: dict[str, list[Path]] = {drive.scene: [] for drive in drives}
     with console.counting_bar("drives", len(drives)) as count:
-        for drive, _ in score_drives(drives):
-            count(drive)
-    groups: dict[str, list[Path]] = {}
-    for drive in drives:
-        groups.setdefault(drive.scene, []).append(drive.folder)
+        for row, folder in sorted(record_all(drives), key=lambda found: found[0]):
+            groups[drives[row].scene].append(folder)
+            count(folder)
     return groups
 
 

@@ -45,7 +45,7 @@ def gate(
     ] = "",
     overrides: Overrides = None,
     config: Config = None,
-    cache: Annotated[Path, typer.Option(help="Folder of recordings.")] = Path("build/gate"),
+    cache: Annotated[Path, typer.Option(help="Folder of recordings.")] = Path("build/lab"),
     accept: Annotated[
         str, typer.Option(help="What may differ from the baseline: datasets, platform, or both.")
     ] = "",

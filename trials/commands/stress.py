@@ -42,17 +42,14 @@ def stress(
     distance: Annotated[float, typer.Option(min=1.2, help="Of each drive, metres.")] = 4.0,
     drift: Annotated[float, typer.Option(min=0, help="Drift that counts as broken, %.")] = 2.0,
     lost: Annotated[float, typer.Option(min=0, help="Lost frames that do, %.")] = 5.0,
-    out: Annotated[Path, typer.Option(help="Folder of figure, data and cache.")] = Path(
-        "build/stress"
-    ),
+    out: Annotated[Path, typer.Option(help="Folder of figure and data.")] = Path("build/stress"),
 ) -> None:
     """Drive with more and more of one thing, and find where the estimator breaks."""
     from dataclasses import replace
 
     from trials.commands import console
-    from trials.drives import NO_LABELS
-    from trials.experiments.lab import perform
-    from trials.experiments.trial import Variant
+    from trials.lab import NO_LABELS, perform
+    from trials.outcomes import Variant
     from trials.report.figure import save_figure
     from trials.stress import AXES, Limits, draw, responder, verdict
     from trials.stress import stress as turn_up
@@ -71,7 +68,7 @@ def stress(
             variant,
             tuple(range(seeds)),
             (f"drive.distance_m={distance:g}", *NO_LABELS),
-            lambda trials: perform(trials, out / "cache", count),
+            lambda trials: perform(trials, progress=count),
         )
         curve = turn_up(chosen, place, respond, points, rounds, Limits(drift, lost / 100))
     name = f"{axis}-{place}-{label.replace(':', '_')}"

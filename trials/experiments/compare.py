@@ -7,8 +7,8 @@ import numpy as np
 
 from trials.experiments.experiment import TableOf
 from trials.experiments.sweep import lost_percent
-from trials.experiments.trial import Outcomes, Variant
 from trials.intervals import Interval, mean_interval, ratio_interval
+from trials.outcomes import Outcomes, Variant
 from trials.report.figure import GREY, INK, RED, tidy
 
 if TYPE_CHECKING:

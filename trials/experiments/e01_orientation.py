@@ -14,8 +14,8 @@ from trials.experiments.experiment import (
     ragged,
 )
 from trials.experiments.measures import breaks_at, paths_m, survived
-from trials.experiments.trial import Outcome, Outcomes, Recording, Trial, Variant, crossed
 from trials.intervals import mean_interval
+from trials.outcomes import Outcome, Outcomes, Recording, Trial, Variant, crossed
 from trials.report.figure import BLUE, INK, RED, tidy
 
 if TYPE_CHECKING:

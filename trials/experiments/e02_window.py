@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from trials.experiments.experiment import Experiment, Findings, Scale, TableOf, Verdict
-from trials.experiments.trial import Outcomes, Trial, Variant, crossed
 from trials.intervals import Interval, mean_interval, ratio_interval
+from trials.outcomes import Outcomes, Trial, Variant, crossed
 from trials.report.figure import BLUE, RED, tidy
 
 if TYPE_CHECKING:

@@ -16,9 +16,9 @@ from trials.experiments.experiment import (
     ragged,
 )
 from trials.experiments.measures import aligned_poses, pitch_deg
-from trials.experiments.trial import Outcome, Outcomes, Trial, crossed
 from trials.experiments.variants import DEFAULT, THESIS, UNREFINED
 from trials.intervals import mean_interval
+from trials.outcomes import Outcome, Outcomes, Trial, crossed
 from trials.report.figure import BLUE, INK, OCHRE, RED, tidy
 
 if TYPE_CHECKING:

@@ -16,9 +16,9 @@ from trials.experiments.experiment import (
     ragged,
 )
 from trials.experiments.measures import paths_m
-from trials.experiments.trial import Outcomes, Trial, crossed
 from trials.experiments.variants import DEFAULT, THESIS, UNREFINED
 from trials.intervals import mean_interval, ratio_interval
+from trials.outcomes import Outcomes, Trial, crossed
 from trials.report.figure import BLUE, INK, OCHRE, RED, tidy
 
 if TYPE_CHECKING:

@@ -15,9 +15,9 @@ from trials.experiments.experiment import (
     ragged,
 )
 from trials.experiments.measures import turn_rate_deg_s
-from trials.experiments.trial import Outcome, Outcomes, Trial, crossed
 from trials.experiments.variants import UNREFINED
 from trials.intervals import mean_interval
+from trials.outcomes import Outcome, Outcomes, Trial, crossed
 from trials.report.figure import BLUE, GREY, RED, tidy
 from trials.runs import read_map
 from vo.config import THESIS

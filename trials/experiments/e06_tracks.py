@@ -7,8 +7,8 @@ import numpy as np
 
 from trials.experiments.experiment import Experiment, Findings, Scale, TableOf, Verdict
 from trials.experiments.measures import track_lengths
-from trials.experiments.trial import Outcome, Outcomes, Trial, Variant, crossed
 from trials.intervals import mean_interval
+from trials.outcomes import Outcome, Outcomes, Trial, Variant, crossed
 from trials.report.figure import BLUE, INK, RED, tidy
 from trials.runs import read_map
 from vo.contract import se3

@@ -14,9 +14,9 @@ from trials.experiments.experiment import (
     ragged,
 )
 from trials.experiments.measures import paths_m
-from trials.experiments.trial import Outcomes, Recording, Trial, crossed
 from trials.experiments.variants import DEFAULT, THESIS
 from trials.intervals import mean_interval
+from trials.outcomes import Outcomes, Recording, Trial, crossed
 from trials.report.figure import INK, OCHRE, RED, tidy
 
 if TYPE_CHECKING:

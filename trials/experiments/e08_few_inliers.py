@@ -14,8 +14,8 @@ from trials.experiments.experiment import (
     ragged,
 )
 from trials.experiments.measures import BROKEN_M, step_errors_m, turn_rate_deg_s
-from trials.experiments.trial import Outcome, Outcomes, Recording, Trial, Variant, crossed
 from trials.experiments.variants import DEFAULT, THESIS
+from trials.outcomes import Outcome, Outcomes, Recording, Trial, Variant, crossed
 from trials.report.figure import BLUE, GREY, OCHRE, RED, tidy
 from vo.contract.estimator import Status
 

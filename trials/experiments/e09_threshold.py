@@ -5,7 +5,7 @@ from itertools import pairwise
 
 from trials.experiments.experiment import Experiment, Findings, Scale, Verdict
 from trials.experiments.sweep import draw_sweep, levels, sweep_data, sweep_table
-from trials.experiments.trial import Outcomes, Trial, Variant, crossed
+from trials.outcomes import Outcomes, Trial, Variant, crossed
 
 SCENES = ("office", "brick_court", "crowded")
 THRESHOLDS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05)

@@ -11,8 +11,8 @@ from trials.experiments.sweep import (
     sweep_data,
     sweep_table,
 )
-from trials.experiments.trial import Outcomes, Trial, Variant, crossed
 from trials.intervals import ratio_interval
+from trials.outcomes import Outcomes, Trial, Variant, crossed
 
 SCENES = ("office", "brick_court", "corridor")
 COUNTS = (50, 100, 200, 500, 1000)

@@ -14,8 +14,8 @@ from trials.experiments.experiment import (
     Verdict,
     ragged,
 )
-from trials.experiments.trial import Outcome, Outcomes, Recording, Trial, Variant, crossed
 from trials.intervals import mean_interval
+from trials.outcomes import Outcome, Outcomes, Recording, Trial, Variant, crossed
 from trials.report.figure import BLUE, GREEN, GREY, OCHRE, RED, tidy
 from vo.contract import se3
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from trials.experiments.trial import Outcomes, Recording, Trial
+from trials.outcomes import Outcomes, Recording, Trial
 from vo.contract.arrays import Array
 
 if TYPE_CHECKING:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from trials.experiments.compare import comparison_data, comparison_table, draw_ratios, ratios
 from trials.experiments.experiment import Experiment, Findings, Scale, Verdict
-from trials.experiments.trial import Outcomes, Trial, Variant, crossed
+from trials.outcomes import Outcomes, Trial, Variant, crossed
 
 SCENES = ("office", "brick_court", "meadow", "corridor", "turntable")
 REFERENCE = Variant("CenSurE, octagon")

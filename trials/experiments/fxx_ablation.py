@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 from trials.experiments.compare import comparison_data, comparison_table, draw_ratios, ratios
 from trials.experiments.experiment import Experiment, Findings, Scale, Verdict
-from trials.experiments.trial import Outcomes, Trial, Variant, crossed
 from trials.experiments.variants import DEFAULT, THESIS
+from trials.outcomes import Outcomes, Trial, Variant, crossed
 
 SCENES = ("office", "brick_court", "corridor", "crowded", "turntable")
 

@@ -3,8 +3,8 @@
 import numpy as np
 
 from trials.alignment import Alignment, fit
-from trials.experiments.trial import Outcome
 from trials.metrics import errors_over_time
+from trials.outcomes import Outcome
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices
 from vo.contract.errors import TrajectoryError

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from trials.experiments.experiment import TableOf
-from trials.experiments.trial import Outcomes, Variant
 from trials.intervals import Interval, mean_interval
+from trials.outcomes import Outcomes, Variant
 from trials.report.figure import BLUE, RED, tidy
 
 if TYPE_CHECKING:

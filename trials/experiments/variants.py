@@ -1,6 +1,6 @@
 """Variants that several experiments compare."""
 
-from trials.experiments.trial import Variant
+from trials.outcomes import Variant
 
 THESIS = Variant("thesis", "thesis")
 UNREFINED = Variant("thesis without refinement", "thesis", ("refinement.mode=none",))

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from trials.drives import fingerprint
 from trials.estimators import Named
 from trials.gate.baseline import (
     Baseline,
@@ -22,6 +21,7 @@ from trials.gate.design import Design, fingerprints, record
 from trials.gate.measure import measure, run_file
 from trials.gate.measurement import Measurement
 from trials.gate.rules import Rules
+from trials.lab import fingerprint
 from vo.contract.dataset import read_manifest
 from vo.runner import companion
 

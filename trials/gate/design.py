@@ -45,20 +45,16 @@ def record(design: Design, cache: Path, progress: Callable[[object], None]) -> l
         SettingsError: If a scene, disturbance or setting is not accepted.
         DatasetError: If a recording cannot be made.
     """
-    from trials.commands.datasets import record_settings
-    from trials.drives import NO_LABELS, Drive, fingerprint, score_drives
+    from trials.lab import NO_LABELS, record_all
+    from trials.outcomes import Recording
 
-    place = cache / fingerprint()
-    drives: list[Drive] = []
-    for scene, seed in design.sequences:
-        overrides = [*NO_LABELS, *design.overrides]
-        settings = record_settings(scene, seed, overrides, None, design.disturb)
-        label = Path(scene).stem.replace(":", ".")
-        key = hashlib.sha256(settings.model_dump_json().encode()).hexdigest()[:8]
-        drives.append(Drive(scene, settings, place / f"{label}-{seed}-{key}", ()))
-    for drive, _ in score_drives(drives):
-        progress(drive)
-    return [drive.folder for drive in drives]
+    overrides = (*NO_LABELS, *design.overrides)
+    drives = [Recording(x, seed, overrides, design.disturb) for x, seed in design.sequences]
+    folders: dict[int, Path] = {}
+    for row, folder in record_all(drives, cache):
+        folders[row] = folder
+        progress(folder)
+    return [folders[row] for row in range(len(drives))]
 
 
 def fingerprints(datasets: Sequence[Path]) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from trials.score import Score, score_run
 from vo.contract.arrays import Array
 from vo.contract.errors import TrajectoryError
 from vo.contract.estimator import Status
-from vo.contract.readers import open_sequence, read_truth
+from vo.contract.readers import read_truth
 from vo.contract.trajectory import Trajectory
 
 
@@ -98,6 +98,12 @@ class Outcome:
         assert truth is not None  # our own recordings always hold it
         return truth
 
+    @property
+    def path_m(self) -> float:
+        """Length of the true path, which may have more samples than the recording has frames."""
+        steps = np.diff(self.truth.T_ref_frame[:, :3, 3], axis=0)
+        return float(np.linalg.norm(steps, axis=1).sum())
+
     @cached_property
     def pair(self) -> Pair:
         """Truth and estimate at the frames that have a pose.
@@ -111,7 +117,7 @@ class Outcome:
     def score(self) -> Score | None:
         """None for a run with fewer than two poses."""
         try:
-            return score_run(self.truth, self.run, len(open_sequence(self.dataset)))
+            return score_run(self.truth, self.run, len(self.frames))
         except TrajectoryError:
             return None
 
@@ -122,10 +128,14 @@ class Outcome:
         return drift.mean_percent if drift else np.nan
 
     @property
+    def lost_frames(self) -> int:
+        """Number of frames without a pose."""
+        return sum(status is Status.LOST for status in self.frames.status)
+
+    @property
     def lost_share(self) -> float:
         """Share of the frames without a pose."""
-        lost = sum(status is Status.LOST for status in self.frames.status)
-        return lost / len(self.frames)
+        return self.lost_frames / len(self.frames)
 
     @property
     def time_s(self) -> Array:
