@@ -101,7 +101,7 @@ def scaling(case: Case, scene: str, cores: list[int]) -> float:
 def _workers(case: Case, scene: str, cores: list[int]) -> AsyncVectorEnv:
     options = {**case.options, "scene": scene, "time_limit_s": 3600.0}
     envs = AsyncVectorEnv([partial(_held_to, core, options) for core in cores], context="spawn")
-    envs.reset(seed=[0] * len(cores))
+    envs.reset(seed=[0 for _ in cores])
     envs.step(np.tile(COMMAND, (len(cores), 1)))
     return envs
 

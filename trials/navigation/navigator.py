@@ -1,0 +1,250 @@
+"""A navigator that needs no learning: what it sees, where to go through it, and how to get out.
+
+Disparity becomes an occupancy grid in the frame in which the rover believes to be; D* Lite keeps
+the way to the goal; the dynamic window follows it. Where nothing goes on, the rover backs off,
+forgets what it thought to have seen about itself and looks again.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from math import inf
+
+import cv2
+import numpy as np
+from pydantic import Field
+
+from sim.rover import WHEEL_RADIUS_M
+from trials.navigation.grid import Cell
+from trials.navigation.grid_dstar_lite import GridDStarLite
+from trials.navigation.occupancy import (
+    OccupancyGrid,
+    OccupancySettings,
+    clearance_m,
+    depth_of,
+    driving_costs,
+    empty_grid,
+    observe,
+)
+from trials.navigation.steering import (
+    PIVOT_RAD,
+    Pose2,
+    SteeringSettings,
+    Twist,
+    aim,
+    dynamic_window,
+)
+from vo.contract import se3
+from vo.contract.arrays import Array
+from vo.contract.rig import StereoRig
+from vo.contract.settings import Settings
+
+LIKE_PX = 2
+"""Neighbouring disparities of one surface differ by less."""
+CLOSED_BUT_HERE = 30.0
+"""Cost of cells about the rover that seem to be closed: it stands there, so it can leave."""
+
+
+class NavigatorSettings(Settings):
+    """How careful the navigator is."""
+
+    occupancy: OccupancySettings = OccupancySettings(hit=0.5, occupied=1.2, half_life_s=30.0)
+    """An obstacle must be seen three times: block matching sees many that are not there."""
+    speckle_px: int = Field(default=60, ge=0, description="of alike disparities, fewer are wrong")
+    radius_m: float = Field(default=0.32, gt=0, description="of the rover, about its axle")
+    cell_m: float = Field(default=0.1, gt=0, description="of the grid")
+    around_m: float = Field(default=8.0, gt=0, description="of the grid, beyond start and goal")
+    look_around_deg: float = Field(
+        default=360.0, ge=0, le=720, description="turn before leaving: cameras see ahead alone"
+    )
+    replan_s: float = Field(default=0.2, gt=0, description="between two looks at the way")
+    ahead_m: float = Field(default=0.7, gt=0, description="along the way to what is headed for")
+    arrived_m: float = Field(default=0.08, gt=0, description="from the goal, to stop")
+    progress_m: float = Field(default=0.1, gt=0, description="that counts as such")
+    patience_s: float = Field(default=7.0, gt=0, description="without progress, to back off")
+    back_off_s: float = Field(default=1.5, gt=0)
+    back_off_mps: float = Field(default=0.15, gt=0)
+    forget_m: float = Field(default=1.0, gt=0, description="about the rover, on backing off")
+    pivot_gain: float = Field(default=1.5, gt=0, description="turning speed by angle")
+
+
+@dataclass
+class _Progress:
+    """When the rover last came somewhere."""
+
+    place: Pose2
+    since_s: float
+    backing_until_s: float = -inf
+
+
+class Navigator:
+    """Drives to a goal; `act` at every step.
+
+    Attributes:
+        grid: What is known.
+        way_m: (N, 2) the way that is followed; N may be 0.
+        retreats: How often the rover had to back off.
+    """
+
+    def __init__(
+        self, rig: StereoRig, steering: SteeringSettings, settings: NavigatorSettings | None = None
+    ) -> None:
+        """Know the cameras and the rover's limits.
+
+        Args:
+            rig: As delivered.
+            steering: Limits; `period_s` is the time between two steps.
+            settings: How careful to be.
+        """
+        self.settings = settings or NavigatorSettings()
+        self._rig, self._steering = rig, steering
+        self.retreats = 0
+        self.grid: OccupancyGrid | None = None
+        self.way_m: Array = np.zeros((0, 2))
+        self._planner: GridDStarLite | None = None
+        self._progress: _Progress | None = None
+        self._time_s, self._plan_at_s = 0.0, 0.0
+        self._twist = Twist(0.0, 0.0)
+        self._goal_m = np.zeros(2)
+        self._yaw_rad: float | None = None
+        self._turned_rad = 0.0
+
+    def act(self, disparity_px: Array, pose: Pose2, goal_m: Array) -> Twist:
+        """Choose the next speeds.
+
+        Args:
+            disparity_px: (h, w) of the left image, possibly smaller, in pixels of the full one; 0
+                or NaN where unknown.
+            pose: Where the rover believes to be.
+            goal_m: (2,) in the same frame.
+        """
+        s = self.settings
+        self._time_s += self._steering.period_s
+        grid = self.grid = self._look(disparity_px, pose, goal_m)
+        if math.hypot(goal_m[0] - pose.x_m, goal_m[1] - pose.y_m) < s.arrived_m:
+            self._twist = Twist(0.0, 0.0)
+            return self._twist
+        if self._looks_around(pose):
+            self._twist = Twist(0.0, self._steering.turn_max_radps)
+            return self._twist
+        if self._time_s >= self._plan_at_s:
+            self._plan(grid, pose, goal_m)
+            self._plan_at_s = self._time_s + s.replan_s
+        self._twist = self._retreat(pose) or self._follow(grid, pose)
+        return self._twist
+
+    def _look(self, disparity_px: Array, pose: Pose2, goal_m: Array) -> OccupancyGrid:
+        """Enter what is seen into the grid; the first look lays it out."""
+        s = self.settings
+        if self.grid is None:
+            x_m, y_m = (
+                (min(a, b) - s.around_m, max(a, b) + s.around_m)
+                for a, b in zip(pose[:2], goal_m.tolist(), strict=True)
+            )
+            self.grid = empty_grid(x_m, y_m, s.cell_m)
+        depth_m = depth_of(_cleaned(disparity_px, s.speckle_px), self._rig)
+        small = _shrunk(self._rig, depth_m.shape[1])
+        stride = max(1, round(s.occupancy.stride_px * small.width_px / self._rig.width_px))
+        T_body_cam = self._rig.T_body_cam
+        turn = se3.exp(np.array([0, 0, 0, 0, 0, pose.yaw_rad]))
+        T_world_body = se3.pose(turn[:3, :3], np.array([pose.x_m, pose.y_m, WHEEL_RADIUS_M]))
+        return observe(
+            self.grid,
+            depth_m,
+            small,
+            T_world_body @ T_body_cam,
+            float(T_body_cam[2, 3]) + WHEEL_RADIUS_M,
+            self._steering.period_s,
+            s.occupancy.model_copy(update={"stride_px": stride}),
+        )
+
+    def _looks_around(self, pose: Pose2) -> bool:
+        """Whether the rover still turns on the spot, to begin with."""
+        if self._yaw_rad is not None:
+            self._turned_rad += math.remainder(pose.yaw_rad - self._yaw_rad, 2 * math.pi)
+        self._yaw_rad = pose.yaw_rad
+        limit_s = 2 * math.radians(self.settings.look_around_deg) / self._steering.turn_max_radps
+        return (
+            self._turned_rad < math.radians(self.settings.look_around_deg)
+            and self._time_s < limit_s
+        )
+
+    def _plan(self, grid: OccupancyGrid, pose: Pose2, goal_m: Array) -> None:
+        """Repair the way to the goal."""
+        s = self.settings
+        costs = driving_costs(grid, s.radius_m, s.occupancy)
+        here, goal = grid.cell(pose.x_m, pose.y_m), grid.cell(float(goal_m[0]), float(goal_m[1]))
+        for cell in (here, goal):
+            disc = _disc(costs.shape, cell, s.radius_m / s.cell_m)
+            costs[disc] = np.minimum(costs[disc], CLOSED_BUT_HERE)
+        if self._planner is None or not np.array_equal(goal_m, self._goal_m):
+            self._planner, self._goal_m = GridDStarLite(costs, here, goal), goal_m.copy()
+        else:
+            self._planner.move(here)
+            self._planner.update(costs)
+        known = math.isfinite(self._planner.cost)
+        cells: list[Cell] = self._planner.path() if known else []
+        self.way_m = grid.centres_m(cells)
+        if len(self.way_m):
+            self.way_m[-1] = goal_m
+
+    def _follow(self, grid: OccupancyGrid, pose: Pose2) -> Twist:
+        """Head for a point on the way, on the spot where it is to the side."""
+        s = self.settings
+        if len(self.way_m) == 0:
+            return Twist(0.0, 0.5 * self._steering.turn_max_radps)  # look around
+        target = aim(pose, self.way_m, s.ahead_m)
+        bearing = math.atan2(target[1] - pose.y_m, target[0] - pose.x_m) - pose.yaw_rad
+        bearing = math.remainder(bearing, 2 * math.pi)
+        most = self._steering.turn_max_radps
+        pivot = Twist(0.0, float(np.clip(s.pivot_gain * bearing, -most, most)))
+        if abs(bearing) > PIVOT_RAD:
+            return pivot
+        free_m = clearance_m(grid, s.occupancy) - s.radius_m
+        free_m[_disc(free_m.shape, grid.cell(pose.x_m, pose.y_m), 1.5)] = s.cell_m
+        return dynamic_window(pose, self._twist, target, grid, free_m, self._steering) or pivot
+
+    def _retreat(self, pose: Pose2) -> Twist | None:
+        """Back off where nothing has gone on for a while, and doubt what was seen there."""
+        s = self.settings
+        self._progress = progress = self._progress or _Progress(pose, self._time_s)
+        if self._time_s < progress.backing_until_s:
+            return Twist(-s.back_off_mps, 0.0)
+        moved = math.hypot(pose.x_m - progress.place.x_m, pose.y_m - progress.place.y_m)
+        if moved > s.progress_m:
+            progress.place, progress.since_s = pose, self._time_s
+        if self._time_s - progress.since_s < s.patience_s:
+            return None
+        assert self.grid is not None
+        disc = _disc(
+            self.grid.log_odds.shape, self.grid.cell(pose.x_m, pose.y_m), s.forget_m / s.cell_m
+        )
+        self.grid = replace(self.grid, log_odds=np.where(disc, 0.0, self.grid.log_odds))
+        self.retreats += 1
+        progress.since_s = progress.backing_until_s = self._time_s + s.back_off_s
+        return Twist(-s.back_off_mps, 0.0)
+
+
+def _cleaned(disparity_px: Array, speckle_px: int) -> Array:
+    """Disparity (h, w) without islands; 0 where it is unknown."""
+    fixed = (16 * np.nan_to_num(disparity_px)).astype(np.int16)
+    cv2.filterSpeckles(fixed, 0, speckle_px, 16 * LIKE_PX)
+    return fixed / 16.0
+
+
+def _shrunk(rig: StereoRig, width_px: int) -> StereoRig:
+    """The rig of images that are so wide."""
+    scale = width_px / rig.width_px
+    return replace(
+        rig,
+        width_px=width_px,
+        height_px=round(rig.height_px * scale),
+        f_px=rig.f_px * scale,
+        cx_px=(rig.cx_px + 0.5) * scale - 0.5,
+        cy_px=(rig.cy_px + 0.5) * scale - 0.5,
+    )
+
+
+def _disc(shape: tuple[int, ...], cell: Cell, radius: float) -> Array:
+    """(H, W) which cells are within so many cells of one."""
+    rows, columns = np.ogrid[: shape[0], : shape[1]]
+    return (rows - cell[0]) ** 2 + (columns - cell[1]) ** 2 <= radius**2
