@@ -2,7 +2,7 @@
 # `make bench` and `make accuracy` take options: make bench ARGS=--quick
 
 .DEFAULT_GOAL := help
-.PHONY: demo test lint bench accuracy proof response bump replan routing scenes gate gate-power explain clean help
+.PHONY: demo test lint bench accuracy proof response bump replan routing scenes gate gate-power experiments explain clean help
 
 VENV := .venv
 READY := $(VENV)/.ready
@@ -52,6 +52,9 @@ gate: $(READY)  ## this repository's own gate: has the default estimator regress
 
 gate-power: $(READY)  ## how often the gate errs, by simulation
 	$(BIN)/python -m trials.gate.simulate $(ARGS)
+
+experiments: $(READY)  ## the thesis' claims, tested (docs/experiments.md; an hour)
+	$(BIN)/driftyard experiment all --page docs/experiments.md
 
 explain: $(READY)  ## where the drift comes from, for six scenes (docs/explain.md; hours)
 	$(BIN)/driftyard explain --scene brick_court,office,asphalt,corridor,meadow,dusk \

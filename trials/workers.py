@@ -2,6 +2,7 @@
 
 import multiprocessing
 import os
+import threading
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
@@ -33,7 +34,7 @@ def spread(
         Exception: The first that a call raises; calls that have not begun are dropped.
     """
     spawn = multiprocessing.get_context("spawn")
-    with _single_threaded(), ProcessPoolExecutor(PROCESSES, spawn) as pool:
+    with _single_threaded(), ProcessPoolExecutor(PROCESSES, spawn, _end_with_parent) as pool:
         jobs = {pool.submit(function, *arguments): k for k, arguments in enumerate(calls)}
         try:
             for job in as_completed(jobs):
@@ -41,6 +42,18 @@ def spread(
         except BaseException:
             pool.shutdown(cancel_futures=True)  # the others would be for nothing
             raise
+
+
+def _end_with_parent() -> None:
+    """Let this process end when the one that made it does, however that ends."""
+
+    def watch() -> None:
+        parent = multiprocessing.parent_process()
+        assert parent is not None
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 @contextmanager

@@ -1,0 +1,68 @@
+"""Workers: results, errors, and what becomes of them when their parent is killed."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from terminal import ROOT
+
+from trials.workers import THREADS, spread
+
+
+def test_every_call_is_answered_once():
+    assert sorted(spread(divmod, [(7, 2), (9, 4)])) == [(0, (3, 1)), (1, (2, 1))]
+
+
+def test_an_error_reaches_the_caller():
+    with pytest.raises(ZeroDivisionError):
+        list(spread(divmod, [(1, 0), (7, 2)]))
+
+
+def test_workers_have_one_thread_and_leave_the_environment_alone(monkeypatch):
+    monkeypatch.delenv(THREADS[0], raising=False)
+    monkeypatch.setenv(THREADS[1], "3")
+    assert [x for _, x in spread(os.getenv, [(THREADS[0],), (THREADS[1],)])] == ["1", "1"]
+    assert THREADS[0] not in os.environ
+    assert os.environ[THREADS[1]] == "3"
+
+
+def write_and_wait(file: str) -> None:
+    """A long job that says who it is."""
+    Path(file).write_text(str(os.getpid()))
+    time.sleep(60)
+
+
+def test_workers_end_with_a_killed_parent(tmp_path):
+    file = tmp_path / "pid"
+    code = (
+        "import sys; sys.path.insert(0, 'tests/unit')\n"
+        "from test_workers import write_and_wait\nfrom trials.workers import spread\n"
+        f"if __name__ == '__main__': list(spread(write_and_wait, [({str(file)!r},)]))"
+    )
+    script = tmp_path / "main.py"
+    script.write_text(code)
+    env = {**os.environ, "PYTHONPATH": f"{ROOT}:{ROOT / 'tests'}"}
+    parent = subprocess.Popen([sys.executable, script], cwd=ROOT, env=env)
+    until(lambda: file.is_file() and file.read_text() != "")
+    worker = int(file.read_text())
+    parent.send_signal(signal.SIGKILL)
+    parent.wait()
+    until(lambda: not is_running(worker))
+
+
+def is_running(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().split(")")[1].split()[0] not in ("Z", "X")
+    except FileNotFoundError:
+        return False
+
+
+def until(condition) -> None:
+    deadline = time.monotonic() + 60
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
