@@ -21,7 +21,7 @@ def experiment(
         "build/experiments"
     ),
     seeds: Annotated[int | None, typer.Option(min=1, help="Drives of every setting.",
-                                              show_default="5")] = None,
+                                              show_default="3")] = None,
     page: Annotated[Path | None, typer.Option(
         help="Also write this Markdown page of all records in the folder.")] = None,
     small: Annotated[bool, typer.Option(

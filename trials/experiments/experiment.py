@@ -51,7 +51,7 @@ class Scale:
         return [Recording(x, seed, self.drive) for x in chosen for seed in self.seeds[:seeds]]
 
 
-FULL = Scale(seeds=(0, 1, 2, 3), distance_m=4.0)
+FULL = Scale(seeds=(0, 1, 2), distance_m=4.0)
 SMALL = Scale(
     seeds=(0,), distance_m=1.2, most_scenes=1, overrides=("rig.width_px=320", "rig.height_px=240")
 )
