@@ -8,6 +8,7 @@ import typer
 from trials.commands.datasets import generate, scenes, verify
 from trials.commands.demo import demo
 from trials.commands.doctor import doctor
+from trials.commands.drive import drive
 from trials.commands.experiment import experiment
 from trials.commands.explain import explain
 from trials.commands.gate import gate
@@ -28,6 +29,7 @@ COMMANDS: dict[Callable[..., None], str] = {
     score: "driftyard score court court.txt --json",
     report: "driftyard report court court.txt --out court.html",
     gate: "driftyard gate --baseline baseline.json --estimator my_vo:MyOdometry",
+    drive: "driftyard drive office --localization truth,wheels,vo --worlds 10",
     route: "driftyard route --out routing",
     explain: "driftyard explain --scene brick_court --seeds 3",
     experiment: "driftyard experiment E1,E3",

@@ -82,5 +82,5 @@ def _place(options: Mapping[str, Any], name: str, size: int) -> Array | None:
 def _refuse_others(options: Mapping[str, Any], valid: tuple[str, ...]) -> None:
     unknown = sorted(set(options) - set(valid))
     if unknown:
-        said = ", ".join(("layout", *valid))
+        said = ", ".join(("layout", "localization", *valid))
         raise TrialError(f"reset: unknown option {', '.join(unknown)}; valid: {said}")

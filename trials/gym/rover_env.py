@@ -84,7 +84,8 @@ class RoverEnv(gymnasium.Env[Observation, Array]):
 
         Args:
             seed: Of layout, places and noise.
-            options: `layout`; and of RoverNav `start` (x, y, yaw) and `goal` (x, y).
+            options: `layout`, `localization`, in place of those of the environment for this trial;
+                of RoverNav and RoverExplore `start` (x, y, yaw), and of RoverNav `goal` (x, y).
 
         Raises:
             TrialError: If start or goal have no room or no way, or the world has no free place.
@@ -92,6 +93,7 @@ class RoverEnv(gymnasium.Env[Observation, Array]):
         """
         super().reset(seed=seed)
         options = dict(options or {})
+        localization = options.pop("localization", None) or self.trial.localization
         site = self._layout(seed, options.pop("layout", None))
         stage, self._task = self._assign(site, options)
         self._leave(stage)
@@ -102,7 +104,8 @@ class RoverEnv(gymnasium.Env[Observation, Array]):
         self._most_steps = math.ceil(trial.time_limit_s * trial.rate_hz - 1e-9)
         stage.eyes.reset(noise, self._most_steps + 1)
         ticks_per_turn = settings.encoders.ticks_per_turn
-        self._localization = make_localization(trial.localization, stage.eyes.rig, ticks_per_turn)
+        self._localization = make_localization(localization, stage.eyes.rig, ticks_per_turn)
+        self._believes, self._sees = localization, trial.sees(localization)
         self._inertial = InertialUnit(settings.imu, np.random.default_rng([noise, 1]))
         self._watch, self._steps, self._over, self.outcome = Watch(simulation), 0, False, ""
         self._driven_m, self._at = 0.0, simulation.place
@@ -221,9 +224,9 @@ class RoverEnv(gymnasium.Env[Observation, Array]):
 
     def _look(self) -> Observation:
         """Take a picture, localise, and gather the channels."""
-        site, trial = self.site, self.trial
-        simulation, seen = site.simulation, self.trial.observe
-        pair = site.eyes.look(simulation) if trial.sees else None
+        site, seen = self.site, self.trial.observe
+        simulation = site.simulation
+        pair = site.eyes.look(simulation) if self._sees else None
         kept = pair is not None and site.eyes.delivered[-1]
         moment = simulation.moment
         grey = (_grey(pair[0]), _grey(pair[1])) if pair else None
@@ -286,7 +289,7 @@ class RoverEnv(gymnasium.Env[Observation, Array]):
     def _picture(self) -> Image:
         site = self.site
         self._painter = self._painter or Painter(site)
-        caption = f"{site.scene.name} {site.layout}   {self.trial.localization}   {self.outcome}"
+        caption = f"{site.scene.name} {site.layout}   {self._believes}   {self.outcome}"
         return self._painter.paint(self.trace, self._task, caption)
 
     def _show(self) -> None:

@@ -55,10 +55,9 @@ class TrialSettings(Settings):
     )
     record: bool = Field(default=False, description="remember the drive, for `save_dataset`")
 
-    @property
-    def sees(self) -> bool:
+    def sees(self, localization: str) -> bool:
         """Whether pictures are needed at every step."""
-        return bool(SEEN & set(self.observe)) or self.localization not in ("truth", "wheels")
+        return bool(SEEN & set(self.observe)) or localization not in ("truth", "wheels")
 
     @property
     def driven(self) -> Mapping[str, Any]:

@@ -6,7 +6,7 @@ from sim.drive import TIPPED_RAD
 from sim.world import thing_of
 from trials.gym.simulation import Simulation
 
-STUCK_AFTER_S = 5.0
+STUCK_AFTER_S = 10.0
 STUCK_WITHIN_M, STUCK_WITHIN_RAD = 0.05, math.radians(10)
 ASKED_MPS = 0.02
 """A wheel that is asked for less is meant to stand."""

@@ -1,8 +1,8 @@
 """A navigator that needs no learning: what it sees, where to go through it, and how to get out.
 
 Disparity becomes an occupancy grid in the frame in which the rover believes to be; D* Lite keeps
-the way to the goal; the dynamic window follows it. Where nothing goes on, the rover backs off,
-forgets what it thought to have seen about itself and looks again.
+the way to the goal; the dynamic window follows it. Cameras see ahead alone, so the rover turns
+once before it leaves. Where nothing goes on, it backs off, doubts what it saw and looks again.
 """
 
 import math
@@ -63,7 +63,9 @@ class NavigatorSettings(Settings):
     patience_s: float = Field(default=7.0, gt=0, description="without progress, to back off")
     back_off_s: float = Field(default=1.5, gt=0)
     back_off_mps: float = Field(default=0.15, gt=0)
-    forget_m: float = Field(default=1.0, gt=0, description="about the rover, on backing off")
+    doubt_m: float = Field(default=1.0, gt=0, description="about the rover, on backing off")
+    doubt: float = Field(default=0.5, ge=0, le=1, description="what is left there of log odds")
+    unknown_cost: float = Field(default=1.0, ge=0, description="more, where nothing was seen")
     pivot_gain: float = Field(default=1.5, gt=0, description="turning speed by angle")
 
 
@@ -107,6 +109,9 @@ class Navigator:
         self._goal_m = np.zeros(2)
         self._yaw_rad: float | None = None
         self._turned_rad = 0.0
+        # A wheel that slips does not turn for ever.
+        self._turn_s = 2 * math.radians(self.settings.look_around_deg) / steering.turn_max_radps
+        self._look_until_s = self._turn_s
 
     def act(self, disparity_px: Array, pose: Pose2, goal_m: Array) -> Twist:
         """Choose the next speeds.
@@ -123,13 +128,10 @@ class Navigator:
         if math.hypot(goal_m[0] - pose.x_m, goal_m[1] - pose.y_m) < s.arrived_m:
             self._twist = Twist(0.0, 0.0)
             return self._twist
-        if self._looks_around(pose):
-            self._twist = Twist(0.0, self._steering.turn_max_radps)
-            return self._twist
         if self._time_s >= self._plan_at_s:
             self._plan(grid, pose, goal_m)
             self._plan_at_s = self._time_s + s.replan_s
-        self._twist = self._retreat(pose) or self._follow(grid, pose)
+        self._twist = self._retreat(pose) or self._look_around(pose) or self._follow(grid, pose)
         return self._twist
 
     def _look(self, disparity_px: Array, pose: Pose2, goal_m: Array) -> OccupancyGrid:
@@ -157,21 +159,23 @@ class Navigator:
             s.occupancy.model_copy(update={"stride_px": stride}),
         )
 
-    def _looks_around(self, pose: Pose2) -> bool:
-        """Whether the rover still turns on the spot, to begin with."""
+    def _look_around(self, pose: Pose2) -> Twist | None:
+        """Turn on the spot, to begin with and after backing off."""
         if self._yaw_rad is not None:
             self._turned_rad += math.remainder(pose.yaw_rad - self._yaw_rad, 2 * math.pi)
         self._yaw_rad = pose.yaw_rad
-        limit_s = 2 * math.radians(self.settings.look_around_deg) / self._steering.turn_max_radps
-        return (
-            self._turned_rad < math.radians(self.settings.look_around_deg)
-            and self._time_s < limit_s
-        )
+        wanted_rad = math.radians(self.settings.look_around_deg)
+        if self._turned_rad >= wanted_rad or self._time_s >= self._look_until_s:
+            return None
+        if self._progress:
+            self._progress.since_s = self._time_s
+        return Twist(0.0, self._steering.turn_max_radps)
 
     def _plan(self, grid: OccupancyGrid, pose: Pose2, goal_m: Array) -> None:
         """Repair the way to the goal."""
         s = self.settings
         costs = driving_costs(grid, s.radius_m, s.occupancy)
+        costs += s.unknown_cost * (grid.log_odds == 0)
         here, goal = grid.cell(pose.x_m, pose.y_m), grid.cell(float(goal_m[0]), float(goal_m[1]))
         for cell in (here, goal):
             disc = _disc(costs.shape, cell, s.radius_m / s.cell_m)
@@ -216,9 +220,11 @@ class Navigator:
             return None
         assert self.grid is not None
         disc = _disc(
-            self.grid.log_odds.shape, self.grid.cell(pose.x_m, pose.y_m), s.forget_m / s.cell_m
+            self.grid.log_odds.shape, self.grid.cell(pose.x_m, pose.y_m), s.doubt_m / s.cell_m
         )
-        self.grid = replace(self.grid, log_odds=np.where(disc, 0.0, self.grid.log_odds))
+        doubted = np.where(disc, s.doubt * self.grid.log_odds, self.grid.log_odds)
+        self.grid = replace(self.grid, log_odds=doubted)
+        self._turned_rad, self._look_until_s = 0.0, self._time_s + s.back_off_s + self._turn_s
         self.retreats += 1
         progress.since_s = progress.backing_until_s = self._time_s + s.back_off_s
         return Twist(-s.back_off_mps, 0.0)
