@@ -24,6 +24,9 @@ YARD = """<mujoco>
 </worldbody></mujoco>"""
 """6 x 6 m between walls; a pillar in the middle, a roof overhead and a mat underfoot."""
 
+PLAIN = 'builtin="checker" width="64" height="64" rgb1=".5 .5 .5" rgb2=".4 .4 .4"'
+"""In the place of the texture's file, where there is none."""
+
 
 def write_yard(folder: Path) -> Path:
     """Write the yard as an MJCF file, with blobs of some centimetres on everything."""

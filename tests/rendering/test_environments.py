@@ -6,12 +6,14 @@ from importlib.metadata import entry_points
 
 import cv2
 import gymnasium
+import mujoco
 import numpy as np
 import pytest
-from gym_worlds import write_yard
+from gym_worlds import PLAIN, YARD, write_yard
 from gymnasium.utils.env_checker import check_env
 
 import trials.gym
+from scenes.scene import Scene
 from sim.verify import verify
 from trials.estimators import make_estimator
 from trials.gym.film import Filmed
@@ -438,6 +440,37 @@ def test_two_worlds_in_one_process_do_not_disturb_each_other(make):
         seen, *_ = a.step(towards(seen["goal"]))
         b.step(np.array([0.2, 0.2]))
         np.testing.assert_array_equal(seen["left"], expected["left"])
+
+
+def ferry():
+    """A yard with a block that waits at (1, 1) and drives to and fro."""
+    spec = mujoco.MjSpec.from_string(YARD.replace('file="noise.png"', PLAIN))
+    block = spec.worldbody.add_body(name="ferry", mocap=True)
+    block.add_geom(name="ferry", type=mujoco.mjtGeom.mjGEOM_BOX, size=(0.3, 0.3, 0.3))
+    at = np.eye(4)
+    at[:3, 3] = 1.0, 1.0, 0.31
+
+    def motion(time_s):
+        T_world_block = at.copy()
+        T_world_block[0, 3] += 0.2 * np.sin(time_s)
+        return T_world_block
+
+    route = {"default": np.array([[-2.0, 1.5], [2.0, 1.5]])}
+    extent = (-3.2, -3.2, 3.2, 3.2)
+    return Scene("ferry", "The tests.", spec, route, extent, movers={"ferry": motion})
+
+
+def test_what_moves_is_no_place_to_start_from_and_not_to_be_touched(make, monkeypatch):
+    monkeypatch.setitem(sys.modules, "ferry_yard", sys.modules[__name__])
+    env = make(scene="ferry_yard:ferry", observe=("goal",))
+    with pytest.raises(TrialError, match=r"start \(1, 1\) m: something that moves is there"):
+        env.reset(seed=0, options={"start": (1.0, 1.0, 0.0), "goal": (-2.0, 1.0)})
+    for seed in range(15):
+        _, info = env.reset(seed=seed, options={"layout": 0})
+        assert np.linalg.norm(info["T_true"][:2, 3] - (1.0, 1.0)) > 0.35
+    seen, _ = drive(env, options={"start": (-1.0, 1.0, 0.0), "goal": (2.3, 1.0), "layout": 0})
+    assert seen[-1][1]["outcome"] == "collision"
+    assert seen[-1][1]["contacts"] == ("ferry",)
 
 
 MEMORY = """

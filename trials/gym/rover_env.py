@@ -32,6 +32,8 @@ from vo.stereo import DenseStereo
 
 Observation = dict[str, Array]
 MOST_LAYOUTS = 2**31 - 1
+TRIES = 10
+"""Starts that are tried where something moves about; the same one, if it is given."""
 
 
 class RoverEnv(gymnasium.Env[Observation, Array]):
@@ -95,12 +97,19 @@ class RoverEnv(gymnasium.Env[Observation, Array]):
         options = dict(options or {})
         localization = options.pop("localization", None) or self.trial.localization
         site = self._layout(seed, options.pop("layout", None))
-        stage, self._task = self._assign(site, options)
-        self._leave(stage)
-        self._stage, self._site = stage, site
+        for _ in range(TRIES):
+            stage, self._task = self._assign(site, options)
+            self._leave(stage)
+            self._stage, self._site = stage, site
+            if stage.simulation.reset(self._task.start):
+                break
+        else:
+            x, y, _ = self._task.start
+            raise TrialError(f"start ({x:g}, {y:g}) m: something that moves is there")
         simulation, trial, settings = stage.simulation, self.trial, stage.settings
         noise = self._noise = int(self.np_random.integers(MOST_LAYOUTS))
-        simulation.reset(self._task.start, Diary() if trial.record else None)
+        if trial.record:
+            simulation.reset(self._task.start, Diary())
         self._most_steps = math.ceil(trial.time_limit_s * trial.rate_hz - 1e-9)
         stage.eyes.reset(noise, self._most_steps + 1)
         ticks_per_turn = settings.encoders.ticks_per_turn

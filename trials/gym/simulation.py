@@ -20,6 +20,8 @@ TIMESTEP_MAX_S = 0.0025
 COMMAND_PERIOD_S = 0.02
 """The wheels' wanted speeds are ramped, and contacts looked for, at least so often."""
 SETTLING_S = 1.0
+PUSHED_M = 0.05
+"""Further than this no rover settles by itself."""
 
 
 @dataclass(frozen=True)
@@ -113,12 +115,17 @@ class Simulation:
         left, right = ticks(angles, self._settings.encoders.ticks_per_turn)
         return int(left), int(right)
 
-    def reset(self, start: Array, diary: Diary | None = None) -> None:
+    def reset(self, start: Array, diary: Diary | None = None) -> bool:
         """Put everything to its beginning, and let the rover settle.
+
+        Something that moves by itself may be where the rover is put.
 
         Args:
             start: (3,) x, y in metres and yaw in radians.
             diary: For what happens from the step of the first picture on.
+
+        Returns:
+            Whether the rover stands where it was put, and nothing touches it.
         """
         world, data = self.world, self.world.data
         mujoco.mj_resetData(world.model, data)
@@ -135,7 +142,11 @@ class Simulation:
         self._count = -self._steps
         self.diary = diary
         self.advance(np.zeros(2))
+        x, y, _ = self.place
+        pushed = math.hypot(x - start[0], y - start[1]) > PUSHED_M
+        alone = not pushed and not (self.touched & self.hard).any()
         self.touched[:] = False
+        return alone
 
     def advance(self, speeds_radps: Array) -> None:
         """Go on by one step of control.
