@@ -15,7 +15,7 @@ demo: $(READY)  ## generate a drive of 21 m, estimate, score and report it (into
 	$(BIN)/driftyard demo
 
 test: lint  ## lint, then every test
-	$(BIN)/pytest
+	$(BIN)/pytest -n auto --maxprocesses 4 --dist loadfile
 
 lint: $(READY)  ## style, types and the layers of the imports
 	$(BIN)/ruff check

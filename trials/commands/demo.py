@@ -7,7 +7,6 @@ import typer
 
 from trials.commands.datasets import record_scene, record_settings
 from trials.commands.runs import run_estimator, score_files
-from trials.lab import is_recorded
 
 SCENE = "brick_court"
 DISTANCE_M = 21
@@ -21,6 +20,7 @@ def demo(
 ) -> None:
     """Generate a drive over the brick court, run both estimators, score them and report."""
     from trials.commands import console
+    from trials.lab import is_recorded
     from trials.report.page import write_report
     from trials.runs import read_run
 

@@ -1,0 +1,79 @@
+"""All experiments of the thesis in small versions: that they run, and what they leave."""
+
+import csv
+import json
+
+import pytest
+from terminal import driftyard
+
+from trials.experiments.registry import EXPERIMENTS
+
+pytestmark = [pytest.mark.gl, pytest.mark.slow]
+NAMES = [name for name in EXPERIMENTS if name.startswith("E")]
+
+
+@pytest.fixture(scope="module")
+def studied(tmp_path_factory):
+    """The folder in which the command ran once, and what it printed."""
+    folder = tmp_path_factory.mktemp("study")
+    words = ("experiment", ",".join(NAMES), "--small", "--page", "docs/page.md")
+    result = driftyard(*words, cwd=folder, timeout_s=500)
+    assert result.returncode == 0, result.stderr
+    return folder, result.stdout
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_claim_gets_a_figure_data_and_a_verdict(studied, name):
+    folder, printed = studied
+    results = folder / "build/experiments/small"
+    record = json.loads((results / f"{name}.json").read_text())
+    assert record["verdict"] in ("holds", "holds in part", "does not hold", "cannot be decided")
+    assert f"It {record['verdict']}." in printed
+    assert "nan" not in record["sentence"] or name in ("E5", "E8")  # too short for a fast turn
+    assert (results / record["figure"]).stat().st_size > 10_000
+    assert record["data"]
+    for file in record["data"]:
+        with (results / file).open() as stream:
+            assert len(list(csv.reader(stream))) > 1, file
+    assert all(len(row) == len(record["table"]["columns"]) for row in record["table"]["rows"])
+
+
+def test_the_pages_show_them_all(studied):
+    folder, _ = studied
+    page = (folder / "docs/page.md").read_text()
+    html = (folder / "build/experiments/small/report.html").read_text()
+    for name in NAMES:
+        assert f"images/experiments/{name}.png" in page
+        assert f'id="{name}"' in html
+        assert (folder / f"docs/images/experiments/{name}.png").is_file()
+
+
+def test_a_second_run_redoes_nothing(studied):
+    folder, _ = studied
+    runs = folder / "build/lab/runs"
+    before = {file: file.stat().st_mtime_ns for file in runs.iterdir()}
+    assert driftyard("experiment", "E3", "--small", cwd=folder).returncode == 0
+    assert {file: file.stat().st_mtime_ns for file in runs.iterdir()} == before
+
+
+def test_an_unknown_experiment_is_refused(tmp_path):
+    result = driftyard("experiment", "E13", cwd=tmp_path)
+    assert result.returncode == 2
+    assert "unknown experiment E13; valid: all, E1, E2" in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_unknown_axis_is_refused(tmp_path):
+    result = driftyard("stress", "wind", cwd=tmp_path)
+    assert result.returncode == 2
+    assert "unknown axis wind; valid: exposure, brick_height" in result.stderr
+
+
+def test_stress_finds_where_the_baseline_breaks(tmp_path):
+    words = ("--estimator", "corner_flow", "--points", "2", "--rounds", "1", "--seeds", "1")
+    result = driftyard("stress", "noise", *words, "--distance", "1.2", "--drift", "0", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "Is broken on office as it is" in result.stdout
+    (figure,) = (tmp_path / "build/stress").glob("*.png")
+    assert figure.stat().st_size > 10_000
+    assert json.loads(figure.with_suffix(".json").read_text())["bracket"] == [0.0, 0.0]
