@@ -35,10 +35,10 @@ class FeatureSettings(Settings):
         default=12.0, gt=1, description="largest ratio of principal gradients"
     )
     smoothing_px: float = Field(
-        default=1.2, ge=0, description="Gaussian that noisy images go through; 0 never"
+        default=0.8, ge=0, description="Gaussian that noisy images go through; 0 never"
     )
     clear_share: float = Field(
-        default=0.1,
+        default=0.25,
         ge=0,
         le=1,
         description="images are noisy if a smaller share of new features has a depth",
@@ -132,10 +132,11 @@ class StereoSettings(Settings):
 class MotionSettings(Settings):
     """Orientation under RANSAC (thesis 2.6, 2.7, 3.3, 5.4)."""
 
-    method: Literal["relative", "absolute", "split"] = Field(
+    method: Literal["relative", "absolute", "split", "refinement"] = Field(
         default="relative",
-        description="from points and pixels, from points and points (4.1), or rotation from far "
-        "points before translation from near ones (F6)",
+        description="from points and pixels, from points and points (4.1), rotation from far "
+        "points before translation from near ones (F6), or by refinement of the expected motion "
+        "alone (F8)",
     )
     solver: Literal["fischler_bolles", "lambda_twist"] = Field(
         default="lambda_twist", description="of the three legs, if relative"
@@ -233,6 +234,23 @@ class RefinementSettings(Settings):
     )
 
 
+class FaintSettings(Settings):
+    """What images are met with whose texture hardly exceeds their noise."""
+
+    texture_to_noise: float = Field(
+        default=3.0, ge=0, description="energy of texture over noise below which they are; 0 never"
+    )
+    window_growth: float = Field(
+        default=1.5, ge=1, description="so much wider are the windows of alignment"
+    )
+    search_growth: float = Field(
+        default=1.9, ge=1, description="and those of sparse stereo's search"
+    )
+    sigma_growth: float = Field(
+        default=2.0, ge=1, description="so much less exact may disparities be"
+    )
+
+
 class OdometrySettings(Settings):
     """The whole estimator; the defaults are the best that we know, `THESIS` is where it began."""
 
@@ -249,6 +267,7 @@ class OdometrySettings(Settings):
     stereo: StereoSettings = StereoSettings()
     motion: MotionSettings = MotionSettings()
     refinement: RefinementSettings = RefinementSettings()
+    faint: FaintSettings = FaintSettings()
 
 
 THESIS = OdometrySettings(
@@ -267,6 +286,7 @@ THESIS = OdometrySettings(
     refinement=RefinementSettings(
         keyframe_parallax_px=0, sigma_px=0.5, sigma_disparity_px=0.5, learn_noise=False
     ),
+    faint=FaintSettings(texture_to_noise=0),
 )
 """What the thesis did, and nothing more.
 

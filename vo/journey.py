@@ -17,6 +17,9 @@ from vo.tracks import LocalMap, empty_map
 from vo.triplets import Sighting
 from vo.view import View
 
+PROVEN_VIEWS = 3
+"""Frames that must have seen a landmark before its map is worth waiting for."""
+
 
 @dataclass
 class Journey:
@@ -69,11 +72,16 @@ class Journey:
         return step
 
     def lose(self, patience: int) -> None:
-        """Count a frame without a pose; when patience ends, the next view starts a new map."""
+        """Count a frame without a pose; when patience ends, the next view starts a new map.
+
+        There is none with a map that hardly a frame saw: it can only have been a false start.
+        """
         self.lost_frames += 1
         self.T_before_now = np.eye(4)
-        if self.lost_frames > patience and self.map.keyframes:
-            self.lost_map = self.lost_map or self.map
+        proven = bool((self.map.landmarks.views >= PROVEN_VIEWS).any())
+        if self.lost_frames > (patience if proven else 0) and self.map.keyframes:
+            if proven:
+                self.lost_map = self.lost_map or self.map
             self.map = empty_map(self.map.next_serial, self.map.next_id)
 
     def covariance(self, T_odom_cam: Array, spread: Array) -> Array:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from vo.annealing import anneal
 from vo.config import MotionSettings
 from vo.contract import se3
 from vo.contract.arrays import Array, Mask
@@ -32,7 +33,8 @@ def find_motion(
         rng: Draws the samples.
         f_px: Focal length, for a threshold in pixels.
         weights: (N,) how much each match counts, if not all the same.
-        T_odom_guess: (4, 4) expected pose, which only `split` asks for; where odom is, if None.
+        T_odom_guess: (4, 4) expected pose, which only `split` and `refinement` ask for; where odom
+            is, if None.
 
     Returns:
         T_odom_cam, its inliers and covariance, or None if fewer than three matches can be used or
@@ -61,6 +63,8 @@ def find_motion(
     T_guess = np.eye(4) if T_odom_guess is None else T_odom_guess
     if settings.method == "split":
         outcome = _split(problem, T_guess, settings, rng)
+    elif settings.method == "refinement":
+        outcome = _anneal(problem, T_guess, settings)
     else:
         outcome = ransac(problem, settings, rng)
     if outcome is None:
@@ -77,8 +81,20 @@ def _split(
     pose = split_motion(
         problem.points_odom, problem.rays, T_odom_guess, problem.threshold, trials, rng
     )
-    found = None if pose is None else consensus(problem, pose, trials, settings)
-    # A guess can make up for what a degenerate scene leaves open; that is no measurement.
+    return None if pose is None else _determined(consensus(problem, pose, trials, settings))
+
+
+def _anneal(problem: Problem, T_odom_guess: Array, settings: MotionSettings) -> Consensus | None:
+    # The expected motion repeats the last one: what that lacks of a rotation would grow.
+    U, _, V = np.linalg.svd(T_odom_guess[:3, :3])
+    T_odom_guess = se3.pose(U @ V, T_odom_guess[:3, 3])
+    pose = np.ascontiguousarray(se3.inverse(T_odom_guess)[:3])
+    known = len(problem.points_odom) > 0 and anneal(problem, pose)
+    return _determined(consensus(problem, pose, 0, settings)) if known else None
+
+
+def _determined(found: Consensus | None) -> Consensus | None:
+    """A guess can make up for what a degenerate scene leaves open; that is no measurement."""
     return found if found and np.isfinite(found.covariance).all() else None
 
 

@@ -21,6 +21,7 @@ from vo.journey import Journey
 from vo.local_bundle import refine_map
 from vo.localisation import agreeing, orient, refine_pose
 from vo.mapping import add_keyframe, is_new_view
+from vo.noise import texture_to_noise, widened
 from vo.recovery import ADRIFT
 from vo.refine import Pose
 from vo.replacement import replace_features, replace_inliers, replace_matches
@@ -42,7 +43,8 @@ class StereoOdometry:
         self, rig: StereoRig, settings: OdometrySettings | None = None, hooks: Hooks = UNTOUCHED
     ) -> None:
         self.rig, self.hooks = rig, hooks
-        self.settings = settings or OdometrySettings()
+        self.settings = self._now = settings or OdometrySettings()  # as set, and for this image
+        self._widened = widened(self.settings)
         self._dense_stereo = DenseStereo(self.settings.stereo)
         self._rng = np.random.default_rng(self.settings.seed)
         self._journey = Journey()
@@ -94,12 +96,15 @@ class StereoOdometry:
         return look_back(self._journey.history, self.rig, self.settings.refinement)
 
     def _look(self, frame: StereoFrame, clock: Clock) -> View:
-        view = look(frame, self._dense_stereo, self.settings, clock, self._smoothing_px)
-        return replace_features(self.hooks, view, self.settings)
+        with clock("features"):
+            faint = texture_to_noise(frame.left) < self.settings.faint.texture_to_noise
+        self._now = self._widened if faint else self.settings
+        view = look(frame, self._dense_stereo, self._now, clock, self._smoothing_px)
+        return replace_features(self.hooks, view, self._now)
 
     def _guesses(self, frame: StereoFrame) -> tuple[tuple[Array, float], tuple[Array, float]]:
         """Predicted poses and how far to search about them: the expected motion, then any."""
-        s, here = self.settings.matching, self._journey
+        s, here = self._now.matching, self._journey
         steady = s.predict == "steady" and not self._wheels_rest(frame)
         expected = here.T_odom_cam @ (here.T_before_now if steady else np.eye(4))
         expected = self.hooks.predicted(frame, here.last_ns, here.T_odom_cam, expected)
@@ -109,7 +114,7 @@ class StereoOdometry:
         self, view: View, T_guess: Array, reach_px: float, counts: dict[str, int], clock: Clock
     ) -> tuple[Pose, Matches, Matches] | None:
         """Match about a guess and estimate the pose: with it all matches, and the inliers."""
-        s, rig, hooks, local_map = self.settings, self.rig, self.hooks, self._journey.map
+        s, rig, hooks, local_map = self._now, self.rig, self.hooks, self._journey.map
         with clock("matching"):  # marriage by ZNCC, sub-pixel alignment (3.2)
             matches = find_matches(local_map, view, T_guess, reach_px, rig, s)
             matches = replace_matches(hooks, self._confirmed(matches, view), local_map, view, s)
@@ -141,7 +146,7 @@ class StereoOdometry:
 
     def _confirmed(self, matches: Matches, view: View) -> Matches:
         """Matches that the frame before confirms, if it is asked (F4)."""
-        s, here = self.settings.matching, self._journey
+        s, here = self._now.matching, self._journey
         if not s.triplets or here.before is None:
             return matches
         landmarks, left = here.map.landmarks, view.frame.left
@@ -151,7 +156,7 @@ class StereoOdometry:
         """Whether encoders say that no wheel has turned since the camera last moved."""
         rest, ticks = self._journey.rest, frame.wheel_ticks
         return (
-            self.settings.standing == "encoders"
+            self._now.standing == "encoders"
             and rest is not None
             and (ticks is not None and ticks == rest.wheel_ticks)
         )
@@ -164,7 +169,7 @@ class StereoOdometry:
         Returns:
             (4, 4) T_odom_cam, and its (6, 6) covariance given the map.
         """
-        rest, standing = self._journey.rest, self.settings.standing
+        rest, standing = self._journey.rest, self._now.standing
         ticks = frame.wheel_ticks if standing == "encoders" else None
         if rest and standing != "none" and stands(rest, inliers, ticks, self.rig):
             return rest.T_odom_cam, rest.spread
@@ -176,7 +181,7 @@ class StereoOdometry:
 
     def _refine(self, view: View, pose: Pose, inliers: Matches, counts: dict[str, int]) -> Array:
         """Let a new view grow and refine the map; the pose (4, 4) afterwards."""
-        s, rig, here, T_odom_cam = self.settings, self.rig, self._journey, pose.T_world_cam
+        s, rig, here, T_odom_cam = self._now, self.rig, self._journey, pose.T_world_cam
         unsettled = is_unsettled(counts["motion iterations"], s)  # (5.3)
         if unsettled or not is_new_view(here.map.keyframes[-1], inliers, s.refinement):
             return T_odom_cam
@@ -193,7 +198,7 @@ class StereoOdometry:
 
     def _start(self, view: View, counts: dict[str, int], clock: Clock) -> Estimate:
         """Begin a map where the old one knows the view, or else at the last pose."""
-        time, s, here = view.frame.timestamp_ns, self.settings, self._journey
+        time, s, here = view.frame.timestamp_ns, self._now, self._journey
         lost = here.lost_frames
         known = here.find_again(view, self.rig, s, self._rng)
         elsewhere = ADRIFT * np.eye(6) if lost else np.zeros((6, 6))
@@ -221,5 +226,5 @@ class StereoOdometry:
         """Report a frame without a pose, and what is wrong with it."""
         self._journey.lose(self.settings.patience)
         few = few or f"{counts['inliers']} inliers, need {self.settings.motion.least_inliers}"
-        reason = explain_failure(view, self.settings) or few
+        reason = explain_failure(view, self._now) or few
         return Estimate(view.frame.timestamp_ns, Status.LOST, None, reason, counts, clock.ms)

@@ -14,7 +14,10 @@ SINGULAR = 1e-13
 
 
 @numba.njit(cache=True, error_model="numpy")
-def step(points_odom: Array, rays: Array, rows: Indices, pose: Array, moved: Array) -> bool:
+def step(
+    points_odom: Array, rays: Array, rows: Indices, pose: Array, moved: Array,
+    weights: Array | None = None,
+) -> bool:  # fmt: skip
     """One Gauss-Newton step on the reprojection error of some points.
 
     Args:
@@ -23,11 +26,12 @@ def step(points_odom: Array, rays: Array, rows: Indices, pose: Array, moved: Arr
         rows: (K,) the points that count, in front of the camera.
         pose: (3, 4).
         moved: (3, 4) receives the better pose.
+        weights: (N,) of the squared errors, if not all the same.
 
     Returns:
         False if the points do not determine the pose; `moved` is then as it was.
     """
-    information, gradient = normal_equations(points_odom, rays, rows, pose)
+    information, gradient = normal_equations(points_odom, rays, rows, pose, weights)
     tangent = np.empty((6, 1))
     for k in range(6):
         tangent[k, 0] = -gradient[k]
@@ -39,9 +43,9 @@ def step(points_odom: Array, rays: Array, rows: Indices, pose: Array, moved: Arr
 
 @numba.njit(cache=True, error_model="numpy")
 def normal_equations(
-    points_odom: Array, rays: Array, rows: Indices, pose: Array
+    points_odom: Array, rays: Array, rows: Indices, pose: Array, weights: Array | None = None
 ) -> tuple[Array, Array]:
-    """J^T J (6, 6) and J^T r (6,) of the residuals in normalised image coordinates."""
+    """J^T J (6, 6) and J^T r (6,) of the (weighted) residuals in normalised image coordinates."""
     information, gradient = np.zeros((6, 6)), np.zeros(6)
     du, dv = np.zeros(6), np.zeros(6)
     for row in rows:
@@ -49,10 +53,11 @@ def normal_equations(
         ru, rv = a - rays[row, 0], b - rays[row, 1]
         du[0], du[1], du[2], du[3], du[5] = a * b, -1 - a * a, b, -inverse_z, a * inverse_z
         dv[0], dv[1], dv[2], dv[4], dv[5] = 1 + b * b, -a * b, -a, -inverse_z, b * inverse_z
+        weight = 1.0 if weights is None else weights[row]
         for i in range(6):
-            gradient[i] += du[i] * ru + dv[i] * rv
+            gradient[i] += weight * (du[i] * ru + dv[i] * rv)
             for j in range(i + 1):
-                information[i, j] += du[i] * du[j] + dv[i] * dv[j]
+                information[i, j] += weight * (du[i] * du[j] + dv[i] * dv[j])
     for i in range(6):
         for j in range(i):
             information[j, i] = information[i, j]

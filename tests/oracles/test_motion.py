@@ -8,7 +8,7 @@ from scipy import stats
 from vo.config import MotionSettings
 from vo.contract import se3
 from vo.contract.rig import StereoRig
-from vo.motion import acceptance, find_motion, relative_orientation
+from vo.motion import acceptance, find_motion, relative_orientation, reprojection_errors
 
 RIG = StereoRig(640, 480, 457.0, 319.5, 239.5, 0.09)
 SETTINGS = MotionSettings()
@@ -21,6 +21,7 @@ WAYS = {
     "umeyama": {"method": "absolute", "absolute_solver": "umeyama"},
     "distance": {"method": "absolute", "residual": "distance"},
     "split": {"method": "split"},
+    "refinement": {"method": "refinement"},
 }
 each_way = pytest.mark.parametrize("way", WAYS.values(), ids=WAYS)
 
@@ -125,6 +126,49 @@ def test_preemption_finds_the_pose_among_as_many_outliers_within_its_budget():
         for w in (World(seed, share=0.5, sigma_px=0.3) for seed in range(50))
     ]
     assert 1e-5 < max(errors) < 5e-3
+
+
+def test_annealing_needs_no_motion_to_start_from():
+    """40 % wrong matches, and a guess three degrees and five centimetres off (F8).
+
+    At once as narrow as the threshold, hardly a match is within reach; annealed, the pose is that
+    which RANSAC's refits end at.
+    """
+    apart, lost = [], 0
+    for seed in range(30):
+        world = World(seed, share=0.6, sigma_px=0.3)
+        off = se3.exp(np.array([0.03, 0.0, 0.04, 0.0, np.deg2rad(3), 0.0]))
+        given = world.points_odom, world.rays, world.points_cam
+        settings = MotionSettings(method="refinement")
+        T_guess = world.T_odom_cam @ off
+        found = find_motion(*given, settings, world.rng, RIG.f_px, None, T_guess)
+        assert found is not None
+        assert found.inliers[world.good].mean() > 0.99
+        apart.append(np.abs(found.T - world.find().T).max())
+        errors = reprojection_errors(T_guess, world.points_odom, world.rays)
+        lost += (errors[world.good] < settings.threshold).mean() < 0.1
+    assert lost == 30
+    assert 0 < np.max(apart) < 1e-4
+
+
+def test_annealing_gives_a_rotation_even_if_the_guess_is_none():
+    """Else the lack would come back in the next guess, tripled, and end a drive after 40 frames."""
+    world = World(8, share=0.8, sigma_px=0.3)
+    T_guess = world.T_odom_cam.copy()
+    T_guess[:3, :3] *= 1.001
+    given = world.points_odom, world.rays, world.points_cam
+    settings = MotionSettings(method="refinement")
+    found = find_motion(*given, settings, world.rng, RIG.f_px, None, T_guess)
+    assert found is not None
+    R = found.T[:3, :3]
+    np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
+
+
+def test_annealing_admits_that_matches_do_not_determine_the_pose():
+    world = World(2, count=2)
+    assert world.find(method="refinement") is None
+    world.points_odom[:] = world.points_odom[0]
+    assert world.find(method="refinement") is None
 
 
 COVARIANCES = {

@@ -23,6 +23,7 @@ OTHERS = (
     _changed("F6 without points beyond 5 m", "stereo.least_disparity_px=8"),
     _changed("F7 firewall", "refinement.firewall_keyframes=8"),
     _changed("F7 preemptive RANSAC", "motion.scheme=preemptive"),
+    _changed("F8 no motion before refinement", "motion.method=refinement"),
     _changed("trust in what was at rest", "motion.prior=true"),
     _changed("F9 block matching", "stereo.method=block_matching", "stereo.shrink=1"),
     _changed("F9 semi-global stereo", "stereo.method=semi_global", "stereo.shrink=1"),
