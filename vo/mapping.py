@@ -22,19 +22,22 @@ STANDING_PX = 1.0
 are left, another keyframe would only add its own error (thesis 5.1.3)."""
 
 
-def is_new_view(last: Keyframe, matches: Matches, settings: RefinementSettings) -> bool:
+def is_new_view(
+    last: Keyframe, matches: Matches, settings: RefinementSettings, least: int = 0
+) -> bool:
     """Whether a view has moved far enough from the last keyframe to become one itself.
 
     Args:
         last: The last keyframe.
         matches: Inliers of the view.
         settings: Median image motion, or share of the keyframe's landmarks lost, that suffices.
+        least: Fewer inliers suffice too: an image that shows more is worth the step.
     """
     _, then, now = np.intersect1d(last.ids, matches.ids, assume_unique=True, return_indices=True)
     if len(then) == 0:
         return True
     flow_px = np.median(np.linalg.norm(matches.pixels[now] - last.measured[then, :2], axis=1))
-    few = len(then) < settings.keyframe_share * len(last.ids)
+    few = len(then) < settings.keyframe_share * len(last.ids) or len(matches) < least
     return bool(flow_px > (STANDING_PX if few else settings.keyframe_parallax_px))
 
 

@@ -183,7 +183,8 @@ class StereoOdometry:
         """Let a new view grow and refine the map; the pose (4, 4) afterwards."""
         s, rig, here, T_odom_cam = self._now, self.rig, self._journey, pose.T_world_cam
         unsettled = is_unsettled(counts["motion iterations"], s)  # (5.3)
-        if unsettled or not is_new_view(here.map.keyframes[-1], inliers, s.refinement):
+        last, few = here.map.keyframes[-1], s.motion.weak_inliers
+        if unsettled or not is_new_view(last, inliers, s.refinement, few):
             return T_odom_cam
         spread = here.covariance(T_odom_cam, pose.covariance)
         here.map = add_keyframe(here.map, view, T_odom_cam, spread, inliers, rig, s, self.hooks)

@@ -1,0 +1,56 @@
+"""Maps that began on a bad image are left soon: a view that shows more, or a new start."""
+
+import numpy as np
+import pytest
+
+from vo.config import RefinementSettings
+from vo.correspondence import Matches
+from vo.journey import PROVEN_VIEWS, Journey
+from vo.mapping import is_new_view
+from vo.tracks import Keyframe, Landmarks, empty_map
+
+PATIENCE = 5
+
+
+def _keyframe(count: int) -> Keyframe:
+    rng = np.random.default_rng(0)
+    measured = rng.uniform([20, 20, 5], [620, 460, 30], (count, 3))
+    left = np.zeros((480, 640), np.uint8)
+    return Keyframe(
+        0, np.eye(4), np.zeros((6, 6)), left, np.arange(count), measured, np.ones((count, 3))
+    )
+
+
+def _matches(keyframe: Keyframe, count: int, flow_px: float) -> Matches:
+    ids = keyframe.ids[:count]
+    measured = keyframe.measured[:count] + np.array([flow_px, 0, 0])
+    points = np.ones((count, 3))
+    return Matches(ids, ids, points, ids, measured, np.ones((count, 3)), np.ones(count))
+
+
+@pytest.mark.parametrize(
+    ("count", "flow_px", "new"), [(24, 3.0, True), (26, 3.0, False), (24, 0.5, False)]
+)
+def test_few_inliers_are_a_reason_for_a_keyframe_if_the_camera_moved(count, flow_px, new) -> None:
+    keyframe = _keyframe(40)
+    matches = _matches(keyframe, count, flow_px)
+    assert is_new_view(keyframe, matches, RefinementSettings(), least=25) == new
+    assert not is_new_view(keyframe, matches, RefinementSettings())
+
+
+@pytest.mark.parametrize("views", [1, PROVEN_VIEWS - 1, PROVEN_VIEWS])
+def test_only_a_map_that_was_seen_is_waited_for(views: int) -> None:
+    journey, n = Journey(), 20
+    landmarks = Landmarks(
+        np.arange(n), np.ones((n, 3)), np.zeros((n, 9)), np.full(n, views), np.zeros(n, np.int64),
+        np.ones((n, 2)), np.ones(n), np.zeros((n, 2)),
+    )  # fmt: skip
+    start = empty_map(1, n)
+    journey.map = type(start)((_keyframe(n),), landmarks, 1, n)
+    waited = 0
+    while journey.map.keyframes:
+        journey.lose(PATIENCE)
+        waited += 1
+    proven = views >= PROVEN_VIEWS
+    assert waited == (PATIENCE + 1 if proven else 1)
+    assert (journey.lost_map is not None) == proven
