@@ -26,7 +26,7 @@ FREE = 1e-9
 little to be determined stays where it is along what nobody saw."""
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def whitened(
     R: Array, t: Array, point: Array, measured: Array, weight: Array, intrinsics: Array, out: Array
 ) -> None:
@@ -38,7 +38,7 @@ def whitened(
     out[2] = weight[2] * (fb / z - measured[2])
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _seen_from(R: Array, t: Array, point: Array) -> tuple[float, float, float]:
     """The point in the camera's frame, where R, t is the camera in the world."""
     dx, dy, dz = point[0] - t[0], point[1] - t[1], point[2] - t[2]
@@ -48,7 +48,7 @@ def _seen_from(R: Array, t: Array, point: Array) -> tuple[float, float, float]:
     return x, y, max(z, NEAREST_M)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def derivatives(
     R: Array, t: Array, point: Array, weight: Array, intrinsics: Array, by_camera: Array,
     by_point: Array,
@@ -65,7 +65,7 @@ def derivatives(
     _fill_row(by_camera[2], by_point[2], R, 0.0, 0.0, e, x, y, z)
 
 
-@numba.njit(cache=True, inline="always")
+@numba.njit(cache=True, inline="always", error_model="numpy")
 def _fill_row(
     by_camera: Array, by_point: Array, R: Array, a: float, b: float, c: float, x: float, y: float,
     z: float,
@@ -76,7 +76,7 @@ def _fill_row(
         by_point[k] = a * R[k, 0] + b * R[k, 1] + c * R[k, 2]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def robust_weights(
     rotations: Array, centres: Array, points: Array, camera: Indices, point: Indices,
     measured: Array, weight: Array, intrinsics: Array, huber: float,
@@ -94,7 +94,7 @@ def robust_weights(
     return scaled
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def reduce(
     rotations: Array, centres: Array, points: Array, first: Indices, camera: Indices,
     measured: Array, weight: Array, intrinsics: Array, slot: Indices, size: int,
@@ -153,7 +153,7 @@ def reduce(
                 for q in range(3):
                     W[n, p, q] = F[0, p] * E[0, q] + F[1, p] * E[1, q] + F[2, p] * E[2, q]
                 g[6 * s + p] += F[0, p] * r[0] + F[1, p] * r[1] + F[2, p] * r[2]
-                for q in range(6):
+                for q in range(p, 6):  # the rest is its mirror image
                     H[6 * s + p, 6 * s + q] += (
                         F[0, p] * F[0, q] + F[1, p] * F[1, q] + F[2, p] * F[2, q]
                     )
@@ -181,7 +181,7 @@ def reduce(
                 if s_other < s:
                     continue
                 for p in range(6):
-                    for q in range(6):
+                    for q in range(p if s_other == s else 0, 6):
                         H[6 * s + p, 6 * s_other + q] -= (
                             Y[n, p, 0] * W[n_other, q, 0]
                             + Y[n, p, 1] * W[n_other, q, 1]
@@ -193,7 +193,7 @@ def reduce(
     return H, g, cost, solved
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _solve_point(
     rotations: Array, centres: Array, point: Array, start: int, end: int, camera: Indices,
     measured: Array, weight: Array, intrinsics: Array, r: Array, F: Array, E: Array, V: Array,
@@ -244,7 +244,7 @@ def _solve_point(
             return
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def invert(V: Array, out: Array) -> None:
     """Invert a symmetric positive semi-definite 3x3 matrix, lifted a little off zero."""
     lift = FREE * (V[0, 0] + V[1, 1] + V[2, 2]) + 1e-300
@@ -257,7 +257,7 @@ def invert(V: Array, out: Array) -> None:
     out[2, 0], out[2, 1], out[2, 2] = C * scale, (b * c - a * e) * scale, (a * d - b * b) * scale
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def camera_normal(
     R: Array, t: Array, points: Array, measured: Array, weight: Array, intrinsics: Array
 ) -> tuple[Array, Array, float]:
@@ -275,7 +275,7 @@ def camera_normal(
     return H, g, cost
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def all_residuals(
     rotations: Array, centres: Array, points: Array, camera: Indices, point: Indices,
     measured: Array, weight: Array, intrinsics: Array,
