@@ -65,6 +65,7 @@ def test_make_knows_its_targets(clone):
     )
     named = {line.split()[1] for line in result.stdout.splitlines()}
     measured = {"bench", "accuracy", "scenes", "proof", "response", "bump"}
+    measured |= {"replan", "routing", "gate", "gate-power", "experiments", "explain"}
     assert named == {"demo", "test", "lint", "clean", "help", *measured}
     dry = subprocess.run(
         ["make", "--no-print-directory", "--dry-run", "demo"],

@@ -73,7 +73,7 @@ def test_runs_are_kept(drive, cache, monkeypatch):
     def never(*_):
         raise AssertionError("a run that is there was run again")
 
-    monkeypatch.setattr(combinations, "ProcessPoolExecutor", never)
+    monkeypatch.setattr(combinations, "spread", never)
     explain({"office": [drive]}, Subject(), STAGES, cache, ignore)
 
 

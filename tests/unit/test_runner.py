@@ -128,9 +128,9 @@ def test_what_an_estimator_offers_is_written(tmp_path, dataset):
     header, _, body = (tmp_path / "b.map.ply").read_bytes().partition(b"end_header\n")
     assert header.startswith(b"ply\nformat binary_little_endian 1.0\nelement vertex 2\n")
     names = [x.split()[2].decode() for x in header.splitlines() if x.startswith(b"property")]
-    assert names == ["x", "y", "z", "red", "green", "blue", "views"]
-    rows = list(struct.iter_unpack("<fffBBBi", body))
-    assert rows == [(0.5, -1, 2, 10, 10, 10, 3), (3, 4, 5.25, 200, 200, 200, 12)]
+    assert names == ["x", "y", "z", "red", "green", "blue", "views", "landmark"]
+    rows = list(struct.iter_unpack("<fffBBBii", body))
+    assert rows == [(0.5, -1, 2, 10, 10, 10, 3, 7), (3, 4, 5.25, 200, 200, 200, 12, 9)]
 
 
 def test_what_an_earlier_run_offered_does_not_stay(tmp_path, dataset):
