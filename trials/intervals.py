@@ -19,12 +19,12 @@ class Interval:
     high: float
 
     def text(self, digits: int = 3) -> str:
-        """Such as `0.123 (0.101–0.145)`."""
+        """Such as `0.123 (0.101 to 0.145)`."""
         if not np.isfinite(self.value):
             return "–"
         if not np.isfinite(self.low):
             return f"{self.value:.{digits}f}"
-        return f"{self.value:.{digits}f} ({self.low:.{digits}f}–{self.high:.{digits}f})"
+        return f"{self.value:.{digits}f} ({self.low:.{digits}f} to {self.high:.{digits}f})"
 
 
 def mean_interval(values: Array) -> Interval:
