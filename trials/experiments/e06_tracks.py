@@ -26,8 +26,8 @@ THREE_STEREO = Variant("3 views, both eyes", "thesis")
 VARIANTS = (TWO_MONO, THREE_MONO, TWO_STEREO, THREE_STEREO)
 NEAR_M, FAR_M = 0.1, 50.0
 """No point that the rover sees is closer to its camera, or farther."""
-FRAMES = 90
-"""Of the mask that is drawn."""
+FRAMES, ROWS = 60, 240
+"""Of the mask that is drawn: its first frames, and so many landmarks spread over theirs."""
 
 
 def trials(scale: Scale) -> Sequence[Trial]:
@@ -87,25 +87,26 @@ def analyse(outcomes: Outcomes) -> Findings:
             ),
             tuple(rows),
         ),
-        "Left: the visibility mask of the first frames, one row a landmark in the order of their "
-        "first view; red: seen in three frames or more, which takes part in the refinement. Right: "
-        "distance of the map's points from the camera, all drives.",
+        "Left: the visibility mask of the first frames, one row for each of some landmarks in the "
+        "order of their first view; red: seen in three frames or more, which the refinement takes. "
+        "Right: distance of the map's points from the camera, all drives.",
         lambda figure: _draw(figure, outcomes),
         {"mask": _mask(outcomes.at(outcomes.recordings[0], THREE_STEREO))},
     )
 
 
 def _mask(run: Outcome) -> dict[str, np.ndarray]:
-    """Frame and row of each observation in the first FRAMES frames, and its track's length."""
+    """Frame and row of observations in the first frames, and the length of their tracks."""
     tracks = run.tracks
-    length = track_lengths(tracks.landmark)
     ids = np.unique(tracks.landmark)
-    early = tracks.frame < FRAMES
-    order = np.unique(tracks.landmark[early], return_inverse=True)[1]
+    length = track_lengths(tracks.landmark) + 1  # and the frame in which it was found
+    early = ids[np.isin(ids, tracks.landmark[tracks.frame < FRAMES])]
+    shown = early[:: max(len(early) // ROWS, 1)]
+    mine = np.isin(tracks.landmark, shown) & (tracks.frame < FRAMES)
     return {
-        "frame": tracks.frame[early],
-        "row": order,
-        "frames that see the landmark": length[np.searchsorted(ids, tracks.landmark[early])],
+        "frame": tracks.frame[mine],
+        "row": np.searchsorted(shown, tracks.landmark[mine]),
+        "frames that see the landmark": length[np.searchsorted(ids, tracks.landmark[mine])],
     }
 
 
@@ -117,10 +118,10 @@ def _draw(figure: "Figure", outcomes: Outcomes) -> None:
         (length < 3, BLUE, "in two frames or fewer"),
         (length >= 3, RED, "in three or more"),
     ):
-        left.plot(frame[mine], row[mine], ",", color=colour)
+        left.plot(frame[mine], row[mine], "s", color=colour, ms=1.6, mew=0)
         left.plot([], [], "s", color=colour, ms=4, label=label)
     left.invert_yaxis()
-    left.legend(fontsize=8, frameon=False, loc="upper right", title="landmark seen",
+    left.legend(fontsize=8, frameon=False, loc="lower left", title="landmark seen",
                 title_fontsize=8)  # fmt: skip
     tidy(left, "frame", "landmark", f"{first.scene}, seed {first.seed}")
     edges = np.logspace(-2, 3, 60)
@@ -131,6 +132,7 @@ def _draw(figure: "Figure", outcomes: Outcomes) -> None:
         share, _ = np.histogram(far.clip(edges[0], edges[-1]), edges)
         right.stairs(100 * share / len(far), edges, color=colour, ls=style, label=variant.label)
     right.set_xscale("log")
+    right.set_yscale("log")
     right.legend(fontsize=8, frameon=False)
     tidy(right, "distance of a point from the nearest camera, m", "points, %", "all drives")
 
