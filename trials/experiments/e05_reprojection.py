@@ -149,7 +149,8 @@ def _no_spike(found: Sequence[Reprojection]) -> str:
     return (
         "There is no spike to repair: what RANSAC accepts is bounded by its threshold, and of "
         f"{fast.sum()} frames that turn by more than {FAST_DEG_S:g} °/s "
-        f"{np.isnan(before[fast]).sum()} keep too few landmarks to tell. Everywhere else refinement of the motion lowers the error "
+        f"{np.isnan(before[fast]).sum()} keep too few landmarks to tell. "
+        "Everywhere else refinement of the motion lowers the error "
         f"of the inliers, from {np.nanmean(before):.2f} to {np.nanmean(after):.2f} px."
     )
 

@@ -144,7 +144,7 @@ def _draw(figure: "Figure", outcomes: Outcomes) -> None:
         for end in ends:
             panel.axvline(end, color=GREY, lw=0.6)
     panel.set_yscale("log")
-    panel.legend(fontsize=8, frameon=False, ncols=2, loc="upper right")
+    panel.legend(fontsize=8, frameon=False, ncols=2, loc="lower right")
     tidy(panel, "time stood still, s", "distance from where the halt began, mm",
          f"stop_and_go with noise, seed {first.seed}")  # fmt: skip
 

@@ -86,6 +86,9 @@ def draw_sweep(
         panel.set_xscale("log")
         if k:
             panel.set_yscale("log")
+            for write_ticks in (panel.yaxis.set_major_formatter, panel.yaxis.set_minor_formatter):
+                write_ticks("{x:.2g}")
+            panel.tick_params(axis="y", which="minor", labelsize=7)
         else:
             panel.set_ylim(bottom=0)
         tidy(panel, setting, heading)
