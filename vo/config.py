@@ -38,7 +38,7 @@ class FeatureSettings(Settings):
         default=0.8, ge=0, description="Gaussian that noisy images go through; 0 never"
     )
     clear_share: float = Field(
-        default=0.1,
+        default=0.15,
         ge=0,
         le=1,
         description="images are noisy if a smaller share of new features has a depth",

@@ -47,6 +47,6 @@ def test_shares_have_wilsons_interval(ones, n):
 
 def test_a_summary_names_every_measure():
     told = summary([GOOD, replace(GOOD, outcome="timeout", time_s=120.0)])
-    assert told["success"].startswith("0.50 (0.09–0.91)")
+    assert told["success"].startswith("0.50 (0.09 to 0.91)")
     assert told["SPL"].startswith("0.40 (")
     assert told["time s"].startswith("75.0 (")
