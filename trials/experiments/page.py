@@ -16,6 +16,9 @@ all` makes the recordings, runs the variants, draws the figures and writes this 
 after a figure is at 95 %, over drives (Student's t; ratios of paired drives by their logarithms).
 """
 
+FIGURES = "0123456789-–"
+"""What a cell with a figure, or with none to show, begins with."""
+
 MOODS: dict[Verdict, Mood] = {
     Verdict.HOLDS: "good",
     Verdict.PARTLY: "mixed",
@@ -105,8 +108,9 @@ def _section(record: Record, pictures: str) -> str:
 
 
 def markdown_table(table: TableOf) -> str:
-    """Lay out a table for Markdown: text to the left, the rest to the right."""
+    """Lay out a table for Markdown: text to the left, figures to the right."""
     head = " | ".join(table.columns)
-    rule = "|".join("---" if k == 0 else "---:" for k in range(len(table.columns)))
+    cells = zip(*table.rows, strict=True)
+    rule = "|".join("---:" if all(x[:1] in FIGURES for x in column) else "---" for column in cells)
     rows = [" | ".join(row) for row in table.rows]
     return "\n".join([f"| {head} |", f"|{rule}|", *(f"| {row} |" for row in rows), ""])
