@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from trials.commands.datasets import Config, Disturb, Overrides
+from trials.commands.runs import Choice, Label, Program, Timeout
 
 if TYPE_CHECKING:
     from trials.estimators import Named
@@ -26,23 +27,10 @@ COMPARE = ("accept", "plan", "json_file", "markdown", "junit")
 def gate(
     ctx: typer.Context,
     baseline: Annotated[Path, typer.Option(help="JSON file of the baseline.")],
-    estimator: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="driftyard, thesis, corner_flow or module:Class.",
-            show_default="driftyard",
-        ),
-    ] = None,
-    command: Annotated[
-        str | None, typer.Option(metavar="CMD", help="Or a program, as for run.")
-    ] = None,
-    timeout: Annotated[
-        float, typer.Option(metavar="SECONDS", min=0, help="Longest that the program may run.")
-    ] = 3600.0,
-    label: Annotated[
-        str, typer.Option(help="What tables call the program.", show_default="its file name")
-    ] = "",
+    estimator: Choice = None,
+    command: Program = None,
+    timeout: Timeout = 3600.0,
+    label: Label = "",
     overrides: Overrides = None,
     config: Config = None,
     cache: Annotated[Path, typer.Option(help="Folder of recordings.")] = Path("build/lab"),

@@ -15,33 +15,37 @@ if TYPE_CHECKING:
 
 Dataset = Annotated[Path, typer.Argument(help="driftyard, EuRoC or KITTI odometry folder.")]
 Files = Annotated[list[Path], typer.Argument(metavar="FILE...", help="Trajectories, TUM format.")]
+Choice = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help="driftyard, thesis, corner_flow or module:Class.",
+        show_default="driftyard",
+    ),
+]
+Program = Annotated[
+    str | None,
+    typer.Option(
+        metavar="CMD",
+        help="Or a program with {dataset} and {out} among its words; it writes a trajectory "
+        "of the left camera, TUM format.",
+    ),
+]
+Timeout = Annotated[
+    float, typer.Option(metavar="SECONDS", min=0, help="Longest that the program may run.")
+]
+Label = Annotated[
+    str, typer.Option(help="What tables call the program.", show_default="its file name")
+]
 
 
 def run(
     dataset: Dataset,
     out: Annotated[Path, typer.Option(help="Trajectory to write, TUM format.")],
-    estimator: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="driftyard, thesis, corner_flow or module:Class.",
-            show_default="driftyard",
-        ),
-    ] = None,
-    command: Annotated[
-        str | None,
-        typer.Option(
-            metavar="CMD",
-            help="Or a program with {dataset} and {out} among its words; it writes a trajectory "
-            "of the left camera, TUM format.",
-        ),
-    ] = None,
-    timeout: Annotated[
-        float, typer.Option(metavar="SECONDS", min=0, help="Longest that the program may run.")
-    ] = 3600.0,
-    label: Annotated[
-        str, typer.Option(help="What tables call the program.", show_default="its file name")
-    ] = "",
+    estimator: Choice = None,
+    command: Program = None,
+    timeout: Timeout = 3600.0,
+    label: Label = "",
     overrides: Overrides = None,
     config: Config = None,
 ) -> None:
