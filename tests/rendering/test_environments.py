@@ -478,12 +478,12 @@ import sys, gymnasium, trials.gym
 from trials.gym.memory import resident_mb
 env = gymnasium.make("driftyard/RoverNav-v0", disable_env_checker=True, scene=sys.argv[1],
     settings={"rig.width_px": 160, "rig.height_px": 120}, localization="truth")
-for k in range(60):
+resident = []
+for k in range(80):
     env.reset(options={"layout": k})
     env.step(env.action_space.sample())
-    if k == 19:
-        before = resident_mb()
-print(resident_mb() - before)
+    resident.append(resident_mb())
+print(min(resident[60:]) - min(resident[20:40]))
 """
 
 
@@ -491,4 +491,6 @@ def test_resets_to_other_worlds_leave_nothing_behind(yard):
     told = subprocess.run(
         [sys.executable, "-c", MEMORY, yard], capture_output=True, text=True, check=True
     )
-    assert float(told.stdout) < 20  # MB over 40 worlds; a context alone takes more than that
+    # MB over 40 worlds, between the lowest of two stretches: what the allocator keeps for a while
+    # swings by tens. Forty contexts take more than 800, forty compiled worlds more than 80.
+    assert float(told.stdout) < 40
