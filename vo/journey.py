@@ -10,9 +10,10 @@ from vo.config import OdometrySettings
 from vo.contract import se3
 from vo.contract.arrays import Array
 from vo.contract.rig import StereoRig
+from vo.correspondence import Matches
 from vo.history import History
 from vo.recovery import find_again
-from vo.standing import Rest
+from vo.standing import Rest, stands
 from vo.tracks import LocalMap, empty_map
 from vo.triplets import Sighting
 from vo.view import View
@@ -70,6 +71,25 @@ class Journey:
         T_keyframe_cam = se3.inverse(keyframe.T_odom_cam) @ T_odom_cam
         self.history.place(self.last_ns, keyframe.serial, T_keyframe_cam)
         return step
+
+    def note(self, view: View, inliers: Matches) -> None:
+        """Count a view of the landmarks that agree with its pose."""
+        self.map = self.map.seen(inliers.rows, inliers.features, view.vectors)
+        self.before = Sighting(view.frame.left, inliers.ids, inliers.pixels)
+
+    def wheels_rest(self, view: View) -> bool:
+        """Whether encoders say that no wheel has turned since the camera last moved."""
+        if view.settings.standing != "encoders" or self.rest is None:
+            return False
+        return self.rest.wheel_ticks is not None and view.frame.wheel_ticks == self.rest.wheel_ticks
+
+    def halt(self, view: View, inliers: Matches, rig: StereoRig) -> Rest | None:
+        """Where the camera still stands (5.1.3, E11); None if it moves, or nobody asks."""
+        standing = view.settings.standing
+        if self.rest is None or standing == "none":
+            return None
+        ticks = view.frame.wheel_ticks if standing == "encoders" else None
+        return self.rest if stands(self.rest, inliers, ticks, rig) else None
 
     def lose(self, patience: int) -> None:
         """Count a frame without a pose; when patience ends, the next view starts a new map.

@@ -12,6 +12,7 @@ import numpy as np
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices
 from vo.contract.rig import StereoRig
+from vo.contract.sequence import StereoFrame
 from vo.correspondence import Matches
 
 SIGNIFICANT = 28 * 2.5
@@ -60,6 +61,11 @@ class Rest:
     ids: Indices
     pixels: Array
     wheel_ticks: tuple[int, int] | None
+
+    @classmethod
+    def at(cls, T_odom_cam: Array, spread: Array, inliers: Matches, frame: StereoFrame) -> "Rest":
+        """Rest at a pose, by the landmarks that agree with it."""
+        return cls(T_odom_cam, spread, inliers.ids, inliers.pixels, frame.wheel_ticks)
 
 
 def stands(

@@ -1,6 +1,6 @@
 """What one stereo frame shows before its pose is known."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -23,12 +23,14 @@ class View:
         features: Of the left image.
         vectors: (N, P) appearance of the features.
         dense: Disparity map, NaN where unknown; of size zero where stereo is sparse.
+        settings: What this image is met with.
     """
 
     frame: StereoFrame
     features: Features
     vectors: Array
     dense: Array
+    settings: OdometrySettings
 
 
 def look(
@@ -43,22 +45,22 @@ def look(
     Args:
         frame: The pair.
         dense_stereo: Matches the eyes, if stereo is dense.
-        settings: Of features and patches.
+        settings: What the image is met with, in this stage and all that follow.
         clock: Times the stages.
         smoothing_px: Standard deviation of a Gaussian that both images go through first.
     """
     if smoothing_px > 0:
-        frame = StereoFrame(
-            frame.timestamp_ns,
-            _smooth(frame.left, smoothing_px),
-            _smooth(frame.right, smoothing_px),
+        frame = replace(
+            frame,
+            left=_smooth(frame.left, smoothing_px),
+            right=_smooth(frame.right, smoothing_px),
         )
     with clock("features"):
         features = detect(frame.left, settings.features)
         vectors = describe(frame.left, features.pixels, settings.matching.patch_px)
     with clock("stereo"):
         dense = dense_stereo(frame.left, frame.right)
-    return View(frame, features, vectors, dense)
+    return View(frame, features, vectors, dense, settings)
 
 
 def _smooth(image: Image, sigma_px: float) -> Image:

@@ -1,0 +1,36 @@
+"""How images are looked at: through wider windows where they are faint, smoothed where noisy."""
+
+from vo.config import OdometrySettings
+from vo.contract.clock import Clock
+from vo.contract.sequence import StereoFrame
+from vo.hooks import Hooks
+from vo.noise import texture_to_noise, widened
+from vo.replacement import replace_features
+from vo.stereo import DenseStereo
+from vo.view import View, look
+
+
+class Eyes:
+    """Turns frames into views; images that have once been found noisy are smoothed ever after."""
+
+    def __init__(self, settings: OdometrySettings, hooks: Hooks) -> None:
+        """Look by these settings, which faint images replace; hooks may replace features."""
+        self._settings, self._widened, self._hooks = settings, widened(settings), hooks
+        self._dense_stereo = DenseStereo(settings.stereo)
+        self._smoothing_px = 0.0
+
+    def look(self, frame: StereoFrame, clock: Clock) -> View:
+        """Find features (thesis 3.2) and, if stereo is dense, depth (3.1)."""
+        with clock("features"):
+            faint = texture_to_noise(frame.left) < self._settings.faint.texture_to_noise
+        settings = self._widened if faint else self._settings
+        view = look(frame, self._dense_stereo, settings, clock, self._smoothing_px)
+        return replace_features(self._hooks, view, settings)
+
+    def mind(self, depth_share: float) -> bool:
+        """Take to smoothing if too small a share of features had a depth; whether that is new."""
+        s = self._settings.features
+        news = depth_share < s.clear_share and self._smoothing_px < s.smoothing_px
+        if news:
+            self._smoothing_px = s.smoothing_px
+        return news

@@ -1,0 +1,115 @@
+"""Where a view lies in the map: matched about a guess, oriented, refined (thesis 3.2-3.4)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vo.appearance import eyes_look_swapped
+from vo.contract.arrays import Array
+from vo.contract.clock import Clock
+from vo.contract.estimator import Observations
+from vo.correspondence import Matches, find_matches, find_more
+from vo.gear import Gear
+from vo.journey import Journey
+from vo.localisation import agreeing, orient, refine_pose
+from vo.refine import Pose
+from vo.replacement import replace_inliers, replace_matches
+from vo.triplets import consistent
+from vo.trust import believed
+from vo.view import View
+
+ONE_EYED = 0.7
+"""Share of inliers without disparity above which the right image shows something else."""
+
+
+@dataclass(frozen=True)
+class Location:
+    """A view's pose, and what it rests on.
+
+    Attributes:
+        pose: In the odometry frame.
+        matches: Landmarks that were found, inliers or not.
+        inliers: Those that agree with the pose.
+    """
+
+    pose: Pose
+    matches: Matches
+    inliers: Matches
+
+    def observations(self) -> Observations:
+        """Tell others what was seen."""
+        found = self.matches
+        agree = np.isin(found.ids, self.inliers.ids)
+        return Observations(found.ids, found.pixels, found.measured[:, 2], agree)
+
+
+def locate(
+    here: Journey, view: View, gear: Gear, counts: dict[str, int], clock: Clock
+) -> Location | None:
+    """Search where the expected motion leads, then anywhere near; None if too few agree.
+
+    Args:
+        here: Its map, last pose and motion.
+        view: The new frame.
+        gear: Calibration, hooks, samples.
+        counts: Receives how many items survive each stage.
+        clock: Times the stages.
+    """
+    for T_guess, reach_px in _guesses(here, view, gear):
+        if found := _locate_about(T_guess, reach_px, here, view, gear, counts, clock):
+            blind = np.isnan(found.inliers.measured[:, 2]).mean() > ONE_EYED
+            return None if blind and eyes_look_swapped(view, view.settings) else found
+    return None
+
+
+def _guesses(here: Journey, view: View, gear: Gear) -> tuple[tuple[Array, float], ...]:
+    """Predicted poses and how far to search about them: the expected motion, then any."""
+    s = view.settings
+    steady = s.matching.predict == "steady" and not here.wheels_rest(view)
+    expected = here.T_odom_cam @ (here.T_before_now if steady else np.eye(4))
+    expected = gear.hooks.predicted(view.frame, here.last_ns, here.T_odom_cam, expected)
+    return (expected, s.matching.search_px), (here.T_odom_cam, s.matching.widest_search_px)
+
+
+def _locate_about(
+    T_guess: Array, reach_px: float, here: Journey, view: View, gear: Gear,
+    counts: dict[str, int], clock: Clock,
+) -> Location | None:  # fmt: skip
+    s, rig, hooks, local_map = view.settings, gear.rig, gear.hooks, here.map
+    with clock("matching"):  # marriage by ZNCC, sub-pixel alignment (3.2)
+        matches = find_matches(local_map, view, T_guess, reach_px, rig, s)
+        matches = replace_matches(hooks, _confirmed(matches, here, view), local_map, view, s)
+        counts["matches"] = len(matches)
+    with clock("motion"):  # orientation under RANSAC (3.3)
+        weights = believed(matches, local_map, here.strikes, T_guess, rig, s)
+        consensus = orient(matches, T_guess, weights, rig, s, gear.rng)
+        if consensus is None:
+            return None
+        agreed = replace_inliers(hooks, view, matches, matches.select(consensus.inliers))
+        counts["consensus"] = len(agreed)
+        if len(agreed) < s.motion.least_inliers:
+            return None
+    with clock("motion refinement"):  # at every frame (3.4)
+        pose = refine_pose(consensus.T, agreed, rig, s)
+        counts["motion iterations"] = pose.iterations
+    if s.matching.guided:
+        with clock("guided matching"):  # the other landmarks, where the pose puts them (F5)
+            matches = find_more(local_map, view, pose.T_world_cam, matches, rig, s)
+            matches = replace_matches(hooks, _confirmed(matches, here, view), local_map, view, s)
+            agreed = agreeing(pose.T_world_cam, matches, rig, s.motion)
+            agreed = replace_inliers(hooks, view, matches, agreed)
+            pose = refine_pose(pose.T_world_cam, agreed, rig, s)
+            counts["motion iterations"] += pose.iterations
+    inliers = agreeing(pose.T_world_cam, matches, rig, s.motion)
+    inliers = replace_inliers(hooks, view, matches, inliers)
+    counts["found"], counts["inliers"] = len(matches), len(inliers)
+    return Location(pose, matches, inliers) if len(inliers) >= s.motion.least_inliers else None
+
+
+def _confirmed(matches: Matches, here: Journey, view: View) -> Matches:
+    """Matches that the frame before confirms, if it is asked (F4)."""
+    s = view.settings.matching
+    if not s.triplets or here.before is None:
+        return matches
+    left = view.frame.left
+    return matches.select(consistent(matches, here.map.landmarks, here.before, left, s.align_px))
