@@ -2,6 +2,7 @@
 
 import json
 
+import cv2
 import pytest
 from gym_worlds import write_yard
 from terminal import driftyard
@@ -14,25 +15,30 @@ SHORT = ("--option", "distance_m=[1.0, 2.5]")
 
 def test_sources_are_compared_on_the_same_ways(tmp_path):
     write_yard(tmp_path)
-    words = ("--localization", "truth,wheels", "--worlds", 2, "--out", "trials.jsonl")
+    sources = "truth,wheels,drift:90"
+    words = ("--localization", sources, "--worlds", 2, "--out", "trials.jsonl")
+    words = (*words, "--figure", "curve.png")
     done = driftyard("drive", "yard.xml", *words, *SMALL, *SHORT, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     for word in ("success", "collisions", "SPL", "soft SPL", "BARN score", "truth", "wheels"):
         assert word in done.stdout
     trials = [json.loads(line) for line in (tmp_path / "trials.jsonl").read_text().splitlines()]
-    assert [t["localization"] for t in trials] == ["truth", "wheels"] * 2
-    assert [t["layout"] for t in trials] == [0, 0, 1, 1]
-    for first, second in (trials[:2], trials[2:]):
-        assert first["way_m"] == second["way_m"]
-        assert first["error_m"] < 1e-9 < second["error_m"]
-    assert trials[0]["way_m"] != trials[2]["way_m"]
-    assert {t["outcome"] for t in trials} == {"success"}
+    assert [t["localization"] for t in trials] == sources.split(",") * 2
+    assert [t["layout"] for t in trials] == [0] * 3 + [1] * 3
+    for truth, *others in (trials[:3], trials[3:]):
+        assert {t["way_m"] for t in others} == {truth["way_m"]}
+        errors = [t["error_m"] for t in (truth, *others)]
+        assert errors[0] < 1e-9 < errors[1] < errors[2]
+    assert trials[0]["way_m"] != trials[3]["way_m"]
+    assert {t["outcome"] for t in trials if t["localization"] != "drift:90"} == {"success"}
+    assert cv2.imread(str(tmp_path / "curve.png")).shape[1] > 800
 
 
 @pytest.mark.parametrize(
     ("words", "said"),
     [
         (("yard.xml", "--localization", "gps"), "unknown localization gps"),
+        (("yard.xml", "--localization", "drift:much"), "drift: and per cent"),
         (("yard.xml", "--option", "bays=3"), "bays"),
         (("yard.xml", "--set", "rig.width"), "rig.width: expected key=value"),
         (("moon",), "unknown scene moon"),

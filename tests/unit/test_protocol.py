@@ -19,6 +19,7 @@ GOOD = Trial(
     left_m=0.3,
     optimal_s=8.0,
     error_m=0.02,
+    drift_percent=0.5,
     lost_share=0.0,
 )
 

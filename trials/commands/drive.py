@@ -1,17 +1,27 @@
 """Closed-loop trials: what the errors of a localization cost a rover that must get somewhere."""
 
+import json
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from trials.commands.datasets import Disturb, SceneName
 
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from trials.gym.protocol import Trial
+
 
 def drive(
     scene: SceneName,
     localization: Annotated[
-        str, typer.Option(help="Sources: truth, wheels, vo, another estimator, module:Class.")
+        str,
+        typer.Option(
+            help="Sources: truth, drift:PERCENT, wheels, vo, another estimator, module:Class."
+        ),
     ] = "truth,wheels,vo",
     worlds: Annotated[int, typer.Option(min=1, help="Layouts of the scene.")] = 10,
     runs: Annotated[int, typer.Option(min=1, help="Starts and goals in each.")] = 1,
@@ -26,19 +36,25 @@ def drive(
     ] = None,
     disturb: Disturb = "",
     out: Annotated[
-        Path | None, typer.Option(help="JSON lines, one for each trial, written as they end.")
+        Path | None,
+        typer.Option(help="JSON lines, one for each trial. An interrupted study goes on."),
+    ] = None,
+    figure: Annotated[
+        Path | None, typer.Option(help="PNG: success and collisions over drift.")
     ] = None,
 ) -> None:
-    """Drive to goals in many worlds by each source of localization, and compare."""
-    import json
-    from dataclasses import asdict
+    """Drive to goals in many worlds by each source of localization, and compare.
 
-    from rich.table import Table
+    Sources such as drift:5,drift:20,drift:80 inject that drift, for a curve of sensitivity.
+    """
+    from itertools import chain
 
     from trials.commands import console
+    from trials.gym.fleet import run_trials
+    from trials.gym.ledger import Ledger
     from trials.gym.policies import NavigatorPolicy
-    from trials.gym.protocol import Trial, run_trials, summary
     from trials.gym.settings import NavSettings
+    from trials.report.figure import save_figure
     from vo.contract.settings import validated
 
     options = {
@@ -49,27 +65,40 @@ def drive(
         **_sorted_options(option or []),
         "observe": NavigatorPolicy.NEEDS,
     }
-    validated(NavSettings, options)
+    trial = validated(NavSettings, options)
     sources = [word.strip() for word in localization.split(",") if word.strip()]
-    done: list[Trial] = []
-    file = out.open("w", encoding="utf-8") if out else None
-    try:
-        with console.progress_bar("driving") as progress:
-            total = worlds * runs * len(sources)
-            for trial in run_trials(options, sources, range(seed, seed + worlds), runs):
-                done.append(trial)
-                progress(len(done), total)
-                if file:
-                    file.write(json.dumps(asdict(trial)) + "\n")
-                    file.flush()
-    finally:
-        if file:
-            file.close()
-    columns = {source: summary([t for t in done if t.localization == source]) for source in sources}
-    table = Table(f"{scene}, {worlds} worlds x {runs}", *sources)
-    for name in columns[sources[0]]:
+    study = json.dumps({"options": trial.model_dump(mode="json"), "sources": sources, "runs": runs})
+    ledger = Ledger(out, study) if out else None
+    done = dict(ledger.done) if ledger else {}
+    missing = [k for k in range(seed, seed + worlds) if k not in done]
+    with console.counting_bar("worlds", len(missing)) as count:
+        for of_world in run_trials(options, sources, missing, runs):
+            done[of_world[0].layout] = of_world
+            if ledger:
+                ledger.add(of_world)
+            count(of_world)
+    if ledger:
+        ledger.close()
+    every = list(chain.from_iterable(done[k] for k in sorted(done)))
+    by_source = {x: [t for t in every if t.localization == x] for x in sources}
+    console.out.print(_table(f"{scene}, {worlds} worlds x {runs}", by_source))
+    if figure:
+        from trials.gym.sensitivity import draw_sensitivity
+
+        save_figure(figure, (8.0, 3.4), lambda empty: draw_sensitivity(empty, by_source))
+
+
+def _table(title: str, by_source: Mapping[str, "list[Trial]"]) -> "Table":
+    """Lay out one column a source."""
+    from rich.table import Table
+
+    from trials.gym.protocol import summary
+
+    columns = {source: summary(of_source) for source, of_source in by_source.items()}
+    table = Table(title, *columns)
+    for name in next(iter(columns.values())):
         table.add_row(name, *(column[name] for column in columns.values()))
-    console.out.print(table)
+    return table
 
 
 def _values(words: list[str]) -> dict[str, object]:

@@ -1,5 +1,6 @@
 """Where the rover believes to be: by the truth, by its wheels, or by an estimator."""
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -64,6 +65,45 @@ class Truth:
         return Belief(sight.T_world_body, Status.TRACKED)
 
 
+DRIFT = "drift:"
+DRIFT_DEG_PER_M = 0.25
+"""Rotation error beside one per cent of drift: what the estimator shows over all scenes."""
+
+
+class Drifting:
+    """The truth with an injected drift: a random walk of position and heading.
+
+    It grows with what the faster wheel rolls, so that turning on the spot has its errors too.
+    """
+
+    def __init__(self, percent: float, seed: int) -> None:
+        """Choose how much.
+
+        Args:
+            percent: Mean error of position after one metre, had the heading no error.
+            seed: Of the walk.
+        """
+        self._rng = np.random.default_rng([seed, 2])
+        across_m = percent / 100 / math.sqrt(math.pi / 2)  # of a mean length of a 2-D Gaussian
+        turned_rad = math.radians(DRIFT_DEG_PER_M * percent) * math.sqrt(math.pi / 2)
+        self._sigmas = np.array([across_m, across_m, 0, 0, 0, turned_rad])
+        self._belief: Array | None = None
+
+    def update(self, sight: Sight) -> Belief:
+        """Go on by the true motion and an error."""
+        truth = sight.T_world_body
+        if self._belief is None:
+            self._belief, self._last = truth, truth
+            return Belief(self._belief, Status.START)
+        motion = se3.inverse(self._last) @ truth
+        ahead_m = float(np.linalg.norm(motion[:3, 3]))
+        rolled_m = ahead_m + TRACK_M / 2 * float(se3.rotation_angle(motion))
+        error = self._rng.normal(size=6) * self._sigmas * math.sqrt(rolled_m)
+        self._belief = self._belief @ motion @ se3.exp(error)
+        self._last = truth
+        return Belief(self._belief, Status.TRACKED)
+
+
 class Wheels:
     """Dead reckoning by the wheels, along arcs in the plane that the rover stood on at first."""
 
@@ -117,23 +157,43 @@ class Visual:
         return Belief(self._last, estimate.status, estimate.reason)
 
 
-def make_localization(name: str, rig: StereoRig, ticks_per_turn: int) -> Localization:
+def make_localization(
+    name: str, rig: StereoRig, ticks_per_turn: int, seed: int = 0
+) -> Localization:
     """Build a fresh localisation.
 
     Args:
-        name: truth, wheels, vo, another estimator's name or `module:Class`.
+        name: truth, drift:PERCENT, wheels, vo, another estimator's name or `module:Class`.
         rig: Calibration as delivered.
         ticks_per_turn: Of the encoders.
+        seed: Of an injected drift.
 
     Raises:
-        SettingsError: If there is no such estimator.
+        SettingsError: If there is no such estimator, or no such drift.
         PluginError: If a class of someone's own cannot be built.
     """
     if name == "truth":
         return Truth()
     if name == "wheels":
         return Wheels(ticks_per_turn)
+    if name.startswith(DRIFT):
+        return Drifting(injected_percent(name), seed)
     if name not in ESTIMATORS and name != "vo" and ":" not in name:
-        valid = ", ".join(("truth", "wheels", "vo", *sorted(ESTIMATORS)))
+        valid = ", ".join(("truth", f"{DRIFT}PERCENT", "wheels", "vo", *sorted(ESTIMATORS)))
         raise SettingsError(f"unknown localization {name}; valid: {valid}, or module:Class")
     return Visual("driftyard" if name == "vo" else name, rig)
+
+
+def injected_percent(name: str) -> float:
+    """Per cent of `drift:PERCENT`.
+
+    Raises:
+        SettingsError: If it is no number of per cent from 0 to 1000.
+    """
+    try:
+        percent = float(name.removeprefix(DRIFT))
+    except ValueError:
+        percent = math.nan
+    if not 0 <= percent <= 1000:
+        raise SettingsError(f"localization {name}: needs {DRIFT} and per cent, 0 to 1000")
+    return percent

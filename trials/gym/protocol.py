@@ -6,21 +6,15 @@ Constrained Spaces (the BARN challenge), 2022 (a score that rewards time against
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
-import gymnasium
 import numpy as np
 from scipy import stats
 
-import trials.gym
-from trials.gym.environments import RoverNav
-from trials.gym.policies import NavigatorPolicy, Policy
 from trials.intervals import CONFIDENCE, Interval, mean_interval
 from vo.contract.arrays import Array
 
-NAV = next(iter(trials.gym.ENVIRONMENTS))
 FASTEST, SLOWEST = 2.0, 8.0
 """Multiples of the optimal time between which BARN's score falls as 1 / time."""
 
@@ -40,6 +34,7 @@ class Trial:
         left_m: Way that was left.
         optimal_s: Time for the shortest way at full speed.
         error_m: Of the localization at the end.
+        drift_percent: Of the localization over 1 m, mean; None if less was driven.
         lost_share: Of steps without a pose.
     """
 
@@ -53,6 +48,7 @@ class Trial:
     left_m: float
     optimal_s: float
     error_m: float
+    drift_percent: float | None
     lost_share: float
 
     @property
@@ -91,69 +87,9 @@ MEASURES: Mapping[str, tuple[Callable[[Trial], float], int]] = {
     "time s": (lambda t: t.time_s, 1),
     "driven m": (lambda t: t.driven_m, 2),
     "error m": (lambda t: t.error_m, 3),
+    "drift over 1 m, %": (lambda t: math.nan if t.drift_percent is None else t.drift_percent, 3),
 }
 """Name to the measure of a trial and the digits worth printing."""
-
-
-def run_trials(
-    options: Mapping[str, Any],
-    sources: Sequence[str],
-    layouts: Sequence[int],
-    runs: int,
-    policy: Callable[[RoverNav], Policy] = NavigatorPolicy,
-) -> Iterator[Trial]:
-    """Drive in every world with every source, from the same starts to the same goals.
-
-    Args:
-        options: Of RoverNav; `observe` must hold what the policy needs.
-        sources: As `localization`.
-        layouts: Seeds of the worlds.
-        runs: Pairs of start and goal in each.
-        policy: Makes what drives, after each reset.
-
-    Raises:
-        DriftyardError: If an option is refused or a world has no free place.
-    """
-    env = gymnasium.make(NAV, disable_env_checker=True, **options)
-    rover = env.unwrapped
-    assert isinstance(rover, RoverNav)
-    try:
-        for layout in layouts:
-            for run in range(runs):
-                for source in sources:
-                    seed = layout * runs + run
-                    chosen = {"layout": layout, "localization": source}
-                    observation, info = rover.reset(seed=seed, options=chosen)
-                    yield _drive(rover, policy(rover), observation, info, run, source)
-    finally:
-        env.close()
-
-
-def _drive(
-    env: RoverNav,
-    policy: Policy,
-    observation: dict[str, Array],
-    info: dict[str, Any],
-    run: int,
-    source: str,
-) -> Trial:
-    steps = lost = 0
-    while not info["outcome"]:
-        observation, _, _, _, info = env.step(policy.act(observation))
-        steps, lost = steps + 1, lost + (info["status"] == "lost")
-    return Trial(
-        env.site.layout,
-        run,
-        source,
-        info["outcome"],
-        info["time_s"],
-        info["driven_m"],
-        info["way_m"],
-        info["left_m"],
-        info["way_m"] / env.trial.speed_max_mps,
-        info["error_m"],
-        lost / steps,
-    )
 
 
 def share_interval(values: Array) -> Interval:

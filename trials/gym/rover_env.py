@@ -113,7 +113,7 @@ class RoverEnv(gymnasium.Env[Observation, Array]):
         self._most_steps = math.ceil(trial.time_limit_s * trial.rate_hz - 1e-9)
         stage.eyes.reset(noise, self._most_steps + 1)
         ticks_per_turn = settings.encoders.ticks_per_turn
-        self._localization = make_localization(localization, stage.eyes.rig, ticks_per_turn)
+        self._localization = make_localization(localization, stage.eyes.rig, ticks_per_turn, noise)
         self._believes, self._sees = localization, trial.sees(localization)
         self._inertial = InertialUnit(settings.imu, np.random.default_rng([noise, 1]))
         self._watch, self._steps, self._over, self.outcome = Watch(simulation), 0, False, ""

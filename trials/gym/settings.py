@@ -3,11 +3,13 @@
 from collections.abc import Mapping
 from typing import Any, Literal, Self
 
-from pydantic import Field, PositiveFloat, model_validator
+from pydantic import Field, PositiveFloat, field_validator, model_validator
 
 from scenes import find_scene
 from sim.disturbances import disturbed, parse_disturbances
 from sim.settings import OptionValue, RecordSettings
+from trials.gym.dynamics import parse_dynamics
+from vo.contract.errors import SettingsError
 from vo.contract.settings import Settings, amended, resolve
 
 Channel = Literal["left", "right", "disparity", "pose", "encoders", "imu", "goal"]
@@ -57,7 +59,8 @@ class TrialSettings(Settings):
 
     def sees(self, localization: str) -> bool:
         """Whether pictures are needed at every step."""
-        return bool(SEEN & set(self.observe)) or localization not in ("truth", "wheels")
+        blind = localization in ("truth", "wheels") or localization.startswith("drift:")
+        return bool(SEEN & set(self.observe)) or not blind
 
     @property
     def driven(self) -> Mapping[str, Any]:
@@ -91,6 +94,18 @@ class NavSettings(TrialSettings):
     distance_m: tuple[PositiveFloat, PositiveFloat] = Field(
         default=(3.0, 10.0), description="least and largest way from start to goal"
     )
+    dynamics: str = Field(
+        default="", description="what moves on the way: blocked_aisles=1,doors=1,traffic=2"
+    )
+
+    @field_validator("dynamics")
+    @classmethod
+    def _known_kinds(cls, text: str) -> str:
+        try:
+            parse_dynamics(text)
+        except SettingsError as error:
+            raise ValueError(str(error)) from None
+        return text
 
     @model_validator(mode="after")
     def _some_distance(self) -> Self:

@@ -1,0 +1,87 @@
+"""The fleet: drives the trials of many worlds, two worlds at a time."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+import trials.gym
+from trials.alignment import Pair
+from trials.gym.environments import RoverNav
+from trials.gym.policies import NavigatorPolicy
+from trials.gym.protocol import Trial
+from trials.metrics import errors_over_distance
+from trials.workers import spread
+from vo.contract.arrays import Array
+
+NAV = next(iter(trials.gym.ENVIRONMENTS))
+
+
+def run_trials(
+    options: Mapping[str, Any], sources: Sequence[str], layouts: Sequence[int], runs: int
+) -> Iterator[list[Trial]]:
+    """Drive in every world with every source, from the same starts to the same goals.
+
+    Args:
+        options: Of RoverNav; `observe` must hold what the navigator needs.
+        sources: As `localization`.
+        layouts: Seeds of the worlds.
+        runs: Pairs of start and goal in each.
+
+    Yields:
+        The trials of a world, as worlds are done with.
+
+    Raises:
+        DriftyardError: If an option is refused or a world has no free place.
+    """
+    for _, of_world in spread(drive_world, [(dict(options), sources, k, runs) for k in layouts]):
+        yield of_world
+
+
+def drive_world(
+    options: Mapping[str, Any], sources: Sequence[str], layout: int, runs: int
+) -> list[Trial]:
+    """Drive every run of one world with every source; see `run_trials`."""
+    env = gymnasium.make(NAV, disable_env_checker=True, **options)
+    rover = env.unwrapped
+    assert isinstance(rover, RoverNav)
+    try:
+        return [
+            _drive(rover, layout, run, layout * runs + run, source)
+            for run in range(runs)
+            for source in sources
+        ]
+    finally:
+        env.close()
+
+
+def _drive(env: RoverNav, layout: int, run: int, seed: int, source: str) -> Trial:
+    observation, info = env.reset(seed=seed, options={"layout": layout, "localization": source})
+    policy = NavigatorPolicy(env)
+    told = [info]
+    while not info["outcome"]:
+        observation, _, _, _, info = env.step(policy.act(observation))
+        told.append(info)
+    return Trial(
+        layout,
+        run,
+        source,
+        info["outcome"],
+        info["time_s"],
+        info["driven_m"],
+        info["way_m"],
+        info["left_m"],
+        info["way_m"] / env.trial.speed_max_mps,
+        info["error_m"],
+        drift_percent(told),
+        sum(x["status"] == "lost" for x in told) / len(told),
+    )
+
+
+def drift_percent(told: Sequence[Mapping[str, Any]]) -> float | None:
+    """Mean drift over 1 m of what the steps of a trial told; None if the path is shorter."""
+    times_ns: Array = np.array([round(1e9 * x["time_s"]) for x in told])
+    T_true, T_estimated = (np.array([x[key] for x in told]) for key in ("T_true", "T_estimated"))
+    errors = errors_over_distance(Pair(times_ns, T_true, T_estimated), 1.0)
+    return 100 * float(errors.translation_m.mean()) if len(errors) else None
