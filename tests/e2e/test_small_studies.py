@@ -65,7 +65,7 @@ def test_an_unknown_experiment_is_refused(tmp_path):
 def test_an_unknown_axis_is_refused(tmp_path):
     result = driftyard("stress", "wind", cwd=tmp_path)
     assert result.returncode == 2
-    assert "unknown axis wind; valid: exposure, brick_height" in result.stderr
+    assert "unknown axis wind; valid: all, exposure, brick_height" in result.stderr
 
 
 def test_stress_finds_where_the_baseline_breaks(tmp_path):
@@ -75,4 +75,5 @@ def test_stress_finds_where_the_baseline_breaks(tmp_path):
     assert "Is broken on office as it is" in result.stdout
     (figure,) = (tmp_path / "build/stress").glob("*.png")
     assert figure.stat().st_size > 10_000
-    assert json.loads(figure.with_suffix(".json").read_text())["bracket"] == [0.0, 0.0]
+    found = json.loads(figure.with_suffix(".json").read_text())["estimators"]
+    assert found["corner_flow"]["bracket"] == [0.0, 0.0]

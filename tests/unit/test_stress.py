@@ -6,7 +6,9 @@ import pytest
 
 from sim.disturbances import parse_disturbances
 from trials.commands.datasets import record_settings
-from trials.stress import AXES, Axis, Curve, Limits, Response, columns, stress, verdict
+from trials.report.stress import columns, page_text, write_curves, write_page
+from trials.strengths import AXES, MAIN, Axis
+from trials.stress import Curve, Limits, Response, stress, verdict
 
 AXIS = Axis("strength", 8.0)
 
@@ -44,8 +46,27 @@ def test_what_is_broken_from_the_start_is_said():
 
 
 def test_every_drive_is_a_row():
-    table = columns(search(2.0, rounds=1))
-    assert {len(values) for values in table.values()} == {8}
+    table = columns({"one": search(2.0, rounds=1), "other": search(5.0, rounds=0)})
+    assert {len(values) for values in table.values()} == {8 + 6}
+    assert table["estimator"] == ["one"] * 8 + ["other"] * 6
+
+
+def test_the_page_says_where_each_breaks(tmp_path):
+    curves = {"one": search(2.6), "other": search(100.0), "third": search(0.01)}
+    figure = write_curves("noise", curves, tmp_path / "out")
+    page = tmp_path / "docs/stress.md"
+    write_page({"noise": curves}, {"noise": figure}, "driftyard stress noise", page)
+    text = page.read_text()
+    assert text == page_text({"noise": curves}, "driftyard stress noise")
+    assert "| strength | office | 2.5 to 2.56 | none up to 8 | 0: as it is |" in text
+    assert "2 drives at each strength" in text
+    assert (page.parent / "images/stress/noise.png").read_bytes() == figure.read_bytes()
+
+
+def test_a_disturbance_has_the_strength_of_its_unit():
+    assert MAIN["noise"].disturb(6.0) == "noise=2"
+    assert AXES["slip"].disturb(1.5) == "slip=1.5"
+    assert AXES["slip"].disturb(0.0) == ""
 
 
 @pytest.mark.parametrize("name", AXES)

@@ -1,15 +1,15 @@
 """Turning one disturbance up until the estimator breaks: `driftyard stress`."""
 
-import csv
-import json
+import shlex
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
+    from trials.outcomes import Variant
+    from trials.strengths import Axis
     from trials.stress import Curve
 
 
@@ -17,14 +17,18 @@ def stress(
     axis: Annotated[
         str,
         typer.Argument(
-            metavar="AXIS", help="exposure, brick_height, speed, texture, or a disturbance's name."
+            metavar="AXIS",
+            help="exposure, brick_height, noise, calibration, texture, speed, all of these, "
+            "or a disturbance's name; several as a,b.",
         ),
     ],
     scene: Annotated[
         str | None, typer.Option(help="Where to drive.", show_default="one that suits the axis")
     ] = None,
     estimator: Annotated[
-        str, typer.Option(metavar="NAME", help="driftyard, thesis, corner_flow or module:Class.")
+        str,
+        typer.Option(metavar="NAME", help="driftyard, thesis, corner_flow or module:Class; "
+                                          "several as a,b."),
     ] = "driftyard",
     command: Annotated[
         str, typer.Option(metavar="CMD", help="Or a program, as for `driftyard run`.")
@@ -42,46 +46,71 @@ def stress(
     distance: Annotated[float, typer.Option(min=1.2, help="Of each drive, metres.")] = 4.0,
     drift: Annotated[float, typer.Option(min=0, help="Drift that counts as broken, %.")] = 2.0,
     lost: Annotated[float, typer.Option(min=0, help="Lost frames that do, %.")] = 5.0,
-    out: Annotated[Path, typer.Option(help="Folder of figure and data.")] = Path("build/stress"),
-) -> None:
+    out: Annotated[Path, typer.Option(help="Folder of figures and data.")] = Path("build/stress"),
+    page: Annotated[
+        Path | None, typer.Option(help="Also write this Markdown page of all axes.")
+    ] = None,
+) -> None:  # fmt: skip
     """Drive with more and more of one thing, and find where the estimator breaks."""
-    from dataclasses import replace
-
     from trials.commands import console
     from trials.lab import NO_LABELS, perform
-    from trials.outcomes import Variant
-    from trials.report.figure import save_figure
-    from trials.stress import AXES, Limits, draw, responder, verdict
+    from trials.report.stress import write_curves, write_page
+    from trials.stress import Limits, responder
     from trials.stress import stress as turn_up
+
+    axes = _axes(axis, most)
+    variants = _variants(estimator, command, tuple(overrides or ()))
+    shared = (f"drive.distance_m={distance:g}", *NO_LABELS)
+    studies: dict[str, dict[str, Curve]] = {}
+    figures: dict[str, Path] = {}
+    for name, chosen in axes.items():
+        place = scene or chosen.scene
+        studies[name] = {}
+        for variant in variants:
+            what = f"{variant.label}: {name} on {place}"
+            with console.counting_bar(what, seeds * (points + rounds)) as count:
+                respond = responder(
+                    chosen, place, variant, tuple(range(seeds)), shared,
+                    lambda trials: perform(trials, progress=count),
+                )  # fmt: skip
+                curve = turn_up(chosen, place, respond, points, rounds, Limits(drift, lost / 100))
+            studies[name][variant.label] = curve
+            _print(curve, what)
+        figures[name] = write_curves(name, studies[name], out)
+        console.out.print(f"{figures[name]}, .csv, .json\n")
+    if page:
+        write_page(studies, figures, shlex.join(["driftyard", *sys.argv[1:]]), page)
+        console.out.print(f"{page}")
+
+
+def _axes(names: str, most: float | None) -> "dict[str, Axis]":
+    from dataclasses import replace
+
+    from trials.strengths import AXES, MAIN
     from vo.contract.errors import SettingsError
 
-    if axis not in AXES:
-        raise SettingsError(f"unknown axis {axis}; valid: {', '.join(AXES)}")
-    chosen = AXES[axis] if most is None else replace(AXES[axis], reach=most)
-    place = scene or chosen.scene
-    label = Path(command.split()[0]).name if command else estimator
-    variant = Variant(label, estimator, tuple(overrides or ()), command)
-    with console.counting_bar(f"{axis} on {place}", seeds * (points + rounds)) as count:
-        respond = responder(
-            chosen,
-            place,
-            variant,
-            tuple(range(seeds)),
-            (f"drive.distance_m={distance:g}", *NO_LABELS),
-            lambda trials: perform(trials, progress=count),
-        )
-        curve = turn_up(chosen, place, respond, points, rounds, Limits(drift, lost / 100))
-    name = f"{axis}-{place}-{label.replace(':', '_')}"
-    title = f"{label}: {axis} on {place}"
-    save_figure(out / f"{name}.png", (7.0, 4.6), lambda figure: draw(figure, curve, title))
-    _write(curve, out / name, title, verdict(curve))
-    console.out.print(_table(curve, title))
-    console.out.print(f"{verdict(curve)}\n{out / name}.png, .csv, .json")
+    chosen = list(MAIN) if names == "all" else names.split(",")
+    for name in chosen:
+        if name not in AXES:
+            raise SettingsError(f"unknown axis {name}; valid: all, {', '.join(AXES)}")
+    return {x: AXES[x] if most is None else replace(AXES[x], reach=most) for x in chosen}
 
 
-def _table(curve: "Curve", title: str) -> "Table":
+def _variants(estimators: str, command: str, overrides: tuple[str, ...]) -> "list[Variant]":
+    from trials.outcomes import Variant
+
+    if command:
+        label = Path(shlex.split(command)[0]).name
+        return [Variant(label, estimators, overrides, command)]
+    return [Variant(name, name, overrides) for name in estimators.split(",")]
+
+
+def _print(curve: "Curve", title: str) -> None:
     import numpy as np
     from rich.table import Table
+
+    from trials.commands import console
+    from trials.stress import verdict
 
     table = Table(
         curve.axis.label, "drift over 1 m, %, by drive", "lost, %", "broken", title=title,
@@ -91,26 +120,9 @@ def _table(curve: "Curve", title: str) -> "Table":
         drifts = " ".join("–" if np.isnan(d) else f"{d:.3f}" for d in x.drift_percent)
         broken = f"{sum(x.broken(curve.limits))} of {len(x.seeds)}"
         table.add_row(f"{x.strength:.4g}", drifts, f"{100 * np.mean(x.lost_share):.1f}", broken)
-    return table
-
-
-def _write(curve: "Curve", stem: Path, title: str, sentence: str) -> None:
-    from trials.stress import columns
-    from vo.contract.files import replacing, write_text
-
-    table = columns(curve)
-    with replacing(stem.with_suffix(".csv")) as partial, partial.open("w", newline="") as stream:
-        rows = csv.writer(stream, lineterminator="\n")
-        rows.writerow(table)
-        rows.writerows(zip(*table.values(), strict=True))
-    content = {
-        "schema": "driftyard stress 1",
-        "title": title,
-        "sentence": sentence,
-        "bracket": curve.bracket,
-        "limits": {
-            "drift_percent": curve.limits.drift_percent,
-            "lost_share": curve.limits.lost_share,
-        },
-    }
-    write_text(stem.with_suffix(".json"), json.dumps(content, indent=1) + "\n")
+    console.out.print(table)
+    limits = curve.limits
+    console.out.print(
+        f"{verdict(curve)} Broken: drift over {limits.drift_percent:g} % or more than "
+        f"{100 * limits.lost_share:g} % of the frames lost, on most drives."
+    )
