@@ -5,7 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from trials.gym.places import TrialError, check_place, draw_errand
+from trials.gym.dynamics import draw_dynamics
+from trials.gym.places import Errand, TrialError, check_place, draw_errand
+from trials.gym.reacting import Reacting
 from trials.gym.rover_env import RoverEnv
 from trials.gym.settings import ExploreSettings, NavSettings, RouteSettings
 from trials.gym.site import Site, relaid
@@ -24,8 +26,19 @@ class RoverNav(RoverEnv):
         _refuse_others(options, ("start", "goal"))
         trial, rng = self.trial, self.np_random
         errand = draw_errand(site.passages, site.part, trial.distance_m, rng, start, goal)
-        stage = relaid(site, trial, errand) if site.follows_way else site
+        stage, movers = site, self._movers(site, errand)
+        if site.follows_way or movers:
+            stage = relaid(site, trial, errand, movers)
         return stage, ReachGoal(errand, trial.goal_radius_m)
+
+    def _movers(self, site: Site, errand: Errand) -> dict[str, Reacting]:
+        """What moves on the way, by name."""
+        trial = self.trial
+        if not trial.dynamics:
+            return {}
+        seed = int(self.np_random.integers(2**31))
+        text, speed_mps = trial.dynamics, trial.speed_max_mps
+        return draw_dynamics(site.scene, site.passages, errand, speed_mps, text, seed)
 
 
 class RoverRoute(RoverEnv):

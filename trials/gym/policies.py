@@ -7,6 +7,7 @@ import numpy as np
 
 from trials.gym.rover_env import Observation, RoverEnv
 from trials.navigation.navigator import Navigator, NavigatorSettings
+from trials.navigation.occupancy import OccupancyGrid
 from trials.navigation.steering import Pose2, SteeringSettings
 from vo.contract.arrays import Array
 
@@ -24,12 +25,20 @@ class NavigatorPolicy:
 
     NEEDS = ("disparity", "pose", "goal")
 
-    def __init__(self, env: RoverEnv, settings: NavigatorSettings | None = None) -> None:
+    def __init__(
+        self,
+        env: RoverEnv,
+        settings: NavigatorSettings | None = None,
+        floor_plan: OccupancyGrid | None = None,
+        replanning: bool = True,
+    ) -> None:
         """Begin a trial: make one after every reset.
 
         Args:
             env: Unwrapped, after its reset; gives calibration and limits, and nothing else.
             settings: Of the navigator.
+            floor_plan: See Navigator.
+            replanning: See Navigator.
         """
         trial = env.trial
         self._limits = np.array([trial.speed_max_mps, trial.turn_max_radps])
@@ -38,7 +47,7 @@ class NavigatorPolicy:
             turn_max_radps=trial.turn_max_radps,
             period_s=1 / trial.rate_hz,
         )
-        self.navigator = Navigator(env.site.eyes.rig, steering, settings)
+        self.navigator = Navigator(env.site.eyes.rig, steering, settings, floor_plan, replanning)
         self._goal_m: Array | None = None
 
     def act(self, observation: Observation) -> Array:

@@ -13,6 +13,7 @@ from sim.trip import MOVER_PERIOD_S, States, longest_window_s
 from sim.world import START_CLEARANCE_M, START_S, World
 from trials.gym.diary import Diary
 from trials.gym.freespace import hard, solid
+from trials.gym.reacting import Reacting
 from vo.contract.arrays import Array, Mask
 
 TIMESTEP_MAX_S = 0.0025
@@ -89,6 +90,7 @@ class Simulation:
         self._free = model.joint(PREFIX + "free").qposadr[0]
         self.solid: Mask = solid(world)
         self.hard: Mask = hard(world)
+        self._reacting = [m for m in world.movers.values() if isinstance(m, Reacting)]
         self.reset(np.array([*world.path.waypoints[0], 0.0]))
 
     @property
@@ -137,6 +139,8 @@ class Simulation:
         self.touched = np.zeros(world.model.ngeom, bool)
         periods = math.ceil(SETTLING_S / (self._steps * self.timestep_s))
         self._count = -periods * self._steps
+        for mover in self._reacting:
+            mover.begin()
         world.move_movers(self.time_s)
         mujoco.mj_step(world.model, data, (periods - 1) * self._steps)
         self._count = -self._steps
@@ -166,6 +170,8 @@ class Simulation:
             mujoco.mj_step(model, data, stop - done)
             self._count += stop - done
             done = stop
+            for mover in self._reacting:
+                mover.react(self.time_s, np.array(self.place[:2]))
             self._feel()
             if stop >= self._steps - self._window:
                 k = stop - (self._steps - self._window)

@@ -1,14 +1,17 @@
 """The site: one layout of a scene, built, surveyed, with a rover and its eyes in it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from scenes.scene import Scene
 from sim.batch import build
 from sim.settings import RecordSettings, TerrainSettings
 from sim.world import build_world
+from trials.gym.bodies import with_dynamics
 from trials.gym.eyes import Eyes
 from trials.gym.freespace import survey_free_space
 from trials.gym.places import Errand, main_part
+from trials.gym.reacting import Reacting
 from trials.gym.settings import TrialSettings, along
 from trials.gym.simulation import Simulation
 from trials.gym.ways import Passages
@@ -63,14 +66,23 @@ def open_site(trial: TrialSettings, layout: int) -> Site:
     return Site(layout, settings, scene, simulation, Eyes(world, settings), passages, part)
 
 
-def relaid(site: Site, trial: TrialSettings, errand: Errand) -> Site:
+def relaid(
+    site: Site, trial: TrialSettings, errand: Errand, movers: Mapping[str, Reacting] | None = None
+) -> Site:
     """Return the site with what is laid in the rover's way along another one.
+
+    Args:
+        site: As it was surveyed.
+        trial: What was asked for.
+        errand: The other way.
+        movers: What reacts to the rover, by name.
 
     Raises:
         SettingsError: If the rover has no room at the start.
     """
     settings = along(site.settings, [(float(x), float(y)) for x, y in errand.waypoints])
-    world = build_world(site.scene, settings)
+    scene = with_dynamics(site.scene, movers or {}, site.layout)
+    world = build_world(scene, settings)
     simulation = Simulation(world, settings, trial.acceleration_mps2)
     eyes = Eyes(world, settings)
-    return Site(site.layout, settings, site.scene, simulation, eyes, site.passages, site.part)
+    return Site(site.layout, settings, scene, simulation, eyes, site.passages, site.part)

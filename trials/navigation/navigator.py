@@ -2,12 +2,14 @@
 
 Disparity becomes an occupancy grid in the frame in which the rover believes to be; D* Lite keeps
 the way to the goal; the dynamic window follows it. Cameras see ahead alone, so the rover turns
-once before it leaves. Where nothing goes on, it backs off, doubts what it saw and looks again.
+once before it leaves, unless it has a floor plan. Where nothing goes on, it backs off, doubts what
+it saw and looks again.
 """
 
 import math
 from dataclasses import dataclass, replace
 from math import inf
+from time import process_time
 
 import cv2
 import numpy as np
@@ -42,6 +44,9 @@ LIKE_PX = 2
 """Neighbouring disparities of one surface differ by less."""
 CLOSED_BUT_HERE = 30.0
 """Cost of cells about the rover that seem to be closed: it stands there, so it can leave."""
+
+BEHIND_M = 0.25
+"""Where the rover's axle would be if it backed off: its tail reaches farther than its radius."""
 
 
 class NavigatorSettings(Settings):
@@ -78,6 +83,21 @@ class _Progress:
     backing_until_s: float = -inf
 
 
+@dataclass
+class Effort:
+    """What planning has cost.
+
+    Attributes:
+        plans: How often the way was planned or repaired.
+        expanded: Cells that D* Lite expanded.
+        cpu_s: Processor time, that for the costs of the cells included.
+    """
+
+    plans: int = 0
+    expanded: int = 0
+    cpu_s: float = 0.0
+
+
 class Navigator:
     """Drives to a goal; `act` at every step.
 
@@ -85,10 +105,16 @@ class Navigator:
         grid: What is known.
         way_m: (N, 2) the way that is followed; N may be 0.
         retreats: How often the rover had to back off.
+        effort: Of planning.
     """
 
     def __init__(
-        self, rig: StereoRig, steering: SteeringSettings, settings: NavigatorSettings | None = None
+        self,
+        rig: StereoRig,
+        steering: SteeringSettings,
+        settings: NavigatorSettings | None = None,
+        floor_plan: OccupancyGrid | None = None,
+        replanning: bool = True,
     ) -> None:
         """Know the cameras and the rover's limits.
 
@@ -96,11 +122,15 @@ class Navigator:
             rig: As delivered.
             steering: Limits; `period_s` is the time between two steps.
             settings: How careful to be.
+            floor_plan: What is occupied for good; the rest is open. Of the cells of `settings`.
+            replanning: Repair the way by what is seen; else it is planned once.
         """
         self.settings = settings or NavigatorSettings()
         self._rig, self._steering = rig, steering
+        self._floor_plan, self._replanning = floor_plan, replanning
         self.retreats = 0
-        self.grid: OccupancyGrid | None = None
+        self.effort = Effort()
+        self.grid: OccupancyGrid | None = floor_plan
         self.way_m: Array = np.zeros((0, 2))
         self._planner: GridDStarLite | None = None
         self._progress: _Progress | None = None
@@ -149,7 +179,7 @@ class Navigator:
         T_body_cam = self._rig.T_body_cam
         turn = se3.exp(np.array([0, 0, 0, 0, 0, pose.yaw_rad]))
         T_world_body = se3.pose(turn[:3, :3], np.array([pose.x_m, pose.y_m, WHEEL_RADIUS_M]))
-        return observe(
+        seen = observe(
             self.grid,
             depth_m,
             small,
@@ -158,6 +188,9 @@ class Navigator:
             self._steering.period_s,
             s.occupancy.model_copy(update={"stride_px": stride}),
         )
+        if self._floor_plan is None:
+            return seen
+        return replace(seen, log_odds=np.maximum(seen.log_odds, self._floor_plan.log_odds))
 
     def _look_around(self, pose: Pose2) -> Twist | None:
         """Turn on the spot, to begin with and after backing off."""
@@ -172,17 +205,23 @@ class Navigator:
         return Twist(0.0, self._steering.turn_max_radps)
 
     def _plan(self, grid: OccupancyGrid, pose: Pose2, goal_m: Array) -> None:
-        """Repair the way to the goal."""
-        s = self.settings
+        """Plan the way to the goal, or repair it."""
+        same_goal = self._planner is not None and np.array_equal(goal_m, self._goal_m)
+        if same_goal and not self._replanning:
+            return
+        s, begun_s = self.settings, process_time()
         costs = driving_costs(grid, s.radius_m, s.occupancy)
-        costs += s.unknown_cost * (grid.log_odds == 0)
+        if self._floor_plan is None:
+            costs += s.unknown_cost * (grid.log_odds == 0)
         here, goal = grid.cell(pose.x_m, pose.y_m), grid.cell(float(goal_m[0]), float(goal_m[1]))
         for cell in (here, goal):
             disc = _disc(costs.shape, cell, s.radius_m / s.cell_m)
             costs[disc] = np.minimum(costs[disc], CLOSED_BUT_HERE)
-        if self._planner is None or not np.array_equal(goal_m, self._goal_m):
+        expanded = 0
+        if self._planner is None or not same_goal:
             self._planner, self._goal_m = GridDStarLite(costs, here, goal), goal_m.copy()
         else:
+            expanded = self._planner.expanded
             self._planner.move(here)
             self._planner.update(costs)
         known = math.isfinite(self._planner.cost)
@@ -190,6 +229,9 @@ class Navigator:
         self.way_m = grid.centres_m(cells)
         if len(self.way_m):
             self.way_m[-1] = goal_m
+        self.effort.plans += 1
+        self.effort.expanded += self._planner.expanded - expanded
+        self.effort.cpu_s += process_time() - begun_s
 
     def _follow(self, grid: OccupancyGrid, pose: Pose2) -> Twist:
         """Head for a point on the way, on the spot where it is to the side."""
@@ -212,7 +254,7 @@ class Navigator:
         s = self.settings
         self._progress = progress = self._progress or _Progress(pose, self._time_s)
         if self._time_s < progress.backing_until_s:
-            return Twist(-s.back_off_mps, 0.0)
+            return Twist(-s.back_off_mps if self._open_behind(pose) else 0.0, 0.0)
         moved = math.hypot(pose.x_m - progress.place.x_m, pose.y_m - progress.place.y_m)
         if moved > s.progress_m:
             progress.place, progress.since_s = pose, self._time_s
@@ -227,7 +269,21 @@ class Navigator:
         self._turned_rad, self._look_until_s = 0.0, self._time_s + s.back_off_s + self._turn_s
         self.retreats += 1
         progress.since_s = progress.backing_until_s = self._time_s + s.back_off_s
-        return Twist(-s.back_off_mps, 0.0)
+        return Twist(-s.back_off_mps if self._open_behind(pose) else 0.0, 0.0)
+
+    def _open_behind(self, pose: Pose2) -> bool:
+        """Whether the floor plan has room for another step back; without one, nobody knows."""
+        if self._floor_plan is None:
+            return True
+        x_m, y_m = (
+            a - BEHIND_M * b
+            for a, b in zip(pose[:2], (math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)), strict=True)
+        )
+        row, column = self._floor_plan.cell(x_m, y_m)
+        height, width = self._floor_plan.log_odds.shape
+        free_m = clearance_m(self._floor_plan, self.settings.occupancy)
+        inside = 0 <= row < height and 0 <= column < width
+        return bool(inside and free_m[row, column] > self.settings.radius_m)
 
 
 def _cleaned(disparity_px: Array, speckle_px: int) -> Array:

@@ -1,0 +1,182 @@
+"""Static against dynamic planning in the same worlds: what replanning gains, and what it costs.
+
+Both rovers have the floor plan of the world as it was built, see by their cameras what moves,
+and steer alike. The static one plans its way once, and stops before what blocks it; the dynamic
+one repairs its way with D* Lite by what it sees.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, cast
+
+import gymnasium
+import numpy as np
+
+import trials.gym
+from trials.gym.environments import RoverNav
+from trials.gym.freespace import NOTHING, FreeSpace
+from trials.gym.policies import NavigatorPolicy
+from trials.gym.protocol import share_interval
+from trials.intervals import mean_interval
+from trials.navigation.grid_dstar_lite import GridDStarLite
+from trials.navigation.navigator import NavigatorSettings
+from trials.navigation.occupancy import OccupancyGrid, empty_grid
+from trials.workers import spread
+from vo.contract.arrays import Array
+from vo.contract.errors import SettingsError
+
+Planning = Literal["static", "dynamic"]
+PLANNINGS: tuple[Planning, ...] = ("static", "dynamic")
+NAV = next(iter(trials.gym.ENVIRONMENTS))
+SETTINGS = NavigatorSettings(look_around_deg=0.0)
+"""Who has a floor plan need not look around first."""
+
+
+@dataclass(frozen=True)
+class PlannedTrial:
+    """What came of one trial.
+
+    Attributes:
+        layout: Seed of the world.
+        run: Number of start and goal in it.
+        planning: static or dynamic.
+        localization: Source.
+        outcome: success, collision, tipped, stuck, lost or timeout.
+        time_s: That it took.
+        driven_m: True path.
+        way_m: Shortest way in the world as it was built.
+        spl: Success weighted by path length.
+        plans: How often the way was planned or repaired.
+        expanded: Cells that D* Lite expanded.
+        cpu_ms: Processor time of planning.
+    """
+
+    layout: int
+    run: int
+    planning: Planning
+    localization: str
+    outcome: str
+    time_s: float
+    driven_m: float
+    way_m: float
+    spl: float
+    plans: int
+    expanded: int
+    cpu_ms: float
+
+
+MEASURES: Mapping[str, tuple[Callable[[PlannedTrial], float], int]] = {
+    "SPL": (lambda t: t.spl, 2),
+    "time s": (lambda t: t.time_s, 1),
+    "driven m": (lambda t: t.driven_m, 2),
+    "plans": (lambda t: t.plans, 0),
+    "expanded cells": (lambda t: t.expanded, 0),
+    "planning, CPU ms": (lambda t: t.cpu_ms, 1),
+    "CPU ms a plan": (lambda t: t.cpu_ms / max(1, t.plans), 2),
+}
+"""Name to the measure of a trial and the digits worth printing."""
+
+
+def parse_planning(text: str) -> list[Planning]:
+    """Read `static,dynamic`.
+
+    Raises:
+        SettingsError: If one is unknown, or there is none.
+    """
+    words = [word.strip() for word in text.split(",") if word.strip()]
+    unknown = [word for word in words if word not in PLANNINGS]
+    if unknown or not words:
+        said = ", ".join(unknown) or "none"
+        raise SettingsError(f"unknown planning {said}; valid: {', '.join(PLANNINGS)}")
+    return [cast(Planning, word) for word in words]
+
+
+def run_planned(
+    options: Mapping[str, Any], plannings: Sequence[Planning], layouts: Sequence[int], runs: int
+) -> Iterator[list[PlannedTrial]]:
+    """Drive in every world with every way of planning, from the same starts to the same goals.
+
+    Args:
+        options: Of RoverNav; `observe` must hold what the navigator needs.
+        plannings: static, dynamic or both.
+        layouts: Seeds of the worlds.
+        runs: Pairs of start and goal in each.
+
+    Yields:
+        The trials of a world, as worlds are done with.
+
+    Raises:
+        DriftyardError: If an option is refused or a world has no free place.
+    """
+    asked = [(dict(options), tuple(plannings), layout, runs) for layout in layouts]
+    for _, of_world in spread(drive_world, asked):
+        yield of_world
+
+
+def drive_world(
+    options: Mapping[str, Any], plannings: Sequence[Planning], layout: int, runs: int
+) -> list[PlannedTrial]:
+    """Drive every run of one world with every way of planning; see `run_planned`."""
+    warm = GridDStarLite(np.ones((3, 3)), (0, 0), (2, 2))  # compiled before the clock runs
+    warm.update(np.full((3, 3), 2.0))
+    env = gymnasium.make(NAV, disable_env_checker=True, **options).unwrapped
+    assert isinstance(env, RoverNav)
+    try:
+        return [
+            _drive(env, planning, layout, run, layout * runs + run)
+            for run in range(runs)
+            for planning in plannings
+        ]
+    finally:
+        env.close()
+
+
+def floor_plan(free: FreeSpace, settings: NavigatorSettings) -> OccupancyGrid:
+    """What stands in a world for good, on the cells of a navigator."""
+    height, width = free.obstacles.shape
+    far = free.origin + free.cell_m * np.array([width - 1, height - 1])
+    (x0_m, y0_m), (x1_m, y1_m) = free.origin.tolist(), far.tolist()
+    grid = empty_grid((x0_m, x1_m), (y0_m, y1_m), settings.cell_m)
+    cells = np.argwhere(free.obstacles != NOTHING)
+    columns, rows = np.round(
+        (free.points(cells) - np.array(grid.corner_xy_m)) / settings.cell_m
+    ).astype(int).T  # fmt: skip
+    grid.log_odds[rows, columns] = settings.occupancy.most
+    return grid
+
+
+def planned_summary(trials_of_one: Sequence[PlannedTrial]) -> dict[str, str]:
+    """Measures with their intervals, as text, of the trials of one way of planning."""
+    outcomes: Array = np.array([t.outcome for t in trials_of_one])
+    shares = {
+        name: share_interval((outcomes == outcome).astype(float)).text(2)
+        for name, outcome in (("success", "success"), ("collisions", "collision"))
+    }
+    means = {
+        name: mean_interval(np.array([measure(t) for t in trials_of_one])).text(digits)
+        for name, (measure, digits) in MEASURES.items()
+    }
+    return {**shares, **means}
+
+
+def _drive(env: RoverNav, planning: Planning, layout: int, run: int, seed: int) -> PlannedTrial:
+    observation, info = env.reset(seed=seed, options={"layout": layout})
+    plan = floor_plan(env.site.passages.free, SETTINGS)
+    policy = NavigatorPolicy(env, SETTINGS, plan, replanning=planning == "dynamic")
+    while not info["outcome"]:
+        observation, _, _, _, info = env.step(policy.act(observation))
+    effort = policy.navigator.effort
+    return PlannedTrial(
+        layout,
+        run,
+        planning,
+        env.trial.localization,
+        info["outcome"],
+        info["time_s"],
+        info["driven_m"],
+        info["way_m"],
+        info["spl"],
+        effort.plans,
+        effort.expanded,
+        1e3 * effort.cpu_s,
+    )
