@@ -47,7 +47,7 @@ def write_html(records: Sequence[Record], folder: Path, out: Path) -> None:
         )
         for r in records
     ]
-    write_study(TITLE, INTRODUCTION.replace("`", ""), parts, out)
+    write_study(TITLE, INTRODUCTION, parts, out)
 
 
 def write_page(records: Sequence[Record], folder: Path, page: Path) -> None:
