@@ -7,6 +7,8 @@ import pytest
 from gym_worlds import write_yard
 from terminal import driftyard
 
+from vo.contract.readers import open_sequence
+
 pytestmark = pytest.mark.gl
 
 SMALL = ("--set", "rig.width_px=320", "--set", "rig.height_px=240")
@@ -32,6 +34,18 @@ def test_sources_are_compared_on_the_same_ways(tmp_path):
     assert trials[0]["way_m"] != trials[3]["way_m"]
     assert {t["outcome"] for t in trials if t["localization"] != "drift:90"} == {"success"}
     assert cv2.imread(str(tmp_path / "curve.png")).shape[1] > 800
+
+
+def test_a_trial_is_kept_as_film_and_dataset(tmp_path):
+    write_yard(tmp_path)
+    short = ("--option", "distance_m=[1.0, 1.5]", "--option", "rate_hz=5.0")
+    words = ("--localization", "drift:20", "--worlds", 1, "--keep", "kept", *SMALL, *short)
+    done = driftyard("drive", "yard.xml", *words, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    film = cv2.VideoCapture(str(tmp_path / "kept/0-0-drift_20.mp4"))
+    pictures = int(film.get(cv2.CAP_PROP_FRAME_COUNT))
+    dataset = open_sequence(tmp_path / "kept/0-0-drift_20")
+    assert len(dataset) == pictures > 20
 
 
 @pytest.mark.parametrize(

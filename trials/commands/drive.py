@@ -39,6 +39,9 @@ def drive(
         Path | None,
         typer.Option(help="JSON lines, one for each trial. An interrupted study goes on."),
     ] = None,
+    keep: Annotated[
+        Path | None, typer.Option(help="Folder for a film and a dataset of every trial.")
+    ] = None,
     figure: Annotated[
         Path | None, typer.Option(help="PNG: success and collisions over drift.")
     ] = None,
@@ -72,7 +75,7 @@ def drive(
     done = dict(ledger.done) if ledger else {}
     missing = [k for k in range(seed, seed + worlds) if k not in done]
     with console.counting_bar("worlds", len(missing)) as count:
-        for of_world in run_trials(options, sources, missing, runs):
+        for of_world in run_trials(options, sources, missing, runs, keep):
             done[of_world[0].layout] = of_world
             if ledger:
                 ledger.add(of_world)

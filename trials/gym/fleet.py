@@ -1,12 +1,15 @@
 """The fleet: drives the trials of many worlds, two worlds at a time."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import gymnasium
 import numpy as np
 
 import trials.gym
+from sim.film import writing
 from trials.alignment import Pair
 from trials.gym.environments import RoverNav
 from trials.gym.policies import NavigatorPolicy
@@ -19,7 +22,11 @@ NAV = next(iter(trials.gym.ENVIRONMENTS))
 
 
 def run_trials(
-    options: Mapping[str, Any], sources: Sequence[str], layouts: Sequence[int], runs: int
+    options: Mapping[str, Any],
+    sources: Sequence[str],
+    layouts: Sequence[int],
+    runs: int,
+    keep: Path | None = None,
 ) -> Iterator[list[Trial]]:
     """Drive in every world with every source, from the same starts to the same goals.
 
@@ -28,6 +35,7 @@ def run_trials(
         sources: As `localization`.
         layouts: Seeds of the worlds.
         runs: Pairs of start and goal in each.
+        keep: Folder for a film and a dataset of every trial, `layout-run-source`; none: neither.
 
     Yields:
         The trials of a world, as worlds are done with.
@@ -35,20 +43,27 @@ def run_trials(
     Raises:
         DriftyardError: If an option is refused or a world has no free place.
     """
-    for _, of_world in spread(drive_world, [(dict(options), sources, k, runs) for k in layouts]):
+    calls = [(dict(options), sources, k, runs, keep) for k in layouts]
+    for _, of_world in spread(drive_world, calls):
         yield of_world
 
 
 def drive_world(
-    options: Mapping[str, Any], sources: Sequence[str], layout: int, runs: int
+    options: Mapping[str, Any],
+    sources: Sequence[str],
+    layout: int,
+    runs: int,
+    keep: Path | None = None,
 ) -> list[Trial]:
     """Drive every run of one world with every source; see `run_trials`."""
-    env = gymnasium.make(NAV, disable_env_checker=True, **options)
+    render_mode = "rgb_array" if keep else None
+    options = {**options, "record": keep is not None}
+    env = gymnasium.make(NAV, render_mode=render_mode, disable_env_checker=True, **options)
     rover = env.unwrapped
     assert isinstance(rover, RoverNav)
     try:
         return [
-            _drive(rover, layout, run, layout * runs + run, source)
+            _drive(rover, layout, run, layout * runs + run, source, keep)
             for run in range(runs)
             for source in sources
         ]
@@ -56,13 +71,21 @@ def drive_world(
         env.close()
 
 
-def _drive(env: RoverNav, layout: int, run: int, seed: int, source: str) -> Trial:
+def _drive(
+    env: RoverNav, layout: int, run: int, seed: int, source: str, keep: Path | None
+) -> Trial:
     observation, info = env.reset(seed=seed, options={"layout": layout, "localization": source})
     policy = NavigatorPolicy(env)
     told = [info]
-    while not info["outcome"]:
-        observation, _, _, _, info = env.step(policy.act(observation))
-        told.append(info)
+    name = f"{layout}-{run}-{source.replace(':', '_')}"
+    with _filming(env, keep and keep / f"{name}.mp4") as film:
+        film()
+        while not info["outcome"]:
+            observation, _, _, _, info = env.step(policy.act(observation))
+            told.append(info)
+            film()
+    if keep:
+        env.save_dataset(keep / name)
     return Trial(
         layout,
         run,
@@ -77,6 +100,17 @@ def _drive(env: RoverNav, layout: int, run: int, seed: int, source: str) -> Tria
         drift_percent(told),
         sum(x["status"] == "lost" for x in told) / len(told),
     )
+
+
+@contextmanager
+def _filming(env: RoverNav, out: Path | None) -> Generator[Callable[[], None]]:
+    """Yield what adds a picture of the present to a film, if there is to be one."""
+    if out is None:
+        yield lambda: None
+        return
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with writing(out, env.trial.rate_hz) as show:
+        yield lambda: show(np.asarray(env.render(), np.uint8))
 
 
 def drift_percent(told: Sequence[Mapping[str, Any]]) -> float | None:
