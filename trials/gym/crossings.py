@@ -31,18 +31,22 @@ def slots_along(scene: Scene, free: FreeSpace, way: Array, depth_m: float) -> li
         way: (N, 2) waypoints.
         depth_m: Along the passage.
     """
-    slots: list[Slot] = []
-    for point in stations(way, FROM_START_M, FROM_GOAL_M):
-        section = _narrowest(free, point)
-        if section is None:
-            continue
-        centre, across_rad, width_m = section
-        ground = np.array([*centre, float(scene.elevation(centre))])
-        half = np.array([depth_m / 2, width_m / 2 - GAP_M])
-        slot = Slot(ground, across_rad - math.pi / 2, half)
-        if not (free.obstacles[_filled(free, [slot])] != NOTHING).any():
-            slots.append(slot)
-    return slots
+    points = stations(way, FROM_START_M, FROM_GOAL_M)
+    slots = [slot_at(scene, free, point, depth_m) for point in points]
+    return [slot for slot in slots if slot is not None]
+
+
+def slot_at(scene: Scene, free: FreeSpace, point: Array, depth_m: float) -> Slot | None:
+    """Where a barrier fits across the passage at a point (2,); None if it does not."""
+    section = _narrowest(free, point)
+    if section is None:
+        return None
+    centre, across_rad, width_m = section
+    ground = np.array([*centre, float(scene.elevation(centre))])
+    half = np.array([depth_m / 2, width_m / 2 - GAP_M])
+    slot = Slot(ground, across_rad - math.pi / 2, half)
+    fits = not (free.obstacles[_filled(free, [slot])] != NOTHING).any()
+    return slot if fits else None
 
 
 def stations(way: Array, from_start_m: float, from_goal_m: float) -> Array:

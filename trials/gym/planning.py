@@ -28,8 +28,14 @@ from vo.contract.errors import SettingsError
 Planning = Literal["static", "dynamic"]
 PLANNINGS: tuple[Planning, ...] = ("static", "dynamic")
 NAV = next(iter(trials.gym.ENVIRONMENTS))
-SETTINGS = NavigatorSettings(look_around_deg=0.0)
-"""Who has a floor plan need not look around first."""
+DEFAULTS = NavigatorSettings()
+SETTINGS = DEFAULTS.model_copy(
+    update={
+        "look_around_deg": 0.0,
+        "occupancy": DEFAULTS.occupancy.model_copy(update={"farthest_m": 3.0}),
+    }
+)
+"""Who has a floor plan need not look around first, nor far: only what has changed is news."""
 
 
 @dataclass(frozen=True)

@@ -63,6 +63,7 @@ class NavigatorSettings(Settings):
     )
     replan_s: float = Field(default=0.2, gt=0, description="between two looks at the way")
     ahead_m: float = Field(default=0.7, gt=0, description="along the way to what is headed for")
+    stop_m: float = Field(default=1.0, gt=0, description="before what blocks a way that stays")
     arrived_m: float = Field(default=0.08, gt=0, description="from the goal, to stop")
     progress_m: float = Field(default=0.1, gt=0, description="that counts as such")
     patience_s: float = Field(default=7.0, gt=0, description="without progress, to back off")
@@ -238,6 +239,10 @@ class Navigator:
         s = self.settings
         if len(self.way_m) == 0:
             return Twist(0.0, 0.5 * self._steering.turn_max_radps)  # look around
+        if not self._replanning and self._closed_ahead(grid, pose):
+            if self._progress:
+                self._progress.since_s = self._time_s  # it waits, it is not stuck
+            return Twist(0.0, 0.0)
         target = aim(pose, self.way_m, s.ahead_m)
         bearing = math.atan2(target[1] - pose.y_m, target[0] - pose.x_m) - pose.yaw_rad
         bearing = math.remainder(bearing, 2 * math.pi)
@@ -248,6 +253,13 @@ class Navigator:
         free_m = clearance_m(grid, s.occupancy) - s.radius_m
         free_m[_disc(free_m.shape, grid.cell(pose.x_m, pose.y_m), 1.5)] = s.cell_m
         return dynamic_window(pose, self._twist, target, grid, free_m, self._steering) or pivot
+
+    def _closed_ahead(self, grid: OccupancyGrid, pose: Pose2) -> bool:
+        """Whether something stands on the way, shortly ahead."""
+        s = self.settings
+        ahead = [aim(pose, self.way_m, x) for x in np.arange(0.0, s.stop_m, grid.cell_m)]
+        rows, columns = np.transpose([grid.cell(float(x), float(y)) for x, y in ahead])
+        return bool((clearance_m(grid, s.occupancy)[rows, columns] < s.radius_m / 2).any())
 
     def _retreat(self, pose: Pose2) -> Twist | None:
         """Back off where nothing has gone on for a while, and doubt what was seen there."""

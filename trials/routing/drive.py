@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
+from typing import Protocol
 
 import numpy as np
 
@@ -75,9 +76,7 @@ def drive(network: Network, delays: Delays, start: int, goal: int, strategy: Str
     Raises:
         PlanningError: If there is no way.
     """
-    expected_s = np.zeros_like(delays.waits_s) if strategy.clearing else delays.waits_s
-    costs = RoadCosts(network, expected_s, goal)
-    route = _Dynamic(costs, delays, start) if strategy.dynamic else _Static(costs, start)
+    route = plan_route(network, delays, start, goal, strategy)
     time_s, nodes, requested_s = 0.0, [start], dict[int, float]()
     while nodes[-1] != goal:
         ahead = route.ahead(nodes[-1], time_s)
@@ -103,6 +102,27 @@ def undelayed_s(network: Network, start: int, goal: int) -> float:
     """
     free = Delays(np.zeros(len(network.names)), {}, 0.0)
     return drive(network, free, start, goal, Strategy(dynamic=False, clearing=False)).time_s
+
+
+class Route(Protocol):
+    """A way through a network that may change while it is driven."""
+
+    def ahead(self, node: int, time_s: float) -> list[int]:
+        """Nodes after `node`, which the vehicle leaves at a time."""
+        ...
+
+
+def plan_route(
+    network: Network, delays: Delays, start: int, goal: int, strategy: Strategy
+) -> Route:
+    """Plan a drive.
+
+    Raises:
+        PlanningError: If there is no way.
+    """
+    expected_s = np.zeros_like(delays.waits_s) if strategy.clearing else delays.waits_s
+    costs = RoadCosts(network, expected_s, goal)
+    return _Dynamic(costs, delays, start) if strategy.dynamic else _Static(costs, start)
 
 
 class _Static:
