@@ -16,7 +16,7 @@ from trials.experiments.experiment import (
 from trials.experiments.measures import breaks_at, paths_m, survived
 from trials.intervals import mean_interval
 from trials.outcomes import Outcome, Outcomes, Recording, Trial, Variant, crossed
-from trials.report.figure import BLUE, INK, RED, tidy
+from trials.report.figure import BLUE, RED, TRUTH, tidy
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -139,7 +139,7 @@ def _draw(figure: "Figure", outcomes: Outcomes) -> None:
         if len(run.run.trajectory) > 1:
             right.plot(*paths_m(run)[1][:, :2].T, color=colour, lw=1.2, label=variant.label)
     truth = outcomes.at(shown, RELATIVE).truth.T_ref_frame[:, :2, 3]
-    right.plot(*truth.T, color=INK, lw=1.0, ls="--", label="truth")
+    right.plot(*truth.T, **TRUTH, label="truth")
     if (at := breaks_at(outcomes.at(shown, ABSOLUTE))) is not None:
         left.axvline(at, color=BLUE, ls="--", lw=0.9)
     tidy(left, "frame", "inliers", name)

@@ -113,6 +113,7 @@ def _draw(figure: "Figure", outcomes: Outcomes) -> None:
         panel.set_xticks(WINDOWS, [str(w) for w in WINDOWS])
         tidy(panel, "window, frames", label)
     right.set_yscale("log")
+    right.yaxis.set_major_formatter("{x:g}")
     left.set_ylim(bottom=0)
 
 

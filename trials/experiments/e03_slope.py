@@ -19,7 +19,7 @@ from trials.experiments.measures import aligned_poses, pitch_deg
 from trials.experiments.variants import DEFAULT, THESIS, UNREFINED
 from trials.intervals import mean_interval
 from trials.outcomes import Outcome, Outcomes, Trial, crossed
-from trials.report.figure import BLUE, INK, OCHRE, RED, tidy
+from trials.report.figure import BLUE, INK, OCHRE, RED, TRUTH, tidy
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -110,18 +110,14 @@ def _draw(figure: "Figure", outcomes: Outcomes) -> None:
     for variant, colour in SHOWN:
         run = outcomes.at(first, variant)
         along_m = run.pair.travelled_m
-        left.plot(along_m, aligned_poses(run)[1][:, 2, 3], color=colour, lw=1.2)
-        for k, other in enumerate(outcomes.of(variant)):
-            label = variant.label if k == 0 else None
-            right.plot(
-                other.pair.travelled_m, pitch_error_deg(other), color=colour, lw=0.9, label=label
-            )
+        height_m = aligned_poses(run)[1][:, 2, 3]
+        left.plot(along_m, height_m, color=colour, lw=1.2, label=variant.label)
+        for other in outcomes.of(variant):
+            right.plot(other.pair.travelled_m, pitch_error_deg(other), color=colour, lw=0.9)
     run = outcomes.at(first, THESIS)
-    left.plot(run.pair.travelled_m, run.pair.T_world_cam[:, 2, 3], color=INK, ls="--", lw=1.0,
-              label="truth")  # fmt: skip
+    left.plot(run.pair.travelled_m, run.pair.T_world_cam[:, 2, 3], label="truth", **TRUTH)
     left.legend(fontsize=8, frameon=False)
     right.axhline(0, color=INK, lw=0.8, ls="--")
-    right.legend(fontsize=8, frameon=False)
     tidy(left, "true path, m", "height of the camera, m", f"ramp, seed {first.seed}")
     tidy(right, "true path, m", "pitch error, °", "all seeds")
 

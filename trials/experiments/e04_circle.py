@@ -19,7 +19,7 @@ from trials.experiments.measures import paths_m
 from trials.experiments.variants import DEFAULT, THESIS, UNREFINED
 from trials.intervals import mean_interval, ratio_interval
 from trials.outcomes import Outcomes, Trial, crossed
-from trials.report.figure import BLUE, INK, OCHRE, RED, tidy
+from trials.report.figure import BLUE, OCHRE, RED, TRUTH, tidy
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -92,16 +92,15 @@ def _draw(figure: "Figure", outcomes: Outcomes) -> None:
     left, right = figure.subplots(1, 2, width_ratios=(1, 1.4))
     first = outcomes.recordings[0]
     truth = outcomes.at(first, THESIS).truth.T_ref_frame[:, :2, 3]
-    left.plot(*truth.T, color=INK, ls="--", lw=1.0, label="truth")
+    left.plot(*truth.T, label="truth", **TRUTH)
     for variant, colour in SHOWN:
-        left.plot(*paths_m(outcomes.at(first, variant))[1][:, :2].T, color=colour, lw=1.1)
-        for k, run in enumerate(outcomes.of(variant)):
-            label = variant.label if k == 0 else None
+        path = paths_m(outcomes.at(first, variant))[1][:, :2]
+        left.plot(*path.T, color=colour, lw=1.1, label=variant.label)
+        for run in outcomes.of(variant):
             error_cm = 100 * _error_m(paths_m(run))
-            right.plot(run.pair.travelled_m, error_cm, color=colour, lw=0.9, label=label)
+            right.plot(run.pair.travelled_m, error_cm, color=colour, lw=0.9)
     left.set_aspect("equal", adjustable="datalim")
-    left.legend(fontsize=8, frameon=False)
-    right.legend(fontsize=8, frameon=False)
+    left.legend(fontsize=8, frameon=False, loc="center")
     tidy(left, "x, m", "y, m", f"lab_circle, seed {first.seed}")
     tidy(right, "true path, m", "position error, cm", "all seeds")
 

@@ -163,10 +163,10 @@ def _draw(figure: "Figure", found: dict[int, Reprojection]) -> None:
     turning.set_ylabel("turn rate, °/s", fontsize=9, color=GREY)
     turning.tick_params(labelsize=8, colors=GREY)
     turning.set_ylim(0, 2.5 * max(shown.turn_deg_s.max(), 1))
-    panel.plot(shown.before, color=BLUE, lw=1.0, label="before")
+    panel.plot(shown.before, color=BLUE, lw=1.0, label="before refinement of the pose")
     panel.plot(shown.after, color=RED, lw=1.0, label="after")
     panel.set_ylim(bottom=0)
-    panel.legend(fontsize=8, frameon=False, loc="upper left")
+    panel.legend(fontsize=8, frameon=False, loc="lower right")
     tidy(panel, "frame", "mean reprojection error, px", f"turntable, seed {seed}")
 
 

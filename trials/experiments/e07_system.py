@@ -17,7 +17,7 @@ from trials.experiments.measures import paths_m
 from trials.experiments.variants import DEFAULT, THESIS
 from trials.intervals import mean_interval
 from trials.outcomes import Outcomes, Recording, Trial, crossed
-from trials.report.figure import INK, OCHRE, RED, tidy
+from trials.report.figure import OCHRE, RED, TRUTH, tidy
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -107,11 +107,11 @@ def _draw(figure: "Figure", outcomes: Outcomes) -> None:
     panels = figure.subplots(1, len(PLACES))
     for panel, place in zip(panels, PLACES, strict=True):
         first = _recordings(outcomes, place)[0]
-        for variant, colour in SHOWN:
-            truth, estimate = paths_m(outcomes.at(first, variant))
-            panel.plot(*truth[:, :2].T, color=INK, ls="--", lw=1.0,
-                       label="truth" if variant == THESIS else None)  # fmt: skip
-            panel.plot(*estimate[:, :2].T, color=colour, lw=1.1, label=variant.label)
+        truth, _ = paths_m(outcomes.at(first, THESIS))
+        panel.plot(*truth[:, :2].T, label="truth", **TRUTH)
+        for (variant, colour), style in zip(SHOWN, ("-", "--"), strict=True):
+            estimate = paths_m(outcomes.at(first, variant))[1]
+            panel.plot(*estimate[:, :2].T, color=colour, ls=style, lw=1.3, label=variant.label)
         panel.set_aspect("equal", adjustable="datalim")
         tidy(panel, "x, m", "y, m", place)
     panels[0].legend(fontsize=8, frameon=False)

@@ -73,7 +73,8 @@ def analyse(outcomes: Outcomes) -> Findings:
         TableOf(("inliers", "frames", "lost or wrong", "share, %"), tuple(rows)),
         "Top: inliers of the thesis preset and of the default settings on the drive with the "
         "longest shutter; crosses mark frames of the thesis preset that are lost or wrong; grey: "
-        "how fast the camera turns. Bottom: error of every step over its inliers, all drives.",
+        "how fast the camera turns. Bottom: error of every step over its inliers, all drives; "
+        f"dashed: the {100 * BROKEN_M:g} cm beyond which a step is wrong.",
         lambda figure: _draw(figure, outcomes),
         {
             "frames": ragged(
@@ -114,7 +115,9 @@ def _draw(figure: "Figure", outcomes: Outcomes) -> None:
         lw=1.0,
         label="default",
     )
-    top.plot(run.time_s[wrong(run)], inliers[wrong(run)], "x", color=BLUE, ms=5, label="wrong")
+    top.plot(
+        run.time_s[wrong(run)], inliers[wrong(run)], "x", color=BLUE, ms=5, label="thesis is wrong"
+    )
     top.set_ylim(bottom=-8)
     top.legend(fontsize=8, frameon=False, ncols=3, loc="upper left")
     name = f"turntable, seed {run.trial.recording.seed}, {SHUTTERS_MS[-1]:g} ms"
@@ -125,6 +128,7 @@ def _draw(figure: "Figure", outcomes: Outcomes) -> None:
     bottom.axhline(1e3 * BROKEN_M, color=BLUE, ls="--", lw=0.9)
     bottom.set_xscale("log")
     bottom.set_yscale("log")
+    bottom.xaxis.set_major_formatter("{x:g}")
     tidy(bottom, "inliers of a frame", "error of its step, mm", "all drives, thesis preset")
 
 

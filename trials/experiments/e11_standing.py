@@ -144,7 +144,7 @@ def _draw(figure: "Figure", outcomes: Outcomes) -> None:
         for end in ends:
             panel.axvline(end, color=GREY, lw=0.6)
     panel.set_yscale("log")
-    panel.legend(fontsize=8, frameon=False, ncols=2, loc="lower right")
+    figure.legend(fontsize=8, frameon=False, ncols=4, loc="outside lower center")
     tidy(panel, "time stood still, s", "distance from where the halt began, mm",
          f"stop_and_go with noise, seed {first.seed}")  # fmt: skip
 

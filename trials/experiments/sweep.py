@@ -75,6 +75,8 @@ def draw_sweep(
     figure: "Figure", outcomes: Outcomes, sweep: Sweep, setting: str, stage: str, label: str
 ) -> None:
     """Survivors (left) and drift (right) over the setting; a line of means, a dot a run."""
+    from matplotlib.ticker import LogLocator, NullLocator
+
     found = levels(outcomes, sweep, stage)
     for k, (panel, heading, colour) in enumerate(
         zip(figure.subplots(1, 2), (label, "drift over 1 m, %"), (BLUE, RED), strict=True)
@@ -86,9 +88,9 @@ def draw_sweep(
         panel.set_xscale("log")
         if k:
             panel.set_yscale("log")
-            for write_ticks in (panel.yaxis.set_major_formatter, panel.yaxis.set_minor_formatter):
-                write_ticks("{x:.2g}")
-            panel.tick_params(axis="y", which="minor", labelsize=7)
+            panel.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+            panel.yaxis.set_major_formatter("{x:g}")
+            panel.yaxis.set_minor_locator(NullLocator())
         else:
             panel.set_ylim(bottom=0)
         tidy(panel, setting, heading)

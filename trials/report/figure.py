@@ -1,8 +1,8 @@
 """How figures for pages and papers look: one palette, quiet axes, units on every label."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from vo.contract.files import replacing
 
@@ -15,6 +15,8 @@ RED, BLUE, OCHRE, GREEN, PURPLE = "#c8401e", "#2a6fb0", "#b5820e", "#3b8754", "#
 SERIES = (RED, BLUE, OCHRE, GREEN, PURPLE, INK)
 """Colours that stay apart for most colour-blind readers, in the order of their use."""
 DPI = 130
+TRUTH: "Mapping[str, Any]" = {"color": "#c3c9d1", "lw": 4.5, "solid_capstyle": "round", "zorder": 1}
+"""A broad, pale line beneath estimates, so that one that lies on it still shows both."""
 
 
 def save_figure(out: Path, size_in: tuple[float, float], draw: "Callable[[Figure], None]") -> None:
