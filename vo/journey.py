@@ -13,7 +13,7 @@ from vo.contract.rig import StereoRig
 from vo.correspondence import Matches
 from vo.history import History
 from vo.recovery import find_again
-from vo.standing import Rest, stands
+from vo.standing import Glimpse, Rest, glimpse, stands
 from vo.tracks import LocalMap, empty_map
 from vo.triplets import Sighting
 from vo.view import View
@@ -89,7 +89,16 @@ class Journey:
         if self.rest is None or standing == "none":
             return None
         ticks = view.frame.wheel_ticks if standing == "encoders" else None
-        return self.rest if stands(self.rest, inliers, ticks, rig) else None
+        seen = glimpse(inliers)
+        if not stands(self.rest, seen, ticks, rig):
+            return None
+        self.rest = self.rest.joined(seen)
+        return self.rest
+
+    def leave(self, T_odom_cam: Array, spread: Array, view: View, seen: Glimpse) -> Rest:
+        """Be at another pose, at which the camera may come to rest."""
+        self.rest = Rest(T_odom_cam, spread, view.frame.wheel_ticks, (seen,))
+        return self.rest
 
     def lose(self, patience: int) -> None:
         """Count a frame without a pose; when patience ends, the next view starts a new map.

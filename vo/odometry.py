@@ -18,7 +18,7 @@ from vo.location import locate
 from vo.mapping import add_keyframe
 from vo.recovery import ADRIFT
 from vo.smoothing import look_back
-from vo.standing import Rest
+from vo.standing import Glimpse, glimpse
 from vo.trust import judge
 from vo.view import View
 
@@ -55,7 +55,8 @@ class StereoOdometry:
             rest = here.halt(view, found.inliers, gear.rig)  # (5.1.3, E11)
             if rest is None:
                 T_odom_cam = grow(here, view, found, gear, counts)
-                rest = here.rest = Rest.at(T_odom_cam, found.pose.covariance, found.inliers, frame)
+                spread, seen = found.pose.covariance, glimpse(found.inliers)
+                rest = here.leave(T_odom_cam, spread, view, seen)
                 self._eyes.mind(here.map.depth_share)
             if view.settings.motion.prior:
                 agreed = found.inliers.ids
@@ -95,6 +96,10 @@ class StereoOdometry:
             return self._lose(view, counts, clock, few)
         here.map, here.lost_map = fresh, None if known else here.lost_map
         here.history.remember(fresh, s.refinement)
+        first = Glimpse(
+            fresh.landmarks.ids, fresh.keyframes[-1].measured[:, :2], fresh.landmarks.points_odom
+        )
+        here.leave(T_odom_cam, np.zeros((6, 6)), view, first)
         step = here.advance(view, T_odom_cam, np.zeros((6, 6))) + covariance
         reason = f"new segment after {lost} lost frames" if lost else ""
         time_ns = view.frame.timestamp_ns

@@ -1,23 +1,30 @@
 """Standing still: a pose is held while nothing shows that the camera has moved (thesis 5.1.3, E11).
 
-What stands still sees the same pixels, but for the noise of the images. So flow is held against a
-frame at which the camera came to rest, not against the frame before: however slow a motion is, in
-time it shows, and what was held back is caught up with at once.
+What stands still sees the same pixels, but for the noise of the images. So flow is held against
+the frames at which the camera came to rest, not against the frame before: however slow a motion
+is, in time it shows, and what was held back is caught up with at once. The first frames at rest
+and the last ones are each taken together, so that a frame in which matching went wrong does not
+end a halt, and a creep that no single frame could tell from noise does.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices
 from vo.contract.rig import StereoRig
-from vo.contract.sequence import StereoFrame
 from vo.correspondence import Matches
 
-SIGNIFICANT = 28 * 2.5
+POOLED = 7
+"""Frames that are taken together, at the beginning of a halt and at its end."""
+
+SIGNIFICANT = 28 * 5
 """Of chi-squared with a motion's six degrees of freedom: exceeded once in 10,000, were the noise
-of landmarks independent. Patches overlap, and share it."""
+of landmarks independent. Patches overlap, and share it: five times where they are widest."""
+
+FEW_FRAMES = 3
+"""A single frame's evidence has a longer tail than that of many: it must be so much stronger."""
 
 WHEELS_REST = 4.0
 """So many times more may noise explain where encoders say that no wheel has turned."""
@@ -27,6 +34,10 @@ SAME_TICKS = 1
 
 FEWEST = 12
 """Landmarks that can tell motion from noise."""
+
+CLEAR = 50
+"""Landmarks of a single frame that can end a halt by themselves: fewer may agree with each other
+by chance, and are believed together with those of the frames before."""
 
 LARGEST_PX = 0.5
 """Median flow that is never put down to noise."""
@@ -45,54 +56,98 @@ TO_DEVIATION = 1.4826
 
 
 @dataclass(frozen=True)
+class Glimpse:
+    """Landmarks in a frame, or in some frames taken together.
+
+    Attributes:
+        ids: (N,) ascending.
+        pixels: (N, 2) where they were seen.
+        points_odom: (N, 3) metres.
+    """
+
+    ids: Indices
+    pixels: Array
+    points_odom: Array
+
+
+@dataclass(frozen=True)
 class Rest:
-    """A frame that had a pose, at which the camera may have come to rest.
+    """A pose at which the camera may have come to rest, and what was seen from there.
 
     Attributes:
         T_odom_cam: (4, 4).
         spread: (6, 6) covariance of it, given the map.
-        ids: (N,) landmarks that agreed with it, ascending.
-        pixels: (N, 2) where they were seen.
         wheel_ticks: Counted until then; None if nothing counts.
+        first: Glimpses of the first frames at rest, at most `POOLED`.
+        last: Of the last ones that are not among the first, likewise.
     """
 
     T_odom_cam: Array
     spread: Array
-    ids: Indices
-    pixels: Array
     wheel_ticks: tuple[int, int] | None
+    first: tuple[Glimpse, ...]
+    last: tuple[Glimpse, ...] = ()
 
-    @classmethod
-    def at(cls, T_odom_cam: Array, spread: Array, inliers: Matches, frame: StereoFrame) -> "Rest":
-        """Rest at a pose, by the landmarks that agree with it."""
-        return cls(T_odom_cam, spread, inliers.ids, inliers.pixels, frame.wheel_ticks)
+    def joined(self, glimpse: Glimpse) -> "Rest":
+        """Rest with one frame more."""
+        last = (*self.last, glimpse)
+        first = (*self.first, *last[:-POOLED])[:POOLED]
+        return replace(self, first=first, last=last[-POOLED:])
 
 
-def stands(
-    rest: Rest, inliers: Matches, wheel_ticks: tuple[int, int] | None, rig: StereoRig
-) -> bool:
+def glimpse(inliers: Matches) -> Glimpse:
+    """Of the landmarks that agree with a frame's pose."""
+    return Glimpse(inliers.ids, inliers.pixels, inliers.points_odom)
+
+
+def stands(rest: Rest, seen: Glimpse, wheel_ticks: tuple[int, int] | None, rig: StereoRig) -> bool:
     """Whether the camera is where it was, as far as images and wheels can tell.
 
     Wheels that have turned deny it. Wheels that have not make it more likely, but the images
-    decide: a rover may be carried, or slide.
+    decide: a rover may be carried, or slide. The fewer frames there are to judge by, the clearer
+    must they be.
 
     Args:
-        rest: Where it was.
-        inliers: Landmarks that agree with the pose of the present frame.
+        rest: Where it was, and what it saw until now.
+        seen: Landmarks that agree with the pose of the present frame.
         wheel_ticks: Counted until now; None where nothing counts, or nobody shall be asked.
         rig: Projects.
     """
-    _, then, now = np.intersect1d(rest.ids, inliers.ids, assume_unique=True, return_indices=True)
-    flow_px = inliers.pixels[now] - rest.pixels[then]
-    if len(now) < FEWEST or np.median(np.abs(flow_px).max(axis=1)) > LARGEST_PX:
+    then, latest = _pool(rest.first), rest.joined(seen).last
+    alone_px, _ = _flow(then, seen)
+    flow_px, points_odom = _flow(then, _pool(latest))
+    if len(flow_px) < FEWEST:
         return False
-    limit = SIGNIFICANT
+    sudden_px = alone_px if len(alone_px) >= CLEAR else flow_px
+    if np.median(np.abs(sudden_px).max(axis=1)) > LARGEST_PX:
+        return False
+    limit = SIGNIFICANT * (1 + FEW_FRAMES / len(latest))
     if wheel_ticks and rest.wheel_ticks:
         if np.abs(np.subtract(wheel_ticks, rest.wheel_ticks)).max() > SAME_TICKS:
             return False
         limit *= WHEELS_REST
-    points_cam = se3.transform(se3.inverse(rest.T_odom_cam), inliers.points_odom[now])
+    points_cam = se3.transform(se3.inverse(rest.T_odom_cam), points_odom)
     return motion_evidence(points_cam, flow_px, rig) < limit
+
+
+def _flow(then: Glimpse, now: Glimpse) -> tuple[Array, Array]:
+    """How far (N, 2) the landmarks seen both times have moved, and where (N, 3) they are."""
+    _, i, j = np.intersect1d(then.ids, now.ids, assume_unique=True, return_indices=True)
+    return now.pixels[j] - then.pixels[i], now.points_odom[j]
+
+
+def _pool(glimpses: tuple[Glimpse, ...]) -> Glimpse:
+    """Glimpses taken together: each landmark at the median of its pixels."""
+    if len(glimpses) == 1:
+        return glimpses[0]
+    ids, first = np.unique(np.concatenate([g.ids for g in glimpses]), return_index=True)
+    pixels = np.full((len(glimpses), len(ids), 2), np.nan)
+    for row, g in zip(pixels, glimpses, strict=True):
+        row[np.searchsorted(ids, g.ids)] = g.pixels
+    count = (~np.isnan(pixels[..., 0])).sum(axis=0)
+    ordered, every = np.sort(pixels, axis=0), np.arange(len(ids))  # NaN last
+    middle = (ordered[(count - 1) // 2, every] + ordered[count // 2, every]) / 2
+    return Glimpse(ids, middle, np.concatenate([g.points_odom for g in glimpses])[first])
 
 
 def motion_evidence(points_cam: Array, flow_px: Array, rig: StereoRig) -> float:
