@@ -45,10 +45,14 @@ def drive(
     figure: Annotated[
         Path | None, typer.Option(help="PNG: success and collisions over drift.")
     ] = None,
+    planning: Annotated[
+        str | None, typer.Option(help="With a floor plan: static, dynamic, or static,dynamic.")
+    ] = None,
 ) -> None:
     """Drive to goals in many worlds by each source of localization, and compare.
 
-    Sources such as drift:5,drift:20,drift:80 inject that drift, for a curve of sensitivity.
+    Sources such as drift:5,drift:20,drift:80 inject that drift, for a curve of sensitivity. With
+    --planning, ways of planning are compared, as in worlds with --option dynamics=blocked_aisles.
     """
     from itertools import chain
 
@@ -70,6 +74,17 @@ def drive(
     }
     trial = validated(NavSettings, options)
     sources = [word.strip() for word in localization.split(",") if word.strip()]
+    title = f"{scene}, {worlds} worlds x {runs}"
+    if planning is not None:
+        from trials.commands.drive_planned import drive_planned
+        from trials.gym.planning import parse_planning
+        from vo.contract.errors import SettingsError
+
+        if keep or figure:
+            raise SettingsError("--planning goes with neither --keep nor --figure")
+        plannings, layouts = parse_planning(planning), range(seed, seed + worlds)
+        drive_planned(title, options, sources, plannings, layouts, runs, out)
+        return
     study = json.dumps({"options": trial.model_dump(mode="json"), "sources": sources, "runs": runs})
     ledger = Ledger(out, study) if out else None
     done = dict(ledger.done) if ledger else {}
@@ -84,7 +99,7 @@ def drive(
         ledger.close()
     every = list(chain.from_iterable(done[k] for k in sorted(done)))
     by_source = {x: [t for t in every if t.localization == x] for x in sources}
-    console.out.print(_table(f"{scene}, {worlds} worlds x {runs}", by_source))
+    console.out.print(_table(title, by_source))
     if figure:
         from trials.gym.sensitivity import draw_sensitivity
 

@@ -28,8 +28,21 @@ def route(
         float, typer.Option(min=0, help="Seconds from a request until a node is clear.")
     ] = 30.0,
     seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
+    rover: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SCENE", help="Drive the rover through its aisles instead: warehouse."
+        ),
+    ] = None,
+    worlds: Annotated[int, typer.Option(min=1, help="With --rover: layouts of the scene.")] = 5,
+    localization: Annotated[
+        str, typer.Option(help="With --rover: truth, vo, another source, module:Class.")
+    ] = "truth",
 ) -> None:
-    """Draw travel times over node delay, over queuing delay and at random, and judge them."""
+    """Draw travel times over node delay, over queuing delay and at random, and judge them.
+
+    With --rover, drive what was routed, and compare with the model.
+    """
     import numpy as np
 
     from trials.commands import console
@@ -40,6 +53,13 @@ def route(
 
     if out.exists() and not out.is_dir():
         raise SettingsError(f"{out}: is a file; --out names a folder")
+    if rover is not None:
+        if map_file is not None:
+            raise SettingsError("--rover has its own map; leave --map out")
+        from trials.commands.route_rover import route_rover
+
+        route_rover(rover, out, worlds, localization, seed)
+        return
     rng = np.random.default_rng(seed)
     if map_file is None:
         network, small = large_network(rng), small_network()
