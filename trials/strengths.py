@@ -13,6 +13,7 @@ class Axis:
     Attributes:
         label: With the unit.
         reach: Strongest that is tried.
+        least: Weakest.
         overrides: Strength to settings of the generator, `key=value` each.
         disturb: Strength to disturbances.
         scene: Where it is tried, unless the user says otherwise.
@@ -20,6 +21,7 @@ class Axis:
 
     label: str
     reach: float
+    least: float = 0.0
     overrides: Callable[[float], tuple[str, ...]] = lambda _: ()
     disturb: Callable[[float], str] = lambda _: ""
     scene: str = "office"
@@ -35,23 +37,25 @@ def _disturbance(name: str, unit: float = 1.0) -> Callable[[float], str]:
 
 
 MAIN: dict[str, Axis] = {
-    "exposure": Axis("open shutter, ms", 40.0, _settings("exposure.time_ms"), scene="turntable"),
-    "brick_height": Axis("height of the bricks, mm", 30.0, _settings("terrain.brick_mm")),
+    "exposure": Axis(
+        "open shutter, ms", 40.0, overrides=_settings("exposure.time_ms"), scene="turntable"
+    ),
+    "brick_height": Axis("height of the bricks, mm", 30.0, overrides=_settings("terrain.brick_mm")),
     "noise": Axis(
         "read noise, % of full scale (shot noise rises with it)", 6.0,
         disturb=_disturbance("noise", unit=3.0),
     ),
     "calibration": Axis(
         "unknown pitch and unknown yaw of the right eye, degrees each", 0.4,
-        _settings("calibration.pitch_deg", "calibration.yaw_deg"),
+        overrides=_settings("calibration.pitch_deg", "calibration.yaw_deg"),
     ),
     "texture": Axis(
         "share of the doors that are missing", 1.0,
-        lambda s: (f"scene.doors={0.8 * (1 - s):.6g}",), scene="corridor",
+        overrides=lambda s: (f"scene.doors={0.8 * (1 - s):.6g}",), scene="corridor",
     ),
     "speed": Axis(
-        "speed, m/s", 1.5, lambda s: (f"drive.speed_mps={max(s, 0.1):.6g}",
-                                      f"drive.acceleration_mps2={max(s, 0.3):.6g}")
+        "speed, m/s", 1.5, least=0.3, overrides=_settings("drive.speed_mps",
+                                                          "drive.acceleration_mps2"),
     ),
 }  # fmt: skip
 """The axes that `driftyard stress all` goes through; each has a unit."""

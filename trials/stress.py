@@ -71,7 +71,7 @@ class Curve:
     @property
     def bracket(self) -> tuple[float, float] | None:
         """Strongest that was borne below the weakest that was not, and that; None if all were."""
-        borne = 0.0
+        borne = self.axis.least
         for response in self.responses:
             if response.breaks(self.limits):
                 return borne, response.strength
@@ -93,14 +93,14 @@ def stress(
         axis: What to turn up.
         scene: Where.
         respond: Finds what each of some strengths does.
-        points: Strengths to begin with, 0 and the axis' reach among them; 2 or more.
+        points: Strengths to begin with, the axis' least and reach among them; 2 or more.
         rounds: Halvings.
         limits: What counts as broken.
     """
-    known = list(respond(np.linspace(0, axis.reach, points).tolist()))
+    known = list(respond(np.linspace(axis.least, axis.reach, points).tolist()))
     for _ in range(rounds):
         bracket = Curve(axis, scene, tuple(known), limits).bracket
-        if bracket is None or bracket[1] == 0:
+        if bracket is None or bracket[1] == axis.least:
             break
         known = sorted([*known, *respond([sum(bracket) / 2])], key=lambda x: x.strength)
     return Curve(axis, scene, tuple(known), limits)
@@ -152,7 +152,7 @@ def verdict(curve: Curve) -> str:
     bracket, label = curve.bracket, curve.axis.label
     if bracket is None:
         return f"Bears all up to {curve.responses[-1].strength:g}: {label}."
-    if bracket[1] == 0:
+    if bracket[1] == curve.axis.least:
         return f"Is broken on {curve.scene} as it is."
     low, high = bracket
     return f"Breaks between {low:.3g} and {high:.3g}: {label}."

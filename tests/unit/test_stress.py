@@ -72,7 +72,7 @@ def test_a_disturbance_has_the_strength_of_its_unit():
 @pytest.mark.parametrize("name", AXES)
 def test_every_axis_makes_settings_over_its_reach(name):
     axis = AXES[name]
-    for strength in (0.0, axis.reach / 2, axis.reach):
+    for strength in (axis.least, axis.reach / 2, axis.reach):
         overrides, disturb = list(axis.overrides(strength)), axis.disturb(strength)
         parse_disturbances(disturb)
         record_settings(axis.scene, 0, overrides, None, disturb)

@@ -105,7 +105,7 @@ def _draw_curve(top: "Axes", bottom: "Axes", curve: Curve, label: str, colour: s
              label=label)  # fmt: skip
     losses = [100 * _median(x.lost_share) for x in curve.responses]
     bottom.plot(strengths, losses, color=colour, lw=1.2)
-    if curve.bracket and curve.bracket[1] > 0:
+    if curve.bracket and curve.bracket[1] > curve.axis.least:
         for panel in (top, bottom):
             panel.axvspan(*curve.bracket, color=colour, alpha=0.12, lw=0)
 
@@ -166,4 +166,4 @@ def _where(curve: Curve) -> str:
     if curve.bracket is None:
         return f"none up to {curve.responses[-1].strength:.3g}"
     low, high = curve.bracket
-    return f"{low:.3g} to {high:.3g}" if high > 0 else "0: as it is"
+    return f"{low:.3g} to {high:.3g}" if high > low else f"{high:g}: as it is"
