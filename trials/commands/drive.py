@@ -48,6 +48,9 @@ def drive(
     planning: Annotated[
         str | None, typer.Option(help="With a floor plan: static, dynamic, or static,dynamic.")
     ] = None,
+    ideal_depth: Annotated[
+        bool, typer.Option("--ideal-depth", help="With --planning: depth by rays, not by cameras.")
+    ] = False,
 ) -> None:
     """Drive to goals in many worlds by each source of localization, and compare.
 
@@ -83,7 +86,7 @@ def drive(
         if keep or figure:
             raise SettingsError("--planning goes with neither --keep nor --figure")
         plannings, layouts = parse_planning(planning), range(seed, seed + worlds)
-        drive_planned(title, options, sources, plannings, layouts, runs, out)
+        drive_planned(title, options, sources, plannings, layouts, runs, out, ideal_depth)
         return
     study = json.dumps({"options": trial.model_dump(mode="json"), "sources": sources, "runs": runs})
     ledger = Ledger(out, study) if out else None

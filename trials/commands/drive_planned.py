@@ -18,6 +18,7 @@ def drive_planned(
     layouts: range,
     runs: int,
     out: Path | None,
+    ideal: bool,
 ) -> None:
     """Drive the same trials by every way of planning, and print a table.
 
@@ -29,6 +30,7 @@ def drive_planned(
         layouts: Seeds of the worlds.
         runs: Pairs of start and goal in each.
         out: JSON lines, one for each trial.
+        ideal: Depth by rays in place of cameras.
 
     Raises:
         DriftyardError: If an option is refused or a world has no free place.
@@ -43,7 +45,7 @@ def drive_planned(
     with console.counting_bar("worlds", len(layouts) * len(sources)) as count:
         for source in sources:
             asked = {**options, "localization": source}
-            for of_world in run_planned(asked, plannings, layouts, runs):
+            for of_world in run_planned(asked, plannings, layouts, runs, ideal):
                 trials += of_world
                 count(of_world)
     trials.sort(key=lambda t: (sources.index(t.localization), t.layout, t.run))

@@ -17,6 +17,7 @@ from trials.gym.environments import RoverNav
 from trials.gym.freespace import NOTHING, FreeSpace
 from trials.gym.policies import NavigatorPolicy
 from trials.gym.protocol import share_interval
+from trials.gym.rays import ray_disparity
 from trials.intervals import mean_interval
 from trials.navigation.grid_dstar_lite import GridDStarLite
 from trials.navigation.navigator import NavigatorSettings
@@ -36,6 +37,9 @@ SETTINGS = DEFAULTS.model_copy(
     }
 )
 """Who has a floor plan need not look around first, nor far: only what has changed is news."""
+
+IDEAL = SETTINGS.model_copy(update={"speckle_px": 0})
+BLIND = ("pose", "goal")
 
 
 @dataclass(frozen=True)
@@ -98,7 +102,11 @@ def parse_planning(text: str) -> list[Planning]:
 
 
 def run_planned(
-    options: Mapping[str, Any], plannings: Sequence[Planning], layouts: Sequence[int], runs: int
+    options: Mapping[str, Any],
+    plannings: Sequence[Planning],
+    layouts: Sequence[int],
+    runs: int,
+    ideal: bool = False,
 ) -> Iterator[list[PlannedTrial]]:
     """Drive in every world with every way of planning, from the same starts to the same goals.
 
@@ -107,6 +115,7 @@ def run_planned(
         plannings: static, dynamic or both.
         layouts: Seeds of the worlds.
         runs: Pairs of start and goal in each.
+        ideal: Depth by rays in place of cameras, so that nothing but planning can fail.
 
     Yields:
         The trials of a world, as worlds are done with.
@@ -114,22 +123,27 @@ def run_planned(
     Raises:
         DriftyardError: If an option is refused or a world has no free place.
     """
-    asked = [(dict(options), tuple(plannings), layout, runs) for layout in layouts]
+    asked = [(dict(options), tuple(plannings), layout, runs, ideal) for layout in layouts]
     for _, of_world in spread(drive_world, asked):
         yield of_world
 
 
 def drive_world(
-    options: Mapping[str, Any], plannings: Sequence[Planning], layout: int, runs: int
+    options: Mapping[str, Any],
+    plannings: Sequence[Planning],
+    layout: int,
+    runs: int,
+    ideal: bool = False,
 ) -> list[PlannedTrial]:
     """Drive every run of one world with every way of planning; see `run_planned`."""
     warm = GridDStarLite(np.ones((3, 3)), (0, 0), (2, 2))  # compiled before the clock runs
     warm.update(np.full((3, 3), 2.0))
-    env = gymnasium.make(NAV, disable_env_checker=True, **options).unwrapped
+    asked = {**options, "observe": BLIND} if ideal else options
+    env = gymnasium.make(NAV, disable_env_checker=True, **asked).unwrapped
     assert isinstance(env, RoverNav)
     try:
         return [
-            _drive(env, planning, layout, run, layout * runs + run)
+            _drive(env, planning, layout, run, layout * runs + run, ideal)
             for run in range(runs)
             for planning in plannings
         ]
@@ -165,11 +179,16 @@ def planned_summary(trials_of_one: Sequence[PlannedTrial]) -> dict[str, str]:
     return {**shares, **means}
 
 
-def _drive(env: RoverNav, planning: Planning, layout: int, run: int, seed: int) -> PlannedTrial:
+def _drive(
+    env: RoverNav, planning: Planning, layout: int, run: int, seed: int, ideal: bool
+) -> PlannedTrial:
     observation, info = env.reset(seed=seed, options={"layout": layout})
-    plan = floor_plan(env.site.passages.free, SETTINGS)
-    policy = NavigatorPolicy(env, SETTINGS, plan, replanning=planning == "dynamic")
+    settings = IDEAL if ideal else SETTINGS
+    plan = floor_plan(env.site.passages.free, settings)
+    policy = NavigatorPolicy(env, settings, plan, replanning=planning == "dynamic")
     while not info["outcome"]:
+        if ideal:
+            observation["disparity"] = ray_disparity(env.site.simulation.world)[..., None]
         observation, _, _, _, info = env.step(policy.act(observation))
     effort = policy.navigator.effort
     return PlannedTrial(
