@@ -50,15 +50,13 @@ class History:
                 newest.sigma.astype(np.float32),
             )
         landmarks = local_map.landmarks
-        grey = local_map.grey()
-        for row in np.flatnonzero(landmarks.views >= settings.least_views):
-            landmark = int(landmarks.ids[row])
-            self.places[landmark] = landmarks.points_odom[row].astype(np.float32)
-            self.traits[landmark] = (
-                int(grey[row]),
-                int(landmarks.views[row]),
-                int(landmarks.anchor[row]),
-            )
+        often = landmarks.views >= settings.least_views
+        ids = landmarks.ids[often].tolist()
+        traits = (local_map.grey(), landmarks.views, landmarks.anchor)
+        self.places.update(zip(ids, landmarks.points_odom[often].astype(np.float32), strict=True))
+        self.traits.update(
+            zip(ids, zip(*(x[often].tolist() for x in traits), strict=True), strict=True)
+        )
 
     def place(self, timestamp_ns: int, serial: int, T_keyframe_cam: Array) -> None:
         """Hang a frame on a keyframe."""

@@ -21,9 +21,6 @@ from vo.solver import TURN_LAST, Part, information_inverse, optimize
 REWEIGHTINGS = 3
 """Rounds in which the Huber weights are renewed (Holland and Welsch, 1977), for one camera."""
 
-STRUCTURE_REWEIGHTINGS = 2
-"""The same for many, which were refined before."""
-
 SIX = np.arange(6)
 
 MEDIAN_CHI2 = (0.455, 1.386)
@@ -84,13 +81,12 @@ def refine_structure(
     moving = ~bundle.fixed
     parts = [_part(chunk, T, moving) for chunk in pieces if moving[chunk.cameras].any()]
     iterations = 0
-    for _ in range(STRUCTURE_REWEIGHTINGS):
+    most = settings.most_iterations
+    for steps_left in (1, most - 1)[:most]:  # Huber's weights follow the first step
         for chunk in pieces:
             chunk.reweigh(T[chunk.cameras], settings.huber)
-        T[moving], steps = optimize(T[moving], parts, settings.most_iterations)
+        T[moving], steps = optimize(T[moving], parts, steps_left)
         iterations += steps
-        if steps >= settings.most_iterations:
-            break
     points, error = bundle.points_world.copy(), 0.0
     for chunk in pieces:
         error += chunk.normal(T[chunk.cameras], moving[chunk.cameras], derivatives=False)[2]
