@@ -10,8 +10,10 @@ import numpy as np
 
 from scenes.scene import HIDDEN_GROUP, PAINT_GROUP, TWIN_GROUP
 from sim.gl import GLContext, GraphicsError, open_context
+from sim.readout import read_out
 from sim.rig import CAMERA
 from sim.settings import RenderSettings
+from sim.sky import SkyBands, bare_bands, can_follow
 from sim.target import Target
 from sim.view import in_view
 from sim.world import World
@@ -81,12 +83,13 @@ class StereoRenderer:
             self._context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
             self._paint_target = Target(self._context, settings.samples)
             self._label_target = Target(self._context, 0)
+            self._sky = SkyBands(self._context)
         except (mujoco.FatalError, GraphicsError) as error:
             self._gl.free()
             raise GraphicsError(f"the GL refuses a picture of this size ({error})") from None
         self._scene = mujoco.MjvScene(model, maxgeom=model.ngeom + SPARE_GEOMS)
         self._rect = mujoco.MjrRect(0, 0, 2 * self._width, self._height)
-        self._rgb = np.empty((self._height, 2 * self._width, 3), np.uint8)
+        self._rgba = np.empty((self._height, 2 * self._width, 4), np.uint8)
         self._zbuffer = np.empty((self._height, 2 * self._width), np.float32)
         return self
 
@@ -100,6 +103,7 @@ class StereoRenderer:
         self._gl.make_current()
         self._paint_target.free()
         self._label_target.free()
+        self._sky.free()
         self._context.free()
         self._gl.free()
         self._gl = None
@@ -122,12 +126,18 @@ class StereoRenderer:
             Left and right (H, W) grey or (H, W, 3) RGB images, uint8.
         """
         self._look_through_rig(self._paint_option)
-        self._scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = sky
-        with self._paint_target:
-            self._draw(self._rect, self._rgb, None)
+        sky_follows = sky and can_follow(self._scene)
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = sky and not sky_follows
+        with self._paint_target as target:
+            self._draw(self._rect)
+            target.read_colour(self._rgba)
+            for low, high in bare_bands(self._rgba) if sky_follows else []:
+                self._sky.prepare(self._scene, low, high)
+                self._draw(self._rect)
+                target.read_colour(self._rgba, low, high)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = True
-        image = self._rgb if self._color else cv2.cvtColor(self._rgb, cv2.COLOR_RGB2GRAY)
-        return self._eyes(np.asarray(image, np.uint8))
+        form = cv2.COLOR_RGBA2RGB if self._color else cv2.COLOR_RGBA2GRAY
+        return self._eyes(np.asarray(cv2.cvtColor(self._rgba, form), np.uint8))
 
     def survey(self) -> Survey:
         """Measure what both eyes meet at the world's present state."""
@@ -136,18 +146,20 @@ class StereoRenderer:
         for flag in flags:
             self._scene.flags[flag] = True
         try:
-            with self._label_target:
-                self._draw(self._rect, self._rgb, self._zbuffer)
+            with self._label_target as target:
+                self._draw(self._rect)
+                target.read_colour(self._rgba)
+                target.read_depth(self._zbuffer)
         finally:
             for flag in flags:
                 self._scene.flags[flag] = False
-        rgb = self._rgb.astype(np.int32)
-        codes = rgb[..., 0] | rgb[..., 1] << 8 | rgb[..., 2] << 16
         ids = np.full(self._scene.ngeom + 1, NO_GEOM, dtype=np.int32)
         for geom in self._scene.geoms[: self._scene.ngeom]:
             if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
                 ids[geom.segid + 1] = geom.objid
-        return Survey(*self._eyes(self._metric_depth()), *self._eyes(ids[codes]))
+        visual, extent = self._world.model.vis, self._world.model.stat.extent
+        near, far = np.float32(visual.map.znear * extent), np.float32(visual.map.zfar * extent)
+        return Survey(*read_out(self._zbuffer, self._rgba, ids, near, far))
 
     def picture(
         self,
@@ -175,7 +187,9 @@ class StereoRenderer:
         self._update(camera, self._paint_option, mujoco.mjtStereo.mjSTEREO_NONE)
         view.fovy = perspective_fovy_deg
         rgb = np.empty((height_px, width_px, 3), np.uint8)
-        self._draw(mujoco.MjrRect(0, 0, width_px, height_px), rgb, None)
+        rect = mujoco.MjrRect(0, 0, width_px, height_px)
+        self._draw(rect)
+        mujoco.mjr_readPixels(rgb, None, rect, context)
         return np.asarray(cv2.flip(rgb, 0), np.uint8)
 
     def _look_through_rig(self, option: mujoco.MjvOption) -> None:
@@ -202,24 +216,11 @@ class StereoRenderer:
         self._scene.stereo = stereo
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = self._settings.shadow_size_px > 0
 
-    def _draw(self, rect: mujoco.MjrRect, rgb: Image | None, zbuffer: Array | None) -> None:
+    def _draw(self, rect: mujoco.MjrRect) -> None:
         assert self._gl is not None
         self._gl.make_current()
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
         mujoco.mjr_render(rect, self._scene, self._context)
-        mujoco.mjr_readPixels(rgb, zbuffer, rect, self._context)
-
-    def _metric_depth(self) -> Array:
-        """Convert the depth buffer (1 near, 0 far) to metres along the optical axis.
-
-        The projection maps depth Z to s = a / Z - c with c = n / (f - n) and a = f n / (f - n),
-        in OpenGL's own single precision; what is cleared (s = 0) has no depth.
-        """
-        visual, extent = self._world.model.vis, self._world.model.stat.extent
-        near, far = np.float32(visual.map.znear * extent), np.float32(visual.map.zfar * extent)
-        c, a = near / (far - near), far * near / (far - near)
-        s = np.where(self._zbuffer > 0, self._zbuffer, np.float32(np.nan))
-        return a / (s + c)
 
     def _eyes(self, both: Array) -> tuple[Array, Array]:
         """Cut (H, 2W, ...) with the bottom row first into two upright, contiguous images."""

@@ -12,6 +12,7 @@ from typing import Self
 import mujoco
 
 from sim.gl import GraphicsError
+from vo.contract.arrays import Array, Image
 
 
 class Target:
@@ -61,6 +62,34 @@ class Target:
         tb: TracebackType | None,
     ) -> None:
         self._context.offFBO, self._context.offSamples = self._own
+
+    def read_colour(self, rgba: Image, low: int = 0, high: int | None = None) -> None:
+        """Copy what was drawn, each pixel the mean of its samples, into (H, W, 4) uint8.
+
+        With alpha, which the driver keeps beside the colours, that is a copy and no conversion.
+
+        Args:
+            rgba: Receives the rows, the bottom one first.
+            low: First row to copy.
+            high: Behind the last one; none: to the end.
+        """
+        gl = self._gl
+        rows = rgba[low:high]
+        height, width = rows.shape[:2]
+        gl.glBindFramebuffer(gl.GL_READ_FRAMEBUFFER, self._frame)
+        if self._samples:
+            gl.glBindFramebuffer(gl.GL_DRAW_FRAMEBUFFER, self._context.offFBO_r)
+            top, mask = low + height, gl.GL_COLOR_BUFFER_BIT
+            gl.glBlitFramebuffer(0, low, width, top, 0, low, width, top, mask, gl.GL_NEAREST)
+            gl.glBindFramebuffer(gl.GL_READ_FRAMEBUFFER, self._context.offFBO_r)
+        gl.glReadPixels(0, low, width, height, gl.GL_RGBA, gl.GL_UNSIGNED_BYTE, rows)
+
+    def read_depth(self, zbuffer: Array) -> None:
+        """Copy the depth buffer, which must have no samples, into (H, W) float32."""
+        gl = self._gl
+        height, width = zbuffer.shape
+        gl.glBindFramebuffer(gl.GL_READ_FRAMEBUFFER, self._frame)
+        gl.glReadPixels(0, 0, width, height, gl.GL_DEPTH_COMPONENT, gl.GL_FLOAT, zbuffer)
 
     def free(self) -> None:
         """Release the memory; the context must be current."""
