@@ -151,8 +151,8 @@ def verdict(curve: Curve) -> str:
     """Say in a sentence where the estimator breaks."""
     bracket, label = curve.bracket, curve.axis.label
     if bracket is None:
-        return f"Bears all up to {curve.responses[-1].strength:g}: {label}."
+        return f"Bears all up to {curve.responses[-1].strength:g} ({label})."
     if bracket[1] == curve.axis.least:
         return f"Is broken on {curve.scene} as it is."
     low, high = bracket
-    return f"Breaks between {low:.3g} and {high:.3g}: {label}."
+    return f"Breaks between {low:.3g} and {high:.3g} ({label})."

@@ -149,7 +149,7 @@ def page_text(studies: Mapping[str, Mapping[str, Curve]], command: str) -> str:
     table = "\n".join(f"| {row} |" for row in [head, "|".join(["---"] * (2 + len(labels))), *rows])
     broken = (
         f"An estimator is broken where its drift over 1 m exceeds {one.limits.drift_percent:g} % "
-        f"or it loses more than {100 * one.limits.lost_share:g} % of the frames, on most of "
+        f"or it loses more than {100 * one.limits.lost_share:g} % of the frames, on more than half of "
         f"{len(one.responses[0].seeds)} drives at each strength; the strength is found by halving."
     )
     sections = [
