@@ -86,7 +86,7 @@ def draw(figure: "Figure", curves: Mapping[str, Curve], title: str) -> None:
         panel.axhline(limit, color=GREY, ls="--", lw=0.9)
     top.set_yscale("log")
     top.yaxis.set_major_formatter("{x:g}")
-    top.legend(fontsize=8, frameon=False, loc="best")
+    figure.legend(fontsize=8, frameon=False, ncols=len(curves), loc="outside lower center")
     tidy(top, "", "drift over 1 m, %", title)
     tidy(bottom, one.axis.label, "frames lost, %")
     bottom.set_ylim(-5, 105)
@@ -149,8 +149,8 @@ def page_text(studies: Mapping[str, Mapping[str, Curve]], command: str) -> str:
     table = "\n".join(f"| {row} |" for row in [head, "|".join(["---"] * (2 + len(labels))), *rows])
     broken = (
         f"An estimator is broken where its drift over 1 m exceeds {one.limits.drift_percent:g} % "
-        f"or it loses more than {100 * one.limits.lost_share:g} % of the frames, on more than half of "
-        f"{len(one.responses[0].seeds)} drives at each strength; the strength is found by halving."
+        f"or it loses more than {100 * one.limits.lost_share:g} % of the frames, on more than "
+        f"half of {len(one.responses[0].seeds)} drives at each strength; the strength is found by halving."
     )
     sections = [
         f"## {name.replace('_', ' ').capitalize()}\n\n"
