@@ -95,6 +95,6 @@ def _draw_times(panel: "Axes", drives: Sequence[RoutedDrive]) -> None:
             va="center", fontsize=8.5, color=colour,
         )  # fmt: skip
     panel.set_xticks(range(len(STRATEGIES)), [s.name.replace(" + ", " +\n") for s in STRATEGIES])
-    panel.set_ylim(bottom=0)
+    panel.set_ylim(0, 1.08 * max(d.measured_s for d in drives))
     panel.set_xlim(-0.4, len(STRATEGIES) - 0.4)
     tidy(panel, "", "travel time, s", "mean of the model (hollow) and of the rover")
