@@ -150,7 +150,8 @@ def page_text(studies: Mapping[str, Mapping[str, Curve]], command: str) -> str:
     broken = (
         f"An estimator is broken where its drift over 1 m exceeds {one.limits.drift_percent:g} % "
         f"or it loses more than {100 * one.limits.lost_share:g} % of the frames, on more than "
-        f"half of {len(one.responses[0].seeds)} drives at each strength; the strength is found by halving."
+        f"half of {len(one.responses[0].seeds)} drives at each strength; the strength is found by "
+        "halving."
     )
     sections = [
         f"## {name.replace('_', ' ').capitalize()}\n\n"
