@@ -37,11 +37,8 @@ class FeatureSettings(Settings):
     smoothing_px: float = Field(
         default=0.8, ge=0, description="Gaussian that noisy images go through; 0 never"
     )
-    clear_share: float = Field(
-        default=0.15,
-        ge=0,
-        le=1,
-        description="images are noisy if a smaller share of new features has a depth",
+    noisy_grey: float = Field(
+        default=3.5, ge=0, description="standard deviation of noise beyond which images are noisy"
     )
     apart_px: float = Field(
         default=5.0, ge=0, description="least distance of new landmarks to others"

@@ -4,7 +4,7 @@ from vo.config import OdometrySettings
 from vo.contract.clock import Clock
 from vo.contract.sequence import StereoFrame
 from vo.hooks import Hooks
-from vo.noise import texture_to_noise, widened
+from vo.noise import grain, widened
 from vo.replacement import replace_features
 from vo.stereo import DenseStereo
 from vo.view import View, look
@@ -21,16 +21,12 @@ class Eyes:
 
     def look(self, frame: StereoFrame, clock: Clock) -> View:
         """Find features (thesis 3.2) and, if stereo is dense, depth (3.1)."""
+        features = self._settings.features
         with clock("features"):
-            faint = texture_to_noise(frame.left) < self._settings.faint.texture_to_noise
+            seen = grain(frame.left)
+        if seen.noise > features.noisy_grey:
+            self._smoothing_px = features.smoothing_px
+        faint = seen.texture_to_noise < self._settings.faint.texture_to_noise
         settings = self._widened if faint else self._settings
         view = look(frame, self._dense_stereo, settings, clock, self._smoothing_px)
         return replace_features(self._hooks, view, settings)
-
-    def mind(self, depth_share: float) -> bool:
-        """Take to smoothing if too small a share of features had a depth; whether that is new."""
-        s = self._settings.features
-        news = depth_share < s.clear_share and self._smoothing_px < s.smoothing_px
-        if news:
-            self._smoothing_px = s.smoothing_px
-        return news

@@ -74,7 +74,7 @@ def add_keyframe(
         matches = None
     serial, known = local_map.next_serial, local_map.landmarks
     taken = matches.measured if matches else np.zeros((0, 3))
-    measured, sigma, slopes, vectors, share = _fresh_features(
+    measured, sigma, slopes, vectors = _fresh_features(
         view, taken, local_map.noise, settings, hooks
     )
     points_cam = rig.triangulate(measured[:, :2], measured[:, 2])
@@ -108,18 +108,17 @@ def add_keyframe(
         landmarks=known.extend(fresh),
         next_serial=serial + 1,
         next_id=local_map.next_id + n,
-        depth_share=share,
     )
 
 
 def _fresh_features(
     view: View, taken: Array, noise: tuple[float, float], settings: OdometrySettings, hooks: Hooks
-) -> tuple[Array, Array, Array, Array, float]:
+) -> tuple[Array, Array, Array, Array]:
     """Features that have a depth and lie apart from the (N, 3) measurements taken.
 
     Returns:
-        (N, 3) measurements, their (N, 3) sigmas, the disparity's (N, 2) slopes, (N, P)
-        appearances, and the share of features that N are of those apart.
+        (N, 3) measurements, their (N, 3) sigmas, the disparity's (N, 2) slopes and (N, P)
+        appearances.
     """
     pixels = view.features.pixels
     free = np.ones(len(pixels), dtype=bool)
@@ -134,8 +133,7 @@ def _fresh_features(
     sigma = measurement_sigma(
         np.zeros((known.sum(), 2)), found.sigma_px[known], noise, settings.refinement
     )
-    share = float(known.mean()) if len(known) else 1.0
-    return measured, sigma, found.slopes[known], vectors[known], share
+    return measured, sigma, found.slopes[known], vectors[known]
 
 
 def _renew_anchors(

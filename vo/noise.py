@@ -7,6 +7,8 @@ Source: Immerkær, Fast noise variance estimation, CVIU 1996, here by blocks, of
 tell the noise.
 """
 
+from dataclasses import dataclass
+
 import numba
 import numpy as np
 
@@ -23,17 +25,27 @@ LEAST_NOISE = 0.3
 WIDEST_PX = 31
 
 
-def texture_to_noise(image: Image) -> float:
-    """Median over blocks of the energy of texture over that of noise; infinite without a block.
+@dataclass(frozen=True)
+class Grain:
+    """What an image is made of.
 
-    Args:
-        image: (H, W) uint8.
+    Attributes:
+        noise: Standard deviation, grey levels.
+        texture_to_noise: Median over blocks of the energy of texture over that of noise; infinite
+            without a block.
     """
+
+    noise: float
+    texture_to_noise: float
+
+
+def grain(image: Image) -> Grain:
+    """Measure an image (H, W) uint8."""
     found = _blocks(image)
     if not len(found):
-        return np.inf
+        return Grain(0.0, np.inf)
     noise = max(float(np.quantile(found[:, 0], CALM)), LEAST_NOISE)
-    return max(float(np.median(found[:, 1])) / noise**2 - 1, 0.0)
+    return Grain(noise, max(float(np.median(found[:, 1])) / noise**2 - 1, 0.0))
 
 
 def widened(settings: OdometrySettings) -> OdometrySettings:

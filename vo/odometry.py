@@ -57,7 +57,6 @@ class StereoOdometry:
                 T_odom_cam = grow(here, view, found, gear, counts)
                 spread, seen = found.pose.covariance, glimpse(found.inliers)
                 rest = here.leave(T_odom_cam, spread, view, seen)
-                self._eyes.mind(here.map.depth_share)
             if view.settings.motion.prior:
                 agreed = found.inliers.ids
                 here.map, here.strikes = judge(here.map, here.strikes, found.matches.ids, agreed)
@@ -88,8 +87,6 @@ class StereoOdometry:
         elsewhere = ADRIFT * np.eye(6) if lost else np.zeros((6, 6))
         T_odom_cam, covariance = known or (here.T_odom_cam, elsewhere)
         fresh = add_keyframe(here.map, view, T_odom_cam, covariance, None, gear.rig, s, gear.hooks)
-        if self._eyes.mind(fresh.depth_share):
-            return self._start(self._eyes.look(view.frame, clock), counts, clock)
         counts["fresh"] = len(fresh.landmarks)
         if len(fresh.landmarks) < s.motion.least_inliers:
             few = f"{len(fresh.landmarks)} features with depth, need {s.motion.least_inliers}"

@@ -87,7 +87,6 @@ class LocalMap:
         landmarks: Those whose anchor is among the keyframes.
         next_serial: Of the next keyframe.
         next_id: Of the next landmark.
-        depth_share: Share of the last keyframe's new features that had a depth.
         noise: By how much errors of pixels and of disparities exceed what is assumed, as far as
             residuals have shown.
         first_serial: Of the first keyframe, be it in the window or not.
@@ -98,7 +97,6 @@ class LocalMap:
     landmarks: Landmarks
     next_serial: int
     next_id: int
-    depth_share: float = 1.0
     noise: tuple[float, float] = (1.0, 1.0)
     first_serial: int = 0
     lag: FixedLag | None = None

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from vo.config import THESIS, OdometrySettings
-from vo.noise import texture_to_noise, widened
+from vo.noise import grain, widened
 
 RNG = np.random.default_rng(4)
 
@@ -24,15 +24,17 @@ def test_ratio_is_that_of_the_energies(noise: float, texture: float) -> None:
     # Variance within a block misses what is slower than the block; the calmest blocks underrate
     # the noise a little.
     ratio = (texture / noise) ** 2
-    assert 0.5 * ratio < texture_to_noise(image) < 1.3 * ratio + 0.2
+    found = grain(image)
+    assert 0.5 * ratio < found.texture_to_noise < 1.3 * ratio + 0.2
+    assert found.noise == pytest.approx(noise, rel=0.15)
 
 
 def test_a_flat_noisy_image_has_no_texture_and_a_clean_one_no_noise() -> None:
     flat = np.clip(128 + 5 * RNG.standard_normal((480, 640)), 0, 255).astype(np.uint8)
-    assert texture_to_noise(flat) < 0.5  # the calmest blocks underrate the noise a little
+    assert grain(flat).texture_to_noise < 0.5  # the calmest blocks underrate the noise a little
     clean = np.rint(128 + _texture(20.0)).astype(np.uint8)
-    assert texture_to_noise(clean) > 100
-    assert texture_to_noise(np.zeros((10, 10), np.uint8)) == np.inf
+    assert grain(clean).texture_to_noise > 100
+    assert grain(np.zeros((10, 10), np.uint8)).texture_to_noise == np.inf
 
 
 def test_faint_images_are_met_with_wider_windows_and_nothing_else() -> None:
