@@ -52,10 +52,13 @@ BEHIND_M = 0.25
 class NavigatorSettings(Settings):
     """How careful the navigator is."""
 
-    occupancy: OccupancySettings = OccupancySettings(hit=0.5, occupied=1.2, half_life_s=30.0)
-    """An obstacle must be seen three times: block matching sees many that are not there."""
+    occupancy: OccupancySettings = OccupancySettings(
+        farthest_m=3.5, hit=0.5, occupied=1.2, half_life_s=30.0
+    )
+    """An obstacle must be seen three times, and not from afar: block matching sees many that are
+    not there, and a smear of distant ones closes an aisle until it is forgotten."""
     speckle_px: int = Field(default=60, ge=0, description="of alike disparities, fewer are wrong")
-    radius_m: float = Field(default=0.32, gt=0, description="of the rover, about its axle")
+    radius_m: float = Field(default=0.35, gt=0, description="of the rover, about its axle")
     cell_m: float = Field(default=0.1, gt=0, description="of the grid")
     around_m: float = Field(default=8.0, gt=0, description="of the grid, beyond start and goal")
     look_around_deg: float = Field(
