@@ -88,7 +88,8 @@ def drive(
         plannings, layouts = parse_planning(planning), range(seed, seed + worlds)
         drive_planned(title, options, sources, plannings, layouts, runs, out, ideal_depth)
         return
-    study = json.dumps({"options": trial.model_dump(mode="json"), "sources": sources, "runs": runs})
+    what = {"sources": sources, "runs": runs, "seed": seed, "worlds": worlds}
+    study = json.dumps({"options": trial.model_dump(mode="json"), **what})
     ledger = Ledger(out, study) if out else None
     done = dict(ledger.done) if ledger else {}
     missing = [k for k in range(seed, seed + worlds) if k not in done]
