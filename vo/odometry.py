@@ -1,5 +1,7 @@
 """The algorithm: stereo frames in, one pose and one status per frame out (thesis, algorithm 2)."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from vo.appearance import explain_calibration, explain_failure
@@ -33,6 +35,16 @@ class StereoOdometry:
         self._gear = Gear(rig, hooks, np.random.default_rng(self.settings.seed))
         self._eyes = Eyes(self.settings, hooks)
         self._journey = Journey()
+
+    @property
+    def hooks(self) -> Hooks:
+        """What may replace a stage's output; may be set until the first frame."""
+        return self._gear.hooks
+
+    @hooks.setter
+    def hooks(self, hooks: Hooks) -> None:
+        self._gear = replace(self._gear, hooks=hooks)
+        self._eyes = Eyes(self.settings, hooks)
 
     def track(self, frame: StereoFrame) -> Estimate:
         """Estimate the pose of the next frame; never raises on image content."""

@@ -313,7 +313,10 @@ def test_an_action_out_of_range_is_refused(make, action):
     ("options", "said"),
     [
         ({"scene": "moon"}, "unknown scene moon; valid: asphalt"),
-        ({"localization": "gps"}, "unknown localization gps; valid: truth, wheels, vo"),
+        (
+            {"localization": "gps"},
+            "unknown localization gps; valid: truth, drift:PERCENT, wheels, vo",
+        ),
         ({"speed": 2}, "unknown setting speed; valid here: acceleration_mps2"),
         ({"observe": ("smell",)}, "setting observe.0"),
         ({"disturb": "rain"}, "unknown disturbance rain"),
