@@ -45,11 +45,12 @@ def test_an_interrupted_recording_leaves_nothing(tmp_path):
     )
     images = tmp_path / ".o.partial/mav0/cam0/data"
     deadline = time.monotonic() + 60
-    while not (images.is_dir() and any(images.iterdir())):
+    # Compiled loops are loaded with the first frame, and LLVM's callbacks lose an interrupt.
+    while not (images.is_dir() and len(list(images.iterdir())) >= 3):
         assert time.monotonic() < deadline
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
     _, stderr = process.communicate(timeout=30)
-    assert process.returncode == 130
+    assert process.returncode == 130, stderr
     assert stderr.splitlines() == ["driftyard: interrupted"]
     assert list(tmp_path.iterdir()) == []
