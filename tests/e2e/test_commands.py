@@ -44,7 +44,7 @@ def test_an_interrupted_recording_leaves_nothing(tmp_path):
         text=True,
     )
     images = tmp_path / ".o.partial/mav0/cam0/data"
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 120
     # Compiled loops are loaded with the first frame, and LLVM's callbacks lose an interrupt.
     while not (images.is_dir() and len(list(images.iterdir())) >= 3):
         assert time.monotonic() < deadline
