@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from trials.gym.protocol import Trial, share_interval, summary
+from trials.gym.protocol import MEASURES, Trial, share_interval, summary
 
 GOOD = Trial(
     layout=1,
@@ -47,7 +47,7 @@ def test_shares_have_wilsons_interval(ones, n):
 
 
 def test_a_summary_names_every_measure():
-    told = summary([GOOD, replace(GOOD, outcome="timeout", time_s=120.0)])
+    told = summary([GOOD, replace(GOOD, outcome="timeout", time_s=120.0)], MEASURES)
     assert told["success"].startswith("0.50 (0.09 to 0.91)")
     assert told["SPL"].startswith("0.40 (")
     assert told["time s"].startswith("75.0 (")

@@ -114,9 +114,9 @@ def _table(title: str, by_source: Mapping[str, "list[Trial]"]) -> "Table":
     """Lay out one column a source."""
     from rich.table import Table
 
-    from trials.gym.protocol import summary
+    from trials.gym.protocol import MEASURES, summary
 
-    columns = {source: summary(of_source) for source, of_source in by_source.items()}
+    columns = {source: summary(of_source, MEASURES) for source, of_source in by_source.items()}
     table = Table(title, *columns)
     for name in next(iter(columns.values())):
         table.add_row(name, *(column[name] for column in columns.values()))

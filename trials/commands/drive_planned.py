@@ -38,7 +38,8 @@ def drive_planned(
     from rich.table import Table
 
     from trials.commands import console
-    from trials.gym.planning import planned_summary, run_planned
+    from trials.gym.planning import MEASURES, run_planned
+    from trials.gym.protocol import summary
     from vo.contract.files import write_text
 
     trials: list[PlannedTrial] = []
@@ -52,8 +53,8 @@ def drive_planned(
     if out:
         write_text(out, "".join(json.dumps(asdict(t)) + "\n" for t in trials))
     columns = {
-        f"{planning}, {source}": planned_summary(
-            [t for t in trials if (t.planning, t.localization) == (planning, source)]
+        f"{planning}, {source}": summary(
+            [t for t in trials if (t.planning, t.localization) == (planning, source)], MEASURES
         )
         for source in sources
         for planning in plannings

@@ -5,30 +5,27 @@ and steer alike. The static one plans its way once, and stops before what blocks
 one repairs its way with D* Lite by what it sees.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, cast
 
 import gymnasium
 import numpy as np
 
-import trials.gym
 from trials.gym.environments import RoverNav
+from trials.gym.fleet import NAV
 from trials.gym.freespace import NOTHING, FreeSpace
 from trials.gym.policies import NavigatorPolicy
-from trials.gym.protocol import share_interval
+from trials.gym.protocol import Measures
 from trials.gym.rays import ray_disparity
-from trials.intervals import mean_interval
 from trials.navigation.grid_dstar_lite import GridDStarLite
 from trials.navigation.navigator import NavigatorSettings
 from trials.navigation.occupancy import OccupancyGrid, empty_grid
 from trials.workers import spread
-from vo.contract.arrays import Array
 from vo.contract.errors import SettingsError
 
 Planning = Literal["static", "dynamic"]
 PLANNINGS: tuple[Planning, ...] = ("static", "dynamic")
-NAV = next(iter(trials.gym.ENVIRONMENTS))
 DEFAULTS = NavigatorSettings()
 SETTINGS = DEFAULTS.model_copy(
     update={
@@ -75,7 +72,7 @@ class PlannedTrial:
     cpu_ms: float
 
 
-MEASURES: Mapping[str, tuple[Callable[[PlannedTrial], float], int]] = {
+MEASURES: Measures[PlannedTrial] = {
     "SPL": (lambda t: t.spl, 2),
     "time s": (lambda t: t.time_s, 1),
     "driven m": (lambda t: t.driven_m, 2),
@@ -84,7 +81,6 @@ MEASURES: Mapping[str, tuple[Callable[[PlannedTrial], float], int]] = {
     "planning, CPU ms": (lambda t: t.cpu_ms, 1),
     "CPU ms a plan": (lambda t: t.cpu_ms / max(1, t.plans), 2),
 }
-"""Name to the measure of a trial and the digits worth printing."""
 
 
 def parse_planning(text: str) -> list[Planning]:
@@ -163,20 +159,6 @@ def floor_plan(free: FreeSpace, settings: NavigatorSettings) -> OccupancyGrid:
     ).astype(int).T  # fmt: skip
     grid.log_odds[rows, columns] = settings.occupancy.most
     return grid
-
-
-def planned_summary(trials_of_one: Sequence[PlannedTrial]) -> dict[str, str]:
-    """Measures with their intervals, as text, of the trials of one way of planning."""
-    outcomes: Array = np.array([t.outcome for t in trials_of_one])
-    shares = {
-        name: share_interval((outcomes == outcome).astype(float)).text(2)
-        for name, outcome in (("success", "success"), ("collisions", "collision"))
-    }
-    means = {
-        name: mean_interval(np.array([measure(t) for t in trials_of_one])).text(digits)
-        for name, (measure, digits) in MEASURES.items()
-    }
-    return {**shares, **means}
 
 
 def _drive(

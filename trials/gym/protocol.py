@@ -8,6 +8,7 @@ Constrained Spaces (the BARN challenge), 2022 (a score that rewards time against
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Protocol, TypeVar
 
 import numpy as np
 from scipy import stats
@@ -79,7 +80,20 @@ class Trial:
         return self.success * self.optimal_s / float(np.clip(self.time_s, *limits))
 
 
-MEASURES: Mapping[str, tuple[Callable[[Trial], float], int]] = {
+class Ended(Protocol):
+    """Any trial that came to an outcome."""
+
+    @property
+    def outcome(self) -> str:
+        """success, collision, tipped, stuck, lost or timeout."""
+        ...
+
+
+T = TypeVar("T", bound=Ended)
+Measures = Mapping[str, tuple[Callable[[T], float], int]]
+"""Name to the measure of a trial and the digits worth printing."""
+
+MEASURES: Measures[Trial] = {
     "SPL": (lambda t: t.spl, 2),
     "soft SPL": (lambda t: t.soft_spl, 2),
     "BARN score": (lambda t: t.barn, 2),
@@ -89,7 +103,6 @@ MEASURES: Mapping[str, tuple[Callable[[Trial], float], int]] = {
     "error m": (lambda t: t.error_m, 3),
     "drift over 1 m, %": (lambda t: math.nan if t.drift_percent is None else t.drift_percent, 3),
 }
-"""Name to the measure of a trial and the digits worth printing."""
 
 
 def share_interval(values: Array) -> Interval:
@@ -101,14 +114,15 @@ def share_interval(values: Array) -> Interval:
     return Interval(share, max(0.0, middle - reach), min(1.0, middle + reach))
 
 
-def summary(trials_of_one: Sequence[Trial]) -> dict[str, str]:
-    """Measures with their intervals, as text, of the trials of one source."""
+def summary(trials_of_one: Sequence[T], measures: Measures[T]) -> dict[str, str]:
+    """Outcomes and measures with their intervals, as text, of the trials of one source."""
+    outcomes: Array = np.array([t.outcome for t in trials_of_one])
     shares = {
-        "success": share_interval(np.array([t.success for t in trials_of_one])).text(2),
-        "collisions": share_interval(np.array([t.collision for t in trials_of_one])).text(2),
+        name: share_interval((outcomes == outcome).astype(float)).text(2)
+        for name, outcome in (("success", "success"), ("collisions", "collision"))
     }
     means = {
         name: mean_interval(np.array([measure(t) for t in trials_of_one])).text(digits)
-        for name, (measure, digits) in MEASURES.items()
+        for name, (measure, digits) in measures.items()
     }
     return {**shares, **means}
