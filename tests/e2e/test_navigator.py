@@ -7,7 +7,8 @@ from gym_worlds import write_yard
 
 import trials.gym  # noqa: F401, registers the environments
 from trials.gym.policies import NavigatorPolicy
-from trials.navigation.navigator import Navigator, NavigatorSettings
+from trials.navigation.navigator import Navigator
+from trials.navigation.settings import NavigatorSettings
 from trials.navigation.steering import Pose2, SteeringSettings
 
 pytestmark = pytest.mark.gl

@@ -19,8 +19,8 @@ from trials.gym.policies import NavigatorPolicy
 from trials.gym.protocol import Measures
 from trials.gym.rays import ray_disparity
 from trials.navigation.grid_dstar_lite import GridDStarLite
-from trials.navigation.navigator import NavigatorSettings
 from trials.navigation.occupancy import OccupancyGrid, empty_grid
+from trials.navigation.settings import NavigatorSettings
 from trials.workers import spread
 from vo.contract.errors import SettingsError
 

@@ -6,8 +6,9 @@ from typing import Protocol
 import numpy as np
 
 from trials.gym.rover_env import Observation, RoverEnv
-from trials.navigation.navigator import Navigator, NavigatorSettings
+from trials.navigation.navigator import Navigator
 from trials.navigation.occupancy import OccupancyGrid
+from trials.navigation.settings import NavigatorSettings
 from trials.navigation.steering import Pose2, SteeringSettings
 from vo.contract.arrays import Array
 

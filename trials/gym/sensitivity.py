@@ -16,8 +16,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-LEAST_PERCENT = 0.01
-"""Less drift, such as that of the truth, is drawn here: the axis is logarithmic."""
+LEAST_PERCENT = 0.005
+"""Less drift, such as that of the truth, is drawn here, and the legend says so: the axis is
+logarithmic."""
 
 
 def drift_of(of_source: Sequence[Trial]) -> float:
@@ -52,6 +53,7 @@ def _draw(
     places = {x: max(drift_of(trials), LEAST_PERCENT) for x, trials in by_source.items()}
     injected = sorted((x for x in shares if x.startswith(DRIFT)), key=lambda x: places[x])
     panel.set_xscale("log")
+    panel.xaxis.set_major_formatter(lambda percent, _: f"{percent:g}")
     if injected:
         _mark(
             panel,
@@ -62,7 +64,10 @@ def _draw(
             "injected",
         )
     for source, colour in zip((x for x in shares if x not in injected), SERIES, strict=False):
-        _mark(panel, [places[source]], [shares[source]], colour, "D", source)
+        label = (
+            source if places[source] > LEAST_PERCENT else f"{source} (below {LEAST_PERCENT:g} %)"
+        )
+        _mark(panel, [places[source]], [shares[source]], colour, "D", label)
 
 
 def _mark(

@@ -9,24 +9,13 @@ it saw and looks again.
 import math
 from dataclasses import dataclass, replace
 from math import inf
-from time import process_time
 
-import cv2
 import numpy as np
-from pydantic import Field
 
-from sim.rover import WHEEL_RADIUS_M
-from trials.navigation.grid import Cell
-from trials.navigation.grid_dstar_lite import GridDStarLite
-from trials.navigation.occupancy import (
-    OccupancyGrid,
-    OccupancySettings,
-    clearance_m,
-    depth_of,
-    driving_costs,
-    empty_grid,
-    observe,
-)
+from trials.navigation.lookout import Lookout
+from trials.navigation.occupancy import OccupancyGrid, clearance_m
+from trials.navigation.planner import Effort, Planner
+from trials.navigation.settings import NavigatorSettings
 from trials.navigation.steering import (
     PIVOT_RAD,
     Pose2,
@@ -35,47 +24,11 @@ from trials.navigation.steering import (
     aim,
     dynamic_window,
 )
-from vo.contract import se3
 from vo.contract.arrays import Array
 from vo.contract.rig import StereoRig
-from vo.contract.settings import Settings
-
-LIKE_PX = 2
-"""Neighbouring disparities of one surface differ by less."""
-CLOSED_BUT_HERE = 30.0
-"""Cost of cells about the rover that seem to be closed: it stands there, so it can leave."""
 
 BEHIND_M = 0.25
 """Where the rover's axle would be if it backed off: its tail reaches farther than its radius."""
-
-
-class NavigatorSettings(Settings):
-    """How careful the navigator is."""
-
-    occupancy: OccupancySettings = OccupancySettings(
-        farthest_m=3.5, hit=0.5, occupied=1.2, half_life_s=30.0
-    )
-    """An obstacle must be seen three times, and not from afar: block matching sees many that are
-    not there, and a smear of distant ones closes an aisle until it is forgotten."""
-    speckle_px: int = Field(default=60, ge=0, description="of alike disparities, fewer are wrong")
-    radius_m: float = Field(default=0.35, gt=0, description="of the rover, about its axle")
-    cell_m: float = Field(default=0.1, gt=0, description="of the grid")
-    around_m: float = Field(default=8.0, gt=0, description="of the grid, beyond start and goal")
-    look_around_deg: float = Field(
-        default=360.0, ge=0, le=720, description="turn before leaving: cameras see ahead alone"
-    )
-    replan_s: float = Field(default=0.2, gt=0, description="between two looks at the way")
-    ahead_m: float = Field(default=0.7, gt=0, description="along the way to what is headed for")
-    stop_m: float = Field(default=1.0, gt=0, description="before what blocks a way that stays")
-    arrived_m: float = Field(default=0.08, gt=0, description="from the goal, to stop")
-    progress_m: float = Field(default=0.1, gt=0, description="that counts as such")
-    patience_s: float = Field(default=7.0, gt=0, description="without progress, to back off")
-    back_off_s: float = Field(default=1.5, gt=0)
-    back_off_mps: float = Field(default=0.15, gt=0)
-    doubt_m: float = Field(default=1.0, gt=0, description="about the rover, on backing off")
-    doubt: float = Field(default=0.5, ge=0, le=1, description="what is left there of log odds")
-    unknown_cost: float = Field(default=1.0, ge=0, description="more, where nothing was seen")
-    pivot_gain: float = Field(default=1.5, gt=0, description="turning speed by angle")
 
 
 @dataclass
@@ -87,29 +40,12 @@ class _Progress:
     backing_until_s: float = -inf
 
 
-@dataclass
-class Effort:
-    """What planning has cost.
-
-    Attributes:
-        plans: How often the way was planned or repaired.
-        expanded: Cells that D* Lite expanded.
-        cpu_s: Processor time, that for the costs of the cells included.
-    """
-
-    plans: int = 0
-    expanded: int = 0
-    cpu_s: float = 0.0
-
-
 class Navigator:
     """Drives to a goal; `act` at every step.
 
     Attributes:
-        grid: What is known.
-        way_m: (N, 2) the way that is followed; N may be 0.
+        grid: What is known; nothing before the first step.
         retreats: How often the rover had to back off.
-        effort: Of planning.
     """
 
     def __init__(
@@ -129,23 +65,30 @@ class Navigator:
             floor_plan: What is occupied for good; the rest is open. Of the cells of `settings`.
             replanning: Repair the way by what is seen; else it is planned once.
         """
-        self.settings = settings or NavigatorSettings()
-        self._rig, self._steering = rig, steering
-        self._floor_plan, self._replanning = floor_plan, replanning
+        self.settings = s = settings or NavigatorSettings()
+        self._steering, self._replanning = steering, replanning
+        self._lookout = Lookout(rig, steering.period_s, s, floor_plan)
+        self._planner = Planner(s, 0.0 if floor_plan else s.unknown_cost, replanning)
         self.retreats = 0
-        self.effort = Effort()
-        self.grid: OccupancyGrid | None = floor_plan
-        self.way_m: Array = np.zeros((0, 2))
-        self._planner: GridDStarLite | None = None
+        self.grid: OccupancyGrid | None = None
         self._progress: _Progress | None = None
         self._time_s, self._plan_at_s = 0.0, 0.0
         self._twist = Twist(0.0, 0.0)
-        self._goal_m = np.zeros(2)
         self._yaw_rad: float | None = None
         self._turned_rad = 0.0
         # A wheel that slips does not turn for ever.
-        self._turn_s = 2 * math.radians(self.settings.look_around_deg) / steering.turn_max_radps
+        self._turn_s = 2 * math.radians(s.look_around_deg) / steering.turn_max_radps
         self._look_until_s = self._turn_s
+
+    @property
+    def way_m(self) -> Array:
+        """(N, 2) the way that is followed; N may be 0."""
+        return self._planner.way_m
+
+    @property
+    def effort(self) -> Effort:
+        """What planning has cost."""
+        return self._planner.effort
 
     def act(self, disparity_px: Array, pose: Pose2, goal_m: Array) -> Twist:
         """Choose the next speeds.
@@ -158,43 +101,16 @@ class Navigator:
         """
         s = self.settings
         self._time_s += self._steering.period_s
-        grid = self.grid = self._look(disparity_px, pose, goal_m)
+        known = self.grid or self._lookout.new_grid(pose, goal_m)
+        grid = self.grid = self._lookout.look(known, disparity_px, pose)
         if math.hypot(goal_m[0] - pose.x_m, goal_m[1] - pose.y_m) < s.arrived_m:
             self._twist = Twist(0.0, 0.0)
             return self._twist
         if self._time_s >= self._plan_at_s:
-            self._plan(grid, pose, goal_m)
+            self._planner.plan(grid, pose, goal_m)
             self._plan_at_s = self._time_s + s.replan_s
         self._twist = self._retreat(pose) or self._look_around(pose) or self._follow(grid, pose)
         return self._twist
-
-    def _look(self, disparity_px: Array, pose: Pose2, goal_m: Array) -> OccupancyGrid:
-        """Enter what is seen into the grid; the first look lays it out."""
-        s = self.settings
-        if self.grid is None:
-            x_m, y_m = (
-                (min(a, b) - s.around_m, max(a, b) + s.around_m)
-                for a, b in zip(pose[:2], goal_m.tolist(), strict=True)
-            )
-            self.grid = empty_grid(x_m, y_m, s.cell_m)
-        depth_m = depth_of(_cleaned(disparity_px, s.speckle_px), self._rig)
-        small = _shrunk(self._rig, depth_m.shape[1])
-        stride = max(1, round(s.occupancy.stride_px * small.width_px / self._rig.width_px))
-        T_body_cam = self._rig.T_body_cam
-        turn = se3.exp(np.array([0, 0, 0, 0, 0, pose.yaw_rad]))
-        T_world_body = se3.pose(turn[:3, :3], np.array([pose.x_m, pose.y_m, WHEEL_RADIUS_M]))
-        seen = observe(
-            self.grid,
-            depth_m,
-            small,
-            T_world_body @ T_body_cam,
-            float(T_body_cam[2, 3]) + WHEEL_RADIUS_M,
-            self._steering.period_s,
-            s.occupancy.model_copy(update={"stride_px": stride}),
-        )
-        if self._floor_plan is None:
-            return seen
-        return replace(seen, log_odds=np.maximum(seen.log_odds, self._floor_plan.log_odds))
 
     def _look_around(self, pose: Pose2) -> Twist | None:
         """Turn on the spot, to begin with and after backing off."""
@@ -207,35 +123,6 @@ class Navigator:
         if self._progress:
             self._progress.since_s = self._time_s
         return Twist(0.0, self._steering.turn_max_radps)
-
-    def _plan(self, grid: OccupancyGrid, pose: Pose2, goal_m: Array) -> None:
-        """Plan the way to the goal, or repair it."""
-        same_goal = self._planner is not None and np.array_equal(goal_m, self._goal_m)
-        if same_goal and not self._replanning:
-            return
-        s, begun_s = self.settings, process_time()
-        costs = driving_costs(grid, s.radius_m, s.occupancy)
-        if self._floor_plan is None:
-            costs += s.unknown_cost * (grid.log_odds == 0)
-        here, goal = grid.cell(pose.x_m, pose.y_m), grid.cell(float(goal_m[0]), float(goal_m[1]))
-        for cell in (here, goal):
-            disc = _disc(costs.shape, cell, s.radius_m / s.cell_m)
-            costs[disc] = np.minimum(costs[disc], CLOSED_BUT_HERE)
-        expanded = 0
-        if self._planner is None or not same_goal:
-            self._planner, self._goal_m = GridDStarLite(costs, here, goal), goal_m.copy()
-        else:
-            expanded = self._planner.expanded
-            self._planner.move(here)
-            self._planner.update(costs)
-        known = math.isfinite(self._planner.cost)
-        cells: list[Cell] = self._planner.path() if known else []
-        self.way_m = grid.centres_m(cells)
-        if len(self.way_m):
-            self.way_m[-1] = goal_m
-        self.effort.plans += 1
-        self.effort.expanded += self._planner.expanded - expanded
-        self.effort.cpu_s += process_time() - begun_s
 
     def _follow(self, grid: OccupancyGrid, pose: Pose2) -> Twist:
         """Head for a point on the way, on the spot where it is to the side."""
@@ -254,7 +141,7 @@ class Navigator:
         if abs(bearing) > PIVOT_RAD:
             return pivot
         free_m = clearance_m(grid, s.occupancy) - s.radius_m
-        free_m[_disc(free_m.shape, grid.cell(pose.x_m, pose.y_m), 1.5)] = s.cell_m
+        free_m[grid.near(grid.cell(pose.x_m, pose.y_m), 1.5)] = s.cell_m
         return dynamic_window(pose, self._twist, target, grid, free_m, self._steering) or pivot
 
     def _closed_ahead(self, grid: OccupancyGrid, pose: Pose2) -> bool:
@@ -276,11 +163,9 @@ class Navigator:
         if self._time_s - progress.since_s < s.patience_s:
             return None
         assert self.grid is not None
-        disc = _disc(
-            self.grid.log_odds.shape, self.grid.cell(pose.x_m, pose.y_m), s.doubt_m / s.cell_m
-        )
-        doubted = np.where(disc, s.doubt * self.grid.log_odds, self.grid.log_odds)
-        self.grid = replace(self.grid, log_odds=doubted)
+        grid = self.grid
+        near = grid.near(grid.cell(pose.x_m, pose.y_m), s.doubt_m / s.cell_m)
+        self.grid = replace(grid, log_odds=np.where(near, s.doubt, 1.0) * grid.log_odds)
         self._turned_rad, self._look_until_s = 0.0, self._time_s + s.back_off_s + self._turn_s
         self.retreats += 1
         progress.since_s = progress.backing_until_s = self._time_s + s.back_off_s
@@ -288,40 +173,15 @@ class Navigator:
 
     def _open_behind(self, pose: Pose2) -> bool:
         """Whether the floor plan has room for another step back; without one, nobody knows."""
-        if self._floor_plan is None:
+        plan = self._lookout.floor_plan
+        if plan is None:
             return True
         x_m, y_m = (
             a - BEHIND_M * b
             for a, b in zip(pose[:2], (math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)), strict=True)
         )
-        row, column = self._floor_plan.cell(x_m, y_m)
-        height, width = self._floor_plan.log_odds.shape
-        free_m = clearance_m(self._floor_plan, self.settings.occupancy)
+        row, column = plan.cell(x_m, y_m)
+        height, width = plan.log_odds.shape
+        free_m = clearance_m(plan, self.settings.occupancy)
         inside = 0 <= row < height and 0 <= column < width
         return bool(inside and free_m[row, column] > self.settings.radius_m)
-
-
-def _cleaned(disparity_px: Array, speckle_px: int) -> Array:
-    """Disparity (h, w) without islands; 0 where it is unknown."""
-    fixed = (16 * np.nan_to_num(disparity_px)).astype(np.int16)
-    cv2.filterSpeckles(fixed, 0, speckle_px, 16 * LIKE_PX)
-    return fixed / 16.0
-
-
-def _shrunk(rig: StereoRig, width_px: int) -> StereoRig:
-    """The rig of images that are so wide."""
-    scale = width_px / rig.width_px
-    return replace(
-        rig,
-        width_px=width_px,
-        height_px=round(rig.height_px * scale),
-        f_px=rig.f_px * scale,
-        cx_px=(rig.cx_px + 0.5) * scale - 0.5,
-        cy_px=(rig.cy_px + 0.5) * scale - 0.5,
-    )
-
-
-def _disc(shape: tuple[int, ...], cell: Cell, radius: float) -> Array:
-    """(H, W) which cells are within so many cells of one."""
-    rows, columns = np.ogrid[: shape[0], : shape[1]]
-    return (rows - cell[0]) ** 2 + (columns - cell[1]) ** 2 <= radius**2

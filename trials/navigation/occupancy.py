@@ -68,6 +68,11 @@ class OccupancyGrid:
         rows_columns = np.array(cells, dtype=float).reshape(-1, 2)
         return np.array(self.corner_xy_m) + self.cell_m * rows_columns[:, ::-1]
 
+    def near(self, cell: Cell, cells: float) -> Array:
+        """(H, W) whether a cell is within so many cells of one."""
+        rows, columns = np.ogrid[: self.log_odds.shape[0], : self.log_odds.shape[1]]
+        return (rows - cell[0]) ** 2 + (columns - cell[1]) ** 2 <= cells**2
+
 
 def empty_grid(x_m: tuple[float, float], y_m: tuple[float, float], cell_m: float) -> OccupancyGrid:
     """Make a grid over two ranges, of which nothing is known."""
