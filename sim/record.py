@@ -21,8 +21,8 @@ from sim.sensors import CODES, LABELS
 from sim.settings import RecordSettings
 from sim.tables import write_cameras, write_exposures, write_inertial, write_wheels
 from sim.tiff import encode_label
-from sim.trip import make_trip
-from sim.world import build_world
+from sim.trip import Trip, make_trip
+from sim.world import World, build_world
 from vo.contract.dataset import DatasetWriter
 from vo.contract.files import encode_png
 
@@ -68,25 +68,51 @@ def record(
     with DatasetWriter(out, overwrite) as writer:
         world = build_world(scene, settings)
         trip = make_trip(world, settings)
-        camera, annotator = StereoCamera(world, settings), Annotator(world)
-        judge = Judge(settings, world.rig, camera.sensors)
-        darkroom = _Darkroom(writer, settings, camera, annotator, judge)
+        camera = StereoCamera(world, settings)
         with StereoRenderer(world, settings.render, settings.rig.color) as renderer:
-            top_down = survey_map(world, renderer)
-            captures = camera.captures(trip, renderer)
-            shots, frames = _write_frames(darkroom, captures, int(trip.delivered.sum()), progress)
-            gl = renderer.gl_strings
-        writer.add(MAP, encode_png(top_down.image))
-        delivered = delivered_rig(world.rig, settings.calibration)
-        write_cameras(writer, delivered, settings, trip)
-        write_exposures(writer, shots)
-        write_inertial(writer, settings, trip)
-        write_wheels(writer, settings, trip)
-        checks = check_folder(writer.partial, settings, trip.ended)
-        certificate = certify(frames, checks, unjudged(settings))
-        writer.commit(
-            manifest(world, settings, delivered, trip, annotator.things, top_down, gl, certificate)
-        )
+            return record_trip(writer, world, trip, settings, camera, renderer, progress)
+
+
+def record_trip(
+    writer: DatasetWriter,
+    world: World,
+    trip: Trip,
+    settings: RecordSettings,
+    camera: StereoCamera,
+    renderer: StereoRenderer,
+    progress: Progress | None = None,
+) -> Recording:
+    """Render what was driven, label it, certify it and commit the dataset.
+
+    Args:
+        writer: Of the folder.
+        world: Is moved along the trip.
+        trip: At least two frames of it were delivered.
+        settings: What goes into the manifest.
+        camera: Of that world.
+        renderer: Of that world, open.
+        progress: Is told of every frame.
+
+    Raises:
+        DatasetError: If the disk is full.
+    """
+    annotator = Annotator(world)
+    judge = Judge(settings, world.rig, camera.sensors)
+    darkroom = _Darkroom(writer, settings, camera, annotator, judge)
+    top_down = survey_map(world, renderer)
+    captures = camera.captures(trip, renderer)
+    shots, frames = _write_frames(darkroom, captures, int(trip.delivered.sum()), progress)
+    writer.add(MAP, encode_png(top_down.image))
+    delivered, gl = delivered_rig(world.rig, settings.calibration), renderer.gl_strings
+    write_cameras(writer, delivered, settings, trip)
+    write_exposures(writer, shots)
+    write_inertial(writer, settings, trip)
+    write_wheels(writer, settings, trip)
+    checks = check_folder(writer.partial, settings, trip.ended)
+    certificate = certify(frames, checks, unjudged(settings))
+    writer.commit(
+        manifest(world, settings, delivered, trip, annotator.things, top_down, gl, certificate)
+    )
     return Recording(certificate, trip.ended)
 
 
