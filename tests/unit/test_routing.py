@@ -140,8 +140,8 @@ def test_verdicts_tell_the_worse_from_the_better():
     good = np.array([200 + noise, 180 + noise, 150 + noise, 120 + noise])
     swapped = good[[0, 2, 1, 3]]
     node = Sweep(np.array([0.0, 60]), np.array([good[:, :2], good[:, :2]]).swapaxes(0, 1))
-    assert clearing_saves_more(Randomised(free_s, good), node, rng).holds
-    assert not clearing_saves_more(Randomised(free_s, swapped), node, rng).holds
+    assert clearing_saves_more(Randomised(free_s, good), node).holds
+    assert not clearing_saves_more(Randomised(free_s, swapped), node).holds
     assert both_never_worse(Randomised(free_s, good), Randomised(free_s, good), [node]).holds
     good[3, 7] = good[2, 7] + 60
     verdict = both_never_worse(Randomised(free_s, good), Randomised(free_s, good), [node])

@@ -1,7 +1,7 @@
 """Static against dynamic routing of an urgent vehicle, with and without clearing: route."""
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, astuple
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -74,10 +74,10 @@ def route(
         studies = {label: study(*part, lead, done) for label, part in chosen.items()}
         during = randomised(network, cases, lead, rng, done)
         before = randomised(network, cases, lead, rng, done, known_s=0.0)
-    verdicts = judge(studies, during, before, rng)
+    verdicts = judge(studies, during, before)
     draw(out, studies, during, rng)
     settings = {"drives": drives, "share": share, "lead_s": lead, "seed": seed}
-    write_summary(out, {**settings, "map": map_file and str(map_file)}, during, verdicts, rng)
+    write_summary(out, {**settings, "map": map_file and str(map_file)}, during, verdicts)
     for verdict in verdicts:
         answer = "holds" if verdict.holds else "DOES NOT HOLD"
         console.out.print(f"{verdict.claim}: {answer} ({verdict.because})", markup=False)
@@ -97,7 +97,7 @@ def _cases(
 
 
 def judge(
-    studies: "dict[str, Study]", during: "Randomised", before: "Randomised", rng: "Generator"
+    studies: "dict[str, Study]", during: "Randomised", before: "Randomised"
 ) -> "list[Verdict]":
     """Hold what was expected against the figures; the last study is that of the random drives."""
     from trials.routing import verdicts
@@ -106,7 +106,7 @@ def judge(
     return [
         verdicts.equal_without_congestion(studies),
         verdicts.flat(studies),
-        verdicts.clearing_saves_more(during, [*studies.values()][-1].node, rng),
+        verdicts.clearing_saves_more(during, [*studies.values()][-1].node),
         verdicts.both_never_worse(during, before, sweeps),
     ]
 
@@ -118,13 +118,13 @@ def draw(out: Path, studies: "dict[str, Study]", during: "Randomised", rng: "Gen
 
     drawn = {
         "networks": figures.draw_networks(studies),
-        "delays": figures.draw_delays(studies, rng),
+        "delays": figures.draw_delays(studies),
         "random": figures.draw_random(during, [*studies][-1], rng),
     }
     for stem, figure in drawn.items():
         with replacing(out / f"routing_{stem}.png") as partial:
             figure.savefig(partial, format="png")
-    write_text(out / "routing_delays.csv", tables.delays_csv(studies, rng))
+    write_text(out / "routing_delays.csv", tables.delays_csv(studies))
     write_text(out / "routing_random.csv", tables.random_csv(during))
 
 
@@ -133,15 +133,14 @@ def write_summary(
     settings: dict[str, object],
     during: "Randomised",
     verdicts: "list[Verdict]",
-    rng: "Generator",
 ) -> None:
     """Write settings, mean increases with their intervals, and verdicts."""
+    from trials.intervals import mean_interval
     from trials.routing.drive import STRATEGIES
-    from trials.routing.study import mean_interval
     from vo.contract.files import write_text
 
     increase = {
-        strategy.name: dict(zip(("mean", "low", "high"), mean_interval(x, rng), strict=True))
+        strategy.name: dict(zip(("mean", "low", "high"), astuple(mean_interval(x)), strict=True))
         for strategy, x in zip(STRATEGIES, during.increase_percent, strict=True)
     }
     summary = {

@@ -1,10 +1,12 @@
 """The figures of the routing study."""
 
 from collections.abc import Mapping
+from dataclasses import astuple
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from trials.intervals import mean_interval
 from trials.routing.drive import STRATEGIES, Delays, drive
 from trials.routing.network import Network
 from trials.routing.study import (
@@ -14,7 +16,6 @@ from trials.routing.study import (
     Randomised,
     Study,
     Sweep,
-    mean_interval,
 )
 
 if TYPE_CHECKING:
@@ -74,13 +75,13 @@ def _draw_network(panel: "Axes", network: Network, case: Case) -> None:
     _clean(panel)
 
 
-def draw_delays(studies: Mapping[str, Study], rng: np.random.Generator) -> "Figure":
+def draw_delays(studies: Mapping[str, Study]) -> "Figure":
     """Draw travel time over node delay and over queuing delay, a row a network."""
     figure = _figure(9.0, 3.4 * len(studies) + 0.5)
     panels = figure.subplots(len(studies), 2, squeeze=False, sharex="col", sharey="row")
     for row, (name, study) in zip(panels, studies.items(), strict=True):
-        _draw_sweep(row[0], study.node, rng)
-        _draw_sweep(row[1], study.queue, rng)
+        _draw_sweep(row[0], study.node)
+        _draw_sweep(row[1], study.queue)
         row[0].set_ylabel("travel time, min", fontsize=9)
         row[0].set_title(
             f"{name}, queues of {QUEUE_S / 60:g} min", fontsize=9, weight="bold", loc="left"
@@ -95,10 +96,10 @@ def draw_delays(studies: Mapping[str, Study], rng: np.random.Generator) -> "Figu
     return figure
 
 
-def _draw_sweep(panel: "Axes", sweep: Sweep, rng: np.random.Generator) -> None:
+def _draw_sweep(panel: "Axes", sweep: Sweep) -> None:
     delays_min = sweep.delays_s / 60
     for strategy, times_s, (colour, style) in zip(STRATEGIES, sweep.times_s, STYLES, strict=True):
-        mean, low, high = np.transpose([mean_interval(x / 60, rng) for x in times_s])
+        mean, low, high = np.transpose([astuple(mean_interval(x / 60)) for x in times_s])
         panel.plot(delays_min, mean, style, color=colour, linewidth=1.7, label=strategy.name)
         panel.fill_between(delays_min, low, high, color=colour, alpha=0.12, linewidth=0)
     panel.set_ylim(bottom=0)
@@ -113,7 +114,7 @@ def draw_random(drives: Randomised, name: str, rng: np.random.Generator) -> "Fig
     for k, (increase, (colour, _)) in enumerate(zip(drives.increase_percent, STYLES, strict=True)):
         across = k + rng.uniform(-0.24, 0.24, len(increase))
         panel.plot(across, increase, ".", color=colour, alpha=0.35, markersize=4, zorder=2)
-        mean, low, high = mean_interval(increase, rng)
+        mean, low, high = astuple(mean_interval(increase))
         panel.errorbar(
             k + 0.3,
             mean,

@@ -19,7 +19,6 @@ STEPS = 9
 APART = 0.4
 """Random ends are at least this far apart, as a share of the network's extent."""
 TRIES = 10_000
-RESAMPLES, CONFIDENCE = 2000, 0.95
 
 Done = Callable[[object], None]
 
@@ -200,10 +199,3 @@ def study(network: Network, cases: Sequence[Case], lead_s: float, done: Done) ->
         sweep(network, cases, "node", lead_s, done),
         sweep(network, cases, "queue", lead_s, done),
     )
-
-
-def mean_interval(samples: Array, rng: np.random.Generator) -> tuple[float, float, float]:
-    """Mean of (n,) samples and the ends of its bootstrap interval."""
-    means = samples[rng.integers(len(samples), size=(RESAMPLES, len(samples)))].mean(axis=1)
-    low, high = np.quantile(means, ((1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2))
-    return float(samples.mean()), float(low), float(high)

@@ -1,21 +1,21 @@
 """The data of the routing figures, as CSV."""
 
 from collections.abc import Iterable, Mapping
+from dataclasses import astuple
 
-import numpy as np
-
+from trials.intervals import mean_interval
 from trials.routing.drive import STRATEGIES
-from trials.routing.study import Randomised, Study, mean_interval
+from trials.routing.study import Randomised, Study
 
 
-def delays_csv(studies: Mapping[str, Study], rng: np.random.Generator) -> str:
+def delays_csv(studies: Mapping[str, Study]) -> str:
     """Mean travel times with their intervals over both kinds of delay."""
     rows: list[tuple[object, ...]] = []
     for name, study in studies.items():
         for over, sweep in (("node", study.node), ("queue", study.queue)):
             for strategy, times_s in zip(STRATEGIES, sweep.times_s, strict=True):
                 for delay_s, samples in zip(sweep.delays_s.tolist(), times_s, strict=True):
-                    figures = (f"{x:.3f}" for x in mean_interval(samples, rng))
+                    figures = (f"{x:.3f}" for x in astuple(mean_interval(samples)))
                     rows.append((name, over, delay_s, strategy.name, *figures))
     return _csv(("network", "over", "delay_s", "strategy", "mean_s", "low_s", "high_s"), rows)
 

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trials.intervals import mean_interval
 from trials.routing.drive import STRATEGIES, Strategy
-from trials.routing.study import QUEUE_S, Randomised, Study, Sweep, mean_interval
+from trials.routing.study import QUEUE_S, Randomised, Study, Sweep
 from vo.contract.arrays import Array
 
 SAME_S = 1e-6
@@ -71,16 +72,16 @@ def _growth_s(times_s: Array) -> float:
     return float(means_s[-1] - means_s[len(means_s) // 2])
 
 
-def clearing_saves_more(drives: Randomised, node: Sweep, rng: np.random.Generator) -> Verdict:
+def clearing_saves_more(drives: Randomised, node: Sweep) -> Verdict:
     """Clearing alone against dynamic routing alone, in random drives; and where that turns."""
     cleared = _row(drives.times_s, False, True)
     rerouted = _row(drives.times_s, True, False)
-    mean, low, high = (x / 60 for x in mean_interval(rerouted - cleared, rng))
+    more_min = mean_interval((rerouted - cleared) / 60)
     gain_s = (_row(node.times_s, True, False) - _row(node.times_s, False, True)).mean(axis=1)
     return Verdict(
         "clearing alone saves more than dynamic routing alone",
-        low > 0,
-        f"by {mean:.1f} min a drive more, 95 % interval {low:.1f} to {high:.1f}; with queues of "
+        more_min.low > 0,
+        f"by {more_min.text(1)} min a drive more, 95 % interval; with queues of "
         f"{QUEUE_S / 60:.1f} min it {_turn(node.delays_s, gain_s)}",
     )
 
