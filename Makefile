@@ -2,7 +2,7 @@
 # `make bench` and `make accuracy` take options: make bench ARGS=--quick
 
 .DEFAULT_GOAL := help
-.PHONY: demo test lint bench accuracy proof response bump replan routing scenes gate gate-power experiments explain clean help
+.PHONY: demo test lint compile bench accuracy proof response bump replan routing scenes gate gate-power experiments explain clean help
 
 VENV := .venv
 READY := $(VENV)/.ready
@@ -14,8 +14,14 @@ export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 demo: $(READY)  ## generate a drive of 21 m, estimate, score and report it (into demo/)
 	$(BIN)/driftyard demo
 
-test: lint  ## lint, then every test
+test: $(READY)  ## lint, then every test
+	@$(MAKE) --no-print-directory --output-sync=target --jobs 2 lint compile
 	$(BIN)/pytest -n auto --maxprocesses 4 --dist loadfile
+
+# Workers that start without machine code would all compile the same, each for itself.
+compile: $(READY)
+	$(BIN)/driftyard generate office --out build/first --overwrite --set drive.distance_m=0.3
+	$(BIN)/driftyard run build/first --out build/first.txt
 
 lint: $(READY)  ## style, types and the layers of the imports
 	$(BIN)/ruff check
