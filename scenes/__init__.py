@@ -26,7 +26,7 @@ from scenes import (
 )
 from scenes.scene import Scene
 from vo.contract.errors import SettingsError
-from vo.contract.settings import Settings
+from vo.contract.settings import Settings, complaint
 
 
 @dataclass(frozen=True)
@@ -131,12 +131,20 @@ def build_scene(name: str, rng: np.random.Generator, options: Mapping[str, objec
     Raises:
         SettingsError: If there is no such scene or option, or a value is refused.
     """
-    entry = find_scene(name)
+    return find_scene(name).build(rng, scene_options(name, options))
+
+
+def scene_options(name: str, options: Mapping[str, object]) -> Settings:
+    """Check the options of the scene `name`.
+
+    Raises:
+        SettingsError: If there is no such scene or option, or a value is refused.
+    """
+    model = find_scene(name).options
     try:
-        settings = entry.options.model_validate(dict(options))
+        return model.model_validate(dict(options))
     except ValidationError as error:
-        raise SettingsError(_explain(name, entry.options, error)) from None
-    return entry.build(rng, settings)
+        raise SettingsError(_explain(name, model, error)) from None
 
 
 def _explain(name: str, model: type[Settings], error: ValidationError) -> str:
@@ -145,4 +153,4 @@ def _explain(name: str, model: type[Settings], error: ValidationError) -> str:
     if first["type"] == "extra_forbidden":
         valid = ", ".join(sorted(model.model_fields))
         return f"scene {name}: unknown option {key}; valid: {valid}"
-    return f"scene {name}: option {key}: {first['msg'].lower()}, got {first['input']!r}"
+    return f"scene {name}: option {key}: {complaint(error)}"

@@ -51,6 +51,7 @@ def test_a_trial_is_kept_as_film_and_dataset(tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
+        (("yard.xml", "--localization", ","), "--localization: names no source"),
         (("yard.xml", "--localization", "gps"), "unknown localization gps"),
         (("yard.xml", "--localization", "drift:much"), "drift: and per cent"),
         (("yard.xml", "--option", "bays=3"), "bays"),

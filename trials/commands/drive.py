@@ -65,6 +65,7 @@ def drive(
     from trials.gym.policies import NavigatorPolicy
     from trials.gym.settings import NavSettings
     from trials.report.figure import save_figure
+    from vo.contract.errors import SettingsError
     from vo.contract.settings import validated
 
     options = {
@@ -75,13 +76,17 @@ def drive(
         **_sorted_options(option or []),
         "observe": NavigatorPolicy.NEEDS,
     }
-    trial = validated(NavSettings, options)
     sources = [word.strip() for word in localization.split(",") if word.strip()]
+    if not sources:
+        raise SettingsError("--localization: names no source")
+    for source in sources:
+        validated(NavSettings, {**options, "localization": source})
+    trial = validated(NavSettings, options)
+    trial.recorded(seed)  # what is refused is refused now, not by the first worker
     title = f"{scene}, {worlds} worlds x {runs}"
     if planning is not None:
         from trials.commands.drive_planned import drive_planned
         from trials.gym.planning import parse_planning
-        from vo.contract.errors import SettingsError
 
         if keep or figure:
             raise SettingsError("--planning goes with neither --keep nor --figure")

@@ -172,16 +172,27 @@ def make_localization(
         SettingsError: If there is no such estimator, or no such drift.
         PluginError: If a class of someone's own cannot be built.
     """
+    expect_localization(name)
     if name == "truth":
         return Truth()
     if name == "wheels":
         return Wheels(ticks_per_turn)
     if name.startswith(DRIFT):
         return Drifting(injected_percent(name), seed)
-    if name not in ESTIMATORS and name != "vo" and ":" not in name:
+    return Visual("driftyard" if name == "vo" else name, rig)
+
+
+def expect_localization(name: str) -> None:
+    """Refuse what cannot be one; a class of someone's own is only built when a trial begins.
+
+    Raises:
+        SettingsError: If there is no such estimator, or no such drift.
+    """
+    if name.startswith(DRIFT):
+        injected_percent(name)
+    elif name not in ("truth", "wheels", "vo", *ESTIMATORS) and ":" not in name:
         valid = ", ".join(("truth", f"{DRIFT}PERCENT", "wheels", "vo", *sorted(ESTIMATORS)))
         raise SettingsError(f"unknown localization {name}; valid: {valid}, or module:Class")
-    return Visual("driftyard" if name == "vo" else name, rig)
 
 
 def injected_percent(name: str) -> float:

@@ -5,10 +5,11 @@ from typing import Any, Literal, Self
 
 from pydantic import Field, PositiveFloat, field_validator, model_validator
 
-from scenes import find_scene
+from scenes import find_scene, scene_options
 from sim.disturbances import disturbed, parse_disturbances
 from sim.settings import OptionValue, RecordSettings
 from trials.gym.dynamics import parse_dynamics
+from trials.gym.localization import expect_localization
 from vo.contract.errors import SettingsError
 from vo.contract.settings import Settings, amended, resolve
 
@@ -41,7 +42,8 @@ class TrialSettings(Settings):
         default="twist", description="forward and turning speed, or left and right wheel"
     )
     localization: str = Field(
-        default="vo", description="truth, wheels, vo, another estimator's name or module:Class"
+        default="vo",
+        description="truth, drift:PERCENT, wheels, vo, another estimator's name, module:Class",
     )
     on_loss: Literal["hold", "end"] = Field(
         default="hold",
@@ -57,6 +59,15 @@ class TrialSettings(Settings):
     )
     record: bool = Field(default=False, description="remember the drive, for `save_dataset`")
 
+    @field_validator("localization")
+    @classmethod
+    def _known_source(cls, name: str) -> str:
+        try:
+            expect_localization(name)
+        except SettingsError as error:
+            raise ValueError(str(error)) from None
+        return name
+
     def sees(self, localization: str) -> bool:
         """Whether pictures are needed at every step."""
         blind = localization in ("truth", "wheels") or localization.startswith("drift:")
@@ -71,8 +82,9 @@ class TrialSettings(Settings):
         """Resolve the settings of scene, rover and sensors.
 
         Raises:
-            SettingsError: If there is no such scene, disturbance or setting.
+            SettingsError: If there is no such scene, option of it, disturbance or setting.
         """
+        scene_options(self.scene, self.scene_options)
         base: dict[str, Any] = dict(find_scene(self.scene).defaults)
         base |= {**FAST, **self.settings}
         base |= {

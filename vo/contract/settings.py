@@ -114,12 +114,20 @@ def _merge(values: dict[str, Any], over: Mapping[str, Any]) -> None:
 def _explain(model: type[BaseModel], error: ValidationError) -> str:
     first = error.errors()[0]
     key = ".".join(str(part) for part in first["loc"])
-    if not key:  # a rule over several settings says it all itself
-        return f"setting {first['msg'].removeprefix('Value error, ')}"
+    if not key:  # a rule over several settings
+        return f"setting {complaint(error)}"
     if first["type"] != "extra_forbidden":
-        return f"setting {key}: {first['msg'].lower()}, got {first['input']!r}"
+        return f"setting {key}: {complaint(error)}"
     valid = ", ".join(sorted(_fields_at(model, first["loc"][:-1])))
     return f"unknown setting {key}; valid here: {valid}"
+
+
+def complaint(error: ValidationError) -> str:
+    """What is wrong with the first value that was refused; rules of our own say it all."""
+    first = error.errors()[0]
+    if first["type"] == "value_error":
+        return first["msg"].removeprefix("Value error, ")
+    return f"{first['msg'].lower()}, got {first['input']!r}"
 
 
 def _fields_at(model: type[BaseModel], path: Sequence[int | str]) -> Mapping[str, Any]:
