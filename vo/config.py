@@ -224,7 +224,7 @@ class RefinementSettings(Settings):
     huber: float = Field(default=1.5, gt=0, description="where the loss turns linear, in sigmas")
     most_iterations: int = Field(default=15, ge=1)
     keyframe_parallax_px: float = Field(
-        default=30.0, ge=0, description="median flow that starts a keyframe"
+        default=15.0, ge=0, description="median flow that starts a keyframe"
     )
     keyframe_share: float = Field(
         default=0.3, gt=0, le=1, description="tracked share that starts one"
