@@ -15,7 +15,7 @@ demo: $(READY)  ## generate a drive of 21 m, estimate, score and report it (into
 	$(BIN)/driftyard demo
 
 test: $(READY)  ## lint, then every test
-	@$(MAKE) --no-print-directory --output-sync=target --jobs 2 lint compile
+	@$(MAKE) --no-print-directory --jobs 2 lint compile
 	$(BIN)/pytest -n auto --maxprocesses 4 --dist loadfile
 
 # Workers that start without machine code would all compile the same, each for itself.
