@@ -20,11 +20,10 @@ from sim.render import StereoRenderer
 from sim.sensors import CODES, LABELS
 from sim.settings import RecordSettings
 from sim.tables import write_cameras, write_exposures, write_inertial, write_wheels
-from sim.tiff import encode_label
 from sim.trip import Trip, make_trip
 from sim.world import World, build_world
 from vo.contract.dataset import DatasetWriter
-from vo.contract.files import encode_png
+from vo.contract.encoders import encode_float, encode_png
 
 Progress = Callable[[int, int], None]
 """Called with (frames done, frames in total) after every frame."""
@@ -142,7 +141,7 @@ class _Darkroom:
         annotation = self.annotator.annotate(capture, following)
         for name, label in annotation.wanted(self.settings.labels).items():
             form = LABELS[name]
-            data = encode_png(label) if form.encoding == CODES else encode_label(label)
+            data = encode_png(label) if form.encoding == CODES else encode_float(label)
             path = f"mav0/{form.folder}/data/{capture.shot.timestamp_ns}{form.suffix}"
             self.writer.add(path, data)
         return self._measure(annotation, negatives)

@@ -16,7 +16,7 @@ from sim.rig import CAMERA
 from sim.settings import RenderSettings
 from sim.world import World
 from vo.contract.arrays import Array, Image
-from vo.contract.files import encode_float, encode_png
+from vo.contract.encoders import encode_float, encode_png
 from vo.contract.rig import StereoRig
 
 

@@ -78,28 +78,6 @@ def read_codes(path: Path) -> Array:
     return image
 
 
-def encode_png(image: Array) -> bytes:
-    """Encode (H, W) grey of 8 or 16 bits, or (H, W, 3) RGB uint8, losslessly.
-
-    Differences along the row, Huffman-coded: a third of the usual strategy's time, and smaller on
-    camera images. Repetitive images, such as labels, would be smaller the usual way.
-    """
-    if image.ndim == 3:
-        image = np.ascontiguousarray(image[..., ::-1])
-    options = [cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_HUFFMAN_ONLY]
-    options += [cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_SUB]
-    return cv2.imencode(".png", image, options)[1].tobytes()
-
-
-def encode_float(label: Array) -> bytes:
-    """Encode (H, W) or (H, W, 3) float32 losslessly: TIFF, LZW, floating-point predictor."""
-    if label.ndim == 3:
-        label = np.ascontiguousarray(label[..., ::-1])
-    options = [cv2.IMWRITE_TIFF_COMPRESSION, cv2.IMWRITE_TIFF_COMPRESSION_LZW]
-    options += [cv2.IMWRITE_TIFF_PREDICTOR, cv2.IMWRITE_TIFF_PREDICTOR_FLOATINGPOINT]
-    return cv2.imencode(".tiff", np.asarray(label, dtype=np.float32), options)[1].tobytes()
-
-
 def _decode(path: Path, flags: int) -> Array:
     try:
         data = path.read_bytes()
