@@ -16,7 +16,6 @@ from sim.rig import CAMERA
 from sim.settings import RenderSettings
 from sim.world import World
 from vo.contract.arrays import Array, Image
-from vo.contract.encoders import encode_float, encode_png
 from vo.contract.rig import StereoRig
 
 
@@ -81,12 +80,15 @@ def render_plainly(renderer: mujoco.Renderer, world: World, depths: int) -> Stoc
 
 
 def write_plainly(view: StockView, rig: StereoRig, folder: Path) -> None:
-    """Write the four files of a dataset's frame, one after the other."""
-    disparity_px = disparity_from_depth(rig, view.depth_left_m)
-    (folder / "left.png").write_bytes(encode_png(grey(view.left)))
-    (folder / "right.png").write_bytes(encode_png(grey(view.right)))
-    (folder / "depth.tiff").write_bytes(encode_float(view.depth_left_m))
-    (folder / "disparity.tiff").write_bytes(encode_float(disparity_px))
+    """Write the four files of a dataset's frame by OpenCV, one after the other."""
+    files = {
+        "left.png": grey(view.left),
+        "right.png": grey(view.right),
+        "depth.tiff": view.depth_left_m,
+        "disparity.tiff": disparity_from_depth(rig, view.depth_left_m),
+    }
+    for name, image in files.items():
+        cv2.imwrite(str(folder / name), image)
 
 
 def grey(rgb: Image) -> Image:
