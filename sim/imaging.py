@@ -88,8 +88,7 @@ class Sensor:
             light = light * amplified
         if not self.is_noisy:
             return self._encoding(light)
-        normal = rng.standard_normal(light.shape, dtype=np.float32)
-        return self._encoding.develop(light, *self._variances(gain), normal)
+        return self._encoding.develop(light, *self._variances(gain), rng)
 
     def encode(self, light: Array) -> Image:
         """Grey levels, uint8, without noise, lens and fall-off, for metering.
@@ -153,7 +152,7 @@ class Sensor:
         """
         share = self._share(picture, exposed)
         if share is None:
-            return np.ones(picture.shape, np.float32)
+            return np.broadcast_to(np.float32(1), picture.shape)
         levels = np.arange(256)
         slope = np.gradient(levels_to_light(self._sensor.response, levels))
         after = np.interp(self.flattened(picture, exposed), levels, slope)

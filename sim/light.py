@@ -1,10 +1,12 @@
 """Grey levels and linear light: decoding rendered images, encoding a sensor's."""
 
+from functools import lru_cache
 from typing import Literal
 
 import cv2
 import numba
 import numpy as np
+from scipy.special import ndtri
 
 from vo.contract.arrays import Array, Image
 
@@ -12,6 +14,8 @@ Response = Literal["srgb", "linear"]
 
 ENCODING_BINS = 4096
 """Finer than the closest two grey levels are in linear light, so at most one lies in a bin."""
+QUANTILES = 1 << 16
+"""Of the normal distribution: looking one up takes an eighth of the time of drawing a new value."""
 
 
 def _srgb_to_linear(srgb: Array) -> Array:
@@ -58,25 +62,40 @@ class Encoding:
 
     def __call__(self, light: Array) -> Image:
         """Encode (H, W[, 3]) float32 light; what is out of [0, 1] is clipped."""
-        return self.develop(light, 0.0, 0.0, None)
+        out = np.empty(light.shape, np.uint8)
+        _encode(_flat(light), self._edges, self._first, out.reshape(-1))
+        return out
 
-    def develop(self, light: Array, shot: float, floor: float, normal: Array | None) -> Image:
-        """Add noise of variance shot * light + floor to light and encode it.
+    def develop(self, light: Array, shot: float, floor: float, rng: np.random.Generator) -> Image:
+        """Add normal noise of variance shot * light + floor to light and encode it.
 
         Args:
             light: (H, W[, 3]) float32, after all gains.
             shot: Variance that each unit of light adds.
             floor: Variance without light.
-            normal: Standard normal float32 like `light`; None for no noise.
+            rng: Draws one quantile of the noise for each value.
         """
         out = np.empty(light.shape, np.uint8)
-        flat, out_flat = np.ascontiguousarray(light).reshape(-1), out.reshape(-1)
-        if normal is None:
-            _encode(flat, self._edges, self._first, out_flat)
-        else:
-            variances = np.float32(shot), np.float32(floor)
-            _develop(flat, *variances, normal.reshape(-1), self._edges, self._first, out_flat)
+        drawn = rng.integers(0, QUANTILES, light.size, dtype=np.uint16)
+        noise = np.float32(shot), np.float32(floor), drawn, normal_quantiles()
+        _develop(_flat(light), *noise, self._edges, self._first, out.reshape(-1))
         return out
+
+
+@lru_cache(maxsize=1)
+def normal_quantiles() -> Array:
+    """(QUANTILES,) float32, equally probable values of a standard normal variable, read-only.
+
+    They reach to 4.3; mean 0, variance 1, kurtosis 2.999.
+    """
+    quantiles = ndtri((np.arange(QUANTILES) + 0.5) / QUANTILES)
+    table = (quantiles / quantiles.std()).astype(np.float32)
+    table.flags.writeable = False
+    return table
+
+
+def _flat(light: Array) -> Array:
+    return np.ascontiguousarray(light).reshape(-1)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -98,11 +117,12 @@ def _develop(
     light: Array,
     shot: np.float32,
     floor: np.float32,
-    normal: Array,
+    drawn: Array,
+    quantiles: Array,
     edges: Array,
     first: Array,
     out: Image,
 ) -> None:
     for i in range(len(light)):
         y = max(light[i], np.float32(0))
-        out[i] = _level(y + np.sqrt(shot * y + floor) * normal[i], edges, first)
+        out[i] = _level(y + np.sqrt(shot * y + floor) * quantiles[drawn[i]], edges, first)

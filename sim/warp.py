@@ -78,5 +78,5 @@ def _grey(image: Image) -> Array:
 def _grey_variance(image: Image, sigma: Array, stretch: Array | float) -> Array:
     """(H, W) float32 variance of the grey of each pixel."""
     table = (np.asarray(sigma, np.float64) ** 2 + ROUNDING_VARIANCE).astype(np.float32)
-    variance = table[image] * np.square(stretch, dtype=np.float32)
+    variance = cv2.LUT(image, table) * np.square(stretch, dtype=np.float32)
     return variance if image.ndim == 2 else variance @ GREY_WEIGHTS**2

@@ -9,7 +9,7 @@ import pytest
 
 from sim.imaging import WELL, Sensor
 from sim.lens import margin_px
-from sim.light import LINEAR, Encoding, Response, decode, levels_to_light
+from sim.light import LINEAR, Encoding, Response, decode, levels_to_light, normal_quantiles
 from sim.metering import EXPOSURE_MIN_MS, AutoExposure
 from sim.settings import RecordSettings, SensorSettings
 from vo.contract.arrays import Array, Image
@@ -50,6 +50,15 @@ def test_decoding_is_the_standards_and_survives_encoding():
     assert LINEAR[5] == pytest.approx(5 / 255 / 12.92)
     np.testing.assert_array_equal(Encoding("srgb")(decode(LEVELS[None])), LEVELS[None])
     assert decode(noise_image((3, 4, 3))).shape == (3, 4, 3)
+
+
+def test_the_quantiles_are_a_standard_normal_variables():
+    quantiles = normal_quantiles().astype(float)
+    below = [(quantiles < z).mean() for z in (-3.0, -1.0, 0.0, 0.5, 2.0)]
+    wanted = [(1 + math.erf(z / math.sqrt(2))) / 2 for z in (-3.0, -1.0, 0.0, 0.5, 2.0)]
+    np.testing.assert_allclose(below, wanted, atol=2e-5)
+    moments = [(quantiles**k).mean() for k in (1, 2, 3, 4)]
+    np.testing.assert_allclose(moments, [0, 1, 0, 3], atol=1e-3)
 
 
 @pytest.mark.parametrize("response", ["srgb", "linear"])
