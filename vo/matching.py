@@ -58,9 +58,11 @@ def marry(
     Returns:
         (K, 2) index pairs (into a, into b), one to one, in order of a.
     """
+    pixels_b = np.asarray(pixels_b, dtype=np.float64)
+    downwards = np.argsort(pixels_b[:, 1], kind="stable")
     best_b, best_a = _choices(
         vectors_a, np.asarray(expected_a, dtype=np.float64), vectors_b,
-        np.asarray(pixels_b, dtype=np.float64), radius_px, settings.zncc,
+        pixels_b, downwards, radius_px, settings.zncc,
     )  # fmt: skip
     a = np.flatnonzero(best_b >= 0)
     married = a[best_a[best_b[a]] == a]
@@ -69,26 +71,29 @@ def marry(
 
 @numba.njit(cache=True, fastmath={"reassoc", "contract"})  # sums in any order; NaN stays NaN
 def _choices(
-    vectors_a: Array, expected_a: Array, vectors_b: Array, pixels_b: Array, radius: float,
-    least: float,
+    vectors_a: Array, expected_a: Array, vectors_b: Array, pixels_b: Array, downwards: Indices,
+    radius: float, least: float,
 ) -> tuple[Indices, Indices]:  # fmt: skip
     """The favourite of each a among b and of each b among a; -1 where nobody is similar enough.
 
-    Only pairs inside the search window are correlated. Of equals, the first wins.
+    Only pairs inside the search window are correlated. Of equals, the first wins, as of two scales
+    at one pixel.
     """
+    rows = pixels_b[downwards, 1]
     best_b = np.full(len(vectors_a), -1, dtype=np.int64)
     best_a = np.full(len(vectors_b), -1, dtype=np.int64)
     score_b = np.full(len(vectors_b), least, dtype=np.float32)
     for a in range(len(vectors_a)):
         score_a = np.float32(least)
         u, v = expected_a[a]
-        for b in range(len(vectors_b)):
-            if not (abs(pixels_b[b, 0] - u) < radius and abs(pixels_b[b, 1] - v) < radius):
-                continue  # also where the expectation is NaN
+        for k in range(np.searchsorted(rows, v - radius), np.searchsorted(rows, v + radius)):
+            b = downwards[k]
+            if not abs(pixels_b[b, 0] - u) < radius:  # also where the expectation is NaN
+                continue
             score = np.float32(0.0)
-            for k in range(vectors_a.shape[1]):
-                score += vectors_a[a, k] * vectors_b[b, k]
-            if score > score_a:
+            for i in range(vectors_a.shape[1]):
+                score += vectors_a[a, i] * vectors_b[b, i]
+            if score > score_a or (score == score_a and b < best_b[a]):
                 score_a, best_b[a] = score, b
             if score > score_b[b]:
                 score_b[b], best_a[b] = score, a
