@@ -50,7 +50,7 @@ FIGURES = (
     Figure("drift over 1 m, mean, %", ("drift_1m", "mean_percent"), 3),
     Figure("rotation over 1 m, °/m", ("drift_1m", "mean_deg_per_m"), 4),
     Figure("end point, % of path", ("end_percent",), 3),
-    Figure("ms per frame, two drives at a time", ("frame_ms",), 1),
+    Figure("ms per frame, median, two drives at a time", ("frame_ms",), 1),
 )
 
 

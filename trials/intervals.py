@@ -27,8 +27,14 @@ class Interval:
         return f"{self.value:.{digits}f} ({self.low:.{digits}f} to {self.high:.{digits}f})"
 
 
-def mean_interval(values: Array) -> Interval:
-    """Mean of (N,) values with Student's interval; values that are NaN are left out."""
+def mean_interval(values: Array, least: float = -np.inf, most: float = np.inf) -> Interval:
+    """Mean of (N,) values with Student's interval; values that are NaN are left out.
+
+    Args:
+        values: (N,).
+        least: Below which no value can be; the interval ends there.
+        most: Above which none can be.
+    """
     known = values[np.isfinite(values)]
     if len(known) == 0:
         return Interval(np.nan, np.nan, np.nan)
@@ -36,7 +42,7 @@ def mean_interval(values: Array) -> Interval:
     if len(known) == 1:
         return Interval(mean, np.nan, np.nan)
     reach = float(stats.t.ppf((1 + CONFIDENCE) / 2, len(known) - 1) * stats.sem(known))
-    return Interval(mean, mean - reach, mean + reach)
+    return Interval(mean, max(mean - reach, least), min(mean + reach, most))
 
 
 def ratio_interval(values: Array, references: Array) -> Interval:

@@ -85,7 +85,8 @@ class Score:
         rpe_frame_deg: Rotation error of the same.
         rpe_1m_m: Translation error of the motion over 1 m of path, metres.
         rpe_1m_deg: Rotation error of the same.
-        frame_ms: Mean wall time of the estimator per frame.
+        frame_ms: Median wall time of the estimator per frame, so that what it compiles at first
+            does not count.
         stage_ms: Stage to its mean time per frame, over all frames.
     """
 
@@ -153,7 +154,7 @@ def score_run(truth: Trajectory, run: SavedRun, frames: int) -> Score:
         rpe_frame_deg=Spread.of(np.degrees(over_frame.rotation_rad)),
         rpe_1m_m=Spread.of(over_1m.translation_m) if len(over_1m) else None,
         rpe_1m_deg=Spread.of(np.degrees(over_1m.rotation_rad)) if len(over_1m) else None,
-        frame_ms=float(np.mean(run.frames.frame_ms)) if run.frames else None,
+        frame_ms=float(np.median(run.frames.frame_ms)) if run.frames else None,
         stage_ms=_stage_ms(run.frames) if run.frames else {},
     )
 

@@ -20,8 +20,15 @@ def test_missing_values_are_left_out():
     lone = mean_interval(np.array([np.nan, 5.0]))
     assert lone.value == 5.0
     assert np.isnan(lone.low)
-    assert mean_interval(np.full(2, np.nan)).text() == "–"
     assert lone.text(1) == "5.0"
+    assert mean_interval(np.full(2, np.nan)).text() == "–"
+
+
+def test_an_interval_ends_where_no_value_can_be():
+    free = mean_interval(np.array([1.0, 3.0]))
+    assert free.low < 0 < 5 < free.high
+    held = mean_interval(np.array([1.0, 3.0]), least=0, most=5)
+    assert (held.value, held.low, held.high) == (2.0, 0, 5)
 
 
 def test_ratios_are_paired_and_geometric():

@@ -133,6 +133,6 @@ FIGURES: dict[str, Callable[[Score], str]] = {
     "frames": lambda x: str(x.frames),
     "weak": lambda x: str(x.statuses.get("weak", "–")),
     "lost": lambda x: str(x.statuses.get("lost", "–")),
-    "ms per frame": lambda x: _number(x.frame_ms, 1),
+    "ms per frame, median": lambda x: _number(x.frame_ms, 1),
 }
 """The rows of the score table."""

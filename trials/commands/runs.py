@@ -1,6 +1,7 @@
 """Estimating and judging: run, score, report."""
 
 import json
+import statistics
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -123,10 +124,11 @@ def run_choice(dataset: Path, out: Path, choice: "Named | Command") -> None:
     with console.counting_bar(f"running {choice.name}", frames) as count:
         result = estimate(choice, dataset, out, count)
     lost = [x for x in result.estimates if x.status is Status.LOST]
-    mean_ms = sum(result.frame_ms) / len(result.frame_ms)
+    median_ms = statistics.median(result.frame_ms)
     why = f"; the first lost: {lost[0].reason}" if lost else ""
     console.out.print(
-        f"{out}: {frames} frames, {len(lost)} lost, {mean_ms:.1f} ms per frame{why}", markup=False
+        f"{out}: {frames} frames, {len(lost)} lost, median {median_ms:.1f} ms per frame{why}",
+        markup=False,
     )
 
 

@@ -31,7 +31,7 @@ def comparison_table(
     rows = [
         (
             variant.label,
-            mean_interval(outcomes.drifts(variant)).text(3),
+            mean_interval(outcomes.drifts(variant), least=0).text(3),
             "1" if variant == reference else found[variant].text(2),
             f"{lost_percent(outcomes, variant):.1f}",
             f"{np.mean([np.median(x.frames.frame_ms) for x in outcomes.of(variant)]):.0f}",
@@ -64,7 +64,7 @@ def draw_ratios(
     panel.axvline(1.0, color=INK, ls="--", lw=0.9)
     panel.set_xscale("log")
     panel.set_yticks(range(len(variants)), [v.label for v in variants])
-    panel.invert_yaxis()
+    panel.set_ylim(len(variants) - 0.5, -0.5)
     tidy(panel, f"drift, ratio to {reference.label} (1: no difference; left is better)", "")
     panel.tick_params(axis="y", labelsize=8.5)
     panel.xaxis.set_major_formatter("{x:g}")

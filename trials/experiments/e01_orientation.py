@@ -60,9 +60,9 @@ def analyse(outcomes: Outcomes) -> Findings:
                     scene,
                     variant.label,
                     f"{(shares == 1).sum()} of {len(mine)}",
-                    mean_interval(100 * shares).text(0),
-                    mean_interval(inliers).text(0),
-                    mean_interval(outcomes.drifts(variant, scene)).text(2),
+                    mean_interval(100 * shares, least=0, most=100).text(0),
+                    mean_interval(inliers, least=0).text(0),
+                    mean_interval(outcomes.drifts(variant, scene), least=0).text(2),
                 )
             )
     relative, absolute = (np.array(lasted[v.label]) for v in (RELATIVE, ABSOLUTE))

@@ -49,9 +49,9 @@ def analyse(outcomes: Outcomes) -> Findings:
         rows.append(
             (
                 variant.label,
-                mean_interval(outcomes.drifts(variant)).text(),
+                mean_interval(outcomes.drifts(variant), least=0).text(),
                 "1" if variant == GLOBAL else drift[-1].text(2),
-                mean_interval(_refinement_ms(outcomes, variant)).text(1),
+                mean_interval(_refinement_ms(outcomes, variant), least=0).text(1),
                 "1" if variant == GLOBAL else faster[-1].text(1),
             )
         )

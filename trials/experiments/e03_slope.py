@@ -55,9 +55,9 @@ def analyse(outcomes: Outcomes) -> Findings:
             (
                 variant.label,
                 mean_interval(ends[variant.label]).text(3),
-                mean_interval(sizes[variant.label]).text(3),
+                mean_interval(sizes[variant.label], least=0).text(3),
                 mean_interval(height_mm).text(1),
-                mean_interval(outcomes.drifts(variant)).text(3),
+                mean_interval(outcomes.drifts(variant), least=0).text(3),
             )
         )
     none, refined = UNREFINED.label, THESIS.label

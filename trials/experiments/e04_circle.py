@@ -47,9 +47,9 @@ def analyse(outcomes: Outcomes) -> Findings:
         rows.append(
             (
                 variant.label,
-                mean_interval(outcomes.drifts(variant)).text(3),
-                mean_interval(turn).text(3),
-                mean_interval(100 * end_m).text(1),
+                mean_interval(outcomes.drifts(variant), least=0).text(3),
+                mean_interval(turn, least=0).text(3),
+                mean_interval(100 * end_m, least=0).text(1),
                 f"{100 * np.mean([x.lost_share for x in outcomes.of(variant)]):.1f}",
             )
         )

@@ -59,9 +59,9 @@ def analyse(outcomes: Outcomes) -> Findings:
         rows.append(
             (
                 variant.label,
-                mean_interval(near_share).text(2),
-                mean_interval(far_share).text(2),
-                mean_interval(outcomes.drifts(variant)).text(3),
+                mean_interval(near_share, least=0, most=100).text(2),
+                mean_interval(far_share, least=0, most=100).text(2),
+                mean_interval(outcomes.drifts(variant), least=0).text(3),
                 f"{100 * np.mean([x.lost_share for x in outcomes.of(variant)]):.1f}",
             )
         )

@@ -63,8 +63,8 @@ def analyse(outcomes: Outcomes) -> Findings:
                 (
                     place,
                     variant.label,
-                    mean_interval(drift).text(3),
-                    mean_interval(np.array(end, dtype=float)).text(2),
+                    mean_interval(drift, least=0).text(3),
+                    mean_interval(np.array(end, dtype=float), least=0).text(2),
                     f"{100 * share:.1f}",
                 )
             )

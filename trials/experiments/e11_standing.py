@@ -81,9 +81,9 @@ def analyse(outcomes: Outcomes) -> Findings:
         rows.append(
             (
                 variant.label,
-                mean_interval(found[:, 1] / minutes).text(3),
-                mean_interval(found[:, 2] / minutes).text(4),
-                mean_interval(outcomes.drifts(variant)).text(3),
+                mean_interval(found[:, 1] / minutes, least=0).text(3),
+                mean_interval(found[:, 2] / minutes, least=0).text(4),
+                mean_interval(outcomes.drifts(variant), least=0).text(3),
             )
         )
     drifts = moved[UNAWARE.label] > MOST_MM or turned[UNAWARE.label] > MOST_DEG

@@ -53,8 +53,8 @@ def analyse(outcomes: Outcomes) -> Findings:
     rows = [
         (
             name,
-            mean_interval(outcomes.drifts(relative)).text(2),
-            mean_interval(outcomes.drifts(absolute)).text(2),
+            mean_interval(outcomes.drifts(relative), least=0).text(2),
+            mean_interval(outcomes.drifts(absolute), least=0).text(2),
             found[name].text(2),
             f"{lost_percent(outcomes, relative):.1f} / {lost_percent(outcomes, absolute):.1f}",
         )

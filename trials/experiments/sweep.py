@@ -31,8 +31,8 @@ def levels(outcomes: Outcomes, sweep: Sweep, stage: str) -> dict[float, tuple[In
     """Mean survivors of a stage and mean drift at every value."""
     return {
         value: (
-            mean_interval(median_count(outcomes, variant, stage)),
-            mean_interval(outcomes.drifts(variant)),
+            mean_interval(median_count(outcomes, variant, stage), least=0),
+            mean_interval(outcomes.drifts(variant), least=0),
         )
         for value, variant in sweep.items()
     }
