@@ -13,7 +13,8 @@ TITLE = "The thesis' claims, tested"
 INTRODUCTION = """The thesis that this estimator follows drew its conclusions by eye, from camera
 data without a reference. Here each claim is tested where the truth is known. `driftyard experiment
 all` makes the recordings, runs the variants, draws the figures and writes this page. An interval
-after a figure is at 95 %, over drives (Student's t; ratios of paired drives by their logarithms).
+after a figure is at 95 %, over drives (Student's t, cut off where no value can be; ratios of paired
+drives by their logarithms).
 """
 
 FIGURES = "0123456789-–"
