@@ -122,6 +122,15 @@ def test_hand_worked_marriage():
     assert marry(a, here, b, here[:2], 1.0, SETTINGS).tolist() == [[1, 0], [2, 1]]
 
 
+def test_of_equal_features_the_first_wins_wherever_it_lies():
+    one, two = np.eye(1, 9, dtype=np.float32), np.tile(np.eye(1, 9, dtype=np.float32), (2, 1))
+    for rows in ([12.0, 8.0], [8.0, 12.0]):
+        pixels_b = np.column_stack([[10.0, 10.0], rows])
+        assert marry(one, np.array([[10.0, 10.0]]), two, pixels_b, 5.0, SETTINGS).tolist() == [
+            [0, 0]
+        ]
+
+
 def test_the_window_is_a_square_about_the_expectation():
     a = unit_vectors(np.random.default_rng(0), 1)
     expected = np.array([[100.0, 50.0]])
