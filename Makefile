@@ -62,7 +62,7 @@ gate-power: $(READY)  ## how often the gate errs, by simulation
 experiments: $(READY)  ## the thesis' claims, tested (docs/experiments.md; an hour)
 	$(BIN)/driftyard experiment all --page docs/experiments.md
 
-explain: $(READY)  ## where the drift comes from, for six scenes (docs/explain.md; hours)
+explain: $(READY)  ## where the drift comes from, for six scenes (docs/explain.md; half an hour)
 	$(BIN)/driftyard explain --scene brick_court,office,asphalt,corridor,meadow,dusk \
 	  --seeds 3 --distance 4 --out docs/images/explain --page docs/explain.md $(ARGS)
 
