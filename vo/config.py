@@ -227,7 +227,10 @@ class RefinementSettings(Settings):
         default=15.0, ge=0, description="median flow that starts a keyframe"
     )
     keyframe_share: float = Field(
-        default=0.3, gt=0, le=1, description="tracked share that starts one"
+        default=0.3,
+        gt=0,
+        le=1,
+        description="tracked share of the landmarks, by squared disparity, that starts one",
     )
 
 

@@ -30,14 +30,19 @@ def is_new_view(
     Args:
         last: The last keyframe.
         matches: Inliers of the view.
-        settings: Median image motion, or share of the keyframe's landmarks lost, that suffices.
+        settings: Median image motion that suffices, or share that is left of what the keyframe's
+            landmarks said of the translation.
         least: Fewer inliers suffice too: an image that shows more is worth the step.
+
+    What a landmark says of the translation grows as its image motion does, with the disparity: the
+    near ones, which soon leave the image, say most. Of those without disparity nothing is held.
     """
     _, then, now = np.intersect1d(last.ids, matches.ids, assume_unique=True, return_indices=True)
     if len(then) == 0:
         return True
     flow_px = np.median(np.linalg.norm(matches.pixels[now] - last.measured[then, :2], axis=1))
-    few = len(then) < settings.keyframe_share * len(last.ids) or len(matches) < least
+    telling = np.nan_to_num(last.measured[:, 2]) ** 2
+    few = telling[then].sum() < settings.keyframe_share * telling.sum() or len(matches) < least
     return bool(flow_px > (STANDING_PX if few else settings.keyframe_parallax_px))
 
 

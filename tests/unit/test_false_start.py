@@ -38,6 +38,16 @@ def test_few_inliers_are_a_reason_for_a_keyframe_if_the_camera_moved(count, flow
     assert not is_new_view(keyframe, matches, RefinementSettings())
 
 
+def test_a_keyframe_begins_when_the_near_landmarks_have_left_however_many_far_ones_stay() -> None:
+    keyframe = _keyframe(200)
+    keyframe.measured[:160, 2], keyframe.measured[160:, 2] = 4.0, 40.0
+    everything, far = _matches(keyframe, 200, 3.0), _matches(keyframe, 160, 3.0)
+    assert not is_new_view(keyframe, everything, RefinementSettings())
+    assert is_new_view(keyframe, far, RefinementSettings())
+    near = Matches(**{name: value[160:] for name, value in vars(everything).items()})
+    assert not is_new_view(keyframe, near, RefinementSettings())
+
+
 @pytest.mark.parametrize("views", [1, PROVEN_VIEWS - 1, PROVEN_VIEWS])
 def test_only_a_map_that_was_seen_is_waited_for(views: int) -> None:
     journey, n = Journey(), 20
