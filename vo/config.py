@@ -251,6 +251,26 @@ class FaintSettings(Settings):
     )
 
 
+class SoftSettings(Settings):
+    """What images are met with that are out of focus."""
+
+    softness: float = Field(
+        default=3.5,
+        ge=0,
+        description="energy of differences over 4 pixels to those over 2, of which smooth images "
+        "have 4, beyond which they are; 0 never",
+    )
+    window_growth: float = Field(
+        default=2.1, ge=1, description="so much wider are the windows of alignment"
+    )
+    search_growth: float = Field(
+        default=1.9, ge=1, description="and those of sparse stereo's search"
+    )
+    threshold_share: float = Field(
+        default=0.5, gt=0, le=1, description="so much less contrast must features have"
+    )
+
+
 class OdometrySettings(Settings):
     """The whole estimator; the defaults are the best that we know, `THESIS` is where it began."""
 
@@ -268,6 +288,7 @@ class OdometrySettings(Settings):
     motion: MotionSettings = MotionSettings()
     refinement: RefinementSettings = RefinementSettings()
     faint: FaintSettings = FaintSettings()
+    soft: SoftSettings = SoftSettings()
 
 
 THESIS = OdometrySettings(
@@ -287,6 +308,7 @@ THESIS = OdometrySettings(
         keyframe_parallax_px=0, sigma_px=0.5, sigma_disparity_px=0.5, learn_noise=False
     ),
     faint=FaintSettings(texture_to_noise=0),
+    soft=SoftSettings(softness=0),
 )
 """What the thesis did, and nothing more.
 

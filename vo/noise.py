@@ -1,7 +1,4 @@
-"""How the texture of an image compares with its noise, and what faint images are met with.
-
-Where noise is as strong as texture, a patch of the usual size says little: windows grow until they
-hold enough (Kanade and Okutomi, PAMI 1994). The size is one for the whole image.
+"""What an image is made of: noise, texture over it, and how fine this is.
 
 Source: Immerkær, Fast noise variance estimation, CVIU 1996, here by blocks, of which the calmest
 tell the noise.
@@ -12,7 +9,6 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from vo.config import OdometrySettings
 from vo.contract.arrays import Array, Image
 
 BLOCK_PX = 16
@@ -22,7 +18,12 @@ CALM = 0.1
 LEAST_NOISE = 0.3
 """Grey levels: what rounding alone amounts to."""
 
-WIDEST_PX = 31
+NEAR_PX, FAR_PX = 2, 4
+"""Distances over which differences tell how fine texture is."""
+
+ROWS_APART = 8
+LEAST_SIGNAL = 0.25
+"""Share of a difference's energy that is never put down to noise."""
 
 
 @dataclass(frozen=True)
@@ -33,37 +34,37 @@ class Grain:
         noise: Standard deviation, grey levels.
         texture_to_noise: Median over blocks of the energy of texture over that of noise; infinite
             without a block.
+        softness: Energy of differences over FAR_PX to that over NEAR_PX, along rows or columns,
+            whichever is less: 4, the square of the distances, where all is smooth, 1 to 2.5 where
+            it is sharp. Motion blurs one direction, a lens out of focus both.
     """
 
     noise: float
     texture_to_noise: float
+    softness: float
 
 
 def grain(image: Image) -> Grain:
     """Measure an image (H, W) uint8."""
     found = _blocks(image)
     if not len(found):
-        return Grain(0.0, np.inf)
+        return Grain(0.0, np.inf, 1.0)
     noise = max(float(np.quantile(found[:, 0], CALM)), LEAST_NOISE)
-    return Grain(noise, max(float(np.median(found[:, 1])) / noise**2 - 1, 0.0))
-
-
-def widened(settings: OdometrySettings) -> OdometrySettings:
-    """Return the settings for faint images: wide windows, and less exact disparities."""
-    faint, matching, stereo = settings.faint, settings.matching, settings.stereo
-
-    def wide(side_px: int, growth: float = faint.window_growth) -> int:
-        return min(2 * int(side_px * growth / 2) + 1, WIDEST_PX)
-
-    matching = matching.model_copy(update={"align_px": wide(matching.align_px)})
-    stereo = stereo.model_copy(
-        update={
-            "search_px": wide(stereo.search_px, faint.search_growth),
-            "align_px": wide(stereo.align_px),
-            "most_sigma_px": faint.sigma_growth * stereo.most_sigma_px,
-        }
+    texture_to_noise = max(float(np.median(found[:, 1])) / noise**2 - 1, 0.0)
+    softness = min(
+        _smoothness(lines, noise) for lines in (image[::ROWS_APART], image.T[::ROWS_APART])
     )
-    return settings.model_copy(update={"matching": matching, "stereo": stereo})
+    return Grain(noise, texture_to_noise, softness)
+
+
+def _smoothness(lines: Image, noise: float) -> float:
+    """Energy of differences over FAR_PX to that over NEAR_PX along lines (N, L)."""
+    near, far = (
+        float(np.mean((lines[:, apart:].astype(np.int32) - lines[:, :-apart]) ** 2))
+        for apart in (NEAR_PX, FAR_PX)
+    )
+    least = max(LEAST_SIGNAL * near, LEAST_NOISE**2)
+    return max(far - 2 * noise**2, least) / max(near - 2 * noise**2, least)
 
 
 @numba.njit(cache=True)

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from vo.config import THESIS, OdometrySettings
-from vo.noise import grain, widened
+from vo.noise import grain
+from vo.windows import suited
 
 RNG = np.random.default_rng(4)
 
@@ -37,10 +38,40 @@ def test_a_flat_noisy_image_has_no_texture_and_a_clean_one_no_noise() -> None:
     assert grain(np.zeros((10, 10), np.uint8)).texture_to_noise == np.inf
 
 
-def test_faint_images_are_met_with_wider_windows_and_nothing_else() -> None:
+@pytest.mark.parametrize("noise", [0.0, 1.0, 2.0])
+def test_softness_tells_a_lens_out_of_focus_from_motion_blur_and_from_sharp_texture(noise) -> None:
+    def softness(sigma_u: float, sigma_v: float) -> float:
+        picture = RNG.standard_normal((480, 640))
+        blurred = cv2.GaussianBlur(picture, (0, 0), sigmaX=sigma_u, sigmaY=sigma_v)
+        picture = 128 + 12 * blurred / blurred.std() + noise * RNG.standard_normal((480, 640))
+        return grain(np.clip(np.rint(picture), 0, 255).astype(np.uint8)).softness
+
+    limit = OdometrySettings().soft.softness
+    # Of Gaussian texture the energy over a distance is 1 - exp(-distance² / 4 sigma²).
+    expected = (1 - np.exp(-16 / 4 / 4**2)) / (1 - np.exp(-4 / 4 / 4**2))
+    assert softness(4, 4) == pytest.approx(expected, rel=0.1)  # noise is underrated a little
+    assert softness(4, 4) > limit > softness(1, 1)
+    assert softness(8, 1) < limit
+    assert softness(1, 8) < limit
+
+
+def test_faint_and_soft_images_are_met_with_wider_windows_and_nothing_else() -> None:
     usual = OdometrySettings()
-    wide = widened(usual)
-    assert (wide.matching.align_px, wide.stereo.align_px, wide.stereo.search_px) == (13, 13, 17)
-    assert wide.stereo.most_sigma_px == pytest.approx(0.6)
-    assert (wide.motion, wide.refinement) == (usual.motion, usual.refinement)
-    assert THESIS.faint.texture_to_noise == 0
+    assert suited(usual, faint=False, soft=False) == usual
+
+    faint = suited(usual, faint=True, soft=False)
+    assert (faint.matching.align_px, faint.stereo.align_px, faint.stereo.search_px) == (13, 13, 17)
+    assert faint.stereo.most_sigma_px == pytest.approx(0.6)
+    assert faint.features == usual.features
+
+    soft = suited(usual, faint=False, soft=True)
+    assert (soft.matching.align_px, soft.stereo.align_px, soft.stereo.search_px) == (19, 19, 17)
+    assert soft.stereo.most_sigma_px == usual.stereo.most_sigma_px
+    assert soft.features.threshold == usual.features.threshold / 2
+
+    both = suited(usual, faint=True, soft=True)
+    assert (both.matching, both.features) == (soft.matching, soft.features)
+    assert both.stereo.most_sigma_px == pytest.approx(0.6)
+    for settings in (faint, soft, both):
+        assert (settings.motion, settings.refinement) == (usual.motion, usual.refinement)
+    assert THESIS.faint.texture_to_noise == THESIS.soft.softness == 0

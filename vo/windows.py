@@ -1,0 +1,49 @@
+"""Settings that suit the picture at hand: wider windows where it is faint or soft.
+
+Where noise is as strong as texture, or texture is coarse, a patch of the usual size says little:
+windows grow until they hold enough (Kanade and Okutomi, PAMI 1994). The size is one for the whole
+image.
+"""
+
+from vo.config import OdometrySettings
+
+WIDEST_PX = 31
+
+
+def suited(settings: OdometrySettings, faint: bool, soft: bool) -> OdometrySettings:
+    """Return settings with wider windows, less exact disparities and fainter features.
+
+    Args:
+        settings: For pictures that are neither.
+        faint: Texture hardly exceeds the noise.
+        soft: The lens is out of focus.
+    """
+    met = [s for s, needed in ((settings.faint, faint), (settings.soft, soft)) if needed]
+    window_growth = max((s.window_growth for s in met), default=1.0)
+    search_growth = max((s.search_growth for s in met), default=1.0)
+    features, matching, stereo = settings.features, settings.matching, settings.stereo
+    return settings.model_copy(
+        update={
+            "features": features.model_copy(
+                update={
+                    "threshold": features.threshold
+                    * (settings.soft.threshold_share if soft else 1.0)
+                }
+            ),
+            "matching": matching.model_copy(
+                update={"align_px": _grown(matching.align_px, window_growth)}
+            ),
+            "stereo": stereo.model_copy(
+                update={
+                    "search_px": _grown(stereo.search_px, search_growth),
+                    "align_px": _grown(stereo.align_px, window_growth),
+                    "most_sigma_px": stereo.most_sigma_px
+                    * (settings.faint.sigma_growth if faint else 1.0),
+                }
+            ),
+        }
+    )
+
+
+def _grown(side_px: int, growth: float) -> int:
+    return min(2 * int(side_px * growth / 2) + 1, WIDEST_PX)
