@@ -38,7 +38,7 @@ def test_a_flat_noisy_image_has_no_texture_and_a_clean_one_no_noise() -> None:
     assert grain(np.zeros((10, 10), np.uint8)).texture_to_noise == np.inf
 
 
-@pytest.mark.parametrize("noise", [0.0, 1.0, 2.0])
+@pytest.mark.parametrize("noise", [0.0, 1.0])
 def test_softness_tells_a_lens_out_of_focus_from_motion_blur_and_from_sharp_texture(noise) -> None:
     def softness(sigma_u: float, sigma_v: float) -> float:
         picture = RNG.standard_normal((480, 640))
