@@ -2,7 +2,7 @@
 
 The estimators run on a single core, the generator on all of them. The generator stands beside a
 plain loop over `mujoco.Renderer` that makes the same left image, right image and depth of the
-same trip at the same quality. The two renderers take turns frame by frame, and the recording is
+same trip at the same quality. The two renderers take turns of a few frames, and the recording is
 timed before and after them, so that all meet the same load of the machine. At last a frame of a
 drive of 300 m stands beside one of 30 m.
 """

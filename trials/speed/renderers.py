@@ -12,7 +12,10 @@ import numpy as np
 
 from trials.commands import console
 from trials.speed.trial import Trial
-from vo.contract.arrays import Image
+from vo.contract.arrays import Array, Image
+
+IN_A_ROW = 8
+"""Frames of a turn: a renderer that draws one and then rests is faster than one that works on."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +38,7 @@ class RenderSpeed:
 
 
 def measure_renderers(trial: Trial, frames: int, folder: Path) -> RenderSpeed:
-    """Draw the same instants of the drive with both renderers, which take turns.
+    """Draw the same instants of the drive with both renderers, which take turns of a few frames.
 
     Each has a process of its own, because what one sets for the driver would help the other.
 
@@ -50,14 +53,27 @@ def measure_renderers(trial: Trial, frames: int, folder: Path) -> RenderSpeed:
         ProcessPoolExecutor(1, spawn, _open_stock, (trial,)) as stock,
         console.progress_bar("rendering") as progress,
     ):
-        rows: list[tuple[float, ...]] = []
-        for k, share in enumerate(np.linspace(0, 1, frames + 1)):
-            ours_ms, left = ours.submit(_draw_ours, share).result()
-            stock_ms, plain_left = stock.submit(_draw_stock, share, folder).result()
-            different = float(np.abs(left.astype(int) - plain_left).mean())
-            rows.append((ours_ms, *stock_ms, different))
-            progress(k, frames)
-    return RenderSpeed(*np.median(rows[1:], axis=0).tolist())  # the first uploads textures
+        shares = np.linspace(0, 1, frames)
+        turns = np.split(shares, range(IN_A_ROW, frames, IN_A_ROW))
+        ours_ms, stock_ms, different = [], [], []
+        _draw_both(ours, stock, shares[:1], folder)  # uploads textures
+        for done, turn in enumerate(turns, start=1):
+            drawn, plain = _draw_both(ours, stock, turn, folder)
+            ours_ms += [ms for ms, _ in drawn]
+            stock_ms += [ms for ms, _ in plain]
+            pairs = zip(drawn, plain, strict=True)
+            different += [np.abs(a.astype(int) - b).mean() for (_, a), (_, b) in pairs]
+            progress(done, len(turns))
+    columns = ours_ms, *zip(*stock_ms, strict=True), different
+    return RenderSpeed(*(float(np.median(column)) for column in columns))
+
+
+def _draw_both(
+    ours: ProcessPoolExecutor, stock: ProcessPoolExecutor, shares: Array, folder: Path
+) -> tuple[list[tuple[float, Image]], list[tuple[tuple[float, ...], Image]]]:
+    """Milliseconds and left image of each frame, ours first."""
+    drawn = ours.submit(_draw_ours, shares.tolist()).result()
+    return drawn, stock.submit(_draw_stock, shares.tolist(), folder).result()
 
 
 @dataclass(frozen=True)
@@ -101,26 +117,32 @@ def _open_stock(trial: Trial) -> None:
     _stand = _Stand(world, trip, opened.__enter__(), opened)
 
 
-def _draw_ours(share: float) -> tuple[float, Image]:
-    """Milliseconds, and the left image."""
-    _stand.place(share)
-    start = perf_counter()
-    left, _ = _stand.renderer.paint()
-    _stand.renderer.survey()
-    return 1e3 * (perf_counter() - start), left
+def _draw_ours(shares: list[float]) -> list[tuple[float, Image]]:
+    """Milliseconds, and the left image, of each frame."""
+    drawn = []
+    for share in shares:
+        _stand.place(share)
+        start = perf_counter()
+        left, _ = _stand.renderer.paint()
+        _stand.renderer.survey()
+        drawn.append((1e3 * (perf_counter() - start), left))
+    return drawn
 
 
-def _draw_stock(share: float, folder: Path) -> tuple[tuple[float, float, float], Image]:
+def _draw_stock(shares: list[float], folder: Path) -> list[tuple[tuple[float, ...], Image]]:
     """Milliseconds with both depths, with the left one, and of the files; the left image."""
     from trials.stock import grey, render_plainly, write_plainly
 
-    _stand.place(share)
-    start = perf_counter()
-    render_plainly(_stand.renderer, _stand.world, depths=2)
-    both = perf_counter()
-    plain = render_plainly(_stand.renderer, _stand.world, depths=1)
-    left = perf_counter()
-    write_plainly(plain, _stand.world.rig, folder)
-    written = perf_counter()
-    times_ms = 1e3 * (both - start), 1e3 * (left - both), 1e3 * (written - left)
-    return times_ms, grey(plain.left)
+    drawn = []
+    for share in shares:
+        _stand.place(share)
+        start = perf_counter()
+        render_plainly(_stand.renderer, _stand.world, depths=2)
+        both = perf_counter()
+        plain = render_plainly(_stand.renderer, _stand.world, depths=1)
+        left = perf_counter()
+        write_plainly(plain, _stand.world.rig, folder)
+        written = perf_counter()
+        times_ms = 1e3 * (both - start), 1e3 * (left - both), 1e3 * (written - left)
+        drawn.append((times_ms, grey(plain.left)))
+    return drawn
