@@ -4,7 +4,7 @@ from vo.config import OdometrySettings
 from vo.contract.clock import Clock
 from vo.contract.sequence import StereoFrame
 from vo.hooks import Hooks
-from vo.noise import Grain, grain
+from vo.noise import grain
 from vo.replacement import replace_features
 from vo.stereo import DenseStereo
 from vo.view import View, look
@@ -22,18 +22,12 @@ class Eyes:
 
     def look(self, frame: StereoFrame, clock: Clock) -> View:
         """Find features (thesis 3.2) and, if stereo is dense, depth (3.1)."""
-        features = self._settings.features
+        s = self._settings
         with clock("features"):
             seen = grain(frame.left)
-        if seen.noise > features.noisy_grey:
-            self._smoothing_px = features.smoothing_px
-        settings = self._suited(seen)
+        if seen.noise > s.features.noisy_grey:
+            self._smoothing_px = s.features.smoothing_px
+        faint = seen.texture_to_noise < s.faint.texture_to_noise
+        settings = suited(s, faint, soft=0 < s.soft.softness < seen.softness)
         view = look(frame, self._dense_stereo, settings, clock, self._smoothing_px)
         return replace_features(self._hooks, view, settings)
-
-    def _suited(self, seen: Grain) -> OdometrySettings:
-        """The settings for a picture; themselves, if nothing is wrong with it."""
-        s = self._settings
-        faint = seen.texture_to_noise < s.faint.texture_to_noise
-        soft = 0 < s.soft.softness < seen.softness
-        return suited(s, faint, soft) if faint or soft else s

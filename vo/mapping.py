@@ -27,15 +27,15 @@ def is_new_view(
 ) -> bool:
     """Whether a view has moved far enough from the last keyframe to become one itself.
 
+    What a landmark says of the translation grows as its image motion does, with the disparity: the
+    near ones, which soon leave the image, say most. Of those without disparity nothing is held.
+
     Args:
         last: The last keyframe.
         matches: Inliers of the view.
         settings: Median image motion that suffices, or share that is left of what the keyframe's
             landmarks said of the translation.
         least: Fewer inliers suffice too: an image that shows more is worth the step.
-
-    What a landmark says of the translation grows as its image motion does, with the disparity: the
-    near ones, which soon leave the image, say most. Of those without disparity nothing is held.
     """
     _, then, now = np.intersect1d(last.ids, matches.ids, assume_unique=True, return_indices=True)
     if len(then) == 0:

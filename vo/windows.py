@@ -11,7 +11,7 @@ WIDEST_PX = 31
 
 
 def suited(settings: OdometrySettings, faint: bool, soft: bool) -> OdometrySettings:
-    """Return settings with wider windows, less exact disparities and fainter features.
+    """Return settings with wider windows, less exact disparities and fainter features, as needed.
 
     Args:
         settings: For pictures that are neither.
@@ -21,27 +21,20 @@ def suited(settings: OdometrySettings, faint: bool, soft: bool) -> OdometrySetti
     met = [s for s, needed in ((settings.faint, faint), (settings.soft, soft)) if needed]
     window_growth = max((s.window_growth for s in met), default=1.0)
     search_growth = max((s.search_growth for s in met), default=1.0)
+    contrast = settings.soft.threshold_share if soft else 1.0
+    sigma_growth = settings.faint.sigma_growth if faint else 1.0
     features, matching, stereo = settings.features, settings.matching, settings.stereo
-    return settings.model_copy(
+    features = features.model_copy(update={"threshold": contrast * features.threshold})
+    matching = matching.model_copy(update={"align_px": _grown(matching.align_px, window_growth)})
+    stereo = stereo.model_copy(
         update={
-            "features": features.model_copy(
-                update={
-                    "threshold": features.threshold
-                    * (settings.soft.threshold_share if soft else 1.0)
-                }
-            ),
-            "matching": matching.model_copy(
-                update={"align_px": _grown(matching.align_px, window_growth)}
-            ),
-            "stereo": stereo.model_copy(
-                update={
-                    "search_px": _grown(stereo.search_px, search_growth),
-                    "align_px": _grown(stereo.align_px, window_growth),
-                    "most_sigma_px": stereo.most_sigma_px
-                    * (settings.faint.sigma_growth if faint else 1.0),
-                }
-            ),
+            "search_px": _grown(stereo.search_px, search_growth),
+            "align_px": _grown(stereo.align_px, window_growth),
+            "most_sigma_px": sigma_growth * stereo.most_sigma_px,
         }
+    )
+    return settings.model_copy(
+        update={"features": features, "matching": matching, "stereo": stereo}
     )
 
 

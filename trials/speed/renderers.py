@@ -15,7 +15,7 @@ from trials.speed.trial import Trial
 from vo.contract.arrays import Array, Image
 
 IN_A_ROW = 8
-"""Frames of a turn: a renderer that draws one and then rests is faster than one that works on."""
+"""Frames of a turn: a recording, too, draws one after the other and does not rest between them."""
 
 
 @dataclass(frozen=True)
