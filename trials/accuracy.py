@@ -18,6 +18,7 @@ from rich.table import Table
 
 from trials.cli import guard
 from trials.commands import console
+from trials.commands.datasets import Overrides
 from trials.estimators import COMPARED
 from trials.lab import NO_LABELS, perform, run_over
 from trials.outcomes import Outcome, Recording, Trial, Variant, crossed
@@ -59,6 +60,7 @@ def accuracy(
     seeds: Annotated[int, typer.Option(min=1, help="Drives of each scene, from seed 0 on.")] = 5,
     scenes: Annotated[str, typer.Option(help="Names, a,b,c, or all.")] = ",".join(SCENES),
     disturb: Annotated[str, typer.Option(help="Disturbances, as for generate.")] = "",
+    overrides: Overrides = None,
     kitti: Annotated[Path | None, typer.Option(help="Also score this recording.")] = None,
     out: Annotated[Path | None, typer.Option("--json", help="File for all scores.")] = None,
 ) -> None:
@@ -66,8 +68,8 @@ def accuracy(
     names = chosen_scenes(scenes)
     if kitti is not None:
         open_sequence(kitti)  # a wrong path ends it now, not after all drives
-    overrides = (f"drive.distance_m={distance:g}", *NO_LABELS)
-    drives = [Recording(x, seed, overrides, disturb) for x, seed in product(names, range(seeds))]
+    settings = (f"drive.distance_m={distance:g}", *NO_LABELS, *(overrides or ()))
+    drives = [Recording(x, seed, settings, disturb) for x, seed in product(names, range(seeds))]
     with console.counting_bar("drives", len(drives)) as count:
         outcomes = perform(crossed(drives, VARIANTS), progress=count)
     runs = {name: [x for v in VARIANTS for x in outcomes.of(v, name)] for name in names}

@@ -62,6 +62,13 @@ class MatchingSettings(Settings):
     widest_search_px: float = Field(
         default=96.0, gt=0, description="radius while nothing can be predicted"
     )
+    convincing: float = Field(
+        default=0.22,
+        ge=0,
+        le=1,
+        description="share of the landmarks in view that must agree with a pose, or others are "
+        "tried, from how the whole image has turned; 0 takes the first",
+    )
     triplets: bool = Field(
         default=False, description="matches must be consistent with the frame before (F4)"
     )
@@ -294,7 +301,9 @@ class OdometrySettings(Settings):
 THESIS = OdometrySettings(
     standing="none",
     features=FeatureSettings(count=500, cell_px=10_000, smoothing_px=0),
-    matching=MatchingSettings(predict="still", search_px=60, guided=False, align=False),
+    matching=MatchingSettings(
+        predict="still", search_px=60, convincing=0, guided=False, align=False
+    ),
     stereo=StereoSettings(method="block_matching", shrink=1, refine=False, least_disparity_px=8),
     motion=MotionSettings(
         solver="fischler_bolles",

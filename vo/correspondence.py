@@ -111,10 +111,7 @@ def find_more(
     """
     points_cam = se3.transform(se3.inverse(T_odom_cam), local_map.landmarks.points_odom)
     expected = rig.project(points_cam)
-    height, width = view.frame.left.shape
-    with np.errstate(invalid="ignore"):
-        visible = (expected[:, :2] > 0).all(axis=1) & (expected[:, 2] > 0)
-        visible &= (expected[:, 0] < width) & (expected[:, 1] < height)
+    visible = in_sight(local_map.landmarks, T_odom_cam, view.frame.left, rig)
     visible[matches.rows] = False
     rows = np.flatnonzero(visible)
     nobody = np.full(len(rows), NO_FEATURE)
@@ -123,6 +120,16 @@ def find_more(
     start = expected[rows, :2]
     more = _measure(local_map, view, T_odom_cam, rows, nobody, start, least, rig, settings)
     return matches.extend(more.select(~np.isnan(more.measured[:, 2])))
+
+
+def in_sight(landmarks: Landmarks, T_odom_cam: Array, image: Image, rig: StereoRig) -> Mask:
+    """Which landmarks (N,) a pose puts into its image."""
+    points_cam = se3.transform(se3.inverse(T_odom_cam), landmarks.points_odom)
+    expected = rig.project(points_cam)
+    height, width = image.shape
+    with np.errstate(invalid="ignore"):
+        inside = (expected[:, :2] > 0).all(axis=1) & (expected[:, 2] > 0)
+        return inside & (expected[:, 0] < width) & (expected[:, 1] < height)
 
 
 def _measure(

@@ -1,21 +1,26 @@
 """Where a view lies in the map: matched about a guess, oriented, refined (thesis 3.2-3.4)."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from vo.appearance import eyes_look_swapped
+from vo.contract import se3
 from vo.contract.arrays import Array
 from vo.contract.clock import Clock
 from vo.contract.estimator import Observations
-from vo.correspondence import Matches, find_matches, find_more
+from vo.contract.rig import StereoRig
+from vo.correspondence import Matches, find_matches, find_more, in_sight
 from vo.gear import Gear
 from vo.journey import Journey
 from vo.localisation import agreeing, orient, refine_pose
 from vo.refine import Pose
 from vo.replacement import replace_inliers, replace_matches
+from vo.tracks import LocalMap
 from vo.triplets import consistent
 from vo.trust import believed
+from vo.turn import find_turn
 from vo.view import View
 
 ONE_EYED = 0.7
@@ -46,7 +51,9 @@ class Location:
 def locate(
     here: Journey, view: View, gear: Gear, counts: dict[str, int], clock: Clock
 ) -> Location | None:
-    """Search where the expected motion leads, then anywhere near; None if too few agree.
+    """Search where the expected motion leads, and elsewhere as long as that does not convince.
+
+    None if too few landmarks agree with any pose.
 
     Args:
         here: Its map, last pose and motion.
@@ -55,20 +62,42 @@ def locate(
         counts: Receives how many items survive each stage.
         clock: Times the stages.
     """
-    for T_guess, reach_px in _guesses(here, view, gear):
-        if found := _locate_about(T_guess, reach_px, here, view, gear, counts, clock):
-            blind = np.isnan(found.inliers.measured[:, 2]).mean() > ONE_EYED
-            return None if blind and eyes_look_swapped(view, view.settings) else found
-    return None
+    best: Location | None = None
+    for T_guess, reach_px in _guesses(here, view, gear, clock):
+        found = _locate_about(T_guess, reach_px, here, view, gear, counts, clock)
+        best = max(found, best, key=_agreement)
+        if best and _convinces(best, here.map, view, gear.rig):
+            break
+    if best is None:
+        return None
+    counts["found"], counts["inliers"] = len(best.matches), len(best.inliers)
+    blind = np.isnan(best.inliers.measured[:, 2]).mean() > ONE_EYED
+    return None if blind and eyes_look_swapped(view, view.settings) else best
 
 
-def _guesses(here: Journey, view: View, gear: Gear) -> tuple[tuple[Array, float], ...]:
-    """Predicted poses and how far to search about them: the expected motion, then any."""
-    s = view.settings
-    steady = s.matching.predict == "steady" and not here.wheels_rest(view)
+def _agreement(found: Location | None) -> int:
+    return len(found.inliers) if found else 0
+
+
+def _convinces(found: Location, local_map: LocalMap, view: View, rig: StereoRig) -> bool:
+    """Whether so many landmarks agree that it is no use to look elsewhere."""
+    visible = in_sight(local_map.landmarks, found.pose.T_world_cam, view.frame.left, rig)
+    return len(found.inliers) >= view.settings.matching.convincing * visible.sum()
+
+
+def _guesses(here: Journey, view: View, gear: Gear, clock: Clock) -> Iterator[tuple[Array, float]]:
+    """Poses and how far to search about them: as expected, as the images have turned, as before."""
+    s = view.settings.matching
+    steady = s.predict == "steady" and not here.wheels_rest(view)
     expected = here.T_odom_cam @ (here.T_before_now if steady else np.eye(4))
     expected = gear.hooks.predicted(view.frame, here.last_ns, here.T_odom_cam, expected)
-    return (expected, s.matching.search_px), (here.T_odom_cam, s.matching.widest_search_px)
+    yield expected, s.search_px
+    if s.convincing and here.before:
+        with clock("turn"):
+            step = se3.inverse(here.T_odom_cam) @ expected
+            step[:3, :3] = find_turn(here.before.left, view.frame.left, gear.rig, step[:3, :3])
+        yield here.T_odom_cam @ step, s.search_px
+    yield here.T_odom_cam, s.widest_search_px
 
 
 def _locate_about(
@@ -102,7 +131,6 @@ def _locate_about(
             counts["motion iterations"] += pose.iterations
     inliers = agreeing(pose.T_world_cam, matches, rig, s.motion)
     inliers = replace_inliers(hooks, view, matches, inliers)
-    counts["found"], counts["inliers"] = len(matches), len(inliers)
     return Location(pose, matches, inliers) if len(inliers) >= s.motion.least_inliers else None
 
 

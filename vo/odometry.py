@@ -21,6 +21,7 @@ from vo.mapping import add_keyframe
 from vo.recovery import ADRIFT
 from vo.smoothing import look_back
 from vo.standing import Glimpse, glimpse
+from vo.triplets import Sighting
 from vo.trust import judge
 from vo.view import View
 
@@ -108,6 +109,7 @@ class StereoOdometry:
         first = Glimpse(
             fresh.landmarks.ids, fresh.keyframes[-1].measured[:, :2], fresh.landmarks.points_odom
         )
+        here.before = Sighting(view.frame.left, first.ids, first.pixels)
         here.leave(T_odom_cam, np.zeros((6, 6)), view, first)
         step = here.advance(view, T_odom_cam, np.zeros((6, 6))) + covariance
         reason = f"new segment after {lost} lost frames" if lost else ""

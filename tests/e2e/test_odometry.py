@@ -18,7 +18,7 @@ from sim.settings import (
 from sim.world import build_world
 from trials.alignment import Pair, associate
 from trials.metrics import errors_over_distance
-from vo.config import THESIS, OdometrySettings
+from vo.config import THESIS, MatchingSettings, OdometrySettings
 from vo.contract import se3
 from vo.contract.estimator import Status
 from vo.contract.readers import open_sequence, read_truth
@@ -481,3 +481,30 @@ def test_a_turn_on_the_spot_is_tracked(odometry, turn):
     assert np.degrees(se3.rotation_angle(T[-1])) == pytest.approx(35, abs=0.3)
     assert 1e-6 < se3.rotation_angle(error)[-1] < np.radians(0.3)
     assert 1e-6 < np.linalg.norm(error[-1, :3, 3]) < 0.01
+
+
+@pytest.fixture(scope="module")
+def shake(scene):
+    """Views of a camera that is thrown about at random, by up to 9 degrees from frame to frame."""
+    motions = np.zeros((12, 6))
+    motions[1:, 3:] = np.radians([3, 8, 3]) * np.random.default_rng(3).uniform(-1, 1, (11, 3))
+    motions[:, 2] = 0.02 * np.arange(12)
+    return carried(scene, motions)
+
+
+def shaken(rig, shake, convincing):
+    """Frames lost, and the largest error of the others in metres."""
+    settings = OdometrySettings(matching=MatchingSettings(convincing=convincing))
+    frames, truth = shake
+    estimates = track_all(StereoOdometry(rig, settings), frames)
+    posed = [x.T_odom_cam is not None for x in estimates]
+    errors_m = [error_m(x, T) for x, T, p in zip(estimates, truth, posed, strict=True) if p]
+    return posed.count(False), max(errors_m)
+
+
+def test_a_shaking_hand_is_followed_by_what_the_images_show_as_wholes(sequence, shake):
+    lost, worst_m = shaken(sequence.rig, shake, OdometrySettings().matching.convincing)
+    assert lost == 0
+    assert 1e-6 < worst_m < 0.001
+    lost, worst_m = shaken(sequence.rig, shake, 0)
+    assert lost > 0 or worst_m > 0.1
