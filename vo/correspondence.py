@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from vo.alignment import Alignment, align
 from vo.config import MatchingSettings, OdometrySettings, RefinementSettings
@@ -17,6 +18,9 @@ from vo.view import View
 
 NO_FEATURE = -1
 
+PEERS = 40
+"""Matches about as near as a landmark, beside which it must look alike."""
+
 
 @dataclass(frozen=True)
 class Matches:
@@ -29,7 +33,7 @@ class Matches:
         features: (N,) rows of the view's features, NO_FEATURE where none answered.
         measured: (N, 3) left-image u, v, sub-pixel, and disparity, NaN where unknown.
         sigma: (N, 3) their standard deviations, pixels.
-        zncc: (N,) likeness to the landmark's template.
+        zncc: (N,) likeness to the landmark's template; NaN if that was not asked.
     """
 
     rows: Indices
@@ -42,6 +46,11 @@ class Matches:
 
     def __len__(self) -> int:
         return len(self.rows)
+
+    @property
+    def followed(self) -> bool:
+        """Whether they come from the frame before, not from templates."""
+        return bool(np.isnan(self.zncc).all())
 
     @property
     def pixels(self) -> Array:
@@ -116,10 +125,30 @@ def find_more(
     rows = np.flatnonzero(visible)
     nobody = np.full(len(rows), NO_FEATURE)
     # Without a feature to answer, only likeness tells a landmark from what now lies in its place.
-    least = float(np.quantile(matches.zncc, settings.matching.guided_quantile))
+    least = _likeness_of_peers(matches, expected[:, 2], rows, settings.matching.guided_quantile)
     start = expected[rows, :2]
     more = _measure(local_map, view, T_odom_cam, rows, nobody, start, least, rig, settings)
     return matches.extend(more.select(~np.isnan(more.measured[:, 2])))
+
+
+def _likeness_of_peers(
+    matches: Matches, disparity_px: Array, rows: Indices, quantile: float
+) -> Array:
+    """How alike (N,) some landmarks must be: as a share of the matches about as near.
+
+    What is near changes more from view to view, and tells most of the translation.
+
+    Args:
+        matches: At least one.
+        disparity_px: (L,) of all landmarks of the map, by the new pose.
+        rows: (N,) of the landmarks that are asked about.
+        quantile: Share of the matches that may be less alike.
+    """
+    order = np.argsort(disparity_px[matches.rows])
+    peers = sliding_window_view(matches.zncc[order], min(PEERS, len(matches)))
+    likeness = np.quantile(peers, quantile, axis=1)
+    place = np.searchsorted(disparity_px[matches.rows][order], disparity_px[rows])
+    return likeness[np.clip(place - peers.shape[1] // 2, 0, len(peers) - 1)]
 
 
 def in_sight(landmarks: Landmarks, T_odom_cam: Array, image: Image, rig: StereoRig) -> Mask:
@@ -134,7 +163,7 @@ def in_sight(landmarks: Landmarks, T_odom_cam: Array, image: Image, rig: StereoR
 
 def _measure(
     local_map: LocalMap, view: View, T_odom_cam: Array, rows: Indices, features: Indices,
-    start: Array, least_zncc: float, rig: StereoRig, settings: OdometrySettings,
+    start: Array, least_zncc: Array | float, rig: StereoRig, settings: OdometrySettings,
 ) -> Matches:  # fmt: skip
     """Align landmarks from where they are expected, in both eyes; drop those that look unlike."""
     landmarks = local_map.landmarks

@@ -22,6 +22,7 @@ def grow(here: Journey, view: View, found: Location, gear: Gear, counts: dict[st
         return T_odom_cam
     spread = here.covariance(T_odom_cam, found.pose.covariance)
     here.map = add_keyframe(here.map, view, T_odom_cam, spread, inliers, gear.rig, s, gear.hooks)
+    here.before = here.map.keyframes[-1].sighting
     here.map, counts["structure iterations"] = refine_map(here.map, gear.rig, s)
     here.stitch(view, gear.rig, s, gear.rng)  # to a segment that was lost (6)
     here.history.remember(here.map, s.refinement)

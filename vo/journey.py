@@ -14,8 +14,7 @@ from vo.correspondence import Matches
 from vo.history import History
 from vo.recovery import find_again
 from vo.standing import Glimpse, Rest, glimpse, stands
-from vo.tracks import LocalMap, empty_map
-from vo.triplets import Sighting
+from vo.tracks import LocalMap, Sighting, empty_map
 from vo.view import View
 
 PROVEN_VIEWS = 3

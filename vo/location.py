@@ -1,7 +1,7 @@
 """Where a view lies in the map: matched about a guess, oriented, refined (thesis 3.2-3.4)."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from vo.contract.clock import Clock
 from vo.contract.estimator import Observations
 from vo.contract.rig import StereoRig
 from vo.correspondence import Matches, find_matches, find_more, in_sight
+from vo.following import follow
 from vo.gear import Gear
 from vo.journey import Journey
 from vo.localisation import agreeing, orient, refine_pose
@@ -22,6 +23,10 @@ from vo.triplets import consistent
 from vo.trust import believed
 from vo.turn import find_turn
 from vo.view import View
+from vo.windows import suited
+
+FLOW_WORTH = 0.5
+"""Of a landmark followed from the frame before, beside one found by its template."""
 
 ONE_EYED = 0.7
 """Share of inliers without disparity above which the right image shows something else."""
@@ -32,11 +37,13 @@ class Location:
     """A view's pose, and what it rests on.
 
     Attributes:
+        view: The view, with the settings that it is met with from here on.
         pose: In the odometry frame.
         matches: Landmarks that were found, inliers or not.
         inliers: Those that agree with the pose.
     """
 
+    view: View
     pose: Pose
     matches: Matches
     inliers: Matches
@@ -63,8 +70,8 @@ def locate(
         clock: Times the stages.
     """
     best: Location | None = None
-    for T_guess, reach_px in _guesses(here, view, gear, clock):
-        found = _locate_about(T_guess, reach_px, here, view, gear, counts, clock)
+    for met, matches, T_guess in _searches(here, view, gear, clock):
+        found = _locate_by(matches, T_guess, here, met, gear, counts, clock)
         best = max(found, best, key=_agreement)
         if best and _convinces(best, here.map, view, gear.rig):
             break
@@ -75,8 +82,10 @@ def locate(
     return None if blind and eyes_look_swapped(view, view.settings) else best
 
 
-def _agreement(found: Location | None) -> int:
-    return len(found.inliers) if found else 0
+def _agreement(found: Location | None) -> float:
+    if found is None:
+        return 0.0
+    return len(found.inliers) * (FLOW_WORTH if found.matches.followed else 1.0)
 
 
 def _convinces(found: Location, local_map: LocalMap, view: View, rig: StereoRig) -> bool:
@@ -85,28 +94,43 @@ def _convinces(found: Location, local_map: LocalMap, view: View, rig: StereoRig)
     return len(found.inliers) >= view.settings.matching.convincing * visible.sum()
 
 
-def _guesses(here: Journey, view: View, gear: Gear, clock: Clock) -> Iterator[tuple[Array, float]]:
-    """Poses and how far to search about them: as expected, as the images have turned, as before."""
-    s = view.settings.matching
-    steady = s.predict == "steady" and not here.wheels_rest(view)
+def _searches(
+    here: Journey, view: View, gear: Gear, clock: Clock
+) -> Iterator[tuple[View, Matches, Array]]:
+    """How the view is met, what matches it, and the pose about which that was sought.
+
+    First as expected; then as the images have turned; then, as if it were blurred, by flow from the
+    frame before; at last anywhere near.
+    """
+    s, rig, local_map = view.settings, gear.rig, here.map
+
+    def search(T_guess: Array, reach_px: float) -> tuple[View, Matches, Array]:
+        with clock("matching"):  # marriage by ZNCC, sub-pixel alignment (3.2)
+            return view, find_matches(local_map, view, T_guess, reach_px, rig, s), T_guess
+
+    steady = s.matching.predict == "steady" and not here.wheels_rest(view)
     expected = here.T_odom_cam @ (here.T_before_now if steady else np.eye(4))
     expected = gear.hooks.predicted(view.frame, here.last_ns, here.T_odom_cam, expected)
-    yield expected, s.search_px
-    if s.convincing and here.before:
+    yield search(expected, s.matching.search_px)
+    if s.matching.convincing and here.before:
         with clock("turn"):
             step = se3.inverse(here.T_odom_cam) @ expected
-            step[:3, :3] = find_turn(here.before.left, view.frame.left, gear.rig, step[:3, :3])
-        yield here.T_odom_cam @ step, s.search_px
-    yield here.T_odom_cam, s.widest_search_px
+            step[:3, :3] = find_turn(here.before.left, view.frame.left, rig, step[:3, :3])
+            turned = here.T_odom_cam @ step
+        yield search(turned, s.matching.search_px)
+        blurred = replace(view, settings=suited(s, faint=True, soft=True))
+        with clock("following"):
+            followed = follow(here.before, local_map, blurred, turned, rig)
+        yield blurred, followed, turned
+    yield search(here.T_odom_cam, s.matching.widest_search_px)
 
 
-def _locate_about(
-    T_guess: Array, reach_px: float, here: Journey, view: View, gear: Gear,
+def _locate_by(
+    matches: Matches, T_guess: Array, here: Journey, view: View, gear: Gear,
     counts: dict[str, int], clock: Clock,
 ) -> Location | None:  # fmt: skip
     s, rig, hooks, local_map = view.settings, gear.rig, gear.hooks, here.map
-    with clock("matching"):  # marriage by ZNCC, sub-pixel alignment (3.2)
-        matches = find_matches(local_map, view, T_guess, reach_px, rig, s)
+    with clock("matching"):
         matches = replace_matches(hooks, _confirmed(matches, here, view), local_map, view, s)
         counts["matches"] = len(matches)
     with clock("motion"):  # orientation under RANSAC (3.3)
@@ -121,7 +145,7 @@ def _locate_about(
     with clock("motion refinement"):  # at every frame (3.4)
         pose = refine_pose(consensus.T, agreed, rig, s)
         counts["motion iterations"] = pose.iterations
-    if s.matching.guided:
+    if s.matching.guided and not matches.followed:
         with clock("guided matching"):  # the other landmarks, where the pose puts them (F5)
             matches = find_more(local_map, view, pose.T_world_cam, matches, rig, s)
             matches = replace_matches(hooks, _confirmed(matches, here, view), local_map, view, s)
@@ -131,7 +155,9 @@ def _locate_about(
             counts["motion iterations"] += pose.iterations
     inliers = agreeing(pose.T_world_cam, matches, rig, s.motion)
     inliers = replace_inliers(hooks, view, matches, inliers)
-    return Location(pose, matches, inliers) if len(inliers) >= s.motion.least_inliers else None
+    return (
+        Location(view, pose, matches, inliers) if len(inliers) >= s.motion.least_inliers else None
+    )
 
 
 def _confirmed(matches: Matches, here: Journey, view: View) -> Matches:

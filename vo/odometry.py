@@ -21,7 +21,6 @@ from vo.mapping import add_keyframe
 from vo.recovery import ADRIFT
 from vo.smoothing import look_back
 from vo.standing import Glimpse, glimpse
-from vo.triplets import Sighting
 from vo.trust import judge
 from vo.view import View
 
@@ -62,6 +61,7 @@ class StereoOdometry:
         found = locate(here, view, gear, counts, clock)  # matching, RANSAC, refinement (3.2-3.4)
         if found is None:
             return self._lose(view, counts, clock)
+        view = found.view
 
         with clock("structure refinement"):  # motion and structure, on long tracks (3.4, 4.4)
             here.note(view, found.inliers)
@@ -109,7 +109,7 @@ class StereoOdometry:
         first = Glimpse(
             fresh.landmarks.ids, fresh.keyframes[-1].measured[:, :2], fresh.landmarks.points_odom
         )
-        here.before = Sighting(view.frame.left, first.ids, first.pixels)
+        here.before = fresh.keyframes[-1].sighting
         here.leave(T_odom_cam, np.zeros((6, 6)), view, first)
         step = here.advance(view, T_odom_cam, np.zeros((6, 6))) + covariance
         reason = f"new segment after {lost} lost frames" if lost else ""

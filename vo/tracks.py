@@ -10,6 +10,21 @@ from vo.fixed_lag import FixedLag
 
 
 @dataclass(frozen=True)
+class Sighting:
+    """What a frame saw.
+
+    Attributes:
+        left: (H, W) uint8.
+        ids: (N,) landmarks that agreed with its motion, ascending.
+        pixels: (N, 2) where.
+    """
+
+    left: Image
+    ids: Indices
+    pixels: Array
+
+
+@dataclass(frozen=True)
 class Keyframe:
     """A frame that is kept, with the landmarks that agreed with its pose.
 
@@ -30,6 +45,11 @@ class Keyframe:
     ids: Indices
     measured: Array
     sigma: Array
+
+    @property
+    def sighting(self) -> Sighting:
+        """What it saw of its landmarks."""
+        return Sighting(self.left, self.ids, self.measured[:, :2])
 
 
 @dataclass(frozen=True)

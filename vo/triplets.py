@@ -4,33 +4,16 @@ A landmark's template ties it to this frame and to the frame before; aligning th
 with this one directly closes the triangle.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from vo.alignment import align
-from vo.contract.arrays import Array, Image, Indices, Mask
+from vo.contract.arrays import Image, Mask
 from vo.correspondence import Matches
 from vo.templates import cut
-from vo.tracks import Landmarks
+from vo.tracks import Landmarks, Sighting
 
 CLOSURE_PX = 0.75
 """Most by which the two ways to this frame may differ."""
-
-
-@dataclass(frozen=True)
-class Sighting:
-    """What the frame before saw.
-
-    Attributes:
-        left: (H, W) uint8.
-        ids: (N,) landmarks that agreed with its motion, ascending.
-        pixels: (N, 2) where.
-    """
-
-    left: Image
-    ids: Indices
-    pixels: Array
 
 
 def consistent(

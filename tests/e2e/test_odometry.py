@@ -508,3 +508,24 @@ def test_a_shaking_hand_is_followed_by_what_the_images_show_as_wholes(sequence, 
     assert 1e-6 < worst_m < 0.001
     lost, worst_m = shaken(sequence.rig, shake, 0)
     assert lost > 0 or worst_m > 0.1
+
+
+def smeared(frame, px):
+    """Both pictures as a fast turn smears them."""
+    kernel = np.full((1, px), 1 / px)
+    left, right = (cv2.filter2D(x, -1, kernel) for x in (frame.left, frame.right))
+    return replaced(frame, left, right)
+
+
+def smear_error_m(rig, frames, truth, convincing):
+    """Of the last of seven smeared frames after five sharp ones; infinite if it has no pose."""
+    settings = OdometrySettings(matching=MatchingSettings(convincing=convincing))
+    shown = [*frames[:5], *(smeared(x, 33) for x in frames[5:12])]
+    estimates = track_all(StereoOdometry(rig, settings), shown)
+    lost = Status.LOST in statuses(estimates) or Status.START in statuses(estimates)[1:]
+    return np.inf if lost else error_m(estimates[-1], truth[11])
+
+
+def test_smeared_images_are_followed_from_one_to_the_next(sequence, frames, truth):
+    assert 1e-6 < smear_error_m(sequence.rig, frames, truth, 0.22) < 0.02
+    assert smear_error_m(sequence.rig, frames, truth, 0) > 0.04

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 
 from vo.correspondence import Matches
-from vo.tracks import empty_map
-from vo.triplets import Sighting, consistent
+from vo.tracks import Sighting, empty_map
+from vo.triplets import consistent
 
 SHIFT_PX = np.array([3.0, -2.0])
 
