@@ -85,5 +85,5 @@ def _flow(before: Image, now: Image, start: Array, guess: Array) -> Array:
     pixels[known] = np.where(found.reshape(-1, 1) == 1, end.reshape(-1, 2), np.nan)
     height, width = now.shape
     with np.errstate(invalid="ignore"):
-        inside = ((pixels >= 0) & (pixels <= (width - 1, height - 1))).all(axis=1)
-    return np.where(inside[:, None], pixels, np.nan)
+        pixels[((pixels < 0) | (pixels > (width - 1, height - 1))).any(axis=1)] = np.nan
+    return pixels

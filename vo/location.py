@@ -25,6 +25,10 @@ from vo.turn import find_turn
 from vo.view import View
 from vo.windows import suited
 
+SOUND = 0.85
+"""Share of the templates found that agree with a pose, unless they are blurred or misled."""
+CONFIRMING = 0.5
+"""Share of the landmarks followed that must agree with a pose by templates."""
 FLOW_WORTH = 0.5
 """Of a landmark followed from the frame before, beside one found by its template."""
 
@@ -72,6 +76,8 @@ def locate(
     best: Location | None = None
     for met, matches, T_guess in _searches(here, view, gear, clock):
         found = _locate_by(matches, T_guess, here, met, gear, counts, clock)
+        if found and best and _confirms(found, best, gear.rig):
+            break
         best = max(found, best, key=_agreement)
         if best and _convinces(best, here.map, view, gear.rig):
             break
@@ -86,6 +92,14 @@ def _agreement(found: Location | None) -> float:
     if found is None:
         return 0.0
     return len(found.inliers) * (FLOW_WORTH if found.matches.followed else 1.0)
+
+
+def _confirms(flow: Location, best: Location, rig: StereoRig) -> bool:
+    """Whether flow says the same as sound templates, which bend with the surface and are exact."""
+    if not flow.matches.followed or len(best.inliers) < SOUND * len(best.matches):
+        return False
+    same = agreeing(best.pose.T_world_cam, flow.inliers, rig, flow.view.settings.motion)
+    return len(same) >= CONFIRMING * len(flow.inliers)
 
 
 def _convinces(found: Location, local_map: LocalMap, view: View, rig: StereoRig) -> bool:
