@@ -67,7 +67,7 @@ class MatchingSettings(Settings):
         ge=0,
         le=1,
         description="share of the landmarks in view that must agree with a pose, or others are "
-        "tried, from how the whole image has turned; 0 takes the first",
+        "tried, as the whole image has turned and by flow; 0 takes the first",
     )
     triplets: bool = Field(
         default=False, description="matches must be consistent with the frame before (F4)"
