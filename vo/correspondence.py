@@ -48,11 +48,6 @@ class Matches:
         return len(self.rows)
 
     @property
-    def followed(self) -> bool:
-        """Whether they come from the frame before, not from templates."""
-        return bool(np.isnan(self.zncc).all())
-
-    @property
     def pixels(self) -> Array:
         """(N, 2) left-image (u, v)."""
         return self.measured[:, :2]
@@ -90,8 +85,7 @@ def find_matches(
         Those whose aligned patch still resembles the landmark's template.
     """
     landmarks, features = local_map.landmarks, view.features
-    points_cam = se3.transform(se3.inverse(T_odom_cam), landmarks.points_odom)
-    expected = rig.project(points_cam)[:, :2]
+    expected = expected_at(landmarks, T_odom_cam, rig)[:, :2]
     rows, found = marry(
         landmarks.vectors, expected, view.vectors, features.pixels, reach_px, settings.matching
     ).T
@@ -118,9 +112,8 @@ def find_more(
         rig: Projects.
         settings: As for `find_matches`.
     """
-    points_cam = se3.transform(se3.inverse(T_odom_cam), local_map.landmarks.points_odom)
-    expected = rig.project(points_cam)
-    visible = in_sight(local_map.landmarks, T_odom_cam, view.frame.left, rig)
+    expected = expected_at(local_map.landmarks, T_odom_cam, rig)
+    visible = in_sight(expected, view.frame.left)
     visible[matches.rows] = False
     rows = np.flatnonzero(visible)
     nobody = np.full(len(rows), NO_FEATURE)
@@ -151,10 +144,13 @@ def _likeness_of_peers(
     return likeness[np.clip(place - peers.shape[1] // 2, 0, len(peers) - 1)]
 
 
-def in_sight(landmarks: Landmarks, T_odom_cam: Array, image: Image, rig: StereoRig) -> Mask:
-    """Which landmarks (N,) a pose puts into its image."""
-    points_cam = se3.transform(se3.inverse(T_odom_cam), landmarks.points_odom)
-    expected = rig.project(points_cam)
+def expected_at(landmarks: Landmarks, T_odom_cam: Array, rig: StereoRig) -> Array:
+    """Where a pose puts landmarks: (N, 3) left-image u, v and disparity, NaN behind the camera."""
+    return rig.project(se3.transform(se3.inverse(T_odom_cam), landmarks.points_odom))
+
+
+def in_sight(expected: Array, image: Image) -> Mask:
+    """Which of (N, 3) projections lie in an image."""
     height, width = image.shape
     with np.errstate(invalid="ignore"):
         inside = (expected[:, :2] > 0).all(axis=1) & (expected[:, 2] > 0)
@@ -178,16 +174,16 @@ def _measure(
         good = aligned.zncc > least_zncc
         good &= np.abs(aligned.pixels - start).max(axis=1) < settings.matching.align_reach_px
     rows, features, pixels = rows[good], features[good], aligned.pixels[good]
-    points_cam = se3.transform(se3.inverse(T_odom_cam), landmarks.points_odom[rows])
+    found = landmarks.select(rows)
     stereo = measure_disparities(
         view.frame, view.dense, pixels, settings.stereo,
-        expected_px=rig.project(points_cam)[:, 2], slopes=landmarks.anchor_slopes[rows],
+        expected_px=expected_at(found, T_odom_cam, rig)[:, 2], slopes=found.anchor_slopes,
     )  # fmt: skip
     variance = np.diagonal(aligned.covariance_px2[good], axis1=1, axis2=2)
     return Matches(
         rows,
-        landmarks.ids[rows],
-        landmarks.points_odom[rows],
+        found.ids,
+        found.points_odom,
         features,
         np.column_stack([pixels, stereo.values_px]),
         measurement_sigma(variance, stereo.sigma_px, local_map.noise, settings.refinement),

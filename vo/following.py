@@ -9,10 +9,9 @@ Source: Bouguet, Pyramidal Implementation of the Lucas Kanade Feature Tracker, 2
 import cv2
 import numpy as np
 
-from vo.contract import se3
 from vo.contract.arrays import Array, Image
 from vo.contract.rig import StereoRig
-from vo.correspondence import NO_FEATURE, Matches
+from vo.correspondence import NO_FEATURE, Matches, expected_at
 from vo.disparity import measure_disparities
 from vo.tracks import LocalMap, Sighting
 from vo.view import View
@@ -47,7 +46,7 @@ def follow(
     rows = np.flatnonzero(np.isin(local_map.landmarks.ids, before.ids))
     landmarks = local_map.landmarks.select(rows)
     start = before.pixels[np.searchsorted(before.ids, landmarks.ids)]
-    expected = rig.project(se3.transform(se3.inverse(T_odom_cam), landmarks.points_odom))
+    expected = expected_at(landmarks, T_odom_cam, rig)
     ahead = np.isfinite(expected).all(axis=1)
     rows, start, expected = rows[ahead], start[ahead], expected[ahead]
     pixels = _flow(before.left, view.frame.left, start, expected[:, :2])

@@ -11,7 +11,7 @@ from vo.contract.arrays import Array
 from vo.contract.clock import Clock
 from vo.contract.estimator import Observations
 from vo.contract.rig import StereoRig
-from vo.correspondence import Matches, find_matches, find_more, in_sight
+from vo.correspondence import Matches, expected_at, find_matches, find_more, in_sight
 from vo.following import follow
 from vo.gear import Gear
 from vo.journey import Journey
@@ -23,7 +23,7 @@ from vo.triplets import consistent
 from vo.trust import believed
 from vo.turn import find_turn
 from vo.view import View
-from vo.windows import suited
+from vo.windows import suited_to_blur
 
 SOUND = 0.85
 """Share of the templates found that agree with a pose, unless they are blurred or misled."""
@@ -45,18 +45,32 @@ class Location:
         pose: In the odometry frame.
         matches: Landmarks that were found, inliers or not.
         inliers: Those that agree with the pose.
+        followed: Whether they come from the frame before, not from templates.
+        counts: Items that survived each stage, and iterations.
     """
 
     view: View
     pose: Pose
     matches: Matches
     inliers: Matches
+    followed: bool
+    counts: dict[str, int]
 
     def observations(self) -> Observations:
         """Tell others what was seen."""
         found = self.matches
         agree = np.isin(found.ids, self.inliers.ids)
         return Observations(found.ids, found.pixels, found.measured[:, 2], agree)
+
+
+@dataclass(frozen=True)
+class _Search:
+    """Landmarks that were sought in a view about a guessed pose (4, 4)."""
+
+    view: View
+    matches: Matches
+    T_guess: Array
+    followed: bool = False
 
 
 def locate(
@@ -70,20 +84,22 @@ def locate(
         here: Its map, last pose and motion.
         view: The new frame.
         gear: Calibration, hooks, samples.
-        counts: Receives how many items survive each stage.
+        counts: Receives those of the search that counts, or else came nearest.
         clock: Times the stages.
     """
     best: Location | None = None
-    for met, matches, T_guess in _searches(here, view, gear, clock):
-        found = _locate_by(matches, T_guess, here, met, gear, counts, clock)
+    tallies = []
+    for search in _searches(here, view, gear, clock):
+        tallies.append({"matches": 0, "inliers": 0})
+        found = _locate_by(search, here, gear, tallies[-1], clock)
         if found and best and _confirms(found, best, gear.rig):
             break
         best = max(found, best, key=_agreement)
-        if best and _convinces(best, here.map, view, gear.rig):
+        if best and _convinces(best, here.map, gear.rig):
             break
+    counts.update(best.counts if best else max(tallies, key=lambda tally: tally["inliers"]))
     if best is None:
         return None
-    counts["found"], counts["inliers"] = len(best.matches), len(best.inliers)
     blind = np.isnan(best.inliers.measured[:, 2]).mean() > ONE_EYED
     return None if blind and eyes_look_swapped(view, view.settings) else best
 
@@ -91,58 +107,58 @@ def locate(
 def _agreement(found: Location | None) -> float:
     if found is None:
         return 0.0
-    return len(found.inliers) * (FLOW_WORTH if found.matches.followed else 1.0)
+    return len(found.inliers) * (FLOW_WORTH if found.followed else 1.0)
 
 
 def _confirms(flow: Location, best: Location, rig: StereoRig) -> bool:
     """Whether flow says the same as sound templates, which bend with the surface and are exact."""
-    if not flow.matches.followed or len(best.inliers) < SOUND * len(best.matches):
+    if not flow.followed or len(best.inliers) < SOUND * len(best.matches):
         return False
     same = agreeing(best.pose.T_world_cam, flow.inliers, rig, flow.view.settings.motion)
     return len(same) >= CONFIRMING * len(flow.inliers)
 
 
-def _convinces(found: Location, local_map: LocalMap, view: View, rig: StereoRig) -> bool:
+def _convinces(found: Location, local_map: LocalMap, rig: StereoRig) -> bool:
     """Whether so many landmarks agree that it is no use to look elsewhere."""
-    visible = in_sight(local_map.landmarks, found.pose.T_world_cam, view.frame.left, rig)
-    return len(found.inliers) >= view.settings.matching.convincing * visible.sum()
+    expected = expected_at(local_map.landmarks, found.pose.T_world_cam, rig)
+    visible = in_sight(expected, found.view.frame.left)
+    return len(found.inliers) >= found.view.settings.matching.convincing * visible.sum()
 
 
-def _searches(
-    here: Journey, view: View, gear: Gear, clock: Clock
-) -> Iterator[tuple[View, Matches, Array]]:
-    """How the view is met, what matches it, and the pose about which that was sought.
+def _searches(here: Journey, view: View, gear: Gear, clock: Clock) -> Iterator[_Search]:
+    """Ways to find landmarks in a view, each tried if those before do not convince.
 
     First as expected; then as the images have turned; then, as if it were blurred, by flow from the
     frame before; at last anywhere near.
     """
     s, rig, local_map = view.settings, gear.rig, here.map
 
-    def search(T_guess: Array, reach_px: float) -> tuple[View, Matches, Array]:
+    def about(T_guess: Array, reach_px: float) -> _Search:
         with clock("matching"):  # marriage by ZNCC, sub-pixel alignment (3.2)
-            return view, find_matches(local_map, view, T_guess, reach_px, rig, s), T_guess
+            matches = find_matches(local_map, view, T_guess, reach_px, rig, s)
+        return _Search(view, matches, T_guess)
 
     steady = s.matching.predict == "steady" and not here.wheels_rest(view)
     expected = here.T_odom_cam @ (here.T_before_now if steady else np.eye(4))
     expected = gear.hooks.predicted(view.frame, here.last_ns, here.T_odom_cam, expected)
-    yield search(expected, s.matching.search_px)
+    yield about(expected, s.matching.search_px)
     if s.matching.convincing and here.before:
         with clock("turn"):
             step = se3.inverse(here.T_odom_cam) @ expected
             step[:3, :3] = find_turn(here.before.left, view.frame.left, rig, step[:3, :3])
             turned = here.T_odom_cam @ step
-        yield search(turned, s.matching.search_px)
-        blurred = replace(view, settings=suited(s, faint=True, soft=True))
+        yield about(turned, s.matching.search_px)
+        blurred = replace(view, settings=suited_to_blur(s))
         with clock("following"):
             followed = follow(here.before, local_map, blurred, turned, rig)
-        yield blurred, followed, turned
-    yield search(here.T_odom_cam, s.matching.widest_search_px)
+        yield _Search(blurred, followed, turned, followed=True)
+    yield about(here.T_odom_cam, s.matching.widest_search_px)
 
 
 def _locate_by(
-    matches: Matches, T_guess: Array, here: Journey, view: View, gear: Gear,
-    counts: dict[str, int], clock: Clock,
-) -> Location | None:  # fmt: skip
+    search: _Search, here: Journey, gear: Gear, counts: dict[str, int], clock: Clock
+) -> Location | None:
+    view, matches, T_guess = search.view, search.matches, search.T_guess
     s, rig, hooks, local_map = view.settings, gear.rig, gear.hooks, here.map
     with clock("matching"):
         matches = replace_matches(hooks, _confirmed(matches, here, view), local_map, view, s)
@@ -153,13 +169,13 @@ def _locate_by(
         if consensus is None:
             return None
         agreed = replace_inliers(hooks, view, matches, matches.select(consensus.inliers))
-        counts["consensus"] = len(agreed)
+        counts["consensus"] = counts["inliers"] = len(agreed)
         if len(agreed) < s.motion.least_inliers:
             return None
     with clock("motion refinement"):  # at every frame (3.4)
         pose = refine_pose(consensus.T, agreed, rig, s)
         counts["motion iterations"] = pose.iterations
-    if s.matching.guided and not matches.followed:
+    if s.matching.guided and not search.followed:
         with clock("guided matching"):  # the other landmarks, where the pose puts them (F5)
             matches = find_more(local_map, view, pose.T_world_cam, matches, rig, s)
             matches = replace_matches(hooks, _confirmed(matches, here, view), local_map, view, s)
@@ -169,9 +185,10 @@ def _locate_by(
             counts["motion iterations"] += pose.iterations
     inliers = agreeing(pose.T_world_cam, matches, rig, s.motion)
     inliers = replace_inliers(hooks, view, matches, inliers)
-    return (
-        Location(view, pose, matches, inliers) if len(inliers) >= s.motion.least_inliers else None
-    )
+    counts["found"], counts["inliers"] = len(matches), len(inliers)
+    if len(inliers) < s.motion.least_inliers:
+        return None
+    return Location(view, pose, matches, inliers, search.followed, counts)
 
 
 def _confirmed(matches: Matches, here: Journey, view: View) -> Matches:

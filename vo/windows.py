@@ -38,5 +38,10 @@ def suited(settings: OdometrySettings, faint: bool, soft: bool) -> OdometrySetti
     )
 
 
+def suited_to_blur(settings: OdometrySettings) -> OdometrySettings:
+    """Return settings for a picture that motion has smeared: coarse, and texture hardly left."""
+    return suited(settings, faint=True, soft=True)
+
+
 def _grown(side_px: int, growth: float) -> int:
     return min(2 * int(side_px * growth / 2) + 1, WIDEST_PX)
