@@ -96,7 +96,8 @@ class Journey:
 
     def leave(self, T_odom_cam: Array, spread: Array, view: View, seen: Glimpse) -> Rest:
         """Be at another pose, at which the camera may come to rest."""
-        self.rest = Rest(T_odom_cam, spread, view.frame.wheel_ticks, (seen,))
+        arrival = se3.log(se3.inverse(self.T_odom_cam) @ T_odom_cam)
+        self.rest = Rest(T_odom_cam, arrival, spread, view.frame.wheel_ticks, (seen,))
         return self.rest
 
     def lose(self, patience: int) -> None:

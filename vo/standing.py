@@ -23,6 +23,9 @@ SIGNIFICANT = 28 * 5
 """Of chi-squared with a motion's six degrees of freedom: exceeded once in 10,000, were the noise
 of landmarks independent. Patches overlap, and share it: five times where they are widest."""
 
+COASTING = 14 * 5
+"""The same with one degree of freedom: a camera that comes to rest goes on as it came, slower."""
+
 FEW_FRAMES = 3
 """A single frame's evidence has a longer tail than that of many: it must be so much stronger."""
 
@@ -76,13 +79,15 @@ class Rest:
 
     Attributes:
         T_odom_cam: (4, 4).
-        spread: (6, 6) covariance of it, given the map.
+        arrival: (6,) tangent of the step that led there, in the camera's frame.
+        spread: (6, 6) covariance of the pose, given the map.
         wheel_ticks: Counted until then; None if nothing counts.
         first: Glimpses of the first frames at rest, at most `POOLED`.
         last: Of the last ones that are not among the first, likewise.
     """
 
     T_odom_cam: Array
+    arrival: Array
     spread: Array
     wheel_ticks: tuple[int, int] | None
     first: tuple[Glimpse, ...]
@@ -105,7 +110,7 @@ def stands(rest: Rest, seen: Glimpse, wheel_ticks: tuple[int, int] | None, rig: 
 
     Wheels that have turned deny it. Wheels that have not make it more likely, but the images
     decide: a rover may be carried, or slide. The fewer frames there are to judge by, the clearer
-    must they be.
+    must they be, unless what they show is the motion by which the camera came.
 
     Args:
         rest: Where it was, and what it saw until now.
@@ -121,13 +126,15 @@ def stands(rest: Rest, seen: Glimpse, wheel_ticks: tuple[int, int] | None, rig: 
     sudden_px = alone_px if len(alone_px) >= CLEAR else flow_px
     if np.median(np.abs(sudden_px).max(axis=1)) > LARGEST_PX:
         return False
-    limit = SIGNIFICANT * (1 + FEW_FRAMES / len(latest))
+    limit, coasting = SIGNIFICANT * (1 + FEW_FRAMES / len(latest)), float(COASTING)
     if wheel_ticks and rest.wheel_ticks:
         if np.abs(np.subtract(wheel_ticks, rest.wheel_ticks)).max() > SAME_TICKS:
             return False
-        limit *= WHEELS_REST
+        limit, coasting = WHEELS_REST * limit, WHEELS_REST * coasting
     points_cam = se3.transform(se3.inverse(rest.T_odom_cam), points_odom)
-    return motion_evidence(points_cam, flow_px, rig) < limit
+    if motion_evidence(points_cam, flow_px, rig, rest.arrival[:, None]) > coasting:
+        return False
+    return motion_evidence(points_cam, flow_px, rig, np.eye(6)) < limit
 
 
 def _flow(then: Glimpse, now: Glimpse) -> tuple[Array, Array]:
@@ -150,8 +157,8 @@ def _pool(glimpses: tuple[Glimpse, ...]) -> Glimpse:
     return Glimpse(ids, middle, np.concatenate([g.points_odom for g in glimpses])[first])
 
 
-def motion_evidence(points_cam: Array, flow_px: Array, rig: StereoRig) -> float:
-    """How far a small motion of the camera explains flow: chi-squared, six degrees of freedom.
+def motion_evidence(points_cam: Array, flow_px: Array, rig: StereoRig, along: Array) -> float:
+    """How far a small motion of the camera explains flow: chi-squared, K degrees of freedom.
 
     The noise is that of the flow which no motion explains; what moves by itself is left out.
     Infinite if hardly anything remains.
@@ -160,6 +167,7 @@ def motion_evidence(points_cam: Array, flow_px: Array, rig: StereoRig) -> float:
         points_cam: (N, 3) metres.
         flow_px: (N, 2) in the left image.
         rig: Projects.
+        along: (6, K) tangents of the motions that are thought of.
 
     Source:
         Analysis of variance, after least absolute deviations by reweighting; image Jacobian
@@ -169,7 +177,7 @@ def motion_evidence(points_cam: Array, flow_px: Array, rig: StereoRig) -> float:
     near, none = 1 / points_cam[:, 2], np.zeros(len(points_cam))
     across = np.column_stack([-near, none, x * near, x * y, -1 - x * x, y])
     down = np.column_stack([none, -near, y * near, 1 + y * y, -x * y, -x])
-    jacobian = rig.f_px * np.stack([across, down], axis=1)  # (N, 2, 6), tangent (v, w)
+    jacobian = rig.f_px * np.stack([across, down], axis=1) @ along  # (N, 2, K)
     weight, noise_px, left_px = np.ones(len(flow_px)), 0.0, flow_px
     for _ in range(ROUNDS):
         weighted = jacobian * weight[:, None, None]
@@ -181,7 +189,7 @@ def motion_evidence(points_cam: Array, flow_px: Array, rig: StereoRig) -> float:
     keep = np.abs(left_px).max(axis=1) < OUTLYING * noise_px
     if keep.sum() < FEWEST:
         return np.inf
-    rows = jacobian[keep].reshape(-1, 6)
+    rows = jacobian[keep].reshape(-1, along.shape[1])
     motion = np.linalg.lstsq(rows, flow_px[keep].ravel())[0]
     noise_px = TO_DEVIATION * float(np.median(np.abs(flow_px[keep].ravel() - rows @ motion)))
     return float(((rows @ motion) ** 2).sum()) / max(noise_px, LEAST_NOISE_PX) ** 2

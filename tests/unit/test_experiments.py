@@ -102,6 +102,8 @@ def test_drift_at_rest_counts_halts_only(tmp_path):
     creep = np.clip(np.arange(60) - 14, 0, 30)
     estimate[:, 2, 3] += 1e-4 * creep  # 0.1 mm a frame while standing
     estimate = estimate @ se3.exp(np.outer(creep, [0, 0, 0, 0, 1e-5, 0]))
+    truth[30:, 2, 3] += 5e-5  # what truly moves is no drift
+    estimate[30:, 2, 3] += 5e-5
     run = outcome(tmp_path, truth, list(estimate), [50] * 60)
     ((first, last),) = halts(run)
     assert (first, last) == (14, 45)

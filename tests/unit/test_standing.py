@@ -8,6 +8,7 @@ import pytest
 from vo.contract import se3
 from vo.contract.rig import StereoRig
 from vo.standing import (
+    COASTING,
     FEW_FRAMES,
     POOLED,
     SIGNIFICANT,
@@ -22,6 +23,7 @@ RIG = StereoRig(640, 480, 457.0, 319.5, 239.5, 0.09)
 NOISE_PX = 0.08
 CREEP = np.array([0.0004, 0.0, 0.001, 0.0, 0.0, 0.0])
 """A millimetre forward."""
+NOWHERE = np.zeros(6)
 
 
 def pictured(tangent, seed=0, count=200, noise_px=NOISE_PX):
@@ -34,7 +36,8 @@ def pictured(tangent, seed=0, count=200, noise_px=NOISE_PX):
 
 
 def test_noise_alone_has_six_degrees_of_freedom():
-    evidence = [motion_evidence(*pictured(np.zeros(6), seed), RIG) for seed in range(100)]
+    every = np.eye(6)
+    evidence = [motion_evidence(*pictured(NOWHERE, seed), RIG, every) for seed in range(100)]
     assert 5 < np.mean(evidence) < 8
     assert max(evidence) < SIGNIFICANT
 
@@ -45,7 +48,7 @@ def test_evidence_is_flow_over_noise(k):
     tangent = np.zeros(6)
     tangent[k] = 0.002 if k < 3 else 0.001
     exact_px = pictured(tangent, noise_px=0)[1]
-    evidence = motion_evidence(*pictured(tangent), RIG)
+    evidence = motion_evidence(*pictured(tangent), RIG, np.eye(6))
     expected = (exact_px**2).sum() / NOISE_PX**2
     assert expected > 2 * SIGNIFICANT
     # 400 numbers tell their deviation to 6 %.
@@ -57,12 +60,12 @@ def test_who_moves_by_himself_is_no_evidence():
     walks = np.abs(points[:, 0] / points[:, 2] - 0.1) < 0.12
     assert 0.1 < walks.mean() < 0.3
     flow_px[walks, 0] += 1.5
-    assert motion_evidence(points, flow_px, RIG) < SIGNIFICANT
+    assert motion_evidence(points, flow_px, RIG, np.eye(6)) < SIGNIFICANT
 
 
 def test_without_noise_nothing_divides_by_zero():
     points, flow_px = pictured(np.zeros(6), noise_px=0)
-    assert motion_evidence(points, 0 * flow_px, RIG) == 0
+    assert motion_evidence(points, 0 * flow_px, RIG, np.eye(6)) == 0
 
 
 T_ODOM_CAM = se3.exp(np.array([1.0, 2, 3, 0.1, 0.2, 0.3]))
@@ -72,11 +75,11 @@ def shown(pixels, points_cam):
     return Glimpse(np.arange(len(pixels)), pixels, se3.transform(T_ODOM_CAM, points_cam))
 
 
-def seen(tangent, ticks, seed=0, noise_px=NOISE_PX):
+def seen(tangent, ticks, seed=0, noise_px=NOISE_PX, arrival=NOWHERE):
     """Where a camera rested, and its landmarks after it has moved by a tangent."""
     points, flow_px = pictured(tangent, seed, noise_px=noise_px)
     pixels = RIG.project(points)[:, :2]
-    rest = Rest(T_ODOM_CAM, np.eye(6), ticks, (shown(pixels, points),))
+    rest = Rest(T_ODOM_CAM, arrival, np.eye(6), ticks, (shown(pixels, points),))
     return rest, shown(pixels + flow_px, points)
 
 
@@ -123,10 +126,28 @@ def test_wheels_that_turn_deny_it():
 
 def test_wheels_at_rest_excuse_a_little_flow():
     limit = SIGNIFICANT * (1 + FEW_FRAMES)
-    assert limit < motion_evidence(*pictured(CREEP), RIG) < WHEELS_REST * limit
+    assert limit < motion_evidence(*pictured(CREEP), RIG, np.eye(6)) < WHEELS_REST * limit
     rest, now = seen(CREEP, (10, 10))
     assert not stands(rest, now, None, RIG)
     assert stands(rest, now, (10, 10), RIG)
+
+
+def test_noise_along_one_motion_has_one_degree_of_freedom():
+    along = CREEP[:, None]
+    evidence = [motion_evidence(*pictured(NOWHERE, seed), RIG, along) for seed in range(100)]
+    assert 0.6 < np.mean(evidence) < 1.5
+    assert max(evidence) < COASTING
+
+
+def test_who_comes_to_rest_is_believed_to_coast_on_as_he_came():
+    """Less than a millimetre is too little to end a halt, unless that is how the camera arrived."""
+    slower = 0.7 * CREEP
+    aside = np.array([0, 0.003, 0, 0, 0, 0])
+    for arrival, still in ((NOWHERE, True), (aside, True), (3 * CREEP, False)):
+        told = [stands(*seen(slower, None, seed, arrival=arrival), None, RIG) for seed in range(20)]
+        assert np.mean(told) > 0.9 if still else np.mean(told) < 0.1
+    at_rest = [stands(*seen(NOWHERE, None, k, arrival=3 * CREEP), None, RIG) for k in range(50)]
+    assert all(at_rest)
 
 
 @pytest.mark.parametrize("carried", [CREEP * 2.5, np.array([0, 0, 0, 0, 0.003, 0])])
