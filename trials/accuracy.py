@@ -6,6 +6,7 @@ are medians over drives, with the worst drive and a bootstrap interval over driv
 """
 
 import json
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -61,6 +62,13 @@ def accuracy(
     scenes: Annotated[str, typer.Option(help="Names, a,b,c, or all.")] = ",".join(SCENES),
     disturb: Annotated[str, typer.Option(help="Disturbances, as for generate.")] = "",
     overrides: Overrides = None,
+    against: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="'ESTIMATOR KEY=VALUE …'",
+            help="Another estimator in the tables, with its settings; may be repeated.",
+        ),
+    ] = None,
     kitti: Annotated[Path | None, typer.Option(help="Also score this recording.")] = None,
     out: Annotated[Path | None, typer.Option("--json", help="File for all scores.")] = None,
 ) -> None:
@@ -68,15 +76,16 @@ def accuracy(
     names = chosen_scenes(scenes)
     if kitti is not None:
         open_sequence(kitti)  # a wrong path ends it now, not after all drives
+    variants = (*VARIANTS, *map(_variant, against or ()))
     settings = (f"drive.distance_m={distance:g}", *NO_LABELS, *(overrides or ()))
     drives = [Recording(x, seed, settings, disturb) for x, seed in product(names, range(seeds))]
     with console.counting_bar("drives", len(drives)) as count:
-        outcomes = perform(crossed(drives, VARIANTS), progress=count)
-    runs = {name: [x for v in VARIANTS for x in outcomes.of(v, name)] for name in names}
+        outcomes = perform(crossed(drives, variants), progress=count)
+    runs = {name: [x for v in variants for x in outcomes.of(v, name)] for name in names}
     if kitti is not None:
         of_kitti = Recording(kitti.resolve().name, 0)
         runs[of_kitti.scene] = [
-            Outcome(Trial(of_kitti, v), kitti, run_over(kitti, v)) for v in VARIANTS
+            Outcome(Trial(of_kitti, v), kitti, run_over(kitti, v)) for v in variants
         ]
     for name, of_scene in runs.items():
         console.out.print(accuracy_table(name, of_scene))
@@ -101,25 +110,37 @@ def chosen_scenes(names: str) -> list[str]:
     return chosen
 
 
+def _variant(words: str) -> Variant:
+    """Read an estimator and its settings, separated as a shell does."""
+    name, *overrides = shlex.split(words)
+    return Variant(name.rpartition(":")[2], name, tuple(overrides))
+
+
 def summary_table(runs: Mapping[str, Sequence[Outcome]]) -> Table:
-    """Lay out one row a scene: our drift over 1 m and the baseline's, medians over drives."""
-    ours, baseline = COMPARED
-    table = Table("drift over 1 m, %", ours, "worst", baseline, "ratio", "lost", f"{baseline} lost")
+    """Lay out one row a scene: our drift over 1 m and everyone else's, medians over drives."""
+    ours, *others = dict.fromkeys(x.trial.variant.label for of in runs.values() for x in of)
+    table = Table("drift over 1 m, %", ours, "worst", "°/m", "lost")
+    for name in others:
+        for title in (name, "ratio", "lost"):
+            table.add_column(title)
     for column in table.columns[1:]:
         column.justify = "right"
     for scene, of_scene in runs.items():
-        mine = {name: [x for x in of_scene if x.trial.variant.label == name] for name in COMPARED}
-        drift = {name: np.array([x.drift_percent for x in mine[name]]) for name in COMPARED}
-        medians = [float(np.median(drift[name])) for name in COMPARED]
-        table.add_row(
-            scene,
-            f"{medians[0]:.3f}",
-            f"{drift[ours].max():.3f}",
-            f"{medians[1]:.3f}",
-            f"{medians[0] / medians[1]:.2f}",
-            *(str(sum(x.lost_frames for x in mine[name])) for name in COMPARED),
-        )
+        mine = [x for x in of_scene if x.trial.variant.label == ours]
+        drift = [x.drift_percent for x in mine]
+        turn = [x.turn_deg_per_m for x in mine]
+        cells = [f"{np.median(drift):.3f}", f"{np.max(drift):.3f}", f"{np.median(turn):.3f}"]
+        cells.append(_lost(mine))
+        for name in others:
+            theirs = [x for x in of_scene if x.trial.variant.label == name]
+            median = np.median([x.drift_percent for x in theirs])
+            cells += [f"{median:.3f}", f"{np.median(drift) / median:.2f}", _lost(theirs)]
+        table.add_row(scene, *cells)
     return table
+
+
+def _lost(runs: Sequence[Outcome]) -> str:
+    return str(sum(x.lost_frames for x in runs))
 
 
 def bootstrap_interval(values: Array) -> tuple[float, float]:

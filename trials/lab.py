@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 CACHE = Path("build/lab")
 GENERATOR = ("scenes", "sim", "vo/contract")
-ESTIMATOR = ("vo", "trials/baselines")
+ESTIMATOR = ("vo", "trials/baselines", "trials/systems")
 """Folders of the sources that decide what a recording looks like, and what an estimator says."""
 NO_LABELS = ("labels.depth=false", "labels.disparity=false")
 """Labels are for training and checking; a score needs images and truth."""

@@ -128,6 +128,12 @@ class Outcome:
         return drift.mean_percent if drift else np.nan
 
     @property
+    def turn_deg_per_m(self) -> float:
+        """Mean rotation error over 1 m; NaN like the drift."""
+        drift = self.score.drift_1m if self.score else None
+        return drift.mean_deg_per_m if drift else np.nan
+
+    @property
     def lost_frames(self) -> int:
         """Number of frames without a pose."""
         return sum(status is Status.LOST for status in self.frames.status)

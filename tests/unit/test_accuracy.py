@@ -65,13 +65,24 @@ def test_summary_sets_medians_beside_each_other(tmp_path):
     runs += [outcome(tmp_path, "corner_flow", k, 1.004) for k in range(3)]
     table = summary_table({"office": runs})
     (row,) = zip(*(column.cells for column in table.columns), strict=True)
-    assert row == ("office", "0.200", "0.600", "0.400", "0.50", "12", "12")
+    assert row == ("office", "0.200", "0.600", "0.000", "12", "0.400", "0.50", "12")
+
+
+def test_summary_has_three_columns_for_everyone_else(tmp_path):
+    scales = {"driftyard": 1.001, "corner_flow": 1.004, "Theirs": 1.01}
+    runs = [outcome(tmp_path, name, 0, scale) for name, scale in scales.items()]
+    table = summary_table({"office": runs})
+    assert [str(c.header) for c in table.columns[5:]] == [
+        "corner_flow", "ratio", "lost", "Theirs", "ratio", "lost"
+    ]  # fmt: skip
+    (row,) = zip(*(c.cells for c in table.columns), strict=True)
+    assert row[5:] == ("0.400", "0.25", "4", "1.000", "0.10", "4")
 
 
 def test_a_drive_without_any_pose_is_no_figure_but_is_counted(tmp_path):
     runs = [outcome(tmp_path, "driftyard", 0, 1.001), outcome(tmp_path, "corner_flow", 0, None)]
     (row,) = zip(*(c.cells for c in summary_table({"office": runs}).columns), strict=True)
-    assert row == ("office", "0.100", "0.100", "nan", "nan", "4", "65")
+    assert row == ("office", "0.100", "0.100", "0.000", "4", "nan", "nan", "65")
     cells = list(accuracy_table("office", runs).columns[2].cells)
     assert cells[0] == "0.100"
     assert cells[6:] == ["–"] * 5 + ["65 of 65"]
