@@ -16,7 +16,7 @@ demo: $(READY)  ## generate a drive of 21 m, estimate, score and report it (into
 
 test: $(READY)  ## lint, then every test
 	@$(MAKE) --no-print-directory --jobs 2 lint compile
-	$(BIN)/pytest -n auto --maxprocesses 4 --dist loadfile
+	$(BIN)/pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
 # Workers that start without machine code would all compile the same, each for itself.
 compile: $(READY)

@@ -11,10 +11,12 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from trials.estimators import Named, estimate, make_estimator
 from trials.outcomes import Outcome, Outcomes, Recording, Trial, Variant
 from trials.workers import spread
 from vo.contract.dataset import MANIFEST
 from vo.contract.errors import DatasetError
+from vo.contract.rig import StereoRig
 
 if TYPE_CHECKING:
     from sim.settings import RecordSettings
@@ -25,6 +27,8 @@ ESTIMATOR = ("vo", "trials/baselines", "trials/systems")
 """Folders of the sources that decide what a recording looks like, and what an estimator says."""
 NO_LABELS = ("labels.depth=false", "labels.disparity=false")
 """Labels are for training and checking; a score needs images and truth."""
+ANY_RIG = StereoRig(640, 480, 457.0, 319.5, 239.5, 0.09)
+"""With which an estimator is built to see whether it can be."""
 
 
 def perform(
@@ -38,8 +42,12 @@ def perform(
         progress: Called with every recording that is done with.
 
     Raises:
-        DriftyardError: If a scene, setting or estimator is wrong.
+        DriftyardError: If a scene, setting or estimator is wrong; the latter before anything is
+            recorded.
     """
+    for variant in dict.fromkeys(trial.variant for trial in trials):
+        if not variant.command:
+            make_estimator(variant.estimator, ANY_RIG, None, variant.overrides)
     variants: dict[Recording, list[Variant]] = {}
     for trial in trials:
         variants.setdefault(trial.recording, []).append(trial.variant)
@@ -94,7 +102,6 @@ def run_over(dataset: Path, variant: Variant, cache: Path = CACHE) -> Path:
     """Return the trajectory file of a variant's run over a dataset, run now unless it is there."""
     import cv2
 
-    from trials.estimators import Named, estimate
     from trials.plugins.command import Command
 
     manifest = dataset / MANIFEST
