@@ -283,7 +283,9 @@ class OdometrySettings(Settings):
 
     seed: int = Field(default=0, ge=0, description="of RANSAC's samples")
     patience: int = Field(
-        default=5, ge=0, description="lost frames after which the odometry starts anew"
+        default=5,
+        ge=0,
+        description="lost frames after which the odometry starts anew, a young map sooner",
     )
     standing: Literal["none", "image", "encoders"] = Field(
         default="encoders",

@@ -103,12 +103,14 @@ class Journey:
     def lose(self, patience: int) -> None:
         """Count a frame without a pose; when patience ends, the next view starts a new map.
 
-        There is none with a map that hardly a frame saw: it can only have been a false start.
+        A map is waited for no longer than it has lasted, and not at all if hardly a frame saw it:
+        it can only have been a false start.
         """
         self.lost_frames += 1
         self.T_before_now = np.eye(4)
-        proven = bool((self.map.landmarks.views >= PROVEN_VIEWS).any())
-        if self.lost_frames > (patience if proven else 0) and self.map.keyframes:
+        lasted = int(self.map.landmarks.views.max(initial=0))
+        proven = lasted >= PROVEN_VIEWS
+        if self.lost_frames > (min(patience, lasted) if proven else 0) and self.map.keyframes:
             if proven:
                 self.lost_map = self.lost_map or self.map
             self.map = empty_map(self.map.next_serial, self.map.next_id)
