@@ -89,7 +89,8 @@ def accuracy(
         ]
     for name, of_scene in runs.items():
         console.out.print(accuracy_table(name, of_scene))
-    console.out.print(summary_table(runs))
+    for table in summary_tables(runs):
+        console.out.print(table)
     if out is not None:
         _write(out, runs)
 
@@ -116,31 +117,29 @@ def _variant(words: str) -> Variant:
     return Variant(name.rpartition(":")[2], name, tuple(overrides))
 
 
-def summary_table(runs: Mapping[str, Sequence[Outcome]]) -> Table:
-    """Lay out one row a scene: our drift over 1 m and everyone else's, medians over drives."""
+def summary_tables(runs: Mapping[str, Sequence[Outcome]]) -> list[Table]:
+    """Lay out our drift over 1 m beside every other estimator's: one table for each of them."""
     ours, *others = dict.fromkeys(x.trial.variant.label for of in runs.values() for x in of)
-    table = Table("drift over 1 m, %", ours, "worst", "°/m", "lost")
-    for name in others:
-        for title in (name, "ratio", "lost"):
-            table.add_column(title)
+    return [_beside(ours, name, runs) for name in others]
+
+
+def _beside(ours: str, other: str, runs: Mapping[str, Sequence[Outcome]]) -> Table:
+    """One row a scene, medians over drives."""
+    table = Table("drift over 1 m, %", ours, "worst", "°/m", "lost", other, "ratio", "lost")
     for column in table.columns[1:]:
         column.justify = "right"
     for scene, of_scene in runs.items():
-        mine = [x for x in of_scene if x.trial.variant.label == ours]
-        drift = [x.drift_percent for x in mine]
-        turn = [x.turn_deg_per_m for x in mine]
-        cells = [f"{np.median(drift):.3f}", f"{np.max(drift):.3f}", f"{np.median(turn):.3f}"]
-        cells.append(_lost(mine))
-        for name in others:
-            theirs = [x for x in of_scene if x.trial.variant.label == name]
-            median = np.median([x.drift_percent for x in theirs])
-            cells += [f"{median:.3f}", f"{np.median(drift) / median:.2f}", _lost(theirs)]
-        table.add_row(scene, *cells)
+        mine, theirs = (
+            [x for x in of_scene if x.trial.variant.label == name] for name in (ours, other)
+        )
+        drift, their_drift = ([x.drift_percent for x in of] for of in (mine, theirs))
+        median, their_median = np.median(drift), np.median(their_drift)
+        turn = np.median([x.turn_deg_per_m for x in mine])
+        lost, their_lost = (sum(x.lost_frames for x in of) for of in (mine, theirs))
+        cells = (f"{x:.3f}" for x in (median, np.max(drift), turn))
+        their_cells = (f"{their_median:.3f}", f"{median / their_median:.2f}", str(their_lost))
+        table.add_row(scene, *cells, str(lost), *their_cells)
     return table
-
-
-def _lost(runs: Sequence[Outcome]) -> str:
-    return str(sum(x.lost_frames for x in runs))
 
 
 def bootstrap_interval(values: Array) -> tuple[float, float]:
