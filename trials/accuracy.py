@@ -76,7 +76,7 @@ def accuracy(
     names = chosen_scenes(scenes)
     if kitti is not None:
         open_sequence(kitti)  # a wrong path ends it now, not after all drives
-    variants = (*VARIANTS, *map(_variant, against or ()))
+    variants = tuple(dict.fromkeys((*VARIANTS, *map(_variant, against or ()))))
     settings = (f"drive.distance_m={distance:g}", *NO_LABELS, *(overrides or ()))
     drives = [Recording(x, seed, settings, disturb) for x, seed in product(names, range(seeds))]
     with console.counting_bar("drives", len(drives)) as count:
@@ -112,9 +112,12 @@ def chosen_scenes(names: str) -> list[str]:
 
 
 def _variant(words: str) -> Variant:
-    """Read an estimator and its settings, separated as a shell does."""
-    name, *overrides = shlex.split(words)
-    return Variant(name.rpartition(":")[2], name, tuple(overrides))
+    """Read an estimator and its settings, separated as a shell does.
+
+    A class goes by its name; ours, which stand in the tables already, by all the words.
+    """
+    name, *overrides = shlex.split(words) or [""]
+    return Variant(name.rpartition(":")[2] if ":" in name else words, name, tuple(overrides))
 
 
 def summary_tables(runs: Mapping[str, Sequence[Outcome]]) -> list[Table]:

@@ -126,14 +126,15 @@ def stands(rest: Rest, seen: Glimpse, wheel_ticks: tuple[int, int] | None, rig: 
     sudden_px = alone_px if len(alone_px) >= CLEAR else flow_px
     if np.median(np.abs(sudden_px).max(axis=1)) > LARGEST_PX:
         return False
-    limit, coasting = SIGNIFICANT * (1 + FEW_FRAMES / len(latest)), float(COASTING)
+    excuse = 1.0
     if wheel_ticks and rest.wheel_ticks:
         if np.abs(np.subtract(wheel_ticks, rest.wheel_ticks)).max() > SAME_TICKS:
             return False
-        limit, coasting = WHEELS_REST * limit, WHEELS_REST * coasting
+        excuse = WHEELS_REST
     points_cam = se3.transform(se3.inverse(rest.T_odom_cam), points_odom)
-    if motion_evidence(points_cam, flow_px, rig, rest.arrival[:, None]) > coasting:
+    if motion_evidence(points_cam, flow_px, rig, rest.arrival[:, None]) > excuse * COASTING:
         return False
+    limit = excuse * SIGNIFICANT * (1 + FEW_FRAMES / len(latest))
     return motion_evidence(points_cam, flow_px, rig, np.eye(6)) < limit
 
 

@@ -159,7 +159,7 @@ EXPERIMENT = Experiment(
     source="section 5.1.3",
     setup="Halts of ten seconds in the hall of stop_and_go, with the noise of a small sensor: the "
     "thesis preset, and the default settings unaware of standing, by image, and by image and "
-    f"encoders. Drift is the error against the truth, for standing tyres creep. None: less than "
+    "encoders. Drift is the error against the truth, for standing tyres creep. None: less than "
     f"{MOST_MM:g} mm and {MOST_DEG:g}° a minute.",
     size_in=(9.0, 3.4),
     trials=trials,
