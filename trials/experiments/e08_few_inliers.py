@@ -32,7 +32,7 @@ def trials(scale: Scale) -> Sequence[Trial]:
     recordings = [
         Recording("turntable", seed, (*scale.drive, f"exposure.time_ms={ms:g}"))
         for ms in SHUTTERS_MS
-        for seed in scale.seeds[:1]
+        for seed in scale.seeds
     ]
     return crossed(recordings, (THESIS, DEFAULT))
 
@@ -71,7 +71,7 @@ def analyse(outcomes: Outcomes) -> Findings:
         + ", ".join(f"{100 * x:.1f} % wrong at {ms:g} ms" for ms, x in by_shutter.items())
         + f"; with the default settings, over all shutters, {100 * default:.1f} %.",
         TableOf(("inliers", "frames", "lost or wrong", "share, %"), tuple(rows)),
-        "Top: inliers of the thesis preset and of the default settings on the drive with the "
+        "Top: inliers of the thesis preset and of the default settings on the first drive with the "
         "longest shutter; crosses mark frames of the thesis preset that are lost or wrong; grey: "
         "how fast the camera turns. Bottom: error of every step over its inliers, all drives; "
         f"dashed: the {100 * BROKEN_M:g} cm beyond which a step is wrong.",

@@ -57,12 +57,17 @@ def halts(run: Outcome) -> list[tuple[int, int]]:
     return [(a, b) for a, b in ends if time_s[b] - time_s[a] > LEAST_S]
 
 
+def error_since(run: Outcome, a: int, b: int) -> np.ndarray:
+    """Error of the estimated motion from pose a to pose b, seen from the true pose b: 4x4."""
+    T, truth = run.pair.T_odom_cam, run.pair.T_world_cam
+    return se3.inverse(truth[b]) @ truth[a] @ se3.inverse(T[a]) @ T[b]
+
+
 def drift_at_rest(run: Outcome) -> tuple[float, float, float]:
     """Length of all halts in seconds, and the error of the motion in them: mm, degrees in all."""
     seconds = moved_mm = turned_deg = 0.0
-    T, truth = run.pair.T_odom_cam, run.pair.T_world_cam
     for a, b in halts(run):
-        step = se3.inverse(truth[b]) @ truth[a] @ se3.inverse(T[a]) @ T[b]
+        step = error_since(run, a, b)
         seconds += (run.pair.timestamps_ns[b] - run.pair.timestamps_ns[a]) * 1e-9
         moved_mm += 1e3 * float(np.linalg.norm(step[:3, 3]))
         turned_deg += float(np.degrees(se3.rotation_angle(step)))
@@ -110,8 +115,8 @@ def analyse(outcomes: Outcomes) -> Findings:
             ),
             tuple(rows),
         ),
-        "How far each pose is from where the halt began, over the halts of the first seed one "
-        "after the other; grey lines part them.",
+        "Error of the motion since the halt began, against the truth, over the halts of the first "
+        "seed one after the other; grey lines part them.",
         lambda figure: _draw(figure, outcomes),
         {
             "halts": ragged(
@@ -123,16 +128,16 @@ def analyse(outcomes: Outcomes) -> Findings:
 
 
 def _wander(run: Outcome) -> tuple[np.ndarray, np.ndarray, list[float]]:
-    """Seconds of standing so far, mm from the halt's first pose, and when each halt ends."""
+    """Seconds of standing so far, mm of error since the halt began, and when each halt ends."""
     times: list[np.ndarray] = [np.zeros(0)]
     away: list[np.ndarray] = [np.zeros(0)]
     ends: list[float] = []
     so_far = 0.0
     for a, b in halts(run):
-        here = run.pair.T_odom_cam[a : b + 1, :3, 3]
+        steps = [error_since(run, a, at)[:3, 3] for at in range(a, b + 1)]
         time_s = (run.pair.timestamps_ns[a : b + 1] - run.pair.timestamps_ns[a]) * 1e-9
         times.append(so_far + time_s)
-        away.append(1e3 * np.linalg.norm(here - here[0], axis=1))
+        away.append(1e3 * np.linalg.norm(steps, axis=1))
         so_far += float(time_s[-1])
         ends.append(so_far)
     return np.concatenate(times), np.concatenate(away), ends
@@ -148,7 +153,7 @@ def _draw(figure: "Figure", outcomes: Outcomes) -> None:
             panel.axvline(end, color=GREY, lw=0.6)
     panel.set_yscale("log")
     figure.legend(fontsize=8, frameon=False, ncols=4, loc="outside lower center")
-    tidy(panel, "time stood still, s", "distance from where the halt began, mm",
+    tidy(panel, "time stood still, s", "error since the halt began, mm",
          f"stop_and_go with noise, seed {first.seed}")  # fmt: skip
 
 
