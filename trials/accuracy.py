@@ -76,7 +76,7 @@ def accuracy(
     names = chosen_scenes(scenes)
     if kitti is not None:
         open_sequence(kitti)  # a wrong path ends it now, not after all drives
-    variants = tuple(dict.fromkeys((*VARIANTS, *map(_variant, against or ()))))
+    variants = tuple(dict.fromkeys((*VARIANTS, *map(named_variant, against or ()))))
     settings = (f"drive.distance_m={distance:g}", *NO_LABELS, *(overrides or ()))
     drives = [Recording(x, seed, settings, disturb) for x, seed in product(names, range(seeds))]
     with console.counting_bar("drives", len(drives)) as count:
@@ -111,12 +111,20 @@ def chosen_scenes(names: str) -> list[str]:
     return chosen
 
 
-def _variant(words: str) -> Variant:
+def named_variant(words: str) -> Variant:
     """Read an estimator and its settings, separated as a shell does.
 
     A class goes by its name; ours, which stand in the tables already, by all the words.
+
+    Raises:
+        SettingsError: If a quotation does not end.
     """
-    name, *overrides = shlex.split(words) or [""]
+    from vo.contract.errors import SettingsError
+
+    try:
+        name, *overrides = shlex.split(words) or [""]
+    except ValueError as error:
+        raise SettingsError(f"--against {words}: {error}") from None
     return Variant(name.rpartition(":")[2] if ":" in name else words, name, tuple(overrides))
 
 

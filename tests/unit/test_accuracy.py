@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from scenes import SCENES
-from trials.accuracy import accuracy_table, bootstrap_interval, chosen_scenes, summary_tables
+from trials.accuracy import (
+    accuracy_table,
+    bootstrap_interval,
+    chosen_scenes,
+    named_variant,
+    summary_tables,
+)
 from trials.lab import fingerprint
 from trials.outcomes import Outcome, Recording, Trial, Variant
 from vo.contract.errors import SettingsError
@@ -86,6 +92,15 @@ def test_a_drive_without_any_pose_is_no_figure_but_is_counted(tmp_path):
     cells = list(accuracy_table("office", runs).columns[2].cells)
     assert cells[0] == "0.100"
     assert cells[6:] == ["–"] * 5 + ["65 of 65"]
+
+
+def test_an_estimator_and_its_settings_are_read_as_a_shell_would():
+    theirs = named_variant("trials.systems.orbslam3:OrbSlam3 vocabulary='my words.txt'")
+    assert (theirs.label, theirs.overrides) == ("OrbSlam3", ("vocabulary=my words.txt",))
+    ours = named_variant("driftyard standing=none")
+    assert (ours.label, ours.estimator) == ("driftyard standing=none", "driftyard")
+    with pytest.raises(SettingsError, match="--against driftyard 'x: No closing quotation"):
+        named_variant("driftyard 'x")
 
 
 def test_scenes_are_named_or_all():

@@ -98,10 +98,10 @@ def _axes(names: str, most: float | None) -> "dict[str, Axis]":
 
 def _variants(estimators: str, command: str, overrides: tuple[str, ...]) -> "list[Variant]":
     from trials.outcomes import Variant
+    from trials.plugins.command import Command
 
     if command:
-        label = Path(shlex.split(command)[0]).name
-        return [Variant(label, estimators, overrides, command)]
+        return [Variant(Command(command).name, estimators, overrides, command)]
     return [Variant(name, name, overrides) for name in estimators.split(",")]
 
 
