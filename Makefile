@@ -59,7 +59,7 @@ gate: $(READY)  ## this repository's own gate: has the default estimator regress
 gate-power: $(READY)  ## how often the gate errs, by simulation
 	$(BIN)/python -m trials.gate.simulate $(ARGS)
 
-experiments: $(READY)  ## the thesis' claims, tested (docs/experiments.md; an hour)
+experiments: $(READY)  ## the thesis' claims, tested (docs/experiments.md; an hour or more)
 	$(BIN)/driftyard experiment all --page docs/experiments.md
 
 explain: $(READY)  ## where the drift comes from, for six scenes (docs/explain.md; half an hour)
