@@ -52,10 +52,13 @@ def errors_over_time(pair: Pair, step: int = 1) -> RelativeErrors:
         Sturm et al., IROS 2012, eq. 1.
     """
     starts = np.arange(max(len(pair.timestamps_ns) - step, 0))
-    travelled_m = pair.travelled_m
-    length_m = travelled_m[starts + step] - travelled_m[starts]
-    ends = pair.T_world_cam[starts + step], pair.T_odom_cam[starts + step]
-    return _relative(pair, starts, *ends, length_m)
+    return errors_between(pair, starts, starts + step)
+
+
+def errors_between(pair: Pair, starts: Array, ends: Array) -> RelativeErrors:
+    """Error of the motion from each of some frames to another: (K,) indices of both."""
+    length_m = pair.travelled_m[ends] - pair.travelled_m[starts]
+    return _relative(pair, starts, pair.T_world_cam[ends], pair.T_odom_cam[ends], length_m)
 
 
 def errors_over_distance(pair: Pair, length_m: float, step: int = 1) -> RelativeErrors:

@@ -68,6 +68,13 @@ def test_an_unknown_axis_is_refused(tmp_path):
     assert "unknown axis wind; valid: all, exposure, brick_height" in result.stderr
 
 
+def test_an_unfinished_quotation_is_refused(tmp_path):
+    result = driftyard("stress", "noise", "--command", "'run {dataset} {out}", cwd=tmp_path)
+    assert result.returncode == 2
+    assert "run {dataset} {out}: No closing quotation" in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_stress_finds_where_the_baseline_breaks(tmp_path):
     words = ("--estimator", "corner_flow", "--points", "2", "--rounds", "1", "--seeds", "1")
     result = driftyard("stress", "noise", *words, "--distance", "1.2", "--drift", "0", cwd=tmp_path)

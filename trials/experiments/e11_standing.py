@@ -16,6 +16,7 @@ from trials.experiments.experiment import (
     ragged,
 )
 from trials.intervals import mean_interval
+from trials.metrics import errors_between
 from trials.outcomes import Outcome, Outcomes, Recording, Trial, Variant, crossed
 from trials.report.figure import BLUE, GREEN, GREY, OCHRE, RED, tidy
 from vo.contract import se3
@@ -57,21 +58,13 @@ def halts(run: Outcome) -> list[tuple[int, int]]:
     return [(a, b) for a, b in ends if time_s[b] - time_s[a] > LEAST_S]
 
 
-def error_since(run: Outcome, a: int, b: int) -> np.ndarray:
-    """Error of the estimated motion from pose a to pose b, seen from the true pose b: 4x4."""
-    T, truth = run.pair.T_odom_cam, run.pair.T_world_cam
-    return se3.inverse(truth[b]) @ truth[a] @ se3.inverse(T[a]) @ T[b]
-
-
 def drift_at_rest(run: Outcome) -> tuple[float, float, float]:
     """Length of all halts in seconds, and the error of the motion in them: mm, degrees in all."""
-    seconds = moved_mm = turned_deg = 0.0
-    for a, b in halts(run):
-        step = error_since(run, a, b)
-        seconds += (run.pair.timestamps_ns[b] - run.pair.timestamps_ns[a]) * 1e-9
-        moved_mm += 1e3 * float(np.linalg.norm(step[:3, 3]))
-        turned_deg += float(np.degrees(se3.rotation_angle(step)))
-    return seconds, moved_mm, turned_deg
+    starts, ends = np.array(halts(run), dtype=int).reshape(-1, 2).T
+    seconds = (run.pair.timestamps_ns[ends] - run.pair.timestamps_ns[starts]).sum() * 1e-9
+    errors = errors_between(run.pair, starts, ends)
+    moved_mm = 1e3 * float(errors.translation_m.sum())
+    return float(seconds), moved_mm, float(np.degrees(errors.rotation_rad.sum()))
 
 
 def analyse(outcomes: Outcomes) -> Findings:
@@ -134,10 +127,10 @@ def _wander(run: Outcome) -> tuple[np.ndarray, np.ndarray, list[float]]:
     ends: list[float] = []
     so_far = 0.0
     for a, b in halts(run):
-        steps = [error_since(run, a, at)[:3, 3] for at in range(a, b + 1)]
+        within = np.arange(a, b + 1)
         time_s = (run.pair.timestamps_ns[a : b + 1] - run.pair.timestamps_ns[a]) * 1e-9
         times.append(so_far + time_s)
-        away.append(1e3 * np.linalg.norm(steps, axis=1))
+        away.append(1e3 * errors_between(run.pair, np.full_like(within, a), within).translation_m)
         so_far += float(time_s[-1])
         ends.append(so_far)
     return np.concatenate(times), np.concatenate(away), ends
