@@ -4,13 +4,15 @@ The estimators run on a single core, the generator on all of them. The generator
 plain loop over `mujoco.Renderer` that makes the same left image, right image and depth of the
 same trip at the same quality. The two renderers take turns of a few frames, and the recording is
 timed before and after them, so that all meet the same load of the machine. At last a frame of a
-drive of 300 m stands beside one of 30 m.
+drive of 300 m stands beside one of 30 m. `--over DATASET` asks for the estimators alone, over a
+recording there is: what a frame costs at its end beside what one costs at its start.
 """
 
 import importlib.metadata
 import os
 import platform
 import tempfile
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -26,6 +28,7 @@ from trials.speed.generator import GeneratorSpeed, measure_generator, measure_sc
 from trials.speed.length import LengthCost, measure_lengths
 from trials.speed.renderers import RenderSpeed, measure_renderers
 from trials.speed.trial import Trial, on_cores
+from vo.contract.readers import open_sequence
 
 DISTANCE_M, FRAMES = 5.0, 40
 QUICK_DISTANCE_M, QUICK_FRAMES = 1.5, 8
@@ -40,9 +43,20 @@ def bench(
     scene: Annotated[str, typer.Option(help="Scene to drive through.")] = "brick_court",
     seed: Annotated[int, typer.Option(help="Of everything random.")] = 0,
     quick: Annotated[bool, typer.Option(help="A short drive: rough figures.")] = False,
+    over: Annotated[
+        Path | None,
+        typer.Option(metavar="DATASET", help="Only the estimators, over this recording."),
+    ] = None,
 ) -> None:
     """Measure the speed of generator, renderers and estimators on this machine."""
     cores = sorted(os.sched_getaffinity(0))
+    if over is not None:
+        open_sequence(over)  # a wrong path is told of before a process is started
+        estimated = _estimated(cores[0], over)
+        _print_conditions(over.resolve().name)
+        console.out.print(estimator_table(estimated))
+        console.out.print(endurance_table(estimated))
+        return
     trial = Trial(scene, seed, QUICK_DISTANCE_M if quick else DISTANCE_M)
     frames = QUICK_FRAMES if quick else FRAMES
     with tempfile.TemporaryDirectory(prefix="driftyard-bench-") as name:
@@ -55,10 +69,8 @@ def bench(
         short_m, long_m = QUICK_LENGTHS_M if quick else LENGTHS_M
         short, long = (Trial(LONG_SCENE, seed, x) for x in (short_m, long_m))
         lengths = on_cores(cores, measure_lengths, short, long, frames)
-        estimated = {x: on_cores(cores[:1], measure_estimator, x, dataset) for x in COMPARED}
-    versions = ", ".join(f"{x} {importlib.metadata.version(x)}" for x in PACKAGES)
-    console.out.print(f"{scene}, seed {seed}, {trial.distance_m:g} m; {before.gl}")
-    console.out.print(f"python {platform.python_version()}, {versions}")
+        estimated = _estimated(cores[0], dataset)
+    _print_conditions(f"{scene}, seed {seed}, {trial.distance_m:g} m; {before.gl}")
     console.out.print(generator_table((before, after), rendered, len(cores)))
     console.out.print(ratio_table((before, after), rendered, scaling))
     console.out.print(
@@ -67,6 +79,16 @@ def bench(
     )
     console.out.print(length_table(lengths))
     console.out.print(estimator_table(estimated))
+
+
+def _estimated(core: int, dataset: Path) -> dict[str, EstimatorSpeed]:
+    return {x: on_cores([core], measure_estimator, x, dataset) for x in COMPARED}
+
+
+def _print_conditions(what: str) -> None:
+    versions = ", ".join(f"{x} {importlib.metadata.version(x)}" for x in PACKAGES)
+    console.out.print(what)
+    console.out.print(f"python {platform.python_version()}, {versions}")
 
 
 def generator_table(
@@ -150,6 +172,27 @@ def estimator_table(estimated: dict[str, EstimatorSpeed]) -> Table:
         table.add_row(label, *(f"{figure(x.frame_ms):.1f}" for x in speeds))
     table.add_row("all, 95th percentile", *(f"{np.quantile(x.frame_ms, 0.95):.1f}" for x in speeds))
     table.add_row("frames/s, median", *(f"{1e3 / np.median(x.frame_ms):.1f}" for x in speeds))
+    return table
+
+
+def endurance_table(estimated: dict[str, EstimatorSpeed]) -> Table:
+    """Lay out what a frame costs in the first and last tenth of the sequence, and the memory."""
+    speeds = list(estimated.values())
+    frames = speeds[0].frames
+    table = Table(f"{frames} frames, tenth by tenth", *estimated)
+    for column in table.columns[1:]:
+        column.justify = "right"
+    tenth = max(1, frames // 10)
+    ends = slice(None, tenth), slice(-tenth, None)
+    for label, figure in (("median", np.median), ("95th percentile", partial(np.quantile, q=0.95))):
+        first, last = ([figure(x.frame_ms[of]) for x in speeds] for of in ends)
+        table.add_row(f"first tenth, {label}, ms", *(f"{x:.1f}" for x in first))
+        table.add_row(f"last tenth, {label}, ms", *(f"{x:.1f}" for x in last))
+        table.add_row("ratio", *(f"{b / a:.2f}" for a, b in zip(first, last, strict=True)))
+    table.add_section()
+    after_tenth, at_end = ([x.memory_mb[k] / 1024 for x in speeds] for k in (tenth - 1, -1))
+    table.add_row("memory after a tenth, GB", *(f"{x:.2f}" for x in after_tenth))
+    table.add_row("memory at the end, GB", *(f"{x:.2f}" for x in at_end))
     return table
 
 

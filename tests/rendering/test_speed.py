@@ -1,8 +1,15 @@
 """What the bench counts, on a world that is drawn in no time."""
 
+import subprocess
+import sys
+
+import numpy as np
 import pytest
 
-from trials.bench import length_table
+from tests.folders import wall, write_euroc
+from tests.terminal import ROOT
+from trials.bench import endurance_table, length_table
+from trials.speed.estimator import EstimatorSpeed, measure_estimator
 from trials.speed.length import measure_lengths
 from trials.speed.trial import Trial
 
@@ -27,3 +34,32 @@ def test_a_long_drive_is_compared_with_a_short_one_frame_by_frame(tmp_path):
     cells = (column.cells for column in length_table(cost).columns[:2])
     rows = {str(x): str(y) for x, y in zip(*cells, strict=True)}
     assert rows["all"] == f"{cost.short.frame_ms:.1f}"
+
+
+def test_the_end_of_a_sequence_stands_beside_its_start():
+    ms = np.repeat([10.0, 20.0, 40.0], [4, 32, 4])
+    speed = EstimatorSpeed(40, ms, {}, np.linspace(1024, 2560, 40))
+    (names, ours) = (list(column.cells) for column in endurance_table({"it": speed}).columns)
+    rows = list(zip(names, ours, strict=True))
+    assert rows[:3] == [
+        ("first tenth, median, ms", "10.0"),
+        ("last tenth, median, ms", "40.0"),
+        ("ratio", "4.00"),
+    ]
+    assert rows[-2:] == [("memory after a tenth, GB", "1.12"), ("memory at the end, GB", "2.50")]
+
+
+def test_an_estimator_is_timed_over_a_recording(tmp_path):
+    speed = measure_estimator("corner_flow", write_euroc(tmp_path / "wall", wall(6)))
+    assert len(speed.frame_ms) == len(speed.memory_mb) == speed.frames == 6
+    assert np.all(speed.frame_ms > 0)
+    assert np.all(speed.memory_mb > 50)
+    assert sum(speed.stage_ms.values()) <= speed.frame_ms.mean()
+
+
+def test_a_recording_that_is_not_there_is_told_in_a_line(tmp_path):
+    command = [sys.executable, "-m", "trials.bench", "--over", str(tmp_path / "nowhere")]
+    told = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert told.returncode == 2
+    assert "nowhere" in told.stderr
+    assert told.stderr.count("\n") == 1

@@ -1,19 +1,12 @@
 """Memory over many resets, each to another world, as a command: python -m trials.gym.memory."""
 
-from pathlib import Path
 from typing import Annotated
 
 import gymnasium
 import typer
 
 import trials.gym
-
-PAGE_BYTES = 4096
-
-
-def resident_mb() -> float:
-    """Memory of this process that is in RAM now."""
-    return int(Path("/proc/self/statm").read_text().split()[1]) * PAGE_BYTES / 1e6
+from trials.speed.resident import resident_mb
 
 
 def main(
