@@ -24,7 +24,8 @@ SIGNIFICANT = 28 * 5
 of landmarks independent. Patches overlap, and share it: five times where they are widest."""
 
 COASTING = 14 * 5
-"""The same with one degree of freedom: a camera that comes to rest goes on as it came, slower."""
+"""The same with one degree of freedom: a camera that comes to rest goes on as it came, slower. It
+is asked until the rest is settled; asked for longer, chance would end every other halt in noise."""
 
 FEW_FRAMES = 3
 """A single frame's evidence has a longer tail than that of many: it must be so much stronger."""
@@ -93,6 +94,11 @@ class Rest:
     first: tuple[Glimpse, ...]
     last: tuple[Glimpse, ...] = ()
 
+    @property
+    def settled(self) -> bool:
+        """Whether it has lasted for as long as it takes to come to rest (a second at 15 Hz)."""
+        return len(self.first) == POOLED
+
     def joined(self, glimpse: Glimpse) -> "Rest":
         """Rest with one frame more."""
         last = (*self.last, glimpse)
@@ -110,7 +116,7 @@ def stands(rest: Rest, seen: Glimpse, wheel_ticks: tuple[int, int] | None, rig: 
 
     Wheels that have turned deny it. Wheels that have not make it more likely, but the images
     decide: a rover may be carried, or slide. The fewer frames there are to judge by, the clearer
-    must they be, unless what they show is the motion by which the camera came.
+    must they be, unless what they show is the motion by which the camera came, a moment ago.
 
     Args:
         rest: Where it was, and what it saw until now.
@@ -132,7 +138,8 @@ def stands(rest: Rest, seen: Glimpse, wheel_ticks: tuple[int, int] | None, rig: 
             return False
         excuse = WHEELS_REST
     points_cam = se3.transform(se3.inverse(rest.T_odom_cam), points_odom)
-    if motion_evidence(points_cam, flow_px, rig, rest.arrival[:, None]) > excuse * COASTING:
+    coasting = rest.arrival[:, None]
+    if not rest.settled and motion_evidence(points_cam, flow_px, rig, coasting) > excuse * COASTING:
         return False
     limit = excuse * SIGNIFICANT * (1 + FEW_FRAMES / len(latest))
     return motion_evidence(points_cam, flow_px, rig, np.eye(6)) < limit

@@ -150,6 +150,16 @@ def test_who_comes_to_rest_is_believed_to_coast_on_as_he_came():
     assert all(at_rest)
 
 
+def test_who_has_come_to_rest_no_longer_coasts():
+    """What a young rest takes for the end of the way, an old one takes for noise."""
+    rest, now = seen(0.7 * CREEP, None, arrival=3 * CREEP)
+    assert not stands(rest, now, None, RIG)
+    old = replace(rest, first=POOLED * rest.first)
+    assert not rest.settled
+    assert old.settled
+    assert stands(old, now, None, RIG)
+
+
 @pytest.mark.parametrize("carried", [CREEP * 2.5, np.array([0, 0, 0, 0, 0.003, 0])])
 def test_wheels_at_rest_do_not_excuse_being_carried(carried):
     rest, now = seen(carried, (10, 10))
