@@ -24,7 +24,7 @@ from vo.contract import se3
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-CONDITIONS = {"undisturbed": "", "noise": "noise"}
+CONDITIONS = {"undisturbed": "", "with noise": "noise"}
 """Label to disturbance."""
 HALT = ("drive.stop_every_m=0.9", "drive.stop_s=10")
 UNAWARE = Variant("thesis", "thesis")
