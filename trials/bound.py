@@ -33,6 +33,9 @@ FITTED = 4000
 LEAST_SIGHTINGS = 100
 """Fewer say nothing of the noise."""
 
+FEWEST_ACROSS = 6
+"""Landmarks seen before and after a gap between frames that connect the two sides of it."""
+
 LENGTH_M = 1.0
 STRIDE = 5
 """From every so manieth frame starts a metre; those between say the same."""
@@ -55,11 +58,13 @@ class Noise:
 class Bound:
     """What a run achieved and could have, root mean squares over motions.
 
+    Where tracks break off, as after lost frames, of the longest stretch that they connect.
+
     Attributes:
         noise: Of its measurements.
         over_1m_percent: Error of translation over 1 m.
         least_over_1m_percent: Its bound.
-        end_m: Error of translation from the first to the last pose.
+        end_m: Error of translation from its first to its last pose.
         least_end_m: Its bound.
         observations: Of landmarks by frames.
     """
@@ -117,7 +122,7 @@ def bound(dataset: Path, run: SavedRun, births: Path) -> Bound:
     if truth is None:
         raise TrajectoryError(f"{dataset}: holds no truth to compare with")
     world, pair = TrueWorld(dataset), associate(truth, run.trajectory)
-    pair, seen = _seeing(pair, _sightings(world, pair, run, births))
+    pair, seen = connected(*_seeing(pair, _sightings(world, pair, run, births)))
     travelled_m = pair.travelled_m
     starts = np.flatnonzero(travelled_m + LENGTH_M <= travelled_m[-1])[::STRIDE]
     if len(starts) == 0:
@@ -169,6 +174,30 @@ def _seeing(pair: Pair, seen: Sightings) -> tuple[Pair, Sightings]:
     born, camera = (np.searchsorted(frames, x) for x in (seen.born, seen.camera))
     kept = Pair(*(x[frames] for x in (pair.timestamps_ns, pair.T_world_cam, pair.T_odom_cam)))
     return kept, replace(seen, born=born, camera=camera)
+
+
+def connected(pair: Pair, seen: Sightings) -> tuple[Pair, Sightings]:
+    """Keep the longest stretch of frames in which landmarks cross from each frame to the next."""
+    last = seen.born.copy()
+    np.maximum.at(last, seen.point, seen.camera)
+    crossing = np.zeros(len(pair.timestamps_ns), dtype=np.int64)
+    np.add.at(crossing, seen.born, 1)
+    np.subtract.at(crossing, last, 1)
+    breaks = np.flatnonzero(np.cumsum(crossing)[:-1] < FEWEST_ACROSS) + 1
+    edges = np.concatenate([[0], breaks, [len(crossing)]])
+    longest = int(np.argmax(np.diff(edges)))
+    start, end = edges[longest : longest + 2].tolist()
+    inside = (start <= seen.born) & (seen.born < end)
+    kept = inside[seen.point] & (seen.camera < end)
+    of_stretch = slice(start, end)
+    pair = Pair(*(x[of_stretch] for x in (pair.timestamps_ns, pair.T_world_cam, pair.T_odom_cam)))
+    return pair, Sightings(
+        seen.points_world[inside],
+        seen.born[inside] - start,
+        seen.camera[kept] - start,
+        (np.cumsum(inside) - 1)[seen.point[kept]],
+        seen.residual_px[kept],
+    )
 
 
 def _least_covariance(

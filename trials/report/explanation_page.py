@@ -50,8 +50,9 @@ BOUND_TEXT = """\
 
 The Cramér–Rao bound for the same tracks: no unbiased estimator that sees these landmarks in these
 frames, with independent errors of the size that the labels show, errs less. Root mean squares over
-all metres of the drives. The noise is what a Student t distribution of the residuals is worth, as
-the standard deviation of a Gaussian. What is lost beyond the bound is lost to errors that are
+all metres of the drives; where frames were lost, of the longest stretch that tracks connect. The
+noise is what a Student t distribution of the residuals is worth, as the standard deviation of a
+Gaussian. What is lost beyond the bound is lost to errors that are
 biased or go together, and to telling each pose before the next frame is seen.
 """
 NEES_TEXT = """\

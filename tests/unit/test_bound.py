@@ -1,0 +1,42 @@
+"""What the bound is of where tracks break off."""
+
+import numpy as np
+
+from trials.alignment import Pair
+from trials.bound import FEWEST_ACROSS, Sightings, connected
+
+
+def sightings(spans: list[tuple[int, int]]) -> Sightings:
+    """Landmarks that are seen in every frame from their first to their last; residuals tell which
+    sighting they belong to."""
+    camera = [k for first, last in spans for k in range(first + 1, last + 1)]
+    point = [j for j, (first, last) in enumerate(spans) for _ in range(first + 1, last + 1)]
+    residual = 100.0 * np.array(point) + np.array(camera)
+    points = np.tile(np.arange(len(spans), dtype=float)[:, None], 3)
+    born = np.array([first for first, _ in spans])
+    return Sightings(points, born, np.array(camera), np.array(point), np.tile(residual[:, None], 3))
+
+
+def poses(count: int) -> Pair:
+    T = np.tile(np.eye(4), (count, 1, 1))
+    return Pair(np.arange(count), T, T)
+
+
+def test_tracks_that_connect_all_frames_are_kept_whole():
+    spans = FEWEST_ACROSS * [(0, 3)] + FEWEST_ACROSS * [(3, 9)]
+    pair, seen = connected(poses(10), sightings(spans))
+    assert len(pair.timestamps_ns) == 10
+    assert len(seen.points_world) == len(spans)
+    assert len(seen.camera) == FEWEST_ACROSS * (3 + 6)
+
+
+def test_of_tracks_that_break_off_the_longest_stretch_is_kept():
+    """Frames 0 to 3, then 4 to 9; one landmark less than needed crosses the gap."""
+    spans = 8 * [(0, 3)] + 8 * [(4, 9)] + (FEWEST_ACROSS - 1) * [(2, 6)]
+    pair, seen = connected(poses(10), sightings(spans))
+    assert pair.timestamps_ns.tolist() == list(range(4, 10))
+    assert seen.points_world[:, 0].tolist() == list(range(8, 16))  # born there
+    assert seen.born.tolist() == 8 * [0]
+    assert sorted(set(seen.camera.tolist())) == [1, 2, 3, 4, 5]
+    expected = 100 * (seen.point + 8) + seen.camera + 4
+    assert np.array_equal(seen.residual_px[:, 0], expected)
