@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable
+from concurrent.futures.process import BrokenProcessPool
 
 import typer
 
@@ -65,6 +66,8 @@ def guard(command: Callable[[], object]) -> None:
         if error.filename is None:
             raise
         _fail(f"{error.filename}: {error.strerror}")
+    except BrokenProcessPool:
+        _fail("a worker was killed (out of memory?); what was finished is kept: run this again")
     except SystemExit as exit:
         if exit.code == INTERRUPTED:
             print("driftyard: interrupted", file=sys.stderr)

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 import sys
 
 import numpy as np
@@ -109,6 +110,9 @@ def test_the_command_writes_page_figures_and_data(drive, tmp_path, monkeypatch):
         assert (out / figure).stat().st_size > 10_000
         assert f"({figure})" in page
     (found,) = json.loads((out / "explain.json").read_text())
+    said = f"{found['drift_percent']:.3f}"
+    assert f"{said} % of drift over 1 m" in page  # the sentence
+    assert re.search(rf"\| {said}[^|]*\| matching \|", page)  # and the table
     assert [x["stage"] for x in found["shares"]] == ["matching", "stereo", REST]
     with (out / "explain.csv").open() as file:
         rows = list(csv.DictReader(file))

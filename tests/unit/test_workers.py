@@ -54,6 +54,20 @@ def test_workers_end_with_a_killed_parent(tmp_path):
     until(lambda: not is_running(worker))
 
 
+def test_a_killed_worker_ends_a_command_in_one_line(tmp_path):
+    script = tmp_path / "main.py"
+    script.write_text(
+        "import os\nfrom trials.cli import guard\nfrom trials.workers import spread\n"
+        "if __name__ == '__main__': guard(lambda: list(spread(os._exit, [(9,)])))"
+    )
+    env = {**os.environ, "PYTHONPATH": str(ROOT)}
+    words = [sys.executable, script]
+    run = subprocess.run(words, env=env, capture_output=True, text=True, check=False)
+    assert run.returncode == 2
+    assert run.stderr.count("\n") == 1
+    assert run.stderr.startswith("driftyard: error: a worker was killed")
+
+
 def is_running(pid: int) -> bool:
     try:
         return Path(f"/proc/{pid}/stat").read_text().split(")")[1].split()[0] not in ("Z", "X")

@@ -72,8 +72,10 @@ def explain(
         found = explain_groups(groups, subject, players, CACHE / "runs", progress)
     for line in tables(found):
         console.out.print(line)
-    for written in write_explanations(found, out, page or out / "explain.md"):
-        console.out.print(f"{written}", markup=False)
+    with console.err.status("figures and page"):
+        written = write_explanations(found, out, page or out / "explain.md")
+    for path in written:
+        console.out.print(f"{path}", markup=False)
 
 
 def _grouped(datasets: list[Path]) -> dict[str, list[Path]]:

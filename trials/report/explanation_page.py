@@ -27,6 +27,7 @@ NEES_HEAD = (
     "scene", "status", "steps", "NEES of steps", "if right", "in 95 % ellipsoid, %",
     "NEES over 1 m", "NEES of poses", "if right",
 )  # fmt: skip
+NAMES = ("scene", "stage", "status")
 
 INTRODUCTION = """\
 # Where the drift comes from
@@ -75,14 +76,18 @@ def tables(explanations: Sequence[Explanation]) -> Iterator[Table | str]:
         (NEES_HEAD, nees_rows(explanations)),
     ):
         table = Table(*head)
+        for column in table.columns:
+            column.no_wrap = column.header in NAMES  # a name cut short says nothing,
+            column.overflow = "fold"  # a number even less
         for row in rows:
             table.add_row(*row)
         yield table
 
 
 def verdict(x: Explanation) -> str:
-    """One sentence on a scene."""
-    drift = f"{np.mean(x.drift):.3f} % of drift over 1 m"
+    """One sentence on a scene; its drift is what the shares add up to, as in the table."""
+    percent = np.mean(x.drift) if x.attribution is None else x.attribution.drift
+    drift = f"{percent:.3f} % of drift over 1 m"
     if x.attribution is None:
         return f"{drift}; the estimator takes no hooks, so nothing can be separated."
     kept = f" Could not be separated: {', '.join(x.inseparable)}." if x.inseparable else ""
@@ -232,7 +237,7 @@ def _interval(value: float, interval: tuple[float, float], digits: int) -> str:
 
 
 def _range(interval: tuple[float, float]) -> str:
-    return f"{interval[0]:.1f}–{interval[1]:.1f}"
+    return f"{interval[0]:.1f} to {interval[1]:.1f}"
 
 
 def _finite(content: object) -> object:
