@@ -67,7 +67,7 @@ def guard(command: Callable[[], object]) -> None:
             raise
         _fail(f"{error.filename}: {error.strerror}")
     except BrokenProcessPool:
-        _fail("a worker was killed (out of memory?); what was finished is kept: run this again")
+        _fail("a worker was killed (out of memory?): run this again")
     except SystemExit as exit:
         if exit.code == INTERRUPTED:
             print("driftyard: interrupted", file=sys.stderr)
