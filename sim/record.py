@@ -23,7 +23,7 @@ from sim.tables import write_cameras, write_exposures, write_inertial, write_whe
 from sim.trip import Trip, make_trip
 from sim.world import World, build_world
 from vo.contract.dataset import DatasetWriter
-from vo.contract.encoders import encode_float, encode_png
+from vo.contract.image_codecs import encode_float, encode_png
 
 Progress = Callable[[int, int], None]
 """Called with (frames done, frames in total) after every frame."""

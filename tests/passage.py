@@ -6,10 +6,10 @@ import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import L, X
 
-from vo.bundle import Sight
+from vo.bundle_adjustment.problem import Sight
 from vo.contract import se3
 from vo.contract.rig import StereoRig
-from vo.tracks import Keyframe, empty_map
+from vo.map.local_map import Keyframe, empty_map
 
 RIG = StereoRig(640, 480, 457.0, 319.5, 239.5, 0.09)
 SIGMA = np.array([0.2, 0.2, 0.3])

@@ -58,8 +58,8 @@ def make_world(rng: np.random.Generator) -> PointWorld:
 
 def estimated_poses(world: PointWorld, rng: np.random.Generator) -> Array:
     """Follow the points frame by frame, then refine motion and structure: (F, 4, 4)."""
-    from vo.motion import relative_orientation
-    from vo.refine import Bundle, refine_motion, refine_structure
+    from vo.bundle_adjustment.adjust import Bundle, refine_motion, refine_structure
+    from vo.pose.estimation import relative_orientation
 
     first = world.measured[0]
     points = RIG.triangulate(first[:, :2], first[:, 2])

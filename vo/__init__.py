@@ -11,14 +11,14 @@ def _forget_stale_machine_code() -> None:
     stay as it was.
     """
     folder = Path(__file__).parent
-    sources = (file.read_bytes() for file in sorted(folder.glob("*.py")))
+    sources = (file.read_bytes() for file in sorted(folder.rglob("*.py")))
     digest = hashlib.sha256(b"".join(x for x in sources if b"@numba" in x)).hexdigest()
     stamp = folder / "__pycache__" / "compiled.sha256"
     try:
         if stamp.is_file() and stamp.read_text() == digest:
             return
         for pattern in ("*.nbi", "*.nbc"):
-            for file in stamp.parent.glob(pattern):
+            for file in folder.rglob(pattern):
                 file.unlink(missing_ok=True)
         stamp.parent.mkdir(exist_ok=True)
         stamp.write_text(digest)

@@ -4,25 +4,25 @@ from dataclasses import replace
 
 import numpy as np
 
-from vo.appearance import explain_calibration, explain_failure
 from vo.config import OdometrySettings
 from vo.contract.clock import Clock
 from vo.contract.estimator import Estimate, Hindsight, Status
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
-from vo.doubt import explain_doubt
-from vo.eyes import Eyes
-from vo.gear import Gear
-from vo.growth import grow
 from vo.hooks import UNTOUCHED, Hooks
-from vo.journey import Journey
-from vo.location import locate
-from vo.mapping import add_keyframe
-from vo.recovery import ADRIFT
-from vo.smoothing import look_back
-from vo.standing import Glimpse, glimpse
-from vo.trust import judge
-from vo.view import View
+from vo.map.frame import View
+from vo.map.state import Journey
+from vo.mapping.batch_smoothing import look_back
+from vo.mapping.keyframes import add_keyframe
+from vo.mapping.map_update import grow
+from vo.mapping.relocalization import ADRIFT
+from vo.tracking.appearance import explain_calibration, explain_failure
+from vo.tracking.context import Gear
+from vo.tracking.doubt import explain_doubt
+from vo.tracking.frontend import Eyes
+from vo.tracking.landmark_prior import judge
+from vo.tracking.stationary import Glimpse, glimpse
+from vo.tracking.track_local_map import locate
 
 
 class StereoOdometry:

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from vo.bundle import Bundle
+from vo.bundle_adjustment.adjust import refine_motion, refine_structure
+from vo.bundle_adjustment.problem import Bundle
 from vo.config import MotionSettings, RefinementSettings
 from vo.contract import se3
 from vo.contract.rig import StereoRig
-from vo.motion import relative_orientation, reprojection_errors
-from vo.refine import refine_motion, refine_structure
+from vo.pose.estimation import relative_orientation, reprojection_errors
 
 RIG = StereoRig(640, 480, 457.0, 319.5, 239.5, 0.09)
 SIGMA_PX, SIGMA_DISPARITY_PX = 0.2, 0.2

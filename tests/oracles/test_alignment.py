@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vo.alignment import align
-from vo.templates import cut
+from vo.patches.alignment import align
+from vo.patches.templates import cut
 
 PATCH_PX = 17
 SIZE = (140, 120)

@@ -7,11 +7,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import optimize
 
-from vo.censure import scale_space
 from vo.config import FeatureSettings
-from vo.features import detect
-from vo.kernels import kernels
-from vo.octagons import octagon_area
+from vo.features.censure import scale_space
+from vo.features.censure_kernels import kernels
+from vo.features.detector import detect
+from vo.features.integral_images import octagon_area
 
 # (m, n) of centre and surround, copied from Agrawal, Konolige and Blas 2008, table 1
 TABLE_1 = (

@@ -6,8 +6,8 @@ import pytest
 from scipy import ndimage
 
 from vo.config import FeatureSettings
-from vo.features import detect
-from vo.harris import SIGMA_PX, harris_response
+from vo.features.detector import detect
+from vo.features.harris import SIGMA_PX, harris_response
 
 SETTINGS = FeatureSettings(detector="harris", count=10**6, threshold=1.0)
 

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from passage import RIG, SIGMA, Passage, gtsam_bundle
 
-from vo.bundle import WHOLE, collect
+from vo.bundle_adjustment.adjust import refine_structure
+from vo.bundle_adjustment.fixed_lag import FixedLag
+from vo.bundle_adjustment.parallax import parallax_rad
+from vo.bundle_adjustment.problem import WHOLE, collect
 from vo.config import OdometrySettings, RefinementSettings
 from vo.contract import se3
-from vo.fixed_lag import FixedLag
-from vo.history import History
-from vo.local_bundle import refine_map
-from vo.parallax import parallax_rad
-from vo.refine import refine_structure
-from vo.smoothing import refine_all
+from vo.map.run_history import History
+from vo.mapping.batch_smoothing import refine_all
+from vo.mapping.window_adjustment import refine_map
 
 PLAIN = RefinementSettings(covariance="assumed", huber=1e6, most_iterations=50, learn_noise=False)
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vo.config import MatchingSettings
-from vo.matching import describe, marry
+from vo.patches.zncc import describe, marry
 
 PATCH_PX = 9
 R = PATCH_PX // 2

@@ -8,7 +8,7 @@ from scipy import stats
 from vo.config import MotionSettings
 from vo.contract import se3
 from vo.contract.rig import StereoRig
-from vo.motion import acceptance, find_motion, relative_orientation, reprojection_errors
+from vo.pose.estimation import acceptance, find_motion, relative_orientation, reprojection_errors
 
 RIG = StereoRig(640, 480, 457.0, 319.5, 239.5, 0.09)
 SETTINGS = MotionSettings()

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from vo.config import THESIS, OdometrySettings
-from vo.noise import grain
-from vo.windows import suited
+from vo.features.adaptive_windows import suited
+from vo.features.image_quality import grain
 
 RNG = np.random.default_rng(4)
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from vo.contract import se3
-from vo.orientation import ABSOLUTE_SOLVERS, absolute_orientation
+from vo.pose.absolute_orientation import ABSOLUTE_SOLVERS, absolute_orientation
 
 each_solver = pytest.mark.parametrize("solver", ABSOLUTE_SOLVERS)
 

@@ -6,7 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from vo.contract import se3
-from vo.p3p import SOLVERS, leg_lengths, solve_p3p
+from vo.pose.p3p import SOLVERS, leg_lengths, solve_p3p
 
 MOST_SOLUTIONS = 4
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from vo.bundle import Bundle
+from vo.bundle_adjustment.adjust import refine_motion, refine_structure
+from vo.bundle_adjustment.problem import Bundle
 from vo.config import RefinementSettings
 from vo.contract import se3
 from vo.contract.rig import StereoRig
-from vo.refine import refine_motion, refine_structure
 
 RIG = StereoRig(640, 480, 457.0, 319.5, 239.5, 0.09)
 T_WORLD_CAM = se3.exp(np.array([0.4, -0.2, 0.3, 0.1, -0.3, 0.2]))

@@ -21,7 +21,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from vo.config import FeatureSettings
-from vo.features import detect
+from vo.features.detector import detect
 
 REACH_PX = 2.5
 LEAST_OVERLAP = 0.6

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from passage import RIG, SIGMA, Passage
 
-from vo.bundle import chunks, collect, split_pose
+from vo.bundle_adjustment.adjust import refine_motion
+from vo.bundle_adjustment.problem import chunks, collect, split_pose
+from vo.bundle_adjustment.schur import reduce
 from vo.config import RefinementSettings
 from vo.contract import se3
-from vo.reduction import reduce
-from vo.refine import refine_motion
 
 PLAIN = RefinementSettings(huber=1e6, most_iterations=50)
 

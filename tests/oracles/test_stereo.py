@@ -6,13 +6,13 @@ import pytest
 
 from vo.config import FeatureSettings, StereoSettings
 from vo.contract.sequence import StereoFrame
-from vo.disparity import measure_disparities
-from vo.epipolar import search_rows
-from vo.features import detect
-from vo.slant import fit_slopes
-from vo.stereo import DenseStereo
-from vo.surface import surface_slopes
-from vo.templates import cut
+from vo.features.detector import detect
+from vo.patches.templates import cut
+from vo.stereo.dense import DenseStereo
+from vo.stereo.epipolar_search import search_rows
+from vo.stereo.plane_fit import surface_slopes
+from vo.stereo.slant import fit_slopes
+from vo.stereo.sparse import measure_disparities
 
 WIDTH, HEIGHT = 400, 240
 SETTINGS = StereoSettings()

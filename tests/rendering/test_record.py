@@ -18,9 +18,9 @@ from sim.settings import (
 from sim.verify import Finding, verify
 from sim.world import START_S
 from vo.contract.dataset import MANIFEST, read_manifest
-from vo.contract.encoders import encode_png
 from vo.contract.errors import DatasetError
 from vo.contract.files import read_float, read_grey
+from vo.contract.image_codecs import encode_png
 from vo.contract.readers import open_sequence, read_truth
 
 pytestmark = pytest.mark.gl

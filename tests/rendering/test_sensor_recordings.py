@@ -29,8 +29,8 @@ from sim.settings import (
 from sim.verify import verify
 from vo.contract.arrays import Array, Image
 from vo.contract.dataset import MANIFEST, read_manifest
-from vo.contract.encoders import encode_float
 from vo.contract.files import read_float, read_grey
+from vo.contract.image_codecs import encode_float
 from vo.contract.readers import open_sequence
 
 pytestmark = pytest.mark.gl

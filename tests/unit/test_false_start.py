@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from vo.config import RefinementSettings
-from vo.correspondence import Matches
-from vo.journey import PROVEN_VIEWS, Journey
-from vo.mapping import is_new_view
-from vo.tracks import Keyframe, Landmarks, empty_map
+from vo.map.local_map import Keyframe, Landmarks, empty_map
+from vo.map.state import PROVEN_VIEWS, Journey
+from vo.mapping.keyframes import is_new_view
+from vo.tracking.association import Matches
 
 PATIENCE = 5
 

@@ -8,10 +8,10 @@ import numpy as np
 from vo.config import OdometrySettings
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
-from vo.features import Features
-from vo.following import SIGMA_PX, follow
-from vo.tracks import Sighting, empty_map
-from vo.view import View
+from vo.features.detector import Features
+from vo.map.frame import View
+from vo.map.local_map import Sighting, empty_map
+from vo.tracking.klt import SIGMA_PX, follow
 
 RIG = StereoRig(320, 240, 230.0, 159.5, 119.5, 0.09)
 DISPARITY_PX, SHIFT_PX = 12, 9

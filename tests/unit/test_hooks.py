@@ -8,20 +8,20 @@ from vo.config import OdometrySettings
 from vo.contract.clock import Clock
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
-from vo.correspondence import find_matches
-from vo.disparity import measure_disparities
 from vo.hooks import UNTOUCHED, Hooks
-from vo.mapping import add_keyframe
-from vo.replacement import (
+from vo.map.frame import look
+from vo.map.local_map import empty_map
+from vo.mapping.keyframes import add_keyframe
+from vo.stereo.dense import DenseStereo
+from vo.stereo.sparse import measure_disparities
+from vo.tracking.association import find_matches
+from vo.tracking.replacement import (
     UNKNOWN,
     replace_disparities,
     replace_features,
     replace_inliers,
     replace_matches,
 )
-from vo.stereo import DenseStereo
-from vo.tracks import empty_map
-from vo.view import look
 
 STEP_PX = 4
 RIG = StereoRig(WIDTH, HEIGHT, F_PX, (WIDTH - 1) / 2, (HEIGHT - 1) / 2, BASELINE_M)

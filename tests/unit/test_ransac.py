@@ -5,9 +5,9 @@ import pytest
 
 from vo.config import MotionSettings
 from vo.contract import se3
-from vo.hypotheses import Problem, cost, inliers, misfits
-from vo.p3p import SOLVERS
-from vo.ransac import _choose, _marks, ransac, trials_needed
+from vo.pose.hypotheses import Problem, cost, inliers, misfits
+from vo.pose.p3p import SOLVERS
+from vo.pose.ransac import _choose, _marks, ransac, trials_needed
 
 T_ODOM_CAM = se3.exp(np.array([0.3, -0.1, 0.2, 0.05, -0.1, 0.02]))
 THRESHOLD = 0.003

@@ -7,7 +7,7 @@ import pytest
 
 from vo.contract import se3
 from vo.contract.rig import StereoRig
-from vo.standing import (
+from vo.tracking.stationary import (
     COASTING,
     FEW_FRAMES,
     POOLED,

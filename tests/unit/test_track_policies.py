@@ -9,13 +9,13 @@ from vo.contract.clock import Clock
 from vo.contract.estimator import Status
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
-from vo.correspondence import find_matches
-from vo.doubt import explain_doubt
-from vo.mapping import add_keyframe
+from vo.map.frame import look
+from vo.map.local_map import empty_map
+from vo.mapping.keyframes import add_keyframe
 from vo.odometry import StereoOdometry
-from vo.stereo import DenseStereo
-from vo.tracks import empty_map
-from vo.view import look
+from vo.stereo.dense import DenseStereo
+from vo.tracking.association import find_matches
+from vo.tracking.doubt import explain_doubt
 
 RIG = StereoRig(WIDTH, HEIGHT, F_PX, (WIDTH - 1) / 2, (HEIGHT - 1) / 2, BASELINE_M)
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from vo.correspondence import Matches
-from vo.tracks import Sighting, empty_map
-from vo.triplets import consistent
+from vo.map.local_map import Sighting, empty_map
+from vo.tracking.association import Matches
+from vo.tracking.circular_check import consistent
 
 SHIFT_PX = np.array([3.0, -2.0])
 

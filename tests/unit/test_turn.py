@@ -6,7 +6,7 @@ import pytest
 
 from vo.contract import se3
 from vo.contract.rig import StereoRig
-from vo.turn import find_turn
+from vo.tracking.rotation_prior import find_turn
 
 RIG = StereoRig(320, 240, 230.0, 159.5, 119.5, 0.09)
 K = np.array([[RIG.f_px, 0, RIG.cx_px], [0, RIG.f_px, RIG.cy_px], [0, 0, 1]])

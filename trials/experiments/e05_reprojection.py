@@ -20,11 +20,11 @@ from trials.intervals import Interval, mean_interval
 from trials.outcomes import Outcome, Outcomes, Trial, crossed
 from trials.report.figure import BLUE, GREY, RED, tidy
 from trials.runs import read_map
+from vo.bundle_adjustment.adjust import refine_motion
 from vo.config import THESIS
 from vo.contract import se3
 from vo.contract.arrays import Array
 from vo.contract.readers import open_sequence
-from vo.refine import refine_motion
 from vo.runner import companion
 
 if TYPE_CHECKING:

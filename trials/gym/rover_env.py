@@ -28,7 +28,7 @@ from vo.contract.arrays import Array, Image
 from vo.contract.errors import SettingsError
 from vo.contract.estimator import Status
 from vo.contract.settings import validated
-from vo.stereo import DenseStereo
+from vo.stereo.dense import DenseStereo
 
 Observation = dict[str, Array]
 MOST_LAYOUTS = 2**31 - 1

@@ -19,7 +19,7 @@ from vo.contract.estimator import Estimate, Status
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
 from vo.contract.settings import Settings
-from vo.stereo import DenseStereo
+from vo.stereo.dense import DenseStereo
 
 DEPTH_UNITS = 5000.0
 """In a metre. OpenCV takes depth as the TUM RGB-D files have it and does not say so."""

@@ -1,0 +1,1 @@
+"""Bundle adjustment of keyframes and landmarks."""

@@ -1,0 +1,189 @@
+"""The last keyframes, refined incrementally: what older ones knew stays as a prior.
+
+iSAM2 (Kaess et al., IJRR 2012) on the keyframes' poses alone, inside GTSAM's fixed-lag smoother.
+Points are eliminated from its factors as in the window (`vo.bundle_adjustment.problem`). When a keyframe leaves, the
+points that it saw and that the newest one no longer sees are used up: their measurements become
+a factor that is marginalised with it. Of points that are still in sight, its measurement is
+dropped, as by Leutenegger et al. (OKVIS, IJRR 2015, section 4.3): a prior on them would tie all
+of them together. Where that leaves too few, the oldest of these are used up too.
+"""
+
+from dataclasses import dataclass
+
+import gtsam
+import numpy as np
+from gtsam.symbol_shorthand import X
+
+from vo.bundle_adjustment.problem import Chunk, Sight, chunks, collect
+from vo.bundle_adjustment.solver import TURN_LAST, factor
+from vo.config import RefinementSettings
+from vo.contract import se3
+from vo.contract.arrays import Array, Indices
+from vo.contract.rig import StereoRig
+
+RELINEARISE = 1e-6
+"""Step, in metres or radians, beyond which a pose is linearised anew."""
+
+GAUGE_SIGMA = 1e-6
+"""Of the first keyframe, metres and radians."""
+
+SETTLED = 1e-5
+"""Change of all poses, metres and radians, that ends the steps of an update."""
+
+LEAST_USED = 30
+"""Points that a keyframe must leave behind, for those after it to stay where they are."""
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """What an update knows of the keyframes in the lag.
+
+    Attributes:
+        T_odom_cam: (K, 4, 4).
+        covariance: (K, 6, 6) tangent (v m, w rad).
+        ids: (J,) landmarks that took part.
+        chunk: Them, where these poses put them.
+        iterations: Gauss–Newton steps.
+    """
+
+    T_odom_cam: Array
+    covariance: Array
+    ids: Indices
+    chunk: Chunk
+    iterations: int
+
+
+class FixedLag:
+    """Keyframes in the lag, and a prior from those before; one segment's.
+
+    Attributes:
+        first: Serial of its first keyframe.
+        spent: Landmarks whose measurements are in the prior already, and must not come again.
+    """
+
+    def __init__(self, first: int, T_odom_first: Array, covariance: Array, lag: int) -> None:
+        """Start with one keyframe.
+
+        Args:
+            first: Its serial.
+            T_odom_first: (4, 4) its pose, which holds the gauge.
+            covariance: (6, 6) of this pose, tangent (v m, w rad), handed on to all others.
+            lag: Keyframes to keep.
+        """
+        self.first, self._T_odom_first, self._covariance = first, T_odom_first, covariance
+        parameters = gtsam.ISAM2Params()
+        parameters.setRelinearizeThreshold(RELINEARISE)
+        parameters.relinearizeSkip = 1
+        self._smoother = gtsam.IncrementalFixedLagSmoother(lag - 1.0, parameters)
+        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        gauge = gtsam.noiseModel.Isotropic.Sigma(6, GAUGE_SIGMA)
+        start = gtsam.Pose3(T_odom_first)
+        graph.add(gtsam.PriorFactorPose3(X(first), start, gauge))
+        values.insert(X(first), start)
+        self._smoother.update(graph, values, {X(first): float(first)})
+        self._active: list[int] = []
+        self._sights: dict[int, Sight] = {}
+        self._landmarks: tuple[Indices, Array] = np.zeros(0, np.int64), np.zeros((0, 3))
+        self.spent = np.zeros(0, np.int64)
+
+    def update(
+        self,
+        sights: dict[int, Sight],
+        ids: Indices,
+        points_odom: Array,
+        rig: StereoRig,
+        settings: RefinementSettings,
+    ) -> Smoothed:
+        """Take in keyframes, and replace the factor of the landmarks in sight.
+
+        Args:
+            sights: By serial, ascending; those in the lag, the newest ones new.
+            ids: (J,) ascending, landmarks to use; each in two sights at least. Those that are
+                spent, or become so now, are left out.
+            points_odom: (J, 3) about where they are, metres.
+            rig: Projects.
+            settings: Loss, and the most steps.
+
+        Raises:
+            RuntimeError: If nothing determines a pose; the smoother is of no use any more.
+        """
+        graph, values, times = gtsam.NonlinearFactorGraph(), gtsam.Values(), {}
+        for serial, sight in sights.items():
+            if serial not in self._sights and serial != self.first:
+                values.insert(X(serial), gtsam.Pose3(sight.T_world_cam))
+                times[X(serial)] = float(serial)
+        if used_up := self._use_up(min(sights), sights[max(sights)].ids, rig, settings):
+            graph.add(used_up)
+        fresh = ~np.isin(ids, self.spent)
+        ids, points_odom = ids[fresh], points_odom[fresh]
+        active = _chunk(sights, ids, points_odom, rig, settings)
+        graph.add(_factor(list(sights), active))
+        self._smoother.update(graph, values, times, self._active)
+        self._active = [self._smoother.getISAM2Result().getNewFactorsIndices()[-1]]
+        self._sights, self._landmarks = dict(sights), (ids, points_odom)
+        return self._settle(list(sights), ids, active, settings)
+
+    def _use_up(
+        self, kept: int, in_sight: Indices, rig: StereoRig, settings: RefinementSettings
+    ) -> gtsam.CustomFactor | None:
+        """Landmarks of keyframes that leave now: out of sight, or the oldest."""
+        leaving = [s.ids for serial, s in self._sights.items() if serial < kept]
+        ids, points = self._landmarks
+        if not leaving:
+            return None
+        theirs = np.isin(ids, np.concatenate(leaving))
+        used = theirs & ~np.isin(ids, in_sight)
+        lasting = np.flatnonzero(theirs & ~used)
+        used[lasting[: max(0, LEAST_USED - int(used.sum()))]] = True
+        if not used.any():
+            return None
+        self.spent = np.concatenate([self.spent, ids[used]])
+        recent = np.unique(np.concatenate([s.ids for s in self._sights.values()]))
+        self.spent = self.spent[np.isin(self.spent, recent)]
+        chunk = _chunk(self._sights, ids[used], points[used], rig, settings)
+        return _factor(list(self._sights), chunk)
+
+    def _settle(
+        self, serials: list[int], ids: Indices, active: Chunk, s: RefinementSettings
+    ) -> Smoothed:
+        """Take Gauss–Newton steps until they are small."""
+        T_odom_cam, steps = self._poses(serials), 1
+        while steps < s.most_iterations:
+            self._smoother.update()
+            T_before, T_odom_cam = T_odom_cam, self._poses(serials)
+            steps += 1
+            if np.abs(se3.log(se3.inverse(T_before) @ T_odom_cam)).max() < SETTLED:
+                break
+        still = np.zeros(len(active.cameras), bool)
+        active.normal(T_odom_cam[active.cameras], still, derivatives=False)
+        marginals = [self._smoother.marginalCovariance(X(serial)) for serial in serials]
+        covariance = np.array(marginals)[:, TURN_LAST][:, :, TURN_LAST]
+        covariance += self._inherited(T_odom_cam)
+        return Smoothed(T_odom_cam, covariance, ids, active, steps)
+
+    def _inherited(self, T_odom_cam: Array) -> Array:
+        """What the first keyframe's covariance becomes at (K, 4, 4) poses: (K, 6, 6)."""
+        T_cam_first = se3.inverse(T_odom_cam) @ self._T_odom_first
+        return np.array([se3.carry_covariance(T, self._covariance) for T in T_cam_first])
+
+    def _poses(self, serials: list[int]) -> Array:
+        estimate = self._smoother.calculateEstimate()
+        return np.array([estimate.atPose3(X(serial)).matrix() for serial in serials])
+
+
+def _chunk(
+    sights: dict[int, Sight], ids: Indices, points: Array, rig: StereoRig, s: RefinementSettings
+) -> Chunk:
+    bundle = collect(list(sights.values()), ids, points, np.zeros(len(sights), bool), rig)
+    (chunk,) = chunks(bundle, s.use_disparity)
+    chunk.reweigh(bundle.T_world_cam[chunk.cameras], s.huber)
+    return chunk
+
+
+def _factor(serials: list[int], chunk: Chunk) -> gtsam.CustomFactor:
+    moving = np.ones(len(chunk.cameras), bool)
+
+    def normal(poses: Array, derivatives: bool) -> tuple[Array, Array, float]:
+        return chunk.normal(poses, moving, derivatives)
+
+    return factor([X(serials[i]) for i in chunk.cameras], normal)

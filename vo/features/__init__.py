@@ -1,0 +1,1 @@
+"""Features of an image: detection, sub-pixel position, image quality."""

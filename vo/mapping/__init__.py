@@ -1,0 +1,1 @@
+"""Keyframes, local bundle adjustment, relocalization and smoothing."""

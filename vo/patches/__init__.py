@@ -1,0 +1,1 @@
+"""Image patches: templates, sub-pixel alignment and normalised cross-correlation."""

@@ -1,0 +1,256 @@
+"""Sub-pixel alignment of patches by Gauss–Newton on their intensities.
+
+One aligner serves time and stereo: a template patch is warped as its surface demands, moved by
+an unknown (du, dv), and compared after both sides were given zero mean and unit norm, which
+cancels gain and offset.
+
+Source: Baker and Matthews, Lucas–Kanade 20 Years On, IJCV 2004 (inverse compositional form);
+normalisation after Evangelidis and Psarakis, enhanced correlation coefficient, PAMI 2008.
+"""
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from vo.contract.arrays import Array, Image
+from vo.patches.templates import Templates
+
+MOST_STEPS = 12
+CONVERGED_PX = 0.005
+LEAST_NORM = 1.0
+"""Norm in grey levels of a centred patch, below which it is flat."""
+
+LEAST_DETERMINANT = 1e-9
+"""Of the normal equations of a normalised patch; below, one direction shows nothing."""
+
+LEAST_SIGNAL = 0.1
+"""Share of the gradients' energy that is never put down to noise."""
+
+ESTIMATED = 4
+"""Parameters that alignment takes from the residual's freedom: du, dv, gain and offset."""
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """Where templates were found in an image; NaN where they were not.
+
+    Attributes:
+        pixels: (N, 2) sub-pixel (u, v).
+        zncc: (N,) correlation with the template there.
+        covariance_px2: (N, 2, 2) of `pixels`, as far as grey level noise explains it. The
+            variance of v is zero where the search was along the row.
+    """
+
+    pixels: Array
+    zncc: Array
+    covariance_px2: Array
+
+
+def align(
+    templates: Templates, image: Image, start: Array, warp: Array, horizontal_only: bool = False
+) -> Alignment:
+    """Move each start position to where the image looks most like the template.
+
+    The covariance is the Cramér–Rao bound s² (JᵀJ)⁻¹, with the noise s from the residual.
+
+    Args:
+        templates: N patches.
+        image: (H, W) uint8.
+        start: (N, 2) first guess in the image, within about two pixels.
+        warp: (N, 3, 2): an offset o in the template becomes warp[:2] @ o / (1 + warp[2] @ o) in
+            the image, which is exact for a plane. An affine map alone makes the error of a match
+            grow with the square of the patch's size.
+        horizontal_only: Search along the row, as in a rectified pair.
+
+    Returns:
+        The places, NaN where the patch left an image, was flat, or moved more than half its side
+        from the start.
+
+    Raises:
+        ValueError: If the shapes disagree; the compiled loop would not notice.
+    """
+    n = len(templates)
+    if (np.shape(start), np.shape(warp)) != ((n, 2), (n, 3, 2)):
+        raise ValueError(f"{n} templates, but shapes {np.shape(start)} and {np.shape(warp)}")
+    aligned = Alignment(np.full((n, 2), np.nan), np.full(n, np.nan), np.full((n, 2, 2), np.nan))
+    _align_all(
+        templates.patches, templates.gradients, templates.norms, templates.noise_kept,
+        image, np.asarray(start, dtype=np.float64), np.asarray(warp, dtype=np.float64),
+        horizontal_only, aligned.pixels, aligned.zncc, aligned.covariance_px2,
+    )  # fmt: skip
+    return aligned
+
+
+@numba.njit(cache=True, fastmath={"reassoc", "contract"})  # sums in any order; NaN stays NaN
+def _align_all(
+    patches: Array,
+    gradients: Array,
+    norms: Array,
+    noise_kept: Array,
+    image: Image,
+    start: Array,
+    warp: Array,
+    horizontal_only: bool,
+    pixels: Array,
+    zncc: Array,
+    covariance: Array,
+) -> None:
+    side = patches.shape[1]
+    radius = side // 2
+    offsets = np.empty((2, side * side), dtype=np.float32)
+    now = np.empty(side * side, dtype=np.float32)
+    for i in range(len(patches)):
+        if not norms[i] > LEAST_NORM:
+            continue
+        reach_u, reach_v = warp_offsets(warp[i], side, offsets)
+        patch = patches[i].ravel()
+        gu, gv = gradients[i, 0].ravel(), gradients[i, 1].ravel()
+        a = b = d = np.float32(0)
+        for k in range(side * side):
+            a += gu[k] * gu[k]
+            b += gu[k] * gv[k]
+            d += gv[k] * gv[k]
+        if horizontal_only:
+            b, d = np.float32(0), np.float32(1)
+        determinant = a * d - b * b
+        if not determinant > LEAST_DETERMINANT:
+            continue
+        u, v = start[i]
+        norm = 0.0
+        found = False
+        for _ in range(MOST_STEPS):
+            inside = u - reach_u >= 0 and u + reach_u < image.shape[1] - 1
+            inside = inside and v - reach_v >= 0 and v + reach_v < image.shape[0] - 1
+            found = False
+            if not inside:  # also where u, v or the warp is NaN
+                break
+            norm = sample(image, u, v, offsets, now)
+            if not norm > LEAST_NORM:
+                break
+            # The gradients sum to zero and are orthogonal to the patch: subtracting the mean
+            # and the template from what is sampled would not change their products with it.
+            p = q = c = np.float32(0)
+            for k in range(side * side):
+                p += gu[k] * now[k]
+                q += gv[k] * now[k]
+                c += patch[k] * now[k]
+            zncc[i] = c / norm
+            p, q = p / norm, (0.0 if horizontal_only else q / norm)
+            du, dv = (d * p - b * q) / determinant, (a * q - b * p) / determinant
+            step_u = -(warp[i, 0, 0] * du + warp[i, 0, 1] * dv)
+            step_v = -(warp[i, 1, 0] * du + warp[i, 1, 1] * dv)
+            u += step_u
+            v += step_v
+            if abs(u - start[i, 0]) > radius or abs(v - start[i, 1]) > radius:
+                break
+            found = True
+            if step_u * step_u + step_v * step_v < CONVERGED_PX * CONVERGED_PX:
+                break
+        if not found:
+            zncc[i] = np.nan
+            continue
+        pixels[i, 0], pixels[i, 1] = u, v
+        variance = noise_variance(zncc[i], norms[i], noise_kept[i], norm, offsets, u, v)
+        # Noise of the template is in its gradients too: it adds to their energy, not to the signal.
+        of_template = variance * norm * norm / (norm * norm + norms[i] * norms[i])
+        bias = of_template * noise_kept[i] * side * side / 2
+        if horizontal_only:
+            signal = max(a - bias, LEAST_SIGNAL * a)
+            uu, uv, vv = variance * a / (signal * signal), 0.0, 0.0
+        else:
+            least = (a + d) / 2 - np.sqrt((a - d) ** 2 / 4 + b * b)
+            bias = min(bias, (1 - LEAST_SIGNAL) * least)
+            determinant = (a - bias) * (d - bias) - b * b
+            uu, uv, vv = (d - bias) / determinant, -b / determinant, (a - bias) / determinant
+            uu, uv, vv = (
+                variance * (uu + bias * (uu * uu + uv * uv)),
+                variance * (uv + bias * uv * (uu + vv)),
+                variance * (vv + bias * (vv * vv + uv * uv)),
+            )
+        w = warp[i]
+        for j in range(2):
+            for k in range(2):
+                covariance[i, j, k] = w[j, 0] * (uu * w[k, 0] + uv * w[k, 1]) + w[j, 1] * (
+                    uv * w[k, 0] + vv * w[k, 1]
+                )
+
+
+@numba.njit(cache=True, fastmath={"reassoc", "contract"})
+def warp_offsets(warp: Array, side: int, offsets: Array) -> tuple[float, float]:
+    """Write where the template's samples lie about its centre in the image: (2, side * side).
+
+    Returns:
+        How far they reach along u and v; NaN if the surface is seen almost edge-on.
+    """
+    r = side // 2
+    shrink = 1 - r * (abs(warp[2, 0]) + abs(warp[2, 1]))
+    if not shrink > 0.5:  # also where the warp is NaN
+        return np.nan, np.nan
+    for j in range(side):
+        y = j - r
+        for k in range(side):
+            x = k - r
+            scale = 1 / (1 + warp[2, 0] * x + warp[2, 1] * y)
+            offsets[0, j * side + k] = scale * (warp[0, 0] * x + warp[0, 1] * y)
+            offsets[1, j * side + k] = scale * (warp[1, 0] * x + warp[1, 1] * y)
+    reach_u = r * (abs(warp[0, 0]) + abs(warp[0, 1])) / shrink
+    reach_v = r * (abs(warp[1, 0]) + abs(warp[1, 1])) / shrink
+    return reach_u, reach_v
+
+
+@numba.njit(cache=True, fastmath={"reassoc", "contract"})
+def sample(image: Image, u: float, v: float, offsets: Array, out: Array) -> float:
+    """Sample bilinearly at (u, v) + offsets, all inside the image.
+
+    Args:
+        image: (H, W) uint8.
+        u: Centre.
+        v: Centre.
+        offsets: (2, P).
+        out: (P,) receives grey levels, less an arbitrary constant.
+
+    Returns:
+        The norm of the samples about their mean, grey levels.
+    """
+    width = image.shape[1]
+    u0, v0 = int(u), int(v)
+    fu, fv = np.float32(u - u0), np.float32(v - v0)
+    origin = v0 * width + u0
+    flat = image.ravel()
+    pivot = np.float32(flat[origin])
+    one = np.float32(1)
+    total = squares = np.float32(0)
+    for k in range(out.shape[0]):
+        x, y = fu + offsets[0, k], fv + offsets[1, k]
+        x_floor, y_floor = np.floor(x), np.floor(y)
+        fx, fy = x - x_floor, y - y_floor
+        at = origin + int(y_floor) * width + int(x_floor)
+        top = flat[at] * (one - fx) + flat[at + 1] * fx
+        bottom = flat[at + width] * (one - fx) + flat[at + width + 1] * fx
+        value = top * (one - fy) + bottom * fy - pivot
+        out[k] = value
+        total += value
+        squares += value * value
+    return np.sqrt(max(squares - total * total / np.float32(out.shape[0]), np.float32(0)))
+
+
+@numba.njit(cache=True)
+def noise_variance(
+    zncc: float, norm_a: float, kept_a: float, norm_b: float, offsets: Array, u: float, v: float
+) -> float:
+    """Variance of the difference of two normalised patches before interpolation smoothed it.
+
+    |a - b|² = 2 - 2 zncc for unit a and b. Interpolation takes a share of the noise out of this
+    residual, but not out of the slow part of the noise, which moves the match: it weighs as
+    the noise of the pixels does.
+    """
+    kept = 0.0
+    n = offsets.shape[1]
+    for k in range(n):
+        x, y = u + offsets[0, k], v + offsets[1, k]
+        fx, fy = x - np.floor(x), y - np.floor(y)
+        kept += (1 - 2 * fx * (1 - fx)) * (1 - 2 * fy * (1 - fy))
+    weight_a, weight_b = 1 / (norm_a * norm_a), 1 / (norm_b * norm_b)
+    share = (kept_a * weight_a + kept / n * weight_b) / (weight_a + weight_b)
+    return max(2 - 2 * zncc, 0.0) / (n - ESTIMATED) / share

@@ -1,0 +1,1 @@
+"""Pose of the camera from matches: minimal solvers, RANSAC and refinement."""

@@ -1,0 +1,194 @@
+"""Camera pose from three points: the perspective-three-point problem (thesis 2.6.2).
+
+A solver finds the three legs of the tetrahedron from the camera to the points; Newton's method on
+the three laws of cosines makes them exact; the motion between the two congruent triangles is the
+pose. (Absolute orientation of congruent triangles needs no least squares.)
+"""
+
+from typing import Literal, TypeAlias
+
+import numba
+import numpy as np
+
+from vo.contract.arrays import Array, Indices
+from vo.pose.fischler_bolles import legs_fischler_bolles
+from vo.pose.lambda_twist import legs_lambda_twist
+
+Solver: TypeAlias = Literal["fischler_bolles", "lambda_twist"]
+SOLVERS: dict[Solver, int] = {"fischler_bolles": 0, "lambda_twist": 1}
+
+FISCHLER_BOLLES = SOLVERS["fischler_bolles"]
+MOST_CANDIDATES = 8
+
+SLENDER = 1e-12
+"""Squared sine below which three points count as collinear."""
+
+POLISHING = 6
+SOLVED = 1e-10
+"""Error of the laws of cosines, as a share of the squared sides, that a solution may keep."""
+
+SAME = 1e-9
+"""Legs that differ by less than this share are one solution."""
+
+
+def solve_p3p(
+    points_ref: Array, rays_cam: Array, solver: Solver = "lambda_twist"
+) -> tuple[Array, Indices]:
+    """Find every camera pose that sees three points along three rays, for many triplets at once.
+
+    Args:
+        points_ref: (B, 3, 3): B triplets of points in a reference frame, metres.
+        rays_cam: (B, 3, 3): unit rays towards them in the camera frame.
+        solver: Finds the legs.
+
+    Returns:
+        (S, 4, 4) solutions T_ref_cam, at most four per triplet, and (S,) the triplet of each.
+        Degenerate triplets (collinear or coincident points, NaN) have none.
+    """
+    _, triplet, T_ref_cam = _solve_all(
+        np.ascontiguousarray(points_ref, dtype=np.float64),
+        np.ascontiguousarray(rays_cam, dtype=np.float64),
+        SOLVERS[solver],
+    )
+    return T_ref_cam, triplet
+
+
+def leg_lengths(
+    points_ref: Array, rays_cam: Array, solver: Solver = "lambda_twist"
+) -> tuple[Array, Indices]:
+    """Distances of the camera centre to three points: (S, 3) metres, and (S,) their triplets."""
+    legs, triplet, _ = _solve_all(
+        np.ascontiguousarray(points_ref, dtype=np.float64),
+        np.ascontiguousarray(rays_cam, dtype=np.float64),
+        SOLVERS[solver],
+    )
+    return legs, triplet
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _solve_all(points_ref: Array, rays_cam: Array, solver: int) -> tuple[Array, Indices, Array]:
+    count = len(points_ref)
+    legs = np.empty((4 * count, 3))
+    triplet = np.empty(4 * count, dtype=np.int64)
+    T_ref_cam = np.zeros((4 * count, 4, 4))
+    own, poses = np.empty((MOST_CANDIDATES, 3)), np.empty((4, 3, 4))
+    found = 0
+    for b in range(count):
+        for k in range(p3p(points_ref[b], rays_cam[b], solver, own, poses)):
+            legs[found], triplet[found] = own[k], b
+            R_ref_cam = poses[k, :, :3].T
+            T_ref_cam[found, :3, :3] = R_ref_cam
+            for i in range(3):
+                T_ref_cam[found, i, 3] = -(R_ref_cam[i] * poses[k, :, 3]).sum()
+            T_ref_cam[found, 3, 3] = 1.0
+            found += 1
+    return legs[:found], triplet[:found], T_ref_cam[:found]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def p3p(points_ref: Array, rays_cam: Array, solver: int, legs: Array, poses: Array) -> int:
+    """Solve one triplet.
+
+    Args:
+        points_ref: (3, 3) metres.
+        rays_cam: (3, 3) unit rays.
+        solver: A value of `SOLVERS`.
+        legs: (8, 3) receives the solutions' legs, metres.
+        poses: (4, 3, 4) receives the solutions [R | t], p_cam = R @ p_ref + t.
+
+    Returns:
+        The number of solutions.
+    """
+    sides2, cosines = np.empty(3), np.empty(3)
+    for k, (i, j) in enumerate(((0, 1), (0, 2), (1, 2))):
+        sides2[k] = ((points_ref[i] - points_ref[j]) ** 2).sum()
+        cosines[k] = (rays_cam[i] * rays_cam[j]).sum()
+    if not np.isfinite(sides2.sum()) or slender(points_ref) or slender(rays_cam):
+        return 0
+    if solver == FISCHLER_BOLLES:
+        candidates = legs_fischler_bolles(sides2, cosines, legs)
+    else:
+        candidates = legs_lambda_twist(sides2, cosines, legs)
+    found = 0
+    for k in range(candidates):
+        if not _polish(legs[k], sides2, cosines):
+            continue
+        fresh = found < 4
+        for other in range(found):
+            fresh = fresh and np.abs(legs[k] - legs[other]).max() > SAME * legs[k].max()
+        if fresh:
+            legs[found] = legs[k]
+            _move_triangle(points_ref, rays_cam, legs[found], poses[found])
+            found += 1
+    return found
+
+
+@numba.njit(cache=True, error_model="numpy")
+def slender(corners: Array) -> bool:
+    """Whether three points (3, 3) are, to rounding, in a line, or not finite."""
+    u, v = corners[1] - corners[0], corners[2] - corners[0]
+    area2 = (
+        (u[1] * v[2] - u[2] * v[1]) ** 2
+        + (u[2] * v[0] - u[0] * v[2]) ** 2
+        + (u[0] * v[1] - u[1] * v[0]) ** 2
+    )
+    longest2 = max((u * u).sum(), (v * v).sum())
+    return not area2 > SLENDER * longest2 * longest2
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _polish(legs: Array, sides2: Array, cosines: Array) -> bool:
+    """Newton's method on the three laws of cosines, while it helps; False if they do not hold."""
+    a, b, c = legs
+    cos_ab, cos_ac, cos_bc = cosines
+    error = np.inf
+    for _ in range(POLISHING):
+        e0 = a * a + b * b - 2 * a * b * cos_ab - sides2[0]
+        e1 = a * a + c * c - 2 * a * c * cos_ac - sides2[1]
+        e2 = b * b + c * c - 2 * b * c * cos_bc - sides2[2]
+        now = max(abs(e0), abs(e1), abs(e2))
+        if not now < error:
+            break
+        error = now
+        legs[0], legs[1], legs[2] = a, b, c
+        p, q = 2 * (a - b * cos_ab), 2 * (b - a * cos_ab)
+        r, s = 2 * (a - c * cos_ac), 2 * (c - a * cos_ac)
+        u, v = 2 * (b - c * cos_bc), 2 * (c - b * cos_bc)
+        determinant = -p * s * u - q * r * v
+        if determinant == 0:
+            break
+        a -= (-s * u * e0 - q * v * e1 + q * s * e2) / determinant
+        b -= (-r * v * e0 + p * v * e1 - p * s * e2) / determinant
+        c -= (r * u * e0 - p * u * e1 - q * r * e2) / determinant
+    return error <= SOLVED * sides2.max() and legs.min() > 0
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _move_triangle(points_ref: Array, rays_cam: Array, legs: Array, pose: Array) -> None:
+    """Write [R | t] that lays the triangle of the points onto the one at the ends of the legs."""
+    points_cam, here, there = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    for k in range(3):
+        points_cam[k] = legs[k] * rays_cam[k]
+    _axes(points_cam, here)
+    _axes(points_ref, there)
+    for i in range(3):
+        pose[i, 3] = (points_cam[0, i] + points_cam[1, i] + points_cam[2, i]) / 3
+        for j in range(3):
+            pose[i, j] = (
+                here[0, i] * there[0, j] + here[1, i] * there[1, j] + here[2, i] * there[2, j]
+            )
+        for j in range(3):
+            pose[i, 3] -= pose[i, j] * (points_ref[0, j] + points_ref[1, j] + points_ref[2, j]) / 3
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _axes(corners: Array, axes: Array) -> None:
+    """Rows: along a triangle's first side, across it in the plane, and off the plane."""
+    u, v = corners[1] - corners[0], corners[2] - corners[0]
+    u /= np.sqrt((u * u).sum())
+    v -= (u * v).sum() * u
+    v /= np.sqrt((v * v).sum())
+    axes[0], axes[1] = u, v
+    axes[2, 0] = u[1] * v[2] - u[2] * v[1]
+    axes[2, 1] = u[2] * v[0] - u[0] * v[2]
+    axes[2, 2] = u[0] * v[1] - u[1] * v[0]

@@ -1,0 +1,1 @@
+"""Disparity: dense, or sparse at features."""

@@ -1,0 +1,99 @@
+"""Slant of the surface at a feature, from the intensities of its two images.
+
+The aligner's Gauss–Newton with three unknowns: the disparity and its slopes along u and v. It needs
+no neighbours, but is several times as noisy as a plane through the disparities of many.
+
+Source: Devernay and Faugeras, Computing Differential Properties of 3-D Shapes from Stereoscopic
+Images without 3-D Models, CVPR 1994; inverse compositional as in `vo.patches.alignment`.
+"""
+
+import numba
+import numpy as np
+
+from vo.contract.arrays import Array, Image
+from vo.patches.alignment import LEAST_NORM, sample, warp_offsets
+from vo.patches.templates import Templates
+
+MOST_STEPS = 10
+CONVERGED_PX = 0.02
+STEEPEST = 0.6
+"""Slope, pixels per pixel, beyond which a fit has found something else."""
+
+
+def fit_slopes(templates: Templates, right: Image, pixels_right: Array) -> Array:
+    """Find the slant that makes the patches of the two eyes most alike.
+
+    Args:
+        templates: N patches of the left image.
+        right: (H, W) uint8.
+        pixels_right: (N, 2) where they are in the right image, within about two pixels.
+
+    Returns:
+        (N, 2) change of disparity per pixel along u and v; NaN where the fit left the image or
+        did not converge.
+    """
+    slopes = np.full((len(templates), 2), np.nan)
+    _fit_all(
+        templates.patches, templates.gradients, templates.norms, right,
+        np.asarray(pixels_right, dtype=np.float64), slopes,
+    )  # fmt: skip
+    return slopes
+
+
+@numba.njit(cache=True, fastmath={"reassoc", "contract"})  # sums in any order; NaN stays NaN
+def _fit_all(
+    patches: Array, gradients: Array, norms: Array, right: Image, start: Array, slopes: Array
+) -> None:  # fmt: skip
+    side = patches.shape[1]
+    r = side // 2
+    offsets = np.empty((2, side * side), dtype=np.float32)
+    now = np.empty(side * side, dtype=np.float32)
+    jacobian = np.empty((3, side * side), dtype=np.float32)
+    warp = np.eye(3, 2)
+    for i in range(len(patches)):
+        if not norms[i] > LEAST_NORM:
+            continue
+        _differentiate(patches[i], gradients[i, 0], jacobian)
+        hessian = jacobian @ jacobian.T
+        if not np.linalg.det(hessian) > 1e-6:
+            continue
+        inverse = np.linalg.inv(hessian)
+        u, v = start[i]
+        warp[0, 0], warp[0, 1] = 1.0, 0.0
+        for _ in range(MOST_STEPS):
+            reach_u, reach_v = warp_offsets(warp, side, offsets)
+            inside = u - reach_u >= 0 and u + reach_u < right.shape[1] - 1
+            inside = inside and v - reach_v >= 0 and v + reach_v < right.shape[0] - 1
+            if not inside:
+                break
+            norm = sample(right, u, v, offsets, now)
+            if not norm > LEAST_NORM:
+                break
+            # The increment, a map of the row u -> p0 + (1 + p1) u + p2 v, is undone.
+            p = inverse @ (jacobian @ now) / norm
+            scale = warp[0, 0] / (1 + p[1])
+            u -= scale * p[0]
+            warp[0, 0], warp[0, 1] = scale, warp[0, 1] - scale * p[2]
+            steep = abs(1 - scale) > STEEPEST or abs(warp[0, 1]) > STEEPEST
+            if steep or abs(u - start[i, 0]) > r:
+                break
+            if abs(p[0]) + r * (abs(p[1]) + abs(p[2])) < CONVERGED_PX:
+                slopes[i, 0], slopes[i, 1] = 1 - scale, -warp[0, 1]
+                break
+
+
+@numba.njit(cache=True, fastmath={"reassoc", "contract"})
+def _differentiate(patch: Array, gu: Array, out: Array) -> None:
+    """Derivatives along the shift and both slopes, orthogonal to a constant and to the patch."""
+    side = gu.shape[0]
+    r = side // 2
+    for j in range(side):
+        for k in range(side):
+            at = j * side + k
+            out[0, at] = gu[j, k]
+            out[1, at] = gu[j, k] * (k - r)
+            out[2, at] = gu[j, k] * (j - r)
+    flat = patch.ravel()
+    for row in range(1, 3):
+        out[row] -= out[row].mean()
+        out[row] -= (out[row] * flat).sum() * flat

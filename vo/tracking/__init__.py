@@ -1,0 +1,1 @@
+"""Tracking of frames in the local map."""
