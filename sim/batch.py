@@ -21,7 +21,7 @@ from scenes import build_scene
 from scenes.scene import Scene
 from sim.record import Progress, Recording, record
 from sim.settings import RecordSettings
-from sim.streams import stream
+from sim.world.random_streams import stream
 from vo.contract.dataset import MANIFEST, read_manifest
 from vo.contract.errors import DatasetError, DriftyardError
 

@@ -9,19 +9,19 @@ from pathlib import Path
 from typing import Any
 
 from scenes.scene import Scene
-from sim.annotate import Annotation, Annotator
-from sim.camera import Capture, Picture, Shot, StereoCamera
-from sim.certificate import FrameResidual, Judge, certify, unjudged
-from sim.lens import delivered_rig
-from sim.manifest import MAP, manifest
-from sim.map import survey_map
-from sim.plausibility import check_folder
-from sim.render import StereoRenderer
-from sim.sensors import CODES, LABELS
+from sim.camera.camera import Capture, Picture, Shot, StereoCamera
+from sim.camera.lens import delivered_rig
+from sim.camera.render import StereoRenderer
+from sim.certificate.certificate import FrameResidual, Judge, certify, unjudged
+from sim.certificate.manifest import MAP, manifest
+from sim.certificate.plausibility import check_folder
+from sim.labels.annotate import Annotation, Annotator
+from sim.preview.overhead_map import survey_map
+from sim.sensors.sensor_yaml import CODES, LABELS
+from sim.sensors.tables import write_cameras, write_exposures, write_inertial, write_wheels
 from sim.settings import RecordSettings
-from sim.tables import write_cameras, write_exposures, write_inertial, write_wheels
-from sim.trip import Trip, make_trip
-from sim.world import World, build_world
+from sim.world.trip import Trip, make_trip
+from sim.world.world import World, build_world
 from vo.contract.dataset import DatasetWriter
 from vo.contract.image_codecs import encode_float, encode_png
 

@@ -11,7 +11,7 @@ from hypothesis import settings
 
 from scenes.scene import Motion, Scene
 from sim.settings import RecordSettings
-from sim.world import World, build_world
+from sim.world.world import World, build_world
 from vo.contract.arrays import Array
 
 # Time limits say more about a shared machine than about the code.

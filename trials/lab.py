@@ -88,7 +88,7 @@ def recorded(recording: Recording, cache: Path = CACHE) -> Path:
 
 def is_recorded(folder: Path, settings: "RecordSettings") -> bool:
     """Whether the folder was recorded with these settings and no file was lost or changed since."""
-    from sim.verify import verify
+    from sim.certificate.verify import verify
     from vo.contract.dataset import read_manifest
 
     try:

@@ -20,10 +20,10 @@ from trials.commands.datasets import record_settings
 from vo.contract.arrays import Array
 
 if TYPE_CHECKING:
-    from sim.render import StereoRenderer
+    from sim.camera.render import StereoRenderer
     from sim.settings import RecordSettings
-    from sim.trip import Trip
-    from sim.world import World
+    from sim.world.trip import Trip
+    from sim.world.world import World
 
 DISTANCE_M = 3.0
 NOISE = ("sensor.full_well=6000", "sensor.read_noise=15", "sensor.softness_px=0.6")
@@ -202,7 +202,7 @@ def _boxes() -> "tuple[World, RecordSettings]":
     """Float four boxes before the rig, none hiding another."""
     from scenes.scene import Scene
     from sim.settings import RecordSettings
-    from sim.world import build_world
+    from sim.world.world import build_world
 
     spec = mujoco.MjSpec()
     spec.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=(0, 0, 1))
@@ -243,8 +243,8 @@ def _corners(world: "World") -> dict[str, Array]:
 
 def _blur(seed: int) -> list[tuple[tuple[str, str], str, str, bool]]:
     """Compare exposures on the turntable and at rest with one of 64 sub-frames."""
-    from sim.exposure import expose, open_shutter
-    from sim.light import Encoding, decode
+    from sim.camera.exposure import expose, open_shutter
+    from sim.camera.linear_light import Encoding, decode
 
     scene = "turntable"
     world, trip, settings = _drive(scene, seed, ["drive.distance_m=6", "exposure.time_ms=20"])
@@ -282,8 +282,8 @@ def _blur(seed: int) -> list[tuple[tuple[str, str], str, str, bool]]:
 
 def _drive(scene: str, seed: int, overrides: list[str]) -> "tuple[World, Trip, RecordSettings]":
     from sim.batch import build
-    from sim.trip import make_trip
-    from sim.world import build_world
+    from sim.world.trip import make_trip
+    from sim.world.world import build_world
 
     settings = record_settings(scene, seed, overrides)
     world = build_world(build(scene, settings), settings)
@@ -291,7 +291,7 @@ def _drive(scene: str, seed: int, overrides: list[str]) -> "tuple[World, Trip, R
 
 
 def _rendering(world: "World", settings: "RecordSettings") -> "StereoRenderer":
-    from sim.render import StereoRenderer
+    from sim.camera.render import StereoRenderer
 
     return StereoRenderer(world, settings.render)
 

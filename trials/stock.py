@@ -10,11 +10,11 @@ import mujoco
 import numpy as np
 
 from scenes.scene import PAINT_GROUP
-from sim.labels import disparity_from_depth
-from sim.render import BOTH_GROUPS, SPARE_GEOMS
-from sim.rig import CAMERA
+from sim.camera.render import BOTH_GROUPS, SPARE_GEOMS
+from sim.camera.rig import CAMERA
+from sim.labels.labels import disparity_from_depth
 from sim.settings import RenderSettings
-from sim.world import World
+from sim.world.world import World
 from vo.contract.arrays import Array, Image
 from vo.contract.rig import StereoRig
 

@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 
 from scenes import build_scene
+from sim.camera.render import StereoRenderer
 from sim.record import record
-from sim.render import StereoRenderer
-from sim.rover import PREFIX
 from sim.settings import (
     DriveSettings,
     LabelSettings,
@@ -15,7 +14,8 @@ from sim.settings import (
     RenderSettings,
     RigSettings,
 )
-from sim.world import build_world
+from sim.world.rover import PREFIX
+from sim.world.world import build_world
 from trials.alignment import Pair, associate
 from trials.metrics import errors_over_distance
 from vo.config import THESIS, MatchingSettings, OdometrySettings

@@ -8,7 +8,7 @@ from gym_worlds import write_yard
 from terminal import driftyard
 
 from sim.batch import build
-from sim.world import build_world
+from sim.world.world import build_world
 from trials.gym.freespace import survey_free_space
 from trials.gym.planning import SETTINGS, floor_plan, parse_planning
 from trials.gym.rays import ray_disparity

@@ -8,11 +8,13 @@ import pytest
 import yaml
 
 from scenes.scene import Kind
-from sim.annotate import FORWARD, Annotator
-from sim.camera import Capture, StereoCamera
+from sim.camera.camera import Capture, StereoCamera
+from sim.camera.render import StereoRenderer
+from sim.certificate.verify import verify
+from sim.labels.annotate import FORWARD, Annotator
+from sim.labels.visibility import HIDDEN, NOTHING, OUTSIDE, VISIBLE
 from sim.record import record
-from sim.render import StereoRenderer
-from sim.sensors import LABELS
+from sim.sensors.sensor_yaml import LABELS
 from sim.settings import (
     DriveSettings,
     ExposureSettings,
@@ -23,10 +25,8 @@ from sim.settings import (
     RoverSettings,
     TerrainSettings,
 )
-from sim.trip import make_trip
-from sim.verify import verify
-from sim.visibility import HIDDEN, NOTHING, OUTSIDE, VISIBLE
-from sim.world import World, build_world
+from sim.world.trip import make_trip
+from sim.world.world import World, build_world
 from vo.contract import se3
 from vo.contract.arrays import Array
 from vo.contract.dataset import read_manifest

@@ -37,10 +37,10 @@ def drawn(path: Path, backend: str) -> dict[str, np.ndarray] | None:
     import mujoco
 
     from sim.batch import build
-    from sim.map import survey_map
-    from sim.render import StereoRenderer
+    from sim.camera.render import StereoRenderer
+    from sim.preview.overhead_map import survey_map
     from sim.settings import RecordSettings
-    from sim.world import build_world
+    from sim.world.world import build_world
 
     settings = RecordSettings.model_validate(SETTINGS)
     world = build_world(build(str(path), settings), settings)

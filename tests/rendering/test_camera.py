@@ -8,14 +8,14 @@ import mujoco
 import numpy as np
 import pytest
 
-from sim.labels import disparity_from_depth, visible_in_right
-from sim.map import render_map
-from sim.render import NO_GEOM, StereoRenderer, Survey
-from sim.rig import CAMERA
-from sim.rover import CONTACT_GROUP
+from sim.camera.render import NO_GEOM, StereoRenderer, Survey
+from sim.camera.rig import CAMERA
+from sim.labels.labels import disparity_from_depth, visible_in_right
+from sim.labels.warp import residual
+from sim.preview.overhead_map import render_map
 from sim.settings import RecordSettings, RenderSettings, RigSettings
-from sim.warp import residual
-from sim.world import World
+from sim.world.rover import CONTACT_GROUP
+from sim.world.world import World
 from vo.contract import se3
 from vo.contract.arrays import Array, Image
 from vo.contract.rig import StereoRig

@@ -14,7 +14,7 @@ from gymnasium.utils.env_checker import check_env
 
 import trials.gym
 from scenes.scene import Scene
-from sim.verify import verify
+from sim.certificate.verify import verify
 from trials.estimators import make_estimator
 from trials.gym.film import Filmed
 from trials.gym.places import TrialError

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 from scenes.scene import Motion, Scene
-from sim.camera import Capture, StereoCamera
-from sim.exposure import Shutter, open_shutter, shares
-from sim.light import Encoding, decode
-from sim.render import StereoRenderer
-from sim.rover import BODY
+from sim.camera.camera import Capture, StereoCamera
+from sim.camera.exposure import Shutter, open_shutter, shares
+from sim.camera.linear_light import Encoding, decode
+from sim.camera.render import StereoRenderer
 from sim.settings import (
     DriveSettings,
     ExposureSettings,
@@ -23,8 +22,9 @@ from sim.settings import (
     RigSettings,
     SensorSettings,
 )
-from sim.trip import Trip, make_trip
-from sim.world import START_S, World, build_world
+from sim.world.rover import BODY
+from sim.world.trip import Trip, make_trip
+from sim.world.world import START_S, World, build_world
 from vo.contract import se3
 from vo.contract.arrays import Array, Image
 

@@ -9,8 +9,9 @@ import pytest
 from typer.testing import CliRunner
 
 from scenes.scene import Kind
-from sim.chart import arrow_places, bar_length_m
-from sim.colours import (
+from sim.camera.render import StereoRenderer
+from sim.labels.visibility import Occlusion
+from sim.preview.colours import (
     KINDS,
     NOTHING,
     SEEN,
@@ -22,17 +23,16 @@ from sim.colours import (
     object_colours,
     seen_colours,
 )
-from sim.film import first_seconds, make_film, writing
-from sim.map import survey_map
-from sim.picture import write_picture
-from sim.plates import _room_for
-from sim.preview import chosen, contact_sheet, preview
-from sim.render import StereoRenderer
+from sim.preview.film import first_seconds, make_film, writing
+from sim.preview.image_file import write_picture
+from sim.preview.label_plates import _room_for
+from sim.preview.overhead_map import survey_map
+from sim.preview.preview import chosen, contact_sheet, preview
+from sim.preview.route_map import arrow_places, bar_length_m
+from sim.preview.sample_views import look_around, trip_from
 from sim.settings import RecordSettings
-from sim.sights import look_around, trip_from
-from sim.trip import make_trip
-from sim.visibility import Occlusion
-from sim.world import START_S, build_world
+from sim.world.trip import make_trip
+from sim.world.world import START_S, build_world
 from trials.cli import app
 from vo.contract import se3
 from vo.contract.errors import SettingsError

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
+from sim.certificate.verify import Finding, verify
 from sim.record import record
 from sim.settings import (
     DriveSettings,
@@ -15,8 +16,7 @@ from sim.settings import (
     RenderSettings,
     RigSettings,
 )
-from sim.verify import Finding, verify
-from sim.world import START_S
+from sim.world.world import START_S
 from vo.contract.dataset import MANIFEST, read_manifest
 from vo.contract.errors import DatasetError
 from vo.contract.files import read_float, read_grey

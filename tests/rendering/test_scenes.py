@@ -15,10 +15,10 @@ import pytest
 from scenes import SCENES, build_scene
 from scenes.routes import route_length
 from scenes.scene import HIDDEN_GROUP, PAINT_GROUP, TWIN_GROUP, Kind, Scene
-from sim.render import StereoRenderer, Survey
-from sim.rover import PREFIX, WHEEL_RADIUS_M
+from sim.camera.render import StereoRenderer, Survey
 from sim.settings import RecordSettings
-from sim.world import World, build_world
+from sim.world.rover import PREFIX, WHEEL_RADIUS_M
+from sim.world.world import World, build_world
 from vo.contract.arrays import Array, Image
 
 SEED = 11

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 import yaml
 
+from sim.certificate.verify import verify
 from sim.record import record
-from sim.sensors import EXPOSURES
+from sim.sensors.sensor_yaml import EXPOSURES
 from sim.settings import (
     CalibrationSettings,
     DriveSettings,
@@ -26,7 +27,6 @@ from sim.settings import (
     RoverSettings,
     SensorSettings,
 )
-from sim.verify import verify
 from vo.contract.arrays import Array, Image
 from vo.contract.dataset import MANIFEST, read_manifest
 from vo.contract.files import read_float, read_grey

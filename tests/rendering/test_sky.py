@@ -4,12 +4,12 @@ import mujoco
 import numpy as np
 import pytest
 
-import sim.render
+import sim.camera.render
 from sim.batch import build
-from sim.render import StereoRenderer
+from sim.camera.render import StereoRenderer
+from sim.camera.sky import bare_bands, can_follow
 from sim.settings import RecordSettings
-from sim.sky import bare_bands, can_follow
-from sim.world import build_world
+from sim.world.world import build_world
 
 pytestmark = pytest.mark.gl
 
@@ -44,7 +44,7 @@ def painted(tmp_path, samples, color):
 @pytest.mark.parametrize("color", [False, True])
 def test_bands_of_sky_are_the_whole_sky(tmp_path, monkeypatch, samples, color):
     ours, without = painted(tmp_path, samples, color)
-    monkeypatch.setattr(sim.render, "can_follow", lambda scene: False)
+    monkeypatch.setattr(sim.camera.render, "can_follow", lambda scene: False)
     at_once, _ = painted(tmp_path, samples, color)
     for eye in (0, 1):
         np.testing.assert_array_equal(ours[eye], at_once[eye])

@@ -10,8 +10,8 @@ from scenes import build_scene, find_scene
 from scenes.custom import LOOP_M, is_custom, load_scene
 from scenes.scene import Kind
 from sim.settings import DriveSettings, RecordSettings, TerrainSettings
-from sim.trip import make_trip
-from sim.world import build_world, thing_of
+from sim.world.trip import make_trip
+from sim.world.world import build_world, thing_of
 from vo.contract.errors import SettingsError
 
 YARD = """

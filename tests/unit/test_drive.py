@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from sim.drive import DriveError, Driver, wheel_speeds
-from sim.path import plan_path
-from sim.rover import TRACK_M, WHEEL_RADIUS_M
 from sim.settings import DriveSettings
+from sim.world.drive import DriveError, Driver, wheel_speeds
+from sim.world.path import plan_path
+from sim.world.rover import TRACK_M, WHEEL_RADIUS_M
 from vo.contract import se3
 from vo.contract.arrays import Array
 from vo.contract.errors import SettingsError

@@ -8,7 +8,7 @@ import pytest
 from gym_worlds import write_yard
 
 from sim.batch import build
-from sim.world import START_S, build_world
+from sim.world.world import START_S, build_world
 from trials.gym.barriers import KEEP_M, Barrier, Door, Gate, Load, Slot
 from trials.gym.bodies import with_dynamics
 from trials.gym.carts import KEEP_M as CART_KEEP_M

@@ -8,7 +8,7 @@ import pytest
 from gym_worlds import write_yard
 
 from sim.batch import build
-from sim.world import build_world
+from sim.world.world import build_world
 from trials.gym.freespace import hard, standing, survey_free_space
 from trials.gym.places import TrialError, check_place, draw_errand, main_part
 from trials.gym.settings import NavSettings

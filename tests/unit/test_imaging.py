@@ -7,10 +7,17 @@ import cv2
 import numpy as np
 import pytest
 
-from sim.imaging import WELL, Sensor
-from sim.lens import margin_px
-from sim.light import LINEAR, Encoding, Response, decode, levels_to_light, normal_quantiles
-from sim.metering import EXPOSURE_MIN_MS, AutoExposure
+from sim.camera.auto_exposure import EXPOSURE_MIN_MS, AutoExposure
+from sim.camera.imaging import WELL, Sensor
+from sim.camera.lens import margin_px
+from sim.camera.linear_light import (
+    LINEAR,
+    Encoding,
+    Response,
+    decode,
+    levels_to_light,
+    normal_quantiles,
+)
 from sim.settings import RecordSettings, SensorSettings
 from vo.contract.arrays import Array, Image
 from vo.contract.rig import StereoRig

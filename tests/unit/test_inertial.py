@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from sim.inertial import ImuReadings, ideal_readings, imu_states, integrate, with_noise
+from sim.sensors.inertial import ImuReadings, ideal_readings, imu_states, integrate, with_noise
 from sim.settings import ImuSettings
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from raycast import Ball, Box, Ground, look
 
-from sim.camera import Shot
-from sim.certificate import FrameResidual, Judge, certify
-from sim.imaging import Sensor
-from sim.labels import (
+from sim.camera.camera import Shot
+from sim.camera.imaging import Sensor
+from sim.camera.resample import sample, sample_variance
+from sim.certificate.certificate import FrameResidual, Judge, certify
+from sim.labels.labels import (
     class_image,
     disparity_from_depth,
     flow,
@@ -17,9 +18,8 @@ from sim.labels import (
     object_image,
     visible_in_right,
 )
-from sim.resample import sample, sample_variance
+from sim.labels.warp import expected_residual, residual
 from sim.settings import RecordSettings
-from sim.warp import expected_residual, residual
 from vo.contract import se3
 from vo.contract.rig import StereoRig
 

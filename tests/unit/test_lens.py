@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
-from sim.imaging import Sensor
-from sim.lens import (
+from sim.camera.imaging import Sensor
+from sim.camera.lens import (
     chip_map,
     chip_margin_px,
     delivered_rig,
@@ -18,7 +18,7 @@ from sim.lens import (
     undistort,
     unknown_rotation,
 )
-from sim.light import decode
+from sim.camera.linear_light import decode
 from sim.settings import CalibrationSettings, RecordSettings, RigSettings, SensorSettings
 from vo.contract.arrays import Array, Image
 from vo.contract.errors import CalibrationError, SettingsError

@@ -7,11 +7,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from sim.drive import wheel_speeds
-from sim.rover import BODY, TRACK_M, WHEEL_RADIUS_M
 from sim.settings import DriveSettings, RecordSettings
-from sim.trip import Trip, make_trip
-from sim.world import START_S, build_world
+from sim.world.drive import wheel_speeds
+from sim.world.rover import BODY, TRACK_M, WHEEL_RADIUS_M
+from sim.world.trip import Trip, make_trip
+from sim.world.world import START_S, build_world
 from vo.contract import se3
 from vo.contract.errors import SettingsError
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from sim.encoders import Encoders, ticks
-from sim.gl import choose_backend
+from sim.camera.gl import choose_backend
+from sim.sensors.wheel_encoders import Encoders, ticks
 from sim.settings import RecordSettings
-from sim.streams import stream
+from sim.world.random_streams import stream
 from vo.contract.errors import SettingsError
 from vo.contract.settings import resolve
 

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from scenes.scene import HIDDEN_GROUP, PAINT_GROUP, TWIN_GROUP, Kind
-from sim.rover import PREFIX as ROVER
 from sim.settings import DriveSettings, RecordSettings, TerrainSettings
-from sim.terrain import CLEAR_START_M, ICE_HEIGHT_M, PREFIX
-from sim.trip import make_trip
-from sim.world import World, build_world, thing_of
+from sim.world.rover import PREFIX as ROVER
+from sim.world.terrain import CLEAR_START_M, ICE_HEIGHT_M, PREFIX
+from sim.world.trip import make_trip
+from sim.world.world import World, build_world, thing_of
 from vo.contract.arrays import Array
 
 ROUTE = np.array([[0.0, 0.0], [2.0, 0.0], [4.0, 1.5]])

@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 
 from scenes.scene import Motion
-from sim.drive import DriveError
-from sim.rover import WHEEL_RADIUS_M
 from sim.settings import (
     DriveSettings,
     EncoderSettings,
@@ -20,8 +18,10 @@ from sim.settings import (
     RoverSettings,
     SensorSettings,
 )
-from sim.trip import REST_S, States, Trip, longest_window_s, make_trip
-from sim.world import START_S, build_world, steps_per_second
+from sim.world.drive import DriveError
+from sim.world.rover import WHEEL_RADIUS_M
+from sim.world.trip import REST_S, States, Trip, longest_window_s, make_trip
+from sim.world.world import START_S, build_world, steps_per_second
 from vo.contract import se3
 from vo.contract.arrays import Array
 

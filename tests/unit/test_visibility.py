@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from raycast import Ball, Box, Ground, View, look, sees
 
-from sim.labels import disparity_from_depth, flow
-from sim.visibility import HIDING_STRIP_PX, Occlusion, covisibility, occlusion
+from sim.labels.labels import disparity_from_depth, flow
+from sim.labels.visibility import HIDING_STRIP_PX, Occlusion, covisibility, occlusion
 from vo.contract import se3
 from vo.contract.arrays import Array, Mask
 from vo.contract.rig import StereoRig

@@ -97,7 +97,7 @@ def generate(
 
 def verify(dataset: Annotated[Path, typer.Argument(help="Folder that generate wrote.")]) -> None:
     """Recompute every hash and the certificate of a dataset."""
-    from sim.verify import verify as find_faults
+    from sim.certificate.verify import verify as find_faults
     from trials.commands import console
 
     with console.progress_bar("verifying") as progress:

@@ -78,7 +78,7 @@ def render_test_scene(backend: Literal["egl", "osmesa"]) -> tuple[bool, str]:
     import mujoco
     import numpy as np
 
-    from sim.gl import GraphicsError, open_context
+    from sim.camera.gl import GraphicsError, open_context
 
     try:
         context = open_context(backend, SIDE_PX, SIDE_PX)

@@ -31,9 +31,9 @@ def preview(
 ) -> None:
     """Render a contact sheet of views, labels and map, or a short film, before recording."""
     from sim.batch import build
-    from sim.film import film_suffix, make_film
-    from sim.picture import picture_suffix
-    from sim.preview import preview as render_sheet
+    from sim.preview.film import film_suffix, make_film
+    from sim.preview.image_file import picture_suffix
+    from sim.preview.preview import preview as render_sheet
     from trials.commands import console
     from vo.contract.errors import SettingsError
 
@@ -64,8 +64,8 @@ def _preview_all(
     """Picture every registered scene with its own settings."""
     from scenes import SCENES
     from sim.batch import build
-    from sim.overview import overview, tile
-    from sim.picture import write_picture
+    from sim.preview.image_file import write_picture
+    from sim.preview.overview import overview, tile
     from trials.commands import console
 
     tiles = []

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from sim.camera import StereoCamera
+from sim.camera.camera import StereoCamera
 from sim.record import record_trip
-from sim.trip import Trip
+from sim.world.trip import Trip
 from trials.gym.site import Site
 from vo.contract.dataset import DatasetWriter
 from vo.contract.errors import DatasetError

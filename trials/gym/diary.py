@@ -4,8 +4,8 @@ from array import array
 
 import numpy as np
 
-from sim.trip import Motions, States, Trip, body_motion, wheel_forces_n
-from sim.world import World
+from sim.world.trip import Motions, States, Trip, body_motion, wheel_forces_n
+from sim.world.world import World
 from vo.contract.arrays import Array, Mask
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenes.scene import Scene
-from sim.world import START_S
+from sim.world.world import START_S
 from trials.gym.barriers import Barrier, Door, Load, Slot
 from trials.gym.bodies import DOOR_M, LOAD_M
 from trials.gym.carts import Cart

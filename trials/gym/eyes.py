@@ -5,14 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from sim.camera import Capture, Shot, StereoCamera
-from sim.exposure import mean_brightness, open_shutter
-from sim.lens import delivered_rig
-from sim.render import StereoRenderer, Survey
+from sim.camera.camera import Capture, Shot, StereoCamera
+from sim.camera.exposure import mean_brightness, open_shutter
+from sim.camera.lens import delivered_rig
+from sim.camera.render import StereoRenderer, Survey
 from sim.settings import RecordSettings
-from sim.streams import stream
-from sim.trip import Motions, Trip
-from sim.world import World
+from sim.world.random_streams import stream
+from sim.world.trip import Motions, Trip
+from sim.world.world import World
 from trials.gym.simulation import Simulation
 from vo.contract.arrays import Array, Image
 from vo.contract.rig import StereoRig

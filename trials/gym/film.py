@@ -8,7 +8,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from sim.film import film_suffix, writing
+from sim.preview.film import film_suffix, writing
 from vo.contract.arrays import Array, Image
 from vo.contract.errors import SettingsError
 

@@ -9,7 +9,7 @@ import gymnasium
 import numpy as np
 
 import trials.gym
-from sim.film import writing
+from sim.preview.film import writing
 from trials.alignment import Pair
 from trials.gym.environments import RoverNav
 from trials.gym.policies import NavigatorPolicy

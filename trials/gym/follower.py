@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.world import START_S
+from sim.world.world import START_S
 from trials.gym.barriers import Gate
 from trials.gym.settings import TrialSettings
 from trials.navigation.steering import Pose2, SteeringSettings, Twist, pure_pursuit

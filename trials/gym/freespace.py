@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 
 from scenes.scene import Kind
-from sim.rover import BODY
-from sim.world import World, thing_of
+from sim.world.rover import BODY
+from sim.world.world import World, thing_of
 from vo.contract.arrays import Array, Indices, Mask
 
 CELL_M = 0.05

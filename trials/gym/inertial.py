@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from sim.inertial import ideal_readings
-from sim.sensors import T_body_imu
+from sim.sensors.inertial import ideal_readings
+from sim.sensors.sensor_yaml import T_body_imu
+from sim.sensors.tables import GRAVITY_MPS2
 from sim.settings import ImuSettings
-from sim.tables import GRAVITY_MPS2
-from sim.trip import body_motion
-from sim.world import World
+from sim.world.trip import body_motion
+from sim.world.world import World
 from vo.contract.arrays import Array
 
 GYRO_MAX_RADPS, ACCEL_MAX_MPS2 = 35.0, 160.0

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from sim.rover import TRACK_M, WHEEL_RADIUS_M
+from sim.world.rover import TRACK_M, WHEEL_RADIUS_M
 from trials.estimators import ESTIMATORS, make_estimator
 from trials.plugins.guard import Guarded
 from vo.contract import se3

@@ -6,8 +6,8 @@ from matplotlib import font_manager
 from PIL import Image as Pillow
 from PIL import ImageDraw, ImageFont
 
-from sim.chase import SIDE_DEG, chase_camera
-from sim.map import TopDownMap, survey_map
+from sim.preview.chase_camera import SIDE_DEG, chase_camera
+from sim.preview.overhead_map import TopDownMap, survey_map
 from trials.gym.site import Site
 from trials.gym.tasks import Explore, Task
 from vo.contract.arrays import Array, Image

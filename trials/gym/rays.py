@@ -4,8 +4,8 @@ import mujoco
 import numpy as np
 
 from scenes.scene import PAINT_GROUP, TWIN_GROUP
-from sim.rover import BODY
-from sim.world import World
+from sim.world.rover import BODY
+from sim.world.world import World
 from vo.contract.arrays import Array
 
 WIDTH_PX, HEIGHT_PX = 64, 48

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.world import START_S
+from sim.world.world import START_S
 from trials.gym.aisles import Aisles, gate_name, make_gates, survey_aisles
 from trials.gym.barriers import Gate
 from trials.gym.environments import RoverNav

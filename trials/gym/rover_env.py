@@ -10,8 +10,8 @@ import cv2
 import gymnasium
 import numpy as np
 
-from sim.rover import WHEEL_RADIUS_M
-from sim.world import START_S
+from sim.world.rover import WHEEL_RADIUS_M
+from sim.world.world import START_S
 from trials.gym.diary import Diary
 from trials.gym.inertial import InertialUnit
 from trials.gym.localization import Belief, Sight, make_localization

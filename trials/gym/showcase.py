@@ -11,7 +11,7 @@ import numpy as np
 import typer
 from PIL import Image as Pillow
 
-from sim.picture import known_suffix
+from sim.preview.image_file import known_suffix
 from trials.cli import guard
 from trials.gym.environments import RoverNav
 from trials.gym.fleet import NAV

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from sim.encoders import ticks
-from sim.rover import BODY, PREFIX, WHEEL_RADIUS_M, WHEELS
+from sim.sensors.wheel_encoders import ticks
 from sim.settings import RecordSettings
-from sim.trip import MOVER_PERIOD_S, States, longest_window_s
-from sim.world import START_CLEARANCE_M, START_S, World
+from sim.world.rover import BODY, PREFIX, WHEEL_RADIUS_M, WHEELS
+from sim.world.trip import MOVER_PERIOD_S, States, longest_window_s
+from sim.world.world import START_CLEARANCE_M, START_S, World
 from trials.gym.diary import Diary
 from trials.gym.freespace import hard, solid
 from trials.gym.reacting import Reacting

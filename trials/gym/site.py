@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from scenes.scene import Scene
 from sim.batch import build
 from sim.settings import RecordSettings, TerrainSettings
-from sim.world import build_world
+from sim.world.world import build_world
 from trials.gym.bodies import with_dynamics
 from trials.gym.eyes import Eyes
 from trials.gym.freespace import survey_free_space

@@ -5,8 +5,8 @@ import math
 import numpy as np
 from gymnasium import spaces
 
-from sim.rover import TRACK_M, WHEEL_RADIUS_M
 from sim.settings import RecordSettings
+from sim.world.rover import TRACK_M, WHEEL_RADIUS_M
 from trials.gym.inertial import ACCEL_MAX_MPS2, GYRO_MAX_RADPS
 from trials.gym.places import TrialError
 from trials.gym.settings import Channel, TrialSettings

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from sim.path import Path
+from sim.world.path import Path
 from trials.gym.places import Errand
 from trials.gym.ways import Passages, Ways, way_length_m
 from vo.contract.arrays import Array, Mask

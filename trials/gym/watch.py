@@ -2,8 +2,8 @@
 
 import math
 
-from sim.drive import TIPPED_RAD
-from sim.world import thing_of
+from sim.world.drive import TIPPED_RAD
+from sim.world.world import thing_of
 from trials.gym.simulation import Simulation
 
 STUCK_AFTER_S = 10.0

@@ -5,7 +5,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from sim.rover import WHEEL_RADIUS_M
+from sim.world.rover import WHEEL_RADIUS_M
 from trials.navigation.occupancy import OccupancyGrid, depth_of, empty_grid, observe
 from trials.navigation.settings import NavigatorSettings
 from trials.navigation.steering import Pose2

@@ -104,10 +104,10 @@ _studio: _Studio
 def _drive(trial: Trial) -> tuple[int, float]:
     """Frames, and milliseconds of physics a frame."""
     from sim.batch import build
-    from sim.camera import StereoCamera
-    from sim.render import StereoRenderer
-    from sim.trip import make_trip
-    from sim.world import build_world
+    from sim.camera.camera import StereoCamera
+    from sim.camera.render import StereoRenderer
+    from sim.world.trip import make_trip
+    from sim.world.world import build_world
 
     global _studio
     settings = trial.settings(*NOISE)

@@ -96,7 +96,7 @@ _stand: _Stand
 
 
 def _open_ours(trial: Trial) -> None:
-    from sim.render import StereoRenderer
+    from sim.camera.render import StereoRenderer
 
     global _stand
     world, trip = trial.drive()
@@ -105,7 +105,7 @@ def _open_ours(trial: Trial) -> None:
 
 
 def _open_stock(trial: Trial) -> None:
-    from sim.gl import choose_backend
+    from sim.camera.gl import choose_backend
 
     # mujoco picks the backend of its own renderer when it is imported.
     os.environ["MUJOCO_GL"] = choose_backend("auto")

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
     from sim.settings import RecordSettings
-    from sim.trip import Trip
-    from sim.world import World
+    from sim.world.trip import Trip
+    from sim.world.world import World
 
 NOISE = ("sensor.full_well=6000", "sensor.read_noise=15")
 """What the recorded camera adds."""
@@ -42,8 +42,8 @@ class Trial:
     def drive(self) -> "tuple[World, Trip]":
         """Build the world and go through it, in physics alone."""
         from sim.batch import build
-        from sim.trip import make_trip
-        from sim.world import build_world
+        from sim.world.trip import make_trip
+        from sim.world.world import build_world
 
         settings = self.settings()
         world = build_world(build(self.scene, settings), settings)

@@ -1,0 +1,1 @@
+"""The stereo camera: OpenGL, exposure, lens and image sensor."""

@@ -1,0 +1,193 @@
+"""Exposure: sub-frames of the running world, integrated in linear light over the open shutter.
+
+The shutter's time is cut into equal slots, one render each, few enough that nothing costs more
+than it must and many enough that no pixel moves by more than `step_px` from one to the next. A
+camera that stands still takes one. A rolling shutter and an offset between the eyes only change
+how much of each slot a row of an eye receives.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.camera.linear_light import decode
+from sim.camera.render import StereoRenderer, Survey
+from sim.settings import ExposureSettings
+from sim.world.trip import Trip
+from sim.world.world import World
+from vo.contract import se3
+from vo.contract.arrays import Array, Image
+
+PROBE_PX = 16
+"""Spacing of the pixels whose motion decides the number of sub-frames."""
+PROBE_PERIOD_S = 0.002
+PROBES_MAX = 16
+
+
+@dataclass(frozen=True)
+class Shutter:
+    """When the rows of both eyes are open.
+
+    Attributes:
+        start_s: (2, H) for left and right, of each row, absolute.
+        end_s: (2, H), not before `start_s`.
+    """
+
+    start_s: Array
+    end_s: Array
+
+    @property
+    def window_s(self) -> tuple[float, float]:
+        """From the first photon to the last."""
+        return float(self.start_s.min()), float(self.end_s.max())
+
+    @property
+    def is_uniform(self) -> bool:
+        """Whether all rows of both eyes are open at once."""
+        return bool(np.ptp(self.start_s) == 0)
+
+
+def open_shutter(settings: ExposureSettings, time_s: float, open_s: float, rows: int) -> Shutter:
+    """Centre the middle row of the left eye on a time.
+
+    Args:
+        settings: Line time and offset of the eyes.
+        time_s: The frame's timestamp.
+        open_s: How long each row is open.
+        rows: H.
+    """
+    lag_s = (np.arange(rows) - (rows - 1) / 2) * settings.line_time_us * 1e-6
+    eye_s = np.array([0.0, settings.eye_offset_ms * 1e-3])
+    middle_s = time_s + eye_s[:, None] + lag_s
+    return Shutter(middle_s - open_s / 2, middle_s + open_s / 2)
+
+
+def expose(
+    world: World,
+    trip: Trip,
+    renderer: StereoRenderer,
+    settings: ExposureSettings,
+    shutter: Shutter,
+    survey: Survey,
+) -> tuple[tuple[Array, Array], int]:
+    """Let both eyes gather light.
+
+    Args:
+        world: Is moved through the exposure.
+        trip: Where the world is when.
+        renderer: Of the world.
+        settings: Limits of the sub-frames.
+        shutter: When which row is open.
+        survey: What the eyes meet at mid-exposure.
+
+    Returns:
+        Left and right images, and the number of sub-frames. Of a single sub-frame the images are
+        as rendered, uint8; else float32 in linear light, 0 to 1.
+    """
+    start_s, end_s = shutter.window_s
+    slots = subframes(world, trip, settings, shutter, survey)
+    sky = bool(np.isnan(survey.depth_left_m).any() or np.isnan(survey.depth_right_m).any())
+    edges = np.linspace(start_s, end_s, slots + 1)
+    if slots == 1:
+        return _paint(world, trip, renderer, (start_s + end_s) / 2, sky), 1
+    portions = shares(shutter, edges)
+    total: list[Array] = []
+    for slot, time_s in enumerate((edges[1:] + edges[:-1]) / 2):
+        images = _paint(world, trip, renderer, float(time_s), sky=True)
+        lights = [_weighed(decode(x), portions[eye, :, slot]) for eye, x in enumerate(images)]
+        total = [t + light for t, light in zip(total, lights, strict=True)] if total else lights
+    return (total[0], total[1]), slots
+
+
+def subframes(
+    world: World, trip: Trip, settings: ExposureSettings, shutter: Shutter, survey: Survey
+) -> int:
+    """How many sub-frames keep every probed pixel's motion between two within `step_px`."""
+    start_s, end_s = shutter.window_s
+    if end_s <= start_s:
+        return 1
+    motion_px = fastest_px_s(world, trip, survey, start_s, end_s) * (end_s - start_s)
+    return int(np.clip(math.ceil(motion_px / settings.step_px - 1e-6), 1, settings.subframes_max))
+
+
+def fastest_px_s(world: World, trip: Trip, survey: Survey, start_s: float, end_s: float) -> float:
+    """Largest speed in the left image of what is seen at mid-exposure, pixels per second.
+
+    Points are carried along with the body that they are on; the sky only turns.
+    """
+    rig = world.render_rig
+    depth = survey.depth_left_m[::PROBE_PX, ::PROBE_PX].ravel().astype(float)
+    geoms = survey.geoms_left[::PROBE_PX, ::PROBE_PX].ravel()
+    v, u = (a.ravel() for a in np.mgrid[: rig.height_px : PROBE_PX, : rig.width_px : PROBE_PX])
+    rays = np.column_stack([rig.normalized(np.column_stack([u, v])), np.ones(len(u))])
+    is_sky = np.isnan(depth)
+    _place(world, trip, (start_s + end_s) / 2)
+    points = np.where(is_sky, 1.0, depth)[:, None] * rays
+    points_world = se3.transform(world.T_world_cam, points)
+    bodies = np.where(is_sky, 0, world.model.geom_bodyid[geoms])
+    T_bodies_world = se3.inverse(world.T_world_bodies)[bodies]
+    points_body = np.einsum("nij,nj->ni", T_bodies_world, _homogeneous(points_world))
+    directions_world = rays @ world.T_world_cam[:3, :3].T
+    count = int(np.clip(math.ceil((end_s - start_s) / PROBE_PERIOD_S), 2, PROBES_MAX))
+    seen: list[Array] = []
+    for time_s in np.linspace(start_s, end_s, count + 1):
+        _place(world, trip, float(time_s))
+        moved = np.einsum("nij,nj->ni", world.T_world_bodies[bodies], points_body)[:, :3]
+        T_cam_world = se3.inverse(world.T_world_cam)
+        here = se3.transform(T_cam_world, moved)
+        here[is_sky] = directions_world[is_sky] @ T_cam_world[:3, :3].T
+        seen.append(rig.project(here)[:, :2])
+    steps_px = np.linalg.norm(np.diff(np.array(seen), axis=0), axis=-1)
+    return float(np.nanmax(steps_px, initial=0.0)) * count / (end_s - start_s)
+
+
+def mean_brightness(world: World, shutter: Shutter, samples: int = 33) -> Array:
+    """Illuminance that each row of the left eye receives, (H,); flicker shows as bands."""
+    share = np.linspace(0, 1, samples)
+    start_s, end_s = shutter.start_s[0], shutter.end_s[0]
+    if shutter.is_uniform:
+        return np.full(
+            len(start_s),
+            world.scene.brightness(start_s[0] + share * (end_s[0] - start_s[0])).mean(),
+        )
+    times_s = start_s[:, None] + share * (end_s - start_s)[:, None]
+    return world.scene.brightness(times_s).mean(axis=1)
+
+
+def shares(shutter: Shutter, edges: Array) -> Array:
+    """Share of its light that a row of an eye gets from each slot: (2, H, slots), sums of one.
+
+    A row that is open for an instant takes what a slot's length around it shows.
+
+    Args:
+        shutter: When which row is open.
+        edges: (slots + 1,) times in seconds, evenly spaced, that bound the slots.
+    """
+    slot_s = edges[1] - edges[0]
+    middle = (shutter.start_s + shutter.end_s) / 2
+    half = np.maximum(shutter.end_s - shutter.start_s, slot_s)[..., None] / 2
+    low = np.maximum(middle[..., None] - half, edges[:-1])
+    high = np.minimum(middle[..., None] + half, edges[1:])
+    overlap = np.maximum(high - low, 0)
+    return (overlap / overlap.sum(axis=-1, keepdims=True)).astype(np.float32)
+
+
+def _paint(
+    world: World, trip: Trip, renderer: StereoRenderer, time_s: float, sky: bool
+) -> tuple[Image, Image]:
+    _place(world, trip, time_s)
+    return renderer.paint(sky)
+
+
+def _place(world: World, trip: Trip, time_s: float) -> None:
+    world.place(time_s, trip.states.at(world.model, time_s * 1e9))
+
+
+def _weighed(light: Array, share: Array) -> Array:
+    """Scale the (H,) rows of an image; all zeros where a row is closed."""
+    return light * share.reshape(-1, *(1,) * (light.ndim - 1))
+
+
+def _homogeneous(points: Array) -> Array:
+    return np.column_stack([points, np.ones(len(points))])

@@ -1,0 +1,235 @@
+"""The renderer: both eyes in one pass, colour and labels, and single pictures for people."""
+
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Self
+
+import cv2
+import mujoco
+import numpy as np
+
+from scenes.scene import HIDDEN_GROUP, PAINT_GROUP, TWIN_GROUP
+from sim.camera.frustum_culling import in_view
+from sim.camera.gl import GLContext, GraphicsError, open_context
+from sim.camera.readout import read_out
+from sim.camera.rig import CAMERA
+from sim.camera.sky import SkyBands, bare_bands, can_follow
+from sim.camera.target import Target
+from sim.settings import RenderSettings
+from sim.world.world import World
+from vo.contract.arrays import Array, Image, Indices
+
+SPARE_GEOMS = 100
+"""Room for what MuJoCo adds to a scene, such as the reflections of a mirror."""
+
+NO_GEOM = -1
+BOTH_GROUPS = (0, 1, 2)
+"""Geom groups that pictures and labels show alike: the rover, and a user's own world."""
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What both eyes meet at one instant, exactly at the pixel centres.
+
+    Attributes:
+        depth_left_m: (H, W) float32 planar depth; NaN where nothing is hit.
+        depth_right_m: Like `depth_left_m`, in the right eye.
+        geoms_left: (H, W) ids of the geoms hit; NO_GEOM for none.
+        geoms_right: Like `geoms_left`.
+    """
+
+    depth_left_m: Array
+    depth_right_m: Array
+    geoms_left: Indices
+    geoms_right: Indices
+
+
+class StereoRenderer:
+    """Renders a world off-screen; a context manager, and the only owner of GL in its process.
+
+    Colour may be multisampled. Depth and identity never are: they come from a pass of their own
+    without samples, textures, light or shadows, so that each holds exactly at pixel centres (a
+    resolved depth is some sample's, off the centre: a median 0.13 % wrong on paving). Surfaces
+    that are out of view are left out before the driver sees them.
+    """
+
+    def __init__(self, world: World, settings: RenderSettings, color: bool = False) -> None:
+        """Remember what to render; the GL context is made on entering.
+
+        Args:
+            world: Is looked at, never changed, except for MuJoCo's picture quality settings.
+            settings: Backend and quality.
+            color: Whether `paint` gives RGB instead of grey.
+        """
+        self._world = world
+        self._settings = settings
+        self._color = color
+        self._width, self._height = world.render_rig.width_px, world.render_rig.height_px
+        self._gl: GLContext | None = None
+        self._paint_option = _showing(*BOTH_GROUPS, PAINT_GROUP)
+        self._label_option = _showing(*BOTH_GROUPS, TWIN_GROUP)
+
+    def __enter__(self) -> Self:
+        model, settings = self._world.model, self._settings
+        model.vis.map.znear = settings.near_m / model.stat.extent
+        model.vis.map.zfar = settings.far_m / model.stat.extent
+        model.vis.global_.offwidth = 2 * self._width
+        model.vis.global_.offheight = self._height
+        model.vis.quality.offsamples = settings.samples
+        model.vis.quality.shadowsize = settings.shadow_size_px
+        self._gl = open_context(settings.backend, 2 * self._width, self._height)
+        try:
+            self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
+            self._context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
+            self._paint_target = Target(self._context, settings.samples)
+            self._label_target = Target(self._context, 0)
+            self._sky = SkyBands(self._context)
+        except (mujoco.FatalError, GraphicsError) as error:
+            self._gl.free()
+            raise GraphicsError(f"the GL refuses a picture of this size ({error})") from None
+        self._scene = mujoco.MjvScene(model, maxgeom=model.ngeom + SPARE_GEOMS)
+        self._rect = mujoco.MjrRect(0, 0, 2 * self._width, self._height)
+        self._rgba = np.empty((self._height, 2 * self._width, 4), np.uint8)
+        self._zbuffer = np.empty((self._height, 2 * self._width), np.float32)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        tb: TracebackType | None,
+    ) -> None:
+        assert self._gl is not None
+        self._gl.make_current()
+        self._paint_target.free()
+        self._label_target.free()
+        self._sky.free()
+        self._context.free()
+        self._gl.free()
+        self._gl = None
+
+    @property
+    def gl_strings(self) -> dict[str, str]:
+        """Vendor, renderer and version, as the driver calls itself."""
+        from OpenGL import GL  # binds to the backend chosen on entering
+
+        names = {"vendor": GL.GL_VENDOR, "renderer": GL.GL_RENDERER, "version": GL.GL_VERSION}
+        return {name: GL.glGetString(code).decode() for name, code in names.items()}
+
+    def paint(self, sky: bool = True) -> tuple[Image, Image]:
+        """Show both eyes the world's present state (see `World.place_bodies`).
+
+        Args:
+            sky: Whether any sky can be seen; without, drawing is faster.
+
+        Returns:
+            Left and right (H, W) grey or (H, W, 3) RGB images, uint8.
+        """
+        self._look_through_rig(self._paint_option)
+        sky_follows = sky and can_follow(self._scene)
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = sky and not sky_follows
+        with self._paint_target as target:
+            self._draw(self._rect)
+            target.read_colour(self._rgba)
+            for low, high in bare_bands(self._rgba) if sky_follows else []:
+                self._sky.prepare(self._scene, low, high)
+                self._draw(self._rect)
+                target.read_colour(self._rgba, low, high)
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = True
+        form = cv2.COLOR_RGBA2RGB if self._color else cv2.COLOR_RGBA2GRAY
+        return self._eyes(np.asarray(cv2.cvtColor(self._rgba, form), np.uint8))
+
+    def survey(self) -> Survey:
+        """Measure what both eyes meet at the world's present state."""
+        self._look_through_rig(self._label_option)
+        flags = (mujoco.mjtRndFlag.mjRND_SEGMENT, mujoco.mjtRndFlag.mjRND_IDCOLOR)
+        for flag in flags:
+            self._scene.flags[flag] = True
+        try:
+            with self._label_target as target:
+                self._draw(self._rect)
+                target.read_colour(self._rgba)
+                target.read_depth(self._zbuffer)
+        finally:
+            for flag in flags:
+                self._scene.flags[flag] = False
+        ids = np.full(self._scene.ngeom + 1, NO_GEOM, dtype=np.int32)
+        for geom in self._scene.geoms[: self._scene.ngeom]:
+            if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
+                ids[geom.segid + 1] = geom.objid
+        visual, extent = self._world.model.vis, self._world.model.stat.extent
+        near, far = np.float32(visual.map.znear * extent), np.float32(visual.map.zfar * extent)
+        return Survey(*read_out(self._zbuffer, self._rgba, ids, near, far))
+
+    def picture(
+        self,
+        camera: mujoco.MjvCamera,
+        width_px: int,
+        height_px: int,
+        orthographic_m: float | None = None,
+    ) -> Image:
+        """Render one (H, W, 3) RGB picture from any camera, for people to look at.
+
+        Args:
+            camera: Free, tracking or fixed.
+            width_px: W.
+            height_px: H.
+            orthographic_m: Vertical extent of an orthographic view; None for perspective.
+        """
+        context = self._context
+        if width_px > context.offWidth or height_px > context.offHeight:
+            size = max(width_px, context.offWidth), max(height_px, context.offHeight)
+            mujoco.mjr_resizeOffscreen(*size, context)
+        view = self._world.model.vis.global_
+        perspective_fovy_deg = view.fovy
+        if orthographic_m is not None:
+            camera.orthographic, view.fovy = 1, orthographic_m
+        self._update(camera, self._paint_option, mujoco.mjtStereo.mjSTEREO_NONE)
+        view.fovy = perspective_fovy_deg
+        rgb = np.empty((height_px, width_px, 3), np.uint8)
+        rect = mujoco.MjrRect(0, 0, width_px, height_px)
+        self._draw(rect)
+        mujoco.mjr_readPixels(rgb, None, rect, context)
+        return np.asarray(cv2.flip(rgb, 0), np.uint8)
+
+    def _look_through_rig(self, option: mujoco.MjvOption) -> None:
+        """Describe to MuJoCo what the pair can see; what it cannot see costs nothing."""
+        model, data = self._world.model, self._world.data
+        camera = mujoco.MjvCamera()
+        camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
+        camera.fixedcamid = model.camera(CAMERA).id
+        groups = model.geom_group.copy()
+        model.geom_group[~in_view(model, data, self._world.render_rig)] = HIDDEN_GROUP
+        try:
+            self._update(camera, option, mujoco.mjtStereo.mjSTEREO_SIDEBYSIDE)
+        finally:
+            model.geom_group[:] = groups
+
+    def _update(
+        self, camera: mujoco.MjvCamera, option: mujoco.MjvOption, stereo: mujoco.mjtStereo
+    ) -> None:
+        everything = mujoco.mjtCatBit.mjCAT_ALL
+        world = self._world
+        mujoco.mjv_updateScene(
+            world.model, world.data, option, None, camera, everything, self._scene
+        )
+        self._scene.stereo = stereo
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = self._settings.shadow_size_px > 0
+
+    def _draw(self, rect: mujoco.MjrRect) -> None:
+        assert self._gl is not None
+        self._gl.make_current()
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
+        mujoco.mjr_render(rect, self._scene, self._context)
+
+    def _eyes(self, both: Array) -> tuple[Array, Array]:
+        """Cut (H, 2W, ...) with the bottom row first into two upright, contiguous images."""
+        left, right = both[::-1, : self._width], both[::-1, self._width :]
+        return np.ascontiguousarray(left), np.ascontiguousarray(right)
+
+
+def _showing(*groups: int) -> mujoco.MjvOption:
+    option = mujoco.MjvOption()
+    option.geomgroup[:] = 0
+    option.geomgroup[list(groups)] = 1
+    return option

@@ -1,0 +1,95 @@
+"""The stereo rig: its MuJoCo camera, its calibration, and the one flip between the two conventions.
+
+MuJoCo, like OpenGL, has the camera look along -z with y up; everything else in this project uses
+OpenCV's axes: x right, y down, z forward. R_GL_CV below is the only place where they meet.
+"""
+
+import math
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+
+from sim.settings import RigSettings
+from sim.world.rover import CAMERA_X_M, MAST, PREFIX, WHEEL_RADIUS_M
+from vo.contract import se3
+from vo.contract.arrays import Array
+from vo.contract.rig import StereoRig
+
+CAMERA = PREFIX + "stereo"
+R_GL_CV: Array = np.diag([1.0, -1.0, -1.0])
+
+
+def stereo_rig(settings: RigSettings) -> StereoRig:
+    """Return the calibration that follows from the settings.
+
+    `T_body_cam` places the left eye in the rover's body frame. With the pixel centres on
+    integers, f = (W/2) / tan(hfov/2) = (H/2) / tan(fovy/2) and c = ((W-1)/2, (H-1)/2).
+    """
+    T_body_center = se3.pose(R_body_gl(settings.tilt_deg) @ R_GL_CV, _center_body(settings))
+    T_center_left = se3.pose(np.eye(3), np.array([-settings.baseline_m / 2, 0.0, 0.0]))
+    return StereoRig(
+        width_px=settings.width_px,
+        height_px=settings.height_px,
+        f_px=settings.width_px / 2 / math.tan(math.radians(settings.hfov_deg) / 2),
+        cx_px=(settings.width_px - 1) / 2,
+        cy_px=(settings.height_px - 1) / 2,
+        baseline_m=settings.baseline_m,
+        T_body_cam=T_body_center @ T_center_left,
+    )
+
+
+def widened(rig: StereoRig, margin_px: int) -> StereoRig:
+    """Return the same pair with that many more pixels on every side."""
+    return replace(
+        rig,
+        width_px=rig.width_px + 2 * margin_px,
+        height_px=rig.height_px + 2 * margin_px,
+        cx_px=rig.cx_px + margin_px,
+        cy_px=rig.cy_px + margin_px,
+    )
+
+
+def add_rig(carrier: mujoco.MjSpec, settings: RigSettings, rig: StereoRig) -> None:
+    """Mount a pair on the carrier's mast: one MuJoCo camera, whose `ipd` is the baseline.
+
+    The camera sits halfway between the eyes; MuJoCo puts the left one at -ipd/2 along its x.
+
+    Args:
+        carrier: Has a body `mast`.
+        settings: Where on the mast.
+        rig: What is rendered, centred.
+    """
+    T_body_gl = se3.pose(R_body_gl(settings.tilt_deg), _center_body(settings))
+    carrier.body(MAST).add_camera(
+        name=CAMERA.removeprefix(PREFIX),
+        pos=T_body_gl[:3, 3],
+        quat=se3.to_quat_wxyz(T_body_gl),
+        fovy=math.degrees(2 * math.atan(rig.height_px / 2 / rig.f_px)),
+        ipd=rig.baseline_m,
+    )
+
+
+def T_world_left(camera_pos: Array, camera_mat: Array, rig: StereoRig) -> Array:
+    """Turn MuJoCo's pose of the camera between the eyes into the left eye's, in OpenCV's axes.
+
+    Args:
+        camera_pos: (3,) cam_xpos.
+        camera_mat: (9,) cam_xmat.
+        rig: Gives the baseline.
+    """
+    R_world_cv = camera_mat.reshape(3, 3) @ R_GL_CV
+    return se3.pose(R_world_cv, camera_pos - rig.baseline_m / 2 * R_world_cv[:, 0])
+
+
+def R_body_gl(tilt_deg: float) -> Array:
+    """(3, 3) rotation of an OpenGL camera that looks forward and `tilt_deg` down."""
+    tilt = math.radians(tilt_deg)
+    right = np.array([0.0, -1.0, 0.0])
+    forward = np.array([math.cos(tilt), 0.0, -math.sin(tilt)])
+    return np.stack([right, np.cross(right, forward), -forward], axis=1)
+
+
+def _center_body(settings: RigSettings) -> Array:
+    """(3,) midpoint of the optical centres in the body frame, metres."""
+    return np.array([CAMERA_X_M, 0.0, settings.height_m - WHEEL_RADIUS_M])

@@ -1,0 +1,1 @@
+"""Certificate and verification of a dataset."""

@@ -1,0 +1,119 @@
+"""The manifest: what dataset.json says beside the hashes."""
+
+import importlib.metadata
+from collections.abc import Sequence
+from typing import Any
+
+import cv2
+import mujoco
+import numpy as np
+
+from scenes.scene import Thing
+from sim.camera.lens import unknown_rotation
+from sim.preview.overhead_map import TopDownMap
+from sim.settings import RecordSettings
+from sim.world.trip import Trip
+from sim.world.world import World
+from vo.contract.rig import StereoRig
+
+MAP = "map.png"
+
+CONVENTIONS = {
+    "transforms": "T_a_b maps coordinates of frame b to frame a: p_a = T_a_b p_b",
+    "world": "metres, z up",
+    "body": "the rover: origin midway between the driven wheels, x forward, y left, z up; rigid "
+    "with cameras and inertial unit, also where the mast bends or a hand carries them",
+    "rig": "rig is the delivered calibration, rig_true the camera as it is; labels hold for the "
+    "left eye of rig_true and an ideal right eye beside it",
+    "camera": "x right, y down, z forward; T_BS in a sensor.yaml is T_body_camera",
+    "pixels": "(u, v), centres on integers, so that a centred principal point is (W-1)/2",
+    "disparity": "u_left - u_right > 0, of left pixels",
+    "depth": "along the optical axis, not along the ray",
+    "time": "integer nanoseconds at mid-exposure",
+    "quaternions": "scalar first (w, x, y, z)",
+}
+
+
+def manifest(
+    world: World,
+    settings: RecordSettings,
+    delivered: StereoRig,
+    trip: Trip,
+    things: Sequence[Thing],
+    top_down: TopDownMap,
+    gl: dict[str, str],
+    certificate: dict[str, Any],
+) -> dict[str, Any]:
+    """Return JSON-ready content that holds no time of creation, so that bytes can repeat.
+
+    Args:
+        world: What was driven through.
+        settings: Resolved.
+        delivered: Calibration in the sensor.yaml files.
+        trip: What the carrier did.
+        things: Objects by their number in the segmentation, from 1 on.
+        top_down: The picture in MAP.
+        gl: Vendor, renderer and version.
+        certificate: From `certify`.
+    """
+    scene = world.scene
+    return {
+        "scene": {
+            "name": scene.name,
+            "source": scene.source or scene.name,
+            "tests": scene.tests,
+            "tags": sorted(scene.tags),
+        },
+        "seed": settings.seed,
+        "settings": settings.model_dump(mode="json"),
+        "complete": not trip.ended,
+        "ended": trip.ended,
+        "frames": int(trip.delivered.sum()),
+        "dropped_frames": int((~trip.delivered).sum()),
+        "path_length_m": round(trip.length_m, 4),
+        "rig": _rig(delivered),
+        "rig_true": {
+            **_rig(world.rig),
+            "R_nominal_right": unknown_rotation(settings.calibration).tolist(),
+        },
+        "map": {
+            "file": MAP,
+            "x_min_m": top_down.x_min_m,
+            "y_max_m": top_down.y_max_m,
+            "metres_per_px": top_down.metres_per_px,
+            "world_to_pixel": "u = (x - x_min_m) / metres_per_px - 0.5; "
+            "v = (y_max_m - y) / metres_per_px - 0.5",
+        },
+        "things": [
+            {"id": k, "name": thing.name, "class": thing.kind.name.lower()}
+            for k, thing in enumerate(things, start=1)
+        ],
+        "conventions": CONVENTIONS,
+        "software": {
+            "driftyard": _version(),
+            "mujoco": mujoco.__version__,
+            "numpy": np.__version__,
+            "opencv": cv2.__version__,
+            "gl": gl,
+        },
+        "certificate": certificate,
+    }
+
+
+def _rig(rig: StereoRig) -> dict[str, Any]:
+    return {
+        "width_px": rig.width_px,
+        "height_px": rig.height_px,
+        "f_px": rig.f_px,
+        "cx_px": rig.cx_px,
+        "cy_px": rig.cy_px,
+        "baseline_m": rig.baseline_m,
+        "T_body_cam": rig.T_body_cam.tolist(),
+    }
+
+
+def _version() -> str:
+    try:
+        return importlib.metadata.version("driftyard")
+    except importlib.metadata.PackageNotFoundError:
+        return "not installed"

@@ -1,0 +1,187 @@
+"""Verification: a dataset folder's hashes and certificate, computed again from its files."""
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sim.camera.camera import Shot
+from sim.camera.imaging import Sensor
+from sim.camera.lens import margin_px
+from sim.camera.rig import stereo_rig, widened
+from sim.certificate.certificate import FrameResidual, Judge, certify, unjudged
+from sim.certificate.plausibility import check_folder
+from sim.labels.labels import disparity_from_depth
+from sim.record import Progress
+from sim.sensors.sensor_yaml import EXPOSURES, LABELS, label_file
+from sim.settings import RecordSettings
+from vo.contract.arrays import Array
+from vo.contract.dataset import MANIFEST, read_manifest
+from vo.contract.errors import DatasetError
+from vo.contract.euroc import open_euroc
+from vo.contract.files import read_codes, read_float
+from vo.contract.rig import StereoRig
+from vo.contract.settings import validated
+
+TOLERANCES = {
+    "median_grey": 0.1,
+    "rms_grey": 0.1,
+    "p95_grey": 0.2,
+    "worst_frame_median_grey": 0.2,
+    "noise_median_grey": 0.1,
+    "visible_fraction": 1e-4,
+}
+"""Room for another OpenCV's interpolation and grey conversion."""
+OTHERS = 1e-4
+"""Room, absolute and relative, for the other checks' figures."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that is wrong with a dataset.
+
+    Attributes:
+        file: Path inside the folder.
+        problem: One line.
+    """
+
+    file: str
+    problem: str
+
+
+def verify(folder: Path, progress: Progress | None = None) -> list[Finding]:
+    """Recompute every hash and, if it has depth or disparity labels, the certificate.
+
+    Returns:
+        What is wrong; empty for a sound dataset.
+
+    Raises:
+        DatasetError: If the folder or its manifest is missing, or a file cannot be decoded.
+    """
+    if not folder.is_dir():
+        raise DatasetError(f"{folder}: no such folder")
+    manifest = read_manifest(folder)
+    findings = _check_hashes(folder, manifest)
+    if findings:  # damaged files need no second opinion from their pixels
+        return findings
+    return _check_certificate(folder, manifest, progress)
+
+
+def _check_hashes(folder: Path, manifest: dict[str, Any]) -> list[Finding]:
+    findings: list[Finding] = []
+    listed: dict[str, str] = _table(folder, manifest, "sha256")
+    for name, sha256 in listed.items():
+        path = folder / name
+        if not path.is_file():
+            findings.append(Finding(name, "is missing"))
+        elif hashlib.sha256(path.read_bytes()).hexdigest() != sha256:
+            findings.append(Finding(name, "differs from its hash"))
+    present = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()}
+    findings += [Finding(name, "is not listed") for name in sorted(present - {MANIFEST, *listed})]
+    return findings
+
+
+def _check_certificate(
+    folder: Path, manifest: dict[str, Any], progress: Progress | None
+) -> list[Finding]:
+    stated: dict[str, Any] = _table(folder, manifest, "certificate")
+    settings = validated(RecordSettings, _table(folder, manifest, "settings"))
+    frames = _measure(folder, settings, progress)
+    if not frames:
+        return []
+    checks = check_folder(folder, settings, manifest.get("ended", ""))
+    found = certify(frames, checks, unjudged(settings))
+    findings: list[Finding] = []
+    for part, figures in found.items():
+        if isinstance(figures, dict):
+            findings += _compare(part, stated.get(part, {}), figures)
+    return findings
+
+
+def _compare(part: str, stated: dict[str, Any], found: dict[str, Any]) -> list[Finding]:
+    """Tell which figures of a part of the certificate changed, and whether it fails."""
+    findings: list[Finding] = []
+    for key, value in found.items():
+        if isinstance(value, float):
+            room = TOLERANCES.get(key, OTHERS * max(1.0, abs(value)))
+            if not abs(stated.get(key, float("inf")) - value) <= room:
+                problem = f"certificate.{part}.{key} is {stated.get(key)!r}, recomputed {value!r}"
+                findings.append(Finding(MANIFEST, problem))
+    failed: list[int] = found.get("failed_frames_ns", [])
+    if failed:
+        label = {"stereo": "disparity", "flow": "flow"}[part]
+        frames = f"{len(failed)} frames, the first at {failed[0]} ns"
+        findings.append(Finding("mav0", f"the {label} does not explain {frames}"))
+    elif not found["passed"]:
+        findings.append(Finding("mav0", f"the {part} check fails: {found}"))
+    return findings
+
+
+def _measure(
+    folder: Path, settings: RecordSettings, progress: Progress | None
+) -> list[FrameResidual]:
+    """Measure every frame again; nothing without a disparity or depth label."""
+    rig = stereo_rig(settings.rig)
+    load = _disparity_loader(folder, rig)
+    if load is None:
+        return []
+    render_rig = widened(rig, margin_px(settings, rig))
+    judge = Judge(settings, rig, [Sensor(settings, eye, rig, render_rig) for eye in (0, 1)])
+    shots = _read_shots(folder)
+    sequence = open_euroc(folder)
+    has_flow = settings.labels.flow and settings.labels.covisibility
+    frames: list[FrameResidual] = []
+    following = sequence[0]
+    for k in range(len(sequence)):
+        frame = following
+        time_ns = frame.timestamp_ns
+        stereo = judge.stereo(frame.left, frame.right, load(time_ns), shots[time_ns])
+        flow = None
+        if k + 1 < len(sequence):
+            following = sequence[k + 1]
+            if has_flow:
+                flow = judge.flow(
+                    frame.left,
+                    following.left,
+                    read_float(label_file(folder, "flow", time_ns), 3),
+                    read_codes(label_file(folder, "covisibility", time_ns)),
+                    (shots[time_ns], shots[following.timestamp_ns]),
+                )
+        frames.append(FrameResidual(time_ns, stereo, flow))
+        if progress:
+            progress(len(frames), len(sequence))
+    return frames
+
+
+def _read_shots(folder: Path) -> dict[int, Shot]:
+    """How each frame was exposed, by timestamp."""
+    table = folder / EXPOSURES
+    try:
+        times = np.loadtxt(table, delimiter=",", usecols=0, dtype=np.int64, ndmin=1).tolist()
+        rows = np.loadtxt(table, delimiter=",", usecols=(1, 2, 3, 4), ndmin=2).tolist()
+    except (OSError, ValueError):
+        raise DatasetError(f"{table}: missing or malformed") from None
+    return {
+        time_ns: Shot(time_ns, exposure_ms, gain, int(subframes), brightness)
+        for time_ns, (exposure_ms, gain, subframes, brightness) in zip(times, rows, strict=True)
+    }
+
+
+def _disparity_loader(folder: Path, rig: StereoRig) -> Callable[[int], Array] | None:
+    """Map a time to the (H, W) disparity label, from depth if need be; None without labels."""
+    if (folder / "mav0" / LABELS["disparity"].folder).is_dir():
+        return lambda time_ns: read_float(label_file(folder, "disparity", time_ns))
+    if (folder / "mav0" / LABELS["depth"].folder).is_dir():
+        return lambda time_ns: disparity_from_depth(
+            rig, read_float(label_file(folder, "depth", time_ns))
+        )
+    return None
+
+
+def _table(folder: Path, manifest: dict[str, Any], key: str) -> dict[str, Any]:
+    if not isinstance(manifest.get(key), dict):
+        raise DatasetError(f"{folder / MANIFEST}: {key} is missing or not a table")
+    return manifest[key]

@@ -1,0 +1,1 @@
+"""Dense labels of a view."""

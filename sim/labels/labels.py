@@ -1,0 +1,155 @@
+"""Dense labels of one view: disparity, flow, normals, classes and objects."""
+
+import numba
+import numpy as np
+
+from sim.labels.visibility import straightest
+from vo.contract.arrays import Array, Image, Indices, Mask
+from vo.contract.rig import StereoRig
+
+SPLAT_COVERS_PX = 1.0
+"""A splat hides another on the same right pixel if its disparity is larger by more than this: less
+may be the slope of one surface from a left pixel to the next."""
+BEND_MAX_RAD = 0.02
+"""Three pixels are on one plane if their normal turns by no more than this between them."""
+
+
+def disparity_from_depth(rig: StereoRig, depth_m: Array) -> Array:
+    """Return the (H, W) float32 disparity d = f b / Z in pixels; NaN where depth is NaN.
+
+    Source:
+        Thesis eq. 2.5.
+    """
+    return np.divide(np.float32(rig.f_px * rig.baseline_m), depth_m, dtype=np.float32)
+
+
+def visible_in_right(disparity_px: Array) -> Mask:
+    """Which left pixels the right camera sees too, from the left disparity alone.
+
+    Every left pixel is splatted onto the two right pixels that it falls between, which closes
+    the gaps in surfaces that the right camera sees stretched. It is hidden if something nearer
+    landed on the right pixel next to it; so outlines hide up to a pixel too much, never too
+    little. Pixels that leave the image or have no disparity are not visible.
+
+    Args:
+        disparity_px: (H, W), NaN where unknown.
+    """
+    height, width = disparity_px.shape
+    disparity = np.nan_to_num(disparity_px, nan=-1.0)
+    u_right = np.arange(width, dtype=np.float32) - disparity
+    inside = (disparity >= 0) & (u_right >= 0) & (u_right <= width - 1)
+    row = (np.arange(height, dtype=np.int32) * width)[:, None].repeat(width, axis=1)[inside]
+    landed, d = u_right[inside], disparity[inside]
+    nearest = np.full(height * width, -1.0, dtype=np.float32)
+    for bins in (np.floor(landed), np.ceil(landed)):
+        np.maximum.at(nearest, row + bins.astype(np.int32), d)
+    hidden = nearest[row + np.rint(landed).astype(np.int32)] > d + SPLAT_COVERS_PX
+    visible = inside.copy()
+    visible[inside] = ~hidden
+    return visible
+
+
+def flow(rig: StereoRig, depth_m: Array, bodies: Indices, T_next_now: Array) -> Array:
+    """Tell where each pixel's point is in the next picture of the same camera.
+
+    Args:
+        rig: Gives the pinhole.
+        depth_m: (H, W) float32 planar depth; NaN for sky, which turns with body 0.
+        bodies: (H, W) integer index of the rigid body that each pixel shows.
+        T_next_now: (B, 4, 4) by body: takes its points from the camera's axes now to the
+            camera's axes at the next picture. Body 0 is the world at rest.
+
+    Returns:
+        (H, W, 3) float32 du and dv in pixels and the depth in the next picture in metres. All
+        NaN for points that come to lie behind the camera; the depth is NaN for sky.
+    """
+    out = np.empty((*depth_m.shape, 3), np.float32)
+    T = np.ascontiguousarray(T_next_now, dtype=np.float64)
+    _flow(depth_m, bodies, T, rig.f_px, rig.cx_px, rig.cy_px, out)
+    return out
+
+
+def normals(rig: StereoRig, depth_m: Array) -> Array:
+    """Unit normals of the surfaces, from three pixels on the same plane along each axis.
+
+    A plane n . p = 1 seen through a pinhole has 1/Z = n . (x, y, 1), affine in the pixel. Of the
+    three runs of three pixels that hold the pixel, the one with the smallest second difference
+    gives the slope, so that edges do not mix surfaces.
+
+    Args:
+        rig: Gives the pinhole.
+        depth_m: (H, W) float32 planar depth; NaN for nothing.
+
+    Returns:
+        (H, W, 3) float32 in the camera's axes, towards the camera; NaN where no three pixels
+        are on one plane, or at nothing.
+    """
+    out = np.empty((*depth_m.shape, 3), np.float32)
+    _normals(1 / depth_m, rig.f_px, rig.cx_px, rig.cy_px, BEND_MAX_RAD, out)
+    return out
+
+
+def class_image(kinds: Array, geoms: Indices) -> Image:
+    """Return the (H, W) uint8 class of each pixel.
+
+    Args:
+        kinds: (G,) class of each geom, 1 to 255.
+        geoms: (H, W) geom that each pixel shows; negative for nothing, which is class 0.
+    """
+    return _look_up(kinds, geoms).astype(np.uint8, copy=False)
+
+
+def object_image(objects: Array, geoms: Indices) -> Array:
+    """Return the (H, W) uint16 object of each pixel.
+
+    Args:
+        objects: (G,) object of each geom, 1 to 65535; geoms may share one.
+        geoms: (H, W) geom that each pixel shows; negative for nothing, which is object 0.
+    """
+    return _look_up(np.asarray(objects, np.uint16), geoms)
+
+
+def _look_up(table: Array, geoms: Indices) -> Array:
+    """Value of each geom; 0 for the negative ones, which take the last entry."""
+    padded = np.append(table, np.zeros(1, table.dtype))
+    return padded[np.maximum(geoms, -1)]
+
+
+@numba.njit(cache=True, nogil=True)
+def _flow(
+    depth_m: Array, bodies: Indices, T: Array, f: float, cx: float, cy: float, out: Array
+) -> None:
+    height, width = depth_m.shape
+    for v in range(height):
+        for u in range(width):
+            x, y, z = (u - cx) / f, (v - cy) / f, depth_m[v, u]
+            sky = np.isnan(z)
+            M = T[0 if sky else bodies[v, u]]
+            near = 0.0 if sky else 1 / z
+            X = M[0, 0] * x + M[0, 1] * y + M[0, 2] + M[0, 3] * near
+            Y = M[1, 0] * x + M[1, 1] * y + M[1, 2] + M[1, 3] * near
+            Z = M[2, 0] * x + M[2, 1] * y + M[2, 2] + M[2, 3] * near
+            if Z > 0:
+                out[v, u, 0] = f * X / Z + cx - u
+                out[v, u, 1] = f * Y / Z + cy - v
+                out[v, u, 2] = Z * z
+            else:
+                out[v, u] = np.nan
+
+
+@numba.njit(cache=True, nogil=True)
+def _normals(nearness: Array, f: float, cx: float, cy: float, bend_max: float, out: Array) -> None:
+    height, width = nearness.shape
+    for v in range(height):
+        for u in range(width):
+            a, bend_u = straightest(nearness[v], u)
+            b, bend_v = straightest(nearness[:, u], v)
+            nx, ny = f * a, f * b
+            nz = nearness[v, u] - a * (u - cx) - b * (v - cy)
+            norm = np.sqrt(nx * nx + ny * ny + nz * nz)
+            if f * max(bend_u, bend_v) <= bend_max * norm:
+                out[v, u, 0] = -nx / norm
+                out[v, u, 1] = -ny / norm
+                out[v, u, 2] = -nz / norm
+            else:
+                out[v, u] = np.nan

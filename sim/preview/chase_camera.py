@@ -1,0 +1,66 @@
+"""The view from behind: over the carrier's shoulder, and in front of whatever is in between."""
+
+import math
+
+import mujoco
+import numpy as np
+
+from scenes.scene import PAINT_GROUP
+from sim.camera.render import BOTH_GROUPS
+from sim.world.rover import BODY
+from sim.world.world import World
+from vo.contract.arrays import Array
+
+DISTANCE_M = 2.1
+CLOSEST_M = 0.7
+ELEVATION_DEG = 24.0
+SIDE_DEG = 24.0
+OFF_SURFACE_M = 0.08
+
+
+def chase_camera(world: World, side_deg: float | None = None) -> mujoco.MjvCamera:
+    """Look over the carrier's shoulder along its heading.
+
+    Args:
+        world: With bodies placed.
+        side_deg: How far the camera stands to the right of straight behind; None for whichever
+            side has more room.
+    """
+    T_world_body = world.T_world_body
+    forward = T_world_body[:3, 0]
+    lookat = 0.7 * T_world_body[:3, 3] + 0.3 * world.T_world_cam[:3, 3] + 0.25 * forward
+    heading_deg = math.degrees(math.atan2(forward[1], forward[0]))
+    sides = (SIDE_DEG, -SIDE_DEG, 0.0, 50.0, -50.0) if side_deg is None else (side_deg,)
+    rooms = [_room_m(world, lookat, _backwards(heading_deg + side)) for side in sides]
+    best = int(np.argmax(rooms))
+    camera = mujoco.MjvCamera()
+    camera.type = mujoco.mjtCamera.mjCAMERA_FREE
+    camera.lookat, camera.distance = lookat, max(rooms[best], CLOSEST_M)
+    camera.azimuth, camera.elevation = heading_deg + sides[best], -ELEVATION_DEG
+    return camera
+
+
+def _backwards(azimuth_deg: float) -> Array:
+    """(3,) direction from what a camera looks at to the camera."""
+    azimuth, elevation = math.radians(azimuth_deg), math.radians(ELEVATION_DEG)
+    flat = -math.cos(elevation)
+    return np.array([flat * math.cos(azimuth), flat * math.sin(azimuth), math.sin(elevation)])
+
+
+def _room_m(world: World, start: Array, direction: Array) -> float:
+    """How far the camera can go back before something drawn is in the way."""
+    groups = np.zeros(6, np.uint8)
+    groups[[*BOTH_GROUPS, PAINT_GROUP]] = 1
+    met = np.zeros(1, np.int32)
+    carrier = world.model.body(BODY).rootid[0]
+    met_m, start = 0.0, start.copy()
+    while met_m < DISTANCE_M:  # through the carrier itself
+        step_m = mujoco.mj_ray(world.model, world.data, start, direction, groups, 1, -1, met)
+        if step_m < 0:
+            return DISTANCE_M
+        met_m += step_m
+        if world.model.body_rootid[world.model.geom_bodyid[met[0]]] != carrier:
+            break
+        met_m += 1e-3
+        start += (step_m + 1e-3) * direction
+    return min(met_m - OFF_SURFACE_M, DISTANCE_M)

@@ -1,0 +1,139 @@
+"""The scene from straight above, orthographic, so that a position has one pixel at any height."""
+
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from scenes.scene import HIDDEN_GROUP, PAINT_GROUP
+from sim.camera.render import BOTH_GROUPS, StereoRenderer
+from sim.world.world import World
+from vo.contract.arrays import Array, Image, Indices
+
+LONG_SIDE_PX = 1024
+CAMERA_ABOVE_M = 30.0
+HEADROOM_M = 0.6
+"""What is lower than this above the ground is no ceiling."""
+PROBES = 40
+COVERED_SHARE = 0.2
+"""There is a ceiling if more than this share of the path has something above it."""
+CEILING_THICK_M = 0.5
+"""What reaches further down than this from the lowest place seen overhead is no ceiling alone."""
+UNDER_CEILING_M = 0.1
+BORDER_M = 0.5
+
+
+@dataclass(frozen=True)
+class TopDownMap:
+    """A picture with x to the right and y up, and its place in the world.
+
+    Attributes:
+        image: (H, W, 3) RGB.
+        x_min_m: World x of the left edge of the leftmost pixels.
+        y_max_m: World y of the upper edge of the topmost pixels.
+        metres_per_px: Scale, equal along both axes.
+    """
+
+    image: Image
+    x_min_m: float
+    y_max_m: float
+    metres_per_px: float
+
+    def pixels(self, points_world: Array) -> Array:
+        """Map (..., 2 or 3) world points in metres to (..., 2) (u, v), centres on integers."""
+        u = (points_world[..., 0] - self.x_min_m) / self.metres_per_px - 0.5
+        v = (self.y_max_m - points_world[..., 1]) / self.metres_per_px - 0.5
+        return np.stack([u, v], axis=-1)
+
+
+def render_map(
+    renderer: StereoRenderer,
+    extent_m: tuple[float, float, float, float],
+    below_m: float = CAMERA_ABOVE_M,
+) -> TopDownMap:
+    """Render the scene from above.
+
+    Args:
+        renderer: Of the world, at the state to show.
+        extent_m: x_min, y_min, x_max, y_max in world metres.
+        below_m: Height of the camera; what is higher is not shown.
+    """
+    x_min, y_min, x_max, y_max = extent_m
+    scale = max(x_max - x_min, y_max - y_min) / LONG_SIDE_PX
+    width, height = (round(side / scale) for side in (x_max - x_min, y_max - y_min))
+    camera = mujoco.MjvCamera()
+    camera.type = mujoco.mjtCamera.mjCAMERA_FREE
+    # Whole pixels: the lower and right edges may reach a little past the extent.
+    camera.lookat = (x_min + width * scale / 2, y_max - height * scale / 2, 0.0)
+    camera.distance, camera.azimuth, camera.elevation = below_m, 90.0, -90.0
+    image = renderer.picture(camera, width, height, orthographic_m=height * scale)
+    return TopDownMap(image, x_min, y_max, scale)
+
+
+def survey_map(world: World, renderer: StereoRenderer) -> TopDownMap:
+    """Render all of a world from above at its present state, with any ceiling taken off.
+
+    Args:
+        world: With bodies placed.
+        renderer: Of the world.
+    """
+    with lid_off(world):
+        return render_map(renderer, shown_extent(world), _below_ceiling_m(world))
+
+
+def shown_extent(world: World) -> tuple[float, float, float, float]:
+    """Grow the scene's extent where a route or the path leaves it; as `Scene.extent_m`."""
+    x_min, y_min, x_max, y_max = world.scene.extent_m
+    ways = [world.path.waypoints, *world.scene.routes.values()]
+    low = np.min([(x_min, y_min), *(way.min(axis=0) - BORDER_M for way in ways)], axis=0)
+    high = np.max([(x_max, y_max), *(way.max(axis=0) + BORDER_M for way in ways)], axis=0)
+    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+
+@contextmanager
+def lid_off(world: World) -> Generator[None]:
+    """Hide what is as high as the ceiling, if the path has one; walls stay.
+
+    Args:
+        world: With bodies placed.
+    """
+    model, data = world.model, world.data
+    groups = model.geom_group.copy()
+    heights, geoms = _overhead(world)
+    half = np.abs(data.geom_xmat.reshape(-1, 3, 3)) @ model.geom_aabb[:, 3:, None]
+    middle = data.geom_xmat.reshape(-1, 3, 3) @ model.geom_aabb[:, :3, None]
+    lowest_m = data.geom_xpos[:, 2] + (middle - half)[:, 2, 0]
+    lids = np.unique(geoms[geoms >= 0])
+    lids = lids[lowest_m[lids] > float(heights.min()) - CEILING_THICK_M]
+    if np.mean(geoms >= 0) > COVERED_SHARE and len(lids):
+        bounded = model.geom_rbound > 0
+        model.geom_group[bounded & (lowest_m >= lowest_m[lids].min() - 1e-6)] = HIDDEN_GROUP
+    try:
+        yield
+    finally:
+        model.geom_group[:] = groups
+
+
+def _below_ceiling_m(world: World) -> float:
+    """Height below what the path still has above it, where that is of one piece with walls."""
+    heights, geoms = _overhead(world)
+    if np.mean(geoms >= 0) <= COVERED_SHARE:
+        return CAMERA_ABOVE_M
+    return float(np.median(heights[geoms >= 0])) - UNDER_CEILING_M
+
+
+def _overhead(world: World) -> tuple[Array, Indices]:
+    """Heights in metres and geoms of what is first above places on the path, -1 for none."""
+    groups = np.zeros(6, np.uint8)
+    groups[[*BOTH_GROUPS, PAINT_GROUP]] = 1
+    met, up = np.full(1, -1, np.int32), np.array([0.0, 0.0, 1.0])
+    heights, geoms = np.full(PROBES, CAMERA_ABOVE_M), np.full(PROBES, -1)
+    for k, along_m in enumerate(np.linspace(0, world.path.length_m, PROBES + 2)[1:-1]):
+        xy = world.path.at(along_m)
+        start = np.array([*xy, float(world.scene.elevation(xy)) + HEADROOM_M])
+        room_m = mujoco.mj_ray(world.model, world.data, start, up, groups, 1, -1, met)
+        if room_m >= 0:
+            heights[k], geoms[k] = start[2] + room_m, met[0]
+    return heights, geoms

@@ -1,0 +1,187 @@
+"""The map as people read it: routes with their direction, stops, what moves, metres."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patheffects import withStroke
+
+from sim.preview.colours import round_down
+from sim.preview.overhead_map import TopDownMap
+from sim.world.rover import BODY
+from sim.world.world import START_S, World
+from vo.contract.arrays import Array
+
+INK, FAINT, ROUTE, PAPER = "#2b3036", "#6d747c", "#ff7a1a", "#f5f4f0"
+OTHERS = ("#4fc3f7", "#c6ff5e", "#ff8ad8", "#ffe14d", "#b39dff", "#7dffd4")
+MOVES = "#ff3b5c"
+MOVES_FOR_S = 20.0
+ARROWS, TICKS = 6, 8
+LIMB_M = 0.4
+"""Movers that start closer to each other than this are parts of one, and one line does."""
+KEY_COLUMNS = 5
+BAR_SHARE = 0.22
+"""Of the map's width, at most, for the scale bar."""
+
+
+def draw_map(axes: Axes, world: World, top_down: TopDownMap, stops: Array, full: bool) -> None:
+    """Draw the scene from above.
+
+    Args:
+        axes: To draw into.
+        world: Gives routes and what moves.
+        top_down: The picture below it all.
+        stops: (S, 2) numbered places, world x, y in metres; S may be 0.
+        full: With other routes, what moves, numbers and axes; else the path alone.
+    """
+    height, width = top_down.image.shape[:2]
+    x, y, scale = top_down.x_min_m, top_down.y_max_m, top_down.metres_per_px
+    extent = (x, x + width * scale, y - height * scale, y)
+    axes.imshow(top_down.image, extent=extent, interpolation="antialiased")
+    axes.set_xlim(extent[:2])
+    axes.set_ylim(extent[2:])
+    if full:
+        _draw_other_routes(axes, world)
+        _draw_movers(axes, world)
+    _draw_path(axes, world.path.waypoints, 2.4 if full else 1.6)
+    _draw_stops(axes, stops)
+    _draw_bar(axes, extent)
+    if full:
+        _draw_key(axes, world)
+        axes.tick_params(labelsize=7, colors=FAINT, length=2, pad=2)
+        axes.locator_params(axis="x", nbins=TICKS * min(width / height, 1))
+        axes.locator_params(axis="y", nbins=TICKS * min(height / width, 1))
+        for spine in axes.spines.values():
+            spine.set_visible(False)
+    else:
+        axes.set_axis_off()
+
+
+def other_routes(world: World) -> dict[str, Array]:
+    """The scene's routes besides the path, by name, in order."""
+    way = world.path.waypoints
+    routes = world.scene.routes.items()
+    return {n: r for n, r in routes if not (r.shape == way.shape and np.allclose(r, way))}
+
+
+def bar_length_m(width_m: float) -> float:
+    """Round length for the scale bar of a map that is so wide."""
+    return round_down(BAR_SHARE * width_m)
+
+
+def arrow_places(waypoints: Array, count: int) -> tuple[Array, Array]:
+    """Where to show the direction of travel.
+
+    Args:
+        waypoints: (N, 2) metres.
+        count: Of arrows.
+
+    Returns:
+        (count, 2) places evenly spaced along the way, and (count, 2) unit directions there.
+    """
+    steps = np.diff(waypoints, axis=0)
+    lengths = np.linalg.norm(steps, axis=1)
+    marks = np.concatenate([[0.0], np.cumsum(lengths)])
+    along = (np.arange(count) + 0.5) / count * marks[-1]
+    k = np.clip(np.searchsorted(marks, along, side="right") - 1, 0, len(steps) - 1)
+    directions = steps[k] / lengths[k, None]
+    return waypoints[k] + (along - marks[k])[:, None] * directions, directions
+
+
+def _draw_path(axes: Axes, waypoints: Array, width: float) -> None:
+    x, y = waypoints.T
+    line = axes.plot(x, y, color=ROUTE, linewidth=width, solid_capstyle="round")[0]
+    line.set_path_effects([withStroke(linewidth=width + 2.2, foreground="#ffffffc0")])
+    _draw_arrows(axes, waypoints, ROUTE, ARROWS, 9 * width)
+
+
+def _draw_arrows(axes: Axes, waypoints: Array, color: str, count: int, size: float) -> None:
+    look = {"color": color, "mutation_scale": size, "shrinkA": 0, "shrinkB": 0}
+    for place, direction in zip(*arrow_places(waypoints, count), strict=True):
+        head = place + 1e-3 * direction
+        axes.annotate("", head, place, arrowprops={"arrowstyle": "-|>", **look})
+
+
+def _draw_other_routes(axes: Axes, world: World) -> None:
+    for k, route in enumerate(other_routes(world).values()):
+        color = OTHERS[k % len(OTHERS)]
+        line = axes.plot(*route.T, color=color, linewidth=1.6, linestyle=(0, (4, 1.6)))[0]
+        line.set_path_effects([withStroke(linewidth=3.0, foreground="#00000080")])
+        _draw_arrows(axes, route, color, 4, 14)
+
+
+def _draw_movers(axes: Axes, world: World) -> None:
+    """Draw where each mover is at the start and will have been some seconds later."""
+    times_s = START_S + np.linspace(0, MOVES_FOR_S, 81)
+    starts: list[Array] = []
+    for name, motion in world.movers.items():
+        start = motion(START_S)[:2, 3]
+        if name == BODY or any(np.linalg.norm(start - other) < LIMB_M for other in starts):
+            continue
+        starts.append(start)
+        way = np.array([motion(float(t))[:2, 3] for t in times_s])
+        axes.plot(*way.T, color=MOVES, linewidth=1.4, linestyle=(0, (1, 1.2)))
+        axes.plot(*way[0], "o", color=MOVES, markersize=5, markeredgecolor="white")
+
+
+def _draw_stops(axes: Axes, stops: Array) -> None:
+    """Number the stops; one that would cover an earlier one joins its number."""
+    x_min, x_max = axes.get_xlim()
+    near_m = 0.03 * (x_max - x_min)
+    groups: list[tuple[Array, list[int]]] = []
+    for k, stop in enumerate(stops):
+        for place, numbers in groups:
+            if np.linalg.norm(place - stop) < near_m:
+                numbers.append(k + 1)
+                break
+        else:
+            groups.append((stop, [k + 1]))
+    for place, numbers in groups:
+        first = 1 in numbers
+        face, ink = (ROUTE, "white") if first else ("white", INK)
+        box = {"boxstyle": "circle,pad=0.28", "facecolor": face, "edgecolor": INK}
+        if len(numbers) > 1:
+            box["boxstyle"] = "round,pad=0.3,rounding_size=0.8"
+        text = axes.text(place[0], place[1], " ".join(map(str, numbers)), bbox=box, zorder=5)
+        text.set(color=ink, fontsize=8, weight="bold", ha="center", va="center")
+
+
+def _draw_bar(axes: Axes, extent: tuple[float, float, float, float]) -> None:
+    """Draw a scale bar of a round length into the lower left corner, its length above it."""
+    width_m, height_m = extent[1] - extent[0], extent[3] - extent[2]
+    length_m = bar_length_m(width_m)
+    left, low = extent[0] + 0.03 * width_m, extent[2] + min(0.03 * width_m, 0.1 * height_m)
+    for half, colour in enumerate(("white", INK)):
+        ends = left + length_m / 2 * np.array([half, half + 1])
+        line = axes.plot(ends, [low, low], color=colour, linewidth=4, solid_capstyle="butt")[0]
+        line.set_path_effects([withStroke(linewidth=5.4, foreground="#000000a0")])
+        line.set_zorder(6)
+    text = axes.annotate(
+        f"{length_m:g} m",
+        (left + length_m / 2, low),
+        (0, 4),
+        textcoords="offset points",
+        fontsize=8,
+        color="white",
+        weight="bold",
+        ha="center",
+        zorder=6,
+    )
+    text.set_path_effects([withStroke(linewidth=2.2, foreground="#000000b0")])
+
+
+def _draw_key(axes: Axes, world: World) -> None:
+    """Name the lines where there are more than the path."""
+    others = other_routes(world)
+    moving = [name for name in world.movers if name != BODY]
+    if not others and not moving:
+        return
+    mine = next((name for name in world.scene.routes if name not in others), "own waypoints")
+    lines = [
+        (ROUTE, "-", mine),
+        *((OTHERS[k % len(OTHERS)], "--", n) for k, n in enumerate(others)),
+    ]
+    if moving:
+        lines.append((MOVES, ":", f"moving, {MOVES_FOR_S:g} s"))
+    handles = [axes.plot([], [], color=c, linestyle=s, label=n)[0] for c, s, n in lines]
+    look = {"fontsize": 8, "labelcolor": INK, "frameon": False, "ncols": KEY_COLUMNS}
+    packed = {"borderpad": 0, "borderaxespad": 0.4, "handlelength": 1.8, "columnspacing": 1.4}
+    axes.legend(handles=handles, loc="lower left", bbox_to_anchor=(0, 1), **look, **packed)

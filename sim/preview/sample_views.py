@@ -1,0 +1,229 @@
+"""What there is to see of a world before it is recorded: short trips from places on its route."""
+
+import math
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+
+from scenes.scene import Motion
+from sim.camera.camera import Capture, Shot, StereoCamera
+from sim.camera.render import StereoRenderer
+from sim.labels.annotate import Annotation, Annotator
+from sim.preview.chase_camera import chase_camera
+from sim.preview.colours import rgb_of
+from sim.preview.overhead_map import TopDownMap, survey_map
+from sim.settings import RecordSettings
+from sim.world.drive import DriveError
+from sim.world.path import plan_path
+from sim.world.rover import PREFIX, WHEEL_RADIUS_M
+from sim.world.trip import Trip, make_trip
+from sim.world.world import START_CLEARANCE_M, START_S, World
+from vo.contract import se3
+from vo.contract.arrays import Array, Image
+
+STOPS = 6
+REACH_M = (0.4, 1.0)
+"""Least and greatest length of a trip from a stop."""
+WALK_S = START_S + 1.0
+"""When a walk from a stop ends."""
+UNDER_WAY = 0.45
+"""Share of a trip's frames after which its picture is taken: at speed, and not yet braking."""
+METERING_FRAMES = 8
+"""Pictures before the one that is shown, for an automatic exposure to settle."""
+HEADING_M = 0.05
+CHASE_PX = (960, 720)
+
+
+@dataclass(frozen=True)
+class Stop:
+    """One place on the route, and what the camera delivers there while it moves on.
+
+    Attributes:
+        along_m: Path length from the start to where the trip of this stop begins.
+        position: (2,) where the picture is taken, world x, y in metres.
+        view: Left eye, (H, W, 3) RGB.
+        right: Right eye, like `view`.
+        shot: How they were exposed.
+        annotation: The labels, those of the next frame included.
+    """
+
+    along_m: float
+    position: Array
+    view: Image
+    right: Image
+    shot: Shot
+    annotation: Annotation
+
+    @property
+    def variety(self) -> float:
+        """How much there is to see: entropy of the depth in steps of a fifth, in bits."""
+        depth_m = self.annotation.depth
+        steps = np.nan_to_num(np.log(depth_m) / math.log(1.2), nan=99).astype(int)
+        share = np.unique(steps, return_counts=True)[1] / steps.size
+        return float(-(share * np.log2(share)).sum())
+
+
+@dataclass(frozen=True)
+class Sights:
+    """Everything rendered for a sheet.
+
+    Attributes:
+        settings: What was asked for.
+        stops: Evenly spaced along the route, one to STOPS of them.
+        shown: Index of the stop whose labels are worth showing most.
+        chase: The carrier at that stop from behind, (H, W, 3) RGB.
+        top_down: The scene from above.
+    """
+
+    settings: RecordSettings
+    stops: list[Stop]
+    shown: int
+    chase: Image
+    top_down: TopDownMap
+
+    @property
+    def views(self) -> list[Image]:
+        """Left eyes of all stops, (H, W, 3) RGB."""
+        return [stop.view for stop in self.stops]
+
+    @property
+    def depth_m(self) -> Array:
+        """(H, W) planar depth at the stop shown; NaN where nothing is met."""
+        return self.stops[self.shown].annotation.depth
+
+
+def look_around(world: World, settings: RecordSettings) -> Sights:
+    """Make a short trip from places along the route and picture it; moves the world's state.
+
+    A place where the rover cannot stand is left out.
+
+    Raises:
+        DriveError: If there is no place where it can.
+        GraphicsError: If there is no GL.
+    """
+    annotator = Annotator(world)
+    stops: list[Stop] = []
+    failure: DriveError | None = None
+    scenery: list[tuple[World, float, Array]] = []
+    with StereoRenderer(world, settings.render, settings.rig.color) as renderer:
+        for share in np.arange(STOPS) / STOPS:
+            try:
+                there, trip = trip_from(world, settings, share)
+            except DriveError as error:  # there is no standing here; elsewhere there may be
+                failure = error
+                continue
+            camera = StereoCamera(there, settings)
+            *_, now, following = camera.captures(trip, renderer)
+            stops.append(_stop(world, trip, share, camera, annotator, now, following))
+            time_ns = now.shot.timestamp_ns
+            scenery.append((there, time_ns * 1e-9, trip.states.at(world.model, time_ns)))
+        if not stops:
+            raise failure or DriveError("the rover cannot stand anywhere on its route")
+        shown = int(np.argmax([stop.variety for stop in stops]))
+        there, time_s, qpos = scenery[shown]
+        there.place(time_s, qpos)
+        chase = renderer.picture(chase_camera(there), *CHASE_PX)
+        mujoco.mj_resetData(world.model, world.data)
+        world.move_movers(START_S)
+        world.place_bodies()
+        top_down = survey_map(world, renderer)
+    return Sights(settings, stops, shown, chase, top_down)
+
+
+def _stop(
+    world: World,
+    trip: Trip,
+    share: float,
+    camera: StereoCamera,
+    annotator: Annotator,
+    now: Capture,
+    following: Capture,
+) -> Stop:
+    left, right = camera.develop(now).rectified
+    return Stop(
+        share * world.path.length_m,
+        trip.T_world_body[now.index][:2, 3],
+        rgb_of(left),
+        rgb_of(right),
+        now.shot,
+        annotator.annotate(now, following),
+    )
+
+
+def trip_from(world: World, settings: RecordSettings, share: float) -> tuple[World, Trip]:
+    """Start out from a place on the route, at the time at which the real trip is there.
+
+    Args:
+        world: Its state is moved.
+        settings: As for the world.
+        share: Of the route that lies behind, 0 to below 1.
+
+    Raises:
+        DriveError: If the rover tips over at once.
+
+    Returns:
+        The world with its time shifted, and a trip of which only two successive frames are
+        delivered, or some more before them for an automatic exposure.
+    """
+    if world.arrival_s is not None:
+        there = _later(world, share * (world.arrival_s - START_S))
+        mujoco.mj_resetData(world.model, world.data)
+        return there, _only_middle(make_trip(replace(there, arrival_s=WALK_S), settings), settings)
+    drive, path = settings.drive, world.path
+    along_m = share * path.length_m
+    there = _later(world, along_m / drive.speed_mps)
+    stand(there, settings, along_m)
+    least, most = REACH_M
+    reach_m = min(max(drive.speed_mps**2 / drive.acceleration_mps2, least), most)
+    end_m = min(along_m + reach_m, path.length_m)
+    between = path.waypoints[(path.marks_m > along_m) & (path.marks_m < end_m)]
+    way = np.vstack([path.at(along_m), between, path.at(end_m)])
+    trip = make_trip(replace(there, path=plan_path(way, None)), settings)
+    return there, _only_middle(trip, settings)
+
+
+def _only_middle(trip: Trip, settings: RecordSettings) -> Trip:
+    """Deliver two frames at speed, and before them as many as the exposure needs to settle."""
+    frame = min(int(UNDER_WAY * len(trip)), len(trip) - 2)
+    first = frame - METERING_FRAMES if settings.sensor.auto_exposure else frame
+    delivered = np.zeros(len(trip), bool)
+    delivered[max(first, 0) : frame + 2] = True
+    return replace(trip, delivered=delivered)
+
+
+def stand(world: World, settings: RecordSettings, along_m: float) -> None:
+    """Put the rover down on the slope of the ground, heading along the route, at rest."""
+    scene, path = world.scene, world.path
+    here, ahead = path.at(along_m), path.at(along_m + HEADING_M)
+    forward = (ahead - here) / np.linalg.norm(ahead - here)
+    left = np.array([-forward[1], forward[0]])
+    clearance_m = START_CLEARANCE_M + 1e-3 * (settings.terrain.brick_mm + settings.terrain.sill_mm)
+
+    def slope(direction: Array) -> Array:
+        rise = scene.elevation(here + 0.1 * direction) - scene.elevation(here - 0.1 * direction)
+        axis = np.array([*direction, float(rise) / 0.2])
+        return axis / np.linalg.norm(axis)
+
+    x = slope(forward)
+    z = np.cross(x, slope(left))
+    z /= np.linalg.norm(z)
+    T_world_chassis = np.column_stack([x, np.cross(z, x), z])
+    ground = np.array([*here, float(scene.elevation(here))])
+    mujoco.mj_resetData(world.model, world.data)
+    T = se3.pose(T_world_chassis, ground + (WHEEL_RADIUS_M + clearance_m) * z)
+    world.data.joint(PREFIX + "free").qpos = (*T[:3, 3], *se3.to_quat_wxyz(T))
+    world.move_movers(START_S)
+    world.place_bodies()
+
+
+def _later(world: World, by_s: float) -> World:
+    """Shift everything that depends on time alone."""
+
+    def shifted(motion: Motion) -> Motion:
+        return lambda time_s: motion(time_s + by_s)
+
+    brightness = world.scene.brightness
+    scene = replace(world.scene, brightness=lambda times_s: brightness(times_s + by_s))
+    movers = {name: shifted(motion) for name, motion in world.movers.items()}
+    return replace(world, scene=scene, movers=movers)

@@ -1,0 +1,1 @@
+"""Inertial sensor, wheel encoders, and the tables of a dataset."""

@@ -1,0 +1,149 @@
+"""Tables of a dataset: every sensor.yaml and data.csv."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from sim.camera.camera import Shot
+from sim.camera.lens import is_distorting
+from sim.labels.annotate import FORWARD
+from sim.sensors.inertial import ImuReadings, ideal_readings, imu_states, with_noise
+from sim.sensors.sensor_yaml import (
+    EXPOSURES,
+    EYES,
+    LABELS,
+    T_body_imu,
+    camera_sheet,
+    contact_sheet,
+    imu_sheet,
+    label_sheet,
+    raw_camera_sheet,
+    truth_sheet,
+    wheels_sheet,
+)
+from sim.settings import RecordSettings
+from sim.world.random_streams import stream
+from sim.world.trip import Trip
+from vo.contract import se3
+from vo.contract.arrays import Array, Indices
+from vo.contract.dataset import TRUTH, DatasetWriter
+from vo.contract.rig import StereoRig
+
+GRAVITY_MPS2: Array = np.array([0.0, 0.0, -9.81])
+IMAGE_COLUMNS = ("timestamp [ns]", "filename")
+EXPOSURE_COLUMNS = (
+    "timestamp [ns]",
+    "exposure [ms]",
+    "gain []",
+    "sub-frames []",
+    "brightness []",
+)
+WHEEL_COLUMNS = ("timestamp [ns]", "left [ticks]", "right [ticks]")
+CONTACT_COLUMNS = ("timestamp [ns]", "left [N]", "right [N]", "caster [N]")
+IMU_COLUMNS = (
+    "timestamp [ns]",
+    *(f"w_RS_S_{axis} [rad s^-1]" for axis in "xyz"),
+    *(f"a_RS_S_{axis} [m s^-2]" for axis in "xyz"),
+)
+TRUTH_COLUMNS = (
+    "timestamp",
+    *(f"p_RS_R_{axis} [m]" for axis in "xyz"),
+    *(f"q_RS_{axis} []" for axis in "wxyz"),
+    *(f"v_RS_R_{axis} [m s^-1]" for axis in "xyz"),
+    *(f"b_w_RS_S_{axis} [rad s^-1]" for axis in "xyz"),
+    *(f"b_a_RS_S_{axis} [m s^-2]" for axis in "xyz"),
+)
+
+
+def write_cameras(
+    writer: DatasetWriter, delivered: StereoRig, settings: RecordSettings, trip: Trip
+) -> None:
+    """Write what describes the images and labels."""
+    rate_hz = settings.rig.rate_hz
+    times = trip.timestamps_ns[trip.delivered].tolist()
+    for eye, name in enumerate(EYES):
+        comment = f"{name} eye of a rectified pair, pixel centres on integers"
+        sheets = {f"cam{eye}": camera_sheet(delivered, rate_hz, eye, comment)}
+        if is_distorting(settings.sensor):
+            sheets[f"raw{eye}"] = raw_camera_sheet(delivered, rate_hz, eye, settings.sensor)
+        for folder, sheet in sheets.items():
+            writer.add_yaml(f"mav0/{folder}/sensor.yaml", sheet)
+            _list_files(writer, folder, times, ".png")
+    for name, asked in settings.labels:
+        if asked:
+            form = LABELS[name]
+            writer.add_yaml(
+                f"mav0/{form.folder}/sensor.yaml", label_sheet(delivered, rate_hz, form)
+            )
+            listed = times[:-1] if name in FORWARD else times
+            _list_files(writer, form.folder, listed, form.suffix)
+
+
+def write_exposures(writer: DatasetWriter, shots: Sequence[Shot]) -> None:
+    """Write how each frame was exposed."""
+    rows = ((s.timestamp_ns, s.exposure_ms, s.gain, s.subframes, s.brightness) for s in shots)
+    writer.add_csv(EXPOSURES, EXPOSURE_COLUMNS, rows)
+
+
+def _list_files(writer: DatasetWriter, folder: str, times: list[int], suffix: str) -> None:
+    rows = ((t, f"{t}{suffix}") for t in times)
+    writer.add_csv(f"mav0/{folder}/data.csv", IMAGE_COLUMNS, rows)
+
+
+def write_inertial(writer: DatasetWriter, settings: RecordSettings, trip: Trip) -> None:
+    """Write the inertial unit with its true states, and the body's true states with the biases."""
+    ideal = perfect_readings(settings, trip)
+    readings, biases = with_noise(ideal, settings.imu, stream(settings.seed, "imu"))
+    writer.add_yaml("mav0/imu0/sensor.yaml", imu_sheet(settings.imu))
+    values = np.hstack([readings.gyro_radps, readings.accel_mps2])
+    writer.add_csv("mav0/imu0/data.csv", IMU_COLUMNS, _stamped(readings.times_ns, values))
+    both = np.hstack([biases.gyro_radps, biases.accel_mps2])
+    motions, T_body_unit = trip.motions, T_body_imu(settings.imu)
+    poses, velocities = imu_states(
+        motions.T_world_body, motions.v_world_body, motions.w_world_body, T_body_unit
+    )
+    tables = (
+        ("mav0/imu0/truth.csv", motions.times_ns, poses, velocities),
+        (f"{TRUTH}/data.csv", trip.timestamps_ns, trip.T_world_body, trip.v_world_body),
+    )
+    for name, times_ns, T_world_frame, v_world_frame in tables:
+        at_times = [np.interp(times_ns, readings.times_ns, b) for b in both.T]
+        states = np.hstack(
+            [
+                T_world_frame[:, :3, 3],
+                se3.to_quat_wxyz(T_world_frame),
+                v_world_frame,
+                np.stack(at_times, axis=1),
+            ]
+        )
+        writer.add_csv(name, TRUTH_COLUMNS, _stamped(times_ns, states))
+    writer.add_yaml(f"{TRUTH}/sensor.yaml", truth_sheet(settings))
+
+
+def _stamped(times_ns: Indices, values: Array) -> Iterator[list[float]]:
+    return ([t, *row] for t, row in zip(times_ns.tolist(), values.tolist(), strict=True))
+
+
+def write_wheels(writer: DatasetWriter, settings: RecordSettings, trip: Trip) -> None:
+    """Write encoders and wheel loads, if the carrier has wheels."""
+    if len(trip.wheel_counts):
+        writer.add_yaml("mav0/wheels0/sensor.yaml", wheels_sheet(settings.encoders))
+        counts = zip(trip.wheel_times_ns.tolist(), *trip.wheel_counts.T.tolist(), strict=True)
+        writer.add_csv("mav0/wheels0/data.csv", WHEEL_COLUMNS, counts)
+        motions = trip.motions
+        writer.add_yaml("mav0/contact0/sensor.yaml", contact_sheet(settings.imu.rate_hz))
+        loads = _stamped(motions.times_ns, motions.wheel_forces_n)
+        writer.add_csv("mav0/contact0/data.csv", CONTACT_COLUMNS, loads)
+
+
+def perfect_readings(settings: RecordSettings, trip: Trip) -> ImuReadings:
+    """Return what the inertial unit would measure without noise."""
+    motions = trip.motions
+    return ideal_readings(
+        motions.times_ns,
+        motions.T_world_body,
+        motions.v_world_body,
+        motions.w_world_body,
+        T_body_imu(settings.imu),
+        GRAVITY_MPS2,
+    )

@@ -1,0 +1,1 @@
+"""The physical world: rover, terrain, route and drive."""

@@ -1,0 +1,181 @@
+"""Terrain: what settings lay in the rover's way along a route, on any scene."""
+
+import math
+from collections.abc import Mapping
+
+import mujoco
+import numpy as np
+
+from scenes.mesh import Mesh, box, patch, tube
+from scenes.scene import HIDDEN_GROUP, Kind, Scene, Thing
+from scenes.stage import Stage
+from scenes.surfaces import masonry, prints, timber
+from scenes.surfaces.atlas import pack
+from sim.settings import RecordSettings, TerrainSettings
+from sim.world.path import Path
+from sim.world.random_streams import stream
+from sim.world.rover import TRACK_M
+from vo.contract.arrays import Array
+
+PREFIX = "terrain/"
+CLEAR_START_M = 0.6
+"""Nothing lies closer to the start than this."""
+BRICK_M = (0.20, 0.10)
+BURIED_M = 0.03
+"""How far bricks reach into the ground, so that no wheel gets under them."""
+SILL_WIDTH_M, SILL_LENGTH_M = 0.05, 1.1
+ICE_M = (0.5, 1.0)
+"""Length along and width across the route of a slippery patch."""
+ICE_HEIGHT_M = 0.0005
+BOX_MASS_KG, BOX_CLEARANCE_M = 0.6, 0.006
+
+
+def lay_terrain(
+    spec: mujoco.MjSpec, scene: Scene, path: Path, settings: RecordSettings
+) -> Mapping[str, Thing]:
+    """Add bricks, sills, ice and cartons to a scene's spec, each drawn as it is felt.
+
+    Every kind draws from its own stream, so that one more does not move the others.
+
+    Returns:
+        What the added geoms show, by name; empty if nothing was asked for.
+    """
+    terrain = settings.terrain
+    stage = Stage("terrain")
+    layers = (
+        ("bricks", terrain.brick_mm > 0, _lay_bricks),
+        ("sills", terrain.sill_mm > 0, _lay_sills),
+        ("ice", terrain.ice_share > 0, _lay_ice),
+        ("boxes", terrain.boxes_per_m > 0, _lay_boxes),
+    )
+    wanted = [(name, lay) for name, asked, lay in layers if asked]
+    for name, lay in wanted:
+        lay(stage, stream(settings.seed, name), _Way(scene, path), terrain)
+    if not wanted:
+        return {}
+    stage.finish(None, None)
+    spec.attach(stage.spec, prefix=PREFIX, frame=spec.worldbody.add_frame())
+    return {PREFIX + name: thing for name, thing in stage.things.items()}
+
+
+class _Way:
+    """The route with its heading and the ground under it."""
+
+    def __init__(self, scene: Scene, path: Path) -> None:
+        self._scene, self._path = scene, path
+        self.length_m = path.length_m
+
+    def at(self, s_m: float, left_m: float = 0.0) -> tuple[Array, float]:
+        """Return (3,) the ground `left_m` beside the route at an arc length, and the heading."""
+        here, ahead = self._path.at(s_m), self._path.at(min(s_m + 0.05, self.length_m))
+        if np.allclose(here, ahead):
+            here = self._path.at(s_m - 0.05)
+        yaw = math.atan2(*(ahead - here)[::-1])
+        xy = self._path.at(s_m) + left_m * np.array([-math.sin(yaw), math.cos(yaw)])
+        return np.array([*xy, float(self._scene.elevation(xy))]), yaw
+
+
+def _lay_bricks(
+    stage: Stage, rng: np.random.Generator, way: _Way, terrain: TerrainSettings
+) -> None:
+    """Lay single bricks where the wheels go, left or right, askew."""
+    faces = pack(masonry.paving_bricks(rng, 12, (100, 200)))
+    stage.material("loose_bricks", faces.image)
+    s = CLEAR_START_M
+    for k in range(10_000):
+        s += terrain.brick_gap_m * rng.uniform(0.5, 1.5)
+        side = rng.choice([-1, 1]) * TRACK_M / 2 + rng.normal(0, 0.02)
+        turn, height_mm = rng.uniform(-0.6, 0.6), rng.normal(terrain.brick_mm, terrain.brick_std_mm)
+        cell = faces.rects[rng.integers(faces.count)]
+        if s > way.length_m:
+            break
+        ground, yaw = way.at(s, float(side))
+        height = max(height_mm, 0.3 * terrain.brick_mm) * 1e-3
+        size = (*BRICK_M, height + BURIED_M)
+        centre = _above(ground, (height - BURIED_M) / 2)
+        with stage.object(f"brick_{k}", Kind.GROUND):
+            mesh = box((0, 0, 0), size).textured(cell).moved(centre, yaw + turn)
+            stage.draw("loose_bricks", mesh)
+        stage.obstacle(f"brick_{k}", centre, size, yaw + turn)
+
+
+def _lay_sills(stage: Stage, rng: np.random.Generator, way: _Way, terrain: TerrainSettings) -> None:
+    """Lay door sills and cables across the route in turn, askew by a few degrees."""
+    stage.material("sill", timber.wood(rng, (128, 512), (150, 116, 80)))
+    stage.material("cable", timber.painted(rng, (64, 64), (46, 46, 50)))
+    s = CLEAR_START_M
+    for k in range(10_000):
+        s += terrain.sill_gap_m * rng.uniform(0.6, 1.4)
+        askew = rng.uniform(-0.2, 0.2)
+        if s > way.length_m:
+            break
+        ground, yaw = way.at(s)
+        height = terrain.sill_mm * 1e-3
+        with stage.object(f"sill_{k}", Kind.GROUND):
+            if k % 2 == 0:
+                size = (SILL_WIDTH_M, SILL_LENGTH_M, height + BURIED_M)
+                centre = _above(ground, (height - BURIED_M) / 2)
+                stage.draw("sill", box((0, 0, 0), size, (0.3, 0.1)).moved(centre, yaw + askew))
+                stage.obstacle(f"sill_{k}", centre, size, yaw + askew)
+            else:
+                _lay_cable(stage, f"sill_{k}", ground, yaw + askew, height)
+
+
+def _lay_cable(stage: Stage, name: str, ground: Array, yaw: float, height_m: float) -> None:
+    """Lay a straight cable whose diameter is the height."""
+    half = SILL_LENGTH_M / 2 * np.array([-math.sin(yaw), math.cos(yaw), 0.0])
+    middle = _above(ground, height_m / 2)
+    stage.draw("cable", tube(middle - half, middle + half, height_m / 2, 12))
+    stage.spec.worldbody.add_geom(
+        name=name,
+        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+        fromto=[*(middle - half), *(middle + half)],
+        size=(height_m / 2, 0, 0),
+        group=HIDDEN_GROUP,
+    )
+
+
+def _lay_ice(stage: Stage, rng: np.random.Generator, way: _Way, terrain: TerrainSettings) -> None:
+    """Cover a share of the route with wet patches on which wheels spin."""
+    stage.material("ice", masonry.concrete(rng, (512, 512), 176.0))
+    pitch = ICE_M[0] / terrain.ice_share
+    for k, s in enumerate(np.arange(CLEAR_START_M, way.length_m - ICE_M[0], pitch)):
+        ground, yaw = way.at(float(s) + ICE_M[0] / 2)
+        size = (*ICE_M, BURIED_M)
+        centre = _above(ground, ICE_HEIGHT_M - BURIED_M / 2)
+        with stage.object(f"ice_{k}", Kind.GROUND):
+            stage.draw("ice", _sheet(rng).moved(_above(ground, ICE_HEIGHT_M), yaw))
+        stage.obstacle(f"ice_{k}", centre, size, yaw)
+        slippery = stage.spec.geom(f"ice_{k}")
+        slippery.friction = (terrain.ice_friction, 0.0002, 0.00001)
+        slippery.priority = 1  # its friction, not the larger of the two
+
+
+def _above(ground: Array, height_m: float) -> Array:
+    """(3,) a point that far above another."""
+    return np.array([ground[0], ground[1], ground[2] + height_m])
+
+
+def _sheet(rng: np.random.Generator) -> Mesh:
+    length, width = ICE_M
+    origin = (-length / 2, -width / 2, 0.0)
+    return patch(origin, (length, 0, 0), (0, width, 0), (1, 1), (1.0, 1.0), rng.random(2))
+
+
+def _lay_boxes(stage: Stage, rng: np.random.Generator, way: _Way, terrain: TerrainSettings) -> None:
+    """Stand light cartons in the way."""
+    sides = pack(prints.cartons(rng, 6, 256))
+    stage.material("loose_cartons", sides.image)
+    s = CLEAR_START_M
+    for k in range(1_000):
+        s += rng.uniform(0.6, 1.4) / terrain.boxes_per_m
+        size = rng.uniform((0.24, 0.28, 0.28), (0.34, 0.42, 0.44))
+        side, turn = rng.uniform(-0.12, 0.12), rng.uniform(-0.4, 0.4)
+        cell = sides.rects[rng.integers(sides.count)]
+        if s > way.length_m:
+            break
+        ground, yaw = way.at(s, float(side))
+        name = f"box_{k}"
+        with stage.loose(name, _above(ground, size[2] / 2 + BOX_CLEARANCE_M), yaw + turn):
+            stage.draw("loose_cartons", box((0, 0, 0), size, bottom=True).textured(cell))
+            stage.obstacle(f"{name}/hull", (0, 0, 0), size, mass_kg=BOX_MASS_KG)

@@ -1,0 +1,299 @@
+"""A trip: the carrier follows its route once, in physics alone; what happened is then rendered."""
+
+import math
+from array import array
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from sim.sensors.wheel_encoders import Encoders
+from sim.settings import RecordSettings
+from sim.world.drive import CONTROL_RATE_HZ, DriveError, Driver
+from sim.world.random_streams import stream
+from sim.world.rover import BODY, MAST, PREFIX, WHEEL_BODIES
+from sim.world.world import START_S, World
+from vo.contract import se3
+from vo.contract.arrays import Array, Indices, Mask
+
+REST_S = 0.4
+"""How long the recording goes on after arrival."""
+MOVER_PERIOD_S = 0.01
+"""How often what moves by itself is moved while physics runs."""
+
+
+@dataclass(frozen=True)
+class States:
+    """The whole world at increasing times, close enough to interpolate where it is looked at.
+
+    Attributes:
+        times_ns: (K,)
+        qpos: (K, nq) joint positions.
+    """
+
+    times_ns: Indices
+    qpos: Array
+
+    def at(self, model: mujoco.MjModel, time_ns: float) -> Array:
+        """Interpolate joint positions (nq,), rotations along the shortest way."""
+        after = int(np.clip(np.searchsorted(self.times_ns, time_ns), 1, len(self.times_ns) - 1))
+        before_ns, after_ns = self.times_ns[after - 1 : after + 1]
+        share = float(np.clip((time_ns - before_ns) / (after_ns - before_ns), 0, 1))
+        if share in (0.0, 1.0):
+            return self.qpos[after - 1 + int(share)].copy()
+        way = np.empty(model.nv)
+        mujoco.mj_differentiatePos(model, way, 1.0, self.qpos[after - 1], self.qpos[after])
+        qpos = self.qpos[after - 1].copy()
+        mujoco.mj_integratePos(model, qpos, way, share)
+        return qpos
+
+
+@dataclass(frozen=True)
+class Motions:
+    """True motion of the body frame at the inertial unit's sampling times.
+
+    Attributes:
+        times_ns: (M,)
+        T_world_body: (M, 4, 4)
+        v_world_body: (M, 3) velocity of the body origin in world axes, m/s.
+        w_world_body: (M, 3) angular velocity in world axes, rad/s.
+        wheel_forces_n: (M, 3) load on left, right and caster wheel; zeros without wheels.
+    """
+
+    times_ns: Indices
+    T_world_body: Array
+    v_world_body: Array
+    w_world_body: Array
+    wheel_forces_n: Array
+
+
+@dataclass(frozen=True)
+class Trip:
+    """States around the middle of each frame's exposure, and the readings between them.
+
+    Attributes:
+        timestamps_ns: (N,) of the frames.
+        delivered: (N,) whether the camera kept the frame.
+        states: Of the world while shutters may be open.
+        T_world_body: (N, 4, 4) poses of the body frame.
+        v_world_body: (N, 3) velocity of its origin in world axes, m/s.
+        motions: Dense, for the inertial unit.
+        wheel_times_ns: (M,) of the encoder readings; empty for a carrier without wheels.
+        wheel_counts: (M, 2) ticks left and right.
+        ended: Why the trip ended early; empty if it did not.
+    """
+
+    timestamps_ns: Indices
+    delivered: Mask
+    states: States
+    T_world_body: Array
+    v_world_body: Array
+    motions: Motions
+    wheel_times_ns: Indices
+    wheel_counts: Indices
+    ended: str
+
+    def __len__(self) -> int:
+        return len(self.timestamps_ns)
+
+    @property
+    def length_m(self) -> float:
+        """Of the path of the body origin through the frames."""
+        steps = np.diff(self.T_world_body[:, :3, 3], axis=0)
+        return float(np.linalg.norm(steps, axis=1).sum())
+
+
+def make_trip(world: World, settings: RecordSettings) -> Trip:
+    """Let the rover settle and drive the whole path, or walk it; deterministic.
+
+    A rover that tips over or gets stuck ends the trip with the frames until then.
+
+    Raises:
+        DriveError: If that happens before the second frame.
+    """
+    log = _Log(world, settings)
+    driver = Driver(world.path, settings.drive) if world.is_driven else None
+    timestep_s = world.model.opt.timestep
+    control = _Clock(CONTROL_RATE_HZ if driver else 0, timestep_s)
+    movers = _Clock(1 / MOVER_PERIOD_S, timestep_s) if world.movers else _Clock(0, timestep_s)
+    mujoco.mj_step(world.model, world.data, round((START_S - log.lead_s) / timestep_s))
+    step, last_step, ended = -round(log.lead_s / timestep_s), math.inf, ""
+    while step <= last_step:
+        time_s = START_S + step * timestep_s
+        if movers.due(step):
+            world.move_movers(time_s)
+        if driver and control.due(step):
+            try:
+                world.command_wheels(driver.command(world.T_world_chassis, time_s))
+            except DriveError as error:
+                ended = str(error)
+                break
+        arrived = driver.arrived if driver else time_s >= (world.arrival_s or 0.0)
+        if arrived and last_step == math.inf:
+            last_step = step + round(REST_S / timestep_s)
+        log.take(step, time_s)
+        until = int(min(log.next_step(step), control.next, movers.next))
+        mujoco.mj_step(world.model, world.data, until - step)
+        step = until
+    return log.trip(ended)
+
+
+class _Clock:
+    """Steps at which something is due: the first at or after each multiple of its period."""
+
+    def __init__(self, rate_hz: float, timestep_s: float, first: float = 0.0) -> None:
+        self._period = 1 / (rate_hz * timestep_s) if rate_hz else math.inf
+        self._count = 0
+        self.next: float = first if rate_hz else math.inf
+
+    def due(self, step: int) -> bool:
+        """Whether this is such a step; moves on to the next one if so."""
+        if step < self.next:
+            return False
+        while self.next <= step:
+            self._count += 1
+            self.next = math.ceil(self._count * self._period - 1e-9)
+        return True
+
+
+class _Rows:
+    """Times and numbers, gathered without an object for each: a long trip has a million."""
+
+    def __init__(self) -> None:
+        self.times_ns = array("q")
+        self._values = array("d")
+
+    def add(self, time_ns: int, *values: Array) -> None:
+        """Append a row of as many numbers as the others have."""
+        self.times_ns.append(time_ns)
+        for x in values:
+            self._values.frombytes(x.tobytes())
+
+    @property
+    def values(self) -> Array:
+        """(rows, numbers) float64."""
+        return np.array(self._values).reshape(len(self.times_ns), -1)
+
+
+class _Log:
+    """Samples the world for cameras, inertial unit and encoders."""
+
+    def __init__(self, world: World, settings: RecordSettings) -> None:
+        self._world, self._settings = world, settings
+        self._timestep_s = timestep_s = world.model.opt.timestep
+        self._frame_period = 1 / (settings.rig.rate_hz * timestep_s)
+        self._half_window = math.ceil(longest_window_s(settings) / 2 / timestep_s - 1e-9)
+        self.lead_s = self._half_window * timestep_s
+        self._imu = _Clock(settings.imu.rate_hz, timestep_s)
+        self._encoders = Encoders(settings.encoders.ticks_per_turn, settings.encoders.rate_hz)
+        self._frames: list[tuple[int, Array, Array]] = []
+        self._states = _Rows()
+        self._motions = _Rows()
+
+    @property
+    def _frame_step(self) -> int:
+        return round(len(self._frames) * self._frame_period)
+
+    def next_step(self, step: int) -> float:
+        """Return the next step at which something is to be sampled."""
+        encoders = self._encoders.next_step(self._timestep_s) if self._world.is_driven else math.inf
+        open_at = max(step + 1, self._frame_step - self._half_window)
+        if step < (len(self._frames) - 1) * self._frame_period + self._half_window:
+            open_at = step + 1  # the shutter of the frame just taken is still open
+        return min(open_at, self._imu.next, encoders)
+
+    def take(self, step: int, time_s: float) -> None:
+        """Sample whatever is due at this step."""
+        world, time_ns = self._world, round(time_s * 1e9)
+        to_frame = abs(step - self._frame_step)
+        since_frame = step - round((len(self._frames) - 1) * self._frame_period)
+        if min(to_frame, since_frame if self._frames else to_frame) <= self._half_window:
+            self._states.add(time_ns, world.data.qpos)
+        frame, imu = step == self._frame_step, step >= 0 and self._imu.due(step)
+        if frame or imu:
+            T_world_body, v_world_body, w_world_body = body_motion(world, time_s)
+            if frame:
+                self._frames.append((time_ns, T_world_body, v_world_body))
+            if imu:
+                motion = T_world_body.ravel(), v_world_body, w_world_body, wheel_forces_n(world)
+                self._motions.add(time_ns, *motion)
+        if world.is_driven and step == self._encoders.next_step(self._timestep_s):
+            self._encoders.read(time_ns, world.wheel_angles_rad)
+
+    def trip(self, ended: str) -> Trip:
+        """Return everything that was sampled.
+
+        Frames whose exposure was cut off are left out.
+        """
+        complete = len(self._frames)
+        while complete and self._frames[complete - 1][0] + self.lead_s * 1e9 > (
+            self._states.times_ns[-1] + 1
+        ):
+            complete -= 1
+        if complete < 2:
+            raise DriveError(ended or "the trip ended before its second frame")
+        times, poses, velocities = zip(*self._frames[:complete], strict=True)
+        poses_dense, *motions = np.split(self._motions.values, (16, 19, 22), axis=1)
+        return Trip(
+            np.array(times, dtype=np.int64),
+            _kept(self._settings, complete),
+            States(np.array(self._states.times_ns, dtype=np.int64), self._states.values),
+            np.array(poses),
+            np.array(velocities),
+            Motions(
+                np.array(self._motions.times_ns, dtype=np.int64),
+                poses_dense.reshape(-1, 4, 4),
+                *(x.copy() for x in motions),
+            ),
+            np.array(self._encoders.times_ns, dtype=np.int64),
+            np.array(self._encoders.counts, dtype=np.int64).reshape(-1, 2),
+            ended,
+        )
+
+
+def longest_window_s(settings: RecordSettings) -> float:
+    """Longest time from the first photon of a frame to the last, readout and both eyes included."""
+    exposure, sensor = settings.exposure, settings.sensor
+    open_ms = max(exposure.time_ms, sensor.exposure_max_ms if sensor.auto_exposure else 0.0)
+    readout_ms = exposure.line_time_us * 1e-3 * settings.rig.height_px
+    return (open_ms + readout_ms + 2 * abs(exposure.eye_offset_ms)) * 1e-3
+
+
+def body_motion(world: World, time_s: float) -> tuple[Array, Array, Array]:
+    """Pose (4, 4), velocity (3,) and angular velocity (3,) of the body frame in the world, now."""
+    if not world.is_driven:
+        h = 1e-4
+        before, now, after = (world.movers[BODY](time_s + dt) for dt in (-h, 0.0, h))
+        turn = se3.rotation_vector(after @ se3.inverse(before))
+        return now, (after[:3, 3] - before[:3, 3]) / (2 * h), turn / (2 * h)
+    world.place_bodies()
+    mujoco.mj_comVel(world.model, world.data)
+    twist = np.empty(6)
+    mast = world.model.body(PREFIX + MAST).id
+    mujoco.mj_objectVelocity(world.model, world.data, mujoco.mjtObj.mjOBJ_XBODY, mast, twist, 0)
+    T_world_body = world.T_world_body
+    lever = T_world_body[:3, 3] - world.data.xpos[mast]
+    return T_world_body, twist[3:] + np.cross(twist[:3], lever), twist[:3]
+
+
+def wheel_forces_n(world: World) -> Array:
+    """Normal force (3,) between the ground and the left, the right and the caster wheel, now."""
+    total, force = np.zeros(3), np.empty(6)
+    if not world.is_driven:
+        return total
+    model, data = world.model, world.data
+    wheels = [model.body(name).id for name in WHEEL_BODIES]
+    for k, contact in enumerate(data.contact):
+        bodies = model.geom_bodyid[contact.geom]
+        for wheel, body in enumerate(wheels):
+            if body in bodies:
+                mujoco.mj_contactForce(model, data, k, force)
+                total[wheel] += force[0]
+    return total
+
+
+def _kept(settings: RecordSettings, frames: int) -> Mask:
+    """Which frames are not lost; the first never is."""
+    lost = stream(settings.seed, "drop").random(frames) < settings.sensor.drop_share
+    lost[0] = False
+    return ~lost

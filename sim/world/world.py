@@ -1,0 +1,252 @@
+"""The world: a scene with a carrier and its stereo rig in it, compiled, at the start of a route."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+
+import mujoco
+import numpy as np
+
+from scenes.scene import Kind, Motion, Scene, Thing
+from sim.camera.lens import margin_px
+from sim.camera.rig import CAMERA, T_world_left, add_rig, stereo_rig, widened
+from sim.settings import RecordSettings
+from sim.world.handheld import build_hand, walk
+from sim.world.path import Path, plan_path
+from sim.world.random_streams import stream
+from sim.world.rover import BODY, PREFIX, WHEEL_RADIUS_M, WHEELS, build_rover
+from sim.world.terrain import lay_terrain
+from vo.contract import se3
+from vo.contract.arrays import Array
+from vo.contract.errors import SettingsError
+from vo.contract.rig import StereoRig
+
+STEPS_MIN_HZ, STEPS_MAX_HZ = 1000, 4000
+START_S = 1.0
+"""Time of the first frame; the second before it belongs to the rover's settling."""
+START_CLEARANCE_M = 0.01
+"""Above the level ground, so that no brick is inside a wheel; the rover drops and settles."""
+WALK_STEP_M = 0.1
+"""Spacing of the points that a hand is led along."""
+SETTLING_CONTACT_M = 0.004
+"""Deeper into an obstacle than this, the rover has no room to start."""
+
+
+@dataclass(frozen=True)
+class World:
+    """A compiled scene; `data` is the one mutable part.
+
+    Attributes:
+        scene: What was compiled.
+        rig: True geometry of the stereo pair, in the size that is delivered.
+        render_rig: What is rendered: the same with a margin, for the lens to bend.
+        path: Where to drive or walk.
+        arrival_s: When a carrier that is not driven arrives; none for the rover.
+        movers: Name of a mocap body to its motion; the hand-held carrier is one of them.
+        things: Name of a geom to what it shows, where the scene or the terrain says so.
+        model: With the carrier under the prefix `rover/`.
+        data: At the start of the route, before settling.
+    """
+
+    scene: Scene
+    rig: StereoRig
+    render_rig: StereoRig
+    path: Path
+    arrival_s: float | None
+    movers: Mapping[str, Motion]
+    things: Mapping[str, Thing]
+    model: mujoco.MjModel
+    data: mujoco.MjData
+
+    @property
+    def is_driven(self) -> bool:
+        """Whether the carrier is the rover."""
+        return self.arrival_s is None
+
+    @property
+    def T_world_chassis(self) -> Array:
+        """(4, 4) pose of the rover's chassis now, by its joint."""
+        qpos = self.data.joint(PREFIX + "free").qpos
+        return se3.from_quat_wxyz(qpos[3:], qpos[:3])
+
+    @property
+    def T_world_cam(self) -> Array:
+        """(4, 4) pose of the left camera as placed last."""
+        camera = self.model.camera(CAMERA).id
+        return T_world_left(self.data.cam_xpos[camera], self.data.cam_xmat[camera], self.rig)
+
+    @property
+    def T_world_body(self) -> Array:
+        """(4, 4) pose of the body frame as placed last: rigid with cameras and inertial unit.
+
+        That of the chassis, unless the mast bends.
+        """
+        return self.T_world_cam @ se3.inverse(self.rig.T_body_cam)
+
+    @property
+    def T_world_bodies(self) -> Array:
+        """(nbody, 4, 4) poses of all of MuJoCo's bodies as placed last."""
+        return se3.pose(self.data.xmat.reshape(-1, 3, 3), self.data.xpos)
+
+    @property
+    def wheel_angles_rad(self) -> Array:
+        """(2,) turned by the left and the right wheel since the start, forward positive."""
+        return np.array([self.data.joint(name).qpos[0] for name in WHEELS])
+
+    def command_wheels(self, speeds_radps: Array) -> None:
+        """Set the wheels' wanted speeds, (2,) left and right, rad/s, forward positive."""
+        for name, speed in zip(WHEELS, speeds_radps, strict=True):
+            self.data.actuator(name).ctrl = speed
+
+    def move_movers(self, time_s: float) -> None:
+        """Put everything that moves by itself where it is at a time."""
+        for name, motion in self.movers.items():
+            T_world_mover = motion(time_s)
+            mocap = self.model.body(name).mocapid[0]
+            self.data.mocap_pos[mocap] = T_world_mover[:3, 3]
+            self.data.mocap_quat[mocap] = se3.to_quat_wxyz(T_world_mover)
+
+    def place(self, time_s: float, qpos: Array) -> None:
+        """Bring the whole world to a time and to joint positions (nq,)."""
+        self.data.qpos[:] = qpos
+        self.move_movers(time_s)
+        self.place_bodies()
+
+    def place_bodies(self) -> None:
+        """Bring the poses of bodies, cameras and lights up to date with the joints.
+
+        `mj_step` leaves them one step behind; call this before looking.
+        """
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_comPos(self.model, self.data)
+        mujoco.mj_camlight(self.model, self.data)
+
+
+def build_world(scene: Scene, settings: RecordSettings) -> World:
+    """Put the carrier at the start of the route, heading along it, and compile.
+
+    Raises:
+        SettingsError: If the scene has no such route, the route is too short for the distance,
+            the world does not compile or the rover has no room at the start.
+    """
+    path = plan_path(_route(scene, settings), settings.drive.distance_m)
+    rig = stereo_rig(settings.rig)
+    render_rig = widened(rig, margin_px(settings, rig))
+    spec = scene.spec.copy()
+    things = {**scene.things, **lay_terrain(spec, scene, path, settings)}
+    movers, arrival_s = dict(scene.movers), None
+    if settings.drive.carrier == "handheld":
+        carrier = build_hand()
+        movers[BODY], arrival_s = walk(
+            scene,
+            path.at(np.linspace(0, path.length_m, math.ceil(path.length_m / WALK_STEP_M) + 1)),
+            settings.drive,
+            settings.handheld,
+            START_S,
+            stream(settings.seed, "hand"),
+        )
+    else:
+        carrier = build_rover(settings.rig.height_m, settings.rover)
+    add_rig(carrier, settings.rig, render_rig)
+    spec.attach(carrier, prefix=PREFIX, frame=_start(spec, scene, path))
+    _set_physics(spec, 1 / steps_per_second(settings))
+    try:
+        model = spec.compile()
+    except ValueError as error:
+        raise SettingsError(f"scene {scene.name}: {' '.join(str(error).split())}") from None
+    data = mujoco.MjData(model)
+    world = World(scene, rig, render_rig, path, arrival_s, movers, things, model, data)
+    world.move_movers(0.0)
+    mujoco.mj_forward(model, data)
+    if world.is_driven:
+        _check_room(world)
+    return world
+
+
+def steps_per_second(settings: RecordSettings) -> int | Fraction:
+    """Choose a rate of physics of at least 1 kHz that every sensor's rate divides.
+
+    Where the rates have no common multiple below 4 kHz, that of the cameras counts alone, and the
+    others are read at the first step at or after each of their times.
+    """
+    rates = [
+        Fraction(rate).limit_denominator(1000)
+        for rate in (settings.rig.rate_hz, settings.imu.rate_hz, settings.encoders.rate_hz)
+    ]
+    common = Fraction(
+        math.lcm(*(r.numerator for r in rates)), math.gcd(*(r.denominator for r in rates))
+    )
+    if common > STEPS_MAX_HZ:
+        common = rates[0]
+    return common * math.ceil(STEPS_MIN_HZ / common)
+
+
+def thing_of(world: World, geom: int) -> Thing:
+    """Return what a geom shows: as the scene says, else by what it is."""
+    model = world.model
+    name = model.geom(geom).name
+    if name in world.things:
+        return world.things[name]
+    body = model.geom_bodyid[geom]
+    root = model.body(model.body_rootid[body]).name
+    if name.startswith(PREFIX) or root.startswith(PREFIX):
+        return Thing("rover", Kind.MOVING)
+    if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE:
+        kind = Kind.GROUND
+    else:
+        moves = model.body_weldid[body] != 0 or model.body_mocapid[body] >= 0
+        kind = Kind.MOVING if moves else Kind.STATIC
+    return Thing(name or f"{root}/geom_{geom}", kind)
+
+
+def _route(scene: Scene, settings: RecordSettings) -> Array:
+    drive = settings.drive
+    if drive.waypoints:
+        if len(drive.waypoints) < 2:
+            raise SettingsError("setting drive.waypoints: two points at least, or none")
+        return np.array(drive.waypoints, dtype=float)
+    if drive.route not in scene.routes:
+        raise SettingsError(
+            f"setting drive.route: scene {scene.name} has no route {drive.route}; "
+            f"valid: {', '.join(sorted(scene.routes))}"
+        )
+    return np.asarray(scene.routes[drive.route], dtype=float)
+
+
+def _start(spec: mujoco.MjSpec, scene: Scene, path: Path) -> mujoco.MjsFrame:
+    first, second = path.waypoints[:2]
+    yaw = math.atan2(*(second - first)[::-1])
+    height = float(scene.elevation(first)) + WHEEL_RADIUS_M + START_CLEARANCE_M
+    return spec.worldbody.add_frame(
+        pos=(*first, height), quat=(math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2))
+    )
+
+
+def _set_physics(spec: mujoco.MjSpec, timestep_s: float | Fraction) -> None:
+    spec.option.timestep = float(timestep_s)
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.option.impratio = 10.0  # wheels hold their place instead of creeping sideways
+
+
+def _check_room(world: World) -> None:
+    """Refuse a start inside of something.
+
+    Raises:
+        SettingsError: Names the obstacle.
+    """
+    model = world.model
+    for contact in world.data.contact:
+        if contact.dist < -SETTLING_CONTACT_M:
+            names = [model.geom(int(g)).name or f"geom {g}" for g in contact.geom]
+            roots = [
+                model.body(int(model.body_rootid[model.geom_bodyid[g]])).name for g in contact.geom
+            ]
+            mine = [root.startswith(PREFIX) for root in roots]
+            if any(mine) and not all(mine):
+                x, y = world.path.waypoints[0]
+                raise SettingsError(
+                    f"scene {world.scene.name}: no free space at the start ({x:g}, {y:g}) m, "
+                    f"{names[mine.index(False)]} is in the way"
+                )
