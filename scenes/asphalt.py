@@ -5,19 +5,19 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from scenes.ground import level, lit, quads, scattered, strip, weathered
-from scenes.light import Light, sun
-from scenes.mesh import Mesh, merged, patch, tube
-from scenes.plants import hedge, tree
-from scenes.props import grass_tufts, lamp_post
-from scenes.routes import rounded_loop
+from scenes.geometry.mesh import Mesh, merged, patch, tube
+from scenes.lighting.baked_light import Light, sun
+from scenes.lighting.shadow import LightMap, ground_light
+from scenes.objects.plants import hedge, tree
+from scenes.objects.props import grass_tufts, lamp_post
+from scenes.objects.vehicles import PAINTS, car
 from scenes.scene import Kind, Scene
-from scenes.shadow import LightMap, ground_light
 from scenes.stage import Stage, one_object
+from scenes.structures.ground import level, lit, quads, scattered, strip, weathered
+from scenes.structures.routes import rounded_loop
+from scenes.structures.surround import kerb
 from scenes.surfaces import floor, greenery, masonry, prints, sky, timber
 from scenes.surfaces.floor import asphalt
-from scenes.surround import kerb
-from scenes.vehicles import PAINTS, car
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 

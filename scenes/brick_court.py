@@ -6,18 +6,18 @@ import mujoco
 import numpy as np
 from pydantic import Field
 
-from scenes.ground import lit, strip, weathered
-from scenes.light import Light, sun
-from scenes.mesh import merged, patch
-from scenes.paving import BEVEL_M, Bond, Paving, brick_flanks, brick_tops, lay
-from scenes.props import bench, grass_tufts, lamp_post, litter, planter, potted_plant, shrub
-from scenes.routes import rounded_loop
+from scenes.geometry.mesh import merged, patch
+from scenes.lighting.baked_light import Light, sun
+from scenes.lighting.shadow import LightMap, ground_light
+from scenes.objects.props import bench, grass_tufts, lamp_post, litter, planter, potted_plant, shrub
 from scenes.scene import HIDDEN_GROUP, Kind, Scene
-from scenes.shadow import LightMap, ground_light
 from scenes.stage import Stage
+from scenes.structures.ground import lit, strip, weathered
+from scenes.structures.paving import BEVEL_M, Bond, Paving, brick_flanks, brick_tops, lay
+from scenes.structures.routes import rounded_loop
+from scenes.structures.surround import brick_wall, kerb, on_wall, plaster_wall
 from scenes.surfaces import greenery, masonry, prints, sky, timber
 from scenes.surfaces.atlas import Atlas, pack
-from scenes.surround import brick_wall, kerb, on_wall, plaster_wall
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 

@@ -5,18 +5,18 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from scenes import interior
-from scenes.furniture import Place, at, local
-from scenes.ground import level, quads, scattered
-from scenes.interior import Run
-from scenes.lamplight import Lamplight
-from scenes.light import Light
-from scenes.mesh import Mesh, box
-from scenes.props import potted_plant
-from scenes.rooms import sides
-from scenes.routes import rounded_loop
+from scenes.geometry.mesh import Mesh, box
+from scenes.lighting.baked_light import Light
+from scenes.lighting.lamps import Lamplight
+from scenes.objects.furniture import Place, at, local
+from scenes.objects.props import potted_plant
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage
+from scenes.structures import interior
+from scenes.structures.ground import level, quads, scattered
+from scenes.structures.interior import Run
+from scenes.structures.rooms import sides
+from scenes.structures.routes import rounded_loop
 from scenes.surfaces import floor, greenery, masonry, prints, timber
 from scenes.surfaces.atlas import Atlas, pack
 from vo.contract.arrays import Array

@@ -5,19 +5,19 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from scenes import people
-from scenes.furniture import Place, at, bin_, cabinet, local, solid
-from scenes.ground import level, lit, quads, tiled, weathered
-from scenes.interior import collide, skirting, wall_face
-from scenes.light import Light, hall_light
-from scenes.mesh import box, patch, tube
-from scenes.people import Crossing, Lap, Walk
-from scenes.props import bench, planter, potted_plant
-from scenes.rooms import sides
-from scenes.routes import rounded_loop
+from scenes.geometry.mesh import box, patch, tube
+from scenes.lighting.baked_light import Light, hall_light
+from scenes.lighting.shadow import ground_light
+from scenes.objects import people
+from scenes.objects.furniture import Place, at, bin_, cabinet, local, solid
+from scenes.objects.people import Crossing, Lap, Walk
+from scenes.objects.props import bench, planter, potted_plant
 from scenes.scene import Kind, Scene
-from scenes.shadow import ground_light
 from scenes.stage import Stage, one_object
+from scenes.structures.ground import level, lit, quads, tiled, weathered
+from scenes.structures.interior import collide, skirting, wall_face
+from scenes.structures.rooms import sides
+from scenes.structures.routes import rounded_loop
 from scenes.surfaces import greenery, masonry, prints, signs, sky, timber
 from scenes.surfaces.atlas import Atlas, pack
 from vo.contract.arrays import Array

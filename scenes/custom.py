@@ -8,8 +8,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from scenes.routes import rounded_loop
 from scenes.scene import HIDDEN_GROUP, Scene
+from scenes.structures.routes import rounded_loop
 from vo.contract.errors import SettingsError
 
 TESTS = "A world of your own."

@@ -6,19 +6,19 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from scenes.furniture import Place, at, solid
-from scenes.ground import level, quads, tiled
-from scenes.lamplight import Lamplight
-from scenes.light import Light
-from scenes.mesh import box, patch, tube
-from scenes.props import bench, lamp_post, planter
-from scenes.routes import rounded_loop
+from scenes.geometry.mesh import box, patch, tube
+from scenes.lighting.baked_light import Light
+from scenes.lighting.lamps import Lamplight
+from scenes.objects.furniture import Place, at, solid
+from scenes.objects.props import bench, lamp_post, planter
+from scenes.objects.storage import cone, load, standing_drums
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage, one_object
-from scenes.storage import cone, load, standing_drums
+from scenes.structures.ground import level, quads, tiled
+from scenes.structures.routes import rounded_loop
+from scenes.structures.surround import brick_wall, on_wall, plaster_wall
 from scenes.surfaces import greenery, masonry, prints, signs, sky, timber
 from scenes.surfaces.atlas import Atlas, pack
-from scenes.surround import brick_wall, on_wall, plaster_wall
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 

@@ -6,17 +6,19 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from scenes import furniture, interior, laboratory
-from scenes.furniture import Place, at, local
-from scenes.ground import level, lit, quads, scattered
-from scenes.laboratory import Stock
-from scenes.light import Light, hall_light
-from scenes.mesh import Mesh, box
-from scenes.rooms import sides
-from scenes.routes import resampled
+from scenes.geometry.mesh import Mesh, box
+from scenes.lighting.baked_light import Light, hall_light
+from scenes.lighting.shadow import ground_light
+from scenes.objects import furniture
+from scenes.objects import laboratory_equipment as laboratory
+from scenes.objects.furniture import Place, at, local
+from scenes.objects.laboratory_equipment import Stock
 from scenes.scene import Kind, Scene
-from scenes.shadow import ground_light
 from scenes.stage import Stage
+from scenes.structures import interior
+from scenes.structures.ground import level, lit, quads, scattered
+from scenes.structures.rooms import sides
+from scenes.structures.routes import resampled
 from scenes.surfaces import floor, instruments, masonry, prints, textile, timber
 from scenes.surfaces.atlas import Atlas, pack
 from vo.contract.arrays import Array

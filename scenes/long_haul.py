@@ -6,20 +6,20 @@ import numpy as np
 from pydantic import Field
 from scipy.spatial import cKDTree
 
-from scenes.facade import facade
-from scenes.furniture import Place
-from scenes.light import sun
-from scenes.paths import PATH_M, Ground, lawn, pave
-from scenes.plants import hedge, tree
-from scenes.props import bench, lamp_post, planter, shrub
-from scenes.ribbon import Ribbon
-from scenes.routes import rounded_loop, route_length
+from scenes.lighting.baked_light import sun
+from scenes.objects.furniture import Place
+from scenes.objects.plants import hedge, tree
+from scenes.objects.props import bench, lamp_post, planter, shrub
+from scenes.objects.vehicles import PAINTS, car
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage, one_object
+from scenes.structures.facade import facade
+from scenes.structures.paths import PATH_M, Ground, lawn, pave
+from scenes.structures.ribbon import Ribbon
+from scenes.structures.routes import rounded_loop, route_length
+from scenes.structures.surround import brick_wall
 from scenes.surfaces import floor, greenery, masonry, prints, sky, timber
 from scenes.surfaces.atlas import Atlas, pack
-from scenes.surround import brick_wall
-from scenes.vehicles import PAINTS, car
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 

@@ -6,15 +6,15 @@ import numpy as np
 from pydantic import Field
 from scipy.spatial import cKDTree
 
-from scenes.ground import level, lit, quads, scattered, weathered
-from scenes.light import Light, sun
-from scenes.mesh import Mesh, merged, polygons
-from scenes.plants import flowers, grass, tree
-from scenes.props import bench, shrub
-from scenes.routes import rounded_loop
+from scenes.geometry.mesh import Mesh, merged, polygons
+from scenes.lighting.baked_light import Light, sun
+from scenes.lighting.shadow import LightMap, ground_light
+from scenes.objects.plants import flowers, grass, tree
+from scenes.objects.props import bench, shrub
 from scenes.scene import Kind, Scene
-from scenes.shadow import LightMap, ground_light
 from scenes.stage import Stage, one_object
+from scenes.structures.ground import level, lit, quads, scattered, weathered
+from scenes.structures.routes import rounded_loop
 from scenes.surfaces import greenery, sky, timber
 from scenes.surfaces.noise import fractal
 from vo.contract.arrays import Array

@@ -5,17 +5,17 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from scenes import furniture
-from scenes.furniture import Place, local
-from scenes.interior import WALL_M
-from scenes.light import Light, shaded_normals
-from scenes.mesh import Mesh, box, merged, patch
-from scenes.props import potted_plant
-from scenes.rooms import sides
-from scenes.routes import rounded_loop
+from scenes.geometry.mesh import Mesh, box, merged, patch
+from scenes.lighting.baked_light import Light, shaded_normals
+from scenes.lighting.shadow import ground_light
+from scenes.objects import furniture
+from scenes.objects.furniture import Place, local
+from scenes.objects.props import potted_plant
 from scenes.scene import Kind, Scene
-from scenes.shadow import ground_light
 from scenes.stage import Stage
+from scenes.structures.interior import WALL_M
+from scenes.structures.rooms import sides
+from scenes.structures.routes import rounded_loop
 from scenes.surfaces import greenery, masonry, prints, sky, textile, timber
 from scenes.surfaces.atlas import Atlas, pack
 from vo.contract.arrays import Array

@@ -6,20 +6,20 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from scenes.ground import level, lit, quads, tiled, weathered
-from scenes.light import Light, sun
-from scenes.mesh import Mesh, merged, tube
-from scenes.plants import hedge, tree
-from scenes.props import bench, grass_tufts, lamp_post, litter, planter, shrub
-from scenes.routes import rounded_loop
+from scenes.geometry.mesh import Mesh, merged, tube
+from scenes.lighting.baked_light import Light, sun
+from scenes.lighting.shadow import LightMap, ground_light
+from scenes.objects.plants import hedge, tree
+from scenes.objects.props import bench, grass_tufts, lamp_post, litter, planter, shrub
 from scenes.scene import Kind, Scene
-from scenes.shadow import LightMap, ground_light
-from scenes.slope import Slope
 from scenes.stage import Stage, one_object
+from scenes.structures.ground import level, lit, quads, tiled, weathered
+from scenes.structures.routes import rounded_loop
+from scenes.structures.slope import Slope
+from scenes.structures.surround import kerb
 from scenes.surfaces import floor, greenery, masonry, sky, timber
 from scenes.surfaces.atlas import pack
 from scenes.surfaces.noise import smoothstep
-from scenes.surround import kerb
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 

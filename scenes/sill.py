@@ -5,22 +5,22 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from scenes import furniture
-from scenes.courses import coursed
-from scenes.furniture import Place, at, local
-from scenes.ground import level, lit, quads, tiled
-from scenes.interior import WALL_M, collide, skirting, wall_face
-from scenes.light import Light, hall_light
-from scenes.mesh import Mesh, box
-from scenes.props import potted_plant
-from scenes.rooms import sides
-from scenes.routes import rounded_loop
+from scenes.geometry.mesh import Mesh, box
+from scenes.lighting.baked_light import Light, hall_light
+from scenes.lighting.shadow import ground_light
+from scenes.objects import furniture
+from scenes.objects.furniture import Place, at, local
+from scenes.objects.props import potted_plant
 from scenes.scene import Kind, Scene
-from scenes.shadow import ground_light
 from scenes.stage import Stage
+from scenes.structures.courses import coursed
+from scenes.structures.ground import level, lit, quads, tiled
+from scenes.structures.interior import WALL_M, collide, skirting, wall_face
+from scenes.structures.rooms import sides
+from scenes.structures.routes import rounded_loop
+from scenes.structures.thresholds import bridged_cable, cable, rug, sill
 from scenes.surfaces import floor, greenery, masonry, prints, signs, sky, textile, timber
 from scenes.surfaces.atlas import Atlas, pack
-from scenes.thresholds import bridged_cable, cable, rug, sill
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 

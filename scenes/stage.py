@@ -9,10 +9,10 @@ from typing import Concatenate, ParamSpec
 import mujoco
 import numpy as np
 
-from scenes.light import Light, shaded_normals
-from scenes.mesh import Mesh, Vector, cut_into_cells, merged
+from scenes.geometry.mesh import Mesh, Vector, cut_into_cells, merged
+from scenes.lighting.baked_light import Light, shaded_normals
+from scenes.lighting.shadow import Blocker, occlusion, visibility
 from scenes.scene import HIDDEN_GROUP, PAINT_GROUP, TWIN_GROUP, Kind, Motion, Thing
-from scenes.shadow import Blocker, occlusion, visibility
 from vo.contract.arrays import Array, Image
 
 P = ParamSpec("P")

@@ -6,17 +6,18 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from scenes import exhibits, interior
-from scenes.courses import coursed
-from scenes.furniture import Place, local, solid
-from scenes.ground import level, lit, quads
-from scenes.light import hall_light
-from scenes.mesh import Mesh, box, tube
-from scenes.rooms import sides
-from scenes.routes import rounded_loop
+from scenes.geometry.mesh import Mesh, box, tube
+from scenes.lighting.baked_light import hall_light
+from scenes.lighting.shadow import ground_light
+from scenes.objects import exhibits
+from scenes.objects.furniture import Place, local, solid
 from scenes.scene import Kind, Scene
-from scenes.shadow import ground_light
 from scenes.stage import Stage
+from scenes.structures import interior
+from scenes.structures.courses import coursed
+from scenes.structures.ground import level, lit, quads
+from scenes.structures.rooms import sides
+from scenes.structures.routes import rounded_loop
 from scenes.surfaces import floor, masonry, prints, textile, timber
 from scenes.surfaces.atlas import Atlas, pack
 from vo.contract.arrays import Array

@@ -6,17 +6,17 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from scenes.courses import coursed
-from scenes.facade import facade
-from scenes.ground import lit, strip, weathered
-from scenes.light import Light, sun
-from scenes.mesh import box, merged, polygons, tube
-from scenes.plants import hedge, tree
-from scenes.props import bench, lamp_post, litter, planter, potted_plant
-from scenes.routes import sharp_loop
+from scenes.geometry.mesh import box, merged, polygons, tube
+from scenes.lighting.baked_light import Light, sun
+from scenes.lighting.shadow import LightMap, ground_light
+from scenes.objects.plants import hedge, tree
+from scenes.objects.props import bench, lamp_post, litter, planter, potted_plant
 from scenes.scene import Kind, Scene
-from scenes.shadow import LightMap, ground_light
 from scenes.stage import Stage, one_object
+from scenes.structures.courses import coursed
+from scenes.structures.facade import facade
+from scenes.structures.ground import lit, strip, weathered
+from scenes.structures.routes import sharp_loop
 from scenes.surfaces import floor, greenery, masonry, sky, timber
 from scenes.surfaces.atlas import Atlas, pack
 from vo.contract.arrays import Array

@@ -5,17 +5,11 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from scenes.furniture import Place, at
-from scenes.ground import level, lit, quads, tiled, weathered
-from scenes.interior import collide
-from scenes.light import Light, hall_light
-from scenes.mesh import box, patch
-from scenes.rooms import sides
-from scenes.routes import rounded_loop
-from scenes.scene import Kind, Scene
-from scenes.shadow import ground_light
-from scenes.stage import Stage
-from scenes.storage import (
+from scenes.geometry.mesh import box, patch
+from scenes.lighting.baked_light import Light, hall_light
+from scenes.lighting.shadow import ground_light
+from scenes.objects.furniture import Place, at
+from scenes.objects.storage import (
     BAY_M,
     LEVELS_M,
     RACK_DEPTH_M,
@@ -25,6 +19,12 @@ from scenes.storage import (
     rack,
     standing_drums,
 )
+from scenes.scene import Kind, Scene
+from scenes.stage import Stage
+from scenes.structures.ground import level, lit, quads, tiled, weathered
+from scenes.structures.interior import collide
+from scenes.structures.rooms import sides
+from scenes.structures.routes import rounded_loop
 from scenes.surfaces import masonry, prints, signs, timber
 from scenes.surfaces.atlas import Atlas, pack
 from vo.contract.arrays import Array

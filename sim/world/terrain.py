@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import mujoco
 import numpy as np
 
-from scenes.mesh import Mesh, box, patch, tube
+from scenes.geometry.mesh import Mesh, box, patch, tube
 from scenes.scene import HIDDEN_GROUP, Kind, Scene, Thing
 from scenes.stage import Stage
 from scenes.surfaces import masonry, prints, timber

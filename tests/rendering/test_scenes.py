@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from scenes import SCENES, build_scene
-from scenes.routes import route_length
 from scenes.scene import HIDDEN_GROUP, PAINT_GROUP, TWIN_GROUP, Kind, Scene
+from scenes.structures.routes import route_length
 from sim.camera.render import StereoRenderer, Survey
 from sim.settings import RecordSettings
 from sim.world.rover import PREFIX, WHEEL_RADIUS_M

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from scenes.light import FILL_SHARE, Light, shaded_normals
-from scenes.shadow import Blocker, ground_light, occlusion, visibility
+from scenes.lighting.baked_light import FILL_SHARE, Light, shaded_normals
+from scenes.lighting.shadow import Blocker, ground_light, occlusion, visibility
 
 SUN = Light(
     key=np.array([0.6, 0.0, 0.8]),

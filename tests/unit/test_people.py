@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from scenes.people import LEG_M, Crossing, Lap, person, wardrobe
-from scenes.routes import rounded_loop
+from scenes.objects.people import LEG_M, Crossing, Lap, person, wardrobe
 from scenes.stage import Stage
+from scenes.structures.routes import rounded_loop
 
 SQUARE = rounded_loop(np.array([(2.0, -2), (2, 2), (-2, 2), (-2, -2)]), radius_m=0.8)
 

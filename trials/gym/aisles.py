@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenes.storage import BAY_M, RACK_DEPTH_M
+from scenes.objects.storage import BAY_M, RACK_DEPTH_M
 from scenes.warehouse import WarehouseSettings
 from trials.gym.barriers import Gate, Slot
 from trials.gym.bodies import DOOR_M, LOAD_M

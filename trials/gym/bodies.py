@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from scenes.mesh import Mesh, box, merged
+from scenes.geometry.mesh import Mesh, box, merged
 from scenes.scene import Scene
 from scenes.stage import Stage
 from scenes.surfaces import prints, signs, timber

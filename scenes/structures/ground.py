@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from scenes.light import Light, shaded_normals
-from scenes.mesh import Mesh, patch, polygons
-from scenes.shadow import LightMap
+from scenes.geometry.mesh import Mesh, patch, polygons
+from scenes.lighting.baked_light import Light, shaded_normals
+from scenes.lighting.shadow import LightMap
 from scenes.surfaces.atlas import Atlas
 from scenes.surfaces.noise import fractal, smoothstep
 from vo.contract.arrays import Array

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from scenes.mesh import Mesh, Vector, merged, polygons, tube
-from scenes.props import ball, leaf_cloud
+from scenes.geometry.mesh import Mesh, Vector, merged, polygons, tube
+from scenes.objects.props import ball, leaf_cloud
 from scenes.stage import Stage, one_object
 from vo.contract.arrays import Array
 

@@ -5,8 +5,8 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 
-from scenes.furniture import Place, at, local
-from scenes.mesh import Mesh, box, merged, patch, polygons, tube
+from scenes.geometry.mesh import Mesh, box, merged, patch, polygons, tube
+from scenes.objects.furniture import Place, at, local
 from scenes.scene import HIDDEN_GROUP, Kind
 from scenes.stage import Stage
 from scenes.surfaces.atlas import Atlas

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenes.furniture import Place, Put, at, local, solid
-from scenes.mesh import Mesh, box, merged, tube
-from scenes.props import ball
+from scenes.geometry.mesh import Mesh, box, merged, tube
+from scenes.objects.furniture import Place, Put, at, local, solid
+from scenes.objects.props import ball
 from scenes.stage import Stage, one_object
 from scenes.surfaces.atlas import Atlas
 from vo.contract.arrays import Array

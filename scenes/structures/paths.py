@@ -6,14 +6,14 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial import cKDTree
 
-from scenes.courses import coursed
-from scenes.ground import level, quads, scattered, tiled
-from scenes.light import Light, shaded_normals
-from scenes.mesh import Mesh, cut_into_cells, merged, patch
-from scenes.props import grass_tufts, litter
-from scenes.ribbon import Ribbon
-from scenes.shadow import LightMap, occlusion, visibility
+from scenes.geometry.mesh import Mesh, cut_into_cells, merged, patch
+from scenes.lighting.baked_light import Light, shaded_normals
+from scenes.lighting.shadow import LightMap, occlusion, visibility
+from scenes.objects.props import grass_tufts, litter
 from scenes.stage import Stage
+from scenes.structures.courses import coursed
+from scenes.structures.ground import level, quads, scattered, tiled
+from scenes.structures.ribbon import Ribbon
 from scenes.surfaces.atlas import Atlas
 from scenes.surfaces.noise import fractal, smoothstep
 

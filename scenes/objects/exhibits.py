@@ -4,9 +4,9 @@ import itertools
 
 import numpy as np
 
-from scenes.furniture import Place, at, solid
-from scenes.mesh import Mesh, box, merged, tube
-from scenes.props import ball
+from scenes.geometry.mesh import Mesh, box, merged, tube
+from scenes.objects.furniture import Place, at, solid
+from scenes.objects.props import ball
 from scenes.stage import Stage, one_object
 from scenes.surfaces.atlas import Atlas
 

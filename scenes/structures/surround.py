@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from scenes.mesh import Mesh, Vector, box, polygons
+from scenes.geometry.mesh import Mesh, Vector, box, polygons
 from scenes.stage import Stage, one_object
 from scenes.surfaces.atlas import Atlas
 from vo.contract.arrays import Array

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from scenes.mesh import Mesh, Vector, box, merged, patch, tube
+from scenes.geometry.mesh import Mesh, Vector, box, merged, patch, tube
 from scenes.stage import Stage, one_object
 from scenes.surfaces.atlas import Atlas
 

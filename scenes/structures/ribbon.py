@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from scenes.mesh import Mesh
+from scenes.geometry.mesh import Mesh
 from vo.contract.arrays import Array
 
 

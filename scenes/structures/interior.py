@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from scenes.furniture import Place, at, local, solid
-from scenes.mesh import Mesh, box, merged, patch, tube
+from scenes.geometry.mesh import Mesh, box, merged, patch, tube
+from scenes.objects.furniture import Place, at, local, solid
 from scenes.stage import Stage, one_object
 from scenes.surfaces.atlas import Atlas
 from vo.contract.arrays import Array

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from scenes.furniture import Place, Put, at, local
-from scenes.mesh import box, patch
+from scenes.geometry.mesh import box, patch
+from scenes.objects.furniture import Place, Put, at, local
 from scenes.stage import Stage, one_object
 
 DEPTH_M = 0.4

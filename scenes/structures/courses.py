@@ -4,8 +4,8 @@ import itertools
 
 import numpy as np
 
-from scenes.ground import level
-from scenes.mesh import Mesh
+from scenes.geometry.mesh import Mesh
+from scenes.structures.ground import level
 from scenes.surfaces.atlas import Atlas
 from vo.contract.arrays import Array
 

@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 
-from scenes.mesh import Mesh, box, merged, polygons, tube
+from scenes.geometry.mesh import Mesh, box, merged, polygons, tube
 from scenes.stage import Stage, one_object
 from vo.contract.arrays import Array
 

@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from scenes.mesh import Mesh, polygons
+from scenes.geometry.mesh import Mesh, polygons
 from vo.contract.arrays import Array, Mask
 
 Bond = Literal["herringbone", "running"]

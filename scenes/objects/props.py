@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from scenes.mesh import Mesh, Vector, box, merged, patch, polygons, tube
+from scenes.geometry.mesh import Mesh, Vector, box, merged, patch, polygons, tube
 from scenes.stage import Stage, one_object
 from scenes.surfaces.atlas import Atlas
 from vo.contract.arrays import Array

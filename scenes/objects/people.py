@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from scenes.mesh import Mesh, Vector, box, merged, polygons, tube
+from scenes.geometry.mesh import Mesh, Vector, box, merged, polygons, tube
 from scenes.scene import Kind, Motion
 from scenes.stage import Stage
 from scenes.surfaces import textile, timber

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from scenes.mesh import Mesh, polygons
+from scenes.geometry.mesh import Mesh, polygons
 from scenes.scene import HIDDEN_GROUP
 from scenes.stage import Stage
 from vo.contract.arrays import Array

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from scenes.furniture import Place
+from scenes.objects.furniture import Place
 from vo.contract.arrays import Array
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 from scipy.ndimage import map_coordinates
 
-from scenes.light import Light
+from scenes.lighting.baked_light import Light
 from vo.contract.arrays import Array, Mask
 
 Table = tuple[Array, Array, Array, Array]

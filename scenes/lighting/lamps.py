@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from scenes.light import Light, solved_normals
-from scenes.mesh import Mesh
-from scenes.shadow import Blocker, blocker_table, crossing, occlusion
+from scenes.geometry.mesh import Mesh
+from scenes.lighting.baked_light import Light, solved_normals
+from scenes.lighting.shadow import Blocker, blocker_table, crossing, occlusion
 from vo.contract.arrays import Array
 
 BULB_M = 0.12

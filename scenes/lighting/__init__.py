@@ -1,0 +1,1 @@
+"""Baked light, lamps and shadows."""

@@ -1,0 +1,1 @@
+"""Buildings, ground and routes of scenes."""
