@@ -30,25 +30,25 @@ lint: $(READY)  ## style, types and the layers of the imports
 	$(BIN)/lint-imports
 
 bench: $(READY)  ## speed of estimator and generator on this machine
-	$(BIN)/python -m trials.bench $(ARGS)
+	$(BIN)/python -m trials.studies.bench $(ARGS)
 
 accuracy: $(READY)  ## drift of the default settings on ten drives
-	$(BIN)/python -m trials.accuracy $(ARGS)
+	$(BIN)/python -m trials.studies.accuracy $(ARGS)
 
 scenes: $(READY)  ## picture of all scenes for the README
 	$(BIN)/driftyard preview all --out docs/images/scenes.jpg
 
 proof: $(READY)  ## how exact labels, blur and sensors are, beside what is promised
-	$(BIN)/python -m trials.proof $(ARGS)
+	$(BIN)/python -m trials.studies.label_accuracy $(ARGS)
 
 response: $(READY)  ## what every disturbance and every scene costs the baseline (hours)
-	$(BIN)/python -m trials.response $(ARGS)
+	$(BIN)/python -m trials.studies.response $(ARGS)
 
 bump: $(READY)  ## what a brick under a wheel does to every channel, as a figure
-	$(BIN)/python -m trials.bump $(ARGS)
+	$(BIN)/python -m trials.studies.bump $(ARGS)
 
 replan: $(READY)  ## how much faster D* Lite replans on a grid than A* plans anew
-	$(BIN)/python -m trials.navigation.bench $(ARGS)
+	$(BIN)/python -m trials.studies.replanning $(ARGS)
 
 routing: $(READY)  ## static and dynamic routing, with and without clearing (into build/routing/)
 	$(BIN)/driftyard route --out build/routing $(ARGS)
@@ -57,7 +57,7 @@ gate: $(READY)  ## this repository's own gate: has the default estimator regress
 	$(BIN)/driftyard gate --baseline tests/gate/baseline.json --accept datasets,platform $(ARGS)
 
 gate-power: $(READY)  ## how often the gate errs, by simulation
-	$(BIN)/python -m trials.gate.simulate $(ARGS)
+	$(BIN)/python -m trials.studies.gate_power $(ARGS)
 
 experiments: $(READY)  ## the thesis' claims, tested (docs/experiments.md; an hour or more)
 	$(BIN)/driftyard experiment all --page docs/experiments.md

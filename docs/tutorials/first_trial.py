@@ -4,7 +4,7 @@ import sys
 
 import gymnasium
 
-from trials.gym.policies import NavigatorPolicy
+from trials.gym.env.policies import NavigatorPolicy
 
 env = gymnasium.make(
     "trials.gym:driftyard/RoverNav-v0",  # of the module that registers it

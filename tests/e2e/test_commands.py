@@ -26,7 +26,7 @@ def test_doctor_renders(tmp_path):
 
 def test_help_loads_nothing_heavy(tmp_path):
     code = (
-        "import sys, trials.cli; "
+        "import sys, trials.cli.main; "
         "sys.exit(', '.join({'cv2', 'mujoco', 'gtsam', 'numba', 'scipy'} & set(sys.modules)))"
     )
     result = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
@@ -37,7 +37,7 @@ def test_help_loads_nothing_heavy(tmp_path):
 def test_an_interrupted_recording_leaves_nothing(tmp_path):
     words = ("generate", "office", "--out", "o", "--set", "drive.distance_m=3")
     process = subprocess.Popen(
-        [sys.executable, "-m", "trials.cli", *words],
+        [sys.executable, "-m", "trials.cli.main", *words],
         cwd=tmp_path,
         env={"PYTHONPATH": str(ROOT), "PATH": ""},
         stderr=subprocess.PIPE,

@@ -12,13 +12,13 @@ from typer.testing import CliRunner
 from scenes import build_scene
 from sim.record import record
 from sim.settings import DriveSettings, LabelSettings, RecordSettings, RenderSettings, RigSettings
-from trials import combinations
-from trials.attribution import REST
-from trials.cli import app
-from trials.combinations import Subject
-from trials.estimators import Named
-from trials.explanation import explain
-from trials.validation import LEAST, validate
+from trials.cli.main import app
+from trials.diagnosis import combinations
+from trials.diagnosis.attribution import REST
+from trials.diagnosis.combinations import Subject
+from trials.diagnosis.explanation import explain
+from trials.diagnosis.validation import LEAST, validate
+from trials.estimators.choice import Named
 
 pytestmark = [pytest.mark.gl, pytest.mark.slow]
 
@@ -132,7 +132,7 @@ def test_the_command_writes_page_figures_and_data(drive, tmp_path, monkeypatch):
     ],
 )
 def test_wrong_words_end_in_one_line(words, complaint, monkeypatch, capsys):
-    from trials.cli import main
+    from trials.cli.main import main
 
     monkeypatch.setattr(sys, "argv", ["driftyard", "explain", *words])
     with pytest.raises(SystemExit) as exit:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from trials.alignment import Alignment, associate
-from trials.metrics import position_errors
+from trials.evaluation.alignment import Alignment, associate
+from trials.evaluation.metrics import position_errors
 from vo.contract.estimator import Status
 from vo.contract.readers import open_sequence, read_truth
 from vo.odometry import StereoOdometry

@@ -6,7 +6,7 @@ import pytest
 from gym_worlds import write_yard
 
 import trials.gym  # noqa: F401, registers the environments
-from trials.gym.policies import NavigatorPolicy
+from trials.gym.env.policies import NavigatorPolicy
 from trials.navigation.navigator import Navigator
 from trials.navigation.settings import NavigatorSettings
 from trials.navigation.steering import Pose2, SteeringSettings

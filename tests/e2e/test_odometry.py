@@ -16,8 +16,8 @@ from sim.settings import (
 )
 from sim.world.rover import PREFIX
 from sim.world.world import build_world
-from trials.alignment import Pair, associate
-from trials.metrics import errors_over_distance
+from trials.evaluation.alignment import Pair, associate
+from trials.evaluation.metrics import errors_over_distance
 from vo.config import THESIS, MatchingSettings, OdometrySettings
 from vo.contract import se3
 from vo.contract.estimator import Status

@@ -6,7 +6,7 @@ import pytest
 from scenes import build_scene
 from sim.record import record
 from sim.settings import DriveSettings, LabelSettings, RecordSettings, RenderSettings, RigSettings
-from trials.oracles import STAGES, Oracle
+from trials.diagnosis.oracles import STAGES, Oracle
 from vo.contract import se3
 from vo.contract.readers import open_sequence, read_truth
 from vo.hooks import Hooks

@@ -9,10 +9,10 @@ from terminal import driftyard
 
 from sim.batch import build
 from sim.world.world import build_world
-from trials.gym.freespace import survey_free_space
-from trials.gym.planning import SETTINGS, floor_plan, parse_planning
-from trials.gym.rays import ray_disparity
-from trials.gym.settings import NavSettings, along
+from trials.gym.env.rays import ray_disparity
+from trials.gym.env.settings import NavSettings, along
+from trials.gym.studies.planning import SETTINGS, floor_plan, parse_planning
+from trials.gym.world.free_space import survey_free_space
 from vo.contract.errors import SettingsError
 
 

@@ -6,8 +6,8 @@ import pytest
 from folders import wall, write_euroc
 from terminal import driftyard
 
-from trials.estimators import ESTIMATORS
-from trials.runs import read_run
+from trials.estimators.choice import ESTIMATORS
+from trials.evaluation.runs import read_run
 
 STEP_M = 0.05
 FRAMES = 6

@@ -5,10 +5,10 @@ import pytest
 from gym_worlds import write_yard
 from terminal import driftyard
 
-from trials.gym.aisles import survey_aisles
-from trials.gym.routed import drive_layout
-from trials.gym.settings import NavSettings
-from trials.gym.site import open_site
+from trials.gym.env.settings import NavSettings
+from trials.gym.studies.routed import drive_layout
+from trials.gym.world.aisles import survey_aisles
+from trials.gym.world.scene_instance import open_site
 from vo.contract.errors import SettingsError
 
 OPTIONS = {

@@ -5,8 +5,8 @@ import copy
 import numpy as np
 import pytest
 
-from trials.alignment import Alignment, Pair, associate
-from trials.metrics import errors_over_time, position_errors
+from trials.evaluation.alignment import Alignment, Pair, associate
+from trials.evaluation.metrics import errors_over_time, position_errors
 from vo.contract import se3
 from vo.contract.kitti import read_kitti_poses
 from vo.contract.trajectory import Trajectory, read_tum

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from gtsam.symbol_shorthand import L, X
 
-from trials.information import motion_covariance, pose_covariance
-from trials.point_world import (
+from trials.evaluation.information import motion_covariance, pose_covariance
+from trials.studies.point_world import (
     FRAMES,
     POINTS,
     REACH,

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from trials.alignment import Alignment, Pair, fit, umeyama
-from trials.metrics import errors_over_distance, errors_over_time, position_errors
+from trials.evaluation.alignment import Alignment, Pair, fit, umeyama
+from trials.evaluation.metrics import errors_over_distance, errors_over_time, position_errors
 from vo.contract import se3
 
 seeds = st.integers(0, 2**32 - 1)

@@ -15,9 +15,9 @@ from gymnasium.utils.env_checker import check_env
 import trials.gym
 from scenes.scene import Scene
 from sim.certificate.verify import verify
-from trials.estimators import make_estimator
-from trials.gym.film import Filmed
-from trials.gym.places import TrialError
+from trials.estimators.choice import make_estimator
+from trials.gym.media.film import Filmed
+from trials.gym.world.start_goal_sampling import TrialError
 from vo.contract.errors import SettingsError
 from vo.contract.estimator import Estimate, Status
 from vo.contract.readers import open_sequence, read_truth
@@ -351,7 +351,7 @@ def test_a_window_needs_a_display(yard, monkeypatch):
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     with pytest.raises(SettingsError, match="render_mode human: there is no display"):
-        trials.gym.environments.RoverNav(render_mode="human", scene=yard)
+        trials.gym.env.environments.RoverNav(render_mode="human", scene=yard)
 
 
 def test_pictures_show_where_the_rover_is_and_believes_to_be(make):
@@ -478,7 +478,7 @@ def test_what_moves_is_no_place_to_start_from_and_not_to_be_touched(make, monkey
 
 MEMORY = """
 import sys, gymnasium, trials.gym
-from trials.speed.resident import resident_mb
+from trials.studies.speed.resident import resident_mb
 env = gymnasium.make("driftyard/RoverNav-v0", disable_env_checker=True, scene=sys.argv[1],
     settings={"rig.width_px": 160, "rig.height_px": 120}, localization="truth")
 resident = []

@@ -14,8 +14,8 @@ from sim.settings import (
     RenderSettings,
     RigSettings,
 )
-from trials.oracles import RIGHT_PX, STAGES, Oracle
-from trials.truth import TrueWorld
+from trials.diagnosis.oracles import RIGHT_PX, STAGES, Oracle
+from trials.evaluation.truth import TrueWorld
 from vo.contract import se3
 from vo.contract.errors import DatasetError, SettingsError
 from vo.contract.files import read_codes, read_float

@@ -33,7 +33,7 @@ from sim.preview.sample_views import look_around, trip_from
 from sim.settings import RecordSettings
 from sim.world.trip import make_trip
 from sim.world.world import START_S, build_world
-from trials.cli import app
+from trials.cli.main import app
 from vo.contract import se3
 from vo.contract.errors import SettingsError
 

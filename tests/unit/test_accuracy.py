@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from scenes import SCENES
-from trials.accuracy import (
+from trials.execution.lab import fingerprint
+from trials.execution.outcomes import Outcome, Recording, Trial, Variant
+from trials.studies.accuracy import (
     accuracy_table,
     bootstrap_interval,
     chosen_scenes,
     named_variant,
     summary_tables,
 )
-from trials.lab import fingerprint
-from trials.outcomes import Outcome, Recording, Trial, Variant
 from vo.contract.errors import SettingsError
 from vo.contract.estimator import Estimate, Status
 from vo.contract.trajectory import Trajectory
@@ -95,7 +95,7 @@ def test_a_drive_without_any_pose_is_no_figure_but_is_counted(tmp_path):
 
 
 def test_an_estimator_and_its_settings_are_read_as_a_shell_would():
-    theirs = named_variant("trials.systems.orbslam3:OrbSlam3 vocabulary='my words.txt'")
+    theirs = named_variant("trials.estimators.systems.orbslam3:OrbSlam3 vocabulary='my words.txt'")
     assert (theirs.label, theirs.overrides) == ("OrbSlam3", ("vocabulary=my words.txt",))
     ours = named_variant("driftyard standing=none")
     assert (ours.label, ours.estimator) == ("driftyard standing=none", "driftyard")

@@ -5,7 +5,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from trials.attribution import (
+from trials.diagnosis.attribution import (
     REST,
     Sequence1m,
     attribute,
@@ -13,8 +13,8 @@ from trials.attribution import (
     sentence,
     shapley,
 )
-from trials.combinations import Drift, paired
-from trials.injection import Injected, Injection
+from trials.diagnosis.combinations import Drift, paired
+from trials.diagnosis.error_injection import Injected, Injection
 from vo.contract.errors import DatasetError
 from vo.contract.sequence import StereoFrame
 from vo.hooks import Hooks

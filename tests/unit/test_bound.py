@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from trials.alignment import Pair
-from trials.bound import FEWEST_ACROSS, Sightings, connected
+from trials.diagnosis.bound import FEWEST_ACROSS, Sightings, connected
+from trials.evaluation.alignment import Pair
 
 
 def sightings(spans: list[tuple[int, int]]) -> Sightings:

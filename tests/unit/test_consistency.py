@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, kstest
 
-from trials.consistency import calibration, mean_bounds, nees, normalized
-from trials.runs import read_run
+from trials.evaluation.consistency import calibration, mean_bounds, nees, normalized
+from trials.evaluation.runs import read_run
 from vo.contract import se3
 from vo.contract.errors import TrajectoryError
 from vo.contract.estimator import Estimate, Status

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from folders import BASELINE_M, DISPARITY_PX, HEIGHT, WIDTH, wall, write_euroc
 
-from trials.alignment import associate
-from trials.baselines.corner_flow import CornerFlow
-from trials.metrics import errors_over_distance
+from trials.estimators.baselines.corner_flow import CornerFlow
+from trials.evaluation.alignment import associate
+from trials.evaluation.metrics import errors_over_distance
 from vo.contract.estimator import Status
 from vo.contract.readers import open_sequence, read_truth
 from vo.contract.sequence import StereoFrame

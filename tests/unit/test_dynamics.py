@@ -9,17 +9,17 @@ from gym_worlds import write_yard
 
 from sim.batch import build
 from sim.world.world import START_S, build_world
-from trials.gym.barriers import KEEP_M, Barrier, Door, Gate, Load, Slot
-from trials.gym.bodies import with_dynamics
-from trials.gym.carts import KEEP_M as CART_KEEP_M
-from trials.gym.carts import PATIENCE_S, Cart
-from trials.gym.crossings import way_between, with_closed
-from trials.gym.dynamics import draw_dynamics, parse_dynamics
-from trials.gym.freespace import survey_free_space
-from trials.gym.places import draw_errand, main_part
-from trials.gym.settings import NavSettings
-from trials.gym.simulation import Simulation
-from trials.gym.ways import Passages
+from trials.gym.env.settings import NavSettings
+from trials.gym.world.barriers import KEEP_M, Barrier, Door, Gate, Load, Slot
+from trials.gym.world.carts import KEEP_M as CART_KEEP_M
+from trials.gym.world.carts import PATIENCE_S, Cart
+from trials.gym.world.crossings import way_between, with_closed
+from trials.gym.world.distance_field import Passages
+from trials.gym.world.dynamics import draw_dynamics, parse_dynamics
+from trials.gym.world.free_space import survey_free_space
+from trials.gym.world.obstacle_bodies import with_dynamics
+from trials.gym.world.simulation import Simulation
+from trials.gym.world.start_goal_sampling import draw_errand, main_part
 from vo.contract.errors import SettingsError
 from vo.contract.settings import validated
 

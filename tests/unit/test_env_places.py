@@ -9,10 +9,10 @@ from gym_worlds import write_yard
 
 from sim.batch import build
 from sim.world.world import build_world
-from trials.gym.freespace import hard, standing, survey_free_space
-from trials.gym.places import TrialError, check_place, draw_errand, main_part
-from trials.gym.settings import NavSettings
-from trials.gym.ways import Passages, way_length_m
+from trials.gym.env.settings import NavSettings
+from trials.gym.world.distance_field import Passages, way_length_m
+from trials.gym.world.free_space import hard, standing, survey_free_space
+from trials.gym.world.start_goal_sampling import TrialError, check_place, draw_errand, main_part
 from vo.contract.errors import SettingsError
 
 CLEARANCE_M = 0.3

@@ -4,9 +4,9 @@ import sys
 
 import pytest
 
-from trials.baselines.corner_flow import CornerFlow
-from trials.estimators import make_estimator
-from trials.plugins import PluginError
+from trials.estimators.baselines.corner_flow import CornerFlow
+from trials.estimators.choice import make_estimator
+from trials.estimators.plugins import PluginError
 from vo.contract.errors import SettingsError
 from vo.contract.rig import StereoRig
 
@@ -62,7 +62,7 @@ def test_settings_arrive_and_are_resolved():
 
 
 def test_a_class_of_ones_own():
-    estimator, settings = make_estimator("trials.baselines.corner_flow:CornerFlow", RIG)
+    estimator, settings = make_estimator("trials.estimators.baselines.corner_flow:CornerFlow", RIG)
     assert isinstance(estimator, CornerFlow)
     assert settings == {}
 
@@ -87,11 +87,15 @@ def test_a_file_of_settings(tmp_path):
     [
         ("orb", [], "unknown estimator orb; valid: corner_flow, driftyard,.* or module:Class"),
         ("nowhere:Thing", [], "cannot import nowhere"),
-        ("trials.metrics:Thing", [], "has no class Thing with a method track"),
-        ("trials.alignment:Pair", [], "has no class Pair with a method track"),
-        ("trials.alignment:", [], "has no class"),
+        ("trials.evaluation.metrics:Thing", [], "has no class Thing with a method track"),
+        ("trials.evaluation.alignment:Pair", [], "has no class Pair with a method track"),
+        ("trials.evaluation.alignment:", [], "has no class"),
         (":", [], "cannot import"),
-        ("trials.baselines.corner_flow:CornerFlow", ["a=1"], "has no Settings, so takes no --set"),
+        (
+            "trials.estimators.baselines.corner_flow:CornerFlow",
+            ["a=1"],
+            "has no Settings, so takes no --set",
+        ),
         ("own:Tuned", ["gian=2"], "unknown setting gian; valid here: gain"),
         ("own:Tuned", ["gain=-2"], "setting gain"),
         ("own:Lenient", [], "its Settings must refuse unknown keys"),

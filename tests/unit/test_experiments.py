@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from trials.experiments.e01_orientation import rise
-from trials.experiments.e11_standing import drift_at_rest, halts
-from trials.experiments.experiment import (
+from trials.evaluation.runs import read_map
+from trials.execution.outcomes import Outcome, Recording, Trial, Variant
+from trials.studies.experiments.e01_orientation import rise
+from trials.studies.experiments.e11_standing import drift_at_rest, halts
+from trials.studies.experiments.experiment import (
     FULL,
     SMALL,
     Experiment,
@@ -19,12 +21,10 @@ from trials.experiments.experiment import (
     Verdict,
     ragged,
 )
-from trials.experiments.measures import breaks_at, step_errors_m, survived
-from trials.experiments.page import page_text, write_html
-from trials.experiments.record import read_record, write_record
-from trials.experiments.registry import EXPERIMENTS
-from trials.outcomes import Outcome, Recording, Trial, Variant
-from trials.runs import read_map
+from trials.studies.experiments.measures import breaks_at, step_errors_m, survived
+from trials.studies.experiments.page import page_text, write_html
+from trials.studies.experiments.record import read_record, write_record
+from trials.studies.experiments.registry import EXPERIMENTS
 from vo.contract import se3
 from vo.contract.errors import DatasetError, TrajectoryError
 from vo.contract.estimator import Estimate, PointMap, Status
@@ -198,7 +198,7 @@ def test_another_map_is_refused(tmp_path, content):
 
 def test_a_trajectory_without_record_must_hold_poses(tmp_path):
     write_tum(tmp_path / "t.txt", Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4))))
-    from trials.runs import read_run
+    from trials.evaluation.runs import read_run
 
     with pytest.raises(TrajectoryError, match="holds no poses"):
         read_run(tmp_path / "t.txt")

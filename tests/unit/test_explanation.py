@@ -1,7 +1,7 @@
 """What an explanation says of a scene."""
 
-from trials.attribution import REST, Attribution, Share
-from trials.explanation import Explanation
+from trials.diagnosis.attribution import REST, Attribution, Share
+from trials.diagnosis.explanation import Explanation
 from trials.report.explanation_page import share_rows, verdict
 
 

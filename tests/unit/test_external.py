@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from folders import PERIOD_NS, wall, write_euroc
 
-from trials.estimators import Named, estimate
-from trials.plugins import PluginError
-from trials.plugins.command import Command
-from trials.plugins.guard import MOST_CRASHES, Guarded
-from trials.runs import read_run
+from trials.estimators.choice import Named, estimate
+from trials.estimators.plugins import PluginError
+from trials.estimators.plugins.command import Command
+from trials.estimators.plugins.guard import MOST_CRASHES, Guarded
+from trials.evaluation.runs import read_run
 from vo.contract.errors import SettingsError
 from vo.contract.estimator import Estimate, Hindsight, Status
 from vo.contract.sequence import StereoFrame

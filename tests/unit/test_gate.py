@@ -9,8 +9,8 @@ import pytest
 from folders import wall, write_euroc
 from scipy import stats
 
-from trials.commands import console
-from trials.estimators import Named
+from trials.cli import console
+from trials.estimators.choice import Named
 from trials.gate.baseline import (
     Baseline,
     Recorded,
@@ -27,8 +27,8 @@ from trials.gate.measurement import Measurement
 from trials.gate.planning import design_error, seeds_needed
 from trials.gate.reports import as_json, as_junit, as_markdown
 from trials.gate.rules import Rules
-from trials.gate.simulate import modelled, repeat
 from trials.gate.statistics import Effect, detectable, newly_lost
+from trials.studies.gate_power import modelled, repeat
 from vo.contract.errors import DatasetError, SettingsError
 
 SCENES = tuple(f"s{k}" for k in range(6))

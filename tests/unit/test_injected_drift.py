@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from trials.alignment import Pair
-from trials.gym.localization import DRIFT_DEG_PER_M, Drifting, Sight, injected_percent
-from trials.metrics import errors_over_distance
+from trials.evaluation.alignment import Pair
+from trials.evaluation.metrics import errors_over_distance
+from trials.gym.env.localization import DRIFT_DEG_PER_M, Drifting, Sight, injected_percent
 from vo.contract import se3
 from vo.contract.errors import SettingsError
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from trials.intervals import mean_interval, ratio_interval
+from trials.evaluation.intervals import mean_interval, ratio_interval
 
 
 def test_the_mean_has_students_interval():

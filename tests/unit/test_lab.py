@@ -2,8 +2,8 @@
 
 import pytest
 
-from trials.lab import perform
-from trials.outcomes import Recording, Trial, Variant
+from trials.execution.lab import perform
+from trials.execution.outcomes import Recording, Trial, Variant
 from vo.contract.errors import DriftyardError
 
 

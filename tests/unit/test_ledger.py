@@ -5,8 +5,8 @@ from dataclasses import asdict
 
 import pytest
 
-from trials.gym.ledger import Ledger
-from trials.gym.protocol import Trial
+from trials.gym.studies.result_store import Ledger
+from trials.gym.studies.trial_protocol import Trial
 
 
 def trial(layout: int, source: str = "vo") -> Trial:

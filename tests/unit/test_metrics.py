@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from trials.alignment import REACH_NS, Alignment, Pair, associate, umeyama
-from trials.metrics import (
+from trials.evaluation.alignment import REACH_NS, Alignment, Pair, associate, umeyama
+from trials.evaluation.metrics import (
     errors_over_distance,
     errors_over_time,
     position_errors,
     segment_lengths_m,
 )
-from trials.runs import SavedRun
-from trials.score import score_run
+from trials.evaluation.runs import SavedRun
+from trials.evaluation.score import score_run
 from vo.contract import se3
 from vo.contract.errors import TrajectoryError
 from vo.contract.trajectory import Trajectory

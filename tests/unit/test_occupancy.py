@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from trials.navigation.occupancy import (
+from trials.navigation.occupancy_grid import (
     OccupancySettings,
     clearance_m,
     depth_of,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from trials.gym.protocol import MEASURES, Trial, share_interval, summary
+from trials.gym.studies.trial_protocol import MEASURES, Trial, share_interval, summary
 
 GOOD = Trial(
     layout=1,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from folders import PERIOD_NS, wall, write_euroc
 
-from trials.runs import read_run
+from trials.evaluation.runs import read_run
 from vo.contract.errors import TrajectoryError
 from vo.contract.estimator import Estimate, Hindsight, Observations, PointMap, Status
 from vo.contract.readers import open_sequence

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from trials.navigation.grid_dstar_lite import GridDStarLite
-from trials.navigation.occupancy import (
+from trials.navigation.occupancy_grid import (
     OccupancySettings,
     clearance_m,
     driving_costs,

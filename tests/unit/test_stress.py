@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import pytest
 
 from sim.disturbances import parse_disturbances
-from trials.commands.datasets import record_settings
-from trials.report.stress import columns, page_text, write_curves, write_page
-from trials.strengths import AXES, MAIN, Axis
-from trials.stress import Curve, Limits, Response, stress, verdict
+from trials.cli.datasets import record_settings
+from trials.studies.strengths import AXES, MAIN, Axis
+from trials.studies.stress import Curve, Limits, Response, stress, verdict
+from trials.studies.stress_report import columns, page_text, write_curves, write_page
 
 AXIS = Axis("strength", 8.0)
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from folders import BASELINE_M, DISPARITY_PX, F_PX, HEIGHT, PERIOD_NS, WIDTH, wall
 
-from trials.estimators import make_estimator
-from trials.plugins import PluginError
-from trials.systems import elsewhere, environments
-from trials.systems.elsewhere import Elsewhere
-from trials.systems.environments import PLACE, ForeignSystemError, folder_of
+from trials.estimators.choice import make_estimator
+from trials.estimators.plugins import PluginError
+from trials.estimators.systems import elsewhere, environments
+from trials.estimators.systems.elsewhere import Elsewhere
+from trials.estimators.systems.environments import PLACE, ForeignSystemError, folder_of
 from vo.contract.errors import SettingsError
 from vo.contract.estimator import Status
 from vo.contract.rig import StereoRig
@@ -112,12 +112,16 @@ def test_a_forgotten_worker_ends(installed):
 
 def test_what_is_not_installed_says_how(tmp_path, monkeypatch):
     monkeypatch.setenv(PLACE, str(tmp_path))
-    with pytest.raises(ForeignSystemError, match=r"python -m trials.systems.install toy_vo"):
-        make_estimator("trials.systems.toy_vo:ToyVo", RIG)
+    with pytest.raises(
+        ForeignSystemError, match=r"python -m trials.estimators.systems.install toy_vo"
+    ):
+        make_estimator("trials.estimators.systems.toy_vo:ToyVo", RIG)
     with pytest.raises(SettingsError, match="unknown system basalt; valid: orbslam3, toy_vo"):
         folder_of("basalt")
     with pytest.raises(SettingsError, match="vocabulary: no such file"):
-        make_estimator("trials.systems.orbslam3:OrbSlam3", RIG, None, ["vocabulary=nowhere"])
+        make_estimator(
+            "trials.estimators.systems.orbslam3:OrbSlam3", RIG, None, ["vocabulary=nowhere"]
+        )
 
 
 def test_what_cannot_be_installed_says_so(tmp_path, monkeypatch):
@@ -137,7 +141,7 @@ def slide(estimator, frames=6):
 @pytest.mark.skipif(not hasattr(cv2, "Odometry"), reason="OpenCV has no cv2.Odometry")
 def test_rgbd_odometry_follows_a_wall():
     estimator, settings = make_estimator(
-        "trials.systems.rgbd:RgbdOdometry", RIG, None, ["method=rgb_depth"]
+        "trials.estimators.systems.rgbd:RgbdOdometry", RIG, None, ["method=rgb_depth"]
     )
     assert settings["method"] == "rgb_depth"
     estimates = slide(estimator)
@@ -153,7 +157,7 @@ def test_rgbd_odometry_follows_a_wall():
     not (folder_of("toy_vo") / "bin/python").exists(), reason="toy-vo is not installed"
 )
 def test_toy_vo_follows_a_wall():
-    estimates = slide(make_estimator("trials.systems.toy_vo:ToyVo", RIG)[0])
+    estimates = slide(make_estimator("trials.estimators.systems.toy_vo:ToyVo", RIG)[0])
     moved = estimates[-1].T_odom_cam[:3, 3]
     assert 1e-6 < np.linalg.norm(moved - [5 * STEP_M, 0, 0]) < 0.03
 
@@ -166,7 +170,7 @@ VOCABULARY = os.environ.get("DRIFTYARD_ORB_VOCABULARY", "")
     reason="ORB-SLAM3 is not installed, or DRIFTYARD_ORB_VOCABULARY not set",
 )
 def test_orbslam3_follows_a_wall():
-    name, setting = "trials.systems.orbslam3:OrbSlam3", f"vocabulary={VOCABULARY}"
+    name, setting = "trials.estimators.systems.orbslam3:OrbSlam3", f"vocabulary={VOCABULARY}"
     estimates = slide(make_estimator(name, RIG, None, [setting])[0])
     moved = estimates[-1].T_odom_cam[:3, 3]
     assert 1e-6 < np.linalg.norm(moved - [5 * STEP_M, 0, 0]) < 0.03

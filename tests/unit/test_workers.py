@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from terminal import ROOT
 
-from trials.workers import THREADS, spread
+from trials.execution.parallel import THREADS, spread
 
 
 def test_every_call_is_answered_once():
@@ -40,7 +40,7 @@ def test_workers_end_with_a_killed_parent(tmp_path):
     file = tmp_path / "pid"
     code = (
         "import sys; sys.path.insert(0, 'tests/unit')\n"
-        "from test_workers import write_and_wait\nfrom trials.workers import spread\n"
+        "from test_workers import write_and_wait\nfrom trials.execution.parallel import spread\n"
         f"if __name__ == '__main__': list(spread(write_and_wait, [({str(file)!r},)]))"
     )
     script = tmp_path / "main.py"
@@ -57,7 +57,8 @@ def test_workers_end_with_a_killed_parent(tmp_path):
 def test_a_killed_worker_ends_a_command_in_one_line(tmp_path):
     script = tmp_path / "main.py"
     script.write_text(
-        "import os\nfrom trials.cli import guard\nfrom trials.workers import spread\n"
+        "import os\nfrom trials.cli.main import guard\n"
+        "from trials.execution.parallel import spread\n"
         "if __name__ == '__main__': guard(lambda: list(spread(os._exit, [(9,)])))"
     )
     env = {**os.environ, "PYTHONPATH": str(ROOT)}

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from trials.estimators import Named
+from trials.estimators.choice import Named
+from trials.execution.lab import fingerprint
 from trials.gate.baseline import (
     Baseline,
     Recorded,
@@ -21,12 +22,11 @@ from trials.gate.design import Design, fingerprints, record
 from trials.gate.measure import measure, run_file
 from trials.gate.measurement import Measurement
 from trials.gate.rules import Rules
-from trials.lab import fingerprint
 from vo.contract.dataset import read_manifest
 from vo.runner import companion
 
 if TYPE_CHECKING:
-    from trials.plugins.command import Command
+    from trials.estimators.plugins.command import Command
 
 Bar = Callable[[str, int], AbstractContextManager[Callable[[object], None]]]
 """Makes a progress bar from label and total; yields what to call at each step."""

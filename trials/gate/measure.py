@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.stats import chi2
 
-from trials.consistency import DEGREES, nees
-from trials.estimators import Named, estimate, make_estimator
+from trials.estimators.choice import Named, estimate, make_estimator
+from trials.evaluation.consistency import DEGREES, nees
+from trials.evaluation.runs import SavedRun, read_run
+from trials.evaluation.score import score_run
 from trials.gate.measurement import Measurement
-from trials.runs import SavedRun, read_run
-from trials.score import score_run
 from vo.contract.errors import DatasetError, DriftyardError, SettingsError, TrajectoryError
 from vo.contract.estimator import Status
 from vo.contract.readers import open_sequence, read_truth
 from vo.contract.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from trials.plugins.command import Command
+    from trials.estimators.plugins.command import Command
 
 MOST_LETTERS = 300
 """Of what an estimator says went wrong."""

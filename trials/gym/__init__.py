@@ -3,9 +3,9 @@
 from gymnasium.envs.registration import register, registry
 
 ENVIRONMENTS = {
-    "driftyard/RoverNav-v0": "trials.gym.environments:RoverNav",
-    "driftyard/RoverRoute-v0": "trials.gym.environments:RoverRoute",
-    "driftyard/RoverExplore-v0": "trials.gym.environments:RoverExplore",
+    "driftyard/RoverNav-v0": "trials.gym.env.environments:RoverNav",
+    "driftyard/RoverRoute-v0": "trials.gym.env.environments:RoverRoute",
+    "driftyard/RoverExplore-v0": "trials.gym.env.environments:RoverExplore",
 }
 
 

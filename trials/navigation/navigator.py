@@ -12,8 +12,8 @@ from math import inf
 
 import numpy as np
 
-from trials.navigation.lookout import Lookout
-from trials.navigation.occupancy import OccupancyGrid, clearance_m
+from trials.navigation.depth_mapping import Lookout
+from trials.navigation.occupancy_grid import OccupancyGrid, clearance_m
 from trials.navigation.planner import Effort, Planner
 from trials.navigation.settings import NavigatorSettings
 from trials.navigation.steering import (

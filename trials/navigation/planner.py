@@ -8,7 +8,7 @@ import numpy as np
 
 from trials.navigation.grid import Cell
 from trials.navigation.grid_dstar_lite import GridDStarLite
-from trials.navigation.occupancy import OccupancyGrid, driving_costs
+from trials.navigation.occupancy_grid import OccupancyGrid, driving_costs
 from trials.navigation.settings import NavigatorSettings
 from trials.navigation.steering import Pose2
 from vo.contract.arrays import Array

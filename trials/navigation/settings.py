@@ -2,7 +2,7 @@
 
 from pydantic import Field
 
-from trials.navigation.occupancy import OccupancySettings
+from trials.navigation.occupancy_grid import OccupancySettings
 from vo.contract.settings import Settings
 
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import Field
 
-from trials.navigation.occupancy import OccupancyGrid
+from trials.navigation.occupancy_grid import OccupancyGrid
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 

@@ -5,11 +5,11 @@ from itertools import groupby
 
 import numpy as np
 
-from trials.alignment import Alignment, Pair
-from trials.metrics import position_errors
+from trials.evaluation.alignment import Alignment, Pair
+from trials.evaluation.metrics import position_errors
+from trials.evaluation.runs import FrameTable
+from trials.evaluation.score import Score
 from trials.report.svg import Bands, Chart, line_chart, stacked_chart
-from trials.runs import FrameTable
-from trials.score import Score
 from vo.contract.arrays import Array
 from vo.contract.estimator import Status
 from vo.contract.trajectory import NS_PER_S

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from trials.attribution import REST, Attribution
-from trials.consistency import calibration
-from trials.explanation import Explanation
+from trials.diagnosis.attribution import REST, Attribution
+from trials.diagnosis.explanation import Explanation
+from trials.evaluation.consistency import calibration
 from trials.report.figure import BLUE, GREEN, GREY, INK, OCHRE, PURPLE, RED, save_figure, tidy
 from vo.contract.arrays import Array
 

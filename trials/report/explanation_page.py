@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 from rich.table import Table
 
-from trials.attribution import REST, sentence
-from trials.bound import Bound
-from trials.consistency import summary
-from trials.explanation import Explanation
+from trials.diagnosis.attribution import REST, sentence
+from trials.diagnosis.bound import Bound
+from trials.diagnosis.explanation import Explanation
+from trials.evaluation.consistency import summary
 from trials.report.explanation import draw_calibration, draw_paths, draw_waterfalls
 from vo.contract.files import write_text
 

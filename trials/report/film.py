@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from trials.runs import SavedRun, Tracks
+from trials.evaluation.runs import SavedRun, Tracks
 from vo.contract.arrays import Array, Image, Indices
 from vo.contract.sequence import StereoSequence
 

@@ -7,13 +7,13 @@ from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from trials.alignment import Alignment, Pair, associate, fit
+from trials.evaluation.alignment import Alignment, Pair, associate, fit
+from trials.evaluation.runs import SavedRun
+from trials.evaluation.score import Score, score_run
 from trials.report.charts import drift_by_length, error_over_distance, stage_counts, stage_timings
 from trials.report.film import TRAIL_FRAMES, stills
 from trials.report.plan import plan, read_map
 from trials.report.svg import Chart
-from trials.runs import SavedRun
-from trials.score import Score, score_run
 from vo.contract.arrays import Array
 from vo.contract.errors import DatasetError
 from vo.contract.files import write_text

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from trials.intervals import mean_interval
+from trials.evaluation.intervals import mean_interval
 from trials.routing.drive import STRATEGIES, Delays, drive
 from trials.routing.network import Network
 from trials.routing.study import (

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import astuple
 
-from trials.intervals import mean_interval
+from trials.evaluation.intervals import mean_interval
 from trials.routing.drive import STRATEGIES
 from trials.routing.study import Randomised, Study
 

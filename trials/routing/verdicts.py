@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trials.intervals import mean_interval
+from trials.evaluation.intervals import mean_interval
 from trials.routing.drive import STRATEGIES, Strategy
 from trials.routing.study import QUEUE_S, Randomised, Study, Sweep
 from vo.contract.arrays import Array

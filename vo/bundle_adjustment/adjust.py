@@ -1,8 +1,8 @@
 """Bundle adjustment: motion only, or motion and structure (thesis 2.8, 3.4).
 
-All measurements of a bundle are few factors on its cameras, from which `vo.bundle_adjustment.schur` has
-eliminated the points: GTSAM then solves for the cameras alone, and Python is entered once an
-iteration and factor instead of once a measurement (docs/decisions/0006).
+All measurements of a bundle are few factors on its cameras, from which
+`vo.bundle_adjustment.schur` has eliminated the points: GTSAM then solves for the cameras alone, and
+Python is entered once an iteration and factor instead of once a measurement (docs/decisions/0006).
 """
 
 from collections.abc import Sequence

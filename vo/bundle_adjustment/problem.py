@@ -129,7 +129,7 @@ class Chunk:
         return H, g, cost
 
     def shares(self, T: Array, moving: Mask) -> Array:
-        """What the points' residuals do to the gradient, as `vo.bundle_adjustment.robust_covariance.shares` says."""
+        """What the points' residuals do to the gradient, as `robust_covariance.shares` says."""
         slot = np.where(moving, np.cumsum(moving) - 1, -1)
         return shares(
             *split_pose(T), self.points, self.first, self.camera, self.measured, self.weight,

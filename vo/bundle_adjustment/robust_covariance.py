@@ -22,7 +22,7 @@ def shares(
 ) -> Array:  # fmt: skip
     """Sum of outer products of the points' gradients.
 
-    The arguments are those of `vo.bundle_adjustment.schur.reduce`, the points where that found them.
+    The arguments are those of `schur.reduce`, the points where that found them.
 
     Returns:
         (6 S, 6 S) B.

@@ -1,0 +1,111 @@
+"""What this machine can do, and what to install where it cannot."""
+
+import importlib.metadata
+import importlib.util
+import multiprocessing
+import os
+import platform
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from typing import Literal
+
+import typer
+
+BACKENDS: tuple[Literal["egl", "osmesa"], ...] = ("egl", "osmesa")
+PACKAGES = ("mujoco", "gtsam", "numpy", "opencv-python-headless", "numba", "scipy")
+OPTIONAL = {"rerun": "view", "mcap": "view", "distributed": "cluster"}
+"""Module to the extra that brings it."""
+
+INSTALL_GL = "apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri libosmesa6"
+TEST_SCENE = """
+<mujoco>
+  <worldbody>
+    <light pos="0 0 3"/>
+    <geom type="box" size=".3 .3 .3" rgba="1 .5 .1 1"/>
+    <camera name="eye" pos="0 -2 1" xyaxes="1 0 0 0 .4 .9"/>
+  </worldbody>
+</mujoco>
+"""
+SIDE_PX = 64
+
+
+def doctor() -> None:
+    """Say which GL really renders, what is installed, and how to install what is missing."""
+    from rich.table import Table
+
+    from trials.cli import console
+
+    table = Table(box=None, show_header=False)
+    table.add_row("machine", f"{platform.platform()}, {os.cpu_count()} cores")
+    table.add_row("python", platform.python_version())
+    table.add_row("driftyard", _version("driftyard", install="pip install -e ."))
+    for package in PACKAGES:
+        table.add_row(package, _version(package))
+    for module, extra in OPTIONAL.items():
+        if importlib.util.find_spec(module) is None:
+            table.add_row(module, rf'optional, missing; pip install "driftyard\[{extra}]"')
+    working = {backend: _render_elsewhere(backend) for backend in BACKENDS}
+    for backend, (renders, words) in working.items():
+        table.add_row(backend, f"[green]renders[/]: {words}" if renders else f"[red]no[/]: {words}")
+    console.out.print(table)
+    if not any(renders for renders, _ in working.values()):
+        console.out.print(f"No GL renders: generate and preview will not work.\n{INSTALL_GL}")
+        raise typer.Exit(1)
+
+
+def _version(package: str, install: str = "") -> str:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return f"[red]missing[/]; {install or f'pip install {package}'}"
+
+
+def _render_elsewhere(backend: Literal["egl", "osmesa"]) -> tuple[bool, str]:
+    """Render in a process of its own: a GL binds to a process, and a bad driver may kill it."""
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+        try:
+            return pool.submit(render_test_scene, backend).result()
+        except BrokenProcessPool:
+            return False, "the driver crashed"
+
+
+def render_test_scene(backend: Literal["egl", "osmesa"]) -> tuple[bool, str]:
+    """Draw a lit box and look at the pixels.
+
+    Returns:
+        Whether there is a picture, and the driver's name or what went wrong.
+    """
+    import mujoco
+    import numpy as np
+
+    from sim.camera.gl import GraphicsError, open_context
+
+    try:
+        context = open_context(backend, SIDE_PX, SIDE_PX)
+    except GraphicsError as error:
+        return False, str(error)
+    try:
+        model = mujoco.MjModel.from_xml_string(TEST_SCENE)
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        scene, camera = mujoco.MjvScene(model, 10), mujoco.MjvCamera()
+        camera.type, camera.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, 0
+        mujoco.mjv_updateScene(
+            model, data, mujoco.MjvOption(), None, camera, mujoco.mjtCatBit.mjCAT_ALL, scene
+        )
+        painter = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, painter)
+        rectangle = mujoco.MjrRect(0, 0, SIDE_PX, SIDE_PX)
+        rgb = np.zeros((SIDE_PX, SIDE_PX, 3), np.uint8)
+        mujoco.mjr_render(rectangle, scene, painter)
+        mujoco.mjr_readPixels(rgb, None, rectangle, painter)
+        from OpenGL import GL  # binds to the backend of the context
+
+        name = GL.glGetString(GL.GL_RENDERER).decode()
+    except mujoco.FatalError as error:
+        return False, str(error)
+    finally:
+        context.free()
+    # The box is orange: red well above blue somewhere, and not everywhere.
+    orange = rgb[..., 0].astype(int) - rgb[..., 2] > 40
+    return bool(orange.any() and not orange.all()), name

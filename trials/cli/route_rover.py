@@ -1,0 +1,100 @@
+"""The rover's part of the command route: drive what was routed, and compare with the model."""
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from trials.gym.studies.routed import RoutedDrive
+
+SMALL = {"rig.width_px": 320, "rig.height_px": 240}
+TIME_LIMIT_S = 300.0
+
+
+def route_rover(scene: str, out: Path, worlds: int, localization: str, seed: int) -> None:
+    """Drive the rover through aisles and doors of some worlds, by every strategy.
+
+    Raises:
+        SettingsError: If the scene has no aisles, or the localization is unknown.
+    """
+    from trials.cli import console
+    from trials.execution.parallel import spread
+    from trials.gym.env.settings import NavSettings
+    from trials.gym.studies.routed import drive_layout
+    from trials.gym.studies.routed_figure import SIZE_IN, draw_drives, telling
+    from trials.gym.world.aisles import survey_aisles
+    from trials.gym.world.scene_instance import open_site
+    from trials.report.figure import save_figure
+    from vo.contract.files import write_text
+    from vo.contract.settings import validated
+
+    options: dict[str, object] = {
+        "scene": scene,
+        "scene_options": {"stock": 1.0} if scene == "warehouse" else {},
+        "observe": ("pose",),
+        "localization": localization,
+        "settings": SMALL if localization == "truth" else {},
+        "rate_hz": 10.0,
+        "time_limit_s": TIME_LIMIT_S,
+        "distance_m": (1.0, 100.0),
+    }
+    trial = validated(NavSettings, options)
+    layouts = range(seed, seed + worlds)
+    drives: list[RoutedDrive] = []
+    with console.counting_bar("worlds", worlds) as count:
+        for _, of_world in spread(drive_layout, [(options, layout) for layout in layouts]):
+            drives += of_world
+            count(of_world)
+    drives.sort(key=lambda drive: drive.layout)
+    _print_table(f"{scene}, {worlds} worlds, localized by {localization}", drives)
+    shown = telling(drives)
+    site = open_site(trial, shown)
+    aisles = survey_aisles(site, trial.speed_max_mps)
+    free = site.passages.free
+    save_figure(
+        out / "rover_routes.png",
+        SIZE_IN,
+        lambda figure: draw_drives(figure, drives, shown, aisles, free),
+    )
+    write_text(out / "rover_routes.csv", _csv(drives))
+    console.out.print(f"{out}", markup=False)
+
+
+def _print_table(title: str, drives: "Sequence[RoutedDrive]") -> None:
+    import numpy as np
+    from rich.table import Table
+
+    from trials.cli import console
+    from trials.evaluation.intervals import mean_interval
+    from trials.routing.drive import STRATEGIES
+
+    table = Table(title, "arrived", "model, s", "rover, s", "rover over model", "as the model went")
+    for strategy in STRATEGIES:
+        mine = [d for d in drives if d.strategy == strategy.name]
+        predicted_s, measured_s, ratio = (
+            mean_interval(np.array(values))
+            for values in (
+                [d.predicted_s for d in mine],
+                [d.measured_s for d in mine],
+                [d.measured_s / d.predicted_s for d in mine],
+            )
+        )
+        arrived = sum(d.outcome == "success" for d in mine)
+        same = sum(d.predicted == d.passed for d in mine)
+        times = (predicted_s.text(1), measured_s.text(1), ratio.text(2))
+        table.add_row(strategy.name, f"{arrived}/{len(mine)}", *times, f"{same}/{len(mine)}")
+    console.out.print(table)
+
+
+def _csv(drives: "Sequence[RoutedDrive]") -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(
+        ("layout", "strategy", "outcome", "undelayed_s", "predicted_s", "measured_s", "nodes")
+    )
+    for d in drives:
+        times = (f"{x:.2f}" for x in (d.free_s, d.predicted_s, d.measured_s))
+        writer.writerow((d.layout, d.strategy, d.outcome, *times, " > ".join(d.passed)))
+    return text.getvalue()

@@ -1,0 +1,1 @@
+"""Where drift comes from: attribution by stage, and the Cramér-Rao bound."""

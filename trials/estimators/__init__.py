@@ -1,0 +1,1 @@
+"""Estimators by name, as a class, as a program, and other systems."""

@@ -1,0 +1,150 @@
+"""Estimators to choose from: ours by name, anyone's class as `module:Class`, anyone's program."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from vo.contract.errors import SettingsError
+from vo.contract.estimator import Estimate, Estimator
+from vo.contract.rig import StereoRig
+from vo.contract.settings import Settings, resolve
+
+if TYPE_CHECKING:
+    from trials.estimators.plugins.command import Command
+    from vo.config import OdometrySettings
+    from vo.runner import Run
+
+Factory = Callable[[StereoRig, Path | None, Sequence[str]], tuple[Estimator, Settings]]
+
+
+@dataclass(frozen=True)
+class Named:
+    """An estimator that runs in this process.
+
+    Attributes:
+        name: A key of ESTIMATORS, or `module:Class`.
+        config: TOML file of settings.
+        overrides: `key=value` each.
+    """
+
+    name: str = "driftyard"
+    config: Path | None = None
+    overrides: tuple[str, ...] = ()
+
+
+def _driftyard(
+    rig: StereoRig, config: Path | None, overrides: Sequence[str]
+) -> tuple[Estimator, Settings]:
+    from vo.config import OdometrySettings
+
+    return _odometry(OdometrySettings(), rig, config, overrides)
+
+
+def _thesis(
+    rig: StereoRig, config: Path | None, overrides: Sequence[str]
+) -> tuple[Estimator, Settings]:
+    from vo.config import THESIS
+
+    return _odometry(THESIS, rig, config, overrides)
+
+
+def _odometry(
+    preset: "OdometrySettings", rig: StereoRig, config: Path | None, overrides: Sequence[str]
+) -> tuple[Estimator, Settings]:
+    from vo.config import OdometrySettings
+
+    base = preset.model_dump(exclude_defaults=True)
+    settings = resolve(OdometrySettings, config, overrides, base)
+    from vo.odometry import StereoOdometry  # loads gtsam and numba: after the cheap mistakes
+
+    return StereoOdometry(rig, settings), settings
+
+
+def _corner_flow(
+    rig: StereoRig, config: Path | None, overrides: Sequence[str]
+) -> tuple[Estimator, Settings]:
+    from trials.estimators.baselines.corner_flow import CornerFlow, CornerFlowSettings
+
+    settings = resolve(CornerFlowSettings, config, overrides)
+    return CornerFlow(rig, settings), settings
+
+
+ESTIMATORS: dict[str, Factory] = {
+    "driftyard": _driftyard,
+    "thesis": _thesis,
+    "corner_flow": _corner_flow,
+}
+COMPARED = ("driftyard", "corner_flow")
+"""What tables of accuracy and speed show by default: the best that we have, and the baseline."""
+
+
+def make_estimator(
+    name: str, rig: StereoRig, config: Path | None = None, overrides: Sequence[str] = ()
+) -> tuple[Estimator, Mapping[str, Any]]:
+    """Build a fresh estimator.
+
+    Args:
+        name: A key of ESTIMATORS, or `module:Class`; see `trials.estimators.plugins.classes`.
+        rig: Of the sequence it will see.
+        config: TOML file of settings.
+        overrides: `key=value` each.
+
+    Returns:
+        The estimator and its resolved settings, ready for JSON.
+
+    Raises:
+        SettingsError: If there is no such estimator, or it refuses a setting.
+        PluginError: If a class of someone's own cannot be built.
+    """
+    if name in ESTIMATORS:
+        estimator, settings = ESTIMATORS[name](rig, config, overrides)
+        return estimator, settings.model_dump(mode="json")
+    if ":" not in name:
+        valid = ", ".join(sorted(ESTIMATORS))
+        raise SettingsError(f"unknown estimator {name}; valid: {valid}, or module:Class")
+    from trials.estimators.plugins.classes import build
+
+    return build(name, rig, config, overrides)
+
+
+def estimate(
+    choice: "Named | Command",
+    dataset: Path,
+    out: Path,
+    progress: Callable[[Estimate], None] | None = None,
+) -> "Run":
+    """Run an estimator of any kind over a dataset and write what `vo.runner.write_run` writes.
+
+    A class from outside may raise on a frame, which is then lost. What a program prints is kept
+    in `<stem>.printed.txt` beside the result.
+
+    Args:
+        choice: What to run.
+        dataset: Folder of the sequence.
+        out: Trajectory to write, TUM format.
+        progress: Called with the estimate of each frame; never for a program.
+
+    Raises:
+        DriftyardError: If dataset, estimator or settings are wrong, or a plug-in fails.
+    """
+    from trials.estimators.plugins import PluginError
+    from trials.estimators.plugins.guard import Guarded
+    from vo.contract.readers import open_sequence
+    from vo.runner import companion, run, write_run
+
+    sequence = open_sequence(dataset)
+    if not isinstance(choice, Named):
+        from trials.estimators.plugins.command import run_command
+
+        result = run_command(choice, dataset, sequence, companion(out, "printed.txt"))
+        about = {"command": choice.template, "timeout_s": choice.timeout_s}
+        write_run(out, result, choice.name, about, dataset)
+        return result
+    estimator, settings = make_estimator(choice.name, sequence.rig, choice.config, choice.overrides)
+    guarded = None if choice.name in ESTIMATORS else Guarded(estimator)
+    result = run(sequence, guarded or estimator, progress)
+    write_run(out, result, choice.name, settings, dataset)
+    if guarded and guarded.complaint:
+        raise PluginError(f"{out} is written, but reflect failed: {guarded.complaint}")
+    return result

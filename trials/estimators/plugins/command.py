@@ -1,0 +1,159 @@
+"""Estimators as programs: a command reads the dataset folder and writes a TUM trajectory."""
+
+import os
+import shlex
+import signal
+import subprocess
+import tempfile
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from trials.estimators.plugins import PluginError
+from vo.contract import se3
+from vo.contract.errors import SettingsError, TrajectoryError
+from vo.contract.estimator import Estimate, Status
+from vo.contract.files import replacing
+from vo.contract.sequence import StereoSequence
+from vo.contract.trajectory import Trajectory, read_tum
+from vo.runner import Run
+
+SAME_TIME_NS = 1_000_000
+"""A pose belongs to a frame if their times differ by less; programs round."""
+
+NO_POSE = "the command gave no pose"
+
+
+@dataclass(frozen=True)
+class Command:
+    """A program that estimates, run once for a whole sequence.
+
+    Attributes:
+        template: Its words as a shell splits them, though no shell runs it; `{dataset}` and
+            `{out}` stand for the dataset folder and the trajectory to write.
+        timeout_s: Longest that it may run.
+        label: For tables; the program's name by default.
+    """
+
+    template: str
+    timeout_s: float = 3600.0
+    label: str = ""
+
+    def __post_init__(self) -> None:
+        for place in ("{dataset}", "{out}"):
+            if place not in self.template:
+                raise SettingsError(f"--command {self.template}: {place} is missing")
+        try:
+            shlex.split(self.template)
+        except ValueError as error:
+            raise SettingsError(f"--command {self.template}: {error}") from None
+
+    @property
+    def name(self) -> str:
+        """The label, or the program without its folder."""
+        return self.label or Path(shlex.split(self.template)[0]).name
+
+    def words(self, dataset: Path, out: Path) -> list[str]:
+        """Words to execute."""
+        places = {"{dataset}": str(dataset.resolve()), "{out}": str(out.resolve())}
+        words = shlex.split(self.template)
+        for place, path in places.items():
+            words = [word.replace(place, path) for word in words]
+        return words
+
+
+def run_command(command: Command, dataset: Path, sequence: StereoSequence, log: Path) -> Run:
+    """Run a program over a dataset and read what it says of every frame.
+
+    Args:
+        command: What to run, in the working directory.
+        dataset: The folder it is given. It holds the truth too: looking away is up to the program.
+        sequence: The frames of that folder.
+        log: File that receives what the program prints, complete or not.
+
+    Returns:
+        Poses relative to the first; frames that have none are lost. Every frame is charged the
+        same share of the wall time.
+
+    Raises:
+        PluginError: If the program cannot be started, exits with a status, exceeds its time, or
+            writes no usable trajectory.
+    """
+    with tempfile.TemporaryDirectory(prefix="driftyard-") as scratch:
+        out = Path(scratch) / "trajectory.txt"
+        started = perf_counter()
+        _execute(command, command.words(dataset, out), log)
+        wall_ms = 1e3 * (perf_counter() - started)
+        if not out.is_file():
+            raise PluginError(f"{command.name} wrote no trajectory; it printed {log}")
+        try:
+            trajectory = read_tum(out)
+        except TrajectoryError as error:
+            place = str(error).replace(f"{out}:", "line ").replace(str(out), "")
+            raise PluginError(f"{command.name} wrote a malformed trajectory, {place}") from None
+    estimates = _estimates(command, trajectory, sequence)
+    return Run(sequence.name, estimates, (wall_ms / len(sequence),) * len(sequence))
+
+
+def _execute(command: Command, words: Sequence[str], log: Path) -> None:
+    with replacing(log) as partial:
+        with partial.open("wb") as file:
+            try:
+                process = subprocess.Popen(
+                    words, stdin=subprocess.DEVNULL, stdout=file, stderr=file,
+                    start_new_session=True,
+                )  # fmt: skip
+            except OSError as error:
+                raise PluginError(f"--command: cannot run {words[0]} ({error.strerror})") from None
+            status = None
+            with suppress(subprocess.TimeoutExpired):
+                try:
+                    status = process.wait(command.timeout_s)
+                finally:
+                    if process.returncode is None:  # late, or interrupted
+                        os.killpg(process.pid, signal.SIGKILL)
+                        process.wait()
+        last = _last_line(partial)
+    if status is None:
+        raise PluginError(
+            f"{command.name} was stopped after {command.timeout_s:g} s (--timeout); "
+            f"it printed {log}"
+        )
+    if status:
+        how = f"exit status {status}" if status > 0 else f"signal {-status}"
+        raise PluginError(f"{command.name} failed with {how}: {last} (all of it in {log})")
+
+
+def _last_line(printed: Path) -> str:
+    lines = printed.read_text(encoding="utf-8", errors="replace").split("\n")
+    return next((line.strip() for line in reversed(lines) if line.strip()), "it printed nothing")
+
+
+def _estimates(
+    command: Command, trajectory: Trajectory, sequence: StereoSequence
+) -> tuple[Estimate, ...]:
+    """One per frame, from the pose nearest in time if it is near enough."""
+    times, known = sequence.timestamps_ns, trajectory.timestamps_ns
+    rows = np.interp(times - times[0], known - times[0], np.arange(len(known)))
+    nearest = np.rint(rows).astype(np.int64)
+    least_step = int(np.diff(times).min()) if len(times) > 1 else 2 * SAME_TIME_NS
+    found = np.abs(known[nearest] - times) < min(SAME_TIME_NS, least_step / 2)
+    if not found.any():
+        raise PluginError(
+            f"{command.name}: none of its {len(known)} poses is at the time of a frame; "
+            f"its first is at {known[0]} ns, the first frame at {times[0]} ns"
+        )
+    T_first_ref = se3.inverse(trajectory.T_ref_frame[nearest[np.argmax(found)]])
+    estimates: list[Estimate] = []
+    for time, row, posed in zip(times.tolist(), nearest, found, strict=True):
+        if not posed:
+            estimates.append(Estimate(time, Status.LOST, None, NO_POSE))
+            continue
+        first = all(x.status is Status.LOST for x in estimates)
+        status = Status.START if first else Status.TRACKED
+        estimates.append(Estimate(time, status, T_first_ref @ trajectory.T_ref_frame[row]))
+    return tuple(estimates)

@@ -1,0 +1,126 @@
+"""An estimator in another process: frames go down a pipe, poses come back.
+
+The worker is a script that runs in the system's own environment, where this project is not
+installed. It reads a line of JSON (the rig and options), answers with a line, and then answers
+every frame, which is a line of JSON `{"t": seconds}` and the pixels of both eyes, with a line
+`{"T": 16 numbers or null, "state": word, "ms": milliseconds}`. T is the left camera in the frame
+of the first.
+"""
+
+import json
+import select
+import subprocess
+import tempfile
+import weakref
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from trials.estimators.plugins import PluginError
+from trials.estimators.systems.environments import python_of
+from vo.contract.estimator import Estimate, Hindsight, Status
+from vo.contract.rig import StereoRig
+from vo.contract.sequence import StereoFrame
+from vo.contract.trajectory import NS_PER_S
+
+WORKERS = Path(__file__).parent / "workers"
+
+
+class Elsewhere:
+    """Estimator that asks a worker."""
+
+    def __init__(
+        self, system: str, rig: StereoRig, options: Mapping[str, Any], patience_s: float = 120.0
+    ) -> None:
+        """Start the worker.
+
+        Args:
+            system: A key of `trials.estimators.systems.environments.SYSTEMS`.
+            rig: Of the frames to come.
+            options: For the worker.
+            patience_s: Longest that it may take to start, or for a frame.
+
+        Raises:
+            ForeignSystemError: If the system is not installed.
+            PluginError: If the worker does not start.
+        """
+        self.system, self.patience_s = system, patience_s
+        self._last = "it was ended"
+        words = [str(python_of(system)), str(WORKERS / f"{system}_worker.py")]
+        self._said = tempfile.TemporaryFile()  # noqa: SIM115, open as long as the process
+        self._process = subprocess.Popen(
+            words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._said
+        )
+        self._end = weakref.finalize(self, _end, self._process, self._said)
+        names = ("width_px", "height_px", "f_px", "cx_px", "cy_px", "baseline_m")
+        self._tell({**{name: getattr(rig, name) for name in names}, **options})
+        self._hear()
+        self._started = False
+
+    def track(self, frame: StereoFrame) -> Estimate:
+        """Pass a frame on and wait for its pose."""
+        pixels = (frame.left.tobytes(), frame.right.tobytes())
+        self._tell({"t": frame.timestamp_ns / NS_PER_S}, *pixels)
+        answer = self._hear()
+        timings = {"track": float(answer["ms"])}
+        time = frame.timestamp_ns
+        if answer["T"] is None:
+            return Estimate(time, Status.LOST, None, answer["state"], timings_ms=timings)
+        T_odom_cam = np.array(answer["T"], dtype=float).reshape(4, 4)
+        status = Status.TRACKED if self._started else Status.START
+        self._started = True
+        return Estimate(time, status, T_odom_cam, timings_ms=timings)
+
+    def reflect(self) -> Hindsight:
+        """End the worker; nothing is added."""
+        self._end()
+        return Hindsight()
+
+    def _tell(self, header: Mapping[str, Any], *blocks: bytes) -> None:
+        assert self._process.stdin
+        if not self._end.alive:
+            raise self._broken()
+        try:
+            self._process.stdin.write(json.dumps(header).encode() + b"\n")
+            for block in blocks:
+                self._process.stdin.write(block)
+            self._process.stdin.flush()
+        except BrokenPipeError:
+            raise self._broken() from None
+
+    def _hear(self) -> dict[str, Any]:
+        pipe = self._process.stdout
+        assert pipe
+        if not select.select([pipe], [], [], self.patience_s)[0]:
+            self._process.kill()
+            self._end()
+            raise PluginError(f"{self.system} says nothing for {self.patience_s:g} s")
+        line = pipe.readline()
+        if not line:
+            raise self._broken()
+        return json.loads(line)
+
+    def _broken(self) -> PluginError:
+        if self._end.alive:
+            self._process.wait()
+            self._said.seek(0)
+            lines = self._said.read().decode(errors="replace").strip().splitlines()
+            self._last = lines[-1] if lines else "it said nothing"
+            self._end()
+        status = self._process.returncode
+        return PluginError(f"{self.system} ended with status {status}: {self._last}")
+
+
+def _end(process: "subprocess.Popen[bytes]", said: IO[bytes]) -> None:
+    for pipe in (process.stdin, process.stdout, said):
+        if pipe:
+            with suppress(BrokenPipeError):
+                pipe.close()
+    try:
+        process.wait(5)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()

@@ -1,0 +1,88 @@
+"""A virtual environment for each system of others, made on request and found again."""
+
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from vo.contract.errors import DriftyardError, SettingsError
+
+PLACE = "DRIFTYARD_SYSTEMS"
+"""Environment variable: folder of the environments."""
+
+
+class ForeignSystemError(DriftyardError):
+    """A system of others is not installed, or cannot be."""
+
+
+@dataclass(frozen=True)
+class Package:
+    """What to install for a system.
+
+    Attributes:
+        requirements: As pip takes them, pinned.
+        needs: What pip cannot install, in words.
+        license: Of the system.
+    """
+
+    requirements: tuple[str, ...]
+    needs: str
+    license: str
+
+
+SYSTEMS = {
+    "orbslam3": Package(
+        ("pyorbslam3==0.1.1",),
+        "Debian's libgl1 libegl1 libopengl0 libsm6 libice6; a vocabulary, --set vocabulary=FILE",
+        "GPL-3.0",
+    ),
+    "toy_vo": Package(("toy-vo==0.1.1",), "nothing else", "GPL-2.0-or-later"),
+}
+
+
+def folder_of(system: str) -> Path:
+    """Where the environment of a system is, or would be.
+
+    Raises:
+        SettingsError: If there is no such system.
+    """
+    if system not in SYSTEMS:
+        raise SettingsError(f"unknown system {system}; valid: {', '.join(SYSTEMS)}")
+    default = Path.home() / ".cache" / "driftyard" / "systems"
+    return Path(os.environ.get(PLACE, default)) / system
+
+
+def python_of(system: str) -> Path:
+    """Interpreter of an installed system.
+
+    Raises:
+        ForeignSystemError: If it is not installed.
+    """
+    python = folder_of(system) / "bin" / "python"
+    if not python.exists():
+        raise ForeignSystemError(
+            f"{system} is not installed; `python -m trials.estimators.systems.install {system}` "
+            f"does it, in {folder_of(system)}"
+        )
+    return python
+
+
+def install(system: str) -> Path:
+    """Make the environment of a system, and return its interpreter.
+
+    Raises:
+        ForeignSystemError: If pip fails.
+    """
+    folder, package = folder_of(system), SYSTEMS[system]
+    python = folder / "bin" / "python"
+    steps = (
+        (sys.executable, "-m", "venv", "--clear", str(folder)),
+        (str(python), "-m", "pip", "install", "--quiet", *package.requirements),
+    )
+    for step in steps:
+        done = subprocess.run(step, capture_output=True, text=True, check=False)
+        if done.returncode:
+            last = (done.stderr.strip().splitlines() or ["no message"])[-1]
+            raise ForeignSystemError(f"cannot install {system}: {last}")
+    return python

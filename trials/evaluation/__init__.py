@@ -1,0 +1,1 @@
+"""Errors of trajectories against the truth."""

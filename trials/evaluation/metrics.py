@@ -1,0 +1,108 @@
+"""Errors of an estimated trajectory against the truth, as arrays; `score` sums them up."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from trials.evaluation.alignment import Alignment, Pair, fit
+from vo.contract import se3
+from vo.contract.arrays import Array
+
+KITTI_LENGTHS_M = (100.0, 200.0, 300.0, 400.0, 500.0, 600.0, 700.0, 800.0)
+ROBOT_LENGTHS_M = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0)
+
+
+@dataclass(frozen=True)
+class RelativeErrors:
+    """Error of the motion between K pairs of times.
+
+    Attributes:
+        start: (K,) index of the first time of each.
+        length_m: (K,) true path between the two.
+        translation_m: (K,) |t| of inverse(true motion) @ estimated motion.
+        rotation_rad: (K,) angle of the same.
+    """
+
+    start: Array
+    length_m: Array
+    translation_m: Array
+    rotation_rad: Array
+
+    def __len__(self) -> int:
+        return len(self.start)
+
+
+def position_errors(pair: Pair, alignment: Alignment) -> Array:
+    """Distance (N,) in metres of true and aligned estimated positions (absolute trajectory error).
+
+    Raises:
+        TrajectoryError: If a scale is asked for and the estimate never moves.
+
+    Source:
+        Sturm et al., A benchmark for the evaluation of RGB-D SLAM systems, IROS 2012, sec. V.B.
+    """
+    T_world_est = fit(pair, alignment).map(pair.T_odom_cam)
+    return np.linalg.norm(T_world_est[:, :3, 3] - pair.T_world_cam[:, :3, 3], axis=1)
+
+
+def errors_over_time(pair: Pair, step: int = 1) -> RelativeErrors:
+    """Error of the motion over `step` frames, from every frame (relative pose error).
+
+    Source:
+        Sturm et al., IROS 2012, eq. 1.
+    """
+    starts = np.arange(max(len(pair.timestamps_ns) - step, 0))
+    return errors_between(pair, starts, starts + step)
+
+
+def errors_between(pair: Pair, starts: Array, ends: Array) -> RelativeErrors:
+    """Error of the motion from each of some frames to another: (K,) indices of both."""
+    length_m = pair.travelled_m[ends] - pair.travelled_m[starts]
+    return _relative(pair, starts, pair.T_world_cam[ends], pair.T_odom_cam[ends], length_m)
+
+
+def errors_over_distance(pair: Pair, length_m: float, step: int = 1) -> RelativeErrors:
+    """Error of the motion over exactly `length_m` of true path, from every `step`-th frame.
+
+    A segment starts at frame i and ends where the true path, as a polyline through the true
+    positions at the estimate's times, has grown by `length_m`. That point lies between two
+    frames; truth and estimate are both interpolated there at the same fraction of the interval
+    (linear in position, spherical in rotation). Frames closer to the end of the path than
+    `length_m` start no segment. Each segment is compared from its own start, so no alignment
+    enters. **Drift over 1 m**, the headline of every table, is the mean of
+    `translation_m / length_m` over all segments with `length_m` 1 and `step` 1, in per cent.
+
+    Source:
+        Geiger et al., Are we ready for autonomous driving?, CVPR 2012; the benchmark's development
+        kit ends a segment at the next frame and starts one every 10 frames.
+    """
+    travelled_m = pair.travelled_m
+    starts = np.arange(0, len(travelled_m), step)
+    starts = starts[travelled_m[starts] + length_m <= travelled_m[-1]]
+    target_m = travelled_m[starts] + length_m
+    after = np.searchsorted(travelled_m, target_m, side="left")  # so travelled[after - 1] < target
+    before_m = travelled_m[after - 1]
+    position = after - 1 + (target_m - before_m) / (travelled_m[after] - before_m)
+    ends = _between(pair.T_world_cam, position), _between(pair.T_odom_cam, position)
+    return _relative(pair, starts, *ends, np.full(len(starts), length_m))
+
+
+def segment_lengths_m(path_m: float) -> tuple[float, ...]:
+    """Segment lengths that suit a path: KITTI's from 100 m on, below that 1 to 8 m."""
+    lengths = KITTI_LENGTHS_M if path_m >= KITTI_LENGTHS_M[0] else ROBOT_LENGTHS_M
+    return tuple(x for x in lengths if x <= path_m)
+
+
+def _relative(
+    pair: Pair, starts: Array, T_world_end: Array, T_odom_end: Array, length_m: Array
+) -> RelativeErrors:
+    T_start_end = se3.inverse(pair.T_world_cam[starts]) @ T_world_end
+    T_start_estimated = se3.inverse(pair.T_odom_cam[starts]) @ T_odom_end
+    T_end_estimated = se3.inverse(T_start_end) @ T_start_estimated
+    translation_m = np.linalg.norm(T_end_estimated[:, :3, 3], axis=1)
+    return RelativeErrors(starts, length_m, translation_m, se3.rotation_angle(T_end_estimated))
+
+
+def _between(T: Array, position: Array) -> Array:
+    """Poses (K, 4, 4) at fractional indices (K,) of (N, 4, 4)."""
+    return se3.interpolate(np.arange(len(T)), T, position)

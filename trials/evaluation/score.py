@@ -1,0 +1,185 @@
+"""The score of one run: every figure of the tables, computed once."""
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from trials.evaluation.alignment import Alignment, Pair, associate
+from trials.evaluation.metrics import (
+    RelativeErrors,
+    errors_over_distance,
+    errors_over_time,
+    position_errors,
+    segment_lengths_m,
+)
+from trials.evaluation.runs import FrameTable, SavedRun
+from vo.contract.arrays import Array
+from vo.contract.errors import TrajectoryError
+from vo.contract.estimator import Status
+from vo.contract.trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Root mean square, median and maximum of a set of errors, in its unit."""
+
+    rmse: float
+    median: float
+    max: float
+
+    @staticmethod
+    def of(errors: Array) -> "Spread":
+        """Sum up (N,) errors, N >= 1."""
+        rmse = np.sqrt(np.mean(np.square(errors)))
+        return Spread(float(rmse), float(np.median(errors)), float(np.max(errors)))
+
+
+@dataclass(frozen=True)
+class SegmentDrift:
+    """Drift over all segments of one length.
+
+    Attributes:
+        length_m: True path of each segment.
+        segments: How many there are.
+        mean_percent: Mean translation error, % of the length.
+        median_percent: Median of the same.
+        mean_deg_per_m: Mean rotation error by length.
+    """
+
+    length_m: float
+    segments: int
+    mean_percent: float
+    median_percent: float
+    mean_deg_per_m: float
+
+    @staticmethod
+    def of(length_m: float, errors: RelativeErrors) -> "SegmentDrift":
+        """Sum up the errors of at least one segment."""
+        percent = 100 * errors.translation_m / errors.length_m
+        turn = np.degrees(errors.rotation_rad) / errors.length_m
+        mean, median = float(np.mean(percent)), float(np.median(percent))
+        return SegmentDrift(length_m, len(errors), mean, median, float(np.mean(turn)))
+
+
+@dataclass(frozen=True)
+class Score:
+    """One estimator on one sequence.
+
+    Attributes:
+        estimator: Its name.
+        frames: In the sequence.
+        statuses: Status to number of frames; only `lost` is known without the run's record.
+        compared: Poses with a truth to compare with.
+        path_m: True path between the first and the last of them.
+        drift_1m: The headline; None where the path is shorter than 1 m.
+        segments: Drift by segment length, lengths chosen by the path.
+        kitti_percent: Mean translation error over all of `segments`, each segment counting once.
+        kitti_deg_per_m: The same for rotation.
+        end_m: Error of the last pose when the first is aligned.
+        end_percent: The same by path; None without a path.
+        ate_m: Alignment to spread of position errors, metres.
+        rpe_frame_m: Translation error of the motion between successive poses, metres.
+        rpe_frame_deg: Rotation error of the same.
+        rpe_1m_m: Translation error of the motion over 1 m of path, metres.
+        rpe_1m_deg: Rotation error of the same.
+        frame_ms: Median wall time of the estimator per frame, so that what it compiles at first
+            does not count.
+        stage_ms: Stage to its mean time per frame, over all frames.
+    """
+
+    estimator: str
+    frames: int
+    statuses: Mapping[str, int]
+    compared: int
+    path_m: float
+    drift_1m: SegmentDrift | None
+    segments: tuple[SegmentDrift, ...]
+    kitti_percent: float | None
+    kitti_deg_per_m: float | None
+    end_m: float
+    end_percent: float | None
+    ate_m: Mapping[str, Spread]
+    rpe_frame_m: Spread
+    rpe_frame_deg: Spread
+    rpe_1m_m: Spread | None
+    rpe_1m_deg: Spread | None
+    frame_ms: float | None
+    stage_ms: Mapping[str, float]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return plain numbers, strings and None."""
+        return asdict(self)
+
+
+def score_run(truth: Trajectory, run: SavedRun, frames: int) -> Score:
+    """Compare a run with the truth.
+
+    Args:
+        truth: T_world_cam.
+        run: Its trajectory may be in any fixed frame.
+        frames: Number of frames in the sequence.
+
+    Raises:
+        TrajectoryError: If the two share fewer than two times.
+    """
+    try:
+        pair = associate(truth, run.trajectory)
+    except TrajectoryError as error:
+        raise TrajectoryError(f"{run.path}: {error}") from None
+    path_m = float(pair.travelled_m[-1])
+    lengths_m = segment_lengths_m(path_m)
+    by_length = {x: errors_over_distance(pair, x) for x in lengths_m}
+    over_1m = errors_over_distance(pair, 1.0)
+    over_frame = errors_over_time(pair)
+    first_pose = position_errors(pair, Alignment.FIRST_POSE)
+    return Score(
+        estimator=run.estimator,
+        frames=frames,
+        statuses=_statuses(run, frames),
+        compared=len(pair.timestamps_ns),
+        path_m=path_m,
+        drift_1m=SegmentDrift.of(1.0, over_1m) if len(over_1m) else None,
+        segments=tuple(SegmentDrift.of(x, errors) for x, errors in by_length.items()),
+        kitti_percent=_pooled([100 * x.translation_m / x.length_m for x in by_length.values()]),
+        kitti_deg_per_m=_pooled(
+            [np.degrees(x.rotation_rad) / x.length_m for x in by_length.values()]
+        ),
+        end_m=float(first_pose[-1]),
+        end_percent=100 * float(first_pose[-1]) / path_m if path_m > 0 else None,
+        ate_m=_ate(pair),
+        rpe_frame_m=Spread.of(over_frame.translation_m),
+        rpe_frame_deg=Spread.of(np.degrees(over_frame.rotation_rad)),
+        rpe_1m_m=Spread.of(over_1m.translation_m) if len(over_1m) else None,
+        rpe_1m_deg=Spread.of(np.degrees(over_1m.rotation_rad)) if len(over_1m) else None,
+        frame_ms=float(np.median(run.frames.frame_ms)) if run.frames else None,
+        stage_ms=_stage_ms(run.frames) if run.frames else {},
+    )
+
+
+def _ate(pair: Pair) -> dict[str, Spread]:
+    spreads: dict[str, Spread] = {}
+    for alignment in Alignment:
+        try:
+            spreads[alignment.value] = Spread.of(position_errors(pair, alignment))
+        except TrajectoryError:  # an estimate that never moves has no scale; the rest still holds
+            continue
+    return spreads
+
+
+def _statuses(run: SavedRun, frames: int) -> dict[str, int]:
+    if run.frames is None:
+        return {Status.LOST.value: frames - len(run.trajectory)}
+    seen = Counter(run.frames.status)
+    return {status.value: seen[status] for status in Status}
+
+
+def _stage_ms(frames: FrameTable) -> dict[str, float]:
+    return {stage: float(np.nansum(ms)) / len(frames) for stage, ms in frames.timings_ms.items()}
+
+
+def _pooled(errors: list[Array]) -> float | None:
+    pooled = np.concatenate([*errors, np.zeros(0)])
+    return float(np.mean(pooled)) if len(pooled) else None

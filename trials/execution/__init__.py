@@ -1,0 +1,1 @@
+"""Recordings and runs: made on all cores and cached."""

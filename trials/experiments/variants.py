@@ -1,7 +1,0 @@
-"""Variants that several experiments compare."""
-
-from trials.outcomes import Variant
-
-THESIS = Variant("thesis", "thesis")
-UNREFINED = Variant("thesis without refinement", "thesis", ("refinement.mode=none",))
-DEFAULT = Variant("default", "driftyard")

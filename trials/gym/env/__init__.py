@@ -1,0 +1,1 @@
+"""The Gymnasium environments: observations, actions, tasks and localization."""

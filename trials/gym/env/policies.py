@@ -1,0 +1,63 @@
+"""Policies for RoverNav: what drives from observations alone."""
+
+import math
+from typing import Protocol
+
+import numpy as np
+
+from trials.gym.env.rover_env import Observation, RoverEnv
+from trials.navigation.navigator import Navigator
+from trials.navigation.occupancy_grid import OccupancyGrid
+from trials.navigation.settings import NavigatorSettings
+from trials.navigation.steering import Pose2, SteeringSettings
+from vo.contract.arrays import Array
+
+
+class Policy(Protocol):
+    """Anything that maps observations to actions, step by step."""
+
+    def act(self, observation: Observation) -> Array:
+        """(2,) forward and turn, each -1 to 1."""
+        ...
+
+
+class NavigatorPolicy:
+    """The navigator behind an environment that shows `disparity`, `pose` and `goal`."""
+
+    NEEDS = ("disparity", "pose", "goal")
+
+    def __init__(
+        self,
+        env: RoverEnv,
+        settings: NavigatorSettings | None = None,
+        floor_plan: OccupancyGrid | None = None,
+        replanning: bool = True,
+    ) -> None:
+        """Begin a trial: make one after every reset.
+
+        Args:
+            env: Unwrapped, after its reset; gives calibration and limits, and nothing else.
+            settings: Of the navigator.
+            floor_plan: See Navigator.
+            replanning: See Navigator.
+        """
+        trial = env.trial
+        self._limits = np.array([trial.speed_max_mps, trial.turn_max_radps])
+        steering = SteeringSettings(
+            forward_max_mps=trial.speed_max_mps,
+            turn_max_radps=trial.turn_max_radps,
+            period_s=1 / trial.rate_hz,
+        )
+        self.navigator = Navigator(env.site.eyes.rig, steering, settings, floor_plan, replanning)
+        self._goal_m: Array | None = None
+
+    def act(self, observation: Observation) -> Array:
+        """Choose the next action; the goal is where it was first seen, in the believed frame."""
+        x, y, yaw = (float(value) for value in observation["pose"])
+        if self._goal_m is None:
+            c, s = math.cos(yaw), math.sin(yaw)
+            ahead, left = (float(value) for value in observation["goal"])
+            self._goal_m = np.array([x + c * ahead - s * left, y + s * ahead + c * left])
+        disparity = observation["disparity"][..., 0]
+        twist = self.navigator.act(disparity, Pose2(x, y, yaw), self._goal_m)
+        return np.clip(np.array(twist) / self._limits, -1, 1).astype(np.float32)

@@ -1,0 +1,71 @@
+"""Spaces: what an observation and an action are, in Gymnasium's terms."""
+
+import math
+
+import numpy as np
+from gymnasium import spaces
+
+from sim.settings import RecordSettings
+from sim.world.rover import TRACK_M, WHEEL_RADIUS_M
+from trials.gym.env.inertial import ACCEL_MAX_MPS2, GYRO_MAX_RADPS
+from trials.gym.env.settings import Channel, TrialSettings
+from trials.gym.world.start_goal_sampling import TrialError
+from vo.config import StereoSettings
+from vo.contract.arrays import Array
+
+FAR_M = 10_000.0
+STEREO = StereoSettings(method="block_matching")
+"""Of the disparity observed."""
+ACTION = spaces.Box(-1.0, 1.0, (2,), np.float32)
+ROUNDING = 1e-6
+
+
+def observation_space(wanted: tuple[Channel, ...], settings: RecordSettings) -> spaces.Dict:
+    """Describe the channels that were asked for.
+
+    `left`, `right`: (H, W, 1) grey or (H, W, 3) RGB. `disparity`: (H/2, W/2, 1) pixels of the full
+    image, 0 where unknown, by block matching. `pose`: x, y in metres and yaw in radians, in the
+    world, as believed. `encoders`: ticks left and right since the reset. `imu`: angular velocity,
+    rad/s, and specific force, m/s^2, mean of the step. `goal`: metres forward and to the left, as
+    believed.
+    """
+    rig = settings.rig
+    height, width = rig.height_px, rig.width_px
+    image = spaces.Box(0, 255, (height, width, 3 if rig.color else 1), np.uint8)
+    small = height // STEREO.shrink, width // STEREO.shrink, 1
+    turn = np.float32(math.pi)
+    rates = np.repeat(np.array([GYRO_MAX_RADPS, ACCEL_MAX_MPS2], np.float32), 3)
+    place = np.array([FAR_M, FAR_M, turn], np.float32)
+    known: dict[Channel, spaces.Box] = {
+        "left": image,
+        "right": image,
+        "disparity": spaces.Box(0.0, float(2 * STEREO.most_disparity_px), small, np.float32),
+        "pose": spaces.Box(-place, place, (3,), np.float32),
+        "encoders": spaces.Box(-(2**40), 2**40, (2,), np.int64),
+        "imu": spaces.Box(-rates, rates, (6,), np.float32),
+        "goal": spaces.Box(-FAR_M, FAR_M, (2,), np.float32),
+    }
+    return spaces.Dict({name: known[name] for name in wanted})
+
+
+def wheel_speeds(action: Array, settings: TrialSettings) -> Array:
+    """(2,) speeds of left and right wheel, rad/s, that an action asks for.
+
+    Args:
+        action: (2,) each from -1 to 1: forward speed and turn to the left, as shares of
+            `speed_max_mps` and `turn_max_radps`; or left and right wheel, as shares of what both
+            together would ask of the faster wheel.
+        settings: Kind of action, and limits.
+
+    Raises:
+        TrialError: If it has another shape, or a value is out of range or no number.
+    """
+    values = np.asarray(action, dtype=np.float64)
+    if values.shape != (2,) or not (np.abs(values) <= 1 + ROUNDING).all():
+        names = "forward, turn" if settings.action == "twist" else "left, right"
+        raise TrialError(f"action {np.asarray(action).tolist()}: expected ({names}), each -1 to 1")
+    side_mps = settings.turn_max_radps * TRACK_M / 2
+    if settings.action == "wheels":
+        return values * (settings.speed_max_mps + side_mps) / WHEEL_RADIUS_M
+    forward_mps, turn_mps = values * (settings.speed_max_mps, side_mps)
+    return np.array([forward_mps - turn_mps, forward_mps + turn_mps]) / WHEEL_RADIUS_M

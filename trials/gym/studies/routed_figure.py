@@ -1,0 +1,100 @@
+"""The figure of the rover's routed drives: one world from above, and times against the model's."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from trials.gym.studies.routed import RoutedDrive
+from trials.gym.world.aisles import Aisles
+from trials.gym.world.free_space import NOTHING, FreeSpace
+from trials.report.figure import BLUE, GREEN, GREY, INK, OCHRE, PALE, RED, tidy
+from trials.routing.drive import STRATEGIES
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SIZE_IN = (9.6, 4.2)
+COLOURS = (INK, RED, BLUE, OCHRE)
+"""Of the strategies, in their order."""
+WIDTHS = (7.0, 4.8, 2.8, 1.2)
+"""Of their paths: one on top of another, all can be seen."""
+
+
+def telling(drives: Sequence[RoutedDrive]) -> int:
+    """The layout in which the strategies took the most ways, and of those the largest spread."""
+
+    def tells(layout: int) -> tuple[int, float]:
+        here = [d for d in drives if d.layout == layout]
+        return len({d.passed for d in here}), float(np.ptp([d.measured_s for d in here]))
+
+    return max({d.layout for d in drives}, key=tells)
+
+
+def draw_drives(
+    figure: "Figure", drives: Sequence[RoutedDrive], layout: int, aisles: Aisles, free: FreeSpace
+) -> None:
+    """Draw the paths in one world, and all times.
+
+    Args:
+        figure: Empty.
+        drives: Of all worlds, by every strategy.
+        layout: The world to show.
+        aisles: Of it.
+        free: Its obstacles.
+    """
+    above, times = figure.subplots(1, 2, width_ratios=(1.15, 1.0))
+    _draw_world(above, [d for d in drives if d.layout == layout], aisles, free)
+    above.set_title(f"layout {layout}", fontsize=9.5, weight="bold", loc="left")
+    _draw_times(times, drives)
+    handles, labels = above.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=6, fontsize=8, frameon=False)
+
+
+def _draw_world(
+    panel: "Axes", drives: Sequence[RoutedDrive], aisles: Aisles, free: FreeSpace
+) -> None:
+    height, width = free.obstacles.shape
+    low, high = free.points(np.array([[-0.5, -0.5], [height - 0.5, width - 0.5]]))
+    panel.imshow(
+        np.where(free.obstacles != NOTHING, 1.0, np.nan),
+        extent=(float(low[0]), float(high[0]), float(low[1]), float(high[1])),
+        origin="lower", cmap="Greys", vmin=0, vmax=3,
+    )  # fmt: skip
+    for slots, colour, label in (
+        (aisles.doors.values(), GREEN, "door"),
+        (list(aisles.halves.values())[::2], PALE, "room for a load"),
+    ):
+        for k, slot in enumerate(slots):
+            panel.fill(*slot.corners.T, color=colour, lw=2, label=label if k == 0 else None)
+    by_name = {d.strategy: d for d in drives}
+    for strategy, colour, width_pt in zip(STRATEGIES, COLOURS, WIDTHS, strict=True):
+        x, y = np.array(by_name[strategy.name].trace).T
+        panel.plot(x, y, color=colour, lw=width_pt, label=strategy.name, solid_capstyle="round")
+    x, y = np.array(drives[0].trace)[0]
+    panel.plot(x, y, "o", color=INK, mfc="white", ms=7, zorder=5)
+    panel.set_aspect("equal")
+    tidy(panel, "x, m", "y, m")
+    panel.grid(visible=False)
+
+
+def _draw_times(panel: "Axes", drives: Sequence[RoutedDrive]) -> None:
+    for layout in sorted({d.layout for d in drives}):
+        here = {d.strategy: d.measured_s for d in drives if d.layout == layout}
+        panel.plot([here[s.name] for s in STRATEGIES], color=GREY, lw=0.8, marker=".", zorder=1)
+    for k, (strategy, colour) in enumerate(zip(STRATEGIES, COLOURS, strict=True)):
+        mine = [d for d in drives if d.strategy == strategy.name]
+        predicted_s, measured_s = (
+            float(np.mean([getattr(d, key) for d in mine])) for key in ("predicted_s", "measured_s")
+        )
+        panel.plot(k - 0.1, predicted_s, "D", color=colour, mfc="white", ms=8, mew=1.6)
+        panel.plot(k + 0.1, measured_s, "D", color=colour, ms=8)
+        panel.annotate(
+            f"{measured_s:.0f} s", (k + 0.1, measured_s), (7, 0), textcoords="offset points",
+            va="center", fontsize=8.5, color=colour,
+        )  # fmt: skip
+    panel.set_xticks(range(len(STRATEGIES)), [s.name.replace(" + ", " +\n") for s in STRATEGIES])
+    panel.set_ylim(0, 1.08 * max(d.measured_s for d in drives))
+    panel.set_xlim(-0.4, len(STRATEGIES) - 0.4)
+    tidy(panel, "", "travel time, s", "mean of the model (hollow) and of the rover")

@@ -1,0 +1,1 @@
+"""The world of a trial: simulation, free space, and obstacles that move."""

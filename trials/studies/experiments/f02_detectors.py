@@ -1,0 +1,61 @@
+"""F2: CenSurE beside Harris corners, and its kernels beside each other (thesis 6)."""
+
+from collections.abc import Sequence
+
+from trials.execution.outcomes import Outcomes, Trial, Variant, crossed
+from trials.studies.experiments.compare import (
+    comparison_data,
+    comparison_table,
+    draw_ratios,
+    ratios,
+)
+from trials.studies.experiments.experiment import Experiment, Findings, Scale, Verdict
+
+SCENES = ("office", "brick_court", "meadow", "corridor", "turntable")
+REFERENCE = Variant("CenSurE, octagon")
+HARRIS = Variant("Harris corners", "driftyard", ("features.detector=harris",))
+OTHERS = (
+    Variant("CenSurE, box", "driftyard", ("features.kernel=box",)),
+    Variant("CenSurE, star", "driftyard", ("features.kernel=star",)),
+    HARRIS,
+)
+
+
+def trials(scale: Scale) -> Sequence[Trial]:
+    """Every detector on scenes with much and little texture."""
+    return crossed(scale.recordings(SCENES, 3), (REFERENCE, *OTHERS))
+
+
+def analyse(outcomes: Outcomes) -> Findings:
+    """Compare the drift that each leads to."""
+    found = ratios(outcomes, OTHERS, REFERENCE)
+    harris = found[HARRIS]
+    verdict = Verdict.OPEN
+    if harris.low > 1:
+        verdict = Verdict.HOLDS
+    elif harris.high < 1:
+        verdict = Verdict.FAILS
+    return Findings(
+        verdict,
+        f"Harris corners have {harris.text(2)} times the drift of CenSurE with the same matching, "
+        "stereo and refinement; box kernels "
+        f"{found[OTHERS[0]].text(2)} times, star kernels {found[OTHERS[1]].text(2)} times.",
+        comparison_table(outcomes, OTHERS, REFERENCE, "detector"),
+        "Drift with each detector over that with the default one: diamonds are geometric means, "
+        "bars their 95 % intervals, dots drives.",
+        lambda figure: draw_ratios(figure, outcomes, OTHERS, REFERENCE),
+        {"drift": comparison_data(outcomes, OTHERS, REFERENCE)},
+    )
+
+
+EXPERIMENT = Experiment(
+    id="F2",
+    title="CenSurE or Harris corners",
+    claim="CenSurE serves visual odometry better than Harris corners (a comparison that the "
+    "thesis left open).",
+    source="section 6",
+    setup="The default settings with each detector on five scenes.",
+    size_in=(8.0, 2.4),
+    trials=trials,
+    analyse=analyse,
+)

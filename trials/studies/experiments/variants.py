@@ -1,0 +1,7 @@
+"""Variants that several experiments compare."""
+
+from trials.execution.outcomes import Variant
+
+THESIS = Variant("thesis", "thesis")
+UNREFINED = Variant("thesis without refinement", "thesis", ("refinement.mode=none",))
+DEFAULT = Variant("default", "driftyard")

@@ -1,0 +1,216 @@
+"""How often the gate errs, by simulation with its own decision; `make gate-power`.
+
+A log ratio of drift is the true change, plus what the scene adds (Gaussian), plus what the
+sequence adds: Student's t with four degrees of freedom, heavier in the tails than a Gaussian, and
+up to twice as wide in some scenes as in others. With fewer scenes than can be samples, what they
+add sums to zero: the gate then speaks of these scenes alone. Losses come and go by chance, times
+vary all together and each, NEES each; none of these changes in truth. With --result, scenes and
+sequences are drawn from those of a gate's JSON result instead, its mean removed.
+"""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.table import Table
+from scipy import stats
+
+from trials.cli import console
+from trials.cli.main import guard
+from trials.gate.alternatives import TESTS
+from trials.gate.decision import Decision, Verdict, decide
+from trials.gate.measurement import Measurement
+from trials.gate.planning import design_error, seeds_needed
+from trials.gate.rules import Rules
+from trials.gate.statistics import LEAST_SCENES, Effect
+from vo.contract.arrays import Array
+from vo.contract.errors import DatasetError
+
+RULES = Rules()
+CHANGE = float(np.log1p(0.1))
+"""A true increase of drift by 10 %."""
+TOLERANCE = float(np.log1p(RULES.drift_tolerance))
+FRAMES, DRIFT_PERCENT = 100, 0.1
+LOSS, TIME_TOGETHER, TIME_EACH, NEES_EACH = 0.02, 0.03, 0.05, 0.1
+"""Probability of a loss; deviations of log time, together and each; of log NEES."""
+TAIL_DEGREES = 4
+
+Draw = Callable[[np.random.Generator, int, int], Array]
+"""Draws (scenes, seeds) log ratios without a true change."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """Scenes and how their sequences spread.
+
+    Attributes:
+        name: For the table.
+        scenes: Number of them.
+        within: Standard deviation of the sequences of a scene.
+        between: Standard deviation of scenes.
+        draw: Of log ratios.
+    """
+
+    name: str
+    scenes: int
+    within: float
+    between: float
+    draw: Draw
+
+    @cached_property
+    def seeds(self) -> int:
+        """Of each scene, as `--plan 10%` says.
+
+        Raises:
+            DatasetError: If no number of seeds is enough.
+        """
+        wish = (CHANGE - TOLERANCE, RULES.level, RULES.power)
+        seeds = seeds_needed(self.within, self.between, self.scenes, *wish)
+        if seeds is None:
+            raise DatasetError(f"{self.name}: no number of seeds finds a change of 10 %")
+        return seeds
+
+    @cached_property
+    def power(self) -> float:
+        """Probability to find the change, as promised."""
+        error, degrees = design_error(self.within, self.between, self.scenes, self.seeds)
+        critical = stats.t.ppf(1 - RULES.level, degrees)
+        return float(stats.nct.sf(critical, degrees, (CHANGE - TOLERANCE) / error))
+
+
+def modelled(scenes: int, within: float, between: float) -> Case:
+    """Case of the model that this module's head states."""
+
+    def draw(rng: np.random.Generator, scenes: int, seeds: int) -> Array:
+        of_scene = between * rng.standard_normal((scenes, 1))
+        if scenes < LEAST_SCENES:
+            of_scene -= of_scene.mean()
+        width = rng.uniform(2 / 3, 4 / 3, (scenes, 1))
+        width /= np.sqrt(np.mean(width**2))
+        scale = within * np.sqrt((TAIL_DEGREES - 2) / TAIL_DEGREES)
+        return of_scene + scale * width * rng.standard_t(TAIL_DEGREES, (scenes, seeds))
+
+    name = f"{scenes} scenes, {100 * within:.0f} % within, {100 * between:.0f} % between"
+    return Case(name, scenes, within, between if scenes >= LEAST_SCENES else 0.0, draw)
+
+
+def resampled(path: Path) -> Case:
+    """Case of the pairs in a gate's JSON result.
+
+    Raises:
+        DatasetError: If it is none, or has no spread of several seeds a scene to draw from.
+    """
+    try:
+        drift = json.loads(path.read_text(encoding="utf-8"))["findings"][0]["change"]
+        effect = Effect(np.array(drift["log_ratios"], dtype=float), tuple(drift["scenes"]))
+    except (ValueError, KeyError, IndexError, TypeError):
+        raise DatasetError(f"{path}: not a gate result") from None
+    if not effect.by_scene or not effect.within > 0:
+        raise DatasetError(f"{path}: has not several differing sequences of {LEAST_SCENES} scenes")
+    means, names = effect.scene_means - effect.mean, tuple(dict.fromkeys(effect.scenes))
+    means *= effect.between / means.std(ddof=1)
+    of_scene = np.array(effect.scenes)
+    inflation = np.sqrt(len(effect.values) / (len(effect.values) - len(names)))
+    residuals = [inflation * effect.residuals[of_scene == name] for name in names]
+
+    def draw(rng: np.random.Generator, scenes: int, seeds: int) -> Array:
+        chosen = rng.integers(len(names), size=scenes)
+        return np.array([means[k] + rng.choice(residuals[k], seeds) for k in chosen])
+
+    return Case(path.stem, len(names), effect.within, effect.between, draw)
+
+
+CASES = (
+    modelled(14, 0.12, 0.06),
+    modelled(10, 0.08, 0.06),
+    modelled(6, 0.08, 0.03),
+    modelled(3, 0.10, 0.06),
+    modelled(1, 0.10, 0.0),
+)
+
+
+def simulate(
+    repetitions: Annotated[int, typer.Option(min=20, help="Of every case.")] = 200,
+    seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
+    result: Annotated[
+        list[Path] | None, typer.Option(help="Also draw from a gate's JSON; may be repeated.")
+    ] = None,
+    tests: Annotated[
+        bool, typer.Option(help="Also show what other tests would have said.")
+    ] = False,
+) -> None:
+    """Print how often the gate raises a false alarm, and how often it finds an increase of 10 %.
+
+    A false alarm is one for a candidate that grew by the tolerance: the most that is none.
+    """
+    cases = [*CASES, *(resampled(path) for path in result or [])]
+    columns = ("case", "seeds", "false alarms, %", "10 % found, %", "promised, %")
+    table = Table(*columns, title=f"{repetitions} repetitions (95 % interval)", box=None)
+    other = Table("case", *TESTS, title="others: false alarms / found, %", box=None)
+    with console.counting_bar("simulating", 2 * repetitions * len(cases)) as count:
+        for number, case in enumerate(cases):
+            cells: list[str] = []
+            said: list[dict[str, float]] = []
+            for k, change in enumerate((TOLERANCE, CHANGE)):
+                rng = np.random.default_rng((seed, number, k))
+                draws = [case.draw(rng, case.scenes, case.seeds) for _ in range(repetitions)]
+                logs = [change + x for x in draws]
+                alarms = 0
+                for values in logs:
+                    alarms += repeat(rng, values).verdict is Verdict.REGRESS
+                    count(values)
+                cells.append(_share(alarms, repetitions))
+                if tests:
+                    above = [x - TOLERANCE for x in logs]
+                    said.append(
+                        {k: float(np.mean([t(x) for x in above])) for k, t in TESTS.items()}
+                    )
+            table.add_row(case.name, str(case.seeds), *cells, f"{100 * case.power:.0f}")
+            if tests:
+                pairs = (f"{100 * said[0][k]:.1f} / {100 * said[1][k]:.0f}" for k in TESTS)
+                other.add_row(case.name, *pairs)
+    console.out.print(table)
+    if tests:
+        console.out.print(other)
+
+
+def repeat(rng: np.random.Generator, log_ratios: Array) -> Decision:
+    """Put the gate's decision to a candidate whose drifts have these ratios.
+
+    Args:
+        rng: Of all figures but those ratios.
+        log_ratios: (scenes, seeds).
+    """
+    scenes, seeds = log_ratios.shape
+    names = [f"scene {k}" for k in range(scenes) for _ in range(seeds)]
+    drift = DRIFT_PERCENT * np.exp(0.5 * rng.standard_normal(scenes * seeds))
+    before = [_measurement(rng, x, 0.0) for x in drift]
+    together = TIME_TOGETHER * rng.standard_normal()
+    after = [_measurement(rng, x, together) for x in drift * np.exp(log_ratios.ravel())]
+    return decide(RULES, names, before, after)
+
+
+def _measurement(rng: np.random.Generator, drift_percent: float, log_time: float) -> Measurement:
+    time = np.exp(log_time + TIME_EACH * rng.standard_normal())
+    return Measurement(
+        frames=FRAMES,
+        lost_frames=FRAMES if rng.random() < LOSS else 0,
+        drift_percent=float(drift_percent),
+        frame_ms=float(10 * time),
+        reference_ms=10.0,
+        nees=float(np.exp(NEES_EACH * rng.standard_normal())),
+    )
+
+
+def _share(count: int, of: int) -> str:
+    interval = stats.binomtest(count, of).proportion_ci()
+    return f"{100 * count / of:.1f} ({100 * interval.low:.1f}–{100 * interval.high:.1f})"
+
+
+if __name__ == "__main__":
+    guard(lambda: typer.run(simulate))

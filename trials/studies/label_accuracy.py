@@ -1,0 +1,300 @@
+"""How exact the truth is, measured against independent computations; `make proof`.
+
+Depth against ray casts, outlines against projected corners, labels against pixels under noise,
+adaptive blur against many sub-frames, inertial readings and wheels against the path.
+"""
+
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import cv2
+import mujoco
+import numpy as np
+import typer
+from rich.table import Table
+
+from trials.cli import console
+from trials.cli.datasets import record_settings
+from trials.cli.main import guard
+from vo.contract.arrays import Array
+
+if TYPE_CHECKING:
+    from sim.camera.render import StereoRenderer
+    from sim.settings import RecordSettings
+    from sim.world.trip import Trip
+    from sim.world.world import World
+
+DISTANCE_M = 3.0
+NOISE = ("sensor.full_well=6000", "sensor.read_noise=15", "sensor.softness_px=0.6")
+FLOW = ("labels.flow=true", "labels.covisibility=true")
+RAYS_EVERY_PX = 7
+BEND_SHARE = 1e-4
+"""On a plane 1/Z is affine in the pixel; where its second difference is a larger share of 1/Z than
+this there is an edge, on either side of which a ray may fall."""
+REFERENCE_SUBFRAMES = 64
+FRAMES = 6
+DEPTH_SHARE, STRAY_SHARE = 2e-4, 1e-3
+"""Largest wrong share of a depth, and how many rays may miss a blade of grass by a hair."""
+BEHIND_M = 1e-5
+"""A ray goes on this far behind a face that it meets from behind."""
+
+
+def proof(
+    seed: Annotated[int, typer.Option(help="Of everything random.")] = 0,
+    scenes: Annotated[str, typer.Option(help="Scenes to look at, a,b,c.")] = "brick_court,office",
+) -> None:
+    """Measure how exact labels, blur and sensors are, and print it beside what is promised."""
+    table = Table("measured", "on", "found", "promised", "holds", box=None)
+    for name in scenes.split(","):
+        for label, found, promised, holds in (*_geometry(name, seed), *_sensors(name, seed)):
+            table.add_row(label, name, found, promised, "yes" if holds else "[bold red]no[/]")
+    for label, found, promised, holds in (*_outlines(), *_blur(seed)):
+        table.add_row(*label, found, promised, "yes" if holds else "[bold red]no[/]")
+    console.out.print(table)
+
+
+Row = tuple[str, str, str, bool]
+
+
+def _geometry(scene: str, seed: int) -> list[Row]:
+    """Compare depth labels along a drive with MuJoCo's own ray caster."""
+    pairs: list[Array] = []
+    world, trip, settings = _drive(scene, seed, [f"drive.distance_m={DISTANCE_M}"])
+    with _rendering(world, settings) as renderer:
+        for k in np.linspace(0, len(trip) - 1, FRAMES).astype(int):
+            time_ns = int(trip.timestamps_ns[k])
+            world.place(time_ns * 1e-9, trip.states.at(world.model, time_ns))
+            pairs.append(np.stack(_depth_and_rays(world, renderer)))
+    depth, cast = np.hstack(pairs)
+    error = np.abs(depth - cast)
+    near_mm = float(1e3 * error[np.abs(cast - 1.0) < 0.2].max(initial=0))
+    share = np.sort((error / cast)[cast < 20])[::-1]
+    beyond = int((share > DEPTH_SHARE).sum())
+    few = beyond <= STRAY_SHARE * len(share)
+    worst = 100 * share[int(STRAY_SHARE * len(share))]
+    found = f"{worst:.5f} %, {beyond} of {len(share)} beyond"
+    return [
+        ("depth against rays at 1 m, largest", f"{near_mm:.4f} mm", "0.2 mm", near_mm <= 0.2),
+        ("depth against rays to 20 m, all but 1 in 1000", found, "0.02 %", few),
+    ]
+
+
+def _depth_and_rays(world: "World", renderer: "StereoRenderer") -> tuple[Array, Array]:
+    """Depth label and ray cast (N,) at pixels on a grid that are not at an edge."""
+    survey = renderer.survey()
+    depth, rig = survey.depth_left_m.astype(float), world.render_rig
+    v, u = (
+        a.ravel()
+        for a in np.mgrid[
+            2 : rig.height_px - 2 : RAYS_EVERY_PX, 2 : rig.width_px - 2 : RAYS_EVERY_PX
+        ]
+    )
+    q = 1 / depth
+    bends = [
+        np.abs(q[v - dv, u - du] - 2 * q[v, u] + q[v + dv, u + du]) / q[v, u]
+        for du, dv in ((1, 0), (0, 1), (1, 1), (1, -1))
+    ]
+    smooth = np.max(bends, axis=0) < BEND_SHARE
+    u, v = u[smooth], v[smooth]
+    rays_cam = np.column_stack([rig.normalized(np.column_stack([u, v])), np.ones(len(u))])
+    T_world_cam = world.T_world_cam
+    norms = np.linalg.norm(rays_cam, axis=1)
+    directions = (rays_cam / norms[:, None]) @ T_world_cam[:3, :3].T
+    eye = T_world_cam[:3, 3].copy()
+    distances = np.array([_first_front(world, eye, direction) for direction in directions])
+    hit = np.isfinite(distances)
+    return depth[v, u][hit], (distances / norms)[hit]
+
+
+def _first_front(world: "World", eye: Array, direction: Array) -> float:
+    """Distance along a ray to the first face that is turned to the eye; NaN for none.
+
+    Like the renderer, and unlike the ray caster, it does not see leaves from behind.
+    """
+    from scenes.scene import TWIN_GROUP
+
+    groups = np.zeros(6, np.uint8)
+    groups[[0, 1, 2, TWIN_GROUP]] = 1
+    met, normal, gone = np.zeros(1, np.int32), np.zeros(3), 0.0
+    while True:
+        start = eye + gone * direction
+        ahead = mujoco.mj_ray(world.model, world.data, start, direction, groups, 1, -1, met, normal)
+        if ahead < 0:
+            return np.nan
+        gone += ahead
+        if normal @ direction < 0:
+            return gone
+        gone += BEHIND_M
+
+
+def _sensors(scene: str, seed: int) -> list[Row]:
+    """Record a noisy drive and one with perfect inertial readings; read their certificates."""
+    base = [f"drive.distance_m={DISTANCE_M}", *FLOW]
+    noisy = _certificate(scene, seed, [*base, *NOISE])
+    rows: list[Row] = []
+    for part in ("stereo", "flow"):
+        ratio = noisy[part]["median_grey"] / noisy[part]["noise_median_grey"]
+        rows.append(
+            (
+                f"{part} residual over what noise explains",
+                f"{ratio:.3f}",
+                "0.8 to 1.2",
+                0.8 <= ratio <= 1.2,
+            )
+        )
+    calm = _certificate(scene, seed, [base[0], "imu.noise=0"])
+    drift_mm, turn_deg = 1e3 * calm["inertial"]["drift_max_m"], calm["inertial"]["turn_max_deg"]
+    label = "inertial readings without noise, integrated 5 s"
+    found = f"{drift_mm:.2f} mm, {turn_deg:.4f}°"
+    rows.append((label, found, "10 mm, 0.05°", drift_mm <= 10 and turn_deg <= 0.05))
+    slip = calm["encoders"]["slip_percent"]
+    rows.append(("path by the encoders against truth", f"{slip:+.2f} %", "±2 %", abs(slip) <= 2))
+    return rows
+
+
+def _certificate(scene: str, seed: int, overrides: list[str]) -> dict[str, Any]:
+    from sim.batch import build
+    from sim.record import record
+
+    settings = record_settings(scene, seed, overrides)
+    with tempfile.TemporaryDirectory() as folder, console.progress_bar(scene) as progress:
+        return record(
+            build(scene, settings), settings, Path(folder) / scene, False, progress
+        ).certificate
+
+
+def _outlines() -> list[tuple[tuple[str, str], str, str, bool]]:
+    """Look at floating boxes: pixels inside their projected outline show them, others do not."""
+    world, settings = _boxes()
+    misplaced, inspected = 0, 0
+    with _rendering(world, settings) as renderer:
+        survey = renderer.survey()
+    rig = world.render_rig
+    v, u = np.mgrid[: rig.height_px, : rig.width_px]
+    for eye, geoms in enumerate((survey.geoms_left, survey.geoms_right)):
+        for name, corners_world in _corners(world).items():
+            cam = (np.linalg.inv(world.T_world_cam) @ np.c_[corners_world, np.ones(8)].T).T[:, :3]
+            pixels = rig.project(cam - [eye * rig.baseline_m, 0, 0])[:, :2]
+            hull = cv2.convexHull(pixels.astype(np.float32))[:, 0].astype(float)
+            gap = _signed_gap(hull, np.stack([u, v], axis=-1).astype(float))
+            shown = geoms == world.model.geom(name).id
+            misplaced += int((shown & (gap < -0.05)).sum() + (~shown & (gap > 0.05)).sum())
+            inspected += int((np.abs(gap) < 1).sum())
+    found = f"{misplaced} of {inspected} pixels at outlines"
+    return [
+        (("pixels beyond projected corners by 0.05 px", "boxes"), found, "none", misplaced == 0)
+    ]
+
+
+def _signed_gap(hull: Array, points: Array) -> Array:
+    """Distance of (..., 2) points from the edges of a convex (K, 2) polygon, positive inside."""
+    gaps: list[Array] = []
+    centre = hull.mean(axis=0)
+    for a, b in zip(hull, np.roll(hull, -1, axis=0), strict=True):
+        normal = np.array([-(b - a)[1], (b - a)[0]]) / np.linalg.norm(b - a)
+        normal *= np.sign((centre - a) @ normal)
+        gaps.append((points - a) @ normal)
+    return np.min(gaps, axis=0)
+
+
+def _boxes() -> "tuple[World, RecordSettings]":
+    """Float four boxes before the rig, none hiding another."""
+    from scenes.scene import Scene
+    from sim.settings import RecordSettings
+    from sim.world.world import build_world
+
+    spec = mujoco.MjSpec()
+    spec.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=(0, 0, 1))
+    for k, (pos, yaw) in enumerate(
+        (
+            ((0.9, 0.2, 0.15), 0.3),
+            ((1.2, -0.3, 0.2), -0.4),
+            ((2.5, 0.6, 0.3), 0.7),
+            ((4.0, -0.8, 0.5), 0.1),
+        )
+    ):
+        spec.worldbody.add_geom(
+            name=f"box_{k}",
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            pos=pos,
+            size=(0.05, 0.07, 0.04),
+            quat=(np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)),
+        )
+    route = {"default": np.array([[0.0, 0.0], [3.0, 0.0]])}
+    scene = Scene("boxes", "Outlines.", spec, route, (-1.0, -2.0, 5.0, 2.0))
+    settings = RecordSettings()
+    world = build_world(scene, settings)
+    mujoco.mj_step(world.model, world.data, 1000)
+    world.place_bodies()
+    return world, settings
+
+
+def _corners(world: "World") -> dict[str, Array]:
+    """Name of each box to its (8, 3) corners in the world."""
+    signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T
+    boxes = [world.model.geom(f"box_{k}") for k in range(4)]
+    return {
+        box.name: world.data.geom_xpos[box.id]
+        + (signs * box.size) @ world.data.geom_xmat[box.id].reshape(3, 3).T
+        for box in boxes
+    }
+
+
+def _blur(seed: int) -> list[tuple[tuple[str, str], str, str, bool]]:
+    """Compare exposures on the turntable and at rest with one of 64 sub-frames."""
+    from sim.camera.exposure import expose, open_shutter
+    from sim.camera.linear_light import Encoding, decode
+
+    scene = "turntable"
+    world, trip, settings = _drive(scene, seed, ["drive.distance_m=6", "exposure.time_ms=20"])
+    speed = np.abs(np.gradient(np.unwrap(np.arctan2(*trip.T_world_body[:, 1::-1, 0].T))))
+    fast = np.argsort(speed)[-FRAMES:]
+    encode = Encoding("srgb")
+    psnr_db, counts = [], []
+    with _rendering(world, settings) as renderer:
+        for k in [*fast, len(trip) - 1]:
+            time_s = trip.timestamps_ns[k] * 1e-9
+            world.place(time_s, trip.states.at(world.model, trip.timestamps_ns[k]))
+            survey = renderer.survey()
+            shutter = open_shutter(settings.exposure, time_s, 0.02, world.render_rig.height_px)
+            finest = settings.exposure.model_copy(
+                update={"step_px": 1e-6, "subframes_max": REFERENCE_SUBFRAMES}
+            )
+            image, count = expose(world, trip, renderer, settings.exposure, shutter, survey)
+            reference, _ = expose(world, trip, renderer, finest, shutter, survey)
+            grey = image[0] if image[0].dtype == np.uint8 else encode(image[0])
+            light = reference[0] if reference[0].dtype != np.uint8 else decode(reference[0])
+            psnr_db.append(cv2.PSNR(grey, encode(light)))
+            counts.append(count)
+    worst, most = min(psnr_db), max(counts[:-1])
+    return [
+        (
+            ("adaptive blur against 64 sub-frames, worst", scene),
+            f"{worst:.1f} dB",
+            "45 dB",
+            worst >= 45,
+        ),
+        (("sub-frames in the fastest turns, most", scene), f"{most}", "32", most <= 32),
+        (("sub-frames standing", scene), f"{counts[-1]}", "1", counts[-1] == 1),
+    ]
+
+
+def _drive(scene: str, seed: int, overrides: list[str]) -> "tuple[World, Trip, RecordSettings]":
+    from sim.batch import build
+    from sim.world.trip import make_trip
+    from sim.world.world import build_world
+
+    settings = record_settings(scene, seed, overrides)
+    world = build_world(build(scene, settings), settings)
+    return world, make_trip(world, settings), settings
+
+
+def _rendering(world: "World", settings: "RecordSettings") -> "StereoRenderer":
+    from sim.camera.render import StereoRenderer
+
+    return StereoRenderer(world, settings.render)
+
+
+if __name__ == "__main__":
+    guard(lambda: typer.run(proof))

@@ -1,0 +1,135 @@
+"""A world of noisy points, in which the bound is attained; `python -m trials.studies.point_world`.
+
+Nothing is rendered: a camera moves before points whose measurements have independent Gaussian
+errors of known size. There the estimator's bundle adjustment must come to the bound that
+`trials.evaluation.information` computes.
+"""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from trials.cli.main import guard
+from trials.evaluation.information import pose_covariance
+from vo.config import MotionSettings, RefinementSettings
+from vo.contract import se3
+from vo.contract.arrays import Array
+from vo.contract.errors import SettingsError
+from vo.contract.rig import StereoRig
+
+RIG = StereoRig(640, 480, 457.0, 319.5, 239.5, 0.09)
+SIGMA_PX = np.array([0.2, 0.2, 0.2])
+"""Of u, v and disparity."""
+FRAMES, POINTS = 8, 80
+STEP = np.array([0.02, 0.0, 0.08, 0.0, 0.02, 0.005])
+"""Motion from frame to frame: 8 cm, turning."""
+REFINEMENT = RefinementSettings(huber=1e6, most_iterations=50)
+REACH = 0.1
+"""How near the bound the estimator must come."""
+
+
+@dataclass(frozen=True)
+class PointWorld:
+    """Camera poses, points, and what was measured of them.
+
+    Attributes:
+        T_odom_cam: (F, 4, 4), the first the identity.
+        points_odom: (N, 3) metres, 1.5 to 5 m before the first camera.
+        measured: (F, N, 3) noisy u, v and disparity.
+    """
+
+    T_odom_cam: Array
+    points_odom: Array
+    measured: Array
+
+
+def make_world(rng: np.random.Generator) -> PointWorld:
+    """Draw a world; every camera sees every point."""
+    step = se3.exp(STEP)
+    T_odom_cam = np.array([np.linalg.matrix_power(step, i) for i in range(FRAMES)])
+    pixels = rng.uniform([120, 100], [520, 380], (POINTS, 2))
+    depth_m = rng.uniform(1.5, 5, POINTS)
+    points_odom = RIG.triangulate(pixels, RIG.f_px * RIG.baseline_m / depth_m)
+    exact = RIG.project(se3.transform(se3.inverse(T_odom_cam), points_odom))
+    return PointWorld(T_odom_cam, points_odom, exact + rng.normal(scale=SIGMA_PX, size=exact.shape))
+
+
+def estimated_poses(world: PointWorld, rng: np.random.Generator) -> Array:
+    """Follow the points frame by frame, then refine motion and structure: (F, 4, 4)."""
+    from vo.bundle_adjustment.adjust import Bundle, refine_motion, refine_structure
+    from vo.pose.estimation import relative_orientation
+
+    first = world.measured[0]
+    points = RIG.triangulate(first[:, :2], first[:, 2])
+    T_odom_cam = [np.eye(4)]
+    sigma = np.tile(SIGMA_PX, (POINTS, 1))
+    for seen in world.measured[1:]:
+        rays = RIG.normalized(seen[:, :2])
+        found = relative_orientation(points, rays, MotionSettings(), rng)
+        if found is None:
+            raise SettingsError("point world: RANSAC found no motion")
+        pose = refine_motion(found.T, points, seen, sigma, RIG, REFINEMENT)
+        T_odom_cam.append(pose.T_world_cam)
+    bundle = Bundle(
+        T_world_cam=np.array(T_odom_cam),
+        points_world=points,
+        camera=np.repeat(np.arange(FRAMES), POINTS),
+        point=np.tile(np.arange(POINTS), FRAMES),
+        measured=world.measured.reshape(-1, 3),
+        sigma=np.tile(SIGMA_PX, (FRAMES * POINTS, 1)),
+        fixed=np.arange(FRAMES) == 0,
+        K=RIG.K,
+        baseline_m=RIG.baseline_m,
+    )
+    return refine_structure(bundle, REFINEMENT).T_world_cam
+
+
+def least_covariance(world: PointWorld) -> Array:
+    """Bound (6 F, 6 F) of the poses of a world."""
+    camera, point = np.repeat(np.arange(FRAMES), POINTS), np.tile(np.arange(POINTS), FRAMES)
+    sigma = np.tile(SIGMA_PX, (FRAMES * POINTS, 1))
+    return pose_covariance(world.T_odom_cam, world.points_odom, camera, point, sigma, RIG)
+
+
+def squares(world: PointWorld, T_odom_cam: Array) -> Array:
+    """Mean squares of the errors of poses, and their bounds.
+
+    Returns:
+        (2, 2) rows: achieved, bound; columns: position, m^2, and rotation, rad^2.
+    """
+    errors = se3.log(se3.inverse(world.T_odom_cam[1:]) @ T_odom_cam[1:])
+    variance = np.diag(least_covariance(world)).reshape(-1, 6)[1:]
+    return np.array([_halves(errors**2), _halves(variance)])
+
+
+def point_world(
+    worlds: Annotated[int, typer.Option(min=2, help="How many to draw.")] = 200,
+    seed: Annotated[int, typer.Option(min=0, help="Of the first.")] = 0,
+) -> None:
+    """Print the achieved error over the bound, root mean square over worlds and poses."""
+    from trials.cli import console
+
+    found = np.array(
+        [
+            squares(world, estimated_poses(world, np.random.default_rng(0)))
+            for world in (make_world(np.random.default_rng(seed + i)) for i in range(worlds))
+        ]
+    ).mean(axis=0)
+    achieved, bound = np.sqrt(found)
+    for k, (name, unit) in enumerate((("position", "mm"), ("rotation", "mrad"))):
+        ratio = achieved[k] / bound[k]
+        verdict = "reached" if abs(ratio - 1) <= REACH else "MISSED"
+        console.out.print(
+            f"{name}: {1e3 * achieved[k]:.4f} {unit}, bound {1e3 * bound[k]:.4f} {unit}, "
+            f"ratio {ratio:.3f} over {worlds} worlds: {verdict} (within {REACH:.0%})"
+        )
+
+
+def _halves(values: Array) -> Array:
+    return values.reshape(-1, 2, 3).sum(axis=2).mean(axis=0)
+
+
+if __name__ == "__main__":
+    guard(lambda: typer.run(point_world))

@@ -1,0 +1,172 @@
+"""How much faster D* Lite replans on a grid than a fresh A* plans; `make replan`.
+
+Both are compiled and share steps, costs and heap. A warehouse of shelves and aisles on 500 x 500
+cells; the agent moves a few cells towards its goal, some cells close, both plan; it moves on, they
+open again, both plan. CPU time is counted, not the clock; neither is charged for copying or
+padding the grid.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf
+from time import process_time
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.table import Table
+
+from trials.cli import console
+from trials.cli.main import guard
+from trials.navigation.grid import Cell, number, padded
+from trials.navigation.grid_astar import search
+from trials.navigation.grid_dstar_lite import GridDStarLite
+from vo.contract.arrays import Array
+
+SHELF, AISLE, CROSSING = 8, 12, 50
+"""Cells: depth of a shelf, width of an aisle, distance of the ways that cross them all."""
+STRIDE = 3
+"""Cells driven between two changes."""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """One change of the grid.
+
+    Attributes:
+        replan_ms: CPU time of D* Lite.
+        plan_ms: CPU time of A* for the same.
+        expanded: Cells that D* Lite expanded.
+    """
+
+    replan_ms: float
+    plan_ms: float
+    expanded: int
+
+    @property
+    def ratio(self) -> float:
+        """How many times as fast D* Lite was."""
+        return self.plan_ms / self.replan_ms
+
+
+Change = Callable[[np.random.Generator, Array, list[Cell]], list[Cell]]
+
+
+def bench(
+    side: Annotated[int, typer.Option(min=100, help="Of the grid, cells.")] = 500,
+    changes: Annotated[int, typer.Option(min=10, help="Of each kind.")] = 200,
+    seed: Annotated[int, typer.Option(help="Of everything random.")] = 0,
+) -> None:
+    """Compare replanning with planning anew, and check that both find the same cost."""
+    heads = ("change", "D* Lite, ms", "A*, ms", "ratio", "worst 5 %", "expanded")
+    table = Table(*heads, title=f"warehouse, {side} x {side} cells; medians over {changes} changes")
+    for column in table.columns[1:]:
+        column.justify = "right"
+    for name, change in CHANGES.items():
+        with console.counting_bar(name, 2 * changes) as count:
+            timings = measure(change, side, 2 * changes, np.random.default_rng(seed), count)
+        for what, some in (("closed", timings[::2]), ("reopened", timings[1::2])):
+            replan_ms, plan_ms, expanded = np.median(
+                [(t.replan_ms, t.plan_ms, t.expanded) for t in some], axis=0
+            )
+            ratio, low = np.quantile([t.ratio for t in some], (0.5, 0.05))
+            figures = (f"{replan_ms:.3f}", f"{plan_ms:.1f}", f"{ratio:.0f}", f"{low:.1f}")
+            table.add_row(f"{name} {what}", *figures, f"{expanded:.0f}")
+    console.out.print(table)
+
+
+def warehouse(side: int, rng: np.random.Generator) -> Array:
+    """Make (side, side) costs: shelves, aisles between them, crossings, some boxes in the way."""
+    costs = np.ones((side, side))
+    row, column = np.indices(costs.shape)
+    shelf = (row % (SHELF + AISLE) >= AISLE) & (column % CROSSING >= AISLE)
+    costs[shelf | (rng.random(costs.shape) < 0.005)] = inf
+    return costs
+
+
+def measure(
+    change: Change,
+    side: int,
+    changes: int,
+    rng: np.random.Generator,
+    done: Callable[[object], None],
+) -> list[Timing]:
+    """Drive from corner to corner, again and again, and time both planners after each change."""
+    timings: list[Timing] = []
+    search(padded(np.ones((3, 3))).ravel(), 5, 6, 18)  # compiled before the clock runs
+    while len(timings) < changes:
+        costs = warehouse(side, rng)
+        first, last = rng.integers(AISLE, size=2).tolist()
+        ends = (0, first), (side - 1 - SHELF, side - 1 - last)
+        costs[ends[0]] = costs[ends[1]] = 1.0
+        planner, start = GridDStarLite(costs, *ends), ends[0]
+        closed: list[Cell] = []
+        while len(path := planner.path()) > 2 * STRIDE or closed:
+            start = path[STRIDE] if len(path) > STRIDE else start
+            planner.move(start)
+            reopen = closed
+            near = () if reopen else change(rng, costs, path[STRIDE:])
+            closed = [c for c in near if c not in (start, ends[1]) and costs[c] < inf]
+            if not closed + reopen:
+                continue
+            for cell in closed + reopen:
+                costs[cell] = inf if closed else 1.0
+            timings.append(_time(planner, costs, closed + reopen, start, ends[1]))
+            done(None)
+            if len(timings) == changes:
+                break
+    return timings
+
+
+def _time(
+    planner: GridDStarLite, costs: Array, cells: list[Cell], start: Cell, goal: Cell
+) -> Timing:
+    values = [float(costs[cell]) for cell in cells]
+    flat, width = padded(costs).ravel(), costs.shape[1] + 2
+    ends = number(start, costs.shape), number(goal, costs.shape)
+    before = planner.expanded
+    times = [process_time()]
+    planner.replan(cells, values)
+    times.append(process_time())
+    _, cost = search(flat, width, *ends)
+    times.append(process_time())
+    assert cost == planner.cost or abs(cost - planner.cost) < 1e-6 * cost
+    replan_s, plan_s = np.diff(times)
+    return Timing(1e3 * replan_s, 1e3 * plan_s, planner.expanded - before)
+
+
+def near_agent(rng: np.random.Generator, costs: Array, path: list[Cell]) -> list[Cell]:
+    """Four cells within five of the agent."""
+    return _inside(np.array(path[0]) + rng.integers(-5, 6, size=(4, 2)), costs)
+
+
+def on_the_way(rng: np.random.Generator, costs: Array, path: list[Cell]) -> list[Cell]:
+    """Three by three cells on the path, up to thirty cells ahead."""
+    ahead = path[min(len(path) - 2, int(rng.integers(3, 30)))]
+    return _inside(np.array(ahead) + np.indices((3, 3)).reshape(2, -1).T - 1, costs)
+
+
+def aisle(rng: np.random.Generator, costs: Array, path: list[Cell]) -> list[Cell]:
+    """The way from shelf to shelf, up to thirty cells ahead on the path."""
+    row, column = path[min(len(path) - 2, int(rng.integers(5, 30)))]
+    in_aisle = row % (SHELF + AISLE) < AISLE
+    first = row - row % (SHELF + AISLE) if in_aisle else column - column % CROSSING
+    across = np.arange(first, first + AISLE)
+    along = np.full(AISLE, column if in_aisle else row)
+    return _inside(np.stack([across, along] if in_aisle else [along, across], axis=1), costs)
+
+
+def _inside(cells: Array, costs: Array) -> list[Cell]:
+    inside = ((cells >= 0) & (cells < costs.shape)).all(axis=1)
+    return sorted({(int(row), int(column)) for row, column in cells[inside]})
+
+
+CHANGES: dict[str, Change] = {
+    "cells near the agent": near_agent,
+    "cells on the way": on_the_way,
+    "the aisle ahead": aisle,
+}
+
+
+if __name__ == "__main__":
+    guard(lambda: typer.run(bench))

@@ -1,0 +1,62 @@
+"""How fast an estimator is."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from trials.cli import console
+from trials.studies.speed.resident import resident_mb
+from vo.contract.arrays import Array
+from vo.contract.estimator import Estimate
+
+WARM_FRAMES = 12
+"""Shown to an estimator beforehand, so that compilation and first touches are not timed."""
+
+
+@dataclass(frozen=True)
+class EstimatorSpeed:
+    """One estimator.
+
+    Attributes:
+        frames: Timed.
+        frame_ms: (frames,) wall time of each `track` call; loading the images is not in it.
+        stage_ms: Stage to its mean over all frames.
+        memory_mb: (frames,) that the process holds after each frame.
+    """
+
+    frames: int
+    frame_ms: Array
+    stage_ms: dict[str, float]
+    memory_mb: Array
+
+
+def measure_estimator(name: str, dataset: Path) -> EstimatorSpeed:
+    """Run an estimator over a dataset, warm."""
+    import cv2
+
+    from trials.estimators.choice import make_estimator
+    from vo.contract.readers import open_sequence
+    from vo.runner import run
+
+    cv2.setNumThreads(1)
+    sequence = open_sequence(dataset)
+    warm, _ = make_estimator(name, sequence.rig)
+    for i in range(min(WARM_FRAMES, len(sequence))):
+        warm.track(sequence[i])
+    estimator, _ = make_estimator(name, sequence.rig)
+    memory_mb: list[float] = []
+    with console.counting_bar(f"running {name}", len(sequence)) as count:
+
+        def note(estimate: Estimate) -> None:
+            memory_mb.append(resident_mb())
+            count(estimate)
+
+        result = run(sequence, estimator, note)
+    stages = dict.fromkeys(stage for x in result.estimates for stage in x.timings_ms)
+    stage_ms = {
+        stage: sum(x.timings_ms.get(stage, 0.0) for x in result.estimates) / len(sequence)
+        for stage in stages
+    }
+    frame_ms = np.array(result.frame_ms)
+    return EstimatorSpeed(len(sequence), frame_ms, stage_ms, np.array(memory_mb))

@@ -1,0 +1,65 @@
+"""How fast datasets are recorded, by one worker and by one on every core."""
+
+import resource
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+
+from trials.cli import console
+from trials.studies.speed.trial import NOISE, Trial, on_cores
+
+
+@dataclass(frozen=True)
+class GeneratorSpeed:
+    """The generator.
+
+    Attributes:
+        frames: Recorded.
+        frame_ms: Mean from the first finished frame to the last: rendered, noise added, encoded,
+            hashed, certified and written, two images with depth and disparity.
+        whole_s: With the scene, the drive and the map.
+        memory_mb: Largest resident size of the process.
+        gl: Name of the GL's renderer.
+    """
+
+    frames: int
+    frame_ms: float
+    whole_s: float
+    memory_mb: float
+    gl: str
+
+
+def measure_generator(trial: Trial, out: Path) -> GeneratorSpeed:
+    """Record the dataset `out` with sensor noise and watch the clock."""
+    from sim.batch import build
+    from sim.record import record
+    from vo.contract.dataset import read_manifest
+
+    settings = trial.settings(*NOISE)
+    finished_s: list[float] = []
+    start = perf_counter()
+    with console.progress_bar("generating") as progress:
+
+        def advance(done: int, total: int) -> None:
+            finished_s.append(perf_counter())
+            progress(done, total)
+
+        record(build(trial.scene, settings), settings, out, progress=advance)
+    whole_s = perf_counter() - start
+    frame_ms = 1e3 * (finished_s[-1] - finished_s[0]) / (len(finished_s) - 1)
+    memory_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    gl = read_manifest(out)["software"]["gl"]["renderer"]
+    return GeneratorSpeed(len(finished_s), frame_ms, whole_s, memory_mb, gl)
+
+
+def measure_scaling(trial: Trial, cores: list[int], folder: Path) -> float:
+    """Frame rate of one generator a core over that of a single one, each held to its core."""
+    alone = on_cores(cores[:1], measure_generator, trial, folder / "alone")
+    with ThreadPoolExecutor(len(cores)) as pool:  # each thread has its own affinity
+        jobs = [
+            pool.submit(on_cores, [core], measure_generator, trial, folder / f"core_{core}")
+            for core in cores
+        ]
+        together = [job.result() for job in jobs]
+    return sum(alone.frame_ms / each.frame_ms for each in together)

@@ -1,0 +1,134 @@
+"""What a frame of a long drive costs, beside one of a short drive.
+
+Physics runs all of both drives; then equally many frames of each, evenly spread, are drawn and
+developed in turns. CPU time is counted, not the clock, so that other programs matter less.
+"""
+
+import multiprocessing
+import resource
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from time import process_time
+from typing import Any
+
+import numpy as np
+
+from trials.cli import console
+from trials.studies.speed.trial import NOISE, Trial
+
+
+@dataclass(frozen=True)
+class DriveCost:
+    """One length of drive.
+
+    Attributes:
+        distance_m: Path length.
+        frames: That are delivered.
+        physics_ms: CPU time of the physics, a frame.
+        picture_ms: CPU time of both images with noise and both depths, a frame.
+        memory_mb: Largest resident size of the process.
+    """
+
+    distance_m: float
+    frames: int
+    physics_ms: float
+    picture_ms: float
+    memory_mb: float
+
+    @property
+    def frame_ms(self) -> float:
+        """All of it."""
+        return self.physics_ms + self.picture_ms
+
+
+@dataclass(frozen=True)
+class LengthCost:
+    """A short drive and a long one over the same route.
+
+    Attributes:
+        short: The short drive.
+        long: The long drive.
+        again_ms: `picture_ms` of the long drive on the stretch that is the short one.
+    """
+
+    short: DriveCost
+    long: DriveCost
+    again_ms: float
+
+
+def measure_lengths(short: Trial, long: Trial, frames: int) -> LengthCost:
+    """Drive both, and draw equally many frames of each.
+
+    Args:
+        short: The short drive.
+        long: The long one, on the same route.
+        frames: How many of each to draw.
+    """
+    spawn = multiprocessing.get_context("spawn")
+    with (
+        ProcessPoolExecutor(1, spawn) as one,
+        ProcessPoolExecutor(1, spawn) as other,
+        console.progress_bar("short and long") as progress,
+    ):
+        driven = [one.submit(_drive, short), other.submit(_drive, long)]
+        (short_frames, short_ms), (long_frames, long_ms) = (x.result() for x in driven)
+        rows: list[tuple[float, float, float]] = []
+        for k, share in enumerate(np.linspace(0, 1, frames + 1)):
+            again = share * short_frames / long_frames
+            turns = (one, share), (other, share), (other, again)
+            a, b, c = (process.submit(_draw, place).result() for process, place in turns)
+            rows.append((a, b, c))
+            progress(k, frames)
+        memory_mb = [process.submit(_memory_mb).result() for process in (one, other)]
+    drawn_ms = np.mean(rows[1:], axis=0).tolist()  # the first uploads textures
+    return LengthCost(
+        DriveCost(short.distance_m, short_frames, short_ms, drawn_ms[0], memory_mb[0]),
+        DriveCost(long.distance_m, long_frames, long_ms, drawn_ms[1], memory_mb[1]),
+        drawn_ms[2],
+    )
+
+
+@dataclass(frozen=True)
+class _Studio:
+    """A camera on a trip, open as long as its process lives."""
+
+    trip: Any
+    camera: Any
+    renderer: Any
+    opened: Any
+
+
+_studio: _Studio
+
+
+def _drive(trial: Trial) -> tuple[int, float]:
+    """Frames, and milliseconds of physics a frame."""
+    from sim.batch import build
+    from sim.camera.camera import StereoCamera
+    from sim.camera.render import StereoRenderer
+    from sim.world.trip import make_trip
+    from sim.world.world import build_world
+
+    global _studio
+    settings = trial.settings(*NOISE)
+    world = build_world(build(trial.scene, settings), settings)
+    start_s = process_time()
+    trip = make_trip(world, settings)
+    frame_ms = 1e3 * (process_time() - start_s) / len(trip)
+    opened = StereoRenderer(world, settings.render)
+    _studio = _Studio(trip, StereoCamera(world, settings), opened.__enter__(), opened)
+    return len(trip), frame_ms
+
+
+def _draw(share: float) -> float:
+    """Milliseconds of the frame at a share of the trip."""
+    trip = _studio.trip
+    only = np.arange(len(trip)) == round(share * (len(trip) - 1))
+    start_s = process_time()
+    (capture,) = _studio.camera.captures(replace(trip, delivered=only), _studio.renderer)
+    _studio.camera.develop(capture)
+    return 1e3 * (process_time() - start_s)
+
+
+def _memory_mb() -> float:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
