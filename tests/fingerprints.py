@@ -6,8 +6,8 @@
 
 `make` calls the command line of a checkout only, so that two revisions with different insides can
 be compared: datasets of every scene, disturbed and carried by hand; trajectories, covariances,
-tracks and maps of every estimator preset and alternative; a gate, an explanation and a navigation trial.
-About fifteen minutes on two cores. Fingerprints hold for one machine: other processors and OpenGL
+tracks and maps of every estimator preset and alternative; a gate, an explanation and a navigation
+trial. About fifteen minutes on two cores. Fingerprints hold for one machine: other processors and OpenGL
 drivers round differently.
 """
 
