@@ -7,8 +7,8 @@
 `make` calls the command line of a checkout only, so that two revisions with different insides can
 be compared: datasets of every scene, disturbed and carried by hand; trajectories, covariances,
 tracks and maps of every estimator preset and alternative; a gate, an explanation and a navigation
-trial. About fifteen minutes on two cores. Fingerprints hold for one machine: other processors and OpenGL
-drivers round differently.
+trial. About fifteen minutes on two cores. Fingerprints hold for one machine: other processors and
+OpenGL drivers round differently.
 """
 
 import argparse

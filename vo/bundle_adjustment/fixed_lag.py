@@ -3,9 +3,9 @@
 iSAM2 (Kaess et al., IJRR 2012) on the keyframes' poses alone, inside GTSAM's fixed-lag smoother.
 Points are eliminated from its factors as in the window (`vo.bundle_adjustment.problem`). When a
 keyframe leaves, the points that it saw and that the newest one no longer sees are used up: their
-measurements become a factor that is marginalised with it. Of points that are still in sight, its measurement is
-dropped, as by Leutenegger et al. (OKVIS, IJRR 2015, section 4.3): a prior on them would tie all
-of them together. Where that leaves too few, the oldest of these are used up too.
+measurements become a factor that is marginalised with it. Of points that are still in sight, its
+measurement is dropped, as by Leutenegger et al. (OKVIS, IJRR 2015, section 4.3): a prior on them
+would tie all of them together. Where that leaves too few, the oldest of these are used up too.
 """
 
 from dataclasses import dataclass
