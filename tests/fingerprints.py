@@ -124,7 +124,7 @@ class Checkout:
         return [part for word in words for part in self.option(word)]
 
 
-def make(checkout: Checkout, out: Path, only: str) -> None:
+def make(checkout: Checkout, out: Path) -> None:
     """Compute everything into a folder, and its fingerprints into fingerprints.json there."""
     out.mkdir(parents=True, exist_ok=True)
     with ThreadPoolExecutor(2) as pool:
@@ -148,9 +148,9 @@ def make(checkout: Checkout, out: Path, only: str) -> None:
             job.result()
         for job in [pool.submit(study, checkout, out) for study in (gate, explain, drive)]:
             job.result()
-    table = {"cases": fingerprints(out)}
-    (out / "fingerprints.json").write_text(json.dumps(table, indent=1) + "\n", "utf-8")
-    print(f"{out}/fingerprints.json: {len(table['cases'])} files")
+    found = fingerprints(out)
+    (out / "fingerprints.json").write_text(json.dumps(found, indent=1) + "\n", "utf-8")
+    print(f"{out}/fingerprints.json: {len(found)} files")
 
 
 def generate(checkout: Checkout, out: Path, name: str) -> None:
@@ -260,19 +260,18 @@ def load(path: Path) -> object:
 
 
 def numbers(value: object) -> list[float]:
-    """All numbers of a JSON value but times, in the order of their values: keys may be renamed."""
+    """All numbers of a JSON value but times and settings, by size: keys may be renamed."""
     found: list[float] = []
 
     def visit(value: object, key: str) -> None:
         if isinstance(value, dict):
             for name, item in value.items():
-                visit(item, name)
+                if name != "settings":
+                    visit(item, name)
         elif isinstance(value, list):
             for item in value:
                 visit(item, key)
-        elif isinstance(value, float) and not (
-            "time" in key or key.endswith("_ms") or "ms" in key.split("_")
-        ):
+        elif isinstance(value, float) and not {"time", "ms"} & set(key.split("_")):
             found.append(value)
 
     visit(value, "")
@@ -286,9 +285,7 @@ def digest(data: bytes) -> str:
 
 def compare(before: Path, after: Path) -> int:
     """Print each file that differs, and how far a trajectory moved; 1 if any does."""
-    old, new = (
-        json.loads((x / "fingerprints.json").read_text("utf-8"))["cases"] for x in (before, after)
-    )
+    old, new = fingerprints(before), fingerprints(after)
     different = [name for name in old | new if old.get(name) != new.get(name)]
     for name in sorted(different):
         state = "differs" if name in old and name in new else "only in one"
@@ -324,7 +321,7 @@ def main() -> int:
         return compare(given.before, given.after)
     if given.data:
         shutil.copytree(given.data / "data", given.out / "data", symlinks=True)
-    make(Checkout(given.checkout.resolve(), given.old_names), given.out.resolve(), "")
+    make(Checkout(given.checkout.resolve(), given.old_names), given.out.resolve())
     return 0
 
 
