@@ -11,7 +11,7 @@ PASS, ERROR, UNDECIDED = 0, 2, 3
 @pytest.mark.slow
 def test_the_default_estimator_has_not_regressed(tmp_path):
     """Renderers differ from machine to machine, so other pictures are accepted."""
-    words = ("--accept", "datasets,platform", "--cache", ROOT / "build" / "lab")
+    words = ("--accept", "datasets,platform", "--cache", ROOT / "build" / "cache")
     result = driftyard("gate", "--baseline", BASELINE, *words, "--markdown", "c.md", cwd=tmp_path)
     assert result.returncode in (PASS, UNDECIDED), result.stdout + result.stderr
     assert "driftyard against driftyard" in (tmp_path / "c.md").read_text()

@@ -49,7 +49,7 @@ def test_the_pages_show_them_all(studied):
 
 def test_a_second_run_redoes_nothing(studied):
     folder, _ = studied
-    runs = folder / "build/lab/runs"
+    runs = folder / "build/cache/runs"
     before = {file: file.stat().st_mtime_ns for file in runs.iterdir()}
     assert driftyard("experiment", "E3", "--small", cwd=folder).returncode == 0
     assert {file: file.stat().st_mtime_ns for file in runs.iterdir()} == before

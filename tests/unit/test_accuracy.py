@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from scenes import SCENES
-from trials.execution.lab import fingerprint
-from trials.execution.outcomes import Outcome, Recording, Trial, Variant
+from trials.execution.cache import source_digest
+from trials.execution.jobs import Job, Recording, Result, Variant
 from trials.studies.accuracy import (
     accuracy_table,
     bootstrap_interval,
@@ -41,12 +41,12 @@ def test_interval_covers_the_true_median_as_often_as_it_says(drives):
     assert 50 <= covered < 60
 
 
-def test_fingerprint_is_of_the_sources_alone():
-    assert fingerprint() == fingerprint()
-    assert len(fingerprint()) == 12
+def test_source_digest_repeated_is_equal():
+    assert source_digest() == source_digest()
+    assert len(source_digest()) == 12
 
 
-def outcome(folder: Path, name: str, seed: int, scale: float | None) -> Outcome:
+def result(folder: Path, name: str, seed: int, scale: float | None) -> Result:
     """A straight drive of three metres, its estimate so much too long or all lost; 4 frames are."""
     times = 10**8 * np.arange(65)
     T = np.tile(np.eye(4), (65, 1, 1))
@@ -60,15 +60,15 @@ def outcome(folder: Path, name: str, seed: int, scale: float | None) -> Outcome:
     )
     file = folder / f"{name}-{seed}.txt"
     write_run(file, Run("made", estimates, (1.0,) * 65), name, {}, folder)
-    made = Outcome(Trial(Recording("office", seed), Variant(name, name)), folder, file)
+    made = Result(Job(Recording("office", seed), Variant(name, name)), folder, file)
     vars(made)["truth"] = Trajectory(times, T)
     return made
 
 
 def test_summary_sets_medians_beside_each_other(tmp_path):
     """Three drives: scales wrong by 1, 2 and 6 per mille, the baseline's by 4 each time."""
-    runs = [outcome(tmp_path, "driftyard", k, 1 + x) for k, x in enumerate((0.001, 0.006, 0.002))]
-    runs += [outcome(tmp_path, "corner_flow", k, 1.004) for k in range(3)]
+    runs = [result(tmp_path, "driftyard", k, 1 + x) for k, x in enumerate((0.001, 0.006, 0.002))]
+    runs += [result(tmp_path, "corner_flow", k, 1.004) for k in range(3)]
     (table,) = summary_tables({"office": runs})
     (row,) = zip(*(column.cells for column in table.columns), strict=True)
     assert row == ("office", "0.200", "0.600", "0.000", "12", "0.400", "0.50", "12")
@@ -76,7 +76,7 @@ def test_summary_sets_medians_beside_each_other(tmp_path):
 
 def test_everyone_else_has_a_table(tmp_path):
     scales = {"driftyard": 1.001, "corner_flow": 1.004, "Theirs": 1.01}
-    runs = [outcome(tmp_path, name, 0, scale) for name, scale in scales.items()]
+    runs = [result(tmp_path, name, 0, scale) for name, scale in scales.items()]
     tables = summary_tables({"office": runs})
     assert [str(x.columns[5].header) for x in tables] == ["corner_flow", "Theirs"]
     rows = [next(zip(*(c.cells for c in x.columns), strict=True)) for x in tables]
@@ -85,7 +85,7 @@ def test_everyone_else_has_a_table(tmp_path):
 
 
 def test_a_drive_without_any_pose_is_no_figure_but_is_counted(tmp_path):
-    runs = [outcome(tmp_path, "driftyard", 0, 1.001), outcome(tmp_path, "corner_flow", 0, None)]
+    runs = [result(tmp_path, "driftyard", 0, 1.001), result(tmp_path, "corner_flow", 0, None)]
     (table,) = summary_tables({"office": runs})
     (row,) = zip(*(c.cells for c in table.columns), strict=True)
     assert row == ("office", "0.100", "0.100", "0.000", "4", "nan", "nan", "65")

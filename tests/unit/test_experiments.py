@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from trials.evaluation.runs import read_map
-from trials.execution.outcomes import Outcome, Recording, Trial, Variant
+from trials.execution.jobs import Job, Recording, Result, Variant
 from trials.studies.experiments.e01_orientation import rise
 from trials.studies.experiments.e11_standing import drift_at_rest, halts
 from trials.studies.experiments.experiment import (
@@ -42,8 +42,8 @@ def drive(frames: int, step_m: float = STEP_M) -> np.ndarray:
     return T
 
 
-def outcome(tmp_path: Path, truth: np.ndarray, estimate: list, inliers: list[int]) -> Outcome:
-    """An outcome whose run is written by the runner; `None` is a lost frame."""
+def result(tmp_path: Path, truth: np.ndarray, estimate: list, inliers: list[int]) -> Result:
+    """An result whose run is written by the runner; `None` is a lost frame."""
     estimates = tuple(
         Estimate(PERIOD_NS * i, Status.LOST if T is None else Status.TRACKED, T, "",
                  {"consensus": n})
@@ -52,7 +52,7 @@ def outcome(tmp_path: Path, truth: np.ndarray, estimate: list, inliers: list[int
     file = tmp_path / "run.txt"
     run = Run("made", estimates, tuple(1.0 for _ in estimates))
     write_run(file, run, "made", {}, tmp_path)
-    made = Outcome(Trial(Recording("office", 0), Variant("made")), tmp_path, file)
+    made = Result(Job(Recording("office", 0), Variant("made")), tmp_path, file)
     vars(made)["truth"] = Trajectory(PERIOD_NS * np.arange(len(truth)), truth)
     return made
 
@@ -61,7 +61,7 @@ def test_a_wrong_step_breaks_a_drive(tmp_path):
     truth = drive(20)
     estimate = truth.copy()
     estimate[12:, 1, 3] += 0.2
-    run = outcome(tmp_path, truth, list(estimate), [50] * 20)
+    run = result(tmp_path, truth, list(estimate), [50] * 20)
     errors = step_errors_m(run)
     assert np.isnan(errors[0])
     assert errors[12] == pytest.approx(0.2)
@@ -74,21 +74,21 @@ def test_a_lost_frame_breaks_a_drive(tmp_path):
     truth = drive(10)
     estimate: list = list(truth)
     estimate[4] = None
-    run = outcome(tmp_path, truth, estimate, [50, 40, 40, 40, 0, 90, 90, 90, 90, 40])
+    run = result(tmp_path, truth, estimate, [50, 40, 40, 40, 0, 90, 90, 90, 90, 40])
     assert breaks_at(run) == 4
     assert run.lost_share == 0.1
     assert rise(run) == pytest.approx(np.mean([0, 90, 90, 90, 90]) / 40)
 
 
 def test_a_whole_drive_does_not_break(tmp_path):
-    run = outcome(tmp_path, drive(6), list(drive(6)), [9] * 6)
+    run = result(tmp_path, drive(6), list(drive(6)), [9] * 6)
     assert breaks_at(run) is None
     assert survived(run) == 1.0
     assert rise(run) is None
 
 
 def test_a_run_without_poses_is_read_and_has_no_score(tmp_path):
-    run = outcome(tmp_path, drive(4), [None] * 4, [0] * 4)
+    run = result(tmp_path, drive(4), [None] * 4, [0] * 4)
     assert len(run.run.trajectory) == 0
     assert breaks_at(run) == 0
     assert run.lost_share == 1.0
@@ -104,7 +104,7 @@ def test_drift_at_rest_counts_halts_only(tmp_path):
     estimate = estimate @ se3.exp(np.outer(creep, [0, 0, 0, 0, 1e-5, 0]))
     truth[30:, 2, 3] += 5e-5  # what truly moves is no drift
     estimate[30:, 2, 3] += 5e-5
-    run = outcome(tmp_path, truth, list(estimate), [50] * 60)
+    run = result(tmp_path, truth, list(estimate), [50] * 60)
     ((first, last),) = halts(run)
     assert (first, last) == (14, 45)
     seconds, moved_mm, turned_deg = drift_at_rest(run)
@@ -117,10 +117,10 @@ def test_every_experiment_of_the_thesis_is_there():
     assert [f"E{k}" for k in range(1, 13)] == list(EXPERIMENTS)[:12]
     for name, experiment in EXPERIMENTS.items():
         assert experiment.id == name
-        trials = experiment.trials(FULL)
-        assert len(set(trials)) == len(trials)
-        assert {t.recording.seed for t in trials} <= set(FULL.seeds)
-        assert len(experiment.trials(SMALL)) <= len(trials)
+        jobs = experiment.jobs(FULL)
+        assert len(set(jobs)) == len(jobs)
+        assert {t.recording.seed for t in jobs} <= set(FULL.seeds)
+        assert len(experiment.jobs(SMALL)) <= len(jobs)
 
 
 MADE = Experiment(
@@ -130,7 +130,7 @@ MADE = Experiment(
     source="nowhere",
     setup="Nothing was done.",
     size_in=(3.0, 2.0),
-    trials=lambda _: [],
+    jobs=lambda _: [],
     analyse=lambda _: FINDINGS,
 )
 FINDINGS = Findings(

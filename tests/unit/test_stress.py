@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import pytest
 
 from sim.disturbances import parse_disturbances
-from trials.cli.datasets import record_settings
+from trials.execution.recording_settings import recording_settings
 from trials.studies.strengths import AXES, MAIN, Axis
 from trials.studies.stress import Curve, Limits, Response, stress, verdict
 from trials.studies.stress_report import columns, page_text, write_curves, write_page
@@ -75,4 +75,4 @@ def test_every_axis_makes_settings_over_its_reach(name):
     for strength in (axis.least, axis.reach / 2, axis.reach):
         overrides, disturb = list(axis.overrides(strength)), axis.disturb(strength)
         parse_disturbances(disturb)
-        record_settings(axis.scene, 0, overrides, None, disturb)
+        recording_settings(axis.scene, 0, overrides, None, disturb)

@@ -109,29 +109,6 @@ def verify(dataset: Annotated[Path, typer.Argument(help="Folder that generate wr
     console.out.print(f"{dataset}: every hash and the certificate hold")
 
 
-def record_settings(
-    scene: str,
-    seed: int | None,
-    overrides: list[str],
-    config: Path | None = None,
-    disturb: str = "",
-) -> "RecordSettings":
-    """Resolve what a dataset of a scene is made from.
-
-    Raises:
-        SettingsError: If there is no such scene or disturbance, or a key or value is not accepted.
-    """
-    from scenes import find_scene
-    from sim.disturbances import disturbed, parse_disturbances
-    from sim.settings import RecordSettings
-    from vo.contract.settings import resolve
-
-    wanted = parse_disturbances(disturb)
-    seeded = [] if seed is None else [f"seed={seed}"]
-    base = find_scene(scene).defaults
-    return disturbed(resolve(RecordSettings, config, [*overrides, *seeded], base), wanted)
-
-
 def record_scene(
     name: str, settings: "RecordSettings", out: Path, overwrite: bool = False
 ) -> "Recording":
@@ -178,6 +155,7 @@ def _tasks(
     from itertools import product
 
     from sim.batch import Task
+    from trials.execution.recording_settings import recording_settings
     from vo.contract.errors import SettingsError
 
     choices: list[list[str]] = []
@@ -188,7 +166,7 @@ def _tasks(
         choices.append([f"{key}={value}" for value in values.split(",")])
     tasks: list[Task] = []
     for name, values in product(names, product(*choices)):
-        settings = record_settings(name, seed, [*overrides, *values], config, disturb)
+        settings = recording_settings(name, seed, [*overrides, *values], config, disturb)
         for k in range(count or 1):
             chosen = settings.model_copy(update={"seed": settings.seed + k})
             label = "-".join([Path(name).stem.replace(":", "."), *values, f"{chosen.seed:05d}"])

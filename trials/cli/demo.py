@@ -5,8 +5,9 @@ from typing import Annotated
 
 import typer
 
-from trials.cli.datasets import record_scene, record_settings
+from trials.cli.datasets import record_scene
 from trials.cli.runs import run_estimator, score_files
+from trials.execution.recording_settings import recording_settings
 
 SCENE = "brick_court"
 DISTANCE_M = 21
@@ -21,10 +22,10 @@ def demo(
     """Generate a drive over the brick court, run both estimators, score them and report."""
     from trials.cli import console
     from trials.evaluation.runs import read_run
-    from trials.execution.lab import is_recorded
+    from trials.execution.runner import is_recorded
     from trials.report.page import write_report
 
-    settings = record_settings(SCENE, seed, [f"drive.distance_m={distance}"], None)
+    settings = recording_settings(SCENE, seed, [f"drive.distance_m={distance}"], None)
     dataset = out / SCENE
     if is_recorded(dataset, settings):
         console.out.print(f"{dataset}: is there already, and verified")

@@ -31,21 +31,21 @@ def experiment(
     from dataclasses import replace
 
     from trials.cli import console
-    from trials.execution.lab import perform
+    from trials.execution.runner import run_jobs
     from trials.studies.experiments.experiment import FULL, SMALL
     from trials.studies.experiments.record import write_record
 
     chosen = _chosen(which)
     scale = SMALL if small else FULL
     scale = replace(scale, seeds=tuple(range(seeds))) if seeds else scale
-    results = out / SMALL_FOLDER if small else out
+    folder = out / SMALL_FOLDER if small else out
     for one in chosen:
-        trials = one.trials(scale)
-        with console.counting_bar(one.id, len({x.recording for x in trials})) as count:
-            outcomes = perform(trials, progress=count)
-        record = write_record(one, one.analyse(outcomes), scale, results)
-        _print(record, results)
-    _write_pages(results, page)
+        jobs = one.jobs(scale)
+        with console.counting_bar(one.id, len({x.recording for x in jobs})) as count:
+            results = run_jobs(jobs, progress=count)
+        record = write_record(one, one.analyse(results), scale, folder)
+        _print(record, folder)
+    _write_pages(folder, page)
 
 
 def _chosen(which: str) -> "list[Experiment]":

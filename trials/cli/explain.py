@@ -12,8 +12,6 @@ if TYPE_CHECKING:
 
     from trials.diagnosis.combinations import Subject
 
-CACHE = Path("build/explain")
-
 
 def explain(
     datasets: Annotated[
@@ -46,12 +44,13 @@ def explain(
 ) -> None:
     """Say what each stage costs, how near to the bound the drift is, and if covariances are right.
 
-    Every stage is replaced by the truth, alone and with others; runs are kept in build/explain.
+    Every stage is replaced by the truth, alone and with others; runs are kept in build/cache.
     """
     from trials.cli import console
     from trials.diagnosis.combinations import PLAYERS, Subject
     from trials.diagnosis.explanation import explain as explain_groups
     from trials.estimators.choice import Named
+    from trials.execution.cache import CACHE
     from trials.report.explanation_page import tables, write_explanations
     from vo.contract.errors import SettingsError
 
@@ -69,7 +68,7 @@ def explain(
         _validate([x for some in groups.values() for x in some], subject, players)
         return
     with console.progress_bar("runs") as progress:
-        found = explain_groups(groups, subject, players, CACHE / "runs", progress)
+        found = explain_groups(groups, subject, players, CACHE, progress)
     for line in tables(found):
         console.out.print(line)
     with console.err.status("figures and page"):
@@ -90,8 +89,8 @@ def _grouped(datasets: list[Path]) -> dict[str, list[Path]]:
 def _driven(scenes: str, seeds: int, distance_m: float) -> dict[str, list[Path]]:
     """Record or reuse drives with depth labels."""
     from trials.cli import console
-    from trials.execution.lab import record_all
-    from trials.execution.outcomes import Recording
+    from trials.execution.jobs import Recording
+    from trials.execution.runner import record_all
     from trials.studies.accuracy import chosen_scenes
 
     overrides = (f"drive.distance_m={distance_m:g}", "labels.depth=true", "labels.disparity=false",
@@ -108,7 +107,8 @@ def _driven(scenes: str, seeds: int, distance_m: float) -> dict[str, list[Path]]
 def _validate(datasets: "Sequence[Path]", subject: "Subject", players: "Sequence[str]") -> None:
     from trials.cli import console
     from trials.diagnosis.validation import validation_table
+    from trials.execution.cache import CACHE
 
     with console.progress_bar("runs") as progress:
-        table = validation_table(datasets, subject, players, CACHE / "runs", progress)
+        table = validation_table(datasets, subject, players, CACHE, progress)
     console.out.print(table)

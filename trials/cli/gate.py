@@ -33,7 +33,7 @@ def gate(
     label: Label = "",
     overrides: Overrides = None,
     config: Config = None,
-    cache: Annotated[Path, typer.Option(help="Folder of recordings.")] = Path("build/lab"),
+    cache: Annotated[Path, typer.Option(help="Folder of recordings.")] = Path("build/cache"),
     accept: Annotated[
         str, typer.Option(help="What may differ from the baseline: datasets, platform, or both.")
     ] = "",

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from trials.cli.datasets import Config, Disturb, Overrides, Seed, record_settings
+from trials.cli.datasets import Config, Disturb, Overrides, Seed
 
 ALL = "all"
 """Instead of a scene's name: one picture of every registered scene."""
@@ -35,6 +35,7 @@ def preview(
     from sim.preview.image_file import picture_suffix
     from sim.preview.preview import preview as render_sheet
     from trials.cli import console
+    from trials.execution.recording_settings import recording_settings
     from vo.contract.errors import SettingsError
 
     sheet = Path("preview.png") if out is None and film is None else out
@@ -47,7 +48,7 @@ def preview(
             raise SettingsError("--film: shows one scene, not all")
         _preview_all(sheet, seed, overrides or [], config, disturb)
         return
-    settings = record_settings(scene, seed, overrides or [], config, disturb)
+    settings = recording_settings(scene, seed, overrides or [], config, disturb)
     built = build(scene, settings)
     if sheet is not None:
         render_sheet(built, settings, sheet)
@@ -67,11 +68,12 @@ def _preview_all(
     from sim.preview.image_file import write_picture
     from sim.preview.overview import overview, tile
     from trials.cli import console
+    from trials.execution.recording_settings import recording_settings
 
     tiles = []
     with console.counting_bar("scenes", len(SCENES)) as advance:
         for name in SCENES:
-            settings = record_settings(name, seed, overrides, config, disturb)
+            settings = recording_settings(name, seed, overrides, config, disturb)
             tiles.append(tile(build(name, settings), settings))
             advance(name)
     write_picture(out, overview(tiles))

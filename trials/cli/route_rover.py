@@ -20,7 +20,7 @@ def route_rover(scene: str, out: Path, worlds: int, localization: str, seed: int
         SettingsError: If the scene has no aisles, or the localization is unknown.
     """
     from trials.cli import console
-    from trials.execution.parallel import spread
+    from trials.execution.parallel import map_parallel
     from trials.gym.env.settings import NavSettings
     from trials.gym.studies.routed import drive_layout
     from trials.gym.studies.routed_figure import SIZE_IN, draw_drives, telling
@@ -44,7 +44,7 @@ def route_rover(scene: str, out: Path, worlds: int, localization: str, seed: int
     layouts = range(seed, seed + worlds)
     drives: list[RoutedDrive] = []
     with console.counting_bar("worlds", worlds) as count:
-        for _, of_world in spread(drive_layout, [(options, layout) for layout in layouts]):
+        for _, of_world in map_parallel(drive_layout, [(options, layout) for layout in layouts]):
             drives += of_world
             count(of_world)
     drives.sort(key=lambda drive: drive.layout)

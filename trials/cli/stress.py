@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from trials.execution.outcomes import Variant
+    from trials.execution.jobs import Variant
     from trials.studies.strengths import Axis
     from trials.studies.stress import Curve
 
@@ -53,7 +53,7 @@ def stress(
 ) -> None:  # fmt: skip
     """Drive with more and more of one thing, and find where the estimator breaks."""
     from trials.cli import console
-    from trials.execution.lab import NO_LABELS, perform
+    from trials.execution.runner import NO_LABELS, run_jobs
     from trials.studies.stress import Limits, responder
     from trials.studies.stress import stress as turn_up
     from trials.studies.stress_report import write_curves, write_page
@@ -71,7 +71,7 @@ def stress(
             with console.counting_bar(what, seeds * (points + rounds)) as count:
                 respond = responder(
                     chosen, place, variant, tuple(range(seeds)), shared,
-                    lambda trials: perform(trials, progress=count),
+                    lambda jobs: run_jobs(jobs, progress=count),
                 )  # fmt: skip
                 curve = turn_up(chosen, place, respond, points, rounds, Limits(drift, lost / 100))
             studies[name][variant.label] = curve
@@ -98,7 +98,7 @@ def _axes(names: str, most: float | None) -> "dict[str, Axis]":
 
 def _variants(estimators: str, command: str, overrides: tuple[str, ...]) -> "list[Variant]":
     from trials.estimators.plugins.command import Command
-    from trials.execution.outcomes import Variant
+    from trials.execution.jobs import Variant
 
     if command:
         return [Variant(Command(command).name, estimators, overrides, command)]

@@ -4,8 +4,6 @@ Each run is kept under a folder named after all that decides it, so that a study
 was interrupted and a second one is free.
 """
 
-import hashlib
-import importlib.util
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field
@@ -18,7 +16,8 @@ import numpy as np
 from trials.diagnosis.attribution import Coalition, Sequence1m, coalitions
 from trials.diagnosis.error_injection import Injection
 from trials.estimators.choice import ESTIMATORS, Named
-from trials.execution.parallel import spread
+from trials.execution.cache import cache_path, dataset_digest, source_digest
+from trials.execution.parallel import map_parallel
 from vo.contract.arrays import Array, Indices
 from vo.contract.dataset import MANIFEST
 from vo.contract.errors import DatasetError
@@ -108,7 +107,7 @@ def drifts(jobs: Sequence[Job]) -> Iterator[tuple[Job, Drift]]:
             yield job, _load(job.file)
     if not missing:
         return
-    for k, drift in spread(_run, [(job,) for job in missing]):
+    for k, drift in map_parallel(_run, [(job,) for job in missing]):
         yield missing[k], drift
 
 
@@ -143,22 +142,11 @@ def run_folder(dataset: Path, subject: Subject, cache: Path) -> Path:
     manifest = dataset / MANIFEST
     if not manifest.is_file():
         raise DatasetError(f"{dataset}: no {MANIFEST}: oracles need a simulated dataset")
-    about = [sources(subject.estimator.name), repr(asdict(subject))]
-    if config := subject.estimator.config:
-        about.append(config.read_text(encoding="utf-8"))
-    digest = hashlib.sha256(manifest.read_bytes())
-    digest.update("\n".join(about).encode())
-    return cache / f"{dataset.name}-{digest.hexdigest()[:12]}"
-
-
-def sources(estimator: str) -> str:
-    """Hash what the estimator and the oracles are made of to twelve hexadecimal digits."""
-    root = Path(__file__).resolve().parents[2]
-    files = [file for x in SOURCES for file in sorted((root / x).rglob("*.py")) or [root / x]]
-    if estimator not in ESTIMATORS:
-        found = importlib.util.find_spec(estimator.partition(":")[0])
-        files += [Path(found.origin)] if found and found.origin else []
-    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:12]
+    name, config = subject.estimator.name, subject.estimator.config
+    plugin = "" if name in ESTIMATORS else name.partition(":")[0]
+    file = config.read_text(encoding="utf-8") if config else ""
+    causes = (dataset_digest(dataset), repr(asdict(subject)), file, source_digest(SOURCES, plugin))
+    return cache_path(cache, "explanations", dataset.name, *causes)
 
 
 def _oracles(players: Coalition) -> Coalition:

@@ -1,1 +1,1 @@
-"""Recordings and runs: made on all cores and cached."""
+"""Recordings and runs: made on all cores, kept in one cache."""

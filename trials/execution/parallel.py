@@ -1,4 +1,4 @@
-"""Work on all cores: one process a core, each with one thread."""
+"""Parallel map over processes: one for each usable core, each with one thread."""
 
 import multiprocessing
 import os
@@ -8,24 +8,27 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
-PROCESSES = 2
-"""At a time; figures in milliseconds are slower for it than those of `make bench`."""
-
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-"""Of linear algebra, read when it is loaded: two processes with two threads each get in each
-other's way more than they help."""
+"""Environment variables of the linear algebra libraries, which read them when they are loaded.
+Processes on all cores with several threads each would be slower than with one."""
 
 R = TypeVar("R")
 
 
-def spread(
-    function: Callable[..., R], calls: Sequence[tuple[Any, ...]]
+def usable_cores() -> int:
+    """Number of cores that this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
+def map_parallel(
+    function: Callable[..., R], calls: Sequence[tuple[Any, ...]], processes: int | None = None
 ) -> Generator[tuple[int, R]]:
-    """Call a function with each of some tuples of arguments, PROCESSES at a time.
+    """Call a function with each of several tuples of arguments, in processes of their own.
 
     Args:
-        function: Importable by its name; whatever it gets and returns is pickled.
+        function: Importable by its name; arguments and results are pickled.
         calls: Arguments of each call.
+        processes: Most at a time; one for each usable core by default. Each has one thread.
 
     Yields:
         Row of the call and its result, in the order in which they finish.
@@ -34,18 +37,19 @@ def spread(
         Exception: The first that a call raises; calls that have not begun are dropped.
     """
     spawn = multiprocessing.get_context("spawn")
-    with _single_threaded(), ProcessPoolExecutor(PROCESSES, spawn, _end_with_parent) as pool:
+    count = max(1, min(processes or usable_cores(), len(calls)))
+    with _single_threaded(), ProcessPoolExecutor(count, spawn, _end_with_parent) as pool:
         jobs = {pool.submit(function, *arguments): k for k, arguments in enumerate(calls)}
         try:
             for job in as_completed(jobs):
                 yield jobs[job], job.result()
         except BaseException:
-            pool.shutdown(cancel_futures=True)  # the others would be for nothing
+            pool.shutdown(cancel_futures=True)  # the other results would not be used
             raise
 
 
 def _end_with_parent() -> None:
-    """Let this process end when the one that made it does, however that ends."""
+    """Make this process end when its parent does, even if the parent is killed."""
 
     def watch() -> None:
         parent = multiprocessing.parent_process()
@@ -58,7 +62,7 @@ def _end_with_parent() -> None:
 
 @contextmanager
 def _single_threaded() -> Generator[None]:
-    """Let processes that are spawned meanwhile load their linear algebra with one thread."""
+    """Make processes that are spawned meanwhile use one thread for linear algebra."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
     try:

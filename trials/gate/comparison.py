@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from trials.estimators.choice import Named
-from trials.execution.lab import fingerprint
+from trials.execution.cache import source_digest
 from trials.gate.baseline import (
     Baseline,
     Recorded,
@@ -76,7 +76,7 @@ def bless(
         rules=rules,
         design=design,
         platform=this_platform(),
-        generator=fingerprint(),
+        generator=source_digest(),
         software=software,
         sequences=tuple(
             Recorded(scene=scene, seed=seed, sha256=sha256, measured=x)
@@ -112,7 +112,7 @@ def compare(
     with bar("recording", len(baseline.sequences)) as count:
         datasets = record(baseline.design, cache, count)
     rendered: dict[str, Any] = read_manifest(datasets[0]).get("software", {})
-    other = dataset_mismatch(baseline, fingerprints(datasets), fingerprint(), rendered)
+    other = dataset_mismatch(baseline, fingerprints(datasets), source_digest(), rendered)
     refuse(path, "datasets", other, accepted)
     with bar(f"running {choice.name}", len(datasets)) as count:
         measured = measure(choice, Named(baseline.reference), datasets, count)

@@ -45,8 +45,8 @@ def record(design: Design, cache: Path, progress: Callable[[object], None]) -> l
         SettingsError: If a scene, disturbance or setting is not accepted.
         DatasetError: If a recording cannot be made.
     """
-    from trials.execution.lab import NO_LABELS, record_all
-    from trials.execution.outcomes import Recording
+    from trials.execution.jobs import Recording
+    from trials.execution.runner import NO_LABELS, record_all
 
     overrides = (*NO_LABELS, *design.overrides)
     drives = [Recording(x, seed, overrides, design.disturb) for x, seed in design.sequences]

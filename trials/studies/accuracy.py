@@ -21,8 +21,8 @@ from trials.cli import console
 from trials.cli.datasets import Overrides
 from trials.cli.main import guard
 from trials.estimators.choice import COMPARED
-from trials.execution.lab import NO_LABELS, perform, run_over
-from trials.execution.outcomes import Outcome, Recording, Trial, Variant, crossed
+from trials.execution.jobs import Job, Recording, Result, Variant, jobs_of
+from trials.execution.runner import NO_LABELS, cached_run, run_jobs
 from vo.contract.arrays import Array
 from vo.contract.readers import open_sequence
 
@@ -80,12 +80,12 @@ def accuracy(
     settings = (f"drive.distance_m={distance:g}", *NO_LABELS, *(overrides or ()))
     drives = [Recording(x, seed, settings, disturb) for x, seed in product(names, range(seeds))]
     with console.counting_bar("drives", len(drives)) as count:
-        outcomes = perform(crossed(drives, variants), progress=count)
-    runs = {name: [x for v in variants for x in outcomes.of(v, name)] for name in names}
+        results = run_jobs(jobs_of(drives, variants), progress=count)
+    runs = {name: [x for v in variants for x in results.of(v, name)] for name in names}
     if kitti is not None:
         of_kitti = Recording(kitti.resolve().name, 0)
         runs[of_kitti.scene] = [
-            Outcome(Trial(of_kitti, v), kitti, run_over(kitti, v)) for v in variants
+            Result(Job(of_kitti, v), kitti, cached_run(kitti, v)) for v in variants
         ]
     for name, of_scene in runs.items():
         console.out.print(accuracy_table(name, of_scene))
@@ -128,24 +128,24 @@ def named_variant(words: str) -> Variant:
     return Variant(name.rpartition(":")[2] if ":" in name else words, name, tuple(overrides))
 
 
-def summary_tables(runs: Mapping[str, Sequence[Outcome]]) -> list[Table]:
+def summary_tables(runs: Mapping[str, Sequence[Result]]) -> list[Table]:
     """Lay out our drift over 1 m beside every other estimator's: one table for each of them."""
-    ours, *others = dict.fromkeys(x.trial.variant.label for of in runs.values() for x in of)
+    ours, *others = dict.fromkeys(x.job.variant.label for of in runs.values() for x in of)
     return [_beside(ours, name, runs) for name in others]
 
 
-def _beside(ours: str, other: str, runs: Mapping[str, Sequence[Outcome]]) -> Table:
+def _beside(ours: str, other: str, runs: Mapping[str, Sequence[Result]]) -> Table:
     """One row a scene, medians over drives."""
     table = Table("drift over 1 m, %", ours, "worst", "°/m", "lost", other, "ratio", "lost")
     for column in table.columns[1:]:
         column.justify = "right"
     for scene, of_scene in runs.items():
         mine, theirs = (
-            [x for x in of_scene if x.trial.variant.label == name] for name in (ours, other)
+            [x for x in of_scene if x.job.variant.label == name] for name in (ours, other)
         )
         drift, their_drift = ([x.drift_percent for x in of] for of in (mine, theirs))
         median, their_median = np.median(drift), np.median(their_drift)
-        turn = np.median([x.turn_deg_per_m for x in mine])
+        turn = np.median([x.rotation_deg_per_m for x in mine])
         lost, their_lost = (sum(x.lost_frames for x in of) for of in (mine, theirs))
         cells = (f"{x:.3f}" for x in (median, np.max(drift), turn))
         their_cells = (f"{their_median:.3f}", f"{median / their_median:.2f}", str(their_lost))
@@ -167,9 +167,9 @@ def bootstrap_interval(values: Array) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def accuracy_table(title: str, runs: Sequence[Outcome]) -> Table:
+def accuracy_table(title: str, runs: Sequence[Result]) -> Table:
     """Lay out every figure of every estimator: median over drives, worst, interval."""
-    names = list(dict.fromkeys(x.trial.variant.label for x in runs))
+    names = list(dict.fromkeys(x.job.variant.label for x in runs))
     drives = len(runs) // len(names)
     path_m = sum(x.path_m for x in runs) / len(names)
     title = f"{title}: {drives} {'drive' if drives == 1 else 'drives'}, {path_m:.1f} m in all"
@@ -177,7 +177,7 @@ def accuracy_table(title: str, runs: Sequence[Outcome]) -> Table:
     for column in table.columns[2:]:
         column.justify = "right"
     for name in names:
-        mine = [x for x in runs if x.trial.variant.label == name]
+        mine = [x for x in runs if x.job.variant.label == name]
         for k, figure in enumerate(FIGURES):
             values = [_at(x.score.as_json() if x.score else None, figure.key) for x in mine]
             table.add_row(name if k == 0 else "", figure.label, *_spread(values, figure.digits))
@@ -204,12 +204,12 @@ def _at(content: Any, key: tuple[str, ...]) -> float | None:
     return content
 
 
-def _write(out: Path, runs: Mapping[str, Sequence[Outcome]]) -> None:
+def _write(out: Path, runs: Mapping[str, Sequence[Result]]) -> None:
     from vo.contract.files import write_text
 
     content = {
         name: [
-            {"seed": x.trial.recording.seed, "estimator": x.trial.variant.label,
+            {"seed": x.job.recording.seed, "estimator": x.job.variant.label,
              "score": x.score.as_json() if x.score else None}
             for x in of_scene
         ]

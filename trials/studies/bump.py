@@ -9,8 +9,8 @@ import numpy as np
 import typer
 
 from trials.cli import console
-from trials.cli.datasets import record_settings
 from trials.cli.main import guard
+from trials.execution.recording_settings import recording_settings
 from vo.contract.arrays import Array
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def bump(
         "terrain.brick_gap_m=0.6",
         f"exposure.time_ms={SHUTTER_MS}",
     ]
-    settings = record_settings(scene, seed, overrides)
+    settings = recording_settings(scene, seed, overrides)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / scene
         with console.progress_bar(f"recording {scene}") as progress:

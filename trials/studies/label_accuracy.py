@@ -15,8 +15,8 @@ import typer
 from rich.table import Table
 
 from trials.cli import console
-from trials.cli.datasets import record_settings
 from trials.cli.main import guard
+from trials.execution.recording_settings import recording_settings
 from vo.contract.arrays import Array
 
 if TYPE_CHECKING:
@@ -157,7 +157,7 @@ def _certificate(scene: str, seed: int, overrides: list[str]) -> dict[str, Any]:
     from sim.batch import build
     from sim.record import record
 
-    settings = record_settings(scene, seed, overrides)
+    settings = recording_settings(scene, seed, overrides)
     with tempfile.TemporaryDirectory() as folder, console.progress_bar(scene) as progress:
         return record(
             build(scene, settings), settings, Path(folder) / scene, False, progress
@@ -285,7 +285,7 @@ def _drive(scene: str, seed: int, overrides: list[str]) -> "tuple[World, Trip, R
     from sim.world.trip import make_trip
     from sim.world.world import build_world
 
-    settings = record_settings(scene, seed, overrides)
+    settings = recording_settings(scene, seed, overrides)
     world = build_world(build(scene, settings), settings)
     return world, make_trip(world, settings), settings
 

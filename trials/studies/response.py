@@ -16,8 +16,8 @@ from rich.table import Table
 
 from trials.cli import console
 from trials.cli.main import guard
-from trials.execution.lab import NO_LABELS, perform
-from trials.execution.outcomes import Outcome, Recording, Variant, crossed
+from trials.execution.jobs import Recording, Result, Variant, jobs_of
+from trials.execution.runner import NO_LABELS, run_jobs
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -79,8 +79,8 @@ def response(
     seeded = range(first_seed, first_seed + seeds)
     drives = {(x, seed): _drive(x, seed, distance) for x in settings for seed in seeded}
     with console.counting_bar("drives", len(drives)) as count:
-        outcomes = perform(crossed(drives.values(), [BASELINE]), progress=count)
-    found = {x: [_respond(outcomes.at(drives[x, seed], BASELINE)) for seed in seeded]
+        results = run_jobs(jobs_of(drives.values(), [BASELINE]), progress=count)
+    found = {x: [_respond(results.at(drives[x, seed], BASELINE)) for seed in seeded]
              for x in settings}  # fmt: skip
     console.out.print(scene_table(found))
     console.out.print(disturbance_table(found))
@@ -110,8 +110,8 @@ def _drive(setting: Setting, seed: int, distance_m: float) -> Recording:
     return Recording(setting.scene, seed, overrides, disturb)
 
 
-def _respond(outcome: Outcome) -> Response:
-    return Response(outcome.trial.recording.seed, outcome.drift_percent, outcome.lost_share)
+def _respond(result: Result) -> Response:
+    return Response(result.job.recording.seed, result.drift_percent, result.lost_share)
 
 
 def level(responses: Sequence[Response]) -> float:

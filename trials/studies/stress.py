@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trials.execution.outcomes import Outcome, Outcomes, Recording, Trial, Variant
+from trials.execution.jobs import Job, Recording, Result, Results, Variant
 from trials.studies.strengths import Axis
 
-Perform = Callable[[Sequence[Trial]], Outcomes]
+Perform = Callable[[Sequence[Job]], Results]
 
 
 @dataclass(frozen=True)
@@ -125,25 +125,25 @@ def responder(
         perform: Records and runs.
     """
 
-    def drives(strength: float) -> list[Trial]:
+    def drives(strength: float) -> list[Job]:
         overrides = (*shared, *axis.overrides(strength))
         disturb = axis.disturb(strength)
-        return [Trial(Recording(scene, x, overrides, disturb), variant) for x in seeds]
+        return [Job(Recording(scene, x, overrides, disturb), variant) for x in seeds]
 
     def respond(strengths: Sequence[float]) -> list[Response]:
-        trials = {x: drives(x) for x in strengths}
-        outcomes = perform([trial for of in trials.values() for trial in of]).by_trial
-        return [_response(x, [outcomes[t] for t in of]) for x, of in trials.items()]
+        jobs = {x: drives(x) for x in strengths}
+        results = perform([job for of in jobs.values() for job in of]).by_job
+        return [_response(x, [results[t] for t in of]) for x, of in jobs.items()]
 
     return respond
 
 
-def _response(strength: float, outcomes: Sequence[Outcome]) -> Response:
+def _response(strength: float, results: Sequence[Result]) -> Response:
     return Response(
         strength,
-        tuple(x.trial.recording.seed for x in outcomes),
-        tuple(x.drift_percent for x in outcomes),
-        tuple(x.lost_share for x in outcomes),
+        tuple(x.job.recording.seed for x in results),
+        tuple(x.drift_percent for x in results),
+        tuple(x.lost_share for x in results),
     )
 
 

@@ -12,7 +12,7 @@ import trials.gym
 from sim.preview.film import writing
 from trials.evaluation.alignment import Pair
 from trials.evaluation.metrics import errors_over_distance
-from trials.execution.parallel import spread
+from trials.execution.parallel import map_parallel
 from trials.gym.env.environments import RoverNav
 from trials.gym.env.policies import NavigatorPolicy
 from trials.gym.studies.trial_protocol import Trial
@@ -44,7 +44,7 @@ def run_trials(
         DriftyardError: If an option is refused or a world has no free place.
     """
     calls = [(dict(options), sources, k, runs, keep) for k in layouts]
-    for _, of_world in spread(drive_world, calls):
+    for _, of_world in map_parallel(drive_world, calls):
         yield of_world
 
 

@@ -12,7 +12,7 @@ from typing import Any, Literal, cast
 import gymnasium
 import numpy as np
 
-from trials.execution.parallel import spread
+from trials.execution.parallel import map_parallel
 from trials.gym.env.environments import RoverNav
 from trials.gym.env.policies import NavigatorPolicy
 from trials.gym.env.rays import ray_disparity
@@ -120,7 +120,7 @@ def run_planned(
         DriftyardError: If an option is refused or a world has no free place.
     """
     asked = [(dict(options), tuple(plannings), layout, runs, ideal) for layout in layouts]
-    for _, of_world in spread(drive_world, asked):
+    for _, of_world in map_parallel(drive_world, asked):
         yield of_world
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from trials.evaluation.intervals import Interval, mean_interval, ratio_interval
-from trials.execution.outcomes import Outcomes, Variant
+from trials.execution.jobs import Results, Variant
 from trials.report.figure import GREY, INK, RED, tidy
 from trials.studies.experiments.experiment import TableOf
 from trials.studies.experiments.sweep import lost_percent
@@ -16,25 +16,25 @@ if TYPE_CHECKING:
 
 
 def ratios(
-    outcomes: Outcomes, variants: Sequence[Variant], reference: Variant
+    results: Results, variants: Sequence[Variant], reference: Variant
 ) -> dict[Variant, Interval]:
     """Geometric mean of each variant's drift over the reference's, with its interval."""
-    known = outcomes.drifts(reference)
-    return {v: ratio_interval(outcomes.drifts(v), known) for v in variants}
+    known = results.drifts(reference)
+    return {v: ratio_interval(results.drifts(v), known) for v in variants}
 
 
 def comparison_table(
-    outcomes: Outcomes, variants: Sequence[Variant], reference: Variant, heading: str
+    results: Results, variants: Sequence[Variant], reference: Variant, heading: str
 ) -> TableOf:
     """A row for the reference and each variant: drift, ratio, lost frames, time."""
-    found = ratios(outcomes, variants, reference)
+    found = ratios(results, variants, reference)
     rows = [
         (
             variant.label,
-            mean_interval(outcomes.drifts(variant), least=0).text(3),
+            mean_interval(results.drifts(variant), least=0).text(3),
             "1" if variant == reference else found[variant].text(2),
-            f"{lost_percent(outcomes, variant):.1f}",
-            f"{np.mean([np.median(x.frames.frame_ms) for x in outcomes.of(variant)]):.0f}",
+            f"{lost_percent(results, variant):.1f}",
+            f"{np.mean([np.median(x.frames.frame_ms) for x in results.of(variant)]):.0f}",
         )
         for variant in (reference, *variants)
     ]
@@ -43,21 +43,21 @@ def comparison_table(
 
 
 def comparison_data(
-    outcomes: Outcomes, variants: Sequence[Variant], reference: Variant
+    results: Results, variants: Sequence[Variant], reference: Variant
 ) -> dict[str, np.ndarray]:
     """A column of drifts for the reference and each variant, a row for each recording."""
-    return {f"{v.label}, %": outcomes.drifts(v) for v in (reference, *variants)}
+    return {f"{v.label}, %": results.drifts(v) for v in (reference, *variants)}
 
 
 def draw_ratios(
-    figure: "Figure", outcomes: Outcomes, variants: Sequence[Variant], reference: Variant
+    figure: "Figure", results: Results, variants: Sequence[Variant], reference: Variant
 ) -> None:
     """Every variant's ratio with its interval, one below the other; dots are recordings."""
     panel = figure.subplots()
-    known = outcomes.drifts(reference)
-    for row, (variant, found) in enumerate(ratios(outcomes, variants, reference).items()):
+    known = results.drifts(reference)
+    for row, (variant, found) in enumerate(ratios(results, variants, reference).items()):
         with np.errstate(divide="ignore", invalid="ignore"):
-            each = outcomes.drifts(variant) / known
+            each = results.drifts(variant) / known
         panel.plot(each, np.full(len(each), row), "o", color=GREY, ms=3, alpha=0.6)
         panel.plot([found.low, found.high], [row, row], color=RED, lw=2.0)
         panel.plot(found.value, row, "D", color=RED, ms=5)

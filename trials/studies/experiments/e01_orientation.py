@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from trials.evaluation.intervals import mean_interval
-from trials.execution.outcomes import Outcome, Outcomes, Recording, Trial, Variant, crossed
+from trials.execution.jobs import Job, Recording, Result, Results, Variant, jobs_of
 from trials.report.figure import BLUE, RED, TRUTH, tidy
 from trials.studies.experiments.experiment import (
     Experiment,
@@ -38,19 +38,19 @@ RISE = 1.1
 """Ratio of inliers from which on they are said to rise."""
 
 
-def trials(scale: Scale) -> Sequence[Trial]:
+def jobs(scale: Scale) -> Sequence[Job]:
     """Both orientations on level ground, indoors and out, and on turns that blur."""
-    return crossed(scale.recordings(SCENES), VARIANTS)
+    return jobs_of(scale.recordings(SCENES), VARIANTS)
 
 
-def analyse(outcomes: Outcomes) -> Findings:
+def analyse(results: Results) -> Findings:
     """Compare how long either lasts, and what inliers do where absolute orientation breaks."""
     rows: list[tuple[str, ...]] = []
     lasted: dict[str, list[float]] = {v.label: [] for v in VARIANTS}
     drift: dict[str, list[float]] = {v.label: [] for v in VARIANTS}
-    for scene in dict.fromkeys(r.scene for r in outcomes.recordings):
+    for scene in dict.fromkeys(r.scene for r in results.recordings):
         for variant in VARIANTS:
-            mine = outcomes.of(variant, scene)
+            mine = results.of(variant, scene)
             shares = np.array([survived(x) for x in mine])
             inliers = np.array([np.nanmedian(x.frames.counts[STAGE]) for x in mine])
             lasted[variant.label] += shares.tolist()
@@ -62,12 +62,12 @@ def analyse(outcomes: Outcomes) -> Findings:
                     f"{(shares == 1).sum()} of {len(mine)}",
                     mean_interval(100 * shares, least=0, most=100).text(0),
                     mean_interval(inliers, least=0).text(0),
-                    mean_interval(outcomes.drifts(variant, scene), least=0).text(2),
+                    mean_interval(results.drifts(variant, scene), least=0).text(2),
                 )
             )
     relative, absolute = (np.array(lasted[v.label]) for v in (RELATIVE, ABSOLUTE))
     refined = np.mean(lasted[REFINED.label])
-    rises = [x for run in outcomes.of(ABSOLUTE) if (x := rise(run)) is not None]
+    rises = [x for run in results.of(ABSOLUTE) if (x := rise(run)) is not None]
     rose = sum(x > RISE for x in rises)
     worse = np.nanmedian(np.array(drift[ABSOLUTE.label]) / np.array(drift[RELATIVE.label]))
     outlasts = (relative >= absolute).all() and relative.mean() > absolute.mean()
@@ -97,12 +97,12 @@ def analyse(outcomes: Outcomes) -> Findings:
         "Left: inliers of RANSAC in every frame of the drive on which absolute orientation breaks "
         "first; the dashed line marks its break. Right: the paths of both and of the truth, from "
         "above, first poses aligned.",
-        lambda figure: _draw(figure, outcomes),
-        _data(outcomes),
+        lambda figure: _draw(figure, results),
+        _data(results),
     )
 
 
-def rise(run: Outcome) -> float | None:
+def rise(run: Result) -> float | None:
     """Inliers at the first break and after it over those before; None without a break."""
     at = breaks_at(run)
     inliers = np.nan_to_num(run.frames.counts[STAGE])
@@ -112,35 +112,35 @@ def rise(run: Outcome) -> float | None:
     return float(np.mean(inliers[at : at + AROUND])) / before if before > 0 else None
 
 
-def _shown(outcomes: Outcomes) -> Recording:
+def _shown(results: Results) -> Recording:
     """The drive on which absolute orientation breaks first."""
-    return min(outcomes.recordings, key=lambda r: survived(outcomes.at(r, ABSOLUTE)))
+    return min(results.recordings, key=lambda r: survived(results.at(r, ABSOLUTE)))
 
 
-def _data(outcomes: Outcomes) -> dict[str, dict[str, np.ndarray]]:
-    runs = [outcomes.at(_shown(outcomes), v) for v in (RELATIVE, ABSOLUTE)]
+def _data(results: Results) -> dict[str, dict[str, np.ndarray]]:
+    runs = [results.at(_shown(results), v) for v in (RELATIVE, ABSOLUTE)]
     paths: dict[str, np.ndarray] = {}
     for run in runs:
         if len(run.run.trajectory) > 1:
             x_m, y_m, _ = paths_m(run)[1].T
-            paths |= {f"{run.trial.variant.label} x, m": x_m}
-            paths |= {f"{run.trial.variant.label} y, m": y_m}
-    inliers = {x.trial.variant.label: x.frames.counts[STAGE] for x in runs}
+            paths |= {f"{run.job.variant.label} x, m": x_m}
+            paths |= {f"{run.job.variant.label} y, m": y_m}
+    inliers = {x.job.variant.label: x.frames.counts[STAGE] for x in runs}
     return {"inliers": ragged(**inliers), "paths": ragged(**paths)}
 
 
-def _draw(figure: "Figure", outcomes: Outcomes) -> None:
-    shown = _shown(outcomes)
+def _draw(figure: "Figure", results: Results) -> None:
+    shown = _shown(results)
     left, right = figure.subplots(1, 2, width_ratios=(1.5, 1))
     name = f"{shown.scene}, seed {shown.seed}"
     for variant, colour in ((RELATIVE, RED), (ABSOLUTE, BLUE)):
-        run = outcomes.at(shown, variant)
+        run = results.at(shown, variant)
         left.plot(run.frames.counts[STAGE], color=colour, lw=1.0, label=variant.label)
         if len(run.run.trajectory) > 1:
             right.plot(*paths_m(run)[1][:, :2].T, color=colour, lw=1.2, label=variant.label)
-    truth = outcomes.at(shown, RELATIVE).truth.T_ref_frame[:, :2, 3]
+    truth = results.at(shown, RELATIVE).truth.T_ref_frame[:, :2, 3]
     right.plot(*truth.T, **TRUTH, label="truth")
-    if (at := breaks_at(outcomes.at(shown, ABSOLUTE))) is not None:
+    if (at := breaks_at(results.at(shown, ABSOLUTE))) is not None:
         left.axvline(at, color=BLUE, ls="--", lw=0.9)
     tidy(left, "frame", "inliers", name)
     tidy(right, "x, m", "y, m", "from above")
@@ -159,6 +159,6 @@ EXPERIMENT = Experiment(
     "the blurred turns of turntable. A drive breaks at the first frame that is lost or whose step "
     "is wrong by more than 5 cm.",
     size_in=(9.5, 3.6),
-    trials=trials,
+    jobs=jobs,
     analyse=analyse,
 )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from trials.evaluation.intervals import Interval, mean_interval, ratio_interval
-from trials.execution.outcomes import Outcomes, Trial, Variant, crossed
+from trials.execution.jobs import Job, Results, Variant, jobs_of
 from trials.report.figure import BLUE, RED, tidy
 from trials.studies.experiments.experiment import Experiment, Findings, Scale, TableOf, Verdict
 
@@ -31,27 +31,27 @@ MUCH = 3.0
 """Ratio of times from which on one is much faster."""
 
 
-def trials(scale: Scale) -> Sequence[Trial]:
+def jobs(scale: Scale) -> Sequence[Job]:
     """Windows of several sizes, and all frames, at every frame."""
     short = replace(scale, distance_m=min(LENGTH_M, scale.distance_m))
-    return crossed(short.recordings(SCENES), VARIANTS)
+    return jobs_of(short.recordings(SCENES), VARIANTS)
 
 
-def analyse(outcomes: Outcomes) -> Findings:
+def analyse(results: Results) -> Findings:
     """Hold drift and time of every window against those of all frames."""
-    reference_ms = _refinement_ms(outcomes, GLOBAL)
+    reference_ms = _refinement_ms(results, GLOBAL)
     rows: list[tuple[str, ...]] = []
     drift: list[Interval] = []
     faster: list[Interval] = []
     for variant in VARIANTS:
-        drift.append(ratio_interval(outcomes.drifts(variant), outcomes.drifts(GLOBAL)))
-        faster.append(ratio_interval(reference_ms, _refinement_ms(outcomes, variant)))
+        drift.append(ratio_interval(results.drifts(variant), results.drifts(GLOBAL)))
+        faster.append(ratio_interval(reference_ms, _refinement_ms(results, variant)))
         rows.append(
             (
                 variant.label,
-                mean_interval(outcomes.drifts(variant), least=0).text(),
+                mean_interval(results.drifts(variant), least=0).text(),
                 "1" if variant == GLOBAL else drift[-1].text(2),
-                mean_interval(_refinement_ms(outcomes, variant), least=0).text(1),
+                mean_interval(_refinement_ms(results, variant), least=0).text(1),
                 "1" if variant == GLOBAL else faster[-1].text(1),
             )
         )
@@ -79,29 +79,29 @@ def analyse(outcomes: Outcomes) -> Findings:
         ),
         "Drift (left) and time of the structure refinement (right) over the size of the window; "
         "dots are drives, lines their means, dashed: all frames.",
-        lambda figure: _draw(figure, outcomes),
+        lambda figure: _draw(figure, results),
         {
             "window": {
-                "window, frames": np.repeat([*WINDOWS, ALL], len(outcomes.recordings)),
-                "drift over 1 m, %": np.concatenate([outcomes.drifts(v) for v in VARIANTS]),
-                "refinement, ms": np.concatenate([_refinement_ms(outcomes, v) for v in VARIANTS]),
+                "window, frames": np.repeat([*WINDOWS, ALL], len(results.recordings)),
+                "drift over 1 m, %": np.concatenate([results.drifts(v) for v in VARIANTS]),
+                "refinement, ms": np.concatenate([_refinement_ms(results, v) for v in VARIANTS]),
             }
         },
     )
 
 
-def _refinement_ms(outcomes: Outcomes, variant: Variant) -> np.ndarray:
+def _refinement_ms(results: Results, variant: Variant) -> np.ndarray:
     """Mean time (N,) of the structure refinement."""
     return np.array(
-        [np.nanmean(x.frames.timings_ms["structure refinement"]) for x in outcomes.of(variant)]
+        [np.nanmean(x.frames.timings_ms["structure refinement"]) for x in results.of(variant)]
     )
 
 
-def _draw(figure: "Figure", outcomes: Outcomes) -> None:
+def _draw(figure: "Figure", results: Results) -> None:
     left, right = figure.subplots(1, 2)
     for panel, measure, label, colour in (
-        (left, lambda v: outcomes.drifts(v), "drift over 1 m, %", RED),
-        (right, lambda v: _refinement_ms(outcomes, v), "refinement, ms a frame", BLUE),
+        (left, lambda v: results.drifts(v), "drift over 1 m, %", RED),
+        (right, lambda v: _refinement_ms(results, v), "refinement, ms a frame", BLUE),
     ):
         means = [np.nanmean(measure(v)) for v in LOCAL.values()]
         panel.plot(WINDOWS, means, color=colour, lw=1.5)
@@ -126,6 +126,6 @@ EXPERIMENT = Experiment(
     "structure is refined at every frame over the last few frames, or over all since the start. "
     f"Nearly: at most {NEARLY:g} times the drift; much: at least {MUCH:g} times as fast.",
     size_in=(9.0, 3.4),
-    trials=trials,
+    jobs=jobs,
     analyse=analyse,
 )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from trials.evaluation.intervals import mean_interval
-from trials.execution.outcomes import Outcome, Outcomes, Trial, crossed
+from trials.execution.jobs import Job, Result, Results, jobs_of
 from trials.report.figure import BLUE, INK, OCHRE, RED, TRUTH, tidy
 from trials.studies.experiments.experiment import (
     FULL,
@@ -29,25 +29,25 @@ LENGTH_M = 7.0
 SHOWN = ((UNREFINED, BLUE), (THESIS, RED), (DEFAULT, OCHRE))
 
 
-def trials(scale: Scale) -> Sequence[Trial]:
+def jobs(scale: Scale) -> Sequence[Job]:
     """Drives up the ramp."""
     longer = replace(scale, distance_m=LENGTH_M * min(1.0, scale.distance_m / FULL.distance_m))
-    return crossed(longer.recordings(["ramp"]), [v for v, _ in SHOWN])
+    return jobs_of(longer.recordings(["ramp"]), [v for v, _ in SHOWN])
 
 
-def pitch_error_deg(run: Outcome) -> np.ndarray:
+def pitch_error_deg(run: Result) -> np.ndarray:
     """Estimated less true pitch (N,) at the poses, degrees, nose up positive."""
     truth, estimate = aligned_poses(run)
     return pitch_deg(estimate) - pitch_deg(truth)
 
 
-def analyse(outcomes: Outcomes) -> Findings:
+def analyse(results: Results) -> Findings:
     """Compare pitch and height with and without refinement."""
     rows: list[tuple[str, ...]] = []
     ends: dict[str, np.ndarray] = {}
     sizes: dict[str, np.ndarray] = {}
     for variant, _ in SHOWN:
-        runs = outcomes.of(variant)
+        runs = results.of(variant)
         ends[variant.label] = np.array([pitch_error_deg(x)[-1] for x in runs])
         sizes[variant.label] = np.array([np.sqrt(np.mean(pitch_error_deg(x) ** 2)) for x in runs])
         height_mm = np.array([1e3 * _height_error_m(x)[-1] for x in runs])
@@ -57,7 +57,7 @@ def analyse(outcomes: Outcomes) -> Findings:
                 mean_interval(ends[variant.label]).text(3),
                 mean_interval(sizes[variant.label], least=0).text(3),
                 mean_interval(height_mm).text(1),
-                mean_interval(outcomes.drifts(variant), least=0).text(3),
+                mean_interval(results.drifts(variant), least=0).text(3),
             )
         )
     none, refined = UNREFINED.label, THESIS.label
@@ -89,32 +89,32 @@ def analyse(outcomes: Outcomes) -> Findings:
         ),
         "Left: height of the camera along the drive of the first seed. Right: error of its pitch "
         "on all drives, nose up positive.",
-        lambda figure: _draw(figure, outcomes),
+        lambda figure: _draw(figure, results),
         {
             f"pitch {v.label}": ragged(
-                **{f"seed {x.trial.recording.seed}, °": pitch_error_deg(x) for x in outcomes.of(v)}
+                **{f"seed {x.job.recording.seed}, °": pitch_error_deg(x) for x in results.of(v)}
             )
             for v, _ in SHOWN
         },
     )
 
 
-def _height_error_m(run: Outcome) -> np.ndarray:
+def _height_error_m(run: Result) -> np.ndarray:
     truth, estimate = aligned_poses(run)
     return estimate[:, 2, 3] - truth[:, 2, 3]
 
 
-def _draw(figure: "Figure", outcomes: Outcomes) -> None:
+def _draw(figure: "Figure", results: Results) -> None:
     left, right = figure.subplots(1, 2)
-    first = outcomes.recordings[0]
+    first = results.recordings[0]
     for variant, colour in SHOWN:
-        run = outcomes.at(first, variant)
+        run = results.at(first, variant)
         along_m = run.pair.travelled_m
         height_m = aligned_poses(run)[1][:, 2, 3]
         left.plot(along_m, height_m, color=colour, lw=1.2, label=variant.label)
-        for other in outcomes.of(variant):
+        for other in results.of(variant):
             right.plot(other.pair.travelled_m, pitch_error_deg(other), color=colour, lw=0.9)
-    run = outcomes.at(first, THESIS)
+    run = results.at(first, THESIS)
     left.plot(run.pair.travelled_m, run.pair.T_world_cam[:, 2, 3], label="truth", **TRUTH)
     left.legend(fontsize=8, frameon=False)
     right.axhline(0, color=INK, lw=0.8, ls="--")
@@ -131,6 +131,6 @@ EXPERIMENT = Experiment(
     setup="Drives up the 7 % slope of ramp: the thesis preset without any refinement, whole, and "
     "the default settings.",
     size_in=(9.0, 3.4),
-    trials=trials,
+    jobs=jobs,
     analyse=analyse,
 )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from trials.evaluation.intervals import mean_interval, ratio_interval
-from trials.execution.outcomes import Outcomes, Trial, crossed
+from trials.execution.jobs import Job, Results, jobs_of
 from trials.report.figure import BLUE, OCHRE, RED, TRUTH, tidy
 from trials.studies.experiments.experiment import (
     FULL,
@@ -31,29 +31,29 @@ BADLY = 2.0
 """Times the drift with refinement."""
 
 
-def trials(scale: Scale) -> Sequence[Trial]:
+def jobs(scale: Scale) -> Sequence[Job]:
     """Circles in the laboratory."""
     once = replace(scale, distance_m=LENGTH_M * min(1.0, scale.distance_m / FULL.distance_m))
-    return crossed(once.recordings(["lab_circle"]), [v for v, _ in SHOWN])
+    return jobs_of(once.recordings(["lab_circle"]), [v for v, _ in SHOWN])
 
 
-def analyse(outcomes: Outcomes) -> Findings:
+def analyse(results: Results) -> Findings:
     """Compare end point and drift with and without refinement."""
     rows: list[tuple[str, ...]] = []
     for variant, _ in SHOWN:
-        scores = [x.score for x in outcomes.of(variant)]
+        scores = [x.score for x in results.of(variant)]
         end_m = np.array([s.end_m if s else np.nan for s in scores])
         turn = np.array([s.drift_1m.mean_deg_per_m if s and s.drift_1m else np.nan for s in scores])
         rows.append(
             (
                 variant.label,
-                mean_interval(outcomes.drifts(variant), least=0).text(3),
+                mean_interval(results.drifts(variant), least=0).text(3),
                 mean_interval(turn, least=0).text(3),
                 mean_interval(100 * end_m, least=0).text(1),
-                f"{100 * np.mean([x.lost_share for x in outcomes.of(variant)]):.1f}",
+                f"{100 * np.mean([x.lost_share for x in results.of(variant)]):.1f}",
             )
         )
-    times = ratio_interval(outcomes.drifts(UNREFINED), outcomes.drifts(THESIS))
+    times = ratio_interval(results.drifts(UNREFINED), results.drifts(THESIS))
     verdict = Verdict.FAILS
     if times.value > 1:
         verdict = Verdict.HOLDS if times.value >= BADLY and times.low > 1 else Verdict.PARTLY
@@ -73,11 +73,11 @@ def analyse(outcomes: Outcomes) -> Findings:
         ),
         "Paths from above of the first seed, first poses aligned, and how far each is from the "
         "truth along the way on all drives.",
-        lambda figure: _draw(figure, outcomes),
+        lambda figure: _draw(figure, results),
         {
             f"error {v.label}": ragged(
-                **{f"seed {x.trial.recording.seed}, m": _error_m(paths_m(x))
-                   for x in outcomes.of(v)}
+                **{f"seed {x.job.recording.seed}, m": _error_m(paths_m(x))
+                   for x in results.of(v)}
             )
             for v, _ in SHOWN
         },
@@ -88,15 +88,15 @@ def _error_m(paths: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
     return np.linalg.norm(paths[1] - paths[0], axis=1)
 
 
-def _draw(figure: "Figure", outcomes: Outcomes) -> None:
+def _draw(figure: "Figure", results: Results) -> None:
     left, right = figure.subplots(1, 2, width_ratios=(1, 1.4))
-    first = outcomes.recordings[0]
-    truth = outcomes.at(first, THESIS).truth.T_ref_frame[:, :2, 3]
+    first = results.recordings[0]
+    truth = results.at(first, THESIS).truth.T_ref_frame[:, :2, 3]
     left.plot(*truth.T, label="truth", **TRUTH)
     for variant, colour in SHOWN:
-        path = paths_m(outcomes.at(first, variant))[1][:, :2]
+        path = paths_m(results.at(first, variant))[1][:, :2]
         left.plot(*path.T, color=colour, lw=1.1, label=variant.label)
-        for run in outcomes.of(variant):
+        for run in results.of(variant):
             error_cm = 100 * _error_m(paths_m(run))
             right.plot(run.pair.travelled_m, error_cm, color=colour, lw=0.9)
     left.set_aspect("equal", adjustable="datalim")
@@ -114,6 +114,6 @@ EXPERIMENT = Experiment(
     f"without any refinement, whole, and the default settings. Badly: at least {BADLY:g} times "
     "the drift.",
     size_in=(9.0, 3.8),
-    trials=trials,
+    jobs=jobs,
     analyse=analyse,
 )

@@ -8,7 +8,7 @@ import numpy as np
 
 from trials.evaluation.intervals import Interval, mean_interval
 from trials.evaluation.runs import read_map
-from trials.execution.outcomes import Outcome, Outcomes, Trial, crossed
+from trials.execution.jobs import Job, Result, Results, jobs_of
 from trials.report.figure import BLUE, GREY, RED, tidy
 from trials.studies.experiments.experiment import (
     Experiment,
@@ -58,22 +58,22 @@ class Reprojection:
             return self.before > SPIKE * np.nanmedian(self.before)
 
 
-def trials(scale: Scale) -> Sequence[Trial]:
+def jobs(scale: Scale) -> Sequence[Job]:
     """Fast turns with an open shutter."""
-    return crossed(scale.recordings(["turntable"], 3), [UNREFINED])
+    return jobs_of(scale.recordings(["turntable"], 3), [UNREFINED])
 
 
-def reprojection(outcome: Outcome) -> Reprojection:
+def reprojection(result: Result) -> Reprojection:
     """Refine every pose of an unrefined run on the points of its map."""
-    rig = open_sequence(outcome.dataset).rig
-    points, tracks = read_map(companion(outcome.file, "map.ply")), outcome.tracks
+    rig = open_sequence(result.dataset).rig
+    points, tracks = read_map(companion(result.file, "map.ply")), result.tracks
     order = np.argsort(points.ids)
     row = np.searchsorted(points.ids[order], tracks.landmark).clip(max=len(order) - 1)
     known = tracks.inlier & (points.ids[order][row] == tracks.landmark)
-    poses = dict(zip(outcome.run.trajectory.timestamps_ns.tolist(),
-                     outcome.run.trajectory.T_ref_frame, strict=True))  # fmt: skip
-    before, after = np.full((2, len(outcome.frames)), np.nan)
-    for i, time_ns in enumerate(outcome.frames.timestamps_ns.tolist()):
+    poses = dict(zip(result.run.trajectory.timestamps_ns.tolist(),
+                     result.run.trajectory.T_ref_frame, strict=True))  # fmt: skip
+    before, after = np.full((2, len(result.frames)), np.nan)
+    for i, time_ns in enumerate(result.frames.timestamps_ns.tolist()):
         mine = known & (tracks.frame == i)
         if time_ns not in poses or mine.sum() < FEWEST:
             continue
@@ -84,12 +84,12 @@ def reprojection(outcome: Outcome) -> Reprojection:
         for errors, T in ((before, poses[time_ns]), (after, refined.T_world_cam)):
             pixels = rig.project(se3.transform(se3.inverse(T), seen))[:, :2]
             errors[i] = np.mean(np.linalg.norm(pixels - tracks.pixels[mine], axis=1))
-    return Reprojection(before, after, turn_rate_deg_s(outcome))
+    return Reprojection(before, after, turn_rate_deg_s(result))
 
 
-def analyse(outcomes: Outcomes) -> Findings:
+def analyse(results: Results) -> Findings:
     """Compare errors before and after, at spikes and elsewhere."""
-    found = {r.seed: reprojection(outcomes.at(r, UNREFINED)) for r in outcomes.recordings}
+    found = {r.seed: reprojection(results.at(r, UNREFINED)) for r in results.recordings}
     rows: list[tuple[str, ...]] = []
     for seed, x in found.items():
         cells = [f"{np.nanmean(v[w]):.2f}" if w.any() else "–"
@@ -179,6 +179,6 @@ EXPERIMENT = Experiment(
     setup="The thesis preset without refinement on turntable (turns of up to 120 °/s, shutter "
     "open for 18 ms); then every pose is refined on the points of its map, as figure 4.4 does.",
     size_in=(9.0, 3.2),
-    trials=trials,
+    jobs=jobs,
     analyse=analyse,
 )

@@ -7,7 +7,7 @@ import numpy as np
 
 from trials.evaluation.intervals import mean_interval
 from trials.evaluation.runs import read_map
-from trials.execution.outcomes import Outcome, Outcomes, Trial, Variant, crossed
+from trials.execution.jobs import Job, Result, Results, Variant, jobs_of
 from trials.report.figure import BLUE, INK, RED, tidy
 from trials.studies.experiments.experiment import Experiment, Findings, Scale, TableOf, Verdict
 from trials.studies.experiments.measures import track_lengths
@@ -30,12 +30,12 @@ FRAMES, ROWS = 60, 240
 """Of the mask that is drawn: its first frames, and so many landmarks spread over theirs."""
 
 
-def trials(scale: Scale) -> Sequence[Trial]:
+def jobs(scale: Scale) -> Sequence[Job]:
     """Points of at least two or three views, refined by the left eye alone and by both."""
-    return crossed(scale.recordings(SCENES, 3), VARIANTS)
+    return jobs_of(scale.recordings(SCENES, 3), VARIANTS)
 
 
-def distances_m(run: Outcome) -> np.ndarray:
+def distances_m(run: Result) -> np.ndarray:
     """Distance (J,) of every point of a run's map from the nearest estimated camera."""
     from scipy.spatial import cKDTree
 
@@ -45,24 +45,24 @@ def distances_m(run: Outcome) -> np.ndarray:
     return cKDTree(se3.transform(origin, cameras[:, :3, 3])).query(se3.transform(origin, points))[0]
 
 
-def analyse(outcomes: Outcomes) -> Findings:
+def analyse(results: Results) -> Findings:
     """Count points that collapsed or fled, and what they cost."""
     rows: list[tuple[str, ...]] = []
     ruined: dict[str, float] = {}
     drift: dict[str, float] = {}
     for variant in VARIANTS:
-        far = [distances_m(x) for x in outcomes.of(variant)]
+        far = [distances_m(x) for x in results.of(variant)]
         near_share = np.array([100 * np.mean(d < NEAR_M) for d in far])
         far_share = np.array([100 * np.mean(~(d <= FAR_M)) for d in far])
         ruined[variant.label] = float(np.mean(near_share + far_share))
-        drift[variant.label] = float(np.nanmean(outcomes.drifts(variant)))
+        drift[variant.label] = float(np.nanmean(results.drifts(variant)))
         rows.append(
             (
                 variant.label,
                 mean_interval(near_share, least=0, most=100).text(2),
                 mean_interval(far_share, least=0, most=100).text(2),
-                mean_interval(outcomes.drifts(variant), least=0).text(3),
-                f"{100 * np.mean([x.lost_share for x in outcomes.of(variant)]):.1f}",
+                mean_interval(results.drifts(variant), least=0).text(3),
+                f"{100 * np.mean([x.lost_share for x in results.of(variant)]):.1f}",
             )
         )
     two, three = ruined[TWO_MONO.label], ruined[THREE_MONO.label]
@@ -90,12 +90,12 @@ def analyse(outcomes: Outcomes) -> Findings:
         "Left: the visibility mask of the first frames, one row for each of some landmarks in the "
         "order of their first view; red: seen in three frames or more, which the refinement takes. "
         "Right: distance of the map's points from the camera, all drives.",
-        lambda figure: _draw(figure, outcomes),
-        {"mask": _mask(outcomes.at(outcomes.recordings[0], THREE_STEREO))},
+        lambda figure: _draw(figure, results),
+        {"mask": _mask(results.at(results.recordings[0], THREE_STEREO))},
     )
 
 
-def _mask(run: Outcome) -> dict[str, np.ndarray]:
+def _mask(run: Result) -> dict[str, np.ndarray]:
     """Frame and row of observations in the first frames, and the length of their tracks."""
     tracks = run.tracks
     ids = np.unique(tracks.landmark)
@@ -110,10 +110,10 @@ def _mask(run: Outcome) -> dict[str, np.ndarray]:
     }
 
 
-def _draw(figure: "Figure", outcomes: Outcomes) -> None:
+def _draw(figure: "Figure", results: Results) -> None:
     left, right = figure.subplots(1, 2)
-    first = outcomes.recordings[0]
-    frame, row, length = _mask(outcomes.at(first, THREE_STEREO)).values()
+    first = results.recordings[0]
+    frame, row, length = _mask(results.at(first, THREE_STEREO)).values()
     for mine, colour, label in (
         (length < 3, BLUE, "in two frames or fewer"),
         (length >= 3, RED, "in three or more"),
@@ -128,7 +128,7 @@ def _draw(figure: "Figure", outcomes: Outcomes) -> None:
     for variant, colour, style in zip(
         VARIANTS, (BLUE, RED, BLUE, INK), ("-", "-", ":", "--"), strict=True
     ):
-        far = np.concatenate([distances_m(x) for x in outcomes.of(variant)])
+        far = np.concatenate([distances_m(x) for x in results.of(variant)])
         share, _ = np.histogram(far.clip(edges[0], edges[-1]), edges)
         right.stairs(100 * share / len(far), edges, color=colour, ls=style, label=variant.label)
     right.set_xscale("log")
@@ -146,6 +146,6 @@ EXPERIMENT = Experiment(
     setup="The thesis preset on office and brick_court with points of at least two or three "
     "views, refined by the left image alone (eq. 2.29) and by both eyes.",
     size_in=(9.5, 4.0),
-    trials=trials,
+    jobs=jobs,
     analyse=analyse,
 )

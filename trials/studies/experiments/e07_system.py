@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from trials.evaluation.intervals import mean_interval
-from trials.execution.outcomes import Outcomes, Recording, Trial, crossed
+from trials.execution.jobs import Job, Recording, Results, jobs_of
 from trials.report.figure import OCHRE, RED, TRUTH, tidy
 from trials.studies.experiments.experiment import (
     Experiment,
@@ -33,29 +33,29 @@ ADEQUATE = 1.0
 """Drift, %, with which a rover can navigate."""
 
 
-def trials(scale: Scale) -> Sequence[Trial]:
+def jobs(scale: Scale) -> Sequence[Job]:
     """Indoors, on grass, on bricks, and over loose ones."""
     recordings = [
         Recording(scene, seed, scale.drive, disturb)
         for scene, disturb in PLACES.values()
         for seed in scale.seeds
     ]
-    return crossed(recordings, [v for v, _ in SHOWN])
+    return jobs_of(recordings, [v for v, _ in SHOWN])
 
 
-def _recordings(outcomes: Outcomes, place: str) -> list[Recording]:
+def _recordings(results: Results, place: str) -> list[Recording]:
     scene, disturb = PLACES[place]
-    return [r for r in outcomes.recordings if (r.scene, r.disturb) == (scene, disturb)]
+    return [r for r in results.recordings if (r.scene, r.disturb) == (scene, disturb)]
 
 
-def analyse(outcomes: Outcomes) -> Findings:
+def analyse(results: Results) -> Findings:
     """Score the thesis preset and the default settings at every place."""
     rows: list[tuple[str, ...]] = []
     worst: dict[str, float] = {}
     lost = 0.0
     for place in PLACES:
         for variant, _ in SHOWN:
-            runs = [outcomes.at(r, variant) for r in _recordings(outcomes, place)]
+            runs = [results.at(r, variant) for r in _recordings(results, place)]
             drift = np.array([x.drift_percent for x in runs])
             end = [x.score.end_percent for x in runs if x.score]
             share = float(np.mean([x.lost_share for x in runs]))
@@ -83,18 +83,18 @@ def analyse(outcomes: Outcomes) -> Findings:
             tuple(rows),
         ),
         "Paths from above of the first seed, first poses aligned.",
-        lambda figure: _draw(figure, outcomes),
+        lambda figure: _draw(figure, results),
         {
-            place: ragged(**_paths(outcomes, _recordings(outcomes, place)[0]))
+            place: ragged(**_paths(results, _recordings(results, place)[0]))
             for place in PLACES
         },
     )  # fmt: skip
 
 
-def _paths(outcomes: Outcomes, recording: Recording) -> dict[str, np.ndarray]:
+def _paths(results: Results, recording: Recording) -> dict[str, np.ndarray]:
     columns: dict[str, np.ndarray] = {}
     for variant, _ in SHOWN:
-        truth, estimate = paths_m(outcomes.at(recording, variant))
+        truth, estimate = paths_m(results.at(recording, variant))
         columns |= {
             f"{variant.label} x, m": estimate[:, 0],
             f"{variant.label} y, m": estimate[:, 1],
@@ -103,14 +103,14 @@ def _paths(outcomes: Outcomes, recording: Recording) -> dict[str, np.ndarray]:
     return columns
 
 
-def _draw(figure: "Figure", outcomes: Outcomes) -> None:
+def _draw(figure: "Figure", results: Results) -> None:
     panels = figure.subplots(1, len(PLACES))
     for panel, place in zip(panels, PLACES, strict=True):
-        first = _recordings(outcomes, place)[0]
-        truth, _ = paths_m(outcomes.at(first, THESIS))
+        first = _recordings(results, place)[0]
+        truth, _ = paths_m(results.at(first, THESIS))
         panel.plot(*truth[:, :2].T, label="truth", **TRUTH)
         for (variant, colour), style in zip(SHOWN, ("-", "--"), strict=True):
-            estimate = paths_m(outcomes.at(first, variant))[1]
+            estimate = paths_m(results.at(first, variant))[1]
             panel.plot(*estimate[:, :2].T, color=colour, ls=style, lw=1.3, label=variant.label)
         panel.set_aspect("equal", adjustable="datalim")
         tidy(panel, "x, m", "y, m", place)
@@ -126,6 +126,6 @@ EXPERIMENT = Experiment(
     f"and over loose bricks on it. It works if the drift stays below {ADEQUATE:g} % and no frame "
     "is lost.",
     size_in=(11.0, 3.2),
-    trials=trials,
+    jobs=jobs,
     analyse=analyse,
 )

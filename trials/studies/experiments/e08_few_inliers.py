@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from trials.execution.outcomes import Outcome, Outcomes, Recording, Trial, Variant, crossed
+from trials.execution.jobs import Job, Recording, Result, Results, Variant, jobs_of
 from trials.report.figure import BLUE, GREY, OCHRE, RED, tidy
 from trials.studies.experiments.experiment import (
     Experiment,
@@ -27,26 +27,26 @@ BINS = ((0, 10), (10, 25), (25, 50), (50, 100), (100, 10_000))
 """Of the number of inliers."""
 
 
-def trials(scale: Scale) -> Sequence[Trial]:
+def jobs(scale: Scale) -> Sequence[Job]:
     """Fast turns with a shutter that is open shorter and longer."""
     recordings = [
         Recording("turntable", seed, (*scale.drive, f"exposure.time_ms={ms:g}"))
         for ms in SHUTTERS_MS
         for seed in scale.seeds
     ]
-    return crossed(recordings, (THESIS, DEFAULT))
+    return jobs_of(recordings, (THESIS, DEFAULT))
 
 
-def wrong(run: Outcome) -> np.ndarray:
+def wrong(run: Result) -> np.ndarray:
     """Which frames (N,) are lost, or have a step that is wrong beyond drift."""
     lost = np.array([status is Status.LOST for status in run.frames.status])
     with np.errstate(invalid="ignore"):
         return lost | (step_errors_m(run) > BROKEN_M)
 
 
-def analyse(outcomes: Outcomes) -> Findings:
+def analyse(results: Results) -> Findings:
     """Relate wrong frames to the number of inliers, and both to the blur."""
-    inliers, bad = _pooled(outcomes, THESIS)
+    inliers, bad = _pooled(results, THESIS)
     rows: list[tuple[str, ...]] = []
     for low, high in BINS:
         mine = (inliers >= low) & (inliers < high)
@@ -57,10 +57,10 @@ def analyse(outcomes: Outcomes) -> Findings:
     of_few = bad[few].mean() if few.any() else np.nan
     of_many = bad[many].mean() if many.any() else np.nan
     by_shutter = {
-        ms: np.concatenate([wrong(x) for x in _at(outcomes, ms, THESIS)]).mean()
+        ms: np.concatenate([wrong(x) for x in _at(results, ms, THESIS)]).mean()
         for ms in SHUTTERS_MS
     }
-    default = np.concatenate([wrong(x) for x in outcomes.of(DEFAULT)]).mean()
+    default = np.concatenate([wrong(x) for x in results.of(DEFAULT)]).mean()
     verdict = Verdict.OPEN
     if bad.any() and few.any():
         verdict = Verdict.HOLDS if of_few > 0.5 and of_few > 5 * of_many else Verdict.PARTLY
@@ -75,32 +75,32 @@ def analyse(outcomes: Outcomes) -> Findings:
         "longest shutter; crosses mark frames of the thesis preset that are lost or wrong; grey: "
         "how fast the camera turns. Bottom: error of every step over its inliers, all drives; "
         f"dashed: the {100 * BROKEN_M:g} cm beyond which a step is wrong.",
-        lambda figure: _draw(figure, outcomes),
+        lambda figure: _draw(figure, results),
         {
             "frames": ragged(
                 **{"inliers": inliers, "lost or wrong": bad,
                    "step error, m": np.concatenate([step_errors_m(x)[1:]
-                                                    for x in outcomes.of(THESIS)])}
+                                                    for x in results.of(THESIS)])}
             )
         },
     )  # fmt: skip
 
 
-def _pooled(outcomes: Outcomes, variant: Variant) -> tuple[np.ndarray, np.ndarray]:
+def _pooled(results: Results, variant: Variant) -> tuple[np.ndarray, np.ndarray]:
     """Inliers and wrongness of all frames but the first of each run."""
-    runs = outcomes.of(variant)
+    runs = results.of(variant)
     inliers = np.concatenate([np.nan_to_num(x.frames.counts["inliers"])[1:] for x in runs])
     return inliers, np.concatenate([wrong(x)[1:] for x in runs])
 
 
-def _at(outcomes: Outcomes, shutter_ms: float, variant: Variant) -> list[Outcome]:
+def _at(results: Results, shutter_ms: float, variant: Variant) -> list[Result]:
     wanted = f"exposure.time_ms={shutter_ms:g}"
-    return [x for x in outcomes.of(variant) if wanted in x.trial.recording.overrides]
+    return [x for x in results.of(variant) if wanted in x.job.recording.overrides]
 
 
-def _draw(figure: "Figure", outcomes: Outcomes) -> None:
+def _draw(figure: "Figure", results: Results) -> None:
     top, bottom = figure.subplots(2, 1, height_ratios=(1.2, 1))
-    run, ours = (_at(outcomes, SHUTTERS_MS[-1], v)[0] for v in (THESIS, DEFAULT))
+    run, ours = (_at(results, SHUTTERS_MS[-1], v)[0] for v in (THESIS, DEFAULT))
     turning = top.twinx()
     turning.fill_between(run.time_s, turn_rate_deg_s(run), color=GREY, alpha=0.25)
     turning.set_ylim(0, 300)
@@ -120,10 +120,10 @@ def _draw(figure: "Figure", outcomes: Outcomes) -> None:
     )
     top.set_ylim(bottom=-8)
     top.legend(fontsize=8, frameon=False, ncols=3, loc="upper left")
-    name = f"turntable, seed {run.trial.recording.seed}, {SHUTTERS_MS[-1]:g} ms"
+    name = f"turntable, seed {run.job.recording.seed}, {SHUTTERS_MS[-1]:g} ms"
     tidy(top, "time, s", "inliers", name)
-    pooled, _ = _pooled(outcomes, THESIS)
-    errors_mm = np.concatenate([1e3 * step_errors_m(x)[1:] for x in outcomes.of(THESIS)])
+    pooled, _ = _pooled(results, THESIS)
+    errors_mm = np.concatenate([1e3 * step_errors_m(x)[1:] for x in results.of(THESIS)])
     bottom.plot(np.maximum(pooled, 1), errors_mm, ".", color=RED, ms=3, alpha=0.6)
     bottom.axhline(1e3 * BROKEN_M, color=BLUE, ls="--", lw=0.9)
     bottom.set_xscale("log")
@@ -141,6 +141,6 @@ EXPERIMENT = Experiment(
     "turntable with shutters of 2, 18 and 30 ms. A frame is wrong if it is lost or its step is "
     "off by more than 5 cm.",
     size_in=(9.0, 5.6),
-    trials=trials,
+    jobs=jobs,
     analyse=analyse,
 )

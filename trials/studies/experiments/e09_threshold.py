@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from itertools import pairwise
 
-from trials.execution.outcomes import Outcomes, Trial, Variant, crossed
+from trials.execution.jobs import Job, Results, Variant, jobs_of
 from trials.studies.experiments.experiment import Experiment, Findings, Scale, Verdict
 from trials.studies.experiments.sweep import draw_sweep, levels, sweep_data, sweep_table
 
@@ -16,14 +16,14 @@ LABEL = "inliers of RANSAC"
 THEIRS = 0.005
 
 
-def trials(scale: Scale) -> Sequence[Trial]:
+def jobs(scale: Scale) -> Sequence[Job]:
     """Thresholds over two decades."""
-    return crossed(scale.recordings(SCENES, 3), SWEEP.values())
+    return jobs_of(scale.recordings(SCENES, 3), SWEEP.values())
 
 
-def analyse(outcomes: Outcomes) -> Findings:
+def analyse(results: Results) -> Findings:
     """Look for the threshold below which accuracy falls, and that above which it does."""
-    found = levels(outcomes, SWEEP, STAGE)
+    found = levels(results, SWEEP, STAGE)
     inliers = [count.value for count, _ in found.values()]
     drift = {x: level.value for x, (_, level) in found.items()}
     best = min(drift, key=lambda x: drift[x])
@@ -44,11 +44,11 @@ def analyse(outcomes: Outcomes) -> Findings:
         f"{drift[THRESHOLDS[-1]] / drift[best]:.2f} times. (The thesis calls the relation of "
         "inliers and threshold counter-proportional; its text says that a strict one accepts "
         "fewer.)",
-        sweep_table(outcomes, SWEEP, "threshold, normalised", STAGE, LABEL),
+        sweep_table(results, SWEEP, "threshold, normalised", STAGE, LABEL),
         "Inliers (left) and drift (right) over the acceptance threshold: lines are means over all "
         "drives, dots are drives.",
-        lambda figure: draw_sweep(figure, outcomes, SWEEP, SETTING, STAGE, LABEL),
-        {"threshold": sweep_data(outcomes, SWEEP, "threshold, normalised", STAGE)},
+        lambda figure: draw_sweep(figure, results, SWEEP, SETTING, STAGE, LABEL),
+        {"threshold": sweep_data(results, SWEEP, "threshold, normalised", STAGE)},
     )
 
 
@@ -59,6 +59,6 @@ EXPERIMENT = Experiment(
     source="section 5.4, figure 5.2",
     setup="The thesis preset with thresholds from 0.0005 to 0.05 on office and brick_court.",
     size_in=(9.0, 3.4),
-    trials=trials,
+    jobs=jobs,
     analyse=analyse,
 )

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from trials.evaluation.intervals import ratio_interval
-from trials.execution.outcomes import Outcomes, Trial, Variant, crossed
+from trials.execution.jobs import Job, Results, Variant, jobs_of
 from trials.studies.experiments.experiment import Experiment, Findings, Scale, Verdict
 from trials.studies.experiments.sweep import (
     draw_sweep,
@@ -21,33 +21,31 @@ FEW, MANY = SWEEP[100.0], SWEEP[1000.0]
 SETTING, STAGE, LABEL = "features kept in an image", "inliers", "inliers"
 
 
-def trials(scale: Scale) -> Sequence[Trial]:
+def jobs(scale: Scale) -> Sequence[Job]:
     """From 50 to 1000 features."""
-    return crossed(scale.recordings(SCENES, 3), SWEEP.values())
+    return jobs_of(scale.recordings(SCENES, 3), SWEEP.values())
 
 
-def analyse(outcomes: Outcomes) -> Findings:
+def analyse(results: Results) -> Findings:
     """Compare 100 features with 1000, pair by pair."""
-    found = levels(outcomes, SWEEP, STAGE)
-    times = ratio_interval(outcomes.drifts(FEW), outcomes.drifts(MANY))
-    inliers = ratio_interval(
-        median_count(outcomes, FEW, STAGE), median_count(outcomes, MANY, STAGE)
-    )
+    found = levels(results, SWEEP, STAGE)
+    times = ratio_interval(results.drifts(FEW), results.drifts(MANY))
+    inliers = ratio_interval(median_count(results, FEW, STAGE), median_count(results, MANY, STAGE))
     verdict = Verdict.FAILS
     if times.value > 1:
         verdict = Verdict.HOLDS if times.low > 1 else Verdict.PARTLY
     return Findings(
         verdict,
         f"With 100 features the drift is {times.text(2)} times that with 1000, and "
-        f"{lost_percent(outcomes, FEW):.1f} % of the frames are lost against "
-        f"{lost_percent(outcomes, MANY):.1f} %. Ten times the features leave "
+        f"{lost_percent(results, FEW):.1f} % of the frames are lost against "
+        f"{lost_percent(results, MANY):.1f} %. Ten times the features leave "
         f"{1 / inliers.value:.1f} times the inliers, {found[100.0][0].value:.0f} and "
         f"{found[1000.0][0].value:.0f}: the weaker ones are found again less often.",
-        sweep_table(outcomes, SWEEP, "features", STAGE, LABEL),
+        sweep_table(results, SWEEP, "features", STAGE, LABEL),
         "Inliers (left) and drift (right) over the number of features: lines are means over all "
         "drives, dots are drives.",
-        lambda figure: draw_sweep(figure, outcomes, SWEEP, SETTING, STAGE, LABEL),
-        {"features": sweep_data(outcomes, SWEEP, "features", STAGE)},
+        lambda figure: draw_sweep(figure, results, SWEEP, SETTING, STAGE, LABEL),
+        {"features": sweep_data(results, SWEEP, "features", STAGE)},
     )
 
 
@@ -58,6 +56,6 @@ EXPERIMENT = Experiment(
     source="section 5.1.1",
     setup="The thesis preset with 50 to 1000 features on office and brick_court.",
     size_in=(9.0, 3.4),
-    trials=trials,
+    jobs=jobs,
     analyse=analyse,
 )

@@ -9,7 +9,7 @@ import numpy as np
 
 from trials.evaluation.intervals import Interval, mean_interval
 from trials.evaluation.metrics import errors_between
-from trials.execution.outcomes import Outcome, Outcomes, Recording, Trial, Variant, crossed
+from trials.execution.jobs import Job, Recording, Result, Results, Variant, jobs_of
 from trials.report.figure import BLUE, GREEN, GREY, OCHRE, RED, tidy
 from trials.studies.experiments.experiment import (
     Experiment,
@@ -41,10 +41,10 @@ MOST_MM, MOST_DEG = 1.0, 0.01
 """Drift in a minute that counts as none."""
 
 
-def trials(scale: Scale) -> Sequence[Trial]:
+def jobs(scale: Scale) -> Sequence[Job]:
     """Drives that halt for ten seconds every 0.9 m, undisturbed and with a sensor's noise."""
     short = (*replace(scale, distance_m=0.6 * scale.distance_m).drive, *HALT)
-    return crossed(
+    return jobs_of(
         [
             Recording("stop_and_go", seed, short, disturb)
             for disturb, seed in product(CONDITIONS.values(), scale.seeds)
@@ -53,7 +53,7 @@ def trials(scale: Scale) -> Sequence[Trial]:
     )
 
 
-def halts(run: Outcome) -> list[tuple[int, int]]:
+def halts(run: Result) -> list[tuple[int, int]]:
     """First and last row, among the poses, of every time that the camera truly stood still."""
     pair = run.pair
     time_s, T = pair.timestamps_ns * 1e-9, pair.T_world_cam
@@ -65,7 +65,7 @@ def halts(run: Outcome) -> list[tuple[int, int]]:
     return [(a, b) for a, b in ends if time_s[b] - time_s[a] > LEAST_S]
 
 
-def drift_at_rest(run: Outcome) -> tuple[float, float, float]:
+def drift_at_rest(run: Result) -> tuple[float, float, float]:
     """Length of all halts in seconds, and the error of the motion in them: mm, degrees in all."""
     starts, ends = np.array(halts(run), dtype=int).reshape(-1, 2).T
     seconds = (run.pair.timestamps_ns[ends] - run.pair.timestamps_ns[starts]).sum() * 1e-9
@@ -98,7 +98,7 @@ class Drift:
         return self.mm < MOST_MM and self.deg < MOST_DEG
 
 
-def drift_of(runs: Sequence[Outcome]) -> Drift:
+def drift_of(runs: Sequence[Result]) -> Drift:
     """Add up by how much the pose errs while the camera stands."""
     seconds, mm, deg = np.array([drift_at_rest(x) for x in runs]).T
     minutes = seconds / 60
@@ -111,10 +111,10 @@ def drift_of(runs: Sequence[Outcome]) -> Drift:
     )
 
 
-def analyse(outcomes: Outcomes) -> Findings:
+def analyse(results: Results) -> Findings:
     """Hold what every variant makes of a minute of standing against what counts as none."""
     runs = {
-        (label, v): [x for x in outcomes.of(v) if x.trial.recording.disturb == disturb]
+        (label, v): [x for x in results.of(v) if x.job.recording.disturb == disturb]
         for (label, disturb), (v, _) in product(CONDITIONS.items(), SHOWN)
     }
     found = {key: drift_of(of) for key, of in runs.items()}
@@ -148,7 +148,7 @@ def analyse(outcomes: Outcomes) -> Findings:
         ),
         "Error of the motion since the halt began, against the truth, over the halts of the first "
         "seed one after the other; grey lines part them. What is under 0.001 mm stands there.",
-        lambda figure: _draw(figure, outcomes),
+        lambda figure: _draw(figure, results),
         {
             f"halts, {label}": ragged(
                 **{f"{v.label}, mm": _wander(runs[label, v][0])[1] for v, _ in SHOWN}
@@ -169,7 +169,7 @@ def _said(label: str, found: Mapping[tuple[str, Variant], Drift]) -> str:
     )
 
 
-def _wander(run: Outcome) -> tuple[np.ndarray, np.ndarray, list[float]]:
+def _wander(run: Result) -> tuple[np.ndarray, np.ndarray, list[float]]:
     """Seconds of standing so far, mm of error since the halt began, and when each halt ends."""
     times: list[np.ndarray] = [np.zeros(0)]
     away: list[np.ndarray] = [np.zeros(0)]
@@ -185,13 +185,13 @@ def _wander(run: Outcome) -> tuple[np.ndarray, np.ndarray, list[float]]:
     return np.concatenate(times), np.concatenate(away), ends
 
 
-def _draw(figure: "Figure", outcomes: Outcomes) -> None:
+def _draw(figure: "Figure", results: Results) -> None:
     panels = figure.subplots(1, len(CONDITIONS), sharey=True)
-    seed = outcomes.recordings[0].seed
+    seed = results.recordings[0].seed
     for panel, (label, disturb) in zip(panels, CONDITIONS.items(), strict=True):
-        first = next(x for x in outcomes.recordings if x.disturb == disturb)
+        first = next(x for x in results.recordings if x.disturb == disturb)
         for variant, colour in SHOWN:
-            times_s, away_mm, ends = _wander(outcomes.at(first, variant))
+            times_s, away_mm, ends = _wander(results.at(first, variant))
             name = variant.label if panel is panels[0] else None
             panel.plot(times_s, np.maximum(away_mm, LEAST_MM), color=colour, lw=1.0, label=name)
             for end in ends:
@@ -213,6 +213,6 @@ EXPERIMENT = Experiment(
     "encoders. Drift is the error against the truth, for standing tyres creep. None: less than "
     f"{MOST_MM:g} mm and {MOST_DEG:g}° a minute.",
     size_in=(9.0, 3.4),
-    trials=trials,
+    jobs=jobs,
     analyse=analyse,
 )

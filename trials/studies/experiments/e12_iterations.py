@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
-from trials.execution.outcomes import Outcome, Outcomes, Recording, Trial, Variant, crossed
+from trials.execution.jobs import Job, Recording, Result, Results, Variant, jobs_of
 from trials.report.figure import BLUE, INK, RED, tidy
 from trials.studies.experiments.experiment import (
     Experiment,
@@ -33,25 +33,25 @@ GOOD, DROP = 15, 20
 STAGES = ("motion iterations", "structure iterations")
 
 
-def trials(scale: Scale) -> Sequence[Trial]:
+def jobs(scale: Scale) -> Sequence[Job]:
     """Calm drives, and blurred turns that give bad starts."""
     recordings = [
         Recording(s, seed, scale.drive) for s in (CALM, HARSH) for seed in scale.seeds[:3]
     ]
-    return crossed(recordings, (PATIENT, DROPPING))
+    return jobs_of(recordings, (PATIENT, DROPPING))
 
 
-def iterations(runs: Sequence[Outcome], stage: str) -> np.ndarray:
+def iterations(runs: Sequence[Result], stage: str) -> np.ndarray:
     """Iterations of all frames but the first of each run; NaN where the stage did not run."""
     return np.concatenate([x.frames.counts[stage][1:] for x in runs])
 
 
-def analyse(outcomes: Outcomes) -> Findings:
+def analyse(results: Results) -> Findings:
     """Count iterations, and hold them against the error of the step."""
     rows: list[tuple[str, ...]] = []
     good: dict[tuple[str, str], float] = {}
     for scene in (CALM, HARSH):
-        runs = outcomes.of(PATIENT, scene)
+        runs = results.of(PATIENT, scene)
         errors = np.concatenate([step_errors_m(x)[1:] for x in runs])
         for stage in STAGES:
             n = iterations(runs, stage)
@@ -71,7 +71,7 @@ def analyse(outcomes: Outcomes) -> Findings:
                     f"{tells:.2f}",
                 )
             )
-    before, after = (float(np.nanmedian(outcomes.drifts(v, HARSH))) for v in (PATIENT, DROPPING))
+    before, after = (float(np.nanmedian(results.drifts(v, HARSH))) for v in (PATIENT, DROPPING))
     fast = min(good[CALM, stage] for stage in STAGES) > 95
     helps = after < 0.9 * before
     verdict = Verdict.HOLDS if fast and helps else Verdict.PARTLY if fast else Verdict.FAILS
@@ -96,20 +96,20 @@ def analyse(outcomes: Outcomes) -> Findings:
         ),
         "Share of the refinements that need a number of iterations: of the motion (left) and of "
         f"motion and structure (right); dashed: {GOOD} and {DROP}.",
-        lambda figure: _draw(figure, outcomes),
+        lambda figure: _draw(figure, results),
         {
-            scene: ragged(**{s: iterations(outcomes.of(PATIENT, scene), s) for s in STAGES})
+            scene: ragged(**{s: iterations(results.of(PATIENT, scene), s) for s in STAGES})
             for scene in (CALM, HARSH)
         },
     )
 
 
-def _draw(figure: "Figure", outcomes: Outcomes) -> None:
+def _draw(figure: "Figure", results: Results) -> None:
     edges = np.arange(0, MOST + 2) - 0.5
     panels = figure.subplots(1, 2, sharey=True)
     for panel, stage in zip(panels, STAGES, strict=True):
         for scene, colour in ((CALM, BLUE), (HARSH, RED)):
-            n = iterations(outcomes.of(PATIENT, scene), stage)
+            n = iterations(results.of(PATIENT, scene), stage)
             n = n[np.isfinite(n)]
             counts, _ = np.histogram(n, edges)
             panel.stairs(100 * counts / max(len(n), 1), edges, color=colour, label=scene, lw=1.2)
@@ -129,6 +129,6 @@ EXPERIMENT = Experiment(
     "turns of turntable; and the same with frames dropped whose refinement needs more than "
     f"{DROP}.",
     size_in=(9.0, 3.2),
-    trials=trials,
+    jobs=jobs,
     analyse=analyse,
 )

@@ -1,4 +1,4 @@
-"""An experiment: a claim, the trials that test it, and what is found."""
+"""An experiment: a claim, the jobs that test it, and what is found."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from trials.execution.outcomes import Outcomes, Recording, Trial
+from trials.execution.jobs import Job, Recording, Results
 from vo.contract.arrays import Array
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ class Experiment:
         source: Where it says so.
         setup: What is driven and what is compared, in a sentence or two.
         size_in: Width and height of the figure, inches.
-        trials: All that must be run, at a scale.
+        jobs: All that must be run, at a scale.
         analyse: Finds from what came of them.
     """
 
@@ -113,8 +113,8 @@ class Experiment:
     source: str
     setup: str
     size_in: tuple[float, float]
-    trials: Callable[[Scale], Sequence[Trial]]
-    analyse: Callable[[Outcomes], Findings]
+    jobs: Callable[[Scale], Sequence[Job]]
+    analyse: Callable[[Results], Findings]
 
 
 def ragged(**columns: Array) -> dict[str, Array]:

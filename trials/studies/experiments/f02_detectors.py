@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from trials.execution.outcomes import Outcomes, Trial, Variant, crossed
+from trials.execution.jobs import Job, Results, Variant, jobs_of
 from trials.studies.experiments.compare import (
     comparison_data,
     comparison_table,
@@ -21,14 +21,14 @@ OTHERS = (
 )
 
 
-def trials(scale: Scale) -> Sequence[Trial]:
+def jobs(scale: Scale) -> Sequence[Job]:
     """Every detector on scenes with much and little texture."""
-    return crossed(scale.recordings(SCENES, 3), (REFERENCE, *OTHERS))
+    return jobs_of(scale.recordings(SCENES, 3), (REFERENCE, *OTHERS))
 
 
-def analyse(outcomes: Outcomes) -> Findings:
+def analyse(results: Results) -> Findings:
     """Compare the drift that each leads to."""
-    found = ratios(outcomes, OTHERS, REFERENCE)
+    found = ratios(results, OTHERS, REFERENCE)
     harris = found[HARRIS]
     verdict = Verdict.OPEN
     if harris.low > 1:
@@ -40,11 +40,11 @@ def analyse(outcomes: Outcomes) -> Findings:
         f"Harris corners have {harris.text(2)} times the drift of CenSurE with the same matching, "
         "stereo and refinement; box kernels "
         f"{found[OTHERS[0]].text(2)} times, star kernels {found[OTHERS[1]].text(2)} times.",
-        comparison_table(outcomes, OTHERS, REFERENCE, "detector"),
+        comparison_table(results, OTHERS, REFERENCE, "detector"),
         "Drift with each detector over that with the default one: diamonds are geometric means, "
         "bars their 95 % intervals, dots drives.",
-        lambda figure: draw_ratios(figure, outcomes, OTHERS, REFERENCE),
-        {"drift": comparison_data(outcomes, OTHERS, REFERENCE)},
+        lambda figure: draw_ratios(figure, results, OTHERS, REFERENCE),
+        {"drift": comparison_data(results, OTHERS, REFERENCE)},
     )
 
 
@@ -56,6 +56,6 @@ EXPERIMENT = Experiment(
     source="section 6",
     setup="The default settings with each detector on five scenes.",
     size_in=(8.0, 2.4),
-    trials=trials,
+    jobs=jobs,
     analyse=analyse,
 )

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from trials.evaluation.intervals import Interval, mean_interval, ratio_interval
-from trials.execution.outcomes import Outcomes, Trial, Variant, crossed
+from trials.execution.jobs import Job, Results, Variant, jobs_of
 from trials.report.figure import BLUE, GREY, RED, tidy
 from trials.studies.experiments.experiment import Experiment, Findings, Scale, TableOf, Verdict
 from trials.studies.experiments.sweep import lost_percent
@@ -34,29 +34,29 @@ PAIRS = {
 CAUGHT_UP = 1.1
 
 
-def trials(scale: Scale) -> Sequence[Trial]:
+def jobs(scale: Scale) -> Sequence[Job]:
     """Both orientations on every stereo, without refinement, which would hide the difference."""
-    return crossed(scale.recordings(SCENES, 3), [v for pair in PAIRS.values() for v in pair])
+    return jobs_of(scale.recordings(SCENES, 3), [v for pair in PAIRS.values() for v in pair])
 
 
-def gaps(outcomes: Outcomes) -> dict[str, Interval]:
+def gaps(results: Results) -> dict[str, Interval]:
     """Drift of absolute over that of relative orientation for every stereo."""
     return {
-        name: ratio_interval(outcomes.drifts(absolute), outcomes.drifts(relative))
+        name: ratio_interval(results.drifts(absolute), results.drifts(relative))
         for name, (relative, absolute) in PAIRS.items()
     }
 
 
-def analyse(outcomes: Outcomes) -> Findings:
+def analyse(results: Results) -> Findings:
     """Follow the gap between the two from stereo to stereo."""
-    found = gaps(outcomes)
+    found = gaps(results)
     rows = [
         (
             name,
-            mean_interval(outcomes.drifts(relative), least=0).text(2),
-            mean_interval(outcomes.drifts(absolute), least=0).text(2),
+            mean_interval(results.drifts(relative), least=0).text(2),
+            mean_interval(results.drifts(absolute), least=0).text(2),
             found[name].text(2),
-            f"{lost_percent(outcomes, relative):.1f} / {lost_percent(outcomes, absolute):.1f}",
+            f"{lost_percent(results, relative):.1f} / {lost_percent(results, absolute):.1f}",
         )
         for name, (relative, absolute) in PAIRS.items()
     ]
@@ -80,17 +80,17 @@ def analyse(outcomes: Outcomes) -> Findings:
         ),
         "Drift of relative and of absolute orientation with every stereo, without refinement: "
         "bars are means, dots drives.",
-        lambda figure: _draw(figure, outcomes),
-        {"drift": {f"{v.label}, %": outcomes.drifts(v) for pair in PAIRS.values() for v in pair}},
+        lambda figure: _draw(figure, results),
+        {"drift": {f"{v.label}, %": results.drifts(v) for pair in PAIRS.values() for v in pair}},
     )
 
 
-def _draw(figure: "Figure", outcomes: Outcomes) -> None:
+def _draw(figure: "Figure", results: Results) -> None:
     panel = figure.subplots()
     for k, pair in enumerate(PAIRS.values()):
         for side, (variant, colour) in enumerate(zip(pair, (RED, BLUE), strict=True)):
             at = k + 0.4 * (side - 0.5)
-            drifts = outcomes.drifts(variant)
+            drifts = results.drifts(variant)
             label = ("relative", "absolute")[side] if k == 0 else None
             panel.bar(at, np.nanmean(drifts), 0.36, color=colour, alpha=0.75, label=label)
             panel.plot(np.full(len(drifts), at), drifts, "o", color=GREY, ms=3)
@@ -109,6 +109,6 @@ EXPERIMENT = Experiment(
     "with absolute orientation, on five kinds of stereo. Caught up: at most "
     f"{CAUGHT_UP:g} times the drift.",
     size_in=(8.5, 3.4),
-    trials=trials,
+    jobs=jobs,
     analyse=analyse,
 )

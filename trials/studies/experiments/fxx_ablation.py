@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from trials.execution.outcomes import Outcomes, Trial, Variant, crossed
+from trials.execution.jobs import Job, Results, Variant, jobs_of
 from trials.studies.experiments.compare import (
     comparison_data,
     comparison_table,
@@ -45,14 +45,14 @@ OTHERS = (
 )
 
 
-def trials(scale: Scale) -> Sequence[Trial]:
+def jobs(scale: Scale) -> Sequence[Job]:
     """The default settings, and the same with one thing changed."""
-    return crossed(scale.recordings(SCENES, 3), (DEFAULT, *OTHERS))
+    return jobs_of(scale.recordings(SCENES, 3), (DEFAULT, *OTHERS))
 
 
-def analyse(outcomes: Outcomes) -> Findings:
+def analyse(results: Results) -> Findings:
     """Order the changes by what they cost."""
-    found = ratios(outcomes, OTHERS, DEFAULT)
+    found = ratios(results, OTHERS, DEFAULT)
     costly = sorted((v for v in OTHERS if found[v].low > 1), key=lambda v: -found[v].value)
     gains = [v for v in OTHERS if found[v].high < 1]
     named = ", ".join(f"{v.label} {found[v].value:.2f}" for v in costly[:5])
@@ -61,11 +61,11 @@ def analyse(outcomes: Outcomes) -> Findings:
         Verdict.HOLDS if costly and not gains else Verdict.PARTLY,
         (f"What costs most (times the drift of the default settings): {named}. " if named else "")
         + (f"Better than the default: {better}." if better else "No change is clearly better."),
-        comparison_table(outcomes, OTHERS, DEFAULT, "changed"),
+        comparison_table(results, OTHERS, DEFAULT, "changed"),
         "Drift with one thing changed over that of the default settings: diamonds are geometric "
         "means, bars their 95 % intervals, dots drives.",
-        lambda figure: draw_ratios(figure, outcomes, OTHERS, DEFAULT),
-        {"drift": comparison_data(outcomes, OTHERS, DEFAULT)},
+        lambda figure: draw_ratios(figure, results, OTHERS, DEFAULT),
+        {"drift": comparison_data(results, OTHERS, DEFAULT)},
     )
 
 
@@ -78,6 +78,6 @@ EXPERIMENT = Experiment(
     setup="The default settings with one thing changed, on five scenes, and the thesis preset. F3, "
     "a reference to compare with, is the truth itself.",
     size_in=(8.5, 5.2),
-    trials=trials,
+    jobs=jobs,
     analyse=analyse,
 )

@@ -1,6 +1,6 @@
 """Variants that several experiments compare."""
 
-from trials.execution.outcomes import Variant
+from trials.execution.jobs import Variant
 
 THESIS = Variant("thesis", "thesis")
 UNREFINED = Variant("thesis without refinement", "thesis", ("refinement.mode=none",))

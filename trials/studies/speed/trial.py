@@ -34,10 +34,10 @@ class Trial:
 
     def settings(self, *overrides: str) -> "RecordSettings":
         """Resolve what is recorded."""
-        from trials.cli.datasets import record_settings
+        from trials.execution.recording_settings import recording_settings
 
         distance = f"drive.distance_m={self.distance_m}"
-        return record_settings(self.scene, self.seed, [distance, *overrides])
+        return recording_settings(self.scene, self.seed, [distance, *overrides])
 
     def drive(self) -> "tuple[World, Trip]":
         """Build the world and go through it, in physics alone."""

@@ -1,4 +1,4 @@
-"""Workers: results, errors, and what becomes of them when their parent is killed."""
+"""Parallel map: results, errors, and a parent or a worker that is killed."""
 
 import os
 import signal
@@ -10,22 +10,22 @@ from pathlib import Path
 import pytest
 from terminal import ROOT
 
-from trials.execution.parallel import THREADS, spread
+from trials.execution.parallel import THREADS, map_parallel
 
 
 def test_every_call_is_answered_once():
-    assert sorted(spread(divmod, [(7, 2), (9, 4)])) == [(0, (3, 1)), (1, (2, 1))]
+    assert sorted(map_parallel(divmod, [(7, 2), (9, 4)])) == [(0, (3, 1)), (1, (2, 1))]
 
 
 def test_an_error_reaches_the_caller():
     with pytest.raises(ZeroDivisionError):
-        list(spread(divmod, [(1, 0), (7, 2)]))
+        list(map_parallel(divmod, [(1, 0), (7, 2)]))
 
 
 def test_workers_have_one_thread_and_leave_the_environment_alone(monkeypatch):
     monkeypatch.delenv(THREADS[0], raising=False)
     monkeypatch.setenv(THREADS[1], "3")
-    assert [x for _, x in spread(os.getenv, [(THREADS[0],), (THREADS[1],)])] == ["1", "1"]
+    assert [x for _, x in map_parallel(os.getenv, [(THREADS[0],), (THREADS[1],)])] == ["1", "1"]
     assert THREADS[0] not in os.environ
     assert os.environ[THREADS[1]] == "3"
 
@@ -40,8 +40,9 @@ def test_workers_end_with_a_killed_parent(tmp_path):
     file = tmp_path / "pid"
     code = (
         "import sys; sys.path.insert(0, 'tests/unit')\n"
-        "from test_workers import write_and_wait\nfrom trials.execution.parallel import spread\n"
-        f"if __name__ == '__main__': list(spread(write_and_wait, [({str(file)!r},)]))"
+        "from test_parallel import write_and_wait\n"
+        "from trials.execution.parallel import map_parallel\n"
+        f"if __name__ == '__main__': list(map_parallel(write_and_wait, [({str(file)!r},)]))"
     )
     script = tmp_path / "main.py"
     script.write_text(code)
@@ -58,8 +59,8 @@ def test_a_killed_worker_ends_a_command_in_one_line(tmp_path):
     script = tmp_path / "main.py"
     script.write_text(
         "import os\nfrom trials.cli.main import guard\n"
-        "from trials.execution.parallel import spread\n"
-        "if __name__ == '__main__': guard(lambda: list(spread(os._exit, [(9,)])))"
+        "from trials.execution.parallel import map_parallel\n"
+        "if __name__ == '__main__': guard(lambda: list(map_parallel(os._exit, [(9,)])))"
     )
     env = {**os.environ, "PYTHONPATH": str(ROOT)}
     words = [sys.executable, script]

@@ -1,9 +1,9 @@
-"""What the lab refuses before it records anything."""
+"""Checks of a variant before anything is recorded."""
 
 import pytest
 
-from trials.execution.lab import perform
-from trials.execution.outcomes import Recording, Trial, Variant
+from trials.execution.jobs import Job, Recording, Variant
+from trials.execution.runner import run_jobs
 from vo.contract.errors import DriftyardError
 
 
@@ -17,7 +17,7 @@ from vo.contract.errors import DriftyardError
 )
 def test_an_estimator_that_cannot_be_built_costs_no_recording(tmp_path, variant, named):
     office = Recording("office", 0)
-    trials = [Trial(office, Variant("baseline", "corner_flow")), Trial(office, variant)]
+    jobs = [Job(office, Variant("baseline", "corner_flow")), Job(office, variant)]
     with pytest.raises(DriftyardError, match=named):
-        perform(trials, tmp_path)
+        run_jobs(jobs, tmp_path)
     assert not list(tmp_path.iterdir())

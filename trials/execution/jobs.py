@@ -1,4 +1,4 @@
-"""What an experiment is made of: recordings, variants of an estimator, and what came of them."""
+"""Jobs of an experiment, each a recording and a variant of an estimator, and their results."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -20,12 +20,12 @@ from vo.contract.trajectory import Trajectory
 
 @dataclass(frozen=True)
 class Recording:
-    """A drive to record.
+    """A drive through a scene that is recorded.
 
     Attributes:
         scene: Name.
-        seed: Of everything random in it.
-        overrides: `key=value` each, of the generator's settings.
+        seed: Random seed of scene, route and noise.
+        overrides: `key=value` each, settings of the recording.
         disturb: Disturbances, as for `driftyard generate`.
     """
 
@@ -37,12 +37,12 @@ class Recording:
 
 @dataclass(frozen=True)
 class Variant:
-    """A way to run an estimator.
+    """An estimator with its settings.
 
     Attributes:
-        label: In tables and figures.
+        label: Name in tables and figures.
         estimator: Name, as for `driftyard run`.
-        overrides: `key=value` each, of the estimator's settings.
+        overrides: `key=value` each, settings of the estimator.
         command: A program instead, as for `driftyard run --command`; empty for none.
     """
 
@@ -53,41 +53,41 @@ class Variant:
 
 
 @dataclass(frozen=True)
-class Trial:
-    """One recording and one way to run over it."""
+class Job:
+    """One recording and the variant that is run over it."""
 
     recording: Recording
     variant: Variant
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """What came of a trial.
+class Result:
+    """Result of a job.
 
     Attributes:
-        trial: Which.
+        job: What was run.
         dataset: Folder of the recording.
-        file: Trajectory of the run; its companions lie beside it.
+        file: Trajectory of the run; its companion files lie beside it.
     """
 
-    trial: Trial
+    job: Job
     dataset: Path
     file: Path
 
     @cached_property
     def run(self) -> SavedRun:
-        """The run, read back."""
+        """Trajectory, frames and tracks, read from the files."""
         return read_run(self.file)
 
     @cached_property
     def frames(self) -> FrameTable:
-        """What was said of every frame."""
+        """Status, counts and times of every frame."""
         assert self.run.frames is not None  # our own runs always write it
         return self.run.frames
 
     @cached_property
     def tracks(self) -> Tracks:
-        """The visibility mask."""
+        """Observations of landmarks by frames."""
         assert self.run.tracks is not None
         return self.run.tracks
 
@@ -100,13 +100,13 @@ class Outcome:
 
     @property
     def path_m(self) -> float:
-        """Length of the true path, which may have more samples than the recording has frames."""
+        """Length of the true path at the rate of the truth."""
         steps = np.diff(self.truth.T_ref_frame[:, :3, 3], axis=0)
         return float(np.linalg.norm(steps, axis=1).sum())
 
     @cached_property
     def pair(self) -> Pair:
-        """Truth and estimate at the frames that have a pose.
+        """True and estimated poses of the frames that have an estimate.
 
         Raises:
             TrajectoryError: If there are fewer than two.
@@ -115,7 +115,7 @@ class Outcome:
 
     @cached_property
     def score(self) -> Score | None:
-        """None for a run with fewer than two poses."""
+        """Errors of the run; None with fewer than two poses."""
         try:
             return score_run(self.truth, self.run, len(self.frames))
         except TrajectoryError:
@@ -123,13 +123,13 @@ class Outcome:
 
     @property
     def drift_percent(self) -> float:
-        """Mean drift over 1 m; NaN if there is none to speak of."""
+        """Mean translation drift over 1 m, %; NaN if undefined."""
         drift = self.score.drift_1m if self.score else None
         return drift.mean_percent if drift else np.nan
 
     @property
-    def turn_deg_per_m(self) -> float:
-        """Mean rotation error over 1 m; NaN like the drift."""
+    def rotation_deg_per_m(self) -> float:
+        """Mean rotation error over 1 m, deg/m; NaN if undefined."""
         drift = self.score.drift_1m if self.score else None
         return drift.mean_deg_per_m if drift else np.nan
 
@@ -140,7 +140,7 @@ class Outcome:
 
     @property
     def lost_share(self) -> float:
-        """Share of the frames without a pose."""
+        """Ratio of frames without a pose to all frames."""
         return self.lost_frames / len(self.frames)
 
     @property
@@ -151,33 +151,33 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class Outcomes:
-    """All that came of an experiment's trials, to be asked by recording and variant."""
+class Results:
+    """Results of all jobs of an experiment, by recording and variant."""
 
-    by_trial: dict[Trial, Outcome]
+    by_job: dict[Job, Result]
 
     @property
     def recordings(self) -> tuple[Recording, ...]:
-        """In the order of the trials, each once."""
-        return tuple(dict.fromkeys(trial.recording for trial in self.by_trial))
+        """Recordings in the order of the jobs, each once."""
+        return tuple(dict.fromkeys(job.recording for job in self.by_job))
 
-    def at(self, recording: Recording, variant: Variant) -> Outcome:
-        """Return what came of one trial."""
-        return self.by_trial[Trial(recording, variant)]
+    def at(self, recording: Recording, variant: Variant) -> Result:
+        """Return the result of one job."""
+        return self.by_job[Job(recording, variant)]
 
-    def of(self, variant: Variant, scene: str = "") -> list[Outcome]:
-        """Return those of a variant, of one scene or of all, in the order of the recordings."""
+    def of(self, variant: Variant, scene: str = "") -> list[Result]:
+        """Return the results of a variant on one scene or all, in the order of the recordings."""
         return [
-            outcome
-            for trial, outcome in self.by_trial.items()
-            if trial.variant == variant and scene in ("", trial.recording.scene)
+            result
+            for job, result in self.by_job.items()
+            if job.variant == variant and scene in ("", job.recording.scene)
         ]
 
     def drifts(self, variant: Variant, scene: str = "") -> Array:
-        """Drift over 1 m, %, of a variant's runs (N,), in the order of `of`; NaN for none."""
+        """Drift over 1 m, %, of a variant's runs (N,), in the order of `of`; NaN if undefined."""
         return np.array([x.drift_percent for x in self.of(variant, scene)])
 
 
-def crossed(recordings: Iterable[Recording], variants: Iterable[Variant]) -> list[Trial]:
-    """Every recording with every variant."""
-    return [Trial(*both) for both in product(recordings, variants)]
+def jobs_of(recordings: Iterable[Recording], variants: Iterable[Variant]) -> list[Job]:
+    """Combine every recording with every variant."""
+    return [Job(*both) for both in product(recordings, variants)]

@@ -1,0 +1,34 @@
+"""Settings of a recording from a scene's defaults, a file, overrides and disturbances."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from scenes import find_scene
+from sim.disturbances import disturbed, parse_disturbances
+from sim.settings import RecordSettings
+from vo.contract.settings import resolve
+
+
+def recording_settings(
+    scene: str,
+    seed: int | None = None,
+    overrides: Sequence[str] = (),
+    config: Path | None = None,
+    disturb: str = "",
+) -> RecordSettings:
+    """Resolve the settings of a recording.
+
+    Args:
+        scene: Registered name, MJCF file or `module:function`.
+        seed: Random seed of scene, route and noise; None for that of the other sources.
+        overrides: `key=value` each.
+        config: TOML file of settings.
+        disturb: Disturbances as `name=strength,...`.
+
+    Raises:
+        SettingsError: If there is no such scene or disturbance, or a key or value is not accepted.
+    """
+    wanted = parse_disturbances(disturb)
+    seeded = [] if seed is None else [f"seed={seed}"]
+    base = find_scene(scene).defaults
+    return disturbed(resolve(RecordSettings, config, [*overrides, *seeded], base), wanted)

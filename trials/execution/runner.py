@@ -1,0 +1,112 @@
+"""Recordings that are made, and estimators that are run over them, unless the cache has both."""
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from trials.estimators.choice import Named, estimate, make_estimator
+from trials.execution.cache import CACHE, ESTIMATOR, cache_path, dataset_digest, source_digest
+from trials.execution.jobs import Job, Recording, Result, Results, Variant
+from trials.execution.parallel import map_parallel
+from vo.contract.errors import DatasetError
+from vo.contract.rig import StereoRig
+
+if TYPE_CHECKING:
+    from sim.settings import RecordSettings
+
+NO_LABELS = ("labels.depth=false", "labels.disparity=false")
+"""Overrides of a recording that is only scored: it needs images and truth."""
+ANY_RIG = StereoRig(640, 480, 457.0, 319.5, 239.5, 0.09)
+"""Rig with which an estimator is built only to check its settings."""
+
+
+def run_jobs(
+    jobs: Sequence[Job], cache: Path = CACHE, progress: Callable[[object], None] | None = None
+) -> Results:
+    """Record what is missing, run what is missing, and return all.
+
+    Args:
+        jobs: May share recordings; each is made once.
+        cache: Folder of recordings and runs.
+        progress: Called with the results of each recording.
+
+    Raises:
+        DriftyardError: If a scene, setting or estimator is wrong; the latter before anything is
+            recorded.
+    """
+    for variant in dict.fromkeys(job.variant for job in jobs):
+        if not variant.command:
+            make_estimator(variant.estimator, ANY_RIG, None, variant.overrides)
+    variants: dict[Recording, list[Variant]] = {}
+    for job in jobs:
+        variants.setdefault(job.recording, []).append(job.variant)
+    done: dict[Job, Result] = {}
+    calls = [(recording, of, cache) for recording, of in variants.items()]
+    for _, results in map_parallel(_record_and_run, calls):
+        done |= {result.job: result for result in results}
+        if progress:
+            progress(results)
+    return Results({job: done[job] for job in jobs})
+
+
+def record_all(recordings: Sequence[Recording], cache: Path = CACHE) -> Iterator[tuple[int, Path]]:
+    """Record what is missing; yields rows and dataset folders as they finish.
+
+    Raises:
+        DriftyardError: If a scene or setting is wrong.
+    """
+    return map_parallel(cached_recording, [(recording, cache) for recording in recordings])
+
+
+def cached_recording(recording: Recording, cache: Path = CACHE) -> Path:
+    """Return the dataset folder of a recording, made now unless the cache has it."""
+    from sim.batch import build
+    from sim.record import record
+    from trials.execution.recording_settings import recording_settings
+
+    settings = recording_settings(
+        recording.scene, recording.seed, recording.overrides, None, recording.disturb
+    )
+    label = f"{Path(recording.scene).stem.replace(':', '.')}-{recording.seed}"
+    causes = (settings.model_dump_json(), source_digest())
+    folder = cache_path(cache, "recordings", label, *causes)
+    if not is_recorded(folder, settings):
+        record(build(recording.scene, settings), settings, folder, overwrite=True)
+    return folder
+
+
+def is_recorded(folder: Path, settings: "RecordSettings") -> bool:
+    """Whether the folder was recorded with these settings and no file was lost or changed since."""
+    from sim.certificate.verify import verify
+    from vo.contract.dataset import read_manifest
+
+    try:
+        same = read_manifest(folder).get("settings") == settings.model_dump(mode="json")
+        return same and not verify(folder)
+    except DatasetError:
+        return False
+
+
+def cached_run(dataset: Path, variant: Variant, cache: Path = CACHE) -> Path:
+    """Return the trajectory of a variant over a dataset, run now unless the cache has it."""
+    import cv2
+
+    from trials.estimators.plugins.command import Command
+
+    how = json.dumps([variant.estimator, variant.overrides, variant.command])
+    causes = (dataset_digest(dataset), how, source_digest(ESTIMATOR))
+    file = cache_path(cache, "runs", dataset.name, *causes).with_suffix(".txt")
+    if not file.is_file():  # it is written last, so its companions are there too
+        cv2.setNumThreads(1)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        choice = Named(variant.estimator, None, variant.overrides)
+        if variant.command:
+            choice = Command(variant.command, label=variant.label)
+        estimate(choice, dataset, file)
+    return file
+
+
+def _record_and_run(recording: Recording, variants: Sequence[Variant], cache: Path) -> list[Result]:
+    dataset = cached_recording(recording, cache)
+    return [Result(Job(recording, x), dataset, cached_run(dataset, x, cache)) for x in variants]
