@@ -10,7 +10,7 @@ from scenes.geometry.mesh import merged, patch
 from scenes.lighting.baked_light import Light, sun
 from scenes.lighting.shadow import LightMap, ground_light
 from scenes.objects.props import bench, grass_tufts, lamp_post, litter, planter, potted_plant, shrub
-from scenes.scene import HIDDEN_GROUP, Kind, Scene
+from scenes.scene import COLLISION_GROUP, Kind, Scene
 from scenes.stage import Stage
 from scenes.structures.ground import lit, strip, weathered
 from scenes.structures.paving import BEVEL_M, Bond, Paving, brick_flanks, brick_tops, lay
@@ -265,5 +265,5 @@ def _bump(stage: Stage, near: Paving) -> None:
             pos=centre - normal * BRICK_THICKNESS_M / 2,
             quat=tilt / np.linalg.norm(tilt),
             size=(*reach, BRICK_THICKNESS_M / 2),
-            group=HIDDEN_GROUP,
+            group=COLLISION_GROUP,
         )

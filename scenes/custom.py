@@ -8,7 +8,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from scenes.scene import HIDDEN_GROUP, Scene
+from scenes.scene import COLLISION_GROUP, Scene
 from scenes.structures.routes import rounded_loop
 from vo.contract.errors import SettingsError
 
@@ -88,7 +88,7 @@ def _extent(model: mujoco.MjModel) -> tuple[float, float, float, float]:
     """Bounding square of everything but planes, with the default route in it."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    bounded = (model.geom_rbound > 0) & (model.geom_group < HIDDEN_GROUP)
+    bounded = (model.geom_rbound > 0) & (model.geom_group < COLLISION_GROUP)
     centres, radii = data.geom_xpos[bounded, :2], model.geom_rbound[bounded, None]
     route = np.array([[-LOOP_M / 2, -LOOP_M / 2], [LOOP_M / 2, LOOP_M / 2]])
     low = np.vstack([centres - radii, route]).min(axis=0) - MARGIN_M

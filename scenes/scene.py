@@ -9,11 +9,11 @@ import numpy as np
 
 from vo.contract.arrays import Array
 
-HIDDEN_GROUP = 3
+COLLISION_GROUP = 3
 """Geom group of what only collides."""
-TWIN_GROUP = 4
+LABEL_GROUP = 4
 """Geom group of what only labels show: one mesh for each object, equal to what is painted."""
-PAINT_GROUP = 5
+IMAGE_GROUP = 5
 """Geom group of what only pictures show: one mesh for each material and part of the world."""
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from scenes.geometry.mesh import Mesh, Vector, cut_into_cells, merged
 from scenes.lighting.baked_light import Light, shaded_normals
 from scenes.lighting.shadow import Blocker, occlusion, visibility
-from scenes.scene import HIDDEN_GROUP, PAINT_GROUP, TWIN_GROUP, Kind, Motion, Thing
+from scenes.scene import COLLISION_GROUP, IMAGE_GROUP, LABEL_GROUP, Kind, Motion, Thing
 from vo.contract.arrays import Array, Image
 
 P = ParamSpec("P")
@@ -86,7 +86,7 @@ class Stage:
             self._thing, self._body = outer
 
     @contextmanager
-    def loose(self, name: str, position: Vector, yaw_rad: float) -> Generator[None]:
+    def free_body(self, name: str, position: Vector, yaw_rad: float) -> Generator[None]:
         """Make everything inside the block one object that can be pushed and fall over.
 
         Meshes and obstacles in the block are in the object's own frame, which starts at (3,)
@@ -144,7 +144,7 @@ class Stage:
             pos=centre,
             size=np.asarray(size, dtype=float) / 2,
             quat=(np.cos(yaw_rad / 2), 0, 0, np.sin(yaw_rad / 2)),
-            group=HIDDEN_GROUP,
+            group=COLLISION_GROUP,
             mass=mass_kg,
         )
         if shadow and self._body == WORLD:
@@ -157,7 +157,7 @@ class Stage:
             type=mujoco.mjtGeom.mjGEOM_PLANE,
             pos=(0, 0, height_m),
             size=(0, 0, 1),
-            group=HIDDEN_GROUP,
+            group=COLLISION_GROUP,
         )
 
     def finish(
@@ -219,7 +219,7 @@ class Stage:
             mesh = merged([part.mesh for part in parts if part.body == body])
             for k, cell in enumerate(cut_into_cells(mesh, CELL_FACES)):
                 name = "/".join(["paint", material, *([body] if body != WORLD else []), str(k)])
-                self._add_geom(name, body, cell, PAINT_GROUP, material)
+                self._add_geom(name, body, cell, IMAGE_GROUP, material)
 
     def _add_twins(self, parts: list[_Part]) -> None:
         """Write what each object looks like to the labels."""
@@ -230,7 +230,7 @@ class Stage:
             for k, cell in enumerate(cut_into_cells(merged(meshes), CELL_FACES)):
                 limb = [body] if body not in (WORLD, thing.name) else []
                 name = "/".join(["thing", thing.name, *limb, str(k)])
-                self._add_geom(name, body, cell, TWIN_GROUP, None)
+                self._add_geom(name, body, cell, LABEL_GROUP, None)
                 self.things[name] = thing
 
     def _add_material(self, name: str, image: Image) -> None:

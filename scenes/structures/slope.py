@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from scenes.geometry.mesh import Mesh, polygons
-from scenes.scene import HIDDEN_GROUP
+from scenes.scene import COLLISION_GROUP
 from scenes.stage import Stage
 from vo.contract.arrays import Array
 
@@ -108,5 +108,5 @@ class Slope:
                 pos=middle - up * THICKNESS_M / 2,
                 quat=(np.cos(pitch / 2), 0, -np.sin(pitch / 2), 0),
                 size=(length / 2, half_width_m, THICKNESS_M / 2),
-                group=HIDDEN_GROUP,
+                group=COLLISION_GROUP,
             )

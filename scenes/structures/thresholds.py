@@ -7,7 +7,7 @@ import numpy as np
 
 from scenes.geometry.mesh import Mesh, box, merged, patch, polygons, tube
 from scenes.objects.furniture import Place, at, local
-from scenes.scene import HIDDEN_GROUP, Kind
+from scenes.scene import COLLISION_GROUP, Kind
 from scenes.stage import Stage
 from scenes.surfaces.atlas import Atlas
 from vo.contract.arrays import Array
@@ -52,7 +52,7 @@ def cable(stage: Stage, name: str, points: Array, radius_m: float) -> None:
             type=mujoco.mjtGeom.mjGEOM_CAPSULE,
             fromto=[*a, *b],
             size=(radius_m, 0, 0),
-            group=HIDDEN_GROUP,
+            group=COLLISION_GROUP,
         )
 
 
@@ -117,7 +117,7 @@ def _felt(stage: Stage, name: str, place: Place, size: Array, bevel_m: float) ->
         meshname=f"felt/{name}",
         pos=(place[0], place[1], 0.0),
         quat=(np.cos(place[2] / 2), 0, 0, np.sin(place[2] / 2)),
-        group=HIDDEN_GROUP,
+        group=COLLISION_GROUP,
     )
 
 

@@ -8,7 +8,7 @@ import cv2
 import mujoco
 import numpy as np
 
-from scenes.scene import HIDDEN_GROUP, PAINT_GROUP, TWIN_GROUP
+from scenes.scene import COLLISION_GROUP, IMAGE_GROUP, LABEL_GROUP
 from sim.camera.frustum_culling import in_view
 from sim.camera.gl import GLContext, GraphicsError, open_context
 from sim.camera.readout import read_out
@@ -66,8 +66,8 @@ class StereoRenderer:
         self._color = color
         self._width, self._height = world.render_rig.width_px, world.render_rig.height_px
         self._gl: GLContext | None = None
-        self._paint_option = _showing(*BOTH_GROUPS, PAINT_GROUP)
-        self._label_option = _showing(*BOTH_GROUPS, TWIN_GROUP)
+        self._paint_option = _showing(*BOTH_GROUPS, IMAGE_GROUP)
+        self._label_option = _showing(*BOTH_GROUPS, LABEL_GROUP)
 
     def __enter__(self) -> Self:
         model, settings = self._world.model, self._settings
@@ -199,7 +199,7 @@ class StereoRenderer:
         camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
         camera.fixedcamid = model.camera(CAMERA).id
         groups = model.geom_group.copy()
-        model.geom_group[~in_view(model, data, self._world.render_rig)] = HIDDEN_GROUP
+        model.geom_group[~in_view(model, data, self._world.render_rig)] = COLLISION_GROUP
         try:
             self._update(camera, option, mujoco.mjtStereo.mjSTEREO_SIDEBYSIDE)
         finally:

@@ -5,7 +5,7 @@ import math
 import mujoco
 import numpy as np
 
-from scenes.scene import PAINT_GROUP
+from scenes.scene import IMAGE_GROUP
 from sim.camera.render import BOTH_GROUPS
 from sim.world.rover import BODY
 from sim.world.world import World
@@ -50,7 +50,7 @@ def _backwards(azimuth_deg: float) -> Array:
 def _room_m(world: World, start: Array, direction: Array) -> float:
     """How far the camera can go back before something drawn is in the way."""
     groups = np.zeros(6, np.uint8)
-    groups[[*BOTH_GROUPS, PAINT_GROUP]] = 1
+    groups[[*BOTH_GROUPS, IMAGE_GROUP]] = 1
     met = np.zeros(1, np.int32)
     carrier = world.model.body(BODY).rootid[0]
     met_m, start = 0.0, start.copy()

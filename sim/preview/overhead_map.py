@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from scenes.scene import HIDDEN_GROUP, PAINT_GROUP
+from scenes.scene import COLLISION_GROUP, IMAGE_GROUP
 from sim.camera.render import BOTH_GROUPS, StereoRenderer
 from sim.world.world import World
 from vo.contract.arrays import Array, Image, Indices
@@ -109,7 +109,7 @@ def lid_off(world: World) -> Generator[None]:
     lids = lids[lowest_m[lids] > float(heights.min()) - CEILING_THICK_M]
     if np.mean(geoms >= 0) > COVERED_SHARE and len(lids):
         bounded = model.geom_rbound > 0
-        model.geom_group[bounded & (lowest_m >= lowest_m[lids].min() - 1e-6)] = HIDDEN_GROUP
+        model.geom_group[bounded & (lowest_m >= lowest_m[lids].min() - 1e-6)] = COLLISION_GROUP
     try:
         yield
     finally:
@@ -127,7 +127,7 @@ def _below_ceiling_m(world: World) -> float:
 def _overhead(world: World) -> tuple[Array, Indices]:
     """Heights in metres and geoms of what is first above places on the path, -1 for none."""
     groups = np.zeros(6, np.uint8)
-    groups[[*BOTH_GROUPS, PAINT_GROUP]] = 1
+    groups[[*BOTH_GROUPS, IMAGE_GROUP]] = 1
     met, up = np.full(1, -1, np.int32), np.array([0.0, 0.0, 1.0])
     heights, geoms = np.full(PROBES, CAMERA_ABOVE_M), np.full(PROBES, -1)
     for k, along_m in enumerate(np.linspace(0, world.path.length_m, PROBES + 2)[1:-1]):

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from scenes.geometry.mesh import Mesh, box, patch, tube
-from scenes.scene import HIDDEN_GROUP, Kind, Scene, Thing
+from scenes.scene import COLLISION_GROUP, Kind, Scene, Thing
 from scenes.stage import Stage
 from scenes.surfaces import masonry, prints, timber
 from scenes.surfaces.atlas import pack
@@ -131,7 +131,7 @@ def _lay_cable(stage: Stage, name: str, ground: Array, yaw: float, height_m: flo
         type=mujoco.mjtGeom.mjGEOM_CAPSULE,
         fromto=[*(middle - half), *(middle + half)],
         size=(height_m / 2, 0, 0),
-        group=HIDDEN_GROUP,
+        group=COLLISION_GROUP,
     )
 
 
@@ -176,6 +176,6 @@ def _lay_boxes(stage: Stage, rng: np.random.Generator, way: _Way, terrain: Terra
             break
         ground, yaw = way.at(s, float(side))
         name = f"box_{k}"
-        with stage.loose(name, _above(ground, size[2] / 2 + BOX_CLEARANCE_M), yaw + turn):
+        with stage.free_body(name, _above(ground, size[2] / 2 + BOX_CLEARANCE_M), yaw + turn):
             stage.draw("loose_cartons", box((0, 0, 0), size, bottom=True).textured(cell))
             stage.obstacle(f"{name}/hull", (0, 0, 0), size, mass_kg=BOX_MASS_KG)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from scenes import SCENES, build_scene
-from scenes.scene import HIDDEN_GROUP, PAINT_GROUP, TWIN_GROUP, Kind, Scene
+from scenes.scene import COLLISION_GROUP, IMAGE_GROUP, LABEL_GROUP, Kind, Scene
 from scenes.structures.routes import route_length
 from sim.camera.render import StereoRenderer, Survey
 from sim.settings import RecordSettings
@@ -206,14 +206,14 @@ def gap_to_box(points: Array, model: mujoco.MjModel, geom: int) -> Array:
 
 def test_what_is_drawn_does_not_collide_and_what_collides_is_hidden(tour):
     group, collides = tour.model.geom_group, tour.model.geom_contype > 0
-    assert set(group[tour.own]) == {HIDDEN_GROUP, TWIN_GROUP, PAINT_GROUP}
-    np.testing.assert_array_equal(collides[tour.own], group[tour.own] == HIDDEN_GROUP)
-    named = {name for name, g in zip(tour.names, group, strict=True) if g == TWIN_GROUP}
+    assert set(group[tour.own]) == {COLLISION_GROUP, LABEL_GROUP, IMAGE_GROUP}
+    np.testing.assert_array_equal(collides[tour.own], group[tour.own] == COLLISION_GROUP)
+    named = {name for name, g in zip(tour.names, group, strict=True) if g == LABEL_GROUP}
     assert named == set(tour.scene.things)
 
 
 def test_labels_have_the_triangles_of_the_pictures(tour):
-    painted, labelled = (triangle_moments(tour, group) for group in (PAINT_GROUP, TWIN_GROUP))
+    painted, labelled = (triangle_moments(tour, group) for group in (IMAGE_GROUP, LABEL_GROUP))
     assert painted.keys() == labelled.keys()
     for body, moments in painted.items():
         np.testing.assert_allclose(moments, labelled[body], rtol=1e-4, atol=1e-2)
@@ -241,7 +241,7 @@ def test_the_scene_fits_into_memory_and_a_frames_time(tour):
     model = tour.model
     texels = int((model.tex_width.astype(np.int64) * model.tex_height).sum())
     assert texels * 4 * 4 / 3 < 250e6
-    painted = model.geom_dataid[tour.own & (model.geom_group == PAINT_GROUP)]
+    painted = model.geom_dataid[tour.own & (model.geom_group == IMAGE_GROUP)]
     assert model.mesh_facenum[painted].sum() < 300_000
     assert model.nmat <= 50
 
@@ -250,8 +250,8 @@ def test_wheels_feel_the_ground_that_is_drawn(tour):
     rng = np.random.default_rng(0)
     route = tour.scene.routes["default"]
     points = route[rng.integers(len(route), size=150)] + rng.uniform(-0.2, 0.2, (150, 2))
-    drawn, shown = ray_down(tour, points, TWIN_GROUP)
-    felt, _ = ray_down(tour, points, HIDDEN_GROUP)
+    drawn, shown = ray_down(tour, points, LABEL_GROUP)
+    felt, _ = ray_down(tour, points, COLLISION_GROUP)
     ground = np.array([tour.scene.things[tour.names[k]].kind == Kind.GROUND for k in shown])
     assert ground.mean() > 0.8  # else leaves and people
     apart, level = (drawn - felt)[ground], felt[ground]

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from scenes.scene import HIDDEN_GROUP, PAINT_GROUP, TWIN_GROUP, Kind
+from scenes.scene import COLLISION_GROUP, IMAGE_GROUP, LABEL_GROUP, Kind
 from sim.settings import DriveSettings, RecordSettings, TerrainSettings
 from sim.world.rover import PREFIX as ROVER
 from sim.world.terrain import CLEAR_START_M, ICE_HEIGHT_M, PREFIX
@@ -39,7 +39,7 @@ def test_wheels_feel_what_is_drawn(laid, kind):
     s = rng.uniform(CLEAR_START_M, world.path.length_m, 3000)
     points = world.path.at(s) + rng.uniform(-0.3, 0.3, (3000, 2))
     felt, drawn, painted = (
-        _height_below(world, points, group) for group in (HIDDEN_GROUP, TWIN_GROUP, PAINT_GROUP)
+        _height_below(world, points, group) for group in (COLLISION_GROUP, LABEL_GROUP, IMAGE_GROUP)
     )
     np.testing.assert_allclose(painted, drawn, atol=1e-6)
     covered = np.isfinite(drawn) & (drawn > 0)

@@ -112,10 +112,10 @@ def _first_front(world: "World", eye: Array, direction: Array) -> float:
 
     Like the renderer, and unlike the ray caster, it does not see leaves from behind.
     """
-    from scenes.scene import TWIN_GROUP
+    from scenes.scene import LABEL_GROUP
 
     groups = np.zeros(6, np.uint8)
-    groups[[0, 1, 2, TWIN_GROUP]] = 1
+    groups[[0, 1, 2, LABEL_GROUP]] = 1
     met, normal, gone = np.zeros(1, np.int32), np.zeros(3), 0.0
     while True:
         start = eye + gone * direction

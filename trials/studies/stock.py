@@ -9,7 +9,7 @@ import cv2
 import mujoco
 import numpy as np
 
-from scenes.scene import PAINT_GROUP
+from scenes.scene import IMAGE_GROUP
 from sim.camera.render import BOTH_GROUPS, SPARE_GEOMS
 from sim.camera.rig import CAMERA
 from sim.labels.labels import disparity_from_depth
@@ -59,7 +59,7 @@ def render_plainly(renderer: mujoco.Renderer, world: World, depths: int) -> Stoc
     centre = world.data.cam_xpos[camera].copy()
     option = mujoco.MjvOption()
     option.geomgroup[:] = 0
-    option.geomgroup[[*BOTH_GROUPS, PAINT_GROUP]] = 1
+    option.geomgroup[[*BOTH_GROUPS, IMAGE_GROUP]] = 1
     half_baseline = world.rig.baseline_m / 2 * world.data.cam_xmat[camera].reshape(3, 3)[:, 0]
 
     def look(side: int, depth: bool) -> Array:

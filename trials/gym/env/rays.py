@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 
-from scenes.scene import PAINT_GROUP, TWIN_GROUP
+from scenes.scene import IMAGE_GROUP, LABEL_GROUP
 from sim.world.rover import BODY
 from sim.world.world import World
 from vo.contract.arrays import Array
@@ -30,7 +30,7 @@ def ray_disparity(world: World) -> Array:
     T_world_cam = world.T_world_cam
     rays = (rays_cam / lengths[:, None]) @ T_world_cam[:3, :3].T
     felt = np.ones(6, np.uint8)
-    felt[[PAINT_GROUP, TWIN_GROUP]] = 0
+    felt[[IMAGE_GROUP, LABEL_GROUP]] = 0
     geoms, away_m = np.full(len(rays), -1, np.int32), np.zeros(len(rays))
     mujoco.mj_multiRay(
         model, world.data, T_world_cam[:3, 3], rays.ravel(), felt, 1, model.body(BODY).id,
