@@ -1,5 +1,7 @@
 """Recording settings, random streams and encoders."""
 
+from typing import ClassVar, Literal
+
 import numpy as np
 import pytest
 
@@ -7,8 +9,11 @@ from sim.camera.gl import choose_backend
 from sim.sensors.wheel_encoders import Encoders, ticks
 from sim.settings import RecordSettings
 from sim.world.random_streams import stream
+from trials.gym.env.settings import NavSettings
+from trials.navigation.settings import NavigatorSettings
+from vo.config import OdometrySettings
 from vo.contract.errors import SettingsError
-from vo.contract.settings import resolve
+from vo.contract.settings import Settings, keys, resolve
 
 
 @pytest.mark.parametrize(
@@ -16,34 +21,89 @@ from vo.contract.settings import resolve
     [
         ("rig.baseline_m=0", "rig.baseline_m"),
         ("rig.tilt_deg=80", "rig.tilt_deg"),
-        ("rig.tilt=20", "unknown setting rig.tilt; valid here: baseline_m, color"),
+        (
+            "rig.tilt=20",
+            "unknown setting rig.tilt; similar: rig.tilt_deg; valid here: baseline_m",
+        ),
         ("drive.speed_mps=nan", "drive.speed_mps"),
         ("render.backend=vulkan", "render.backend"),
         ("seed=-1", "seed"),
     ],
 )
-def test_settings_are_refused_by_name(override, message):
+def test_resolve_wrong_setting_is_refused_by_name(override, message):
     with pytest.raises(SettingsError, match=message):
         resolve(RecordSettings, overrides=[override])
 
 
-def test_scene_options_pass_through():
+class Inner(Settings):
+    renamed: ClassVar = {"most_px": "max_px", "mode=fast": "mode=quick", "gone": "it had no effect"}
+    max_px: float = 1.0
+    mode: Literal["quick", "slow"] = "quick"
+
+
+class Outer(Settings):
+    renamed: ClassVar = {"core": "inner", "depth_px": "inner.max_px"}
+    inner: Inner = Inner()
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("inner.most_px=2", "setting inner.most_px is now inner.max_px"),
+        ("core.max_px=2", "setting core.max_px is now inner.max_px"),
+        ("core.most_px=2", "setting core.most_px is now inner.max_px"),
+        ("depth_px=2", "setting depth_px is now inner.max_px"),
+        ("inner.gone=2", "setting inner.gone was removed: it had no effect"),
+        ("inner.mode=fast", "setting inner.mode: .*; fast is now quick"),
+    ],
+)
+def test_resolve_old_name_names_the_new_one(override, message):
+    with pytest.raises(SettingsError, match=message) as caught:
+        resolve(Outer, overrides=[override])
+    assert "\n" not in str(caught.value)
+
+
+def test_resolve_old_name_in_toml_names_the_new_one(tmp_path):
+    file = tmp_path / "old.toml"
+    file.write_text("[core]\nmost_px = 2\n")
+    with pytest.raises(SettingsError, match="is now inner"):
+        resolve(Outer, file)
+
+
+def test_renamed_leads_to_settings_that_exist():
+    for model in (RecordSettings, OdometrySettings, NavSettings, NavigatorSettings):
+        for key, new in _renamed(model):
+            assert " " in new or new.partition("=")[0] in {*keys(model)}, (model, key, new)
+
+
+def _renamed(model, prefix=""):
+    for key, new in getattr(model, "renamed", {}).items():
+        if " " in new or any(x.startswith(f"{prefix}{new}.") for x in keys(model)):
+            continue  # removed, or a group
+        yield key, prefix + new
+    for name, field in model.model_fields.items():
+        if isinstance(field.annotation, type) and issubclass(field.annotation, Settings):
+            for key, new in _renamed(field.annotation):
+                yield f"{prefix}{name}.{key}", f"{prefix}{name}.{new}"
+
+
+def test_resolve_scene_options_pass_through():
     settings = resolve(RecordSettings, overrides=["scene.bond=running", "scene.gap_mm=3.5"])
     assert settings.scene == {"bond": "running", "gap_mm": 3.5}
 
 
-def test_streams_repeat_and_do_not_disturb_each_other():
+def test_stream_of_seed_and_name_repeats():
     assert stream(4, "scene").random() == stream(4, "scene").random()
     values = {stream(seed, name).random() for seed in (4, 5) for name in ("scene", "noise")}
     assert len(values) == 4
 
 
-def test_ticks_round_down_in_both_directions():
+def test_ticks_of_turns_round_down_in_both_directions():
     turns = np.array([0.0, 0.009, 0.011, -0.001, 1.0])
     np.testing.assert_array_equal(ticks(turns * 2 * np.pi + 1e-12, 100), [0, 0, 1, -1, 100])
 
 
-def test_encoder_readings_fall_on_the_next_physics_step():
+def test_encoders_read_at_the_next_physics_step():
     encoders = Encoders(ticks_per_turn=100, rate_hz=100)
     steps = []
     for _ in range(4):
@@ -52,7 +112,7 @@ def test_encoder_readings_fall_on_the_next_physics_step():
     assert steps == [0, 3, 5, 8]
 
 
-def test_the_environment_chooses_the_backend_only_if_asked(monkeypatch):
+def test_choose_backend_auto_follows_the_environment(monkeypatch):
     monkeypatch.setenv("MUJOCO_GL", "osmesa")
     assert choose_backend("auto") == "osmesa"
     assert choose_backend("egl") == "egl"

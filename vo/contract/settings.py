@@ -1,9 +1,10 @@
-"""Settings: frozen models from defaults, a TOML file and `--set a.b=c`, unknown keys refused."""
+"""Settings: frozen models from defaults, a TOML file and `--set a.b=c`; unknown keys are errors."""
 
+import difflib
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -13,7 +14,13 @@ from vo.contract.errors import SettingsError
 class Settings(BaseModel):
     """Base of every settings model: immutable, and an unknown key is an error."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+    )
+
+    renamed: ClassVar[Mapping[str, str]] = {}
+    """Earlier names: key, group or `key=value` below this model to its new name; for a setting
+    that was removed, a sentence that says why."""
 
 
 S = TypeVar("S", bound=Settings)
@@ -28,7 +35,7 @@ def resolve(
     """Build `model` from its defaults, `base`, a TOML file, then `key.path=value` overrides.
 
     Args:
-        model: What to build.
+        model: Model to build.
         toml: File of settings.
         overrides: As on the command line.
         base: Values by `key.path` that differ from the model's own defaults.
@@ -42,14 +49,30 @@ def resolve(
         _place(values, key, value)
     if toml:
         _merge(values, _read_toml(toml))
+    for key, value in parse_overrides(overrides).items():
+        _place(values, key, value)
+    return validated(model, values)
+
+
+def parse_overrides(overrides: Sequence[str], option: str = "--set") -> dict[str, Any]:
+    """Parse `key=value` each; values as TOML writes them, anything else is a string.
+
+    Raises:
+        SettingsError: If an equals sign is missing; names the option.
+    """
+    values: dict[str, Any] = {}
     for override in overrides:
         key, equals, text = override.partition("=")
         if not equals:
             raise SettingsError(
-                f"--set {override}: expected key=value, for example rig.tilt_deg=20"
+                f"{option} {override}: expected key=value, for example rig.tilt_deg=20"
             )
-        _assign(values, key.strip(), text.strip())
-    return validated(model, values)
+        try:
+            value = tomllib.loads(f"value = {text}")["value"]
+        except tomllib.TOMLDecodeError:
+            value = text.strip()
+        values[key.strip()] = value
+    return values
 
 
 def amended(settings: S, values: Mapping[str, Any]) -> S:
@@ -76,6 +99,23 @@ def validated(model: type[S], content: Mapping[str, Any]) -> S:
         raise SettingsError(_explain(model, error)) from None
 
 
+def keys(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
+    """Yield the dotted key of every setting of a model, groups resolved."""
+    for name, field in model.model_fields.items():
+        group = group_of(field.annotation)
+        if group is None:
+            yield prefix + name
+        else:
+            yield from keys(group, f"{prefix}{name}.")
+
+
+def group_of(annotation: Any) -> type[BaseModel] | None:
+    """Model of a group of settings; None for a single setting."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return None
+
+
 def _read_toml(path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
@@ -83,13 +123,6 @@ def _read_toml(path: Path) -> dict[str, Any]:
         raise SettingsError(f"{path}: cannot be read ({error.strerror})") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise SettingsError(f"{path}: not valid TOML ({error})") from None
-
-
-def _assign(values: dict[str, Any], key: str, text: str) -> None:
-    try:  # numbers, booleans and lists as TOML writes them; anything else is a string
-        _place(values, key, tomllib.loads(f"value = {text}")["value"])
-    except tomllib.TOMLDecodeError:
-        _place(values, key, text)
 
 
 def _place(values: dict[str, Any], key: str, value: Any) -> None:
@@ -103,7 +136,7 @@ def _place(values: dict[str, Any], key: str, value: Any) -> None:
 
 
 def _merge(values: dict[str, Any], over: Mapping[str, Any]) -> None:
-    """Lay nested tables over others in place, leaf by leaf."""
+    """Merge nested tables into others in place, leaf by leaf."""
     for key, value in over.items():
         if isinstance(value, dict) and isinstance(values.get(key), dict):
             _merge(values[key], value)
@@ -113,27 +146,61 @@ def _merge(values: dict[str, Any], over: Mapping[str, Any]) -> None:
 
 def _explain(model: type[BaseModel], error: ValidationError) -> str:
     first = error.errors()[0]
-    key = ".".join(str(part) for part in first["loc"])
+    key, value = ".".join(str(part) for part in first["loc"]), first["input"]
     if not key:  # a rule over several settings
         return f"setting {complaint(error)}"
     if first["type"] != "extra_forbidden":
-        return f"setting {key}: {complaint(error)}"
-    valid = ", ".join(sorted(_fields_at(model, first["loc"][:-1])))
-    return f"unknown setting {key}; valid here: {valid}"
+        now = _current_name(model, f"{key}={value}")
+        hint = f"; {value} is now {now.partition('=')[2]}" if "=" in now else ""
+        return f"setting {key}: {complaint(error)}{hint}"
+    leaf = next(_leaves(key, value))
+    if (now := _current_name(model, leaf)) != leaf:
+        state = f"was removed: {now}" if " " in now else f"is now {now}"
+        return f"setting {leaf} {state}"
+    near = difflib.get_close_matches(key, list(keys(model)), n=3, cutoff=0.75)
+    similar = f"; similar: {', '.join(near)}" if near else ""
+    valid = ", ".join(sorted(_model_at(model, first["loc"][:-1]).model_fields))
+    return f"unknown setting {key}{similar}; valid here: {valid}"
+
+
+def _current_name(model: type[BaseModel], name: str) -> str:
+    """Follow the earlier names of models to today's; the name itself if it is none of them."""
+    path = name.split(".") if "=" not in name else [*name.partition("=")[0].split(".")]
+    end = name[len(".".join(path)) :]
+    for depth in range(len(path)):
+        known: Mapping[str, str] = getattr(_model_at(model, path[:depth]), "renamed", {})
+        for length in range(len(path), depth, -1):
+            rest = ".".join(path[length:])
+            old = ".".join(path[depth:length]) + ("" if rest else end)
+            if (new := known.get(old)) is not None:
+                if " " in new:
+                    return new
+                above = ".".join(path[:depth])
+                return _current_name(model, ".".join(x for x in (above, new, rest) if x))
+    return name
+
+
+def _model_at(model: type[BaseModel], path: Sequence[int | str]) -> type[BaseModel]:
+    for name in path:
+        field = model.model_fields.get(str(name))
+        group = field and group_of(field.annotation)
+        if group is None:
+            return BaseModel
+        model = group
+    return model
+
+
+def _leaves(key: str, value: Any) -> Iterator[str]:
+    if not isinstance(value, dict) or not value:
+        yield key
+    else:
+        for name, part in value.items():
+            yield from _leaves(f"{key}.{name}", part)
 
 
 def complaint(error: ValidationError) -> str:
-    """What is wrong with the first value that was refused; rules of our own say it all."""
+    """Return why the first refused value is refused; a rule of our own states it in full."""
     first = error.errors()[0]
     if first["type"] == "value_error":
         return first["msg"].removeprefix("Value error, ")
     return f"{first['msg'].lower()}, got {first['input']!r}"
-
-
-def _fields_at(model: type[BaseModel], path: Sequence[int | str]) -> Mapping[str, Any]:
-    for name in path:
-        annotation = model.model_fields[str(name)].annotation
-        if not (isinstance(annotation, type) and issubclass(annotation, BaseModel)):
-            return {}
-        model = annotation
-    return model.model_fields
