@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING, Any
 
 from scenes import build_scene
 from scenes.scene import Scene
-from sim.record import Progress, Recording, record
+from sim.progress import Progress
+from sim.record import Recording, record
 from sim.settings import RecordSettings
 from sim.world.random_streams import stream
 from vo.contract.dataset import MANIFEST, read_manifest

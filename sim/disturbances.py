@@ -33,7 +33,7 @@ def _linear(full: float) -> Callable[[float], float]:
 
 
 def _noisy_well(strength: float) -> float:
-    """Shot noise, as a share of full scale, is proportional to the strength."""
+    """FrameExposure noise, as a share of full scale, is proportional to the strength."""
     return min(500.0 / strength**2, 200_000.0)
 
 
@@ -90,10 +90,10 @@ DISTURBANCES: dict[str, Disturbance] = {
     "rolling_shutter": Disturbance(
         "rows read out one after the other", {"exposure.line_time_us": _linear(60.0)}
     ),
-    "eye_offset": Disturbance(
-        "a right eye that looks later than the left", {"exposure.eye_offset_ms": _linear(8.0)}
+    "stereo_offset": Disturbance(
+        "a right eye that looks later than the left", {"exposure.right_offset_ms": _linear(8.0)}
     ),
-    "eye_mismatch": Disturbance(
+    "stereo_mismatch": Disturbance(
         "a right eye with another gain and more noise",
         {
             "sensor.right_gain": lambda s: 1 / (1 + 0.25 * s),

@@ -1,7 +1,7 @@
 """Recording: a scene and settings become a dataset folder, whole or not at all."""
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import chain, pairwise
@@ -9,24 +9,22 @@ from pathlib import Path
 from typing import Any
 
 from scenes.scene import Scene
-from sim.camera.camera import Capture, Picture, Shot, StereoCamera
-from sim.camera.lens import delivered_rig
+from sim.camera.camera import Capture, FrameExposure, StereoCamera, StereoImages
 from sim.camera.render import StereoRenderer
-from sim.certificate.certificate import FrameResidual, Judge, certify, unjudged
-from sim.certificate.manifest import MAP, manifest
+from sim.certificate.certificate import FrameResidual, PhotometricCheck, certify, exempt_parts
 from sim.certificate.plausibility import check_folder
+from sim.dataset.image_codecs import encode_float, encode_png
+from sim.dataset.manifest import manifest
+from sim.dataset.sensor_yaml import CODES, LABELS
+from sim.dataset.tables import write_cameras, write_exposures, write_inertial, write_wheels
+from sim.imaging.lens import delivered_rig
 from sim.labels.annotate import Annotation, Annotator
-from sim.preview.overhead_map import survey_map
-from sim.sensors.sensor_yaml import CODES, LABELS
-from sim.sensors.tables import write_cameras, write_exposures, write_inertial, write_wheels
+from sim.preview.overhead_map import MAP_FILE, render_world_map
+from sim.progress import Progress
 from sim.settings import RecordSettings
 from sim.world.trip import Trip, make_trip
 from sim.world.world import World, build_world
 from vo.contract.dataset import DatasetWriter
-from vo.contract.image_codecs import encode_float, encode_png
-
-Progress = Callable[[int, int], None]
-"""Called with (frames done, frames in total) after every frame."""
 
 WORKERS = 2
 FRAMES_IN_FLIGHT = 4
@@ -96,21 +94,30 @@ def record_trip(
         DatasetError: If the disk is full.
     """
     annotator = Annotator(world)
-    judge = Judge(settings, world.rig, camera.sensors)
+    judge = PhotometricCheck(settings, world.rig, camera.sensors)
     darkroom = _Darkroom(writer, settings, camera, annotator, judge)
-    top_down = survey_map(world, renderer)
+    top_down = render_world_map(world, renderer)
     captures = camera.captures(trip, renderer)
     shots, frames = _write_frames(darkroom, captures, int(trip.delivered.sum()), progress)
-    writer.add(MAP, encode_png(top_down.image))
+    writer.add(MAP_FILE, encode_png(top_down.image))
     delivered, gl = delivered_rig(world.rig, settings.calibration), renderer.gl_strings
     write_cameras(writer, delivered, settings, trip)
     write_exposures(writer, shots)
     write_inertial(writer, settings, trip)
     write_wheels(writer, settings, trip)
     checks = check_folder(writer.partial, settings, trip.ended)
-    certificate = certify(frames, checks, unjudged(settings))
+    certificate = certify(frames, checks, exempt_parts(settings))
     writer.commit(
-        manifest(world, settings, delivered, trip, annotator.things, top_down, gl, certificate)
+        manifest(
+            world,
+            settings,
+            delivered,
+            trip,
+            annotator.things,
+            top_down.manifest_entry,
+            gl,
+            certificate,
+        )
     )
     return Recording(certificate, trip.ended)
 
@@ -123,13 +130,13 @@ class _Darkroom:
     settings: RecordSettings
     camera: StereoCamera
     annotator: Annotator
-    judge: Judge
+    judge: PhotometricCheck
 
-    def develop(self, capture: Capture) -> Picture:
+    def develop(self, capture: Capture) -> StereoImages:
         """Make the images of one frame and write them."""
-        picture = self.camera.develop(capture)
+        picture = self.camera.form_images(capture)
         for eye in (0, 1):
-            name = f"{eye}/data/{capture.shot.timestamp_ns}.png"
+            name = f"{eye}/data/{capture.exposure.timestamp_ns}.png"
             self.writer.add(f"mav0/cam{name}", encode_png(picture.rectified[eye]))
             if picture.raw is not None:
                 self.writer.add(f"mav0/raw{name}", encode_png(picture.raw[eye]))
@@ -142,19 +149,19 @@ class _Darkroom:
         for name, label in annotation.wanted(self.settings.labels).items():
             form = LABELS[name]
             data = encode_png(label) if form.encoding == CODES else encode_float(label)
-            path = f"mav0/{form.folder}/data/{capture.shot.timestamp_ns}{form.suffix}"
+            path = f"mav0/{form.folder}/data/{capture.exposure.timestamp_ns}{form.suffix}"
             self.writer.add(path, data)
         return self._measure(annotation, negatives)
 
     def _measure(self, annotation: Annotation, negatives: "_Negatives") -> FrameResidual:
         picture, capture = negatives.picture.result(), negatives.capture
-        stereo = self.judge.stereo(*picture.rectified, annotation.disparity, capture.shot)
+        stereo = self.judge.stereo(*picture.rectified, annotation.disparity, capture.exposure)
         flow = None
         if self.settings.labels.flow and negatives.following and negatives.next_picture:
             images = picture.rectified[0], negatives.next_picture.result().rectified[0]
-            shots = capture.shot, negatives.following.shot
+            shots = capture.exposure, negatives.following.exposure
             flow = self.judge.flow(*images, annotation.flow, annotation.covisibility, shots)
-        return FrameResidual(capture.shot.timestamp_ns, stereo, flow)
+        return FrameResidual(capture.exposure.timestamp_ns, stereo, flow)
 
 
 @dataclass(frozen=True)
@@ -162,19 +169,19 @@ class _Negatives:
     """A frame and the one after it, on their way through the darkroom."""
 
     capture: Capture
-    picture: Future[Picture]
+    picture: Future[StereoImages]
     following: Capture | None
-    next_picture: Future[Picture] | None
+    next_picture: Future[StereoImages] | None
 
 
 def _write_frames(
     darkroom: _Darkroom, captures: Iterator[Capture], total: int, progress: Progress | None
-) -> tuple[list[Shot], list[FrameResidual]]:
+) -> tuple[list[FrameExposure], list[FrameResidual]]:
     """Render in this thread; develop, annotate, encode, hash, write and certify in others.
 
     A frame's forward labels need the next frame, so each is handed over when the next is there.
     """
-    shots: list[Shot] = []
+    shots: list[FrameExposure] = []
     residuals: list[FrameResidual] = []
     pending: deque[Future[FrameResidual]] = deque()
 
@@ -185,9 +192,9 @@ def _write_frames(
 
     with ThreadPoolExecutor(WORKERS, "darkroom") as pool:
 
-        def developing() -> Iterator[tuple[Capture, Future[Picture]]]:
+        def developing() -> Iterator[tuple[Capture, Future[StereoImages]]]:
             for capture in captures:
-                shots.append(capture.shot)
+                shots.append(capture.exposure)
                 yield capture, pool.submit(darkroom.develop, capture)
 
         try:

@@ -123,7 +123,7 @@ class ExposureSettings(Settings):
     subframes_max: int = Field(default=96, ge=1, le=512)
     line_time_us: float = Field(default=0.0, ge=0.0, le=200.0)
     """Delay of each row after the one above: a rolling shutter. The middle row keeps the stamp."""
-    eye_offset_ms: float = Field(default=0.0, ge=-50.0, le=50.0)
+    right_offset_ms: float = Field(default=0.0, ge=-50.0, le=50.0)
     """How much later the right eye exposes than the left."""
 
 
@@ -226,7 +226,7 @@ class RecordSettings(Settings):
         if self.sensor.auto_exposure:
             longest_ms = max(longest_ms, self.sensor.exposure_max_ms)
         readout_ms = self.exposure.line_time_us * 1e-3 * self.rig.height_px
-        open_ms = longest_ms + readout_ms + abs(self.exposure.eye_offset_ms)
+        open_ms = longest_ms + readout_ms + abs(self.exposure.right_offset_ms)
         if open_ms > interval_ms:
             raise ValueError(
                 f"exposure.time_ms with readout and eye offset takes {open_ms:.1f} ms, but "

@@ -37,7 +37,7 @@ LABELS = ("labels.flow=true", "labels.occlusion=true", "labels.segmentation=true
 DATASETS: dict[str, tuple[str, ...]] = {
     **{scene: (scene, *SMALL, *LABELS) for scene in SCENES},
     "bumped": ("brick_court", *SMALL, "--disturb=brick_bump,noise,mast_flex"),
-    "worn": ("office", *SMALL, "--disturb=blur,slip,rolling_shutter,eye_mismatch"),
+    "worn": ("office", *SMALL, "--disturb=blur,slip,rolling_shutter,stereo_mismatch"),
     "handheld": ("office", *SMALL, "drive.carrier=handheld"),
     "full": ("brick_court", "--disturb=noise=0.5"),
     "grainy": ("office", "--disturb=noise"),
@@ -78,6 +78,9 @@ ALTERNATIVES: dict[str, tuple[str, ...]] = {
     "unaware": ("standing=none",),
 }
 
+RENAMED_DISTURBANCES = {"stereo_offset": "stereo_offset", "stereo_mismatch": "stereo_mismatch"}
+"""Today's name of a disturbance to the one that it had in an older checkout (--old-names)."""
+
 RENAMED: dict[str, str] = {}
 """Today's key of a setting to the one that it had in an older checkout (--old-names)."""
 
@@ -115,6 +118,8 @@ class Checkout:
     def option(self, word: str) -> list[str]:
         """Write a word of a case as the command line takes it."""
         if word.startswith("--"):
+            for name, old in RENAMED_DISTURBANCES.items() if self.old_names else ():
+                word = word.replace(name, old)
             return [word]
         key, _, value = word.partition("=")
         return ["--set", f"{RENAMED.get(key, key) if self.old_names else key}={value}"]

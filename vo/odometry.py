@@ -6,7 +6,7 @@ import numpy as np
 
 from vo.config import OdometrySettings
 from vo.contract.clock import Clock
-from vo.contract.estimator import Estimate, Hindsight, Status
+from vo.contract.estimator import Estimate, FinalResult, Status
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
 from vo.hooks import UNTOUCHED, Hooks
@@ -88,7 +88,7 @@ class StereoOdometry:
             step,
         )
 
-    def reflect(self) -> Hindsight:
+    def finalize(self) -> FinalResult:
         """Return the map, and the trajectory as far as later frames corrected it."""
         return look_back(self._journey.history, self.rig, self.settings.refinement)
 

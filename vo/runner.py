@@ -18,10 +18,10 @@ from vo.contract.dataset import MANIFEST
 from vo.contract.estimator import (
     Estimate,
     Estimator,
-    Hindsight,
+    Finalizing,
+    FinalResult,
     Observations,
     PointMap,
-    Reflecting,
 )
 from vo.contract.files import replacing, write_text
 from vo.contract.sequence import StereoSequence
@@ -54,7 +54,7 @@ class Run:
     sequence: str
     estimates: tuple[Estimate, ...]
     frame_ms: tuple[float, ...]
-    hindsight: Hindsight = field(default_factory=Hindsight)
+    hindsight: FinalResult = field(default_factory=FinalResult)
 
     @property
     def trajectory(self) -> Trajectory:
@@ -87,7 +87,7 @@ def run(
         frame_ms.append(1e3 * (perf_counter() - start))
         if progress:
             progress(estimates[-1])
-    hindsight = estimator.reflect() if isinstance(estimator, Reflecting) else Hindsight()
+    hindsight = estimator.finalize() if isinstance(estimator, Finalizing) else FinalResult()
     return Run(sequence.name, tuple(estimates), tuple(frame_ms), hindsight)
 
 

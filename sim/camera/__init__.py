@@ -1,1 +1,1 @@
-"""The stereo camera: OpenGL, exposure, lens and image sensor."""
+"""The stereo camera: OpenGL rendering and exposure of a moving world."""

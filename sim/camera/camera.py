@@ -6,11 +6,11 @@ from typing import Literal
 
 import numpy as np
 
-from sim.camera.auto_exposure import AutoExposure, Exposure
 from sim.camera.exposure import expose, mean_brightness, open_shutter
-from sim.camera.imaging import Sensor
-from sim.camera.linear_light import decode
-from sim.camera.render import StereoRenderer, Survey
+from sim.camera.render import GeometryBuffers, StereoRenderer
+from sim.imaging.auto_exposure import AutoExposure, Exposure
+from sim.imaging.image_sensor import Sensor
+from sim.imaging.linear_light import decode
 from sim.settings import RecordSettings
 from sim.world.random_streams import stream
 from sim.world.trip import Trip
@@ -22,7 +22,7 @@ PAINTED_MS = 10.0
 
 
 @dataclass(frozen=True)
-class Shot:
+class FrameExposure:
     """How a frame was exposed.
 
     Attributes:
@@ -52,26 +52,26 @@ class Capture:
 
     Attributes:
         index: Of the frame on the trip.
-        shot: How it was exposed.
+        exposure: How it was exposed.
         light: Left and right images in the rendered size; uint8 as painted if there was a single
             sub-frame, else float32 linear light.
         brightness: (H',) light on each row, as a multiple of what is painted.
-        survey: Depth and identity, in the delivered size.
+        geometry: Depth and identity, in the delivered size.
         T_world_cam: (4, 4) left camera.
         T_world_bodies: (nbody, 4, 4) of MuJoCo's bodies.
     """
 
     index: int
-    shot: Shot
+    exposure: FrameExposure
     light: tuple[Array, Array]
     brightness: Array
-    survey: Survey
+    geometry: GeometryBuffers
     T_world_cam: Array
     T_world_bodies: Array
 
 
 @dataclass(frozen=True)
-class Picture:
+class StereoImages:
     """One frame as it is delivered.
 
     Attributes:
@@ -108,38 +108,38 @@ class StereoCamera:
         automatic = AutoExposure(settings.sensor, painted_ms)
         fixed = Exposure(settings.exposure.time_ms, 1.0, 1.0)
         for index in np.flatnonzero(trip.delivered):
-            exposure = automatic.next() if settings.sensor.auto_exposure else fixed
+            control = automatic.next() if settings.sensor.auto_exposure else fixed
             time_s = trip.timestamps_ns[index] * 1e-9
             world.place(time_s, trip.states.at(world.model, trip.timestamps_ns[index]))
-            survey = renderer.survey()
+            geometry = renderer.render_geometry()
             truth = world.T_world_cam, world.T_world_bodies
             shutter = open_shutter(
-                settings.exposure, time_s, exposure.time_ms * 1e-3, world.render_rig.height_px
+                settings.exposure, time_s, control.time_ms * 1e-3, world.render_rig.height_px
             )
-            light, count = expose(world, trip, renderer, settings.exposure, shutter, survey)
-            brightness = exposure.brightness * mean_brightness(world, shutter)
-            shot = Shot(
+            light, count = expose(world, trip, renderer, settings.exposure, shutter, geometry)
+            brightness = control.brightness * mean_brightness(world, shutter)
+            exposure = FrameExposure(
                 int(trip.timestamps_ns[index]),
-                exposure.time_ms,
-                exposure.gain,
+                control.time_ms,
+                control.gain,
                 count,
                 float(brightness.mean()),
             )
             if settings.sensor.auto_exposure:
-                automatic.see(self._mean_grey(light[0], shot.level))
+                automatic.update(self._mean_grey(light[0], exposure.level))
             yield Capture(
                 int(index),
-                shot,
+                exposure,
                 light,
                 brightness,
-                self._cropped(survey),
+                self._cropped(geometry),
                 *truth,
             )
 
-    def develop(self, capture: Capture) -> Picture:
+    def form_images(self, capture: Capture) -> StereoImages:
         """Turn light into grey levels; the noise depends on seed, frame and eye only."""
         if self._perfect and capture.light[0].dtype == np.uint8 and (capture.brightness == 1).all():
-            return Picture(capture.light, None)
+            return StereoImages(capture.light, None)
         chips: list[Image] = []
         for eye, (sensor, light) in enumerate(zip(self.sensors, capture.light, strict=True)):
             light = decode(light) if light.dtype == np.uint8 else light
@@ -148,15 +148,15 @@ class StereoCamera:
             if (bands != 1).any():
                 light = light * bands.astype(np.float32).reshape(-1, *(1,) * (light.ndim - 1))
             rng = stream(self._settings.seed, f"noise/{eye}/{capture.index}")
-            chips.append(sensor.expose(light, level, capture.shot.gain, rng))
+            chips.append(sensor.expose(light, level, capture.exposure.gain, rng))
         left, right = (s.undistort(c) for s, c in zip(self.sensors, chips, strict=True))
         if left is chips[0]:
-            return Picture((left, right), None)
+            return StereoImages((left, right), None)
         raw_left, raw_right = (
             self._within(chip, sensor.chip_margin_px)
             for chip, sensor in zip(chips, self.sensors, strict=True)
         )
-        return Picture((left, right), (raw_left, raw_right))
+        return StereoImages((left, right), (raw_left, raw_right))
 
     def _mean_grey(self, light: Array, factor: float) -> float:
         """Mean grey level that a picture will have, from every 8th pixel."""
@@ -164,11 +164,11 @@ class StereoCamera:
         few = decode(np.ascontiguousarray(few)) if few.dtype == np.uint8 else few
         return float(self.sensors[0].encode(few * np.float32(factor)).mean())
 
-    def _cropped(self, survey: Survey) -> Survey:
+    def _cropped(self, geometry: GeometryBuffers) -> GeometryBuffers:
         if self._margin_px == 0:
-            return survey
-        cut = {name: self._within(a, self._margin_px) for name, a in vars(survey).items()}
-        return replace(survey, **cut)
+            return geometry
+        cut = {name: self._within(a, self._margin_px) for name, a in vars(geometry).items()}
+        return replace(geometry, **cut)
 
     @staticmethod
     def _within(image: Array, margin_px: int) -> Array:

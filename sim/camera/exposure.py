@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.camera.linear_light import decode
-from sim.camera.render import StereoRenderer, Survey
+from sim.camera.render import GeometryBuffers, StereoRenderer
+from sim.imaging.linear_light import decode
 from sim.settings import ExposureSettings
 from sim.world.trip import Trip
 from sim.world.world import World
@@ -58,7 +58,7 @@ def open_shutter(settings: ExposureSettings, time_s: float, open_s: float, rows:
         rows: H.
     """
     lag_s = (np.arange(rows) - (rows - 1) / 2) * settings.line_time_us * 1e-6
-    eye_s = np.array([0.0, settings.eye_offset_ms * 1e-3])
+    eye_s = np.array([0.0, settings.right_offset_ms * 1e-3])
     middle_s = time_s + eye_s[:, None] + lag_s
     return Shutter(middle_s - open_s / 2, middle_s + open_s / 2)
 
@@ -69,7 +69,7 @@ def expose(
     renderer: StereoRenderer,
     settings: ExposureSettings,
     shutter: Shutter,
-    survey: Survey,
+    geometry: GeometryBuffers,
 ) -> tuple[tuple[Array, Array], int]:
     """Let both eyes gather light.
 
@@ -79,15 +79,15 @@ def expose(
         renderer: Of the world.
         settings: Limits of the sub-frames.
         shutter: When which row is open.
-        survey: What the eyes meet at mid-exposure.
+        geometry: What the eyes meet at mid-exposure.
 
     Returns:
         Left and right images, and the number of sub-frames. Of a single sub-frame the images are
         as rendered, uint8; else float32 in linear light, 0 to 1.
     """
     start_s, end_s = shutter.window_s
-    slots = subframes(world, trip, settings, shutter, survey)
-    sky = bool(np.isnan(survey.depth_left_m).any() or np.isnan(survey.depth_right_m).any())
+    slots = subframes(world, trip, settings, shutter, geometry)
+    sky = bool(np.isnan(geometry.depth_left_m).any() or np.isnan(geometry.depth_right_m).any())
     edges = np.linspace(start_s, end_s, slots + 1)
     if slots == 1:
         return _paint(world, trip, renderer, (start_s + end_s) / 2, sky), 1
@@ -101,24 +101,30 @@ def expose(
 
 
 def subframes(
-    world: World, trip: Trip, settings: ExposureSettings, shutter: Shutter, survey: Survey
+    world: World,
+    trip: Trip,
+    settings: ExposureSettings,
+    shutter: Shutter,
+    geometry: GeometryBuffers,
 ) -> int:
     """How many sub-frames keep every probed pixel's motion between two within `step_px`."""
     start_s, end_s = shutter.window_s
     if end_s <= start_s:
         return 1
-    motion_px = fastest_px_s(world, trip, survey, start_s, end_s) * (end_s - start_s)
+    motion_px = fastest_px_s(world, trip, geometry, start_s, end_s) * (end_s - start_s)
     return int(np.clip(math.ceil(motion_px / settings.step_px - 1e-6), 1, settings.subframes_max))
 
 
-def fastest_px_s(world: World, trip: Trip, survey: Survey, start_s: float, end_s: float) -> float:
+def fastest_px_s(
+    world: World, trip: Trip, geometry: GeometryBuffers, start_s: float, end_s: float
+) -> float:
     """Largest speed in the left image of what is seen at mid-exposure, pixels per second.
 
     Points are carried along with the body that they are on; the sky only turns.
     """
     rig = world.render_rig
-    depth = survey.depth_left_m[::PROBE_PX, ::PROBE_PX].ravel().astype(float)
-    geoms = survey.geoms_left[::PROBE_PX, ::PROBE_PX].ravel()
+    depth = geometry.depth_left_m[::PROBE_PX, ::PROBE_PX].ravel().astype(float)
+    geoms = geometry.geoms_left[::PROBE_PX, ::PROBE_PX].ravel()
     v, u = (a.ravel() for a in np.mgrid[: rig.height_px : PROBE_PX, : rig.width_px : PROBE_PX])
     rays = np.column_stack([rig.normalized(np.column_stack([u, v])), np.ones(len(u))])
     is_sky = np.isnan(depth)
@@ -177,7 +183,7 @@ def _paint(
     world: World, trip: Trip, renderer: StereoRenderer, time_s: float, sky: bool
 ) -> tuple[Image, Image]:
     _place(world, trip, time_s)
-    return renderer.paint(sky)
+    return renderer.render_images(sky)
 
 
 def _place(world: World, trip: Trip, time_s: float) -> None:

@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 
-from sim.camera.rig import CAMERA
+from sim.world.rig import CAMERA
 from vo.contract.arrays import Mask
 from vo.contract.rig import StereoRig
 

@@ -12,10 +12,10 @@ from scenes.scene import COLLISION_GROUP, IMAGE_GROUP, LABEL_GROUP
 from sim.camera.frustum_culling import in_view
 from sim.camera.gl import GLContext, GraphicsError, open_context
 from sim.camera.readout import read_out
-from sim.camera.rig import CAMERA
 from sim.camera.sky import SkyBands, bare_bands, can_follow
 from sim.camera.target import Target
 from sim.settings import RenderSettings
+from sim.world.rig import CAMERA
 from sim.world.world import World
 from vo.contract.arrays import Array, Image, Indices
 
@@ -28,7 +28,7 @@ BOTH_GROUPS = (0, 1, 2)
 
 
 @dataclass(frozen=True)
-class Survey:
+class GeometryBuffers:
     """What both eyes meet at one instant, exactly at the pixel centres.
 
     Attributes:
@@ -116,7 +116,7 @@ class StereoRenderer:
         names = {"vendor": GL.GL_VENDOR, "renderer": GL.GL_RENDERER, "version": GL.GL_VERSION}
         return {name: GL.glGetString(code).decode() for name, code in names.items()}
 
-    def paint(self, sky: bool = True) -> tuple[Image, Image]:
+    def render_images(self, sky: bool = True) -> tuple[Image, Image]:
         """Show both eyes the world's present state (see `World.place_bodies`).
 
         Args:
@@ -139,7 +139,7 @@ class StereoRenderer:
         form = cv2.COLOR_RGBA2RGB if self._color else cv2.COLOR_RGBA2GRAY
         return self._eyes(np.asarray(cv2.cvtColor(self._rgba, form), np.uint8))
 
-    def survey(self) -> Survey:
+    def render_geometry(self) -> GeometryBuffers:
         """Measure what both eyes meet at the world's present state."""
         self._look_through_rig(self._label_option)
         flags = (mujoco.mjtRndFlag.mjRND_SEGMENT, mujoco.mjtRndFlag.mjRND_IDCOLOR)
@@ -159,9 +159,9 @@ class StereoRenderer:
                 ids[geom.segid + 1] = geom.objid
         visual, extent = self._world.model.vis, self._world.model.stat.extent
         near, far = np.float32(visual.map.znear * extent), np.float32(visual.map.zfar * extent)
-        return Survey(*read_out(self._zbuffer, self._rgba, ids, near, far))
+        return GeometryBuffers(*read_out(self._zbuffer, self._rgba, ids, near, far))
 
-    def picture(
+    def render_view(
         self,
         camera: mujoco.MjvCamera,
         width_px: int,

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from sim.camera.camera import Shot
-from sim.camera.imaging import Sensor
-from sim.camera.lens import unknown_rotation
+from sim.camera.camera import FrameExposure
+from sim.imaging.image_sensor import Sensor
+from sim.imaging.lens import unknown_rotation
 from sim.labels.labels import visible_in_right
 from sim.labels.visibility import VISIBLE
 from sim.labels.warp import expected_residual, residual
@@ -83,7 +83,7 @@ class FrameResidual:
     flow: Residual | None
 
 
-class Judge:
+class PhotometricCheck:
     """Measures frames; knows what the sensor does to their pixels."""
 
     def __init__(self, settings: RecordSettings, rig: StereoRig, sensors: Sequence[Sensor]) -> None:
@@ -99,7 +99,9 @@ class Judge:
         self._H_true_nominal = rig.K @ R.T @ np.linalg.inv(rig.K)
         self._is_turned = not np.array_equal(R, np.eye(3))
 
-    def stereo(self, left: Image, right: Image, disparity_px: Array, shot: Shot) -> Residual:
+    def stereo(
+        self, left: Image, right: Image, disparity_px: Array, shot: FrameExposure
+    ) -> Residual:
         """Compare both eyes.
 
         Args:
@@ -128,7 +130,7 @@ class Judge:
         following: Image,
         flow: Array,
         covisibility: Array,
-        shots: tuple[Shot, Shot],
+        shots: tuple[FrameExposure, FrameExposure],
     ) -> Residual:
         """Compare two successive left images.
 
@@ -237,14 +239,14 @@ def quantile(histogram: Indices, q: float) -> float:
     return float(np.searchsorted(cumulative, q * cumulative[-1]) / BINS_PER_GREY)
 
 
-def unjudged(settings: RecordSettings) -> frozenset[str]:
+def exempt_parts(settings: RecordSettings) -> frozenset[str]:
     """Parts whose labels cannot explain the pixels, because not all were exposed at one time.
 
     Labels hold for both eyes at once and for the middle row; their residuals are stated, and no
     frame fails for them.
     """
     exposure = settings.exposure
-    stereo = {"stereo"} if exposure.eye_offset_ms != 0 else set[str]()
+    stereo = {"stereo"} if exposure.right_offset_ms != 0 else set[str]()
     return frozenset(stereo | ({"flow"} if exposure.line_time_us > 0 else set()))
 
 
@@ -258,7 +260,7 @@ def certify(
     Args:
         frames: In order.
         checks: From `plausibility.check_folder`; each with its own `passed`.
-        lenient: Parts that no frame can fail, from `unjudged`.
+        lenient: Parts that no frame can fail, from `exempt_parts`.
 
     Returns:
         JSON-ready content of the manifest's `certificate`.

@@ -9,12 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from sim.camera.rig import stereo_rig
+from sim.dataset.sensor_yaml import LABELS, label_file
 from sim.labels.labels import flow
-from sim.sensors.inertial import ImuReadings, integrate
-from sim.sensors.sensor_yaml import LABELS, label_file
-from sim.sensors.tables import GRAVITY_MPS2
+from sim.sensors.inertial import GRAVITY_MPS2, ImuReadings, integrate
 from sim.settings import RecordSettings
+from sim.world.rig import stereo_rig
 from sim.world.rover import TRACK_M, WHEEL_RADIUS_M
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices

@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from sim.camera.camera import Shot
-from sim.camera.imaging import Sensor
-from sim.camera.lens import margin_px
-from sim.camera.rig import stereo_rig, widened
-from sim.certificate.certificate import FrameResidual, Judge, certify, unjudged
+from sim.camera.camera import FrameExposure
+from sim.certificate.certificate import FrameResidual, PhotometricCheck, certify, exempt_parts
 from sim.certificate.plausibility import check_folder
+from sim.dataset.sensor_yaml import EXPOSURES, LABELS, label_file
+from sim.imaging.image_sensor import Sensor
+from sim.imaging.lens import margin_px
 from sim.labels.labels import disparity_from_depth
-from sim.record import Progress
-from sim.sensors.sensor_yaml import EXPOSURES, LABELS, label_file
+from sim.progress import Progress
 from sim.settings import RecordSettings
+from sim.world.rig import stereo_rig, widened
 from vo.contract.arrays import Array
 from vo.contract.dataset import MANIFEST, read_manifest
 from vo.contract.errors import DatasetError
@@ -93,7 +93,7 @@ def _check_certificate(
     if not frames:
         return []
     checks = check_folder(folder, settings, manifest.get("ended", ""))
-    found = certify(frames, checks, unjudged(settings))
+    found = certify(frames, checks, exempt_parts(settings))
     findings: list[Finding] = []
     for part, figures in found.items():
         if isinstance(figures, dict):
@@ -129,7 +129,9 @@ def _measure(
     if load is None:
         return []
     render_rig = widened(rig, margin_px(settings, rig))
-    judge = Judge(settings, rig, [Sensor(settings, eye, rig, render_rig) for eye in (0, 1)])
+    judge = PhotometricCheck(
+        settings, rig, [Sensor(settings, eye, rig, render_rig) for eye in (0, 1)]
+    )
     shots = _read_shots(folder)
     sequence = open_euroc(folder)
     has_flow = settings.labels.flow and settings.labels.covisibility
@@ -156,7 +158,7 @@ def _measure(
     return frames
 
 
-def _read_shots(folder: Path) -> dict[int, Shot]:
+def _read_shots(folder: Path) -> dict[int, FrameExposure]:
     """How each frame was exposed, by timestamp."""
     table = folder / EXPOSURES
     try:
@@ -165,7 +167,7 @@ def _read_shots(folder: Path) -> dict[int, Shot]:
     except (OSError, ValueError):
         raise DatasetError(f"{table}: missing or malformed") from None
     return {
-        time_ns: Shot(time_ns, exposure_ms, gain, int(subframes), brightness)
+        time_ns: FrameExposure(time_ns, exposure_ms, gain, int(subframes), brightness)
         for time_ns, (exposure_ms, gain, subframes, brightness) in zip(times, rows, strict=True)
     }
 

@@ -66,7 +66,7 @@ class Annotation:
     @property
     def depth(self) -> Array:
         """(H, W) float32 metres."""
-        return self.capture.survey.depth_left_m
+        return self.capture.geometry.depth_left_m
 
     @cached_property
     def disparity(self) -> Array:
@@ -76,36 +76,36 @@ class Annotation:
     @cached_property
     def disparity_right(self) -> Array:
         """(H, W) float32 pixels, of the right eye."""
-        return disparity_from_depth(self.annotator.rig, self.capture.survey.depth_right_m)
+        return disparity_from_depth(self.annotator.rig, self.capture.geometry.depth_right_m)
 
     @cached_property
     def occlusion(self) -> Array:
         """(H, W) uint8."""
-        survey = self.capture.survey
-        return occlusion(self.annotator.rig, survey.depth_left_m, survey.depth_right_m)
+        geometry = self.capture.geometry
+        return occlusion(self.annotator.rig, geometry.depth_left_m, geometry.depth_right_m)
 
     @cached_property
     def flow(self) -> Array:
         """(H, W, 3) float32 du, dv, depth in the next frame."""
         assert self.following is not None
-        bodies = self.annotator.bodies(self.capture.survey.geoms_left)
+        bodies = self.annotator.bodies(self.capture.geometry.geoms_left)
         return flow(self.annotator.rig, self.depth, bodies, self._T_next_now)
 
     @cached_property
     def covisibility(self) -> Array:
         """(H, W) uint8."""
         assert self.following is not None
-        return covisibility(self.flow, self.following.survey.depth_left_m)
+        return covisibility(self.flow, self.following.geometry.depth_left_m)
 
     @property
     def segmentation(self) -> Array:
         """(H, W) uint16."""
-        return self.annotator.objects(self.capture.survey.geoms_left)
+        return self.annotator.objects(self.capture.geometry.geoms_left)
 
     @property
     def classes(self) -> Array:
         """(H, W) uint8."""
-        return self.annotator.kinds(self.capture.survey.geoms_left)
+        return self.annotator.kinds(self.capture.geometry.geoms_left)
 
     @cached_property
     def normals(self) -> Array:

@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from sim.camera.resample import sample, sample_variance
+from sim.imaging.resample import sample, sample_variance
 from vo.contract.arrays import Array, Image, Mask
 
 ROUNDING_VARIANCE = 1 / 12

@@ -19,6 +19,7 @@ from sim.labels.annotate import Annotation, Annotator
 from sim.preview.chase_camera import SIDE_DEG, chase_camera
 from sim.preview.colours import depth_scale, flow_colours, rgb_of, round_up
 from sim.preview.image_file import known_suffix
+from sim.progress import Progress
 from sim.settings import RecordSettings
 from sim.world.path import plan_path
 from sim.world.trip import Trip, make_trip
@@ -35,7 +36,6 @@ CAPTION_SHARE = 0.075
 CAPTION, CAPTION_INK = (38, 40, 44), (236, 236, 232)
 
 Show = Callable[[Image], None]
-Progress = Callable[[int, int], None]
 
 
 def film_suffix(out: Path) -> str:
@@ -108,10 +108,10 @@ def _frames(
     for now, following in pairwise(camera.captures(trip, renderer)):
         annotation = annotator.annotate(now, following)
         editor = editor or _Editor(world, settings, annotation.depth, width_px // 2)
-        time_ns = now.shot.timestamp_ns
+        time_ns = now.exposure.timestamp_ns
         world.place(time_ns * 1e-9, trip.states.at(world.model, time_ns))
-        chase = renderer.picture(chase_camera(world, SIDE_DEG), *editor.panel_px)
-        left = rgb_of(camera.develop(now).rectified[0])
+        chase = renderer.render_view(chase_camera(world, SIDE_DEG), *editor.panel_px)
+        left = rgb_of(camera.form_images(now).rectified[0])
         yield editor.compose(annotation, left, chase, trip)
 
 
@@ -130,7 +130,7 @@ class _Editor:
 
     def compose(self, annotation: Annotation, left: Image, chase: Image, trip: Trip) -> Image:
         capture = annotation.capture
-        k, shot, scale = capture.index, capture.shot, self._scale
+        k, shot, scale = capture.index, capture.exposure, self._scale
         time_s = (shot.timestamp_ns - trip.timestamps_ns[0]) * 1e-9
         way_m = np.linalg.norm(np.diff(trip.T_world_body[: k + 1, :3, 3], axis=0), axis=1).sum()
         speed_mps = np.linalg.norm(trip.v_world_body[k])

@@ -5,10 +5,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from sim.dataset.image_codecs import encode_png
 from vo.contract.arrays import Image
 from vo.contract.errors import SettingsError
 from vo.contract.files import replacing
-from vo.contract.image_codecs import encode_png
 
 SUFFIXES = (".png", ".jpg", ".jpeg")
 JPEG_QUALITY = 85

@@ -3,6 +3,7 @@
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -12,6 +13,7 @@ from sim.camera.render import BOTH_GROUPS, StereoRenderer
 from sim.world.world import World
 from vo.contract.arrays import Array, Image, Indices
 
+MAP_FILE = "map.png"
 LONG_SIDE_PX = 1024
 CAMERA_ABOVE_M = 30.0
 HEADROOM_M = 0.6
@@ -41,6 +43,18 @@ class TopDownMap:
     y_max_m: float
     metres_per_px: float
 
+    @property
+    def manifest_entry(self) -> dict[str, Any]:
+        """JSON-ready description of the map for the manifest."""
+        return {
+            "file": MAP_FILE,
+            "x_min_m": self.x_min_m,
+            "y_max_m": self.y_max_m,
+            "metres_per_px": self.metres_per_px,
+            "world_to_pixel": "u = (x - x_min_m) / metres_per_px - 0.5; "
+            "v = (y_max_m - y) / metres_per_px - 0.5",
+        }
+
     def pixels(self, points_world: Array) -> Array:
         """Map (..., 2 or 3) world points in metres to (..., 2) (u, v), centres on integers."""
         u = (points_world[..., 0] - self.x_min_m) / self.metres_per_px - 0.5
@@ -68,18 +82,18 @@ def render_map(
     # Whole pixels: the lower and right edges may reach a little past the extent.
     camera.lookat = (x_min + width * scale / 2, y_max - height * scale / 2, 0.0)
     camera.distance, camera.azimuth, camera.elevation = below_m, 90.0, -90.0
-    image = renderer.picture(camera, width, height, orthographic_m=height * scale)
+    image = renderer.render_view(camera, width, height, orthographic_m=height * scale)
     return TopDownMap(image, x_min, y_max, scale)
 
 
-def survey_map(world: World, renderer: StereoRenderer) -> TopDownMap:
+def render_world_map(world: World, renderer: StereoRenderer) -> TopDownMap:
     """Render all of a world from above at its present state, with any ceiling taken off.
 
     Args:
         world: With bodies placed.
         renderer: Of the world.
     """
-    with lid_off(world):
+    with ceiling_hidden(world):
         return render_map(renderer, shown_extent(world), _below_ceiling_m(world))
 
 
@@ -93,7 +107,7 @@ def shown_extent(world: World) -> tuple[float, float, float, float]:
 
 
 @contextmanager
-def lid_off(world: World) -> Generator[None]:
+def ceiling_hidden(world: World) -> Generator[None]:
     """Hide what is as high as the ceiling, if the path has one; walls stay.
 
     Args:

@@ -146,11 +146,11 @@ def _facts(world: World, settings: RecordSettings) -> tuple[str, str]:
 def _told(stop: Stop) -> str:
     """Say where a view is from and how it was exposed, if not in an instant."""
     words = [f"{stop.along_m:.1f} m along"]
-    shot = stop.shot
-    if shot.exposure_ms:
-        words.append(f"{shot.exposure_ms:.3g} ms")
-    if shot.gain > 1:
-        words.append(f"gain {20 * math.log10(shot.gain):.0f} dB")
+    exposure = stop.exposure
+    if exposure.exposure_ms:
+        words.append(f"{exposure.exposure_ms:.3g} ms")
+    if exposure.gain > 1:
+        words.append(f"gain {20 * math.log10(exposure.gain):.0f} dB")
     return ", ".join(words)
 
 

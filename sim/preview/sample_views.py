@@ -7,12 +7,12 @@ import mujoco
 import numpy as np
 
 from scenes.scene import Motion
-from sim.camera.camera import Capture, Shot, StereoCamera
+from sim.camera.camera import Capture, FrameExposure, StereoCamera
 from sim.camera.render import StereoRenderer
 from sim.labels.annotate import Annotation, Annotator
 from sim.preview.chase_camera import chase_camera
 from sim.preview.colours import rgb_of
-from sim.preview.overhead_map import TopDownMap, survey_map
+from sim.preview.overhead_map import TopDownMap, render_world_map
 from sim.settings import RecordSettings
 from sim.world.drive import DriveError
 from sim.world.path import plan_path
@@ -44,7 +44,7 @@ class Stop:
         position: (2,) where the picture is taken, world x, y in metres.
         view: Left eye, (H, W, 3) RGB.
         right: Right eye, like `view`.
-        shot: How they were exposed.
+        exposure: How they were exposed.
         annotation: The labels, those of the next frame included.
     """
 
@@ -52,7 +52,7 @@ class Stop:
     position: Array
     view: Image
     right: Image
-    shot: Shot
+    exposure: FrameExposure
     annotation: Annotation
 
     @property
@@ -116,18 +116,18 @@ def look_around(world: World, settings: RecordSettings) -> Sights:
             camera = StereoCamera(there, settings)
             *_, now, following = camera.captures(trip, renderer)
             stops.append(_stop(world, trip, share, camera, annotator, now, following))
-            time_ns = now.shot.timestamp_ns
+            time_ns = now.exposure.timestamp_ns
             scenery.append((there, time_ns * 1e-9, trip.states.at(world.model, time_ns)))
         if not stops:
             raise failure or DriveError("the rover cannot stand anywhere on its route")
         shown = int(np.argmax([stop.variety for stop in stops]))
         there, time_s, qpos = scenery[shown]
         there.place(time_s, qpos)
-        chase = renderer.picture(chase_camera(there), *CHASE_PX)
+        chase = renderer.render_view(chase_camera(there), *CHASE_PX)
         mujoco.mj_resetData(world.model, world.data)
         world.move_movers(START_S)
         world.place_bodies()
-        top_down = survey_map(world, renderer)
+        top_down = render_world_map(world, renderer)
     return Sights(settings, stops, shown, chase, top_down)
 
 
@@ -140,13 +140,13 @@ def _stop(
     now: Capture,
     following: Capture,
 ) -> Stop:
-    left, right = camera.develop(now).rectified
+    left, right = camera.form_images(now).rectified
     return Stop(
         share * world.path.length_m,
         trip.T_world_body[now.index][:2, 3],
         rgb_of(left),
         rgb_of(right),
-        now.shot,
+        now.exposure,
         annotator.annotate(now, following),
     )
 

@@ -1,1 +1,1 @@
-"""Inertial sensor, wheel encoders, and the tables of a dataset."""
+"""Inertial readings and wheel encoder counts."""

@@ -9,6 +9,9 @@ from sim.settings import ImuSettings
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices
 
+GRAVITY_MPS2: Array = np.array([0.0, 0.0, -9.81])
+"""(3,) in world axes."""
+
 
 @dataclass(frozen=True)
 class ImuReadings:

@@ -256,7 +256,7 @@ def longest_window_s(settings: RecordSettings) -> float:
     exposure, sensor = settings.exposure, settings.sensor
     open_ms = max(exposure.time_ms, sensor.exposure_max_ms if sensor.auto_exposure else 0.0)
     readout_ms = exposure.line_time_us * 1e-3 * settings.rig.height_px
-    return (open_ms + readout_ms + 2 * abs(exposure.eye_offset_ms)) * 1e-3
+    return (open_ms + readout_ms + 2 * abs(exposure.right_offset_ms)) * 1e-3
 
 
 def body_motion(world: World, time_s: float) -> tuple[Array, Array, Array]:

@@ -9,12 +9,12 @@ import mujoco
 import numpy as np
 
 from scenes.scene import Kind, Motion, Scene, Thing
-from sim.camera.lens import margin_px
-from sim.camera.rig import CAMERA, T_world_left, add_rig, stereo_rig, widened
+from sim.imaging.lens import margin_px
 from sim.settings import RecordSettings
 from sim.world.handheld import build_hand, walk
 from sim.world.path import Path, plan_path
 from sim.world.random_streams import stream
+from sim.world.rig import CAMERA, T_world_left, add_rig, stereo_rig, widened
 from sim.world.rover import BODY, PREFIX, WHEEL_RADIUS_M, WHEELS, build_rover
 from sim.world.terrain import lay_terrain
 from vo.contract import se3

@@ -447,7 +447,7 @@ def carried(scene, motions):
             T_world_body = T_world_first @ T_first_cam @ se3.inverse(world.rig.T_body_cam)
             joint.qpos = np.concatenate([T_world_body[:3, 3], se3.to_quat_wxyz(T_world_body)])
             world.place_bodies()
-            left, right = renderer.paint()
+            left, right = renderer.render_images()
             frames.append(StereoFrame(10**8 * i, left, right))
     return frames, se3.exp(motions)
 

@@ -11,10 +11,10 @@ from scenes.scene import Kind
 from sim.camera.camera import Capture, StereoCamera
 from sim.camera.render import StereoRenderer
 from sim.certificate.verify import verify
+from sim.dataset.sensor_yaml import LABELS
 from sim.labels.annotate import FORWARD, Annotator
 from sim.labels.visibility import HIDDEN, NOTHING, OUTSIDE, VISIBLE
 from sim.record import record
-from sim.sensors.sensor_yaml import LABELS
 from sim.settings import (
     DriveSettings,
     ExposureSettings,
@@ -137,12 +137,12 @@ def test_flow_on_the_mover_follows_it(scenery):
     mover = world.model.geom("mover").id
     compared = 0
     for now, then in pairwise(captures):
-        v, u = np.nonzero(now.survey.geoms_left == mover)
-        depth = now.survey.depth_left_m[v, u].astype(float)
+        v, u = np.nonzero(now.geometry.geoms_left == mover)
+        depth = now.geometry.depth_left_m[v, u].astype(float)
         rays = np.column_stack([rig.normalized(np.column_stack([u, v])), np.ones(len(u))])
         points_world = se3.transform(now.T_world_cam, depth[:, None] * rays)
-        T_then_now = passing(then.shot.timestamp_ns * 1e-9) @ se3.inverse(
-            passing(now.shot.timestamp_ns * 1e-9)
+        T_then_now = passing(then.exposure.timestamp_ns * 1e-9) @ se3.inverse(
+            passing(now.exposure.timestamp_ns * 1e-9)
         )
         points_then = se3.transform(se3.inverse(then.T_world_cam) @ T_then_now, points_world)
         flow = annotator.annotate(now, then).flow[v, u]
@@ -158,7 +158,7 @@ def test_flow_on_the_mover_follows_it(scenery):
 
 
 def test_covisibility_knows_what_the_mover_will_hide(scenery):
-    """Static points that are hidden in the next frame, by a second survey of the world."""
+    """Static points that are hidden in the next frame, by a second geometry of the world."""
     world, captures, annotator = scenery
     rig, hidden = world.rig, 0
     for now, then in pairwise(captures):
@@ -171,7 +171,7 @@ def test_covisibility_knows_what_the_mover_will_hide(scenery):
         v, u, to = v[inside], u[inside], to[inside]
         # The pixels around a point: at least one shows it, or one shows something nearer.
         corners = [(f(to[:, 1]), g(to[:, 0])) for f in BESIDE for g in BESIDE]
-        met = np.array([then.survey.depth_left_m[y, x] for y, x in corners]) / flow[v, u, 2]
+        met = np.array([then.geometry.depth_left_m[y, x] for y, x in corners]) / flow[v, u, 2]
         clear, covered = seen[v, u] == VISIBLE, seen[v, u] == HIDDEN
         assert np.mean(np.nanmin(np.abs(met - 1), axis=0)[clear] < 0.02) > 0.999
         assert np.mean(np.nanmin(met, axis=0)[covered] < 0.99) > 0.95
@@ -202,7 +202,7 @@ def test_occlusion_and_the_right_disparity_tell_the_same(scenery):
 def test_normals_of_the_ground_point_up(scenery):
     world, captures, annotator = scenery
     capture = captures[0]
-    ground = capture.survey.geoms_left == world.model.geom("ground").id
+    ground = capture.geometry.geoms_left == world.model.geom("ground").id
     up_cam = capture.T_world_cam[:3, :3].T @ [0, 0, 1]
     normals = annotator.annotate(capture, None).normals[ground]
     finite = np.isfinite(normals).all(axis=1)
@@ -229,7 +229,7 @@ def test_labels_explain_the_pictures_of_a_mast_that_bends(make_scene, flex_deg):
         T_world_cam = trip.T_world_body[now.index] @ world.rig.T_body_cam
         np.testing.assert_allclose(now.T_world_cam, T_world_cam, atol=1e-9)
         annotation = annotator.annotate(now, then)
-        images = [camera.develop(c).rectified[0].astype(np.float32) for c in (now, then)]
+        images = [camera.form_images(c).rectified[0].astype(np.float32) for c in (now, then)]
         v, u = np.nonzero(annotation.covisibility == VISIBLE)
         places = [
             (grid[v, u] + annotation.flow[v, u, k])[None].astype(np.float32)
@@ -252,7 +252,7 @@ def test_classes_of_the_sky_the_ground_and_loose_cartons(make_scene, settled):
     )
     world = settled(make_scene(), settings)
     with StereoRenderer(world, settings.render) as renderer:
-        geoms = renderer.survey().geoms_left
+        geoms = renderer.render_geometry().geoms_left
     annotator = Annotator(world)
     classes, objects = annotator.kinds(geoms), annotator.objects(geoms)
     assert set(np.unique(classes)) == {Kind.SKY, Kind.GROUND, Kind.MOVING}
@@ -264,12 +264,12 @@ def test_classes_of_the_sky_the_ground_and_loose_cartons(make_scene, settled):
 def test_labels_hold_at_mid_exposure_whatever_the_shutter_does(make_scene):
     """Depth of a long, rolling, unsynchronised exposure is that of an instant."""
     scene = make_scene(boxes=True, mover=passing)
-    exposure = ExposureSettings(time_ms=40, line_time_us=50, eye_offset_ms=5, subframes_max=2)
+    exposure = ExposureSettings(time_ms=40, line_time_us=50, right_offset_ms=5, subframes_max=2)
     _, instants, _ = _captures(scene, SMALL)
     _, long, _ = _captures(scene, SMALL.model_copy(update={"exposure": exposure}))
     for a, b in zip(instants, long, strict=True):
-        np.testing.assert_array_equal(a.survey.geoms_left, b.survey.geoms_left)
-        np.testing.assert_allclose(a.survey.depth_left_m, b.survey.depth_left_m, rtol=1e-6)
+        np.testing.assert_array_equal(a.geometry.geoms_left, b.geometry.geoms_left)
+        np.testing.assert_allclose(a.geometry.depth_left_m, b.geometry.depth_left_m, rtol=1e-6)
         np.testing.assert_allclose(a.T_world_cam, b.T_world_cam, atol=1e-9)
 
 

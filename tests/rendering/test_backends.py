@@ -38,7 +38,7 @@ def drawn(path: Path, backend: str) -> dict[str, np.ndarray] | None:
 
     from sim.batch import build
     from sim.camera.render import StereoRenderer
-    from sim.preview.overhead_map import survey_map
+    from sim.preview.overhead_map import render_world_map
     from sim.settings import RecordSettings
     from sim.world.world import build_world
 
@@ -47,10 +47,10 @@ def drawn(path: Path, backend: str) -> dict[str, np.ndarray] | None:
     mujoco.mj_step(world.model, world.data, 500)
     world.place_bodies()
     with StereoRenderer(world, settings.render) as renderer:
-        first = renderer.paint()
-        top_down = survey_map(world, renderer).image
-        left, right = renderer.paint()
-        labels = vars(renderer.survey())
+        first = renderer.render_images()
+        top_down = render_world_map(world, renderer).image
+        left, right = renderer.render_images()
+        labels = vars(renderer.render_geometry())
     np.testing.assert_array_equal(first, (left, right))
     bound = {name for name in ("egl", "osmesa") if f"mujoco.{name}" in sys.modules}
     assert bound == {backend}

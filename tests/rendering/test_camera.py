@@ -8,12 +8,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from sim.camera.render import NO_GEOM, StereoRenderer, Survey
-from sim.camera.rig import CAMERA
+from sim.camera.render import NO_GEOM, GeometryBuffers, StereoRenderer
 from sim.labels.labels import disparity_from_depth, visible_in_right
 from sim.labels.warp import residual
 from sim.preview.overhead_map import render_map
 from sim.settings import RecordSettings, RenderSettings, RigSettings
+from sim.world.rig import CAMERA
 from sim.world.rover import CONTACT_GROUP
 from sim.world.world import World
 from vo.contract import se3
@@ -41,7 +41,7 @@ def world(request, make_scene, settled) -> World:
 class View:
     left: Image
     right: Image
-    survey: Survey
+    geometry: GeometryBuffers
 
 
 @pytest.fixture(scope="module")
@@ -51,12 +51,12 @@ def view(world) -> View:
 
 @pytest.fixture(scope="module")
 def masks(view) -> tuple[Array, Array]:
-    return view.survey.geoms_left, view.survey.geoms_right
+    return view.geometry.geoms_left, view.geometry.geoms_right
 
 
 def look(world: World, settings: RenderSettings, color: bool = False) -> View:
     with StereoRenderer(world, settings, color) as renderer:
-        return View(*renderer.paint(), renderer.survey())
+        return View(*renderer.render_images(), renderer.render_geometry())
 
 
 def test_pixels_are_where_the_calibration_projects_the_boxes(world, masks):
@@ -108,7 +108,7 @@ def test_depth_agrees_with_ray_casts_at_pixel_centres(world, view):
     pixels = np.column_stack(
         [rng.integers(0, side, 500) for side in (world.rig.width_px, world.rig.height_px)]
     )
-    for eye, depth_m in enumerate((view.survey.depth_left_m, view.survey.depth_right_m)):
+    for eye, depth_m in enumerate((view.geometry.depth_left_m, view.geometry.depth_right_m)):
         rendered = depth_m[pixels[:, 1], pixels[:, 0]]
         cast = _cast(world, pixels, eye)
         assert (np.isnan(rendered) == np.isnan(cast)).all()
@@ -119,13 +119,13 @@ def test_depth_agrees_with_ray_casts_at_pixel_centres(world, view):
 
 def test_labels_do_not_depend_on_the_quality_of_pictures(world, view):
     plain = look(world, RenderSettings(samples=0, shadow_size_px=0))
-    for name, label in vars(view.survey).items():
-        np.testing.assert_array_equal(getattr(plain.survey, name), label)
+    for name, label in vars(view.geometry).items():
+        np.testing.assert_array_equal(getattr(plain.geometry, name), label)
     assert (plain.left != view.left).any()
 
 
 def test_right_warped_by_the_label_is_left(world, view):
-    disparity_px = disparity_from_depth(world.rig, view.survey.depth_left_m)
+    disparity_px = disparity_from_depth(world.rig, view.geometry.depth_left_m)
     visible = visible_in_right(disparity_px)
     v, u = np.indices(disparity_px.shape, np.float32)
 
@@ -140,8 +140,8 @@ def test_right_warped_by_the_label_is_left(world, view):
 
 def test_visibility_agrees_with_the_right_eye(world, view):
     """The label's verdict, from left alone, against the depth that the right eye sees there."""
-    disparity_px = disparity_from_depth(world.rig, view.survey.depth_left_m)
-    right_px = disparity_from_depth(world.rig, view.survey.depth_right_m)
+    disparity_px = disparity_from_depth(world.rig, view.geometry.depth_left_m)
+    right_px = disparity_from_depth(world.rig, view.geometry.depth_right_m)
     visible = visible_in_right(disparity_px)
     v, u = np.nonzero(visible)
     landed = right_px[v, np.rint(u - disparity_px[v, u]).astype(int)]

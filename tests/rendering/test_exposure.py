@@ -11,8 +11,8 @@ import pytest
 from scenes.scene import Motion, Scene
 from sim.camera.camera import Capture, StereoCamera
 from sim.camera.exposure import Shutter, open_shutter, shares
-from sim.camera.linear_light import Encoding, decode
 from sim.camera.render import StereoRenderer
+from sim.imaging.linear_light import Encoding, decode
 from sim.settings import (
     DriveSettings,
     ExposureSettings,
@@ -56,7 +56,7 @@ class Stand:
             images = []
             for time_s in times_s:
                 self.world.place(time_s, self.trip.states.at(self.world.model, time_s * 1e9))
-                images.append(renderer.paint())
+                images.append(renderer.render_images())
             return images
 
 
@@ -127,9 +127,9 @@ def standing(time_s: float) -> Array:
 
 @gl
 def test_a_camera_that_stands_costs_one_render_and_shows_the_instant(carry):
-    stand = carry(standing, ExposureSettings(time_ms=50, line_time_us=100, eye_offset_ms=5))
+    stand = carry(standing, ExposureSettings(time_ms=50, line_time_us=100, right_offset_ms=5))
     captures = stand.captures()
-    assert [c.shot.subframes for c in captures] == [1] * len(captures)
+    assert [c.exposure.subframes for c in captures] == [1] * len(captures)
     ((left, right),) = stand.instants(np.array([START_S]))
     np.testing.assert_array_equal(captures[0].light[0], left)
     np.testing.assert_array_equal(captures[0].light[1], right)
@@ -148,7 +148,7 @@ def test_a_rover_costs_one_render_where_it_halts_and_more_where_it_drives(make_s
     trip = make_trip(world, settings)
     stand = Stand(world, trip, settings)
     speed = np.linalg.norm(trip.v_world_body, axis=1)
-    counts = np.array([capture.shot.subframes for capture in stand.captures()])
+    counts = np.array([capture.exposure.subframes for capture in stand.captures()])
     assert (speed < 1e-3).sum() > 5
     assert (counts[speed < 1e-3] == 1).all()
     assert (counts[speed > 0.1] > 1).all()
@@ -160,7 +160,7 @@ def test_a_rover_costs_one_render_where_it_halts_and_more_where_it_drives(make_s
 def test_no_pixel_moves_further_than_a_step_between_two_renders(carry, motion, step_px):
     exposure = ExposureSettings(time_ms=20, step_px=step_px, subframes_max=512)
     stand = carry(motion, exposure)
-    count = stand.captures()[0].shot.subframes
+    count = stand.captures()[0].exposure.subframes
     moved_px = {"sideways": F_PX * SIDEWAYS_MPS / WALL_M, "turning": F_PX * TURN_RADPS}
     slowest = moved_px[motion.__name__] * 0.020  # in the middle of the picture
     fastest = slowest * (1.0 if motion is sideways else 1 + np.tan(np.radians(35)) ** 2)
@@ -171,20 +171,20 @@ def test_no_pixel_moves_further_than_a_step_between_two_renders(carry, motion, s
 @gl
 def test_sub_frames_are_never_more_than_allowed(carry):
     exposure = ExposureSettings(time_ms=20, subframes_max=3)
-    assert carry(turning, exposure).captures()[0].shot.subframes == 3
+    assert carry(turning, exposure).captures()[0].exposure.subframes == 3
 
 
 @gl
 def test_an_instant_is_one_render(carry):
     captures = carry(turning, ExposureSettings()).captures()
-    assert [c.shot.subframes for c in captures] == [1] * len(captures)
+    assert [c.exposure.subframes for c in captures] == [1] * len(captures)
 
 
 @gl
 def test_adaptive_blur_is_what_many_more_sub_frames_show(carry):
     stand = carry(turning, ExposureSettings(time_ms=40, step_px=STEP_PX))
     capture = stand.captures()[0]
-    assert 10 < capture.shot.subframes < 40
+    assert 10 < capture.exposure.subframes < 40
     times = START_S + (np.arange(64) - 31.5) / 64 * 0.040
     many = stand.instants(times)
     for eye in (0, 1):
@@ -222,7 +222,7 @@ def test_a_rolling_shutter_shears_a_sideways_moving_picture(carry):
 @gl
 def test_a_late_right_eye_sees_what_it_would_see_later(carry):
     offset_s = 0.008
-    exposure = ExposureSettings(eye_offset_ms=offset_s * 1e3, step_px=0.1, subframes_max=512)
+    exposure = ExposureSettings(right_offset_ms=offset_s * 1e3, step_px=0.1, subframes_max=512)
     stand = carry(sideways, exposure)
     capture = stand.captures()[0]
     (now, then) = stand.instants(np.array([START_S, START_S + offset_s]))
@@ -241,7 +241,9 @@ def test_a_late_right_eye_sees_what_it_would_see_later(carry):
 def test_shares_of_every_row_sum_to_one():
     rng = np.random.default_rng(0)
     for time_ms, line_us, offset_ms in [(0, 50, 3), (10, 0, 0), (10, 50, -4), (0, 0, 5), (3, 1, 0)]:
-        settings = ExposureSettings(time_ms=time_ms, line_time_us=line_us, eye_offset_ms=offset_ms)
+        settings = ExposureSettings(
+            time_ms=time_ms, line_time_us=line_us, right_offset_ms=offset_ms
+        )
         shutter = open_shutter(settings, 1.0, time_ms * 1e-3, 97)
         for slots in rng.integers(2, 40, 3):
             portions = shares(shutter, np.linspace(*shutter.window_s, slots + 1))
@@ -263,7 +265,7 @@ def test_rows_and_eyes_take_the_slots_in_which_they_are_open():
 
 
 def test_the_middle_row_of_the_left_eye_keeps_the_stamp():
-    settings = ExposureSettings(line_time_us=100, eye_offset_ms=3)
+    settings = ExposureSettings(line_time_us=100, right_offset_ms=3)
     shutter = open_shutter(settings, 2.0, 0.010, 101)
     middle = (shutter.start_s + shutter.end_s) / 2
     assert middle[0, 50] == pytest.approx(2.0)
@@ -313,12 +315,12 @@ def test_automatic_exposure_darkens_a_bright_picture_and_says_how(wall_scene):
     trip = make_trip(world, settings)
     captures = Stand(world, trip, settings).captures()
     camera = StereoCamera(world, settings)
-    means = [camera.develop(capture).rectified[0].mean() for capture in captures]
+    means = [camera.form_images(capture).rectified[0].mean() for capture in captures]
     assert means[0] > 90
     assert means[-1] == pytest.approx(60, abs=4)
-    assert captures[0].shot.exposure_ms == pytest.approx(10)
-    assert captures[-1].shot.exposure_ms < 6
-    assert captures[-1].shot.gain == 1
+    assert captures[0].exposure.exposure_ms == pytest.approx(10)
+    assert captures[-1].exposure.exposure_ms < 6
+    assert captures[-1].exposure.gain == 1
 
 
 def _psnr(image: Image, reference: Image) -> float:

@@ -26,7 +26,7 @@ from sim.preview.colours import (
 from sim.preview.film import first_seconds, make_film, writing
 from sim.preview.image_file import write_picture
 from sim.preview.label_plates import _room_for
-from sim.preview.overhead_map import survey_map
+from sim.preview.overhead_map import render_world_map
 from sim.preview.preview import chosen, contact_sheet, preview
 from sim.preview.route_map import arrow_places, bar_length_m
 from sim.preview.sample_views import look_around, trip_from
@@ -235,7 +235,7 @@ def test_a_map_looks_under_the_ceiling_and_keeps_the_walls(make_scene):
         world = build_world(room(make_scene, ceiling), settings_of())
         groups = world.model.geom_group.copy()
         with StereoRenderer(world, settings_of().render, color=True) as renderer:
-            top_down = survey_map(world, renderer)
+            top_down = render_world_map(world, renderer)
         np.testing.assert_array_equal(world.model.geom_group, groups)
         images.append(top_down.image.astype(int))
     u, v = top_down.pixels(np.array([(-1.5, 0.0)]))[0].round().astype(int)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from sim.certificate.verify import Finding, verify
+from sim.dataset.image_codecs import encode_png
 from sim.record import record
 from sim.settings import (
     DriveSettings,
@@ -20,7 +21,6 @@ from sim.world.world import START_S
 from vo.contract.dataset import MANIFEST, read_manifest
 from vo.contract.errors import DatasetError
 from vo.contract.files import read_float, read_grey
-from vo.contract.image_codecs import encode_png
 from vo.contract.readers import open_sequence, read_truth
 
 pytestmark = pytest.mark.gl

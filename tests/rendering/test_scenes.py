@@ -15,7 +15,7 @@ import pytest
 from scenes import SCENES, build_scene
 from scenes.scene import COLLISION_GROUP, IMAGE_GROUP, LABEL_GROUP, Kind, Scene
 from scenes.structures.routes import route_length
-from sim.camera.render import StereoRenderer, Survey
+from sim.camera.render import GeometryBuffers, StereoRenderer
 from sim.settings import RecordSettings
 from sim.world.rover import PREFIX, WHEEL_RADIUS_M
 from sim.world.world import World, build_world
@@ -47,14 +47,14 @@ class Tour:
         scene: As built, with its default options.
         world: With the rover at the start.
         views: STOPS left images, RGB.
-        surveys: Depth and geoms of the same views.
+        geometries: Depth and geoms of the same views.
         nudged: Two grey left images, the second from 2 mm further ahead.
     """
 
     scene: Scene
     world: World
     views: list[Image]
-    surveys: list[Survey]
+    geometries: list[GeometryBuffers]
     nudged: list[Image]
 
     @property
@@ -81,13 +81,13 @@ class Tour:
         tilt = np.radians(settings_of(self.scene.name).rig.tilt_deg)
         return max(0, int((rig.height_px - 1) / 2 - rig.f_px * np.tan(tilt)) + 1)
 
-    def kinds(self, survey: Survey) -> Array:
+    def kinds(self, geometry: GeometryBuffers) -> Array:
         """Kind of every pixel of the left image; SKY where nothing is hit."""
         table = np.zeros(self.model.ngeom + 1, int)
         for k, name in enumerate(self.names):
             if name in self.scene.things:
                 table[k] = self.scene.things[name].kind
-        return table[np.where(survey.geoms_left < 0, self.model.ngeom, survey.geoms_left)]
+        return table[np.where(geometry.geoms_left < 0, self.model.ngeom, geometry.geoms_left)]
 
 
 def settings_of(name: str) -> RecordSettings:
@@ -139,17 +139,17 @@ def tour(request, built_elsewhere) -> Tour:
     scene = build_scene(name, np.random.default_rng(SEED), {})
     world = build_world(scene, settings_of(name))
     views: list[Image] = []
-    surveys: list[Survey] = []
+    geometries: list[GeometryBuffers] = []
     nudged: list[Image] = []
     with StereoRenderer(world, RecordSettings().render, color=True) as renderer:
         for along in np.arange(STOPS) / STOPS:
             stand(world, along)
-            views.append(renderer.paint()[0])
-            surveys.append(renderer.survey())
+            views.append(renderer.render_images()[0])
+            geometries.append(renderer.render_geometry())
         for ahead_m in (0.0, 0.002):
             stand(world, 0.1, ahead_m)
-            nudged.append(cv2.cvtColor(renderer.paint()[0], cv2.COLOR_RGB2GRAY))
-    return Tour(scene, world, views, surveys, nudged)
+            nudged.append(cv2.cvtColor(renderer.render_images()[0], cv2.COLOR_RGB2GRAY))
+    return Tour(scene, world, views, geometries, nudged)
 
 
 def test_the_route_is_closed_long_and_as_gentle_as_it_says(tour):
@@ -289,7 +289,7 @@ def test_objects_are_named_once_and_the_ground_lies_below(tour):
     assert {Kind.GROUND} in kind_of.values()
     moving = {name for name, kinds in kind_of.items() if kinds == {Kind.MOVING}}
     assert bool(moving) == bool(tour.scene.movers)
-    below = np.stack([tour.kinds(survey)[-BLOCK_PX:] for survey in tour.surveys])
+    below = np.stack([tour.kinds(geometry)[-BLOCK_PX:] for geometry in tour.geometries])
     assert np.mean(below == Kind.GROUND) > 0.75
     assert (below != Kind.SKY).all()
 
@@ -300,9 +300,9 @@ def test_the_world_has_no_holes(tour):
     Hairlines remain where surfaces meet that share no vertices.
     """
     first = 0 if "indoor" in tour.scene.tags else min(tour.horizon_row + RIM_PX, 400)
-    for survey in tour.surveys:
-        assert np.isfinite(survey.depth_left_m[-BLOCK_PX:]).all()
-        assert np.mean(np.isnan(survey.depth_left_m[first:])) < 3e-4
+    for geometry in tour.geometries:
+        assert np.isfinite(geometry.depth_left_m[-BLOCK_PX:]).all()
+        assert np.mean(np.isnan(geometry.depth_left_m[first:])) < 3e-4
 
 
 def test_pictures_are_well_exposed(tour):

@@ -13,8 +13,9 @@ import pytest
 import yaml
 
 from sim.certificate.verify import verify
+from sim.dataset.image_codecs import encode_float
+from sim.dataset.sensor_yaml import EXPOSURES
 from sim.record import record
-from sim.sensors.sensor_yaml import EXPOSURES
 from sim.settings import (
     CalibrationSettings,
     DriveSettings,
@@ -30,7 +31,6 @@ from sim.settings import (
 from vo.contract.arrays import Array, Image
 from vo.contract.dataset import MANIFEST, read_manifest
 from vo.contract.files import read_float, read_grey
-from vo.contract.image_codecs import encode_float
 from vo.contract.readers import open_sequence
 
 pytestmark = pytest.mark.gl

@@ -37,7 +37,7 @@ def painted(tmp_path, samples, color):
     )
     world = build_world(build(str(tmp_path / "yard.xml"), settings), settings)
     with StereoRenderer(world, settings.render, color) as renderer:
-        return renderer.paint(), renderer.paint(sky=False)
+        return renderer.render_images(), renderer.render_images(sky=False)
 
 
 @pytest.mark.parametrize("samples", [0, 4])

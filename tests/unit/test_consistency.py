@@ -27,7 +27,7 @@ def drive(tmp_path, seed, belief=1.0, first=0):
         noisy = step @ se3.exp(A @ rng.normal(size=6))
         T_true.append(T_true[-1] @ step)
         T_odom.append(T_odom[-1] @ noisy)
-        P.append(se3.carry_covariance(se3.inverse(noisy), P[-1]) + belief * Q)
+        P.append(se3.transform_covariance(se3.inverse(noisy), P[-1]) + belief * Q)
     estimates = tuple(
         Estimate(int(t), Status.TRACKED if i else Status.START, T, covariance=p,
                  step_covariance=belief * Q if i else np.zeros((6, 6)))

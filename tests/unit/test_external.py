@@ -13,7 +13,7 @@ from trials.estimators.plugins.command import Command
 from trials.estimators.plugins.guard import MOST_CRASHES, Guarded
 from trials.evaluation.runs import read_run
 from vo.contract.errors import SettingsError
-from vo.contract.estimator import Estimate, Hindsight, Status
+from vo.contract.estimator import Estimate, FinalResult, Status
 from vo.contract.sequence import StereoFrame
 from vo.contract.trajectory import Trajectory
 
@@ -83,17 +83,17 @@ def test_what_cannot_be_used_is_lost(answer, reason):
 
 def test_hindsight_passes_through_and_may_fail():
     class Wise(Scripted):
-        def reflect(self):
-            return Hindsight(Trajectory(np.array([3]), np.eye(4)[None]))
+        def finalize(self):
+            return FinalResult(Trajectory(np.array([3]), np.eye(4)[None]))
 
     class Confused(Scripted):
-        def reflect(self):
+        def finalize(self):
             raise RuntimeError("what was it?")
 
-    assert Guarded(Scripted()).reflect() == Hindsight()
-    assert Guarded(Wise()).reflect().trajectory.timestamps_ns.tolist() == [3]
+    assert Guarded(Scripted()).finalize() == FinalResult()
+    assert Guarded(Wise()).finalize().trajectory.timestamps_ns.tolist() == [3]
     guarded = Guarded(Confused())
-    assert guarded.reflect() == Hindsight()
+    assert guarded.finalize() == FinalResult()
     assert guarded.complaint == "RuntimeError: what was it?"
 
 
@@ -242,7 +242,7 @@ class Moody:
         return Estimate(frame.timestamp_ns, Status.TRACKED, np.eye(4))
 
 class Forgetful(Moody):
-    def reflect(self):
+    def finalize(self):
         raise RuntimeError("what was it?")
 """
 
@@ -254,6 +254,6 @@ def test_a_class_that_fails_keeps_what_it_said(dataset, tmp_path, monkeypatch):
     frames = read_run(tmp_path / "a.tum").frames
     assert [x.value for x in frames.status] == ["tracked", "tracked", "lost", "tracked", "tracked"]
     assert frames.reason[2] == "ArithmeticError: mood"
-    with pytest.raises(PluginError, match=r"b.tum is written, but reflect failed: RuntimeError"):
+    with pytest.raises(PluginError, match=r"b.tum is written, but finalize failed: RuntimeError"):
         estimate(Named("moody_vo:Forgetful"), dataset, tmp_path / "b.tum")
     assert len(read_run(tmp_path / "b.tum").trajectory) == FRAMES - 1

@@ -7,10 +7,10 @@ import cv2
 import numpy as np
 import pytest
 
-from sim.camera.auto_exposure import EXPOSURE_MIN_MS, AutoExposure
-from sim.camera.imaging import WELL, Sensor
-from sim.camera.lens import margin_px
-from sim.camera.linear_light import (
+from sim.imaging.auto_exposure import EXPOSURE_MIN_MS, AutoExposure
+from sim.imaging.image_sensor import WELL, Sensor
+from sim.imaging.lens import margin_px
+from sim.imaging.linear_light import (
     LINEAR,
     Encoding,
     Response,
@@ -250,7 +250,7 @@ def run(settings: SensorSettings, radiance: Array, painted_ms: float = 5.0) -> A
         exposure = meter.next()
         light = np.full((1, 1), level * exposure.brightness * exposure.gain, np.float32)
         grey = float(encode(light).mean())
-        meter.see(grey)
+        meter.update(grey)
         rows.append((exposure.time_ms, exposure.gain, grey))
     return np.array(rows)
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from raycast import Ball, Box, Ground, look
 
-from sim.camera.camera import Shot
-from sim.camera.imaging import Sensor
-from sim.camera.resample import sample, sample_variance
-from sim.certificate.certificate import FrameResidual, Judge, certify
+from sim.camera.camera import FrameExposure
+from sim.certificate.certificate import FrameResidual, PhotometricCheck, certify
+from sim.imaging.image_sensor import Sensor
+from sim.imaging.resample import sample, sample_variance
 from sim.labels.labels import (
     class_image,
     disparity_from_depth,
@@ -24,7 +24,7 @@ from vo.contract import se3
 from vo.contract.rig import StereoRig
 
 WIDE = StereoRig(width_px=160, height_px=120, f_px=114, cx_px=79.5, cy_px=59.5, baseline_m=0.09)
-SHOT = Shot(timestamp_ns=0, exposure_ms=0.0, gain=1.0, subframes=1, brightness=1.0)
+SHOT = FrameExposure(timestamp_ns=0, exposure_ms=0.0, gain=1.0, subframes=1, brightness=1.0)
 RIG = StereoRig(width_px=12, height_px=8, f_px=100, cx_px=5.5, cy_px=3.5, baseline_m=0.1)
 
 
@@ -67,7 +67,7 @@ def test_a_shifted_image_leaves_no_residual():
 
 def test_certificate_names_the_worst_frame_and_fails_on_it():
     settings = RecordSettings()
-    judge = Judge(settings, RIG, [Sensor(settings, eye, RIG, RIG) for eye in (0, 1)])
+    judge = PhotometricCheck(settings, RIG, [Sensor(settings, eye, RIG, RIG) for eye in (0, 1)])
     right = np.full((8, 12), 100, dtype=np.uint8)
     disparity_px = np.full((8, 12), 1.0, dtype=np.float32)
     frames = [

@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
-from sim.camera.imaging import Sensor
-from sim.camera.lens import (
+from sim.imaging.image_sensor import Sensor
+from sim.imaging.lens import (
     chip_map,
     chip_margin_px,
     delivered_rig,
@@ -18,7 +18,7 @@ from sim.camera.lens import (
     undistort,
     unknown_rotation,
 )
-from sim.camera.linear_light import decode
+from sim.imaging.linear_light import decode
 from sim.settings import CalibrationSettings, RecordSettings, RigSettings, SensorSettings
 from vo.contract.arrays import Array, Image
 from vo.contract.errors import CalibrationError, SettingsError

@@ -10,7 +10,7 @@ from folders import PERIOD_NS, wall, write_euroc
 
 from trials.evaluation.runs import read_run
 from vo.contract.errors import TrajectoryError
-from vo.contract.estimator import Estimate, Hindsight, Observations, PointMap, Status
+from vo.contract.estimator import Estimate, FinalResult, Observations, PointMap, Status
 from vo.contract.readers import open_sequence
 from vo.contract.trajectory import Trajectory, read_tum
 from vo.runner import run, write_run
@@ -105,7 +105,7 @@ class Reflective(Scripted):
         spread = np.diag(np.arange(1.0, 7.0)) * self.frames
         return replace(estimate, covariance=spread, step_covariance=0.5 * spread)
 
-    def reflect(self):
+    def finalize(self):
         times = PERIOD_NS * np.array([1, 2, 4])
         points = PointMap(
             np.array([7, 9]),
@@ -113,7 +113,7 @@ class Reflective(Scripted):
             np.array([10, 200], np.uint8),
             np.array([3, 12]),
         )
-        return Hindsight(Trajectory(times, np.tile(2 * np.eye(4), (3, 1, 1))), points)
+        return FinalResult(Trajectory(times, np.tile(2 * np.eye(4), (3, 1, 1))), points)
 
 
 def test_what_an_estimator_offers_is_written(tmp_path, dataset):

@@ -82,7 +82,7 @@ def test_frames_go_and_poses_come(installed):
     assert all(x.timings_ms["track"] > 0 for x in estimates)
     assert estimates[2].timestamp_ns == 2 * PERIOD_NS
     process = system._process
-    system.reflect()
+    system.finalize()
     assert process.returncode == 0
 
 

@@ -97,7 +97,7 @@ def test_doubts_in_words():
 def test_hindsight(frames, smooth):
     odometry = StereoOdometry(RIG, settings(keyframe_parallax_px=0, smooth=smooth))
     said = [odometry.track(frame).T_odom_cam for frame in frames]
-    seen = odometry.reflect()
+    seen = odometry.finalize()
     assert len(seen.points.ids) > 20
     if smooth == "none":
         assert seen.trajectory is None

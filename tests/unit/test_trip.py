@@ -118,7 +118,7 @@ def test_states_are_clamped_to_their_ends_and_exact_where_sampled(make_scene):
 
 
 def test_states_cover_every_open_shutter(travel):
-    exposure = ExposureSettings(time_ms=20, line_time_us=20, eye_offset_ms=-5)
+    exposure = ExposureSettings(time_ms=20, line_time_us=20, right_offset_ms=-5)
     settings = RecordSettings(exposure=exposure, drive=SHORT)
     trip = travel(settings)
     half_ns = longest_window_s(settings) / 2 * 1e9

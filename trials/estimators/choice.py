@@ -146,5 +146,5 @@ def estimate(
     result = run(sequence, guarded or estimator, progress)
     write_run(out, result, choice.name, settings, dataset)
     if guarded and guarded.complaint:
-        raise PluginError(f"{out} is written, but reflect failed: {guarded.complaint}")
+        raise PluginError(f"{out} is written, but finalize failed: {guarded.complaint}")
     return result

@@ -140,7 +140,7 @@ def _gained(pair: Pair, covariances: Array, starts: Indices, ends: Indices) -> A
     """NEES (K,) of motions whose covariance is what the pose's has grown by on the way."""
     T_end_start = se3.inverse(pair.T_odom_cam[ends]) @ pair.T_odom_cam[starts]
     growth = [
-        covariances[end] - se3.carry_covariance(T, covariances[start])
+        covariances[end] - se3.transform_covariance(T, covariances[start])
         for T, start, end in zip(T_end_start, starts, ends, strict=True)
     ]
     return normalized(_motion_errors(pair, starts, ends), np.array(growth).reshape(-1, 6, 6))

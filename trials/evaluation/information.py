@@ -62,7 +62,7 @@ def motion_covariance(covariance: Array, T_world_cam: Array, start: int, end: in
     T_end_start = se3.inverse(T_world_cam[end]) @ T_world_cam[start]
     a, b = slice(6 * start, 6 * start + 6), slice(6 * end, 6 * end + 6)
     carried = se3.adjoint(T_end_start) @ covariance[a, b]
-    own = se3.carry_covariance(T_end_start, covariance[a, a])
+    own = se3.transform_covariance(T_end_start, covariance[a, a])
     return covariance[b, b] + own - carried - carried.T
 
 

@@ -82,8 +82,8 @@ def _geometry(scene: str, seed: int) -> list[Row]:
 
 def _depth_and_rays(world: "World", renderer: "StereoRenderer") -> tuple[Array, Array]:
     """Depth label and ray cast (N,) at pixels on a grid that are not at an edge."""
-    survey = renderer.survey()
-    depth, rig = survey.depth_left_m.astype(float), world.render_rig
+    geometry = renderer.render_geometry()
+    depth, rig = geometry.depth_left_m.astype(float), world.render_rig
     v, u = (
         a.ravel()
         for a in np.mgrid[
@@ -169,10 +169,10 @@ def _outlines() -> list[tuple[tuple[str, str], str, str, bool]]:
     world, settings = _boxes()
     misplaced, inspected = 0, 0
     with _rendering(world, settings) as renderer:
-        survey = renderer.survey()
+        geometry = renderer.render_geometry()
     rig = world.render_rig
     v, u = np.mgrid[: rig.height_px, : rig.width_px]
-    for eye, geoms in enumerate((survey.geoms_left, survey.geoms_right)):
+    for eye, geoms in enumerate((geometry.geoms_left, geometry.geoms_right)):
         for name, corners_world in _corners(world).items():
             cam = (np.linalg.inv(world.T_world_cam) @ np.c_[corners_world, np.ones(8)].T).T[:, :3]
             pixels = rig.project(cam - [eye * rig.baseline_m, 0, 0])[:, :2]
@@ -244,7 +244,7 @@ def _corners(world: "World") -> dict[str, Array]:
 def _blur(seed: int) -> list[tuple[tuple[str, str], str, str, bool]]:
     """Compare exposures on the turntable and at rest with one of 64 sub-frames."""
     from sim.camera.exposure import expose, open_shutter
-    from sim.camera.linear_light import Encoding, decode
+    from sim.imaging.linear_light import Encoding, decode
 
     scene = "turntable"
     world, trip, settings = _drive(scene, seed, ["drive.distance_m=6", "exposure.time_ms=20"])
@@ -256,13 +256,13 @@ def _blur(seed: int) -> list[tuple[tuple[str, str], str, str, bool]]:
         for k in [*fast, len(trip) - 1]:
             time_s = trip.timestamps_ns[k] * 1e-9
             world.place(time_s, trip.states.at(world.model, trip.timestamps_ns[k]))
-            survey = renderer.survey()
+            geometry = renderer.render_geometry()
             shutter = open_shutter(settings.exposure, time_s, 0.02, world.render_rig.height_px)
             finest = settings.exposure.model_copy(
                 update={"step_px": 1e-6, "subframes_max": REFERENCE_SUBFRAMES}
             )
-            image, count = expose(world, trip, renderer, settings.exposure, shutter, survey)
-            reference, _ = expose(world, trip, renderer, finest, shutter, survey)
+            image, count = expose(world, trip, renderer, settings.exposure, shutter, geometry)
+            reference, _ = expose(world, trip, renderer, finest, shutter, geometry)
             grey = image[0] if image[0].dtype == np.uint8 else encode(image[0])
             light = reference[0] if reference[0].dtype != np.uint8 else decode(reference[0])
             psnr_db.append(cv2.PSNR(grey, encode(light)))

@@ -11,9 +11,9 @@ import numpy as np
 
 from scenes.scene import IMAGE_GROUP
 from sim.camera.render import BOTH_GROUPS, SPARE_GEOMS
-from sim.camera.rig import CAMERA
 from sim.labels.labels import disparity_from_depth
 from sim.settings import RenderSettings
+from sim.world.rig import CAMERA
 from sim.world.world import World
 from vo.contract.arrays import Array, Image
 from vo.contract.rig import StereoRig

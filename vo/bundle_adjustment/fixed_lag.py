@@ -164,7 +164,7 @@ class FixedLag:
     def _inherited(self, T_odom_cam: Array) -> Array:
         """What the first keyframe's covariance becomes at (K, 4, 4) poses: (K, 6, 6)."""
         T_cam_first = se3.inverse(T_odom_cam) @ self._T_odom_first
-        return np.array([se3.carry_covariance(T, self._covariance) for T in T_cam_first])
+        return np.array([se3.transform_covariance(T, self._covariance) for T in T_cam_first])
 
     def _poses(self, serials: list[int]) -> Array:
         estimate = self._smoother.calculateEstimate()

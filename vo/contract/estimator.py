@@ -58,7 +58,7 @@ class PointMap:
 
 
 @dataclass(frozen=True)
-class Hindsight:
+class FinalResult:
     """What an estimator knows at the end of a sequence.
 
     Attributes:
@@ -112,9 +112,9 @@ class Estimator(Protocol):
 
 
 @runtime_checkable
-class Reflecting(Protocol):
+class Finalizing(Protocol):
     """An estimator that has something to say when the sequence is over."""
 
-    def reflect(self) -> Hindsight:
+    def finalize(self) -> FinalResult:
         """Look back, after the last frame."""
         ...

@@ -48,7 +48,7 @@ def adjoint(T_a_b: Array) -> Array:
     return np.block([[R, skew(T_a_b[:3, 3]) @ R], [np.zeros((3, 3)), R]])
 
 
-def carry_covariance(T_a_b: Array, covariance_b: Array) -> Array:
+def transform_covariance(T_a_b: Array, covariance_b: Array) -> Array:
     """Covariance (6, 6) of a tangent in frame b, seen from frame a that moves rigidly with it."""
     Ad = adjoint(T_a_b)
     return Ad @ covariance_b @ Ad.T

@@ -155,7 +155,7 @@ class LocalMap:
 
         def carried(k: Keyframe) -> Keyframe:
             T = T_new_old @ k.T_odom_cam
-            spread = se3.carry_covariance(se3.inverse(T) @ last, covariance)
+            spread = se3.transform_covariance(se3.inverse(T) @ last, covariance)
             return replace(k, T_odom_cam=T, covariance=spread)
 
         points = se3.transform(T_new_old, self.landmarks.points_odom)

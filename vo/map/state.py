@@ -63,7 +63,7 @@ class Journey:
             (6, 6) covariance of the step from the last pose.
         """
         T_now_before = se3.inverse(T_odom_cam) @ self.T_odom_cam
-        step = se3.carry_covariance(T_now_before, self.spread) + spread
+        step = se3.transform_covariance(T_now_before, self.spread) + spread
         self.T_before_now, self.T_odom_cam = se3.inverse(T_now_before), T_odom_cam
         self.spread, self.lost_frames, self.last_ns = spread, 0, view.frame.timestamp_ns
         keyframe = self.map.keyframes[-1]
@@ -144,4 +144,4 @@ class Journey:
 def _after(local_map: LocalMap, T_odom_cam: Array, spread: Array) -> Array:
     keyframe = local_map.keyframes[-1]
     T_cam_keyframe = se3.inverse(T_odom_cam) @ keyframe.T_odom_cam
-    return se3.carry_covariance(T_cam_keyframe, keyframe.covariance) + spread
+    return se3.transform_covariance(T_cam_keyframe, keyframe.covariance) + spread

@@ -10,18 +10,18 @@ from vo.bundle_adjustment.problem import DETERMINED, Sight, collect
 from vo.config import RefinementSettings
 from vo.contract import se3
 from vo.contract.arrays import Indices
-from vo.contract.estimator import Hindsight
+from vo.contract.estimator import FinalResult
 from vo.contract.rig import StereoRig
 from vo.map.run_history import History
 
 
-def look_back(history: History, rig: StereoRig, settings: RefinementSettings) -> Hindsight:
+def look_back(history: History, rig: StereoRig, settings: RefinementSettings) -> FinalResult:
     """The smoothed trajectory, if one is wanted, and the map that belongs to it."""
     if settings.smooth == "none":
-        return Hindsight(None, history.points)
+        return FinalResult(None, history.points)
     if settings.smooth == "global":
         history = refine_all(history, rig, settings)
-    return Hindsight(history.smoothed, history.points)
+    return FinalResult(history.smoothed, history.points)
 
 
 def refine_all(history: History, rig: StereoRig, settings: RefinementSettings) -> History:

@@ -144,4 +144,4 @@ def _carried(oldest: Keyframe, keyframe: Keyframe, T_odom_cam: Array, relative: 
     if not relative.any():  # it was not refined
         return keyframe.covariance
     T_cam_oldest = se3.inverse(T_odom_cam) @ oldest.T_odom_cam
-    return se3.carry_covariance(T_cam_oldest, oldest.covariance) + relative
+    return se3.transform_covariance(T_cam_oldest, oldest.covariance) + relative

@@ -6,7 +6,7 @@ import numpy as np
 
 from trials.estimators.plugins import PluginError
 from vo.contract.arrays import Array
-from vo.contract.estimator import Estimate, Estimator, Hindsight, Reflecting, Status
+from vo.contract.estimator import Estimate, Estimator, Finalizing, FinalResult, Status
 from vo.contract.sequence import StereoFrame
 
 MOST_CRASHES = 20
@@ -21,7 +21,7 @@ class Guarded:
 
     Attributes:
         crashes: Frames that were lost this way.
-        complaint: What `reflect` raised; empty if nothing.
+        complaint: What `finalize` raised; empty if nothing.
     """
 
     def __init__(self, estimator: Estimator) -> None:
@@ -51,15 +51,15 @@ class Guarded:
         self._in_a_row = 0
         return estimate
 
-    def reflect(self) -> Hindsight:
-        """Hindsight of the estimator; nothing if it has none or fails."""
-        if not isinstance(self._estimator, Reflecting):
-            return Hindsight()
+    def finalize(self) -> FinalResult:
+        """FinalResult of the estimator; nothing if it has none or fails."""
+        if not isinstance(self._estimator, Finalizing):
+            return FinalResult()
         try:
-            return self._estimator.reflect()
+            return self._estimator.finalize()
         except Exception as error:
             self.complaint = _told(error)
-            return Hindsight()
+            return FinalResult()
 
 
 def _checked(estimate: Any, frame: StereoFrame) -> Estimate:

@@ -21,7 +21,7 @@ import numpy as np
 
 from trials.estimators.plugins import PluginError
 from trials.estimators.systems.environments import python_of
-from vo.contract.estimator import Estimate, Hindsight, Status
+from vo.contract.estimator import Estimate, FinalResult, Status
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
 from vo.contract.trajectory import NS_PER_S
@@ -74,10 +74,10 @@ class Elsewhere:
         self._started = True
         return Estimate(time, status, T_odom_cam, timings_ms=timings)
 
-    def reflect(self) -> Hindsight:
+    def finalize(self) -> FinalResult:
         """End the worker; nothing is added."""
         self._end()
-        return Hindsight()
+        return FinalResult()
 
     def _tell(self, header: Mapping[str, Any], *blocks: bytes) -> None:
         assert self._process.stdin

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from sim.camera.camera import Capture, Shot, StereoCamera
+from sim.camera.camera import Capture, FrameExposure, StereoCamera
 from sim.camera.exposure import mean_brightness, open_shutter
-from sim.camera.lens import delivered_rig
-from sim.camera.render import StereoRenderer, Survey
+from sim.camera.render import GeometryBuffers, StereoRenderer
+from sim.imaging.lens import delivered_rig
 from sim.settings import RecordSettings
 from sim.world.random_streams import stream
 from sim.world.trip import Motions, Trip
@@ -18,7 +18,7 @@ from vo.contract.arrays import Array, Image
 from vo.contract.rig import StereoRig
 
 NONE: Array = np.zeros((0, 0))
-UNSEEN = Survey(NONE, NONE, NONE, NONE)
+UNSEEN = GeometryBuffers(NONE, NONE, NONE, NONE)
 """Depth and identity are not asked for unless the shutter stays open."""
 
 
@@ -74,7 +74,7 @@ class Eyes:
         self._times_ns[index] = simulation.moment.time_ns
         capture = self._expose(simulation, index)
         if kept or self._last is None:
-            self._last = self._camera.develop(capture).rectified
+            self._last = self._camera.form_images(capture).rectified
             return self._last
         left, right = self._last
         return left.copy(), right.copy()
@@ -107,8 +107,8 @@ class Eyes:
             self._settings.exposure, time_ns * 1e-9, 0.0, world.render_rig.height_px
         )
         brightness = mean_brightness(world, shutter)
-        shot = Shot(time_ns, 0.0, 1.0, 1, float(brightness.mean()))
-        light = self.renderer.paint()
+        shot = FrameExposure(time_ns, 0.0, 1.0, 1, float(brightness.mean()))
+        light = self.renderer.render_images()
         return Capture(
             index, shot, light, brightness, UNSEEN, world.T_world_cam, world.T_world_bodies
         )

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from sim.sensors.inertial import ideal_readings
-from sim.sensors.sensor_yaml import T_body_imu
-from sim.sensors.tables import GRAVITY_MPS2
+from sim.dataset.sensor_yaml import T_body_imu
+from sim.sensors.inertial import GRAVITY_MPS2, ideal_readings
 from sim.settings import ImuSettings
 from sim.world.trip import body_motion
 from sim.world.world import World

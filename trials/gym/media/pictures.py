@@ -7,7 +7,7 @@ from PIL import Image as Pillow
 from PIL import ImageDraw, ImageFont
 
 from sim.preview.chase_camera import SIDE_DEG, chase_camera
-from sim.preview.overhead_map import TopDownMap, survey_map
+from sim.preview.overhead_map import TopDownMap, render_world_map
 from trials.gym.env.tasks import Explore, Task
 from trials.gym.world.scene_instance import Site
 from vo.contract.arrays import Array, Image
@@ -26,7 +26,7 @@ class Painter:
     def __init__(self, site: Site) -> None:
         self._site = site
         site.simulation.world.place_bodies()
-        whole = survey_map(site.simulation.world, site.eyes.renderer)
+        whole = render_world_map(site.simulation.world, site.eyes.renderer)
         self._map = _fitted(whole, PANEL_PX)
         self._font = ImageFont.truetype(font_manager.findfont("DejaVu Sans"), 14)
 
@@ -45,7 +45,7 @@ class Painter:
         world = site.simulation.world
         world.place_bodies()
         renderer = site.eyes.renderer
-        chase = renderer.picture(chase_camera(world, SIDE_DEG), *PANEL_PX)
+        chase = renderer.render_view(chase_camera(world, SIDE_DEG), *PANEL_PX)
         panels = np.hstack([chase, self._from_above(trace, task)])
         strip = Pillow.new("RGB", (panels.shape[1], CAPTION_PX), CAPTION)
         draw = ImageDraw.Draw(strip)

@@ -126,7 +126,7 @@ def _draw(share: float) -> float:
     only = np.arange(len(trip)) == round(share * (len(trip) - 1))
     start_s = process_time()
     (capture,) = _studio.camera.captures(replace(trip, delivered=only), _studio.renderer)
-    _studio.camera.develop(capture)
+    _studio.camera.form_images(capture)
     return 1e3 * (process_time() - start_s)
 
 

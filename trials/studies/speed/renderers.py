@@ -123,8 +123,8 @@ def _draw_ours(shares: list[float]) -> list[tuple[float, Image]]:
     for share in shares:
         _stand.place(share)
         start = perf_counter()
-        left, _ = _stand.renderer.paint()
-        _stand.renderer.survey()
+        left, _ = _stand.renderer.render_images()
+        _stand.renderer.render_geometry()
         drawn.append((1e3 * (perf_counter() - start), left))
     return drawn
 

@@ -7,7 +7,7 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from sim.camera.lens import (
+from sim.imaging.lens import (
     blur_px,
     chip_map,
     chip_margin_px,
@@ -15,8 +15,8 @@ from sim.camera.lens import (
     picture_map,
     unknown_rotation,
 )
-from sim.camera.linear_light import Encoding, Response, levels_to_light, light_to_levels
-from sim.camera.resample import sample, sample_variance
+from sim.imaging.linear_light import Encoding, Response, levels_to_light, light_to_levels
+from sim.imaging.resample import sample, sample_variance
 from sim.settings import RecordSettings
 from vo.contract.arrays import Array, Image
 from vo.contract.rig import StereoRig
@@ -88,7 +88,7 @@ class Sensor:
             light = light * amplified
         if not self.is_noisy:
             return self._encoding(light)
-        return self._encoding.develop(light, *self._variances(gain), rng)
+        return self._encoding.encode_noisy(light, *self._variances(gain), rng)
 
     def encode(self, light: Array) -> Image:
         """Grey levels, uint8, without noise, lens and fall-off, for metering.

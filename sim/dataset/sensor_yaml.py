@@ -13,7 +13,7 @@ from vo.contract import se3
 from vo.contract.arrays import Array
 from vo.contract.rig import StereoRig
 
-EYES = "left", "right"
+SIDES = "left", "right"
 EXPOSURES = "mav0/cam0/exposure.csv"
 """Table of how each frame was exposed."""
 FLOAT, CODES, FLOAT_3 = (
@@ -124,7 +124,7 @@ def raw_camera_sheet(
     rig: StereoRig, rate_hz: float, eye: int, sensor: SensorSettings
 ) -> dict[str, Any]:
     """Describe the camera before rectification: the same pinhole behind a lens that distorts."""
-    sheet = camera_sheet(rig, rate_hz, eye, f"{EYES[eye]} eye as it leaves the sensor, distorted")
+    sheet = camera_sheet(rig, rate_hz, eye, f"{SIDES[eye]} eye as it leaves the sensor, distorted")
     coefficients = [sensor.k1, sensor.k2, sensor.p1, sensor.p2]
     return {**sheet, "distortion_coefficients": coefficients}
 

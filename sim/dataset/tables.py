@@ -4,14 +4,11 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from sim.camera.camera import Shot
-from sim.camera.lens import is_distorting
-from sim.labels.annotate import FORWARD
-from sim.sensors.inertial import ImuReadings, ideal_readings, imu_states, with_noise
-from sim.sensors.sensor_yaml import (
+from sim.camera.camera import FrameExposure
+from sim.dataset.sensor_yaml import (
     EXPOSURES,
-    EYES,
     LABELS,
+    SIDES,
     T_body_imu,
     camera_sheet,
     contact_sheet,
@@ -21,6 +18,9 @@ from sim.sensors.sensor_yaml import (
     truth_sheet,
     wheels_sheet,
 )
+from sim.imaging.lens import is_distorting
+from sim.labels.annotate import FORWARD
+from sim.sensors.inertial import GRAVITY_MPS2, ImuReadings, ideal_readings, imu_states, with_noise
 from sim.settings import RecordSettings
 from sim.world.random_streams import stream
 from sim.world.trip import Trip
@@ -29,7 +29,6 @@ from vo.contract.arrays import Array, Indices
 from vo.contract.dataset import TRUTH, DatasetWriter
 from vo.contract.rig import StereoRig
 
-GRAVITY_MPS2: Array = np.array([0.0, 0.0, -9.81])
 IMAGE_COLUMNS = ("timestamp [ns]", "filename")
 EXPOSURE_COLUMNS = (
     "timestamp [ns]",
@@ -61,7 +60,7 @@ def write_cameras(
     """Write what describes the images and labels."""
     rate_hz = settings.rig.rate_hz
     times = trip.timestamps_ns[trip.delivered].tolist()
-    for eye, name in enumerate(EYES):
+    for eye, name in enumerate(SIDES):
         comment = f"{name} eye of a rectified pair, pixel centres on integers"
         sheets = {f"cam{eye}": camera_sheet(delivered, rate_hz, eye, comment)}
         if is_distorting(settings.sensor):
@@ -79,7 +78,7 @@ def write_cameras(
             _list_files(writer, form.folder, listed, form.suffix)
 
 
-def write_exposures(writer: DatasetWriter, shots: Sequence[Shot]) -> None:
+def write_exposures(writer: DatasetWriter, shots: Sequence[FrameExposure]) -> None:
     """Write how each frame was exposed."""
     rows = ((s.timestamp_ns, s.exposure_ms, s.gain, s.subframes, s.brightness) for s in shots)
     writer.add_csv(EXPOSURES, EXPOSURE_COLUMNS, rows)

@@ -66,7 +66,9 @@ class Encoding:
         _encode(_flat(light), self._edges, self._first, out.reshape(-1))
         return out
 
-    def develop(self, light: Array, shot: float, floor: float, rng: np.random.Generator) -> Image:
+    def encode_noisy(
+        self, light: Array, shot: float, floor: float, rng: np.random.Generator
+    ) -> Image:
         """Add normal noise of variance shot * light + floor to light and encode it.
 
         Args:
@@ -78,7 +80,7 @@ class Encoding:
         out = np.empty(light.shape, np.uint8)
         drawn = rng.integers(0, QUANTILES, light.size, dtype=np.uint16)
         noise = np.float32(shot), np.float32(floor), drawn, normal_quantiles()
-        _develop(_flat(light), *noise, self._edges, self._first, out.reshape(-1))
+        _encode_noisy(_flat(light), *noise, self._edges, self._first, out.reshape(-1))
         return out
 
 
@@ -113,7 +115,7 @@ def _encode(light: Array, edges: Array, first: Array, out: Image) -> None:
 
 
 @numba.njit(cache=True, nogil=True)
-def _develop(
+def _encode_noisy(
     light: Array,
     shot: np.float32,
     floor: np.float32,

@@ -9,14 +9,11 @@ import mujoco
 import numpy as np
 
 from scenes.scene import Thing
-from sim.camera.lens import unknown_rotation
-from sim.preview.overhead_map import TopDownMap
+from sim.imaging.lens import unknown_rotation
 from sim.settings import RecordSettings
 from sim.world.trip import Trip
 from sim.world.world import World
 from vo.contract.rig import StereoRig
-
-MAP = "map.png"
 
 CONVENTIONS = {
     "transforms": "T_a_b maps coordinates of frame b to frame a: p_a = T_a_b p_b",
@@ -40,7 +37,7 @@ def manifest(
     delivered: StereoRig,
     trip: Trip,
     things: Sequence[Thing],
-    top_down: TopDownMap,
+    map_entry: dict[str, Any],
     gl: dict[str, str],
     certificate: dict[str, Any],
 ) -> dict[str, Any]:
@@ -52,7 +49,7 @@ def manifest(
         delivered: Calibration in the sensor.yaml files.
         trip: What the carrier did.
         things: Objects by their number in the segmentation, from 1 on.
-        top_down: The picture in MAP.
+        map_entry: File and scale of the overhead map.
         gl: Vendor, renderer and version.
         certificate: From `certify`.
     """
@@ -76,14 +73,7 @@ def manifest(
             **_rig(world.rig),
             "R_nominal_right": unknown_rotation(settings.calibration).tolist(),
         },
-        "map": {
-            "file": MAP,
-            "x_min_m": top_down.x_min_m,
-            "y_max_m": top_down.y_max_m,
-            "metres_per_px": top_down.metres_per_px,
-            "world_to_pixel": "u = (x - x_min_m) / metres_per_px - 0.5; "
-            "v = (y_max_m - y) / metres_per_px - 0.5",
-        },
+        "map": map_entry,
         "things": [
             {"id": k, "name": thing.name, "class": thing.kind.name.lower()}
             for k, thing in enumerate(things, start=1)

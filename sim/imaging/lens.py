@@ -11,7 +11,7 @@ import math
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from sim.camera.resample import TAPS_PX
+from sim.imaging.resample import TAPS_PX
 from sim.settings import CalibrationSettings, RecordSettings, SensorSettings
 from vo.contract.arrays import Array
 from vo.contract.errors import SettingsError

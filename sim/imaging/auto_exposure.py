@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.camera.linear_light import levels_to_light
+from sim.imaging.linear_light import levels_to_light
 from sim.settings import SensorSettings
 
 EXPOSURE_MIN_MS = 0.02
@@ -60,7 +60,7 @@ class AutoExposure:
         self._taken.append(self._ahead.popleft())
         return self._taken[-1]
 
-    def see(self, mean_grey: float) -> None:
+    def update(self, mean_grey: float) -> None:
         """Answer to the oldest picture that was not seen yet.
 
         Args:

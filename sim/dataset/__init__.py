@@ -1,0 +1,1 @@
+"""Files of a dataset: sensor descriptions, tables, manifest and image codecs."""

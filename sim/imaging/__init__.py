@@ -1,0 +1,1 @@
+"""Image formation: lens, image sensor, automatic exposure and resampling."""
