@@ -10,6 +10,7 @@ from scipy import linalg, sparse
 
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices
+from vo.contract.projection import point_jacobian
 from vo.contract.rig import StereoRig
 
 
@@ -74,11 +75,7 @@ def _derivatives(
     T_cam_world = se3.inverse(T_world_cam)[camera]
     R = T_cam_world[:, :3, :3]
     points_cam = np.einsum("mij,mj->mi", R, points_world[point]) + T_cam_world[:, :3, 3]
-    x, y, z = points_cam.T
-    slope = np.zeros((len(camera), 3, 3))  # of u, v and disparity by the point in the camera
-    slope[:, 0, 0] = slope[:, 1, 1] = 1
-    slope[:, :, 2] = np.column_stack([-x / z, -y / z, np.full(len(z), -rig.baseline_m) / z])
-    slope *= (rig.f_px / z)[:, None, None] / sigma[:, :, None]
+    slope = point_jacobian(points_cam, sigma, rig)
     by_turn = slope @ se3.skew(points_cam)
     return np.concatenate([-slope, by_turn], axis=2), slope @ R
 

@@ -11,8 +11,9 @@ What all landmarks err alike by, for a stretch of the way, no residual shows.
 import numba
 import numpy as np
 
-from vo.bundle_adjustment.schur import derivatives, invert, whitened
+from vo.bundle_adjustment.schur import invert
 from vo.contract.arrays import Array, Indices
+from vo.contract.projection import stereo_jacobians, stereo_residual
 
 
 @numba.njit(cache=True)
@@ -34,8 +35,10 @@ def shares(
         V[:], pull[:] = 0.0, 0.0
         for m in range(first[j], first[j + 1]):
             i = camera[m]
-            whitened(rotations[i], centres[i], points[j], measured[m], weight[m], intrinsics, r)
-            derivatives(rotations[i], centres[i], points[j], weight[m], intrinsics, F, E)
+            stereo_residual(
+                rotations[i], centres[i], points[j], measured[m], weight[m], intrinsics, r
+            )
+            stereo_jacobians(rotations[i], centres[i], points[j], weight[m], intrinsics, F, E)
             for p in range(3):
                 for k in range(3):
                     pull[p] += E[k, p] * r[k]
@@ -48,8 +51,10 @@ def shares(
             s = slot[i]
             if s < 0:
                 continue
-            whitened(rotations[i], centres[i], points[j], measured[m], weight[m], intrinsics, r)
-            derivatives(rotations[i], centres[i], points[j], weight[m], intrinsics, F, E)
+            stereo_residual(
+                rotations[i], centres[i], points[j], measured[m], weight[m], intrinsics, r
+            )
+            stereo_jacobians(rotations[i], centres[i], points[j], weight[m], intrinsics, F, E)
             for k in range(3):
                 left = r[k] + E[k, 0] * moved[0] + E[k, 1] * moved[1] + E[k, 2] * moved[2]
                 for p in range(6):
@@ -80,8 +85,8 @@ def camera_shares(
     B, g = np.zeros((6, 6)), np.empty(6)
     r, F, E = np.empty(3), np.empty((3, 6)), np.empty((3, 3))
     for j in range(len(points)):
-        whitened(R, t, points[j], measured[j], weight[j], intrinsics, r)
-        derivatives(R, t, points[j], weight[j], intrinsics, F, E)
+        stereo_residual(R, t, points[j], measured[j], weight[j], intrinsics, r)
+        stereo_jacobians(R, t, points[j], weight[j], intrinsics, F, E)
         for p in range(6):
             g[p] = F[0, p] * r[0] + F[1, p] * r[1] + F[2, p] * r[2]
         for p in range(6):

@@ -13,9 +13,7 @@ import numba
 import numpy as np
 
 from vo.contract.arrays import Array, Indices
-
-NEAREST_M = 1e-3
-"""Points are kept this far in front of a camera while a pose is tried."""
+from vo.contract.projection import stereo_jacobians, stereo_residual
 
 POINT_STEPS = 4
 CONVERGED = 1e-7
@@ -24,56 +22,6 @@ CONVERGED = 1e-7
 FREE = 1e-9
 """Share of a point's information that is added to each diagonal entry: a point that is seen too
 little to be determined stays where it is along what nobody saw."""
-
-
-@numba.njit(cache=True, error_model="numpy")
-def whitened(
-    R: Array, t: Array, point: Array, measured: Array, weight: Array, intrinsics: Array, out: Array
-) -> None:
-    """Write the (u, v, disparity) residual of a point seen by one camera, in sigmas: (3,)."""
-    fx, fy, cx, cy, fb = intrinsics
-    x, y, z = _seen_from(R, t, point)
-    out[0] = weight[0] * (fx * x / z + cx - measured[0])
-    out[1] = weight[1] * (fy * y / z + cy - measured[1])
-    out[2] = weight[2] * (fb / z - measured[2])
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _seen_from(R: Array, t: Array, point: Array) -> tuple[float, float, float]:
-    """The point in the camera's frame, where R, t is the camera in the world."""
-    dx, dy, dz = point[0] - t[0], point[1] - t[1], point[2] - t[2]
-    x = R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz
-    y = R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz
-    z = R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz
-    return x, y, max(z, NEAREST_M)
-
-
-@numba.njit(cache=True, error_model="numpy")
-def derivatives(
-    R: Array, t: Array, point: Array, weight: Array, intrinsics: Array, by_camera: Array,
-    by_point: Array,
-) -> None:  # fmt: skip
-    """Write d residual / d camera tangent (w, v), (3, 6), and / d point, (3, 3)."""
-    fx, fy, _, _, fb = intrinsics
-    x, y, z = _seen_from(R, t, point)
-    # Rows (a, 0, c), (0, b, d), (0, 0, e) of d residual / d point in the camera's frame.
-    a, b, e = weight[0] * fx / z, weight[1] * fy / z, -weight[2] * fb / (z * z)
-    c, d = -a * x / z, -b * y / z
-    # The camera moves by (w, v) in its own frame: d point = point x w - v.
-    _fill_row(by_camera[0], by_point[0], R, a, 0.0, c, x, y, z)
-    _fill_row(by_camera[1], by_point[1], R, 0.0, b, d, x, y, z)
-    _fill_row(by_camera[2], by_point[2], R, 0.0, 0.0, e, x, y, z)
-
-
-@numba.njit(cache=True, inline="always", error_model="numpy")
-def _fill_row(
-    by_camera: Array, by_point: Array, R: Array, a: float, b: float, c: float, x: float, y: float,
-    z: float,
-) -> None:  # fmt: skip
-    by_camera[0], by_camera[1], by_camera[2] = b * z - c * y, c * x - a * z, a * y - b * x
-    by_camera[3], by_camera[4], by_camera[5] = -a, -b, -c
-    for k in range(3):
-        by_point[k] = a * R[k, 0] + b * R[k, 1] + c * R[k, 2]
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -86,7 +34,7 @@ def robust_weights(
     r = np.empty(3)
     for m in range(len(camera)):
         i, j = camera[m], point[m]
-        whitened(rotations[i], centres[i], points[j], measured[m], weight[m], intrinsics, r)
+        stereo_residual(rotations[i], centres[i], points[j], measured[m], weight[m], intrinsics, r)
         size = np.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
         if size > huber:
             for k in range(3):
@@ -137,8 +85,10 @@ def reduce(
         V[:], b[:] = 0.0, 0.0
         for m in range(first[j], first[j + 1]):
             i, n = camera[m], m - first[j]
-            whitened(rotations[i], centres[i], solved[j], measured[m], weight[m], intrinsics, r)
-            derivatives(rotations[i], centres[i], solved[j], weight[m], intrinsics, F, E)
+            stereo_residual(
+                rotations[i], centres[i], solved[j], measured[m], weight[m], intrinsics, r
+            )
+            stereo_jacobians(rotations[i], centres[i], solved[j], weight[m], intrinsics, F, E)
             cost += 0.5 * (r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
             if size == 0:
                 continue
@@ -209,8 +159,8 @@ def _solve_point(
         cost = 0.0
         for m in range(start, end):
             i = camera[m]
-            whitened(rotations[i], centres[i], point, measured[m], weight[m], intrinsics, r)
-            derivatives(rotations[i], centres[i], point, weight[m], intrinsics, F, E)
+            stereo_residual(rotations[i], centres[i], point, measured[m], weight[m], intrinsics, r)
+            stereo_jacobians(rotations[i], centres[i], point, weight[m], intrinsics, F, E)
             cost += r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
             for p in range(3):
                 for q in range(3):
@@ -226,7 +176,9 @@ def _solve_point(
             new_cost = 0.0
             for m in range(start, end):
                 i = camera[m]
-                whitened(rotations[i], centres[i], tried, measured[m], weight[m], intrinsics, r)
+                stereo_residual(
+                    rotations[i], centres[i], tried, measured[m], weight[m], intrinsics, r
+                )
                 new_cost += r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
             if new_cost <= cost:
                 better = True
@@ -265,8 +217,8 @@ def camera_normal(
     H, g, cost = np.zeros((6, 6)), np.zeros(6), 0.0
     r, F, E = np.empty(3), np.empty((3, 6)), np.empty((3, 3))
     for j in range(len(points)):
-        whitened(R, t, points[j], measured[j], weight[j], intrinsics, r)
-        derivatives(R, t, points[j], weight[j], intrinsics, F, E)
+        stereo_residual(R, t, points[j], measured[j], weight[j], intrinsics, r)
+        stereo_jacobians(R, t, points[j], weight[j], intrinsics, F, E)
         cost += 0.5 * (r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
         for p in range(6):
             g[p] += F[0, p] * r[0] + F[1, p] * r[1] + F[2, p] * r[2]
@@ -284,7 +236,7 @@ def all_residuals(
     residuals = np.empty((len(camera), 3))
     for m in range(len(camera)):
         i, j = camera[m], point[m]
-        whitened(
+        stereo_residual(
             rotations[i], centres[i], points[j], measured[m], weight[m], intrinsics, residuals[m]
         )
     return residuals

@@ -8,6 +8,7 @@ import numba
 import numpy as np
 
 from vo.contract.arrays import Array, Indices
+from vo.contract.projection import compiled_image_jacobian
 
 SINGULAR = 1e-13
 """Share of a diagonal element that elimination must leave of it."""
@@ -51,8 +52,9 @@ def normal_equations(
     for row in rows:
         a, b, inverse_z = project(points_odom[row], pose)
         ru, rv = a - rays[row, 0], b - rays[row, 1]
-        du[0], du[1], du[2], du[3], du[5] = a * b, -1 - a * a, b, -inverse_z, a * inverse_z
-        dv[0], dv[1], dv[2], dv[4], dv[5] = 1 + b * b, -a * b, -a, -inverse_z, b * inverse_z
+        for_u, for_v = compiled_image_jacobian(a, b, inverse_z)
+        du[0], du[1], du[2], du[3], du[4], du[5] = for_u
+        dv[0], dv[1], dv[2], dv[3], dv[4], dv[5] = for_v
         weight = 1.0 if weights is None else weights[row]
         for i in range(6):
             gradient[i] += weight * (du[i] * ru + dv[i] * rv)

@@ -16,6 +16,7 @@ import numpy as np
 
 from vo.contract import se3
 from vo.contract.arrays import Array, Image
+from vo.contract.projection import image_jacobian
 from vo.contract.rig import StereoRig
 
 WIDTHS_PX = (20, 40)
@@ -85,9 +86,8 @@ class _Small:
     def jacobian(self) -> Array:
         """(h w, 3) by how much the standardised image changes if its rays turn."""
         down, across = np.gradient(self.grey / max(float(self.grey.std()), LEAST_CONTRAST))
-        x, y, one = self.rays.T
-        du = np.column_stack([-x * y, one + x * x, -y])
-        dv = np.column_stack([-one - y * y, x * y, x])
+        # Rays turn against the camera.
+        du, dv = (-np.column_stack(row[:3]) for row in image_jacobian(*self.rays.T))
         return self.f_px * (across.reshape(-1, 1) * du + down.reshape(-1, 1) * dv)
 
     def align(self, new: "_Small", R_new_old: Array) -> tuple[float, Array]:

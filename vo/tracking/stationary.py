@@ -13,6 +13,7 @@ import numpy as np
 
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices
+from vo.contract.projection import image_jacobian
 from vo.contract.rig import StereoRig
 from vo.tracking.association import Matches
 
@@ -178,14 +179,14 @@ def motion_evidence(points_cam: Array, flow_px: Array, rig: StereoRig, along: Ar
         along: (6, K) tangents of the motions that are thought of.
 
     Source:
-        Analysis of variance, after least absolute deviations by reweighting; image Jacobian
-        after Longuet-Higgins and Prazdny, 1980.
+        Analysis of variance, after least absolute deviations by reweighting.
     """
     x, y = (points_cam[:, :2] / points_cam[:, 2:]).T
-    near, none = 1 / points_cam[:, 2], np.zeros(len(points_cam))
-    across = np.column_stack([-near, none, x * near, x * y, -1 - x * x, y])
-    down = np.column_stack([none, -near, y * near, 1 + y * y, -x * y, -x])
-    jacobian = rig.f_px * np.stack([across, down], axis=1) @ along  # (N, 2, K)
+    rows = [  # from (w, v) to (v, w)
+        np.column_stack(np.broadcast_arrays(*row[3:], *row[:3]))
+        for row in image_jacobian(x, y, 1 / points_cam[:, 2])
+    ]
+    jacobian = rig.f_px * np.stack(rows, axis=1) @ along  # (N, 2, K)
     weight, noise_px, left_px = np.ones(len(flow_px)), 0.0, flow_px
     for _ in range(ROUNDS):
         weighted = jacobian * weight[:, None, None]

@@ -1,0 +1,127 @@
+"""How a rectified stereo pair sees a point, and how that changes with the point and the camera.
+
+Tangents move the camera in its own frame. Compiled code orders them (w, v), rotation first, as
+GTSAM's Pose3 does.
+"""
+
+from typing import Any
+
+import numba
+import numpy as np
+
+from vo.contract.arrays import Array
+from vo.contract.rig import StereoRig
+
+MIN_DEPTH_M = 1e-3
+"""Smallest depth of a point in a compiled projection, while a pose is tried."""
+
+Row = tuple[Any, Any, Any, Any, Any, Any]
+"""Six numbers, or six arrays (N,): derivatives by the tangent (w, v)."""
+
+
+def image_jacobian(x: Any, y: Any, inverse_z: Any) -> tuple[Row, Row]:
+    """Differentiate normalised image coordinates by the camera's tangent (w, v).
+
+    Works on numbers, also compiled, and on arrays (N,).
+
+    Args:
+        x: x / z of the point in the camera frame.
+        y: y / z.
+        inverse_z: 1 / z, one over metres.
+
+    Returns:
+        The derivatives of x and those of y, per radian and per metre.
+
+    Source:
+        Longuet-Higgins and Prazdny, The interpretation of a moving retinal image, 1980.
+    """
+    return (
+        (x * y, -1 - x * x, y, -inverse_z, 0.0, x * inverse_z),
+        (1 + y * y, -x * y, -x, 0.0, -inverse_z, y * inverse_z),
+    )
+
+
+compiled_image_jacobian = numba.njit(cache=True, inline="always", error_model="numpy")(
+    image_jacobian
+)
+
+
+def point_jacobian(points_cam: Array, sigma: Array, rig: StereoRig) -> Array:
+    """Differentiate u, v and disparity, in sigmas, by the point in the camera frame.
+
+    Args:
+        points_cam: (N, 3) metres.
+        sigma: (N, 3) standard deviations of u, v and disparity, pixels; may be infinite.
+        rig: Rectified pair.
+
+    Returns:
+        (N, 3, 3), per metre.
+    """
+    x, y, z = points_cam.T
+    jacobian = np.zeros((len(points_cam), 3, 3))
+    jacobian[:, 0, 0] = jacobian[:, 1, 1] = 1
+    jacobian[:, :, 2] = np.column_stack([-x / z, -y / z, np.full(len(z), -rig.baseline_m) / z])
+    return jacobian * ((rig.f_px / z)[:, None, None] / sigma[:, :, None])
+
+
+@numba.njit(cache=True, error_model="numpy")
+def stereo_residual(
+    R: Array, t: Array, point: Array, measured: Array, weight: Array, intrinsics: Array, out: Array
+) -> None:
+    """Write the residual (u, v, disparity) of a point that one camera sees, in sigmas.
+
+    Args:
+        R: (3, 3) camera in the world.
+        t: (3,) its centre, metres.
+        point: (3,) in the world, metres.
+        measured: (3,) pixels.
+        weight: (3,) one over sigma, zero where nothing was measured.
+        intrinsics: fx, fy, cx, cy, and focal length times baseline.
+        out: (3,) receives the residual.
+    """
+    fx, fy, cx, cy, fb = intrinsics
+    x, y, z = _in_camera(R, t, point)
+    out[0] = weight[0] * (fx * x / z + cx - measured[0])
+    out[1] = weight[1] * (fy * y / z + cy - measured[1])
+    out[2] = weight[2] * (fb / z - measured[2])
+
+
+@numba.njit(cache=True, error_model="numpy")
+def stereo_jacobians(
+    R: Array, t: Array, point: Array, weight: Array, intrinsics: Array, by_camera: Array,
+    by_point: Array,
+) -> None:  # fmt: skip
+    """Write the derivatives of `stereo_residual` by camera tangent (w, v), (3, 6), and point.
+
+    The arguments are those of `stereo_residual`; `by_point` is (3, 3), by the point in the world.
+    """
+    fx, fy, _, _, fb = intrinsics
+    x, y, z = _in_camera(R, t, point)
+    # Rows (a, 0, c), (0, b, d), (0, 0, e) of d residual / d point in the camera's frame.
+    a, b, e = weight[0] * fx / z, weight[1] * fy / z, -weight[2] * fb / (z * z)
+    c, d = -a * x / z, -b * y / z
+    # The camera moves by (w, v) in its own frame: d point = point x w - v.
+    _fill_row(by_camera[0], by_point[0], R, a, 0.0, c, x, y, z)
+    _fill_row(by_camera[1], by_point[1], R, 0.0, b, d, x, y, z)
+    _fill_row(by_camera[2], by_point[2], R, 0.0, 0.0, e, x, y, z)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _in_camera(R: Array, t: Array, point: Array) -> tuple[float, float, float]:
+    """Transform a point to the camera frame, where R, t is the camera in the world."""
+    dx, dy, dz = point[0] - t[0], point[1] - t[1], point[2] - t[2]
+    x = R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz
+    y = R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz
+    z = R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz
+    return x, y, max(z, MIN_DEPTH_M)
+
+
+@numba.njit(cache=True, inline="always", error_model="numpy")
+def _fill_row(
+    by_camera: Array, by_point: Array, R: Array, a: float, b: float, c: float, x: float, y: float,
+    z: float,
+) -> None:  # fmt: skip
+    by_camera[0], by_camera[1], by_camera[2] = b * z - c * y, c * x - a * z, a * y - b * x
+    by_camera[3], by_camera[4], by_camera[5] = -a, -b, -c
+    for k in range(3):
+        by_point[k] = a * R[k, 0] + b * R[k, 1] + c * R[k, 2]
