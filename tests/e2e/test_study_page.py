@@ -1,4 +1,4 @@
-"""The page of a study in a real browser: nothing sticks out, all can be read, data can be taken."""
+"""The page of experiments in a real browser: layout, contrast, links and data."""
 
 import csv
 import html
@@ -10,7 +10,9 @@ import subprocess
 import pytest
 
 from trials.report.figure import save_figure, tidy
-from trials.report.study import Part, write_study
+from trials.studies.experiments.experiment import TableOf, Verdict
+from trials.studies.experiments.page import write_html_page
+from trials.studies.experiments.record import Record
 
 BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
 pytestmark = pytest.mark.skipif(BROWSER is None, reason="no Chromium")
@@ -18,7 +20,7 @@ SCHEMES = {"dark": "0", "light": "1"}
 PHONE_PX, DESK_PX = 390, 1280
 ATTEMPTS = 8
 """The browser prints the page when its virtual time is up, at times before the probe answers."""
-LEAST_CONTRAST = 4.5
+MIN_CONTRAST = 4.5
 """Of text against what is behind it (WCAG 2.1, 1.4.3)."""
 
 PROBE = """
@@ -87,33 +89,33 @@ def study(tmp_path_factory):
 
     save_figure(figure, (7.0, 3.0), draw)
     columns = tuple(f"a heading of some length, number {k}" for k in range(12))
-    moods = ("good", "mixed", "bad", "open")
-    parts = [
-        Part(
+    table = TableOf(columns, (("a_scene", *["0.123 (0.100 to 0.150)"] * 11),))
+    records = [
+        Record(
             id=f"E{k}",
             title="A title",
             claim="A claim of such a length that it needs more than one line on a phone.",
-            source="thesis, section 1",
+            source="section 1",
             setup="Run `driftyard run` <twice>.",
-            verdict="holds in part",
-            mood=mood,
+            verdict=verdict,
             sentence="A sentence.",
-            figure=figure,
+            table=table,
             caption="What is shown.",
-            data=(data,),
-            columns=columns,
-            rows=(("a_scene", *["0.123 (0.100 to 0.150)"] * 11),),
+            figure=figure.name,
+            data=(data.name,),
+            seeds=(0, 1),
+            distance_m=4.0,
         )
-        for k, mood in enumerate(moods)
+        for k, verdict in enumerate(Verdict)
     ]
     page = folder / "study.html"
-    write_study("A study", "All of `driftyard experiment all`.", parts, page)
+    write_html_page(records, folder, page)
     text = page.read_text(encoding="utf-8").replace("</body>", PROBE + "</body>")
     page.write_text(text, encoding="utf-8")
     return page, data
 
 
-def look(page, width_px, scheme):
+def probe(page, width_px, scheme):
     """Return what the probe finds in a window of a width, in light or dark."""
     words = (
         f"--user-data-dir={page.parent / 'profile'}",
@@ -133,8 +135,8 @@ def look(page, width_px, scheme):
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_on_a_phone_tables_and_figures_scroll_and_the_page_does_not(study, scheme):
-    found = look(study[0], PHONE_PX, scheme)
+def test_phone_page_scrolls_tables_and_figures_only(study, scheme):
+    found = probe(study[0], PHONE_PX, scheme)
     assert (found["width"], found["scheme"]) == (PHONE_PX, scheme)
     assert found["page"] <= PHONE_PX
     summary, *results = found["tables"]
@@ -144,16 +146,16 @@ def test_on_a_phone_tables_and_figures_scroll_and_the_page_does_not(study, schem
     for natural, shown, window in found["pictures"]:
         assert natural > 0
         assert shown >= 640 > window  # its letters are as large as on a desk
-    assert {k: x for k, x in found["contrast"].items() if x < LEAST_CONTRAST} == {}
+    assert {k: x for k, x in found["contrast"].items() if x < MIN_CONTRAST} == {}
 
 
-def test_on_a_desk_figures_fit_and_data_and_links_work(study):
+def test_desktop_page_fits_figures_and_links_data(study):
     page, data = study
-    found = look(page, DESK_PX, "light")
+    found = probe(page, DESK_PX, "light")
     assert found["page"] <= found["width"]
     assert all(shown <= window for _, shown, window in found["pictures"])
     assert found["broken"] == 0
     assert found["csv"] == [["data.csv", data.read_text()]] * 4
     assert len(list(csv.reader(found["csv"][0][1].splitlines()))) == 3
     assert found["code"] == ["driftyard experiment all", *["driftyard run"] * 4]
-    assert {k: x for k, x in found["contrast"].items() if x < LEAST_CONTRAST} == {}
+    assert {k: x for k, x in found["contrast"].items() if x < MIN_CONTRAST} == {}

@@ -22,7 +22,7 @@ from trials.studies.experiments.experiment import (
     ragged,
 )
 from trials.studies.experiments.measures import breaks_at, step_errors_m, survived
-from trials.studies.experiments.page import page_text, write_html
+from trials.studies.experiments.page import page_text, write_html_page
 from trials.studies.experiments.record import read_record, write_record
 from trials.studies.experiments.registry import EXPERIMENTS
 from vo.contract import se3
@@ -167,7 +167,7 @@ def test_pages_hold_every_part(tmp_path):
     assert "## X1. A made-up thing" in text
     assert "![A made-up thing](pictures/X1.png)" in text
     assert "| this | 1 |" in text
-    write_html([record], tmp_path, tmp_path / "page.html")
+    write_html_page([record], tmp_path, tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text()
     assert "It is so &amp; so." in page
     assert 'download="X1-a_line.csv"' in page

@@ -76,13 +76,13 @@ def _print(record: "Record", folder: Path) -> None:
 
 def _write_pages(folder: Path, page: Path | None) -> None:
     from trials.cli import console
-    from trials.studies.experiments.page import write_html, write_page
+    from trials.studies.experiments.page import write_html_page, write_page
     from trials.studies.experiments.record import read_record
     from trials.studies.experiments.registry import EXPERIMENTS
 
     files = [file for name in EXPERIMENTS if (file := folder / f"{name}.json").is_file()]
     records = [read_record(file) for file in files]
-    write_html(records, folder, folder / "report.html")
+    write_html_page(records, folder, folder / "report.html")
     console.out.print(f"{folder / 'report.html'}")
     if page is not None:
         write_page(records, folder, page)

@@ -14,7 +14,7 @@ from trials.diagnosis.attribution import REST, sentence
 from trials.diagnosis.bound import Bound
 from trials.diagnosis.explanation import Explanation
 from trials.evaluation.consistency import summary
-from trials.report.explanation import draw_calibration, draw_paths, draw_waterfalls
+from trials.report.explanation_figures import draw_calibration, draw_paths, draw_waterfalls
 from vo.contract.files import write_text
 
 Row = tuple[str, ...]

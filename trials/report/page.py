@@ -1,69 +1,64 @@
-"""Composes the page from a dataset and the runs on it."""
+"""Report of runs on one dataset, as an HTML page."""
 
 import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
 from trials.evaluation.alignment import Alignment, Pair, associate, fit
 from trials.evaluation.runs import SavedRun
 from trials.evaluation.score import Score, score_run
-from trials.report.charts import drift_by_length, error_over_distance, stage_counts, stage_timings
-from trials.report.film import TRAIL_FRAMES, stills
-from trials.report.plan import plan, read_map
-from trials.report.svg import Chart
+from trials.report.charts import (
+    Chart,
+    drift_by_length,
+    error_over_distance,
+    stage_counts,
+    stage_timings,
+)
+from trials.report.html import write_html
+from trials.report.stills import TRAIL_FRAMES, stills
+from trials.report.trajectory_plot import plot_trajectories, read_scene_map
 from vo.contract.arrays import Array
 from vo.contract.errors import DatasetError
-from vo.contract.files import write_text
 from vo.contract.readers import open_sequence, read_truth
-
-TEMPLATE = "page.html.j2"
 
 
 def write_report(dataset: Path, runs: Sequence[SavedRun], out: Path) -> None:
-    """Write one HTML file that needs no other file and no network.
+    """Write one HTML file without references to other files or the network.
 
     Args:
         dataset: Folder with truth.
-        runs: At least one; the first is the one shown in detail.
-        out: The page.
+        runs: At least one; the first is shown in detail.
+        out: File to write.
 
     Raises:
-        DatasetError: If the dataset is unreadable or holds no truth.
-        TrajectoryError: If a run has nothing in common with the truth.
+        DatasetError: If the dataset is unreadable or has no ground truth.
+        TrajectoryError: If a run and the truth share fewer than two times.
     """
     sequence, truth = open_sequence(dataset), read_truth(dataset)
     if truth is None:
-        raise DatasetError(f"{dataset}: holds no truth to compare with")
+        raise DatasetError(f"{dataset}: has no ground truth")
     runs = _distinct(runs)
     scores = [score_run(truth, run, len(sequence)) for run in runs]
     pairs = {run.estimator: associate(truth, run.trajectory) for run in runs}
     main = runs[0]
-    environment = Environment(
-        loader=PackageLoader("trials.report", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    page = environment.get_template(TEMPLATE).render(
+    write_html(
+        out,
+        "page.html.j2",
         name=sequence.name,
         duration_s=(sequence.timestamps_ns[-1] - sequence.timestamps_ns[0]) / 1e9,
         scores=scores,
         main=scores[0],
-        plan=plan(
+        trajectories=plot_trajectories(
             truth.at(pairs[main.estimator].timestamps_ns).T_ref_frame,
             {name: _positions(pair) for name, pair in pairs.items()},
-            read_map(dataset),
+            read_scene_map(dataset),
         ),
         charts=_charts(main, pairs, scores),
         stills=stills(sequence, main),
         trail_frames=TRAIL_FRAMES,
         records=[(run.estimator, json.dumps(dict(run.about), indent=1)) for run in runs],
     )
-    write_text(out, page)
 
 
 def _charts(main: SavedRun, pairs: dict[str, Pair], scores: Sequence[Score]) -> list[Chart]:
@@ -78,12 +73,12 @@ def _charts(main: SavedRun, pairs: dict[str, Pair], scores: Sequence[Score]) -> 
 
 
 def _positions(pair: Pair) -> Array:
-    """Estimated positions (N, 3) in the world, the first pose aligned."""
+    """Return estimated positions (N, 3) in the world, first pose aligned."""
     return fit(pair, Alignment.FIRST_POSE).map(pair.T_odom_cam)[:, :3, 3]
 
 
 def _distinct(runs: Sequence[SavedRun]) -> list[SavedRun]:
-    """Tell runs of one estimator apart by their files."""
+    """Add the file name to the names of runs of the same estimator."""
     names = [run.estimator for run in runs]
     return [
         run

@@ -1,54 +1,49 @@
-"""The page of all experiments, as Markdown and as HTML: verdicts first, then each figure."""
+"""Report of all experiments, as Markdown and as HTML: verdicts first, then every figure."""
 
+import re
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
-from trials.report.study import Mood, Part, write_study
+from trials.report.html import data_uri, write_html
 from trials.studies.experiments.experiment import TableOf, Verdict
 from trials.studies.experiments.record import Record
 from vo.contract.files import write_text
 
-TITLE = "The thesis' claims, tested"
-INTRODUCTION = """The thesis that this estimator follows drew its conclusions by eye, from camera
-data without a reference. Here each claim is tested where the truth is known. `driftyard experiment
-all` makes the recordings, runs the variants, draws the figures and writes this page. An interval
-after a figure is at 95 %, over drives (Student's t, cut off where no value can be; ratios of paired
-drives by their logarithms).
+TITLE = "The claims of the thesis, tested"
+INTRODUCTION = """The thesis that this estimator follows judged its results by visual inspection of camera
+data without ground truth. Here each claim is tested against exact ground truth.
+`driftyard experiment all` makes the recordings, runs the variants, draws the figures and writes
+this page. Intervals are 95 % confidence intervals over drives (Student's t, clipped to the possible
+range; ratios of paired drives are averaged as logarithms).
 """
 
-FIGURES = "0123456789-–"
-"""What a cell with a figure, or with none to show, begins with."""
+NUMBER = re.compile(r"[+-]?\d|[-–]$|nan$")
+"""Start of a cell with a number, or the whole cell where there is none."""
 
-MOODS: dict[Verdict, Mood] = {
+MOODS = {
     Verdict.HOLDS: "good",
     Verdict.PARTLY: "mixed",
     Verdict.FAILS: "bad",
     Verdict.OPEN: "open",
 }
+"""Verdict to its class in the style sheet."""
 
 
-def write_html(records: Sequence[Record], folder: Path, out: Path) -> None:
-    """Write all records as one HTML page; their figures and data are in a folder."""
+def write_html_page(records: Sequence[Record], folder: Path, out: Path) -> None:
+    """Write all records as one HTML page, with the figures and data of a folder inside it."""
     parts = [
-        Part(
-            id=r.id,
-            title=r.title,
-            claim=r.claim,
-            source=f"thesis, {r.source}",
-            setup=_setup(r),
-            verdict=r.verdict.value,
-            mood=MOODS[r.verdict],
-            sentence=r.sentence,
-            figure=folder / r.figure,
-            caption=r.caption,
-            data=tuple(folder / name for name in r.data),
-            columns=r.table.columns,
-            rows=r.table.rows,
-        )
-        for r in records
+        {
+            **vars(record),
+            "setup": _setup(record),
+            "mood": MOODS[record.verdict],
+            "figure_uri": data_uri((folder / record.figure).read_bytes(), "image/png"),
+            "data": [(x, data_uri((folder / x).read_bytes(), "text/csv")) for x in record.data],
+            "numeric": numeric_columns(record.table),
+        }
+        for record in records
     ]
-    write_study(TITLE, INTRODUCTION, parts, out)
+    write_html(out, "study.html.j2", title=TITLE, introduction=INTRODUCTION, parts=parts)
 
 
 def write_page(records: Sequence[Record], folder: Path, page: Path) -> None:
@@ -108,10 +103,14 @@ def _section(record: Record, pictures: str) -> str:
 {markdown_table(record.table)}"""
 
 
+def numeric_columns(table: TableOf) -> list[bool]:
+    """Return for each column whether every cell is a number; such columns are aligned right."""
+    return [all(map(NUMBER.match, cells)) for cells in zip(*table.rows, strict=True)]
+
+
 def markdown_table(table: TableOf) -> str:
-    """Lay out a table for Markdown: text to the left, figures to the right."""
-    head = " | ".join(table.columns)
-    cells = zip(*table.rows, strict=True)
-    rule = "|".join("---:" if all(x[:1] in FIGURES for x in column) else "---" for column in cells)
-    rows = [" | ".join(row) for row in table.rows]
-    return "\n".join([f"| {head} |", f"|{rule}|", *(f"| {row} |" for row in rows), ""])
+    """Lay out a table as Markdown."""
+    rule = "|".join("---:" if numeric else "---" for numeric in numeric_columns(table))
+    lines = [" | ".join(cells) for cells in (table.columns, *table.rows)]
+    head, *rows = [f"| {line} |" for line in lines]
+    return "\n".join([head, f"|{rule}|", *rows, ""])

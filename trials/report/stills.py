@@ -1,6 +1,5 @@
-"""Left images with the landmarks seen in them and where each came from."""
+"""Left images with the observed landmarks and their trails."""
 
-import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -8,13 +7,14 @@ import cv2
 import numpy as np
 
 from trials.evaluation.runs import SavedRun, Tracks
+from trials.report.html import data_uri
 from vo.contract.arrays import Array, Image, Indices
 from vo.contract.sequence import StereoSequence
 
 WIDTH_PX = 800
 TRAIL_FRAMES = 12
 OUTLIER, UNKNOWN = (150, 150, 150), (235, 235, 235)
-"""Colours of landmarks that disagree, and of those without a disparity."""
+"""BGR of outliers, and of landmarks without a disparity."""
 
 
 @dataclass(frozen=True)
@@ -31,10 +31,10 @@ class Still:
 
 
 def stills(sequence: StereoSequence, run: SavedRun, count: int = 4) -> list[Still]:
-    """Draw frames spread over the run, one of them the one with the fewest inliers.
+    """Draw frames at even intervals of the run, and the one with the fewest inliers.
 
     Returns:
-        At most `count` stills in order of time; none where the run came without tracks.
+        At most `count` stills in order of time; none if the run has no tracks.
     """
     if run.tracks is None or len(run.tracks.frame) == 0:
         return []
@@ -44,9 +44,9 @@ def stills(sequence: StereoSequence, run: SavedRun, count: int = 4) -> list[Stil
 def _choose(tracks: Tracks, count: int) -> list[int]:
     inliers = np.bincount(tracks.frame[tracks.inlier], minlength=int(tracks.frame.max()) + 1)
     seen = np.unique(tracks.frame)
-    spread = seen[((np.arange(count - 1) + 0.5) / (count - 1) * len(seen)).astype(int)]
+    even = seen[((np.arange(count - 1) + 0.5) / (count - 1) * len(seen)).astype(int)]
     hardest = seen[np.argmin(inliers[seen])]
-    return sorted({int(i) for i in (*spread, hardest)})
+    return sorted({int(i) for i in (*even, hardest)})
 
 
 def _still(sequence: StereoSequence, run: SavedRun, tracks: Tracks, frame: int) -> Still:
@@ -54,14 +54,16 @@ def _still(sequence: StereoSequence, run: SavedRun, tracks: Tracks, frame: int) 
     jpeg = cv2.imencode(".jpg", canvas, [cv2.IMWRITE_JPEG_QUALITY, 85])[1].tobytes()
     here = tracks.frame == frame
     time_s = (sequence.timestamps_ns[frame] - sequence.timestamps_ns[0]) / 1e9
-    caption = f"frame {frame}, {time_s:.1f} s: {tracks.inlier[here].sum()} of {here.sum()} agree"
+    caption = (
+        f"frame {frame}, {time_s:.1f} s: {tracks.inlier[here].sum()} of {here.sum()} are inliers"
+    )
     if run.frames is not None:
         caption += f", {run.frames.status[frame].value}"
-    return Still("data:image/jpeg;base64," + base64.b64encode(jpeg).decode(), caption)
+    return Still(data_uri(jpeg, "image/jpeg"), caption)
 
 
 def _annotate(image: Image, tracks: Tracks, frame: int) -> Image:
-    """Draw trails of up to TRAIL_FRAMES frames: warm is near, cool is far."""
+    """Draw trails of up to TRAIL_FRAMES frames; warm colours are near, cool ones far."""
     scale = max(1.0, WIDTH_PX / image.shape[1])
     size = (round(image.shape[1] * scale), round(image.shape[0] * scale))
     canvas = cv2.cvtColor(
@@ -85,7 +87,7 @@ def _annotate(image: Image, tracks: Tracks, frame: int) -> Image:
 
 
 def _by_landmark(tracks: Tracks, chosen: Indices) -> dict[int, Indices]:
-    """Landmark to the indices of its observations among `chosen`, in order of frames."""
+    """Landmark to the rows of its observations among `chosen`, in order of frames."""
     order = chosen[np.argsort(tracks.landmark[chosen], kind="stable")]
     names, starts = np.unique(tracks.landmark[order], return_index=True)
     groups = np.split(order, starts[1:])
@@ -93,7 +95,7 @@ def _by_landmark(tracks: Tracks, chosen: Indices) -> dict[int, Indices]:
 
 
 def _colours(tracks: Tracks, here: Indices) -> Sequence[tuple[int, int, int]]:
-    """BGR of K observations by the rank of their disparity."""
+    """Return BGR of K observations by the rank of their disparity."""
     disparity_px = tracks.disparity_px[here]
     known = np.isfinite(disparity_px)
     rank = np.argsort(np.argsort(disparity_px)) / max(int(known.sum()) - 1, 1)  # NaN sorts last

@@ -9,7 +9,19 @@ import numpy as np
 from trials.diagnosis.attribution import REST, Attribution
 from trials.diagnosis.explanation import Explanation
 from trials.evaluation.consistency import calibration
-from trials.report.figure import BLUE, GREEN, GREY, INK, OCHRE, PURPLE, RED, save_figure, tidy
+from trials.report.figure import (
+    BLUE,
+    GREEN,
+    GREY,
+    INK,
+    OCHRE,
+    PURPLE,
+    RED,
+    grid_of_panels,
+    save_figure,
+    shared_legend,
+    tidy,
+)
 from vo.contract.arrays import Array
 
 if TYPE_CHECKING:
@@ -26,6 +38,7 @@ COLOURS = {
     REST: GREY,
 }
 BIN_M = 0.25
+COLUMNS = 3
 KINDS = {"step": "frame to frame", "over_1m": "over 1 m", "absolute": "since the start"}
 
 
@@ -34,7 +47,9 @@ def draw_waterfalls(explanations: Sequence[Explanation], out: Path) -> None:
     parts = [(x.name, x.attribution) for x in explanations if x.attribution]
 
     def draw(figure: "Figure") -> None:
-        for panel, (name, attribution) in zip(_panels(figure, len(parts)), parts, strict=True):
+        for panel, (name, attribution) in zip(
+            grid_of_panels(figure, len(parts), COLUMNS), parts, strict=True
+        ):
             _waterfall(panel, attribution)
             tidy(panel, "", "drift over 1 m, %", name)
 
@@ -46,11 +61,11 @@ def draw_paths(explanations: Sequence[Explanation], out: Path) -> None:
     parts = [(x.name, x.attribution) for x in explanations if x.attribution]
 
     def draw(figure: "Figure") -> None:
-        panels = _panels(figure, len(parts))
+        panels = grid_of_panels(figure, len(parts), COLUMNS)
         for panel, (name, attribution) in zip(panels, parts, strict=True):
             _path(panel, attribution)
             tidy(panel, "middle of the metre, m along the path", "drift over 1 m, %", name)
-        _legend(figure, panels)
+        shared_legend(figure, panels)
 
     save_figure(out, _size(len(parts)), draw)
 
@@ -61,7 +76,7 @@ def draw_calibration(explanations: Sequence[Explanation], out: Path) -> None:
     levels = np.linspace(0, 1, 101)[1:-1]
 
     def draw(figure: "Figure") -> None:
-        panels = _panels(figure, len(parts))
+        panels = grid_of_panels(figure, len(parts), COLUMNS)
         for panel, part in zip(panels, parts, strict=True):
             panel.plot([0, 100], [0, 100], color=GREY, linewidth=1, linestyle="--", label="ideal")
             for (kind, label), colour in zip(KINDS.items(), (BLUE, RED, INK), strict=True):
@@ -69,29 +84,14 @@ def draw_calibration(explanations: Sequence[Explanation], out: Path) -> None:
                 panel.plot(100 * levels, 100 * inside, color=colour, linewidth=1.5, label=label)
             panel.set_aspect("equal")
             tidy(panel, "ellipsoid that should hold, %", "errors inside, %", part.name)
-        _legend(figure, panels)
+        shared_legend(figure, panels)
 
     save_figure(out, _size(len(parts)), draw)
 
 
 def _size(panels: int) -> tuple[float, float]:
-    columns = min(3, panels)
+    columns = min(COLUMNS, panels)
     return 3.5 * columns + 0.5, 2.9 * -(-panels // columns) + 0.4
-
-
-def _panels(figure: "Figure", count: int) -> "list[Axes]":
-    columns = min(3, count)
-    panels = figure.subplots(-(-count // columns), columns, squeeze=False).ravel().tolist()
-    for panel in panels[count:]:
-        panel.set_axis_off()
-    return panels[:count]
-
-
-def _legend(figure: "Figure", panels: "Sequence[Axes]") -> None:
-    handles, labels = panels[0].get_legend_handles_labels()
-    columns = 3 if len(panels) == 1 else 6
-    place = "outside upper left"
-    figure.legend(handles, labels, loc=place, ncols=columns, fontsize=8, frameon=False)
 
 
 def _waterfall(panel: "Axes", attribution: Attribution) -> None:
