@@ -11,8 +11,8 @@ from trials.studies.experiments.record import Record
 from vo.contract.files import write_text
 
 TITLE = "The claims of the thesis, tested"
-INTRODUCTION = """The thesis that this estimator follows judged its results by visual inspection of camera
-data without ground truth. Here each claim is tested against exact ground truth.
+INTRODUCTION = """The thesis that this estimator follows judged its results by visual inspection of
+camera data without ground truth. Here each claim is tested against exact ground truth.
 `driftyard experiment all` makes the recordings, runs the variants, draws the figures and writes
 this page. Intervals are 95 % confidence intervals over drives (Student's t, clipped to the possible
 range; ratios of paired drives are averaged as logarithms).
