@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from scenes.geometry.mesh import Mesh
 from scenes.lighting.baked_light import Light, solved_normals
 from scenes.lighting.shadow import Blocker, blocker_table, crossing, occlusion
 from vo.contract.arrays import Array
+from vo.contract.compilation import compiled
 
 BULB_M = 0.12
 """Radius of a lamp's shade: softens shadows."""
@@ -49,7 +49,7 @@ class Lamplight:
         return Mesh(mesh.points, normals, mesh.uv, mesh.faces)
 
 
-@njit(cache=True)
+@compiled()
 def _received(
     points: Array,
     normals: Array,

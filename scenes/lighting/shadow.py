@@ -4,11 +4,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from scipy.ndimage import map_coordinates
 
 from scenes.lighting.baked_light import Light
 from vo.contract.arrays import Array, Mask
+from vo.contract.compilation import compiled
 
 Table = tuple[Array, Array, Array, Array]
 """Boxes by column, see `blocker_table`."""
@@ -100,7 +100,7 @@ def blocker_table(blockers: list[Blocker]) -> Table:
     )
 
 
-@njit(cache=True)
+@compiled()
 def crossing(
     point: Array, ray: Array, centre: Array, half: Array, turn: Array
 ) -> tuple[float, float]:
@@ -121,7 +121,7 @@ def crossing(
     return enter, leave
 
 
-@njit(cache=True)
+@compiled()
 def _seen(
     points: Array,
     rays: Array,
@@ -159,7 +159,7 @@ def occlusion(
     return _openness(np.ascontiguousarray(points, dtype=np.float64), *table, reach_m, inside)
 
 
-@njit(cache=True)
+@compiled()
 def _openness(
     points: Array,
     centres: Array,

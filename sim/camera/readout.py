@@ -1,9 +1,9 @@
 """What a label pass leaves in the buffers, as depths and identities of upright images."""
 
-import numba
 import numpy as np
 
 from vo.contract.arrays import Array, Image
+from vo.contract.compilation import compiled
 
 Readout = tuple[Array, Array, Array, Array]
 
@@ -34,7 +34,7 @@ def read_out(
     return depth[0], depth[1], seen[0], seen[1]
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _read_out(
     zbuffer: Array,
     codes: Image,

@@ -4,11 +4,11 @@ from functools import lru_cache
 from typing import Literal
 
 import cv2
-import numba
 import numpy as np
 from scipy.special import ndtri
 
 from vo.contract.arrays import Array, Image
+from vo.contract.compilation import compiled
 
 Response = Literal["srgb", "linear"]
 
@@ -100,7 +100,7 @@ def _flat(light: Array) -> Array:
     return np.ascontiguousarray(light).reshape(-1)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _level(light: np.float32, edges: Array, first: Array) -> int:
     """Nearest grey level: the bin's first, or the next if the one edge in the bin is passed."""
     light = min(max(light, np.float32(0)), np.float32(1))
@@ -108,13 +108,13 @@ def _level(light: np.float32, edges: Array, first: Array) -> int:
     return level + (light >= edges[level])
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _encode(light: Array, edges: Array, first: Array, out: Image) -> None:
     for i in range(len(light)):
         out[i] = _level(light[i], edges, first)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _encode_noisy(
     light: Array,
     shot: np.float32,

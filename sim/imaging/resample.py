@@ -3,10 +3,10 @@
 OpenCV's cubic (a = -3/4) is faster, but shifts even a linear ramp by up to 0.05 pixels.
 """
 
-import numba
 import numpy as np
 
 from vo.contract.arrays import Array
+from vo.contract.compilation import compiled
 
 TAPS_PX = 2
 """Pixels on each side of a place that its sample depends on."""
@@ -53,7 +53,7 @@ def _sampled(image: Array, u_px: Array, v_px: Array, squared: bool) -> Array:
     return out.reshape(*u_px.shape, *image.shape[2:])
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _weights(t: np.float32, squared: bool) -> tuple[np.float32, np.float32, np.float32, np.float32]:
     """Weights of the pixels at -1, 0, 1, 2 for a place t in [0, 1)."""
     half = np.float32(0.5)
@@ -65,7 +65,7 @@ def _weights(t: np.float32, squared: bool) -> tuple[np.float32, np.float32, np.f
     return (a * a, b * b, c * c, d * d) if squared else (a, b, c, d)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _sample(image: Array, u_px: Array, v_px: Array, squared: bool, out: Array) -> None:
     height, width, channels = image.shape
     for i in range(u_px.shape[0]):

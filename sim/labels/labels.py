@@ -1,10 +1,10 @@
 """Dense labels of one view: disparity, flow, normals, classes and objects."""
 
-import numba
 import numpy as np
 
 from sim.labels.visibility import straightest
 from vo.contract.arrays import Array, Image, Indices, Mask
+from vo.contract.compilation import compiled
 from vo.contract.rig import StereoRig
 
 SPLAT_COVERS_PX = 1.0
@@ -115,7 +115,7 @@ def _look_up(table: Array, geoms: Indices) -> Array:
     return padded[np.maximum(geoms, -1)]
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _flow(
     depth_m: Array, bodies: Indices, T: Array, f: float, cx: float, cy: float, out: Array
 ) -> None:
@@ -137,7 +137,7 @@ def _flow(
                 out[v, u] = np.nan
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _normals(nearness: Array, f: float, cx: float, cy: float, bend_max: float, out: Array) -> None:
     height, width = nearness.shape
     for v in range(height):

@@ -2,10 +2,10 @@
 
 from enum import IntEnum
 
-import numba
 import numpy as np
 
 from vo.contract.arrays import Array, Image
+from vo.contract.compilation import compiled
 from vo.contract.rig import StereoRig
 
 
@@ -65,7 +65,7 @@ def covisibility(flow: Array, depth_next_m: Array) -> Image:
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _stereo(left: Array, right: Array, slack: float, out: Image) -> None:
     height, width = left.shape
     for v in range(height):
@@ -79,7 +79,7 @@ def _stereo(left: Array, right: Array, slack: float, out: Image) -> None:
                 out[v, u] = _meets(right, u - disparity, float(v), disparity, slack)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _next(flow: Array, nearness: Array, share: float, out: Image) -> None:
     height, width = nearness.shape
     for v in range(height):
@@ -93,7 +93,7 @@ def _next(flow: Array, nearness: Array, share: float, out: Image) -> None:
                 out[v, u] = _meets(nearness, u_next, v_next, 1 / depth, share / depth)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _meets(nearness: Array, u: float, v: float, wanted: float, slack: float) -> int:
     """Whether the pixels around a place show a surface as near as is wanted, and none nearer.
 
@@ -116,7 +116,7 @@ def _meets(nearness: Array, u: float, v: float, wanted: float, slack: float) -> 
     return VISIBLE if met else HIDDEN
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def straightest(line: Array, k: int) -> tuple[float, float]:
     """Slope at k and second difference of the straightest three entries that hold k."""
     slope, bend = 0.0, np.inf

@@ -7,10 +7,10 @@ ask for the border.
 from math import inf
 
 import numpy as np
-from numba import njit
 
 from trials.navigation.graph import PlanningError
 from vo.contract.arrays import Array
+from vo.contract.compilation import compiled
 
 ROWS = np.array([0, 0, 1, -1, 1, 1, -1, -1])
 COLUMNS = np.array([1, -1, 0, 0, 1, -1, 1, -1])
@@ -61,7 +61,7 @@ def cell_of(node: int, width: int) -> Cell:
     return row - 1, column - 1
 
 
-@njit(cache=True)
+@compiled()
 def step_cost(cells: Array, width: int, node: int, step: int) -> float:
     """Cost of a step: its length in cells times the mean cost of both cells.
 
@@ -82,7 +82,7 @@ def step_cost(cells: Array, width: int, node: int, step: int) -> float:
     return SQRT2 * mean
 
 
-@njit(cache=True)
+@compiled()
 def octile(width: int, a: int, b: int) -> float:
     """Cost between two nodes if all is free: an admissible and consistent heuristic."""
     rows, columns = abs(a // width - b // width), abs(a % width - b % width)

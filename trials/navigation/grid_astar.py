@@ -3,7 +3,6 @@
 from math import inf
 
 import numpy as np
-from numba import njit
 
 from trials.navigation.grid import (
     COLUMNS,
@@ -18,6 +17,7 @@ from trials.navigation.grid import (
 )
 from trials.navigation.heap import Heap, empty_heap, put, remove
 from vo.contract.arrays import Array
+from vo.contract.compilation import compiled
 
 
 def grid_astar(costs: Array, start: Cell, goal: Cell) -> tuple[list[Cell], float]:
@@ -54,7 +54,7 @@ def search(cells: Array, width: int, start: int, goal: int) -> tuple[Array, floa
     return parents, float(g[goal])
 
 
-@njit(cache=True)
+@compiled()
 def _search(
     cells: Array, width: int, start: int, goal: int, g: Array, parents: Array, heap: Heap
 ) -> None:

@@ -8,7 +8,6 @@ from math import inf
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from trials.navigation.dstar_lite import SLACK
 from trials.navigation.graph import PlanningError
@@ -25,6 +24,7 @@ from trials.navigation.grid import (
 )
 from trials.navigation.heap import Heap, empty_heap, put, remove
 from vo.contract.arrays import Array, Indices
+from vo.contract.compilation import compiled
 
 
 class _State(NamedTuple):
@@ -144,13 +144,13 @@ class GridDStarLite:
         _search(self._state, self._width)
 
 
-@njit(cache=True)
+@compiled()
 def _key(state: _State, width: int, node: int) -> tuple[float, float]:  # {1'}
     near = min(state.g[node], state.rhs[node])
     return near + octile(width, state.ends[0], node) + state.km[0], near
 
 
-@njit(cache=True)
+@compiled()
 def _update(state: _State, width: int, node: int) -> None:  # {7'-9'}
     if state.g[node] != state.rhs[node]:
         first, second = _key(state, width, node)
@@ -159,7 +159,7 @@ def _update(state: _State, width: int, node: int) -> None:  # {7'-9'}
         remove(state.heap, node)
 
 
-@njit(cache=True)
+@compiled()
 def _best(state: _State, width: int, node: int) -> tuple[float, int]:
     """Cost to the goal through the best neighbour, and that neighbour."""
     best, through = inf, node
@@ -171,7 +171,7 @@ def _best(state: _State, width: int, node: int) -> tuple[float, int]:
     return best, through
 
 
-@njit(cache=True)
+@compiled()
 def _look_ahead(state: _State, width: int, node: int) -> None:
     if node != state.ends[1] and state.cells[node] < inf:
         state.rhs[node] = _best(state, width, node)[0]
@@ -179,7 +179,7 @@ def _look_ahead(state: _State, width: int, node: int) -> None:
         state.rhs[node] = inf
 
 
-@njit(cache=True)
+@compiled()
 def _look_around(state: _State, width: int, nodes: Indices) -> None:
     """Every edge that a cell bears on, diagonals past it too, lies among its neighbours and it."""
     for node in nodes:
@@ -189,7 +189,7 @@ def _look_around(state: _State, width: int, nodes: Indices) -> None:
                 _update(state, width, node + row * width + column)
 
 
-@njit(cache=True)
+@compiled()
 def _search(state: _State, width: int) -> None:  # {10'-28'}
     g, rhs, heap, start, goal = state.g, state.rhs, state.heap, state.ends[0], state.ends[1]
     while heap.size[0] > 0:

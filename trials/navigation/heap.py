@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from vo.contract.arrays import Array
+from vo.contract.compilation import compiled
 
 
 class Heap(NamedTuple):
@@ -30,7 +30,7 @@ def empty_heap(nodes: int) -> Heap:
     return Heap(np.empty((nodes, 2)), np.empty(nodes, np.int64), places, np.zeros(1, np.int64))
 
 
-@njit(cache=True)
+@compiled()
 def put(heap: Heap, node: int, first: float, second: float) -> None:
     """Insert a node, or change its key."""
     heap.keys[node, 0], heap.keys[node, 1] = first, second
@@ -42,7 +42,7 @@ def put(heap: Heap, node: int, first: float, second: float) -> None:
     _sink(heap, int(heap.places[node]))
 
 
-@njit(cache=True)
+@compiled()
 def remove(heap: Heap, node: int) -> None:
     """Take a node out; nothing happens if it is not in."""
     place = int(heap.places[node])
@@ -58,14 +58,14 @@ def remove(heap: Heap, node: int) -> None:
         _sink(heap, int(heap.places[last]))
 
 
-@njit(cache=True)
+@compiled()
 def _before(heap: Heap, a: int, b: int) -> bool:
     if heap.keys[a, 0] != heap.keys[b, 0]:
         return heap.keys[a, 0] < heap.keys[b, 0]
     return heap.keys[a, 1] < heap.keys[b, 1]
 
 
-@njit(cache=True)
+@compiled()
 def _rise(heap: Heap, place: int) -> None:
     while place > 0:
         above = (place - 1) // 2
@@ -75,7 +75,7 @@ def _rise(heap: Heap, place: int) -> None:
         place = above
 
 
-@njit(cache=True)
+@compiled()
 def _sink(heap: Heap, place: int) -> None:
     while True:
         least = place
@@ -88,7 +88,7 @@ def _sink(heap: Heap, place: int) -> None:
         place = least
 
 
-@njit(cache=True)
+@compiled()
 def _swap(heap: Heap, a: int, b: int) -> None:
     heap.nodes[a], heap.nodes[b] = heap.nodes[b], heap.nodes[a]
     heap.places[heap.nodes[a]], heap.places[heap.nodes[b]] = a, b

@@ -11,11 +11,11 @@ from math import inf
 
 import cv2
 import numpy as np
-from numba import njit
 from pydantic import Field
 
 from trials.navigation.grid import Cell
 from vo.contract.arrays import Array, Mask
+from vo.contract.compilation import compiled
 from vo.contract.rig import StereoRig
 from vo.contract.settings import Settings
 
@@ -169,7 +169,7 @@ def _ground_m(offsets_m: Array, expected_m: float) -> Array:
     return ground_m
 
 
-@njit(cache=True)
+@compiled()
 def _mark(seen: Array, at: Array, offsets: Array, obstacle: Mask, ground: Mask) -> None:
     """Mark cells as free (1) or occupied (2), in place; occupied wins.
 

@@ -1,10 +1,10 @@
 """How much the rays to a point differ: what its depth rests on (thesis 4.4)."""
 
-import numba
 import numpy as np
 
 from vo.bundle_adjustment.problem import Bundle
 from vo.contract.arrays import Array, Indices
+from vo.contract.compilation import compiled
 
 
 def parallax_rad(bundle: Bundle, use_disparity: bool = True) -> Array:
@@ -25,7 +25,7 @@ def parallax_rad(bundle: Bundle, use_disparity: bool = True) -> Array:
     return _widest(np.ascontiguousarray(eyes[order]), bundle.points_world, first)
 
 
-@numba.njit(cache=True)
+@compiled()
 def _widest(eyes: Array, points: Array, first: Indices) -> Array:
     widest = np.zeros(len(points))
     for j in range(len(points)):

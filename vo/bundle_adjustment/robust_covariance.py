@@ -8,15 +8,15 @@ covariance without either assumption: H^-1 B H^-1 with B the sum of the shares' 
 What all landmarks err alike by, for a stretch of the way, no residual shows.
 """
 
-import numba
 import numpy as np
 
 from vo.bundle_adjustment.schur import invert
 from vo.contract.arrays import Array, Indices
+from vo.contract.compilation import compiled
 from vo.contract.projection import stereo_jacobians, stereo_residual
 
 
-@numba.njit(cache=True)
+@compiled()
 def shares(
     rotations: Array, centres: Array, points: Array, first: Indices, camera: Indices,
     measured: Array, weight: Array, intrinsics: Array, slot: Indices, size: int,
@@ -77,7 +77,7 @@ def shares(
     return B
 
 
-@numba.njit(cache=True)
+@compiled()
 def camera_shares(
     R: Array, t: Array, points: Array, measured: Array, weight: Array, intrinsics: Array
 ) -> Array:

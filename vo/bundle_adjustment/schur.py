@@ -9,10 +9,10 @@ Source: Triggs, McLauchlan, Hartley and Fitzgibbon, Bundle Adjustment: A Modern 
 sections 6.1 and 8.1; Golub and Pereyra, variable projection, 1973.
 """
 
-import numba
 import numpy as np
 
 from vo.contract.arrays import Array, Indices
+from vo.contract.compilation import compiled
 from vo.contract.projection import stereo_jacobians, stereo_residual
 
 POINT_STEPS = 4
@@ -24,7 +24,7 @@ FREE = 1e-9
 little to be determined stays where it is along what nobody saw."""
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def robust_weights(
     rotations: Array, centres: Array, points: Array, camera: Indices, point: Indices,
     measured: Array, weight: Array, intrinsics: Array, huber: float,
@@ -42,7 +42,7 @@ def robust_weights(
     return scaled
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def reduce(
     rotations: Array, centres: Array, points: Array, first: Indices, camera: Indices,
     measured: Array, weight: Array, intrinsics: Array, slot: Indices, size: int,
@@ -143,7 +143,7 @@ def reduce(
     return H, g, cost, solved
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _solve_point(
     rotations: Array, centres: Array, point: Array, start: int, end: int, camera: Indices,
     measured: Array, weight: Array, intrinsics: Array, r: Array, F: Array, E: Array, V: Array,
@@ -196,7 +196,7 @@ def _solve_point(
             return
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def invert(V: Array, out: Array) -> None:
     """Invert a symmetric positive semi-definite 3x3 matrix, lifted a little off zero."""
     lift = FREE * (V[0, 0] + V[1, 1] + V[2, 2]) + 1e-300
@@ -209,7 +209,7 @@ def invert(V: Array, out: Array) -> None:
     out[2, 0], out[2, 1], out[2, 2] = C * scale, (b * c - a * e) * scale, (a * d - b * b) * scale
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def camera_normal(
     R: Array, t: Array, points: Array, measured: Array, weight: Array, intrinsics: Array
 ) -> tuple[Array, Array, float]:
@@ -227,7 +227,7 @@ def camera_normal(
     return H, g, cost
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def all_residuals(
     rotations: Array, centres: Array, points: Array, camera: Indices, point: Indices,
     measured: Array, weight: Array, intrinsics: Array,

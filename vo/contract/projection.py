@@ -6,10 +6,10 @@ GTSAM's Pose3 does.
 
 from typing import Any
 
-import numba
 import numpy as np
 
 from vo.contract.arrays import Array
+from vo.contract.compilation import compiled
 from vo.contract.rig import StereoRig
 
 MIN_DEPTH_M = 1e-3
@@ -64,7 +64,7 @@ def point_jacobian(points_cam: Array, sigma: Array, rig: StereoRig) -> Array:
     return jacobian * ((rig.f_px / z)[:, None, None] / sigma[:, :, None])
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def stereo_residual(
     R: Array, t: Array, point: Array, measured: Array, weight: Array, intrinsics: Array, out: Array
 ) -> None:
@@ -86,7 +86,7 @@ def stereo_residual(
     out[2] = weight[2] * (fb / z - measured[2])
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def stereo_jacobians(
     R: Array, t: Array, point: Array, weight: Array, intrinsics: Array, by_camera: Array,
     by_point: Array,
@@ -106,7 +106,7 @@ def stereo_jacobians(
     _fill_row(by_camera[2], by_point[2], R, 0.0, 0.0, e, x, y, z)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _in_camera(R: Array, t: Array, point: Array) -> tuple[float, float, float]:
     """Transform a point to the camera frame, where R, t is the camera in the world."""
     dx, dy, dz = point[0] - t[0], point[1] - t[1], point[2] - t[2]
@@ -116,7 +116,7 @@ def _in_camera(R: Array, t: Array, point: Array) -> tuple[float, float, float]:
     return x, y, max(z, MIN_DEPTH_M)
 
 
-@numba.njit(cache=True, inline="always", error_model="numpy")
+@compiled(inline="always", error_model="numpy")
 def _fill_row(
     by_camera: Array, by_point: Array, R: Array, a: float, b: float, c: float, x: float, y: float,
     z: float,

@@ -7,11 +7,11 @@ Source: Agrawal, Konolige and Blas, CenSurE: Center Surround Extremas for Realti
 Detection and Matching, ECCV 2008.
 """
 
-import numba
 import numpy as np
 
 from vo.config import FeatureSettings
 from vo.contract.arrays import Array, Image
+from vo.contract.compilation import compiled
 from vo.features.censure_kernels import Kernels, kernels
 from vo.features.integral_images import add_octagons, prefix_sums
 from vo.features.subpixel import peak, vertices
@@ -50,7 +50,7 @@ def scale_space(image: Image, shape: Kernels) -> Array:
     return responses
 
 
-@numba.njit(cache=True)
+@compiled()
 def _center_surround(
     tables: Array, pieces: Array, reach: Array, regions: Array, weights: Array, responses: Array
 ) -> None:
@@ -74,14 +74,14 @@ def _center_surround(
                 )
 
 
-@numba.njit(cache=True)
+@compiled()
 def _weigh(centre: Array, whole: Array, weights: Array, response: Array) -> None:
     for_centre, for_whole = weights[0], weights[1]
     for u in range(len(response)):
         response[u] = np.float32(centre[u]) * for_centre + np.float32(whole[u]) * for_whole
 
 
-@numba.njit(cache=True)
+@compiled()
 def _extrema(responses: Array, margin: Array, threshold: float) -> Array:
     """Rows (scale, v, u) of the extrema over 3x3x3 neighbours, |response| > threshold.
 
@@ -110,7 +110,7 @@ def _extrema(responses: Array, margin: Array, threshold: float) -> Array:
     return rows
 
 
-@numba.njit(cache=True)
+@compiled()
 def _pick(responses: Array, s: int, v: int, edge: int, threshold: float, candidates: Array) -> None:
     """Mark the pixels of a row that pass the threshold and their six nearest neighbours."""
     count, faint = len(candidates), np.float32(threshold)
@@ -126,7 +126,7 @@ def _pick(responses: Array, s: int, v: int, edge: int, threshold: float, candida
         candidates[i] = ((x > faint) & (x >= most)) | ((x < -faint) & (x <= least))
 
 
-@numba.njit(cache=True)
+@compiled()
 def _is_extremum(responses: Array, s: int, v: int, u: int) -> bool:
     """Whether the centre beats its 26 neighbours; of equal ones, the first in memory wins."""
     sign = np.float32(1.0) if responses[s, v, u] > 0 else np.float32(-1.0)
@@ -140,7 +140,7 @@ def _is_extremum(responses: Array, s: int, v: int, u: int) -> bool:
     return True
 
 
-@numba.njit(cache=True, fastmath={"reassoc", "contract"})
+@compiled(fastmath={"reassoc", "contract"})
 def _round(image: Image, found: Array, window_px: Array, most_ratio: float) -> Array:
     """Whether the principal gradient energies about each (scale, v, u) are of a similar size.
 

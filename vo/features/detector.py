@@ -3,11 +3,11 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from vo.config import FeatureSettings
 from vo.contract.arrays import Array, Image, Indices
+from vo.contract.compilation import compiled
 from vo.features.censure import censure
 from vo.features.harris import harris
 
@@ -63,7 +63,7 @@ def _spread(found: Array, shape: tuple[int, ...], settings: FeatureSettings) -> 
     return order[np.sort(np.argsort(place, kind="stable")[: settings.count])]
 
 
-@numba.njit(cache=True)
+@compiled()
 def _places(cell: Indices) -> Indices:
     """How many entries before each have the same cell."""
     taken = np.zeros(cell.max() + 1 if len(cell) else 0, dtype=np.int64)

@@ -6,10 +6,10 @@ tell the noise.
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from vo.contract.arrays import Array, Image
+from vo.contract.compilation import compiled
 
 BLOCK_PX = 16
 CALM = 0.1
@@ -67,7 +67,7 @@ def _smoothness(lines: Image, noise: float) -> float:
     return max(far - 2 * noise**2, least) / max(near - 2 * noise**2, least)
 
 
-@numba.njit(cache=True)
+@compiled()
 def _blocks(image: Image) -> Array:
     """Noise in grey levels, and variance, of every other block each way: (B, 2)."""
     rows, columns = (image.shape[0] - 2) // BLOCK_PX, (image.shape[1] - 2) // BLOCK_PX

@@ -7,10 +7,10 @@ Source: slanted integral images of Agrawal, Konolige and Blas, CenSurE: Center S
 for Realtime Feature Detection and Matching, ECCV 2008, section 3.2.
 """
 
-import numba
 import numpy as np
 
 from vo.contract.arrays import Array, Image
+from vo.contract.compilation import compiled
 
 
 def octagon_area(m: int, n: int) -> int:
@@ -18,7 +18,7 @@ def octagon_area(m: int, n: int) -> int:
     return m * (m + 2 * n) + 2 * sum(m + 2 * k for k in range(n))
 
 
-@numba.njit(cache=True)
+@compiled()
 def prefix_sums(image: Image) -> Array:
     """Three tables (3, H + 1, W + 1) int32 of the sums of all pixels above and to the left.
 
@@ -47,13 +47,13 @@ def prefix_sums(image: Image) -> Array:
     return tables
 
 
-@numba.njit(cache=True)
+@compiled()
 def _add(a: Array, b: Array, total: Array) -> None:
     for i in range(len(total)):
         total[i] = a[i] + b[i]
 
 
-@numba.njit(cache=True)
+@compiled()
 def add_octagons(tables: Array, m: int, n: int, sign: int, v: int, u: int, sums: Array) -> None:
     """Add `sign` times the sums of the octagons of one row to `sums`.
 
@@ -86,7 +86,7 @@ def add_octagons(tables: Array, m: int, n: int, sign: int, v: int, u: int, sums:
     )  # fmt: skip
 
 
-@numba.njit(cache=True)
+@compiled()
 def _add_corners(a: Array, b: Array, c: Array, d: Array, sign: int, sums: Array) -> None:
     factor = np.int32(sign)
     for i in range(len(sums)):

@@ -1,9 +1,9 @@
 """Where between samples an extremum lies."""
 
-import numba
 import numpy as np
 
 from vo.contract.arrays import Array, Indices
+from vo.contract.compilation import compiled
 
 
 def peak(before: Array, centre: Array, after: Array) -> Array:
@@ -14,7 +14,7 @@ def peak(before: Array, centre: Array, after: Array) -> Array:
     return np.clip(offset, -0.5, 0.5)
 
 
-@numba.njit(cache=True)
+@compiled()
 def vertices(layers: Array, found: Indices) -> Array:
     """Offsets (N, 2) float64 (u, v) in [-0.5, 0.5] of the extrema at `found` from their pixels.
 

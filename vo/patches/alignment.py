@@ -10,10 +10,10 @@ normalisation after Evangelidis and Psarakis, enhanced correlation coefficient, 
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from vo.contract.arrays import Array, Image
+from vo.contract.compilation import compiled
 from vo.patches.templates import Templates
 
 MOST_STEPS = 12
@@ -82,7 +82,7 @@ def align(
     return aligned
 
 
-@numba.njit(cache=True, fastmath={"reassoc", "contract"})  # sums in any order; NaN stays NaN
+@compiled(fastmath={"reassoc", "contract"})  # sums in any order; NaN stays NaN
 def _align_all(
     patches: Array,
     gradients: Array,
@@ -176,7 +176,7 @@ def _align_all(
                 )
 
 
-@numba.njit(cache=True, fastmath={"reassoc", "contract"})
+@compiled(fastmath={"reassoc", "contract"})
 def warp_offsets(warp: Array, side: int, offsets: Array) -> tuple[float, float]:
     """Write where the template's samples lie about its centre in the image: (2, side * side).
 
@@ -199,7 +199,7 @@ def warp_offsets(warp: Array, side: int, offsets: Array) -> tuple[float, float]:
     return reach_u, reach_v
 
 
-@numba.njit(cache=True, fastmath={"reassoc", "contract"})
+@compiled(fastmath={"reassoc", "contract"})
 def sample(image: Image, u: float, v: float, offsets: Array, out: Array) -> float:
     """Sample bilinearly at (u, v) + offsets, all inside the image.
 
@@ -235,7 +235,7 @@ def sample(image: Image, u: float, v: float, offsets: Array, out: Array) -> floa
     return np.sqrt(max(squares - total * total / np.float32(out.shape[0]), np.float32(0)))
 
 
-@numba.njit(cache=True)
+@compiled()
 def noise_variance(
     zncc: float, norm_a: float, kept_a: float, norm_b: float, offsets: Array, u: float, v: float
 ) -> float:

@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from vo.contract.arrays import Array, Image, Indices, Mask
+from vo.contract.compilation import compiled
 
 FLAT = 1e-3
 """Norm in grey levels below which a patch shows nothing."""
@@ -60,7 +60,7 @@ def cut(image: Image, pixels: Array, patch_px: int) -> Templates:
     return templates
 
 
-@numba.njit(cache=True, fastmath={"reassoc", "contract"})  # sums in any order; NaN stays NaN
+@compiled(fastmath={"reassoc", "contract"})  # sums in any order; NaN stays NaN
 def _cut_all(
     image: Image, pixels: Array, patches: Array, gradients: Array, norms: Array, noise_kept: Array
 ) -> None:
@@ -79,7 +79,7 @@ def _cut_all(
         noise_kept[i] = (1 - 2 * fu * (1 - fu)) * (1 - 2 * fv * (1 - fv))
 
 
-@numba.njit(cache=True, fastmath={"reassoc", "contract"})
+@compiled(fastmath={"reassoc", "contract"})
 def _sample_square(image: Image, u: float, v: float, out: Array) -> None:
     """Sample a unit grid about (u, v) bilinearly: the weights are the same everywhere."""
     side = out.shape[0]
@@ -95,7 +95,7 @@ def _sample_square(image: Image, u: float, v: float, out: Array) -> None:
             out[j, k] = w00 * above[x] + w01 * above[x + 1] + w10 * below[x] + w11 * below[x + 1]
 
 
-@numba.njit(cache=True, fastmath={"reassoc", "contract"})
+@compiled(fastmath={"reassoc", "contract"})
 def _differentiate(padded: Array, patch: Array, gu: Array, gv: Array) -> float:
     """Normalise the inner part of a padded patch and its central differences; return the norm.
 

@@ -1,10 +1,10 @@
 """Matching by ZNCC with marriage assignment (thesis 3.2, eq. 3.1)."""
 
-import numba
 import numpy as np
 
 from vo.config import MatchingSettings
 from vo.contract.arrays import Array, Image, Indices
+from vo.contract.compilation import compiled
 
 LEAST_CONTRAST = 1.0
 """Standard deviation in grey levels below which a patch says nothing."""
@@ -69,7 +69,7 @@ def marry(
     return np.stack([married, best_b[married]], axis=-1)
 
 
-@numba.njit(cache=True, fastmath={"reassoc", "contract"})  # sums in any order; NaN stays NaN
+@compiled(fastmath={"reassoc", "contract"})  # sums in any order; NaN stays NaN
 def _choices(
     vectors_a: Array, expected_a: Array, vectors_b: Array, pixels_b: Array, downwards: Indices,
     radius: float, least: float,

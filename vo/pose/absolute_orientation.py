@@ -7,10 +7,10 @@ decomposition, PAMI 1987, with a rule against mirrors). Scale is forced to 1.
 
 from typing import Literal, TypeAlias
 
-import numba
 import numpy as np
 
 from vo.contract.arrays import Array, Indices
+from vo.contract.compilation import compiled
 
 AbsoluteSolver: TypeAlias = Literal["horn", "umeyama"]
 ABSOLUTE_SOLVERS: dict[AbsoluteSolver, int] = {"horn": 0, "umeyama": 1}
@@ -40,7 +40,7 @@ def absolute_orientation(
     return _orient_all(flat_a, flat_b, ABSOLUTE_SOLVERS[solver]).reshape(*shape[:-2], 4, 4)
 
 
-@numba.njit(cache=True)
+@compiled()
 def _orient_all(points_a: Array, points_b: Array, solver: int) -> Array:
     T_a_b = np.zeros((len(points_a), 4, 4))
     everyone = np.arange(points_a.shape[1])
@@ -51,7 +51,7 @@ def _orient_all(points_a: Array, points_b: Array, solver: int) -> Array:
     return T_a_b
 
 
-@numba.njit(cache=True)
+@compiled()
 def orient(points_a: Array, points_b: Array, rows: Indices, solver: int, pose: Array) -> bool:
     """Write the least-squares [R | t], p_a = R @ p_b + t, of some of the points.
 
@@ -85,7 +85,7 @@ def orient(points_a: Array, points_b: Array, rows: Indices, solver: int, pose: A
     return True
 
 
-@numba.njit(cache=True)
+@compiled()
 def _rotate_umeyama(spread: Array, rotation: Array) -> None:
     """Rotation that maximises tr(R^T spread): U diag(1, 1, +-1) V^T (Umeyama, eqs. 40 and 43)."""
     U, _, Vt = np.linalg.svd(spread)
@@ -96,7 +96,7 @@ def _rotate_umeyama(spread: Array, rotation: Array) -> None:
             rotation[i, j] = U[i, 0] * Vt[0, j] + U[i, 1] * Vt[1, j] + U[i, 2] * Vt[2, j]
 
 
-@numba.njit(cache=True)
+@compiled()
 def _rotate_horn(spread: Array, rotation: Array) -> None:
     """The same as the unit quaternion of the largest eigenvalue of a 4 by 4 matrix (Horn, 4.A)."""
     S = spread.T  # Horn's S_xy sums x of the left system, here b, times y of the right one, a

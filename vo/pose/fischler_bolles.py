@@ -3,10 +3,10 @@
 Source: Fischler and Bolles, Random Sample Consensus, CACM 1981, appendix A, eqs. A5 to A14.
 """
 
-import numba
 import numpy as np
 
 from vo.contract.arrays import Array
+from vo.contract.compilation import compiled
 from vo.pose.polynomial import real_roots
 
 LEAST_RATIO = 1e-4
@@ -19,7 +19,7 @@ ROUNDING = 1e-6
 """A squared ratio this far below zero is a double root of y that rounding made complex."""
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def legs_fischler_bolles(sides2: Array, cosines: Array, legs: Array) -> int:
     """Find the candidates for the legs a, b, c; the caller polishes them and checks them.
 
@@ -53,7 +53,7 @@ def legs_fischler_bolles(sides2: Array, cosines: Array, legs: Array) -> int:
     return found
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _coefficients(K1: float, K2: float, cab: float, cac: float, cbc: float, quartic: Array) -> None:
     """G4 to G0 of eq. A8."""
     difference, mixed = K1 * K2 - K1 - K2, K1 * K2 + K1 - K2

@@ -4,17 +4,17 @@ Poses are (3, 4) [R | t] with p_cam = R @ p_odom + t. Tangents are (w, v) as in 
 rotation first, and move the camera in its own frame: T_odom_cam @ exp(w, v).
 """
 
-import numba
 import numpy as np
 
 from vo.contract.arrays import Array, Indices
+from vo.contract.compilation import compiled
 from vo.contract.projection import compiled_image_jacobian
 
 SINGULAR = 1e-13
 """Share of a diagonal element that elimination must leave of it."""
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def step(
     points_odom: Array, rays: Array, rows: Indices, pose: Array, moved: Array,
     weights: Array | None = None,
@@ -42,7 +42,7 @@ def step(
     return True
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def normal_equations(
     points_odom: Array, rays: Array, rows: Indices, pose: Array, weights: Array | None = None
 ) -> tuple[Array, Array]:
@@ -66,7 +66,7 @@ def normal_equations(
     return information, gradient
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def solve_symmetric(A: Array, B: Array) -> bool:
     """Solve A X = B in place of B by Cholesky; False, and B spoilt, if A is not positive."""
     n = len(A)
@@ -94,7 +94,7 @@ def solve_symmetric(A: Array, B: Array) -> bool:
     return True
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def transform(p: Array, pose: Array) -> tuple[float, float, float]:
     """Point (3,) of the odom frame in the camera's."""
     return (
@@ -104,14 +104,14 @@ def transform(p: Array, pose: Array) -> tuple[float, float, float]:
     )
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def project(p: Array, pose: Array) -> tuple[float, float, float]:
     """Normalised image coordinates and inverse depth: x / z, y / z, 1 / z."""
     x, y, z = transform(p, pose)
     return x / z, y / z, 1 / z
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _move(pose: Array, tangent: Array, moved: Array) -> None:
     """[R | t] of T_odom_cam @ exp(w, v), to first order in v: R(-w) (p - v); Rodrigues."""
     w, v = tangent[:3], tangent[3:]

@@ -7,10 +7,10 @@ then ever narrower, does not: Yang, Antonante, Tzoumas and Carlone, Graduated no
 robust spatial perception, RA-L 2020.
 """
 
-import numba
 import numpy as np
 
 from vo.contract.arrays import Array
+from vo.contract.compilation import compiled
 from vo.pose.gauss_newton import step
 from vo.pose.hypotheses import Problem, misfits
 
@@ -22,7 +22,7 @@ STEPS = 3
 """Of Gauss-Newton at each width."""
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def anneal(problem: Problem, pose: Array) -> bool:
     """Move a guessed pose (3, 4), in place, to where the matches have it.
 

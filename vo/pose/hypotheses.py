@@ -5,10 +5,10 @@ Poses are (3, 4) [R | t] with p_cam = R @ p_odom + t.
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from vo.contract.arrays import Array, Indices
+from vo.contract.compilation import compiled
 from vo.pose.absolute_orientation import orient
 from vo.pose.gauss_newton import step
 from vo.pose.p3p import MOST_CANDIDATES, p3p, slender
@@ -52,7 +52,7 @@ class Problem(NamedTuple):
     weights: Array
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def propose(problem: Problem, sample: Indices, poses: Array) -> int:
     """Write the poses (4, 3, 4) that a sample of three allows; returns how many."""
     if problem.absolute:
@@ -68,7 +68,7 @@ def propose(problem: Problem, sample: Indices, poses: Array) -> int:
     return p3p(problem.points_odom[sample], rays_cam, problem.solver, legs, poses)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def misfits(problem: Problem, pose: Array, first: int, last: int, out: Array) -> None:
     """Write the squared errors of a range of matches over the squared threshold.
 
@@ -91,7 +91,7 @@ def misfits(problem: Problem, pose: Array, first: int, last: int, out: Array) ->
         out[k - first] = scale * error2 if z > 0 else np.inf
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def cost(problem: Problem, pose: Array, first: int, last: int, bail: float) -> float:
     """Summed cost of a range of the matches; infinite as soon as it cannot fall below `bail`."""
     total = 0.0
@@ -107,7 +107,7 @@ def cost(problem: Problem, pose: Array, first: int, last: int, bail: float) -> f
     return total
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def inliers(problem: Problem, pose: Array, reach: float = 1.0) -> Indices:
     """Rows of the matches within so many thresholds."""
     all_of_them = np.empty(len(problem.points_odom))
@@ -115,7 +115,7 @@ def inliers(problem: Problem, pose: Array, reach: float = 1.0) -> Indices:
     return np.flatnonzero(all_of_them < reach * reach)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def improve(problem: Problem, pose: Array, now: float, rounds: int) -> float:
     """Refit a pose (3, 4), in place, to its inliers while its cost falls; returns the cost.
 
@@ -146,7 +146,7 @@ def improve(problem: Problem, pose: Array, now: float, rounds: int) -> float:
     return now
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def uncertainty(problem: Problem, pose: Array, rows: Indices) -> Array:
     """Covariance (6, 6) of the pose that fits some inliers best; tangent order (w, v)."""
     if problem.absolute:

@@ -9,14 +9,14 @@ Source: Persson and Nordberg, Lambda Twist, ECCV 2018; the pair is split through
 Revisiting the P3P Problem, CVPR 2023), where Persson and Nordberg diagonalise.
 """
 
-import numba
 import numpy as np
 
 from vo.contract.arrays import Array
+from vo.contract.compilation import compiled
 from vo.pose.polynomial import real_roots
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def legs_lambda_twist(sides2: Array, cosines: Array, legs: Array) -> int:
     """Find the candidates for the legs a, b, c; the caller polishes them and checks them.
 
@@ -74,7 +74,7 @@ def legs_lambda_twist(sides2: Array, cosines: Array, legs: Array) -> int:
     return _meet(pair[:, largest % 3], other, sides2, cosines, legs, found)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _simplest_root(cubic: Array) -> float:
     """Of the roots within about 1 of zero, the one that rounding moves least; NaN if none."""
     work, roots = np.empty(9), np.empty(3)
@@ -86,7 +86,7 @@ def _simplest_root(cubic: Array) -> float:
     return best
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _adjugate(S: Array, adjugate: Array) -> None:
     """Of a symmetric matrix."""
     for i in range(3):
@@ -96,7 +96,7 @@ def _adjugate(S: Array, adjugate: Array) -> None:
             adjugate[i, m] = S[j, n] * S[k, o] - S[j, o] * S[k, n]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _meet(line: Array, conic: Array, sides2: Array, cosines: Array, legs: Array, found: int) -> int:
     """Append where a line meets a conic, scaled to the sides' lengths, if all legs are positive."""
     k = np.abs(line).argmax()

@@ -7,10 +7,10 @@ pose. (Absolute orientation of congruent triangles needs no least squares.)
 
 from typing import Literal, TypeAlias
 
-import numba
 import numpy as np
 
 from vo.contract.arrays import Array, Indices
+from vo.contract.compilation import compiled
 from vo.pose.fischler_bolles import legs_fischler_bolles
 from vo.pose.lambda_twist import legs_lambda_twist
 
@@ -65,7 +65,7 @@ def leg_lengths(
     return legs, triplet
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _solve_all(points_ref: Array, rays_cam: Array, solver: int) -> tuple[Array, Indices, Array]:
     count = len(points_ref)
     legs = np.empty((4 * count, 3))
@@ -85,7 +85,7 @@ def _solve_all(points_ref: Array, rays_cam: Array, solver: int) -> tuple[Array, 
     return legs[:found], triplet[:found], T_ref_cam[:found]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def p3p(points_ref: Array, rays_cam: Array, solver: int, legs: Array, poses: Array) -> int:
     """Solve one triplet.
 
@@ -123,7 +123,7 @@ def p3p(points_ref: Array, rays_cam: Array, solver: int, legs: Array, poses: Arr
     return found
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def slender(corners: Array) -> bool:
     """Whether three points (3, 3) are, to rounding, in a line, or not finite."""
     u, v = corners[1] - corners[0], corners[2] - corners[0]
@@ -136,7 +136,7 @@ def slender(corners: Array) -> bool:
     return not area2 > SLENDER * longest2 * longest2
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _polish(legs: Array, sides2: Array, cosines: Array) -> bool:
     """Newton's method on the three laws of cosines, while it helps; False if they do not hold."""
     a, b, c = legs
@@ -163,7 +163,7 @@ def _polish(legs: Array, sides2: Array, cosines: Array) -> bool:
     return error <= SOLVED * sides2.max() and legs.min() > 0
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _move_triangle(points_ref: Array, rays_cam: Array, legs: Array, pose: Array) -> None:
     """Write [R | t] that lays the triangle of the points onto the one at the ends of the legs."""
     points_cam, here, there = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
@@ -181,7 +181,7 @@ def _move_triangle(points_ref: Array, rays_cam: Array, legs: Array, pose: Array)
             pose[i, 3] -= pose[i, j] * (points_ref[0, j] + points_ref[1, j] + points_ref[2, j]) / 3
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _axes(corners: Array, axes: Array) -> None:
     """Rows: along a triangle's first side, across it in the plane, and off the plane."""
     u, v = corners[1] - corners[0], corners[2] - corners[0]

@@ -5,16 +5,15 @@ one root there, which bisection cannot miss. The derivatives' roots are found in
 from the lowest degree upwards.
 """
 
-import numba
-
 from vo.contract.arrays import Array
+from vo.contract.compilation import compiled
 
 MOST_STEPS = 100
 TOUCHING = 1e-9
 """An extremum this close to zero, relative to the terms that cancel there, is a double root."""
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def real_roots(coefficients: Array, low: float, high: float, work: Array, roots: Array) -> int:
     """Find the roots inside [low, high] in increasing order, a double root at least once.
 
@@ -57,7 +56,7 @@ def real_roots(coefficients: Array, low: float, high: float, work: Array, roots:
     return found
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _bracketed(p: Array, low: float, high: float, rises: bool) -> float:
     """Newton's method, kept inside a bracket that shrinks, bisecting where it would leave it."""
     x = 0.5 * (low + high)
@@ -79,7 +78,7 @@ def _bracketed(p: Array, low: float, high: float, rises: bool) -> float:
     return x
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _value(p: Array, x: float) -> float:
     value = 0.0
     for c in p:
@@ -87,7 +86,7 @@ def _value(p: Array, x: float) -> float:
     return value
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _terms(p: Array, x: float) -> float:
     """Sum of the terms' absolute values."""
     total = 0.0

@@ -4,10 +4,10 @@ Tangents are (w, v) as in GTSAM's Pose3, rotation first, and move the camera in 
 T_odom_cam @ exp(w, v). Poses are (3, 4) [R | t] with p_cam = R @ p_odom + t.
 """
 
-import numba
 import numpy as np
 
 from vo.contract.arrays import Array, Indices
+from vo.contract.compilation import compiled
 from vo.pose.gauss_newton import normal_equations, project, solve_symmetric, step, transform
 
 SETTLED = 3
@@ -17,7 +17,7 @@ NORMAL = 1.4826
 """Standard deviation of a normal variable over the median of its absolute values."""
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def covariance(points_odom: Array, rays: Array, rows: Indices, pose: Array) -> Array:
     """Covariance (6, 6) of the least-squares pose, the residuals' own spread being its noise.
 
@@ -41,7 +41,7 @@ def covariance(points_odom: Array, rays: Array, rows: Indices, pose: Array) -> A
     return inverse * (NORMAL * np.median(residuals)) ** 2 * count / (count - 6)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def covariance_of_points(
     points_odom: Array, points_cam: Array, rows: Indices, pose: Array
 ) -> Array:

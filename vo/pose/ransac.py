@@ -7,12 +7,12 @@ structure and motion estimation, MVA 2005.
 
 from dataclasses import dataclass, replace
 
-import numba
 import numpy as np
 
 from vo.config import MotionSettings
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices, Mask
+from vo.contract.compilation import compiled
 from vo.pose.hypotheses import (
     MOST_POSES,
     SAMPLE,
@@ -98,7 +98,7 @@ def consensus(
     return Consensus(T_odom_cam, mask, trials, covariance)
 
 
-@numba.njit(cache=True)
+@compiled()
 def trials_needed(p_good: float, confidence: float) -> float:
     """Samples of three after which one is all good with the given confidence (eq. 2.28)."""
     p_sample = p_good**SAMPLE
@@ -109,7 +109,7 @@ def trials_needed(p_good: float, confidence: float) -> float:
     return np.ceil(np.log(1 - confidence) / np.log1p(-p_sample))
 
 
-@numba.njit(cache=True)
+@compiled()
 def _search(
     problem: Problem, draws: Array, confidence: float, local_rounds: int, pose: Array
 ) -> int:
@@ -134,7 +134,7 @@ def _search(
     return trials
 
 
-@numba.njit(cache=True)
+@compiled()
 def _search_preemptive(problem: Problem, draws: Array, block: int, pose: Array) -> int:
     """Judge all hypotheses by a block of matches, keep the better half, go on with the next.
 
@@ -161,7 +161,7 @@ def _search_preemptive(problem: Problem, draws: Array, block: int, pose: Array) 
     return len(draws)
 
 
-@numba.njit(cache=True)
+@compiled()
 def _marks(weights: Array) -> Array:
     """(N + 1,) where each match's stretch of the total weight begins, and the total."""
     marks = np.zeros(len(weights) + 1)
@@ -169,7 +169,7 @@ def _marks(weights: Array) -> Array:
     return marks
 
 
-@numba.njit(cache=True)
+@compiled()
 def _choose(draw: Array, marks: Array, sample: Indices) -> None:
     """Turn three numbers below 1 into three different rows, each drawn in proportion to weight."""
     for k in range(SAMPLE):
@@ -185,7 +185,7 @@ def _choose(draw: Array, marks: Array, sample: Indices) -> None:
         sample[k] = min(row, len(marks) - 2)
 
 
-@numba.njit(cache=True)
+@compiled()
 def _finish(problem: Problem, pose: Array, rounds: int) -> tuple[Indices, Array]:
     """Refit the best pose, in place, until it stays; its inliers and its covariance."""
     improve(problem, pose, cost(problem, pose, 0, len(problem.points_odom), np.inf), rounds)

@@ -4,10 +4,10 @@ Source: thesis eq. 3.3 for the correlation; Fua, A Parallel Stereo Algorithm tha
 Depth Maps and Preserves Image Features, MVA 1993, for the check from the other eye.
 """
 
-import numba
 import numpy as np
 
 from vo.contract.arrays import Array, Image, Indices
+from vo.contract.compilation import compiled
 
 PEAK_PX = 2
 """Half width of a peak of correlation: what lies further away is another one."""
@@ -46,7 +46,7 @@ def search_rows(
     return disparity, zncc, rival
 
 
-@numba.njit(cache=True)
+@compiled()
 def _search_all(
     left: Image, right: Image, rows: Indices, centres: Indices, limits: Indices, radius: int,
     disparity: Array, zncc: Array, rival: Array,
@@ -82,7 +82,7 @@ def _search_all(
             disparity[row], zncc[row], rival[row] = u - there, score, other
 
 
-@numba.njit(cache=True, fastmath={"reassoc", "contract"})
+@compiled(fastmath={"reassoc", "contract"})
 def _cut(image: Image, u: int, v: int, radius: int, patch: Array) -> bool:
     """Write the patch about a pixel with zero mean and unit norm; False if it is flat."""
     side = 2 * radius + 1
@@ -105,7 +105,7 @@ def _cut(image: Image, u: int, v: int, radius: int, patch: Array) -> bool:
     return True
 
 
-@numba.njit(cache=True, fastmath={"reassoc", "contract"})
+@compiled(fastmath={"reassoc", "contract"})
 def _correlate(
     patch: Array, image: Image, first: int, last: int, v: int, radius: int, work: Array
 ) -> Array:

@@ -7,10 +7,10 @@ Source: iteratively reweighted least squares with Geman and McClure's weights, Z
 Estimation Techniques, IVC 1997.
 """
 
-import numba
 import numpy as np
 
 from vo.contract.arrays import Array
+from vo.contract.compilation import compiled
 
 NEIGHBOURS = 16
 REACH_PX = 120.0
@@ -54,7 +54,7 @@ def surface_slopes(at: Array, at_disparity_px: Array, pixels: Array, disparity_p
     return slopes
 
 
-@numba.njit(cache=True)
+@compiled()
 def _fit_all(at: Array, own: Array, pixels: Array, disparity: Array, slopes: Array) -> None:
     near = np.empty(NEIGHBOURS, dtype=np.int64)
     distance = np.empty(NEIGHBOURS)
@@ -90,7 +90,7 @@ def _fit_all(at: Array, own: Array, pixels: Array, disparity: Array, slopes: Arr
             slopes[i, 0], slopes[i, 1] = a, b
 
 
-@numba.njit(cache=True)
+@compiled()
 def _nearest(at: Array, pixels: Array, near: Array, distance: Array) -> int:
     """Write the indices of the nearest pixels but `at` itself, nearest first; return how many."""
     count = 0

@@ -7,10 +7,10 @@ Source: Devernay and Faugeras, Computing Differential Properties of 3-D Shapes f
 Images without 3-D Models, CVPR 1994; inverse compositional as in `vo.patches.alignment`.
 """
 
-import numba
 import numpy as np
 
 from vo.contract.arrays import Array, Image
+from vo.contract.compilation import compiled
 from vo.patches.alignment import LEAST_NORM, sample, warp_offsets
 from vo.patches.templates import Templates
 
@@ -40,7 +40,7 @@ def fit_slopes(templates: Templates, right: Image, pixels_right: Array) -> Array
     return slopes
 
 
-@numba.njit(cache=True, fastmath={"reassoc", "contract"})  # sums in any order; NaN stays NaN
+@compiled(fastmath={"reassoc", "contract"})  # sums in any order; NaN stays NaN
 def _fit_all(
     patches: Array, gradients: Array, norms: Array, right: Image, start: Array, slopes: Array
 ) -> None:  # fmt: skip
@@ -82,7 +82,7 @@ def _fit_all(
                 break
 
 
-@numba.njit(cache=True, fastmath={"reassoc", "contract"})
+@compiled(fastmath={"reassoc", "contract"})
 def _differentiate(patch: Array, gu: Array, out: Array) -> None:
     """Derivatives along the shift and both slopes, orthogonal to a constant and to the patch."""
     side = gu.shape[0]

@@ -1,0 +1,197 @@
+"""Compilation of numerical loops to machine code, which is kept between runs.
+
+Numba keeps machine code with a digest of the file that a function stands in. That overlooks a
+callee in another file, and compiles a whole file anew for a comment. Here the digest is that of
+the function itself: bytecode, options, constants and, in turn, all compiled functions that it
+calls. A change therefore recompiles exactly the functions that it reaches, and nothing is deleted.
+
+Machine code lies in `__pycache__` beside the source. Where that folder is read-only, what it holds
+is used, and new code goes to a folder of the user ($XDG_CACHE_HOME/driftyard). $NUMBA_CACHE_DIR
+names another folder instead of both.
+"""
+
+import hashlib
+import os
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
+from pathlib import Path
+from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
+from typing import Any, TypeVar
+
+import numba
+import numpy as np
+from numba.core import event
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
+from numba.core.dispatcher import Dispatcher
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+NOTICE = "driftyard: compiling machine code (once; about 40 s for all of the estimator)"
+
+_MODULES = ("numpy", "math", "numba")
+"""Modules whose content changes with their release only."""
+
+
+def compiled(**options: object) -> Callable[[Function], Function]:
+    """Compile a function to machine code at its first call, and keep the code.
+
+    Args:
+        **options: Of `numba.njit`, for example `error_model` or `fastmath`.
+    """
+
+    def decorate(function: Function) -> Function:
+        dispatcher = numba.njit(**options)(function)
+        dispatcher._cache = _Cache(dispatcher)
+        return dispatcher
+
+    return decorate
+
+
+def fingerprint(dispatcher: Dispatcher) -> str:
+    """Compute the digest of everything that a function's machine code is made from.
+
+    Raises:
+        TypeError: If it uses a global value that is neither a constant nor a compiled function.
+    """
+    digest = hashlib.sha256()
+    pending, reached = [dispatcher], {id(dispatcher)}
+    while pending:
+        current = pending.pop()
+        function = current.py_func
+        digest.update(_text(function.__qualname__).encode())
+        digest.update(_text((current.targetoptions, function.__defaults__)).encode())
+        tuples = [x for x in function.__annotations__.values() if hasattr(x, "_fields")]
+        digest.update(_text(tuples).encode())
+        for code in _codes(function.__code__):
+            digest.update(_code_text(code).encode())
+            for name in sorted(set(code.co_names) & function.__globals__.keys()):
+                value = function.__globals__[name]
+                if not isinstance(value, Dispatcher):
+                    digest.update(f"{name}={_text(value)};".encode())
+                elif id(value) not in reached:
+                    reached.add(id(value))
+                    pending.append(value)
+    return digest.hexdigest()
+
+
+def _codes(code: CodeType) -> Iterator[CodeType]:
+    """Yield a code object and those nested in it, as of generator expressions."""
+    yield code
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _codes(constant)
+
+
+def _code_text(code: CodeType) -> str:
+    """Describe a code object without its line numbers and its docstring."""
+    constants = [x for x in code.co_consts if not isinstance(x, CodeType)]
+    if constants and isinstance(constants[0], str):
+        constants[0] = ""
+    return f"{code.co_code.hex()}{constants!r}{code.co_names}{code.co_varnames}"
+
+
+def _text(value: object) -> str:
+    """Describe a value that Numba turns into a constant; equal for equal values.
+
+    Raises:
+        TypeError: If it cannot be told whether the value changes from run to run.
+    """
+    if value is None or isinstance(value, bool | int | float | complex | str | bytes | np.generic):
+        return repr(value)
+    if isinstance(value, np.ndarray):
+        data = hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()
+        return f"{value.dtype}{value.shape}{data}"
+    if isinstance(value, Mapping):
+        return _text(sorted((_text(k), _text(v)) for k, v in value.items()))
+    if isinstance(value, Set):
+        return _text(sorted(map(_text, value)))
+    if isinstance(value, ModuleType) and value.__name__.split(".")[0] in _MODULES:
+        return value.__name__
+    if isinstance(value, Sequence):
+        return f"({','.join(map(_text, value))})"
+    if isinstance(value, type | BuiltinFunctionType | FunctionType | np.ufunc):
+        return f"{value.__name__}{getattr(value, '_fields', '')}"
+    raise TypeError(f"a compiled function uses {value!r}: import constants and functions by name")
+
+
+class _Cache(FunctionCache):
+    """Machine code of one function on the disk, one entry for each signature."""
+
+    def __init__(self, dispatcher: Dispatcher) -> None:
+        self._dispatcher, self._py_func = dispatcher, dispatcher.py_func
+        self._stores: list[IndexDataCacheFile] = []
+        self.enable()
+
+    @property
+    def cache_path(self) -> str:
+        """The folder that new code goes to first."""
+        return str(_folders(Path(self._py_func.__code__.co_filename))[0])
+
+    def flush(self) -> None:
+        """Forget the code in every folder."""
+        for store in self._opened():
+            store.flush()
+
+    def _opened(self) -> list[IndexDataCacheFile]:
+        if not self._stores:  # not before the first call: callees may stand further down
+            source = Path(self._py_func.__code__.co_filename)
+            name = f"{source.stem}.{self._py_func.__qualname__}.{sys.implementation.cache_tag}"
+            stamp = fingerprint(self._dispatcher)
+            self._stores = [IndexDataCacheFile(str(x), name, stamp) for x in _folders(source)]
+        return self._stores
+
+    def _load_overload(self, sig: object, target_context: Any) -> Any:
+        key = self._index_key(sig, target_context.codegen())
+        for store in self._opened():
+            data = store.load(key)
+            if data is not None:
+                return CompileResultCacheImpl.rebuild(self, target_context, data)
+        return None
+
+    def _save_overload(self, sig: object, data: Any) -> None:
+        if data.library.has_dynamic_globals:  # it holds addresses of this process
+            return
+        key = self._index_key(sig, data.codegen)
+        for store in self._opened():
+            try:
+                Path(store._cache_path).mkdir(parents=True, exist_ok=True)
+                store.save(key, CompileResultCacheImpl.reduce(self, data))
+            except OSError:  # read-only, or full: the next folder
+                continue
+            return
+
+
+def _folders(source: Path) -> list[Path]:
+    """Folders for the machine code of a source file, in order."""
+    apart = f"{source.parent.name}-{hashlib.sha256(str(source.parent).encode()).hexdigest()[:16]}"
+    if named := os.environ.get("NUMBA_CACHE_DIR"):
+        return [Path(named) / apart]
+    user = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser())
+    return [source.parent / "__pycache__", user / "driftyard" / apart]
+
+
+class _Progress(event.Listener):
+    """Says on standard error that functions of this project are being compiled."""
+
+    def __init__(self) -> None:
+        self.functions = 0
+
+    def on_start(self, event: event.Event) -> None:
+        """Print a notice with the first function, and on a terminal the name of each."""
+        function = event.data["dispatcher"]
+        if not isinstance(function._cache, _Cache):
+            return
+        self.functions += 1
+        if self.functions == 1:
+            print(NOTICE, file=sys.stderr, flush=True)
+        if sys.stderr.isatty():
+            name = f"{function.py_func.__module__}.{function.py_func.__name__}"
+            print(f"\r\x1b[K{self.functions}: {name}", end="", file=sys.stderr, flush=True)
+
+    def on_end(self, event: event.Event) -> None:
+        """Clear the line of a terminal."""
+        if isinstance(event.data["dispatcher"]._cache, _Cache) and sys.stderr.isatty():
+            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+
+
+event.register("numba:compile", _Progress())
