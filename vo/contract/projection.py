@@ -41,9 +41,7 @@ def image_jacobian(x: Any, y: Any, inverse_z: Any) -> tuple[Row, Row]:
     )
 
 
-compiled_image_jacobian = numba.njit(cache=True, inline="always", error_model="numpy")(
-    image_jacobian
-)
+compiled_image_jacobian = compiled(inline="always", error_model="numpy")(image_jacobian)
 
 
 def point_jacobian(points_cam: Array, sigma: Array, rig: StereoRig) -> Array:
