@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vo.patches.alignment import align
-from vo.patches.templates import cut
+from vo.patches.templates import extract_templates
 
 PATCH_PX = 17
 SIZE = (140, 120)
@@ -48,7 +48,9 @@ PLAIN = each(STILL, len(CENTRES))
 
 def find(template, pixels, image, start, warp, horizontal_only=False):
     """Cut and align: the places and their correlation."""
-    found = align(cut(template, pixels, PATCH_PX), image, start, warp, horizontal_only)
+    found = align(
+        extract_templates(template, pixels, PATCH_PX), image, start, warp, horizontal_only
+    )
     assert (np.isnan(found.covariance_px2).all(axis=(1, 2)) == np.isnan(found.zncc)).all()
     return found.pixels, found.zncc
 
@@ -229,7 +231,7 @@ def test_covariance_says_how_far_noise_moves_a_match(warp, along_row, whole):
         images = (texture.image(), texture.image(warp, centre, target))
         noisy = [np.round(x + rng.normal(scale=4, size=x.shape)).clip(0, 255) for x in images]
         template, image = (x.astype(np.uint8) for x in noisy)
-        templates = cut(template, centre[None], PATCH_PX)
+        templates = extract_templates(template, centre[None], PATCH_PX)
         found = align(templates, image, target[None], each(warp), horizontal_only=along_row)
         error, covariance = found.pixels[0] - target, found.covariance_px2[0]
         if along_row:
@@ -241,16 +243,18 @@ def test_covariance_says_how_far_noise_moves_a_match(warp, along_row, whole):
 
 def test_templates_are_normalised_and_differentiated():
     image = Texture(3).image()
-    templates = cut(image, CENTRES, 9)
+    templates = extract_templates(image, CENTRES, 9)
     patches, (gu, gv) = templates.patches, templates.gradients.swapaxes(0, 1)
     assert np.abs(patches.sum(axis=(1, 2))).max() < 1e-4
     np.testing.assert_allclose((patches**2).sum(axis=(1, 2)), 1, rtol=1e-5)
     for axis, ours in ((0, gu), (1, gv)):
         step = np.eye(2)[axis] * 0.5
-        ahead, behind = (cut(image, CENTRES + s * step, 9) for s in (1, -1))
+        ahead, behind = (extract_templates(image, CENTRES + s * step, 9) for s in (1, -1))
         numeric = ahead.patches - behind.patches
         assert np.corrcoef(numeric.ravel(), ours.ravel())[0, 1] > 0.999
         assert np.linalg.norm(ours) == pytest.approx(np.linalg.norm(numeric), rel=0.05)
     few = templates.select(np.array([2, 0]))
     np.testing.assert_array_equal(few.norms, templates.norms[[2, 0]])
-    np.testing.assert_array_equal(cut(image, np.array([[1.0, 50], [np.nan, 50]]), 9).norms, 0)
+    np.testing.assert_array_equal(
+        extract_templates(image, np.array([[1.0, 50], [np.nan, 50]]), 9).norms, 0
+    )

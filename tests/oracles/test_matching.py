@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vo.config import MatchingSettings
-from vo.patches.zncc import describe, marry
+from vo.patches.zncc import describe, match_mutual
 
 PATCH_PX = 9
 R = PATCH_PX // 2
@@ -87,7 +87,7 @@ def test_flat_and_cut_off_patches_match_nothing():
     assert not vectors[:-2].any()
     assert vectors[-2:].any(axis=1).all()
     pixels = np.zeros((len(vectors), 2))
-    pairs = marry(vectors, pixels, vectors, pixels, ANYWHERE_PX, SETTINGS)
+    pairs = match_mutual(vectors, pixels, vectors, pixels, ANYWHERE_PX, SETTINGS)
     assert pairs.tolist() == [[7, 7], [8, 8]]
 
 
@@ -107,7 +107,7 @@ def test_marriages_equal_the_double_loop(seed, count_a, count_b, radius_px, leas
     rng = np.random.default_rng(seed)
     a, b = unit_vectors(rng, count_a), unit_vectors(rng, count_b)
     expected_a, pixels_b = rng.uniform(0, 60, (count_a, 2)), rng.uniform(0, 60, (count_b, 2))
-    pairs = marry(a, expected_a, b, pixels_b, radius_px, MatchingSettings(zncc=least))
+    pairs = match_mutual(a, expected_a, b, pixels_b, radius_px, MatchingSettings(zncc=least))
     near = np.abs(expected_a[:, None] - pixels_b[None]).max(axis=-1) < radius_px
     assert [tuple(pair) for pair in pairs.tolist()] == brute_marriages(a @ b.T, near, least)
     assert pairs.shape == (len(pairs), 2)
@@ -119,44 +119,44 @@ def test_hand_worked_marriage():
     a = np.array([[1.0, 0, 0], [0.96, 0.28, 0], [0, 0, 1]])
     b = np.array([[0.96, 0.28, 0], [0.6, 0, 0.8]])
     here = np.zeros((3, 2))
-    assert marry(a, here, b, here[:2], 1.0, SETTINGS).tolist() == [[1, 0], [2, 1]]
+    assert match_mutual(a, here, b, here[:2], 1.0, SETTINGS).tolist() == [[1, 0], [2, 1]]
 
 
 def test_of_equal_features_the_first_wins_wherever_it_lies():
     one, two = np.eye(1, 9, dtype=np.float32), np.tile(np.eye(1, 9, dtype=np.float32), (2, 1))
     for rows in ([12.0, 8.0], [8.0, 12.0]):
         pixels_b = np.column_stack([[10.0, 10.0], rows])
-        assert marry(one, np.array([[10.0, 10.0]]), two, pixels_b, 5.0, SETTINGS).tolist() == [
-            [0, 0]
-        ]
+        assert match_mutual(
+            one, np.array([[10.0, 10.0]]), two, pixels_b, 5.0, SETTINGS
+        ).tolist() == [[0, 0]]
 
 
 def test_the_window_is_a_square_about_the_expectation():
     a = unit_vectors(np.random.default_rng(0), 1)
     expected = np.array([[100.0, 50.0]])
     for offset, inside in (((9.9, 9.9), True), ((10.1, 0), False), ((0, -10.1), False)):
-        pairs = marry(a, expected, a, expected + offset, 10.0, SETTINGS)
+        pairs = match_mutual(a, expected, a, expected + offset, 10.0, SETTINGS)
         assert len(pairs) == inside
     # Out of the window, the perfect twin cannot spoil a good match within it either.
     good = np.array([a[0] + [0.3, 0, 0, 0, 0, 0]])
     good /= np.linalg.norm(good)
     both = np.concatenate([a, good]).astype(np.float32)
     pixels = np.array([[300.0, 50.0], [101.0, 50.0]])
-    assert marry(a, expected, both, pixels, 10.0, SETTINGS).tolist() == [[0, 1]]
+    assert match_mutual(a, expected, both, pixels, 10.0, SETTINGS).tolist() == [[0, 1]]
 
 
 def test_an_unknown_expectation_matches_nothing():
     a = unit_vectors(np.random.default_rng(0), 3)
     pixels = np.zeros((3, 2))
     expected = np.array([[0, 0], [np.nan, np.nan], [0, np.nan]])
-    assert marry(a, expected, a, pixels, 5.0, SETTINGS).tolist() == [[0, 0]]
+    assert match_mutual(a, expected, a, pixels, 5.0, SETTINGS).tolist() == [[0, 0]]
 
 
 @pytest.mark.parametrize(("count_a", "count_b"), [(0, 0), (0, 4), (4, 0)])
 def test_nobody_to_marry(count_a, count_b):
     image = texture()
     a, b = (describe(image, spots(n), PATCH_PX) for n in (count_a, count_b))
-    pairs = marry(a, spots(count_a), b, spots(count_b), 9.0, SETTINGS)
+    pairs = match_mutual(a, spots(count_a), b, spots(count_b), 9.0, SETTINGS)
     assert pairs.shape == (0, 2)
 
 
@@ -168,7 +168,7 @@ def test_a_moved_image_is_matched():
     u, v = np.meshgrid(np.arange(15, 100, 6), np.arange(12, 70, 6))
     pixels = np.column_stack([u.ravel(), v.ravel()]).astype(float)
     shuffled = rng.permutation(len(pixels))
-    pairs = marry(
+    pairs = match_mutual(
         describe(image, pixels, PATCH_PX),
         pixels,
         describe(moved, pixels[shuffled] + [7, -3], PATCH_PX),

@@ -8,7 +8,7 @@ from scipy import stats
 from vo.config import MotionSettings
 from vo.contract import se3
 from vo.contract.rig import StereoRig
-from vo.pose.estimation import acceptance, find_motion, relative_orientation, reprojection_errors
+from vo.pose.estimation import acceptance, estimate_pose, relative_orientation, reprojection_errors
 
 RIG = StereoRig(640, 480, 457.0, 319.5, 239.5, 0.09)
 SETTINGS = MotionSettings()
@@ -49,7 +49,7 @@ class World:
         given = self.points_odom, self.rays, self.points_cam
         # Only the split takes notice of a guess: its position, here off by some centimetres.
         T_guess = self.T_odom_cam @ se3.exp(np.array([0.04, -0.02, 0.03, 0.1, 0.2, 0.1]))
-        return find_motion(*given, settings, rng, RIG.f_px, None, T_guess)
+        return estimate_pose(*given, settings, rng, RIG.f_px, None, T_guess)
 
     def error(self, T_odom_cam):
         """(w rad, v m), in the camera's frame."""
@@ -141,7 +141,7 @@ def test_annealing_needs_no_motion_to_start_from():
         given = world.points_odom, world.rays, world.points_cam
         settings = MotionSettings(method="refinement")
         T_guess = world.T_odom_cam @ off
-        found = find_motion(*given, settings, world.rng, RIG.f_px, None, T_guess)
+        found = estimate_pose(*given, settings, world.rng, RIG.f_px, None, T_guess)
         assert found is not None
         assert found.inliers[world.good].mean() > 0.99
         apart.append(np.abs(found.T - world.find().T).max())
@@ -158,7 +158,7 @@ def test_annealing_gives_a_rotation_even_if_the_guess_is_none():
     T_guess[:3, :3] *= 1.001
     given = world.points_odom, world.rays, world.points_cam
     settings = MotionSettings(method="refinement")
-    found = find_motion(*given, settings, world.rng, RIG.f_px, None, T_guess)
+    found = estimate_pose(*given, settings, world.rng, RIG.f_px, None, T_guess)
     assert found is not None
     R = found.T[:3, :3]
     np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)

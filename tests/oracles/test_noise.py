@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from vo.config import THESIS, OdometrySettings
-from vo.features.adaptive_windows import suited
-from vo.features.image_quality import grain
+from vo.features.adaptive_windows import adapt_settings
+from vo.features.image_quality import measure_image_quality
 
 RNG = np.random.default_rng(4)
 
@@ -25,17 +25,19 @@ def test_ratio_is_that_of_the_energies(noise: float, texture: float) -> None:
     # Variance within a block misses what is slower than the block; the calmest blocks underrate
     # the noise a little.
     ratio = (texture / noise) ** 2
-    found = grain(image)
+    found = measure_image_quality(image)
     assert 0.5 * ratio < found.texture_to_noise < 1.3 * ratio + 0.2
     assert found.noise == pytest.approx(noise, rel=0.15)
 
 
 def test_a_flat_noisy_image_has_no_texture_and_a_clean_one_no_noise() -> None:
     flat = np.clip(128 + 5 * RNG.standard_normal((480, 640)), 0, 255).astype(np.uint8)
-    assert grain(flat).texture_to_noise < 0.5  # the calmest blocks underrate the noise a little
+    assert (
+        measure_image_quality(flat).texture_to_noise < 0.5
+    )  # the calmest blocks underrate the noise a little
     clean = np.rint(128 + _texture(20.0)).astype(np.uint8)
-    assert grain(clean).texture_to_noise > 100
-    assert grain(np.zeros((10, 10), np.uint8)).texture_to_noise == np.inf
+    assert measure_image_quality(clean).texture_to_noise > 100
+    assert measure_image_quality(np.zeros((10, 10), np.uint8)).texture_to_noise == np.inf
 
 
 @pytest.mark.parametrize("noise", [0.0, 1.0])
@@ -44,7 +46,7 @@ def test_softness_tells_a_lens_out_of_focus_from_motion_blur_and_from_sharp_text
         picture = RNG.standard_normal((480, 640))
         blurred = cv2.GaussianBlur(picture, (0, 0), sigmaX=sigma_u, sigmaY=sigma_v)
         picture = 128 + 12 * blurred / blurred.std() + noise * RNG.standard_normal((480, 640))
-        return grain(np.clip(np.rint(picture), 0, 255).astype(np.uint8)).softness
+        return measure_image_quality(np.clip(np.rint(picture), 0, 255).astype(np.uint8)).softness
 
     limit = OdometrySettings().soft.softness
     # Of Gaussian texture the energy over a distance is 1 - exp(-distance² / 4 sigma²).
@@ -57,19 +59,19 @@ def test_softness_tells_a_lens_out_of_focus_from_motion_blur_and_from_sharp_text
 
 def test_faint_and_soft_images_are_met_with_wider_windows_and_nothing_else() -> None:
     usual = OdometrySettings()
-    assert suited(usual, faint=False, soft=False) == usual
+    assert adapt_settings(usual, faint=False, soft=False) == usual
 
-    faint = suited(usual, faint=True, soft=False)
+    faint = adapt_settings(usual, faint=True, soft=False)
     assert (faint.matching.align_px, faint.stereo.align_px, faint.stereo.search_px) == (13, 13, 17)
     assert faint.stereo.most_sigma_px == pytest.approx(0.6)
     assert faint.features == usual.features
 
-    soft = suited(usual, faint=False, soft=True)
+    soft = adapt_settings(usual, faint=False, soft=True)
     assert (soft.matching.align_px, soft.stereo.align_px, soft.stereo.search_px) == (19, 19, 17)
     assert soft.stereo.most_sigma_px == usual.stereo.most_sigma_px
     assert soft.features.threshold == usual.features.threshold / 2
 
-    both = suited(usual, faint=True, soft=True)
+    both = adapt_settings(usual, faint=True, soft=True)
     assert (both.matching, both.features) == (soft.matching, soft.features)
     assert both.stereo.most_sigma_px == pytest.approx(0.6)
     for settings in (faint, soft, both):

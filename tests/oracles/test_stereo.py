@@ -7,11 +7,11 @@ import pytest
 from vo.config import FeatureSettings, StereoSettings
 from vo.contract.sequence import StereoFrame
 from vo.features.detector import detect
-from vo.patches.templates import cut
+from vo.patches.templates import extract_templates
 from vo.stereo.dense import DenseStereo
 from vo.stereo.epipolar_search import search_rows
-from vo.stereo.plane_fit import surface_slopes
-from vo.stereo.slant import fit_slopes
+from vo.stereo.plane_fit import fit_plane_slopes
+from vo.stereo.slant import fit_patch_slopes
 from vo.stereo.sparse import measure_disparities
 
 WIDTH, HEIGHT = 400, 240
@@ -129,15 +129,17 @@ def test_a_lone_feature_shows_its_slant(plane, pixels):
 
 def test_slant_of_patches_on_planes(plane, pixels):
     right = pixels - np.column_stack([plane.disparity_px(pixels), np.zeros(len(pixels))])
-    slopes = fit_slopes(
-        cut(plane.frame.left, pixels, 17), plane.frame.right, right + np.array([0.7, 0])
+    slopes = fit_patch_slopes(
+        extract_templates(plane.frame.left, pixels, 17),
+        plane.frame.right,
+        right + np.array([0.7, 0]),
     )
     assert np.isfinite(slopes).all(axis=1).mean() > 0.9
     assert np.nanmedian(np.abs(slopes - plane.slopes)) < 0.005
     assert np.abs(np.nanmedian(slopes, axis=0) - plane.slopes).max() < 0.003
     nowhere = np.array([[200.0, 5.0], [np.nan, 50.0], [5.0, 50.0]])
-    templates = cut(plane.frame.left, np.full((3, 2), 100.0), 17)
-    assert np.isnan(fit_slopes(templates, plane.frame.right, nowhere)).all()
+    templates = extract_templates(plane.frame.left, np.full((3, 2), 100.0), 17)
+    assert np.isnan(fit_patch_slopes(templates, plane.frame.right, nowhere)).all()
 
 
 def test_slopes_of_exact_planes():
@@ -149,15 +151,15 @@ def test_slopes_of_exact_planes():
     disparity_px = np.where(left, 30 + places @ a, 75 + places @ b)
     at = np.array([[40.0, 50.0], [60.0, 50.0]])
     own = np.array([30 + at[0] @ a, 75 + at[1] @ b])
-    slopes = surface_slopes(at, own, places, disparity_px)
+    slopes = fit_plane_slopes(at, own, places, disparity_px)
     np.testing.assert_allclose(slopes, [a, b], atol=2e-3)
-    alone = surface_slopes(at, np.full(2, np.nan), places[left], disparity_px[left])
+    alone = fit_plane_slopes(at, np.full(2, np.nan), places[left], disparity_px[left])
     np.testing.assert_allclose(alone, [a, a], atol=2e-3)
     few = np.where(np.arange(60) < 3, disparity_px, np.nan)
-    assert not surface_slopes(at, own, places, few).any()
-    assert not surface_slopes(at, own, places, rng.uniform(0, 90, 60)).any()
+    assert not fit_plane_slopes(at, own, places, few).any()
+    assert not fit_plane_slopes(at, own, places, rng.uniform(0, 90, 60)).any()
     line = np.column_stack([np.arange(30.0), np.full(30, 50.0)])
-    along = surface_slopes(at[:1], own[:1], line, 30 + line @ a)
+    along = fit_plane_slopes(at[:1], own[:1], line, 30 + line @ a)
     np.testing.assert_allclose(along, [[0.1, 0.0]], atol=2e-3)
 
 

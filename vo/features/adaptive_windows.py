@@ -10,7 +10,7 @@ from vo.config import OdometrySettings
 WIDEST_PX = 31
 
 
-def suited(settings: OdometrySettings, faint: bool, soft: bool) -> OdometrySettings:
+def adapt_settings(settings: OdometrySettings, faint: bool, soft: bool) -> OdometrySettings:
     """Return settings with wider windows, less exact disparities and fainter features, as needed.
 
     Args:
@@ -38,9 +38,9 @@ def suited(settings: OdometrySettings, faint: bool, soft: bool) -> OdometrySetti
     )
 
 
-def suited_to_blur(settings: OdometrySettings) -> OdometrySettings:
+def adapt_to_blur(settings: OdometrySettings) -> OdometrySettings:
     """Return settings for a picture that motion has smeared: coarse, and texture hardly left."""
-    return suited(settings, faint=True, soft=True)
+    return adapt_settings(settings, faint=True, soft=True)
 
 
 def _grown(side_px: int, growth: float) -> int:

@@ -27,7 +27,7 @@ LEAST_SIGNAL = 0.25
 
 
 @dataclass(frozen=True)
-class Grain:
+class ImageQuality:
     """What an image is made of.
 
     Attributes:
@@ -44,17 +44,17 @@ class Grain:
     softness: float
 
 
-def grain(image: Image) -> Grain:
+def measure_image_quality(image: Image) -> ImageQuality:
     """Measure an image (H, W) uint8."""
     found = _blocks(image)
     if not len(found):
-        return Grain(0.0, np.inf, 1.0)
+        return ImageQuality(0.0, np.inf, 1.0)
     noise = max(float(np.quantile(found[:, 0], CALM)), LEAST_NOISE)
     texture_to_noise = max(float(np.median(found[:, 1])) / noise**2 - 1, 0.0)
     softness = min(
         _smoothness(lines, noise) for lines in (image[::ROWS_APART], image.T[::ROWS_APART])
     )
-    return Grain(noise, texture_to_noise, softness)
+    return ImageQuality(noise, texture_to_noise, softness)
 
 
 def _smoothness(lines: Image, noise: float) -> float:

@@ -12,7 +12,7 @@ from vo.contract.rig import StereoRig
 from vo.hooks import UNTOUCHED, Hooks
 from vo.map.frame import View
 from vo.map.local_map import Keyframe, Landmarks, LocalMap, empty_map
-from vo.stereo.plane_fit import surface_slopes
+from vo.stereo.plane_fit import fit_plane_slopes
 from vo.stereo.sparse import measure_disparities
 from vo.tracking.association import Matches, measurement_sigma
 from vo.tracking.replacement import replace_disparities
@@ -155,7 +155,7 @@ def _renew_anchors(
         anchor=np.full(worn.sum(), keyframe.serial),
         anchor_pixels=seen.pixels[worn],
         anchor_depth_m=depth_m[worn],
-        anchor_slopes=surface_slopes(
+        anchor_slopes=fit_plane_slopes(
             seen.pixels[worn],
             seen.measured[worn, 2],
             keyframe.measured[:, :2],

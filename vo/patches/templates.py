@@ -38,7 +38,7 @@ class Templates:
         return Templates(**{name: value[rows] for name, value in vars(self).items()})
 
 
-def cut(image: Image, pixels: Array, patch_px: int) -> Templates:
+def extract_templates(image: Image, pixels: Array, patch_px: int) -> Templates:
     """Cut patches about sub-pixel places.
 
     Args:

@@ -37,7 +37,7 @@ def describe(image: Image, pixels: Array, patch_px: int) -> Array:
     return vectors
 
 
-def marry(
+def match_mutual(
     vectors_a: Array,
     expected_a: Array,
     vectors_b: Array,

@@ -13,7 +13,7 @@ from vo.pose.p3p import SOLVERS
 from vo.pose.ransac import Consensus, consensus, ransac
 
 
-def find_motion(
+def estimate_pose(
     points_odom: Array,
     rays: Array,
     points_cam: Array,
@@ -107,11 +107,11 @@ def relative_orientation(
 ) -> Consensus | None:
     """Estimate T_odom_cam from landmarks and where the left camera sees them.
 
-    As `find_motion`; `f_px` is only needed for a threshold in pixels.
+    As `estimate_pose`; `f_px` is only needed for a threshold in pixels.
     """
     relative = settings.model_copy(update={"method": "relative", "residual": "reprojection"})
     nowhere = np.full(np.shape(points_odom), np.nan)
-    return find_motion(points_odom, rays, nowhere, relative, rng, f_px)
+    return estimate_pose(points_odom, rays, nowhere, relative, rng, f_px)
 
 
 def acceptance(settings: MotionSettings, f_px: float) -> float:

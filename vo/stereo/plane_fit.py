@@ -31,7 +31,9 @@ PRIOR = 1.0
 """Weight of a slope of zero, px²: no slope is derived from neighbours on one line."""
 
 
-def surface_slopes(at: Array, at_disparity_px: Array, pixels: Array, disparity_px: Array) -> Array:
+def fit_plane_slopes(
+    at: Array, at_disparity_px: Array, pixels: Array, disparity_px: Array
+) -> Array:
     """Fit planes about pixels of the left image.
 
     Args:

@@ -20,7 +20,7 @@ STEEPEST = 0.6
 """Slope, pixels per pixel, beyond which a fit has found something else."""
 
 
-def fit_slopes(templates: Templates, right: Image, pixels_right: Array) -> Array:
+def fit_patch_slopes(templates: Templates, right: Image, pixels_right: Array) -> Array:
     """Find the slant that makes the patches of the two eyes most alike.
 
     Args:

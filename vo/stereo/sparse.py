@@ -15,11 +15,11 @@ from vo.config import StereoSettings
 from vo.contract.arrays import Array, Mask
 from vo.contract.sequence import StereoFrame
 from vo.patches.alignment import Alignment, align
-from vo.patches.templates import Templates, cut
+from vo.patches.templates import Templates, extract_templates
 from vo.stereo.dense import look_up
 from vo.stereo.epipolar_search import search_rows
-from vo.stereo.plane_fit import left_to_right, surface_slopes
-from vo.stereo.slant import fit_slopes
+from vo.stereo.plane_fit import left_to_right, fit_plane_slopes
+from vo.stereo.slant import fit_patch_slopes
 
 BEHIND_PX = -2.0
 """The search goes past infinity, so that far points are not taken for nearer ones."""
@@ -93,7 +93,7 @@ def measure_disparities(
         sigma_px = np.where(known, UNREFINED_SIGMA_PX, np.nan)
         return Disparities(values_px, sigma_px, _planes(pixels, values_px, nearby))
 
-    templates = cut(frame.left, pixels, settings.align_px)
+    templates = extract_templates(frame.left, pixels, settings.align_px)
     slant = slopes
     if slant is None:
         facing = _align(frame, templates, pixels, start, np.zeros((len(pixels), 2)))
@@ -137,14 +137,16 @@ def _planes(pixels: Array, disparity_px: Array, nearby: Array | None) -> Array:
     known = np.column_stack([pixels, disparity_px])
     if nearby is not None:
         known = np.concatenate([known, nearby])
-    return surface_slopes(pixels, disparity_px, known[:, :2], known[:, 2])
+    return fit_plane_slopes(pixels, disparity_px, known[:, :2], known[:, 2])
 
 
 def _slant(frame: StereoFrame, pixels: Array, start: Array, planes: Array) -> Array:
     """Slopes of planes (N, 2), where there is none from the patch itself, else zero."""
     lone = ~planes.any(axis=1) & ~np.isnan(start)
     right = np.stack([pixels[:, 0] - start, pixels[:, 1]], axis=-1)[lone]
-    fitted = fit_slopes(cut(frame.left, pixels[lone], SLANT_PX), frame.right, right)
+    fitted = fit_patch_slopes(
+        extract_templates(frame.left, pixels[lone], SLANT_PX), frame.right, right
+    )
     slopes = planes.copy()
     slopes[lone] = np.nan_to_num(fitted)
     return slopes
@@ -176,7 +178,7 @@ def _spread(
     for side in (-1, 1):
         shift = np.array([side * (settings.align_px // 3), 0])
         expected = disparity_px + slopes @ shift
-        templates = cut(frame.left, pixels + shift, settings.align_px - 2)
+        templates = extract_templates(frame.left, pixels + shift, settings.align_px - 2)
         aligned = _align(frame, templates, pixels + shift, expected, slopes)
         found = pixels[:, 0] + shift[0] - aligned.pixels[:, 0]
         worst = np.maximum(worst, np.abs(found - expected))  # NaN stays

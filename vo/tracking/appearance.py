@@ -10,7 +10,7 @@ from vo.contract.arrays import Array, Image
 from vo.contract.sequence import StereoFrame
 from vo.map.frame import View
 from vo.patches.alignment import align
-from vo.patches.templates import cut
+from vo.patches.templates import extract_templates
 from vo.stereo.dense import DenseStereo
 from vo.stereo.sparse import measure_disparities
 
@@ -83,7 +83,7 @@ def row_offset_px(view: View, measured: Array, settings: OdometrySettings) -> fl
     """
     known = measured[~np.isnan(measured[:, 2])][:PROBES]
     start = known[:, :2] - np.column_stack([known[:, 2], np.zeros(len(known))])
-    templates = cut(view.frame.left, known[:, :2], settings.stereo.align_px)
+    templates = extract_templates(view.frame.left, known[:, :2], settings.stereo.align_px)
     facing = np.tile(np.eye(3, 2), (len(known), 1, 1))
     lower = align(templates, view.frame.right, start, facing).pixels[:, 1] - known[:, 1]
     lower = lower[~np.isnan(lower)]

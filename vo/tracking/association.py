@@ -12,8 +12,8 @@ from vo.contract.rig import StereoRig
 from vo.map.frame import View
 from vo.map.local_map import Landmarks, LocalMap
 from vo.patches.alignment import Alignment, align
-from vo.patches.templates import cut
-from vo.patches.zncc import marry
+from vo.patches.templates import extract_templates
+from vo.patches.zncc import match_mutual
 from vo.stereo.sparse import measure_disparities
 
 NO_FEATURE = -1
@@ -86,7 +86,7 @@ def find_matches(
     """
     landmarks, features = local_map.landmarks, view.features
     expected = expected_at(landmarks, T_odom_cam, rig)[:, :2]
-    rows, found = marry(
+    rows, found = match_mutual(
         landmarks.vectors, expected, view.vectors, features.pixels, reach_px, settings.matching
     ).T
     least = settings.matching.align_zncc
@@ -219,7 +219,7 @@ def _align(
         anchored = landmarks.select(here)
         T_cam_anchor = se3.inverse(T_odom_cam) @ keyframe.T_odom_cam
         warp = _surface_warp(anchored, T_cam_anchor, rig)
-        templates = cut(keyframe.left, anchored.anchor_pixels, s.align_px)
+        templates = extract_templates(keyframe.left, anchored.anchor_pixels, s.align_px)
         for name, values in vars(align(templates, image, start[here], warp)).items():
             getattr(result, name)[here] = values
     return result

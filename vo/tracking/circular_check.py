@@ -9,7 +9,7 @@ import numpy as np
 from vo.contract.arrays import Image, Mask
 from vo.map.local_map import Landmarks, Sighting
 from vo.patches.alignment import align
-from vo.patches.templates import cut
+from vo.patches.templates import extract_templates
 from vo.tracking.association import Matches
 
 CLOSURE_PX = 0.75
@@ -34,7 +34,7 @@ def consistent(
     keep = landmarks.views[matches.rows] == 1
     _, now, then = np.intersect1d(matches.ids, before.ids, assume_unique=True, return_indices=True)
     facing = np.tile(np.eye(3, 2), (len(now), 1, 1))
-    templates = cut(before.left, before.pixels[then], patch_px)
+    templates = extract_templates(before.left, before.pixels[then], patch_px)
     direct = align(templates, image, matches.pixels[now], facing).pixels
     with np.errstate(invalid="ignore"):
         keep[now] = np.abs(direct - matches.pixels[now]).max(axis=1) < CLOSURE_PX  # not NaN

@@ -3,8 +3,8 @@
 from vo.config import OdometrySettings
 from vo.contract.clock import Clock
 from vo.contract.sequence import StereoFrame
-from vo.features.adaptive_windows import suited
-from vo.features.image_quality import grain
+from vo.features.adaptive_windows import adapt_settings
+from vo.features.image_quality import measure_image_quality
 from vo.hooks import Hooks
 from vo.map.frame import View, look
 from vo.stereo.dense import DenseStereo
@@ -24,10 +24,10 @@ class Eyes:
         """Find features (thesis 3.2) and, if stereo is dense, depth (3.1)."""
         s = self._settings
         with clock("features"):
-            seen = grain(frame.left)
+            seen = measure_image_quality(frame.left)
         if seen.noise > s.features.noisy_grey:
             self._smoothing_px = s.features.smoothing_px
         faint = seen.texture_to_noise < s.faint.texture_to_noise
-        settings = suited(s, faint, soft=0 < s.soft.softness < seen.softness)
+        settings = adapt_settings(s, faint, soft=0 < s.soft.softness < seen.softness)
         view = look(frame, self._dense_stereo, settings, clock, self._smoothing_px)
         return replace_features(self._hooks, view, settings)

@@ -6,7 +6,7 @@ from vo.bundle_adjustment.adjust import Pose, refine_motion
 from vo.config import MotionSettings, OdometrySettings
 from vo.contract.arrays import Array
 from vo.contract.rig import StereoRig
-from vo.pose.estimation import acceptance, find_motion, reprojection_errors
+from vo.pose.estimation import acceptance, estimate_pose, reprojection_errors
 from vo.pose.ransac import Consensus
 from vo.tracking.association import Matches
 
@@ -29,7 +29,7 @@ def orient(
         settings: Of motion.
         rng: Draws the samples.
     """
-    return find_motion(
+    return estimate_pose(
         matches.points_odom,
         rig.normalized(matches.pixels),
         rig.triangulate(matches.pixels, matches.measured[:, 2]),

@@ -11,7 +11,7 @@ from vo.contract.arrays import Array
 from vo.contract.clock import Clock
 from vo.contract.estimator import Observations
 from vo.contract.rig import StereoRig
-from vo.features.adaptive_windows import suited_to_blur
+from vo.features.adaptive_windows import adapt_to_blur
 from vo.map.frame import View
 from vo.map.local_map import LocalMap
 from vo.map.state import Journey
@@ -148,7 +148,7 @@ def _searches(here: Journey, view: View, gear: Gear, clock: Clock) -> Iterator[_
             step[:3, :3] = find_turn(here.before.left, view.frame.left, rig, step[:3, :3])
             turned = here.T_odom_cam @ step
         yield about(turned, s.matching.search_px)
-        blurred = replace(view, settings=suited_to_blur(s))
+        blurred = replace(view, settings=adapt_to_blur(s))
         with clock("following"):
             followed = follow(here.before, local_map, blurred, turned, rig)
         yield _Search(blurred, followed, turned, followed=True)
