@@ -18,7 +18,7 @@ from vo.patches.alignment import Alignment, align
 from vo.patches.templates import Templates, extract_templates
 from vo.stereo.dense import look_up
 from vo.stereo.epipolar_search import search_rows
-from vo.stereo.plane_fit import left_to_right, fit_plane_slopes
+from vo.stereo.plane_fit import fit_plane_slopes, left_to_right
 from vo.stereo.slant import fit_patch_slopes
 
 BEHIND_PX = -2.0
