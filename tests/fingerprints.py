@@ -54,35 +54,49 @@ ALTERNATIVES: dict[str, tuple[str, ...]] = {
     ),
     "thesis_window": ("--estimator=thesis", "refinement.window=30"),
     "thesis_left": ("--estimator=thesis", "refinement.use_disparity=false"),
-    "thesis_two_views": ("--estimator=thesis", "refinement.least_views=2"),
+    "thesis_two_views": ("--estimator=thesis", "refinement.min_views=2"),
     "thesis_threshold": ("--estimator=thesis", "motion.threshold=0.0015"),
     "thesis_drop": (
-        *("--estimator=thesis", "refinement.most_iterations=60", "refinement.drop_iterations=20"),
+        *(
+            "--estimator=thesis",
+            "refinement.max_iterations=60",
+            "refinement.max_keyframe_iterations=20",
+        ),
     ),
     "harris": ("features.detector=harris",),
     "box": ("features.kernel=box",),
     "star": ("features.kernel=star",),
     "block_matching": ("stereo.method=block_matching",),
     "semi_global": ("stereo.method=semi_global", "stereo.refine=false"),
-    "split": ("motion.method=split",),
-    "prior": ("motion.prior=true",),
-    "by_refinement": ("motion.method=refinement",),
+    "split": ("motion.method=decoupled",),
+    "prior": ("motion.landmark_prior=true",),
+    "by_refinement": ("motion.method=graduated_nonconvexity",),
     "preemptive": ("motion.scheme=preemptive", "motion.solver=fischler_bolles"),
-    "triplets": ("matching.triplets=true",),
+    "triplets": ("matching.circular_check=true",),
     "unguided": ("matching.guided=false", "matching.align=false"),
     "motion_only": ("refinement.mode=motion",),
     "fixed_lag": ("refinement.mode=fixed_lag",),
     "smooth_global": ("refinement.smooth=global",),
-    "firewall": ("refinement.firewall_keyframes=6",),
+    "firewall": ("refinement.map_reset_keyframes=6",),
     "one_noise": ("refinement.learn_noise=false",),
-    "unaware": ("standing=none",),
+    "unaware": ("stationary=none",),
 }
 
 RENAMED_DISTURBANCES = {"stereo_offset": "stereo_offset", "stereo_mismatch": "stereo_mismatch"}
 """Today's name of a disturbance to the one that it had in an older checkout (--old-names)."""
 
-RENAMED: dict[str, str] = {}
-"""Today's key of a setting to the one that it had in an older checkout (--old-names)."""
+RENAMED: dict[str, str] = {
+    "stationary": "standing",
+    "matching.circular_check": "matching.triplets",
+    "motion.landmark_prior": "motion.prior",
+    "motion.method=decoupled": "motion.method=split",
+    "motion.method=graduated_nonconvexity": "motion.method=refinement",
+    "refinement.map_reset_keyframes": "refinement.firewall_keyframes",
+    "refinement.max_iterations": "refinement.most_iterations",
+    "refinement.max_keyframe_iterations": "refinement.drop_iterations",
+    "refinement.min_views": "refinement.least_views",
+}
+"""Today's key of a setting, or key=value, to that of an older checkout (--old-names)."""
 
 
 @dataclass(frozen=True)
@@ -122,7 +136,8 @@ class Checkout:
                 word = word.replace(name, old)
             return [word]
         key, _, value = word.partition("=")
-        return ["--set", f"{RENAMED.get(key, key) if self.old_names else key}={value}"]
+        old = RENAMED.get(word, f"{RENAMED.get(key, key)}={value}")
+        return ["--set", old if self.old_names else word]
 
     def options(self, words: tuple[str, ...]) -> list[str]:
         """Write the words of a case as the command line takes them."""

@@ -1,10 +1,12 @@
-"""Every choice of the estimator, with its unit and its default."""
+"""Settings of the estimator, each with its quantity, unit and default."""
 
-from typing import Annotated, Literal, Self
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
 from vo.contract.settings import Settings
+from vo.renamed_settings import RENAMED
 
 
 def _odd(value: int) -> int:
@@ -14,83 +16,69 @@ def _odd(value: int) -> int:
 
 
 PatchSide = Annotated[int, Field(ge=5, le=31), AfterValidator(_odd)]
-"""Side of a square patch about a pixel."""
+"""Side of a square patch about a pixel, px."""
+
+WindowScale = Annotated[
+    float, Field(ge=1, description="factor on matching.align_px and stereo.align_px")
+]
+SearchScale = Annotated[float, Field(ge=1, description="factor on stereo.patch_px")]
 
 
 class FeatureSettings(Settings):
-    """CenSurE (thesis 3.2), or Harris corners to compare with."""
+    """CenSurE (thesis 3.2), or Harris corners for comparison."""
 
     detector: Literal["censure", "harris"] = "censure"
-    kernel: Literal["box", "octagon", "star"] = Field(
-        default="octagon", description="shape of CenSurE's centre and surround"
-    )
-    scales: int = Field(
-        default=7, ge=3, le=7, description="sizes of the kernel; all but the outer two find"
-    )
-    count: int = Field(default=800, ge=1, description="features kept per image")
-    threshold: float = Field(
-        default=4.0, ge=0, description="least contrast of a feature, grey levels"
-    )
-    line_ratio: float = Field(
-        default=12.0, gt=1, description="largest ratio of principal gradients"
-    )
-    smoothing_px: float = Field(
-        default=0.8, ge=0, description="Gaussian that noisy images go through; 0 never"
-    )
-    noisy_grey: float = Field(
-        default=3.5, ge=0, description="standard deviation of noise beyond which images are noisy"
-    )
-    apart_px: float = Field(
-        default=5.0, ge=0, description="least distance of new landmarks to others"
-    )
-    cell_px: int = Field(
-        default=40, ge=8, description="side of the cells among which features are spread"
-    )
+    """Feature detector."""
+    kernel: Literal["box", "octagon", "star"] = "octagon"
+    """Shape of CenSurE's centre and surround."""
+    count: int = Field(default=800, ge=1)
+    """Maximum number of features in an image."""
+    threshold: float = Field(default=4.0, ge=0)
+    """Minimum contrast of a feature, grey levels."""
+    line_ratio: float = Field(default=12.0, gt=1)
+    """Maximum ratio of the principal gradient energies."""
+    smoothing_px: float = Field(default=0.8, ge=0)
+    """Std. dev. of the Gaussian for noisy images, px; 0: none."""
+    noise_threshold_grey: float = Field(default=3.5, ge=0)
+    """Std. dev. of noise above which images are smoothed, grey."""
+    min_distance_px: float = Field(default=5.0, ge=0)
+    """Minimum distance of new landmarks to tracked ones, px."""
+    cell_px: int = Field(default=40, ge=8)
+    """Side of the image cells for bucketing of features, px."""
 
 
 class MatchingSettings(Settings):
-    """ZNCC with marriage assignment (thesis 3.2) and sub-pixel alignment."""
+    """ZNCC with mutual nearest neighbours (thesis 3.2) and sub-pixel alignment."""
 
-    patch_px: PatchSide = Field(default=13, description="side of the correlated patch")
-    zncc: float = Field(default=0.75, gt=0, lt=1, description="least correlation of a match")
-    predict: Literal["steady", "still"] = Field(
-        default="steady", description="where to search first: the last motion goes on, or ended"
-    )
-    search_px: float = Field(
-        default=24.0, gt=0, description="radius of the window around the prediction"
-    )
-    widest_search_px: float = Field(
-        default=96.0, gt=0, description="radius while nothing can be predicted"
-    )
-    convincing: float = Field(
-        default=0.22,
-        ge=0,
-        le=1,
-        description="share of the landmarks in view that must agree with a pose, or others are "
-        "tried, as the whole image has turned and by flow; 0 takes the first",
-    )
-    triplets: bool = Field(
-        default=False, description="matches must be consistent with the frame before (F4)"
-    )
-    guided: bool = Field(
-        default=True, description="look for the other landmarks where the first pose puts them (F5)"
-    )
-    guided_quantile: float = Field(
-        default=0.35, ge=0, le=1, description="they must be as alike as this share of the others"
-    )
-    align: bool = Field(
-        default=True, description="place matches by their intensities, not by the feature"
-    )
-    align_px: PatchSide = Field(default=9, description="side of the patch aligned to sub-pixels")
-    align_zncc: float = Field(
-        default=0.85, gt=0, lt=1, description="least correlation after alignment"
-    )
-    align_reach_px: float = Field(
-        default=3.0, gt=0, description="most that alignment may move a feature"
-    )
-    most_zoom: float = Field(
-        default=1.3, gt=1, description="change of size after which templates renew"
-    )
+    patch_px: PatchSide = 13
+    """Side of the correlated patch, px."""
+    min_zncc: float = Field(default=0.75, gt=0, lt=1)
+    """Minimum correlation of a match."""
+    motion_model: Literal["constant_velocity", "constant_position"] = "constant_velocity"
+    """Model that predicts the next pose."""
+    search_radius_px: float = Field(default=24.0, gt=0)
+    """Half side of the search window at the prediction, px."""
+    max_search_radius_px: float = Field(default=96.0, gt=0)
+    """Half side of the search window without a prediction, px."""
+    min_inlier_ratio: float = Field(default=0.22, ge=0, le=1)
+    """Inliers over landmarks in view below which other predictions (rotation prior, optical flow,
+    wide search) are tried; 0: the first pose is taken."""
+    circular_check: bool = False
+    """Matches must agree with the previous frame (F4)."""
+    guided: bool = True
+    """Match the remaining landmarks at their projections (F5)."""
+    guided_quantile: float = Field(default=0.35, ge=0, le=1)
+    """Quantile of the correlations of the other matches that a guided match needs."""
+    align: bool = True
+    """Align matches to sub-pixels by intensities."""
+    align_px: PatchSide = 9
+    """Side of the aligned patch, px."""
+    min_align_zncc: float = Field(default=0.85, gt=0, lt=1)
+    """Minimum correlation after alignment."""
+    max_align_shift_px: float = Field(default=3.0, gt=0)
+    """Maximum displacement of a feature by alignment, px."""
+    max_zoom: float = Field(default=1.3, gt=1)
+    """Change of scale above which a template is cut anew."""
 
     @model_validator(mode="after")
     def _guided_matches_are_aligned(self) -> Self:
@@ -100,78 +88,65 @@ class MatchingSettings(Settings):
 
 
 class StereoSettings(Settings):
-    """Disparity at the features, sparse or from a dense map (thesis 3.1), made sub-pixel."""
+    """Sub-pixel disparity at the features, sparse or from a dense map (thesis 3.1)."""
 
     method: Literal["sparse", "block_matching", "semi_global"] = "sparse"
-    search_px: PatchSide = Field(default=9, description="sparse: side of the correlated patch")
-    distinct: float = Field(
-        default=1.5, ge=1, description="sparse: least ratio of 1 - ZNCC, the next best to the best"
-    )
-    expected_reach_px: float = Field(
-        default=3.0, gt=0, description="sparse: search about a disparity that is expected"
-    )
-    shrink: int = Field(
-        default=2, ge=1, le=4, description="dense: works on images this much smaller"
-    )
-    block_px: PatchSide = Field(default=15, description="block matching: side of the block")
-    most_disparity_px: float = Field(
-        default=96.0, gt=0, description="the closest point searched for"
-    )
-    least_disparity_px: float = Field(
-        default=1.0,
-        ge=0,
-        description="depth gate; 8 is 5.1 m with the default rig, as in thesis 3.1; 0 is none",
-    )
-    refine: bool = Field(default=True, description="align the patches to sub-pixels")
-    align_px: PatchSide = Field(default=9, description="side of the patch aligned across the pair")
-    align_zncc: float = Field(default=0.5, gt=0, lt=1, description="least left-right correlation")
-    most_sigma_px: float = Field(
-        default=0.3, gt=0, description="largest standard deviation by the noise of the images"
-    )
-    most_spread_px: float = Field(
-        default=0.6, gt=0, description="largest disagreement of windows shifted left and right"
-    )
+    """Stereo matching method."""
+    patch_px: PatchSide = 9
+    """Sparse: side of the correlated patch, px."""
+    min_distinctness: float = Field(default=1.5, ge=1)
+    """Sparse: minimum ratio of 1 - ZNCC, second best to best."""
+    expected_search_radius_px: float = Field(default=3.0, gt=0)
+    """Sparse: search radius at a predicted disparity, px."""
+    downscale: int = Field(default=2, ge=1, le=4)
+    """Dense: factor by which images are reduced."""
+    max_disparity_px: float = Field(default=96.0, gt=0)
+    """Maximum disparity of the search, px."""
+    min_disparity_px: float = Field(default=1.0, ge=0)
+    """Depth gate, px; 8 is 5.1 m with the default rig, as in thesis 3.1; 0: none."""
+    refine: bool = True
+    """Align the patches of the pair to sub-pixels."""
+    align_px: PatchSide = 9
+    """Side of the patch aligned across the pair, px."""
+    min_align_zncc: float = Field(default=0.5, gt=0, lt=1)
+    """Minimum left-right correlation after alignment."""
+    max_sigma_px: float = Field(default=0.3, gt=0)
+    """Maximum std. dev. of a disparity by image noise, px."""
+    max_disagreement_px: float = Field(default=0.6, gt=0)
+    """Maximum difference between shifted windows, px."""
 
 
 class MotionSettings(Settings):
-    """Orientation under RANSAC (thesis 2.6, 2.7, 3.3, 5.4)."""
+    """Pose estimation under RANSAC (thesis 2.6, 2.7, 3.3, 5.4)."""
 
-    method: Literal["relative", "absolute", "split", "refinement"] = Field(
-        default="relative",
-        description="from points and pixels, from points and points (4.1), rotation from far "
-        "points before translation from near ones (F6), or by refinement of the expected motion "
-        "alone (F8)",
-    )
-    solver: Literal["fischler_bolles", "lambda_twist"] = Field(
-        default="lambda_twist", description="of the three legs, if relative"
-    )
-    absolute_solver: Literal["horn", "umeyama"] = "horn"
-    scheme: Literal["adaptive", "preemptive"] = Field(
-        default="adaptive", description="one hypothesis after the other, or all side by side"
-    )
-    score: Literal["inliers", "msac"] = Field(
-        default="msac", description="count inliers, or weigh each by how well it fits"
-    )
-    residual: Literal["reprojection", "distance"] = Field(
-        default="reprojection", description="what is held against the threshold; distance in metres"
-    )
-    threshold: float = Field(default=0.003, gt=0, description="acceptance by reprojection (5.4)")
-    threshold_unit: Literal["normalized", "pixels"] = "normalized"
-    threshold_m: float = Field(default=0.05, gt=0, description="acceptance by distance")
-    confidence: float = Field(default=0.9999, gt=0, lt=1, description="1 - p_fail")
-    most_trials: int = Field(default=500, ge=1, description="all of them, if preemptive")
-    preemptive_block: int = Field(
-        default=10, ge=1, description="matches between two halvings of the hypotheses"
-    )
-    local_rounds: int = Field(
-        default=4, ge=0, description="refits to the inliers of each new best; 0 is plain RANSAC"
-    )
-    prior: bool = Field(
-        default=False,
-        description="landmarks that were at rest, or where expected, weigh more; others go",
-    )
-    least_inliers: int = Field(default=8, ge=3, description="fewer, and the frame is lost")
-    weak_inliers: int = Field(default=25, ge=3, description="fewer, and the frame is weak")
+    method: Literal["relative", "absolute", "decoupled", "graduated_nonconvexity"] = "relative"
+    """Pose from landmarks and pixels (relative), from landmarks and points (absolute, 4.1), as
+    rotation by far points before translation by near ones (decoupled, F6), or by refinement of
+    the predicted pose without RANSAC (graduated_nonconvexity, F8)."""
+    solver: Literal["fischler_bolles", "lambda_twist"] = "lambda_twist"
+    """P3P solver of method relative."""
+    scheme: Literal["adaptive", "preemptive"] = "adaptive"
+    """RANSAC: sequential with adaptive stop, or preemptive."""
+    score: Literal["inliers", "msac"] = "msac"
+    """RANSAC: number of inliers, or truncated squared error."""
+    residual: Literal["reprojection", "distance"] = "reprojection"
+    """Error of a match; distance needs method absolute."""
+    threshold: float = Field(default=0.003, gt=0)
+    """Inlier threshold, normalised image coordinates (5.4)."""
+    threshold_m: float = Field(default=0.05, gt=0)
+    """Inlier threshold of residual distance, m."""
+    confidence: float = Field(default=0.9999, gt=0, lt=1)
+    """RANSAC: probability of an outlier-free sample."""
+    max_hypotheses: int = Field(default=500, ge=1)
+    """RANSAC: maximum samples; the number of them if preemptive."""
+    local_iterations: int = Field(default=4, ge=0)
+    """RANSAC: refits of each new best pose; 0: plain RANSAC."""
+    landmark_prior: bool = False
+    """Weight landmarks by their inlier history and prediction."""
+    min_inliers: int = Field(default=8, ge=3)
+    """Inliers below which a frame is lost."""
+    weak_inliers: int = Field(default=25, ge=3)
+    """Inliers below which a frame is weak."""
 
     @model_validator(mode="after")
     def _distances_need_points(self) -> Self:
@@ -183,148 +158,111 @@ class MotionSettings(Settings):
 class RefinementSettings(Settings):
     """Bundle adjustment (thesis 2.8, 3.4)."""
 
-    mode: Literal["none", "motion", "window", "fixed_lag"] = Field(
-        default="window",
-        description="what is refined: nothing, every frame's pose, also the last keyframes with "
-        "what they see, or these incrementally with what older ones left behind",
-    )
-    smooth: Literal["none", "window", "global"] = Field(
-        default="window",
-        description="trajectory at the end: none, by the last refinement, or by one of all",
-    )
-    window: int = Field(default=8, ge=2, description="keyframes refined together")
-    least_views: int = Field(
-        default=3, ge=2, description="frames that must see a refined point (4.4)"
-    )
-    least_parallax_deg: float = Field(
-        default=0.0,
-        ge=0,
-        lt=90,
-        description="rays of a refined point, eyes and keyframes together, must differ by this",
-    )
-    use_disparity: bool = Field(
-        default=True, description="refine by both eyes, or by the left one as in eq. 2.29"
-    )
-    drop_iterations: int = Field(
-        default=0,
-        ge=0,
-        description="a frame whose pose takes more is weak and no keyframe (5.3); 0 never",
-    )
-    firewall_keyframes: int = Field(
-        default=0,
-        ge=0,
-        description="keyframes after which all landmarks are triangulated anew (F7); 0 never",
-    )
-    sigma_px: float = Field(
-        default=0.07, gt=0, description="error of u and v beside what noise explains"
-    )
-    sigma_disparity_px: float = Field(
-        default=0.15, gt=0, description="error of the disparity beside what noise explains"
-    )
-    covariance: Literal["assumed", "residuals"] = Field(
-        default="residuals",
-        description="of poses: by the noise assumed, or by residuals where these show more",
-    )
-    learn_noise: bool = Field(
-        default=True, description="let residuals correct these two errors on the way"
-    )
-    huber: float = Field(default=1.5, gt=0, description="where the loss turns linear, in sigmas")
-    most_iterations: int = Field(default=15, ge=1)
-    keyframe_parallax_px: float = Field(
-        default=15.0, ge=0, description="median flow that starts a keyframe"
-    )
-    keyframe_share: float = Field(
-        default=0.3,
-        gt=0,
-        le=1,
-        description="tracked share of the landmarks, by squared disparity, that starts one",
-    )
+    mode: Literal["none", "motion", "window", "fixed_lag"] = "window"
+    """Scope: none, the pose of every frame (motion), also the last keyframes with their landmarks
+    (window), or these incrementally with marginalisation of older ones (fixed_lag)."""
+    smooth: Literal["none", "window", "global"] = "window"
+    """Smoothed trajectory at the end: none, by the last refinement of each keyframe (window), or by
+    full-batch bundle adjustment (global)."""
+    window: int = Field(default=8, ge=2)
+    """Number of keyframes in the window."""
+    min_views: int = Field(default=3, ge=2)
+    """Frames that must have seen a refined landmark (4.4)."""
+    use_disparity: bool = True
+    """Use disparities, or the left pixels alone as in eq. 2.29."""
+    max_keyframe_iterations: int = Field(default=0, ge=0)
+    """Iterations of a pose above which its frame is weak and no keyframe (5.3); 0: no limit."""
+    map_reset_keyframes: int = Field(default=0, ge=0)
+    """Keyframes after which all landmarks are triangulated anew (F7); 0: never."""
+    sigma_px: float = Field(default=0.07, gt=0)
+    """Std. dev. of u and v beside image noise, px."""
+    sigma_disparity_px: float = Field(default=0.15, gt=0)
+    """Std. dev. of the disparity beside image noise, px."""
+    learn_noise: bool = True
+    """Adapt both standard deviations to the residuals."""
+    huber: float = Field(default=1.5, gt=0)
+    """Residual at which the loss turns linear, standard deviations."""
+    max_iterations: int = Field(default=15, ge=1)
+    """Maximum number of Levenberg-Marquardt iterations."""
+    keyframe_parallax_px: float = Field(default=15.0, ge=0)
+    """Median flow since the last keyframe for a new one, px."""
+    keyframe_tracked_ratio: float = Field(default=0.3, gt=0, le=1)
+    """Tracked share of the keyframe's landmarks, weighted by squared disparity, below which a new
+    one is made."""
 
 
-class FaintSettings(Settings):
-    """What images are met with whose texture hardly exceeds their noise."""
+class LowSnrSettings(Settings):
+    """Adaptation to images whose texture hardly exceeds their noise."""
 
-    texture_to_noise: float = Field(
-        default=3.0, ge=0, description="energy of texture over noise below which they are; 0 never"
-    )
-    window_growth: float = Field(
-        default=1.5, ge=1, description="so much wider are the windows of alignment"
-    )
-    search_growth: float = Field(
-        default=1.9, ge=1, description="and those of sparse stereo's search"
-    )
-    sigma_growth: float = Field(
-        default=2.0, ge=1, description="so much less exact may disparities be"
-    )
+    texture_to_noise: float = Field(default=3.0, ge=0)
+    """Energy of texture over that of noise below which an image is of low SNR; 0: never."""
+    window_scale: WindowScale = 1.5
+    search_scale: SearchScale = 1.9
+    sigma_scale: float = Field(default=2.0, ge=1)
+    """Factor on stereo.max_sigma_px."""
 
 
-class SoftSettings(Settings):
-    """What images are met with that are out of focus."""
+class DefocusSettings(Settings):
+    """Adaptation to images that are out of focus."""
 
-    softness: float = Field(
-        default=3.5,
-        ge=0,
-        description="energy of differences over 4 pixels to those over 2, of which smooth images "
-        "have 4, beyond which they are; 0 never",
-    )
-    window_growth: float = Field(
-        default=2.1, ge=1, description="so much wider are the windows of alignment"
-    )
-    search_growth: float = Field(
-        default=1.9, ge=1, description="and those of sparse stereo's search"
-    )
-    threshold_share: float = Field(
-        default=0.5, gt=0, le=1, description="so much less contrast must features have"
-    )
+    softness: float = Field(default=3.5, ge=0)
+    """Energy of grey differences over 4 px to those over 2 px, of which smooth images have 4, above
+    which an image is out of focus; 0: never."""
+    window_scale: WindowScale = 2.1
+    search_scale: SearchScale = 1.9
+    threshold_scale: float = Field(default=0.5, gt=0, le=1)
+    """Factor on features.threshold."""
 
 
 class OdometrySettings(Settings):
-    """The whole estimator; the defaults are the best that we know, `THESIS` is where it began."""
+    """The whole estimator; the defaults are the most accurate choice, `THESIS` the original."""
 
-    seed: int = Field(default=0, ge=0, description="of RANSAC's samples")
-    patience: int = Field(
-        default=5,
-        ge=0,
-        description="lost frames after which the odometry starts anew, a young map sooner",
-    )
-    standing: Literal["none", "image", "encoders"] = Field(
-        default="encoders",
-        description="what tells that the rover stands (E11): nothing, flow, or wheels and flow",
-    )
+    seed: int = Field(default=0, ge=0)
+    """Random seed of RANSAC's samples."""
+    patience_frames: int = Field(default=5, ge=0)
+    """Lost frames after which a new map begins, or the age of the map where that is less."""
+    stationary: Literal["none", "image", "encoders"] = "encoders"
+    """Detection of standstill (E11): none, by optical flow (image), or by flow and wheels."""
     features: FeatureSettings = FeatureSettings()
     matching: MatchingSettings = MatchingSettings()
     stereo: StereoSettings = StereoSettings()
     motion: MotionSettings = MotionSettings()
     refinement: RefinementSettings = RefinementSettings()
-    faint: FaintSettings = FaintSettings()
-    soft: SoftSettings = SoftSettings()
+    low_snr: LowSnrSettings = LowSnrSettings()
+    defocus: DefocusSettings = DefocusSettings()
+
+    renamed: ClassVar[Mapping[str, str]] = RENAMED
 
 
 THESIS = OdometrySettings(
-    standing="none",
+    stationary="none",
     features=FeatureSettings(count=500, cell_px=10_000, smoothing_px=0),
     matching=MatchingSettings(
-        predict="still", search_px=60, convincing=0, guided=False, align=False
+        motion_model="constant_position",
+        search_radius_px=60,
+        min_inlier_ratio=0,
+        guided=False,
+        align=False,
     ),
-    stereo=StereoSettings(method="block_matching", shrink=1, refine=False, least_disparity_px=8),
+    stereo=StereoSettings(method="block_matching", downscale=1, refine=False, min_disparity_px=8),
     motion=MotionSettings(
         solver="fischler_bolles",
         score="inliers",
-        local_rounds=0,
+        local_iterations=0,
         threshold=0.005,
         confidence=0.99,
-        least_inliers=3,
+        min_inliers=3,
     ),
     refinement=RefinementSettings(
         keyframe_parallax_px=0, sigma_px=0.5, sigma_disparity_px=0.5, learn_noise=False
     ),
-    faint=FaintSettings(texture_to_noise=0),
-    soft=SoftSettings(softness=0),
+    low_snr=LowSnrSettings(texture_to_noise=0),
+    defocus=DefocusSettings(softness=0),
 )
-"""What the thesis did, and nothing more.
+"""The thesis, and nothing more.
 
 Stated there: 500 features (5.1.1), dense correlation stereo with a gate of 5 m (3.1), P3P after
 Fischler and Bolles (2.6.2), most inliers within 0.005 in normalised coordinates (2.7, 5.4), going
-on with three of them (5.1.1), refinement of points seen in three frames (4.4). Chosen by us,
-because it gives no number: search window, confidence, window of refinement, noise.
+on with three of them (5.1.1), refinement of points seen in three frames (4.4). Chosen here,
+because the thesis gives no number: search window, confidence, window of refinement, noise.
 """

@@ -70,7 +70,7 @@ class StereoOdometry:
                 T_odom_cam = grow(here, view, found, gear, counts)
                 spread, seen = found.pose.covariance, glimpse(found.inliers)
                 rest = here.leave(T_odom_cam, spread, view, seen)
-            if view.settings.motion.prior:
+            if view.settings.motion.landmark_prior:
                 agreed = found.inliers.ids
                 here.map, here.strikes = judge(here.map, here.strikes, found.matches.ids, agreed)
 
@@ -101,8 +101,8 @@ class StereoOdometry:
         T_odom_cam, covariance = known or (here.T_odom_cam, elsewhere)
         fresh = add_keyframe(here.map, view, T_odom_cam, covariance, None, gear.rig, s, gear.hooks)
         counts["fresh"] = len(fresh.landmarks)
-        if len(fresh.landmarks) < s.motion.least_inliers:
-            few = f"{len(fresh.landmarks)} features with depth, need {s.motion.least_inliers}"
+        if len(fresh.landmarks) < s.motion.min_inliers:
+            few = f"{len(fresh.landmarks)} features with depth, need {s.motion.min_inliers}"
             return self._lose(view, counts, clock, few)
         here.map, here.lost_map = fresh, None if known else here.lost_map
         here.history.remember(fresh, s.refinement)
@@ -122,7 +122,7 @@ class StereoOdometry:
         self, view: View, counts: dict[str, int], clock: Clock, few: str | None = None
     ) -> Estimate:
         """Report a frame without a pose, and what is wrong with it."""
-        self._journey.lose(self.settings.patience)
-        few = few or f"{counts['inliers']} inliers, need {self.settings.motion.least_inliers}"
+        self._journey.lose(self.settings.patience_frames)
+        few = few or f"{counts['inliers']} inliers, need {self.settings.motion.min_inliers}"
         reason = explain_failure(view, view.settings) or few
         return Estimate(view.frame.timestamp_ns, Status.LOST, None, reason, counts, clock.ms)

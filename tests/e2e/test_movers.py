@@ -54,7 +54,9 @@ def frames():
 
 def follow(frames, prior):
     """Estimated way along x (F,), metres, and the share of matches on the panel at the turn."""
-    odometry = StereoOdometry(RIG, OdometrySettings.model_validate({"motion": {"prior": prior}}))
+    odometry = StereoOdometry(
+        RIG, OdometrySettings.model_validate({"motion": {"landmark_prior": prior}})
+    )
     estimates = [odometry.track(frame) for frame in frames]
     assert all(x.status in (Status.START, Status.TRACKED) for x in estimates)
     seen = estimates[STARTS].observations

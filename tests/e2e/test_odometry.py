@@ -35,7 +35,7 @@ SETTINGS = RecordSettings(
     render=RenderSettings(samples=0, shadow_size_px=512),
     labels=LabelSettings(depth=False, disparity=False),
 )
-PATIENCE = OdometrySettings().patience
+PATIENCE = OdometrySettings().patience_frames
 MOVING = 20
 """From here on the rover drives at full speed, 3 cm a frame."""
 
@@ -252,7 +252,7 @@ def test_hindsight_knows_every_posed_frame_and_a_map(result, sequence):
     moved_m = [error_m(x, T) for x, T in zip(posed, smoothed.T_ref_frame, strict=True)]
     assert 0 < max(moved_m) < 0.01
     assert len(np.unique(points.ids)) == len(points.ids) > 300
-    assert points.views.min() >= OdometrySettings().refinement.least_views
+    assert points.views.min() >= OdometrySettings().refinement.min_views
     first = points.points_odom[points.points_odom[:, 2] < 1.5]
     assert np.median(sequence.rig.project(first)[:, 1]) > sequence.rig.cy_px  # on the ground
 
@@ -384,11 +384,11 @@ def test_a_jump_of_minutes(odometry, frames, truth):
 
 
 @pytest.mark.parametrize("prior", [True, False])
-@pytest.mark.parametrize("triplets", [True, False])
-def test_split_motion_and_triplets(sequence, frames, truth, prior, triplets):
-    motion = {"method": "split", "prior": prior}
+@pytest.mark.parametrize("circular_check", [True, False])
+def test_decoupled_motion_and_circular_check(sequence, frames, truth, prior, circular_check):
+    motion = {"method": "decoupled", "landmark_prior": prior}
     settings = OdometrySettings.model_validate(
-        {"motion": motion, "matching": {"triplets": triplets}}
+        {"motion": motion, "matching": {"circular_check": circular_check}}
     )
     estimates = track_all(StereoOdometry(sequence.rig, settings), frames[:8])
     assert statuses(estimates) == [Status.START] + [Status.TRACKED] * 7
@@ -417,9 +417,9 @@ def grainy(frame, seed):
     return replaced(frame, *eyes)
 
 
-def halted(rig, frame, standing):
+def halted(rig, frame, stationary):
     """Stand for 10 s at 10 Hz; how far the pose moved after the first second, m and degrees."""
-    odometry = StereoOdometry(rig, OdometrySettings(standing=standing))
+    odometry = StereoOdometry(rig, OdometrySettings(stationary=stationary))
     estimates = track_all(odometry, [grainy(later(frame, i), i) for i in range(100)])
     assert statuses(estimates) == [Status.START] + [Status.TRACKED] * 99
     moved = [se3.inverse(estimates[10].T_odom_cam) @ x.T_odom_cam for x in estimates[10:]]
@@ -492,9 +492,9 @@ def shake(scene):
     return carried(scene, motions)
 
 
-def shaken(rig, shake, convincing):
+def shaken(rig, shake, min_inlier_ratio):
     """Frames lost, and the largest error of the others in metres."""
-    settings = OdometrySettings(matching=MatchingSettings(convincing=convincing))
+    settings = OdometrySettings(matching=MatchingSettings(min_inlier_ratio=min_inlier_ratio))
     frames, truth = shake
     estimates = track_all(StereoOdometry(rig, settings), frames)
     posed = [x.T_odom_cam is not None for x in estimates]
@@ -503,7 +503,7 @@ def shaken(rig, shake, convincing):
 
 
 def test_a_shaking_hand_is_followed_by_what_the_images_show_as_wholes(sequence, shake):
-    lost, worst_m = shaken(sequence.rig, shake, OdometrySettings().matching.convincing)
+    lost, worst_m = shaken(sequence.rig, shake, OdometrySettings().matching.min_inlier_ratio)
     assert lost == 0
     assert 1e-6 < worst_m < 0.001
     lost, worst_m = shaken(sequence.rig, shake, 0)
@@ -517,9 +517,9 @@ def smeared(frame, px):
     return replaced(frame, left, right)
 
 
-def smear_error_m(rig, frames, truth, convincing):
+def smear_error_m(rig, frames, truth, min_inlier_ratio):
     """Of the last of seven smeared frames after five sharp ones; infinite if it has no pose."""
-    settings = OdometrySettings(matching=MatchingSettings(convincing=convincing))
+    settings = OdometrySettings(matching=MatchingSettings(min_inlier_ratio=min_inlier_ratio))
     shown = [*frames[:5], *(smeared(x, 33) for x in frames[5:12])]
     estimates = track_all(StereoOdometry(rig, settings), shown)
     lost = Status.LOST in statuses(estimates) or Status.START in statuses(estimates)[1:]

@@ -13,7 +13,7 @@ from vo.pose.estimation import relative_orientation, reprojection_errors
 RIG = StereoRig(640, 480, 457.0, 319.5, 239.5, 0.09)
 SIGMA_PX, SIGMA_DISPARITY_PX = 0.2, 0.2
 SIGMA = np.array([SIGMA_PX, SIGMA_PX, SIGMA_DISPARITY_PX])
-REFINEMENT = RefinementSettings(covariance="assumed", huber=1e6, most_iterations=50)
+REFINEMENT = RefinementSettings(huber=1e6, max_iterations=50)
 MOTION = MotionSettings(threshold=0.003)
 FRAMES, POINTS, WORLDS = 6, 60, 25
 UNKNOWN = 6 * (FRAMES - 1)

@@ -86,7 +86,7 @@ def brute_responses(image, kernel="octagon"):
 
 
 def responses_of(image, kernel="octagon"):
-    return scale_space(image, kernels(kernel, 7))
+    return scale_space(image, kernels(kernel))
 
 
 def brute_extrema(responses, kernel):
@@ -291,22 +291,6 @@ def test_too_small_an_image_has_no_features(shape, kernel):
         found = detect(image, FeatureSettings(kernel=kernel))
         assert len(found) == 0
         assert found.pixels.shape == (0, 2)
-
-
-@pytest.mark.parametrize("kernel", KERNELS)
-@pytest.mark.parametrize("scales", [3, 5])
-def test_fewer_scales_find_the_smaller_features(kernel, scales):
-    """Exactly those whose scale lies below the largest, which all kernels have to confirm."""
-    image = smooth_noise((121, 163))
-    everything = EVERYTHING.model_copy(update={"kernel": kernel})
-    few = detect(image, everything.model_copy(update={"scales": scales}))
-    expected = brute_extrema(responses_of(image, kernel)[:scales], kernel)
-    found = dict(zip(few.response, few.pixels, strict=True))
-    assert len(expected) > 10
-    for (_, v, u), value in expected.items():
-        assert np.abs(found[np.float64(value)] - [u, v]).max() <= 0.5
-    assert few.scale_px.max() < {3: 3.0, 5: 5.0}[scales]
-    assert detect(image, everything).scale_px.max() > 5.0
 
 
 def test_scales_that_do_not_fit_the_image_find_nothing():

@@ -11,7 +11,7 @@ from vo.patches.zncc import describe, match_mutual
 
 PATCH_PX = 9
 R = PATCH_PX // 2
-SETTINGS = MatchingSettings(zncc=0.6)
+SETTINGS = MatchingSettings(min_zncc=0.6)
 ANYWHERE_PX = 1e9
 
 
@@ -107,7 +107,7 @@ def test_marriages_equal_the_double_loop(seed, count_a, count_b, radius_px, leas
     rng = np.random.default_rng(seed)
     a, b = unit_vectors(rng, count_a), unit_vectors(rng, count_b)
     expected_a, pixels_b = rng.uniform(0, 60, (count_a, 2)), rng.uniform(0, 60, (count_b, 2))
-    pairs = match_mutual(a, expected_a, b, pixels_b, radius_px, MatchingSettings(zncc=least))
+    pairs = match_mutual(a, expected_a, b, pixels_b, radius_px, MatchingSettings(min_zncc=least))
     near = np.abs(expected_a[:, None] - pixels_b[None]).max(axis=-1) < radius_px
     assert [tuple(pair) for pair in pairs.tolist()] == brute_marriages(a @ b.T, near, least)
     assert pairs.shape == (len(pairs), 2)

@@ -48,7 +48,7 @@ def test_softness_tells_a_lens_out_of_focus_from_motion_blur_and_from_sharp_text
         picture = 128 + 12 * blurred / blurred.std() + noise * RNG.standard_normal((480, 640))
         return measure_image_quality(np.clip(np.rint(picture), 0, 255).astype(np.uint8)).softness
 
-    limit = OdometrySettings().soft.softness
+    limit = OdometrySettings().defocus.softness
     # Of Gaussian texture the energy over a distance is 1 - exp(-distance² / 4 sigma²).
     expected = (1 - np.exp(-16 / 4 / 4**2)) / (1 - np.exp(-4 / 4 / 4**2))
     assert softness(4, 4) == pytest.approx(expected, rel=0.1)  # noise is underrated a little
@@ -59,21 +59,21 @@ def test_softness_tells_a_lens_out_of_focus_from_motion_blur_and_from_sharp_text
 
 def test_faint_and_soft_images_are_met_with_wider_windows_and_nothing_else() -> None:
     usual = OdometrySettings()
-    assert adapt_settings(usual, faint=False, soft=False) == usual
+    assert adapt_settings(usual, low_snr=False, defocus=False) == usual
 
-    faint = adapt_settings(usual, faint=True, soft=False)
-    assert (faint.matching.align_px, faint.stereo.align_px, faint.stereo.search_px) == (13, 13, 17)
-    assert faint.stereo.most_sigma_px == pytest.approx(0.6)
+    faint = adapt_settings(usual, low_snr=True, defocus=False)
+    assert (faint.matching.align_px, faint.stereo.align_px, faint.stereo.patch_px) == (13, 13, 17)
+    assert faint.stereo.max_sigma_px == pytest.approx(0.6)
     assert faint.features == usual.features
 
-    soft = adapt_settings(usual, faint=False, soft=True)
-    assert (soft.matching.align_px, soft.stereo.align_px, soft.stereo.search_px) == (19, 19, 17)
-    assert soft.stereo.most_sigma_px == usual.stereo.most_sigma_px
+    soft = adapt_settings(usual, low_snr=False, defocus=True)
+    assert (soft.matching.align_px, soft.stereo.align_px, soft.stereo.patch_px) == (19, 19, 17)
+    assert soft.stereo.max_sigma_px == usual.stereo.max_sigma_px
     assert soft.features.threshold == usual.features.threshold / 2
 
-    both = adapt_settings(usual, faint=True, soft=True)
+    both = adapt_settings(usual, low_snr=True, defocus=True)
     assert (both.matching, both.features) == (soft.matching, soft.features)
-    assert both.stereo.most_sigma_px == pytest.approx(0.6)
+    assert both.stereo.max_sigma_px == pytest.approx(0.6)
     for settings in (faint, soft, both):
         assert (settings.motion, settings.refinement) == (usual.motion, usual.refinement)
-    assert THESIS.faint.texture_to_noise == THESIS.soft.softness == 0
+    assert THESIS.low_snr.texture_to_noise == THESIS.defocus.softness == 0

@@ -14,7 +14,7 @@ RIG = StereoRig(640, 480, 457.0, 319.5, 239.5, 0.09)
 T_WORLD_CAM = se3.exp(np.array([0.4, -0.2, 0.3, 0.1, -0.3, 0.2]))
 NUDGE = se3.exp(np.array([0.03, -0.02, 0.04, 0.01, 0.02, -0.015]))
 SIGMA = np.array([0.2, 0.2, 0.4])
-PLAIN = RefinementSettings(covariance="assumed", huber=1e6, most_iterations=50)
+PLAIN = RefinementSettings(huber=1e6, max_iterations=50)
 """Least squares: no loss."""
 
 
@@ -105,12 +105,12 @@ def test_published_error_of_sba_7(sba_7):
     assert (len(sba_7.points_world), len(sba_7.measured)) == (465, 1916)
     before = mean_squared_px2(sba_7, sba_7.T_world_cam, sba_7.points_world)
     assert before == pytest.approx(19.0947, abs=1e-4)
-    settings = RefinementSettings(huber=1e6, most_iterations=100)
+    settings = RefinementSettings(huber=1e6, max_iterations=100)
     refined = refine_structure(sba_7, settings)
     after = mean_squared_px2(sba_7, refined.T_world_cam, refined.points_world)
     assert after == pytest.approx(0.675396, abs=1e-5)
     assert refined.error == pytest.approx(after * 1916 / 2, rel=1e-6)
-    assert refined.iterations < settings.most_iterations
+    assert refined.iterations < settings.max_iterations
     np.testing.assert_allclose(refined.T_world_cam[0], sba_7.T_world_cam[0], atol=1e-12)
 
 
@@ -286,5 +286,5 @@ def test_covariance_is_that_of_the_full_problem(stereo_bundle):
 
 
 def test_iterations_are_bounded(stereo_bundle):
-    refined = refine_structure(stereo_bundle, PLAIN.model_copy(update={"most_iterations": 1}))
+    refined = refine_structure(stereo_bundle, PLAIN.model_copy(update={"max_iterations": 1}))
     assert refined.iterations == 1

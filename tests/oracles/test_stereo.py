@@ -68,16 +68,16 @@ def measure(frame, pixels, settings=SETTINGS, **known):
 
 
 @pytest.mark.parametrize("method", ["semi_global", "block_matching"])
-@pytest.mark.parametrize("shrink", [1, 2])
-def test_dense_disparity(plane, method, shrink):
-    settings = StereoSettings(method=method, shrink=shrink)
+@pytest.mark.parametrize("downscale", [1, 2])
+def test_dense_disparity(plane, method, downscale):
+    settings = StereoSettings(method=method, downscale=downscale)
     dense = dense_of(plane.frame, settings)
-    assert dense.shape == (HEIGHT // shrink, WIDTH // shrink)
+    assert dense.shape == (HEIGHT // downscale, WIDTH // downscale)
     rows, columns = np.nonzero(~np.isnan(dense))
-    places = (np.column_stack([columns, rows]) + 0.5) * shrink - 0.5
+    places = (np.column_stack([columns, rows]) + 0.5) * downscale - 0.5
     error = dense[rows, columns] - plane.disparity_px(places)
     right_of_blind = places[:, 0] > 130
-    assert right_of_blind.sum() > 0.5 * dense[:, 130 // shrink :].size
+    assert right_of_blind.sum() > 0.5 * dense[:, 130 // downscale :].size
     assert 0 < np.median(np.abs(error[right_of_blind])) < 0.4
     assert (np.abs(error[right_of_blind]) < 2).mean() > 0.97
 
@@ -204,7 +204,7 @@ def test_what_only_one_eye_sees_has_no_disparity():
     assert np.abs(found.values_px - truth)[found.known & ~near_edge & ~hidden].max() < 0.1
     known_near = found.known & near_edge
     assert (np.abs(found.values_px - truth)[known_near] < 1).mean() > 0.8
-    anything = SETTINGS.model_copy(update={"most_spread_px": 9.0})
+    anything = SETTINGS.model_copy(update={"max_disagreement_px": 9.0})
     careless = measure(frame, places, anything)
     wrong = np.abs(careless.values_px - truth)[careless.known] > 1
     assert wrong.sum() > (np.abs(found.values_px - truth)[found.known] > 1).sum()
@@ -219,12 +219,12 @@ def test_unknown_outside_and_in_front_of_what_is_seen(plane, method):
     assert not measure(nothing, np.array([[200.0, 100.0]]), settings).known.any()
 
 
-@pytest.mark.parametrize("shrink", [1, 2, 4])
-def test_the_dense_map_is_read_where_the_pixel_is(shrink):
+@pytest.mark.parametrize("downscale", [1, 2, 4])
+def test_the_dense_map_is_read_where_the_pixel_is(downscale):
     """All of it unknown but the one cell that covers the pixel."""
     plane, pixel = Plane(40.3, 0.0, 0.0), np.array([[203.4, 101.6]])
-    shape = (HEIGHT // shrink, WIDTH // shrink)
-    row, column = 102 // shrink, 203 // shrink  # the pixel that the place rounds to
+    shape = (HEIGHT // downscale, WIDTH // downscale)
+    row, column = 102 // downscale, 203 // downscale  # the pixel that the place rounds to
     settings = StereoSettings(method="semi_global")
     for moved in (0, -1, 1):
         for axis in (0, 1):
@@ -236,7 +236,7 @@ def test_the_dense_map_is_read_where_the_pixel_is(shrink):
 
 def test_a_dense_disparity_may_be_taken_as_it_is(plane, pixels):
     """As the thesis does."""
-    settings = StereoSettings(method="block_matching", shrink=1, refine=False)
+    settings = StereoSettings(method="block_matching", downscale=1, refine=False)
     dense = dense_of(plane.frame, settings)
     found = measure_disparities(plane.frame, dense, pixels, settings)
     columns, rows = np.floor(pixels + 0.5).astype(int).T
@@ -252,7 +252,7 @@ def test_depth_gate(method, refine):
     u = np.linspace(50, 370, 60)
     places = np.column_stack([u, np.full(60, 120.0)])
     gate_px = 12.0
-    settings = StereoSettings(method=method, least_disparity_px=gate_px, refine=refine, shrink=1)
+    settings = StereoSettings(method=method, min_disparity_px=gate_px, refine=refine, downscale=1)
     gated = measure(plane.frame, places, settings)
     truth = plane.disparity_px(places)
     assert not gated.known[truth < gate_px - 1].any()
@@ -263,7 +263,7 @@ def test_without_a_gate_far_points_are_kept():
     plane = Plane(0.4, 0.0, 0.0)
     u = np.linspace(50, 370, 60)
     places = np.column_stack([u, np.full(60, 120.0)])
-    found = measure(plane.frame, places, StereoSettings(least_disparity_px=0))
+    found = measure(plane.frame, places, StereoSettings(min_disparity_px=0))
     assert found.known.mean() > 0.9
     assert np.abs(found.values_px - 0.4)[found.known].max() < 0.1
 

@@ -97,8 +97,8 @@ def test_a_drive_without_any_pose_is_no_figure_but_is_counted(tmp_path):
 def test_an_estimator_and_its_settings_are_read_as_a_shell_would():
     theirs = named_variant("trials.estimators.systems.orbslam3:OrbSlam3 vocabulary='my words.txt'")
     assert (theirs.label, theirs.overrides) == ("OrbSlam3", ("vocabulary=my words.txt",))
-    ours = named_variant("driftyard standing=none")
-    assert (ours.label, ours.estimator) == ("driftyard standing=none", "driftyard")
+    ours = named_variant("driftyard stationary=none")
+    assert (ours.label, ours.estimator) == ("driftyard stationary=none", "driftyard")
     with pytest.raises(SettingsError, match="--against driftyard 'x: No closing quotation"):
         named_variant("driftyard 'x")
 

@@ -134,7 +134,7 @@ def test_disparities_of_matches(matches, local_map, views):
     np.testing.assert_array_equal(found.measured[:, 2], 7.5)
     np.testing.assert_array_equal(found.pixels, matches.pixels)
     assert (found.sigma > 0).all()
-    beyond = np.nextafter(SETTINGS.stereo.least_disparity_px, -1)
+    beyond = np.nextafter(SETTINGS.stereo.min_disparity_px, -1)
     found = replaced(Depth(lambda d: np.full_like(d, beyond)), matches, local_map, views)
     assert np.isnan(found.measured[:, 2]).all()
     assert np.isnan(found.sigma[:, 2]).all()

@@ -11,7 +11,7 @@ from vo.pose.ransac import _choose, _marks, ransac, trials_needed
 
 T_ODOM_CAM = se3.exp(np.array([0.3, -0.1, 0.2, 0.05, -0.1, 0.02]))
 THRESHOLD = 0.003
-SETTINGS = MotionSettings(most_trials=2000)
+SETTINGS = MotionSettings(max_hypotheses=2000)
 
 
 def problem(count, share, noise=0.0, seed=0, inlier_cost=1.0):
@@ -75,13 +75,13 @@ def test_trials_adapt_to_the_inliers():
     assert easy == 1
     needed = trials_needed(0.5, SETTINGS.confidence)
     assert 0.7 * needed < medium <= needed
-    assert hopeless == SETTINGS.most_trials
+    assert hopeless == SETTINGS.max_hypotheses
 
 
-@pytest.mark.parametrize("local_rounds", [0, 4])
-def test_inliers_are_exactly_those_within_the_threshold(local_rounds):
+@pytest.mark.parametrize("local_iterations", [0, 4])
+def test_inliers_are_exactly_those_within_the_threshold(local_iterations):
     matches, _ = problem(300, 0.7, noise=0.002)
-    found = consensus_on(matches, local_rounds=local_rounds)
+    found = consensus_on(matches, local_iterations=local_iterations)
     points_cam = se3.transform(se3.inverse(found.T), matches.points_odom)
     errors = np.linalg.norm(points_cam[:, :2] / points_cam[:, 2:] - matches.rays, axis=1)
     np.testing.assert_array_equal(found.inliers, errors < THRESHOLD)
@@ -212,7 +212,7 @@ def test_no_pose_from_any_sample(scheme):
 def test_same_seed_same_consensus(scheme):
     matches, _ = problem(100, 0.4, noise=0.001)
     a, b, other = (
-        consensus_on(matches, seed=seed, scheme=scheme, local_rounds=0) for seed in (1, 1, 2)
+        consensus_on(matches, seed=seed, scheme=scheme, local_iterations=0) for seed in (1, 1, 2)
     )
     np.testing.assert_array_equal(a.T, b.T)
     np.testing.assert_array_equal(a.inliers, b.inliers)
@@ -223,6 +223,6 @@ def test_same_seed_same_consensus(scheme):
 
 def test_preemption_draws_its_budget_and_no_more():
     matches, good = problem(300, 0.5, noise=0.0005)
-    found = consensus_on(matches, scheme="preemptive", most_trials=100)
+    found = consensus_on(matches, scheme="preemptive", max_hypotheses=100)
     assert found.trials == 100
     assert found.inliers[good].mean() > 0.98

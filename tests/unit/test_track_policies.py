@@ -38,7 +38,7 @@ def views(frames):
 @pytest.mark.parametrize(("firewall", "kept"), [(0, True), (1, False), (2, True)])
 def test_a_firewall_forgets_all_structure(views, firewall, kept):
     """The second keyframe is a firewall if one keyframe lies between two of them."""
-    s = settings(firewall_keyframes=firewall)
+    s = settings(map_reset_keyframes=firewall)
     none = np.zeros((6, 6))
     first = add_keyframe(empty_map(), views[0], np.eye(4), none, None, RIG, s)
     matches = find_matches(first, views[1], np.eye(4), 24.0, RIG, s)
@@ -57,7 +57,7 @@ def test_a_firewall_forgets_all_structure(views, firewall, kept):
 
 
 @pytest.mark.parametrize(
-    "policy", [{}, {"firewall_keyframes": 2}, {"mode": "fixed_lag"}, {"mode": "motion"}]
+    "policy", [{}, {"map_reset_keyframes": 2}, {"mode": "fixed_lag"}, {"mode": "motion"}]
 )
 def test_the_way_is_the_same_by_every_policy(frames, policy):
     """The wall is one plane that moves by 4 px of its one depth: sideways, step by step."""
@@ -72,7 +72,8 @@ def test_the_way_is_the_same_by_every_policy(frames, policy):
 def test_frames_that_take_too_many_iterations_are_weak_and_no_keyframes(frames):
     """One iteration is never enough."""
     free, dropping = (
-        StereoOdometry(RIG, settings(keyframe_parallax_px=0, drop_iterations=n)) for n in (0, 1)
+        StereoOdometry(RIG, settings(keyframe_parallax_px=0, max_keyframe_iterations=n))
+        for n in (0, 1)
     )
     tracked = [free.track(frame) for frame in frames[:4]][1:]
     weak = [dropping.track(frame) for frame in frames[:4]][1:]
@@ -85,7 +86,7 @@ def test_frames_that_take_too_many_iterations_are_weak_and_no_keyframes(frames):
 
 
 def test_doubts_in_words():
-    s = settings(drop_iterations=20)
+    s = settings(max_keyframe_iterations=20)
     assert explain_doubt(1000, 20, s) == ""
     assert explain_doubt(1000, 21, s) == "21 iterations, more than 20"
     few = s.motion.weak_inliers

@@ -25,7 +25,7 @@ SIGMA_PX = np.array([0.2, 0.2, 0.2])
 FRAMES, POINTS = 8, 80
 STEP = np.array([0.02, 0.0, 0.08, 0.0, 0.02, 0.005])
 """Motion from frame to frame: 8 cm, turning."""
-REFINEMENT = RefinementSettings(huber=1e6, most_iterations=50)
+REFINEMENT = RefinementSettings(huber=1e6, max_iterations=50)
 REACH = 0.1
 """How near the bound the estimator must come."""
 

@@ -36,7 +36,7 @@ class Refined:
         points_world: (J, 3) metres.
         covariance: (K, 6, 6) of each camera given the fixed ones, tangent (v m, w rad) in its own
             frame; zero for those, and for all if it was not asked for.
-        iterations: Levenberg–Marquardt steps; `most_iterations` if it did not converge.
+        iterations: Levenberg–Marquardt steps; `max_iterations` if it did not converge.
         error: Final value of half the summed robust squared whitened residuals.
         misfit: (2,) median squared residual of pixels and of disparities, over what their sigmas
             make one expect; 1 where they are right, NaN where there are none.
@@ -81,7 +81,7 @@ def refine_structure(
     moving = ~bundle.fixed
     parts = [_part(chunk, T, moving) for chunk in pieces if moving[chunk.cameras].any()]
     iterations = 0
-    most = settings.most_iterations
+    most = settings.max_iterations
     for steps_left in (1, most - 1)[:most]:  # Huber's weights follow the first step
         for chunk in pieces:
             chunk.reweigh(T[chunk.cameras], settings.huber)
@@ -93,7 +93,7 @@ def refine_structure(
         points[chunk.rows] = chunk.points
     covariance = np.zeros((len(T), 6, 6))
     if covariances:
-        covariance[moving] = _covariances(pieces, T, bundle.fixed, settings)
+        covariance[moving] = _covariances(pieces, T, bundle.fixed)
     return Refined(T, points, covariance, iterations, error, misfit(pieces, T))
 
 
@@ -110,9 +110,7 @@ def _part(chunk: Chunk, T: Array, moving: Mask) -> Part:
     return Part(places, normal)
 
 
-def _covariances(
-    pieces: Sequence[Chunk], T: Array, fixed: Mask, settings: RefinementSettings
-) -> Array:
+def _covariances(pieces: Sequence[Chunk], T: Array, fixed: Mask) -> Array:
     """Covariance (S, 6, 6) of each moving camera given the fixed ones, tangents (v, w)."""
     moving = ~fixed
     size = int(moving.sum())
@@ -124,14 +122,14 @@ def _covariances(
         H[block] += chunk.normal(here, own, derivatives=True)[0].reshape(n, 6, n, 6)
         B[block] += chunk.shares(here, own).reshape(n, 6, n, 6)
     inverse = information_inverse(H.reshape(6 * size, 6 * size))
-    spread = _spread(inverse, B.reshape(6 * size, 6 * size), settings)
+    spread = _spread(inverse, B.reshape(6 * size, 6 * size))
     blocks = spread.reshape(size, 6, size, 6)[np.arange(size), :, np.arange(size)]
     return blocks[:, TURN_LAST][:, :, TURN_LAST]
 
 
-def _spread(inverse: Array, B: Array, settings: RefinementSettings) -> Array:
+def _spread(inverse: Array, B: Array) -> Array:
     """Covariance by residuals, if these are larger than assumed: few points fit too well."""
-    if settings.covariance == "residuals" and np.trace(B @ inverse) > len(B):
+    if np.trace(B @ inverse) > len(B):
         return inverse @ B @ inverse
     return inverse
 
@@ -183,9 +181,9 @@ def refine_motion(
         weight = robust_weights(
             *split_pose(poses), points, 0 * everyone, everyone, seen, known, f, settings.huber
         )
-        poses, more = optimize(poses, [whole], settings.most_iterations)
+        poses, more = optimize(poses, [whole], settings.max_iterations)
         iterations += more
     R, t = split_pose(poses)
     B = camera_shares(R[0], t[0], points, seen, weight, f)
-    covariance = _spread(information_inverse(normal(poses)[0]), B, settings)
+    covariance = _spread(information_inverse(normal(poses)[0]), B)
     return Pose(poses[0], covariance[TURN_LAST][:, TURN_LAST], iterations)

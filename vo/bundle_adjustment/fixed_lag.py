@@ -148,7 +148,7 @@ class FixedLag:
     ) -> Smoothed:
         """Take Gauss–Newton steps until they are small."""
         T_odom_cam, steps = self._poses(serials), 1
-        while steps < s.most_iterations:
+        while steps < s.max_iterations:
             self._smoother.update()
             T_before, T_odom_cam = T_odom_cam, self._poses(serials)
             steps += 1

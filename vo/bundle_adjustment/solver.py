@@ -60,13 +60,13 @@ def factor(keys: Sequence[int], normal: Normal) -> gtsam.CustomFactor:
     return gtsam.CustomFactor(gtsam.noiseModel.Unit.Create(size + 1), keys, residuals)
 
 
-def optimize(poses: Array, parts: Sequence[Part], most_iterations: int) -> tuple[Array, int]:
+def optimize(poses: Array, parts: Sequence[Part], max_iterations: int) -> tuple[Array, int]:
     """Minimise the sum of the parts' costs by Levenberg–Marquardt.
 
     Args:
         poses: (S, 4, 4) where to start; each in at least one part.
         parts: Few that share few poses are cheap: GTSAM's elimination is sparse in them.
-        most_iterations: Steps.
+        max_iterations: Steps.
 
     Returns:
         (S, 4, 4) poses and the steps taken; the poses as given if nothing determines them.
@@ -78,13 +78,13 @@ def optimize(poses: Array, parts: Sequence[Part], most_iterations: int) -> tuple
     for part in parts:
         graph.add(factor([keys[i] for i in part.places], part.normal))
     parameters = gtsam.LevenbergMarquardtParams()
-    parameters.setMaxIterations(most_iterations)
+    parameters.setMaxIterations(max_iterations)
     parameters.setRelativeErrorTol(1e-4)
     optimizer = gtsam.LevenbergMarquardtOptimizer(graph, values, parameters)
     try:
         values = optimizer.optimize()
     except RuntimeError:  # gtsam's IndeterminateLinearSystemException has no type of its own here
-        return poses, most_iterations
+        return poses, max_iterations
     return np.array([values.atPose3(key).matrix() for key in keys]), optimizer.iterations()
 
 

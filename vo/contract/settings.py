@@ -12,7 +12,10 @@ from vo.contract.errors import SettingsError
 
 
 class Settings(BaseModel):
-    """Base of every settings model: immutable, and an unknown key is an error."""
+    """Base of every settings model: immutable, and an unknown key is an error.
+
+    The docstring of a field is its description.
+    """
 
     model_config = ConfigDict(
         frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True

@@ -22,14 +22,14 @@ def censure(image: Image, settings: FeatureSettings) -> Array:
 
     Args:
         image: (H, W) uint8; scales that do not fit it are left out.
-        settings: Kernel, number of scales and thresholds.
+        settings: Kernel and thresholds.
 
     Returns:
         (N, 4) rows (u_px, v_px, scale_px, response). The scale is the standard deviation of the
         Gaussian blob that would peak there in scale; the response is the contrast of that blob,
         grey levels, positive where it is brighter than its surround.
     """
-    shape = kernels(settings.kernel, settings.scales)
+    shape = kernels(settings.kernel)
     responses = scale_space(image, shape)
     found = _extrema(responses, shape.margin, settings.threshold)
     window_px = np.round(shape.centre_px).astype(np.int64) + 2

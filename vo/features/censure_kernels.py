@@ -86,9 +86,9 @@ class Kernels:
 
 
 @cache
-def kernels(shape: str, scales: int) -> Kernels:
-    """Build the smallest `scales` kernels of a shape, sharing the regions that repeat."""
-    pairs = SHAPES[shape][:scales]
+def kernels(shape: str) -> Kernels:
+    """Build the kernels of a shape, sharing the regions that repeat."""
+    pairs = SHAPES[shape]
     distinct = list(dict.fromkeys(region for pair in pairs for region in pair))
     reach = np.array([max((m - 1) // 2 + n for _, m, n in region) for region in distinct])
     regions = np.array([[distinct.index(region) for region in pair] for pair in pairs])

@@ -50,7 +50,7 @@ class History:
                 newest.sigma.astype(np.float32),
             )
         landmarks = local_map.landmarks
-        often = landmarks.views >= settings.least_views
+        often = landmarks.views >= settings.min_views
         ids = landmarks.ids[often].tolist()
         traits = (local_map.grey(), landmarks.views, landmarks.anchor)
         self.places.update(zip(ids, landmarks.points_odom[often].astype(np.float32), strict=True))

@@ -78,13 +78,13 @@ class Journey:
 
     def wheels_rest(self, view: View) -> bool:
         """Whether encoders say that no wheel has turned since the camera last moved."""
-        if view.settings.standing != "encoders" or self.rest is None:
+        if view.settings.stationary != "encoders" or self.rest is None:
             return False
         return self.rest.wheel_ticks is not None and view.frame.wheel_ticks == self.rest.wheel_ticks
 
     def halt(self, view: View, inliers: Matches, rig: StereoRig) -> Rest | None:
         """Where the camera still stands (5.1.3, E11); None if it moves, or nobody asks."""
-        standing = view.settings.standing
+        standing = view.settings.stationary
         if self.rest is None or standing == "none":
             return None
         ticks = view.frame.wheel_ticks if standing == "encoders" else None

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 
 from vo.bundle_adjustment.adjust import refine_structure
-from vo.bundle_adjustment.parallax import parallax_rad
 from vo.bundle_adjustment.problem import DETERMINED, Sight, collect
 from vo.config import RefinementSettings
 from vo.contract import se3
@@ -39,7 +38,7 @@ def refine_all(history: History, rig: StereoRig, settings: RefinementSettings) -
     if not serials:
         return history
     sights = [replace(history.sights[s], T_world_cam=history.keyframes[s]) for s in serials]
-    ids = _choose(sights, history, rig, settings)
+    ids = _repeated(sights, np.array(sorted(history.places), dtype=np.int64))
     keyframes, places = dict(history.keyframes), dict(history.places)
     hung = np.eye(4)
     for group in _groups(sights, ids):
@@ -57,18 +56,6 @@ def refine_all(history: History, rig: StereoRig, settings: RefinementSettings) -
         keyframes |= {serials[i]: T_after[k] for k, i in enumerate(group)}
         hung = T_after[-1] @ se3.inverse(T_before[-1])
     return replace(history, keyframes=keyframes, places=places)
-
-
-def _choose(
-    sights: list[Sight], history: History, rig: StereoRig, s: RefinementSettings
-) -> Indices:
-    """Landmarks (J,), ascending, that take part in the refinement of everything."""
-    ids = _repeated(sights, np.array(sorted(history.places), dtype=np.int64))
-    if s.least_parallax_deg > 0 and len(ids):
-        nobody = np.zeros(len(sights), bool)
-        bundle = collect(sights, ids, history.positions(ids), nobody, rig)
-        ids = ids[parallax_rad(bundle, s.use_disparity) >= np.deg2rad(s.least_parallax_deg)]
-    return ids
 
 
 def _repeated(sights: list[Sight], ids: Indices) -> Indices:

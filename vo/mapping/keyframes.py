@@ -42,7 +42,10 @@ def is_new_view(
         return True
     flow_px = np.median(np.linalg.norm(matches.pixels[now] - last.measured[then, :2], axis=1))
     telling = np.nan_to_num(last.measured[:, 2]) ** 2
-    few = telling[then].sum() < settings.keyframe_share * telling.sum() or len(matches) < least
+    few = (
+        telling[then].sum() < settings.keyframe_tracked_ratio * telling.sum()
+        or len(matches) < least
+    )
     return bool(flow_px > (STANDING_PX if few else settings.keyframe_parallax_px))
 
 
@@ -73,7 +76,7 @@ def add_keyframe(
         settings: The window, and how much a template may change.
         hooks: May replace disparities; hear of the fresh landmarks.
     """
-    kept = settings.refinement.firewall_keyframes
+    kept = settings.refinement.map_reset_keyframes
     if 0 < kept <= local_map.next_serial - local_map.first_serial:
         local_map = empty_map(local_map.next_serial, local_map.next_id, local_map.noise)
         matches = None
@@ -128,7 +131,7 @@ def _fresh_features(
     pixels = view.features.pixels
     free = np.ones(len(pixels), dtype=bool)
     if len(taken):
-        free = cKDTree(taken[:, :2]).query(pixels)[0] > settings.features.apart_px
+        free = cKDTree(taken[:, :2]).query(pixels)[0] > settings.features.min_distance_px
     pixels, vectors = pixels[free], view.vectors[free]
     found = measure_disparities(view.frame, view.dense, pixels, settings.stereo, nearby=taken)
     found = replace_disparities(hooks, view.frame, pixels, found, settings.stereo)
@@ -148,7 +151,7 @@ def _renew_anchors(
     """Take new templates for the seen landmarks whose old one is worn or about to be dropped."""
     depth_m = se3.transform(se3.inverse(keyframe.T_odom_cam), seen.points_odom)[:, 2]
     zoom = landmarks.anchor_depth_m[seen.rows] / depth_m
-    worn = np.maximum(zoom, 1 / zoom) > settings.matching.most_zoom
+    worn = np.maximum(zoom, 1 / zoom) > settings.matching.max_zoom
     worn |= landmarks.anchor[seen.rows] < oldest
     return landmarks.update(
         seen.rows[worn],

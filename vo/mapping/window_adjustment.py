@@ -6,7 +6,6 @@ import numpy as np
 
 from vo.bundle_adjustment.adjust import misfit, refine_structure
 from vo.bundle_adjustment.fixed_lag import FixedLag
-from vo.bundle_adjustment.parallax import parallax_rad
 from vo.bundle_adjustment.problem import DETERMINED, Sight, collect
 from vo.config import OdometrySettings, RefinementSettings
 from vo.contract import se3
@@ -21,11 +20,10 @@ LEARNING = 0.2
 def refine_map(
     local_map: LocalMap, rig: StereoRig, settings: OdometrySettings
 ) -> tuple[LocalMap, int]:
-    """Refine the last keyframes and the landmarks that were seen often and differently enough.
+    """Refine the last keyframes and the landmarks that were seen often enough.
 
-    A landmark takes part if at least `least_views` frames saw it, two of them keyframes, and from
-    directions that differ by `least_parallax_deg`. Landmarks that take no part move rigidly with
-    their anchor.
+    A landmark takes part if at least `min_views` frames saw it, two of them keyframes. The others
+    move rigidly with their anchor.
 
     Returns:
         The refined map and the iterations that it took, 0 if there was nothing to refine.
@@ -45,7 +43,7 @@ def _refine_window(
     that sees too few of the landmarks to be determined.
     """
     keyframes, landmarks = local_map.keyframes, local_map.landmarks
-    ids, counts = _choose(keyframes, landmarks, rig, s)
+    ids, counts = _choose(keyframes, landmarks, s)
     fixed = counts < DETERMINED
     fixed[: 1 if s.use_disparity else 2] = True
     if fixed.all():
@@ -68,7 +66,7 @@ def _refine_incrementally(
     lag = local_map.lag
     first = lag.first if lag else local_map.keyframes[-2:][0].serial
     keyframes = tuple(k for k in local_map.keyframes if k.serial >= first)
-    ids, counts = _choose(keyframes, local_map.landmarks, rig, s, lag)
+    ids, counts = _choose(keyframes, local_map.landmarks, s, lag)
     if len(keyframes) < 2 or counts[-1] < DETERMINED:
         return replace(local_map, lag=None), 0
     lag = lag or FixedLag(first, keyframes[0].T_odom_cam, keyframes[0].covariance, s.window)
@@ -77,7 +75,7 @@ def _refine_incrementally(
     try:
         found = lag.update(sights, ids, points, rig, s)
     except RuntimeError:  # gtsam's IndeterminateLinearSystemException has no type of its own here
-        return replace(local_map, lag=None), s.most_iterations
+        return replace(local_map, lag=None), s.max_iterations
     unmoved = local_map.keyframes[: -len(keyframes)]
     T = [k.T_odom_cam for k in unmoved] + list(found.T_odom_cam)
     spread = [k.covariance for k in unmoved] + list(found.covariance)
@@ -89,22 +87,15 @@ def _refine_incrementally(
 def _choose(
     keyframes: tuple[Keyframe, ...],
     landmarks: Landmarks,
-    rig: StereoRig,
     s: RefinementSettings,
     lag: FixedLag | None = None,
 ) -> tuple[Indices, Indices]:
     """Ids (J,) of the landmarks to refine, and how many of them each keyframe sees (K,)."""
     ids, mask = visibility(keyframes)
-    often = landmarks.ids[landmarks.views >= s.least_views]
+    often = landmarks.ids[landmarks.views >= s.min_views]
     chosen = np.isin(ids, often) & (mask.sum(axis=1) >= 2)
     if lag:
         chosen &= ~np.isin(ids, lag.spent)
-    if s.least_parallax_deg > 0:
-        points = landmarks.points_odom[np.searchsorted(landmarks.ids, ids[chosen])]
-        nobody = np.zeros(len(keyframes), bool)
-        bundle = collect([_sight(k) for k in keyframes], ids[chosen], points, nobody, rig)
-        wide = parallax_rad(bundle, s.use_disparity) >= np.deg2rad(s.least_parallax_deg)
-        chosen[np.flatnonzero(chosen)[~wide]] = False
     return ids[chosen], mask[chosen].sum(axis=0)
 
 

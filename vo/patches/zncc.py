@@ -62,7 +62,7 @@ def match_mutual(
     downwards = np.argsort(pixels_b[:, 1], kind="stable")
     best_b, best_a = _choices(
         vectors_a, np.asarray(expected_a, dtype=np.float64), vectors_b,
-        pixels_b, downwards, radius_px, settings.zncc,
+        pixels_b, downwards, radius_px, settings.min_zncc,
     )  # fmt: skip
     a = np.flatnonzero(best_b >= 0)
     married = a[best_a[best_b[a]] == a]

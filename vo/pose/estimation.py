@@ -5,7 +5,7 @@ import numpy as np
 from vo.config import MotionSettings
 from vo.contract import se3
 from vo.contract.arrays import Array, Mask
-from vo.pose.absolute_orientation import ABSOLUTE_SOLVERS
+from vo.pose.absolute_orientation import HORN
 from vo.pose.decoupled import split_motion
 from vo.pose.graduated_nonconvexity import anneal
 from vo.pose.hypotheses import Problem
@@ -19,7 +19,6 @@ def estimate_pose(
     points_cam: Array,
     settings: MotionSettings,
     rng: np.random.Generator,
-    f_px: float,
     weights: Array | None = None,
     T_odom_guess: Array | None = None,
 ) -> Consensus | None:
@@ -31,10 +30,9 @@ def estimate_pose(
         points_cam: (N, 3) metres, triangulated in the new view; NaN where it has no depth.
         settings: Method, solver, RANSAC's.
         rng: Draws the samples.
-        f_px: Focal length, for a threshold in pixels.
         weights: (N,) how much each match counts, if not all the same.
-        T_odom_guess: (4, 4) expected pose, which only `split` and `refinement` ask for; where odom
-            is, if None.
+        T_odom_guess: (4, 4) expected pose, which only the methods `decoupled` and
+            `graduated_nonconvexity` use; where odom is, if None.
 
     Returns:
         T_odom_cam, its inliers and covariance, or None if fewer than three matches can be used or
@@ -52,18 +50,16 @@ def estimate_pose(
         rays=np.ascontiguousarray(rays[usable], dtype=np.float64),
         points_cam=np.ascontiguousarray(points_cam[usable], dtype=np.float64),
         absolute=absolute,
-        solver=(
-            ABSOLUTE_SOLVERS[settings.absolute_solver] if absolute else SOLVERS[settings.solver]
-        ),
+        solver=HORN if absolute else SOLVERS[settings.solver],
         metric=metric,
-        threshold=settings.threshold_m if metric else acceptance(settings, f_px),
+        threshold=settings.threshold_m if metric else settings.threshold,
         inlier_cost=1.0 if settings.score == "msac" else 0.999 / max(count, 1),
         weights=np.ones(count) if weights is None else weights[usable].astype(np.float64),
     )
     T_guess = np.eye(4) if T_odom_guess is None else T_odom_guess
-    if settings.method == "split":
+    if settings.method == "decoupled":
         outcome = _split(problem, T_guess, settings, rng)
-    elif settings.method == "refinement":
+    elif settings.method == "graduated_nonconvexity":
         outcome = _anneal(problem, T_guess, settings)
     else:
         outcome = ransac(problem, settings, rng)
@@ -77,7 +73,7 @@ def estimate_pose(
 def _split(
     problem: Problem, T_odom_guess: Array, settings: MotionSettings, rng: np.random.Generator
 ) -> Consensus | None:
-    trials = settings.most_trials
+    trials = settings.max_hypotheses
     pose = split_motion(
         problem.points_odom, problem.rays, T_odom_guess, problem.threshold, trials, rng
     )
@@ -103,28 +99,11 @@ def relative_orientation(
     rays: Array,
     settings: MotionSettings,
     rng: np.random.Generator,
-    f_px: float = np.nan,
 ) -> Consensus | None:
-    """Estimate T_odom_cam from landmarks and where the left camera sees them.
-
-    As `estimate_pose`; `f_px` is only needed for a threshold in pixels.
-    """
+    """Estimate T_odom_cam from landmarks and where the left camera sees them, as `estimate_pose`."""
     relative = settings.model_copy(update={"method": "relative", "residual": "reprojection"})
     nowhere = np.full(np.shape(points_odom), np.nan)
-    return estimate_pose(points_odom, rays, nowhere, relative, rng, f_px)
-
-
-def acceptance(settings: MotionSettings, f_px: float) -> float:
-    """Largest reprojection error of an inlier, in normalised image coordinates.
-
-    Raises:
-        ValueError: If the threshold is in pixels and the focal length is not known.
-    """
-    if settings.threshold_unit == "normalized":
-        return settings.threshold
-    if not f_px > 0:
-        raise ValueError(f"a threshold in pixels needs a focal length, got {f_px}")
-    return settings.threshold / f_px
+    return estimate_pose(points_odom, rays, nowhere, relative, rng)
 
 
 def reprojection_errors(T_odom_cam: Array, points_odom: Array, rays: Array) -> Array:

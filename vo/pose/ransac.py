@@ -28,6 +28,10 @@ FINISHING = 20
 """Most refits of the best pose, if poses are refitted at all."""
 
 
+PREEMPTIVE_BLOCK = 10
+"""Matches between two halvings of the hypotheses."""
+
+
 @dataclass(frozen=True)
 class Consensus:
     """The pose that most matches agree with.
@@ -70,12 +74,12 @@ def ransac(
         points_cam=problem.points_cam[order],
         weights=problem.weights[order],
     )
-    draws = rng.random((settings.most_trials, SAMPLE))
+    draws = rng.random((settings.max_hypotheses, SAMPLE))
     pose = np.zeros((3, 4))
     if settings.scheme == "preemptive":
-        trials = _search_preemptive(shuffled, draws, settings.preemptive_block, pose)
+        trials = _search_preemptive(shuffled, draws, PREEMPTIVE_BLOCK, pose)
     else:
-        trials = _search(shuffled, draws, settings.confidence, settings.local_rounds, pose)
+        trials = _search(shuffled, draws, settings.confidence, settings.local_iterations, pose)
     found = consensus(shuffled, pose, int(trials), settings)
     if found is None:
         return None
@@ -89,7 +93,7 @@ def consensus(
 ) -> Consensus | None:
     """Refit a pose (3, 4) to who agrees with it; None if fewer than three matches do."""
     pose = pose.copy()
-    rows, covariance = _finish(problem, pose, FINISHING if settings.local_rounds else 0)
+    rows, covariance = _finish(problem, pose, FINISHING if settings.local_iterations else 0)
     if len(rows) < SAMPLE:
         return None
     mask = np.zeros(len(problem.points_odom), dtype=np.bool_)
@@ -111,7 +115,7 @@ def trials_needed(p_good: float, confidence: float) -> float:
 
 @compiled()
 def _search(
-    problem: Problem, draws: Array, confidence: float, local_rounds: int, pose: Array
+    problem: Problem, draws: Array, confidence: float, local_iterations: int, pose: Array
 ) -> int:
     """One sample after the other until a better one has become unlikely; returns how many."""
     count = len(problem.points_odom)
@@ -128,7 +132,7 @@ def _search(
             if now < best:
                 best, better, pose[:] = now, True, poses[k]
         if better:
-            best = improve(problem, pose, best, local_rounds)
+            best = improve(problem, pose, best, local_iterations)
             share = problem.weights[inliers(problem, pose)].sum() / marks[-1]
             needed = int(min(len(draws), trials_needed(share, confidence)))
     return trials

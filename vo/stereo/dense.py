@@ -12,17 +12,20 @@ from vo.contract.arrays import Array, Image
 FIXED_POINT = 16.0
 """OpenCV's matchers return sixteenths of a pixel."""
 
+BLOCK_PX = 15
+"""Side of the block of block matching."""
+
 
 class DenseStereo:
-    """A dense matcher, on images reduced by `settings.shrink`."""
+    """A dense matcher, on images reduced by `settings.downscale`."""
 
     def __init__(self, settings: StereoSettings) -> None:
-        """Size the search so that it covers `settings.most_disparity_px`."""
-        self._shrink = settings.shrink
-        self.disparities = 16 * int(np.ceil(settings.most_disparity_px / self._shrink / 16))
+        """Size the search so that it covers `settings.max_disparity_px`."""
+        self._downscale = settings.downscale
+        self.disparities = 16 * int(np.ceil(settings.max_disparity_px / self._downscale / 16))
         self._matcher = None
         if settings.method == "block_matching":
-            self._matcher = cv2.StereoBM.create(self.disparities, settings.block_px)
+            self._matcher = cv2.StereoBM.create(self.disparities, BLOCK_PX)
             self._matcher.setUniquenessRatio(8)
             self._matcher.setTextureThreshold(5)
         elif settings.method == "semi_global":
@@ -40,13 +43,13 @@ class DenseStereo:
             right: (H, W) uint8.
 
         Returns:
-            (H / shrink, W / shrink) float32 in pixels of the full image; NaN where unknown. Of
-            size zero where the method is sparse.
+            (H / downscale, W / downscale) float32 in pixels of the full image; NaN where unknown.
+            Of size zero where the method is sparse.
         """
         if self._matcher is None:
             return np.zeros((0, 0), dtype=np.float32)
-        if self._shrink > 1:
-            size = (left.shape[1] // self._shrink, left.shape[0] // self._shrink)
+        if self._downscale > 1:
+            size = (left.shape[1] // self._downscale, left.shape[0] // self._downscale)
             left, right = (
                 np.asarray(cv2.resize(x, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
                 for x in (left, right)
@@ -54,7 +57,7 @@ class DenseStereo:
         if left.shape[1] <= self.disparities:
             return np.full(left.shape, np.nan, dtype=np.float32)
         raw = self._matcher.compute(left, right)
-        return np.where(raw > 0, raw * np.float32(self._shrink / FIXED_POINT), np.nan)
+        return np.where(raw > 0, raw * np.float32(self._downscale / FIXED_POINT), np.nan)
 
 
 def look_up(dense: Array, pixels: Array, shape: tuple[int, ...]) -> Array:

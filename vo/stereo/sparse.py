@@ -88,7 +88,7 @@ def measure_disparities(
     pixels = np.asarray(pixels, dtype=np.float64)
     start, distinct = _start(frame, dense, pixels, settings, expected_px)
     if not settings.refine:
-        known = distinct & (start > settings.least_disparity_px)
+        known = distinct & (start > settings.min_disparity_px)
         values_px = np.where(known, start, np.nan)
         sigma_px = np.where(known, UNREFINED_SIGMA_PX, np.nan)
         return Disparities(values_px, sigma_px, _planes(pixels, values_px, nearby))
@@ -102,7 +102,7 @@ def measure_disparities(
     aligned = _align(frame, templates, pixels, start, slant)
     values_px, sigma_px = _judge(aligned, pixels, start, distinct, settings)
     spread_px = _spread(frame, pixels, values_px, slant, settings)
-    known = (spread_px < settings.most_spread_px) & (values_px > settings.least_disparity_px)
+    known = (spread_px < settings.max_disagreement_px) & (values_px > settings.min_disparity_px)
     values_px = np.where(known, values_px, np.nan)
     sigma_px = np.where(known, np.hypot(sigma_px, spread_px / SPREAD_SIGMAS), np.nan)
     if slopes is None:
@@ -120,16 +120,16 @@ def _start(
         start = look_up(dense, pixels, frame.left.shape)
         return start, ~np.isnan(start)
     nearest, farthest = (
-        np.full(len(pixels), limit) for limit in (settings.most_disparity_px, BEHIND_PX)
+        np.full(len(pixels), limit) for limit in (settings.max_disparity_px, BEHIND_PX)
     )
     if expected_px is not None:
-        reach, known = settings.expected_reach_px, ~np.isnan(expected_px)
+        reach, known = settings.expected_search_radius_px, ~np.isnan(expected_px)
         nearest[known] = expected_px[known] + reach
         farthest[known] = np.maximum(expected_px[known] - reach, BEHIND_PX)
     start, zncc, rival = search_rows(
-        frame.left, frame.right, pixels, nearest, farthest, settings.search_px
+        frame.left, frame.right, pixels, nearest, farthest, settings.patch_px
     )
-    return start, 1 - rival > settings.distinct * (1 - zncc)
+    return start, 1 - rival > settings.min_distinctness * (1 - zncc)
 
 
 def _planes(pixels: Array, disparity_px: Array, nearby: Array | None) -> Array:
@@ -165,7 +165,7 @@ def _judge(
     """Disparity and standard deviation by noise, (N,) each; NaN where it is not to be believed."""
     values_px = pixels[:, 0] - aligned.pixels[:, 0]
     sigma_px = np.sqrt(aligned.covariance_px2[:, 0, 0])
-    good = distinct & (aligned.zncc > settings.align_zncc) & (sigma_px < settings.most_sigma_px)
+    good = distinct & (aligned.zncc > settings.min_align_zncc) & (sigma_px < settings.max_sigma_px)
     good &= np.abs(values_px - start) < MOST_CORRECTION_PX
     return np.where(good, values_px, np.nan), np.where(good, sigma_px, np.nan)
 

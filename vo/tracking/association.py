@@ -89,7 +89,7 @@ def find_matches(
     rows, found = match_mutual(
         landmarks.vectors, expected, view.vectors, features.pixels, reach_px, settings.matching
     ).T
-    least = settings.matching.align_zncc
+    least = settings.matching.min_align_zncc
     start = features.pixels[found]
     return _measure(local_map, view, T_odom_cam, rows, found, start, least, rig, settings)
 
@@ -172,7 +172,7 @@ def _measure(
         aligned = Alignment(start, np.ones(n), np.zeros((n, 2, 2)))
     with np.errstate(invalid="ignore"):
         good = aligned.zncc > least_zncc
-        good &= np.abs(aligned.pixels - start).max(axis=1) < settings.matching.align_reach_px
+        good &= np.abs(aligned.pixels - start).max(axis=1) < settings.matching.max_align_shift_px
     rows, features, pixels = rows[good], features[good], aligned.pixels[good]
     found = landmarks.select(rows)
     stereo = measure_disparities(

@@ -25,9 +25,9 @@ class Eyes:
         s = self._settings
         with clock("features"):
             seen = measure_image_quality(frame.left)
-        if seen.noise > s.features.noisy_grey:
+        if seen.noise > s.features.noise_threshold_grey:
             self._smoothing_px = s.features.smoothing_px
-        faint = seen.texture_to_noise < s.faint.texture_to_noise
-        settings = adapt_settings(s, faint, soft=0 < s.soft.softness < seen.softness)
+        low_snr = seen.texture_to_noise < s.low_snr.texture_to_noise
+        settings = adapt_settings(s, low_snr, defocus=0 < s.defocus.softness < seen.softness)
         view = look(frame, self._dense_stereo, settings, clock, self._smoothing_px)
         return replace_features(self._hooks, view, settings)

@@ -12,7 +12,7 @@ from vo.config import OdometrySettings
 from vo.contract.arrays import Array, Indices
 from vo.contract.rig import StereoRig
 from vo.map.local_map import LocalMap
-from vo.pose.estimation import acceptance, reprojection_errors
+from vo.pose.estimation import reprojection_errors
 from vo.tracking.association import Matches
 
 PROVEN = 10
@@ -33,7 +33,7 @@ def believed(
     rig: StereoRig,
     settings: OdometrySettings,
 ) -> Array:
-    """Weights (N,) of matches in the search for the consensus; all one without `motion.prior`.
+    """Weights (N,) of matches under RANSAC; all one without `motion.landmark_prior`.
 
     Args:
         matches: With landmarks of the map.
@@ -43,13 +43,13 @@ def believed(
         rig: Projects.
         settings: Whether, and the threshold of an inlier.
     """
-    if not settings.motion.prior:
+    if not settings.motion.landmark_prior:
         return np.ones(len(matches))
     views = np.minimum(local_map.landmarks.views[matches.rows], PROVEN)
     disagreed = np.array([strikes.get(int(i), 0) for i in matches.ids], dtype=np.int64)
     rays = rig.normalized(matches.pixels)
     errors = reprojection_errors(T_odom_guess, matches.points_odom, rays)
-    errors = np.nan_to_num(errors / acceptance(settings.motion, rig.f_px), nan=np.inf)
+    errors = np.nan_to_num(errors / settings.motion.threshold, nan=np.inf)
     return views / (1 + disagreed) ** 2 * (1 + (EXPECTED - 1) / (1 + errors**2))
 
 

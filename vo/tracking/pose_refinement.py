@@ -6,7 +6,7 @@ from vo.bundle_adjustment.adjust import Pose, refine_motion
 from vo.config import MotionSettings, OdometrySettings
 from vo.contract.arrays import Array
 from vo.contract.rig import StereoRig
-from vo.pose.estimation import acceptance, estimate_pose, reprojection_errors
+from vo.pose.estimation import estimate_pose, reprojection_errors
 from vo.pose.ransac import Consensus
 from vo.tracking.association import Matches
 
@@ -35,7 +35,6 @@ def orient(
         rig.triangulate(matches.pixels, matches.measured[:, 2]),
         settings.motion,
         rng,
-        rig.f_px,
         weights,
         T_odom_guess,
     )
@@ -59,4 +58,4 @@ def agreeing(
     """Keep the matches that a pose explains to within the acceptance threshold (5.4)."""
     rays = rig.normalized(matches.pixels)
     errors = reprojection_errors(T_odom_cam, matches.points_odom, rays)
-    return matches.select(errors < acceptance(settings, rig.f_px))
+    return matches.select(errors < settings.threshold)

@@ -45,7 +45,7 @@ def replace_disparities(
     if hooks is UNTOUCHED:
         return found
     values_px = hooks.disparity(frame, pixels, found.values_px)
-    known = values_px > settings.least_disparity_px  # not NaN
+    known = values_px > settings.min_disparity_px  # not NaN
     sigma_px = np.where(np.isnan(found.sigma_px), UNREFINED_SIGMA_PX, found.sigma_px)
     return Disparities(
         np.where(known, values_px, np.nan), np.where(known, sigma_px, np.nan), found.slopes
@@ -87,7 +87,7 @@ def replace_matches(
     )
 
     values_px = hooks.disparity(frame, measured[known, :2], measured[known, 2])
-    usable = values_px > settings.stereo.least_disparity_px  # not NaN
+    usable = values_px > settings.stereo.min_disparity_px  # not NaN
     unjudged = np.hypot(UNREFINED_SIGMA_PX, settings.refinement.sigma_disparity_px)
     sigma_px = np.where(np.isnan(sigma[known, 2]), unjudged, sigma[known, 2])
     measured[known, 2] = np.where(usable, values_px, np.nan)

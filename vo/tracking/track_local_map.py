@@ -122,7 +122,7 @@ def _convinces(found: Location, local_map: LocalMap, rig: StereoRig) -> bool:
     """Whether so many landmarks agree that it is no use to look elsewhere."""
     expected = expected_at(local_map.landmarks, found.pose.T_world_cam, rig)
     visible = in_sight(expected, found.view.frame.left)
-    return len(found.inliers) >= found.view.settings.matching.convincing * visible.sum()
+    return len(found.inliers) >= found.view.settings.matching.min_inlier_ratio * visible.sum()
 
 
 def _searches(here: Journey, view: View, gear: Gear, clock: Clock) -> Iterator[_Search]:
@@ -138,21 +138,21 @@ def _searches(here: Journey, view: View, gear: Gear, clock: Clock) -> Iterator[_
             matches = find_matches(local_map, view, T_guess, reach_px, rig, s)
         return _Search(view, matches, T_guess)
 
-    steady = s.matching.predict == "steady" and not here.wheels_rest(view)
+    steady = s.matching.motion_model == "constant_velocity" and not here.wheels_rest(view)
     expected = here.T_odom_cam @ (here.T_before_now if steady else np.eye(4))
     expected = gear.hooks.predicted(view.frame, here.last_ns, here.T_odom_cam, expected)
-    yield about(expected, s.matching.search_px)
-    if s.matching.convincing and here.before:
+    yield about(expected, s.matching.search_radius_px)
+    if s.matching.min_inlier_ratio and here.before:
         with clock("turn"):
             step = se3.inverse(here.T_odom_cam) @ expected
             step[:3, :3] = find_turn(here.before.left, view.frame.left, rig, step[:3, :3])
             turned = here.T_odom_cam @ step
-        yield about(turned, s.matching.search_px)
+        yield about(turned, s.matching.search_radius_px)
         blurred = replace(view, settings=adapt_to_blur(s))
         with clock("following"):
             followed = follow(here.before, local_map, blurred, turned, rig)
         yield _Search(blurred, followed, turned, followed=True)
-    yield about(here.T_odom_cam, s.matching.widest_search_px)
+    yield about(here.T_odom_cam, s.matching.max_search_radius_px)
 
 
 def _locate_by(
@@ -170,7 +170,7 @@ def _locate_by(
             return None
         agreed = replace_inliers(hooks, view, matches, matches.select(consensus.inliers))
         counts["consensus"] = counts["inliers"] = len(agreed)
-        if len(agreed) < s.motion.least_inliers:
+        if len(agreed) < s.motion.min_inliers:
             return None
     with clock("motion refinement"):  # at every frame (3.4)
         pose = refine_pose(consensus.T, agreed, rig, s)
@@ -186,7 +186,7 @@ def _locate_by(
     inliers = agreeing(pose.T_world_cam, matches, rig, s.motion)
     inliers = replace_inliers(hooks, view, matches, inliers)
     counts["found"], counts["inliers"] = len(matches), len(inliers)
-    if len(inliers) < s.motion.least_inliers:
+    if len(inliers) < s.motion.min_inliers:
         return None
     return Location(view, pose, matches, inliers, search.followed, counts)
 
@@ -194,7 +194,7 @@ def _locate_by(
 def _confirmed(matches: Matches, here: Journey, view: View) -> Matches:
     """Matches that the frame before confirms, if it is asked (F4)."""
     s = view.settings.matching
-    if not s.triplets or here.before is None:
+    if not s.circular_check or here.before is None:
         return matches
     left = view.frame.left
     return matches.select(consistent(matches, here.map.landmarks, here.before, left, s.align_px))

@@ -46,7 +46,7 @@ class RgbdOdometry:
         if not hasattr(cv2, "Odometry"):
             raise ForeignSystemError(f"OpenCV {cv2.__version__} has no cv2.Odometry; 5 has it")
         self.rig = rig
-        self._stereo = DenseStereo(StereoSettings(method="semi_global", shrink=1))
+        self._stereo = DenseStereo(StereoSettings(method="semi_global", downscale=1))
         chosen = cv2.OdometrySettings()
         chosen.setCameraMatrix(rig.K.astype(np.float32))
         chosen.setMaxDepth(settings.farthest_m)

@@ -32,14 +32,14 @@ def observation_space(wanted: tuple[Channel, ...], settings: RecordSettings) -> 
     rig = settings.rig
     height, width = rig.height_px, rig.width_px
     image = spaces.Box(0, 255, (height, width, 3 if rig.color else 1), np.uint8)
-    small = height // STEREO.shrink, width // STEREO.shrink, 1
+    small = height // STEREO.downscale, width // STEREO.downscale, 1
     turn = np.float32(math.pi)
     rates = np.repeat(np.array([GYRO_MAX_RADPS, ACCEL_MAX_MPS2], np.float32), 3)
     place = np.array([FAR_M, FAR_M, turn], np.float32)
     known: dict[Channel, spaces.Box] = {
         "left": image,
         "right": image,
-        "disparity": spaces.Box(0.0, float(2 * STEREO.most_disparity_px), small, np.float32),
+        "disparity": spaces.Box(0.0, float(2 * STEREO.max_disparity_px), small, np.float32),
         "pose": spaces.Box(-place, place, (3,), np.float32),
         "encoders": spaces.Box(-(2**40), 2**40, (2,), np.int64),
         "imu": spaces.Box(-rates, rates, (6,), np.float32),

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 SCENES = ("office", "brick_court")
 ONE_EYE = "refinement.use_disparity=false"
 THREE_MONO = Variant("3 views, one eye", "thesis", (ONE_EYE,))
-TWO_MONO = Variant("2 views, one eye", "thesis", (ONE_EYE, "refinement.least_views=2"))
-TWO_STEREO = Variant("2 views, both eyes", "thesis", ("refinement.least_views=2",))
+TWO_MONO = Variant("2 views, one eye", "thesis", (ONE_EYE, "refinement.min_views=2"))
+TWO_STEREO = Variant("2 views, both eyes", "thesis", ("refinement.min_views=2",))
 THREE_STEREO = Variant("3 views, both eyes", "thesis")
 VARIANTS = (TWO_MONO, THREE_MONO, TWO_STEREO, THREE_STEREO)
 NEAR_M, FAR_M = 0.1, 50.0

@@ -28,9 +28,9 @@ CONDITIONS = {"undisturbed": "", "with noise": "noise"}
 """Label to disturbance."""
 HALT = ("drive.stop_every_m=0.9", "drive.stop_s=10")
 UNAWARE = Variant("thesis", "thesis")
-FOLLOWING = Variant("default, unaware", "driftyard", ("standing=none",))
-BY_IMAGE = Variant("default, by image", "driftyard", ("standing=image",))
-BY_WHEELS = Variant("default, by image and encoders", "driftyard", ("standing=encoders",))
+FOLLOWING = Variant("default, unaware", "driftyard", ("stationary=none",))
+BY_IMAGE = Variant("default, by image", "driftyard", ("stationary=image",))
+BY_WHEELS = Variant("default, by image and encoders", "driftyard", ("stationary=encoders",))
 SHOWN = ((UNAWARE, RED), (FOLLOWING, BLUE), (BY_IMAGE, OCHRE), (BY_WHEELS, GREEN))
 AT_REST_MPS, AT_REST_DEG_PER_S = 1e-3, 0.01
 LEAST_S = 1.0

@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 
 CALM, HARSH = "office", "turntable"
 MOST = 60
-PATIENT = Variant("thesis", "thesis", (f"refinement.most_iterations={MOST}",))
+PATIENT = Variant("thesis", "thesis", (f"refinement.max_iterations={MOST}",))
 DROPPING = Variant(
     "thesis, dropping", "thesis",
-    (f"refinement.most_iterations={MOST}", "refinement.drop_iterations=20"),
+    (f"refinement.max_iterations={MOST}", "refinement.max_keyframe_iterations=20"),
 )  # fmt: skip
 GOOD, DROP = 15, 20
 """Iterations that a good start needs at most, and after which the thesis would drop a frame."""
