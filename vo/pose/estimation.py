@@ -100,7 +100,7 @@ def relative_orientation(
     settings: MotionSettings,
     rng: np.random.Generator,
 ) -> Consensus | None:
-    """Estimate T_odom_cam from landmarks and where the left camera sees them, as `estimate_pose`."""
+    """Estimate T_odom_cam from landmarks and their left pixels, as `estimate_pose`."""
     relative = settings.model_copy(update={"method": "relative", "residual": "reprojection"})
     nowhere = np.full(np.shape(points_odom), np.nan)
     return estimate_pose(points_odom, rays, nowhere, relative, rng)
