@@ -52,7 +52,7 @@ def test_a_map_of_ones_own(tmp_path):
         ({**GOOD, "roads": [*ROADS, {"ends": ["b", "a"]}]}, ["road b to a", "twice"]),
         ({**GOOD, "roads": [{"ends": ["a", "b"], "length_m": 10}]}, ["road a to b", "3162.3"]),
         ({**GOOD, "roads": [{"ends": ["a", "a"]}]}, ["same place"]),
-        ({**GOOD, "roads": [{"ends": ["a", "b"]}]}, ["no way from a to d"]),
+        ({**GOOD, "roads": [{"ends": ["a", "b"]}]}, ["no path from a to d"]),
         ({**GOOD, "top_speed_kmh": float("nan")}, ["top_speed_kmh"]),
         ({**GOOD, "roads": [{"ends": ["a"]}]}, ["roads.0.ends"]),
     ],

@@ -8,7 +8,7 @@ import pytest
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from trials.navigation.graph import PlanningError
+from trials.navigation.errors import PlanningError
 from trials.routing.drive import STRATEGIES, Delays, Strategy, drive, undelayed_s
 from trials.routing.generation import (
     LONG_WAY,
@@ -18,7 +18,7 @@ from trials.routing.generation import (
     small_network,
 )
 from trials.routing.maps import read_map
-from trials.routing.network import Network, RoadCosts
+from trials.routing.network import Network
 from trials.routing.study import Randomised, Sweep, random_case, randomised, small_case, sweep
 from trials.routing.verdicts import both_never_worse, clearing_saves_more
 
@@ -92,8 +92,8 @@ def test_when_all_is_known_at_departure_dynamic_routing_is_optimal(seed):
 
 def test_the_heuristic_is_admissible_and_the_network_connected():
     network = large_network(np.random.default_rng(1))
-    costs = RoadCosts(network, np.zeros(len(network.names)), 0)
-    assert all(costs.heuristic(*road) <= costs.cost(*road) for road in network.lengths_m)
+    graph = network.graph(np.zeros(len(network.names)))
+    assert (graph.bounds[graph.tails, graph.heads] <= graph.costs).all()
     roads = np.array(list(network.lengths_m))
     matrix = csr_matrix((np.ones(len(roads)), roads.T), shape=(225, 225))
     assert np.isfinite(dijkstra(matrix, indices=0)).all()
@@ -104,9 +104,9 @@ def test_no_way_is_said():
     xy_m = np.array([(0.0, 0), (1, 0), (2, 0)])
     network = Network(("a", "b", "c"), xy_m, {(0, 1): 1.0, (2, 1): 1.0}, 1.0)
     for strategy in STRATEGIES:
-        with pytest.raises(PlanningError, match="no way from a to c"):
+        with pytest.raises(PlanningError, match="no path from a to c"):
             drive(network, Delays(np.zeros(3), {}, 0.0), 0, 2, strategy)
-    with pytest.raises(PlanningError, match="no way"):
+    with pytest.raises(PlanningError, match="no path"):
         undelayed_s(network, 0, 2)
 
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from trials.navigation.grid_dstar_lite import GridDStarLite
+from trials.navigation.grid_planner import GridPlanner
 from trials.navigation.occupancy_grid import (
     OccupancySettings,
     clearance_m,
@@ -105,7 +105,7 @@ def test_planner_and_dynamic_window_drive_around_a_block():
     grid, free_m = world(*((1.5, y) for y in np.arange(-0.6, 0.3, 0.05)))
     costs = driving_costs(grid, RADIUS_M, OccupancySettings())
     goal_m = np.array([3.5, 0.0])
-    planner = GridDStarLite(costs, grid.cell(0, 0), grid.cell(*goal_m))
+    planner = GridPlanner(costs, grid.cell(0, 0), grid.cell(*goal_m))
     pose, twist, closest = ORIGIN, Twist(0.0, 0.0), math.inf
     for _ in range(250):
         planner.move(grid.cell(pose.x_m, pose.y_m))

@@ -87,7 +87,7 @@ def route(
 def _cases(
     network: "Network", share: float, drives: int, rng: "Generator", map_file: Path | None
 ) -> "list[Case]":
-    from trials.navigation.graph import PlanningError
+    from trials.navigation.errors import PlanningError
     from trials.routing.study import random_case
 
     try:

@@ -1,47 +1,58 @@
-"""A* (Hart, Nilsson and Raphael 1968) on any graph."""
+"""A* (Hart, Nilsson and Raphael 1968), compiled."""
 
-from heapq import heappop, heappush
-from itertools import count
 from math import inf
 
-from trials.navigation.graph import Graph, N, edge_cost
+import numpy as np
+
+from trials.navigation.graph import Graph, heuristic, out_degree, successor
+from trials.navigation.heap import Heap, empty_heap, put, remove
+from vo.contract.arrays import Array, Indices
+from vo.contract.compilation import compiled
 
 
-def astar(graph: Graph[N], start: N, goal: N) -> tuple[list[N], float]:
+def astar(graph: Graph, nodes: int, start: int, goal: int) -> tuple[list[int], float]:
     """Find a cheapest path.
 
+    Args:
+        graph: The edges and their costs.
+        nodes: Number of nodes of the graph.
+        start: First node.
+        goal: Last node.
+
     Returns:
-        The nodes from start to goal, and their cost; no nodes and infinity if there is no path.
-
-    Raises:
-        PlanningError: If a cost on the way is NaN, zero or negative.
+        The nodes from start to goal, and the cost; no nodes and infinity if there is no path.
     """
-    g: dict[N, float] = {start: 0.0}
-    parent: dict[N, N] = {}
-    closed: set[N] = set()
-    entry = count()  # decides between equals, so that nodes need no order
-    # Of nodes that promise the same, the one farthest from the start goes first.
-    queue = [(graph.heuristic(start, goal), 0.0, next(entry), start)]
-    while queue:
-        _, _, _, node = heappop(queue)
+    parents, cost = search(graph, nodes, start, goal)
+    if cost == inf:
+        return [], inf
+    path = [goal]
+    while path[-1] != start:
+        path.append(int(parents[path[-1]]))
+    return path[::-1], cost
+
+
+def search(graph: Graph, nodes: int, start: int, goal: int) -> tuple[Indices, float]:
+    """Find the (n,) parents of the nodes on cheapest paths, and the cost to the goal."""
+    g = np.full(nodes, inf)
+    parents = np.full(nodes, -1, dtype=np.int64)
+    _search(graph, start, goal, g, parents, empty_heap(nodes))
+    return parents, float(g[goal])
+
+
+@compiled()
+def _search(graph: Graph, start: int, goal: int, g: Array, parents: Indices, heap: Heap) -> None:
+    g[start] = 0.0
+    put(heap, start, heuristic(graph, start, goal), 0.0)
+    while heap.size[0] > 0:
+        node = int(heap.nodes[0])
         if node == goal:
-            return _trace(parent, goal), g[goal]
-        if node in closed:
-            continue
-        closed.add(node)
-        for successor in graph.successors(node):
-            cost = g[node] + edge_cost(graph, node, successor)
-            if cost < g.get(successor, inf):
-                g[successor] = cost
-                parent[successor] = node
-                key = cost + graph.heuristic(successor, goal)
-                heappush(queue, (key, -cost, next(entry), successor))
-    return [], inf
-
-
-def _trace(parent: dict[N, N], node: N) -> list[N]:
-    path = [node]
-    while node in parent:
-        node = parent[node]
-        path.append(node)
-    return path[::-1]
+            return
+        remove(heap, node)
+        for k in range(out_degree(graph, node)):
+            head, edge = successor(graph, node, k)
+            cost = g[node] + edge
+            if cost < g[head]:
+                g[head] = cost
+                parents[head] = node
+                # Among equal keys, the node farthest from the start comes first.
+                put(heap, head, cost + heuristic(graph, head, goal), -cost)

@@ -1,147 +1,168 @@
-"""D* Lite (Koenig and Likhachev 2002, optimised version) on any graph.
+"""D* Lite (Koenig and Likhachev 2002, optimised version), compiled.
 
 It searches from the goal, so that what it knows stays valid while the agent moves; when costs
 change, it repairs only what they alter on the way to the agent. Line numbers in curly brackets
 are those of the paper's figure 4.
 """
 
-from collections.abc import Iterable
-from heapq import heappop, heappush
-from itertools import count
 from math import inf
-from typing import Generic
+from typing import NamedTuple
 
-from trials.navigation.graph import Graph, N, edge_cost
+import numpy as np
+
+from trials.navigation.graph import (
+    Graph,
+    heuristic,
+    in_degree,
+    out_degree,
+    predecessor,
+    successor,
+)
+from trials.navigation.heap import Heap, empty_heap, put, remove
+from vo.contract.arrays import Array, Indices
+from vo.contract.compilation import compiled
 
 SLACK = 1 + 1e-9
-"""Keys this close count as equal: rounding must not end the search before a raised node is seen."""
-
-Key = tuple[float, float]
+"""Factor within which keys count as equal: rounding must not end the search too early."""
 
 
-class DStarLite(Generic[N]):
-    """The cheapest path from a moving agent to a goal, kept up to date.
+class _State(NamedTuple):
+    """What the compiled search reads and writes.
 
     Attributes:
-        graph: The costs; whoever changes them says so to `replan`.
-        start: Where the agent is.
-        goal: Where it goes.
-        expanded: Nodes expanded so far.
-
-    Raises:
-        PlanningError: If a cost on the way is NaN, zero or negative.
+        g: (n,) cost to the goal, as far as known.
+        rhs: (n,) the same by the successors' g.
+        heap: Nodes of which g and rhs differ.
+        ends: (3,) int64, start, goal, and the start for which the keys were computed.
+        km: (1,) by how much the agent's moves may have lowered the heuristic.
+        expanded: (1,) int64, nodes expanded so far.
     """
 
-    def __init__(self, graph: Graph[N], start: N, goal: N) -> None:
-        self.graph, self.start, self.goal = graph, start, goal
-        self.expanded = 0
-        self._last = start
-        self._km = 0.0
-        self._g: dict[N, float] = {}
-        self._rhs: dict[N, float] = {goal: 0.0}
-        self._queue: list[tuple[Key, int, N]] = []
-        self._queued: dict[N, Key] = {}  # an entry of the queue with another key is outdated
-        self._entry = count()
-        self._push(goal)
-        self._search()
+    g: Array
+    rhs: Array
+    heap: Heap
+    ends: Indices
+    km: Array
+    expanded: Indices
+
+
+class DStarLite:
+    """The cheapest path from a moving agent to a goal, kept up to date.
+
+    Args:
+        graph: The edges and their costs, which may be changed in place.
+        nodes: Number of nodes of the graph.
+        start: Node of the agent.
+        goal: Node where the path ends.
+    """
+
+    def __init__(self, graph: Graph, nodes: int, start: int, goal: int) -> None:
+        self.graph = graph
+        g, rhs = np.full(nodes, inf), np.full(nodes, inf)
+        rhs[goal] = 0.0
+        ends, expanded = np.array([start, goal, start]), np.zeros(1, dtype=np.int64)
+        self._state = _State(g, rhs, empty_heap(nodes), ends, np.zeros(1), expanded)
+        self.replan(np.array([goal]))
 
     @property
     def cost(self) -> float:
-        """Of the path from start to goal; infinite if there is none."""
-        return self._rhs.get(self.start, inf)
+        """Cost of the path from start to goal; infinite if there is none."""
+        return float(self._state.rhs[self._state.ends[0]])
 
-    def move(self, start: N) -> None:
-        """Note where the agent is now."""
-        self.start = start
+    @property
+    def expanded(self) -> int:
+        """Nodes expanded so far."""
+        return int(self._state.expanded[0])
 
-    def replan(self, changed: Iterable[N] = ()) -> None:
+    def move(self, start: int) -> None:
+        """Note the node of the agent."""
+        self._state.ends[0] = start
+
+    def replan(self, changed: Indices) -> None:
         """Repair the path.
 
         Args:
-            changed: Nodes of which outgoing edges changed their cost, appeared or vanished.
-
-        Raises:
-            PlanningError: If a cost on the way is NaN, zero or negative.
+            changed: (k,) int64, nodes of which outgoing edges changed their cost; may repeat.
         """
-        self._km += self.graph.heuristic(self._last, self.start)  # {38'}
-        self._last = self.start
-        for node in changed:  # {40'-45'}, all edges of a node at once
-            self._look_ahead(node)
-            self._update(node)
-        self._search()
+        _repair(self.graph, self._state, changed)
 
-    def path(self) -> list[N]:
-        """List the nodes from start to goal; none if there is no way."""
+    def path(self) -> list[int]:
+        """List the nodes from start to goal; empty if there is no path."""
         if self.cost == inf:
             return []
-        nodes = [self.start]
-        while nodes[-1] != self.goal:
-            nodes.append(self._best(nodes[-1])[1])
+        start, goal, _ = self._state.ends.tolist()
+        nodes = [start]
+        while nodes[-1] != goal:
+            nodes.append(int(_best(self.graph, self._state, nodes[-1])[1]))
         return nodes
 
-    def _key(self, node: N) -> Key:  # {1'}
-        near = min(self._g.get(node, inf), self._rhs.get(node, inf))
-        return near + self.graph.heuristic(self.start, node) + self._km, near
 
-    def _push(self, node: N) -> None:
-        key = self._key(node)
-        if self._queued.get(node) != key:
-            self._queued[node] = key
-            heappush(self._queue, (key, next(self._entry), node))
+@compiled()
+def _key(graph: Graph, state: _State, node: int) -> tuple[float, float]:  # {1'}
+    near = min(state.g[node], state.rhs[node])
+    return near + heuristic(graph, state.ends[0], node) + state.km[0], near
 
-    def _update(self, node: N) -> None:  # {7'-9'}
-        if self._g.get(node, inf) != self._rhs.get(node, inf):
-            self._push(node)
-        else:
-            self._queued.pop(node, None)
 
-    def _top(self) -> tuple[Key, N] | None:
-        while self._queue:
-            key, _, node = self._queue[0]
-            if self._queued.get(node) == key:
-                return key, node
-            heappop(self._queue)
-        return None
+@compiled()
+def _update(graph: Graph, state: _State, node: int) -> None:  # {7'-9'}
+    if state.g[node] != state.rhs[node]:
+        first, second = _key(graph, state, node)
+        put(state.heap, node, first, second)
+    else:
+        remove(state.heap, node)
 
-    def _best(self, node: N) -> tuple[float, N]:
-        """Cost to the goal through the best successor, and that successor."""
-        best, through = inf, node
-        for successor in self.graph.successors(node):
-            cost = edge_cost(self.graph, node, successor) + self._g.get(successor, inf)
-            if cost < best:
-                best, through = cost, successor
-        return best, through
 
-    def _look_ahead(self, node: N) -> None:
-        if node != self.goal:
-            self._rhs[node] = self._best(node)[0]
+@compiled()
+def _best(graph: Graph, state: _State, node: int) -> tuple[float, int]:
+    """Cost to the goal through the best successor, and that successor."""
+    best, through = inf, node
+    for k in range(out_degree(graph, node)):
+        head, edge = successor(graph, node, k)
+        if edge + state.g[head] < best:
+            best, through = edge + state.g[head], head
+    return best, through
 
-    def _search(self) -> None:  # {10'-28'}
-        while (top := self._top()) is not None:
-            old_key, node = top
-            if old_key[0] > self._key(self.start)[0] * SLACK and self.cost <= self._g.get(
-                self.start, inf
-            ):
-                return
-            key = self._key(node)
-            if old_key < key:  # {14'}: the agent has moved since
-                self._push(node)
+
+@compiled()
+def _look_ahead(graph: Graph, state: _State, node: int) -> None:
+    if node != state.ends[1]:
+        state.rhs[node] = _best(graph, state, node)[0]
+
+
+@compiled()
+def _repair(graph: Graph, state: _State, changed: Indices) -> None:
+    state.km[0] += heuristic(graph, state.ends[2], state.ends[0])  # {38'}
+    state.ends[2] = state.ends[0]
+    for node in changed:  # {40'-45'}, all edges of a node at once
+        _look_ahead(graph, state, node)
+        _update(graph, state, node)
+    _search(graph, state)
+
+
+@compiled()
+def _search(graph: Graph, state: _State) -> None:  # {10'-28'}
+    g, rhs, heap, start, goal = state.g, state.rhs, state.heap, state.ends[0], state.ends[1]
+    while heap.size[0] > 0:
+        node = int(heap.nodes[0])
+        old = heap.keys[node, 0], heap.keys[node, 1]
+        if old[0] > _key(graph, state, start)[0] * SLACK and rhs[start] <= g[start]:
+            return
+        if old < _key(graph, state, node):  # {14'}: the agent has moved since
+            _update(graph, state, node)
+            continue
+        state.expanded[0] += 1
+        g_old = g[node]
+        closer = g_old > rhs[node]
+        g[node] = rhs[node] if closer else inf
+        _update(graph, state, node)
+        for k in range(in_degree(graph, node)):
+            tail, edge = predecessor(graph, node, k)
+            if tail == goal or edge == inf:
                 continue
-            self.expanded += 1
-            del self._queued[node]
-            g_old, g = self._g.get(node, inf), self._rhs.get(node, inf)
-            if g_old > g:  # {16'-20'}: closer to the goal than known
-                self._g[node] = g
-                for source in self.graph.predecessors(node):
-                    cost = edge_cost(self.graph, source, node) + g
-                    if source != self.goal and cost < self._rhs.get(source, inf):
-                        self._rhs[source] = cost
-                        self._update(source)
-            else:  # {21'-28'}: farther; whoever relied on it looks for another way
-                self._g[node] = inf
-                self._update(node)
-                for source in self.graph.predecessors(node):
-                    cost = edge_cost(self.graph, source, node) + g_old
-                    if self._rhs.get(source, inf) == cost:
-                        self._look_ahead(source)
-                        self._update(source)
+            if closer:  # {16'-20'}
+                if edge + g[node] < rhs[tail]:
+                    rhs[tail] = edge + g[node]
+                    _update(graph, state, tail)
+            elif rhs[tail] == edge + g_old:  # {21'-28'}
+                _look_ahead(graph, state, tail)
+                _update(graph, state, tail)

@@ -1,89 +1,117 @@
-"""An 8-connected grid of costs: steps, their costs and the octile distance, compiled.
+"""An 8-connected grid of costs as a graph, with the octile distance as heuristic.
 
-Planners number the cells of a grid that has a closed margin around it, so that no step needs to
-ask for the border.
+The cells are numbered with a closed margin around the grid, so that no step of a cell or of one of
+its neighbours needs a border check.
 """
 
+from collections.abc import Sequence
 from math import inf
+from typing import NamedTuple
 
 import numpy as np
 
-from trials.navigation.graph import PlanningError
-from vo.contract.arrays import Array
-from vo.contract.compilation import compiled
+from trials.navigation.errors import PlanningError
+from vo.contract.arrays import Array, Indices
 
 ROWS = np.array([0, 0, 1, -1, 1, 1, -1, -1])
 COLUMNS = np.array([1, -1, 0, 0, 1, -1, 1, -1])
-"""The eight steps, diagonals last."""
+"""Rows and columns of the eight steps; the first STRAIGHT are straight, the others diagonal."""
 STRAIGHT = 4
+MARGIN = 2
+"""Cells."""
 SQRT2 = float(np.sqrt(2))
 
 Cell = tuple[int, int]
 """Row and column."""
 
 
-def checked(costs: Array) -> Array:
-    """Copy (H, W) costs, 1 for free ground, more where it is worse, infinite where closed.
+class Grid(NamedTuple):
+    """Costs of the cells, with the margin.
+
+    Attributes:
+        cells: (n,) float64, 1 for free ground, more for worse ground, infinite where closed.
+        width: Columns, margin included.
+    """
+
+    cells: Array
+    width: int
+
+
+def make_grid(costs: Array) -> Grid:
+    """Lay the closed margin around (H, W) costs; copies.
 
     Raises:
-        PlanningError: If it is no such grid; a cost below 1 or NaN is named with its cell.
+        PlanningError: If the shape is wrong, or a cost is below 1 or NaN; names the cell.
+    """
+    costs = expect_costs(costs)
+    return Grid(np.pad(costs, MARGIN, constant_values=inf).ravel(), costs.shape[1] + 2 * MARGIN)
+
+
+def expect_costs(costs: Array) -> Array:
+    """Copy (H, W) costs.
+
+    Raises:
+        PlanningError: If the shape is wrong, or a cost is below 1 or NaN; names the cell.
     """
     costs = np.array(costs, dtype=float)
     if costs.ndim != 2 or costs.size == 0:
         raise PlanningError(f"grid: expected (H, W) costs, got shape {costs.shape}")
-    wrong = np.argwhere(~(costs >= 1))
-    if len(wrong):
-        row, column = wrong[0].tolist()
+    for row, column in np.argwhere(~(costs >= 1))[:1].tolist():
         raise PlanningError(f"cell ({row}, {column}): cost {costs[row, column]} is not 1 or more")
     return costs
 
 
-def padded(costs: Array) -> Array:
-    """Lay a closed margin of one cell around (H, W) costs."""
-    return np.pad(costs, 1, constant_values=inf)
+def grid_shape(grid: Grid) -> tuple[int, int]:
+    """Rows and columns of the grid, without the margin."""
+    return len(grid.cells) // grid.width - 2 * MARGIN, grid.width - 2 * MARGIN
 
 
-def number(cell: Cell, shape: tuple[int, ...]) -> int:
-    """Number a cell of the (H, W) grid within its padded grid.
+def cell_index(grid: Grid, cell: Cell) -> int:
+    """Number a cell.
 
     Raises:
-        PlanningError: If it lies outside.
+        PlanningError: If it is outside the grid.
     """
+    height, width = grid_shape(grid)
     row, column = int(cell[0]), int(cell[1])
-    if not (0 <= row < shape[0] and 0 <= column < shape[1]):
-        raise PlanningError(f"cell ({row}, {column}): outside the grid of {shape[0]} x {shape[1]}")
-    return (row + 1) * (shape[1] + 2) + column + 1
+    if not (0 <= row < height and 0 <= column < width):
+        raise PlanningError(f"cell ({row}, {column}): outside the grid of {height} x {width}")
+    return (row + MARGIN) * grid.width + column + MARGIN
 
 
-def cell_of(node: int, width: int) -> Cell:
-    """Row and column in the grid of a node of its padded grid, `width` cells wide."""
-    row, column = divmod(node, width)
-    return row - 1, column - 1
+def grid_cells(grid: Grid, nodes: Sequence[int]) -> list[Cell]:
+    """Rows and columns of numbered cells."""
+    return [(node // grid.width - MARGIN, node % grid.width - MARGIN) for node in nodes]
 
 
-@compiled()
-def step_cost(cells: Array, width: int, node: int, step: int) -> float:
-    """Cost of a step: its length in cells times the mean cost of both cells.
+def neighbourhood(grid: Grid, nodes: Indices) -> Indices:
+    """(9 n,) numbers of n cells and their neighbours: an edge between them may have changed."""
+    offsets = np.arange(-1, 2)[:, None] * grid.width + np.arange(-1, 2)
+    return (nodes[:, None] + offsets.ravel()).ravel()
 
-    A diagonal step between two cells of which one is closed is closed itself.
 
-    Args:
-        cells: (n,) costs of the padded grid.
-        width: Of the padded grid.
-        node: Where from.
-        step: Index into ROWS and COLUMNS.
+def degree(graph: Grid, node: int) -> int:
+    """Count the steps from or to a cell; the border is closed by its costs."""
+    return 8
+
+
+def step(graph: Grid, node: int, k: int) -> tuple[int, float]:
+    """Return the cell that a step enters, and its length in cells times the cells' mean cost.
+
+    A step costs the same in either direction. A diagonal step between two cells of which one is
+    closed is closed itself.
     """
-    down, right = ROWS[step] * width, COLUMNS[step]
-    mean = 0.5 * (cells[node] + cells[node + down + right])
-    if step < STRAIGHT:
-        return mean
-    if cells[node + down] == inf or cells[node + right] == inf:
-        return inf
-    return SQRT2 * mean
+    down, right = ROWS[k] * graph.width, COLUMNS[k]
+    mean = 0.5 * (graph.cells[node] + graph.cells[node + down + right])
+    if k < STRAIGHT:
+        return node + down + right, mean
+    if graph.cells[node + down] == inf or graph.cells[node + right] == inf:
+        return node + down + right, inf
+    return node + down + right, SQRT2 * mean
 
 
-@compiled()
-def octile(width: int, a: int, b: int) -> float:
-    """Cost between two nodes if all is free: an admissible and consistent heuristic."""
+def octile(graph: Grid, a: int, b: int) -> float:
+    """Compute the cost between two cells if all is free."""
+    width = graph.width
     rows, columns = abs(a // width - b // width), abs(a % width - b % width)
     return max(rows, columns) + (SQRT2 - 1) * min(rows, columns)

@@ -7,7 +7,7 @@ from time import process_time
 import numpy as np
 
 from trials.navigation.grid import Cell
-from trials.navigation.grid_dstar_lite import GridDStarLite
+from trials.navigation.grid_planner import GridPlanner
 from trials.navigation.occupancy_grid import OccupancyGrid, driving_costs
 from trials.navigation.settings import NavigatorSettings
 from trials.navigation.steering import Pose2
@@ -52,7 +52,7 @@ class Planner:
         self.effort = Effort()
         self._settings, self._unknown_cost = settings, unknown_cost
         self._replanning = replanning
-        self._search: GridDStarLite | None = None
+        self._search: GridPlanner | None = None
         self._goal_m = np.zeros(2)
 
     def plan(self, grid: OccupancyGrid, pose: Pose2, goal_m: Array) -> None:
@@ -64,7 +64,7 @@ class Planner:
         here, goal = grid.cell(pose.x_m, pose.y_m), grid.cell(float(goal_m[0]), float(goal_m[1]))
         costs, expanded = self._costs(grid, here, goal), 0
         if self._search is None or not same_goal:
-            self._search, self._goal_m = GridDStarLite(costs, here, goal), goal_m.copy()
+            self._search, self._goal_m = GridPlanner(costs, here, goal), goal_m.copy()
         else:
             expanded = self._search.expanded
             self._search.move(here)

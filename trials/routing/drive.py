@@ -1,4 +1,4 @@
-"""A drive through a network while congestion arises."""
+"""A drive through a network in which roads become congested."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,18 +9,18 @@ import numpy as np
 
 from trials.navigation.astar import astar
 from trials.navigation.dstar_lite import DStarLite
-from trials.navigation.graph import PlanningError
-from trials.routing.network import Network, Road, RoadCosts
+from trials.navigation.errors import PlanningError
+from trials.routing.network import Network, Road
 from vo.contract.arrays import Array
 
 
 @dataclass(frozen=True)
 class Strategy:
-    """How a vehicle is routed.
+    """Routing strategy of a vehicle.
 
     Attributes:
-        dynamic: Replan at every node with the queues reported by then; else the route is planned
-            once, from a map without queues.
+        dynamic: The route is replanned at every node with the queues reported by then; otherwise
+            it is planned once, without queues.
         clearing: The nodes of the planned route are cleared ahead.
     """
 
@@ -29,7 +29,7 @@ class Strategy:
 
     @property
     def name(self) -> str:
-        """For tables and legends."""
+        """Name in tables and legends."""
         return ("dynamic" if self.dynamic else "static") + (" + clearing" if self.clearing else "")
 
 
@@ -43,13 +43,13 @@ STRATEGIES = (
 
 @dataclass(frozen=True)
 class Delays:
-    """What lies in the way of a drive.
+    """Delays of a drive.
 
     Attributes:
-        waits_s: (n,) waiting at each node that is not cleared; none at start and goal.
-        queues: By road, when after departure a queue arises, s, and the delay from then on, s;
-            it counts for whoever enters the road later.
-        lead_s: How long after the request a node is clear; who comes earlier waits for the rest.
+        waits_s: (n,) wait at each node that is not cleared; start and goal cost no wait.
+        queues: By road, the time after departure at which a queue arises, s, and the delay of
+            a vehicle that enters the road from then on, s.
+        lead_s: Time from the request until a node is clear; an earlier arrival waits for the rest.
     """
 
     waits_s: Array
@@ -59,11 +59,11 @@ class Delays:
 
 @dataclass(frozen=True)
 class Drive:
-    """What came of it.
+    """Result of a drive.
 
     Attributes:
-        time_s: From leaving the start to reaching the goal.
-        nodes: Passed, start and goal included.
+        time_s: Travel time from start to goal.
+        nodes: Nodes passed, start and goal included.
     """
 
     time_s: float
@@ -74,7 +74,7 @@ def drive(network: Network, delays: Delays, start: int, goal: int, strategy: Str
     """Drive from start to goal.
 
     Raises:
-        PlanningError: If there is no way.
+        PlanningError: If there is no path.
     """
     route = plan_route(network, delays, start, goal, strategy)
     time_s, nodes, requested_s = 0.0, [start], dict[int, float]()
@@ -84,8 +84,8 @@ def drive(network: Network, delays: Delays, start: int, goal: int, strategy: Str
             requested_s.setdefault(node, time_s)
         road = nodes[-1], ahead[0]
         nodes.append(ahead[0])
-        since_s, queue_s = delays.queues.get(road, (inf, 0.0))
-        time_s += network.drive_s(road) + (queue_s if since_s <= time_s else 0.0)
+        onset_s, queue_s = delays.queues.get(road, (inf, 0.0))
+        time_s += network.drive_s(road) + (queue_s if onset_s <= time_s else 0.0)
         if nodes[-1] != goal:
             wait_s = float(delays.waits_s[nodes[-1]])
             if strategy.clearing:
@@ -95,20 +95,20 @@ def drive(network: Network, delays: Delays, start: int, goal: int, strategy: Str
 
 
 def undelayed_s(network: Network, start: int, goal: int) -> float:
-    """Travel time without waits and queues.
+    """Compute the travel time without waits and queues.
 
     Raises:
-        PlanningError: If there is no way.
+        PlanningError: If there is no path.
     """
     free = Delays(np.zeros(len(network.names)), {}, 0.0)
-    return drive(network, free, start, goal, Strategy(dynamic=False, clearing=False)).time_s
+    return drive(network, free, start, goal, STRATEGIES[0]).time_s
 
 
 class Route(Protocol):
-    """A way through a network that may change while it is driven."""
+    """A path through a network that may change during the drive."""
 
     def ahead(self, node: int, time_s: float) -> list[int]:
-        """Nodes after `node`, which the vehicle leaves at a time."""
+        """List the nodes after `node`, which the vehicle leaves `time_s` after departure."""
         ...
 
 
@@ -118,50 +118,56 @@ def plan_route(
     """Plan a drive.
 
     Raises:
-        PlanningError: If there is no way.
+        PlanningError: If there is no path.
     """
-    expected_s = np.zeros_like(delays.waits_s) if strategy.clearing else delays.waits_s
-    costs = RoadCosts(network, expected_s, goal)
-    return _Dynamic(costs, delays, start) if strategy.dynamic else _Static(costs, start)
+    waits_s = np.zeros_like(delays.waits_s) if strategy.clearing else delays.waits_s.copy()
+    waits_s[goal] = 0.0
+    if strategy.dynamic:
+        return _DynamicRoute(network, waits_s, delays, start, goal)
+    return _StaticRoute(network, waits_s, start, goal)
 
 
-class _Static:
-    """A route that is planned once."""
+class _StaticRoute:
+    """A route that is planned once, by A*."""
 
-    def __init__(self, costs: RoadCosts, start: int) -> None:
-        self._route, cost_s = astar(costs, start, costs.goal)
-        _expect_way(costs, start, cost_s)
+    def __init__(self, network: Network, waits_s: Array, start: int, goal: int) -> None:
+        graph = network.graph(waits_s)
+        self._nodes, cost_s = astar(graph, len(network.names), start, goal)
+        _expect_path(network, start, goal, cost_s)
 
     def ahead(self, node: int, time_s: float) -> list[int]:
-        """Nodes of the route after `node`."""
-        return self._route[self._route.index(node) + 1 :]
+        """List the nodes of the route after `node`."""
+        return self._nodes[self._nodes.index(node) + 1 :]
 
 
-class _Dynamic:
+class _DynamicRoute:
     """A route that D* Lite repairs at every node."""
 
-    def __init__(self, costs: RoadCosts, delays: Delays, start: int) -> None:
-        self._costs = costs
+    def __init__(
+        self, network: Network, waits_s: Array, delays: Delays, start: int, goal: int
+    ) -> None:
+        self._network, self._waits_s = network, waits_s
         self._coming = sorted(
-            ((since_s, road, queue_s) for road, (since_s, queue_s) in delays.queues.items()),
+            ((onset_s, road, queue_s) for road, (onset_s, queue_s) in delays.queues.items()),
             reverse=True,
         )
-        self._planner = DStarLite(costs, start, costs.goal)
-        _expect_way(costs, start, self._planner.cost)
+        self._planner = DStarLite(network.graph(waits_s), len(network.names), start, goal)
+        _expect_path(network, start, goal, self._planner.cost)
 
     def ahead(self, node: int, time_s: float) -> list[int]:
-        """Nodes of the best route after `node` with all queues that have arisen by now."""
+        """List the nodes of the best route after `node`, given all queues that have arisen."""
         changed: list[int] = []
+        network, costs_s = self._network, self._planner.graph.costs
         while self._coming and self._coming[-1][0] <= time_s:
             _, road, queue_s = self._coming.pop()
-            self._costs.queues_s[road] = queue_s
+            wait_s = float(self._waits_s[road[1]])
+            costs_s[network.index[road]] = network.drive_s(road) + queue_s + wait_s
             changed.append(road[0])
         self._planner.move(node)
-        self._planner.replan(changed)
+        self._planner.replan(np.array(changed, dtype=np.int64))
         return self._planner.path()[1:]
 
 
-def _expect_way(costs: RoadCosts, start: int, cost_s: float) -> None:
+def _expect_path(network: Network, start: int, goal: int, cost_s: float) -> None:
     if cost_s == inf:
-        names = costs.network.names
-        raise PlanningError(f"no way from {names[start]} to {names[costs.goal]}")
+        raise PlanningError(f"no path from {network.names[start]} to {network.names[goal]}")

@@ -1,29 +1,29 @@
-"""A road or corridor network, and what its roads cost at a moment."""
+"""A network of roads or corridors, and the graph of its travel times."""
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from trials.navigation.graph import Graph
+from trials.navigation.adjacency import Adjacency, adjacency
 from vo.contract.arrays import Array
 
 Road = tuple[int, int]
-"""Node it leaves and node it enters, by index."""
+"""Indices of the node that a road leaves and of the node that it enters."""
 
 
 @dataclass(frozen=True)
 class Network:
-    """Nodes and one-way roads between them; a road for both ways counts twice.
+    """Nodes and one-way roads between them; a two-way road is listed in both directions.
 
     Attributes:
-        names: Of the nodes.
-        xy_m: (n, 2) where they are.
-        lengths_m: Of each road, no less than the straight distance.
-        top_speed_mps: Of the vehicle, on every road.
+        names: Names of the n nodes.
+        xy_m: (n, 2) positions.
+        lengths_m: Length of each road, at least the straight distance.
+        top_speed_mps: Speed of the vehicle on every road.
         start: Node where drives begin; None for a random one.
-        goal: Node where they end; None for a random one.
+        goal: Node where drives end; None for a random one.
     """
 
     names: tuple[str, ...]
@@ -34,58 +34,29 @@ class Network:
     goal: int | None = None
 
     @cached_property
-    def successors(self) -> list[list[int]]:
-        """Of each node, those that can be entered from it."""
-        return [[b for a, b in self.lengths_m if a == node] for node in range(len(self.names))]
-
-    @cached_property
-    def predecessors(self) -> list[list[int]]:
-        """Of each node, those from which it can be entered."""
-        return [[a for a, b in self.lengths_m if b == node] for node in range(len(self.names))]
+    def index(self) -> dict[Road, int]:
+        """Number of each road, in the order of `lengths_m`."""
+        return {road: k for k, road in enumerate(self.lengths_m)}
 
     @cached_property
     def direct_s(self) -> Array:
-        """(n, n) travel times as the crow flies at top speed."""
-        apart_m = np.linalg.norm(self.xy_m[:, None] - self.xy_m[None], axis=2)
-        return apart_m / self.top_speed_mps
+        """(n, n) travel times along straight lines at top speed."""
+        distances_m = np.linalg.norm(self.xy_m[:, None] - self.xy_m[None], axis=2)
+        return distances_m / self.top_speed_mps
 
     def drive_s(self, road: Road) -> float:
         """Travel time of a road at top speed."""
         return self.lengths_m[road] / self.top_speed_mps
 
+    def graph(self, waits_s: Array) -> Adjacency:
+        """Build the graph of travel times without queues.
 
-@dataclass(frozen=True)
-class RoadCosts(Graph[int]):
-    """What the roads cost a vehicle that plans now; `queues_s` may grow in place.
+        A road costs its length over the top speed plus the wait at its end. The heuristic, the
+        straight distance over the top speed, never exceeds the cost.
 
-    A road costs its length over the top speed, the queue on it, and the waiting at its end,
-    except at the goal. The heuristic, distance over top speed, is never more.
-
-    Attributes:
-        network: The roads.
-        waits_s: (n,) expected at each node.
-        goal: Where no one waits.
-        queues_s: Delay by road, as reported so far.
-    """
-
-    network: Network
-    waits_s: Array
-    goal: int
-    queues_s: dict[Road, float] = field(default_factory=dict[Road, float])
-
-    def successors(self, node: int, /) -> Iterable[int]:
-        """Nodes that can be entered from `node`."""
-        return self.network.successors[node]
-
-    def predecessors(self, node: int, /) -> Iterable[int]:
-        """Nodes from which `node` can be entered."""
-        return self.network.predecessors[node]
-
-    def cost(self, a: int, b: int, /) -> float:
-        """Seconds from leaving `a` to leaving `b`."""
-        wait_s = 0.0 if b == self.goal else float(self.waits_s[b])
-        return self.network.drive_s((a, b)) + self.queues_s.get((a, b), 0.0) + wait_s
-
-    def heuristic(self, a: int, b: int, /) -> float:
-        """Seconds as the crow flies."""
-        return float(self.network.direct_s[a, b])
+        Args:
+            waits_s: (n,) expected wait at each node, 0 at the goal.
+        """
+        roads = tuple(self.lengths_m)
+        costs_s = [self.drive_s(road) + float(waits_s[road[1]]) for road in roads]
+        return adjacency(roads, np.array(costs_s), self.direct_s)

@@ -18,9 +18,9 @@ from rich.table import Table
 
 from trials.cli import console
 from trials.cli.main import guard
-from trials.navigation.grid import Cell, number, padded
-from trials.navigation.grid_astar import search
-from trials.navigation.grid_dstar_lite import GridDStarLite
+from trials.navigation.astar import search
+from trials.navigation.grid import Cell, cell_index, make_grid
+from trials.navigation.grid_planner import GridPlanner
 from vo.contract.arrays import Array
 
 SHELF, AISLE, CROSSING = 8, 12, 50
@@ -93,13 +93,13 @@ def measure(
 ) -> list[Timing]:
     """Drive from corner to corner, again and again, and time both planners after each change."""
     timings: list[Timing] = []
-    search(padded(np.ones((3, 3))).ravel(), 5, 6, 18)  # compiled before the clock runs
+    search(make_grid(np.ones((3, 3))), 49, 16, 32)  # compiled before the clock runs
     while len(timings) < changes:
         costs = warehouse(side, rng)
         first, last = rng.integers(AISLE, size=2).tolist()
         ends = (0, first), (side - 1 - SHELF, side - 1 - last)
         costs[ends[0]] = costs[ends[1]] = 1.0
-        planner, start = GridDStarLite(costs, *ends), ends[0]
+        planner, start = GridPlanner(costs, *ends), ends[0]
         closed: list[Cell] = []
         while len(path := planner.path()) > 2 * STRIDE or closed:
             start = path[STRIDE] if len(path) > STRIDE else start
@@ -118,17 +118,15 @@ def measure(
     return timings
 
 
-def _time(
-    planner: GridDStarLite, costs: Array, cells: list[Cell], start: Cell, goal: Cell
-) -> Timing:
+def _time(planner: GridPlanner, costs: Array, cells: list[Cell], start: Cell, goal: Cell) -> Timing:
     values = [float(costs[cell]) for cell in cells]
-    flat, width = padded(costs).ravel(), costs.shape[1] + 2
-    ends = number(start, costs.shape), number(goal, costs.shape)
+    grid = make_grid(costs)
+    ends = cell_index(grid, start), cell_index(grid, goal)
     before = planner.expanded
     times = [process_time()]
     planner.replan(cells, values)
     times.append(process_time())
-    _, cost = search(flat, width, *ends)
+    _, cost = search(grid, len(grid.cells), *ends)
     times.append(process_time())
     assert cost == planner.cost or abs(cost - planner.cost) < 1e-6 * cost
     replan_s, plan_s = np.diff(times)

@@ -66,11 +66,12 @@ def fingerprint(dispatcher: Dispatcher) -> str:
             digest.update(_code_text(code).encode())
             for name in sorted(set(code.co_names) & function.__globals__.keys()):
                 value = function.__globals__[name]
-                if not isinstance(value, Dispatcher):
-                    digest.update(f"{name}={_text(value)};".encode())
-                elif id(value) not in reached:
-                    reached.add(id(value))
-                    pending.append(value)
+                for callee in getattr(value, "implementations", (value,)):  # of an overload
+                    if not isinstance(callee, Dispatcher):
+                        digest.update(f"{name}={_text(callee)};".encode())
+                    elif id(callee) not in reached:
+                        reached.add(id(callee))
+                        pending.append(callee)
     return digest.hexdigest()
 
 

@@ -19,7 +19,7 @@ from trials.gym.env.rays import ray_disparity
 from trials.gym.studies.fleet import NAV
 from trials.gym.studies.trial_protocol import Measures
 from trials.gym.world.free_space import NOTHING, FreeSpace
-from trials.navigation.grid_dstar_lite import GridDStarLite
+from trials.navigation.grid_planner import GridPlanner
 from trials.navigation.occupancy_grid import OccupancyGrid, empty_grid
 from trials.navigation.settings import NavigatorSettings
 from vo.contract.errors import SettingsError
@@ -132,7 +132,7 @@ def drive_world(
     ideal: bool = False,
 ) -> list[PlannedTrial]:
     """Drive every run of one world with every way of planning; see `run_planned`."""
-    warm = GridDStarLite(np.ones((3, 3)), (0, 0), (2, 2))  # compiled before the clock runs
+    warm = GridPlanner(np.ones((3, 3)), (0, 0), (2, 2))  # compiled before the clock runs
     warm.update(np.full((3, 3), 2.0))
     asked = {**options, "observe": BLIND} if ideal else options
     env = gymnasium.make(NAV, disable_env_checker=True, **asked).unwrapped

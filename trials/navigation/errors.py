@@ -1,0 +1,7 @@
+"""Errors of the planners."""
+
+from vo.contract.errors import DriftyardError
+
+
+class PlanningError(DriftyardError):
+    """A cost that is not positive, or a start or goal outside the graph or without a path."""
