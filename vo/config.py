@@ -164,6 +164,9 @@ class RefinementSettings(Settings):
     smooth: Literal["none", "window", "global"] = "window"
     """Smoothed trajectory at the end: none, by the last refinement of each keyframe (window), or by
     full-batch bundle adjustment (global)."""
+    backend: Literal["schur", "gtsam"] = "schur"
+    """Solver of keyframes and landmarks: compiled elimination of the landmarks (schur), or GTSAM's
+    stereo factors on all of them (gtsam)."""
     window: int = Field(default=8, ge=2)
     """Number of keyframes in the window."""
     min_views: int = Field(default=3, ge=2)

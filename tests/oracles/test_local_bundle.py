@@ -6,7 +6,7 @@ from passage import RIG, SIGMA, Passage, gtsam_bundle
 
 from vo.bundle_adjustment.adjust import refine_structure
 from vo.bundle_adjustment.fixed_lag import FixedLag
-from vo.bundle_adjustment.problem import WHOLE, collect
+from vo.bundle_adjustment.problem import DENSE_CAMERAS, collect
 from vo.config import OdometrySettings, RefinementSettings
 from vo.contract import se3
 from vo.map.run_history import History
@@ -36,7 +36,7 @@ def error(T_a, T_b):
     return np.abs(se3.log(se3.inverse(T_a) @ T_b)).max()
 
 
-@pytest.mark.parametrize("keyframes", [5, WHOLE + 10], ids=["one chunk", "many chunks"])
+@pytest.mark.parametrize("keyframes", [5, DENSE_CAMERAS + 10], ids=["one block", "many blocks"])
 def test_structure_equals_gtsam_stereo_factors(keyframes):
     """Poses, points and covariances, however the bundle is cut."""
     bundle = whole_bundle(Passage(1, keyframes, fresh=12))
@@ -165,7 +165,7 @@ def history_of(passage, sights):
 
 
 def test_global_refinement_of_a_run_equals_gtsam():
-    passage = Passage(7, WHOLE + 8, fresh=12)
+    passage = Passage(7, DENSE_CAMERAS + 8, fresh=12)
     bundle = whole_bundle(passage, 7)
     history = history_of(passage, passage.started(np.random.default_rng(7)))
     before = {serial: T.copy() for serial, T in history.keyframes.items()}

@@ -1,22 +1,27 @@
-"""Bundle adjustment: motion only, or motion and structure (thesis 2.8, 3.4).
-
-All measurements of a bundle are few factors on its cameras, from which
-`vo.bundle_adjustment.schur` has eliminated the points: GTSAM then solves for the cameras alone, and
-Python is entered once an iteration and factor instead of once a measurement (docs/decisions/0006).
-"""
+"""Bundle adjustment: motion only, or motion and structure (thesis 2.8, 3.4)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from vo.bundle_adjustment.problem import Bundle, Chunk, chunks, intrinsics, split_pose, weigh
-from vo.bundle_adjustment.robust_covariance import camera_shares
-from vo.bundle_adjustment.schur import camera_normal, robust_weights
-from vo.bundle_adjustment.solver import TURN_LAST, Part, information_inverse, optimize
+from vo.bundle_adjustment.gtsam_backend import optimize_factors
+from vo.bundle_adjustment.point_estimates import PointEstimates
+from vo.bundle_adjustment.problem import Bundle, as_cameras, intrinsics, point_blocks, weigh
+from vo.bundle_adjustment.robust_covariance import camera_score_products, robust_covariance
+from vo.bundle_adjustment.schur import Measurements, camera_normal_equations, robust_weights
+from vo.bundle_adjustment.schur_backend import optimize_reduced
+from vo.bundle_adjustment.solver import TURN_LAST, CostTerm, information_inverse, optimize
 from vo.config import RefinementSettings
 from vo.contract.arrays import Array, Mask
 from vo.contract.rig import StereoRig
+
+BACKENDS = {"schur": optimize_reduced, "gtsam": optimize_factors}
+"""Optimisers of cameras and points by `refinement.backend`.
+
+Each takes a bundle, the estimates of all of its blocks, which it leaves at the solution, and
+settings; it returns the cameras (K, 4, 4) and its Levenberg-Marquardt steps.
+"""
 
 REWEIGHTINGS = 3
 """Rounds in which the Huber weights are renewed (Holland and Welsch, 1977), for one camera."""
@@ -29,14 +34,14 @@ MEDIAN_CHI2 = (0.455, 1.386)
 
 @dataclass(frozen=True)
 class Refined:
-    """A bundle's solution.
+    """Solution of a bundle.
 
     Attributes:
         T_world_cam: (K, 4, 4).
         points_world: (J, 3) metres.
         covariance: (K, 6, 6) of each camera given the fixed ones, tangent (v m, w rad) in its own
             frame; zero for those, and for all if it was not asked for.
-        iterations: Levenberg–Marquardt steps; `max_iterations` if it did not converge.
+        iterations: Levenberg-Marquardt steps; the largest number allowed if it did not converge.
         error: Final value of half the summed robust squared whitened residuals.
         misfit: (2,) median squared residual of pixels and of disparities, over what their sigmas
             make one expect; 1 where they are right, NaN where there are none.
@@ -57,7 +62,7 @@ class Pose:
     Attributes:
         T_world_cam: (4, 4).
         covariance: (6, 6) tangent (v m, w rad) in the camera's frame; of the measurements alone.
-        iterations: Levenberg–Marquardt steps.
+        iterations: Levenberg-Marquardt steps.
     """
 
     T_world_cam: Array
@@ -76,70 +81,42 @@ def refine_structure(
     Source:
         thesis eq. 2.29 with a Huber loss; the gauge is held by the fixed cameras.
     """
-    pieces = chunks(bundle, settings.use_disparity)
-    T = bundle.T_world_cam.copy()
+    estimates = [PointEstimates(x) for x in point_blocks(bundle, settings.use_disparity)]
     moving = ~bundle.fixed
-    parts = [_part(chunk, T, moving) for chunk in pieces if moving[chunk.cameras].any()]
-    iterations = 0
-    most = settings.max_iterations
-    for steps_left in (1, most - 1)[:most]:  # Huber's weights follow the first step
-        for chunk in pieces:
-            chunk.reweigh(T[chunk.cameras], settings.huber)
-        T[moving], steps = optimize(T[moving], parts, steps_left)
-        iterations += steps
+    T, iterations = BACKENDS[settings.backend](bundle, estimates, settings)
     points, error = bundle.points_world.copy(), 0.0
-    for chunk in pieces:
-        error += chunk.normal(T[chunk.cameras], moving[chunk.cameras], derivatives=False)[2]
-        points[chunk.rows] = chunk.points
+    for x in estimates:
+        cameras = x.block.cameras
+        error += x.linearize(T[cameras], moving[cameras], derivatives=False)[2]
+        points[x.block.rows] = x.points
     covariance = np.zeros((len(T), 6, 6))
     if covariances:
-        covariance[moving] = _covariances(pieces, T, bundle.fixed)
-    return Refined(T, points, covariance, iterations, error, misfit(pieces, T))
+        covariance[moving] = _covariances(estimates, T, moving)
+    return Refined(T, points, covariance, iterations, error, misfit(estimates, T))
 
 
-def _part(chunk: Chunk, T: Array, moving: Mask) -> Part:
-    """The share of a chunk in the cost of the moving cameras; the others stay as they are."""
-    here = T[chunk.cameras].copy()
-    own = moving[chunk.cameras]
-    places = (np.cumsum(moving) - 1)[chunk.cameras[own]]
-
-    def normal(poses: Array, derivatives: bool) -> tuple[Array, Array, float]:
-        here[own] = poses
-        return chunk.normal(here, own, derivatives)
-
-    return Part(places, normal)
-
-
-def _covariances(pieces: Sequence[Chunk], T: Array, fixed: Mask) -> Array:
+def _covariances(estimates: Sequence[PointEstimates], T: Array, moving: Mask) -> Array:
     """Covariance (S, 6, 6) of each moving camera given the fixed ones, tangents (v, w)."""
-    moving = ~fixed
     size = int(moving.sum())
     H, B = np.zeros((size, 6, size, 6)), np.zeros((size, 6, size, 6))
-    for chunk in pieces:
-        here, own = T[chunk.cameras], moving[chunk.cameras]
-        places = (np.cumsum(moving) - 1)[chunk.cameras[own]]
-        n, block = len(places), np.ix_(places, SIX, places, SIX)
-        H[block] += chunk.normal(here, own, derivatives=True)[0].reshape(n, 6, n, 6)
-        B[block] += chunk.shares(here, own).reshape(n, 6, n, 6)
+    for x in estimates:
+        here, own = T[x.block.cameras], moving[x.block.cameras]
+        rows = (np.cumsum(moving) - 1)[x.block.cameras[own]]
+        n, part = len(rows), np.ix_(rows, SIX, rows, SIX)
+        H[part] += x.linearize(here, own, derivatives=True)[0].reshape(n, 6, n, 6)
+        B[part] += x.score_products(here, own).reshape(n, 6, n, 6)
     inverse = information_inverse(H.reshape(6 * size, 6 * size))
-    spread = _spread(inverse, B.reshape(6 * size, 6 * size))
-    blocks = spread.reshape(size, 6, size, 6)[np.arange(size), :, np.arange(size)]
+    covariance = robust_covariance(inverse, B.reshape(6 * size, 6 * size))
+    blocks = covariance.reshape(size, 6, size, 6)[np.arange(size), :, np.arange(size)]
     return blocks[:, TURN_LAST][:, :, TURN_LAST]
 
 
-def _spread(inverse: Array, B: Array) -> Array:
-    """Covariance by residuals, if these are larger than assumed: few points fit too well."""
-    if np.trace(B @ inverse) > len(B):
-        return inverse @ B @ inverse
-    return inverse
-
-
-def misfit(pieces: Sequence[Chunk], T: Array) -> Array:
+def misfit(estimates: Sequence[PointEstimates], T: Array) -> Array:
     """Median squared residual of pixels and of disparities over what is expected, (2,)."""
-    residuals = np.concatenate([chunk.residuals(T[chunk.cameras]) for chunk in pieces])
-    known = np.concatenate([chunk.known for chunk in pieces])
+    residuals = np.concatenate([x.residuals(T[x.block.cameras]) for x in estimates])
+    weight = np.concatenate([x.block.data.weight for x in estimates])
     pixels = (residuals[:, :2] ** 2).sum(axis=1)
-    disparities = residuals[known[:, 2] > 0, 2] ** 2
+    disparities = residuals[weight[:, 2] > 0, 2] ** 2
     return np.array(
         [
             np.median(squared) / MEDIAN_CHI2[k] if len(squared) else np.nan
@@ -163,27 +140,25 @@ def refine_motion(
         points_world: (N, 3) metres.
         measured: (N, 3) left-image u, v and disparity, pixels; NaN where not measured.
         sigma: (N, 3) their standard deviations.
-        rig: Projects.
+        rig: Rectified pair.
         settings: Loss and iterations.
     """
     seen, known = weigh(measured, sigma, settings.use_disparity)
     points = np.ascontiguousarray(points_world, dtype=np.float64)
     f = intrinsics(rig.K, rig.baseline_m)
-    everyone = np.arange(len(points))
-    poses, weight, iterations = T_world_cam[None], known, 0
+    n = len(points)
+    data = Measurements(np.arange(n + 1), np.zeros(n, np.int64), seen, known, f)
+    poses, weighted, iterations = T_world_cam[None], data, 0
 
-    def normal(poses: Array, derivatives: bool = True) -> tuple[Array, Array, float]:
-        R, t = split_pose(poses)
-        return camera_normal(R[0], t[0], points, seen, weight, f)
+    def linearize(poses: Array, derivatives: bool = True) -> tuple[Array, Array, float]:
+        return camera_normal_equations(as_cameras(poses), points, weighted)
 
-    whole = Part(np.array([0]), normal)
-    for _ in range(REWEIGHTINGS if len(points) else 0):
-        weight = robust_weights(
-            *split_pose(poses), points, 0 * everyone, everyone, seen, known, f, settings.huber
-        )
-        poses, more = optimize(poses, [whole], settings.max_iterations)
+    term = CostTerm(np.array([0]), linearize)
+    for _ in range(REWEIGHTINGS if n else 0):
+        weight = robust_weights(as_cameras(poses), points, data, settings.huber)
+        weighted = data._replace(weight=weight)
+        poses, more = optimize(poses, [term], settings.max_iterations)
         iterations += more
-    R, t = split_pose(poses)
-    B = camera_shares(R[0], t[0], points, seen, weight, f)
-    covariance = _spread(information_inverse(normal(poses)[0]), B)
+    B = camera_score_products(as_cameras(poses), points, weighted)
+    covariance = robust_covariance(information_inverse(linearize(poses)[0]), B)
     return Pose(poses[0], covariance[TURN_LAST][:, TURN_LAST], iterations)

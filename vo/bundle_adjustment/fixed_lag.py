@@ -14,7 +14,8 @@ import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import X
 
-from vo.bundle_adjustment.problem import Chunk, Sight, chunks, collect
+from vo.bundle_adjustment.point_estimates import PointEstimates
+from vo.bundle_adjustment.problem import Sight, collect, point_blocks
 from vo.bundle_adjustment.solver import TURN_LAST, factor
 from vo.config import RefinementSettings
 from vo.contract import se3
@@ -42,14 +43,14 @@ class Smoothed:
         T_odom_cam: (K, 4, 4).
         covariance: (K, 6, 6) tangent (v m, w rad).
         ids: (J,) landmarks that took part.
-        chunk: Them, where these poses put them.
+        estimates: Of these landmarks, at these poses.
         iterations: Gauss–Newton steps.
     """
 
     T_odom_cam: Array
     covariance: Array
     ids: Indices
-    chunk: Chunk
+    estimates: PointEstimates
     iterations: int
 
 
@@ -116,7 +117,7 @@ class FixedLag:
             graph.add(used_up)
         fresh = ~np.isin(ids, self.spent)
         ids, points_odom = ids[fresh], points_odom[fresh]
-        active = _chunk(sights, ids, points_odom, rig, settings)
+        active = _estimates(sights, ids, points_odom, rig, settings)
         graph.add(_factor(list(sights), active))
         self._smoother.update(graph, values, times, self._active)
         self._active = [self._smoother.getISAM2Result().getNewFactorsIndices()[-1]]
@@ -140,11 +141,11 @@ class FixedLag:
         self.spent = np.concatenate([self.spent, ids[used]])
         recent = np.unique(np.concatenate([s.ids for s in self._sights.values()]))
         self.spent = self.spent[np.isin(self.spent, recent)]
-        chunk = _chunk(self._sights, ids[used], points[used], rig, settings)
-        return _factor(list(self._sights), chunk)
+        estimates = _estimates(self._sights, ids[used], points[used], rig, settings)
+        return _factor(list(self._sights), estimates)
 
     def _settle(
-        self, serials: list[int], ids: Indices, active: Chunk, s: RefinementSettings
+        self, serials: list[int], ids: Indices, active: PointEstimates, s: RefinementSettings
     ) -> Smoothed:
         """Take Gauss–Newton steps until they are small."""
         T_odom_cam, steps = self._poses(serials), 1
@@ -154,8 +155,8 @@ class FixedLag:
             steps += 1
             if np.abs(se3.log(se3.inverse(T_before) @ T_odom_cam)).max() < SETTLED:
                 break
-        still = np.zeros(len(active.cameras), bool)
-        active.normal(T_odom_cam[active.cameras], still, derivatives=False)
+        cameras = active.block.cameras
+        active.linearize(T_odom_cam[cameras], np.zeros(len(cameras), bool), derivatives=False)
         marginals = [self._smoother.marginalCovariance(X(serial)) for serial in serials]
         covariance = np.array(marginals)[:, TURN_LAST][:, :, TURN_LAST]
         covariance += self._inherited(T_odom_cam)
@@ -171,19 +172,21 @@ class FixedLag:
         return np.array([estimate.atPose3(X(serial)).matrix() for serial in serials])
 
 
-def _chunk(
+def _estimates(
     sights: dict[int, Sight], ids: Indices, points: Array, rig: StereoRig, s: RefinementSettings
-) -> Chunk:
+) -> PointEstimates:
     bundle = collect(list(sights.values()), ids, points, np.zeros(len(sights), bool), rig)
-    (chunk,) = chunks(bundle, s.use_disparity)
-    chunk.reweigh(bundle.T_world_cam[chunk.cameras], s.huber)
-    return chunk
+    (block,) = point_blocks(bundle, s.use_disparity)
+    estimates = PointEstimates(block)
+    estimates.reweight(bundle.T_world_cam[block.cameras], s.huber)
+    return estimates
 
 
-def _factor(serials: list[int], chunk: Chunk) -> gtsam.CustomFactor:
-    moving = np.ones(len(chunk.cameras), bool)
+def _factor(serials: list[int], estimates: PointEstimates) -> gtsam.CustomFactor:
+    cameras = estimates.block.cameras
+    moving = np.ones(len(cameras), bool)
 
-    def normal(poses: Array, derivatives: bool) -> tuple[Array, Array, float]:
-        return chunk.normal(poses, moving, derivatives)
+    def linearize(poses: Array, derivatives: bool) -> tuple[Array, Array, float]:
+        return estimates.linearize(poses, moving, derivatives)
 
-    return factor([X(serials[i]) for i in chunk.cameras], normal)
+    return factor([X(serials[i]) for i in cameras], linearize)

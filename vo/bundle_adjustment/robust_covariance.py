@@ -1,92 +1,96 @@
-"""What the residuals themselves say of a solution's uncertainty.
+"""Covariance of a solution by its residuals: the sandwich estimator, clustered by landmark.
 
 The inverse of the normal equations is the covariance of a solution whose measurements err
 independently, and as much as was assumed. Errors of a landmark's template are in all of its
-measurements, and some err more. Taking each landmark's share of the gradient as one draw gives the
-covariance without either assumption: H^-1 B H^-1 with B the sum of the shares' outer products
-(Liang and Zeger, Biometrika 1986, eq. 7; Huber, 1967).
-What all landmarks err alike by, for a stretch of the way, no residual shows.
+measurements, and some err more. Taking each landmark's score, its part of the gradient, as one draw
+gives the covariance without either assumption: H^-1 B H^-1 with B the sum of the scores' outer
+products (Liang and Zeger, Biometrika 1986, eq. 7; Huber, 1967).
+An error that all landmarks have in common over a stretch of the route is in no residual.
 """
 
 import numpy as np
 
-from vo.bundle_adjustment.schur import invert
+from vo.bundle_adjustment.schur import Cameras, Measurements, invert, linearize, workspace
 from vo.contract.arrays import Array, Indices
 from vo.contract.compilation import compiled
-from vo.contract.projection import stereo_jacobians, stereo_residual
+
+
+def robust_covariance(inverse: Array, B: Array) -> Array:
+    """Choose the covariance: by residuals where these exceed the assumed noise.
+
+    Few points fit too well; then the assumed covariance holds.
+
+    Args:
+        inverse: (N, N) of the normal equations.
+        B: (N, N) sum of the scores' outer products.
+    """
+    return inverse @ B @ inverse if np.trace(B @ inverse) > len(B) else inverse
 
 
 @compiled()
-def shares(
-    rotations: Array, centres: Array, points: Array, first: Indices, camera: Indices,
-    measured: Array, weight: Array, intrinsics: Array, slot: Indices, size: int,
-) -> Array:  # fmt: skip
-    """Sum of outer products of the points' gradients.
+def score_products(
+    cameras: Cameras, points: Array, data: Measurements, slot: Indices, size: int
+) -> Array:
+    """Sum the outer products of the points' scores.
 
-    The arguments are those of `schur.reduce`, the points where that found them.
+    The arguments are those of `schur.eliminate_points`, the points those that it returned.
 
     Returns:
         (6 S, 6 S) B.
     """
-    B, share = np.zeros((6 * size, 6 * size)), np.zeros(6 * size)
-    r, F, E = np.empty(3), np.empty((3, 6)), np.empty((3, 3))
-    V, inverse, pull = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    B, score = np.zeros((6 * size, 6 * size)), np.zeros(6 * size)
+    work = workspace()
+    r, F, E, V, b, inverse = work
+    first, camera = data.first, data.camera
     for j in range(len(points)):
-        V[:], pull[:] = 0.0, 0.0
+        V[:], b[:] = 0.0, 0.0
         for m in range(first[j], first[j + 1]):
-            i = camera[m]
-            stereo_residual(
-                rotations[i], centres[i], points[j], measured[m], weight[m], intrinsics, r
-            )
-            stereo_jacobians(rotations[i], centres[i], points[j], weight[m], intrinsics, F, E)
+            linearize(cameras, points[j], data, m, work)
             for p in range(3):
                 for k in range(3):
-                    pull[p] += E[k, p] * r[k]
+                    b[p] += E[k, p] * r[k]
                     for q in range(3):
                         V[p, q] += E[k, p] * E[k, q]
         invert(V, inverse)
-        moved = -inverse @ pull  # what the point does about it
+        step = -inverse @ b  # of the point, by its own measurements
         for m in range(first[j], first[j + 1]):
-            i = camera[m]
-            s = slot[i]
+            s = slot[camera[m]]
             if s < 0:
                 continue
-            stereo_residual(
-                rotations[i], centres[i], points[j], measured[m], weight[m], intrinsics, r
-            )
-            stereo_jacobians(rotations[i], centres[i], points[j], weight[m], intrinsics, F, E)
+            linearize(cameras, points[j], data, m, work)
             for k in range(3):
-                left = r[k] + E[k, 0] * moved[0] + E[k, 1] * moved[1] + E[k, 2] * moved[2]
+                left = r[k] + E[k, 0] * step[0] + E[k, 1] * step[1] + E[k, 2] * step[2]
                 for p in range(6):
-                    share[6 * s + p] += F[k, p] * left
+                    score[6 * s + p] += F[k, p] * left
         for m in range(first[j], first[j + 1]):
-            a = slot[camera[m]]
-            if a < 0:
+            s = slot[camera[m]]
+            if s < 0:
                 continue
-            for other in range(first[j], first[j + 1]):
-                b = slot[camera[other]]
-                if b < 0:
+            for m_other in range(first[j], first[j + 1]):
+                s_other = slot[camera[m_other]]
+                if s_other < 0:
                     continue
                 for p in range(6):
                     for q in range(6):
-                        B[6 * a + p, 6 * b + q] += share[6 * a + p] * share[6 * b + q]
+                        B[6 * s + p, 6 * s_other + q] += score[6 * s + p] * score[6 * s_other + q]
         for m in range(first[j], first[j + 1]):
-            a = slot[camera[m]]
-            if a >= 0:
-                share[6 * a : 6 * a + 6] = 0.0
+            s = slot[camera[m]]
+            if s >= 0:
+                score[6 * s : 6 * s + 6] = 0.0
     return B
 
 
 @compiled()
-def camera_shares(
-    R: Array, t: Array, points: Array, measured: Array, weight: Array, intrinsics: Array
-) -> Array:
-    """B (6, 6) of one camera whose points stay."""
+def camera_score_products(cameras: Cameras, points: Array, data: Measurements) -> Array:
+    """Sum the outer products (6, 6) of the scores of points that stay.
+
+    One camera measured each of them once, in their order.
+    """
     B, g = np.zeros((6, 6)), np.empty(6)
-    r, F, E = np.empty(3), np.empty((3, 6)), np.empty((3, 3))
+    work = workspace()
+    r, F = work.r, work.F
     for j in range(len(points)):
-        stereo_residual(R, t, points[j], measured[j], weight[j], intrinsics, r)
-        stereo_jacobians(R, t, points[j], weight[j], intrinsics, F, E)
+        linearize(cameras, points[j], data, j, work)
         for p in range(6):
             g[p] = F[0, p] * r[0] + F[1, p] * r[1] + F[2, p] * r[2]
         for p in range(6):

@@ -1,13 +1,15 @@
 """The reduced camera system: every point solved for and eliminated, in compiled loops.
 
 Bundle adjustment couples cameras only through the points that they share, and given the cameras
-each point is a problem of its own in three unknowns. `reduce` solves it and adds what remains, by
-the Schur complement, to the normal equations of the cameras alone: a handful of unknowns instead
-of a thousand.
+each point is a problem of its own in three unknowns. `eliminate_points` solves it and adds what
+remains, by the Schur complement, to the normal equations of the cameras alone: a handful of
+unknowns instead of a thousand.
 
 Source: Triggs, McLauchlan, Hartley and Fitzgibbon, Bundle Adjustment: A Modern Synthesis, 2000,
 sections 6.1 and 8.1; Golub and Pereyra, variable projection, 1973.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,50 +18,116 @@ from vo.contract.compilation import compiled
 from vo.contract.projection import stereo_jacobians, stereo_residual
 
 POINT_STEPS = 4
-CONVERGED = 1e-7
-"""A point's step, relative to its norm, that ends its refinement."""
+"""Largest number of Gauss-Newton steps of a point for given cameras."""
 
-FREE = 1e-9
-"""Share of a point's information that is added to each diagonal entry: a point that is seen too
-little to be determined stays where it is along what nobody saw."""
+CONVERGED = 1e-7
+"""Step of a point, relative to its norm, that ends its refinement."""
+
+DAMPING = 1e-9
+"""Share of a point's information that is added to each diagonal entry: along directions that no
+measurement determines, the point stays where it is."""
+
+
+class Cameras(NamedTuple):
+    """Poses of cameras in the world.
+
+    Attributes:
+        R: (K, 3, 3) rotations.
+        t: (K, 3) centres, metres.
+    """
+
+    R: Array
+    t: Array
+
+
+class Measurements(NamedTuple):
+    """Measurements of points, sorted by point.
+
+    Attributes:
+        first: (J + 1,) where the measurements of each point begin.
+        camera: (M,) index of the camera.
+        measured: (M, 3) u, v, disparity, pixels; anything where the weight is zero.
+        weight: (M, 3) one over sigma; zero where nothing was measured.
+        intrinsics: (5,) fx, fy, cx, cy, and focal length times baseline.
+    """
+
+    first: Indices
+    camera: Indices
+    measured: Array
+    weight: Array
+    intrinsics: Array
+
+
+class Workspace(NamedTuple):
+    """Arrays that are written anew for every measurement or point.
+
+    Attributes:
+        r: (3,) residual of a measurement.
+        F: (3, 6) its derivatives by the camera's tangent (w, v).
+        E: (3, 3) its derivatives by the point.
+        V: (3, 3) information of a point.
+        b: (3,) gradient by the point.
+        inverse: (3, 3) of V.
+    """
+
+    r: Array
+    F: Array
+    E: Array
+    V: Array
+    b: Array
+    inverse: Array
 
 
 @compiled(error_model="numpy")
-def robust_weights(
-    rotations: Array, centres: Array, points: Array, camera: Indices, point: Indices,
-    measured: Array, weight: Array, intrinsics: Array, huber: float,
-) -> Array:  # fmt: skip
-    """Scale (M, 3) weights so that their squares give the Huber loss of each measurement."""
-    scaled = weight.copy()
+def workspace() -> Workspace:
+    """Allocate a workspace."""
+    return Workspace(
+        np.empty(3), np.empty((3, 6)), np.empty((3, 3)), np.empty((3, 3)), np.empty(3),
+        np.empty((3, 3)),
+    )  # fmt: skip
+
+
+@compiled(error_model="numpy")
+def robust_weights(cameras: Cameras, points: Array, data: Measurements, huber: float) -> Array:
+    """Scale weights (M, 3) so that their squares give the Huber loss of each measurement.
+
+    The loss is of the norm of a measurement's whole residual, in sigmas; `huber` is where it turns
+    linear.
+    """
+    scaled = data.weight.copy()
     r = np.empty(3)
-    for m in range(len(camera)):
-        i, j = camera[m], point[m]
-        stereo_residual(rotations[i], centres[i], points[j], measured[m], weight[m], intrinsics, r)
-        size = np.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
-        if size > huber:
-            for k in range(3):
-                scaled[m, k] *= np.sqrt(huber / size)
+    for j in range(len(points)):
+        for m in range(data.first[j], data.first[j + 1]):
+            _residual(cameras, points[j], data, m, r)
+            size = np.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
+            if size > huber:
+                for k in range(3):
+                    scaled[m, k] *= np.sqrt(huber / size)
     return scaled
 
 
 @compiled(error_model="numpy")
-def reduce(
-    rotations: Array, centres: Array, points: Array, first: Indices, camera: Indices,
-    measured: Array, weight: Array, intrinsics: Array, slot: Indices, size: int,
-) -> tuple[Array, Array, float, Array]:  # fmt: skip
+def residuals(cameras: Cameras, points: Array, data: Measurements) -> Array:
+    """Compute the residuals (M, 3) of all measurements, in sigmas."""
+    found = np.empty((len(data.camera), 3))
+    for j in range(len(points)):
+        for m in range(data.first[j], data.first[j + 1]):
+            _residual(cameras, points[j], data, m, found[m])
+    return found
+
+
+@compiled(error_model="numpy")
+def eliminate_points(
+    cameras: Cameras, points: Array, data: Measurements, slot: Indices, size: int
+) -> tuple[Array, Array, float, Array]:
     """Solve for every point and eliminate it.
 
     With `size` 0 and all slots -1 that leaves the cost and the points, for a third of the time.
 
     Args:
-        rotations: (K, 3, 3) of the cameras in the world.
-        centres: (K, 3) metres.
+        cameras: K poses.
         points: (J, 3) where to start.
-        first: (J + 1,) where the measurements of each point begin.
-        camera: (M,) sorted by point.
-        measured: (M, 3) u, v, disparity; anything where the weight is zero.
-        weight: (M, 3) one over sigma; zero where nothing was measured.
-        intrinsics: fx, fy, cx, cy, and focal length times baseline.
+        data: Of the points.
         slot: (K,) place of each camera among the unknowns; -1 for one that is fixed.
         size: Cameras that may move, S.
 
@@ -70,33 +138,25 @@ def reduce(
     H, g = np.zeros((6 * size, 6 * size)), np.zeros(6 * size)
     solved = points.copy()
     cost = 0.0
-    r, F, E = np.empty(3), np.empty((3, 6)), np.empty((3, 3))
-    V, b, inverse = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
+    work = workspace()
+    r, F, E, V, b, inverse = work
+    first, camera = data.first, data.camera
     most = 1
     for j in range(len(points)):
         most = max(most, first[j + 1] - first[j])
     W = np.empty((most, 6, 3))
     Y = np.empty((most, 6, 3))
     for j in range(len(points)):
-        _solve_point(
-            rotations, centres, solved[j], first[j], first[j + 1], camera, measured, weight,
-            intrinsics, r, F, E, V, b, inverse,
-        )  # fmt: skip
+        _solve_point(cameras, solved[j], data, j, work)
         V[:], b[:] = 0.0, 0.0
         for m in range(first[j], first[j + 1]):
-            i, n = camera[m], m - first[j]
-            stereo_residual(
-                rotations[i], centres[i], solved[j], measured[m], weight[m], intrinsics, r
-            )
-            stereo_jacobians(rotations[i], centres[i], solved[j], weight[m], intrinsics, F, E)
+            n = m - first[j]
+            linearize(cameras, solved[j], data, m, work)
             cost += 0.5 * (r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
             if size == 0:
                 continue
-            for p in range(3):
-                for q in range(3):
-                    V[p, q] += E[0, p] * E[0, q] + E[1, p] * E[1, q] + E[2, p] * E[2, q]
-                b[p] += E[0, p] * r[0] + E[1, p] * r[1] + E[2, p] * r[2]
-            s = slot[i]
+            _add_point_terms(work)
+            s = slot[camera[m]]
             if s < 0:
                 continue
             for p in range(6):
@@ -145,27 +205,19 @@ def reduce(
 
 @compiled(error_model="numpy")
 def _solve_point(
-    rotations: Array, centres: Array, point: Array, start: int, end: int, camera: Indices,
-    measured: Array, weight: Array, intrinsics: Array, r: Array, F: Array, E: Array, V: Array,
-    b: Array, inverse: Array,
-) -> None:  # fmt: skip
-    """Move a point to where its cameras see it, by Gauss–Newton with shortened steps; in place.
-
-    What comes after the intrinsics is room to work in.
-    """
+    cameras: Cameras, point: Array, data: Measurements, j: int, work: Workspace
+) -> None:
+    """Minimise the cost of point j by Gauss-Newton with shortened steps; in place."""
+    r, _, _, V, b, inverse = work
+    start, end = data.first[j], data.first[j + 1]
     step, tried = np.empty(3), np.empty(3)
     for _ in range(POINT_STEPS):
         V[:], b[:] = 0.0, 0.0
         cost = 0.0
         for m in range(start, end):
-            i = camera[m]
-            stereo_residual(rotations[i], centres[i], point, measured[m], weight[m], intrinsics, r)
-            stereo_jacobians(rotations[i], centres[i], point, weight[m], intrinsics, F, E)
+            linearize(cameras, point, data, m, work)
             cost += r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
-            for p in range(3):
-                for q in range(3):
-                    V[p, q] += E[0, p] * E[0, q] + E[1, p] * E[1, q] + E[2, p] * E[2, q]
-                b[p] += E[0, p] * r[0] + E[1, p] * r[1] + E[2, p] * r[2]
+            _add_point_terms(work)
         invert(V, inverse)
         for p in range(3):
             step[p] = -(inverse[p, 0] * b[0] + inverse[p, 1] * b[1] + inverse[p, 2] * b[2])
@@ -175,10 +227,7 @@ def _solve_point(
                 tried[p] = point[p] + step[p]
             new_cost = 0.0
             for m in range(start, end):
-                i = camera[m]
-                stereo_residual(
-                    rotations[i], centres[i], tried, measured[m], weight[m], intrinsics, r
-                )
+                _residual(cameras, tried, data, m, r)
                 new_cost += r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
             if new_cost <= cost:
                 better = True
@@ -197,9 +246,17 @@ def _solve_point(
 
 
 @compiled(error_model="numpy")
+def _residual(cameras: Cameras, point: Array, data: Measurements, m: int, out: Array) -> None:
+    i = data.camera[m]
+    stereo_residual(
+        cameras.R[i], cameras.t[i], point, data.measured[m], data.weight[m], data.intrinsics, out
+    )
+
+
+@compiled(error_model="numpy")
 def invert(V: Array, out: Array) -> None:
     """Invert a symmetric positive semi-definite 3x3 matrix, lifted a little off zero."""
-    lift = FREE * (V[0, 0] + V[1, 1] + V[2, 2]) + 1e-300
+    lift = DAMPING * (V[0, 0] + V[1, 1] + V[2, 2]) + 1e-300
     a, d, f = V[0, 0] + lift, V[1, 1] + lift, V[2, 2] + lift
     b, c, e = V[0, 1], V[0, 2], V[1, 2]
     A, B, C = d * f - e * e, c * e - b * f, b * e - c * d
@@ -210,15 +267,19 @@ def invert(V: Array, out: Array) -> None:
 
 
 @compiled(error_model="numpy")
-def camera_normal(
-    R: Array, t: Array, points: Array, measured: Array, weight: Array, intrinsics: Array
+def camera_normal_equations(
+    cameras: Cameras, points: Array, data: Measurements
 ) -> tuple[Array, Array, float]:
-    """Normal equations of one camera whose points stay: (6, 6), (6,) and half the squares."""
+    """Linearize one camera whose points stay, each measured once, in their order.
+
+    Returns:
+        (6, 6) and (6,) normal equations, and half the sum of squares.
+    """
     H, g, cost = np.zeros((6, 6)), np.zeros(6), 0.0
-    r, F, E = np.empty(3), np.empty((3, 6)), np.empty((3, 3))
+    work = workspace()
+    r, F = work.r, work.F
     for j in range(len(points)):
-        stereo_residual(R, t, points[j], measured[j], weight[j], intrinsics, r)
-        stereo_jacobians(R, t, points[j], weight[j], intrinsics, F, E)
+        linearize(cameras, points[j], data, j, work)
         cost += 0.5 * (r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
         for p in range(6):
             g[p] += F[0, p] * r[0] + F[1, p] * r[1] + F[2, p] * r[2]
@@ -228,15 +289,19 @@ def camera_normal(
 
 
 @compiled(error_model="numpy")
-def all_residuals(
-    rotations: Array, centres: Array, points: Array, camera: Indices, point: Indices,
-    measured: Array, weight: Array, intrinsics: Array,
-) -> Array:  # fmt: skip
-    """Whitened residuals (M, 3) of all measurements."""
-    residuals = np.empty((len(camera), 3))
-    for m in range(len(camera)):
-        i, j = camera[m], point[m]
-        stereo_residual(
-            rotations[i], centres[i], points[j], measured[m], weight[m], intrinsics, residuals[m]
-        )
-    return residuals
+def linearize(cameras: Cameras, point: Array, data: Measurements, m: int, work: Workspace) -> None:
+    """Write residual and derivatives of measurement m of a point."""
+    i = data.camera[m]
+    R, t, weight, intrinsics = cameras.R[i], cameras.t[i], data.weight[m], data.intrinsics
+    stereo_residual(R, t, point, data.measured[m], weight, intrinsics, work.r)
+    stereo_jacobians(R, t, point, weight, intrinsics, work.F, work.E)
+
+
+@compiled(error_model="numpy")
+def _add_point_terms(work: Workspace) -> None:
+    """Add the measurement that was linearized last to the normal equations of its point."""
+    r, _, E, V, b, _ = work
+    for p in range(3):
+        for q in range(3):
+            V[p, q] += E[0, p] * E[0, q] + E[1, p] * E[1, q] + E[2, p] * E[2, q]
+        b[p] += E[0, p] * r[0] + E[1, p] * r[1] + E[2, p] * r[2]

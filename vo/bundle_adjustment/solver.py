@@ -1,4 +1,4 @@
-"""Normal equations as GTSAM factors, and Levenberg–Marquardt over them (docs/decisions/0006).
+"""Normal equations as GTSAM factors, and Levenberg-Marquardt over them (docs/decisions/0006).
 
 GTSAM's Pose3 tangents are (w, v): so are the equations here. Covariances leave it as (v, w).
 """
@@ -12,39 +12,43 @@ from gtsam.symbol_shorthand import X
 
 from vo.contract.arrays import Array, Indices
 
-LIFT = 1e-9
-"""Added to the diagonal of normal equations, relative: directions that nothing determines stay."""
+DAMPING = 1e-9
+"""Share of its own that is added to the diagonal of normal equations: directions that nothing
+determines stay as they are."""
+
+RELATIVE_TOLERANCE = 1e-4
+"""Relative decrease of the cost that ends an optimisation."""
 
 TURN_LAST = [3, 4, 5, 0, 1, 2]
 """From GTSAM's tangents (w, v) to (v, w)."""
 
-Normal = Callable[[Array, bool], tuple[Array, Array, float]]
-"""(S, 4, 4) poses to (6 S, 6 S) information H, (6 S,) gradient g and cost f.
+Linearize = Callable[[Array, bool], tuple[Array, Array, float]]
+"""From (S, 4, 4) poses to (6 S, 6 S) information H, (6 S,) gradient g and cost f.
 
 H and g may be anything where the second argument, whether derivatives are needed, is false.
 """
 
 
 @dataclass(frozen=True)
-class Part:
-    """A share of a problem: its cost by some of the poses.
+class CostTerm:
+    """A summand of a cost, which depends on some of the poses.
 
     Attributes:
-        places: (S,) rows of the poses that it is about.
-        normal: Takes these poses only.
+        rows: (S,) of these among all poses.
+        linearize: Takes these poses only.
     """
 
-    places: Indices
-    normal: Normal
+    rows: Indices
+    linearize: Linearize
 
 
-def factor(keys: Sequence[int], normal: Normal) -> gtsam.CustomFactor:
+def factor(keys: Sequence[int], linearize: Linearize) -> gtsam.CustomFactor:
     """Make a factor whose residuals e and derivatives J have J'J = H, J'e = g and e'e = 2 f."""
     keys, size = list(keys), 6 * len(keys)
 
     def residuals(_: object, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
         here = np.array([values.atPose3(key).matrix() for key in keys])
-        H, g, cost = normal(here, jacobians is not None)
+        H, g, cost = linearize(here, jacobians is not None)
         e = np.zeros(size + 1)
         if jacobians is None:
             e[-1] = np.sqrt(2 * cost)
@@ -60,12 +64,12 @@ def factor(keys: Sequence[int], normal: Normal) -> gtsam.CustomFactor:
     return gtsam.CustomFactor(gtsam.noiseModel.Unit.Create(size + 1), keys, residuals)
 
 
-def optimize(poses: Array, parts: Sequence[Part], max_iterations: int) -> tuple[Array, int]:
-    """Minimise the sum of the parts' costs by Levenberg–Marquardt.
+def optimize(poses: Array, terms: Sequence[CostTerm], max_iterations: int) -> tuple[Array, int]:
+    """Minimise the sum of the terms by Levenberg-Marquardt.
 
     Args:
-        poses: (S, 4, 4) where to start; each in at least one part.
-        parts: Few that share few poses are cheap: GTSAM's elimination is sparse in them.
+        poses: (S, 4, 4) where to start; each in at least one term.
+        terms: Few that share few poses are cheap: GTSAM's elimination is sparse in them.
         max_iterations: Steps.
 
     Returns:
@@ -75,11 +79,11 @@ def optimize(poses: Array, parts: Sequence[Part], max_iterations: int) -> tuple[
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
     for key, T in zip(keys, poses, strict=True):
         values.insert(key, gtsam.Pose3(T))
-    for part in parts:
-        graph.add(factor([keys[i] for i in part.places], part.normal))
+    for term in terms:
+        graph.add(factor([keys[i] for i in term.rows], term.linearize))
     parameters = gtsam.LevenbergMarquardtParams()
     parameters.setMaxIterations(max_iterations)
-    parameters.setRelativeErrorTol(1e-4)
+    parameters.setRelativeErrorTol(RELATIVE_TOLERANCE)
     optimizer = gtsam.LevenbergMarquardtOptimizer(graph, values, parameters)
     try:
         values = optimizer.optimize()
@@ -94,7 +98,7 @@ def information_inverse(H: Array) -> Array:
 
 
 def _lifted(H: Array) -> Array:
-    return H + np.diag(LIFT * np.diag(H) + 1e-12)
+    return H + np.diag(DAMPING * np.diag(H) + 1e-12)
 
 
 def _cholesky(H: Array) -> Array:
@@ -102,4 +106,4 @@ def _cholesky(H: Array) -> Array:
         return np.linalg.cholesky(_lifted(H))
     except np.linalg.LinAlgError:  # rounding made it indefinite
         values, vectors = np.linalg.eigh(_lifted(H))
-        return vectors * np.sqrt(np.maximum(values, LIFT * values[-1] + 1e-12))
+        return vectors * np.sqrt(np.maximum(values, DAMPING * values[-1] + 1e-12))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from vo.bundle_adjustment.adjust import refine_structure
-from vo.bundle_adjustment.problem import DETERMINED, Sight, collect
+from vo.bundle_adjustment.problem import MIN_POINTS, Sight, collect
 from vo.config import RefinementSettings
 from vo.contract import se3
 from vo.contract.arrays import Indices
@@ -70,7 +70,7 @@ def _groups(sights: list[Sight], ids: Indices) -> list[list[int]]:
     seen = np.zeros(0, np.int64)
     for i, sight in enumerate(sights):
         own = np.intersect1d(sight.ids, ids)
-        if not groups or np.isin(own, seen).sum() < DETERMINED:
+        if not groups or np.isin(own, seen).sum() < MIN_POINTS:
             groups.append([])
             seen = own
         groups[-1].append(i)

@@ -6,7 +6,7 @@ import numpy as np
 
 from vo.bundle_adjustment.adjust import misfit, refine_structure
 from vo.bundle_adjustment.fixed_lag import FixedLag
-from vo.bundle_adjustment.problem import DETERMINED, Sight, collect
+from vo.bundle_adjustment.problem import MIN_POINTS, Sight, collect
 from vo.config import OdometrySettings, RefinementSettings
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices
@@ -44,7 +44,7 @@ def _refine_window(
     """
     keyframes, landmarks = local_map.keyframes, local_map.landmarks
     ids, counts = _choose(keyframes, landmarks, s)
-    fixed = counts < DETERMINED
+    fixed = counts < MIN_POINTS
     fixed[: 1 if s.use_disparity else 2] = True
     if fixed.all():
         return local_map, 0
@@ -67,7 +67,7 @@ def _refine_incrementally(
     first = lag.first if lag else local_map.keyframes[-2:][0].serial
     keyframes = tuple(k for k in local_map.keyframes if k.serial >= first)
     ids, counts = _choose(keyframes, local_map.landmarks, s, lag)
-    if len(keyframes) < 2 or counts[-1] < DETERMINED:
+    if len(keyframes) < 2 or counts[-1] < MIN_POINTS:
         return replace(local_map, lag=None), 0
     lag = lag or FixedLag(first, keyframes[0].T_odom_cam, keyframes[0].covariance, s.window)
     points = local_map.landmarks.points_odom[np.searchsorted(local_map.landmarks.ids, ids)]
@@ -79,8 +79,8 @@ def _refine_incrementally(
     unmoved = local_map.keyframes[: -len(keyframes)]
     T = [k.T_odom_cam for k in unmoved] + list(found.T_odom_cam)
     spread = [k.covariance for k in unmoved] + list(found.covariance)
-    moved = _moved(local_map, np.array(T), spread, found.ids, found.chunk.points)
-    noise = misfit([found.chunk], found.T_odom_cam)
+    moved = _moved(local_map, np.array(T), spread, found.ids, found.estimates.points)
+    noise = misfit([found.estimates], found.T_odom_cam)
     return _with_noise(replace(moved, lag=lag), noise, s), found.iterations
 
 
