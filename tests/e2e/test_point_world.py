@@ -8,7 +8,7 @@ from vo.bundle_adjustment.problem import Bundle
 from vo.config import MotionSettings, RefinementSettings
 from vo.contract import se3
 from vo.contract.rig import StereoRig
-from vo.pose.estimation import relative_orientation, reprojection_errors
+from vo.pose.estimation import estimate_pose, reprojection_errors
 
 RIG = StereoRig(640, 480, 457.0, 319.5, 239.5, 0.09)
 SIGMA_PX, SIGMA_DISPARITY_PX = 0.2, 0.2
@@ -51,13 +51,14 @@ def follow(world, outliers=0):
     for seen in world.measured[1:]:
         pixels = seen[:, :2].copy()
         pixels[:outliers] = rng.uniform([0, 0], [640, 480], (outliers, 2))
-        found = relative_orientation(landmarks, RIG.normalized(pixels), MOTION, rng)
+        no_depth = np.full_like(landmarks, np.nan)
+        found = estimate_pose(landmarks, RIG.normalized(pixels), no_depth, MOTION, rng)
         assert not found.inliers[:outliers].any()
         assert found.inliers[outliers:].mean() > 0.7  # a sample of three noisy landmarks
         keep = found.inliers
         measured = np.column_stack([pixels, seen[:, 2]])[keep]
         sigma = np.tile(SIGMA, (keep.sum(), 1))
-        pose = refine_motion(found.T, landmarks[keep], measured, sigma, RIG, REFINEMENT)
+        pose = refine_motion(found.T_odom_cam, landmarks[keep], measured, sigma, RIG, REFINEMENT)
         T_odom_cam.append(pose.T_world_cam)
     return np.array(T_odom_cam), landmarks
 

@@ -123,14 +123,12 @@ def umeyama(points_a: Array, points_b: Array, with_scale: bool) -> Similarity:
     mean_a, mean_b = points_a.mean(axis=0), points_b.mean(axis=0)  # eqs. 34, 35
     a, b = points_a - mean_a, points_b - mean_b
     variance_b = np.mean(np.sum(b**2, axis=1))  # eq. 37
-    U, D, Vt = np.linalg.svd(a.T @ b / len(a))  # eq. 38
-    S = np.array([1.0, 1.0, np.sign(np.linalg.det(U) * np.linalg.det(Vt))])  # eqs. 39, 43
-    R_a_b = (U * S) @ Vt  # eq. 40
+    R_a_b, signed = se3.nearest_rotation(a.T @ b / len(a))  # eqs. 38 to 40, 43
     scale = 1.0
     if with_scale:
         if variance_b == 0:
             raise TrajectoryError("the estimate never moves, so it has no scale to align")
-        scale = float(np.sum(D * S) / variance_b)  # eq. 42
+        scale = float(np.sum(signed) / variance_b)  # eq. 42
     return Similarity(R_a_b, mean_a - scale * R_a_b @ mean_b, scale)  # eq. 41
 
 

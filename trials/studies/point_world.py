@@ -59,7 +59,7 @@ def make_world(rng: np.random.Generator) -> PointWorld:
 def estimated_poses(world: PointWorld, rng: np.random.Generator) -> Array:
     """Follow the points frame by frame, then refine motion and structure: (F, 4, 4)."""
     from vo.bundle_adjustment.adjust import Bundle, refine_motion, refine_structure
-    from vo.pose.estimation import relative_orientation
+    from vo.pose.estimation import estimate_pose
 
     first = world.measured[0]
     points = RIG.triangulate(first[:, :2], first[:, 2])
@@ -67,10 +67,10 @@ def estimated_poses(world: PointWorld, rng: np.random.Generator) -> Array:
     sigma = np.tile(SIGMA_PX, (POINTS, 1))
     for seen in world.measured[1:]:
         rays = RIG.normalized(seen[:, :2])
-        found = relative_orientation(points, rays, MotionSettings(), rng)
+        found = estimate_pose(points, rays, np.full_like(points, np.nan), MotionSettings(), rng)
         if found is None:
             raise SettingsError("point world: RANSAC found no motion")
-        pose = refine_motion(found.T, points, seen, sigma, RIG, REFINEMENT)
+        pose = refine_motion(found.T_odom_cam, points, seen, sigma, RIG, REFINEMENT)
         T_odom_cam.append(pose.T_world_cam)
     bundle = Bundle(
         T_world_cam=np.array(T_odom_cam),

@@ -57,7 +57,7 @@ def find_again(
     if consensus is None or consensus.inliers.sum() < CANDIDATE_INLIERS:
         return None
     matches = matches.select(consensus.inliers)
-    pose = refine_pose(consensus.T, matches, rig, settings)
+    pose = refine_pose(consensus.T_odom_cam, matches, rig, settings)
     for _ in range(2):
         matches = find_more(lost_map, view, pose.T_world_cam, matches, rig, settings)
         matches = agreeing(pose.T_world_cam, matches, rig, settings.motion)

@@ -1,47 +1,56 @@
-"""The camera's motion in two parts: rotation from far points, translation from near ones (F6).
+"""Pose in two parts: rotation from far points, translation from near ones (F6).
 
 Source: Tardif, Pavlidis and Daniilidis, Monocular visual odometry in urban environments using an
 omnidirectional camera, IROS 2008. There the rotation comes from the epipolar geometry; here far
-landmarks are seen in directions that a small error of the camera's position does not change.
+landmarks lie in directions that a small error of the camera's position does not change.
 """
 
 import numpy as np
 
+from vo.config import MotionSettings
+from vo.contract import se3
 from vo.contract.arrays import Array, Mask
+from vo.pose.hypotheses import Problem
+from vo.pose.ransac import Consensus, consensus, is_determined
 
 FAR_SHARE = 0.5
-"""Share of the points that count as far; the others as near."""
+"""Share of the points that count as far; the others count as near."""
 
-LOOSE = 3.0
-"""Thresholds within which directions agree: far is not infinitely far."""
+ROTATION_TOLERANCE = 3.0
+"""Thresholds within which directions agree with a rotation: far points are not at infinity."""
 
 REFITS = 3
-LEAST_SINE = 0.02
-"""Of the angle between two rays that shall determine a rotation."""
+"""Least-squares fits of the best rotation, and of the best translation, to their inliers."""
+
+MIN_SINE = 0.02
+"""Smallest sine of the angle between two rays that determine a rotation."""
 
 
-def split_motion(
-    points_odom: Array,
-    rays: Array,
-    T_odom_guess: Array,
-    threshold: float,
-    trials: int,
-    rng: np.random.Generator,
-) -> Array | None:
+def estimate_decoupled(
+    problem: Problem, T_odom_guess: Array, settings: MotionSettings, rng: np.random.Generator
+) -> Consensus | None:
     """Estimate the rotation, and with it the translation, each under RANSAC over pairs.
 
     Args:
-        points_odom: (N, 3) landmarks, metres.
-        rays: (N, 2) normalised image coordinates where the camera sees them.
-        T_odom_guess: (4, 4) guessed pose; only its position matters, to within what is far.
-        threshold: Largest error of an inlier, normalised.
-        trials: Pairs drawn for either.
-        rng: Draws them.
+        problem: N matches, all finite.
+        T_odom_guess: (4, 4) expected pose; only its position matters, to within what is far.
+        settings: Number of pairs for either.
+        rng: Draws the pairs.
 
     Returns:
-        (3, 4) [R | t] with p_cam = R @ p_odom + t, or None if there are too few points.
+        None if there are too few points, or if they do not determine the pose.
     """
-    legs = points_odom - T_odom_guess[:3, 3]
+    pose = _rotation_then_translation(problem, T_odom_guess[:3, 3], settings.max_hypotheses, rng)
+    found = None if pose is None else consensus(problem, pose, settings)
+    return found if found and is_determined(problem, found) else None
+
+
+def _rotation_then_translation(
+    problem: Problem, position: Array, pairs: int, rng: np.random.Generator
+) -> Array | None:
+    """Estimate (3, 4) [R | t] with p_cam = R @ p_odom + t from a guessed position (3,)."""
+    points_odom, rays, threshold = problem.points_odom, problem.rays, problem.threshold
+    legs = points_odom - position
     with np.errstate(over="ignore"):
         distance = np.linalg.norm(legs, axis=1)
     if len(legs) < 4 or not (distance.all() and np.isfinite(distance).all()):
@@ -52,24 +61,27 @@ def split_motion(
     seen = np.column_stack([rays, np.ones(len(rays))])
     seen /= np.linalg.norm(seen, axis=1, keepdims=True)
     directions = legs[far] / distance[far, None]
-    R = _rotation(directions, seen[far], LOOSE * threshold, _pairs(far.sum(), trials, rng))
+    tolerance = ROTATION_TOLERANCE * threshold
+    R = _estimate_rotation(directions, seen[far], tolerance, _draw_pairs(far.sum(), pairs, rng))
     if R is None:
         return None
-    turned = points_odom[~far] @ R.T
-    t = _translation(turned, rays[~far], threshold, _pairs((~far).sum(), trials, rng))
+    rotated = points_odom[~far] @ R.T
+    t = _estimate_translation(rotated, rays[~far], threshold, _draw_pairs((~far).sum(), pairs, rng))
     return np.column_stack([R, t])
 
 
-def _pairs(count: int, trials: int, rng: np.random.Generator) -> Array:
-    """(trials, 2) rows, different within a pair."""
-    first = rng.integers(0, count, trials)
-    return np.stack([first, (first + rng.integers(1, count, trials)) % count], axis=1)
+def _draw_pairs(count: int, pairs: int, rng: np.random.Generator) -> Array:
+    """Draw (pairs, 2) rows, different within a pair."""
+    first = rng.integers(0, count, pairs)
+    return np.stack([first, (first + rng.integers(1, count, pairs)) % count], axis=1)
 
 
-def _rotation(directions: Array, seen: Array, threshold: float, pairs: Array) -> Array | None:
-    """The R of least cost with seen = R @ directions, by two rays each (TRIAD, Black 1964)."""
-    before, known = _frames(directions[pairs])
-    after, visible = _frames(seen[pairs])
+def _estimate_rotation(
+    directions: Array, seen: Array, threshold: float, pairs: Array
+) -> Array | None:
+    """Find the R of least cost with seen = R @ directions, by pairs of rays (TRIAD, Black 1964)."""
+    before, known = _axes(directions[pairs])
+    after, visible = _axes(seen[pairs])
     candidates = (after @ before.swapaxes(1, 2))[known & visible]
     if len(candidates) == 0:
         return None
@@ -77,45 +89,44 @@ def _rotation(directions: Array, seen: Array, threshold: float, pairs: Array) ->
     def errors(R: Array) -> Array:
         return np.linalg.norm(directions @ R.swapaxes(-1, -2) - seen, axis=-1)
 
-    turn = candidates[_best(errors(candidates), threshold)]
+    R = candidates[_best(errors(candidates), threshold)]
     for _ in range(REFITS):
-        good = errors(turn) < threshold
+        good = errors(R) < threshold
         if good.sum() < 2:
             break
-        U, _, V = np.linalg.svd(seen[good].T @ directions[good])  # Kabsch, 1976
-        turn = U @ np.diag([1, 1, np.linalg.det(U @ V)]) @ V
-    return turn
+        R, _ = se3.nearest_rotation(seen[good].T @ directions[good])
+    return R
 
 
-def _frames(pairs: Array) -> tuple[Array, Mask]:
-    """Right-handed axes (S, 3, 3), as columns, of pairs (S, 2, 3) of unit rays."""
+def _axes(pairs: Array) -> tuple[Array, Mask]:
+    """Build right-handed axes (S, 3, 3), as columns, on pairs (S, 2, 3) of unit rays; if known."""
     normal = np.cross(pairs[:, 0], pairs[:, 1])
     sine = np.linalg.norm(normal, axis=1)
-    normal /= np.maximum(sine, LEAST_SINE)[:, None]
+    normal /= np.maximum(sine, MIN_SINE)[:, None]
     axes = [pairs[:, 0], normal, np.cross(pairs[:, 0], normal)]
-    return np.stack(axes, axis=2), sine > LEAST_SINE
+    return np.stack(axes, axis=2), sine > MIN_SINE
 
 
-def _translation(turned: Array, rays: Array, threshold: float, pairs: Array) -> Array:
-    """The t of least cost with rays those of turned + t, by two points each."""
-    A = np.zeros((len(turned), 2, 3))  # t_x - x t_z = x z - p_x, and so for y
+def _estimate_translation(rotated: Array, rays: Array, threshold: float, pairs: Array) -> Array:
+    """Find the t of least cost with rays those of rotated + t, by pairs of points."""
+    A = np.zeros((len(rotated), 2, 3))  # t_x - x t_z = x z - p_x, and so for y
     A[:, 0, 0] = A[:, 1, 1] = 1
     A[:, :, 2] = -rays
-    b = rays * turned[:, 2:] - turned[:, :2]
+    b = rays * rotated[:, 2:] - rotated[:, :2]
 
     def solve(rows: Array) -> Array:
         return np.linalg.pinv(A[rows].reshape(-1, 3)) @ b[rows].ravel()
 
     def errors(t: Array) -> Array:
-        points_cam = turned + t[..., None, :]
+        points_cam = rotated + t[..., None, :]
         z = points_cam[..., 2:]
         with np.errstate(divide="ignore", invalid="ignore"):
             seen = np.where(z > 0, points_cam[..., :2] / z, np.inf)
         return np.linalg.norm(seen - rays, axis=-1)
 
-    many = pairs.shape[0]
-    inverses = np.linalg.pinv(A[pairs].reshape(many, 4, 3))
-    candidates = np.einsum("sij,sj->si", inverses, b[pairs].reshape(many, 4))
+    count = len(pairs)
+    inverses = np.linalg.pinv(A[pairs].reshape(count, 4, 3))
+    candidates = np.einsum("sij,sj->si", inverses, b[pairs].reshape(count, 4))
     t = candidates[_best(errors(candidates), threshold)]
     for _ in range(REFITS):
         good = errors(t) < threshold
@@ -126,5 +137,5 @@ def _translation(turned: Array, rays: Array, threshold: float, pairs: Array) -> 
 
 
 def _best(errors: Array, threshold: float) -> int:
-    """The hypothesis of (S, N) errors with the least MSAC cost."""
+    """Find the hypothesis of (S, N) errors with the least MSAC cost."""
     return int(np.argmin(np.minimum((errors / threshold) ** 2, 1).sum(axis=1)))

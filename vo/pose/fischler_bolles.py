@@ -9,19 +9,19 @@ from vo.contract.arrays import Array
 from vo.contract.compilation import compiled
 from vo.pose.polynomial import real_roots
 
-LEAST_RATIO = 1e-4
-"""Legs shorter than this share of another mean a camera that stands in a point."""
+MIN_RATIO = 1e-4
+"""Smallest ratio of two legs: a camera whose legs differ by more stands in a point."""
 
 SAME_LENGTH = 1e-2
-"""Relative error up to which a root may miss the remaining law of cosines before it is polished."""
+"""Largest relative error of a root in the remaining law of cosines, before its refinement."""
 
 ROUNDING = 1e-6
-"""A squared ratio this far below zero is a double root of y that rounding made complex."""
+"""Squared ratios down to minus this are double roots of y that rounding makes complex."""
 
 
 @compiled(error_model="numpy")
 def legs_fischler_bolles(sides2: Array, cosines: Array, legs: Array) -> int:
-    """Find the candidates for the legs a, b, c; the caller polishes them and checks them.
+    """Find the candidates for the legs a, b, c; the caller refines and checks them.
 
     Args:
         sides2: (3,) squared sides AB, AC, BC.
@@ -37,7 +37,7 @@ def legs_fischler_bolles(sides2: Array, cosines: Array, legs: Array) -> int:
     _coefficients(bc2 / ac2, bc2 / ab2, cos_ab, cos_ac, cos_bc, quartic)
     work, x = np.empty(11), np.empty(4)
     found = 0
-    for i in range(real_roots(quartic, LEAST_RATIO, 1 / LEAST_RATIO, work, x)):  # b = x a
+    for i in range(real_roots(quartic, MIN_RATIO, 1 / MIN_RATIO, work, x)):  # b = x a
         a2 = ab2 / (1 + x[i] ** 2 - 2 * x[i] * cos_ab)
         square = cos_ac**2 - 1 + ac2 / a2
         if square < -ROUNDING:
@@ -46,7 +46,7 @@ def legs_fischler_bolles(sides2: Array, cosines: Array, legs: Array) -> int:
         # Two values of y = c / a from the law on AC; the law on BC says which is right.
         for y in (cos_ac + root, cos_ac - root):
             bc2_again = a2 * (x[i] ** 2 + y**2 - 2 * x[i] * y * cos_bc)
-            if y > LEAST_RATIO and abs(bc2_again / bc2 - 1) < SAME_LENGTH:
+            if y > MIN_RATIO and abs(bc2_again / bc2 - 1) < SAME_LENGTH:
                 a = np.sqrt(a2)
                 legs[found, 0], legs[found, 1], legs[found, 2] = a, x[i] * a, y * a
                 found += 1
@@ -55,7 +55,7 @@ def legs_fischler_bolles(sides2: Array, cosines: Array, legs: Array) -> int:
 
 @compiled(error_model="numpy")
 def _coefficients(K1: float, K2: float, cab: float, cac: float, cbc: float, quartic: Array) -> None:
-    """G4 to G0 of eq. A8."""
+    """Write the coefficients G4 to G0 of eq. A8."""
     difference, mixed = K1 * K2 - K1 - K2, K1 * K2 + K1 - K2
     quartic[0] = difference**2 - 4 * K1 * K2 * cbc**2
     quartic[1] = 4 * difference * K2 * (1 - K1) * cab + 4 * K1 * cbc * (

@@ -11,15 +11,15 @@ from vo.contract.compilation import compiled
 from vo.contract.projection import compiled_image_jacobian
 
 SINGULAR = 1e-13
-"""Share of a diagonal element that elimination must leave of it."""
+"""Smallest share of a diagonal element that Cholesky elimination leaves of a regular matrix."""
 
 
 @compiled(error_model="numpy")
-def step(
+def gauss_newton_step(
     points_odom: Array, rays: Array, rows: Indices, pose: Array, moved: Array,
     weights: Array | None = None,
 ) -> bool:  # fmt: skip
-    """One Gauss-Newton step on the reprojection error of some points.
+    """Take one Gauss-Newton step on the reprojection error of some points.
 
     Args:
         points_odom: (N, 3) metres.
@@ -27,7 +27,7 @@ def step(
         rows: (K,) the points that count, in front of the camera.
         pose: (3, 4).
         moved: (3, 4) receives the better pose.
-        weights: (N,) of the squared errors, if not all the same.
+        weights: (N,) of the squared errors; all one by default.
 
     Returns:
         False if the points do not determine the pose; `moved` is then as it was.
@@ -46,11 +46,11 @@ def step(
 def normal_equations(
     points_odom: Array, rays: Array, rows: Indices, pose: Array, weights: Array | None = None
 ) -> tuple[Array, Array]:
-    """J^T J (6, 6) and J^T r (6,) of the (weighted) residuals in normalised image coordinates."""
+    """Sum J^T J (6, 6) and J^T r (6,) of weighted residuals in normalised image coordinates."""
     information, gradient = np.zeros((6, 6)), np.zeros(6)
     du, dv = np.zeros(6), np.zeros(6)
     for row in rows:
-        a, b, inverse_z = project(points_odom[row], pose)
+        a, b, inverse_z = _project(points_odom[row], pose)
         ru, rv = a - rays[row, 0], b - rays[row, 1]
         for_u, for_v = compiled_image_jacobian(a, b, inverse_z)
         du[0], du[1], du[2], du[3], du[4], du[5] = for_u
@@ -68,7 +68,7 @@ def normal_equations(
 
 @compiled(error_model="numpy")
 def solve_symmetric(A: Array, B: Array) -> bool:
-    """Solve A X = B in place of B by Cholesky; False, and B spoilt, if A is not positive."""
+    """Solve A X = B by Cholesky, in place of B; False, with B undefined, if A is not positive."""
     n = len(A)
     L = np.zeros((n, n))
     for i in range(n):
@@ -95,25 +95,24 @@ def solve_symmetric(A: Array, B: Array) -> bool:
 
 
 @compiled(error_model="numpy")
-def transform(p: Array, pose: Array) -> tuple[float, float, float]:
-    """Point (3,) of the odom frame in the camera's."""
-    return (
-        pose[0, 0] * p[0] + pose[0, 1] * p[1] + pose[0, 2] * p[2] + pose[0, 3],
-        pose[1, 0] * p[0] + pose[1, 1] * p[1] + pose[1, 2] * p[2] + pose[1, 3],
-        pose[2, 0] * p[0] + pose[2, 1] * p[1] + pose[2, 2] * p[2] + pose[2, 3],
-    )
+def determines_pose(points_odom: Array, rays: Array, rows: Indices, pose: Array) -> bool:
+    """Whether the normal equations of some points at a pose (3, 4) are regular."""
+    information, _ = normal_equations(points_odom, rays, rows, pose)
+    return solve_symmetric(information, np.eye(6))
 
 
 @compiled(error_model="numpy")
-def project(p: Array, pose: Array) -> tuple[float, float, float]:
-    """Normalised image coordinates and inverse depth: x / z, y / z, 1 / z."""
-    x, y, z = transform(p, pose)
+def _project(p: Array, pose: Array) -> tuple[float, float, float]:
+    """Project a point (3,) to x / z, y / z and 1 / z."""
+    x = pose[0, 0] * p[0] + pose[0, 1] * p[1] + pose[0, 2] * p[2] + pose[0, 3]
+    y = pose[1, 0] * p[0] + pose[1, 1] * p[1] + pose[1, 2] * p[2] + pose[1, 3]
+    z = pose[2, 0] * p[0] + pose[2, 1] * p[1] + pose[2, 2] * p[2] + pose[2, 3]
     return x / z, y / z, 1 / z
 
 
 @compiled(error_model="numpy")
 def _move(pose: Array, tangent: Array, moved: Array) -> None:
-    """[R | t] of T_odom_cam @ exp(w, v), to first order in v: R(-w) (p - v); Rodrigues."""
+    """Write [R | t] of T_odom_cam @ exp(w, v), to first order in v: R(-w) (p - v); Rodrigues."""
     w, v = tangent[:3], tangent[3:]
     angle2 = (w * w).sum()
     angle = np.sqrt(angle2)

@@ -1,4 +1,4 @@
-"""The camera's motion by refinement alone, all matches at hand and no motion known before (F8).
+"""Pose by refinement of the expected one alone, under graduated non-convexity (F8).
 
 Source: Sünderhauf, Konolige, Lacroix and Protzel, Visual odometry using sparse bundle adjustment
 on an autonomous outdoor vehicle, 2006. A plain descent from the expected motion ends in curves at
@@ -9,25 +9,53 @@ robust spatial perception, RA-L 2020.
 
 import numpy as np
 
+from vo.config import MotionSettings
+from vo.contract import se3
 from vo.contract.arrays import Array
 from vo.contract.compilation import compiled
-from vo.pose.gauss_newton import step
-from vo.pose.hypotheses import Problem, misfits
+from vo.pose.gauss_newton import gauss_newton_step
+from vo.pose.hypotheses import Problem, squared_errors
+from vo.pose.ransac import Consensus, consensus, is_determined
 
-FIRST = 2.0
+FIRST_WIDTH = 2.0
 """Width of the first loss, in median errors of the guess."""
 
 NARROWING = 1.4
+"""Ratio of the width of one loss to that of the next."""
+
 STEPS = 3
-"""Of Gauss-Newton at each width."""
+"""Gauss-Newton steps at each width."""
+
+
+def refine_guess(
+    problem: Problem, T_odom_guess: Array, settings: MotionSettings, rng: np.random.Generator
+) -> Consensus | None:
+    """Move the expected pose to where the matches have it, and refit it to its inliers.
+
+    Args:
+        problem: N matches, all finite.
+        T_odom_guess: (4, 4) expected pose.
+        settings: Refits.
+        rng: Not used.
+
+    Returns:
+        None if the matches do not determine the pose.
+    """
+    # The expected motion repeats the last one: its deviation from a rotation would grow.
+    R, _ = se3.nearest_rotation(T_odom_guess[:3, :3])
+    pose = np.ascontiguousarray(se3.inverse(se3.pose(R, T_odom_guess[:3, 3]))[:3])
+    if len(problem.points_odom) == 0 or not descend(problem, pose):
+        return None
+    found = consensus(problem, pose, settings)
+    return found if found and is_determined(problem, found) else None
 
 
 @compiled(error_model="numpy")
-def anneal(problem: Problem, pose: Array) -> bool:
-    """Move a guessed pose (3, 4), in place, to where the matches have it.
+def descend(problem: Problem, pose: Array) -> bool:
+    """Minimise ever narrower losses from a guessed pose (3, 4), in place.
 
     Args:
-        problem: At least one match; judged by reprojection, whose threshold is the last width.
+        problem: At least one match; errors are reprojections, their threshold the last width.
         pose: (3, 4) [R | t] with p_cam = R @ p_odom + t.
 
     Returns:
@@ -35,18 +63,18 @@ def anneal(problem: Problem, pose: Array) -> bool:
     """
     count = len(problem.points_odom)
     squares, weights, moved = np.empty(count), np.empty(count), np.empty((3, 4))
-    misfits(problem, pose, 0, count, squares)
-    width = FIRST * np.sqrt(np.median(squares))
+    squared_errors(problem, pose, 0, count, squares)
+    width = FIRST_WIDTH * np.sqrt(np.median(squares))
     if not np.isfinite(width):
         return False
     while True:
         width = max(width, 1.0)
         for _ in range(STEPS):
-            misfits(problem, pose, 0, count, squares)
+            squared_errors(problem, pose, 0, count, squares)
             for k in range(count):
                 weights[k] = problem.weights[k] / (1 + squares[k] / width**2) ** 2
             rows = np.flatnonzero(weights)
-            if not step(problem.points_odom, problem.rays, rows, pose, moved, weights):
+            if not gauss_newton_step(problem.points_odom, problem.rays, rows, pose, moved, weights):
                 return False
             pose[:] = moved
         if width == 1:

@@ -1,4 +1,4 @@
-"""What RANSAC asks of a model of the camera's motion: propose, judge, refit (thesis 2.6, 2.7).
+"""Hypotheses of the camera's pose: proposed, scored, refitted (thesis 2.6, 2.7).
 
 Poses are (3, 4) [R | t] with p_cam = R @ p_odom + t.
 """
@@ -9,36 +9,35 @@ import numpy as np
 
 from vo.contract.arrays import Array, Indices
 from vo.contract.compilation import compiled
-from vo.pose.absolute_orientation import orient
-from vo.pose.gauss_newton import step
-from vo.pose.p3p import MOST_CANDIDATES, p3p, slender
-from vo.pose.pose_covariance import covariance, covariance_of_points
+from vo.pose.absolute_orientation import absolute_orientation
+from vo.pose.gauss_newton import gauss_newton_step
+from vo.pose.p3p import MAX_CANDIDATES, is_collinear, p3p
+from vo.pose.sampling import SAMPLE
 
-SAMPLE = 3
-MOST_POSES = 4
-"""That one sample may give."""
+MAX_POSES = 4
+"""Largest number of poses that one sample gives."""
 
-WIDEST = 3.0
-"""Thresholds within which the first refit looks for inliers; each next one within half as many."""
+FIRST_REACH = 3.0
+"""Thresholds within which the first refit takes inliers; each next one halves it, down to one."""
 
 BLOCK = 16
-"""Matches judged at a time before a bad pose is given up."""
+"""Matches scored at a time before a bad pose is given up."""
 
 
 class Problem(NamedTuple):
-    """Matches between landmarks and a new view, and how to judge a pose by them.
+    """Matches between landmarks and a new view, and how a pose is scored by them.
 
     Attributes:
         points_odom: (N, 3) metres.
         rays: (N, 2) normalised image coordinates.
         points_cam: (N, 3) metres, triangulated in the new view; used if `absolute`.
         absolute: Orient points to points, not to rays.
-        solver: A value of `ABSOLUTE_SOLVERS` if absolute, else of `SOLVERS`.
-        metric: Judge by the distance between points, metres, not by reprojection.
+        solver: A value of `vo.pose.p3p.SOLVERS`; not used if absolute.
+        metric: Score by the distance between points, metres, not by reprojection.
         threshold: Largest error of an inlier, in metres if metric, else normalised.
         inlier_cost: Cost of an inlier at the threshold; that of an outlier is 1. One for MSAC
             (Torr and Zisserman, CVIU 2000); for a count, so little that it only breaks ties.
-        weights: (N,) how much each match counts, not negative.
+        weights: (N,) weight of each match, not negative.
     """
 
     points_odom: Array
@@ -54,23 +53,23 @@ class Problem(NamedTuple):
 
 @compiled(error_model="numpy")
 def propose(problem: Problem, sample: Indices, poses: Array) -> int:
-    """Write the poses (4, 3, 4) that a sample of three allows; returns how many."""
+    """Write the poses (4, 3, 4) that a sample (3,) of matches allows; return their number."""
     if problem.absolute:
         points_odom, points_cam = problem.points_odom[sample], problem.points_cam[sample]
-        if slender(points_odom) or slender(points_cam):
+        if is_collinear(points_odom) or is_collinear(points_cam):
             return 0
-        return int(orient(points_cam, points_odom, np.arange(SAMPLE), problem.solver, poses[0]))
+        return int(absolute_orientation(points_cam, points_odom, np.arange(SAMPLE), poses[0]))
     rays_cam = np.ones((SAMPLE, 3))
     for k in range(SAMPLE):
         rays_cam[k, :2] = problem.rays[sample[k]]
         rays_cam[k] /= np.sqrt((rays_cam[k] ** 2).sum())
-    legs = np.empty((MOST_CANDIDATES, 3))
+    legs = np.empty((MAX_CANDIDATES, 3))
     return p3p(problem.points_odom[sample], rays_cam, problem.solver, legs, poses)
 
 
 @compiled(error_model="numpy")
-def misfits(problem: Problem, pose: Array, first: int, last: int, out: Array) -> None:
-    """Write the squared errors of a range of matches over the squared threshold.
+def squared_errors(problem: Problem, pose: Array, first: int, last: int, out: Array) -> None:
+    """Write the squared errors of a range of matches over the squared threshold into (B,).
 
     Infinite for a point that is not in front of the camera.
     """
@@ -93,14 +92,14 @@ def misfits(problem: Problem, pose: Array, first: int, last: int, out: Array) ->
 
 @compiled(error_model="numpy")
 def cost(problem: Problem, pose: Array, first: int, last: int, bail: float) -> float:
-    """Summed cost of a range of the matches; infinite as soon as it cannot fall below `bail`."""
+    """Sum the cost of a range of matches; infinite as soon as it cannot fall below `bail`."""
     total = 0.0
-    some = np.empty(BLOCK)
+    errors = np.empty(BLOCK)
     for start in range(first, last, BLOCK):
         end = min(start + BLOCK, last)
-        misfits(problem, pose, start, end, some)
+        squared_errors(problem, pose, start, end, errors)
         for k in range(end - start):
-            one = problem.inlier_cost * some[k] if some[k] < 1 else 1.0
+            one = problem.inlier_cost * errors[k] if errors[k] < 1 else 1.0
             total += problem.weights[start + k] * one
         if total >= bail:
             return np.inf
@@ -108,34 +107,33 @@ def cost(problem: Problem, pose: Array, first: int, last: int, bail: float) -> f
 
 
 @compiled(error_model="numpy")
-def inliers(problem: Problem, pose: Array, reach: float = 1.0) -> Indices:
-    """Rows of the matches within so many thresholds."""
-    all_of_them = np.empty(len(problem.points_odom))
-    misfits(problem, pose, 0, len(all_of_them), all_of_them)
-    return np.flatnonzero(all_of_them < reach * reach)
+def inlier_rows(problem: Problem, pose: Array, reach: float = 1.0) -> Indices:
+    """Find the rows (K,) of the matches within `reach` thresholds."""
+    errors = np.empty(len(problem.points_odom))
+    squared_errors(problem, pose, 0, len(errors), errors)
+    return np.flatnonzero(errors < reach * reach)
 
 
 @compiled(error_model="numpy")
-def improve(problem: Problem, pose: Array, now: float, rounds: int) -> float:
-    """Refit a pose (3, 4), in place, to its inliers while its cost falls; returns the cost.
+def refit(problem: Problem, pose: Array, now: float, iterations: int) -> float:
+    """Refit a pose (3, 4), in place, to its inliers while its cost falls; return the cost.
 
-    The first rounds reach further, to catch what a pose from three noisy points has missed.
+    The first iterations reach further: a pose from three noisy points misses inliers.
 
     Source:
         Chum, Matas and Kittler, Locally optimized RANSAC, DAGM 2003: iterative least squares
         with a threshold that shrinks.
     """
     refitted = np.empty((3, 4))
-    for k in range(rounds):
-        reach = max(WIDEST / 2**k, 1.0)
-        rows = inliers(problem, pose, reach)
+    for k in range(iterations):
+        reach = max(FIRST_REACH / 2**k, 1.0)
+        rows = inlier_rows(problem, pose, reach)
         if len(rows) < SAMPLE:
             break
         if problem.absolute:
-            solver = problem.solver
-            done = orient(problem.points_cam, problem.points_odom, rows, solver, refitted)
+            done = absolute_orientation(problem.points_cam, problem.points_odom, rows, refitted)
         else:
-            done = step(problem.points_odom, problem.rays, rows, pose, refitted)
+            done = gauss_newton_step(problem.points_odom, problem.rays, rows, pose, refitted)
         if not done:
             break
         then = cost(problem, refitted, 0, len(problem.points_odom), now)
@@ -144,11 +142,3 @@ def improve(problem: Problem, pose: Array, now: float, rounds: int) -> float:
         elif reach == 1:
             break
     return now
-
-
-@compiled(error_model="numpy")
-def uncertainty(problem: Problem, pose: Array, rows: Indices) -> Array:
-    """Covariance (6, 6) of the pose that fits some inliers best; tangent order (w, v)."""
-    if problem.absolute:
-        return covariance_of_points(problem.points_odom, problem.points_cam, rows, pose)
-    return covariance(problem.points_odom, problem.rays, rows, pose)

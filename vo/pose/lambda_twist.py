@@ -18,7 +18,7 @@ from vo.pose.polynomial import real_roots
 
 @compiled(error_model="numpy")
 def legs_lambda_twist(sides2: Array, cosines: Array, legs: Array) -> int:
-    """Find the candidates for the legs a, b, c; the caller polishes them and checks them.
+    """Find the candidates for the legs a, b, c; the caller refines and checks them.
 
     Args:
         sides2: (3,) squared sides AB, AC, BC.
@@ -76,7 +76,7 @@ def legs_lambda_twist(sides2: Array, cosines: Array, legs: Array) -> int:
 
 @compiled(error_model="numpy")
 def _simplest_root(cubic: Array) -> float:
-    """Of the roots within about 1 of zero, the one that rounding moves least; NaN if none."""
+    """Find the root within about 1 of zero that rounding moves least; NaN without one."""
     work, roots = np.empty(9), np.empty(3)
     best, steepest = np.nan, -1.0
     for i in range(real_roots(cubic, -1.1, 1.1, work, roots)):
@@ -88,7 +88,7 @@ def _simplest_root(cubic: Array) -> float:
 
 @compiled(error_model="numpy")
 def _adjugate(S: Array, adjugate: Array) -> None:
-    """Of a symmetric matrix."""
+    """Write the adjugate (3, 3) of a symmetric matrix."""
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         for m in range(3):
@@ -98,7 +98,7 @@ def _adjugate(S: Array, adjugate: Array) -> None:
 
 @compiled(error_model="numpy")
 def _meet(line: Array, conic: Array, sides2: Array, cosines: Array, legs: Array, found: int) -> int:
-    """Append where a line meets a conic, scaled to the sides' lengths, if all legs are positive."""
+    """Append the positive legs where a line meets a conic, scaled to the sides' lengths."""
     k = np.abs(line).argmax()
     i, j = (k + 1) % 3, (k + 2) % 3
     if line[k] == 0:
@@ -112,8 +112,8 @@ def _meet(line: Array, conic: Array, sides2: Array, cosines: Array, legs: Array,
         return found
     half = -b - np.copysign(np.sqrt(max(square, 0.0)), b)
     L = np.empty(3)
-    for way in range(2):  # a L_i^2 + 2 b L_i L_j + c L_j^2 = 0 has roots half / a and c / half
-        L[i], L[j] = (half, a) if way == 0 else (c, half)
+    for root in range(2):  # a L_i^2 + 2 b L_i L_j + c L_j^2 = 0 has roots half / a and c / half
+        L[i], L[j] = (half, a) if root == 0 else (c, half)
         L[k] = p * L[i] + q * L[j]
         if L.sum() < 0:
             L[:] = -L

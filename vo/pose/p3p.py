@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from vo.contract.arrays import Array, Indices
+from vo.contract.arrays import Array
 from vo.contract.compilation import compiled
 from vo.pose.fischler_bolles import legs_fischler_bolles
 from vo.pose.lambda_twist import legs_lambda_twist
@@ -18,76 +18,25 @@ Solver: TypeAlias = Literal["fischler_bolles", "lambda_twist"]
 SOLVERS: dict[Solver, int] = {"fischler_bolles": 0, "lambda_twist": 1}
 
 FISCHLER_BOLLES = SOLVERS["fischler_bolles"]
-MOST_CANDIDATES = 8
+MAX_CANDIDATES = 8
+"""Rows that a solver may write for the legs of its candidates."""
 
-SLENDER = 1e-12
+COLLINEAR = 1e-12
 """Squared sine below which three points count as collinear."""
 
-POLISHING = 6
-SOLVED = 1e-10
-"""Error of the laws of cosines, as a share of the squared sides, that a solution may keep."""
+NEWTON_STEPS = 6
+"""Largest number of Newton steps on a candidate."""
+
+MAX_RESIDUAL = 1e-10
+"""Largest error of the laws of cosines of a solution, as a share of the squared sides."""
 
 SAME = 1e-9
-"""Legs that differ by less than this share are one solution."""
-
-
-def solve_p3p(
-    points_ref: Array, rays_cam: Array, solver: Solver = "lambda_twist"
-) -> tuple[Array, Indices]:
-    """Find every camera pose that sees three points along three rays, for many triplets at once.
-
-    Args:
-        points_ref: (B, 3, 3): B triplets of points in a reference frame, metres.
-        rays_cam: (B, 3, 3): unit rays towards them in the camera frame.
-        solver: Finds the legs.
-
-    Returns:
-        (S, 4, 4) solutions T_ref_cam, at most four per triplet, and (S,) the triplet of each.
-        Degenerate triplets (collinear or coincident points, NaN) have none.
-    """
-    _, triplet, T_ref_cam = _solve_all(
-        np.ascontiguousarray(points_ref, dtype=np.float64),
-        np.ascontiguousarray(rays_cam, dtype=np.float64),
-        SOLVERS[solver],
-    )
-    return T_ref_cam, triplet
-
-
-def leg_lengths(
-    points_ref: Array, rays_cam: Array, solver: Solver = "lambda_twist"
-) -> tuple[Array, Indices]:
-    """Distances of the camera centre to three points: (S, 3) metres, and (S,) their triplets."""
-    legs, triplet, _ = _solve_all(
-        np.ascontiguousarray(points_ref, dtype=np.float64),
-        np.ascontiguousarray(rays_cam, dtype=np.float64),
-        SOLVERS[solver],
-    )
-    return legs, triplet
-
-
-@compiled(error_model="numpy")
-def _solve_all(points_ref: Array, rays_cam: Array, solver: int) -> tuple[Array, Indices, Array]:
-    count = len(points_ref)
-    legs = np.empty((4 * count, 3))
-    triplet = np.empty(4 * count, dtype=np.int64)
-    T_ref_cam = np.zeros((4 * count, 4, 4))
-    own, poses = np.empty((MOST_CANDIDATES, 3)), np.empty((4, 3, 4))
-    found = 0
-    for b in range(count):
-        for k in range(p3p(points_ref[b], rays_cam[b], solver, own, poses)):
-            legs[found], triplet[found] = own[k], b
-            R_ref_cam = poses[k, :, :3].T
-            T_ref_cam[found, :3, :3] = R_ref_cam
-            for i in range(3):
-                T_ref_cam[found, i, 3] = -(R_ref_cam[i] * poses[k, :, 3]).sum()
-            T_ref_cam[found, 3, 3] = 1.0
-            found += 1
-    return legs[:found], triplet[:found], T_ref_cam[:found]
+"""Relative difference of legs below which two candidates are one solution."""
 
 
 @compiled(error_model="numpy")
 def p3p(points_ref: Array, rays_cam: Array, solver: int, legs: Array, poses: Array) -> int:
-    """Solve one triplet.
+    """Find every camera pose that sees three points along three rays.
 
     Args:
         points_ref: (3, 3) metres.
@@ -97,13 +46,13 @@ def p3p(points_ref: Array, rays_cam: Array, solver: int, legs: Array, poses: Arr
         poses: (4, 3, 4) receives the solutions [R | t], p_cam = R @ p_ref + t.
 
     Returns:
-        The number of solutions.
+        The number of solutions; zero for degenerate points or rays (collinear, coincident, NaN).
     """
     sides2, cosines = np.empty(3), np.empty(3)
     for k, (i, j) in enumerate(((0, 1), (0, 2), (1, 2))):
         sides2[k] = ((points_ref[i] - points_ref[j]) ** 2).sum()
         cosines[k] = (rays_cam[i] * rays_cam[j]).sum()
-    if not np.isfinite(sides2.sum()) or slender(points_ref) or slender(rays_cam):
+    if not np.isfinite(sides2.sum()) or is_collinear(points_ref) or is_collinear(rays_cam):
         return 0
     if solver == FISCHLER_BOLLES:
         candidates = legs_fischler_bolles(sides2, cosines, legs)
@@ -111,20 +60,20 @@ def p3p(points_ref: Array, rays_cam: Array, solver: int, legs: Array, poses: Arr
         candidates = legs_lambda_twist(sides2, cosines, legs)
     found = 0
     for k in range(candidates):
-        if not _polish(legs[k], sides2, cosines):
+        if not _refine(legs[k], sides2, cosines):
             continue
         fresh = found < 4
         for other in range(found):
             fresh = fresh and np.abs(legs[k] - legs[other]).max() > SAME * legs[k].max()
         if fresh:
             legs[found] = legs[k]
-            _move_triangle(points_ref, rays_cam, legs[found], poses[found])
+            _triangle_motion(points_ref, rays_cam, legs[found], poses[found])
             found += 1
     return found
 
 
 @compiled(error_model="numpy")
-def slender(corners: Array) -> bool:
+def is_collinear(corners: Array) -> bool:
     """Whether three points (3, 3) are, to rounding, in a line, or not finite."""
     u, v = corners[1] - corners[0], corners[2] - corners[0]
     area2 = (
@@ -133,16 +82,16 @@ def slender(corners: Array) -> bool:
         + (u[0] * v[1] - u[1] * v[0]) ** 2
     )
     longest2 = max((u * u).sum(), (v * v).sum())
-    return not area2 > SLENDER * longest2 * longest2
+    return not area2 > COLLINEAR * longest2 * longest2
 
 
 @compiled(error_model="numpy")
-def _polish(legs: Array, sides2: Array, cosines: Array) -> bool:
-    """Newton's method on the three laws of cosines, while it helps; False if they do not hold."""
+def _refine(legs: Array, sides2: Array, cosines: Array) -> bool:
+    """Refine legs (3,) by Newton's method on the laws of cosines; False if these do not hold."""
     a, b, c = legs
     cos_ab, cos_ac, cos_bc = cosines
     error = np.inf
-    for _ in range(POLISHING):
+    for _ in range(NEWTON_STEPS):
         e0 = a * a + b * b - 2 * a * b * cos_ab - sides2[0]
         e1 = a * a + c * c - 2 * a * c * cos_ac - sides2[1]
         e2 = b * b + c * c - 2 * b * c * cos_bc - sides2[2]
@@ -160,12 +109,12 @@ def _polish(legs: Array, sides2: Array, cosines: Array) -> bool:
         a -= (-s * u * e0 - q * v * e1 + q * s * e2) / determinant
         b -= (-r * v * e0 + p * v * e1 - p * s * e2) / determinant
         c -= (r * u * e0 - p * u * e1 - q * r * e2) / determinant
-    return error <= SOLVED * sides2.max() and legs.min() > 0
+    return error <= MAX_RESIDUAL * sides2.max() and legs.min() > 0
 
 
 @compiled(error_model="numpy")
-def _move_triangle(points_ref: Array, rays_cam: Array, legs: Array, pose: Array) -> None:
-    """Write [R | t] that lays the triangle of the points onto the one at the ends of the legs."""
+def _triangle_motion(points_ref: Array, rays_cam: Array, legs: Array, pose: Array) -> None:
+    """Write the [R | t] that carries the triangle of the points to the one at the legs' ends."""
     points_cam, here, there = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     for k in range(3):
         points_cam[k] = legs[k] * rays_cam[k]
@@ -183,7 +132,7 @@ def _move_triangle(points_ref: Array, rays_cam: Array, legs: Array, pose: Array)
 
 @compiled(error_model="numpy")
 def _axes(corners: Array, axes: Array) -> None:
-    """Rows: along a triangle's first side, across it in the plane, and off the plane."""
+    """Write unit axes as rows: along a triangle's first side, across it, normal to the plane."""
     u, v = corners[1] - corners[0], corners[2] - corners[0]
     u /= np.sqrt((u * u).sum())
     v -= (u * v).sum() * u

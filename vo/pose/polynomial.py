@@ -8,9 +8,11 @@ from the lowest degree upwards.
 from vo.contract.arrays import Array
 from vo.contract.compilation import compiled
 
-MOST_STEPS = 100
+MAX_STEPS = 100
+"""Largest number of steps to one root."""
+
 TOUCHING = 1e-9
-"""An extremum this close to zero, relative to the terms that cancel there, is a double root."""
+"""Largest value of an extremum that is a double root, relative to the terms that cancel there."""
 
 
 @compiled(error_model="numpy")
@@ -21,11 +23,11 @@ def real_roots(coefficients: Array, low: float, high: float, work: Array, roots:
         coefficients: (D + 1,) highest power first.
         low: Start of the interval.
         high: Its end.
-        work: (2 D + 3,) space.
+        work: (2 D + 3,) working memory.
         roots: (D,) receives them.
 
     Returns:
-        How many roots were found.
+        The number of roots.
     """
     degree = len(coefficients) - 1
     polynomial, edges = work[: degree + 1], work[degree + 1 :]
@@ -58,9 +60,9 @@ def real_roots(coefficients: Array, low: float, high: float, work: Array, roots:
 
 @compiled(error_model="numpy")
 def _bracketed(p: Array, low: float, high: float, rises: bool) -> float:
-    """Newton's method, kept inside a bracket that shrinks, bisecting where it would leave it."""
+    """Find the root in a bracket by Newton's method, bisecting where a step leaves the bracket."""
     x = 0.5 * (low + high)
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         value, slope = 0.0, 0.0
         for c in p:
             slope = slope * x + value
@@ -88,7 +90,7 @@ def _value(p: Array, x: float) -> float:
 
 @compiled(error_model="numpy")
 def _terms(p: Array, x: float) -> float:
-    """Sum of the terms' absolute values."""
+    """Sum the absolute values of the terms."""
     total = 0.0
     for c in p:
         total = total * abs(x) + abs(c)

@@ -1,10 +1,10 @@
-"""Random sample consensus: adaptive or preemptive, with local optimisation (thesis 2.2, 2.7).
+"""Random sample consensus with local optimisation (thesis 2.2, 2.7).
 
 Source: Fischler and Bolles, CACM 1981, with L = log p_fail / log(1 - p_good^k), thesis eq. 2.28;
-Chum, Matas and Kittler, Locally optimized RANSAC, DAGM 2003; Nistér, Preemptive RANSAC for live
-structure and motion estimation, MVA 2005.
+Chum, Matas and Kittler, Locally optimized RANSAC, DAGM 2003.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,23 +13,13 @@ from vo.config import MotionSettings
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices, Mask
 from vo.contract.compilation import compiled
-from vo.pose.hypotheses import (
-    MOST_POSES,
-    SAMPLE,
-    Problem,
-    cost,
-    improve,
-    inliers,
-    propose,
-    uncertainty,
-)
+from vo.pose.gauss_newton import determines_pose
+from vo.pose.hypotheses import MAX_POSES, Problem, cost, inlier_rows, propose, refit
+from vo.pose.preemptive import search_preemptive
+from vo.pose.sampling import SAMPLE, cumulative_weights, draw_sample
 
-FINISHING = 20
-"""Most refits of the best pose, if poses are refitted at all."""
-
-
-PREEMPTIVE_BLOCK = 10
-"""Matches between two halvings of the hypotheses."""
+FINAL_ITERATIONS = 20
+"""Largest number of refits of the best pose, if poses are refitted at all."""
 
 
 @dataclass(frozen=True)
@@ -37,27 +27,23 @@ class Consensus:
     """The pose that most matches agree with.
 
     Attributes:
-        T: (4, 4) T_odom_cam.
+        T_odom_cam: (4, 4).
         inliers: (N,) matches within the threshold of it.
-        trials: Samples drawn.
-        covariance: (6, 6) of the pose that fits the inliers best, tangent order (w, v) in the
-            camera's frame as GTSAM's Pose3; NaN where the inliers do not determine it.
     """
 
-    T: Array
+    T_odom_cam: Array
     inliers: Mask
-    trials: int
-    covariance: Array
 
 
 def ransac(
-    problem: Problem, settings: MotionSettings, rng: np.random.Generator
+    problem: Problem, T_odom_guess: Array, settings: MotionSettings, rng: np.random.Generator
 ) -> Consensus | None:
     """Find the pose of least cost.
 
     Args:
         problem: N matches, all finite.
-        settings: Scheme, confidence, trials and refits.
+        T_odom_guess: (4, 4) expected pose; not used.
+        settings: Scheme, confidence, hypotheses and refits.
         rng: Draws the samples.
 
     Returns:
@@ -66,7 +52,7 @@ def ransac(
     count = len(problem.points_odom)
     if count < SAMPLE:
         return None
-    # In random order, so that the first matches judged stand for all.
+    # In random order, so that the first matches scored stand for all.
     order = rng.permutation(count)
     shuffled = problem._replace(
         points_odom=problem.points_odom[order],
@@ -76,11 +62,8 @@ def ransac(
     )
     draws = rng.random((settings.max_hypotheses, SAMPLE))
     pose = np.zeros((3, 4))
-    if settings.scheme == "preemptive":
-        trials = _search_preemptive(shuffled, draws, PREEMPTIVE_BLOCK, pose)
-    else:
-        trials = _search(shuffled, draws, settings.confidence, settings.local_iterations, pose)
-    found = consensus(shuffled, pose, int(trials), settings)
+    SCHEMES[settings.scheme](shuffled, draws, settings.confidence, settings.local_iterations, pose)
+    found = consensus(shuffled, pose, settings)
     if found is None:
         return None
     mask = np.zeros(count, dtype=np.bool_)
@@ -88,22 +71,26 @@ def ransac(
     return replace(found, inliers=mask)
 
 
-def consensus(
-    problem: Problem, pose: Array, trials: int, settings: MotionSettings
-) -> Consensus | None:
-    """Refit a pose (3, 4) to who agrees with it; None if fewer than three matches do."""
+def consensus(problem: Problem, pose: Array, settings: MotionSettings) -> Consensus | None:
+    """Refit a pose (3, 4) to its inliers; None if there are fewer than three."""
     pose = pose.copy()
-    rows, covariance = _finish(problem, pose, FINISHING if settings.local_iterations else 0)
+    rows = _refit_finally(problem, pose, FINAL_ITERATIONS if settings.local_iterations else 0)
     if len(rows) < SAMPLE:
         return None
     mask = np.zeros(len(problem.points_odom), dtype=np.bool_)
     mask[rows] = True
-    T_odom_cam = se3.inverse(se3.pose(pose[:, :3], pose[:, 3]))
-    return Consensus(T_odom_cam, mask, trials, covariance)
+    return Consensus(se3.inverse(se3.pose(pose[:, :3], pose[:, 3])), mask)
+
+
+def is_determined(problem: Problem, found: Consensus) -> bool:
+    """Whether the inliers alone, without a guess, determine the pose."""
+    rows = np.flatnonzero(found.inliers)
+    pose = np.ascontiguousarray(se3.inverse(found.T_odom_cam)[:3])
+    return len(rows) > SAMPLE and determines_pose(problem.points_odom, problem.rays, rows, pose)
 
 
 @compiled()
-def trials_needed(p_good: float, confidence: float) -> float:
+def samples_needed(p_good: float, confidence: float) -> float:
     """Samples of three after which one is all good with the given confidence (eq. 2.28)."""
     p_sample = p_good**SAMPLE
     if p_sample >= 1:
@@ -114,84 +101,48 @@ def trials_needed(p_good: float, confidence: float) -> float:
 
 
 @compiled()
-def _search(
+def search_adaptive(
     problem: Problem, draws: Array, confidence: float, local_iterations: int, pose: Array
 ) -> int:
-    """One sample after the other until a better one has become unlikely; returns how many."""
+    """Score one sample after the other until a better one has become unlikely.
+
+    Args:
+        problem: N matches, in random order.
+        draws: (S, 3) uniform random numbers, three a sample.
+        confidence: Probability with which one sample shall be all good.
+        local_iterations: Refits of each new best pose.
+        pose: (3, 4) receives the pose of least cost.
+
+    Returns:
+        The number of samples.
+    """
     count = len(problem.points_odom)
-    marks = _marks(problem.weights)
-    sample, poses = np.empty(SAMPLE, dtype=np.int64), np.empty((MOST_POSES, 3, 4))
+    bounds = cumulative_weights(problem.weights)
+    sample, poses = np.empty(SAMPLE, dtype=np.int64), np.empty((MAX_POSES, 3, 4))
     best = np.inf
-    trials, needed = 0, len(draws)
-    while trials < needed:
-        _choose(draws[trials], marks, sample)
-        trials += 1
+    samples, needed = 0, len(draws)
+    while samples < needed:
+        draw_sample(draws[samples], bounds, sample)
+        samples += 1
         better = False
         for k in range(propose(problem, sample, poses)):
             now = cost(problem, poses[k], 0, count, best)
             if now < best:
                 best, better, pose[:] = now, True, poses[k]
         if better:
-            best = improve(problem, pose, best, local_iterations)
-            share = problem.weights[inliers(problem, pose)].sum() / marks[-1]
-            needed = int(min(len(draws), trials_needed(share, confidence)))
-    return trials
+            best = refit(problem, pose, best, local_iterations)
+            share = problem.weights[inlier_rows(problem, pose)].sum() / bounds[-1]
+            needed = int(min(len(draws), samples_needed(share, confidence)))
+    return samples
 
 
 @compiled()
-def _search_preemptive(problem: Problem, draws: Array, block: int, pose: Array) -> int:
-    """Judge all hypotheses by a block of matches, keep the better half, go on with the next.
-
-    Returns:
-        The number of samples.
-    """
-    count = len(problem.points_odom)
-    sample, poses = np.empty(SAMPLE, dtype=np.int64), np.empty((MOST_POSES * len(draws), 3, 4))
-    marks = _marks(problem.weights)
-    found = 0
-    for draw in draws:
-        _choose(draw, marks, sample)
-        found += propose(problem, sample, poses[found:])
-    costs, alive = np.zeros(found), np.arange(found)
-    seen = 0
-    while seen < count and len(alive) > 1:
-        after = min(seen + block, count)
-        for k in alive:
-            costs[k] += cost(problem, poses[k], seen, after, np.inf)
-        alive = alive[np.argsort(costs[alive])[: max(len(alive) // 2, 1)]]
-        seen = after
-    if found:
-        pose[:] = poses[alive[0]]
-    return len(draws)
+def _refit_finally(problem: Problem, pose: Array, iterations: int) -> Indices:
+    """Refit the best pose, in place, until it stays; return the rows of its inliers."""
+    refit(problem, pose, cost(problem, pose, 0, len(problem.points_odom), np.inf), iterations)
+    return inlier_rows(problem, pose)
 
 
-@compiled()
-def _marks(weights: Array) -> Array:
-    """(N + 1,) where each match's stretch of the total weight begins, and the total."""
-    marks = np.zeros(len(weights) + 1)
-    marks[1:] = np.cumsum(weights)
-    return marks
-
-
-@compiled()
-def _choose(draw: Array, marks: Array, sample: Indices) -> None:
-    """Turn three numbers below 1 into three different rows, each drawn in proportion to weight."""
-    for k in range(SAMPLE):
-        left = marks[-1]
-        taken = np.sort(sample[:k])
-        for row in taken:
-            left -= marks[row + 1] - marks[row]
-        place = draw[k] * left
-        for row in taken:  # step over the rows that are taken
-            if place >= marks[row]:
-                place += marks[row + 1] - marks[row]
-        row = np.searchsorted(marks, place, side="right") - 1
-        sample[k] = min(row, len(marks) - 2)
-
-
-@compiled()
-def _finish(problem: Problem, pose: Array, rounds: int) -> tuple[Indices, Array]:
-    """Refit the best pose, in place, until it stays; its inliers and its covariance."""
-    improve(problem, pose, cost(problem, pose, 0, len(problem.points_odom), np.inf), rounds)
-    rows = inliers(problem, pose)
-    return rows, uncertainty(problem, pose, rows)
+Search = Callable[[Problem, Array, float, int, Array], int]
+SCHEMES: dict[str, Search] = {"adaptive": search_adaptive, "preemptive": search_preemptive}
+"""Searches for the pose of least cost, by `motion.scheme`."""

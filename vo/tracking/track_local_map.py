@@ -173,7 +173,7 @@ def _locate_by(
         if len(agreed) < s.motion.min_inliers:
             return None
     with clock("motion refinement"):  # at every frame (3.4)
-        pose = refine_pose(consensus.T, agreed, rig, s)
+        pose = refine_pose(consensus.T_odom_cam, agreed, rig, s)
         counts["motion iterations"] = pose.iterations
     if s.matching.guided and not search.followed:
         with clock("guided matching"):  # the other landmarks, where the pose puts them (F5)
