@@ -5,19 +5,17 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from scenes.geometry.mesh import Mesh, merged, patch, tube
-from scenes.lighting.baked_light import Light, sun
-from scenes.lighting.shadow import LightMap, ground_light
+from scenes.geometry.mesh import Mesh, Vector, merged, patch, tube
+from scenes.geometry.routes import rounded_loop
+from scenes.lighting.baked_light import sun
 from scenes.objects.plants import hedge, tree
 from scenes.objects.props import grass_tufts, lamp_post
 from scenes.objects.vehicles import PAINTS, car
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage, one_object
-from scenes.structures.ground import level, lit, quads, scattered, strip, weathered
-from scenes.structures.routes import rounded_loop
+from scenes.structures.ground import Ground, bake_ground, level, quads, scattered, strip
 from scenes.structures.surround import kerb
 from scenes.surfaces import floor, greenery, masonry, prints, sky, timber
-from scenes.surfaces.floor import asphalt
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 
@@ -31,12 +29,12 @@ TILE_M = 0.5
 
 
 class AsphaltSettings(Settings):
-    """What may be asked of the car park.
+    """Options of the car park.
 
     Attributes:
-        bays: In each of the two rows.
-        parked: Share of the bays that are taken.
-        wear: Of the markings: 0 fresh, 1 nearly gone.
+        bays: Bays in each of the two rows.
+        parked: Share of the bays with a parked car.
+        wear: Wear of the markings: 0 fresh, 1 nearly gone.
     """
 
     bays: Annotated[int, Field(ge=8, le=16)] = 10
@@ -52,21 +50,16 @@ def build(rng: np.random.Generator, settings: AsphaltSettings) -> Scene:
     _surfaces(stage, rng, settings.wear)
     _park(stage, rng, settings)
     _surround(stage, rng, half)
-    x, y = half
-    baked = ground_light((-x - 4, -y - 4, x + 4, y + 4), stage.blockers, light, 0.08)
-    baked = weathered(rng, baked, 0.10)
-    _ground(stage, rng, half, baked, light)
-    _mark(stage, rng, settings, baked, light)
-    stage.floor(0.0)
-    stage.finish(light, sky.town_sky(rng))
-    return Scene(
-        name="asphalt",
-        tests=TESTS,
-        spec=stage.spec,
-        things=stage.things,
-        routes={"default": _route(rng)},
-        extent_m=(-x - 0.6, -y - 0.6, x + 0.6, y + 0.6),
-        tags=frozenset({"outdoor", "level", "textured"}),
+    ground = bake_ground(stage, light, half + 4, (rng, 0.10), 0.08)
+    _lay_ground(ground, rng, half)
+    _mark(ground, rng, settings)
+    return stage.scene(
+        TESTS,
+        light,
+        sky.town_sky(rng),
+        route=_route(rng),
+        extent_m=half + 0.6,
+        tags="outdoor level textured",
     )
 
 
@@ -78,9 +71,9 @@ def _route(rng: np.random.Generator) -> Array:
 
 
 def _surfaces(stage: Stage, rng: np.random.Generator, wear: float) -> None:
-    ground = asphalt(rng, 1024)
-    stage.material("asphalt", ground)
-    stage.material("marking", floor.road_paint(rng, (160, 2048), wear, ground))
+    asphalt = floor.asphalt(rng, 1024)
+    stage.material("asphalt", asphalt)
+    stage.material("marking", floor.road_paint(rng, (160, 2048), wear, asphalt))
     stage.material("cover", floor.iron_cover(rng, 512))
     stage.material("concrete", masonry.concrete(rng, (1024, 1024)))
     stage.material("lawn", greenery.lawn(rng, 1024))
@@ -97,7 +90,7 @@ def _surfaces(stage: Stage, rng: np.random.Generator, wear: float) -> None:
 
 
 def _park(stage: Stage, rng: np.random.Generator, settings: AsphaltSettings) -> None:
-    """Leave cars in a share of the bays."""
+    """Park cars in a share of the bays."""
     left = -settings.bays * BAY_M[0] / 2
     for row, side in enumerate((-1, 1)):
         for k in range(settings.bays):
@@ -112,7 +105,7 @@ def _park(stage: Stage, rng: np.random.Generator, settings: AsphaltSettings) -> 
 
 
 def _surround(stage: Stage, rng: np.random.Generator, half: Array) -> None:
-    """Bollards at the open end, lamp posts, a hedge along one row and trees beyond."""
+    """Place bollards at the open end, lamp posts, a hedge along one row and trees beyond."""
     x, y = half
     for k, across in enumerate(np.arange(-AISLE_M / 2 + 0.6, AISLE_M / 2, 1.6)):
         _bollard(stage, f"bollard_{k}", np.array([x - 0.35, across + rng.normal(0, 0.02)]))
@@ -136,17 +129,15 @@ def _bollard(stage: Stage, name: str, centre: Array) -> None:
     stage.obstacle(name, (x, y, 0.45), (0.1, 0.1, 0.9))
 
 
-def _ground(
-    stage: Stage, rng: np.random.Generator, half: Array, baked: LightMap, light: Light
-) -> None:
-    """Asphalt up to the kerb, lawn beyond."""
+def _lay_ground(ground: Ground, rng: np.random.Generator, half: Array) -> None:
+    """Lay asphalt up to the kerb, and lawn beyond."""
+    stage = ground.stage
     x, y = half
     corners = quads((-x - 0.1, -y - 0.1), (x + 0.1, y + 0.1), 0.25)
     with stage.object("asphalt", Kind.GROUND):
-        field = level(corners, scattered(rng, corners, TILE_M, 1.024))
-        stage.draw_lit("asphalt", lit(field, baked, light))
+        ground.draw("asphalt", level(corners, scattered(rng, corners, TILE_M, 1.024)))
     with stage.object("kerb"):
-        stage.draw_lit("concrete", lit(merged(kerb(rng, half, 0.15, KERB_M)), baked, light))
+        ground.draw("concrete", merged(kerb(rng, half, 0.15, KERB_M)))
     with stage.object("lawn", Kind.GROUND):
         edge, far = 0.14, 40.0
         sides = (
@@ -160,29 +151,22 @@ def _ground(
             ((-x - 4, -far), (x + 4, -y - 4), 2.0),
         )
         turf = merged([strip(low, high, KERB_M - 0.02, 4.0, cell) for low, high, cell in sides])
-        stage.draw_lit("lawn", lit(turf, baked, light))
+        ground.draw("lawn", turf)
         feet = np.concatenate([_fringe(rng, half, axis, 220) for axis in (0, 1)])
-        stage.draw_lit(
-            "lawn", lit(grass_tufts(rng, feet).moved((0, 0, KERB_M - 0.02)), baked, light)
-        )
+        ground.draw("lawn", grass_tufts(rng, feet).moved((0, 0, KERB_M - 0.02)))
 
 
 def _fringe(rng: np.random.Generator, half: Array, axis: int, count: int) -> Array:
-    """Feet (N, 2) of uncut grass behind the kerb on both sides across an axis."""
+    """Draw the feet (N, 2) of uncut grass behind the kerb on both sides across an axis."""
     feet = np.empty((count, 2))
     feet[:, axis] = rng.choice((-1, 1), count) * (half[axis] + 0.2 + rng.exponential(0.2, count))
     feet[:, 1 - axis] = rng.uniform(-half[1 - axis], half[1 - axis], count)
     return feet
 
 
-def _mark(
-    stage: Stage,
-    rng: np.random.Generator,
-    settings: AsphaltSettings,
-    baked: LightMap,
-    light: Light,
-) -> None:
-    """Paint bays and two arrows; let a cover of a shaft in."""
+def _mark(ground: Ground, rng: np.random.Generator, settings: AsphaltSettings) -> None:
+    """Paint bays and two arrows, and add a shaft cover."""
+    stage = ground.stage
     lines: list[Mesh] = []
     left = -settings.bays * BAY_M[0] / 2
     for side in (-1, 1):
@@ -196,20 +180,15 @@ def _mark(
         lines.append(_line(rng, tip - 1.7 * along, tip - 0.08 * along))
         lines += [_line(rng, tip - 0.55 * along + s * across, tip) for s in (-1, 1)]
     with stage.object("markings", Kind.GROUND):
-        stage.draw_lit("marking", *(lit(line, baked, light) for line in lines))
+        ground.draw("marking", *lines)
     with stage.object("shaft_cover", Kind.GROUND):
         x, y = rng.uniform(-3, 3), rng.uniform(-1.2, 1.2)
         cover = patch((x, y, 2 * PAINT_M), (0.6, 0, 0), (0, 0.6, 0), (3, 3))
-        stage.draw_lit("cover", lit(cover, baked, light))
+        ground.draw("cover", cover)
 
 
-def _line(
-    rng: np.random.Generator,
-    start: tuple[float, float] | Array,
-    end: tuple[float, float] | Array,
-    width_m: float = 0.15,
-) -> Mesh:
-    """Build a painted stripe between two (2,) points; a random stretch of the texture."""
+def _line(rng: np.random.Generator, start: Vector, end: Vector, width_m: float = 0.15) -> Mesh:
+    """Build a painted stripe between two (2,) points with a random stretch of the texture."""
     a, b = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
     way = b - a
     length = float(np.linalg.norm(way))

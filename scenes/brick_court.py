@@ -7,29 +7,30 @@ import numpy as np
 from pydantic import Field
 
 from scenes.geometry.mesh import merged, patch
-from scenes.lighting.baked_light import Light, sun
-from scenes.lighting.shadow import LightMap, ground_light
+from scenes.geometry.routes import rounded_loop
+from scenes.lighting.baked_light import sun
 from scenes.objects.props import bench, grass_tufts, lamp_post, litter, planter, potted_plant, shrub
-from scenes.scene import COLLISION_GROUP, Kind, Scene
+from scenes.scene import Kind, Scene
 from scenes.stage import Stage
-from scenes.structures.ground import lit, strip, weathered
+from scenes.structures.ground import Ground, bake_ground, strip
 from scenes.structures.paving import BEVEL_M, Bond, Paving, brick_flanks, brick_tops, lay
-from scenes.structures.routes import rounded_loop
-from scenes.structures.surround import brick_wall, kerb, on_wall, plaster_wall
+from scenes.structures.surround import brick_wall, hang_posters, kerb, plaster_wall
 from scenes.surfaces import greenery, masonry, prints, sky, timber
-from scenes.surfaces.atlas import Atlas, pack
+from scenes.surfaces.atlas import pack
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 
-TESTS = "Outdoor paving of single bricks: small wheels bump, the camera shakes, the ground is rich."
+TESTS = "Outdoor paving of single bricks: bumps shake the camera; the ground is rich in texture."
 MODULE_M = 0.1
-SWATH_M = 0.6  # half width around the route within which every brick is a collision box
-FLANKS_M = 1.0  # distance from the route beyond which a few millimetres of flank do not show
+SWATH_M = 0.6
+"""Distance from the route within which every brick is a collision box."""
+FLANKS_M = 1.0
+"""Distance from the route beyond which the flanks, a few millimetres high, are not drawn."""
 BRICK_THICKNESS_M = 0.06
 
 
 class BrickCourtSettings(Settings):
-    """What may be asked of the court.
+    """Options of the court.
 
     Attributes:
         length_m: Size of the paving along x.
@@ -58,26 +59,24 @@ def build(rng: np.random.Generator, settings: BrickCourtSettings) -> Scene:
     route = _route(rng, half)
     gap_m = np.linalg.norm(paving.centre[:, None, :2] - route[None, ::2], axis=-1).min(axis=1)
     light = sun(rng)
-    bricks = _surfaces(stage, rng)
+    _surfaces(stage, rng)
     _furnish(stage, rng, half)
     _surround(stage, rng, half)
-    reach = tuple(np.concatenate([-half - 3, half + 3]).tolist())
-    baked = weathered(rng, ground_light(reach, stage.blockers, light))
+    ground = bake_ground(stage, light, half + 3, (rng, 0.14))
     with stage.object("paving", Kind.GROUND):
-        _pave(stage, rng, paving, gap_m, bricks, baked, light)
+        _pave(ground, rng, paving, gap_m)
     with stage.object("surrounding_ground", Kind.GROUND):
-        _ground(stage, rng, half, sand_m, baked, light)
+        _edge(ground, rng, half, sand_m)
     stage.floor(sand_m)
-    _bump(stage, paving.select(gap_m < SWATH_M))
-    stage.finish(light, sky.town_sky(rng))
-    return Scene(
-        name="brick_court",
-        tests=TESTS,
-        spec=stage.spec,
-        things=stage.things,
-        routes={"default": route},
-        extent_m=tuple(np.concatenate([-half - 0.6, half + 0.6]).tolist()),
-        tags=frozenset({"outdoor", "bumpy", "textured"}),
+    _add_collision(stage, paving.select(gap_m < SWATH_M))
+    return stage.scene(
+        TESTS,
+        light,
+        sky.town_sky(rng),
+        route=route,
+        extent_m=half + 0.6,
+        tags="outdoor bumpy textured",
+        floor_m=None,
     )
 
 
@@ -102,10 +101,9 @@ def _route(rng: np.random.Generator, half: Array) -> Array:
     return rounded_loop(corners, radius_m=0.9)
 
 
-def _surfaces(stage: Stage, rng: np.random.Generator) -> Atlas:
-    """Define the materials; returns the bricks, which hide most else and so are the first."""
-    bricks = pack(masonry.paving_bricks(rng, 144, (100, 200)))
-    stage.material("paving", bricks.image)
+def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
+    """Define the materials; the bricks, which hide most of the others, are the first."""
+    stage.material("paving", pack(masonry.paving_bricks(rng, 144, (100, 200))))
     stage.material("sand", masonry.sand(rng, 1024))
     stage.material("concrete", masonry.concrete(rng, (1024, 1024)))
     stage.material("mortar", masonry.concrete(rng, (512, 512), 168.0))
@@ -117,7 +115,6 @@ def _surfaces(stage: Stage, rng: np.random.Generator) -> Atlas:
     stage.material("timber", timber.wood(rng, (256, 1024), (142, 108, 74)))
     stage.material("pot", timber.painted(rng, (256, 256), (158, 106, 82)))
     stage.material("iron", timber.painted(rng, (256, 256), (58, 62, 60)))
-    return bricks
 
 
 def _furnish(stage: Stage, rng: np.random.Generator, half: Array) -> None:
@@ -134,21 +131,19 @@ def _furnish(stage: Stage, rng: np.random.Generator, half: Array) -> None:
 
 
 def _surround(stage: Stage, rng: np.random.Generator, half: Array) -> None:
-    """Walls to the north and west, shrubs before them and along the open sides."""
+    """Build walls to the north and west, shrubs before them and along the open sides."""
     x, y = half
-    atlas = pack(masonry.wall_bricks(rng, 64, (48, 140)))
-    stage.material("wall_bricks", atlas.image)
-    brick_wall(stage, "wall_north", rng, atlas, (-x - 1.0, y + 1.0), 2 * x + 3.6, 2.2, 0.0)
-    west = (-x - 1.0, -y - 2.6)
-    plaster_wall(stage, "wall_west", rng, west, 2 * y + 3.6, 2.4, np.pi / 2)
-    bills = pack(prints.posters(rng, 8, (420, 300)))
-    stage.material("posters", bills.image)
+    stage.material("wall_bricks", pack(masonry.wall_bricks(rng, 64, (48, 140))))
+    brick_wall(stage, "wall_north", rng, (-x - 1.0, y + 1.0, 0.0), 2 * x + 3.6, 2.2)
+    west = (-x - 1.0, -y - 2.6, np.pi / 2)
+    plaster_wall(stage, "wall_west", rng, west, 2 * y + 3.6, 2.4)
+    stage.material("posters", pack(prints.posters(rng, 8, (420, 300))))
     spots = [
         (along + rng.uniform(0, 0.9), rng.uniform(0.32, 0.7), 0.6, 0.84)
         for along in np.arange(1.5, 2 * y + 2, 1.7)
     ]
     with stage.object("posters"):
-        stage.draw("posters", *on_wall(rng, bills, west, np.pi / 2, spots))
+        hang_posters(stage, rng, west, spots)
     with stage.object("shrubs"):
         _plant_shrubs(stage, rng, half)
 
@@ -165,24 +160,17 @@ def _plant_shrubs(stage: Stage, rng: np.random.Generator, half: Array) -> None:
         shrub(stage, rng, (*at, 0.35), rng.uniform(0.35, 0.5))
 
 
-def _ground(
-    stage: Stage,
-    rng: np.random.Generator,
-    half: Array,
-    sand_m: float,
-    baked: LightMap,
-    light: Light,
-) -> None:
-    """Sand under the bricks, kerb, gravel before the walls, lawn elsewhere."""
+def _edge(ground: Ground, rng: np.random.Generator, half: Array, sand_m: float) -> None:
+    """Put sand under the bricks, a kerb, gravel before the walls and lawn elsewhere."""
     x, y = half
     bed = half + 0.2  # reaches under the kerb, whose stones leave gaps
     sand = patch((*-bed, sand_m), (2 * bed[0], 0, 0), (0, 2 * bed[1], 0), (44, 33), (1.0, 1.0))
-    stage.draw_lit("sand", lit(sand, baked, light))
-    stage.draw_lit("concrete", lit(merged(kerb(rng, half, 0.12, 0.03)), baked, light))
+    ground.draw("sand", sand)
+    ground.draw("concrete", merged(kerb(rng, half, 0.12, 0.03)))
     edge = 0.12
     north = strip((-x - 1.05, y + edge), (x + 3, y + 1.05), 0.0, 1.5)
     west = strip((-x - 1.05, -y - 3), (-x - edge, y + edge), 0.0, 1.5)
-    stage.draw_lit("gravel", lit(merged([north, west]), baked, light))
+    ground.draw("gravel", merged([north, west]))
     east = strip((x + edge, -y - edge), (x + 3, y + 1.05), 0.012, 4.0)
     south = strip((-x - edge, -y - 3), (x + 3, -y - edge), 0.012, 4.0)
     beyond = [
@@ -191,7 +179,7 @@ def _ground(
         strip((-30, y + 1.05), (x + 3, 30), 0.012, 4.0, 1.5),
         strip((-30, -y - 3), (-x - 1.05, y + 1.05), 0.012, 4.0, 1.5),
     ]
-    stage.draw_lit("lawn", lit(merged([east, south, *beyond]), baked, light))
+    ground.draw("lawn", merged([east, south, *beyond]))
     count = 300
     beside = 0.14 + rng.exponential(0.35, (2, count))  # uncut where the mower meets the kerb
     tufts = np.concatenate(
@@ -200,36 +188,26 @@ def _ground(
             np.column_stack([rng.uniform(-x, x, count), -y - beside[1]]),
         ]
     )
-    stage.draw_lit("lawn", lit(grass_tufts(rng, tufts), baked, light))
+    ground.draw("lawn", grass_tufts(rng, tufts))
 
 
-def _pave(
-    stage: Stage,
-    rng: np.random.Generator,
-    paving: Paving,
-    gap_m: Array,
-    bricks: Atlas,
-    baked: LightMap,
-    light: Light,
-) -> None:
+def _pave(ground: Ground, rng: np.random.Generator, paving: Paving, gap_m: Array) -> None:
     """Draw the bricks, finely divided under a shadow's edge, with flanks where they show.
 
     Args:
-        stage: Receives the meshes.
+        ground: Receives the meshes.
         rng: Chooses the faces.
         paving: The bricks.
         gap_m: (N,) distance of each from the route.
-        bricks: Their faces.
-        baked: Light on the ground.
-        light: The lamps.
     """
+    stage = ground.stage
     count = len(paving.centre)
-    rects = bricks.rects[rng.integers(bricks.count, size=count)]
+    rects = stage.atlases["paving"].pick(rng, count)
     turned = rng.random(count) < 0.5
     probes = paving.centre[:, None, :2] + paving.reach[:, None] * np.array(
         [[0, 0], [1, 1], [1, -1], [-1, 1], [-1, -1]]
     )
-    key = baked.at(probes.reshape(-1, 2))[0].reshape(count, -1)
+    key = ground.baked.at(probes.reshape(-1, 2))[0].reshape(count, -1)
     fine = np.ptp(key, axis=1) > 0.15
     near = gap_m < FLANKS_M
     for keep, divisions, inset_m in (
@@ -240,30 +218,28 @@ def _pave(
     ):
         if keep.any():
             tops = brick_tops(paving.select(keep), rects[keep], turned[keep], divisions, inset_m)
-            stage.draw_lit("paving", lit(tops, baked, light))
+            ground.draw("paving", tops)
     flanks = brick_flanks(paving.select(near), rects[near], turned[near])
-    stage.draw_lit("paving", lit(flanks, baked, light))
-    leaves = pack(greenery.fallen_leaves(rng, 24, 64))
-    stage.material("litter", leaves.image)
+    ground.draw("paving", flanks)
+    stage.material("litter", pack(greenery.fallen_leaves(rng, 24, 64)))
     dropped = 170
     under = paving.centre[rng.integers(count, size=dropped)]
     shift = rng.uniform(-0.04, 0.04, (dropped, 2))
     places = np.column_stack([under[:, :2] + shift, under[:, 2] + 0.003])
-    stage.draw_lit("litter", lit(litter(rng, places, leaves), baked, light))
+    ground.draw("litter", litter(rng, places, stage.atlases["litter"]))
 
 
-def _bump(stage: Stage, near: Paving) -> None:
+def _add_collision(stage: Stage, near: Paving) -> None:
     """Give each brick a collision box with the pose of its drawing."""
     for k, (centre, reach, slope) in enumerate(
         zip(near.centre, near.reach, near.slope, strict=True)
     ):
         tilt = np.array([1, slope[1] / 2, -slope[0] / 2, 0])  # small turn that lifts along slope
         normal = np.array([-slope[0], -slope[1], 1]) / np.sqrt(1 + slope @ slope)
-        stage.spec.worldbody.add_geom(
-            name=f"brick_{k}",
-            type=mujoco.mjtGeom.mjGEOM_BOX,
+        stage.collision(
+            f"brick_{k}",
+            mujoco.mjtGeom.mjGEOM_BOX,
             pos=centre - normal * BRICK_THICKNESS_M / 2,
             quat=tilt / np.linalg.norm(tilt),
             size=(*reach, BRICK_THICKNESS_M / 2),
-            group=COLLISION_GROUP,
         )

@@ -5,25 +5,26 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from scenes.geometry.mesh import Mesh, box
+from scenes.geometry.mesh import box
+from scenes.geometry.place import Place, local
+from scenes.geometry.routes import rounded_loop
 from scenes.lighting.baked_light import Light
 from scenes.lighting.lamps import Lamplight
-from scenes.objects.furniture import Place, at, local
 from scenes.objects.props import potted_plant
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage
 from scenes.structures import interior
 from scenes.structures.ground import level, quads, scattered
-from scenes.structures.interior import Run
-from scenes.structures.rooms import sides
-from scenes.structures.routes import rounded_loop
+from scenes.structures.interior import Run, sides
 from scenes.surfaces import floor, greenery, masonry, prints, timber
-from scenes.surfaces.atlas import Atlas, pack
+from scenes.surfaces.atlas import pack
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 
-TESTS = "Blank walls and plain flooring: few features, far apart, and long looks down the corridor."
+TESTS = "Blank walls and plain flooring: few features, far apart, and long views down the corridor."
 HEIGHT_M = 2.5
+PERIOD_M = (3.1, 2.9)
+"""Size of the walls' texture."""
 PANEL_POWER = 6.0
 """As `Lamplight.powers`."""
 FLOORS = ((146, 150, 142), (158, 146, 126), (124, 136, 148), (150, 152, 154))
@@ -31,11 +32,11 @@ LEAVES = ((96, 118, 138), (162, 126, 88), (120, 132, 112), (176, 174, 168))
 
 
 class CorridorSettings(Settings):
-    """What may be asked of the corridor.
+    """Options of the corridor.
 
     Attributes:
-        length_m: Of the long arms, between the outer walls.
-        width_m: Of the short arms, between the outer walls.
+        length_m: Length of the long arms, between the outer walls.
+        width_m: Length of the short arms, between the outer walls.
         arm_m: Width of the corridor.
         doors: Share of the places for doors that have one.
     """
@@ -53,42 +54,39 @@ def build(rng: np.random.Generator, settings: CorridorSettings) -> Scene:
     core = half - settings.arm_m
     middle = half - settings.arm_m / 2
     panels = _panel_places(middle)
-    atlases = _surfaces(stage, rng)
+    _surfaces(stage, rng)
     with stage.object("floor", Kind.GROUND):
         _floor(stage, rng, half, core)
     _walls(stage, half, core)
     with stage.object("ceiling"):
-        _ceiling(stage, half, panels)
+        interior.ceiling(stage, half, HEIGHT_M, 0.5, 2.0)
+        for panel in panels:
+            interior.ceiling_panel(stage, panel, (0.6, 0.6))
     for k, run in enumerate((*sides(half), *interior.around(core))):
-        _furnish(stage, f"{k}", rng, run, atlases, settings)
+        _furnish(stage, f"{k}", rng, run, settings.doors)
     for k, (x, y, yaw) in enumerate(((-core[0], middle[1], 0.0), (core[0], -middle[1], np.pi))):
-        interior.exit_sign(
-            stage, f"exit_{k}", (x, y, yaw + np.pi / 2), HEIGHT_M, atlases["signs_lit"].rects[0]
-        )
-    _corners_filled(stage, rng, half)
-    stage.floor(0.0)
+        sign = stage.atlases["signs_lit"].rects[0]
+        interior.exit_sign(stage, f"exit_{k}", (x, y, yaw + np.pi / 2), HEIGHT_M, sign)
+    _fill_corners(stage, rng, half)
     light = _lamps(rng)
-    shine = Lamplight(panels, np.full(len(panels), PANEL_POWER), stage.blockers, light).shine
-    stage.finish(light, None, shine)
-    x, y = half + 0.15
-    return Scene(
-        name="corridor",
-        tests=TESTS,
-        spec=stage.spec,
-        things=stage.things,
-        routes={"default": rounded_loop(_corners(middle), radius_m=0.65)},
-        extent_m=(-x, -y, x, y),
-        tags=frozenset({"indoor", "level", "plain"}),
+    lamps = Lamplight(panels, np.full(len(panels), PANEL_POWER), stage.occluders, light)
+    return stage.scene(
+        TESTS,
+        light,
+        bake=lamps.bake,
+        route=rounded_loop(_corners(middle), radius_m=0.65),
+        extent_m=half + 0.15,
+        tags="indoor level plain",
     )
 
 
 def _corners(middle: Array) -> Array:
-    """Drive counter-clockwise."""
+    """List the corners of the route, counter-clockwise."""
     return np.array([(1, -1), (1, 1), (-1, 1), (-1, -1)]) * middle
 
 
 def _panel_places(middle: Array) -> Array:
-    """One ceiling panel at every corner and about every 2.4 m between: (P, 3) metres."""
+    """Place a ceiling panel at every corner and about every 2.4 m between: (P, 3) metres."""
     places: list[Array] = []
     corners = _corners(middle)
     for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
@@ -109,8 +107,8 @@ def _lamps(rng: np.random.Generator) -> Light:
     )
 
 
-def _surfaces(stage: Stage, rng: np.random.Generator) -> dict[str, Atlas]:
-    """Define the materials; returns the atlases by material."""
+def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
+    """Define the materials."""
     symbols = prints.pictograms(160)
     atlases = {
         "posters": pack(prints.posters(rng, 8, (280, 200))),
@@ -121,7 +119,7 @@ def _surfaces(stage: Stage, rng: np.random.Generator) -> dict[str, Atlas]:
     tint = np.array((214, 212, 204)) * rng.uniform(0.96, 1.02, 3)
     stage.material("wall", masonry.painted_wall(rng, (1024, 1024), (tint[0], tint[1], tint[2])))
     for name, atlas in atlases.items():
-        stage.material(name, atlas.image, 0.5 if name == "signs_lit" else 0.0)
+        stage.material(name, atlas, 0.5 if name == "signs_lit" else 0.0)
     leaf = np.array(LEAVES[rng.integers(len(LEAVES))])
     stage.material("leaf", masonry.painted_wall(rng, (512, 512), (leaf[0], leaf[1], leaf[2])), 0.12)
     stage.material("frame", timber.painted(rng, (256, 256), (116, 120, 124)), 0.1)
@@ -138,7 +136,6 @@ def _surfaces(stage: Stage, rng: np.random.Generator) -> dict[str, Atlas]:
     stage.material("pot", timber.painted(rng, (128, 128), (96, 98, 100)))
     stage.material("soil", greenery.soil(rng, 128))
     stage.material("leaves", greenery.leaves(rng, 1, 512)[0])
-    return atlases
 
 
 def _floor(stage: Stage, rng: np.random.Generator, half: Array, core: Array) -> None:
@@ -151,53 +148,29 @@ def _floor(stage: Stage, rng: np.random.Generator, half: Array, core: Array) -> 
 
 
 def _walls(stage: Stage, half: Array, core: Array) -> None:
-    period = (3.1, 2.9)
+    """Build the outer walls and the core."""
     for k, run in enumerate(sides(half)):
-        with stage.object(f"wall_{k}"):
-            _wall(stage, run, period)
-            interior.collide(stage, f"wall_{k}", run, HEIGHT_M)
+        interior.wall(stage, f"wall_{k}", run, HEIGHT_M, PERIOD_M)
     with stage.object("core"):
         for run in interior.around(core):
-            _wall(stage, run, period)
+            stage.draw("wall", interior.wall_face(run, HEIGHT_M, PERIOD_M))
+            stage.draw("skirting", interior.skirting(run))
     stage.obstacle("core", (0, 0, HEIGHT_M / 2), (*2 * core, HEIGHT_M))
 
 
-def _wall(stage: Stage, run: Run, period: tuple[float, float]) -> None:
-    stage.draw("wall", interior.wall_face(run, HEIGHT_M, period))
-    stage.draw("skirting", interior.skirting(run))
-
-
-def _ceiling(stage: Stage, half: Array, panels: Array) -> None:
-    """Close the room and let the panels in."""
-    corners = quads((-half[0], -half[1]), (half[0], half[1]), 0.5)
-    down = level(corners, corners / 2.0, HEIGHT_M)
-    under = Mesh(down.points, -down.normals, down.uv, down.faces[:, ::-1])
-    stage.draw("ceiling", under)
-    for place in panels:
-        interior.ceiling_panel(stage, place, (0.6, 0.6))
-
-
-def _furnish(
-    stage: Stage,
-    name: str,
-    rng: np.random.Generator,
-    run: Run,
-    atlases: dict[str, Atlas],
-    settings: CorridorSettings,
-) -> None:
-    """Hang doors on a wall, and between them now and then a board, an extinguisher or a switch."""
+def _furnish(stage: Stage, name: str, rng: np.random.Generator, run: Run, doors: float) -> None:
+    """Hang doors on a wall, and between them here and there a board or an extinguisher."""
     wall, length = run
-    signs = atlases["signs"].rects
+    signs = stage.atlases["signs"].rects
     pitch = length / max(1, round(length / 2.9))
     margin = 1.1
     for k, along in enumerate(np.arange(pitch / 2, length, pitch)):
         spot = float(along + rng.uniform(-0.35, 0.35))
         if not margin < spot < length - margin:
             continue
-        if rng.random() < settings.doors:
-            interior.door(
-                stage, f"door_{name}_{k}", rng, wall, spot, signs[rng.integers(len(signs) - 1)]
-            )
+        if rng.random() < doors:
+            sign = signs[rng.integers(len(signs) - 1)]
+            interior.door(stage, f"door_{name}_{k}", rng, wall, spot, sign)
             with stage.object(f"switch_{name}_{k}"):
                 _switch(stage, wall, spot + 0.72)
         beside = float(along + pitch / 2 + rng.uniform(-0.1, 0.1))
@@ -205,12 +178,12 @@ def _furnish(
             continue
         draw = rng.random()
         if draw < 0.22:
-            interior.notice_board(stage, f"board_{name}_{k}", rng, wall, beside, atlases["posters"])
+            interior.notice_board(stage, f"board_{name}_{k}", rng, wall, beside)
         elif draw < 0.45:
             interior.extinguisher(stage, f"extinguisher_{name}_{k}", wall, beside, signs[-1])
 
 
-def _corners_filled(stage: Stage, rng: np.random.Generator, half: Array) -> None:
+def _fill_corners(stage: Stage, rng: np.random.Generator, half: Array) -> None:
     """Stand a plant in two of the outer corners, hang a radiator beside the others."""
     for k, (wall, length) in enumerate(sides(half)):
         if k % 2:
@@ -225,7 +198,7 @@ def _corners_filled(stage: Stage, rng: np.random.Generator, half: Array) -> None
 
 def _switch(stage: Stage, wall: Place, along_m: float) -> None:
     """Put a light switch at 1.05 m and a socket at 0.3 m on a wall."""
-    put = at(stage, wall)
+    put = stage.at(wall)
     for z in (0.3, 1.05):
         put("panel", box((along_m, -0.006, z), (0.08, 0.012, 0.08)))
         put("frame", box((along_m, -0.013, z), (0.05, 0.004, 0.05)))

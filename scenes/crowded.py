@@ -6,49 +6,49 @@ import numpy as np
 from pydantic import Field
 
 from scenes.geometry.mesh import box, patch, tube
+from scenes.geometry.place import Place, local
+from scenes.geometry.routes import rounded_loop
 from scenes.lighting.baked_light import Light, hall_light
-from scenes.lighting.shadow import ground_light
 from scenes.objects import people
-from scenes.objects.furniture import Place, at, bin_, cabinet, local, solid
+from scenes.objects.furniture import bin_, cabinet
 from scenes.objects.people import Crossing, Lap, Walk
 from scenes.objects.props import bench, planter, potted_plant
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage, one_object
-from scenes.structures.ground import level, lit, quads, tiled, weathered
-from scenes.structures.interior import collide, skirting, wall_face
-from scenes.structures.rooms import sides
-from scenes.structures.routes import rounded_loop
+from scenes.structures import interior
+from scenes.structures.ground import bake_ground, level, quads, tiled
+from scenes.structures.interior import sides
 from scenes.surfaces import greenery, masonry, prints, signs, sky, timber
-from scenes.surfaces.atlas import Atlas, pack
+from scenes.surfaces.atlas import pack
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 
-TESTS = "Movers that cross the view and cover up to a third of it: what moves must not mislead."
+TESTS = "Pedestrians and trolleys cover up to a third of the view: moving points must be rejected."
 HALF_M = np.array([9.4, 7.2])
 ROUTE_M = np.array([5.3, 3.3])
 """Half sizes of the route's rectangle."""
 LANES_M = (-0.95, -1.55, -2.15, 0.95, 1.6, 2.2)
-"""How far outside the route each lane of walkers lies; the figures are half a metre wide."""
+"""Distance of each lane of pedestrians outside the route; figures are half a metre wide."""
 OVERTAKING = 3
-"""The lane beside the route whose walkers slowly pass the rover: they fill much of its view."""
+"""Lane beside the route whose pedestrians pass the rover slowly and fill much of its view."""
 PORTER = 0.62
-"""How far along a lane, as a share, carriers and porters are ahead of its first walker."""
+"""Lead of carriers and porters over the first pedestrian of a lane, as a share of its length."""
 TILE_M = 0.6
 HEIGHT_M = 4.5
 ROVER_MPS = 0.3
 ROVER_STARTS_S = 1.5
 LAPS = 12
-"""Of the rover, for which crossings are planned."""
+"""Number of the rover's laps for which crossings are planned."""
 
 
 class CrowdedSettings(Settings):
-    """What may be asked of the hall.
+    """Options of the hall.
 
     Attributes:
-        walkers: Figures in lanes beside the route.
-        crossers: Figures that cross the route a few metres ahead of a rover that drives the
-            default route at 0.3 m/s; choose 0 for another drive, or they may run into it.
-        pace: Factor on everybody's speed.
+        walkers: Number of pedestrians in lanes beside the route.
+        crossers: Number of pedestrians that cross the route a few metres ahead of a rover that
+            drives the default route at 0.3 m/s; use 0 for another drive, or they may hit it.
+        pace: Factor on the speed of all movers.
     """
 
     walkers: Annotated[int, Field(ge=0, le=18)] = 9
@@ -60,43 +60,30 @@ def build(rng: np.random.Generator, settings: CrowdedSettings) -> Scene:
     """Build the hall; layout, textures, light and walks follow the generator."""
     stage = Stage("crowded")
     light = hall_light(rng, (76, 82))
-    atlases = _surfaces(stage, rng)
-    _walls(stage, rng, atlases)
+    _surfaces(stage, rng)
+    _walls(stage, rng)
     _columns(stage, rng)
-    _furnish(stage, rng, atlases)
+    _furnish(stage, rng)
     with stage.object("floor", Kind.GROUND):
-        _floor(stage, rng, atlases["floor"], light)
-    stage.floor(0.0)
+        _floor(stage, rng, light)
     route = _loop(0.0)
-    _people(stage, rng, route, settings, atlases)
-    stage.finish(light, None)
-    return Scene(
-        name="crowded",
-        tests=TESTS,
-        spec=stage.spec,
-        things=stage.things,
-        movers=stage.movers,
-        routes={"default": route},
-        extent_m=(-HALF_M[0] - 0.2, -HALF_M[1] - 0.2, HALF_M[0] + 0.2, HALF_M[1] + 0.2),
-        tags=frozenset({"indoor", "level", "dynamic", "textured"}),
+    _add_movers(stage, rng, route, settings)
+    return stage.scene(
+        TESTS, light, route=route, extent_m=HALF_M + 0.2, tags="indoor level dynamic textured"
     )
 
 
 def _loop(outward_m: float) -> Array:
-    """Go around the hall's middle, so far outside the route."""
+    """Go around the middle of the hall, `outward_m` outside the route."""
     x, y = ROUTE_M + outward_m
     corners = np.array([(x, -y), (x, y), (-x, y), (-x, -y)])
     return rounded_loop(corners, radius_m=min(1.0 + 0.35 * max(outward_m, 0), 1.8))
 
 
-def _people(
-    stage: Stage,
-    rng: np.random.Generator,
-    route: Array,
-    settings: CrowdedSettings,
-    atlases: dict[str, Atlas],
+def _add_movers(
+    stage: Stage, rng: np.random.Generator, route: Array, settings: CrowdedSettings
 ) -> None:
-    """Let walkers, porters and two carriers go around in lanes, and crossers cross."""
+    """Add pedestrians, porters and two carriers that go around in lanes, and the crossers."""
     senses = rng.choice([-1.0, 1.0], len(LANES_M))
     paces = rng.uniform(0.55, 1.1, len(LANES_M)) * settings.pace * senses
     paces[OVERTAKING] = 0.5 * settings.pace
@@ -104,22 +91,20 @@ def _people(
     lengths = [Lap(lap, 1.0, 0.0).marks_m[-1] for lap in laps]
     starts = rng.uniform(0, 1, len(LANES_M))
     starts[OVERTAKING] = -PORTER - rng.uniform(2.5, 7.0) / lengths[OVERTAKING]
-    clothes = atlases["clothes"]
     for k in range(settings.walkers):
         lane, turn = k % len(LANES_M), k // len(LANES_M)
         start = (starts[lane] + 0.31 * turn + rng.uniform(-0.05, 0.05)) * lengths[lane]
-        people.person(stage, f"person_{k}", rng, Lap(laps[lane], paces[lane], start), clothes)
+        people.person(stage, f"person_{k}", rng, Lap(laps[lane], paces[lane], start))
     for k, lane in enumerate((0, 5)):
         start = (starts[lane] + PORTER) * lengths[lane]
         people.carrier(stage, f"carrier_{k}", people.placed(Lap(laps[lane], paces[lane], start)))
     for lane, load, ahead_m in ((OVERTAKING, people.roll_cage, 0.86), (4, people.trolley, 0.98)):
         pusher = Lap(laps[lane], paces[lane], (starts[lane] + PORTER) * lengths[lane])
-        people.person(stage, f"porter_{lane}", rng, pusher, clothes, 0.4)
-        name = load.__name__
-        load(stage, name, rng, people.placed(pusher, ahead_m), atlases["cartons"])
+        people.person(stage, f"porter_{lane}", rng, pusher, 0.4)
+        load(stage, load.__name__, rng, people.placed(pusher, ahead_m))
     for k in range(settings.crossers):
         walk = _crossing(rng, route, (k + rng.uniform(0.35, 0.65)) / settings.crossers)
-        people.person(stage, f"crosser_{k}", rng, walk, clothes)
+        people.person(stage, f"crosser_{k}", rng, walk)
 
 
 def _crossing(rng: np.random.Generator, route: Array, share: float) -> Walk:
@@ -136,17 +121,17 @@ def _crossing(rng: np.random.Generator, route: Array, share: float) -> Walk:
     return Crossing(inner, outer, ROVER_STARTS_S + due - 2.7 / pace, pace)
 
 
-def _surfaces(stage: Stage, rng: np.random.Generator) -> dict[str, Atlas]:
-    """Define the materials; returns the atlases by material."""
+def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
+    """Define the materials."""
     atlases = {
         "floor": pack(masonry.terrazzo_tiles(rng, 16, 600)),
-        "clothes": people.wardrobe(rng),
+        "clothes": people.clothing_atlas(rng),
         "posters": pack(prints.posters(rng, 12, (420, 300))),
         "screens": pack(prints.screens(rng, 4, (200, 340))),
         "cartons": pack(prints.cartons(rng, 6, 256)),
     }
     for name, atlas in atlases.items():
-        stage.material(name, atlas.image, {"posters": 0.12, "screens": 0.4}.get(name, 0.0))
+        stage.material(name, atlas, {"posters": 0.12, "screens": 0.4}.get(name, 0.0))
     stage.material("wall", masonry.plaster(rng, (512, 2048), (206, 200, 186), 0.3))
     stage.material("oak", timber.wood(rng, (512, 1024), (142, 106, 72)))
     stage.material("timber", timber.wood(rng, (256, 1024), (160, 122, 82)))
@@ -168,26 +153,22 @@ def _surfaces(stage: Stage, rng: np.random.Generator) -> dict[str, Atlas]:
     stage.material("soil", greenery.soil(rng, 256))
     stage.material("leaves", greenery.leaves(rng, 1, 512)[0])
     stage.material("glass", sky.window_view(rng, (128, 192)), 0.5)
-    return atlases
 
 
-def _walls(stage: Stage, rng: np.random.Generator, atlases: dict[str, Atlas]) -> None:
+def _walls(stage: Stage, rng: np.random.Generator) -> None:
     """Close the hall: windows above, posters below, glazed doors in the middle of two sides."""
-    posters = atlases["posters"]
     for k, run in enumerate(sides(HALF_M)):
         wall, length = run
-        put = at(stage, wall)
+        put = stage.at(wall)
+        interior.wall(stage, f"wall_{k}", run, HEIGHT_M, (4.0, HEIGHT_M), board="oak")
         with stage.object(f"wall_{k}"):
-            stage.draw("wall", wall_face(run, HEIGHT_M, (4.0, HEIGHT_M)))
-            stage.draw("oak", skirting(run))
             for along in np.arange(1.6, length - 1.0, 2.4):
                 put("glass", box((along, -0.01, 3.2), (1.9, 0.02, 1.4)))
-        collide(stage, f"wall_{k}", run, HEIGHT_M)
         with stage.object(f"posters_{k}"):
             for along in np.arange(0.9, length - 0.8, 1.9):
                 if rng.random() < 0.75 and abs(along - length / 2) > 1.6:
                     sheet = box((along, -0.02, 1.35), (0.9, 0.03, 1.26), cell_m=0.3)
-                    put("posters", sheet.textured(posters.rects[rng.integers(posters.count)]))
+                    put.cell("posters", rng, sheet)
         if k % 2 == 1:
             with stage.object(f"doors_{k}"):
                 for side in (-0.72, 0.72):
@@ -199,7 +180,7 @@ def _walls(stage: Stage, rng: np.random.Generator, atlases: dict[str, Atlas]) ->
 
 
 def _columns(stage: Stage, rng: np.random.Generator) -> None:
-    """Stand two rows of round columns where nobody walks."""
+    """Stand two rows of round columns outside the lanes."""
     x, y = ROUTE_M + 3.0
     spots = [(sx * x, sy * y) for sx in (-0.95, -0.33, 0.33, 0.95) for sy in (-0.97, 0.97)]
     for k, (px, py) in enumerate(spots):
@@ -210,12 +191,12 @@ def _columns(stage: Stage, rng: np.random.Generator) -> None:
         stage.obstacle(f"column_{k}", (px, py, 2.0), (0.48, 0.48, 4.0))
 
 
-def _furnish(stage: Stage, rng: np.random.Generator, atlases: dict[str, Atlas]) -> None:
+def _furnish(stage: Stage, rng: np.random.Generator) -> None:
     """Fill the middle with benches and an island, the walls with machines and plants."""
     planter(stage, "planter", rng, np.array([0.0, 0.0]), (1.8, 0.8, 0.45))
     for k, (px, turn) in enumerate(((-1.7, np.pi / 2), (1.7, -np.pi / 2))):
         bench(stage, f"bench_{k}", rng, np.array([px, rng.uniform(-0.1, 0.1)]), turn)
-    _kiosk(stage, "kiosk", rng, (rng.uniform(-0.1, 0.1), 0.68, 0.0), atlases["posters"])
+    _kiosk(stage, "kiosk", rng, (rng.uniform(-0.1, 0.1), 0.68, 0.0))
     number = 0
     for wall, length in sides(HALF_M):
         for along in np.arange(1.1, length - 0.8, 1.35):
@@ -224,7 +205,7 @@ def _furnish(stage: Stage, rng: np.random.Generator, atlases: dict[str, Atlas]) 
             kind = rng.choice(["machine", "cabinet", "plant", "bin"], p=[0.35, 0.25, 0.2, 0.2])
             place, name = local(wall, float(along), -0.32), f"{kind}_{number}"
             if kind == "machine":
-                _machine(stage, name, rng, place, atlases)
+                _machine(stage, name, rng, place)
             elif kind == "cabinet":
                 cabinet(stage, name, rng, place)
             elif kind == "plant":
@@ -235,28 +216,26 @@ def _furnish(stage: Stage, rng: np.random.Generator, atlases: dict[str, Atlas]) 
 
 
 @one_object
-def _machine(
-    stage: Stage, name: str, rng: np.random.Generator, place: Place, atlases: dict[str, Atlas]
-) -> None:
+def _machine(stage: Stage, name: str, rng: np.random.Generator, place: Place) -> None:
     """Put a ticket machine of 0.8 x 0.6 x 1.8 m against the wall."""
-    put = at(stage, place)
-    screens, posters = atlases["screens"], atlases["posters"]
+    put = stage.at(place)
     body = "red" if rng.random() < 0.5 else "drawer"
     put(body, box((0, 0, 0.92), (0.8, 0.56, 1.76), (1.0, 1.0), rng.random(2), 0.25))
     put("plastic", box((0, 0, 0.03), (0.76, 0.52, 0.06)))
     screen = box((0, -0.285, 1.32), (0.46, 0.012, 0.3))
-    put("screens", screen.textured(screens.rects[rng.integers(screens.count)]))
+    put.cell("screens", rng, screen)
     put("steel", box((0, -0.284, 0.86), (0.6, 0.012, 0.34), (0.5, 0.5)))
     put("dark", box((0.12, -0.292, 0.76), (0.24, 0.012, 0.08)))
     sheet = box((0, -0.283, 0.4), (0.4, 0.008, 0.46))
-    put("posters", sheet.textured(posters.rects[rng.integers(posters.count)]))
-    solid(stage, name, place, (0.8, 0.58, 1.8))
+    put.cell("posters", rng, sheet)
+    stage.solid(name, place, (0.8, 0.58, 1.8))
 
 
 @one_object
-def _kiosk(stage: Stage, name: str, rng: np.random.Generator, place: Place, posters: Atlas) -> None:
+def _kiosk(stage: Stage, name: str, rng: np.random.Generator, place: Place) -> None:
     """Put an advertising pillar of 0.5 x 0.5 x 2.2 m with a picture on each side."""
     x, y, _ = place
+    posters = stage.atlases["posters"]
     stage.draw("steel", box((x, y, 1.1), (0.5, 0.5, 2.2), (0.5, 0.5), cell_m=0.25))
     for k, turn in enumerate(np.arange(4) * np.pi / 2):
         sheet = patch((-0.21, -0.256, 0.55), (0.42, 0, 0), (0, 0, 0.9), (2, 4))
@@ -265,9 +244,8 @@ def _kiosk(stage: Stage, name: str, rng: np.random.Generator, place: Place, post
     stage.obstacle(name, (x, y, 1.1), (0.5, 0.5, 2.2))
 
 
-def _floor(stage: Stage, rng: np.random.Generator, tiles: Atlas, light: Light) -> None:
+def _floor(stage: Stage, rng: np.random.Generator, light: Light) -> None:
     """Lay terrazzo tiles, each of a random variant and turn."""
     corners = quads((-16 * TILE_M, -12 * TILE_M), (16 * TILE_M, 12 * TILE_M), TILE_M / 2)
-    reach = (-HALF_M[0], -HALF_M[1], HALF_M[0], HALF_M[1])
-    baked = weathered(rng, ground_light(reach, stage.blockers, light), 0.16)
-    stage.draw_lit("floor", lit(level(corners, tiled(rng, corners, TILE_M, tiles)), baked, light))
+    ground = bake_ground(stage, light, HALF_M, (rng, 0.16))
+    ground.draw("floor", level(corners, tiled(rng, corners, TILE_M, stage.atlases["floor"])))

@@ -8,8 +8,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from scenes.geometry.routes import rounded_loop
 from scenes.scene import COLLISION_GROUP, Scene
-from scenes.structures.routes import rounded_loop
 from vo.contract.errors import SettingsError
 
 TESTS = "A world of your own."

@@ -1,31 +1,32 @@
 """A service yard after sunset: pools of lamplight, dark stretches, a mains flicker."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
 from scenes.geometry.mesh import box, patch, tube
+from scenes.geometry.place import Place
+from scenes.geometry.routes import rounded_loop
 from scenes.lighting.baked_light import Light
 from scenes.lighting.lamps import Lamplight
-from scenes.objects.furniture import Place, at, solid
 from scenes.objects.props import bench, lamp_post, planter
 from scenes.objects.storage import cone, load, standing_drums
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage, one_object
 from scenes.structures.ground import level, quads, tiled
-from scenes.structures.routes import rounded_loop
-from scenes.structures.surround import brick_wall, on_wall, plaster_wall
+from scenes.structures.surround import brick_wall, hang_posters, plaster_wall
 from scenes.surfaces import greenery, masonry, prints, signs, sky, timber
-from scenes.surfaces.atlas import Atlas, pack
+from scenes.surfaces.atlas import pack
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 
-TESTS = "Little light: pools under lamps, dark between, mains flicker, lamps that fail and return."
+TESTS = "Little light: pools under lamps, darkness between, mains flicker, and lamps that fail."
 HALF_M = np.array([7.2, 5.4])
 ROOF_Y_M = -1.9
-"""South of it a roof covers the yard."""
+"""A roof covers the yard south of this."""
 ROOF_Z_M = 2.7
 FLAG_M = 0.5
 MAINS_HZ = 100.0
@@ -34,12 +35,12 @@ EPISODES = 48
 
 
 class DuskSettings(Settings):
-    """What may be asked of the yard.
+    """Options of the yard.
 
     Attributes:
         level: Mean illuminance over that of a sunny scene.
         flicker: Depth of the mains flicker, as a share of the mean.
-        unrest: How far lamps dim and recover over seconds; 0 holds them steady.
+        unrest: Depth to which lamps dim and recover over seconds; 0 keeps them constant.
     """
 
     level: Annotated[float, Field(gt=0, le=1)] = 0.035
@@ -50,29 +51,26 @@ class DuskSettings(Settings):
 def build(rng: np.random.Generator, settings: DuskSettings) -> Scene:
     """Build the yard; layout, textures, lamps and their failures follow the generator."""
     stage = Stage("dusk")
-    flags, faces, skins = _surfaces(stage, rng)
+    _surfaces(stage, rng)
     lamps = _lamps(stage, rng)
     _walls(stage, rng)
     _roof(stage, rng)
-    _furnish(stage, rng, faces, skins)
+    _furnish(stage, rng)
     with stage.object("flagstones", Kind.GROUND):
-        corners = quads(tuple(-HALF_M - 0.5), tuple(HALF_M + 0.5), 0.125)
-        stage.draw("flags", level(corners, tiled(rng, corners, FLAG_M, flags)))
-    stage.floor(0.0)
+        corners = quads(-HALF_M - 0.5, HALF_M + 0.5, 0.125)
+        stage.draw("flags", level(corners, tiled(rng, corners, FLAG_M, stage.atlases["flags"])))
     light = _evening()
     places, powers = (np.array(values) for values in zip(*lamps, strict=True))
-    shine = Lamplight(places, powers, stage.blockers, light).shine
-    stage.finish(light, _evening_sky(rng), shine)
-    return Scene(
-        name="dusk",
-        tests=TESTS,
-        spec=stage.spec,
-        things=stage.things,
-        routes={"default": _route(rng)},
-        extent_m=(-HALF_M[0] - 0.4, -HALF_M[1] - 0.4, HALF_M[0] + 0.4, HALF_M[1] + 0.4),
-        tags=frozenset({"outdoor", "level", "dark", "flicker"}),
-        brightness=_brightness(rng, settings),
+    scene = stage.scene(
+        TESTS,
+        light,
+        _evening_sky(rng),
+        Lamplight(places, powers, stage.occluders, light).bake,
+        route=_route(rng),
+        extent_m=HALF_M + 0.4,
+        tags="outdoor level dark flicker",
     )
+    return replace(scene, brightness=_brightness(rng, settings))
 
 
 def _brightness(rng: np.random.Generator, settings: DuskSettings) -> Callable[[Array], Array]:
@@ -119,7 +117,7 @@ def _route(rng: np.random.Generator) -> Array:
 
 
 def _evening() -> Light:
-    """Lamps of a warm white over what is left of the sky."""
+    """Build lamps of a warm white over the rest of the sky's light."""
     elevation = np.radians(62)
     return Light(
         key=np.array([np.cos(elevation), 0.0, np.sin(elevation)]),
@@ -130,26 +128,24 @@ def _evening() -> Light:
 
 
 def _evening_sky(rng: np.random.Generator) -> Array:
-    """Show the same town after sunset."""
+    """Dim the town sky to that after sunset."""
     dim = sky.town_sky(rng).astype(float) / 255
     return (255 * dim**1.3 * np.array([0.30, 0.33, 0.44])).astype(np.uint8)
 
 
-def _surfaces(stage: Stage, rng: np.random.Generator) -> tuple[Atlas, Atlas, Atlas]:
-    """Define the materials; returns flagstones, faces of cartons and skins of drums."""
-    flags = pack(np.stack([masonry.slab(rng, 500, 7) for _ in range(20)]))
-    stage.material("flags", flags.image)
-    faces = pack(prints.cartons(rng, 6, 256))
-    stage.material("cartons", faces.image)
-    skins = pack(signs.drums(rng, ((58, 84, 116), (120, 58, 46), (70, 92, 76)), (256, 512)))
-    stage.material("drums", skins.image)
+def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
+    """Define the materials."""
+    stage.material("flags", pack(np.stack([masonry.slab(rng, 500, 7) for _ in range(20)])))
+    stage.material("cartons", pack(prints.cartons(rng, 6, 256)))
+    tones = ((58, 84, 116), (120, 58, 46), (70, 92, 76))
+    stage.material("drums", pack(signs.drums(rng, tones, (256, 512))))
     yellow, black = (206, 164, 52), (52, 50, 48)
     stage.material("concrete", masonry.concrete(rng, (1024, 1024)))
     stage.material("mortar", masonry.concrete(rng, (512, 512), 160.0))
     stage.material("plaster", masonry.plaster(rng, (1024, 2048), (188, 178, 160)))
     stage.material("shutter", signs.shutter(rng, (1024, 1024), (112, 122, 128)))
     stage.material("hazard", signs.stripes(rng, (256, 256), (yellow, black), 32))
-    stage.material("paint", signs.worn(rng, _white((256, 1024)), (126, 122, 114), 0.6))
+    stage.material("paint", signs.worn_paint(rng, (256, 1024), (208, 206, 198), 0.6))
     stage.material("grate", signs.grate(256))
     stage.material("soil", greenery.soil(rng, 256))
     stage.material("leaves", greenery.foliage(rng, 512, 0.0))
@@ -161,11 +157,6 @@ def _surfaces(stage: Stage, rng: np.random.Generator) -> tuple[Atlas, Atlas, Atl
     stage.material("cone", timber.painted(rng, (128, 128), (204, 92, 44)))
     stage.material("band", timber.painted(rng, (128, 128), (214, 212, 206)))
     stage.material("bulb", np.full((8, 8, 3), (255, 240, 206), np.uint8), 0.95)
-    return flags, faces, skins
-
-
-def _white(shape: tuple[int, int]) -> Array:
-    return np.full((*shape, 3), (208, 206, 198), np.uint8)
 
 
 def _lamps(stage: Stage, rng: np.random.Generator) -> list[tuple[Array, float]]:
@@ -181,7 +172,7 @@ def _lamps(stage: Stage, rng: np.random.Generator) -> list[tuple[Array, float]]:
     walls = ((-0.75 * x, y, 0.0), (0.15 * x, y, 0.0), (x, 0.55 * y, -np.pi / 2))
     for k, (px, py, yaw) in enumerate((*walls, (-x, -0.35 * y, np.pi / 2))):
         place: Place = (px + rng.uniform(-0.2, 0.2), py, yaw)
-        put = at(stage, place)
+        put = stage.at(place)
         with stage.object(f"wall_lamp_{k}"):
             put("iron", box((0, -0.08, 2.05), (0.3, 0.16, 0.05), bottom=True))
             put("bulb", box((0, -0.09, 2.0), (0.22, 0.1, 0.05), bottom=True))
@@ -192,33 +183,31 @@ def _lamps(stage: Stage, rng: np.random.Generator) -> list[tuple[Array, float]]:
         with stage.object(f"tube_{k}"):
             stage.draw("bulb", box((*spot, ROOF_Z_M - 0.05), (1.2, 0.09, 0.06), bottom=True))
         for dx in (-0.4, 0.4):
-            lamps.append(
-                (np.array([spot[0] + dx, spot[1], ROOF_Z_M - 0.15]), rng.uniform(2.6, 4.2))
-            )
+            place_m = np.array([spot[0] + dx, spot[1], ROOF_Z_M - 0.15])
+            lamps.append((place_m, rng.uniform(2.6, 4.2)))
     return lamps
 
 
 def _walls(stage: Stage, rng: np.random.Generator) -> None:
     """Enclose the yard: brick to the north and east, plaster elsewhere, shutters and bills."""
     x, y = HALF_M
-    bricks = pack(masonry.wall_bricks(rng, 64, (48, 140)))
-    stage.material("wall_bricks", bricks.image)
-    bills = pack(prints.posters(rng, 8, (420, 300)))
-    stage.material("posters", bills.image)
-    brick_wall(stage, "wall_north", rng, bricks, (-x, y), 2 * x, 3.0, 0.0)
-    brick_wall(stage, "wall_east", rng, bricks, (x, y), 2 * y, 3.4, -np.pi / 2)
-    plaster_wall(stage, "wall_south", rng, (x, -y), 2 * x, 3.2, np.pi)
-    plaster_wall(stage, "wall_west", rng, (-x, -y), 2 * y, 3.0, np.pi / 2)
+    stage.material("wall_bricks", pack(masonry.wall_bricks(rng, 64, (48, 140))))
+    stage.material("posters", pack(prints.posters(rng, 8, (420, 300))))
+    south, west = (x, -y, np.pi), (-x, -y, np.pi / 2)
+    brick_wall(stage, "wall_north", rng, (-x, y, 0.0), 2 * x, 3.0)
+    brick_wall(stage, "wall_east", rng, (x, y, -np.pi / 2), 2 * y, 3.4)
+    plaster_wall(stage, "wall_south", rng, south, 2 * x, 3.2)
+    plaster_wall(stage, "wall_west", rng, west, 2 * y, 3.0)
     with stage.object("posters"):
-        for start, yaw, length in (((x, -y), np.pi, 2 * x), ((-x, -y), np.pi / 2, 2 * y)):
+        for wall, length in ((south, 2 * x), (west, 2 * y)):
             spots = [
                 (along + rng.uniform(0, 0.5), rng.uniform(0.5, 0.9), 0.6, 0.84)
                 for along in np.arange(0.8, length - 1.5, 2.3)
             ]
-            stage.draw("posters", *on_wall(rng, bills, start, yaw, spots))
+            hang_posters(stage, rng, wall, spots)
     for k, (wall, along) in enumerate((((x, -y, np.pi), 4.2), ((-x, y, 0.0), 10.4))):
         with stage.object(f"shutter_{k}"):
-            put = at(stage, wall)
+            put = stage.at(wall)
             put("shutter", box((along, -0.03, 1.15), (2.0, 0.05, 2.3), (2.0, 2.3), cell_m=0.25))
             for side in (-1.06, 1.06):
                 put("iron", box((along + side, -0.05, 1.18), (0.12, 0.1, 2.36), cell_m=0.25))
@@ -229,46 +218,37 @@ def _roof(stage: Stage, rng: np.random.Generator) -> None:
     x, y = HALF_M
     middle, depth = 0.5 * (ROOF_Y_M - y), ROOF_Y_M + y
     with stage.object("roof"):
-        slab = box(
-            (0, middle, ROOF_Z_M + 0.1), (2 * x, depth, 0.2), (1.2, 1.2), cell_m=0.4, bottom=True
-        )
-        stage.draw("concrete", slab)
-    stage.blocker((0, middle, ROOF_Z_M + 0.12), (2 * x, depth, 0.2))
+        centre = (0, middle, ROOF_Z_M + 0.1)
+        stage.draw("concrete", box(centre, (2 * x, depth, 0.2), (1.2, 1.2), bottom=True))
+    stage.occluder((0, middle, ROOF_Z_M + 0.12), (2 * x, depth, 0.2))
     for k, px in enumerate(np.linspace(-0.72, 0.72, 5) * x):
         with stage.object(f"column_{k}"):
-            shaft = box(
-                (px, ROOF_Y_M - 0.2, ROOF_Z_M / 2),
-                (0.32, 0.32, ROOF_Z_M),
-                (1.2, 1.2),
-                rng.random(2),
-                0.15,
-            )
-            stage.draw("concrete", shaft)
+            centre, size = (px, ROOF_Y_M - 0.2, ROOF_Z_M / 2), (0.32, 0.32, ROOF_Z_M)
+            stage.draw("concrete", box(centre, size, (1.2, 1.2), rng.random(2), 0.15))
             guard = box((px, ROOF_Y_M - 0.2, 0.4), (0.335, 0.335, 0.5), (0.5, 0.5), cell_m=0.12)
             stage.draw("hazard", guard)
-        stage.obstacle(f"column_{k}", (px, ROOF_Y_M - 0.2, ROOF_Z_M / 2), (0.3, 0.3, ROOF_Z_M))
+        stage.obstacle(f"column_{k}", centre, (0.3, 0.3, ROOF_Z_M))
 
 
-def _furnish(stage: Stage, rng: np.random.Generator, faces: Atlas, skins: Atlas) -> None:
+def _furnish(stage: Stage, rng: np.random.Generator) -> None:
     """Fill the middle and the edges; mark bays and gratings on the ground."""
     x, y = HALF_M
     planter(stage, "planter", rng, np.array([0.08 * x, 0.95]), (1.8, 0.8, 0.45))
     bench(stage, "bench", rng, np.array([0.7, -0.5]), rng.uniform(-0.2, 0.2))
     _container(stage, "container_0", (-0.62 * x, -0.5, 0.15))
     _container(stage, "container_1", (0.6 * x, -0.75, np.pi / 2))
-    standing_drums(stage, "drum", rng, np.array([2.45, -0.6]), skins)
+    standing_drums(stage, "drum", rng, np.array([2.45, -0.6]))
     for k, (px, py) in enumerate(((-1.85, 0.9), (-1.5, -0.85))):
         place: Place = (px, py, rng.uniform(0, 3))
         with stage.object(f"pallet_{k}"):
-            load(stage, rng, place, 0.0, faces, skins)
-        solid(stage, f"pallet_{k}", place, (1.2, 0.8, 0.9), shadow=False)
+            load(stage, rng, place, 0.0)
+        stage.solid(f"pallet_{k}", place, (1.2, 0.8, 0.9), shadow=False)
     for k, (px, py) in enumerate(((-x + 0.5, y - 0.5), (x - 0.45, -y + 0.5), (x - 0.5, 0.1 * y))):
         cone(stage, f"cone_{k}", (px, py, rng.uniform(0, 1.5)))
     with stage.object("markings", Kind.GROUND):
         for k in range(5):
-            line = patch(
-                (0.86 * x, -2.0 + k * 1.1, 0.0007), (0, 0.09, 0), (-1.9, 0, 0), (1, 10), (0.25, 1.0)
-            )
+            corner = (0.86 * x, -2.0 + k * 1.1, 0.0007)
+            line = patch(corner, (0, 0.09, 0), (-1.9, 0, 0), (1, 10), (0.25, 1.0))
             stage.draw("paint", line)
         for px in (-0.5 * x, 0.5 * x):
             drain = patch((px - 0.2, -y + 1.05, 0.0007), (0.4, 0, 0), (0, 0.4, 0), (3, 3))
@@ -278,7 +258,7 @@ def _furnish(stage: Stage, rng: np.random.Generator, faces: Atlas, skins: Atlas)
 @one_object
 def _container(stage: Stage, name: str, place: Place) -> None:
     """Put a refuse container of 1.25 x 0.9 m on castors."""
-    put = at(stage, place)
+    put = stage.at(place)
     put("container", box((0, 0, 0.6), (1.2, 0.85, 0.9), (1.0, 1.0), cell_m=0.15))
     put("container", box((0, 0, 1.07), (1.26, 0.92, 0.06), (1.0, 1.0), cell_m=0.2, bottom=True))
     put("dark", box((0, 0.2, 1.15), (1.2, 0.5, 0.1), cell_m=0.2))
@@ -288,5 +268,5 @@ def _container(stage: Stage, name: str, place: Place) -> None:
     for x in (-0.5, 0.5):
         for y in (-0.33, 0.33):
             put("dark", tube((x - 0.025, y, 0.075), (x + 0.025, y, 0.075), 0.075, 12))
-    solid(stage, name, place, (1.26, 0.92, 1.15), shadow=False)
-    stage.blocker((place[0], place[1], 0.62), (1.2, 0.86, 0.95), place[2])
+    stage.solid(name, place, (1.26, 0.92, 1.15), shadow=False)
+    stage.shade(place, 0.62, (1.2, 0.86, 0.95))

@@ -1,4 +1,4 @@
-"""A small laboratory, full of instruments; someone carries the camera around its middle."""
+"""A small laboratory, full of instruments; the camera is carried by hand around its middle."""
 
 from dataclasses import replace
 from typing import Annotated
@@ -6,37 +6,35 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from scenes.geometry.mesh import Mesh, box
-from scenes.lighting.baked_light import Light, hall_light
-from scenes.lighting.shadow import ground_light
+from scenes.geometry.mesh import box
+from scenes.geometry.place import Place, local
+from scenes.geometry.routes import resampled
+from scenes.lighting.baked_light import hall_light
 from scenes.objects import furniture
 from scenes.objects import laboratory_equipment as laboratory
-from scenes.objects.furniture import Place, at, local
-from scenes.objects.laboratory_equipment import Stock
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage
 from scenes.structures import interior
-from scenes.structures.ground import level, lit, quads, scattered
-from scenes.structures.rooms import sides
-from scenes.structures.routes import resampled
+from scenes.structures.ground import bake_ground, level, quads, scattered
+from scenes.structures.interior import sides
 from scenes.surfaces import floor, instruments, masonry, prints, textile, timber
-from scenes.surfaces.atlas import Atlas, pack
+from scenes.surfaces.atlas import pack
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 
-TESTS = "Carried by hand in a circle: the camera sways and always turns, in a room full of detail."
+TESTS = "Carried by hand in a circle: the camera sways and always turns, in a richly textured room."
 HALF_M = np.array([3.3, 3.0])
 HEIGHT_M = 2.8
 ISLAND_M = np.array([1.1, 0.9])
 
 
 class LabCircleSettings(Settings):
-    """What may be asked of the laboratory.
+    """Options of the laboratory.
 
     Attributes:
         radius_m: Of the circle around the table in the middle.
-        laps: How often the route goes around.
-        clutter: Share of the places on the benches that are taken.
+        laps: Number of rounds of the route.
+        clutter: Share of the places on the benches that are filled.
     """
 
     radius_m: Annotated[float, Field(ge=1.3, le=1.6)] = 1.45
@@ -49,26 +47,26 @@ def build(rng: np.random.Generator, settings: LabCircleSettings) -> Scene:
     stage = Stage("lab_circle")
     light = hall_light(rng)
     light = replace(light, ambient_rgb=1.25 * light.ambient_rgb)  # a small, pale room
-    stock, posters = _surfaces(stage, rng)
-    _walls(stage, rng, posters)
-    _benches(stage, rng, stock, settings.clutter)
-    _middle(stage, rng, stock)
-    _loose(stage, rng)
-    with stage.object("floor", Kind.GROUND):
-        _floor(stage, rng, light)
+    _surfaces(stage, rng)
+    _walls(stage, rng)
+    _benches(stage, rng, settings.clutter)
+    _middle(stage, rng)
+    _corners(stage, rng)
+    with stage.object("floor", Kind.GROUND):  # terrazzo in slabs of half a metre
+        corners = quads(-HALF_M, HALF_M, 0.125)
+        ground = bake_ground(stage, light, HALF_M)
+        ground.draw("floor", level(corners, scattered(rng, corners, 0.5, 1.024)))
     with stage.object("ceiling"):
-        _ceiling(stage)
-    stage.floor(0.0)
-    stage.finish(light, None)
-    x, y = HALF_M + 0.15
-    return Scene(
-        name="lab_circle",
-        tests=TESTS,
-        spec=stage.spec,
-        things=stage.things,
-        routes={"default": _route(rng, settings)},
-        extent_m=(-x, -y, x, y),
-        tags=frozenset({"indoor", "level", "textured"}),
+        interior.ceiling(stage, HALF_M, HEIGHT_M, 0.6, 2.0)
+        for px in (-1.6, 1.6):
+            for py in (-1.3, 1.3):
+                interior.ceiling_panel(stage, np.array([px, py, HEIGHT_M]), (1.2, 0.3))
+    return stage.scene(
+        TESTS,
+        light,
+        route=_route(rng, settings),
+        extent_m=HALF_M + 0.15,
+        tags="indoor level textured",
     )
 
 
@@ -83,22 +81,20 @@ def _route(rng: np.random.Generator, settings: LabCircleSettings) -> Array:
     return np.concatenate([once[:1], *[once[1:]] * settings.laps])
 
 
-def _surfaces(stage: Stage, rng: np.random.Generator) -> tuple[Stock, Atlas]:
-    """Define the materials; returns what lies on benches and shelves, and the posters."""
-    stock = Stock(
-        pack(instruments.fronts(rng, 10, (180, 340))),
-        pack(instruments.wraps(rng, 10, (128, 256))),
-        pack(prints.cartons(rng, 6, 192)),
-        pack(prints.book_rows(rng, 5, (192, 672))),
-    )
+def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
+    """Define the materials."""
+    fronts = pack(instruments.fronts(rng, 10, (180, 340)))
+    wraps = pack(instruments.wraps(rng, 10, (128, 256)))
+    cartons = pack(prints.cartons(rng, 6, 192))
+    books = pack(prints.book_rows(rng, 5, (192, 672)))
     posters = pack(prints.posters(rng, 8, (420, 300)))
     stage.material("floor", floor.terrazzo(rng, 1024))
     stage.material("wall", masonry.painted_wall(rng, (512, 512), (210, 212, 208)))
-    stage.material("fronts", stock.fronts.image, 0.15)
-    stage.material("wraps", stock.wraps.image)
-    stage.material("cartons", stock.cartons.image)
-    stage.material("books", stock.books.image)
-    stage.material("posters", posters.image)
+    stage.material("fronts", fronts, 0.15)
+    stage.material("wraps", wraps)
+    stage.material("cartons", cartons)
+    stage.material("books", books)
+    stage.material("posters", posters)
     stage.material("worktop", prints.marble(rng, 512, (84, 90, 96)))
     stage.material("panel", timber.painted(rng, (512, 512), (188, 190, 188)))
     hue = ((172, 178, 182), (116, 142, 152), (182, 168, 140))[rng.integers(3)]
@@ -120,38 +116,34 @@ def _surfaces(stage: Stage, rng: np.random.Generator) -> tuple[Stock, Atlas]:
     stage.material("frame", timber.painted(rng, (128, 128), (120, 124, 128)))
     stage.material("ceiling", masonry.painted_wall(rng, (256, 256), (216, 216, 212)), 0.3)
     stage.material("lamp", np.full((8, 8, 3), (244, 244, 238), np.uint8), 0.7)
-    return stock, posters
 
 
-def _walls(stage: Stage, rng: np.random.Generator, posters: Atlas) -> None:
-    """Four walls; a door, a whiteboard and posters on the one without a bench."""
+def _walls(stage: Stage, rng: np.random.Generator) -> None:
+    """Build four walls; a door, a whiteboard and posters on the one without a bench."""
     for k, run in enumerate(sides(HALF_M)):
-        with stage.object(f"wall_{k}"):
-            stage.draw("wall", interior.wall_face(run, HEIGHT_M, (2.3, 2.3)))
-            stage.draw("skirting", interior.skirting(run))
-            interior.collide(stage, f"wall_{k}", run, HEIGHT_M)
+        interior.wall(stage, f"wall_{k}", run, HEIGHT_M, (2.3, 2.3))
     south, _ = sides(HALF_M)[2]
     interior.door(stage, "door", rng, south, 1.0, np.array([0, 0, 1, 1.0]))
-    put = at(stage, south)
+    put = stage.at(south)
     with stage.object("whiteboard"):
         put("steel", box((3.1, -0.012, 1.4), (1.84, 0.024, 1.14), (0.5, 0.5), bottom=True))
         put("notes", box((3.1, -0.026, 1.4), (1.8, 0.006, 1.1)))
         put("steel", box((3.1, -0.05, 0.83), (1.2, 0.08, 0.02), (0.5, 0.5), bottom=True))
     for k, (run, spots) in enumerate(zip(sides(HALF_M), _POSTER_SPOTS, strict=True)):
-        hang = at(stage, run[0])
+        hang = stage.at(run[0])
         for j, along in enumerate(spots):
             with stage.object(f"poster_{k}_{j}"):
                 low = rng.uniform(1.15, 1.35)
                 sheet = box((along, -0.004, low + 0.42), (0.6, 0.006, 0.84))
-                hang("posters", sheet.textured(posters.rects[rng.integers(posters.count)]))
+                hang.cell("posters", rng, sheet)
 
 
 _POSTER_SPOTS = ((0.5, 6.1), (0.55, 3.0, 5.45), (4.6, 5.4), (0.55, 2.6, 3.4))
-"""Where posters hang along the north, east, south and west walls, metres."""
+"""Positions of posters along the north, east, south and west walls, metres."""
 
 
-def _benches(stage: Stage, rng: np.random.Generator, stock: Stock, clutter: float) -> None:
-    """Benches along three walls, with shelves and instruments; the fourth has the door."""
+def _benches(stage: Stage, rng: np.random.Generator, clutter: float) -> None:
+    """Place benches along three walls, with shelves and instruments; the fourth has the door."""
     lengths = {0: (4.6, (-1.1, 1.1)), 1: (4.2, (-1.15, 1.1)), 3: (4.2, (-1.2, 1.2))}
     for k, (run, length) in enumerate(sides(HALF_M)):
         if k not in lengths:
@@ -160,63 +152,42 @@ def _benches(stage: Stage, rng: np.random.Generator, stock: Stock, clutter: floa
         back = local(run, length / 2, -0.02)
         laboratory.bench(stage, f"bench_{k}", rng, back, bench_m)
         for j, x in enumerate(shelves):
-            laboratory.shelf(stage, f"shelf_{k}_{j}", rng, local(back, x, 0.0), 1.3, stock)
+            laboratory.shelf(stage, f"shelf_{k}_{j}", rng, local(back, x, 0.0), 1.3)
         for j, x in enumerate(np.arange(-bench_m / 2 + 0.35, bench_m / 2 - 0.3, 0.56)):
             if rng.random() < clutter:
                 spot = local(back, float(x), -rng.uniform(0.3, 0.36), rng.uniform(-0.15, 0.15))
-                _piece(stage, f"piece_{k}_{j}", rng, spot, laboratory.TOP_M, stock)
+                _piece(stage, f"piece_{k}_{j}", rng, spot, laboratory.TOP_M)
         if k != 0:
             seat = local(back, rng.uniform(-1.2, 1.2), -0.94)
             laboratory.stool(stage, f"stool_{k}", rng, seat)
 
 
-def _piece(
-    stage: Stage, name: str, rng: np.random.Generator, place: Place, base_m: float, stock: Stock
-) -> None:
+def _piece(stage: Stage, name: str, rng: np.random.Generator, place: Place, base_m: float) -> None:
+    """Put one random instrument, microscope or tray at a height."""
     draw = rng.random()
     if draw < 0.62:
-        laboratory.instrument(stage, name, rng, place, base_m, stock)
+        laboratory.instrument(stage, name, rng, place, base_m)
     elif draw < 0.74:
         laboratory.microscope(stage, name, place, base_m)
     else:
-        laboratory.tray(stage, name, rng, place, base_m, stock)
+        laboratory.tray(stage, name, rng, place, base_m)
 
 
-def _middle(stage: Stage, rng: np.random.Generator, stock: Stock) -> None:
-    """A table for optics within the circle."""
+def _middle(stage: Stage, rng: np.random.Generator) -> None:
+    """Place a table for optics within the circle."""
     centre: Place = (0.0, 0.0, rng.uniform(-0.1, 0.1))
     laboratory.island(stage, "table", rng, ISLAND_M, centre)
     laboratory.optics(stage, "optics", rng, local(centre, 0.0, 0.05, 0.1), 0.842)
     for k, (x, turn) in enumerate(((-0.3, 0.0), (0.3, np.pi))):
         spot = local(centre, x, -0.25 if k == 0 else 0.27, turn + rng.normal(0, 0.1))
-        laboratory.instrument(stage, f"source_{k}", rng, spot, 0.842, stock)
+        laboratory.instrument(stage, f"source_{k}", rng, spot, 0.842)
 
 
-def _loose(stage: Stage, rng: np.random.Generator) -> None:
-    """Gas bottles, a bin and a filing cabinet in the corners."""
+def _corners(stage: Stage, rng: np.random.Generator) -> None:
+    """Place gas bottles, a bin and a filing cabinet in the corners."""
     north, length = sides(HALF_M)[0]
     laboratory.gas_bottles(stage, "gas_bottles", local(north, length - 0.42, -0.02))
     furniture.bin_(stage, "bin", local(north, 0.3, -0.35))
     south, length = sides(HALF_M)[2]
     furniture.cabinet(stage, "cabinet", rng, local(south, length - 0.6, -0.27))
     furniture.bin_(stage, "bin_south", local(south, 1.9, -0.25))
-
-
-def _floor(stage: Stage, rng: np.random.Generator, light: Light) -> None:
-    """Terrazzo in slabs of half a metre."""
-    x, y = HALF_M
-    corners = quads((-x, -y), (x, y), 0.125)
-    baked = ground_light((-x, -y, x, y), stage.blockers, light)
-    slab = level(corners, scattered(rng, corners, 0.5, 1.024))
-    stage.draw_lit("floor", lit(slab, baked, light))
-
-
-def _ceiling(stage: Stage) -> None:
-    """Close the room, with four panels of light."""
-    x, y = HALF_M
-    corners = quads((-x, -y), (x, y), 0.6)
-    down = level(corners, corners / 2.0, HEIGHT_M)
-    stage.draw("ceiling", Mesh(down.points, -down.normals, down.uv, down.faces[:, ::-1]))
-    for px in (-1.6, 1.6):
-        for py in (-1.3, 1.3):
-            interior.ceiling_panel(stage, np.array([px, py, HEIGHT_M]), (1.2, 0.3))

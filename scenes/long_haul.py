@@ -6,34 +6,34 @@ import numpy as np
 from pydantic import Field
 from scipy.spatial import cKDTree
 
+from scenes.geometry.place import Place
+from scenes.geometry.routes import rounded_loop, route_length
 from scenes.lighting.baked_light import sun
-from scenes.objects.furniture import Place
 from scenes.objects.plants import hedge, tree
-from scenes.objects.props import bench, lamp_post, planter, shrub
+from scenes.objects.props import bench, bush, lamp_post, planter
 from scenes.objects.vehicles import PAINTS, car
 from scenes.scene import Kind, Scene
-from scenes.stage import Stage, one_object
+from scenes.stage import Stage
 from scenes.structures.facade import facade
-from scenes.structures.paths import PATH_M, Ground, lawn, pave
+from scenes.structures.paths import PATH_M, BlockGround, lawn, pave
 from scenes.structures.ribbon import Ribbon
-from scenes.structures.routes import rounded_loop, route_length
 from scenes.structures.surround import brick_wall
 from scenes.surfaces import floor, greenery, masonry, prints, sky, timber
-from scenes.surfaces.atlas import Atlas, pack
+from scenes.surfaces.atlas import pack
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 
-TESTS = "A long loop around a block: drift has time to grow, and the start is seen again."
+TESTS = "A loop of 300 m around a block: drift accumulates, and the end revisits the start."
 HALF_M = np.array([46.0, 29.0])
 """Half sizes of the route's rectangle, before it is scaled to its length."""
 
 
 class LongHaulSettings(Settings):
-    """What may be asked of the block.
+    """Options of the block.
 
     Attributes:
-        length_m: Of the route.
-        trees: How many stand around.
+        length_m: Length of the route.
+        trees: Number of trees.
         houses: Share of the places for houses that are built up.
     """
 
@@ -43,7 +43,7 @@ class LongHaulSettings(Settings):
 
 
 class _Plots:
-    """Where there is still room: keeps things off the path and off one another."""
+    """Free space: keeps things off the path and off one another."""
 
     def __init__(self, route: Array) -> None:
         self._tree = cKDTree(route)
@@ -76,28 +76,23 @@ def build(rng: np.random.Generator, settings: LongHaulSettings) -> Scene:
     stage = Stage("long_haul")
     ribbon = Ribbon(_route(rng, settings.length_m))
     light = sun(rng, (38, 54))
-    atlases = _surfaces(stage, rng)
+    _surfaces(stage, rng)
     plots = _Plots(ribbon.route)
-    _build_up(stage, rng, plots, ribbon, settings.houses, atlases["wall_bricks"])
+    _build_up(stage, rng, plots, ribbon, settings.houses)
     _furnish(stage, rng, plots, ribbon)
     _plant(stage, rng, plots, ribbon, settings.trees)
-    ground = Ground(stage, rng, ribbon, light)
+    ground = BlockGround(stage, rng, ribbon, light)
     with stage.object("path", Kind.GROUND):
-        pave(ground, rng, ribbon, atlases)
+        pave(ground, rng, ribbon)
     with stage.object("lawn", Kind.GROUND):
         lawn(ground, rng, ribbon)
-    stage.floor(0.0)
-    stage.finish(light, sky.town_sky(rng))
-    x_min, y_min = ribbon.route.min(axis=0) - 8
-    x_max, y_max = ribbon.route.max(axis=0) + 8
-    return Scene(
-        name="long_haul",
-        tests=TESTS,
-        spec=stage.spec,
-        things=stage.things,
-        routes={"default": ribbon.route},
-        extent_m=(float(x_min), float(y_min), float(x_max), float(y_max)),
-        tags=frozenset({"outdoor", "level", "long", "textured"}),
+    return stage.scene(
+        TESTS,
+        light,
+        sky.town_sky(rng),
+        route=ribbon.route,
+        extent_m=(*(ribbon.route.min(axis=0) - 8), *(ribbon.route.max(axis=0) + 8)),
+        tags="outdoor level long textured",
     )
 
 
@@ -140,8 +135,8 @@ def _route(rng: np.random.Generator, length_m: float) -> Array:
     return path
 
 
-def _surfaces(stage: Stage, rng: np.random.Generator) -> dict[str, Atlas]:
-    """Define the materials; returns the atlases by material."""
+def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
+    """Define the materials."""
     atlases = {
         "slabs": pack(floor.paving_slabs(rng, 20, 400)),
         "bricks": pack(masonry.paving_bricks(rng, 80, (100, 200))),
@@ -150,7 +145,7 @@ def _surfaces(stage: Stage, rng: np.random.Generator) -> dict[str, Atlas]:
         "wall_bricks": pack(masonry.wall_bricks(rng, 40, (48, 140))),
     }
     for name, atlas in atlases.items():
-        stage.material(name, atlas.image)
+        stage.material(name, atlas)
     stage.material("asphalt", floor.asphalt(rng, 1024))
     stage.material("gravel", masonry.gravel(rng, 1024))
     stage.material("concrete", masonry.concrete(rng, (1024, 1024)))
@@ -174,16 +169,10 @@ def _surfaces(stage: Stage, rng: np.random.Generator) -> dict[str, Atlas]:
     stage.material("plates", prints.door_signs(rng, 1, 96)[0])
     for k in range(3):
         stage.material(f"paint_{k}", timber.painted(rng, (128, 128), PAINTS[k + 2]))
-    return atlases
 
 
 def _build_up(
-    stage: Stage,
-    rng: np.random.Generator,
-    plots: _Plots,
-    ribbon: Ribbon,
-    share: float,
-    bricks: Atlas,
+    stage: Stage, rng: np.random.Generator, plots: _Plots, ribbon: Ribbon, share: float
 ) -> None:
     """Line the outside of the route with houses, garden walls and hedges, side by side."""
     low, high = ribbon.route.min(axis=0), ribbon.route.max(axis=0)
@@ -203,14 +192,14 @@ def _build_up(
             start = corner + along * ahead + rng.uniform(3.6, 6.5) * out
             name, end = f"{number}", start + wide * ahead
             kind = "house" if rng.random() < share else str(rng.choice(["wall", "hedge"]))
+            place: Place = (start[0], start[1], yaw)
             if not plots.take_row(start + 0.6 * out, end + 0.6 * out, 0.7):
                 pass
             elif kind == "house":
-                place: Place = (start[0], start[1], yaw)
                 plaster, wood = f"plaster_{rng.integers(3)}", f"wood_{rng.integers(2)}"
                 facade(stage, f"house_{name}", rng, place, wide, 2, plaster, wood)
             elif kind == "wall":
-                brick_wall(stage, f"wall_{name}", rng, bricks, start, wide, 1.6, yaw)
+                brick_wall(stage, f"wall_{name}", rng, place, wide, 1.6)
             else:
                 hedge(stage, f"hedge_{name}", rng, start, end, rng.uniform(1.0, 1.6))
             along += wide + float(rng.choice([0.4, rng.uniform(2, 5)]))
@@ -241,14 +230,7 @@ def _furnish(stage: Stage, rng: np.random.Generator, plots: _Plots, ribbon: Ribb
         elif kind == "car":
             car(stage, f"car_{k}", rng, spot, yaw, f"paint_{rng.integers(3)}")
         else:
-            _bush(stage, f"bush_{k}", rng, spot, float(rng.uniform(0.3, 0.55)))
-
-
-@one_object
-def _bush(stage: Stage, name: str, rng: np.random.Generator, spot: Array, radius_m: float) -> None:
-    shrub(stage, rng, (*spot, 0.7 * radius_m), radius_m)
-    size = np.array([1.3, 1.3, 1.4]) * radius_m
-    stage.obstacle(name, (*spot, 0.7 * radius_m), size, shadow=False)
+            bush(stage, f"bush_{k}", rng, np.array([*spot, 0.0]), float(rng.uniform(0.3, 0.55)))
 
 
 def _plant(

@@ -7,22 +7,21 @@ from pydantic import Field
 from scipy.spatial import cKDTree
 
 from scenes.geometry.mesh import Mesh, merged, polygons
-from scenes.lighting.baked_light import Light, sun
-from scenes.lighting.shadow import LightMap, ground_light
+from scenes.geometry.routes import rounded_loop
+from scenes.lighting.baked_light import sun
 from scenes.objects.plants import flowers, grass, tree
-from scenes.objects.props import bench, shrub
+from scenes.objects.props import bench, bush
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage, one_object
-from scenes.structures.ground import level, lit, quads, scattered, weathered
-from scenes.structures.routes import rounded_loop
+from scenes.structures.ground import Ground, bake_ground, level, quads, scattered
 from scenes.surfaces import greenery, sky, timber
 from scenes.surfaces.noise import fractal
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 
-TESTS = "Dense vegetation that hides itself, under a wide sky: fine texture near, few pixels far."
+TESTS = "Dense vegetation that occludes itself: fine texture near, few features far, a wide sky."
 FIELD_M = (26.0, 22.0)
-"""Size of the part with blades of grass; lawn and trees lie beyond."""
+"""Size of the part with blades of grass; lawn and trees lie beyond it."""
 FAR_M = 35.0
 TILE_M = 0.5
 PALETTE = np.array(
@@ -31,12 +30,12 @@ PALETTE = np.array(
 
 
 class MeadowSettings(Settings):
-    """What may be asked of the meadow.
+    """Options of the meadow.
 
     Attributes:
         path_m: Width of the mown path.
-        grass_m: Usual height of the tall grass.
-        density: Number of blades relative to the usual.
+        grass_m: Mean height of the tall grass.
+        density: Number of blades relative to the default.
     """
 
     path_m: Annotated[float, Field(ge=1.0, le=3.0)] = 1.3
@@ -45,7 +44,7 @@ class MeadowSettings(Settings):
 
 
 class _Land:
-    """The lie of the land: level on and near the path, gentle swells beyond."""
+    """The terrain: level on and near the path, gentle swells beyond."""
 
     def __init__(self, rng: np.random.Generator, route: Array, path_m: float) -> None:
         self._tree = cKDTree(route)
@@ -54,7 +53,7 @@ class _Land:
         self._phase = rng.uniform(0, 2 * np.pi, 5)
 
     def beside(self, xy: Array) -> Array:
-        """Distance in metres of (..., 2) points from the edge of the path, negative on it."""
+        """Measure the distance in metres of (..., 2) points from the path, negative on it."""
         return self._tree.query(xy)[0] - self._path_m / 2
 
     def place(self, xy: Array) -> Array:
@@ -73,29 +72,25 @@ def build(rng: np.random.Generator, settings: MeadowSettings) -> Scene:
     _surfaces(stage, rng)
     _plant(stage, rng, land)
     half = np.array(FIELD_M) / 2
-    reach = (-half[0], -half[1], half[0], half[1])
-    baked = weathered(rng, ground_light(reach, stage.blockers, light, 0.1), 0.22)
+    ground = bake_ground(stage, light, half, (rng, 0.22), 0.1)
     with stage.object("path", Kind.GROUND):
-        _turf(stage, rng, land, half, baked, light)
+        _turf(ground, rng, land, half)
     with stage.object("grass"):
-        _tall_grass(stage, rng, land, half, settings, baked, light)
+        _tall_grass(ground, rng, land, half, settings)
     with stage.object("flowers"):
-        _bloom(stage, rng, land, half, baked, light)
-    stage.floor(0.0)
-    stage.finish(light, sky.town_sky(rng, houses=0.08))
-    return Scene(
-        name="meadow",
-        tests=TESTS,
-        spec=stage.spec,
-        things=stage.things,
-        routes={"default": route},
-        extent_m=(-half[0] + 2, -half[1] + 2, half[0] - 2, half[1] - 2),
-        tags=frozenset({"outdoor", "level", "vegetation", "far"}),
+        _flowers(ground, rng, land, half)
+    return stage.scene(
+        TESTS,
+        light,
+        sky.town_sky(rng, houses=0.08),
+        route=route,
+        extent_m=half - 2,
+        tags="outdoor level vegetation far",
     )
 
 
 def _route(rng: np.random.Generator) -> Array:
-    """Wander around the middle: a circle whose radius swings."""
+    """Go around the middle on a circle whose radius varies."""
     turns = np.linspace(0, 2 * np.pi, 11)[:-1]
     radius = np.array([5.9, 5.1, 6.0, 4.7, 5.8, 6.1, 5.0, 5.9, 4.6, 5.6]) + rng.normal(0, 0.2, 10)
     squash = np.array([1.25, 0.95])
@@ -117,7 +112,7 @@ def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
 
 
 def _blades(rng: np.random.Generator) -> Array:
-    """Tones of grass, fresh to dry, each streaked along v: (512, 512, 3)."""
+    """Draw tones of grass, fresh to dry, each streaked along v: (512, 512, 3)."""
     tone = 0.56 + 0.16 * fractal(rng, (512, 512), (30, 512), 0.8)
     streak = 0.10 * fractal(rng, (512, 512), (3, 60), 0.3, stretch=0.15)
     return greenery.grass_tones(tone + streak)
@@ -131,7 +126,7 @@ def _plant(stage: Stage, rng: np.random.Generator, land: _Land) -> None:
         radius = rng.uniform(0.22, 0.6)
         gap = float(land.beside(at))
         if gap > radius + 0.45:
-            _bush(stage, f"bush_{k}", rng, land.place(at), radius)
+            bush(stage, f"bush_{k}", rng, land.place(at), radius)
     angles = np.linspace(0, 2 * np.pi, 25)[:-1] + rng.normal(0, 0.08, 24)
     for k, angle in enumerate(angles):
         out = rng.uniform(13, 26) if k % 3 else rng.uniform(11, 14)
@@ -144,32 +139,21 @@ def _plant(stage: Stage, rng: np.random.Generator, land: _Land) -> None:
     bench(stage, "bench", rng, at, rng.uniform(0, 2 * np.pi))
 
 
-@one_object
-def _bush(stage: Stage, name: str, rng: np.random.Generator, foot: Array, radius_m: float) -> None:
-    shrub(stage, rng, foot + np.array((0, 0, 0.7 * radius_m)), radius_m)
-    size = np.array([1.3, 1.3, 1.4]) * radius_m
-    stage.obstacle(name, foot + np.array((0, 0, 0.7 * radius_m)), size, shadow=False)
-
-
-def _turf(
-    stage: Stage, rng: np.random.Generator, land: _Land, half: Array, baked: LightMap, light: Light
-) -> None:
+def _turf(ground: Ground, rng: np.random.Generator, land: _Land, half: Array) -> None:
     """Lay turf: 1 mm a texel on and beside the path, coarser in the field, coarsest beyond."""
-    coarse = quads((-half[0], -half[1]), (half[0], half[1]), TILE_M)
+    coarse = quads(-half, half, TILE_M)
     far = coarse[land.beside(coarse.mean(axis=1)) >= 1.0]
-    fine = quads((-half[0], -half[1]), (half[0], half[1]), TILE_M / 2)
+    fine = quads(-half, half, TILE_M / 2)
     in_tile = (np.floor(fine.mean(axis=1) / TILE_M) + 0.5) * TILE_M
     near = fine[land.beside(in_tile) < 1.0]
     path = level(near, scattered(rng, near, TILE_M, 2.0), land.place)
     rough = level(far, far / 3.1, land.place)
-    stage.draw_lit(
-        "mown", lit(path, baked, light, 1 - 0.3 * (land.beside(path.points[:, :2]) > 0.1))
-    )
-    stage.draw_lit("turf", lit(rough, baked, light, 0.75))
+    ground.draw("mown", path, share=1 - 0.3 * (land.beside(path.points[:, :2]) > 0.1))
+    ground.draw("turf", rough, share=0.75)
     outside = quads((-FAR_M, -FAR_M), (FAR_M, FAR_M), 2.0)
     outside = outside[(np.abs(outside.mean(axis=1)) > half - 2).any(axis=1)]
     hills = level(outside, outside / 3.1, land.place)
-    stage.draw("turf", hills.moved((0, 0, -0.05)))
+    ground.stage.draw("turf", hills.moved((0, 0, -0.05)))
 
 
 @one_object
@@ -187,15 +171,8 @@ def _woods(stage: Stage, name: str, rng: np.random.Generator) -> None:
     corners = np.stack([low[1:], low[:-1], high[:-1], high[1:]], axis=1)
     along, up = -angle * FAR_M / 5.0, -top / 5.0
     zero = np.zeros(count)
-    uv = np.stack(
-        [
-            np.stack([along[1:], zero], axis=-1),
-            np.stack([along[:-1], zero], axis=-1),
-            np.stack([along[:-1], up[:-1]], axis=-1),
-            np.stack([along[1:], up[1:]], axis=-1),
-        ],
-        axis=1,
-    )
+    rim = ((along[1:], zero), (along[:-1], zero), (along[:-1], up[:-1]), (along[1:], up[1:]))
+    uv = np.stack([np.stack(corner, axis=-1) for corner in rim], axis=1)
     inward = -corners / np.linalg.norm(corners, axis=-1, keepdims=True)
     stage.draw("woods", polygons(corners, uv, inward))
 
@@ -203,7 +180,7 @@ def _woods(stage: Stage, name: str, rng: np.random.Generator) -> None:
 def _scatter(
     rng: np.random.Generator, land: _Land, half: Array, count: int, band_m: tuple[float, float]
 ) -> Array:
-    """Draw about `count` feet (N, 3) for each 100 m² with the path's edge this far away."""
+    """Draw about `count` feet (N, 3) for each 100 m² in a band of distances from the path."""
     area = 4 * half[0] * half[1]
     xy = rng.uniform(-half, half, (int(count * area / 100), 2))
     gap = land.beside(xy)
@@ -211,13 +188,7 @@ def _scatter(
 
 
 def _tall_grass(
-    stage: Stage,
-    rng: np.random.Generator,
-    land: _Land,
-    half: Array,
-    settings: MeadowSettings,
-    baked: LightMap,
-    light: Light,
+    ground: Ground, rng: np.random.Generator, land: _Land, half: Array, settings: MeadowSettings
 ) -> None:
     """Grow blades: short on the path's rim, dense and fine beside it, broad and sparse far off."""
     swath: list[Mesh] = []
@@ -234,13 +205,11 @@ def _tall_grass(
         lush = 1 + 0.3 * np.sin(feet[:, :2] @ waves.T).mean(axis=1) * 2
         high = settings.grass_m * share * lush * rng.uniform(0.5, 1.25, len(feet))
         swath.append(grass(rng, feet, high, width * rng.uniform(0.7, 1.3, len(feet))))
-    stage.draw_lit("blades", lit(merged(swath), baked, light))
+    ground.draw("blades", merged(swath))
 
 
-def _bloom(
-    stage: Stage, rng: np.random.Generator, land: _Land, half: Array, baked: LightMap, light: Light
-) -> None:
-    """Let flowers stand in drifts of one or two colours."""
+def _flowers(ground: Ground, rng: np.random.Generator, land: _Land, half: Array) -> None:
+    """Grow flowers in drifts of one or two colours."""
     uv = np.column_stack([(np.arange(len(PALETTE)) + 0.5) / len(PALETTE), np.full(5, 0.5)])
     for _ in range(40):
         centre = rng.uniform(-half, half)
@@ -251,5 +220,5 @@ def _bloom(
         high = rng.uniform(0.2, 0.45, len(feet))
         colours = uv[rng.integers(len(uv), size=2)]
         stems, heads = flowers(rng, feet, high, rng.uniform(0.014, 0.026), colours)
-        stage.draw_lit("blades", lit(stems, baked, light))
-        stage.draw_lit("petals", lit(heads, baked, light))
+        ground.draw("blades", stems)
+        ground.draw("petals", heads)

@@ -1,33 +1,33 @@
 """An open-plan office: carpet tiles, desks in islands, shelves and clutter along the walls."""
 
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
 from scenes.geometry.mesh import Mesh, box, merged, patch
-from scenes.lighting.baked_light import Light, shaded_normals
-from scenes.lighting.shadow import ground_light
+from scenes.geometry.place import Place, local
+from scenes.geometry.routes import rounded_loop
+from scenes.lighting.baked_light import Light, lamp
 from scenes.objects import furniture
-from scenes.objects.furniture import Place, local
 from scenes.objects.props import potted_plant
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage
-from scenes.structures.interior import WALL_M
-from scenes.structures.rooms import sides
-from scenes.structures.routes import rounded_loop
+from scenes.structures.ground import bake_ground
+from scenes.structures.interior import collide, sides
 from scenes.surfaces import greenery, masonry, prints, sky, textile, timber
-from scenes.surfaces.atlas import Atlas, pack
+from scenes.surfaces.atlas import pack
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 
-TESTS = "Indoor carpet of fine, faint texture between desks and shelves: a smooth, level drive."
+TESTS = "An indoor carpet of fine, low-contrast texture: a smooth, level drive between desks."
 TILE_M = 0.5
 ROOM_HEIGHT_M = 2.7
 
 
 class OfficeSettings(Settings):
-    """What may be asked of the office.
+    """Options of the office.
 
     Attributes:
         length_m: Size of the room along x.
@@ -44,24 +44,16 @@ def build(rng: np.random.Generator, settings: OfficeSettings) -> Scene:
     """Build the office; layout, textures and light follow the generator."""
     stage = Stage("office")
     half = np.array([settings.length_m, settings.width_m]) / 2
-    atlases = _surfaces(stage, rng)
+    _surfaces(stage, rng)
     light = _lamps(rng)
     with stage.object("walls"):
-        _walls(stage, rng, half, atlases["posters"])
-    _islands(stage, rng, half, atlases)
-    _along_walls(stage, rng, half, atlases, settings.clutter)
+        _walls(stage, rng, half)
+    _islands(stage, rng, half)
+    _along_walls(stage, rng, half, settings.clutter)
     with stage.object("carpet", Kind.GROUND):
         _carpet(stage, rng, half, light)
-    stage.floor(0.0)
-    stage.finish(light, None)
-    return Scene(
-        name="office",
-        tests=TESTS,
-        spec=stage.spec,
-        things=stage.things,
-        routes={"default": _route(rng, half)},
-        extent_m=(-half[0] - 0.2, -half[1] - 0.2, half[0] + 0.2, half[1] + 0.2),
-        tags=frozenset({"indoor", "level", "textured"}),
+    return stage.scene(
+        TESTS, light, route=_route(rng, half), extent_m=half + 0.2, tags="indoor level textured"
     )
 
 
@@ -84,21 +76,18 @@ def _route(rng: np.random.Generator, half: Array) -> Array:
 
 
 def _lamps(rng: np.random.Generator) -> Light:
-    """Wide daylight from the windows, in the wall towards +y, and ceiling panels as the fill."""
-    azimuth, elevation = np.pi / 2 + rng.uniform(-0.5, 0.5), np.radians(rng.uniform(50, 60))
-    flat = np.cos(elevation)
-    on_floor = np.array([0.29, 0.295, 0.30])  # all lamps together light the floor by about 1
-    return Light(
-        key=np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)]),
-        key_rgb=on_floor / np.sin(elevation),
-        fill_rgb=np.array([0.38, 0.372, 0.36]),
-        ambient_rgb=np.array([0.33, 0.328, 0.325]),
+    """Build daylight from windows in the wall towards +y, and ceiling panels as the fill."""
+    return lamp(
+        (np.pi / 2 + rng.uniform(-0.5, 0.5), rng.uniform(50, 60)),
+        on_ground=(0.29, 0.295, 0.30),  # all lamps together light the floor by about 1
+        fill=(0.38, 0.372, 0.36),
+        ambient=(0.33, 0.328, 0.325),
         softness_rad=0.45,
     )
 
 
-def _surfaces(stage: Stage, rng: np.random.Generator) -> dict[str, Atlas]:
-    """Define the materials; returns the atlases by material."""
+def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
+    """Define the materials."""
     atlases = {
         "posters": pack(prints.posters(rng, 10, (420, 300))),
         "books": pack(prints.book_rows(rng, 14, (192, 672))),
@@ -106,7 +95,7 @@ def _surfaces(stage: Stage, rng: np.random.Generator) -> dict[str, Atlas]:
         "screens": pack(prints.screens(rng, 6, (200, 340))),
     }
     for name, atlas in atlases.items():
-        stage.material(name, atlas.image, 0.4 if name == "screens" else 0.0)
+        stage.material(name, atlas, 0.4 if name == "screens" else 0.0)
     stage.material("wall", masonry.plaster(rng, (512, 2048), (214, 211, 202), 0.3))
     stage.material("beech", timber.wood(rng, (512, 1024), (190, 158, 118)))
     stage.material("oak", timber.wood(rng, (512, 1024), (142, 106, 72)))
@@ -124,26 +113,23 @@ def _surfaces(stage: Stage, rng: np.random.Generator) -> dict[str, Atlas]:
     stage.material("keyboard", prints.keyboard())
     stage.material("glass", sky.window_view(rng, (128, 192)), 0.5)
     stage.material("label", prints.posters(rng, 1, (64, 128))[0])
-    return atlases
 
 
-def _walls(stage: Stage, rng: np.random.Generator, half: Array, posters: Atlas) -> None:
-    """Four walls with skirting; posters, a door to -x and windows to +y."""
+def _walls(stage: Stage, rng: np.random.Generator, half: Array) -> None:
+    """Build four walls with skirting; posters, a door to -x and windows to +y."""
     x, y = half
     for k, (wall, length) in enumerate(sides(half)):
-        put = furniture.at(stage, wall)
+        put = stage.at(wall)
         inside = patch((0, 0, 0), (length, 0, 0), (0, 0, ROOM_HEIGHT_M), (24, 9))
         period = inside.textured(np.array([0, 0, length / 8, 1.0]))
         put("wall", period)
         put("oak", box((length / 2, -0.008, 0.05), (length - 0.04, 0.016, 0.1), (1.2, 0.6)))
-        middle = local(wall, length / 2, WALL_M / 2)
-        size = (length + 2 * WALL_M, WALL_M, ROOM_HEIGHT_M)
-        furniture.solid(stage, f"wall_{k}", middle, size, shadow=False)
+        collide(stage, f"wall_{k}", (wall, length), ROOM_HEIGHT_M)
         for place in np.arange(0.8, length - 1.2, 1.15):
             if rng.random() < 0.5 and not (k == 0 or (k == 3 and abs(place - y) < 1.5)):
                 low = rng.uniform(0.55, 1.2)
                 sheet = box((place + 0.25, -0.004, low + 0.42), (0.6, 0.006, 0.84))
-                put("posters", sheet.textured(posters.rects[rng.integers(posters.count)]))
+                put.cell("posters", rng, sheet)
     with stage.object("door"):
         _door(stage, rng, (-x, -y, np.pi / 2), y)
     with stage.object("windows"):
@@ -152,7 +138,7 @@ def _walls(stage: Stage, rng: np.random.Generator, half: Array, posters: Atlas) 
 
 def _windows(stage: Stage, wall: Place, length_m: float) -> None:
     """Glaze a wall from 0.95 m up, in bays of 2.4 m."""
-    put = furniture.at(stage, wall)
+    put = stage.at(wall)
     for middle in np.arange(1.5, length_m - 1.2, 2.4):
         put("glass", box((middle, -0.006, 1.65), (1.9, 0.008, 1.36)))
         for dx in (-0.95, 0.0, 0.95):
@@ -162,7 +148,7 @@ def _windows(stage: Stage, wall: Place, length_m: float) -> None:
 
 
 def _door(stage: Stage, rng: np.random.Generator, wall: Place, along_m: float) -> None:
-    put = furniture.at(stage, wall)
+    put = stage.at(wall)
     put("oak", box((along_m, -0.012, 1.03), (0.92, 0.02, 2.06), (1.2, 2.2), rng.random(2)))
     for side in (-0.5, 0.5):
         frame = box((along_m + side, -0.02, 1.06), (0.08, 0.04, 2.12), (0.5, 0.5))
@@ -171,10 +157,8 @@ def _door(stage: Stage, rng: np.random.Generator, wall: Place, along_m: float) -
     put("steel", box((along_m, -0.024, 0.18), (0.84, 0.003, 0.24), (0.5, 0.5)))
 
 
-def _islands(
-    stage: Stage, rng: np.random.Generator, half: Array, atlases: dict[str, Atlas]
-) -> None:
-    """Three islands of four desks, back to back, with a chair and clutter at each."""
+def _islands(stage: Stage, rng: np.random.Generator, half: Array) -> None:
+    """Place three islands of four desks, back to back, with a chair and clutter at each."""
     pitch = (2 * half[0] - 2 * 2.0) / 3
     for k in range(3):
         centre: Place = ((k - 1) * pitch, 0.0, np.pi / 2 + rng.normal(0, 0.01))
@@ -182,7 +166,7 @@ def _islands(
             turn = 0.0 if side < 0 else np.pi
             place = local(centre, dx, side * 0.42, turn)
             number = 4 * k + j
-            furniture.desk(stage, f"desk_{number}", rng, place, atlases["screens"])
+            furniture.desk(stage, f"desk_{number}", rng, place)
             seat = local(place, rng.uniform(-0.2, 0.2), rng.uniform(-0.62, -0.5), np.pi)
             turned = (seat[0], seat[1], seat[2] + rng.uniform(-0.6, 0.6))
             furniture.chair(stage, f"chair_{number}", rng, turned)
@@ -191,75 +175,45 @@ def _islands(
                 furniture.bin_(stage, f"bin_{number}", spot)
 
 
-def _along_walls(
-    stage: Stage,
-    rng: np.random.Generator,
-    half: Array,
-    atlases: dict[str, Atlas],
-    clutter: float,
-) -> None:
+def _along_walls(stage: Stage, rng: np.random.Generator, half: Array, clutter: float) -> None:
     """Line the walls, 0.45 m deep, with bookcases, cabinets, boxes, plants and a whiteboard."""
-    x, y = half
-    sides = (
-        (np.array([-x, y]), 2 * x, 0.0),
-        (np.array([x, y]), 2 * y, -np.pi / 2),
-        (np.array([x, -y]), 2 * x, np.pi),
-        (np.array([-x, -y]), 2 * y, np.pi / 2),
-    )
     number = 0
-    for start, length, yaw in sides:
-        wall: Place = (float(start[0]), float(start[1]), yaw)
+    for k, (wall, length) in enumerate(sides(half)):
         for along in np.arange(0.75, length - 0.7, 1.12):
-            blocked = start[0] < 0 and start[1] < 0 and abs(along - y) < 1.1  # the door
+            blocked = k == 3 and abs(along - half[1]) < 1.1  # the door
             if blocked or rng.random() > clutter:
                 continue
-            _piece(stage, f"piece_{number}", rng, local(wall, float(along), 0.0), atlases)
+            _piece(stage, f"piece_{number}", rng, local(wall, float(along), 0.0))
             number += 1
 
 
-def _piece(
-    stage: Stage, name: str, rng: np.random.Generator, wall: Place, atlases: dict[str, Atlas]
-) -> None:
+def _piece(stage: Stage, name: str, rng: np.random.Generator, wall: Place) -> None:
     """Stand one random piece against the wall at a place on it."""
     kind = rng.choice(
         ["books", "cabinet", "cartons", "plant", "board"], p=[0.42, 0.2, 0.18, 0.13, 0.07]
     )
-    if kind == "books":
-        place = local(wall, 0, -0.20)
-        furniture.bookcase(stage, name, rng, place, atlases["books"], atlases["cartons"])
-    elif kind == "cabinet":
-        furniture.cabinet(stage, name, rng, local(wall, 0, -0.26))
-    elif kind == "cartons":
-        place = local(wall, rng.uniform(-0.2, 0.2), -0.25, rng.uniform(-0.1, 0.1))
-        furniture.cartons_stack(stage, name, rng, place, atlases["cartons"])
-    elif kind == "plant":
+    if kind == "plant":
         potted_plant(stage, name, rng, local(wall, 0, -0.25)[:2])
-    else:
+    elif kind == "board":
         furniture.whiteboard(stage, name, local(wall, 0, -0.56, rng.uniform(-0.05, 0.05)))
+    else:
+        furniture.against_wall(stage, name, rng, wall, str(kind))
 
 
 def _carpet(stage: Stage, rng: np.random.Generator, half: Array, light: Light) -> None:
     """Lay carpet tiles, each of a random variant and turn, in the baked light of the room."""
-    atlas = pack(textile.carpet_tiles(rng, 16, 500))
-    stage.material("carpet", atlas.image)
+    stage.material("carpet", pack(textile.carpet_tiles(rng, 16, 500)))
     counts = np.ceil(2 * half / TILE_M).astype(int)
     tiles: list[Mesh] = []
     for i, j in np.ndindex(*counts):
         corner = (i * TILE_M - half[0], j * TILE_M - half[1], 0.0)
         tile = patch(corner, (TILE_M, 0, 0), (0, TILE_M, 0), (5, 5))
-        tiles.append(
-            _turned(tile, int(rng.integers(8))).textured(atlas.rects[rng.integers(atlas.count)])
-        )
-    carpet = merged(tiles)
-    reach = (-half[0], -half[1], half[0], half[1])
-    baked = ground_light(reach, stage.blockers, light)
-    key, fill = baked.at(carpet.points)
-    normals = shaded_normals(carpet.normals, key, fill, light)
-    stage.draw_lit("carpet", Mesh(carpet.points, normals, carpet.uv, carpet.faces))
+        tiles.append(_turned(tile, int(rng.integers(8))).textured(stage.pick("carpet", rng)))
+    bake_ground(stage, light, half).draw("carpet", merged(tiles))
 
 
 def _turned(tile: Mesh, turn: int) -> Mesh:
     """Show the unit texture in one of its 8 turns and mirror images."""
     uv = tile.uv[:, ::-1] if turn & 1 else tile.uv
     flips = np.array([turn >> 1 & 1, turn >> 2 & 1])
-    return Mesh(tile.points, tile.normals, flips + uv * (1 - 2 * flips), tile.faces)
+    return replace(tile, uv=flips + uv * (1 - 2 * flips))

@@ -1,20 +1,20 @@
 """A paved way over a low rise: up a gentle slope, across a plateau and down again."""
 
 import itertools
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
 from scenes.geometry.mesh import Mesh, merged, tube
-from scenes.lighting.baked_light import Light, sun
-from scenes.lighting.shadow import LightMap, ground_light
+from scenes.geometry.routes import rounded_loop
+from scenes.lighting.baked_light import sun
 from scenes.objects.plants import hedge, tree
 from scenes.objects.props import bench, grass_tufts, lamp_post, litter, planter, shrub
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage, one_object
-from scenes.structures.ground import level, lit, quads, tiled, weathered
-from scenes.structures.routes import rounded_loop
+from scenes.structures.ground import Ground, bake_ground, level, quads, tiled
 from scenes.structures.slope import Slope
 from scenes.structures.surround import kerb
 from scenes.surfaces import floor, greenery, masonry, sky, timber
@@ -23,7 +23,7 @@ from scenes.surfaces.noise import smoothstep
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 
-TESTS = "A gentle slope up and down again: the camera pitches with the ground and changes height."
+TESTS = "A gentle slope up and down: the camera pitches with the ground and changes its height."
 HALF_WIDTH_M = 2.2
 APRON_M = 3.6
 """Length of the level part at either end, where the rover turns."""
@@ -38,10 +38,10 @@ RAIL_Y_M = HALF_WIDTH_M - 0.08
 
 
 class RampSettings(Settings):
-    """What may be asked of the rise.
+    """Options of the rise.
 
     Attributes:
-        grade_percent: Of the slopes.
+        grade_percent: Grade of the slopes.
         run_m: Length of each slope.
         plateau_m: Length of the level part on top.
     """
@@ -62,25 +62,21 @@ def build(rng: np.random.Generator, settings: RampSettings) -> Scene:
     _surround(stage, rng, half)
     for side, name in ((-1, "rail_right"), (1, "rail_left")):
         _rail(stage, name, slope, side * RAIL_Y_M)
-    reach = (-half[0] - 3, -half[1] - 4, half[0] + 3, half[1] + 4)
-    baked = ground_light(reach, stage.blockers, light, elevation=slope.elevation)
-    baked = weathered(rng, baked)
-    _way(stage, rng, slope, half, baked, light)
-    _lawn(stage, rng, slope, half, baked, light)
-    slope.feel(stage, HALF_WIDTH_M + KERB_M[0])
-    stage.floor(0.0)
-    stage.finish(light, sky.town_sky(rng))
-    x, y = half[0] + 1.0, half[1] + 2.4
-    return Scene(
-        name="ramp",
-        tests=TESTS,
-        spec=stage.spec,
-        things=stage.things,
-        routes={"default": _route(half)},
-        extent_m=(-x, -y, x, y),
-        tags=frozenset({"outdoor", "sloped", "textured"}),
-        elevation=slope.elevation,
+    ground = bake_ground(
+        stage, light, (half[0] + 3, half[1] + 4), (rng, 0.14), elevation=slope.elevation
     )
+    _lay_slabs(ground, rng, slope, half)
+    _lay_lawn(ground, rng, slope, half)
+    slope.add_collision(stage, HALF_WIDTH_M + KERB_M[0])
+    scene = stage.scene(
+        TESTS,
+        light,
+        sky.town_sky(rng),
+        route=_route(half),
+        extent_m=(half[0] + 1.0, half[1] + 2.4),
+        tags="outdoor sloped textured",
+    )
+    return replace(scene, elevation=slope.elevation)
 
 
 def _route(half: Array) -> Array:
@@ -103,7 +99,7 @@ def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
 
 
 def _furnish(stage: Stage, rng: np.random.Generator, slope: Slope, half: Array) -> None:
-    """Put a trough on the plateau, benches and lamps beside the level ends."""
+    """Put a planter on the plateau, benches and lamps beside the level ends."""
     size = (1.4, 0.6, 0.42 + slope.top_m)
     planter(stage, "planter", rng, np.array([rng.uniform(-0.3, 0.3), 0.0]), size)
     x, y = half
@@ -115,7 +111,7 @@ def _furnish(stage: Stage, rng: np.random.Generator, slope: Slope, half: Array) 
 
 
 def _surround(stage: Stage, rng: np.random.Generator, half: Array) -> None:
-    """A hedge before one end, shrubs before the other, trees around."""
+    """Plant a hedge before one end, shrubs before the other, and trees around."""
     x, y = half
     hedge(stage, "hedge", rng, (x + 1.5, -y - 2.5), (x + 1.5, y + 2.5), rng.uniform(0.9, 1.2))
     with stage.object("shrubs"):
@@ -138,40 +134,32 @@ def _rail(stage: Stage, name: str, slope: Slope, y: float) -> None:
     rise = np.array([0, 0, RAIL_HEIGHT_M])
     for foot in feet:
         stage.draw("iron", tube(foot, foot + rise, 0.02, 8))
-        stage.blocker(foot + rise / 2, (0.04, 0.04, RAIL_HEIGHT_M))
+        stage.occluder(foot + rise / 2, (0.04, 0.04, RAIL_HEIGHT_M))
     for up in (0.53 * rise, rise):
         for a, b in itertools.pairwise(feet):
             stage.draw("iron", tube(a + up, b + up, 0.022, 8))
-            stage.blocker((a + b) / 2 + up, (b[0] - a[0], 0.044, 0.05))
+            stage.occluder((a + b) / 2 + up, (b[0] - a[0], 0.044, 0.05))
     size = (slope.knots[-1] - slope.knots[0], 0.06, 1.0 + slope.top_m)
     stage.obstacle(name, (0, y, size[2] / 2), size, shadow=False)
 
 
-def _way(
-    stage: Stage,
-    rng: np.random.Generator,
-    slope: Slope,
-    half: Array,
-    baked: LightMap,
-    light: Light,
-) -> None:
-    """Lay slabs on the way and kerbs along it, let dry leaves lie about."""
-    atlas = pack(floor.paving_slabs(rng, 20, 400))
-    stage.material("slabs", atlas.image)
+def _lay_slabs(ground: Ground, rng: np.random.Generator, slope: Slope, half: Array) -> None:
+    """Lay slabs on the way and kerbs along it, and scatter dry leaves."""
+    stage = ground.stage
+    stage.material("slabs", pack(floor.paving_slabs(rng, 20, 400)))
     under = half + 0.1  # the kerbs stand on slabs
-    corners = quads((-under[0], -under[1]), (under[0], under[1]), 0.1)
-    slabs = slope.tilted(level(corners, tiled(rng, corners, SLAB_M, atlas), slope.place))
+    corners = quads(-under, under, 0.1)
+    uv = tiled(rng, corners, SLAB_M, stage.atlases["slabs"])
     with stage.object("way", Kind.GROUND):
-        stage.draw_lit("slabs", lit(slabs, baked, light))
+        ground.draw("slabs", slope.tilted(level(corners, uv, slope.place)))
     with stage.object("kerb"):
-        stage.draw_lit("concrete", lit(_kerbs(rng, slope, half), baked, light))
-    leaves = pack(greenery.fallen_leaves(rng, 24, 64))
-    stage.material("litter", leaves.image)
+        ground.draw("concrete", _kerbs(rng, slope, half))
+    stage.material("litter", pack(greenery.fallen_leaves(rng, 24, 64)))
     spots = rng.uniform(-half, half, (90, 2))
     spots[:, 1] = np.sign(spots[:, 1]) * half[1] * np.abs(spots[:, 1] / half[1]) ** 0.4
     places = slope.place(spots) + np.array([0, 0, 0.003])
     with stage.object("litter"):
-        stage.draw_lit("litter", lit(litter(rng, places, leaves), baked, light))
+        ground.draw("litter", litter(rng, places, stage.atlases["litter"]))
 
 
 def _kerbs(rng: np.random.Generator, slope: Slope, half: Array) -> Mesh:
@@ -194,15 +182,8 @@ def _across(stone: Mesh, half: Array) -> bool:
     return bool(np.abs(stone.points[:, 0]).min() > half[0] - 0.01)
 
 
-def _lawn(
-    stage: Stage,
-    rng: np.random.Generator,
-    slope: Slope,
-    half: Array,
-    baked: LightMap,
-    light: Light,
-) -> None:
-    """Grass on the banks and beyond, uncut along the kerb."""
+def _lay_lawn(ground: Ground, rng: np.random.Generator, slope: Slope, half: Array) -> None:
+    """Grow grass on the banks and beyond, uncut along the kerb."""
     edge = half + KERB_M[0] - 0.04
 
     def place(xy: Array) -> Array:
@@ -210,22 +191,22 @@ def _lawn(
         share = 1 - smoothstep(0.0, 1.0, away)
         return np.concatenate([xy, (0.02 + slope.elevation(xy) * share)[..., None]], axis=-1)
 
-    near = quads((-half[0] - 3, -half[1] - 3), (half[0] + 3, half[1] + 3), 0.25)
+    near = quads(-half - 3, half + 3, 0.25)
     keep = (np.abs(near.mean(axis=1)) > edge - 0.125).any(axis=1)
-    with stage.object("lawn", Kind.GROUND):
+    with ground.stage.object("lawn", Kind.GROUND):
         grown = _clamped(near[keep], edge)
-        stage.draw_lit("lawn", lit(level(grown, grown / 4.0, place), baked, light))
+        ground.draw("lawn", level(grown, grown / 4.0, place))
         far = quads((-36, -36), (36, 36), 1.5)
         rim = (np.abs(far.mean(axis=1)) > half + 3).any(axis=1)
         outer = _clamped(far[rim], half + 3)
-        stage.draw_lit("lawn", lit(level(outer, outer / 4.0, place), baked, light))
+        ground.draw("lawn", level(outer, outer / 4.0, place))
         count = 500
         x = rng.uniform(-half[0], half[0], count)
         y = rng.choice((-1, 1), count) * (half[1] + KERB_M[0] + rng.exponential(0.25, count))
         tufts = grass_tufts(rng, np.column_stack([x, y]))
         lift = place(tufts.points[:, :2])[:, 2]
         tufts.points[:, 2] += lift
-        stage.draw_lit("lawn", lit(tufts, baked, light))
+        ground.draw("lawn", tufts)
 
 
 def _clamped(corners: Array, hole: Array) -> Array:

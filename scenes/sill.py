@@ -1,4 +1,4 @@
-"""Six rooms in a ring: sills in the doorways, cables and rugs between, under small wheels."""
+"""Six rooms in a ring, with sills in the doorways and cables and rugs between them."""
 
 from typing import Annotated
 
@@ -6,25 +6,24 @@ import numpy as np
 from pydantic import Field
 
 from scenes.geometry.mesh import Mesh, box
+from scenes.geometry.place import Place, local
+from scenes.geometry.routes import rounded_loop
 from scenes.lighting.baked_light import Light, hall_light
-from scenes.lighting.shadow import ground_light
 from scenes.objects import furniture
-from scenes.objects.furniture import Place, at, local
 from scenes.objects.props import potted_plant
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage
+from scenes.structures import interior
 from scenes.structures.courses import coursed
-from scenes.structures.ground import level, lit, quads, tiled
-from scenes.structures.interior import WALL_M, collide, skirting, wall_face
-from scenes.structures.rooms import sides
-from scenes.structures.routes import rounded_loop
+from scenes.structures.ground import bake_ground, level, quads, tiled
+from scenes.structures.interior import WALL_M, sides
 from scenes.structures.thresholds import bridged_cable, cable, rug, sill
 from scenes.surfaces import floor, greenery, masonry, prints, signs, sky, textile, timber
 from scenes.surfaces.atlas import Atlas, pack
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 
-TESTS = "Door sills, cable ramps and rugs across the way: every one a short, hard jolt."
+TESTS = "Door sills, cable ramps and rugs across the route: each of them is a short, hard jolt."
 HALF_M = np.array([9.0, 5.6])
 WALLS_X_M = (-3.0, 3.0)
 LANE_M = np.array([6.0, 2.8])
@@ -37,7 +36,7 @@ TILE_M = {"carpet": 0.5, "felt": 0.5, "stone": 0.3, "terrazzo": 0.4}
 
 
 class SillSettings(Settings):
-    """What may be asked of the rooms.
+    """Options of the rooms.
 
     Attributes:
         sill_mm: Height of the highest sill; the lowest has five eighths of it.
@@ -56,22 +55,14 @@ def build(rng: np.random.Generator, settings: SillSettings) -> Scene:
     """Build the rooms; layout, textures and light follow the generator."""
     stage = Stage("sill")
     light = hall_light(rng, (70, 78))
-    atlases = _surfaces(stage, rng)
-    _outer_walls(stage, rng, atlases["posters"])
+    _surfaces(stage, rng)
+    _outer_walls(stage, rng)
     _partitions(stage)
-    _furnish(stage, rng, atlases)
-    _thresholds(stage, rng, settings, atlases["rugs"])
-    _floors(stage, rng, atlases, light)
-    stage.floor(0.0)
-    stage.finish(light, None)
-    return Scene(
-        name="sill",
-        tests=TESTS,
-        spec=stage.spec,
-        things=stage.things,
-        routes={"default": _route()},
-        extent_m=(-HALF_M[0] - 0.2, -HALF_M[1] - 0.2, HALF_M[0] + 0.2, HALF_M[1] + 0.2),
-        tags=frozenset({"indoor", "bumpy", "rooms", "textured"}),
+    _furnish(stage, rng)
+    _thresholds(stage, rng, settings)
+    _floors(stage, rng, light)
+    return stage.scene(
+        TESTS, light, route=_route(), extent_m=HALF_M + 0.2, tags="indoor bumpy rooms textured"
     )
 
 
@@ -86,14 +77,14 @@ def _route() -> Array:
 
 
 def _doorways() -> list[Place]:
-    """Middles of the doorways; x runs along the wall."""
+    """List the middles of the doorways; x runs along the wall."""
     x, y = LANE_M
     across = [(wall, side * y, np.pi / 2) for wall in WALLS_X_M for side in (-1, 1)]
     return [*across, (-x, 0.0, 0.0), (x, 0.0, 0.0)]
 
 
-def _surfaces(stage: Stage, rng: np.random.Generator) -> dict[str, Atlas]:
-    """Define the materials; returns the atlases by material."""
+def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
+    """Define the materials."""
     atlases = {
         "oak_planks": pack(floor.parquet(rng, 24, (90, 900), (164, 126, 86))),
         "dark_planks": pack(floor.parquet(rng, 16, (140, 900), (122, 92, 66))),
@@ -108,7 +99,7 @@ def _surfaces(stage: Stage, rng: np.random.Generator) -> dict[str, Atlas]:
         "screens": pack(prints.screens(rng, 4, (200, 340))),
     }
     for name, atlas in atlases.items():
-        stage.material(name, atlas.image, 0.4 if name == "screens" else 0.0)
+        stage.material(name, atlas, 0.4 if name == "screens" else 0.0)
     paints = ((214, 211, 202), (196, 204, 206), (216, 202, 184), (200, 206, 190))
     stage.material("wall", masonry.plaster(rng, (512, 2048), paints[rng.integers(4)], 0.3))
     stage.material("oak", timber.wood(rng, (512, 1024), (142, 106, 72)))
@@ -130,18 +121,14 @@ def _surfaces(stage: Stage, rng: np.random.Generator) -> dict[str, Atlas]:
     stage.material("notes", prints.notes(rng, (480, 500)))
     stage.material("label", prints.posters(rng, 1, (64, 128))[0])
     stage.material("glass", sky.window_view(rng, (128, 192)), 0.5)
-    return atlases
 
 
-def _outer_walls(stage: Stage, rng: np.random.Generator, posters: Atlas) -> None:
+def _outer_walls(stage: Stage, rng: np.random.Generator) -> None:
     """Close the house: windows to the north and south, pictures to the east and west."""
     for k, run in enumerate(sides(HALF_M)):
         wall, length = run
-        put = at(stage, wall)
-        with stage.object(f"wall_{k}"):
-            stage.draw("wall", wall_face(run, HEIGHT_M, (8.0, HEIGHT_M)))
-            stage.draw("oak", skirting(run))
-        collide(stage, f"wall_{k}", run, HEIGHT_M)
+        put = stage.at(wall)
+        interior.wall(stage, f"wall_{k}", run, HEIGHT_M, (8.0, HEIGHT_M), board="oak")
         with stage.object(f"{'windows' if k % 2 == 0 else 'pictures'}_{k}"):
             for along in np.arange(1.5, length - 1.0, 1.5):
                 if k % 2 == 0 and min(abs(along - length / 2 - x) for x in WALLS_X_M) > 0.8:
@@ -152,7 +139,7 @@ def _outer_walls(stage: Stage, rng: np.random.Generator, posters: Atlas) -> None
                         put("panel", box((along, -0.022, z), (1.17, 0.05, 0.05), bottom=True))
                 elif k % 2 == 1 and rng.random() < 0.6:
                     sheet = box((along, -0.006, rng.uniform(1.2, 1.5)), (0.6, 0.008, 0.84))
-                    put("posters", sheet.textured(posters.rects[rng.integers(posters.count)]))
+                    put.cell("posters", rng, sheet)
 
 
 def _partitions(stage: Stage) -> None:
@@ -161,7 +148,7 @@ def _partitions(stage: Stage) -> None:
     runs = [((wall, -y, np.pi / 2), 2 * y, (y - LANE_M[1], y + LANE_M[1])) for wall in WALLS_X_M]
     runs.append(((-x, 0.0, 0.0), 2 * x, (x - LANE_M[0], x + LANE_M[0])))
     for k, (wall, length, doors) in enumerate(runs):
-        put = at(stage, wall)
+        put = stage.at(wall)
         edges = [0.0, *(d + side * DOOR_M / 2 for d in doors for side in (-1, 1)), length]
         with stage.object(f"partition_{k}"):
             for start, end in zip(edges[::2], edges[1::2], strict=True):
@@ -175,9 +162,8 @@ def _partitions(stage: Stage) -> None:
                 put("wall", box(lintel, (DOOR_M, WALL_M, high), (8.0, HEIGHT_M), bottom=True))
         for start, end in zip(edges[::2], edges[1::2], strict=True):
             spot = local(wall, (start + end) / 2, 0.0)
-            furniture.solid(
-                stage, f"partition_{k}_{start:.0f}", spot, (end - start, WALL_M, HEIGHT_M)
-            )
+            size = (end - start, WALL_M, HEIGHT_M)
+            stage.solid(f"partition_{k}_{start:.0f}", spot, size)
         for door in doors:
             with stage.object(f"frame_{k}_{door:.0f}"):
                 for side in (-1, 1):
@@ -187,9 +173,7 @@ def _partitions(stage: Stage) -> None:
                 put("oak", box(head, (DOOR_M, WALL_M + 0.05, 0.03), (1.2, 0.6), bottom=True))
 
 
-def _thresholds(
-    stage: Stage, rng: np.random.Generator, settings: SillSettings, weaves: Atlas
-) -> None:
+def _thresholds(stage: Stage, rng: np.random.Generator, settings: SillSettings) -> None:
     """Lay a sill in each doorway, and ramps, cables and rugs between them."""
     for k, place in enumerate(_doorways()):
         height = 1e-3 * settings.sill_mm * rng.uniform(0.625, 1.0)
@@ -212,70 +196,59 @@ def _thresholds(
     for k, (px, py, turn) in enumerate(((0.1, y + 0.4, 0.0), (-5.0, y, 0.0), (4.7, -y, 0.0))):
         size = np.array([*rng.uniform((1.5, 1.1), (1.9, 1.3)), 1e-3 * settings.rug_mm])
         spot = (px + rng.uniform(-0.1, 0.1), py, turn + rng.uniform(-0.15, 0.15))
-        rug(stage, f"rug_{k}", rng, spot, size, weaves)
+        rug(stage, f"rug_{k}", rng, spot, size)
 
 
-def _furnish(stage: Stage, rng: np.random.Generator, atlases: dict[str, Atlas]) -> None:
+def _furnish(stage: Stage, rng: np.random.Generator) -> None:
     """Line each room's outer wall; put a desk, or cartons and a plant, at its inner corners."""
     number = 0
     for k, (wall, length) in enumerate(sides(HALF_M)):
         for along in np.arange(0.8, length - 0.7, 1.15):
             near = [abs(along - length / 2 - p) for p in (WALLS_X_M if k % 2 == 0 else (0.0,))]
             if min(near) > 0.75 and rng.random() < 0.8:
-                _piece(stage, f"piece_{number}", rng, local(wall, float(along), 0.0), atlases)
+                _piece(stage, f"piece_{number}", rng, local(wall, float(along), 0.0))
                 number += 1
     for k, (px, py) in enumerate(((-1.2, 0.5), (1.2, -0.5), (-8.0, 0.55), (8.0, -0.55))):
         place: Place = (px, py, np.pi if py > 0 else 0.0)
-        furniture.desk(stage, f"desk_{k}", rng, place, atlases["screens"])
+        furniture.desk(stage, f"desk_{k}", rng, place)
         seat = local(place, rng.uniform(-0.2, 0.2), -0.5, np.pi + rng.uniform(-0.5, 0.5))
         furniture.chair(stage, f"chair_{k}", rng, seat)
-        furniture.bin_(
-            stage, f"bin_{k}", local(place, 0.9 if abs(px) < 2 else -0.9 * np.sign(px), 0.1)
-        )
+        beside = 0.9 if abs(px) < 2 else -0.9 * np.sign(px)
+        furniture.bin_(stage, f"bin_{k}", local(place, beside, 0.1))
 
 
-def _piece(
-    stage: Stage, name: str, rng: np.random.Generator, wall: Place, atlases: dict[str, Atlas]
-) -> None:
+def _piece(stage: Stage, name: str, rng: np.random.Generator, wall: Place) -> None:
     """Stand one random piece against the wall at a place on it."""
     kind = rng.choice(["books", "cabinet", "cartons", "plant"], p=[0.45, 0.2, 0.2, 0.15])
-    if kind == "books":
-        place = local(wall, 0, -0.20)
-        furniture.bookcase(stage, name, rng, place, atlases["books"], atlases["cartons"])
-    elif kind == "cabinet":
-        furniture.cabinet(stage, name, rng, local(wall, 0, -0.26))
-    elif kind == "cartons":
-        place = local(wall, rng.uniform(-0.2, 0.2), -0.25, rng.uniform(-0.1, 0.1))
-        furniture.cartons_stack(stage, name, rng, place, atlases["cartons"])
-    else:
+    if kind == "plant":
         potted_plant(stage, name, rng, local(wall, 0, -0.28)[:2])
+    else:
+        furniture.against_wall(stage, name, rng, wall, str(kind))
 
 
-def _floors(
-    stage: Stage, rng: np.random.Generator, atlases: dict[str, Atlas], light: Light
-) -> None:
+def _floors(stage: Stage, rng: np.random.Generator, light: Light) -> None:
     """Give each of the six rooms a floor of its own."""
     x, y = HALF_M
-    baked = ground_light((-x, -y, x, y), stage.blockers, light)
+    ground = bake_ground(stage, light, HALF_M)
     columns = (-x, *WALLS_X_M, x)
     kinds = rng.permutation(["oak_planks", "dark_planks", "carpet", "felt", "stone", "terrazzo"])
     for k, kind in enumerate(kinds):
         low, high = columns[k % 3], columns[k % 3 + 1]
         south, north = (-y, 0.0) if k < 3 else (0.0, y)
-        mesh = _laid(rng, str(kind), np.array([(low, south), (high, north)]), atlases)
+        ends = np.array([(low, south), (high, north)])
         with stage.object(f"floor_{k}", Kind.GROUND):
-            stage.draw_lit(str(kind), lit(mesh, baked, light))
+            ground.draw(str(kind), _laid(rng, str(kind), ends, stage.atlases[str(kind)]))
 
 
-def _laid(rng: np.random.Generator, kind: str, ends: Array, atlases: dict[str, Atlas]) -> Mesh:
+def _laid(rng: np.random.Generator, kind: str, ends: Array, atlas: Atlas) -> Mesh:
     """Cover the rectangle between (2, 2) corners with planks or tiles."""
     low, high = ends
     if kind.endswith("planks"):
         width = 0.09 if kind.startswith("oak") else 0.14
         half = (high - low) / 2
         rows = np.array([half[0], np.floor(half[1] / width) * width])
-        planks = coursed(rng, rows, half[1] * width / rows[1], (0.7, 0.95), atlases[kind], 4)
+        planks = coursed(rng, rows, half[1] * width / rows[1], (0.7, 0.95), atlas, 4)
         return planks.moved((*(low + high) / 2, 0.0))
     tile = TILE_M[kind]
-    corners = quads(tuple(low), tuple(high), tile / 2)
-    return level(corners, tiled(rng, corners - low, tile, atlases[kind]))
+    corners = quads(low, high, tile / 2)
+    return level(corners, tiled(rng, corners - low, tile, atlas))

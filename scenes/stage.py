@@ -1,29 +1,36 @@
-"""What a scene is assembled on: meshes gathered by material, boxes for the wheels, baked light."""
+"""The builder of a scene: meshes by material, collision geoms, occluders and baked light."""
 
 from collections.abc import Callable, Generator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from functools import wraps
-from typing import Concatenate, ParamSpec
+from typing import Any, Concatenate, ParamSpec
 
 import mujoco
 import numpy as np
 
 from scenes.geometry.mesh import Mesh, Vector, cut_into_cells, merged
+from scenes.geometry.place import Place, extent
 from scenes.lighting.baked_light import Light, shaded_normals
-from scenes.lighting.shadow import Blocker, occlusion, visibility
-from scenes.scene import COLLISION_GROUP, IMAGE_GROUP, LABEL_GROUP, Kind, Motion, Thing
+from scenes.lighting.shadow import Occluder, occlusion, visibility
+from scenes.mjcf import add_material, add_mesh_geom, add_texture, set_view
+from scenes.pen import Pen
+from scenes.scene import COLLISION_GROUP, IMAGE_GROUP, LABEL_GROUP, Kind, Motion, Scene, Thing
+from scenes.surfaces.atlas import Atlas
 from vo.contract.arrays import Array, Image
 
 P = ParamSpec("P")
+Block = AbstractContextManager[None]
+Bake = Callable[[Mesh], Mesh]
+"""Bakes light into the shading normals of a mesh."""
 WORLD = "world"
 CELL_FACES = 2000
-"""Larger meshes are cut: the renderer leaves out the pieces that are out of view."""
+"""Larger meshes are cut, so that the renderer culls the pieces outside the view."""
 
 
 @dataclass(frozen=True)
 class _Part:
-    """A mesh on the stage: where it belongs and whether its normals carry their light already."""
+    """A mesh on the stage: where it belongs and whether light is baked into its normals."""
 
     material: str
     thing: Thing
@@ -35,95 +42,90 @@ class _Part:
 class Stage:
     """Collects a world, then writes it into an MjSpec.
 
-    What is drawn is written twice: merged by material and part of the world for pictures, so that
-    the renderer has few surfaces and can leave out those behind it; and merged by object for
-    labels. Both have the same triangles.
+    Each drawn triangle is written twice: merged by material and part of the world for images, so
+    that the renderer has few surfaces and culls those behind it; and merged by object for labels.
     """
 
     def __init__(self, name: str) -> None:
         self.spec = mujoco.MjSpec()
         self.spec.modelname = name
-        self.blockers: list[Blocker] = []
+        self.occluders: list[Occluder] = []
         self.things: dict[str, Thing] = {}
         self.movers: dict[str, Motion] = {}
+        self.atlases: dict[str, Atlas] = {}
         self._images: dict[str, Image] = {}
-        self._glow: dict[str, float] = {}
+        self._emission: dict[str, float] = {}
         self._parts: list[_Part] = []
         self._thing = Thing("surroundings", Kind.STATIC)
         self._body = WORLD
 
-    def material(self, name: str, image: Image, glow: float = 0.0) -> None:
-        """Define a matte material by its (H, W, 3) texture; `glow` is light of its own, 0 to 1.
+    def material(self, name: str, texture: Image | Atlas, emission: float = 0.0) -> None:
+        """Define a matte material by its (H, W, 3) texture or atlas; emission is 0 to 1.
 
         Materials are drawn in the order of their definition; what is hidden later costs nothing.
         """
-        self._images[name] = image
-        self._glow[name] = glow
+        if isinstance(texture, Atlas):
+            self.atlases[name] = texture
+            texture = texture.image
+        self._images[name] = texture
+        self._emission[name] = emission
 
-    @contextmanager
-    def object(self, name: str, kind: Kind = Kind.STATIC) -> Generator[None]:
+    def object(self, name: str, kind: Kind = Kind.STATIC) -> Block:
         """Make everything drawn inside the block one object; the innermost block counts."""
-        outer, self._thing = self._thing, Thing(name, kind)
-        try:
-            yield
-        finally:
-            self._thing = outer
+        return self._inside(Thing(name, kind), self._body)
 
-    @contextmanager
-    def mover(self, name: str, motion: Motion) -> Generator[None]:
+    def mover(self, name: str, motion: Motion) -> Block:
         """Make everything inside the block one object that moves by itself.
 
         Meshes and obstacles in the block are in the object's own frame, which `motion` places in
         the world; the light on it does not change while it moves.
         """
-        outer = self._thing, self._body
         self.spec.worldbody.add_body(name=name, mocap=True)
         self.movers[name] = motion
-        self._thing, self._body = Thing(name, Kind.MOVING), name
-        try:
-            yield
-        finally:
-            self._thing, self._body = outer
+        return self._inside(Thing(name, Kind.MOVING), name)
 
-    @contextmanager
-    def free_body(self, name: str, position: Vector, yaw_rad: float) -> Generator[None]:
+    def free_body(self, name: str, position: Vector, yaw_rad: float) -> Block:
         """Make everything inside the block one object that can be pushed and fall over.
 
         Meshes and obstacles in the block are in the object's own frame, which starts at (3,)
         metres; give the obstacles a mass.
         """
+        self.spec.worldbody.add_body(name=name, pos=position, quat=_turn(yaw_rad)).add_freejoint()
+        return self._inside(Thing(name, Kind.MOVING), name)
+
+    @contextmanager
+    def _inside(self, thing: Thing, body: str) -> Generator[None]:
         outer = self._thing, self._body
-        turn = (np.cos(yaw_rad / 2), 0, 0, np.sin(yaw_rad / 2))
-        self.spec.worldbody.add_body(name=name, pos=position, quat=turn).add_freejoint()
-        self._thing, self._body = Thing(name, Kind.MOVING), name
+        self._thing, self._body = thing, body
         try:
             yield
         finally:
             self._thing, self._body = outer
 
-    def draw(self, material: str, *meshes: Mesh) -> None:
-        """Show meshes, each (V, 3) in world metres; their light is baked in `finish`."""
-        self._keep(material, meshes, lit=False)
+    def draw(self, material: str, *meshes: Mesh, lit: bool = False) -> None:
+        """Show meshes, each (V, 3) in metres; `finish` bakes light into those that are not lit.
 
-    def draw_lit(self, material: str, *meshes: Mesh) -> None:
-        """Show meshes whose normals carry their light already."""
-        self._keep(material, meshes, lit=True)
-
-    def _keep(self, material: str, meshes: tuple[Mesh, ...], lit: bool) -> None:
+        Raises:
+            KeyError: If the material is not defined.
+        """
         if material not in self._images:
             raise KeyError(f"no material {material}; defined: {', '.join(self._images)}")
         self._parts.extend(_Part(material, self._thing, self._body, m, lit) for m in meshes)
 
-    def blocker(
-        self,
-        centre: Vector,
-        size: Vector,
-        yaw_rad: float = 0.0,
-        opacity: float = 1.0,
+    def at(self, place: Place) -> Pen:
+        """Return a pen for the frame of a place."""
+        return Pen(self.draw, self.atlases, place)
+
+    def pick(self, material: str, rng: np.random.Generator) -> Array:
+        """Choose a random cell of a material's atlas: (4,) u0, v0, u1, v1."""
+        return self.atlases[material].pick(rng)
+
+    def occluder(
+        self, centre: Vector, size: Vector, yaw_rad: float = 0.0, opacity: float = 1.0
     ) -> None:
         """Let a box of (3,) full size cast shadow."""
         half = np.asarray(size, dtype=float) / 2
-        self.blockers.append(Blocker(np.asarray(centre, dtype=float), half, yaw_rad, opacity))
+        self.occluders.append(Occluder(np.asarray(centre, dtype=float), half, yaw_rad, opacity))
 
     def obstacle(
         self,
@@ -136,35 +138,34 @@ class Stage:
     ) -> None:
         """Add a box of (3,) full size that the rover collides with, and that casts shadow.
 
-        What moves casts none; its mass counts where it can be pushed.
+        Inside `mover` and `free_body` it casts none; its mass counts inside `free_body`.
         """
-        self._body_spec(self._body).add_geom(
-            name=name,
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            pos=centre,
-            size=np.asarray(size, dtype=float) / 2,
-            quat=(np.cos(yaw_rad / 2), 0, 0, np.sin(yaw_rad / 2)),
-            group=COLLISION_GROUP,
-            mass=mass_kg,
-        )
+        half = np.asarray(size, dtype=float) / 2
+        box = mujoco.mjtGeom.mjGEOM_BOX
+        self.collision(name, box, pos=centre, size=half, quat=_turn(yaw_rad), mass=mass_kg)
         if shadow and self._body == WORLD:
-            self.blocker(centre, size, yaw_rad)
+            self.occluder(centre, size, yaw_rad)
+
+    def solid(self, name: str, place: Place, size: Vector, shadow: bool = True) -> None:
+        """Add the obstacle of (3,) full size that stands on the floor at a place."""
+        self.obstacle(name, (place[0], place[1], size[2] / 2), size, place[2], shadow)
+
+    def shade(self, place: Place, height_m: float, size: Vector, opacity: float = 1.0) -> None:
+        """Let a box of (3,) full size cast shadow, its middle at a height above a place."""
+        self.occluder((place[0], place[1], height_m), size, place[2], opacity)
+
+    def collision(self, name: str, shape: mujoco.mjtGeom, **fields: Any) -> None:
+        """Add a geom that only collides; `fields` are those of `MjsGeom`."""
+        body = self._body_spec(self._body)
+        body.add_geom(name=name, type=shape, group=COLLISION_GROUP, **fields)
 
     def floor(self, height_m: float) -> None:
         """Add the collision plane `ground`."""
-        self.spec.worldbody.add_geom(
-            name="ground",
-            type=mujoco.mjtGeom.mjGEOM_PLANE,
-            pos=(0, 0, height_m),
-            size=(0, 0, 1),
-            group=COLLISION_GROUP,
-        )
+        plane = mujoco.mjtGeom.mjGEOM_PLANE
+        self.collision("ground", plane, pos=(0, 0, height_m), size=(0, 0, 1))
 
     def finish(
-        self,
-        light: Light | None,
-        sky: Image | None,
-        shine: Callable[[Mesh], Mesh] | None = None,
+        self, light: Light | None = None, sky: Image | None = None, bake: Bake | None = None
     ) -> None:
         """Bake the light and write textures, materials, meshes, lamps and sky.
 
@@ -172,23 +173,61 @@ class Stage:
             light: The scene's lamps; None for an addition to a scene that has its own.
             sky: (6 S, S, 3) faces of a cube: +x, -x, +y, -y, +z, -z as MuJoCo orders them; None
                 where no sky can be seen.
-            shine: Bakes light of its own, instead of the key's and the fill's, into the meshes of
-                the world that carry none yet.
+            bake: Replaces the key's and the fill's light on the meshes of the world that carry
+                none yet.
         """
-        baked = self._gathered()
+        parts = self._gathered()
         if light is not None:
-            baked = [replace(p, mesh=self._bake(p, light, shine)) for p in baked]
+            parts = [replace(p, mesh=self._baked(p, light, bake)) for p in parts]
         for name, image in self._images.items():
-            mine = [part for part in baked if part.material == name]
+            mine = [part for part in parts if part.material == name]
             if mine:
-                self._add_material(name, image)
-                self._paint(name, mine)
-        self._add_twins(baked)
+                add_material(self.spec, name, image, self._emission[name])
+                self._write_images(name, mine)
+        self._write_labels(parts)
         if light is not None:
             light.install(self.spec)
-            _tune_view(self.spec)
+            set_view(self.spec)
         if sky is not None:
-            _add_texture(self.spec, "sky", sky, mujoco.mjtTexture.mjTEXTURE_SKYBOX)
+            add_texture(self.spec, "sky", sky, cube=True)
+
+    def scene(
+        self,
+        tests: str,
+        light: Light,
+        sky: Image | None = None,
+        bake: Bake | None = None,
+        *,
+        route: Array,
+        extent_m: Vector,
+        tags: str,
+        floor_m: float | None = 0.0,
+    ) -> Scene:
+        """Finish the stage and return it as a scene.
+
+        Args:
+            tests: As in `Scene`.
+            light: As in `finish`.
+            sky: As in `finish`.
+            bake: As in `finish`.
+            route: (N, 2) waypoints of the default route, metres.
+            extent_m: (4,) as in `Scene`, or (2,) half sizes about the origin.
+            tags: Separated by spaces.
+            floor_m: Height of the collision plane; None if it was added before.
+        """
+        if floor_m is not None:
+            self.floor(floor_m)
+        self.finish(light, sky, bake)
+        return Scene(
+            name=self.spec.modelname,
+            tests=tests,
+            spec=self.spec,
+            routes={"default": route},
+            extent_m=extent(extent_m),
+            tags=frozenset(tags.split()),
+            things=self.things,
+            movers=self.movers,
+        )
 
     def _gathered(self) -> list[_Part]:
         """Join what has the same material, object, body and state of light."""
@@ -200,59 +239,42 @@ class Stage:
             for (material, thing, body, lit), meshes in alike.items()
         ]
 
-    def _bake(self, part: _Part, light: Light, shine: Callable[[Mesh], Mesh] | None) -> Mesh:
+    def _baked(self, part: _Part, light: Light, bake: Bake | None) -> Mesh:
         mesh = part.mesh
         if part.lit:
             return mesh
-        if shine is not None and part.body == WORLD:
-            return shine(mesh)
-        blockers = self.blockers if part.body == WORLD else []
+        if bake is not None and part.body == WORLD:
+            return bake(mesh)
+        occluders = self.occluders if part.body == WORLD else []
         clear = mesh.points + 2e-3 * mesh.normals
-        key = visibility(clear, blockers, light)
-        fill = occlusion(clear, blockers)
-        normals = shaded_normals(mesh.normals, key, fill, light)
-        return Mesh(mesh.points, normals, mesh.uv, mesh.faces)
+        key = visibility(clear, occluders, light)
+        fill = occlusion(clear, occluders)
+        return replace(mesh, normals=shaded_normals(mesh.normals, key, fill, light))
 
-    def _paint(self, material: str, parts: list[_Part]) -> None:
-        """Write a material's meshes, those of the world cut into cells."""
+    def _write_images(self, material: str, parts: list[_Part]) -> None:
+        """Write a material's meshes for images, those of the world cut into cells."""
         for body in dict.fromkeys(part.body for part in parts):
             mesh = merged([part.mesh for part in parts if part.body == body])
-            for k, cell in enumerate(cut_into_cells(mesh, CELL_FACES)):
-                name = "/".join(["paint", material, *([body] if body != WORLD else []), str(k)])
-                self._add_geom(name, body, cell, IMAGE_GROUP, material)
+            stem = "/".join(["paint", material, *([body] if body != WORLD else [])])
+            self._write(stem, body, mesh, IMAGE_GROUP, material)
 
-    def _add_twins(self, parts: list[_Part]) -> None:
-        """Write what each object looks like to the labels."""
+    def _write_labels(self, parts: list[_Part]) -> None:
+        """Write each object's meshes for labels."""
         by_thing: dict[tuple[Thing, str], list[Mesh]] = {}
         for part in parts:
             by_thing.setdefault((part.thing, part.body), []).append(part.mesh)
         for (thing, body), meshes in by_thing.items():
-            for k, cell in enumerate(cut_into_cells(merged(meshes), CELL_FACES)):
-                limb = [body] if body not in (WORLD, thing.name) else []
-                name = "/".join(["thing", thing.name, *limb, str(k)])
-                self._add_geom(name, body, cell, LABEL_GROUP, None)
+            limb = [body] if body not in (WORLD, thing.name) else []
+            stem = "/".join(["thing", thing.name, *limb])
+            for name in self._write(stem, body, merged(meshes), LABEL_GROUP, ""):
                 self.things[name] = thing
 
-    def _add_material(self, name: str, image: Image) -> None:
-        _add_texture(self.spec, name, image, mujoco.mjtTexture.mjTEXTURE_2D)
-        material = self.spec.add_material(
-            name=name, specular=0.0, shininess=0.0, emission=self._glow[name]
-        )
-        material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
-
-    def _add_geom(self, name: str, body: str, mesh: Mesh, group: int, material: str | None) -> None:
-        _add_mesh(self.spec, name, mesh)
-        geom = self._body_spec(body).add_geom(
-            name=name,
-            type=mujoco.mjtGeom.mjGEOM_MESH,
-            meshname=name,
-            contype=0,
-            conaffinity=0,
-            mass=0,
-            group=group,
-        )
-        if material is not None:
-            geom.material = material
+    def _write(self, stem: str, body: str, mesh: Mesh, group: int, material: str) -> list[str]:
+        """Write a mesh in cells; returns the names of its geoms."""
+        cells = {f"{stem}/{k}": c for k, c in enumerate(cut_into_cells(mesh, CELL_FACES))}
+        for name, cell in cells.items():
+            add_mesh_geom(self.spec, self._body_spec(body), name, cell, group, material)
+        return list(cells)
 
     def _body_spec(self, body: str) -> mujoco.MjsBody:
         return self.spec.worldbody if body == WORLD else self.spec.body(body)
@@ -271,28 +293,6 @@ def one_object(
     return inside
 
 
-def _add_texture(spec: mujoco.MjSpec, name: str, image: Image, kind: mujoco.mjtTexture) -> None:
-    height, width, channels = image.shape
-    texture = spec.add_texture(name=name, type=kind, height=height, width=width)
-    texture.nchannel = channels
-    texture.data = np.ascontiguousarray(image).tobytes()
-
-
-def _add_mesh(spec: mujoco.MjSpec, name: str, mesh: Mesh) -> None:
-    added = spec.add_mesh(name=name, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
-    added.uservert = _flat(mesh.points)
-    added.usernormal = _flat(mesh.normals)
-    added.usertexcoord = _flat(mesh.uv)
-    corners = mesh.faces.astype(np.int32).ravel()
-    added.userface = added.userfacenormal = added.userfacetexcoord = corners
-
-
-def _flat(values: Array) -> Array:
-    return np.ascontiguousarray(values, dtype=np.float32).ravel()
-
-
-def _tune_view(spec: mujoco.MjSpec) -> None:
-    spec.stat.extent = 1.0  # clip distances below are then metres
-    spec.visual.map.znear = 0.03
-    spec.visual.map.zfar = 80.0
-    spec.visual.quality.offsamples = 4
+def _turn(yaw_rad: float) -> tuple[float, float, float, float]:
+    """Return the rotation about z as quat_wxyz."""
+    return (np.cos(yaw_rad / 2), 0, 0, np.sin(yaw_rad / 2))

@@ -1,4 +1,4 @@
-"""A museum hall with paintings and sculptures, where the rover stops to look again and again."""
+"""A museum hall with paintings and sculptures, in which the rover stops repeatedly."""
 
 from dataclasses import replace
 from typing import Annotated
@@ -6,24 +6,23 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from scenes.geometry.mesh import Mesh, box, tube
+from scenes.geometry.mesh import box, tube
+from scenes.geometry.place import Place, local
+from scenes.geometry.routes import rounded_loop
 from scenes.lighting.baked_light import hall_light
-from scenes.lighting.shadow import ground_light
 from scenes.objects import exhibits
-from scenes.objects.furniture import Place, local, solid
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage
 from scenes.structures import interior
 from scenes.structures.courses import coursed
-from scenes.structures.ground import level, lit, quads
-from scenes.structures.rooms import sides
-from scenes.structures.routes import rounded_loop
+from scenes.structures.ground import bake_ground
+from scenes.structures.interior import sides
 from scenes.surfaces import floor, masonry, prints, textile, timber
-from scenes.surfaces.atlas import Atlas, pack
+from scenes.surfaces.atlas import pack
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 
-TESTS = "Standing still half of the time: an estimator must not drift while nothing moves."
+TESTS = "The rover stands still half of the time: the estimate must not drift while it stands."
 HALF_M = np.array([8.0, 5.0])
 HEIGHT_M = 3.6
 SCREEN_M = (3.4, 0.24, 2.5)
@@ -33,10 +32,10 @@ HUES = ((92, 112, 116), (128, 84, 74), (104, 112, 88), (86, 88, 110))
 
 
 class StopAndGoSettings(Settings):
-    """What may be asked of the hall.
+    """Options of the hall.
 
     Attributes:
-        paintings: Share of the places on the walls that are hung.
+        paintings: Share of the places on the walls that have a painting.
         sculptures: Number of pedestals.
     """
 
@@ -49,47 +48,35 @@ def build(rng: np.random.Generator, settings: StopAndGoSettings) -> Scene:
     stage = Stage("stop_and_go")
     light = hall_light(rng)
     light = replace(light, ambient_rgb=1.3 * light.ambient_rgb)  # white walls all around
-    planks, canvases = _surfaces(stage, rng)
-    _walls(stage, rng, canvases, settings.paintings)
-    _screens(stage, rng, canvases)
+    _surfaces(stage, rng)
+    _walls(stage, rng, settings.paintings)
+    _screens(stage, rng)
     _exhibit(stage, rng, settings.sculptures)
-    x, y = HALF_M
-    baked = ground_light((-x, -y, x, y), stage.blockers, light)
+    ground = bake_ground(stage, light, HALF_M)
     with stage.object("parquet", Kind.GROUND):
-        laid = coursed(rng, HALF_M, PLANK_M, (0.8, 1.1), planks, 4)
-        stage.draw_lit("planks", lit(laid, baked, light))
+        planks = stage.atlases["planks"]
+        ground.draw("planks", coursed(rng, HALF_M, PLANK_M, (0.8, 1.1), planks, 4))
     with stage.object("ceiling"):
         _ceiling(stage)
-    stage.floor(0.0)
-    stage.finish(light, None)
-    return Scene(
-        name="stop_and_go",
-        tests=TESTS,
-        spec=stage.spec,
-        things=stage.things,
-        routes={"default": _route(rng)},
-        extent_m=(-x - 0.2, -y - 0.2, x + 0.2, y + 0.2),
-        tags=frozenset({"indoor", "level"}),
-    )
+    return stage.scene(TESTS, light, route=_route(rng), extent_m=HALF_M + 0.2, tags="indoor level")
 
 
 def _route(rng: np.random.Generator) -> Array:
-    """Walk around the screens, counter-clockwise, a little closer to one wall, then the other."""
+    """Go around the screens, counter-clockwise, a little closer to one wall, then the other."""
     x, y = 6.1, 3.1
     corners = np.array([(x, -y), (x, y), (2.0, y), (-2.0, y), (-x, y), (-x, -y), (-2, -y), (2, -y)])
     return rounded_loop(corners + rng.uniform(-0.16, 0.16, corners.shape), radius_m=0.8)
 
 
-def _surfaces(stage: Stage, rng: np.random.Generator) -> tuple[Atlas, Atlas]:
-    """Define the materials; returns planks and paintings."""
+def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
+    """Define the materials."""
     oak = np.array((168, 132, 92)) * rng.uniform(0.8, 1.08)
-    planks = pack(floor.parquet(rng, 18, (140, 900), (oak[0], oak[1], oak[2])))
-    stage.material("planks", planks.image)
+    planks = floor.parquet(rng, 18, (140, 900), (oak[0], oak[1], oak[2]))
+    stage.material("planks", pack(planks))
     stage.material("wall", masonry.painted_wall(rng, (512, 1024), (210, 208, 202)))
     hue = HUES[rng.integers(len(HUES))]
     stage.material("accent", masonry.painted_wall(rng, (512, 1024), hue))
-    canvases = pack(prints.paintings(rng, 15, (280, 380)))
-    stage.material("paintings", canvases.image)
+    stage.material("paintings", pack(prints.paintings(rng, 15, (280, 380))))
     stage.material("labels", prints.door_signs(rng, 1, 128)[0])
     stage.material("signs", prints.door_signs(rng, 1, 128)[0])
     stage.material("frame_gold", timber.wood(rng, (128, 256), (164, 128, 66)))
@@ -106,19 +93,15 @@ def _surfaces(stage: Stage, rng: np.random.Generator) -> tuple[Atlas, Atlas]:
     stage.material("leaf", timber.wood(rng, (512, 512), (126, 92, 62)))
     stage.material("frame", timber.wood(rng, (128, 256), (112, 80, 54)))
     stage.material("steel", timber.painted(rng, (128, 128), (164, 162, 156)))
-    return planks, canvases
 
 
-def _walls(stage: Stage, rng: np.random.Generator, canvases: Atlas, hung: float) -> None:
-    """Four walls with paintings, one of them in a colour; doors in the short ones."""
+def _walls(stage: Stage, rng: np.random.Generator, hung: float) -> None:
+    """Build four walls with paintings, one of them in a colour; doors in the short ones."""
     accent = int(rng.integers(4))
     for k, run in enumerate(sides(HALF_M)):
         wall, length = run
-        with stage.object(f"wall_{k}"):
-            paint = "accent" if k == accent else "wall"
-            stage.draw(paint, interior.wall_face(run, HEIGHT_M, (4.1, HEIGHT_M)))
-            stage.draw("skirting", interior.skirting(run))
-            interior.collide(stage, f"wall_{k}", run, HEIGHT_M)
+        paint = "accent" if k == accent else "wall"
+        interior.wall(stage, f"wall_{k}", run, HEIGHT_M, (4.1, HEIGHT_M), paint)
         spots = np.arange(1.3, length - 1.2, 2.15)
         for j, along in enumerate(spots):
             if k % 2 and j == len(spots) // 2:
@@ -126,23 +109,23 @@ def _walls(stage: Stage, rng: np.random.Generator, canvases: Atlas, hung: float)
                 interior.door(stage, f"door_{k}", rng, wall, float(along), plate)
             elif rng.random() < hung:
                 spot = float(along + rng.uniform(-0.15, 0.15))
-                exhibits.painting(stage, f"painting_{k}_{j}", rng, wall, spot, canvases)
+                exhibits.painting(stage, f"painting_{k}_{j}", rng, wall, spot)
 
 
-def _screens(stage: Stage, rng: np.random.Generator, canvases: Atlas) -> None:
-    """Two walls in the middle with paintings on both sides."""
+def _screens(stage: Stage, rng: np.random.Generator) -> None:
+    """Stand two walls in the middle with paintings on both sides."""
     _length, thick, high = SCREEN_M
     for k, x in enumerate((-3.4, 3.4)):
         place: Place = (x, 0.0, rng.normal(0, 0.01))
         with stage.object(f"screen_{k}"):
             block = box((0, 0, high / 2), SCREEN_M, (4.1, HEIGHT_M), rng.random(2))
             stage.draw("wall", block.moved((x, 0, 0), place[2]))
-        solid(stage, f"screen_{k}", place, SCREEN_M)
+        stage.solid(f"screen_{k}", place, SCREEN_M)
         for side in (0, 1):
             face = local(place, 0.0, (2 * side - 1) * thick / 2, side * np.pi)
             for j, along in enumerate((-0.85, 0.85)):
                 name = f"painting_screen_{k}_{side}_{j}"
-                exhibits.painting(stage, name, rng, face, along, canvases)
+                exhibits.painting(stage, name, rng, face, along)
 
 
 def _exhibit(stage: Stage, rng: np.random.Generator, count: int) -> None:
@@ -163,15 +146,12 @@ def _exhibit(stage: Stage, rng: np.random.Generator, count: int) -> None:
 def _ceiling(stage: Stage) -> None:
     """Close the hall, with two tracks of spotlights below."""
     x, y = HALF_M
-    corners = quads((-x, -y), (x, y), 1.0)
-    down = level(corners, corners / 3.0, HEIGHT_M)
-    stage.draw("ceiling", Mesh(down.points, -down.normals, down.uv, down.faces[:, ::-1]))
+    interior.ceiling(stage, HALF_M, HEIGHT_M, 1.0, 3.0)
     for across in (-0.62 * y, 0.62 * y):
         track = box((0, across, HEIGHT_M - 0.12), (2 * x - 1, 0.06, 0.05), (0.4, 0.4), bottom=True)
         stage.draw("frame_black", track)
         outward = np.sign(across)
         for along in np.arange(-x + 1.2, x - 1, 1.6):
             top = np.array([along, across, HEIGHT_M - 0.16])
-            stage.draw(
-                "frame_black", tube(top, top + np.array([0, 0.1 * outward, -0.2]), 0.05, 10, 1.2)
-            )
+            end = top + np.array([0, 0.1 * outward, -0.2])
+            stage.draw("frame_black", tube(top, end, 0.05, 10, 1.2))

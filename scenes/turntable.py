@@ -7,22 +7,21 @@ import numpy as np
 from pydantic import Field
 
 from scenes.geometry.mesh import box, merged, polygons, tube
+from scenes.geometry.routes import sharp_loop
 from scenes.lighting.baked_light import Light, sun
-from scenes.lighting.shadow import LightMap, ground_light
 from scenes.objects.plants import hedge, tree
 from scenes.objects.props import bench, lamp_post, litter, planter, potted_plant
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage, one_object
 from scenes.structures.courses import coursed
 from scenes.structures.facade import facade
-from scenes.structures.ground import lit, strip, weathered
-from scenes.structures.routes import sharp_loop
+from scenes.structures.ground import Ground, bake_ground, strip
 from scenes.surfaces import floor, greenery, masonry, sky, timber
-from scenes.surfaces.atlas import Atlas, pack
+from scenes.surfaces.atlas import pack
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 
-TESTS = "Straight legs and sharp corners: fast turns on the spot that blur long exposures."
+TESTS = "Straight legs and sharp corners: fast turns on the spot blur images of long exposure."
 HALF_M = np.array([7.0, 6.6])
 COURSE_M = 0.105
 """Width of a row of setts with its joint."""
@@ -32,12 +31,12 @@ WOODS = ((84, 104, 92), (112, 82, 60), (88, 100, 116), (120, 56, 48))
 
 
 class TurntableSettings(Settings):
-    """What may be asked of the square.
+    """Options of the square.
 
     Attributes:
-        points: Of the star that is driven.
+        points: Number of points of the star that the route follows.
         outer_m: Distance of its points from the fountain's middle.
-        inner_m: Distance of the corners between them.
+        inner_m: Distance of the corners between the points.
     """
 
     points: Annotated[int, Field(ge=4, le=8)] = 6
@@ -49,29 +48,25 @@ def build(rng: np.random.Generator, settings: TurntableSettings) -> Scene:
     """Build the square; setts, houses, plants, light and the star follow the generator."""
     stage = Stage("turntable")
     light = _noon(rng)
-    setts = _surfaces(stage, rng)
+    _surfaces(stage, rng)
     _fountain(stage, "fountain", rng)
     _houses(stage, rng)
     _furnish(stage, rng)
     x, y = HALF_M
-    baked = ground_light((-x - 0.3, -y - 2.0, x + 0.3, y + 0.3), stage.blockers, light)
-    baked = weathered(rng, baked)
+    ground = bake_ground(stage, light, (-x - 0.3, -y - 2.0, x + 0.3, y + 0.3), (rng, 0.14))
     with stage.object("setts", Kind.GROUND):
-        laid = coursed(rng, HALF_M, COURSE_M, SETT_M, setts)
-        stage.draw_lit("setts", lit(laid, baked, light))
+        setts = stage.atlases["setts"]
+        ground.draw("setts", coursed(rng, HALF_M, COURSE_M, SETT_M, setts))
     with stage.object("street", Kind.GROUND):
-        _street(stage, baked, light)
-    _leaves(stage, rng, baked, light)
-    stage.floor(0.0)
-    stage.finish(light, sky.town_sky(rng))
-    return Scene(
-        name="turntable",
-        tests=TESTS,
-        spec=stage.spec,
-        things=stage.things,
-        routes={"default": _star(rng, settings)},
+        _street(ground)
+    _scatter_leaves(ground, rng)
+    return stage.scene(
+        TESTS,
+        light,
+        sky.town_sky(rng),
+        route=_star(rng, settings),
         extent_m=(-x - 0.4, -y - 0.6, x + 0.4, y + 0.4),
-        tags=frozenset({"outdoor", "level", "textured", "sharp"}),
+        tags="outdoor level textured sharp",
     )
 
 
@@ -92,14 +87,14 @@ def _star(rng: np.random.Generator, settings: TurntableSettings) -> Array:
     return sharp_loop(radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)]))
 
 
-def _surfaces(stage: Stage, rng: np.random.Generator) -> Atlas:
-    """Define the materials; returns the tops of the setts."""
-    setts = pack(floor.granite_setts(rng, 120, 104))
-    stage.material("setts", setts.image)
+def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
+    """Define the materials."""
+    stage.material("setts", pack(floor.granite_setts(rng, 120, 104)))
     stage.material("asphalt", floor.asphalt(rng, 1024))
-    for k, (render, paint) in enumerate(zip(*_pairs(rng), strict=True)):
-        stage.material(f"plaster_{k}", masonry.plaster(rng, (512, 1024), render, 0.8))
-        stage.material(f"wood_{k}", timber.painted(rng, (256, 256), paint))
+    plasters, woods = rng.permutation(len(PLASTERS))[:3], rng.permutation(len(WOODS))[:3]
+    for k, (plaster, wood) in enumerate(zip(plasters, woods, strict=True)):
+        stage.material(f"plaster_{k}", masonry.plaster(rng, (512, 1024), PLASTERS[plaster], 0.8))
+        stage.material(f"wood_{k}", timber.painted(rng, (256, 256), WOODS[wood]))
     stage.material("concrete", masonry.concrete(rng, (1024, 1024), 158.0))
     stage.material("glass", timber.painted(rng, (128, 128), (66, 76, 86)))
     stage.material("roof", timber.painted(rng, (256, 256), (96, 70, 58)))
@@ -111,15 +106,6 @@ def _surfaces(stage: Stage, rng: np.random.Generator) -> Atlas:
     stage.material("leaves", greenery.leaves(rng, 1, 512)[0])
     stage.material("foliage", greenery.leaves(rng, 1, 512)[0])
     stage.material("bark", timber.wood(rng, (256, 256), (96, 82, 68)))
-    return setts
-
-
-def _pairs(
-    rng: np.random.Generator,
-) -> tuple[list[tuple[int, int, int]], list[tuple[int, int, int]]]:
-    """Render and paint of three houses."""
-    first, second = rng.permutation(len(PLASTERS))[:3], rng.permutation(len(WOODS))[:3]
-    return [PLASTERS[k] for k in first], [WOODS[k] for k in second]
 
 
 @one_object
@@ -134,15 +120,8 @@ def _fountain(stage: Stage, name: str, rng: np.random.Generator) -> None:
         (inner, high, inner, level_m),
     )
     for low, z0, top, z1 in faces:
-        corners = np.stack(
-            [
-                np.column_stack([low[:-1], np.full(12, z0)]),
-                np.column_stack([low[1:], np.full(12, z0)]),
-                np.column_stack([top[1:], np.full(12, z1)]),
-                np.column_stack([top[:-1], np.full(12, z1)]),
-            ],
-            axis=1,
-        )
+        rim = ((low[:-1], z0), (low[1:], z0), (top[1:], z1), (top[:-1], z1))
+        corners = np.stack([np.column_stack([xy, np.full(12, z)]) for xy, z in rim], axis=1)
         along = np.arange(12)[:, None] * 0.6 + np.array([0, 0.6, 0.6, 0])
         up = np.broadcast_to(np.array([0.4, 0.4, 0, 0]), along.shape)
         stage.draw("concrete", polygons(corners, np.stack([along, up], axis=-1) / 1.2))
@@ -154,12 +133,12 @@ def _fountain(stage: Stage, name: str, rng: np.random.Generator) -> None:
     stage.draw("concrete", tube((0, 0, 1.34), (0, 0, 1.6), 0.09, 12, 0.4))
     for yaw in (0.0, np.pi / 4):
         stage.obstacle(f"{name}_{yaw:.1f}", (0, 0, 0.21), (1.95, 1.95, high), yaw, shadow=False)
-        stage.blocker((0, 0, 0.2), (1.8, 1.8, 0.4), yaw, 0.9)
-    stage.blocker((0, 0, 0.8), (0.26, 0.26, 1.6))
+        stage.occluder((0, 0, 0.2), (1.8, 1.8, 0.4), yaw, 0.9)
+    stage.occluder((0, 0, 0.8), (0.26, 0.26, 1.6))
 
 
 def _houses(stage: Stage, rng: np.random.Generator) -> None:
-    """Three fronts to the west, north and east; trees and a hedge across the street."""
+    """Build three fronts to the west, north and east; trees and a hedge across the street."""
     x, y = HALF_M
     fronts = (((-x, -y, np.pi / 2), 2 * y), ((-x, y, 0.0), 2 * x), ((x, y, -np.pi / 2), 2 * y))
     for k, (place, length) in enumerate(fronts):
@@ -193,26 +172,27 @@ def _furnish(stage: Stage, rng: np.random.Generator) -> None:
             potted_plant(stage, f"pot_{k}_{j}", rng, spot)
 
 
-def _street(stage: Stage, baked: LightMap, light: Light) -> None:
-    """Carry on where the setts end: kerb, street, and what is behind the houses."""
+def _street(ground: Ground) -> None:
+    """Lay a kerb at the end of the setts, the street, and soil behind the houses."""
     x, y = HALF_M
     far = 36.0
     street = strip((-far, -y - 4.0), (far, -y), -0.004, 1.024, 0.5)
-    stage.draw_lit("asphalt", lit(street, baked, light))
+    ground.draw("asphalt", street)
     behind = merged([strip((-far, -far), (far, -y - 4.0), -0.004, 3.0, 2.0)])
-    stage.draw_lit("soil", lit(behind, baked, light))
+    ground.draw("soil", behind)
     stones = [
         box((a + 0.5, -y - 0.06, -0.02), (0.994, 0.12, 0.06), (1.2, 1.2), (a, 0.0))
         for a in np.arange(-x, x)
     ]
-    stage.draw_lit("concrete", lit(merged(stones), baked, light))
+    ground.draw("concrete", merged(stones))
 
 
-def _leaves(stage: Stage, rng: np.random.Generator, baked: LightMap, light: Light) -> None:
-    leaves = pack(greenery.fallen_leaves(rng, 24, 64))
-    stage.material("litter", leaves.image)
+def _scatter_leaves(ground: Ground, rng: np.random.Generator) -> None:
+    """Scatter dry leaves around the fountain."""
+    stage = ground.stage
+    stage.material("litter", pack(greenery.fallen_leaves(rng, 24, 64)))
     spots = rng.uniform(-HALF_M + 0.2, HALF_M - 0.2, (80, 2))
     spots = spots[np.linalg.norm(spots, axis=1) > 1.3]
     places = np.column_stack([spots, np.full(len(spots), 0.003)])
     with stage.object("litter"):
-        stage.draw_lit("litter", lit(litter(rng, places, leaves), baked, light))
+        ground.draw("litter", litter(rng, places, stage.atlases["litter"]))

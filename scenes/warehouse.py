@@ -6,9 +6,9 @@ import numpy as np
 from pydantic import Field
 
 from scenes.geometry.mesh import box, patch
+from scenes.geometry.place import Place
+from scenes.geometry.routes import rounded_loop
 from scenes.lighting.baked_light import Light, hall_light
-from scenes.lighting.shadow import ground_light
-from scenes.objects.furniture import Place, at
 from scenes.objects.storage import (
     BAY_M,
     LEVELS_M,
@@ -21,16 +21,14 @@ from scenes.objects.storage import (
 )
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage
-from scenes.structures.ground import level, lit, quads, tiled, weathered
-from scenes.structures.interior import collide
-from scenes.structures.rooms import sides
-from scenes.structures.routes import rounded_loop
+from scenes.structures.ground import bake_ground, level, quads, tiled
+from scenes.structures.interior import collide, sides
 from scenes.surfaces import masonry, prints, signs, timber
-from scenes.surfaces.atlas import Atlas, pack
+from scenes.surfaces.atlas import pack
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 
-TESTS = "Aisles that look alike: repeated racks and loads, a smooth floor with joints and paint."
+TESTS = "Aisles that look alike: repeated racks and loads, a smooth floor with painted lines."
 SLAB_M = 3.0
 SLAB_PX = 2560
 HEIGHT_M = 5.0
@@ -39,11 +37,11 @@ PAINT_M = 0.0006
 
 
 class WarehouseSettings(Settings):
-    """What may be asked of the warehouse.
+    """Options of the warehouse.
 
     Attributes:
-        aisles: How many there are, an even number so that a serpentine closes.
-        bays: Bays of each rack.
+        aisles: Number of aisles, even so that a serpentine closes.
+        bays: Number of bays of each rack.
         aisle_m: Clear width of the aisles.
         stock: Share of the places for pallets that are filled.
     """
@@ -63,22 +61,18 @@ def build(rng: np.random.Generator, settings: WarehouseSettings) -> Scene:
     aisles_y = (np.arange(settings.aisles) - (settings.aisles - 1) / 2) * pitch
     racks_y = (np.arange(settings.aisles + 1) - settings.aisles / 2) * pitch
     light = hall_light(rng, (74, 80))
-    slabs, faces, skins = _surfaces(stage, rng)
-    _stock(stage, rng, racks_y, settings, faces, skins)
+    _surfaces(stage, rng)
+    _stock(stage, rng, racks_y, settings)
     _walls(stage, rng, half)
     _signs(stage, rng, aisles_y, length, settings.aisle_m)
-    _stray(stage, rng, half, racks_y, skins)
-    _floor(stage, rng, half, slabs, light)
-    stage.floor(0.0)
-    stage.finish(light, None)
-    return Scene(
-        name="warehouse",
-        tests=TESTS,
-        spec=stage.spec,
-        things=stage.things,
-        routes={"default": _route(rng, aisles_y, length)},
-        extent_m=(-half[0] - 0.2, -half[1] - 0.2, half[0] + 0.2, half[1] + 0.2),
-        tags=frozenset({"indoor", "level", "aisles", "repetitive"}),
+    _place_loose(stage, rng, half, racks_y)
+    _floor(stage, rng, half, light)
+    return stage.scene(
+        TESTS,
+        light,
+        route=_route(rng, aisles_y, length),
+        extent_m=half + 0.2,
+        tags="indoor level aisles repetitive",
     )
 
 
@@ -92,18 +86,15 @@ def _route(rng: np.random.Generator, aisles_y: Array, length: float) -> Array:
     return rounded_loop(np.array(corners) + rng.uniform(-0.05, 0.05, (len(corners), 2)), 0.8)
 
 
-def _surfaces(stage: Stage, rng: np.random.Generator) -> tuple[Atlas, Atlas, Atlas]:
-    """Define the materials; returns the slabs, the faces of cartons and the skins of drums."""
-    slabs = pack(masonry.slab(rng, SLAB_PX)[None], 0)
-    stage.material("floor", slabs.image)
-    faces = pack(prints.cartons(rng, 12, 256))
-    stage.material("cartons", faces.image)
+def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
+    """Define the materials."""
+    stage.material("floor", pack(masonry.slab(rng, SLAB_PX)[None], 0))
+    stage.material("cartons", pack(prints.cartons(rng, 12, 256)))
     tones = ((52, 84, 128), (62, 66, 70), (150, 62, 46), (74, 108, 84))
-    skins = pack(signs.drums(rng, tones, (256, 512)))
-    stage.material("drums", skins.image)
+    stage.material("drums", pack(signs.drums(rng, tones, (256, 512))))
     yellow, black = (206, 164, 52), (48, 46, 44)
     stage.material("pine", timber.wood(rng, (256, 1024), (176, 142, 100)))
-    stage.material("paint", signs.worn(rng, _plain((256, 1024), yellow), (126, 122, 114), 0.55))
+    stage.material("paint", signs.worn_paint(rng, (256, 1024), yellow, 0.55))
     stage.material("hazard", signs.stripes(rng, (256, 256), (yellow, black), 32))
     stage.material("tags", signs.boards(rng, ["0417"], (48, 112), black, (222, 218, 206))[0])
     stage.material("post", timber.slotted(rng, (512, 128), (60, 84, 122)))
@@ -115,20 +106,10 @@ def _surfaces(stage: Stage, rng: np.random.Generator) -> tuple[Atlas, Atlas, Atl
     stage.material("band", timber.painted(rng, (128, 128), (214, 212, 206)))
     stage.material("wall", masonry.plaster(rng, (512, 2048), (190, 190, 184), 0.8))
     stage.material("shutter", signs.shutter(rng, (1024, 1024), (132, 142, 148)))
-    return slabs, faces, skins
-
-
-def _plain(shape: tuple[int, int], rgb: tuple[int, int, int]) -> Array:
-    return np.full((*shape, 3), rgb, np.uint8)
 
 
 def _stock(
-    stage: Stage,
-    rng: np.random.Generator,
-    racks_y: Array,
-    settings: WarehouseSettings,
-    faces: Atlas,
-    skins: Atlas,
+    stage: Stage, rng: np.random.Generator, racks_y: Array, settings: WarehouseSettings
 ) -> None:
     """Put up the racks and fill them; each load is an object."""
     for r, y in enumerate(racks_y):
@@ -142,16 +123,15 @@ def _stock(
                     turn = np.pi * rng.integers(2) + rng.normal(0, 0.015)
                     place: Place = (x + rng.normal(0, 0.015), y + rng.normal(0, 0.02), turn)
                     with stage.object(f"load_{r}_{bay}_{'a' if side < 0 else 'b'}_{shelf}"):
-                        load(stage, rng, place, base, faces, skins)
+                        load(stage, rng, place, base)
 
 
 def _walls(stage: Stage, rng: np.random.Generator, half: Array) -> None:
     """Close the hall; shutters to -x, posters elsewhere."""
-    posters = pack(prints.posters(rng, 6, (420, 300)))
-    stage.material("posters", posters.image)
+    stage.material("posters", pack(prints.posters(rng, 6, (420, 300))))
     for k, run in enumerate(sides(half)):
         wall, length = run
-        put = at(stage, wall)
+        put = stage.at(wall)
         with stage.object(f"wall_{k}"):
             face = patch((0, 0, 0), (length, 0, 0), (0, 0, HEIGHT_M), (16, 8))
             put("wall", face.textured(np.array([0, 0, length / 8, 1.0])))
@@ -160,14 +140,15 @@ def _walls(stage: Stage, rng: np.random.Generator, half: Array) -> None:
             for along in np.arange(1.2, length - 1, 1.9):
                 if k % 2 == 1 and rng.random() < 0.5:
                     sheet = box((along, -0.005, rng.uniform(1.0, 1.4)), (0.6, 0.006, 0.84))
-                    put("posters", sheet.textured(posters.rects[rng.integers(posters.count)]))
+                    put.cell("posters", rng, sheet)
         if k == 3:
             for g, along in enumerate((0.28 * length, 0.72 * length)):
                 _shutter(stage, f"shutter_{g}", wall, along)
 
 
 def _shutter(stage: Stage, name: str, wall: Place, along: float) -> None:
-    put = at(stage, wall)
+    """Put a roller shutter in a frame on a wall."""
+    put = stage.at(wall)
     with stage.object(name):
         put("shutter", box((along, -0.015, 1.4), (2.6, 0.03, 2.8), (2.6, 2.8)))
         for side in (-1.38, 1.38):
@@ -177,7 +158,7 @@ def _shutter(stage: Stage, name: str, wall: Place, along: float) -> None:
 def _signs(
     stage: Stage, rng: np.random.Generator, aisles_y: Array, length: float, aisle_m: float
 ) -> None:
-    """Name each aisle on the floor and on boards at its ends; paint its edges."""
+    """Mark each aisle by its name on the floor and on boards at its ends; paint its edges."""
     names = [f"{chr(65 + k // 10)}{k + 1:02d}" for k in range(len(aisles_y))]
     black, yellow = (44, 44, 46), (208, 168, 58)
     plates = pack(signs.boards(rng, names, (160, 256), (226, 224, 214), (44, 78, 118)))
@@ -188,17 +169,13 @@ def _signs(
         for end in (-1.0, 1.0):
             with stage.object(f"sign_{k}_{'left' if end < 0 else 'right'}"):
                 for side in (-1.0, 1.0):
-                    at_post: Place = (
-                        end * (length / 2 + 0.08),
-                        y + side * aisle_m / 2,
-                        end * np.pi / 2,
-                    )
+                    post = (end * (length / 2 + 0.08), y + side * aisle_m / 2, end * np.pi / 2)
                     board = box((0.0, -0.012, 1.25), (0.4, 0.012, 0.25), bottom=True)
-                    at(stage, at_post)("plates", board.textured(plates.rects[k]))
+                    stage.at(post)("plates", board.textured(plates.rects[k]))
             with stage.object("floor_paint", Kind.GROUND):
                 place: Place = (end * (length / 2 + 0.55), y, end * np.pi / 2)
                 mark = patch((-0.32, -0.24, PAINT_M), (0.64, 0, 0), (0, 0.48, 0), (3, 3))
-                at(stage, place)("stencils", mark.textured(stencils.rects[k]))
+                stage.at(place)("stencils", mark.textured(stencils.rects[k]))
         with stage.object("floor_paint", Kind.GROUND):
             for side in (-1.0, 1.0):
                 low = (-length / 2 - 0.1, y + side * (aisle_m / 2 - 0.13) - 0.04, PAINT_M)
@@ -206,31 +183,28 @@ def _signs(
                 stage.draw("paint", line)
 
 
-def _stray(
-    stage: Stage, rng: np.random.Generator, half: Array, racks_y: Array, skins: Atlas
-) -> None:
-    """Leave things at the ends of the racks and along the walls."""
+def _place_loose(stage: Stage, rng: np.random.Generator, half: Array, racks_y: Array) -> None:
+    """Place trucks, drums and cones at the ends of the racks and along the walls."""
     for k, y in enumerate(racks_y[1:-1:2]):
         spot: Place = (half[0] - 0.72, y + rng.uniform(-0.2, 0.2), rng.uniform(-0.2, 0.2))
         if k % 2 == 0:
             pallet_truck(stage, f"truck_{k}", rng, spot)
         else:
-            standing_drums(stage, f"drum_{k}", rng, np.array(spot[:2]), skins)
+            standing_drums(stage, f"drum_{k}", rng, np.array(spot[:2]))
     for k, side in enumerate((-1, 1)):
         corner = half * (1, side) - np.array([0.75, 0.75 * side])
-        standing_drums(stage, f"corner_{k}", rng, corner, skins)
+        standing_drums(stage, f"corner_{k}", rng, corner)
     for k, y in enumerate(racks_y[1:-1]):
         cone(stage, f"cone_{k}", (-half[0] + 0.35, y + rng.uniform(-0.5, 0.5), rng.uniform(0, 1)))
 
 
-def _floor(stage: Stage, rng: np.random.Generator, half: Array, slabs: Atlas, light: Light) -> None:
-    """Pour slabs of 3 m with sawn joints, alike but for their turn."""
+def _floor(stage: Stage, rng: np.random.Generator, half: Array, light: Light) -> None:
+    """Lay slabs of 3 m with sawn joints, alike but for their turn."""
     cells = np.ceil(half / SLAB_M) * SLAB_M
-    corners = quads((-cells[0], -cells[1]), (cells[0], cells[1]), 0.25)
+    corners = quads(-cells, cells, 0.25)
     inside = (np.abs(corners.mean(axis=1)) < half + 0.1).all(axis=1)
     corners = corners[inside]
-    reach = (-half[0], -half[1], half[0], half[1])
-    baked = weathered(rng, ground_light(reach, stage.blockers, light), 0.2)
-    floor = level(corners, tiled(rng, corners, SLAB_M, slabs))
+    ground = bake_ground(stage, light, half, (rng, 0.2))
     with stage.object("floor", Kind.GROUND):
-        stage.draw_lit("floor", lit(floor, baked, light))
+        uv = tiled(rng, corners, SLAB_M, stage.atlases["floor"])
+        ground.draw("floor", level(corners, uv))

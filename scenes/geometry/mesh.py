@@ -1,4 +1,4 @@
-"""Triangle meshes with texture coordinates: the only thing scenes draw."""
+"""Triangle meshes with texture coordinates."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -54,8 +54,8 @@ def merged(meshes: Sequence[Mesh]) -> Mesh:
     )
 
 
-def cut_into_cells(mesh: Mesh, at_most: int) -> list[Mesh]:
-    """Halve a mesh along the longer side of its plan until no piece has more faces than that.
+def cut_into_cells(mesh: Mesh, max_faces: int) -> list[Mesh]:
+    """Halve a mesh along the longer side of its plan until no piece has more than `max_faces`.
 
     Returns:
         Meshes that together have every triangle once, each compact as seen from above.
@@ -65,7 +65,7 @@ def cut_into_cells(mesh: Mesh, at_most: int) -> list[Mesh]:
     pending = [np.arange(len(mesh.faces))]
     while pending:
         mine = pending.pop()
-        if len(mine) <= at_most:
+        if len(mine) <= max_faces:
             cells.append(_only(mesh, mesh.faces[mine]))
             continue
         axis = np.argmax(np.ptp(middles[mine], axis=0))
@@ -96,6 +96,28 @@ def polygons(corners: Array, uv: Array, normals: Array | None = None) -> Mesh:
     fan = np.array([[0, k, k + 1] for k in range(1, sides - 1)])
     faces = (np.arange(count)[:, None, None] * sides + fan).reshape(-1, 3)
     return Mesh(corners.reshape(-1, 3), normals.reshape(-1, 3), uv.reshape(-1, 2), faces)
+
+
+def grid(points: Array, uv: Array, normals: Array) -> Mesh:
+    """Join a (R, C, 3) grid of points, with (R, C, 2) uv and (R, C, 3) normals, into quads."""
+    corners, corner_uv, corner_normals = (
+        grid_quads(values).reshape(-1, 4, values.shape[-1]) for values in (points, uv, normals)
+    )
+    return polygons(corners, corner_uv, corner_normals)
+
+
+def grid_quads(values: Array) -> Array:
+    """Gather the corners of each quad of an (R, C, ...) grid: (R - 1, C - 1, 4, ...)."""
+    return np.stack([values[:-1, :-1], values[:-1, 1:], values[1:, 1:], values[1:, :-1]], axis=2)
+
+
+def sphere(rings: int, columns: int) -> tuple[Array, Array, Array]:
+    """Sample polar angle, azimuth and (columns, rings, 3) points of the unit sphere."""
+    theta, phi = np.meshgrid(np.linspace(0, np.pi, rings), np.linspace(0, 2 * np.pi, columns))
+    unit = np.stack(
+        [np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1
+    )
+    return theta, phi, unit
 
 
 def patch(
@@ -172,13 +194,7 @@ def _divisions(side_u: Vector, side_v: Vector, cell_m: float) -> tuple[int, int]
     return max(1, int(np.ceil(along_u / cell_m))), max(1, int(np.ceil(along_v / cell_m)))
 
 
-def tube(
-    start: Vector,
-    end: Vector,
-    radius_m: float,
-    sides: int = 10,
-    taper: float = 1.0,
-) -> Mesh:
+def tube(start: Vector, end: Vector, radius_m: float, sides: int = 10, taper: float = 1.0) -> Mesh:
     """Build a round bar; u runs once around, v along; `taper` scales the end's radius."""
     a, b = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
     axis = (b - a) / np.linalg.norm(b - a)
@@ -189,18 +205,11 @@ def tube(
     angle = np.linspace(0, 2 * np.pi, sides + 1)
     radial = np.cos(angle)[:, None] * e1 + np.sin(angle)[:, None] * e2
     ring = np.stack([a + radius_m * radial, b + radius_m * taper * radial], axis=1)
-    corners = np.stack([ring[:-1, 0], ring[1:, 0], ring[1:, 1], ring[:-1, 1]], axis=1)
-    normals = np.stack([radial[:-1], radial[1:], radial[1:], radial[:-1]], axis=1)
-    u = angle / (2 * np.pi)
-    low, high = np.zeros(sides), np.ones(sides)
-    uv = np.stack(
-        [
-            np.stack([u[:-1], high], axis=1),
-            np.stack([u[1:], high], axis=1),
-            np.stack([u[1:], low], axis=1),
-            np.stack([u[:-1], low], axis=1),
-        ],
-        axis=1,
+    around = angle / (2 * np.pi)
+    uv = np.stack([np.column_stack([around, np.full(sides + 1, v)]) for v in (1.0, 0.0)], axis=1)
+    corners, corner_uv, normals = (
+        np.stack([pair[:-1, 0], pair[1:, 0], pair[1:, 1], pair[:-1, 1]], axis=1)
+        for pair in (ring, uv, np.stack([radial, radial], axis=1))
     )
     ends = np.stack([ring[:0:-1, 0], ring[:-1, 1]])
-    return merged([polygons(corners, uv, normals), polygons(ends, np.zeros((2, sides, 2)))])
+    return merged([polygons(corners, corner_uv, normals), polygons(ends, np.zeros((2, sides, 2)))])

@@ -1,4 +1,4 @@
-"""Light baked into the shading normals: soft shadows that cost the renderer nothing.
+"""Light baked into the shading normals: soft shadows at no cost to the renderer.
 
 The renderer lights each vertex by max(n . l, 0) for every lamp l and blends along the triangle.
 There are two lamps, a `key` (the sun, a ceiling panel) and a `fill` straight above (the sky).
@@ -14,7 +14,9 @@ import numpy as np
 
 from vo.contract.arrays import Array
 
-FILL_SHARE = 0.5  # of a full sky that an unoccluded upward vertex takes: keeps normals solvable
+Rgb = tuple[float, float, float]
+FILL_SHARE = 0.5
+"""Share of a full sky that an unoccluded upward vertex takes; keeps the normals solvable."""
 
 
 @dataclass(frozen=True)
@@ -38,11 +40,9 @@ class Light:
     def install(self, spec: mujoco.MjSpec) -> None:
         """Add the lamps, none of which casts a rendered shadow, to the world."""
         world = spec.worldbody
-        fill = self.fill_rgb / FILL_SHARE
-        for name, towards, rgb in (
-            ("key", self.key, self.key_rgb),
-            ("fill", np.array([0, 0, 1.0]), fill),
-        ):
+        up = np.array([0, 0, 1.0])
+        lamps = (("key", self.key, self.key_rgb), ("fill", up, self.fill_rgb / FILL_SHARE))
+        for name, towards, rgb in lamps:
             world.add_light(
                 name=name,
                 type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
@@ -104,29 +104,42 @@ def solved_normals(key: Array, sky: Array, light: Light) -> Array:
 
 def sun(rng: np.random.Generator, elevation_deg: tuple[float, float] = (36, 56)) -> Light:
     """Shine from a random side of a clear sky; all lamps together light level ground by about 1."""
-    azimuth, elevation = rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(*elevation_deg))
-    on_ground = np.array([0.45, 0.43, 0.39])
-    return Light(
-        key=_towards(azimuth, elevation),
-        key_rgb=on_ground / np.sin(elevation),
-        fill_rgb=np.array([0.34, 0.355, 0.38]),
-        ambient_rgb=np.array([0.21, 0.21, 0.22]),
+    return lamp(
+        (rng.uniform(0, 2 * np.pi), rng.uniform(*elevation_deg)),
+        on_ground=(0.45, 0.43, 0.39),
+        fill=(0.34, 0.355, 0.38),
+        ambient=(0.21, 0.21, 0.22),
     )
 
 
 def hall_light(rng: np.random.Generator, elevation_deg: tuple[float, float] = (55, 68)) -> Light:
     """Light a room from wide ceiling panels; all together light the floor by about 1."""
-    azimuth, elevation = rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(*elevation_deg))
-    on_floor = np.array([0.30, 0.298, 0.285])
-    return Light(
-        key=_towards(azimuth, elevation),
-        key_rgb=on_floor / np.sin(elevation),
-        fill_rgb=np.array([0.38, 0.376, 0.362]),
-        ambient_rgb=np.array([0.32, 0.318, 0.31]),
+    return lamp(
+        (rng.uniform(0, 2 * np.pi), rng.uniform(*elevation_deg)),
+        on_ground=(0.30, 0.298, 0.285),
+        fill=(0.38, 0.376, 0.362),
+        ambient=(0.32, 0.318, 0.31),
         softness_rad=0.5,
     )
 
 
-def _towards(azimuth_rad: float, elevation_rad: float) -> Array:
-    flat = np.cos(elevation_rad)
-    return np.array([flat * np.cos(azimuth_rad), flat * np.sin(azimuth_rad), np.sin(elevation_rad)])
+def lamp(
+    towards: tuple[float, float],
+    on_ground: Rgb,
+    fill: Rgb,
+    ambient: Rgb,
+    softness_rad: float = 0.02,
+) -> Light:
+    """Build a light from the azimuth in radians and elevation in degrees of its key lamp.
+
+    `on_ground` is the colour that level ground receives from the key; the others as in `Light`.
+    """
+    azimuth, elevation = towards[0], np.radians(towards[1])
+    flat = np.cos(elevation)
+    return Light(
+        key=np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)]),
+        key_rgb=np.array(on_ground) / np.sin(elevation),
+        fill_rgb=np.array(fill),
+        ambient_rgb=np.array(ambient),
+        softness_rad=softness_rad,
+    )

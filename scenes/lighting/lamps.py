@@ -1,12 +1,12 @@
-"""Light of lamps that stand in the scene: pools on the ground, shadows behind boxes."""
+"""Light of lamps inside the scene: pools on the ground, shadows behind boxes."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from scenes.geometry.mesh import Mesh
 from scenes.lighting.baked_light import Light, solved_normals
-from scenes.lighting.shadow import Blocker, blocker_table, crossing, occlusion
+from scenes.lighting.shadow import Occluder, Table, crossing, occluder_table, occlusion
 from vo.contract.arrays import Array
 from vo.contract.compilation import compiled
 
@@ -16,21 +16,21 @@ BULB_M = 0.12
 
 @dataclass(frozen=True)
 class Lamplight:
-    """Lamps that shine downwards and sideways, and what stands in their way.
+    """Lamps that shine downwards and sideways, and the boxes that occlude them.
 
     Attributes:
         places: (L, 3) metres, world.
         powers: (L,) share of the key light on a surface that faces the lamp at 1 m.
-        blockers: What casts shadows.
+        occluders: What casts shadows.
         light: Gives the lamps' colour as its key and the rest of the sky as its fill.
     """
 
     places: Array
     powers: Array
-    blockers: list[Blocker]
+    occluders: list[Occluder]
     light: Light
 
-    def shine(self, mesh: Mesh) -> Mesh:
+    def bake(self, mesh: Mesh) -> Mesh:
         """Bake the lamps into a mesh's shading normals."""
         clear = np.ascontiguousarray(mesh.points + 3e-3 * mesh.normals)
         turn = np.arange(4) * np.pi / 2
@@ -41,27 +41,20 @@ class Lamplight:
             np.ascontiguousarray(self.places, dtype=float),
             np.ascontiguousarray(self.powers, dtype=float),
             ring,
-            *blocker_table(self.blockers),
+            occluder_table(self.occluders),
         )
         soft = 1 - np.exp(-key)  # pools keep their texture right below a lamp
-        sky = occlusion(clear, self.blockers) * (0.55 + 0.45 * mesh.normals[:, 2])
+        sky = occlusion(clear, self.occluders) * (0.55 + 0.45 * mesh.normals[:, 2])
         normals = solved_normals(soft, sky, self.light)
-        return Mesh(mesh.points, normals, mesh.uv, mesh.faces)
+        return replace(mesh, normals=normals)
 
 
 @compiled()
 def _received(
-    points: Array,
-    normals: Array,
-    places: Array,
-    powers: Array,
-    ring: Array,
-    centres: Array,
-    halves: Array,
-    turns: Array,
-    opacities: Array,
+    points: Array, normals: Array, places: Array, powers: Array, ring: Array, table: Table
 ) -> Array:
-    """Irradiance (V,) from all lamps; each ray ends at the lamp."""
+    """Compute the irradiance (V,) from all lamps; each ray ends at the lamp."""
+    centres, halves, turns, opacities = table
     total = np.zeros(len(points))
     for n in range(len(points)):
         for m in range(len(places)):

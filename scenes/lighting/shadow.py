@@ -1,4 +1,4 @@
-"""How much of the lamps reaches a point past the boxes that stand around it."""
+"""Shadow and ambient occlusion: the share of the lamps' light that passes the occluding boxes."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,23 +11,23 @@ from vo.contract.arrays import Array, Mask
 from vo.contract.compilation import compiled
 
 Table = tuple[Array, Array, Array, Array]
-"""Boxes by column, see `blocker_table`."""
+"""Boxes by column, see `occluder_table`."""
 
 OCCLUSION_REACHES = 8
-"""Beyond so many times its reach, a box dims the fill by less than 1e-10."""
-LOWEST_CULLED_RAD = 0.1
-"""A lower lamp throws shadows too far to leave any box out."""
+"""Beyond this multiple of its reach, a box dims the fill by less than 1e-10."""
+MIN_CULLED_RAD = 0.1
+"""Elevation of the lamp below which no box is culled: its shadows reach too far."""
 
 
 @dataclass(frozen=True)
-class Blocker:
+class Occluder:
     """A box that casts shadows.
 
     Attributes:
         centre: (3,) metres, world.
         half: (3,) half sizes, metres.
         yaw_rad: Turn about z.
-        opacity: Share of light that it stops; foliage less than 1.
+        opacity: Share of light that it stops; less than 1 for foliage.
     """
 
     centre: Array
@@ -37,22 +37,22 @@ class Blocker:
 
 
 def visibility(
-    points: Array, blockers: list[Blocker], light: Light, samples: int = 6, inside: bool = False
+    points: Array, occluders: list[Occluder], light: Light, samples: int = 6, inside: bool = False
 ) -> Array:
-    """Share of the key lamp seen from each point.
+    """Compute the share of the key lamp that is visible from each point.
 
     Args:
         points: (N, 3) metres, world.
-        blockers: What casts shadows.
+        occluders: What casts shadows.
         light: Gives the lamp's direction and its angular radius.
         samples: Rays over the lamp's disc.
-        inside: Whether a box shades what is inside it: so for the ground, but not for the parts
-            of furniture, whose boxes are around them.
+        inside: Whether a box shades what is inside it: true for the ground, false for the parts
+            of furniture, which lie inside their own boxes.
 
     Returns:
         (N,) in [0, 1].
     """
-    if not blockers:
+    if not occluders:
         return np.ones(len(points))
     side = np.cross(light.key, [0, 0, 1.0] if abs(light.key[2]) < 0.99 else [1.0, 0, 0])
     side /= np.linalg.norm(side)
@@ -61,16 +61,16 @@ def visibility(
     radius = light.softness_rad * np.sqrt((k + 0.5) / samples)
     turn = k * np.pi * (3 - np.sqrt(5))  # sunflower: even cover of the disc
     rays = light.key + radius * (np.cos(turn) * side + np.sin(turn) * up)
-    table = _shading(blockers, points, light)
-    return _seen(np.ascontiguousarray(points, dtype=np.float64), rays, *table, inside)
+    table = _shading(occluders, points, light)
+    return _unoccluded(np.ascontiguousarray(points, dtype=np.float64), rays, table, inside)
 
 
-def _shading(blockers: list[Blocker], points: Array, light: Light) -> Table:
-    """Table of the boxes whose shadows can fall on any of (N, 3) points: a bound, by height."""
-    table = blocker_table(blockers)
+def _shading(occluders: list[Occluder], points: Array, light: Light) -> Table:
+    """Select the boxes whose shadows can fall on any of (N, 3) points, by a bound on height."""
+    table = occluder_table(occluders)
     centres, halves = table[:2]
     lowest = np.arcsin(np.clip(light.key[2], -1, 1)) - light.softness_rad
-    if lowest < LOWEST_CULLED_RAD:
+    if lowest < MIN_CULLED_RAD:
         return table
     rise = centres[:, 2] + halves[:, 2] - points[:, 2].min()
     keep = (rise > 0) & (_gaps(centres, halves, points) < rise / np.tan(lowest))
@@ -83,20 +83,20 @@ def _rows(table: Table, keep: Mask) -> Table:
 
 
 def _gaps(centres: Array, halves: Array, points: Array) -> Array:
-    """Distance in the plane from boxes' round hulls to the bounding rectangle of (N, 3) points."""
+    """Measure from the boxes' bounding circles to the bounding rectangle of (N, 3) points: (B,)."""
     low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
     outside = np.maximum(np.maximum(low - centres[:, :2], centres[:, :2] - high), 0)
     return np.linalg.norm(outside, axis=1) - np.linalg.norm(halves[:, :2], axis=1)
 
 
-def blocker_table(blockers: list[Blocker]) -> Table:
-    """Centres (B, 3), half sizes (B, 3), cosine and sine of the turns (B, 2), opacities (B,)."""
-    yaw = np.array([b.yaw_rad for b in blockers])
+def occluder_table(occluders: list[Occluder]) -> Table:
+    """List centres (B, 3), half sizes (B, 3), cosine and sine of the yaw (B, 2), opacities (B,)."""
+    yaw = np.array([b.yaw_rad for b in occluders])
     return (
-        np.array([b.centre for b in blockers]),
-        np.array([b.half for b in blockers]),
+        np.array([b.centre for b in occluders]),
+        np.array([b.half for b in occluders]),
         np.column_stack([np.cos(yaw), np.sin(yaw)]),
-        np.array([b.opacity for b in blockers]),
+        np.array([b.opacity for b in occluders]),
     )
 
 
@@ -104,9 +104,9 @@ def blocker_table(blockers: list[Blocker]) -> Table:
 def crossing(
     point: Array, ray: Array, centre: Array, half: Array, turn: Array
 ) -> tuple[float, float]:
-    """Where a line enters and leaves a box, in multiples of the ray; slab test in its frame.
+    """Intersect a line with a box by the slab test; returns entry and exit in multiples of the ray.
 
-    Where it misses, it leaves before it enters. `turn` is the cosine and sine of the box's yaw.
+    On a miss the exit is before the entry. `turn` is the cosine and sine of the box's yaw.
     """
     dx, dy = point[0] - centre[0], point[1] - centre[1]
     c, t = turn[0], turn[1]
@@ -122,16 +122,9 @@ def crossing(
 
 
 @compiled()
-def _seen(
-    points: Array,
-    rays: Array,
-    centres: Array,
-    halves: Array,
-    turns: Array,
-    opacities: Array,
-    inside: bool,
-) -> Array:
-    """Mean over (S, 3) rays of the light left behind all boxes: (N,)."""
+def _unoccluded(points: Array, rays: Array, table: Table, inside: bool) -> Array:
+    """Average over (S, 3) rays the light left behind all boxes: (N,)."""
+    centres, halves, turns, opacities = table
     seen = np.zeros(len(points))
     for n in range(len(points)):
         for s in range(len(rays)):
@@ -146,30 +139,23 @@ def _seen(
 
 
 def occlusion(
-    points: Array, blockers: list[Blocker], reach_m: float = 0.5, inside: bool = False
+    points: Array, occluders: list[Occluder], reach_m: float = 0.5, inside: bool = False
 ) -> Array:
-    """Dim the fill close to the blockers: (N,) in [0, 1] for (N, 3) points, 1 in the open.
+    """Compute the openness to the fill of (N, 3) points: (N,) in [0, 1], 1 far from all boxes.
 
     `inside` is as for `visibility`.
     """
-    if not blockers:
+    if not occluders:
         return np.ones(len(points))
-    table = blocker_table(blockers)
+    table = occluder_table(occluders)
     table = _rows(table, _gaps(table[0], table[1], points) < OCCLUSION_REACHES * reach_m)
-    return _openness(np.ascontiguousarray(points, dtype=np.float64), *table, reach_m, inside)
+    return _openness(np.ascontiguousarray(points, dtype=np.float64), table, reach_m, inside)
 
 
 @compiled()
-def _openness(
-    points: Array,
-    centres: Array,
-    halves: Array,
-    turns: Array,
-    opacities: Array,
-    reach_m: float,
-    inside: bool,
-) -> Array:
+def _openness(points: Array, table: Table, reach_m: float, inside: bool) -> Array:
     """Multiply, over all boxes, what each leaves of the fill at its distance from (N, 3) points."""
+    centres, halves, turns, opacities = table
     left = np.ones(len(points))
     for n in range(len(points)):
         for b in range(len(centres)):
@@ -186,7 +172,7 @@ def _openness(
 
 @dataclass(frozen=True)
 class LightMap:
-    """Key and fill shares on the ground, sampled once on a grid and looked up between.
+    """Key and fill shares on the ground, sampled on a grid and interpolated between.
 
     Attributes:
         origin: (2,) x, y of the first sample, metres.
@@ -207,12 +193,12 @@ class LightMap:
 
 def ground_light(
     extent_m: tuple[float, float, float, float],
-    blockers: list[Blocker],
+    occluders: list[Occluder],
     light: Light,
     step_m: float = 0.05,
     elevation: Callable[[Array], Array] | None = None,
 ) -> LightMap:
-    """Bake the ground over x_min, y_min, x_max, y_max; it is at z = 0 unless it has an elevation.
+    """Bake the ground over x_min, y_min, x_max, y_max in metres, at z = 0 without an elevation.
 
     `elevation` gives (...) heights in metres at (..., 2) x, y.
     """
@@ -221,6 +207,6 @@ def ground_light(
     grid = np.stack(np.meshgrid(x, y, [1e-4], indexing="ij"), axis=-1).reshape(-1, 3)
     if elevation is not None:
         grid[:, 2] += elevation(grid[:, :2])
-    key = visibility(grid, blockers, light, inside=True)
-    shares = np.stack([key, occlusion(grid, blockers, inside=True)])
+    key = visibility(grid, occluders, light, inside=True)
+    shares = np.stack([key, occlusion(grid, occluders, inside=True)])
     return LightMap(np.array(extent_m[:2]), step_m, shares.reshape(2, len(x), len(y)))

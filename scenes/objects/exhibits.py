@@ -1,27 +1,26 @@
-"""What a museum shows: framed paintings, sculptures on pedestals, rope barriers and benches."""
+"""Museum exhibits: framed paintings, sculptures on pedestals, rope barriers and benches."""
 
 import itertools
 
 import numpy as np
 
 from scenes.geometry.mesh import Mesh, box, merged, tube
-from scenes.objects.furniture import Place, at, solid
+from scenes.geometry.place import Place
 from scenes.objects.props import ball
 from scenes.stage import Stage, one_object
-from scenes.surfaces.atlas import Atlas
 
-EYE_M = 1.4
+CENTRE_M = 1.4
 """Height of the middle of a painting."""
 FRAME_M = 0.05
 
 
 @one_object
 def painting(
-    stage: Stage, name: str, rng: np.random.Generator, wall: Place, along_m: float, canvases: Atlas
+    stage: Stage, name: str, rng: np.random.Generator, wall: Place, along_m: float
 ) -> None:
     """Hang a framed painting on a wall, its label beside it."""
     del name
-    put = at(stage, wall)
+    put = stage.at(wall)
     wide, high = rng.uniform((0.7, 0.55), (1.5, 1.1))
     frame = ("frame_gold", "frame_black")[rng.integers(2)]
     for dx, dz, sx, sz in (
@@ -30,26 +29,26 @@ def painting(
         (wide / 2 + FRAME_M / 2, 0, FRAME_M, high),
         (-wide / 2 - FRAME_M / 2, 0, FRAME_M, high),
     ):
-        bar = box((along_m + dx, -0.025, EYE_M + dz), (sx, 0.05, sz), (0.4, 0.4), bottom=True)
+        bar = box((along_m + dx, -0.025, CENTRE_M + dz), (sx, 0.05, sz), (0.4, 0.4), bottom=True)
         put(frame, bar)
-    canvas = box((along_m, -0.012, EYE_M), (wide, 0.02, high))
-    put("paintings", canvas.textured(canvases.rects[rng.integers(canvases.count)]))
-    label = box((along_m + wide / 2 + 0.22, -0.003, EYE_M - 0.25), (0.14, 0.006, 0.1))
+    canvas = box((along_m, -0.012, CENTRE_M), (wide, 0.02, high))
+    put.cell("paintings", rng, canvas)
+    label = box((along_m + wide / 2 + 0.22, -0.003, CENTRE_M - 0.25), (0.14, 0.006, 0.1))
     put("labels", label)
 
 
 @one_object
 def sculpture(stage: Stage, name: str, rng: np.random.Generator, place: Place) -> None:
     """Show a sculpture of bronze or marble on a pedestal of 0.5 x 0.5 x 0.8 m."""
-    put = at(stage, place)
+    put = stage.at(place)
     put("pedestal", box((0, 0, 0.4), (0.5, 0.5, 0.8), (1.0, 1.0), rng.random(2)))
     put("frame_black", box((0, 0, 0.02), (0.46, 0.46, 0.04), (0.4, 0.4)))
     put("labels", box((0, -0.252, 0.6), (0.12, 0.004, 0.08)))
     stuff = ("bronze", "marble")[rng.integers(2)]
     put(stuff, _SHAPES[rng.integers(len(_SHAPES))](rng).moved((0, 0, 0.8)))
-    solid(stage, name, place, (0.5, 0.5, 1.3), shadow=False)
-    stage.blocker((*place[:2], 0.4), (0.48, 0.48, 0.8), place[2])
-    stage.blocker((*place[:2], 1.05), (0.3, 0.3, 0.5), place[2], 0.8)
+    stage.solid(name, place, (0.5, 0.5, 1.3), shadow=False)
+    stage.shade(place, 0.4, (0.48, 0.48, 0.8))
+    stage.shade(place, 1.05, (0.3, 0.3, 0.5), 0.8)
 
 
 def _torso(rng: np.random.Generator) -> Mesh:
@@ -66,7 +65,7 @@ def _torso(rng: np.random.Generator) -> Mesh:
 
 
 def _pile(rng: np.random.Generator) -> Mesh:
-    """Blocks of shrinking size, each turned."""
+    """Stack blocks of shrinking size, each turned."""
     parts: list[Mesh] = []
     base = 0.0
     for side in (0.34, 0.26, 0.2, 0.14):
@@ -77,7 +76,7 @@ def _pile(rng: np.random.Generator) -> Mesh:
 
 
 def _knot(rng: np.random.Generator) -> Mesh:
-    """A closed bar winding around itself."""
+    """Build a closed bar that winds around itself."""
     phase = rng.uniform(0, 2 * np.pi)
     t = np.linspace(0, 2 * np.pi, 37)
     reach = 0.13 + 0.05 * np.cos(3 * t + phase)
@@ -94,7 +93,7 @@ _SHAPES = (_torso, _pile, _knot)
 @one_object
 def barrier(stage: Stage, name: str, place: Place, length_m: float) -> None:
     """Put brass posts about 1.2 m apart along x from a place, with a sagging rope."""
-    put = at(stage, place)
+    put = stage.at(place)
     marks = np.linspace(0, length_m, max(2, round(length_m / 1.2) + 1))
     for x in marks:
         put("brass", tube((x, 0, 0), (x, 0, 0.02), 0.14, 16))
@@ -108,17 +107,17 @@ def barrier(stage: Stage, name: str, place: Place, length_m: float) -> None:
             put("rope", tube(a, b, 0.016, 6))
     c, s = np.cos(place[2]), np.sin(place[2])
     middle = (place[0] + c * length_m / 2, place[1] + s * length_m / 2, place[2])
-    solid(stage, name, middle, (length_m + 0.28, 0.28, 0.95), shadow=False)
+    stage.solid(name, middle, (length_m + 0.28, 0.28, 0.95), shadow=False)
 
 
 @one_object
 def settee(stage: Stage, name: str, rng: np.random.Generator, place: Place) -> None:
     """Put an upholstered bench of 1.5 x 0.55 m without a back."""
-    put = at(stage, place)
+    put = stage.at(place)
     put("cloth", box((0, 0, 0.4), (1.5, 0.55, 0.1), (0.4, 0.4), rng.random(2), 0.3, True))
     put("frame_black", box((0, 0, 0.33), (1.4, 0.48, 0.04), (0.4, 0.4), bottom=True))
     for x in (-0.62, 0.62):
         for y in (-0.2, 0.2):
             put("brass", box((x, y, 0.16), (0.04, 0.04, 0.32), (0.4, 0.4)))
-    solid(stage, name, place, (1.5, 0.55, 0.45), shadow=False)
-    stage.blocker((*place[:2], 0.4), (1.5, 0.55, 0.1), place[2])
+    stage.solid(name, place, (1.5, 0.55, 0.45), shadow=False)
+    stage.shade(place, 0.4, (1.5, 0.55, 0.1))

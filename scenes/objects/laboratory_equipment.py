@@ -1,15 +1,14 @@
-"""What stands in a laboratory: benches, instruments, bottles, cables, stools and gas bottles."""
+"""Laboratory equipment: benches, instruments, bottles, cables, stools and gas bottles."""
 
 import itertools
-from dataclasses import dataclass
 
 import numpy as np
 
-from scenes.geometry.mesh import Mesh, box, merged, tube
-from scenes.objects.furniture import Place, Put, at, local, solid
+from scenes.geometry.mesh import Mesh, Vector, box, merged, tube
+from scenes.geometry.place import Place, local
 from scenes.objects.props import ball
+from scenes.pen import Pen
 from scenes.stage import Stage, one_object
-from scenes.surfaces.atlas import Atlas
 from vo.contract.arrays import Array
 
 TOP_M = 0.9
@@ -18,20 +17,10 @@ SHELVES_M = (1.38, 1.74)
 CABLES = ("cable_red", "cable_blue", "cable_black")
 
 
-@dataclass(frozen=True)
-class Stock:
-    """Faces of what lies on benches and shelves."""
-
-    fronts: Atlas
-    wraps: Atlas
-    cartons: Atlas
-    books: Atlas
-
-
 @one_object
 def bench(stage: Stage, name: str, rng: np.random.Generator, place: Place, length_m: float) -> None:
     """Put a wall bench, its back at the place: cabinets, worktop and a duct with sockets."""
-    put = at(stage, place)
+    put = stage.at(place)
     middle = -DEPTH_M / 2
     top = (length_m, DEPTH_M, 0.035)
     put("worktop", box((0, middle, TOP_M - 0.018), top, (1.2, 1.2), rng.random(2), 0.3, True))
@@ -50,11 +39,11 @@ def bench(stage: Stage, name: str, rng: np.random.Generator, place: Place, lengt
     for x in np.arange(-length_m / 2 + 0.2, length_m / 2 - 0.1, 0.3):
         put("plastic", box((x, -0.0715, TOP_M + 0.165), (0.075, 0.004, 0.075)))
         put("worktop", box((x, -0.074, TOP_M + 0.165), (0.045, 0.003, 0.045), (1.2, 1.2)))
-    solid(stage, name, local(place, 0, middle), (length_m, DEPTH_M, TOP_M))
+    stage.solid(name, local(place, 0, middle), (length_m, DEPTH_M, TOP_M))
 
 
-def _cabinet_front(put: Put, rng: np.random.Generator, x: float, wide: float) -> None:
-    """One door or four drawers."""
+def _cabinet_front(put: Pen, rng: np.random.Generator, x: float, wide: float) -> None:
+    """Draw one door or four drawers."""
     face = -DEPTH_M + 0.055
     levels = (
         ((0.485, 0.74),)
@@ -68,12 +57,10 @@ def _cabinet_front(put: Put, rng: np.random.Generator, x: float, wide: float) ->
 
 
 @one_object
-def shelf(
-    stage: Stage, name: str, rng: np.random.Generator, place: Place, length_m: float, stock: Stock
-) -> None:
+def shelf(stage: Stage, name: str, rng: np.random.Generator, place: Place, length_m: float) -> None:
     """Hang two boards above a bench, filled with bottles, boxes and books."""
     del name
-    put = at(stage, place)
+    put = stage.at(place)
     for z in SHELVES_M:
         board = (length_m, 0.26, 0.022)
         put("beech", box((0, -0.13, z), board, (1.6, 0.8), rng.random(2), bottom=True))
@@ -81,54 +68,53 @@ def shelf(
             put("steel", box((x, -0.12, z - 0.06), (0.02, 0.22, 0.1), (0.5, 0.5), bottom=True))
         along = -length_m / 2 + 0.05
         while along < length_m / 2 - 0.3:
-            along += _shelved(put, rng, along, z + 0.011, stock)
+            along += _shelved(put, rng, along, z + 0.011)
 
 
-def _shelved(put: Put, rng: np.random.Generator, x: float, z: float, stock: Stock) -> float:
+def _shelved(put: Pen, rng: np.random.Generator, x: float, z: float) -> float:
     """Put one thing or a row of bottles at x on a board; return the length that it takes."""
     draw = rng.random()
     if draw < 0.4:
         count = int(rng.integers(2, 5))
         for k in range(count):
-            _bottle(put, rng, (x + 0.05 + 0.1 * k, -0.12 + rng.normal(0, 0.02), z), stock)
+            _bottle(put, rng, (x + 0.05 + 0.1 * k, -0.12 + rng.normal(0, 0.02), z))
         return 0.1 * count + 0.04
     if draw < 0.65:
         wide, high = rng.uniform(0.16, 0.27), rng.uniform(0.12, 0.24)
         side = box((x + wide / 2, -0.13, z + high / 2), (wide, 0.2, high))
-        put("cartons", side.textured(stock.cartons.rects[rng.integers(stock.cartons.count)]))
+        put.cell("cartons", rng, side)
         return wide + 0.03
     if draw < 0.85:
-        u0, v0, u1, v1 = stock.books.rects[rng.integers(stock.books.count)]
-        start = rng.uniform(0, 0.7)
         row = box((x + 0.14, -0.12, z + 0.13), (0.27, 0.2, 0.26))
-        put(
-            "books",
-            row.textured(
-                np.array([u0 + (u1 - u0) * start, v0, u0 + (u1 - u0) * (start + 0.27), v1])
-            ),
-        )
+        put("books", row.textured(_books(put, rng)))
         return 0.3
     return float(rng.uniform(0.06, 0.2))
 
 
-def _bottle(
-    put: Put, rng: np.random.Generator, foot: tuple[float, float, float], stock: Stock
-) -> None:
+def _books(put: Pen, rng: np.random.Generator) -> Array:
+    """Cut 0.27 of the length of a random row of books: (4,) cell."""
+    u0, v0, u1, v1 = put.atlases["books"].pick(rng)
+    start = rng.uniform(0, 0.7)
+    return np.array([u0 + (u1 - u0) * start, v0, u0 + (u1 - u0) * (start + 0.27), v1])
+
+
+def _bottle(put: Pen, rng: np.random.Generator, foot: Vector) -> None:
+    """Draw a bottle with a cap on a (3,) foot."""
     radius, high = rng.uniform(0.026, 0.044), rng.uniform(0.11, 0.22)
     base = np.array(foot)
     neck, cap = base + np.array([0, 0, high]), base + np.array([0, 0, high + 0.03])
     body = tube(base, neck, radius, 12)
-    put("wraps", body.textured(stock.wraps.rects[rng.integers(stock.wraps.count)]))
+    put.cell("wraps", rng, body)
     put("plastic", tube(neck, cap, 0.6 * radius, 10, 0.8))
 
 
 @one_object
 def instrument(
-    stage: Stage, name: str, rng: np.random.Generator, place: Place, base_m: float, stock: Stock
+    stage: Stage, name: str, rng: np.random.Generator, place: Place, base_m: float
 ) -> None:
     """Put a measuring instrument at a height, perhaps a second one on top, and plug cables in."""
     del name
-    put = at(stage, place)
+    put = stage.at(place)
     table_m = base_m
     for _ in range(2 if rng.random() < 0.35 else 1):
         wide, deep, high = rng.uniform((0.28, 0.24, 0.12), (0.42, 0.34, 0.2))
@@ -136,7 +122,7 @@ def instrument(
         case = box((0, 0, base_m + 0.016 + high / 2), (wide, deep, high), (1.0, 1.0), rng.random(2))
         put("panel", case)
         face = box((0, -deep / 2 - 0.004, base_m + 0.016 + high / 2), (wide, 0.008, high))
-        put("fronts", face.textured(stock.fronts.rects[rng.integers(stock.fronts.count)]))
+        put.cell("fronts", rng, face)
         for _ in range(int(rng.integers(1, 4))):
             socket = (rng.uniform(-0.4, 0.4) * wide, -deep / 2 - 0.008, base_m + 0.04)
             reach = rng.uniform((-0.5, -0.06), (0.5, 0.02))
@@ -145,9 +131,7 @@ def instrument(
         base_m += high + 0.016
 
 
-def cable(
-    rng: np.random.Generator, start: tuple[float, float, float], end: tuple[float, float, float]
-) -> Mesh:
+def cable(rng: np.random.Generator, start: Vector, end: Vector) -> Mesh:
     """Lay a thin cable between two points: out of a socket, down and along in a curve."""
     a, b = np.array(start), np.array(end)
     out = a + np.array([0, -rng.uniform(0.05, 0.1), -0.3 * (a[2] - b[2])])
@@ -162,7 +146,7 @@ def cable(
 def microscope(stage: Stage, name: str, place: Place, base_m: float) -> None:
     """Put a microscope at a height."""
     del name
-    put = at(stage, place)
+    put = stage.at(place)
     put("plastic", box((0, 0, base_m + 0.02), (0.18, 0.24, 0.04), (0.5, 0.5)))
     put("panel", box((0, 0.08, base_m + 0.17), (0.06, 0.06, 0.28), (1.0, 1.0)))
     put("plastic", box((0, -0.02, base_m + 0.13), (0.14, 0.14, 0.015), (0.5, 0.5), bottom=True))
@@ -173,17 +157,15 @@ def microscope(stage: Stage, name: str, place: Place, base_m: float) -> None:
 
 
 @one_object
-def tray(
-    stage: Stage, name: str, rng: np.random.Generator, place: Place, base_m: float, stock: Stock
-) -> None:
+def tray(stage: Stage, name: str, rng: np.random.Generator, place: Place, base_m: float) -> None:
     """Put a tray of bottles at a height, and loose sheets beside it."""
     del name
-    put = at(stage, place)
+    put = stage.at(place)
     put("steel", box((0, 0, base_m + 0.008), (0.4, 0.26, 0.016), (0.5, 0.5)))
     for x in np.arange(-0.14, 0.15, 0.095):
         for y in (-0.06, 0.06):
             if rng.random() < 0.7:
-                _bottle(put, rng, (x, y, base_m + 0.016), stock)
+                _bottle(put, rng, (x, y, base_m + 0.016))
     sheet = box((0.36, -0.05, base_m + 0.002), (0.21, 0.297, 0.003))
     put("posters", sheet.textured(np.array([0.02, 0.02, 0.2, 0.3])))
 
@@ -191,21 +173,21 @@ def tray(
 @one_object
 def stool(stage: Stage, name: str, rng: np.random.Generator, place: Place) -> None:
     """Put a round stool on a five-armed foot."""
-    put = at(stage, place)
+    put = stage.at(place)
     put("cloth", tube((0, 0, 0.54), (0, 0, 0.61), 0.17, 18))
     put("steel", tube((0, 0, 0.08), (0, 0, 0.54), 0.025, 10))
     for angle in np.arange(5) * 2 * np.pi / 5 + rng.uniform(0, 1):
         tip = 0.25 * np.array([np.cos(angle), np.sin(angle)])
         put("plastic", tube((0, 0, 0.1), (*tip, 0.05), 0.022, 8, 0.7))
         put("plastic", ball(rng, (*tip, 0.028), 0.026))
-    solid(stage, name, place, (0.5, 0.5, 0.61), shadow=False)
-    stage.blocker((*place[:2], 0.57), (0.3, 0.3, 0.08), 0.3)
+    stage.solid(name, place, (0.5, 0.5, 0.61), shadow=False)
+    stage.occluder((*place[:2], 0.57), (0.3, 0.3, 0.08), 0.3)
 
 
 @one_object
 def gas_bottles(stage: Stage, name: str, place: Place) -> None:
     """Chain two gas bottles to a wall, their back at the place."""
-    put = at(stage, place)
+    put = stage.at(place)
     for x, paint in ((-0.14, "cable_blue"), (0.14, "gas")):
         put(paint, tube((x, -0.15, 0), (x, -0.15, 1.25), 0.115, 18))
         put(paint, tube((x, -0.15, 1.25), (x, -0.15, 1.38), 0.115, 18, 0.35))
@@ -214,13 +196,13 @@ def gas_bottles(stage: Stage, name: str, place: Place) -> None:
         put("label", box((x, -0.262, 0.95), (0.11, 0.012, 0.16)))
     for z in (0.5, 1.05):
         put("steel", box((0, -0.275, z), (0.56, 0.012, 0.03), (0.5, 0.5), bottom=True))
-    solid(stage, name, local(place, 0, -0.14), (0.56, 0.3, 1.45))
+    stage.solid(name, local(place, 0, -0.14), (0.56, 0.3, 1.45))
 
 
 @one_object
 def island(stage: Stage, name: str, rng: np.random.Generator, size: Array, place: Place) -> None:
     """Put a heavy table of (2,) full size on four legs, with a board of holes for optics."""
-    put = at(stage, place)
+    put = stage.at(place)
     length, depth = size
     put("worktop", box((0, 0, 0.80), (length, depth, 0.06), (1.2, 1.2), rng.random(2), bottom=True))
     put("holes", box((0, 0, 0.836), (length - 0.16, depth - 0.16, 0.012), (0.25, 0.25)))
@@ -229,16 +211,16 @@ def island(stage: Stage, name: str, rng: np.random.Generator, size: Array, place
             leg = (0.08, 0.08, 0.77)
             put("steel", box((x * length, y * depth, 0.385), leg, (0.5, 0.5), rng.random(2)))
     put("panel", box((0, 0, 0.2), (0.84 * length, 0.8 * depth, 0.02), (1.0, 1.0), bottom=True))
-    solid(stage, name, place, (length, depth, 0.84), shadow=False)
-    stage.blocker((*place[:2], 0.8), (length, depth, 0.06), place[2])
-    stage.blocker((*place[:2], 0.2), (0.84 * length, 0.8 * depth, 0.02), place[2], 0.8)
+    stage.solid(name, place, (length, depth, 0.84), shadow=False)
+    stage.shade(place, 0.8, (length, depth, 0.06))
+    stage.shade(place, 0.2, (0.84 * length, 0.8 * depth, 0.02), 0.8)
 
 
 @one_object
 def optics(stage: Stage, name: str, rng: np.random.Generator, place: Place, base_m: float) -> None:
     """Put a row of posts with mounts and lenses at a height."""
     del name
-    put = at(stage, place)
+    put = stage.at(place)
     put("steel", box((0, 0, base_m + 0.012), (0.5, 0.05, 0.024), (0.5, 0.5)))
     for x in np.arange(-0.2, 0.21, 0.1) + rng.normal(0, 0.012, 5):
         high = base_m + rng.uniform(0.1, 0.16)

@@ -1,4 +1,4 @@
-"""Who walks through a scene: figures with swinging legs, trolleys and robot carriers."""
+"""Pedestrians, trolleys and robot carriers that move through a scene."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -6,7 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
-from scenes.geometry.mesh import Mesh, Vector, box, merged, polygons, tube
+from scenes.geometry.mesh import Mesh, Vector, box, grid, merged, sphere, tube
+from scenes.geometry.routes import arc_lengths
 from scenes.scene import Kind, Motion
 from scenes.stage import Stage
 from scenes.surfaces import textile, timber
@@ -16,9 +17,9 @@ from vo.contract.arrays import Array
 LEG_M = 0.86
 SWING_RAD = 0.4
 STRIDE_M = 4 * LEG_M * np.sin(SWING_RAD)
-"""Way from one left step to the next at which the standing foot does not slide."""
+"""Distance from one left step to the next at which the standing foot does not slide."""
 TURN_S = 1.3
-"""How long somebody takes to turn round before walking back."""
+"""Time in which a pedestrian turns round before walking back."""
 CLOTHES = (
     (58, 66, 84), (126, 64, 58), (84, 98, 80), (176, 160, 132), (70, 70, 74), (148, 128, 88),
     (96, 112, 138), (188, 184, 176), (60, 58, 62), (74, 82, 104), (104, 94, 82), (46, 50, 58),
@@ -27,16 +28,16 @@ SKINS = ((206, 164, 138), (160, 116, 90), (108, 76, 58), (222, 184, 160))
 HAIRS = ((52, 42, 36), (96, 72, 50), (150, 128, 96), (120, 118, 116))
 
 Walk = Callable[[float], tuple[Array, float, float]]
-"""Time in seconds to (2,) place in metres, heading in radians and way walked in metres."""
+"""Time in seconds to (2,) place in metres, heading in radians and distance walked in metres."""
 
 
 @dataclass(frozen=True)
 class Lap:
-    """A walk around a closed path at a steady pace.
+    """A walk around a closed path at constant speed.
 
     Attributes:
         path: (N, 2) metres, the last point equal to the first.
-        pace_mps: Along the path; negative: against its sense.
+        pace_mps: Speed along the path; negative against its sense.
         start_m: Where on it the walk begins.
     """
 
@@ -46,9 +47,8 @@ class Lap:
 
     @cached_property
     def marks_m(self) -> Array:
-        """Way along the path to each of its points: (N,)."""
-        steps = np.linalg.norm(np.diff(self.path, axis=0), axis=1)
-        return np.concatenate([[0.0], np.cumsum(steps)])
+        """Arc length along the path to each of its points: (N,)."""
+        return arc_lengths(self.path)
 
     def __call__(self, time_s: float) -> tuple[Array, float, float]:
         """See `Walk`."""
@@ -64,13 +64,13 @@ class Lap:
 
 @dataclass(frozen=True)
 class Crossing:
-    """Walks to and fro between two places, standing at either end in between.
+    """Walks to and fro between two places, with a stop at either end.
 
     Attributes:
         start: (2,) metres.
         end: (2,) metres.
-        times_s: (K,) when each walk begins, the first one from `start`.
-        pace_mps: Of every walk.
+        times_s: (K,) start of each walk, the first one from `start`.
+        pace_mps: Speed of every walk.
     """
 
     start: Array
@@ -94,7 +94,7 @@ class Crossing:
         return self.start + share * span, heading, way
 
 
-def wardrobe(rng: np.random.Generator) -> Atlas:
+def clothing_atlas(rng: np.random.Generator) -> Atlas:
     """Draw cloths, then skins, then hair, then leather, each a cell of 128 pixels."""
     cells = [textile.fabric(rng, 128, rgb) for rgb in CLOTHES]
     cells += [timber.painted(rng, (128, 128), rgb) for rgb in SKINS + HAIRS + ((40, 36, 34),)]
@@ -102,7 +102,7 @@ def wardrobe(rng: np.random.Generator) -> Atlas:
 
 
 def placed(walk: Walk, ahead_m: float = 0.0) -> Motion:
-    """Move something upright along a walk, `ahead_m` before the one who walks."""
+    """Move something upright along a walk, `ahead_m` before the pedestrian."""
 
     def motion(time_s: float) -> Array:
         place, heading, _ = walk(time_s)
@@ -112,15 +112,11 @@ def placed(walk: Walk, ahead_m: float = 0.0) -> Motion:
 
 
 def person(
-    stage: Stage,
-    name: str,
-    rng: np.random.Generator,
-    walk: Walk,
-    clothes: Atlas,
-    arms_m: float = 0.0,
+    stage: Stage, name: str, rng: np.random.Generator, walk: Walk, arms_m: float = 0.0
 ) -> None:
     """Let a figure about 1.75 m high walk; `arms_m` is how far the hands reach forward."""
     scale = rng.uniform(0.92, 1.05)
+    clothes = stage.atlases["clothes"]
     coat, legs = (clothes.rects[k] for k in rng.integers(len(CLOTHES), size=2))
     skin = clothes.rects[len(CLOTHES) + rng.integers(len(SKINS))]
     hair = clothes.rects[len(CLOTHES) + len(SKINS) + rng.integers(len(HAIRS))]
@@ -201,19 +197,9 @@ def _narrowed(mesh: Mesh, depth: float) -> Mesh:
 
 def _ellipsoid(centre: Vector, radii: Vector) -> Mesh:
     """Build an upright ellipsoid of (3,) radii; u runs once around, v from top to bottom."""
-    theta, phi = np.meshgrid(np.linspace(0, np.pi, 7), np.linspace(0, 2 * np.pi, 11))
-    unit = np.stack(
-        [np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1
-    )
+    theta, phi, unit = sphere(7, 11)
     uv = np.stack([phi / (2 * np.pi), theta / np.pi], axis=-1)
-    points = np.asarray(centre) + np.asarray(radii) * unit
-    rim = ((slice(None, -1), slice(None, -1)), (slice(None, -1), slice(1, None)))
-    rim += ((slice(1, None), slice(1, None)), (slice(1, None), slice(None, -1)))
-    corners, corner_uv, normals = (
-        np.stack([values[q] for q in rim], axis=2).reshape(-1, 4, values.shape[-1])
-        for values in (points, uv, unit)
-    )
-    return polygons(corners, corner_uv, normals)
+    return grid(np.asarray(centre) + np.asarray(radii) * unit, uv, unit)
 
 
 def _upright(place: Array, heading_rad: float, z_m: float) -> Array:
@@ -227,9 +213,7 @@ def _shifted(x: float, y: float, z: float) -> Array:
     return T
 
 
-def trolley(
-    stage: Stage, name: str, rng: np.random.Generator, motion: Motion, faces: Atlas
-) -> None:
+def trolley(stage: Stage, name: str, rng: np.random.Generator, motion: Motion) -> None:
     """Let a platform trolley of 1.1 x 0.65 m roll along x, loaded with cartons."""
     with stage.mover(name, motion):
         stage.draw("steel", box((0, 0, 0.2), (1.1, 0.65, 0.06), (0.5, 0.5), bottom=True))
@@ -244,14 +228,12 @@ def trolley(
             for _ in range(int(rng.integers(1, 4))):
                 size = rng.uniform((0.38, 0.42, 0.24), (0.46, 0.6, 0.36))
                 block = box((x, rng.normal(0, 0.02), top + size[2] / 2), size, cell_m=0.3)
-                stage.draw("cartons", block.textured(faces.rects[rng.integers(faces.count)]))
+                stage.draw("cartons", block.textured(stage.pick("cartons", rng)))
                 top += float(size[2])
         stage.obstacle(name, (0.0, 0.0, 0.5), (1.12, 0.66, 0.96))
 
 
-def roll_cage(
-    stage: Stage, name: str, rng: np.random.Generator, motion: Motion, faces: Atlas
-) -> None:
+def roll_cage(stage: Stage, name: str, rng: np.random.Generator, motion: Motion) -> None:
     """Let a roll cage of 0.85 x 0.7 x 1.7 m, full of cartons, roll along x."""
     with stage.mover(name, motion):
         stage.draw("steel", box((0, 0, 0.19), (0.85, 0.7, 0.04), (0.5, 0.5), bottom=True))
@@ -268,7 +250,7 @@ def roll_cage(
             while top < 1.3:
                 size = rng.uniform((0.3, 0.26, 0.2), (0.36, 0.31, 0.4))
                 block = box((x, y, top + size[2] / 2), size, cell_m=0.3)
-                stage.draw("cartons", block.textured(faces.rects[rng.integers(faces.count)]))
+                stage.draw("cartons", block.textured(stage.pick("cartons", rng)))
                 top += float(size[2])
         stage.obstacle(name, (0.0, 0.0, 0.85), (0.86, 0.7, 1.66))
 

@@ -1,4 +1,4 @@
-"""What grows in a meadow: grass of any length, flowers, trees and hedges."""
+"""Plants: grass of any length, flowers, trees and hedges."""
 
 import numpy as np
 
@@ -32,10 +32,7 @@ def grass(rng: np.random.Generator, feet: Array, height_m: Array, width_m: Array
     tip = np.column_stack([lean, height_m])
     flat = np.zeros((count, 1))
     left, right = np.hstack([side, flat]), np.hstack([-side, flat])
-    corners = np.stack(
-        [feet + left, feet + right, feet + tip, feet + knee + 0.8 * left],
-        axis=1,
-    )
+    corners = np.stack([feet + left, feet + right, feet + tip, feet + knee + 0.8 * left], axis=1)
     along = np.array([(0, 0), (0.1, 0), (0.05, 1), (0, 0.6)]) * UV_BLADE
     uv = rng.random((count, 1, 2)) + along
     tilt = np.column_stack([rng.normal(0, 0.35, (count, 2)), np.ones(count)])
@@ -83,12 +80,10 @@ def flowers(
 @one_object
 def tree(stage: Stage, name: str, rng: np.random.Generator, foot: Vector, height_m: float) -> None:
     """Plant a broad-leaved tree at (3,) metres: a trunk, boughs and a crown of lobes."""
-    base = np.asarray(foot, dtype=float)
+    base, up = np.asarray(foot, dtype=float), np.array((0, 0, height_m))
     crown = base + np.array((0, 0, 0.62 * height_m))
     reach = 0.3 * height_m
-    stage.draw(
-        "bark", tube(base, base + np.array((0, 0, 0.55 * height_m)), 0.035 * height_m, 9, 0.6)
-    )
+    stage.draw("bark", tube(base, base + 0.55 * up, 0.035 * height_m, 9, 0.6))
     lobes: list[Mesh] = [ball(rng, crown, 0.75 * reach, period_m=2.2)]
     for _ in range(6):
         out = rng.standard_normal(3) * (1, 1, 0.8)
@@ -96,15 +91,11 @@ def tree(stage: Stage, name: str, rng: np.random.Generator, foot: Vector, height
         lobes.append(ball(rng, at, rng.uniform(0.4, 0.62) * reach, period_m=2.2))
     for turn in rng.uniform(0, 2 * np.pi, 3):
         end = crown + 0.5 * reach * np.array([np.cos(turn), np.sin(turn), 0.1])
-        stage.draw(
-            "bark", tube(base + np.array((0, 0, 0.4 * height_m)), end, 0.018 * height_m, 6, 0.5)
-        )
+        stage.draw("bark", tube(base + 0.4 * up, end, 0.018 * height_m, 6, 0.5))
     stage.draw("foliage", *lobes)
-    stage.obstacle(
-        name, base + np.array((0, 0, 0.3 * height_m)), (0.2, 0.2, 0.6 * height_m), shadow=False
-    )
-    stage.blocker(base + np.array((0, 0, 0.25 * height_m)), np.array([0.06, 0.06, 0.5]) * height_m)
-    stage.blocker(crown, np.array([1.9, 1.9, 1.6]) * reach, rng.uniform(0, 1.5), 0.75)
+    stage.obstacle(name, base + 0.3 * up, (0.2, 0.2, 0.6 * height_m), shadow=False)
+    stage.occluder(base + 0.25 * up, np.array([0.06, 0.06, 0.5]) * height_m)
+    stage.occluder(crown, np.array([1.9, 1.9, 1.6]) * reach, rng.uniform(0, 1.5), 0.75)
 
 
 @one_object

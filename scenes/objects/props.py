@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from scenes.geometry.mesh import Mesh, Vector, box, merged, patch, polygons, tube
+from scenes.geometry.mesh import Mesh, Vector, box, grid, merged, patch, polygons, sphere, tube
 from scenes.stage import Stage, one_object
 from scenes.surfaces.atlas import Atlas
 from vo.contract.arrays import Array
@@ -40,7 +40,15 @@ def shrub(stage: Stage, rng: np.random.Generator, centre: Vector, radius_m: floa
         lobe = core + radius_m * rng.uniform((-0.5, -0.5, -0.3), (0.5, 0.5, 0.4))
         stage.draw("leaves", ball(rng, lobe, radius_m * rng.uniform(0.5, 0.7)))
     stage.draw("leaves", leaf_cloud(rng, centre, radius_m, int(700 * radius_m)))
-    stage.blocker(centre, np.full(3, 1.5 * radius_m).tolist(), rng.uniform(0, 1.5), 0.8)
+    stage.occluder(centre, np.full(3, 1.5 * radius_m).tolist(), rng.uniform(0, 1.5), 0.8)
+
+
+@one_object
+def bush(stage: Stage, name: str, rng: np.random.Generator, foot: Array, radius_m: float) -> None:
+    """Grow a shrub on (3,) ground, with its obstacle."""
+    centre = foot + np.array((0, 0, 0.7 * radius_m))
+    shrub(stage, rng, centre, radius_m)
+    stage.obstacle(name, centre, np.array([1.3, 1.3, 1.4]) * radius_m, shadow=False)
 
 
 @one_object
@@ -56,31 +64,18 @@ def potted_plant(stage: Stage, name: str, rng: np.random.Generator, centre: Vect
         stage.draw("leaves", leaf_cloud(rng, crown, 0.22, 110))
     stage.draw("leaves", ball(rng, (x, y, 0.78), 0.13))
     stage.obstacle(name, (x, y, 0.5), (0.34, 0.34, 1.0), shadow=False)
-    stage.blocker((x, y, 0.17), (0.3, 0.3, 0.34))
-    stage.blocker((x, y, 0.78), (0.4, 0.4, 0.4), 0.5, 0.6)
+    stage.occluder((x, y, 0.17), (0.3, 0.3, 0.34))
+    stage.occluder((x, y, 0.78), (0.4, 0.4, 0.4), 0.5, 0.6)
 
 
 def ball(rng: np.random.Generator, centre: Vector, radius_m: float, period_m: float = 0.35) -> Mesh:
     """Build a lumpy sphere; its texture repeats every `period_m`."""
-    theta, phi = np.meshgrid(np.linspace(0, np.pi, 6), np.linspace(0, 2 * np.pi, 10))
-    unit = np.stack(
-        [np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1
-    )
+    theta, phi, unit = sphere(6, 10)
     bumps = rng.uniform(0, 6.28, 3)
     swell = 1 + 0.13 * np.sin(5 * unit + bumps).sum(axis=-1)
     points = np.asarray(centre) + radius_m * swell[..., None] * unit
     uv = np.stack([phi, theta], axis=-1) * radius_m / period_m + rng.random(2)
-    quad = [
-        (slice(None, -1), slice(None, -1)),
-        (slice(None, -1), slice(1, None)),
-        (slice(1, None), slice(1, None)),
-        (slice(1, None), slice(None, -1)),
-    ]
-    corners, corner_uv, normals = (
-        np.stack([values[q] for q in quad], axis=2).reshape(-1, 4, values.shape[-1])
-        for values in (points, uv, unit)
-    )
-    return polygons(corners, corner_uv, normals)
+    return grid(points, uv, unit)
 
 
 def leaf_cloud(rng: np.random.Generator, centre: Vector, radius_m: float, count: int) -> Mesh:
@@ -143,7 +138,7 @@ def litter(rng: np.random.Generator, places: Array, atlas: Atlas) -> Mesh:
     lift = (curl * width)[:, None, None] * spread[:, None] * np.array([0, 0, 1.0])
     reach = width[:, None, None] * spread[:, None] * e2[:, None]
     left, right = spine + reach + lift, spine - reach + lift
-    cell = atlas.rects[rng.integers(atlas.count, size=count)]
+    cell = atlas.pick(rng, count)
     plain = np.stack([share / 2 + 0.5, np.full(4, 0.5)], axis=1)
     halves: list[Mesh] = []
     for rim, sign in ((left, 0.5), (right, -0.5)):
@@ -174,9 +169,9 @@ def bench(stage: Stage, name: str, rng: np.random.Generator, centre: Array, yaw_
         ):
             stage.draw("iron", part.moved(place, yaw_rad))
     stage.obstacle(name, (*centre, 0.4), (1.6, 0.55, 0.8), yaw_rad, shadow=False)
-    stage.blocker((*centre, 0.44), (1.6, 0.46, 0.04), yaw_rad, 0.85)
+    stage.occluder((*centre, 0.44), (1.6, 0.46, 0.04), yaw_rad, 0.85)
     back = centre + 0.26 * np.array([-np.sin(yaw_rad), np.cos(yaw_rad)])
-    stage.blocker((*back, 0.67), (1.6, 0.04, 0.25), yaw_rad, 0.85)
+    stage.occluder((*back, 0.67), (1.6, 0.04, 0.25), yaw_rad, 0.85)
 
 
 @one_object

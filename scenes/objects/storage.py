@@ -1,11 +1,10 @@
-"""What stands in a warehouse: pallets and their loads, racks, drums, trucks and cones."""
+"""Warehouse equipment: pallets and their loads, racks, drums, trucks and cones."""
 
 import numpy as np
 
 from scenes.geometry.mesh import Mesh, box, merged, tube
-from scenes.objects.furniture import Place, at, local, solid
+from scenes.geometry.place import Place, local
 from scenes.stage import Stage, one_object
-from scenes.surfaces.atlas import Atlas
 from vo.contract.arrays import Array
 
 PALLET_M = (1.2, 0.8, 0.144)
@@ -30,11 +29,9 @@ def pallet(rng: np.random.Generator) -> Mesh:
     return merged(parts)
 
 
-def _cartons(
-    rng: np.random.Generator, stage: Stage, place: Place, base: float, faces: Atlas
-) -> float:
+def _cartons(stage: Stage, rng: np.random.Generator, place: Place, base: float) -> float:
     """Stack equal cartons on a pallet; returns the height of the top."""
-    rect = faces.rects[rng.integers(faces.count)]
+    rect = stage.pick("cartons", rng)
     across, deep = ((3, 2), (2, 2), (4, 3))[rng.integers(3)]
     high = float(rng.uniform(0.22, 0.36))
     layers = max(1, int(rng.uniform(0.5, 0.95) / high))
@@ -50,16 +47,14 @@ def _cartons(
             shift = rng.normal(0, 0.006, 2)
             centre = (x + shift[0], y + shift[1], base + (layer + 0.5) * high)
             pieces.append(box(centre, size - 0.006, cell_m=2.0).textured(rect))
-    at(stage, place)("cartons", merged(pieces))
+    stage.at(place)("cartons", merged(pieces))
     return base + layers * high
 
 
-def _drums(
-    rng: np.random.Generator, stage: Stage, place: Place, base: float, skins: Atlas
-) -> float:
+def _drums(stage: Stage, rng: np.random.Generator, place: Place, base: float) -> float:
     """Stand three or four drums on a pallet; returns the height of the top."""
-    rect = skins.rects[rng.integers(skins.count)]
-    put = at(stage, place)
+    rect = stage.pick("drums", rng)
+    put = stage.at(place)
     for x, y in ((-0.31, -0.01), (0.31, -0.01))[: rng.integers(1, 3)]:
         put("drums", drum(rng, (x, y, base)).textured(rect))
     return base + 0.88
@@ -73,10 +68,10 @@ def drum(rng: np.random.Generator, foot: tuple[float, float, float]) -> Mesh:
     return merged([body, *hoops]).moved((x, y, z), rng.uniform(0, 2 * np.pi))
 
 
-def _crate(rng: np.random.Generator, stage: Stage, place: Place, base: float) -> float:
+def _crate(stage: Stage, rng: np.random.Generator, place: Place, base: float) -> float:
     """Build a slatted crate on a pallet; returns the height of the top."""
     high = float(rng.uniform(0.5, 0.8))
-    put = at(stage, place)
+    put = stage.at(place)
     grain = (1.0, 0.25)
     put("pine", box((0, 0, base + high / 2), (1.06, 0.66, high), (1.0, 0.3), rng.random(2), 2.0))
     for z in np.arange(0.07, high, 0.15):
@@ -91,9 +86,7 @@ def _crate(rng: np.random.Generator, stage: Stage, place: Place, base: float) ->
     return base + high
 
 
-def load(
-    stage: Stage, rng: np.random.Generator, place: Place, base: float, faces: Atlas, skins: Atlas
-) -> None:
+def load(stage: Stage, rng: np.random.Generator, place: Place, base: float) -> None:
     """Put a loaded pallet, or a stack of empty ones, at a place on a shelf `base` metres up."""
     kind = rng.choice(["cartons", "drums", "crate", "empty"], p=[0.6, 0.18, 0.12, 0.1])
     stack = int(rng.integers(2, 6)) if kind == "empty" else 1
@@ -102,22 +95,15 @@ def load(
         mesh = pallet(rng).moved((turn[0], turn[1], base + k * PALLET_M[2]), turn[2])
         stage.draw("pine", mesh)
     floor = base + stack * PALLET_M[2]
-    if kind == "cartons":
-        top = _cartons(rng, stage, place, floor, faces)
-    elif kind == "drums":
-        top = _drums(rng, stage, place, floor, skins)
-    elif kind == "crate":
-        top = _crate(rng, stage, place, floor)
-    else:
-        top = floor
-    middle = (place[0], place[1], (base + top) / 2)
-    stage.blocker(middle, (1.2, 0.8, top - base), place[2], 0.92)
+    build = {"cartons": _cartons, "drums": _drums, "crate": _crate}.get(str(kind))
+    top = build(stage, rng, place, floor) if build else floor
+    stage.shade(place, (base + top) / 2, (1.2, 0.8, top - base), 0.92)
 
 
 @one_object
 def rack(stage: Stage, name: str, rng: np.random.Generator, place: Place, bays: int) -> None:
     """Put up a pallet rack of `bays` bays along x, without its load."""
-    put = at(stage, place)
+    put = stage.at(place)
     length = bays * BAY_M
     for x in np.linspace(-length / 2, length / 2, bays + 1):
         for y in (-0.48, 0.48):
@@ -140,13 +126,13 @@ def rack(stage: Stage, name: str, rng: np.random.Generator, place: Place, bays: 
                 for x in (-0.6, 0.6):
                     tag = box((middle + x, y * 1.055, z - 0.06), (0.16, 0.003, 0.07))
                     put("tags", tag)
-    solid(stage, name, place, (length + 0.14, RACK_DEPTH_M + 0.1, RACK_HEIGHT_M), shadow=False)
+    stage.solid(name, place, (length + 0.14, RACK_DEPTH_M + 0.1, RACK_HEIGHT_M), shadow=False)
 
 
 @one_object
 def pallet_truck(stage: Stage, name: str, rng: np.random.Generator, place: Place) -> None:
     """Park a hand pallet truck, its forks towards -y before the turn."""
-    put = at(stage, place)
+    put = stage.at(place)
     for x in (-0.19, 0.19):
         put("red", box((x, -0.45, 0.075), (0.16, 1.15, 0.05), (0.5, 0.5), rng.random(2), 0.3, True))
         put("dark", tube((x - 0.05, -0.9, 0.04), (x + 0.05, -0.9, 0.04), 0.04, 10))
@@ -156,29 +142,27 @@ def pallet_truck(stage: Stage, name: str, rng: np.random.Generator, place: Place
     put("red", tube((0, 0.22, 0.5), (0, 0.5, 1.15), 0.018, 8))
     put("dark", tube((-0.16, 0.5, 1.15), (0.16, 0.5, 1.15), 0.02, 8))
     middle = local(place, 0.0, -0.3)
-    solid(stage, name, middle, (0.56, 1.6, 1.1), shadow=False)
-    stage.blocker((middle[0], middle[1], 0.1), (0.52, 1.3, 0.12), place[2], 0.9)
+    stage.solid(name, middle, (0.56, 1.6, 1.1), shadow=False)
+    stage.shade(middle, 0.1, (0.52, 1.3, 0.12), 0.9)
 
 
 @one_object
 def cone(stage: Stage, name: str, place: Place) -> None:
     """Put a traffic cone, 0.5 m high, with a white band."""
-    put = at(stage, place)
+    put = stage.at(place)
     put("cone", box((0, 0, 0.015), (0.3, 0.3, 0.03)))
     put("cone", tube((0, 0, 0.03), (0, 0, 0.2), 0.12, 16, 0.72))
     put("band", tube((0, 0, 0.2), (0, 0, 0.32), 0.0864, 16, 0.72))
     put("cone", tube((0, 0, 0.32), (0, 0, 0.5), 0.0622, 16, 0.4))
-    solid(stage, name, place, (0.3, 0.3, 0.5), shadow=False)
-    stage.blocker((place[0], place[1], 0.12), (0.2, 0.2, 0.24), place[2], 0.8)
+    stage.solid(name, place, (0.3, 0.3, 0.5), shadow=False)
+    stage.shade(place, 0.12, (0.2, 0.2, 0.24), 0.8)
 
 
-def standing_drums(
-    stage: Stage, name: str, rng: np.random.Generator, centre: Array, skins: Atlas
-) -> None:
+def standing_drums(stage: Stage, name: str, rng: np.random.Generator, centre: Array) -> None:
     """Stand two to four drums in a cluster at (2,) metres, each an object of its own."""
     for k in range(int(rng.integers(2, 5))):
         x, y = centre + np.array([(k % 2) * 0.62 - 0.31, (k // 2) * 0.62 - 0.31])
         with stage.object(f"{name}_{k}"):
-            mesh = drum(rng, (x, y, 0.0)).textured(skins.rects[rng.integers(skins.count)])
+            mesh = drum(rng, (x, y, 0.0)).textured(stage.pick("drums", rng))
             stage.draw("drums", mesh)
         stage.obstacle(f"{name}_{k}", (x, y, 0.44), (0.52, 0.52, 0.88))

@@ -61,7 +61,7 @@ def car(
     stage.obstacle(name, (*centre, 0.75), (LENGTH_M, WIDTH_M, 1.4), yaw_rad, shadow=False)
     for x, long, low, high in ((0.0, LENGTH_M - 0.3, 0.25, BELT_M), (-0.35, 2.4, BELT_M, HEIGHT_M)):
         middle = centre + x * np.array([np.cos(yaw_rad), np.sin(yaw_rad)])
-        stage.blocker((*middle, (low + high) / 2), (long, 1.6, high - low), yaw_rad)
+        stage.occluder((*middle, (low + high) / 2), (long, 1.6, high - low), yaw_rad)
 
 
 def _rings() -> Array:
@@ -80,10 +80,7 @@ def _skin(rings: Array) -> Mesh:
     corners = corners[:, ::-1] if _inward(corners[0]) else corners
     ends = np.stack([rings[-1], rings[0][::-1]])
     return merged(
-        [
-            polygons(corners, corners[..., [0, 2]] / 1.5),
-            polygons(ends, ends[..., 1:] / 1.5),
-        ]
+        [polygons(corners, corners[..., [0, 2]] / 1.5), polygons(ends, ends[..., 1:] / 1.5)]
     )
 
 

@@ -1,4 +1,4 @@
-"""Blocks and planks laid in courses: each its own face from an atlas, flat and level."""
+"""Blocks and planks laid in courses: each with its own face from an atlas, flat and level."""
 
 import itertools
 
@@ -10,7 +10,7 @@ from scenes.surfaces.atlas import Atlas
 from vo.contract.arrays import Array
 
 OVERLAP_M = 2e-4
-"""Of neighbouring courses: they share no vertices, and hairlines would open between them."""
+"""Overlap of neighbouring courses, which share no vertices: without it hairlines open."""
 _UNIT = np.array([(0.0, 1.0), (1, 1), (1, 0), (0, 0)])
 
 
@@ -27,8 +27,8 @@ def coursed(
     Args:
         rng: Chooses lengths, faces and their turns.
         half: Half sizes, metres; the last course may reach beyond in y.
-        width_m: Of a course.
-        lengths_m: Shortest and longest piece.
+        width_m: Width of a course.
+        lengths_m: Lengths of the shortest and the longest piece.
         atlas: Faces, length along u.
         cuts: Quads along each piece, for baked light.
     """
@@ -41,14 +41,14 @@ def coursed(
         a, b = ends[:-1], ends[1:]
         pieces.append(np.stack([a, low_, b, low_, b, high_, a, high_], axis=1).reshape(-1, 4, 2))
     corners = np.concatenate(pieces)
-    cell = atlas.rects[rng.integers(atlas.count, size=len(corners))]
+    cell = atlas.pick(rng, len(corners))
     share = np.where(rng.random((len(corners), 1, 2)) < 0.5, 1 - _UNIT, _UNIT)
     uv = cell[:, None, :2] + share * (cell[:, 2:] - cell[:, :2])[:, None]
     return level(_cut(corners, cuts), _cut(uv, cuts))
 
 
 def _ends(rng: np.random.Generator, x: float, lengths_m: tuple[float, float]) -> Array:
-    """Where the pieces of one course begin and end, from -x to x; those at the ends are cut off."""
+    """Draw the ends of the pieces of one course, from -x to x; the outermost are cut off."""
     steps = rng.uniform(*lengths_m, int(2 * x / lengths_m[0]) + 3)
     ends = -x - steps[0] * rng.uniform(0, 0.9) + np.concatenate([[0], np.cumsum(steps)])
     return np.clip(ends[: np.searchsorted(ends, x) + 1], -x, x)

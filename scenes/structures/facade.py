@@ -1,9 +1,10 @@
-"""Fronts of houses around a square: windows, doors, sills and awnings on rendered walls."""
+"""House fronts: windows, doors and sills on rendered walls."""
 
 import numpy as np
 
 from scenes.geometry.mesh import box, patch
-from scenes.objects.furniture import Place, Put, at, local
+from scenes.geometry.place import Place, local
+from scenes.pen import Pen
 from scenes.stage import Stage, one_object
 
 DEPTH_M = 0.4
@@ -30,15 +31,15 @@ def facade(
 
     Args:
         stage: Defines `glass`, `concrete` and `roof` besides the two materials below.
-        name: Of the object and the obstacle.
+        name: Name of the object and the obstacle.
         rng: Chooses door, open shutters and textures.
         place: Where the front begins.
-        length_m: Of the front.
+        length_m: Length of the front.
         storeys: Rows of windows.
         plaster: Material of the wall.
         wood: Material of frames, shutters and the door.
     """
-    put = at(stage, place)
+    put = stage.at(place)
     height = storeys * STOREY_M + 0.5
     front = patch(
         (0, 0, 0),
@@ -72,7 +73,7 @@ def facade(
 
 
 def _window(
-    put: Put, rng: np.random.Generator, x: float, sill_m: float, wood: str, shuttered: bool
+    put: Pen, rng: np.random.Generator, x: float, sill_m: float, wood: str, shuttered: bool
 ) -> None:
     wide, high = WINDOW_M
     middle = sill_m + high / 2
@@ -93,7 +94,7 @@ def _window(
             put("glass", box((at_x, -0.042, middle + z), (0.4 * wide, 0.004, 0.05)))
 
 
-def _door(put: Put, rng: np.random.Generator, x: float, wood: str) -> None:
+def _door(put: Pen, rng: np.random.Generator, x: float, wood: str) -> None:
     put(wood, box((x, -0.03, 1.1), (1.1, 0.05, 2.2), (0.8, 0.8), rng.random(2)))
     for dx in (-0.26, 0.26):
         for z, high in ((0.55, 0.7), (1.5, 0.9)):

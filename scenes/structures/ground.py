@@ -1,13 +1,15 @@
-"""Ground to drive on: pieces of texture that never line up, and the ground's own baked light."""
+"""Ground: quads with texture that does not repeat, in the ground's own baked light."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scenes.geometry.mesh import Mesh, patch, polygons
+from scenes.geometry.mesh import Mesh, Vector, patch, polygons
+from scenes.geometry.place import extent
 from scenes.lighting.baked_light import Light, shaded_normals
-from scenes.lighting.shadow import LightMap
+from scenes.lighting.shadow import LightMap, ground_light
+from scenes.stage import Stage
 from scenes.surfaces.atlas import Atlas
 from scenes.surfaces.noise import fractal, smoothstep
 from vo.contract.arrays import Array
@@ -30,7 +32,7 @@ def strip(
     return patch((*low, height_m), (sx, 0, 0), (0, sy, 0), cells, (period_m, period_m), offset)
 
 
-def quads(low: tuple[float, float], high: tuple[float, float], cell_m: float) -> Array:
+def quads(low: Vector, high: Vector, cell_m: float) -> Array:
     """Divide a rectangle into squares of about `cell_m`: (N, 4, 2) corners, counter-clockwise."""
     a, b = (
         np.linspace(start, end, max(1, round((end - start) / cell_m)) + 1)
@@ -45,7 +47,7 @@ def quads(low: tuple[float, float], high: tuple[float, float], cell_m: float) ->
 def scattered(rng: np.random.Generator, corners: Array, tile_m: float, period_m: float) -> Array:
     """Show tiles from random places of a tiling texture, turned at random.
 
-    What has no features larger than a tile then joins without visible seams and never repeats.
+    A texture without features larger than a tile joins without visible seams and never repeats.
 
     Args:
         rng: Chooses place and turn of each tile.
@@ -64,12 +66,12 @@ def scattered(rng: np.random.Generator, corners: Array, tile_m: float, period_m:
 def tiled(rng: np.random.Generator, corners: Array, tile_m: float, atlas: Atlas) -> Array:
     """Lay tiles of random variants in random turns; arguments and result as in `scattered`."""
     share, tile = _in_tiles(rng, corners, tile_m)
-    rects = atlas.rects[rng.integers(atlas.count, size=tile.max() + 1)][tile][:, None]
+    rects = atlas.pick(rng, tile.max() + 1)[tile][:, None]
     return rects[..., :2] + share * (rects[..., 2:] - rects[..., :2])
 
 
 def _in_tiles(rng: np.random.Generator, corners: Array, tile_m: float) -> tuple[Array, Array]:
-    """Place of (N, 4, 2) corners in their tile, 0 to 1 and in its turn; and (N,) the tile."""
+    """Find the place of (N, 4, 2) corners in their tile, 0 to 1 in its turn; and the tile (N,)."""
     index = np.floor(corners.mean(axis=1) / tile_m)
     _, tile = np.unique(index, axis=0, return_inverse=True)
     turns = rng.random((tile.max() + 1, 3)) < 0.5
@@ -88,14 +90,51 @@ def level(corners: Array, uv: Array, place: Placing | float = 0.0) -> Mesh:
     return polygons(points, uv, np.broadcast_to(np.array([0, 0, 1.0]), points.shape))
 
 
-def weathered(rng: np.random.Generator, baked: LightMap, strength: float = 0.14) -> LightMap:
-    """Darken the ground in clouds of half a metre to several: damp, dirt, worn tracks."""
-    cloud = fractal(rng, baked.shares.shape[1:], (0.4 / baked.step_m, 5 / baked.step_m), 0.8)
-    return replace(baked, shares=baked.shares * (1 - strength * smoothstep(-0.5, 2.0, cloud)))
+@dataclass(frozen=True)
+class Ground:
+    """The ground of a scene in its baked light.
+
+    Attributes:
+        stage: Receives the meshes.
+        light: The lamps.
+        baked: Their shares on the ground.
+    """
+
+    stage: Stage
+    light: Light
+    baked: LightMap
+
+    def draw(self, material: str, *meshes: Mesh, share: Array | float = 1.0) -> None:
+        """Show meshes that lie on the ground, in a (V,) share of its baked light."""
+        for mesh in meshes:
+            key, fill = self.baked.at(mesh.points)
+            normals = shaded_normals(mesh.normals, key * share, fill * share, self.light)
+            self.stage.draw(material, replace(mesh, normals=normals), lit=True)
 
 
-def lit(mesh: Mesh, baked: LightMap, light: Light, share: Array | float = 1.0) -> Mesh:
-    """Light a mesh that lies on the ground by a (V,) share of the ground's baked light."""
-    key, fill = baked.at(mesh.points)
-    normals = shaded_normals(mesh.normals, key * share, fill * share, light)
-    return Mesh(mesh.points, normals, mesh.uv, mesh.faces)
+def bake_ground(
+    stage: Stage,
+    light: Light,
+    reach: Vector,
+    stains: tuple[np.random.Generator, float] | None = None,
+    step_m: float = 0.05,
+    elevation: Callable[[Array], Array] | None = None,
+) -> Ground:
+    """Bake the light on the ground of a stage, once all that casts shadow stands on it.
+
+    Args:
+        stage: Gives the occluders.
+        light: The lamps.
+        reach: (4,) x_min, y_min, x_max, y_max in metres, or (2,) half sizes about the origin.
+        stains: Generator and strength of clouds of half a metre to several that darken the ground:
+            damp, dirt, worn tracks.
+        step_m: As in `ground_light`.
+        elevation: As in `ground_light`.
+    """
+    baked = ground_light(extent(reach), stage.occluders, light, step_m, elevation)
+    if stains is not None:
+        rng, strength = stains
+        cloud = fractal(rng, baked.shares.shape[1:], (0.4 / step_m, 5 / step_m), 0.8)
+        clear = 1 - strength * smoothstep(-0.5, 2.0, cloud)
+        baked = replace(baked, shares=baked.shares * clear)
+    return Ground(stage, light, baked)

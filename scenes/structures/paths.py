@@ -1,4 +1,4 @@
-"""The paths and lawns of a block: sections of paving along a ribbon, in the light of day."""
+"""Paths and lawns of a block: sections of paving along a route, in baked light."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -22,19 +22,19 @@ EDGE_M = 0.1
 LAWN_M = -0.015
 """Height of the lawn, a little below the path."""
 MARGIN_M = 12.0
-"""How far the lawn reaches beyond the route."""
+"""Distance that the lawn reaches beyond the route."""
 SECTIONS = ("asphalt", "slabs", "bricks", "gravel", "asphalt", "setts", "slabs", "bricks")
 CHUNK_FACES = 1200
-"""Meshes of the ground are lit in pieces of this size: each meets only the shadows around it."""
+"""Meshes of the ground are lit in pieces of this size, each by the occluders around it."""
 
 
-class Ground:
-    """Draws what lies on the ground, in the light that reaches it past all that stands."""
+class BlockGround:
+    """Draws meshes that lie on the ground, in the light that passes the occluders."""
 
     def __init__(
         self, stage: Stage, rng: np.random.Generator, ribbon: Ribbon, light: Light
     ) -> None:
-        self._stage, self._light = stage, light
+        self.stage, self._light = stage, light
         low, high = ribbon.route.min(axis=0) - MARGIN_M, ribbon.route.max(axis=0) + MARGIN_M
         self.low, self.high = np.floor(low), np.ceil(high)
         cells = tuple(((self.high - self.low) / 0.25).astype(int))
@@ -46,21 +46,20 @@ class Ground:
         for cell in cut_into_cells(mesh, CHUNK_FACES):
             dirt, _ = self._dirt.at(cell.points)
             clear = cell.points + np.array([0, 0, 0.02])
-            key = visibility(clear, self._stage.blockers, self._light, 4, inside=True)
-            fill = occlusion(clear, self._stage.blockers, inside=True)
+            key = visibility(clear, self.stage.occluders, self._light, 4, inside=True)
+            fill = occlusion(clear, self.stage.occluders, inside=True)
             normals = shaded_normals(cell.normals, key * dirt, fill * dirt, self._light)
-            self._stage.draw_lit(material, replace(cell, normals=normals))
+            self.stage.draw(material, replace(cell, normals=normals), lit=True)
 
 
-def pave(
-    ground: Ground, rng: np.random.Generator, ribbon: Ribbon, atlases: dict[str, Atlas]
-) -> None:
+def pave(ground: BlockGround, rng: np.random.Generator, ribbon: Ribbon) -> None:
     """Lay the sections of the path, its edging, covers and fallen leaves."""
     ends = np.linspace(0, ribbon.length_m, len(SECTIONS) + 1)
     turn = int(rng.integers(len(SECTIONS)))
     for k, (start, end) in enumerate(pairwise(ends)):
         kind = SECTIONS[(k + turn) % len(SECTIONS)]
-        ground.draw(kind, ribbon.bent(_section(rng, kind, start, end, atlases)))
+        atlas = ground.stage.atlases.get(kind)
+        ground.draw(kind, ribbon.bent(_section(rng, kind, start, end, atlas)))
         if kind != "gravel":
             spots = np.arange(start + 6, end - 4, 13.0) + rng.uniform(-2, 2)
             covers = [
@@ -72,49 +71,38 @@ def pave(
         low = side * (PATH_M + EDGE_M) / 2 - EDGE_M / 2
         strip = quads((0.0, low), (ribbon.length_m, low + EDGE_M), 0.5)
         edge = level(strip, scattered(rng, strip, 1.0, 1.2))
-        skirt = patch(
-            (0, low + EDGE_M, -0.03), (ribbon.length_m, 0, 0), (0, 0, 0.03), (600, 1), (1.2, 1.2)
-        )
-        if side < 0:
-            skirt = patch(
-                (ribbon.length_m, low, -0.03),
-                (-ribbon.length_m, 0, 0),
-                (0, 0, 0.03),
-                (600, 1),
-                (1.2, 1.2),
-            )
+        first, run = (ribbon.length_m, -ribbon.length_m) if side < 0 else (0, ribbon.length_m)
+        foot = (first, low if side < 0 else low + EDGE_M, -0.03)
+        skirt = patch(foot, (run, 0, 0), (0, 0, 0.03), (600, 1), (1.2, 1.2))
         ground.draw("concrete", ribbon.bent(merged([edge, skirt])))
     where = np.column_stack(
         [rng.uniform(0, ribbon.length_m, 900), rng.choice([-1, 1], 900) * rng.beta(4, 2, 900) * 1.2]
     )
     fallen = np.column_stack([ribbon.at(where), np.full(900, 0.003)])
-    ground.draw("litter", litter(rng, fallen, atlases["litter"]))
+    ground.draw("litter", litter(rng, fallen, ground.stage.atlases["litter"]))
 
 
 def _section(
-    rng: np.random.Generator, kind: str, start: float, end: float, atlases: dict[str, Atlas]
+    rng: np.random.Generator, kind: str, start: float, end: float, atlas: Atlas | None
 ) -> Mesh:
     """Lay one section in the ribbon's own coordinates."""
     half = np.array([(end - start) / 2, PATH_M / 2])
-    if kind == "bricks":
-        laid = coursed(rng, half, PATH_M / 24, (0.196, 0.206), atlases[kind])
+    if atlas is not None and kind != "slabs":
+        rows, lengths = (24, (0.196, 0.206)) if kind == "bricks" else (20, (0.1, 0.15))
+        laid = coursed(rng, half, PATH_M / rows, lengths, atlas)
         return laid.moved(((start + end) / 2, 0.0, 0.0))
-    if kind == "setts":
-        laid = coursed(rng, half, PATH_M / 20, (0.1, 0.15), atlases[kind])
-        return laid.moved(((start + end) / 2, 0.0, 0.0))
-    if kind == "slabs":
+    if atlas is not None:
         rows = round((end - start) / 0.4)
         scale = np.array([(end - start) / (0.4 * rows), 1.0])
         corners = quads((0.0, -PATH_M / 2), (0.4 * rows, PATH_M / 2), 0.2)
-        uv = tiled(rng, corners, 0.4, atlases[kind])
-        return level(corners * scale + np.array([start, 0.0]), uv)
+        return level(corners * scale + np.array([start, 0.0]), tiled(rng, corners, 0.4, atlas))
     corners = quads((0.0, -1.5), (np.floor((end - start) * 4) / 4, 1.5), 0.25)
     uv = scattered(rng, corners, 0.5, 1.024)
     squeeze = np.array([(end - start) / (np.floor((end - start) * 4) / 4), PATH_M / 3.0])
     return level(corners * squeeze + np.array([start, 0.0]), uv)
 
 
-def lawn(ground: Ground, rng: np.random.Generator, ribbon: Ribbon) -> None:
+def lawn(ground: BlockGround, rng: np.random.Generator, ribbon: Ribbon) -> None:
     """Sow lawn everywhere, uncut where the mower meets the path."""
     corners = quads(tuple(ground.low), tuple(ground.high), 1.0)
     distance = cKDTree(ribbon.route).query(corners.mean(axis=1))[0]

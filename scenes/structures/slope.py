@@ -1,4 +1,4 @@
-"""A road that rises to a plateau and falls again along x: its height, its surface, its feel."""
+"""A road that rises to a plateau and falls again along x: height, surface, collision boxes."""
 
 import itertools
 from dataclasses import dataclass
@@ -7,7 +7,6 @@ import mujoco
 import numpy as np
 
 from scenes.geometry.mesh import Mesh, polygons
-from scenes.scene import COLLISION_GROUP
 from scenes.stage import Stage
 from vo.contract.arrays import Array
 
@@ -47,11 +46,11 @@ class Slope:
         return float(self.heights.max())
 
     def height(self, x: Array) -> Array:
-        """Height at (...) x, metres."""
+        """Interpolate the height at (...) x, metres."""
         return np.interp(x, self.knots, self.heights)
 
     def elevation(self, xy: Array) -> Array:
-        """Height at (..., 2) x, y: the same across the road."""
+        """Return the height at (..., 2) x, y: the same across the road."""
         return self.height(np.asarray(xy)[..., 0])
 
     def place(self, xy: Array) -> Array:
@@ -91,8 +90,8 @@ class Slope:
         uv = np.stack([corners[..., 0], -corners[..., 1:].sum(axis=-1)], axis=-1)
         return polygons(corners, uv / period_m + offset)
 
-    def feel(self, stage: Stage, half_width_m: float) -> None:
-        """Let wheels feel the road: one tilted box for each straight piece."""
+    def add_collision(self, stage: Stage, half_width_m: float) -> None:
+        """Add one tilted collision box for each straight piece of the road."""
         bends = np.abs(np.diff(self.heights, 2)) > 1e-9
         keep = np.concatenate([[True], bends, [True]])
         ends = np.column_stack([self.knots[keep], self.heights[keep]])
@@ -102,11 +101,10 @@ class Slope:
             length, pitch = np.hypot(*(b - a)), np.arctan2(b[1] - a[1], b[0] - a[0])
             up = np.array([-np.sin(pitch), 0, np.cos(pitch)])
             middle = np.array([(a[0] + b[0]) / 2, 0, (a[1] + b[1]) / 2])
-            stage.spec.worldbody.add_geom(
-                name=f"slope_{k}",
-                type=mujoco.mjtGeom.mjGEOM_BOX,
+            stage.collision(
+                f"slope_{k}",
+                mujoco.mjtGeom.mjGEOM_BOX,
                 pos=middle - up * THICKNESS_M / 2,
                 quat=(np.cos(pitch / 2), 0, -np.sin(pitch / 2), 0),
                 size=(length / 2, half_width_m, THICKNESS_M / 2),
-                group=COLLISION_GROUP,
             )

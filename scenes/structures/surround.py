@@ -1,36 +1,29 @@
-"""What encloses a court: brick and plaster walls, kerb, lawn and gravel."""
+"""Enclosures of a court: brick and plaster walls, and kerbs."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from scenes.geometry.mesh import Mesh, Vector, box, polygons
+from scenes.geometry.place import Place
 from scenes.stage import Stage, one_object
-from scenes.surfaces.atlas import Atlas
 from vo.contract.arrays import Array
 
 COURSE_M = 0.075
 STRETCHER_M = 0.22
-PROUD_M = 0.006  # of bricks over their mortar, of posters over their wall
+PROUD_M = 0.006
+"""Height of bricks over their mortar and of posters over their wall."""
+THICKNESS_M = 0.24
 
 
 @one_object
 def brick_wall(
-    stage: Stage,
-    name: str,
-    rng: np.random.Generator,
-    atlas: Atlas,
-    start: Vector,
-    length_m: float,
-    height_m: float,
-    yaw_rad: float,
+    stage: Stage, name: str, rng: np.random.Generator, wall: Place, length_m: float, height_m: float
 ) -> None:
-    """Build a wall from (2,) `start` along `yaw_rad`; bricks show on its right-hand side."""
-    thickness = 0.24
-    place = (start[0], start[1], 0.0)
-    middle = (length_m / 2, thickness / 2, height_m / 2)
-    core = box(middle, (length_m, thickness, height_m), (1.0, 1.0), rng.random(2))
-    stage.draw("mortar", core.moved(place, yaw_rad))
+    """Build a wall along x from a place; bricks show on its right-hand side."""
+    put = stage.at(wall)
+    middle = (length_m / 2, THICKNESS_M / 2, height_m / 2)
+    put("mortar", box(middle, (length_m, THICKNESS_M, height_m), (1.0, 1.0), rng.random(2)))
     courses, columns = int(height_m / COURSE_M), int(length_m / STRETCHER_M)
     row, column = (a.ravel() for a in np.mgrid[:courses, :columns])
     left = (column + 0.5 * (row % 2)) * STRETCHER_M + rng.normal(0, 0.0015, row.size)
@@ -38,74 +31,49 @@ def brick_wall(
     low = row * COURSE_M + 0.008
     high = low + COURSE_M - 0.011 + rng.normal(0, 0.0008, row.size)
     face = np.full(row.size, -PROUD_M) + rng.normal(0, 0.0012, row.size)
-    corners = np.stack(
-        [
-            np.stack([left, face, low], axis=1),
-            np.stack([right, face, low], axis=1),
-            np.stack([right, face, high], axis=1),
-            np.stack([left, face, high], axis=1),
-        ],
-        axis=1,
-    )
-    cell = atlas.rects[rng.integers(atlas.count, size=row.size)]
+    rim = ((left, low), (right, low), (right, high), (left, high))
+    corners = np.stack([np.stack([x, face, z], axis=1) for x, z in rim], axis=1)
+    cell = stage.atlases["wall_bricks"].pick(rng, row.size)
     flip = rng.random(row.size) < 0.5
     u0, u1 = np.where(flip, cell[:, 2], cell[:, 0]), np.where(flip, cell[:, 0], cell[:, 2])
     u1 = u0 + (u1 - u0) * (right - left) / (STRETCHER_M - 0.01)
     v0, v1 = cell[:, 1], cell[:, 3]
     uv = np.stack([np.stack(c, axis=1) for c in ((u0, v1), (u1, v1), (u1, v0), (u0, v0))], axis=1)
-    stage.draw("wall_bricks", polygons(corners, uv).moved(place, yaw_rad))
-    coping = box(
-        (length_m / 2, thickness / 2, height_m + 0.04), (length_m + 0.04, 0.32, 0.08), (1.2, 1.2)
-    )
-    stage.draw("concrete", coping.moved(place, yaw_rad))
-    _collide(stage, name, start, length_m, thickness, height_m, yaw_rad)
+    put("wall_bricks", polygons(corners, uv))
+    middle = (length_m / 2, THICKNESS_M / 2, height_m + 0.04)
+    put("concrete", box(middle, (length_m + 0.04, 0.32, 0.08), (1.2, 1.2)))
+    _collide(stage, name, wall, length_m, height_m)
 
 
 @one_object
 def plaster_wall(
-    stage: Stage,
-    name: str,
-    rng: np.random.Generator,
-    start: Vector,
-    length_m: float,
-    height_m: float,
-    yaw_rad: float,
+    stage: Stage, name: str, rng: np.random.Generator, wall: Place, length_m: float, height_m: float
 ) -> None:
     """Build a rendered wall on a concrete plinth; sides as in `brick_wall`."""
-    thickness, place = 0.24, (start[0], start[1], 0.0)
-    size = (length_m, thickness, height_m)
-    wall = box(
-        (length_m / 2, thickness / 2, height_m / 2), size, (8.0, height_m), (rng.random(), 0)
-    )
-    stage.draw("plaster", wall.moved(place, yaw_rad))
+    put = stage.at(wall)
+    middle, size = (length_m / 2, THICKNESS_M / 2), (length_m, THICKNESS_M, height_m)
+    put("plaster", box((*middle, height_m / 2), size, (8.0, height_m), (rng.random(), 0)))
     plinth = box((length_m / 2, 0.1, 0.11), (length_m, 0.24, 0.22), (1.2, 1.2), rng.random(2))
-    stage.draw("concrete", plinth.moved(place, yaw_rad))
-    _collide(stage, name, start, length_m, thickness, height_m, yaw_rad)
+    put("concrete", plinth)
+    _collide(stage, name, wall, length_m, height_m)
 
 
-def on_wall(
-    rng: np.random.Generator,
-    atlas: Atlas,
-    start: Vector,
-    yaw_rad: float,
-    spots: Sequence[tuple[float, float, float, float]],
-) -> list[Mesh]:
-    """Hang pictures on a wall's right-hand side.
+def hang_posters(
+    stage: Stage, rng: np.random.Generator, wall: Place, spots: Sequence[Vector]
+) -> None:
+    """Hang posters on a wall's right-hand side, no two alike while there are enough.
 
     Args:
-        rng: Chooses the pictures, no two alike while there are enough.
-        atlas: The pictures.
-        start: (2,) as for the wall.
-        yaw_rad: As for the wall.
+        stage: Gives the atlas `posters` and receives the meshes.
+        rng: Chooses the pictures.
+        wall: As for the wall.
         spots: Left edge, lower edge, width and height of each, metres along and up the wall.
     """
+    atlas, put = stage.atlases["posters"], stage.at(wall)
     choice = rng.permutation(atlas.count)
-    return [
-        box((x + w / 2, -PROUD_M - 0.006, z + h / 2), (w, 0.008, h), cell_m=0.3)
-        .textured(atlas.rects[choice[i % atlas.count]])
-        .moved((start[0], start[1], 0.0), yaw_rad)
-        for i, (x, z, w, h) in enumerate(spots)
-    ]
+    for i, (x, z, w, h) in enumerate(spots):
+        sheet = box((x + w / 2, -PROUD_M - 0.006, z + h / 2), (w, 0.008, h), cell_m=0.3)
+        put("posters", sheet.textured(atlas.rects[choice[i % atlas.count]]))
 
 
 def kerb(rng: np.random.Generator, half: Array, width_m: float, height_m: float) -> list[Mesh]:
@@ -126,16 +94,9 @@ def kerb(rng: np.random.Generator, half: Array, width_m: float, height_m: float)
     return stones
 
 
-def _collide(
-    stage: Stage,
-    name: str,
-    start: Vector,
-    length_m: float,
-    thickness_m: float,
-    height_m: float,
-    yaw_rad: float,
-) -> None:
-    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
-    x, y = length_m / 2, thickness_m / 2
-    centre = (start[0] + c * x - s * y, start[1] + s * x + c * y, height_m / 2)
-    stage.obstacle(name, centre, (length_m, thickness_m, height_m), yaw_rad)
+def _collide(stage: Stage, name: str, wall: Place, length_m: float, height_m: float) -> None:
+    """Add the obstacle behind the right-hand side of a wall."""
+    c, s = np.cos(wall[2]), np.sin(wall[2])
+    x, y = length_m / 2, THICKNESS_M / 2
+    centre = (wall[0] + c * x - s * y, wall[1] + s * x + c * y, height_m / 2)
+    stage.obstacle(name, centre, (length_m, THICKNESS_M, height_m), wall[2])

@@ -1,19 +1,19 @@
-"""What lies on a floor in a wheel's way: sills, cable ramps, cables and rugs, felt as drawn."""
+"""Thresholds on a floor: sills, cable ramps, cables and rugs, with collision geoms as drawn."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import mujoco
 import numpy as np
 
 from scenes.geometry.mesh import Mesh, box, merged, patch, polygons, tube
-from scenes.objects.furniture import Place, at, local
-from scenes.scene import COLLISION_GROUP, Kind
+from scenes.geometry.place import Place, local
+from scenes.scene import Kind
 from scenes.stage import Stage
-from scenes.surfaces.atlas import Atlas
 from vo.contract.arrays import Array
 
 BURIED_M = 0.01
-"""How far rugs' boxes reach below the floor, so that nothing gets under them."""
+"""Depth that rugs' boxes reach below the floor, so that nothing gets under them."""
 
 
 def sill(
@@ -21,24 +21,23 @@ def sill(
 ) -> None:
     """Screw a sill onto the floor: (3,) length along x, width, height; its long edges bevelled."""
     with stage.object(name, Kind.GROUND):
+        put = stage.at(place)
         body = merged([_top(size, bevel_m, (0.8, 0.2)), *_bevels(size, bevel_m, (0.8, 0.2))])
-        shift = rng.random(2)
-        mesh = Mesh(body.points, body.normals, body.uv + shift, body.faces)
-        at(stage, place)("sill", mesh)
+        put("sill", replace(body, uv=body.uv + rng.random(2)))
         for x in np.linspace(-0.42, 0.42, 3) * size[0]:
             screw = tube((x, 0, size[2] - 0.001), (x, 0, size[2] + 0.0004), 0.006, 10)
-            at(stage, place)("steel", screw)
-    _felt(stage, name, place, size, bevel_m)
+            put("steel", screw)
+    _add_hull(stage, name, place, size, bevel_m)
 
 
 def cable_ramp(stage: Stage, name: str, place: Place, size: Array, bevel_m: float) -> None:
     """Cover a cable by a rubber ramp of (3,) length along x, width, height; its edges striped."""
     with stage.object(name, Kind.GROUND):
-        put = at(stage, place)
+        put = stage.at(place)
         put("rubber", _top(size, bevel_m, (0.25, 0.25)))
         for bevel in _bevels(size, bevel_m, (0.2, 0.2)):
             put("hazard", bevel)
-    _felt(stage, name, place, size, bevel_m)
+    _add_hull(stage, name, place, size, bevel_m)
 
 
 def cable(stage: Stage, name: str, points: Array, radius_m: float) -> None:
@@ -47,27 +46,19 @@ def cable(stage: Stage, name: str, points: Array, radius_m: float) -> None:
     for k, (a, b) in enumerate(pairwise(bends)):
         with stage.object(name, Kind.GROUND):
             stage.draw("cable", tube(a, b, radius_m, 10))
-        stage.spec.worldbody.add_geom(
-            name=f"{name}_{k}",
-            type=mujoco.mjtGeom.mjGEOM_CAPSULE,
-            fromto=[*a, *b],
-            size=(radius_m, 0, 0),
-            group=COLLISION_GROUP,
-        )
+        capsule = mujoco.mjtGeom.mjGEOM_CAPSULE
+        stage.collision(f"{name}_{k}", capsule, fromto=[*a, *b], size=(radius_m, 0, 0))
 
 
-def rug(
-    stage: Stage, name: str, rng: np.random.Generator, place: Place, size: Array, weaves: Atlas
-) -> None:
+def rug(stage: Stage, name: str, rng: np.random.Generator, place: Place, size: Array) -> None:
     """Spread a rug of (3,) length, width and thickness, a border woven around its field."""
     length, width, thick = size
-    rect = weaves.rects[rng.integers(weaves.count)]
+    rect = stage.pick("rugs", rng)
     with stage.object(name, Kind.GROUND):
-        top = patch(
-            (-length / 2, -width / 2, thick), (length, 0, 0), (0, width, 0),
-            (int(length / 0.2), int(width / 0.2)),
-        )  # fmt: skip
-        put = at(stage, place)
+        cells = (int(length / 0.2), int(width / 0.2))
+        low = (-length / 2, -width / 2, thick)
+        top = patch(low, (length, 0, 0), (0, width, 0), cells)
+        put = stage.at(place)
         put("rugs", top.textured(rect))
         rim = box((0, 0, thick / 2 - 0.0005), (length, width, thick - 0.001), (0.3, 0.3))
         put("rug_edge", rim)
@@ -82,7 +73,7 @@ def _top(size: Array, bevel_m: float, period_m: tuple[float, float]) -> Mesh:
 
 
 def _bevels(size: Array, bevel_m: float, period_m: tuple[float, float]) -> list[Mesh]:
-    """The two sloping sides and the two ends of a prism along x."""
+    """Build the two sloping sides and the two ends of a prism along x."""
     length, width, height = size
     x, y, run = length / 2, width / 2, (length, 0, 0)
     slopes = [
@@ -92,14 +83,14 @@ def _bevels(size: Array, bevel_m: float, period_m: tuple[float, float]) -> list[
     profile = np.array([(y, 0), (y - bevel_m, height), (bevel_m - y, height), (-y, 0)])
     ends = np.stack(
         [
-            np.column_stack([np.full(4, x), profile])[::1],
-            np.column_stack([np.full(4, -x), profile])[::-1],
+            np.column_stack([np.full(4, side), outline])
+            for side, outline in ((x, profile), (-x, profile[::-1]))
         ]
     )
     return [*slopes, polygons(ends, np.tile(profile, (2, 1, 1)))]
 
 
-def _felt(stage: Stage, name: str, place: Place, size: Array, bevel_m: float) -> None:
+def _add_hull(stage: Stage, name: str, place: Place, size: Array, bevel_m: float) -> None:
     """Add the convex body of a bevelled prism, standing a little into the floor."""
     x, y, height = size[0] / 2, size[1] / 2, size[2]
     sink = BURIED_M * bevel_m / height  # the slopes go on below the floor
@@ -111,14 +102,9 @@ def _felt(stage: Stage, name: str, place: Place, size: Array, bevel_m: float) ->
     ]
     mesh = stage.spec.add_mesh(name=f"felt/{name}")
     mesh.uservert = np.array(corners, dtype=np.float32).ravel()
-    stage.spec.worldbody.add_geom(
-        name=name,
-        type=mujoco.mjtGeom.mjGEOM_MESH,
-        meshname=f"felt/{name}",
-        pos=(place[0], place[1], 0.0),
-        quat=(np.cos(place[2] / 2), 0, 0, np.sin(place[2] / 2)),
-        group=COLLISION_GROUP,
-    )
+    turn = (np.cos(place[2] / 2), 0, 0, np.sin(place[2] / 2))
+    shape = mujoco.mjtGeom.mjGEOM_MESH
+    stage.collision(name, shape, meshname=mesh.name, pos=(*place[:2], 0.0), quat=turn)
 
 
 def bridged_cable(

@@ -1,4 +1,4 @@
-"""Many variants of a surface in one texture, so that nothing repeats and one draw call suffices."""
+"""Texture atlases: many variants of a surface in one texture, shown in one draw call."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -24,6 +24,10 @@ class Atlas:
     def count(self) -> int:
         """Number of cells."""
         return len(self.rects)
+
+    def pick(self, rng: np.random.Generator, size: int | None = None) -> Array:
+        """Choose random cells: (4,) or (size, 4) u0, v0, u1, v1."""
+        return self.rects[rng.integers(self.count, size=size)]
 
 
 def pack(cells: Image, gutter_px: int = 8) -> Atlas:

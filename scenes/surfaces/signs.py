@@ -45,6 +45,11 @@ def worn(rng: np.random.Generator, paint: Image, below: Colour, wear: float) -> 
     return to_image(blend(colour, ground, smoothstep(low, low + 0.5, chips)))
 
 
+def worn_paint(rng: np.random.Generator, shape: tuple[int, int], rgb: Colour, wear: float) -> Image:
+    """Draw floor paint rubbed through to concrete: (H, W, 3)."""
+    return worn(rng, np.full((*shape, 3), rgb, np.uint8), (126, 122, 114), wear)
+
+
 def stripes(
     rng: np.random.Generator, shape: tuple[int, int], colours: tuple[Colour, Colour], width_px: int
 ) -> Image:

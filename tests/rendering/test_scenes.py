@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from scenes import SCENES, build_scene
+from scenes.geometry.routes import route_length
 from scenes.scene import COLLISION_GROUP, IMAGE_GROUP, LABEL_GROUP, Kind, Scene
-from scenes.structures.routes import route_length
 from sim.camera.render import GeometryBuffers, StereoRenderer
 from sim.settings import RecordSettings
 from sim.world.rover import PREFIX, WHEEL_RADIUS_M

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from scenes.lighting.baked_light import FILL_SHARE, Light, shaded_normals
-from scenes.lighting.shadow import Blocker, ground_light, occlusion, visibility
+from scenes.lighting.shadow import Occluder, ground_light, occlusion, visibility
 
 SUN = Light(
     key=np.array([0.6, 0.0, 0.8]),
@@ -13,7 +13,7 @@ SUN = Light(
     ambient_rgb=np.zeros(3),
     softness_rad=1e-6,
 )
-BOX = Blocker(np.array([0.0, 0.0, 0.5]), np.array([0.1, 0.2, 0.5]))
+BOX = Occluder(np.array([0.0, 0.0, 0.5]), np.array([0.1, 0.2, 0.5]))
 
 
 def test_solved_normals_are_unit_and_give_both_shares():
@@ -56,14 +56,14 @@ def test_the_shadow_of_a_post_ends_where_trigonometry_says(x, y, seen):
 
 
 def test_a_turned_box_shades_as_its_turned_footprint():
-    turned = Blocker(BOX.centre, BOX.half, np.pi / 2)
+    turned = Occluder(BOX.centre, BOX.half, np.pi / 2)
     points = np.array([[-0.4, 0.15, 0.0], [-0.94, 0.0, 0.0]])
     np.testing.assert_allclose(visibility(points, [BOX], SUN), [0, 1])
     np.testing.assert_allclose(visibility(points, [turned], SUN), [1, 0])
 
 
 def test_foliage_lets_part_of_the_light_through():
-    leaves = Blocker(BOX.centre, BOX.half, 0.0, 0.7)
+    leaves = Occluder(BOX.centre, BOX.half, 0.0, 0.7)
     assert visibility(np.array([[-0.3, 0, 0]]), [leaves], SUN) == pytest.approx(0.3)
 
 

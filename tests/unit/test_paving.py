@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from scenes.geometry.routes import resampled, rounded_loop, route_length
 from scenes.structures.paving import BEVEL_M, SKIRT_M, brick_flanks, brick_tops, lay
-from scenes.structures.routes import resampled, rounded_loop, route_length
 
 BONDS = ("herringbone", "running")
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from scenes.objects.people import LEG_M, Crossing, Lap, person, wardrobe
+from scenes.geometry.routes import rounded_loop
+from scenes.objects.people import LEG_M, Crossing, Lap, clothing_atlas, person
 from scenes.stage import Stage
-from scenes.structures.routes import rounded_loop
 
 SQUARE = rounded_loop(np.array([(2.0, -2), (2, 2), (-2, 2), (-2, -2)]), radius_m=0.8)
 
@@ -31,9 +31,8 @@ def test_a_crossing_waits_walks_and_walks_back():
 def test_one_foot_reaches_the_ground_at_all_times():
     stage = Stage("street")
     rng = np.random.default_rng(0)
-    clothes = wardrobe(rng)
-    stage.material("clothes", clothes.image)
-    person(stage, "somebody", rng, Lap(SQUARE, 1.0, 0.0), clothes)
+    stage.material("clothes", clothing_atlas(rng))
+    person(stage, "pedestrian", rng, Lap(SQUARE, 1.0, 0.0))
     legs = [motion for name, motion in stage.movers.items() if name.endswith("leg")]
     assert len(legs) == 2
     hip = legs[0](0.0)[2, 3]

@@ -35,27 +35,32 @@ def rounded_loop(corners: Array, radius_m: float, step_m: float = 0.1) -> Array:
     return resampled(np.array(path), step_m)
 
 
+def arc_lengths(path: Array) -> Array:
+    """Measure the distance along (N, 2) points from the first to each of them: (N,) metres."""
+    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
+
+
 def resampled(path: Array, step_m: float) -> Array:
     """Sample (N, 2) a polyline at even spacing near `step_m`, both ends kept."""
-    along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
+    along = arc_lengths(path)
     at = np.linspace(0, along[-1], max(2, round(along[-1] / step_m) + 1))
     return np.stack([np.interp(at, along, path[:, i]) for i in (0, 1)], axis=1)
 
 
 def route_length(route: Array) -> float:
-    """Length of (N, 2) waypoints in metres."""
+    """Measure the length of (N, 2) waypoints in metres."""
     return float(np.linalg.norm(np.diff(route, axis=0), axis=1).sum())
 
 
 def _cut(a: Array, b: Array, c: Array, radius_m: float) -> float:
-    """How far before and after corner b its arc begins and ends: r tan(turn / 2)."""
+    """Return the distance from corner b at which its arc begins and ends: r tan(turn / 2)."""
     u, v = b - a, c - b
     turn = np.arctan2(u[0] * v[1] - u[1] * v[0], u @ v)
     return float(radius_m * np.tan(abs(turn) / 2))
 
 
 def _arc(a: Array, b: Array, c: Array, length: float, radius_m: float) -> list[Array]:
-    """Arc of the circle that touches both edges at b, in 3 degree steps."""
+    """Sample the arc of the circle that touches both edges at b, in 3 degree steps."""
     u, v = (b - a) / np.linalg.norm(b - a), (c - b) / np.linalg.norm(c - b)
     turn = np.arctan2(u[0] * v[1] - u[1] * v[0], u @ v)
     if abs(turn) < 1e-6:
