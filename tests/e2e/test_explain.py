@@ -14,10 +14,10 @@ from sim.record import record
 from sim.settings import DriveSettings, LabelSettings, RecordSettings, RenderSettings, RigSettings
 from trials.cli.main import app
 from trials.diagnosis import combinations
-from trials.diagnosis.attribution import REST
+from trials.diagnosis.attribution import REMAINDER
 from trials.diagnosis.combinations import Subject
 from trials.diagnosis.explanation import explain
-from trials.diagnosis.validation import LEAST, validate
+from trials.diagnosis.validation import MIN_ATTRIBUTED, validate
 from trials.estimators.choice import Named
 
 pytestmark = [pytest.mark.gl, pytest.mark.slow]
@@ -47,15 +47,15 @@ def ignore(done, total):
     assert 0 < done <= total
 
 
-def test_injected_errors_are_blamed_on_their_stage(drive, cache):
+def test_injected_errors_are_attributed_to_their_stage(drive, cache):
     findings = validate([drive], Subject(), STAGES, cache, ignore)
     assert len(findings) == 3
     for finding in findings:
         assert finding.after.drift > 3 * finding.before.drift, finding.name
-        assert LEAST <= finding.blamed < 2, finding.name
+        assert MIN_ATTRIBUTED <= finding.attributed < 2, finding.name
 
 
-def test_shares_bound_and_consistency_of_a_drive(drive, cache):
+def test_explain_gives_shares_bound_and_consistency(drive, cache):
     (found,) = explain({"office": [drive]}, Subject(), STAGES, cache, ignore)
     assert found.attribution is not None
     assert sum(x.share for x in found.attribution.shares) == pytest.approx(1)
@@ -68,17 +68,17 @@ def test_shares_bound_and_consistency_of_a_drive(drive, cache):
     assert np.isfinite(found.pooled("step")).sum() > 20
 
 
-def test_runs_are_kept(drive, cache, monkeypatch):
+def test_explain_reuses_cached_runs(drive, cache, monkeypatch):
     explain({"office": [drive]}, Subject(), STAGES, cache, ignore)
 
     def never(*_):
         raise AssertionError("a run that is there was run again")
 
-    monkeypatch.setattr(combinations, "spread", never)
+    monkeypatch.setattr(combinations, "map_parallel", never)
     explain({"office": [drive]}, Subject(), STAGES, cache, ignore)
 
 
-def test_what_an_estimator_does_not_let_replace_is_said(drive, cache, tmp_path, monkeypatch):
+def test_estimator_without_hooks_is_inseparable(drive, cache, tmp_path, monkeypatch):
     module = tmp_path / "steps.py"
     module.write_text(
         "from vo.odometry import StereoOdometry\n"
@@ -99,7 +99,7 @@ def test_what_an_estimator_does_not_let_replace_is_said(drive, cache, tmp_path, 
     assert 1 < bound.ratio_over_1m < 50
 
 
-def test_the_command_writes_page_figures_and_data(drive, tmp_path, monkeypatch):
+def test_explain_command_writes_page_figures_and_data(drive, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     words = ["explain", str(drive), "--stages", "matching,stereo", "--out", "found"]
     result = CliRunner().invoke(app, words)
@@ -112,13 +112,13 @@ def test_the_command_writes_page_figures_and_data(drive, tmp_path, monkeypatch):
     (found,) = json.loads((out / "explain.json").read_text())
     said = f"{found['drift_percent']:.3f}"
     assert f"{said} % of drift over 1 m" in page  # the sentence
-    assert re.search(rf"\| {said}[^|]*\| matching \|", page)  # and the table
-    assert [x["stage"] for x in found["shares"]] == ["matching", "stereo", REST]
+    assert re.search(rf"\| office \| all \| {said}", page)  # and the table
+    assert [x["stage"] for x in found["shares"]] == ["matching", "stereo", REMAINDER]
     with (out / "explain.csv").open() as file:
         rows = list(csv.DictReader(file))
     total = [float(x["drift_percent"]) for x in rows]
     assert np.mean(total) == pytest.approx(found["drift_percent"], abs=1e-4)
-    parts = [sum(float(x[k]) for k in ("matching", "stereo", REST)) for x in rows]
+    parts = [sum(float(x[k]) for k in ("matching", "stereo", REMAINDER)) for x in rows]
     np.testing.assert_allclose(parts, total, atol=1e-4)
 
 
@@ -131,7 +131,7 @@ def test_the_command_writes_page_figures_and_data(drive, tmp_path, monkeypatch):
         (["nowhere"], "nowhere"),
     ],
 )
-def test_wrong_words_end_in_one_line(words, complaint, monkeypatch, capsys):
+def test_explain_bad_arguments_end_in_one_line(words, complaint, monkeypatch, capsys):
     from trials.cli.main import main
 
     monkeypatch.setattr(sys, "argv", ["driftyard", "explain", *words])

@@ -1,4 +1,4 @@
-"""The estimator with the truth in the place of its stages, on rendered images."""
+"""The estimator with oracles in place of its stages, on rendered images."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 from scenes import build_scene
 from sim.record import record
 from sim.settings import DriveSettings, LabelSettings, RecordSettings, RenderSettings, RigSettings
-from trials.diagnosis.oracles import STAGES, Oracle
+from trials.diagnosis.oracles import ORACLES, Oracle
 from vo.contract import se3
 from vo.contract.readers import open_sequence, read_truth
 from vo.hooks import Hooks
@@ -32,7 +32,7 @@ def drive(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def errors(drive):
-    """Distance to the truth, metres, of each pose, with hooks in place."""
+    """Position error of each pose, metres, with given hooks."""
     sequence = open_sequence(drive)
     T_world_cam = read_truth(drive).T_ref_frame
     T_odom_cam = se3.inverse(T_world_cam[0]) @ T_world_cam
@@ -50,13 +50,13 @@ def usual(errors):
     return errors(Hooks())
 
 
-def test_hooks_that_do_nothing_change_nothing(drive, usual):
+def test_default_hooks_change_nothing(drive, usual):
     sequence = open_sequence(drive)
     result = run(sequence, StereoOdometry(sequence.rig))
     np.testing.assert_array_equal(result.trajectory.T_ref_frame, usual[1].trajectory.T_ref_frame)
 
 
-def test_with_all_the_truth_hardly_any_error_is_left(drive, errors, usual):
+def test_all_oracles_leave_almost_no_error(drive, errors, usual):
     exact, _ = errors(Oracle(drive))
     assert 0 < exact.max() < 1e-4
     assert exact.max() < 0.3 * usual[0].max()
@@ -64,21 +64,21 @@ def test_with_all_the_truth_hardly_any_error_is_left(drive, errors, usual):
     assert 2 * exact.max() < noisy.max() < 0.01
 
 
-@pytest.mark.parametrize("stage", STAGES)
-def test_every_stage_can_be_replaced_alone(stage, drive, errors, usual):
+@pytest.mark.parametrize("stage", ORACLES)
+def test_each_oracle_alone_changes_the_run(stage, drive, errors, usual):
     found, result = errors(Oracle(drive, [stage]))
     assert len(found) == len(usual[0])
     assert not np.array_equal(result.trajectory.T_ref_frame, usual[1].trajectory.T_ref_frame)
     assert found.max() < 3 * usual[0].max()
 
 
-def test_true_matches_take_error_away(drive, errors, usual):
+def test_true_matches_reduce_the_error(drive, errors, usual):
     found, _ = errors(Oracle(drive, ["matches", "features"]))
     jumps = np.abs(np.diff(found)).mean(), np.abs(np.diff(usual[0])).mean()
     assert 0 < jumps[0] < 0.5 * jumps[1]  # what stereo leaves grows without jumps
 
 
-def test_features_can_be_replaced(errors):
+def test_features_hook_selects_features(errors):
     class LeftHalf(Hooks):
         def features(self, frame, pixels):
             return pixels[pixels[:, 0] < 320]

@@ -27,7 +27,7 @@ def test_every_claim_gets_a_figure_data_and_a_verdict(studied, name):
     results = folder / "build/experiments/small"
     record = json.loads((results / f"{name}.json").read_text())
     assert record["verdict"] in ("holds", "holds in part", "does not hold", "cannot be decided")
-    assert f"It {record['verdict']}." in printed
+    assert f"The claim {record['verdict']}." in printed
     assert "nan" not in record["sentence"] or name in ("E5", "E8")  # too short for a fast turn
     assert (results / record["figure"]).stat().st_size > 10_000
     assert record["data"]

@@ -10,7 +10,7 @@ import subprocess
 import pytest
 
 from trials.report.figure import save_figure, tidy
-from trials.studies.experiments.experiment import TableOf, Verdict
+from trials.studies.experiments.base import Table, Verdict
 from trials.studies.experiments.page import write_html_page
 from trials.studies.experiments.record import Record
 
@@ -89,7 +89,7 @@ def study(tmp_path_factory):
 
     save_figure(figure, (7.0, 3.0), draw)
     columns = tuple(f"a heading of some length, number {k}" for k in range(12))
-    table = TableOf(columns, (("a_scene", *["0.123 (0.100 to 0.150)"] * 11),))
+    table = Table(columns, (("a_scene", *["0.123 (0.100 to 0.150)"] * 11),))
     records = [
         Record(
             id=f"E{k}",

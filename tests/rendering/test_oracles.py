@@ -1,4 +1,4 @@
-"""The truth that stands in for a stage, against labels that it does not use."""
+"""Oracles against labels that they do not use."""
 
 from dataclasses import replace
 
@@ -14,7 +14,7 @@ from sim.settings import (
     RenderSettings,
     RigSettings,
 )
-from trials.diagnosis.oracles import RIGHT_PX, STAGES, Oracle
+from trials.diagnosis.oracles import MAX_INLIER_PX, ORACLES, Oracle
 from trials.evaluation.truth import TrueWorld
 from vo.contract import se3
 from vo.contract.errors import DatasetError, SettingsError
@@ -84,15 +84,15 @@ def test_disparity_between_pixels_of_a_plane_is_exact(dataset, times):
     np.testing.assert_allclose(world.project(times[0], points), pixels, atol=1e-9)
 
 
-def test_outside_there_is_nothing(dataset, times):
+def test_disparity_outside_the_image_is_nan(dataset, times):
     pixels = np.array([[-0.1, 50.0], [50.0, 119.1], [np.nan, 3.0], [159.0, 119.0]])
     known = ~np.isnan(TrueWorld(dataset).disparity(times[0], pixels))
     assert known.tolist() == [False, False, False, True]
 
 
-def test_sightings_are_the_flow_where_the_next_image_shows_them(dataset, times, grid):
+def test_project_visible_is_the_flow_of_visible_points(dataset, times, grid):
     world = TrueWorld(dataset)
-    seen = world.sightings(times[1], world.points_world(times[0], grid))
+    seen = world.project_visible(times[1], world.points_world(times[0], grid))
     flow = label(dataset, "flow0", times[0], grid, channels=3)[:, :2]
     shown = label(dataset, "covisibility0", times[0], grid)
     found = ~np.isnan(seen[:, 0])
@@ -106,7 +106,7 @@ def test_sightings_are_the_flow_where_the_next_image_shows_them(dataset, times, 
     assert not found[deep].any()
 
 
-def test_each_stage_alone_is_true_and_the_others_pass(dataset, times, grid):
+def test_oracle_replaces_chosen_stages_only(dataset, times, grid):
     frame, ids = frame_at(times[1]), np.arange(len(grid))
     wrong = np.full_like(grid, 3.0)
     beside = Oracle(dataset)
@@ -120,8 +120,8 @@ def test_each_stage_alone_is_true_and_the_others_pass(dataset, times, grid):
         "inliers": (("inliers", ids, wrong, np.ones(len(ids), bool)), 2),
         "prediction": (("predicted", times[0], last, guess), 2),
     }
-    assert set(calls) == set(STAGES)
-    for chosen in STAGES:
+    assert set(calls) == set(ORACLES)
+    for chosen in ORACLES:
         oracle = Oracle(dataset, [chosen])
         oracle.born(frame_at(times[0]), ids, grid)
         for stage, ((name, *words), _) in calls.items():
@@ -130,7 +130,7 @@ def test_each_stage_alone_is_true_and_the_others_pass(dataset, times, grid):
             assert same == (stage != chosen), (stage, chosen)
 
 
-def test_predictions_continue_the_estimate_by_the_true_step(dataset, times):
+def test_predicted_composes_estimate_and_true_motion(dataset, times):
     T_world_cam = read_truth(dataset).at(np.array(times)).T_ref_frame
     last = se3.exp(np.array([3.0, 1, 0, 0, 0.7, 0]))
     found = Oracle(dataset, ["prediction"]).predicted(frame_at(times[1]), times[0], last, np.eye(4))
@@ -139,28 +139,28 @@ def test_predictions_continue_the_estimate_by_the_true_step(dataset, times):
     )
 
 
-def test_inliers_are_near_the_truth(dataset, times, grid):
+def test_inliers_are_close_to_the_projection(dataset, times, grid):
     oracle, frame = Oracle(dataset, ["inliers", "matches", "features"]), frame_at(times[1])
     ids = np.arange(len(grid)) + 500
     oracle.born(frame_at(times[0]), ids, grid)
     true = oracle.pixels(frame, ids, grid)
     known = ~np.isnan(true[:, 0])
     ids, true = ids[known], true[known]
-    for off, right in ((0.9 * RIGHT_PX, True), (1.1 * RIGHT_PX, False)):
+    for off, right in ((0.9 * MAX_INLIER_PX, True), (1.1 * MAX_INLIER_PX, False)):
         agree = np.full(len(ids), not right)
         assert (oracle.inliers(frame, ids, true + off * DOWN, agree) == right).all()
     stranger = np.array([7])
     assert not oracle.inliers(frame, stranger, true[:1], np.array([True]))[0]
 
 
-def test_which_landmarks_and_where_are_two_things(dataset, times, grid):
+def test_matches_and_features_are_independent(dataset, times, grid):
     """Half of the landmarks are found half a pixel off, a quarter far off, a quarter not at all."""
     frame, ids = frame_at(times[1]), np.arange(len(grid))
     found = {}
     for stages in (["matches"], ["features"], ["matches", "features"]):
         oracle = Oracle(dataset, stages)
         oracle.born(frame_at(times[0]), ids, grid)
-        true = oracle._world.sightings(times[1], oracle._points_of(ids))
+        true = oracle._world.project_visible(times[1], oracle._points_of(ids))
         inner = (np.abs(true - [79.5, 59.5]) < [70, 50]).all(axis=1)
         given = true + 0.5 * DOWN
         given[1::4] += 8.0
@@ -178,7 +178,7 @@ def test_which_landmarks_and_where_are_two_things(dataset, times, grid):
     np.testing.assert_allclose(both[inner], 0, atol=1e-9)
 
 
-def test_true_depth_for_one_who_mistakes_the_baseline(dataset, times, grid):
+def test_disparity_gives_true_depth_for_a_wrong_baseline(dataset, times, grid):
     """Whatever the estimator believes, what it triangulates has the depth of the label."""
     world, frame = TrueWorld(dataset), frame_at(times[0])
     believed = replace(world.rig, baseline_m=1.1 * world.rig.baseline_m)
@@ -188,7 +188,7 @@ def test_true_depth_for_one_who_mistakes_the_baseline(dataset, times, grid):
     np.testing.assert_allclose(believed.triangulate(grid, disparity)[:, 2], depth, rtol=1e-6)
 
 
-def test_stated_noise(dataset, times, grid):
+def test_oracle_noise_has_the_given_std(dataset, times, grid):
     exact, noisy = Oracle(dataset), Oracle(dataset, noise_px=0.2)
     again, other = Oracle(dataset, noise_px=0.2), Oracle(dataset, noise_px=0.2, seed=1)
     ids = np.arange(len(grid))
@@ -207,7 +207,7 @@ def test_stated_noise(dataset, times, grid):
         assert np.nanmax(np.abs(d - b)) > 0.1
 
 
-def test_what_is_missing_is_named(dataset, make_scene, tmp_path):
+def test_oracle_errors_name_what_is_missing(dataset, make_scene, tmp_path):
     with pytest.raises(SettingsError, match="unknown stage luck; valid: prediction, matches"):
         Oracle(dataset, ["luck", "stereo"])
     with pytest.raises(DatasetError, match=r"dataset.json"):

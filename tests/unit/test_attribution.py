@@ -1,4 +1,4 @@
-"""Shapley values against games whose values are known, and what is said of them."""
+"""Shapley values against games of known values, and their description."""
 
 from itertools import permutations
 
@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from trials.diagnosis.attribution import (
-    REST,
-    Sequence1m,
+    REMAINDER,
+    SegmentDrifts,
     attribute,
     coalitions,
-    sentence,
     shapley,
+    summarize,
 )
-from trials.diagnosis.combinations import Drift, paired
-from trials.diagnosis.error_injection import Injected, Injection
+from trials.diagnosis.combinations import RunDrift, paired
+from trials.diagnosis.error_injection import ErrorInjector, InjectedError
 from vo.contract.errors import DatasetError
 from vo.contract.sequence import StereoFrame
 from vo.hooks import Hooks
@@ -28,16 +28,16 @@ def game(rng, k=4):
 
 
 def additive(name, rng, shares=(0.3, 0.2, -0.1), rest=0.05):
-    """Each truth takes off its share, whatever the others do."""
+    """Each truth reduces the drift by its share, independent of the others."""
     noise = rng.normal(scale=0.02, size=len(AT_M))
     off = dict(zip(STAGES, shares, strict=True))
     whole = sum(shares) + rest
-    return Sequence1m(
+    return SegmentDrifts(
         name, AT_M, {c: whole - sum(off[x] for x in c) + noise for c in coalitions(STAGES)}
     )
 
 
-def test_shares_are_mean_gains_over_all_orders():
+def test_shapley_is_the_mean_gain_over_all_orders():
     """The definition, order by order."""
     values = game(np.random.default_rng(1))
     expected = np.zeros((3, 4))
@@ -49,12 +49,12 @@ def test_shares_are_mean_gains_over_all_orders():
     np.testing.assert_allclose(shapley(values, STAGES)[:3], expected, atol=1e-12)
 
 
-def test_shares_add_up_to_the_drift_of_every_segment():
+def test_shapley_adds_up_to_the_drift_of_every_segment():
     values = game(np.random.default_rng(2), 50)
     np.testing.assert_allclose(shapley(values, STAGES).sum(axis=0), values[frozenset()])
 
 
-def test_known_shares_are_found_within_their_intervals():
+def test_attribute_recovers_known_shares_in_their_intervals():
     rng = np.random.default_rng(3)
     found = attribute([additive(f"s{i}", rng) for i in range(5)], STAGES)
     assert sum(x.drift for x in found.shares) == pytest.approx(found.drift)
@@ -64,15 +64,15 @@ def test_known_shares_are_found_within_their_intervals():
         low, high = share.drift_interval
         assert low - 1e-9 <= share.drift <= high + 1e-9
         assert share.drift == pytest.approx(expected, abs=0.01)
-    assert [x.stage for x in found.shares] == [*STAGES, REST]
+    assert [x.stage for x in found.shares] == [*STAGES, REMAINDER]
 
 
-def test_intervals_are_as_wide_as_sequences_differ():
+def test_attribute_intervals_grow_with_sequence_variance():
     rng = np.random.default_rng(4)
 
-    def width(spread):
+    def width(sigma):
         sequences = [
-            additive(str(i), rng, (0.3 + spread * rng.normal(), 0.2, -0.1)) for i in range(8)
+            additive(str(i), rng, (0.3 + sigma * rng.normal(), 0.2, -0.1)) for i in range(8)
         ]
         low, high = attribute(sequences, STAGES).shares[0].drift_interval
         return high - low
@@ -81,45 +81,49 @@ def test_intervals_are_as_wide_as_sequences_differ():
     assert width(0.1) > 3 * width(0.005)
 
 
-def test_too_little_path_for_an_interval_gives_none():
+def test_attribute_short_path_has_no_intervals():
     rng = np.random.default_rng(5)
     whole = additive("s", rng)
-    short = Sequence1m("s", AT_M[:20], {c: x[:20] for c, x in whole.percent.items()})
+    short = SegmentDrifts("s", AT_M[:20], {c: x[:20] for c, x in whole.percent.items()})
     found = attribute([short], STAGES)
     assert np.isnan([x.share_interval for x in found.shares]).all()
-    assert "% of the drift comes from matching, " in sentence(found)
-    assert "(" not in sentence(found).split(";")[0]
+    assert "% of the drift comes from matching, " in summarize(found)
+    assert "(" not in summarize(found).split(";")[0]
 
 
-def test_the_sentence_names_helpers_as_such():
+def test_summarize_describes_negative_shares():
     rng = np.random.default_rng(6)
-    said = sentence(attribute([additive(name, rng) for name in "ab"], STAGES))
-    assert said.index("from matching") < said.index("from stereo") < said.index("inliers makes up")
+    said = summarize(attribute([additive(name, rng) for name in "ab"], STAGES))
+    assert (
+        said.index("from matching")
+        < said.index("from stereo")
+        < said.index("of inliers compensate")
+    )
     assert said.startswith(("66 %", "67 %"))
-    assert "makes up for 22 % (" in said
+    assert "compensate 22 % (" in said
     assert "; 11 % (1" in said
     assert said.endswith(") is not separated (refinement, sampling).")
 
 
 def drift(start_ns, lost=0):
     start_ns = np.array(start_ns, dtype=np.int64)
-    return Drift(start_ns, start_ns / 10.0, start_ns * 2.0, lost, ())
+    return RunDrift(start_ns, start_ns / 10.0, start_ns * 2.0, lost, ())
 
 
-def test_only_metres_that_all_runs_have_are_compared():
+def test_paired_keeps_segments_that_all_runs_have():
     a, b = frozenset(), frozenset(["stereo"])
     found = paired("drive", {a: drift([1, 2, 3, 5]), b: drift([2, 3, 4, 5], 1)})
     np.testing.assert_array_equal(found.percent[a], [4, 6, 10])
     np.testing.assert_array_equal(found.percent[b], [4, 6, 10])
     np.testing.assert_allclose(found.at_m, [0.2, 0.3, 0.5])
-    with pytest.raises(DatasetError, match=r"drive: no metre .* lost: {'stereo': 9}"):
+    with pytest.raises(DatasetError, match=r"drive: no segment .* lost: {'stereo': 9}"):
         paired("drive", {a: drift([1]), b: drift([2], 9)})
 
 
-def test_an_error_is_injected_once_a_frame_and_measurement():
+def test_error_injector_adds_each_error_once_per_frame():
     image = np.zeros((8, 8), np.uint8)
     frame, later = StereoFrame(1, image, image), StereoFrame(2, image, image)
-    hooks = Injected(Injection(pixel_sigma_px=1.0, disparity_bias_px=0.5), Hooks())
+    hooks = ErrorInjector(InjectedError(pixel_sigma_px=1.0, disparity_bias_px=0.5), Hooks())
     ids, pixels = np.arange(500), np.random.default_rng(0).uniform(0, 400, (500, 2))
     pixels[7] = np.nan
     once = hooks.pixels(frame, ids, pixels)

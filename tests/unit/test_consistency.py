@@ -39,7 +39,7 @@ def drive(tmp_path, seed, belief=1.0, first=0):
     return Trajectory(TIMES[first:], (T_world_odom @ np.array(T_true))[first:]), read_run(out)
 
 
-def test_errors_of_the_stated_size_are_chi_squared(tmp_path):
+def test_nees_of_correct_covariances_is_chi_squared(tmp_path):
     runs = [nees(*drive(tmp_path, seed)) for seed in range(40)]
     steps = np.concatenate([x.step for x in runs])
     assert np.isnan(steps[::FRAMES]).all()
@@ -54,7 +54,7 @@ def test_errors_of_the_stated_size_are_chi_squared(tmp_path):
     np.testing.assert_allclose(calibration(steps, levels), levels, atol=0.03)
 
 
-def test_believing_too_much_shows(tmp_path):
+def test_nees_of_overconfident_covariances_is_large(tmp_path):
     truth, run = drive(tmp_path, 0)
     sure, right = nees(*drive(tmp_path, 0, belief=0.25)), nees(truth, run)
     for kind in ("absolute", "step", "over_1m"):
@@ -62,7 +62,7 @@ def test_believing_too_much_shows(tmp_path):
     assert calibration(sure.step, np.array([0.9]))[0] < 0.6
 
 
-def test_a_metre_needs_a_metre_and_a_step_needs_two_truths(tmp_path):
+def test_nees_needs_1m_of_path_and_two_truths_per_step(tmp_path):
     values = nees(*drive(tmp_path, 3, first=20))
     assert len(values.step) == FRAMES - 20
     assert np.isnan(values.step[0])
@@ -71,14 +71,14 @@ def test_a_metre_needs_a_metre_and_a_step_needs_two_truths(tmp_path):
     assert np.isfinite(values.over_1m[12:]).all()
 
 
-def test_a_status_can_be_asked_for_alone(tmp_path):
+def test_nees_with_status_keeps_its_frames(tmp_path):
     values = nees(*drive(tmp_path, 1))
-    assert len(values.at(Status.START).step) == 1
-    np.testing.assert_array_equal(values.at(Status.TRACKED).step, values.step[1:])
-    assert len(values.at(Status.WEAK).absolute) == 0
+    assert len(values.with_status(Status.START).step) == 1
+    np.testing.assert_array_equal(values.with_status(Status.TRACKED).step, values.step[1:])
+    assert len(values.with_status(Status.WEAK).absolute) == 0
 
 
-def test_without_covariances_there_is_nothing_to_say(tmp_path):
+def test_nees_without_covariances_is_an_error(tmp_path):
     truth, run = drive(tmp_path, 2)
     companion(run.path, "covariance.npz").unlink()
     with pytest.raises(TrajectoryError, match=r"gave no covariances \(2-1.0.covariance.npz\)"):
@@ -86,7 +86,7 @@ def test_without_covariances_there_is_nothing_to_say(tmp_path):
     assert np.isnan(calibration(np.array([np.nan]), np.array([0.5]))).all()
 
 
-def test_covariances_without_an_inverse_have_no_nees():
+def test_nees_of_singular_covariance_is_nan():
     flat = np.diag([1.0, 1, 1, 1, 1, 0])
     tied = np.eye(6)
     tied[0, 1] = tied[1, 0] = 1.0

@@ -9,19 +9,16 @@ import numpy as np
 import pytest
 
 from trials.evaluation.runs import read_map
-from trials.execution.jobs import Job, Recording, Result, Variant
-from trials.studies.experiments.e01_orientation import rise
-from trials.studies.experiments.e11_standing import drift_at_rest, halts
-from trials.studies.experiments.experiment import (
-    FULL,
-    SMALL,
-    Experiment,
-    Findings,
-    TableOf,
-    Verdict,
+from trials.execution.jobs import Job, Recording, Result, Results, Variant
+from trials.studies.experiments.base import FULL, SMALL, Experiment, Table, Verdict
+from trials.studies.experiments.e01_orientation import inlier_rise
+from trials.studies.experiments.e11_stationary import stationary_drift, stops
+from trials.studies.experiments.measures import (
+    first_failure,
     ragged,
+    step_errors_m,
+    tracked_fraction,
 )
-from trials.studies.experiments.measures import breaks_at, step_errors_m, survived
 from trials.studies.experiments.page import page_text, write_html_page
 from trials.studies.experiments.record import read_record, write_record
 from trials.studies.experiments.registry import EXPERIMENTS
@@ -66,8 +63,8 @@ def test_a_wrong_step_breaks_a_drive(tmp_path):
     assert np.isnan(errors[0])
     assert errors[12] == pytest.approx(0.2)
     assert np.nanmax(np.delete(errors, 12)) < 1e-9
-    assert breaks_at(run) == 12
-    assert survived(run) == 12 / 20
+    assert first_failure(run) == 12
+    assert tracked_fraction(run) == 12 / 20
 
 
 def test_a_lost_frame_breaks_a_drive(tmp_path):
@@ -75,22 +72,22 @@ def test_a_lost_frame_breaks_a_drive(tmp_path):
     estimate: list = list(truth)
     estimate[4] = None
     run = result(tmp_path, truth, estimate, [50, 40, 40, 40, 0, 90, 90, 90, 90, 40])
-    assert breaks_at(run) == 4
+    assert first_failure(run) == 4
     assert run.lost_share == 0.1
-    assert rise(run) == pytest.approx(np.mean([0, 90, 90, 90, 90]) / 40)
+    assert inlier_rise(run) == pytest.approx(np.mean([0, 90, 90, 90, 90]) / 40)
 
 
 def test_a_whole_drive_does_not_break(tmp_path):
     run = result(tmp_path, drive(6), list(drive(6)), [9] * 6)
-    assert breaks_at(run) is None
-    assert survived(run) == 1.0
-    assert rise(run) is None
+    assert first_failure(run) is None
+    assert tracked_fraction(run) == 1.0
+    assert inlier_rise(run) is None
 
 
 def test_a_run_without_poses_is_read_and_has_no_score(tmp_path):
     run = result(tmp_path, drive(4), [None] * 4, [0] * 4)
     assert len(run.run.trajectory) == 0
-    assert breaks_at(run) == 0
+    assert first_failure(run) == 0
     assert run.lost_share == 1.0
 
 
@@ -105,9 +102,9 @@ def test_drift_at_rest_counts_halts_only(tmp_path):
     truth[30:, 2, 3] += 5e-5  # what truly moves is no drift
     estimate[30:, 2, 3] += 5e-5
     run = result(tmp_path, truth, list(estimate), [50] * 60)
-    ((first, last),) = halts(run)
+    ((first, last),) = stops(run)
     assert (first, last) == (14, 45)
-    seconds, moved_mm, turned_deg = drift_at_rest(run)
+    seconds, moved_mm, turned_deg = stationary_drift(run)
     assert seconds == pytest.approx(3.1)
     assert moved_mm == pytest.approx(3.0, rel=1e-3)
     assert turned_deg == pytest.approx(np.degrees(3e-4), rel=1e-3)
@@ -129,22 +126,20 @@ MADE = Experiment(
     claim="It is so.",
     source="nowhere",
     setup="Nothing was done.",
+    caption="A line.",
     size_in=(3.0, 2.0),
     jobs=lambda _: [],
-    analyse=lambda _: FINDINGS,
+    measure=lambda _: 2,
+    conclude=lambda found: (Verdict.PARTLY, "It is so & so."),
+    table=lambda found: Table.of("what | how much, %", [("this", "1"), ("that", str(found))]),
+    draw=lambda figure, found: figure.subplots().plot([0, 1], [0, found]),
+    data=lambda found: {"a line": ragged(x=np.arange(3), y=np.array([0.5]))},
 )
-FINDINGS = Findings(
-    Verdict.PARTLY,
-    "It is so & so.",
-    TableOf(("what", "how much, %"), (("this", "1"), ("that", "2"))),
-    "A line.",
-    lambda figure: figure.subplots().plot([0, 1], [0, 1]),
-    {"a line": ragged(x=np.arange(3), y=np.array([0.5]))},
-)
+NOTHING = Results({})
 
 
 def test_records_come_back_as_they_were(tmp_path):
-    record = write_record(MADE, FINDINGS, SMALL, tmp_path)
+    record = write_record(MADE, NOTHING, SMALL, tmp_path)
     assert read_record(tmp_path / "X1.json") == record
     with (tmp_path / "X1-a_line.csv").open() as file:
         assert list(csv.reader(file)) == [["x", "y"], ["0", "0.5"], ["1", ""], ["2", ""]]
@@ -153,7 +148,7 @@ def test_records_come_back_as_they_were(tmp_path):
 
 @pytest.mark.parametrize("change", [{"schema": "driftyard experiment 0"}, {"verdict": "perhaps"}])
 def test_a_record_of_another_schema_is_refused(tmp_path, change):
-    write_record(MADE, FINDINGS, SMALL, tmp_path)
+    write_record(MADE, NOTHING, SMALL, tmp_path)
     file = tmp_path / "X1.json"
     file.write_text(json.dumps({**json.loads(file.read_text()), **change}))
     with pytest.raises(DatasetError, match=r"X1\.json: not a record"):
@@ -161,7 +156,7 @@ def test_a_record_of_another_schema_is_refused(tmp_path, change):
 
 
 def test_pages_hold_every_part(tmp_path):
-    record = write_record(MADE, FINDINGS, SMALL, tmp_path)
+    record = write_record(MADE, NOTHING, SMALL, tmp_path)
     text = page_text([record, replace(record, id="X2")], "pictures")
     assert "[X1](#x1-a-made-up-thing)" in text
     assert "## X1. A made-up thing" in text

@@ -1,24 +1,50 @@
-"""What an explanation says of a scene."""
+"""Text and tables of an explanation."""
 
-from trials.diagnosis.attribution import REST, Attribution, Share
+import io
+
+import numpy as np
+from rich.console import Console
+
+from trials.diagnosis.attribution import REMAINDER, Attribution, Share
+from trials.diagnosis.bound import Bound, Noise
 from trials.diagnosis.explanation import Explanation
-from trials.report.explanation_page import share_rows, verdict
+from trials.evaluation.consistency import Nees
+from trials.report.explanation_page import NEES_HEAD, describe, share_rows, terminal_report
+from vo.contract.estimator import Status
 
 
 def explained(attribution: Attribution | None) -> Explanation:
-    """A drive with 0.4 % of drift over all its metres, also those that only some runs survive."""
+    """A drive with 0.4 % of drift over all its segments, which not all runs have."""
     return Explanation("dusk", ("one",), (), (), attribution, (0.4,), 0, (), ())
 
 
-def test_sentence_and_table_name_the_drift_that_the_shares_add_up_to():
+def test_describe_and_table_give_the_sum_of_the_shares():
     shares = tuple(
         Share(stage, points, (points, points), points / 0.3, (points / 0.3, points / 0.3))
-        for stage, points in (("matching", 0.2), (REST, 0.1))
+        for stage, points in (("matching", 0.2), (REMAINDER, 0.1))
     )
     found = explained(Attribution(0.3, (0.3, 0.3), shares, {}))
-    assert verdict(found).startswith("0.300 % of drift over 1 m.")
-    assert share_rows([found])[0][1].startswith("0.300")
+    assert describe(found).startswith("0.300 % of drift over 1 m.")
+    assert share_rows(found)[0][1].startswith("0.300")
 
 
-def test_without_shares_the_drift_is_that_of_all_metres():
-    assert verdict(explained(None)).startswith("0.400 % of drift over 1 m; ")
+def test_describe_without_shares_gives_the_drift_of_all_segments():
+    assert describe(explained(None)).startswith("0.400 % of drift over 1 m; ")
+
+
+def test_terminal_report_fits_80_columns_with_whole_words():
+    wide = (-0.123, 0.123)
+    shares = tuple(Share(x, -0.123, wide, -1.1, (-1.123, 1.123)) for x in ("prediction", REMAINDER))
+    bound = Bound(Noise(np.full(3, -0.12), np.full(3, 0.12)), 0.123, 0.012, 0.0123, 0.001, 9000)
+    errors = np.full(9000, 123.4)
+    nees = Nees(np.arange(9000), (Status.TRACKED,) * 9000, errors, errors, errors)
+    attribution = Attribution(0.123, (0.123, 0.456), shares, {})
+    found = Explanation("brick_court", ("a",), (), (), attribution, (0.4,), 0, (bound,), (nees,))
+    text = io.StringIO()
+    console = Console(file=text, width=80)
+    for part in terminal_report([found]):
+        console.print(part)
+    lines = text.getvalue().splitlines()
+    assert max(map(len, lines)) <= 80
+    assert {word for head in NEES_HEAD for word in head.split()} <= set(text.getvalue().split())
+    assert "…" not in text.getvalue()

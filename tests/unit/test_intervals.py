@@ -7,7 +7,7 @@ from scipy import stats
 from trials.evaluation.intervals import mean_interval, ratio_interval
 
 
-def test_the_mean_has_students_interval():
+def test_mean_interval_is_students():
     values = np.random.default_rng(3).normal(2.0, 0.5, 9)
     found = mean_interval(values)
     expected = stats.ttest_1samp(values, 0).confidence_interval(0.95)
@@ -15,7 +15,7 @@ def test_the_mean_has_students_interval():
     assert (found.low, found.high) == pytest.approx((expected.low, expected.high))
 
 
-def test_missing_values_are_left_out():
+def test_mean_interval_ignores_nan():
     assert mean_interval(np.array([1.0, np.nan, 3.0])).value == 2.0
     lone = mean_interval(np.array([np.nan, 5.0]))
     assert lone.value == 5.0
@@ -24,14 +24,14 @@ def test_missing_values_are_left_out():
     assert mean_interval(np.full(2, np.nan)).text() == "–"
 
 
-def test_an_interval_ends_where_no_value_can_be():
+def test_mean_interval_is_clipped_to_the_possible_range():
     free = mean_interval(np.array([1.0, 3.0]))
     assert free.low < 0 < 5 < free.high
-    held = mean_interval(np.array([1.0, 3.0]), least=0, most=5)
+    held = mean_interval(np.array([1.0, 3.0]), minimum=0, maximum=5)
     assert (held.value, held.low, held.high) == (2.0, 0, 5)
 
 
-def test_ratios_are_paired_and_geometric():
+def test_ratio_interval_is_paired_and_geometric():
     found = ratio_interval(np.array([2.0, 8.0]), np.array([1.0, 1.0]))
     assert found.value == pytest.approx(4.0)
     # log ratios ln 2 and ln 8: mean ln 4, standard error ln 2, Student's factor for one degree
@@ -39,13 +39,13 @@ def test_ratios_are_paired_and_geometric():
     assert (found.low, found.high) == pytest.approx((4 / reach, 4 * reach))
 
 
-def test_a_pair_with_a_loss_is_left_out():
+def test_ratio_interval_ignores_pairs_with_nan():
     found = ratio_interval(np.array([2.0, np.nan, 3.0]), np.array([1.0, 1.0, 0.0]))
     assert found.value == pytest.approx(2.0)
     assert np.isnan(found.high)
 
 
-def test_intervals_cover_as_they_promise():
+def test_mean_interval_has_its_nominal_coverage():
     rng = np.random.default_rng(5)
     hits = 0
     for _ in range(400):

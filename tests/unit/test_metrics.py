@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from trials.evaluation.alignment import REACH_NS, Alignment, Pair, associate, umeyama
+from trials.evaluation.alignment import MAX_GAP_NS, Alignment, Pair, associate, umeyama
 from trials.evaluation.metrics import (
     errors_over_distance,
     errors_over_time,
@@ -27,7 +27,7 @@ def pair(true_x, estimated_x):
     return Pair(np.arange(len(true_x)), along_x(true_x), along_x(estimated_x))
 
 
-def test_segments_are_exactly_as_long_as_asked():
+def test_segments_have_exactly_the_requested_length():
     """Frames at 0, 0.4, 1.3, 2.3 m; the estimate is 1 % long: every segment errs by 1 %."""
     true = np.array([0, 0.4, 1.3, 2.3])
     errors = errors_over_distance(pair(true, 1.01 * true), 1.0)
@@ -37,23 +37,23 @@ def test_segments_are_exactly_as_long_as_asked():
     assert np.allclose(errors.rotation_rad, 0)
 
 
-def test_error_inside_a_frame_is_shared_by_length():
+def test_error_within_a_frame_is_interpolated_by_length():
     """The estimate slips 0.2 m in the second of two 1 m steps; a 1.5 m segment gets half of it."""
     errors = errors_over_distance(pair([0, 1, 2], [0, 1, 2.2]), 1.5)
     assert np.allclose(errors.translation_m, [0.1])
 
 
-def test_standing_still_starts_segments_but_has_no_length():
+def test_stationary_frames_start_segments_without_length():
     errors = errors_over_distance(pair([0, 0, 0, 1, 1], [0, 0.1, 0, 1, 1]), 1.0)
     assert errors.start.tolist() == [0, 1, 2]
     assert np.allclose(errors.translation_m, [0, 0.1, 0])
 
 
-def test_too_short_a_path_has_no_segments():
+def test_errors_over_distance_short_path_is_empty():
     assert len(errors_over_distance(pair([0, 0.5], [0, 0.5]), 1.0)) == 0
 
 
-def test_a_turn_of_one_degree_in_the_middle():
+def test_errors_over_distance_of_one_degree_turn():
     """Straight 2 m, but the estimate turns by 1° after 1 m: 1.5 m segments from 0 m see
     0.5 m after the bend, 2 * 0.5 * sin(0.5°) off."""
     true = along_x(np.arange(0, 2.01, 0.25))
@@ -67,14 +67,14 @@ def test_a_turn_of_one_degree_in_the_middle():
     assert errors.rotation_rad[0] == pytest.approx(np.radians(1))
 
 
-def test_over_time():
+def test_errors_over_time_of_known_steps():
     errors = errors_over_time(pair([0, 1, 2, 3], [0, 1, 2.5, 3.5]), step=2)
     assert np.allclose(errors.translation_m, [0.5, 0.5])
     assert np.allclose(errors.length_m, [2, 2])
     assert len(errors_over_time(pair([0, 1], [0, 1]), step=2)) == 0
 
 
-def test_position_errors_by_alignment():
+def test_position_errors_depend_on_alignment():
     """Estimate twice as long: from the first pose 0, 1, 2 m off; fitted, 1, 0, 1; scaled, none."""
     twice = pair([0, 1, 2], [0, 2, 4])
     assert np.allclose(position_errors(twice, Alignment.FIRST_POSE), [0, 1, 2])
@@ -82,7 +82,7 @@ def test_position_errors_by_alignment():
     assert np.allclose(position_errors(twice, Alignment.SIM3), 0, atol=1e-12)
 
 
-def test_umeyama_of_the_paper():
+def test_umeyama_reproduces_the_paper():
     """The worked example at the end of Umeyama's paper, lifted to three dimensions: a reflection
     would fit better and must not be returned."""
     b = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0]], dtype=float)
@@ -95,20 +95,20 @@ def test_umeyama_of_the_paper():
     assert np.allclose(found.R_a_b, np.diag([-1, 1, -1]))
 
 
-def test_umeyama_refuses_a_reflection_in_space():
+def test_umeyama_returns_no_reflection():
     rng = np.random.default_rng(0)
     b = rng.normal(size=(20, 3))
     found = umeyama(b * [-1, 1, 1], b, with_scale=False)
     assert np.linalg.det(found.R_a_b) == pytest.approx(1)
 
 
-def test_no_scale_without_motion():
-    with pytest.raises(TrajectoryError, match="never moves"):
+def test_fit_scale_without_motion_is_an_error():
+    with pytest.raises(TrajectoryError, match="does not move"):
         position_errors(pair([0, 1, 2], [0, 0, 0]), Alignment.SIM3)
 
 
-def test_truth_is_not_bridged_across_its_gaps():
-    far = 50 * REACH_NS
+def test_associate_leaves_out_gaps_of_the_truth():
+    far = 50 * MAX_GAP_NS
     truth = Trajectory(np.array([0, 1000, far, far + 1000]), along_x([0, 1, 50, 51]))
     times = np.array([500, 2000, far // 2, far - 500, far + 500, far + 2000])
     found = associate(truth, Trajectory(times, along_x(np.zeros(6))))
@@ -116,20 +116,20 @@ def test_truth_is_not_bridged_across_its_gaps():
     assert found.T_world_cam[0, 0, 3] == pytest.approx(0.5)
 
 
-def test_strangers_are_refused():
+def test_associate_without_shared_times_is_an_error():
     truth = Trajectory(np.array([0, 10]), along_x([0, 1]))
     late = Trajectory(np.array([10**12, 10**12 + 1]), along_x([0, 1]))
     with pytest.raises(TrajectoryError, match="shares 0 times"):
         associate(truth, late)
 
 
-def test_lengths_suit_the_path():
+def test_segment_lengths_depend_on_the_path():
     assert segment_lengths_m(0.9) == ()
     assert segment_lengths_m(3.5) == (1, 2, 3)
     assert segment_lengths_m(250) == (100, 200)
 
 
-def test_score_of_a_run_without_record():
+def test_score_of_a_run_without_frame_table():
     """11 frames of 0.5 m, estimate 2 % short, two poses missing at the end."""
     times = np.arange(11) * 10**8
     truth = Trajectory(times, along_x(0.5 * np.arange(11)))
@@ -147,7 +147,7 @@ def test_score_of_a_run_without_record():
     assert score.frame_ms is None
 
 
-def test_score_of_an_estimate_that_stands_still():
+def test_score_of_a_stationary_estimate_has_no_sim3():
     times = np.arange(3)
     truth = Trajectory(times, along_x([0, 1, 2]))
     score = score_run(truth, SavedRun("x.txt", "x", Trajectory(times, along_x([0, 0, 0]))), 3)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from trials.studies.experiments.experiment import Experiment
+    from trials.studies.experiments.base import Experiment
     from trials.studies.experiments.record import Record
 
 SMALL_FOLDER = "small"
@@ -32,7 +32,7 @@ def experiment(
 
     from trials.cli import console
     from trials.execution.runner import run_jobs
-    from trials.studies.experiments.experiment import FULL, SMALL
+    from trials.studies.experiments.base import FULL, SMALL
     from trials.studies.experiments.record import write_record
 
     chosen = _chosen(which)
@@ -43,7 +43,7 @@ def experiment(
         jobs = one.jobs(scale)
         with console.counting_bar(one.id, len({x.recording for x in jobs})) as count:
             results = run_jobs(jobs, progress=count)
-        record = write_record(one, one.analyse(results), scale, folder)
+        record = write_record(one, results, scale, folder)
         _print(record, folder)
     _write_pages(folder, page)
 
@@ -70,7 +70,9 @@ def _print(record: "Record", folder: Path) -> None:
     for row in record.table.rows:
         table.add_row(*row)
     console.out.print(table)
-    console.out.print(f"{record.claim}\n[bold]It {record.verdict.value}.[/bold] {record.sentence}")
+    console.out.print(
+        f"{record.claim}\n[bold]The claim {record.verdict.value}.[/bold] {record.sentence}"
+    )
     console.out.print(f"{folder / record.figure}\n")
 
 

@@ -47,29 +47,29 @@ def explain(
     Every stage is replaced by the truth, alone and with others; runs are kept in build/cache.
     """
     from trials.cli import console
-    from trials.diagnosis.combinations import PLAYERS, Subject
+    from trials.diagnosis.combinations import STAGES, Subject
     from trials.diagnosis.explanation import explain as explain_groups
     from trials.estimators.choice import Named
     from trials.execution.cache import CACHE
-    from trials.report.explanation_page import tables, write_explanations
+    from trials.report.explanation_page import terminal_report, write_explanations
     from vo.contract.errors import SettingsError
 
-    players = [x for x in stages.split(",") if x]
-    oracles = [oracle for x in players for oracle in PLAYERS.get(x, (x,))]
-    if unknown := [x for x in players if x not in PLAYERS]:
-        raise SettingsError(f"--stages: unknown {unknown[0]}; valid: {', '.join(PLAYERS)}")
-    if not players or len(set(oracles)) < len(oracles):
+    chosen = [x for x in stages.split(",") if x]
+    oracles = [oracle for x in chosen for oracle in STAGES.get(x, (x,))]
+    if unknown := [x for x in chosen if x not in STAGES]:
+        raise SettingsError(f"--stages: unknown {unknown[0]}; valid: {', '.join(STAGES)}")
+    if not chosen or len(set(oracles)) < len(oracles):
         raise SettingsError(f"--stages: {stages or 'nothing'}: name each stage once")
     if bool(datasets) == bool(scene):
         raise SettingsError("explain: name datasets, or else --scene")
     groups = _grouped(datasets) if datasets else _driven(scene, seeds, distance)
     subject = Subject(Named(estimator, config, tuple(overrides or ())), noise)
     if validate:
-        _validate([x for some in groups.values() for x in some], subject, players)
+        _validate([x for some in groups.values() for x in some], subject, chosen)
         return
     with console.progress_bar("runs") as progress:
-        found = explain_groups(groups, subject, players, CACHE, progress)
-    for line in tables(found):
+        found = explain_groups(groups, subject, chosen, CACHE, progress)
+    for line in terminal_report(found):
         console.out.print(line)
     with console.err.status("figures and page"):
         written = write_explanations(found, out, page or out / "explain.md")
@@ -104,11 +104,12 @@ def _driven(scenes: str, seeds: int, distance_m: float) -> dict[str, list[Path]]
     return groups
 
 
-def _validate(datasets: "Sequence[Path]", subject: "Subject", players: "Sequence[str]") -> None:
+def _validate(datasets: "Sequence[Path]", subject: "Subject", stages: "Sequence[str]") -> None:
     from trials.cli import console
-    from trials.diagnosis.validation import validation_table
+    from trials.diagnosis.validation import validate
     from trials.execution.cache import CACHE
+    from trials.report.explanation_page import validation_table
 
     with console.progress_bar("runs") as progress:
-        table = validation_table(datasets, subject, players, CACHE, progress)
-    console.out.print(table)
+        findings = validate(datasets, subject, stages, CACHE, progress)
+    console.out.print(validation_table(findings))

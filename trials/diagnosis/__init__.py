@@ -1,1 +1,1 @@
-"""Where drift comes from: attribution by stage, and the Cramér-Rao bound."""
+"""Diagnosis of drift: attribution to stages, Cramér-Rao bound, and error injection."""

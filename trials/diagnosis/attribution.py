@@ -1,10 +1,10 @@
-"""How much of the drift each stage is to blame for: Shapley values over oracles.
+"""Attribution of the drift to stages: Shapley values over oracles.
 
-The drift v(S) is measured with the truth in the place of every combination S of stages. What a
-stage is to blame for is what its truth takes off the drift, averaged over all orders in which
-truths can be put in (Shapley, A value for n-person games, 1953); so the shares and what remains
-with all truths add up to the drift. A share is negative where a stage's errors make up for
-others', so that its truth alone makes the drift worse.
+The drift v(S) is measured with the truth in place of every combination S of stages. The share of a
+stage is the reduction of the drift by its truth, averaged over all orders of replacement (Shapley,
+A value for n-person games, 1953); so the shares and the drift with all truths add up to the drift.
+A share is negative where the errors of a stage compensate those of others, so that its truth alone
+increases the drift.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,16 +18,16 @@ from vo.contract.arrays import Array, Indices
 
 Coalition = frozenset[str]
 BLOCK_M = 1.0
-"""Neighbouring segments share their path, so this much of it is drawn together."""
-LEAST_BLOCKS = 3
-"""Fewer in all, and there is no interval."""
+"""Block length of the bootstrap, metres: neighbouring segments overlap and are drawn together."""
+MIN_BLOCKS = 3
+"""Number of blocks below which no interval is given."""
 RESAMPLES, CONFIDENCE = 2000, 0.95
-REST = "not separated"
-"""What remains with the truth in the place of every stage: refinement and sampling."""
+REMAINDER = "not separated"
+"""Name of the drift that remains with the truth in every stage: refinement and sampling."""
 
 
 @dataclass(frozen=True)
-class Sequence1m:
+class SegmentDrifts:
     """Drift of one sequence over segments of 1 m, the same for every combination of oracles.
 
     Attributes:
@@ -43,13 +43,13 @@ class Sequence1m:
 
 @dataclass(frozen=True)
 class Share:
-    """What one stage is to blame for.
+    """Contribution of one stage to the drift.
 
     Attributes:
-        stage: Name, or REST.
+        stage: Name of the stage, or REMAINDER.
         drift: Percentage points of drift.
         drift_interval: At CONFIDENCE.
-        share: Of the whole drift.
+        share: Ratio to the whole drift.
         share_interval: At CONFIDENCE.
     """
 
@@ -62,12 +62,12 @@ class Share:
 
 @dataclass(frozen=True)
 class Attribution:
-    """Where the drift of some sequences comes from.
+    """Shares of the stages in the drift of several sequences.
 
     Attributes:
         drift: Mean over sequences, %.
         drift_interval: At CONFIDENCE.
-        shares: One for each stage, and REST last; they add up to the drift.
+        shares: One for each stage, and REMAINDER last; they add up to the drift.
         by_segment: Name of a sequence to its (K,) `at_m` and the (P + 1, K) shares of its segments
             in percentage points, rows as in `shares`.
     """
@@ -79,15 +79,15 @@ class Attribution:
 
 
 def coalitions(stages: Sequence[str]) -> list[Coalition]:
-    """Every combination, the empty one first."""
+    """Return every combination of stages, the empty one first."""
     return [frozenset(x) for n in range(len(stages) + 1) for x in combinations(stages, n)]
 
 
 def shapley(percent: Mapping[Coalition, Array], stages: Sequence[str]) -> Array:
-    """Shares (P + 1, K) of P stages, and what remains.
+    """Return shares (P + 1, K) of P stages and, in the last row, of the remainder.
 
     Args:
-        percent: Every combination of the stages to (K,) drift.
+        percent: Every combination of the stages to (K,) drift, %.
         stages: P names.
     """
     n = len(stages)
@@ -101,27 +101,27 @@ def shapley(percent: Mapping[Coalition, Array], stages: Sequence[str]) -> Array:
     return np.array([*shares, percent[frozenset(stages)]])
 
 
-def attribute(sequences: Sequence[Sequence1m], stages: Sequence[str]) -> Attribution:
-    """Share out the drift of paired sequences, each counting once.
+def attribute(sequences: Sequence[SegmentDrifts], stages: Sequence[str]) -> Attribution:
+    """Attribute the drift of sequences of equal weight to stages.
 
     Intervals are percentiles of a bootstrap over sequences and, within each, over blocks of its
-    path: of one sequence they say how much its stretches differ, not how much drives do. They are
-    NaN where there are fewer than LEAST_BLOCKS of those.
+    path; for a single sequence they cover only the variation along its path. They are NaN if there
+    are fewer than MIN_BLOCKS blocks in total.
 
     Args:
         sequences: At least one.
-        stages: Names of those replaced in the combinations.
+        stages: Names of the stages that the combinations replace.
 
     Source:
         Davison and Hinkley, Bootstrap Methods and their Application, 1997, sections 3.8 and 8.2.3.
     """
     by_segment = {x.name: (x.at_m, shapley(x.percent, stages)) for x in sequences}
     drawn = _resampled(list(by_segment.values()), np.random.default_rng(0))
-    if sum(_block_count(x.at_m) for x in sequences) < LEAST_BLOCKS:
+    if sum(_block_count(x.at_m) for x in sequences) < MIN_BLOCKS:
         drawn = np.full_like(drawn, np.nan)
     means = np.array([shares.mean(axis=1) for _, shares in by_segment.values()]).mean(axis=0)
     drift, drifts = means.sum(), drawn.sum(axis=1)
-    names = (*stages, REST)
+    names = (*stages, REMAINDER)
     shares = tuple(
         Share(name, float(mean), _interval(some), float(mean / drift), _interval(some / drifts))
         for name, mean, some in zip(names, means, drawn.T, strict=True)
@@ -129,17 +129,15 @@ def attribute(sequences: Sequence[Sequence1m], stages: Sequence[str]) -> Attribu
     return Attribution(float(drift), _interval(drifts), shares, by_segment)
 
 
-def sentence(attribution: Attribution) -> str:
-    """Say where the drift comes from, the largest share first."""
-    blamed = sorted(attribution.shares[:-1], key=lambda x: -x.share)
-    parts = [f"{_percent(x)} from {x.stage}" for x in blamed if round(100 * x.share) > 0]
-    parts[:1] = [f"{_percent(blamed[0])} of the drift comes from {blamed[0].stage}"]
-    helpers = [x for x in blamed if round(100 * x.share) < 0]
-    if helpers:
-        parts += [f"{x.stage} makes up for {_percent(x, -1)} of it" for x in helpers]
-    return (
-        f"{', '.join(parts)}; {_percent(attribution.shares[-1])} is {REST} (refinement, sampling)."
-    )
+def summarize(attribution: Attribution) -> str:
+    """Describe the shares in a sentence, the largest share first."""
+    ordered = sorted(attribution.shares[:-1], key=lambda x: -x.share)
+    parts = [f"{_percent(x)} from {x.stage}" for x in ordered if round(100 * x.share) > 0]
+    parts[:1] = [f"{_percent(ordered[0])} of the drift comes from {ordered[0].stage}"]
+    negative = [x for x in ordered if round(100 * x.share) < 0]
+    parts += [f"errors of {x.stage} compensate {_percent(x, -1)} of it" for x in negative]
+    rest = f"{_percent(attribution.shares[-1])} is {REMAINDER} (refinement, sampling)"
+    return f"{', '.join(parts)}; {rest}."
 
 
 def _percent(share: Share, sign: int = 1) -> str:
@@ -149,7 +147,7 @@ def _percent(share: Share, sign: int = 1) -> str:
 
 
 def _resampled(sequences: Sequence[tuple[Array, Array]], rng: np.random.Generator) -> Array:
-    """Means (RESAMPLES, P + 1) of shares over sequences and blocks drawn with replacement."""
+    """Return means (RESAMPLES, P + 1) of shares over resampled sequences and blocks."""
     drawn = np.array(
         [
             [shares[:, _blocks(at_m, rng)].mean(axis=1) for _ in range(RESAMPLES)]
@@ -161,7 +159,7 @@ def _resampled(sequences: Sequence[tuple[Array, Array]], rng: np.random.Generato
 
 
 def _blocks(at_m: Array, rng: np.random.Generator) -> Indices:
-    """Rows of (K,) segments, drawn in blocks of BLOCK_M that wrap around the end."""
+    """Return rows of (K,) segments, drawn in blocks of BLOCK_M that wrap around the end."""
     count = _block_count(at_m)
     length = -(-len(at_m) // count)
     starts = rng.integers(len(at_m), size=count)

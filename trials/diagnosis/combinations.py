@@ -1,28 +1,33 @@
-"""Runs of an estimator with the truth in the place of every combination of its stages.
-
-Each run is kept under a folder named after all that decides it, so that a study goes on where it
-was interrupted and a second one is free.
-"""
+"""Runs of an estimator with every combination of oracles, kept in the cache."""
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import reduce
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 
-from trials.diagnosis.attribution import Coalition, Sequence1m, coalitions
-from trials.diagnosis.error_injection import Injection
-from trials.estimators.choice import ESTIMATORS, Named
+from trials.diagnosis.attribution import Coalition, SegmentDrifts, coalitions
+from trials.diagnosis.bound import write_births
+from trials.diagnosis.error_injection import ErrorInjector, InjectedError
+from trials.diagnosis.oracles import Oracle
+from trials.estimators.choice import ESTIMATORS, Named, make_estimator
+from trials.estimators.plugins.guard import Guarded
+from trials.evaluation.alignment import associate
+from trials.evaluation.metrics import errors_over_distance
 from trials.execution.cache import cache_path, dataset_digest, source_digest
 from trials.execution.parallel import map_parallel
 from vo.contract.arrays import Array, Indices
 from vo.contract.dataset import MANIFEST
 from vo.contract.errors import DatasetError
+from vo.contract.files import replacing
+from vo.contract.readers import open_sequence, read_truth
+from vo.runner import run, write_run
 
-PLAYERS = {
+STAGES = {
     "prediction": ("prediction",),
     "matching": ("matches", "features"),
     "matches": ("matches",),
@@ -30,62 +35,58 @@ PLAYERS = {
     "stereo": ("stereo",),
     "inliers": ("inliers",),
 }
-"""What can be blamed, and the oracles that take its place."""
-USUAL = ("prediction", "matching", "stereo", "inliers")
-SOURCES = (
-    "vo",
-    "trials/diagnosis/oracles.py",
-    "trials/evaluation/truth.py",
-    "trials/diagnosis/error_injection.py",
-)
+"""Stages to which drift is attributed, and the oracles that replace each."""
+SOURCES = ("vo", "trials/diagnosis", "trials/evaluation/truth.py")
+"""Sources that decide a run, in addition to those of a plug-in."""
 RUN = "run.txt"
-"""Trajectory of a run without any oracle, with all its companions."""
-BORN = "born.npz"
+"""Trajectory of a run without oracles, with its companion files."""
+BIRTHS = "births.npz"
+"""First observations of the landmarks of that run."""
 
 
 @dataclass(frozen=True)
 class Subject:
-    """What is examined.
+    """Estimator that is examined.
 
     Attributes:
-        estimator: One of ours, or a class that takes hooks.
-        noise_px: Of the oracles.
-        injection: What is done wrong on purpose.
+        estimator: Built-in estimator, or a class with `hooks`.
+        noise_px: Std. dev. of the noise of the oracles, px.
+        error: Error that is injected.
     """
 
     estimator: Named = field(default_factory=Named)
     noise_px: float = 0.0
-    injection: Injection = field(default_factory=Injection)
+    error: InjectedError = field(default_factory=InjectedError)
 
 
 @dataclass(frozen=True)
-class Drift:
-    """What one run came to.
+class RunDrift:
+    """Drift of one run.
 
     Attributes:
-        start_ns: (K,) first times of segments of 1 m.
+        start_ns: (K,) start times of segments of 1 m.
         at_m: (K,) true path before them.
-        percent: (K,) their drift.
-        lost: Frames without a pose.
-        asked: Stages for which the estimator asked its hooks.
+        percent: (K,) their drift, %.
+        lost: Number of frames without a pose.
+        queried: Oracles for which the estimator called its hooks.
     """
 
     start_ns: Indices
     at_m: Array
     percent: Array
     lost: int
-    asked: tuple[str, ...]
+    queried: tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class Job:
-    """One run.
+class OracleJob:
+    """One run with oracles.
 
     Attributes:
         dataset: With depth labels.
-        subject: What runs.
-        oracles: Stages that are true.
-        folder: Where runs of this subject on this dataset are kept.
+        subject: What is run.
+        oracles: Oracles in use.
+        folder: Folder of the runs of this subject on this dataset.
     """
 
     dataset: Path
@@ -95,24 +96,22 @@ class Job:
 
     @property
     def file(self) -> Path:
-        """What is kept of this run."""
+        """File of the drift of this run."""
         return self.folder / f"{'+'.join(sorted(self.oracles)) or 'none'}.npz"
 
 
-def drifts(jobs: Sequence[Job]) -> Iterator[tuple[Job, Drift]]:
-    """Run what has not been run, on all cores; yields as they finish."""
+def run_all(jobs: Sequence[OracleJob]) -> Iterator[tuple[OracleJob, RunDrift]]:
+    """Run jobs that are not in the cache, on all cores; yields all as they finish."""
     missing = [job for job in jobs if not job.file.is_file()]
     for job in jobs:
         if job not in missing:
             yield job, _load(job.file)
-    if not missing:
-        return
-    for k, drift in map_parallel(_run, [(job,) for job in missing]):
+    for k, drift in map_parallel(_run, [(job,) for job in missing]) if missing else ():
         yield missing[k], drift
 
 
-def paired(name: str, found: dict[Coalition, Drift]) -> Sequence1m:
-    """Keep the segments that every combination of oracles has.
+def paired(name: str, found: Mapping[Coalition, RunDrift]) -> SegmentDrifts:
+    """Keep the segments that the runs of all combinations have.
 
     Raises:
         DatasetError: If there is none.
@@ -120,96 +119,81 @@ def paired(name: str, found: dict[Coalition, Drift]) -> Sequence1m:
     common = reduce(np.intersect1d, [x.start_ns for x in found.values()])
     if len(common) == 0:
         lost = {"+".join(sorted(c)) or "none": x.lost for c, x in found.items() if x.lost}
-        raise DatasetError(f"{name}: no metre that all combinations have; frames lost: {lost}")
+        raise DatasetError(
+            f"{name}: no segment of 1 m has a pose in all combinations; frames lost: {lost}"
+        )
     rows = {c: np.searchsorted(x.start_ns, common) for c, x in found.items()}
     at_m = found[frozenset()].at_m[rows[frozenset()]]
-    return Sequence1m(name, at_m, {c: x.percent[rows[c]] for c, x in found.items()})
+    return SegmentDrifts(name, at_m, {c: x.percent[rows[c]] for c, x in found.items()})
 
 
-def jobs_for(
-    dataset: Path, subject: Subject, players: Sequence[str], folder: Path
-) -> dict[Coalition, Job]:
-    """One job for every combination of players."""
-    return {c: Job(dataset, subject, _oracles(c), folder) for c in coalitions(players)}
+def combinations_of(
+    dataset: Path, subject: Subject, stages: Sequence[str], cache: Path
+) -> dict[Coalition, OracleJob]:
+    """Return a job for every combination of stages.
+
+    Raises:
+        DatasetError: If the dataset was not simulated.
+    """
+    folder = run_folder(dataset, subject, cache)
+    return {
+        c: OracleJob(dataset, subject, frozenset(x for stage in c for x in STAGES[stage]), folder)
+        for c in coalitions(stages)
+    }
 
 
 def run_folder(dataset: Path, subject: Subject, cache: Path) -> Path:
-    """Folder named after all that decides the runs of a subject on a dataset.
+    """Return the cache folder of the runs of a subject on a dataset.
 
     Raises:
-        DatasetError: If the dataset is none of ours.
+        DatasetError: If the dataset was not simulated.
     """
-    manifest = dataset / MANIFEST
-    if not manifest.is_file():
-        raise DatasetError(f"{dataset}: no {MANIFEST}: oracles need a simulated dataset")
-    name, config = subject.estimator.name, subject.estimator.config
-    plugin = "" if name in ESTIMATORS else name.partition(":")[0]
-    file = config.read_text(encoding="utf-8") if config else ""
-    causes = (dataset_digest(dataset), repr(asdict(subject)), file, source_digest(SOURCES, plugin))
-    return cache_path(cache, "explanations", dataset.name, *causes)
+    if not (dataset / MANIFEST).is_file():
+        raise DatasetError(f"{dataset}: no {MANIFEST}; oracles need a simulated dataset")
+    choice = subject.estimator
+    module = "" if choice.name in ESTIMATORS else choice.name.partition(":")[0]
+    config = choice.config.read_text(encoding="utf-8") if choice.config else ""
+    causes = (dataset_digest(dataset), source_digest(SOURCES, module), repr(asdict(subject)))
+    return cache_path(cache, "oracles", dataset.name, *causes, config)
 
 
-def _oracles(players: Coalition) -> Coalition:
-    return frozenset(oracle for x in players for oracle in PLAYERS[x])
-
-
-def _run(job: Job) -> Drift:
-    import cv2
-
-    from trials.diagnosis.bound import write_births
-    from trials.diagnosis.error_injection import Injected
-    from trials.diagnosis.oracles import Oracle
-    from trials.estimators.choice import make_estimator
-    from trials.estimators.plugins.guard import Guarded
-    from trials.evaluation.alignment import associate
-    from trials.evaluation.metrics import errors_over_distance
-    from vo.contract.readers import open_sequence, read_truth
-    from vo.runner import run, write_run
-
+def _run(job: OracleJob) -> RunDrift:
     cv2.setNumThreads(1)
     sequence, truth = open_sequence(job.dataset), read_truth(job.dataset)
     if truth is None:
-        raise DatasetError(f"{job.dataset}: holds no truth to compare with")
-    choice, injection = job.subject.estimator, job.subject.injection
-    rig = injection.rig(sequence.rig)
+        raise DatasetError(f"{job.dataset}: has no ground truth")
+    choice, error = job.subject.estimator, job.subject.error
+    rig = error.rig(sequence.rig)
     made, settings = make_estimator(choice.name, rig, choice.config, choice.overrides)
     estimator: Any = made
     oracle = Oracle(job.dataset, job.oracles, job.subject.noise_px, rig=rig)
     if hasattr(estimator, "hooks"):
-        estimator.hooks = oracle if injection == Injection() else Injected(injection, oracle)
+        estimator.hooks = oracle if error == InjectedError() else ErrorInjector(error, oracle)
     result = run(sequence, estimator if choice.name in ESTIMATORS else Guarded(estimator))
     job.folder.mkdir(parents=True, exist_ok=True)
     if not job.oracles:
         write_run(job.folder / RUN, result, choice.name, settings, job.dataset)
-        write_births(job.folder / BORN, oracle.births)
-    lost = len(sequence) - len(result.trajectory)
-    nothing = np.zeros(0)
-    drift = Drift(nothing.astype(np.int64), nothing, nothing, lost, tuple(sorted(oracle.asked)))
+        write_births(job.folder / BIRTHS, oracle.births)
+    lost, queried = len(sequence) - len(result.trajectory), tuple(sorted(oracle.queried))
+    drift = RunDrift(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), lost, queried)
     if len(result.trajectory) > 1:
         pair = associate(truth, result.trajectory)
         errors = errors_over_distance(pair, 1.0)
-        drift = Drift(
-            pair.timestamps_ns[errors.start],
-            pair.travelled_m[errors.start],
-            100 * errors.translation_m / errors.length_m,
-            lost,
-            drift.asked,
-        )
+        start_ns, at_m = pair.timestamps_ns[errors.start], pair.travelled_m[errors.start]
+        percent = 100 * errors.translation_m / errors.length_m
+        drift = RunDrift(start_ns, at_m, percent, lost, queried)
     _save(job.file, drift)
     return drift
 
 
-def _save(path: Path, drift: Drift) -> None:
-    from vo.contract.files import replacing
-
+def _save(path: Path, drift: RunDrift) -> None:
     with replacing(path) as partial, partial.open("wb") as file:
-        about = json.dumps({"lost": drift.lost, "asked": drift.asked})
+        about = json.dumps({"lost": drift.lost, "queried": drift.queried})
         np.savez(file, start_ns=drift.start_ns, at_m=drift.at_m, percent=drift.percent, about=about)
 
 
-def _load(path: Path) -> Drift:
+def _load(path: Path) -> RunDrift:
     with np.load(path) as file:
         about = json.loads(str(file["about"]))
-        return Drift(
-            file["start_ns"], file["at_m"], file["percent"], about["lost"], tuple(about["asked"])
-        )
+        columns = (file["start_ns"], file["at_m"], file["percent"])
+        return RunDrift(*columns, about["lost"], tuple(about["queried"]))

@@ -1,4 +1,4 @@
-"""Errors of known size, put into one stage: what a diagnosis must find again."""
+"""Injection of known errors into one stage, to validate the attribution."""
 
 from dataclasses import dataclass, replace
 
@@ -11,13 +11,13 @@ from vo.hooks import Hooks
 
 
 @dataclass(frozen=True)
-class Injection:
-    """What is done wrong.
+class InjectedError:
+    """Error that is injected; zero by default.
 
     Attributes:
-        pixel_sigma_px: Standard deviation added to u and v of every match, fresh in every frame.
-        disparity_bias_px: Added to every disparity.
-        baseline_percent: By how much too long the estimator believes the baseline to be.
+        pixel_sigma_px: Std. dev. of noise added to u and v of every match, drawn for every frame.
+        disparity_bias_px: Bias added to every disparity.
+        baseline_percent: Relative error of the baseline that the estimator uses, %.
     """
 
     pixel_sigma_px: float = 0.0
@@ -25,64 +25,64 @@ class Injection:
     baseline_percent: float = 0.0
 
     def rig(self, rig: StereoRig) -> StereoRig:
-        """Calibration that the estimator gets in the place of the right one."""
+        """Return the wrong calibration for a true one."""
         return replace(rig, baseline_m=rig.baseline_m * (1 + self.baseline_percent / 100))
 
 
-class Injected(Hooks):
-    """Adds errors to what the estimator found, then asks others.
+class ErrorInjector(Hooks):
+    """Hooks that add errors to the estimator's output before other hooks receive it.
 
-    An estimator may hand out again in the same frame what it was told before; nothing is added to
-    that a second time.
+    An estimator may pass a value to its hooks again in the same frame; no error is added to a value
+    that was returned in this frame.
     """
 
-    def __init__(self, injection: Injection, then: Hooks, seed: int = 0) -> None:
-        self.injection, self.then, self.seed = injection, then, seed
+    def __init__(self, error: InjectedError, inner: Hooks, seed: int = 0) -> None:
+        self.error, self.inner, self.seed = error, inner, seed
         self._time_ns = -1
-        self._told_pixels: dict[int, tuple[float, ...]] = {}  # by landmark
-        self._told_disparity: dict[tuple[float, ...], float] = {}  # by pixel
+        self._returned_pixels: dict[int, tuple[float, ...]] = {}  # by landmark
+        self._returned_disparity: dict[tuple[float, ...], float] = {}  # by pixel
 
     def features(self, frame: StereoFrame, pixels: Array) -> Array:
         """Pass on."""
-        return self.then.features(frame, pixels)
+        return self.inner.features(frame, pixels)
 
     def born(self, frame: StereoFrame, ids: Indices, pixels: Array) -> None:
         """Pass on."""
-        self.then.born(frame, ids, pixels)
+        self.inner.born(frame, ids, pixels)
 
     def predicted(
         self, frame: StereoFrame, last_ns: int, T_odom_last: Array, T_odom_cam: Array
     ) -> Array:
         """Pass on."""
-        return self.then.predicted(frame, last_ns, T_odom_last, T_odom_cam)
+        return self.inner.predicted(frame, last_ns, T_odom_last, T_odom_cam)
+
+    def inliers(self, frame: StereoFrame, ids: Indices, pixels: Array, agree: Mask) -> Mask:
+        """Pass on."""
+        return self.inner.inliers(frame, ids, pixels, agree)
 
     def pixels(self, frame: StereoFrame, ids: Indices, pixels: Array) -> Array:
         """Add noise."""
         self._begin(frame)
-        told = [self._told_pixels.get(x) for x in ids.tolist()]
-        fresh = np.array([t != tuple(p) for t, p in zip(told, pixels.tolist(), strict=True)])
+        returned = [self._returned_pixels.get(x) for x in ids.tolist()]
+        fresh = np.array([t != tuple(p) for t, p in zip(returned, pixels.tolist(), strict=True)])
         rng = np.random.default_rng((self.seed, frame.timestamp_ns))
-        noise = self.injection.pixel_sigma_px * rng.standard_normal(pixels.shape)
-        answer = self.then.pixels(frame, ids, pixels + noise * fresh[:, None])
-        self._told_pixels.update(zip(ids.tolist(), map(tuple, answer.tolist()), strict=True))
+        noise = self.error.pixel_sigma_px * rng.standard_normal(pixels.shape)
+        answer = self.inner.pixels(frame, ids, pixels + noise * fresh[:, None])
+        self._returned_pixels.update(zip(ids.tolist(), map(tuple, answer.tolist()), strict=True))
         return answer
 
     def disparity(self, frame: StereoFrame, pixels: Array, disparity_px: Array) -> Array:
         """Add the bias."""
         self._begin(frame)
         keys = list(map(tuple, pixels.tolist()))
-        told = np.array([self._told_disparity.get(key, np.nan) for key in keys])
-        bias = np.where(told == disparity_px, 0.0, self.injection.disparity_bias_px)
-        answer = self.then.disparity(frame, pixels, disparity_px + bias)
-        self._told_disparity.update(zip(keys, answer.tolist(), strict=True))
+        returned = np.array([self._returned_disparity.get(key, np.nan) for key in keys])
+        bias = np.where(returned == disparity_px, 0.0, self.error.disparity_bias_px)
+        answer = self.inner.disparity(frame, pixels, disparity_px + bias)
+        self._returned_disparity.update(zip(keys, answer.tolist(), strict=True))
         return answer
-
-    def inliers(self, frame: StereoFrame, ids: Indices, pixels: Array, agree: Mask) -> Mask:
-        """Pass on."""
-        return self.then.inliers(frame, ids, pixels, agree)
 
     def _begin(self, frame: StereoFrame) -> None:
         if frame.timestamp_ns != self._time_ns:
             self._time_ns = frame.timestamp_ns
-            self._told_pixels.clear()
-            self._told_disparity.clear()
+            self._returned_pixels.clear()
+            self._returned_disparity.clear()

@@ -1,4 +1,4 @@
-"""Why an estimator drifts on some scenes: attribution, bound and consistency of the same runs."""
+"""Explanation of the drift on a scene: attribution, bound and consistency of the same runs."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -10,18 +10,17 @@ import numpy as np
 from trials.diagnosis.attribution import Attribution, Coalition, attribute
 from trials.diagnosis.bound import Bound, bound
 from trials.diagnosis.combinations import (
-    BORN,
-    PLAYERS,
+    BIRTHS,
     RUN,
-    Drift,
-    Job,
+    STAGES,
+    RunDrift,
     Subject,
-    drifts,
-    jobs_for,
+    combinations_of,
     paired,
+    run_all,
     run_folder,
 )
-from trials.evaluation.consistency import Nees, nees
+from trials.evaluation.consistency import Nees, nees, summarize
 from trials.evaluation.runs import SavedRun, read_run
 from vo.contract.arrays import Array
 from vo.contract.errors import DriftyardError, TrajectoryError
@@ -30,17 +29,17 @@ from vo.contract.readers import read_truth
 
 @dataclass(frozen=True)
 class Explanation:
-    """What was found out on one scene, or on one set of datasets.
+    """Results for one scene, or for one set of datasets.
 
     Attributes:
         name: Of the scene.
         datasets: Names.
         separated: Stages that were replaced.
-        inseparable: Stages that were asked for, and which the estimator does not let be replaced.
-        attribution: None if nothing could be replaced.
-        drift: Of each dataset without oracles, %.
-        lost: Frames without a pose, of all combinations.
-        bounds: One for each dataset, or why there is none.
+        inseparable: Requested stages that the estimator does not allow to replace.
+        attribution: None if no stage could be replaced.
+        drift: Drift of each dataset without oracles, %.
+        lost: Number of frames without a pose, over all combinations.
+        bounds: One for each dataset, or the reason why there is none.
         nees: One for each dataset; empty if the estimator gives no covariances.
     """
 
@@ -60,13 +59,11 @@ class Explanation:
         return [x for x in self.bounds if isinstance(x, Bound)]
 
     def pooled(self, kind: str) -> Array:
-        """NEES of all datasets: `absolute`, `step` or `over_1m`."""
+        """Concatenate the NEES of all datasets: `absolute`, `step` or `over_1m`."""
         return np.concatenate([getattr(x, kind) for x in self.nees] or [np.zeros(0)])
 
     def as_json(self) -> dict[str, Any]:
-        """Return plain numbers, strings and None; curves along the path are left out."""
-        from trials.evaluation.consistency import summary
-
+        """Return numbers, strings and None, without the curves along the path."""
         return {
             "name": self.name,
             "datasets": self.datasets,
@@ -78,70 +75,70 @@ class Explanation:
             "drift_by_dataset_percent": self.drift,
             "frames_lost": self.lost,
             "bounds": [x if isinstance(x, str) else _plain(x) for x in self.bounds],
-            "consistency": [asdict(x) for x in summary(self.nees)],
+            "consistency": [asdict(x) for x in summarize(self.nees)],
         }
 
 
 def explain(
     groups: Mapping[str, Sequence[Path]],
     subject: Subject,
-    players: Sequence[str],
+    stages: Sequence[str],
     cache: Path,
     progress: Callable[[int, int], None],
 ) -> list[Explanation]:
-    """Run every combination of oracles over every dataset.
+    """Run every combination of oracles over every dataset, and evaluate the runs.
 
     Args:
         groups: Name to the datasets that are explained together.
-        subject: What is examined.
-        players: Keys of PLAYERS.
-        cache: Runs are kept here.
-        progress: Called with the runs done and those in all.
+        subject: Estimator that is examined.
+        stages: Keys of STAGES.
+        cache: Folder of the cache.
+        progress: Called with the number of finished runs and of all runs.
 
     Raises:
-        DriftyardError: If a dataset has no labels, or no metre survives all combinations.
+        DriftyardError: If a dataset has no labels, or no segment has a pose in all combinations.
     """
     datasets = [x for some in groups.values() for x in some]
-    first = {x: Job(x, subject, frozenset(), run_folder(x, subject, cache)) for x in datasets}
-    every = len(datasets) * 2 ** len(players)
-    plain: dict[Path, Drift] = {}
-    for done, (job, drift) in enumerate(drifts(list(first.values())), 1):
-        plain[job.dataset] = drift
+    every = len(datasets) * 2 ** len(stages)
+    plain = [job for x in datasets for job in combinations_of(x, subject, (), cache).values()]
+    queried: set[str] = set()
+    for done, (_, drift) in enumerate(run_all(plain), 1):
+        queried.update(drift.queried)
         progress(done, every)
-    replaceable = {x for drift in plain.values() for x in drift.asked}
-    separated = [x for x in players if set(PLAYERS[x]) <= replaceable]
-    jobs = {x: jobs_for(x, subject, separated, first[x].folder) for x in datasets}
+    separated = [x for x in stages if set(STAGES[x]) <= queried]
+    jobs = {x: combinations_of(x, subject, separated, cache) for x in datasets}
     owner = {job: (x, c) for x in datasets for c, job in jobs[x].items()}
-    found: dict[Path, dict[Coalition, Drift]] = {x: {} for x in datasets}
-    for done, (job, drift) in enumerate(drifts([j for x in datasets for j in jobs[x].values()]), 1):
+    found: dict[Path, dict[Coalition, RunDrift]] = {x: {} for x in datasets}
+    for done, (job, drift) in enumerate(run_all(list(owner)), 1):
         dataset, coalition = owner[job]
         found[dataset][coalition] = drift
         progress(done, len(owner))
     return [
-        _explanation(name, [(x, first[x].folder, found[x]) for x in some], separated, players)
+        _explanation(name, {x: (run_folder(x, subject, cache), found[x]) for x in some},
+                     separated, stages)
         for name, some in groups.items()
-    ]
+    ]  # fmt: skip
 
 
 def _explanation(
     name: str,
-    parts: Sequence[tuple[Path, Path, dict[Coalition, Drift]]],
+    parts: Mapping[Path, tuple[Path, Mapping[Coalition, RunDrift]]],
     separated: Sequence[str],
-    players: Sequence[str],
+    stages: Sequence[str],
 ) -> Explanation:
-    runs = [(dataset, folder, read_run(folder / RUN)) for dataset, folder, _ in parts]
+    runs = [(dataset, folder, read_run(folder / RUN)) for dataset, (folder, _) in parts.items()]
     attribution = None
     if separated:
-        attribution = attribute([paired(str(x), found) for x, _, found in parts], separated)
+        attribution = attribute([paired(str(x), y) for x, (_, y) in parts.items()], separated)
     return Explanation(
         name,
-        tuple(dataset.name for dataset, _, _ in parts),
+        tuple(dataset.name for dataset in parts),
         tuple(separated),
-        tuple(x for x in players if x not in separated),
+        tuple(x for x in stages if x not in separated),
         attribution,
-        tuple(float(np.mean(found[frozenset()].percent)) for _, _, found in parts),
-        sum(x.lost for _, _, found in parts for x in found.values()),
-        tuple(_bound(dataset, run, folder / BORN) for dataset, folder, run in runs),
+        tuple(float(np.mean(found[frozenset()].percent)) for _, found in parts.values()),
+        sum(x.lost for _, found in parts.values() for x in found.values()),
+        tuple(_bound(dataset, run, folder / BIRTHS) for dataset, folder, run in runs),
         tuple(x for dataset, _, run in runs if (x := _nees(dataset, run))),
     )
 
@@ -157,16 +154,16 @@ def _nees(dataset: Path, run: SavedRun) -> Nees | None:
     truth = read_truth(dataset)
     try:
         return nees(truth, run) if truth else None
-    except TrajectoryError:  # it gives no covariances: nothing to judge
+    except TrajectoryError:  # the estimator gives no covariances
         return None
 
 
 def _plain(x: Bound) -> dict[str, Any]:
     return {
         "over_1m_percent": x.over_1m_percent,
-        "least_over_1m_percent": x.least_over_1m_percent,
+        "bound_over_1m_percent": x.bound_over_1m_percent,
         "end_m": x.end_m,
-        "least_end_m": x.least_end_m,
+        "bound_end_m": x.bound_end_m,
         "noise_px": x.noise.effective_px.tolist(),
         "bias_px": x.noise.bias_px.tolist(),
         "observations": x.observations,

@@ -1,96 +1,83 @@
-"""Whether attribution finds what was done wrong on purpose; `driftyard explain --validate`."""
+"""Validation of the attribution by injected errors: `driftyard explain --validate`."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from rich.table import Table
-
 from trials.diagnosis.attribution import Attribution, attribute
-from trials.diagnosis.combinations import Drift, Job, Subject, drifts, jobs_for, paired, run_folder
-from trials.diagnosis.error_injection import Injection
+from trials.diagnosis.combinations import (
+    OracleJob,
+    RunDrift,
+    Subject,
+    combinations_of,
+    paired,
+    run_all,
+)
+from trials.diagnosis.error_injection import InjectedError
 
 CASES = {
-    "1 px noise on matches": (Injection(pixel_sigma_px=1.0), "matching"),
-    "baseline 1 % too long": (Injection(baseline_percent=1.0), "stereo"),
-    "disparities 0.5 px too large": (Injection(disparity_bias_px=0.5), "stereo"),
+    "1 px noise on matches": (InjectedError(pixel_sigma_px=1.0), "matching"),
+    "baseline 1 % too long": (InjectedError(baseline_percent=1.0), "stereo"),
+    "disparities 0.5 px too large": (InjectedError(disparity_bias_px=0.5), "stereo"),
 }
-"""What is done wrong, and who is to blame."""
-LEAST = 0.8
+"""Description to the injected error and the stage in which it is."""
+MIN_ATTRIBUTED = 0.8
+"""Smallest ratio of the added drift that must be attributed to that stage."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """Where the drift that an injected error added was put.
+    """Attribution of the drift that an injected error adds.
 
     Attributes:
         name: Of the case.
-        culprit: Stage in which the error is.
-        before: Attribution without it.
-        after: And with it.
+        stage: Stage that contains the error.
+        before: Attribution without the error.
+        after: Attribution with the error.
     """
 
     name: str
-    culprit: str
+    stage: str
     before: Attribution
     after: Attribution
 
     @property
-    def blamed(self) -> float:
-        """Share of the added drift that the culprit is blamed for."""
+    def attributed(self) -> float:
+        """Ratio of the added drift that is attributed to the stage with the error."""
         was, now = (
-            next(x.drift for x in attribution.shares if x.stage == self.culprit)
+            next(x.drift for x in attribution.shares if x.stage == self.stage)
             for attribution in (self.before, self.after)
         )
         return (now - was) / (self.after.drift - self.before.drift)
 
 
 def validate(
-    datasets: Sequence[Path], subject: Subject, players: Sequence[str], cache: Path,
+    datasets: Sequence[Path], subject: Subject, stages: Sequence[str], cache: Path,
     progress: Callable[[int, int], None],
 ) -> list[Finding]:  # fmt: skip
-    """Explain datasets with and without each injected error.
+    """Attribute the drift with and without each injected error.
 
     Args:
         datasets: With depth labels.
-        subject: Without an injection.
-        players: Among them `matching` and `stereo`.
-        cache: Runs are kept here.
-        progress: Called with the runs done and those in all.
+        subject: Without an injected error.
+        stages: Among them `matching` and `stereo`.
+        cache: Folder of the cache.
+        progress: Called with the number of finished runs and of all runs.
     """
-    subjects = [subject, *(replace(subject, injection=x) for x, _ in CASES.values())]
-    jobs = {
-        (s, d): jobs_for(d, s, players, run_folder(d, s, cache)) for s in subjects for d in datasets
-    }
+    subjects = [subject, *(replace(subject, error=x) for x, _ in CASES.values())]
+    jobs = {(s, d): combinations_of(d, s, stages, cache) for s in subjects for d in datasets}
     every = [job for some in jobs.values() for job in some.values()]
-    found: dict[Job, Drift] = {}
-    for done, (job, drift) in enumerate(drifts(every), 1):
+    found: dict[OracleJob, RunDrift] = {}
+    for done, (job, drift) in enumerate(run_all(every), 1):
         found[job] = drift
         progress(done, len(every))
     before, *after = (
         attribute(
-            [
-                paired(str(d), {c: found[job] for c, job in jobs[subject, d].items()})
-                for d in datasets
-            ],
-            players,
+            [paired(str(d), {c: found[x] for c, x in jobs[s, d].items()}) for d in datasets], stages
         )
-        for subject in subjects
+        for s in subjects
     )
     return [
-        Finding(name, culprit, before, with_error)
-        for (name, (_, culprit)), with_error in zip(CASES.items(), after, strict=True)
+        Finding(name, stage, before, with_error)
+        for (name, (_, stage)), with_error in zip(CASES.items(), after, strict=True)
     ]
-
-
-def validation_table(
-    datasets: Sequence[Path], subject: Subject, players: Sequence[str], cache: Path,
-    progress: Callable[[int, int], None],
-) -> Table:  # fmt: skip
-    """Lay out who is blamed for each injected error."""
-    table = Table("injected", "drift, %", "with it", "in", "blamed for", f"≥ {LEAST:.0%}")
-    for x in validate(datasets, subject, players, cache, progress):
-        ok = "yes" if x.blamed >= LEAST else "NO"
-        drifts_percent = (f"{a.drift:.3f}" for a in (x.before, x.after))
-        table.add_row(x.name, *drifts_percent, x.culprit, f"{x.blamed:.0%}", ok)
-    return table

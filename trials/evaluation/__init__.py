@@ -1,1 +1,1 @@
-"""Errors of trajectories against the truth."""
+"""Evaluation of trajectories against ground truth."""

@@ -1,4 +1,4 @@
-"""Two trajectories at the same times, and the ways to lay one over the other."""
+"""Association of two trajectories by time, and alignment of one to the other."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -10,19 +10,19 @@ from vo.contract.arrays import Array, Indices
 from vo.contract.errors import TrajectoryError
 from vo.contract.trajectory import Trajectory
 
-REACH_NS = 20_000_000
-"""A time this far from the nearest sample of the truth has no truth: 6 mm at 0.3 m/s."""
+MAX_GAP_NS = 20_000_000
+"""Largest distance in time from the nearest sample of the truth: 6 mm of motion at 0.3 m/s."""
 
 
 class Alignment(StrEnum):
-    """What of the estimate's frame is taken from the truth before positions are compared."""
+    """Alignment of the estimate to the truth before positions are compared."""
 
     FIRST_POSE = "first_pose"
-    """The first pose: nothing is fitted, heading errors at the start grow with distance."""
+    """First poses coincide: nothing is fitted, and an initial heading error grows with distance."""
     SE3 = "se3"
-    """The rigid motion of least squares over all positions."""
+    """Least-squares rigid motion over all positions."""
     SIM3 = "sim3"
-    """The same with a scale: forgives what a stereo pair should know."""
+    """Least-squares similarity, which removes the error of scale."""
 
 
 @dataclass(frozen=True)
@@ -41,14 +41,14 @@ class Pair:
 
     @property
     def travelled_m(self) -> Array:
-        """(N,) length of the true path up to each time: the sum of its chords."""
+        """(N,) length of the true path up to each time: the sum of its chords, metres."""
         steps = np.linalg.norm(np.diff(self.T_world_cam[:, :3, 3], axis=0), axis=1)
         return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 @dataclass(frozen=True)
 class Similarity:
-    """p_a = scale * R_a_b @ p_b + t_a_b; a rigid motion where scale is 1.
+    """Similarity transformation p_a = scale * R_a_b @ p_b + t_a_b; rigid if scale is 1.
 
     Attributes:
         R_a_b: (3, 3).
@@ -61,7 +61,7 @@ class Similarity:
     scale: float = 1.0
 
     def map(self, T_b_frame: Array) -> Array:
-        """Carry poses (N, 4, 4) from b to a; rotations stay rotations."""
+        """Transform poses (N, 4, 4) from b to a; rotations are not scaled."""
         t = self.scale * T_b_frame[:, :3, 3] @ self.R_a_b.T + self.t_a_b
         return se3.pose(self.R_a_b @ T_b_frame[:, :3, :3], t)
 
@@ -69,8 +69,8 @@ class Similarity:
 def associate(truth: Trajectory, estimate: Trajectory) -> Pair:
     """Interpolate the truth at the estimate's times.
 
-    Times further than `REACH_NS` from every sample of the truth are left out: beyond its ends, and
-    in the gaps of a motion-capture system that lost its target.
+    Times further than `MAX_GAP_NS` from every sample of the truth are left out: beyond its ends and
+    in its gaps.
 
     Raises:
         TrajectoryError: If fewer than two times remain.
@@ -79,7 +79,7 @@ def associate(truth: Trajectory, estimate: Trajectory) -> Pair:
     after = np.searchsorted(known, times).clip(1, len(known) - 1) if len(known) > 1 else 0
     distance_ns = np.minimum(np.abs(times - known[after]), np.abs(times - known[after - 1]))
     inside = (times >= known[0]) & (times <= known[-1])
-    shared = inside & (distance_ns <= REACH_NS)
+    shared = inside & (distance_ns <= MAX_GAP_NS)
     if shared.sum() < 2:
         raise TrajectoryError(
             f"the estimate shares {shared.sum()} times with the truth, scoring needs 2; "
@@ -90,10 +90,10 @@ def associate(truth: Trajectory, estimate: Trajectory) -> Pair:
 
 
 def fit(pair: Pair, alignment: Alignment) -> Similarity:
-    """Find the motion that lays the estimate over the truth.
+    """Compute the motion that aligns the estimate to the truth.
 
     Raises:
-        TrajectoryError: If a scale is asked for and the estimate never moves.
+        TrajectoryError: If a scale is requested and the estimate does not move.
     """
     if alignment is Alignment.FIRST_POSE:
         T_world_odom = pair.T_world_cam[0] @ se3.inverse(pair.T_odom_cam[0])
@@ -103,18 +103,18 @@ def fit(pair: Pair, alignment: Alignment) -> Similarity:
 
 
 def umeyama(points_a: Array, points_b: Array, with_scale: bool) -> Similarity:
-    """Least-squares motion from b to a of corresponding points.
+    """Compute the least-squares motion from b to a of corresponding points.
 
     Args:
         points_a: (N, 3) metres.
         points_b: (N, 3) metres.
-        with_scale: Whether the scale is free or 1.
+        with_scale: Whether the scale is estimated; otherwise it is 1.
 
     Returns:
-        The minimiser. Where it is not unique (points on a line), one of them.
+        The minimiser; one of them if it is not unique (points on a line).
 
     Raises:
-        TrajectoryError: If the scale is free and points_b coincide.
+        TrajectoryError: If the scale is estimated and points_b coincide.
 
     Source:
         Umeyama, Least-squares estimation of transformation parameters between two point
@@ -127,7 +127,7 @@ def umeyama(points_a: Array, points_b: Array, with_scale: bool) -> Similarity:
     scale = 1.0
     if with_scale:
         if variance_b == 0:
-            raise TrajectoryError("the estimate never moves, so it has no scale to align")
+            raise TrajectoryError("the estimate does not move, so its scale is undefined")
         scale = float(np.sum(signed) / variance_b)  # eq. 42
     return Similarity(R_a_b, mean_a - scale * R_a_b @ mean_b, scale)  # eq. 41
 

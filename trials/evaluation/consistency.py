@@ -1,8 +1,8 @@
-"""Whether an estimator's covariances say how large its errors are (NEES, calibration).
+"""Consistency of an estimator's covariances with its errors (NEES, calibration).
 
-The normalised estimation error squared e' P^-1 e has six degrees of freedom; its mean is 6 where
-the covariance is right, more where the estimator believes itself too much (Bar-Shalom, Li and
-Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, section 5.4).
+The normalised estimation error squared e' P^-1 e has six degrees of freedom; its mean is 6 if the
+covariance is correct and larger if the estimator is overconfident (Bar-Shalom, Li and Kirubarajan,
+Estimation with Applications to Tracking and Navigation, 2001, section 5.4).
 """
 
 from collections.abc import Sequence
@@ -23,23 +23,23 @@ from vo.runner import companion
 DEGREES = 6
 LENGTH_M = 1.0
 CONFIDENCE = 0.95
-SINGULAR = 1e-12
-"""Smallest ratio of the variances along a covariance's axes, each in its unit, that has a NEES."""
+MIN_EIGENVALUE_RATIO = 1e-12
+"""Smallest over largest eigenvalue of a correlation matrix, below which it is singular."""
 
 
 @dataclass(frozen=True)
 class Nees:
-    """Normalised errors of a run at the N times that have a truth; NaN where there is none to say.
+    """Normalised errors of a run at the N times that have a truth; NaN where undefined.
 
     Attributes:
         timestamps_ns: (N,).
-        status: N statuses; `tracked` where the run came without its record.
+        status: N statuses; `tracked` if the run has no table of frames.
         absolute: (N,) of the motion since the first of these times.
         step: (N,) of the motion since the pose before.
         over_1m: (N,) of the motion over the last metre of true path.
 
-    An estimator states covariances of steps and of poses. That of a longer motion is taken to be
-    what the pose's has grown by on the way, as if errors that came later were independent.
+    An estimator gives covariances of steps and of poses. The covariance of a longer motion is the
+    increase of that of the pose, which assumes that later errors are independent.
     """
 
     timestamps_ns: Indices
@@ -48,8 +48,8 @@ class Nees:
     step: Array
     over_1m: Array
 
-    def at(self, status: Status) -> "Nees":
-        """Keep the times of one status."""
+    def with_status(self, status: Status) -> "Nees":
+        """Keep the times with one status."""
         keep = np.array([x is status for x in self.status], dtype=bool)
         kept = tuple(x for x in self.status if x is status)
         columns = (self.absolute[keep], self.step[keep], self.over_1m[keep])
@@ -57,7 +57,7 @@ class Nees:
 
 
 def nees(truth: Trajectory, run: SavedRun) -> Nees:
-    """Hold the errors of a run against the covariances that it gave.
+    """Compute the NEES of a run.
 
     Args:
         truth: T_world_cam.
@@ -68,7 +68,7 @@ def nees(truth: Trajectory, run: SavedRun) -> Nees:
     """
     path = companion(run.path, "covariance.npz")
     if not path.is_file():
-        raise TrajectoryError(f"{run.path}: its estimator gave no covariances ({path.name})")
+        raise TrajectoryError(f"{run.path}: the estimator gave no covariances ({path.name})")
     pair = associate(truth, run.trajectory)
     with np.load(path) as file:
         times, poses, steps = file["timestamp_ns"], file["pose"], file["step"]
@@ -79,7 +79,9 @@ def nees(truth: Trajectory, run: SavedRun) -> Nees:
     return Nees(
         pair.timestamps_ns,
         _statuses(run, pair.timestamps_ns),
-        _gained(pair, poses[rows], np.zeros(len(rows), dtype=np.int64), np.arange(len(rows))),
+        _nees_of_motions(
+            pair, poses[rows], np.zeros(len(rows), dtype=np.int64), np.arange(len(rows))
+        ),
         _steps(
             pair, steps[rows], np.searchsorted(run.trajectory.timestamps_ns, pair.timestamps_ns)
         ),
@@ -88,17 +90,17 @@ def nees(truth: Trajectory, run: SavedRun) -> Nees:
 
 
 def mean_bounds(samples: int, confidence: float = CONFIDENCE) -> tuple[float, float]:
-    """Interval in which the mean of so many independent NEES falls if covariances are right."""
+    """Return the interval of the mean of independent NEES if the covariances are correct."""
     tails = [(1 - confidence) / 2, (1 + confidence) / 2]
     low, high = chi2.ppf(tails, DEGREES * samples) / samples
     return float(low), float(high)
 
 
 def calibration(values: Array, levels: Array) -> Array:
-    """Share of errors inside the ellipsoid that should hold a share of `levels` (K,) of them.
+    """Return the fraction (K,) of errors inside the ellipsoids of probabilities `levels`.
 
     Args:
-        values: (N,) NEES; NaN is left out.
+        values: (N,) NEES; NaN is ignored.
         levels: (K,) probabilities.
     """
     known = np.sort(values[np.isfinite(values)])
@@ -113,14 +115,14 @@ def normalized(errors: Array, covariances: Array) -> Array:
         scale = np.sqrt(np.maximum(np.diag(P), 0.0))
         if not (np.isfinite(P).all() and (scale > 0).all()):
             continue
-        spread, axes = np.linalg.eigh(P / np.outer(scale, scale))
-        if spread[0] > SINGULAR * spread[-1]:
-            values[i] = np.sum((axes.T @ (e / scale)) ** 2 / spread)
+        variances, axes = np.linalg.eigh(P / np.outer(scale, scale))
+        if variances[0] > MIN_EIGENVALUE_RATIO * variances[-1]:
+            values[i] = np.sum((axes.T @ (e / scale)) ** 2 / variances)
     return values
 
 
 def _steps(pair: Pair, covariances: Array, rows: Indices) -> Array:
-    """A step counts from the pose before, so that one must have a truth too."""
+    """Return the NEES (N,) of steps; the previous pose must have a truth too."""
     values = np.full(len(covariances), np.nan)
     ends = np.flatnonzero(np.diff(rows) == 1) + 1
     values[ends] = normalized(_motion_errors(pair, ends - 1, ends), covariances[ends])
@@ -132,12 +134,12 @@ def _over_length(pair: Pair, covariances: Array) -> Array:
     travelled_m = pair.travelled_m
     ends = np.flatnonzero(travelled_m >= LENGTH_M)
     starts = np.searchsorted(travelled_m, travelled_m[ends] - LENGTH_M, side="right") - 1
-    values[ends] = _gained(pair, covariances, starts, ends)
+    values[ends] = _nees_of_motions(pair, covariances, starts, ends)
     return values
 
 
-def _gained(pair: Pair, covariances: Array, starts: Indices, ends: Indices) -> Array:
-    """NEES (K,) of motions whose covariance is what the pose's has grown by on the way."""
+def _nees_of_motions(pair: Pair, covariances: Array, starts: Indices, ends: Indices) -> Array:
+    """Return the NEES (K,) of motions, with the increase of the pose's covariance."""
     T_end_start = se3.inverse(pair.T_odom_cam[ends]) @ pair.T_odom_cam[starts]
     growth = [
         covariances[end] - se3.transform_covariance(T, covariances[start])
@@ -166,14 +168,14 @@ class Summary:
 
     Attributes:
         status: Name, or "all".
-        steps: How many motions from frame to frame there are.
-        step: Their mean NEES; 6 if covariances are right.
-        step_bounds: Between which it falls then, at CONFIDENCE, if steps are independent.
-        step_inside: Share of steps in the ellipsoid that should hold CONFIDENCE of them.
-        over_1m: Mean NEES of motions over 1 m; NaN where there are none.
+        steps: Number of motions from frame to frame.
+        step: Their mean NEES; 6 if covariances are correct.
+        step_bounds: Its interval at CONFIDENCE for correct covariances and independent steps.
+        step_inside: Fraction of steps inside the ellipsoid of probability CONFIDENCE.
+        over_1m: Mean NEES of motions over 1 m; NaN if there are none.
         over_1m_inside: As for steps.
         absolute: Mean NEES of poses.
-        absolute_bounds: For one pose of every run; those of a run go together.
+        absolute_bounds: Interval for one pose of every run, as poses of a run are correlated.
     """
 
     status: str
@@ -187,13 +189,13 @@ class Summary:
     absolute_bounds: tuple[float, float]
 
 
-def summary(runs: Sequence[Nees]) -> list[Summary]:
-    """Sum up runs, all frames first, then by status; statuses without a step are left out."""
-    parts = {"all": runs, **{x.value: [run.at(x) for run in runs] for x in Status}}
-    return [found for name, some in parts.items() if (found := _summed(name, some))]
+def summarize(runs: Sequence[Nees]) -> list[Summary]:
+    """Summarise runs: all frames first, then each status that has a step."""
+    parts = {"all": runs, **{x.value: [run.with_status(x) for run in runs] for x in Status}}
+    return [found for name, some in parts.items() if (found := _summary(name, some))]
 
 
-def _summed(name: str, runs: Sequence[Nees]) -> Summary | None:
+def _summary(name: str, runs: Sequence[Nees]) -> Summary | None:
     step, over_1m, absolute = (
         np.concatenate([np.zeros(0), *(getattr(run, kind) for run in runs)])
         for kind in ("step", "over_1m", "absolute")

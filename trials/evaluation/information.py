@@ -1,4 +1,4 @@
-"""Fisher information of camera poses in what the cameras see of points that nobody knows.
+"""Fisher information of camera poses from observations of unknown points.
 
 With independent Gaussian measurement errors the inverse of this information bounds the covariance
 of every unbiased estimator (Cramér–Rao; Kay, Fundamentals of Statistical Signal Processing, 1993,
@@ -18,7 +18,7 @@ def pose_covariance(
     T_world_cam: Array, points_world: Array, camera: Indices, point: Indices, sigma: Array,
     rig: StereoRig,
 ) -> Array:  # fmt: skip
-    """Least covariance of all poses given the first, the points being unknown.
+    """Return the Cramér–Rao bound of all poses given the first, with unknown points.
 
     Args:
         T_world_cam: (F, 4, 4) true poses.
@@ -26,7 +26,7 @@ def pose_covariance(
         camera: (M,) index of the camera of each measurement.
         point: (M,) index of its point.
         sigma: (M, 3) standard deviations of u, v and disparity, pixels; infinite if not measured.
-        rig: Projects.
+        rig: Stereo rig of all cameras.
 
     Returns:
         (6 F, 6 F), tangents (v m, w rad) in each camera's frame; zero for the first.
@@ -40,10 +40,10 @@ def pose_covariance(
     np.add.at(own, camera, by_pose.transpose(0, 2, 1) @ by_pose)
     of_points = np.zeros((points, 3, 3))
     np.add.at(of_points, point, by_point.transpose(0, 2, 1) @ by_point)
-    spread = np.linalg.inv(of_points)[point]
+    point_covariance = np.linalg.inv(of_points)[point]
     mixed = by_pose.transpose(0, 2, 1) @ by_point  # (M, 6, 3)
     shape = (6 * frames, 3 * points)
-    cross, weighted = (_blocks(x, camera, point, shape) for x in (mixed, mixed @ spread))
+    cross, weighted = (_blocks(x, camera, point, shape) for x in (mixed, mixed @ point_covariance))
     information = linalg.block_diag(*own) - (weighted @ cross.T).toarray()  # Schur complement
     covariance = np.zeros_like(information)
     factor = linalg.cho_factor(information[6:, 6:])
@@ -52,7 +52,7 @@ def pose_covariance(
 
 
 def motion_covariance(covariance: Array, T_world_cam: Array, start: int, end: int) -> Array:
-    """Covariance (6, 6) of the motion between two cameras, tangent (v m, w rad) in the second's.
+    """Return the covariance (6, 6) of a motion, tangent (v m, w rad) in the second camera.
 
     Args:
         covariance: (6 F, 6 F) as `pose_covariance` returns it.
@@ -71,7 +71,7 @@ def _derivatives(
     T_world_cam: Array, points_world: Array, camera: Indices, point: Indices, sigma: Array,
     rig: StereoRig,
 ) -> tuple[Array, Array]:  # fmt: skip
-    """Whitened derivatives of measurements by poses (M, 3, 6) and by points (M, 3, 3)."""
+    """Return whitened Jacobians of measurements by poses (M, 3, 6) and points (M, 3, 3)."""
     T_cam_world = se3.inverse(T_world_cam)[camera]
     R = T_cam_world[:, :3, :3]
     points_cam = np.einsum("mij,mj->mi", R, points_world[point]) + T_cam_world[:, :3, 3]
@@ -83,7 +83,7 @@ def _derivatives(
 def _blocks(
     values: Array, row: Indices, column: Indices, shape: tuple[int, int]
 ) -> sparse.csr_array:
-    """Sparse matrix of (M, P, Q) blocks; those in the same place add up."""
+    """Return the sparse matrix of (M, P, Q) blocks; blocks at the same position are added."""
     _, height, width = values.shape
     rows = (height * row)[:, None, None] + np.arange(height)[:, None]
     columns = (width * column)[:, None, None] + np.arange(width)

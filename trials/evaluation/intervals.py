@@ -1,4 +1,4 @@
-"""Confidence intervals of few values."""
+"""Confidence intervals of small samples."""
 
 from dataclasses import dataclass
 
@@ -12,14 +12,14 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True)
 class Interval:
-    """An estimate and the ends of its confidence interval; NaN where there are too few values."""
+    """Estimate with the ends of its confidence interval; NaN if there are too few values."""
 
     value: float
     low: float
     high: float
 
     def text(self, digits: int = 3) -> str:
-        """Such as `0.123 (0.101 to 0.145)`."""
+        """Format as `0.123 (0.101 to 0.145)`."""
         if not np.isfinite(self.value):
             return "–"
         if not np.isfinite(self.low):
@@ -27,13 +27,13 @@ class Interval:
         return f"{self.value:.{digits}f} ({self.low:.{digits}f} to {self.high:.{digits}f})"
 
 
-def mean_interval(values: Array, least: float = -np.inf, most: float = np.inf) -> Interval:
-    """Mean of (N,) values with Student's interval; values that are NaN are left out.
+def mean_interval(values: Array, minimum: float = -np.inf, maximum: float = np.inf) -> Interval:
+    """Return the mean of (N,) values with Student's interval; NaN is ignored.
 
     Args:
         values: (N,).
-        least: Below which no value can be; the interval ends there.
-        most: Above which none can be.
+        minimum: Smallest possible value; the interval is clipped to it.
+        maximum: Largest possible value, likewise.
     """
     known = values[np.isfinite(values)]
     if len(known) == 0:
@@ -41,14 +41,14 @@ def mean_interval(values: Array, least: float = -np.inf, most: float = np.inf) -
     mean = float(np.mean(known))
     if len(known) == 1:
         return Interval(mean, np.nan, np.nan)
-    reach = float(stats.t.ppf((1 + CONFIDENCE) / 2, len(known) - 1) * stats.sem(known))
-    return Interval(mean, max(mean - reach, least), min(mean + reach, most))
+    half_width = float(stats.t.ppf((1 + CONFIDENCE) / 2, len(known) - 1) * stats.sem(known))
+    return Interval(mean, max(mean - half_width, minimum), min(mean + half_width, maximum))
 
 
 def ratio_interval(values: Array, references: Array) -> Interval:
-    """Geometric mean of (N,) paired ratios, with Student's interval of their logarithms.
+    """Return the geometric mean of (N,) paired ratios with Student's interval of their logarithms.
 
-    A pair of which one is not finite and positive is left out.
+    Pairs with a value that is not finite and positive are ignored.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         logs = np.log(values) - np.log(references)

@@ -1,4 +1,4 @@
-"""Errors of an estimated trajectory against the truth, as arrays; `score` sums them up."""
+"""Errors of an estimated trajectory against the truth, as arrays."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ ROBOT_LENGTHS_M = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0)
 
 @dataclass(frozen=True)
 class RelativeErrors:
-    """Error of the motion between K pairs of times.
+    """Errors of the motion between K pairs of times.
 
     Attributes:
         start: (K,) index of the first time of each.
@@ -33,10 +33,10 @@ class RelativeErrors:
 
 
 def position_errors(pair: Pair, alignment: Alignment) -> Array:
-    """Distance (N,) in metres of true and aligned estimated positions (absolute trajectory error).
+    """Return the absolute trajectory error (N,): distance of aligned positions, metres.
 
     Raises:
-        TrajectoryError: If a scale is asked for and the estimate never moves.
+        TrajectoryError: If a scale is requested and the estimate does not move.
 
     Source:
         Sturm et al., A benchmark for the evaluation of RGB-D SLAM systems, IROS 2012, sec. V.B.
@@ -46,7 +46,7 @@ def position_errors(pair: Pair, alignment: Alignment) -> Array:
 
 
 def errors_over_time(pair: Pair, step: int = 1) -> RelativeErrors:
-    """Error of the motion over `step` frames, from every frame (relative pose error).
+    """Return the relative pose error over `step` frames, from every frame.
 
     Source:
         Sturm et al., IROS 2012, eq. 1.
@@ -56,20 +56,20 @@ def errors_over_time(pair: Pair, step: int = 1) -> RelativeErrors:
 
 
 def errors_between(pair: Pair, starts: Array, ends: Array) -> RelativeErrors:
-    """Error of the motion from each of some frames to another: (K,) indices of both."""
+    """Return the errors of the motions between K pairs of frames, given by (K,) indices."""
     length_m = pair.travelled_m[ends] - pair.travelled_m[starts]
     return _relative(pair, starts, pair.T_world_cam[ends], pair.T_odom_cam[ends], length_m)
 
 
 def errors_over_distance(pair: Pair, length_m: float, step: int = 1) -> RelativeErrors:
-    """Error of the motion over exactly `length_m` of true path, from every `step`-th frame.
+    """Return the errors of motions over exactly `length_m` of true path, one per `step` frames.
 
     A segment starts at frame i and ends where the true path, as a polyline through the true
     positions at the estimate's times, has grown by `length_m`. That point lies between two
     frames; truth and estimate are both interpolated there at the same fraction of the interval
     (linear in position, spherical in rotation). Frames closer to the end of the path than
-    `length_m` start no segment. Each segment is compared from its own start, so no alignment
-    enters. **Drift over 1 m**, the headline of every table, is the mean of
+    `length_m` start no segment. Each segment is compared from its own start, so no alignment is
+    applied. **Drift over 1 m**, the headline of every table, is the mean of
     `translation_m / length_m` over all segments with `length_m` 1 and `step` 1, in per cent.
 
     Source:
@@ -88,7 +88,7 @@ def errors_over_distance(pair: Pair, length_m: float, step: int = 1) -> Relative
 
 
 def segment_lengths_m(path_m: float) -> tuple[float, ...]:
-    """Segment lengths that suit a path: KITTI's from 100 m on, below that 1 to 8 m."""
+    """Return segment lengths for a path: those of KITTI from 100 m on, below that 1 to 8 m."""
     lengths = KITTI_LENGTHS_M if path_m >= KITTI_LENGTHS_M[0] else ROBOT_LENGTHS_M
     return tuple(x for x in lengths if x <= path_m)
 
@@ -104,5 +104,5 @@ def _relative(
 
 
 def _between(T: Array, position: Array) -> Array:
-    """Poses (K, 4, 4) at fractional indices (K,) of (N, 4, 4)."""
+    """Interpolate poses (K, 4, 4) at fractional indices (K,) of (N, 4, 4)."""
     return se3.interpolate(np.arange(len(T)), T, position)

@@ -1,4 +1,4 @@
-"""A saved run, read back: the trajectory, and whatever lies beside it."""
+"""Saved runs: the trajectory and its companion files."""
 
 import csv
 import json
@@ -18,14 +18,14 @@ from vo.runner import COUNT, MILLISECONDS, VERTEX, companion
 
 @dataclass(frozen=True)
 class FrameTable:
-    """What frames.csv says of N frames.
+    """Content of frames.csv for N frames.
 
     Attributes:
         timestamps_ns: (N,).
         status: N statuses.
-        reason: N texts, empty when there is nothing to say.
+        reason: N texts, may be empty.
         frame_ms: (N,) wall time of the estimator.
-        counts: Stage to (N,) items that survived it; NaN where the stage did not run.
+        counts: Stage to (N,) items that passed it; NaN where the stage did not run.
         timings_ms: Stage to (N,) milliseconds; NaN where the stage did not run.
     """
 
@@ -42,7 +42,7 @@ class FrameTable:
 
 @dataclass(frozen=True)
 class Tracks:
-    """The sparse visibility mask: K observations of landmarks in left images.
+    """Sparse visibility mask: K observations of landmarks in left images.
 
     Attributes:
         landmark: (K,) identifiers.
@@ -61,15 +61,15 @@ class Tracks:
 
 @dataclass(frozen=True)
 class SavedRun:
-    """A trajectory file and its companions.
+    """Trajectory file and its companion files.
 
     Attributes:
         path: The trajectory file.
-        estimator: Name to show: of the estimator where known, else of the file.
+        estimator: Display name: of the estimator if known, else of the file.
         trajectory: T_odom_cam, or any trajectory of the left camera up to a rigid motion.
-        frames: None for a trajectory that came without its record.
-        tracks: Likewise.
-        about: Content of run.json; empty where there is none.
+        frames: None for a trajectory without frames.csv.
+        tracks: None for a trajectory without tracks.npz.
+        about: Content of run.json; empty if there is none.
     """
 
     path: Path
@@ -81,12 +81,12 @@ class SavedRun:
 
 
 def read_run(path: Path) -> SavedRun:
-    """Read a TUM file with the companions that are there.
+    """Read a TUM file with its existing companion files.
 
-    The trajectory may be empty if its record says that every frame was lost.
+    The trajectory may be empty if frames.csv marks every frame as lost.
 
     Raises:
-        TrajectoryError: If the trajectory is missing or malformed, or a companion is damaged.
+        TrajectoryError: If the trajectory is missing or malformed, or a companion file is damaged.
     """
     frames, tracks = companion(path, "frames.csv"), companion(path, "tracks.npz")
     record = companion(path, "run.json")
@@ -104,14 +104,14 @@ def read_run(path: Path) -> SavedRun:
             about,
         )
     except (OSError, ValueError, KeyError, AttributeError) as error:
-        raise TrajectoryError(f"{path}: a file beside it is damaged ({error})") from None
+        raise TrajectoryError(f"{path}: a companion file is damaged ({error})") from None
 
 
 def read_map(path: Path) -> PointMap:
     """Read a PLY file that `vo.runner.write_ply` wrote.
 
     Raises:
-        TrajectoryError: If it is missing or was written by something else.
+        TrajectoryError: If it is missing or has another format.
     """
     kind = np.dtype([(name, kind) for name, kind, _ in VERTEX])
     try:
@@ -120,7 +120,7 @@ def read_map(path: Path) -> PointMap:
         raise TrajectoryError(f"{path}: cannot be read ({error.strerror})") from None
     properties = [line.split()[-1] for line in header.split(b"\n") if line[:8] == b"property"]
     if not end or tuple(map(bytes.decode, properties)) != kind.names or len(body) % kind.itemsize:
-        raise TrajectoryError(f"{path}: not a map of this program")
+        raise TrajectoryError(f"{path}: not a map written by driftyard")
     table = np.frombuffer(body, kind)
     return PointMap(
         table["landmark"].astype(np.int64),

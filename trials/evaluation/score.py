@@ -1,4 +1,4 @@
-"""The score of one run: every figure of the tables, computed once."""
+"""Score of one run: all metrics of the tables."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -23,18 +23,18 @@ from vo.contract.trajectory import Trajectory
 
 
 @dataclass(frozen=True)
-class Spread:
-    """Root mean square, median and maximum of a set of errors, in its unit."""
+class ErrorSummary:
+    """Root mean square, median and maximum of errors, in their unit."""
 
     rmse: float
     median: float
     max: float
 
     @staticmethod
-    def of(errors: Array) -> "Spread":
-        """Sum up (N,) errors, N >= 1."""
+    def of(errors: Array) -> "ErrorSummary":
+        """Summarise (N,) errors, N >= 1."""
         rmse = np.sqrt(np.mean(np.square(errors)))
-        return Spread(float(rmse), float(np.median(errors)), float(np.max(errors)))
+        return ErrorSummary(float(rmse), float(np.median(errors)), float(np.max(errors)))
 
 
 @dataclass(frozen=True)
@@ -43,10 +43,10 @@ class SegmentDrift:
 
     Attributes:
         length_m: True path of each segment.
-        segments: How many there are.
+        segments: Number of segments.
         mean_percent: Mean translation error, % of the length.
-        median_percent: Median of the same.
-        mean_deg_per_m: Mean rotation error by length.
+        median_percent: Median translation error, % of the length.
+        mean_deg_per_m: Mean rotation error divided by the length.
     """
 
     length_m: float
@@ -57,7 +57,7 @@ class SegmentDrift:
 
     @staticmethod
     def of(length_m: float, errors: RelativeErrors) -> "SegmentDrift":
-        """Sum up the errors of at least one segment."""
+        """Summarise the errors of at least one segment."""
         percent = 100 * errors.translation_m / errors.length_m
         turn = np.degrees(errors.rotation_rad) / errors.length_m
         mean, median = float(np.mean(percent)), float(np.median(percent))
@@ -66,27 +66,26 @@ class SegmentDrift:
 
 @dataclass(frozen=True)
 class Score:
-    """One estimator on one sequence.
+    """Score of one estimator on one sequence.
 
     Attributes:
         estimator: Its name.
-        frames: In the sequence.
-        statuses: Status to number of frames; only `lost` is known without the run's record.
-        compared: Poses with a truth to compare with.
-        path_m: True path between the first and the last of them.
-        drift_1m: The headline; None where the path is shorter than 1 m.
-        segments: Drift by segment length, lengths chosen by the path.
-        kitti_percent: Mean translation error over all of `segments`, each segment counting once.
+        frames: Number of frames of the sequence.
+        statuses: Status to number of frames; without frames.csv only `lost` is known.
+        compared: Number of poses with a truth.
+        path_m: Length of the true path between the first and the last of them.
+        drift_1m: Drift over 1 m; None if the path is shorter.
+        segments: Drift by segment length; the lengths depend on the path.
+        kitti_percent: Mean translation error over all segments, with equal weight.
         kitti_deg_per_m: The same for rotation.
-        end_m: Error of the last pose when the first is aligned.
-        end_percent: The same by path; None without a path.
-        ate_m: Alignment to spread of position errors, metres.
+        end_m: Position error of the last pose, first pose aligned.
+        end_percent: The same in % of the path; None without a path.
+        ate_m: Alignment to the summary of position errors, metres.
         rpe_frame_m: Translation error of the motion between successive poses, metres.
         rpe_frame_deg: Rotation error of the same.
         rpe_1m_m: Translation error of the motion over 1 m of path, metres.
         rpe_1m_deg: Rotation error of the same.
-        frame_ms: Median wall time of the estimator per frame, so that what it compiles at first
-            does not count.
+        frame_ms: Median wall time of the estimator per frame, ms, which excludes compilation.
         stage_ms: Stage to its mean time per frame, over all frames.
     """
 
@@ -101,16 +100,16 @@ class Score:
     kitti_deg_per_m: float | None
     end_m: float
     end_percent: float | None
-    ate_m: Mapping[str, Spread]
-    rpe_frame_m: Spread
-    rpe_frame_deg: Spread
-    rpe_1m_m: Spread | None
-    rpe_1m_deg: Spread | None
+    ate_m: Mapping[str, ErrorSummary]
+    rpe_frame_m: ErrorSummary
+    rpe_frame_deg: ErrorSummary
+    rpe_1m_m: ErrorSummary | None
+    rpe_1m_deg: ErrorSummary | None
     frame_ms: float | None
     stage_ms: Mapping[str, float]
 
     def as_json(self) -> dict[str, Any]:
-        """Return plain numbers, strings and None."""
+        """Return numbers, strings and None."""
         return asdict(self)
 
 
@@ -150,23 +149,23 @@ def score_run(truth: Trajectory, run: SavedRun, frames: int) -> Score:
         end_m=float(first_pose[-1]),
         end_percent=100 * float(first_pose[-1]) / path_m if path_m > 0 else None,
         ate_m=_ate(pair),
-        rpe_frame_m=Spread.of(over_frame.translation_m),
-        rpe_frame_deg=Spread.of(np.degrees(over_frame.rotation_rad)),
-        rpe_1m_m=Spread.of(over_1m.translation_m) if len(over_1m) else None,
-        rpe_1m_deg=Spread.of(np.degrees(over_1m.rotation_rad)) if len(over_1m) else None,
+        rpe_frame_m=ErrorSummary.of(over_frame.translation_m),
+        rpe_frame_deg=ErrorSummary.of(np.degrees(over_frame.rotation_rad)),
+        rpe_1m_m=ErrorSummary.of(over_1m.translation_m) if len(over_1m) else None,
+        rpe_1m_deg=ErrorSummary.of(np.degrees(over_1m.rotation_rad)) if len(over_1m) else None,
         frame_ms=float(np.median(run.frames.frame_ms)) if run.frames else None,
         stage_ms=_stage_ms(run.frames) if run.frames else {},
     )
 
 
-def _ate(pair: Pair) -> dict[str, Spread]:
-    spreads: dict[str, Spread] = {}
+def _ate(pair: Pair) -> dict[str, ErrorSummary]:
+    found: dict[str, ErrorSummary] = {}
     for alignment in Alignment:
         try:
-            spreads[alignment.value] = Spread.of(position_errors(pair, alignment))
-        except TrajectoryError:  # an estimate that never moves has no scale; the rest still holds
+            found[alignment.value] = ErrorSummary.of(position_errors(pair, alignment))
+        except TrajectoryError:  # the scale of an estimate without motion is undefined
             continue
-    return spreads
+    return found
 
 
 def _statuses(run: SavedRun, frames: int) -> dict[str, int]:

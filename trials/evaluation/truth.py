@@ -1,4 +1,4 @@
-"""What a dataset's labels say of points: their depth, their place, and where they show up later."""
+"""Ground truth of image points from the labels of a dataset: depth, position, later projections."""
 
 from dataclasses import fields
 from functools import lru_cache
@@ -17,29 +17,29 @@ from vo.contract.files import read_float
 from vo.contract.rig import StereoRig
 
 SAME_SURFACE = 0.02
-"""Relative difference of disparities that are one surface's."""
+"""Largest relative difference of disparities of one surface."""
 
 SAME_SURFACE_PX = 0.1
-"""And the absolute one, which far surfaces may differ by."""
+"""Absolute difference of disparities of one surface that is allowed in addition, px."""
 
 EDGE_PX = 1.0
-"""Neighbouring pixels whose disparities differ by more belong to two surfaces."""
+"""Difference of disparities of neighbouring pixels, px, above which they are of two surfaces."""
 
 HELD_LABELS = 4
 
 
 class TrueWorld:
-    """The labels of a dataset, read when they are asked for. Its points are at rest.
+    """Labels of a dataset of static points, read on demand.
 
     Attributes:
-        rig: The camera as it is, which need not be as it was calibrated.
+        rig: True rig, which may differ from its calibration.
     """
 
     def __init__(self, dataset: Path) -> None:
         """Open a dataset that has depth labels.
 
         Raises:
-            DatasetError: If it has none, or no manifest.
+            DatasetError: If it has no depth labels, poses or manifest.
         """
         manifest = read_manifest(dataset)
         try:
@@ -48,7 +48,9 @@ class TrueWorld:
             values["T_body_cam"] = np.array(values["T_body_cam"])
             self.rig = StereoRig(**values)
         except (KeyError, TypeError):
-            raise DatasetError(f"{dataset / MANIFEST}: does not say what the rig is") from None
+            raise DatasetError(
+                f"{dataset / MANIFEST}: the true rig is missing or malformed"
+            ) from None
         if not label_file(dataset, "depth", 0).parent.is_dir():
             raise DatasetError(
                 f"{dataset}: has no depth labels; generate it with labels.depth=true"
@@ -61,13 +63,13 @@ class TrueWorld:
         self._disparity = lru_cache(HELD_LABELS)(self._read_disparity)
 
     def T_world_cam(self, time_ns: int) -> Array:
-        """Pose (4, 4) of the left camera."""
+        """Return the pose (4, 4) of the left camera."""
         return self._trajectory.at(np.array([time_ns])).T_ref_frame[0]
 
     def disparity(self, time_ns: int, pixels: Array) -> Array:
-        """Disparity (N,) at (N, 2) left-image pixels; NaN where there is no surface.
+        """Return the disparity (N,) at (N, 2) left-image pixels; NaN where there is no surface.
 
-        It is linear in the pixel on a plane, so it is interpolated, except across edges.
+        Disparity is linear in the pixel on a plane, so it is interpolated, except across edges.
         """
         label = self._disparity(time_ns)
         corners, weights = _corners(label, pixels)
@@ -78,18 +80,18 @@ class TrueWorld:
         return np.where(inside, np.where(edge, nearest, (corners * weights).sum(axis=1)), np.nan)
 
     def points_world(self, time_ns: int, pixels: Array) -> Array:
-        """Surface points (N, 3) at (N, 2) left-image pixels, metres; NaN where there is none."""
+        """Return surface points (N, 3) at (N, 2) left-image pixels, metres; NaN for none."""
         points_cam = self.rig.triangulate(pixels, self.disparity(time_ns, pixels))
         return se3.transform(self.T_world_cam(time_ns), points_cam)
 
     def project(self, time_ns: int, points_world: Array) -> Array:
-        """Left-image pixels (N, 2) of (N, 3) points, whether they can be seen or not."""
+        """Return left-image pixels (N, 2) of (N, 3) points, visible or not."""
         return self._projected(time_ns, points_world)[:, :2]
 
-    def sightings(self, time_ns: int, points_world: Array) -> Array:
-        """Left-image pixels (N, 2) of (N, 3) points at rest; NaN where they cannot be seen.
+    def project_visible(self, time_ns: int, points_world: Array) -> Array:
+        """Return left-image pixels (N, 2) of (N, 3) static points; NaN for invisible points.
 
-        A point is seen if the depth label has its depth where it should be, or beside that.
+        A point is visible if the depth label at its projection, or beside it, has its depth.
         """
         expected = self._projected(time_ns, points_world)
         label = self._disparity(time_ns)
@@ -119,7 +121,7 @@ def _inside(label: Array, pixels: Array) -> Mask:
 
 
 def _corners(label: Array, pixels: Array) -> tuple[Array, Array]:
-    """Values and bilinear weights (N, 4) of the four pixels around each place."""
+    """Return values and bilinear weights (N, 4) of the four pixels around each position."""
     height, width = label.shape
     places = np.nan_to_num(pixels).clip(0, [width - 1, height - 1])
     u, v = np.minimum(places, [width - 2, height - 2]).astype(np.int64).T

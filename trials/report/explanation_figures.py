@@ -1,4 +1,4 @@
-"""Figures of an explanation: what each stage costs, where on the route, and calibration."""
+"""Figures of explanations: shares of the stages, shares along the path, and calibration."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from trials.diagnosis.attribution import REST, Attribution
+from trials.diagnosis.attribution import REMAINDER, Attribution
 from trials.diagnosis.explanation import Explanation
 from trials.evaluation.consistency import calibration
 from trials.report.figure import (
@@ -35,15 +35,17 @@ COLOURS = {
     "features": OCHRE,
     "stereo": BLUE,
     "inliers": GREEN,
-    REST: GREY,
+    REMAINDER: GREY,
 }
 BIN_M = 0.25
+"""Bin width along the path, metres."""
 COLUMNS = 3
 KINDS = {"step": "frame to frame", "over_1m": "over 1 m", "absolute": "since the start"}
+"""Kind of NEES to its label."""
 
 
 def draw_waterfalls(explanations: Sequence[Explanation], out: Path) -> None:
-    """Draw a panel for each scene: from the drift, stage by stage, down to what remains."""
+    """Draw a panel for each scene: the drift, the share of each stage, and the remainder."""
     parts = [(x.name, x.attribution) for x in explanations if x.attribution]
 
     def draw(figure: "Figure") -> None:
@@ -57,21 +59,21 @@ def draw_waterfalls(explanations: Sequence[Explanation], out: Path) -> None:
 
 
 def draw_paths(explanations: Sequence[Explanation], out: Path) -> None:
-    """Draw a panel for each scene: the share of each stage along the path, means over drives."""
+    """Draw a panel for each scene: shares along the path, means over drives."""
     parts = [(x.name, x.attribution) for x in explanations if x.attribution]
 
     def draw(figure: "Figure") -> None:
         panels = grid_of_panels(figure, len(parts), COLUMNS)
         for panel, (name, attribution) in zip(panels, parts, strict=True):
             _path(panel, attribution)
-            tidy(panel, "middle of the metre, m along the path", "drift over 1 m, %", name)
+            tidy(panel, "middle of the segment, m along the path", "drift over 1 m, %", name)
         shared_legend(figure, panels)
 
     save_figure(out, _size(len(parts)), draw)
 
 
 def draw_calibration(explanations: Sequence[Explanation], out: Path) -> None:
-    """Draw a panel for each scene: how many errors lie in the ellipsoids that should hold them."""
+    """Draw a panel for each scene: errors inside ellipsoids of a given probability."""
     parts = [x for x in explanations if x.nees]
     levels = np.linspace(0, 1, 101)[1:-1]
 
@@ -83,7 +85,7 @@ def draw_calibration(explanations: Sequence[Explanation], out: Path) -> None:
                 inside = calibration(part.pooled(kind), levels)
                 panel.plot(100 * levels, 100 * inside, color=colour, linewidth=1.5, label=label)
             panel.set_aspect("equal")
-            tidy(panel, "ellipsoid that should hold, %", "errors inside, %", part.name)
+            tidy(panel, "probability of the ellipsoid, %", "errors inside, %", part.name)
         shared_legend(figure, panels)
 
     save_figure(out, _size(len(parts)), draw)
@@ -97,27 +99,27 @@ def _size(panels: int) -> tuple[float, float]:
 def _waterfall(panel: "Axes", attribution: Attribution) -> None:
     level, shares = attribution.drift, attribution.shares
     panel.bar(0, level, color=INK, width=0.7)
-    panel.errorbar(0, level, _arms(level, attribution.drift_interval), color=GREY, capsize=3)
+    panel.errorbar(0, level, _error_bars(level, attribution.drift_interval), color=GREY, capsize=3)
     for k, share in enumerate(shares[:-1], 1):
         below = level - share.drift
         panel.plot([k - 0.65, k + 0.35], [level, level], color=GREY, linewidth=0.7)
         panel.bar(k, -share.drift, bottom=level, color=COLOURS[share.stage], width=0.7)
         panel.errorbar(
-            k, below, _arms(share.drift, share.drift_interval)[::-1], color=INK, capsize=3
+            k, below, _error_bars(share.drift, share.drift_interval)[::-1], color=INK, capsize=3
         )
         level = below
     rest = shares[-1]
     panel.bar(len(shares), rest.drift, color=GREY, width=0.7)
     panel.errorbar(
-        len(shares), rest.drift, _arms(rest.drift, rest.drift_interval), color=INK, capsize=3
+        len(shares), rest.drift, _error_bars(rest.drift, rest.drift_interval), color=INK, capsize=3
     )
     panel.axhline(0, color=INK, linewidth=0.8)
     panel.set_xticks(range(len(shares) + 1), ["drift", *(x.stage for x in shares)])
     panel.tick_params(axis="x", rotation=28)
 
 
-def _arms(value: float, interval: tuple[float, float]) -> Array:
-    """Lengths (2, 1) of the whiskers below and above a value."""
+def _error_bars(value: float, interval: tuple[float, float]) -> Array:
+    """Return lengths (2, 1) of the error bars below and above a value."""
     low, high = interval
     return np.array([[max(value - low, 0.0)], [max(high - value, 0.0)]])
 

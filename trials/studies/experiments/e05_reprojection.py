@@ -1,50 +1,40 @@
-"""E5: motion refinement repairs the reprojection error of a blurred turn (thesis 4.3, fig. 4.4)."""
+"""E5: motion refinement lowers the reprojection error of a blurred turn (thesis 4.3, fig. 4.4)."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from trials.evaluation.intervals import Interval, mean_interval
 from trials.evaluation.runs import read_map
 from trials.execution.jobs import Job, Result, Results, jobs_of
 from trials.report.figure import BLUE, GREY, RED, tidy
-from trials.studies.experiments.experiment import (
-    Experiment,
-    Findings,
-    Scale,
-    TableOf,
-    Verdict,
-    ragged,
-)
-from trials.studies.experiments.measures import turn_rate_deg_s
+from trials.studies.experiments.base import Conclusion, Data, Experiment, Scale, Table, Verdict
+from trials.studies.experiments.measures import ragged, turn_rate_deg_s
 from trials.studies.experiments.variants import UNREFINED
 from vo.bundle_adjustment.adjust import refine_motion
 from vo.config import THESIS
 from vo.contract import se3
-from vo.contract.arrays import Array
+from vo.contract.arrays import Array, Mask
 from vo.contract.readers import open_sequence
 from vo.runner import companion
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-SPIKE = 2.0
-"""Times the median from which on an error is a spike."""
+PEAK = 2.0
+"""Ratio to the median above which an error is a peak."""
 FAST_DEG_S = 60.0
-FEWEST = 6
-"""Points that a frame must see."""
+MIN_POINTS = 6
+"""Number of points that a frame must observe."""
 
 
 @dataclass(frozen=True)
 class Reprojection:
-    """Mean reprojection error of every frame, in pixels; NaN where too few points are seen.
+    """Mean reprojection error of every frame, pixels; NaN with fewer than MIN_POINTS.
 
     Attributes:
-        before: (N,) with the poses as RANSAC left them.
-        after: (N,) with poses refined on the same points, which stay.
-        turn_deg_s: (N,) how fast the camera truly turned.
+        before: (N,) with the poses of RANSAC.
+        after: (N,) with poses refined on the same, fixed points.
+        turn_deg_s: (N,) true turn rate of the camera.
     """
 
     before: Array
@@ -52,15 +42,23 @@ class Reprojection:
     turn_deg_s: Array
 
     @property
-    def spikes(self) -> Array:
-        """(N,) frames whose error before is SPIKE times the median."""
+    def peaks(self) -> Mask:
+        """(N,) frames whose error before is above PEAK times the median."""
         with np.errstate(invalid="ignore"):
-            return self.before > SPIKE * np.nanmedian(self.before)
+            return self.before > PEAK * np.nanmedian(self.before)
+
+
+BySeed = Mapping[int, Reprojection]
 
 
 def jobs(scale: Scale) -> Sequence[Job]:
     """Fast turns with an open shutter."""
     return jobs_of(scale.recordings(["turntable"], 3), [UNREFINED])
+
+
+def measure(results: Results) -> BySeed:
+    """Compute the reprojection errors of every run."""
+    return {r.seed: reprojection(results.at(r, UNREFINED)) for r in results.recordings}
 
 
 def reprojection(result: Result) -> Reprojection:
@@ -75,7 +73,7 @@ def reprojection(result: Result) -> Reprojection:
     before, after = np.full((2, len(result.frames)), np.nan)
     for i, time_ns in enumerate(result.frames.timestamps_ns.tolist()):
         mine = known & (tracks.frame == i)
-        if time_ns not in poses or mine.sum() < FEWEST:
+        if time_ns not in poses or mine.sum() < MIN_POINTS:
             continue
         seen = points.points_odom[order][row[mine]]
         measured = np.column_stack([tracks.pixels[mine], tracks.disparity_px[mine]])
@@ -87,75 +85,70 @@ def reprojection(result: Result) -> Reprojection:
     return Reprojection(before, after, turn_rate_deg_s(result))
 
 
-def analyse(results: Results) -> Findings:
-    """Compare errors before and after, at spikes and elsewhere."""
-    found = {r.seed: reprojection(results.at(r, UNREFINED)) for r in results.recordings}
-    rows: list[tuple[str, ...]] = []
-    for seed, x in found.items():
-        cells = [f"{np.nanmean(v[w]):.2f}" if w.any() else "–"
-                 for w in (~x.spikes, x.spikes) for v in (x.before, x.after)]  # fmt: skip
-        rate = np.nanmedian(x.turn_deg_s[x.spikes]) if x.spikes.any() else np.nan
-        rows.append((str(seed), str(int(x.spikes.sum())), *cells, f"{rate:.0f}"))
-    before = np.concatenate([x.before[x.spikes] for x in found.values()])
-    after = np.concatenate([x.after[x.spikes] for x in found.values()])
-    calm = np.concatenate([x.after[~x.spikes] for x in found.values()])
-    repaired = after < SPIKE * np.nanmedian(calm)
+def conclude(found: BySeed) -> Conclusion:
+    """Compare errors before and after, at peaks and elsewhere."""
+    before = np.concatenate([x.before[x.peaks] for x in found.values()])
+    after = np.concatenate([x.after[x.peaks] for x in found.values()])
+    normal = np.concatenate([x.after[~x.peaks] for x in found.values()])
+    removed = after < PEAK * np.nanmedian(normal)
     gain = mean_interval(before / after)
     verdict = Verdict.FAILS
     if len(before) and gain.value > 1:
-        verdict = Verdict.HOLDS if repaired.mean() > 0.5 else Verdict.PARTLY
-    return Findings(
-        verdict,
-        _spikes(before, repaired, gain) if len(before) else _no_spike(list(found.values())),
-        TableOf(
-            (
-                "seed",
-                "spikes, frames",
-                "elsewhere before, px",
-                "elsewhere after, px",
-                "spikes before, px",
-                "spikes after, px",
-                "turn rate at spikes, °/s",
-            ),
-            tuple(rows),
-        ),
-        "Mean reprojection error of every frame before and after refinement of the motion on "
-        "points that stay; grey: how fast the camera turns.",
-        lambda figure: _draw(figure, found),
-        {
-            f"seed {seed}": ragged(
-                **{"before, px": x.before, "after, px": x.after, "turn rate, °/s": x.turn_deg_s}
-            )
-            for seed, x in found.items()
-        },
-    )
+        verdict = Verdict.HOLDS if removed.mean() > 0.5 else Verdict.PARTLY
+    return verdict, _with_peaks(removed, gain) if len(before) else _without_peaks(found)
 
 
-def _spikes(before: Array, repaired: Array, gain: Interval) -> str:
+def _with_peaks(removed: Mask, gain: Interval) -> str:
     return (
-        f"Of {len(before)} frames whose error is more than {SPIKE:g} times the median, refinement "
-        f"of the motion alone brings {100 * repaired.mean():.0f} % back below that; it divides "
-        f"their error by {gain.text(1)}. What it cannot repair are the matches themselves: on a "
-        "blurred frame they stay off."
+        f"Of {len(removed)} frames whose error is more than {PEAK:g} times the median, refinement "
+        f"of the motion alone brings {100 * removed.mean():.0f} % below that limit; it divides "
+        f"their error by {gain.text(1)}. It cannot correct the matches, which have errors on a "
+        "blurred frame."
     )
 
 
-def _no_spike(found: Sequence[Reprojection]) -> str:
+def _without_peaks(found: BySeed) -> str:
     before, after, turn = (
-        np.concatenate([getattr(x, name) for x in found])
+        np.concatenate([getattr(x, name) for x in found.values()])
         for name in ("before", "after", "turn_deg_s")
     )
     fast = turn > FAST_DEG_S
     return (
-        "There is no spike to repair: what RANSAC accepts is bounded by its threshold, and of "
+        "There is no peak: the threshold of RANSAC limits the errors of inliers, and of "
         f"{fast.sum()} frames that turn by more than {FAST_DEG_S:g} °/s "
-        f"{np.isnan(before[fast]).sum()} keep too few landmarks to tell. "
-        "Everywhere else refinement of the motion lowers the error "
-        f"of the inliers, from {np.nanmean(before):.2f} to {np.nanmean(after):.2f} px."
+        f"{np.isnan(before[fast]).sum()} have too few landmarks. In all other frames refinement "
+        "of the motion lowers the error of the inliers, "
+        f"from {np.nanmean(before):.2f} to {np.nanmean(after):.2f} px."
     )
 
 
-def _draw(figure: "Figure", found: dict[int, Reprojection]) -> None:
+def table(found: BySeed) -> Table:
+    """Return a row for every seed."""
+    rows: list[tuple[str, ...]] = []
+    for seed, x in found.items():
+        cells = [f"{np.nanmean(v[w]):.2f}" if w.any() else "–"
+                 for w in (~x.peaks, x.peaks) for v in (x.before, x.after)]  # fmt: skip
+        rate = np.nanmedian(x.turn_deg_s[x.peaks]) if x.peaks.any() else np.nan
+        rows.append((str(seed), str(int(x.peaks.sum())), *cells, f"{rate:.0f}"))
+    return Table.of(
+        "seed | peaks, frames | elsewhere before, px | elsewhere after, px | peaks before, px | "
+        "peaks after, px | turn rate at peaks, °/s",
+        rows,
+    )
+
+
+def data(found: BySeed) -> Data:
+    """Return the errors of every frame."""
+    return {
+        f"seed {seed}": ragged(
+            **{"before, px": x.before, "after, px": x.after, "turn rate, °/s": x.turn_deg_s}
+        )
+        for seed, x in found.items()
+    }
+
+
+def draw(figure: Figure, found: BySeed) -> None:
+    """Draw errors and turn rate of the drive with the largest error."""
     seed, shown = max(found.items(), key=lambda item: np.nanmax(item[1].before, initial=0))
     panel = figure.subplots()
     turning = panel.twinx()
@@ -170,15 +163,20 @@ def _draw(figure: "Figure", found: dict[int, Reprojection]) -> None:
     tidy(panel, "frame", "mean reprojection error, px", f"turntable, seed {seed}")
 
 
-EXPERIMENT = Experiment(
+E5 = Experiment(
     id="E5",
     title="Reprojection error before and after motion refinement",
-    claim="A spike of the reprojection error at a blurred, fast turn is repaired by motion "
-    "refinement.",
+    claim="Motion refinement removes a peak of the reprojection error at a blurred, fast turn.",
     source="section 4.3, figure 4.4",
     setup="The thesis preset without refinement on turntable (turns of up to 120 °/s, shutter "
-    "open for 18 ms); then every pose is refined on the points of its map, as figure 4.4 does.",
+    "open for 18 ms); then every pose is refined on the points of its map, as in figure 4.4.",
+    caption="Mean reprojection error of every frame before and after refinement of the motion on "
+    "fixed points; grey: turn rate of the camera.",
     size_in=(9.0, 3.2),
     jobs=jobs,
-    analyse=analyse,
+    measure=measure,
+    conclude=conclude,
+    table=table,
+    draw=draw,
+    data=data,
 )

@@ -1,42 +1,78 @@
-"""E6: the visibility mask, and structure that two-view points ruin (thesis 4.4, fig. 4.5)."""
+"""E6: the visibility mask, and structure from points with two views (thesis 4.4, fig. 4.5)."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from trials.evaluation.intervals import mean_interval
 from trials.evaluation.runs import read_map
 from trials.execution.jobs import Job, Result, Results, Variant, jobs_of
 from trials.report.figure import BLUE, INK, RED, tidy
-from trials.studies.experiments.experiment import Experiment, Findings, Scale, TableOf, Verdict
-from trials.studies.experiments.measures import track_lengths
+from trials.studies.experiments.base import Conclusion, Data, Experiment, Scale, Table, Verdict
+from trials.studies.experiments.measures import lost_percent, mean_text, track_lengths
 from vo.contract import se3
+from vo.contract.arrays import Array
 from vo.runner import companion
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 SCENES = ("office", "brick_court")
-ONE_EYE = "refinement.use_disparity=false"
-THREE_MONO = Variant("3 views, one eye", "thesis", (ONE_EYE,))
-TWO_MONO = Variant("2 views, one eye", "thesis", (ONE_EYE, "refinement.min_views=2"))
-TWO_STEREO = Variant("2 views, both eyes", "thesis", ("refinement.min_views=2",))
-THREE_STEREO = Variant("3 views, both eyes", "thesis")
-VARIANTS = (TWO_MONO, THREE_MONO, TWO_STEREO, THREE_STEREO)
+LEFT_ONLY, TWO_VIEWS = "refinement.use_disparity=false", "refinement.min_views=2"
+THREE_LEFT = Variant("3 views, left image", "thesis", (LEFT_ONLY,))
+TWO_LEFT = Variant("2 views, left image", "thesis", (LEFT_ONLY, TWO_VIEWS))
+TWO_STEREO = Variant("2 views, stereo", "thesis", (TWO_VIEWS,))
+THREE_STEREO = Variant("3 views, stereo", "thesis")
+STYLES = {TWO_LEFT: (BLUE, "-"), THREE_LEFT: (RED, "-"), TWO_STEREO: (BLUE, ":"),
+          THREE_STEREO: (INK, "--")}  # fmt: skip
+"""Variant to the colour and style of its line."""
 NEAR_M, FAR_M = 0.1, 50.0
-"""No point that the rover sees is closer to its camera, or farther."""
+"""Distances from the camera, metres, between which all observed surfaces are."""
 FRAMES, ROWS = 60, 240
-"""Of the mask that is drawn: its first frames, and so many landmarks spread over theirs."""
+"""Size of the mask in the figure: the first frames, and a subset of the landmarks."""
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Results, and the distances of all map points.
+
+    Attributes:
+        results: All results.
+        distances_m: Variant to a (J,) array for each run.
+    """
+
+    results: Results
+    distances_m: Mapping[Variant, Sequence[Array]]
+
+    def near_percent(self, variant: Variant) -> Array:
+        """Return the fraction of points closer than NEAR_M, %, of each run (N,)."""
+        return np.array([100 * np.mean(d < NEAR_M) for d in self.distances_m[variant]])
+
+    def far_percent(self, variant: Variant) -> Array:
+        """Return the fraction of points not within FAR_M, %, of each run (N,)."""
+        return np.array([100 * np.mean(~(d <= FAR_M)) for d in self.distances_m[variant]])
+
+    def wrong_percent(self, variant: Variant) -> float:
+        """Return the mean fraction of points at impossible distances, %."""
+        return float(np.mean(self.near_percent(variant) + self.far_percent(variant)))
+
+    def drift_ratio(self, variant: Variant, reference: Variant) -> float:
+        """Return the ratio of mean drifts."""
+        one, other = (np.nanmean(self.results.drifts(v)) for v in (variant, reference))
+        return float(one) / float(other)
 
 
 def jobs(scale: Scale) -> Sequence[Job]:
-    """Points of at least two or three views, refined by the left eye alone and by both."""
-    return jobs_of(scale.recordings(SCENES, 3), VARIANTS)
+    """Points of at least two or three views, refined by the left image alone and by stereo."""
+    return jobs_of(scale.recordings(SCENES, 3), STYLES)
 
 
-def distances_m(run: Result) -> np.ndarray:
-    """Distance (J,) of every point of a run's map from the nearest estimated camera."""
+def measure(results: Results) -> Structure:
+    """Compute the distances of the map points of every run."""
+    return Structure(results, {v: [distances_m(x) for x in results.of(v)] for v in STYLES})
+
+
+def distances_m(run: Result) -> Array:
+    """Return the distance (J,) of every point of a map from the nearest estimated camera."""
     from scipy.spatial import cKDTree
 
     points = read_map(companion(run.file, "map.ply")).points_odom
@@ -45,61 +81,50 @@ def distances_m(run: Result) -> np.ndarray:
     return cKDTree(se3.transform(origin, cameras[:, :3, 3])).query(se3.transform(origin, points))[0]
 
 
-def analyse(results: Results) -> Findings:
-    """Count points that collapsed or fled, and what they cost."""
-    rows: list[tuple[str, ...]] = []
-    ruined: dict[str, float] = {}
-    drift: dict[str, float] = {}
-    for variant in VARIANTS:
-        far = [distances_m(x) for x in results.of(variant)]
-        near_share = np.array([100 * np.mean(d < NEAR_M) for d in far])
-        far_share = np.array([100 * np.mean(~(d <= FAR_M)) for d in far])
-        ruined[variant.label] = float(np.mean(near_share + far_share))
-        drift[variant.label] = float(np.nanmean(results.drifts(variant)))
-        rows.append(
-            (
-                variant.label,
-                mean_interval(near_share, least=0, most=100).text(2),
-                mean_interval(far_share, least=0, most=100).text(2),
-                mean_interval(results.drifts(variant), least=0).text(3),
-                f"{100 * np.mean([x.lost_share for x in results.of(variant)]):.1f}",
-            )
-        )
-    two, three = ruined[TWO_MONO.label], ruined[THREE_MONO.label]
-    cost = drift[TWO_MONO.label] / drift[THREE_MONO.label]
-    stereo = drift[TWO_STEREO.label] / drift[THREE_STEREO.label]
+def conclude(found: Structure) -> Conclusion:
+    """Compare wrong points and drift of two and of three views."""
+    two, three = found.wrong_percent(TWO_LEFT), found.wrong_percent(THREE_LEFT)
+    cost = found.drift_ratio(TWO_LEFT, THREE_LEFT)
     verdict = Verdict.FAILS
     if two > three or cost > 1:
         verdict = Verdict.HOLDS if two > 2 * three and cost > 1.2 else Verdict.PARTLY
-    return Findings(
-        verdict,
-        f"Refined by one eye, as in the thesis, points of two views leave {two:.2f} % of the map "
-        f"closer than {100 * NEAR_M:.0f} cm or farther than {FAR_M:.0f} m, and {cost:.1f} times "
-        f"the drift of points of three views ({three:.2f} %). Where the refinement also holds the "
-        f"disparities to what was measured, two views cost {stereo:.2f} times the drift.",
-        TableOf(
-            (
-                "points refined",
-                f"closer than {100 * NEAR_M:.0f} cm, %",
-                f"farther than {FAR_M:.0f} m, %",
-                "drift over 1 m, %",
-                "frames lost, %",
-            ),
-            tuple(rows),
-        ),
-        "Left: the visibility mask of the first frames, one row for each of some landmarks in the "
-        "order of their first view; red: seen in three frames or more, which the refinement takes. "
-        "Right: distance of the map's points from the camera, all drives.",
-        lambda figure: _draw(figure, results),
-        {"mask": _mask(results.at(results.recordings[0], THREE_STEREO))},
+    return verdict, (
+        f"Refined by the left image alone, as in the thesis, {two:.2f} % of the points of two "
+        f"views are closer than {100 * NEAR_M:.0f} cm or farther than {FAR_M:.0f} m ({three:.2f} % "
+        f"of those of three views), and the drift is {cost:.1f} times as large. With stereo, where "
+        "the refinement also uses the measured disparities, two views have "
+        f"{found.drift_ratio(TWO_STEREO, THREE_STEREO):.2f} times the drift."
     )
 
 
-def _mask(run: Result) -> dict[str, np.ndarray]:
-    """Frame and row of observations in the first frames, and the length of their tracks."""
+def table(found: Structure) -> Table:
+    """Return a row for every variant."""
+    rows: list[tuple[str, ...]] = []
+    for variant in STYLES:
+        near, far = (
+            mean_interval(percent, minimum=0, maximum=100).text(2)
+            for percent in (found.near_percent(variant), found.far_percent(variant))
+        )
+        drift = mean_text(found.results.drifts(variant))
+        lost = f"{lost_percent(found.results, variant):.1f}"
+        rows.append((variant.label, near, far, drift, lost))
+    return Table.of(
+        f"points refined | closer than {100 * NEAR_M:.0f} cm, % | farther than {FAR_M:.0f} m, % | "
+        "drift over 1 m, % | frames lost, %",
+        rows,
+    )
+
+
+def data(found: Structure) -> Data:
+    """Return the visibility mask of the figure."""
+    return {"mask": _mask(found.results.at(found.results.recordings[0], THREE_STEREO))}
+
+
+def _mask(run: Result) -> dict[str, Array]:
+    """Return frame and row of observations in the first frames, and the length of their tracks."""
     tracks = run.tracks
     ids = np.unique(tracks.landmark)
-    length = track_lengths(tracks.landmark) + 1  # and the frame in which it was found
+    length = track_lengths(tracks.landmark) + 1  # and the frame of the detection
     early = ids[np.isin(ids, tracks.landmark[tracks.frame < FRAMES])]
     shown = early[:: max(len(early) // ROWS, 1)]
     mine = np.isin(tracks.landmark, shown) & (tracks.frame < FRAMES)
@@ -110,10 +135,11 @@ def _mask(run: Result) -> dict[str, np.ndarray]:
     }
 
 
-def _draw(figure: "Figure", results: Results) -> None:
+def draw(figure: Figure, found: Structure) -> None:
+    """Draw the visibility mask, and the distribution of distances."""
     left, right = figure.subplots(1, 2)
-    first = results.recordings[0]
-    frame, row, length = _mask(results.at(first, THREE_STEREO)).values()
+    first = found.results.recordings[0]
+    frame, row, length = data(found)["mask"].values()
     for mine, colour, label in (
         (length < 3, BLUE, "in two frames or fewer"),
         (length >= 3, RED, "in three or more"),
@@ -121,14 +147,12 @@ def _draw(figure: "Figure", results: Results) -> None:
         left.plot(frame[mine], row[mine], "s", color=colour, ms=1.6, mew=0)
         left.plot([], [], "s", color=colour, ms=4, label=label)
     left.invert_yaxis()
-    left.legend(fontsize=8, frameon=False, loc="lower left", title="landmark seen",
+    left.legend(fontsize=8, frameon=False, loc="lower left", title="landmark observed",
                 title_fontsize=8)  # fmt: skip
     tidy(left, "frame", "landmark", f"{first.scene}, seed {first.seed}")
     edges = np.logspace(-2, 3, 60)
-    for variant, colour, style in zip(
-        VARIANTS, (BLUE, RED, BLUE, INK), ("-", "-", ":", "--"), strict=True
-    ):
-        far = np.concatenate([distances_m(x) for x in results.of(variant)])
+    for variant, (colour, style) in STYLES.items():
+        far = np.concatenate(found.distances_m[variant])
         share, _ = np.histogram(far.clip(edges[0], edges[-1]), edges)
         right.stairs(100 * share / len(far), edges, color=colour, ls=style, label=variant.label)
     right.set_xscale("log")
@@ -137,15 +161,22 @@ def _draw(figure: "Figure", results: Results) -> None:
     tidy(right, "distance of a point from the nearest camera, m", "points, %", "all drives")
 
 
-EXPERIMENT = Experiment(
+E6 = Experiment(
     id="E6",
     title="Track length and the visibility mask",
-    claim="Refining points of only two views collapses structure to zero or throws it to "
-    "infinity; taking points of three views and more prevents it.",
+    claim="Refining points of only two views moves structure to zero or to infinity; using points "
+    "of three views and more prevents it.",
     source="section 4.4, figure 4.5",
     setup="The thesis preset on office and brick_court with points of at least two or three "
-    "views, refined by the left image alone (eq. 2.29) and by both eyes.",
+    "views, refined by the left image alone (eq. 2.29) and by stereo.",
+    caption="Left: the visibility mask of the first frames, with a row for each of a subset of the "
+    "landmarks in the order of their first view; red: observed in three frames or more, which the "
+    "refinement uses. Right: distance of the map points from the camera, all drives.",
     size_in=(9.5, 4.0),
     jobs=jobs,
-    analyse=analyse,
+    measure=measure,
+    conclude=conclude,
+    table=table,
+    draw=draw,
+    data=data,
 )

@@ -1,21 +1,32 @@
-"""What experiments measure on a run, beside its score."""
+"""Measures of runs, in addition to their score."""
 
 import numpy as np
 
 from trials.evaluation.alignment import Alignment, fit
+from trials.evaluation.intervals import mean_interval
 from trials.evaluation.metrics import errors_over_time
-from trials.execution.jobs import Result
+from trials.execution.jobs import Result, Results, Variant
 from vo.contract import se3
-from vo.contract.arrays import Array, Indices
+from vo.contract.arrays import Array, Indices, Mask
 from vo.contract.errors import TrajectoryError
 from vo.contract.estimator import Status
 
-BROKEN_M = 0.05
-"""Error of a step, metres, that is no drift any more: some three times the step itself."""
+FAILURE_M = 0.05
+"""Error of a step, metres, above which the frame has failed: about three times the step."""
+
+
+def mean_text(values: Array, digits: int = 3) -> str:
+    """Format the mean of non-negative values (N,) with its interval."""
+    return mean_interval(values, minimum=0).text(digits)
+
+
+def lost_percent(results: Results, variant: Variant) -> float:
+    """Return the fraction of frames without a pose over all runs of a variant, %."""
+    return 100 * float(np.mean([x.lost_share for x in results.of(variant)]))
 
 
 def step_errors_m(result: Result) -> Array:
-    """Error (N,) of the motion from the last pose to each frame's; NaN for frames without."""
+    """Return the error (N,) of the motion from the last pose; NaN for frames without a pose."""
     errors = np.full(len(result.frames), np.nan)
     try:
         found = errors_over_time(result.pair)
@@ -26,45 +37,58 @@ def step_errors_m(result: Result) -> Array:
     return errors
 
 
-def breaks_at(result: Result) -> int | None:
-    """First frame that is lost or whose step is wrong beyond drift; None if there is none."""
+def failures(result: Result) -> Mask:
+    """Return which frames (N,) are lost, or have a step error above FAILURE_M."""
     lost = np.array([status is Status.LOST for status in result.frames.status])
     with np.errstate(invalid="ignore"):
-        broken = lost | (step_errors_m(result) > BROKEN_M)
-    return int(np.argmax(broken)) if broken.any() else None
+        return lost | (step_errors_m(result) > FAILURE_M)
 
 
-def survived(result: Result) -> float:
-    """Share of the drive before it breaks."""
-    end = breaks_at(result)
+def first_failure(result: Result) -> int | None:
+    """Return the first frame that fails; None if there is none."""
+    failed = failures(result)
+    return int(np.argmax(failed)) if failed.any() else None
+
+
+def tracked_fraction(result: Result) -> float:
+    """Return the fraction of frames before the first failure."""
+    end = first_failure(result)
     return 1.0 if end is None else end / len(result.frames)
 
 
-def paths_m(result: Result) -> tuple[Array, Array]:
-    """True and estimated positions (N, 3) in the world, first poses aligned."""
-    pair = result.pair
-    aligned = fit(pair, Alignment.FIRST_POSE).map(pair.T_odom_cam)
-    return pair.T_world_cam[:, :3, 3], aligned[:, :3, 3]
-
-
-def pitch_deg(T_world_cam: Array) -> Array:
-    """Angle (N,) of optical axes above the horizon, degrees, for poses (N, 4, 4)."""
-    return np.degrees(np.arcsin(np.clip(T_world_cam[:, 2, 2], -1, 1)))
-
-
 def aligned_poses(result: Result) -> tuple[Array, Array]:
-    """True and estimated T_world_cam (N, 4, 4), first poses aligned."""
+    """Return true and estimated T_world_cam (N, 4, 4), first poses aligned."""
     pair = result.pair
     return pair.T_world_cam, fit(pair, Alignment.FIRST_POSE).map(pair.T_odom_cam)
 
 
+def paths_m(result: Result) -> tuple[Array, Array]:
+    """Return true and estimated positions (N, 3) in the world, first poses aligned."""
+    truth, estimate = aligned_poses(result)
+    return truth[:, :3, 3], estimate[:, :3, 3]
+
+
+def pitch_deg(T_world_cam: Array) -> Array:
+    """Return the angle (N,) of optical axes above the horizon, degrees, for poses (N, 4, 4)."""
+    return np.degrees(np.arcsin(np.clip(T_world_cam[:, 2, 2], -1, 1)))
+
+
 def turn_rate_deg_s(result: Result) -> Array:
-    """How fast (N,) the camera truly turned up to each frame; 0 at the first."""
+    """Return the true turn rate (N,) of the camera up to each frame; 0 at the first."""
     T = result.truth.at(result.frames.timestamps_ns).T_ref_frame
     turn = se3.rotation_angle(se3.inverse(T[:-1]) @ T[1:])
     return np.concatenate([[0.0], np.degrees(turn) / np.diff(result.time_s)])
 
 
 def track_lengths(landmark: Indices) -> Indices:
-    """Number of frames that saw each landmark, for observations' landmarks (K,)."""
+    """Return the number of frames that observe each landmark, for observations (K,)."""
     return np.unique(landmark, return_counts=True)[1]
+
+
+def ragged(**columns: Array) -> dict[str, Array]:
+    """Pad columns of unequal length with NaN."""
+    length = max((len(x) for x in columns.values()), default=0)
+    return {
+        name: np.concatenate([x.astype(float), np.full(length - len(x), np.nan)])
+        for name, x in columns.items()
+    }

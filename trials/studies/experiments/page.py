@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from trials.report.html import data_uri, write_html
-from trials.studies.experiments.experiment import TableOf, Verdict
+from trials.studies.experiments.base import Table, Verdict
 from trials.studies.experiments.record import Record
 from vo.contract.files import write_text
 
@@ -51,7 +51,7 @@ def write_page(records: Sequence[Record], folder: Path, page: Path) -> None:
 
     Args:
         records: In the order of the page.
-        folder: Where their figures are.
+        folder: Folder of their figures.
         page: Markdown file to write.
     """
     pictures = page.parent / "images" / "experiments"
@@ -62,9 +62,9 @@ def write_page(records: Sequence[Record], folder: Path, page: Path) -> None:
 
 
 def page_text(records: Sequence[Record], pictures: str) -> str:
-    """The page's Markdown; figures are looked for in a folder `pictures`."""
-    summary = TableOf(
-        ("", "claim", "here it"),
+    """Return the page as Markdown; the folder `pictures` holds the figures."""
+    summary = Table(
+        ("", "claim", "result"),
         tuple((f"[{r.id}](#{_anchor(r)})", r.claim, f"**{r.verdict.value}**") for r in records),
     )
     parts = [f"# {TITLE}\n\n{INTRODUCTION}", markdown_table(summary)]
@@ -77,13 +77,13 @@ def _heading(record: Record) -> str:
 
 
 def _anchor(record: Record) -> str:
-    """As renderers of Markdown make it from the heading."""
+    """Return the anchor that Markdown renderers derive from the heading."""
     kept = (c for c in _heading(record).lower().replace(" ", "-") if c.isalnum() or c == "-")
     return "".join(kept)
 
 
 def _setup(record: Record) -> str:
-    return f"{record.setup} Seeds {', '.join(map(str, record.seeds))}, or the first of them."
+    return f"{record.setup} Seeds {', '.join(map(str, record.seeds))} or the first of these."
 
 
 def _section(record: Record, pictures: str) -> str:
@@ -94,7 +94,7 @@ def _section(record: Record, pictures: str) -> str:
 
 {_setup(record)}
 
-**It {record.verdict.value}.** {record.sentence}
+**The claim {record.verdict.value}.** {record.sentence}
 
 ![{record.title}]({pictures}/{record.figure})
 
@@ -103,12 +103,12 @@ def _section(record: Record, pictures: str) -> str:
 {markdown_table(record.table)}"""
 
 
-def numeric_columns(table: TableOf) -> list[bool]:
+def numeric_columns(table: Table) -> list[bool]:
     """Return for each column whether every cell is a number; such columns are aligned right."""
     return [all(map(NUMBER.match, cells)) for cells in zip(*table.rows, strict=True)]
 
 
-def markdown_table(table: TableOf) -> str:
+def markdown_table(table: Table) -> str:
     """Lay out a table as Markdown."""
     rule = "|".join("---:" if numeric else "---" for numeric in numeric_columns(table))
     lines = [" | ".join(cells) for cells in (table.columns, *table.rows)]

@@ -1,4 +1,4 @@
-"""What an experiment leaves behind: a figure, its data, and a record of what was found."""
+"""Record of an experiment: figure, data, table and conclusion, as files."""
 
 import csv
 import json
@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter
 
+from trials.execution.jobs import Results
 from trials.report.figure import save_figure
-from trials.studies.experiments.experiment import Experiment, Findings, Scale, TableOf, Verdict
+from trials.studies.experiments.base import Experiment, Scale, Table, Verdict
 from vo.contract.errors import DatasetError
 from vo.contract.files import replacing, write_text
 
@@ -19,22 +20,16 @@ SCHEMA = "driftyard experiment 1"
 
 @dataclass(frozen=True)
 class Record:
-    """An experiment and its findings, as text.
+    """An experiment and its conclusion, as text; fields as in Experiment where not described.
 
     Attributes:
-        id: Of the experiment.
-        title: Its.
-        claim: Its.
-        source: Its.
-        setup: Its.
         verdict: On the claim.
-        sentence: Why.
-        table: The figures behind it.
-        caption: Of the figure.
-        figure: File name of the PNG, beside the record.
+        sentence: Reasons for the verdict.
+        table: Measurements.
+        figure: File name of the PNG, in the folder of the record.
         data: File names of the CSVs, likewise.
-        seeds: Of the recordings.
-        distance_m: Of each drive, where the experiment does not choose its own.
+        seeds: Seeds of the recordings.
+        distance_m: Length of each drive, unless the experiment sets its own.
     """
 
     id: str
@@ -44,7 +39,7 @@ class Record:
     setup: str
     verdict: Verdict
     sentence: str
-    table: TableOf
+    table: Table
     caption: str
     figure: str
     data: tuple[str, ...]
@@ -52,39 +47,40 @@ class Record:
     distance_m: float
 
 
-def write_record(experiment: Experiment, findings: Findings, scale: Scale, out: Path) -> Record:
-    """Write ID.png, ID-NAME.csv and, last, ID.json into a folder."""
-    name = experiment.id
-    save_figure(out / f"{name}.png", experiment.size_in, findings.draw)
+def write_record(one: Experiment[Any], results: Results, scale: Scale, out: Path) -> Record:
+    """Evaluate an experiment, and write ID.png, ID-NAME.csv and, last, ID.json into a folder."""
+    measured = one.measure(results)
+    verdict, sentence = one.conclude(measured)
+    save_figure(out / f"{one.id}.png", one.size_in, lambda figure: one.draw(figure, measured))
     data: list[str] = []
-    for part, columns in findings.data.items():
-        data.append(f"{name}-{part.replace(' ', '_').replace(',', '')}.csv")
+    for part, columns in one.data(measured).items():
+        data.append(f"{one.id}-{part.replace(' ', '_').replace(',', '')}.csv")
         _write_csv(out / data[-1], columns)
     record = Record(
-        experiment.id,
-        experiment.title,
-        experiment.claim,
-        experiment.source,
-        experiment.setup,
-        findings.verdict,
-        findings.sentence,
-        findings.table,
-        findings.caption,
-        f"{name}.png",
+        one.id,
+        one.title,
+        one.claim,
+        one.source,
+        one.setup,
+        verdict,
+        sentence,
+        one.table(measured),
+        one.caption,
+        f"{one.id}.png",
         tuple(data),
         scale.seeds,
         scale.distance_m,
     )
     content = {"schema": SCHEMA, **asdict(record)}
-    write_text(out / f"{name}.json", json.dumps(content, indent=1) + "\n")
+    write_text(out / f"{one.id}.json", json.dumps(content, indent=1) + "\n")
     return record
 
 
 def read_record(file: Path) -> Record:
-    """Read what `write_record` wrote.
+    """Read a record.
 
     Raises:
-        DatasetError: If it is something else.
+        DatasetError: If the file is not a record.
     """
     try:
         content: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))

@@ -1,0 +1,121 @@
+"""Experiments: a claim, the jobs that test it, and the conclusion."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import Any, Generic, TypeVar
+
+from matplotlib.figure import Figure
+
+from trials.execution.jobs import Job, Recording, Results
+from vo.contract.arrays import Array
+
+M = TypeVar("M")
+"""Measurements of an experiment."""
+Data = Mapping[str, Mapping[str, Array]]
+"""Name of a CSV file to its columns, each a name with unit to (N,) values."""
+
+
+class Verdict(StrEnum):
+    """Result of the test of a claim."""
+
+    HOLDS = "holds"
+    PARTLY = "holds in part"
+    FAILS = "does not hold"
+    OPEN = "cannot be decided"
+
+
+Conclusion = tuple[Verdict, str]
+"""Verdict, and its reasons and conditions in a few sentences."""
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Number and length of drives.
+
+    Attributes:
+        seeds: Seeds of the recordings of every setting.
+        distance_m: Length of each drive.
+        max_scenes: Number of scenes over which an experiment repeats a setting.
+        overrides: `key=value` each, settings of the recording.
+    """
+
+    seeds: tuple[int, ...]
+    distance_m: float
+    max_scenes: int = 99
+    overrides: tuple[str, ...] = ()
+
+    @property
+    def drive(self) -> tuple[str, ...]:
+        """Overrides of every recording: its length, and no labels, as none is needed."""
+        return (f"drive.distance_m={self.distance_m:g}", "labels.depth=false",
+                "labels.disparity=false", *self.overrides)  # fmt: skip
+
+    def recordings(self, scenes: Sequence[str], seeds: int | None = None) -> list[Recording]:
+        """Return drives through scenes, each with all or the first few seeds."""
+        chosen = scenes[: self.max_scenes]
+        return [Recording(x, seed, self.drive) for x in chosen for seed in self.seeds[:seeds]]
+
+    def with_length(self, length_m: float) -> "Scale":
+        """Replace the length of drives; a smaller scale shortens it in proportion."""
+        return replace(self, distance_m=length_m * min(1.0, self.distance_m / FULL.distance_m))
+
+
+FULL = Scale(seeds=(0, 1, 2), distance_m=4.0)
+SMALL = Scale(
+    seeds=(0,), distance_m=1.2, max_scenes=1, overrides=("rig.width_px=320", "rig.height_px=240")
+)
+"""Scale of tests: it shows that an experiment runs, and is too small for its conclusion."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Table of text.
+
+    Attributes:
+        columns: Headings, with units.
+        rows: A cell for each column.
+    """
+
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+    @staticmethod
+    def of(heading: str, rows: Sequence[tuple[str, ...]]) -> "Table":
+        """Make a table whose headings are separated by ` | `."""
+        return Table(tuple(heading.split(" | ")), tuple(rows))
+
+
+@dataclass(frozen=True)
+class Experiment(Generic[M]):
+    """A claim and its test.
+
+    Attributes:
+        id: Identifier, such as `E1`.
+        title: In a few words.
+        claim: In a sentence.
+        source: Place of the claim in the thesis.
+        setup: Recordings and variants that are compared, in a few sentences.
+        caption: Description of the figure.
+        size_in: Width and height of the figure, inches.
+        jobs: Returns all jobs at a scale.
+        conclude: Decides on the claim.
+        table: Tabulates the measurements.
+        draw: Draws the figure.
+        data: Returns the data of the figure.
+        measure: Computes the measurements from the results; the results themselves by default.
+    """
+
+    id: str
+    title: str
+    claim: str
+    source: str
+    setup: str
+    caption: str
+    size_in: tuple[float, float]
+    jobs: Callable[[Scale], Sequence[Job]]
+    conclude: Callable[[M], Conclusion]
+    table: Callable[[M], Table]
+    draw: Callable[[Figure, M], None]
+    data: Callable[[M], Data]
+    measure: Callable[[Results], Any] = lambda results: results
