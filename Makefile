@@ -2,7 +2,7 @@
 # `make bench` and `make accuracy` take options: make bench ARGS=--quick
 
 .DEFAULT_GOAL := help
-.PHONY: demo test lint compile bench accuracy proof response bump replan routing scenes gate gate-power experiments explain clean help
+.PHONY: demo test lint compile bench accuracy label-accuracy response bump replanning routing scenes gate gate-power experiments explain clean help
 
 VENV := .venv
 READY := $(VENV)/.ready
@@ -30,39 +30,39 @@ lint: $(READY)  ## style, types and the layers of the imports
 	$(BIN)/lint-imports
 
 bench: $(READY)  ## speed of estimator and generator on this machine
-	$(BIN)/python -m trials.studies.bench $(ARGS)
+	$(BIN)/driftyard bench $(ARGS)
 
 accuracy: $(READY)  ## drift of the default settings on ten drives
-	$(BIN)/python -m trials.studies.accuracy $(ARGS)
+	$(BIN)/driftyard accuracy $(ARGS)
 
 scenes: $(READY)  ## picture of all scenes for the README
 	$(BIN)/driftyard preview all --out docs/images/scenes.jpg
 
-proof: $(READY)  ## how exact labels, blur and sensors are, beside what is promised
-	$(BIN)/python -m trials.studies.label_accuracy $(ARGS)
+label-accuracy: $(READY)  ## accuracy of labels, blur and sensors, beside the promised one
+	$(BIN)/driftyard label-accuracy $(ARGS)
 
-response: $(READY)  ## what every disturbance and every scene costs the baseline (hours)
-	$(BIN)/python -m trials.studies.response $(ARGS)
+response: $(READY)  ## drift under every disturbance and on every scene (hours)
+	$(BIN)/driftyard response $(ARGS)
 
-bump: $(READY)  ## what a brick under a wheel does to every channel, as a figure
-	$(BIN)/python -m trials.studies.bump $(ARGS)
+bump: $(READY)  ## figure of a brick under a wheel in every channel
+	$(BIN)/driftyard bump $(ARGS)
 
-replan: $(READY)  ## how much faster D* Lite replans on a grid than A* plans anew
-	$(BIN)/python -m trials.studies.replanning $(ARGS)
+replanning: $(READY)  ## time of D* Lite and of A* on a grid
+	$(BIN)/driftyard replanning $(ARGS)
 
 routing: $(READY)  ## static and dynamic routing, with and without clearing (into build/routing/)
 	$(BIN)/driftyard route --out build/routing $(ARGS)
 
-gate: $(READY)  ## this repository's own gate: has the default estimator regressed?
-	$(BIN)/driftyard gate --baseline tests/gate/baseline.json --accept datasets,platform $(ARGS)
+gate: $(READY)  ## compare the default estimator with tests/gate/baseline.json
+	$(BIN)/driftyard gate check --baseline tests/gate/baseline.json --accept datasets,platform $(ARGS)
 
-gate-power: $(READY)  ## how often the gate errs, by simulation
-	$(BIN)/python -m trials.studies.gate_power $(ARGS)
+gate-power: $(READY)  ## false alarm rate and power of the gate, by simulation
+	$(BIN)/driftyard gate power $(ARGS)
 
-experiments: $(READY)  ## the thesis' claims, tested (docs/experiments.md; an hour or more)
+experiments: $(READY)  ## test the claims of the thesis (docs/experiments.md; an hour or more)
 	$(BIN)/driftyard experiment all --page docs/experiments.md
 
-explain: $(READY)  ## where the drift comes from, for six scenes (docs/explain.md; half an hour)
+explain: $(READY)  ## attribute the drift on six scenes (docs/explain.md; half an hour)
 	$(BIN)/driftyard explain --scene brick_court,office,asphalt,corridor,meadow,dusk \
 	  --seeds 3 --distance 4 --out docs/images/explain --page docs/explain.md $(ARGS)
 

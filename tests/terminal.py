@@ -12,7 +12,7 @@ def driftyard(
     *words: object, cwd: Path, timeout_s: float = 120
 ) -> subprocess.CompletedProcess[str]:
     """Run `driftyard` with words in a folder."""
-    command = [sys.executable, "-m", "trials.cli.main", *map(str, words)]
+    command = [sys.executable, "-m", "trials.cli", *map(str, words)]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     return subprocess.run(
         command,

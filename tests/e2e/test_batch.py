@@ -111,7 +111,7 @@ def folder(tmp_path) -> Path:
 
 
 def test_a_worker_that_is_killed_costs_only_time(folder, calm):
-    run = start("trials.cli.main", *MANY, "--workers", "2", cwd=folder)
+    run = start("trials.cli", *MANY, "--workers", "2", cwd=folder)
     worker = until(lambda: writer_of(partial_of(folder, NAMES[1])), run)
     os.kill(worker, signal.SIGKILL)
     _, complaints = run.communicate(timeout=PATIENCE_S)
@@ -122,7 +122,7 @@ def test_a_worker_that_is_killed_costs_only_time(folder, calm):
 
 def test_a_dataset_whose_workers_all_die_is_named_and_the_others_are_made(folder, calm):
     """The second is killed at every try; again without that, only it is made."""
-    run = start("trials.cli.main", *MANY, "--workers", "1", cwd=folder)
+    run = start("trials.cli", *MANY, "--workers", "1", cwd=folder)
     until((folder / "many" / NAMES[0]).exists, run)
     before, killed = stamps(folder / "many" / NAMES[0]), set()
     while run.poll() is None:
@@ -204,7 +204,7 @@ def test_a_cluster_of_someone_elses_makes_the_same_datasets(folder, calm, cluste
 
 
 def test_a_scheduler_that_vanishes_is_said_in_one_line(folder, calm, cluster):
-    run = start("trials.cli.main", *MANY, "--scheduler", cluster.address, cwd=folder)
+    run = start("trials.cli", *MANY, "--scheduler", cluster.address, cwd=folder)
     until(lambda: writer_of(partial_of(folder, NAMES[1])), run)
     cluster.scheduler.kill()
     _, complaints = run.communicate(timeout=PATIENCE_S)
@@ -236,7 +236,7 @@ def limited(*words: str, blocks: int, cwd: Path) -> subprocess.CompletedProcess[
     """Run `driftyard` where a file has no room for more than so many blocks of 512 bytes."""
     command = ["sh", "-c", f'ulimit -f {blocks}; exec "$@"', "sh"]
     return subprocess.run(
-        [*command, sys.executable, "-m", "trials.cli.main", *words],
+        [*command, sys.executable, "-m", "trials.cli", *words],
         cwd=cwd,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
         capture_output=True,
@@ -278,7 +278,7 @@ def test_a_full_disk_leaves_what_was_complete(folder, calm):
         f"mkdir disk && mount -t tmpfs -o size={room} tmpfs disk && cp yard.xml disk && cd disk || "
         'exit 99; "$@"; echo status $?; ls -A . many; cat many/yard-*/dataset.json'
     )
-    command = [sys.executable, "-m", "trials.cli.main", *MANY, "--workers", "1"]
+    command = [sys.executable, "-m", "trials.cli", *MANY, "--workers", "1"]
     result = subprocess.run(
         ["unshare", "-Urm", "sh", "-c", script, "sh", *command],
         cwd=folder,

@@ -37,7 +37,7 @@ def test_help_loads_nothing_heavy(tmp_path):
 def test_an_interrupted_recording_leaves_nothing(tmp_path):
     words = ("generate", "office", "--out", "o", "--set", "drive.distance_m=3")
     process = subprocess.Popen(
-        [sys.executable, "-m", "trials.cli.main", *words],
+        [sys.executable, "-m", "trials.cli", *words],
         cwd=tmp_path,
         env={"PYTHONPATH": str(ROOT), "PATH": ""},
         stderr=subprocess.PIPE,

@@ -12,7 +12,7 @@ from vo.contract.readers import open_sequence
 pytestmark = pytest.mark.gl
 
 SMALL = ("--set", "rig.width_px=320", "--set", "rig.height_px=240")
-SHORT = ("--option", "distance_m=[1.0, 2.5]")
+SHORT = ("--trial", "distance_m=[1.0, 2.5]")
 
 
 def test_sources_are_compared_on_the_same_ways(tmp_path):
@@ -38,7 +38,7 @@ def test_sources_are_compared_on_the_same_ways(tmp_path):
 
 def test_a_trial_is_kept_as_film_and_dataset(tmp_path):
     write_yard(tmp_path)
-    short = ("--option", "distance_m=[1.0, 1.5]", "--option", "rate_hz=5.0")
+    short = ("--trial", "distance_m=[1.0, 1.5]", "--trial", "rate_hz=5.0")
     words = ("--localization", "drift:20", "--worlds", 1, "--keep", "kept", *SMALL, *short)
     done = driftyard("drive", "yard.xml", *words, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -54,10 +54,10 @@ def test_a_trial_is_kept_as_film_and_dataset(tmp_path):
         (("yard.xml", "--localization", ","), "--localization: names no source"),
         (("yard.xml", "--localization", "gps"), "unknown localization gps"),
         (("yard.xml", "--localization", "drift:much"), "drift: and per cent"),
-        (("yard.xml", "--option", "bays=3"), "bays"),
+        (("yard.xml", "--trial", "bays=3"), "bays"),
         (("yard.xml", "--set", "rig.width"), "rig.width: expected key=value"),
         (("moon",), "unknown scene moon"),
-        (("yard.xml", "--option", "distance_m=[5.0, 2.0]"), "the first must be the smaller"),
+        (("yard.xml", "--trial", "distance_m=[5.0, 2.0]"), "the first must be the smaller"),
     ],
 )
 def test_bad_input_ends_in_one_line(tmp_path, words, said):

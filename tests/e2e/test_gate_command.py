@@ -1,35 +1,44 @@
-"""This repository's own gate, and the command line of it."""
+"""The gate on its command line, and this repository's own gate."""
 
 import pytest
 from terminal import ROOT, driftyard
 
 BASELINE = ROOT / "tests" / "gate" / "baseline.json"
 PASS, ERROR, UNDECIDED = 0, 2, 3
+CHECK = ("check", "--baseline", BASELINE)
+UPDATE = ("update", "--baseline", "b.json")
 
 
 @pytest.mark.gl
 @pytest.mark.slow
-def test_the_default_estimator_has_not_regressed(tmp_path):
-    """Renderers differ from machine to machine, so other pictures are accepted."""
+def test_gate_check_default_estimator_has_not_regressed(tmp_path):
+    """Renderers differ between machines, so other datasets are accepted."""
     words = ("--accept", "datasets,platform", "--cache", ROOT / "build" / "cache")
-    result = driftyard("gate", "--baseline", BASELINE, *words, "--markdown", "c.md", cwd=tmp_path)
+    result = driftyard("gate", *CHECK, *words, "--markdown", "c.md", cwd=tmp_path)
     assert result.returncode in (PASS, UNDECIDED), result.stdout + result.stderr
     assert "driftyard against driftyard" in (tmp_path / "c.md").read_text()
 
 
-def test_bad_input_is_told_in_a_line(tmp_path):
+def test_gate_bad_input_ends_in_one_line(tmp_path):
     cases = {
-        ("--baseline", "none.json"): "none.json: cannot be read",
-        ("--baseline", BASELINE, "--accept", "all"): "--accept: unknown all; valid: datasets",
-        ("--baseline", BASELINE, "--plan", "0"): "--plan 0: expected a change",
-        ("--baseline", BASELINE, "--seeds", "3"): "--seeds: only with --bless",
-        ("--baseline", "b.json", "--bless"): "--bless: needs --scenes; valid: all,",
-        ("--baseline", "b.json", "--bless", "--plan", "5%"): "--plan: not with --bless",
-        ("--baseline", "b.json", "--bless", "--scenes", "moon"): "moon",
+        ("check", "--baseline", "none.json"): "none.json: cannot be read",
+        (*CHECK, "--accept", "all"): "--accept: unknown all; valid: datasets",
+        ("plan", "0", "--baseline", BASELINE): "PERCENT 0: expected a change",
+        ("--bless", "--baseline", "b.json"): "--bless` is now `driftyard gate update`",
+        ("--baseline", "b.json"): "`driftyard gate` is now `driftyard gate check`",
+        UPDATE: "--scenes: names no scene; valid: all,",
+        (*UPDATE, "--scenes", "moon"): "--scenes: unknown moon",
+        (*UPDATE, "--scenes", "office", "--margin", "0.001"): "drift_margin: must exceed",
     }
-    for words, told in cases.items():
+    for words, message in cases.items():
         result = driftyard("gate", *words, cwd=tmp_path)
         assert result.returncode == ERROR, words
-        assert told in result.stderr
+        assert message in result.stderr
         assert len(result.stderr.splitlines()) == 1, result.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+def test_gate_check_option_of_update_is_refused(tmp_path):
+    result = driftyard("gate", *CHECK, "--seeds", "3", cwd=tmp_path)
+    assert result.returncode == ERROR
+    assert "No such option: --seeds" in result.stderr

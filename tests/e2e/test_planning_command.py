@@ -60,7 +60,7 @@ def test_words_are_read_and_others_refused():
 def test_both_drive_the_same_and_the_cost_is_told(tmp_path):
     write_yard(tmp_path)
     words = ("--planning", "static,dynamic", "--ideal-depth", "--localization", "truth")
-    short = ("--option", "distance_m=[2.0, 4.0]", "--option", "dynamics=doors", "--worlds", 1)
+    short = ("--trial", "distance_m=[2.0, 4.0]", "--trial", "dynamics=doors", "--worlds", 1)
     done = driftyard("drive", "yard.xml", *words, *short, "--out", "t.jsonl", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     for word in ("success", "SPL", "plans", "expanded cells", "planning, CPU ms"):
@@ -79,7 +79,7 @@ def test_what_does_not_go_together_ends_in_one_line(tmp_path):
     for words, said in (
         (("--planning", "lazy"), "unknown planning lazy"),
         (("--planning", "static", "--keep", "k"), "neither --keep nor --figure"),
-        (("--planning", "static", "--option", "dynamics=lifts"), "unknown dynamics lifts"),
+        (("--planning", "static", "--trial", "dynamics=lifts"), "unknown dynamics lifts"),
     ):
         done = driftyard("drive", "yard.xml", *words, cwd=tmp_path)
         assert (done.returncode, done.stderr.count("\n")) == (2, 1)

@@ -58,7 +58,7 @@ def test_an_estimator_is_timed_over_a_recording(tmp_path):
 
 
 def test_a_recording_that_is_not_there_is_told_in_a_line(tmp_path):
-    command = [sys.executable, "-m", "trials.studies.bench", "--over", str(tmp_path / "nowhere")]
+    command = [sys.executable, "-m", "trials.cli", "bench", "--over", str(tmp_path / "nowhere")]
     told = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert told.returncode == 2
     assert "nowhere" in told.stderr

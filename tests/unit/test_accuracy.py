@@ -8,10 +8,10 @@ import pytest
 from scenes import SCENES
 from trials.execution.cache import source_digest
 from trials.execution.jobs import Job, Recording, Result, Variant
+from trials.execution.recording_settings import parse_scenes
 from trials.studies.accuracy import (
     accuracy_table,
     bootstrap_interval,
-    chosen_scenes,
     named_variant,
     summary_tables,
 )
@@ -103,8 +103,8 @@ def test_an_estimator_and_its_settings_are_read_as_a_shell_would():
         named_variant("driftyard 'x")
 
 
-def test_scenes_are_named_or_all():
-    assert chosen_scenes("office,dusk") == ["office", "dusk"]
-    assert chosen_scenes("all") == list(SCENES)
+def test_parse_scenes_takes_names_or_all():
+    assert parse_scenes("office,dusk") == ["office", "dusk"]
+    assert parse_scenes("all") == list(SCENES)
     with pytest.raises(SettingsError, match="--scenes: unknown offcie; valid: all, asphalt"):
-        chosen_scenes("offcie")
+        parse_scenes("offcie")

@@ -104,7 +104,7 @@ def test_a_file_of_settings(tmp_path):
         ("corner_flow", ["corners=1"], "unknown setting corners; valid here: inlier_px"),
         ("corner_flow", ["quality=nan"], "quality"),
         ("corner_flow", ["quality"], "expected key=value"),
-        ("driftyard", ["nonsense=1"], "unknown setting nonsense; valid here: faint"),
+        ("driftyard", ["nonsense=1"], "unknown setting nonsense; valid here: defocus"),
     ],
 )
 def test_mistakes_name_the_choices(name, overrides, message, own_module):

@@ -134,7 +134,7 @@ def test_baseline_is_read_back(baseline, tmp_path):
 
 def test_baselines_that_are_none(baseline, tmp_path):
     file = tmp_path / "b.json"
-    with pytest.raises(DatasetError, match="gate --bless writes a baseline"):
+    with pytest.raises(DatasetError, match="`driftyard gate update` writes one"):
         read_baseline(file)
     for text in ("{", "[]", '{"kind": "driftyard gate result"}'):
         file.write_text(text)
@@ -157,7 +157,7 @@ def test_other_datasets_are_named_with_the_cause(baseline):
 
 
 def test_another_platform_is_refused_before_anything_is_recorded(baseline, tmp_path):
-    with pytest.raises(DatasetError, match=r"b\.json: platform is .*, was Linux x; bless anew"):
+    with pytest.raises(DatasetError, match=r"b\.json: platform is .*, was Linux x; run"):
         compare(tmp_path / "b.json", baseline, Named(), (), tmp_path, console.counting_bar)
     assert list(tmp_path.iterdir()) == []
 
@@ -165,7 +165,7 @@ def test_another_platform_is_refused_before_anything_is_recorded(baseline, tmp_p
 def test_a_mismatch_is_refused_unless_accepted(tmp_path):
     refuse(tmp_path, "datasets", "datasets differ", ["datasets"])
     refuse(tmp_path, "datasets", "", [])
-    with pytest.raises(DatasetError, match="datasets differ; bless anew, or --accept datasets"):
+    with pytest.raises(DatasetError, match="update`, or --accept datasets"):
         refuse(tmp_path, "datasets", "datasets differ", ["platform"])
 
 

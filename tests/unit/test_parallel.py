@@ -67,7 +67,7 @@ def test_a_killed_worker_ends_a_command_in_one_line(tmp_path):
     run = subprocess.run(words, env=env, capture_output=True, text=True, check=False)
     assert run.returncode == 2
     assert run.stderr.count("\n") == 1
-    assert run.stderr.startswith("driftyard: error: a worker was killed")
+    assert run.stderr.startswith("driftyard: error: a worker process was killed")
 
 
 def is_running(pid: int) -> bool:

@@ -23,7 +23,7 @@ from vo.contract.settings import Settings, keys, resolve
         ("rig.tilt_deg=80", "rig.tilt_deg"),
         (
             "rig.tilt=20",
-            "unknown setting rig.tilt; similar: rig.tilt_deg; valid here: baseline_m",
+            "unknown setting rig.tilt; valid here: baseline_m, .*did you mean rig.tilt_deg?",
         ),
         ("drive.speed_mps=nan", "drive.speed_mps"),
         ("render.backend=vulkan", "render.backend"),

@@ -112,9 +112,7 @@ def test_a_forgotten_worker_ends(installed):
 
 def test_what_is_not_installed_says_how(tmp_path, monkeypatch):
     monkeypatch.setenv(PLACE, str(tmp_path))
-    with pytest.raises(
-        ForeignSystemError, match=r"python -m trials.estimators.systems.install toy_vo"
-    ):
+    with pytest.raises(ForeignSystemError, match=r"driftyard systems install toy_vo"):
         make_estimator("trials.estimators.systems.toy_vo:ToyVo", RIG)
     with pytest.raises(SettingsError, match="unknown system basalt; valid: orbslam3, toy_vo"):
         folder_of("basalt")

@@ -1,21 +1,20 @@
-"""What this machine can do, and what to install where it cannot."""
+"""`driftyard doctor`: what works on this machine, and what to install."""
 
 import importlib.metadata
-import importlib.util
 import multiprocessing
-import os
 import platform
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from typing import Literal
 
 import typer
+from rich.table import Table
+
+from trials.cli import console
+from trials.execution.parallel import usable_cores
 
 BACKENDS: tuple[Literal["egl", "osmesa"], ...] = ("egl", "osmesa")
 PACKAGES = ("mujoco", "gtsam", "numpy", "opencv-python-headless", "numba", "scipy")
-OPTIONAL = {"rerun": "view", "mcap": "view", "distributed": "cluster"}
-"""Module to the extra that brings it."""
-
 INSTALL_GL = "apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri libosmesa6"
 TEST_SCENE = """
 <mujoco>
@@ -30,26 +29,24 @@ SIDE_PX = 64
 
 
 def doctor() -> None:
-    """Say which GL really renders, what is installed, and how to install what is missing."""
-    from rich.table import Table
+    """Check which OpenGL drivers render and which packages are installed.
 
-    from trials.cli import console
-
+    The exit status is 1 if no driver renders.
+    """
     table = Table(box=None, show_header=False)
-    table.add_row("machine", f"{platform.platform()}, {os.cpu_count()} cores")
+    table.add_row("machine", f"{platform.platform()}, {usable_cores()} usable cores")
     table.add_row("python", platform.python_version())
     table.add_row("driftyard", _version("driftyard", install="pip install -e ."))
     for package in PACKAGES:
         table.add_row(package, _version(package))
-    for module, extra in OPTIONAL.items():
-        if importlib.util.find_spec(module) is None:
-            table.add_row(module, rf'optional, missing; pip install "driftyard\[{extra}]"')
-    working = {backend: _render_elsewhere(backend) for backend in BACKENDS}
+    working = {backend: _render_in_process(backend) for backend in BACKENDS}
     for backend, (renders, words) in working.items():
         table.add_row(backend, f"[green]renders[/]: {words}" if renders else f"[red]no[/]: {words}")
     console.out.print(table)
     if not any(renders for renders, _ in working.values()):
-        console.out.print(f"No GL renders: generate and preview will not work.\n{INSTALL_GL}")
+        console.out.print(
+            f"No OpenGL driver renders: generate and preview will not work.\n{INSTALL_GL}"
+        )
         raise typer.Exit(1)
 
 
@@ -60,8 +57,8 @@ def _version(package: str, install: str = "") -> str:
         return f"[red]missing[/]; {install or f'pip install {package}'}"
 
 
-def _render_elsewhere(backend: Literal["egl", "osmesa"]) -> tuple[bool, str]:
-    """Render in a process of its own: a GL binds to a process, and a bad driver may kill it."""
+def _render_in_process(backend: Literal["egl", "osmesa"]) -> tuple[bool, str]:
+    """Render in a process of its own: OpenGL binds to a process, and a bad driver may crash it."""
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
         try:
             return pool.submit(render_test_scene, backend).result()
@@ -70,12 +67,12 @@ def _render_elsewhere(backend: Literal["egl", "osmesa"]) -> tuple[bool, str]:
 
 
 def render_test_scene(backend: Literal["egl", "osmesa"]) -> tuple[bool, str]:
-    """Draw a lit box and look at the pixels.
+    """Render a lit orange box and check its pixels.
 
     Returns:
-        Whether there is a picture, and the driver's name or what went wrong.
+        Whether the box is visible, and the name of the driver or the error.
     """
-    import mujoco
+    import mujoco  # each import may fail on the machine that is checked
     import numpy as np
 
     from sim.camera.gl import GraphicsError, open_context
@@ -106,6 +103,6 @@ def render_test_scene(backend: Literal["egl", "osmesa"]) -> tuple[bool, str]:
         return False, str(error)
     finally:
         context.free()
-    # The box is orange: red well above blue somewhere, and not everywhere.
+    # The box is orange: red is well above blue in some pixels, and not in all.
     orange = rgb[..., 0].astype(int) - rgb[..., 2] > 40
     return bool(orange.any() and not orange.all()), name

@@ -1,160 +1,210 @@
-"""Closed-loop trials: what the errors of a localization cost a rover that must get somewhere."""
+"""`driftyard drive`: closed-loop navigation trials by source of localization."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any, ClassVar
 
 import typer
 
-from trials.cli.datasets import Disturb, SceneName
+from trials.cli import console
+from trials.cli.options import SceneName
+from trials.gym.env.policies import NavigatorPolicy
+from trials.gym.env.settings import NavSettings
+from trials.gym.studies import planning as planned
+from trials.gym.studies.fleet import run_trials
+from trials.gym.studies.result_store import Ledger
+from trials.gym.studies.sensitivity import draw_sensitivity
+from trials.gym.studies.trial_protocol import MEASURES, Trial, summary
+from trials.report.figure import save_figure
+from vo.contract.errors import SettingsError
+from vo.contract.files import write_text
+from vo.contract.settings import parse_overrides, validated
 
-if TYPE_CHECKING:
-    from rich.table import Table
+FIGURE_IN = (8.0, 3.4)
+"""Width and height of the figure, inches."""
 
-    from trials.gym.studies.trial_protocol import Trial
+
+@dataclass(frozen=True)
+class WorldOptions:
+    """The worlds, and what is driven in them."""
+
+    PANEL: ClassVar[str] = "Worlds and trials"
+    worlds: Annotated[int, typer.Option(min=1, help="Number of layouts of the scene.")] = 10
+    runs: Annotated[int, typer.Option(min=1, help="Number of starts and goals in each.")] = 1
+    seed: Annotated[int, typer.Option(min=0, help="Random seed of the first layout.")] = 0
+    trial: Annotated[
+        list[str],
+        typer.Option(
+            metavar="KEY=VALUE",
+            help="Change a setting of `driftyard settings navigation`, or an option of the scene; "
+            "may be repeated.",
+        ),
+    ] = field(default_factory=list[str])
+    overrides: Annotated[
+        list[str],
+        typer.Option(
+            "--set", metavar="KEY=VALUE",
+            help="Change a setting of `driftyard settings recording`; may be repeated.",
+        ),
+    ] = field(default_factory=list[str])  # fmt: skip
+    disturb: Annotated[
+        str, typer.Option(metavar="NAME[=STRENGTH],...", help="Disturbances, as for `generate`.")
+    ] = ""
+
+    @property
+    def layouts(self) -> range:
+        """Random seeds of the worlds."""
+        return range(self.seed, self.seed + self.worlds)
+
+    def options(self, scene: str) -> dict[str, Any]:
+        """Options of the environment; keys that are none of its settings go to the scene.
+
+        Raises:
+            SettingsError: If a word is not `key=value`.
+        """
+        given = parse_overrides(self.trial, "--trial")
+        own = {key: value for key, value in given.items() if key in NavSettings.model_fields}
+        return {
+            "scene": scene,
+            "rate_hz": 10.0,
+            "disturb": self.disturb,
+            "settings": parse_overrides(self.overrides),
+            **own,
+            "scene_options": {key: value for key, value in given.items() if key not in own},
+            "observe": NavigatorPolicy.NEEDS,
+        }
+
+
+@dataclass(frozen=True)
+class PlanningOptions:
+    """Static against dynamic planning."""
+
+    PANEL: ClassVar[str] = "Planning with a floor plan, compared"
+    planning: Annotated[
+        str | None,
+        typer.Option(metavar="A,B", help="Ways of planning: static, dynamic, or static,dynamic."),
+    ] = None
+    ideal_depth: Annotated[
+        bool, typer.Option("--ideal-depth", help="Measure depth by rays instead of the cameras.")
+    ] = False
+
+
+@dataclass(frozen=True)
+class OutputOptions:
+    """Files of the trials."""
+
+    PANEL: ClassVar[str] = "Files"
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="JSON lines, one a trial; an interrupted study continues."
+        ),
+    ] = None
+    keep: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Folder for a film and a dataset of every trial."),
+    ] = None
+    figure: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="PNG of success and collisions over drift.")
+    ] = None
 
 
 def drive(
     scene: SceneName,
+    worlds: WorldOptions,
+    planning: PlanningOptions,
+    files: OutputOptions,
     localization: Annotated[
         str,
         typer.Option(
-            help="Sources: truth, drift:PERCENT, wheels, vo, another estimator, module:Class."
+            metavar="A,B,C",
+            help="Sources: truth, drift:PERCENT, wheels, vo, an estimator, or module:Class.",
         ),
     ] = "truth,wheels,vo",
-    worlds: Annotated[int, typer.Option(min=1, help="Layouts of the scene.")] = 10,
-    runs: Annotated[int, typer.Option(min=1, help="Starts and goals in each.")] = 1,
-    seed: Annotated[int, typer.Option(min=0, help="Of the first layout.")] = 0,
-    option: Annotated[
-        list[str] | None,
-        typer.Option(metavar="KEY=VALUE", help="Of the scene or the trial; may be repeated."),
-    ] = None,
-    overrides: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Recording setting; may be repeated."),
-    ] = None,
-    disturb: Disturb = "",
-    out: Annotated[
-        Path | None,
-        typer.Option(help="JSON lines, one for each trial. An interrupted study goes on."),
-    ] = None,
-    keep: Annotated[
-        Path | None, typer.Option(help="Folder for a film and a dataset of every trial.")
-    ] = None,
-    figure: Annotated[
-        Path | None, typer.Option(help="PNG: success and collisions over drift.")
-    ] = None,
-    planning: Annotated[
-        str | None, typer.Option(help="With a floor plan: static, dynamic, or static,dynamic.")
-    ] = None,
-    ideal_depth: Annotated[
-        bool, typer.Option("--ideal-depth", help="With --planning: depth by rays, not by cameras.")
-    ] = False,
 ) -> None:
-    """Drive to goals in many worlds by each source of localization, and compare.
+    """Drive to goals in many worlds with each source of localization, and compare.
 
-    Sources such as drift:5,drift:20,drift:80 inject that drift, for a curve of sensitivity. With
-    --planning, ways of planning are compared, as in worlds with --option dynamics=blocked_aisles.
+    Sources such as drift:5,drift:20,drift:80 add that drift, for a curve of sensitivity. With
+    --planning, ways of planning are compared, as in worlds with --trial dynamics=blocked_aisles.
     """
-    from itertools import chain
-
-    from trials.cli import console
-    from trials.gym.env.policies import NavigatorPolicy
-    from trials.gym.env.settings import NavSettings
-    from trials.gym.studies.fleet import run_trials
-    from trials.gym.studies.result_store import Ledger
-    from trials.report.figure import save_figure
-    from vo.contract.errors import SettingsError
-    from vo.contract.settings import validated
-
-    options = {
-        "scene": scene,
-        "rate_hz": 10.0,
-        "disturb": disturb,
-        "settings": _values(overrides or []),
-        **_sorted_options(option or []),
-        "observe": NavigatorPolicy.NEEDS,
-    }
+    options = worlds.options(scene)
     sources = [word.strip() for word in localization.split(",") if word.strip()]
     if not sources:
         raise SettingsError("--localization: names no source")
     for source in sources:
         validated(NavSettings, {**options, "localization": source})
-    trial = validated(NavSettings, options)
-    trial.recorded(seed)  # what is refused is refused now, not by the first worker
-    title = f"{scene}, {worlds} worlds x {runs}"
-    if planning is not None:
-        from trials.cli.drive_planned import drive_planned
-        from trials.gym.studies.planning import parse_planning
-
-        if keep or figure:
+    validated(NavSettings, options).recorded(worlds.seed)  # refuses now what a worker would refuse
+    title = f"{scene}, {worlds.worlds} worlds x {worlds.runs}"
+    if planning.planning is not None:
+        if files.keep or files.figure:
             raise SettingsError("--planning goes with neither --keep nor --figure")
-        plannings, layouts = parse_planning(planning), range(seed, seed + worlds)
-        drive_planned(title, options, sources, plannings, layouts, runs, out, ideal_depth)
+        _drive_planned(title, options, sources, worlds, planning, files.out)
         return
-    what = {"sources": sources, "runs": runs, "seed": seed, "worlds": worlds}
-    study = json.dumps({"options": trial.model_dump(mode="json"), **what})
-    ledger = Ledger(out, study) if out else None
+    trials = list(_driven(options, sources, worlds, files))
+    by_source = {x: [t for t in trials if t.localization == x] for x in sources}
+    _print_summary(title, by_source, MEASURES)
+    if files.figure:
+        save_figure(files.figure, FIGURE_IN, lambda empty: draw_sensitivity(empty, by_source))
+
+
+def _driven(
+    options: Mapping[str, Any], sources: Sequence[str], worlds: WorldOptions, files: OutputOptions
+) -> Iterator[Trial]:
+    """Drive what the result file does not hold yet; yields all trials by world."""
+    trial = validated(NavSettings, options).model_dump(mode="json")
+    what = {"sources": sources, "runs": worlds.runs, "seed": worlds.seed, "worlds": worlds.worlds}
+    ledger = Ledger(files.out, json.dumps({"options": trial, **what})) if files.out else None
     done = dict(ledger.done) if ledger else {}
-    missing = [k for k in range(seed, seed + worlds) if k not in done]
+    missing = [k for k in worlds.layouts if k not in done]
     with console.counting_bar("worlds", len(missing)) as count:
-        for of_world in run_trials(options, sources, missing, runs, keep):
+        for of_world in run_trials(options, sources, missing, worlds.runs, files.keep):
             done[of_world[0].layout] = of_world
             if ledger:
                 ledger.add(of_world)
             count(of_world)
     if ledger:
         ledger.close()
-    every = list(chain.from_iterable(done[k] for k in sorted(done)))
-    by_source = {x: [t for t in every if t.localization == x] for x in sources}
-    console.out.print(_table(title, by_source))
-    if figure:
-        from trials.gym.studies.sensitivity import draw_sensitivity
-
-        save_figure(figure, (8.0, 3.4), lambda empty: draw_sensitivity(empty, by_source))
+    return chain.from_iterable(done[k] for k in sorted(done))
 
 
-def _table(title: str, by_source: Mapping[str, "list[Trial]"]) -> "Table":
-    """Lay out one column a source."""
-    from rich.table import Table
-
-    from trials.gym.studies.trial_protocol import MEASURES, summary
-
-    columns = {source: summary(of_source, MEASURES) for source, of_source in by_source.items()}
-    table = Table(title, *columns)
-    for name in next(iter(columns.values())):
-        table.add_row(name, *(column[name] for column in columns.values()))
-    return table
-
-
-def _values(words: list[str]) -> dict[str, object]:
-    """Read `key=value` as TOML reads values; what it cannot read is a string.
-
-    Raises:
-        SettingsError: If there is no `=`.
-    """
-    import tomllib
-
-    from vo.contract.errors import SettingsError
-
-    values: dict[str, object] = {}
-    for word in words:
-        key, equals, text = word.partition("=")
-        if not equals:
-            raise SettingsError(f"{word}: expected key=value")
-        try:
-            values[key.strip()] = tomllib.loads(f"value = {text}")["value"]
-        except tomllib.TOMLDecodeError:
-            values[key.strip()] = text.strip()
-    return values
+def _drive_planned(
+    title: str,
+    options: Mapping[str, Any],
+    sources: Sequence[str],
+    worlds: WorldOptions,
+    planning: PlanningOptions,
+    out: Path | None,
+) -> None:
+    """Drive the same trials with each way of planning, and print a table."""
+    ways = planned.parse_planning(planning.planning or "")
+    trials: list[planned.PlannedTrial] = []
+    layouts, runs, ideal = worlds.layouts, worlds.runs, planning.ideal_depth
+    with console.counting_bar("worlds", len(layouts) * len(sources)) as count:
+        for source in sources:
+            with_source = {**options, "localization": source}
+            for of_world in planned.run_planned(with_source, ways, layouts, runs, ideal):
+                trials += of_world
+                count(of_world)
+    trials.sort(key=lambda t: (sources.index(t.localization), t.layout, t.run))
+    if out:
+        write_text(out, "".join(json.dumps(asdict(t)) + "\n" for t in trials))
+    columns = {
+        f"{way}, {x}": [t for t in trials if (t.planning, t.localization) == (way, x)]
+        for x in sources
+        for way in ways
+    }
+    _print_summary(title, columns, planned.MEASURES)
 
 
-def _sorted_options(words: list[str]) -> dict[str, object]:
-    """Options of the trial by name, and all others as `scene_options`."""
-    from trials.gym.env.settings import NavSettings
-
-    values = _values(words)
-    mine = {key: value for key, value in values.items() if key in NavSettings.model_fields}
-    others = {key: value for key, value in values.items() if key not in mine}
-    return {**mine, "scene_options": others}
+def _print_summary(
+    title: str,
+    columns: Mapping[str, Sequence[Any]],
+    measures: Mapping[str, tuple[Callable[[Any], float | None], int]],
+) -> None:
+    """Print one column for each group of trials."""
+    found = {name: summary(trials, measures) for name, trials in columns.items()}
+    rows = [(row, *(x[row] for x in found.values())) for row in next(iter(found.values()))]
+    console.out.print(console.table((title, *found), rows))

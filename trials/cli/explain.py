@@ -1,74 +1,123 @@
-"""Where the drift comes from: explain."""
+"""`driftyard explain`: attribution of the drift to the stages of an estimator."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, ClassVar
 
 import typer
 
-from trials.cli.datasets import Config, Overrides
+from trials.cli import console
+from trials.cli.options import Distance, EstimatorOptions
+from trials.diagnosis.combinations import STAGES, Subject
+from trials.diagnosis.explanation import explain as explain_groups
+from trials.diagnosis.validation import validate
+from trials.execution.cache import CACHE
+from trials.execution.jobs import Recording
+from trials.execution.recording_settings import parse_scenes
+from trials.execution.runner import record_all
+from trials.report.explanation_page import terminal_report, validation_table, write_explanations
+from vo.contract.dataset import read_manifest
+from vo.contract.errors import SettingsError
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
-    from trials.diagnosis.combinations import Subject
+@dataclass(frozen=True)
+class DriveOptions:
+    """Drives that are recorded for the study."""
+
+    PANEL: ClassVar[str] = "Drives, instead of datasets"
+    scene: Annotated[
+        str, typer.Option(metavar="A,B,C", help="Scenes to drive through, or all.")
+    ] = ""
+    seeds: Annotated[int, typer.Option(min=1, help="Number of drives in each, from seed 0.")] = 3
+    distance: Distance = 4.0
+
+    def record(self) -> dict[str, list[Path]]:
+        """Record or reuse drives with depth labels; dataset folders by scene."""
+        overrides = (f"drive.distance_m={self.distance:g}", "labels.depth=true",
+                     "labels.disparity=false", "exposure.subframes_max=12")  # fmt: skip
+        scenes = parse_scenes(self.scene, "--scene")
+        drives = [Recording(x, seed, overrides) for x in scenes for seed in range(self.seeds)]
+        groups: dict[str, list[Path]] = {drive.scene: [] for drive in drives}
+        with console.counting_bar("drives", len(drives)) as count:
+            for row, folder in sorted(record_all(drives), key=lambda found: found[0]):
+                groups[drives[row].scene].append(folder)
+                count(folder)
+        return groups
+
+
+@dataclass(frozen=True)
+class AttributionOptions:
+    """What the drift is attributed to."""
+
+    PANEL: ClassVar[str] = "Attribution"
+    stages: Annotated[
+        str,
+        typer.Option(
+            metavar="A,B,C", help="Stages to attribute to; matching may be split: matches,features."
+        ),
+    ] = "prediction,matching,stereo,inliers"
+    noise: Annotated[
+        float,
+        typer.Option(
+            min=0, metavar="PX", help="Std. dev. of the noise added to the ground truth, px."
+        ),
+    ] = 0.0
+    validate: Annotated[
+        bool,
+        typer.Option("--validate", help="Validate the attribution by injecting known errors."),
+    ] = False
+
+    @property
+    def chosen_stages(self) -> list[str]:
+        """Names of the stages.
+
+        Raises:
+            SettingsError: If one is unknown or named twice.
+        """
+        chosen = [x for x in self.stages.split(",") if x]
+        oracles = [oracle for x in chosen for oracle in STAGES.get(x, (x,))]
+        if unknown := [x for x in chosen if x not in STAGES]:
+            raise SettingsError(f"--stages: unknown {unknown[0]}; valid: {', '.join(STAGES)}")
+        if not chosen or len(set(oracles)) < len(oracles):
+            raise SettingsError(f"--stages: {self.stages or 'nothing'}: name each stage once")
+        return chosen
 
 
 def explain(
+    drives: DriveOptions,
+    attribution: AttributionOptions,
+    estimator: EstimatorOptions,
     datasets: Annotated[
-        list[Path] | None,
-        typer.Argument(help="Datasets with labels.depth=true; those of a scene go together."),
-    ] = None,
-    scene: Annotated[str, typer.Option(help="Or scenes to drive, a,b,c, or all.")] = "",
-    seeds: Annotated[int, typer.Option(min=1, help="Drives of each scene, from seed 0 on.")] = 3,
-    distance: Annotated[float, typer.Option(min=1.5, help="Of each drive, metres.")] = 4.0,
-    stages: Annotated[
-        str, typer.Option(help="To tell apart; matching may be split into matches,features.")
-    ] = "prediction,matching,stereo,inliers",
-    noise: Annotated[
-        float, typer.Option(min=0, metavar="PX", help="Standard deviation of the truth put in.")
-    ] = 0.0,
-    estimator: Annotated[
-        str, typer.Option(metavar="NAME", help="driftyard, thesis, or module:Class with hooks.")
-    ] = "driftyard",
-    out: Annotated[Path, typer.Option(help="Folder for figures and figures' data.")] = Path(
-        "explain"
-    ),
+        list[Path],
+        typer.Argument(
+            help="Datasets with labels.depth=true; those of a scene are taken together.",
+            default_factory=list,
+        ),
+    ],
+    out: Annotated[Path, typer.Option(help="Folder of figures and their data.")] = Path("explain"),
     page: Annotated[
-        Path | None, typer.Option(help="Page to write.", show_default="explain.md in it")
+        Path | None,
+        typer.Option(metavar="FILE", help="Markdown page to write.", show_default="OUT/explain.md"),
     ] = None,
-    validate: Annotated[
-        bool, typer.Option("--validate", help="Inject known errors and look who is blamed.")
-    ] = False,
-    overrides: Overrides = None,
-    config: Config = None,
 ) -> None:
-    """Say what each stage costs, how near to the bound the drift is, and if covariances are right.
+    """Attribute the drift to stages, compare it with the Cramér-Rao bound, check covariances.
 
-    Every stage is replaced by the truth, alone and with others; runs are kept in build/cache.
+    The ground truth replaces every stage, alone and with others; runs are kept in build/cache.
     """
-    from trials.cli import console
-    from trials.diagnosis.combinations import STAGES, Subject
-    from trials.diagnosis.explanation import explain as explain_groups
-    from trials.estimators.choice import Named
-    from trials.execution.cache import CACHE
-    from trials.report.explanation_page import terminal_report, write_explanations
-    from vo.contract.errors import SettingsError
-
-    chosen = [x for x in stages.split(",") if x]
-    oracles = [oracle for x in chosen for oracle in STAGES.get(x, (x,))]
-    if unknown := [x for x in chosen if x not in STAGES]:
-        raise SettingsError(f"--stages: unknown {unknown[0]}; valid: {', '.join(STAGES)}")
-    if not chosen or len(set(oracles)) < len(oracles):
-        raise SettingsError(f"--stages: {stages or 'nothing'}: name each stage once")
-    if bool(datasets) == bool(scene):
+    stages = attribution.chosen_stages
+    if bool(datasets) == bool(drives.scene):
         raise SettingsError("explain: name datasets, or else --scene")
-    groups = _grouped(datasets) if datasets else _driven(scene, seeds, distance)
-    subject = Subject(Named(estimator, config, tuple(overrides or ())), noise)
-    if validate:
-        _validate([x for some in groups.values() for x in some], subject, chosen)
+    groups = _by_scene(datasets) if datasets else drives.record()
+    subject = Subject(estimator.named, attribution.noise)
+    if attribution.validate:
+        every = [x for some in groups.values() for x in some]
+        with console.progress_bar("runs") as progress:
+            findings = validate(every, subject, stages, CACHE, progress)
+        console.out.print(validation_table(findings))
         return
     with console.progress_bar("runs") as progress:
-        found = explain_groups(groups, subject, chosen, CACHE, progress)
+        found = explain_groups(groups, subject, stages, CACHE, progress)
     for line in terminal_report(found):
         console.out.print(line)
     with console.err.status("figures and page"):
@@ -77,39 +126,8 @@ def explain(
         console.out.print(f"{path}", markup=False)
 
 
-def _grouped(datasets: list[Path]) -> dict[str, list[Path]]:
-    from vo.contract.dataset import read_manifest
-
+def _by_scene(datasets: Sequence[Path]) -> dict[str, list[Path]]:
     groups: dict[str, list[Path]] = {}
     for dataset in datasets:
         groups.setdefault(str(read_manifest(dataset)["scene"]["name"]), []).append(dataset)
     return groups
-
-
-def _driven(scenes: str, seeds: int, distance_m: float) -> dict[str, list[Path]]:
-    """Record or reuse drives with depth labels."""
-    from trials.cli import console
-    from trials.execution.jobs import Recording
-    from trials.execution.runner import record_all
-    from trials.studies.accuracy import chosen_scenes
-
-    overrides = (f"drive.distance_m={distance_m:g}", "labels.depth=true", "labels.disparity=false",
-                 "exposure.subframes_max=12")  # fmt: skip
-    drives = [Recording(x, seed, overrides) for x in chosen_scenes(scenes) for seed in range(seeds)]
-    groups: dict[str, list[Path]] = {drive.scene: [] for drive in drives}
-    with console.counting_bar("drives", len(drives)) as count:
-        for row, folder in sorted(record_all(drives), key=lambda found: found[0]):
-            groups[drives[row].scene].append(folder)
-            count(folder)
-    return groups
-
-
-def _validate(datasets: "Sequence[Path]", subject: "Subject", stages: "Sequence[str]") -> None:
-    from trials.cli import console
-    from trials.diagnosis.validation import validate
-    from trials.execution.cache import CACHE
-    from trials.report.explanation_page import validation_table
-
-    with console.progress_bar("runs") as progress:
-        findings = validate(datasets, subject, stages, CACHE, progress)
-    console.out.print(validation_table(findings))

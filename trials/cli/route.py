@@ -1,107 +1,127 @@
-"""Static against dynamic routing of an urgent vehicle, with and without clearing: route."""
+"""`driftyard route`: static and dynamic routing of an urgent vehicle, with and without clearing."""
 
 import json
-from dataclasses import asdict, astuple
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, astuple, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any, ClassVar
 
+import numpy as np
 import typer
+from numpy.random import Generator
 
-if TYPE_CHECKING:
-    from numpy.random import Generator
+from trials.cli import console
+from trials.cli.route_rover import route_rover
+from trials.evaluation.intervals import mean_interval
+from trials.navigation.errors import PlanningError
+from trials.routing import figures, tables, verdicts
+from trials.routing.drive import STRATEGIES
+from trials.routing.generation import large_network, small_network
+from trials.routing.maps import read_map
+from trials.routing.network import Network
+from trials.routing.study import (
+    STEPS,
+    Case,
+    Randomised,
+    Study,
+    random_case,
+    randomised,
+    small_case,
+    study,
+)
+from trials.routing.verdicts import Verdict
+from vo.contract.errors import SettingsError
+from vo.contract.files import replacing, write_text
 
-    from trials.routing.network import Network
-    from trials.routing.study import Case, Randomised, Study
-    from trials.routing.verdicts import Verdict
+
+@dataclass(frozen=True)
+class ModelOptions:
+    """Drives in a model of a road network."""
+
+    PANEL: ClassVar[str] = "Model"
+    map_file: Annotated[
+        Path | None,
+        typer.Option("--map", metavar="FILE", help="JSON file of a road network of your own."),
+    ] = None
+    drives: Annotated[int, typer.Option(min=2, help="Number of random drives.")] = 300
+    share: Annotated[
+        float, typer.Option(min=0.01, max=1, help="Ratio of congested roads to all roads.")
+    ] = 0.25
+    lead: Annotated[
+        float, typer.Option(min=0, help="Time from a request until a node is clear, s.")
+    ] = 30.0
+
+
+@dataclass(frozen=True)
+class RoverOptions:
+    """Drives of the rover through aisles."""
+
+    PANEL: ClassVar[str] = "Rover, instead of the model"
+    rover: Annotated[
+        str | None,
+        typer.Option(metavar="SCENE", help="Scene with aisles to drive through: warehouse."),
+    ] = None
+    worlds: Annotated[int, typer.Option(min=1, help="Number of layouts of the scene.")] = 5
+    localization: Annotated[
+        str, typer.Option(help="Source: truth, vo, an estimator, or module:Class.")
+    ] = "truth"
 
 
 def route(
     out: Annotated[Path, typer.Option(help="Folder for figures, tables and verdicts.")],
-    map_file: Annotated[
-        Path | None, typer.Option("--map", metavar="FILE", help="One's own network, JSON.")
-    ] = None,
-    drives: Annotated[int, typer.Option(min=2, help="Random drives.")] = 300,
-    share: Annotated[
-        float, typer.Option(min=0.01, max=1, help="Of the roads that become congested.")
-    ] = 0.25,
-    lead: Annotated[
-        float, typer.Option(min=0, help="Seconds from a request until a node is clear.")
-    ] = 30.0,
-    seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
-    rover: Annotated[
-        str | None,
-        typer.Option(
-            metavar="SCENE", help="Drive the rover through its aisles instead: warehouse."
-        ),
-    ] = None,
-    worlds: Annotated[int, typer.Option(min=1, help="With --rover: layouts of the scene.")] = 5,
-    localization: Annotated[
-        str, typer.Option(help="With --rover: truth, vo, another source, module:Class.")
-    ] = "truth",
+    model: ModelOptions,
+    rover: RoverOptions,
+    seed: Annotated[int, typer.Option(min=0, help="Random seed of network and drives.")] = 0,
 ) -> None:
-    """Draw travel times over node delay, over queuing delay and at random, and judge them.
+    """Compute travel times over node delay, over queuing delay and at random, with verdicts.
 
-    With --rover, drive what was routed, and compare with the model.
+    With --rover, the rover drives the computed routes, and its times are compared with the model.
     """
-    import numpy as np
-
-    from trials.cli import console
-    from trials.routing.generation import large_network, small_network
-    from trials.routing.maps import read_map
-    from trials.routing.study import STEPS, randomised, small_case, study
-    from vo.contract.errors import SettingsError
-
     if out.exists() and not out.is_dir():
         raise SettingsError(f"{out}: is a file; --out names a folder")
-    if rover is not None:
-        if map_file is not None:
-            raise SettingsError("--rover has its own map; leave --map out")
-        from trials.cli.route_rover import route_rover
-
-        route_rover(rover, out, worlds, localization, seed)
+    if rover.rover is None:
+        _route_model(out, model, seed)
         return
+    if model.map_file is not None:
+        raise SettingsError("--rover has its own map; leave --map out")
+    route_rover(rover.rover, out, rover.worlds, rover.localization, seed)
+
+
+def _route_model(out: Path, model: ModelOptions, seed: int) -> None:
     rng = np.random.default_rng(seed)
-    if map_file is None:
+    if model.map_file is None:
         network, small = large_network(rng), small_network()
         chosen = {"one decision": (small, [small_case(small)])}
         name = "many routes"
     else:
-        network, chosen, name = read_map(map_file), {}, map_file.stem
-    cases = _cases(network, share, drives, rng, map_file)
-    chosen[name] = network, cases[: max(2, drives // 3)]
-    total = 2 * STEPS * sum(len(some) for _, some in chosen.values()) + 2 * drives
+        network, chosen, name = read_map(model.map_file), {}, model.map_file.stem
+    cases = _cases(network, model, rng)
+    chosen[name] = network, cases[: max(2, model.drives // 3)]
+    total = 2 * STEPS * sum(len(some) for _, some in chosen.values()) + 2 * model.drives
     with console.counting_bar("drives", total) as done:
-        studies = {label: study(*part, lead, done) for label, part in chosen.items()}
-        during = randomised(network, cases, lead, rng, done)
-        before = randomised(network, cases, lead, rng, done, known_s=0.0)
-    verdicts = judge(studies, during, before)
+        studies = {label: study(*part, model.lead, done) for label, part in chosen.items()}
+        during = randomised(network, cases, model.lead, rng, done)
+        before = randomised(network, cases, model.lead, rng, done, known_s=0.0)
+    found = judge(studies, during, before)
     draw(out, studies, during, rng)
-    settings = {"drives": drives, "share": share, "lead_s": lead, "seed": seed}
-    write_summary(out, {**settings, "map": map_file and str(map_file)}, during, verdicts)
-    for verdict in verdicts:
+    settings = {"drives": model.drives, "share": model.share, "lead_s": model.lead, "seed": seed}
+    settings["map"] = model.map_file and str(model.map_file)
+    write_summary(out, settings, during, found)
+    for verdict in found:
         answer = "holds" if verdict.holds else "DOES NOT HOLD"
         console.out.print(f"{verdict.claim}: {answer} ({verdict.because})", markup=False)
     console.out.print(f"{out}", markup=False)
 
 
-def _cases(
-    network: "Network", share: float, drives: int, rng: "Generator", map_file: Path | None
-) -> "list[Case]":
-    from trials.navigation.errors import PlanningError
-    from trials.routing.study import random_case
-
+def _cases(network: Network, model: ModelOptions, rng: Generator) -> list[Case]:
     try:
-        return [random_case(network, share, rng) for _ in range(drives)]
+        return [random_case(network, model.share, rng) for _ in range(model.drives)]
     except PlanningError as error:
-        raise PlanningError(f"{map_file}: {error}") from None
+        raise PlanningError(f"{model.map_file}: {error}") from None
 
 
-def judge(
-    studies: "dict[str, Study]", during: "Randomised", before: "Randomised"
-) -> "list[Verdict]":
-    """Hold what was expected against the figures; the last study is that of the random drives."""
-    from trials.routing import verdicts
-
+def judge(studies: Mapping[str, Study], during: Randomised, before: Randomised) -> list[Verdict]:
+    """Compare the figures with the expectations; the last study has the random drives."""
     sweeps = [sweep for x in studies.values() for sweep in (x.node, x.queue)]
     return [
         verdicts.equal_without_congestion(studies),
@@ -111,11 +131,8 @@ def judge(
     ]
 
 
-def draw(out: Path, studies: "dict[str, Study]", during: "Randomised", rng: "Generator") -> None:
+def draw(out: Path, studies: dict[str, Study], during: Randomised, rng: Generator) -> None:
     """Write the figures and the data that they show."""
-    from trials.routing import figures, tables
-    from vo.contract.files import replacing, write_text
-
     drawn = {
         "networks": figures.draw_networks(studies),
         "delays": figures.draw_delays(studies),
@@ -129,16 +146,9 @@ def draw(out: Path, studies: "dict[str, Study]", during: "Randomised", rng: "Gen
 
 
 def write_summary(
-    out: Path,
-    settings: dict[str, object],
-    during: "Randomised",
-    verdicts: "list[Verdict]",
+    out: Path, settings: Mapping[str, Any], during: Randomised, found: Sequence[Verdict]
 ) -> None:
     """Write settings, mean increases with their intervals, and verdicts."""
-    from trials.evaluation.intervals import mean_interval
-    from trials.routing.drive import STRATEGIES
-    from vo.contract.files import write_text
-
     increase = {
         strategy.name: dict(zip(("mean", "low", "high"), astuple(mean_interval(x)), strict=True))
         for strategy, x in zip(STRATEGIES, during.increase_percent, strict=True)
@@ -146,6 +156,6 @@ def write_summary(
     summary = {
         "settings": settings,
         "increase_percent": increase,
-        "verdicts": [asdict(verdict) for verdict in verdicts],
+        "verdicts": [asdict(verdict) for verdict in found],
     }
     write_text(out / "routing.json", json.dumps(summary, indent=1, allow_nan=False) + "\n")

@@ -1,35 +1,35 @@
-"""The rover's part of the command route: drive what was routed, and compare with the model."""
+"""Drives of the rover on routes, compared with the routing model; for `driftyard route --rover`."""
 
 import csv
 import io
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from trials.gym.studies.routed import RoutedDrive
+import numpy as np
+
+from trials.cli import console
+from trials.evaluation.intervals import mean_interval
+from trials.execution.parallel import map_parallel
+from trials.gym.env.settings import NavSettings
+from trials.gym.studies.routed import RoutedDrive, drive_layout
+from trials.gym.studies.routed_figure import SIZE_IN, draw_drives, telling
+from trials.gym.world.aisles import survey_aisles
+from trials.gym.world.scene_instance import open_site
+from trials.report.figure import save_figure
+from trials.routing.drive import STRATEGIES
+from vo.contract.files import write_text
+from vo.contract.settings import validated
 
 SMALL = {"rig.width_px": 320, "rig.height_px": 240}
 TIME_LIMIT_S = 300.0
 
 
 def route_rover(scene: str, out: Path, worlds: int, localization: str, seed: int) -> None:
-    """Drive the rover through aisles and doors of some worlds, by every strategy.
+    """Drive the rover through aisles and doors of several worlds, with every strategy.
 
     Raises:
         SettingsError: If the scene has no aisles, or the localization is unknown.
     """
-    from trials.cli import console
-    from trials.execution.parallel import map_parallel
-    from trials.gym.env.settings import NavSettings
-    from trials.gym.studies.routed import drive_layout
-    from trials.gym.studies.routed_figure import SIZE_IN, draw_drives, telling
-    from trials.gym.world.aisles import survey_aisles
-    from trials.gym.world.scene_instance import open_site
-    from trials.report.figure import save_figure
-    from vo.contract.files import write_text
-    from vo.contract.settings import validated
-
     options: dict[str, object] = {
         "scene": scene,
         "scene_options": {"stock": 1.0} if scene == "warehouse" else {},
@@ -62,15 +62,8 @@ def route_rover(scene: str, out: Path, worlds: int, localization: str, seed: int
     console.out.print(f"{out}", markup=False)
 
 
-def _print_table(title: str, drives: "Sequence[RoutedDrive]") -> None:
-    import numpy as np
-    from rich.table import Table
-
-    from trials.cli import console
-    from trials.evaluation.intervals import mean_interval
-    from trials.routing.drive import STRATEGIES
-
-    table = Table(title, "arrived", "model, s", "rover, s", "rover over model", "as the model went")
+def _print_table(title: str, drives: Sequence[RoutedDrive]) -> None:
+    rows: list[tuple[str, ...]] = []
     for strategy in STRATEGIES:
         mine = [d for d in drives if d.strategy == strategy.name]
         predicted_s, measured_s, ratio = (
@@ -84,11 +77,12 @@ def _print_table(title: str, drives: "Sequence[RoutedDrive]") -> None:
         arrived = sum(d.outcome == "success" for d in mine)
         same = sum(d.predicted == d.passed for d in mine)
         times = (predicted_s.text(1), measured_s.text(1), ratio.text(2))
-        table.add_row(strategy.name, f"{arrived}/{len(mine)}", *times, f"{same}/{len(mine)}")
-    console.out.print(table)
+        rows.append((strategy.name, f"{arrived}/{len(mine)}", *times, f"{same}/{len(mine)}"))
+    header = (title, "arrived", "model, s", "rover, s", "rover over model", "as the model went")
+    console.out.print(console.table(header, rows))
 
 
-def _csv(drives: "Sequence[RoutedDrive]") -> str:
+def _csv(drives: Sequence[RoutedDrive]) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(

@@ -1,16 +1,79 @@
-"""Turning one disturbance up until the estimator breaks: `driftyard stress`."""
+"""`driftyard stress`: a disturbance that is raised until an estimator fails."""
 
 import shlex
 import sys
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, ClassVar
 
+import numpy as np
 import typer
 
-if TYPE_CHECKING:
-    from trials.execution.jobs import Variant
-    from trials.studies.strengths import Axis
-    from trials.studies.stress import Curve
+from trials.cli import console
+from trials.cli.options import Distance
+from trials.estimators.plugins.command import Command
+from trials.execution.jobs import Variant
+from trials.execution.runner import NO_LABELS, run_jobs
+from trials.studies.strengths import AXES, MAIN, Axis
+from trials.studies.stress import Curve, Limits, responder, verdict
+from trials.studies.stress import stress as find_limit
+from trials.studies.stress_report import write_curves, write_page
+from vo.contract.errors import SettingsError
+
+
+@dataclass(frozen=True)
+class SearchOptions:
+    """The drives, and the search for the strength at which an estimator fails."""
+
+    PANEL: ClassVar[str] = "Search"
+    scene: Annotated[
+        str | None, typer.Option(help="Scene of all drives.", show_default="suits the axis")
+    ] = None
+    most: Annotated[
+        float | None,
+        typer.Option("--max", min=0, help="Largest strength.", show_default="of the axis"),
+    ] = None
+    points: Annotated[int, typer.Option(min=2, help="Number of strengths to begin with.")] = 5
+    rounds: Annotated[int, typer.Option(min=0, help="Number of bisections after that.")] = 4
+    seeds: Annotated[int, typer.Option(min=1, help="Number of drives at each strength.")] = 3
+    distance: Distance = 4.0
+    drift: Annotated[
+        float, typer.Option(min=0, help="Drift over 1 m above which a drive fails, %.")
+    ] = 2.0
+    lost: Annotated[
+        float, typer.Option(min=0, help="Lost frames above which a drive fails, %.")
+    ] = 5.0
+
+
+@dataclass(frozen=True)
+class EstimatorsOptions:
+    """Estimators to compare."""
+
+    PANEL: ClassVar[str] = "Estimators"
+    estimator: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME", help="driftyard, thesis, corner_flow, module:Class; several as a,b."
+        ),
+    ] = "driftyard"
+    command: Annotated[
+        str, typer.Option(metavar="CMD", help="Program instead, as for `driftyard run`.")
+    ] = ""
+    overrides: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="KEY=VALUE",
+            help="Change a setting of `driftyard settings estimator`; may be repeated.",
+        ),
+    ] = None  # fmt: skip
+
+    @property
+    def variants(self) -> list[Variant]:
+        """One for each estimator, or for the program."""
+        settings = tuple(self.overrides or ())
+        if self.command:
+            return [Variant(Command(self.command).name, self.estimator, settings, self.command)]
+        return [Variant(name, name, settings) for name in self.estimator.split(",")]
 
 
 def stress(
@@ -18,64 +81,22 @@ def stress(
         str,
         typer.Argument(
             metavar="AXIS",
-            help="exposure, brick_height, noise, calibration, texture, speed, all of these, "
-            "or a disturbance's name; several as a,b.",
+            help=f"Axis: {', '.join(MAIN)}, all of these, or a disturbance; several as a,b.",
         ),
     ],
-    scene: Annotated[
-        str | None, typer.Option(help="Where to drive.", show_default="one that suits the axis")
-    ] = None,
-    estimator: Annotated[
-        str,
-        typer.Option(metavar="NAME", help="driftyard, thesis, corner_flow or module:Class; "
-                                          "several as a,b."),
-    ] = "driftyard",
-    command: Annotated[
-        str, typer.Option(metavar="CMD", help="Or a program, as for `driftyard run`.")
-    ] = "",
-    overrides: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Override the estimator's settings."),
-    ] = None,
-    most: Annotated[
-        float | None, typer.Option(min=0, help="Strongest to try.", show_default="by axis")
-    ] = None,
-    points: Annotated[int, typer.Option(min=2, help="Strengths to begin with.")] = 5,
-    rounds: Annotated[int, typer.Option(min=0, help="Halvings towards the breaking point.")] = 4,
-    seeds: Annotated[int, typer.Option(min=1, help="Drives at every strength.")] = 3,
-    distance: Annotated[float, typer.Option(min=1.2, help="Of each drive, metres.")] = 4.0,
-    drift: Annotated[float, typer.Option(min=0, help="Drift that counts as broken, %.")] = 2.0,
-    lost: Annotated[float, typer.Option(min=0, help="Lost frames that do, %.")] = 5.0,
+    search: SearchOptions,
+    estimators: EstimatorsOptions,
     out: Annotated[Path, typer.Option(help="Folder of figures and data.")] = Path("build/stress"),
     page: Annotated[
-        Path | None, typer.Option(help="Also write this Markdown page of all axes.")
+        Path | None, typer.Option(metavar="FILE", help="Markdown page of all axes.")
     ] = None,
-) -> None:  # fmt: skip
-    """Drive with more and more of one thing, and find where the estimator breaks."""
-    from trials.cli import console
-    from trials.execution.runner import NO_LABELS, run_jobs
-    from trials.studies.stress import Limits, responder
-    from trials.studies.stress import stress as turn_up
-    from trials.studies.stress_report import write_curves, write_page
-
-    axes = _axes(axis, most)
-    variants = _variants(estimator, command, tuple(overrides or ()))
-    shared = (f"drive.distance_m={distance:g}", *NO_LABELS)
+) -> None:
+    """Raise a disturbance step by step, and find the strength at which an estimator fails."""
     studies: dict[str, dict[str, Curve]] = {}
     figures: dict[str, Path] = {}
-    for name, chosen in axes.items():
-        place = scene or chosen.scene
-        studies[name] = {}
-        for variant in variants:
-            what = f"{variant.label}: {name} on {place}"
-            with console.counting_bar(what, seeds * (points + rounds)) as count:
-                respond = responder(
-                    chosen, place, variant, tuple(range(seeds)), shared,
-                    lambda jobs: run_jobs(jobs, progress=count),
-                )  # fmt: skip
-                curve = turn_up(chosen, place, respond, points, rounds, Limits(drift, lost / 100))
-            studies[name][variant.label] = curve
-            _print(curve, what)
+    variants = estimators.variants
+    for name, chosen in _axes(axis, search.most).items():
+        studies[name] = {x.label: _search(name, chosen, x, search) for x in variants}
         figures[name] = write_curves(name, studies[name], out)
         console.out.print(f"{figures[name]}, .csv, .json\n")
     if page:
@@ -83,12 +104,23 @@ def stress(
         console.out.print(f"{page}")
 
 
-def _axes(names: str, most: float | None) -> "dict[str, Axis]":
-    from dataclasses import replace
+def _search(name: str, axis: Axis, variant: Variant, search: SearchOptions) -> Curve:
+    scene = search.scene or axis.scene
+    title = f"{variant.label}: {name} on {scene}"
+    shared = (f"drive.distance_m={search.distance:g}", *NO_LABELS)
+    limits = Limits(search.drift, search.lost / 100)
+    seeds = tuple(range(search.seeds))
+    drives = search.seeds * (search.points + search.rounds)
+    with console.counting_bar(title, drives) as count:
+        respond = responder(
+            axis, scene, variant, seeds, shared, lambda jobs: run_jobs(jobs, progress=count)
+        )
+        curve = find_limit(axis, respond, search.points, search.rounds, limits)
+    _print(curve, title)
+    return curve
 
-    from trials.studies.strengths import AXES, MAIN
-    from vo.contract.errors import SettingsError
 
+def _axes(names: str, most: float | None) -> dict[str, Axis]:
     chosen = list(MAIN) if names == "all" else names.split(",")
     for name in chosen:
         if name not in AXES:
@@ -96,31 +128,15 @@ def _axes(names: str, most: float | None) -> "dict[str, Axis]":
     return {x: AXES[x] if most is None else replace(AXES[x], reach=most) for x in chosen}
 
 
-def _variants(estimators: str, command: str, overrides: tuple[str, ...]) -> "list[Variant]":
-    from trials.estimators.plugins.command import Command
-    from trials.execution.jobs import Variant
-
-    if command:
-        return [Variant(Command(command).name, estimators, overrides, command)]
-    return [Variant(name, name, overrides) for name in estimators.split(",")]
-
-
-def _print(curve: "Curve", title: str) -> None:
-    import numpy as np
-    from rich.table import Table
-
-    from trials.cli import console
-    from trials.studies.stress import verdict
-
-    table = Table(
-        curve.axis.label, "drift over 1 m, %, by drive", "lost, %", "broken", title=title,
-        title_justify="left",
-    )  # fmt: skip
+def _print(curve: Curve, title: str) -> None:
+    rows: list[tuple[str, ...]] = []
     for x in curve.responses:
         drifts = " ".join("–" if np.isnan(d) else f"{d:.3f}" for d in x.drift_percent)
-        broken = f"{sum(x.broken(curve.limits))} of {len(x.seeds)}"
-        table.add_row(f"{x.strength:.4g}", drifts, f"{100 * np.mean(x.lost_share):.1f}", broken)
-    console.out.print(table)
+        failed = f"{sum(x.broken(curve.limits))} of {len(x.seeds)}"
+        lost = f"{100 * np.mean(x.lost_share):.1f}"
+        rows.append((f"{x.strength:.4g}", drifts, lost, failed))
+    header = (curve.axis.label, "drift over 1 m, %, by drive", "lost, %", "broken")
+    console.out.print(console.table(header, rows, title))
     limits = curve.limits
     console.out.print(
         f"{verdict(curve)} Broken: drift over {limits.drift_percent:g} % or more than "

@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from scenes import find_scene
+from scenes import SCENES, find_scene
 from sim.disturbances import disturbed, parse_disturbances
 from sim.settings import RecordSettings
+from vo.contract.errors import SettingsError
 from vo.contract.settings import resolve
 
 
@@ -32,3 +33,20 @@ def recording_settings(
     seeded = [] if seed is None else [f"seed={seed}"]
     base = find_scene(scene).defaults
     return disturbed(resolve(RecordSettings, config, [*overrides, *seeded], base), wanted)
+
+
+def parse_scenes(names: str, option: str = "--scenes") -> list[str]:
+    """Split `a,b,c` into scenes; `all` stands for all registered ones.
+
+    Raises:
+        SettingsError: If none is named, or one is neither registered nor an MJCF file nor
+            `module:function`; names the option.
+    """
+    chosen = list(SCENES) if names == "all" else [name for name in names.split(",") if name]
+    valid = f"valid: all, {', '.join(SCENES)}"
+    if not chosen:
+        raise SettingsError(f"{option}: names no scene; {valid}")
+    for name in chosen:
+        if name not in SCENES and ":" not in name and not name.endswith(".xml"):
+            raise SettingsError(f"{option}: unknown {name}; {valid}")
+    return chosen

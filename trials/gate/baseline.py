@@ -82,7 +82,7 @@ def read_baseline(path: Path) -> Baseline:
         content = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise DatasetError(
-            f"{path}: cannot be read ({error.strerror}); gate --bless writes a baseline"
+            f"{path}: cannot be read ({error.strerror}); `driftyard gate update` writes one"
         ) from None
     except ValueError:
         raise DatasetError(f"{path}: not a gate baseline") from None
@@ -91,7 +91,8 @@ def read_baseline(path: Path) -> Baseline:
     version = content.get("schema_version")
     if version != SCHEMA_VERSION:
         raise DatasetError(
-            f"{path}: baseline of schema {version}, this program reads {SCHEMA_VERSION}; bless anew"
+            f"{path}: baseline of schema {version}, this program reads {SCHEMA_VERSION}; "
+            "run `driftyard gate update`"
         )
     return validated(Baseline, content)
 
@@ -137,7 +138,7 @@ def dataset_mismatch(
 def refuse(path: Path, kind: str, mismatch: str, accepted: Collection[str]) -> None:
     """Raise DatasetError if there is a mismatch of a kind that is not accepted."""
     if mismatch and kind not in accepted:
-        raise DatasetError(f"{path}: {mismatch}; bless anew, or --accept {kind}")
+        raise DatasetError(f"{path}: {mismatch}; run `driftyard gate update`, or --accept {kind}")
 
 
 def _told(version: Any) -> str:

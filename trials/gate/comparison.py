@@ -55,7 +55,7 @@ class Comparison:
     mismatches: tuple[str, ...]
 
 
-def bless(
+def make_baseline(
     choice: "Named | Command", reference: str, rules: Rules, design: Design, cache: Path, bar: Bar
 ) -> Baseline:
     """Measure an estimator, to compare others with.

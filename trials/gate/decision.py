@@ -9,7 +9,7 @@ import numpy as np
 from trials.gate.measurement import Measurement
 from trials.gate.rules import Rules
 from trials.gate.statistics import (
-    LEAST_DEGREES,
+    MIN_DEGREES,
     Effect,
     degrees_of_freedom,
     detectable,
@@ -47,7 +47,7 @@ class Change:
     @staticmethod
     def of(effect: Effect, rules: Rules, null: float) -> "Change":
         """Sum up an effect."""
-        if effect.degrees < LEAST_DEGREES:
+        if effect.degrees < MIN_DEGREES:
             return Change(effect, rules, null, np.nan, np.nan)
         return Change(effect, rules, null, *effect.bounds(rules.level))
 
@@ -122,7 +122,7 @@ def decide(
     findings = [_drift(rules, scenes, before, after), _losses(rules, before, after)]
     findings += _time(rules, scenes, before, after)
     findings += _nees(rules, scenes, before, after)
-    if degrees_of_freedom(scenes) < LEAST_DEGREES:
+    if degrees_of_freedom(scenes) < MIN_DEGREES:
         few = (
             f"too few sequences for a decision: {len(scenes)} of {len(set(scenes))} scenes; "
             f"five scenes are enough, or five seeds of one"
@@ -133,7 +133,7 @@ def decide(
     return Decision(next(x for x in worst if x in said), tuple(findings))
 
 
-def judge(change: Change, margin: float) -> tuple[Verdict, str]:
+def decide_change(change: Change, margin: float) -> tuple[Verdict, str]:
     """Decide on a log ratio.
 
     Args:
@@ -164,7 +164,7 @@ def _drift(
     was, now = (np.array([x.log_drift for x in side]) for side in (before, after))
     null, margin = np.log1p(rules.drift_tolerance), np.log1p(rules.drift_margin)
     change = Change.of(Effect.of(now - was, scenes), rules, null)
-    verdict, why = judge(change, margin)
+    verdict, why = decide_change(change, margin)
     return Finding("drift", verdict, why, _typical(was), _typical(now), change)
 
 
@@ -191,7 +191,7 @@ def _time(
         return []
     margin = np.log1p(rules.time_margin)
     change = Change.of(effect, rules, margin)
-    verdict, why = judge(change, margin)
+    verdict, why = decide_change(change, margin)
     return [Finding("time", verdict, why, _typical(was), _typical(now), change)]
 
 
@@ -205,7 +205,7 @@ def _nees(
         return []
     margin = np.log1p(rules.nees_margin)
     change = Change.of(effect, rules, margin)
-    verdict, why = judge(change, margin)
+    verdict, why = decide_change(change, margin)
     return [Finding("nees", verdict, why, _typical(was), _typical(now), change)]
 
 

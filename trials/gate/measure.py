@@ -21,11 +21,11 @@ from vo.contract.trajectory import Trajectory
 if TYPE_CHECKING:
     from trials.estimators.plugins.command import Command
 
-MOST_LETTERS = 300
+MAX_LETTERS = 300
 """Of what an estimator says went wrong."""
 
 
-class Pace:
+class ReferenceTimer:
     """The reference's time on a sequence, frame by frame behind those of the candidate.
 
     So both see the same state of the machine, whatever else runs on it.
@@ -91,12 +91,13 @@ def run_file(dataset: Path) -> Path:
 
 
 def _measure(choice: "Named | Command", reference: Named, dataset: Path) -> Measurement:
-    frames, out, pace = len(open_sequence(dataset)), run_file(dataset), Pace(reference, dataset)
+    frames, out = len(open_sequence(dataset)), run_file(dataset)
+    timer = ReferenceTimer(reference, dataset)
     truth = read_truth(dataset)
     if truth is None:
         raise DatasetError(f"{dataset}: holds no truth to compare with")
     try:
-        ran = estimate(choice, dataset, out, pace)
+        ran = estimate(choice, dataset, out, timer)
     except (DatasetError, SettingsError):
         raise
     except Exception as error:  # anyone's code: whatever it raises, the other sequences go on
@@ -105,7 +106,7 @@ def _measure(choice: "Named | Command", reference: Named, dataset: Path) -> Meas
         frames=frames,
         lost_frames=sum(x.status is Status.LOST for x in ran.estimates),
         frame_ms=float(np.median(ran.frame_ms)),
-        reference_ms=pace.median_ms(),
+        reference_ms=timer.median_ms(),
     )
     try:
         saved = read_run(out)
@@ -120,7 +121,7 @@ def _told(error: Exception) -> str:
     """One printable line, whatever the exception holds."""
     words = " ".join(str(error).split())
     line = words if isinstance(error, DriftyardError) else f"{type(error).__name__}: {words}"
-    return "".join(x if x.isprintable() else "?" for x in line)[:MOST_LETTERS]
+    return "".join(x if x.isprintable() else "?" for x in line)[:MAX_LETTERS]
 
 
 def _nees(truth: Trajectory, saved: SavedRun) -> float | None:

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from trials.gate.statistics import LEAST_DEGREES, LEAST_SCENES, detectable
+from trials.gate.statistics import MIN_DEGREES, MIN_SCENES, detectable
 
-MOST_SEEDS, MOST_SCENES = 200, 500
+MAX_SEEDS, MAX_SCENES = 200, 500
 
 
 def seeds_needed(
@@ -23,11 +23,11 @@ def seeds_needed(
         power: Probability to find it.
 
     Returns:
-        None if MOST_SEEDS are not enough, or `within` is not known.
+        None if MAX_SEEDS are not enough, or `within` is not known.
     """
     if np.isnan(within):
         return None
-    counts = range(1, MOST_SEEDS + 1)
+    counts = range(1, MAX_SEEDS + 1)
     return next(
         (n for n in counts if _finds(within, between, scenes, n, change, level, power)), None
     )
@@ -37,7 +37,7 @@ def scenes_needed(
     within: float, between: float, seeds: int, change: float, level: float, power: float
 ) -> int | None:
     """Find the least number of scenes, with so many seeds of each; otherwise as `seeds_needed`."""
-    counts = range(LEAST_SCENES, MOST_SCENES + 1)
+    counts = range(MIN_SCENES, MAX_SCENES + 1)
     return next(
         (k for k in counts if _finds(within, between, k, seeds, change, level, power)), None
     )
@@ -49,11 +49,11 @@ def design_error(within: float, between: float, scenes: int, seeds: int) -> tupl
     Args:
         within: Standard deviation of sequences about their scene's mean; NaN counts as none.
         between: Standard deviation of scenes beyond that.
-        scenes: Number of them; below LEAST_SCENES they are all there is, and do not spread.
+        scenes: Number of them; below MIN_SCENES they are all there is, and do not spread.
         seeds: Of each.
     """
     own = float(np.nan_to_num(within)) ** 2 / seeds
-    if scenes >= LEAST_SCENES:
+    if scenes >= MIN_SCENES:
         return float(np.sqrt((between**2 + own) / scenes)), scenes - 1
     return float(np.sqrt(own / scenes)), scenes * (seeds - 1)
 
@@ -68,4 +68,4 @@ def _finds(
     power: float,
 ) -> bool:
     error, degrees = design_error(within, between, scenes, seeds)
-    return degrees >= LEAST_DEGREES and detectable(error, degrees, level, power) <= change
+    return degrees >= MIN_DEGREES and detectable(error, degrees, level, power) <= change

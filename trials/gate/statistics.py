@@ -1,6 +1,6 @@
 """What paired log ratios say: Student's t with scenes as blocks.
 
-Sequences of one scene resemble each other, so with LEAST_SCENES scenes or more a scene is one
+Sequences of one scene resemble each other, so with MIN_SCENES scenes or more a scene is one
 sample, the mean of its sequences, and the statement is about scenes like these. With fewer, every
 sequence is a sample about its scene's mean, and the statement is about these scenes alone.
 docs/decisions/0015 says why Student's t.
@@ -12,11 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
+from scipy.optimize import brentq
 
 from vo.contract.arrays import Array
 
-LEAST_SCENES = 5
-LEAST_DEGREES = 4
+MIN_SCENES = 5
+MIN_DEGREES = 4
 """Of freedom: below them a spread is a guess."""
 RESAMPLES = 2000
 
@@ -43,7 +44,7 @@ class Effect:
     @property
     def by_scene(self) -> bool:
         """Whether a scene is one sample."""
-        return len(set(self.scenes)) >= LEAST_SCENES
+        return len(set(self.scenes)) >= MIN_SCENES
 
     @property
     def degrees(self) -> int:
@@ -119,7 +120,7 @@ class Effect:
 def degrees_of_freedom(scenes: Sequence[str]) -> int:
     """Degrees of freedom of pairs in these scenes."""
     blocks = len(set(scenes))
-    return blocks - 1 if blocks >= LEAST_SCENES else len(scenes) - blocks
+    return blocks - 1 if blocks >= MIN_SCENES else len(scenes) - blocks
 
 
 def detectable(error: float, degrees: int, level: float, power: float) -> float:
@@ -135,14 +136,11 @@ def detectable(error: float, degrees: int, level: float, power: float) -> float:
         The non-central t distribution: Cohen, Statistical Power Analysis, 1988, chapter 2.
     """
     critical = _quantile(1 - level, degrees)
-    low, high = 0.0, critical + 40.0
-    for _ in range(60):
-        middle = (low + high) / 2
-        if stats.nct.sf(critical, degrees, middle) < power:
-            low = middle
-        else:
-            high = middle
-    return error * high
+
+    def shortfall(noncentrality: float) -> float:
+        return float(stats.nct.sf(critical, degrees, noncentrality)) - power
+
+    return error * float(brentq(shortfall, 0.0, critical + 40.0, xtol=1e-14))
 
 
 def newly_lost(before: Sequence[bool], after: Sequence[bool]) -> tuple[int, int, float]:

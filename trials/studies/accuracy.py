@@ -1,4 +1,4 @@
-"""Drift of the default settings on scenes that no parameter has seen; `make accuracy`.
+"""Drift of the default settings on scenes that no parameter has seen; `driftyard accuracy`.
 
 Every scene is driven with seeds 0, 1, ...; parameters were chosen on seeds of 100 and above, so
 that no figure here is of a drive that a parameter has seen. A drive is one sample: the figures
@@ -9,25 +9,20 @@ import json
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-import typer
 from rich.table import Table
 
-from trials.cli import console
-from trials.cli.datasets import Overrides
-from trials.cli.main import guard
 from trials.estimators.choice import COMPARED
-from trials.execution.jobs import Job, Recording, Result, Variant, jobs_of
-from trials.execution.runner import NO_LABELS, cached_run, run_jobs
+from trials.execution.jobs import Result, Variant
 from vo.contract.arrays import Array
-from vo.contract.readers import open_sequence
+from vo.contract.errors import SettingsError
+from vo.contract.files import write_text
 
-SCENES = ("brick_court", "office")
-"""What is driven by default; `--scenes all` takes hours."""
+SCENES = "brick_court,office"
+"""Scenes by default; all of them take hours."""
 VARIANTS = tuple(Variant(name, name) for name in COMPARED)
 RESAMPLES, CONFIDENCE = 10_000, 0.95
 
@@ -52,63 +47,8 @@ FIGURES = (
     Figure("drift over 1 m, mean, %", ("drift_1m", "mean_percent"), 3),
     Figure("rotation over 1 m, °/m", ("drift_1m", "mean_deg_per_m"), 4),
     Figure("end point, % of path", ("end_percent",), 3),
-    Figure("ms per frame, median, two drives at a time", ("frame_ms",), 1),
+    Figure("ms per frame, median, all cores busy", ("frame_ms",), 1),
 )
-
-
-def accuracy(
-    distance: Annotated[float, typer.Option(min=2.0, help="Of each drive, metres.")] = 20.0,
-    seeds: Annotated[int, typer.Option(min=1, help="Drives of each scene, from seed 0 on.")] = 5,
-    scenes: Annotated[str, typer.Option(help="Names, a,b,c, or all.")] = ",".join(SCENES),
-    disturb: Annotated[str, typer.Option(help="Disturbances, as for generate.")] = "",
-    overrides: Overrides = None,
-    against: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="'ESTIMATOR KEY=VALUE …'",
-            help="Another estimator in the tables, with its settings; may be repeated.",
-        ),
-    ] = None,
-    kitti: Annotated[Path | None, typer.Option(help="Also score this recording.")] = None,
-    out: Annotated[Path | None, typer.Option("--json", help="File for all scores.")] = None,
-) -> None:
-    """Record or reuse the drives, run every estimator over them and print its errors."""
-    names = chosen_scenes(scenes)
-    if kitti is not None:
-        open_sequence(kitti)  # a wrong path ends it now, not after all drives
-    variants = tuple(dict.fromkeys((*VARIANTS, *map(named_variant, against or ()))))
-    settings = (f"drive.distance_m={distance:g}", *NO_LABELS, *(overrides or ()))
-    drives = [Recording(x, seed, settings, disturb) for x, seed in product(names, range(seeds))]
-    with console.counting_bar("drives", len(drives)) as count:
-        results = run_jobs(jobs_of(drives, variants), progress=count)
-    runs = {name: [x for v in variants for x in results.of(v, name)] for name in names}
-    if kitti is not None:
-        of_kitti = Recording(kitti.resolve().name, 0)
-        runs[of_kitti.scene] = [
-            Result(Job(of_kitti, v), kitti, cached_run(kitti, v)) for v in variants
-        ]
-    for name, of_scene in runs.items():
-        console.out.print(accuracy_table(name, of_scene))
-    for table in summary_tables(runs):
-        console.out.print(table)
-    if out is not None:
-        _write(out, runs)
-
-
-def chosen_scenes(names: str) -> list[str]:
-    """Split `a,b,c`, or name all there are.
-
-    Raises:
-        SettingsError: If one is unknown.
-    """
-    from scenes import SCENES as KNOWN
-    from vo.contract.errors import SettingsError
-
-    chosen = list(KNOWN) if names == "all" else [name for name in names.split(",") if name]
-    for name in chosen:
-        if name not in KNOWN:
-            raise SettingsError(f"--scenes: unknown {name}; valid: all, {', '.join(KNOWN)}")
-    return chosen
 
 
 def named_variant(words: str) -> Variant:
@@ -119,8 +59,6 @@ def named_variant(words: str) -> Variant:
     Raises:
         SettingsError: If a quotation does not end.
     """
-    from vo.contract.errors import SettingsError
-
     try:
         name, *overrides = shlex.split(words) or [""]
     except ValueError as error:
@@ -204,9 +142,8 @@ def _at(content: Any, key: tuple[str, ...]) -> float | None:
     return content
 
 
-def _write(out: Path, runs: Mapping[str, Sequence[Result]]) -> None:
-    from vo.contract.files import write_text
-
+def write_scores(out: Path, runs: Mapping[str, Sequence[Result]]) -> None:
+    """Write the scores of all runs as JSON, by scene."""
     content = {
         name: [
             {"seed": x.job.recording.seed, "estimator": x.job.variant.label,
@@ -216,7 +153,3 @@ def _write(out: Path, runs: Mapping[str, Sequence[Result]]) -> None:
         for name, of_scene in runs.items()
     }  # fmt: skip
     write_text(out, json.dumps(content, indent=1) + "\n")
-
-
-if __name__ == "__main__":
-    guard(lambda: typer.run(accuracy))

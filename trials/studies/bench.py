@@ -1,4 +1,4 @@
-"""How fast this machine estimates and generates; `make bench`.
+"""How fast this machine estimates and generates; `driftyard bench`.
 
 The estimators run on a single core, the generator on all of them. The generator stands beside a
 plain loop over `mujoco.Renderer` that makes the same left image, right image and depth of the
@@ -8,27 +8,22 @@ drive of 300 m stands beside one of 30 m. `--over DATASET` asks for the estimato
 recording there is: what a frame costs at its end beside what one costs at its start.
 """
 
-import importlib.metadata
 import os
-import platform
 import tempfile
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-import typer
 from rich.table import Table
 
-from trials.cli import console
-from trials.cli.main import guard
 from trials.estimators.choice import COMPARED
+from trials.execution.progress import ProgressBar, no_progress
 from trials.studies.speed.estimator import EstimatorSpeed, measure_estimator
 from trials.studies.speed.generator import GeneratorSpeed, measure_generator, measure_scaling
 from trials.studies.speed.length import LengthCost, measure_lengths
 from trials.studies.speed.renderers import RenderSpeed, measure_renderers
 from trials.studies.speed.trial import Trial, on_cores
-from vo.contract.readers import open_sequence
 
 DISTANCE_M, FRAMES = 5.0, 40
 QUICK_DISTANCE_M, QUICK_FRAMES = 1.5, 8
@@ -36,59 +31,62 @@ QUICK_DISTANCE_M, QUICK_FRAMES = 1.5, 8
 LONG_SCENE, LENGTHS_M, QUICK_LENGTHS_M = "long_haul", (30.0, 300.0), (3.0, 30.0)
 """Where a frame of a long drive is compared with one of a short drive."""
 
-PACKAGES = ("mujoco", "numpy", "opencv-python-headless", "gtsam", "numba")
+
+@dataclass(frozen=True)
+class Speeds:
+    """Speed of generator, renderers and estimators.
+
+    Attributes:
+        distance_m: Length of the drive.
+        cores: Number that the generator uses.
+        generated: The generator, before and after the renderers.
+        rendered: Both renderers.
+        scaling: Frame rate of two generators on a core each over that of one.
+        lengths: A frame of a short and of a long drive.
+        estimated: Estimators by name.
+    """
+
+    distance_m: float
+    cores: int
+    generated: tuple[GeneratorSpeed, GeneratorSpeed]
+    rendered: RenderSpeed
+    scaling: float
+    lengths: LengthCost
+    estimated: dict[str, EstimatorSpeed]
 
 
-def bench(
-    scene: Annotated[str, typer.Option(help="Scene to drive through.")] = "brick_court",
-    seed: Annotated[int, typer.Option(help="Of everything random.")] = 0,
-    quick: Annotated[bool, typer.Option(help="A short drive: rough figures.")] = False,
-    over: Annotated[
-        Path | None,
-        typer.Option(metavar="DATASET", help="Only the estimators, over this recording."),
-    ] = None,
-) -> None:
-    """Measure the speed of generator, renderers and estimators on this machine."""
+def measure_all(scene: str, seed: int, quick: bool, bar: ProgressBar = no_progress) -> Speeds:
+    """Measure generator, renderers and estimators on a drive through a scene.
+
+    Args:
+        scene: Scene to drive through.
+        seed: Random seed of the drive.
+        quick: Whether to measure short drives.
+        bar: Shows progress; a function that is importable by its name.
+    """
     cores = sorted(os.sched_getaffinity(0))
-    if over is not None:
-        open_sequence(over)  # a wrong path is told of before a process is started
-        estimated = _estimated(cores[0], over)
-        _print_conditions(over.resolve().name)
-        console.out.print(estimator_table(estimated))
-        console.out.print(endurance_table(estimated))
-        return
     trial = Trial(scene, seed, QUICK_DISTANCE_M if quick else DISTANCE_M)
     frames = QUICK_FRAMES if quick else FRAMES
     with tempfile.TemporaryDirectory(prefix="driftyard-bench-") as name:
         folder = Path(name)
         dataset = folder / scene
-        before = on_cores(cores, measure_generator, trial, dataset)
-        rendered = on_cores(cores, measure_renderers, trial, frames, folder)
-        after = on_cores(cores, measure_generator, trial, folder / "again")
+        before = on_cores(cores, measure_generator, trial, dataset, bar)
+        rendered = on_cores(cores, measure_renderers, trial, frames, folder, bar)
+        after = on_cores(cores, measure_generator, trial, folder / "again", bar)
         scaling = measure_scaling(trial, cores[:2], folder)
-        short_m, long_m = QUICK_LENGTHS_M if quick else LENGTHS_M
-        short, long = (Trial(LONG_SCENE, seed, x) for x in (short_m, long_m))
-        lengths = on_cores(cores, measure_lengths, short, long, frames)
-        estimated = _estimated(cores[0], dataset)
-    _print_conditions(f"{scene}, seed {seed}, {trial.distance_m:g} m; {before.gl}")
-    console.out.print(generator_table((before, after), rendered, len(cores)))
-    console.out.print(ratio_table((before, after), rendered, scaling))
-    console.out.print(
-        f"{before.frames} frames in {before.whole_s:.1f} s with scene, drive and map; "
-        f"left images of the two renderers differ by {rendered.different_grey:.2f} grey levels"
-    )
-    console.out.print(length_table(lengths))
-    console.out.print(estimator_table(estimated))
+        short, long = (
+            Trial(LONG_SCENE, seed, x) for x in (QUICK_LENGTHS_M if quick else LENGTHS_M)
+        )
+        lengths = on_cores(cores, measure_lengths, short, long, frames, bar)
+        estimated = measure_estimators(dataset, bar)
+    generated = (before, after)
+    return Speeds(trial.distance_m, len(cores), generated, rendered, scaling, lengths, estimated)
 
 
-def _estimated(core: int, dataset: Path) -> dict[str, EstimatorSpeed]:
-    return {x: on_cores([core], measure_estimator, x, dataset) for x in COMPARED}
-
-
-def _print_conditions(what: str) -> None:
-    versions = ", ".join(f"{x} {importlib.metadata.version(x)}" for x in PACKAGES)
-    console.out.print(what)
-    console.out.print(f"python {platform.python_version()}, {versions}")
+def measure_estimators(dataset: Path, bar: ProgressBar = no_progress) -> dict[str, EstimatorSpeed]:
+    """Measure each estimator of COMPARED over a dataset, on a single core."""
+    core = min(os.sched_getaffinity(0))
+    return {x: on_cores([core], measure_estimator, x, dataset, bar) for x in COMPARED}
 
 
 def generator_table(
@@ -194,7 +192,3 @@ def endurance_table(estimated: dict[str, EstimatorSpeed]) -> Table:
     table.add_row("memory after a tenth, GB", *(f"{x:.2f}" for x in after_tenth))
     table.add_row("memory at the end, GB", *(f"{x:.2f}" for x in at_end))
     return table
-
-
-if __name__ == "__main__":
-    guard(lambda: typer.run(bench))

@@ -1,15 +1,13 @@
-"""One cause, many labels: what a brick under a wheel does to every channel; `make bump`."""
+"""One cause, many labels: what a brick under a wheel does to every channel; `driftyard bump`."""
 
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import numpy as np
-import typer
 
-from trials.cli import console
-from trials.cli.main import guard
+from trials.execution.progress import ProgressBar, no_progress
 from trials.execution.recording_settings import recording_settings
 from vo.contract.arrays import Array
 
@@ -27,17 +25,12 @@ Channel = tuple[Array, Array]
 """Times in seconds and values."""
 
 
-def bump(
-    seed: Annotated[int, typer.Option(help="Of everything random.")] = 0,
-    scene: Annotated[str, typer.Option(help="Scene to drive through.")] = "office",
-    out: Annotated[Path, typer.Option(help="PNG to write.")] = Path("build/bump.png"),
-) -> None:
-    """Drive over loose bricks and draw wheel load, shock, pitch, blur and features in time."""
+def record_bumps(scene: str, seed: int, bar: ProgressBar = no_progress) -> dict[str, Channel]:
+    """Drive over loose bricks: channels as of `read_channels`, and `features` that survive."""
     from sim.batch import build
     from sim.record import record
     from trials.estimators.choice import Named, estimate
     from trials.evaluation.runs import read_run
-    from vo.contract.files import replacing
 
     overrides = [
         "drive.distance_m=3",
@@ -48,7 +41,7 @@ def bump(
     settings = recording_settings(scene, seed, overrides)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / scene
-        with console.progress_bar(f"recording {scene}") as progress:
+        with bar(f"recording {scene}") as progress:
             record(build(scene, settings), settings, folder, progress=progress)
         estimate(Named(BASELINE), folder, folder.parent / "run.txt")
         run = read_run(folder.parent / "run.txt")
@@ -56,10 +49,7 @@ def bump(
         channels = read_channels(folder, settings.exposure.step_px)
         times_s = np.array(run.frames.timestamps_ns) * 1e-9
         channels["features"] = (times_s, run.frames.counts["inliers"])
-    with replacing(out) as partial:
-        draw(channels, scene).savefig(partial, format="png", dpi=130)
-    console.out.print(bump_summary(channels))
-    console.out.print(f"{out}")
+    return channels
 
 
 def read_channels(folder: Path, step_px: float) -> dict[str, Channel]:
@@ -153,7 +143,3 @@ def _draw_panel(panel: "Axes", label: str, lines: Mapping[str, tuple[Channel, st
     panel.margins(x=0)
     for side in ("top", "right"):
         panel.spines[side].set_visible(False)
-
-
-if __name__ == "__main__":
-    guard(lambda: typer.run(bump))

@@ -1,4 +1,4 @@
-"""How often the gate errs, by simulation with its own decision; `make gate-power`.
+"""How often the gate errs, by simulation with its own decision; `driftyard gate power`.
 
 A log ratio of drift is the true change, plus what the scene adds (Gaussian), plus what the
 sequence adds: Student's t with four degrees of freedom, heavier in the tails than a Gaussian, and
@@ -9,25 +9,19 @@ sequences are drawn from those of a gate's JSON result instead, its mean removed
 """
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-import typer
-from rich.table import Table
 from scipy import stats
 
-from trials.cli import console
-from trials.cli.main import guard
-from trials.gate.alternatives import TESTS
 from trials.gate.decision import Decision, Verdict, decide
 from trials.gate.measurement import Measurement
 from trials.gate.planning import design_error, seeds_needed
 from trials.gate.rules import Rules
-from trials.gate.statistics import LEAST_SCENES, Effect
+from trials.gate.statistics import MIN_SCENES, Effect
 from vo.contract.arrays import Array
 from vo.contract.errors import DatasetError
 
@@ -64,7 +58,7 @@ class Case:
 
     @cached_property
     def seeds(self) -> int:
-        """Of each scene, as `--plan 10%` says.
+        """Of each scene, as `gate plan 10%` says.
 
         Raises:
             DatasetError: If no number of seeds is enough.
@@ -88,7 +82,7 @@ def modelled(scenes: int, within: float, between: float) -> Case:
 
     def draw(rng: np.random.Generator, scenes: int, seeds: int) -> Array:
         of_scene = between * rng.standard_normal((scenes, 1))
-        if scenes < LEAST_SCENES:
+        if scenes < MIN_SCENES:
             of_scene -= of_scene.mean()
         width = rng.uniform(2 / 3, 4 / 3, (scenes, 1))
         width /= np.sqrt(np.mean(width**2))
@@ -96,7 +90,7 @@ def modelled(scenes: int, within: float, between: float) -> Case:
         return of_scene + scale * width * rng.standard_t(TAIL_DEGREES, (scenes, seeds))
 
     name = f"{scenes} scenes, {100 * within:.0f} % within, {100 * between:.0f} % between"
-    return Case(name, scenes, within, between if scenes >= LEAST_SCENES else 0.0, draw)
+    return Case(name, scenes, within, between if scenes >= MIN_SCENES else 0.0, draw)
 
 
 def resampled(path: Path) -> Case:
@@ -111,7 +105,7 @@ def resampled(path: Path) -> Case:
     except (ValueError, KeyError, IndexError, TypeError):
         raise DatasetError(f"{path}: not a gate result") from None
     if not effect.by_scene or not effect.within > 0:
-        raise DatasetError(f"{path}: has not several differing sequences of {LEAST_SCENES} scenes")
+        raise DatasetError(f"{path}: has not several differing sequences of {MIN_SCENES} scenes")
     means, names = effect.scene_means - effect.mean, tuple(dict.fromkeys(effect.scenes))
     means *= effect.between / means.std(ddof=1)
     of_scene = np.array(effect.scenes)
@@ -134,49 +128,59 @@ CASES = (
 )
 
 
-def simulate(
-    repetitions: Annotated[int, typer.Option(min=20, help="Of every case.")] = 200,
-    seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
-    result: Annotated[
-        list[Path] | None, typer.Option(help="Also draw from a gate's JSON; may be repeated.")
-    ] = None,
-    tests: Annotated[
-        bool, typer.Option(help="Also show what other tests would have said.")
-    ] = False,
-) -> None:
-    """Print how often the gate raises a false alarm, and how often it finds an increase of 10 %.
+@dataclass(frozen=True)
+class Rates:
+    """Rates of one case, in percent, as text.
 
-    A false alarm is one for a candidate that grew by the tolerance: the most that is none.
+    Attributes:
+        case: The case.
+        alarms: False alarms, with their 95 % interval.
+        found: Increases of 10 % that are found, with their interval.
+        promised: Those that the design promises.
+        others: False alarms and finds of each other test.
     """
-    cases = [*CASES, *(resampled(path) for path in result or [])]
-    columns = ("case", "seeds", "false alarms, %", "10 % found, %", "promised, %")
-    table = Table(*columns, title=f"{repetitions} repetitions (95 % interval)", box=None)
-    other = Table("case", *TESTS, title="others: false alarms / found, %", box=None)
-    with console.counting_bar("simulating", 2 * repetitions * len(cases)) as count:
-        for number, case in enumerate(cases):
-            cells: list[str] = []
-            said: list[dict[str, float]] = []
-            for k, change in enumerate((TOLERANCE, CHANGE)):
-                rng = np.random.default_rng((seed, number, k))
-                draws = [case.draw(rng, case.scenes, case.seeds) for _ in range(repetitions)]
-                logs = [change + x for x in draws]
-                alarms = 0
-                for values in logs:
-                    alarms += repeat(rng, values).verdict is Verdict.REGRESS
-                    count(values)
-                cells.append(_share(alarms, repetitions))
-                if tests:
-                    above = [x - TOLERANCE for x in logs]
-                    said.append(
-                        {k: float(np.mean([t(x) for x in above])) for k, t in TESTS.items()}
-                    )
-            table.add_row(case.name, str(case.seeds), *cells, f"{100 * case.power:.0f}")
-            if tests:
-                pairs = (f"{100 * said[0][k]:.1f} / {100 * said[1][k]:.0f}" for k in TESTS)
-                other.add_row(case.name, *pairs)
-    console.out.print(table)
-    if tests:
-        console.out.print(other)
+
+    case: Case
+    alarms: str
+    found: str
+    promised: str
+    others: tuple[str, ...]
+
+
+def simulate(
+    cases: Sequence[Case],
+    repetitions: int,
+    seed: int,
+    tests: Mapping[str, Callable[[Array], bool]],
+    progress: Callable[[object], None],
+) -> list[Rates]:
+    """Let the gate decide many times on a candidate that grew by the tolerance, and by 10 %.
+
+    Args:
+        cases: What to draw from.
+        repetitions: Decisions for each case and change.
+        seed: Random seed of all draws.
+        tests: Other tests by name, which get the same draws.
+        progress: Called for each decision.
+    """
+    rates: list[Rates] = []
+    for number, case in enumerate(cases):
+        found: list[str] = []
+        others: list[dict[str, float]] = []
+        for k, change in enumerate((TOLERANCE, CHANGE)):
+            rng = np.random.default_rng((seed, number, k))
+            draws = [case.draw(rng, case.scenes, case.seeds) for _ in range(repetitions)]
+            logs = [change + x for x in draws]
+            alarms = 0
+            for values in logs:
+                alarms += repeat(rng, values).verdict is Verdict.REGRESS
+                progress(values)
+            found.append(_share(alarms, repetitions))
+            above = [x - TOLERANCE for x in logs]
+            others.append({k: float(np.mean([t(x) for x in above])) for k, t in tests.items()})
+        pairs = tuple(f"{100 * others[0][k]:.1f} / {100 * others[1][k]:.0f}" for k in tests)
+        rates.append(Rates(case, found[0], found[1], f"{100 * case.power:.0f}", pairs))
+    return rates
 
 
 def repeat(rng: np.random.Generator, log_ratios: Array) -> Decision:
@@ -210,7 +214,3 @@ def _measurement(rng: np.random.Generator, drift_percent: float, log_time: float
 def _share(count: int, of: int) -> str:
     interval = stats.binomtest(count, of).proportion_ci()
     return f"{100 * count / of:.1f} ({100 * interval.low:.1f}–{100 * interval.high:.1f})"
-
-
-if __name__ == "__main__":
-    guard(lambda: typer.run(simulate))

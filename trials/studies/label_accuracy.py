@@ -1,21 +1,19 @@
-"""How exact the truth is, measured against independent computations; `make proof`.
+"""How exact the truth is, measured against independent computations; `driftyard label-accuracy`.
 
 Depth against ray casts, outlines against projected corners, labels against pixels under noise,
 adaptive blur against many sub-frames, inertial readings and wheels against the path.
 """
 
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import mujoco
 import numpy as np
-import typer
-from rich.table import Table
 
-from trials.cli import console
-from trials.cli.main import guard
+from trials.execution.progress import ProgressBar, no_progress
 from trials.execution.recording_settings import recording_settings
 from vo.contract.arrays import Array
 
@@ -40,24 +38,20 @@ BEHIND_M = 1e-5
 """A ray goes on this far behind a face that it meets from behind."""
 
 
-def proof(
-    seed: Annotated[int, typer.Option(help="Of everything random.")] = 0,
-    scenes: Annotated[str, typer.Option(help="Scenes to look at, a,b,c.")] = "brick_court,office",
-) -> None:
-    """Measure how exact labels, blur and sensors are, and print it beside what is promised."""
-    table = Table("measured", "on", "found", "promised", "holds", box=None)
-    for name in scenes.split(","):
-        for label, found, promised, holds in (*_geometry(name, seed), *_sensors(name, seed)):
-            table.add_row(label, name, found, promised, "yes" if holds else "[bold red]no[/]")
-    for label, found, promised, holds in (*_outlines(), *_blur(seed)):
-        table.add_row(*label, found, promised, "yes" if holds else "[bold red]no[/]")
-    console.out.print(table)
+Row = tuple[str, str, str, str, bool]
+"""What is measured, on which scene, what is found, what is promised, and whether that holds."""
 
 
-Row = tuple[str, str, str, bool]
+def measure_labels(scenes: Sequence[str], seed: int, bar: ProgressBar = no_progress) -> list[Row]:
+    """Compare labels, blur and sensors with independent computations, one row a figure."""
+    rows: list[Row] = []
+    for name in scenes:
+        found = (*_geometry(name, seed), *_sensors(name, seed, bar))
+        rows += [(label, name, *rest) for label, *rest in found]
+    return [*rows, *((*what, *rest) for what, *rest in (*_outlines(), *_blur(seed)))]
 
 
-def _geometry(scene: str, seed: int) -> list[Row]:
+def _geometry(scene: str, seed: int) -> list[tuple[str, str, str, bool]]:
     """Compare depth labels along a drive with MuJoCo's own ray caster."""
     pairs: list[Array] = []
     world, trip, settings = _drive(scene, seed, [f"drive.distance_m={DISTANCE_M}"])
@@ -128,11 +122,11 @@ def _first_front(world: "World", eye: Array, direction: Array) -> float:
         gone += BEHIND_M
 
 
-def _sensors(scene: str, seed: int) -> list[Row]:
+def _sensors(scene: str, seed: int, bar: ProgressBar) -> list[tuple[str, str, str, bool]]:
     """Record a noisy drive and one with perfect inertial readings; read their certificates."""
     base = [f"drive.distance_m={DISTANCE_M}", *FLOW]
-    noisy = _certificate(scene, seed, [*base, *NOISE])
-    rows: list[Row] = []
+    noisy = _certificate(scene, seed, [*base, *NOISE], bar)
+    rows: list[tuple[str, str, str, bool]] = []
     for part in ("stereo", "flow"):
         ratio = noisy[part]["median_grey"] / noisy[part]["noise_median_grey"]
         rows.append(
@@ -143,7 +137,7 @@ def _sensors(scene: str, seed: int) -> list[Row]:
                 0.8 <= ratio <= 1.2,
             )
         )
-    calm = _certificate(scene, seed, [base[0], "imu.noise=0"])
+    calm = _certificate(scene, seed, [base[0], "imu.noise=0"], bar)
     drift_mm, turn_deg = 1e3 * calm["inertial"]["drift_max_m"], calm["inertial"]["turn_max_deg"]
     label = "inertial readings without noise, integrated 5 s"
     found = f"{drift_mm:.2f} mm, {turn_deg:.4f}°"
@@ -153,12 +147,12 @@ def _sensors(scene: str, seed: int) -> list[Row]:
     return rows
 
 
-def _certificate(scene: str, seed: int, overrides: list[str]) -> dict[str, Any]:
+def _certificate(scene: str, seed: int, overrides: list[str], bar: ProgressBar) -> dict[str, Any]:
     from sim.batch import build
     from sim.record import record
 
     settings = recording_settings(scene, seed, overrides)
-    with tempfile.TemporaryDirectory() as folder, console.progress_bar(scene) as progress:
+    with tempfile.TemporaryDirectory() as folder, bar(scene) as progress:
         return record(
             build(scene, settings), settings, Path(folder) / scene, False, progress
         ).certificate
@@ -294,7 +288,3 @@ def _rendering(world: "World", settings: "RecordSettings") -> "StereoRenderer":
     from sim.camera.render import StereoRenderer
 
     return StereoRenderer(world, settings.render)
-
-
-if __name__ == "__main__":
-    guard(lambda: typer.run(proof))

@@ -1,4 +1,4 @@
-"""How much faster D* Lite replans on a grid than a fresh A* plans; `make replan`.
+"""How much faster D* Lite replans on a grid than a fresh A* plans; `driftyard replanning`.
 
 Both are compiled and share steps, costs and heap. A warehouse of shelves and aisles on 500 x 500
 cells; the agent moves a few cells towards its goal, some cells close, both plan; it moves on, they
@@ -10,14 +10,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf
 from time import process_time
-from typing import Annotated
 
 import numpy as np
-import typer
-from rich.table import Table
 
-from trials.cli import console
-from trials.cli.main import guard
 from trials.navigation.astar import search
 from trials.navigation.grid import Cell, cell_index, make_grid
 from trials.navigation.grid_planner import GridPlanner
@@ -50,29 +45,6 @@ class Timing:
 
 
 Change = Callable[[np.random.Generator, Array, list[Cell]], list[Cell]]
-
-
-def bench(
-    side: Annotated[int, typer.Option(min=100, help="Of the grid, cells.")] = 500,
-    changes: Annotated[int, typer.Option(min=10, help="Of each kind.")] = 200,
-    seed: Annotated[int, typer.Option(help="Of everything random.")] = 0,
-) -> None:
-    """Compare replanning with planning anew, and check that both find the same cost."""
-    heads = ("change", "D* Lite, ms", "A*, ms", "ratio", "worst 5 %", "expanded")
-    table = Table(*heads, title=f"warehouse, {side} x {side} cells; medians over {changes} changes")
-    for column in table.columns[1:]:
-        column.justify = "right"
-    for name, change in CHANGES.items():
-        with console.counting_bar(name, 2 * changes) as count:
-            timings = measure(change, side, 2 * changes, np.random.default_rng(seed), count)
-        for what, some in (("closed", timings[::2]), ("reopened", timings[1::2])):
-            replan_ms, plan_ms, expanded = np.median(
-                [(t.replan_ms, t.plan_ms, t.expanded) for t in some], axis=0
-            )
-            ratio, low = np.quantile([t.ratio for t in some], (0.5, 0.05))
-            figures = (f"{replan_ms:.3f}", f"{plan_ms:.1f}", f"{ratio:.0f}", f"{low:.1f}")
-            table.add_row(f"{name} {what}", *figures, f"{expanded:.0f}")
-    console.out.print(table)
 
 
 def warehouse(side: int, rng: np.random.Generator) -> Array:
@@ -164,7 +136,3 @@ CHANGES: dict[str, Change] = {
     "cells on the way": on_the_way,
     "the aisle ahead": aisle,
 }
-
-
-if __name__ == "__main__":
-    guard(lambda: typer.run(bench))

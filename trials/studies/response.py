@@ -1,4 +1,4 @@
-"""How the baseline responds to every disturbance, and what every scene costs it; `make response`.
+"""Drift of the baseline under every disturbance and on every scene; `driftyard response`.
 
 Each disturbance is tried at several strengths on one scene, each scene undisturbed, all with
 the same seeds; parameters of the disturbances were chosen on seed 100. It takes hours, though the
@@ -8,16 +8,13 @@ drives are short, with at most twelve sub-frames.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import numpy as np
-import typer
 from rich.table import Table
 
-from trials.cli import console
-from trials.cli.main import guard
-from trials.execution.jobs import Recording, Result, Variant, jobs_of
-from trials.execution.runner import NO_LABELS, run_jobs
+from trials.execution.jobs import Recording, Result, Variant
+from trials.execution.runner import NO_LABELS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -67,28 +64,15 @@ class Setting:
     strength: float
 
 
-def response(
-    distance: Annotated[float, typer.Option(min=1.5, help="Of each drive, metres.")] = 4.0,
-    seeds: Annotated[int, typer.Option(min=1, help="Drives of each setting.")] = 2,
-    first_seed: Annotated[int, typer.Option(min=0, help="Seed of the first drive.")] = 0,
-    only: Annotated[str, typer.Option(help="Disturbances and scenes, a,b,c; all by default.")] = "",
-    out: Annotated[Path, typer.Option(help="PNG of the curves.")] = Path("build/response.png"),
-) -> None:
-    """Record or reuse the drives, run the baseline over them, print a table and draw the curves."""
-    settings = _settings([name for name in only.split(",") if name])
-    seeded = range(first_seed, first_seed + seeds)
-    drives = {(x, seed): _drive(x, seed, distance) for x in settings for seed in seeded}
-    with console.counting_bar("drives", len(drives)) as count:
-        results = run_jobs(jobs_of(drives.values(), [BASELINE]), progress=count)
-    found = {x: [_respond(results.at(drives[x, seed], BASELINE)) for seed in seeded]
-             for x in settings}  # fmt: skip
-    console.out.print(scene_table(found))
-    console.out.print(disturbance_table(found))
-    draw(found, out)
-    console.out.print(f"{out}")
+def settings_of(only: Sequence[str]) -> list[Setting]:
+    """List disturbances at all strengths, and undisturbed scenes.
 
+    Args:
+        only: Names of disturbances and scenes; all if it is empty.
 
-def _settings(only: Sequence[str]) -> list[Setting]:
+    Raises:
+        SettingsError: If one is unknown.
+    """
     from scenes import SCENES
     from sim.disturbances import DISTURBANCES
     from vo.contract.errors import SettingsError
@@ -104,13 +88,15 @@ def _settings(only: Sequence[str]) -> list[Setting]:
     return [*(Setting(name, "", 0.0) for name in scenes), *disturbed]
 
 
-def _drive(setting: Setting, seed: int, distance_m: float) -> Recording:
+def drive(setting: Setting, seed: int, distance_m: float) -> Recording:
+    """Describe the recording of a setting."""
     disturb = f"{setting.disturbance}={setting.strength}" if setting.disturbance else ""
     overrides = (f"drive.distance_m={distance_m:g}", *NO_LABELS, *QUICKER)
     return Recording(setting.scene, seed, overrides, disturb)
 
 
-def _respond(result: Result) -> Response:
+def respond(result: Result) -> Response:
+    """Summarize the result of one drive."""
     return Response(result.job.recording.seed, result.drift_percent, result.lost_share)
 
 
@@ -209,7 +195,3 @@ def _draw_curve(
     panel.set_ylim(bottom, 1.6 * top)
     panel.grid(which="both", color="#eeeeee", linewidth=0.6)
     panel.tick_params(labelsize=7)
-
-
-if __name__ == "__main__":
-    guard(lambda: typer.run(response))

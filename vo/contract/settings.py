@@ -161,9 +161,9 @@ def _explain(model: type[BaseModel], error: ValidationError) -> str:
         state = f"was removed: {now}" if " " in now else f"is now {now}"
         return f"setting {leaf} {state}"
     near = difflib.get_close_matches(key, list(keys(model)), n=3, cutoff=0.75)
-    similar = f"; similar: {', '.join(near)}" if near else ""
+    similar = f"; did you mean {' or '.join(near)}?" if near else ""
     valid = ", ".join(sorted(_model_at(model, first["loc"][:-1]).model_fields))
-    return f"unknown setting {key}{similar}; valid here: {valid}"
+    return f"unknown setting {key}; valid here: {valid}{similar}"
 
 
 def _current_name(model: type[BaseModel], name: str) -> str:

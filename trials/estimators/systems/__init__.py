@@ -1,4 +1,4 @@
 """Systems by others, to compare with; each runs in an environment of its own, if in another one.
 
-None is a dependency. `python -m trials.estimators.systems.install` lists and installs them.
+None is a dependency. `driftyard systems list` and `driftyard systems install`.
 """

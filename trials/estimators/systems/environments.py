@@ -62,8 +62,8 @@ def python_of(system: str) -> Path:
     python = folder_of(system) / "bin" / "python"
     if not python.exists():
         raise ForeignSystemError(
-            f"{system} is not installed; `python -m trials.estimators.systems.install {system}` "
-            f"does it, in {folder_of(system)}"
+            f"{system} is not installed; `driftyard systems install {system}` installs it in "
+            f"{folder_of(system)}"
         )
     return python
 

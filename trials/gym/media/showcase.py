@@ -1,18 +1,15 @@
 """The same trial by several sources of localization, one above the other, as one animation."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import zip_longest
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import cv2
 import gymnasium
 import numpy as np
-import typer
 from PIL import Image as Pillow
 
-from sim.preview.image_file import known_suffix
-from trials.cli.main import guard
 from trials.gym.env.environments import RoverNav
 from trials.gym.env.policies import NavigatorPolicy
 from trials.gym.studies.fleet import NAV
@@ -25,19 +22,22 @@ EVERY, PERIOD_MS, WIDTH_PX, QUALITY = 5, 100, 720, 50
 """Steps from picture to picture, and how these are written."""
 
 
-def showcase(
-    out: Annotated[Path, typer.Argument(help="Animation to write, .webp.")],
-    scene: Annotated[str, typer.Option(help="Name, MJCF file or module:function.")] = "office",
-    layout: Annotated[int, typer.Option(min=0, help="Seed of the world.")] = 0,
-    seed: Annotated[int, typer.Option(min=0, help="Of start, goal and noise.")] = 0,
-    sources: Annotated[str, typer.Option(help="Of localization.")] = "wheels,vo",
-    seconds: Annotated[float, typer.Option(min=1, help="After which all give up.")] = 45.0,
+def film_sources(
+    out: Path, scene: str, layout: int, seed: int, sources: Sequence[str], seconds: float
 ) -> None:
-    """Film a trial on slippery ground by each source."""
-    known_suffix(out, (".webp",))
+    """Film a trial on slippery ground with each source of localization.
+
+    Args:
+        out: Animation to write, .webp.
+        scene: Registered scene, MJCF file or module:function.
+        layout: Random seed of the world.
+        seed: Random seed of start, goal and noise.
+        sources: Sources of localization.
+        seconds: Time limit of the trial.
+    """
     options = {"scene": scene, "rate_hz": 10.0, "settings": ICE, "observe": NavigatorPolicy.NEEDS}
     options |= {"layout": layout, "time_limit_s": seconds, "render_mode": "rgb_array"}
-    films = [list(_pictures(options, x.strip(), seed)) for x in sources.split(",")]
+    films = [list(_pictures(options, x, seed)) for x in sources]
     last = [film[-1] for film in films]
     frames = [
         # Who is done stays where it is.
@@ -71,7 +71,3 @@ def _shrunk(rover: RoverNav) -> Image:
     whole = np.asarray(rover.render(), np.uint8)
     size = WIDTH_PX, 2 * round(WIDTH_PX * whole.shape[0] / whole.shape[1] / 2)
     return np.asarray(cv2.resize(whole, size, interpolation=cv2.INTER_AREA), np.uint8)
-
-
-if __name__ == "__main__":
-    guard(lambda: typer.run(showcase))

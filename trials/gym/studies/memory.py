@@ -1,19 +1,19 @@
-"""Memory over many resets, each to another world: python -m trials.gym.studies.memory."""
+"""Memory of an environment over many resets, each to another world."""
 
-from typing import Annotated
+from collections.abc import Iterator
 
 import gymnasium
-import typer
 
 import trials.gym
 from trials.studies.speed.resident import resident_mb
 
 
-def main(
-    scene: Annotated[str, typer.Argument(help="Name, MJCF file or module:function.")] = "turntable",
-    resets: Annotated[int, typer.Option(min=2, help="Worlds to build, one after the other.")] = 100,
-) -> None:
-    """Build world after world, take one picture in each, and print the memory in between."""
+def memory_over_resets(scene: str, resets: int) -> Iterator[tuple[int, float]]:
+    """Build world after world and render one image in each.
+
+    Yields:
+        Number of worlds and memory of the process, MB, ten times and at the end.
+    """
     env = gymnasium.make(
         next(iter(trials.gym.ENVIRONMENTS)), scene=scene, localization="truth", layout=None
     )
@@ -21,9 +21,5 @@ def main(
         env.reset(options={"layout": k})
         env.step(env.action_space.sample())
         if k % max(1, resets // 10) == 0 or k == resets - 1:
-            print(f"{k + 1:5d} worlds  {resident_mb():8.1f} MB", flush=True)
+            yield k + 1, resident_mb()
     env.close()
-
-
-if __name__ == "__main__":
-    typer.run(main)

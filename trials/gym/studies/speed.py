@@ -1,4 +1,4 @@
-"""How fast trials step, on one core and on two, as a command: python -m trials.gym.studies.speed.
+"""How fast trials step, on one core and on two; `driftyard trial-speed`.
 
 Rates are steps in a second of processor time, all threads of the process together: what one core
 gives a worker, however busy the machine is. The scaling is of wall-clock time.
@@ -9,14 +9,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from time import perf_counter, process_time
-from typing import Annotated, Any
+from typing import Any
 
 import gymnasium
 import numpy as np
-import typer
 from gymnasium.vector import AsyncVectorEnv
-from rich.console import Console
-from rich.table import Table
 
 import trials.gym
 from vo.contract.arrays import Array
@@ -111,22 +108,3 @@ def _held_to(core: int, options: Mapping[str, Any]) -> gymnasium.Env[Any, Any]:
     os.sched_setaffinity(0, [core])
     os.environ["LP_NUM_THREADS"] = "1"  # of the software renderer
     return gymnasium.make(NAV, disable_env_checker=True, **options)
-
-
-def main(
-    scene: Annotated[str, typer.Argument(help="Name, MJCF file or module:function.")] = "warehouse",
-    workers: Annotated[bool, typer.Option(help="Also measure two workers.")] = True,
-) -> None:
-    """Measure and print a table."""
-    table = Table("a step of", "steps/s of one core", "promised")
-    for case in CASES:
-        table.add_row(case.name, f"{rate_hz(case, scene):.0f}", f"{case.goal_hz:.0f}")
-    cores = sorted(os.sched_getaffinity(0))[:2]
-    if workers and len(cores) == 2:
-        ratio = scaling(SHARED, scene, cores)
-        table.add_row("two workers over one, each on its core", f"{ratio:.2f}", "1.6")
-    Console().print(table)
-
-
-if __name__ == "__main__":
-    typer.run(main)

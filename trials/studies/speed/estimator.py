@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from trials.cli import console
+from trials.execution.progress import ProgressBar, counted, no_progress
 from trials.studies.speed.resident import resident_mb
 from vo.contract.arrays import Array
 from vo.contract.estimator import Estimate
@@ -31,7 +31,7 @@ class EstimatorSpeed:
     memory_mb: Array
 
 
-def measure_estimator(name: str, dataset: Path) -> EstimatorSpeed:
+def measure_estimator(name: str, dataset: Path, bar: ProgressBar = no_progress) -> EstimatorSpeed:
     """Run an estimator over a dataset, warm."""
     import cv2
 
@@ -46,7 +46,7 @@ def measure_estimator(name: str, dataset: Path) -> EstimatorSpeed:
         warm.track(sequence[i])
     estimator, _ = make_estimator(name, sequence.rig)
     memory_mb: list[float] = []
-    with console.counting_bar(f"running {name}", len(sequence)) as count:
+    with counted(bar, f"running {name}", len(sequence)) as count:
 
         def note(estimate: Estimate) -> None:
             memory_mb.append(resident_mb())

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 
-from trials.cli import console
+from trials.execution.progress import ProgressBar, no_progress
 from trials.studies.speed.trial import NOISE, Trial, on_cores
 
 
@@ -30,7 +30,7 @@ class GeneratorSpeed:
     gl: str
 
 
-def measure_generator(trial: Trial, out: Path) -> GeneratorSpeed:
+def measure_generator(trial: Trial, out: Path, bar: ProgressBar = no_progress) -> GeneratorSpeed:
     """Record the dataset `out` with sensor noise and watch the clock."""
     from sim.batch import build
     from sim.record import record
@@ -39,7 +39,7 @@ def measure_generator(trial: Trial, out: Path) -> GeneratorSpeed:
     settings = trial.settings(*NOISE)
     finished_s: list[float] = []
     start = perf_counter()
-    with console.progress_bar("generating") as progress:
+    with bar("generating") as progress:
 
         def advance(done: int, total: int) -> None:
             finished_s.append(perf_counter())

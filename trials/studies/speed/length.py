@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from trials.cli import console
+from trials.execution.progress import ProgressBar, no_progress
 from trials.studies.speed.trial import NOISE, Trial
 
 
@@ -56,19 +56,22 @@ class LengthCost:
     again_ms: float
 
 
-def measure_lengths(short: Trial, long: Trial, frames: int) -> LengthCost:
+def measure_lengths(
+    short: Trial, long: Trial, frames: int, bar: ProgressBar = no_progress
+) -> LengthCost:
     """Drive both, and draw equally many frames of each.
 
     Args:
         short: The short drive.
         long: The long one, on the same route.
         frames: How many of each to draw.
+        bar: Shows progress.
     """
     spawn = multiprocessing.get_context("spawn")
     with (
         ProcessPoolExecutor(1, spawn) as one,
         ProcessPoolExecutor(1, spawn) as other,
-        console.progress_bar("short and long") as progress,
+        bar("short and long") as progress,
     ):
         driven = [one.submit(_drive, short), other.submit(_drive, long)]
         (short_frames, short_ms), (long_frames, long_ms) = (x.result() for x in driven)

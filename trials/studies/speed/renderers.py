@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from trials.cli import console
+from trials.execution.progress import ProgressBar, no_progress
 from trials.studies.speed.trial import Trial
 from vo.contract.arrays import Array, Image
 
@@ -37,7 +37,9 @@ class RenderSpeed:
     different_grey: float
 
 
-def measure_renderers(trial: Trial, frames: int, folder: Path) -> RenderSpeed:
+def measure_renderers(
+    trial: Trial, frames: int, folder: Path, bar: ProgressBar = no_progress
+) -> RenderSpeed:
     """Draw the same instants of the drive with both renderers, which take turns of a few frames.
 
     Each has a process of its own, because what one sets for the driver would help the other.
@@ -46,12 +48,13 @@ def measure_renderers(trial: Trial, frames: int, folder: Path) -> RenderSpeed:
         trial: The drive.
         frames: How many to draw, evenly spread.
         folder: Where the stock frames are written.
+        bar: Shows progress.
     """
     spawn = multiprocessing.get_context("spawn")
     with (
         ProcessPoolExecutor(1, spawn, _open_ours, (trial,)) as ours,
         ProcessPoolExecutor(1, spawn, _open_stock, (trial,)) as stock,
-        console.progress_bar("rendering") as progress,
+        bar("rendering") as progress,
     ):
         shares = np.linspace(0, 1, frames)
         turns = np.split(shares, range(IN_A_ROW, frames, IN_A_ROW))

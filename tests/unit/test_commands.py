@@ -1,0 +1,55 @@
+"""Commands: registry, expansion of dataclasses into options, and help texts."""
+
+import shlex
+from dataclasses import dataclass, field
+from typing import Annotated, ClassVar
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from trials.cli.main import app
+from trials.cli.options import expand
+from trials.cli.registry import COMMANDS, load
+
+
+@dataclass(frozen=True)
+class Given:
+    PANEL: ClassVar[str] = "Group"
+    required: Annotated[int, typer.Option(help="A number.")]
+    words: Annotated[list[str], typer.Option("--word", help="Words.")] = field(default_factory=list)
+
+
+def test_expand_dataclass_gives_options_and_an_instance():
+    seen = []
+
+    def command(name: Annotated[str, typer.Argument()], given: Given) -> None:
+        seen.append((name, given))
+
+    single = typer.Typer()
+    single.command()(expand(command))
+    runner = CliRunner()
+    assert runner.invoke(single, ["a", "--required", "3", "--word", "x"]).exit_code == 0
+    assert runner.invoke(single, ["b", "--required", "4"]).exit_code == 0
+    assert seen == [("a", Given(3, ["x"])), ("b", Given(4, []))]
+    assert runner.invoke(single, ["a"]).exit_code == 2
+    assert "Group" in runner.invoke(single, ["--help"]).stdout
+
+
+@pytest.mark.parametrize("name", [x for x in COMMANDS if x not in ("gate", "systems")])
+def test_command_help_shows_its_example_and_every_option(name):
+    command = load(name)
+    assert COMMANDS[name].example in command.epilog
+    words = shlex.split(COMMANDS[name].example)[1:]
+    assert words[: len(name.split())] == name.split()
+    context = command.make_context(name, words[len(name.split()) :], resilient_parsing=True)
+    assert not context.args
+    for parameter in command.params:
+        assert parameter.help[:1].isupper() or parameter.name == "estimator", parameter.name
+
+
+@pytest.mark.parametrize("words", [[], ["gate"], ["gate", "check"], ["systems", "list"]])
+def test_help_of_groups_lists_commands(words):
+    result = CliRunner().invoke(app, [*words, "--help"])
+    assert result.exit_code == 0
+    assert "Example: driftyard" in result.stdout

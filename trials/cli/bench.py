@@ -1,0 +1,54 @@
+"""`driftyard bench`: speed of generator, renderers and estimators on this machine."""
+
+import importlib.metadata
+import platform
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from trials.cli import console
+from trials.cli.options import Seed
+from trials.studies import bench as study
+from vo.contract.readers import open_sequence
+
+PACKAGES = ("mujoco", "numpy", "opencv-python-headless", "gtsam", "numba")
+
+
+def bench(
+    scene: Annotated[str, typer.Option(help="Scene to drive through.")] = "brick_court",
+    seed: Seed = 0,
+    quick: Annotated[bool, typer.Option(help="Use short drives, for rough figures.")] = False,
+    over: Annotated[
+        Path | None,
+        typer.Option(metavar="DATASET", help="Run only the estimators, over this dataset."),
+    ] = None,
+) -> None:
+    """Measure the speed of generator, renderers and estimators on this machine.
+
+    With --over, times and memory at the end of the dataset are printed beside those at its start.
+    """
+    if over is not None:
+        open_sequence(over)  # a wrong path is refused before a process is started
+        estimated = study.measure_estimators(over, console.progress_bar)
+        _print_conditions(over.resolve().name)
+        console.out.print(study.estimator_table(estimated))
+        console.out.print(study.endurance_table(estimated))
+        return
+    found = study.measure_all(scene, seed, quick, console.progress_bar)
+    generated = found.generated
+    _print_conditions(f"{scene}, seed {seed}, {found.distance_m:g} m; {generated[0].gl}")
+    console.out.print(study.generator_table(generated, found.rendered, found.cores))
+    console.out.print(study.ratio_table(generated, found.rendered, found.scaling))
+    console.out.print(
+        f"{generated[0].frames} frames in {generated[0].whole_s:.1f} s with scene, drive and map; "
+        f"left images of both renderers differ by {found.rendered.different_grey:.2f} grey levels"
+    )
+    console.out.print(study.length_table(found.lengths))
+    console.out.print(study.estimator_table(found.estimated))
+
+
+def _print_conditions(what: str) -> None:
+    versions = ", ".join(f"{x} {importlib.metadata.version(x)}" for x in PACKAGES)
+    console.out.print(what)
+    console.out.print(f"python {platform.python_version()}, {versions}")

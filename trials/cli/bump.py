@@ -1,0 +1,24 @@
+"""`driftyard bump`: a brick under a wheel in every channel of a recording."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from trials.cli import console
+from trials.cli.options import Seed
+from trials.studies.bump import bump_summary, draw, record_bumps
+from vo.contract.files import replacing
+
+
+def bump(
+    seed: Seed = 0,
+    scene: Annotated[str, typer.Option(help="Scene to drive through.")] = "office",
+    out: Annotated[Path, typer.Option(help="PNG to write.")] = Path("build/bump.png"),
+) -> None:
+    """Drive over loose bricks; draw wheel load, shock, pitch, blur and features over time."""
+    channels = record_bumps(scene, seed, console.progress_bar)
+    with replacing(out) as partial:
+        draw(channels, scene).savefig(partial, format="png", dpi=130)
+    console.out.print(bump_summary(channels))
+    console.out.print(f"{out}")

@@ -1,0 +1,159 @@
+"""`driftyard generate`: datasets with exact labels, one or many."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import product
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+import typer
+
+from sim.batch import Task, build, perform_all
+from sim.record import Recording, record
+from sim.settings import RecordSettings
+from trials.cli import console
+from trials.cli.options import RecordingOptions
+from vo.contract.dataset import MANIFEST, DatasetWriter, read_manifest
+from vo.contract.errors import DatasetError, SettingsError
+from vo.contract.settings import validated
+
+
+@dataclass(frozen=True)
+class BatchOptions:
+    """Many datasets at once."""
+
+    PANEL: ClassVar[str] = "Many datasets"
+    count: Annotated[
+        int | None, typer.Option(min=1, help="Number of seeds, one dataset for each.")
+    ] = None
+    vary: Annotated[
+        list[str],
+        typer.Option(
+            metavar="KEY=A,B,C", help="One dataset for each value of a setting; may be repeated."
+        ),
+    ] = field(default_factory=list[str])
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Number of processes.", show_default="one a core")
+    ] = None
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler instead of processes.")
+    ] = None
+
+
+def generate(
+    recording: RecordingOptions,
+    batch: BatchOptions,
+    scene: Annotated[
+        str | None, typer.Argument(help="Scene as for `preview`, or several as a,b,c.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Dataset folder to write.")] = Path("dataset"),
+    source: Annotated[
+        Path | None,
+        typer.Option("--from", metavar="DATASET.JSON", help="Record this dataset again."),
+    ] = None,
+    overwrite: Annotated[bool, typer.Option(help="Replace an existing dataset.")] = False,
+) -> None:
+    """Drive through a scene, render it and write a dataset folder with exact labels.
+
+    With several scenes, --count or --vary, each dataset has a folder of its own below --out.
+    """
+    if source is not None:
+        if scene or recording != RecordingOptions() or batch.count or batch.vary:
+            raise SettingsError("--from: takes scene and settings from the file alone")
+        _generate_one(_task_of(source, out), overwrite)
+        return
+    if scene is None:
+        raise SettingsError("which scene? `driftyard scenes` lists them")
+    names = scene.split(",")
+    if batch.count is None and not batch.vary and len(names) == 1:
+        _generate_one(Task(scene, recording.settings(scene), out), overwrite)
+    else:
+        _generate_all(list(_tasks(names, out, recording, batch)), batch)
+
+
+def record_scene(
+    name: str, settings: RecordSettings, out: Path, overwrite: bool = False
+) -> Recording:
+    """Record a scene with a progress bar."""
+    DatasetWriter(out, overwrite)  # refuses an existing folder before the scene is built
+    with console.progress_bar(f"recording {name}") as progress:
+        return record(build(name, settings), settings, out, overwrite, progress)
+
+
+def _task_of(manifest: Path, out: Path) -> Task:
+    """Read scene and settings of a dataset from its folder or its dataset.json."""
+    folder = manifest.parent if manifest.name == MANIFEST else manifest
+    content = read_manifest(folder)
+    try:
+        source, settings = content["scene"]["source"], content["settings"]
+    except (KeyError, TypeError):
+        raise DatasetError(f"{folder / MANIFEST}: does not say what it was made from") from None
+    try:
+        return Task(source, validated(RecordSettings, settings), out)
+    except SettingsError as error:
+        raise SettingsError(f"{folder / MANIFEST}: {error}") from None
+
+
+def _tasks(
+    names: list[str], out: Path, recording: RecordingOptions, batch: BatchOptions
+) -> Iterator[Task]:
+    """Cross scenes, values and seeds; each task has its own folder below `out`."""
+    choices: list[list[str]] = []
+    for choice in batch.vary:
+        key, equals, values = choice.partition("=")
+        if not equals or not values:
+            raise SettingsError(f"--vary {choice}: expected key=a,b,c")
+        choices.append([f"{key}={value}" for value in values.split(",")])
+    for name, values in product(names, product(*choices)):
+        varied = RecordingOptions(
+            recording.seed, [*recording.overrides, *values], recording.config, recording.disturb
+        )
+        settings = varied.settings(name)
+        for k in range(batch.count or 1):
+            chosen = settings.model_copy(update={"seed": settings.seed + k})
+            label = "-".join([Path(name).stem.replace(":", "."), *values, f"{chosen.seed:05d}"])
+            yield Task(name, chosen, out / label)
+
+
+def _generate_one(task: Task, overwrite: bool) -> None:
+    recording = record_scene(task.scene, task.settings, task.out, overwrite)
+    certificate = recording.certificate
+    verdict = "certified" if certificate["passed"] else "[bold red]not certified[/]"
+    console.out.print(
+        f"{task.out}: median left-right residual {certificate['stereo']['median_grey']:g} grey "
+        f"levels, {verdict}"
+    )
+    _print_faults(task.out, recording)
+    if recording.ended:
+        raise typer.Exit(1)
+
+
+def _generate_all(tasks: list[Task], batch: BatchOptions) -> None:
+    """Record every dataset that does not exist yet."""
+    waiting = [task for task in tasks if not task.is_done]
+    if len(waiting) < len(tasks):
+        console.out.print(f"{len(tasks) - len(waiting)} of {len(tasks)} datasets are there already")
+    failed = 0
+    if waiting:
+        with console.batch_bar(len(waiting)) as (advance, finish):
+            for outcome in perform_all(waiting, batch.scheduler, batch.workers, advance):
+                finish(outcome.task.out)
+                if outcome.recording is None:
+                    console.err.print(f"{outcome.task.out}: {outcome.problem}")
+                else:
+                    _print_faults(outcome.task.out, outcome.recording)
+                failed += bool(outcome.problem)
+    console.out.print(f"{len(tasks) - failed} datasets in {tasks[0].out.parent}")
+    if failed:
+        raise typer.Exit(1)
+
+
+def _print_faults(out: Path, recording: Recording) -> None:
+    """Print what is wrong with a dataset that was written nevertheless."""
+    if recording.ended:
+        console.err.print(f"{out}: incomplete, {recording.ended}")
+    for name, part in recording.certificate.items():
+        if isinstance(part, dict) and not part["passed"]:
+            frames = part.get("failed_frames_ns", [])
+            where = f", first at {frames[0]} ns" if frames else ""
+            console.err.print(f"{out}: the {name} check of the certificate fails{where}")

@@ -1,0 +1,209 @@
+"""Commands of `driftyard`: in which panel each stands, what it does, and an example.
+
+A command is a function of its own name in a module of its own name, which is imported when the
+command is used; the command line starts fast although its commands import all of the project.
+"""
+
+import importlib
+from dataclasses import dataclass
+from typing import Any
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+
+from trials.cli.options import expand
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One command or group.
+
+    Attributes:
+        panel: Heading in the list of commands; empty within a group.
+        summary: Line in the list of commands.
+        example: Command line that the help shows.
+    """
+
+    panel: str
+    summary: str
+    example: str
+
+
+PANELS: dict[str, dict[str, tuple[str, str]]] = {
+    "Datasets": {
+        "scenes": ("List scenes and disturbances.", "driftyard scenes"),
+        "preview": (
+            "Render pictures of a scene before it is recorded.",
+            "driftyard preview brick_court --out preview.png",
+        ),
+        "generate": (
+            "Record datasets with exact labels.",
+            "driftyard generate brick_court --out court --seed 7 --set drive.distance_m=20",
+        ),
+        "verify": (
+            "Verify the hashes and the certificate of a dataset.",
+            "driftyard verify court",
+        ),
+    },
+    "Estimators": {
+        "run": (
+            "Run an estimator over a dataset.",
+            "driftyard run court --out court.txt --estimator corner_flow",
+        ),
+        "score": (
+            "Compare trajectories with the ground truth.",
+            "driftyard score court court.txt --json",
+        ),
+        "report": (
+            "Write an HTML report of runs.",
+            "driftyard report court court.txt --out court.html",
+        ),
+        "explain": (
+            "Attribute the drift to the stages of an estimator.",
+            "driftyard explain --scene brick_court --seeds 3",
+        ),
+        "gate": (
+            "Compare an estimator with a stored baseline.",
+            "driftyard gate check --baseline gate.json --estimator my_vo:MyOdometry",
+        ),
+        "gate check": (
+            "Decide whether an estimator has regressed against a baseline.",
+            "driftyard gate check --baseline gate.json --estimator my_vo:MyOdometry",
+        ),
+        "gate update": (
+            "Measure an estimator and write the baseline.",
+            "driftyard gate update --baseline gate.json --scenes all --seeds 2",
+        ),
+        "gate plan": (
+            "Compute how many sequences it takes to find a change of drift.",
+            "driftyard gate plan 5% --baseline gate.json --estimator my_vo:MyOdometry",
+        ),
+        "gate power": (
+            "Simulate false alarm rate and power of the decision.",
+            "driftyard gate power --repetitions 1000",
+        ),
+    },
+    "Navigation": {
+        "drive": (
+            "Drive to goals with each source of localization, and compare.",
+            "driftyard drive office --localization truth,wheels,vo --worlds 10",
+        ),
+        "route": (
+            "Compare static with dynamic routing of an urgent vehicle.",
+            "driftyard route --out routing",
+        ),
+    },
+    "Studies and measurements": {
+        "accuracy": (
+            "Measure the drift of the default settings on many drives.",
+            "driftyard accuracy --scenes office,meadow --seeds 2 --distance 4",
+        ),
+        "stress": (
+            "Raise a disturbance until an estimator fails.",
+            "driftyard stress exposure --estimator corner_flow",
+        ),
+        "response": (
+            "Measure the drift that every disturbance and scene causes.",
+            "driftyard response --only blur,office",
+        ),
+        "experiment": ("Test claims of the thesis.", "driftyard experiment E1,E3"),
+        "label-accuracy": (
+            "Compare labels, blur and sensors with independent computations.",
+            "driftyard label-accuracy --scenes brick_court",
+        ),
+        "point-world": (
+            "Compare the estimator with the Cramér-Rao bound on noisy points.",
+            "driftyard point-world --worlds 50",
+        ),
+        "bump": (
+            "Draw how a brick under a wheel shows in every channel.",
+            "driftyard bump --scene office --out bump.png",
+        ),
+        "bench": (
+            "Measure the speed of generator and estimators.",
+            "driftyard bench --quick",
+        ),
+        "replanning": (
+            "Compare the time of D* Lite with that of A* on a grid.",
+            "driftyard replanning --changes 50",
+        ),
+        "trial-speed": (
+            "Measure the steps per second of a navigation environment.",
+            "driftyard trial-speed warehouse",
+        ),
+        "trial-memory": (
+            "Measure the memory of an environment over many resets.",
+            "driftyard trial-memory turntable --resets 1000",
+        ),
+        "trial-film": (
+            "Film a navigation trial with each source of localization.",
+            "driftyard trial-film trial.webp --scene office --layout 3",
+        ),
+    },
+    "Help and installation": {
+        "demo": ("Generate, estimate, score and report one drive.", "driftyard demo"),
+        "settings": (
+            "List settings with type, default, unit, range and description.",
+            "driftyard settings estimator matching",
+        ),
+        "systems": (
+            "Install odometry systems of other authors.",
+            "driftyard systems install orbslam3",
+        ),
+        "systems list": ("List the systems.", "driftyard systems list"),
+        "systems install": (
+            "Install a system into an environment of its own.",
+            "driftyard systems install orbslam3",
+        ),
+        "doctor": ("Check OpenGL drivers and packages.", "driftyard doctor"),
+    },
+}
+"""Panel to the commands in it, each with its summary and an example."""
+
+COMMANDS = {
+    name: Entry(panel, *texts) for panel, named in PANELS.items() for name, texts in named.items()
+}
+"""Every command by its words."""
+
+
+class LazyGroup(TyperGroup):
+    """Group whose commands are imported when they are used."""
+
+    def __init__(self, *, prefix: str = "", **words: Any) -> None:
+        """Make the group of the commands that begin with a prefix, which ends with a space."""
+        super().__init__(**words)
+        self.prefix = prefix
+        self.entries = {
+            name.removeprefix(prefix): entry
+            for name, entry in COMMANDS.items()
+            if name.startswith(prefix) and " " not in name.removeprefix(prefix)
+        }
+        self.commands = {name: self._listed(name) for name in self.entries}
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Import the command that the arguments name."""
+        name, command, rest = super().resolve_command(ctx, args)
+        if name in self.entries and ctx.resilient_parsing is False:
+            command = load(self.prefix + name)
+        return name, command, rest
+
+    def _listed(self, name: str) -> TyperCommand:
+        """Make a command that is only shown in the list."""
+        entry = self.entries[name]
+        panel = None if self.prefix else entry.panel
+        return TyperCommand(name, help=entry.summary, rich_help_panel=panel)
+
+
+def load(name: str) -> Any:
+    """Import a command by its words, or make the group of that name."""
+    entry = COMMANDS[name]
+    example = f"Example: {entry.example}"
+    if any(x.startswith(f"{name} ") for x in COMMANDS):
+        return LazyGroup(
+            name=name, prefix=f"{name} ", help=entry.summary, epilog=example, no_args_is_help=True
+        )
+    stem = name.replace(" ", "_").replace("-", "_")
+    function = getattr(importlib.import_module(f"trials.cli.{stem}"), stem)
+    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    app.command(name.rpartition(" ")[2], epilog=example)(expand(function))
+    return typer.main.get_command(app)

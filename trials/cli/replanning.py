@@ -1,0 +1,31 @@
+"""`driftyard replanning`: time of D* Lite and of A* after changes of a grid."""
+
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from trials.cli import console
+from trials.studies.replanning import CHANGES, measure
+
+
+def replanning(
+    side: Annotated[int, typer.Option(min=100, help="Side of the grid, cells.")] = 500,
+    changes: Annotated[int, typer.Option(min=10, help="Number of changes of each kind.")] = 200,
+    seed: Annotated[int, typer.Option(help="Random seed of grids and changes.")] = 0,
+) -> None:
+    """Compare replanning with planning from scratch, and check that both find the same cost."""
+    rows: list[tuple[str, ...]] = []
+    for name, change in CHANGES.items():
+        with console.counting_bar(name, 2 * changes) as count:
+            timings = measure(change, side, 2 * changes, np.random.default_rng(seed), count)
+        for what, some in (("closed", timings[::2]), ("reopened", timings[1::2])):
+            replan_ms, plan_ms, expanded = np.median(
+                [(t.replan_ms, t.plan_ms, t.expanded) for t in some], axis=0
+            )
+            ratio, low = np.quantile([t.ratio for t in some], (0.5, 0.05))
+            figures = (f"{replan_ms:.3f}", f"{plan_ms:.1f}", f"{ratio:.0f}", f"{low:.1f}")
+            rows.append((f"{name} {what}", *figures, f"{expanded:.0f}"))
+    header = ("change", "D* Lite, ms", "A*, ms", "ratio", "worst 5 %", "expanded")
+    title = f"warehouse, {side} x {side} cells; medians over {changes} changes"
+    console.out.print(console.table(header, rows, title))

@@ -1,0 +1,45 @@
+"""`driftyard response`: drift of the baseline under every disturbance and on every scene."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from trials.cli import console
+from trials.execution.jobs import jobs_of
+from trials.execution.runner import run_jobs
+from trials.studies.response import (
+    BASELINE,
+    disturbance_table,
+    draw,
+    drive,
+    respond,
+    scene_table,
+    settings_of,
+)
+
+
+def response(
+    distance: Annotated[float, typer.Option(min=1.5, help="Length of each drive, m.")] = 4.0,
+    seeds: Annotated[int, typer.Option(min=1, help="Number of drives of each setting.")] = 2,
+    first_seed: Annotated[int, typer.Option(min=0, help="Random seed of the first drive.")] = 0,
+    only: Annotated[
+        str, typer.Option(metavar="A,B,C", help="Disturbances and scenes; all by default.")
+    ] = "",
+    out: Annotated[Path, typer.Option(help="PNG of the curves.")] = Path("build/response.png"),
+) -> None:
+    """Record or reuse drives, run the baseline over them, print a table and draw the curves.
+
+    Without --only, it takes hours.
+    """
+    settings = settings_of([name for name in only.split(",") if name])
+    seeded = range(first_seed, first_seed + seeds)
+    drives = {(x, seed): drive(x, seed, distance) for x in settings for seed in seeded}
+    with console.counting_bar("drives", len(drives)) as count:
+        results = run_jobs(jobs_of(drives.values(), [BASELINE]), progress=count)
+    found = {x: [respond(results.at(drives[x, seed], BASELINE)) for seed in seeded]
+             for x in settings}  # fmt: skip
+    console.out.print(scene_table(found))
+    console.out.print(disturbance_table(found))
+    draw(found, out)
+    console.out.print(f"{out}")

@@ -1,0 +1,24 @@
+"""`driftyard trial-speed`: steps per second of a navigation environment."""
+
+import os
+from typing import Annotated
+
+import typer
+
+from trials.cli import console
+from trials.gym.studies.speed import CASES, SHARED, rate_hz, scaling
+
+
+def trial_speed(
+    scene: Annotated[
+        str, typer.Argument(help="Registered scene, MJCF file or module:function.")
+    ] = "warehouse",
+    workers: Annotated[bool, typer.Option(help="Also measure two workers at once.")] = True,
+) -> None:
+    """Measure steps per second of processor time, and the scaling to two cores."""
+    rows = [(x.name, f"{rate_hz(x, scene):.0f}", f"{x.goal_hz:.0f}") for x in CASES]
+    cores = sorted(os.sched_getaffinity(0))[:2]
+    if workers and len(cores) == 2:
+        ratio = scaling(SHARED, scene, cores)
+        rows.append(("two workers over one, each on its core", f"{ratio:.2f}", "1.6"))
+    console.out.print(console.table(("a step of", "steps/s of one core", "promised"), rows))

@@ -1,0 +1,25 @@
+"""`driftyard verify`: whether a dataset is as it was recorded."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from sim.certificate.verify import verify as find_faults
+from trials.cli import console
+
+
+def verify(
+    dataset: Annotated[Path, typer.Argument(help="Dataset folder that `generate` wrote.")],
+) -> None:
+    """Recompute every hash and the certificate of a dataset.
+
+    The exit status is 1 if a file is missing, differs, or the certificate does not hold.
+    """
+    with console.progress_bar("verifying") as progress:
+        findings = find_faults(dataset, progress)
+    for finding in findings:
+        console.out.print(f"{dataset / finding.file}: {finding.problem}")
+    if findings:
+        raise typer.Exit(1)
+    console.out.print(f"{dataset}: every hash and the certificate hold")
