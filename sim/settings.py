@@ -1,11 +1,11 @@
-"""What can be asked of a recording, with units in the names and the valid ranges."""
+"""Settings of a recording, with units in the names and valid ranges."""
 
 from collections.abc import Mapping
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from vo.contract.settings import Settings
+from vo.contract.settings import Settings, validated
 
 OptionValue = bool | int | float | str
 Waypoint = Annotated[tuple[float, float], Field(description="x, y in world metres")]
@@ -15,195 +15,245 @@ class RigSettings(Settings):
     """The stereo pair and its place on the mast."""
 
     width_px: int = Field(default=640, ge=16, le=4096)
+    """Width of each image, px."""
     height_px: int = Field(default=480, ge=16, le=4096)
+    """Height of each image, px."""
     hfov_deg: float = Field(default=70.0, ge=10.0, le=150.0)
+    """Horizontal field of view, degrees."""
     baseline_m: float = Field(default=0.09, gt=0.0, le=0.3)
+    """Distance between the optical centres, m."""
     height_m: float = Field(default=0.5, ge=0.35, le=1.8)
-    """Of the optical centres above level ground."""
+    """Height of the optical centres above level ground, m."""
     tilt_deg: float = Field(default=25.0, ge=-45.0, le=60.0)
-    """Of the optical axes below the horizon."""
+    """Angle of the optical axes below the horizon, degrees."""
     rate_hz: float = Field(default=15.0, ge=1.0, le=240.0)
+    """Frame rate, Hz."""
     color: bool = False
+    """Whether images are RGB; grey otherwise."""
 
 
 class RoverSettings(Settings):
-    """The rover's drive train, its load and its mast."""
+    """The rover's drive train, load and mast."""
 
     wheel_torque_max_nm: float = Field(default=1.5, gt=0.0, le=10.0)
+    """Largest torque of each wheel motor, N m."""
     load_kg: float = Field(default=0.0, ge=0.0, le=10.0)
-    """Carried high on the left rear, on springs: it sways and pulls the rover askew."""
+    """Mass of a swaying load on springs, high on the left rear, kg; 0: no load."""
     flex_deg: float = Field(default=0.0, ge=0.0, le=20.0)
-    """How far a sideways or forward push of one g would bend the mast; 0 makes it rigid."""
+    """Angle by which a horizontal acceleration of 1 g bends the mast, degrees; 0: rigid."""
     flex_damping: float = Field(default=0.05, gt=0.0, le=1.0)
-    """Of the bending mast, as a share of critical damping."""
+    """Damping ratio of the bending mast."""
 
 
 class EncoderSettings(Settings):
     """The wheel encoders."""
 
     ticks_per_turn: int = Field(default=2000, ge=8, le=1_000_000)
+    """Ticks per turn of a wheel."""
     rate_hz: float = Field(default=100.0, ge=1.0, le=1000.0)
+    """Sampling rate, Hz."""
 
 
 class ImuSettings(Settings):
-    """The inertial unit on the camera head; noise as of the unit in the EuRoC recordings."""
+    """The inertial measurement unit on the camera head; noise of the unit used in EuRoC."""
 
     rate_hz: float = Field(default=200.0, ge=20.0, le=1000.0)
+    """Sampling rate, Hz."""
     noise: float = Field(default=1.0, ge=0.0, le=100.0)
-    """Scales all four figures below; 0 gives perfect readings."""
+    """Factor on the two noise densities and the two random walks; 0: perfect readings."""
     gyroscope_noise_density: float = Field(default=1.6968e-4, ge=0.0)
-    """rad/s/sqrt(Hz)"""
+    """Noise density of the gyroscope, rad/s/sqrt(Hz)."""
     gyroscope_random_walk: float = Field(default=1.9393e-5, ge=0.0)
-    """rad/s^2/sqrt(Hz)"""
+    """Random walk of the gyroscope's bias, rad/s^2/sqrt(Hz)."""
     accelerometer_noise_density: float = Field(default=2.0e-3, ge=0.0)
-    """m/s^2/sqrt(Hz)"""
+    """Noise density of the accelerometer, m/s^2/sqrt(Hz)."""
     accelerometer_random_walk: float = Field(default=3.0e-3, ge=0.0)
-    """m/s^3/sqrt(Hz)"""
+    """Random walk of the accelerometer's bias, m/s^3/sqrt(Hz)."""
     position_m: tuple[float, float, float] = (0.06, 0.0, 0.42)
-    """In the body frame."""
+    """Position of the unit in the body frame, m."""
     rpy_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Roll, pitch and yaw of its axes in the body frame."""
+    """Roll, pitch and yaw of the unit's axes in the body frame, degrees."""
 
 
 class HandheldSettings(Settings):
-    """How a walking person holds the rig."""
+    """Motion of the rig in the hands of a walking person."""
 
     sway_m: float = Field(default=0.02, ge=0.0, le=0.2)
-    """Amplitude of the steps' bobbing and swaying."""
+    """Amplitude of the vertical and sideways motion of the steps, m."""
     sway_deg: float = Field(default=2.0, ge=0.0, le=20.0)
+    """Amplitude of the rotation of the steps, degrees."""
     tremor_deg: float = Field(default=0.15, ge=0.0, le=3.0)
-    """Deviation of the hand's shaking, 4 to 12 Hz."""
+    """Standard deviation of the rotation of the tremor (4 to 12 Hz), degrees."""
     tremor_m: float = Field(default=0.0005, ge=0.0, le=0.02)
+    """Standard deviation of the translation of the tremor (4 to 12 Hz), m."""
 
 
 class DriveSettings(Settings):
-    """Who carries the rig, and how a route of the scene is followed."""
+    """The carrier of the rig, and how it follows a route of the scene."""
 
     carrier: Literal["rover", "handheld"] = "rover"
+    """Carrier of the rig: the rover, or a walking person."""
     route: str = "default"
+    """Name of the route in the scene."""
     waypoints: tuple[Waypoint, ...] = ()
-    """A route of one's own; two or more points replace the scene's."""
+    """Points (x, y) in world metres that replace the scene's route; two or more, or none."""
     distance_m: float | None = Field(default=None, gt=0.0)
-    """Path length after which to stop; none: the whole route once. Closed routes repeat."""
+    """Path length to drive, m; none: the whole route once. Closed routes repeat."""
     speed_mps: float = Field(default=0.3, ge=0.02, le=1.5)
+    """Speed on straights, m/s."""
     acceleration_mps2: float = Field(default=0.3, gt=0.0, le=3.0)
+    """Acceleration and deceleration, m/s^2."""
     turn_rate_max_deg_s: float = Field(default=40.0, gt=0.0, le=240.0)
+    """Largest turn rate, degrees/s."""
     lookahead_m: float = Field(default=0.35, ge=0.1, le=2.0)
+    """Look-ahead distance of pure pursuit, m."""
     stop_every_m: float = Field(default=0.0, ge=0.0, le=100.0)
-    """Path length between halts; 0: none."""
+    """Path length between halts, m; 0: no halts."""
     stop_s: float = Field(default=0.0, ge=0.0, le=60.0)
-    """Length of each halt."""
+    """Duration of each halt, s."""
 
 
 class TerrainSettings(Settings):
-    """What is laid in the rover's way, along the route."""
+    """Obstacles and slippery patches along the route."""
 
     brick_mm: float = Field(default=0.0, ge=0.0, le=40.0)
-    """Height of loose bricks under the wheels; 0: none."""
+    """Height of loose bricks under the wheels, mm; 0: no bricks."""
     brick_std_mm: float = Field(default=1.0, ge=0.0, le=10.0)
+    """Standard deviation of the bricks' height, mm."""
     brick_gap_m: float = Field(default=0.35, ge=0.1, le=5.0)
-    """Mean distance from one brick to the next."""
+    """Mean distance from one brick to the next, m."""
     sill_mm: float = Field(default=0.0, ge=0.0, le=25.0)
-    """Height of door sills and cables across the route; 0: none."""
+    """Height of door sills and cables across the route, mm; 0: none."""
     sill_gap_m: float = Field(default=1.2, ge=0.3, le=20.0)
+    """Mean distance from one sill or cable to the next, m."""
     ice_share: float = Field(default=0.0, ge=0.0, le=1.0)
-    """Share of the route that is under slippery patches."""
+    """Fraction of the route that slippery patches cover; 0: none."""
     ice_friction: float = Field(default=0.03, ge=0.001, le=1.0)
+    """Sliding friction coefficient of the slippery patches."""
     boxes_per_m: float = Field(default=0.0, ge=0.0, le=4.0)
-    """Light cartons that the rover runs into and pushes along."""
+    """Number of light cartons per metre of the route, which the rover pushes along; 0: none."""
 
 
 class ExposureSettings(Settings):
-    """When each pixel gathers light."""
+    """Exposure time and shutter of the cameras."""
+
+    renamed: ClassVar[Mapping[str, str]] = {"eye_offset_ms": "right_offset_ms"}
 
     time_ms: float = Field(default=0.0, ge=0.0, le=200.0)
-    """Open shutter, centred on the timestamp; 0: an instant."""
+    """Exposure time, centred on the timestamp, ms; 0: an instant."""
     step_px: float = Field(default=1.0, gt=0.05, le=1.0)
-    """Largest motion of any pixel from one rendered sub-frame to the next."""
+    """Largest motion of any pixel from one rendered sub-frame to the next, px."""
     subframes_max: int = Field(default=96, ge=1, le=512)
+    """Largest number of rendered sub-frames in a frame."""
     line_time_us: float = Field(default=0.0, ge=0.0, le=200.0)
-    """Delay of each row after the one above: a rolling shutter. The middle row keeps the stamp."""
+    """Delay of each row of a rolling shutter, us; 0: global shutter. The middle row is on time."""
     right_offset_ms: float = Field(default=0.0, ge=-50.0, le=50.0)
-    """How much later the right eye exposes than the left."""
+    """Delay of the right camera's exposure after the left camera's, ms."""
 
 
 class SensorSettings(Settings):
-    """Lens, pixels and electronics; the default camera is perfect."""
+    """Lens, image sensor and electronics; the default camera is perfect."""
 
     k1: float = Field(default=0.0, ge=-0.5, le=0.5)
+    """First radial distortion coefficient, OpenCV's convention."""
     k2: float = Field(default=0.0, ge=-0.5, le=0.5)
+    """Second radial distortion coefficient, OpenCV's convention."""
     p1: float = Field(default=0.0, ge=-0.02, le=0.02)
+    """First tangential distortion coefficient, OpenCV's convention."""
     p2: float = Field(default=0.0, ge=-0.02, le=0.02)
-    """Radial and tangential distortion, in OpenCV's convention."""
+    """Second tangential distortion coefficient, OpenCV's convention."""
     softness_px: float = Field(default=0.0, ge=0.0, le=12.0)
-    """Deviation of the lens's Gaussian point spread."""
+    """Standard deviation of the lens's Gaussian point spread function, px; 0: sharp."""
     vignetting: float = Field(default=0.0, ge=0.0, le=1.0)
-    """Light lost in the image's corner."""
+    """Fraction of the light that is lost in the image's corner."""
     response: Literal["srgb", "linear"] = "srgb"
-    """From light to grey level."""
+    """Response curve from light to grey level."""
     auto_exposure: bool = False
-    """Hold the mean grey level by exposure time, then by gain."""
+    """Whether exposure time, then gain, keep the mean grey level at target_grey."""
     target_grey: float = Field(default=110.0, ge=10.0, le=240.0)
+    """Mean grey level that the automatic exposure keeps, 0 to 255."""
     exposure_max_ms: float = Field(default=20.0, gt=0.0, le=200.0)
+    """Largest exposure time of the automatic exposure, ms."""
     gain_max_db: float = Field(default=36.0, ge=0.0, le=60.0)
+    """Largest gain of the automatic exposure, dB."""
     delay_frames: int = Field(default=2, ge=1, le=10)
-    """Between a picture and the exposure that answers it."""
+    """Frames from an image to the exposure that its grey level determines."""
     gain_db: float = Field(default=0.0, ge=0.0, le=60.0)
-    """Fixed gain on top; also amplifies noise."""
+    """Fixed gain, also on noise, beside that of the automatic exposure, dB."""
     full_well: float = Field(default=0.0, ge=0.0, le=200_000.0)
-    """Electrons at the brightest grey level without gain: the source of shot noise; 0: none."""
+    """Electrons at the brightest grey level without gain, for shot noise; 0: no shot noise."""
     read_noise: float = Field(default=0.0, ge=0.0, le=1000.0)
-    """Electrons (of a well of 10,000 where full_well is 0)."""
+    """Standard deviation of the read noise, electrons (of 10,000 where full_well is 0)."""
     right_gain: float = Field(default=1.0, gt=0.1, le=10.0)
-    """Sensitivity of the right eye over that of the left."""
+    """Sensitivity of the right camera over that of the left."""
     right_noise: float = Field(default=1.0, ge=0.0, le=20.0)
-    """Read noise of the right eye over that of the left."""
+    """Read noise of the right camera over that of the left."""
     drop_share: float = Field(default=0.0, ge=0.0, le=0.9)
-    """Of frames that are lost."""
+    """Fraction of the frames that are lost."""
 
 
 class CalibrationSettings(Settings):
-    """How the delivered calibration differs from the true camera."""
+    """Errors of the delivered calibration.
+
+    The three angles turn the true right camera against its calibration, about its z, x and y
+    axes.
+    """
 
     baseline_percent: float = Field(default=0.0, ge=-100.0, le=100.0)
+    """Error of the delivered baseline, percent of the true one."""
     focal_percent: float = Field(default=0.0, ge=-100.0, le=100.0)
+    """Error of the delivered focal length, percent of the true one."""
     roll_deg: float = Field(default=0.0, ge=-45.0, le=45.0)
+    """Uncalibrated roll of the right camera, degrees, positive clockwise as seen."""
     pitch_deg: float = Field(default=0.0, ge=-45.0, le=45.0)
+    """Uncalibrated pitch of the right camera, degrees, positive upwards."""
     yaw_deg: float = Field(default=0.0, ge=-45.0, le=45.0)
-    """True turn of the right eye that the calibration does not know: about z, x and y of the
-    camera, positive clockwise as seen, upwards and to the right."""
+    """Uncalibrated yaw of the right camera, degrees, positive to the right."""
 
 
 class RenderSettings(Settings):
-    """Quality of the pictures; labels do not depend on it."""
+    """Quality of the images; labels do not depend on it."""
 
     backend: Literal["auto", "egl", "osmesa"] = "auto"
+    """OpenGL backend; auto: MUJOCO_GL if set, else EGL where a device answers, else OSMesa."""
     samples: int = Field(default=4, ge=0, le=16)
-    """Colour samples a pixel; 0 switches multisampling off."""
+    """Colour samples per pixel; 0: no multisampling."""
     shadow_size_px: int = Field(default=2048, ge=0, le=16384)
-    """Side of the shadow map; 0 switches shadows off."""
+    """Side of the shadow map, px; 0: no shadows."""
     near_m: float = Field(default=0.05, gt=0.0, le=0.2)
+    """Distance of the near clipping plane, m."""
     far_m: float = Field(default=100.0, ge=20.0, le=1000.0)
+    """Distance of the far clipping plane, m."""
 
 
 class LabelSettings(Settings):
-    """Which dense labels to write; of the left camera where nothing else is said."""
+    """Dense labels to write, of the left camera unless stated otherwise."""
 
     depth: bool = True
+    """Depth along the optical axis, m."""
     disparity: bool = True
+    """Disparity of the left pixels, px."""
     disparity_right: bool = False
+    """Disparity of the right pixels, px."""
     occlusion: bool = False
+    """Visibility of each left pixel's point in the right image."""
     flow: bool = False
+    """Optical flow to the next left image, px."""
     covisibility: bool = False
+    """Visibility of each left pixel's point in the next left image."""
     segmentation: bool = False
+    """Number of the object that each pixel shows."""
     classes: bool = False
+    """Class of each pixel: sky, ground, static or moving."""
     normals: bool = False
+    """Unit surface normals in camera axes."""
 
 
 class RecordSettings(Settings):
-    """Everything that, with the scene's name, determines a dataset to the byte."""
+    """Settings that, with the scene's name, determine a dataset to the byte."""
 
     seed: int = Field(default=0, ge=0)
+    """Random seed of scene, route and noise."""
     scene: Mapping[str, OptionValue] = Field(default_factory=dict[str, OptionValue])
     """Options of the scene's builder."""
     rig: RigSettings = RigSettings()
@@ -220,7 +270,7 @@ class RecordSettings(Settings):
     labels: LabelSettings = LabelSettings()
 
     @model_validator(mode="after")
-    def _shutter_closes_in_time(self) -> Self:
+    def _exposure_fits_frame_interval(self) -> Self:
         interval_ms = 1e3 / self.rig.rate_hz
         longest_ms = self.exposure.time_ms
         if self.sensor.auto_exposure:
@@ -229,7 +279,20 @@ class RecordSettings(Settings):
         open_ms = longest_ms + readout_ms + abs(self.exposure.right_offset_ms)
         if open_ms > interval_ms:
             raise ValueError(
-                f"exposure.time_ms with readout and eye offset takes {open_ms:.1f} ms, but "
+                f"exposure.time_ms with readout and right offset takes {open_ms:.1f} ms, but "
                 f"rig.rate_hz leaves {interval_ms:.1f} ms from frame to frame"
             )
         return self
+
+
+def recorded_settings(content: Mapping[str, Any]) -> RecordSettings:
+    """Build settings from a manifest, which may have the setting names of an earlier version.
+
+    Raises:
+        SettingsError: If a key or value is not accepted.
+    """
+    exposure = {
+        ExposureSettings.renamed.get(key, key): value
+        for key, value in content.get("exposure", {}).items()
+    }
+    return validated(RecordSettings, {**content, "exposure": exposure})

@@ -82,7 +82,7 @@ ALTERNATIVES: dict[str, tuple[str, ...]] = {
     "unaware": ("stationary=none",),
 }
 
-RENAMED_DISTURBANCES = {"stereo_offset": "stereo_offset", "stereo_mismatch": "stereo_mismatch"}
+RENAMED_DISTURBANCES = {"stereo_offset": "eye_offset", "stereo_mismatch": "eye_mismatch"}
 """Today's name of a disturbance to the one that it had in an older checkout (--old-names)."""
 
 RENAMED: dict[str, str] = {

@@ -222,7 +222,7 @@ def test_a_folder_that_another_process_is_writing_is_left_to_it(tmp_path):
     out = tmp_path / "d"
     with DatasetWriter(out) as first:
         first.add("a", b"a")
-        with pytest.raises(DatasetError, match="another process is writing it"):
+        with pytest.raises(DatasetError, match="another process is writing this dataset"):
             DatasetWriter(out).__enter__()
         assert (first.partial / "a").read_bytes() == b"a"
     first.partial.mkdir()

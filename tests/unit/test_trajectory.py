@@ -78,7 +78,7 @@ def test_interpolation_is_linear_and_spherical():
 
 
 def test_interpolation_does_not_extrapolate():
-    with pytest.raises(TrajectoryError, match=r"covers 0\.\.20 ns, asked for 5\.\.21 ns"):
+    with pytest.raises(TrajectoryError, match=r"covers 0\.\.20 ns, requested 5\.\.21 ns"):
         straight([0, 10, 20]).at(np.array([5, 21]))
     assert len(straight([0, 10]).at(np.zeros(0, dtype=np.int64))) == 0
 

@@ -1,1 +1,1 @@
-"""What simulator, estimator and trials share: geometry, rigs, sequences, files and errors."""
+"""Types, geometry, files and errors that simulator, estimator and trials share."""

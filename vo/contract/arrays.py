@@ -1,4 +1,4 @@
-"""Array types by content, so that signatures say what they hold."""
+"""Array types by content."""
 
 from typing import Any, TypeAlias
 

@@ -1,4 +1,4 @@
-"""Milliseconds by stage."""
+"""Wall time by stage."""
 
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -6,7 +6,7 @@ from time import perf_counter
 
 
 class Clock:
-    """Adds up the wall time of named blocks: `with clock("stereo"): ...`.
+    """Sum of the wall times of named blocks: `with clock("stereo"): ...`.
 
     Attributes:
         ms: Stage name to milliseconds, in the order of first entry.
@@ -17,7 +17,7 @@ class Clock:
 
     @contextmanager
     def __call__(self, stage: str) -> Generator[None]:
-        """Time a block; a stage entered twice is summed."""
+        """Time a block; the times of a stage entered twice are summed."""
         start = perf_counter()
         try:
             yield

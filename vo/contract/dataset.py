@@ -1,4 +1,4 @@
-"""The dataset folder: layout, manifest, and a writer that leaves a whole folder or none."""
+"""The dataset folder: layout, manifest, and a writer that leaves a complete folder or none."""
 
 import csv
 import fcntl
@@ -9,7 +9,6 @@ import os
 import shutil
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 import yaml
@@ -22,11 +21,10 @@ TRUTH = "mav0/state_groundtruth_estimate0"
 
 
 class DatasetWriter:
-    """Collects files in a hidden sibling folder, which takes the final name only when complete.
+    """Writer into a hidden sibling folder, which takes the final name only when complete.
 
-    Use as a context manager; leaving it without `commit` (an error, Ctrl-C) removes every trace,
-    and after a kill the next one for the same dataset does. `add` may be called from several
-    threads.
+    A context manager: leaving it without `commit` (an error, Ctrl-C) removes all files; after a
+    kill, the next writer of the same dataset does. `add` may be called from several threads.
     """
 
     def __init__(self, out: Path, overwrite: bool = False) -> None:
@@ -40,32 +38,27 @@ class DatasetWriter:
             if not overwrite:
                 raise DatasetError(f"{out}: already exists; choose another --out or --overwrite")
             if not (out / MANIFEST).is_file() and any(out.iterdir()):
-                raise DatasetError(f"{out}: holds no {MANIFEST}; will not overwrite it")
+                raise DatasetError(f"{out}: holds no {MANIFEST}, so it is not overwritten")
         self.partial = out.with_name(f".{out.name}.partial")
         self.sha256: dict[str, str] = {}
         self._committed = False
 
     def __enter__(self) -> Self:
-        """Take the hidden folder.
+        """Create and lock the hidden folder.
 
         Raises:
             DatasetError: If another process is writing the same dataset.
         """
-        self._lock = _own(self.partial, self.out)
+        self._lock = _lock_folder(self.partial, self.out)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        tb: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         if not self._committed:
             shutil.rmtree(self.partial, ignore_errors=True)
         os.close(self._lock)
 
     def add(self, name: str, data: bytes) -> None:
-        """Write one file under its path inside the folder, and remember its hash.
+        """Write a file at its path inside the folder, and store its hash.
 
         Raises:
             DatasetError: If the disk is full; names the file.
@@ -85,10 +78,10 @@ class DatasetWriter:
         self.add(name, text.getvalue().encode())
 
     def commit(self, manifest: Mapping[str, Any]) -> None:
-        """Write the manifest with the hash of every file, and give the folder its name.
+        """Write the manifest with the hash of every file, and rename the folder.
 
         Raises:
-            DatasetError: As `add`.
+            DatasetError: If the disk is full.
         """
         content = {"schema_version": SCHEMA_VERSION, **manifest}
         content["sha256"] = dict(sorted(self.sha256.items()))
@@ -107,22 +100,22 @@ class DatasetWriter:
             raise DatasetError(f"{self.out}: {name} cannot be written ({error.strerror})") from None
 
 
-def _own(partial: Path, out: Path) -> int:
-    """Make a folder, empty, that is ours while the descriptor returned is open: until our death.
+def _lock_folder(partial: Path, out: Path) -> int:
+    """Create an empty folder, locked until the returned descriptor or the process is closed.
 
     Raises:
-        DatasetError: If it is another process's; names `out`.
+        DatasetError: If another process holds the lock; names `out`.
     """
     partial.mkdir(parents=True, exist_ok=True)
     lock = os.open(partial, os.O_RDONLY)
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        ours = os.path.samestat(os.fstat(lock), partial.stat())  # it may just have been renamed
+        locked = os.path.samestat(os.fstat(lock), partial.stat())  # it may just have been renamed
     except (BlockingIOError, FileNotFoundError):
-        ours = False
-    if not ours:
+        locked = False
+    if not locked:
         os.close(lock)
-        raise DatasetError(f"{out}: another process is writing it")
+        raise DatasetError(f"{out}: another process is writing this dataset")
     for left in partial.iterdir():
         shutil.rmtree(left) if left.is_dir() else left.unlink()
     return lock

@@ -1,16 +1,16 @@
-"""Errors that a user can cause, each a single line that says what to do."""
+"""Errors with a cause in the input, each a single line that says what to do."""
 
 
 class DriftyardError(Exception):
-    """Base of every error caused by input; the command line prints it and exits with status 2."""
+    """Base of all errors caused by input; the command line prints it and exits with status 2."""
 
 
 class DatasetError(DriftyardError):
-    """A dataset, an image or a table is missing, unreadable or inconsistent."""
+    """A dataset, an image or a table that is missing, unreadable or inconsistent."""
 
 
 class CalibrationError(DriftyardError):
-    """A camera or rig calibration cannot describe a stereo pair."""
+    """A camera or rig calibration that does not describe a stereo pair."""
 
 
 class SettingsError(DriftyardError):
@@ -18,4 +18,4 @@ class SettingsError(DriftyardError):
 
 
 class TrajectoryError(DriftyardError):
-    """A trajectory file is malformed, or two trajectories cannot be compared."""
+    """A malformed trajectory file, or two trajectories that cannot be compared."""

@@ -11,27 +11,27 @@ from vo.contract.trajectory import Trajectory
 
 
 class Status(StrEnum):
-    """How a frame ended; exactly one for every frame."""
+    """Outcome of a frame."""
 
     START = "start"
-    """The first frame, or the first after a loss: it defines or resumes the odometry frame."""
+    """The first frame, or the first after a loss; it defines or resumes the odometry frame."""
     TRACKED = "tracked"
-    """The motion rests on enough inliers."""
+    """The pose has enough inliers."""
     WEAK = "weak"
-    """There is a pose, but it deserves suspicion; the reason says why."""
+    """The pose is unreliable; the reason says why."""
     LOST = "lost"
-    """There is no pose for this frame; the reason says why."""
+    """The frame has no pose; the reason says why."""
 
 
 @dataclass(frozen=True)
 class Observations:
-    """The landmarks seen in one frame.
+    """The landmarks observed in one frame.
 
     Attributes:
         ids: (N,) landmark identifiers, unique over the whole run.
         pixels: (N, 2) left-image (u, v) in pixels.
         disparity_px: (N,) estimated disparity; NaN where unknown.
-        inlier: (N,) whether the landmark agrees with the frame's motion.
+        inlier: (N,) whether the observation agrees with the frame's pose.
     """
 
     ids: Indices
@@ -42,13 +42,13 @@ class Observations:
 
 @dataclass(frozen=True)
 class PointMap:
-    """The points that were estimated along the way.
+    """The estimated landmarks of a run.
 
     Attributes:
         ids: (N,) landmark identifiers.
         points_odom: (N, 3) metres, in the first left camera's frame.
         grey: (N,) uint8 brightness.
-        views: (N,) frames that saw the point.
+        views: (N,) number of frames that observed the point.
     """
 
     ids: Indices
@@ -59,11 +59,11 @@ class PointMap:
 
 @dataclass(frozen=True)
 class FinalResult:
-    """What an estimator knows at the end of a sequence.
+    """Result of an estimator after the last frame.
 
     Attributes:
-        trajectory: T_odom_cam of the frames that had a pose, by all that came later; None if
-            there is nothing better than what was said at the time.
+        trajectory: T_odom_cam of the frames that had a pose, smoothed over the whole run; None if
+            the estimates per frame are final.
         points: None if the estimator keeps no map.
     """
 
@@ -73,18 +73,18 @@ class FinalResult:
 
 @dataclass(frozen=True)
 class Estimate:
-    """What an estimator says of one frame.
+    """Estimate for one frame.
 
     Attributes:
-        timestamp_ns: The frame's.
-        status: Exactly one.
+        timestamp_ns: Timestamp of the frame.
+        status: Outcome of the frame.
         T_odom_cam: (4, 4) left camera in the first left camera's frame; None only when lost.
-        reason: Why the status is not `tracked`; empty when there is nothing to say.
-        counts: Stage name to number of items that survived it, in stage order.
+        reason: Reason why the status is not `tracked`; may be empty.
+        counts: Stage name to number of items that remain after it, in stage order.
         timings_ms: Stage name to milliseconds, in stage order.
-        observations: Landmarks seen, if the estimator shares them.
+        observations: Landmarks observed; None if the estimator does not report them.
         covariance: (6, 6) of T_odom_cam, tangent (v m, w rad) in the camera's frame; None if the
-            estimator does not say.
+            estimator does not report it.
         step_covariance: (6, 6) of the motion since the last frame that had a pose, likewise.
     """
 
@@ -104,17 +104,17 @@ class Estimate:
 
 
 class Estimator(Protocol):
-    """Anything that turns stereo frames into estimates, one call a frame, in order of time."""
+    """An estimator that maps stereo frames, in order of time, to estimates."""
 
     def track(self, frame: StereoFrame) -> Estimate:
-        """Take the next frame and return its estimate; never raises on image content."""
+        """Return the estimate of the next frame; never raise on image content."""
         ...
 
 
 @runtime_checkable
 class Finalizing(Protocol):
-    """An estimator that has something to say when the sequence is over."""
+    """An estimator with a result after the last frame."""
 
     def finalize(self) -> FinalResult:
-        """Look back, after the last frame."""
+        """Return the final result, after the last frame."""
         ...

@@ -1,4 +1,4 @@
-"""Reader of EuRoC/ASL folders: this project's own and anyone's, raw or rectified."""
+"""Reader of EuRoC/ASL folders, raw or rectified, and of this project's datasets."""
 
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from vo.contract.errors import CalibrationError, DatasetError, TrajectoryError
 from vo.contract.files import read_grey
 from vo.contract.rectify import PinholeCamera, rectify
 from vo.contract.sequence import StereoSequence
+from vo.contract.tables import read_columns, read_lines, read_rows
 from vo.contract.trajectory import Trajectory
 from vo.contract.wheels import read_wheels
 
@@ -24,16 +25,16 @@ def is_euroc(folder: Path) -> bool:
 
 
 def open_euroc(folder: Path) -> StereoSequence:
-    """Open the stereo pair of an ASL folder; distorted or unaligned eyes are rectified on loading.
+    """Open the stereo pair of an ASL folder; images are rectified on loading.
 
-    Wheel encoders are taken from `wheels0`, a table that this project adds to the layout.
+    Wheel encoders are read from `wheels0`, a table that this project adds to the layout.
 
     Raises:
         DatasetError: If a table is missing or malformed, or left and right differ.
-        CalibrationError: If a sensor.yaml is incomplete or describes no stereo pair.
+        CalibrationError: If a sensor.yaml is incomplete or does not describe a stereo pair.
     """
     mav = _mav(folder)
-    left, right = (_read_camera(mav / eye / "sensor.yaml") for eye in ("cam0", "cam1"))
+    left, right = (_read_camera(mav / camera / "sensor.yaml") for camera in ("cam0", "cam1"))
     times, files_left = _read_image_table(mav / "cam0")
     times_right, files_right = _read_image_table(mav / "cam1")
     if len(times) != len(times_right):
@@ -53,7 +54,7 @@ def open_euroc(folder: Path) -> StereoSequence:
 
 
 def read_euroc_truth(folder: Path, T_body_cam: Array) -> Trajectory | None:
-    """Read T_world_cam of the (rectified) left camera, or None where the folder has no full poses.
+    """Read T_world_cam of the (rectified) left camera; None where the folder has no full poses.
 
     Raises:
         TrajectoryError: If the table is malformed.
@@ -61,11 +62,7 @@ def read_euroc_truth(folder: Path, T_body_cam: Array) -> Trajectory | None:
     table = _mav(folder) / TRUTH_FOLDER / "data.csv"
     if not table.is_file():
         return None
-    try:
-        rows = np.loadtxt(table, delimiter=",", comments="#", usecols=range(1, 8), ndmin=2)
-        times = np.loadtxt(table, delimiter=",", comments="#", usecols=0, dtype=np.int64, ndmin=1)
-    except (ValueError, IndexError) as error:
-        raise TrajectoryError(f"{table}: {error}") from None
+    times, rows = read_columns(table, range(1, 8), TrajectoryError)
     if len(times) == 0:
         raise TrajectoryError(f"{table}: holds no poses")
     T_world_body = se3.from_quat_wxyz(rows[:, 3:7], rows[:, :3])
@@ -77,19 +74,11 @@ def _mav(folder: Path) -> Path:
 
 
 def _read_image_table(camera: Path) -> tuple[Indices, list[Path]]:
-    table = camera / "data.csv"
     times: list[int] = []
     files: list[Path] = []
-    try:
-        lines = table.read_text(encoding="utf-8").splitlines()
-    except OSError as error:
-        raise DatasetError(f"{table}: cannot be read ({error.strerror})") from None
-    for number, line in enumerate(lines, start=1):
-        if not line.strip() or line.startswith("#"):
-            continue
-        words = [word.strip() for word in line.split(",")]
+    for place, words in read_rows(camera / "data.csv"):
         if len(words) < 2 or not words[0].isdigit() or not words[1]:
-            raise DatasetError(f"{table}:{number}: expected 'timestamp [ns],filename'")
+            raise DatasetError(f"{place}: expected 'timestamp [ns],filename'")
         times.append(int(words[0]))
         files.append(camera / "data" / words[1])
     return np.array(times, dtype=np.int64), files
@@ -100,7 +89,7 @@ def _read_camera(path: Path) -> PinholeCamera:
     try:
         model = str(content.get("camera_model", "pinhole"))
         if model != "pinhole":
-            raise CalibrationError(f"{path}: camera_model {model}; this program reads pinhole")
+            raise CalibrationError(f"{path}: camera_model {model}; expected pinhole")
         width, height = (int(x) for x in content["resolution"])
         fx, fy, cx, cy = (float(x) for x in content["intrinsics"])
         distortion = np.array(content.get("distortion_coefficients") or [0.0], dtype=float)
@@ -111,21 +100,17 @@ def _read_camera(path: Path) -> PinholeCamera:
         raise CalibrationError(f"{path}: {error}") from None
     name = str(content.get("distortion_model", "radial-tangential"))
     if distortion.any() and name not in ("radial-tangential", "radtan", "plumb_bob"):
-        raise CalibrationError(
-            f"{path}: distortion_model {name}; this program reads radial-tangential"
-        )
+        raise CalibrationError(f"{path}: distortion_model {name}; expected radial-tangential")
     K = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]])
     return PinholeCamera(path, width, height, K, distortion, T_body_cam)
 
 
 def _read_yaml(path: Path) -> dict[str, Any]:
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
         # OpenCV writes a version line that is not YAML 1.1.
-        content = yaml.safe_load("\n".join(x for x in lines if not x.startswith("%YAML:")))
-    except OSError as error:
-        raise CalibrationError(f"{path}: cannot be read ({error.strerror})") from None
-    except (yaml.YAMLError, UnicodeDecodeError):
+        lines = (x for x in read_lines(path, CalibrationError) if not x.startswith("%YAML:"))
+        content = yaml.safe_load("\n".join(lines))
+    except yaml.YAMLError:
         raise CalibrationError(f"{path}: not valid YAML") from None
     if not isinstance(content, dict):
         raise CalibrationError(f"{path}: holds no calibration")

@@ -1,4 +1,4 @@
-"""Reading and writing files so that a reader never sees half of one."""
+"""Atomic writing of files, and reading of images."""
 
 import os
 from collections.abc import Generator
@@ -36,7 +36,7 @@ def replacing(path: Path) -> Generator[Path]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write UTF-8 text, whole or not at all."""
+    """Write UTF-8 text atomically."""
     with replacing(path) as partial:
         partial.write_text(text, encoding="utf-8")
 
@@ -67,10 +67,10 @@ def read_float(path: Path, channels: int = 1) -> Array:
 
 
 def read_codes(path: Path) -> Array:
-    """Read a (H, W) label of whole numbers, uint8 or uint16.
+    """Read a (H, W) label of integers, uint8 or uint16.
 
     Raises:
-        DatasetError: If the file is missing, damaged or of another kind.
+        DatasetError: If the file is missing, damaged or of another type.
     """
     image = _decode(path, cv2.IMREAD_UNCHANGED)
     if image.dtype.name not in ("uint8", "uint16") or image.ndim != 2:

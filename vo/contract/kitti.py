@@ -1,14 +1,16 @@
 """Reader of the KITTI odometry layout."""
 
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from vo.contract.arrays import Array, Image, Indices
-from vo.contract.errors import CalibrationError, DatasetError, TrajectoryError
+from vo.contract.errors import CalibrationError, DatasetError, DriftyardError, TrajectoryError
 from vo.contract.files import read_grey
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoSequence
+from vo.contract.tables import read_lines
 from vo.contract.trajectory import NS_PER_S, Trajectory
 
 
@@ -22,9 +24,9 @@ def open_kitti(folder: Path) -> StereoSequence:
 
     Raises:
         DatasetError: If files are missing, or left and right differ.
-        CalibrationError: If calib.txt holds no stereo pair.
+        CalibrationError: If calib.txt describes no stereo pair.
     """
-    left, right = (sorted((folder / eye).glob("*.png")) for eye in ("image_0", "image_1"))
+    left, right = (sorted((folder / name).glob("*.png")) for name in ("image_0", "image_1"))
     if len(left) != len(right):
         raise DatasetError(f"{folder}: image_0 holds {len(left)} images, image_1 {len(right)}")
     if not left:
@@ -68,10 +70,7 @@ def read_kitti_poses(path: Path) -> Array:
     Raises:
         TrajectoryError: If the file is malformed.
     """
-    try:
-        rows = np.loadtxt(path, ndmin=2)
-    except (ValueError, OSError) as error:
-        raise TrajectoryError(f"{path}: {error}") from None
+    rows = _load_numbers(path, 2, TrajectoryError)
     if rows.shape[1:] != (12,) or not np.isfinite(rows).all():
         raise TrajectoryError(f"{path}: expected rows of 12 finite numbers")
     T = np.tile(np.eye(4), (len(rows), 1, 1))
@@ -80,16 +79,19 @@ def read_kitti_poses(path: Path) -> Array:
 
 
 def _read_times(path: Path) -> Indices:
+    return np.round(_load_numbers(path, 1, DatasetError) * NS_PER_S).astype(np.int64)
+
+
+def _load_numbers(path: Path, ndmin: Literal[1, 2], error: type[DriftyardError]) -> Array:
     try:
-        seconds = np.loadtxt(path, ndmin=1)
-    except (ValueError, OSError) as error:
-        raise DatasetError(f"{path}: {error}") from None
-    return np.round(seconds * NS_PER_S).astype(np.int64)
+        return np.loadtxt(path, ndmin=ndmin)
+    except (ValueError, OSError) as problem:
+        raise error(f"{path}: {problem}") from None
 
 
 def _read_rig(path: Path, width: int, height: int) -> StereoRig:
     rows: dict[str, Array] = {}
-    for line in path.read_text(encoding="utf-8").splitlines():
+    for line in read_lines(path, CalibrationError):
         key, _, values = line.partition(":")
         if key in ("P0", "P1"):
             try:

@@ -1,4 +1,4 @@
-"""Opening any supported recording; its truth is a separate file, opened by a separate call."""
+"""Readers of all supported layouts; ground truth is read by a separate call."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ def open_sequence(folder: Path) -> StereoSequence:
     """Open a recording by its layout.
 
     Raises:
-        DatasetError: If the folder is missing or of no known layout, or its content is wrong.
+        DatasetError: If the folder is missing or of an unknown layout, or its content is invalid.
     """
     if not folder.is_dir():
         raise DatasetError(f"{folder}: no such folder")
@@ -27,9 +27,9 @@ def open_sequence(folder: Path) -> StereoSequence:
 
 
 def read_truth(folder: Path) -> Trajectory | None:
-    """Read the true T_world_cam of the left camera, or None where the recording has none.
+    """Read the true T_world_cam of the left camera; None where the recording has none.
 
-    Only scoring may call this; an estimator is handed a StereoSequence, which has no truth.
+    Only evaluation may call this; an estimator receives a StereoSequence, which has no truth.
     """
     sequence = open_sequence(folder)
     if is_euroc(folder):

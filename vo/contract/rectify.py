@@ -1,4 +1,4 @@
-"""From two calibrated cameras to one rectified rig."""
+"""Rectification of two calibrated cameras."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,15 +15,15 @@ from vo.contract.rig import StereoRig
 Remap = Callable[[Image], Image]
 
 ALIGNED = 1e-6
-"""Rotation, off-axis translation and intrinsics below this need no rectification."""
+"""Tolerance on rotation, off-axis translation and intrinsics of a rectified pair."""
 
 
 @dataclass(frozen=True)
 class PinholeCamera:
-    """One eye as a sensor.yaml describes it.
+    """A camera as a sensor.yaml describes it.
 
     Attributes:
-        path: Where it was read, for messages.
+        path: File it was read from, for messages.
         width_px: Image width.
         height_px: Image height.
         K: (3, 3) pinhole matrix, pixels.
@@ -47,19 +47,17 @@ class PinholeCamera:
 
 
 def rectify(left: PinholeCamera, right: PinholeCamera) -> tuple[StereoRig, Remap, Remap]:
-    """Return the rig of the rectified pair and the two image maps that produce it.
-
-    A pair that is rectified already keeps its pixels untouched.
+    """Return the rectified rig and both image maps; a rectified pair stays unchanged.
 
     Raises:
-        CalibrationError: If the eyes differ in size, coincide, or are not side by side.
+        CalibrationError: If the cameras differ in size, coincide, or are not side by side.
     """
     if (left.width_px, left.height_px) != (right.width_px, right.height_px):
         raise CalibrationError(f"{right.path}: resolution differs from {left.path}")
     T_right_left = se3.inverse(right.T_body_cam) @ left.T_body_cam
     baseline_m = float(np.linalg.norm(T_right_left[:3, 3]))
     if baseline_m < ALIGNED:
-        raise CalibrationError(f"{right.path}: zero baseline, both cameras stand in the same place")
+        raise CalibrationError(f"{right.path}: zero baseline to {left.path}")
     size = (left.width_px, left.height_px)
     if _is_rectified(left, right, T_right_left):
         K = left.K
@@ -71,7 +69,7 @@ def rectify(left: PinholeCamera, right: PinholeCamera) -> tuple[StereoRig, Remap
     )[:4]  # fmt: skip
     if P_right[0, 3] >= 0:
         raise CalibrationError(
-            f"{right.path}: not to the right of {left.path}; are the eyes swapped or stacked?"
+            f"{right.path}: not to the right of {left.path}; are the cameras swapped or stacked?"
         )
     T_body_rectified = left.T_body_cam @ se3.pose(R_left.T, np.zeros(3))
     f, cx, cy = P_left[0, 0], P_left[0, 2], P_left[1, 2]

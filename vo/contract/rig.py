@@ -15,9 +15,9 @@ class StereoRig:
     Attributes:
         width_px: Image width W.
         height_px: Image height H.
-        f_px: Focal length, shared by both eyes and both axes.
-        cx_px: Principal point along u, shared by both eyes; (W - 1) / 2 when centred.
-        cy_px: Principal point along v; (H - 1) / 2 when centred.
+        f_px: Focal length of both cameras and both axes.
+        cx_px: Principal point of both cameras along u; (W - 1) / 2 when centred.
+        cy_px: Principal point of both cameras along v; (H - 1) / 2 when centred.
         baseline_m: Distance of the right camera along the left camera's x axis, > 0.
         T_body_cam: (4, 4) left camera in the carrier's body frame.
 
@@ -50,7 +50,7 @@ class StereoRig:
 
     @property
     def K(self) -> Array:
-        """(3, 3) pinhole matrix of either eye, pixels."""
+        """(3, 3) pinhole matrix of both cameras, pixels."""
         return np.array([[self.f_px, 0, self.cx_px], [0, self.f_px, self.cy_px], [0, 0, 1.0]])
 
     def project(self, points_cam: Array) -> Array:

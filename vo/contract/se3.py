@@ -43,13 +43,13 @@ def skew(w: Array) -> Array:
 
 
 def adjoint(T_a_b: Array) -> Array:
-    """Carry tangents: (6, 6) Ad with T_a_b exp(x) = exp(Ad x) T_a_b, for tangents (v, w)."""
+    """Return Ad (6, 6) with T_a_b exp(x) = exp(Ad x) T_a_b, for tangents (v, w)."""
     R = T_a_b[:3, :3]
     return np.block([[R, skew(T_a_b[:3, 3]) @ R], [np.zeros((3, 3)), R]])
 
 
 def transform_covariance(T_a_b: Array, covariance_b: Array) -> Array:
-    """Covariance (6, 6) of a tangent in frame b, seen from frame a that moves rigidly with it."""
+    """Express the covariance (6, 6) of a tangent in frame b in frame a, rigid with it."""
     Ad = adjoint(T_a_b)
     return Ad @ covariance_b @ Ad.T
 
@@ -122,10 +122,10 @@ def nearest_rotation(matrix: Array) -> tuple[Array, Array]:
     return (U * S) @ Vt, D * S
 
 
-def interpolate(known: Array, T: Array, asked: Array) -> Array:
-    """Poses (K, 4, 4) at parameters `asked` (K,) between poses (N, 4, 4) at `known` (N,), N >= 2.
+def interpolate(known: Array, T: Array, queried: Array) -> Array:
+    """Poses (K, 4, 4) at parameters `queried` (K,) between poses (N, 4, 4) at `known` (N,), N >= 2.
 
-    Linear in position, spherical in rotation; `known` increases and spans `asked`.
+    Linear in position, spherical in rotation; `known` increases and spans `queried`.
     """
-    R = Slerp(known, Rotation.from_matrix(T[:, :3, :3]))(asked).as_matrix()
-    return pose(R, np.stack([np.interp(asked, known, T[:, k, 3]) for k in range(3)], axis=-1))
+    R = Slerp(known, Rotation.from_matrix(T[:, :3, :3]))(queried).as_matrix()
+    return pose(R, np.stack([np.interp(queried, known, T[:, k, 3]) for k in range(3)], axis=-1))

@@ -1,4 +1,4 @@
-"""A stereo sequence: what an estimator may see, and nothing else."""
+"""A stereo sequence: the input of an estimator."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -19,8 +19,8 @@ class StereoFrame:
         timestamp_ns: Middle of the exposure.
         left: (H, W) uint8.
         right: (H, W) uint8.
-        wheel_ticks: Counted by the left and the right wheel's encoder, forward positive; None if
-            nothing counts them.
+        wheel_ticks: Counts of the left and the right wheel's encoder, forward positive; None
+            without encoders.
     """
 
     timestamp_ns: int
@@ -31,14 +31,14 @@ class StereoFrame:
 
 @dataclass(frozen=True)
 class StereoSequence:
-    """Calibration, times and a loader of pairs. It holds no truth, by construction.
+    """Calibration, times and a loader of pairs; no ground truth.
 
     Attributes:
         name: For tables and titles.
         rig: Calibration of the delivered (rectified) images.
         timestamps_ns: (N,) int64, strictly increasing, N >= 1.
         load: Maps a frame index to its (left, right) images.
-        wheels: What encoders counted; None where there are none.
+        wheels: Encoder readings; None where there are none.
     """
 
     name: str
@@ -69,10 +69,10 @@ class StereoSequence:
         """
         left, right = self.load(i)
         expected = (self.rig.height_px, self.rig.width_px)
-        for eye, image in (("left", left), ("right", right)):
+        for side, image in (("left", left), ("right", right)):
             if image.shape != expected:
                 raise DatasetError(
-                    f"{self.name}: {eye} image of frame {i} is {image.shape[1]}x{image.shape[0]}, "
+                    f"{self.name}: {side} image of frame {i} is {image.shape[1]}x{image.shape[0]}, "
                     f"the calibration says {expected[1]}x{expected[0]}"
                 )
         timestamp_ns = int(self.timestamps_ns[i])

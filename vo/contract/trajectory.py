@@ -9,6 +9,7 @@ from vo.contract import se3
 from vo.contract.arrays import Array, Indices
 from vo.contract.errors import TrajectoryError
 from vo.contract.files import write_text
+from vo.contract.tables import read_rows
 
 NS_PER_S = 1_000_000_000
 
@@ -50,13 +51,13 @@ class Trajectory:
         start, end = self.timestamps_ns[[0, -1]]
         if times[0] < start or times[-1] > end:
             raise TrajectoryError(
-                f"trajectory covers {start}..{end} ns, asked for {times[0]}..{times[-1]} ns"
+                f"trajectory covers {start}..{end} ns, requested {times[0]}..{times[-1]} ns"
             )
         # Relative to the first time, seconds in double precision are exact to far below 1 ns.
-        known, asked = (self.timestamps_ns - start) / NS_PER_S, (times - start) / NS_PER_S
+        known, queried = (self.timestamps_ns - start) / NS_PER_S, (times - start) / NS_PER_S
         if len(known) == 1:
             return Trajectory(times, np.repeat(self.T_ref_frame, len(times), axis=0))
-        return Trajectory(times, se3.interpolate(known, self.T_ref_frame, asked))
+        return Trajectory(times, se3.interpolate(known, self.T_ref_frame, queried))
 
 
 def write_tum(path: Path, trajectory: Trajectory) -> None:
@@ -79,10 +80,7 @@ def read_tum(path: Path) -> Trajectory:
     """
     times: list[int] = []
     rows: list[list[float]] = []
-    for number, line in enumerate(_lines(path), start=1):
-        words = line.split()
-        if not words or words[0].startswith("#"):
-            continue
+    for place, words in read_rows(path, None, TrajectoryError):
         try:
             if len(words) != 8:
                 raise ValueError(f"{len(words)} columns instead of 8")
@@ -91,9 +89,9 @@ def read_tum(path: Path) -> Trajectory:
             if not np.isfinite(rows[-1]).all() or np.linalg.norm(rows[-1][3:]) < 0.5:
                 raise ValueError("not a finite pose with a unit quaternion")
         except ValueError as error:
-            raise TrajectoryError(f"{path}:{number}: {error}") from None
+            raise TrajectoryError(f"{place}: {error}") from None
         if len(times) > 1 and times[-1] <= times[-2]:
-            raise TrajectoryError(f"{path}:{number}: time does not increase")
+            raise TrajectoryError(f"{place}: time does not increase")
     if not rows:
         raise TrajectoryError(f"{path}: holds no poses")
     table = np.array(rows)
@@ -102,17 +100,8 @@ def read_tum(path: Path) -> Trajectory:
     )
 
 
-def _lines(path: Path) -> list[str]:
-    try:
-        return path.read_text(encoding="utf-8").splitlines()
-    except OSError as error:
-        raise TrajectoryError(f"{path}: cannot be read ({error.strerror})") from None
-    except UnicodeDecodeError:
-        raise TrajectoryError(f"{path}: not a text file") from None
-
-
 def _nanoseconds(text: str) -> int:
-    """Seconds as text to int nanoseconds without passing through a float."""
+    """Convert seconds as text to int nanoseconds without a float."""
     if "e" in text.lower():
         return round(float(text) * NS_PER_S)
     seconds, _, fraction = text.partition(".")
