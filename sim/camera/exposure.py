@@ -1,9 +1,9 @@
-"""Exposure: sub-frames of the running world, integrated in linear light over the open shutter.
+"""Exposure: sub-frames of the moving world, integrated in linear light over the exposure time.
 
-The shutter's time is cut into equal slots, one render each, few enough that nothing costs more
-than it must and many enough that no pixel moves by more than `step_px` from one to the next. A
-camera that stands still takes one. A rolling shutter and an offset between the eyes only change
-how much of each slot a row of an eye receives.
+The exposure time is cut into equal slots with one rendered sub-frame each: the fewest for which no
+pixel moves by more than `step_px` from one to the next, so a camera at rest takes one. Rolling
+shutter and the offset of the right camera only change the weight of each slot for each row of each
+camera.
 """
 
 import math
@@ -20,14 +20,14 @@ from vo.contract import se3
 from vo.contract.arrays import Array, Image
 
 PROBE_PX = 16
-"""Spacing of the pixels whose motion decides the number of sub-frames."""
+"""Spacing of the pixels whose motion determines the number of sub-frames."""
 PROBE_PERIOD_S = 0.002
 PROBES_MAX = 16
 
 
 @dataclass(frozen=True)
 class Shutter:
-    """When the rows of both eyes are open.
+    """Times at which the rows of both cameras are exposed.
 
     Attributes:
         start_s: (2, H) for left and right, of each row, absolute.
@@ -39,27 +39,27 @@ class Shutter:
 
     @property
     def window_s(self) -> tuple[float, float]:
-        """From the first photon to the last."""
+        """Start and end of the exposure of all rows of both cameras."""
         return float(self.start_s.min()), float(self.end_s.max())
 
     @property
     def is_uniform(self) -> bool:
-        """Whether all rows of both eyes are open at once."""
+        """Whether all rows of both cameras are exposed at the same time."""
         return bool(np.ptp(self.start_s) == 0)
 
 
 def open_shutter(settings: ExposureSettings, time_s: float, open_s: float, rows: int) -> Shutter:
-    """Centre the middle row of the left eye on a time.
+    """Return the shutter times, with the middle row of the left camera centred on a time.
 
     Args:
-        settings: Line time and offset of the eyes.
-        time_s: The frame's timestamp.
-        open_s: How long each row is open.
+        settings: Line time and offset of the right camera.
+        time_s: Timestamp of the frame.
+        open_s: Exposure time of each row.
         rows: H.
     """
     lag_s = (np.arange(rows) - (rows - 1) / 2) * settings.line_time_us * 1e-6
-    eye_s = np.array([0.0, settings.right_offset_ms * 1e-3])
-    middle_s = time_s + eye_s[:, None] + lag_s
+    camera_s = np.array([0.0, settings.right_offset_ms * 1e-3])
+    middle_s = time_s + camera_s[:, None] + lag_s
     return Shutter(middle_s - open_s / 2, middle_s + open_s / 2)
 
 
@@ -71,56 +71,56 @@ def expose(
     shutter: Shutter,
     geometry: GeometryBuffers,
 ) -> tuple[tuple[Array, Array], int]:
-    """Let both eyes gather light.
+    """Integrate the light on both cameras over the exposure.
 
     Args:
-        world: Is moved through the exposure.
-        trip: Where the world is when.
-        renderer: Of the world.
+        world: Moved through the exposure.
+        trip: Gives the state of the world at each time.
+        renderer: Renderer of the world.
         settings: Limits of the sub-frames.
-        shutter: When which row is open.
-        geometry: What the eyes meet at mid-exposure.
+        shutter: Exposure times of the rows.
+        geometry: Depth and geom ids at mid-exposure.
 
     Returns:
-        Left and right images, and the number of sub-frames. Of a single sub-frame the images are
-        as rendered, uint8; else float32 in linear light, 0 to 1.
+        Left and right images, and the number of sub-frames. A single sub-frame is returned as
+        rendered, uint8; more as float32 linear light, 0 to 1.
     """
     start_s, end_s = shutter.window_s
-    slots = subframes(world, trip, settings, shutter, geometry)
+    slots = count_subframes(world, trip, settings, shutter, geometry)
     sky = bool(np.isnan(geometry.depth_left_m).any() or np.isnan(geometry.depth_right_m).any())
     edges = np.linspace(start_s, end_s, slots + 1)
     if slots == 1:
-        return _paint(world, trip, renderer, (start_s + end_s) / 2, sky), 1
-    portions = shares(shutter, edges)
+        return _render(world, trip, renderer, (start_s + end_s) / 2, sky), 1
+    weights = slot_weights(shutter, edges)
     total: list[Array] = []
     for slot, time_s in enumerate((edges[1:] + edges[:-1]) / 2):
-        images = _paint(world, trip, renderer, float(time_s), sky=True)
-        lights = [_weighed(decode(x), portions[eye, :, slot]) for eye, x in enumerate(images)]
+        images = _render(world, trip, renderer, float(time_s), sky=True)
+        lights = [_weighted(decode(x), weights[k, :, slot]) for k, x in enumerate(images)]
         total = [t + light for t, light in zip(total, lights, strict=True)] if total else lights
     return (total[0], total[1]), slots
 
 
-def subframes(
+def count_subframes(
     world: World,
     trip: Trip,
     settings: ExposureSettings,
     shutter: Shutter,
     geometry: GeometryBuffers,
 ) -> int:
-    """How many sub-frames keep every probed pixel's motion between two within `step_px`."""
+    """Return how many sub-frames keep the motion of each probed pixel within `step_px`."""
     start_s, end_s = shutter.window_s
     if end_s <= start_s:
         return 1
-    motion_px = fastest_px_s(world, trip, geometry, start_s, end_s) * (end_s - start_s)
+    motion_px = max_image_speed_px_s(world, trip, geometry, start_s, end_s) * (end_s - start_s)
     return int(np.clip(math.ceil(motion_px / settings.step_px - 1e-6), 1, settings.subframes_max))
 
 
-def fastest_px_s(
+def max_image_speed_px_s(
     world: World, trip: Trip, geometry: GeometryBuffers, start_s: float, end_s: float
 ) -> float:
-    """Largest speed in the left image of what is seen at mid-exposure, pixels per second.
+    """Return the largest speed in the left image of the surfaces at mid-exposure, px/s.
 
-    Points are carried along with the body that they are on; the sky only turns.
+    Points move with their body; the sky only rotates.
     """
     rig = world.render_rig
     depth = geometry.depth_left_m[::PROBE_PX, ::PROBE_PX].ravel().astype(float)
@@ -133,23 +133,25 @@ def fastest_px_s(
     points_world = se3.transform(world.T_world_cam, points)
     bodies = np.where(is_sky, 0, world.model.geom_bodyid[geoms])
     T_bodies_world = se3.inverse(world.T_world_bodies)[bodies]
-    points_body = np.einsum("nij,nj->ni", T_bodies_world, _homogeneous(points_world))
+    points_body = np.einsum(
+        "nij,nj->ni", T_bodies_world, np.column_stack([points_world, np.ones(len(points_world))])
+    )
     directions_world = rays @ world.T_world_cam[:3, :3].T
     count = int(np.clip(math.ceil((end_s - start_s) / PROBE_PERIOD_S), 2, PROBES_MAX))
-    seen: list[Array] = []
+    pixels: list[Array] = []
     for time_s in np.linspace(start_s, end_s, count + 1):
         _place(world, trip, float(time_s))
         moved = np.einsum("nij,nj->ni", world.T_world_bodies[bodies], points_body)[:, :3]
         T_cam_world = se3.inverse(world.T_world_cam)
-        here = se3.transform(T_cam_world, moved)
-        here[is_sky] = directions_world[is_sky] @ T_cam_world[:3, :3].T
-        seen.append(rig.project(here)[:, :2])
-    steps_px = np.linalg.norm(np.diff(np.array(seen), axis=0), axis=-1)
+        points_cam = se3.transform(T_cam_world, moved)
+        points_cam[is_sky] = directions_world[is_sky] @ T_cam_world[:3, :3].T
+        pixels.append(rig.project(points_cam)[:, :2])
+    steps_px = np.linalg.norm(np.diff(np.array(pixels), axis=0), axis=-1)
     return float(np.nanmax(steps_px, initial=0.0)) * count / (end_s - start_s)
 
 
 def mean_brightness(world: World, shutter: Shutter, samples: int = 33) -> Array:
-    """Illuminance that each row of the left eye receives, (H,); flicker shows as bands."""
+    """Return the mean illuminance of each row of the left camera, (H,); flicker gives bands."""
     share = np.linspace(0, 1, samples)
     start_s, end_s = shutter.start_s[0], shutter.end_s[0]
     if shutter.is_uniform:
@@ -161,14 +163,14 @@ def mean_brightness(world: World, shutter: Shutter, samples: int = 33) -> Array:
     return world.scene.brightness(times_s).mean(axis=1)
 
 
-def shares(shutter: Shutter, edges: Array) -> Array:
-    """Share of its light that a row of an eye gets from each slot: (2, H, slots), sums of one.
+def slot_weights(shutter: Shutter, edges: Array) -> Array:
+    """Return the weight of each slot for each row and camera, (2, H, slots), sums of one.
 
-    A row that is open for an instant takes what a slot's length around it shows.
+    A row with no exposure time takes a slot's length around its instant.
 
     Args:
-        shutter: When which row is open.
-        edges: (slots + 1,) times in seconds, evenly spaced, that bound the slots.
+        shutter: Exposure times of the rows.
+        edges: (slots + 1,) bounds of the slots in seconds, evenly spaced.
     """
     slot_s = edges[1] - edges[0]
     middle = (shutter.start_s + shutter.end_s) / 2
@@ -179,7 +181,7 @@ def shares(shutter: Shutter, edges: Array) -> Array:
     return (overlap / overlap.sum(axis=-1, keepdims=True)).astype(np.float32)
 
 
-def _paint(
+def _render(
     world: World, trip: Trip, renderer: StereoRenderer, time_s: float, sky: bool
 ) -> tuple[Image, Image]:
     _place(world, trip, time_s)
@@ -190,10 +192,6 @@ def _place(world: World, trip: Trip, time_s: float) -> None:
     world.place(time_s, trip.states.at(world.model, time_s * 1e9))
 
 
-def _weighed(light: Array, share: Array) -> Array:
-    """Scale the (H,) rows of an image; all zeros where a row is closed."""
+def _weighted(light: Array, share: Array) -> Array:
+    """Scale the (H,) rows of an image."""
     return light * share.reshape(-1, *(1,) * (light.ndim - 1))
-
-
-def _homogeneous(points: Array) -> Array:
-    return np.column_stack([points, np.ones(len(points))])

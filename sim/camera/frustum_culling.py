@@ -1,4 +1,4 @@
-"""What a stereo pair can see at all: geoms against the pyramid of its two views."""
+"""Frustum culling: geoms against the view frustums of a stereo pair."""
 
 import mujoco
 import numpy as np
@@ -8,13 +8,13 @@ from vo.contract.arrays import Mask
 from vo.contract.rig import StereoRig
 
 
-def in_view(model: mujoco.MjModel, data: mujoco.MjData, rig: StereoRig) -> Mask:
-    """Which geoms (ngeom,) may show in either eye, by their bounding spheres.
+def in_frustum(model: mujoco.MjModel, data: mujoco.MjData, rig: StereoRig) -> Mask:
+    """Return which geoms (ngeom,) may appear in either image, by their bounding spheres.
 
     Args:
-        model: With the rig's camera.
-        data: With bodies and cameras in place.
-        rig: Size and focal length of the images; both eyes are centred.
+        model: Model with the rig's camera.
+        data: State with bodies and cameras up to date.
+        rig: Size and focal length of the centred images.
     """
     camera = model.camera(CAMERA).id
     R_world_gl = data.cam_xmat[camera].reshape(3, 3)

@@ -1,4 +1,4 @@
-"""The off-screen GL context: EGL if a device answers, else OSMesa; chosen at run time."""
+"""The off-screen OpenGL context: EGL if a device answers, else OSMesa."""
 
 import ctypes
 import os
@@ -10,14 +10,14 @@ Backend = Literal["egl", "osmesa"]
 
 
 class GraphicsError(DriftyardError):
-    """There is no usable software or hardware GL, or a picture is too large for it."""
+    """OpenGL is missing, or cannot render images of the requested size."""
 
 
 class GLContext(Protocol):
-    """What MuJoCo's two off-screen contexts have in common."""
+    """Common interface of MuJoCo's two off-screen contexts."""
 
     def make_current(self) -> None:
-        """Direct this thread's GL calls here."""
+        """Make the context current in this thread."""
         ...
 
     def free(self) -> None:
@@ -26,7 +26,7 @@ class GLContext(Protocol):
 
 
 def choose_backend(wanted: Literal["auto", "egl", "osmesa"]) -> Backend:
-    """Resolve `auto`: the environment's MUJOCO_GL if it names either, else what is there."""
+    """Resolve `auto`: MUJOCO_GL of the environment if it names a backend, else one that works."""
     if wanted != "auto":
         return wanted
     environment = os.environ.get("MUJOCO_GL", "").strip().lower()
@@ -36,17 +36,17 @@ def choose_backend(wanted: Literal["auto", "egl", "osmesa"]) -> Backend:
 
 
 def open_context(wanted: Literal["auto", "egl", "osmesa"], width: int, height: int) -> GLContext:
-    """Create an off-screen context; the buffers of `width` x `height` pixels are for OSMesa.
+    """Create an off-screen context; OSMesa allocates buffers of `width` x `height` pixels.
 
-    MuJoCo's backends are imported here and by name: importing one binds PyOpenGL to it for the
-    life of the process, and `mujoco.GLContext` would ask for a window system.
+    MuJoCo's backends are imported here by name: importing one binds PyOpenGL to it for the life of
+    the process, and `mujoco.GLContext` would need a window system.
 
     Raises:
         GraphicsError: If the backend is missing; says what to install.
     """
     backend = choose_backend(wanted)
     # Mesa's software renderer then blends two mipmap levels only close to where they change over:
-    # 15 % less time for pictures; 0.4 grey levels on average, nothing in residuals or drift.
+    # 15 % less time for images; 0.4 grey levels on average, nothing in residuals or drift.
     os.environ.setdefault("GALLIVM_PERF", "brilinear")
     try:
         if backend == "egl":
@@ -65,7 +65,7 @@ def open_context(wanted: Literal["auto", "egl", "osmesa"], width: int, height: i
 
 
 def _egl_has_a_device() -> bool:
-    """Ask the library itself: binding PyOpenGL to EGL in vain would rule out OSMesa."""
+    """Query the library directly: binding PyOpenGL to EGL in vain would rule out OSMesa."""
     try:
         egl = ctypes.CDLL("libEGL.so.1")
     except OSError:

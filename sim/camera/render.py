@@ -1,7 +1,6 @@
-"""The renderer: both eyes in one pass, colour and labels, and single pictures for people."""
+"""The renderer: stereo images and label buffers in one pass each, and views from other cameras."""
 
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Self
 
 import cv2
@@ -9,32 +8,32 @@ import mujoco
 import numpy as np
 
 from scenes.scene import COLLISION_GROUP, IMAGE_GROUP, LABEL_GROUP
-from sim.camera.frustum_culling import in_view
+from sim.camera.framebuffer import Framebuffer
+from sim.camera.frustum_culling import in_frustum
 from sim.camera.gl import GLContext, GraphicsError, open_context
-from sim.camera.readout import read_out
-from sim.camera.sky import SkyBands, bare_bands, can_follow
-from sim.camera.target import Target
+from sim.camera.readout import decode_buffers
+from sim.camera.sky import SkyBands, allows_sky_last, uncovered_bands
 from sim.settings import RenderSettings
 from sim.world.rig import CAMERA
 from sim.world.world import World
 from vo.contract.arrays import Array, Image, Indices
 
 SPARE_GEOMS = 100
-"""Room for what MuJoCo adds to a scene, such as the reflections of a mirror."""
+"""Number of geoms that MuJoCo may add to a scene, such as the reflections of a mirror."""
 
 NO_GEOM = -1
 BOTH_GROUPS = (0, 1, 2)
-"""Geom groups that pictures and labels show alike: the rover, and a user's own world."""
+"""Geom groups in images and labels alike: the rover, and a user's own world."""
 
 
 @dataclass(frozen=True)
 class GeometryBuffers:
-    """What both eyes meet at one instant, exactly at the pixel centres.
+    """Depth and geom ids of both cameras at one instant, exact at the pixel centres.
 
     Attributes:
-        depth_left_m: (H, W) float32 planar depth; NaN where nothing is hit.
-        depth_right_m: Like `depth_left_m`, in the right eye.
-        geoms_left: (H, W) ids of the geoms hit; NO_GEOM for none.
+        depth_left_m: (H, W) float32 planar depth; NaN without a surface.
+        depth_right_m: Like `depth_left_m`, of the right camera.
+        geoms_left: (H, W) ids of the geoms; NO_GEOM for none.
         geoms_right: Like `geoms_left`.
     """
 
@@ -45,28 +44,28 @@ class GeometryBuffers:
 
 
 class StereoRenderer:
-    """Renders a world off-screen; a context manager, and the only owner of GL in its process.
+    """Off-screen renderer of a world: a context manager that alone owns OpenGL in its process.
 
-    Colour may be multisampled. Depth and identity never are: they come from a pass of their own
-    without samples, textures, light or shadows, so that each holds exactly at pixel centres (a
-    resolved depth is some sample's, off the centre: a median 0.13 % wrong on paving). Surfaces
-    that are out of view are left out before the driver sees them.
+    Images may be multisampled. Depth and geom ids are rendered separately, without samples,
+    textures, light or shadows, so that they hold exactly at pixel centres (a resolved depth is that
+    of some sample off the centre: a median 0.13 % wrong on paving). Geoms outside the view are
+    culled.
     """
 
     def __init__(self, world: World, settings: RenderSettings, color: bool = False) -> None:
-        """Remember what to render; the GL context is made on entering.
+        """Store what to render; the OpenGL context is created on entering.
 
         Args:
-            world: Is looked at, never changed, except for MuJoCo's picture quality settings.
+            world: World to render; only MuJoCo's quality settings in it are changed.
             settings: Backend and quality.
-            color: Whether `paint` gives RGB instead of grey.
+            color: Whether images are RGB instead of grey.
         """
         self._world = world
         self._settings = settings
         self._color = color
         self._width, self._height = world.render_rig.width_px, world.render_rig.height_px
         self._gl: GLContext | None = None
-        self._paint_option = _showing(*BOTH_GROUPS, IMAGE_GROUP)
+        self._image_option = _showing(*BOTH_GROUPS, IMAGE_GROUP)
         self._label_option = _showing(*BOTH_GROUPS, LABEL_GROUP)
 
     def __enter__(self) -> Self:
@@ -81,28 +80,25 @@ class StereoRenderer:
         try:
             self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
             self._context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
-            self._paint_target = Target(self._context, settings.samples)
-            self._label_target = Target(self._context, 0)
+            self._image_framebuffer = Framebuffer(self._context, settings.samples)
+            self._label_framebuffer = Framebuffer(self._context, 0)
             self._sky = SkyBands(self._context)
         except (mujoco.FatalError, GraphicsError) as error:
             self._gl.free()
-            raise GraphicsError(f"the GL refuses a picture of this size ({error})") from None
+            raise GraphicsError(
+                f"OpenGL cannot render {2 * self._width}x{self._height} px ({error})"
+            ) from None
         self._scene = mujoco.MjvScene(model, maxgeom=model.ngeom + SPARE_GEOMS)
         self._rect = mujoco.MjrRect(0, 0, 2 * self._width, self._height)
         self._rgba = np.empty((self._height, 2 * self._width, 4), np.uint8)
         self._zbuffer = np.empty((self._height, 2 * self._width), np.float32)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        tb: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         assert self._gl is not None
         self._gl.make_current()
-        self._paint_target.free()
-        self._label_target.free()
+        self._image_framebuffer.free()
+        self._label_framebuffer.free()
         self._sky.free()
         self._context.free()
         self._gl.free()
@@ -110,46 +106,46 @@ class StereoRenderer:
 
     @property
     def gl_strings(self) -> dict[str, str]:
-        """Vendor, renderer and version, as the driver calls itself."""
+        """Vendor, renderer and version of the OpenGL driver."""
         from OpenGL import GL  # binds to the backend chosen on entering
 
         names = {"vendor": GL.GL_VENDOR, "renderer": GL.GL_RENDERER, "version": GL.GL_VERSION}
         return {name: GL.glGetString(code).decode() for name, code in names.items()}
 
     def render_images(self, sky: bool = True) -> tuple[Image, Image]:
-        """Show both eyes the world's present state (see `World.place_bodies`).
+        """Render both cameras at the world's present state (see `World.place_bodies`).
 
         Args:
-            sky: Whether any sky can be seen; without, drawing is faster.
+            sky: Whether any sky is visible; rendering without is faster.
 
         Returns:
             Left and right (H, W) grey or (H, W, 3) RGB images, uint8.
         """
-        self._look_through_rig(self._paint_option)
-        sky_follows = sky and can_follow(self._scene)
-        self._scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = sky and not sky_follows
-        with self._paint_target as target:
+        self._update_stereo(self._image_option)
+        sky_last = sky and allows_sky_last(self._scene)
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = sky and not sky_last
+        with self._image_framebuffer as framebuffer:
             self._draw(self._rect)
-            target.read_colour(self._rgba)
-            for low, high in bare_bands(self._rgba) if sky_follows else []:
+            framebuffer.read_colour(self._rgba)
+            for low, high in uncovered_bands(self._rgba) if sky_last else []:
                 self._sky.prepare(self._scene, low, high)
                 self._draw(self._rect)
-                target.read_colour(self._rgba, low, high)
+                framebuffer.read_colour(self._rgba, low, high)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = True
         form = cv2.COLOR_RGBA2RGB if self._color else cv2.COLOR_RGBA2GRAY
-        return self._eyes(np.asarray(cv2.cvtColor(self._rgba, form), np.uint8))
+        return self._split(np.asarray(cv2.cvtColor(self._rgba, form), np.uint8))
 
     def render_geometry(self) -> GeometryBuffers:
-        """Measure what both eyes meet at the world's present state."""
-        self._look_through_rig(self._label_option)
+        """Render depth and geom ids of both cameras at the world's present state."""
+        self._update_stereo(self._label_option)
         flags = (mujoco.mjtRndFlag.mjRND_SEGMENT, mujoco.mjtRndFlag.mjRND_IDCOLOR)
         for flag in flags:
             self._scene.flags[flag] = True
         try:
-            with self._label_target as target:
+            with self._label_framebuffer as framebuffer:
                 self._draw(self._rect)
-                target.read_colour(self._rgba)
-                target.read_depth(self._zbuffer)
+                framebuffer.read_colour(self._rgba)
+                framebuffer.read_depth(self._zbuffer)
         finally:
             for flag in flags:
                 self._scene.flags[flag] = False
@@ -159,7 +155,7 @@ class StereoRenderer:
                 ids[geom.segid + 1] = geom.objid
         visual, extent = self._world.model.vis, self._world.model.stat.extent
         near, far = np.float32(visual.map.znear * extent), np.float32(visual.map.zfar * extent)
-        return GeometryBuffers(*read_out(self._zbuffer, self._rgba, ids, near, far))
+        return GeometryBuffers(*decode_buffers(self._zbuffer, self._rgba, ids, near, far))
 
     def render_view(
         self,
@@ -168,7 +164,7 @@ class StereoRenderer:
         height_px: int,
         orthographic_m: float | None = None,
     ) -> Image:
-        """Render one (H, W, 3) RGB picture from any camera, for people to look at.
+        """Render one (H, W, 3) RGB image from any camera.
 
         Args:
             camera: Free, tracking or fixed.
@@ -184,7 +180,7 @@ class StereoRenderer:
         perspective_fovy_deg = view.fovy
         if orthographic_m is not None:
             camera.orthographic, view.fovy = 1, orthographic_m
-        self._update(camera, self._paint_option, mujoco.mjtStereo.mjSTEREO_NONE)
+        self._update(camera, self._image_option, mujoco.mjtStereo.mjSTEREO_NONE)
         view.fovy = perspective_fovy_deg
         rgb = np.empty((height_px, width_px, 3), np.uint8)
         rect = mujoco.MjrRect(0, 0, width_px, height_px)
@@ -192,14 +188,14 @@ class StereoRenderer:
         mujoco.mjr_readPixels(rgb, None, rect, context)
         return np.asarray(cv2.flip(rgb, 0), np.uint8)
 
-    def _look_through_rig(self, option: mujoco.MjvOption) -> None:
-        """Describe to MuJoCo what the pair can see; what it cannot see costs nothing."""
+    def _update_stereo(self, option: mujoco.MjvOption) -> None:
+        """Update MuJoCo's scene with the geoms in the view frustums."""
         model, data = self._world.model, self._world.data
         camera = mujoco.MjvCamera()
         camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
         camera.fixedcamid = model.camera(CAMERA).id
         groups = model.geom_group.copy()
-        model.geom_group[~in_view(model, data, self._world.render_rig)] = COLLISION_GROUP
+        model.geom_group[~in_frustum(model, data, self._world.render_rig)] = COLLISION_GROUP
         try:
             self._update(camera, option, mujoco.mjtStereo.mjSTEREO_SIDEBYSIDE)
         finally:
@@ -222,8 +218,8 @@ class StereoRenderer:
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
         mujoco.mjr_render(rect, self._scene, self._context)
 
-    def _eyes(self, both: Array) -> tuple[Array, Array]:
-        """Cut (H, 2W, ...) with the bottom row first into two upright, contiguous images."""
+    def _split(self, both: Array) -> tuple[Array, Array]:
+        """Split (H, 2W, ...), bottom row first, into two upright, contiguous images."""
         left, right = both[::-1, : self._width], both[::-1, self._width :]
         return np.ascontiguousarray(left), np.ascontiguousarray(right)
 

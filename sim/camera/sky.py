@@ -1,14 +1,13 @@
-"""The sky, drawn afterwards and only where a picture still lacks it.
+"""The sky, drawn last and only in the rows that show it.
 
-MuJoCo draws the sky behind all else, over the whole picture, and a software renderer asks every
-sample whether something is before it: a sixth of a picture's time, however little sky there is.
-Here MuJoCo draws without it. What is cleared has no alpha and what is drawn has, so the rows where
-a sample still shows nothing are known for certain, down to cracks between two tiles. Then MuJoCo
-draws the sky alone, into those rows: the same samples get the same colours.
+MuJoCo draws the sky behind everything, over the whole image, and a software renderer tests each
+sample: a sixth of an image's time, however little sky there is. Here MuJoCo first draws without
+sky. Cleared samples have no alpha and drawn ones have, so the rows with uncovered samples are known
+exactly. Then MuJoCo draws the sky alone in those rows: the same samples get the same colours.
 
-MuJoCo cannot draw without clearing first, nor into some rows only. But two geoms that are nothing
-but display lists can go along: clearing is discarded until the opaque one, which is drawn before
-the sky, ends that and sets a scissor; the transparent one, drawn after it, takes it away.
+MuJoCo clears before each drawing and draws the whole image. Two geoms that are display lists limit
+both: clearing is discarded until the opaque one, drawn before the sky, ends that and sets a scissor
+rectangle; the transparent one, drawn after the sky, removes it.
 """
 
 import mujoco
@@ -17,14 +16,14 @@ import numpy as np
 from vo.contract.arrays import Image
 
 GAP_PX = 32
-"""Rows without sky between two bands that are worth a pass each."""
+"""Rows without sky between two bands that are worth a separate pass."""
 WIDE_PX = 1 << 15
-"""Wider than any picture."""
+"""Wider than any image."""
 OPAQUE = np.uint32(0xFF000000)
 
 
 class SkyBands:
-    """Draws the sky of one context's pictures into bands of rows."""
+    """Drawing of the sky of one context's images in bands of rows."""
 
     def __init__(self, context: mujoco.MjrContext) -> None:
         """Reserve names for the two display lists; the context must be current."""
@@ -41,9 +40,9 @@ class SkyBands:
         """Make the next drawing of the scene add sky to rows `low` to `high - 1` from the bottom.
 
         Args:
-            scene: Was drawn without sky; loses its geoms.
+            scene: Scene drawn without sky; loses its geoms.
             low: First row.
-            high: Behind the last row.
+            high: Row after the last.
         """
         gl = self._gl
         gl.glNewList(self._before, gl.GL_COMPILE)
@@ -66,13 +65,13 @@ class SkyBands:
         self._gl.glDeleteLists(self._before, 2)
 
 
-def can_follow(scene: mujoco.MjvScene) -> bool:
-    """Whether the sky may be drawn last: nothing is to be seen through."""
+def allows_sky_last(scene: mujoco.MjvScene) -> bool:
+    """Whether the sky may be drawn last: no geom is transparent."""
     return not any(geom.transparent for geom in scene.geoms[: scene.ngeom])
 
 
-def bare_bands(rgba: Image) -> list[tuple[int, int]]:
-    """Bands of rows, (first, behind the last), of (H, W, 4) with samples that show nothing."""
+def uncovered_bands(rgba: Image) -> list[tuple[int, int]]:
+    """Return the bands of rows (first, after the last) of (H, W, 4) with uncovered samples."""
     rows = np.flatnonzero(rgba.view(np.uint32).min(axis=(1, 2)) < OPAQUE)
     if not len(rows):
         return []

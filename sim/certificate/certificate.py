@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from sim.camera.camera import FrameExposure
-from sim.imaging.image_sensor import Sensor
-from sim.imaging.lens import unknown_rotation
+from sim.imaging.image_sensor import ImageSensor
+from sim.imaging.lens import miscalibration_rotation
 from sim.labels.labels import visible_in_right
 from sim.labels.visibility import VISIBLE
 from sim.labels.warp import expected_residual, residual
@@ -86,7 +86,9 @@ class FrameResidual:
 class PhotometricCheck:
     """Measures frames; knows what the sensor does to their pixels."""
 
-    def __init__(self, settings: RecordSettings, rig: StereoRig, sensors: Sequence[Sensor]) -> None:
+    def __init__(
+        self, settings: RecordSettings, rig: StereoRig, sensors: Sequence[ImageSensor]
+    ) -> None:
         """Prepare.
 
         Args:
@@ -95,7 +97,7 @@ class PhotometricCheck:
             sensors: Left and right.
         """
         self._sensors = sensors
-        R = unknown_rotation(settings.calibration)
+        R = miscalibration_rotation(settings.calibration)
         self._H_true_nominal = rig.K @ R.T @ np.linalg.inv(rig.K)
         self._is_turned = not np.array_equal(R, np.eye(3))
 
@@ -174,25 +176,25 @@ class _View:
     Attributes:
         image: As delivered: its levels say how noisy it is.
         flat: (H, W[, 3]) levels as every eye would see them in the same light.
-        stretch: (H, W[, 3]) by how much that multiplied small differences.
+        correction_gain: (H, W[, 3]) by how much that multiplied small differences.
         sigma: (256,) noise by grey level.
     """
 
     image: Image
     flat: Array
-    stretch: Array
+    correction_gain: Array
     sigma: Array
 
     @property
     def rows(self) -> "_View":
         """Every ROW_STEP-th of them."""
         some = slice(None, None, ROW_STEP)
-        return _View(self.image[some], self.flat[some], self.stretch[some], self.sigma)
+        return _View(self.image[some], self.flat[some], self.correction_gain[some], self.sigma)
 
 
-def _view(sensor: Sensor, image: Image, gain: float, level: float) -> _View:
-    flat, stretch = sensor.flattened(image, level), sensor.stretch(image, level)
-    return _View(image, flat, stretch, sensor.noise_sigma(gain))
+def _view(sensor: ImageSensor, image: Image, gain: float, level: float) -> _View:
+    flat, correction_gain = sensor.corrected(image, level), sensor.correction_gain(image, level)
+    return _View(image, flat, correction_gain, sensor.noise_sigma(gain))
 
 
 def _compare(
@@ -225,8 +227,8 @@ def _compare(
         visible,
         first.sigma,
         second.sigma,
-        first.stretch,
-        second.stretch,
+        first.correction_gain,
+        second.correction_gain,
     )
     noise = MEDIAN_OF_NORMAL * float(np.median(expected)) if len(expected) else 0.0
     shifted_median = min(quantile(histogram(at), 0.5) for at in shifted)

@@ -12,7 +12,7 @@ from sim.camera.camera import FrameExposure
 from sim.certificate.certificate import FrameResidual, PhotometricCheck, certify, exempt_parts
 from sim.certificate.plausibility import check_folder
 from sim.dataset.sensor_yaml import EXPOSURES, LABELS, label_file
-from sim.imaging.image_sensor import Sensor
+from sim.imaging.image_sensor import ImageSensor
 from sim.imaging.lens import margin_px
 from sim.labels.labels import disparity_from_depth
 from sim.progress import Progress
@@ -130,7 +130,7 @@ def _measure(
         return []
     render_rig = widened(rig, margin_px(settings, rig))
     judge = PhotometricCheck(
-        settings, rig, [Sensor(settings, eye, rig, render_rig) for eye in (0, 1)]
+        settings, rig, [ImageSensor(settings, eye, rig, render_rig) for eye in (0, 1)]
     )
     shots = _read_shots(folder)
     sequence = open_euroc(folder)

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from scenes.scene import Thing
-from sim.imaging.lens import unknown_rotation
+from sim.imaging.lens import miscalibration_rotation
 from sim.settings import RecordSettings
 from sim.world.trip import Trip
 from sim.world.world import World
@@ -71,7 +71,7 @@ def manifest(
         "rig": _rig(delivered),
         "rig_true": {
             **_rig(world.rig),
-            "R_nominal_right": unknown_rotation(settings.calibration).tolist(),
+            "R_nominal_right": miscalibration_rotation(settings.calibration).tolist(),
         },
         "map": map_entry,
         "things": [

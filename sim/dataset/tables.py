@@ -18,7 +18,7 @@ from sim.dataset.sensor_yaml import (
     truth_sheet,
     wheels_sheet,
 )
-from sim.imaging.lens import is_distorting
+from sim.imaging.lens import has_distortion
 from sim.labels.annotate import FORWARD
 from sim.sensors.inertial import GRAVITY_MPS2, ImuReadings, ideal_readings, imu_states, with_noise
 from sim.settings import RecordSettings
@@ -63,7 +63,7 @@ def write_cameras(
     for eye, name in enumerate(SIDES):
         comment = f"{name} eye of a rectified pair, pixel centres on integers"
         sheets = {f"cam{eye}": camera_sheet(delivered, rate_hz, eye, comment)}
-        if is_distorting(settings.sensor):
+        if has_distortion(settings.sensor):
             sheets[f"raw{eye}"] = raw_camera_sheet(delivered, rate_hz, eye, settings.sensor)
         for folder, sheet in sheets.items():
             writer.add_yaml(f"mav0/{folder}/sensor.yaml", sheet)

@@ -1,4 +1,4 @@
-"""Automatic exposure: the next picture's shutter and gain, from the grey of those before."""
+"""Automatic exposure: exposure time and gain from the mean grey level of earlier images."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -10,18 +10,18 @@ from sim.settings import SensorSettings
 
 EXPOSURE_MIN_MS = 0.02
 DAMPING = 0.5
-"""Share of the way to the wanted exposure that each picture's answer goes."""
+"""Exponent of each correction: 1 would go to the wanted exposure at once."""
 STEP_MAX = 8.0
-"""Most that one picture can ask for: a saturated or black one does not know how far to go."""
+"""Largest correction from one image: a saturated or black one does not measure the light."""
 
 
 @dataclass(frozen=True)
 class Exposure:
-    """How one picture is taken.
+    """Exposure of one image.
 
     Attributes:
-        time_ms: Open shutter.
-        brightness: `time_ms` over that for which the scene is painted.
+        time_ms: Exposure time.
+        brightness: `time_ms` over the reference exposure time.
         gain: Amplification, 1 or more.
     """
 
@@ -31,55 +31,46 @@ class Exposure:
 
 
 class AutoExposure:
-    """Holds the mean grey level: longer exposures up to a limit, then gain.
+    """Control of the mean grey level by exposure time up to a limit, then by gain.
 
-    Each picture's mean says which exposure would have been right; the exposure `delay_frames`
-    pictures later goes DAMPING of the way there. Call `next` and `see` once for each picture, in
-    order; up to `delay_frames` calls of `next` may run ahead of `see`.
+    Each image's mean grey level gives the right exposure; the exposure `delay_frames` images
+    later is a damped step towards it. Call `next` and `update` once for each image, in order;
+    `next` may be up to `delay_frames` calls ahead of `update`.
     """
 
-    def __init__(self, settings: SensorSettings, painted_ms: float) -> None:
-        """Start at the exposure for which the scene is painted.
-
-        Args:
-            settings: Of the sensor.
-            painted_ms: Exposure whose pictures have the painted brightness without gain.
-        """
+    def __init__(self, settings: SensorSettings, reference_ms: float) -> None:
+        """Start at the reference exposure time, whose images have the rendered brightness."""
         self._settings = settings
-        self._painted_ms = painted_ms
+        self._reference_ms = reference_ms
         self._wanted = 1.0
-        self._ahead = deque([self._exposure()] * settings.delay_frames)
-        self._taken: deque[Exposure] = deque()
+        self._queue = deque([self._exposure()] * settings.delay_frames)
+        self._pending: deque[Exposure] = deque()
 
     def next(self) -> Exposure:
-        """Return how to take the next picture.
+        """Return the exposure of the next image.
 
         Raises:
-            IndexError: If more than `delay_frames` pictures have been taken, but not seen.
+            IndexError: If more than `delay_frames` images lack their `update`.
         """
-        self._taken.append(self._ahead.popleft())
-        return self._taken[-1]
+        self._pending.append(self._queue.popleft())
+        return self._pending[-1]
 
     def update(self, mean_grey: float) -> None:
-        """Answer to the oldest picture that was not seen yet.
-
-        Args:
-            mean_grey: Of its pixels, 0 to 255.
-        """
-        settings, taken = self._settings, self._taken.popleft()
-        target, met = levels_to_light(
+        """Correct the exposure by the mean grey level, 0 to 255, of the oldest pending image."""
+        settings, taken = self._settings, self._pending.popleft()
+        target, measured = levels_to_light(
             settings.response, np.array([settings.target_grey, max(mean_grey, 0.5)])
         )
-        step = float(np.clip(target / met, 1 / STEP_MAX, STEP_MAX))
+        step = float(np.clip(target / measured, 1 / STEP_MAX, STEP_MAX))
         right = taken.brightness * taken.gain * step
         self._wanted *= (right / self._wanted) ** DAMPING
-        self._ahead.append(self._exposure())
+        self._queue.append(self._exposure())
 
     def _exposure(self) -> Exposure:
-        """Split what is wanted into exposure and gain; what neither can give is forgotten."""
-        shortest = EXPOSURE_MIN_MS / self._painted_ms
-        longest = self._settings.exposure_max_ms / self._painted_ms
+        """Split the wanted light into exposure time and gain, and limit it to their ranges."""
+        shortest = EXPOSURE_MIN_MS / self._reference_ms
+        longest = self._settings.exposure_max_ms / self._reference_ms
         brightness = min(max(self._wanted, shortest), longest)
         gain = min(max(self._wanted / brightness, 1.0), 10 ** (self._settings.gain_max_db / 20))
         self._wanted = brightness * gain
-        return Exposure(brightness * self._painted_ms, brightness, gain)
+        return Exposure(brightness * self._reference_ms, brightness, gain)

@@ -1,9 +1,9 @@
-"""The lens and what calibration knows of it: distortion, an unknown turn, the margin they need.
+"""The lens and its calibration: distortion, miscalibration, and the render margin they need.
 
-Three geometries of one eye, all with the same centre of projection:
-- nominal: the pinhole that the renderer draws, aligned with its twin;
-- chip: what falls on the sensor, distorted, and turned by what calibration does not know;
-- delivered: the chip's picture made a pinhole again by the delivered calibration.
+Three geometries of one camera, all with the same centre of projection:
+- nominal: the rendered pinhole, aligned with the other camera;
+- raw: the image on the sensor, distorted, and turned by what calibration does not know;
+- delivered: the raw image rectified by the delivered calibration.
 """
 
 import math
@@ -20,13 +20,13 @@ from vo.contract.rig import StereoRig
 NEWTON_STEPS = 30
 CONVERGED = 1e-10
 MARGIN_MAX = 0.5
-"""Largest margin on each side, as a share of the picture's longer side."""
+"""Largest margin on each side, as a fraction of the image's longer side."""
 BLUR_DEVIATIONS = 3.0
-"""A Gaussian point spread ends here."""
+"""Radius of the Gaussian point spread function, in standard deviations."""
 
 
 def delivered_rig(rig: StereoRig, settings: CalibrationSettings) -> StereoRig:
-    """Return the calibration that is handed out with the pictures: the true one, a bit wrong.
+    """Return the delivered calibration: the true one with the configured errors.
 
     Raises:
         CalibrationError: If it leaves no baseline or no focal length.
@@ -42,22 +42,22 @@ def delivered_rig(rig: StereoRig, settings: CalibrationSettings) -> StereoRig:
     )
 
 
-def unknown_rotation(settings: CalibrationSettings) -> Array:
-    """R_nominal_true (3, 3): the right camera as it is, in the axes that calibration believes.
+def miscalibration_rotation(settings: CalibrationSettings) -> Array:
+    """Return R_nominal_true (3, 3): the true right camera in the axes of its calibration.
 
-    Rolled about its own z first, then pitched about x, then yawed about y.
+    Roll about z first, then pitch about x, then yaw about y.
     """
     angles_deg = [settings.yaw_deg, settings.pitch_deg, settings.roll_deg]
     return Rotation.from_euler("YXZ", angles_deg, degrees=True).as_matrix()
 
 
-def is_distorting(settings: SensorSettings) -> bool:
-    """Whether the lens bends straight lines."""
+def has_distortion(settings: SensorSettings) -> bool:
+    """Whether the lens distorts."""
     return any((settings.k1, settings.k2, settings.p1, settings.p2))
 
 
 def distort(settings: SensorSettings, points: Array) -> Array:
-    """Where the lens throws rays: normalised (..., 2) x/z, y/z to normalised, as OpenCV's model.
+    """Distort normalised (..., 2) points x/z, y/z.
 
     Source:
         OpenCV, camera calibration and 3D reconstruction: k1, k2, p1, p2.
@@ -75,14 +75,9 @@ def distort(settings: SensorSettings, points: Array) -> Array:
 
 
 def undistort(settings: SensorSettings, distorted: Array) -> Array:
-    """Invert `distort` by Newton's method.
+    """Invert `distort` for (..., 2) points by Newton's method.
 
-    Args:
-        settings: Of the sensor.
-        distorted: (..., 2) normalised places on the chip.
-
-    Returns:
-        (..., 2) normalised rays; NaN where no ray arrives, or only one from beyond a fold.
+    NaN where no ray arrives, or only one from beyond a fold of the distortion.
     """
     points = np.array(distorted, dtype=np.float64)
     with np.errstate(all="ignore"):
@@ -95,106 +90,97 @@ def undistort(settings: SensorSettings, distorted: Array) -> Array:
             if np.abs(error).max(initial=0.0) < CONVERGED:
                 break
         arrived = np.abs(distort(settings, points) - distorted).max(axis=-1) < 10 * CONVERGED
-    arrived &= _before_fold(settings, points)
+    arrived &= _inside_fold(settings, points)
     return np.where(arrived[..., None], points, np.nan)
 
 
-def chip_map(
+def distortion_map(
     settings: RecordSettings, rig: StereoRig, R_nominal_true: Array, pad_px: int
 ) -> tuple[Array, Array]:
-    """Where each pixel of the chip takes its light from.
+    """Map each pixel of the raw image to the rendered pinhole.
 
     Args:
-        settings: Of the recording.
-        rig: True geometry; the chip's pixel (0, 0) is the picture's.
-        R_nominal_true: (3, 3) turn of this eye.
-        pad_px: How far the chip goes beyond the picture on each side.
+        settings: Settings of the recording.
+        rig: True geometry; the raw pixel (0, 0) is the delivered one.
+        R_nominal_true: (3, 3) turn of this camera.
+        pad_px: Pixels of the raw image beyond the delivered image on each side.
 
     Returns:
-        u_px, v_px (H + 2 pad, W + 2 pad) float64 in the nominal pinhole, (0, 0) as in `rig`;
-        NaN where no light arrives.
+        u_px, v_px (H + 2 pad, W + 2 pad) float64, (0, 0) as in `rig`; NaN where no light arrives.
     """
     return _nominal_places(settings.sensor, rig, R_nominal_true, _grid(rig, pad_px))
 
 
-def picture_map(settings: RecordSettings, rig: StereoRig) -> tuple[Array, Array]:
-    """Where each pixel of the delivered picture is on the chip, by the delivered calibration.
-
-    Args:
-        settings: Of the recording.
-        rig: True geometry.
-
-    Returns:
-        u_px, v_px (H, W) float64, (0, 0) as in `rig`.
-    """
-    return _chip_places(settings, rig, _grid(rig, 0))
+def rectification_map(settings: RecordSettings, rig: StereoRig) -> tuple[Array, Array]:
+    """Map each pixel of the delivered image to the raw one: u_px, v_px (H, W) float64."""
+    return _raw_places(settings, rig, _grid(rig, 0))
 
 
-def chip_margin_px(settings: RecordSettings, rig: StereoRig) -> int:
-    """How far the chip must go beyond the picture on each side to fill its corners.
+def raw_margin_px(settings: RecordSettings, rig: StereoRig) -> int:
+    """Return how far the raw image must exceed the delivered one on each side to fill its corners.
 
     Raises:
-        SettingsError: If the lens folds inside the picture, or the margin would be too large.
+        SettingsError: If the distortion folds inside the image, or the margin would be too large.
     """
-    if not is_distorting(settings.sensor):
+    if not has_distortion(settings.sensor):
         return 0
     edge = _edge(rig, 0)
     delivered = delivered_rig(rig, settings.calibration)
-    if not _before_fold(settings.sensor, delivered.normalized(edge)).all():
-        raise _folds(settings)
-    return _overflow_px(rig, *_chip_places(settings, rig, edge))
+    if not _inside_fold(settings.sensor, delivered.normalized(edge)).all():
+        raise _fold_error(settings)
+    return _required_margin_px(rig, *_raw_places(settings, rig, edge))
 
 
-def blur_px(settings: SensorSettings) -> int:
-    """Reach of the point spread."""
+def psf_radius_px(settings: SensorSettings) -> int:
+    """Return the radius of the point spread function."""
     return math.ceil(BLUR_DEVIATIONS * settings.softness_px)
 
 
 def margin_px(settings: RecordSettings, rig: StereoRig) -> int:
-    """How much more to render on each side so that every pixel of both eyes has light.
+    """Return the margin to render on each side so that every pixel of both cameras has light.
 
     Args:
-        settings: Of the recording.
+        settings: Settings of the recording.
         rig: True geometry in the delivered size.
 
     Raises:
-        SettingsError: If the lens folds inside the picture, or the margin would be too large.
-        CalibrationError: If the delivered calibration is none.
+        SettingsError: If the distortion folds inside the image, or the margin would be too large.
+        CalibrationError: If the delivered calibration is invalid.
     """
     delivered_rig(rig, settings.calibration)  # raises before anything is rendered
-    pad_px = chip_margin_px(settings, rig) + blur_px(settings.sensor)
-    R_nominal_true = unknown_rotation(settings.calibration)
+    pad_px = raw_margin_px(settings, rig) + psf_radius_px(settings.sensor)
+    R_nominal_true = miscalibration_rotation(settings.calibration)
     turned = not np.array_equal(R_nominal_true, np.eye(3))
-    if not turned and not is_distorting(settings.sensor):
+    if not turned and not has_distortion(settings.sensor):
         return pad_px
     margin = 0
     for R in (np.eye(3), R_nominal_true) if turned else (np.eye(3),):
         u_px, v_px = _nominal_places(settings.sensor, rig, R, _edge(rig, pad_px))
         if np.isnan(u_px).any():
-            raise _folds(settings)
-        margin = max(margin, _overflow_px(rig, u_px, v_px))
+            raise _fold_error(settings)
+        margin = max(margin, _required_margin_px(rig, u_px, v_px))
     return margin
 
 
 def _nominal_places(
     sensor: SensorSettings, rig: StereoRig, R_nominal_true: Array, pixels: Array
 ) -> tuple[Array, Array]:
-    """Map (..., 2) pixels of the chip to the nominal pinhole."""
+    """Map (..., 2) raw pixels to the nominal pinhole."""
     ray = undistort(sensor, rig.normalized(pixels))
     x, y, z = np.moveaxis(ray @ R_nominal_true[:, :2].T + R_nominal_true[:, 2], -1, 0)
     z = np.where(z > 0, z, np.nan)
     return rig.f_px * x / z + rig.cx_px, rig.f_px * y / z + rig.cy_px
 
 
-def _chip_places(settings: RecordSettings, rig: StereoRig, pixels: Array) -> tuple[Array, Array]:
-    """Map (..., 2) pixels of the delivered picture to the chip."""
+def _raw_places(settings: RecordSettings, rig: StereoRig, pixels: Array) -> tuple[Array, Array]:
+    """Map (..., 2) delivered pixels to the raw image."""
     delivered = delivered_rig(rig, settings.calibration)
-    on_chip = distort(settings.sensor, delivered.normalized(pixels)) * delivered.f_px
-    return on_chip[..., 0] + rig.cx_px, on_chip[..., 1] + rig.cy_px
+    raw = distort(settings.sensor, delivered.normalized(pixels)) * delivered.f_px
+    return raw[..., 0] + rig.cx_px, raw[..., 1] + rig.cy_px
 
 
 def _jacobian(settings: SensorSettings, points: Array) -> Array:
-    """(2, 2, ...) derivative of `distort`."""
+    """Return the (2, 2, ...) derivative of `distort`."""
     x, y = points[..., 0], points[..., 1]
     k1, k2, p1, p2 = settings.k1, settings.k2, settings.p1, settings.p2
     r2 = x * x + y * y
@@ -209,10 +195,10 @@ def _jacobian(settings: SensorSettings, points: Array) -> Array:
     )
 
 
-def _before_fold(settings: SensorSettings, points: Array) -> Array:
-    """Whether each (..., 2) ray lies where rays further out still land further out.
+def _inside_fold(settings: SensorSettings, points: Array) -> Array:
+    """Whether each (..., 2) ray lies inside the first fold, where the distortion turns back.
 
-    Radially this is 1 + 3 k1 r^2 + 5 k2 r^4 > 0 all the way out to the ray.
+    Radially, 1 + 3 k1 r^2 + 5 k2 r^4 > 0 all the way out to the ray.
     """
     r2 = (points**2).sum(axis=-1)
     roots = np.roots([5 * settings.k2, 3 * settings.k1, 1.0])
@@ -221,18 +207,18 @@ def _before_fold(settings: SensorSettings, points: Array) -> Array:
     return (r2 < min(folds, default=np.inf)) & (a * d - b * c > 0)
 
 
-def _folds(settings: RecordSettings) -> SettingsError:
-    """Radially nothing ever folds if 9 k1^2 < 20 k2: then 1 + 3 k1 r^2 + 5 k2 r^4 has no root."""
+def _fold_error(settings: RecordSettings) -> SettingsError:
+    """There is no fold in the radial distortion if 9 k1^2 < 20 k2."""
     sensor = settings.sensor
     return SettingsError(
         f"sensor.k1 = {sensor.k1:g}, k2 = {sensor.k2:g}, p1 = {sensor.p1:g}, p2 = {sensor.p2:g}: "
-        f"this lens folds the picture at rig.hfov_deg = {settings.rig.hfov_deg:g}; use less "
+        f"this lens folds the image at rig.hfov_deg = {settings.rig.hfov_deg:g}; use less "
         f"distortion, k2 above {0.45 * sensor.k1**2:.2g}, or a smaller field of view"
     )
 
 
-def _overflow_px(rig: StereoRig, u_px: Array, v_px: Array) -> int:
-    """By how much places need more than the picture on any side, with what sampling needs."""
+def _required_margin_px(rig: StereoRig, u_px: Array, v_px: Array) -> int:
+    """Return by how much places exceed the image on any side, sampling included."""
     beyond = max(-u_px.min(), u_px.max() - rig.width_px + 1)
     beyond = max(beyond, -v_px.min(), v_px.max() - rig.height_px + 1)
     margin = max(0, math.ceil(beyond + TAPS_PX))
@@ -240,7 +226,7 @@ def _overflow_px(rig: StereoRig, u_px: Array, v_px: Array) -> int:
     if margin > most:
         raise SettingsError(
             f"sensor.k1 to p2 with calibration.roll_deg, pitch_deg and yaw_deg need {margin} px "
-            f"around the picture, at most {most} px are rendered; use smaller values"
+            f"around the image, at most {most} px are rendered; use smaller values"
         )
     return margin
 
@@ -253,6 +239,6 @@ def _grid(rig: StereoRig, pad_px: int) -> Array:
 
 
 def _edge(rig: StereoRig, pad_px: int) -> Array:
-    """(N, 2) outermost pixels; what is inside them maps inside their image."""
+    """(N, 2) outermost pixels; those inside map to the inside of their image."""
     grid = _grid(rig, pad_px)
     return np.concatenate([grid[0], grid[-1], grid[:, 0], grid[:, -1]])

@@ -1,4 +1,4 @@
-"""Grey levels and linear light: decoding rendered images, encoding a sensor's."""
+"""Grey levels and linear light: decoding of rendered images, encoding of a sensor's light."""
 
 from functools import lru_cache
 from typing import Literal
@@ -13,9 +13,10 @@ from vo.contract.compilation import compiled
 Response = Literal["srgb", "linear"]
 
 ENCODING_BINS = 4096
-"""Finer than the closest two grey levels are in linear light, so at most one lies in a bin."""
+"""Bins are finer than the closest grey levels in linear light, so that each has at most one
+edge."""
 QUANTILES = 1 << 16
-"""Of the normal distribution: looking one up takes an eighth of the time of drawing a new value."""
+"""Size of the table of normal quantiles: a look-up takes an eighth of the time of a new draw."""
 
 
 def _srgb_to_linear(srgb: Array) -> Array:
@@ -33,13 +34,13 @@ def decode(image: Image) -> Array:
 
 
 def levels_to_light(response: Response, levels: Array) -> Array:
-    """Linear light of (fractional) grey levels 0 to 255 of a sensor, any shape."""
+    """Convert (fractional) grey levels 0 to 255 of a sensor, any shape, to linear light."""
     share = np.asarray(levels, np.float64) / 255
     return _srgb_to_linear(share) if response == "srgb" else share
 
 
 def light_to_levels(response: Response, light: Array) -> Array:
-    """Fractional grey levels 0 to 255 of linear light, any shape; inverts `levels_to_light`."""
+    """Convert linear light, any shape, to fractional grey levels 0 to 255."""
     light = np.clip(light, 0, 1)
     if response == "linear":
         return 255 * light
@@ -47,21 +48,17 @@ def light_to_levels(response: Response, light: Array) -> Array:
 
 
 class Encoding:
-    """From linear light to the nearest grey level, exactly, in a table and one comparison."""
+    """Conversion of linear light to the nearest grey level, by a table and one comparison."""
 
     def __init__(self, response: Response) -> None:
-        """Prepare the table.
-
-        Args:
-            response: How light becomes a grey level.
-        """
+        """Prepare the table for a response curve."""
         edges = levels_to_light(response, np.arange(255) + 0.5)
         self._edges = np.append(edges, np.inf).astype(np.float32)
         starts = np.arange(ENCODING_BINS + 1) / np.float32(ENCODING_BINS)
         self._first = np.searchsorted(self._edges, starts, side="right").astype(np.uint8)
 
     def __call__(self, light: Array) -> Image:
-        """Encode (H, W[, 3]) float32 light; what is out of [0, 1] is clipped."""
+        """Encode (H, W[, 3]) float32 light; values outside [0, 1] are clipped."""
         out = np.empty(light.shape, np.uint8)
         _encode(_flat(light), self._edges, self._first, out.reshape(-1))
         return out
@@ -73,7 +70,7 @@ class Encoding:
 
         Args:
             light: (H, W[, 3]) float32, after all gains.
-            shot: Variance that each unit of light adds.
+            shot: Variance per unit of light.
             floor: Variance without light.
             rng: Draws one quantile of the noise for each value.
         """
@@ -86,7 +83,7 @@ class Encoding:
 
 @lru_cache(maxsize=1)
 def normal_quantiles() -> Array:
-    """(QUANTILES,) float32, equally probable values of a standard normal variable, read-only.
+    """Return (QUANTILES,) float32 equally probable values of a standard normal variable, read-only.
 
     They reach to 4.3; mean 0, variance 1, kurtosis 2.999.
     """
@@ -102,7 +99,7 @@ def _flat(light: Array) -> Array:
 
 @compiled(nogil=True)
 def _level(light: np.float32, edges: Array, first: Array) -> int:
-    """Nearest grey level: the bin's first, or the next if the one edge in the bin is passed."""
+    """Return the nearest grey level: the bin's first, or the next beyond the bin's edge."""
     light = min(max(light, np.float32(0)), np.float32(1))
     level = first[int(light * np.float32(ENCODING_BINS))]
     return level + (light >= edges[level])

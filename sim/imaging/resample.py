@@ -1,4 +1,4 @@
-"""Bicubic sampling at exact sub-pixel places, and what it does to noise.
+"""Bicubic sampling at sub-pixel positions, and the variance of sampled noise.
 
 OpenCV's cubic (a = -3/4) is faster, but shifts even a linear ramp by up to 0.05 pixels.
 """
@@ -9,39 +9,32 @@ from vo.contract.arrays import Array
 from vo.contract.compilation import compiled
 
 TAPS_PX = 2
-"""Pixels on each side of a place that its sample depends on."""
+"""Pixels on each side of a position that its sample depends on."""
 
 
 def sample(image: Array, u_px: Array, v_px: Array) -> Array:
-    """Sample an image between its pixels; beyond its border the border's pixels continue.
+    """Sample an image between its pixels, with its border continued.
 
     Args:
         image: (H, W) or (H, W, C) float32.
-        u_px: (M, N) float32 places, centres of pixels on integers; NaN gives NaN.
+        u_px: (M, N) float32 positions, pixel centres on integers; NaN gives NaN.
         v_px: Like `u_px`.
 
     Returns:
         (M, N) or (M, N, C) float32.
 
     Source:
-        Keys, Cubic convolution interpolation for digital image processing, 1981, a = -1/2: exact
-        on quadratic images.
+        Keys, Cubic convolution interpolation for digital image processing, 1981, a = -1/2: exact on
+            quadratic images.
     """
     return _sampled(image, u_px, v_px, False)
 
 
 def sample_variance(variance: Array, u_px: Array, v_px: Array) -> Array:
-    """Variance of what `sample` returns if each pixel carries noise of its own.
+    """Return the variance of `sample` for independent noise of variance (H, W[, C]) in each pixel.
 
-    Squared weights, which sum to 1 on a pixel and to 0.41 in the middle of four.
-
-    Args:
-        variance: (H, W) or (H, W, C) float32 of the pixels.
-        u_px: (M, N) float32 places; NaN gives NaN.
-        v_px: Like `u_px`.
-
-    Returns:
-        (M, N) or (M, N, C) float32.
+    The squared weights sum to 1 on a pixel and to 0.41 in the middle of four; arguments and result
+    have the shapes of `sample`.
     """
     return _sampled(variance, u_px, v_px, True)
 
@@ -55,7 +48,7 @@ def _sampled(image: Array, u_px: Array, v_px: Array, squared: bool) -> Array:
 
 @compiled(nogil=True)
 def _weights(t: np.float32, squared: bool) -> tuple[np.float32, np.float32, np.float32, np.float32]:
-    """Weights of the pixels at -1, 0, 1, 2 for a place t in [0, 1)."""
+    """Weights of the pixels at -1, 0, 1, 2 for a position t in [0, 1)."""
     half = np.float32(0.5)
     two, three, four, five = np.float32(2), np.float32(3), np.float32(4), np.float32(5)
     a = half * t * (t * (two - t) - np.float32(1))

@@ -159,7 +159,7 @@ def test_output_that_is_a_folder(dataset, tmp_path):
         ),
         (
             ["generate", "office", "--out", "o", "--set", "sensor.k1=-0.5"],
-            ["sensor.k1 = -0.5", "folds the picture"],
+            ["sensor.k1 = -0.5", "folds the image"],
         ),
         (["generate", "office", "--out", "o", "--disturb", "fog"], ["disturbance fog", "blur"]),
         (["generate", "office", "--out", "o", "--disturb", "blur=x"], ["blur", "not a number"]),

@@ -10,7 +10,7 @@ import pytest
 
 from scenes.scene import Motion, Scene
 from sim.camera.camera import Capture, StereoCamera
-from sim.camera.exposure import Shutter, open_shutter, shares
+from sim.camera.exposure import Shutter, open_shutter, slot_weights
 from sim.camera.render import StereoRenderer
 from sim.imaging.linear_light import Encoding, decode
 from sim.settings import (
@@ -246,7 +246,7 @@ def test_shares_of_every_row_sum_to_one():
         )
         shutter = open_shutter(settings, 1.0, time_ms * 1e-3, 97)
         for slots in rng.integers(2, 40, 3):
-            portions = shares(shutter, np.linspace(*shutter.window_s, slots + 1))
+            portions = slot_weights(shutter, np.linspace(*shutter.window_s, slots + 1))
             assert portions.shape == (2, 97, slots)
             assert portions.min() >= 0
             np.testing.assert_allclose(portions.sum(axis=-1), 1, atol=1e-6)
@@ -255,12 +255,12 @@ def test_shares_of_every_row_sum_to_one():
 def test_rows_and_eyes_take_the_slots_in_which_they_are_open():
     """Two rows, the second 2 ms later; the right eye 4 ms later; each open for 2 ms."""
     start_s = np.array([[0.0, 2.0], [4.0, 6.0]])
-    portions = shares(Shutter(start_s, start_s + 2.0), np.linspace(0, 8, 9))
+    portions = slot_weights(Shutter(start_s, start_s + 2.0), np.linspace(0, 8, 9))
     np.testing.assert_allclose(portions[0, 0], [0.5, 0.5, 0, 0, 0, 0, 0, 0])
     np.testing.assert_allclose(portions[0, 1], [0, 0, 0.5, 0.5, 0, 0, 0, 0])
     np.testing.assert_allclose(portions[1, 0], [0, 0, 0, 0, 0.5, 0.5, 0, 0])
     np.testing.assert_allclose(portions[1, 1], [0, 0, 0, 0, 0, 0, 0.5, 0.5])
-    halves = shares(Shutter(start_s, start_s + 2.0), np.linspace(-1, 9, 6))
+    halves = slot_weights(Shutter(start_s, start_s + 2.0), np.linspace(-1, 9, 6))
     np.testing.assert_allclose(halves[0, 0], [0.5, 0.5, 0, 0, 0])
 
 

@@ -7,7 +7,7 @@ import pytest
 import sim.camera.render
 from sim.batch import build
 from sim.camera.render import StereoRenderer
-from sim.camera.sky import bare_bands, can_follow
+from sim.camera.sky import allows_sky_last, uncovered_bands
 from sim.settings import RecordSettings
 from sim.world.world import build_world
 
@@ -44,7 +44,7 @@ def painted(tmp_path, samples, color):
 @pytest.mark.parametrize("color", [False, True])
 def test_bands_of_sky_are_the_whole_sky(tmp_path, monkeypatch, samples, color):
     ours, without = painted(tmp_path, samples, color)
-    monkeypatch.setattr(sim.camera.render, "can_follow", lambda scene: False)
+    monkeypatch.setattr(sim.camera.render, "allows_sky_last", lambda scene: False)
     at_once, _ = painted(tmp_path, samples, color)
     for eye in (0, 1):
         np.testing.assert_array_equal(ours[eye], at_once[eye])
@@ -54,10 +54,10 @@ def test_bands_of_sky_are_the_whole_sky(tmp_path, monkeypatch, samples, color):
 
 def test_bands_hold_every_bare_row_and_are_few():
     rgba = np.full((200, 6, 4), 255, np.uint8)
-    assert bare_bands(rgba) == []
+    assert uncovered_bands(rgba) == []
     for row in (3, 20, 90, 91, 199):
         rgba[row, row % 6, 3] = 191
-    assert bare_bands(rgba) == [(3, 21), (90, 92), (199, 200)]
+    assert uncovered_bands(rgba) == [(3, 21), (90, 92), (199, 200)]
 
 
 def test_a_pane_is_noticed():
@@ -65,6 +65,6 @@ def test_a_pane_is_noticed():
     scene.ngeom = 2
     for geom in scene.geoms[:2]:
         geom.transparent = 0
-    assert can_follow(scene)
+    assert allows_sky_last(scene)
     scene.geoms[1].transparent = 1
-    assert not can_follow(scene)
+    assert not allows_sky_last(scene)

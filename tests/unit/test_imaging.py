@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from sim.imaging.auto_exposure import EXPOSURE_MIN_MS, AutoExposure
-from sim.imaging.image_sensor import WELL, Sensor
-from sim.imaging.lens import margin_px
+from sim.imaging.image_sensor import WELL, ImageSensor
+from sim.imaging.lens import margin_px, rectification_map
 from sim.imaging.linear_light import (
     LINEAR,
     Encoding,
@@ -18,6 +18,7 @@ from sim.imaging.linear_light import (
     levels_to_light,
     normal_quantiles,
 )
+from sim.imaging.resample import sample_variance
 from sim.settings import RecordSettings, SensorSettings
 from vo.contract.arrays import Array, Image
 from vo.contract.rig import StereoRig
@@ -26,12 +27,12 @@ RIG = StereoRig(width_px=160, height_px=120, f_px=114, cx_px=79.5, cy_px=59.5, b
 LEVELS = np.arange(256, dtype=np.uint8)
 
 
-def sensor_of(eye: int = 0, **sensor: float | str) -> tuple[Sensor, StereoRig]:
+def sensor_of(eye: int = 0, **sensor: float | str) -> tuple[ImageSensor, StereoRig]:
     settings = RecordSettings(sensor=SensorSettings.model_validate(sensor))
     m = margin_px(settings, RIG)
     size = {"width_px": RIG.width_px + 2 * m, "height_px": RIG.height_px + 2 * m}
     rendered = dataclasses.replace(RIG, **size, cx_px=RIG.cx_px + m, cy_px=RIG.cy_px + m)
-    return Sensor(settings, 1 if eye else 0, RIG, rendered), rendered
+    return ImageSensor(settings, 1 if eye else 0, RIG, rendered), rendered
 
 
 def flat(level: int, rig: StereoRig = RIG) -> Image:
@@ -88,7 +89,6 @@ def test_a_perfect_camera_changes_nothing(shape: tuple[int, ...], eye: int):
     np.testing.assert_array_equal(exposed(image, eye, brightness=0.5, gain=2), image)
     camera, _ = sensor_of(eye)
     assert camera.undistort(image) is image
-    assert camera.noise_share is None
     assert not camera.is_noisy
 
 
@@ -203,8 +203,11 @@ def test_rectifying_lowers_noise_by_the_share_that_is_told():
     rng = np.random.default_rng(5)
     pictures = [camera.undistort(camera.expose(light, 1, 1, rng)) for _ in range(200)]
     measured = np.var(pictures, axis=0, dtype=np.float64) - 1 / 12
-    share = camera.noise_share
-    assert share is not None
+    settings = RecordSettings(sensor=SensorSettings(k1=-0.2, k2=0.04))
+    u_px, v_px = (
+        (a + camera.raw_margin_px).astype(np.float32) for a in rectification_map(settings, RIG)
+    )
+    share = sample_variance(np.ones((2, 2), np.float32), u_px, v_px)
     promised = share * (camera.noise_sigma(1.0)[128] ** 2 + 1 / 12)
     assert measured.mean() == pytest.approx(promised.mean(), rel=0.02)
     assert 0.35 < share.min() < 0.5 < 0.9 < share.max() <= 1
@@ -220,9 +223,9 @@ def test_flattening_undoes_fall_off_and_sensitivity(shape: tuple[int, ...], k1: 
     image = np.full((rendered.height_px, rendered.width_px, *shape[2:]), 180, np.uint8)
     picture = camera.undistort(camera.expose(decode(image), 1, 1, np.random.default_rng(0)))
     assert picture.min() < 150
-    np.testing.assert_allclose(camera.flattened(picture), 180, atol=1.5)
+    np.testing.assert_allclose(camera.corrected(picture), 180, atol=1.5)
     plain, _ = sensor_of(0, right_gain=0.8)
-    assert plain.flattened(picture) is picture
+    assert plain.corrected(picture) is picture
 
 
 def test_metering_knows_the_fixed_gain_and_the_eye():

@@ -8,7 +8,7 @@ from raycast import Ball, Box, Ground, look
 
 from sim.camera.camera import FrameExposure
 from sim.certificate.certificate import FrameResidual, PhotometricCheck, certify
-from sim.imaging.image_sensor import Sensor
+from sim.imaging.image_sensor import ImageSensor
 from sim.imaging.resample import sample, sample_variance
 from sim.labels.labels import (
     class_image,
@@ -67,7 +67,9 @@ def test_a_shifted_image_leaves_no_residual():
 
 def test_certificate_names_the_worst_frame_and_fails_on_it():
     settings = RecordSettings()
-    judge = PhotometricCheck(settings, RIG, [Sensor(settings, eye, RIG, RIG) for eye in (0, 1)])
+    judge = PhotometricCheck(
+        settings, RIG, [ImageSensor(settings, eye, RIG, RIG) for eye in (0, 1)]
+    )
     right = np.full((8, 12), 100, dtype=np.uint8)
     disparity_px = np.full((8, 12), 1.0, dtype=np.float32)
     frames = [

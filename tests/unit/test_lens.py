@@ -7,16 +7,16 @@ import cv2
 import numpy as np
 import pytest
 
-from sim.imaging.image_sensor import Sensor
+from sim.imaging.image_sensor import ImageSensor
 from sim.imaging.lens import (
-    chip_map,
-    chip_margin_px,
     delivered_rig,
     distort,
+    distortion_map,
     margin_px,
-    picture_map,
+    miscalibration_rotation,
+    raw_margin_px,
+    rectification_map,
     undistort,
-    unknown_rotation,
 )
 from sim.imaging.linear_light import decode
 from sim.settings import CalibrationSettings, RecordSettings, RigSettings, SensorSettings
@@ -69,7 +69,7 @@ def test_distortion_is_opencvs(name: str):
 @pytest.mark.parametrize("name", LENSES)
 def test_the_chip_takes_light_from_where_opencv_says(name: str):
     lens = LENSES[name]
-    u, v = chip_map(recording(lens), RIG, np.eye(3), 0)
+    u, v = distortion_map(recording(lens), RIG, np.eye(3), 0)
     criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-12)
     rays = cv2.undistortPoints(
         pixels().reshape(-1, 1, 2), RIG.K, coefficients(lens), None, None, None, criteria
@@ -96,10 +96,10 @@ def texture(rig: StereoRig, R_nominal_eye: Array = UNTURNED) -> Image:
     return np.rint(grey).astype(np.uint8)
 
 
-def taken(settings: RecordSettings, eye: int) -> tuple[Sensor, Image]:
+def taken(settings: RecordSettings, eye: int) -> tuple[ImageSensor, Image]:
     """A rectified picture of the pattern."""
     rendered = widened(RIG, margin_px(settings, RIG))
-    sensor = Sensor(settings, 1 if eye else 0, RIG, rendered)
+    sensor = ImageSensor(settings, 1 if eye else 0, RIG, rendered)
     chip = sensor.expose(decode(texture(rendered)), 1.0, 1.0, np.random.default_rng(0))
     return sensor, sensor.undistort(chip)
 
@@ -111,14 +111,14 @@ def test_rectifying_a_distorted_picture_gives_the_pinholes_to_the_corners(name: 
     assert picture.shape == (120, 160)
     assert np.abs(error).max() < 4
     assert 0 < np.sqrt((error**2).mean()) < 0.8  # rounding thrice leaves 0.5
-    assert (sensor.chip_margin_px > 2) == (name == "pincushion")
+    assert (sensor.raw_margin_px > 2) == (name == "pincushion")
 
 
 @pytest.mark.parametrize("angle", ["roll_deg", "pitch_deg", "yaw_deg"])
 def test_only_the_right_eye_is_turned_and_calibration_does_not_see_it(angle: str):
     settings = recording(SensorSettings(), **{angle: 2.0})
     np.testing.assert_array_equal(taken(settings, 0)[1], texture(RIG))
-    turned = texture(RIG, unknown_rotation(settings.calibration))
+    turned = texture(RIG, miscalibration_rotation(settings.calibration))
     error = taken(settings, 1)[1].astype(float) - turned
     assert np.abs(error).max() <= 2
     assert np.abs(turned.astype(float) - texture(RIG)).mean() > 2
@@ -127,14 +127,14 @@ def test_only_the_right_eye_is_turned_and_calibration_does_not_see_it(angle: str
 def test_turns_go_the_way_the_settings_say():
     """Upwards: -y. To the right: +x. Clockwise as seen: the camera's right side goes down."""
     forward, right = np.array([0, 0, 1.0]), np.array([1.0, 0, 0])
-    assert (unknown_rotation(CalibrationSettings(pitch_deg=5)) @ forward)[1] < -0.08
-    assert (unknown_rotation(CalibrationSettings(yaw_deg=5)) @ forward)[0] > 0.08
-    assert (unknown_rotation(CalibrationSettings(roll_deg=5)) @ right)[1] > 0.08
+    assert (miscalibration_rotation(CalibrationSettings(pitch_deg=5)) @ forward)[1] < -0.08
+    assert (miscalibration_rotation(CalibrationSettings(yaw_deg=5)) @ forward)[0] > 0.08
+    assert (miscalibration_rotation(CalibrationSettings(roll_deg=5)) @ right)[1] > 0.08
 
 
 def test_a_wrong_focal_length_rectifies_wrongly_but_fills_the_picture():
     settings = recording(LENSES["barrel"], focal_percent=5)
-    u, v = picture_map(settings, RIG)
+    u, v = rectification_map(settings, RIG)
     delivered = delivered_rig(RIG, settings.calibration)
     theirs = cv2.initUndistortRectifyMap(
         delivered.K, coefficients(LENSES["barrel"]), None, delivered.K, (160, 120), cv2.CV_32FC1
@@ -146,13 +146,13 @@ def test_a_wrong_focal_length_rectifies_wrongly_but_fills_the_picture():
 @pytest.mark.parametrize("yaw_deg", [0.0, 3.0])
 def test_the_margin_gives_light_to_every_pixel_and_no_more(name: str, yaw_deg: float):
     settings = recording(LENSES[name], yaw_deg=yaw_deg, pitch_deg=-1.0)
-    margin, pad = margin_px(settings, RIG), chip_margin_px(settings, RIG)
-    u, v = picture_map(settings, RIG)
+    margin, pad = margin_px(settings, RIG), raw_margin_px(settings, RIG)
+    u, v = rectification_map(settings, RIG)
     assert min(u.min(), v.min()) + pad >= 1
     assert max(u.max() - 159, v.max() - 119) - pad <= -1
     needed = -math.inf
-    for R in (np.eye(3), unknown_rotation(settings.calibration)):
-        u, v = chip_map(settings, RIG, R, pad)
+    for R in (np.eye(3), miscalibration_rotation(settings.calibration)):
+        u, v = distortion_map(settings, RIG, R, pad)
         needed = max(needed, -u.min(), -v.min(), u.max() - 159, v.max() - 119)
     assert needed + 1 < margin < needed + 4
 

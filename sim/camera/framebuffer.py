@@ -1,12 +1,11 @@
-"""Off-screen buffers of our own beside MuJoCo's: without samples for labels, slim for pictures.
+"""Off-screen framebuffers: without samples for labels, depth without stencil for images.
 
-MuJoCo's buffer has 64 bits of depth and stencil a sample, all of which a software renderer has to
-clear and test; the stencil serves mirrors that no scene has. Depth alone draws a multisampled
-frame in 14 % less time, bit for bit the same. One context with two targets also holds textures
-and meshes once, where two contexts hold them twice.
+MuJoCo's buffer has 64 bits of depth and stencil per sample, which a software renderer has to clear
+and test; the stencil serves mirrors, which no scene has. Depth alone draws a multisampled frame in
+14 % less time, bit for bit the same. One context with two framebuffers also holds textures and
+meshes once, where two contexts hold them twice.
 """
 
-from types import TracebackType
 from typing import Self
 
 import mujoco
@@ -15,15 +14,15 @@ from sim.camera.gl import GraphicsError
 from vo.contract.arrays import Array, Image
 
 
-class Target:
-    """A frame buffer; inside its `with` block MuJoCo draws there instead of into its own."""
+class Framebuffer:
+    """A framebuffer; inside its `with` block MuJoCo draws there instead of into its own."""
 
     def __init__(self, context: mujoco.MjrContext, samples: int) -> None:
         """Allocate colour and depth of the context's off-screen size.
 
         Args:
-            context: Current.
-            samples: Colour samples a pixel; 0 or the context's own number.
+            context: Current context.
+            samples: Colour samples per pixel; 0 or the context's own number.
 
         Raises:
             GraphicsError: If the driver cannot.
@@ -48,30 +47,25 @@ class Target:
             GL.glFramebufferRenderbuffer(GL.GL_FRAMEBUFFER, attachment, GL.GL_RENDERBUFFER, buffer)
         complete = GL.glCheckFramebufferStatus(GL.GL_FRAMEBUFFER) == GL.GL_FRAMEBUFFER_COMPLETE
         if not complete:
-            raise GraphicsError(f"no frame buffer of {size[0]}x{size[1]} px")
+            raise GraphicsError(f"OpenGL has no frame buffer of {size[0]}x{size[1]} px")
 
     def __enter__(self) -> Self:
         self._own = self._context.offFBO, self._context.offSamples
         self._context.offFBO, self._context.offSamples = self._frame, self._samples
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        tb: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._context.offFBO, self._context.offSamples = self._own
 
     def read_colour(self, rgba: Image, low: int = 0, high: int | None = None) -> None:
-        """Copy what was drawn, each pixel the mean of its samples, into (H, W, 4) uint8.
+        """Copy rows of the image, the mean of the samples, into (H, W, 4) uint8.
 
-        With alpha, which the driver keeps beside the colours, that is a copy and no conversion.
+        RGBA is how the driver stores colours, so that this is a copy without conversion.
 
         Args:
-            rgba: Receives the rows, the bottom one first.
+            rgba: Receives the rows, bottom row first.
             low: First row to copy.
-            high: Behind the last one; none: to the end.
+            high: Row after the last; None for the end.
         """
         gl = self._gl
         rows = rgba[low:high]
