@@ -21,7 +21,7 @@ from scenes import build_scene
 from scenes.scene import Scene
 from sim.progress import Progress
 from sim.record import Recording, record
-from sim.settings import RecordSettings
+from sim.settings import RecordSettings, recorded_settings
 from sim.world.random_streams import stream
 from vo.contract.dataset import MANIFEST, read_manifest
 from vo.contract.errors import DatasetError, DriftyardError
@@ -65,7 +65,7 @@ class Task:
         if not (self.out / MANIFEST).is_file():
             raise DatasetError(f"{self.out}: in the way, and not a dataset")
         made = read_manifest(self.out)
-        same = made["settings"] == self.settings.model_dump(mode="json")
+        same = recorded_settings(made["settings"]) == self.settings
         if not same or made["scene"]["source"] != self.scene:
             raise DatasetError(f"{self.out}: a dataset made with other settings is in the way")
         return True

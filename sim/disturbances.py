@@ -76,15 +76,11 @@ DISTURBANCES: dict[str, Disturbance] = {
         {"rover.load_kg": _linear(5.0), "exposure.time_ms": _linear(_SHUTTER_MS)},
     ),
     "collision": Disturbance(
-        "light cartons that are pushed along in view",
-        {"terrain.boxes_per_m": _linear(1.6)},
+        "light cartons that are pushed along in view", {"terrain.boxes_per_m": _linear(1.6)}
     ),
     "noise": Disturbance(
         "shot and read noise of a small, cheap sensor",
-        {
-            "sensor.full_well": _noisy_well,
-            "sensor.read_noise": lambda s: 0.03 * s * _noisy_well(s),
-        },
+        {"sensor.full_well": _noisy_well, "sensor.read_noise": lambda s: 0.03 * s * _noisy_well(s)},
     ),
     "defocus": Disturbance("a lens out of focus", {"sensor.softness_px": _linear(4.0)}),
     "rolling_shutter": Disturbance(

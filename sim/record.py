@@ -1,4 +1,4 @@
-"""Recording: a scene and settings become a dataset folder, whole or not at all."""
+"""Recording: a scene and settings become a dataset folder, complete or not at all."""
 
 from collections import deque
 from collections.abc import Iterator
@@ -11,14 +11,15 @@ from typing import Any
 from scenes.scene import Scene
 from sim.camera.camera import Capture, FrameExposure, StereoCamera, StereoImages
 from sim.camera.render import StereoRenderer
-from sim.certificate.certificate import FrameResidual, PhotometricCheck, certify, exempt_parts
+from sim.certificate.certificate import certify, exempt_parts
+from sim.certificate.photometric import FrameResidual, PhotometricCheck
 from sim.certificate.plausibility import check_folder
 from sim.dataset.image_codecs import encode_float, encode_png
 from sim.dataset.manifest import manifest
 from sim.dataset.sensor_yaml import CODES, LABELS
 from sim.dataset.tables import write_cameras, write_exposures, write_inertial, write_wheels
 from sim.imaging.lens import delivered_rig
-from sim.labels.annotate import Annotation, Annotator
+from sim.labels.annotate import Annotator
 from sim.preview.overhead_map import MAP_FILE, render_world_map
 from sim.progress import Progress
 from sim.settings import RecordSettings
@@ -33,11 +34,11 @@ FRAMES_IN_FLIGHT = 4
 
 @dataclass(frozen=True)
 class Recording:
-    """What became of a dataset.
+    """Result of a recording.
 
     Attributes:
         certificate: As in the manifest.
-        ended: Why it ended early; empty if it is complete.
+        ended: Reason why it ended early; empty if it is complete.
     """
 
     certificate: dict[str, Any]
@@ -51,16 +52,16 @@ def record(
     overwrite: bool = False,
     progress: Progress | None = None,
 ) -> Recording:
-    """Follow the scene's route, render it and write the dataset folder `out`.
+    """Drive the scene's route, render it and write the dataset folder `out`.
 
-    The same scene, settings, MuJoCo and GL give the same bytes. A rover that tips over or gets
-    stuck leaves a dataset of the frames until then, which says that it is incomplete and why.
+    The same scene, settings, MuJoCo and OpenGL give the same bytes. A rover that tips over or gets
+    stuck leaves a dataset of the frames until then, marked incomplete with the reason.
 
     Raises:
-        DatasetError: If `out` is in the way or the disk is full.
+        DatasetError: If `out` exists or the disk is full.
         SettingsError: If route, distance, lens or start do not fit the scene.
         DriveError: If the rover fails before the second frame.
-        GraphicsError: If there is no GL.
+        GraphicsError: If there is no OpenGL.
     """
     with DatasetWriter(out, overwrite) as writer:
         world = build_world(scene, settings)
@@ -79,109 +80,96 @@ def record_trip(
     renderer: StereoRenderer,
     progress: Progress | None = None,
 ) -> Recording:
-    """Render what was driven, label it, certify it and commit the dataset.
+    """Render a trip, label it, certify it and commit the dataset.
 
     Args:
-        writer: Of the folder.
-        world: Is moved along the trip.
-        trip: At least two frames of it were delivered.
-        settings: What goes into the manifest.
-        camera: Of that world.
-        renderer: Of that world, open.
-        progress: Is told of every frame.
+        writer: Writer of the folder.
+        world: World, moved along the trip.
+        trip: Trip with two or more delivered frames.
+        settings: Settings for the manifest.
+        camera: Camera of that world.
+        renderer: Open renderer of that world.
+        progress: Called after each frame.
 
     Raises:
         DatasetError: If the disk is full.
     """
     annotator = Annotator(world)
-    judge = PhotometricCheck(settings, world.rig, camera.sensors)
-    darkroom = _Darkroom(writer, settings, camera, annotator, judge)
-    top_down = render_world_map(world, renderer)
+    check = PhotometricCheck(settings, world.rig, camera.sensors)
+    overhead = render_world_map(world, renderer)
+    processor = _FrameProcessor(writer, settings, camera, annotator, check)
     captures = camera.captures(trip, renderer)
-    shots, frames = _write_frames(darkroom, captures, int(trip.delivered.sum()), progress)
-    writer.add(MAP_FILE, encode_png(top_down.image))
-    delivered, gl = delivered_rig(world.rig, settings.calibration), renderer.gl_strings
+    exposures, frames = _write_frames(processor, captures, int(trip.delivered.sum()), progress)
+    writer.add(MAP_FILE, encode_png(overhead.image))
+    delivered, things = delivered_rig(world.rig, settings.calibration), annotator.things
     write_cameras(writer, delivered, settings, trip)
-    write_exposures(writer, shots)
+    write_exposures(writer, exposures)
     write_inertial(writer, settings, trip)
     write_wheels(writer, settings, trip)
     checks = check_folder(writer.partial, settings, trip.ended)
     certificate = certify(frames, checks, exempt_parts(settings))
-    writer.commit(
-        manifest(
-            world,
-            settings,
-            delivered,
-            trip,
-            annotator.things,
-            top_down.manifest_entry,
-            gl,
-            certificate,
-        )
-    )
+    entries = overhead.manifest_entry, renderer.gl_strings, certificate
+    writer.commit(manifest(world, settings, delivered, trip, things, *entries))
     return Recording(certificate, trip.ended)
 
 
 @dataclass(frozen=True)
-class _Darkroom:
-    """What turns captures into files; used by several threads."""
+class _FrameJob:
+    """A frame and the next one, rendered, with images that may still be computed."""
+
+    capture: Capture
+    images: Future[StereoImages]
+    following: Capture | None
+    next_images: Future[StereoImages] | None
+
+
+@dataclass(frozen=True)
+class _FrameProcessor:
+    """Computation and writing of images and labels, thread-safe."""
 
     writer: DatasetWriter
     settings: RecordSettings
     camera: StereoCamera
     annotator: Annotator
-    judge: PhotometricCheck
+    check: PhotometricCheck
 
-    def develop(self, capture: Capture) -> StereoImages:
-        """Make the images of one frame and write them."""
-        picture = self.camera.form_images(capture)
-        for eye in (0, 1):
-            name = f"{eye}/data/{capture.exposure.timestamp_ns}.png"
-            self.writer.add(f"mav0/cam{name}", encode_png(picture.rectified[eye]))
-            if picture.raw is not None:
-                self.writer.add(f"mav0/raw{name}", encode_png(picture.raw[eye]))
-        return picture
+    def write_images(self, capture: Capture) -> StereoImages:
+        """Form the images of one frame and write them."""
+        images = self.camera.form_images(capture)
+        for k in (0, 1):
+            name = f"{k}/data/{capture.exposure.timestamp_ns}.png"
+            self.writer.add(f"mav0/cam{name}", encode_png(images.rectified[k]))
+            if images.raw is not None:
+                self.writer.add(f"mav0/raw{name}", encode_png(images.raw[k]))
+        return images
 
-    def finish(self, negatives: "_Negatives") -> FrameResidual:
-        """Write the labels of a frame and measure how well they explain its images."""
-        capture, following = negatives.capture, negatives.following
+    def finish(self, job: _FrameJob) -> FrameResidual:
+        """Write the labels of a frame and compute their photometric residuals."""
+        capture, following = job.capture, job.following
         annotation = self.annotator.annotate(capture, following)
         for name, label in annotation.wanted(self.settings.labels).items():
             form = LABELS[name]
             data = encode_png(label) if form.encoding == CODES else encode_float(label)
             path = f"mav0/{form.folder}/data/{capture.exposure.timestamp_ns}{form.suffix}"
             self.writer.add(path, data)
-        return self._measure(annotation, negatives)
-
-    def _measure(self, annotation: Annotation, negatives: "_Negatives") -> FrameResidual:
-        picture, capture = negatives.picture.result(), negatives.capture
-        stereo = self.judge.stereo(*picture.rectified, annotation.disparity, capture.exposure)
+        images = job.images.result()
+        stereo = self.check.stereo(*images.rectified, annotation.disparity, capture.exposure)
         flow = None
-        if self.settings.labels.flow and negatives.following and negatives.next_picture:
-            images = picture.rectified[0], negatives.next_picture.result().rectified[0]
-            shots = capture.exposure, negatives.following.exposure
-            flow = self.judge.flow(*images, annotation.flow, annotation.covisibility, shots)
+        if self.settings.labels.flow and following and job.next_images:
+            pair = images.rectified[0], job.next_images.result().rectified[0]
+            exposures = capture.exposure, following.exposure
+            flow = self.check.flow(*pair, annotation.flow, annotation.covisibility, exposures)
         return FrameResidual(capture.exposure.timestamp_ns, stereo, flow)
 
 
-@dataclass(frozen=True)
-class _Negatives:
-    """A frame and the one after it, on their way through the darkroom."""
-
-    capture: Capture
-    picture: Future[StereoImages]
-    following: Capture | None
-    next_picture: Future[StereoImages] | None
-
-
 def _write_frames(
-    darkroom: _Darkroom, captures: Iterator[Capture], total: int, progress: Progress | None
+    processor: _FrameProcessor, captures: Iterator[Capture], total: int, progress: Progress | None
 ) -> tuple[list[FrameExposure], list[FrameResidual]]:
-    """Render in this thread; develop, annotate, encode, hash, write and certify in others.
+    """Render in this thread; form images, label, encode, hash, write and certify in others.
 
-    A frame's forward labels need the next frame, so each is handed over when the next is there.
+    Forward labels need the next frame, so that each frame is submitted after the next.
     """
-    shots: list[FrameExposure] = []
+    exposures: list[FrameExposure] = []
     residuals: list[FrameResidual] = []
     pending: deque[Future[FrameResidual]] = deque()
 
@@ -190,23 +178,23 @@ def _write_frames(
         if progress:
             progress(len(residuals), total)
 
-    with ThreadPoolExecutor(WORKERS, "darkroom") as pool:
+    with ThreadPoolExecutor(WORKERS, "frames") as pool:
 
-        def developing() -> Iterator[tuple[Capture, Future[StereoImages]]]:
+        def submitted() -> Iterator[tuple[Capture, Future[StereoImages]]]:
             for capture in captures:
-                shots.append(capture.exposure)
-                yield capture, pool.submit(darkroom.develop, capture)
+                exposures.append(capture.exposure)
+                yield capture, pool.submit(processor.write_images, capture)
 
         try:
-            for now, then in pairwise(chain(developing(), [None])):
+            for now, following in pairwise(chain(submitted(), [None])):
                 assert now is not None
                 if len(pending) == FRAMES_IN_FLIGHT:
                     collect()
-                job = _Negatives(*now, *(then or (None, None)))
-                pending.append(pool.submit(darkroom.finish, job))
+                job = _FrameJob(*now, *(following or (None, None)))
+                pending.append(pool.submit(processor.finish, job))
             while pending:
                 collect()
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
-    return shots, residuals
+    return exposures, residuals

@@ -1,6 +1,6 @@
-"""Plausibility: truth, encoders, inertial readings and flow of a folder against each other.
+"""Plausibility: ground truth, encoders, inertial readings and flow of a folder compared.
 
-Everything is read back from the files, so that a recording and its verification compute the same.
+Everything is read from the files, so that recording and verification compute the same.
 """
 
 from itertools import pairwise
@@ -19,25 +19,26 @@ from vo.contract import se3
 from vo.contract.arrays import Array, Indices
 from vo.contract.dataset import TRUTH
 from vo.contract.files import read_float
+from vo.contract.tables import read_columns, read_rows
 
 SPAN_S = 5.0
-"""Inertial readings are integrated over this long from true states."""
+"""Duration of each integration of inertial readings from a true state."""
 DRIFT_MAX_M, TURN_MAX_DEG = 0.01, 0.05
-"""What perfect readings may drift over SPAN_S."""
+"""Largest drift of perfect readings over SPAN_S, in metres and degrees."""
 NOISE_DEVIATIONS = 6.0
 SLIP_MAX = 0.02
-"""Share of the path by which wheels and truth may differ on ground that nobody made slippery."""
+"""Largest relative difference of the path lengths of wheels and truth on ground without ice."""
 FLOW_MAX_PX = 0.01
 FLOW_FRAMES = 8
 
 
 def check_folder(folder: Path, settings: RecordSettings, ended: str) -> dict[str, Any]:
-    """Compare what the sensors of a dataset folder say with its truth.
+    """Compare the sensors of a dataset folder with its ground truth.
 
     Args:
-        folder: Of the dataset.
-        settings: Of the recording.
-        ended: Why it ended early; empty if it did not.
+        folder: Dataset folder.
+        settings: Settings of the recording.
+        ended: Reason why it ended early; empty if it did not.
 
     Returns:
         One JSON-ready table for each check, with `passed`; no table where files are missing.
@@ -51,21 +52,15 @@ def check_folder(folder: Path, settings: RecordSettings, ended: str) -> dict[str
 
 
 def _read_states(table: Path) -> tuple[Indices, Array, Array]:
-    """Times (N,), poses (N, 4, 4) and what follows them (N, 9): velocity and biases."""
-    times_ns, values = _read_table(table)
+    """Return times (N,), poses (N, 4, 4) and velocity and biases (N, 9)."""
+    times_ns, values = read_columns(table)
     return times_ns, se3.from_quat_wxyz(values[:, 3:7], values[:, :3]), values[:, 7:]
 
 
-def _read_table(table: Path) -> tuple[Indices, Array]:
-    """Times (N,) int64, too long for a float, and the other columns (N, C)."""
-    times_ns = np.loadtxt(table, delimiter=",", usecols=0, dtype=np.int64, ndmin=1)
-    return times_ns, np.loadtxt(table, delimiter=",", ndmin=2)[:, 1:]
-
-
 def _check_inertial(folder: Path, settings: RecordSettings) -> dict[str, Any]:
-    """Dead-reckon from true states, span after span; the true biases are taken out first."""
+    """Integrate readings less true biases from true states, span after span."""
     times_ns, poses, rest = _read_states(folder / "mav0/imu0/truth.csv")
-    middles_ns, values = _read_table(folder / "mav0/imu0/data.csv")
+    middles_ns, values = read_columns(folder / "mav0/imu0/data.csv")
     values = values - (rest[:-1, 3:] + rest[1:, 3:]) / 2
     step = max(1, round(SPAN_S * settings.imu.rate_hz))
     starts = range(0, max(1, len(middles_ns) - step + 1), step)
@@ -95,7 +90,7 @@ def _check_inertial(folder: Path, settings: RecordSettings) -> dict[str, Any]:
 
 
 def _inertial_limits(settings: RecordSettings) -> tuple[float, float]:
-    """What noise may add: white force noise twice integrated, a tilt by the gyroscope with it."""
+    """Return the drift from noise: white force noise integrated twice, and gyroscope tilt."""
     deviations = NOISE_DEVIATIONS * settings.imu.noise
     turn_rad = deviations * settings.imu.gyroscope_noise_density * SPAN_S**0.5
     drift_m = deviations * settings.imu.accelerometer_noise_density * (SPAN_S**3 / 3) ** 0.5
@@ -104,12 +99,12 @@ def _inertial_limits(settings: RecordSettings) -> tuple[float, float]:
 
 
 def _check_encoders(folder: Path, settings: RecordSettings, ended: str) -> dict[str, Any]:
-    """Compare the path that the wheels rolled with the one that the rover went.
+    """Compare the path length of the wheels with that of the rover.
 
-    They are free to differ where the ground was made slippery or rough, and after a failure: the
-    wheels of a rover that is stuck keep turning.
+    They may differ on slippery or rough ground, and after a failure: the wheels of a stuck rover
+    keep turning.
     """
-    wheel_ns, counts = _read_table(folder / "mav0/wheels0/data.csv")
+    wheel_ns, counts = read_columns(folder / "mav0/wheels0/data.csv")
     times_ns, poses, _ = _read_states(folder / TRUTH / "data.csv")
     at_frames = np.stack([np.interp(times_ns, wheel_ns, c) for c in counts.T], axis=1)
     rolled_m = at_frames * 2 * np.pi / settings.encoders.ticks_per_turn * WHEEL_RADIUS_M
@@ -134,10 +129,11 @@ def _check_encoders(folder: Path, settings: RecordSettings, ended: str) -> dict[
 
 
 def _check_flow(folder: Path, settings: RecordSettings) -> dict[str, Any]:
-    """Predict the flow of what stands still from depth and poses; a few frames, evenly spread."""
+    """Predict the flow of the static world from depth and poses in a few frames, evenly spaced."""
     rig = stereo_rig(settings.rig)
     times_ns, poses, _ = _read_states(folder / TRUTH / "data.csv")
-    pairs = list(pairwise(_frame_times(folder, "depth").tolist()))
+    labelled = read_rows(folder / "mav0" / LABELS["depth"].folder / "data.csv")
+    pairs = list(pairwise(int(words[0]) for _, words in labelled))
     chosen = np.linspace(0, len(pairs) - 1, min(FLOW_FRAMES, len(pairs))).astype(int)
     worst_px = 0.0
     for now, following in (pairs[k] for k in chosen):
@@ -149,17 +145,10 @@ def _check_flow(folder: Path, settings: RecordSettings) -> dict[str, Any]:
             np.zeros(depth.shape, int),
             (se3.inverse(T_world_cam[1]) @ T_world_cam[0])[None],
         )
-        error = np.abs(predicted - read_float(label_file(folder, "flow", now), 3))[..., :2].max(
-            axis=-1
-        )
-        worst_px = max(worst_px, float(np.nanquantile(error, 0.5)))
+        error = np.abs(predicted - read_float(label_file(folder, "flow", now), 3))
+        worst_px = max(worst_px, float(np.nanquantile(error[..., :2].max(axis=-1), 0.5)))
     return {
         "about": "flow label against depth label and true poses, median of the worst frame",
         "flow_px": round(worst_px, 6),
         "passed": worst_px <= FLOW_MAX_PX,
     }
-
-
-def _frame_times(folder: Path, label: str) -> Indices:
-    table = folder / "mav0" / LABELS[label].folder / "data.csv"
-    return np.loadtxt(table, delimiter=",", usecols=0, dtype=np.int64, ndmin=1)

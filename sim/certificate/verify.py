@@ -1,4 +1,4 @@
-"""Verification: a dataset folder's hashes and certificate, computed again from its files."""
+"""Verification: hashes and certificate of a dataset folder, recomputed from its files."""
 
 import hashlib
 from collections.abc import Callable
@@ -6,17 +6,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from sim.camera.camera import FrameExposure
-from sim.certificate.certificate import FrameResidual, PhotometricCheck, certify, exempt_parts
+from sim.certificate.certificate import certify, exempt_parts
+from sim.certificate.photometric import FrameResidual, PhotometricCheck
 from sim.certificate.plausibility import check_folder
 from sim.dataset.sensor_yaml import EXPOSURES, LABELS, label_file
 from sim.imaging.image_sensor import ImageSensor
 from sim.imaging.lens import margin_px
 from sim.labels.labels import disparity_from_depth
 from sim.progress import Progress
-from sim.settings import RecordSettings
+from sim.settings import RecordSettings, recorded_settings
 from sim.world.rig import stereo_rig, widened
 from vo.contract.arrays import Array
 from vo.contract.dataset import MANIFEST, read_manifest
@@ -24,7 +23,7 @@ from vo.contract.errors import DatasetError
 from vo.contract.euroc import open_euroc
 from vo.contract.files import read_codes, read_float
 from vo.contract.rig import StereoRig
-from vo.contract.settings import validated
+from vo.contract.tables import read_columns
 
 TOLERANCES = {
     "median_grey": 0.1,
@@ -34,14 +33,14 @@ TOLERANCES = {
     "noise_median_grey": 0.1,
     "visible_fraction": 1e-4,
 }
-"""Room for another OpenCV's interpolation and grey conversion."""
+"""Tolerance of each figure for another OpenCV's interpolation and grey conversion."""
 OTHERS = 1e-4
-"""Room, absolute and relative, for the other checks' figures."""
+"""Tolerance, absolute and relative, of the other checks' figures."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that is wrong with a dataset.
+    """A defect of a dataset.
 
     Attributes:
         file: Path inside the folder.
@@ -53,10 +52,10 @@ class Finding:
 
 
 def verify(folder: Path, progress: Progress | None = None) -> list[Finding]:
-    """Recompute every hash and, if it has depth or disparity labels, the certificate.
+    """Recompute every hash and, with depth or disparity labels, the certificate.
 
     Returns:
-        What is wrong; empty for a sound dataset.
+        Defects; empty for a sound dataset.
 
     Raises:
         DatasetError: If the folder or its manifest is missing, or a file cannot be decoded.
@@ -65,7 +64,7 @@ def verify(folder: Path, progress: Progress | None = None) -> list[Finding]:
         raise DatasetError(f"{folder}: no such folder")
     manifest = read_manifest(folder)
     findings = _check_hashes(folder, manifest)
-    if findings:  # damaged files need no second opinion from their pixels
+    if findings:  # pixels of damaged files are not checked
         return findings
     return _check_certificate(folder, manifest, progress)
 
@@ -88,7 +87,7 @@ def _check_certificate(
     folder: Path, manifest: dict[str, Any], progress: Progress | None
 ) -> list[Finding]:
     stated: dict[str, Any] = _table(folder, manifest, "certificate")
-    settings = validated(RecordSettings, _table(folder, manifest, "settings"))
+    settings = recorded_settings(_table(folder, manifest, "settings"))
     frames = _measure(folder, settings, progress)
     if not frames:
         return []
@@ -102,7 +101,7 @@ def _check_certificate(
 
 
 def _compare(part: str, stated: dict[str, Any], found: dict[str, Any]) -> list[Finding]:
-    """Tell which figures of a part of the certificate changed, and whether it fails."""
+    """Return which figures of a part of the certificate changed, and whether it fails."""
     findings: list[Finding] = []
     for key, value in found.items():
         if isinstance(value, float):
@@ -123,16 +122,16 @@ def _compare(part: str, stated: dict[str, Any], found: dict[str, Any]) -> list[F
 def _measure(
     folder: Path, settings: RecordSettings, progress: Progress | None
 ) -> list[FrameResidual]:
-    """Measure every frame again; nothing without a disparity or depth label."""
+    """Compute the residuals of every frame; none without a disparity or depth label."""
     rig = stereo_rig(settings.rig)
     load = _disparity_loader(folder, rig)
     if load is None:
         return []
     render_rig = widened(rig, margin_px(settings, rig))
-    judge = PhotometricCheck(
-        settings, rig, [ImageSensor(settings, eye, rig, render_rig) for eye in (0, 1)]
+    check = PhotometricCheck(
+        settings, rig, [ImageSensor(settings, camera, rig, render_rig) for camera in (0, 1)]
     )
-    shots = _read_shots(folder)
+    exposures = _read_exposures(folder)
     sequence = open_euroc(folder)
     has_flow = settings.labels.flow and settings.labels.covisibility
     frames: list[FrameResidual] = []
@@ -140,17 +139,17 @@ def _measure(
     for k in range(len(sequence)):
         frame = following
         time_ns = frame.timestamp_ns
-        stereo = judge.stereo(frame.left, frame.right, load(time_ns), shots[time_ns])
+        stereo = check.stereo(frame.left, frame.right, load(time_ns), exposures[time_ns])
         flow = None
         if k + 1 < len(sequence):
             following = sequence[k + 1]
             if has_flow:
-                flow = judge.flow(
+                flow = check.flow(
                     frame.left,
                     following.left,
                     read_float(label_file(folder, "flow", time_ns), 3),
                     read_codes(label_file(folder, "covisibility", time_ns)),
-                    (shots[time_ns], shots[following.timestamp_ns]),
+                    (exposures[time_ns], exposures[following.timestamp_ns]),
                 )
         frames.append(FrameResidual(time_ns, stereo, flow))
         if progress:
@@ -158,22 +157,19 @@ def _measure(
     return frames
 
 
-def _read_shots(folder: Path) -> dict[int, FrameExposure]:
-    """How each frame was exposed, by timestamp."""
-    table = folder / EXPOSURES
-    try:
-        times = np.loadtxt(table, delimiter=",", usecols=0, dtype=np.int64, ndmin=1).tolist()
-        rows = np.loadtxt(table, delimiter=",", usecols=(1, 2, 3, 4), ndmin=2).tolist()
-    except (OSError, ValueError):
-        raise DatasetError(f"{table}: missing or malformed") from None
+def _read_exposures(folder: Path) -> dict[int, FrameExposure]:
+    """Return how each frame was exposed, by timestamp."""
+    times, rows = read_columns(folder / EXPOSURES)
     return {
         time_ns: FrameExposure(time_ns, exposure_ms, gain, int(subframes), brightness)
-        for time_ns, (exposure_ms, gain, subframes, brightness) in zip(times, rows, strict=True)
+        for time_ns, (exposure_ms, gain, subframes, brightness) in zip(
+            times.tolist(), rows.tolist(), strict=True
+        )
     }
 
 
 def _disparity_loader(folder: Path, rig: StereoRig) -> Callable[[int], Array] | None:
-    """Map a time to the (H, W) disparity label, from depth if need be; None without labels."""
+    """Map a time to the (H, W) disparity label, or to that of the depth; None without labels."""
     if (folder / "mav0" / LABELS["disparity"].folder).is_dir():
         return lambda time_ns: read_float(label_file(folder, "disparity", time_ns))
     if (folder / "mav0" / LABELS["depth"].folder).is_dir():

@@ -1,7 +1,8 @@
-"""The manifest: what dataset.json says beside the hashes."""
+"""The manifest: content of dataset.json besides the hashes."""
 
 import importlib.metadata
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 import cv2
@@ -41,19 +42,19 @@ def manifest(
     gl: dict[str, str],
     certificate: dict[str, Any],
 ) -> dict[str, Any]:
-    """Return JSON-ready content that holds no time of creation, so that bytes can repeat.
+    """Return the JSON-ready content, without a time of creation, so that bytes can repeat.
 
     Args:
-        world: What was driven through.
-        settings: Resolved.
+        world: Recorded world.
+        settings: Resolved settings.
         delivered: Calibration in the sensor.yaml files.
-        trip: What the carrier did.
+        trip: Motion of the carrier.
         things: Objects by their number in the segmentation, from 1 on.
         map_entry: File and scale of the overhead map.
         gl: Vendor, renderer and version.
         certificate: From `certify`.
     """
-    scene = world.scene
+    scene, R = world.scene, miscalibration_rotation(settings.calibration)
     return {
         "scene": {
             "name": scene.name,
@@ -69,10 +70,7 @@ def manifest(
         "dropped_frames": int((~trip.delivered).sum()),
         "path_length_m": round(trip.length_m, 4),
         "rig": _rig(delivered),
-        "rig_true": {
-            **_rig(world.rig),
-            "R_nominal_right": miscalibration_rotation(settings.calibration).tolist(),
-        },
+        "rig_true": {**_rig(world.rig), "R_nominal_right": R.tolist()},
         "map": map_entry,
         "things": [
             {"id": k, "name": thing.name, "class": thing.kind.name.lower()}
@@ -91,15 +89,7 @@ def manifest(
 
 
 def _rig(rig: StereoRig) -> dict[str, Any]:
-    return {
-        "width_px": rig.width_px,
-        "height_px": rig.height_px,
-        "f_px": rig.f_px,
-        "cx_px": rig.cx_px,
-        "cy_px": rig.cy_px,
-        "baseline_m": rig.baseline_m,
-        "T_body_cam": rig.T_body_cam.tolist(),
-    }
+    return {**asdict(rig), "T_body_cam": rig.T_body_cam.tolist()}
 
 
 def _version() -> str:

@@ -30,13 +30,7 @@ from vo.contract.dataset import TRUTH, DatasetWriter
 from vo.contract.rig import StereoRig
 
 IMAGE_COLUMNS = ("timestamp [ns]", "filename")
-EXPOSURE_COLUMNS = (
-    "timestamp [ns]",
-    "exposure [ms]",
-    "gain []",
-    "sub-frames []",
-    "brightness []",
-)
+EXPOSURE_COLUMNS = ("timestamp [ns]", "exposure [ms]", "gain []", "sub-frames []", "brightness []")
 WHEEL_COLUMNS = ("timestamp [ns]", "left [ticks]", "right [ticks]")
 CONTACT_COLUMNS = ("timestamp [ns]", "left [N]", "right [N]", "caster [N]")
 IMU_COLUMNS = (

@@ -3,15 +3,15 @@
 import numpy as np
 
 from sim.labels.visibility import straightest
-from vo.contract.arrays import Array, Image, Indices, Mask
+from vo.contract.arrays import Array, Indices, Mask
 from vo.contract.compilation import compiled
 from vo.contract.rig import StereoRig
 
 SPLAT_COVERS_PX = 1.0
-"""A splat hides another on the same right pixel if its disparity is larger by more than this: less
-may be the slope of one surface from a left pixel to the next."""
+"""Smallest disparity difference at which a splat hides another on the same right pixel: less may be
+the slope of one surface from a left pixel to the next."""
 BEND_MAX_RAD = 0.02
-"""Three pixels are on one plane if their normal turns by no more than this between them."""
+"""Largest turn of the normal between three pixels of one plane."""
 
 
 def disparity_from_depth(rig: StereoRig, depth_m: Array) -> Array:
@@ -24,15 +24,12 @@ def disparity_from_depth(rig: StereoRig, depth_m: Array) -> Array:
 
 
 def visible_in_right(disparity_px: Array) -> Mask:
-    """Which left pixels the right camera sees too, from the left disparity alone.
+    """Return which left pixels the right camera sees too, from the left disparity (H, W) alone.
 
-    Every left pixel is splatted onto the two right pixels that it falls between, which closes
-    the gaps in surfaces that the right camera sees stretched. It is hidden if something nearer
-    landed on the right pixel next to it; so outlines hide up to a pixel too much, never too
-    little. Pixels that leave the image or have no disparity are not visible.
-
-    Args:
-        disparity_px: (H, W), NaN where unknown.
+    Every left pixel is splatted onto the two right pixels that it falls between, which closes the
+    gaps in surfaces that the right image shows stretched. It is hidden if a nearer splat is on the
+    right pixel next to it; so outlines hide up to a pixel too much, never too little. Pixels
+    outside the right image or without disparity (NaN) are not visible.
     """
     height, width = disparity_px.shape
     disparity = np.nan_to_num(disparity_px, nan=-1.0)
@@ -50,18 +47,18 @@ def visible_in_right(disparity_px: Array) -> Mask:
 
 
 def flow(rig: StereoRig, depth_m: Array, bodies: Indices, T_next_now: Array) -> Array:
-    """Tell where each pixel's point is in the next picture of the same camera.
+    """Return the position of each pixel's point in the next image of the same camera.
 
     Args:
         rig: Gives the pinhole.
         depth_m: (H, W) float32 planar depth; NaN for sky, which turns with body 0.
-        bodies: (H, W) integer index of the rigid body that each pixel shows.
-        T_next_now: (B, 4, 4) by body: takes its points from the camera's axes now to the
-            camera's axes at the next picture. Body 0 is the world at rest.
+        bodies: (H, W) integer index of the rigid body of each pixel.
+        T_next_now: (B, 4, 4) by body: maps its points from the present camera axes to the next.
+            Body 0 is the static world.
 
     Returns:
-        (H, W, 3) float32 du and dv in pixels and the depth in the next picture in metres. All
-        NaN for points that come to lie behind the camera; the depth is NaN for sky.
+        (H, W, 3) float32 du and dv in pixels and depth in the next image in metres. All NaN for
+        points behind the next camera; the depth is NaN for sky.
     """
     out = np.empty((*depth_m.shape, 3), np.float32)
     T = np.ascontiguousarray(T_next_now, dtype=np.float64)
@@ -70,48 +67,33 @@ def flow(rig: StereoRig, depth_m: Array, bodies: Indices, T_next_now: Array) -> 
 
 
 def normals(rig: StereoRig, depth_m: Array) -> Array:
-    """Unit normals of the surfaces, from three pixels on the same plane along each axis.
+    """Return unit normals of the surfaces, from three pixels on the same plane along each axis.
 
     A plane n . p = 1 seen through a pinhole has 1/Z = n . (x, y, 1), affine in the pixel. Of the
-    three runs of three pixels that hold the pixel, the one with the smallest second difference
+    three runs of three pixels that contain the pixel, the one with the smallest second difference
     gives the slope, so that edges do not mix surfaces.
 
     Args:
         rig: Gives the pinhole.
-        depth_m: (H, W) float32 planar depth; NaN for nothing.
+        depth_m: (H, W) float32 planar depth; NaN without a surface.
 
     Returns:
-        (H, W, 3) float32 in the camera's axes, towards the camera; NaN where no three pixels
-        are on one plane, or at nothing.
+        (H, W, 3) float32 in camera axes, towards the camera; NaN where no three pixels are on one
+        plane, or without a surface.
     """
     out = np.empty((*depth_m.shape, 3), np.float32)
     _normals(1 / depth_m, rig.f_px, rig.cx_px, rig.cy_px, BEND_MAX_RAD, out)
     return out
 
 
-def class_image(kinds: Array, geoms: Indices) -> Image:
-    """Return the (H, W) uint8 class of each pixel.
+def lookup(table: Array, geoms: Indices) -> Array:
+    """Return the entry of each pixel's geom, (H, W); 0 for negative geoms, which show nothing.
 
     Args:
-        kinds: (G,) class of each geom, 1 to 255.
-        geoms: (H, W) geom that each pixel shows; negative for nothing, which is class 0.
+        table: (G,) entry of each geom.
+        geoms: (H, W) geom of each pixel.
     """
-    return _look_up(kinds, geoms).astype(np.uint8, copy=False)
-
-
-def object_image(objects: Array, geoms: Indices) -> Array:
-    """Return the (H, W) uint16 object of each pixel.
-
-    Args:
-        objects: (G,) object of each geom, 1 to 65535; geoms may share one.
-        geoms: (H, W) geom that each pixel shows; negative for nothing, which is object 0.
-    """
-    return _look_up(np.asarray(objects, np.uint16), geoms)
-
-
-def _look_up(table: Array, geoms: Indices) -> Array:
-    """Value of each geom; 0 for the negative ones, which take the last entry."""
-    padded = np.append(table, np.zeros(1, table.dtype))
+    padded = np.append(table, np.zeros(1, table.dtype))  # entry -1
     return padded[np.maximum(geoms, -1)]
 
 

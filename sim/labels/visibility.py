@@ -1,4 +1,4 @@
-"""What a second view sees of the first: hidden, out of the picture, or there."""
+"""Visibility of a view's points in a second view: visible, hidden, outside or no surface."""
 
 from enum import IntEnum
 
@@ -10,7 +10,7 @@ from vo.contract.rig import StereoRig
 
 
 class Occlusion(IntEnum):
-    """Why a pixel has no counterpart in a second view; the value is the pixel in a label."""
+    """Visibility of a pixel's point in a second view; the value is the pixel in a label."""
 
     VISIBLE = 0
     HIDDEN = 1
@@ -21,26 +21,26 @@ class Occlusion(IntEnum):
 VISIBLE, HIDDEN, OUTSIDE, NOTHING = (int(code) for code in Occlusion)
 
 HIDING_STRIP_PX = 0.5
-"""A surface hides another from the right eye if its disparity is larger by more than this: the
-strip that it hides is then that wide."""
+"""Disparity difference, and width of the hidden strip, from which a surface hides another from the
+right camera."""
 OCCLUDED_BY_SHARE = 0.01
-"""A surface hides another from the next view if its depth is smaller by more than this share."""
+"""Relative depth difference from which a surface hides another from the next view."""
 
 
 def occlusion(rig: StereoRig, depth_left_m: Array, depth_right_m: Array) -> Image:
-    """Tell which left pixels the right eye sees too.
+    """Return which left pixels the right camera sees too.
 
-    A left pixel's point is visible if the right eye meets a surface of its disparity there. The
-    right pixels on both sides of it are asked, each carried to the point by its own surface's
+    A left pixel's point is visible if the right image shows a surface of its disparity there. The
+    right pixels on both sides of it are tested, each extrapolated to the point by its surface's
     slope, and none may be nearer: outlines hide up to a pixel too much.
 
     Args:
         rig: Gives disparities.
-        depth_left_m: (H, W) float32 planar depth; NaN where nothing is met.
-        depth_right_m: Like `depth_left_m`, in the right eye.
+        depth_left_m: (H, W) float32 planar depth; NaN without a surface.
+        depth_right_m: Like `depth_left_m`, of the right camera.
 
     Returns:
-        (H, W) uint8 of Occlusion: outside is left of the right eye's first pixel centre.
+        (H, W) uint8 of Occlusion: outside is left of the right image's first pixel centre.
     """
     scale = np.float32(rig.f_px * rig.baseline_m)
     left, right = scale / depth_left_m, np.nan_to_num(scale / depth_right_m)
@@ -50,15 +50,15 @@ def occlusion(rig: StereoRig, depth_left_m: Array, depth_right_m: Array) -> Imag
 
 
 def covisibility(flow: Array, depth_next_m: Array) -> Image:
-    """Tell which pixels the next view of the same camera sees too, by the rule of `occlusion`.
+    """Return which pixels the next view of the same camera sees too, by the rule of `occlusion`.
 
     Args:
         flow: (H, W, 3) float32 du, dv in pixels and depth in the next view, as `labels.flow`.
-        depth_next_m: (H, W) float32 what the next view meets; NaN for nothing.
+        depth_next_m: (H, W) float32 depth of the next view; NaN without a surface.
 
     Returns:
         (H, W) uint8 of Occlusion: outside is beyond the outermost pixel centres or behind the
-        camera; nothing where no surface is met now.
+            camera; nothing where the present view shows no surface.
     """
     out = np.empty(depth_next_m.shape, np.uint8)
     _next(flow, np.nan_to_num(1 / depth_next_m), OCCLUDED_BY_SHARE, out)
@@ -95,10 +95,10 @@ def _next(flow: Array, nearness: Array, share: float, out: Image) -> None:
 
 @compiled(nogil=True)
 def _meets(nearness: Array, u: float, v: float, wanted: float, slack: float) -> int:
-    """Whether the pixels around a place show a surface as near as is wanted, and none nearer.
+    """Test the pixels around a position for a surface at the wanted nearness, and none nearer.
 
-    Disparity and 1/Z are affine in the pixel on a plane (thesis eq. 2.5), so that a pixel's
-    surface is carried exactly to the place by its slopes.
+    Disparity and 1/Z are affine in the pixel on a plane (thesis eq. 2.5), so that slopes
+    extrapolate a pixel's surface exactly.
     """
     u0, v0 = int(np.floor(u)), int(np.floor(v))
     met = False
@@ -118,7 +118,7 @@ def _meets(nearness: Array, u: float, v: float, wanted: float, slack: float) -> 
 
 @compiled(nogil=True)
 def straightest(line: Array, k: int) -> tuple[float, float]:
-    """Slope at k and second difference of the straightest three entries that hold k."""
+    """Return slope at k and second difference of the straightest three entries that contain k."""
     slope, bend = 0.0, np.inf
     for centre in (k, k - 1, k + 1):
         if centre >= 1 and centre + 1 < len(line):

@@ -13,6 +13,7 @@ from sim.camera.render import StereoRenderer
 from sim.certificate.verify import verify
 from sim.dataset.sensor_yaml import LABELS
 from sim.labels.annotate import FORWARD, Annotator
+from sim.labels.labels import lookup
 from sim.labels.visibility import HIDDEN, NOTHING, OUTSIDE, VISIBLE
 from sim.record import record
 from sim.settings import (
@@ -254,7 +255,7 @@ def test_classes_of_the_sky_the_ground_and_loose_cartons(make_scene, settled):
     with StereoRenderer(world, settings.render) as renderer:
         geoms = renderer.render_geometry().geoms_left
     annotator = Annotator(world)
-    classes, objects = annotator.kinds(geoms), annotator.objects(geoms)
+    classes, objects = lookup(annotator.kind_of, geoms), lookup(annotator.object_of, geoms)
     assert set(np.unique(classes)) == {Kind.SKY, Kind.GROUND, Kind.MOVING}
     (box,) = (k for k, x in enumerate(annotator.things, start=1) if x.name == "box_0")
     assert (objects == box).sum() > 100

@@ -7,18 +7,18 @@ import pytest
 from raycast import Ball, Box, Ground, look
 
 from sim.camera.camera import FrameExposure
-from sim.certificate.certificate import FrameResidual, PhotometricCheck, certify
+from sim.certificate.certificate import certify
+from sim.certificate.photometric import FrameResidual, PhotometricCheck
 from sim.imaging.image_sensor import ImageSensor
 from sim.imaging.resample import sample, sample_variance
 from sim.labels.labels import (
-    class_image,
     disparity_from_depth,
     flow,
+    lookup,
     normals,
-    object_image,
     visible_in_right,
 )
-from sim.labels.warp import expected_residual, residual
+from sim.labels.warp import NoisyImage, expected_residual, residual
 from sim.settings import RecordSettings
 from vo.contract import se3
 from vo.contract.rig import StereoRig
@@ -131,10 +131,10 @@ def test_flow_of_sky_is_the_turn_alone_and_bodies_move_by_themselves():
 
 def test_classes_and_objects_are_looked_up_and_nothing_is_zero():
     geoms = np.array([[-1, 0], [2, 1]])
-    classes = class_image(np.array([3, 1, 2]), geoms)
+    classes = lookup(np.array([3, 1, 2], np.uint8), geoms)
     assert classes.dtype == np.uint8
     assert classes.tolist() == [[0, 3], [2, 1]]
-    objects = object_image(np.array([300, 7, 7]), geoms)
+    objects = lookup(np.array([300, 7, 7], np.uint16), geoms)
     assert objects.dtype == np.uint16
     assert objects.tolist() == [[0, 300], [7, 7]]
 
@@ -190,8 +190,8 @@ def test_noise_explains_the_residual_of_a_right_label_and_not_of_a_wrong_one(col
     v, u = np.indices((200, 300)).astype(np.float32)
     visible = (u > 10) & (u < 290)
     sigma_left, sigma_right = np.full(256, 4.0), np.full(256, 6.0)
-    known = visible, sigma_left, sigma_right
-    expected = expected_residual(left, right, u - 3.5, v, *known)
+    noisy = NoisyImage(left, sigma_left), NoisyImage(right, sigma_right)
+    expected = expected_residual(*noisy, u - 3.5, v, visible)
     measured = residual(left, right, u - 3.5, v, visible)
     ratio = math.sqrt((measured**2).mean() / (expected**2).mean())
     assert ratio == pytest.approx(1, abs=0.01)
@@ -203,6 +203,6 @@ def test_without_noise_rounding_is_what_is_expected():
     image = np.full((8, 12), 100, np.uint8)
     v, u = np.indices((8, 12)).astype(np.float32)
     visible = np.ones((8, 12), bool)
-    quiet = np.zeros(256)
-    expected = expected_residual(image, image, u, v, visible, quiet, quiet)
+    noiseless = NoisyImage(image, np.zeros(256))
+    expected = expected_residual(noiseless, noiseless, u, v, visible)
     np.testing.assert_allclose(expected, math.sqrt(1 / 6), rtol=1e-6)

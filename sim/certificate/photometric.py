@@ -1,0 +1,207 @@
+"""Photometric check: how well the labels explain the pixels, given the injected noise.
+
+Right images are warped to left ones by the disparity, next images to present ones by the flow, on
+the pixels that both show. Known differences of the two images (gain of the right camera,
+exposure, vignetting, an uncalibrated turn) are corrected first.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.camera.camera import FrameExposure
+from sim.imaging.image_sensor import ImageSensor
+from sim.imaging.lens import miscalibration_rotation
+from sim.labels.labels import visible_in_right
+from sim.labels.visibility import VISIBLE
+from sim.labels.warp import NoisyImage, expected_residual, residual
+from sim.settings import RecordSettings
+from vo.contract.arrays import Array, Image, Indices, Mask
+from vo.contract.rig import StereoRig
+
+SHIFT_PX = 0.5
+SHARE = 0.8
+FINE_GREY = 0.3
+NOISE_FACTOR = 1.2
+"""A frame passes if its median residual is at most FINE_GREY (the rounding of two images), at
+most NOISE_FACTOR times that of the injected noise, or less than SHARE of that of a label wrong by
+SHIFT_PX to either side: residuals depend on texture, so that no constant fits every scene."""
+
+MIN_LEVEL = 1e-6
+"""Smallest exposure level, as a multiple of the rendered brightness."""
+ROW_STEP = 16
+BINS_PER_GREY = 50
+"""Resolution of the histograms: residuals are exact to 1/50 grey level."""
+MEDIAN_OF_NORMAL = 0.67449
+"""Median of the absolute value of a standard normal variable."""
+
+
+@dataclass(frozen=True)
+class Residual:
+    """Photometric residuals of one warp, on the pixels that both images show.
+
+    Attributes:
+        histogram: (256 * BINS_PER_GREY + 1,) pixels by absolute residual.
+        shifted_median: Median residual of the better of two labels wrong by SHIFT_PX.
+        noise_median: Median residual of noise and rounding alone.
+        visible_fraction: Pixels compared over all pixels.
+    """
+
+    histogram: Indices
+    shifted_median: float
+    noise_median: float
+    visible_fraction: float
+
+    @property
+    def median(self) -> float:
+        """Median absolute residual in grey levels."""
+        return quantile(self.histogram, 0.5)
+
+    @property
+    def passed(self) -> bool:
+        """Whether the label explains the pixels."""
+        limits = FINE_GREY, NOISE_FACTOR * self.noise_median, SHARE * self.shifted_median
+        return self.median <= max(limits)
+
+
+@dataclass(frozen=True)
+class FrameResidual:
+    """Residuals of one frame.
+
+    Attributes:
+        timestamp_ns: Timestamp of the frame.
+        stereo: Left against right by the disparity.
+        flow: Present against next left image by the flow; None without that label.
+    """
+
+    timestamp_ns: int
+    stereo: Residual
+    flow: Residual | None
+
+
+class PhotometricCheck:
+    """Residuals of frames, corrected for the known effects of the sensors."""
+
+    def __init__(
+        self, settings: RecordSettings, rig: StereoRig, sensors: Sequence[ImageSensor]
+    ) -> None:
+        """Prepare the check for the true rig and the left and right sensors."""
+        self._sensors = sensors
+        R = miscalibration_rotation(settings.calibration)
+        self._H_true_nominal = rig.K @ R.T @ np.linalg.inv(rig.K)
+        self._is_turned = not np.array_equal(R, np.eye(3))
+
+    def stereo(
+        self, left: Image, right: Image, disparity_px: Array, exposure: FrameExposure
+    ) -> Residual:
+        """Compare left and right image.
+
+        Args:
+            left: (H, W) or (H, W, 3) uint8.
+            right: Like `left`.
+            disparity_px: (H, W) label.
+            exposure: How the frame was exposed.
+        """
+        disparity_px = disparity_px[::ROW_STEP]
+        v, u = _rows(left)
+        visible = visible_in_right(disparity_px)
+        first, second = (
+            _corrected(sensor, image, exposure.gain, 1.0)
+            for sensor, image in zip(self._sensors, (left, right), strict=True)
+        )
+
+        def positions(shift_px: float) -> tuple[Array, Array]:
+            return self._in_true_right(u - disparity_px - np.float32(shift_px), v)
+
+        shifted = [positions(shift) for shift in (-SHIFT_PX, SHIFT_PX)]
+        return _compare(first, second, positions(0.0), shifted, visible)
+
+    def flow(
+        self,
+        now: Image,
+        following: Image,
+        flow: Array,
+        covisibility: Array,
+        exposures: tuple[FrameExposure, FrameExposure],
+    ) -> Residual:
+        """Compare two successive left images.
+
+        Args:
+            now: (H, W) or (H, W, 3) uint8.
+            following: The next, like `now`.
+            flow: (H, W, 3) label.
+            covisibility: (H, W) label.
+            exposures: How both were exposed.
+        """
+        v, u = _rows(now)
+        du, dv = flow[::ROW_STEP, :, 0], flow[::ROW_STEP, :, 1]
+        visible = (covisibility[::ROW_STEP] == VISIBLE) & np.isfinite(du)
+        brighter = max(exposures[1].level, MIN_LEVEL) / max(exposures[0].level, MIN_LEVEL)
+        first, second = (
+            _corrected(self._sensors[0], image, exposure.gain, level)
+            for image, exposure, level in zip(
+                (now, following), exposures, (1.0, brighter), strict=True
+            )
+        )
+        half = SHIFT_PX / np.sqrt(2).astype(np.float32)
+        shifted = [(u + du + s, v + dv + s) for s in (-half, half)]
+        return _compare(first, second, (u + du, v + dv), shifted, visible)
+
+    def _in_true_right(self, u: Array, v: Array) -> tuple[Array, Array]:
+        """Map nominal right pixels to the true right camera, which may be turned."""
+        if not self._is_turned:
+            return u, v
+        x, y, w = np.einsum("ij,jhw->ihw", self._H_true_nominal, np.stack([u, v, np.ones_like(u)]))
+        return (x / w).astype(np.float32), (y / w).astype(np.float32)
+
+
+def quantile(histogram: Indices, q: float) -> float:
+    """Return the absolute residual, grey levels, below which a share q of the pixels lies."""
+    cumulative = np.cumsum(histogram)
+    return float(np.searchsorted(cumulative, q * cumulative[-1]) / BINS_PER_GREY)
+
+
+def _rows(image: Image) -> tuple[Array, Array]:
+    """(v, u) float32 of every ROW_STEP-th row."""
+    v, u = np.mgrid[: image.shape[0] : ROW_STEP, : image.shape[1]].astype(np.float32)
+    return v, u
+
+
+_Corrected = tuple[Array, NoisyImage]
+"""(H, W[, 3]) corrected grey levels, and the delivered image with its noise."""
+
+
+def _corrected(sensor: ImageSensor, image: Image, gain: float, level: float) -> _Corrected:
+    noise = sensor.noise_sigma(gain), sensor.correction_gain(image, level)
+    return sensor.corrected(image, level), NoisyImage(image, *noise)
+
+
+def _compare(
+    first: _Corrected,
+    second: _Corrected,
+    positions: tuple[Array, Array],
+    shifted: Sequence[tuple[Array, Array]],
+    visible: Mask,
+) -> Residual:
+    """Warp the second image to the compared rows of the first.
+
+    Args:
+        first: All rows.
+        second: All rows.
+        positions: Positions of the compared rows in the second image.
+        shifted: Wrong positions, for comparison.
+        visible: Pixels to compare.
+    """
+    levels, noisy = first
+    noisy = NoisyImage(noisy.image[::ROW_STEP], noisy.sigma, np.asarray(noisy.gain)[::ROW_STEP])
+
+    def histogram(at: tuple[Array, Array]) -> Indices:
+        absolute = np.abs(residual(levels[::ROW_STEP], second[0], *at, visible))
+        bins = np.minimum(absolute * BINS_PER_GREY, 256 * BINS_PER_GREY).astype(np.int64)
+        return np.bincount(bins, minlength=256 * BINS_PER_GREY + 1)
+
+    expected = expected_residual(noisy, second[1], *positions, visible)
+    noise = MEDIAN_OF_NORMAL * float(np.median(expected)) if len(expected) else 0.0
+    shifted_median = min(quantile(histogram(at), 0.5) for at in shifted)
+    return Residual(histogram(positions), shifted_median, noise, float(visible.mean()))
