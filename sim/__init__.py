@@ -1,1 +1,1 @@
-"""What happens in the world: rover, cameras, rendering, recording."""
+"""The simulator: rover, cameras, rendering, recording."""

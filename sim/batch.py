@@ -1,9 +1,8 @@
-"""Many datasets: pure tasks, spread over the cores or a cluster by Dask.
+"""Batches: many independent recordings on all cores or a cluster, by Dask.
 
-A task is (scene, settings) to a dataset folder and depends on nothing else, so that it may run
-anywhere that sees the folder, and again if its worker was lost. A folder that is there and was
-made with the same settings is finished work; it is not done again. Until it is finished it has a
-hidden name beside the final one, which whoever makes the dataset next removes.
+A task maps a scene and settings to a dataset folder and depends on nothing else: it runs anywhere
+that sees the folder, and again if its worker is lost. A dataset that exists with the same settings
+is kept.
 """
 
 import logging
@@ -32,21 +31,21 @@ if TYPE_CHECKING:
 TOPIC = "driftyard-frames"
 REPORT_PERIOD_S = 0.5
 RETRIES = 2
-"""How often a local cluster tries a dataset again after its worker was lost."""
-LOST = "its worker was lost, and so was every other that tried (killed, or out of memory?)"
+"""Attempts of a local cluster at a dataset after its worker was lost."""
+LOST = "its worker was lost in every attempt (killed, or out of memory?)"
 
-_turn = threading.Lock()
-"""Held by who makes a dataset: GL is bound to a process, and so is the working directory."""
+_process_lock = threading.Lock()
+"""Lock for one dataset at a time: OpenGL and the working directory belong to the process."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """One dataset to make.
+    """One dataset to record.
 
     Attributes:
         scene: Name in the registry, MJCF file or `module:function`.
-        settings: Resolved.
-        out: Folder.
+        settings: Resolved settings.
+        out: Dataset folder.
     """
 
     scene: str
@@ -58,27 +57,27 @@ class Task:
         """Whether the folder is a dataset of this task already.
 
         Raises:
-            DatasetError: If something else is in its place.
+            DatasetError: If the folder holds something else.
         """
         if not self.out.exists():
             return False
         if not (self.out / MANIFEST).is_file():
-            raise DatasetError(f"{self.out}: in the way, and not a dataset")
+            raise DatasetError(f"{self.out}: exists and is not a dataset; choose another folder")
         made = read_manifest(self.out)
         same = recorded_settings(made["settings"]) == self.settings
         if not same or made["scene"]["source"] != self.scene:
-            raise DatasetError(f"{self.out}: a dataset made with other settings is in the way")
+            raise DatasetError(f"{self.out}: exists with other settings; choose another folder")
         return True
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a task.
+    """Result of a task.
 
     Attributes:
         task: The task.
-        recording: What was recorded; None if that failed.
-        problem: Why it failed, or why the recording ended early; empty if all is well.
+        recording: The recording; None if it failed.
+        problem: Why it failed, or why the recording ended early; empty if neither.
     """
 
     task: Task
@@ -87,7 +86,7 @@ class Outcome:
 
 
 def build(scene: str, settings: RecordSettings) -> Scene:
-    """Build a scene from its own stream of random numbers.
+    """Build a scene from its own random stream.
 
     Raises:
         SettingsError: If there is no such scene or option.
@@ -96,10 +95,7 @@ def build(scene: str, settings: RecordSettings) -> Scene:
 
 
 def perform(task: Task, progress: Progress | None = None) -> Outcome:
-    """Make one dataset; what is wrong with it is in the outcome, other errors are raised.
-
-    It may be there already, if a worker was lost between finishing and saying so.
-    """
+    """Record one dataset, or read it if it exists; return expected errors in the outcome."""
     try:
         if task.is_done:
             made = read_manifest(task.out)
@@ -122,12 +118,12 @@ def perform_all(
     workers: int | None,
     progress: Callable[[Path, int, int], None],
 ) -> Iterator[Outcome]:
-    """Make datasets, each on one core of its own; yields them as they are finished.
+    """Record datasets, each on a core of its own; yield outcomes as they are finished.
 
     Args:
-        tasks: None of them done.
+        tasks: Tasks that are not done.
         scheduler: Address of a running Dask scheduler; None for a cluster of local processes.
-        workers: Of the local cluster; None for one a core.
+        workers: Number of local processes; None for one per core.
         progress: Called with a dataset's folder, its frames done and its frames in total.
 
     Raises:
@@ -135,12 +131,12 @@ def perform_all(
     """
     from distributed import KilledWorker, as_completed
 
-    def hear(event: tuple[Any, tuple[str, int, int]]) -> None:
+    def report(event: tuple[Any, tuple[str, int, int]]) -> None:
         out, done, total = event[1]
         progress(Path(out), done, total)
 
     with _client(scheduler, workers) as client:
-        client.subscribe_topic(TOPIC, hear)
+        client.subscribe_topic(TOPIC, report)
         here = Path.cwd()
         futures = [client.submit(_perform_remotely, t, here, pure=False) for t in tasks]
         task_of = dict(zip(futures, tasks, strict=True))
@@ -152,38 +148,33 @@ def perform_all(
             except CancelledError:
                 address = scheduler or "of the local cluster"
                 raise DatasetError(
-                    f"scheduler {address}: lost; the same command goes on from here"
+                    f"scheduler {address}: lost; the same command continues from here"
                 ) from None
-            except Exception as error:  # the other datasets do not suffer
+            except Exception as error:  # the other datasets go on
                 outcome = Outcome(task_of[future], None, f"{type(error).__name__}: {error}")
             yield outcome
             future.release()
 
 
 def _perform_remotely(task: Task, folder: Path) -> Outcome:
-    """Run in a Dask worker: as `perform`, and tell the client how far it is, now and then.
-
-    Args:
-        task: Its paths are relative to `folder`.
-        folder: Where the command was given; a worker of another's cluster started elsewhere.
-    """
+    """Run `perform` in a Dask worker, in the client's `folder`, and report its progress."""
     from distributed import get_worker
 
-    worker, told_s = get_worker(), -REPORT_PERIOD_S
+    worker, reported_s = get_worker(), -REPORT_PERIOD_S
 
-    def tell(done: int, total: int) -> None:
-        nonlocal told_s
-        if done == total or time.monotonic() - told_s > REPORT_PERIOD_S:
-            told_s = time.monotonic()
+    def report(done: int, total: int) -> None:
+        nonlocal reported_s
+        if done == total or time.monotonic() - reported_s > REPORT_PERIOD_S:
+            reported_s = time.monotonic()
             worker.log_event(TOPIC, (str(task.out), done, total))
 
-    with _turn, chdir(folder):
-        return perform(task, tell)
+    with _process_lock, chdir(folder):
+        return perform(task, report)
 
 
 @contextmanager
 def _client(scheduler: str | None, workers: int | None) -> "Generator[Client]":
-    """Connect, or start one process a core, each with a single-threaded renderer.
+    """Connect, or start one process per core, each with a single-threaded renderer.
 
     Raises:
         DatasetError: If no scheduler answers at the address.
@@ -191,7 +182,7 @@ def _client(scheduler: str | None, workers: int | None) -> "Generator[Client]":
     import dask.config as dask_config
     from distributed import Client, LocalCluster
 
-    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # we say it ourselves
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # errors are raised below
     if scheduler is not None:
         try:
             client = Client(scheduler, timeout="10s")
@@ -203,16 +194,16 @@ def _client(scheduler: str | None, workers: int | None) -> "Generator[Client]":
         return
     count = workers or len(os.sched_getaffinity(0))
     alone = {"LP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-    # Of any port: that of None is 8787, where a second command would be warned of the first.
+    # Any free port: the default, 8787, may be that of another command.
     quiet: dict[str, Any] = {"dashboard_address": "127.0.0.1:0", "silence_logs": 50}
-    orders: dict[str, Any] = {
+    configuration: dict[str, Any] = {
         "distributed.nanny.pre-spawn-environ": alone,
         "distributed.scheduler.allowed-failures": RETRIES,
-        # No task waits at a worker: one that is lost would take the blame for its death too.
+        # No task waits at a worker, where the loss of the worker would count against it.
         "distributed.scheduler.worker-saturation": 1.0,
     }
     with (
-        dask_config.set(orders),
+        dask_config.set(configuration),
         LocalCluster(n_workers=count, threads_per_worker=1, **quiet) as cluster,
         Client(cluster) as client,
     ):

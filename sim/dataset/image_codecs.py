@@ -1,7 +1,7 @@
-"""Images and labels as files' bytes, losslessly, in a fraction of the usual time.
+"""Lossless encoding of images and labels.
 
-Both formats end in deflate, for which ISA-L is three times as fast as what OpenCV brings, and
-smaller. What it writes may differ between kinds of processors; what one reads from it does not.
+PNG and TIFF both end in deflate, for which ISA-L is three times as fast as OpenCV, with smaller
+files. The bytes may differ between processors; the decoded pixels do not.
 
 Source:
     PNG, third edition (W3C, 2025), sections 5 and 9; TIFF 6.0, sections 2 and 8; Adobe Photoshop
@@ -16,16 +16,16 @@ from isal import isal_zlib
 from vo.contract.arrays import Array
 
 EFFORT = 1
-"""ISA-L's level; 2 takes longer and saves one per cent, 0 saves no time."""
+"""Compression level of ISA-L; 2 takes longer and saves one per cent, 0 saves no time."""
 
 PNG_START = b"\x89PNG\r\n\x1a\n"
 GREY, RGB = 0, 2
 """PNG's colour types."""
 SUB = 1
-"""PNG's filter that keeps differences to the pixel on the left."""
+"""PNG's filter for differences to the pixel on the left."""
 
 HEADER_BYTES = 8
-"""Of a TIFF."""
+"""Size of a TIFF header."""
 SHORT, LONG = 3, 4
 """TIFF's types of 16 and 32 bits."""
 
@@ -61,7 +61,7 @@ def encode_float(label: Array) -> bytes:
 
 
 def _differences(rows: Array, apart: int, out: Array) -> None:
-    """Every byte of (H, N) rows less the one so many before it, modulo 256."""
+    """Subtract from every byte of (H, N) rows the one `apart` before it, modulo 256."""
     out[:, :apart] = rows[:, :apart]
     np.subtract(rows[:, apart:], rows[:, :-apart], out=out[:, apart:])
 
@@ -72,7 +72,7 @@ def _chunk(name: bytes, data: bytes) -> bytes:
 
 
 def _tiff(width: int, height: int, channels: int, strip: bytes) -> bytes:
-    """All rows as one strip, then what does not fit into the directory, then the directory."""
+    """Assemble one strip with all rows, the values that exceed the directory, and the directory."""
     fields = (
         (256, LONG, (width,)),
         (257, LONG, (height,)),

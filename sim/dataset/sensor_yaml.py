@@ -1,8 +1,7 @@
-"""What each sensor folder says of itself: the content of its sensor.yaml."""
+"""Content of the sensor.yaml files."""
 
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -15,24 +14,20 @@ from vo.contract.rig import StereoRig
 
 SIDES = "left", "right"
 EXPOSURES = "mav0/cam0/exposure.csv"
-"""Table of how each frame was exposed."""
-FLOAT, CODES, FLOAT_3 = (
-    "32-bit float TIFF, lossless",
-    "PNG",
-    "3-channel 32-bit float TIFF, lossless",
-)
+"""Table with the exposure of each frame."""
+FLOAT, CODES = "32-bit float TIFF, lossless", "PNG"
+FLOAT_3 = "3-channel 32-bit float TIFF, lossless"
 
 
-@dataclass(frozen=True)
-class LabelFormat:
-    """How one dense label is kept.
+class LabelFormat(NamedTuple):
+    """File format of a dense label.
 
     Attributes:
-        folder: Under mav0; the digit is the camera whose pixels it has.
-        about: What a pixel says.
-        unit: Of its values.
+        folder: Folder under mav0; its last digit is the camera whose pixels it labels.
+        about: Meaning of a pixel.
+        unit: Unit of the values.
         encoding: File format.
-        invalid: What a pixel holds that has no value.
+        invalid: Value of a pixel without a label.
     """
 
     folder: str
@@ -43,13 +38,8 @@ class LabelFormat:
 
     @property
     def suffix(self) -> str:
-        """Of its files."""
+        """File name suffix."""
         return ".png" if self.encoding == CODES else ".tiff"
-
-    @property
-    def eye(self) -> int:
-        """0 or 1: the camera whose pixels it has."""
-        return int(self.folder[-1])
 
 
 SEEN = "0 visible, 1 hidden behind something, 2 out of the picture, 3 no surface here"
@@ -99,48 +89,49 @@ LABELS = {
 
 
 def label_file(folder: Path, label: str, time_ns: int) -> Path:
-    """Where a dataset folder keeps one of LABELS."""
+    """Return the path of one of LABELS in a dataset folder."""
     form = LABELS[label]
     return folder / "mav0" / form.folder / "data" / f"{time_ns}{form.suffix}"
 
 
-def camera_sheet(rig: StereoRig, rate_hz: float, eye: int, comment: str) -> dict[str, Any]:
-    """Describe rectified camera 0 (left) or 1 (right), in EuRoC's keys."""
-    T_left_eye = se3.pose(np.eye(3), np.array([rig.baseline_m * eye, 0.0, 0.0]))
+def camera_sheet(
+    rig: StereoRig, rate_hz: float, camera: int, lens: SensorSettings | None = None
+) -> dict[str, Any]:
+    """Describe camera 0 (left) or 1 (right), in EuRoC's keys; raw behind a lens, or rectified."""
+    comment = f"{SIDES[camera]} eye of a rectified pair, pixel centres on integers"
+    coefficients = [0.0, 0.0, 0.0, 0.0]
+    if lens:
+        comment = f"{SIDES[camera]} eye as it leaves the sensor, distorted"
+        coefficients = [lens.k1, lens.k2, lens.p1, lens.p2]
     return {
         "sensor_type": "camera",
         "comment": comment,
-        "T_BS": _matrix(rig.T_body_cam @ T_left_eye),
-        "rate_hz": rate_hz,
-        "resolution": [rig.width_px, rig.height_px],
+        **_pixels(rig, rate_hz, camera),
         "camera_model": "pinhole",
         "intrinsics": [rig.f_px, rig.f_px, rig.cx_px, rig.cy_px],
         "distortion_model": "radial-tangential",
-        "distortion_coefficients": [0.0, 0.0, 0.0, 0.0],
+        "distortion_coefficients": coefficients,
     }
-
-
-def raw_camera_sheet(
-    rig: StereoRig, rate_hz: float, eye: int, sensor: SensorSettings
-) -> dict[str, Any]:
-    """Describe the camera before rectification: the same pinhole behind a lens that distorts."""
-    sheet = camera_sheet(rig, rate_hz, eye, f"{SIDES[eye]} eye as it leaves the sensor, distorted")
-    coefficients = [sensor.k1, sensor.k2, sensor.p1, sensor.p2]
-    return {**sheet, "distortion_coefficients": coefficients}
 
 
 def label_sheet(rig: StereoRig, rate_hz: float, label: LabelFormat) -> dict[str, Any]:
     """Describe a label; its pixels are those of its camera."""
-    T_left_eye = se3.pose(np.eye(3), np.array([rig.baseline_m * label.eye, 0.0, 0.0]))
     return {
         "sensor_type": label.folder[:-1],
         "comment": label.about,
-        "T_BS": _matrix(rig.T_body_cam @ T_left_eye),
-        "rate_hz": rate_hz,
-        "resolution": [rig.width_px, rig.height_px],
+        **_pixels(rig, rate_hz, int(label.folder[-1])),
         "unit": label.unit,
         "encoding": label.encoding,
         "invalid_value": label.invalid,
+    }
+
+
+def _pixels(rig: StereoRig, rate_hz: float, camera: int) -> dict[str, Any]:
+    T_left_camera = se3.pose(np.eye(3), np.array([rig.baseline_m * camera, 0.0, 0.0]))
+    return {
+        "T_BS": _matrix(rig.T_body_cam @ T_left_camera),
+        "rate_hz": rate_hz,
+        "resolution": [rig.width_px, rig.height_px],
     }
 
 
@@ -178,7 +169,7 @@ def wheels_sheet(settings: EncoderSettings) -> dict[str, Any]:
 
 
 def contact_sheet(rate_hz: float) -> dict[str, Any]:
-    """Describe the loads on the wheels, which are truth: no rover measures them."""
+    """Describe the wheel loads, which are ground truth."""
     return {
         "sensor_type": "wheel_loads",
         "comment": "normal force between ground and wheel at an instant",
@@ -188,7 +179,7 @@ def contact_sheet(rate_hz: float) -> dict[str, Any]:
 
 
 def truth_sheet(settings: RecordSettings) -> dict[str, Any]:
-    """Describe the true state."""
+    """Describe the true states."""
     return {
         "sensor_type": "truth",
         "comment": "T_world_body at mid-exposure; body: origin midway between the driven wheels, "

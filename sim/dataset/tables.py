@@ -1,4 +1,4 @@
-"""Tables of a dataset: every sensor.yaml and data.csv."""
+"""The sensor.yaml files and tables of a dataset."""
 
 from collections.abc import Iterator, Sequence
 
@@ -8,19 +8,17 @@ from sim.camera.camera import FrameExposure
 from sim.dataset.sensor_yaml import (
     EXPOSURES,
     LABELS,
-    SIDES,
     T_body_imu,
     camera_sheet,
     contact_sheet,
     imu_sheet,
     label_sheet,
-    raw_camera_sheet,
     truth_sheet,
     wheels_sheet,
 )
 from sim.imaging.lens import has_distortion
 from sim.labels.annotate import FORWARD
-from sim.sensors.inertial import GRAVITY_MPS2, ImuReadings, ideal_readings, imu_states, with_noise
+from sim.sensors.inertial import GRAVITY_MPS2, ideal_readings, imu_states, with_noise
 from sim.settings import RecordSettings
 from sim.world.random_streams import stream
 from sim.world.trip import Trip
@@ -29,12 +27,13 @@ from vo.contract.arrays import Array, Indices
 from vo.contract.dataset import TRUTH, DatasetWriter
 from vo.contract.rig import StereoRig
 
-IMAGE_COLUMNS = ("timestamp [ns]", "filename")
-EXPOSURE_COLUMNS = ("timestamp [ns]", "exposure [ms]", "gain []", "sub-frames []", "brightness []")
-WHEEL_COLUMNS = ("timestamp [ns]", "left [ticks]", "right [ticks]")
-CONTACT_COLUMNS = ("timestamp [ns]", "left [N]", "right [N]", "caster [N]")
+STAMP = "timestamp [ns]"
+IMAGE_COLUMNS = (STAMP, "filename")
+EXPOSURE_COLUMNS = (STAMP, "exposure [ms]", "gain []", "sub-frames []", "brightness []")
+WHEEL_COLUMNS = (STAMP, "left [ticks]", "right [ticks]")
+CONTACT_COLUMNS = (STAMP, "left [N]", "right [N]", "caster [N]")
 IMU_COLUMNS = (
-    "timestamp [ns]",
+    STAMP,
     *(f"w_RS_S_{axis} [rad s^-1]" for axis in "xyz"),
     *(f"a_RS_S_{axis} [m s^-2]" for axis in "xyz"),
 )
@@ -51,74 +50,53 @@ TRUTH_COLUMNS = (
 def write_cameras(
     writer: DatasetWriter, delivered: StereoRig, settings: RecordSettings, trip: Trip
 ) -> None:
-    """Write what describes the images and labels."""
+    """Write descriptions and file lists of the images and labels."""
     rate_hz = settings.rig.rate_hz
     times = trip.timestamps_ns[trip.delivered].tolist()
-    for eye, name in enumerate(SIDES):
-        comment = f"{name} eye of a rectified pair, pixel centres on integers"
-        sheets = {f"cam{eye}": camera_sheet(delivered, rate_hz, eye, comment)}
+    sheets = {}
+    for k in (0, 1):
+        sheets[f"cam{k}"] = camera_sheet(delivered, rate_hz, k), times, ".png"
         if has_distortion(settings.sensor):
-            sheets[f"raw{eye}"] = raw_camera_sheet(delivered, rate_hz, eye, settings.sensor)
-        for folder, sheet in sheets.items():
-            writer.add_yaml(f"mav0/{folder}/sensor.yaml", sheet)
-            _list_files(writer, folder, times, ".png")
-    for name, asked in settings.labels:
-        if asked:
-            form = LABELS[name]
-            writer.add_yaml(
-                f"mav0/{form.folder}/sensor.yaml", label_sheet(delivered, rate_hz, form)
-            )
-            listed = times[:-1] if name in FORWARD else times
-            _list_files(writer, form.folder, listed, form.suffix)
+            sheets[f"raw{k}"] = camera_sheet(delivered, rate_hz, k, settings.sensor), times, ".png"
+    for name, wanted in settings.labels:
+        if wanted:
+            form, listed = LABELS[name], times[:-1] if name in FORWARD else times
+            sheets[form.folder] = label_sheet(delivered, rate_hz, form), listed, form.suffix
+    for folder, (sheet, listed, suffix) in sheets.items():
+        writer.add_yaml(f"mav0/{folder}/sensor.yaml", sheet)
+        rows = ((t, f"{t}{suffix}") for t in listed)
+        writer.add_csv(f"mav0/{folder}/data.csv", IMAGE_COLUMNS, rows)
 
 
-def write_exposures(writer: DatasetWriter, shots: Sequence[FrameExposure]) -> None:
+def write_exposures(writer: DatasetWriter, exposures: Sequence[FrameExposure]) -> None:
     """Write how each frame was exposed."""
-    rows = ((s.timestamp_ns, s.exposure_ms, s.gain, s.subframes, s.brightness) for s in shots)
+    rows = ((x.timestamp_ns, x.exposure_ms, x.gain, x.subframes, x.brightness) for x in exposures)
     writer.add_csv(EXPOSURES, EXPOSURE_COLUMNS, rows)
 
 
-def _list_files(writer: DatasetWriter, folder: str, times: list[int], suffix: str) -> None:
-    rows = ((t, f"{t}{suffix}") for t in times)
-    writer.add_csv(f"mav0/{folder}/data.csv", IMAGE_COLUMNS, rows)
-
-
 def write_inertial(writer: DatasetWriter, settings: RecordSettings, trip: Trip) -> None:
-    """Write the inertial unit with its true states, and the body's true states with the biases."""
-    ideal = perfect_readings(settings, trip)
+    """Write the inertial readings, and the true states of unit and body with the biases."""
+    motions, T_body_unit = trip.motions, T_body_imu(settings.imu)
+    states = motions.T_world_body, motions.v_world_body, motions.w_world_body, T_body_unit
+    ideal = ideal_readings(motions.times_ns, *states, GRAVITY_MPS2)
     readings, biases = with_noise(ideal, settings.imu, stream(settings.seed, "imu"))
     writer.add_yaml("mav0/imu0/sensor.yaml", imu_sheet(settings.imu))
     values = np.hstack([readings.gyro_radps, readings.accel_mps2])
     writer.add_csv("mav0/imu0/data.csv", IMU_COLUMNS, _stamped(readings.times_ns, values))
-    both = np.hstack([biases.gyro_radps, biases.accel_mps2])
-    motions, T_body_unit = trip.motions, T_body_imu(settings.imu)
-    poses, velocities = imu_states(
-        motions.T_world_body, motions.v_world_body, motions.w_world_body, T_body_unit
-    )
     tables = (
-        ("mav0/imu0/truth.csv", motions.times_ns, poses, velocities),
+        ("mav0/imu0/truth.csv", motions.times_ns, *imu_states(*states)),
         (f"{TRUTH}/data.csv", trip.timestamps_ns, trip.T_world_body, trip.v_world_body),
     )
     for name, times_ns, T_world_frame, v_world_frame in tables:
-        at_times = [np.interp(times_ns, readings.times_ns, b) for b in both.T]
-        states = np.hstack(
-            [
-                T_world_frame[:, :3, 3],
-                se3.to_quat_wxyz(T_world_frame),
-                v_world_frame,
-                np.stack(at_times, axis=1),
-            ]
-        )
-        writer.add_csv(name, TRUTH_COLUMNS, _stamped(times_ns, states))
+        at_times = [np.interp(times_ns, readings.times_ns, b) for b in biases.T]
+        parts = T_world_frame[:, :3, 3], se3.to_quat_wxyz(T_world_frame), v_world_frame
+        rows = np.hstack([*parts, np.stack(at_times, axis=1)])
+        writer.add_csv(name, TRUTH_COLUMNS, _stamped(times_ns, rows))
     writer.add_yaml(f"{TRUTH}/sensor.yaml", truth_sheet(settings))
 
 
-def _stamped(times_ns: Indices, values: Array) -> Iterator[list[float]]:
-    return ([t, *row] for t, row in zip(times_ns.tolist(), values.tolist(), strict=True))
-
-
 def write_wheels(writer: DatasetWriter, settings: RecordSettings, trip: Trip) -> None:
-    """Write encoders and wheel loads, if the carrier has wheels."""
+    """Write encoder readings and wheel loads, if the carrier has wheels."""
     if len(trip.wheel_counts):
         writer.add_yaml("mav0/wheels0/sensor.yaml", wheels_sheet(settings.encoders))
         counts = zip(trip.wheel_times_ns.tolist(), *trip.wheel_counts.T.tolist(), strict=True)
@@ -129,14 +107,5 @@ def write_wheels(writer: DatasetWriter, settings: RecordSettings, trip: Trip) ->
         writer.add_csv("mav0/contact0/data.csv", CONTACT_COLUMNS, loads)
 
 
-def perfect_readings(settings: RecordSettings, trip: Trip) -> ImuReadings:
-    """Return what the inertial unit would measure without noise."""
-    motions = trip.motions
-    return ideal_readings(
-        motions.times_ns,
-        motions.T_world_body,
-        motions.v_world_body,
-        motions.w_world_body,
-        T_body_imu(settings.imu),
-        GRAVITY_MPS2,
-    )
+def _stamped(times_ns: Indices, values: Array) -> Iterator[list[float]]:
+    return ([t, *row] for t, row in zip(times_ns.tolist(), values.tolist(), strict=True))

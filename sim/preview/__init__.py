@@ -1,1 +1,1 @@
-"""Pictures of scenes and datasets for people."""
+"""Images and films of scenes and recordings."""

@@ -1,4 +1,4 @@
-"""The view from behind: over the carrier's shoulder, and in front of whatever is in between."""
+"""The chase camera: a view from behind the carrier, in front of obstacles."""
 
 import math
 
@@ -19,12 +19,12 @@ OFF_SURFACE_M = 0.08
 
 
 def chase_camera(world: World, side_deg: float | None = None) -> mujoco.MjvCamera:
-    """Look over the carrier's shoulder along its heading.
+    """Place a camera behind the carrier, along its heading.
 
     Args:
-        world: With bodies placed.
-        side_deg: How far the camera stands to the right of straight behind; None for whichever
-            side has more room.
+        world: World with bodies placed.
+        side_deg: Angle of the camera to the right of straight behind; None for the side with the
+            most space.
     """
     T_world_body = world.T_world_body
     forward = T_world_body[:3, 0]
@@ -41,14 +41,14 @@ def chase_camera(world: World, side_deg: float | None = None) -> mujoco.MjvCamer
 
 
 def _backwards(azimuth_deg: float) -> Array:
-    """(3,) direction from what a camera looks at to the camera."""
+    """(3,) direction from the centre of the view to the camera."""
     azimuth, elevation = math.radians(azimuth_deg), math.radians(ELEVATION_DEG)
     flat = -math.cos(elevation)
     return np.array([flat * math.cos(azimuth), flat * math.sin(azimuth), math.sin(elevation)])
 
 
 def _room_m(world: World, start: Array, direction: Array) -> float:
-    """How far the camera can go back before something drawn is in the way."""
+    """Return how far back the camera can move before a drawn geom is in the way."""
     groups = np.zeros(6, np.uint8)
     groups[[*BOTH_GROUPS, IMAGE_GROUP]] = 1
     met = np.zeros(1, np.int32)

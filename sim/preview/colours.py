@@ -1,4 +1,4 @@
-"""Colours for labels: depth, directions, objects, classes and visibility as people can see them."""
+"""Colours of labels: depth, directions, objects, classes and visibility."""
 
 import colorsys
 import math
@@ -20,7 +20,7 @@ KINDS: dict[Kind, RGB] = {
     Kind.MOVING: (228, 82, 60),
     Kind.SKY: (200, 222, 236),
 }
-SEEN: dict[Occlusion, RGB] = {
+INVISIBLE: dict[Occlusion, RGB] = {
     Occlusion.HIDDEN: (255, 112, 26),
     Occlusion.OUTSIDE: (54, 140, 255),
     Occlusion.NOTHING: NOTHING,
@@ -30,18 +30,13 @@ GOLDEN = 0.618033988749895
 
 @dataclass(frozen=True)
 class DepthScale:
-    """Logarithmic colours of depth, warm where it is near.
-
-    Attributes:
-        near_m: Warmest.
-        far_m: Coldest.
-    """
+    """Logarithmic colours of depth, from warm at near_m to cold at far_m."""
 
     near_m: float
     far_m: float
 
     def colours(self, depth_m: Array) -> Image:
-        """Colour (H, W) depth in metres as (H, W, 3) RGB; what has none is dark."""
+        """Colour (H, W) depth in metres as (H, W, 3) RGB; NaN is dark."""
         span = math.log(self.far_m / self.near_m)
         share = np.log(np.clip(depth_m, self.near_m, self.far_m) / self.near_m) / span
         levels = np.nan_to_num(255 * (0.96 - 0.92 * share), nan=0).astype(np.uint8)
@@ -50,12 +45,12 @@ class DepthScale:
         return rgb
 
     def colour(self, depth_m: float) -> RGB:
-        """Colour of one depth."""
+        """Return the colour of one depth."""
         r, g, b = self.colours(np.full((1, 1), depth_m))[0, 0]
         return int(r), int(g), int(b)
 
     def marks(self, most: int) -> list[float]:
-        """Round depths across the scale, at most so many."""
+        """Return up to `most` round depths across the scale."""
         low, high = math.log10(self.near_m), math.log10(self.far_m)
         decades = range(math.floor(low), math.ceil(high) + 1)
         values = [step * 10.0**decade for decade in decades for step in (1, 2, 5)]
@@ -74,22 +69,19 @@ def depth_scale(depth_m: Array) -> DepthScale:
 
 
 def round_down(x: float) -> float:
-    """Largest of 1, 2, 5 times a power of ten that is not above x."""
+    """Return the largest of 1, 2, 5 times a power of ten that is not above x."""
     power = 10.0 ** math.floor(math.log10(x) + 1e-9)
     return max(step * power for step in (1, 2, 5) if step * power <= x * (1 + 1e-9))
 
 
 def round_up(x: float) -> float:
-    """Smallest of 1, 2, 5 times a power of ten that is not below x."""
+    """Return the smallest of 1, 2, 5 times a power of ten that is not below x."""
     power = 10.0 ** math.floor(math.log10(x) - 1e-9)
     return min(step * power for step in (1, 2, 5, 10) if step * power >= x * (1 - 1e-9))
 
 
 def object_colours(objects: Array) -> tuple[Image, list[int]]:
-    """Colour each object differently, the largest ones most so.
-
-    Args:
-        objects: (H, W) numbers; 0 is the sky.
+    """Colour objects (H, W), with the largest contrast for the largest; 0 is the sky.
 
     Returns:
         (H, W, 3) RGB, and the numbers that occur, largest area first, without the sky.
@@ -112,25 +104,25 @@ def class_colours(classes: Array) -> Image:
 
 
 def normal_colours(normals: Array) -> Image:
-    """Colour (H, W, 3) normals in the camera's axes: red to the right, green up, blue towards."""
+    """Colour (H, W, 3) normals in camera axes: red right, green up, blue towards the camera."""
     channels = normals * np.array([1, -1, -1], np.float32)
     rgb = np.nan_to_num(255 * (channels + 1) / 2, nan=0).astype(np.uint8)
     rgb[np.isnan(normals[..., 0])] = NOTHING
     return rgb
 
 
-def seen_colours(codes: Array, view: Image) -> Image:
-    """Mark what another view does not see on a pale copy of the (H, W, 3) RGB view."""
+def visibility_colours(codes: Array, view: Image) -> Image:
+    """Mark pixels that are not visible in another view on a pale copy of the (H, W, 3) RGB view."""
     grey = np.asarray(cv2.cvtColor(view, cv2.COLOR_RGB2GRAY), np.float32)
     pale = (96 + 0.55 * grey).clip(0, 255).astype(np.uint8)
     rgb = np.repeat(pale[..., None], 3, axis=2)
-    for code, colour in SEEN.items():
+    for code, colour in INVISIBLE.items():
         rgb[codes == code] = colour
     return rgb
 
 
 def flow_colours(flow: Array, full_px: float) -> Image:
-    """Colour (H, W, 2 or more) motion: hue by direction, white at rest, full at `full_px`."""
+    """Colour (H, W, 2 or more) flow: hue by direction, white at rest, saturated at `full_px`."""
     du, dv = flow[..., 0], flow[..., 1]
     share = np.clip(np.hypot(du, dv) / full_px, 0, 1)
     turn = np.mod(np.degrees(np.arctan2(dv, du)), 360) / 2
@@ -142,7 +134,7 @@ def flow_colours(flow: Array, full_px: float) -> Image:
 
 
 def flow_wheel(side_px: int) -> Array:
-    """Draw the legend of `flow_colours`, (S, S, 4) RGBA, transparent outside of the disc."""
+    """Draw the legend of `flow_colours`, (S, S, 4) RGBA, transparent outside the disc."""
     line = np.linspace(-1, 1, side_px)
     du, dv = np.meshgrid(line, line)
     rgb = flow_colours(np.stack([du, dv], axis=-1), 1.0)

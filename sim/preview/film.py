@@ -1,4 +1,4 @@
-"""A short film of a drive: the left eye as delivered, the rover from behind, depth and flow."""
+"""A short film of a drive: left image, chase camera, depth and optical flow."""
 
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
@@ -32,14 +32,14 @@ SUFFIXES = (".mp4", ".gif")
 FPS = 15.0
 WIDTH_PX = {".mp4": 960, ".gif": 640}
 CAPTION_SHARE = 0.075
-"""Of a panel's height."""
+"""Height of a caption over that of its panel."""
 CAPTION, CAPTION_INK = (38, 40, 44), (236, 236, 232)
 
 Show = Callable[[Image], None]
 
 
 def film_suffix(out: Path) -> str:
-    """Return the kind of film that a name asks for.
+    """Return the suffix of a film's file name.
 
     Raises:
         SettingsError: If it is none of SUFFIXES.
@@ -54,12 +54,12 @@ def make_film(
     seconds: float,
     progress: Progress | None = None,
 ) -> None:
-    """Write the first seconds of what would be recorded as an MP4 or GIF.
+    """Write the first seconds of a recording as an MP4 or GIF.
 
     Raises:
-        SettingsError: If `out` names another kind of file, or the settings do not fit the scene.
+        SettingsError: If `out` has another suffix, or the settings do not fit the scene.
         DriveError: If the rover fails before the second frame.
-        GraphicsError: If there is no GL.
+        GraphicsError: If there is no OpenGL.
     """
     suffix = film_suffix(out)
     world = build_world(scene, settings)
@@ -79,13 +79,7 @@ def make_film(
 
 
 def first_seconds(world: World, settings: RecordSettings, seconds: float) -> tuple[World, Trip]:
-    """Drive only as far as is needed; what is driven is as on the whole trip.
-
-    Args:
-        world: At its start.
-        settings: As for the world.
-        seconds: From the first frame; one frame more is taken, for the flow.
-    """
+    """Simulate only the first seconds, and one frame more for the flow, as on the whole trip."""
     end_s = START_S + seconds + 2 / settings.rig.rate_hz
     drive, path = settings.drive, world.path
     if world.arrival_s is not None:
@@ -104,19 +98,19 @@ def _frames(
     world: World, settings: RecordSettings, trip: Trip, renderer: StereoRenderer, width_px: int
 ) -> Iterator[Image]:
     camera, annotator = StereoCamera(world, settings), Annotator(world)
-    editor: _Editor | None = None
+    layout: _Layout | None = None
     for now, following in pairwise(camera.captures(trip, renderer)):
         annotation = annotator.annotate(now, following)
-        editor = editor or _Editor(world, settings, annotation.depth, width_px // 2)
+        layout = layout or _Layout(world, settings, annotation.depth, width_px // 2)
         time_ns = now.exposure.timestamp_ns
         world.place(time_ns * 1e-9, trip.states.at(world.model, time_ns))
-        chase = renderer.render_view(chase_camera(world, SIDE_DEG), *editor.panel_px)
+        chase = renderer.render_view(chase_camera(world, SIDE_DEG), *layout.panel_px)
         left = rgb_of(camera.form_images(now).rectified[0])
-        yield editor.compose(annotation, left, chase, trip)
+        yield layout.compose(annotation, left, chase, trip)
 
 
-class _Editor:
-    """Lays four panels out, with scales that hold for the whole film."""
+class _Layout:
+    """Layout of four panels, with scales that hold for the whole film."""
 
     def __init__(self, world: World, settings: RecordSettings, depth_m: Array, width_px: int):
         rig = world.rig
@@ -136,7 +130,7 @@ class _Editor:
         speed_mps = np.linalg.norm(trip.v_world_body[k])
         exposed = f"   {shot.exposure_ms:.3g} ms" if shot.exposure_ms else ""
         panels = (
-            (left, f"left eye   {time_s:.1f} s{exposed}"),
+            (left, f"left image   {time_s:.1f} s{exposed}"),
             (chase, f"from behind   {speed_mps:.2f} m/s   {way_m:.2f} m"),
             (scale.colours(annotation.depth), f"depth   {scale.near_m:g} to {scale.far_m:g} m"),
             (
@@ -159,7 +153,7 @@ class _Editor:
 
 @contextmanager
 def writing(out: Path, fps: float) -> Generator[Show]:
-    """Yield what to call with each (H, W, 3) RGB frame; the file is whole or not there at all.
+    """Yield a function that adds (H, W, 3) RGB frames to a film, which is written atomically.
 
     Raises:
         SettingsError: If the name has another suffix, or no encoder can be opened.
@@ -177,7 +171,7 @@ def writing(out: Path, fps: float) -> Generator[Show]:
 
 @contextmanager
 def _writing_mp4(path: Path, fps: float) -> Generator[Show]:
-    """Encode as MPEG-4 part 2, which every OpenCV brings along."""
+    """Encode as MPEG-4 part 2, which is part of every OpenCV."""
     writer: cv2.VideoWriter | None = None
 
     def show(frame: Image) -> None:
@@ -198,7 +192,7 @@ def _writing_mp4(path: Path, fps: float) -> Generator[Show]:
 
 @contextmanager
 def _writing_gif(path: Path, fps: float) -> Generator[Show]:
-    """Encode with colours chosen for each frame."""
+    """Encode with a palette for each frame."""
     frames: list[Pillow.Image] = []
     yield lambda frame: frames.append(Pillow.fromarray(frame).quantize(256))
     frames[0].save(

@@ -1,4 +1,4 @@
-"""Pictures for people as files: PNG or JPEG, as the name says."""
+"""PNG and JPEG files of RGB images."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ JPEG_QUALITY = 85
 
 
 def picture_suffix(out: Path) -> str:
-    """Return the kind of picture that a name asks for.
+    """Return the suffix of an image's file name.
 
     Raises:
         SettingsError: If it is none of SUFFIXES.
@@ -24,7 +24,7 @@ def picture_suffix(out: Path) -> str:
 
 
 def known_suffix(out: Path, valid: tuple[str, ...]) -> str:
-    """Return a file's suffix in small letters.
+    """Return a file's suffix in lower case.
 
     Raises:
         SettingsError: If it is not one of the valid ones.
@@ -36,7 +36,7 @@ def known_suffix(out: Path, valid: tuple[str, ...]) -> str:
 
 
 def write_picture(out: Path, image: Image, quality: int = JPEG_QUALITY) -> None:
-    """Write (H, W, 3) RGB as PNG or JPEG, whole or not at all.
+    """Write (H, W, 3) RGB as PNG or JPEG, atomically.
 
     Raises:
         SettingsError: If the name has another suffix.

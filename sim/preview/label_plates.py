@@ -1,22 +1,21 @@
-"""One plate for each label: its colours, what they mean in a line above it, and its numbers."""
+"""One plot for each label: its colours, with title and key above."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import cv2
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.offsetbox import AnchoredOffsetbox, DrawingArea, HPacker, TextArea, VPacker
-from matplotlib.patches import Rectangle
+from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 
 from scenes.scene import Kind
 from sim.labels.annotate import Annotation
 from sim.labels.visibility import Occlusion
 from sim.preview.colours import (
+    INVISIBLE,
     KINDS,
     RGB,
-    SEEN,
     class_colours,
     depth_scale,
     flow_colours,
@@ -24,20 +23,20 @@ from sim.preview.colours import (
     normal_colours,
     object_colours,
     round_up,
-    seen_colours,
+    visibility_colours,
 )
+from sim.preview.sheet import FAINT, INK
 from vo.contract.arrays import Array, Image
 
-INK, FAINT = "#2b3036", "#6d747c"
 Key = Sequence[tuple[RGB, str]]
-"""Colours and what they mean."""
+"""Colours and their meaning."""
 
 NAMES_MAX = 9
-"""Objects that are named on the plate."""
+"""Largest number of objects with a name."""
 NAMED_SHARE = 0.004
-"""Of the picture: smaller objects go without name."""
+"""Smallest area of an object with a name, as a fraction of the image."""
 MARKS = 4
-"""Depths in the key."""
+"""Largest number of depths in the key."""
 NORMALS: Key = (
     ((255, 128, 128), "right"),
     ((128, 255, 128), "up"),
@@ -46,40 +45,25 @@ NORMALS: Key = (
 
 
 def show(axes: Axes, image: Image, title: str, about: str = "", key: Key = ()) -> None:
-    """Show a picture with a bold title, a few words and a key above it."""
+    """Show an image with a bold title, a short text and a colour key above it."""
     axes.imshow(image, interpolation="antialiased")
     axes.set_axis_off()
-    parts: list[Artist] = [
-        TextArea(title, textprops={"fontsize": 9, "color": INK, "weight": "bold"})
-    ]
-    if about:
-        parts.append(TextArea(about, textprops={"fontsize": 8.5, "color": FAINT}))
-    lines: list[Artist] = [HPacker(children=parts, align="baseline", pad=0, sep=6)]
+    points: dict[str, Any] = {"textcoords": "offset points", "annotation_clip": False}
+    place = (0, 1), (0, 13 if key else 3)
+    bold = {"fontsize": 9, "color": INK, "weight": "bold"}
+    name = axes.annotate(title, *place, xycoords="axes fraction", **bold, **points)
+    axes.annotate(about, (1, 0), (6, 0), xycoords=name, fontsize=8.5, color=FAINT, **points)
     if key:
-        entries: list[Artist] = [part for colour, text in key for part in _entry(colour, text)]
-        lines.append(HPacker(children=entries, align="center", pad=0, sep=3.5))
-    box = VPacker(children=lines, align="left", pad=0, sep=2)
-    strip = AnchoredOffsetbox(
-        "lower left",
-        child=box,
-        pad=0,
-        borderpad=0.12,
-        frameon=False,
-        bbox_to_anchor=(0, 1.005),
-        bbox_transform=axes.transAxes,
-    )
-    axes.add_artist(strip)
-
-
-def _entry(colour: RGB, text: str) -> tuple[DrawingArea, TextArea]:
-    square = DrawingArea(8, 8)
-    face = [c / 255 for c in colour]
-    square.add_artist(Rectangle((0, 0), 8, 8, facecolor=face, edgecolor=FAINT, linewidth=0.4))
-    return square, TextArea(text, textprops={"fontsize": 7.2, "color": FAINT})
+        edge = {"edgecolor": FAINT, "linewidth": 0.4}
+        squares = [Patch(facecolor=[c / 255 for c in rgb], label=text, **edge) for rgb, text in key]
+        look = {"fontsize": 7.2, "labelcolor": FAINT, "frameon": False, "ncols": len(key)}
+        tight = {"handlelength": 1.1, "handleheight": 1.1, "handletextpad": 0.5, "borderpad": 0}
+        where = {"loc": "lower left", "bbox_to_anchor": (0, 1), "borderaxespad": 0.3}
+        axes.legend(handles=squares, columnspacing=0.7, **where, **look, **tight)
 
 
 def draw_depth(axes: Axes, annotation: Annotation) -> None:
-    """Colour the logarithm of depth; the key gives the disparity that belongs to it."""
+    """Draw the logarithm of depth; the key gives the disparity of each depth."""
     scale = depth_scale(annotation.depth)
     rig = annotation.annotator.rig
     key = [
@@ -90,30 +74,30 @@ def draw_depth(axes: Axes, annotation: Annotation) -> None:
 
 
 def draw_objects(axes: Axes, annotation: Annotation) -> None:
-    """Colour the objects and name those that have room for it."""
+    """Draw the objects, with names where there is space."""
     objects = annotation.segmentation
     rgb, numbers = object_colours(objects)
     show(axes, rgb, "objects", f"{len(numbers)} in view")
     taken = np.zeros(objects.shape, bool)
     for number in numbers[:NAMES_MAX]:
         name = annotation.annotator.things[number - 1].name
-        place = _room_for(name, objects == number, taken)
+        place = label_position(name, objects == number, taken)
         if place is None:
             continue
         text = axes.text(*place, name, fontsize=6.5, color="white", ha="center", va="center")
         text.set_path_effects([withStroke(linewidth=1.8, foreground="#000000c0")])
 
 
-def _room_for(name: str, mask: Array, taken: Array) -> tuple[float, float] | None:
-    """Where a name can stand: well inside of its object, in the picture and off other names.
+def label_position(name: str, mask: Array, taken: Array) -> tuple[float, float] | None:
+    """Return where a name fits: inside its object and the image, and off other names.
 
     Args:
-        name: The longer, the more room it needs.
+        name: Name, whose length determines its space.
         mask: (H, W) the object's pixels.
-        taken: (H, W) where names are; the new one is added.
+        taken: (H, W) pixels of names; the new one is added.
 
     Returns:
-        Pixel (u, v) of its middle; None if there is no room.
+        Pixel (u, v) of the middle; None if there is no space.
     """
     height, width = mask.shape
     if mask.mean() < NAMED_SHARE:
@@ -135,39 +119,32 @@ def _room_for(name: str, mask: Array, taken: Array) -> tuple[float, float] | Non
 
 
 def draw_classes(axes: Axes, annotation: Annotation) -> None:
-    """Colour ground, what stands, what moves and the sky."""
+    """Draw ground, static and moving surfaces and sky."""
     order = (Kind.GROUND, Kind.STATIC, Kind.MOVING, Kind.SKY)
     key = [(KINDS[kind], kind.name.lower()) for kind in order]
     show(axes, class_colours(annotation.classes), "classes", "", key)
 
 
 def draw_normals(axes: Axes, annotation: Annotation) -> None:
-    """Colour the directions in which surfaces face."""
+    """Draw the directions of the surface normals."""
     show(axes, normal_colours(annotation.normals), "normals", "facing", NORMALS)
 
 
-def draw_occlusion(axes: Axes, annotation: Annotation, view: Image) -> None:
-    """Mark what the right eye does not see."""
-    _draw_seen(axes, annotation.occlusion, view, "occlusion", "not seen by the right eye")
-
-
-def draw_covisibility(axes: Axes, annotation: Annotation, view: Image) -> None:
-    """Mark what the next frame does not see."""
-    _draw_seen(axes, annotation.covisibility, view, "covisibility", "not seen by the next frame")
-
-
-def _draw_seen(axes: Axes, codes: Array, view: Image, title: str, about: str) -> None:
+def draw_visibility(axes: Axes, codes: Array, view: Image, title: str, about: str) -> None:
+    """Mark the pixels that are not visible in another view."""
     words = {
         Occlusion.HIDDEN: "hidden",
         Occlusion.OUTSIDE: "out of view",
         Occlusion.NOTHING: "no surface",
     }
-    key = [(SEEN[code], f"{text} {np.mean(codes == code):.1%}") for code, text in words.items()]
-    show(axes, seen_colours(codes, view), title, about, key)
+    key = [
+        (INVISIBLE[code], f"{text} {np.mean(codes == code):.1%}") for code, text in words.items()
+    ]
+    show(axes, visibility_colours(codes, view), title, about, key)
 
 
 def draw_flow(axes: Axes, annotation: Annotation) -> None:
-    """Colour the motion to the next frame; the wheel says which colour is which direction."""
+    """Draw the motion to the next frame, with a colour wheel of directions."""
     flow = annotation.flow
     full_px = flow_full_px(flow)
     about = f"to the next frame, full at {_short(full_px)} px"
@@ -182,7 +159,7 @@ def draw_flow(axes: Axes, annotation: Annotation) -> None:
 
 
 def flow_full_px(flow: Array) -> float:
-    """Round length that nearly all vectors of an (H, W, 2 or more) flow stay below."""
+    """Return a round upper bound of nearly all lengths of an (H, W, 2 or more) flow."""
     lengths = np.hypot(flow[..., 0], flow[..., 1])
     known = lengths[np.isfinite(lengths)]
     return round_up(max(float(np.percentile(known, 98)) if known.size else 0.0, 0.1))

@@ -1,4 +1,4 @@
-"""The scene from straight above, orthographic, so that a position has one pixel at any height."""
+"""The overhead map: an orthographic view, in which a position has one pixel at any height."""
 
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -17,19 +17,19 @@ MAP_FILE = "map.png"
 LONG_SIDE_PX = 1024
 CAMERA_ABOVE_M = 30.0
 HEADROOM_M = 0.6
-"""What is lower than this above the ground is no ceiling."""
+"""Height above the ground below which nothing counts as a ceiling."""
 PROBES = 40
 COVERED_SHARE = 0.2
-"""There is a ceiling if more than this share of the path has something above it."""
+"""Fraction of the path under a roof from which there is a ceiling."""
 CEILING_THICK_M = 0.5
-"""What reaches further down than this from the lowest place seen overhead is no ceiling alone."""
+"""Depth below the lowest ceiling point from which a geom is no ceiling alone."""
 UNDER_CEILING_M = 0.1
 BORDER_M = 0.5
 
 
 @dataclass(frozen=True)
 class TopDownMap:
-    """A picture with x to the right and y up, and its place in the world.
+    """An image with x to the right and y up, and its position in the world.
 
     Attributes:
         image: (H, W, 3) RGB.
@@ -45,7 +45,7 @@ class TopDownMap:
 
     @property
     def manifest_entry(self) -> dict[str, Any]:
-        """JSON-ready description of the map for the manifest."""
+        """JSON-ready description for the manifest."""
         return {
             "file": MAP_FILE,
             "x_min_m": self.x_min_m,
@@ -67,12 +67,12 @@ def render_map(
     extent_m: tuple[float, float, float, float],
     below_m: float = CAMERA_ABOVE_M,
 ) -> TopDownMap:
-    """Render the scene from above.
+    """Render the present state of the scene from above.
 
     Args:
-        renderer: Of the world, at the state to show.
+        renderer: Renderer of the world.
         extent_m: x_min, y_min, x_max, y_max in world metres.
-        below_m: Height of the camera; what is higher is not shown.
+        below_m: Height of the camera; geoms above are not shown.
     """
     x_min, y_min, x_max, y_max = extent_m
     scale = max(x_max - x_min, y_max - y_min) / LONG_SIDE_PX
@@ -87,18 +87,13 @@ def render_map(
 
 
 def render_world_map(world: World, renderer: StereoRenderer) -> TopDownMap:
-    """Render all of a world from above at its present state, with any ceiling taken off.
-
-    Args:
-        world: With bodies placed.
-        renderer: Of the world.
-    """
+    """Render the whole world from above, as placed, without its ceiling."""
     with ceiling_hidden(world):
         return render_map(renderer, shown_extent(world), _below_ceiling_m(world))
 
 
 def shown_extent(world: World) -> tuple[float, float, float, float]:
-    """Grow the scene's extent where a route or the path leaves it; as `Scene.extent_m`."""
+    """Return the scene's extent, as `Scene.extent_m`, enlarged by all routes and the path."""
     x_min, y_min, x_max, y_max = world.scene.extent_m
     ways = [world.path.waypoints, *world.scene.routes.values()]
     low = np.min([(x_min, y_min), *(way.min(axis=0) - BORDER_M for way in ways)], axis=0)
@@ -108,11 +103,7 @@ def shown_extent(world: World) -> tuple[float, float, float, float]:
 
 @contextmanager
 def ceiling_hidden(world: World) -> Generator[None]:
-    """Hide what is as high as the ceiling, if the path has one; walls stay.
-
-    Args:
-        world: With bodies placed.
-    """
+    """Hide geoms at the height of the ceiling, if the path has one; walls stay."""
     model, data = world.model, world.data
     groups = model.geom_group.copy()
     heights, geoms = _overhead(world)
@@ -131,7 +122,7 @@ def ceiling_hidden(world: World) -> Generator[None]:
 
 
 def _below_ceiling_m(world: World) -> float:
-    """Height below what the path still has above it, where that is of one piece with walls."""
+    """Return a height below the ceiling that is joined to walls."""
     heights, geoms = _overhead(world)
     if np.mean(geoms >= 0) <= COVERED_SHARE:
         return CAMERA_ABOVE_M
@@ -139,7 +130,7 @@ def _below_ceiling_m(world: World) -> float:
 
 
 def _overhead(world: World) -> tuple[Array, Indices]:
-    """Heights in metres and geoms of what is first above places on the path, -1 for none."""
+    """Return heights in metres and ids of the lowest geoms above the path, -1 for none."""
     groups = np.zeros(6, np.uint8)
     groups[[*BOTH_GROUPS, IMAGE_GROUP]] = 1
     met, up = np.full(1, -1, np.int32), np.array([0.0, 0.0, 1.0])

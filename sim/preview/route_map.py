@@ -1,4 +1,4 @@
-"""The map as people read it: routes with their direction, stops, what moves, metres."""
+"""The route map: routes with their direction, numbered positions, moving objects and scale."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -6,31 +6,32 @@ from matplotlib.patheffects import withStroke
 
 from sim.preview.colours import round_down
 from sim.preview.overhead_map import TopDownMap
+from sim.preview.sheet import FAINT, INK
 from sim.world.rover import BODY
 from sim.world.world import START_S, World
 from vo.contract.arrays import Array
 
-INK, FAINT, ROUTE, PAPER = "#2b3036", "#6d747c", "#ff7a1a", "#f5f4f0"
+ROUTE = "#ff7a1a"
 OTHERS = ("#4fc3f7", "#c6ff5e", "#ff8ad8", "#ffe14d", "#b39dff", "#7dffd4")
 MOVES = "#ff3b5c"
 MOVES_FOR_S = 20.0
 ARROWS, TICKS = 6, 8
 LIMB_M = 0.4
-"""Movers that start closer to each other than this are parts of one, and one line does."""
+"""Distance below which moving bodies are parts of one object, drawn as one line."""
 KEY_COLUMNS = 5
 BAR_SHARE = 0.22
-"""Of the map's width, at most, for the scale bar."""
+"""Largest length of the scale bar over the map's width."""
 
 
 def draw_map(axes: Axes, world: World, top_down: TopDownMap, stops: Array, full: bool) -> None:
     """Draw the scene from above.
 
     Args:
-        axes: To draw into.
-        world: Gives routes and what moves.
-        top_down: The picture below it all.
-        stops: (S, 2) numbered places, world x, y in metres; S may be 0.
-        full: With other routes, what moves, numbers and axes; else the path alone.
+        axes: Axes to draw into.
+        world: Gives routes and moving objects.
+        top_down: Overhead map.
+        stops: (S, 2) numbered positions, world x, y in metres; S may be 0.
+        full: With other routes, moving objects, numbers and axes; else the path alone.
     """
     height, width = top_down.image.shape[:2]
     x, y, scale = top_down.x_min_m, top_down.y_max_m, top_down.metres_per_px
@@ -56,27 +57,19 @@ def draw_map(axes: Axes, world: World, top_down: TopDownMap, stops: Array, full:
 
 
 def other_routes(world: World) -> dict[str, Array]:
-    """The scene's routes besides the path, by name, in order."""
+    """Return the scene's routes besides the path, by name, in order."""
     way = world.path.waypoints
     routes = world.scene.routes.items()
     return {n: r for n, r in routes if not (r.shape == way.shape and np.allclose(r, way))}
 
 
 def bar_length_m(width_m: float) -> float:
-    """Round length for the scale bar of a map that is so wide."""
+    """Return a round length for the scale bar of a map of that width."""
     return round_down(BAR_SHARE * width_m)
 
 
 def arrow_places(waypoints: Array, count: int) -> tuple[Array, Array]:
-    """Where to show the direction of travel.
-
-    Args:
-        waypoints: (N, 2) metres.
-        count: Of arrows.
-
-    Returns:
-        (count, 2) places evenly spaced along the way, and (count, 2) unit directions there.
-    """
+    """Return `count` positions (count, 2) evenly spaced along (N, 2) waypoints, and directions."""
     steps = np.diff(waypoints, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
     marks = np.concatenate([[0.0], np.cumsum(lengths)])
@@ -109,7 +102,7 @@ def _draw_other_routes(axes: Axes, world: World) -> None:
 
 
 def _draw_movers(axes: Axes, world: World) -> None:
-    """Draw where each mover is at the start and will have been some seconds later."""
+    """Draw the path of each moving object for some seconds from the start."""
     times_s = START_S + np.linspace(0, MOVES_FOR_S, 81)
     starts: list[Array] = []
     for name, motion in world.movers.items():
@@ -123,7 +116,7 @@ def _draw_movers(axes: Axes, world: World) -> None:
 
 
 def _draw_stops(axes: Axes, stops: Array) -> None:
-    """Number the stops; one that would cover an earlier one joins its number."""
+    """Number the stops; overlapping numbers share a box."""
     x_min, x_max = axes.get_xlim()
     near_m = 0.03 * (x_max - x_min)
     groups: list[tuple[Array, list[int]]] = []
@@ -151,25 +144,17 @@ def _draw_bar(axes: Axes, extent: tuple[float, float, float, float]) -> None:
     left, low = extent[0] + 0.03 * width_m, extent[2] + min(0.03 * width_m, 0.1 * height_m)
     for half, colour in enumerate(("white", INK)):
         ends = left + length_m / 2 * np.array([half, half + 1])
-        line = axes.plot(ends, [low, low], color=colour, linewidth=4, solid_capstyle="butt")[0]
+        look = {"linewidth": 4, "solid_capstyle": "butt", "zorder": 6}
+        line = axes.plot(ends, [low, low], color=colour, **look)[0]
         line.set_path_effects([withStroke(linewidth=5.4, foreground="#000000a0")])
-        line.set_zorder(6)
-    text = axes.annotate(
-        f"{length_m:g} m",
-        (left + length_m / 2, low),
-        (0, 4),
-        textcoords="offset points",
-        fontsize=8,
-        color="white",
-        weight="bold",
-        ha="center",
-        zorder=6,
-    )
+    where = (left + length_m / 2, low), (0, 4)
+    look = {"fontsize": 8, "color": "white", "weight": "bold", "ha": "center", "zorder": 6}
+    text = axes.annotate(f"{length_m:g} m", *where, textcoords="offset points", **look)
     text.set_path_effects([withStroke(linewidth=2.2, foreground="#000000b0")])
 
 
 def _draw_key(axes: Axes, world: World) -> None:
-    """Name the lines where there are more than the path."""
+    """Add a legend if there are more lines than the path."""
     others = other_routes(world)
     moving = [name for name in world.movers if name != BODY]
     if not others and not moving:

@@ -1,4 +1,4 @@
-"""What there is to see of a world before it is recorded: short trips from places on its route."""
+"""Sample views of a world before it is recorded: short trips from positions on its route."""
 
 import math
 from dataclasses import dataclass, replace
@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from scenes.scene import Motion
-from sim.camera.camera import Capture, FrameExposure, StereoCamera
+from sim.camera.camera import FrameExposure, StereoCamera
 from sim.camera.render import StereoRenderer
 from sim.labels.annotate import Annotation, Annotator
 from sim.preview.chase_camera import chase_camera
@@ -22,28 +22,28 @@ from sim.world.world import START_CLEARANCE_M, START_S, World
 from vo.contract import se3
 from vo.contract.arrays import Array, Image
 
-STOPS = 6
+VIEWS = 6
 REACH_M = (0.4, 1.0)
-"""Least and greatest length of a trip from a stop."""
+"""Smallest and largest length of a sample trip."""
 WALK_S = START_S + 1.0
-"""When a walk from a stop ends."""
+"""End of a sample walk."""
 UNDER_WAY = 0.45
-"""Share of a trip's frames after which its picture is taken: at speed, and not yet braking."""
+"""Fraction of a trip's frames before its view: at speed, and not yet braking."""
 METERING_FRAMES = 8
-"""Pictures before the one that is shown, for an automatic exposure to settle."""
+"""Frames before the view in which the automatic exposure settles."""
 HEADING_M = 0.05
 CHASE_PX = (960, 720)
 
 
 @dataclass(frozen=True)
-class Stop:
-    """One place on the route, and what the camera delivers there while it moves on.
+class SampleView:
+    """Images and labels of one moment on the route.
 
     Attributes:
-        along_m: Path length from the start to where the trip of this stop begins.
-        position: (2,) where the picture is taken, world x, y in metres.
-        view: Left eye, (H, W, 3) RGB.
-        right: Right eye, like `view`.
+        along_m: Path length at the start of the sample trip.
+        position: (2,) position of the view, world x, y in metres.
+        view: Left image, (H, W, 3) RGB.
+        right: Right image, like `view`.
         exposure: How they were exposed.
         annotation: The labels, those of the next frame included.
     """
@@ -57,7 +57,7 @@ class Stop:
 
     @property
     def variety(self) -> float:
-        """How much there is to see: entropy of the depth in steps of a fifth, in bits."""
+        """Entropy of the depth in steps of a fifth, in bits."""
         depth_m = self.annotation.depth
         steps = np.nan_to_num(np.log(depth_m) / math.log(1.2), nan=99).astype(int)
         share = np.unique(steps, return_counts=True)[1] / steps.size
@@ -65,62 +65,60 @@ class Stop:
 
 
 @dataclass(frozen=True)
-class Sights:
-    """Everything rendered for a sheet.
+class SampleViews:
+    """Rendered content of a contact sheet.
 
     Attributes:
-        settings: What was asked for.
-        stops: Evenly spaced along the route, one to STOPS of them.
-        shown: Index of the stop whose labels are worth showing most.
-        chase: The carrier at that stop from behind, (H, W, 3) RGB.
-        top_down: The scene from above.
+        settings: Settings of the recording.
+        views: Views evenly spaced along the route, one to VIEWS.
+        shown: Index of the view with the most variety, whose labels are shown.
+        chase: View of the carrier there from behind, (H, W, 3) RGB.
+        top_down: Overhead map.
     """
 
     settings: RecordSettings
-    stops: list[Stop]
+    views: list[SampleView]
     shown: int
     chase: Image
     top_down: TopDownMap
 
     @property
-    def views(self) -> list[Image]:
-        """Left eyes of all stops, (H, W, 3) RGB."""
-        return [stop.view for stop in self.stops]
-
-    @property
-    def depth_m(self) -> Array:
-        """(H, W) planar depth at the stop shown; NaN where nothing is met."""
-        return self.stops[self.shown].annotation.depth
+    def best(self) -> SampleView:
+        """The view whose labels are shown."""
+        return self.views[self.shown]
 
 
-def look_around(world: World, settings: RecordSettings) -> Sights:
-    """Make a short trip from places along the route and picture it; moves the world's state.
+def render_sample_views(world: World, settings: RecordSettings) -> SampleViews:
+    """Render views of short trips from positions along the route; moves the world.
 
-    A place where the rover cannot stand is left out.
+    Positions without space for the rover are left out.
 
     Raises:
-        DriveError: If there is no place where it can.
-        GraphicsError: If there is no GL.
+        DriveError: If there is no space anywhere.
+        GraphicsError: If there is no OpenGL.
     """
     annotator = Annotator(world)
-    stops: list[Stop] = []
+    views: list[SampleView] = []
     failure: DriveError | None = None
     scenery: list[tuple[World, float, Array]] = []
     with StereoRenderer(world, settings.render, settings.rig.color) as renderer:
-        for share in np.arange(STOPS) / STOPS:
+        for share in np.arange(VIEWS) / VIEWS:
             try:
-                there, trip = trip_from(world, settings, share)
-            except DriveError as error:  # there is no standing here; elsewhere there may be
+                there, trip = short_trip(world, settings, share)
+            except DriveError as error:  # no space here, but perhaps elsewhere
                 failure = error
                 continue
             camera = StereoCamera(there, settings)
             *_, now, following = camera.captures(trip, renderer)
-            stops.append(_stop(world, trip, share, camera, annotator, now, following))
+            left, right = (rgb_of(image) for image in camera.form_images(now).rectified)
+            where = share * world.path.length_m, trip.T_world_body[now.index][:2, 3]
+            labels = annotator.annotate(now, following)
+            views.append(SampleView(*where, left, right, now.exposure, labels))
             time_ns = now.exposure.timestamp_ns
             scenery.append((there, time_ns * 1e-9, trip.states.at(world.model, time_ns)))
-        if not stops:
+        if not views:
             raise failure or DriveError("the rover cannot stand anywhere on its route")
-        shown = int(np.argmax([stop.variety for stop in stops]))
+        shown = int(np.argmax([view.variety for view in views]))
         there, time_s, qpos = scenery[shown]
         there.place(time_s, qpos)
         chase = renderer.render_view(chase_camera(there), *CHASE_PX)
@@ -128,43 +126,18 @@ def look_around(world: World, settings: RecordSettings) -> Sights:
         world.move_movers(START_S)
         world.place_bodies()
         top_down = render_world_map(world, renderer)
-    return Sights(settings, stops, shown, chase, top_down)
+    return SampleViews(settings, views, shown, chase, top_down)
 
 
-def _stop(
-    world: World,
-    trip: Trip,
-    share: float,
-    camera: StereoCamera,
-    annotator: Annotator,
-    now: Capture,
-    following: Capture,
-) -> Stop:
-    left, right = camera.form_images(now).rectified
-    return Stop(
-        share * world.path.length_m,
-        trip.T_world_body[now.index][:2, 3],
-        rgb_of(left),
-        rgb_of(right),
-        now.exposure,
-        annotator.annotate(now, following),
-    )
-
-
-def trip_from(world: World, settings: RecordSettings, share: float) -> tuple[World, Trip]:
-    """Start out from a place on the route, at the time at which the real trip is there.
-
-    Args:
-        world: Its state is moved.
-        settings: As for the world.
-        share: Of the route that lies behind, 0 to below 1.
-
-    Raises:
-        DriveError: If the rover tips over at once.
+def short_trip(world: World, settings: RecordSettings, share: float) -> tuple[World, Trip]:
+    """Simulate a short trip from a share (0 to below 1) of the route, at its time on the real trip.
 
     Returns:
         The world with its time shifted, and a trip of which only two successive frames are
         delivered, or some more before them for an automatic exposure.
+
+    Raises:
+        DriveError: If the rover tips over at once.
     """
     if world.arrival_s is not None:
         there = _later(world, share * (world.arrival_s - START_S))
@@ -173,7 +146,7 @@ def trip_from(world: World, settings: RecordSettings, share: float) -> tuple[Wor
     drive, path = settings.drive, world.path
     along_m = share * path.length_m
     there = _later(world, along_m / drive.speed_mps)
-    stand(there, settings, along_m)
+    place_rover(there, settings, along_m)
     least, most = REACH_M
     reach_m = min(max(drive.speed_mps**2 / drive.acceleration_mps2, least), most)
     end_m = min(along_m + reach_m, path.length_m)
@@ -184,7 +157,7 @@ def trip_from(world: World, settings: RecordSettings, share: float) -> tuple[Wor
 
 
 def _only_middle(trip: Trip, settings: RecordSettings) -> Trip:
-    """Deliver two frames at speed, and before them as many as the exposure needs to settle."""
+    """Deliver two frames at speed, after as many as the exposure needs to settle."""
     frame = min(int(UNDER_WAY * len(trip)), len(trip) - 2)
     first = frame - METERING_FRAMES if settings.sensor.auto_exposure else frame
     delivered = np.zeros(len(trip), bool)
@@ -192,8 +165,8 @@ def _only_middle(trip: Trip, settings: RecordSettings) -> Trip:
     return replace(trip, delivered=delivered)
 
 
-def stand(world: World, settings: RecordSettings, along_m: float) -> None:
-    """Put the rover down on the slope of the ground, heading along the route, at rest."""
+def place_rover(world: World, settings: RecordSettings, along_m: float) -> None:
+    """Put the rover at rest on the slope of the ground, heading along the route."""
     scene, path = world.scene, world.path
     here, ahead = path.at(along_m), path.at(along_m + HEADING_M)
     forward = (ahead - here) / np.linalg.norm(ahead - here)

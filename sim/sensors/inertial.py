@@ -10,12 +10,12 @@ from vo.contract import se3
 from vo.contract.arrays import Array, Indices
 
 GRAVITY_MPS2: Array = np.array([0.0, 0.0, -9.81])
-"""(3,) in world axes."""
+"""(3,) gravity in world axes."""
 
 
 @dataclass(frozen=True)
 class ImuReadings:
-    """What a strapdown unit measures, in its own axes: one mean per interval between states.
+    """Strapdown measurements in the unit's axes: one mean per interval between states.
 
     Attributes:
         times_ns: (N,) middle of each interval.
@@ -35,29 +35,10 @@ class ImuReadings:
         return self.intervals_ns * 1e-9
 
 
-@dataclass(frozen=True)
-class ImuBiases:
-    """What was added to readings besides white noise.
-
-    Attributes:
-        gyro_radps: (N, 3) at each reading.
-        accel_mps2: (N, 3) at each reading.
-    """
-
-    gyro_radps: Array
-    accel_mps2: Array
-
-
 def imu_states(
     T_world_body: Array, v_world_body: Array, w_world_body: Array, T_body_imu: Array
 ) -> tuple[Array, Array]:
-    """Move true states from the body's origin to the unit.
-
-    Args:
-        T_world_body: (K, 4, 4).
-        v_world_body: (K, 3) velocity of the body's origin in world axes, m/s.
-        w_world_body: (K, 3) angular velocity of the body in world axes, rad/s.
-        T_body_imu: (4, 4).
+    """Move true states (K, ...) from the body's origin to the unit.
 
     Returns:
         T_world_imu (K, 4, 4), and v_world_imu (K, 3) = v + w x R_world_body r.
@@ -74,11 +55,11 @@ def ideal_readings(
     T_body_imu: Array,
     gravity_mps2: Array,
 ) -> ImuReadings:
-    """Perfect readings of a unit that integrates within each interval, as real ones do.
+    """Return the K - 1 perfect readings of a unit that integrates within each interval.
 
     Turn and change of velocity over each interval are those of the states, so that `integrate`
-    returns every orientation and velocity exactly, whatever shocks lie between. Positions follow
-    by the trapezoidal rule; they drift only where the force changes within an interval.
+    returns every orientation and velocity exactly, whatever shocks lie between. Positions follow by
+    the trapezoidal rule; they drift only where the force changes within an interval.
 
     Args:
         times_ns: (K,) increasing.
@@ -87,9 +68,6 @@ def ideal_readings(
         w_world_body: (K, 3) angular velocity of the body in world axes, rad/s.
         T_body_imu: (4, 4) the unit in the body frame.
         gravity_mps2: (3,) in world axes, such as (0, 0, -9.81).
-
-    Returns:
-        K - 1 readings.
 
     Raises:
         ValueError: If times do not increase.
@@ -109,17 +87,15 @@ def ideal_readings(
 
 def with_noise(
     readings: ImuReadings, settings: ImuSettings, rng: np.random.Generator
-) -> tuple[ImuReadings, ImuBiases]:
+) -> tuple[ImuReadings, Array]:
     """Add white noise of the given densities and biases that walk, starting at zero.
 
-    Args:
-        readings: Perfect ones.
-        settings: Densities and their common factor.
-        rng: Draws the noise.
+    Returns:
+        The noisy readings, and the biases of gyroscope and accelerometer (N, 6).
 
     Source:
-        Trawny and Roumeliotis, Indirect Kalman filter for 3D attitude estimation, 2005, eqs. 93
-        and 96: a discrete deviation of density / sqrt(dt), a step of the bias of walk * sqrt(dt).
+        Trawny and Roumeliotis, Indirect Kalman filter for 3D attitude estimation, 2005, eqs. 93 and
+        96: a discrete deviation of density / sqrt(dt), a step of the bias of walk * sqrt(dt).
     """
     root_dt = np.sqrt(readings.intervals_s)[:, None]
     n = len(root_dt)
@@ -141,13 +117,13 @@ def with_noise(
         gyro_radps=readings.gyro_radps + gyro_error,
         accel_mps2=readings.accel_mps2 + accel_error,
     )
-    return noisy, ImuBiases(gyro_bias, accel_bias)
+    return noisy, np.hstack([gyro_bias, accel_bias])
 
 
 def integrate(
     readings: ImuReadings, T_world_imu: Array, v_world_imu: Array, gravity_mps2: Array
 ) -> tuple[Array, Array]:
-    """Strapdown integration: dead reckoning from a known start.
+    """Integrate N readings (strapdown dead reckoning) from a known start.
 
     Args:
         readings: N intervals.

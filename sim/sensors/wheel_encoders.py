@@ -1,4 +1,4 @@
-"""Wheel encoders: whole ticks of the wheels' turning, at their own rate."""
+"""Wheel encoders: whole ticks of the wheel angles, at the encoders' rate."""
 
 import math
 from dataclasses import dataclass, field
@@ -10,12 +10,12 @@ from vo.contract.arrays import Array, Indices
 
 @dataclass
 class Encoders:
-    """Two counters that are read at the first physics step at or after each sampling time.
+    """Two counters, read at the first physics step at or after each sampling time.
 
     Attributes:
         ticks_per_turn: Resolution.
-        rate_hz: Sampling rate; the stamps are the steps' own times.
-        times_ns: Of the readings so far.
+        rate_hz: Sampling rate; timestamps are those of the steps.
+        times_ns: Times of the readings so far.
         counts: (left, right) ticks of each reading, since the start, forward positive.
     """
 
@@ -25,7 +25,7 @@ class Encoders:
     counts: list[tuple[int, int]] = field(default_factory=list[tuple[int, int]])
 
     def next_step(self, timestep_s: float) -> int:
-        """Return the physics step, counted from the first reading, of the next reading."""
+        """Return the physics step of the next reading, counted from the first reading."""
         return math.ceil(len(self.counts) / (self.rate_hz * timestep_s) - 1e-9)
 
     def read(self, time_ns: int, wheel_angles_rad: Array) -> None:
@@ -36,6 +36,6 @@ class Encoders:
 
 
 def ticks(wheel_angles_rad: Array, ticks_per_turn: int) -> Indices:
-    """Quantise angles (...) to the whole ticks passed, rounding down."""
+    """Quantise angles (...) to whole ticks, rounding down."""
     turns = np.asarray(wheel_angles_rad) / (2 * np.pi)
     return np.floor(turns * ticks_per_turn).astype(np.int64)

@@ -1,1 +1,1 @@
-"""The physical world: rover, terrain, route and drive."""
+"""The moving world: carrier, terrain, route, physics and random streams."""

@@ -1,4 +1,4 @@
-"""The driver: pure pursuit of a route by wheel speeds, from the rover's true pose."""
+"""The driver: pure pursuit of a path by wheel speeds, from the rover's true pose."""
 
 import math
 
@@ -19,15 +19,15 @@ STUCK_WITHIN_M = 0.03
 
 
 class DriveError(DriftyardError):
-    """The rover tipped over, got stuck or left its route; says when."""
+    """The rover tipped over or got stuck; states time and position."""
 
 
 class Driver:
-    """Follows a path and stops at its end; give it the pose at `CONTROL_RATE_HZ`.
+    """Pure pursuit of a path with a stop at its end, at `CONTROL_RATE_HZ`.
 
     Source:
-        Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm, 1992: the arc
-        through the point one lookahead ahead has curvature 2 y / L^2.
+        Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm, 1992: the arc through
+            the point one lookahead ahead has curvature 2 y / L^2.
     """
 
     def __init__(self, path: Path, settings: DriveSettings) -> None:
@@ -42,11 +42,11 @@ class Driver:
         self.arrived = False
 
     def command(self, T_world_body: Array, time_s: float) -> Array:
-        """Return the wheel speeds to ask for now, (2,) left and right in rad/s.
+        """Return the wheel speeds, (2,) left and right in rad/s.
 
         Args:
             T_world_body: (4, 4) true pose.
-            time_s: For the messages, and to notice standing still.
+            time_s: Present time, to detect a stuck rover.
 
         Raises:
             DriveError: If the rover lies on its side or has not moved for some seconds.
@@ -72,7 +72,7 @@ class Driver:
         return wheel_speeds(self._speed_mps, self._speed_mps * curvature)
 
     def _halting(self, time_s: float) -> bool:
-        """Whether the rover stands at a halt; sets the next one when it has stood long enough."""
+        """Whether the rover is at a halt; sets the next one at the end of the halt."""
         if self._progress_m < self._halt_at_m - ARRIVED_WITHIN_M:
             return False
         if self._halted_at_s is None:
@@ -85,14 +85,14 @@ class Driver:
         return False
 
     def _advance(self, position: Array) -> None:
-        """Move the nearest point forward along the path, never back and never to a far branch."""
+        """Move the nearest point forward along the path, never back or to a far branch."""
         s = self._progress_m + np.arange(0.0, self._settings.lookahead_m, PROGRESS_STEP_M)
         s = np.minimum(s, self._path.length_m)
         distances = np.linalg.norm(self._path.at(s) - position, axis=1)
         self._progress_m = float(s[np.argmin(distances)])
 
     def _pursue(self, T_world_body: Array, left_m: float) -> tuple[float, bool]:
-        """Curvature (1/m, left positive) towards the point ahead, and whether it lies ahead."""
+        """Return the curvature (1/m, left positive) to the point ahead, and whether it is ahead."""
         goal = self._path.at(self._progress_m + self._settings.lookahead_m)
         if left_m < self._settings.lookahead_m:  # aim past the end, along the last segment
             last = self._path.waypoints[-1] - self._path.waypoints[-2]
@@ -111,11 +111,11 @@ class Driver:
 
     @property
     def _turning_s(self) -> float:
-        """Longest time that a turn on the spot may take without progress."""
+        """Longest time of a turn on the spot, without progress."""
         return 360.0 / self._settings.turn_rate_max_deg_s
 
 
 def wheel_speeds(forward_mps: float, turn_radps: float) -> Array:
-    """Differential drive: (2,) wheel speeds left and right, rad/s."""
+    """Return the (2,) wheel speeds left and right, rad/s, of a differential drive."""
     difference = turn_radps * TRACK_M / 2
     return np.array([forward_mps - difference, forward_mps + difference]) / WHEEL_RADIUS_M

@@ -1,4 +1,4 @@
-"""The other carrier: a person who walks the route with the rig in both hands."""
+"""The hand-held carrier: a person who walks the route with the rig in both hands."""
 
 import math
 
@@ -16,11 +16,11 @@ STEP_HZ = 1.8
 TREMOR_HZ = (4.0, 12.0)
 TREMOR_WAVES = 9
 HEADING_KNOT_M = 0.4
-"""Spacing of the spline's knots: turns are as round as a person walks them."""
+"""Spacing of the spline's knots, which sets how round the turns are."""
 
 
 def build_hand() -> mujoco.MjSpec:
-    """Build a body without mass, wheels or contact that is placed, not driven."""
+    """Build a kinematic body without mass, wheels or contact."""
     spec = mujoco.MjSpec()
     body = spec.worldbody.add_body(name=BODY.removeprefix(PREFIX), mocap=True)
     body.add_body(name=MAST)
@@ -35,22 +35,22 @@ def walk(
     start_s: float,
     rng: np.random.Generator,
 ) -> tuple[Motion, float]:
-    """Plan the way of the rig's body along a route.
+    """Plan the motion of the rig's body along a route.
 
-    The body keeps the height above the ground that the rover's has, looks along a spline through
-    the route, and sways with the steps, at half their rate sideways; the hands add a tremor of
-    random waves. It starts and ends at rest, and rests at halts.
+    The body has the rover's height above the ground, faces along a spline through the route, and
+    sways with the steps, at half their rate sideways; the hands add a tremor of random waves. It
+    starts, ends and halts at rest.
 
     Args:
         scene: Gives the ground's height.
         points: (N, 2) x, y to walk along, metres, evenly spaced.
         drive: Speed, acceleration and halts.
         hand: Sway and tremor.
-        start_s: When to set out.
+        start_s: Time of departure.
         rng: Draws the phases.
 
     Returns:
-        The motion, defined at all times, and the time in seconds of arrival.
+        The motion, defined at all times, and the time of arrival in seconds.
     """
     marks = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     knots = np.linspace(0, marks[-1], max(4, round(marks[-1] / HEADING_KNOT_M) + 1))
@@ -71,7 +71,7 @@ def walk(
 
 
 def _schedule(length_m: float, drive: DriveSettings, start_s: float) -> tuple[Array, Array]:
-    """Times and path lengths between which progress is monotone: legs, each at rest at its ends."""
+    """Times and path lengths for monotone interpolation: legs that start and end at rest."""
     leg = drive.stop_every_m or length_m
     stops = [*np.arange(leg, length_m - 1e-6, leg), length_m]
     times, marks, at = [start_s], [0.0], 0.0
@@ -90,7 +90,7 @@ def _schedule(length_m: float, drive: DriveSettings, start_s: float) -> tuple[Ar
 
 
 def _trapezoid(t: Array | float, total_s: float, ramp_s: float) -> Array:
-    """Distance at unit top speed after speeding up for `ramp_s`; slows down alike."""
+    """Distance at unit top speed after acceleration for `ramp_s`, with equal deceleration."""
     ramp = min(ramp_s, total_s / 2)
     up, down = np.minimum(t, ramp), np.maximum(np.asarray(t) - (total_s - ramp), 0)
     steady = np.clip(t, ramp, total_s - ramp) - ramp
@@ -98,7 +98,7 @@ def _trapezoid(t: Array | float, total_s: float, ramp_s: float) -> Array:
 
 
 class _Waves:
-    """Sway and tremor as a small pose in the walker's frame; smooth, so that it has a velocity."""
+    """Sway and tremor as a small, smooth motion in the walker's frame."""
 
     def __init__(self, hand: HandheldSettings, rng: np.random.Generator) -> None:
         self._hand = hand
@@ -108,7 +108,7 @@ class _Waves:
         self._size = np.sqrt(2 / TREMOR_WAVES)
 
     def at(self, time_s: float, since_start_s: float, until_end_s: float) -> Array:
-        """Return (4, 4); steps fade in and out within a second of the walk's ends."""
+        """Return the (4, 4) motion; steps fade in and out within a second of the walk's ends."""
         hand = self._hand
         tremor = self._size * np.sin(self._rate * time_s + self._phase).sum(axis=0)
         fade = _smooth(since_start_s) * _smooth(until_end_s)

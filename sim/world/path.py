@@ -1,4 +1,4 @@
-"""A path: where to drive, by arc length."""
+"""Paths by arc length."""
 
 import math
 from dataclasses import dataclass
@@ -9,12 +9,12 @@ from vo.contract.arrays import Array
 from vo.contract.errors import SettingsError
 
 CLOSED_WITHIN_M = 0.05
-"""A route whose ends are closer than this may be driven around repeatedly."""
+"""Largest gap between the ends of a closed route, which may be driven repeatedly."""
 
 
 @dataclass(frozen=True)
 class Path:
-    """A polyline to drive along, by arc length.
+    """A polyline by arc length.
 
     Attributes:
         waypoints: (N, 2) world x, y in metres, N >= 2.
@@ -26,7 +26,7 @@ class Path:
 
     @property
     def length_m(self) -> float:
-        """From the first waypoint to the last."""
+        """Arc length from the first waypoint to the last."""
         return float(self.marks_m[-1])
 
     def at(self, s_m: float | Array) -> Array:
@@ -36,14 +36,14 @@ class Path:
 
 
 def plan_path(route: Array, distance_m: float | None) -> Path:
-    """Cut a route, or repeat a closed one, to the distance asked for.
+    """Cut a route, or repeat a closed one, to a path length.
 
     Args:
         route: (N, 2) waypoints in metres.
         distance_m: Path length; None for the route once.
 
     Raises:
-        SettingsError: If an open route is shorter than that, or leads nowhere.
+        SettingsError: If an open route is too short, or all points are the same.
     """
     route = route[np.append(True, (np.diff(route, axis=0) != 0).any(axis=1))]
     if len(route) < 2:

@@ -1,4 +1,4 @@
-"""Random streams that do not disturb each other: one generator per seed and name."""
+"""Independent random streams: one generator per seed and name."""
 
 import zlib
 
@@ -6,13 +6,9 @@ import numpy as np
 
 
 def stream(seed: int, name: str) -> np.random.Generator:
-    """Return the generator of one named source of randomness.
+    """Return the generator of a named random stream, such as `scene`, of a seed of at least 0.
 
-    Streams of one seed are independent, so that drawing more from one (a scene with more
-    bricks) leaves the others (a sensor's noise) unchanged.
-
-    Args:
-        seed: Of the dataset, not negative.
-        name: Of the stream, for example `scene`.
+    Streams of one seed are independent, so that more draws from one (a scene with more bricks)
+    leave the others (a sensor's noise) unchanged.
     """
     return np.random.default_rng([seed, zlib.crc32(name.encode())])

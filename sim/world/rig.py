@@ -1,7 +1,7 @@
-"""The stereo rig: its MuJoCo camera, its calibration, and the one flip between the two conventions.
+"""The stereo rig: MuJoCo camera, calibration, and conversion of camera axes.
 
 MuJoCo, like OpenGL, has the camera look along -z with y up; everything else in this project uses
-OpenCV's axes: x right, y down, z forward. R_GL_CV below is the only place where they meet.
+OpenCV's axes: x right, y down, z forward. R_GL_CV is the only conversion.
 """
 
 import math
@@ -21,10 +21,10 @@ R_GL_CV: Array = np.diag([1.0, -1.0, -1.0])
 
 
 def stereo_rig(settings: RigSettings) -> StereoRig:
-    """Return the calibration that follows from the settings.
+    """Return the calibration that follows from the settings; `T_body_cam` is the left camera's.
 
-    `T_body_cam` places the left eye in the rover's body frame. With the pixel centres on
-    integers, f = (W/2) / tan(hfov/2) = (H/2) / tan(fovy/2) and c = ((W-1)/2, (H-1)/2).
+    With the pixel centres on integers, f = (W/2) / tan(hfov/2) = (H/2) / tan(fovy/2) and c =
+    ((W-1)/2, (H-1)/2).
     """
     T_body_center = se3.pose(R_body_gl(settings.tilt_deg) @ R_GL_CV, _center_body(settings))
     T_center_left = se3.pose(np.eye(3), np.array([-settings.baseline_m / 2, 0.0, 0.0]))
@@ -40,7 +40,7 @@ def stereo_rig(settings: RigSettings) -> StereoRig:
 
 
 def widened(rig: StereoRig, margin_px: int) -> StereoRig:
-    """Return the same pair with that many more pixels on every side."""
+    """Return the same pair with `margin_px` more pixels on every side."""
     return replace(
         rig,
         width_px=rig.width_px + 2 * margin_px,
@@ -51,14 +51,9 @@ def widened(rig: StereoRig, margin_px: int) -> StereoRig:
 
 
 def add_rig(carrier: mujoco.MjSpec, settings: RigSettings, rig: StereoRig) -> None:
-    """Mount a pair on the carrier's mast: one MuJoCo camera, whose `ipd` is the baseline.
+    """Mount a centred pair on the carrier's mast: one MuJoCo camera, whose `ipd` is the baseline.
 
-    The camera sits halfway between the eyes; MuJoCo puts the left one at -ipd/2 along its x.
-
-    Args:
-        carrier: Has a body `mast`.
-        settings: Where on the mast.
-        rig: What is rendered, centred.
+    The camera is halfway between the two; MuJoCo puts the left one at -ipd/2 along its x.
     """
     T_body_gl = se3.pose(R_body_gl(settings.tilt_deg), _center_body(settings))
     carrier.body(MAST).add_camera(
@@ -71,19 +66,13 @@ def add_rig(carrier: mujoco.MjSpec, settings: RigSettings, rig: StereoRig) -> No
 
 
 def T_world_left(camera_pos: Array, camera_mat: Array, rig: StereoRig) -> Array:
-    """Turn MuJoCo's pose of the camera between the eyes into the left eye's, in OpenCV's axes.
-
-    Args:
-        camera_pos: (3,) cam_xpos.
-        camera_mat: (9,) cam_xmat.
-        rig: Gives the baseline.
-    """
+    """Convert MuJoCo's camera pose, (3,) and (9,), to the left camera's (4, 4) in OpenCV axes."""
     R_world_cv = camera_mat.reshape(3, 3) @ R_GL_CV
     return se3.pose(R_world_cv, camera_pos - rig.baseline_m / 2 * R_world_cv[:, 0])
 
 
 def R_body_gl(tilt_deg: float) -> Array:
-    """(3, 3) rotation of an OpenGL camera that looks forward and `tilt_deg` down."""
+    """(3, 3) rotation of an OpenGL camera that faces forward and `tilt_deg` down."""
     tilt = math.radians(tilt_deg)
     right = np.array([0.0, -1.0, 0.0])
     forward = np.array([math.cos(tilt), 0.0, -math.sin(tilt)])

@@ -1,12 +1,12 @@
 """The ER1-like rover: two driven wheels in front, a swivel caster behind, a laptop and a mast.
 
-Body frame: origin at the midpoint of the wheel axle, x forward, y left, z up. Visible parts carry
-the mass and touch nothing; what touches is simpler and hidden in geom group 3.
+Body frame: origin at the midpoint of the wheel axle, x forward, y left, z up. Visible parts have
+mass and no contact; collision shapes are simpler and hidden in geom group 3.
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import mujoco
 
@@ -19,7 +19,7 @@ CASTER_RADIUS_M = 0.03
 CASTER_X_M = -0.27
 CASTER_TRAIL_M = 0.025
 CAMERA_X_M = 0.10
-"""Of the optical centres: ahead of every part, so that the rover never sees itself."""
+"""x of the optical centres: ahead of every part, so that the rover is not in the images."""
 
 PREFIX = "rover/"
 BODY = PREFIX + "body"
@@ -38,28 +38,25 @@ BLACK = (0.06, 0.06, 0.07, 1.0)
 RUBBER = (0.10, 0.10, 0.10, 1.0)
 HUB = (0.85, 0.85, 0.82, 1.0)
 SCREEN = (0.16, 0.24, 0.38, 1.0)
+BOX = mujoco.mjtGeom.mjGEOM_BOX
 BEAM_M = 0.0125
 """Half side of the aluminium profiles."""
-
-
 CRATE = (0.55, 0.42, 0.26, 1.0)
 LOAD_AT = (-0.22, 0.11, 0.42)
-"""Of the load's middle: behind the mast, where no eye looks, and left of the caster."""
+"""Centre of the load: behind the mast, out of the cameras' view, and left of the caster."""
 LOAD_ARM_M, LOAD_HZ = 0.22, 3.0
 HEAD_KG = 0.40
-"""Of mast, arm and cameras, as far as they swing."""
+"""Swinging mass of mast, arm and cameras."""
 GRAVITY_MPS2 = 9.81
 
 
-@dataclass(frozen=True)
-class _Part:
+class _Part(NamedTuple):
     """A visible box: centre and half sizes in metres in the body frame, mass in kg."""
 
     pos: tuple[float, float, float]
     size: tuple[float, float, float]
     mass: float
     rgba: tuple[float, float, float, float] = ALUMINIUM
-    quat_wxyz: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
 
 
 LOWER_Z, DECK_Z = 0.03, 0.16
@@ -89,19 +86,19 @@ def build_rover(camera_height_m: float, settings: RoverSettings) -> mujoco.MjSpe
     """Build the rover as a spec of its own, its body at the origin, ready to be attached.
 
     It has a free joint, two wheel hinges with a velocity actuator each (rad/s, forward
-    positive), the caster's two passive hinges, and two more each for a mast that bends and a
-    load that sways, where the settings ask for them. The frame of the body `mast` is that of the
-    rover's own body as long as the mast is straight.
+    positive), the caster's two passive hinges, and two more each for a bending mast and a swaying
+    load, where the settings have them. The frame of the body `mast` is that of the rover's body
+    as long as the mast is straight.
 
     Args:
-        camera_height_m: Of the optical centres above level ground; the mast reaches there.
+        camera_height_m: Height of the optical centres above level ground, which the mast reaches.
         settings: Motors, mast and load.
     """
     spec = mujoco.MjSpec()
     body = spec.worldbody.add_body(name="body")
     body.add_freejoint(name="free")
     for part in PARTS:
-        _add_part(body, part)
+        _visible(body, *part)
     camera_z_m = camera_height_m - WHEEL_RADIUS_M
     mast = body.add_body(name=MAST)
     _add_mast(mast, camera_z_m)
@@ -116,40 +113,27 @@ def build_rover(camera_height_m: float, settings: RoverSettings) -> mujoco.MjSpe
     return spec
 
 
-def _add_part(body: mujoco.MjsBody, part: _Part) -> None:
-    _visible(body, mujoco.mjtGeom.mjGEOM_BOX, part.pos, part.size, part.mass, part.rgba)
-
-
 def _add_mast(body: mujoco.MjsBody, camera_z_m: float) -> None:
-    """The post, the arm at its top and the camera housing, all behind the optical centres."""
+    """Add the post, the arm at its top and the camera housing, behind the optical centres."""
     half = (camera_z_m - LOWER_Z) / 2
     x = 0.045
-    for part in (
-        _Part((x, 0.0, LOWER_Z + half), (0.01, 0.01, half), 0.30),
-        _Part(((x + 0.075) / 2, 0.0, camera_z_m), (0.02, 0.01, 0.01), 0.05),
-        _Part((0.075, 0.0, camera_z_m), (0.012, 0.075, 0.016), 0.20, BLACK),
-    ):
-        _add_part(body, part)
+    _visible(body, (x, 0.0, LOWER_Z + half), (0.01, 0.01, half), 0.30)
+    _visible(body, ((x + 0.075) / 2, 0.0, camera_z_m), (0.02, 0.01, 0.01), 0.05)
+    _visible(body, (0.075, 0.0, camera_z_m), (0.012, 0.075, 0.016), 0.20, BLACK)
 
 
 def _bend(mast: mujoco.MjsBody, camera_z_m: float, settings: RoverSettings) -> None:
     """Hinge the mast at its foot, forward and sideways, with springs.
 
-    A push of one g on the head, of mass m at height h above the foot, bends it by the angle a:
-    the stiffness is m g h / a, and the natural frequency sqrt(g / (h a)) whatever the mass.
+    An acceleration of 1 g on the head, of mass m at height h above the foot, bends it by the
+    angle a: the stiffness is m g h / a, and the natural frequency sqrt(g / (h a)) for any mass.
     """
     height = camera_z_m - LOWER_Z
     stiffness = HEAD_KG * GRAVITY_MPS2 * height / math.radians(settings.flex_deg)
-    critical = 2 * math.sqrt(stiffness * HEAD_KG * height**2)
-    for name, axis in (("mast_pitch", (0.0, 1.0, 0.0)), ("mast_roll", (1.0, 0.0, 0.0))):
-        mast.add_joint(
-            name=name,
-            type=mujoco.mjtJoint.mjJNT_HINGE,
-            pos=(0.045, 0.0, LOWER_Z),
-            axis=axis,
-            stiffness=stiffness,
-            damping=settings.flex_damping * critical,
-        )
+    damping = settings.flex_damping * (2 * math.sqrt(stiffness * HEAD_KG * height**2))
+    spring = {"pos": (0.045, 0.0, LOWER_Z), "stiffness": stiffness, "damping": damping}
+    mast.add_joint(name="mast_pitch", axis=(0.0, 1.0, 0.0), **spring)
+    mast.add_joint(name="mast_roll", axis=(1.0, 0.0, 0.0), **spring)
 
 
 def _add_load(body: mujoco.MjsBody, mass_kg: float) -> None:
@@ -158,44 +142,30 @@ def _add_load(body: mujoco.MjsBody, mass_kg: float) -> None:
     load = body.add_body(name="load", pos=(x, y, z - LOAD_ARM_M))
     inertia = mass_kg * LOAD_ARM_M**2
     stiffness = inertia * (2 * math.pi * LOAD_HZ) ** 2 + mass_kg * GRAVITY_MPS2 * LOAD_ARM_M
-    for name, axis in (("load_pitch", (0.0, 1.0, 0.0)), ("load_roll", (1.0, 0.0, 0.0))):
-        load.add_joint(
-            name=name,
-            type=mujoco.mjtJoint.mjJNT_HINGE,
-            axis=axis,
-            stiffness=stiffness,
-            damping=0.1 * math.sqrt(stiffness * inertia),
-        )
-    crate = (0.0, 0.0, LOAD_ARM_M)
-    _visible(load, mujoco.mjtGeom.mjGEOM_BOX, crate, (0.09, 0.06, 0.07), mass_kg, CRATE)
+    spring = {"stiffness": stiffness, "damping": 0.1 * math.sqrt(stiffness * inertia)}
+    load.add_joint(name="load_pitch", axis=(0.0, 1.0, 0.0), **spring)
+    load.add_joint(name="load_roll", axis=(1.0, 0.0, 0.0), **spring)
+    _visible(load, (0.0, 0.0, LOAD_ARM_M), (0.09, 0.06, 0.07), mass_kg, CRATE)
 
 
 def _add_contact_boxes(body: mujoco.MjsBody, camera_z_m: float) -> None:
-    """Chassis and mast as obstacles feel them."""
+    """Add the collision shapes of chassis and mast."""
     for pos, size in (
         ((-0.12, 0.0, 0.12), (0.18, 0.17, 0.09)),
         ((0.055, 0.0, camera_z_m / 2 + 0.1), (0.03, 0.05, camera_z_m / 2 - 0.08)),
     ):
-        body.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_BOX, pos=pos, size=size, mass=0.0, group=CONTACT_GROUP
-        )
+        body.add_geom(type=BOX, pos=pos, size=size, mass=0.0, group=CONTACT_GROUP)
 
 
 def _add_driven_wheel(
     spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, y_m: float, torque_max_nm: float
 ) -> None:
     wheel = body.add_body(name=name, pos=(0.0, y_m, 0.0))
-    wheel.add_joint(
-        name=name,
-        type=mujoco.mjtJoint.mjJNT_HINGE,
-        axis=(0.0, 1.0, 0.0),
-        armature=0.004,  # the motor's inertia behind its gear
-        damping=0.01,
-    )
+    # The armature is the motor's inertia behind its gear.
+    wheel.add_joint(name=name, axis=(0.0, 1.0, 0.0), armature=0.004, damping=0.01)
     _add_tyre(wheel, WHEEL_RADIUS_M, TYRE_HALF_WIDTH_M, mass=0.25, friction=0.9)
-    for quarter in range(2):  # spokes, so that one sees it turn
-        size = (0.035, 0.016, 0.005) if quarter else (0.005, 0.016, 0.035)
-        _visible(wheel, mujoco.mjtGeom.mjGEOM_BOX, (0.0, 0.0, 0.0), size, 0.01, HUB)
+    for size in ((0.005, 0.016, 0.035), (0.035, 0.016, 0.005)):  # spokes show the rotation
+        _visible(wheel, (0.0, 0.0, 0.0), size, 0.01, HUB)
     motor = spec.add_actuator(
         name=name,
         trntype=mujoco.mjtTrn.mjTRN_JOINT,
@@ -207,15 +177,14 @@ def _add_driven_wheel(
 
 
 def _add_caster(body: mujoco.MjsBody) -> None:
-    """A fork that swivels about the vertical and drags its wheel behind the pivot."""
+    """Add a fork that swivels about the vertical and trails its wheel behind the pivot."""
     wheel_z = CASTER_RADIUS_M - WHEEL_RADIUS_M
     fork = body.add_body(name="caster_fork", pos=(CASTER_X_M, 0.0, 0.015))
     fork.add_joint(
         name="caster_swivel", axis=(0.0, 0.0, 1.0), damping=0.005, armature=1e-4, frictionloss=0.005
     )
     for y in (-0.018, 0.018):
-        pos = (-CASTER_TRAIL_M / 2, y, -0.015)
-        _visible(fork, mujoco.mjtGeom.mjGEOM_BOX, pos, (0.015, 0.002, 0.02), 0.04, ALUMINIUM)
+        _visible(fork, (-CASTER_TRAIL_M / 2, y, -0.015), (0.015, 0.002, 0.02), 0.04)
     wheel = fork.add_body(name="caster_wheel", pos=(-CASTER_TRAIL_M, 0.0, wheel_z - 0.015))
     wheel.add_joint(name="caster_wheel", axis=(0.0, 1.0, 0.0), damping=2e-4, armature=1e-4)
     _add_tyre(wheel, CASTER_RADIUS_M, 0.012, mass=0.10, friction=0.6)
@@ -224,14 +193,15 @@ def _add_caster(body: mujoco.MjsBody) -> None:
 def _add_tyre(
     wheel: mujoco.MjsBody, radius_m: float, half_width_m: float, mass: float, friction: float
 ) -> None:
-    """A cylinder to look at and, inside it, an ellipsoid: the crowned tyre that meets the ground.
+    """Add a visible cylinder and, inside it, an ellipsoid: the crowned tyre that has contact.
 
     The crown touches flat ground in one point below the axle, which makes odometry's two
     constants, radius and track, exact; a cylinder's contact wanders over its width.
     """
     across = (2**-0.5, 2**-0.5, 0.0, 0.0)
+    cylinder = mujoco.mjtGeom.mjGEOM_CYLINDER
     size = (radius_m, half_width_m, 0.0)
-    _visible(wheel, mujoco.mjtGeom.mjGEOM_CYLINDER, (0, 0, 0), size, mass, RUBBER, across)
+    _visible(wheel, (0, 0, 0), size, mass, RUBBER, type=cylinder, quat=across)
     wheel.add_geom(
         type=mujoco.mjtGeom.mjGEOM_ELLIPSOID,
         size=(radius_m, half_width_m, radius_m),
@@ -245,21 +215,12 @@ def _add_tyre(
 
 def _visible(
     body: mujoco.MjsBody,
-    shape: mujoco.mjtGeom,
     pos: Sequence[float],
     size: Sequence[float],
     mass: float,
-    rgba: Sequence[float],
-    quat_wxyz: Sequence[float] = (1.0, 0.0, 0.0, 0.0),
+    rgba: Sequence[float] = ALUMINIUM,
+    **shape: Any,
 ) -> None:
-    body.add_geom(
-        type=shape,
-        pos=pos,
-        quat=quat_wxyz,
-        size=size,
-        mass=mass,
-        rgba=rgba,
-        group=VISIBLE_GROUP,
-        contype=0,
-        conaffinity=0,
-    )
+    """Add a visible geom without contact, a box unless `shape` gives another type."""
+    look = {"group": VISIBLE_GROUP, "contype": 0, "conaffinity": 0}
+    body.add_geom(**{"type": BOX, **shape}, pos=pos, size=size, mass=mass, rgba=rgba, **look)

@@ -1,4 +1,4 @@
-"""Terrain: what settings lay in the rover's way along a route, on any scene."""
+"""Terrain: bricks, sills, ice and cartons along a route, on any scene."""
 
 import math
 from collections.abc import Mapping
@@ -19,10 +19,10 @@ from vo.contract.arrays import Array
 
 PREFIX = "terrain/"
 CLEAR_START_M = 0.6
-"""Nothing lies closer to the start than this."""
+"""Length of the route that stays clear at the start."""
 BRICK_M = (0.20, 0.10)
 BURIED_M = 0.03
-"""How far bricks reach into the ground, so that no wheel gets under them."""
+"""Depth of the bricks in the ground, so that no wheel gets under them."""
 SILL_WIDTH_M, SILL_LENGTH_M = 0.05, 1.1
 ICE_M = (0.5, 1.0)
 """Length along and width across the route of a slippery patch."""
@@ -33,12 +33,12 @@ BOX_MASS_KG, BOX_CLEARANCE_M = 0.6, 0.006
 def lay_terrain(
     spec: mujoco.MjSpec, scene: Scene, path: Path, settings: RecordSettings
 ) -> Mapping[str, Thing]:
-    """Add bricks, sills, ice and cartons to a scene's spec, each drawn as it is felt.
+    """Add bricks, sills, ice and cartons to a scene's spec, with contact shapes as drawn.
 
-    Every kind draws from its own stream, so that one more does not move the others.
+    Each kind has its own random stream, so that adding one does not move the others.
 
     Returns:
-        What the added geoms show, by name; empty if nothing was asked for.
+        Things by name of the added geoms; empty without terrain.
     """
     terrain = settings.terrain
     stage = Stage("terrain")
@@ -66,7 +66,7 @@ class _Way:
         self.length_m = path.length_m
 
     def at(self, s_m: float, left_m: float = 0.0) -> tuple[Array, float]:
-        """Return (3,) the ground `left_m` beside the route at an arc length, and the heading."""
+        """Return the (3,) ground `left_m` beside the route at an arc length, and the heading."""
         here, ahead = self._path.at(s_m), self._path.at(min(s_m + 0.05, self.length_m))
         if np.allclose(here, ahead):
             here = self._path.at(s_m - 0.05)
@@ -78,7 +78,7 @@ class _Way:
 def _lay_bricks(
     stage: Stage, rng: np.random.Generator, way: _Way, terrain: TerrainSettings
 ) -> None:
-    """Lay single bricks where the wheels go, left or right, askew."""
+    """Lay single bricks on the tracks of the wheels, left or right, with random headings."""
     faces = pack(masonry.paving_bricks(rng, 12, (100, 200)))
     stage.material("loose_bricks", faces.image)
     s = CLEAR_START_M
@@ -100,7 +100,7 @@ def _lay_bricks(
 
 
 def _lay_sills(stage: Stage, rng: np.random.Generator, way: _Way, terrain: TerrainSettings) -> None:
-    """Lay door sills and cables across the route in turn, askew by a few degrees."""
+    """Lay door sills and cables across the route in turn, with random headings."""
     stage.material("sill", timber.wood(rng, (128, 512), (150, 116, 80)))
     stage.material("cable", timber.painted(rng, (64, 64), (46, 46, 50)))
     s = CLEAR_START_M
@@ -136,7 +136,7 @@ def _lay_cable(stage: Stage, name: str, ground: Array, yaw: float, height_m: flo
 
 
 def _lay_ice(stage: Stage, rng: np.random.Generator, way: _Way, terrain: TerrainSettings) -> None:
-    """Cover a share of the route with wet patches on which wheels spin."""
+    """Cover a share of the route with slippery patches."""
     stage.material("ice", masonry.concrete(rng, (512, 512), 176.0))
     pitch = ICE_M[0] / terrain.ice_share
     for k, s in enumerate(np.arange(CLEAR_START_M, way.length_m - ICE_M[0], pitch)):
@@ -152,7 +152,7 @@ def _lay_ice(stage: Stage, rng: np.random.Generator, way: _Way, terrain: Terrain
 
 
 def _above(ground: Array, height_m: float) -> Array:
-    """(3,) a point that far above another."""
+    """Return the (3,) point above another."""
     return np.array([ground[0], ground[1], ground[2] + height_m])
 
 
@@ -163,7 +163,7 @@ def _sheet(rng: np.random.Generator) -> Mesh:
 
 
 def _lay_boxes(stage: Stage, rng: np.random.Generator, way: _Way, terrain: TerrainSettings) -> None:
-    """Stand light cartons in the way."""
+    """Place light cartons on the route."""
     sides = pack(prints.cartons(rng, 6, 256))
     stage.material("loose_cartons", sides.image)
     s = CLEAR_START_M

@@ -1,4 +1,4 @@
-"""A trip: the carrier follows its route once, in physics alone; what happened is then rendered."""
+"""A trip: simulation of the carrier on its route, without rendering."""
 
 import math
 from array import array
@@ -17,14 +17,14 @@ from vo.contract import se3
 from vo.contract.arrays import Array, Indices, Mask
 
 REST_S = 0.4
-"""How long the recording goes on after arrival."""
+"""Duration of the recording after arrival."""
 MOVER_PERIOD_S = 0.01
-"""How often what moves by itself is moved while physics runs."""
+"""Period of the updates of moving objects during physics."""
 
 
 @dataclass(frozen=True)
 class States:
-    """The whole world at increasing times, close enough to interpolate where it is looked at.
+    """Joint positions at increasing times, dense enough to interpolate during exposures.
 
     Attributes:
         times_ns: (K,)
@@ -69,18 +69,18 @@ class Motions:
 
 @dataclass(frozen=True)
 class Trip:
-    """States around the middle of each frame's exposure, and the readings between them.
+    """Frames, states around their exposures, and sensor readings of a carrier on its route.
 
     Attributes:
         timestamps_ns: (N,) of the frames.
-        delivered: (N,) whether the camera kept the frame.
-        states: Of the world while shutters may be open.
+        delivered: (N,) whether the frame is kept.
+        states: States of the world during exposures.
         T_world_body: (N, 4, 4) poses of the body frame.
         v_world_body: (N, 3) velocity of its origin in world axes, m/s.
         motions: Dense, for the inertial unit.
         wheel_times_ns: (M,) of the encoder readings; empty for a carrier without wheels.
         wheel_counts: (M, 2) ticks left and right.
-        ended: Why the trip ended early; empty if it did not.
+        ended: Reason why the trip ended early; empty if it did not.
     """
 
     timestamps_ns: Indices
@@ -98,7 +98,7 @@ class Trip:
 
     @property
     def length_m(self) -> float:
-        """Of the path of the body origin through the frames."""
+        """Path length of the body origin through the frames."""
         steps = np.diff(self.T_world_body[:, :3, 3], axis=0)
         return float(np.linalg.norm(steps, axis=1).sum())
 
@@ -139,7 +139,7 @@ def make_trip(world: World, settings: RecordSettings) -> Trip:
 
 
 class _Clock:
-    """Steps at which something is due: the first at or after each multiple of its period."""
+    """Steps of a periodic event: the first at or after each multiple of its period."""
 
     def __init__(self, rate_hz: float, timestep_s: float, first: float = 0.0) -> None:
         self._period = 1 / (rate_hz * timestep_s) if rate_hz else math.inf
@@ -147,7 +147,7 @@ class _Clock:
         self.next: float = first if rate_hz else math.inf
 
     def due(self, step: int) -> bool:
-        """Whether this is such a step; moves on to the next one if so."""
+        """Whether the event is due at this step; moves on to the next one if so."""
         if step < self.next:
             return False
         while self.next <= step:
@@ -157,14 +157,13 @@ class _Clock:
 
 
 class _Rows:
-    """Times and numbers, gathered without an object for each: a long trip has a million."""
+    """Compact rows of times and numbers: a long trip has a million."""
 
     def __init__(self) -> None:
         self.times_ns = array("q")
         self._values = array("d")
 
     def add(self, time_ns: int, *values: Array) -> None:
-        """Append a row of as many numbers as the others have."""
         self.times_ns.append(time_ns)
         for x in values:
             self._values.frombytes(x.tobytes())
@@ -176,7 +175,7 @@ class _Rows:
 
 
 class _Log:
-    """Samples the world for cameras, inertial unit and encoders."""
+    """Samples of the world for cameras, inertial unit and encoders."""
 
     def __init__(self, world: World, settings: RecordSettings) -> None:
         self._world, self._settings = world, settings
@@ -203,7 +202,7 @@ class _Log:
         return min(open_at, self._imu.next, encoders)
 
     def take(self, step: int, time_s: float) -> None:
-        """Sample whatever is due at this step."""
+        """Take all samples that are due at this step."""
         world, time_ns = self._world, round(time_s * 1e9)
         to_frame = abs(step - self._frame_step)
         since_frame = step - round((len(self._frames) - 1) * self._frame_period)
@@ -221,10 +220,7 @@ class _Log:
             self._encoders.read(time_ns, world.wheel_angles_rad)
 
     def trip(self, ended: str) -> Trip:
-        """Return everything that was sampled.
-
-        Frames whose exposure was cut off are left out.
-        """
+        """Return all samples, without frames whose exposure was cut off."""
         complete = len(self._frames)
         while complete and self._frames[complete - 1][0] + self.lead_s * 1e9 > (
             self._states.times_ns[-1] + 1
@@ -252,7 +248,7 @@ class _Log:
 
 
 def longest_window_s(settings: RecordSettings) -> float:
-    """Longest time from the first photon of a frame to the last, readout and both eyes included."""
+    """Return the longest exposure of a frame, with readout and both cameras' offset."""
     exposure, sensor = settings.exposure, settings.sensor
     open_ms = max(exposure.time_ms, sensor.exposure_max_ms if sensor.auto_exposure else 0.0)
     readout_ms = exposure.line_time_us * 1e-3 * settings.rig.height_px
@@ -260,7 +256,7 @@ def longest_window_s(settings: RecordSettings) -> float:
 
 
 def body_motion(world: World, time_s: float) -> tuple[Array, Array, Array]:
-    """Pose (4, 4), velocity (3,) and angular velocity (3,) of the body frame in the world, now."""
+    """Return pose (4, 4), velocity (3,) and angular velocity (3,) of the body frame in world."""
     if not world.is_driven:
         h = 1e-4
         before, now, after = (world.movers[BODY](time_s + dt) for dt in (-h, 0.0, h))
@@ -277,7 +273,7 @@ def body_motion(world: World, time_s: float) -> tuple[Array, Array, Array]:
 
 
 def wheel_forces_n(world: World) -> Array:
-    """Normal force (3,) between the ground and the left, the right and the caster wheel, now."""
+    """Return the normal force (3,) on the left, the right and the caster wheel."""
     total, force = np.zeros(3), np.empty(6)
     if not world.is_driven:
         return total
@@ -293,7 +289,7 @@ def wheel_forces_n(world: World) -> Array:
 
 
 def _kept(settings: RecordSettings, frames: int) -> Mask:
-    """Which frames are not lost; the first never is."""
+    """Return which frames are delivered; the first always is."""
     lost = stream(settings.seed, "drop").random(frames) < settings.sensor.drop_share
     lost[0] = False
     return ~lost

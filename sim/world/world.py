@@ -1,4 +1,4 @@
-"""The world: a scene with a carrier and its stereo rig in it, compiled, at the start of a route."""
+"""The world: a scene with carrier and stereo rig, compiled, at the start of a route."""
 
 import math
 from collections.abc import Mapping
@@ -24,27 +24,27 @@ from vo.contract.rig import StereoRig
 
 STEPS_MIN_HZ, STEPS_MAX_HZ = 1000, 4000
 START_S = 1.0
-"""Time of the first frame; the second before it belongs to the rover's settling."""
+"""Time of the first frame; the rover settles during the second before it."""
 START_CLEARANCE_M = 0.01
-"""Above the level ground, so that no brick is inside a wheel; the rover drops and settles."""
+"""Height above level ground from which the rover drops, so that no brick is inside a wheel."""
 WALK_STEP_M = 0.1
-"""Spacing of the points that a hand is led along."""
+"""Spacing of the points of a hand-held carrier's route."""
 SETTLING_CONTACT_M = 0.004
-"""Deeper into an obstacle than this, the rover has no room to start."""
+"""Penetration of an obstacle from which a start has no free space."""
 
 
 @dataclass(frozen=True)
 class World:
-    """A compiled scene; `data` is the one mutable part.
+    """A compiled scene; `data` is the only mutable part.
 
     Attributes:
-        scene: What was compiled.
-        rig: True geometry of the stereo pair, in the size that is delivered.
-        render_rig: What is rendered: the same with a margin, for the lens to bend.
-        path: Where to drive or walk.
-        arrival_s: When a carrier that is not driven arrives; none for the rover.
+        scene: Scene that was compiled.
+        rig: True geometry of the stereo pair, in the delivered size.
+        render_rig: The same with the margin that is rendered for the lens.
+        path: Path to drive or walk.
+        arrival_s: Time of arrival of a hand-held carrier; None for the rover.
         movers: Name of a mocap body to its motion; the hand-held carrier is one of them.
-        things: Name of a geom to what it shows, where the scene or the terrain says so.
+        things: Name of a geom to the thing it shows, as given by scene or terrain.
         model: With the carrier under the prefix `rover/`.
         data: At the start of the route, before settling.
     """
@@ -66,41 +66,41 @@ class World:
 
     @property
     def T_world_chassis(self) -> Array:
-        """(4, 4) pose of the rover's chassis now, by its joint."""
+        """(4, 4) pose of the rover's chassis, by its joint."""
         qpos = self.data.joint(PREFIX + "free").qpos
         return se3.from_quat_wxyz(qpos[3:], qpos[:3])
 
     @property
     def T_world_cam(self) -> Array:
-        """(4, 4) pose of the left camera as placed last."""
+        """(4, 4) pose of the left camera, as of the last `place_bodies`."""
         camera = self.model.camera(CAMERA).id
         return T_world_left(self.data.cam_xpos[camera], self.data.cam_xmat[camera], self.rig)
 
     @property
     def T_world_body(self) -> Array:
-        """(4, 4) pose of the body frame as placed last: rigid with cameras and inertial unit.
+        """(4, 4) pose of the body frame as of the last `place_bodies`, rigid with cameras and IMU.
 
-        That of the chassis, unless the mast bends.
+        It is that of the chassis, unless the mast bends.
         """
         return self.T_world_cam @ se3.inverse(self.rig.T_body_cam)
 
     @property
     def T_world_bodies(self) -> Array:
-        """(nbody, 4, 4) poses of all of MuJoCo's bodies as placed last."""
+        """(nbody, 4, 4) poses of MuJoCo's bodies, as of the last `place_bodies`."""
         return se3.pose(self.data.xmat.reshape(-1, 3, 3), self.data.xpos)
 
     @property
     def wheel_angles_rad(self) -> Array:
-        """(2,) turned by the left and the right wheel since the start, forward positive."""
+        """(2,) angles of the left and the right wheel since the start, forward positive."""
         return np.array([self.data.joint(name).qpos[0] for name in WHEELS])
 
     def command_wheels(self, speeds_radps: Array) -> None:
-        """Set the wheels' wanted speeds, (2,) left and right, rad/s, forward positive."""
+        """Set the wheels' target speeds, (2,) left and right, rad/s, forward positive."""
         for name, speed in zip(WHEELS, speeds_radps, strict=True):
             self.data.actuator(name).ctrl = speed
 
     def move_movers(self, time_s: float) -> None:
-        """Put everything that moves by itself where it is at a time."""
+        """Place all moving objects where they are at a time."""
         for name, motion in self.movers.items():
             T_world_mover = motion(time_s)
             mocap = self.model.body(name).mocapid[0]
@@ -114,9 +114,9 @@ class World:
         self.place_bodies()
 
     def place_bodies(self) -> None:
-        """Bring the poses of bodies, cameras and lights up to date with the joints.
+        """Update the poses of bodies, cameras and lights from the joints.
 
-        `mj_step` leaves them one step behind; call this before looking.
+        `mj_step` leaves them one step behind; call this before rendering.
         """
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_comPos(self.model, self.data)
@@ -124,11 +124,11 @@ class World:
 
 
 def build_world(scene: Scene, settings: RecordSettings) -> World:
-    """Put the carrier at the start of the route, heading along it, and compile.
+    """Place the carrier at the start of the route, heading along it, and compile.
 
     Raises:
-        SettingsError: If the scene has no such route, the route is too short for the distance,
-            the world does not compile or the rover has no room at the start.
+        SettingsError: If the scene has no such route, the route is too short for the distance, the
+            world does not compile or the rover has no free space at the start.
     """
     path = plan_path(_route(scene, settings), settings.drive.distance_m)
     rig = stereo_rig(settings.rig)
@@ -165,10 +165,10 @@ def build_world(scene: Scene, settings: RecordSettings) -> World:
 
 
 def steps_per_second(settings: RecordSettings) -> int | Fraction:
-    """Choose a rate of physics of at least 1 kHz that every sensor's rate divides.
+    """Choose a physics rate of at least 1 kHz that every sensor's rate divides.
 
-    Where the rates have no common multiple below 4 kHz, that of the cameras counts alone, and the
-    others are read at the first step at or after each of their times.
+    Where the rates have no common multiple below 4 kHz, only the cameras' counts, and the others
+    are sampled at the first step at or after each of their times.
     """
     rates = [
         Fraction(rate).limit_denominator(1000)
@@ -183,7 +183,7 @@ def steps_per_second(settings: RecordSettings) -> int | Fraction:
 
 
 def thing_of(world: World, geom: int) -> Thing:
-    """Return what a geom shows: as the scene says, else by what it is."""
+    """Return the thing that a geom shows: by the scene, else by the geom's properties."""
     model = world.model
     name = model.geom(geom).name
     if name in world.things:
@@ -231,11 +231,7 @@ def _set_physics(spec: mujoco.MjSpec, timestep_s: float | Fraction) -> None:
 
 
 def _check_room(world: World) -> None:
-    """Refuse a start inside of something.
-
-    Raises:
-        SettingsError: Names the obstacle.
-    """
+    """Raise a SettingsError that names the obstacle if the rover starts inside of one."""
     model = world.model
     for contact in world.data.contact:
         if contact.dist < -SETTLING_CONTACT_M:

@@ -162,7 +162,7 @@ def test_a_dataset_that_its_worker_finished_without_saying_so_counts(folder, mon
     assert outcome.recording.certificate == manifest["certificate"]
     assert stamps(folder / "d") == before
     other = perform(Task("yard.xml", settings.model_copy(update={"seed": 1}), Path("d")))
-    assert other.problem == "a dataset made with other settings is in the way"
+    assert other.problem == "exists with other settings; choose another folder"
 
 
 class Cluster:
@@ -210,7 +210,7 @@ def test_a_scheduler_that_vanishes_is_said_in_one_line(folder, calm, cluster):
     _, complaints = run.communicate(timeout=PATIENCE_S)
     assert run.returncode == 2
     assert complaints.splitlines() == [
-        f"driftyard: error: scheduler {cluster.address}: lost; the same command goes on from here"
+        f"driftyard: error: scheduler {cluster.address}: lost; the same command continues from here"
     ]
     made = [path for path in (folder / "many").iterdir() if not path.name.startswith(".")]
     assert made

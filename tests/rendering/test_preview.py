@@ -12,24 +12,24 @@ from scenes.scene import Kind
 from sim.camera.render import StereoRenderer
 from sim.labels.visibility import Occlusion
 from sim.preview.colours import (
+    INVISIBLE,
     KINDS,
     NOTHING,
-    SEEN,
     DepthScale,
     class_colours,
     depth_scale,
     flow_colours,
     normal_colours,
     object_colours,
-    seen_colours,
+    visibility_colours,
 )
 from sim.preview.film import first_seconds, make_film, writing
 from sim.preview.image_file import write_picture
-from sim.preview.label_plates import _room_for
+from sim.preview.label_plates import label_position
 from sim.preview.overhead_map import render_world_map
-from sim.preview.preview import chosen, contact_sheet, preview
+from sim.preview.preview import changed_settings, contact_sheet, preview
 from sim.preview.route_map import arrow_places, bar_length_m
-from sim.preview.sample_views import look_around, trip_from
+from sim.preview.sample_views import render_sample_views, short_trip
 from sim.settings import RecordSettings
 from sim.world.trip import make_trip
 from sim.world.world import START_S, build_world
@@ -101,8 +101,8 @@ def test_flow_is_white_at_rest_red_to_the_right_and_dark_where_unknown():
 def test_what_is_not_seen_is_marked_and_the_rest_is_the_picture():
     codes = np.array([[int(code) for code in Occlusion]])
     view = np.full((1, 4, 3), 100, np.uint8)
-    rgb = seen_colours(codes, view)
-    for code, colour in SEEN.items():
+    rgb = visibility_colours(codes, view)
+    for code, colour in INVISIBLE.items():
         assert tuple(rgb[0, int(code)].tolist()) == colour
     assert np.ptp(rgb[0, 0].astype(int)) == 0
 
@@ -110,13 +110,13 @@ def test_what_is_not_seen_is_marked_and_the_rest_is_the_picture():
 def test_names_stand_inside_of_their_objects_and_off_each_other():
     mask, taken = np.zeros((120, 160), bool), np.zeros((120, 160), bool)
     mask[40:110, 20:150] = True
-    places = [_room_for("bench", mask, taken) for _ in range(3)]
+    places = [label_position("bench", mask, taken) for _ in range(3)]
     for place in places:
         assert place is not None
         assert mask[int(place[1]), int(place[0])]
     gaps = np.abs(np.diff(np.array(places), axis=0))
     assert ((gaps[:, 0] > 10) | (gaps[:, 1] > 6)).all()
-    assert _room_for("bench", np.zeros((120, 160), bool), taken) is None
+    assert label_position("bench", np.zeros((120, 160), bool), taken) is None
 
 
 @pytest.mark.parametrize(("width_m", "bar_m"), [(6, 1), (14, 2), (104, 20), (0.5, 0.1)])
@@ -133,8 +133,8 @@ def test_arrows_are_evenly_spaced_and_point_along_the_way():
 
 def test_settings_are_listed_as_they_would_be_set():
     settings = settings_of(sensor={"auto_exposure": True}, exposure={"time_ms": 2.5})
-    assert set(chosen(settings)) >= {"sensor.auto_exposure=true", "exposure.time_ms=2.5"}
-    assert chosen(RecordSettings()) == []
+    assert set(changed_settings(settings)) >= {"sensor.auto_exposure=true", "exposure.time_ms=2.5"}
+    assert changed_settings(RecordSettings()) == []
 
 
 @pytest.mark.parametrize("name", ["a.bmp", "a"])
@@ -200,7 +200,7 @@ def test_a_trip_from_the_middle_is_there_at_its_time(make_scene, carrier):
     scene = make_scene()
     scene.spec.worldbody.add_body(name="clock", mocap=True)
     scene = replace(scene, movers={"clock": lambda t: se3.pose(np.eye(3), np.array([t, 9, 9]))})
-    there, trip = trip_from(build_world(scene, settings), settings, 0.5)
+    there, trip = short_trip(build_world(scene, settings), settings, 0.5)
     frames = np.flatnonzero(trip.delivered)
     assert len(frames) == 2
     assert trip.T_world_body[frames[0], 0, 3] == pytest.approx(1.6, abs=0.15)
@@ -211,7 +211,7 @@ def test_a_trip_from_the_middle_is_there_at_its_time(make_scene, carrier):
 
 def test_an_automatic_exposure_gets_frames_to_settle(make_scene):
     settings = settings_of(sensor={"auto_exposure": True})
-    trip = trip_from(build_world(make_scene(), settings), settings, 0.2)[1]
+    trip = short_trip(build_world(make_scene(), settings), settings, 0.2)[1]
     assert trip.delivered.sum() > 6
 
 
@@ -253,12 +253,12 @@ def test_what_is_shown_is_what_the_camera_delivers(make_scene):
     views = []
     for settings in (clean, noisy):
         world = build_world(make_scene(boxes=True), settings)
-        sights = look_around(world, settings)
-        views.append(np.array(sights.views, float))
+        samples = render_sample_views(world, settings)
+        views.append(np.array([sample.view for sample in samples.views], float))
         assert (np.ptp(views[-1], axis=-1) == 0).all()  # grey
     difference = np.std(views[1] - views[0])
     assert 1 < difference < 40
-    sheet = contact_sheet(world, sights)
+    sheet = contact_sheet(world, samples)
     assert sheet.shape[1] == 1920
     assert len(np.unique(sheet.reshape(-1, 3), axis=0)) > 3000
 
