@@ -52,7 +52,9 @@ def show(axes: Axes, image: Image, title: str, about: str = "", key: Key = ()) -
     place = (0, 1), (0, 13 if key else 3)
     bold = {"fontsize": 9, "color": INK, "weight": "bold"}
     name = axes.annotate(title, *place, xycoords="axes fraction", **bold, **points)
-    axes.annotate(about, (1, 0), (6, 0), xycoords=name, fontsize=8.5, color=FAINT, **points)
+    axes.annotate(
+        about, (1, 0), (6, 0), xycoords=name, va="bottom", fontsize=8.5, color=FAINT, **points
+    )
     if key:
         edge = {"edgecolor": FAINT, "linewidth": 0.4}
         squares = [Patch(facecolor=[c / 255 for c in rgb], label=text, **edge) for rgb, text in key]
