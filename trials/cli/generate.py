@@ -10,12 +10,11 @@ import typer
 
 from sim.batch import Task, build, perform_all
 from sim.record import Recording, record
-from sim.settings import RecordSettings
+from sim.settings import RecordSettings, recorded_settings
 from trials.cli import console
 from trials.cli.options import RecordingOptions
 from vo.contract.dataset import MANIFEST, DatasetWriter, read_manifest
 from vo.contract.errors import DatasetError, SettingsError
-from vo.contract.settings import validated
 
 
 @dataclass(frozen=True)
@@ -89,7 +88,7 @@ def _task_of(manifest: Path, out: Path) -> Task:
     except (KeyError, TypeError):
         raise DatasetError(f"{folder / MANIFEST}: does not say what it was made from") from None
     try:
-        return Task(source, validated(RecordSettings, settings), out)
+        return Task(source, recorded_settings(settings), out)
     except SettingsError as error:
         raise SettingsError(f"{folder / MANIFEST}: {error}") from None
 
