@@ -478,7 +478,7 @@ def test_what_moves_is_no_place_to_start_from_and_not_to_be_touched(make, monkey
 
 MEMORY = """
 import sys, gymnasium, trials.gym
-from trials.studies.speed.resident import resident_mb
+from trials.execution.process_memory import resident_mb
 env = gymnasium.make("driftyard/RoverNav-v0", disable_env_checker=True, scene=sys.argv[1],
     settings={"rig.width_px": 160, "rig.height_px": 120}, localization="truth")
 resident = []

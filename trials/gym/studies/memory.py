@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import gymnasium
 
 import trials.gym
-from trials.studies.speed.resident import resident_mb
+from trials.execution.process_memory import resident_mb
 
 
 def memory_over_resets(scene: str, resets: int) -> Iterator[tuple[int, float]]:

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from trials.execution.process_memory import resident_mb
 from trials.execution.progress import ProgressBar, counted, no_progress
-from trials.studies.speed.resident import resident_mb
 from vo.contract.arrays import Array
 from vo.contract.estimator import Estimate
 
