@@ -10,7 +10,7 @@ import pytest
 
 from trials.evaluation.runs import read_map
 from trials.execution.jobs import Job, Recording, Result, Results, Variant
-from trials.studies.experiments.base import FULL, SMALL, Experiment, Table, Verdict
+from trials.studies.experiments.base import FULL, SMALL, Experiment, Steps, Table, Verdict
 from trials.studies.experiments.e01_orientation import inlier_rise
 from trials.studies.experiments.e11_stationary import stationary_drift, stops
 from trials.studies.experiments.measures import (
@@ -114,10 +114,10 @@ def test_every_experiment_of_the_thesis_is_there():
     assert [f"E{k}" for k in range(1, 13)] == list(EXPERIMENTS)[:12]
     for name, experiment in EXPERIMENTS.items():
         assert experiment.id == name
-        jobs = experiment.jobs(FULL)
+        jobs = experiment.steps.jobs(FULL)
         assert len(set(jobs)) == len(jobs)
         assert {t.recording.seed for t in jobs} <= set(FULL.seeds)
-        assert len(experiment.jobs(SMALL)) <= len(jobs)
+        assert len(experiment.steps.jobs(SMALL)) <= len(jobs)
 
 
 MADE = Experiment(
@@ -128,12 +128,14 @@ MADE = Experiment(
     setup="Nothing was done.",
     caption="A line.",
     size_in=(3.0, 2.0),
-    jobs=lambda _: [],
-    measure=lambda _: 2,
-    conclude=lambda found: (Verdict.PARTLY, "It is so & so."),
-    table=lambda found: Table.of("what | how much, %", [("this", "1"), ("that", str(found))]),
-    draw=lambda figure, found: figure.subplots().plot([0, 1], [0, found]),
-    data=lambda found: {"a line": ragged(x=np.arange(3), y=np.array([0.5]))},
+    steps=Steps(
+        jobs=lambda _: [],
+        measure=lambda _: 2,
+        conclude=lambda found: (Verdict.PARTLY, "It is so & so."),
+        table=lambda found: Table.of("what | how much, %", [("this", "1"), ("that", str(found))]),
+        draw=lambda figure, found: figure.subplots().plot([0, 1], [0, found]),
+        data=lambda found: {"a line": ragged(x=np.arange(3), y=np.array([0.5]))},
+    ),
 )
 NOTHING = Results({})
 

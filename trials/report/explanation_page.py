@@ -6,6 +6,7 @@ import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from textwrap import fill
 
 import numpy as np
 from rich.table import Table
@@ -221,7 +222,11 @@ def _along_path(explanations: Sequence[Explanation]) -> str:
 
 
 def _table(title: str, head: Row, rows: Sequence[Row]) -> Table:
-    table = Table(*head, title=title, title_justify="left", box=None, pad_edge=False)
+    widths = [max(map(len, cells)) for cells in zip(*rows, strict=True)]
+    wrapped = [
+        fill(text, width, break_long_words=False) for text, width in zip(head, widths, strict=True)
+    ]
+    table = Table(*wrapped, title=title, title_justify="left", box=None, pad_edge=False)
     for row in rows:
         table.add_row(*row)
     return table

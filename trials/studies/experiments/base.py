@@ -25,7 +25,7 @@ class Verdict(StrEnum):
     OPEN = "cannot be decided"
 
 
-Conclusion = tuple[Verdict, str]
+Finding = tuple[Verdict, str]
 """Verdict, and its reasons and conditions in a few sentences."""
 
 
@@ -87,7 +87,28 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Experiment(Generic[M]):
+class Steps(Generic[M]):
+    """Functions of an experiment.
+
+    Attributes:
+        jobs: Returns all jobs at a scale.
+        conclude: Decides on the claim.
+        table: Tabulates the measurements.
+        draw: Draws the figure.
+        data: Returns the data of the figure.
+        measure: Computes the measurements from the results; the results themselves by default.
+    """
+
+    jobs: Callable[[Scale], Sequence[Job]]
+    conclude: Callable[[M], Finding]
+    table: Callable[[M], Table]
+    draw: Callable[[Figure, M], None]
+    data: Callable[[M], Data]
+    measure: Callable[[Results], Any] = lambda results: results
+
+
+@dataclass(frozen=True)
+class Experiment:
     """A claim and its test.
 
     Attributes:
@@ -98,12 +119,7 @@ class Experiment(Generic[M]):
         setup: Recordings and variants that are compared, in a few sentences.
         caption: Description of the figure.
         size_in: Width and height of the figure, inches.
-        jobs: Returns all jobs at a scale.
-        conclude: Decides on the claim.
-        table: Tabulates the measurements.
-        draw: Draws the figure.
-        data: Returns the data of the figure.
-        measure: Computes the measurements from the results; the results themselves by default.
+        steps: Functions that perform it.
     """
 
     id: str
@@ -113,9 +129,4 @@ class Experiment(Generic[M]):
     setup: str
     caption: str
     size_in: tuple[float, float]
-    jobs: Callable[[Scale], Sequence[Job]]
-    conclude: Callable[[M], Conclusion]
-    table: Callable[[M], Table]
-    draw: Callable[[Figure, M], None]
-    data: Callable[[M], Data]
-    measure: Callable[[Results], Any] = lambda results: results
+    steps: Steps[Any]

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from trials.evaluation.intervals import Interval, ratio_interval
 from trials.execution.jobs import Job, Results, Variant, jobs_of
 from trials.report.figure import GREY, INK, RED, tidy
-from trials.studies.experiments.base import Conclusion, Data, Experiment, Scale, Table, Verdict
+from trials.studies.experiments.base import Data, Experiment, Finding, Scale, Steps, Table, Verdict
 from trials.studies.experiments.measures import lost_percent, mean_text
 from trials.studies.experiments.variants import DEFAULT, THESIS
 
@@ -125,7 +125,7 @@ CHANGES = Comparison(
 )
 
 
-def conclude_detectors(results: Results) -> Conclusion:
+def conclude_detectors(results: Results) -> Finding:
     """Compare the drift with each detector."""
     found = DETECTORS.ratios(results)
     harris = found[HARRIS]
@@ -141,7 +141,7 @@ def conclude_detectors(results: Results) -> Conclusion:
     )
 
 
-def conclude_changes(results: Results) -> Conclusion:
+def conclude_changes(results: Results) -> Finding:
     """Order the changes by their effect on the drift."""
     found = CHANGES.ratios(results)
     costly = sorted((v for v in found if found[v].low > 1), key=lambda v: -found[v].value)
@@ -167,11 +167,9 @@ F2 = Experiment(
     caption="Drift with each detector over that with the default one: diamonds are geometric "
     "means, bars their 95 % intervals, dots drives.",
     size_in=(8.0, 2.4),
-    jobs=DETECTORS.jobs,
-    conclude=conclude_detectors,
-    table=DETECTORS.table,
-    draw=DETECTORS.draw,
-    data=DETECTORS.data,
+    steps=Steps(
+        DETECTORS.jobs, conclude_detectors, DETECTORS.table, DETECTORS.draw, DETECTORS.data
+    ),
 )
 F = Experiment(
     id="F",
@@ -184,9 +182,5 @@ F = Experiment(
     caption="Drift with one change over that of the default settings: diamonds are geometric "
     "means, bars their 95 % intervals, dots drives.",
     size_in=(8.5, 5.2),
-    jobs=CHANGES.jobs,
-    conclude=conclude_changes,
-    table=CHANGES.table,
-    draw=CHANGES.draw,
-    data=CHANGES.data,
+    steps=Steps(CHANGES.jobs, conclude_changes, CHANGES.table, CHANGES.draw, CHANGES.data),
 )

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from trials.evaluation.intervals import mean_interval
 from trials.execution.jobs import Job, Recording, Result, Results, Variant, jobs_of
 from trials.report.figure import BLUE, RED, TRUTH, tidy
-from trials.studies.experiments.base import Conclusion, Data, Experiment, Scale, Table, Verdict
+from trials.studies.experiments.base import Data, Experiment, Finding, Scale, Steps, Table, Verdict
 from trials.studies.experiments.measures import (
     first_failure,
     mean_text,
@@ -31,13 +31,11 @@ RISE = 1.1
 """Ratio of inliers above which they have risen."""
 
 
-def jobs(scale: Scale) -> Sequence[Job]:
-    """Both orientations on level ground, indoors and outdoors, and on blurred turns."""
+def _jobs(scale: Scale) -> Sequence[Job]:
     return jobs_of(scale.recordings(SCENES), VARIANTS)
 
 
-def conclude(results: Results) -> Conclusion:
-    """Compare the tracked fractions, and the inliers at failures of absolute orientation."""
+def _conclude(results: Results) -> Finding:
     relative, absolute, refined = (
         np.array([tracked_fraction(x) for x in results.of(v)]) for v in VARIANTS
     )
@@ -59,8 +57,7 @@ def conclude(results: Results) -> Conclusion:
     )
 
 
-def table(results: Results) -> Table:
-    """Return a row for every scene and variant."""
+def _table(results: Results) -> Table:
     rows: list[tuple[str, ...]] = []
     for scene in dict.fromkeys(r.scene for r in results.recordings):
         for variant in VARIANTS:
@@ -94,8 +91,7 @@ def _shown(results: Results) -> Recording:
     return min(results.recordings, key=lambda r: tracked_fraction(results.at(r, ABSOLUTE)))
 
 
-def data(results: Results) -> Data:
-    """Return inliers and paths of the drive in the figure."""
+def _data(results: Results) -> Data:
     runs = [results.at(_shown(results), v) for v in (RELATIVE, ABSOLUTE)]
     paths: dict[str, np.ndarray] = {}
     for run in runs:
@@ -106,8 +102,7 @@ def data(results: Results) -> Data:
     return {"inliers": ragged(**inliers), "paths": ragged(**paths)}
 
 
-def draw(figure: Figure, results: Results) -> None:
-    """Draw inliers over frames, and paths."""
+def _draw(figure: Figure, results: Results) -> None:
     shown = _shown(results)
     left, right = figure.subplots(1, 2, width_ratios=(1.5, 1))
     for variant, colour in ((RELATIVE, RED), (ABSOLUTE, BLUE)):
@@ -140,9 +135,5 @@ E1 = Experiment(
     "fails first; the dashed line marks its failure. Right: both paths and the truth from above, "
     "first poses aligned.",
     size_in=(9.5, 3.6),
-    jobs=jobs,
-    conclude=conclude,
-    table=table,
-    draw=draw,
-    data=data,
+    steps=Steps(_jobs, _conclude, _table, _draw, _data),
 )

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from trials.evaluation.intervals import Interval, ratio_interval
 from trials.execution.jobs import Job, Results, Variant, jobs_of
 from trials.report.figure import BLUE, RED, tidy
-from trials.studies.experiments.base import Conclusion, Data, Experiment, Scale, Table, Verdict
+from trials.studies.experiments.base import Data, Experiment, Finding, Scale, Steps, Table, Verdict
 from trials.studies.experiments.measures import mean_text
 
 SCENES = ("office", "brick_court")
@@ -29,14 +29,12 @@ MUCH = 3.0
 """Smallest ratio of times that is much faster."""
 
 
-def jobs(scale: Scale) -> Sequence[Job]:
-    """Windows of several sizes, and all frames, at every frame."""
+def _jobs(scale: Scale) -> Sequence[Job]:
     short = replace(scale, distance_m=min(LENGTH_M, scale.distance_m))
     return jobs_of(short.recordings(SCENES), VARIANTS)
 
 
-def conclude(results: Results) -> Conclusion:
-    """Compare drift and time of every window with those of all frames."""
+def _conclude(results: Results) -> Finding:
     drift, faster = _drift_ratios(results)[:-1], _time_ratios(results)[:-1]
     good = [
         k
@@ -51,8 +49,7 @@ def conclude(results: Results) -> Conclusion:
     )
 
 
-def table(results: Results) -> Table:
-    """Return a row for every window."""
+def _table(results: Results) -> Table:
     ratios = zip(_drift_ratios(results), _time_ratios(results), strict=True)
     rows = [
         (
@@ -71,8 +68,7 @@ def table(results: Results) -> Table:
     )
 
 
-def data(results: Results) -> Data:
-    """Return drift and time of every run."""
+def _data(results: Results) -> Data:
     return {
         "window": {
             "window, frames": np.repeat([*WINDOWS, ALL], len(results.recordings)),
@@ -98,8 +94,7 @@ def _refinement_ms(results: Results, variant: Variant) -> np.ndarray:
     )
 
 
-def draw(figure: Figure, results: Results) -> None:
-    """Draw drift and time over the window."""
+def _draw(figure: Figure, results: Results) -> None:
     left, right = figure.subplots(1, 2)
     for panel, measure, label, colour in (
         (left, lambda v: results.drifts(v), "drift over 1 m, %", RED),
@@ -130,9 +125,5 @@ E2 = Experiment(
     caption="Drift (left) and time of the structure refinement (right) over the size of the "
     "window; dots are drives, lines their means, dashed: all frames.",
     size_in=(9.0, 3.4),
-    jobs=jobs,
-    conclude=conclude,
-    table=table,
-    draw=draw,
-    data=data,
+    steps=Steps(_jobs, _conclude, _table, _draw, _data),
 )

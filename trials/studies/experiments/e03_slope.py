@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from trials.evaluation.intervals import mean_interval
 from trials.execution.jobs import Job, Result, Results, Variant, jobs_of
 from trials.report.figure import BLUE, INK, OCHRE, RED, TRUTH, tidy
-from trials.studies.experiments.base import Conclusion, Data, Experiment, Scale, Table, Verdict
+from trials.studies.experiments.base import Data, Experiment, Finding, Scale, Steps, Table, Verdict
 from trials.studies.experiments.measures import aligned_poses, mean_text, pitch_deg, ragged
 from trials.studies.experiments.variants import DEFAULT, THESIS, UNREFINED
 
@@ -17,13 +17,11 @@ LENGTH_M = 7.0
 SHOWN = {UNREFINED: BLUE, THESIS: RED, DEFAULT: OCHRE}
 
 
-def jobs(scale: Scale) -> Sequence[Job]:
-    """Drives up the ramp."""
+def _jobs(scale: Scale) -> Sequence[Job]:
     return jobs_of(scale.with_length(LENGTH_M).recordings(["ramp"]), SHOWN)
 
 
-def conclude(results: Results) -> Conclusion:
-    """Compare the pitch error with and without refinement."""
+def _conclude(results: Results) -> Finding:
     signed = mean_interval(_end_errors_deg(results, UNREFINED))
     ratio = np.median(_rms_errors_deg(results, UNREFINED) / _rms_errors_deg(results, THESIS))
     larger, over = bool(ratio > 1), signed.low > 0
@@ -37,8 +35,7 @@ def conclude(results: Results) -> Conclusion:
     )
 
 
-def table(results: Results) -> Table:
-    """Return a row for every variant."""
+def _table(results: Results) -> Table:
     rows: list[tuple[str, ...]] = []
     for variant in SHOWN:
         height_mm = np.array([1e3 * _height_error_m(x)[-1] for x in results.of(variant)])
@@ -76,8 +73,7 @@ def _height_error_m(run: Result) -> np.ndarray:
     return estimate[:, 2, 3] - truth[:, 2, 3]
 
 
-def data(results: Results) -> Data:
-    """Return the pitch error of every run."""
+def _data(results: Results) -> Data:
     return {
         f"pitch {v.label}": ragged(
             **{f"seed {x.job.recording.seed}, °": pitch_error_deg(x) for x in results.of(v)}
@@ -86,8 +82,7 @@ def data(results: Results) -> Data:
     }
 
 
-def draw(figure: Figure, results: Results) -> None:
-    """Draw height and pitch error along the path."""
+def _draw(figure: Figure, results: Results) -> None:
     left, right = figure.subplots(1, 2)
     first = results.recordings[0]
     for variant, colour in SHOWN.items():
@@ -115,9 +110,5 @@ E3 = Experiment(
     caption="Left: height of the camera along the drive of the first seed. Right: error of its "
     "pitch on all drives, nose up positive.",
     size_in=(9.0, 3.4),
-    jobs=jobs,
-    conclude=conclude,
-    table=table,
-    draw=draw,
-    data=data,
+    steps=Steps(_jobs, _conclude, _table, _draw, _data),
 )

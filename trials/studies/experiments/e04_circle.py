@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from trials.evaluation.intervals import ratio_interval
 from trials.execution.jobs import Job, Result, Results, jobs_of
 from trials.report.figure import BLUE, OCHRE, RED, TRUTH, tidy
-from trials.studies.experiments.base import Conclusion, Data, Experiment, Scale, Table, Verdict
+from trials.studies.experiments.base import Data, Experiment, Finding, Scale, Steps, Table, Verdict
 from trials.studies.experiments.measures import lost_percent, mean_text, paths_m, ragged
 from trials.studies.experiments.variants import DEFAULT, THESIS, UNREFINED
 
@@ -19,13 +19,11 @@ LARGE = 2.0
 """Smallest ratio of drifts that is large."""
 
 
-def jobs(scale: Scale) -> Sequence[Job]:
-    """Circles in the laboratory."""
+def _jobs(scale: Scale) -> Sequence[Job]:
     return jobs_of(scale.with_length(LENGTH_M).recordings(["lab_circle"]), SHOWN)
 
 
-def conclude(results: Results) -> Conclusion:
-    """Compare the drift with and without refinement."""
+def _conclude(results: Results) -> Finding:
     times = ratio_interval(results.drifts(UNREFINED), results.drifts(THESIS))
     verdict = Verdict.FAILS
     if times.value > 1:
@@ -36,8 +34,7 @@ def conclude(results: Results) -> Conclusion:
     )
 
 
-def table(results: Results) -> Table:
-    """Return a row for every variant."""
+def _table(results: Results) -> Table:
     rows: list[tuple[str, ...]] = []
     for variant in SHOWN:
         runs = results.of(variant)
@@ -60,8 +57,7 @@ def _error_m(run: Result) -> np.ndarray:
     return np.linalg.norm(estimate - truth, axis=1)
 
 
-def data(results: Results) -> Data:
-    """Return the position error of every run."""
+def _data(results: Results) -> Data:
     return {
         f"error {v.label}": ragged(
             **{f"seed {x.job.recording.seed}, m": _error_m(x) for x in results.of(v)}
@@ -70,8 +66,7 @@ def data(results: Results) -> Data:
     }
 
 
-def draw(figure: Figure, results: Results) -> None:
-    """Draw paths from above, and position errors along them."""
+def _draw(figure: Figure, results: Results) -> None:
     left, right = figure.subplots(1, 2, width_ratios=(1, 1.4))
     first = results.recordings[0]
     truth = results.at(first, THESIS).truth.T_ref_frame[:, :2, 3]
@@ -98,9 +93,5 @@ E4 = Experiment(
     caption="Paths from above of the first seed, first poses aligned, and position error along "
     "the path on all drives.",
     size_in=(9.0, 3.8),
-    jobs=jobs,
-    conclude=conclude,
-    table=table,
-    draw=draw,
-    data=data,
+    steps=Steps(_jobs, _conclude, _table, _draw, _data),
 )

@@ -10,7 +10,7 @@ from trials.evaluation.intervals import Interval, mean_interval
 from trials.evaluation.runs import read_map
 from trials.execution.jobs import Job, Result, Results, jobs_of
 from trials.report.figure import BLUE, GREY, RED, tidy
-from trials.studies.experiments.base import Conclusion, Data, Experiment, Scale, Table, Verdict
+from trials.studies.experiments.base import Data, Experiment, Finding, Scale, Steps, Table, Verdict
 from trials.studies.experiments.measures import ragged, turn_rate_deg_s
 from trials.studies.experiments.variants import UNREFINED
 from vo.bundle_adjustment.adjust import refine_motion
@@ -51,8 +51,7 @@ class Reprojection:
 BySeed = Mapping[int, Reprojection]
 
 
-def jobs(scale: Scale) -> Sequence[Job]:
-    """Fast turns with an open shutter."""
+def _jobs(scale: Scale) -> Sequence[Job]:
     return jobs_of(scale.recordings(["turntable"], 3), [UNREFINED])
 
 
@@ -85,8 +84,7 @@ def reprojection(result: Result) -> Reprojection:
     return Reprojection(before, after, turn_rate_deg_s(result))
 
 
-def conclude(found: BySeed) -> Conclusion:
-    """Compare errors before and after, at peaks and elsewhere."""
+def _conclude(found: BySeed) -> Finding:
     before = np.concatenate([x.before[x.peaks] for x in found.values()])
     after = np.concatenate([x.after[x.peaks] for x in found.values()])
     normal = np.concatenate([x.after[~x.peaks] for x in found.values()])
@@ -122,8 +120,7 @@ def _without_peaks(found: BySeed) -> str:
     )
 
 
-def table(found: BySeed) -> Table:
-    """Return a row for every seed."""
+def _table(found: BySeed) -> Table:
     rows: list[tuple[str, ...]] = []
     for seed, x in found.items():
         cells = [f"{np.nanmean(v[w]):.2f}" if w.any() else "–"
@@ -137,8 +134,7 @@ def table(found: BySeed) -> Table:
     )
 
 
-def data(found: BySeed) -> Data:
-    """Return the errors of every frame."""
+def _data(found: BySeed) -> Data:
     return {
         f"seed {seed}": ragged(
             **{"before, px": x.before, "after, px": x.after, "turn rate, °/s": x.turn_deg_s}
@@ -147,8 +143,7 @@ def data(found: BySeed) -> Data:
     }
 
 
-def draw(figure: Figure, found: BySeed) -> None:
-    """Draw errors and turn rate of the drive with the largest error."""
+def _draw(figure: Figure, found: BySeed) -> None:
     seed, shown = max(found.items(), key=lambda item: np.nanmax(item[1].before, initial=0))
     panel = figure.subplots()
     turning = panel.twinx()
@@ -173,10 +168,5 @@ E5 = Experiment(
     caption="Mean reprojection error of every frame before and after refinement of the motion on "
     "fixed points; grey: turn rate of the camera.",
     size_in=(9.0, 3.2),
-    jobs=jobs,
-    measure=measure,
-    conclude=conclude,
-    table=table,
-    draw=draw,
-    data=data,
+    steps=Steps(_jobs, _conclude, _table, _draw, _data, measure),
 )

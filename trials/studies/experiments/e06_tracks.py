@@ -10,7 +10,7 @@ from trials.evaluation.intervals import mean_interval
 from trials.evaluation.runs import read_map
 from trials.execution.jobs import Job, Result, Results, Variant, jobs_of
 from trials.report.figure import BLUE, INK, RED, tidy
-from trials.studies.experiments.base import Conclusion, Data, Experiment, Scale, Table, Verdict
+from trials.studies.experiments.base import Data, Experiment, Finding, Scale, Steps, Table, Verdict
 from trials.studies.experiments.measures import lost_percent, mean_text, track_lengths
 from vo.contract import se3
 from vo.contract.arrays import Array
@@ -61,8 +61,7 @@ class Structure:
         return float(one) / float(other)
 
 
-def jobs(scale: Scale) -> Sequence[Job]:
-    """Points of at least two or three views, refined by the left image alone and by stereo."""
+def _jobs(scale: Scale) -> Sequence[Job]:
     return jobs_of(scale.recordings(SCENES, 3), STYLES)
 
 
@@ -81,8 +80,7 @@ def distances_m(run: Result) -> Array:
     return cKDTree(se3.transform(origin, cameras[:, :3, 3])).query(se3.transform(origin, points))[0]
 
 
-def conclude(found: Structure) -> Conclusion:
-    """Compare wrong points and drift of two and of three views."""
+def _conclude(found: Structure) -> Finding:
     two, three = found.wrong_percent(TWO_LEFT), found.wrong_percent(THREE_LEFT)
     cost = found.drift_ratio(TWO_LEFT, THREE_LEFT)
     verdict = Verdict.FAILS
@@ -97,8 +95,7 @@ def conclude(found: Structure) -> Conclusion:
     )
 
 
-def table(found: Structure) -> Table:
-    """Return a row for every variant."""
+def _table(found: Structure) -> Table:
     rows: list[tuple[str, ...]] = []
     for variant in STYLES:
         near, far = (
@@ -115,8 +112,7 @@ def table(found: Structure) -> Table:
     )
 
 
-def data(found: Structure) -> Data:
-    """Return the visibility mask of the figure."""
+def _data(found: Structure) -> Data:
     return {"mask": _mask(found.results.at(found.results.recordings[0], THREE_STEREO))}
 
 
@@ -135,11 +131,10 @@ def _mask(run: Result) -> dict[str, Array]:
     }
 
 
-def draw(figure: Figure, found: Structure) -> None:
-    """Draw the visibility mask, and the distribution of distances."""
+def _draw(figure: Figure, found: Structure) -> None:
     left, right = figure.subplots(1, 2)
     first = found.results.recordings[0]
-    frame, row, length = data(found)["mask"].values()
+    frame, row, length = _data(found)["mask"].values()
     for mine, colour, label in (
         (length < 3, BLUE, "in two frames or fewer"),
         (length >= 3, RED, "in three or more"),
@@ -173,10 +168,5 @@ E6 = Experiment(
     "landmarks in the order of their first view; red: observed in three frames or more, which the "
     "refinement uses. Right: distance of the map points from the camera, all drives.",
     size_in=(9.5, 4.0),
-    jobs=jobs,
-    measure=measure,
-    conclude=conclude,
-    table=table,
-    draw=draw,
-    data=data,
+    steps=Steps(_jobs, _conclude, _table, _draw, _data, measure),
 )

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from trials.execution.jobs import Job, Recording, Result, Results, Variant, jobs_of
 from trials.report.figure import OCHRE, RED, TRUTH, tidy
-from trials.studies.experiments.base import Conclusion, Data, Experiment, Scale, Table, Verdict
+from trials.studies.experiments.base import Data, Experiment, Finding, Scale, Steps, Table, Verdict
 from trials.studies.experiments.measures import mean_text, paths_m, ragged
 from trials.studies.experiments.variants import DEFAULT, THESIS
 
@@ -24,8 +24,7 @@ ADEQUATE = 1.0
 """Drift, %, below which a rover can navigate."""
 
 
-def jobs(scale: Scale) -> Sequence[Job]:
-    """Indoors, on grass, on bricks, and over loose bricks."""
+def _jobs(scale: Scale) -> Sequence[Job]:
     recordings = [
         Recording(scene, seed, scale.drive, disturb)
         for scene, disturb in PLACES.values()
@@ -39,8 +38,7 @@ def _runs(results: Results, place: str, variant: Variant) -> list[Result]:
     return [results.at(r, variant) for r in recordings]
 
 
-def conclude(results: Results) -> Conclusion:
-    """Compare the drift of the thesis preset with what is adequate."""
+def _conclude(results: Results) -> Finding:
     runs = {place: _runs(results, place, THESIS) for place in PLACES}
     drift = {p: float(np.nanmean([x.drift_percent for x in some])) for p, some in runs.items()}
     lost = sum(x.lost_frames for some in runs.values() for x in some)
@@ -52,8 +50,7 @@ def conclude(results: Results) -> Conclusion:
     )
 
 
-def table(results: Results) -> Table:
-    """Return a row for every place and variant."""
+def _table(results: Results) -> Table:
     rows: list[tuple[str, ...]] = []
     for place in PLACES:
         for variant in SHOWN:
@@ -68,8 +65,7 @@ def table(results: Results) -> Table:
     )
 
 
-def data(results: Results) -> Data:
-    """Return the paths of the first seed at every place."""
+def _data(results: Results) -> Data:
     paths: dict[str, dict[str, np.ndarray]] = {}
     for place in PLACES:
         columns: dict[str, np.ndarray] = {}
@@ -82,8 +78,7 @@ def data(results: Results) -> Data:
     return paths
 
 
-def draw(figure: Figure, results: Results) -> None:
-    """Draw the paths of the first seed at every place."""
+def _draw(figure: Figure, results: Results) -> None:
     panels = figure.subplots(1, len(PLACES))
     for panel, place in zip(panels, PLACES, strict=True):
         truth, _ = paths_m(_runs(results, place, THESIS)[0])
@@ -106,9 +101,5 @@ E7 = Experiment(
     "lost.",
     caption="Paths from above of the first seed, first poses aligned.",
     size_in=(11.0, 3.2),
-    jobs=jobs,
-    conclude=conclude,
-    table=table,
-    draw=draw,
-    data=data,
+    steps=Steps(_jobs, _conclude, _table, _draw, _data),
 )

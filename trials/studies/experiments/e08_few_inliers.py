@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from trials.execution.jobs import Job, Recording, Result, Results, Variant, jobs_of
 from trials.report.figure import BLUE, GREY, OCHRE, RED, tidy
-from trials.studies.experiments.base import Conclusion, Data, Experiment, Scale, Table, Verdict
+from trials.studies.experiments.base import Data, Experiment, Finding, Scale, Steps, Table, Verdict
 from trials.studies.experiments.measures import (
     FAILURE_M,
     failures,
@@ -23,8 +23,7 @@ BINS = ((0, 10), (10, 25), (25, 50), (50, 100), (100, 10_000))
 """Bins of the number of inliers."""
 
 
-def jobs(scale: Scale) -> Sequence[Job]:
-    """Fast turns with several exposure times."""
+def _jobs(scale: Scale) -> Sequence[Job]:
     recordings = [
         Recording("turntable", seed, (*scale.drive, f"exposure.time_ms={ms:g}"))
         for ms in SHUTTERS_MS
@@ -33,8 +32,7 @@ def jobs(scale: Scale) -> Sequence[Job]:
     return jobs_of(recordings, (THESIS, DEFAULT))
 
 
-def conclude(results: Results) -> Conclusion:
-    """Relate failures to the number of inliers and to the exposure time."""
+def _conclude(results: Results) -> Finding:
     inliers, failed = _pooled(results)
     few, many = inliers < BINS[0][1], inliers >= BINS[-2][0]
     of_few = failed[few].mean() if few.any() else np.nan
@@ -56,8 +54,7 @@ def conclude(results: Results) -> Conclusion:
     )
 
 
-def table(results: Results) -> Table:
-    """Return a row for every bin of inliers."""
+def _table(results: Results) -> Table:
     inliers, failed = _pooled(results)
     rows: list[tuple[str, ...]] = []
     for low, high in BINS:
@@ -68,8 +65,7 @@ def table(results: Results) -> Table:
     return Table.of("inliers | frames | failed | ratio, %", rows)
 
 
-def data(results: Results) -> Data:
-    """Return inliers, failures and step errors of all frames."""
+def _data(results: Results) -> Data:
     inliers, failed = _pooled(results)
     errors = np.concatenate([step_errors_m(x)[1:] for x in results.of(THESIS)])
     return {
@@ -89,8 +85,7 @@ def _at(results: Results, shutter_ms: float, variant: Variant) -> list[Result]:
     return [x for x in results.of(variant) if wanted in x.job.recording.overrides]
 
 
-def draw(figure: Figure, results: Results) -> None:
-    """Draw inliers over time, and step errors over inliers."""
+def _draw(figure: Figure, results: Results) -> None:
     top, bottom = figure.subplots(2, 1, height_ratios=(1.2, 1))
     run, default = (_at(results, SHUTTERS_MS[-1], v)[0] for v in (THESIS, DEFAULT))
     turning = top.twinx()
@@ -107,7 +102,7 @@ def draw(figure: Figure, results: Results) -> None:
     top.legend(fontsize=8, frameon=False, ncols=3, loc="upper left")
     name = f"turntable, seed {run.job.recording.seed}, {SHUTTERS_MS[-1]:g} ms"
     tidy(top, "time, s", "inliers", name)
-    inliers, _, errors_m = data(results)["frames"].values()
+    inliers, _, errors_m = _data(results)["frames"].values()
     bottom.plot(np.maximum(inliers, 1), 1e3 * errors_m, ".", color=RED, ms=3, alpha=0.6)
     bottom.axhline(1e3 * FAILURE_M, color=BLUE, ls="--", lw=0.9)
     bottom.set_xscale("log")
@@ -129,9 +124,5 @@ E8 = Experiment(
     "rate of the camera. Bottom: step error over inliers, all drives; dashed: the "
     f"{100 * FAILURE_M:g} cm above which a frame fails.",
     size_in=(9.0, 5.6),
-    jobs=jobs,
-    conclude=conclude,
-    table=table,
-    draw=draw,
-    data=data,
+    steps=Steps(_jobs, _conclude, _table, _draw, _data),
 )

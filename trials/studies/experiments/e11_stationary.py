@@ -11,7 +11,7 @@ from trials.evaluation.intervals import Interval, mean_interval
 from trials.evaluation.metrics import errors_between
 from trials.execution.jobs import Job, Recording, Result, Results, Variant, jobs_of
 from trials.report.figure import BLUE, GREEN, GREY, OCHRE, RED, tidy
-from trials.studies.experiments.base import Conclusion, Data, Experiment, Scale, Table, Verdict
+from trials.studies.experiments.base import Data, Experiment, Finding, Scale, Steps, Table, Verdict
 from trials.studies.experiments.measures import mean_text, ragged
 from vo.contract import se3
 from vo.contract.arrays import Array
@@ -72,8 +72,7 @@ class Stops:
     drift: Mapping[tuple[str, Variant], Drift]
 
 
-def jobs(scale: Scale) -> Sequence[Job]:
-    """Drives that stop for ten seconds every 0.9 m, undisturbed and with sensor noise."""
+def _jobs(scale: Scale) -> Sequence[Job]:
     short = (*replace(scale, distance_m=0.6 * scale.distance_m).drive, *STOPS)
     return jobs_of(
         [
@@ -127,8 +126,7 @@ def drift_of(runs: Sequence[Result]) -> Drift:
     )
 
 
-def conclude(found: Stops) -> Conclusion:
-    """Compare the stationary drift with what is negligible."""
+def _conclude(found: Stops) -> Finding:
     if all(found.drift[label, THESIS].negligible for label in CONDITIONS):
         verdict = Verdict.FAILS
     else:
@@ -148,8 +146,7 @@ def _sentence(label: str, found: Stops) -> str:
     )
 
 
-def table(found: Stops) -> Table:
-    """Return a row for every condition and variant."""
+def _table(found: Stops) -> Table:
     rows = [
         (
             label,
@@ -167,8 +164,7 @@ def table(found: Stops) -> Table:
     )
 
 
-def data(found: Stops) -> Data:
-    """Return the errors at rest of the first run of every variant."""
+def _data(found: Stops) -> Data:
     return {
         f"halts, {label}": ragged(
             **{f"{v.label}, mm": _errors_at_rest(found.runs[label, v][0])[1] for v in SHOWN}
@@ -193,8 +189,7 @@ def _errors_at_rest(run: Result) -> tuple[Array, Array, list[float]]:
     return np.concatenate(times), np.concatenate(away), ends
 
 
-def draw(figure: Figure, found: Stops) -> None:
-    """Draw the errors at rest of the first seed under every condition."""
+def _draw(figure: Figure, found: Stops) -> None:
     panels = figure.subplots(1, len(CONDITIONS), sharey=True)
     seed = found.results.recordings[0].seed
     for panel, label in zip(panels, CONDITIONS, strict=True):
@@ -224,10 +219,5 @@ E11 = Experiment(
     caption="Error of the motion since the stop began, against the truth, over the stops of the "
     "first seed in sequence; grey lines separate them. Values below 0.001 mm are drawn there.",
     size_in=(9.0, 3.4),
-    jobs=jobs,
-    measure=measure,
-    conclude=conclude,
-    table=table,
-    draw=draw,
-    data=data,
+    steps=Steps(_jobs, _conclude, _table, _draw, _data, measure),
 )

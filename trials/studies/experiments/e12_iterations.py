@@ -8,7 +8,7 @@ from scipy import stats
 
 from trials.execution.jobs import Job, Recording, Result, Results, Variant, jobs_of
 from trials.report.figure import BLUE, INK, RED, tidy
-from trials.studies.experiments.base import Conclusion, Data, Experiment, Scale, Table, Verdict
+from trials.studies.experiments.base import Data, Experiment, Finding, Scale, Steps, Table, Verdict
 from trials.studies.experiments.measures import ragged, step_errors_m
 
 SIMPLE, HARD = "office", "turntable"
@@ -21,8 +21,7 @@ GOOD, DROP = 15, 20
 STAGES = ("motion iterations", "structure iterations")
 
 
-def jobs(scale: Scale) -> Sequence[Job]:
-    """Simple drives, and blurred turns that give bad initial values."""
+def _jobs(scale: Scale) -> Sequence[Job]:
     recordings = [
         Recording(s, seed, scale.drive) for s in (SIMPLE, HARD) for seed in scale.seeds[:3]
     ]
@@ -39,8 +38,7 @@ def _percent_below_good(results: Results, scene: str, stage: str) -> float:
     return 100 * float(np.mean(n[np.isfinite(n)] < GOOD))
 
 
-def conclude(results: Results) -> Conclusion:
-    """Count iterations, and compare the drift with and without dropping of frames."""
+def _conclude(results: Results) -> Finding:
     motion, structure = (_percent_below_good(results, SIMPLE, stage) for stage in STAGES)
     before, after = (float(np.nanmedian(results.drifts(v, HARD))) for v in (KEEPING, DROPPING))
     fast, helps = min(motion, structure) > 95, after < 0.9 * before
@@ -54,8 +52,7 @@ def conclude(results: Results) -> Conclusion:
     )
 
 
-def table(results: Results) -> Table:
-    """Return a row for every scene and stage."""
+def _table(results: Results) -> Table:
     rows: list[tuple[str, ...]] = []
     for scene in (SIMPLE, HARD):
         runs = results.of(KEEPING, scene)
@@ -81,16 +78,14 @@ def table(results: Results) -> Table:
     )
 
 
-def data(results: Results) -> Data:
-    """Return the iterations of every frame."""
+def _data(results: Results) -> Data:
     return {
         scene: ragged(**{s: iterations(results.of(KEEPING, scene), s) for s in STAGES})
         for scene in (SIMPLE, HARD)
     }
 
 
-def draw(figure: Figure, results: Results) -> None:
-    """Draw histograms of the iterations."""
+def _draw(figure: Figure, results: Results) -> None:
     edges = np.arange(0, MAX_ITERATIONS + 2) - 0.5
     panels = figure.subplots(1, 2, sharey=True)
     for panel, stage in zip(panels, STAGES, strict=True):
@@ -117,9 +112,5 @@ E12 = Experiment(
     caption="Fraction of the refinements that need a number of iterations: of the motion (left) "
     f"and of motion and structure (right); dashed: {GOOD} and {DROP}.",
     size_in=(9.0, 3.2),
-    jobs=jobs,
-    conclude=conclude,
-    table=table,
-    draw=draw,
-    data=data,
+    steps=Steps(_jobs, _conclude, _table, _draw, _data),
 )

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from trials.evaluation.intervals import Interval, ratio_interval
 from trials.execution.jobs import Job, Results, Variant, jobs_of
 from trials.report.figure import BLUE, GREY, RED, tidy
-from trials.studies.experiments.base import Conclusion, Data, Experiment, Scale, Table, Verdict
+from trials.studies.experiments.base import Data, Experiment, Finding, Scale, Steps, Table, Verdict
 from trials.studies.experiments.measures import lost_percent, mean_text
 
 SCENES = ("office", "brick_court", "meadow")
@@ -33,8 +33,7 @@ EQUAL = 1.1
 """Largest ratio of drifts at which absolute orientation is as accurate."""
 
 
-def jobs(scale: Scale) -> Sequence[Job]:
-    """Both orientations with every stereo method, without refinement."""
+def _jobs(scale: Scale) -> Sequence[Job]:
     return jobs_of(scale.recordings(SCENES, 3), VARIANTS)
 
 
@@ -46,8 +45,7 @@ def ratios(results: Results) -> dict[str, Interval]:
     }
 
 
-def conclude(results: Results) -> Conclusion:
-    """Compare the smallest ratio with that of the thesis' stereo method."""
+def _conclude(results: Results) -> Finding:
     found = ratios(results)
     first, best = next(iter(found)), min(found, key=lambda name: found[name].value)
     verdict = Verdict.FAILS
@@ -59,8 +57,7 @@ def conclude(results: Results) -> Conclusion:
     )
 
 
-def table(results: Results) -> Table:
-    """Return a row for every stereo method."""
+def _table(results: Results) -> Table:
     found = ratios(results)
     rows = [
         (
@@ -79,13 +76,11 @@ def table(results: Results) -> Table:
     )
 
 
-def data(results: Results) -> Data:
-    """Return the drifts of all runs."""
+def _data(results: Results) -> Data:
     return {"drift": {f"{v.label}, %": results.drifts(v) for v in VARIANTS}}
 
 
-def draw(figure: Figure, results: Results) -> None:
-    """Draw means as bars, and runs as dots."""
+def _draw(figure: Figure, results: Results) -> None:
     panel = figure.subplots()
     for k, pair in enumerate(PAIRS.values()):
         for side, (variant, colour) in enumerate(zip(pair, (RED, BLUE), strict=True)):
@@ -111,9 +106,5 @@ F9 = Experiment(
     caption="Drift of relative and of absolute orientation with every stereo method, without "
     "refinement: bars are means, dots drives.",
     size_in=(8.5, 3.4),
-    jobs=jobs,
-    conclude=conclude,
-    table=table,
-    draw=draw,
-    data=data,
+    steps=Steps(_jobs, _conclude, _table, _draw, _data),
 )

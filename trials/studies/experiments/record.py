@@ -47,13 +47,13 @@ class Record:
     distance_m: float
 
 
-def write_record(one: Experiment[Any], results: Results, scale: Scale, out: Path) -> Record:
+def write_record(one: Experiment, results: Results, scale: Scale, out: Path) -> Record:
     """Evaluate an experiment, and write ID.png, ID-NAME.csv and, last, ID.json into a folder."""
-    measured = one.measure(results)
-    verdict, sentence = one.conclude(measured)
-    save_figure(out / f"{one.id}.png", one.size_in, lambda figure: one.draw(figure, measured))
+    measured = one.steps.measure(results)
+    verdict, sentence = one.steps.conclude(measured)
+    save_figure(out / f"{one.id}.png", one.size_in, lambda figure: one.steps.draw(figure, measured))
     data: list[str] = []
-    for part, columns in one.data(measured).items():
+    for part, columns in one.steps.data(measured).items():
         data.append(f"{one.id}-{part.replace(' ', '_').replace(',', '')}.csv")
         _write_csv(out / data[-1], columns)
     record = Record(
@@ -64,7 +64,7 @@ def write_record(one: Experiment[Any], results: Results, scale: Scale, out: Path
         one.setup,
         verdict,
         sentence,
-        one.table(measured),
+        one.steps.table(measured),
         one.caption,
         f"{one.id}.png",
         tuple(data),

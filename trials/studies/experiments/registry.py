@@ -1,7 +1,5 @@
 """All experiments by identifier: claims E1 to E12 of the thesis, and open comparisons."""
 
-from typing import Any
-
 from trials.studies.experiments.base import Experiment
 from trials.studies.experiments.comparisons import F2, F
 from trials.studies.experiments.e01_orientation import E1
@@ -17,6 +15,6 @@ from trials.studies.experiments.e12_iterations import E12
 from trials.studies.experiments.f09_stereo import F9
 from trials.studies.experiments.sweeps import E9, E10
 
-EXPERIMENTS: dict[str, Experiment[Any]] = {
+EXPERIMENTS: dict[str, Experiment] = {
     x.id: x for x in (E1, E2, E3, E4, E5, E6, E7, E8, E9, E10, E11, E12, F2, F9, F)
 }

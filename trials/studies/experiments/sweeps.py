@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from trials.evaluation.intervals import mean_interval, ratio_interval
 from trials.execution.jobs import Job, Results, Variant, jobs_of
 from trials.report.figure import BLUE, RED, tidy
-from trials.studies.experiments.base import Conclusion, Data, Experiment, Scale, Table, Verdict
+from trials.studies.experiments.base import Data, Experiment, Finding, Scale, Steps, Table, Verdict
 from trials.studies.experiments.measures import lost_percent, mean_text
 from vo.contract.arrays import Array
 
@@ -128,7 +128,7 @@ FEATURES = Sweep(
 FEW, MANY = FEATURES.variants[100.0], FEATURES.variants[1000.0]
 
 
-def conclude_threshold(results: Results) -> Conclusion:
+def conclude_threshold(results: Results) -> Finding:
     """Determine the thresholds below and above which accuracy decreases."""
     means = THRESHOLD.means(results)
     inliers = [count for count, _ in means.values()]
@@ -155,7 +155,7 @@ def conclude_threshold(results: Results) -> Conclusion:
     )
 
 
-def conclude_features(results: Results) -> Conclusion:
+def conclude_features(results: Results) -> Finding:
     """Compare 100 features with 1000, pair by pair."""
     means = FEATURES.means(results)
     ratio = ratio_interval(results.drifts(FEW), results.drifts(MANY))
@@ -182,11 +182,9 @@ E9 = Experiment(
     caption="Inliers (left) and drift (right) over the inlier threshold: lines are means over all "
     "drives, dots are drives.",
     size_in=(9.0, 3.4),
-    jobs=THRESHOLD.jobs,
-    conclude=conclude_threshold,
-    table=THRESHOLD.table,
-    draw=THRESHOLD.draw,
-    data=THRESHOLD.data,
+    steps=Steps(
+        THRESHOLD.jobs, conclude_threshold, THRESHOLD.table, THRESHOLD.draw, THRESHOLD.data
+    ),
 )
 E10 = Experiment(
     id="E10",
@@ -197,9 +195,5 @@ E10 = Experiment(
     caption="Inliers (left) and drift (right) over the number of features: lines are means over "
     "all drives, dots are drives.",
     size_in=(9.0, 3.4),
-    jobs=FEATURES.jobs,
-    conclude=conclude_features,
-    table=FEATURES.table,
-    draw=FEATURES.draw,
-    data=FEATURES.data,
+    steps=Steps(FEATURES.jobs, conclude_features, FEATURES.table, FEATURES.draw, FEATURES.data),
 )
