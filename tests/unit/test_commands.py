@@ -1,7 +1,7 @@
 """Commands: registry, expansion of dataclasses into options, and help texts."""
 
 import shlex
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import pytest
@@ -9,15 +9,15 @@ import typer
 from typer.testing import CliRunner
 
 from trials.cli.main import app
-from trials.cli.options import expand
+from trials.cli.options import expand, option
 from trials.cli.registry import COMMANDS, load
 
 
 @dataclass(frozen=True)
 class Given:
     PANEL: ClassVar[str] = "Group"
-    required: Annotated[int, typer.Option(help="A number.")]
-    words: Annotated[list[str], typer.Option("--word", help="Words.")] = field(default_factory=list)
+    required: int = option(..., "A number.")
+    words: list[str] = option([], "Words.", "--word")
 
 
 def test_expand_dataclass_gives_options_and_an_instance():

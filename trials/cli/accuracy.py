@@ -2,12 +2,9 @@
 
 from itertools import product
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from trials.cli import console
-from trials.cli.options import Distance, Scenes
+from trials.cli.options import Distance, Disturb, Scenes, changes, option
 from trials.execution.jobs import Job, Recording, Result, jobs_of
 from trials.execution.recording_settings import parse_scenes
 from trials.execution.runner import NO_LABELS, cached_run, run_jobs
@@ -24,38 +21,24 @@ from vo.contract.readers import open_sequence
 
 def accuracy(
     distance: Distance = 20.0,
-    seeds: Annotated[int, typer.Option(min=1, help="Number of drives in each scene.")] = 5,
+    seeds: int = option(5, "Number of drives in each scene.", min=1),
     scenes: Scenes = SCENES,
-    disturb: Annotated[
-        str, typer.Option(metavar="NAME[=STRENGTH],...", help="Disturbances, as for `generate`.")
-    ] = "",
-    overrides: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set", metavar="KEY=VALUE",
-            help="Change a setting of `driftyard settings recording`; may be repeated.",
-        ),
-    ] = None,
-    against: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="'NAME KEY=VALUE ...'",
-            help="Another estimator in the tables, with its settings; may be repeated.",
-        ),
-    ] = None,
-    kitti: Annotated[
-        Path | None, typer.Option(metavar="DATASET", help="Recording that is scored, too.")
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE", help="JSON file of all scores.")
-    ] = None,
-) -> None:  # fmt: skip
+    disturb: Disturb = "",
+    overrides: list[str] = changes("recording"),
+    against: list[str] = option(
+        [],
+        "Another estimator in the tables, with its settings; may be repeated.",
+        metavar="'NAME KEY=VALUE ...'",
+    ),
+    kitti: Path | None = option(None, "Recording that is scored, too.", metavar="DATASET"),
+    out: Path | None = option(None, "JSON file of all scores.", "--json", metavar="FILE"),
+) -> None:
     """Record or reuse drives from seed 0 on, run every estimator over them, print the errors."""
     names = parse_scenes(scenes)
     if kitti is not None:
         open_sequence(kitti)  # a wrong path is refused before the drives
-    variants = tuple(dict.fromkeys((*VARIANTS, *map(named_variant, against or ()))))
-    settings = (f"drive.distance_m={distance:g}", *NO_LABELS, *(overrides or ()))
+    variants = tuple(dict.fromkeys((*VARIANTS, *map(named_variant, against))))
+    settings = (f"drive.distance_m={distance:g}", *NO_LABELS, *overrides)
     drives = [Recording(x, seed, settings, disturb) for x, seed in product(names, range(seeds))]
     with console.counting_bar("drives", len(drives)) as count:
         results = run_jobs(jobs_of(drives, variants), progress=count)

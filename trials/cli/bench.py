@@ -3,12 +3,9 @@
 import importlib.metadata
 import platform
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from trials.cli import console
-from trials.cli.options import Seed
+from trials.cli.options import Seed, option
 from trials.studies import bench as study
 from vo.contract.readers import open_sequence
 
@@ -16,13 +13,12 @@ PACKAGES = ("mujoco", "numpy", "opencv-python-headless", "gtsam", "numba")
 
 
 def bench(
-    scene: Annotated[str, typer.Option(help="Scene to drive through.")] = "brick_court",
+    scene: str = option("brick_court", "Scene to drive through."),
     seed: Seed = 0,
-    quick: Annotated[bool, typer.Option(help="Use short drives, for rough figures.")] = False,
-    over: Annotated[
-        Path | None,
-        typer.Option(metavar="DATASET", help="Run only the estimators, over this dataset."),
-    ] = None,
+    quick: bool = option(False, "Use short drives, for rough figures."),
+    over: Path | None = option(
+        None, "Run only the estimators, over this dataset.", metavar="DATASET"
+    ),
 ) -> None:
     """Measure the speed of generator, renderers and estimators on this machine.
 

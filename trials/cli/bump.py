@@ -1,20 +1,17 @@
 """`driftyard bump`: a brick under a wheel in every channel of a recording."""
 
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from trials.cli import console
-from trials.cli.options import Seed
+from trials.cli.options import Seed, option
 from trials.studies.bump import bump_summary, draw, record_bumps
 from vo.contract.files import replacing
 
 
 def bump(
     seed: Seed = 0,
-    scene: Annotated[str, typer.Option(help="Scene to drive through.")] = "office",
-    out: Annotated[Path, typer.Option(help="PNG to write.")] = Path("build/bump.png"),
+    scene: str = option("office", "Scene to drive through."),
+    out: Path = option(Path("build/bump.png"), "PNG to write."),
 ) -> None:
     """Drive over loose bricks; draw wheel load, shock, pitch, blur and features over time."""
     channels = record_bumps(scene, seed, console.progress_bar)

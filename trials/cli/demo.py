@@ -1,13 +1,10 @@
 """`driftyard demo`: dataset, estimates, errors and report in one command."""
 
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from trials.cli import console
 from trials.cli.generate import record_scene
-from trials.cli.options import Seed
+from trials.cli.options import Seed, option
 from trials.cli.run import run_estimator
 from trials.cli.score import score_files, score_table
 from trials.estimators.choice import COMPARED, Named
@@ -20,9 +17,9 @@ SCENE = "brick_court"
 
 
 def demo(
-    out: Annotated[Path, typer.Option(help="Folder for all results.")] = Path("demo"),
+    out: Path = option(Path("demo"), "Folder for all results."),
     seed: Seed = 0,
-    distance: Annotated[float, typer.Option(help="Length of the drive, m.")] = 21,
+    distance: float = option(21, "Length of the drive, m."),
 ) -> None:
     """Generate a drive over the brick court, run two estimators, score and report them."""
     settings = recording_settings(SCENE, seed, [f"drive.distance_m={distance}"])

@@ -2,15 +2,13 @@
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from itertools import chain
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
-
-import typer
+from typing import Any, ClassVar
 
 from trials.cli import console
-from trials.cli.options import SceneName
+from trials.cli.options import Disturb, SceneName, changes, option
 from trials.gym.env.policies import NavigatorPolicy
 from trials.gym.env.settings import NavSettings
 from trials.gym.studies import planning as planned
@@ -32,27 +30,16 @@ class WorldOptions:
     """The worlds, and what is driven in them."""
 
     PANEL: ClassVar[str] = "Worlds and trials"
-    worlds: Annotated[int, typer.Option(min=1, help="Number of layouts of the scene.")] = 10
-    runs: Annotated[int, typer.Option(min=1, help="Number of starts and goals in each.")] = 1
-    seed: Annotated[int, typer.Option(min=0, help="Random seed of the first layout.")] = 0
-    trial: Annotated[
-        list[str],
-        typer.Option(
-            metavar="KEY=VALUE",
-            help="Change a setting of `driftyard settings navigation`, or an option of the scene; "
-            "may be repeated.",
-        ),
-    ] = field(default_factory=list[str])
-    overrides: Annotated[
-        list[str],
-        typer.Option(
-            "--set", metavar="KEY=VALUE",
-            help="Change a setting of `driftyard settings recording`; may be repeated.",
-        ),
-    ] = field(default_factory=list[str])  # fmt: skip
-    disturb: Annotated[
-        str, typer.Option(metavar="NAME[=STRENGTH],...", help="Disturbances, as for `generate`.")
-    ] = ""
+    worlds: int = option(10, "Number of layouts of the scene.", min=1)
+    runs: int = option(1, "Number of starts and goals in each.", min=1)
+    seed: int = option(0, "Random seed of the first layout.", min=0)
+    trial: list[str] = option(
+        [],
+        "Change a setting of `driftyard settings navigation`, or an option of the scene.",
+        metavar="KEY=VALUE",
+    )
+    overrides: list[str] = changes("recording")
+    disturb: Disturb = ""
 
     @property
     def layouts(self) -> range:
@@ -83,13 +70,12 @@ class PlanningOptions:
     """Static against dynamic planning."""
 
     PANEL: ClassVar[str] = "Planning with a floor plan, compared"
-    planning: Annotated[
-        str | None,
-        typer.Option(metavar="A,B", help="Ways of planning: static, dynamic, or static,dynamic."),
-    ] = None
-    ideal_depth: Annotated[
-        bool, typer.Option("--ideal-depth", help="Measure depth by rays instead of the cameras.")
-    ] = False
+    planning: str | None = option(
+        None, "Ways of planning: static, dynamic, or static,dynamic.", metavar="A,B"
+    )
+    ideal_depth: bool = option(
+        False, "Measure depth by rays instead of the cameras.", "--ideal-depth"
+    )
 
 
 @dataclass(frozen=True)
@@ -97,19 +83,13 @@ class OutputOptions:
     """Files of the trials."""
 
     PANEL: ClassVar[str] = "Files"
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", help="JSON lines, one a trial; an interrupted study continues."
-        ),
-    ] = None
-    keep: Annotated[
-        Path | None,
-        typer.Option(metavar="FOLDER", help="Folder for a film and a dataset of every trial."),
-    ] = None
-    figure: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="PNG of success and collisions over drift.")
-    ] = None
+    out: Path | None = option(
+        None, "JSON lines, one a trial; an interrupted study continues.", metavar="FILE"
+    )
+    keep: Path | None = option(
+        None, "Folder for a film and a dataset of every trial.", metavar="FOLDER"
+    )
+    figure: Path | None = option(None, "PNG of success and collisions over drift.", metavar="FILE")
 
 
 def drive(
@@ -117,13 +97,11 @@ def drive(
     worlds: WorldOptions,
     planning: PlanningOptions,
     files: OutputOptions,
-    localization: Annotated[
-        str,
-        typer.Option(
-            metavar="A,B,C",
-            help="Sources: truth, drift:PERCENT, wheels, vo, an estimator, or module:Class.",
-        ),
-    ] = "truth,wheels,vo",
+    localization: str = option(
+        "truth,wheels,vo",
+        "Sources: truth, drift:PERCENT, wheels, vo, an estimator, or module:Class.",
+        metavar="A,B,C",
+    ),
 ) -> None:
     """Drive to goals in many worlds with each source of localization, and compare.
 

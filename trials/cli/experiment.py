@@ -2,11 +2,9 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from trials.cli import console
+from trials.cli.options import argument, option
 from trials.execution.runner import run_jobs
 from trials.studies.experiments.base import FULL, SMALL, Experiment
 from trials.studies.experiments.page import write_html_page, write_page
@@ -19,22 +17,14 @@ SMALL_FOLDER = "small"
 
 
 def experiment(
-    which: Annotated[
-        str,
-        typer.Argument(metavar="ID", help=f"{', '.join(EXPERIMENTS)}, several as a,b,c, or all."),
-    ],
-    out: Annotated[
-        Path, typer.Option(help="Folder of figures, data and records.")
-    ] = Path("build/experiments"),
-    seeds: Annotated[
-        int | None, typer.Option(min=1, help="Number of drives of each setting.", show_default="3")
-    ] = None,
-    page: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Markdown page of all records in --out.")
-    ] = None,
-    small: Annotated[bool, typer.Option(help="Use one short drive of each kind, as a test.")] =
-        False,
-) -> None:  # fmt: skip
+    which: str = argument(
+        ..., f"{', '.join(EXPERIMENTS)}, several as a,b,c, or all.", metavar="ID"
+    ),
+    out: Path = option(Path("build/experiments"), "Folder of figures, data and records."),
+    seeds: int | None = option(None, "Number of drives of each setting.", min=1, show_default="3"),
+    page: Path | None = option(None, "Markdown page of all records in --out.", metavar="FILE"),
+    small: bool = option(False, "Use one short drive of each kind, as a test."),
+) -> None:
     """Test claims of the thesis: record, run, draw, and state whether each claim holds."""
     chosen = _chosen(which)
     scale = SMALL if small else FULL

@@ -3,12 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar
-
-import typer
+from typing import ClassVar
 
 from trials.cli import console
-from trials.cli.options import Distance, EstimatorOptions
+from trials.cli.options import Distance, EstimatorOptions, argument, option
 from trials.diagnosis.combinations import STAGES, Subject
 from trials.diagnosis.explanation import explain as explain_groups
 from trials.diagnosis.validation import validate
@@ -26,10 +24,8 @@ class DriveOptions:
     """Drives that are recorded for the study."""
 
     PANEL: ClassVar[str] = "Drives, instead of datasets"
-    scene: Annotated[
-        str, typer.Option(metavar="A,B,C", help="Scenes to drive through, or all.")
-    ] = ""
-    seeds: Annotated[int, typer.Option(min=1, help="Number of drives in each, from seed 0.")] = 3
+    scene: str = option("", "Scenes to drive through, or all.", metavar="A,B,C")
+    seeds: int = option(3, "Number of drives in each, from seed 0.", min=1)
     distance: Distance = 4.0
 
     def record(self) -> dict[str, list[Path]]:
@@ -51,22 +47,17 @@ class AttributionOptions:
     """What the drift is attributed to."""
 
     PANEL: ClassVar[str] = "Attribution"
-    stages: Annotated[
-        str,
-        typer.Option(
-            metavar="A,B,C", help="Stages to attribute to; matching may be split: matches,features."
-        ),
-    ] = "prediction,matching,stereo,inliers"
-    noise: Annotated[
-        float,
-        typer.Option(
-            min=0, metavar="PX", help="Std. dev. of the noise added to the ground truth, px."
-        ),
-    ] = 0.0
-    validate: Annotated[
-        bool,
-        typer.Option("--validate", help="Validate the attribution by injecting known errors."),
-    ] = False
+    stages: str = option(
+        "prediction,matching,stereo,inliers",
+        "Stages to attribute to; matching may be split: matches,features.",
+        metavar="A,B,C",
+    )
+    noise: float = option(
+        0.0, "Std. dev. of the noise added to the ground truth, px.", min=0, metavar="PX"
+    )
+    validate: bool = option(
+        False, "Validate the attribution by injecting known errors.", "--validate"
+    )
 
     @property
     def chosen_stages(self) -> list[str]:
@@ -88,18 +79,13 @@ def explain(
     drives: DriveOptions,
     attribution: AttributionOptions,
     estimator: EstimatorOptions,
-    datasets: Annotated[
-        list[Path],
-        typer.Argument(
-            help="Datasets with labels.depth=true; those of a scene are taken together.",
-            default_factory=list,
-        ),
-    ],
-    out: Annotated[Path, typer.Option(help="Folder of figures and their data.")] = Path("explain"),
-    page: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Markdown page to write.", show_default="OUT/explain.md"),
-    ] = None,
+    datasets: list[Path] = argument(
+        [], "Datasets with labels.depth=true; those of a scene are taken together."
+    ),
+    out: Path = option(Path("explain"), "Folder of figures and their data."),
+    page: Path | None = option(
+        None, "Markdown page to write.", metavar="FILE", show_default="OUT/explain.md"
+    ),
 ) -> None:
     """Attribute the drift to stages, compare it with the Cramér-Rao bound, check covariances.
 

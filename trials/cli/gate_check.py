@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 import typer
 
 from trials.cli import console
-from trials.cli.options import AnyEstimatorOptions
+from trials.cli.options import AnyEstimatorOptions, option
 from trials.execution.cache import CACHE
 from trials.gate.baseline import MISMATCHES, read_baseline
 from trials.gate.comparison import Comparison, compare
@@ -24,18 +24,15 @@ class BaselineOptions:
     """A baseline, and how its sequences are obtained."""
 
     PANEL: ClassVar[str] = "Baseline"
-    baseline: Annotated[Path, typer.Option(metavar="FILE", help="JSON file of the baseline.")]
-    cache: Annotated[Path, typer.Option(help="Folder of recordings.")] = CACHE
+    baseline: Path = option(..., "JSON file of the baseline.", metavar="FILE")
+    cache: Path = option(CACHE, "Folder of recordings.")
 
 
 @dataclass(frozen=True)
 class ComparisonOptions(BaselineOptions):
     """A baseline to compare with."""
 
-    accept: Annotated[
-        str,
-        typer.Option(help="Differences from the baseline to accept: datasets, platform or both."),
-    ] = ""
+    accept: str = option("", "Differences from the baseline to accept: datasets, platform or both.")
 
     def compare(self, estimator: AnyEstimatorOptions) -> Comparison:
         """Run an estimator over the sequences of the baseline and decide.
@@ -57,13 +54,9 @@ class ReportOptions:
     """Files of the result."""
 
     PANEL: ClassVar[str] = "Files of the result"
-    json_file: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE", help="All figures as JSON.")
-    ] = None
-    markdown: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Comment for a pull request.")
-    ] = None
-    junit: Annotated[Path | None, typer.Option(metavar="FILE", help="JUnit XML.")] = None
+    json_file: Path | None = option(None, "All figures as JSON.", "--json", metavar="FILE")
+    markdown: Path | None = option(None, "Comment for a pull request.", metavar="FILE")
+    junit: Path | None = option(None, "JUnit XML.", metavar="FILE")
 
 
 def gate_check(

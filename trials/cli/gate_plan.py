@@ -1,23 +1,18 @@
 """`driftyard gate plan`: how many sequences a wanted sensitivity needs."""
 
 from math import inf, log1p
-from typing import Annotated
-
-import typer
 
 from trials.cli import console
 from trials.cli.gate_check import ComparisonOptions
-from trials.cli.options import AnyEstimatorOptions
+from trials.cli.options import AnyEstimatorOptions, argument
 from trials.gate.tables import plan_line
 from vo.contract.errors import SettingsError
 
 
 def gate_plan(
-    change: Annotated[
-        str, typer.Argument(metavar="PERCENT", help="Increase of drift to find, such as 5%.")
-    ],
     baseline: ComparisonOptions,
     estimator: AnyEstimatorOptions,
+    change: str = argument(..., "Increase of drift to find, such as 5%.", metavar="PERCENT"),
 ) -> None:
     """Compute how many scenes or seeds it takes to find an increase of drift.
 

@@ -1,33 +1,26 @@
 """`driftyard gate power`: false alarm rate and power of the gate, by simulation."""
 
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from trials.cli import console
+from trials.cli.options import option
 from trials.gate.alternatives import TESTS
 from trials.studies.gate_power import CASES, resampled, simulate
 
 
 def gate_power(
-    repetitions: Annotated[int, typer.Option(min=20, help="Number for each case.")] = 200,
-    seed: Annotated[int, typer.Option(min=0, help="Random seed of all draws.")] = 0,
-    result: Annotated[
-        list[Path] | None,
-        typer.Option(
-            metavar="FILE", help="Also draw from a JSON result of `gate check`; may be repeated."
-        ),
-    ] = None,
-    tests: Annotated[
-        bool, typer.Option(help="Also print the rates of other statistical tests.")
-    ] = False,
+    repetitions: int = option(200, "Number for each case.", min=20),
+    seed: int = option(0, "Random seed of all draws.", min=0),
+    result: list[Path] = option(
+        [], "Also draw from a JSON result of `gate check`; may be repeated.", metavar="FILE"
+    ),
+    tests: bool = option(False, "Also print the rates of other statistical tests."),
 ) -> None:
     """Simulate how often the gate raises a false alarm, and how often it finds +10 % of drift.
 
     A false alarm is a regression for a candidate whose drift grew by exactly the tolerance.
     """
-    cases = [*CASES, *(resampled(path) for path in result or [])]
+    cases = [*CASES, *(resampled(path) for path in result)]
     with console.counting_bar("simulating", 2 * repetitions * len(cases)) as count:
         found = simulate(cases, repetitions, seed, TESTS if tests else {}, count)
     header = ("case", "seeds", "false alarms, %", "10 % found, %", "promised, %")

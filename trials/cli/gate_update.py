@@ -1,13 +1,11 @@
 """`driftyard gate update`: a new baseline."""
 
-from dataclasses import dataclass, field
-from typing import Annotated, ClassVar
-
-import typer
+from dataclasses import dataclass
+from typing import ClassVar
 
 from trials.cli import console
 from trials.cli.gate_check import BaselineOptions
-from trials.cli.options import AnyEstimatorOptions, Distance
+from trials.cli.options import AnyEstimatorOptions, Distance, Disturb, changes, option
 from trials.execution.recording_settings import parse_scenes
 from trials.gate.baseline import write_baseline
 from trials.gate.comparison import make_baseline
@@ -22,22 +20,12 @@ class DesignOptions:
     """The sequences of a baseline."""
 
     PANEL: ClassVar[str] = "Sequences"
-    scenes: Annotated[
-        str, typer.Option(metavar="A,B,C", help="Scenes to drive through, or all; required.")
-    ] = ""
-    seeds: Annotated[int, typer.Option(min=1, help="Number of sequences of each scene.")] = 2
-    first_seed: Annotated[int, typer.Option(min=0, help="Random seed of the first.")] = 0
+    scenes: str = option("", "Scenes to drive through, or all; required.", metavar="A,B,C")
+    seeds: int = option(2, "Number of sequences of each scene.", min=1)
+    first_seed: int = option(0, "Random seed of the first.", min=0)
     distance: Distance = 4.0
-    disturb: Annotated[
-        str, typer.Option(metavar="NAME[=STRENGTH],...", help="Disturbances, as for `generate`.")
-    ] = ""
-    record: Annotated[
-        list[str],
-        typer.Option(
-            metavar="KEY=VALUE",
-            help="Change a setting of `driftyard settings recording`; may be repeated.",
-        ),
-    ] = field(default_factory=list[str])
+    disturb: Disturb = ""
+    record: list[str] = changes("recording", "")
 
     @property
     def design(self) -> Design:
@@ -61,30 +49,20 @@ class RuleOptions:
     """The rules of the decision."""
 
     PANEL: ClassVar[str] = "Rules of the decision"
-    reference: Annotated[
-        str,
-        typer.Option(help="Estimator that frame times are divided by, so that machines compare."),
-    ] = "corner_flow"
-    level: Annotated[
-        float, typer.Option(help="False alarm rate, and error rate of each confidence bound.")
-    ] = 0.05
-    tolerance: Annotated[
-        float,
-        typer.Option(
-            help="Regress if the lower bound of the relative increase of drift exceeds this."
-        ),
-    ] = 0.005
-    margin: Annotated[
-        float,
-        typer.Option(help="Pass if the upper bound of the relative increase of drift is below."),
-    ] = 0.1
-    time_margin: Annotated[
-        float,
-        typer.Option(help="The same for frame time, as tolerance and margin; 0 disables it."),
-    ] = 0.25
-    nees_margin: Annotated[
-        float, typer.Option(help="The same for the NEES of covariances; 0 disables it.")
-    ] = 0.5
+    reference: str = option(
+        "corner_flow", "Estimator that frame times are divided by, so that machines compare."
+    )
+    level: float = option(0.05, "False alarm rate, and error rate of each confidence bound.")
+    tolerance: float = option(
+        0.005, "Regress if the lower bound of the relative increase of drift exceeds this."
+    )
+    margin: float = option(
+        0.1, "Pass if the upper bound of the relative increase of drift is below."
+    )
+    time_margin: float = option(
+        0.25, "The same for frame time, as tolerance and margin; 0 disables it."
+    )
+    nees_margin: float = option(0.5, "The same for the NEES of covariances; 0 disables it.")
 
     @property
     def rules(self) -> Rules:

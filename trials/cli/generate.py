@@ -1,10 +1,10 @@
 """`driftyard generate`: datasets with exact labels, one or many."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 import typer
 
@@ -12,7 +12,7 @@ from sim.batch import Task, build, perform_all
 from sim.record import Recording, record
 from sim.settings import RecordSettings, recorded_settings
 from trials.cli import console
-from trials.cli.options import RecordingOptions
+from trials.cli.options import RecordingOptions, argument, option
 from vo.contract.dataset import MANIFEST, DatasetWriter, read_manifest
 from vo.contract.errors import DatasetError, SettingsError
 
@@ -22,35 +22,23 @@ class BatchOptions:
     """Many datasets at once."""
 
     PANEL: ClassVar[str] = "Many datasets"
-    count: Annotated[
-        int | None, typer.Option(min=1, help="Number of seeds, one dataset for each.")
-    ] = None
-    vary: Annotated[
-        list[str],
-        typer.Option(
-            metavar="KEY=A,B,C", help="One dataset for each value of a setting; may be repeated."
-        ),
-    ] = field(default_factory=list[str])
-    workers: Annotated[
-        int | None, typer.Option(min=1, help="Number of processes.", show_default="one a core")
-    ] = None
-    scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler instead of processes.")
-    ] = None
+    count: int | None = option(None, "Number of seeds, one dataset for each.", min=1)
+    vary: list[str] = option(
+        [], "One dataset for each value of a setting; may be repeated.", metavar="KEY=A,B,C"
+    )
+    workers: int | None = option(None, "Number of processes.", min=1, show_default="one a core")
+    scheduler: str | None = option(None, "Dask scheduler instead of processes.", metavar="ADDRESS")
 
 
 def generate(
     recording: RecordingOptions,
     batch: BatchOptions,
-    scene: Annotated[
-        str | None, typer.Argument(help="Scene as for `preview`, or several as a,b,c.")
-    ] = None,
-    out: Annotated[Path, typer.Option(help="Dataset folder to write.")] = Path("dataset"),
-    source: Annotated[
-        Path | None,
-        typer.Option("--from", metavar="DATASET.JSON", help="Record this dataset again."),
-    ] = None,
-    overwrite: Annotated[bool, typer.Option(help="Replace an existing dataset.")] = False,
+    scene: str | None = argument(None, "Scene as for `preview`, or several as a,b,c."),
+    out: Path = option(Path("dataset"), "Dataset folder to write."),
+    source: Path | None = option(
+        None, "Record this dataset again.", "--from", metavar="DATASET.JSON"
+    ),
+    overwrite: bool = option(False, "Replace an existing dataset."),
 ) -> None:
     """Drive through a scene, render it and write a dataset folder with exact labels.
 

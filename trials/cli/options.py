@@ -1,12 +1,12 @@
 """Options that commands share, as frozen dataclasses that `expand` turns into parameters."""
 
 import functools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from copy import copy
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, get_args, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, get_args, get_origin, get_type_hints
 
 import typer
 
@@ -27,7 +27,46 @@ Trajectories = Annotated[
 ]
 Seed = Annotated[int, typer.Option(min=0, help="Random seed of scene, route and noise.")]
 Scenes = Annotated[str, typer.Option(metavar="A,B,C", help="Names of scenes, or all.")]
+Disturb = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME[=STRENGTH],...",
+        help="Disturbances that `driftyard scenes` lists, such as blur,brick_bump=0.5.",
+    ),
+]
 Distance = Annotated[float, typer.Option(min=1.2, help="Length of each drive, m.")]
+
+
+def option(default: Any, text: str, *names: str, **rules: Any) -> Any:
+    """Describe an option: default value of a parameter or dataclass field; `...` if required.
+
+    Args:
+        default: Default value.
+        text: Help: quantity and unit.
+        names: Names on the command line, if they are not that of the parameter.
+        rules: As of `typer.Option`.
+    """
+    return _described(default, typer.Option(*names, help=text, **rules))
+
+
+def argument(default: Any, text: str, **rules: Any) -> Any:
+    """Describe a positional argument; otherwise as `option`."""
+    return _described(default, typer.Argument(help=text, **rules))
+
+
+def changes(kind: str, name: str = "--set") -> Any:
+    """Describe an option that changes settings of a kind; without a name, that of the field."""
+    text = f"Change a setting of `driftyard settings {kind}`; may be repeated."
+    return option([], text, *filter(None, [name]), metavar="KEY=VALUE")
+
+
+def _described(default: Any, shown: Any) -> Any:
+    metadata = {"typer": shown}
+    if default is ...:
+        return field(metadata=metadata)
+    if isinstance(default, list):
+        return field(default_factory=default.copy, metadata=metadata)
+    return field(default=default, metadata=metadata)
 
 
 @dataclass(frozen=True)
@@ -35,27 +74,10 @@ class RecordingOptions:
     """Settings of a recording."""
 
     PANEL: ClassVar[str] = "Recording"
-    seed: Annotated[
-        int | None,
-        typer.Option(help="Random seed of scene, route and noise.", show_default="0"),
-    ] = None
-    overrides: Annotated[
-        list[str],
-        typer.Option(
-            "--set", metavar="KEY=VALUE",
-            help="Change a setting of `driftyard settings recording`; may be repeated.",
-        ),
-    ] = field(default_factory=list[str])  # fmt: skip
-    config: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="TOML file of recording settings.")
-    ] = None
-    disturb: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME[=STRENGTH],...",
-            help="Disturbances that `driftyard scenes` lists, such as blur,brick_bump=0.5.",
-        ),
-    ] = ""
+    seed: int | None = option(None, "Random seed of scene, route and noise.", show_default="0")
+    overrides: list[str] = changes("recording")
+    config: Path | None = option(None, "TOML file of recording settings.", metavar="FILE")
+    disturb: Disturb = ""
 
     def settings(self, scene: str) -> "RecordSettings":
         """Resolve the settings of a recording of a scene.
@@ -73,23 +95,14 @@ class EstimatorOptions:
     """An estimator that runs in this process, and its settings."""
 
     PANEL: ClassVar[str] = "Estimator"
-    estimator: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME", show_default="driftyard",
-            help="driftyard, thesis, corner_flow, or module:Class of a plug-in.",
-        ),
-    ] = None  # fmt: skip
-    overrides: Annotated[
-        list[str],
-        typer.Option(
-            "--set", metavar="KEY=VALUE",
-            help="Change a setting of `driftyard settings estimator`; may be repeated.",
-        ),
-    ] = field(default_factory=list[str])  # fmt: skip
-    config: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="TOML file of estimator settings.")
-    ] = None
+    estimator: str | None = option(
+        None,
+        "driftyard, thesis, corner_flow, or module:Class of a plug-in.",
+        metavar="NAME",
+        show_default="driftyard",
+    )
+    overrides: list[str] = changes("estimator")
+    config: Path | None = option(None, "TOML file of estimator settings.", metavar="FILE")
 
     @property
     def named(self) -> "Named":
@@ -103,22 +116,14 @@ class EstimatorOptions:
 class AnyEstimatorOptions(EstimatorOptions):
     """An estimator of any kind: in this process, or a program."""
 
-    command: Annotated[
-        str | None,
-        typer.Option(
-            metavar="CMD",
-            help="Program instead of an estimator; its words include {dataset} and {out}. It "
-            "writes the trajectory of the left camera, TUM format.",
-        ),
-    ] = None
-    timeout: Annotated[
-        float,
-        typer.Option(min=0, metavar="SECONDS", help="Longest run time of the program, s."),
-    ] = 3600.0
-    label: Annotated[
-        str,
-        typer.Option(help="Name of the program in tables.", show_default="its file name"),
-    ] = ""
+    command: str | None = option(
+        None,
+        "Program instead: words with {dataset} and {out}. It writes the trajectory of the left "
+        "camera, TUM format.",
+        metavar="CMD",
+    )
+    timeout: float = option(3600.0, "Longest run time of the program, s.", min=0, metavar="SECONDS")
+    label: str = option("", "Name of the program in tables.", show_default="its file name")
 
     @property
     def choice(self) -> "Named | Command":
@@ -138,10 +143,10 @@ class AnyEstimatorOptions(EstimatorOptions):
 
 
 def expand(function: Callable[..., None]) -> Callable[..., None]:
-    """Replace each parameter that is a dataclass by parameters for the fields of the dataclass.
+    """Write the parameters of a command as Typer reads them.
 
-    Typer then shows them as options, in a panel of their own if the class has a PANEL, and the
-    function still receives instances.
+    A parameter that is a dataclass becomes one parameter for each field, in a panel of its own if
+    the class has a PANEL; the function still receives an instance.
 
     Args:
         function: Command; every parameter is annotated.
@@ -149,17 +154,19 @@ def expand(function: Callable[..., None]) -> Callable[..., None]:
     hints = get_type_hints(function, include_extras=True)
     models = {name: hint for name, hint in hints.items() if is_dataclass(hint)}
     parameters: list[Parameter] = []
-    for parameter in signature(function).parameters.values():
-        if parameter.name in models:
-            parameters += _parameters_of(models[parameter.name])
+    for x in signature(function).parameters.values():
+        if x.name in models:
+            model = models[x.name]
+            kinds = get_type_hints(model, include_extras=True)
+            panel = getattr(model, "PANEL", None)
+            parameters += [_parameter(f.name, kinds[f.name], f, panel) for f in fields(model)]
         else:
-            hint = hints[parameter.name]
-            parameters.append(parameter.replace(annotation=hint, kind=Parameter.KEYWORD_ONLY))
+            parameters.append(_parameter(x.name, hints[x.name], x.default, None))
 
     @functools.wraps(function)
     def call(**values: Any) -> None:
         for name, model in models.items():
-            values[name] = model(**{x.name: values.pop(x.name) for x in fields(model)})
+            values[name] = model(**{f.name: values.pop(f.name) for f in fields(model)})
         function(**values)
 
     del call.__wrapped__  # pyright: ignore[reportAttributeAccessIssue], its parameters are others
@@ -168,18 +175,18 @@ def expand(function: Callable[..., None]) -> Callable[..., None]:
     return call
 
 
-def _parameters_of(model: Any) -> Iterator[Parameter]:
-    hints = get_type_hints(model, include_extras=True)
-    for x in fields(model):
-        kind, shown = get_args(hints[x.name])
-        panel = copy(shown)
-        panel.rich_help_panel = getattr(model, "PANEL", None)
-        yield Parameter(
-            x.name, Parameter.KEYWORD_ONLY, default=_default(x), annotation=Annotated[kind, panel]
-        )
-
-
-def _default(option: "Field[Any]") -> Any:
-    if option.default_factory is not MISSING:
-        return option.default_factory()
-    return Parameter.empty if option.default is MISSING else option.default
+def _parameter(name: str, kind: Any, default: Any, panel: str | None) -> Parameter:
+    """Make a parameter of an annotated type, from a default value or a described one."""
+    if isinstance(default, Field) and "typer" in default.metadata:
+        kind = Annotated[kind, default.metadata["typer"]]
+    if panel and get_origin(kind) is Annotated:
+        base, shown = get_args(kind)
+        shown = copy(shown)
+        shown.rich_help_panel = panel
+        kind = Annotated[base, shown]
+    if isinstance(default, Field):
+        if default.default_factory is not MISSING:
+            default = default.default_factory()
+        else:
+            default = Parameter.empty if default.default is MISSING else default.default
+    return Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=kind)

@@ -1,17 +1,15 @@
 """`driftyard point-world`: the estimator and the Cramér-Rao bound on noisy points."""
 
-from typing import Annotated
-
 import numpy as np
-import typer
 
 from trials.cli import console
+from trials.cli.options import option
 from trials.studies.point_world import TOLERANCE, compare_with_bound
 
 
 def point_world(
-    worlds: Annotated[int, typer.Option(min=2, help="Number of random worlds.")] = 200,
-    seed: Annotated[int, typer.Option(min=0, help="Random seed of the first world.")] = 0,
+    worlds: int = option(200, "Number of random worlds.", min=2),
+    seed: int = option(0, "Random seed of the first world.", min=0),
 ) -> None:
     """Print the error of bundle adjustment over its bound: root mean square of worlds and poses."""
     achieved, bound = np.sqrt(compare_with_bound(range(seed, seed + worlds)))

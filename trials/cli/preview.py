@@ -1,9 +1,6 @@
 """`driftyard preview`: pictures or a film of a scene before it is recorded."""
 
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from scenes import SCENES
 from sim.batch import build
@@ -12,7 +9,7 @@ from sim.preview.image_file import picture_suffix, write_picture
 from sim.preview.overview import overview, tile
 from sim.preview.preview import preview as write_sheet
 from trials.cli import console
-from trials.cli.options import RecordingOptions
+from trials.cli.options import RecordingOptions, argument, option
 from vo.contract.errors import SettingsError
 
 ALL = "all"
@@ -20,21 +17,13 @@ ALL = "all"
 
 
 def preview(
-    scene: Annotated[
-        str,
-        typer.Argument(help="Scene as for `generate`, or `all` for one picture of every scene."),
-    ],
     recording: RecordingOptions,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="PNG or JPEG of views, labels and map.", show_default="preview.png, unless --film"
-        ),
-    ] = None,
-    film: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="MP4 or GIF of the first seconds.")
-    ] = None,
-    seconds: Annotated[float, typer.Option(min=0.2, help="Length of the film, s.")] = 8.0,
+    scene: str = argument(..., "Scene as for `generate`, or `all` for one picture of every scene."),
+    out: Path | None = option(
+        None, "PNG or JPEG of views, labels and map.", show_default="preview.png, unless --film"
+    ),
+    film: Path | None = option(None, "MP4 or GIF of the first seconds.", metavar="FILE"),
+    seconds: float = option(8.0, "Length of the film, s.", min=0.2),
 ) -> None:
     """Render a contact sheet of views, labels and map, or a short film."""
     sheet = Path("preview.png") if out is None and film is None else out

@@ -31,137 +31,112 @@ class Entry:
 
 PANELS: dict[str, dict[str, tuple[str, str]]] = {
     "Datasets": {
-        "scenes": ("List scenes and disturbances.", "driftyard scenes"),
+        "scenes": ("List scenes and disturbances.", ""),
         "preview": (
             "Render pictures of a scene before it is recorded.",
-            "driftyard preview brick_court --out preview.png",
+            "brick_court --out preview.png",
         ),
         "generate": (
             "Record datasets with exact labels.",
-            "driftyard generate brick_court --out court --seed 7 --set drive.distance_m=20",
+            "brick_court --out court --seed 7 --set drive.distance_m=20",
         ),
-        "verify": (
-            "Verify the hashes and the certificate of a dataset.",
-            "driftyard verify court",
-        ),
+        "verify": ("Verify the hashes and the certificate of a dataset.", "court"),
     },
     "Estimators": {
         "run": (
             "Run an estimator over a dataset.",
-            "driftyard run court --out court.txt --estimator corner_flow",
+            "court --out court.txt --estimator corner_flow",
         ),
-        "score": (
-            "Compare trajectories with the ground truth.",
-            "driftyard score court court.txt --json",
-        ),
-        "report": (
-            "Write an HTML report of runs.",
-            "driftyard report court court.txt --out court.html",
-        ),
+        "score": ("Compare trajectories with the ground truth.", "court court.txt --json"),
+        "report": ("Write an HTML report of runs.", "court court.txt --out court.html"),
         "explain": (
             "Attribute the drift to the stages of an estimator.",
-            "driftyard explain --scene brick_court --seeds 3",
+            "--scene brick_court --seeds 3",
         ),
         "gate": (
             "Compare an estimator with a stored baseline.",
-            "driftyard gate check --baseline gate.json --estimator my_vo:MyOdometry",
+            "check --baseline gate.json --estimator my_vo:MyOdometry",
         ),
         "gate check": (
             "Decide whether an estimator has regressed against a baseline.",
-            "driftyard gate check --baseline gate.json --estimator my_vo:MyOdometry",
+            "--baseline gate.json --estimator my_vo:MyOdometry",
         ),
         "gate update": (
             "Measure an estimator and write the baseline.",
-            "driftyard gate update --baseline gate.json --scenes all --seeds 2",
+            "--baseline gate.json --scenes all --seeds 2",
         ),
         "gate plan": (
             "Compute how many sequences it takes to find a change of drift.",
-            "driftyard gate plan 5% --baseline gate.json --estimator my_vo:MyOdometry",
+            "5% --baseline gate.json --estimator my_vo:MyOdometry",
         ),
         "gate power": (
             "Simulate false alarm rate and power of the decision.",
-            "driftyard gate power --repetitions 1000",
+            "--repetitions 1000",
         ),
     },
     "Navigation": {
         "drive": (
             "Drive to goals with each source of localization, and compare.",
-            "driftyard drive office --localization truth,wheels,vo --worlds 10",
+            "office --localization truth,wheels,vo --worlds 10",
         ),
-        "route": (
-            "Compare static with dynamic routing of an urgent vehicle.",
-            "driftyard route --out routing",
-        ),
+        "route": ("Compare static with dynamic routing of an urgent vehicle.", "--out routing"),
     },
     "Studies and measurements": {
         "accuracy": (
             "Measure the drift of the default settings on many drives.",
-            "driftyard accuracy --scenes office,meadow --seeds 2 --distance 4",
+            "--scenes office,meadow --seeds 2 --distance 4",
         ),
         "stress": (
             "Raise a disturbance until an estimator fails.",
-            "driftyard stress exposure --estimator corner_flow",
+            "exposure --estimator corner_flow",
         ),
         "response": (
             "Measure the drift that every disturbance and scene causes.",
-            "driftyard response --only blur,office",
+            "--only blur,office",
         ),
-        "experiment": ("Test claims of the thesis.", "driftyard experiment E1,E3"),
+        "experiment": ("Test claims of the thesis.", "E1,E3"),
         "label-accuracy": (
             "Compare labels, blur and sensors with independent computations.",
-            "driftyard label-accuracy --scenes brick_court",
+            "--scenes brick_court",
         ),
         "point-world": (
             "Compare the estimator with the Cramér-Rao bound on noisy points.",
-            "driftyard point-world --worlds 50",
+            "--worlds 50",
         ),
         "bump": (
             "Draw how a brick under a wheel shows in every channel.",
-            "driftyard bump --scene office --out bump.png",
+            "--scene office --out bump.png",
         ),
-        "bench": (
-            "Measure the speed of generator and estimators.",
-            "driftyard bench --quick",
-        ),
-        "replanning": (
-            "Compare the time of D* Lite with that of A* on a grid.",
-            "driftyard replanning --changes 50",
-        ),
-        "trial-speed": (
-            "Measure the steps per second of a navigation environment.",
-            "driftyard trial-speed warehouse",
-        ),
+        "bench": ("Measure the speed of generator and estimators.", "--quick"),
+        "replanning": ("Compare the time of D* Lite with that of A* on a grid.", "--changes 50"),
+        "trial-speed": ("Measure the steps per second of a navigation environment.", "warehouse"),
         "trial-memory": (
             "Measure the memory of an environment over many resets.",
-            "driftyard trial-memory turntable --resets 1000",
+            "turntable --resets 1000",
         ),
         "trial-film": (
             "Film a navigation trial with each source of localization.",
-            "driftyard trial-film trial.webp --scene office --layout 3",
+            "trial.webp --scene office --layout 3",
         ),
     },
     "Help and installation": {
-        "demo": ("Generate, estimate, score and report one drive.", "driftyard demo"),
+        "demo": ("Generate, estimate, score and report one drive.", ""),
         "settings": (
             "List settings with type, default, unit, range and description.",
-            "driftyard settings estimator matching",
+            "estimator matching",
         ),
-        "systems": (
-            "Install odometry systems of other authors.",
-            "driftyard systems install orbslam3",
-        ),
-        "systems list": ("List the systems.", "driftyard systems list"),
-        "systems install": (
-            "Install a system into an environment of its own.",
-            "driftyard systems install orbslam3",
-        ),
-        "doctor": ("Check OpenGL drivers and packages.", "driftyard doctor"),
+        "systems": ("Install odometry systems of other authors.", "install orbslam3"),
+        "systems list": ("List the systems.", ""),
+        "systems install": ("Install a system into an environment of its own.", "orbslam3"),
+        "doctor": ("Check OpenGL drivers and packages.", ""),
     },
 }
-"""Panel to the commands in it, each with its summary and an example."""
+"""Panel to the commands in it, each with its summary and the words of an example."""
 
 COMMANDS = {
-    name: Entry(panel, *texts) for panel, named in PANELS.items() for name, texts in named.items()
+    name: Entry(panel, summary, f"driftyard {name} {words}".rstrip())
+    for panel, named in PANELS.items()
+    for name, (summary, words) in named.items()
 }
 """Every command by its words."""
 

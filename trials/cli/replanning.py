@@ -1,18 +1,16 @@
 """`driftyard replanning`: time of D* Lite and of A* after changes of a grid."""
 
-from typing import Annotated
-
 import numpy as np
-import typer
 
 from trials.cli import console
+from trials.cli.options import option
 from trials.studies.replanning import CHANGES, measure
 
 
 def replanning(
-    side: Annotated[int, typer.Option(min=100, help="Side of the grid, cells.")] = 500,
-    changes: Annotated[int, typer.Option(min=10, help="Number of changes of each kind.")] = 200,
-    seed: Annotated[int, typer.Option(help="Random seed of grids and changes.")] = 0,
+    side: int = option(500, "Side of the grid, cells.", min=100),
+    changes: int = option(200, "Number of changes of each kind.", min=10),
+    seed: int = option(0, "Random seed of grids and changes."),
 ) -> None:
     """Compare replanning with planning from scratch, and check that both find the same cost."""
     rows: list[tuple[str, ...]] = []

@@ -1,11 +1,9 @@
 """`driftyard response`: drift of the baseline under every disturbance and on every scene."""
 
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from trials.cli import console
+from trials.cli.options import option
 from trials.execution.jobs import jobs_of
 from trials.execution.runner import run_jobs
 from trials.studies.response import (
@@ -20,13 +18,11 @@ from trials.studies.response import (
 
 
 def response(
-    distance: Annotated[float, typer.Option(min=1.5, help="Length of each drive, m.")] = 4.0,
-    seeds: Annotated[int, typer.Option(min=1, help="Number of drives of each setting.")] = 2,
-    first_seed: Annotated[int, typer.Option(min=0, help="Random seed of the first drive.")] = 0,
-    only: Annotated[
-        str, typer.Option(metavar="A,B,C", help="Disturbances and scenes; all by default.")
-    ] = "",
-    out: Annotated[Path, typer.Option(help="PNG of the curves.")] = Path("build/response.png"),
+    distance: float = option(4.0, "Length of each drive, m.", min=1.5),
+    seeds: int = option(2, "Number of drives of each setting.", min=1),
+    first_seed: int = option(0, "Random seed of the first drive.", min=0),
+    only: str = option("", "Disturbances and scenes; all by default.", metavar="A,B,C"),
+    out: Path = option(Path("build/response.png"), "PNG of the curves."),
 ) -> None:
     """Record or reuse drives, run the baseline over them, print a table and draw the curves.
 

@@ -4,13 +4,13 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, astuple, dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
-import typer
 from numpy.random import Generator
 
 from trials.cli import console
+from trials.cli.options import option
 from trials.cli.route_rover import route_rover
 from trials.evaluation.intervals import mean_interval
 from trials.navigation.errors import PlanningError
@@ -39,17 +39,12 @@ class ModelOptions:
     """Drives in a model of a road network."""
 
     PANEL: ClassVar[str] = "Model"
-    map_file: Annotated[
-        Path | None,
-        typer.Option("--map", metavar="FILE", help="JSON file of a road network of your own."),
-    ] = None
-    drives: Annotated[int, typer.Option(min=2, help="Number of random drives.")] = 300
-    share: Annotated[
-        float, typer.Option(min=0.01, max=1, help="Ratio of congested roads to all roads.")
-    ] = 0.25
-    lead: Annotated[
-        float, typer.Option(min=0, help="Time from a request until a node is clear, s.")
-    ] = 30.0
+    map_file: Path | None = option(
+        None, "JSON file of a road network of your own.", "--map", metavar="FILE"
+    )
+    drives: int = option(300, "Number of random drives.", min=2)
+    share: float = option(0.25, "Ratio of congested roads to all roads.", min=0.01, max=1)
+    lead: float = option(30.0, "Time from a request until a node is clear, s.", min=0)
 
 
 @dataclass(frozen=True)
@@ -57,21 +52,18 @@ class RoverOptions:
     """Drives of the rover through aisles."""
 
     PANEL: ClassVar[str] = "Rover, instead of the model"
-    rover: Annotated[
-        str | None,
-        typer.Option(metavar="SCENE", help="Scene with aisles to drive through: warehouse."),
-    ] = None
-    worlds: Annotated[int, typer.Option(min=1, help="Number of layouts of the scene.")] = 5
-    localization: Annotated[
-        str, typer.Option(help="Source: truth, vo, an estimator, or module:Class.")
-    ] = "truth"
+    rover: str | None = option(
+        None, "Scene with aisles to drive through: warehouse.", metavar="SCENE"
+    )
+    worlds: int = option(5, "Number of layouts of the scene.", min=1)
+    localization: str = option("truth", "Source: truth, vo, an estimator, or module:Class.")
 
 
 def route(
-    out: Annotated[Path, typer.Option(help="Folder for figures, tables and verdicts.")],
     model: ModelOptions,
     rover: RoverOptions,
-    seed: Annotated[int, typer.Option(min=0, help="Random seed of network and drives.")] = 0,
+    out: Path = option(..., "Folder for figures, tables and verdicts."),
+    seed: int = option(0, "Random seed of network and drives.", min=0),
 ) -> None:
     """Compute travel times over node delay, over queuing delay and at random, with verdicts.
 

@@ -2,12 +2,9 @@
 
 import statistics
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from trials.cli import console
-from trials.cli.options import AnyEstimatorOptions, Dataset
+from trials.cli.options import AnyEstimatorOptions, Dataset, option
 from trials.estimators.choice import Named, estimate
 from trials.estimators.plugins.command import Command
 from vo.contract.errors import TrajectoryError
@@ -17,8 +14,8 @@ from vo.contract.readers import open_sequence
 
 def run(
     dataset: Dataset,
-    out: Annotated[Path, typer.Option(help="Trajectory file to write, TUM format.")],
     estimator: AnyEstimatorOptions,
+    out: Path = option(..., "Trajectory file to write, TUM format."),
 ) -> None:
     """Run an estimator over a dataset; write its trajectory and a record of every frame."""
     run_estimator(dataset, out, estimator.choice)

@@ -3,13 +3,12 @@
 import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated
 
 import typer
 from rich.table import Table
 
 from trials.cli import console
-from trials.cli.options import Dataset, Trajectories
+from trials.cli.options import Dataset, Trajectories, option
 from trials.evaluation.alignment import Alignment
 from trials.evaluation.runs import read_run
 from trials.evaluation.score import Score, score_run
@@ -20,7 +19,7 @@ from vo.contract.readers import open_sequence, read_truth
 def score(
     dataset: Dataset,
     files: Trajectories,
-    as_json: Annotated[bool, typer.Option("--json", help="Print all figures as JSON.")] = False,
+    as_json: bool = option(False, "Print all figures as JSON.", "--json"),
 ) -> None:
     """Compare trajectories with the ground truth of a dataset."""
     scores = score_files(dataset, files)

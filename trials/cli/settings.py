@@ -16,6 +16,7 @@ from pydantic_core import PydanticUndefined
 
 from sim.settings import RecordSettings
 from trials.cli import console
+from trials.cli.options import argument, option
 from trials.gym.env.settings import NavSettings
 from trials.navigation.settings import NavigatorSettings
 from vo.config import OdometrySettings
@@ -87,16 +88,10 @@ class Row:
 
 
 def settings(
-    kind: Annotated[
-        Kind | None, typer.Argument(help="Kind of settings; all kinds by default.")
-    ] = None,
-    prefix: Annotated[
-        str, typer.Argument(help="List only keys that begin like this, such as matching.")
-    ] = "",
-    as_json: Annotated[bool, typer.Option("--json", help="Print as JSON.")] = False,
-    markdown: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write a Markdown page.")
-    ] = None,
+    kind: Kind | None = argument(None, "Kind of settings; all kinds by default."),
+    prefix: str = argument("", "List only keys that begin like this, such as matching."),
+    as_json: bool = option(False, "Print as JSON.", "--json"),
+    markdown: Path | None = option(None, "Write a Markdown page.", metavar="FILE"),
 ) -> None:
     """List settings with type, default, unit, range and description."""
     kinds = [kind] if kind else list(Kind)

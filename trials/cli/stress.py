@@ -4,13 +4,12 @@ import shlex
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 import numpy as np
-import typer
 
 from trials.cli import console
-from trials.cli.options import Distance
+from trials.cli.options import Distance, argument, changes, option
 from trials.estimators.plugins.command import Command
 from trials.execution.jobs import Variant
 from trials.execution.runner import NO_LABELS, run_jobs
@@ -26,23 +25,16 @@ class SearchOptions:
     """The drives, and the search for the strength at which an estimator fails."""
 
     PANEL: ClassVar[str] = "Search"
-    scene: Annotated[
-        str | None, typer.Option(help="Scene of all drives.", show_default="suits the axis")
-    ] = None
-    most: Annotated[
-        float | None,
-        typer.Option("--max", min=0, help="Largest strength.", show_default="of the axis"),
-    ] = None
-    points: Annotated[int, typer.Option(min=2, help="Number of strengths to begin with.")] = 5
-    rounds: Annotated[int, typer.Option(min=0, help="Number of bisections after that.")] = 4
-    seeds: Annotated[int, typer.Option(min=1, help="Number of drives at each strength.")] = 3
+    scene: str | None = option(None, "Scene of all drives.", show_default="suits the axis")
+    most: float | None = option(
+        None, "Largest strength.", "--max", min=0, show_default="of the axis"
+    )
+    points: int = option(5, "Number of strengths to begin with.", min=2)
+    rounds: int = option(4, "Number of bisections after that.", min=0)
+    seeds: int = option(3, "Number of drives at each strength.", min=1)
     distance: Distance = 4.0
-    drift: Annotated[
-        float, typer.Option(min=0, help="Drift over 1 m above which a drive fails, %.")
-    ] = 2.0
-    lost: Annotated[
-        float, typer.Option(min=0, help="Lost frames above which a drive fails, %.")
-    ] = 5.0
+    drift: float = option(2.0, "Drift over 1 m above which a drive fails, %.", min=0)
+    lost: float = option(5.0, "Lost frames above which a drive fails, %.", min=0)
 
 
 @dataclass(frozen=True)
@@ -50,46 +42,31 @@ class EstimatorsOptions:
     """Estimators to compare."""
 
     PANEL: ClassVar[str] = "Estimators"
-    estimator: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME", help="driftyard, thesis, corner_flow, module:Class; several as a,b."
-        ),
-    ] = "driftyard"
-    command: Annotated[
-        str, typer.Option(metavar="CMD", help="Program instead, as for `driftyard run`.")
-    ] = ""
-    overrides: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set", metavar="KEY=VALUE",
-            help="Change a setting of `driftyard settings estimator`; may be repeated.",
-        ),
-    ] = None  # fmt: skip
+    estimator: str = option(
+        "driftyard", "driftyard, thesis, corner_flow, module:Class; several as a,b.", metavar="NAME"
+    )
+    command: str = option("", "Program instead, as for `driftyard run`.", metavar="CMD")
+    overrides: list[str] = changes("estimator")
 
     @property
     def variants(self) -> list[Variant]:
         """One for each estimator, or for the program."""
-        settings = tuple(self.overrides or ())
+        settings = tuple(self.overrides)
         if self.command:
             return [Variant(Command(self.command).name, self.estimator, settings, self.command)]
         return [Variant(name, name, settings) for name in self.estimator.split(",")]
 
 
 def stress(
-    axis: Annotated[
-        str,
-        typer.Argument(
-            metavar="AXIS",
-            help=f"Axis: {', '.join(MAIN)}, all of these, or a disturbance; several as a,b.",
-        ),
-    ],
     search: SearchOptions,
     estimators: EstimatorsOptions,
-    out: Annotated[Path, typer.Option(help="Folder of figures and data.")] = Path("build/stress"),
-    page: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Markdown page of all axes.")
-    ] = None,
+    axis: str = argument(
+        ...,
+        f"Axis: {', '.join(MAIN)}, all of these, or a disturbance; several as a,b.",
+        metavar="AXIS",
+    ),
+    out: Path = option(Path("build/stress"), "Folder of figures and data."),
+    page: Path | None = option(None, "Markdown page of all axes.", metavar="FILE"),
 ) -> None:
     """Raise a disturbance step by step, and find the strength at which an estimator fails."""
     studies: dict[str, dict[str, Curve]] = {}

@@ -1,19 +1,15 @@
 """`driftyard trial-speed`: steps per second of a navigation environment."""
 
 import os
-from typing import Annotated
-
-import typer
 
 from trials.cli import console
+from trials.cli.options import argument, option
 from trials.gym.studies.speed import CASES, SHARED, rate_hz, scaling
 
 
 def trial_speed(
-    scene: Annotated[
-        str, typer.Argument(help="Registered scene, MJCF file or module:function.")
-    ] = "warehouse",
-    workers: Annotated[bool, typer.Option(help="Also measure two workers at once.")] = True,
+    scene: str = argument("warehouse", "Registered scene, MJCF file or module:function."),
+    workers: bool = option(True, "Also measure two workers at once."),
 ) -> None:
     """Measure steps per second of processor time, and the scaling to two cores."""
     rows = [(x.name, f"{rate_hz(x, scene):.0f}", f"{x.goal_hz:.0f}") for x in CASES]

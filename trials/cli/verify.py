@@ -1,16 +1,16 @@
 """`driftyard verify`: whether a dataset is as it was recorded."""
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
 from sim.certificate.verify import verify as find_faults
 from trials.cli import console
+from trials.cli.options import argument
 
 
 def verify(
-    dataset: Annotated[Path, typer.Argument(help="Dataset folder that `generate` wrote.")],
+    dataset: Path = argument(..., "Dataset folder that `generate` wrote."),
 ) -> None:
     """Recompute every hash and the certificate of a dataset.
 
