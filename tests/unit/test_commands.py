@@ -16,8 +16,8 @@ from trials.cli.registry import COMMANDS, load
 @dataclass(frozen=True)
 class Given:
     PANEL: ClassVar[str] = "Group"
-    required: int = option(..., "A number.")
-    words: list[str] = option([], "Words.", "--word")
+    required: int = option(..., "A number.")  # noqa: RUF009
+    words: list[str] = option([], "Words.", "--word")  # noqa: RUF009
 
 
 def test_expand_dataclass_gives_options_and_an_instance():
