@@ -16,7 +16,7 @@ from trials.cli.registry import COMMANDS, load
 @dataclass(frozen=True)
 class Given:
     PANEL: ClassVar[str] = "Group"
-    required: int = option(..., "A number.")  # noqa: RUF009
+    required: int = option(..., "A number.")
     words: list[str] = option([], "Words.", "--word")  # noqa: RUF009
 
 
