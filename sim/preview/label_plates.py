@@ -91,15 +91,10 @@ def draw_objects(axes: Axes, annotation: Annotation) -> None:
 
 
 def label_position(name: str, mask: Array, taken: Array) -> tuple[float, float] | None:
-    """Return where a name fits: inside its object and the image, and off other names.
+    """Return the pixel (u, v) where a name fits; None if there is no space.
 
-    Args:
-        name: Name, whose length determines its space.
-        mask: (H, W) the object's pixels.
-        taken: (H, W) pixels of names; the new one is added.
-
-    Returns:
-        Pixel (u, v) of the middle; None if there is no space.
+    It lies inside the object's mask (H, W) and the image, and off the names in `taken` (H, W), to
+    which the new name is added.
     """
     height, width = mask.shape
     if mask.mean() < NAMED_SHARE:

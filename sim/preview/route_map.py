@@ -24,14 +24,9 @@ BAR_SHARE = 0.22
 
 
 def draw_map(axes: Axes, world: World, top_down: TopDownMap, stops: Array, full: bool) -> None:
-    """Draw the scene from above.
+    """Draw the scene from above, with its path and numbered positions (S, 2) in world metres.
 
-    Args:
-        axes: Axes to draw into.
-        world: Gives routes and moving objects.
-        top_down: Overhead map.
-        stops: (S, 2) numbered positions, world x, y in metres; S may be 0.
-        full: With other routes, moving objects, numbers and axes; else the path alone.
+    A full map has other routes, moving objects, numbers and axes.
     """
     height, width = top_down.image.shape[:2]
     x, y, scale = top_down.x_min_m, top_down.y_max_m, top_down.metres_per_px
