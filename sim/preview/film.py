@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -132,7 +133,7 @@ class _Layout:
         small = cv2.resize(image, self.panel_px, interpolation=cv2.INTER_AREA)
         strip = Pillow.new("RGB", (self.panel_px[0], self._caption_px), CAPTION)
         middle = self._caption_px / 2
-        look = {"fill": CAPTION_INK, "font": self._font, "anchor": "lm"}
+        look: dict[str, Any] = {"fill": CAPTION_INK, "font": self._font, "anchor": "lm"}
         ImageDraw.Draw(strip).text((middle * 0.8, middle), caption, **look)
         return np.vstack([np.asarray(strip, np.uint8), np.asarray(small, np.uint8)])
 
@@ -181,5 +182,5 @@ def _writing_gif(path: Path, fps: float) -> Generator[Show]:
     """Encode with a palette for each frame."""
     frames: list[Pillow.Image] = []
     yield lambda frame: frames.append(Pillow.fromarray(frame).quantize(256))
-    animation = {"save_all": True, "append_images": frames[1:], "loop": 0}
+    animation: dict[str, Any] = {"save_all": True, "append_images": frames[1:], "loop": 0}
     frames[0].save(path, duration=round(1000 / fps), **animation)

@@ -1,5 +1,7 @@
 """The route map: routes with their direction, numbered positions, moving objects and scale."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
@@ -139,11 +141,17 @@ def _draw_bar(axes: Axes, extent: tuple[float, float, float, float]) -> None:
     left, low = extent[0] + 0.03 * width_m, extent[2] + min(0.03 * width_m, 0.1 * height_m)
     for half, colour in enumerate(("white", INK)):
         ends = left + length_m / 2 * np.array([half, half + 1])
-        look = {"linewidth": 4, "solid_capstyle": "butt", "zorder": 6}
-        line = axes.plot(ends, [low, low], color=colour, **look)[0]
+        style: dict[str, Any] = {"linewidth": 4, "solid_capstyle": "butt", "zorder": 6}
+        line = axes.plot(ends, [low, low], color=colour, **style)[0]
         line.set_path_effects([withStroke(linewidth=5.4, foreground="#000000a0")])
     where = (left + length_m / 2, low), (0, 4)
-    look = {"fontsize": 8, "color": "white", "weight": "bold", "ha": "center", "zorder": 6}
+    look: dict[str, Any] = {
+        "fontsize": 8,
+        "color": "white",
+        "weight": "bold",
+        "ha": "center",
+        "zorder": 6,
+    }
     text = axes.annotate(f"{length_m:g} m", *where, textcoords="offset points", **look)
     text.set_path_effects([withStroke(linewidth=2.2, foreground="#000000b0")])
 

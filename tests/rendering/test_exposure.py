@@ -112,7 +112,7 @@ def wall_scene() -> Scene:
 
 def sideways(time_s: float) -> Array:
     """To the right at a constant speed, through the middle at the first frame."""
-    return se3.pose(np.side(3), np.array([0.0, -SIDEWAYS_MPS * (time_s - START_S), 0.05]))
+    return se3.pose(np.eye(3), np.array([0.0, -SIDEWAYS_MPS * (time_s - START_S), 0.05]))
 
 
 def turning(time_s: float) -> Array:
@@ -122,7 +122,7 @@ def turning(time_s: float) -> Array:
 
 
 def standing(time_s: float) -> Array:
-    return se3.pose(np.side(3), np.array([0.0, 0.0, 0.05 + 0 * time_s]))
+    return se3.pose(np.eye(3), np.array([0.0, 0.0, 0.05 + 0 * time_s]))
 
 
 @gl

@@ -70,7 +70,7 @@ def test_object_colours_differ_largest_first():
     rgb, order = object_colours(objects)
     assert order == list(range(11, 0, -1))
     colours = np.array([rgb[0, objects[0] == k][0] for k in range(12)], float)
-    gaps = np.linalg.norm(colours[:, None] - colours, axis=-1) + 1e3 * np.side(12)
+    gaps = np.linalg.norm(colours[:, None] - colours, axis=-1) + 1e3 * np.eye(12)
     assert gaps.min() > 25
 
 
@@ -199,7 +199,7 @@ def test_short_trip_is_at_its_time_of_the_whole_trip(make_scene, carrier):
     settings = settings_of(drive={"carrier": carrier})
     scene = make_scene()
     scene.spec.worldbody.add_body(name="clock", mocap=True)
-    scene = replace(scene, movers={"clock": lambda t: se3.pose(np.side(3), np.array([t, 9, 9]))})
+    scene = replace(scene, movers={"clock": lambda t: se3.pose(np.eye(3), np.array([t, 9, 9]))})
     there, trip = short_trip(build_world(scene, settings), settings, 0.5)
     frames = np.flatnonzero(trip.delivered)
     assert len(frames) == 2

@@ -172,7 +172,7 @@ def test_opencv_rectifies_raw_images_by_sensor_yaml(recorded):
     fu, fv, cu, cv = sheet["intrinsics"]
     K = np.array([[fu, 0, cu], [0, fv, cv], [0, 0, 1]])
     maps = cv2.initUndistortRectifyMap(
-        K, np.array(sheet["distortion_coefficients"]), np.side(3), K, (160, 120), cv2.CV_32FC1
+        K, np.array(sheet["distortion_coefficients"]), np.eye(3), K, (160, 120), cv2.CV_32FC1
     )
     raw, rectified = _images(distorted, "raw0"), _images(distorted, "cam0")
     ours = rectified.astype(float)
@@ -253,7 +253,7 @@ def test_noise_differs_by_frame_camera_and_seed(recorded):
     assert bright.sum() > 5000
     assert min(x.std() for x in noise) > 1
     correlation = np.corrcoef(noise)
-    assert np.abs(correlation - np.side(4)).max() < 0.04
+    assert np.abs(correlation - np.eye(4)).max() < 0.04
 
 
 def test_lost_frames_are_missing_except_in_ground_truth(recorded):

@@ -35,7 +35,7 @@ def jerky(steps: int, step_s: float, rng: np.random.Generator) -> tuple[Array, A
     """
     T, v, w = np.empty((steps, 4, 4)), np.zeros((steps, 3)), np.zeros((steps, 3))
     R, p = Rotation.identity(), np.zeros(3)
-    T[0] = np.side(4)
+    T[0] = np.eye(4)
     for k in range(1, steps):
         hit = rng.random() < 0.2
         kick, spin = 10.0 * hit * rng.standard_normal(3), 80.0 * hit * rng.standard_normal(3)
@@ -77,7 +77,7 @@ def test_readings_on_a_turntable_are_rate_and_centripetal():
     turn = 2.0 * times_ns[:, None] * 1e-9 * np.array([0, 0, 1.0])
     T = se3.pose(Rotation.from_rotvec(turn).as_matrix(), np.zeros(3))
     w = np.tile([0.0, 0, 2.0], (201, 1))
-    arm = se3.pose(np.side(3), np.array([0.3, 0.0, 0.1]))
+    arm = se3.pose(np.eye(3), np.array([0.3, 0.0, 0.1]))
     readings = ideal_readings(times_ns, T, np.zeros((201, 3)), w, arm, GRAVITY)
     np.testing.assert_allclose(readings.gyro_radps, w[1:], atol=1e-9)
     expected = np.tile([-0.3 * 2.0**2, 0, 9.81], (200, 1))
@@ -136,9 +136,9 @@ def test_integrate_irregular_times_is_exact():
 
 
 def test_readings_times_not_increasing_are_refused():
-    T, still = np.broadcast_to(np.side(4), (3, 4, 4)), np.zeros((3, 3))
+    T, still = np.broadcast_to(np.eye(4), (3, 4, 4)), np.zeros((3, 3))
     with pytest.raises(ValueError, match="increase"):
-        ideal_readings(np.array([0, 5, 5]), T, still, still, np.side(4), GRAVITY)
+        ideal_readings(np.array([0, 5, 5]), T, still, still, np.eye(4), GRAVITY)
 
 
 def rest(count: int) -> ImuReadings:

@@ -114,7 +114,7 @@ def test_flow_of_sky_and_of_moving_bodies():
     bodies = np.zeros((120, 160), np.int32)
     bodies[90:] = 1
     turned = se3.exp(np.array([0.1, -0.05, 0.2, 0.0, 0.02, 0.01]))
-    pushed = se3.pose(np.side(3), np.array([0.1, 0, 0.5]))
+    pushed = se3.pose(np.eye(3), np.array([0.1, 0, 0.5]))
     moved = flow(WIDE, depth_m, bodies, np.stack([turned, pushed @ turned]))
     assert np.isnan(moved[:60, :, 2]).all()
 

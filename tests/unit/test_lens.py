@@ -25,7 +25,7 @@ from vo.contract.errors import CalibrationError, SettingsError
 from vo.contract.rig import StereoRig
 
 RIG = StereoRig(width_px=160, height_px=120, f_px=114, cx_px=79.5, cy_px=59.5, baseline_m=0.09)
-UNTURNED: Array = np.side(3)
+UNTURNED: Array = np.eye(3)
 SMALL = RigSettings(width_px=160, height_px=120)
 LENSES = {
     "barrel": SensorSettings(k1=-0.28, k2=0.07),
@@ -69,7 +69,7 @@ def test_distort_agrees_with_opencv(name: str):
 @pytest.mark.parametrize("name", LENSES)
 def test_distortion_map_agrees_with_opencv(name: str):
     lens = LENSES[name]
-    u, v = distortion_map(recording(lens), RIG, np.side(3), 0)
+    u, v = distortion_map(recording(lens), RIG, np.eye(3), 0)
     criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-12)
     rays = cv2.undistortPoints(
         pixels().reshape(-1, 1, 2), RIG.K, coefficients(lens), None, None, None, criteria
@@ -151,7 +151,7 @@ def test_margin_is_the_smallest_that_lights_all_pixels(name: str, yaw_deg: float
     assert min(u.min(), v.min()) + pad >= 1
     assert max(u.max() - 159, v.max() - 119) - pad <= -1
     needed = -math.inf
-    for R in (np.side(3), miscalibration_rotation(settings.calibration)):
+    for R in (np.eye(3), miscalibration_rotation(settings.calibration)):
         u, v = distortion_map(settings, RIG, R, pad)
         needed = max(needed, -u.min(), -v.min(), u.max() - 159, v.max() - 119)
     assert needed + 1 < margin < needed + 4

@@ -47,7 +47,7 @@ def test_mav0_itself_opens_too(euroc):
 
 
 def test_euroc_truth_is_of_the_left_camera(tmp_path):
-    T_body_left, T_body_right = np.side(4), np.side(4)
+    T_body_left, T_body_right = np.eye(4), np.eye(4)
     T_body_left[:3, 3] = [0.3, 0.0, 0.5]
     T_body_right[:3, 3] = [0.3 + BASELINE_M, 0.0, 0.5]
     folder = write_euroc(
@@ -118,10 +118,10 @@ def test_euroc_calibration_faults(euroc, key, value, message):
 
 
 def test_euroc_swapped_cameras_are_refused(tmp_path):
-    left = np.side(4)
+    left = np.eye(4)
     left[0, 3] = BASELINE_M
     with pytest.raises(CalibrationError, match="swapped"):
-        open_sequence(write_euroc(tmp_path / "x", wall(2), T_body_cams=(left, np.side(4))))
+        open_sequence(write_euroc(tmp_path / "x", wall(2), T_body_cams=(left, np.eye(4))))
 
 
 def test_unknown_layout_lists_the_known_ones(tmp_path):

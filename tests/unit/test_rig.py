@@ -47,7 +47,7 @@ def test_points_behind_and_at_infinity_are_nan():
         ((640, 480, float("nan"), 320, 240, 0.1), "f_px is nan"),
         ((640, 480, 457, float("inf"), 240, 0.1), "cx_px is inf"),
         ((0, 480, 457, 320, 240, 0.1), "width_px is 0"),
-        ((640, 480, 457, 320, 240, 0.1, 2 * np.side(4)), "not a rigid"),
+        ((640, 480, 457, 320, 240, 0.1, 2 * np.eye(4)), "not a rigid"),
         ((640, 480, 457, 320, 240, 0.1, np.diag([1, 1, -1, 1.0])), "not a rigid"),
     ],
 )

@@ -252,6 +252,6 @@ def _ram(hits_at_s: float, x_m: float) -> Motion:
 
     def motion(time_s: float) -> Array:
         y_m = np.clip(0.2 - 2.0 * (time_s - hits_at_s), -1.0, 1.0)
-        return se3.pose(np.side(3), np.array([x_m, y_m, 0.42]))
+        return se3.pose(np.eye(3), np.array([x_m, y_m, 0.42]))
 
     return motion

@@ -13,7 +13,7 @@ from vo.contract.arrays import Array, Mask
 from vo.contract.rig import StereoRig
 
 RIG = StereoRig(width_px=320, height_px=240, f_px=228, cx_px=159.5, cy_px=119.5, baseline_m=0.09)
-T_LEFT_RIGHT = se3.pose(np.side(3), np.array([RIG.baseline_m, 0, 0]))
+T_LEFT_RIGHT = se3.pose(np.eye(3), np.array([RIG.baseline_m, 0, 0]))
 BALL = 3
 
 
@@ -150,7 +150,7 @@ def test_covisibility_of_sky_and_points_behind_the_camera():
     depth_m = np.full((4, 6), np.nan, np.float32)
     depth_m[:, 3:] = 0.5
     rig = StereoRig(6, 4, 5.0, 2.5, 1.5, 0.1)
-    passing = se3.pose(np.side(3), np.array([0, 0, -1.0]))
+    passing = se3.pose(np.eye(3), np.array([0, 0, -1.0]))
     code = covisibility(flow(rig, depth_m, np.zeros((4, 6), int), passing[None]), depth_m)
     assert (code[:, :3] == Occlusion.NOTHING).all()
     assert (code[:, 3:] == Occlusion.OUTSIDE).all()
