@@ -133,9 +133,7 @@ def test_oracle_replaces_chosen_stages_only(dataset, times, grid):
 def test_predicted_composes_estimate_and_true_motion(dataset, times):
     T_world_cam = read_truth(dataset).at(np.array(times)).T_ref_frame
     last = se3.exp(np.array([3.0, 1, 0, 0, 0.7, 0]))
-    found = Oracle(dataset, ["prediction"]).predicted(
-        frame_at(times[1]), times[0], last, np.eye(4)
-    )
+    found = Oracle(dataset, ["prediction"]).predicted(frame_at(times[1]), times[0], last, np.eye(4))
     np.testing.assert_allclose(
         se3.inverse(last) @ found, se3.inverse(T_world_cam[0]) @ T_world_cam[1], atol=1e-12
     )
