@@ -8,7 +8,6 @@ landmarks lie in directions that a small error of the camera's position does not
 import numpy as np
 
 from vo.config import MotionSettings
-from vo.contract import se3
 from vo.contract.arrays import Array, Mask
 from vo.pose.hypotheses import Problem
 from vo.pose.ransac import Consensus, consensus, is_determined
@@ -94,7 +93,8 @@ def _estimate_rotation(
         good = errors(R) < threshold
         if good.sum() < 2:
             break
-        R, _ = se3.nearest_rotation(seen[good].T @ directions[good])
+        U, _, Vt = np.linalg.svd(seen[good].T @ directions[good])  # Kabsch, 1976
+        R = U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt
     return R
 
 
