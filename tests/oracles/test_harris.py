@@ -26,7 +26,7 @@ def corner(u, v, shape=(80, 100)):
 
 
 @pytest.mark.parametrize("line_ratio", [2.0, 5.0])
-def test_the_response_is_that_of_scipy(line_ratio):
+def test_harris_response_equals_scipy(line_ratio):
     grey = noise().astype(float)
     dv, du = np.gradient(grey)
     uu, uv, vv = (ndimage.gaussian_filter(x, SIGMA_PX) for x in (du * du, du * dv, dv * dv))
@@ -41,7 +41,7 @@ def test_the_response_is_that_of_scipy(line_ratio):
     assert np.corrcoef(ours.ravel(), expected.ravel())[0, 1] > 0.9999
 
 
-def test_the_strongest_corners_are_those_of_opencv():
+def test_harris_strongest_corners_equal_opencv():
     """Its window is square, so not all agree."""
     image = noise((200, 240))
     ours = detect(image, SETTINGS.model_copy(update={"count": 60, "cell_px": 1000})).pixels
@@ -54,17 +54,16 @@ def test_the_strongest_corners_are_those_of_opencv():
 
 
 @pytest.mark.parametrize(("u", "v"), [(50.0, 40.0), (50.3, 40.0), (49.8, 40.4)])
-def test_a_corner_is_found_near_its_tip_and_moves_with_it(u, v):
+def test_harris_corner_moves_with_its_tip(u, v):
     found = detect(corner(u, v), SETTINGS)
     assert len(found) == 1
     whole = detect(corner(50, 40), SETTINGS).pixels[0]
-    assert np.hypot(*(whole - [50, 40])) < 1.5  # the window draws it inwards
+    assert np.hypot(*(whole - [50, 40])) < 1.5  # the window shifts it inwards
     assert np.abs(found.pixels[0] - whole - [u - 50, v - 40]).max() < 0.15
-    assert found.scale_px[0] == SIGMA_PX
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (2, 9), (5, 5), (61, 83)])
-def test_edges_and_flat_images_have_no_corners(shape):
+def test_harris_edge_or_flat_image_has_no_corners(shape):
     edge = np.zeros(shape, np.uint8)
     edge[:, shape[1] // 2 :] = 200
     for image in (edge, np.full(shape, 90, np.uint8)):
@@ -73,7 +72,7 @@ def test_edges_and_flat_images_have_no_corners(shape):
         assert found.pixels.shape == (0, 2)
 
 
-def test_of_equal_neighbours_one_is_found():
+def test_harris_equal_neighbours_give_one_corner():
     image = np.zeros((40, 40), np.uint8)
     image[20:22, 20:22] = 255
     found = detect(image, SETTINGS)

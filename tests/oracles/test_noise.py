@@ -12,16 +12,16 @@ RNG = np.random.default_rng(4)
 
 
 def _texture(deviation: float) -> np.ndarray:
-    """Smooth random texture (480, 640) of a known standard deviation, with calm corners."""
+    """Smooth random texture (480, 640) of a known standard deviation."""
     smooth = cv2.GaussianBlur(RNG.standard_normal((480, 640)), (0, 0), 4.0)
     return deviation * smooth / smooth.std()
 
 
 @pytest.mark.parametrize("noise", [2.0, 5.0, 10.0])
 @pytest.mark.parametrize("texture", [6.0, 12.0, 20.0])
-def test_ratio_is_that_of_the_energies(noise: float, texture: float) -> None:
-    picture = 128 + _texture(texture) + noise * RNG.standard_normal((480, 640))
-    image = np.clip(np.rint(picture), 0, 255).astype(np.uint8)
+def test_quality_texture_to_noise_is_ratio_of_energies(noise: float, texture: float) -> None:
+    levels = 128 + _texture(texture) + noise * RNG.standard_normal((480, 640))
+    image = np.clip(np.rint(levels), 0, 255).astype(np.uint8)
     # Variance within a block misses what is slower than the block; the calmest blocks underrate
     # the noise a little.
     ratio = (texture / noise) ** 2
@@ -30,7 +30,7 @@ def test_ratio_is_that_of_the_energies(noise: float, texture: float) -> None:
     assert found.noise == pytest.approx(noise, rel=0.15)
 
 
-def test_a_flat_noisy_image_has_no_texture_and_a_clean_one_no_noise() -> None:
+def test_quality_separates_texture_from_noise() -> None:
     flat = np.clip(128 + 5 * RNG.standard_normal((480, 640)), 0, 255).astype(np.uint8)
     assert (
         measure_image_quality(flat).texture_to_noise < 0.5
@@ -41,12 +41,12 @@ def test_a_flat_noisy_image_has_no_texture_and_a_clean_one_no_noise() -> None:
 
 
 @pytest.mark.parametrize("noise", [0.0, 1.0])
-def test_softness_tells_a_lens_out_of_focus_from_motion_blur_and_from_sharp_texture(noise) -> None:
+def test_quality_softness_tells_defocus_from_motion_blur(noise) -> None:
     def softness(sigma_u: float, sigma_v: float) -> float:
-        picture = RNG.standard_normal((480, 640))
-        blurred = cv2.GaussianBlur(picture, (0, 0), sigmaX=sigma_u, sigmaY=sigma_v)
-        picture = 128 + 12 * blurred / blurred.std() + noise * RNG.standard_normal((480, 640))
-        return measure_image_quality(np.clip(np.rint(picture), 0, 255).astype(np.uint8)).softness
+        levels = RNG.standard_normal((480, 640))
+        blurred = cv2.GaussianBlur(levels, (0, 0), sigmaX=sigma_u, sigmaY=sigma_v)
+        levels = 128 + 12 * blurred / blurred.std() + noise * RNG.standard_normal((480, 640))
+        return measure_image_quality(np.clip(np.rint(levels), 0, 255).astype(np.uint8)).softness
 
     limit = OdometrySettings().defocus.softness
     # Of Gaussian texture the energy over a distance is 1 - exp(-distance² / 4 sigma²).
@@ -57,23 +57,27 @@ def test_softness_tells_a_lens_out_of_focus_from_motion_blur_and_from_sharp_text
     assert softness(1, 8) < limit
 
 
-def test_faint_and_soft_images_are_met_with_wider_windows_and_nothing_else() -> None:
+def test_adapt_settings_widens_windows_and_nothing_else() -> None:
     usual = OdometrySettings()
     assert adapt_settings(usual, low_snr=False, defocus=False) == usual
 
-    faint = adapt_settings(usual, low_snr=True, defocus=False)
-    assert (faint.matching.align_px, faint.stereo.align_px, faint.stereo.patch_px) == (13, 13, 17)
-    assert faint.stereo.max_sigma_px == pytest.approx(0.6)
-    assert faint.features == usual.features
+    noisy = adapt_settings(usual, low_snr=True, defocus=False)
+    assert (noisy.matching.align_px, noisy.stereo.align_px, noisy.stereo.patch_px) == (13, 13, 17)
+    assert noisy.stereo.max_sigma_px == pytest.approx(0.6)
+    assert noisy.features == usual.features
 
-    soft = adapt_settings(usual, low_snr=False, defocus=True)
-    assert (soft.matching.align_px, soft.stereo.align_px, soft.stereo.patch_px) == (19, 19, 17)
-    assert soft.stereo.max_sigma_px == usual.stereo.max_sigma_px
-    assert soft.features.threshold == usual.features.threshold / 2
+    defocused = adapt_settings(usual, low_snr=False, defocus=True)
+    assert (defocused.matching.align_px, defocused.stereo.align_px, defocused.stereo.patch_px) == (
+        19,
+        19,
+        17,
+    )
+    assert defocused.stereo.max_sigma_px == usual.stereo.max_sigma_px
+    assert defocused.features.threshold == usual.features.threshold / 2
 
     both = adapt_settings(usual, low_snr=True, defocus=True)
-    assert (both.matching, both.features) == (soft.matching, soft.features)
+    assert (both.matching, both.features) == (defocused.matching, defocused.features)
     assert both.stereo.max_sigma_px == pytest.approx(0.6)
-    for settings in (faint, soft, both):
+    for settings in (noisy, defocused, both):
         assert (settings.motion, settings.refinement) == (usual.motion, usual.refinement)
     assert THESIS.low_snr.texture_to_noise == THESIS.defocus.softness == 0

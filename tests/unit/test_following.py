@@ -28,7 +28,7 @@ def wall(shift_px):
 
 def seen(frame):
     """A view without features: following needs none."""
-    features = Features(np.zeros((0, 2)), np.zeros(0), np.zeros(0))
+    features = Features(np.zeros((0, 2)))
     return View(frame, features, np.zeros((0, 169)), np.zeros((0, 0)), OdometrySettings())
 
 

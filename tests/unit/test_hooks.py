@@ -155,9 +155,6 @@ def test_features_are_described_where_they_are_put(views):
     pixels = views[0].features.pixels[[3, 1]] + [[0, 0], [0.2, 0]]
     view = replace_features(Answer(pixels), views[0], SETTINGS)
     np.testing.assert_array_equal(view.features.pixels, pixels)
-    for name in ("scale_px", "response"):
-        old, new = getattr(views[0].features, name), getattr(view.features, name)
-        np.testing.assert_array_equal(new, old[[3, 1]])
     np.testing.assert_array_equal(view.vectors[0], views[0].vectors[3])
     assert len(replace_features(Answer(pixels[:0]), views[0], SETTINGS).vectors) == 0
 

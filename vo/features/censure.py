@@ -1,7 +1,7 @@
 """CenSurE: extrema of centre-surround responses over space and scale (thesis 3.2).
 
-All scales are computed at every pixel, so a feature's place is as exact at the largest scale as at
-the smallest.
+All scales are computed at every pixel, so a feature's position is as exact at the largest scale
+as at the smallest.
 
 Source: Agrawal, Konolige and Blas, CenSurE: Center Surround Extremas for Realtime Feature
 Detection and Matching, ECCV 2008.
@@ -14,31 +14,31 @@ from vo.contract.arrays import Array, Image
 from vo.contract.compilation import compiled
 from vo.features.censure_kernels import Kernels, kernels
 from vo.features.integral_images import add_octagons, prefix_sums
-from vo.features.subpixel import peak, vertices
+from vo.features.subpixel import vertices
 
 
 def censure(image: Image, settings: FeatureSettings) -> Array:
     """Find all features of an image.
 
     Args:
-        image: (H, W) uint8; scales that do not fit it are left out.
+        image: (H, W) uint8; scales that do not fit into it are left out.
         settings: Kernel and thresholds.
 
     Returns:
-        (N, 4) rows (u_px, v_px, scale_px, response). The scale is the standard deviation of the
-        Gaussian blob that would peak there in scale; the response is the contrast of that blob,
-        grey levels, positive where it is brighter than its surround.
+        (N, 3) rows (u_px, v_px, response). The response is the contrast, grey levels, of the
+        Gaussian blob with the same extremum, positive where it is brighter than its surround.
     """
     shape = kernels(settings.kernel)
     responses = scale_space(image, shape)
-    found = _extrema(responses, shape.margin, settings.threshold)
+    found = _find_extrema(responses, shape.margin, settings.threshold)
     window_px = np.round(shape.centre_px).astype(np.int64) + 2
-    found = found[_round(image, found, window_px, settings.line_ratio)]
-    return _interpolate(responses, found, shape)
+    found = found[_is_corner(image, found, window_px, settings.line_ratio)]
+    s, v, u = found.T
+    return np.column_stack([found[:, :0:-1] + vertices(responses, found), responses[s, v, u]])
 
 
 def scale_space(image: Image, shape: Kernels) -> Array:
-    """Contrast of the blob at every pixel and scale, grey levels: (S, H, W) float32.
+    """Measure the contrast of a blob at every pixel and scale, grey levels: (S, H, W) float32.
 
     The mean of the centre minus that of the surround, times the kernel's gain; zero where the
     surround does not fit into the image (section 3.2, equations 2 and 3).
@@ -69,27 +69,27 @@ def _center_surround(
             edge = reach[whole]
             if edge <= v < height - edge and 2 * edge < width:
                 inside = slice(edge, width - edge)
-                _weigh(
+                _weigh_sums(
                     sums[centre, inside], sums[whole, inside], weights[s], responses[s, v, inside]
                 )
 
 
 @compiled()
-def _weigh(centre: Array, whole: Array, weights: Array, response: Array) -> None:
+def _weigh_sums(centre: Array, whole: Array, weights: Array, response: Array) -> None:
     for_centre, for_whole = weights[0], weights[1]
     for u in range(len(response)):
         response[u] = np.float32(centre[u]) * for_centre + np.float32(whole[u]) * for_whole
 
 
 @compiled()
-def _extrema(responses: Array, margin: Array, threshold: float) -> Array:
-    """Rows (scale, v, u) of the extrema over 3x3x3 neighbours, |response| > threshold.
+def _find_extrema(responses: Array, margin: Array, threshold: float) -> Array:
+    """Find the extrema over 3x3x3 neighbours with |response| > threshold: (N, 3) scale, v, u.
 
     Only where all neighbours have a response, the scale above included.
     """
     scales, height, width = responses.shape
     candidates = np.zeros((width + 7) // 8 * 8, dtype=np.uint8)
-    blocks = candidates.view(np.uint64)  # eight pixels without a candidate are one look
+    blocks = candidates.view(np.uint64)  # eight pixels are tested at once
     found = []
     for s in range(1, scales - 1):
         edge = margin[s + 1] + 1
@@ -97,7 +97,7 @@ def _extrema(responses: Array, margin: Array, threshold: float) -> Array:
             if 2 * edge >= width:
                 continue
             candidates[:] = 0
-            _pick(responses, s, v, edge, threshold, candidates[edge : width - edge])
+            _mark_candidates(responses, s, v, edge, threshold, candidates[edge : width - edge])
             for block in range(len(blocks)):
                 if blocks[block] == 0:
                     continue
@@ -111,9 +111,11 @@ def _extrema(responses: Array, margin: Array, threshold: float) -> Array:
 
 
 @compiled()
-def _pick(responses: Array, s: int, v: int, edge: int, threshold: float, candidates: Array) -> None:
+def _mark_candidates(
+    responses: Array, s: int, v: int, edge: int, threshold: float, candidates: Array
+) -> None:
     """Mark the pixels of a row that pass the threshold and their six nearest neighbours."""
-    count, faint = len(candidates), np.float32(threshold)
+    count, limit = len(candidates), np.float32(threshold)
     rows = slice(edge, edge + count)
     here = responses[s, v, rows]
     left, right = responses[s, v, edge - 1 : edge - 1 + count], responses[s, v, edge + 1 :]
@@ -121,14 +123,14 @@ def _pick(responses: Array, s: int, v: int, edge: int, threshold: float, candida
     finer, coarser = responses[s - 1, v, rows], responses[s + 1, v, rows]
     for i in range(count):
         x = here[i]
-        most = max(max(max(left[i], right[i]), max(up[i], down[i])), max(finer[i], coarser[i]))
-        least = min(min(min(left[i], right[i]), min(up[i], down[i])), min(finer[i], coarser[i]))
-        candidates[i] = ((x > faint) & (x >= most)) | ((x < -faint) & (x <= least))
+        highest = max(max(max(left[i], right[i]), max(up[i], down[i])), max(finer[i], coarser[i]))
+        lowest = min(min(min(left[i], right[i]), min(up[i], down[i])), min(finer[i], coarser[i]))
+        candidates[i] = ((x > limit) & (x >= highest)) | ((x < -limit) & (x <= lowest))
 
 
 @compiled()
 def _is_extremum(responses: Array, s: int, v: int, u: int) -> bool:
-    """Whether the centre beats its 26 neighbours; of equal ones, the first in memory wins."""
+    """Whether the centre exceeds its 26 neighbours; of equal ones, the first in memory does."""
     sign = np.float32(1.0) if responses[s, v, u] > 0 else np.float32(-1.0)
     value = sign * responses[s, v, u]
     for i in (0, -1, 1):
@@ -141,7 +143,7 @@ def _is_extremum(responses: Array, s: int, v: int, u: int) -> bool:
 
 
 @compiled(fastmath={"reassoc", "contract"})
-def _round(image: Image, found: Array, window_px: Array, most_ratio: float) -> Array:
+def _is_corner(image: Image, found: Array, window_px: Array, max_ratio: float) -> Array:
     """Whether the principal gradient energies about each (scale, v, u) are of a similar size.
 
     Section 3.4 suppresses features on lines by the Harris measure at the feature's scale. The
@@ -149,7 +151,7 @@ def _round(image: Image, found: Array, window_px: Array, most_ratio: float) -> A
     outer product, summed over a square.
     """
     height, width = image.shape
-    limit = (most_ratio + 1) ** 2 / most_ratio
+    limit = (max_ratio + 1) ** 2 / max_ratio
     kept = np.empty(len(found), dtype=np.bool_)
     for i in range(len(found)):
         s, v0, u0 = found[i]
@@ -170,13 +172,3 @@ def _round(image: Image, found: Array, window_px: Array, most_ratio: float) -> A
         determinant = float(xx) * float(yy) - float(xy) * float(xy)
         kept[i] = float(xx + yy) ** 2 < limit * determinant
     return kept
-
-
-def _interpolate(responses: Array, found: Array, shape: Kernels) -> Array:
-    """Refine (scale, v, u) in the image and, by a parabola, between the scales."""
-    s, v, u = found.T
-    centre = responses[s, v, u]
-    between = s + peak(responses[s - 1, v, u], centre, responses[s + 1, v, u])
-    scale_px = np.interp(between, shape.blob_scale, shape.blob_sigma_px)
-    pixels = found[:, :0:-1] + vertices(responses, found)
-    return np.column_stack([pixels, scale_px, centre])

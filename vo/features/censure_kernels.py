@@ -10,12 +10,11 @@ from functools import cache
 
 import numpy as np
 
-from vo.contract.arrays import Array, Indices
+from vo.contract.arrays import Array
 from vo.features.integral_images import octagon_area
-from vo.features.subpixel import peak
 
 Region = tuple[tuple[int, int, int], ...]
-"""(sign, m, n) of the octagons that add up to a region; all are centred on the same pixel."""
+"""Region as (sign, m, n) of the octagons that add up to it, all centred on the same pixel."""
 
 
 def _box(half: int) -> Region:
@@ -47,32 +46,29 @@ SHAPES: dict[str, tuple[tuple[Region, Region], ...]] = {
     "octagon": tuple((_octagon(*inner), _octagon(*outer)) for inner, outer in _OCTAGONS),
     "star": tuple((_star(n), _star(2 * n)) for n in range(1, 8)),
 }
-"""Centre, and centre with surround, from the smallest scale to the largest."""
+"""Centre, and centre with surround, of each kernel shape from the smallest scale to the largest."""
 
 _LARGEST = 21
-"""Half width of the largest of them."""
+"""Half width of the largest kernel, pixels."""
 
 
 @dataclass(frozen=True)
 class Kernels:
-    """Kernels of S scales over R distinct regions, as the inner loops want them.
+    """Kernels of S scales over R distinct regions, as tables for the inner loops.
 
-    Table 1 is an uneven ladder: the ratio of surround to centre falls from 2.8 to 2 in radius, and
-    the answers to a blob with it. Without the gain the smallest kernel wins too often, so sizes are
-    misjudged; on photographs that costs up to 7 % of repeatability when the view changes.
+    The sizes of table 1 grow unevenly: the ratio of surround to centre falls from 2.8 to 2 in
+    radius, and the response to a blob with it. Without the gain the smallest kernel responds most
+    too often; on photographs that costs up to 7 % of repeatability when the view changes.
 
     Attributes:
         pieces: (P, 4) int64, rows (region, sign, m, n) of the octagons that make up the regions.
         reach: (R,) int64 half width of each region, pixels.
         regions: (S, 2) int64, the centre and the whole of each scale.
-        weights: (S, 2) float32 that make, from the sums over the two regions, the mean of the
-            centre minus that of the surround, times a gain by which the Gaussian blob that a
-            kernel answers most is answered by its contrast.
+        weights: (S, 2) float32 factors of the sums over the two regions. They give the mean of
+            the centre minus that of the surround, times a gain with which the largest response
+            to a Gaussian blob is the blob's contrast.
         margin: (S,) int64 half width of each whole, pixels, never falling.
         centre_px: (S,) radius of the disc that has the centre's area.
-        blob_scale: (B,) ascending scale, sub-scale by a parabola, at which Gaussian blobs of
-            growing size have their extremum.
-        blob_sigma_px: (B,) standard deviations of those blobs, pixels.
     """
 
     pieces: Array
@@ -81,8 +77,6 @@ class Kernels:
     weights: Array
     margin: Array
     centre_px: Array
-    blob_scale: Array
-    blob_sigma_px: Array
 
 
 @cache
@@ -100,7 +94,6 @@ def kernels(shape: str) -> Kernels:
     sigma_px = np.geomspace(0.5, 20, 400)
     to_blobs = (means[:, :, None] * _blob_sums(distinct, sigma_px)[regions]).sum(axis=1)
     gain = 1 / to_blobs.max(axis=1, keepdims=True)
-    blob_scale, inner = _extrema(gain * to_blobs)
     return Kernels(
         pieces=np.array([(i, *piece) for i, region in enumerate(distinct) for piece in region]),
         reach=reach,
@@ -108,29 +101,18 @@ def kernels(shape: str) -> Kernels:
         weights=(gain * means).astype(np.float32),
         margin=reach[regions[:, 1]],
         centre_px=np.sqrt(centre / np.pi),
-        blob_scale=blob_scale,
-        blob_sigma_px=sigma_px[inner],
     )
 
 
 def _blob_sums(regions: list[Region], sigma_px: Array) -> Array:
-    """Sums over each region of Gaussian blobs of contrast 1 centred on it: (R, B)."""
+    """Sum Gaussian blobs of contrast 1 over the regions that are centred on them: (R, B)."""
     y, x = np.abs(np.mgrid[-_LARGEST : _LARGEST + 1, -_LARGEST : _LARGEST + 1])
     masks = np.array([_mask(region, x, y).ravel() for region in regions])
     return masks @ np.exp((x**2 + y**2).reshape(-1, 1) / (-2 * sigma_px**2))
 
 
-def _extrema(responses: Array) -> tuple[Array, Indices]:
-    """Scales where the columns of (S, B) responses peak, and which columns peak inside."""
-    best = responses.argmax(axis=0)
-    inner = np.flatnonzero((best > 0) & (best < len(responses) - 1))
-    best = best[inner]
-    before, centre, after = (responses[best + i, inner] for i in (-1, 0, 1))
-    return best + peak(before, centre, after), inner
-
-
 def _mask(region: Region, x: Array, y: Array) -> Array:
-    """1 within the region, 0 outside, at the distances (x, y) from the centre."""
+    """Mark with 1, else 0, the distances (x, y) from the centre that lie in a region."""
     inside = [
         sign * ((np.maximum(x, y) <= m // 2 + n) & (x + y <= m - 1 + n)) for sign, m, n in region
     ]

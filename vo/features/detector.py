@@ -1,4 +1,4 @@
-"""Features of an image: one interface over the detectors, and an even spread over the image."""
+"""Detection of features: one interface over the detectors, and bucketing over the image."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,10 +12,11 @@ from vo.features.censure import censure
 from vo.features.harris import harris
 
 Detector = Callable[[Image, FeatureSettings], Array]
-"""All features of an image above `threshold`, (N, 4) rows (u_px, v_px, scale_px, response), with
-the response in grey levels, so that thresholds and strengths mean something across detectors."""
+"""Function that finds all features of an image above `threshold`: (N, 3) rows (u_px, v_px,
+response), the response in grey levels, so that thresholds compare across detectors."""
 
 DETECTORS: dict[str, Detector] = {"censure": censure, "harris": harris}
+"""Detectors, by `features.detector`."""
 
 
 @dataclass(frozen=True)
@@ -24,51 +25,45 @@ class Features:
 
     Attributes:
         pixels: (N, 2) float64 (u, v), sub-pixel, centres on integers.
-        scale_px: (N,) standard deviation of the Gaussian blob that would be found alike; of
-            Harris, of the window.
-        response: (N,) contrast, grey levels: of CenSurE that blob's, positive where it is brighter
-            than its surround; of Harris, which measures gradients, grey levels per pixel.
     """
 
     pixels: Array
-    scale_px: Array
-    response: Array
 
     def __len__(self) -> int:
         return len(self.pixels)
 
 
 def detect(image: Image, settings: FeatureSettings) -> Features:
-    """Find the strongest features of an image, spread over its cells.
+    """Find the strongest features of an image, bucketed into its cells.
 
     Args:
-        image: (H, W) uint8 of any size; too small a one has no features.
+        image: (H, W) uint8 of any size; one that is too small has no features.
         settings: The detector, its thresholds and the number wanted.
 
     Returns:
         At most `settings.count` features.
     """
     found = DETECTORS[settings.detector](image, settings)
-    u, v, scale_px, response = found[_spread(found, image.shape, settings)].T
-    return Features(np.stack([u, v], axis=-1), scale_px, response)
+    selected = found[_select_by_cell(found, image.shape, settings)]
+    return Features(np.ascontiguousarray(selected[:, :2]))
 
 
-def _spread(found: Array, shape: tuple[int, ...], settings: FeatureSettings) -> Indices:
-    """Choose indices of at most `count` features, taking the best of each image cell in turn."""
-    strength = np.abs(found[:, 3])
+def _select_by_cell(found: Array, shape: tuple[int, ...], settings: FeatureSettings) -> Indices:
+    """Select at most `count` features, the best of each image cell in turn."""
+    strength = np.abs(found[:, 2])
     column, row = (found[:, :2] // settings.cell_px).astype(np.int64).T
     cell = row * -(-shape[1] // settings.cell_px) + column
     order = np.argsort(-strength, kind="stable")
-    place = _places(cell[order])
-    return order[np.sort(np.argsort(place, kind="stable")[: settings.count])]
+    rank = _ranks(cell[order])
+    return order[np.sort(np.argsort(rank, kind="stable")[: settings.count])]
 
 
 @compiled()
-def _places(cell: Indices) -> Indices:
-    """How many entries before each have the same cell."""
+def _ranks(cell: Indices) -> Indices:
+    """Count the entries before each that have the same cell."""
     taken = np.zeros(cell.max() + 1 if len(cell) else 0, dtype=np.int64)
-    places = np.empty_like(cell)
+    ranks = np.empty_like(cell)
     for i in range(len(cell)):
-        places[i] = taken[cell[i]]
+        ranks[i] = taken[cell[i]]
         taken[cell[i]] += 1
-    return places
+    return ranks

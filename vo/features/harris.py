@@ -1,4 +1,4 @@
-"""Harris corners at one scale, to compare CenSurE with (thesis 6).
+"""Harris corners at one scale, as a comparison with CenSurE (thesis 6).
 
 Source: Harris and Stephens, A combined corner and edge detector, Alvey 1988.
 """
@@ -11,7 +11,7 @@ from vo.contract.arrays import Array, Image
 from vo.features.subpixel import vertices
 
 SIGMA_PX = 1.5
-"""Of the Gaussian window over which gradients are averaged."""
+"""Standard deviation of the Gaussian window over which gradients are averaged."""
 
 _BEFORE = np.array([[1, 1, 1], [1, 0, 0], [0, 0, 0]], dtype=np.uint8)
 _AFTER = np.ascontiguousarray(_BEFORE[::-1, ::-1])
@@ -21,7 +21,7 @@ def harris(image: Image, settings: FeatureSettings) -> Array:
     """Find all corners of an image.
 
     Returns:
-        (N, 4) rows (u_px, v_px, scale_px, response), the response in grey levels per pixel.
+        (N, 3) rows (u_px, v_px, response), the response in grey levels per pixel.
     """
     response = harris_response(image, settings.line_ratio)
     v, u = np.nonzero(
@@ -33,11 +33,11 @@ def harris(image: Image, settings: FeatureSettings) -> Array:
     found = np.stack([np.zeros_like(u), v, u], axis=-1)[inside]
     pixels = found[:, :0:-1] + vertices(response[None], found)
     strength = response[found[:, 1], found[:, 2]]
-    return np.column_stack([pixels, np.full(len(found), SIGMA_PX), strength])
+    return np.column_stack([pixels, strength])
 
 
 def harris_response(image: Image, line_ratio: float) -> Array:
-    """Fourth root of det A - k trace² A: (H, W) float32, 0 where negative.
+    """Compute the fourth root of det A - k trace² A: (H, W) float32, 0 where negative.
 
     A is the mean outer product of the gradient, grey levels per pixel. The k that makes an edge of
     `line_ratio`, the ratio of A's eigenvalues, just vanish is r / (r + 1)²; 0.04 is a ratio of 23.

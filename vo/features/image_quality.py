@@ -1,7 +1,7 @@
-"""What an image is made of: noise, texture over it, and how fine this is.
+"""Image quality: noise, signal-to-noise ratio of the texture, and softness.
 
-Source: Immerkær, Fast noise variance estimation, CVIU 1996, here by blocks, of which the calmest
-tell the noise.
+Source: Immerkær, Fast noise variance estimation, CVIU 1996, here by blocks, of which those with
+the least variation give the noise.
 """
 
 from dataclasses import dataclass
@@ -12,31 +12,35 @@ from vo.contract.arrays import Array, Image
 from vo.contract.compilation import compiled
 
 BLOCK_PX = 16
-CALM = 0.1
-"""Share of the blocks that are taken to show nothing but noise."""
+"""Side of a block."""
 
-LEAST_NOISE = 0.3
-"""Grey levels: what rounding alone amounts to."""
+NOISE_QUANTILE = 0.1
+"""Quantile of the blocks' noise that counts as that of the image."""
+
+MIN_NOISE = 0.3
+"""Smallest standard deviation of the noise, grey levels: that of rounding."""
 
 NEAR_PX, FAR_PX = 2, 4
-"""Distances over which differences tell how fine texture is."""
+"""Distances whose differences of grey levels are compared to measure softness."""
 
-ROWS_APART = 8
-LEAST_SIGNAL = 0.25
-"""Share of a difference's energy that is never put down to noise."""
+LINE_STEP = 8
+"""Rows, or columns, from one measured line to the next."""
+
+MIN_SIGNAL = 0.25
+"""Smallest share of a difference's energy that counts as texture, not as noise."""
 
 
 @dataclass(frozen=True)
 class ImageQuality:
-    """What an image is made of.
+    """Noise, texture and softness of an image.
 
     Attributes:
         noise: Standard deviation, grey levels.
-        texture_to_noise: Median over blocks of the energy of texture over that of noise; infinite
+        texture_to_noise: Ratio of the energies of texture and noise, median over blocks; infinite
             without a block.
-        softness: Energy of differences over FAR_PX to that over NEAR_PX, along rows or columns,
-            whichever is less: 4, the square of the distances, where all is smooth, 1 to 2.5 where
-            it is sharp. Motion blurs one direction, a lens out of focus both.
+        softness: Energy of differences over FAR_PX to that over NEAR_PX, the smaller of the ratios
+            along rows and columns: 4, the square of the distances, where all is smooth, 1 to 2.5
+            where it is sharp. Motion blurs one direction, a lens out of focus both.
     """
 
     noise: float
@@ -45,31 +49,29 @@ class ImageQuality:
 
 
 def measure_image_quality(image: Image) -> ImageQuality:
-    """Measure an image (H, W) uint8."""
-    found = _blocks(image)
+    """Measure noise, texture and softness of an image (H, W) uint8."""
+    found = _measure_blocks(image)
     if not len(found):
         return ImageQuality(0.0, np.inf, 1.0)
-    noise = max(float(np.quantile(found[:, 0], CALM)), LEAST_NOISE)
+    noise = max(float(np.quantile(found[:, 0], NOISE_QUANTILE)), MIN_NOISE)
     texture_to_noise = max(float(np.median(found[:, 1])) / noise**2 - 1, 0.0)
-    softness = min(
-        _smoothness(lines, noise) for lines in (image[::ROWS_APART], image.T[::ROWS_APART])
-    )
+    softness = min(_softness(lines, noise) for lines in (image[::LINE_STEP], image.T[::LINE_STEP]))
     return ImageQuality(noise, texture_to_noise, softness)
 
 
-def _smoothness(lines: Image, noise: float) -> float:
-    """Energy of differences over FAR_PX to that over NEAR_PX along lines (N, L)."""
+def _softness(lines: Image, noise: float) -> float:
+    """Compare the energy of differences over FAR_PX with that over NEAR_PX along lines (N, L)."""
     near, far = (
-        float(np.mean((lines[:, apart:].astype(np.int32) - lines[:, :-apart]) ** 2))
-        for apart in (NEAR_PX, FAR_PX)
+        float(np.mean((lines[:, distance:].astype(np.int32) - lines[:, :-distance]) ** 2))
+        for distance in (NEAR_PX, FAR_PX)
     )
-    least = max(LEAST_SIGNAL * near, LEAST_NOISE**2)
-    return max(far - 2 * noise**2, least) / max(near - 2 * noise**2, least)
+    floor = max(MIN_SIGNAL * near, MIN_NOISE**2)
+    return max(far - 2 * noise**2, floor) / max(near - 2 * noise**2, floor)
 
 
 @compiled()
-def _blocks(image: Image) -> Array:
-    """Noise in grey levels, and variance, of every other block each way: (B, 2)."""
+def _measure_blocks(image: Image) -> Array:
+    """Measure noise in grey levels, and variance, of every other block each way: (B, 2)."""
     rows, columns = (image.shape[0] - 2) // BLOCK_PX, (image.shape[1] - 2) // BLOCK_PX
     count = BLOCK_PX * BLOCK_PX
     found = np.empty(((rows + 1) // 2 * ((columns + 1) // 2), 2))

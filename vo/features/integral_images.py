@@ -1,4 +1,4 @@
-"""Sums over octagons at every pixel from three tables of prefix sums.
+"""Integral images: sums over octagons at every pixel from three tables of prefix sums.
 
 The octagon (m, n) has horizontal and vertical sides of m pixels and slanted sides of n rows, so it
 is m + 2 n pixels wide and high. (m, 0) is a square and (1, n) a diamond.
@@ -14,13 +14,13 @@ from vo.contract.compilation import compiled
 
 
 def octagon_area(m: int, n: int) -> int:
-    """Number of pixels of the octagon: m rows of m + 2 n and 2 n rows that shrink by 2 each."""
+    """Count the pixels of an octagon: m rows of m + 2 n and 2 n rows that shrink by 2 each."""
     return m * (m + 2 * n) + 2 * sum(m + 2 * k for k in range(n))
 
 
 @compiled()
 def prefix_sums(image: Image) -> Array:
-    """Three tables (3, H + 1, W + 1) int32 of the sums of all pixels above and to the left.
+    """Build three tables (3, H + 1, W + 1) int32 of the sums of all pixels above and to the left.
 
     With P[v, u] the sum of row v left of column u, entry (v + 1, u) adds up P downwards to row v:
     along the column (the integral image), along a falling diagonal that ends at u and moves right

@@ -1,4 +1,4 @@
-"""Where between samples an extremum lies."""
+"""Sub-pixel position of extrema."""
 
 import numpy as np
 
@@ -6,17 +6,9 @@ from vo.contract.arrays import Array, Indices
 from vo.contract.compilation import compiled
 
 
-def peak(before: Array, centre: Array, after: Array) -> Array:
-    """Offset in [-0.5, 0.5] of the vertex of the parabola through three equidistant samples."""
-    curvature = before - 2 * centre + after
-    slope = (before - after) / 2
-    offset = np.divide(slope, curvature, out=np.zeros_like(slope), where=curvature != 0)
-    return np.clip(offset, -0.5, 0.5)
-
-
 @compiled()
 def vertices(layers: Array, found: Indices) -> Array:
-    """Offsets (N, 2) float64 (u, v) in [-0.5, 0.5] of the extrema at `found` from their pixels.
+    """Find offsets (N, 2) float64 (u, v) in [-0.5, 0.5] of extrema from their pixels.
 
     The vertex of the quadratic whose first and second derivatives are the central differences of
     the 3x3 samples about each (layer, v, u). Its mixed term matters: without it a slanted oval is

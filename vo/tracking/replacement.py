@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from vo.config import OdometrySettings, StereoSettings
 from vo.contract.arrays import Array
@@ -24,18 +23,12 @@ SAME_PX = 1e-9
 
 
 def replace_features(hooks: Hooks, view: View, settings: OdometrySettings) -> View:
-    """Ask for other features, and describe them; scales and responses are those found nearest."""
+    """Ask for other features, and describe them."""
     if hooks is UNTOUCHED:
         return view
-    found = view.features
-    pixels = hooks.features(view.frame, found.pixels)
-    scale_px = response = np.ones(len(pixels))
-    if len(found):
-        nearest = cKDTree(found.pixels).query(pixels)[1]
-        scale_px, response = found.scale_px[nearest], found.response[nearest]
-    features = Features(pixels, scale_px, response)
+    pixels = hooks.features(view.frame, view.features.pixels)
     vectors = describe(view.frame.left, pixels, settings.matching.patch_px)
-    return replace(view, features=features, vectors=vectors)
+    return replace(view, features=Features(pixels), vectors=vectors)
 
 
 def replace_disparities(
