@@ -9,7 +9,7 @@ from vo.contract.sequence import StereoFrame
 from vo.features.detector import detect
 from vo.patches.templates import extract_templates
 from vo.stereo.dense import DenseStereo
-from vo.stereo.epipolar_search import search_rows
+from vo.stereo.epipolar_search import search_epipolar
 from vo.stereo.plane_fit import fit_plane_slopes
 from vo.stereo.slant import fit_patch_slopes
 from vo.stereo.sparse import measure_disparities
@@ -169,11 +169,11 @@ def test_search_is_that_of_opencv(plane):
     rng, r = np.random.default_rng(0), 5
     places = rng.integers([130, 20], [WIDTH - 20, HEIGHT - 20], (50, 2))
     nearest, farthest = np.full(50, 90.0), np.full(50, 3.0)
-    found, zncc, rival = search_rows(
+    found, zncc, second = search_epipolar(
         left, right, places.astype(float), nearest, farthest, 2 * r + 1
     )
     assert np.isfinite(found).mean() > 0.8
-    for (u, v), disparity, score, other in zip(places, found, zncc, rival, strict=True):
+    for (u, v), disparity, score, other in zip(places, found, zncc, second, strict=True):
         if np.isnan(disparity):
             continue
         strip = right[v - r : v + r + 1, max(u - 90 - r, 0) : u - 3 + r + 1]

@@ -1,8 +1,8 @@
 """Sub-pixel alignment of patches by Gauss–Newton on their intensities.
 
-One aligner serves time and stereo: a template patch is warped as its surface demands, moved by
-an unknown (du, dv), and compared after both sides were given zero mean and unit norm, which
-cancels gain and offset.
+One aligner serves tracking and stereo: a template is warped as its surface demands, moved by an
+unknown (du, dv), and compared after both patches are given zero mean and unit norm, which cancels
+gain and offset.
 
 Source: Baker and Matthews, Lucas–Kanade 20 Years On, IJCV 2004 (inverse compositional form);
 normalisation after Evangelidis and Psarakis, enhanced correlation coefficient, PAMI 2008.
@@ -16,29 +16,33 @@ from vo.contract.arrays import Array, Image
 from vo.contract.compilation import compiled
 from vo.patches.templates import Templates
 
-MOST_STEPS = 12
+MAX_STEPS = 12
+"""Largest number of Gauss–Newton steps."""
+
 CONVERGED_PX = 0.005
-LEAST_NORM = 1.0
-"""Norm in grey levels of a centred patch, below which it is flat."""
+"""Length of the last step."""
 
-LEAST_DETERMINANT = 1e-9
-"""Of the normal equations of a normalised patch; below, one direction shows nothing."""
+MIN_NORM = 1.0
+"""Smallest norm, grey levels, of a centred patch that is not flat."""
 
-LEAST_SIGNAL = 0.1
-"""Share of the gradients' energy that is never put down to noise."""
+MIN_DETERMINANT = 1e-9
+"""Smallest determinant of the normal equations of a normalised patch with texture both ways."""
 
-ESTIMATED = 4
-"""Parameters that alignment takes from the residual's freedom: du, dv, gain and offset."""
+MIN_SIGNAL = 0.1
+"""Smallest share of the gradients' energy that counts as signal, not as noise."""
+
+PARAMETERS = 4
+"""Degrees of freedom that alignment takes from the residual: du, dv, gain and offset."""
 
 
 @dataclass(frozen=True)
 class Alignment:
-    """Where templates were found in an image; NaN where they were not.
+    """Positions of templates in an image; NaN where there is none.
 
     Attributes:
         pixels: (N, 2) sub-pixel (u, v).
         zncc: (N,) correlation with the template there.
-        covariance_px2: (N, 2, 2) of `pixels`, as far as grey level noise explains it. The
+        covariance_px2: (N, 2, 2) of `pixels`, by the noise of the grey levels. The
             variance of v is zero where the search was along the row.
     """
 
@@ -47,10 +51,19 @@ class Alignment:
     covariance_px2: Array
 
 
+def identity_warps(count: int) -> Array:
+    """Build warps (N, 3, 2) that change nothing."""
+    return np.tile(np.eye(3, 2), (count, 1, 1))
+
+
 def align(
-    templates: Templates, image: Image, start: Array, warp: Array, horizontal_only: bool = False
+    templates: Templates,
+    image: Image,
+    start: Array,
+    warp: Array | None = None,
+    horizontal_only: bool = False,
 ) -> Alignment:
-    """Move each start position to where the image looks most like the template.
+    """Move each start position to where the image is most like the template.
 
     The covariance is the Cramér–Rao bound s² (JᵀJ)⁻¹, with the noise s from the residual.
 
@@ -60,17 +73,18 @@ def align(
         start: (N, 2) first guess in the image, within about two pixels.
         warp: (N, 3, 2): an offset o in the template becomes warp[:2] @ o / (1 + warp[2] @ o) in
             the image, which is exact for a plane. An affine map alone makes the error of a match
-            grow with the square of the patch's size.
+            grow with the square of the patch's size. By default it changes nothing.
         horizontal_only: Search along the row, as in a rectified pair.
 
     Returns:
-        The places, NaN where the patch left an image, was flat, or moved more than half its side
-        from the start.
+        The positions, NaN where the patch leaves an image, is flat, or moves more than half its
+        side from the start.
 
     Raises:
         ValueError: If the shapes disagree; the compiled loop would not notice.
     """
     n = len(templates)
+    warp = identity_warps(n) if warp is None else warp
     if (np.shape(start), np.shape(warp)) != ((n, 2), (n, 3, 2)):
         raise ValueError(f"{n} templates, but shapes {np.shape(start)} and {np.shape(warp)}")
     aligned = Alignment(np.full((n, 2), np.nan), np.full(n, np.nan), np.full((n, 2, 2), np.nan))
@@ -101,7 +115,7 @@ def _align_all(
     offsets = np.empty((2, side * side), dtype=np.float32)
     now = np.empty(side * side, dtype=np.float32)
     for i in range(len(patches)):
-        if not norms[i] > LEAST_NORM:
+        if not norms[i] > MIN_NORM:
             continue
         reach_u, reach_v = warp_offsets(warp[i], side, offsets)
         patch = patches[i].ravel()
@@ -114,19 +128,19 @@ def _align_all(
         if horizontal_only:
             b, d = np.float32(0), np.float32(1)
         determinant = a * d - b * b
-        if not determinant > LEAST_DETERMINANT:
+        if not determinant > MIN_DETERMINANT:
             continue
         u, v = start[i]
         norm = 0.0
         found = False
-        for _ in range(MOST_STEPS):
+        for _ in range(MAX_STEPS):
             inside = u - reach_u >= 0 and u + reach_u < image.shape[1] - 1
             inside = inside and v - reach_v >= 0 and v + reach_v < image.shape[0] - 1
             found = False
             if not inside:  # also where u, v or the warp is NaN
                 break
             norm = sample(image, u, v, offsets, now)
-            if not norm > LEAST_NORM:
+            if not norm > MIN_NORM:
                 break
             # The gradients sum to zero and are orthogonal to the patch: subtracting the mean
             # and the template from what is sampled would not change their products with it.
@@ -156,11 +170,11 @@ def _align_all(
         of_template = variance * norm * norm / (norm * norm + norms[i] * norms[i])
         bias = of_template * noise_kept[i] * side * side / 2
         if horizontal_only:
-            signal = max(a - bias, LEAST_SIGNAL * a)
+            signal = max(a - bias, MIN_SIGNAL * a)
             uu, uv, vv = variance * a / (signal * signal), 0.0, 0.0
         else:
             least = (a + d) / 2 - np.sqrt((a - d) ** 2 / 4 + b * b)
-            bias = min(bias, (1 - LEAST_SIGNAL) * least)
+            bias = min(bias, (1 - MIN_SIGNAL) * least)
             determinant = (a - bias) * (d - bias) - b * b
             uu, uv, vv = (d - bias) / determinant, -b / determinant, (a - bias) / determinant
             uu, uv, vv = (
@@ -178,10 +192,10 @@ def _align_all(
 
 @compiled(fastmath={"reassoc", "contract"})
 def warp_offsets(warp: Array, side: int, offsets: Array) -> tuple[float, float]:
-    """Write where the template's samples lie about its centre in the image: (2, side * side).
+    """Write the offsets (2, side * side) of the template's samples from its centre in the image.
 
     Returns:
-        How far they reach along u and v; NaN if the surface is seen almost edge-on.
+        Their largest sizes along u and v; NaN if the surface is seen almost edge-on.
     """
     r = side // 2
     shrink = 1 - r * (abs(warp[2, 0]) + abs(warp[2, 1]))
@@ -239,7 +253,7 @@ def sample(image: Image, u: float, v: float, offsets: Array, out: Array) -> floa
 def noise_variance(
     zncc: float, norm_a: float, kept_a: float, norm_b: float, offsets: Array, u: float, v: float
 ) -> float:
-    """Variance of the difference of two normalised patches before interpolation smoothed it.
+    """Estimate the variance of the difference of two normalised patches before interpolation.
 
     |a - b|² = 2 - 2 zncc for unit a and b. Interpolation takes a share of the noise out of this
     residual, but not out of the slow part of the noise, which moves the match: it weighs as
@@ -253,4 +267,4 @@ def noise_variance(
         kept += (1 - 2 * fx * (1 - fx)) * (1 - 2 * fy * (1 - fy))
     weight_a, weight_b = 1 / (norm_a * norm_a), 1 / (norm_b * norm_b)
     share = (kept_a * weight_a + kept / n * weight_b) / (weight_a + weight_b)
-    return max(2 - 2 * zncc, 0.0) / (n - ESTIMATED) / share
+    return max(2 - 2 * zncc, 0.0) / (n - PARAMETERS) / share

@@ -1,4 +1,4 @@
-"""Patches cut from an image once, to be aligned with many others."""
+"""Templates: patches extracted from an image once, to be aligned with many others."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from vo.contract.arrays import Array, Image, Indices, Mask
 from vo.contract.compilation import compiled
 
 FLAT = 1e-3
-"""Norm in grey levels below which a patch shows nothing."""
+"""Norm, grey levels, up to which a patch is flat."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Templates:
 
 
 def extract_templates(image: Image, pixels: Array, patch_px: int) -> Templates:
-    """Cut patches about sub-pixel places.
+    """Extract patches about sub-pixel positions.
 
     Args:
         image: (H, W) uint8.
@@ -53,7 +53,7 @@ def extract_templates(image: Image, pixels: Array, patch_px: int) -> Templates:
         np.zeros(n, dtype=np.float32),
         np.ones(n, dtype=np.float32),
     )
-    _cut_all(
+    _extract_all(
         image, np.asarray(pixels, dtype=np.float64), templates.patches, templates.gradients,
         templates.norms, templates.noise_kept,
     )  # fmt: skip
@@ -61,7 +61,7 @@ def extract_templates(image: Image, pixels: Array, patch_px: int) -> Templates:
 
 
 @compiled(fastmath={"reassoc", "contract"})  # sums in any order; NaN stays NaN
-def _cut_all(
+def _extract_all(
     image: Image, pixels: Array, patches: Array, gradients: Array, norms: Array, noise_kept: Array
 ) -> None:
     side = patches.shape[1]
@@ -81,7 +81,7 @@ def _cut_all(
 
 @compiled(fastmath={"reassoc", "contract"})
 def _sample_square(image: Image, u: float, v: float, out: Array) -> None:
-    """Sample a unit grid about (u, v) bilinearly: the weights are the same everywhere."""
+    """Sample a unit grid about (u, v) bilinearly: its weights are the same everywhere."""
     side = out.shape[0]
     u0, v0 = int(u) - side // 2, int(v) - side // 2
     fu, fv = np.float32(u - int(u)), np.float32(v - int(v))

@@ -1,4 +1,4 @@
-"""Matching by ZNCC with marriage assignment (thesis 3.2, eq. 3.1)."""
+"""Matching of mutual nearest neighbours by ZNCC (marriage assignment of thesis 3.2, eq. 3.1)."""
 
 import numpy as np
 
@@ -6,12 +6,12 @@ from vo.config import MatchingSettings
 from vo.contract.arrays import Array, Image, Indices
 from vo.contract.compilation import compiled
 
-LEAST_CONTRAST = 1.0
-"""Standard deviation in grey levels below which a patch says nothing."""
+MIN_CONTRAST = 1.0
+"""Smallest standard deviation, grey levels, of a patch that is not flat."""
 
 
 def describe(image: Image, pixels: Array, patch_px: int) -> Array:
-    """Cut a square patch about each pixel and normalise it, so that a dot product is the ZNCC.
+    """Normalise the square patch about each pixel, so that a dot product is the ZNCC.
 
     Args:
         image: (H, W) uint8.
@@ -33,7 +33,7 @@ def describe(image: Image, pixels: Array, patch_px: int) -> Array:
     patches = windows[rows[inside] - r, columns[inside] - r].reshape(-1, patch_px**2)
     centred = patches - patches.mean(axis=1, dtype=np.float32, keepdims=True)
     norm = np.linalg.norm(centred, axis=1, keepdims=True)
-    vectors[inside] = np.where(norm > LEAST_CONTRAST * patch_px, centred / np.maximum(norm, 1), 0)
+    vectors[inside] = np.where(norm > MIN_CONTRAST * patch_px, centred / np.maximum(norm, 1), 0)
     return vectors
 
 
@@ -45,49 +45,49 @@ def match_mutual(
     radius_px: float,
     settings: MatchingSettings,
 ) -> Indices:
-    """Pair features that choose each other as the most similar within the search window.
+    """Pair features that are each other's nearest neighbour within the search window.
 
     Args:
         vectors_a: (N, P) from `describe`.
-        expected_a: (N, 2) where each of a is expected in image b; a NaN matches nothing.
+        expected_a: (N, 2) expected position of each of a in image b; a NaN matches nothing.
         vectors_b: (M, P).
         pixels_b: (M, 2).
         radius_px: Radius of the search window about the expectation.
-        settings: The least correlation.
+        settings: Smallest correlation.
 
     Returns:
         (K, 2) index pairs (into a, into b), one to one, in order of a.
     """
     pixels_b = np.asarray(pixels_b, dtype=np.float64)
-    downwards = np.argsort(pixels_b[:, 1], kind="stable")
-    best_b, best_a = _choices(
+    by_row = np.argsort(pixels_b[:, 1], kind="stable")
+    best_b, best_a = _find_nearest(
         vectors_a, np.asarray(expected_a, dtype=np.float64), vectors_b,
-        pixels_b, downwards, radius_px, settings.min_zncc,
+        pixels_b, by_row, radius_px, settings.min_zncc,
     )  # fmt: skip
     a = np.flatnonzero(best_b >= 0)
-    married = a[best_a[best_b[a]] == a]
-    return np.stack([married, best_b[married]], axis=-1)
+    mutual = a[best_a[best_b[a]] == a]
+    return np.stack([mutual, best_b[mutual]], axis=-1)
 
 
 @compiled(fastmath={"reassoc", "contract"})  # sums in any order; NaN stays NaN
-def _choices(
-    vectors_a: Array, expected_a: Array, vectors_b: Array, pixels_b: Array, downwards: Indices,
-    radius: float, least: float,
+def _find_nearest(
+    vectors_a: Array, expected_a: Array, vectors_b: Array, pixels_b: Array, by_row: Indices,
+    radius: float, min_zncc: float,
 ) -> tuple[Indices, Indices]:  # fmt: skip
-    """The favourite of each a among b and of each b among a; -1 where nobody is similar enough.
+    """Find the nearest neighbour of each a among b and of each b among a; -1 without one.
 
-    Only pairs inside the search window are correlated. Of equals, the first wins, as of two scales
-    at one pixel.
+    Only pairs inside the search window are correlated. Of equals, as of two scales at one pixel,
+    the first counts.
     """
-    rows = pixels_b[downwards, 1]
+    rows = pixels_b[by_row, 1]
     best_b = np.full(len(vectors_a), -1, dtype=np.int64)
     best_a = np.full(len(vectors_b), -1, dtype=np.int64)
-    score_b = np.full(len(vectors_b), least, dtype=np.float32)
+    score_b = np.full(len(vectors_b), min_zncc, dtype=np.float32)
     for a in range(len(vectors_a)):
-        score_a = np.float32(least)
+        score_a = np.float32(min_zncc)
         u, v = expected_a[a]
         for k in range(np.searchsorted(rows, v - radius), np.searchsorted(rows, v + radius)):
-            b = downwards[k]
+            b = by_row[k]
             if not abs(pixels_b[b, 0] - u) < radius:  # also where the expectation is NaN
                 continue
             score = np.float32(0.0)

@@ -3,6 +3,9 @@
 Source: Hirschmüller, Stereo Processing by Semiglobal Matching and Mutual Information, PAMI 2008.
 """
 
+from collections.abc import Callable
+from typing import Any
+
 import cv2
 import numpy as np
 
@@ -10,30 +13,44 @@ from vo.config import StereoSettings
 from vo.contract.arrays import Array, Image
 
 FIXED_POINT = 16.0
-"""OpenCV's matchers return sixteenths of a pixel."""
+"""Units of a pixel in the disparities of OpenCV."""
 
 BLOCK_PX = 15
-"""Side of the block of block matching."""
+"""Side of the block of block matching, pixels."""
+
+
+def block_matcher(disparities: int) -> Any:
+    """Make OpenCV's block matcher for so many disparities."""
+    matcher = cv2.StereoBM.create(disparities, BLOCK_PX)
+    matcher.setUniquenessRatio(8)
+    matcher.setTextureThreshold(5)
+    return matcher
+
+
+def semi_global_matcher(disparities: int) -> Any:
+    """Make OpenCV's semi-global matcher for so many disparities."""
+    return cv2.StereoSGBM.create(
+        minDisparity=0, numDisparities=disparities, blockSize=5, P1=8 * 25, P2=32 * 25,
+        disp12MaxDiff=1, uniquenessRatio=8, mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,
+    )  # fmt: skip
+
+
+MATCHERS: dict[str, Callable[[int], Any]] = {
+    "block_matching": block_matcher,
+    "semi_global": semi_global_matcher,
+}
+"""Dense matchers, by `stereo.method`; "sparse" needs none."""
 
 
 class DenseStereo:
-    """A dense matcher, on images reduced by `settings.downscale`."""
+    """Dense matcher, on images reduced by `settings.downscale`."""
 
     def __init__(self, settings: StereoSettings) -> None:
         """Size the search so that it covers `settings.max_disparity_px`."""
         self._downscale = settings.downscale
         self.disparities = 16 * int(np.ceil(settings.max_disparity_px / self._downscale / 16))
-        self._matcher = None
-        if settings.method == "block_matching":
-            self._matcher = cv2.StereoBM.create(self.disparities, BLOCK_PX)
-            self._matcher.setUniquenessRatio(8)
-            self._matcher.setTextureThreshold(5)
-        elif settings.method == "semi_global":
-            self._matcher = cv2.StereoSGBM.create(
-                minDisparity=0, numDisparities=self.disparities, blockSize=5, P1=8 * 25,
-                P2=32 * 25, disp12MaxDiff=1, uniquenessRatio=8,
-                mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,
-            )  # fmt: skip
+        create = MATCHERS.get(settings.method)
+        self._matcher = create(self.disparities) if create else None
 
     def __call__(self, left: Image, right: Image) -> Array:
         """Return the disparity u_left - u_right at each left pixel.
@@ -60,8 +77,8 @@ class DenseStereo:
         return np.where(raw > 0, raw * np.float32(self._downscale / FIXED_POINT), np.nan)
 
 
-def look_up(dense: Array, pixels: Array, shape: tuple[int, ...]) -> Array:
-    """Nearest value of a map that covers the image of `shape`, NaN outside: (N,) of (N, 2)."""
+def sample_nearest(dense: Array, pixels: Array, shape: tuple[int, ...]) -> Array:
+    """Read the values (N,) nearest to pixels (N, 2) of an image of `shape`, NaN outside."""
     rows = np.floor((pixels[:, 1] + 0.5) * dense.shape[0] / shape[0])
     columns = np.floor((pixels[:, 0] + 0.5) * dense.shape[1] / shape[1])
     with np.errstate(invalid="ignore"):

@@ -1,32 +1,30 @@
 """Whole-pixel search along the epipolar row by ZNCC, at chosen pixels only.
 
 Source: thesis eq. 3.3 for the correlation; Fua, A Parallel Stereo Algorithm that Produces Dense
-Depth Maps and Preserves Image Features, MVA 1993, for the check from the other eye.
+Depth Maps and Preserves Image Features, MVA 1993, for the check from the other image.
 """
 
 import numpy as np
 
 from vo.contract.arrays import Array, Image, Indices
 from vo.contract.compilation import compiled
+from vo.patches.zncc import MIN_CONTRAST
 
 PEAK_PX = 2
-"""Half width of a peak of correlation: what lies further away is another one."""
-
-LEAST_CONTRAST = 1.0
-"""Standard deviation in grey levels below which a patch says nothing."""
+"""Half width of a peak of correlation; correlations further away belong to another peak."""
 
 
-def search_rows(
+def search_epipolar(
     left: Image, right: Image, pixels: Array, nearest_px: Array, farthest_px: Array, patch_px: int
 ) -> tuple[Array, Array, Array]:
-    """Find the disparity at which the patches of the two eyes correlate best.
+    """Find the disparity at which the patches of the two images correlate best.
 
     Args:
         left: (H, W) uint8.
         right: (H, W) uint8.
         pixels: (N, 2) left-image (u, v); rounded to whole pixels.
-        nearest_px: (N,) largest disparity tried; what leaves the image is not.
-        farthest_px: (N,) smallest, may be negative. NaN tries nothing.
+        nearest_px: (N,) largest disparity, as far as the patch stays in the image.
+        farthest_px: (N,) smallest disparity, may be negative; without a search where it is NaN.
         patch_px: Side of the patch, odd.
 
     Returns:
@@ -35,21 +33,21 @@ def search_rows(
         (N,) the highest ZNCC of another peak, -1 where there is none.
     """
     n = len(pixels)
-    disparity, zncc, rival = np.full(n, np.nan), np.full(n, np.nan), np.full(n, -1.0)
+    disparity, zncc, second = np.full(n, np.nan), np.full(n, np.nan), np.full(n, -1.0)
     known = np.isfinite(pixels).all(axis=1) & np.isfinite(nearest_px) & np.isfinite(farthest_px)
     rows = np.flatnonzero(known)
     limits = np.stack([np.ceil(nearest_px[rows]), np.floor(farthest_px[rows])], axis=-1)
     _search_all(
         left, right, rows, np.rint(pixels[rows]).astype(np.int64), limits.astype(np.int64),
-        patch_px // 2, disparity, zncc, rival,
+        patch_px // 2, disparity, zncc, second,
     )  # fmt: skip
-    return disparity, zncc, rival
+    return disparity, zncc, second
 
 
 @compiled()
 def _search_all(
     left: Image, right: Image, rows: Indices, centres: Indices, limits: Indices, radius: int,
-    disparity: Array, zncc: Array, rival: Array,
+    disparity: Array, zncc: Array, second: Array,
 ) -> None:  # fmt: skip
     height, width = left.shape
     span = 1
@@ -63,7 +61,7 @@ def _search_all(
         if v < radius or v >= height - radius or u < radius or u >= width - radius:
             continue
         first, last = max(u - nearest, radius), min(u - farthest, width - 1 - radius)
-        if last < first or not _cut(left, u, v, radius, patch):
+        if last < first or not _write_patch(left, u, v, radius, patch):
             continue
         scores = _correlate(patch, right, first, last, v, radius, work)
         best = int(np.argmax(scores))
@@ -74,16 +72,16 @@ def _search_all(
         score = scores[best]
         there = first + best
         first, last = max(there + farthest, radius), min(there + nearest, width - 1 - radius)
-        if not _cut(right, there, v, radius, patch):
+        if not _write_patch(right, there, v, radius, patch):
             continue
         back = first + int(np.argmax(_correlate(patch, left, first, last, v, radius, work)))
         if abs(back - u) <= 1:
             row = rows[i]
-            disparity[row], zncc[row], rival[row] = u - there, score, other
+            disparity[row], zncc[row], second[row] = u - there, score, other
 
 
 @compiled(fastmath={"reassoc", "contract"})
-def _cut(image: Image, u: int, v: int, radius: int, patch: Array) -> bool:
+def _write_patch(image: Image, u: int, v: int, radius: int, patch: Array) -> bool:
     """Write the patch about a pixel with zero mean and unit norm; False if it is flat."""
     side = 2 * radius + 1
     total = squares = np.float32(0)
@@ -98,7 +96,7 @@ def _cut(image: Image, u: int, v: int, radius: int, patch: Array) -> bool:
         patch[k] -= mean
         squares += patch[k] * patch[k]
     norm = np.sqrt(squares)
-    if norm < LEAST_CONTRAST * side:
+    if norm < MIN_CONTRAST * side:
         return False
     for k in range(side * side):
         patch[k] /= norm
@@ -109,7 +107,7 @@ def _cut(image: Image, u: int, v: int, radius: int, patch: Array) -> bool:
 def _correlate(
     patch: Array, image: Image, first: int, last: int, v: int, radius: int, work: Array
 ) -> Array:
-    """ZNCC of a patch with those about the columns first to last of row v."""
+    """Correlate a patch with those about the columns first to last of row v: (L,) ZNCC."""
     side, count = 2 * radius + 1, last - first + 1
     length = count + 2 * radius
     segment, sums, squares = work[0, :length], work[1, :length], work[2, :length]
@@ -132,12 +130,12 @@ def _correlate(
     for k in range(side - 1):
         total += sums[k]
         square += squares[k]
-    least = np.float32((LEAST_CONTRAST * side) ** 2)
+    floor = np.float32((MIN_CONTRAST * side) ** 2)
     for x in range(count):
         total += sums[x + side - 1]
         square += squares[x + side - 1]
         energy = square - total * total / np.float32(side * side)
-        scores[x] = products[x] / np.sqrt(max(energy, least))
+        scores[x] = products[x] / np.sqrt(max(energy, floor))
         total -= sums[x]
         square -= squares[x]
     return scores

@@ -1,34 +1,45 @@
-"""Slant of the surface at a feature: a plane through the disparities of its neighbours.
+"""Slant of the surface at a feature, by a plane through the disparities of its neighbours.
 
-The disparity of a plane is linear in the pixel. Few exact disparities, tens of pixels apart, say
-more about its slopes than many coarse ones nearby.
+The disparity of a plane is linear in the pixel. Few exact disparities, tens of pixels apart,
+determine its slopes better than many coarse ones nearby.
 
 Source: iteratively reweighted least squares with Geman and McClure's weights, Zhang, Parameter
 Estimation Techniques, IVC 1997.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from vo.contract.arrays import Array
 from vo.contract.compilation import compiled
+from vo.patches.alignment import identity_warps
 
-NEIGHBOURS = 16
-REACH_PX = 120.0
-"""Neighbours further away show another surface."""
 
-LEAST_NEIGHBOURS = 4.0
-"""Of those that agree with the plane, each counted by its weight."""
+class PlaneFit(NamedTuple):
+    """Parameters of the fit of a plane (decision 4; weights after Zhang 1997).
 
-AGREE_PX = 0.5
-"""Misfit at which a neighbour loses three quarters of its weight."""
+    Attributes:
+        neighbours: Largest number of neighbours.
+        max_distance_px: Distance beyond which neighbours lie on another surface.
+        min_support: Smallest sum of the weights of the neighbours that agree with the plane.
+        residual_px: Residual at which a neighbour loses three quarters of its weight.
+        own_weight: Weight of the feature's own disparity: the feature lies on the plane.
+        iterations: Reweighted fits.
+        prior: Weight of a slope of zero, px²: neighbours on one line give no slope across it.
+    """
 
-OWN_WEIGHT = 2.0
-"""Of the feature's own disparity: the plane is to be the one on which the feature lies."""
+    neighbours: int = 16
+    max_distance_px: float = 120.0
+    min_support: float = 4.0
+    residual_px: float = 0.5
+    own_weight: float = 2.0
+    iterations: int = 5
+    prior: float = 1.0
 
-ROUNDS = 5
 
-PRIOR = 1.0
-"""Weight of a slope of zero, px²: no slope is derived from neighbours on one line."""
+PLANE_FIT = PlaneFit()
+"""Parameters of every fit."""
 
 
 def fit_plane_slopes(
@@ -38,9 +49,9 @@ def fit_plane_slopes(
 
     Args:
         at: (M, 2) pixels (u, v).
-        at_disparity_px: (M,) their disparity; where it is NaN, the neighbours alone decide.
-        pixels: (N, 2) pixels of which the disparity is known, those of `at` included or not.
-        disparity_px: (N,) NaN where it is not known after all.
+        at_disparity_px: (M,) their disparity; where it is NaN, the neighbours alone count.
+        pixels: (N, 2) pixels with a disparity, those of `at` included or not.
+        disparity_px: (N,) their disparity, NaN where unknown.
 
     Returns:
         (M, 2) change of disparity per pixel along u and v; zero, a surface that faces the camera,
@@ -58,25 +69,26 @@ def fit_plane_slopes(
 
 @compiled()
 def _fit_all(at: Array, own: Array, pixels: Array, disparity: Array, slopes: Array) -> None:
-    near = np.empty(NEIGHBOURS, dtype=np.int64)
-    distance = np.empty(NEIGHBOURS)
+    near = np.empty(PLANE_FIT.neighbours, dtype=np.int64)
+    distance = np.empty(PLANE_FIT.neighbours)
     for i in range(len(at)):
         count = _nearest(at[i], pixels, near, distance)
-        if count < LEAST_NEIGHBOURS:
+        if count < PLANE_FIT.min_support:
             continue
-        own_weight, origin = OWN_WEIGHT, own[i]
+        own_weight, origin = PLANE_FIT.own_weight, own[i]
         if np.isnan(origin):
             own_weight, origin = 0.0, disparity[near[0]]
         a = b = c = support = 0.0
-        scale = 8.0 * AGREE_PX  # from coarse to fine: the first plane may be wrong by pixels
-        for _ in range(ROUNDS):
+        scale = 8.0 * PLANE_FIT.residual_px  # coarse to fine: the first plane errs by pixels
+        for _ in range(PLANE_FIT.iterations):
             support, s, sx, sy = 0.0, own_weight, 0.0, 0.0
-            sxx, sxy, syy, sd, sxd, syd = PRIOR, 0.0, PRIOR, 0.0, 0.0, 0.0
+            sxx, sxy, syy = PLANE_FIT.prior, 0.0, PLANE_FIT.prior
+            sd, sxd, syd = 0.0, 0.0, 0.0
             for j in range(count):
                 x, y = pixels[near[j], 0] - at[i, 0], pixels[near[j], 1] - at[i, 1]
                 d = disparity[near[j]] - origin
-                misfit = (d - a * x - b * y - c) / scale
-                w = 1 / (1 + misfit * misfit) ** 2
+                residual = (d - a * x - b * y - c) / scale
+                w = 1 / (1 + residual * residual) ** 2
                 support += w
                 s, sx, sy, sd = s + w, sx + w * x, sy + w * y, sd + w * d
                 sxx, sxy, syy = sxx + w * x * x, sxy + w * x * y, syy + w * y * y
@@ -87,33 +99,34 @@ def _fit_all(at: Array, own: Array, pixels: Array, disparity: Array, slopes: Arr
             a = (syy * sxd - sxy * syd) / determinant
             b = (sxx * syd - sxy * sxd) / determinant
             c = (sd - a * sx - b * sy) / s
-            scale = max(scale / 2, AGREE_PX)
-        if support >= LEAST_NEIGHBOURS:
+            scale = max(scale / 2, PLANE_FIT.residual_px)
+        if support >= PLANE_FIT.min_support:
             slopes[i, 0], slopes[i, 1] = a, b
 
 
 @compiled()
 def _nearest(at: Array, pixels: Array, near: Array, distance: Array) -> int:
-    """Write the indices of the nearest pixels but `at` itself, nearest first; return how many."""
+    """Write the rows of the nearest pixels but `at` itself, nearest first; return their number."""
+    max_count, reach = PLANE_FIT.neighbours, PLANE_FIT.max_distance_px
     count = 0
     for j in range(len(pixels)):
         x, y = pixels[j, 0] - at[0], pixels[j, 1] - at[1]
         square = x * x + y * y
-        if not 0 < square < REACH_PX * REACH_PX:
+        if not 0 < square < reach * reach:
             continue
-        if count == NEIGHBOURS and square >= distance[count - 1]:
+        if count == max_count and square >= distance[count - 1]:
             continue
-        k = min(count, NEIGHBOURS - 1)
+        k = min(count, max_count - 1)
         while k > 0 and distance[k - 1] > square:
             distance[k], near[k] = distance[k - 1], near[k - 1]
             k -= 1
         distance[k], near[k] = square, j
-        count = min(count + 1, NEIGHBOURS)
+        count = min(count + 1, max_count)
     return count
 
 
-def left_to_right(slopes: Array) -> Array:
-    """Warps (N, 3, 2) of left offsets to right ones: u_right = u_left - d(u_left, v)."""
-    warp = np.tile(np.eye(3, 2), (len(slopes), 1, 1))
+def stereo_warps(slopes: Array) -> Array:
+    """Build warps (N, 3, 2) of left offsets to right ones: u_right = u_left - d(u_left, v)."""
+    warp = identity_warps(len(slopes))
     warp[:, 0] -= slopes
     return warp

@@ -1,7 +1,7 @@
 """Slant of the surface at a feature, from the intensities of its two images.
 
 The aligner's Gauss–Newton with three unknowns: the disparity and its slopes along u and v. It needs
-no neighbours, but is several times as noisy as a plane through the disparities of many.
+no neighbours, but is several times noisier than a plane through the disparities of many.
 
 Source: Devernay and Faugeras, Computing Differential Properties of 3-D Shapes from Stereoscopic
 Images without 3-D Models, CVPR 1994; inverse compositional as in `vo.patches.alignment`.
@@ -11,22 +11,26 @@ import numpy as np
 
 from vo.contract.arrays import Array, Image
 from vo.contract.compilation import compiled
-from vo.patches.alignment import LEAST_NORM, sample, warp_offsets
+from vo.patches.alignment import MIN_NORM, sample, warp_offsets
 from vo.patches.templates import Templates
 
-MOST_STEPS = 10
+MAX_STEPS = 10
+"""Largest number of Gauss–Newton steps."""
+
 CONVERGED_PX = 0.02
-STEEPEST = 0.6
-"""Slope, pixels per pixel, beyond which a fit has found something else."""
+"""Largest motion of the patch's corners in the last step."""
+
+MAX_SLOPE = 0.6
+"""Largest slope of a fit, pixels per pixel."""
 
 
 def fit_patch_slopes(templates: Templates, right: Image, pixels_right: Array) -> Array:
-    """Find the slant that makes the patches of the two eyes most alike.
+    """Find the slant under which the patches of the two images are most alike.
 
     Args:
         templates: N patches of the left image.
         right: (H, W) uint8.
-        pixels_right: (N, 2) where they are in the right image, within about two pixels.
+        pixels_right: (N, 2) their positions in the right image, within about two pixels.
 
     Returns:
         (N, 2) change of disparity per pixel along u and v; NaN where the fit left the image or
@@ -51,7 +55,7 @@ def _fit_all(
     jacobian = np.empty((3, side * side), dtype=np.float32)
     warp = np.eye(3, 2)
     for i in range(len(patches)):
-        if not norms[i] > LEAST_NORM:
+        if not norms[i] > MIN_NORM:
             continue
         _differentiate(patches[i], gradients[i, 0], jacobian)
         hessian = jacobian @ jacobian.T
@@ -60,21 +64,21 @@ def _fit_all(
         inverse = np.linalg.inv(hessian)
         u, v = start[i]
         warp[0, 0], warp[0, 1] = 1.0, 0.0
-        for _ in range(MOST_STEPS):
+        for _ in range(MAX_STEPS):
             reach_u, reach_v = warp_offsets(warp, side, offsets)
             inside = u - reach_u >= 0 and u + reach_u < right.shape[1] - 1
             inside = inside and v - reach_v >= 0 and v + reach_v < right.shape[0] - 1
             if not inside:
                 break
             norm = sample(right, u, v, offsets, now)
-            if not norm > LEAST_NORM:
+            if not norm > MIN_NORM:
                 break
             # The increment, a map of the row u -> p0 + (1 + p1) u + p2 v, is undone.
             p = inverse @ (jacobian @ now) / norm
             scale = warp[0, 0] / (1 + p[1])
             u -= scale * p[0]
             warp[0, 0], warp[0, 1] = scale, warp[0, 1] - scale * p[2]
-            steep = abs(1 - scale) > STEEPEST or abs(warp[0, 1]) > STEEPEST
+            steep = abs(1 - scale) > MAX_SLOPE or abs(warp[0, 1]) > MAX_SLOPE
             if steep or abs(u - start[i, 0]) > r:
                 break
             if abs(p[0]) + r * (abs(p[1]) + abs(p[2])) < CONVERGED_PX:
@@ -84,7 +88,7 @@ def _fit_all(
 
 @compiled(fastmath={"reassoc", "contract"})
 def _differentiate(patch: Array, gu: Array, out: Array) -> None:
-    """Derivatives along the shift and both slopes, orthogonal to a constant and to the patch."""
+    """Write derivatives by shift and slopes (3, P), orthogonal to a constant and to the patch."""
     side = gu.shape[0]
     r = side // 2
     for j in range(side):

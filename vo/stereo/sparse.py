@@ -1,7 +1,8 @@
-"""Disparity at features: found, made sub-pixel along the surface's slant, and judged.
+"""Disparity at features: searched, refined to sub-pixels along the surface's slant, and tested.
 
 A window across the edge of something nearer has no one disparity. Two smaller windows, shifted to
-either side, then disagree: by how much tells edges from surfaces, and adds to the uncertainty.
+either side, then disagree: their disagreement tells edges from surfaces, and adds to the
+uncertainty.
 
 Source: shifted windows after Fusiello, Roberto and Trucco, Efficient Stereo with Multiple
 Windowing, CVPR 1997.
@@ -16,30 +17,30 @@ from vo.contract.arrays import Array, Mask
 from vo.contract.sequence import StereoFrame
 from vo.patches.alignment import Alignment, align
 from vo.patches.templates import Templates, extract_templates
-from vo.stereo.dense import look_up
-from vo.stereo.epipolar_search import search_rows
-from vo.stereo.plane_fit import fit_plane_slopes, left_to_right
+from vo.stereo.dense import sample_nearest
+from vo.stereo.epipolar_search import search_epipolar
+from vo.stereo.plane_fit import fit_plane_slopes, stereo_warps
 from vo.stereo.slant import fit_patch_slopes
 
-BEHIND_PX = -2.0
-"""The search goes past infinity, so that far points are not taken for nearer ones."""
+FARTHEST_PX = -2.0
+"""Smallest disparity of the search, beyond infinity: far points are not taken for nearer ones."""
 
-MOST_CORRECTION_PX = 2.0
-"""Alignment that moves a disparity further has found something else."""
+MAX_CORRECTION_PX = 2.0
+"""Largest change of a disparity by alignment; beyond it, alignment has found another surface."""
 
-SLANT_PX = 13
-"""Side of the patch from which a lone feature's slant is read: slopes need a lever."""
+SLANT_PATCH_PX = 13
+"""Side of the patch that gives the slant of a feature without neighbours: slopes need a lever."""
 
-SPREAD_SIGMAS = 3.0
-"""Disagreement of the shifted windows that counts as one standard deviation."""
+DISAGREEMENT_SIGMAS = 3.0
+"""Disagreement of the shifted windows, in standard deviations that it adds."""
 
 UNREFINED_SIGMA_PX = 0.3
-"""Standard deviation of a dense disparity that is taken as it is."""
+"""Standard deviation of a dense disparity that is not refined."""
 
 
 @dataclass(frozen=True)
 class Disparities:
-    """Of N pixels of the left image.
+    """Disparities of N pixels of the left image.
 
     Attributes:
         values_px: (N,) u_left - u_right; NaN where unknown.
@@ -75,111 +76,111 @@ def measure_disparities(
         dense: Disparity map, possibly of a smaller image, NaN where unknown; not used where the
             method is sparse.
         pixels: (N, 2) left-image (u, v).
-        settings: The method, and what is believed.
+        settings: The method and its thresholds.
         expected_px: (N,) disparity about which to search, if the method is sparse; where it is
             NaN, and by default, over the whole range.
         slopes: (N, 2) slant of the surface where it is known already; by default it comes from
             planes through the disparities of neighbours.
-        nearby: (K, 3) u, v and disparity of other features, to be neighbours too.
+        nearby: (K, 3) u, v and disparity of other features, which are neighbours too.
 
     Returns:
         Disparities, NaN where unknown, unlike, ambiguous or beyond the depth gate.
     """
     pixels = np.asarray(pixels, dtype=np.float64)
-    start, distinct = _start(frame, dense, pixels, settings, expected_px)
+    start, distinct = _search(frame, dense, pixels, settings, expected_px)
     if not settings.refine:
         known = distinct & (start > settings.min_disparity_px)
         values_px = np.where(known, start, np.nan)
         sigma_px = np.where(known, UNREFINED_SIGMA_PX, np.nan)
-        return Disparities(values_px, sigma_px, _planes(pixels, values_px, nearby))
+        return Disparities(values_px, sigma_px, _plane_slopes(pixels, values_px, nearby))
 
     templates = extract_templates(frame.left, pixels, settings.align_px)
     slant = slopes
     if slant is None:
         facing = _align(frame, templates, pixels, start, np.zeros((len(pixels), 2)))
-        first_px, _ = _judge(facing, pixels, start, distinct, settings)
-        slant = _slant(frame, pixels, start, _planes(pixels, first_px, nearby))
+        first_px, _ = _accept(facing, pixels, start, distinct, settings)
+        slant = _complete_slopes(frame, pixels, start, _plane_slopes(pixels, first_px, nearby))
     aligned = _align(frame, templates, pixels, start, slant)
-    values_px, sigma_px = _judge(aligned, pixels, start, distinct, settings)
-    spread_px = _spread(frame, pixels, values_px, slant, settings)
-    known = (spread_px < settings.max_disagreement_px) & (values_px > settings.min_disparity_px)
+    values_px, sigma_px = _accept(aligned, pixels, start, distinct, settings)
+    disagreement_px = _measure_disagreement(frame, pixels, values_px, slant, settings)
+    known = disagreement_px < settings.max_disagreement_px
+    known &= values_px > settings.min_disparity_px
     values_px = np.where(known, values_px, np.nan)
-    sigma_px = np.where(known, np.hypot(sigma_px, spread_px / SPREAD_SIGMAS), np.nan)
+    sigma_px = np.where(known, np.hypot(sigma_px, disagreement_px / DISAGREEMENT_SIGMAS), np.nan)
     if slopes is None:
-        planes = _planes(pixels, values_px, nearby)
+        planes = _plane_slopes(pixels, values_px, nearby)
         slopes = np.where(planes.any(axis=1, keepdims=True), planes, slant)
     return Disparities(values_px, sigma_px, slopes)
 
 
-def _start(
+def _search(
     frame: StereoFrame, dense: Array, pixels: Array, settings: StereoSettings,
     expected_px: Array | None,
 ) -> tuple[Array, Mask]:  # fmt: skip
-    """Disparity to within about a pixel (N,), and where no other is nearly as likely (N,)."""
+    """Find disparities (N,) to within about a pixel, and where no other is nearly as likely."""
     if settings.method != "sparse":
-        start = look_up(dense, pixels, frame.left.shape)
+        start = sample_nearest(dense, pixels, frame.left.shape)
         return start, ~np.isnan(start)
     nearest, farthest = (
-        np.full(len(pixels), limit) for limit in (settings.max_disparity_px, BEHIND_PX)
+        np.full(len(pixels), limit) for limit in (settings.max_disparity_px, FARTHEST_PX)
     )
     if expected_px is not None:
-        reach, known = settings.expected_search_radius_px, ~np.isnan(expected_px)
-        nearest[known] = expected_px[known] + reach
-        farthest[known] = np.maximum(expected_px[known] - reach, BEHIND_PX)
-    start, zncc, rival = search_rows(
+        radius, known = settings.expected_search_radius_px, ~np.isnan(expected_px)
+        nearest[known] = expected_px[known] + radius
+        farthest[known] = np.maximum(expected_px[known] - radius, FARTHEST_PX)
+    start, zncc, second = search_epipolar(
         frame.left, frame.right, pixels, nearest, farthest, settings.patch_px
     )
-    return start, 1 - rival > settings.min_distinctness * (1 - zncc)
+    return start, 1 - second > settings.min_distinctness * (1 - zncc)
 
 
-def _planes(pixels: Array, disparity_px: Array, nearby: Array | None) -> Array:
-    """Slopes (N, 2) of planes through the disparities at pixels and nearby; zero without one."""
+def _plane_slopes(pixels: Array, disparity_px: Array, nearby: Array | None) -> Array:
+    """Fit slopes (N, 2) to the disparities at pixels and nearby; zero without a plane."""
     known = np.column_stack([pixels, disparity_px])
     if nearby is not None:
         known = np.concatenate([known, nearby])
     return fit_plane_slopes(pixels, disparity_px, known[:, :2], known[:, 2])
 
 
-def _slant(frame: StereoFrame, pixels: Array, start: Array, planes: Array) -> Array:
-    """Slopes of planes (N, 2), where there is none from the patch itself, else zero."""
+def _complete_slopes(frame: StereoFrame, pixels: Array, start: Array, planes: Array) -> Array:
+    """Complete slopes (N, 2) of planes, where there are none, by those of the patches, or zero."""
     lone = ~planes.any(axis=1) & ~np.isnan(start)
     right = np.stack([pixels[:, 0] - start, pixels[:, 1]], axis=-1)[lone]
-    fitted = fit_patch_slopes(
-        extract_templates(frame.left, pixels[lone], SLANT_PX), frame.right, right
-    )
+    templates = extract_templates(frame.left, pixels[lone], SLANT_PATCH_PX)
     slopes = planes.copy()
-    slopes[lone] = np.nan_to_num(fitted)
+    slopes[lone] = np.nan_to_num(fit_patch_slopes(templates, frame.right, right))
     return slopes
 
 
 def _align(
     frame: StereoFrame, templates: Templates, pixels: Array, start: Array, slopes: Array
 ) -> Alignment:
+    """Align templates of the left image with the right one from disparities (N,)."""
     right = np.stack([pixels[:, 0] - start, pixels[:, 1]], axis=-1)
-    return align(templates, frame.right, right, left_to_right(slopes), horizontal_only=True)
+    return align(templates, frame.right, right, stereo_warps(slopes), horizontal_only=True)
 
 
-def _judge(
+def _accept(
     aligned: Alignment, pixels: Array, start: Array, distinct: Mask, settings: StereoSettings
 ) -> tuple[Array, Array]:
-    """Disparity and standard deviation by noise, (N,) each; NaN where it is not to be believed."""
+    """Compute disparities and standard deviations by noise, (N,) each; NaN where refused."""
     values_px = pixels[:, 0] - aligned.pixels[:, 0]
     sigma_px = np.sqrt(aligned.covariance_px2[:, 0, 0])
     good = distinct & (aligned.zncc > settings.min_align_zncc) & (sigma_px < settings.max_sigma_px)
-    good &= np.abs(values_px - start) < MOST_CORRECTION_PX
+    good &= np.abs(values_px - start) < MAX_CORRECTION_PX
     return np.where(good, values_px, np.nan), np.where(good, sigma_px, np.nan)
 
 
-def _spread(
+def _measure_disagreement(
     frame: StereoFrame, pixels: Array, disparity_px: Array, slopes: Array, settings: StereoSettings
 ) -> Array:
-    """Largest difference to the disparity of two smaller windows, left and right: (N,) pixels."""
-    worst = np.zeros(len(pixels))
+    """Measure the largest difference to the disparity of two smaller, shifted windows: (N,) px."""
+    largest = np.zeros(len(pixels))
     for side in (-1, 1):
         shift = np.array([side * (settings.align_px // 3), 0])
         expected = disparity_px + slopes @ shift
         templates = extract_templates(frame.left, pixels + shift, settings.align_px - 2)
         aligned = _align(frame, templates, pixels + shift, expected, slopes)
         found = pixels[:, 0] + shift[0] - aligned.pixels[:, 0]
-        worst = np.maximum(worst, np.abs(found - expected))  # NaN stays
-    return worst
+        largest = np.maximum(largest, np.abs(found - expected))  # NaN stays
+    return largest

@@ -84,8 +84,7 @@ def row_offset_px(view: View, measured: Array, settings: OdometrySettings) -> fl
     known = measured[~np.isnan(measured[:, 2])][:PROBES]
     start = known[:, :2] - np.column_stack([known[:, 2], np.zeros(len(known))])
     templates = extract_templates(view.frame.left, known[:, :2], settings.stereo.align_px)
-    facing = np.tile(np.eye(3, 2), (len(known), 1, 1))
-    lower = align(templates, view.frame.right, start, facing).pixels[:, 1] - known[:, 1]
+    lower = align(templates, view.frame.right, start).pixels[:, 1] - known[:, 1]
     lower = lower[~np.isnan(lower)]
     return float(np.median(lower)) if len(lower) >= FEWEST_ROWS else np.nan
 

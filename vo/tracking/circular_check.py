@@ -33,9 +33,8 @@ def consistent(
     """
     keep = landmarks.views[matches.rows] == 1
     _, now, then = np.intersect1d(matches.ids, before.ids, assume_unique=True, return_indices=True)
-    facing = np.tile(np.eye(3, 2), (len(now), 1, 1))
     templates = extract_templates(before.left, before.pixels[then], patch_px)
-    direct = align(templates, image, matches.pixels[now], facing).pixels
+    direct = align(templates, image, matches.pixels[now]).pixels
     with np.errstate(invalid="ignore"):
         keep[now] = np.abs(direct - matches.pixels[now]).max(axis=1) < CLOSURE_PX  # not NaN
     return keep
