@@ -111,7 +111,7 @@ def no_calibration(dataset):
         (no_calibration, ["mav0/cam1/sensor.yaml", "cannot be read"]),
     ],
 )
-def test_bad_datasets(dataset, tmp_path, damage, fragments):
+def test_bad_dataset_is_refused_in_one_line(dataset, tmp_path, damage, fragments):
     damage(dataset)
     words = ("run", "d", "--out", "out/x.txt", "--estimator", "corner_flow")
     assert_refused(driftyard(*words, cwd=tmp_path), *fragments)
@@ -128,13 +128,13 @@ def test_bad_datasets(dataset, tmp_path, damage, fragments):
         (["--config", "bad.toml"], ["bad.toml", "not valid TOML"]),
     ],
 )
-def test_bad_run_options(dataset, tmp_path, words, fragments):
+def test_bad_run_option_is_refused_in_one_line(dataset, tmp_path, words, fragments):
     (tmp_path / "bad.toml").write_text("= 3")
     assert_refused(driftyard("run", "d", "--out", "x.txt", *words, cwd=tmp_path), *fragments)
     assert not list(tmp_path.glob("*x*txt*"))
 
 
-def test_output_that_is_a_folder(dataset, tmp_path):
+def test_run_output_folder_is_refused(dataset, tmp_path):
     assert_refused(driftyard("run", "d", "--out", ".", cwd=tmp_path), "is a folder")
 
 
@@ -182,7 +182,7 @@ def test_output_that_is_a_folder(dataset, tmp_path):
         (["verify", "d"], ["dataset.json", "cannot be read"]),
     ],
 )
-def test_bad_requests_for_datasets(dataset, tmp_path, words, fragments):
+def test_bad_generate_option_is_refused_in_one_line(dataset, tmp_path, words, fragments):
     (dataset / "mav0/cam0/broken.xml").write_text("<mujoco>")
     (dataset / "mav0/cam0/filled.xml").write_text(FILLED)
     assert_refused(driftyard(*words, cwd=tmp_path), *fragments)
@@ -198,21 +198,21 @@ def test_bad_requests_for_datasets(dataset, tmp_path, words, fragments):
         ("1 0 0 0 0 0 0 1\n2 0 0 0 0 0 0 1\n", ["x.txt: the estimate shares 0 times"]),
     ],
 )
-def test_bad_trajectories(dataset, tmp_path, command, text, fragments):
+def test_bad_trajectory_is_refused_in_one_line(dataset, tmp_path, command, text, fragments):
     if text:
         (tmp_path / "x.txt").write_text(text)
     assert_refused(driftyard(command, "d", "x.txt", cwd=tmp_path), *fragments)
     assert not (tmp_path / "report.html").exists()
 
 
-def test_scoring_without_truth(dataset, tmp_path):
+def test_score_without_truth_is_refused(dataset, tmp_path):
     shutil.rmtree(dataset / "mav0/state_groundtruth_estimate0")
     (tmp_path / "x.txt").write_text("0.1 0 0 0 0 0 0 1\n")
     assert_refused(driftyard("score", "d", "x.txt", cwd=tmp_path), "holds no truth")
 
 
 @pytest.mark.parametrize("words", [["fly"], ["run"], ["run", "d", "--bogus"], ["preview"]])
-def test_usage_errors(tmp_path, words):
+def test_usage_error_has_status_2(tmp_path, words):
     result = driftyard(*words, cwd=tmp_path)
     assert result.returncode == 2
     assert "Usage:" in result.stderr
@@ -223,7 +223,7 @@ def test_usage_errors(tmp_path, words):
     "command",
     ["scenes", "preview", "generate", "verify", "run", "score", "report", "doctor", "demo"],
 )
-def test_every_help_shows_an_example(tmp_path, command):
+def test_help_of_every_command_shows_an_example(tmp_path, command):
     result = driftyard(command, "--help", cwd=tmp_path)
     assert result.returncode == 0
     assert f"Example: driftyard {command}" in result.stdout

@@ -110,7 +110,7 @@ def folder(tmp_path) -> Path:
     return tmp_path
 
 
-def test_a_worker_that_is_killed_costs_only_time(folder, calm):
+def test_killed_worker_is_retried(folder, calm):
     run = start("trials.cli", *MANY, "--workers", "2", cwd=folder)
     worker = until(lambda: writer_of(partial_of(folder, NAMES[1])), run)
     os.kill(worker, signal.SIGKILL)
@@ -120,7 +120,7 @@ def test_a_worker_that_is_killed_costs_only_time(folder, calm):
     assert {path.name: content(path) for path in (folder / "many").iterdir()} == calm
 
 
-def test_a_dataset_whose_workers_all_die_is_named_and_the_others_are_made(folder, calm):
+def test_dataset_whose_workers_all_die_is_named(folder, calm):
     """The second is killed at every try; again without that, only it is made."""
     run = start("trials.cli", *MANY, "--workers", "1", cwd=folder)
     until((folder / "many" / NAMES[0]).exists, run)
@@ -150,7 +150,7 @@ def test_a_dataset_whose_workers_all_die_is_named_and_the_others_are_made(folder
     assert after == before
 
 
-def test_a_dataset_that_its_worker_finished_without_saying_so_counts(folder, monkeypatch):
+def test_perform_finished_dataset_counts(folder, monkeypatch):
     monkeypatch.chdir(folder)
     result = driftyard("generate", "yard.xml", "--out", "d", *SMALL, cwd=folder)
     assert result.returncode == 0, result.stderr
@@ -197,13 +197,13 @@ def cluster(tmp_path_factory) -> Iterator[Cluster]:
     made.stop()
 
 
-def test_a_cluster_of_someone_elses_makes_the_same_datasets(folder, calm, cluster):
+def test_external_scheduler_makes_equal_datasets(folder, calm, cluster):
     result = driftyard(*MANY, "--scheduler", cluster.address, cwd=folder)
     assert result.returncode == 0, result.stderr
     assert {path.name: content(path) for path in (folder / "many").iterdir()} == calm
 
 
-def test_a_scheduler_that_vanishes_is_said_in_one_line(folder, calm, cluster):
+def test_vanished_scheduler_ends_in_one_line(folder, calm, cluster):
     run = start("trials.cli", *MANY, "--scheduler", cluster.address, cwd=folder)
     until(lambda: writer_of(partial_of(folder, NAMES[1])), run)
     cluster.scheduler.kill()
@@ -217,7 +217,7 @@ def test_a_scheduler_that_vanishes_is_said_in_one_line(folder, calm, cluster):
     assert all(content(path) == calm[path.name] for path in made)
 
 
-def test_a_folder_that_another_process_is_writing_is_left_to_it(tmp_path):
+def test_folder_locked_by_another_process_is_refused(tmp_path):
     """Such as a worker that was thought lost and is alive; a dead one's folder is taken over."""
     out = tmp_path / "d"
     with DatasetWriter(out) as first:
@@ -247,7 +247,7 @@ def limited(*words: str, blocks: int, cwd: Path) -> subprocess.CompletedProcess[
 
 
 @pytest.mark.parametrize(("blocks", "file"), [(4, "mav0/"), (200, "map.png")])
-def test_a_file_that_finds_no_room_is_named_and_nothing_stays(folder, calm, blocks, file):
+def test_full_disk_names_the_file_and_leaves_nothing(folder, calm, blocks, file):
     sizes = {name: len(data) for name, data in calm[NAMES[0]].items()}
     assert max(sizes.values()) > 512 * blocks
     result = limited("generate", "yard.xml", "--out", "d", *SMALL, blocks=blocks, cwd=folder)
@@ -258,7 +258,7 @@ def test_a_file_that_finds_no_room_is_named_and_nothing_stays(folder, calm, bloc
     assert [path.name for path in folder.iterdir()] == ["yard.xml"]
 
 
-def test_a_picture_that_finds_no_room_leaves_the_one_before(folder):
+def test_full_disk_keeps_the_previous_picture(folder):
     words = ("preview", "yard.xml", "--out", "p.png", *SMALL)
     assert driftyard(*words, cwd=folder).returncode == 0
     before = (folder / "p.png").read_bytes()
@@ -269,7 +269,7 @@ def test_a_picture_that_finds_no_room_leaves_the_one_before(folder):
     assert (folder / "p.png").read_bytes() == before
 
 
-def test_a_full_disk_leaves_what_was_complete(folder, calm):
+def test_full_disk_keeps_complete_datasets(folder, calm):
     """A file system with room for one dataset and a half, in a name space of its own."""
     if subprocess.run(["unshare", "-Urm", "true"], capture_output=True, check=False).returncode:
         pytest.skip("mounting is not allowed here")

@@ -9,7 +9,7 @@ import pytest
 from terminal import ROOT, driftyard
 
 
-def test_scenes_are_listed(tmp_path):
+def test_scenes_lists_scenes_and_disturbances(tmp_path):
     result = driftyard("scenes", cwd=tmp_path)
     assert result.returncode == 0
     assert "brick_court" in result.stdout
@@ -17,14 +17,14 @@ def test_scenes_are_listed(tmp_path):
 
 
 @pytest.mark.gl
-def test_doctor_renders(tmp_path):
+def test_doctor_reports_a_working_driver(tmp_path):
     result = driftyard("doctor", cwd=tmp_path)
     assert result.returncode == 0, result.stdout
     assert "renders: " in result.stdout
     assert "gtsam" in result.stdout
 
 
-def test_help_loads_nothing_heavy(tmp_path):
+def test_import_of_the_command_line_is_light(tmp_path):
     code = (
         "import sys, trials.cli.main; "
         "sys.exit(', '.join({'cv2', 'mujoco', 'gtsam', 'numba', 'scipy'} & set(sys.modules)))"

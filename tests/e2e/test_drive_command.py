@@ -15,7 +15,7 @@ SMALL = ("--set", "rig.width_px=320", "--set", "rig.height_px=240")
 SHORT = ("--trial", "distance_m=[1.0, 2.5]")
 
 
-def test_sources_are_compared_on_the_same_ways(tmp_path):
+def test_drive_compares_sources_on_the_same_goals(tmp_path):
     write_yard(tmp_path)
     sources = "truth,wheels,drift:90"
     words = ("--localization", sources, "--worlds", 2, "--out", "trials.jsonl")
@@ -36,7 +36,7 @@ def test_sources_are_compared_on_the_same_ways(tmp_path):
     assert cv2.imread(str(tmp_path / "curve.png")).shape[1] > 800
 
 
-def test_a_trial_is_kept_as_film_and_dataset(tmp_path):
+def test_drive_keep_writes_film_and_dataset(tmp_path):
     write_yard(tmp_path)
     short = ("--trial", "distance_m=[1.0, 1.5]", "--trial", "rate_hz=5.0")
     words = ("--localization", "drift:20", "--worlds", 1, "--keep", "kept", *SMALL, *short)
@@ -60,7 +60,7 @@ def test_a_trial_is_kept_as_film_and_dataset(tmp_path):
         (("yard.xml", "--trial", "distance_m=[5.0, 2.0]"), "the first must be the smaller"),
     ],
 )
-def test_bad_input_ends_in_one_line(tmp_path, words, said):
+def test_drive_bad_input_ends_in_one_line(tmp_path, words, said):
     write_yard(tmp_path)
     done = driftyard("drive", *words, cwd=tmp_path)
     assert done.returncode == 2

@@ -40,7 +40,7 @@ def content(dataset):
     return {path.relative_to(dataset).as_posix(): path.read_bytes() for path in files}
 
 
-def test_a_users_world_becomes_a_dataset_that_verifies(folder):
+def test_generate_mjcf_scene_gives_a_dataset_that_verifies(folder):
     manifest = json.loads((folder / "d/dataset.json").read_text())
     assert manifest["scene"]["name"] == "yard"
     assert manifest["scene"]["source"] == "yard.xml"
@@ -49,20 +49,20 @@ def test_a_users_world_becomes_a_dataset_that_verifies(folder):
     assert driftyard("verify", "d", cwd=folder).returncode == 0
 
 
-def test_a_dataset_is_made_again_from_its_manifest_to_the_byte(folder):
+def test_generate_from_manifest_repeats_every_byte(folder):
     result = driftyard("generate", "--from", "d/dataset.json", "--out", "again", cwd=folder)
     assert result.returncode == 0, result.stderr
     assert content(folder / "again") == content(folder / "d")
 
 
-def test_disturbances_of_strength_zero_leave_every_byte(folder):
+def test_generate_disturbances_of_strength_0_change_nothing(folder):
     words = ("--out", "zero", "--seed", 7, "--disturb", "blur=0,noise=0,slip=0", *TINY)
     result = driftyard("generate", "yard.xml", *words, cwd=folder)
     assert result.returncode == 0, result.stderr
     assert content(folder / "zero") == content(folder / "d")
 
 
-def test_many_datasets_are_the_single_ones(folder):
+def test_generate_many_equals_single_datasets(folder):
     words = ("--out", "many", "--seed", 6, "--count", 2, "--workers", 1, *TINY)
     result = driftyard("generate", "yard.xml", *words, cwd=folder)
     assert result.returncode == 0, result.stderr

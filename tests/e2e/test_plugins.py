@@ -61,12 +61,12 @@ def place(tmp_path):
     return tmp_path
 
 
-def test_the_help_lists_every_estimator(tmp_path):
+def test_help_of_run_lists_every_estimator(tmp_path):
     shown = driftyard("run", "--help", cwd=tmp_path).stdout
     assert all(name in shown for name in ESTIMATORS)
 
 
-def test_a_class(place):
+def test_run_plugin_class_writes_all_files(place):
     words = ("run", "drive", "--out", "a.tum", "--estimator", "mine:Sliding")
     result = driftyard(*words, cwd=place)
     assert result.returncode == 0, result.stderr
@@ -81,7 +81,7 @@ def test_a_class(place):
     assert read_run(place / "a.tum").about["settings"] == {"step_m": 0.1}
 
 
-def test_a_program(place):
+def test_run_program_writes_all_files(place):
     command = f"{sys.executable} program.py {{dataset}} {{out}}"
     words = ("run", "drive", "--out", "a.tum", "--command", command, "--label", "mine")
     result = driftyard(*words, "--timeout", "60", cwd=place)
@@ -113,7 +113,7 @@ def test_a_program(place):
         (("--estimator", "mine:Nothing"), "mine has no class Nothing"),
     ],
 )
-def test_one_line_says_what_is_wrong(words, message, place):
+def test_run_bad_plugin_ends_in_one_line(words, message, place):
     result = driftyard("run", "drive", "--out", "a.tum", *words, cwd=place)
     assert result.returncode == 2
     assert message in result.stderr
@@ -121,7 +121,7 @@ def test_one_line_says_what_is_wrong(words, message, place):
     assert not (place / "a.tum").exists()
 
 
-def test_an_estimator_that_always_fails(place):
+def test_run_always_failing_plugin_ends_in_one_line(place):
     write_euroc(place / "long", wall(25))
     words = ("run", "long", "--out", "a.tum", "--estimator", "mine:Hopeless")
     result = driftyard(*words, cwd=place)

@@ -21,13 +21,13 @@ def sequence(tmp_path):
     return open_sequence(write_euroc(tmp_path / "wall", wall(8, STEP_PX)))
 
 
-def test_known_motion(sequence):
+def test_corner_flow_known_motion_is_recovered(sequence):
     T = run(sequence, CornerFlow(sequence.rig)).trajectory.T_ref_frame
     end = T[-1, :3, 3]
     assert end == pytest.approx([7 * STEP_M, 0, 0], abs=2e-3)
 
 
-def test_the_record_is_complete(sequence):
+def test_corner_flow_estimates_are_complete(sequence):
     estimates = run(sequence, CornerFlow(sequence.rig)).estimates
     assert [x.status for x in estimates] == [Status.START] + [Status.TRACKED] * 7
     last = estimates[-1]
@@ -41,12 +41,12 @@ def test_the_record_is_complete(sequence):
     assert len(np.unique(ids)) == len(ids)
 
 
-def test_same_frames_same_poses(sequence):
+def test_corner_flow_repeated_gives_equal_poses(sequence):
     a, b = (run(sequence, CornerFlow(sequence.rig)).trajectory.T_ref_frame for _ in range(2))
     assert (a == b).all()
 
 
-def test_blank_images_are_lost_and_the_next_start_resumes(sequence):
+def test_corner_flow_blank_images_are_lost(sequence):
     tracker = CornerFlow(sequence.rig)
     blank = np.full((HEIGHT, WIDTH), 90, np.uint8)
     tracker.track(sequence[0])
@@ -60,7 +60,7 @@ def test_blank_images_are_lost_and_the_next_start_resumes(sequence):
     assert tracker.track(sequence[3]).status is Status.TRACKED
 
 
-def test_noise_never_raises(sequence):
+def test_corner_flow_noise_never_raises(sequence):
     tracker = CornerFlow(sequence.rig)
     rng = np.random.default_rng(0)
     for i in range(5):
@@ -69,7 +69,7 @@ def test_noise_never_raises(sequence):
 
 
 @pytest.mark.slow
-def test_kitti_06(real_data):
+def test_corner_flow_kitti_06_drift_is_bounded(real_data):
     folder = real_data("kitti_06")
     sequence = open_sequence(folder)
     result = run(sequence, CornerFlow(sequence.rig))

@@ -54,20 +54,20 @@ def own_module(tmp_path, monkeypatch):
     sys.modules.pop("own", None)
 
 
-def test_settings_arrive_and_are_resolved():
+def test_make_estimator_resolves_settings():
     estimator, settings = make_estimator("corner_flow", RIG, None, ["max_corners=77"])
     assert isinstance(estimator, CornerFlow)
     assert settings["max_corners"] == estimator.settings.max_corners == 77
-    assert settings["trials"] == 300
+    assert settings["max_hypotheses"] == 300
 
 
-def test_a_class_of_ones_own():
+def test_make_estimator_builds_a_plugin_class():
     estimator, settings = make_estimator("trials.estimators.baselines.corner_flow:CornerFlow", RIG)
     assert isinstance(estimator, CornerFlow)
     assert settings == {}
 
 
-def test_settings_of_a_class_of_ones_own(own_module, tmp_path):
+def test_make_estimator_passes_plugin_settings(own_module, tmp_path):
     (tmp_path / "x.toml").write_text("gain = 3\n")
     assert make_estimator("own:Tuned", RIG)[1] == {"gain": 1.0}
     estimator, settings = make_estimator("own:Tuned", RIG, tmp_path / "x.toml")
@@ -76,7 +76,7 @@ def test_settings_of_a_class_of_ones_own(own_module, tmp_path):
     assert make_estimator("own:Tuned", RIG, None, ["gain=4"])[1] == {"gain": 4.0}
 
 
-def test_a_file_of_settings(tmp_path):
+def test_make_estimator_reads_a_settings_file(tmp_path):
     (tmp_path / "x.toml").write_text("max_corners = 50\nseed = 3\n")
     _, settings = make_estimator("corner_flow", RIG, tmp_path / "x.toml", ["seed=4"])
     assert (settings["max_corners"], settings["seed"]) == (50, 4)
@@ -107,6 +107,6 @@ def test_a_file_of_settings(tmp_path):
         ("driftyard", ["nonsense=1"], "unknown setting nonsense; valid here: defocus"),
     ],
 )
-def test_mistakes_name_the_choices(name, overrides, message, own_module):
+def test_make_estimator_mistake_names_the_choices(name, overrides, message, own_module):
     with pytest.raises((SettingsError, PluginError), match=message):
         make_estimator(name, RIG, None, overrides)

@@ -15,7 +15,7 @@ from vo.contract.errors import DriftyardError
         (Variant("theirs", "nowhere.to.be:Found"), "nowhere"),
     ],
 )
-def test_an_estimator_that_cannot_be_built_costs_no_recording(tmp_path, variant, named):
+def test_run_jobs_invalid_estimator_records_nothing(tmp_path, variant, named):
     office = Recording("office", 0)
     jobs = [Job(office, Variant("baseline", "corner_flow")), Job(office, variant)]
     with pytest.raises(DriftyardError, match=named):

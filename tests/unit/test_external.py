@@ -10,7 +10,7 @@ from folders import PERIOD_NS, wall, write_euroc
 from trials.estimators.choice import Named, estimate
 from trials.estimators.plugins import PluginError
 from trials.estimators.plugins.command import Command
-from trials.estimators.plugins.guard import MOST_CRASHES, Guarded
+from trials.estimators.plugins.guard import MAX_FAILURES, Guarded
 from trials.evaluation.runs import read_run
 from vo.contract.errors import SettingsError
 from vo.contract.estimator import Estimate, FinalResult, Status
@@ -42,20 +42,20 @@ def track(estimator, times):
     return [estimator.track(StereoFrame(time, BLANK, BLANK)) for time in times]
 
 
-def test_a_crash_loses_one_frame():
+def test_guarded_exception_loses_one_frame():
     guarded = Guarded(Scripted(standing, ValueError("too\n dark"), standing))
     estimates = track(guarded, range(3))
     assert [x.status.value for x in estimates] == ["tracked", "lost", "tracked"]
     assert estimates[1].reason == "ValueError: too dark"
-    assert guarded.crashes == 1
+    assert guarded.failures == 1
 
 
-def test_crashes_in_a_row_are_an_error():
-    crashes = [KeyError("x")] * MOST_CRASHES
-    track(Guarded(Scripted(*crashes, standing, *crashes)), range(2 * MOST_CRASHES + 1))
-    message = rf"failed on {MOST_CRASHES + 1} frames in a row, the last at {MOST_CRASHES} ns: Key"
+def test_guarded_many_consecutive_failures_are_an_error():
+    crashes = [KeyError("x")] * MAX_FAILURES
+    track(Guarded(Scripted(*crashes, standing, *crashes)), range(2 * MAX_FAILURES + 1))
+    message = rf"failed on {MAX_FAILURES + 1} frames in a row, the last at {MAX_FAILURES} ns: Key"
     with pytest.raises(PluginError, match=message):
-        track(Guarded(Scripted(*crashes, *crashes)), range(2 * MOST_CRASHES))
+        track(Guarded(Scripted(*crashes, *crashes)), range(2 * MAX_FAILURES))
 
 
 def posed(T):
@@ -74,14 +74,14 @@ def posed(T):
         (posed(np.ones((4, 4)) * np.eye(4) + np.eye(4)[:, ::-1] * 0.1), "not a rigid"),
     ],
 )
-def test_what_cannot_be_used_is_lost(answer, reason):
+def test_guarded_invalid_estimate_is_lost(answer, reason):
     [estimate] = track(Guarded(Scripted(answer)), [5])
     assert estimate.status is Status.LOST
     assert estimate.timestamp_ns == 5
     assert reason in estimate.reason
 
 
-def test_hindsight_passes_through_and_may_fail():
+def test_guarded_finalize_passes_through_or_is_empty():
     class Wise(Scripted):
         def finalize(self):
             return FinalResult(Trajectory(np.array([3]), np.eye(4)[None]))
@@ -123,7 +123,7 @@ lines = [f"{t:.6f} {5 + i} 0 0 0 0 0 1" for i, t in enumerate(times)]
 """
 
 
-def test_poses_of_a_program(program, dataset, tmp_path):
+def test_run_command_poses_are_relative_to_the_first(program, dataset, tmp_path):
     command = program(PLAIN + 'print("hello"); out.write_text("\\n".join(lines))', label="mine")
     start = time.perf_counter()
     result = estimate(command, dataset, tmp_path / "x.tum")
@@ -139,7 +139,7 @@ def test_poses_of_a_program(program, dataset, tmp_path):
     assert (tmp_path / "x.printed.txt").read_text() == "hello\n"
 
 
-def test_frames_without_a_pose_are_lost(program, dataset, tmp_path):
+def test_run_command_frame_without_pose_is_lost(program, dataset, tmp_path):
     late = "lines[2] = lines[2].replace('.300000', '.302000')\n"
     command = program(PLAIN + late + 'out.write_text("\\n".join(lines[1:4]))')
     estimate(command, dataset, tmp_path / "x.tum")
@@ -165,13 +165,13 @@ def test_frames_without_a_pose_are_lost(program, dataset, tmp_path):
         ),
     ],
 )
-def test_a_program_that_fails(lines, message, program, dataset, tmp_path):
+def test_run_command_failing_program_is_reported(lines, message, program, dataset, tmp_path):
     with pytest.raises(PluginError, match=message):
         estimate(program(lines), dataset, tmp_path / "x.tum")
     assert [path.name for path in tmp_path.glob("x*")] == ["x.printed.txt"]
 
 
-def test_a_program_that_takes_too_long_ends_with_all_that_it_started(program, dataset, tmp_path):
+def test_run_command_timeout_kills_the_process_group(program, dataset, tmp_path):
     lines = """
 print("begun", flush=True)
 child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
@@ -205,22 +205,22 @@ def is_running(pid):
         ("slam '{dataset} {out}", "No closing quotation"),
     ],
 )
-def test_commands_that_cannot_be(template, message):
+def test_command_invalid_template_is_refused(template, message):
     with pytest.raises(SettingsError, match=message):
         Command(template)
 
 
-def test_a_program_that_is_not_there(dataset, tmp_path):
+def test_run_command_missing_program_is_reported(dataset, tmp_path):
     with pytest.raises(PluginError, match=r"cannot run /nowhere/slam \(No such file"):
         estimate(Command("/nowhere/slam {dataset} {out}"), dataset, tmp_path / "x.tum")
 
 
-def test_no_shell_looks_at_the_words(tmp_path):
+def test_command_words_are_not_read_by_a_shell(tmp_path):
     words = Command("slam --to={out} '$(x)' {dataset}/mav0 {}").words(tmp_path / "a b", tmp_path)
     assert words == ["slam", f"--to={tmp_path}", "$(x)", f"{tmp_path}/a b/mav0", "{}"]
 
 
-def test_both_kinds_write_the_same_files(program, dataset, tmp_path):
+def test_estimate_class_and_program_write_equal_files(program, dataset, tmp_path):
     estimate(Named("corner_flow"), dataset, tmp_path / "a.tum")
     estimate(program(PLAIN + 'out.write_text("\\n".join(lines))'), dataset, tmp_path / "b.tum")
     ours, theirs = ({path.name[2:] for path in tmp_path.glob(f"{stem}.*")} for stem in ("a", "b"))
@@ -247,7 +247,7 @@ class Forgetful(Moody):
 """
 
 
-def test_a_class_that_fails_keeps_what_it_said(dataset, tmp_path, monkeypatch):
+def test_estimate_failing_finalize_keeps_the_files(dataset, tmp_path, monkeypatch):
     (tmp_path / "moody_vo.py").write_text(OWN)
     monkeypatch.chdir(tmp_path)
     estimate(Named("moody_vo:Moody"), dataset, tmp_path / "a.tum")

@@ -46,7 +46,7 @@ def changed(ratios, scenes=SCENES, **after):
     return decide(Rules(), scenes, before, [measured(0.1 * x, **after) for x in ratios])
 
 
-def test_scene_means_are_tested_as_student_does():
+def test_bounds_of_many_scenes_are_students_t():
     values = np.random.default_rng(0).normal(0.03, 0.1, 12)
     effect = Effect.of(values, SCENES * 2)
     means = values.reshape(2, 6).mean(axis=0)
@@ -54,14 +54,14 @@ def test_scene_means_are_tested_as_student_does():
     assert effect.bounds(0.05) == pytest.approx((interval.low, interval.high))
 
 
-def test_pairs_of_few_scenes_are_compared_with_their_scene():
+def test_bounds_of_one_scene_are_those_of_its_pairs():
     """One scene: the plain interval of a mean."""
     values = np.random.default_rng(1).normal(0, 0.1, 8)
     interval = stats.ttest_1samp(values, 0).confidence_interval(0.9)
     assert Effect.of(values, ["a"] * 8).bounds(0.05) == pytest.approx((interval.low, interval.high))
 
 
-def test_detectable_change_is_found_with_the_promised_power():
+def test_detectable_change_is_found_with_its_power():
     rng = np.random.default_rng(2)
     error, degrees = design_error(0.1, 0.0, 8, 1)
     draws = rng.normal(detectable(error, degrees, 0.05, 0.8), 0.1, (4000, 8))
@@ -69,18 +69,18 @@ def test_detectable_change_is_found_with_the_promised_power():
     assert np.mean(found) == pytest.approx(0.8, abs=0.025)
 
 
-def test_seeds_cannot_average_out_scenes():
+def test_seeds_needed_scene_variance_remains():
     assert seeds_needed(0.1, 0.0, 6, 0.05, 0.05, 0.8) is not None
     assert seeds_needed(0.1, 0.2, 6, 0.05, 0.05, 0.8) is None
 
 
-def test_losses_by_hand():
+def test_newly_lost_matches_hand_computation():
     """Five newly lost of five: 1/32."""
     assert newly_lost([False] * 6, [True] * 5 + [False]) == (5, 0, pytest.approx(1 / 32))
     assert newly_lost([True, False], [False, True]) == (1, 1, pytest.approx(0.75))
 
 
-def test_verdicts():
+def test_decide_of_scaled_drifts_gives_each_verdict():
     rng = np.random.default_rng(3)
     noise = np.exp(rng.normal(0, 0.02, 6))
     assert changed(np.ones(6)).verdict is Verdict.PASS
@@ -93,13 +93,13 @@ def test_verdicts():
     assert changed(noise, lost=50).verdict is Verdict.REGRESS
 
 
-def test_too_few_sequences_decide_nothing():
+def test_decide_too_few_sequences_is_undecided():
     decision = changed(np.full(4, 9.0), SCENES[:4])
     assert decision.verdict is Verdict.UNDECIDED
     assert "too few sequences" in decision.remark
 
 
-def test_level_and_power_of_the_decision_itself():
+def test_decide_simulated_has_its_level_and_power():
     """Room for four standard deviations of 200 repetitions."""
     case = modelled(6, 0.08, 0.03)
     rng = np.random.default_rng(4)
@@ -127,12 +127,12 @@ def baseline():
     )  # fmt: skip
 
 
-def test_baseline_is_read_back(baseline, tmp_path):
+def test_baseline_written_is_read_back(baseline, tmp_path):
     write_baseline(tmp_path / "b.json", baseline)
     assert read_baseline(tmp_path / "b.json") == baseline
 
 
-def test_baselines_that_are_none(baseline, tmp_path):
+def test_read_baseline_invalid_file_is_refused(baseline, tmp_path):
     file = tmp_path / "b.json"
     with pytest.raises(DatasetError, match="`driftyard gate update` writes one"):
         read_baseline(file)
@@ -149,27 +149,27 @@ def test_baselines_that_are_none(baseline, tmp_path):
         read_baseline(file)
 
 
-def test_other_datasets_are_named_with_the_cause(baseline):
+def test_dataset_mismatch_names_the_cause(baseline):
     same = [x.sha256 for x in baseline.sequences]
     assert dataset_mismatch(baseline, same, "2", {}) == ""
     told = dataset_mismatch(baseline, [*same[:5], "?"], "1", {"mujoco": "5"})
     assert told == "datasets differ in 1 of 6 sequences, the first s5 seed 0 (mujoco is 5, was 4)"
 
 
-def test_another_platform_is_refused_before_anything_is_recorded(baseline, tmp_path):
+def test_compare_other_platform_is_refused_first(baseline, tmp_path):
     with pytest.raises(DatasetError, match=r"b\.json: platform is .*, was Linux x; run"):
         compare(tmp_path / "b.json", baseline, Named(), (), tmp_path, console.counting_bar)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_mismatch_is_refused_unless_accepted(tmp_path):
+def test_refuse_mismatch_unless_accepted(tmp_path):
     refuse(tmp_path, "datasets", "datasets differ", ["datasets"])
     refuse(tmp_path, "datasets", "", [])
     with pytest.raises(DatasetError, match="update`, or --accept datasets"):
         refuse(tmp_path, "datasets", "datasets differ", ["platform"])
 
 
-def test_reports_agree(baseline):
+def test_reports_of_one_comparison_agree(baseline):
     after = [measured(0.2) for _ in SCENES[1:]]
     after.append(Measurement(frames=100, lost_frames=100, problem="died <b>|\n"))
     decision = decide(Rules(), SCENES, baseline.measured, after)
@@ -229,7 +229,7 @@ def run(name, place):
     return measure(Named(f"gated:{name}"), Named("corner_flow"), place, lambda _: None)
 
 
-def test_a_crash_loses_one_sequence(place):
+def test_measure_crash_loses_one_sequence(place):
     first, second, third = run("Sliding", place)
     assert first.drift_percent == third.drift_percent == pytest.approx(2.0)
     assert second.is_lost
@@ -239,11 +239,11 @@ def test_a_crash_loses_one_sequence(place):
     assert first.nees is None
 
 
-def test_no_pose_at_all_is_a_loss(place):
+def test_measure_no_pose_is_a_loss(place):
     for found in run("Silent", place):
         assert (found.is_lost, found.lost_frames, found.problem) == (True, FRAMES, "")
 
 
-def test_failing_everywhere_is_an_error(place):
+def test_measure_failing_everywhere_is_an_error(place):
     with pytest.raises(DatasetError, match=r"failed on every sequence.*ValueError: never"):
         run("Hopeless", place)

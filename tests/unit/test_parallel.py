@@ -13,16 +13,16 @@ from terminal import ROOT
 from trials.execution.parallel import THREADS, map_parallel
 
 
-def test_every_call_is_answered_once():
+def test_map_parallel_returns_every_result_once():
     assert sorted(map_parallel(divmod, [(7, 2), (9, 4)])) == [(0, (3, 1)), (1, (2, 1))]
 
 
-def test_an_error_reaches_the_caller():
+def test_map_parallel_raises_the_error_of_a_call():
     with pytest.raises(ZeroDivisionError):
         list(map_parallel(divmod, [(1, 0), (7, 2)]))
 
 
-def test_workers_have_one_thread_and_leave_the_environment_alone(monkeypatch):
+def test_map_parallel_workers_have_one_thread(monkeypatch):
     monkeypatch.delenv(THREADS[0], raising=False)
     monkeypatch.setenv(THREADS[1], "3")
     assert [x for _, x in map_parallel(os.getenv, [(THREADS[0],), (THREADS[1],)])] == ["1", "1"]
@@ -36,7 +36,7 @@ def write_and_wait(file: str) -> None:
     time.sleep(60)
 
 
-def test_workers_end_with_a_killed_parent(tmp_path):
+def test_map_parallel_workers_end_with_their_parent(tmp_path):
     file = tmp_path / "pid"
     code = (
         "import sys; sys.path.insert(0, 'tests/unit')\n"
@@ -55,7 +55,7 @@ def test_workers_end_with_a_killed_parent(tmp_path):
     until(lambda: not is_running(worker))
 
 
-def test_a_killed_worker_ends_a_command_in_one_line(tmp_path):
+def test_guard_killed_worker_ends_in_one_line(tmp_path):
     script = tmp_path / "main.py"
     script.write_text(
         "import os\nfrom trials.cli.main import guard\n"

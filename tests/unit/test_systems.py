@@ -11,9 +11,9 @@ from folders import BASELINE_M, DISPARITY_PX, F_PX, HEIGHT, PERIOD_NS, WIDTH, wa
 
 from trials.estimators.choice import make_estimator
 from trials.estimators.plugins import PluginError
-from trials.estimators.systems import elsewhere, environments
-from trials.estimators.systems.elsewhere import Elsewhere
-from trials.estimators.systems.environments import PLACE, ForeignSystemError, folder_of
+from trials.estimators.systems import environments, subprocess_estimator
+from trials.estimators.systems.environments import FOLDER_VARIABLE, ForeignSystemError, folder_of
+from trials.estimators.systems.subprocess_estimator import SubprocessEstimator
 from vo.contract.errors import SettingsError
 from vo.contract.estimator import Status
 from vo.contract.rig import StereoRig
@@ -59,12 +59,12 @@ def installed(tmp_path, monkeypatch):
     python.parent.mkdir(parents=True)
     python.write_text(f'#!/bin/sh\nexec {sys.executable} "$@"\n')
     python.chmod(0o755)
-    monkeypatch.setenv(PLACE, str(tmp_path / "systems"))
+    monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path / "systems"))
     workers = tmp_path / "workers"
     workers.mkdir()
-    shutil.copy(elsewhere.WORKERS / "pipe.py", workers)
+    shutil.copy(subprocess_estimator.WORKERS / "pipe.py", workers)
     (workers / "toy_vo_worker.py").write_text(WORKER)
-    monkeypatch.setattr(elsewhere, "WORKERS", workers)
+    monkeypatch.setattr(subprocess_estimator, "WORKERS", workers)
 
 
 def frame(i, left, right):
@@ -72,8 +72,8 @@ def frame(i, left, right):
     return StereoFrame(i * PERIOD_NS, *eyes)
 
 
-def test_frames_go_and_poses_come(installed):
-    system = Elsewhere("toy_vo", RIG, {})
+def test_worker_receives_frames_and_returns_poses(installed):
+    system = SubprocessEstimator("toy_vo", RIG, {})
     estimates = [system.track(frame(i, *eyes)) for i, eyes in enumerate([(7, 9), (0, 5), (8, 6)])]
     assert [x.status for x in estimates] == [Status.START, Status.LOST, Status.TRACKED]
     assert estimates[0].T_odom_cam[:3, 3].tolist() == [0, 7, 9]
@@ -86,32 +86,32 @@ def test_frames_go_and_poses_come(installed):
     assert process.returncode == 0
 
 
-def test_a_worker_that_dies_says_why(installed):
+def test_worker_that_dies_gives_its_last_line(installed):
     with pytest.raises(PluginError, match="toy_vo ended with status 1: no licence"):
-        Elsewhere("toy_vo", RIG, {"refuse": True})
-    system = Elsewhere("toy_vo", RIG, {})
+        SubprocessEstimator("toy_vo", RIG, {"refuse": True})
+    system = SubprocessEstimator("toy_vo", RIG, {})
     for _ in range(2):
         with pytest.raises(PluginError, match="segmentation fault, as it were"):
             system.track(frame(0, 1, 1))
 
 
-def test_a_worker_that_hangs_is_ended(installed):
-    system = Elsewhere("toy_vo", RIG, {"hang": True}, patience_s=1.0)
+def test_worker_that_hangs_is_killed(installed):
+    system = SubprocessEstimator("toy_vo", RIG, {"hang": True}, timeout_s=1.0)
     process = system._process
-    with pytest.raises(PluginError, match="toy_vo says nothing for 1 s"):
+    with pytest.raises(PluginError, match="toy_vo does not answer for 1 s"):
         system.track(frame(0, 7, 7))
     assert process.returncode is not None
 
 
-def test_a_forgotten_worker_ends(installed):
-    system = Elsewhere("toy_vo", RIG, {})
+def test_worker_of_a_deleted_estimator_ends(installed):
+    system = SubprocessEstimator("toy_vo", RIG, {})
     process = system._process
     del system
     assert process.returncode == 0
 
 
-def test_what_is_not_installed_says_how(tmp_path, monkeypatch):
-    monkeypatch.setenv(PLACE, str(tmp_path))
+def test_python_of_missing_system_names_the_command(tmp_path, monkeypatch):
+    monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path))
     with pytest.raises(ForeignSystemError, match=r"driftyard systems install toy_vo"):
         make_estimator("trials.estimators.systems.toy_vo:ToyVo", RIG)
     with pytest.raises(SettingsError, match="unknown system basalt; valid: orbslam3, toy_vo"):
@@ -122,8 +122,8 @@ def test_what_is_not_installed_says_how(tmp_path, monkeypatch):
         )
 
 
-def test_what_cannot_be_installed_says_so(tmp_path, monkeypatch):
-    monkeypatch.setenv(PLACE, str(tmp_path))
+def test_install_failure_names_the_reason(tmp_path, monkeypatch):
+    monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path))
     impossible = environments.Package((f"{tmp_path}/no-such-wheel.whl",), "", "")
     monkeypatch.setitem(environments.SYSTEMS, "toy_vo", impossible)
     with pytest.raises(ForeignSystemError, match=r"cannot install toy_vo: .*no-such-wheel"):
@@ -137,7 +137,7 @@ def slide(estimator, frames=6):
 
 
 @pytest.mark.skipif(not hasattr(cv2, "Odometry"), reason="OpenCV has no cv2.Odometry")
-def test_rgbd_odometry_follows_a_wall():
+def test_rgbd_odometry_before_a_wall_is_accurate():
     estimator, settings = make_estimator(
         "trials.estimators.systems.rgbd:RgbdOdometry", RIG, None, ["method=rgb_depth"]
     )
@@ -154,7 +154,7 @@ def test_rgbd_odometry_follows_a_wall():
 @pytest.mark.skipif(
     not (folder_of("toy_vo") / "bin/python").exists(), reason="toy-vo is not installed"
 )
-def test_toy_vo_follows_a_wall():
+def test_toy_vo_before_a_wall_is_accurate():
     estimates = slide(make_estimator("trials.estimators.systems.toy_vo:ToyVo", RIG)[0])
     moved = estimates[-1].T_odom_cam[:3, 3]
     assert 1e-6 < np.linalg.norm(moved - [5 * STEP_M, 0, 0]) < 0.03
@@ -167,7 +167,7 @@ VOCABULARY = os.environ.get("DRIFTYARD_ORB_VOCABULARY", "")
     not VOCABULARY or not (folder_of("orbslam3") / "bin/python").exists(),
     reason="ORB-SLAM3 is not installed, or DRIFTYARD_ORB_VOCABULARY not set",
 )
-def test_orbslam3_follows_a_wall():
+def test_orbslam3_before_a_wall_is_accurate():
     name, setting = "trials.estimators.systems.orbslam3:OrbSlam3", f"vocabulary={VOCABULARY}"
     estimates = slide(make_estimator(name, RIG, None, [setting])[0])
     moved = estimates[-1].T_odom_cam[:3, 3]

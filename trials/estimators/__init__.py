@@ -1,1 +1,1 @@
-"""Estimators by name, as a class, as a program, and other systems."""
+"""Estimators: those of this project, classes and programs of others, installed systems."""

@@ -1,4 +1,4 @@
-"""Estimators to choose from: ours by name, anyone's class as `module:Class`, anyone's program."""
+"""Choice of an estimator: a registered name, a class as `module:Class`, or a program."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,12 +20,12 @@ Factory = Callable[[StereoRig, Path | None, Sequence[str]], tuple[Estimator, Set
 
 @dataclass(frozen=True)
 class Named:
-    """An estimator that runs in this process.
+    """An estimator that runs in this process, and its settings.
 
     Attributes:
         name: A key of ESTIMATORS, or `module:Class`.
         config: TOML file of settings.
-        overrides: `key=value` each.
+        overrides: Settings, `key=value` each.
     """
 
     name: str = "driftyard"
@@ -56,7 +56,7 @@ def _odometry(
 
     base = preset.model_dump(exclude_defaults=True)
     settings = resolve(OdometrySettings, config, overrides, base)
-    from vo.odometry import StereoOdometry  # loads gtsam and numba: after the cheap mistakes
+    from vo.odometry import StereoOdometry  # loads gtsam and numba, after the settings are accepted
 
     return StereoOdometry(rig, settings), settings
 
@@ -76,26 +76,26 @@ ESTIMATORS: dict[str, Factory] = {
     "corner_flow": _corner_flow,
 }
 COMPARED = ("driftyard", "corner_flow")
-"""What tables of accuracy and speed show by default: the best that we have, and the baseline."""
+"""Estimators in tables of accuracy and speed: the default one, and a plain baseline."""
 
 
 def make_estimator(
     name: str, rig: StereoRig, config: Path | None = None, overrides: Sequence[str] = ()
 ) -> tuple[Estimator, Mapping[str, Any]]:
-    """Build a fresh estimator.
+    """Build an estimator.
 
     Args:
         name: A key of ESTIMATORS, or `module:Class`; see `trials.estimators.plugins.classes`.
-        rig: Of the sequence it will see.
+        rig: Camera of the sequence.
         config: TOML file of settings.
-        overrides: `key=value` each.
+        overrides: Settings, `key=value` each.
 
     Returns:
         The estimator and its resolved settings, ready for JSON.
 
     Raises:
         SettingsError: If there is no such estimator, or it refuses a setting.
-        PluginError: If a class of someone's own cannot be built.
+        PluginError: If a plug-in class cannot be built.
     """
     if name in ESTIMATORS:
         estimator, settings = ESTIMATORS[name](rig, config, overrides)
@@ -116,11 +116,11 @@ def estimate(
 ) -> "Run":
     """Run an estimator of any kind over a dataset and write what `vo.runner.write_run` writes.
 
-    A class from outside may raise on a frame, which is then lost. What a program prints is kept
-    in `<stem>.printed.txt` beside the result.
+    A frame on which a plug-in class raises is lost. The output of a program is kept in
+    `<stem>.printed.txt` beside the result.
 
     Args:
-        choice: What to run.
+        choice: Estimator or program.
         dataset: Folder of the sequence.
         out: Trajectory to write, TUM format.
         progress: Called with the estimate of each frame; never for a program.

@@ -1,1 +1,1 @@
-"""The gate: an estimator against a stored baseline, over paired sequences, with a decision."""
+"""Gate: an estimator against a stored baseline over paired sequences, with a decision."""

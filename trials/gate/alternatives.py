@@ -1,4 +1,4 @@
-"""Tests that the gate could have used instead; see docs/decisions/0015."""
+"""Other statistical tests, which docs/decisions/0015 compares with that of the gate."""
 
 from collections.abc import Callable
 
@@ -13,22 +13,22 @@ FLIPS = 999
 
 
 def t_of_scenes(log_ratios: Array) -> bool:
-    """Student's t of scene means: the gate's own, from five scenes on."""
+    """Student's t-test of scene means, as in the gate with five scenes or more."""
     return _t(log_ratios.mean(axis=1))
 
 
 def t_of_sequences(log_ratios: Array) -> bool:
-    """Student's t that takes all sequences for independent."""
+    """Student's t-test of all sequences, as if they were independent."""
     return _t(log_ratios.ravel())
 
 
 def wilcoxon(log_ratios: Array) -> bool:
-    """Wilcoxon's signed ranks of all sequences."""
+    """Wilcoxon signed-rank test of all sequences."""
     return _p(stats.wilcoxon(log_ratios.ravel(), alternative="greater")) <= LEVEL
 
 
 def sign_flips(log_ratios: Array) -> bool:
-    """Signs of scene means flipped at random."""
+    """Permutation test: signs of scene means flipped at random."""
     means = log_ratios.mean(axis=1)
     signs = np.random.default_rng(0).choice((-1.0, 1.0), (FLIPS, len(means)))
     return bool((1 + np.sum((signs * means).sum(axis=1) >= means.sum())) / (1 + FLIPS) <= LEVEL)

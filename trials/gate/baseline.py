@@ -1,4 +1,4 @@
-"""The baseline file: what was measured, on which sequences, by which software, judged how."""
+"""Baseline file: measurements, sequences, software and rules of the decision."""
 
 import json
 import platform
@@ -17,36 +17,36 @@ from vo.contract.settings import Settings, validated
 
 KIND, SCHEMA_VERSION = "driftyard gate baseline", 1
 MISMATCHES = ("datasets", "platform")
-"""What may differ from the baseline only if it is accepted."""
+"""Differences from the baseline that must be accepted explicitly."""
 
 
 class Recorded(Settings):
-    """One sequence of the baseline."""
+    """Measurement of one sequence."""
 
     scene: str
     seed: int
     sha256: str
-    """Of the dataset's contents."""
+    """Hash of the contents of the dataset."""
     measured: Measurement
 
 
 class Baseline(Settings):
-    """What a candidate is compared with."""
+    """Measurements that a candidate is compared with."""
 
     kind: Literal["driftyard gate baseline"] = KIND
     schema_version: Literal[1] = SCHEMA_VERSION
     estimator: str
     settings: Mapping[str, Any]
-    """Resolved, of the estimator."""
+    """Resolved settings of the estimator."""
     reference: str
-    """Estimator in whose time times are expressed."""
+    """Reference estimator that normalizes frame times."""
     rules: Rules
     design: Design
     platform: str
     generator: str
-    """Hash of the sources that recorded the sequences."""
+    """Digest of the sources that recorded the sequences."""
     software: Mapping[str, Any]
-    """Versions, and the GL that rendered."""
+    """Versions, and the OpenGL driver."""
     sequences: tuple[Recorded, ...] = Field(min_length=1)
 
     @model_validator(mode="after")
@@ -57,17 +57,17 @@ class Baseline(Settings):
 
     @property
     def measured(self) -> list[Measurement]:
-        """Of each sequence."""
+        """Measurement of each sequence."""
         return [x.measured for x in self.sequences]
 
     @property
     def scenes(self) -> list[str]:
-        """Of each sequence."""
+        """Scene of each sequence."""
         return [x.scene for x in self.sequences]
 
 
 def this_platform() -> str:
-    """Operating system and kind of processor."""
+    """Return operating system and processor architecture."""
     return f"{platform.system()} {platform.machine()}"
 
 
@@ -98,12 +98,12 @@ def read_baseline(path: Path) -> Baseline:
 
 
 def write_baseline(path: Path, baseline: Baseline) -> None:
-    """Write it whole or not at all."""
+    """Write a baseline, completely or not at all."""
     write_text(path, baseline.model_dump_json(indent=1) + "\n")
 
 
 def platform_mismatch(baseline: Baseline) -> str:
-    """Say how this platform is not the baseline's; empty if it is."""
+    """Describe how this platform differs from that of the baseline; empty if it does not."""
     here = this_platform()
     return "" if here == baseline.platform else f"platform is {here}, was {baseline.platform}"
 
@@ -111,13 +111,13 @@ def platform_mismatch(baseline: Baseline) -> str:
 def dataset_mismatch(
     baseline: Baseline, hashes: Sequence[str], generator: str, software: Mapping[str, Any]
 ) -> str:
-    """Say how the sequences are not the baseline's, and what may be the cause; empty if they are.
+    """Describe how the sequences differ from the baseline, with likely causes; empty if equal.
 
     Args:
-        baseline: To compare with.
-        hashes: Of the contents of its sequences as they are here.
-        generator: Hash of the sources here.
-        software: Versions and GL here.
+        baseline: Baseline.
+        hashes: Hashes of the contents of its sequences, recorded here.
+        generator: Digest of the sources here.
+        software: Versions and OpenGL driver here.
     """
     pairs = list(zip(baseline.sequences, hashes, strict=True))
     other = [known for known, sha256 in pairs if known.sha256 != sha256]
@@ -127,7 +127,7 @@ def dataset_mismatch(
     for name, now in software.items():
         was = baseline.software.get(name)
         if was != now:
-            causes.append(f"{name} is {_told(now)}, was {_told(was)}")
+            causes.append(f"{name} is {_version(now)}, was {_version(was)}")
     why = f" ({'; '.join(causes)})" if causes else ""
     return (
         f"datasets differ in {len(other)} of {len(pairs)} sequences, the first {other[0].scene} "
@@ -136,10 +136,10 @@ def dataset_mismatch(
 
 
 def refuse(path: Path, kind: str, mismatch: str, accepted: Collection[str]) -> None:
-    """Raise DatasetError if there is a mismatch of a kind that is not accepted."""
+    """Raise DatasetError for a mismatch of a kind that is not accepted."""
     if mismatch and kind not in accepted:
         raise DatasetError(f"{path}: {mismatch}; run `driftyard gate update`, or --accept {kind}")
 
 
-def _told(version: Any) -> str:
+def _version(version: Any) -> str:
     return version.get("renderer", "?") if isinstance(version, dict) else str(version)

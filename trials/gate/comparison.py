@@ -1,4 +1,4 @@
-"""The gate from end to end: record, check that all is comparable, measure, decide."""
+"""Run of the gate: record, check that sequences are comparable, measure, decide."""
 
 import json
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -18,7 +18,7 @@ from trials.gate.baseline import (
     this_platform,
 )
 from trials.gate.decision import Decision, decide
-from trials.gate.design import Design, fingerprints, record
+from trials.gate.design import Design, content_hashes, record
 from trials.gate.measure import measure, run_file
 from trials.gate.measurement import Measurement
 from trials.gate.rules import Rules
@@ -29,21 +29,21 @@ if TYPE_CHECKING:
     from trials.estimators.plugins.command import Command
 
 Bar = Callable[[str, int], AbstractContextManager[Callable[[object], None]]]
-"""Makes a progress bar from label and total; yields what to call at each step."""
+"""Shows a progress bar with label and total; yields a function to call at each step."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """A candidate against a baseline.
+    """Result of a candidate against a baseline.
 
     Attributes:
-        baseline: It.
-        estimator: The candidate's name.
-        settings: Its resolved settings.
-        software: Versions and GL of this run.
-        measured: The candidate on each of the baseline's sequences.
-        decision: What follows.
-        mismatches: What differs from the baseline and was accepted.
+        baseline: Baseline.
+        estimator: Name of the candidate.
+        settings: Resolved settings of the candidate.
+        software: Versions and OpenGL driver of this run.
+        measured: Measurement of the candidate on each sequence of the baseline.
+        decision: Verdicts.
+        mismatches: Accepted differences from the baseline.
     """
 
     baseline: Baseline
@@ -58,7 +58,7 @@ class Comparison:
 def make_baseline(
     choice: "Named | Command", reference: str, rules: Rules, design: Design, cache: Path, bar: Bar
 ) -> Baseline:
-    """Measure an estimator, to compare others with.
+    """Measure an estimator as a baseline.
 
     Raises:
         DriftyardError: If design or estimator are wrong, or it fails on every sequence.
@@ -68,7 +68,7 @@ def make_baseline(
     with bar(f"running {choice.name}", len(datasets)) as count:
         measured = measure(choice, Named(reference), datasets, count)
     settings, software = _provenance(datasets, measured)
-    rows = zip(design.sequences, fingerprints(datasets), measured, strict=True)
+    rows = zip(design.sequences, content_hashes(datasets), measured, strict=True)
     return Baseline(
         estimator=choice.name,
         settings=settings,
@@ -93,39 +93,39 @@ def compare(
     cache: Path,
     bar: Bar,
 ) -> Comparison:
-    """Run a candidate over the baseline's sequences and decide.
+    """Run a candidate over the sequences of a baseline and decide.
 
     Args:
-        path: Of the baseline, for messages.
-        baseline: Its content.
-        choice: The candidate.
-        accepted: Those of MISMATCHES that do not matter.
+        path: File of the baseline, for messages.
+        baseline: Baseline.
+        choice: Candidate.
+        accepted: Kinds of MISMATCHES that are accepted.
         cache: Folder of recordings.
         bar: Shows progress.
 
     Raises:
-        DriftyardError: If sequences or platform are not the baseline's, the estimator is wrong, or
-            it fails on every sequence.
+        DriftyardError: If sequences or platform differ from the baseline, or the estimator is
+            wrong or fails on every sequence.
     """
-    elsewhere = platform_mismatch(baseline)
-    refuse(path, "platform", elsewhere, accepted)
+    platform = platform_mismatch(baseline)
+    refuse(path, "platform", platform, accepted)
     with bar("recording", len(baseline.sequences)) as count:
         datasets = record(baseline.design, cache, count)
     rendered: dict[str, Any] = read_manifest(datasets[0]).get("software", {})
-    other = dataset_mismatch(baseline, fingerprints(datasets), source_digest(), rendered)
+    other = dataset_mismatch(baseline, content_hashes(datasets), source_digest(), rendered)
     refuse(path, "datasets", other, accepted)
     with bar(f"running {choice.name}", len(datasets)) as count:
         measured = measure(choice, Named(baseline.reference), datasets, count)
     settings, software = _provenance(datasets, measured)
     decision = decide(baseline.rules, baseline.scenes, baseline.measured, measured)
-    mismatches = tuple(x for x in (elsewhere, other) if x)
+    mismatches = tuple(x for x in (platform, other) if x)
     return Comparison(baseline, choice.name, settings, software, measured, decision, mismatches)
 
 
 def _provenance(
     datasets: Sequence[Path], measured: Sequence[Measurement]
 ) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
-    """Settings and software, from the first run that succeeded and its dataset."""
+    """Read settings and software from the first run that succeeded and its dataset."""
     dataset = next(x for x, found in zip(datasets, measured, strict=True) if not found.problem)
     about = json.loads(companion(run_file(dataset), "run.json").read_text(encoding="utf-8"))
     software = {**about["versions"], **read_manifest(dataset).get("software", {})}

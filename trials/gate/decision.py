@@ -1,8 +1,9 @@
-"""The decision: pass, regress or undecided, figure by figure and of all."""
+"""Decision of the gate: pass, regress or undecided, for each figure and for all."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import partial
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from vo.contract.arrays import Array
 
 
 class Verdict(StrEnum):
-    """What the gate says; errors are exceptions."""
+    """Verdict of the gate; errors are exceptions."""
 
     PASS = "pass"
     REGRESS = "regress"
@@ -28,14 +29,14 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True)
 class Change:
-    """A log ratio with its bounds.
+    """A log ratio with its confidence bounds.
 
     Attributes:
-        effect: What it is found from.
-        rules: With the level of the bounds.
-        null: Certainly above this it regresses.
-        low: The truth is above it; NaN where there are too few pairs.
-        high: The truth is below it.
+        effect: Paired differences.
+        rules: Rules with the level of the bounds.
+        null: Log ratio that the lower bound of a regression exceeds.
+        low: Lower confidence bound; NaN with too few pairs.
+        high: Upper confidence bound; NaN likewise.
     """
 
     effect: Effect
@@ -46,24 +47,21 @@ class Change:
 
     @staticmethod
     def of(effect: Effect, rules: Rules, null: float) -> "Change":
-        """Sum up an effect."""
+        """Compute the bounds of an effect."""
         if effect.degrees < MIN_DEGREES:
             return Change(effect, rules, null, np.nan, np.nan)
         return Change(effect, rules, null, *effect.bounds(rules.level))
 
     @property
     def bootstrap(self) -> tuple[float, float]:
-        """The bounds by the bootstrap, to compare with."""
+        """Confidence bounds by the bootstrap, for comparison."""
         if np.isnan(self.low):
             return np.nan, np.nan
         return self.effect.bootstrap(self.rules.level)
 
     @property
     def detectable(self) -> float:
-        """Smallest true increase that this design finds with the power of the rules.
-
-        By the spread of these pairs; NaN if they do not spread.
-        """
+        """Smallest true log ratio that is found with the power of the rules; NaN if unknown."""
         if np.isnan(self.low) or self.effect.error == 0:
             return np.nan
         return self.null + detectable(
@@ -73,15 +71,15 @@ class Change:
 
 @dataclass(frozen=True)
 class Finding:
-    """What the gate says of one figure.
+    """Verdict on one figure.
 
     Attributes:
         figure: drift, losses, time or nees.
-        verdict: Of this figure.
-        why: One sentence.
-        before: The baseline's figure, typical over sequences; NaN if there is none.
-        after: The candidate's.
-        change: None for losses.
+        verdict: Verdict.
+        why: Reason, one sentence.
+        before: Mean of the baseline over sequences; NaN if there is none.
+        after: Mean of the candidate.
+        change: Comparison of both; None for losses.
     """
 
     figure: str
@@ -94,7 +92,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Decision:
-    """The verdict of all, the findings behind it, and a remark where one is due."""
+    """Verdict on all figures, the findings, and a remark if there is one."""
 
     verdict: Verdict
     findings: tuple[Finding, ...]
@@ -109,39 +107,50 @@ def decide(
 ) -> Decision:
     """Compare a candidate with its baseline over the same N sequences.
 
-    Drift regresses once it is certain that it grew by more than the tolerance, time and NEES,
-    which noise moves as a whole, once they grew by more than their margins. All pass once it is
-    certain that they grew by less than their margins. Drift is compared where neither is lost.
+    Drift regresses if the lower bound of its increase exceeds the tolerance, time and NEES if it
+    exceeds their margins, because noise changes them as a whole. A figure passes if the upper
+    bound is below its margin. Drift is compared on sequences that neither estimator loses.
 
     Args:
         rules: Level, power and margins.
         scenes: N names.
-        before: N, the baseline's.
-        after: N, the candidate's.
+        before: N measurements of the baseline.
+        after: N measurements of the candidate.
     """
-    findings = [_drift(rules, scenes, before, after), _losses(rules, before, after)]
-    findings += _time(rules, scenes, before, after)
-    findings += _nees(rules, scenes, before, after)
+    logs = {x: _logs(x, before, after) for x in ("log_drift", "log_time", "log_nees")}
+    (was, now), (nees_was, nees_now) = logs["log_drift"], logs["log_nees"]
+    compared = partial(_compare, rules, scenes)
+    findings = [
+        compared("drift", was, now, now - was, rules.drift_tolerance, rules.drift_margin),
+        _losses(rules, before, after),
+    ]
+    time, nees = rules.time_margin, rules.nees_margin
+    was, now = logs["log_time"]
+    distance = np.abs(nees_now) - np.abs(nees_was)  # of the NEES from 1, on either side
+    if time and np.isfinite(now - was).any():
+        findings.append(compared("time", was, now, now - was, time, time))
+    if nees and np.isfinite(distance).any():
+        findings.append(compared("nees", nees_was, nees_now, distance, nees, nees))
     if degrees_of_freedom(scenes) < MIN_DEGREES:
         few = (
             f"too few sequences for a decision: {len(scenes)} of {len(set(scenes))} scenes; "
             f"five scenes are enough, or five seeds of one"
         )
         return Decision(Verdict.UNDECIDED, tuple(findings), few)
-    said = {x.verdict for x in findings}
-    worst = (Verdict.REGRESS, Verdict.UNDECIDED, Verdict.PASS)
-    return Decision(next(x for x in worst if x in said), tuple(findings))
+    verdicts = {x.verdict for x in findings}
+    worst_first = (Verdict.REGRESS, Verdict.UNDECIDED, Verdict.PASS)
+    return Decision(next(x for x in worst_first if x in verdicts), tuple(findings))
 
 
 def decide_change(change: Change, margin: float) -> tuple[Verdict, str]:
     """Decide on a log ratio.
 
     Args:
-        change: With its bounds.
-        margin: Certainly below this it passes.
+        change: Log ratio with its bounds.
+        margin: Log ratio that the upper bound must not reach to pass.
     """
     if np.isnan(change.low):
-        few = f"cannot be judged, for only {len(change.effect.values)} sequences can be compared"
+        few = f"is undecided, because only {len(change.effect.values)} sequences can be compared"
         return Verdict.UNDECIDED, few
     if not change.effect.values.any():
         return Verdict.PASS, "is the same on every sequence"
@@ -153,19 +162,32 @@ def decide_change(change: Change, margin: float) -> tuple[Verdict, str]:
 
 
 def percent(log_ratio: float, signed: bool = False) -> str:
-    """A log ratio as a change in percent."""
+    """Format a log ratio as a change in percent."""
     change = 100 * np.expm1(log_ratio)
     return f"{change:{'+' if signed else ''}.1f} %"
 
 
-def _drift(
-    rules: Rules, scenes: Sequence[str], before: Sequence[Measurement], after: Sequence[Measurement]
+def _logs(
+    name: str, before: Sequence[Measurement], after: Sequence[Measurement]
+) -> tuple[Array, Array]:
+    was, now = (np.array([getattr(x, name) for x in side]) for side in (before, after))
+    return was, now
+
+
+def _compare(
+    rules: Rules,
+    scenes: Sequence[str],
+    figure: str,
+    was: Array,
+    now: Array,
+    values: Array,
+    tolerance: float,
+    margin: float,
 ) -> Finding:
-    was, now = (np.array([x.log_drift for x in side]) for side in (before, after))
-    null, margin = np.log1p(rules.drift_tolerance), np.log1p(rules.drift_margin)
-    change = Change.of(Effect.of(now - was, scenes), rules, null)
-    verdict, why = decide_change(change, margin)
-    return Finding("drift", verdict, why, _typical(was), _typical(now), change)
+    """Decide on a figure, from (N,) its logarithms and the differences that should not grow."""
+    change = Change.of(Effect.of(values, scenes), rules, np.log1p(tolerance))
+    verdict, why = decide_change(change, np.log1p(margin))
+    return Finding(figure, verdict, why, _typical(was), _typical(now), change)
 
 
 def _losses(rules: Rules, before: Sequence[Measurement], after: Sequence[Measurement]) -> Finding:
@@ -182,34 +204,7 @@ def _losses(rules: Rules, before: Sequence[Measurement], after: Sequence[Measure
     return Finding("losses", verdict, why, shares[0], shares[1])
 
 
-def _time(
-    rules: Rules, scenes: Sequence[str], before: Sequence[Measurement], after: Sequence[Measurement]
-) -> list[Finding]:
-    was, now = (np.array([x.log_time for x in side]) for side in (before, after))
-    effect = Effect.of(now - was, scenes)
-    if not rules.time_margin or not len(effect.values):
-        return []
-    margin = np.log1p(rules.time_margin)
-    change = Change.of(effect, rules, margin)
-    verdict, why = decide_change(change, margin)
-    return [Finding("time", verdict, why, _typical(was), _typical(now), change)]
-
-
-def _nees(
-    rules: Rules, scenes: Sequence[str], before: Sequence[Measurement], after: Sequence[Measurement]
-) -> list[Finding]:
-    """Judge how much further the covariances are from the errors, on either side."""
-    was, now = (np.array([x.log_nees for x in side]) for side in (before, after))
-    effect = Effect.of(np.abs(now) - np.abs(was), scenes)
-    if not rules.nees_margin or not len(effect.values):
-        return []
-    margin = np.log1p(rules.nees_margin)
-    change = Change.of(effect, rules, margin)
-    verdict, why = decide_change(change, margin)
-    return [Finding("nees", verdict, why, _typical(was), _typical(now), change)]
-
-
 def _typical(logs: Array) -> float:
-    """Geometric mean over the sequences that have the figure; NaN if none has."""
+    """Compute the geometric mean of the sequences that have the figure; NaN if none has."""
     known = logs[np.isfinite(logs)]
     return float(np.exp(known.mean())) if len(known) else np.nan

@@ -1,4 +1,4 @@
-"""The sequences of a gate: what is driven where, recorded once and fingerprinted."""
+"""Sequences of a gate: scenes, seeds and settings, recorded once and hashed."""
 
 import hashlib
 import json
@@ -12,34 +12,35 @@ from vo.contract.settings import Settings
 
 
 class Design(Settings):
-    """Every scene with every seed."""
+    """Every scene with every seed, and the settings of the recordings."""
 
     scenes: tuple[str, ...] = Field(min_length=1)
     seeds: int = Field(default=1, ge=1)
-    """Of each scene."""
+    """Number of seeds of each scene."""
     first_seed: int = Field(default=0, ge=0)
+    """Random seed of the first sequence of each scene."""
     disturb: str = ""
-    """As for generate."""
+    """Disturbances, as for `driftyard generate`."""
     overrides: tuple[str, ...] = ()
-    """`key=value` of the recording's settings."""
+    """Settings of the recordings, `key=value` each."""
 
     @property
     def sequences(self) -> tuple[tuple[str, int], ...]:
-        """Scene and seed of each."""
+        """Scene and seed of each sequence."""
         seeds = range(self.first_seed, self.first_seed + self.seeds)
         return tuple((scene, seed) for scene in self.scenes for seed in seeds)
 
 
 def record(design: Design, cache: Path, progress: Callable[[object], None]) -> list[Path]:
-    """Record what is missing, several drives at a time.
+    """Record what is missing, on all cores.
 
     Args:
-        design: What to drive.
-        cache: Folder of recordings; each is named after all that made it.
-        progress: Called for each drive.
+        design: Sequences.
+        cache: Folder of recordings.
+        progress: Called for each sequence.
 
     Returns:
-        A dataset folder for each of the design's sequences.
+        The dataset folder of each sequence of the design.
 
     Raises:
         SettingsError: If a scene, disturbance or setting is not accepted.
@@ -57,7 +58,7 @@ def record(design: Design, cache: Path, progress: Callable[[object], None]) -> l
     return [folders[row] for row in range(len(drives))]
 
 
-def fingerprints(datasets: Sequence[Path]) -> tuple[str, ...]:
-    """Hash the contents of datasets: every file but the manifest, which names the software."""
+def content_hashes(datasets: Sequence[Path]) -> tuple[str, ...]:
+    """Hash the contents of datasets: all files but the manifest, which names the software."""
     hashes = [json.dumps(read_manifest(x)["sha256"], sort_keys=True) for x in datasets]
     return tuple(hashlib.sha256(x.encode()).hexdigest() for x in hashes)

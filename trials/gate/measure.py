@@ -1,4 +1,4 @@
-"""Running an estimator over the sequences of a gate; what fails there is lost, not the gate."""
+"""Measurement of an estimator on the sequences of a gate; a failure is a lost sequence."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     from trials.estimators.plugins.command import Command
 
 MAX_LETTERS = 300
-"""Of what an estimator says went wrong."""
+"""Longest error text of an estimator that is kept."""
 
 
 class ReferenceTimer:
-    """The reference's time on a sequence, frame by frame behind those of the candidate.
+    """Frame times of the reference estimator, which runs after each frame of the candidate.
 
-    So both see the same state of the machine, whatever else runs on it.
+    Both thus meet the same load of the machine.
     """
 
     def __init__(self, reference: Named, dataset: Path) -> None:
@@ -39,14 +39,14 @@ class ReferenceTimer:
         self._frame_ms: list[float] = []
 
     def __call__(self, _: object = None) -> None:
-        """Run the reference on the next frame."""
+        """Run the reference on the next frame and time it."""
         frame = self._sequence[len(self._frame_ms)]
         start = perf_counter()
         self._estimator.track(frame)
         self._frame_ms.append(1e3 * (perf_counter() - start))
 
     def median_ms(self) -> float:
-        """Median over all frames; those that are left are run first."""
+        """Compute the median over all frames; frames that are left are run first."""
         while len(self._frame_ms) < len(self._sequence):
             self()
         return float(np.median(self._frame_ms))
@@ -58,13 +58,13 @@ def measure(
     datasets: Sequence[Path],
     progress: Callable[[object], None],
 ) -> list[Measurement]:
-    """Run an estimator over sequences; its runs are kept beside the datasets.
+    """Run an estimator over sequences; trajectories are kept beside the datasets.
 
     Args:
-        choice: What to judge.
-        reference: In whose time times are told; run after each frame, or, for a program, after
-            the sequence.
-        datasets: Folders with truth.
+        choice: Estimator or program.
+        reference: Reference estimator that normalizes frame times; it runs after each frame, or,
+            for a program, after the sequence.
+        datasets: Folders with ground truth.
         progress: Called for each sequence.
 
     Raises:
@@ -86,7 +86,7 @@ def measure(
 
 
 def run_file(dataset: Path) -> Path:
-    """Trajectory that `measure` writes."""
+    """Return the trajectory file that `measure` writes."""
     return dataset.with_name(f"{dataset.name}.candidate.txt")
 
 
@@ -100,8 +100,8 @@ def _measure(choice: "Named | Command", reference: Named, dataset: Path) -> Meas
         ran = estimate(choice, dataset, out, timer)
     except (DatasetError, SettingsError):
         raise
-    except Exception as error:  # anyone's code: whatever it raises, the other sequences go on
-        return Measurement(frames=frames, lost_frames=frames, problem=_told(error))
+    except Exception as error:  # a plug-in may raise anything; the other sequences continue
+        return Measurement(frames=frames, lost_frames=frames, problem=_described(error))
     measured = Measurement(
         frames=frames,
         lost_frames=sum(x.status is Status.LOST for x in ran.estimates),
@@ -111,21 +111,21 @@ def _measure(choice: "Named | Command", reference: Named, dataset: Path) -> Meas
     try:
         saved = read_run(out)
         score = score_run(truth, saved, frames)
-    except TrajectoryError:  # fewer than two poses: lost, and nothing to score
+    except TrajectoryError:  # fewer than two poses: a lost sequence without errors
         return measured
     drift = score.drift_1m.mean_percent if score.drift_1m else None
     return measured.model_copy(update={"drift_percent": drift, "nees": _nees(truth, saved)})
 
 
-def _told(error: Exception) -> str:
-    """One printable line, whatever the exception holds."""
+def _described(error: Exception) -> str:
+    """Describe an exception in one printable line."""
     words = " ".join(str(error).split())
     line = words if isinstance(error, DriftyardError) else f"{type(error).__name__}: {words}"
     return "".join(x if x.isprintable() else "?" for x in line)[:MAX_LETTERS]
 
 
 def _nees(truth: Trajectory, saved: SavedRun) -> float | None:
-    """Median over frames of the NEES of steps, over the median that it should have."""
+    """Compute the median NEES of steps over the median of its distribution."""
     try:
         known = nees(truth, saved).step
     except TrajectoryError:

@@ -1,4 +1,4 @@
-"""How many sequences a wanted sensitivity needs."""
+"""Number of sequences that a wanted sensitivity needs."""
 
 import numpy as np
 
@@ -10,16 +10,16 @@ MAX_SEEDS, MAX_SCENES = 200, 500
 def seeds_needed(
     within: float, between: float, scenes: int, change: float, level: float, power: float
 ) -> int | None:
-    """Find the least number of seeds of each of these scenes that detects a true log ratio.
+    """Find the smallest number of seeds of each of these scenes that detects a true log ratio.
 
-    Seeds average out what differs from sequence to sequence, not what differs between scenes.
+    More seeds reduce the variance within scenes, not that between scenes.
 
     Args:
         within: As of `design_error`.
-        between: Likewise.
-        scenes: Likewise.
+        between: As of `design_error`.
+        scenes: As of `design_error`.
         change: Log ratio to find.
-        level: Of the one-sided test.
+        level: Significance level of the one-sided test.
         power: Probability to find it.
 
     Returns:
@@ -36,7 +36,7 @@ def seeds_needed(
 def scenes_needed(
     within: float, between: float, seeds: int, change: float, level: float, power: float
 ) -> int | None:
-    """Find the least number of scenes, with so many seeds of each; otherwise as `seeds_needed`."""
+    """Find the smallest number of scenes with `seeds` each; otherwise as `seeds_needed`."""
     counts = range(MIN_SCENES, MAX_SCENES + 1)
     return next(
         (k for k in counts if _finds(within, between, k, seeds, change, level, power)), None
@@ -44,13 +44,13 @@ def scenes_needed(
 
 
 def design_error(within: float, between: float, scenes: int, seeds: int) -> tuple[float, int]:
-    """Standard error of a balanced design's mean, and its degrees of freedom.
+    """Compute the standard error of the mean of a balanced design, and its degrees of freedom.
 
     Args:
         within: Standard deviation of sequences about their scene's mean; NaN counts as none.
         between: Standard deviation of scenes beyond that.
-        scenes: Number of them; below MIN_SCENES they are all there is, and do not spread.
-        seeds: Of each.
+        scenes: Number of scenes; below MIN_SCENES they are taken as fixed.
+        seeds: Number of seeds of each.
     """
     own = float(np.nan_to_num(within)) ** 2 / seeds
     if scenes >= MIN_SCENES:

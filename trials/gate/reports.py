@@ -1,4 +1,4 @@
-"""Files that the gate leaves: JSON for programs, Markdown for reviewers, JUnit for CI."""
+"""Result files of the gate: JSON, Markdown for a pull request, JUnit for CI."""
 
 import json
 import math
@@ -17,7 +17,7 @@ MARKS = {Verdict.PASS: "✅", Verdict.REGRESS: "❌", Verdict.UNDECIDED: "⚠️
 
 
 def as_json(found: Comparison) -> str:
-    """All figures, with the baseline's beside them."""
+    """Format all figures, beside those of the baseline."""
     decision = found.decision
     content: dict[str, Any] = {
         "kind": KIND,
@@ -45,7 +45,7 @@ def as_json(found: Comparison) -> str:
 
 
 def as_markdown(found: Comparison) -> str:
-    """A comment for a pull request."""
+    """Format a comment for a pull request."""
     mark = MARKS[found.decision.verdict]
     lines = [
         f"### {mark} driftyard gate: {found.decision.verdict.value}",
@@ -60,7 +60,7 @@ def as_markdown(found: Comparison) -> str:
 
 
 def as_junit(found: Comparison) -> str:
-    """A test case a figure: failed if it regressed, skipped if undecided."""
+    """Format a test case for each figure: failed if it regressed, skipped if undecided."""
     suite = ElementTree.Element("testsuite", name="driftyard gate")
     counts = {"tests": 0, "failures": 0, "skipped": 0, "errors": 0}
     remark = found.decision.remark
@@ -89,7 +89,7 @@ WRITERS: dict[str, Callable[[Comparison], str]] = {
 
 
 def write_reports(found: Comparison, files: dict[str, Path | None]) -> None:
-    """Write the files that were asked for, each whole; keys are those of WRITERS."""
+    """Write files by kind, a key of WRITERS; None is skipped."""
     for kind, file in files.items():
         if file is not None:
             write_text(file, WRITERS[kind](found))
@@ -115,5 +115,5 @@ def _table_line(cells: tuple[str, ...]) -> str:
 
 
 def _plain(text: str) -> str:
-    """Text that Markdown shows as it is: an exception's words may hold anything."""
+    """Escape text for Markdown."""
     return text.replace("|", "\\|").replace("<", "&lt;").replace("@", "@\u200b")

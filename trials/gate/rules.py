@@ -1,4 +1,4 @@
-"""What counts as a regression; kept in the baseline, where a review sees it."""
+"""Rules of the decision, stored in the baseline."""
 
 from typing import Self
 
@@ -8,20 +8,20 @@ from vo.contract.settings import Settings
 
 
 class Rules(Settings):
-    """Level, power, and relative increases; time or NEES with a margin of 0 is not gated."""
+    """Level, power, and relative increases; a margin of 0 disables time or NEES."""
 
     level: float = Field(default=0.05, gt=0, le=0.2)
-    """Probability that an estimator which drifts more by the tolerance is called a regression."""
+    """False alarm rate for an estimator whose drift grew by the tolerance."""
     power: float = Field(default=0.8, ge=0.5, lt=1)
-    """Probability with which the smallest detectable change is found."""
+    """Probability of finding the smallest detectable change."""
     drift_tolerance: float = Field(default=0.005, ge=0, le=10)
-    """Drift that is certain to have grown by more than this is a regression."""
+    """Relative increase of drift; a regression if the lower confidence bound exceeds it."""
     drift_margin: float = Field(default=0.1, gt=0, le=10)
-    """Drift that is certain to have grown by less than this passes."""
+    """Relative increase of drift; a pass if the upper confidence bound is below it."""
     time_margin: float = Field(default=0.25, ge=0, le=10)
-    """Both for the time of a frame over the reference's."""
+    """Tolerance and margin of the frame time over that of the reference estimator."""
     nees_margin: float = Field(default=0.5, ge=0, le=10)
-    """Both for the distance of the NEES from its expectation."""
+    """Tolerance and margin of the distance of the NEES from its expectation."""
 
     @model_validator(mode="after")
     def _margin_is_beyond_tolerance(self) -> Self:

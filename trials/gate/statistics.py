@@ -1,9 +1,9 @@
-"""What paired log ratios say: Student's t with scenes as blocks.
+"""Statistics of paired log ratios: Student's t with scenes as blocks.
 
-Sequences of one scene resemble each other, so with MIN_SCENES scenes or more a scene is one
-sample, the mean of its sequences, and the statement is about scenes like these. With fewer, every
-sequence is a sample about its scene's mean, and the statement is about these scenes alone.
-docs/decisions/0015 says why Student's t.
+Sequences of one scene are correlated. With MIN_SCENES scenes or more, a scene is one sample, the
+mean of its sequences, and the result holds for scenes like these. With fewer, every sequence is a
+sample about the mean of its scene, and the result holds for these scenes alone. The reasons for
+Student's t are in docs/decisions/0015.
 """
 
 from collections import Counter
@@ -18,17 +18,17 @@ from vo.contract.arrays import Array
 
 MIN_SCENES = 5
 MIN_DEGREES = 4
-"""Of freedom: below them a spread is a guess."""
+"""Smallest degrees of freedom of a variance that is used."""
 RESAMPLES = 2000
 
 
 @dataclass(frozen=True)
 class Effect:
-    """Mean of paired differences and how sure it is.
+    """Mean of paired differences, with its standard error.
 
     Attributes:
-        values: (N,) differences, one a pair, all finite.
-        scenes: N names.
+        values: (N,) differences, one for each pair, all finite.
+        scenes: N names of scenes.
     """
 
     values: Array
@@ -36,7 +36,7 @@ class Effect:
 
     @staticmethod
     def of(values: Array, scenes: Sequence[str]) -> "Effect":
-        """Keep the pairs whose difference is known; (N,) values and their scenes."""
+        """Keep the finite ones of (N,) values with N scenes."""
         known = np.isfinite(values)
         kept = tuple(scene for scene, is_known in zip(scenes, known, strict=True) if is_known)
         return Effect(values[known], kept)
@@ -48,7 +48,7 @@ class Effect:
 
     @property
     def degrees(self) -> int:
-        """Degrees of freedom of the spread; not positive where there is none."""
+        """Degrees of freedom of the variance; not positive if it is undefined."""
         return degrees_of_freedom(self.scenes)
 
     @property
@@ -59,7 +59,7 @@ class Effect:
 
     @property
     def mean(self) -> float:
-        """Mean in which every scene counts the same; NaN without pairs."""
+        """Mean with equal weight for every scene; NaN without pairs."""
         return float(self.scene_means.mean()) if len(self.values) else np.nan
 
     @property
@@ -74,15 +74,15 @@ class Effect:
 
     @property
     def within(self) -> float:
-        """Standard deviation of pairs about their scene's mean; NaN with one pair a scene."""
+        """Standard deviation of pairs about the mean of their scene; NaN with one pair a scene."""
         spare = len(self.values) - len(set(self.scenes))
         return float(np.sqrt(np.sum(self.residuals**2) / spare)) if spare else np.nan
 
     @property
     def between(self) -> float:
-        """Standard deviation of scenes beyond what `within` explains; 0 where that is all.
+        """Standard deviation of scenes beyond what `within` explains, at least 0.
 
-        With one pair a scene, all of it: how much of it is the pairs' own is not known.
+        With one pair a scene, `within` is unknown and counts as 0.
         """
         means = self.scene_means
         if len(means) < 2:
@@ -92,23 +92,23 @@ class Effect:
 
     @property
     def residuals(self) -> Array:
-        """(N,) of pairs about their scene's mean."""
+        """(N,) differences from the mean of the scene."""
         means = dict(zip(dict.fromkeys(self.scenes), self.scene_means, strict=True))
         return self.values - np.array([means[name] for name in self.scenes])
 
     def bounds(self, level: float) -> tuple[float, float]:
-        """Bounds that the true mean is below, and above, with probability `level` each."""
+        """Compute lower and upper confidence bounds, each with error probability `level`."""
         reach = _quantile(1 - level, self.degrees) * self.error
         return self.mean - reach, self.mean + reach
 
     def bootstrap(self, level: float) -> tuple[float, float]:
-        """Bounds as of `bounds`, by the bias-corrected and accelerated bootstrap of the samples.
+        """Compute confidence bounds by the bias-corrected and accelerated (BCa) bootstrap.
 
         Source:
             Efron, Better bootstrap confidence intervals, JASA 1987.
         """
         samples = self.scene_means if self.by_scene else self.mean + self.residuals
-        if np.ptp(samples) < 1e-12:  # nothing to draw from: BCa divides by the spread
+        if np.ptp(samples) < 1e-12:  # BCa divides by the standard deviation
             return self.mean, self.mean
         found = stats.bootstrap(
             (samples,), np.mean, n_resamples=RESAMPLES, confidence_level=1 - 2 * level,
@@ -118,19 +118,19 @@ class Effect:
 
 
 def degrees_of_freedom(scenes: Sequence[str]) -> int:
-    """Degrees of freedom of pairs in these scenes."""
+    """Count the degrees of freedom of pairs in these scenes."""
     blocks = len(set(scenes))
     return blocks - 1 if blocks >= MIN_SCENES else len(scenes) - blocks
 
 
 def detectable(error: float, degrees: int, level: float, power: float) -> float:
-    """Smallest true mean that is found greater than zero with a probability of `power`.
+    """Compute the smallest true mean that is found greater than zero with probability `power`.
 
     Args:
         error: Standard error of the mean.
-        degrees: Of freedom, >= 1.
-        level: Of the one-sided test.
-        power: Wanted.
+        degrees: Degrees of freedom, >= 1.
+        level: Significance level of the one-sided test.
+        power: Wanted probability.
 
     Source:
         The non-central t distribution: Cohen, Statistical Power Analysis, 1988, chapter 2.
@@ -147,8 +147,8 @@ def newly_lost(before: Sequence[bool], after: Sequence[bool]) -> tuple[int, int,
     """Compare losses on the same sequences.
 
     Returns:
-        Sequences lost only after, only before, and the probability of so many or more of the
-        former among both if either were as likely.
+        Numbers of sequences lost only after and only before, and the p-value of the former under
+        equal probabilities.
 
     Source:
         McNemar, Psychometrika 1947, in its exact form.

@@ -1,4 +1,4 @@
-"""What the gate found, as words: the same for terminal, Markdown and JUnit."""
+"""Result of the gate as text for terminal, Markdown and JUnit."""
 
 import numpy as np
 
@@ -18,12 +18,12 @@ HEADER = ("figure", "baseline", "now", "change", "bounds", "finds", "verdict")
 
 
 def rows(found: Comparison) -> list[tuple[str, ...]]:
-    """Cells under HEADER, a row a figure."""
+    """List cells under HEADER, a row for each figure."""
     return [_row(x) for x in found.decision.findings]
 
 
 def headline(found: Comparison) -> str:
-    """The verdict and its reason in one line."""
+    """State the verdict and its reason in one line."""
     decision = found.decision
     names = f"{decision.verdict.value}: {found.estimator} against {found.baseline.estimator}"
     if decision.remark:
@@ -35,7 +35,7 @@ def headline(found: Comparison) -> str:
 
 
 def notes(found: Comparison) -> list[str]:
-    """What a reader must know beside the table: the design, what the columns mean, oddities."""
+    """List what the table leaves out: design, meaning of the columns, lost sequences."""
     rules, drift = found.baseline.rules, found.decision.findings[0].change
     scenes = found.baseline.scenes
     by_scene = drift is not None and drift.effect.by_scene
@@ -58,26 +58,26 @@ def notes(found: Comparison) -> list[str]:
 
 
 def plan_line(found: Comparison, change: float) -> str:
-    """How many sequences it takes to find a log ratio of drift, by the spread of this run."""
+    """State how many sequences it takes to find a log ratio of drift, given this result."""
     rules, drift = found.baseline.rules, found.decision.findings[0].change
     wanted = f"to find +{percent(change)} of drift with {rules.power:.0%}"
     if drift is None or drift.effect.degrees < 1:
-        return f"{wanted}: too few sequences to know how much they spread"
+        return f"{wanted}: too few sequences to estimate a variance"
     if drift.effect.error == 0:
-        return f"{wanted}: unknown, for these estimators do not differ on any sequence"
+        return f"{wanted}: unknown, because these estimators do not differ on any sequence"
     effect, present = drift.effect, len(set(drift.effect.scenes))
     each = max(1, round(len(effect.values) / present))
     wish = (change - drift.null, rules.level, rules.power)
     seeds = seeds_needed(effect.within, effect.between, present, *wish)
     more = scenes_needed(effect.within, effect.between, each, *wish)
-    spread = 100 * np.hypot(effect.between, np.nan_to_num(effect.within))
+    deviation = 100 * np.hypot(effect.between, np.nan_to_num(effect.within))
     options = [
         f"{seeds} seeds of each of the {present} scenes" if seeds else "",
         f"{more} scenes with {each} each" if more else "",
     ]
-    told = " or ".join(x for x in options if x) or "no design of a reasonable size is enough"
-    single = "; with more seeds than one, how many of them" if each == 1 else ""
-    return f"{wanted}: {told} (they spread by {spread:.1f} %){single}"
+    designs = " or ".join(x for x in options if x) or "no design of reasonable size suffices"
+    single = "; more than one seed a scene tells both apart" if each == 1 else ""
+    return f"{wanted}: {designs} (standard deviation {deviation:.1f} %){single}"
 
 
 def _row(finding: Finding) -> tuple[str, ...]:
@@ -113,7 +113,7 @@ def _loss(measured: Measurement) -> str:
 
 
 def change_json(change: Change) -> dict[str, object]:
-    """A change with its statistics, numbers as ratios; None where unknown."""
+    """Format a change with its statistics, as ratios; None if unknown."""
 
     def ratio(log_ratio: float) -> float | None:
         return float(np.exp(log_ratio)) if np.isfinite(log_ratio) else None

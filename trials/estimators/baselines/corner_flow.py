@@ -1,6 +1,6 @@
-"""The plain baseline: corners, Lucas–Kanade in time and across the pair, PnP; frame to frame."""
+"""Baseline: corners, Lucas–Kanade flow between frames and across the pair, PnP; frame to frame."""
 
-from typing import cast
+from typing import ClassVar, cast
 
 import cv2
 import numpy as np
@@ -16,39 +16,38 @@ from vo.contract.settings import Settings
 
 
 class CornerFlowSettings(Settings):
-    """What the baseline may be tuned by.
+    """Settings of the baseline."""
 
-    Attributes:
-        max_corners: Corners detected per frame.
-        quality: Weakest corner accepted, relative to the strongest (Shi–Tomasi).
-        spacing_px: Least distance of two corners.
-        window_px: Side of the Lucas–Kanade window.
-        levels: Pyramid levels above the full image.
-        round_trip_px: Most a corner may move when it is tracked forth and back.
-        row_px: Most that left and right rows of a corner may differ.
-        min_disparity_px: Corners further away than this disparity are not used.
-        inlier_px: Reprojection error that RANSAC accepts.
-        trials: RANSAC trials.
-        min_inliers: Fewer inliers than this is a lost frame.
-        seed: Of OpenCV's random numbers, set before every RANSAC.
-    """
+    renamed: ClassVar = {"trials": "max_hypotheses", "spacing_px": "min_distance_px"}
 
     max_corners: int = Field(default=800, ge=4)
+    """Number of corners detected in a frame."""
     quality: float = Field(default=0.01, gt=0, lt=1)
-    spacing_px: float = Field(default=10.0, ge=1)
+    """Smallest response of a corner, relative to the largest (Shi–Tomasi)."""
+    min_distance_px: float = Field(default=10.0, ge=1)
+    """Smallest distance of two corners."""
     window_px: int = Field(default=15, ge=5)
+    """Side of the Lucas–Kanade window."""
     levels: int = Field(default=4, ge=0)
+    """Pyramid levels above the full image."""
     round_trip_px: float = Field(default=0.5, gt=0)
+    """Largest distance of a corner from its start when it is tracked forth and back."""
     row_px: float = Field(default=1.0, gt=0)
+    """Largest difference of the rows of a corner in the left and right image."""
     min_disparity_px: float = Field(default=1.0, gt=0)
+    """Smallest disparity of corners that are used."""
     inlier_px: float = Field(default=1.0, gt=0)
-    trials: int = Field(default=300, ge=1)
+    """Largest reprojection error of an inlier of RANSAC."""
+    max_hypotheses: int = Field(default=300, ge=1)
+    """Number of hypotheses of RANSAC."""
     min_inliers: int = Field(default=12, ge=6)
+    """Number of inliers below which a frame is lost."""
     seed: int = Field(default=0, ge=0)
+    """Random seed of OpenCV, set before every RANSAC."""
 
 
 class CornerFlow:
-    """Estimator that remembers the previous frame and nothing else."""
+    """Estimator that keeps only the previous frame."""
 
     def __init__(self, rig: StereoRig, settings: CornerFlowSettings | None = None) -> None:
         self.rig = rig
@@ -67,13 +66,13 @@ class CornerFlow:
         with clock("corners"):  # of the previous left image (Shi & Tomasi 1994)
             corners = self._detect(previous.left)
         with clock("stereo"):  # Lucas–Kanade there and back (Bouguet 2000)
-            right, seen = self._follow(previous.left, previous.right, corners)
+            right, seen = self._track(previous.left, previous.right, corners)
             disparity_px = corners[:, 0] - right[:, 0]
             seen &= np.abs(corners[:, 1] - right[:, 1]) <= s.row_px
             seen &= disparity_px >= s.min_disparity_px
             corners, disparity_px = corners[seen], disparity_px[seen]
         with clock("flow"):  # the same in time
-            moved, kept = self._follow(previous.left, frame.left, corners)
+            moved, kept = self._track(previous.left, frame.left, corners)
             points_prev = self.rig.triangulate(corners[kept], disparity_px[kept])
         with clock("pose"):  # RANSAC PnP, then Levenberg–Marquardt on the inliers
             T_cam_prev, inlier = self._solve(points_prev, moved[kept])
@@ -102,12 +101,12 @@ class CornerFlow:
         s = self.settings
         corners = cast(
             "Array | None",
-            cv2.goodFeaturesToTrack(image, s.max_corners, s.quality, s.spacing_px),
+            cv2.goodFeaturesToTrack(image, s.max_corners, s.quality, s.min_distance_px),
         )
         return np.zeros((0, 2), np.float32) if corners is None else corners.reshape(-1, 2)
 
-    def _follow(self, a: Image, b: Image, pixels_a: Array) -> tuple[Array, Mask]:
-        """Track (N, 2) pixels from image a to b; the mask says which came back to their start."""
+    def _track(self, a: Image, b: Image, pixels_a: Array) -> tuple[Array, Mask]:
+        """Track (N, 2) pixels from image a to b; the mask marks those that return."""
         if len(pixels_a) == 0:
             return pixels_a, np.zeros(0, dtype=bool)
         s = self.settings
@@ -130,7 +129,7 @@ class CornerFlow:
         cv2.setRNGSeed(s.seed)
         points, pixels = points_prev.astype(np.float64), pixels.astype(np.float64)
         found, rotation, t, chosen = cv2.solvePnPRansac(
-            points, pixels, K, None, iterationsCount=s.trials, reprojectionError=s.inlier_px
+            points, pixels, K, None, iterationsCount=s.max_hypotheses, reprojectionError=s.inlier_px
         )
         if not found or len(chosen) < s.min_inliers:
             return None, inlier

@@ -1,7 +1,7 @@
-"""Estimators that others wrote: classes that are loaded here, programs that run elsewhere."""
+"""Plug-in estimators: classes that are imported, and programs that are executed."""
 
 from vo.contract.errors import DriftyardError
 
 
 class PluginError(DriftyardError):
-    """An estimator from outside fails, or gives what cannot be used."""
+    """A plug-in estimator fails, or its result cannot be used."""

@@ -1,4 +1,4 @@
-"""Estimators as `module:Class`: imported, and built with the rig and their settings."""
+"""Plug-in classes: imported by `module:Class`, built with the rig and their settings."""
 
 import importlib
 import sys
@@ -20,20 +20,20 @@ def build(
 ) -> tuple[Estimator, dict[str, Any]]:
     """Build an estimator from its class.
 
-    The class is called with the rig alone; or, if it has a pydantic model `Settings`, with the
-    rig and an instance of that. The module may lie in the working directory.
+    The class is called with the rig, and with an instance of its pydantic model `Settings` if it
+    has one. The module may be in the working directory.
 
     Args:
         name: `module:Class`.
-        rig: Of the sequence it will see.
+        rig: Camera of the sequence.
         config: TOML file of settings.
-        overrides: `key=value` each.
+        overrides: Settings, `key=value` each.
 
     Returns:
         The estimator and its resolved settings, ready for JSON.
 
     Raises:
-        SettingsError: If it cannot be imported, is no estimator, or refuses a setting.
+        SettingsError: If it cannot be imported, is not an estimator, or refuses a setting.
         PluginError: If its constructor fails.
     """
     made = _find(name)

@@ -1,4 +1,4 @@
-"""Estimators as programs: a command reads the dataset folder and writes a TUM trajectory."""
+"""Programs as estimators: a command reads a dataset folder and writes a TUM trajectory."""
 
 import os
 import shlex
@@ -23,20 +23,20 @@ from vo.contract.trajectory import Trajectory, read_tum
 from vo.runner import Run
 
 SAME_TIME_NS = 1_000_000
-"""A pose belongs to a frame if their times differ by less; programs round."""
+"""A pose belongs to a frame if their times differ by less than this."""
 
 NO_POSE = "the command gave no pose"
 
 
 @dataclass(frozen=True)
 class Command:
-    """A program that estimates, run once for a whole sequence.
+    """A program that runs once for a whole sequence.
 
     Attributes:
-        template: Its words as a shell splits them, though no shell runs it; `{dataset}` and
-            `{out}` stand for the dataset folder and the trajectory to write.
-        timeout_s: Longest that it may run.
-        label: For tables; the program's name by default.
+        template: Words, quoted as for a shell, but executed without one; `{dataset}` and `{out}`
+            stand for the dataset folder and the trajectory to write.
+        timeout_s: Longest run time.
+        label: Name in tables; the file name of the program by default.
     """
 
     template: str
@@ -54,11 +54,11 @@ class Command:
 
     @property
     def name(self) -> str:
-        """The label, or the program without its folder."""
+        """Label, or the file name of the program."""
         return self.label or Path(shlex.split(self.template)[0]).name
 
     def words(self, dataset: Path, out: Path) -> list[str]:
-        """Words to execute."""
+        """Words with their placeholders filled in."""
         places = {"{dataset}": str(dataset.resolve()), "{out}": str(out.resolve())}
         words = shlex.split(self.template)
         for place, path in places.items():
@@ -67,17 +67,18 @@ class Command:
 
 
 def run_command(command: Command, dataset: Path, sequence: StereoSequence, log: Path) -> Run:
-    """Run a program over a dataset and read what it says of every frame.
+    """Run a program over a dataset and assign its poses to frames.
 
     Args:
-        command: What to run, in the working directory.
-        dataset: The folder it is given. It holds the truth too: looking away is up to the program.
-        sequence: The frames of that folder.
-        log: File that receives what the program prints, complete or not.
+        command: Program, run in the working directory.
+        dataset: Folder for `{dataset}`. It contains the ground truth, which the program must not
+            read.
+        sequence: Frames of that folder.
+        log: File for the output of the program.
 
     Returns:
-        Poses relative to the first; frames that have none are lost. Every frame is charged the
-        same share of the wall time.
+        Poses relative to the first; frames without a pose are lost. Every frame gets the same
+        share of the wall time.
 
     Raises:
         PluginError: If the program cannot be started, exits with a status, exceeds its time, or
@@ -114,7 +115,7 @@ def _execute(command: Command, words: Sequence[str], log: Path) -> None:
                 try:
                     status = process.wait(command.timeout_s)
                 finally:
-                    if process.returncode is None:  # late, or interrupted
+                    if process.returncode is None:  # timed out, or interrupted
                         os.killpg(process.pid, signal.SIGKILL)
                         process.wait()
         last = _last_line(partial)
@@ -136,12 +137,12 @@ def _last_line(printed: Path) -> str:
 def _estimates(
     command: Command, trajectory: Trajectory, sequence: StereoSequence
 ) -> tuple[Estimate, ...]:
-    """One per frame, from the pose nearest in time if it is near enough."""
+    """Build one estimate per frame from the pose nearest in time, if it is near enough."""
     times, known = sequence.timestamps_ns, trajectory.timestamps_ns
     rows = np.interp(times - times[0], known - times[0], np.arange(len(known)))
     nearest = np.rint(rows).astype(np.int64)
-    least_step = int(np.diff(times).min()) if len(times) > 1 else 2 * SAME_TIME_NS
-    found = np.abs(known[nearest] - times) < min(SAME_TIME_NS, least_step / 2)
+    min_step_ns = int(np.diff(times).min()) if len(times) > 1 else 2 * SAME_TIME_NS
+    found = np.abs(known[nearest] - times) < min(SAME_TIME_NS, min_step_ns / 2)
     if not found.any():
         raise PluginError(
             f"{command.name}: none of its {len(known)} poses is at the time of a frame; "

@@ -1,4 +1,4 @@
-"""An estimator that may fail: a frame on which it raises is lost, and the sequence goes on."""
+"""Guard around a plug-in: a frame on which it raises is lost, and the sequence continues."""
 
 from typing import Any
 
@@ -9,56 +9,56 @@ from vo.contract.arrays import Array
 from vo.contract.estimator import Estimate, Estimator, Finalizing, FinalResult, Status
 from vo.contract.sequence import StereoFrame
 
-MOST_CRASHES = 20
-"""Frames in a row on which an estimator may fail; after that it is broken, not unlucky."""
+MAX_FAILURES = 20
+"""Largest number of consecutive frames on which an estimator may fail."""
 
 RIGID = 1e-3
-"""Most that R R^T of a pose may differ from the identity."""
+"""Largest difference of R R^T of a pose from the identity."""
 
 
 class Guarded:
-    """Passes frames to an estimator, and turns exceptions and unusable answers into lost frames.
+    """Estimator that turns exceptions and invalid estimates of another one into lost frames.
 
     Attributes:
-        crashes: Frames that were lost this way.
-        complaint: What `finalize` raised; empty if nothing.
+        failures: Number of frames lost in this way.
+        complaint: Exception of `finalize`, as text; empty if there was none.
     """
 
     def __init__(self, estimator: Estimator) -> None:
         self._estimator = estimator
-        self._in_a_row = 0
-        self.crashes = 0
+        self._consecutive = 0
+        self.failures = 0
         self.complaint = ""
 
     def track(self, frame: StereoFrame) -> Estimate:
-        """Track, or say what went wrong.
+        """Track a frame; an exception becomes the reason of a lost frame.
 
         Raises:
-            PluginError: After more than MOST_CRASHES frames in a row.
+            PluginError: After more than MAX_FAILURES consecutive failures.
         """
         try:
             estimate = _checked(self._estimator.track(frame), frame)
         except Exception as error:
-            self.crashes += 1
-            self._in_a_row += 1
-            reason = _told(error)
-            if self._in_a_row > MOST_CRASHES:
+            self.failures += 1
+            self._consecutive += 1
+            reason = _described(error)
+            if self._consecutive > MAX_FAILURES:
                 raise PluginError(
-                    f"the estimator failed on {self._in_a_row} frames in a row, the last at "
+                    f"the estimator failed on {self._consecutive} frames in a row, the last at "
                     f"{frame.timestamp_ns} ns: {reason}"
                 ) from error
             return Estimate(frame.timestamp_ns, Status.LOST, None, reason)
-        self._in_a_row = 0
+        self._consecutive = 0
         return estimate
 
     def finalize(self) -> FinalResult:
-        """FinalResult of the estimator; nothing if it has none or fails."""
+        """Finalize the estimator; an empty result if it cannot or fails."""
         if not isinstance(self._estimator, Finalizing):
             return FinalResult()
         try:
             return self._estimator.finalize()
         except Exception as error:
-            self.complaint = _told(error)
+            self.complaint = _described(error)
             return FinalResult()
 
 
@@ -80,5 +80,5 @@ def _is_rigid(T: Array) -> bool:
     return bool(straight and np.allclose(T[3], [0, 0, 0, 1]))
 
 
-def _told(error: Exception) -> str:
+def _described(error: Exception) -> str:
     return f"{type(error).__name__}: {' '.join(str(error).split())}"

@@ -1,4 +1,4 @@
-"""A virtual environment for each system of others, made on request and found again."""
+"""Virtual environments of odometry systems by other authors."""
 
 import os
 import subprocess
@@ -8,22 +8,22 @@ from pathlib import Path
 
 from vo.contract.errors import DriftyardError, SettingsError
 
-PLACE = "DRIFTYARD_SYSTEMS"
-"""Environment variable: folder of the environments."""
+FOLDER_VARIABLE = "DRIFTYARD_SYSTEMS"
+"""Environment variable that names the folder of the environments."""
 
 
 class ForeignSystemError(DriftyardError):
-    """A system of others is not installed, or cannot be."""
+    """A system is not installed, or cannot be."""
 
 
 @dataclass(frozen=True)
 class Package:
-    """What to install for a system.
+    """Packages of a system.
 
     Attributes:
-        requirements: As pip takes them, pinned.
-        needs: What pip cannot install, in words.
-        license: Of the system.
+        requirements: Pinned requirements for pip.
+        needs: Requirements that pip cannot install.
+        license: License of the system.
     """
 
     requirements: tuple[str, ...]
@@ -42,7 +42,7 @@ SYSTEMS = {
 
 
 def folder_of(system: str) -> Path:
-    """Where the environment of a system is, or would be.
+    """Return the folder of the environment of a system, which may not exist.
 
     Raises:
         SettingsError: If there is no such system.
@@ -50,11 +50,11 @@ def folder_of(system: str) -> Path:
     if system not in SYSTEMS:
         raise SettingsError(f"unknown system {system}; valid: {', '.join(SYSTEMS)}")
     default = Path.home() / ".cache" / "driftyard" / "systems"
-    return Path(os.environ.get(PLACE, default)) / system
+    return Path(os.environ.get(FOLDER_VARIABLE, default)) / system
 
 
 def python_of(system: str) -> Path:
-    """Interpreter of an installed system.
+    """Return the interpreter of an installed system.
 
     Raises:
         ForeignSystemError: If it is not installed.
@@ -69,7 +69,7 @@ def python_of(system: str) -> Path:
 
 
 def install(system: str) -> Path:
-    """Make the environment of a system, and return its interpreter.
+    """Create the environment of a system and return its interpreter.
 
     Raises:
         ForeignSystemError: If pip fails.

@@ -1,32 +1,40 @@
 """ORB-SLAM3 (Campos et al., T-RO 2021), stereo, through its wheel `pyorbslam3`. GPL-3.
 
-It is not deterministic: take the median of several runs. Its loop closing cannot be switched off.
+Its results vary from run to run: take the median of several. Loop closing cannot be disabled.
 """
 
 from pathlib import Path
+from typing import ClassVar
 
 from pydantic import Field
 
-from trials.estimators.systems.elsewhere import Elsewhere
+from trials.estimators.systems.subprocess_estimator import SubprocessEstimator
 from vo.contract.errors import SettingsError
 from vo.contract.rig import StereoRig
 from vo.contract.settings import Settings
 
 
 class OrbSlam3Settings(Settings):
-    """What it cannot know, and the values of its own EuRoC example."""
+    """Settings of ORB-SLAM3; defaults are those of its EuRoC example."""
 
-    vocabulary: Path = Field(default=Path(), description="its ORBvoc.txt, or one like it")
-    rate_hz: float = Field(default=15.0, gt=0, description="of the recording")
-    features: int = Field(default=1200, ge=100)
-    far_baselines: float = Field(default=35.0, gt=0, description="beyond, points are far")
-    pace: float = Field(
-        default=1.0, ge=0, description="times as fast as recorded, for its threads; 0 is no pace"
+    renamed: ClassVar = {"far_baselines": "far_point_baselines", "pace": "playback_rate"}
+
+    vocabulary: Path = Field(default=Path(), description="vocabulary file, such as ORBvoc.txt")
+    rate_hz: float = Field(default=15.0, gt=0, description="frame rate of the recording")
+    features: int = Field(default=1200, ge=100, description="number of features in an image")
+    far_point_baselines: float = Field(
+        default=35.0, gt=0, description="depth in baselines beyond which points are far"
+    )
+    playback_rate: float = Field(
+        default=1.0,
+        ge=0,
+        description="speed of frames over that of the recording, since threads map meanwhile; "
+        "0 does not wait",
     )
 
 
-class OrbSlam3(Elsewhere):
-    """Live poses."""
+class OrbSlam3(SubprocessEstimator):
+    """Poses as they are estimated frame by frame."""
 
     Settings = OrbSlam3Settings
 

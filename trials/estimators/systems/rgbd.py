@@ -4,7 +4,7 @@ Source: Steinbrücker, Sturm and Cremers, Real-Time Visual Odometry from Dense R
 Workshops 2011. It needs OpenCV 5, or a build with its contributed modules, that has cv2.Odometry.
 """
 
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import cv2
 import numpy as np
@@ -22,23 +22,29 @@ from vo.contract.settings import Settings
 from vo.stereo.dense import DenseStereo
 
 DEPTH_UNITS = 5000.0
-"""In a metre. OpenCV takes depth as the TUM RGB-D files have it and does not say so."""
+"""Depth units per metre: those of TUM RGB-D files, which OpenCV expects without documenting it."""
 
 
 LEVELS = 4
-"""Of its pyramid."""
+"""Levels of the image pyramid."""
 
 
 class RgbdSettings(Settings):
-    """Of the odometry; those not named keep OpenCV's values. Chosen in its favour."""
+    """Settings of the odometry, tuned in its favour; all others keep the values of OpenCV."""
 
-    method: Literal["rgb", "rgb_depth"] = "rgb"
-    farthest_m: float = Field(default=4.0, gt=0, description="depth beyond is not used")
-    least_gradient: float = Field(default=3.0, gt=0, description="of pixels used; OpenCV's is 10")
+    renamed: ClassVar = {"farthest_m": "max_depth_m", "least_gradient": "min_gradient_grey"}
+
+    method: Literal["rgb", "rgb_depth"] = Field(
+        default="rgb", description="residuals: intensity, or intensity and depth"
+    )
+    max_depth_m: float = Field(default=4.0, gt=0, description="largest depth that is used")
+    min_gradient_grey: float = Field(
+        default=3.0, gt=0, description="smallest gradient of pixels that are used; OpenCV's is 10"
+    )
 
 
 class RgbdOdometry:
-    """Dense alignment of each frame with the one before."""
+    """Dense alignment of each frame with the previous one."""
 
     Settings = RgbdSettings
 
@@ -49,8 +55,8 @@ class RgbdOdometry:
         self._stereo = DenseStereo(StereoSettings(method="semi_global", downscale=1))
         chosen = cv2.OdometrySettings()
         chosen.setCameraMatrix(rig.K.astype(np.float32))
-        chosen.setMaxDepth(settings.farthest_m)
-        gradients = np.full((LEVELS, 1), settings.least_gradient, np.float32)
+        chosen.setMaxDepth(settings.max_depth_m)
+        gradients = np.full((LEVELS, 1), settings.min_gradient_grey, np.float32)
         chosen.setMinGradientMagnitudes(gradients)
         kinds = {"rgb": cv2.OdometryType_RGB, "rgb_depth": cv2.OdometryType_RGB_DEPTH}
         self._odometry = cv2.Odometry(kinds[settings.method], chosen, cv2.OdometryAlgoType_COMMON)
@@ -58,7 +64,7 @@ class RgbdOdometry:
         self._T_odom_cam = np.eye(4)
 
     def track(self, frame: StereoFrame) -> Estimate:
-        """Align with the frame before; a frame that cannot be is lost, and the next starts anew."""
+        """Align with the previous frame; after a lost frame, the next one starts a new segment."""
         clock = Clock()
         with clock("stereo"):
             depth = self._depth(frame)
@@ -80,7 +86,7 @@ class RgbdOdometry:
         return Estimate(frame.timestamp_ns, Status.TRACKED, self._T_odom_cam, timings_ms=clock.ms)
 
     def _depth(self, frame: StereoFrame) -> Array:
-        """Estimated depth (H, W) float32 in DEPTH_UNITS; NaN where unknown."""
+        """Estimate depth (H, W) float32 in DEPTH_UNITS; NaN where unknown."""
         disparity_px = self._stereo(frame.left, frame.right)
         depth_m = self.rig.f_px * self.rig.baseline_m / disparity_px
         return (DEPTH_UNITS * depth_m).astype(np.float32)

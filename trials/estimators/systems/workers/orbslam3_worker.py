@@ -1,6 +1,6 @@
-"""ORB-SLAM3 stereo: live poses, of frames that come no faster than they were taken.
+"""Worker of ORB-SLAM3, stereo; frames are passed at the rate of the recording.
 
-Its own examples wait too: it maps in threads that need the time.
+Its own examples wait as well, because mapping threads need the time.
 """
 
 import tempfile
@@ -12,7 +12,7 @@ import numpy as np
 import pyorbslam3  # pyright: ignore[reportMissingImports], it is installed where this runs
 from pipe import Image, Pose, Track, serve
 
-SHEET = """%YAML:1.0
+CAMERA_YAML = """%YAML:1.0
 Camera.type: "PinHole"
 Camera.fx: {f_px:f}
 Camera.fy: {f_px:f}
@@ -27,7 +27,7 @@ Camera.height: {height_px}
 Camera.fps: {rate_hz:f}
 Camera.bf: {bf:f}
 Camera.RGB: 1
-ThDepth: {far_baselines:f}
+ThDepth: {far_point_baselines:f}
 ORBextractor.nFeatures: {features}
 ORBextractor.scaleFactor: 1.2
 ORBextractor.nLevels: 8
@@ -50,9 +50,9 @@ def start(rig: dict[str, Any]) -> Track:
     """Load the vocabulary and return the tracker."""
     with tempfile.TemporaryDirectory() as folder:
         sheet = Path(folder) / "camera.yaml"
-        sheet.write_text(SHEET.format(bf=rig["f_px"] * rig["baseline_m"], **rig))
+        sheet.write_text(CAMERA_YAML.format(bf=rig["f_px"] * rig["baseline_m"], **rig))
         slam = pyorbslam3.Slam(rig["vocabulary"], str(sheet), pyorbslam3.Sensor.STEREO, False)
-    first: list[tuple[float, float]] = []  # time of the recording, time here
+    first: list[tuple[float, float]] = []  # time in the recording, time of the clock
 
     def track(t: float, left: Image, right: Image) -> tuple[Pose | None, str]:
         result = slam.track_stereo(left, right, t)
@@ -63,11 +63,11 @@ def start(rig: dict[str, Any]) -> Track:
     def paced(t: float, left: Image, right: Image) -> tuple[Pose | None, str]:
         if not first:
             first.append((t, time.perf_counter()))
-        early = (t - first[0][0]) / rig["pace"] - (time.perf_counter() - first[0][1])
+        early = (t - first[0][0]) / rig["playback_rate"] - (time.perf_counter() - first[0][1])
         time.sleep(max(early, 0))
         return track(t, left, right)
 
-    return paced if rig["pace"] else track
+    return paced if rig["playback_rate"] else track
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The worker's end of `trials.estimators.systems.elsewhere`; needs NumPy alone."""
+"""Worker side of `trials.estimators.systems.subprocess_estimator`; requires only NumPy."""
 
 import json
 import os
@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 Pose = NDArray[np.float64]
 Image = NDArray[np.uint8]
 Track = Callable[[float, Image, Image], tuple[Pose | None, str]]
-"""Seconds and both eyes to the left camera's pose, 4x4, or None and the reason."""
+"""Maps seconds and both images to the 4x4 pose of the left camera, or None and the reason."""
 
 
 def serve(start: Callable[[dict[str, Any]], Track]) -> None:
-    """Answer until the pipe closes.
+    """Answer frames until the pipe closes.
 
     Args:
-        start: Takes the rig and the options, and returns what takes the frames.
+        start: Builds the tracker from rig and options.
     """
     answers = os.fdopen(os.dup(1), "w")
-    os.dup2(2, 1)  # what the system prints goes elsewhere
+    os.dup2(2, 1)  # output of the system must not mix with the answers
     source = sys.stdin.buffer
     rig = json.loads(source.readline())
     track = start(rig)
@@ -37,4 +37,4 @@ def serve(start: Callable[[dict[str, Any]], Track]) -> None:
         ms = 1e3 * (time.perf_counter() - begun)
         said = None if T is None else np.asarray(T, dtype=float).ravel().tolist()
         print(json.dumps({"T": said, "state": state, "ms": ms}), file=answers, flush=True)
-    os._exit(0)  # the system's threads and destructors are not waited for
+    os._exit(0)  # without waiting for threads and destructors of the system

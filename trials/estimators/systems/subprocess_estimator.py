@@ -1,10 +1,10 @@
-"""An estimator in another process: frames go down a pipe, poses come back.
+"""An estimator in another process, connected by pipes.
 
-The worker is a script that runs in the system's own environment, where this project is not
-installed. It reads a line of JSON (the rig and options), answers with a line, and then answers
-every frame, which is a line of JSON `{"t": seconds}` and the pixels of both eyes, with a line
-`{"T": 16 numbers or null, "state": word, "ms": milliseconds}`. T is the left camera in the frame
-of the first.
+The worker is a script that runs in the environment of its system, where this project is not
+installed. It reads a line of JSON (rig and options) and answers with a line. For each frame it
+reads a line of JSON `{"t": seconds}` and the pixels of both images, and answers with a line
+`{"T": 16 numbers or null, "state": word, "ms": milliseconds}`. T maps the left camera to the first
+left camera.
 """
 
 import json
@@ -29,42 +29,42 @@ from vo.contract.trajectory import NS_PER_S
 WORKERS = Path(__file__).parent / "workers"
 
 
-class Elsewhere:
-    """Estimator that asks a worker."""
+class SubprocessEstimator:
+    """Estimator whose poses come from a worker process."""
 
     def __init__(
-        self, system: str, rig: StereoRig, options: Mapping[str, Any], patience_s: float = 120.0
+        self, system: str, rig: StereoRig, options: Mapping[str, Any], timeout_s: float = 120.0
     ) -> None:
         """Start the worker.
 
         Args:
             system: A key of `trials.estimators.systems.environments.SYSTEMS`.
-            rig: Of the frames to come.
-            options: For the worker.
-            patience_s: Longest that it may take to start, or for a frame.
+            rig: Camera of the sequence.
+            options: Options of the worker.
+            timeout_s: Longest time for the start, and for each frame.
 
         Raises:
             ForeignSystemError: If the system is not installed.
             PluginError: If the worker does not start.
         """
-        self.system, self.patience_s = system, patience_s
+        self.system, self.timeout_s = system, timeout_s
         self._last = "it was ended"
         words = [str(python_of(system)), str(WORKERS / f"{system}_worker.py")]
-        self._said = tempfile.TemporaryFile()  # noqa: SIM115, open as long as the process
+        self._output = tempfile.TemporaryFile()  # noqa: SIM115, open as long as the process
         self._process = subprocess.Popen(
-            words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._said
+            words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._output
         )
-        self._end = weakref.finalize(self, _end, self._process, self._said)
+        self._end = weakref.finalize(self, _end, self._process, self._output)
         names = ("width_px", "height_px", "f_px", "cx_px", "cy_px", "baseline_m")
-        self._tell({**{name: getattr(rig, name) for name in names}, **options})
-        self._hear()
+        self._send({**{name: getattr(rig, name) for name in names}, **options})
+        self._receive()
         self._started = False
 
     def track(self, frame: StereoFrame) -> Estimate:
-        """Pass a frame on and wait for its pose."""
+        """Send a frame and receive its pose."""
         pixels = (frame.left.tobytes(), frame.right.tobytes())
-        self._tell({"t": frame.timestamp_ns / NS_PER_S}, *pixels)
-        answer = self._hear()
+        self._send({"t": frame.timestamp_ns / NS_PER_S}, *pixels)
+        answer = self._receive()
         timings = {"track": float(answer["ms"])}
         time = frame.timestamp_ns
         if answer["T"] is None:
@@ -75,47 +75,47 @@ class Elsewhere:
         return Estimate(time, status, T_odom_cam, timings_ms=timings)
 
     def finalize(self) -> FinalResult:
-        """End the worker; nothing is added."""
+        """End the worker; the result is empty."""
         self._end()
         return FinalResult()
 
-    def _tell(self, header: Mapping[str, Any], *blocks: bytes) -> None:
+    def _send(self, header: Mapping[str, Any], *blocks: bytes) -> None:
         assert self._process.stdin
         if not self._end.alive:
-            raise self._broken()
+            raise self._failure()
         try:
             self._process.stdin.write(json.dumps(header).encode() + b"\n")
             for block in blocks:
                 self._process.stdin.write(block)
             self._process.stdin.flush()
         except BrokenPipeError:
-            raise self._broken() from None
+            raise self._failure() from None
 
-    def _hear(self) -> dict[str, Any]:
+    def _receive(self) -> dict[str, Any]:
         pipe = self._process.stdout
         assert pipe
-        if not select.select([pipe], [], [], self.patience_s)[0]:
+        if not select.select([pipe], [], [], self.timeout_s)[0]:
             self._process.kill()
             self._end()
-            raise PluginError(f"{self.system} says nothing for {self.patience_s:g} s")
+            raise PluginError(f"{self.system} does not answer for {self.timeout_s:g} s")
         line = pipe.readline()
         if not line:
-            raise self._broken()
+            raise self._failure()
         return json.loads(line)
 
-    def _broken(self) -> PluginError:
+    def _failure(self) -> PluginError:
         if self._end.alive:
             self._process.wait()
-            self._said.seek(0)
-            lines = self._said.read().decode(errors="replace").strip().splitlines()
-            self._last = lines[-1] if lines else "it said nothing"
+            self._output.seek(0)
+            lines = self._output.read().decode(errors="replace").strip().splitlines()
+            self._last = lines[-1] if lines else "no output"
             self._end()
         status = self._process.returncode
         return PluginError(f"{self.system} ended with status {status}: {self._last}")
 
 
-def _end(process: "subprocess.Popen[bytes]", said: IO[bytes]) -> None:
-    for pipe in (process.stdin, process.stdout, said):
+def _end(process: "subprocess.Popen[bytes]", output: IO[bytes]) -> None:
+    for pipe in (process.stdin, process.stdout, output):
         if pipe:
             with suppress(BrokenPipeError):
                 pipe.close()
