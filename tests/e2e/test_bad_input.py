@@ -217,13 +217,3 @@ def test_usage_error_has_status_2(tmp_path, words):
     assert result.returncode == 2
     assert "Usage:" in result.stderr
     assert "Traceback" not in result.stderr
-
-
-@pytest.mark.parametrize(
-    "command",
-    ["scenes", "preview", "generate", "verify", "run", "score", "report", "doctor", "demo"],
-)
-def test_help_of_every_command_shows_an_example(tmp_path, command):
-    result = driftyard(command, "--help", cwd=tmp_path)
-    assert result.returncode == 0
-    assert f"Example: driftyard {command}" in result.stdout

@@ -48,8 +48,14 @@ def test_command_help_shows_its_example_and_every_option(name):
         assert parameter.help[:1].isupper() or parameter.name == "estimator", parameter.name
 
 
-@pytest.mark.parametrize("words", [[], ["gate"], ["gate", "check"], ["systems", "list"]])
-def test_help_of_groups_lists_commands(words):
-    result = CliRunner().invoke(app, [*words, "--help"])
+@pytest.mark.parametrize("name", ["", *COMMANDS])
+def test_help_of_command_shows_its_example_in_80_columns(name):
+    result = CliRunner().invoke(app, [*name.split(), "--help"])
     assert result.exit_code == 0
-    assert "Example: driftyard" in result.stdout
+    assert f"Example: driftyard {name}".rstrip() in result.stdout
+    assert all(len(line) <= 80 for line in result.stdout.splitlines())
+
+
+def test_help_lists_every_command():
+    listed = CliRunner().invoke(app, ["--help"]).stdout
+    assert all(f" {name} " in listed for name in COMMANDS if " " not in name)
