@@ -39,7 +39,7 @@ ROOMS = {
     ("vo", "vo.pose"): (
         "orientation>absolute_orientation split>decoupled motion>estimation fischler_bolles "
         "pose_steps>gauss_newton annealing>graduated_nonconvexity hypotheses lambda_twist p3p "
-        "polynomial pose_covariance ransac"
+        "polynomial ransac"
     ),
     ("vo", "vo.stereo"): (
         "stereo>dense epipolar>epipolar_search surface>plane_fit slant disparity>sparse"
@@ -49,7 +49,9 @@ ROOMS = {
         "eyes>frontend following>klt trust>landmark_prior localisation>pose_refinement "
         "replacement turn>rotation_prior standing>stationary location>track_local_map"
     ),
-    ("sim", "sim.camera"): "camera exposure view>frustum_culling gl readout render sky target",
+    ("sim", "sim.camera"): (
+        "camera exposure target>framebuffer view>frustum_culling gl readout render sky"
+    ),
     ("sim", "sim.certificate"): "certificate plausibility verify",
     ("sim", "sim.dataset"): "manifest sensors>sensor_yaml tables",
     ("sim", "sim.imaging"): (
@@ -62,13 +64,13 @@ ROOMS = {
     ),
     ("sim", "sim.sensors"): "inertial encoders>wheel_encoders",
     ("sim", "sim.world"): "drive handheld path streams>random_streams rig rover terrain trip world",
-    ("scenes", "scenes.geometry"): "mesh",
+    ("scenes", "scenes.geometry"): "mesh routes",
     ("scenes", "scenes.lighting"): "light>baked_light lamplight>lamps shadow",
     ("scenes", "scenes.objects"): (
         "exhibits furniture laboratory>laboratory_equipment people plants props storage vehicles"
     ),
     ("scenes", "scenes.structures"): (
-        "courses facade ground interior paths paving ribbon rooms routes slope surround thresholds"
+        "courses facade ground interior paths paving ribbon slope surround thresholds"
     ),
     ("trials", "trials.diagnosis"): (
         "attribution bound combinations injection>error_injection explanation oracles validation"
@@ -98,7 +100,7 @@ ROOMS = {
     ("trials.report", "trials.report"): "explanation>explanation_figures film>stills",
     ("trials", "trials.studies"): (
         "accuracy bench bump experiments proof>label_accuracy point_world response speed stock "
-        "strengths stress"
+        "stress strengths>stress_axes"
     ),
     ("trials.gate", "trials.studies"): "simulate>gate_power",
     ("trials.navigation", "trials.studies"): "bench>replanning",
