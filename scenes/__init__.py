@@ -1,7 +1,8 @@
-"""What the world looks like: builders that return a Scene; no physics loop, no GL."""
+"""The registry of scenes: builders of worlds to drive through, without physics and rendering."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -31,14 +32,14 @@ from vo.contract.settings import Settings, complaint
 
 @dataclass(frozen=True)
 class SceneBuilder:
-    """How to build a scene, and what can be known without building it.
+    """Builder of a scene, and its description.
 
     Attributes:
         tests: One sentence: what the scene tests.
         options: Model of the options.
-        build: Builds from a generator and a value of `options`.
-        defaults: Recording settings that belong to the scene, as `key.path` to value; whoever
-            records it may change them.
+        build: Builds the scene from a generator and a value of `options`.
+        defaults: Recording settings that belong to the scene, as `key.path` to value; settings
+            of the user take precedence.
     """
 
     tests: str
@@ -47,21 +48,17 @@ class SceneBuilder:
     defaults: Mapping[str, float | str] = field(default_factory=dict[str, float | str])
 
 
+def _builder(scene: ModuleType, defaults: Mapping[str, float | str] | None = None) -> SceneBuilder:
+    return SceneBuilder(scene.TESTS, scene.Options, scene.build, defaults or {})
+
+
 SCENES: dict[str, SceneBuilder] = {
-    "asphalt": SceneBuilder(asphalt.TESTS, asphalt.AsphaltSettings, asphalt.build),
-    "brick_court": SceneBuilder(
-        brick_court.TESTS, brick_court.BrickCourtSettings, brick_court.build
-    ),
-    "corridor": SceneBuilder(
-        corridor.TESTS, corridor.CorridorSettings, corridor.build, {"rig.tilt_deg": 8.0}
-    ),
-    "crowded": SceneBuilder(
-        crowded.TESTS, crowded.CrowdedSettings, crowded.build, {"rig.tilt_deg": 10.0}
-    ),
-    "dusk": SceneBuilder(
-        dusk.TESTS,
-        dusk.DuskSettings,
-        dusk.build,
+    "asphalt": _builder(asphalt),
+    "brick_court": _builder(brick_court),
+    "corridor": _builder(corridor, {"rig.tilt_deg": 8.0}),
+    "crowded": _builder(crowded, {"rig.tilt_deg": 10.0}),
+    "dusk": _builder(
+        dusk,
         {
             "rig.tilt_deg": 18.0,
             "sensor.auto_exposure": True,
@@ -71,10 +68,8 @@ SCENES: dict[str, SceneBuilder] = {
             "exposure.time_ms": 10.0,
         },
     ),
-    "lab_circle": SceneBuilder(
-        lab_circle.TESTS,
-        lab_circle.LabCircleSettings,
-        lab_circle.build,
+    "lab_circle": _builder(
+        lab_circle,
         {
             "drive.carrier": "handheld",
             "drive.speed_mps": 0.5,
@@ -82,35 +77,24 @@ SCENES: dict[str, SceneBuilder] = {
             "rig.tilt_deg": 12.0,
         },
     ),
-    "long_haul": SceneBuilder(
-        long_haul.TESTS, long_haul.LongHaulSettings, long_haul.build, {"rig.tilt_deg": 15.0}
+    "long_haul": _builder(long_haul, {"rig.tilt_deg": 15.0}),
+    "meadow": _builder(meadow, {"rig.tilt_deg": 15.0}),
+    "office": _builder(office),
+    "ramp": _builder(ramp, {"rig.tilt_deg": 18.0}),
+    "sill": _builder(sill, {"rig.tilt_deg": 18.0}),
+    "stop_and_go": _builder(
+        stop_and_go, {"rig.tilt_deg": 8.0, "drive.stop_every_m": 0.9, "drive.stop_s": 4.0}
     ),
-    "meadow": SceneBuilder(
-        meadow.TESTS, meadow.MeadowSettings, meadow.build, {"rig.tilt_deg": 15.0}
-    ),
-    "office": SceneBuilder(office.TESTS, office.OfficeSettings, office.build),
-    "ramp": SceneBuilder(ramp.TESTS, ramp.RampSettings, ramp.build, {"rig.tilt_deg": 18.0}),
-    "sill": SceneBuilder(sill.TESTS, sill.SillSettings, sill.build, {"rig.tilt_deg": 18.0}),
-    "stop_and_go": SceneBuilder(
-        stop_and_go.TESTS,
-        stop_and_go.StopAndGoSettings,
-        stop_and_go.build,
-        {"rig.tilt_deg": 8.0, "drive.stop_every_m": 0.9, "drive.stop_s": 4.0},
-    ),
-    "turntable": SceneBuilder(
-        turntable.TESTS,
-        turntable.TurntableSettings,
-        turntable.build,
+    "turntable": _builder(
+        turntable,
         {"rig.tilt_deg": 15.0, "drive.turn_rate_max_deg_s": 120.0, "exposure.time_ms": 18.0},
     ),
-    "warehouse": SceneBuilder(
-        warehouse.TESTS, warehouse.WarehouseSettings, warehouse.build, {"rig.tilt_deg": 15.0}
-    ),
+    "warehouse": _builder(warehouse, {"rig.tilt_deg": 15.0}),
 }
 
 
 def find_scene(name: str) -> SceneBuilder:
-    """Look a builder up; a file or a `module:function` is a scene of the user's own.
+    """Find a builder by its name; an MJCF file or a `module:function` is a custom scene.
 
     Raises:
         SettingsError: If there is no such scene.

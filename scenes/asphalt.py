@@ -11,8 +11,9 @@ from scenes.lighting.baked_light import sun
 from scenes.objects.plants import hedge, tree
 from scenes.objects.props import grass_tufts, lamp_post
 from scenes.objects.vehicles import PAINTS, car
+from scenes.pen import one_object
 from scenes.scene import Kind, Scene
-from scenes.stage import Stage, one_object
+from scenes.stage import Stage
 from scenes.structures.ground import Ground, bake_ground, level, quads, scattered, strip
 from scenes.structures.surround import kerb
 from scenes.surfaces import floor, greenery, masonry, prints, sky, timber
@@ -20,6 +21,7 @@ from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 
 TESTS = "Self-similar asphalt without landmarks: any patch of the ground resembles any other."
+TAGS = "outdoor level textured"
 BAY_M = (2.5, 5.0)
 AISLE_M = 13.0
 """Depth of the free field between the two rows of bays."""
@@ -28,7 +30,7 @@ KERB_M = 0.08
 TILE_M = 0.5
 
 
-class AsphaltSettings(Settings):
+class Options(Settings):
     """Options of the car park.
 
     Attributes:
@@ -42,7 +44,7 @@ class AsphaltSettings(Settings):
     wear: Annotated[float, Field(ge=0, le=1)] = 0.6
 
 
-def build(rng: np.random.Generator, settings: AsphaltSettings) -> Scene:
+def build(rng: np.random.Generator, settings: Options) -> Scene:
     """Build the car park; cars, markings, trees and light follow the generator."""
     stage = Stage("asphalt")
     half = np.array([settings.bays * BAY_M[0] + 1.0, AISLE_M + 2 * BAY_M[1]]) / 2
@@ -54,12 +56,7 @@ def build(rng: np.random.Generator, settings: AsphaltSettings) -> Scene:
     _lay_ground(ground, rng, half)
     _mark(ground, rng, settings)
     return stage.scene(
-        TESTS,
-        light,
-        sky.town_sky(rng),
-        route=_route(rng),
-        extent_m=half + 0.6,
-        tags="outdoor level textured",
+        TESTS, TAGS, light, sky.town_sky(rng), route=_route(rng), extent_m=half + 0.6
     )
 
 
@@ -89,7 +86,7 @@ def _surfaces(stage: Stage, rng: np.random.Generator, wear: float) -> None:
         stage.material(f"paint_{k}", masonry.painted_wall(rng, (128, 128), paint))
 
 
-def _park(stage: Stage, rng: np.random.Generator, settings: AsphaltSettings) -> None:
+def _park(stage: Stage, rng: np.random.Generator, settings: Options) -> None:
     """Park cars in a share of the bays."""
     left = -settings.bays * BAY_M[0] / 2
     for row, side in enumerate((-1, 1)):
@@ -143,13 +140,10 @@ def _lay_ground(ground: Ground, rng: np.random.Generator, half: Array) -> None:
         sides = (
             ((x + edge, -y - edge), (x + 4, y + edge), 0.4),
             ((-x - 4, -y - edge), (-x - edge, y + edge), 0.4),
-            ((-x - 4, y + edge), (x + 4, y + 4), 0.4),
-            ((-x - 4, -y - 4), (x + 4, -y - edge), 0.4),
-            ((x + 4, -far), (far, far), 2.0),
-            ((-far, -far), (-x - 4, far), 2.0),
-            ((-x - 4, y + 4), (x + 4, far), 2.0),
-            ((-x - 4, -far), (x + 4, -y - 4), 2.0),
-        )
+            ((-x - 4, y + edge), (x + 4, y + 4), 0.4), ((-x - 4, -y - 4), (x + 4, -y - edge), 0.4),
+            ((x + 4, -far), (far, far), 2.0), ((-far, -far), (-x - 4, far), 2.0),
+            ((-x - 4, y + 4), (x + 4, far), 2.0), ((-x - 4, -far), (x + 4, -y - 4), 2.0),
+        )  # fmt: skip
         turf = merged([strip(low, high, KERB_M - 0.02, 4.0, cell) for low, high, cell in sides])
         ground.draw("lawn", turf)
         feet = np.concatenate([_fringe(rng, half, axis, 220) for axis in (0, 1)])
@@ -164,7 +158,7 @@ def _fringe(rng: np.random.Generator, half: Array, axis: int, count: int) -> Arr
     return feet
 
 
-def _mark(ground: Ground, rng: np.random.Generator, settings: AsphaltSettings) -> None:
+def _mark(ground: Ground, rng: np.random.Generator, settings: Options) -> None:
     """Paint bays and two arrows, and add a shaft cover."""
     stage = ground.stage
     lines: list[Mesh] = []

@@ -16,11 +16,11 @@ from scenes.structures.ground import Ground, bake_ground, strip
 from scenes.structures.paving import BEVEL_M, Bond, Paving, brick_flanks, brick_tops, lay
 from scenes.structures.surround import brick_wall, hang_posters, kerb, plaster_wall
 from scenes.surfaces import greenery, masonry, prints, sky, timber
-from scenes.surfaces.atlas import pack
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 
 TESTS = "Outdoor paving of single bricks: bumps shake the camera; the ground is rich in texture."
+TAGS = "outdoor bumpy textured"
 MODULE_M = 0.1
 SWATH_M = 0.6
 """Distance from the route within which every brick is a collision box."""
@@ -29,13 +29,13 @@ FLANKS_M = 1.0
 BRICK_THICKNESS_M = 0.06
 
 
-class BrickCourtSettings(Settings):
+class Options(Settings):
     """Options of the court.
 
     Attributes:
         length_m: Size of the paving along x.
         width_m: Size of the paving along y.
-        height_std_mm: Deviation of the bricks' heights; clipped at twice this.
+        height_std_mm: Standard deviation of the bricks' heights, which are clipped at twice this.
         gap_mm: Width of the joints.
         bond: Laying pattern.
     """
@@ -47,7 +47,7 @@ class BrickCourtSettings(Settings):
     bond: Bond = "herringbone"
 
 
-def build(rng: np.random.Generator, settings: BrickCourtSettings) -> Scene:
+def build(rng: np.random.Generator, settings: Options) -> Scene:
     """Build the court; layout, textures and light follow the generator."""
     stage = Stage("brick_court")
     sand_m = -(2.5 * settings.height_std_mm + 1.5) / 1e3  # below the lowest corner of a brick
@@ -70,13 +70,7 @@ def build(rng: np.random.Generator, settings: BrickCourtSettings) -> Scene:
     stage.floor(sand_m)
     _add_collision(stage, paving.select(gap_m < SWATH_M))
     return stage.scene(
-        TESTS,
-        light,
-        sky.town_sky(rng),
-        route=route,
-        extent_m=half + 0.6,
-        tags="outdoor bumpy textured",
-        floor_m=None,
+        TESTS, TAGS, light, sky.town_sky(rng), route=route, extent_m=half + 0.6, floor_m=None
     )
 
 
@@ -84,26 +78,18 @@ def _route(rng: np.random.Generator, half: Array) -> Array:
     """Drive around the middle, counter-clockwise, with a jog in each long side."""
     x, y = half - 0.95
     jog = rng.uniform(0.25, 0.45, 2)
-    corners = np.array(
-        [
-            (x, -y + rng.uniform(0, 0.2)),
-            (x - rng.uniform(0, 0.2), y),
-            (0.45 * x, y),
-            (0.15 * x, y - jog[0]),
-            (-0.45 * x, y - jog[0]),
-            (-x, y - rng.uniform(0, 0.2)),
-            (-x + rng.uniform(0, 0.2), -y),
-            (-0.45 * x, -y),
-            (-0.15 * x, -y + jog[1]),
-            (0.35 * x, -y + jog[1]),
-        ]
-    )
+    corners = np.array([
+        (x, -y + rng.uniform(0, 0.2)), (x - rng.uniform(0, 0.2), y),
+        (0.45 * x, y), (0.15 * x, y - jog[0]), (-0.45 * x, y - jog[0]),
+        (-x, y - rng.uniform(0, 0.2)), (-x + rng.uniform(0, 0.2), -y),
+        (-0.45 * x, -y), (-0.15 * x, -y + jog[1]), (0.35 * x, -y + jog[1]),
+    ])  # fmt: skip
     return rounded_loop(corners, radius_m=0.9)
 
 
 def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
     """Define the materials; the bricks, which hide most of the others, are the first."""
-    stage.material("paving", pack(masonry.paving_bricks(rng, 144, (100, 200))))
+    stage.material("paving", masonry.paving_bricks(rng, 144, (100, 200)))
     stage.material("sand", masonry.sand(rng, 1024))
     stage.material("concrete", masonry.concrete(rng, (1024, 1024)))
     stage.material("mortar", masonry.concrete(rng, (512, 512), 168.0))
@@ -133,11 +119,11 @@ def _furnish(stage: Stage, rng: np.random.Generator, half: Array) -> None:
 def _surround(stage: Stage, rng: np.random.Generator, half: Array) -> None:
     """Build walls to the north and west, shrubs before them and along the open sides."""
     x, y = half
-    stage.material("wall_bricks", pack(masonry.wall_bricks(rng, 64, (48, 140))))
-    brick_wall(stage, "wall_north", rng, (-x - 1.0, y + 1.0, 0.0), 2 * x + 3.6, 2.2)
+    stage.material("wall_bricks", masonry.wall_bricks(rng, 64, (48, 140)))
+    brick_wall(stage, "wall_north", (-x - 1.0, y + 1.0, 0.0), rng, 2 * x + 3.6, 2.2)
     west = (-x - 1.0, -y - 2.6, np.pi / 2)
-    plaster_wall(stage, "wall_west", rng, west, 2 * y + 3.6, 2.4)
-    stage.material("posters", pack(prints.posters(rng, 8, (420, 300))))
+    plaster_wall(stage, "wall_west", west, rng, 2 * y + 3.6, 2.4)
+    stage.material("posters", prints.posters(rng, 8, (420, 300)))
     spots = [
         (along + rng.uniform(0, 0.9), rng.uniform(0.32, 0.7), 0.6, 0.84)
         for along in np.arange(1.5, 2 * y + 2, 1.7)
@@ -149,6 +135,7 @@ def _surround(stage: Stage, rng: np.random.Generator, half: Array) -> None:
 
 
 def _plant_shrubs(stage: Stage, rng: np.random.Generator, half: Array) -> None:
+    """Plant shrubs before the walls and along the open sides."""
     x, y = half
     for _ in range(9):
         along = rng.uniform(-0.95, 0.95)
@@ -173,33 +160,21 @@ def _edge(ground: Ground, rng: np.random.Generator, half: Array, sand_m: float) 
     ground.draw("gravel", merged([north, west]))
     east = strip((x + edge, -y - edge), (x + 3, y + 1.05), 0.012, 4.0)
     south = strip((-x - edge, -y - 3), (x + 3, -y - edge), 0.012, 4.0)
-    beyond = [
-        strip((x + 3, -30), (30, 30), 0.012, 4.0, 1.5),
-        strip((-30, -30), (x + 3, -y - 3), 0.012, 4.0, 1.5),
-        strip((-30, y + 1.05), (x + 3, 30), 0.012, 4.0, 1.5),
-        strip((-30, -y - 3), (-x - 1.05, y + 1.05), 0.012, 4.0, 1.5),
-    ]
+    far = (
+        ((x + 3, -30), (30, 30)), ((-30, -30), (x + 3, -y - 3)),
+        ((-30, y + 1.05), (x + 3, 30)), ((-30, -y - 3), (-x - 1.05, y + 1.05)),
+    )  # fmt: skip
+    beyond = [strip(low, high, 0.012, 4.0, 1.5) for low, high in far]
     ground.draw("lawn", merged([east, south, *beyond]))
     count = 300
     beside = 0.14 + rng.exponential(0.35, (2, count))  # uncut where the mower meets the kerb
-    tufts = np.concatenate(
-        [
-            np.column_stack([x + beside[0], rng.uniform(-y, y, count)]),
-            np.column_stack([rng.uniform(-x, x, count), -y - beside[1]]),
-        ]
-    )
-    ground.draw("lawn", grass_tufts(rng, tufts))
+    east = np.column_stack([x + beside[0], rng.uniform(-y, y, count)])
+    south = np.column_stack([rng.uniform(-x, x, count), -y - beside[1]])
+    ground.draw("lawn", grass_tufts(rng, np.concatenate([east, south])))
 
 
 def _pave(ground: Ground, rng: np.random.Generator, paving: Paving, gap_m: Array) -> None:
-    """Draw the bricks, finely divided under a shadow's edge, with flanks where they show.
-
-    Args:
-        ground: Receives the meshes.
-        rng: Chooses the faces.
-        paving: The bricks.
-        gap_m: (N,) distance of each from the route.
-    """
+    """Draw bricks at (N,) distances from the route, finely divided under a shadow's edge."""
     stage = ground.stage
     count = len(paving.centre)
     rects = stage.atlases["paving"].pick(rng, count)
@@ -219,9 +194,8 @@ def _pave(ground: Ground, rng: np.random.Generator, paving: Paving, gap_m: Array
         if keep.any():
             tops = brick_tops(paving.select(keep), rects[keep], turned[keep], divisions, inset_m)
             ground.draw("paving", tops)
-    flanks = brick_flanks(paving.select(near), rects[near], turned[near])
-    ground.draw("paving", flanks)
-    stage.material("litter", pack(greenery.fallen_leaves(rng, 24, 64)))
+    ground.draw("paving", brick_flanks(paving.select(near), rects[near], turned[near]))
+    stage.material("litter", greenery.fallen_leaves(rng, 24, 64))
     dropped = 170
     under = paving.centre[rng.integers(count, size=dropped)]
     shift = rng.uniform(-0.04, 0.04, (dropped, 2))
@@ -236,10 +210,7 @@ def _add_collision(stage: Stage, near: Paving) -> None:
     ):
         tilt = np.array([1, slope[1] / 2, -slope[0] / 2, 0])  # small turn that lifts along slope
         normal = np.array([-slope[0], -slope[1], 1]) / np.sqrt(1 + slope @ slope)
-        stage.collision(
-            f"brick_{k}",
-            mujoco.mjtGeom.mjGEOM_BOX,
-            pos=centre - normal * BRICK_THICKNESS_M / 2,
-            quat=tilt / np.linalg.norm(tilt),
-            size=(*reach, BRICK_THICKNESS_M / 2),
-        )
+        centre_m = centre - normal * BRICK_THICKNESS_M / 2
+        quat, half = tilt / np.linalg.norm(tilt), (*reach, BRICK_THICKNESS_M / 2)
+        box = mujoco.mjtGeom.mjGEOM_BOX
+        stage.collision(f"brick_{k}", box, pos=centre_m, quat=quat, size=half)

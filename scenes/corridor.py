@@ -11,17 +11,18 @@ from scenes.geometry.routes import rounded_loop
 from scenes.lighting.baked_light import Light
 from scenes.lighting.lamps import Lamplight
 from scenes.objects.props import potted_plant
+from scenes.pen import Pen
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage
 from scenes.structures import interior
 from scenes.structures.ground import level, quads, scattered
 from scenes.structures.interior import Run, sides
 from scenes.surfaces import floor, greenery, masonry, prints, timber
-from scenes.surfaces.atlas import pack
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 
 TESTS = "Blank walls and plain flooring: few features, far apart, and long views down the corridor."
+TAGS = "indoor level plain"
 HEIGHT_M = 2.5
 PERIOD_M = (3.1, 2.9)
 """Size of the walls' texture."""
@@ -31,7 +32,7 @@ FLOORS = ((146, 150, 142), (158, 146, 126), (124, 136, 148), (150, 152, 154))
 LEAVES = ((96, 118, 138), (162, 126, 88), (120, 132, 112), (176, 174, 168))
 
 
-class CorridorSettings(Settings):
+class Options(Settings):
     """Options of the corridor.
 
     Attributes:
@@ -47,7 +48,7 @@ class CorridorSettings(Settings):
     doors: Annotated[float, Field(ge=0, le=1)] = 0.8
 
 
-def build(rng: np.random.Generator, settings: CorridorSettings) -> Scene:
+def build(rng: np.random.Generator, settings: Options) -> Scene:
     """Build the corridor; colours, doors and what hangs on the walls follow the generator."""
     stage = Stage("corridor")
     half = np.array([settings.length_m, settings.width_m]) / 2
@@ -70,14 +71,8 @@ def build(rng: np.random.Generator, settings: CorridorSettings) -> Scene:
     _fill_corners(stage, rng, half)
     light = _lamps(rng)
     lamps = Lamplight(panels, np.full(len(panels), PANEL_POWER), stage.occluders, light)
-    return stage.scene(
-        TESTS,
-        light,
-        bake=lamps.bake,
-        route=rounded_loop(_corners(middle), radius_m=0.65),
-        extent_m=half + 0.15,
-        tags="indoor level plain",
-    )
+    route = rounded_loop(_corners(middle), radius_m=0.65)
+    return stage.scene(TESTS, TAGS, light, bake=lamps.bake, route=route, extent_m=half + 0.15)
 
 
 def _corners(middle: Array) -> Array:
@@ -110,16 +105,16 @@ def _lamps(rng: np.random.Generator) -> Light:
 def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
     """Define the materials."""
     symbols = prints.pictograms(160)
-    atlases = {
-        "posters": pack(prints.posters(rng, 8, (280, 200))),
-        "signs": pack(np.concatenate([prints.door_signs(rng, 14, 160), symbols[:1]])),
-        "signs_lit": pack(symbols[1:]),
+    textures = {
+        "posters": prints.posters(rng, 8, (280, 200)),
+        "signs": np.concatenate([prints.door_signs(rng, 14, 160), symbols[:1]]),
+        "signs_lit": symbols[1:],
     }
     stage.material("floor", floor.linoleum(rng, 2048, FLOORS[rng.integers(len(FLOORS))]))
     tint = np.array((214, 212, 204)) * rng.uniform(0.96, 1.02, 3)
     stage.material("wall", masonry.painted_wall(rng, (1024, 1024), (tint[0], tint[1], tint[2])))
-    for name, atlas in atlases.items():
-        stage.material(name, atlas, 0.5 if name == "signs_lit" else 0.0)
+    for name, images in textures.items():
+        stage.material(name, images, 0.5 if name == "signs_lit" else 0.0)
     leaf = np.array(LEAVES[rng.integers(len(LEAVES))])
     stage.material("leaf", masonry.painted_wall(rng, (512, 512), (leaf[0], leaf[1], leaf[2])), 0.12)
     stage.material("frame", timber.painted(rng, (256, 256), (116, 120, 124)), 0.1)
@@ -143,8 +138,7 @@ def _floor(stage: Stage, rng: np.random.Generator, half: Array, core: Array) -> 
     (x, y), (cx, cy) = half, core
     arms = (((-x, -y), (x, -cy)), ((-x, cy), (x, y)), ((-x, -cy), (-cx, cy)), ((cx, -cy), (x, cy)))
     corners = np.concatenate([quads(low, high, 0.25) for low, high in arms])
-    sheet = level(corners, scattered(rng, corners, 2.0, 2.048))
-    stage.draw("floor", sheet)
+    stage.draw("floor", level(corners, scattered(rng, corners, 2.0, 2.048)))
 
 
 def _walls(stage: Stage, half: Array, core: Array) -> None:
@@ -170,7 +164,7 @@ def _furnish(stage: Stage, name: str, rng: np.random.Generator, run: Run, doors:
             continue
         if rng.random() < doors:
             sign = signs[rng.integers(len(signs) - 1)]
-            interior.door(stage, f"door_{name}_{k}", rng, wall, spot, sign)
+            interior.door(stage, f"door_{name}_{k}", wall, rng, spot, sign)
             with stage.object(f"switch_{name}_{k}"):
                 _switch(stage, wall, spot + 0.72)
         beside = float(along + pitch / 2 + rng.uniform(-0.1, 0.1))
@@ -178,7 +172,7 @@ def _furnish(stage: Stage, name: str, rng: np.random.Generator, run: Run, doors:
             continue
         draw = rng.random()
         if draw < 0.22:
-            interior.notice_board(stage, f"board_{name}_{k}", rng, wall, beside)
+            interior.notice_board(stage, f"board_{name}_{k}", wall, rng, beside)
         elif draw < 0.45:
             interior.extinguisher(stage, f"extinguisher_{name}_{k}", wall, beside, signs[-1])
 
@@ -198,7 +192,7 @@ def _fill_corners(stage: Stage, rng: np.random.Generator, half: Array) -> None:
 
 def _switch(stage: Stage, wall: Place, along_m: float) -> None:
     """Put a light switch at 1.05 m and a socket at 0.3 m on a wall."""
-    put = stage.at(wall)
+    put = Pen(stage, wall)
     for z in (0.3, 1.05):
         put("panel", box((along_m, -0.006, z), (0.08, 0.012, 0.08)))
         put("frame", box((along_m, -0.013, z), (0.05, 0.004, 0.05)))

@@ -13,17 +13,18 @@ from scenes.objects import people
 from scenes.objects.furniture import bin_, cabinet
 from scenes.objects.people import Crossing, Lap, Walk
 from scenes.objects.props import bench, planter, potted_plant
+from scenes.pen import Pen, one_object, piece
 from scenes.scene import Kind, Scene
-from scenes.stage import Stage, one_object
+from scenes.stage import Stage
 from scenes.structures import interior
 from scenes.structures.ground import bake_ground, level, quads, tiled
 from scenes.structures.interior import sides
 from scenes.surfaces import greenery, masonry, prints, signs, sky, timber
-from scenes.surfaces.atlas import pack
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 
 TESTS = "Pedestrians and trolleys cover up to a third of the view: moving points must be rejected."
+TAGS = "indoor level dynamic textured"
 HALF_M = np.array([9.4, 7.2])
 ROUTE_M = np.array([5.3, 3.3])
 """Half sizes of the route's rectangle."""
@@ -41,7 +42,7 @@ LAPS = 12
 """Number of the rover's laps for which crossings are planned."""
 
 
-class CrowdedSettings(Settings):
+class Options(Settings):
     """Options of the hall.
 
     Attributes:
@@ -56,21 +57,19 @@ class CrowdedSettings(Settings):
     pace: Annotated[float, Field(gt=0, le=2)] = 1.0
 
 
-def build(rng: np.random.Generator, settings: CrowdedSettings) -> Scene:
+def build(rng: np.random.Generator, settings: Options) -> Scene:
     """Build the hall; layout, textures, light and walks follow the generator."""
     stage = Stage("crowded")
     light = hall_light(rng, (76, 82))
     _surfaces(stage, rng)
     _walls(stage, rng)
-    _columns(stage, rng)
+    _columns(stage)
     _furnish(stage, rng)
     with stage.object("floor", Kind.GROUND):
         _floor(stage, rng, light)
     route = _loop(0.0)
     _add_movers(stage, rng, route, settings)
-    return stage.scene(
-        TESTS, light, route=route, extent_m=HALF_M + 0.2, tags="indoor level dynamic textured"
-    )
+    return stage.scene(TESTS, TAGS, light, route=route, extent_m=HALF_M + 0.2)
 
 
 def _loop(outward_m: float) -> Array:
@@ -80,9 +79,7 @@ def _loop(outward_m: float) -> Array:
     return rounded_loop(corners, radius_m=min(1.0 + 0.35 * max(outward_m, 0), 1.8))
 
 
-def _add_movers(
-    stage: Stage, rng: np.random.Generator, route: Array, settings: CrowdedSettings
-) -> None:
+def _add_movers(stage: Stage, rng: np.random.Generator, route: Array, settings: Options) -> None:
     """Add pedestrians, porters and two carriers that go around in lanes, and the crossers."""
     senses = rng.choice([-1.0, 1.0], len(LANES_M))
     paces = rng.uniform(0.55, 1.1, len(LANES_M)) * settings.pace * senses
@@ -123,15 +120,11 @@ def _crossing(rng: np.random.Generator, route: Array, share: float) -> Walk:
 
 def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
     """Define the materials."""
-    atlases = {
-        "floor": pack(masonry.terrazzo_tiles(rng, 16, 600)),
-        "clothes": people.clothing_atlas(rng),
-        "posters": pack(prints.posters(rng, 12, (420, 300))),
-        "screens": pack(prints.screens(rng, 4, (200, 340))),
-        "cartons": pack(prints.cartons(rng, 6, 256)),
-    }
-    for name, atlas in atlases.items():
-        stage.material(name, atlas, {"posters": 0.12, "screens": 0.4}.get(name, 0.0))
+    stage.material("floor", masonry.terrazzo_tiles(rng, 16, 600))
+    stage.material("clothes", people.clothing_atlas(rng))
+    stage.material("posters", prints.posters(rng, 12, (420, 300)), 0.12)
+    stage.material("screens", prints.screens(rng, 4, (200, 340)), 0.4)
+    stage.material("cartons", prints.cartons(rng, 6, 256))
     stage.material("wall", masonry.plaster(rng, (512, 2048), (206, 200, 186), 0.3))
     stage.material("oak", timber.wood(rng, (512, 1024), (142, 106, 72)))
     stage.material("timber", timber.wood(rng, (256, 1024), (160, 122, 82)))
@@ -159,7 +152,7 @@ def _walls(stage: Stage, rng: np.random.Generator) -> None:
     """Close the hall: windows above, posters below, glazed doors in the middle of two sides."""
     for k, run in enumerate(sides(HALF_M)):
         wall, length = run
-        put = stage.at(wall)
+        put = Pen(stage, wall)
         interior.wall(stage, f"wall_{k}", run, HEIGHT_M, (4.0, HEIGHT_M), board="oak")
         with stage.object(f"wall_{k}"):
             for along in np.arange(1.6, length - 1.0, 2.4):
@@ -179,7 +172,7 @@ def _walls(stage: Stage, rng: np.random.Generator) -> None:
                     put("steel", box((length / 2, -0.04, z), (2.8, 0.07, 0.12), bottom=True))
 
 
-def _columns(stage: Stage, rng: np.random.Generator) -> None:
+def _columns(stage: Stage) -> None:
     """Stand two rows of round columns outside the lanes."""
     x, y = ROUTE_M + 3.0
     spots = [(sx * x, sy * y) for sx in (-0.95, -0.33, 0.33, 0.95) for sy in (-0.97, 0.97)]
@@ -205,9 +198,9 @@ def _furnish(stage: Stage, rng: np.random.Generator) -> None:
             kind = rng.choice(["machine", "cabinet", "plant", "bin"], p=[0.35, 0.25, 0.2, 0.2])
             place, name = local(wall, float(along), -0.32), f"{kind}_{number}"
             if kind == "machine":
-                _machine(stage, name, rng, place)
+                _machine(stage, name, place, rng)
             elif kind == "cabinet":
-                cabinet(stage, name, rng, place)
+                cabinet(stage, name, place, rng)
             elif kind == "plant":
                 potted_plant(stage, name, rng, place[:2])
             else:
@@ -215,20 +208,17 @@ def _furnish(stage: Stage, rng: np.random.Generator) -> None:
             number += 1
 
 
-@one_object
-def _machine(stage: Stage, name: str, rng: np.random.Generator, place: Place) -> None:
+@piece
+def _machine(put: Pen, rng: np.random.Generator) -> None:
     """Put a ticket machine of 0.8 x 0.6 x 1.8 m against the wall."""
-    put = stage.at(place)
     body = "red" if rng.random() < 0.5 else "drawer"
     put(body, box((0, 0, 0.92), (0.8, 0.56, 1.76), (1.0, 1.0), rng.random(2), 0.25))
     put("plastic", box((0, 0, 0.03), (0.76, 0.52, 0.06)))
-    screen = box((0, -0.285, 1.32), (0.46, 0.012, 0.3))
-    put.cell("screens", rng, screen)
+    put.cell("screens", rng, box((0, -0.285, 1.32), (0.46, 0.012, 0.3)))
     put("steel", box((0, -0.284, 0.86), (0.6, 0.012, 0.34), (0.5, 0.5)))
     put("dark", box((0.12, -0.292, 0.76), (0.24, 0.012, 0.08)))
-    sheet = box((0, -0.283, 0.4), (0.4, 0.008, 0.46))
-    put.cell("posters", rng, sheet)
-    stage.solid(name, place, (0.8, 0.58, 1.8))
+    put.cell("posters", rng, box((0, -0.283, 0.4), (0.4, 0.008, 0.46)))
+    put.solid((0.8, 0.58, 1.8))
 
 
 @one_object

@@ -1,7 +1,9 @@
-"""A user's own world: an MJCF file, or a function that builds an MjSpec or a whole Scene."""
+"""Custom scenes: an MJCF file, or a function that builds an MjSpec or a Scene."""
 
 import importlib
+import inspect
 import sys
+import traceback
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,23 +14,22 @@ from scenes.geometry.routes import rounded_loop
 from scenes.scene import COLLISION_GROUP, Scene
 from vo.contract.errors import SettingsError
 
-TESTS = "A world of your own."
+TESTS = "A custom scene."
 LOOP_M = 2.0
 """Side of the default route, a rounded square around the origin."""
 MARGIN_M = 0.5
 
 
 def is_custom(name: str) -> bool:
-    """Whether a scene's name is a file or a `module:function` rather than a registered name."""
+    """Return whether a scene's name is an MJCF file or a `module:function`."""
     return name.endswith((".xml", ".mjcf")) or ":" in name
 
 
 def load_scene(name: str) -> Scene:
-    """Build the scene that a file or a function describes.
+    """Build the scene of an MJCF file, or of a `module:function`.
 
-    Args:
-        name: Path of an MJCF file, or `module:function`; the function takes nothing and returns
-            an MjSpec or a Scene. Modules are looked for in the working directory too.
+    The function takes no arguments and returns an MjSpec or a Scene; its module is searched for in
+    the working directory too.
 
     Raises:
         SettingsError: If it cannot be read, imported or compiled; one line.
@@ -39,53 +40,57 @@ def load_scene(name: str) -> Scene:
     try:
         model = made.compile()
     except ValueError as error:
-        raise SettingsError(f"{name}: does not compile ({_one_line(error)})") from None
+        raise SettingsError(
+            f"{name}: does not compile ({_one_line(error)}); correct the model"
+        ) from None
     half = LOOP_M / 2
     square = np.array([(half, -half), (half, half), (-half, half), (-half, -half)])
     stem = name.split(":")[-1] if ":" in name else Path(name).stem
-    return Scene(
-        name=stem,
-        tests=TESTS,
-        spec=made,
-        routes={"default": rounded_loop(square, radius_m=0.5)},
-        extent_m=_extent(model),
-        tags=frozenset({"custom"}),
-        source=name,
-    )
+    routes = {"default": rounded_loop(square, radius_m=0.5)}
+    tags = frozenset({"custom"})
+    return Scene(stem, TESTS, made, routes, _extent(model), tags, source=name)
 
 
 def _from_file(path: Path) -> mujoco.MjSpec:
     if not path.is_file():
-        raise SettingsError(f"{path}: no such file")
+        raise SettingsError(f"{path}: no such file; give the path of an MJCF file")
     try:
         return mujoco.MjSpec.from_file(str(path))
     except ValueError as error:
-        raise SettingsError(f"{path}: not valid MJCF ({_one_line(error)})") from None
+        reason = _one_line(error)
+        raise SettingsError(f"{path}: not valid MJCF ({reason}); correct the file") from None
 
 
 def _from_function(name: str) -> mujoco.MjSpec | Scene:
     module_name, _, function_name = name.partition(":")
     if not module_name or not function_name:
-        raise SettingsError(f"{name}: expected module:function")
+        raise SettingsError(f"{name}: expected module:function, for example worlds:yard")
     if "" not in sys.path:
         sys.path.insert(0, "")
     try:
         module = importlib.import_module(module_name)
-    except (ImportError, SyntaxError) as error:
-        reason = _one_line(error)
-        raise SettingsError(f"{name}: cannot import {module_name} ({reason})") from None
+    except Exception as error:  # whatever the user's module raises
+        raise SettingsError(f"{name}: cannot import {module_name} ({_cause(error)})") from error
     build = getattr(module, function_name, None)
     if not callable(build):
-        raise SettingsError(f"{name}: {module_name} has no function {function_name}")
-    made = build()
+        found = ", ".join(n for n, f in vars(module).items() if inspect.isfunction(f)) or "none"
+        raise SettingsError(
+            f"{name}: {module_name} has no function {function_name}; its functions: {found}"
+        )
+    try:
+        made = build()
+    except Exception as error:  # whatever the user's function raises
+        raise SettingsError(f"{name}: {function_name} failed ({_cause(error)})") from error
     if not isinstance(made, mujoco.MjSpec | Scene):
         kind = type(made).__name__
-        raise SettingsError(f"{name}: returned a {kind}, must be an MjSpec or a Scene")
+        raise SettingsError(
+            f"{name}: returned a {kind}; return a mujoco.MjSpec or a scenes.scene.Scene"
+        )
     return made
 
 
 def _extent(model: mujoco.MjModel) -> tuple[float, float, float, float]:
-    """Bounding square of everything but planes, with the default route in it."""
+    """Return the bounding rectangle of all geoms but planes and of the default route."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     bounded = (model.geom_rbound > 0) & (model.geom_group < COLLISION_GROUP)
@@ -98,3 +103,11 @@ def _extent(model: mujoco.MjModel) -> tuple[float, float, float, float]:
 
 def _one_line(error: Exception) -> str:
     return " ".join(str(error).split())
+
+
+def _cause(error: Exception) -> str:
+    """Name an error of the user's code, with the file and line that raised it."""
+    frame = traceback.extract_tb(error.__traceback__)[-1]
+    inside = isinstance(error, ImportError | SyntaxError)
+    where = "" if inside else f" at {Path(frame.filename).name}, line {frame.lineno}"
+    return f"{type(error).__name__}{where}: {_one_line(error)}"

@@ -14,16 +14,17 @@ from scenes.lighting.baked_light import Light
 from scenes.lighting.lamps import Lamplight
 from scenes.objects.props import bench, lamp_post, planter
 from scenes.objects.storage import cone, load, standing_drums
+from scenes.pen import Pen, piece
 from scenes.scene import Kind, Scene
-from scenes.stage import Stage, one_object
+from scenes.stage import Stage
 from scenes.structures.ground import level, quads, tiled
 from scenes.structures.surround import brick_wall, hang_posters, plaster_wall
 from scenes.surfaces import greenery, masonry, prints, signs, sky, timber
-from scenes.surfaces.atlas import pack
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 
 TESTS = "Little light: pools under lamps, darkness between, mains flicker, and lamps that fail."
+TAGS = "outdoor level dark flicker"
 HALF_M = np.array([7.2, 5.4])
 ROOF_Y_M = -1.9
 """A roof covers the yard south of this."""
@@ -34,7 +35,7 @@ MAINS_HZ = 100.0
 EPISODES = 48
 
 
-class DuskSettings(Settings):
+class Options(Settings):
     """Options of the yard.
 
     Attributes:
@@ -48,7 +49,7 @@ class DuskSettings(Settings):
     unrest: Annotated[float, Field(ge=0, le=1)] = 0.6
 
 
-def build(rng: np.random.Generator, settings: DuskSettings) -> Scene:
+def build(rng: np.random.Generator, settings: Options) -> Scene:
     """Build the yard; layout, textures, lamps and their failures follow the generator."""
     stage = Stage("dusk")
     _surfaces(stage, rng)
@@ -61,19 +62,12 @@ def build(rng: np.random.Generator, settings: DuskSettings) -> Scene:
         stage.draw("flags", level(corners, tiled(rng, corners, FLAG_M, stage.atlases["flags"])))
     light = _evening()
     places, powers = (np.array(values) for values in zip(*lamps, strict=True))
-    scene = stage.scene(
-        TESTS,
-        light,
-        _evening_sky(rng),
-        Lamplight(places, powers, stage.occluders, light).bake,
-        route=_route(rng),
-        extent_m=HALF_M + 0.4,
-        tags="outdoor level dark flicker",
-    )
+    bake, night = Lamplight(places, powers, stage.occluders, light).bake, _evening_sky(rng)
+    scene = stage.scene(TESTS, TAGS, light, night, bake, route=_route(rng), extent_m=HALF_M + 0.4)
     return replace(scene, brightness=_brightness(rng, settings))
 
 
-def _brightness(rng: np.random.Generator, settings: DuskSettings) -> Callable[[Array], Array]:
+def _brightness(rng: np.random.Generator, settings: Options) -> Callable[[Array], Array]:
     """Flicker with the mains around a level that steps and drifts every few seconds."""
     lengths = rng.uniform(3.0, 9.0, EPISODES)
     turns = rng.uniform(0.08, 2.5, EPISODES)  # how long a change takes: switched or dimmed
@@ -97,22 +91,11 @@ def _brightness(rng: np.random.Generator, settings: DuskSettings) -> Callable[[A
 def _route(rng: np.random.Generator) -> Array:
     """Drive around the yard, half of it under the roof."""
     x, y = HALF_M - 1.35
-    corners = np.array(
-        [
-            (x, -y),
-            (x, y),
-            (0.4 * x, y),
-            (0.1 * x, y - 0.7),
-            (-0.4 * x, y - 0.7),
-            (-0.6 * x, y),
-            (-x, y),
-            (-x, -y),
-            (-0.4 * x, -y),
-            (-0.1 * x, -y + 0.5),
-            (0.35 * x, -y + 0.5),
-            (0.6 * x, -y),
-        ]
-    )
+    corners = np.array([
+        (x, -y), (x, y), (0.4 * x, y), (0.1 * x, y - 0.7), (-0.4 * x, y - 0.7), (-0.6 * x, y),
+        (-x, y), (-x, -y),
+        (-0.4 * x, -y), (-0.1 * x, -y + 0.5), (0.35 * x, -y + 0.5), (0.6 * x, -y),
+    ])  # fmt: skip
     return rounded_loop(corners + rng.uniform(-0.08, 0.08, corners.shape), radius_m=0.9)
 
 
@@ -135,10 +118,10 @@ def _evening_sky(rng: np.random.Generator) -> Array:
 
 def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
     """Define the materials."""
-    stage.material("flags", pack(np.stack([masonry.slab(rng, 500, 7) for _ in range(20)])))
-    stage.material("cartons", pack(prints.cartons(rng, 6, 256)))
+    stage.material("flags", np.stack([masonry.slab(rng, 500, 7) for _ in range(20)]))
+    stage.material("cartons", prints.cartons(rng, 6, 256))
     tones = ((58, 84, 116), (120, 58, 46), (70, 92, 76))
-    stage.material("drums", pack(signs.drums(rng, tones, (256, 512))))
+    stage.material("drums", signs.drums(rng, tones, (256, 512)))
     yellow, black = (206, 164, 52), (52, 50, 48)
     stage.material("concrete", masonry.concrete(rng, (1024, 1024)))
     stage.material("mortar", masonry.concrete(rng, (512, 512), 160.0))
@@ -172,7 +155,7 @@ def _lamps(stage: Stage, rng: np.random.Generator) -> list[tuple[Array, float]]:
     walls = ((-0.75 * x, y, 0.0), (0.15 * x, y, 0.0), (x, 0.55 * y, -np.pi / 2))
     for k, (px, py, yaw) in enumerate((*walls, (-x, -0.35 * y, np.pi / 2))):
         place: Place = (px + rng.uniform(-0.2, 0.2), py, yaw)
-        put = stage.at(place)
+        put = Pen(stage, place)
         with stage.object(f"wall_lamp_{k}"):
             put("iron", box((0, -0.08, 2.05), (0.3, 0.16, 0.05), bottom=True))
             put("bulb", box((0, -0.09, 2.0), (0.22, 0.1, 0.05), bottom=True))
@@ -191,13 +174,13 @@ def _lamps(stage: Stage, rng: np.random.Generator) -> list[tuple[Array, float]]:
 def _walls(stage: Stage, rng: np.random.Generator) -> None:
     """Enclose the yard: brick to the north and east, plaster elsewhere, shutters and bills."""
     x, y = HALF_M
-    stage.material("wall_bricks", pack(masonry.wall_bricks(rng, 64, (48, 140))))
-    stage.material("posters", pack(prints.posters(rng, 8, (420, 300))))
+    stage.material("wall_bricks", masonry.wall_bricks(rng, 64, (48, 140)))
+    stage.material("posters", prints.posters(rng, 8, (420, 300)))
     south, west = (x, -y, np.pi), (-x, -y, np.pi / 2)
-    brick_wall(stage, "wall_north", rng, (-x, y, 0.0), 2 * x, 3.0)
-    brick_wall(stage, "wall_east", rng, (x, y, -np.pi / 2), 2 * y, 3.4)
-    plaster_wall(stage, "wall_south", rng, south, 2 * x, 3.2)
-    plaster_wall(stage, "wall_west", rng, west, 2 * y, 3.0)
+    brick_wall(stage, "wall_north", (-x, y, 0.0), rng, 2 * x, 3.0)
+    brick_wall(stage, "wall_east", (x, y, -np.pi / 2), rng, 2 * y, 3.4)
+    plaster_wall(stage, "wall_south", south, rng, 2 * x, 3.2)
+    plaster_wall(stage, "wall_west", west, rng, 2 * y, 3.0)
     with stage.object("posters"):
         for wall, length in ((south, 2 * x), (west, 2 * y)):
             spots = [
@@ -207,7 +190,7 @@ def _walls(stage: Stage, rng: np.random.Generator) -> None:
             hang_posters(stage, rng, wall, spots)
     for k, (wall, along) in enumerate((((x, -y, np.pi), 4.2), ((-x, y, 0.0), 10.4))):
         with stage.object(f"shutter_{k}"):
-            put = stage.at(wall)
+            put = Pen(stage, wall)
             put("shutter", box((along, -0.03, 1.15), (2.0, 0.05, 2.3), (2.0, 2.3), cell_m=0.25))
             for side in (-1.06, 1.06):
                 put("iron", box((along + side, -0.05, 1.18), (0.12, 0.1, 2.36), cell_m=0.25))
@@ -248,17 +231,15 @@ def _furnish(stage: Stage, rng: np.random.Generator) -> None:
     with stage.object("markings", Kind.GROUND):
         for k in range(5):
             corner = (0.86 * x, -2.0 + k * 1.1, 0.0007)
-            line = patch(corner, (0, 0.09, 0), (-1.9, 0, 0), (1, 10), (0.25, 1.0))
-            stage.draw("paint", line)
+            stage.draw("paint", patch(corner, (0, 0.09, 0), (-1.9, 0, 0), (1, 10), (0.25, 1.0)))
         for px in (-0.5 * x, 0.5 * x):
             drain = patch((px - 0.2, -y + 1.05, 0.0007), (0.4, 0, 0), (0, 0.4, 0), (3, 3))
             stage.draw("grate", drain)
 
 
-@one_object
-def _container(stage: Stage, name: str, place: Place) -> None:
+@piece
+def _container(put: Pen) -> None:
     """Put a refuse container of 1.25 x 0.9 m on castors."""
-    put = stage.at(place)
     put("container", box((0, 0, 0.6), (1.2, 0.85, 0.9), (1.0, 1.0), cell_m=0.15))
     put("container", box((0, 0, 1.07), (1.26, 0.92, 0.06), (1.0, 1.0), cell_m=0.2, bottom=True))
     put("dark", box((0, 0.2, 1.15), (1.2, 0.5, 0.1), cell_m=0.2))
@@ -268,5 +249,5 @@ def _container(stage: Stage, name: str, place: Place) -> None:
     for x in (-0.5, 0.5):
         for y in (-0.33, 0.33):
             put("dark", tube((x - 0.025, y, 0.075), (x + 0.025, y, 0.075), 0.075, 12))
-    stage.solid(name, place, (1.26, 0.92, 1.15), shadow=False)
-    stage.shade(place, 0.62, (1.2, 0.86, 0.95))
+    put.solid((1.26, 0.92, 1.15), shadow=False)
+    put.shade(0.62, (1.2, 0.86, 0.95))

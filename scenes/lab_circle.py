@@ -12,23 +12,24 @@ from scenes.geometry.routes import resampled
 from scenes.lighting.baked_light import hall_light
 from scenes.objects import furniture
 from scenes.objects import laboratory_equipment as laboratory
+from scenes.pen import Pen
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage
 from scenes.structures import interior
 from scenes.structures.ground import bake_ground, level, quads, scattered
 from scenes.structures.interior import sides
 from scenes.surfaces import floor, instruments, masonry, prints, textile, timber
-from scenes.surfaces.atlas import pack
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 
 TESTS = "Carried by hand in a circle: the camera sways and always turns, in a richly textured room."
+TAGS = "indoor level textured"
 HALF_M = np.array([3.3, 3.0])
 HEIGHT_M = 2.8
 ISLAND_M = np.array([1.1, 0.9])
 
 
-class LabCircleSettings(Settings):
+class Options(Settings):
     """Options of the laboratory.
 
     Attributes:
@@ -42,7 +43,7 @@ class LabCircleSettings(Settings):
     clutter: Annotated[float, Field(ge=0, le=1)] = 0.85
 
 
-def build(rng: np.random.Generator, settings: LabCircleSettings) -> Scene:
+def build(rng: np.random.Generator, settings: Options) -> Scene:
     """Build the laboratory; what lies where, textures and light follow the generator."""
     stage = Stage("lab_circle")
     light = hall_light(rng)
@@ -61,16 +62,10 @@ def build(rng: np.random.Generator, settings: LabCircleSettings) -> Scene:
         for px in (-1.6, 1.6):
             for py in (-1.3, 1.3):
                 interior.ceiling_panel(stage, np.array([px, py, HEIGHT_M]), (1.2, 0.3))
-    return stage.scene(
-        TESTS,
-        light,
-        route=_route(rng, settings),
-        extent_m=HALF_M + 0.15,
-        tags="indoor level textured",
-    )
+    return stage.scene(TESTS, TAGS, light, route=_route(rng, settings), extent_m=HALF_M + 0.15)
 
 
-def _route(rng: np.random.Generator, settings: LabCircleSettings) -> Array:
+def _route(rng: np.random.Generator, settings: Options) -> Array:
     """Walk counter-clockwise around the table, on nearly a circle, the same way in each lap."""
     angle = np.linspace(0, 2 * np.pi, 361) + rng.uniform(0, 2 * np.pi)
     bulge = 0.02 * np.sin(2 * angle + rng.uniform(0, 6)) + 0.01 * np.sin(3 * angle)
@@ -83,11 +78,11 @@ def _route(rng: np.random.Generator, settings: LabCircleSettings) -> Array:
 
 def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
     """Define the materials."""
-    fronts = pack(instruments.fronts(rng, 10, (180, 340)))
-    wraps = pack(instruments.wraps(rng, 10, (128, 256)))
-    cartons = pack(prints.cartons(rng, 6, 192))
-    books = pack(prints.book_rows(rng, 5, (192, 672)))
-    posters = pack(prints.posters(rng, 8, (420, 300)))
+    fronts = instruments.fronts(rng, 10, (180, 340))
+    wraps = instruments.wraps(rng, 10, (128, 256))
+    cartons = prints.cartons(rng, 6, 192)
+    books = prints.book_rows(rng, 5, (192, 672))
+    posters = prints.posters(rng, 8, (420, 300))
     stage.material("floor", floor.terrazzo(rng, 1024))
     stage.material("wall", masonry.painted_wall(rng, (512, 512), (210, 212, 208)))
     stage.material("fronts", fronts, 0.15)
@@ -123,14 +118,14 @@ def _walls(stage: Stage, rng: np.random.Generator) -> None:
     for k, run in enumerate(sides(HALF_M)):
         interior.wall(stage, f"wall_{k}", run, HEIGHT_M, (2.3, 2.3))
     south, _ = sides(HALF_M)[2]
-    interior.door(stage, "door", rng, south, 1.0, np.array([0, 0, 1, 1.0]))
-    put = stage.at(south)
+    interior.door(stage, "door", south, rng, 1.0, np.array([0, 0, 1, 1.0]))
+    put = Pen(stage, south)
     with stage.object("whiteboard"):
         put("steel", box((3.1, -0.012, 1.4), (1.84, 0.024, 1.14), (0.5, 0.5), bottom=True))
         put("notes", box((3.1, -0.026, 1.4), (1.8, 0.006, 1.1)))
         put("steel", box((3.1, -0.05, 0.83), (1.2, 0.08, 0.02), (0.5, 0.5), bottom=True))
     for k, (run, spots) in enumerate(zip(sides(HALF_M), _POSTER_SPOTS, strict=True)):
-        hang = stage.at(run[0])
+        hang = Pen(stage, run[0])
         for j, along in enumerate(spots):
             with stage.object(f"poster_{k}_{j}"):
                 low = rng.uniform(1.15, 1.35)
@@ -150,37 +145,37 @@ def _benches(stage: Stage, rng: np.random.Generator, clutter: float) -> None:
             continue
         bench_m, shelves = lengths[k]
         back = local(run, length / 2, -0.02)
-        laboratory.bench(stage, f"bench_{k}", rng, back, bench_m)
+        laboratory.bench(stage, f"bench_{k}", back, rng, bench_m)
         for j, x in enumerate(shelves):
-            laboratory.shelf(stage, f"shelf_{k}_{j}", rng, local(back, x, 0.0), 1.3)
+            laboratory.shelf(stage, f"shelf_{k}_{j}", local(back, x, 0.0), rng, 1.3)
         for j, x in enumerate(np.arange(-bench_m / 2 + 0.35, bench_m / 2 - 0.3, 0.56)):
             if rng.random() < clutter:
                 spot = local(back, float(x), -rng.uniform(0.3, 0.36), rng.uniform(-0.15, 0.15))
                 _piece(stage, f"piece_{k}_{j}", rng, spot, laboratory.TOP_M)
         if k != 0:
             seat = local(back, rng.uniform(-1.2, 1.2), -0.94)
-            laboratory.stool(stage, f"stool_{k}", rng, seat)
+            laboratory.stool(stage, f"stool_{k}", seat, rng)
 
 
 def _piece(stage: Stage, name: str, rng: np.random.Generator, place: Place, base_m: float) -> None:
     """Put one random instrument, microscope or tray at a height."""
     draw = rng.random()
     if draw < 0.62:
-        laboratory.instrument(stage, name, rng, place, base_m)
+        laboratory.instrument(stage, name, place, rng, base_m)
     elif draw < 0.74:
         laboratory.microscope(stage, name, place, base_m)
     else:
-        laboratory.tray(stage, name, rng, place, base_m)
+        laboratory.tray(stage, name, place, rng, base_m)
 
 
 def _middle(stage: Stage, rng: np.random.Generator) -> None:
     """Place a table for optics within the circle."""
     centre: Place = (0.0, 0.0, rng.uniform(-0.1, 0.1))
-    laboratory.island(stage, "table", rng, ISLAND_M, centre)
-    laboratory.optics(stage, "optics", rng, local(centre, 0.0, 0.05, 0.1), 0.842)
+    laboratory.island(stage, "table", centre, rng, ISLAND_M)
+    laboratory.optics(stage, "optics", local(centre, 0.0, 0.05, 0.1), rng, 0.842)
     for k, (x, turn) in enumerate(((-0.3, 0.0), (0.3, np.pi))):
         spot = local(centre, x, -0.25 if k == 0 else 0.27, turn + rng.normal(0, 0.1))
-        laboratory.instrument(stage, f"source_{k}", rng, spot, 0.842)
+        laboratory.instrument(stage, f"source_{k}", spot, rng, 0.842)
 
 
 def _corners(stage: Stage, rng: np.random.Generator) -> None:
@@ -189,5 +184,5 @@ def _corners(stage: Stage, rng: np.random.Generator) -> None:
     laboratory.gas_bottles(stage, "gas_bottles", local(north, length - 0.42, -0.02))
     furniture.bin_(stage, "bin", local(north, 0.3, -0.35))
     south, length = sides(HALF_M)[2]
-    furniture.cabinet(stage, "cabinet", rng, local(south, length - 0.6, -0.27))
+    furniture.cabinet(stage, "cabinet", local(south, length - 0.6, -0.27), rng)
     furniture.bin_(stage, "bin_south", local(south, 1.9, -0.25))

@@ -19,16 +19,16 @@ from scenes.structures.paths import PATH_M, BlockGround, lawn, pave
 from scenes.structures.ribbon import Ribbon
 from scenes.structures.surround import brick_wall
 from scenes.surfaces import floor, greenery, masonry, prints, sky, timber
-from scenes.surfaces.atlas import pack
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 
 TESTS = "A loop of 300 m around a block: drift accumulates, and the end revisits the start."
+TAGS = "outdoor level long textured"
 HALF_M = np.array([46.0, 29.0])
 """Half sizes of the route's rectangle, before it is scaled to its length."""
 
 
-class LongHaulSettings(Settings):
+class Options(Settings):
     """Options of the block.
 
     Attributes:
@@ -71,7 +71,7 @@ class _Plots:
         return True
 
 
-def build(rng: np.random.Generator, settings: LongHaulSettings) -> Scene:
+def build(rng: np.random.Generator, settings: Options) -> Scene:
     """Build the block; route, houses, gardens, textures and light follow the generator."""
     stage = Stage("long_haul")
     ribbon = Ribbon(_route(rng, settings.length_m))
@@ -86,47 +86,23 @@ def build(rng: np.random.Generator, settings: LongHaulSettings) -> Scene:
         pave(ground, rng, ribbon)
     with stage.object("lawn", Kind.GROUND):
         lawn(ground, rng, ribbon)
-    return stage.scene(
-        TESTS,
-        light,
-        sky.town_sky(rng),
-        route=ribbon.route,
-        extent_m=(*(ribbon.route.min(axis=0) - 8), *(ribbon.route.max(axis=0) + 8)),
-        tags="outdoor level long textured",
-    )
+    route = ribbon.route
+    around = (*(route.min(axis=0) - 8), *(route.max(axis=0) + 8))
+    return stage.scene(TESTS, TAGS, light, sky.town_sky(rng), route=route, extent_m=around)
 
 
 def _route(rng: np.random.Generator, length_m: float) -> Array:
     """Go around the block counter-clockwise, with a few jogs, scaled to the length."""
     x, y = HALF_M
     jog = rng.uniform(1.0, 2.2, 6)
-    corners = np.array(
-        [
-            (0.1 * x, -y),
-            (0.2 * x, -y + jog[0]),
-            (0.55 * x, -y + jog[0]),
-            (0.65 * x, -y),
-            (x, -y),
-            (x, -0.25 * y),
-            (x - jog[1], -0.05 * y),
-            (x - jog[1], 0.35 * y),
-            (x, 0.55 * y),
-            (x, y),
-            (0.45 * x, y),
-            (0.3 * x, y - jog[2]),
-            (-0.2 * x, y - jog[2] - jog[3] / 2),
-            (-0.35 * x, y),
-            (-x, y),
-            (-x, 0.2 * y),
-            (-x + jog[4], -0.1 * y),
-            (-x + jog[4] / 2, -0.5 * y),
-            (-x, -0.65 * y),
-            (-x, -y),
-            (-0.5 * x, -y),
-            (-0.4 * x, -y + jog[5]),
-            (-0.15 * x, -y + jog[5]),
-        ]
-    )
+    corners = np.array([
+        (0.1 * x, -y), (0.2 * x, -y + jog[0]), (0.55 * x, -y + jog[0]), (0.65 * x, -y), (x, -y),
+        (x, -0.25 * y), (x - jog[1], -0.05 * y), (x - jog[1], 0.35 * y), (x, 0.55 * y), (x, y),
+        (0.45 * x, y), (0.3 * x, y - jog[2]), (-0.2 * x, y - jog[2] - jog[3] / 2),
+        (-0.35 * x, y), (-x, y),
+        (-x, 0.2 * y), (-x + jog[4], -0.1 * y), (-x + jog[4] / 2, -0.5 * y), (-x, -0.65 * y),
+        (-x, -y), (-0.5 * x, -y), (-0.4 * x, -y + jog[5]), (-0.15 * x, -y + jog[5]),
+    ])  # fmt: skip
     corners[:, 0] *= rng.uniform(0.97, 1.03)
     path = rounded_loop(corners, radius_m=3.0)
     for _ in range(3):  # arcs keep their radius: the scale converges, not at once
@@ -137,15 +113,11 @@ def _route(rng: np.random.Generator, length_m: float) -> Array:
 
 def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
     """Define the materials."""
-    atlases = {
-        "slabs": pack(floor.paving_slabs(rng, 20, 400)),
-        "bricks": pack(masonry.paving_bricks(rng, 80, (100, 200))),
-        "setts": pack(floor.granite_setts(rng, 64, 104)),
-        "litter": pack(greenery.fallen_leaves(rng, 16, 64)),
-        "wall_bricks": pack(masonry.wall_bricks(rng, 40, (48, 140))),
-    }
-    for name, atlas in atlases.items():
-        stage.material(name, atlas)
+    stage.material("slabs", floor.paving_slabs(rng, 20, 400))
+    stage.material("bricks", masonry.paving_bricks(rng, 80, (100, 200)))
+    stage.material("setts", floor.granite_setts(rng, 64, 104))
+    stage.material("litter", greenery.fallen_leaves(rng, 16, 64))
+    stage.material("wall_bricks", masonry.wall_bricks(rng, 40, (48, 140)))
     stage.material("asphalt", floor.asphalt(rng, 1024))
     stage.material("gravel", masonry.gravel(rng, 1024))
     stage.material("concrete", masonry.concrete(rng, (1024, 1024)))
@@ -197,9 +169,9 @@ def _build_up(
                 pass
             elif kind == "house":
                 plaster, wood = f"plaster_{rng.integers(3)}", f"wood_{rng.integers(2)}"
-                facade(stage, f"house_{name}", rng, place, wide, 2, plaster, wood)
+                facade(stage, f"house_{name}", place, rng, wide, 2, plaster, wood)
             elif kind == "wall":
-                brick_wall(stage, f"wall_{name}", rng, place, wide, 1.6)
+                brick_wall(stage, f"wall_{name}", place, rng, wide, 1.6)
             else:
                 hedge(stage, f"hedge_{name}", rng, start, end, rng.uniform(1.0, 1.6))
             along += wide + float(rng.choice([0.4, rng.uniform(2, 5)]))

@@ -11,8 +11,9 @@ from scenes.geometry.routes import rounded_loop
 from scenes.lighting.baked_light import sun
 from scenes.objects.plants import flowers, grass, tree
 from scenes.objects.props import bench, bush
+from scenes.pen import one_object
 from scenes.scene import Kind, Scene
-from scenes.stage import Stage, one_object
+from scenes.stage import Stage
 from scenes.structures.ground import Ground, bake_ground, level, quads, scattered
 from scenes.surfaces import greenery, sky, timber
 from scenes.surfaces.noise import fractal
@@ -20,6 +21,7 @@ from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 
 TESTS = "Dense vegetation that occludes itself: fine texture near, few features far, a wide sky."
+TAGS = "outdoor level vegetation far"
 FIELD_M = (26.0, 22.0)
 """Size of the part with blades of grass; lawn and trees lie beyond it."""
 FAR_M = 35.0
@@ -29,7 +31,7 @@ PALETTE = np.array(
 )
 
 
-class MeadowSettings(Settings):
+class Options(Settings):
     """Options of the meadow.
 
     Attributes:
@@ -63,7 +65,7 @@ class _Land:
         return np.concatenate([xy, (0.9 * rise * swell)[..., None]], axis=-1)
 
 
-def build(rng: np.random.Generator, settings: MeadowSettings) -> Scene:
+def build(rng: np.random.Generator, settings: Options) -> Scene:
     """Build the meadow; layout, textures and light follow the generator."""
     stage = Stage("meadow")
     route = _route(rng)
@@ -80,12 +82,7 @@ def build(rng: np.random.Generator, settings: MeadowSettings) -> Scene:
     with stage.object("flowers"):
         _flowers(ground, rng, land, half)
     return stage.scene(
-        TESTS,
-        light,
-        sky.town_sky(rng, houses=0.08),
-        route=route,
-        extent_m=half - 2,
-        tags="outdoor level vegetation far",
+        TESTS, TAGS, light, sky.town_sky(rng, houses=0.08), route=route, extent_m=half - 2
     )
 
 
@@ -101,7 +98,9 @@ def _route(rng: np.random.Generator) -> Array:
 def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
     stage.material("mown", greenery.mown(rng, 2048))
     stage.material("turf", greenery.lawn(rng, 1024, patchy=0.5))
-    stage.material("blades", _blades(rng))
+    tone = 0.56 + 0.16 * fractal(rng, (512, 512), (30, 512), 0.8)  # grass, fresh to dry
+    streak = 0.10 * fractal(rng, (512, 512), (3, 60), 0.3, stretch=0.15)
+    stage.material("blades", greenery.grass_tones(tone + streak))
     stage.material("foliage", greenery.foliage(rng, 512, 0.12))
     stage.material("woods", greenery.foliage(rng, 512, 0.3))
     stage.material("leaves", greenery.foliage(rng, 512, 0.0))
@@ -109,13 +108,6 @@ def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
     stage.material("timber", timber.wood(rng, (256, 1024), (150, 120, 86)))
     stage.material("iron", timber.painted(rng, (256, 256), (58, 62, 60)))
     stage.material("petals", np.repeat(np.repeat(PALETTE[None], 16, axis=0), 16, axis=1))
-
-
-def _blades(rng: np.random.Generator) -> Array:
-    """Draw tones of grass, fresh to dry, each streaked along v: (512, 512, 3)."""
-    tone = 0.56 + 0.16 * fractal(rng, (512, 512), (30, 512), 0.8)
-    streak = 0.10 * fractal(rng, (512, 512), (3, 60), 0.3, stretch=0.15)
-    return greenery.grass_tones(tone + streak)
 
 
 def _plant(stage: Stage, rng: np.random.Generator, land: _Land) -> None:
@@ -152,8 +144,7 @@ def _turf(ground: Ground, rng: np.random.Generator, land: _Land, half: Array) ->
     ground.draw("turf", rough, share=0.75)
     outside = quads((-FAR_M, -FAR_M), (FAR_M, FAR_M), 2.0)
     outside = outside[(np.abs(outside.mean(axis=1)) > half - 2).any(axis=1)]
-    hills = level(outside, outside / 3.1, land.place)
-    ground.stage.draw("turf", hills.moved((0, 0, -0.05)))
+    ground.stage.draw("turf", level(outside, outside / 3.1, land.place).moved((0, 0, -0.05)))
 
 
 @one_object
@@ -188,7 +179,7 @@ def _scatter(
 
 
 def _tall_grass(
-    ground: Ground, rng: np.random.Generator, land: _Land, half: Array, settings: MeadowSettings
+    ground: Ground, rng: np.random.Generator, land: _Land, half: Array, settings: Options
 ) -> None:
     """Grow blades: short on the path's rim, dense and fine beside it, broad and sparse far off."""
     swath: list[Mesh] = []

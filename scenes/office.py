@@ -12,21 +12,22 @@ from scenes.geometry.routes import rounded_loop
 from scenes.lighting.baked_light import Light, lamp
 from scenes.objects import furniture
 from scenes.objects.props import potted_plant
+from scenes.pen import Pen
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage
 from scenes.structures.ground import bake_ground
 from scenes.structures.interior import collide, sides
 from scenes.surfaces import greenery, masonry, prints, sky, textile, timber
-from scenes.surfaces.atlas import pack
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 
 TESTS = "An indoor carpet of fine, low-contrast texture: a smooth, level drive between desks."
+TAGS = "indoor level textured"
 TILE_M = 0.5
 ROOM_HEIGHT_M = 2.7
 
 
-class OfficeSettings(Settings):
+class Options(Settings):
     """Options of the office.
 
     Attributes:
@@ -40,7 +41,7 @@ class OfficeSettings(Settings):
     clutter: Annotated[float, Field(ge=0, le=1)] = 0.85
 
 
-def build(rng: np.random.Generator, settings: OfficeSettings) -> Scene:
+def build(rng: np.random.Generator, settings: Options) -> Scene:
     """Build the office; layout, textures and light follow the generator."""
     stage = Stage("office")
     half = np.array([settings.length_m, settings.width_m]) / 2
@@ -52,26 +53,17 @@ def build(rng: np.random.Generator, settings: OfficeSettings) -> Scene:
     _along_walls(stage, rng, half, settings.clutter)
     with stage.object("carpet", Kind.GROUND):
         _carpet(stage, rng, half, light)
-    return stage.scene(
-        TESTS, light, route=_route(rng, half), extent_m=half + 0.2, tags="indoor level textured"
-    )
+    return stage.scene(TESTS, TAGS, light, route=_route(rng, half), extent_m=half + 0.2)
 
 
 def _route(rng: np.random.Generator, half: Array) -> Array:
     """Drive once around the islands, counter-clockwise."""
     x, y = half - 1.25
-    corners = np.array(
-        [
-            (x, -y + rng.uniform(0, 0.12)),
-            (x - rng.uniform(0, 0.12), y),
-            (0.3 * x, y - rng.uniform(0, 0.1)),
-            (-0.3 * x, y),
-            (-x, y - rng.uniform(0, 0.12)),
-            (-x + rng.uniform(0, 0.12), -y),
-            (-0.3 * x, -y + rng.uniform(0, 0.1)),
-            (0.3 * x, -y),
-        ]
-    )
+    corners = np.array([
+        (x, -y + rng.uniform(0, 0.12)), (x - rng.uniform(0, 0.12), y),
+        (0.3 * x, y - rng.uniform(0, 0.1)), (-0.3 * x, y), (-x, y - rng.uniform(0, 0.12)),
+        (-x + rng.uniform(0, 0.12), -y), (-0.3 * x, -y + rng.uniform(0, 0.1)), (0.3 * x, -y),
+    ])  # fmt: skip
     return rounded_loop(corners, radius_m=0.8)
 
 
@@ -88,14 +80,10 @@ def _lamps(rng: np.random.Generator) -> Light:
 
 def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
     """Define the materials."""
-    atlases = {
-        "posters": pack(prints.posters(rng, 10, (420, 300))),
-        "books": pack(prints.book_rows(rng, 14, (192, 672))),
-        "cartons": pack(prints.cartons(rng, 8, 256)),
-        "screens": pack(prints.screens(rng, 6, (200, 340))),
-    }
-    for name, atlas in atlases.items():
-        stage.material(name, atlas, 0.4 if name == "screens" else 0.0)
+    stage.material("posters", prints.posters(rng, 10, (420, 300)))
+    stage.material("books", prints.book_rows(rng, 14, (192, 672)))
+    stage.material("cartons", prints.cartons(rng, 8, 256))
+    stage.material("screens", prints.screens(rng, 6, (200, 340)), 0.4)
     stage.material("wall", masonry.plaster(rng, (512, 2048), (214, 211, 202), 0.3))
     stage.material("beech", timber.wood(rng, (512, 1024), (190, 158, 118)))
     stage.material("oak", timber.wood(rng, (512, 1024), (142, 106, 72)))
@@ -119,10 +107,9 @@ def _walls(stage: Stage, rng: np.random.Generator, half: Array) -> None:
     """Build four walls with skirting; posters, a door to -x and windows to +y."""
     x, y = half
     for k, (wall, length) in enumerate(sides(half)):
-        put = stage.at(wall)
+        put = Pen(stage, wall)
         inside = patch((0, 0, 0), (length, 0, 0), (0, 0, ROOM_HEIGHT_M), (24, 9))
-        period = inside.textured(np.array([0, 0, length / 8, 1.0]))
-        put("wall", period)
+        put("wall", inside.textured(np.array([0, 0, length / 8, 1.0])))
         put("oak", box((length / 2, -0.008, 0.05), (length - 0.04, 0.016, 0.1), (1.2, 0.6)))
         collide(stage, f"wall_{k}", (wall, length), ROOM_HEIGHT_M)
         for place in np.arange(0.8, length - 1.2, 1.15):
@@ -138,7 +125,7 @@ def _walls(stage: Stage, rng: np.random.Generator, half: Array) -> None:
 
 def _windows(stage: Stage, wall: Place, length_m: float) -> None:
     """Glaze a wall from 0.95 m up, in bays of 2.4 m."""
-    put = stage.at(wall)
+    put = Pen(stage, wall)
     for middle in np.arange(1.5, length_m - 1.2, 2.4):
         put("glass", box((middle, -0.006, 1.65), (1.9, 0.008, 1.36)))
         for dx in (-0.95, 0.0, 0.95):
@@ -148,11 +135,10 @@ def _windows(stage: Stage, wall: Place, length_m: float) -> None:
 
 
 def _door(stage: Stage, rng: np.random.Generator, wall: Place, along_m: float) -> None:
-    put = stage.at(wall)
+    put = Pen(stage, wall)
     put("oak", box((along_m, -0.012, 1.03), (0.92, 0.02, 2.06), (1.2, 2.2), rng.random(2)))
     for side in (-0.5, 0.5):
-        frame = box((along_m + side, -0.02, 1.06), (0.08, 0.04, 2.12), (0.5, 0.5))
-        put("steel", frame)
+        put("steel", box((along_m + side, -0.02, 1.06), (0.08, 0.04, 2.12), (0.5, 0.5)))
     put("steel", box((along_m + 0.36, -0.05, 1.02), (0.13, 0.02, 0.02), (0.5, 0.5), bottom=True))
     put("steel", box((along_m, -0.024, 0.18), (0.84, 0.003, 0.24), (0.5, 0.5)))
 
@@ -166,10 +152,10 @@ def _islands(stage: Stage, rng: np.random.Generator, half: Array) -> None:
             turn = 0.0 if side < 0 else np.pi
             place = local(centre, dx, side * 0.42, turn)
             number = 4 * k + j
-            furniture.desk(stage, f"desk_{number}", rng, place)
+            furniture.desk(stage, f"desk_{number}", place, rng)
             seat = local(place, rng.uniform(-0.2, 0.2), rng.uniform(-0.62, -0.5), np.pi)
             turned = (seat[0], seat[1], seat[2] + rng.uniform(-0.6, 0.6))
-            furniture.chair(stage, f"chair_{number}", rng, turned)
+            furniture.chair(stage, f"chair_{number}", turned, rng)
             if rng.random() < 0.6:
                 spot = local(place, rng.uniform(0.35, 0.55) * rng.choice([-1, 1]), -0.55)
                 furniture.bin_(stage, f"bin_{number}", spot)
@@ -202,7 +188,7 @@ def _piece(stage: Stage, name: str, rng: np.random.Generator, wall: Place) -> No
 
 def _carpet(stage: Stage, rng: np.random.Generator, half: Array, light: Light) -> None:
     """Lay carpet tiles, each of a random variant and turn, in the baked light of the room."""
-    stage.material("carpet", pack(textile.carpet_tiles(rng, 16, 500)))
+    stage.material("carpet", textile.carpet_tiles(rng, 16, 500))
     counts = np.ceil(2 * half / TILE_M).astype(int)
     tiles: list[Mesh] = []
     for i, j in np.ndindex(*counts):

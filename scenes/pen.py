@@ -1,34 +1,75 @@
-"""Drawing in the frame of a piece."""
+"""Pieces of a scene: objects that are drawn in a frame of their own, at a place."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import wraps
+from typing import Concatenate, ParamSpec
 
 import numpy as np
 
-from scenes.geometry.mesh import Mesh
-from scenes.geometry.place import Place
-from scenes.surfaces.atlas import Atlas
+from scenes.geometry.mesh import Mesh, Vector
+from scenes.geometry.place import Place, local
+from scenes.stage import Stage
+
+P = ParamSpec("P")
 
 
 @dataclass(frozen=True)
 class Pen:
-    """Draws meshes, given in a piece's own frame, at the place of the piece.
+    """Draws a piece, given in its own frame, at its place on a stage.
 
     Attributes:
-        draw: Shows a mesh in the world in a material.
-        atlases: Atlases by material.
+        stage: Receives the meshes and boxes.
         place: Where the piece stands.
+        name: Name of the object; "" where the caller has named it.
     """
 
-    draw: Callable[[str, Mesh], None]
-    atlases: Mapping[str, Atlas]
+    stage: Stage
     place: Place
+    name: str = ""
 
     def __call__(self, material: str, mesh: Mesh) -> None:
         """Draw a mesh."""
         x, y, yaw = self.place
-        self.draw(material, mesh.moved((x, y, 0.0), yaw))
+        self.stage.draw(material, mesh.moved((x, y, 0.0), yaw))
 
     def cell(self, material: str, rng: np.random.Generator, mesh: Mesh) -> None:
         """Draw a mesh that shows a random cell of the material's atlas."""
-        self(material, mesh.textured(self.atlases[material].pick(rng)))
+        self(material, mesh.textured(self.stage.pick(material, rng)))
+
+    def solid(self, size: Vector, offset: Vector = (0.0, 0.0), shadow: bool = True) -> None:
+        """Add the obstacle of (3,) full size that stands at a (2,) offset from the place."""
+        self.stage.solid(self.name, local(self.place, offset[0], offset[1]), size, shadow)
+
+    def shade(
+        self, height_m: float, size: Vector, opacity: float = 1.0, offset: Vector = (0.0, 0.0)
+    ) -> None:
+        """Let a box of (3,) full size cast shadow, its middle at a height above an offset."""
+        place = local(self.place, offset[0], offset[1])
+        self.stage.occluder((place[0], place[1], height_m), size, place[2], opacity)
+
+
+def one_object(
+    build: Callable[Concatenate[Stage, str, P], None],
+) -> Callable[Concatenate[Stage, str, P], None]:
+    """Make what a function `build(stage, name, ...)` draws the object `name` of segmentation."""
+
+    @wraps(build)
+    def inside(stage: Stage, name: str, *args: P.args, **kwargs: P.kwargs) -> None:
+        with stage.object(name):
+            build(stage, name, *args, **kwargs)
+
+    return inside
+
+
+def piece(
+    build: Callable[Concatenate[Pen, P], None],
+) -> Callable[Concatenate[Stage, str, Place, P], None]:
+    """Make a function `build(put, ...)` one that draws the object `name` at a place on a stage."""
+
+    @wraps(build)
+    def inside(stage: Stage, name: str, place: Place, *args: P.args, **kwargs: P.kwargs) -> None:
+        with stage.object(name):
+            build(Pen(stage, place, name), *args, **kwargs)
+
+    return inside

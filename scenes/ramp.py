@@ -12,18 +12,19 @@ from scenes.geometry.routes import rounded_loop
 from scenes.lighting.baked_light import sun
 from scenes.objects.plants import hedge, tree
 from scenes.objects.props import bench, grass_tufts, lamp_post, litter, planter, shrub
+from scenes.pen import one_object
 from scenes.scene import Kind, Scene
-from scenes.stage import Stage, one_object
+from scenes.stage import Stage
 from scenes.structures.ground import Ground, bake_ground, level, quads, tiled
 from scenes.structures.slope import Slope
 from scenes.structures.surround import kerb
 from scenes.surfaces import floor, greenery, masonry, sky, timber
-from scenes.surfaces.atlas import pack
 from scenes.surfaces.noise import smoothstep
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 
 TESTS = "A gentle slope up and down: the camera pitches with the ground and changes its height."
+TAGS = "outdoor sloped textured"
 HALF_WIDTH_M = 2.2
 APRON_M = 3.6
 """Length of the level part at either end, where the rover turns."""
@@ -37,7 +38,7 @@ BANK_M = 1.8
 RAIL_Y_M = HALF_WIDTH_M - 0.08
 
 
-class RampSettings(Settings):
+class Options(Settings):
     """Options of the rise.
 
     Attributes:
@@ -51,7 +52,7 @@ class RampSettings(Settings):
     plateau_m: Annotated[float, Field(ge=1, le=6)] = 2.8
 
 
-def build(rng: np.random.Generator, settings: RampSettings) -> Scene:
+def build(rng: np.random.Generator, settings: Options) -> Scene:
     """Build the way; slabs, plants, furniture and light follow the generator."""
     stage = Stage("ramp")
     slope = Slope.rising(settings.grade_percent / 100, settings.plateau_m, settings.run_m)
@@ -68,14 +69,8 @@ def build(rng: np.random.Generator, settings: RampSettings) -> Scene:
     _lay_slabs(ground, rng, slope, half)
     _lay_lawn(ground, rng, slope, half)
     slope.add_collision(stage, HALF_WIDTH_M + KERB_M[0])
-    scene = stage.scene(
-        TESTS,
-        light,
-        sky.town_sky(rng),
-        route=_route(half),
-        extent_m=(half[0] + 1.0, half[1] + 2.4),
-        tags="outdoor sloped textured",
-    )
+    reach = (half[0] + 1.0, half[1] + 2.4)
+    scene = stage.scene(TESTS, TAGS, light, sky.town_sky(rng), route=_route(half), extent_m=reach)
     return replace(scene, elevation=slope.elevation)
 
 
@@ -146,7 +141,7 @@ def _rail(stage: Stage, name: str, slope: Slope, y: float) -> None:
 def _lay_slabs(ground: Ground, rng: np.random.Generator, slope: Slope, half: Array) -> None:
     """Lay slabs on the way and kerbs along it, and scatter dry leaves."""
     stage = ground.stage
-    stage.material("slabs", pack(floor.paving_slabs(rng, 20, 400)))
+    stage.material("slabs", floor.paving_slabs(rng, 20, 400))
     under = half + 0.1  # the kerbs stand on slabs
     corners = quads(-under, under, 0.1)
     uv = tiled(rng, corners, SLAB_M, stage.atlases["slabs"])
@@ -154,7 +149,7 @@ def _lay_slabs(ground: Ground, rng: np.random.Generator, slope: Slope, half: Arr
         ground.draw("slabs", slope.tilted(level(corners, uv, slope.place)))
     with stage.object("kerb"):
         ground.draw("concrete", _kerbs(rng, slope, half))
-    stage.material("litter", pack(greenery.fallen_leaves(rng, 24, 64)))
+    stage.material("litter", greenery.fallen_leaves(rng, 24, 64))
     spots = rng.uniform(-half, half, (90, 2))
     spots[:, 1] = np.sign(spots[:, 1]) * half[1] * np.abs(spots[:, 1] / half[1]) ** 0.4
     places = slope.place(spots) + np.array([0, 0, 0.003])
@@ -173,13 +168,12 @@ def _kerbs(rng: np.random.Generator, slope: Slope, half: Array) -> Mesh:
             y = (side * (half[1] + 0.002), side * (half[1] + width - 0.002))
             top = height + rng.normal(0, 0.0015)
             stones.append(slope.beam((a + 0.003, b - 0.003), y, (-0.05, top), 1.2, rng.random()))
-    ends = [stone for stone in kerb(rng, half, width, height) if _across(stone, half)]
+    ends = [
+        stone
+        for stone in kerb(rng, half, width, height)
+        if np.abs(stone.points[:, 0]).min() > half[0] - 0.01
+    ]
     return merged(stones + ends)
-
-
-def _across(stone: Mesh, half: Array) -> bool:
-    """Whether a kerbstone lies across an end of the way."""
-    return bool(np.abs(stone.points[:, 0]).min() > half[0] - 0.01)
 
 
 def _lay_lawn(ground: Ground, rng: np.random.Generator, slope: Slope, half: Array) -> None:

@@ -1,4 +1,4 @@
-"""What a scene is: a world to drive through, before any physics runs."""
+"""A scene: a world to drive through, its routes and its labelled objects."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -10,15 +10,15 @@ import numpy as np
 from vo.contract.arrays import Array
 
 COLLISION_GROUP = 3
-"""Geom group of what only collides."""
+"""Group of the geoms that only collide."""
 LABEL_GROUP = 4
-"""Geom group of what only labels show: one mesh for each object, equal to what is painted."""
+"""Group of the geoms that only labels show: one mesh for each object, as in the images."""
 IMAGE_GROUP = 5
-"""Geom group of what only pictures show: one mesh for each material and part of the world."""
+"""Group of the geoms that only images show: one mesh for each material and part of the world."""
 
 
 class Kind(IntEnum):
-    """Class of a thing; the value is the pixel in a class label."""
+    """Class of an object; the value is the pixel of a class label."""
 
     SKY = 0
     GROUND = 1
@@ -27,12 +27,12 @@ class Kind(IntEnum):
 
 
 Motion = Callable[[float], Array]
-"""Time in seconds to the (4, 4) pose T_world_body of something that moves by itself."""
+"""Time in seconds to the (4, 4) pose T_world_body of a body that moves by itself."""
 
 
 @dataclass(frozen=True)
 class Thing:
-    """One object of the world, as segmentation knows it.
+    """One object of the world in the segmentation labels.
 
     Attributes:
         name: Unique in its scene.
@@ -44,7 +44,7 @@ class Thing:
 
 
 def steady(time_s: Array) -> Array:
-    """Shine with nominal strength at any (...) times."""
+    """Return the nominal brightness, 1, at (...) times."""
     return np.ones(np.shape(time_s))
 
 
@@ -59,13 +59,13 @@ class Scene:
         routes: Name to (N, 2) waypoints in world x, y metres; the rover drives them in order and
             stops at the last. The first is the start; `default` is always there.
         extent_m: (4,) x_min, y_min, x_max, y_max of the part worth showing on a map.
-        tags: Free words, for example `outdoor`.
-        things: Name of a drawn geom to what it shows; a geom that is missing here is an object
-            of its own: ground if it is a plane, moving if its body can move, else static.
-        movers: Name of a mocap body to its motion; the rover feels it and does not push it.
-        brightness: Illuminance at (...) times in seconds, 1 where the pictures are as painted.
+        tags: Keywords, for example `outdoor`.
+        things: Name of a drawn geom to the object it shows; a geom that is missing here is an
+            object of its own: ground if it is a plane, moving if its body can move, else static.
+        movers: Name of a mocap body to its motion; it collides with the rover and is not pushed.
+        brightness: Illuminance at (...) times in seconds, relative to the nominal one.
         elevation: Height in metres of the drivable ground at (..., 2) x, y.
-        source: How to ask for it again, where that is not its name: a file or `module:function`.
+        source: Name that builds the scene again if it is not `name`: a file or `module:function`.
     """
 
     name: str

@@ -11,6 +11,7 @@ from scenes.geometry.routes import rounded_loop
 from scenes.lighting.baked_light import Light, hall_light
 from scenes.objects import furniture
 from scenes.objects.props import potted_plant
+from scenes.pen import Pen
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage
 from scenes.structures import interior
@@ -19,11 +20,12 @@ from scenes.structures.ground import bake_ground, level, quads, tiled
 from scenes.structures.interior import WALL_M, sides
 from scenes.structures.thresholds import bridged_cable, cable, rug, sill
 from scenes.surfaces import floor, greenery, masonry, prints, signs, sky, textile, timber
-from scenes.surfaces.atlas import Atlas, pack
+from scenes.surfaces.atlas import Atlas
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 
 TESTS = "Door sills, cable ramps and rugs across the route: each of them is a short, hard jolt."
+TAGS = "indoor bumpy rooms textured"
 HALF_M = np.array([9.0, 5.6])
 WALLS_X_M = (-3.0, 3.0)
 LANE_M = np.array([6.0, 2.8])
@@ -35,7 +37,7 @@ SILL_WIDTH_M = 0.16
 TILE_M = {"carpet": 0.5, "felt": 0.5, "stone": 0.3, "terrazzo": 0.4}
 
 
-class SillSettings(Settings):
+class Options(Settings):
     """Options of the rooms.
 
     Attributes:
@@ -51,7 +53,7 @@ class SillSettings(Settings):
     rug_mm: Annotated[float, Field(gt=0, le=8)] = 4.0
 
 
-def build(rng: np.random.Generator, settings: SillSettings) -> Scene:
+def build(rng: np.random.Generator, settings: Options) -> Scene:
     """Build the rooms; layout, textures and light follow the generator."""
     stage = Stage("sill")
     light = hall_light(rng, (70, 78))
@@ -61,9 +63,7 @@ def build(rng: np.random.Generator, settings: SillSettings) -> Scene:
     _furnish(stage, rng)
     _thresholds(stage, rng, settings)
     _floors(stage, rng, light)
-    return stage.scene(
-        TESTS, light, route=_route(), extent_m=HALF_M + 0.2, tags="indoor bumpy rooms textured"
-    )
+    return stage.scene(TESTS, TAGS, light, route=_route(), extent_m=HALF_M + 0.2)
 
 
 def _route() -> Array:
@@ -85,21 +85,17 @@ def _doorways() -> list[Place]:
 
 def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
     """Define the materials."""
-    atlases = {
-        "oak_planks": pack(floor.parquet(rng, 24, (90, 900), (164, 126, 86))),
-        "dark_planks": pack(floor.parquet(rng, 16, (140, 900), (122, 92, 66))),
-        "carpet": pack(textile.carpet_tiles(rng, 8, 500)),
-        "felt": pack(textile.carpet_tiles(rng, 8, 500)),
-        "terrazzo": pack(masonry.terrazzo_tiles(rng, 8, 400)),
-        "stone": pack(floor.paving_slabs(rng, 20, 300)),
-        "rugs": pack(textile.rugs(rng, 3, (600, 900))),
-        "posters": pack(prints.posters(rng, 8, (420, 300))),
-        "books": pack(prints.book_rows(rng, 8, (192, 672))),
-        "cartons": pack(prints.cartons(rng, 6, 256)),
-        "screens": pack(prints.screens(rng, 4, (200, 340))),
-    }
-    for name, atlas in atlases.items():
-        stage.material(name, atlas, 0.4 if name == "screens" else 0.0)
+    stage.material("oak_planks", floor.parquet(rng, 24, (90, 900), (164, 126, 86)))
+    stage.material("dark_planks", floor.parquet(rng, 16, (140, 900), (122, 92, 66)))
+    stage.material("carpet", textile.carpet_tiles(rng, 8, 500))
+    stage.material("felt", textile.carpet_tiles(rng, 8, 500))
+    stage.material("terrazzo", masonry.terrazzo_tiles(rng, 8, 400))
+    stage.material("stone", floor.paving_slabs(rng, 20, 300))
+    stage.material("rugs", textile.rugs(rng, 3, (600, 900)))
+    stage.material("posters", prints.posters(rng, 8, (420, 300)))
+    stage.material("books", prints.book_rows(rng, 8, (192, 672)))
+    stage.material("cartons", prints.cartons(rng, 6, 256))
+    stage.material("screens", prints.screens(rng, 4, (200, 340)), 0.4)
     paints = ((214, 211, 202), (196, 204, 206), (216, 202, 184), (200, 206, 190))
     stage.material("wall", masonry.plaster(rng, (512, 2048), paints[rng.integers(4)], 0.3))
     stage.material("oak", timber.wood(rng, (512, 1024), (142, 106, 72)))
@@ -127,7 +123,7 @@ def _outer_walls(stage: Stage, rng: np.random.Generator) -> None:
     """Close the house: windows to the north and south, pictures to the east and west."""
     for k, run in enumerate(sides(HALF_M)):
         wall, length = run
-        put = stage.at(wall)
+        put = Pen(stage, wall)
         interior.wall(stage, f"wall_{k}", run, HEIGHT_M, (8.0, HEIGHT_M), board="oak")
         with stage.object(f"{'windows' if k % 2 == 0 else 'pictures'}_{k}"):
             for along in np.arange(1.5, length - 1.0, 1.5):
@@ -148,7 +144,7 @@ def _partitions(stage: Stage) -> None:
     runs = [((wall, -y, np.pi / 2), 2 * y, (y - LANE_M[1], y + LANE_M[1])) for wall in WALLS_X_M]
     runs.append(((-x, 0.0, 0.0), 2 * x, (x - LANE_M[0], x + LANE_M[0])))
     for k, (wall, length, doors) in enumerate(runs):
-        put = stage.at(wall)
+        put = Pen(stage, wall)
         edges = [0.0, *(d + side * DOOR_M / 2 for d in doors for side in (-1, 1)), length]
         with stage.object(f"partition_{k}"):
             for start, end in zip(edges[::2], edges[1::2], strict=True):
@@ -173,7 +169,7 @@ def _partitions(stage: Stage) -> None:
                 put("oak", box(head, (DOOR_M, WALL_M + 0.05, 0.03), (1.2, 0.6), bottom=True))
 
 
-def _thresholds(stage: Stage, rng: np.random.Generator, settings: SillSettings) -> None:
+def _thresholds(stage: Stage, rng: np.random.Generator, settings: Options) -> None:
     """Lay a sill in each doorway, and ramps, cables and rugs between them."""
     for k, place in enumerate(_doorways()):
         height = 1e-3 * settings.sill_mm * rng.uniform(0.625, 1.0)
@@ -210,9 +206,9 @@ def _furnish(stage: Stage, rng: np.random.Generator) -> None:
                 number += 1
     for k, (px, py) in enumerate(((-1.2, 0.5), (1.2, -0.5), (-8.0, 0.55), (8.0, -0.55))):
         place: Place = (px, py, np.pi if py > 0 else 0.0)
-        furniture.desk(stage, f"desk_{k}", rng, place)
+        furniture.desk(stage, f"desk_{k}", place, rng)
         seat = local(place, rng.uniform(-0.2, 0.2), -0.5, np.pi + rng.uniform(-0.5, 0.5))
-        furniture.chair(stage, f"chair_{k}", rng, seat)
+        furniture.chair(stage, f"chair_{k}", seat, rng)
         beside = 0.9 if abs(px) < 2 else -0.9 * np.sign(px)
         furniture.bin_(stage, f"bin_{k}", local(place, beside, 0.1))
 

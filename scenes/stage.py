@@ -3,8 +3,7 @@
 from collections.abc import Callable, Generator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
-from functools import wraps
-from typing import Any, Concatenate, ParamSpec
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -14,12 +13,10 @@ from scenes.geometry.place import Place, extent
 from scenes.lighting.baked_light import Light, shaded_normals
 from scenes.lighting.shadow import Occluder, occlusion, visibility
 from scenes.mjcf import add_material, add_mesh_geom, add_texture, set_view
-from scenes.pen import Pen
 from scenes.scene import COLLISION_GROUP, IMAGE_GROUP, LABEL_GROUP, Kind, Motion, Scene, Thing
-from scenes.surfaces.atlas import Atlas
+from scenes.surfaces.atlas import Atlas, pack
 from vo.contract.arrays import Array, Image
 
-P = ParamSpec("P")
 Block = AbstractContextManager[None]
 Bake = Callable[[Mesh], Mesh]
 """Bakes light into the shading normals of a mesh."""
@@ -60,10 +57,13 @@ class Stage:
         self._body = WORLD
 
     def material(self, name: str, texture: Image | Atlas, emission: float = 0.0) -> None:
-        """Define a matte material by its (H, W, 3) texture or atlas; emission is 0 to 1.
+        """Define a matte material; emission is 0 to 1.
 
-        Materials are drawn in the order of their definition; what is hidden later costs nothing.
+        The texture is (H, W, 3), an atlas, or (N, H, W, 3) variants to pack into one. Materials
+        are drawn in the order of their definition; what is hidden later costs nothing.
         """
+        if not isinstance(texture, Atlas) and texture.ndim == 4:
+            texture = pack(texture)
         if isinstance(texture, Atlas):
             self.atlases[name] = texture
             texture = texture.image
@@ -112,10 +112,6 @@ class Stage:
             raise KeyError(f"no material {material}; defined: {', '.join(self._images)}")
         self._parts.extend(_Part(material, self._thing, self._body, m, lit) for m in meshes)
 
-    def at(self, place: Place) -> Pen:
-        """Return a pen for the frame of a place."""
-        return Pen(self.draw, self.atlases, place)
-
     def pick(self, material: str, rng: np.random.Generator) -> Array:
         """Choose a random cell of a material's atlas: (4,) u0, v0, u1, v1."""
         return self.atlases[material].pick(rng)
@@ -149,10 +145,6 @@ class Stage:
     def solid(self, name: str, place: Place, size: Vector, shadow: bool = True) -> None:
         """Add the obstacle of (3,) full size that stands on the floor at a place."""
         self.obstacle(name, (place[0], place[1], size[2] / 2), size, place[2], shadow)
-
-    def shade(self, place: Place, height_m: float, size: Vector, opacity: float = 1.0) -> None:
-        """Let a box of (3,) full size cast shadow, its middle at a height above a place."""
-        self.occluder((place[0], place[1], height_m), size, place[2], opacity)
 
     def collision(self, name: str, shape: mujoco.mjtGeom, **fields: Any) -> None:
         """Add a geom that only collides; `fields` are those of `MjsGeom`."""
@@ -194,40 +186,26 @@ class Stage:
     def scene(
         self,
         tests: str,
+        tags: str,
         light: Light,
         sky: Image | None = None,
         bake: Bake | None = None,
         *,
         route: Array,
         extent_m: Vector,
-        tags: str,
         floor_m: float | None = 0.0,
     ) -> Scene:
-        """Finish the stage and return it as a scene.
+        """Finish the stage, with a collision plane at a height, and return it as a scene.
 
-        Args:
-            tests: As in `Scene`.
-            light: As in `finish`.
-            sky: As in `finish`.
-            bake: As in `finish`.
-            route: (N, 2) waypoints of the default route, metres.
-            extent_m: (4,) as in `Scene`, or (2,) half sizes about the origin.
-            tags: Separated by spaces.
-            floor_m: Height of the collision plane; None if it was added before.
+        `tags` are separated by spaces; `route`, (N, 2) metres, is the default one; `extent_m` is
+        (4,) as in `Scene`, or (2,) half sizes about the origin. The others are as for `finish`.
         """
         if floor_m is not None:
             self.floor(floor_m)
         self.finish(light, sky, bake)
-        return Scene(
-            name=self.spec.modelname,
-            tests=tests,
-            spec=self.spec,
-            routes={"default": route},
-            extent_m=extent(extent_m),
-            tags=frozenset(tags.split()),
-            things=self.things,
-            movers=self.movers,
-        )
+        routes, tag_set = {"default": route}, frozenset(tags.split())
+        world = (self.spec, routes, extent(extent_m), tag_set, self.things, self.movers)
+        return Scene(self.spec.modelname, tests, *world)
 
     def _gathered(self) -> list[_Part]:
         """Join what has the same material, object, body and state of light."""
@@ -278,19 +256,6 @@ class Stage:
 
     def _body_spec(self, body: str) -> mujoco.MjsBody:
         return self.spec.worldbody if body == WORLD else self.spec.body(body)
-
-
-def one_object(
-    build: Callable[Concatenate[Stage, str, P], None],
-) -> Callable[Concatenate[Stage, str, P], None]:
-    """Make what a function `build(stage, name, ...)` draws the object `name` of segmentation."""
-
-    @wraps(build)
-    def inside(stage: Stage, name: str, *args: P.args, **kwargs: P.kwargs) -> None:
-        with stage.object(name):
-            build(stage, name, *args, **kwargs)
-
-    return inside
 
 
 def _turn(yaw_rad: float) -> tuple[float, float, float, float]:

@@ -18,11 +18,11 @@ from scenes.structures.courses import coursed
 from scenes.structures.ground import bake_ground
 from scenes.structures.interior import sides
 from scenes.surfaces import floor, masonry, prints, textile, timber
-from scenes.surfaces.atlas import pack
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 
 TESTS = "The rover stands still half of the time: the estimate must not drift while it stands."
+TAGS = "indoor level"
 HALF_M = np.array([8.0, 5.0])
 HEIGHT_M = 3.6
 SCREEN_M = (3.4, 0.24, 2.5)
@@ -31,7 +31,7 @@ PLANK_M = 0.14
 HUES = ((92, 112, 116), (128, 84, 74), (104, 112, 88), (86, 88, 110))
 
 
-class StopAndGoSettings(Settings):
+class Options(Settings):
     """Options of the hall.
 
     Attributes:
@@ -43,7 +43,7 @@ class StopAndGoSettings(Settings):
     sculptures: Annotated[int, Field(ge=0, le=8)] = 7
 
 
-def build(rng: np.random.Generator, settings: StopAndGoSettings) -> Scene:
+def build(rng: np.random.Generator, settings: Options) -> Scene:
     """Build the hall; exhibits, colours, planks and light follow the generator."""
     stage = Stage("stop_and_go")
     light = hall_light(rng)
@@ -58,7 +58,7 @@ def build(rng: np.random.Generator, settings: StopAndGoSettings) -> Scene:
         ground.draw("planks", coursed(rng, HALF_M, PLANK_M, (0.8, 1.1), planks, 4))
     with stage.object("ceiling"):
         _ceiling(stage)
-    return stage.scene(TESTS, light, route=_route(rng), extent_m=HALF_M + 0.2, tags="indoor level")
+    return stage.scene(TESTS, TAGS, light, route=_route(rng), extent_m=HALF_M + 0.2)
 
 
 def _route(rng: np.random.Generator) -> Array:
@@ -72,11 +72,11 @@ def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
     """Define the materials."""
     oak = np.array((168, 132, 92)) * rng.uniform(0.8, 1.08)
     planks = floor.parquet(rng, 18, (140, 900), (oak[0], oak[1], oak[2]))
-    stage.material("planks", pack(planks))
+    stage.material("planks", planks)
     stage.material("wall", masonry.painted_wall(rng, (512, 1024), (210, 208, 202)))
     hue = HUES[rng.integers(len(HUES))]
     stage.material("accent", masonry.painted_wall(rng, (512, 1024), hue))
-    stage.material("paintings", pack(prints.paintings(rng, 15, (280, 380))))
+    stage.material("paintings", prints.paintings(rng, 15, (280, 380)))
     stage.material("labels", prints.door_signs(rng, 1, 128)[0])
     stage.material("signs", prints.door_signs(rng, 1, 128)[0])
     stage.material("frame_gold", timber.wood(rng, (128, 256), (164, 128, 66)))
@@ -105,11 +105,10 @@ def _walls(stage: Stage, rng: np.random.Generator, hung: float) -> None:
         spots = np.arange(1.3, length - 1.2, 2.15)
         for j, along in enumerate(spots):
             if k % 2 and j == len(spots) // 2:
-                plate = np.array([0, 0, 1, 1.0])
-                interior.door(stage, f"door_{k}", rng, wall, float(along), plate)
+                interior.door(stage, f"door_{k}", wall, rng, float(along), np.array([0, 0, 1, 1.0]))
             elif rng.random() < hung:
                 spot = float(along + rng.uniform(-0.15, 0.15))
-                exhibits.painting(stage, f"painting_{k}_{j}", rng, wall, spot)
+                exhibits.painting(stage, f"painting_{k}_{j}", wall, rng, spot)
 
 
 def _screens(stage: Stage, rng: np.random.Generator) -> None:
@@ -125,7 +124,7 @@ def _screens(stage: Stage, rng: np.random.Generator) -> None:
             face = local(place, 0.0, (2 * side - 1) * thick / 2, side * np.pi)
             for j, along in enumerate((-0.85, 0.85)):
                 name = f"painting_screen_{k}_{side}_{j}"
-                exhibits.painting(stage, name, rng, face, along)
+                exhibits.painting(stage, name, face, rng, along)
 
 
 def _exhibit(stage: Stage, rng: np.random.Generator, count: int) -> None:
@@ -135,10 +134,10 @@ def _exhibit(stage: Stage, rng: np.random.Generator, count: int) -> None:
     spots = [(0.0, 0.0), *corners, (-0.7, 1.35), (0.7, -1.35), (0.9, 1.3)]
     for k, (px, py) in enumerate(spots[:count]):
         at_x, at_y = np.array([px, py]) + rng.uniform(-0.08, 0.08, 2)
-        exhibits.sculpture(stage, f"sculpture_{k}", rng, (at_x, at_y, rng.uniform(0, 0.6)))
+        exhibits.sculpture(stage, f"sculpture_{k}", (at_x, at_y, rng.uniform(0, 0.6)), rng)
     for k, sign in enumerate((-1, 1)):
         place = (sign * (3.4 + rng.uniform(-0.3, 0.3)), sign * 1.45, rng.normal(0, 0.03))
-        exhibits.settee(stage, f"bench_{k}", rng, place)
+        exhibits.settee(stage, f"bench_{k}", place, rng)
         start = (-sign * (3.4 + rng.uniform(-0.2, 0.2)) - 1.2, sign * (y - 0.55), 0.0)
         exhibits.barrier(stage, f"barrier_{k}", start, 2.4)
 

@@ -11,17 +11,18 @@ from scenes.geometry.routes import sharp_loop
 from scenes.lighting.baked_light import Light, sun
 from scenes.objects.plants import hedge, tree
 from scenes.objects.props import bench, lamp_post, litter, planter, potted_plant
+from scenes.pen import one_object
 from scenes.scene import Kind, Scene
-from scenes.stage import Stage, one_object
+from scenes.stage import Stage
 from scenes.structures.courses import coursed
 from scenes.structures.facade import facade
 from scenes.structures.ground import Ground, bake_ground, strip
 from scenes.surfaces import floor, greenery, masonry, sky, timber
-from scenes.surfaces.atlas import pack
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 
 TESTS = "Straight legs and sharp corners: fast turns on the spot blur images of long exposure."
+TAGS = "outdoor level textured sharp"
 HALF_M = np.array([7.0, 6.6])
 COURSE_M = 0.105
 """Width of a row of setts with its joint."""
@@ -30,7 +31,7 @@ PLASTERS = ((206, 186, 150), (196, 160, 134), (186, 190, 180), (204, 198, 188))
 WOODS = ((84, 104, 92), (112, 82, 60), (88, 100, 116), (120, 56, 48))
 
 
-class TurntableSettings(Settings):
+class Options(Settings):
     """Options of the square.
 
     Attributes:
@@ -44,7 +45,7 @@ class TurntableSettings(Settings):
     inner_m: Annotated[float, Field(ge=2.2, le=3.4)] = 2.6
 
 
-def build(rng: np.random.Generator, settings: TurntableSettings) -> Scene:
+def build(rng: np.random.Generator, settings: Options) -> Scene:
     """Build the square; setts, houses, plants, light and the star follow the generator."""
     stage = Stage("turntable")
     light = _noon(rng)
@@ -60,14 +61,10 @@ def build(rng: np.random.Generator, settings: TurntableSettings) -> Scene:
     with stage.object("street", Kind.GROUND):
         _street(ground)
     _scatter_leaves(ground, rng)
-    return stage.scene(
-        TESTS,
-        light,
-        sky.town_sky(rng),
-        route=_star(rng, settings),
-        extent_m=(-x - 0.4, -y - 0.6, x + 0.4, y + 0.4),
-        tags="outdoor level textured sharp",
-    )
+    town = sky.town_sky(rng)
+    reach = (-x - 0.4, -y - 0.6, x + 0.4, y + 0.4)
+    route = _star(rng, settings)
+    return stage.scene(TESTS, TAGS, light, town, route=route, extent_m=reach)
 
 
 def _noon(rng: np.random.Generator) -> Light:
@@ -78,7 +75,7 @@ def _noon(rng: np.random.Generator) -> Light:
     return replace(light, key=south, ambient_rgb=1.3 * light.ambient_rgb)
 
 
-def _star(rng: np.random.Generator, settings: TurntableSettings) -> Array:
+def _star(rng: np.random.Generator, settings: Options) -> Array:
     """Drive around a star, counter-clockwise."""
     count = 2 * settings.points
     angle = (np.arange(count) + rng.uniform(0, 2)) * 2 * np.pi / count
@@ -89,7 +86,7 @@ def _star(rng: np.random.Generator, settings: TurntableSettings) -> Array:
 
 def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
     """Define the materials."""
-    stage.material("setts", pack(floor.granite_setts(rng, 120, 104)))
+    stage.material("setts", floor.granite_setts(rng, 120, 104))
     stage.material("asphalt", floor.asphalt(rng, 1024))
     plasters, woods = rng.permutation(len(PLASTERS))[:3], rng.permutation(len(WOODS))[:3]
     for k, (plaster, wood) in enumerate(zip(plasters, woods, strict=True)):
@@ -143,7 +140,7 @@ def _houses(stage: Stage, rng: np.random.Generator) -> None:
     fronts = (((-x, -y, np.pi / 2), 2 * y), ((-x, y, 0.0), 2 * x), ((x, y, -np.pi / 2), 2 * y))
     for k, (place, length) in enumerate(fronts):
         storeys = int(rng.integers(2, 4))
-        facade(stage, f"house_{k}", rng, place, length, storeys, f"plaster_{k}", f"wood_{k}")
+        facade(stage, f"house_{k}", place, rng, length, storeys, f"plaster_{k}", f"wood_{k}")
     hedge(stage, "hedge", rng, (-x, -y - 4.6), (x, -y - 4.6), rng.uniform(0.9, 1.3))
     for k, along in enumerate(np.linspace(-x, x, 5)):
         spot = (along + rng.uniform(-0.8, 0.8), -y - rng.uniform(6.0, 9.0), 0.0)
@@ -176,10 +173,8 @@ def _street(ground: Ground) -> None:
     """Lay a kerb at the end of the setts, the street, and soil behind the houses."""
     x, y = HALF_M
     far = 36.0
-    street = strip((-far, -y - 4.0), (far, -y), -0.004, 1.024, 0.5)
-    ground.draw("asphalt", street)
-    behind = merged([strip((-far, -far), (far, -y - 4.0), -0.004, 3.0, 2.0)])
-    ground.draw("soil", behind)
+    ground.draw("asphalt", strip((-far, -y - 4.0), (far, -y), -0.004, 1.024, 0.5))
+    ground.draw("soil", merged([strip((-far, -far), (far, -y - 4.0), -0.004, 3.0, 2.0)]))
     stones = [
         box((a + 0.5, -y - 0.06, -0.02), (0.994, 0.12, 0.06), (1.2, 1.2), (a, 0.0))
         for a in np.arange(-x, x)
@@ -190,7 +185,7 @@ def _street(ground: Ground) -> None:
 def _scatter_leaves(ground: Ground, rng: np.random.Generator) -> None:
     """Scatter dry leaves around the fountain."""
     stage = ground.stage
-    stage.material("litter", pack(greenery.fallen_leaves(rng, 24, 64)))
+    stage.material("litter", greenery.fallen_leaves(rng, 24, 64))
     spots = rng.uniform(-HALF_M + 0.2, HALF_M - 0.2, (80, 2))
     spots = spots[np.linalg.norm(spots, axis=1) > 1.3]
     places = np.column_stack([spots, np.full(len(spots), 0.003)])

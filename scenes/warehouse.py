@@ -19,6 +19,7 @@ from scenes.objects.storage import (
     rack,
     standing_drums,
 )
+from scenes.pen import Pen
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage
 from scenes.structures.ground import bake_ground, level, quads, tiled
@@ -29,6 +30,7 @@ from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 
 TESTS = "Aisles that look alike: repeated racks and loads, a smooth floor with painted lines."
+TAGS = "indoor level aisles repetitive"
 SLAB_M = 3.0
 SLAB_PX = 2560
 HEIGHT_M = 5.0
@@ -36,7 +38,7 @@ PAINT_M = 0.0006
 """Thickness of what is painted on the floor."""
 
 
-class WarehouseSettings(Settings):
+class Options(Settings):
     """Options of the warehouse.
 
     Attributes:
@@ -52,7 +54,7 @@ class WarehouseSettings(Settings):
     stock: Annotated[float, Field(ge=0, le=1)] = 0.88
 
 
-def build(rng: np.random.Generator, settings: WarehouseSettings) -> Scene:
+def build(rng: np.random.Generator, settings: Options) -> Scene:
     """Build the warehouse; load, textures and light follow the generator."""
     stage = Stage("warehouse")
     pitch = settings.aisle_m + RACK_DEPTH_M
@@ -67,13 +69,7 @@ def build(rng: np.random.Generator, settings: WarehouseSettings) -> Scene:
     _signs(stage, rng, aisles_y, length, settings.aisle_m)
     _place_loose(stage, rng, half, racks_y)
     _floor(stage, rng, half, light)
-    return stage.scene(
-        TESTS,
-        light,
-        route=_route(rng, aisles_y, length),
-        extent_m=half + 0.2,
-        tags="indoor level aisles repetitive",
-    )
+    return stage.scene(TESTS, TAGS, light, route=_route(rng, aisles_y, length), extent_m=half + 0.2)
 
 
 def _route(rng: np.random.Generator, aisles_y: Array, length: float) -> Array:
@@ -89,9 +85,9 @@ def _route(rng: np.random.Generator, aisles_y: Array, length: float) -> Array:
 def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
     """Define the materials."""
     stage.material("floor", pack(masonry.slab(rng, SLAB_PX)[None], 0))
-    stage.material("cartons", pack(prints.cartons(rng, 12, 256)))
+    stage.material("cartons", prints.cartons(rng, 12, 256))
     tones = ((52, 84, 128), (62, 66, 70), (150, 62, 46), (74, 108, 84))
-    stage.material("drums", pack(signs.drums(rng, tones, (256, 512))))
+    stage.material("drums", signs.drums(rng, tones, (256, 512)))
     yellow, black = (206, 164, 52), (48, 46, 44)
     stage.material("pine", timber.wood(rng, (256, 1024), (176, 142, 100)))
     stage.material("paint", signs.worn_paint(rng, (256, 1024), yellow, 0.55))
@@ -108,12 +104,10 @@ def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
     stage.material("shutter", signs.shutter(rng, (1024, 1024), (132, 142, 148)))
 
 
-def _stock(
-    stage: Stage, rng: np.random.Generator, racks_y: Array, settings: WarehouseSettings
-) -> None:
+def _stock(stage: Stage, rng: np.random.Generator, racks_y: Array, settings: Options) -> None:
     """Put up the racks and fill them; each load is an object."""
     for r, y in enumerate(racks_y):
-        rack(stage, f"rack_{r}", rng, (0.0, y, 0.0), settings.bays)
+        rack(stage, f"rack_{r}", (0.0, y, 0.0), rng, settings.bays)
         for bay in range(settings.bays):
             for side in (-0.61, 0.61):
                 x = (bay - (settings.bays - 1) / 2) * BAY_M + side
@@ -128,10 +122,10 @@ def _stock(
 
 def _walls(stage: Stage, rng: np.random.Generator, half: Array) -> None:
     """Close the hall; shutters to -x, posters elsewhere."""
-    stage.material("posters", pack(prints.posters(rng, 6, (420, 300))))
+    stage.material("posters", prints.posters(rng, 6, (420, 300)))
     for k, run in enumerate(sides(half)):
         wall, length = run
-        put = stage.at(wall)
+        put = Pen(stage, wall)
         with stage.object(f"wall_{k}"):
             face = patch((0, 0, 0), (length, 0, 0), (0, 0, HEIGHT_M), (16, 8))
             put("wall", face.textured(np.array([0, 0, length / 8, 1.0])))
@@ -148,7 +142,7 @@ def _walls(stage: Stage, rng: np.random.Generator, half: Array) -> None:
 
 def _shutter(stage: Stage, name: str, wall: Place, along: float) -> None:
     """Put a roller shutter in a frame on a wall."""
-    put = stage.at(wall)
+    put = Pen(stage, wall)
     with stage.object(name):
         put("shutter", box((along, -0.015, 1.4), (2.6, 0.03, 2.8), (2.6, 2.8)))
         for side in (-1.38, 1.38):
@@ -171,11 +165,11 @@ def _signs(
                 for side in (-1.0, 1.0):
                     post = (end * (length / 2 + 0.08), y + side * aisle_m / 2, end * np.pi / 2)
                     board = box((0.0, -0.012, 1.25), (0.4, 0.012, 0.25), bottom=True)
-                    stage.at(post)("plates", board.textured(plates.rects[k]))
+                    Pen(stage, post)("plates", board.textured(plates.rects[k]))
             with stage.object("floor_paint", Kind.GROUND):
                 place: Place = (end * (length / 2 + 0.55), y, end * np.pi / 2)
                 mark = patch((-0.32, -0.24, PAINT_M), (0.64, 0, 0), (0, 0.48, 0), (3, 3))
-                stage.at(place)("stencils", mark.textured(stencils.rects[k]))
+                Pen(stage, place)("stencils", mark.textured(stencils.rects[k]))
         with stage.object("floor_paint", Kind.GROUND):
             for side in (-1.0, 1.0):
                 low = (-length / 2 - 0.1, y + side * (aisle_m / 2 - 0.13) - 0.04, PAINT_M)
@@ -188,7 +182,7 @@ def _place_loose(stage: Stage, rng: np.random.Generator, half: Array, racks_y: A
     for k, y in enumerate(racks_y[1:-1:2]):
         spot: Place = (half[0] - 0.72, y + rng.uniform(-0.2, 0.2), rng.uniform(-0.2, 0.2))
         if k % 2 == 0:
-            pallet_truck(stage, f"truck_{k}", rng, spot)
+            pallet_truck(stage, f"truck_{k}", spot, rng)
         else:
             standing_drums(stage, f"drum_{k}", rng, np.array(spot[:2]))
     for k, side in enumerate((-1, 1)):
@@ -206,5 +200,4 @@ def _floor(stage: Stage, rng: np.random.Generator, half: Array, light: Light) ->
     corners = corners[inside]
     ground = bake_ground(stage, light, half, (rng, 0.2))
     with stage.object("floor", Kind.GROUND):
-        uv = tiled(rng, corners, SLAB_M, stage.atlases["floor"])
-        ground.draw("floor", level(corners, uv))
+        ground.draw("floor", level(corners, tiled(rng, corners, SLAB_M, stage.atlases["floor"])))

@@ -7,6 +7,7 @@ a unit normal has two degrees of freedom; so the normal that yields exactly thes
 for and stored in the mesh instead of the geometric one.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -43,16 +44,11 @@ class Light:
         up = np.array([0, 0, 1.0])
         lamps = (("key", self.key, self.key_rgb), ("fill", up, self.fill_rgb / FILL_SHARE))
         for name, towards, rgb in lamps:
-            world.add_light(
-                name=name,
-                type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-                dir=-np.asarray(towards),
-                pos=20 * np.asarray(towards),
-                diffuse=rgb,
-                ambient=(0, 0, 0),
-                specular=(0, 0, 0),
-                castshadow=False,
-            )
+            direction = np.asarray(towards)
+            added = world.add_light(name=name, dir=-direction, pos=20 * direction, diffuse=rgb)
+            added.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+            added.ambient = added.specular = (0, 0, 0)
+            added.castshadow = False
         headlight = spec.visual.headlight
         headlight.ambient = self.ambient_rgb
         headlight.diffuse = (0, 0, 0)
@@ -124,17 +120,13 @@ def hall_light(rng: np.random.Generator, elevation_deg: tuple[float, float] = (5
 
 
 def lamp(
-    towards: tuple[float, float],
-    on_ground: Rgb,
-    fill: Rgb,
-    ambient: Rgb,
-    softness_rad: float = 0.02,
+    angles: Sequence[float], on_ground: Rgb, fill: Rgb, ambient: Rgb, softness_rad: float = 0.02
 ) -> Light:
     """Build a light from the azimuth in radians and elevation in degrees of its key lamp.
 
     `on_ground` is the colour that level ground receives from the key; the others as in `Light`.
     """
-    azimuth, elevation = towards[0], np.radians(towards[1])
+    azimuth, elevation = angles[0], np.radians(angles[1])
     flat = np.cos(elevation)
     return Light(
         key=np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)]),

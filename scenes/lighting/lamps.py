@@ -35,14 +35,10 @@ class Lamplight:
         clear = np.ascontiguousarray(mesh.points + 3e-3 * mesh.normals)
         turn = np.arange(4) * np.pi / 2
         ring = BULB_M * np.column_stack([np.cos(turn), np.sin(turn), 0 * turn])
-        key = _received(
-            clear,
-            np.ascontiguousarray(mesh.normals),
-            np.ascontiguousarray(self.places, dtype=float),
-            np.ascontiguousarray(self.powers, dtype=float),
-            ring,
-            occluder_table(self.occluders),
+        normals, places, powers = (
+            np.ascontiguousarray(a, dtype=float) for a in (mesh.normals, self.places, self.powers)
         )
+        key = _received(clear, normals, places, powers, ring, occluder_table(self.occluders))
         soft = 1 - np.exp(-key)  # pools keep their texture right below a lamp
         sky = occlusion(clear, self.occluders) * (0.55 + 0.45 * mesh.normals[:, 2])
         normals = solved_normals(soft, sky, self.light)

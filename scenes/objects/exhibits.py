@@ -5,22 +5,17 @@ import itertools
 import numpy as np
 
 from scenes.geometry.mesh import Mesh, box, merged, tube
-from scenes.geometry.place import Place
 from scenes.objects.props import ball
-from scenes.stage import Stage, one_object
+from scenes.pen import Pen, piece
 
 CENTRE_M = 1.4
 """Height of the middle of a painting."""
 FRAME_M = 0.05
 
 
-@one_object
-def painting(
-    stage: Stage, name: str, rng: np.random.Generator, wall: Place, along_m: float
-) -> None:
+@piece
+def painting(put: Pen, rng: np.random.Generator, along_m: float) -> None:
     """Hang a framed painting on a wall, its label beside it."""
-    del name
-    put = stage.at(wall)
     wide, high = rng.uniform((0.7, 0.55), (1.5, 1.1))
     frame = ("frame_gold", "frame_black")[rng.integers(2)]
     for dx, dz, sx, sz in (
@@ -31,24 +26,21 @@ def painting(
     ):
         bar = box((along_m + dx, -0.025, CENTRE_M + dz), (sx, 0.05, sz), (0.4, 0.4), bottom=True)
         put(frame, bar)
-    canvas = box((along_m, -0.012, CENTRE_M), (wide, 0.02, high))
-    put.cell("paintings", rng, canvas)
-    label = box((along_m + wide / 2 + 0.22, -0.003, CENTRE_M - 0.25), (0.14, 0.006, 0.1))
-    put("labels", label)
+    put.cell("paintings", rng, box((along_m, -0.012, CENTRE_M), (wide, 0.02, high)))
+    put("labels", box((along_m + wide / 2 + 0.22, -0.003, CENTRE_M - 0.25), (0.14, 0.006, 0.1)))
 
 
-@one_object
-def sculpture(stage: Stage, name: str, rng: np.random.Generator, place: Place) -> None:
+@piece
+def sculpture(put: Pen, rng: np.random.Generator) -> None:
     """Show a sculpture of bronze or marble on a pedestal of 0.5 x 0.5 x 0.8 m."""
-    put = stage.at(place)
     put("pedestal", box((0, 0, 0.4), (0.5, 0.5, 0.8), (1.0, 1.0), rng.random(2)))
     put("frame_black", box((0, 0, 0.02), (0.46, 0.46, 0.04), (0.4, 0.4)))
     put("labels", box((0, -0.252, 0.6), (0.12, 0.004, 0.08)))
     stuff = ("bronze", "marble")[rng.integers(2)]
     put(stuff, _SHAPES[rng.integers(len(_SHAPES))](rng).moved((0, 0, 0.8)))
-    stage.solid(name, place, (0.5, 0.5, 1.3), shadow=False)
-    stage.shade(place, 0.4, (0.48, 0.48, 0.8))
-    stage.shade(place, 1.05, (0.3, 0.3, 0.5), 0.8)
+    put.solid((0.5, 0.5, 1.3), shadow=False)
+    put.shade(0.4, (0.48, 0.48, 0.8))
+    put.shade(1.05, (0.3, 0.3, 0.5), 0.8)
 
 
 def _torso(rng: np.random.Generator) -> Mesh:
@@ -90,10 +82,9 @@ def _knot(rng: np.random.Generator) -> Mesh:
 _SHAPES = (_torso, _pile, _knot)
 
 
-@one_object
-def barrier(stage: Stage, name: str, place: Place, length_m: float) -> None:
+@piece
+def barrier(put: Pen, length_m: float) -> None:
     """Put brass posts about 1.2 m apart along x from a place, with a sagging rope."""
-    put = stage.at(place)
     marks = np.linspace(0, length_m, max(2, round(length_m / 1.2) + 1))
     for x in marks:
         put("brass", tube((x, 0, 0), (x, 0, 0.02), 0.14, 16))
@@ -105,19 +96,16 @@ def barrier(stage: Stage, name: str, place: Place, length_m: float) -> None:
         rope = np.column_stack([start + share * (end - start), 0 * share, sag])
         for a, b in itertools.pairwise(rope):
             put("rope", tube(a, b, 0.016, 6))
-    c, s = np.cos(place[2]), np.sin(place[2])
-    middle = (place[0] + c * length_m / 2, place[1] + s * length_m / 2, place[2])
-    stage.solid(name, middle, (length_m + 0.28, 0.28, 0.95), shadow=False)
+    put.solid((length_m + 0.28, 0.28, 0.95), (length_m / 2, 0.0), shadow=False)
 
 
-@one_object
-def settee(stage: Stage, name: str, rng: np.random.Generator, place: Place) -> None:
+@piece
+def settee(put: Pen, rng: np.random.Generator) -> None:
     """Put an upholstered bench of 1.5 x 0.55 m without a back."""
-    put = stage.at(place)
     put("cloth", box((0, 0, 0.4), (1.5, 0.55, 0.1), (0.4, 0.4), rng.random(2), 0.3, True))
     put("frame_black", box((0, 0, 0.33), (1.4, 0.48, 0.04), (0.4, 0.4), bottom=True))
     for x in (-0.62, 0.62):
         for y in (-0.2, 0.2):
             put("brass", box((x, y, 0.16), (0.04, 0.04, 0.32), (0.4, 0.4)))
-    stage.solid(name, place, (1.5, 0.55, 0.45), shadow=False)
-    stage.shade(place, 0.4, (1.5, 0.55, 0.1))
+    put.solid((1.5, 0.55, 0.45), shadow=False)
+    put.shade(0.4, (1.5, 0.55, 0.1))

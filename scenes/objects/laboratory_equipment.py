@@ -5,10 +5,8 @@ import itertools
 import numpy as np
 
 from scenes.geometry.mesh import Mesh, Vector, box, merged, tube
-from scenes.geometry.place import Place, local
 from scenes.objects.props import ball
-from scenes.pen import Pen
-from scenes.stage import Stage, one_object
+from scenes.pen import Pen, piece
 from vo.contract.arrays import Array
 
 TOP_M = 0.9
@@ -17,10 +15,9 @@ SHELVES_M = (1.38, 1.74)
 CABLES = ("cable_red", "cable_blue", "cable_black")
 
 
-@one_object
-def bench(stage: Stage, name: str, rng: np.random.Generator, place: Place, length_m: float) -> None:
+@piece
+def bench(put: Pen, rng: np.random.Generator, length_m: float) -> None:
     """Put a wall bench, its back at the place: cabinets, worktop and a duct with sockets."""
-    put = stage.at(place)
     middle = -DEPTH_M / 2
     top = (length_m, DEPTH_M, 0.035)
     put("worktop", box((0, middle, TOP_M - 0.018), top, (1.2, 1.2), rng.random(2), 0.3, True))
@@ -39,7 +36,7 @@ def bench(stage: Stage, name: str, rng: np.random.Generator, place: Place, lengt
     for x in np.arange(-length_m / 2 + 0.2, length_m / 2 - 0.1, 0.3):
         put("plastic", box((x, -0.0715, TOP_M + 0.165), (0.075, 0.004, 0.075)))
         put("worktop", box((x, -0.074, TOP_M + 0.165), (0.045, 0.003, 0.045), (1.2, 1.2)))
-    stage.solid(name, local(place, 0, middle), (length_m, DEPTH_M, TOP_M))
+    put.solid((length_m, DEPTH_M, TOP_M), (0, middle))
 
 
 def _cabinet_front(put: Pen, rng: np.random.Generator, x: float, wide: float) -> None:
@@ -56,11 +53,9 @@ def _cabinet_front(put: Pen, rng: np.random.Generator, x: float, wide: float) ->
         put("steel", box((x, face - 0.016, grip), (0.13, 0.014, 0.014), (0.5, 0.5), bottom=True))
 
 
-@one_object
-def shelf(stage: Stage, name: str, rng: np.random.Generator, place: Place, length_m: float) -> None:
+@piece
+def shelf(put: Pen, rng: np.random.Generator, length_m: float) -> None:
     """Hang two boards above a bench, filled with bottles, boxes and books."""
-    del name
-    put = stage.at(place)
     for z in SHELVES_M:
         board = (length_m, 0.26, 0.022)
         put("beech", box((0, -0.13, z), board, (1.6, 0.8), rng.random(2), bottom=True))
@@ -81,19 +76,17 @@ def _shelved(put: Pen, rng: np.random.Generator, x: float, z: float) -> float:
         return 0.1 * count + 0.04
     if draw < 0.65:
         wide, high = rng.uniform(0.16, 0.27), rng.uniform(0.12, 0.24)
-        side = box((x + wide / 2, -0.13, z + high / 2), (wide, 0.2, high))
-        put.cell("cartons", rng, side)
+        put.cell("cartons", rng, box((x + wide / 2, -0.13, z + high / 2), (wide, 0.2, high)))
         return wide + 0.03
     if draw < 0.85:
-        row = box((x + 0.14, -0.12, z + 0.13), (0.27, 0.2, 0.26))
-        put("books", row.textured(_books(put, rng)))
+        put("books", box((x + 0.14, -0.12, z + 0.13), (0.27, 0.2, 0.26)).textured(_books(put, rng)))
         return 0.3
     return float(rng.uniform(0.06, 0.2))
 
 
 def _books(put: Pen, rng: np.random.Generator) -> Array:
     """Cut 0.27 of the length of a random row of books: (4,) cell."""
-    u0, v0, u1, v1 = put.atlases["books"].pick(rng)
+    u0, v0, u1, v1 = put.stage.pick("books", rng)
     start = rng.uniform(0, 0.7)
     return np.array([u0 + (u1 - u0) * start, v0, u0 + (u1 - u0) * (start + 0.27), v1])
 
@@ -103,18 +96,13 @@ def _bottle(put: Pen, rng: np.random.Generator, foot: Vector) -> None:
     radius, high = rng.uniform(0.026, 0.044), rng.uniform(0.11, 0.22)
     base = np.array(foot)
     neck, cap = base + np.array([0, 0, high]), base + np.array([0, 0, high + 0.03])
-    body = tube(base, neck, radius, 12)
-    put.cell("wraps", rng, body)
+    put.cell("wraps", rng, tube(base, neck, radius, 12))
     put("plastic", tube(neck, cap, 0.6 * radius, 10, 0.8))
 
 
-@one_object
-def instrument(
-    stage: Stage, name: str, rng: np.random.Generator, place: Place, base_m: float
-) -> None:
+@piece
+def instrument(put: Pen, rng: np.random.Generator, base_m: float) -> None:
     """Put a measuring instrument at a height, perhaps a second one on top, and plug cables in."""
-    del name
-    put = stage.at(place)
     table_m = base_m
     for _ in range(2 if rng.random() < 0.35 else 1):
         wide, deep, high = rng.uniform((0.28, 0.24, 0.12), (0.42, 0.34, 0.2))
@@ -142,11 +130,9 @@ def cable(rng: np.random.Generator, start: Vector, end: Vector) -> Mesh:
     return merged([tube(p, q, 0.0045, 6) for p, q in itertools.pairwise(knots)])
 
 
-@one_object
-def microscope(stage: Stage, name: str, place: Place, base_m: float) -> None:
+@piece
+def microscope(put: Pen, base_m: float) -> None:
     """Put a microscope at a height."""
-    del name
-    put = stage.at(place)
     put("plastic", box((0, 0, base_m + 0.02), (0.18, 0.24, 0.04), (0.5, 0.5)))
     put("panel", box((0, 0.08, base_m + 0.17), (0.06, 0.06, 0.28), (1.0, 1.0)))
     put("plastic", box((0, -0.02, base_m + 0.13), (0.14, 0.14, 0.015), (0.5, 0.5), bottom=True))
@@ -156,11 +142,9 @@ def microscope(stage: Stage, name: str, place: Place, base_m: float) -> None:
         put("plastic", tube((x, -0.05, base_m + 0.33), (x, -0.13, base_m + 0.42), 0.018, 10))
 
 
-@one_object
-def tray(stage: Stage, name: str, rng: np.random.Generator, place: Place, base_m: float) -> None:
+@piece
+def tray(put: Pen, rng: np.random.Generator, base_m: float) -> None:
     """Put a tray of bottles at a height, and loose sheets beside it."""
-    del name
-    put = stage.at(place)
     put("steel", box((0, 0, base_m + 0.008), (0.4, 0.26, 0.016), (0.5, 0.5)))
     for x in np.arange(-0.14, 0.15, 0.095):
         for y in (-0.06, 0.06):
@@ -170,24 +154,22 @@ def tray(stage: Stage, name: str, rng: np.random.Generator, place: Place, base_m
     put("posters", sheet.textured(np.array([0.02, 0.02, 0.2, 0.3])))
 
 
-@one_object
-def stool(stage: Stage, name: str, rng: np.random.Generator, place: Place) -> None:
+@piece
+def stool(put: Pen, rng: np.random.Generator) -> None:
     """Put a round stool on a five-armed foot."""
-    put = stage.at(place)
     put("cloth", tube((0, 0, 0.54), (0, 0, 0.61), 0.17, 18))
     put("steel", tube((0, 0, 0.08), (0, 0, 0.54), 0.025, 10))
     for angle in np.arange(5) * 2 * np.pi / 5 + rng.uniform(0, 1):
         tip = 0.25 * np.array([np.cos(angle), np.sin(angle)])
         put("plastic", tube((0, 0, 0.1), (*tip, 0.05), 0.022, 8, 0.7))
         put("plastic", ball(rng, (*tip, 0.028), 0.026))
-    stage.solid(name, place, (0.5, 0.5, 0.61), shadow=False)
-    stage.occluder((*place[:2], 0.57), (0.3, 0.3, 0.08), 0.3)
+    put.solid((0.5, 0.5, 0.61), shadow=False)
+    put.stage.occluder((*put.place[:2], 0.57), (0.3, 0.3, 0.08), 0.3)
 
 
-@one_object
-def gas_bottles(stage: Stage, name: str, place: Place) -> None:
+@piece
+def gas_bottles(put: Pen) -> None:
     """Chain two gas bottles to a wall, their back at the place."""
-    put = stage.at(place)
     for x, paint in ((-0.14, "cable_blue"), (0.14, "gas")):
         put(paint, tube((x, -0.15, 0), (x, -0.15, 1.25), 0.115, 18))
         put(paint, tube((x, -0.15, 1.25), (x, -0.15, 1.38), 0.115, 18, 0.35))
@@ -196,13 +178,12 @@ def gas_bottles(stage: Stage, name: str, place: Place) -> None:
         put("label", box((x, -0.262, 0.95), (0.11, 0.012, 0.16)))
     for z in (0.5, 1.05):
         put("steel", box((0, -0.275, z), (0.56, 0.012, 0.03), (0.5, 0.5), bottom=True))
-    stage.solid(name, local(place, 0, -0.14), (0.56, 0.3, 1.45))
+    put.solid((0.56, 0.3, 1.45), (0, -0.14))
 
 
-@one_object
-def island(stage: Stage, name: str, rng: np.random.Generator, size: Array, place: Place) -> None:
+@piece
+def island(put: Pen, rng: np.random.Generator, size: Array) -> None:
     """Put a heavy table of (2,) full size on four legs, with a board of holes for optics."""
-    put = stage.at(place)
     length, depth = size
     put("worktop", box((0, 0, 0.80), (length, depth, 0.06), (1.2, 1.2), rng.random(2), bottom=True))
     put("holes", box((0, 0, 0.836), (length - 0.16, depth - 0.16, 0.012), (0.25, 0.25)))
@@ -211,16 +192,14 @@ def island(stage: Stage, name: str, rng: np.random.Generator, size: Array, place
             leg = (0.08, 0.08, 0.77)
             put("steel", box((x * length, y * depth, 0.385), leg, (0.5, 0.5), rng.random(2)))
     put("panel", box((0, 0, 0.2), (0.84 * length, 0.8 * depth, 0.02), (1.0, 1.0), bottom=True))
-    stage.solid(name, place, (length, depth, 0.84), shadow=False)
-    stage.shade(place, 0.8, (length, depth, 0.06))
-    stage.shade(place, 0.2, (0.84 * length, 0.8 * depth, 0.02), 0.8)
+    put.solid((length, depth, 0.84), shadow=False)
+    put.shade(0.8, (length, depth, 0.06))
+    put.shade(0.2, (0.84 * length, 0.8 * depth, 0.02), 0.8)
 
 
-@one_object
-def optics(stage: Stage, name: str, rng: np.random.Generator, place: Place, base_m: float) -> None:
+@piece
+def optics(put: Pen, rng: np.random.Generator, base_m: float) -> None:
     """Put a row of posts with mounts and lenses at a height."""
-    del name
-    put = stage.at(place)
     put("steel", box((0, 0, base_m + 0.012), (0.5, 0.05, 0.024), (0.5, 0.5)))
     for x in np.arange(-0.2, 0.21, 0.1) + rng.normal(0, 0.012, 5):
         high = base_m + rng.uniform(0.1, 0.16)

@@ -11,8 +11,7 @@ from scenes.geometry.routes import arc_lengths
 from scenes.scene import Kind, Motion
 from scenes.stage import Stage
 from scenes.surfaces import textile, timber
-from scenes.surfaces.atlas import Atlas, pack
-from vo.contract.arrays import Array
+from vo.contract.arrays import Array, Image
 
 LEG_M = 0.86
 SWING_RAD = 0.4
@@ -94,11 +93,11 @@ class Crossing:
         return self.start + share * span, heading, way
 
 
-def clothing_atlas(rng: np.random.Generator) -> Atlas:
+def clothing_atlas(rng: np.random.Generator) -> Image:
     """Draw cloths, then skins, then hair, then leather, each a cell of 128 pixels."""
     cells = [textile.fabric(rng, 128, rgb) for rgb in CLOTHES]
     cells += [timber.painted(rng, (128, 128), rgb) for rgb in SKINS + HAIRS + ((40, 36, 34),)]
-    return pack(np.stack(cells))
+    return np.stack(cells)
 
 
 def placed(walk: Walk, ahead_m: float = 0.0) -> Motion:

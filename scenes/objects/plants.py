@@ -4,7 +4,8 @@ import numpy as np
 
 from scenes.geometry.mesh import Mesh, Vector, merged, polygons, tube
 from scenes.objects.props import ball, leaf_cloud
-from scenes.stage import Stage, one_object
+from scenes.pen import one_object
+from scenes.stage import Stage
 from vo.contract.arrays import Array
 
 UV_BLADE = 0.05
@@ -12,13 +13,7 @@ UV_BLADE = 0.05
 
 
 def grass(rng: np.random.Generator, feet: Array, height_m: Array, width_m: Array) -> Mesh:
-    """Grow one bent blade at each foot.
-
-    Args:
-        rng: Chooses lean and tone.
-        feet: (N, 3) metres.
-        height_m: (N,) of the tips.
-        width_m: (N,) at the foot.
+    """Grow one bent blade at each of (N, 3) feet, (N,) high and (N,) wide at the foot, metres.
 
     Returns:
         Two triangles for each blade: straight below, hanging over above.
@@ -43,14 +38,7 @@ def grass(rng: np.random.Generator, feet: Array, height_m: Array, width_m: Array
 def flowers(
     rng: np.random.Generator, feet: Array, height_m: Array, radius_m: float, palette: Array
 ) -> tuple[Mesh, Mesh]:
-    """Grow a flower at each of (N, 3) feet, (N,) metres high.
-
-    Args:
-        rng: Chooses lean and colours.
-        feet: (N, 3) metres.
-        height_m: (N,) of the blossoms.
-        radius_m: Of the blossoms.
-        palette: (K, 2) texture coordinates of the colours.
+    """Grow a flower at each of (N, 3) feet, (N,) high, of (K, 2) uv of the palette's colours.
 
     Returns:
         The stems, for the grass texture, and the blossoms, for the palette's.

@@ -1,9 +1,10 @@
-"""Outdoor furniture: planters, benches, a lamp post, shrubs and litter."""
+"""Outdoor furniture: planters, benches, lamp posts, shrubs and litter."""
 
 import numpy as np
 
 from scenes.geometry.mesh import Mesh, Vector, box, grid, merged, patch, polygons, sphere, tube
-from scenes.stage import Stage, one_object
+from scenes.pen import one_object
+from scenes.stage import Stage
 from scenes.surfaces.atlas import Atlas
 from vo.contract.arrays import Array
 
@@ -110,14 +111,8 @@ def grass_tufts(rng: np.random.Generator, places: Array, blades: int = 9) -> Mes
     side *= 0.003 / np.linalg.norm(side, axis=1, keepdims=True)
     height = rng.uniform(0.03, 0.10, count)
     foot = np.zeros(count)
-    corners = np.stack(
-        [
-            np.column_stack([at - side, foot]),
-            np.column_stack([at + side, foot]),
-            np.column_stack([at + lean, height]),
-        ],
-        axis=1,
-    )
+    blade = ((at - side, foot), (at + side, foot), (at + lean, height))
+    corners = np.stack([np.column_stack([xy, z]) for xy, z in blade], axis=1)
     uv = rng.random((count, 1, 2)) + np.array([[0, 0], [0.01, 0], [0, 0.06]])
     tilt = np.column_stack([rng.normal(0, 0.5, (count, 2)), np.ones(count)])
     tilt /= np.linalg.norm(tilt, axis=1, keepdims=True)  # blades catch the sun one by one

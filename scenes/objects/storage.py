@@ -4,7 +4,8 @@ import numpy as np
 
 from scenes.geometry.mesh import Mesh, box, merged, tube
 from scenes.geometry.place import Place, local
-from scenes.stage import Stage, one_object
+from scenes.pen import Pen, piece
+from scenes.stage import Stage
 from vo.contract.arrays import Array
 
 PALLET_M = (1.2, 0.8, 0.144)
@@ -47,14 +48,14 @@ def _cartons(stage: Stage, rng: np.random.Generator, place: Place, base: float) 
             shift = rng.normal(0, 0.006, 2)
             centre = (x + shift[0], y + shift[1], base + (layer + 0.5) * high)
             pieces.append(box(centre, size - 0.006, cell_m=2.0).textured(rect))
-    stage.at(place)("cartons", merged(pieces))
+    Pen(stage, place)("cartons", merged(pieces))
     return base + layers * high
 
 
 def _drums(stage: Stage, rng: np.random.Generator, place: Place, base: float) -> float:
     """Stand three or four drums on a pallet; returns the height of the top."""
     rect = stage.pick("drums", rng)
-    put = stage.at(place)
+    put = Pen(stage, place)
     for x, y in ((-0.31, -0.01), (0.31, -0.01))[: rng.integers(1, 3)]:
         put("drums", drum(rng, (x, y, base)).textured(rect))
     return base + 0.88
@@ -71,7 +72,7 @@ def drum(rng: np.random.Generator, foot: tuple[float, float, float]) -> Mesh:
 def _crate(stage: Stage, rng: np.random.Generator, place: Place, base: float) -> float:
     """Build a slatted crate on a pallet; returns the height of the top."""
     high = float(rng.uniform(0.5, 0.8))
-    put = stage.at(place)
+    put = Pen(stage, place)
     grain = (1.0, 0.25)
     put("pine", box((0, 0, base + high / 2), (1.06, 0.66, high), (1.0, 0.3), rng.random(2), 2.0))
     for z in np.arange(0.07, high, 0.15):
@@ -92,18 +93,16 @@ def load(stage: Stage, rng: np.random.Generator, place: Place, base: float) -> N
     stack = int(rng.integers(2, 6)) if kind == "empty" else 1
     for k in range(stack):
         turn = local(place, 0.0, 0.0, float(rng.normal(0, 0.012)))
-        mesh = pallet(rng).moved((turn[0], turn[1], base + k * PALLET_M[2]), turn[2])
-        stage.draw("pine", mesh)
+        stage.draw("pine", pallet(rng).moved((turn[0], turn[1], base + k * PALLET_M[2]), turn[2]))
     floor = base + stack * PALLET_M[2]
     build = {"cartons": _cartons, "drums": _drums, "crate": _crate}.get(str(kind))
     top = build(stage, rng, place, floor) if build else floor
-    stage.shade(place, (base + top) / 2, (1.2, 0.8, top - base), 0.92)
+    Pen(stage, place).shade((base + top) / 2, (1.2, 0.8, top - base), 0.92)
 
 
-@one_object
-def rack(stage: Stage, name: str, rng: np.random.Generator, place: Place, bays: int) -> None:
+@piece
+def rack(put: Pen, rng: np.random.Generator, bays: int) -> None:
     """Put up a pallet rack of `bays` bays along x, without its load."""
-    put = stage.at(place)
     length = bays * BAY_M
     for x in np.linspace(-length / 2, length / 2, bays + 1):
         for y in (-0.48, 0.48):
@@ -112,11 +111,9 @@ def rack(stage: Stage, name: str, rng: np.random.Generator, place: Place, bays: 
             put("steel", box((x, y, 0.005), (0.15, 0.12, 0.01), (0.5, 0.5), rng.random(2)))
         for z in np.arange(0.2, RACK_HEIGHT_M - 0.5, 0.6):
             sign = 1 if round(z / 0.6) % 2 else -1
-            brace = tube((x, -0.46 * sign, z), (x, 0.46 * sign, z + 0.6), 0.018, 5)
-            put("steel", brace)
+            put("steel", tube((x, -0.46 * sign, z), (x, 0.46 * sign, z + 0.6), 0.018, 5))
         for y in (-0.58, 0.58):
-            guard = box((x, y, 0.2), (0.13, 0.05, 0.4), (0.4, 0.4), rng.random(2), 0.2)
-            put("hazard", guard)
+            put("hazard", box((x, y, 0.2), (0.13, 0.05, 0.4), (0.4, 0.4), rng.random(2), 0.2))
     for z in LEVELS_M[1:]:
         for k in range(bays):
             middle = -length / 2 + (k + 0.5) * BAY_M
@@ -124,15 +121,13 @@ def rack(stage: Stage, name: str, rng: np.random.Generator, place: Place, bays: 
                 beam = box((middle, y, z - 0.06), (BAY_M - 0.09, 0.05, 0.12), (1.0, 1.0))
                 put("beam", beam)
                 for x in (-0.6, 0.6):
-                    tag = box((middle + x, y * 1.055, z - 0.06), (0.16, 0.003, 0.07))
-                    put("tags", tag)
-    stage.solid(name, place, (length + 0.14, RACK_DEPTH_M + 0.1, RACK_HEIGHT_M), shadow=False)
+                    put("tags", box((middle + x, y * 1.055, z - 0.06), (0.16, 0.003, 0.07)))
+    put.solid((length + 0.14, RACK_DEPTH_M + 0.1, RACK_HEIGHT_M), shadow=False)
 
 
-@one_object
-def pallet_truck(stage: Stage, name: str, rng: np.random.Generator, place: Place) -> None:
+@piece
+def pallet_truck(put: Pen, rng: np.random.Generator) -> None:
     """Park a hand pallet truck, its forks towards -y before the turn."""
-    put = stage.at(place)
     for x in (-0.19, 0.19):
         put("red", box((x, -0.45, 0.075), (0.16, 1.15, 0.05), (0.5, 0.5), rng.random(2), 0.3, True))
         put("dark", tube((x - 0.05, -0.9, 0.04), (x + 0.05, -0.9, 0.04), 0.04, 10))
@@ -141,21 +136,19 @@ def pallet_truck(stage: Stage, name: str, rng: np.random.Generator, place: Place
     put("dark", tube((-0.07, 0.24, 0.09), (0.07, 0.24, 0.09), 0.09, 14))
     put("red", tube((0, 0.22, 0.5), (0, 0.5, 1.15), 0.018, 8))
     put("dark", tube((-0.16, 0.5, 1.15), (0.16, 0.5, 1.15), 0.02, 8))
-    middle = local(place, 0.0, -0.3)
-    stage.solid(name, middle, (0.56, 1.6, 1.1), shadow=False)
-    stage.shade(middle, 0.1, (0.52, 1.3, 0.12), 0.9)
+    put.solid((0.56, 1.6, 1.1), (0.0, -0.3), shadow=False)
+    put.shade(0.1, (0.52, 1.3, 0.12), 0.9, (0.0, -0.3))
 
 
-@one_object
-def cone(stage: Stage, name: str, place: Place) -> None:
+@piece
+def cone(put: Pen) -> None:
     """Put a traffic cone, 0.5 m high, with a white band."""
-    put = stage.at(place)
     put("cone", box((0, 0, 0.015), (0.3, 0.3, 0.03)))
     put("cone", tube((0, 0, 0.03), (0, 0, 0.2), 0.12, 16, 0.72))
     put("band", tube((0, 0, 0.2), (0, 0, 0.32), 0.0864, 16, 0.72))
     put("cone", tube((0, 0, 0.32), (0, 0, 0.5), 0.0622, 16, 0.4))
-    stage.solid(name, place, (0.3, 0.3, 0.5), shadow=False)
-    stage.shade(place, 0.12, (0.2, 0.2, 0.24), 0.8)
+    put.solid((0.3, 0.3, 0.5), shadow=False)
+    put.shade(0.12, (0.2, 0.2, 0.24), 0.8)
 
 
 def standing_drums(stage: Stage, name: str, rng: np.random.Generator, centre: Array) -> None:
@@ -163,6 +156,5 @@ def standing_drums(stage: Stage, name: str, rng: np.random.Generator, centre: Ar
     for k in range(int(rng.integers(2, 5))):
         x, y = centre + np.array([(k % 2) * 0.62 - 0.31, (k // 2) * 0.62 - 0.31])
         with stage.object(f"{name}_{k}"):
-            mesh = drum(rng, (x, y, 0.0)).textured(stage.pick("drums", rng))
-            stage.draw("drums", mesh)
+            stage.draw("drums", drum(rng, (x, y, 0.0)).textured(stage.pick("drums", rng)))
         stage.obstacle(f"{name}_{k}", (x, y, 0.44), (0.52, 0.52, 0.88))

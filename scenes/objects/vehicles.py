@@ -5,7 +5,8 @@ import itertools
 import numpy as np
 
 from scenes.geometry.mesh import Mesh, box, merged, polygons, tube
-from scenes.stage import Stage, one_object
+from scenes.pen import one_object
+from scenes.stage import Stage
 from vo.contract.arrays import Array
 
 PAINTS = (
@@ -13,21 +14,13 @@ PAINTS = (
 )  # fmt: skip
 LENGTH_M, WIDTH_M, HEIGHT_M = 4.2, 1.76, 1.46
 BELT_M = 0.92
-STATIONS = np.array(  # x from the middle, half width, height of the hood's edge, of the roof
-    [
-        (-2.10, 0.70, 0.72, 0.72),
-        (-2.04, 0.80, 0.86, 0.88),
-        (-1.62, 0.87, 0.93, 1.02),
-        (-1.10, 0.88, 0.94, 1.40),
-        (-0.30, 0.88, 0.93, 1.46),
-        (0.30, 0.88, 0.92, 1.44),
-        (1.00, 0.88, 0.91, 0.98),
-        (1.70, 0.85, 0.80, 0.86),
-        (2.02, 0.78, 0.66, 0.70),
-        (2.10, 0.68, 0.56, 0.58),
-    ]
-)
-"""From the tail to the nose, which points towards +x."""
+STATIONS = np.array([
+    (-2.10, 0.70, 0.72, 0.72), (-2.04, 0.80, 0.86, 0.88), (-1.62, 0.87, 0.93, 1.02),
+    (-1.10, 0.88, 0.94, 1.40), (-0.30, 0.88, 0.93, 1.46), (0.30, 0.88, 0.92, 1.44),
+    (1.00, 0.88, 0.91, 0.98), (1.70, 0.85, 0.80, 0.86), (2.02, 0.78, 0.66, 0.70),
+    (2.10, 0.68, 0.56, 0.58),
+])  # fmt: skip
+"""From tail to nose: x from the middle, half width, heights of the hood's edge and the roof."""
 GLAZED = slice(2, 7)
 """Stations between which there are windows."""
 

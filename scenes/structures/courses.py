@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 
-from scenes.geometry.mesh import Mesh
+from scenes.geometry.mesh import Mesh, Vector
 from scenes.structures.ground import level
 from scenes.surfaces.atlas import Atlas
 from vo.contract.arrays import Array
@@ -18,19 +18,14 @@ def coursed(
     rng: np.random.Generator,
     half: Array,
     width_m: float,
-    lengths_m: tuple[float, float],
+    lengths_m: Vector,
     atlas: Atlas,
     cuts: int = 1,
 ) -> Mesh:
-    """Cover (2,) half sizes about the origin with courses along x.
+    """Cover (2,) half sizes about the origin, metres, with courses along x of a width.
 
-    Args:
-        rng: Chooses lengths, faces and their turns.
-        half: Half sizes, metres; the last course may reach beyond in y.
-        width_m: Width of a course.
-        lengths_m: Lengths of the shortest and the longest piece.
-        atlas: Faces, length along u.
-        cuts: Quads along each piece, for baked light.
+    Pieces have random lengths between two, faces of the atlas with their length along u, and
+    `cuts` quads each for baked light. The last course may reach beyond the half size in y.
     """
     x, y = half
     pieces: list[Array] = []
@@ -47,9 +42,9 @@ def coursed(
     return level(_cut(corners, cuts), _cut(uv, cuts))
 
 
-def _ends(rng: np.random.Generator, x: float, lengths_m: tuple[float, float]) -> Array:
+def _ends(rng: np.random.Generator, x: float, lengths_m: Vector) -> Array:
     """Draw the ends of the pieces of one course, from -x to x; the outermost are cut off."""
-    steps = rng.uniform(*lengths_m, int(2 * x / lengths_m[0]) + 3)
+    steps = rng.uniform(lengths_m[0], lengths_m[1], int(2 * x / lengths_m[0]) + 3)
     ends = -x - steps[0] * rng.uniform(0, 0.9) + np.concatenate([[0], np.cumsum(steps)])
     return np.clip(ends[: np.searchsorted(ends, x) + 1], -x, x)
 

@@ -3,53 +3,30 @@
 import numpy as np
 
 from scenes.geometry.mesh import box, patch
-from scenes.geometry.place import Place, local
-from scenes.pen import Pen
-from scenes.stage import Stage, one_object
+from scenes.pen import Pen, piece
 
 DEPTH_M = 0.4
 PLINTH_M = 0.5
 BAY_M = 1.9
-"""Usual distance from one window's middle to the next."""
+"""Mean distance from one window's middle to the next."""
 STOREY_M = 2.9
 FIRST_SILL_M = 1.0
 WINDOW_M = (0.95, 1.4)
 
 
-@one_object
+@piece
 def facade(
-    stage: Stage,
-    name: str,
-    rng: np.random.Generator,
-    place: Place,
-    length_m: float,
-    storeys: int,
-    plaster: str,
-    wood: str,
+    put: Pen, rng: np.random.Generator, length_m: float, storeys: int, plaster: str, wood: str
 ) -> None:
     """Build a house front from a place along its length; it is seen from its right-hand side.
 
-    Args:
-        stage: Defines `glass`, `concrete` and `roof` besides the two materials below.
-        name: Name of the object and the obstacle.
-        rng: Chooses door, open shutters and textures.
-        place: Where the front begins.
-        length_m: Length of the front.
-        storeys: Rows of windows.
-        plaster: Material of the wall.
-        wood: Material of frames, shutters and the door.
+    `plaster` and `wood` are the materials of the wall and of frames, shutters and the door;
+    `glass`, `concrete` and `roof` are used besides.
     """
-    put = stage.at(place)
     height = storeys * STOREY_M + 0.5
-    front = patch(
-        (0, 0, 0),
-        (length_m, 0, 0),
-        (0, 0, height),
-        (int(length_m / 0.4), int(height / 0.4)),
-        (8.0, height),
-        rng.random(2) * (1, 0),
-    )
-    put(plaster, front)
+    cells = (int(length_m / 0.4), int(height / 0.4))
+    shift = rng.random(2) * (1, 0)
+    put(plaster, patch((0, 0, 0), (length_m, 0, 0), (0, 0, height), cells, (8.0, height), shift))
     for x in (0.0, length_m):
         quoin = (0.34, 0.06, height)
         put("concrete", box((x, -0.02, height / 2), quoin, (1.2, 1.2), rng.random(2)))
@@ -67,9 +44,7 @@ def facade(
             else:
                 shuttered = row > 0 and rng.random() < 0.7
                 _window(put, rng, x, FIRST_SILL_M + row * STOREY_M, wood, shuttered)
-    middle = local(place, length_m / 2, DEPTH_M / 2)
-    size = (length_m, DEPTH_M, height)
-    stage.obstacle(name, (*middle[:2], height / 2), size, place[2])
+    put.solid((length_m, DEPTH_M, height), (length_m / 2, DEPTH_M / 2))
 
 
 def _window(

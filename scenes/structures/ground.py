@@ -19,11 +19,7 @@ Placing = Callable[[Array], Array]
 
 
 def strip(
-    low: tuple[float, float],
-    high: tuple[float, float],
-    height_m: float,
-    period_m: float,
-    cell_m: float = 0.25,
+    low: Vector, high: Vector, height_m: float, period_m: float, cell_m: float = 0.25
 ) -> Mesh:
     """Cover x, y from (2,) low to (2,) high; neighbours of one period join without a seam."""
     sx, sy = high[0] - low[0], high[1] - low[1]
@@ -45,15 +41,10 @@ def quads(low: Vector, high: Vector, cell_m: float) -> Array:
 
 
 def scattered(rng: np.random.Generator, corners: Array, tile_m: float, period_m: float) -> Array:
-    """Show tiles from random places of a tiling texture, turned at random.
+    """Show tiles, squares of `tile_m`, from random places of a tiling texture, turned at random.
 
     A texture without features larger than a tile joins without visible seams and never repeats.
-
-    Args:
-        rng: Chooses place and turn of each tile.
-        corners: (N, 4, 2) quads, metres; none may lie in two tiles.
-        tile_m: Side of a tile.
-        period_m: Size of the texture.
+    The texture has the size `period_m`. No quad of the (N, 4, 2) corners may lie in two tiles.
 
     Returns:
         (N, 4, 2) texture coordinates.
@@ -122,14 +113,9 @@ def bake_ground(
 ) -> Ground:
     """Bake the light on the ground of a stage, once all that casts shadow stands on it.
 
-    Args:
-        stage: Gives the occluders.
-        light: The lamps.
-        reach: (4,) x_min, y_min, x_max, y_max in metres, or (2,) half sizes about the origin.
-        stains: Generator and strength of clouds of half a metre to several that darken the ground:
-            damp, dirt, worn tracks.
-        step_m: As in `ground_light`.
-        elevation: As in `ground_light`.
+    `reach` is (4,) x_min, y_min, x_max, y_max in metres, or (2,) half sizes about the origin.
+    `stains` are generator and strength of clouds of half a metre to several that darken the
+    ground: damp, dirt, worn tracks. The others are as for `ground_light`.
     """
     baked = ground_light(extent(reach), stage.occluders, light, step_m, elevation)
     if stains is not None:

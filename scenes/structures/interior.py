@@ -6,7 +6,8 @@ import numpy as np
 
 from scenes.geometry.mesh import Mesh, box, merged, patch, tube
 from scenes.geometry.place import Place, local
-from scenes.stage import Stage, one_object
+from scenes.pen import Pen, one_object, piece
+from scenes.stage import Stage
 from scenes.structures.ground import level, quads
 from vo.contract.arrays import Array
 
@@ -84,13 +85,9 @@ def collide(stage: Stage, name: str, run: Run, height_m: float) -> None:
     stage.solid(name, middle, (length + 2 * WALL_M, WALL_M, height_m), shadow=False)
 
 
-@one_object
-def door(
-    stage: Stage, name: str, rng: np.random.Generator, wall: Place, along_m: float, sign: Array
-) -> None:
+@piece
+def door(put: Pen, rng: np.random.Generator, along_m: float, sign: Array) -> None:
     """Hang a plain door in a full frame on a wall, its (4,) sign on a plate beside it."""
-    del name
-    put = stage.at(wall)
     put("leaf", box((along_m, -0.008, 1.02), (0.92, 0.016, 2.04), (1.2, 2.2), rng.random(2)))
     for side in (-0.49, 0.49):
         put("frame", box((along_m + side, -0.02, 1.04), (0.07, 0.04, 2.08), (0.5, 0.5)))
@@ -102,14 +99,12 @@ def door(
     for z in (0.25, 1.8):
         foot = (along_m + 0.455 * hinge, -0.022)
         put("steel", tube((*foot, z), (*foot, z + 0.1), 0.008, 6))
-    plate = box((lever - 0.22 * hinge, -0.004, 1.5), (0.15, 0.006, 0.15))
-    put("signs", plate.textured(sign))
+    put("signs", box((lever - 0.22 * hinge, -0.004, 1.5), (0.15, 0.006, 0.15)).textured(sign))
 
 
-@one_object
-def extinguisher(stage: Stage, name: str, wall: Place, along_m: float, sign: Array) -> None:
+@piece
+def extinguisher(put: Pen, along_m: float, sign: Array) -> None:
     """Hang a fire extinguisher on a wall, under its sign."""
-    put = stage.at(wall)
     y = -0.11
     put("red", tube((along_m, y, 0.28), (along_m, y, 0.72), 0.075, 16))
     put("red", tube((along_m, y, 0.72), (along_m, y, 0.78), 0.075, 16, 0.4))
@@ -118,16 +113,12 @@ def extinguisher(stage: Stage, name: str, wall: Place, along_m: float, sign: Arr
     put("plastic", tube((along_m + 0.03, y, 0.81), (along_m + 0.1, y, 0.45), 0.011, 8))
     put("label", box((along_m, y - 0.074, 0.52), (0.09, 0.006, 0.16)))
     put("signs", box((along_m, -0.004, 1.45), (0.2, 0.006, 0.2)).textured(sign))
-    stage.solid(name, local(wall, along_m, y / 2), (0.16, 0.2, 0.9), shadow=False)
+    put.solid((0.16, 0.2, 0.9), (along_m, y / 2), shadow=False)
 
 
-@one_object
-def notice_board(
-    stage: Stage, name: str, rng: np.random.Generator, wall: Place, along_m: float
-) -> None:
+@piece
+def notice_board(put: Pen, rng: np.random.Generator, along_m: float) -> None:
     """Hang a cork board of 1.2 x 0.9 m on a wall with sheets of paper pinned to it."""
-    del name
-    put = stage.at(wall)
     put("cork", box((along_m, -0.01, 1.4), (1.2, 0.02, 0.9), (0.8, 0.8), rng.random(2)))
     for z in (0.95, 1.85):
         put("steel", box((along_m, -0.014, z), (1.24, 0.03, 0.03), (0.5, 0.5), bottom=True))
@@ -137,21 +128,19 @@ def notice_board(
         for z in (1.2, 1.6):
             if rng.random() < 0.75:
                 spot = (along_m + x + rng.normal(0, 0.02), -0.022, z + rng.normal(0, 0.03))
-                page = box(spot, (0.21, 0.004, 0.297))
-                put.cell("posters", rng, page)
+                put.cell("posters", rng, box(spot, (0.21, 0.004, 0.297)))
 
 
-@one_object
-def radiator(stage: Stage, name: str, wall: Place, along_m: float) -> None:
+@piece
+def radiator(put: Pen, along_m: float) -> None:
     """Hang a ribbed radiator of 0.9 x 0.5 m low on a wall, with its pipes."""
-    put = stage.at(wall)
     for x in np.arange(-0.42, 0.43, 0.06):
         put("radiator", box((along_m + x, -0.07, 0.4), (0.045, 0.06, 0.5), bottom=True))
     put("radiator", box((along_m, -0.055, 0.4), (0.9, 0.03, 0.46), bottom=True))
     for x in (-0.4, 0.4):
         put("radiator", tube((along_m + x, -0.06, 0.0), (along_m + x, -0.06, 0.16), 0.01, 8))
     put("plastic", tube((along_m + 0.45, -0.07, 0.58), (along_m + 0.52, -0.07, 0.58), 0.022, 10))
-    stage.solid(name, local(wall, along_m, -0.05), (0.95, 0.1, 0.7), shadow=False)
+    put.solid((0.95, 0.1, 0.7), (along_m, -0.05), shadow=False)
 
 
 def ceiling_panel(stage: Stage, place: Array, size: tuple[float, float]) -> None:
@@ -162,11 +151,9 @@ def ceiling_panel(stage: Stage, place: Array, size: tuple[float, float]) -> None
         stage.draw("panel" if side else "lamp", patch(low, (sx, 0, 0), (0, -sy, 0)))
 
 
-@one_object
-def exit_sign(stage: Stage, name: str, place: Place, height_m: float, sign: Array) -> None:
+@piece
+def exit_sign(put: Pen, height_m: float, sign: Array) -> None:
     """Hang a lit sign for the way out from a ceiling at `height_m`, readable from both sides."""
-    del name
-    put = stage.at(place)
     put("steel", box((0, 0, height_m - 0.1), (0.02, 0.02, 0.2)))
     put("steel", box((0, 0, height_m - 0.28), (0.42, 0.03, 0.2), bottom=True))
     face = patch((-0.2, -0.016, height_m - 0.37), (0.4, 0, 0), (0, 0, 0.18)).textured(sign)

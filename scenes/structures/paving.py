@@ -1,4 +1,4 @@
-"""Bricks laid one by one: where each lies, how far it has settled, and what it looks like."""
+"""Paving of single bricks: position, settlement and faces of each."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -9,9 +9,11 @@ from scenes.geometry.mesh import Mesh, polygons
 from vo.contract.arrays import Array, Mask
 
 Bond = Literal["herringbone", "running"]
-SKIRT_M = 0.010  # how far a brick's flanks are drawn below its top
+SKIRT_M = 0.010
+"""Depth to which a brick's flanks are drawn below its top."""
 BEVEL_M = 0.0025
-FOLD_M = 0.006  # how far inside the rim the texture of the flanks is taken from
+FOLD_M = 0.006
+"""Distance inside the rim from which the texture of the flanks is taken."""
 _PAIRS = np.array([[0, 1], [1, 2], [2, 3], [3, 0]])  # corners of a brick along each side
 
 
@@ -56,36 +58,29 @@ def lay(
         cells: Modules along world x and y; a brick covers two, a half brick at the edge one.
         module_m: Brick width with its joint.
         gap_m: Joint width.
-        height_std_m: Deviation of the heights; they are clipped at twice this.
+        height_std_m: Standard deviation of the heights, which are clipped at twice this.
         bond: Laying pattern.
     """
-    corner, length, quarter = _herringbone(cells) if bond == "herringbone" else _running(cells)
-    reach = np.where(
-        quarter[:, None],
-        np.stack([np.ones_like(length), length], axis=1),
-        np.stack([length, np.ones_like(length)], axis=1),
-    )
+    corner, length, quarter = _pattern(cells, bond)
+    size = np.stack([length, np.ones_like(length)], axis=1)
+    reach = np.where(quarter[:, None], size[:, ::-1], size)
     middle = (corner + reach / 2 - np.asarray(cells) / 2) * module_m
-    half = np.stack([length, np.ones_like(length)], axis=1) * module_m / 2 - gap_m / 2
+    half = size * module_m / 2 - gap_m / 2
     height = height_std_m * np.clip(rng.standard_normal(len(middle)), -2, 2)
     slope = 1.5 * height_std_m * np.clip(rng.standard_normal((len(middle), 2)), -2, 2)
     return Paving(np.column_stack([middle, height]), half, quarter, slope)
 
 
-def _herringbone(cells: tuple[int, int]) -> tuple[Array, Array, Mask]:
-    """Corner (N, 2), length (N,) in modules, orientation (N,) of 90 degree herringbone."""
-    i, j = (a.ravel() for a in np.meshgrid(*(np.arange(-1, n) for n in cells), indexing="ij"))
-    phase = (i - j) % 4
-    starts = (phase == 0) | (phase == 3)
-    return _clipped(np.stack([i, j], axis=1)[starts], (phase == 3)[starts], cells)
+def _pattern(cells: tuple[int, int], bond: Bond) -> tuple[Array, Array, Mask]:
+    """List corner (N, 2), length (N,) in modules and orientation (N,) of the bricks of a bond.
 
-
-def _running(cells: tuple[int, int]) -> tuple[Array, Array, Mask]:
-    """Rows along x, every other one shifted by half a brick; results as in `_herringbone`."""
+    Herringbone is laid at 90 degrees; of the running bond's rows along x every other one is
+    shifted by half a brick.
+    """
     i, j = (a.ravel() for a in np.meshgrid(*(np.arange(-1, n) for n in cells), indexing="ij"))
-    starts = (i + j) % 2 == 0
-    corner = np.stack([i, j], axis=1)[starts]
-    return _clipped(corner, np.zeros(len(corner), dtype=bool), cells)
+    across = (i - j) % 4 == 3 if bond == "herringbone" else np.zeros(i.shape, dtype=bool)
+    starts = across | ((i - j) % 4 == 0) if bond == "herringbone" else (i + j) % 2 == 0
+    return _clipped(np.stack([i, j], axis=1)[starts], across[starts], cells)
 
 
 def _clipped(corner: Array, quarter: Mask, cells: tuple[int, int]) -> tuple[Array, Array, Mask]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from scenes.geometry.mesh import Mesh, polygons
+from scenes.geometry.mesh import Mesh, Vector, polygons
 from scenes.stage import Stage
 from vo.contract.arrays import Array
 
@@ -65,25 +65,16 @@ class Slope:
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         return Mesh(mesh.points, normals, mesh.uv, mesh.faces)
 
-    def beam(
-        self,
-        x: tuple[float, float],
-        y: tuple[float, float],
-        z: tuple[float, float],
-        period_m: float,
-        offset: float = 0.0,
-    ) -> Mesh:
+    def beam(self, x: Vector, y: Vector, z: Vector, period_m: float, offset: float = 0.0) -> Mesh:
         """Build a bar along the road between two x, two y and two heights above the road."""
         (y0, y1), (z0, z1) = sorted(y), z
-        stations = np.linspace(*x, max(2, round((x[1] - x[0]) / (2 * STEP_M)) + 1))
+        stations = np.linspace(x[0], x[1], max(2, round((x[1] - x[0]) / (2 * STEP_M)) + 1))
         ground = self.height(stations)
-        ring = np.stack(
-            [
-                np.column_stack([stations, np.full(len(stations), across), ground + up])
-                for across, up in ((y0, z0), (y0, z1), (y1, z1), (y1, z0))
-            ],
-            axis=1,
-        )
+        profile = ((y0, z0), (y0, z1), (y1, z1), (y1, z0))
+        edges = [
+            np.column_stack([stations, np.full_like(stations, y), ground + z]) for y, z in profile
+        ]
+        ring = np.stack(edges, axis=1)
         a, b = ring[:-1], ring[1:]
         sides = [np.stack([a[:, k], b[:, k], b[:, k + 1], a[:, k + 1]], axis=1) for k in range(3)]
         corners = np.concatenate([*sides, ring[:1, ::-1], ring[-1:]])
@@ -101,10 +92,7 @@ class Slope:
             length, pitch = np.hypot(*(b - a)), np.arctan2(b[1] - a[1], b[0] - a[0])
             up = np.array([-np.sin(pitch), 0, np.cos(pitch)])
             middle = np.array([(a[0] + b[0]) / 2, 0, (a[1] + b[1]) / 2])
-            stage.collision(
-                f"slope_{k}",
-                mujoco.mjtGeom.mjGEOM_BOX,
-                pos=middle - up * THICKNESS_M / 2,
-                quat=(np.cos(pitch / 2), 0, -np.sin(pitch / 2), 0),
-                size=(length / 2, half_width_m, THICKNESS_M / 2),
-            )
+            size = (length / 2, half_width_m, THICKNESS_M / 2)
+            turn = (np.cos(pitch / 2), 0, -np.sin(pitch / 2), 0)
+            box, centre = mujoco.mjtGeom.mjGEOM_BOX, middle - up * THICKNESS_M / 2
+            stage.collision(f"slope_{k}", box, pos=centre, quat=turn, size=size)

@@ -6,7 +6,8 @@ import numpy as np
 
 from scenes.geometry.mesh import Mesh, Vector, box, polygons
 from scenes.geometry.place import Place
-from scenes.stage import Stage, one_object
+from scenes.pen import Pen, piece
+from scenes.stage import Stage
 from vo.contract.arrays import Array
 
 COURSE_M = 0.075
@@ -16,12 +17,9 @@ PROUD_M = 0.006
 THICKNESS_M = 0.24
 
 
-@one_object
-def brick_wall(
-    stage: Stage, name: str, rng: np.random.Generator, wall: Place, length_m: float, height_m: float
-) -> None:
+@piece
+def brick_wall(put: Pen, rng: np.random.Generator, length_m: float, height_m: float) -> None:
     """Build a wall along x from a place; bricks show on its right-hand side."""
-    put = stage.at(wall)
     middle = (length_m / 2, THICKNESS_M / 2, height_m / 2)
     put("mortar", box(middle, (length_m, THICKNESS_M, height_m), (1.0, 1.0), rng.random(2)))
     courses, columns = int(height_m / COURSE_M), int(length_m / STRETCHER_M)
@@ -33,7 +31,7 @@ def brick_wall(
     face = np.full(row.size, -PROUD_M) + rng.normal(0, 0.0012, row.size)
     rim = ((left, low), (right, low), (right, high), (left, high))
     corners = np.stack([np.stack([x, face, z], axis=1) for x, z in rim], axis=1)
-    cell = stage.atlases["wall_bricks"].pick(rng, row.size)
+    cell = put.stage.atlases["wall_bricks"].pick(rng, row.size)
     flip = rng.random(row.size) < 0.5
     u0, u1 = np.where(flip, cell[:, 2], cell[:, 0]), np.where(flip, cell[:, 0], cell[:, 2])
     u1 = u0 + (u1 - u0) * (right - left) / (STRETCHER_M - 0.01)
@@ -42,20 +40,17 @@ def brick_wall(
     put("wall_bricks", polygons(corners, uv))
     middle = (length_m / 2, THICKNESS_M / 2, height_m + 0.04)
     put("concrete", box(middle, (length_m + 0.04, 0.32, 0.08), (1.2, 1.2)))
-    _collide(stage, name, wall, length_m, height_m)
+    put.solid((length_m, THICKNESS_M, height_m), (length_m / 2, THICKNESS_M / 2))
 
 
-@one_object
-def plaster_wall(
-    stage: Stage, name: str, rng: np.random.Generator, wall: Place, length_m: float, height_m: float
-) -> None:
+@piece
+def plaster_wall(put: Pen, rng: np.random.Generator, length_m: float, height_m: float) -> None:
     """Build a rendered wall on a concrete plinth; sides as in `brick_wall`."""
-    put = stage.at(wall)
     middle, size = (length_m / 2, THICKNESS_M / 2), (length_m, THICKNESS_M, height_m)
     put("plaster", box((*middle, height_m / 2), size, (8.0, height_m), (rng.random(), 0)))
     plinth = box((length_m / 2, 0.1, 0.11), (length_m, 0.24, 0.22), (1.2, 1.2), rng.random(2))
     put("concrete", plinth)
-    _collide(stage, name, wall, length_m, height_m)
+    put.solid((length_m, THICKNESS_M, height_m), (length_m / 2, THICKNESS_M / 2))
 
 
 def hang_posters(
@@ -63,13 +58,9 @@ def hang_posters(
 ) -> None:
     """Hang posters on a wall's right-hand side, no two alike while there are enough.
 
-    Args:
-        stage: Gives the atlas `posters` and receives the meshes.
-        rng: Chooses the pictures.
-        wall: As for the wall.
-        spots: Left edge, lower edge, width and height of each, metres along and up the wall.
+    Each spot is left edge, lower edge, width and height in metres along and up the wall.
     """
-    atlas, put = stage.atlases["posters"], stage.at(wall)
+    atlas, put = stage.atlases["posters"], Pen(stage, wall)
     choice = rng.permutation(atlas.count)
     for i, (x, z, w, h) in enumerate(spots):
         sheet = box((x + w / 2, -PROUD_M - 0.006, z + h / 2), (w, 0.008, h), cell_m=0.3)
@@ -92,11 +83,3 @@ def kerb(rng: np.random.Generator, half: Array, width_m: float, height_m: float)
             top = height_m + rng.normal(0, 0.0015)
             stones.append(box((*centre, top / 2), (*size, top), (1.2, 1.2), rng.random(2), 0.34))
     return stones
-
-
-def _collide(stage: Stage, name: str, wall: Place, length_m: float, height_m: float) -> None:
-    """Add the obstacle behind the right-hand side of a wall."""
-    c, s = np.cos(wall[2]), np.sin(wall[2])
-    x, y = length_m / 2, THICKNESS_M / 2
-    centre = (wall[0] + c * x - s * y, wall[1] + s * x + c * y, height_m / 2)
-    stage.obstacle(name, centre, (length_m, THICKNESS_M, height_m), wall[2])

@@ -6,8 +6,9 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 
-from scenes.geometry.mesh import Mesh, box, merged, patch, polygons, tube
+from scenes.geometry.mesh import Mesh, Vector, box, merged, patch, polygons, tube
 from scenes.geometry.place import Place, local
+from scenes.pen import Pen
 from scenes.scene import Kind
 from scenes.stage import Stage
 from vo.contract.arrays import Array
@@ -21,19 +22,18 @@ def sill(
 ) -> None:
     """Screw a sill onto the floor: (3,) length along x, width, height; its long edges bevelled."""
     with stage.object(name, Kind.GROUND):
-        put = stage.at(place)
+        put = Pen(stage, place)
         body = merged([_top(size, bevel_m, (0.8, 0.2)), *_bevels(size, bevel_m, (0.8, 0.2))])
         put("sill", replace(body, uv=body.uv + rng.random(2)))
         for x in np.linspace(-0.42, 0.42, 3) * size[0]:
-            screw = tube((x, 0, size[2] - 0.001), (x, 0, size[2] + 0.0004), 0.006, 10)
-            put("steel", screw)
+            put("steel", tube((x, 0, size[2] - 0.001), (x, 0, size[2] + 0.0004), 0.006, 10))
     _add_hull(stage, name, place, size, bevel_m)
 
 
 def cable_ramp(stage: Stage, name: str, place: Place, size: Array, bevel_m: float) -> None:
     """Cover a cable by a rubber ramp of (3,) length along x, width, height; its edges striped."""
     with stage.object(name, Kind.GROUND):
-        put = stage.at(place)
+        put = Pen(stage, place)
         put("rubber", _top(size, bevel_m, (0.25, 0.25)))
         for bevel in _bevels(size, bevel_m, (0.2, 0.2)):
             put("hazard", bevel)
@@ -58,10 +58,9 @@ def rug(stage: Stage, name: str, rng: np.random.Generator, place: Place, size: A
         cells = (int(length / 0.2), int(width / 0.2))
         low = (-length / 2, -width / 2, thick)
         top = patch(low, (length, 0, 0), (0, width, 0), cells)
-        put = stage.at(place)
+        put = Pen(stage, place)
         put("rugs", top.textured(rect))
-        rim = box((0, 0, thick / 2 - 0.0005), (length, width, thick - 0.001), (0.3, 0.3))
-        put("rug_edge", rim)
+        put("rug_edge", box((0, 0, thick / 2 - 0.0005), (length, width, thick - 0.001), (0.3, 0.3)))
     centre = (place[0], place[1], (thick - BURIED_M) / 2)
     stage.obstacle(name, centre, (length, width, thick + BURIED_M), place[2], shadow=False)
 
@@ -108,12 +107,7 @@ def _add_hull(stage: Stage, name: str, place: Place, size: Array, bevel_m: float
 
 
 def bridged_cable(
-    stage: Stage,
-    name: str,
-    place: Place,
-    ramp_m: Array,
-    bevel_m: float,
-    reach_m: tuple[float, float],
+    stage: Stage, name: str, place: Place, ramp_m: Array, bevel_m: float, reach_m: Vector
 ) -> None:
     """Lay a cable along x under a ramp, out to `reach_m` beyond both of the ramp's ends."""
     cable_ramp(stage, f"{name}_ramp", place, ramp_m, bevel_m)

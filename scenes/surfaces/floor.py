@@ -1,12 +1,13 @@
-"""What indoor and outdoor floors are covered with, at about 1 mm per texel."""
+"""Coverings of indoor and outdoor floors, at about 1 mm per texel."""
 
 import numpy as np
 
-from scenes.surfaces.noise import blend, fractal, ramp, smoothstep, to_image
+from scenes.surfaces import Rgb, Shape
+from scenes.surfaces.noise import blend, fractal, ramp, rim, smoothstep, to_image
 from vo.contract.arrays import Image
 
 
-def linoleum(rng: np.random.Generator, side_px: int, rgb: tuple[float, float, float]) -> Image:
+def linoleum(rng: np.random.Generator, side_px: int, rgb: Rgb) -> Image:
     """Draw plain sheet flooring, faintly mottled, with a few heel marks: (S, S, 3), tiling."""
     size = (side_px, side_px)
     mottle = fractal(rng, size, (4, 60), 0.8)
@@ -28,18 +29,15 @@ def asphalt(rng: np.random.Generator, side_px: int) -> Image:
     fine = fractal(rng, size, (1.8, 5), 0.0)
     tone = fractal(rng, size, (5, 12), 0.0)
     binder = 80 * (1 + 0.10 * fine + 0.05 * fractal(rng, size, (10, 120), 0.8))
-    stone = ramp(
-        ((104, 102, 100), (138, 134, 128), (168, 161, 152), (196, 190, 180)), 0.42 + 0.2 * tone
-    )
+    tones = ((104, 102, 100), (138, 134, 128), (168, 161, 152), (196, 190, 180))
+    stone = ramp(tones, 0.42 + 0.2 * tone)
     colour = binder[..., None] * np.array([1.0, 0.99, 0.99], dtype=np.float32)
     colour = blend(colour, stone, 0.85 * smoothstep(0.15, 0.8, chips))
     colour = blend(colour, (54, 53, 53), 0.6 * smoothstep(1.0, 2.0, -chips))  # pits
     return to_image(colour * (1 + 0.05 * fine)[..., None])
 
 
-def road_paint(
-    rng: np.random.Generator, shape: tuple[int, int], wear: float, ground: Image
-) -> Image:
+def road_paint(rng: np.random.Generator, shape: Shape, wear: float, ground: Image) -> Image:
     """Draw a stripe of road paint along u, rubbed through to the `ground` below: (H, W, 3).
 
     The stripe leaves a tenth of the height free on either side for its ragged edges.
@@ -79,8 +77,7 @@ def paving_slabs(rng: np.random.Generator, count: int, side_px: int) -> Image:
     colour = blend(colour, (206, 198, 184), 0.75 * smoothstep(0.8, 1.6, -grit))
     stain = fractal(rng, size, (8, side_px), 1.4) + 0.4 * rng.standard_normal((count, 1, 1))
     colour = blend(colour, (88, 84, 70), 0.5 * smoothstep(1.1, 2.6, stain))
-    v, u = np.mgrid[:side_px, :side_px]
-    inset = np.minimum(np.minimum(u, side_px - 1 - u), np.minimum(v, side_px - 1 - v))
+    inset = rim((side_px, side_px))
     ragged = inset + 0.7 * grit + 0.8 * cloud
     colour = blend(colour, (190, 184, 172), 0.25 * smoothstep(9, 4, ragged))
     return to_image(blend(colour, (58, 54, 46), 0.9 * smoothstep(4.2, 1.6, ragged)))
@@ -91,9 +88,8 @@ def granite_setts(rng: np.random.Generator, count: int, side_px: int) -> Image:
     size = (count, side_px, side_px)
     tone = rng.beta(2, 2, (count, 1, 1))
     cloud = fractal(rng, size, (14, 2 * side_px), 1.2)
-    face = ramp(
-        ((122, 120, 120), (150, 146, 142), (170, 162, 154), (190, 186, 180)), tone + 0.08 * cloud
-    )
+    tones = ((122, 120, 120), (150, 146, 142), (170, 162, 154), (190, 186, 180))
+    face = ramp(tones, tone + 0.08 * cloud)
     face *= 1 + 0.012 * rng.standard_normal((count, 1, 1, 3))
     grain = fractal(rng, size, (1.8, 6), 0.0)
     face = blend(face, (196, 190, 182), 0.6 * smoothstep(0.9, 1.8, grain))
@@ -111,13 +107,10 @@ def water(rng: np.random.Generator, side_px: int) -> Image:
     """Draw still, slightly rippled water under a bright sky: (S, S, 3), tiling."""
     size = (side_px, side_px)
     ripple = fractal(rng, size, (20, 160), 0.8)
-    colour = ramp(((66, 88, 92), (104, 128, 132), (168, 186, 190)), 0.42 + 0.16 * ripple)
-    return to_image(colour)
+    return to_image(ramp(((66, 88, 92), (104, 128, 132), (168, 186, 190)), 0.42 + 0.16 * ripple))
 
 
-def parquet(
-    rng: np.random.Generator, count: int, shape: tuple[int, int], rgb: tuple[float, float, float]
-) -> Image:
+def parquet(rng: np.random.Generator, count: int, shape: Shape, rgb: Rgb) -> Image:
     """Draw oiled planks with the grain along u, each of its own tone: (count, H, W, 3)."""
     size = (count, *shape)
     drift = fractal(rng, size, (40, 900), 1.5, stretch=7.0)
@@ -128,8 +121,7 @@ def parquet(
     colour = blend(colour, np.asarray(rgb) * 0.5, 0.55 * smoothstep(1.2, 2.3, pores))
     scuffs = fractal(rng, size, (3, 60), 0.6, stretch=3.0)
     colour = blend(colour, np.asarray(rgb) * 0.8 + 40, 0.4 * smoothstep(2.2, 3.2, scuffs))
-    v, u = np.mgrid[: shape[0], : shape[1]]
-    inset = np.minimum(np.minimum(u, shape[1] - 1 - u), np.minimum(v, shape[0] - 1 - v))
+    inset = rim(shape)
     return to_image(blend(colour, np.asarray(rgb) * 0.3, 0.8 * smoothstep(1.8, 0.2, inset)))
 
 

@@ -9,16 +9,11 @@ from vo.contract.arrays import Array, Image
 def lawn(rng: np.random.Generator, side_px: int, patchy: float = 1.0) -> Image:
     """Draw short grass from above: (S, S, 3), tiling; `patchy` is the strength of dry patches."""
     size = (side_px, side_px)
-    blades = np.maximum(
-        fractal(rng, size, (2, 20), 0.2, stretch=5.0),
-        fractal(rng, size, (2, 20), 0.2, stretch=5.0).T,
-    )
+    blades = _crossed(rng, side_px, (2, 20), 0.2, 5.0)
     clumps = fractal(rng, size, (12, 90), 0.6)
     patches = fractal(rng, size, (60, side_px), 1.4)
-    colour = ramp(
-        ((38, 44, 24), (70, 82, 44), (100, 112, 64), (140, 146, 92)),
-        0.30 + 0.24 * blades + 0.08 * clumps,
-    )
+    tones = ((38, 44, 24), (70, 82, 44), (100, 112, 64), (140, 146, 92))
+    colour = ramp(tones, 0.30 + 0.24 * blades + 0.08 * clumps)
     colour = blend(colour, (128, 116, 74), 0.5 * patchy * smoothstep(0.4, 2.0, patches))
     return to_image(colour * (1 + 0.06 * patchy * patches)[..., None])
 
@@ -29,19 +24,22 @@ def mown(rng: np.random.Generator, side_px: int) -> Image:
     Nothing in it is larger than a few centimetres at 1 mm per texel.
     """
     size = (side_px, side_px)
-    blades = np.maximum(
-        fractal(rng, size, (2, 16), 0.2, stretch=4.0),
-        fractal(rng, size, (2, 16), 0.2, stretch=4.0).T,
-    )
+    blades = _crossed(rng, side_px, (2, 16), 0.2, 4.0)
     clumps = fractal(rng, size, (10, 60), 0.4)
     colour = grass_tones(0.34 + 0.24 * blades + 0.11 * clumps).astype(np.float32)
-    straw = np.maximum(
-        fractal(rng, size, (3, 14), 0.0, stretch=7.0),
-        fractal(rng, size, (3, 14), 0.0, stretch=7.0).T,
-    )
+    straw = _crossed(rng, side_px, (3, 14), 0.0, 7.0)
     colour = blend(colour, (196, 182, 132), 0.85 * smoothstep(1.7, 2.3, straw))
     earth = smoothstep(1.0, 1.9, fractal(rng, size, (4, 60), 0.5))
     return to_image(blend(colour, (104, 88, 66), 0.8 * earth))
+
+
+def _crossed(
+    rng: np.random.Generator, side_px: int, band: tuple[float, float], slope: float, stretch: float
+) -> Array:
+    """Draw noise in a band of wavelengths, its features along either axis: (S, S)."""
+    size = (side_px, side_px)
+    along, across = (fractal(rng, size, band, slope, stretch) for _ in range(2))
+    return np.maximum(along, across.T)
 
 
 def foliage(rng: np.random.Generator, side_px: int, haze: float) -> Image:
@@ -67,10 +65,8 @@ def leaves(rng: np.random.Generator, count: int, side_px: int) -> Image:
         shade = fractal(rng, size, (8, 60), 0.8)
         tone = np.where(bump > height, shade, tone)
         height = np.maximum(height, bump)
-    colour = ramp(
-        ((18, 26, 12), (52, 72, 34), (88, 112, 54), (136, 156, 86)),
-        0.12 + 0.22 * height + 0.10 * tone,
-    )
+    tones = ((18, 26, 12), (52, 72, 34), (88, 112, 54), (136, 156, 86))
+    colour = ramp(tones, 0.12 + 0.22 * height + 0.10 * tone)
     return to_image(colour)
 
 

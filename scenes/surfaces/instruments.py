@@ -3,20 +3,22 @@
 import cv2
 import numpy as np
 
+from scenes.surfaces import Shape
 from scenes.surfaces.noise import fractal, to_image
 from scenes.surfaces.prints import INKS
 from scenes.surfaces.timber import painted
 from vo.contract.arrays import Image
 
+Colour = tuple[int, int, int]
 CASES = ((196, 194, 184), (72, 76, 82), (150, 158, 164), (204, 200, 176))
 
 
-def fronts(rng: np.random.Generator, count: int, shape: tuple[int, int]) -> Image:
+def fronts(rng: np.random.Generator, count: int, shape: Shape) -> Image:
     """Draw instrument fronts: a screen or a display, knobs, keys and sockets: (count, H, W, 3)."""
     return np.stack([_front(rng, shape) for _ in range(count)])
 
 
-def _front(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
+def _front(rng: np.random.Generator, shape: Shape) -> Image:
     height, width = shape
     case = np.array(CASES[rng.integers(len(CASES))])
     front = to_image(case * (1 + 0.02 * fractal(rng, shape, (2, 200), 1.0))[..., None])
@@ -79,7 +81,7 @@ def _control(
     cv2.line(front, (u - size, v + size + 4), (u + size // 2, v + size + 4), ink, 1)
 
 
-def wraps(rng: np.random.Generator, count: int, shape: tuple[int, int]) -> Image:
+def wraps(rng: np.random.Generator, count: int, shape: Shape) -> Image:
     """Draw the skins of bottles and cans, unrolled, with labels: (count, H, W, 3)."""
     height, width = shape
     skins = np.empty((count, *shape, 3), np.uint8)

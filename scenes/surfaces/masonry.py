@@ -3,19 +3,15 @@
 import cv2
 import numpy as np
 
-from scenes.surfaces.noise import blend, fractal, ramp, smoothstep, to_image
+from scenes.surfaces import Rgb, Shape
+from scenes.surfaces.noise import blend, fractal, ramp, rim, smoothstep, to_image
 from vo.contract.arrays import Array, Image
 
-CLAY = (  # from underfired to overfired
-    (200, 162, 136),
-    (184, 136, 114),
-    (168, 122, 106),
-    (150, 114, 104),
-    (132, 110, 106),
-)
+CLAY = ((200, 162, 136), (184, 136, 114), (168, 122, 106), (150, 114, 104), (132, 110, 106))
+"""Colours of bricks, from underfired to overfired."""
 
 
-def paving_bricks(rng: np.random.Generator, count: int, shape: tuple[int, int]) -> Image:
+def paving_bricks(rng: np.random.Generator, count: int, shape: Shape) -> Image:
     """Draw worn clay pavers at 1 mm per texel: (count, H, W, 3), each different."""
     height, width = shape
     size = (count, height, width)
@@ -39,15 +35,13 @@ def paving_bricks(rng: np.random.Generator, count: int, shape: tuple[int, int]) 
 
 def _worn_edges(face: Array, coarse: Array, fine: Array) -> Array:
     """Chip and dirty the rim of (N, H, W, 3) pavers, by (N, H, W) noises."""
-    height, width = face.shape[1:3]
-    v, u = np.mgrid[:height, :width]
-    inset = np.minimum(np.minimum(u, width - 1 - u), np.minimum(v, height - 1 - v))
+    inset = rim(face.shape[1:3])
     ragged = inset + 1.6 * coarse + 0.8 * fine
     face = blend(face, (190, 156, 132), 0.30 * smoothstep(9, 4, ragged))
     return blend(face, (62, 50, 44), 0.85 * smoothstep(3.5, 0.5, ragged))
 
 
-def wall_bricks(rng: np.random.Generator, count: int, shape: tuple[int, int]) -> Image:
+def wall_bricks(rng: np.random.Generator, count: int, shape: Shape) -> Image:
     """Draw smoother facing bricks, at 1.5 mm per texel: (count, H, W, 3)."""
     size = (count, *shape)
     tone = rng.beta(2, 2, count)[:, None, None]
@@ -68,11 +62,10 @@ def sand(rng: np.random.Generator, side_px: int) -> Image:
     colour = ramp(((78, 66, 54), (112, 98, 80), (142, 126, 104)), 0.5 + 0.14 * body)
     colour *= (1 + 0.12 * grain)[..., None]
     moss = fractal(rng, size, (3, 400), 1.3)
-    colour = blend(colour, (66, 74, 40), 0.8 * smoothstep(0.5, 1.5, moss))
-    return to_image(colour)
+    return to_image(blend(colour, (66, 74, 40), 0.8 * smoothstep(0.5, 1.5, moss)))
 
 
-def concrete(rng: np.random.Generator, shape: tuple[int, int], tone: float = 150.0) -> Image:
+def concrete(rng: np.random.Generator, shape: Shape, tone: float = 150.0) -> Image:
     """Draw weathered concrete of a mean grey `tone`: (H, W, 3), tiling."""
     cloud = fractal(rng, shape, (20, max(shape)), 1.5)
     grain = fractal(rng, shape, (1.5, 8), 0.2)
@@ -81,8 +74,7 @@ def concrete(rng: np.random.Generator, shape: tuple[int, int], tone: float = 150
     colour = grey[..., None] * np.array([1.0, 0.98, 0.94], dtype=np.float32)
     colour = blend(colour, (70, 68, 62), 0.7 * smoothstep(2.1, 2.8, holes))
     stain = fractal(rng, shape, (12, max(shape)), 1.4)
-    colour = blend(colour, (96, 92, 78), 0.5 * smoothstep(0.8, 2.2, stain))
-    return to_image(colour)
+    return to_image(blend(colour, (96, 92, 78), 0.5 * smoothstep(0.8, 2.2, stain)))
 
 
 def slab(rng: np.random.Generator, side_px: int, joint_px: int = 8) -> Image:
@@ -105,8 +97,7 @@ def slab(rng: np.random.Generator, side_px: int, joint_px: int = 8) -> Image:
     speck = fractal(rng, (side_px, side_px), (1.6, 7), 0.2)
     full *= (1 + 0.065 * speck)[..., None]
     full = blend(full, (66, 64, 60), 0.7 * smoothstep(2.2, 3.0, speck))
-    v, u = np.mgrid[:side_px, :side_px]
-    inset = np.minimum(np.minimum(u, side_px - 1 - u), np.minimum(v, side_px - 1 - v))
+    inset = rim((side_px, side_px))
     sawn = smoothstep(0.5 * joint_px + 1.5, 0.5 * joint_px - 1.5, inset + 0.5 * speck)
     return to_image(blend(full, (58, 55, 50), 0.85 * sawn))
 
@@ -124,24 +115,14 @@ def terrazzo_tiles(rng: np.random.Generator, count: int, side_px: int) -> Image:
         colour = blend(colour, rgb, 0.9 * here)
     wear = fractal(rng, size, (40, 900), 1.3) + 0.4 * rng.standard_normal((count, 1, 1))
     colour *= (1 + 0.05 * wear)[..., None]
-    v, u = np.mgrid[:side_px, :side_px]
-    inset = np.minimum(np.minimum(u, side_px - 1 - u), np.minimum(v, side_px - 1 - v))
+    inset = rim((side_px, side_px))
     return to_image(blend(colour, (84, 80, 74), 0.8 * np.broadcast_to(inset < 2, size)))
 
 
-def plaster(
-    rng: np.random.Generator,
-    shape: tuple[int, int],
-    rgb: tuple[float, float, float],
-    dirt: float = 1.0,
-) -> Image:
+def plaster(rng: np.random.Generator, shape: Shape, rgb: Rgb, dirt: float = 1.0) -> Image:
     """Draw painted rough plaster, dirtier towards the bottom row: (H, W, 3), tiling along u.
 
-    Args:
-        rng: Source of the noise.
-        shape: (H, W) in pixels.
-        rgb: Paint.
-        dirt: Strength of grime and cracks: 1 outdoors, less indoors.
+    `dirt` is the strength of grime and cracks: 1 outdoors, less indoors.
     """
     height, _ = shape
     cloud = fractal(rng, shape, (30, 900), 1.5)
@@ -153,13 +134,10 @@ def plaster(
     colour = blend(colour, (104, 94, 80), 0.5 * dirt * smoothstep(1.6, 4.2, grime))
     crack = np.abs(fractal(rng, shape, (10, 500), 1.5))
     here = smoothstep(0.8, 1.6, fractal(rng, shape, (80, 900), 1.5))
-    colour = blend(colour, (88, 80, 70), 0.7 * dirt * here * smoothstep(0.05, 0.0, crack))
-    return to_image(colour)
+    return to_image(blend(colour, (88, 80, 70), 0.7 * dirt * here * smoothstep(0.05, 0.0, crack)))
 
 
-def painted_wall(
-    rng: np.random.Generator, shape: tuple[int, int], rgb: tuple[float, float, float]
-) -> Image:
+def painted_wall(rng: np.random.Generator, shape: Shape, rgb: Rgb) -> Image:
     """Draw a smooth wall under paint from a roller, nearly blank: (H, W, 3), tiling."""
     cloud = fractal(rng, shape, (40, max(shape)), 1.4)
     roller = fractal(rng, shape, (1.5, 8), 0.2)

@@ -1,10 +1,11 @@
-"""Band-limited noise and the few operators that turn it into colour."""
+"""Band-limited noise and the operators that turn it into colour."""
 
 from collections.abc import Sequence
 
 import numpy as np
 import scipy.fft
 
+from scenes.surfaces import Shape
 from vo.contract.arrays import Array, Image
 
 
@@ -53,6 +54,13 @@ def smoothstep(low: float, high: float, values: Array) -> Array:
 def blend(base: Array, over: Array | Sequence[float], weight: Array) -> Array:
     """Mix colours: (..., 3) base with (..., 3) over by (...) weight in [0, 1]."""
     return base + (np.asarray(over, dtype=np.float32) - base) * weight[..., None]
+
+
+def rim(shape: Shape) -> Array:
+    """Measure the distance in pixels of each pixel of (H, W) from the nearest border."""
+    height, width = shape
+    v, u = np.mgrid[:height, :width]
+    return np.minimum(np.minimum(u, width - 1 - u), np.minimum(v, height - 1 - v))
 
 
 def ramp(stops: Sequence[Sequence[float] | Array], values: Array) -> Array:

@@ -1,10 +1,11 @@
-"""Things with something printed on them: posters, book spines, screens, keyboards, cartons."""
+"""Printed surfaces: posters, book spines, screens, keyboards, cartons, signs, paintings."""
 
 import itertools
 
 import cv2
 import numpy as np
 
+from scenes.surfaces import Rgb, Shape
 from scenes.surfaces.noise import blend, fractal, ramp, smoothstep, to_image
 from vo.contract.arrays import Array, Image
 
@@ -16,14 +17,15 @@ INKS = (
     (176, 62, 48), (44, 84, 124), (222, 176, 74), (62, 108, 82), (72, 62, 96),
     (214, 206, 190), (48, 50, 56), (190, 124, 84), (126, 160, 170),
 )  # fmt: skip
+FONT = cv2.FONT_HERSHEY_DUPLEX
 
 
-def posters(rng: np.random.Generator, count: int, shape: tuple[int, int]) -> Image:
+def posters(rng: np.random.Generator, count: int, shape: Shape) -> Image:
     """Draw posters with a picture, a headline and small print: (count, H, W, 3)."""
     return np.stack([_poster(rng, shape) for _ in range(count)])
 
 
-def _poster(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
+def _poster(rng: np.random.Generator, shape: Shape) -> Image:
     height, width = shape
     paper, ink, other = (np.array(INKS[i]) for i in rng.permutation(len(INKS))[:3])
     sheet = np.ones((*shape, 3)) * (0.35 * paper + 0.65 * np.array([226, 222, 212]))
@@ -35,20 +37,15 @@ def _poster(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
     canvas = to_image(sheet)
     colour = tuple(int(c) for c in ink * 0.7)
     headline = WORDS[rng.integers(len(WORDS))]
-    scale = 0.84 * width / cv2.getTextSize(headline, cv2.FONT_HERSHEY_DUPLEX, 1.0, 2)[0][0]
-    cv2.putText(
-        canvas, headline, (left, int(0.74 * height)), cv2.FONT_HERSHEY_DUPLEX,
-        min(scale, 0.006 * height), colour, 3, cv2.LINE_AA,
-    )  # fmt: skip
+    scale = 0.84 * width / cv2.getTextSize(headline, FONT, 1.0, 2)[0][0]
+    foot = (left, int(0.74 * height))
+    cv2.putText(canvas, headline, foot, FONT, min(scale, 0.006 * height), colour, 3, cv2.LINE_AA)
     _small_print(rng, canvas, (left, int(0.80 * height), right, int(0.95 * height)), colour)
     return canvas
 
 
 def _small_print(
-    rng: np.random.Generator,
-    canvas: Image,
-    window: tuple[int, int, int, int],
-    colour: tuple[int, ...],
+    rng: np.random.Generator, canvas: Image, window: tuple[int, ...], colour: tuple[int, ...]
 ) -> None:
     """Set lines of word-like dashes into the window u0, v0, u1, v1 of a canvas."""
     u0, v0, u1, v1 = window
@@ -60,12 +57,12 @@ def _small_print(
             u += word + 5
 
 
-def book_rows(rng: np.random.Generator, count: int, shape: tuple[int, int]) -> Image:
+def book_rows(rng: np.random.Generator, count: int, shape: Shape) -> Image:
     """Draw rows of book and folder spines, at 1.5 mm per texel: (count, H, W, 3)."""
     return np.stack([_book_row(rng, shape) for _ in range(count)])
 
 
-def _book_row(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
+def _book_row(rng: np.random.Generator, shape: Shape) -> Image:
     height, width = shape
     row = np.full((*shape, 3), 34, dtype=np.uint8)
     u = 0
@@ -88,7 +85,7 @@ def _book_row(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
     return row
 
 
-def screens(rng: np.random.Generator, count: int, shape: tuple[int, int]) -> Image:
+def screens(rng: np.random.Generator, count: int, shape: Shape) -> Image:
     """Draw monitors showing an editor and a chart: (count, H, W, 3)."""
     pictures: list[Image] = []
     for _ in range(count):
@@ -112,7 +109,7 @@ def screens(rng: np.random.Generator, count: int, shape: tuple[int, int]) -> Ima
     return np.stack(pictures)
 
 
-def keyboard(shape: tuple[int, int] = (96, 288)) -> Image:
+def keyboard(shape: Shape = (96, 288)) -> Image:
     """Draw a keyboard from above: (H, W, 3)."""
     height, width = shape
     board = np.full((*shape, 3), (44, 46, 50), dtype=np.uint8)
@@ -149,15 +146,12 @@ def _label_carton(rng: np.random.Generator, side: Image) -> None:
     for x in range(u + 8, u + s // 3 - 10, 3):  # bar code
         if rng.random() < 0.55:
             cv2.line(side, (x, v + s // 5), (x, v + s // 4 - 4), (40, 40, 40), 1)
-    word = WORDS[rng.integers(len(WORDS))]
-    ink = (70, 56, 44)
-    cv2.putText(
-        side, word, (int(0.06 * s), int(0.93 * s)), cv2.FONT_HERSHEY_SIMPLEX,
-        0.8 * s / 256 * 0.5, ink, 2, cv2.LINE_AA,
-    )  # fmt: skip
+    word, foot = WORDS[rng.integers(len(WORDS))], (int(0.06 * s), int(0.93 * s))
+    size, thin = 0.8 * s / 256 * 0.5, cv2.FONT_HERSHEY_SIMPLEX
+    cv2.putText(side, word, foot, thin, size, (70, 56, 44), 2, cv2.LINE_AA)
 
 
-def notes(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
+def notes(rng: np.random.Generator, shape: Shape) -> Image:
     """Draw a used whiteboard: wiped traces, a diagram and sticky notes: (H, W, 3)."""
     height, width = shape
     wiped = smoothstep(0.6, 2.2, fractal(rng, shape, (8, 300), 1.3, stretch=2.0))
@@ -186,10 +180,8 @@ def door_signs(rng: np.random.Generator, count: int, side_px: int) -> Image:
     for k, plate in enumerate(plates):
         number = f"{floor}.{2 * k + int(rng.integers(2)):02d}"
         cv2.rectangle(plate, (0, 0), (side_px, int(12 * s)), (60, 84, 112), -1)
-        cv2.putText(
-            plate, number, (int(18 * s), int(78 * s)), cv2.FONT_HERSHEY_DUPLEX,
-            1.6 * s, (40, 44, 50), max(1, round(3 * s)), cv2.LINE_AA,
-        )  # fmt: skip
+        foot, thick = (int(18 * s), int(78 * s)), max(1, round(3 * s))
+        cv2.putText(plate, number, foot, FONT, 1.6 * s, (40, 44, 50), thick, cv2.LINE_AA)
         window = (int(18 * s), int(104 * s), int(140 * s), int(140 * s))
         _small_print(rng, plate, window, (70, 72, 78))
     return plates
@@ -212,14 +204,14 @@ def pictograms(side_px: int) -> Image:
     return np.stack([fire, out])
 
 
-def paintings(rng: np.random.Generator, count: int, shape: tuple[int, int]) -> Image:
+def paintings(rng: np.random.Generator, count: int, shape: Shape) -> Image:
     """Paint landscapes, fields of colour and abstract swirls in turn: (count, H, W, 3)."""
     painters = (_landscape, _colour_field, _swirls)
     return np.stack([painters[k % 3](rng, shape) for k in range(count)])
 
 
-def _landscape(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
-    """Ranges of hills, darker the nearer, under a washed sky."""
+def _landscape(rng: np.random.Generator, shape: Shape) -> Image:
+    """Paint ranges of hills, darker the nearer, under a washed sky."""
     height, width = shape
     strokes = fractal(rng, shape, (3, 40), 0.6, stretch=3.0)
     down = np.linspace(0, 1, height)[:, None]
@@ -233,8 +225,8 @@ def _landscape(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
     return to_image(colour)
 
 
-def _colour_field(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
-    """Soft-edged rectangles and lines on a ground."""
+def _colour_field(rng: np.random.Generator, shape: Shape) -> Image:
+    """Paint soft-edged rectangles and lines on a ground."""
     height, width = shape
     canvas = np.full((*shape, 3), INKS[rng.integers(len(INKS))], np.uint8)
     for _ in range(int(rng.integers(5, 10))):
@@ -246,15 +238,15 @@ def _colour_field(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
     return to_image(canvas * (1 + 0.06 * brush)[..., None])
 
 
-def _swirls(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
-    """Bands of colour that follow the contours of noise."""
+def _swirls(rng: np.random.Generator, shape: Shape) -> Image:
+    """Paint bands of colour that follow the contours of noise."""
     relief = fractal(rng, shape, (30, 500), 1.6)
     inks = [np.array(INKS[k]) for k in rng.permutation(len(INKS))[:4]]
     bands = 0.5 + 0.5 * np.sin(5 * relief + 0.5 * fractal(rng, shape, (4, 60), 0.8))
     return to_image(ramp(inks, bands) * (1 + 0.05 * fractal(rng, shape, (2, 20), 0.4))[..., None])
 
 
-def marble(rng: np.random.Generator, side_px: int, rgb: tuple[float, float, float]) -> Image:
+def marble(rng: np.random.Generator, side_px: int, rgb: Rgb) -> Image:
     """Draw veined, polished stone: (S, S, 3), tiling."""
     size = (side_px, side_px)
     vein = np.abs(fractal(rng, size, (8, side_px), 1.5))

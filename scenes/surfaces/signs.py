@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
+from scenes.surfaces import Shape
 from scenes.surfaces.noise import blend, fractal, smoothstep, to_image
 from vo.contract.arrays import Array, Image
 
@@ -14,7 +15,7 @@ Colour = tuple[int, int, int]
 def boards(
     rng: np.random.Generator,
     texts: Sequence[str],
-    shape: tuple[int, int],
+    shape: Shape,
     ink: Colour,
     paper: Colour,
     wear: float = 0.3,
@@ -45,13 +46,13 @@ def worn(rng: np.random.Generator, paint: Image, below: Colour, wear: float) -> 
     return to_image(blend(colour, ground, smoothstep(low, low + 0.5, chips)))
 
 
-def worn_paint(rng: np.random.Generator, shape: tuple[int, int], rgb: Colour, wear: float) -> Image:
+def worn_paint(rng: np.random.Generator, shape: Shape, rgb: Colour, wear: float) -> Image:
     """Draw floor paint rubbed through to concrete: (H, W, 3)."""
     return worn(rng, np.full((*shape, 3), rgb, np.uint8), (126, 122, 114), wear)
 
 
 def stripes(
-    rng: np.random.Generator, shape: tuple[int, int], colours: tuple[Colour, Colour], width_px: int
+    rng: np.random.Generator, shape: Shape, colours: tuple[Colour, Colour], width_px: int
 ) -> Image:
     """Paint slanting stripes, a little worn: (H, W, 3), tiling if both sides are even periods."""
     v, u = np.mgrid[: shape[0], : shape[1]]
@@ -59,7 +60,7 @@ def stripes(
     return worn(rng, np.where(first, colours[0], colours[1]).astype(np.uint8), (96, 94, 90), 0.25)
 
 
-def drums(rng: np.random.Generator, tones: Sequence[Colour], shape: tuple[int, int]) -> Image:
+def drums(rng: np.random.Generator, tones: Sequence[Colour], shape: Shape) -> Image:
     """Draw the skins of steel drums, unrolled: hoops, a label, runs of rust: (N, H, W, 3)."""
     height, width = shape
     skins: list[Array] = []
@@ -82,7 +83,7 @@ def drums(rng: np.random.Generator, tones: Sequence[Colour], shape: tuple[int, i
     return np.stack(skins)
 
 
-def shutter(rng: np.random.Generator, shape: tuple[int, int], rgb: Colour) -> Image:
+def shutter(rng: np.random.Generator, shape: Shape, rgb: Colour) -> Image:
     """Draw a roller shutter's slats, about 80 mm each over 2.5 m, grimy below: (H, W, 3)."""
     v = np.arange(shape[0])[:, None] / shape[0]
     bulge = np.cos(2 * np.pi * 32 * v)

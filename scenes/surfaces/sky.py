@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.ndimage import map_coordinates
 
+from scenes.surfaces import Shape
 from scenes.surfaces.noise import blend, fractal, ramp, smoothstep, to_image
 from vo.contract.arrays import Array, Image
 
@@ -15,7 +16,7 @@ def town_sky(rng: np.random.Generator, side_px: int = 512, houses: float = 0.55)
     return np.concatenate([to_image(face) for face in _shade(rng, _directions(side_px), houses)])
 
 
-def window_view(rng: np.random.Generator, shape: tuple[int, int]) -> Image:
+def window_view(rng: np.random.Generator, shape: Shape) -> Image:
     """Draw what a bright window shows, overexposed but for tree tops: (H, W, 3)."""
     up = np.linspace(1, 0, shape[0])[:, None]
     edge = 0.25 + 0.06 * fractal(rng, shape, (4, 200), 1.0)
@@ -29,16 +30,11 @@ def _directions(side_px: int) -> Array:
     down, right = np.meshgrid(t, t, indexing="ij")
     one = np.ones_like(down)
     # OpenGL's cube faces, in a frame of y up and -z forward: right, left, up, down, front, back.
-    gl = np.stack(
-        [
-            np.stack([one, -down, -right], axis=-1),
-            np.stack([-one, -down, right], axis=-1),
-            np.stack([right, one, down], axis=-1),
-            np.stack([right, -one, -down], axis=-1),
-            np.stack([right, -down, one], axis=-1),
-            np.stack([-right, -down, -one], axis=-1),
-        ]
-    )
+    faces = (
+        (one, -down, -right), (-one, -down, right), (right, one, down),
+        (right, -one, -down), (right, -down, one), (-right, -down, -one),
+    )  # fmt: skip
+    gl = np.stack([np.stack(face, axis=-1) for face in faces])
     world = np.stack([gl[..., 0], -gl[..., 2], gl[..., 1]], axis=-1)
     return world / np.linalg.norm(world, axis=-1, keepdims=True)
 
@@ -46,10 +42,8 @@ def _directions(side_px: int) -> Array:
 def _shade(rng: np.random.Generator, rays: Array, houses: float) -> Array:
     azimuth = np.arctan2(rays[..., 1], rays[..., 0])
     elevation = np.arcsin(rays[..., 2])
-    colour = ramp(
-        ((214, 219, 221), (196, 209, 220), (160, 186, 212), (118, 154, 196)),
-        np.clip(elevation / 1.2, 0, 1),
-    )
+    tones = ((214, 219, 221), (196, 209, 220), (160, 186, 212), (118, 154, 196))
+    colour = ramp(tones, np.clip(elevation / 1.2, 0, 1))
     cloud = _panorama(fractal(rng, (512, 2048), (8, 500), 1.3, stretch=2.0), azimuth, elevation)
     colour = blend(colour, (236, 236, 234), 0.8 * smoothstep(0.1, 1.6, cloud))
     x = (azimuth / (2 * np.pi) + 0.5) * 1024

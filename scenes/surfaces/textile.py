@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from scenes.surfaces.noise import blend, fractal, ramp, smoothstep, to_image
-from vo.contract.arrays import Array, Image
+from scenes.surfaces import Rgb, Shape
+from scenes.surfaces.noise import blend, fractal, ramp, rim, smoothstep, to_image
+from vo.contract.arrays import Image
 
 CARPETS = (  # dark, middle, light yarn
     ((66, 70, 78), (122, 127, 136), (186, 191, 198)),
@@ -27,17 +28,11 @@ def carpet_tiles(rng: np.random.Generator, count: int, side_px: int) -> Image:
     colour = blend(colour, np.array(yarn[0]) * 0.7, 0.7 * smoothstep(1.8, 2.6, -fleck))
     spill = fractal(rng, size, (10, 200), 1.5) + 0.25 * rng.standard_normal((count, 1, 1))
     colour = blend(colour, (66, 56, 46), 0.3 * smoothstep(2.1, 3.0, spill))
-    return to_image(colour * _seam(side_px, loops)[..., None])
+    seam = 1 - 0.28 * smoothstep(3.5, 0.5, rim((side_px, side_px)) + 0.8 * loops)
+    return to_image(colour * seam[..., None])
 
 
-def _seam(side_px: int, ragged: Array) -> Array:
-    """Darken the cut edge of (N, S, S) tiles by a texel or two."""
-    v, u = np.mgrid[:side_px, :side_px]
-    inset = np.minimum(np.minimum(u, side_px - 1 - u), np.minimum(v, side_px - 1 - v))
-    return 1 - 0.28 * smoothstep(3.5, 0.5, inset + 0.8 * ragged)
-
-
-def fabric(rng: np.random.Generator, side_px: int, rgb: tuple[float, float, float]) -> Image:
+def fabric(rng: np.random.Generator, side_px: int, rgb: Rgb) -> Image:
     """Draw a coarse weave: (S, S, 3), tiling when S is a multiple of 8."""
     v, u = np.mgrid[:side_px, :side_px]
     weave = np.sin(u * np.pi / 2) * np.sin(v * np.pi / 2)
@@ -47,7 +42,7 @@ def fabric(rng: np.random.Generator, side_px: int, rgb: tuple[float, float, floa
     return to_image(np.asarray(rgb) * tone[..., None])
 
 
-def rugs(rng: np.random.Generator, count: int, shape: tuple[int, int]) -> Image:
+def rugs(rng: np.random.Generator, count: int, shape: Shape) -> Image:
     """Draw woven rugs at 2 mm per texel, borders around a field of lozenges: (count, H, W, 3)."""
     height, width = shape
     v, u = np.mgrid[:height, :width]

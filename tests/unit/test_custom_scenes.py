@@ -1,4 +1,4 @@
-"""Worlds of a user's own: accepted as they are, or refused in one line."""
+"""Custom scenes: accepted as they are, or refused in one line."""
 
 from pathlib import Path
 
@@ -50,6 +50,9 @@ def scene():
 def number():
     return 3
 
+def broken():
+    return 1 // 0
+
 constant = 5
 """
 
@@ -74,11 +77,11 @@ def module(tmp_path, monkeypatch) -> str:
     ("name", "custom"),
     [("office", False), ("a.xml", True), ("b/c.mjcf", True), ("m:f", True), ("xml", False)],
 )
-def test_files_and_functions_are_told_from_names(name, custom):
+def test_is_custom_distinguishes_files_functions_and_names(name, custom):
     assert is_custom(name) == custom
 
 
-def test_an_mjcf_file_becomes_a_scene_with_a_round_route(yard):
+def test_load_scene_mjcf_file_has_a_closed_route(yard):
     scene = build_scene(str(yard), np.random.default_rng(0), {})
     assert scene.name == "yard"
     assert scene.source == str(yard)
@@ -92,7 +95,7 @@ def test_an_mjcf_file_becomes_a_scene_with_a_round_route(yard):
     assert y_max >= 2.2
 
 
-def test_a_rover_drives_in_a_users_world_and_knows_its_things(yard):
+def test_custom_scene_rover_drives_and_objects_have_classes(yard):
     settings = RecordSettings(drive=DriveSettings(distance_m=1.0))
     world = build_world(load_scene(str(yard)), settings)
     assert world.model.opt.timestep <= 1e-3  # ours, not the file's
@@ -104,13 +107,13 @@ def test_a_rover_drives_in_a_users_world_and_knows_its_things(yard):
     assert thing_of(world, world.model.geom("ball").id).kind == Kind.MOVING
 
 
-def test_terrain_can_be_laid_in_a_users_world(yard):
+def test_custom_scene_accepts_terrain(yard):
     settings = RecordSettings(terrain=TerrainSettings(brick_mm=10.0))
     world = build_world(load_scene(str(yard)), settings)
     assert any(world.model.geom(g).name.startswith("terrain/") for g in range(world.model.ngeom))
 
 
-def test_waypoints_of_ones_own_replace_the_route(yard):
+def test_custom_scene_waypoints_replace_the_route(yard):
     drive = DriveSettings(waypoints=((0.0, 0.0), (1.0, 1.0)))
     world = build_world(load_scene(str(yard)), RecordSettings(drive=drive))
     np.testing.assert_allclose(world.T_world_chassis[:2, :2] @ [1, 0], np.sqrt([0.5, 0.5]))
@@ -121,7 +124,7 @@ def test_waypoints_of_ones_own_replace_the_route(yard):
         )
 
 
-def test_a_function_may_return_a_spec_or_a_whole_scene(module):
+def test_load_scene_function_returns_a_spec_or_a_scene(module):
     made = load_scene(f"{module}:spec")
     assert isinstance(made.spec, mujoco.MjSpec)
     assert made.name == "spec"
@@ -135,30 +138,31 @@ def test_a_function_may_return_a_spec_or_a_whole_scene(module):
 @pytest.mark.parametrize(
     ("function", "fragment"),
     [
-        ("nothing", "has no function nothing"),
+        ("nothing", "has no function nothing; its functions: spec, scene, number, broken"),
+        ("broken", r"broken failed \(ZeroDivisionError at worlds_\w+\.py, line 19: "),
         ("constant", "has no function constant"),
-        ("number", "returned a int, must be an MjSpec or a Scene"),
+        ("number", "returned a int; return a mujoco.MjSpec or a scenes.scene.Scene"),
     ],
 )
-def test_a_function_that_is_none_is_refused(module, function, fragment):
+def test_load_scene_unusable_function_is_refused(module, function, fragment):
     with pytest.raises(SettingsError, match=fragment):
         load_scene(f"{module}:{function}")
 
 
 @pytest.mark.parametrize("name", [":build", "worlds:"])
-def test_half_a_function_is_refused(name):
+def test_load_scene_incomplete_function_name_is_refused(name):
     with pytest.raises(SettingsError, match=f"{name}: expected module:function"):
         load_scene(name)
 
 
-def test_a_module_with_a_slip_of_the_pen_is_refused_in_one_line(tmp_path, monkeypatch):
+def test_load_scene_module_with_syntax_error_is_one_line(tmp_path, monkeypatch):
     (tmp_path / "slipped.py").write_text("def build(:\n")
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(SettingsError, match=r"cannot import slipped .*line 1"):
         load_scene("slipped:build")
 
 
-def test_a_module_that_is_not_there_is_refused():
+def test_load_scene_missing_module_is_refused():
     with pytest.raises(SettingsError, match="cannot import no_such_module"):
         load_scene("no_such_module:build")
 
@@ -178,7 +182,7 @@ def test_a_module_that_is_not_there_is_refused():
         ),
     ],
 )
-def test_a_file_that_mujoco_refuses_is_refused_in_one_line(tmp_path, text, fragment):
+def test_load_scene_invalid_mjcf_is_one_line(tmp_path, text, fragment):
     path = tmp_path / "bad.xml"
     path.write_text(text)
     with pytest.raises(SettingsError, match=fragment) as caught:
@@ -187,18 +191,18 @@ def test_a_file_that_mujoco_refuses_is_refused_in_one_line(tmp_path, text, fragm
     assert str(path) in str(caught.value)
 
 
-def test_a_missing_file_is_named():
+def test_load_scene_missing_file_is_named():
     with pytest.raises(SettingsError, match=r"nowhere\.xml: no such file"):
         load_scene("nowhere.xml")
 
 
-def test_a_start_inside_of_something_names_it(yard):
+def test_custom_scene_start_inside_an_object_names_it(yard):
     yard.write_text(YARD.replace('pos="2 2 0.5"', 'pos="1.0 0 0.3"'))
     route = DriveSettings(waypoints=((1.0, 0.0), (2.0, 0.0)))
     with pytest.raises(SettingsError, match=r"no free space at the start \(1, 0\) m, pillar is"):
         build_world(load_scene(str(yard)), RecordSettings(drive=route))
 
 
-def test_options_are_not_for_a_users_world(yard):
+def test_custom_scene_options_are_refused(yard):
     with pytest.raises(SettingsError, match="unknown option bricks"):
         build_scene(str(yard), np.random.default_rng(0), {"bricks": 3})

@@ -16,7 +16,7 @@ SUN = Light(
 BOX = Occluder(np.array([0.0, 0.0, 0.5]), np.array([0.1, 0.2, 0.5]))
 
 
-def test_solved_normals_are_unit_and_give_both_shares():
+def test_shaded_normals_are_unit_and_give_both_shares():
     rng = np.random.default_rng(0)
     normals = rng.standard_normal((400, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -32,7 +32,7 @@ def test_solved_normals_are_unit_and_give_both_shares():
     np.testing.assert_allclose(solved[feasible, 2], wanted_fill[feasible], atol=1e-9)
 
 
-def test_level_ground_takes_the_whole_fill_in_sun_and_in_shadow():
+def test_shaded_normals_level_ground_takes_the_whole_fill():
     up = np.tile([0.0, 0, 1], (2, 1))
     solved = shaded_normals(up, np.array([1.0, 0.0]), np.ones(2), SUN)
     np.testing.assert_allclose(solved @ SUN.key, [0.8, 0], atol=1e-9)
@@ -51,23 +51,23 @@ def test_level_ground_takes_the_whole_fill_in_sun_and_in_shadow():
         (-0.4, 0.21, 1),
     ],
 )
-def test_the_shadow_of_a_post_ends_where_trigonometry_says(x, y, seen):
+def test_visibility_post_shadow_has_its_trigonometric_length(x, y, seen):
     assert visibility(np.array([[x, y, 0.0]]), [BOX], SUN) == pytest.approx(seen)
 
 
-def test_a_turned_box_shades_as_its_turned_footprint():
+def test_visibility_turned_box_shades_its_turned_footprint():
     turned = Occluder(BOX.centre, BOX.half, np.pi / 2)
     points = np.array([[-0.4, 0.15, 0.0], [-0.94, 0.0, 0.0]])
     np.testing.assert_allclose(visibility(points, [BOX], SUN), [0, 1])
     np.testing.assert_allclose(visibility(points, [turned], SUN), [1, 0])
 
 
-def test_foliage_lets_part_of_the_light_through():
+def test_visibility_foliage_passes_part_of_the_light():
     leaves = Occluder(BOX.centre, BOX.half, 0.0, 0.7)
     assert visibility(np.array([[-0.3, 0, 0]]), [leaves], SUN) == pytest.approx(0.3)
 
 
-def test_a_box_shades_the_ground_under_it_but_not_its_own_parts():
+def test_visibility_box_shades_ground_but_not_its_own_parts():
     within = np.array([[0.0, 0.0, 0.2]])
     assert visibility(within, [BOX], SUN) == pytest.approx(1)
     assert visibility(within, [BOX], SUN, inside=True) == pytest.approx(0)
@@ -75,7 +75,7 @@ def test_a_box_shades_the_ground_under_it_but_not_its_own_parts():
     assert occlusion(within, [BOX], inside=True) < 0.5
 
 
-def test_nothing_in_the_way_means_full_light():
+def test_visibility_without_occluders_is_full():
     points = np.zeros((3, 3))
     np.testing.assert_array_equal(visibility(points, [], SUN), 1)
     np.testing.assert_array_equal(occlusion(points, []), 1)
@@ -88,7 +88,7 @@ def test_occlusion_fades_with_distance():
     assert far == pytest.approx(1, abs=1e-3)
 
 
-def test_the_light_map_agrees_with_its_rays():
+def test_light_map_agrees_with_its_rays():
     baked = ground_light((-1, -1, 1, 1), [BOX], SUN, step_m=0.1)
     samples = np.array([[-0.5, 0.0, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]])
     key, fill = baked.at(samples)

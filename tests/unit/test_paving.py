@@ -11,7 +11,7 @@ BONDS = ("herringbone", "running")
 
 @pytest.mark.parametrize("bond", BONDS)
 @pytest.mark.parametrize("cells", [(12, 9), (7, 10), (1, 1)])
-def test_every_module_is_paved_exactly_once(bond, cells):
+def test_lay_covers_every_module_exactly_once(bond, cells):
     paving = lay(np.random.default_rng(0), cells, 0.1, 0.004, 0.0, bond)
     covered = np.zeros(cells, dtype=int)
     low = paving.centre[:, :2] - paving.reach - 0.002
@@ -23,7 +23,7 @@ def test_every_module_is_paved_exactly_once(bond, cells):
 
 
 @pytest.mark.parametrize("bond", BONDS)
-def test_most_bricks_are_whole(bond):
+def test_lay_most_bricks_are_whole(bond):
     paving = lay(np.random.default_rng(0), (40, 30), 0.1, 0.004, 0.002, bond)
     whole = paving.half[:, 0] > 0.06
     assert whole.mean() > 0.9
@@ -31,7 +31,7 @@ def test_most_bricks_are_whole(bond):
     np.testing.assert_allclose(paving.half[~whole], 0.048)
 
 
-def test_heights_have_the_wanted_spread_and_are_clipped():
+def test_lay_heights_have_their_std_and_are_clipped():
     paving = lay(np.random.default_rng(0), (120, 90), 0.1, 0.004, 0.002, "herringbone")
     height = paving.centre[:, 2]
     assert height.std() == pytest.approx(0.002, rel=0.1)
@@ -39,7 +39,7 @@ def test_heights_have_the_wanted_spread_and_are_clipped():
     assert abs(height.mean()) < 1e-4
 
 
-def test_the_drawn_tops_lie_on_the_posed_planes():
+def test_brick_tops_lie_on_the_planes_of_their_poses():
     rng = np.random.default_rng(0)
     paving = lay(rng, (6, 5), 0.1, 0.004, 0.002, "herringbone")
     count = len(paving.centre)
@@ -54,7 +54,7 @@ def test_the_drawn_tops_lie_on_the_posed_planes():
     np.testing.assert_allclose(extent, paving.reach - BEVEL_M)
 
 
-def test_flanks_close_the_rim_of_the_tops():
+def test_brick_flanks_close_the_rim_of_the_tops():
     paving = lay(np.random.default_rng(0), (6, 5), 0.1, 0.004, 0.002, "herringbone")
     count = len(paving.centre)
     looks = np.tile([0, 0, 1.0, 1], (count, 1)), np.zeros(count, dtype=bool)
@@ -70,7 +70,7 @@ def test_flanks_close_the_rim_of_the_tops():
 
 
 @pytest.mark.parametrize("draw", [brick_tops, brick_flanks])
-def test_all_faces_of_a_brick_look_outward(draw):
+def test_brick_faces_all_face_outward(draw):
     paving = lay(np.random.default_rng(0), (4, 4), 0.1, 0.004, 0.002, "herringbone")
     count = len(paving.centre)
     mesh = draw(paving, np.tile([0, 0, 1.0, 1], (count, 1)), np.zeros(count, dtype=bool))
@@ -79,7 +79,7 @@ def test_all_faces_of_a_brick_look_outward(draw):
     assert np.all((np.cross(b - a, c - a) * outward).sum(axis=1) > 0)
 
 
-def test_a_rounded_square_has_the_length_of_its_sides_and_arcs():
+def test_rounded_loop_has_the_length_of_its_sides_and_arcs():
     square = np.array([[1.0, -1], [1, 1], [-1, 1], [-1, -1]])
     loop = rounded_loop(square, 0.5, step_m=0.02)
     assert route_length(loop) == pytest.approx(4 * 1 + 2 * np.pi * 0.5, rel=2e-3)
@@ -88,12 +88,12 @@ def test_a_rounded_square_has_the_length_of_its_sides_and_arcs():
     np.testing.assert_allclose(np.linalg.norm(np.diff(loop, axis=0), axis=1), 0.02, rtol=0.02)
 
 
-def test_corners_that_leave_no_room_are_refused():
+def test_rounded_loop_without_room_for_arcs_is_refused():
     with pytest.raises(ValueError, match="too short"):
         rounded_loop(np.array([[1.0, -1], [1, 1], [-1, 1], [-1, -1]]), 1.2)
 
 
-def test_resampling_keeps_both_ends():
+def test_resampled_keeps_both_ends():
     path = resampled(np.array([[0.0, 0], [1, 0], [1, 1]]), 0.3)
     np.testing.assert_array_equal(path[[0, -1]], [[0, 0], [1, 1]])
     assert len(path) == 8

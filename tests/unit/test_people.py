@@ -11,7 +11,7 @@ SQUARE = rounded_loop(np.array([(2.0, -2), (2, 2), (-2, 2), (-2, -2)]), radius_m
 
 
 @pytest.mark.parametrize("pace", [0.7, -0.7])
-def test_a_lap_has_its_pace_and_faces_where_it_goes(pace):
+def test_lap_has_its_pace_and_faces_its_direction(pace):
     lap = Lap(SQUARE, pace, 1.0)
     for time_s in np.linspace(0, 40, 57):
         (here, heading, _), (soon, _, _) = lap(time_s), lap(time_s + 0.05)
@@ -20,7 +20,7 @@ def test_a_lap_has_its_pace_and_faces_where_it_goes(pace):
         assert step @ (np.cos(heading), np.sin(heading)) > 0.9 * np.linalg.norm(step)
 
 
-def test_a_crossing_waits_walks_and_walks_back():
+def test_crossing_waits_walks_and_returns():
     walk = Crossing(np.zeros(2), np.array([4.0, 0]), np.array([10.0, 30.0]), 1.0)
     places = {t: walk(t)[0][0] for t in (0.0, 9.9, 12.0, 20.0, 31.0, 60.0)}
     assert list(places.values()) == pytest.approx([0, 0, 2, 4, 3, 0])
@@ -28,7 +28,7 @@ def test_a_crossing_waits_walks_and_walks_back():
     assert np.cos(walk(31.0)[1]) == pytest.approx(-1)
 
 
-def test_one_foot_reaches_the_ground_at_all_times():
+def test_person_one_foot_is_always_on_the_ground():
     stage = Stage("street")
     rng = np.random.default_rng(0)
     stage.material("clothes", clothing_atlas(rng))

@@ -7,14 +7,14 @@ from scenes import SCENES, build_scene
 from vo.contract.errors import SettingsError
 
 
-def test_every_entry_says_in_a_sentence_what_it_tests():
+def test_registry_entries_describe_themselves_in_a_sentence():
     for entry in SCENES.values():
         assert entry.tests.endswith(".")
         assert "\n" not in entry.tests
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_every_option_has_a_default(name):
+def test_registry_options_all_have_defaults(name):
     SCENES[name].options()
 
 
@@ -28,7 +28,7 @@ def test_every_option_has_a_default(name):
         ("office", {"length_m": "wide"}, ["length_m", "wide"]),
     ],
 )
-def test_a_refusal_is_one_line_that_names_the_choices(name, options, words):
+def test_build_scene_bad_option_is_one_line_with_the_choices(name, options, words):
     with pytest.raises(SettingsError) as refusal:
         build_scene(name, np.random.default_rng(0), options)
     message = str(refusal.value)

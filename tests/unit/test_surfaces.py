@@ -37,7 +37,7 @@ GROUND = ("paving_bricks", "carpet_tiles")
 
 
 @pytest.mark.parametrize("name", [*SHEETS, *SINGLES])
-def test_a_seed_gives_one_texture_and_another_seed_another(name):
+def test_texture_same_seed_same_image_other_seed_other(name):
     draw = (SHEETS | SINGLES)[name]
     first, again, other = (draw(np.random.default_rng(seed)) for seed in (4, 4, 5))
     assert first.dtype == np.uint8
@@ -47,7 +47,7 @@ def test_a_seed_gives_one_texture_and_another_seed_another(name):
 
 
 @pytest.mark.parametrize("name", SHEETS)
-def test_no_two_cells_of_a_sheet_are_alike(name):
+def test_atlas_cells_all_differ(name):
     cells = SHEETS[name](np.random.default_rng(0)).astype(float)
     for i in range(len(cells)):
         for j in range(i):
@@ -55,7 +55,7 @@ def test_no_two_cells_of_a_sheet_are_alike(name):
 
 
 @pytest.mark.parametrize("name", GROUND)
-def test_the_ground_has_contrast_from_millimetres_to_centimetres(name):
+def test_ground_texture_has_contrast_at_every_scale(name):
     grey = SHEETS[name](np.random.default_rng(1)).astype(float).mean(axis=-1)[:, 6:-6, 6:-6]
     for fine_px, coarse_px in ((0.7, 2), (2, 6), (6, 18)):
         band = gaussian_filter(grey, (0, fine_px, fine_px)) - gaussian_filter(
@@ -65,13 +65,13 @@ def test_the_ground_has_contrast_from_millimetres_to_centimetres(name):
 
 
 @pytest.mark.parametrize("name", GROUND)
-def test_the_ground_keeps_clear_of_black_and_white(name):
+def test_ground_texture_is_not_clipped(name):
     image = SHEETS[name](np.random.default_rng(2))
     assert np.mean(image < 8) < 0.002
     assert np.mean(image > 247) < 0.002
 
 
-def test_fractal_noise_keeps_its_band():
+def test_fractal_power_lies_in_its_band():
     noise = fractal(np.random.default_rng(0), (256, 256), (8, 32), slope=0.0)
     power = np.abs(np.fft.fft2(noise)) ** 2
     frequency = np.hypot(np.fft.fftfreq(256)[:, None], np.fft.fftfreq(256)[None])
@@ -82,13 +82,13 @@ def test_fractal_noise_keeps_its_band():
     assert power[frequency < 1 / 33].sum() < 1e-6 * power.sum()
 
 
-def test_stretched_noise_is_longer_along_the_columns():
+def test_fractal_stretched_is_longer_along_columns():
     noise = fractal(np.random.default_rng(0), (256, 256), (4, 64), stretch=4.0)
     along, across = (np.abs(np.diff(noise, axis=axis)).mean() for axis in (1, 0))
     assert across > 2 * along
 
 
-def test_a_ramp_passes_through_its_stops():
+def test_ramp_passes_through_its_stops():
     stops = ((0, 0, 0), (10, 20, 30), (100, 100, 100))
     colours = ramp(stops, np.array([-1, 0, 0.25, 0.5, 1, 2]))
     expected = [(0, 0, 0), (0, 0, 0), (5, 10, 15), (10, 20, 30), (100,) * 3, (100,) * 3]
@@ -96,7 +96,7 @@ def test_a_ramp_passes_through_its_stops():
 
 
 @pytest.mark.parametrize("count", [1, 2, 7, 16])
-def test_each_atlas_rectangle_holds_its_own_cell_within_its_own_border(count):
+def test_pack_rectangles_hold_their_cell_within_its_border(count):
     cells = np.random.default_rng(0).integers(0, 255, (count, 10, 20, 3), dtype=np.uint8)
     atlas = pack(cells, gutter_px=3)
     assert atlas.count == count

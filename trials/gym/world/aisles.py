@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenes.objects.storage import BAY_M, RACK_DEPTH_M
-from scenes.warehouse import WarehouseSettings
+from scenes.warehouse import Options as WarehouseOptions
 from trials.gym.world.barriers import Gate, Slot
 from trials.gym.world.crossings import slot_at
 from trials.gym.world.obstacle_bodies import DOOR_M, LOAD_M
@@ -52,7 +52,7 @@ def survey_aisles(site: Site, speed_mps: float) -> Aisles:
     """
     if site.scene.name != "warehouse":
         raise SettingsError(f"scene {site.scene.name}: has no aisles; valid: warehouse")
-    built = validated(WarehouseSettings, dict(site.settings.scene))
+    built = validated(WarehouseOptions, dict(site.settings.scene))
     pitch_m, length_m = built.aisle_m + RACK_DEPTH_M, built.bays * BAY_M
     aisles_y = (np.arange(built.aisles) - (built.aisles - 1) / 2) * pitch_m
     end_x = length_m / 2 + BESIDE_M
