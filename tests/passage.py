@@ -6,8 +6,9 @@ import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import L, X
 
-from vo.bundle_adjustment.problem import Sight
+from vo.bundle_adjustment.problem import collect
 from vo.contract import se3
+from vo.contract.observations import Observations
 from vo.contract.rig import StereoRig
 from vo.map.local_map import Keyframe, empty_map
 
@@ -30,7 +31,7 @@ class Passage:
             seen = RIG.triangulate(pixels, RIG.f_px * RIG.baseline_m / depth_m)
             points.append(se3.transform(T, seen))
         self.points = np.concatenate(points)
-        self.sights = []
+        self.keyframes = []
         for i, T in enumerate(self.T_odom_cam):
             exact = RIG.project(se3.transform(se3.inverse(T), self.points))
             inside = (exact[:, 2] > 3) & (exact[:, 2] < 60) & (exact[:, :2] > 0).all(axis=1)
@@ -38,30 +39,33 @@ class Passage:
             inside &= np.arange(len(self.points)) < (i + 1) * fresh
             (ids,) = np.nonzero(inside)
             measured = exact[ids] + rng.normal(scale=sigma, size=(len(ids), 3))
-            self.sights.append(Sight(T, ids, measured, np.tile(SIGMA, (len(ids), 1))))
+            sigma_px = np.tile(SIGMA, (len(ids), 1))
+            seen = Observations(ids, measured[:, :2], measured[:, 2], sigma_px=sigma_px)
+            self.keyframes.append(Keyframe(BLANK, seen, i, T, np.zeros((6, 6))))
 
     def started(self, rng, error=0.01):
         """The same, from poses that are off by a centimetre or so, but for the first."""
-        off = se3.exp(rng.normal(scale=error, size=(len(self.sights), 6)))
+        off = se3.exp(rng.normal(scale=error, size=(len(self.keyframes), 6)))
         off[0] = np.eye(4)
         return [
-            replace(s, T_world_cam=s.T_world_cam @ e) for s, e in zip(self.sights, off, strict=True)
+            replace(k, T_odom_cam=k.T_odom_cam @ e)
+            for k, e in zip(self.keyframes, off, strict=True)
         ]
 
-    def local_map(self, sights):
-        """The map of a window: points where the last eye that measured them puts them."""
+    def local_map(self, keyframes):
+        """The map of a window: points where the first keyframe that measured them puts them."""
         landmarks = empty_map().landmarks
-        ids = np.unique(np.concatenate([s.ids for s in sights]))
+        ids = np.unique(np.concatenate([k.observations.ids for k in keyframes]))
         points, views, anchor = (
             np.zeros((len(ids), 3)),
             np.zeros(len(ids), int),
             np.zeros(len(ids), int),
         )
-        for i, s in enumerate(sights):
-            rows = np.searchsorted(ids, s.ids)
-            seen = RIG.triangulate(s.measured[:, :2], s.measured[:, 2])
+        for i, k in enumerate(keyframes):
+            rows = np.searchsorted(ids, k.observations.ids)
+            seen = RIG.triangulate(k.observations.pixels, k.observations.disparity_px)
             new = views[rows] == 0
-            points[rows[new]] = se3.transform(s.T_world_cam, seen)[new]
+            points[rows[new]] = se3.transform(k.T_odom_cam, seen)[new]
             anchor[rows[new]] = i
             views[rows] += 1
         n = len(ids)
@@ -71,18 +75,19 @@ class Passage:
             points_odom=points,
             views=views,
             anchor=anchor,
-            vectors=np.zeros((n, 1), np.float32),
+            descriptors=np.zeros((n, 1), np.float32),
             anchor_pixels=np.zeros((n, 2)),
             anchor_depth_m=np.ones(n),
             anchor_slopes=np.zeros((n, 2)),
         )
-        keyframes = tuple(
-            Keyframe(i, s.T_world_cam, np.zeros((6, 6)), BLANK, s.ids, s.measured, s.sigma)
-            for i, s in enumerate(sights)
-        )
-        return replace(
-            empty_map(len(sights), int(ids[-1]) + 1), keyframes=keyframes, landmarks=landmarks
-        )
+        start = empty_map(len(keyframes), int(ids[-1]) + 1)
+        return replace(start, keyframes=tuple(keyframes), landmarks=landmarks, first_serial=0)
+
+
+def collected(keyframes, ids, points, fixed):
+    """The bundle of some keyframes."""
+    T = np.stack([k.T_odom_cam for k in keyframes])
+    return collect(T, [k.observations for k in keyframes], ids, points, fixed, RIG)
 
 
 def gtsam_bundle(bundle):

@@ -1,8 +1,8 @@
-"""The one place where what a stage found can be replaced from outside, by better or by worse.
+"""Hooks: the one place where the output of a stage can be replaced from outside.
 
-The estimator hands out what it has, in its own units, and goes on with what comes back. It learns
-nothing of where that came from. Landmarks are known by their identifiers, which last for the whole
-run; `born` tells once what surface point each one is.
+The estimator passes what a stage found, in its own units, and continues with what comes back.
+Landmarks are known by their identifiers, which last for the whole run; `new_landmarks` tells once
+what surface point each one is.
 """
 
 from vo.contract.arrays import Array, Indices, Mask
@@ -10,84 +10,84 @@ from vo.contract.sequence import StereoFrame
 
 
 class Hooks:
-    """Changes nothing; derive and override what shall be replaced.
+    """Changes nothing; derive from it and override what is to be replaced.
 
-    Rows stay what they are: each method returns an array of the shape it was given, except for
-    `features`. None of them may write into its arguments.
+    Each method returns an array of the shape that it was given, except for `features`. All
+    arguments are read-only.
     """
 
     def features(self, frame: StereoFrame, pixels: Array) -> Array:
-        """Features of the left image.
+        """Replace the features of the left image.
 
         Args:
             frame: The pair.
-            pixels: (N, 2) (u, v) that the detector found, strongest first.
+            pixels: (N, 2) (u, v) of the detector, strongest first.
 
         Returns:
-            (M, 2) to go on with.
+            (M, 2) features.
         """
         return pixels
 
-    def born(self, frame: StereoFrame, ids: Indices, pixels: Array) -> None:
-        """Hear of new landmarks: each is the surface point at a pixel of this frame, for good.
+    def new_landmarks(self, frame: StereoFrame, ids: Indices, pixels: Array) -> None:
+        """Receive new landmarks: each is the surface point at a pixel of this frame, for good.
 
         Args:
             frame: The pair.
-            ids: (N,) identifiers. One that is told again, since nothing came of its landmark, is
-                another one's from then on.
+            ids: (N,) identifiers. One that comes again, because its landmark was never used,
+                denotes the later surface point.
             pixels: (N, 2) left-image (u, v).
         """
 
-    def predicted(
+    def predicted_pose(
         self, frame: StereoFrame, last_ns: int, T_odom_last: Array, T_odom_cam: Array
     ) -> Array:
-        """Pose from which the search for matches starts.
+        """Replace the pose at which the search for matches starts.
 
         Args:
             frame: The pair.
             last_ns: Time of the last frame that had a pose.
             T_odom_last: (4, 4) that pose, as estimated.
-            T_odom_cam: (4, 4) guess for this frame.
+            T_odom_cam: (4, 4) prediction for this frame.
         """
         return T_odom_cam
 
     def pixels(self, frame: StereoFrame, ids: Indices, pixels: Array) -> Array:
-        """Where the landmarks of the map appear.
+        """Replace the positions of the map's landmarks in the left image.
 
         Args:
             frame: The pair.
-            ids: (L,) every landmark of the map, found or not.
-            pixels: (L, 2) left-image (u, v) where it was found; NaN where it was not.
+            ids: (L,) every landmark of the map, matched or not.
+            pixels: (L, 2) left-image (u, v) where it was matched; NaN where it was not.
 
         Returns:
-            (L, 2); NaN for landmarks that shall not be used. Any other may be.
+            (L, 2); NaN for landmarks that are not to be used. Any other may be.
         """
         return pixels
 
     def disparity(self, frame: StereoFrame, pixels: Array, disparity_px: Array) -> Array:
-        """Disparity at features, be they new or matched.
+        """Replace the disparity at features, new or matched.
 
         Args:
             frame: The pair.
             pixels: (N, 2) left-image (u, v).
-            disparity_px: (N,) u_left - u_right; NaN where it was not found.
+            disparity_px: (N,) u_left - u_right; NaN where unknown.
 
         Returns:
-            (N,); NaN where it shall not be used.
+            (N,); NaN where it is not to be used.
         """
         return disparity_px
 
     def inliers(self, frame: StereoFrame, ids: Indices, pixels: Array, agree: Mask) -> Mask:
-        """Which matches are taken to be right.
+        """Replace the inliers among the matches.
 
         Args:
             frame: The pair.
             ids: (N,) matched landmarks.
             pixels: (N, 2) where they were matched.
-            agree: (N,) those that agree with the motion that RANSAC found.
+            agree: (N,) those within the inlier threshold.
         """
         return agree
 
 
-UNTOUCHED = Hooks()
-"""What an estimator has that nobody interferes with."""
+NO_HOOKS = Hooks()
+"""Default of an estimator: nothing is replaced."""

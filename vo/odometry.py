@@ -1,128 +1,188 @@
-"""The algorithm: stereo frames in, one pose and one status per frame out (thesis, algorithm 2)."""
+"""Stereo visual odometry: stereo frames in, one pose and one status a frame out (algorithm 2)."""
 
-from dataclasses import replace
+from collections.abc import Mapping
 
 import numpy as np
 
 from vo.config import OdometrySettings
+from vo.contract import se3
+from vo.contract.arrays import Array
 from vo.contract.clock import Clock
 from vo.contract.estimator import Estimate, FinalResult, Status
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
-from vo.hooks import UNTOUCHED, Hooks
+from vo.hooks import NO_HOOKS, Hooks
 from vo.map.frame import View
-from vo.map.state import Journey
-from vo.mapping.batch_smoothing import look_back
-from vo.mapping.keyframes import add_keyframe
-from vo.mapping.map_update import grow
-from vo.mapping.relocalization import ADRIFT
-from vo.tracking.appearance import explain_calibration, explain_failure
-from vo.tracking.context import Gear
-from vo.tracking.doubt import explain_doubt
-from vo.tracking.frontend import Eyes
-from vo.tracking.landmark_prior import judge
-from vo.tracking.stationary import Glimpse, glimpse
-from vo.tracking.track_local_map import locate
+from vo.map.local_map import TrackedFrame, add_observations, pose_covariance, transform_map
+from vo.map.matches import Matches, newest_matches
+from vo.map.run_history import RunHistory
+from vo.map.state import TrackerState
+from vo.mapping import relocalization
+from vo.mapping.adjustments import ADJUSTMENTS
+from vo.mapping.batch_smoothing import finalize
+from vo.mapping.keyframes import add_keyframe, needs_keyframe
+from vo.mapping.relocalization import mark_lost, relocalize
+from vo.tracking.diagnostics import (
+    add_row_offset,
+    explain_calibration,
+    explain_failure,
+    explain_weakness,
+)
+from vo.tracking.frontend import Frontend
+from vo.tracking.options import cull_landmarks
+from vo.tracking.stationary import detect_stationary, start_halt
+from vo.tracking.track_local_map import (
+    NotTracked,
+    Stages,
+    is_reliable,
+    predict_pose,
+    retry_tracking,
+    shows_swapped_images,
+    track_local_map,
+)
 
 
 class StereoOdometry:
-    """CenSurE, ZNCC marriage, P3P under RANSAC, and bundle adjustment over a window."""
+    """CenSurE, ZNCC, P3P under RANSAC, and bundle adjustment of a window of keyframes.
+
+    Attributes:
+        rig: Calibration of the pair.
+        settings: Of all stages.
+        hooks: May replace the output of a stage; may be exchanged at any time.
+        state: What one frame hands to the next.
+    """
 
     def __init__(
-        self, rig: StereoRig, settings: OdometrySettings | None = None, hooks: Hooks = UNTOUCHED
+        self, rig: StereoRig, settings: OdometrySettings | None = None, hooks: Hooks = NO_HOOKS
     ) -> None:
-        self.rig, self.settings = rig, settings or OdometrySettings()
-        self._gear = Gear(rig, hooks, np.random.default_rng(self.settings.seed))
-        self._eyes = Eyes(self.settings, hooks)
-        self._journey = Journey()
-
-    @property
-    def hooks(self) -> Hooks:
-        """What may replace a stage's output; may be set until the first frame."""
-        return self._gear.hooks
-
-    @hooks.setter
-    def hooks(self, hooks: Hooks) -> None:
-        self._gear = replace(self._gear, hooks=hooks)
-        self._eyes = Eyes(self.settings, hooks)
+        self.rig, self.settings, self.hooks = rig, settings or OdometrySettings(), hooks
+        self.state = TrackerState()
+        self._history = RunHistory()
+        self._frontend = Frontend(rig, self.settings)
+        refinement = self.settings.refinement
+        self._adjust = ADJUSTMENTS[refinement.mode](rig, refinement)
+        self._rng = np.random.default_rng(self.settings.seed)
 
     def track(self, frame: StereoFrame) -> Estimate:
         """Estimate the pose of the next frame; never raises on image content."""
-        here, gear, clock = self._journey, self._gear, Clock()
-        if frame.timestamp_ns <= here.seen_ns:
-            reason = f"not later than the frame before, at {here.seen_ns} ns"
+        state, clock = self.state, Clock()
+        if frame.timestamp_ns <= state.frame_ns:
+            reason = f"not later than the frame before, at {state.frame_ns} ns"
             return Estimate(frame.timestamp_ns, Status.LOST, None, reason)
-        here.seen_ns = frame.timestamp_ns
-        view = self._eyes.look(frame, clock)  # CenSurE (3.2), dense stereo (3.1)
-        counts = {"features": len(view.features), "matches": 0, "inliers": 0}
-        if not here.map.keyframes:
-            return self._start(view, counts, clock)
+        view = self._frontend.process(frame, state.smoothing_px, self.hooks, clock)  # (3.1, 3.2)
+        state.frame_ns, state.smoothing_px = frame.timestamp_ns, view.smoothing_px
+        if not state.map.keyframes:
+            return self._initialize(view, clock)
 
-        found = locate(here, view, gear, counts, clock)  # matching, RANSAC, refinement (3.2-3.4)
-        if found is None:
-            return self._lose(view, counts, clock)
-        view = found.view
+        stages = Stages(self.hooks, self._rng, clock)
+        T_guess = predict_pose(state, view, self.hooks)  # constant velocity, or at rest
+        tracked = track_local_map(state, view, T_guess, stages)  # match, P3P, refine (3.2-3.4)
+        if not is_reliable(tracked, state.map):  # rotation prior, KLT, wide search (decision 22)
+            tracked = retry_tracking(state, view, T_guess, tracked, stages)
+        if isinstance(tracked, NotTracked) or shows_swapped_images(tracked, view):
+            return self._lose(view, tracked.counts, clock)
 
-        with clock("structure refinement"):  # motion and structure, on long tracks (3.4, 4.4)
-            here.note(view, found.inliers)
-            rest = here.halt(view, found.inliers, gear.rig)  # (5.1.3, E11)
-            if rest is None:
-                T_odom_cam = grow(here, view, found, gear, counts)
-                spread, seen = found.pose.covariance, glimpse(found.inliers)
-                rest = here.leave(T_odom_cam, spread, view, seen)
-            if view.settings.motion.landmark_prior:
-                agreed = found.inliers.ids
-                here.map, here.strikes = judge(here.map, here.strikes, found.matches.ids, agreed)
-
-        step = here.advance(view, rest.T_odom_cam, rest.spread)
-        doubt = explain_doubt(len(found.inliers), counts["motion iterations"], view.settings)
+        view, inliers, counts = tracked.view, tracked.inliers, dict(tracked.counts)
+        T_odom_cam, covariance = tracked.pose.T_world_cam, tracked.pose.covariance
+        with clock("structure refinement"):
+            rows, features = inliers.rows, inliers.features
+            state.map = add_observations(state.map, rows, features, view.descriptors)
+            state.previous = TrackedFrame(view.frame.left, inliers)
+            halt = detect_stationary(state.halt, view, inliers)  # zero-velocity update (5.1.3)
+            if halt:
+                T_odom_cam, covariance = halt.T_odom_cam, halt.covariance
+            elif needs_keyframe(state.map, tracked):
+                absolute = pose_covariance(state.map, T_odom_cam, covariance)
+                state.map = add_keyframe(state.map, view, T_odom_cam, absolute, inliers, self.hooks)
+                state.map, counts["structure iterations"] = self._adjust(state.map)  # (3.4, 4.4)
+                self._finish_keyframe(view, inliers)
+                T_odom_cam = state.map.keyframes[-1].T_odom_cam
+            state.halt = halt or start_halt(state.T_odom_cam, T_odom_cam, covariance, view, inliers)
+            culled = cull_landmarks(state, view, tracked.matches, inliers)
+            state.map, state.outlier_counts = culled
+        step_covariance = self._set_pose(view, T_odom_cam, covariance)
+        weakness = explain_weakness(len(inliers), counts["motion iterations"], view.settings)
         return Estimate(
             frame.timestamp_ns,
-            Status.WEAK if doubt else Status.TRACKED,
-            rest.T_odom_cam,
-            doubt or explain_calibration(here.row_offsets_px),
-            counts,
-            clock.ms,
-            found.observations(),
-            here.covariance(rest.T_odom_cam, rest.spread),
-            step,
+            Status.WEAK if weakness else Status.TRACKED,
+            T_odom_cam,
+            reason=weakness or explain_calibration(state.row_offsets_px),
+            counts={"features": len(view.features), **counts},
+            timings_ms=clock.ms,
+            observations=tracked.observations(),
+            covariance=pose_covariance(state.map, T_odom_cam, covariance),
+            step_covariance=step_covariance,
         )
 
     def finalize(self) -> FinalResult:
         """Return the map, and the trajectory as far as later frames corrected it."""
-        return look_back(self._journey.history, self.rig, self.settings.refinement)
+        return finalize(self._history, self.rig, self.settings.refinement)
 
-    def _start(self, view: View, counts: dict[str, int], clock: Clock) -> Estimate:
-        """Begin a map where the old one knows the view, or else at the last pose."""
-        s, here, gear = view.settings, self._journey, self._gear
-        lost = here.lost_frames
-        known = here.find_again(view, gear.rig, s, gear.rng)
-        elsewhere = ADRIFT * np.eye(6) if lost else np.zeros((6, 6))
-        T_odom_cam, covariance = known or (here.T_odom_cam, elsewhere)
-        fresh = add_keyframe(here.map, view, T_odom_cam, covariance, None, gear.rig, s, gear.hooks)
-        counts["fresh"] = len(fresh.landmarks)
-        if len(fresh.landmarks) < s.motion.min_inliers:
-            few = f"{len(fresh.landmarks)} features with depth, need {s.motion.min_inliers}"
-            return self._lose(view, counts, clock, few)
-        here.map, here.lost_map = fresh, None if known else here.lost_map
-        here.history.remember(fresh, s.refinement)
-        first = Glimpse(
-            fresh.landmarks.ids, fresh.keyframes[-1].measured[:, :2], fresh.landmarks.points_odom
-        )
-        here.before = fresh.keyframes[-1].sighting
-        here.leave(T_odom_cam, np.zeros((6, 6)), view, first)
-        step = here.advance(view, T_odom_cam, np.zeros((6, 6))) + covariance
-        reason = f"new segment after {lost} lost frames" if lost else ""
-        time_ns = view.frame.timestamp_ns
+    def _initialize(self, view: View, clock: Clock) -> Estimate:
+        """Start a map at the pose that the lost map gives, or else at the last pose."""
+        state, lost_frames, none = self.state, self.state.lost_frames, np.zeros((6, 6))
+        found = relocalize(state.lost_map, view, self._rng)  # (6)
+        unknown = relocalization.LIMITS.unknown_variance * np.eye(6) if lost_frames else none
+        T_odom_cam, covariance = found or (state.T_odom_cam, unknown)
+        new = add_keyframe(state.map, view, T_odom_cam, covariance, hooks=self.hooks)
+        n, min_inliers = len(new.landmarks), view.settings.motion.min_inliers
+        counts = {"matches": 0, "inliers": 0, "fresh": n}
+        if n < min_inliers:
+            return self._lose(view, counts, clock, f"{n} features with depth, need {min_inliers}")
+        state.map, state.lost_map = new, None if found else state.lost_map
+        self._history.record_map(new, view.settings.refinement)
+        state.previous = new.keyframes[-1]
+        state.halt = start_halt(state.T_odom_cam, T_odom_cam, none, view, newest_matches(new))
         return Estimate(
-            time_ns, Status.START, T_odom_cam, reason, counts, clock.ms, None, covariance, step
+            view.frame.timestamp_ns,
+            Status.START,
+            T_odom_cam,
+            reason=f"new segment after {lost_frames} lost frames" if lost_frames else "",
+            counts={"features": len(view.features), **counts},
+            timings_ms=clock.ms,
+            covariance=covariance,
+            step_covariance=self._set_pose(view, T_odom_cam, none) + covariance,
         )
 
     def _lose(
-        self, view: View, counts: dict[str, int], clock: Clock, few: str | None = None
+        self, view: View, counts: Mapping[str, int], clock: Clock, few: str | None = None
     ) -> Estimate:
-        """Report a frame without a pose, and what is wrong with it."""
-        self._journey.lose(self.settings.patience_frames)
-        few = few or f"{counts['inliers']} inliers, need {self.settings.motion.min_inliers}"
-        reason = explain_failure(view, view.settings) or few
-        return Estimate(view.frame.timestamp_ns, Status.LOST, None, reason, counts, clock.ms)
+        """Report a frame without a pose; after some, the next one starts a new map."""
+        state, settings = self.state, self.settings
+        state.lost_frames += 1
+        state.T_last_cam = np.eye(4)
+        state.map, state.lost_map = mark_lost(
+            state.map, state.lost_map, state.lost_frames, settings.patience_frames
+        )
+        few = few or f"{counts['inliers']} inliers, need {settings.motion.min_inliers}"
+        return Estimate(
+            view.frame.timestamp_ns,
+            Status.LOST,
+            None,
+            reason=explain_failure(view) or few,
+            counts={"features": len(view.features), **counts},
+            timings_ms=clock.ms,
+        )
+
+    def _finish_keyframe(self, view: View, inliers: Matches) -> None:
+        """Merge the segment with a lost one that the new keyframe sees; record the keyframe."""
+        state, keyframe = self.state, self.state.map.keyframes[-1]
+        state.previous = keyframe
+        if found := relocalize(state.lost_map, view, self._rng):  # (6)
+            T_new_old = found.T_odom_cam @ se3.inverse(keyframe.T_odom_cam)
+            self._history.transform(state.map.keyframes[0].serial, T_new_old)
+            state.map, state.lost_map = transform_map(state.map, T_new_old, found.covariance), None
+        self._history.record_map(state.map, view.settings.refinement)
+        state.row_offsets_px = add_row_offset(state.row_offsets_px, view, inliers)
+
+    def _set_pose(self, view: View, T_odom_cam: Array, covariance: Array) -> Array:
+        """Set the pose and its covariance given the map; return the covariance of the step."""
+        state, keyframe = self.state, self.state.map.keyframes[-1]
+        T_cam_last = se3.inverse(T_odom_cam) @ state.T_odom_cam
+        step_covariance = se3.transform_covariance(T_cam_last, state.covariance) + covariance
+        state.T_last_cam, state.T_odom_cam = se3.inverse(T_cam_last), T_odom_cam
+        state.covariance, state.lost_frames = covariance, 0
+        state.pose_ns = view.frame.timestamp_ns
+        T_keyframe_cam = se3.inverse(keyframe.T_odom_cam) @ T_odom_cam
+        self._history.record_frame(state.pose_ns, keyframe.serial, T_keyframe_cam)
+        return step_covariance

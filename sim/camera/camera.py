@@ -71,7 +71,12 @@ class Capture:
 
 @dataclass(frozen=True)
 class StereoImages:
-    """Left and right (H, W[, 3]) uint8 images, rectified, and raw if the lens distorts."""
+    """The delivered images of one frame.
+
+    Attributes:
+        rectified: Left and right (H, W) grey or (H, W, 3) RGB, uint8.
+        raw: The same before rectification; None without distortion.
+    """
 
     rectified: tuple[Image, Image]
     raw: tuple[Image, Image] | None

@@ -32,10 +32,15 @@ def exempt_parts(settings: RecordSettings) -> frozenset[str]:
 def certify(
     frames: Iterable[FrameResidual], checks: dict[str, Any], exempt: frozenset[str] = frozenset()
 ) -> dict[str, Any]:
-    """Return the manifest's `certificate`: the same images and labels always give the same numbers.
+    """Summarise all frames; the same images and labels always give the same numbers.
 
-    Checks come from `plausibility.check_folder`, each with its own `passed`; exempt parts, from
-    `exempt_parts`, cannot fail.
+    Args:
+        frames: In order.
+        checks: From `plausibility.check_folder`; each with its own `passed`.
+        exempt: Parts that cannot fail, from `exempt_parts`.
+
+    Returns:
+        JSON-ready content of the manifest's `certificate`.
     """
     frames = list(frames)
     stereo = {frame.timestamp_ns: frame.stereo for frame in frames}

@@ -17,7 +17,13 @@ STEP_MAX = 8.0
 
 @dataclass(frozen=True)
 class Exposure:
-    """Exposure time of an image, also over the reference exposure time, and gain of at least 1."""
+    """Exposure of one image.
+
+    Attributes:
+        time_ms: Exposure time.
+        brightness: `time_ms` over the reference exposure time.
+        gain: Amplification, 1 or more.
+    """
 
     time_ms: float
     brightness: float

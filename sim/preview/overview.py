@@ -26,7 +26,13 @@ CHARACTERS = 33
 
 @dataclass(frozen=True)
 class Tile:
-    """Content of a scene's tile: its world, the left image with the most variety, and its map."""
+    """Content of one scene's tile.
+
+    Attributes:
+        world: Gives name, path and purpose of the scene.
+        view: Left image with the most variety of depth, (H, W, 3) RGB.
+        top_down: Overhead map.
+    """
 
     world: World
     view: Image
@@ -34,7 +40,12 @@ class Tile:
 
 
 def tile(scene: Scene, settings: RecordSettings) -> Tile:
-    """Render the content of a scene's tile, in colour."""
+    """Render the content of a scene's tile, in colour.
+
+    Raises:
+        SettingsError: If the settings do not fit the scene.
+        GraphicsError: If there is no OpenGL.
+    """
     rig = settings.rig.model_copy(update={"color": True})
     settings = settings.model_copy(update={"rig": rig})
     world = build_world(scene, settings)

@@ -83,7 +83,7 @@ def test_features_hook_selects_features(errors):
         def features(self, frame, pixels):
             return pixels[pixels[:, 0] < 320]
 
-        def born(self, frame, ids, pixels):
+        def new_landmarks(self, frame, ids, pixels):
             assert (pixels[:, 0] < 320).all()
 
     found, _ = errors(LeftHalf())

@@ -1,35 +1,39 @@
-"""The alternatives of refinement against GTSAM's own stereo factors and against known noise."""
+"""The modes of bundle adjustment against GTSAM's own stereo factors and against known noise."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from passage import RIG, SIGMA, Passage, gtsam_bundle
+from passage import RIG, SIGMA, Passage, collected, gtsam_bundle
 
 from vo.bundle_adjustment.adjust import refine_structure
 from vo.bundle_adjustment.fixed_lag import FixedLag
-from vo.bundle_adjustment.problem import DENSE_CAMERAS, collect
-from vo.config import OdometrySettings, RefinementSettings
+from vo.bundle_adjustment.problem import DENSE_CAMERAS
+from vo.config import RefinementSettings
 from vo.contract import se3
-from vo.map.run_history import History
-from vo.mapping.batch_smoothing import refine_all
-from vo.mapping.window_adjustment import refine_map
+from vo.map.local_map import transform_map
+from vo.map.run_history import KeyframeRecord, LandmarkRecord, RunHistory
+from vo.mapping.adjustments import ADJUSTMENTS
+from vo.mapping.batch_smoothing import smooth
 
 PLAIN = RefinementSettings(huber=1e6, max_iterations=50, learn_noise=False)
 
 
-def settings(**changes):
-    return OdometrySettings(refinement=PLAIN.model_copy(update=changes))
+def adjustment(mode="window", **changes):
+    settings = PLAIN.model_copy(update={"mode": mode, **changes})
+    return ADJUSTMENTS[mode](RIG, settings)
 
 
-def seen_twice(sights):
-    ids, times = np.unique(np.concatenate([s.ids for s in sights]), return_counts=True)
+def seen_twice(keyframes):
+    seen = np.concatenate([k.observations.ids for k in keyframes])
+    ids, times = np.unique(seen, return_counts=True)
     return ids[times >= 2]
 
 
 def whole_bundle(passage, seed=0):
-    sights = passage.started(np.random.default_rng(seed))
-    ids = seen_twice(sights)
-    fixed = np.arange(len(sights)) == 0
-    return collect(sights, ids, passage.points[ids], fixed, RIG)
+    keyframes = passage.started(np.random.default_rng(seed))
+    ids = seen_twice(keyframes)
+    return collected(keyframes, ids, passage.points[ids], np.arange(len(keyframes)) == 0)
 
 
 def error(T_a, T_b):
@@ -37,7 +41,7 @@ def error(T_a, T_b):
 
 
 @pytest.mark.parametrize("keyframes", [5, DENSE_CAMERAS + 10], ids=["one block", "many blocks"])
-def test_structure_equals_gtsam_stereo_factors(keyframes):
+def test_window_equals_gtsam_stereo_factors(keyframes):
     """Poses, points and covariances, however the bundle is cut."""
     bundle = whole_bundle(Passage(1, keyframes, fresh=12))
     T, points, covariance = gtsam_bundle(bundle)
@@ -53,34 +57,32 @@ def test_structure_equals_gtsam_stereo_factors(keyframes):
 
 def follow(passage, lag):
     """Feed keyframe after keyframe: the last update's poses and covariances."""
-    start = passage.sights
-    smoother = FixedLag(0, start[0].T_world_cam, np.zeros((6, 6)), lag)
-    T = {0: start[0].T_world_cam}
+    start = passage.keyframes
+    smoother = FixedLag(0, start[0].T_odom_cam, np.zeros((6, 6)), lag)
+    T = {0: start[0].T_odom_cam}
     found = None
     for k in range(1, len(start)):
-        T[k] = T[k - 1] @ se3.inverse(start[k - 1].T_world_cam) @ start[k].T_world_cam
+        T[k] = T[k - 1] @ se3.inverse(start[k - 1].T_odom_cam) @ start[k].T_odom_cam
         lasting = range(max(0, k - lag + 1), k + 1)
-        sights = {
-            i: type(start[i])(T[i], start[i].ids, start[i].measured, start[i].sigma)
-            for i in lasting
-        }
-        ids = seen_twice(sights.values())
-        found = smoother.update(sights, ids, passage.points[ids], RIG, PLAIN)
+        ids = seen_twice([start[i] for i in lasting])
+        poses = {i: T[i] for i in lasting}
+        seen = {i: start[i].observations for i in lasting}
+        found = smoother.update(poses, seen, ids, passage.points[ids], RIG, PLAIN)
         T |= dict(zip(lasting, found.T_odom_cam, strict=True))
     return found
 
 
-def test_incremental_equals_batch_while_nothing_has_left():
+def test_fixed_lag_equals_batch_while_nothing_has_left():
     passage = Passage(2, 6)
     found = follow(passage, lag=6)
-    ids = seen_twice(passage.sights)
-    bundle = collect(passage.sights, ids, passage.points[ids], np.arange(6) == 0, RIG)
+    ids = seen_twice(passage.keyframes)
+    bundle = collected(passage.keyframes, ids, passage.points[ids], np.arange(6) == 0)
     T, _, covariance = gtsam_bundle(bundle)
     assert error(found.T_odom_cam, T) < 1e-4
     np.testing.assert_allclose(np.diag(found.covariance[-1]), np.diag(covariance[-1]), rtol=0.02)
 
 
-def test_what_keyframes_leave_behind_is_used_once():
+def test_fixed_lag_uses_measurements_once():
     """After twelve keyframes with a lag of four, errors are as large as the covariance says.
 
     Larger would mean that a measurement is in the prior twice, smaller that one is lost that the
@@ -97,33 +99,40 @@ def test_what_keyframes_leave_behind_is_used_once():
 
 
 @pytest.mark.parametrize("mode", ["window", "fixed_lag"])
-def test_modes_correct_poses(mode):
+def test_adjustments_correct_poses(mode):
     passage = Passage(3, 2)
     start = passage.local_map(passage.started(np.random.default_rng(3), error=0.02))
-    refined, iterations = refine_map(start, RIG, settings(mode=mode, min_views=2))
+    refined, iterations = adjustment(mode, min_views=2)(start)
     before, after = (
         error(m.keyframes[1].T_odom_cam, passage.T_odom_cam[1]) for m in (start, refined)
     )
     assert iterations > 0
     assert 1e-5 < after < before / 3
     assert refined.keyframes[1].covariance.any()
-    assert (refined.lag is not None) == (mode == "fixed_lag")
 
 
-def test_motion_only_leaves_everything_where_it_was():
+def test_motion_mode_leaves_the_map_as_it_is():
     passage = Passage(3, 4)
     start = passage.local_map(passage.started(np.random.default_rng(3)))
-    assert refine_map(start, RIG, settings(mode="motion")) == (start, 0)
+    assert adjustment("motion")(start) == (start, 0)
 
 
-def test_a_smoother_without_landmarks_starts_anew():
-    passage = Passage(4, 3)
-    start = passage.local_map(passage.sights)
-    refined, _ = refine_map(start, RIG, settings(mode="fixed_lag", min_views=2))
-    assert refined.lag
-    lonely, iterations = refine_map(refined, RIG, settings(mode="fixed_lag", min_views=99))
-    assert (lonely.lag, iterations) == (None, 0)
-    assert refined.moved(np.eye(4), np.zeros((6, 6))).lag is None
+def test_fixed_lag_starts_anew_without_landmarks_or_map():
+    passage = Passage(4, 4)
+    adjust = adjustment("fixed_lag", min_views=2)
+    refined, iterations = adjust(passage.local_map(passage.keyframes[:3]))
+    assert iterations > 0
+    first = adjust._smoother
+    assert first is not None
+    grown = replace(refined, keyframes=(*refined.keyframes, passage.keyframes[3]))
+    adjust(grown)
+    assert adjust._smoother is first
+    elsewhere = transform_map(grown, se3.exp(np.full(6, 0.1)), np.zeros((6, 6)))
+    adjust(elsewhere)
+    assert adjust._smoother not in (None, first)
+    lonely = replace(elsewhere, landmarks=elsewhere.landmarks.update(slice(None), views=0))
+    assert adjust(lonely) == (lonely, 0)
+    assert adjust._smoother is None
 
 
 def depth_ratios(passage, refined, ids):
@@ -135,72 +144,76 @@ def depth_ratios(passage, refined, ids):
     return found / true
 
 
-def test_two_views_by_one_eye_collapse_structure_and_disparities_prevent_it():
+def test_window_two_mono_views_collapse_and_disparity_prevents():
     """Thesis 4.4: short steps forward, points that two frames saw, and the left eye alone."""
     short = se3.exp(np.array([0.0, 0.0, 0.005, 0.0, 0.0, 0.0]))
     passage = Passage(6, 3, fresh=60, step=short)
-    start = passage.local_map(passage.sights)
-    twice = seen_twice(passage.sights)
-    one_eye = {"use_disparity": False, "min_views": 2}
-    collapsed, _ = refine_map(start, RIG, settings(**one_eye))
+    start = passage.local_map(passage.keyframes)
+    twice = seen_twice(passage.keyframes)
+    collapsed, _ = adjustment(use_disparity=False, min_views=2)(start)
     ratios = depth_ratios(passage, collapsed, twice)
     assert np.mean((ratios < 0.5) | (ratios > 2)) > 0.2
-    kept, _ = refine_map(start, RIG, settings(**one_eye | {"use_disparity": True}))
+    kept, _ = adjustment(use_disparity=True, min_views=2)(start)
     ratios = depth_ratios(passage, kept, twice)
     assert np.mean((ratios < 0.5) | (ratios > 2)) < 0.02
 
 
-def history_of(passage, sights):
-    history = History()
-    local_map = passage.local_map(sights)
-    for keyframe, sight in zip(local_map.keyframes, sights, strict=True):
-        history.keyframes[keyframe.serial] = keyframe.T_odom_cam
-        history.sights[keyframe.serial] = sight
+def history_of(passage, keyframes):
+    history = RunHistory()
+    local_map = passage.local_map(keyframes)
+    for k in keyframes:
+        history.keyframes[k.serial] = KeyframeRecord(k.T_odom_cam, k.observations)
     for landmark, point in zip(
         local_map.landmarks.ids, local_map.landmarks.points_odom, strict=True
     ):
-        history.places[int(landmark)] = point
-        history.traits[int(landmark)] = (0, 3, 0)
+        history.points[int(landmark)] = point
+        history.landmarks[int(landmark)] = LandmarkRecord(0, 3, 0)
     return history
 
 
-def test_global_refinement_of_a_run_equals_gtsam():
+def test_smoothing_of_a_run_equals_gtsam():
     passage = Passage(7, DENSE_CAMERAS + 8, fresh=12)
     bundle = whole_bundle(passage, 7)
     history = history_of(passage, passage.started(np.random.default_rng(7)))
-    before = {serial: T.copy() for serial, T in history.keyframes.items()}
-    found = refine_all(history, RIG, PLAIN)
+    before = {serial: k.T_odom_cam.copy() for serial, k in history.keyframes.items()}
+    found = smooth(history, RIG, PLAIN)
     T, points, _ = gtsam_bundle(bundle)
-    assert error(np.stack(list(found.keyframes.values())), T) < 2e-4
-    ids = seen_twice(passage.sights)
+    assert error(np.stack([k.T_odom_cam for k in found.keyframes.values()]), T) < 2e-4
+    ids = seen_twice(passage.keyframes)
     assert np.median(np.abs(found.positions(ids) - points)) < 2e-4
-    assert all((history.keyframes[serial] == before[serial]).all() for serial in before)
+    assert all((history.keyframes[serial].T_odom_cam == before[serial]).all() for serial in before)
 
 
-def test_groups_that_share_nothing_hang_on_each_other_rigidly():
+def test_smoothing_keeps_unconnected_groups_rigid():
     passage = Passage(8, 10, fresh=20)
-    sights = passage.started(np.random.default_rng(8))
-    cut = 1_000
-    sights[5:] = [type(s)(s.T_world_cam, s.ids + cut, s.measured, s.sigma) for s in sights[5:]]
-    history = history_of(passage, sights)
-    found = refine_all(history, RIG, PLAIN).keyframes
+    keyframes = passage.started(np.random.default_rng(8))
+    for i in range(5, 10):
+        other = replace(keyframes[i].observations, ids=keyframes[i].observations.ids + 1_000)
+        keyframes[i] = replace(keyframes[i], observations=other)
+    history = history_of(passage, keyframes)
+    known, found = (
+        {serial: k.T_odom_cam for serial, k in x.keyframes.items()}
+        for x in (history, smooth(history, RIG, PLAIN))
+    )
 
     def bridge(T):
         return se3.inverse(T[4]) @ T[5]
 
-    np.testing.assert_allclose(bridge(found), bridge(history.keyframes), atol=1e-9)
+    np.testing.assert_allclose(bridge(found), bridge(known), atol=1e-9)
     for group in (range(5), range(5, 10)):
         steps = [se3.inverse(found[i]) @ found[i + 1] for i in group[:-1]]
         true = se3.inverse(passage.T_odom_cam[0]) @ passage.T_odom_cam[1]
         assert error(np.array(steps), true) < 5e-3
-    assert error(found[4], history.keyframes[4]) > 1e-3
+    assert error(found[4], known[4]) > 1e-3
 
 
-def test_noise_of_the_world_is_what_the_tests_say():
+def test_passage_noise_is_as_stated():
     """The bounds above rest on it."""
     passage = Passage(9, 8, fresh=200)
     residuals = [
-        (RIG.project(se3.transform(se3.inverse(T), passage.points[s.ids])) - s.measured) / SIGMA
-        for T, s in zip(passage.T_odom_cam, passage.sights, strict=True)
+        (RIG.project(se3.transform(se3.inverse(T), passage.points[x.ids])) - x.measured) / SIGMA
+        for T, x in zip(
+            passage.T_odom_cam, (k.observations for k in passage.keyframes), strict=True
+        )
     ]
     assert np.concatenate(residuals).std() == pytest.approx(1.0, abs=0.03)

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from passage import RIG, SIGMA, Passage
+from passage import RIG, SIGMA, Passage, collected
 
 from vo.bundle_adjustment.adjust import refine_motion
 from vo.bundle_adjustment.point_estimates import PointEstimates
-from vo.bundle_adjustment.problem import collect, point_blocks
+from vo.bundle_adjustment.problem import point_blocks
 from vo.config import RefinementSettings
 from vo.contract import se3
 
@@ -16,11 +16,13 @@ PLAIN = RefinementSettings(huber=1e6, max_iterations=50)
 def test_score_products_match_single_points():
     """A bundle of one landmark has its score as the gradient."""
     passage = Passage(1, 4, fresh=8)
-    ids = np.intersect1d(passage.sights[0].ids, passage.sights[3].ids)
+    ids = np.intersect1d(
+        passage.keyframes[0].observations.ids, passage.keyframes[3].observations.ids
+    )
     moving = np.arange(4) > 0
 
     def estimates_of(landmarks, points):
-        bundle = collect(passage.sights, landmarks, points, ~moving, RIG)
+        bundle = collected(passage.keyframes, landmarks, points, ~moving)
         (block,) = point_blocks(bundle)
         return PointEstimates(block)
 
@@ -46,12 +48,12 @@ def test_covariance_follows_residuals_above_assumed_noise():
     assumed, robust = [], []
     for seed in range(60):
         passage = Passage(seed, 1, fresh=300, sigma=3 * SIGMA)
-        sight = passage.sights[0]
-        points = passage.points[sight.ids]
-        pose = refine_motion(np.eye(4), points, sight.measured, sight.sigma, RIG, PLAIN)
+        seen = passage.keyframes[0].observations
+        points = passage.points[seen.ids]
+        pose = refine_motion(np.eye(4), points, seen.measured, seen.sigma_px, RIG, PLAIN)
         error = se3.log(pose.T_world_cam)
         robust.append(error @ np.linalg.solve(pose.covariance, error))
-        exact = refine_motion(np.eye(4), points, RIG.project(points), sight.sigma, RIG, PLAIN)
+        exact = refine_motion(np.eye(4), points, RIG.project(points), seen.sigma_px, RIG, PLAIN)
         assumed.append(error @ np.linalg.solve(exact.covariance, error))
     # Means of 60 chi-squared with 6 degrees deviate by sqrt(12 / 60) = 0.45.
     assert np.mean(assumed) == pytest.approx(54, abs=9 * 1.8)

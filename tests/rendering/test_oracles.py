@@ -110,7 +110,7 @@ def test_oracle_replaces_chosen_stages_only(dataset, times, grid):
     frame, ids = frame_at(times[1]), np.arange(len(grid))
     wrong = np.full_like(grid, 3.0)
     beside = Oracle(dataset)
-    beside.born(frame_at(times[0]), ids, grid)
+    beside.new_landmarks(frame_at(times[0]), ids, grid)
     beside = beside.pixels(frame_at(times[1]), ids, grid) + 0.5 * DOWN
     guess, last = np.eye(4), se3.exp(np.array([0.1, 0, 0, 0, 0.1, 0]))
     calls = {
@@ -123,7 +123,7 @@ def test_oracle_replaces_chosen_stages_only(dataset, times, grid):
     assert set(calls) == set(ORACLES)
     for chosen in ORACLES:
         oracle = Oracle(dataset, [chosen])
-        oracle.born(frame_at(times[0]), ids, grid)
+        oracle.new_landmarks(frame_at(times[0]), ids, grid)
         for stage, ((name, *words), _) in calls.items():
             passed = getattr(Hooks(), name)(frame, *words)
             same = np.array_equal(getattr(oracle, name)(frame, *words), passed, equal_nan=True)
@@ -133,7 +133,9 @@ def test_oracle_replaces_chosen_stages_only(dataset, times, grid):
 def test_predicted_composes_estimate_and_true_motion(dataset, times):
     T_world_cam = read_truth(dataset).at(np.array(times)).T_ref_frame
     last = se3.exp(np.array([3.0, 1, 0, 0, 0.7, 0]))
-    found = Oracle(dataset, ["prediction"]).predicted(frame_at(times[1]), times[0], last, np.eye(4))
+    found = Oracle(dataset, ["prediction"]).predicted_pose(
+        frame_at(times[1]), times[0], last, np.eye(4)
+    )
     np.testing.assert_allclose(
         se3.inverse(last) @ found, se3.inverse(T_world_cam[0]) @ T_world_cam[1], atol=1e-12
     )
@@ -142,7 +144,7 @@ def test_predicted_composes_estimate_and_true_motion(dataset, times):
 def test_inliers_are_close_to_the_projection(dataset, times, grid):
     oracle, frame = Oracle(dataset, ["inliers", "matches", "features"]), frame_at(times[1])
     ids = np.arange(len(grid)) + 500
-    oracle.born(frame_at(times[0]), ids, grid)
+    oracle.new_landmarks(frame_at(times[0]), ids, grid)
     true = oracle.pixels(frame, ids, grid)
     known = ~np.isnan(true[:, 0])
     ids, true = ids[known], true[known]
@@ -159,7 +161,7 @@ def test_matches_and_features_are_independent(dataset, times, grid):
     found = {}
     for stages in (["matches"], ["features"], ["matches", "features"]):
         oracle = Oracle(dataset, stages)
-        oracle.born(frame_at(times[0]), ids, grid)
+        oracle.new_landmarks(frame_at(times[0]), ids, grid)
         true = oracle._world.project_visible(times[1], oracle._points_of(ids))
         inner = (np.abs(true - [79.5, 59.5]) < [70, 50]).all(axis=1)
         given = true + 0.5 * DOWN
@@ -193,7 +195,7 @@ def test_oracle_noise_has_the_given_std(dataset, times, grid):
     again, other = Oracle(dataset, noise_px=0.2), Oracle(dataset, noise_px=0.2, seed=1)
     ids = np.arange(len(grid))
     for oracle in (exact, noisy, again, other):
-        oracle.born(frame_at(times[0]), ids, grid)
+        oracle.new_landmarks(frame_at(times[0]), ids, grid)
     inner = (grid > 10).all(axis=1) & (grid < [150, 110]).all(axis=1)
     for name, words in (("pixels", (ids, grid)), ("disparity", (grid, grid[:, 0]))):
         a, b, c, d = (

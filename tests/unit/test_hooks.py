@@ -1,4 +1,4 @@
-"""What comes back from hooks takes the place of what a stage found, and fits with the rest."""
+"""Answers of hooks replace the output of a stage, consistently with the rest."""
 
 import numpy as np
 import pytest
@@ -6,17 +6,18 @@ from folders import BASELINE_M, DISPARITY_PX, F_PX, HEIGHT, WIDTH, wall
 
 from vo.config import OdometrySettings
 from vo.contract.clock import Clock
+from vo.contract.estimator import Status
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
-from vo.hooks import UNTOUCHED, Hooks
-from vo.map.frame import look
+from vo.hooks import NO_HOOKS, Hooks
 from vo.map.local_map import empty_map
+from vo.map.matches import NO_FEATURE
 from vo.mapping.keyframes import add_keyframe
-from vo.stereo.dense import DenseStereo
+from vo.odometry import StereoOdometry
 from vo.stereo.sparse import measure_disparities
 from vo.tracking.association import find_matches
-from vo.tracking.replacement import (
-    UNKNOWN,
+from vo.tracking.frontend import Frontend
+from vo.tracking.hooked import (
     replace_disparities,
     replace_features,
     replace_inliers,
@@ -29,7 +30,7 @@ SETTINGS = OdometrySettings()
 
 
 class Answer(Hooks):
-    """Gives one answer to everything, or applies a function; remembers what it was asked."""
+    """Gives one answer to everything, or applies a function; keeps the arguments."""
 
     def __init__(self, answer):
         self.answer = answer
@@ -53,28 +54,29 @@ class Depth(Hooks):
         return self.answer(disparity_px.copy())
 
 
+def view_of(frame):
+    return Frontend(RIG, SETTINGS).extract(frame, SETTINGS, 0.0, Clock())
+
+
 @pytest.fixture(scope="module")
 def views():
-    dense = DenseStereo(SETTINGS.stereo)
-    frames = [StereoFrame(i, *pair) for i, pair in enumerate(wall(2, STEP_PX))]
-    return [look(frame, dense, SETTINGS, Clock()) for frame in frames]
+    return [view_of(StereoFrame(i, *pair)) for i, pair in enumerate(wall(2, STEP_PX))]
 
 
 @pytest.fixture(scope="module")
 def local_map(views):
-    covariance = np.zeros((6, 6))
-    return add_keyframe(empty_map(), views[0], np.eye(4), covariance, None, RIG, SETTINGS)
+    return add_keyframe(empty_map(), views[0], np.eye(4), np.zeros((6, 6)))
 
 
 @pytest.fixture(scope="module")
 def matches(views, local_map):
-    found = find_matches(local_map, views[1], np.eye(4), 24.0, RIG, SETTINGS)
+    found = find_matches(local_map, views[1], np.eye(4), 24.0)
     assert 20 < len(found) < len(local_map.landmarks)
     return found
 
 
 def replaced(hooks, matches, local_map, views):
-    return replace_matches(hooks, matches, local_map, views[1], SETTINGS)
+    return replace_matches(hooks, matches, local_map, views[1])
 
 
 def assert_same(a, b):
@@ -82,28 +84,28 @@ def assert_same(a, b):
         np.testing.assert_array_equal(values, getattr(b, name), err_msg=name)
 
 
-@pytest.mark.parametrize("hooks", [UNTOUCHED, Hooks()])
-def test_by_default_nothing_changes(hooks, matches, local_map, views):
+@pytest.mark.parametrize("hooks", [NO_HOOKS, Hooks()])
+def test_hooks_by_default_change_nothing(hooks, matches, local_map, views):
     assert_same(matches, replaced(hooks, matches, local_map, views))
-    view = replace_features(hooks, views[0], SETTINGS)
+    view = replace_features(hooks, views[0])
     assert_same(view.features, views[0].features)
-    np.testing.assert_array_equal(view.vectors, views[0].vectors)
+    np.testing.assert_array_equal(view.descriptors, views[0].descriptors)
     pixels = view.features.pixels
     found = measure_disparities(view.frame, view.dense, pixels, SETTINGS.stereo)
     assert_same(found, replace_disparities(hooks, view.frame, pixels, found, SETTINGS.stereo))
 
 
-def test_hooks_are_asked_about_every_landmark(matches, local_map, views):
+def test_hooks_receive_every_landmark(matches, local_map, views):
     hooks = Answer(lambda pixels: pixels)
     replaced(hooks, matches, local_map, views)
     frame, ids, pixels = hooks.asked
-    assert frame is views[1].frame
+    np.testing.assert_array_equal(frame.left, views[1].frame.left)
     np.testing.assert_array_equal(ids, local_map.landmarks.ids)
     np.testing.assert_array_equal(~np.isnan(pixels[:, 0]), np.isin(ids, matches.ids))
     np.testing.assert_array_equal(pixels[matches.rows], matches.pixels)
 
 
-def test_a_landmark_that_was_not_found_is_matched(matches, local_map, views):
+def test_hooks_pixels_of_unmatched_landmarks_are_matched(matches, local_map, views):
     """The wall moves by STEP_PX: where every landmark is, and its disparity, are known."""
     true = local_map.landmarks.anchor_pixels - [STEP_PX, 0]
     true[true[:, 0] < 30] = np.nan
@@ -113,14 +115,14 @@ def test_a_landmark_that_was_not_found_is_matched(matches, local_map, views):
     np.testing.assert_array_equal(found.ids, local_map.landmarks.ids[expected])
     np.testing.assert_array_equal(found.points_odom, local_map.landmarks.points_odom[expected])
     np.testing.assert_array_equal(found.pixels, true[expected])
-    known = ~np.isnan(found.measured[:, 2])
+    known = ~np.isnan(found.disparity_px)
     assert known.mean() > 0.8
-    assert np.median(np.abs(found.measured[known, 2] - DISPARITY_PX)) < 0.05
-    np.testing.assert_array_equal(np.isnan(found.sigma), np.isnan(found.measured))
-    assert (found.features == UNKNOWN).all()
+    assert np.median(np.abs(found.disparity_px[known] - DISPARITY_PX)) < 0.05
+    np.testing.assert_array_equal(np.isnan(found.sigma_px), np.isnan(found.measured))
+    assert (found.features == NO_FEATURE).all()
 
 
-def test_matches_that_are_refused_are_gone(matches, local_map, views):
+def test_hooks_refused_pixels_are_removed(matches, local_map, views):
     def refuse(pixels):
         pixels[matches.rows[::2]] = np.nan
         return pixels
@@ -129,51 +131,54 @@ def test_matches_that_are_refused_are_gone(matches, local_map, views):
     assert_same(replaced(Answer(refuse), matches, local_map, views), matches.select(odd))
 
 
-def test_disparities_of_matches(matches, local_map, views):
+def test_hooks_disparities_of_matches_are_gated(matches, local_map, views):
     found = replaced(Depth(lambda d: np.full_like(d, 7.5)), matches, local_map, views)
-    np.testing.assert_array_equal(found.measured[:, 2], 7.5)
+    np.testing.assert_array_equal(found.disparity_px, 7.5)
     np.testing.assert_array_equal(found.pixels, matches.pixels)
-    assert (found.sigma > 0).all()
+    assert (found.sigma_px > 0).all()
     beyond = np.nextafter(SETTINGS.stereo.min_disparity_px, -1)
     found = replaced(Depth(lambda d: np.full_like(d, beyond)), matches, local_map, views)
-    assert np.isnan(found.measured[:, 2]).all()
-    assert np.isnan(found.sigma[:, 2]).all()
+    assert np.isnan(found.disparity_px).all()
+    assert np.isnan(found.sigma_px[:, 2]).all()
 
 
-def test_without_features_landmarks_can_still_be_matched(views, local_map):
+def test_hooks_match_landmarks_without_features(views, local_map):
     blank = np.full((HEIGHT, WIDTH), 90, np.uint8)
-    view = look(StereoFrame(5, blank, blank), DenseStereo(SETTINGS.stereo), SETTINGS, Clock())
-    none = find_matches(local_map, view, np.eye(4), 24.0, RIG, SETTINGS)
+    view = view_of(StereoFrame(5, blank, blank))
+    none = find_matches(local_map, view, np.eye(4), 24.0)
     hooks = Answer(local_map.landmarks.anchor_pixels)
-    found = replace_matches(hooks, none, local_map, view, SETTINGS)
+    found = replace_matches(hooks, none, local_map, view)
     assert len(none) == 0
     np.testing.assert_array_equal(found.pixels, local_map.landmarks.anchor_pixels)
-    assert np.isnan(found.measured[:, 2]).all()
+    assert np.isnan(found.disparity_px).all()
 
 
-def test_features_are_described_where_they_are_put(views):
+def test_hooks_features_are_described_anew(views):
     pixels = views[0].features.pixels[[3, 1]] + [[0, 0], [0.2, 0]]
-    view = replace_features(Answer(pixels), views[0], SETTINGS)
+    view = replace_features(Answer(pixels), views[0])
     np.testing.assert_array_equal(view.features.pixels, pixels)
-    np.testing.assert_array_equal(view.vectors[0], views[0].vectors[3])
-    assert len(replace_features(Answer(pixels[:0]), views[0], SETTINGS).vectors) == 0
+    for name in ("scale_px", "response"):
+        old, new = getattr(views[0].features, name), getattr(view.features, name)
+        np.testing.assert_array_equal(new, old[[3, 1]])
+    np.testing.assert_array_equal(view.descriptors[0], views[0].descriptors[3])
+    assert len(replace_features(Answer(pixels[:0]), views[0]).descriptors) == 0
 
 
-def test_inliers_can_be_turned_round(matches, views):
+def test_hooks_inliers_can_be_inverted(matches, views):
     class Contrary(Hooks):
         def inliers(self, frame, ids, pixels, agree):
-            assert frame is views[1].frame
+            assert frame.timestamp_ns == views[1].frame.timestamp_ns
             np.testing.assert_array_equal(pixels, matches.pixels)
             return ~agree
 
     odd = np.arange(len(matches)) % 2 == 1
     agreed = matches.select(odd)
     assert_same(replace_inliers(Hooks(), views[1], matches, agreed), agreed)
-    assert_same(replace_inliers(UNTOUCHED, views[1], matches, agreed), agreed)
+    assert_same(replace_inliers(NO_HOOKS, views[1], matches, agreed), agreed)
     assert_same(replace_inliers(Contrary(), views[1], matches, agreed), matches.select(~odd))
 
 
-def test_disparities_of_features(views):
+def test_hooks_disparities_of_features_have_sigmas(views):
     view, s = views[0], SETTINGS.stereo
     pixels = np.array([[60.0, 60.0], [2.0, 2.0], [90.0, 40.0]])
     found = measure_disparities(view.frame, view.dense, pixels, s)
@@ -184,3 +189,62 @@ def test_disparities_of_features(views):
     assert put.sigma_px[0] == found.sigma_px[0]
     assert put.sigma_px[1] > 0
     assert np.isnan(put.sigma_px[2])
+
+
+class Writing(Hooks):
+    """Writes into every argument."""
+
+    def features(self, frame, pixels):
+        with pytest.raises(ValueError, match="read-only"):
+            frame.left[0, 0] = 0
+        return self._spoil(pixels)
+
+    def new_landmarks(self, frame, ids, pixels):
+        self._spoil(ids), self._spoil(pixels)
+
+    def predicted_pose(self, frame, last_ns, T_odom_last, T_odom_cam):
+        self._spoil(T_odom_last)
+        return self._spoil(T_odom_cam)
+
+    def pixels(self, frame, ids, pixels):
+        self._spoil(ids)
+        return self._spoil(pixels)
+
+    def disparity(self, frame, pixels, disparity_px):
+        self._spoil(pixels)
+        return self._spoil(disparity_px)
+
+    def inliers(self, frame, ids, pixels, agree):
+        self._spoil(pixels)
+        return self._spoil(agree)
+
+    def _spoil(self, array):
+        with pytest.raises(ValueError, match="read-only"):
+            array[...] = 0
+        return array
+
+
+def test_hooks_cannot_write_into_their_arguments():
+    frames = [StereoFrame(i, *pair) for i, pair in enumerate(wall(4, STEP_PX))]
+    plain, hooked = StereoOdometry(RIG), StereoOdometry(RIG, hooks=Writing())
+    for frame in frames:
+        a, b = plain.track(frame), hooked.track(frame)
+        np.testing.assert_array_equal(a.T_odom_cam, b.T_odom_cam)
+        assert b.status is not Status.LOST
+
+
+def test_hooks_set_on_the_way_keep_the_state():
+    """The smoothing after a noisy image, the map and the pose survive."""
+    rng = np.random.default_rng(0)
+    pairs = list(wall(5, STEP_PX))
+    noisy = tuple(np.clip(x + rng.normal(0, 9, x.shape), 0, 255).astype(np.uint8) for x in pairs[0])
+    frames = [StereoFrame(i, *pair) for i, pair in enumerate([noisy, *pairs[1:]])]
+    plain, exchanged = StereoOdometry(RIG), StereoOdometry(RIG)
+    for i, frame in enumerate(frames):
+        if i == 2:
+            assert exchanged.state.smoothing_px > 0
+            exchanged.hooks = Hooks()
+        a, b = plain.track(frame), exchanged.track(frame)
+        assert exchanged.state.smoothing_px == plain.state.smoothing_px > 0
+        assert a.status is b.status
+        np.testing.assert_array_equal(a.T_odom_cam, b.T_odom_cam)

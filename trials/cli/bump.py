@@ -4,7 +4,8 @@ from pathlib import Path
 
 from trials.cli import console
 from trials.cli.options import Seed, option
-from trials.studies.bump import bump_summary, draw_bumps, record_bumps
+from trials.studies.bump import bump_summary, draw, record_bumps
+from vo.contract.files import replacing
 
 
 def bump(
@@ -14,6 +15,7 @@ def bump(
 ) -> None:
     """Drive over loose bricks; draw wheel load, shock, pitch, blur and features over time."""
     channels = record_bumps(scene, seed, console.progress_bar)
-    draw_bumps(channels, scene, out)
+    with replacing(out) as partial:
+        draw(channels, scene).savefig(partial, format="png", dpi=130)
     console.out.print(bump_summary(channels))
     console.out.print(f"{out}")

@@ -46,15 +46,15 @@ class ErrorInjector(Hooks):
         """Pass on."""
         return self.inner.features(frame, pixels)
 
-    def born(self, frame: StereoFrame, ids: Indices, pixels: Array) -> None:
+    def new_landmarks(self, frame: StereoFrame, ids: Indices, pixels: Array) -> None:
         """Pass on."""
-        self.inner.born(frame, ids, pixels)
+        self.inner.new_landmarks(frame, ids, pixels)
 
-    def predicted(
+    def predicted_pose(
         self, frame: StereoFrame, last_ns: int, T_odom_last: Array, T_odom_cam: Array
     ) -> Array:
         """Pass on."""
-        return self.inner.predicted(frame, last_ns, T_odom_last, T_odom_cam)
+        return self.inner.predicted_pose(frame, last_ns, T_odom_last, T_odom_cam)
 
     def inliers(self, frame: StereoFrame, ids: Indices, pixels: Array, agree: Mask) -> Mask:
         """Pass on."""

@@ -78,14 +78,14 @@ class Oracle(Hooks):
         self.births: dict[int, tuple[int, float, float]] = {}
         self._points: dict[int, Array] = {}  # landmark to world position
 
-    def born(self, frame: StereoFrame, ids: Indices, pixels: Array) -> None:
+    def new_landmarks(self, frame: StereoFrame, ids: Indices, pixels: Array) -> None:
         """Record the surface points of new landmarks."""
         points = self._world.points_world(frame.timestamp_ns, pixels)
         self._points.update(zip(ids.tolist(), points, strict=True))
         for x, (u, v) in zip(ids.tolist(), pixels.tolist(), strict=True):
             self.births[x] = frame.timestamp_ns, u, v
 
-    def predicted(
+    def predicted_pose(
         self, frame: StereoFrame, last_ns: int, T_odom_last: Array, T_odom_cam: Array
     ) -> Array:
         """Compose the last estimated pose with the true motion since."""

@@ -8,6 +8,7 @@ measurement is dropped, as by Leutenegger et al. (OKVIS, IJRR 2015, section 4.3)
 would tie all of them together. Where that leaves too few, the oldest of these are used up too.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import gtsam
@@ -15,11 +16,12 @@ import numpy as np
 from gtsam.symbol_shorthand import X
 
 from vo.bundle_adjustment.point_estimates import PointEstimates
-from vo.bundle_adjustment.problem import Sight, collect, point_blocks
+from vo.bundle_adjustment.problem import collect, point_blocks
 from vo.bundle_adjustment.solver import TURN_LAST, factor
 from vo.config import RefinementSettings
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices
+from vo.contract.observations import Observations
 from vo.contract.rig import StereoRig
 
 RELINEARISE = 1e-6
@@ -83,13 +85,15 @@ class FixedLag:
         values.insert(X(first), start)
         self._smoother.update(graph, values, {X(first): float(first)})
         self._active: list[int] = []
-        self._sights: dict[int, Sight] = {}
+        self._T_odom_cam: Mapping[int, Array] = {}
+        self._observations: Mapping[int, Observations] = {}
         self._landmarks: tuple[Indices, Array] = np.zeros(0, np.int64), np.zeros((0, 3))
         self.spent = np.zeros(0, np.int64)
 
     def update(
         self,
-        sights: dict[int, Sight],
+        T_odom_cam: Mapping[int, Array],
+        observations: Mapping[int, Observations],
         ids: Indices,
         points_odom: Array,
         rig: StereoRig,
@@ -98,8 +102,9 @@ class FixedLag:
         """Take in keyframes, and replace the factor of the landmarks in sight.
 
         Args:
-            sights: By serial, ascending; those in the lag, the newest ones new.
-            ids: (J,) ascending, landmarks to use; each in two sights at least. Those that are
+            T_odom_cam: (4, 4) by serial, ascending; those in the lag, the newest ones new.
+            observations: Of the same keyframes.
+            ids: (J,) ascending, landmarks to use; each in two keyframes at least. Those that are
                 spent, or become so now, are left out.
             points_odom: (J, 3) about where they are, metres.
             rig: Projects.
@@ -109,26 +114,29 @@ class FixedLag:
             RuntimeError: If nothing determines a pose; the smoother is of no use any more.
         """
         graph, values, times = gtsam.NonlinearFactorGraph(), gtsam.Values(), {}
-        for serial, sight in sights.items():
-            if serial not in self._sights and serial != self.first:
-                values.insert(X(serial), gtsam.Pose3(sight.T_world_cam))
+        for serial, T in T_odom_cam.items():
+            if serial not in self._observations and serial != self.first:
+                values.insert(X(serial), gtsam.Pose3(T))
                 times[X(serial)] = float(serial)
-        if used_up := self._use_up(min(sights), sights[max(sights)].ids, rig, settings):
+        serials = list(T_odom_cam)
+        in_sight = observations[serials[-1]].ids
+        if used_up := self._use_up(serials[0], in_sight, rig, settings):
             graph.add(used_up)
         fresh = ~np.isin(ids, self.spent)
         ids, points_odom = ids[fresh], points_odom[fresh]
-        active = _estimates(sights, ids, points_odom, rig, settings)
-        graph.add(_factor(list(sights), active))
+        active = _estimates(T_odom_cam, observations, ids, points_odom, rig, settings)
+        graph.add(_factor(serials, active))
         self._smoother.update(graph, values, times, self._active)
         self._active = [self._smoother.getISAM2Result().getNewFactorsIndices()[-1]]
-        self._sights, self._landmarks = dict(sights), (ids, points_odom)
-        return self._settle(list(sights), ids, active, settings)
+        self._T_odom_cam, self._observations = T_odom_cam, observations
+        self._landmarks = ids, points_odom
+        return self._settle(serials, ids, active, settings)
 
     def _use_up(
         self, kept: int, in_sight: Indices, rig: StereoRig, settings: RefinementSettings
     ) -> gtsam.CustomFactor | None:
         """Landmarks of keyframes that leave now: out of sight, or the oldest."""
-        leaving = [s.ids for serial, s in self._sights.items() if serial < kept]
+        leaving = [x.ids for serial, x in self._observations.items() if serial < kept]
         ids, points = self._landmarks
         if not leaving:
             return None
@@ -139,10 +147,11 @@ class FixedLag:
         if not used.any():
             return None
         self.spent = np.concatenate([self.spent, ids[used]])
-        recent = np.unique(np.concatenate([s.ids for s in self._sights.values()]))
+        recent = np.unique(np.concatenate([x.ids for x in self._observations.values()]))
         self.spent = self.spent[np.isin(self.spent, recent)]
-        estimates = _estimates(self._sights, ids[used], points[used], rig, settings)
-        return _factor(list(self._sights), estimates)
+        known = self._T_odom_cam, self._observations
+        estimates = _estimates(*known, ids[used], points[used], rig, settings)
+        return _factor(list(self._T_odom_cam), estimates)
 
     def _settle(
         self, serials: list[int], ids: Indices, active: PointEstimates, s: RefinementSettings
@@ -173,9 +182,11 @@ class FixedLag:
 
 
 def _estimates(
-    sights: dict[int, Sight], ids: Indices, points: Array, rig: StereoRig, s: RefinementSettings
-) -> PointEstimates:
-    bundle = collect(list(sights.values()), ids, points, np.zeros(len(sights), bool), rig)
+    T_odom_cam: Mapping[int, Array], observations: Mapping[int, Observations], ids: Indices,
+    points: Array, rig: StereoRig, s: RefinementSettings,
+) -> PointEstimates:  # fmt: skip
+    poses, free = np.stack(list(T_odom_cam.values())), np.zeros(len(T_odom_cam), bool)
+    bundle = collect(poses, list(observations.values()), ids, points, free, rig)
     (block,) = point_blocks(bundle, s.use_disparity)
     estimates = PointEstimates(block)
     estimates.reweight(bundle.T_world_cam[block.cameras], s.huber)

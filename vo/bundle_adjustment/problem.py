@@ -7,6 +7,7 @@ import numpy as np
 
 from vo.bundle_adjustment.schur import Cameras, Measurements
 from vo.contract.arrays import Array, Indices, Mask
+from vo.contract.observations import Observations
 from vo.contract.rig import StereoRig
 
 DENSE_CAMERAS = 24
@@ -46,36 +47,33 @@ class Bundle:
     baseline_m: float
 
 
-@dataclass(frozen=True)
-class Sight:
-    """What one camera saw.
-
-    Attributes:
-        T_world_cam: (4, 4).
-        ids: (N,) landmarks, ascending.
-        measured: (N, 3) left-image u, v and disparity, pixels; NaN where not measured.
-        sigma: (N, 3) their standard deviations.
-    """
-
-    T_world_cam: Array
-    ids: Indices
-    measured: Array
-    sigma: Array
-
-
 def collect(
-    sights: Sequence[Sight], ids: Indices, points_world: Array, fixed: Mask, rig: StereoRig
+    T_world_cam: Array,
+    observations: Sequence[Observations],
+    ids: Indices,
+    points_world: Array,
+    fixed: Mask,
+    rig: StereoRig,
 ) -> Bundle:
-    """Make a bundle of those landmarks (J,), ascending, that lie at points (J, 3)."""
-    used = [np.isin(sight.ids, ids) for sight in sights]
-    pairs = list(zip(sights, used, strict=True))
+    """Make a bundle of some landmarks and of the cameras that observe them.
+
+    Args:
+        T_world_cam: (K, 4, 4) initial poses, in order of time.
+        observations: Of each camera, ids ascending.
+        ids: (J,) landmarks, ascending.
+        points_world: (J, 3) their initial positions, metres.
+        fixed: (K,) cameras that must not move.
+        rig: Projects.
+    """
+    used = [np.isin(seen.ids, ids) for seen in observations]
+    pairs = list(zip(observations, used, strict=True))
     return Bundle(
-        T_world_cam=np.stack([sight.T_world_cam for sight in sights]),
+        T_world_cam=T_world_cam,
         points_world=points_world,
         camera=np.concatenate([np.full(u.sum(), i) for i, u in enumerate(used)]),
-        point=np.concatenate([np.searchsorted(ids, s.ids[u]) for s, u in pairs]),
-        measured=np.concatenate([s.measured[u] for s, u in pairs]).astype(np.float64),
-        sigma=np.concatenate([s.sigma[u] for s, u in pairs]).astype(np.float64),
+        point=np.concatenate([np.searchsorted(ids, seen.ids[u]) for seen, u in pairs]),
+        measured=np.concatenate([seen.measured[u] for seen, u in pairs]).astype(np.float64),
+        sigma=np.concatenate([seen.sigma_px[u] for seen, u in pairs]).astype(np.float64),
         fixed=fixed,
         K=rig.K,
         baseline_m=rig.baseline_m,

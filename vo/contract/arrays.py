@@ -1,6 +1,6 @@
-"""Array types by content."""
+"""Array types by content, and tables of columns."""
 
-from typing import Any, TypeAlias
+from typing import Any, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,3 +13,21 @@ Image: TypeAlias = NDArray[np.uint8]
 
 Indices: TypeAlias = NDArray[np.int64]
 Mask: TypeAlias = NDArray[np.bool_]
+
+
+class Table:
+    """Base of frozen dataclasses whose attributes are columns of N rows."""
+
+    def __len__(self) -> int:
+        return len(next(iter(vars(self).values())))
+
+    def select(self, rows: Mask | Indices) -> Self:
+        """Keep some rows."""
+        return type(self)(**{name: column[rows] for name, column in vars(self).items()})
+
+    def extend(self, other: Self) -> Self:
+        """Append the rows of another table."""
+        theirs = vars(other)
+        return type(self)(
+            **{name: np.concatenate([own, theirs[name]]) for name, own in vars(self).items()}
+        )

@@ -5,7 +5,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Protocol, runtime_checkable
 
-from vo.contract.arrays import Array, Image, Indices, Mask
+from vo.contract.arrays import Array, Image, Indices
+from vo.contract.observations import Observations
 from vo.contract.sequence import StereoFrame
 from vo.contract.trajectory import Trajectory
 
@@ -21,23 +22,6 @@ class Status(StrEnum):
     """The pose is unreliable; the reason says why."""
     LOST = "lost"
     """The frame has no pose; the reason says why."""
-
-
-@dataclass(frozen=True)
-class Observations:
-    """The landmarks observed in one frame.
-
-    Attributes:
-        ids: (N,) landmark identifiers, unique over the whole run.
-        pixels: (N, 2) left-image (u, v) in pixels.
-        disparity_px: (N,) estimated disparity; NaN where unknown.
-        inlier: (N,) whether the observation agrees with the frame's pose.
-    """
-
-    ids: Indices
-    pixels: Array
-    disparity_px: Array
-    inlier: Mask
 
 
 @dataclass(frozen=True)

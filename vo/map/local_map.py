@@ -1,66 +1,52 @@
-"""Landmarks, keyframes, and the window of keyframes in which landmarks are still known."""
+"""Landmarks, keyframes, and the window of keyframes in which landmarks are tracked."""
 
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
-from vo.bundle_adjustment.fixed_lag import FixedLag
 from vo.contract import se3
-from vo.contract.arrays import Array, Image, Indices, Mask
+from vo.contract.arrays import Array, Image, Indices, Mask, Table
+from vo.contract.observations import Observations
 
 
 @dataclass(frozen=True)
-class Sighting:
-    """What a frame saw.
+class TrackedFrame:
+    """A left image and the observations that agree with its pose.
 
     Attributes:
         left: (H, W) uint8.
-        ids: (N,) landmarks that agreed with its motion, ascending.
-        pixels: (N, 2) where.
+        observations: Of N landmarks, ids ascending.
     """
 
     left: Image
-    ids: Indices
-    pixels: Array
+    observations: Observations
 
 
 @dataclass(frozen=True)
-class Keyframe:
-    """A frame that is kept, with the landmarks that agreed with its pose.
+class Keyframe(TrackedFrame):
+    """A frame whose image and observations are kept.
 
     Attributes:
-        serial: Counts the keyframes of a run.
+        serial: Number of the keyframe in the run.
         T_odom_cam: (4, 4) left camera in the first left camera's frame.
-        covariance: (6, 6) of it, tangent (v m, w rad) in the camera's frame.
-        left: (H, W) uint8, the source of templates.
-        ids: (N,) landmarks seen, ascending.
-        measured: (N, 3) left-image u, v and disparity, pixels; the disparity NaN where unknown.
-        sigma: (N, 3) their standard deviations.
+        covariance: (6, 6) of T_odom_cam, tangent (v m, w rad) in the camera's frame.
     """
 
     serial: int
     T_odom_cam: Array
     covariance: Array
-    left: Image
-    ids: Indices
-    measured: Array
-    sigma: Array
-
-    @property
-    def sighting(self) -> Sighting:
-        """What it saw of its landmarks."""
-        return Sighting(self.left, self.ids, self.measured[:, :2])
 
 
 @dataclass(frozen=True)
-class Landmarks:
-    """Points that the next frame may see again, row by row.
+class Landmarks(Table):
+    """Points of the map, row by row.
 
     Attributes:
         ids: (N,) ascending, unique over the whole run.
         points_odom: (N, 3) metres.
-        vectors: (N, P) latest appearance, for matching.
-        views: (N,) frames that saw the landmark, keyframes or not.
+        descriptors: (N, P) latest descriptor, for matching.
+        views: (N,) frames that observed the landmark, keyframes or not.
         anchor: (N,) serial of the keyframe that holds the template for alignment.
         anchor_pixels: (N, 2) template centre in that keyframe.
         anchor_depth_m: (N,) depth there.
@@ -69,26 +55,16 @@ class Landmarks:
 
     ids: Indices
     points_odom: Array
-    vectors: Array
+    descriptors: Array
     views: Indices
     anchor: Indices
     anchor_pixels: Array
     anchor_depth_m: Array
     anchor_slopes: Array
 
-    def __len__(self) -> int:
-        return len(self.ids)
-
-    def select(self, rows: Mask | Indices) -> "Landmarks":
-        """Keep some rows."""
-        return Landmarks(**{name: value[rows] for name, value in vars(self).items()})
-
-    def extend(self, other: "Landmarks") -> "Landmarks":
+    def extend(self, other: Self) -> Self:
         """Append rows, whose ids must be larger."""
-        if len(self) == 0:
-            return other
-        mine, theirs = vars(self), vars(other)
-        return Landmarks(**{name: np.concatenate([mine[name], theirs[name]]) for name in mine})
+        return super().extend(other) if len(self) else other
 
     def update(self, rows: Indices | Mask, **columns: Array) -> "Landmarks":
         """Replace the named columns of some rows."""
@@ -100,17 +76,16 @@ class Landmarks:
 
 @dataclass(frozen=True)
 class LocalMap:
-    """The last keyframes and the landmarks that they saw.
+    """The last keyframes and the landmarks that they observe.
 
     Attributes:
         keyframes: Oldest first.
         landmarks: Those whose anchor is among the keyframes.
         next_serial: Of the next keyframe.
         next_id: Of the next landmark.
-        noise: By how much errors of pixels and of disparities exceed what is assumed, as far as
-            residuals have shown.
-        first_serial: Of the first keyframe, be it in the window or not.
-        lag: What keyframes that left the window left behind, if refinement is incremental.
+        noise: Factors on the assumed standard deviations of pixels and of disparities, learnt
+            from residuals.
+        first_serial: Of the first keyframe of the segment, in the window or not.
     """
 
     keyframes: tuple[Keyframe, ...]
@@ -119,60 +94,26 @@ class LocalMap:
     next_id: int
     noise: tuple[float, float] = (1.0, 1.0)
     first_serial: int = 0
-    lag: FixedLag | None = None
-
-    def seen(self, rows: Indices, features: Indices, vectors: Array) -> "LocalMap":
-        """Count a view of some landmarks; renew the appearance of those that have a feature.
-
-        Args:
-            rows: (N,) landmarks.
-            features: (N,) their rows among `vectors`, negative for none.
-            vectors: (F, P) appearances of the view's features.
-        """
-        landmarks = self.landmarks.update(rows, views=self.landmarks.views[rows] + 1)
-        answered = features >= 0
-        return replace(
-            self, landmarks=landmarks.update(rows[answered], vectors=vectors[features[answered]])
-        )
 
     def grey(self) -> Image:
-        """Brightness of each landmark where its template was cut: (N,) uint8."""
+        """Grey level of each landmark at its template's centre: (N,) uint8."""
         grey = np.zeros(len(self.landmarks), np.uint8)
         for keyframe in self.keyframes:
-            here = self.landmarks.anchor == keyframe.serial
-            u, v = np.rint(self.landmarks.anchor_pixels[here]).astype(np.int64).T
-            grey[here] = keyframe.left[v, u]
+            anchored = self.landmarks.anchor == keyframe.serial
+            u, v = np.rint(self.landmarks.anchor_pixels[anchored]).astype(np.int64).T
+            grey[anchored] = keyframe.left[v, u]
         return grey
-
-    def moved(self, T_new_old: Array, covariance: Array) -> "LocalMap":
-        """Carry all poses and points by a rigid motion of the odometry frame.
-
-        Args:
-            T_new_old: (4, 4).
-            covariance: (6, 6) of the last keyframe afterwards; the others' follow from it.
-        """
-        last = T_new_old @ self.keyframes[-1].T_odom_cam
-
-        def carried(k: Keyframe) -> Keyframe:
-            T = T_new_old @ k.T_odom_cam
-            spread = se3.transform_covariance(se3.inverse(T) @ last, covariance)
-            return replace(k, T_odom_cam=T, covariance=spread)
-
-        points = se3.transform(T_new_old, self.landmarks.points_odom)
-        landmarks = replace(self.landmarks, points_odom=points)
-        keyframes = tuple(map(carried, self.keyframes))
-        return replace(self, keyframes=keyframes, landmarks=landmarks, lag=None)
 
 
 def empty_map(
     next_serial: int = 0, next_id: int = 0, noise: tuple[float, float] = (1.0, 1.0)
 ) -> LocalMap:
-    """A map without keyframes or landmarks, which goes on counting from another one."""
+    """Make a map without keyframes or landmarks, which continues the numbers of another one."""
     none = np.zeros(0, dtype=np.int64)
     landmarks = Landmarks(
         ids=none,
         points_odom=np.zeros((0, 3)),
-        vectors=np.zeros((0, 0), np.float32),
+        descriptors=np.zeros((0, 0), np.float32),
         views=none,
         anchor=none,
         anchor_pixels=np.zeros((0, 2)),
@@ -182,12 +123,59 @@ def empty_map(
     return LocalMap((), landmarks, next_serial, next_id, noise=noise, first_serial=next_serial)
 
 
+def add_observations(
+    local_map: LocalMap, rows: Indices, features: Indices, descriptors: Array
+) -> LocalMap:
+    """Count a view of some landmarks; renew the descriptors of those matched with a feature.
+
+    Args:
+        local_map: Of L landmarks.
+        rows: (N,) the observed ones.
+        features: (N,) rows of the frame's features, negative for none.
+        descriptors: (F, P) of the frame's features.
+    """
+    landmarks = local_map.landmarks.update(rows, views=local_map.landmarks.views[rows] + 1)
+    matched = features >= 0
+    landmarks = landmarks.update(rows[matched], descriptors=descriptors[features[matched]])
+    return replace(local_map, landmarks=landmarks)
+
+
+def pose_covariance(local_map: LocalMap, T_odom_cam: Array, relative: Array) -> Array:
+    """Covariance (6, 6) of a pose: the last keyframe's at that pose, plus the relative one."""
+    keyframe = local_map.keyframes[-1]
+    T_cam_keyframe = se3.inverse(T_odom_cam) @ keyframe.T_odom_cam
+    return se3.transform_covariance(T_cam_keyframe, keyframe.covariance) + relative
+
+
+def transform_map(local_map: LocalMap, T_new_old: Array, covariance: Array) -> LocalMap:
+    """Transform all poses and points by a rigid motion of the odometry frame.
+
+    Args:
+        local_map: At least one keyframe.
+        T_new_old: (4, 4).
+        covariance: (6, 6) of the last keyframe afterwards; the others' follow from it.
+    """
+    last = T_new_old @ local_map.keyframes[-1].T_odom_cam
+
+    def transformed(k: Keyframe) -> Keyframe:
+        T = T_new_old @ k.T_odom_cam
+        moved = se3.transform_covariance(se3.inverse(T) @ last, covariance)
+        return replace(k, T_odom_cam=T, covariance=moved)
+
+    points = se3.transform(T_new_old, local_map.landmarks.points_odom)
+    return replace(
+        local_map,
+        keyframes=tuple(map(transformed, local_map.keyframes)),
+        landmarks=replace(local_map.landmarks, points_odom=points),
+    )
+
+
 def visibility(keyframes: tuple[Keyframe, ...]) -> tuple[Indices, Mask]:
     """The binary mask M[j, i]: landmark j is seen by keyframe i (thesis 4.4).
 
     Returns:
         (L,) ascending landmark ids and (L, K) mask.
     """
-    ids = np.unique(np.concatenate([keyframe.ids for keyframe in keyframes]))
-    mask = np.stack([np.isin(ids, keyframe.ids) for keyframe in keyframes], axis=1)
-    return ids, mask
+    ids = np.unique(np.concatenate([keyframe.observations.ids for keyframe in keyframes]))
+    seen = [np.isin(ids, keyframe.observations.ids) for keyframe in keyframes]
+    return ids, np.stack(seen, axis=1)

@@ -1,94 +1,118 @@
-"""What the map forgets, kept for the end: keyframes, the frames that hang on them, and points.
+"""Record of a whole run, for the smoothed trajectory and the map at its end.
 
-Refinement goes on moving a keyframe until it leaves the window. A frame in between was placed
-relative to the last keyframe; put back onto where that ended, the whole trajectory profits from
-what came later.
+Bundle adjustment moves a keyframe until it leaves the window. Every other frame is kept relative
+to its keyframe, so that the trajectory profits from later corrections.
 """
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
-from vo.bundle_adjustment.problem import Sight
 from vo.config import RefinementSettings
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices
 from vo.contract.estimator import PointMap
+from vo.contract.observations import Observations
 from vo.contract.trajectory import Trajectory
 from vo.map.local_map import LocalMap
 
 
+class KeyframeRecord(NamedTuple):
+    """A keyframe without its image.
+
+    Attributes:
+        T_odom_cam: (4, 4) the latest.
+        observations: In single precision; None where no full-batch adjustment is to follow.
+    """
+
+    T_odom_cam: Array
+    observations: Observations | None
+
+
+class LandmarkRecord(NamedTuple):
+    """Grey level, number of views and serial of the anchor of a landmark."""
+
+    grey: int
+    views: int
+    anchor: int
+
+
 @dataclass
-class History:
+class RunHistory:
     """Grows by a few numbers a frame and a few bytes a landmark; images are never kept.
 
     Attributes:
-        keyframes: Serial to the latest T_odom_cam.
-        frames: Time, serial of the keyframe that a frame hangs on, and T_keyframe_cam.
-        places: Landmark to its latest position (3,), metres.
-        traits: Landmark to its grey level, its number of views, and its anchor's serial.
-        sights: Serial to what the keyframe saw, in single precision; only where everything is
-            refined in the end.
+        keyframes: By serial.
+        frames: Time, serial of the keyframe and T_keyframe_cam of each frame that had a pose.
+        points: Landmark to its latest position (3,), metres.
+        landmarks: Landmark to what else is known of it.
     """
 
-    keyframes: dict[int, Array] = field(default_factory=dict[int, Array])
+    keyframes: dict[int, KeyframeRecord] = field(default_factory=dict[int, KeyframeRecord])
     frames: list[tuple[int, int, Array]] = field(default_factory=list[tuple[int, int, Array]])
-    places: dict[int, Array] = field(default_factory=dict[int, Array])
-    traits: dict[int, tuple[int, int, int]] = field(default_factory=dict[int, tuple[int, int, int]])
-    sights: dict[int, Sight] = field(default_factory=dict[int, Sight])
+    points: dict[int, Array] = field(default_factory=dict[int, Array])
+    landmarks: dict[int, LandmarkRecord] = field(default_factory=dict[int, LandmarkRecord])
 
-    def remember(self, local_map: LocalMap, settings: RefinementSettings) -> None:
-        """Take over the map's keyframes and those landmarks that enough frames saw."""
+    def record_map(self, local_map: LocalMap, settings: RefinementSettings) -> None:
+        """Update the map's keyframes, and its landmarks with enough views."""
         for keyframe in local_map.keyframes:
-            self.keyframes[keyframe.serial] = keyframe.T_odom_cam
-        if settings.smooth == "global":
-            newest = local_map.keyframes[-1]
-            self.sights[newest.serial] = Sight(
-                newest.T_odom_cam,
-                newest.ids,
-                newest.measured.astype(np.float32),
-                newest.sigma.astype(np.float32),
-            )
+            known = self.keyframes.get(keyframe.serial)
+            observations = known.observations if known else None
+            if settings.smooth == "global" and keyframe is local_map.keyframes[-1]:
+                observations = _single_precision(keyframe.observations)
+            self.keyframes[keyframe.serial] = KeyframeRecord(keyframe.T_odom_cam, observations)
         landmarks = local_map.landmarks
         often = landmarks.views >= settings.min_views
         ids = landmarks.ids[often].tolist()
-        traits = (local_map.grey(), landmarks.views, landmarks.anchor)
-        self.places.update(zip(ids, landmarks.points_odom[often].astype(np.float32), strict=True))
-        self.traits.update(
-            zip(ids, zip(*(x[often].tolist() for x in traits), strict=True), strict=True)
-        )
+        columns = (local_map.grey(), landmarks.views, landmarks.anchor)
+        self.points.update(zip(ids, landmarks.points_odom[often].astype(np.float32), strict=True))
+        records = map(LandmarkRecord, *(x[often].tolist() for x in columns))
+        self.landmarks.update(zip(ids, records, strict=True))
 
-    def place(self, timestamp_ns: int, serial: int, T_keyframe_cam: Array) -> None:
-        """Hang a frame on a keyframe."""
+    def record_frame(self, timestamp_ns: int, serial: int, T_keyframe_cam: Array) -> None:
+        """Add a frame relative to a keyframe."""
         self.frames.append((timestamp_ns, serial, T_keyframe_cam))
 
-    def move(self, first: int, T_new_old: Array) -> None:
-        """Carry keyframes from a serial on, and their points, by a motion of the odometry frame."""
-        for serial in self.keyframes:
+    def transform(self, first: int, T_new_old: Array) -> None:
+        """Transform keyframes from a serial on, and their landmarks, by a rigid motion of odom."""
+        for serial, keyframe in self.keyframes.items():
             if serial >= first:
-                self.keyframes[serial] = T_new_old @ self.keyframes[serial]
-        for landmark, (_, _, anchor) in self.traits.items():
-            if anchor >= first:
-                moved = se3.transform(T_new_old, self.places[landmark][None])[0]
-                self.places[landmark] = moved.astype(np.float32)
+                moved = keyframe._replace(T_odom_cam=T_new_old @ keyframe.T_odom_cam)
+                self.keyframes[serial] = moved
+        for landmark, record in self.landmarks.items():
+            if record.anchor >= first:
+                moved = se3.transform(T_new_old, self.points[landmark][None])[0]
+                self.points[landmark] = moved.astype(np.float32)
 
     def positions(self, ids: Indices) -> Array:
-        """Where landmarks (N,) are: (N, 3) metres."""
-        places = [self.places[int(landmark)] for landmark in ids]
-        return np.array(places, dtype=np.float64).reshape(-1, 3)
+        """Positions (N, 3) of landmarks (N,), metres."""
+        points = [self.points[int(landmark)] for landmark in ids]
+        return np.array(points, dtype=np.float64).reshape(-1, 3)
 
     @property
-    def smoothed(self) -> Trajectory:
-        """T_odom_cam of every frame that had a pose, by the last word on its keyframe."""
+    def trajectory(self) -> Trajectory:
+        """T_odom_cam of every frame that had a pose, by the latest pose of its keyframe."""
         times = np.array([time_ns for time_ns, _, _ in self.frames], dtype=np.int64)
-        T = [self.keyframes[serial] @ T_keyframe_cam for _, serial, T_keyframe_cam in self.frames]
+        T = [
+            self.keyframes[serial].T_odom_cam @ T_keyframe_cam
+            for _, serial, T_keyframe_cam in self.frames
+        ]
         return Trajectory(times, np.array(T).reshape(-1, 4, 4))
 
     @property
-    def points(self) -> PointMap:
-        """Every landmark that was ever remembered."""
-        ids = np.array(list(self.places), dtype=np.int64)
-        traits = np.array([self.traits[int(i)] for i in ids], dtype=np.int64).reshape(-1, 3)
-        return PointMap(
-            ids, self.positions(ids).astype(np.float32), traits[:, 0].astype(np.uint8), traits[:, 1]
-        )
+    def point_map(self) -> PointMap:
+        """Every recorded landmark."""
+        ids = np.array(list(self.points), dtype=np.int64)
+        records = np.array([self.landmarks[int(i)] for i in ids], dtype=np.int64).reshape(-1, 3)
+        grey, views, _ = records.T
+        return PointMap(ids, self.positions(ids).astype(np.float32), grey.astype(np.uint8), views)
+
+
+def _single_precision(seen: Observations) -> Observations:
+    return Observations(
+        ids=seen.ids,
+        pixels=seen.pixels.astype(np.float32),
+        disparity_px=seen.disparity_px.astype(np.float32),
+        sigma_px=seen.sigma_px.astype(np.float32),
+    )

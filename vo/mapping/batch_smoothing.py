@@ -1,78 +1,84 @@
-"""Looking back at the end: the last word on every keyframe, or one bundle of all (thesis 4.2)."""
+"""Trajectory and map at the end of a run: by the window, or by full-batch bundle adjustment.
+
+Source: thesis 4.2.
+"""
 
 from dataclasses import replace
 
 import numpy as np
 
 from vo.bundle_adjustment.adjust import refine_structure
-from vo.bundle_adjustment.problem import MIN_POINTS, Sight, collect
+from vo.bundle_adjustment.problem import MIN_POINTS, collect
 from vo.config import RefinementSettings
 from vo.contract import se3
 from vo.contract.arrays import Indices
 from vo.contract.estimator import FinalResult
+from vo.contract.observations import Observations
 from vo.contract.rig import StereoRig
-from vo.map.run_history import History
+from vo.map.run_history import RunHistory
 
 
-def look_back(history: History, rig: StereoRig, settings: RefinementSettings) -> FinalResult:
-    """The smoothed trajectory, if one is wanted, and the map that belongs to it."""
+def finalize(history: RunHistory, rig: StereoRig, settings: RefinementSettings) -> FinalResult:
+    """Make the smoothed trajectory, if one is wanted, and the map that belongs to it."""
     if settings.smooth == "none":
-        return FinalResult(None, history.points)
+        return FinalResult(None, history.point_map)
     if settings.smooth == "global":
-        history = refine_all(history, rig, settings)
-    return FinalResult(history.smoothed, history.points)
+        history = smooth(history, rig, settings)
+    return FinalResult(history.trajectory, history.point_map)
 
 
-def refine_all(history: History, rig: StereoRig, settings: RefinementSettings) -> History:
-    """Refine all keyframes and all landmarks of a run together.
+def smooth(history: RunHistory, rig: StereoRig, settings: RefinementSettings) -> RunHistory:
+    """Adjust all keyframes and all landmarks of a run together.
 
-    Where a keyframe shares too few landmarks with those before, a new group begins: it hangs
-    rigidly on the keyframe before its first one, as it did along the way.
+    Where a keyframe shares too few landmarks with those before, a new group begins: it stays rigid
+    with the last keyframe before it, as it was along the way.
 
     Args:
-        history: With the sights of all keyframes; stays as it is.
+        history: With the observations of all keyframes; stays as it is.
         rig: Projects.
-        settings: Which landmarks take part, loss and iterations.
+        settings: Loss and iterations.
     """
-    serials = sorted(history.sights)
+    serials = sorted(s for s, k in history.keyframes.items() if k.observations is not None)
     if not serials:
         return history
-    sights = [replace(history.sights[s], T_world_cam=history.keyframes[s]) for s in serials]
-    ids = _repeated(sights, np.array(sorted(history.places), dtype=np.int64))
-    keyframes, places = dict(history.keyframes), dict(history.places)
-    hung = np.eye(4)
-    for group in _groups(sights, ids):
-        members = [sights[i] for i in group]
+    seen = [x for s in serials if (x := history.keyframes[s].observations) is not None]
+    T_before_all = [history.keyframes[s].T_odom_cam for s in serials]
+    ids = _repeated(seen, np.array(sorted(history.points), dtype=np.int64))
+    keyframes, points = dict(history.keyframes), dict(history.points)
+    T_new_old = np.eye(4)
+    for group in _groups(seen, ids):
+        members = [seen[i] for i in group]
         shared = _repeated(members, ids)
-        T_before = np.stack([sight.T_world_cam for sight in members])
-        T_after = hung @ T_before
+        T_before = np.stack([T_before_all[i] for i in group])
+        T_after = T_new_old @ T_before
         if len(group) > 1:
             fixed = np.arange(len(group)) == 0
-            bundle = collect(members, shared, history.positions(shared), fixed, rig)
+            bundle = collect(T_before, members, shared, history.positions(shared), fixed, rig)
             refined = refine_structure(bundle, settings, covariances=False)
-            T_after = hung @ refined.T_world_cam
-            found = se3.transform(hung, refined.points_world)
-            places |= dict(zip(shared.tolist(), found, strict=True))
-        keyframes |= {serials[i]: T_after[k] for k, i in enumerate(group)}
-        hung = T_after[-1] @ se3.inverse(T_before[-1])
-    return replace(history, keyframes=keyframes, places=places)
+            T_after = T_new_old @ refined.T_world_cam
+            found = se3.transform(T_new_old, refined.points_world)
+            points |= dict(zip(shared.tolist(), found, strict=True))
+        for i, T in zip(group, T_after, strict=True):
+            keyframes[serials[i]] = keyframes[serials[i]]._replace(T_odom_cam=T)
+        T_new_old = T_after[-1] @ se3.inverse(T_before[-1])
+    return replace(history, keyframes=keyframes, points=points)
 
 
-def _repeated(sights: list[Sight], ids: Indices) -> Indices:
-    """Those of the landmarks that two sights have in common, ascending."""
-    seen, times = np.unique(np.concatenate([s.ids for s in sights]), return_counts=True)
-    return np.intersect1d(seen[times >= 2], ids)
+def _repeated(seen: list[Observations], ids: Indices) -> Indices:
+    """Those of the landmarks that two keyframes have in common, ascending."""
+    known, times = np.unique(np.concatenate([x.ids for x in seen]), return_counts=True)
+    return np.intersect1d(known[times >= 2], ids)
 
 
-def _groups(sights: list[Sight], ids: Indices) -> list[list[int]]:
-    """Sights in order of time, cut where one shares too few of the landmarks with its group."""
+def _groups(seen: list[Observations], ids: Indices) -> list[list[int]]:
+    """Keyframes in order of time, cut where one shares too few of the landmarks with its group."""
     groups: list[list[int]] = []
-    seen = np.zeros(0, np.int64)
-    for i, sight in enumerate(sights):
-        own = np.intersect1d(sight.ids, ids)
-        if not groups or np.isin(own, seen).sum() < MIN_POINTS:
+    shared = np.zeros(0, np.int64)
+    for i, observations in enumerate(seen):
+        own = np.intersect1d(observations.ids, ids)
+        if not groups or np.isin(own, shared).sum() < MIN_POINTS:
             groups.append([])
-            seen = own
+            shared = own
         groups[-1].append(i)
-        seen = np.union1d(seen, own)
+        shared = np.union1d(shared, own)
     return groups

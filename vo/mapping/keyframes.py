@@ -1,52 +1,61 @@
-"""Growing the local map by a keyframe (thesis 3.4)."""
+"""Keyframes: when a view becomes one, and the landmarks that it adds to the map (thesis 3.4)."""
 
 from dataclasses import replace
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from vo.config import OdometrySettings, RefinementSettings
+from vo.config import OdometrySettings
 from vo.contract import se3
 from vo.contract.arrays import Array
-from vo.contract.rig import StereoRig
-from vo.hooks import UNTOUCHED, Hooks
+from vo.contract.observations import Observations
+from vo.hooks import NO_HOOKS, Hooks
 from vo.map.frame import View
-from vo.map.local_map import Keyframe, Landmarks, LocalMap, empty_map
+from vo.map.local_map import Keyframe, Landmarks, LocalMap
+from vo.map.matches import Matches
+from vo.mapping.map_reset import reset_if_due
 from vo.stereo.plane_fit import fit_plane_slopes
 from vo.stereo.sparse import measure_disparities
-from vo.tracking.association import Matches, measurement_sigma
-from vo.tracking.replacement import replace_disparities
+from vo.tracking.association import measurement_sigma
+from vo.tracking.diagnostics import exceeds_iterations
+from vo.tracking.hooked import announce_landmarks, replace_disparities
+from vo.tracking.track_local_map import Tracked
 
-STANDING_PX = 1.0
+MIN_FLOW_PX = 1.0
 """Median flow since the last keyframe below which the camera has not moved: however few landmarks
 are left, another keyframe would only add its own error (thesis 5.1.3)."""
 
 
-def is_new_view(
-    last: Keyframe, matches: Matches, settings: RefinementSettings, least: int = 0
-) -> bool:
+def needs_keyframe(local_map: LocalMap, tracked: Tracked) -> bool:
+    """Whether a tracked view becomes a keyframe (3.4), unless it took too many iterations (5.3)."""
+    settings = tracked.view.settings
+    if exceeds_iterations(tracked.counts["motion iterations"], settings):
+        return False
+    return is_new_view(local_map.keyframes[-1], tracked.inliers, settings)
+
+
+def is_new_view(last: Keyframe, inliers: Matches, settings: OdometrySettings) -> bool:
     """Whether a view has moved far enough from the last keyframe to become one itself.
 
-    What a landmark says of the translation grows as its image motion does, with the disparity: the
-    near ones, which soon leave the image, say most. Of those without disparity nothing is held.
+    The information of a landmark on the translation grows as its image motion does, with the
+    disparity: the near ones, which soon leave the image, have most (decision 19). Those without
+    disparity count nothing.
 
     Args:
         last: The last keyframe.
-        matches: Inliers of the view.
-        settings: Median image motion that suffices, or share that is left of what the keyframe's
-            landmarks said of the translation.
-        least: Fewer inliers suffice too: an image that shows more is worth the step.
+        inliers: Of the view.
+        settings: Median flow that suffices; or share of the keyframe's information that is left,
+            or number of inliers, below which `MIN_FLOW_PX` suffices.
     """
-    _, then, now = np.intersect1d(last.ids, matches.ids, assume_unique=True, return_indices=True)
+    seen, s = last.observations, settings.refinement
+    _, then, now = np.intersect1d(seen.ids, inliers.ids, assume_unique=True, return_indices=True)
     if len(then) == 0:
         return True
-    flow_px = np.median(np.linalg.norm(matches.pixels[now] - last.measured[then, :2], axis=1))
-    telling = np.nan_to_num(last.measured[:, 2]) ** 2
-    few = (
-        telling[then].sum() < settings.keyframe_tracked_ratio * telling.sum()
-        or len(matches) < least
-    )
-    return bool(flow_px > (STANDING_PX if few else settings.keyframe_parallax_px))
+    flow_px = np.median(np.linalg.norm(inliers.pixels[now] - seen.pixels[then], axis=1))
+    information = np.nan_to_num(seen.disparity_px) ** 2
+    few = information[then].sum() < s.keyframe_tracked_ratio * information.sum()
+    few |= len(inliers) < settings.motion.weak_inliers
+    return bool(flow_px > (MIN_FLOW_PX if few else s.keyframe_parallax_px))
 
 
 def add_keyframe(
@@ -54,114 +63,103 @@ def add_keyframe(
     view: View,
     T_odom_cam: Array,
     covariance: Array,
-    matches: Matches | None,
-    rig: StereoRig,
-    settings: OdometrySettings,
-    hooks: Hooks = UNTOUCHED,
+    inliers: Matches | None = None,
+    hooks: Hooks = NO_HOOKS,
 ) -> LocalMap:
-    """Append a view as a keyframe, with fresh landmarks on features that matched nothing.
+    """Append a view as a keyframe, with new landmarks on features that matched nothing.
 
-    The oldest keyframe beyond the window is dropped. Landmarks whose template has grown or
-    shrunk too much, or was dropped, take the new keyframe as their anchor if it sees them, and
-    are forgotten otherwise. At a firewall all are forgotten: the view starts the map anew, at its
-    pose, so that no error of the structure reaches beyond (Nistér, Naroditsky and Bergen, 2004).
+    The oldest keyframe beyond the window is dropped. Landmarks whose template has changed its
+    scale too much, or was dropped, take the new keyframe as their anchor if it observes them, and
+    are removed otherwise.
 
     Args:
         local_map: May be empty.
         view: The new keyframe's.
         T_odom_cam: (4, 4) its pose.
         covariance: (6, 6) of the pose.
-        matches: Inliers of the view; None for none.
-        rig: Triangulates.
-        settings: The window, and how much a template may change.
-        hooks: May replace disparities; hear of the fresh landmarks.
+        inliers: Matches of the view; None for none.
+        hooks: May replace disparities; receive the new landmarks.
     """
-    kept = settings.refinement.map_reset_keyframes
-    if 0 < kept <= local_map.next_serial - local_map.first_serial:
-        local_map = empty_map(local_map.next_serial, local_map.next_id, local_map.noise)
-        matches = None
-    serial, known = local_map.next_serial, local_map.landmarks
-    taken = matches.measured if matches else np.zeros((0, 3))
-    measured, sigma, slopes, vectors = _fresh_features(
-        view, taken, local_map.noise, settings, hooks
-    )
-    points_cam = rig.triangulate(measured[:, :2], measured[:, 2])
-    n = len(measured)
-    fresh = Landmarks(
-        ids=local_map.next_id + np.arange(n),
+    settings, serial = view.settings, local_map.next_serial
+    local_map = reset_if_due(local_map, settings.refinement)
+    if not local_map.keyframes:
+        inliers = None
+    observations, slopes, descriptors = _new_observations(view, inliers, local_map, hooks)
+    points_cam = view.rig.triangulate(observations.pixels, observations.disparity_px)
+    n = len(observations)
+    new = Landmarks(
+        ids=observations.ids,
         points_odom=se3.transform(T_odom_cam, points_cam),
-        vectors=vectors,
+        descriptors=descriptors,
         views=np.ones(n, dtype=np.int64),
         anchor=np.full(n, serial),
-        anchor_pixels=measured[:, :2],
+        anchor_pixels=observations.pixels,
         anchor_depth_m=points_cam[:, 2],
         anchor_slopes=slopes,
     )
-    hooks.born(view.frame, fresh.ids, fresh.anchor_pixels)
-    keyframe = Keyframe(serial, T_odom_cam, covariance, view.frame.left, fresh.ids, measured, sigma)
-    if matches:
-        keyframe = replace(
-            keyframe,
-            ids=np.concatenate([matches.ids, fresh.ids]),
-            measured=np.concatenate([matches.measured, measured]),
-            sigma=np.concatenate([matches.sigma, sigma]),
-        )
+    announce_landmarks(hooks, view.frame, new.ids, new.anchor_pixels)
+    if inliers:
+        observations = inliers.observations.extend(observations)
+    keyframe = Keyframe(view.frame.left, observations, serial, T_odom_cam, covariance)
     keyframes = (*local_map.keyframes, keyframe)[-settings.refinement.window :]
-    if matches:
-        known = _renew_anchors(known, matches, keyframe, keyframes[0].serial, settings)
+    known = local_map.landmarks
+    if inliers:
+        known = _renew_anchors(known, inliers, keyframe, keyframes[0].serial, settings)
     known = known.select(known.anchor >= keyframes[0].serial)
     return replace(
         local_map,
         keyframes=keyframes,
-        landmarks=known.extend(fresh),
+        landmarks=known.extend(new),
         next_serial=serial + 1,
         next_id=local_map.next_id + n,
     )
 
 
-def _fresh_features(
-    view: View, taken: Array, noise: tuple[float, float], settings: OdometrySettings, hooks: Hooks
-) -> tuple[Array, Array, Array, Array]:
-    """Features that have a depth and lie apart from the (N, 3) measurements taken.
+def _new_observations(
+    view: View, inliers: Matches | None, local_map: LocalMap, hooks: Hooks
+) -> tuple[Observations, Array, Array]:
+    """Features that have a depth and lie apart from the inliers, as landmarks of the next ids.
 
     Returns:
-        (N, 3) measurements, their (N, 3) sigmas, the disparity's (N, 2) slopes and (N, P)
-        appearances.
+        N observations, the (N, 2) slopes of the disparity and (N, P) descriptors.
     """
-    pixels = view.features.pixels
+    s, pixels = view.settings, view.features.pixels
+    taken = inliers.measured if inliers else np.zeros((0, 3))
     free = np.ones(len(pixels), dtype=bool)
     if len(taken):
-        free = cKDTree(taken[:, :2]).query(pixels)[0] > settings.features.min_distance_px
-    pixels, vectors = pixels[free], view.vectors[free]
-    found = measure_disparities(view.frame, view.dense, pixels, settings.stereo, nearby=taken)
-    found = replace_disparities(hooks, view.frame, pixels, found, settings.stereo)
+        free = cKDTree(taken[:, :2]).query(pixels)[0] > s.features.min_distance_px
+    pixels, descriptors = pixels[free], view.descriptors[free]
+    found = measure_disparities(view.frame, view.dense, pixels, s.stereo, nearby=taken)
+    found = replace_disparities(hooks, view.frame, pixels, found, s.stereo)
     known = found.known
-    measured = np.column_stack([pixels, found.values_px])[known]
-    # A fresh landmark is wherever its template was cut: its pixel has no error of its own.
-    sigma = measurement_sigma(
-        np.zeros((known.sum(), 2)), found.sigma_px[known], noise, settings.refinement
+    n = int(known.sum())
+    # A new landmark is wherever its template was cut: its pixel has no error of its own.
+    exact, disparity_sigma = np.zeros((n, 2)), found.sigma_px[known]
+    observations = Observations(
+        ids=local_map.next_id + np.arange(n),
+        pixels=pixels[known],
+        disparity_px=found.values_px[known],
+        sigma_px=measurement_sigma(exact, disparity_sigma, local_map.noise, s.refinement),
     )
-    return measured, sigma, found.slopes[known], vectors[known]
+    return observations, found.slopes[known], descriptors[known]
 
 
 def _renew_anchors(
     landmarks: Landmarks, seen: Matches, keyframe: Keyframe, oldest: int,
     settings: OdometrySettings,
 ) -> Landmarks:  # fmt: skip
-    """Take new templates for the seen landmarks whose old one is worn or about to be dropped."""
+    """Cut new templates for the seen landmarks whose old one is worn or about to be dropped."""
     depth_m = se3.transform(se3.inverse(keyframe.T_odom_cam), seen.points_odom)[:, 2]
     zoom = landmarks.anchor_depth_m[seen.rows] / depth_m
     worn = np.maximum(zoom, 1 / zoom) > settings.matching.max_zoom
     worn |= landmarks.anchor[seen.rows] < oldest
+    pixels, disparity_px = keyframe.observations.pixels, keyframe.observations.disparity_px
     return landmarks.update(
         seen.rows[worn],
         anchor=np.full(worn.sum(), keyframe.serial),
         anchor_pixels=seen.pixels[worn],
         anchor_depth_m=depth_m[worn],
         anchor_slopes=fit_plane_slopes(
-            seen.pixels[worn],
-            seen.measured[worn, 2],
-            keyframe.measured[:, :2],
-            keyframe.measured[:, 2],
+            seen.pixels[worn], seen.disparity_px[worn], pixels, disparity_px
         ),
     )

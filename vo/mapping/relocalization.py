@@ -1,67 +1,103 @@
-"""After a loss: where a new segment lies in the map of the old one (thesis 6, F1)."""
+"""Relocalization after a loss: the pose of a view in the map that was lost (thesis 6, F1)."""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from vo.bundle_adjustment.adjust import Pose
-from vo.config import OdometrySettings
-from vo.contract.rig import StereoRig
+from vo.contract.arrays import Array
 from vo.map.frame import View
-from vo.map.local_map import LocalMap
-from vo.tracking.association import find_matches, find_more
-from vo.tracking.pose_refinement import agreeing, orient, refine_pose
-
-ADRIFT = 1.0
-"""Variance, m² and rad², of the pose of a segment that nothing connects to what went before."""
-
-CANDIDATE_INLIERS = 6
-"""Of matches from all over the image, most of them false: enough to try a pose."""
-
-LOOSE = 3.0
-"""Points of two single views disagree by more than a point and a pixel do."""
-
-CONFIRMED = 40
-"""Landmarks that must then be found just where the pose puts them: chance does not do that."""
+from vo.map.local_map import LocalMap, empty_map, pose_covariance
+from vo.tracking.association import find_guided_matches, find_matches
+from vo.tracking.pose_refinement import find_consensus, refine_pose, select_inliers
 
 
-def find_again(
-    lost_map: LocalMap,
-    view: View,
-    rig: StereoRig,
-    settings: OdometrySettings,
-    rng: np.random.Generator,
-) -> Pose | None:
-    """Locate a view in a map that was lost, with no idea of where it might be.
+@dataclass(frozen=True)
+class RelocalizationThresholds:
+    """Limits of the search, which starts without any prediction."""
+
+    unknown_variance: float = 1.0
+    """Variance, m² and rad², of the pose of a segment that is not connected to the one before."""
+    candidate_inliers: int = 6
+    """Of matches from all over the image, most of them false: enough to try a pose."""
+    threshold_scale: float = 3.0
+    """Factor on the inlier threshold: points of two single views disagree by more than a point
+    and a pixel do."""
+    confirming_inliers: int = 40
+    """Landmarks that must then be found at their projections: chance does not do that."""
+    min_views: int = 3
+    """Frames that must have observed a landmark for its map to be kept after a loss."""
+
+
+LIMITS = RelocalizationThresholds()
+
+
+class Relocalized(NamedTuple):
+    """A pose by a lost map: T_odom_cam (4, 4) and its covariance (6, 6)."""
+
+    T_odom_cam: Array
+    covariance: Array
+
+
+def relocalize(
+    lost_map: LocalMap | None, view: View, rng: np.random.Generator
+) -> Relocalized | None:
+    """Locate a view in a map that was lost, without a prediction.
 
     Landmarks are matched all over the image, and points with points: absolute orientation needs
-    no guess. Landmarks that are then found where that pose puts them confirm it.
+    no prediction. Landmarks that are then matched at their projections confirm the pose.
 
     Args:
-        lost_map: Its landmarks still have their appearance and templates.
+        lost_map: With descriptors and templates; None for none.
         view: A keyframe of the new segment.
-        rig: Triangulates.
-        settings: Of matching; the orientation is absolute whatever they say.
         rng: Draws the samples.
     """
+    if lost_map is None:
+        return None
     everywhere = float(max(view.frame.left.shape))
     T_guess = lost_map.keyframes[-1].T_odom_cam
-    matches = find_matches(lost_map, view, T_guess, everywhere, rig, settings)
-    motion = settings.motion.model_copy(
+    matches = find_matches(lost_map, view, T_guess, everywhere)
+    motion = view.settings.motion.model_copy(
         update={
             "method": "absolute",
             "residual": "reprojection",
-            "threshold": LOOSE * settings.motion.threshold,
+            "threshold": LIMITS.threshold_scale * view.settings.motion.threshold,
         }
     )
-    absolute = settings.model_copy(update={"motion": motion})
-    consensus = orient(matches, T_guess, np.ones(len(matches)), rig, absolute, rng)
-    if consensus is None or consensus.inliers.sum() < CANDIDATE_INLIERS:
+    absolute = replace(view, settings=view.settings.model_copy(update={"motion": motion}))
+    consensus = find_consensus(matches, T_guess, np.ones(len(matches)), absolute, rng)
+    if consensus is None or consensus.inliers.sum() < LIMITS.candidate_inliers:
         return None
     matches = matches.select(consensus.inliers)
-    pose = refine_pose(consensus.T_odom_cam, matches, rig, settings)
+    pose = refine_pose(consensus.T_odom_cam, matches, view)
     for _ in range(2):
-        matches = find_more(lost_map, view, pose.T_world_cam, matches, rig, settings)
-        matches = agreeing(pose.T_world_cam, matches, rig, settings.motion)
-        if len(matches) < CANDIDATE_INLIERS:
+        matches = find_guided_matches(lost_map, view, pose.T_world_cam, matches)
+        matches = select_inliers(pose.T_world_cam, matches, view)
+        if len(matches) < LIMITS.candidate_inliers:
             return None
-        pose = refine_pose(pose.T_world_cam, matches, rig, settings)
-    return pose if len(matches) >= CONFIRMED else None
+        pose = refine_pose(pose.T_world_cam, matches, view)
+    if len(matches) < LIMITS.confirming_inliers:
+        return None
+    covariance = pose_covariance(lost_map, pose.T_world_cam, pose.covariance)
+    return Relocalized(pose.T_world_cam, covariance)
+
+
+def mark_lost(
+    local_map: LocalMap, lost_map: LocalMap | None, lost_frames: int, patience_frames: int
+) -> tuple[LocalMap, LocalMap | None]:
+    """Keep the map for some lost frames, then replace it by an empty one.
+
+    The map is kept for no more frames than it was observed by, and not at all if these were fewer
+    than `min_views`, as after a false start. Otherwise it is kept as the lost map.
+
+    Returns:
+        The map of the next frame, and the lost map, the first of those not yet merged.
+    """
+    views = int(local_map.landmarks.views.max(initial=0))
+    confirmed = views >= LIMITS.min_views
+    kept_frames = min(patience_frames, views) if confirmed else 0
+    if lost_frames <= kept_frames or not local_map.keyframes:
+        return local_map, lost_map
+    if confirmed:
+        lost_map = lost_map or local_map
+    return empty_map(local_map.next_serial, local_map.next_id), lost_map

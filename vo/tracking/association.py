@@ -1,155 +1,97 @@
-"""From landmarks to their pixels in a new view: prediction, marriage, sub-pixel alignment."""
-
-from dataclasses import dataclass
+"""Data association: landmarks to their pixels in a view, by prediction, matching and alignment."""
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from vo.config import MatchingSettings, OdometrySettings, RefinementSettings
+from vo.config import RefinementSettings
 from vo.contract import se3
 from vo.contract.arrays import Array, Image, Indices, Mask
 from vo.contract.rig import StereoRig
 from vo.map.frame import View
 from vo.map.local_map import Landmarks, LocalMap
+from vo.map.matches import NO_FEATURE, Matches
 from vo.patches.alignment import Alignment, align
 from vo.patches.templates import extract_templates
 from vo.patches.zncc import match_mutual
 from vo.stereo.sparse import measure_disparities
 
-NO_FEATURE = -1
-
-PEERS = 40
-"""Matches about as near as a landmark, beside which it must look alike."""
-
-
-@dataclass(frozen=True)
-class Matches:
-    """Landmarks found in a view, row by row.
-
-    Attributes:
-        rows: (N,) rows of the map's landmarks, each once.
-        ids: (N,) their identifiers.
-        points_odom: (N, 3) their positions, metres.
-        features: (N,) rows of the view's features, NO_FEATURE where none answered.
-        measured: (N, 3) left-image u, v, sub-pixel, and disparity, NaN where unknown.
-        sigma: (N, 3) their standard deviations, pixels.
-        zncc: (N,) likeness to the landmark's template; NaN if that was not asked.
-    """
-
-    rows: Indices
-    ids: Indices
-    points_odom: Array
-    features: Indices
-    measured: Array
-    sigma: Array
-    zncc: Array
-
-    def __len__(self) -> int:
-        return len(self.rows)
-
-    @property
-    def pixels(self) -> Array:
-        """(N, 2) left-image (u, v)."""
-        return self.measured[:, :2]
-
-    def extend(self, other: "Matches") -> "Matches":
-        """Append rows, and sort by landmark."""
-        both = {k: np.concatenate([v, getattr(other, k)]) for k, v in vars(self).items()}
-        order = np.argsort(both["rows"])
-        return Matches(**{name: value[order] for name, value in both.items()})
-
-    def select(self, keep: Mask) -> "Matches":
-        """Keep some rows."""
-        return Matches(**{name: value[keep] for name, value in vars(self).items()})
+NEIGHBOURS = 40
+"""Matches of about the disparity of a landmark, whose correlations set its threshold."""
 
 
 def find_matches(
-    local_map: LocalMap,
-    view: View,
-    T_odom_cam: Array,
-    reach_px: float,
-    rig: StereoRig,
-    settings: OdometrySettings,
+    local_map: LocalMap, view: View, T_odom_cam: Array, search_radius_px: float
 ) -> Matches:
-    """Match landmarks with features near where a guessed pose puts them.
+    """Match landmarks with features near their projections by a predicted pose.
 
     Args:
         local_map: Landmarks, and the keyframes that hold their templates.
-        view: The new frame.
-        T_odom_cam: (4, 4) guessed pose.
-        reach_px: Radius of the search window.
-        rig: Projects.
-        settings: Patch sizes and least correlations.
+        view: The view.
+        T_odom_cam: (4, 4) predicted pose.
+        search_radius_px: Half side of the search window.
 
     Returns:
-        Those whose aligned patch still resembles the landmark's template.
+        Those whose aligned patch correlates with the landmark's template.
     """
-    landmarks, features = local_map.landmarks, view.features
-    expected = expected_at(landmarks, T_odom_cam, rig)[:, :2]
+    landmarks, features, s = local_map.landmarks, view.features, view.settings.matching
+    expected = project_landmarks(landmarks, T_odom_cam, view.rig)[:, :2]
     rows, found = match_mutual(
-        landmarks.vectors, expected, view.vectors, features.pixels, reach_px, settings.matching
+        landmarks.descriptors, expected, view.descriptors, features.pixels, search_radius_px, s
     ).T
-    least = settings.matching.min_align_zncc
     start = features.pixels[found]
-    return _measure(local_map, view, T_odom_cam, rows, found, start, least, rig, settings)
+    return _measure(local_map, view, T_odom_cam, rows, found, start, s.min_align_zncc)
 
 
-def find_more(
-    local_map: LocalMap,
-    view: View,
-    T_odom_cam: Array,
-    matches: Matches,
-    rig: StereoRig,
-    settings: OdometrySettings,
+def find_guided_matches(
+    local_map: LocalMap, view: View, T_odom_cam: Array, matches: Matches
 ) -> Matches:
-    """Add the landmarks that no feature answered to, where a good pose puts them (F5).
+    """Add the landmarks without a matching feature, at their projections by a good pose (F5).
 
     Args:
         local_map: As for `find_matches`.
-        view: The new frame.
+        view: The view.
         T_odom_cam: (4, 4) its pose, to within about a pixel.
-        matches: What is matched already; stays as it is.
-        rig: Projects.
-        settings: As for `find_matches`.
+        matches: Known matches, at least one; they stay as they are.
     """
-    expected = expected_at(local_map.landmarks, T_odom_cam, rig)
-    visible = in_sight(expected, view.frame.left)
+    expected = project_landmarks(local_map.landmarks, T_odom_cam, view.rig)
+    visible = in_image(expected, view.frame.left)
     visible[matches.rows] = False
     rows = np.flatnonzero(visible)
-    nobody = np.full(len(rows), NO_FEATURE)
-    # Without a feature to answer, only likeness tells a landmark from what now lies in its place.
-    least = _likeness_of_peers(matches, expected[:, 2], rows, settings.matching.guided_quantile)
+    none = np.full(len(rows), NO_FEATURE)
+    # Without a feature, only the correlation tells a landmark from what now lies in its place.
+    quantile = view.settings.matching.guided_quantile
+    min_zncc = _correlation_of_neighbours(matches, expected[:, 2], rows, quantile)
     start = expected[rows, :2]
-    more = _measure(local_map, view, T_odom_cam, rows, nobody, start, least, rig, settings)
-    return matches.extend(more.select(~np.isnan(more.measured[:, 2])))
+    more = _measure(local_map, view, T_odom_cam, rows, none, start, min_zncc)
+    return matches.merge(more.select(~np.isnan(more.disparity_px)))
 
 
-def _likeness_of_peers(
+def _correlation_of_neighbours(
     matches: Matches, disparity_px: Array, rows: Indices, quantile: float
 ) -> Array:
-    """How alike (N,) some landmarks must be: as a share of the matches about as near.
+    """Correlation (N,) that landmarks need: a quantile over the matches of about their disparity.
 
-    What is near changes more from view to view, and tells most of the translation.
+    Near landmarks change more from view to view, and determine most of the translation.
 
     Args:
         matches: At least one.
-        disparity_px: (L,) of all landmarks of the map, by the new pose.
-        rows: (N,) of the landmarks that are asked about.
-        quantile: Share of the matches that may be less alike.
+        disparity_px: (L,) of all landmarks of the map, by the pose.
+        rows: (N,) of the landmarks in question.
+        quantile: Share of the matches that may correlate less.
     """
     order = np.argsort(disparity_px[matches.rows])
-    peers = sliding_window_view(matches.zncc[order], min(PEERS, len(matches)))
-    likeness = np.quantile(peers, quantile, axis=1)
+    neighbours = sliding_window_view(matches.zncc[order], min(NEIGHBOURS, len(matches)))
+    zncc = np.quantile(neighbours, quantile, axis=1)
     place = np.searchsorted(disparity_px[matches.rows][order], disparity_px[rows])
-    return likeness[np.clip(place - peers.shape[1] // 2, 0, len(peers) - 1)]
+    return zncc[np.clip(place - neighbours.shape[1] // 2, 0, len(neighbours) - 1)]
 
 
-def expected_at(landmarks: Landmarks, T_odom_cam: Array, rig: StereoRig) -> Array:
-    """Where a pose puts landmarks: (N, 3) left-image u, v and disparity, NaN behind the camera."""
+def project_landmarks(landmarks: Landmarks, T_odom_cam: Array, rig: StereoRig) -> Array:
+    """Project landmarks: (N, 3) left-image u, v and disparity, NaN behind the camera."""
     return rig.project(se3.transform(se3.inverse(T_odom_cam), landmarks.points_odom))
 
 
-def in_sight(expected: Array, image: Image) -> Mask:
+def in_image(expected: Array, image: Image) -> Mask:
     """Which of (N, 3) projections lie in an image."""
     height, width = image.shape
     with np.errstate(invalid="ignore"):
@@ -159,74 +101,73 @@ def in_sight(expected: Array, image: Image) -> Mask:
 
 def _measure(
     local_map: LocalMap, view: View, T_odom_cam: Array, rows: Indices, features: Indices,
-    start: Array, least_zncc: Array | float, rig: StereoRig, settings: OdometrySettings,
+    start: Array, min_zncc: Array | float,
 ) -> Matches:  # fmt: skip
-    """Align landmarks from where they are expected, in both eyes; drop those that look unlike."""
-    landmarks = local_map.landmarks
-    if settings.matching.align:
-        aligned = _align(
-            local_map, rows, view.frame.left, start, T_odom_cam, rig, settings.matching
-        )
+    """Align landmarks in both images from where they are expected; keep those that correlate."""
+    s = view.settings
+    if s.matching.align:
+        aligned = _align(local_map, view, T_odom_cam, rows, start)
     else:
         n = len(rows)
         aligned = Alignment(start, np.ones(n), np.zeros((n, 2, 2)))
     with np.errstate(invalid="ignore"):
-        good = aligned.zncc > least_zncc
-        good &= np.abs(aligned.pixels - start).max(axis=1) < settings.matching.max_align_shift_px
+        good = aligned.zncc > min_zncc
+        good &= np.abs(aligned.pixels - start).max(axis=1) < s.matching.max_align_shift_px
     rows, features, pixels = rows[good], features[good], aligned.pixels[good]
-    found = landmarks.select(rows)
+    found = local_map.landmarks.select(rows)
     stereo = measure_disparities(
-        view.frame, view.dense, pixels, settings.stereo,
-        expected_px=expected_at(found, T_odom_cam, rig)[:, 2], slopes=found.anchor_slopes,
+        view.frame, view.dense, pixels, s.stereo,
+        expected_px=project_landmarks(found, T_odom_cam, view.rig)[:, 2],
+        slopes=found.anchor_slopes,
     )  # fmt: skip
     variance = np.diagonal(aligned.covariance_px2[good], axis1=1, axis2=2)
     return Matches(
-        rows,
-        found.ids,
-        found.points_odom,
-        features,
-        np.column_stack([pixels, stereo.values_px]),
-        measurement_sigma(variance, stereo.sigma_px, local_map.noise, settings.refinement),
-        aligned.zncc[good],
+        ids=found.ids,
+        pixels=pixels,
+        disparity_px=stereo.values_px,
+        sigma_px=measurement_sigma(variance, stereo.sigma_px, local_map.noise, s.refinement),
+        rows=rows,
+        points_odom=found.points_odom,
+        features=features,
+        zncc=aligned.zncc[good],
     )
 
 
 def measurement_sigma(
     variance_px2: Array, disparity_px: Array, noise: tuple[float, float], s: RefinementSettings
 ) -> Array:
-    """Standard deviations (N, 3) of u, v and disparity: noise, and what warps do not explain.
+    """Standard deviations (N, 3) of u, v and disparity: image noise, and a constant share.
 
     Args:
         variance_px2: (N, 2) of u and v by the noise of the images.
         disparity_px: (N,) standard deviation of the disparity by the same; NaN where unknown.
-        noise: Factors of pixels and of disparities that residuals have shown.
-        s: The rest, alike for all.
+        noise: Factors of pixels and of disparities, learnt from residuals.
+        s: The constant shares.
     """
     pixels = noise[0] * np.sqrt(variance_px2 + s.sigma_px**2)
     return np.column_stack([pixels, noise[1] * np.hypot(disparity_px, s.sigma_disparity_px)])
 
 
 def _align(
-    local_map: LocalMap, rows: Indices, image: Image, start: Array, T_odom_cam: Array,
-    rig: StereoRig, s: MatchingSettings,
-) -> Alignment:  # fmt: skip
-    """Align the templates of landmarks with an image."""
-    landmarks = local_map.landmarks.select(rows)
-    n = len(rows)
+    local_map: LocalMap, view: View, T_odom_cam: Array, rows: Indices, start: Array
+) -> Alignment:
+    """Align the templates of landmarks (N,) with the left image."""
+    landmarks, n = local_map.landmarks.select(rows), len(rows)
     result = Alignment(np.full((n, 2), np.nan), np.full(n, np.nan), np.full((n, 2, 2), np.nan))
     for keyframe in local_map.keyframes:
         here = landmarks.anchor == keyframe.serial
         anchored = landmarks.select(here)
         T_cam_anchor = se3.inverse(T_odom_cam) @ keyframe.T_odom_cam
-        warp = _surface_warp(anchored, T_cam_anchor, rig)
-        templates = extract_templates(keyframe.left, anchored.anchor_pixels, s.align_px)
-        for name, values in vars(align(templates, image, start[here], warp)).items():
+        warp = _plane_warp(anchored, T_cam_anchor, view.rig)
+        patch_px = view.settings.matching.align_px
+        templates = extract_templates(keyframe.left, anchored.anchor_pixels, patch_px)
+        for name, values in vars(align(templates, view.frame.left, start[here], warp)).items():
             getattr(result, name)[here] = values
     return result
 
 
-def _surface_warp(landmarks: Landmarks, T_cam_anchor: Array, rig: StereoRig) -> Array:
-    """How a slanted patch in the anchor's image deforms on its way to another camera.
+def _plane_warp(landmarks: Landmarks, T_cam_anchor: Array, rig: StereoRig) -> Array:
+    """Warp of a slanted patch in the anchor's image on its way to another camera.
 
     Inverse depth is linear in the pixels of a plane, so with m = (x / z, y / z, 1) in the anchor,
     h = R m + t / z is linear too, and the plane's homography is (h_x / h_z, h_y / h_z).

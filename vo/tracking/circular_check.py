@@ -1,40 +1,43 @@
-"""Matches that are consistent over three frames (thesis 5.1.2, F4).
+"""Matches that are consistent over three frames (thesis 5.1.2, F4; `matching.circular_check`).
 
-A landmark's template ties it to this frame and to the frame before; aligning the frame before
-with this one directly closes the triangle.
+A landmark's template connects it to this frame and to the previous frame; aligning the previous
+frame with this one directly closes the circle.
 """
 
 import numpy as np
 
-from vo.contract.arrays import Image, Mask
-from vo.map.local_map import Landmarks, Sighting
+from vo.contract.arrays import Mask
+from vo.map.frame import View
+from vo.map.local_map import Landmarks, TrackedFrame
+from vo.map.matches import Matches
 from vo.patches.alignment import align
 from vo.patches.templates import extract_templates
-from vo.tracking.association import Matches
 
-CLOSURE_PX = 0.75
-"""Most by which the two ways to this frame may differ."""
+MAX_CLOSURE_PX = 0.75
+"""Largest difference between the two ways to this frame."""
 
 
-def consistent(
-    matches: Matches, landmarks: Landmarks, before: Sighting, image: Image, patch_px: int
+def is_consistent(
+    matches: Matches, landmarks: Landmarks, previous: TrackedFrame, view: View
 ) -> Mask:
-    """Which matches the frame before confirms, (N,).
+    """Which matches (N,) the previous frame confirms.
 
-    A landmark that no frame has matched yet may still become a triplet, and is kept; one that
-    others have matched but the frame before has not is dropped.
+    A landmark that no frame has matched yet is kept; one that others have matched but the previous
+    frame has not is dropped.
 
     Args:
-        matches: Of a new frame.
+        matches: Of a view.
         landmarks: The map's, of which the matches are rows.
-        before: The last frame that had a pose.
-        image: (H, W) uint8, the new frame's left.
-        patch_px: Side of the patch that is aligned.
+        previous: The last frame that had a pose.
+        view: The view.
     """
     keep = landmarks.views[matches.rows] == 1
-    _, now, then = np.intersect1d(matches.ids, before.ids, assume_unique=True, return_indices=True)
-    templates = extract_templates(before.left, before.pixels[then], patch_px)
-    direct = align(templates, image, matches.pixels[now]).pixels
+    seen = previous.observations
+    _, now, then = np.intersect1d(matches.ids, seen.ids, assume_unique=True, return_indices=True)
+    patch_px = view.settings.matching.align_px
+    templates = extract_templates(previous.left, seen.pixels[then], patch_px)
+    direct = align(templates, view.frame.left, matches.pixels[now]).pixels
     with np.errstate(invalid="ignore"):
-        keep[now] = np.abs(direct - matches.pixels[now]).max(axis=1) < CLOSURE_PX  # not NaN
+        error_px = np.abs(direct - matches.pixels[now]).max(axis=1)
+        keep[now] = error_px < MAX_CLOSURE_PX  # not NaN
     return keep

@@ -1,33 +1,65 @@
-"""How images are looked at: by wide windows where they are faint or soft, smoothed where noisy."""
+"""Frontend: adaptation to the image, features and dense disparity of a frame."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
 
 from vo.config import OdometrySettings
+from vo.contract.arrays import Image
 from vo.contract.clock import Clock
+from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
 from vo.features.adaptive_windows import adapt_settings
+from vo.features.detector import detect
 from vo.features.image_quality import measure_image_quality
 from vo.hooks import Hooks
-from vo.map.frame import View, look
+from vo.map.frame import View
+from vo.patches.zncc import describe
 from vo.stereo.dense import DenseStereo
-from vo.tracking.replacement import replace_features
+from vo.tracking.hooked import replace_features
 
 
-class Eyes:
-    """Turns frames into views; images that have once been found noisy are smoothed ever after."""
+class Frontend:
+    """Turns frames into views."""
 
-    def __init__(self, settings: OdometrySettings, hooks: Hooks) -> None:
-        """Look by these settings, which suit the picture; hooks may replace features."""
-        self._settings, self._hooks = settings, hooks
+    def __init__(self, rig: StereoRig, settings: OdometrySettings) -> None:
+        self._rig, self._settings = rig, settings
         self._dense_stereo = DenseStereo(settings.stereo)
-        self._smoothing_px = 0.0
 
-    def look(self, frame: StereoFrame, clock: Clock) -> View:
-        """Find features (thesis 3.2) and, if stereo is dense, depth (3.1)."""
+    def process(self, frame: StereoFrame, smoothing_px: float, hooks: Hooks, clock: Clock) -> View:
+        """Detect and describe features (thesis 3.2) and, if stereo is dense, match the pair (3.1).
+
+        Args:
+            frame: The pair.
+            smoothing_px: That of the frame before: after a noisy image, all are smoothed.
+            hooks: May replace features.
+            clock: Times the stages.
+        """
         s = self._settings
         with clock("features"):
-            seen = measure_image_quality(frame.left)
-        if seen.noise > s.features.noise_threshold_grey:
-            self._smoothing_px = s.features.smoothing_px
-        low_snr = seen.texture_to_noise < s.low_snr.texture_to_noise
-        settings = adapt_settings(s, low_snr, defocus=0 < s.defocus.softness < seen.softness)
-        view = look(frame, self._dense_stereo, settings, clock, self._smoothing_px)
-        return replace_features(self._hooks, view, settings)
+            quality = measure_image_quality(frame.left)
+        if quality.noise > s.features.noise_threshold_grey:
+            smoothing_px = s.features.smoothing_px
+        low_snr = quality.texture_to_noise < s.low_snr.texture_to_noise
+        defocus = 0 < s.defocus.softness < quality.softness
+        view = self.extract(frame, adapt_settings(s, low_snr, defocus), smoothing_px, clock)
+        return replace_features(hooks, view)
+
+    def extract(
+        self, frame: StereoFrame, settings: OdometrySettings, smoothing_px: float, clock: Clock
+    ) -> View:
+        """Detect features and match the pair by given settings, after smoothing."""
+        if smoothing_px > 0:
+            left, right = (_smooth(x, smoothing_px) for x in (frame.left, frame.right))
+            frame = replace(frame, left=left, right=right)
+        with clock("features"):
+            features = detect(frame.left, settings.features)
+            descriptors = describe(frame.left, features.pixels, settings.matching.patch_px)
+        with clock("stereo"):
+            dense = self._dense_stereo(frame.left, frame.right)
+        return View(frame, self._rig, features, descriptors, dense, settings, smoothing_px)
+
+
+def _smooth(image: Image, sigma_px: float) -> Image:
+    return np.asarray(cv2.GaussianBlur(image, (0, 0), sigma_px), np.uint8)

@@ -1,7 +1,8 @@
-"""Landmarks followed from the frame before, where templates of keyframes do not match.
+"""KLT tracking of landmarks from the previous frame, where templates of keyframes do not match.
 
-A blurred image resembles no sharp template, but it resembles the frame before, blurred alike.
-Errors add up from frame to frame, so this only bridges frames until a keyframe has such templates.
+A blurred image does not resemble a sharp template, but it resembles the previous frame with the
+same blur. Errors accumulate from frame to frame, so KLT only bridges frames until a keyframe holds
+such templates.
 
 Source: Bouguet, Pyramidal Implementation of the Lucas Kanade Feature Tracker, 2000 (in OpenCV).
 """
@@ -10,48 +11,43 @@ import cv2
 import numpy as np
 
 from vo.contract.arrays import Array, Image
-from vo.contract.rig import StereoRig
 from vo.map.frame import View
-from vo.map.local_map import LocalMap, Sighting
+from vo.map.local_map import LocalMap, TrackedFrame
+from vo.map.matches import NO_FEATURE, Matches
 from vo.stereo.sparse import measure_disparities
-from vo.tracking.association import NO_FEATURE, Matches, expected_at
+from vo.tracking.association import project_landmarks
 
 WINDOW_PX, LEVELS = 21, 3
 """Of the pyramid: blur of 20 pixels is one of few on its top."""
 
-CLOSURE_PX = 1.0
-"""Most by which following there and back may miss."""
+MAX_CLOSURE_PX = 1.0
+"""Largest error of tracking forwards and backwards."""
 
 SIGMA_PX = 0.5
 """Standard deviation of u and v."""
 
 
-def follow(
-    before: Sighting,
-    local_map: LocalMap,
-    view: View,
-    T_odom_cam: Array,
-    rig: StereoRig,
+def track_klt(
+    previous: TrackedFrame, local_map: LocalMap, view: View, T_odom_cam: Array
 ) -> Matches:
-    """Follow what the frame before saw into a new view.
+    """Track the observations of the previous frame into a view.
 
     Args:
-        before: The last frame that had a pose.
-        local_map: Of which it saw landmarks.
-        view: The new frame.
-        T_odom_cam: (4, 4) guessed pose, where following begins.
-        rig: Projects.
+        previous: The last frame that had a pose.
+        local_map: Of the observed landmarks.
+        view: The view.
+        T_odom_cam: (4, 4) predicted pose, at whose projections tracking starts.
     """
-    s = view.settings
-    rows = np.flatnonzero(np.isin(local_map.landmarks.ids, before.ids))
+    s, seen = view.settings, previous.observations
+    rows = np.flatnonzero(np.isin(local_map.landmarks.ids, seen.ids))
     landmarks = local_map.landmarks.select(rows)
-    start = before.pixels[np.searchsorted(before.ids, landmarks.ids)]
-    expected = expected_at(landmarks, T_odom_cam, rig)
+    start = seen.pixels[np.searchsorted(seen.ids, landmarks.ids)]
+    expected = project_landmarks(landmarks, T_odom_cam, view.rig)
     ahead = np.isfinite(expected).all(axis=1)
     rows, start, expected = rows[ahead], start[ahead], expected[ahead]
-    pixels = _flow(before.left, view.frame.left, start, expected[:, :2])
-    returned = _flow(view.frame.left, before.left, pixels, start)
-    closed = np.abs(returned - start).max(axis=1, initial=0) < CLOSURE_PX
+    pixels = _flow(previous.left, view.frame.left, start, expected[:, :2])
+    returned = _flow(view.frame.left, previous.left, pixels, start)
+    closed = np.abs(returned - start).max(axis=1, initial=0) < MAX_CLOSURE_PX
     rows, pixels, expected = rows[closed], pixels[closed], expected[closed]
     stereo = measure_disparities(
         view.frame, view.dense, pixels, s.stereo,
@@ -60,18 +56,19 @@ def follow(
     n = len(rows)
     sigma_d = np.hypot(stereo.sigma_px, s.refinement.sigma_disparity_px)
     return Matches(
-        rows,
-        local_map.landmarks.ids[rows],
-        local_map.landmarks.points_odom[rows],
-        np.full(n, NO_FEATURE),
-        np.column_stack([pixels, stereo.values_px]),
-        np.column_stack([np.full((n, 2), SIGMA_PX), local_map.noise[1] * sigma_d]),
-        np.full(n, np.nan),
+        ids=local_map.landmarks.ids[rows],
+        pixels=pixels,
+        disparity_px=stereo.values_px,
+        sigma_px=np.column_stack([np.full((n, 2), SIGMA_PX), local_map.noise[1] * sigma_d]),
+        rows=rows,
+        points_odom=local_map.landmarks.points_odom[rows],
+        features=np.full(n, NO_FEATURE),
+        zncc=np.full(n, np.nan),
     )
 
 
 def _flow(before: Image, now: Image, start: Array, guess: Array) -> Array:
-    """Where (N, 2) pixels went; NaN where they cannot be followed."""
+    """Positions (N, 2) of pixels in another image; NaN where they cannot be tracked."""
     pixels = np.full(start.shape, np.nan)
     known = np.isfinite(guess).all(axis=1)
     if not known.any():

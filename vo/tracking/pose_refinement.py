@@ -1,61 +1,51 @@
-"""Where the camera is, by landmarks that were matched: consensus, refinement, who agrees."""
+"""Pose of a view from its matches: consensus, refinement and inliers (thesis 3.3, 3.4)."""
 
 import numpy as np
 
 from vo.bundle_adjustment.adjust import Pose, refine_motion
-from vo.config import MotionSettings, OdometrySettings
 from vo.contract.arrays import Array
-from vo.contract.rig import StereoRig
+from vo.map.frame import View
+from vo.map.matches import Matches
 from vo.pose.estimation import estimate_pose, reprojection_errors
 from vo.pose.ransac import Consensus
-from vo.tracking.association import Matches
 
 
-def orient(
-    matches: Matches,
-    T_odom_guess: Array,
-    weights: Array,
-    rig: StereoRig,
-    settings: OdometrySettings,
-    rng: np.random.Generator,
+def find_consensus(
+    matches: Matches, T_odom_guess: Array, weights: Array, view: View, rng: np.random.Generator
 ) -> Consensus | None:
-    """Estimate T_odom_cam with false matches among the good, by `motion.method`.
+    """Estimate T_odom_cam from matches with outliers, by `motion.method`.
 
     Args:
         matches: Of landmarks with a view.
-        T_odom_guess: (4, 4) expected pose; the orientations under RANSAC do without it.
-        weights: (N,) how much each match counts there.
-        rig: Projects.
-        settings: Of motion.
+        T_odom_guess: (4, 4) predicted pose; RANSAC does not use it.
+        weights: (N,) sampling weights.
+        view: The view.
         rng: Draws the samples.
     """
     return estimate_pose(
         matches.points_odom,
-        rig.normalized(matches.pixels),
-        rig.triangulate(matches.pixels, matches.measured[:, 2]),
-        settings.motion,
+        view.rig.normalized(matches.pixels),
+        view.rig.triangulate(matches.pixels, matches.disparity_px),
+        view.settings.motion,
         rng,
         weights,
         T_odom_guess,
     )
 
 
-def refine_pose(
-    T_odom_cam: Array, matches: Matches, rig: StereoRig, settings: OdometrySettings
-) -> Pose:
-    """Refine a pose on matches, the landmarks staying as they are; or keep it, if so set."""
+def refine_pose(T_odom_cam: Array, matches: Matches, view: View) -> Pose:
+    """Refine a pose on matches, with fixed landmarks; with `refinement.mode` none, keep it."""
+    settings = view.settings.refinement
     refined = refine_motion(
-        T_odom_cam, matches.points_odom, matches.measured, matches.sigma, rig, settings.refinement
+        T_odom_cam, matches.points_odom, matches.measured, matches.sigma_px, view.rig, settings
     )
-    if settings.refinement.mode == "none":
+    if settings.mode == "none":
         return Pose(T_odom_cam, refined.covariance, iterations=0)
     return refined
 
 
-def agreeing(
-    T_odom_cam: Array, matches: Matches, rig: StereoRig, settings: MotionSettings
-) -> Matches:
-    """Keep the matches that a pose explains to within the acceptance threshold (5.4)."""
-    rays = rig.normalized(matches.pixels)
+def select_inliers(T_odom_cam: Array, matches: Matches, view: View) -> Matches:
+    """Keep the matches whose reprojection error is below the inlier threshold (5.4)."""
+    rays = view.rig.normalized(matches.pixels)
     errors = reprojection_errors(T_odom_cam, matches.points_odom, rays)
-    return matches.select(errors < settings.threshold)
+    return matches.select(errors < view.settings.motion.threshold)

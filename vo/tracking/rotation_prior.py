@@ -32,7 +32,7 @@ LEAST_CONTRAST = 1e-3
 """Grey levels, below which an image is blank."""
 
 
-def find_turn(before: Image, now: Image, rig: StereoRig, expected: Array) -> Array:
+def align_rotation(before: Image, now: Image, rig: StereoRig, expected: Array) -> Array:
     """Rotation between two images of one camera, as if all they show were far away.
 
     Args:

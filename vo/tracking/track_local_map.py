@@ -1,6 +1,6 @@
-"""Where a view lies in the map: matched about a guess, oriented, refined (thesis 3.2-3.4)."""
+"""Tracking of a view in the local map: match, estimate the pose, refine it (thesis 3.2-3.4)."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,192 +9,241 @@ from vo.bundle_adjustment.adjust import Pose
 from vo.contract import se3
 from vo.contract.arrays import Array
 from vo.contract.clock import Clock
-from vo.contract.estimator import Observations
-from vo.contract.rig import StereoRig
+from vo.contract.observations import Observations
 from vo.features.adaptive_windows import adapt_to_blur
+from vo.hooks import Hooks
 from vo.map.frame import View
 from vo.map.local_map import LocalMap
-from vo.map.state import Journey
-from vo.tracking.appearance import eyes_look_swapped
-from vo.tracking.association import Matches, expected_at, find_matches, find_more, in_sight
-from vo.tracking.circular_check import consistent
-from vo.tracking.context import Gear
-from vo.tracking.klt import follow
-from vo.tracking.landmark_prior import believed
-from vo.tracking.pose_refinement import agreeing, orient, refine_pose
-from vo.tracking.replacement import replace_inliers, replace_matches
-from vo.tracking.rotation_prior import find_turn
-
-SOUND = 0.85
-"""Share of the templates found that agree with a pose, unless they are blurred or misled."""
-CONFIRMING = 0.5
-"""Share of the landmarks followed that must agree with a pose by templates."""
-FLOW_WORTH = 0.5
-"""Of a landmark followed from the frame before, beside one found by its template."""
-
-ONE_EYED = 0.7
-"""Share of inliers without disparity above which the right image shows something else."""
+from vo.map.matches import Matches
+from vo.map.state import TrackerState
+from vo.tracking.association import (
+    find_guided_matches,
+    find_matches,
+    in_image,
+    project_landmarks,
+)
+from vo.tracking.diagnostics import images_look_swapped
+from vo.tracking.hooked import replace_inliers, replace_matches, replace_prediction
+from vo.tracking.klt import track_klt
+from vo.tracking.options import verify_matches, weigh_matches
+from vo.tracking.pose_refinement import find_consensus, refine_pose, select_inliers
+from vo.tracking.rotation_prior import align_rotation
+from vo.tracking.stationary import encoders_at_rest
 
 
 @dataclass(frozen=True)
-class Location:
-    """A view's pose, and what it rests on.
+class RetryThresholds:
+    """When a pose is accepted; docs/decisions/0022 has the drives on which they were chosen."""
+
+    min_match_ratio: float = 0.85
+    """Inliers over matches of templates above which KLT may confirm a pose."""
+    min_klt_ratio: float = 0.5
+    """Landmarks tracked by KLT that must then agree with the pose."""
+    klt_weight: float = 0.5
+    """Of a landmark tracked by KLT, beside one matched by its template."""
+    max_mono_ratio: float = 0.7
+    """Inliers without disparity above which the right image may show something else."""
+
+
+LIMITS = RetryThresholds()
+
+
+@dataclass(frozen=True)
+class Stages:
+    """What the stages of one frame share.
 
     Attributes:
-        view: The view, with the settings that it is met with from here on.
-        pose: In the odometry frame.
-        matches: Landmarks that were found, inliers or not.
-        inliers: Those that agree with the pose.
-        followed: Whether they come from the frame before, not from templates.
-        counts: Items that survived each stage, and iterations.
+        hooks: May replace the output of a stage.
+        rng: Draws RANSAC's samples.
+        clock: Times the stages.
+    """
+
+    hooks: Hooks
+    rng: np.random.Generator
+    clock: Clock
+
+
+@dataclass(frozen=True)
+class Tracked:
+    """Pose of a view, with the matches that it rests on.
+
+    Attributes:
+        view: The view, with the settings for all later stages.
+        pose: T_odom_cam, its covariance given the map, and iterations.
+        matches: With landmarks of the map, inliers or not.
+        inliers: Those within the threshold.
+        by_klt: Whether the matches come from the previous frame, not from templates.
+        counts: Stage to the number of items that passed it, and iterations.
     """
 
     view: View
     pose: Pose
     matches: Matches
     inliers: Matches
-    followed: bool
-    counts: dict[str, int]
+    by_klt: bool
+    counts: Mapping[str, int]
 
     def observations(self) -> Observations:
-        """Tell others what was seen."""
-        found = self.matches
-        agree = np.isin(found.ids, self.inliers.ids)
-        return Observations(found.ids, found.pixels, found.measured[:, 2], agree)
+        """All matches as observations."""
+        x = self.matches
+        agree = np.isin(x.ids, self.inliers.ids)
+        return Observations(x.ids, x.pixels, x.disparity_px, agree, x.sigma_px)
 
 
 @dataclass(frozen=True)
-class _Search:
-    """Landmarks that were sought in a view about a guessed pose (4, 4)."""
+class NotTracked:
+    """Too few landmarks agree with any pose.
 
-    view: View
-    matches: Matches
-    T_guess: Array
-    followed: bool = False
+    Attributes:
+        counts: As for `Tracked`.
+    """
+
+    counts: Mapping[str, int]
 
 
-def locate(
-    here: Journey, view: View, gear: Gear, counts: dict[str, int], clock: Clock
-) -> Location | None:
-    """Search where the expected motion leads, and elsewhere as long as that does not convince.
+def predict_pose(state: TrackerState, view: View, hooks: Hooks) -> Array:
+    """Predict T_odom_cam (4, 4): constant velocity, or at rest where the encoders say so."""
+    moving = view.settings.matching.motion_model == "constant_velocity"
+    moving = moving and not encoders_at_rest(state.halt, view)
+    T_guess = state.T_odom_cam @ (state.T_last_cam if moving else np.eye(4))
+    return replace_prediction(hooks, view.frame, state.pose_ns, state.T_odom_cam, T_guess)
 
-    None if too few landmarks agree with any pose.
+
+def track_local_map(
+    state: TrackerState, view: View, T_guess: Array, stages: Stages
+) -> Tracked | NotTracked:
+    """Match landmarks near their projections by a predicted pose, and estimate the pose.
 
     Args:
-        here: Its map, last pose and motion.
-        view: The new frame.
-        gear: Calibration, hooks, samples.
-        counts: Receives those of the search that counts, or else came nearest.
-        clock: Times the stages.
+        state: Map and previous frame.
+        view: The view.
+        T_guess: (4, 4) predicted pose.
+        stages: Hooks, samples, clock.
     """
-    best: Location | None = None
-    tallies = []
-    for search in _searches(here, view, gear, clock):
-        tallies.append({"matches": 0, "inliers": 0})
-        found = _locate_by(search, here, gear, tallies[-1], clock)
-        if found and best and _confirms(found, best, gear.rig):
-            break
-        best = max(found, best, key=_agreement)
-        if best and _convinces(best, here.map, gear.rig):
-            break
-    counts.update(best.counts if best else max(tallies, key=lambda tally: tally["inliers"]))
-    if best is None:
-        return None
-    blind = np.isnan(best.inliers.measured[:, 2]).mean() > ONE_EYED
-    return None if blind and eyes_look_swapped(view, view.settings) else best
+    return _match_and_estimate(
+        state, view, T_guess, view.settings.matching.search_radius_px, stages
+    )
 
 
-def _agreement(found: Location | None) -> float:
-    if found is None:
-        return 0.0
-    return len(found.inliers) * (FLOW_WORTH if found.followed else 1.0)
-
-
-def _confirms(flow: Location, best: Location, rig: StereoRig) -> bool:
-    """Whether flow says the same as sound templates, which bend with the surface and are exact."""
-    if not flow.followed or len(best.inliers) < SOUND * len(best.matches):
+def is_reliable(tracked: Tracked | NotTracked, local_map: LocalMap) -> bool:
+    """Whether enough of the landmarks in view are inliers (decision 22)."""
+    if isinstance(tracked, NotTracked):
         return False
-    same = agreeing(best.pose.T_world_cam, flow.inliers, rig, flow.view.settings.motion)
-    return len(same) >= CONFIRMING * len(flow.inliers)
+    view = tracked.view
+    expected = project_landmarks(local_map.landmarks, tracked.pose.T_world_cam, view.rig)
+    visible = in_image(expected, view.frame.left)
+    return len(tracked.inliers) >= view.settings.matching.min_inlier_ratio * visible.sum()
 
 
-def _convinces(found: Location, local_map: LocalMap, rig: StereoRig) -> bool:
-    """Whether so many landmarks agree that it is no use to look elsewhere."""
-    expected = expected_at(local_map.landmarks, found.pose.T_world_cam, rig)
-    visible = in_sight(expected, found.view.frame.left)
-    return len(found.inliers) >= found.view.settings.matching.min_inlier_ratio * visible.sum()
+def retry_tracking(
+    state: TrackerState,
+    view: View,
+    T_guess: Array,
+    first: Tracked | NotTracked,
+    stages: Stages,
+) -> Tracked | NotTracked:
+    """Try other predictions until a pose is reliable (decision 22); the best one.
 
-
-def _searches(here: Journey, view: View, gear: Gear, clock: Clock) -> Iterator[_Search]:
-    """Ways to find landmarks in a view, each tried if those before do not convince.
-
-    First as expected; then as the images have turned; then, as if it were blurred, by flow from the
-    frame before; at last anywhere near.
+    Args:
+        state: Map and previous frame.
+        view: The view.
+        T_guess: (4, 4) predicted pose of the first attempt.
+        first: Result of the first attempt.
+        stages: Hooks, samples, clock.
     """
-    s, rig, local_map = view.settings, gear.rig, here.map
-
-    def about(T_guess: Array, reach_px: float) -> _Search:
-        with clock("matching"):  # marriage by ZNCC, sub-pixel alignment (3.2)
-            matches = find_matches(local_map, view, T_guess, reach_px, rig, s)
-        return _Search(view, matches, T_guess)
-
-    steady = s.matching.motion_model == "constant_velocity" and not here.wheels_rest(view)
-    expected = here.T_odom_cam @ (here.T_before_now if steady else np.eye(4))
-    expected = gear.hooks.predicted(view.frame, here.last_ns, here.T_odom_cam, expected)
-    yield about(expected, s.matching.search_radius_px)
-    if s.matching.min_inlier_ratio and here.before:
-        with clock("turn"):
-            step = se3.inverse(here.T_odom_cam) @ expected
-            step[:3, :3] = find_turn(here.before.left, view.frame.left, rig, step[:3, :3])
-            turned = here.T_odom_cam @ step
-        yield about(turned, s.matching.search_radius_px)
-        blurred = replace(view, settings=adapt_to_blur(s))
-        with clock("following"):
-            followed = follow(here.before, local_map, blurred, turned, rig)
-        yield _Search(blurred, followed, turned, followed=True)
-    yield about(here.T_odom_cam, s.matching.max_search_radius_px)
+    attempts, best = [first], first if isinstance(first, Tracked) else None
+    for attempt in _retries(state, view, T_guess, stages):
+        attempts.append(attempt)
+        if isinstance(attempt, Tracked):
+            if best and _confirms(attempt, best):
+                break
+            best = max(attempt, best, key=_score) if best else attempt
+        if best and is_reliable(best, state.map):
+            break
+    return best or max(attempts, key=lambda attempt: attempt.counts["inliers"])
 
 
-def _locate_by(
-    search: _Search, here: Journey, gear: Gear, counts: dict[str, int], clock: Clock
-) -> Location | None:
-    view, matches, T_guess = search.view, search.matches, search.T_guess
-    s, rig, hooks, local_map = view.settings, gear.rig, gear.hooks, here.map
+def _retries(
+    state: TrackerState, view: View, T_guess: Array, stages: Stages
+) -> Iterator[Tracked | NotTracked]:
+    """Attempts one after the other: rotation prior, KLT from the previous frame, wide search."""
+    s, clock, previous = view.settings.matching, stages.clock, state.previous
+    if s.min_inlier_ratio and previous:
+        with clock("rotation prior"):
+            step = se3.inverse(state.T_odom_cam) @ T_guess
+            left = view.frame.left
+            step[:3, :3] = align_rotation(previous.left, left, view.rig, step[:3, :3])
+            T_turned = state.T_odom_cam @ step
+        yield _match_and_estimate(state, view, T_turned, s.search_radius_px, stages)
+        blurred = replace(view, settings=adapt_to_blur(view.settings))
+        with clock("KLT"):
+            matches = track_klt(previous, state.map, blurred, T_turned)
+        yield _estimate(state, blurred, T_turned, matches, stages, by_klt=True)
+    yield _match_and_estimate(state, view, state.T_odom_cam, s.max_search_radius_px, stages)
+
+
+def _score(attempt: Tracked) -> float:
+    return len(attempt.inliers) * (LIMITS.klt_weight if attempt.by_klt else 1.0)
+
+
+def _confirms(klt: Tracked, best: Tracked) -> bool:
+    """Whether KLT agrees with a pose by templates, which warp with the surface and are exact."""
+    if not klt.by_klt or len(best.inliers) < LIMITS.min_match_ratio * len(best.matches):
+        return False
+    same = select_inliers(best.pose.T_world_cam, klt.inliers, klt.view)
+    return len(same) >= LIMITS.min_klt_ratio * len(klt.inliers)
+
+
+def shows_swapped_images(tracked: Tracked, view: View) -> bool:
+    """Whether hardly an inlier has a disparity, and the images look exchanged."""
+    mono = np.isnan(tracked.inliers.disparity_px).mean() > LIMITS.max_mono_ratio
+    return bool(mono) and images_look_swapped(view)
+
+
+def _match_and_estimate(
+    state: TrackerState, view: View, T_guess: Array, search_radius_px: float, stages: Stages
+) -> Tracked | NotTracked:
+    with stages.clock("matching"):  # mutual nearest neighbours by ZNCC, alignment (3.2)
+        matches = find_matches(state.map, view, T_guess, search_radius_px)
+    return _estimate(state, view, T_guess, matches, stages)
+
+
+def _estimate(
+    state: TrackerState, view: View, T_guess: Array, matches: Matches, stages: Stages,
+    by_klt: bool = False,
+) -> Tracked | NotTracked:  # fmt: skip
+    """Estimate the pose by matches; RANSAC, refinement, guided matching, refinement."""
+    clock, hooks, min_inliers = stages.clock, stages.hooks, view.settings.motion.min_inliers
+
+    def verified(matches: Matches) -> Matches:
+        return replace_matches(hooks, verify_matches(matches, state, view), state.map, view)
+
+    def inliers_of(T_odom_cam: Array, matches: Matches) -> Matches:
+        return replace_inliers(hooks, view, matches, select_inliers(T_odom_cam, matches, view))
+
     with clock("matching"):
-        matches = replace_matches(hooks, _confirmed(matches, here, view), local_map, view, s)
-        counts["matches"] = len(matches)
-    with clock("motion"):  # orientation under RANSAC (3.3)
-        weights = believed(matches, local_map, here.strikes, T_guess, rig, s)
-        consensus = orient(matches, T_guess, weights, rig, s, gear.rng)
+        matches = verified(matches)
+        counts = {"matches": len(matches), "inliers": 0}
+    with clock("motion"):  # P3P under RANSAC (3.3)
+        weights = weigh_matches(matches, state, view, T_guess)
+        consensus = find_consensus(matches, T_guess, weights, view, stages.rng)
         if consensus is None:
-            return None
-        agreed = replace_inliers(hooks, view, matches, matches.select(consensus.inliers))
-        counts["consensus"] = counts["inliers"] = len(agreed)
-        if len(agreed) < s.motion.min_inliers:
-            return None
-    with clock("motion refinement"):  # at every frame (3.4)
-        pose = refine_pose(consensus.T_odom_cam, agreed, rig, s)
+            return NotTracked(counts)
+        inliers = replace_inliers(hooks, view, matches, matches.select(consensus.inliers))
+        counts["consensus"] = counts["inliers"] = len(inliers)
+        if len(inliers) < min_inliers:
+            return NotTracked(counts)
+    with clock("motion refinement"):  # of every frame (3.4)
+        pose = refine_pose(consensus.T_odom_cam, inliers, view)
         counts["motion iterations"] = pose.iterations
-    if s.matching.guided and not search.followed:
-        with clock("guided matching"):  # the other landmarks, where the pose puts them (F5)
-            matches = find_more(local_map, view, pose.T_world_cam, matches, rig, s)
-            matches = replace_matches(hooks, _confirmed(matches, here, view), local_map, view, s)
-            agreed = agreeing(pose.T_world_cam, matches, rig, s.motion)
-            agreed = replace_inliers(hooks, view, matches, agreed)
-            pose = refine_pose(pose.T_world_cam, agreed, rig, s)
+    if view.settings.matching.guided and not by_klt:
+        with clock("guided matching"):  # the other landmarks, at their projections (F5)
+            matches = find_guided_matches(state.map, view, pose.T_world_cam, matches)
+            matches = verified(matches)
+            pose = refine_pose(pose.T_world_cam, inliers_of(pose.T_world_cam, matches), view)
             counts["motion iterations"] += pose.iterations
-    inliers = agreeing(pose.T_world_cam, matches, rig, s.motion)
-    inliers = replace_inliers(hooks, view, matches, inliers)
+    inliers = inliers_of(pose.T_world_cam, matches)
     counts["found"], counts["inliers"] = len(matches), len(inliers)
-    if len(inliers) < s.motion.min_inliers:
-        return None
-    return Location(view, pose, matches, inliers, search.followed, counts)
-
-
-def _confirmed(matches: Matches, here: Journey, view: View) -> Matches:
-    """Matches that the frame before confirms, if it is asked (F4)."""
-    s = view.settings.matching
-    if not s.circular_check or here.before is None:
-        return matches
-    left = view.frame.left
-    return matches.select(consistent(matches, here.map.landmarks, here.before, left, s.align_px))
+    if len(inliers) < min_inliers:
+        return NotTracked(counts)
+    return Tracked(view, pose, matches, inliers, by_klt, counts)

@@ -1,4 +1,4 @@
-"""Speed of this renderer and of the stock one."""
+"""How fast our renderer is, beside the stock one."""
 
 import multiprocessing
 import os
@@ -11,16 +11,16 @@ from typing import Any
 import numpy as np
 
 from trials.execution.progress import ProgressBar, no_progress
-from trials.studies.speed.drive import TimedDrive
+from trials.studies.speed.trial import Trial
 from vo.contract.arrays import Array, Image
 
 IN_A_ROW = 8
-"""Successive frames of one renderer; a recording also draws without pauses."""
+"""Frames of a turn: a recording, too, draws one after the other and does not rest between them."""
 
 
 @dataclass(frozen=True)
 class RenderSpeed:
-    """Times of both renderers on the same frames; medians in milliseconds per frame.
+    """Our renderer and the stock one on the same frames; medians in milliseconds a frame.
 
     Attributes:
         ours_ms: Both images, both depths, both identities.
@@ -38,22 +38,22 @@ class RenderSpeed:
 
 
 def measure_renderers(
-    drive: TimedDrive, frames: int, folder: Path, bar: ProgressBar = no_progress
+    trial: Trial, frames: int, folder: Path, bar: ProgressBar = no_progress
 ) -> RenderSpeed:
-    """Draw the same instants of the drive with both renderers alternately, a few frames each.
+    """Draw the same instants of the drive with both renderers, which take turns of a few frames.
 
-    Each has a process of its own, as one changes the state of the driver for the other.
+    Each has a process of its own, because what one sets for the driver would help the other.
 
     Args:
-        drive: The drive.
-        frames: Number of frames to draw, at even intervals.
-        folder: Folder of the stock frames.
+        trial: The drive.
+        frames: How many to draw, evenly spread.
+        folder: Where the stock frames are written.
         bar: Shows progress.
     """
     spawn = multiprocessing.get_context("spawn")
     with (
-        ProcessPoolExecutor(1, spawn, _open_ours, (drive,)) as ours,
-        ProcessPoolExecutor(1, spawn, _open_stock, (drive,)) as stock,
+        ProcessPoolExecutor(1, spawn, _open_ours, (trial,)) as ours,
+        ProcessPoolExecutor(1, spawn, _open_stock, (trial,)) as stock,
         bar("rendering") as progress,
     ):
         shares = np.linspace(0, 1, frames)
@@ -74,14 +74,14 @@ def measure_renderers(
 def _draw_both(
     ours: ProcessPoolExecutor, stock: ProcessPoolExecutor, shares: Array, folder: Path
 ) -> tuple[list[tuple[float, Image]], list[tuple[tuple[float, ...], Image]]]:
-    """Return milliseconds and left image of each frame, ours first."""
+    """Milliseconds and left image of each frame, ours first."""
     drawn = ours.submit(_draw_ours, shares.tolist()).result()
     return drawn, stock.submit(_draw_stock, shares.tolist(), folder).result()
 
 
 @dataclass(frozen=True)
-class _Resident:
-    """Renderer and world in a process of its own, open as long as the process lives."""
+class _Stand:
+    """A renderer before a world, in a process of its own, open as long as the process lives."""
 
     world: Any
     trip: Any
@@ -89,62 +89,62 @@ class _Resident:
     opened: Any
 
     def place(self, share: float) -> None:
-        """Set the world to a fraction of the trip."""
+        """Bring the world to a share of the trip."""
         time_ns = self.trip.timestamps_ns[round(share * (len(self.trip) - 1))]
         states = self.trip.states.at(self.world.model, time_ns)
         self.world.place(time_ns * 1e-9, states)
 
 
-_resident: _Resident
+_stand: _Stand
 
 
-def _open_ours(drive: TimedDrive) -> None:
+def _open_ours(trial: Trial) -> None:
     from sim.camera.render import StereoRenderer
 
-    global _resident
-    world, trip = drive.build()
-    opened = StereoRenderer(world, drive.settings().render)
-    _resident = _Resident(world, trip, opened.__enter__(), opened)
+    global _stand
+    world, trip = trial.drive()
+    opened = StereoRenderer(world, trial.settings().render)
+    _stand = _Stand(world, trip, opened.__enter__(), opened)
 
 
-def _open_stock(drive: TimedDrive) -> None:
+def _open_stock(trial: Trial) -> None:
     from sim.camera.gl import choose_backend
 
     # mujoco picks the backend of its own renderer when it is imported.
     os.environ["MUJOCO_GL"] = choose_backend("auto")
     from trials.studies.stock import stock_renderer
 
-    global _resident
-    world, trip = drive.build()
-    opened = stock_renderer(world, drive.settings().render)
-    _resident = _Resident(world, trip, opened.__enter__(), opened)
+    global _stand
+    world, trip = trial.drive()
+    opened = stock_renderer(world, trial.settings().render)
+    _stand = _Stand(world, trip, opened.__enter__(), opened)
 
 
 def _draw_ours(shares: list[float]) -> list[tuple[float, Image]]:
-    """Return milliseconds and the left image of each frame."""
+    """Milliseconds, and the left image, of each frame."""
     drawn = []
     for share in shares:
-        _resident.place(share)
+        _stand.place(share)
         start = perf_counter()
-        left, _ = _resident.renderer.render_images()
-        _resident.renderer.render_geometry()
+        left, _ = _stand.renderer.render_images()
+        _stand.renderer.render_geometry()
         drawn.append((1e3 * (perf_counter() - start), left))
     return drawn
 
 
 def _draw_stock(shares: list[float], folder: Path) -> list[tuple[tuple[float, ...], Image]]:
-    """Return milliseconds with both depths, with the left one, and of files; the left image."""
+    """Milliseconds with both depths, with the left one, and of the files; the left image."""
     from trials.studies.stock import grey, render_plainly, write_plainly
 
     drawn = []
     for share in shares:
-        _resident.place(share)
+        _stand.place(share)
         start = perf_counter()
-        render_plainly(_resident.renderer, _resident.world, depths=2)
+        render_plainly(_stand.renderer, _stand.world, depths=2)
         both = perf_counter()
-        plain = render_plainly(_resident.renderer, _resident.world, depths=1)
+        plain = render_plainly(_stand.renderer, _stand.world, depths=1)
         left = perf_counter()
-        write_plainly(plain, _resident.world.rig, folder)
+        write_plainly(plain, _stand.world.rig, folder)
         written = perf_counter()
         times_ms = 1e3 * (both - start), 1e3 * (left - both), 1e3 * (written - left)
         drawn.append((times_ms, grey(plain.left)))

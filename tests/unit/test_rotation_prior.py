@@ -1,4 +1,4 @@
-"""Turns found from whole images of a far texture, turned exactly."""
+"""Rotation between whole images of a far texture, rotated exactly."""
 
 import cv2
 import numpy as np
@@ -6,7 +6,7 @@ import pytest
 
 from vo.contract import se3
 from vo.contract.rig import StereoRig
-from vo.tracking.rotation_prior import find_turn
+from vo.tracking.rotation_prior import align_rotation
 
 RIG = StereoRig(320, 240, 230.0, 159.5, 119.5, 0.09)
 K = np.array([[RIG.f_px, 0, RIG.cx_px], [0, RIG.f_px, RIG.cy_px], [0, 0, 1]])
@@ -36,21 +36,21 @@ def view(far, R_far_cam):
 
 
 @pytest.mark.parametrize("degrees", [(0, 0, 0), (0, 12, 0), (-9, 0, 0), (0, 0, 10), (5, -8, 6)])
-def test_a_turn_of_many_degrees_is_found(far, degrees):
+def test_rotation_of_many_degrees_is_found(far, degrees):
     wanted = rotation(degrees)
     before, now = view(far, np.eye(3)), view(far, wanted)
     darker = cv2.convertScaleAbs(now, alpha=0.6, beta=10)
     for image in (now, darker):
-        assert off_deg(find_turn(before, image, RIG, np.eye(3)), wanted) < 0.3
+        assert off_deg(align_rotation(before, image, RIG, np.eye(3)), wanted) < 0.3
 
 
-def test_what_is_expected_helps_where_little_is_seen_twice(far):
+def test_rotation_prediction_helps_with_little_overlap(far):
     wanted = rotation((0, 28, 0))
     before, now = view(far, np.eye(3)), view(far, wanted)
-    assert off_deg(find_turn(before, now, RIG, rotation((0, 25, 0))), wanted) < 1
-    assert off_deg(find_turn(before, now, RIG, np.eye(3)), wanted) > 1
+    assert off_deg(align_rotation(before, now, RIG, rotation((0, 25, 0))), wanted) < 1
+    assert off_deg(align_rotation(before, now, RIG, np.eye(3)), wanted) > 1
 
 
-def test_blank_images_have_not_turned():
+def test_rotation_of_blank_images_is_none():
     blank = np.full((240, 320), 90, np.uint8)
-    assert off_deg(find_turn(blank, blank, RIG, rotation((0, 5, 0))), np.eye(3)) < 0.1
+    assert off_deg(align_rotation(blank, blank, RIG, rotation((0, 5, 0))), np.eye(3)) < 0.1

@@ -1,4 +1,4 @@
-"""The drive of all speed measurements, and the process in which each is made."""
+"""What every measurement of speed drives, and the process of its own that it is made in."""
 
 import multiprocessing
 import os
@@ -13,19 +13,19 @@ if TYPE_CHECKING:
     from sim.world.world import World
 
 NOISE = ("sensor.full_well=6000", "sensor.read_noise=15")
-"""Overrides for sensor noise."""
+"""What the recorded camera adds."""
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class TimedDrive:
-    """Drive through a scene that is timed.
+class Trial:
+    """What is driven, by every measurement alike.
 
     Attributes:
         scene: Name.
-        seed: Random seed of scene, route and noise.
-        distance_m: Length of the path.
+        seed: Of everything random.
+        distance_m: Path length.
     """
 
     scene: str
@@ -33,14 +33,14 @@ class TimedDrive:
     distance_m: float
 
     def settings(self, *overrides: str) -> "RecordSettings":
-        """Resolve the settings of the recording."""
+        """Resolve what is recorded."""
         from trials.execution.recording_settings import recording_settings
 
         distance = f"drive.distance_m={self.distance_m}"
         return recording_settings(self.scene, self.seed, [distance, *overrides])
 
-    def build(self) -> "tuple[World, Trip]":
-        """Build the world, and simulate the drive without rendering."""
+    def drive(self) -> "tuple[World, Trip]":
+        """Build the world and go through it, in physics alone."""
         from sim.batch import build
         from sim.world.trip import make_trip
         from sim.world.world import build_world
@@ -51,7 +51,7 @@ class TimedDrive:
 
 
 def on_cores(cores: list[int], measure: Callable[..., T], *words: object) -> T:
-    """Call a function in a new process that is restricted to these cores from its start."""
+    """Call in a fresh process that has only these cores from its first instruction on."""
     mine = os.sched_getaffinity(0)
     os.sched_setaffinity(0, cores)  # a new process inherits it
     try:

@@ -1,4 +1,4 @@
-"""Standing still is told from the slowest motion, by exact projections with known noise."""
+"""Detection of a stationary camera against the slowest motion, by exact projections with noise."""
 
 from dataclasses import replace
 
@@ -7,16 +7,14 @@ import pytest
 
 from vo.contract import se3
 from vo.contract.rig import StereoRig
+from vo.map.matches import Matches
+from vo.map.state import Halt
 from vo.tracking.stationary import (
-    COASTING,
-    FEW_FRAMES,
-    POOLED,
-    SIGNIFICANT,
-    WHEELS_REST,
-    Glimpse,
-    Rest,
+    LIMITS,
+    extend_halt,
+    is_settled,
+    is_stationary,
     motion_evidence,
-    stands,
 )
 
 RIG = StereoRig(640, 480, 457.0, 319.5, 239.5, 0.09)
@@ -35,11 +33,11 @@ def pictured(tangent, seed=0, count=200, noise_px=NOISE_PX):
     return points, moved - pixels + rng.normal(scale=noise_px, size=(count, 2))
 
 
-def test_noise_alone_has_six_degrees_of_freedom():
+def test_evidence_of_noise_has_six_degrees_of_freedom():
     every = np.eye(6)
     evidence = [motion_evidence(*pictured(NOWHERE, seed), RIG, every) for seed in range(100)]
     assert 5 < np.mean(evidence) < 8
-    assert max(evidence) < SIGNIFICANT
+    assert max(evidence) < LIMITS.significant
 
 
 @pytest.mark.parametrize("k", range(6))
@@ -50,20 +48,20 @@ def test_evidence_is_flow_over_noise(k):
     exact_px = pictured(tangent, noise_px=0)[1]
     evidence = motion_evidence(*pictured(tangent), RIG, np.eye(6))
     expected = (exact_px**2).sum() / NOISE_PX**2
-    assert expected > 2 * SIGNIFICANT
+    assert expected > 2 * LIMITS.significant
     # 400 numbers tell their deviation to 6 %.
     assert 0.7 < evidence / expected < 1.4
 
 
-def test_who_moves_by_himself_is_no_evidence():
+def test_evidence_leaves_moving_landmarks_out():
     points, flow_px = pictured(np.zeros(6))
     walks = np.abs(points[:, 0] / points[:, 2] - 0.1) < 0.12
     assert 0.1 < walks.mean() < 0.3
     flow_px[walks, 0] += 1.5
-    assert motion_evidence(points, flow_px, RIG, np.eye(6)) < SIGNIFICANT
+    assert motion_evidence(points, flow_px, RIG, np.eye(6)) < LIMITS.significant
 
 
-def test_without_noise_nothing_divides_by_zero():
+def test_evidence_without_noise_is_zero():
     points, flow_px = pictured(np.zeros(6), noise_px=0)
     assert motion_evidence(points, 0 * flow_px, RIG, np.eye(6)) == 0
 
@@ -72,19 +70,24 @@ T_ODOM_CAM = se3.exp(np.array([1.0, 2, 3, 0.1, 0.2, 0.3]))
 
 
 def shown(pixels, points_cam):
-    return Glimpse(np.arange(len(pixels)), pixels, se3.transform(T_ODOM_CAM, points_cam))
+    ids, unknown = np.arange(len(pixels)), np.full(len(pixels), np.nan)
+    points = se3.transform(T_ODOM_CAM, points_cam)
+    return Matches(
+        ids=ids, pixels=pixels, disparity_px=unknown, rows=ids, points_odom=points, features=ids,
+        zncc=unknown,
+    )  # fmt: skip
 
 
 def seen(tangent, ticks, seed=0, noise_px=NOISE_PX, arrival=NOWHERE):
     """Where a camera rested, and its landmarks after it has moved by a tangent."""
     points, flow_px = pictured(tangent, seed, noise_px=noise_px)
     pixels = RIG.project(points)[:, :2]
-    rest = Rest(T_ODOM_CAM, arrival, np.eye(6), ticks, (shown(pixels, points),))
-    return rest, shown(pixels + flow_px, points)
+    halt = Halt(T_ODOM_CAM, arrival, np.eye(6), ticks, (shown(pixels, points),))
+    return halt, shown(pixels + flow_px, points)
 
 
-def few(glimpse, count):
-    return Glimpse(glimpse.ids[:count], glimpse.pixels[:count], glimpse.points_odom[:count])
+def few(matches, count):
+    return matches.select(np.arange(count))
 
 
 def filmed(tangents, noise_px, fail=()):
@@ -96,8 +99,8 @@ def filmed(tangents, noise_px, fail=()):
         fail: Frames that see but a few landmarks, and these where a motion of 1 cm would put them.
     """
     rng = np.random.default_rng(1)
-    rest, _ = seen(np.zeros(6), None, noise_px=0)
-    pixels, points = rest.first[0].pixels, pictured(np.zeros(6), noise_px=0)[0]
+    halt, _ = seen(np.zeros(6), None, noise_px=0)
+    pixels, points = halt.first[0].pixels, pictured(np.zeros(6), noise_px=0)[0]
     told = []
     for i, tangent in enumerate(tangents):
         tangent = np.array([0.01, 0, 0, 0, 0, 0]) if i in fail else tangent
@@ -105,74 +108,79 @@ def filmed(tangents, noise_px, fail=()):
         view = shown(exact + rng.normal(scale=noise_px, size=pixels.shape), points)
         view = few(view, 20) if i in fail else view
         if i == 0:
-            rest = replace(rest, first=(view,))
+            halt = replace(halt, first=(view,))
             continue
-        told.append(stands(rest, view, None, RIG))
-        rest = rest.joined(view) if told[-1] else replace(rest, first=(view,), last=())
+        told.append(is_stationary(halt, view, None, RIG))
+        halt = extend_halt(halt, view) if told[-1] else replace(halt, first=(view,), last=())
     return told
 
 
-def test_a_still_camera_stands():
-    rest, now = seen(np.zeros(6), None)
-    assert stands(rest, now, None, RIG)
-    assert stands(replace(rest, wheel_ticks=(7, 7)), now, (7, 8), RIG)
+def test_stationary_a_still_camera_is_detected():
+    halt, now = seen(np.zeros(6), None)
+    assert is_stationary(halt, now, None, RIG)
+    assert is_stationary(replace(halt, wheel_ticks=(7, 7)), now, (7, 8), RIG)
 
 
-def test_wheels_that_turn_deny_it():
-    rest, now = seen(np.zeros(6), (10, 10))
-    assert not stands(rest, now, (10, 12), RIG)
-    assert stands(rest, now, None, RIG)
+def test_stationary_turning_wheels_deny_it():
+    halt, now = seen(np.zeros(6), (10, 10))
+    assert not is_stationary(halt, now, (10, 12), RIG)
+    assert is_stationary(halt, now, None, RIG)
 
 
-def test_wheels_at_rest_excuse_a_little_flow():
-    limit = SIGNIFICANT * (1 + FEW_FRAMES)
-    assert limit < motion_evidence(*pictured(CREEP), RIG, np.eye(6)) < WHEELS_REST * limit
-    rest, now = seen(CREEP, (10, 10))
-    assert not stands(rest, now, None, RIG)
-    assert stands(rest, now, (10, 10), RIG)
+def test_stationary_wheels_at_rest_raise_the_limit():
+    limit = LIMITS.significant * (1 + LIMITS.few_frames)
+    assert limit < motion_evidence(*pictured(CREEP), RIG, np.eye(6)) < LIMITS.wheels_rest * limit
+    halt, now = seen(CREEP, (10, 10))
+    assert not is_stationary(halt, now, None, RIG)
+    assert is_stationary(halt, now, (10, 10), RIG)
 
 
-def test_noise_along_one_motion_has_one_degree_of_freedom():
+def test_evidence_along_one_motion_has_one_degree_of_freedom():
     along = CREEP[:, None]
     evidence = [motion_evidence(*pictured(NOWHERE, seed), RIG, along) for seed in range(100)]
     assert 0.6 < np.mean(evidence) < 1.5
-    assert max(evidence) < COASTING
+    assert max(evidence) < LIMITS.coasting
 
 
-def test_who_comes_to_rest_is_believed_to_coast_on_as_he_came():
+def test_stationary_coasting_along_the_arrival_is_motion():
     """Less than a millimetre is too little to end a halt, unless that is how the camera arrived."""
     slower = 0.7 * CREEP
     aside = np.array([0, 0.003, 0, 0, 0, 0])
     for arrival, still in ((NOWHERE, True), (aside, True), (3 * CREEP, False)):
-        told = [stands(*seen(slower, None, seed, arrival=arrival), None, RIG) for seed in range(20)]
+        told = [
+            is_stationary(*seen(slower, None, seed, arrival=arrival), None, RIG)
+            for seed in range(20)
+        ]
         assert np.mean(told) > 0.9 if still else np.mean(told) < 0.1
-    at_rest = [stands(*seen(NOWHERE, None, k, arrival=3 * CREEP), None, RIG) for k in range(50)]
+    at_rest = [
+        is_stationary(*seen(NOWHERE, None, k, arrival=3 * CREEP), None, RIG) for k in range(50)
+    ]
     assert all(at_rest)
 
 
-def test_who_has_come_to_rest_no_longer_coasts():
-    """What a young rest takes for the end of the way, an old one takes for noise."""
-    rest, now = seen(0.7 * CREEP, None, arrival=3 * CREEP)
-    assert not stands(rest, now, None, RIG)
-    old = replace(rest, first=POOLED * rest.first)
-    assert not rest.settled
-    assert old.settled
-    assert stands(old, now, None, RIG)
+def test_stationary_settled_halts_do_not_coast():
+    """What a young halt takes for the end of the way, an old one takes for noise."""
+    halt, now = seen(0.7 * CREEP, None, arrival=3 * CREEP)
+    assert not is_stationary(halt, now, None, RIG)
+    old = replace(halt, first=LIMITS.pooled_frames * halt.first)
+    assert not is_settled(halt)
+    assert is_settled(old)
+    assert is_stationary(old, now, None, RIG)
 
 
 @pytest.mark.parametrize("carried", [CREEP * 2.5, np.array([0, 0, 0, 0, 0.003, 0])])
-def test_wheels_at_rest_do_not_excuse_being_carried(carried):
-    rest, now = seen(carried, (10, 10))
-    assert not stands(rest, now, (10, 10), RIG)
+def test_stationary_carried_with_resting_wheels_is_motion(carried):
+    halt, now = seen(carried, (10, 10))
+    assert not is_stationary(halt, now, (10, 10), RIG)
 
 
-def test_too_few_landmarks_tell_nothing():
-    rest, now = seen(np.zeros(6), None)
-    assert not stands(rest, few(now, 8), None, RIG)
+def test_stationary_few_landmarks_are_not_enough():
+    halt, now = seen(np.zeros(6), None)
+    assert not is_stationary(halt, few(now, 8), None, RIG)
 
 
 @pytest.mark.parametrize("mm_per_s", [1.0, 3.0])
-def test_a_creep_below_the_noise_of_a_frame_ends_a_halt(mm_per_s):
+def test_stationary_creep_below_frame_noise_ends_a_halt(mm_per_s):
     """At 15 Hz; it is held back by a millimetre or two at most, and seen again and again."""
     tangents = np.zeros((90, 6))
     tangents[:, 2] = 1e-3 * mm_per_s / 15 * np.arange(90)
@@ -183,16 +191,18 @@ def test_a_creep_below_the_noise_of_a_frame_ends_a_halt(mm_per_s):
     assert moved_mm.max() < 2
 
 
-def test_frames_that_go_wrong_do_not_end_a_halt():
+def test_stationary_wrong_frames_do_not_end_a_halt():
     assert all(filmed(np.zeros((60, 6)), NOISE_PX, fail=(20, 31, 45)))
     moved = np.zeros((60, 6))
     moved[20:, 0] = 0.01
     assert filmed(moved, NOISE_PX).index(False) == 19  # many landmarks need no second frame
 
 
-def test_the_first_and_the_last_frames_are_kept_apart():
-    rest, now = seen(np.zeros(6), None)
+def test_halt_keeps_first_and_last_frames_apart():
+    halt, now = seen(np.zeros(6), None)
     for k in range(20):
-        rest = rest.joined(few(now, 20 + k))
-    assert [len(x.ids) for x in rest.first[1:]] == [20 + k for k in range(POOLED - 1)]
-    assert [len(x.ids) for x in rest.last] == [40 - POOLED + k for k in range(POOLED)]
+        halt = extend_halt(halt, few(now, 20 + k))
+    assert [len(x.ids) for x in halt.first[1:]] == [20 + k for k in range(LIMITS.pooled_frames - 1)]
+    assert [len(x.ids) for x in halt.last] == [
+        40 - LIMITS.pooled_frames + k for k in range(LIMITS.pooled_frames)
+    ]

@@ -1,4 +1,4 @@
-"""Firewall and iteration counts, on pictures of a wall that moves sideways."""
+"""Map reset, modes of adjustment and iteration limits, on images of a wall moving sideways."""
 
 import numpy as np
 import pytest
@@ -9,13 +9,12 @@ from vo.contract.clock import Clock
 from vo.contract.estimator import Status
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
-from vo.map.frame import look
 from vo.map.local_map import empty_map
 from vo.mapping.keyframes import add_keyframe
 from vo.odometry import StereoOdometry
-from vo.stereo.dense import DenseStereo
 from vo.tracking.association import find_matches
-from vo.tracking.doubt import explain_doubt
+from vo.tracking.diagnostics import explain_weakness
+from vo.tracking.frontend import Frontend
 
 RIG = StereoRig(WIDTH, HEIGHT, F_PX, (WIDTH - 1) / 2, (HEIGHT - 1) / 2, BASELINE_M)
 
@@ -29,22 +28,17 @@ def frames():
     return [StereoFrame(i, *pair) for i, pair in enumerate(wall(6, 4))]
 
 
-@pytest.fixture(scope="module")
-def views(frames):
-    s = OdometrySettings()
-    return [look(frame, DenseStereo(s.stereo), s, Clock()) for frame in frames]
-
-
-@pytest.mark.parametrize(("firewall", "kept"), [(0, True), (1, False), (2, True)])
-def test_a_firewall_forgets_all_structure(views, firewall, kept):
-    """The second keyframe is a firewall if one keyframe lies between two of them."""
-    s = settings(map_reset_keyframes=firewall)
+@pytest.mark.parametrize(("keyframes", "kept"), [(0, True), (1, False), (2, True)])
+def test_map_reset_removes_all_landmarks(frames, keyframes, kept):
+    """The second keyframe resets the map if a map lasts for one keyframe."""
+    s = settings(map_reset_keyframes=keyframes)
+    views = [Frontend(RIG, s).extract(frame, s, 0.0, Clock()) for frame in frames[:2]]
     none = np.zeros((6, 6))
-    first = add_keyframe(empty_map(), views[0], np.eye(4), none, None, RIG, s)
-    matches = find_matches(first, views[1], np.eye(4), 24.0, RIG, s)
+    first = add_keyframe(empty_map(), views[0], np.eye(4), none)
+    matches = find_matches(first, views[1], np.eye(4), 24.0)
     T_odom_cam = np.eye(4)
     T_odom_cam[0, 3] = 0.01
-    second = add_keyframe(first, views[1], T_odom_cam, none, matches, RIG, s)
+    second = add_keyframe(first, views[1], T_odom_cam, none, matches)
     old = np.isin(second.landmarks.ids, first.landmarks.ids)
     assert len(second.landmarks) > 20
     assert old.any() == kept
@@ -59,7 +53,7 @@ def test_a_firewall_forgets_all_structure(views, firewall, kept):
 @pytest.mark.parametrize(
     "policy", [{}, {"map_reset_keyframes": 2}, {"mode": "fixed_lag"}, {"mode": "motion"}]
 )
-def test_the_way_is_the_same_by_every_policy(frames, policy):
+def test_odometry_moves_alike_by_every_policy(frames, policy):
     """The wall is one plane that moves by 4 px of its one depth: sideways, step by step."""
     odometry = StereoOdometry(RIG, settings(keyframe_parallax_px=0, **policy))
     estimates = [odometry.track(frame) for frame in frames]
@@ -69,7 +63,7 @@ def test_the_way_is_the_same_by_every_policy(frames, policy):
     np.testing.assert_allclose(np.diff(moved), step, rtol=0.1)
 
 
-def test_frames_that_take_too_many_iterations_are_weak_and_no_keyframes(frames):
+def test_odometry_many_iterations_are_weak_and_no_keyframe(frames):
     """One iteration is never enough."""
     free, dropping = (
         StereoOdometry(RIG, settings(keyframe_parallax_px=0, max_keyframe_iterations=n))
@@ -85,17 +79,17 @@ def test_frames_that_take_too_many_iterations_are_weak_and_no_keyframes(frames):
         assert "structure iterations" not in x.counts
 
 
-def test_doubts_in_words():
+def test_weakness_in_words():
     s = settings(max_keyframe_iterations=20)
-    assert explain_doubt(1000, 20, s) == ""
-    assert explain_doubt(1000, 21, s) == "21 iterations, more than 20"
+    assert explain_weakness(1000, 20, s) == ""
+    assert explain_weakness(1000, 21, s) == "21 iterations, more than 20"
     few = s.motion.weak_inliers
-    assert explain_doubt(few - 1, 21, s) == f"{few - 1} inliers, fewer than {few}"
-    assert explain_doubt(1000, 99, settings()) == ""
+    assert explain_weakness(few - 1, 21, s) == f"{few - 1} inliers, fewer than {few}"
+    assert explain_weakness(1000, 99, settings()) == ""
 
 
 @pytest.mark.parametrize("smooth", ["none", "window", "global"])
-def test_hindsight(frames, smooth):
+def test_final_result_by_every_smoothing(frames, smooth):
     odometry = StereoOdometry(RIG, settings(keyframe_parallax_px=0, smooth=smooth))
     said = [odometry.track(frame).T_odom_cam for frame in frames]
     seen = odometry.finalize()

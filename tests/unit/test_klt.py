@@ -1,4 +1,4 @@
-"""Landmarks followed over a shifted texture, smeared in both frames."""
+"""KLT over a shifted texture, smeared in both frames."""
 
 from dataclasses import replace
 
@@ -6,12 +6,13 @@ import cv2
 import numpy as np
 
 from vo.config import OdometrySettings
+from vo.contract.observations import Observations
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
 from vo.features.detector import Features
 from vo.map.frame import View
-from vo.map.local_map import Sighting, empty_map
-from vo.tracking.klt import SIGMA_PX, follow
+from vo.map.local_map import TrackedFrame, empty_map
+from vo.tracking.klt import SIGMA_PX, track_klt
 
 RIG = StereoRig(320, 240, 230.0, 159.5, 119.5, 0.09)
 DISPARITY_PX, SHIFT_PX = 12, 9
@@ -26,13 +27,17 @@ def wall(shift_px):
     return np.ascontiguousarray(wide[20:260, 60 + shift_px : 380 + shift_px])
 
 
-def seen(frame):
-    """A view without features: following needs none."""
+def view_of(frame):
+    """A view without features: KLT needs none."""
     features = Features(np.zeros((0, 2)))
-    return View(frame, features, np.zeros((0, 169)), np.zeros((0, 0)), OdometrySettings())
+    return View(frame, RIG, features, np.zeros((0, 169)), np.zeros((0, 0)), OdometrySettings())
 
 
-def test_what_the_frame_before_saw_is_found_by_identity():
+def previous(ids, pixels):
+    return TrackedFrame(wall(0), Observations(ids, pixels, np.full(len(ids), np.nan)))
+
+
+def test_klt_tracks_known_landmarks_of_the_previous_frame():
     pixels = np.array([[100.0, 60], [160, 120], [220, 180], [120, 200], [4, 100]])
     ids = np.array([3, 5, 8, 9, 11])
     depth_m = RIG.f_px * RIG.baseline_m / DISPARITY_PX
@@ -42,7 +47,7 @@ def test_what_the_frame_before_saw_is_found_by_identity():
         empty_map().landmarks,
         ids=ids[known],
         points_odom=points[known],
-        vectors=np.zeros((4, 169)),
+        descriptors=np.zeros((4, 169)),
         views=np.full(4, 3),
         anchor=np.zeros(4, np.int64),
         anchor_pixels=pixels[known],
@@ -51,15 +56,15 @@ def test_what_the_frame_before_saw_is_found_by_identity():
     )
     local_map = replace(empty_map(), landmarks=landmarks)
     frame = StereoFrame(1, wall(SHIFT_PX), wall(SHIFT_PX + DISPARITY_PX))
-    found = follow(Sighting(wall(0), ids, pixels), local_map, seen(frame), np.eye(4), RIG)
-    assert np.isnan(found.zncc).all()  # nobody asked the templates
+    found = track_klt(previous(ids, pixels), local_map, view_of(frame), np.eye(4))
+    assert np.isnan(found.zncc).all()  # templates are not used
     np.testing.assert_array_equal(found.ids, [3, 5, 9])  # the last one has left the image
     np.testing.assert_allclose(found.pixels, pixels[[0, 1, 3]] - [SHIFT_PX, 0], atol=0.3)
-    np.testing.assert_allclose(found.measured[:, 2], DISPARITY_PX, atol=0.3)
-    assert (found.sigma[:, :2] == SIGMA_PX).all()
+    np.testing.assert_allclose(found.disparity_px, DISPARITY_PX, atol=0.3)
+    assert (found.sigma_px[:, :2] == SIGMA_PX).all()
 
 
-def test_nothing_was_seen_before():
+def test_klt_without_observations_is_empty():
     frame = StereoFrame(1, wall(0), wall(DISPARITY_PX))
-    before = Sighting(wall(0), np.zeros(0, np.int64), np.zeros((0, 2)))
-    assert len(follow(before, empty_map(), seen(frame), np.eye(4), RIG)) == 0
+    before = previous(np.zeros(0, np.int64), np.zeros((0, 2)))
+    assert len(track_klt(before, empty_map(), view_of(frame), np.eye(4))) == 0
