@@ -40,13 +40,7 @@ _process_lock = threading.Lock()
 
 @dataclass(frozen=True)
 class Task:
-    """One dataset to record.
-
-    Attributes:
-        scene: Name in the registry, MJCF file or `module:function`.
-        settings: Resolved settings.
-        out: Dataset folder.
-    """
+    """A dataset to record: a scene (name, MJCF file or `module:function`), settings, folder."""
 
     scene: str
     settings: RecordSettings
@@ -72,13 +66,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Result of a task.
-
-    Attributes:
-        task: The task.
-        recording: The recording; None if it failed.
-        problem: Why it failed, or why the recording ended early; empty if neither.
-    """
+    """Result of a task: its recording, None if it failed, and why it failed or ended early."""
 
     task: Task
     recording: Recording | None
@@ -120,11 +108,8 @@ def perform_all(
 ) -> Iterator[Outcome]:
     """Record datasets, each on a core of its own; yield outcomes as they are finished.
 
-    Args:
-        tasks: Tasks that are not done.
-        scheduler: Address of a running Dask scheduler; None for a cluster of local processes.
-        workers: Number of local processes; None for one per core.
-        progress: Called with a dataset's folder, its frames done and its frames in total.
+    The cluster is that of a scheduler's address, or `workers` local processes (None: one per core).
+    `progress` receives a dataset's folder, its frames done and its frames in total.
 
     Raises:
         DatasetError: If no scheduler answers at the address, or it is lost.

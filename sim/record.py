@@ -34,12 +34,7 @@ FRAMES_IN_FLIGHT = 4
 
 @dataclass(frozen=True)
 class Recording:
-    """Result of a recording.
-
-    Attributes:
-        certificate: As in the manifest.
-        ended: Reason why it ended early; empty if it is complete.
-    """
+    """Certificate of a recording, as in the manifest, and the reason if it ended early, or ""."""
 
     certificate: dict[str, Any]
     ended: str
@@ -80,16 +75,9 @@ def record_trip(
     renderer: StereoRenderer,
     progress: Progress | None = None,
 ) -> Recording:
-    """Render a trip, label it, certify it and commit the dataset.
+    """Render a trip of two or more delivered frames, label it, certify it and commit the dataset.
 
-    Args:
-        writer: Writer of the folder.
-        world: World, moved along the trip.
-        trip: Trip with two or more delivered frames.
-        settings: Settings for the manifest.
-        camera: Camera of that world.
-        renderer: Open renderer of that world.
-        progress: Called after each frame.
+    The renderer is open; the world is moved along the trip.
 
     Raises:
         DatasetError: If the disk is full.

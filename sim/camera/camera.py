@@ -71,12 +71,7 @@ class Capture:
 
 @dataclass(frozen=True)
 class StereoImages:
-    """The delivered images of one frame.
-
-    Attributes:
-        rectified: Left and right (H, W) grey or (H, W, 3) RGB, uint8.
-        raw: The same before rectification; None without distortion.
-    """
+    """Left and right (H, W[, 3]) uint8 images, rectified, and raw if the lens distorts."""
 
     rectified: tuple[Image, Image]
     raw: tuple[Image, Image] | None

@@ -17,7 +17,7 @@ from sim.settings import ExposureSettings
 from sim.world.trip import Trip
 from sim.world.world import World
 from vo.contract import se3
-from vo.contract.arrays import Array, Image
+from vo.contract.arrays import Array
 
 PROBE_PX = 16
 """Spacing of the pixels whose motion determines the number of sub-frames."""
@@ -27,12 +27,7 @@ PROBES_MAX = 16
 
 @dataclass(frozen=True)
 class Shutter:
-    """Times at which the rows of both cameras are exposed.
-
-    Attributes:
-        start_s: (2, H) for left and right, of each row, absolute.
-        end_s: (2, H), not before `start_s`.
-    """
+    """Start and end of the exposure of each row, (2, H) for left and right, in absolute seconds."""
 
     start_s: Array
     end_s: Array
@@ -49,14 +44,7 @@ class Shutter:
 
 
 def open_shutter(settings: ExposureSettings, time_s: float, open_s: float, rows: int) -> Shutter:
-    """Return the shutter times, with the middle row of the left camera centred on a time.
-
-    Args:
-        settings: Line time and offset of the right camera.
-        time_s: Timestamp of the frame.
-        open_s: Exposure time of each row.
-        rows: H.
-    """
+    """Centre the middle row of the left camera, exposed for `open_s`, on a frame's timestamp."""
     lag_s = (np.arange(rows) - (rows - 1) / 2) * settings.line_time_us * 1e-6
     camera_s = np.array([0.0, settings.right_offset_ms * 1e-3])
     middle_s = time_s + camera_s[:, None] + lag_s
@@ -71,15 +59,7 @@ def expose(
     shutter: Shutter,
     geometry: GeometryBuffers,
 ) -> tuple[tuple[Array, Array], int]:
-    """Integrate the light on both cameras over the exposure.
-
-    Args:
-        world: Moved through the exposure.
-        trip: Gives the state of the world at each time.
-        renderer: Renderer of the world.
-        settings: Limits of the sub-frames.
-        shutter: Exposure times of the rows.
-        geometry: Depth and geom ids at mid-exposure.
+    """Integrate the light on both cameras over the exposure; moves the world.
 
     Returns:
         Left and right images, and the number of sub-frames. A single sub-frame is returned as
@@ -90,12 +70,15 @@ def expose(
     sky = bool(np.isnan(geometry.depth_left_m).any() or np.isnan(geometry.depth_right_m).any())
     edges = np.linspace(start_s, end_s, slots + 1)
     if slots == 1:
-        return _render(world, trip, renderer, (start_s + end_s) / 2, sky), 1
+        _place(world, trip, (start_s + end_s) / 2)
+        return renderer.render_images(sky), 1
     weights = slot_weights(shutter, edges)
     total: list[Array] = []
     for slot, time_s in enumerate((edges[1:] + edges[:-1]) / 2):
-        images = _render(world, trip, renderer, float(time_s), sky=True)
-        lights = [_weighted(decode(x), weights[k, :, slot]) for k, x in enumerate(images)]
+        _place(world, trip, float(time_s))
+        lights = [decode(image) for image in renderer.render_images()]
+        shape = (-1,) + (1,) * (lights[0].ndim - 1)
+        lights = [x * weights[k, :, slot].reshape(shape) for k, x in enumerate(lights)]
         total = [t + light for t, light in zip(total, lights, strict=True)] if total else lights
     return (total[0], total[1]), slots
 
@@ -133,9 +116,8 @@ def max_image_speed_px_s(
     points_world = se3.transform(world.T_world_cam, points)
     bodies = np.where(is_sky, 0, world.model.geom_bodyid[geoms])
     T_bodies_world = se3.inverse(world.T_world_bodies)[bodies]
-    points_body = np.einsum(
-        "nij,nj->ni", T_bodies_world, np.column_stack([points_world, np.ones(len(points_world))])
-    )
+    homogeneous = np.column_stack([points_world, np.ones(len(points_world))])
+    points_body = np.einsum("nij,nj->ni", T_bodies_world, homogeneous)
     directions_world = rays @ world.T_world_cam[:3, :3].T
     count = int(np.clip(math.ceil((end_s - start_s) / PROBE_PERIOD_S), 2, PROBES_MAX))
     pixels: list[Array] = []
@@ -155,22 +137,19 @@ def mean_brightness(world: World, shutter: Shutter, samples: int = 33) -> Array:
     share = np.linspace(0, 1, samples)
     start_s, end_s = shutter.start_s[0], shutter.end_s[0]
     if shutter.is_uniform:
-        return np.full(
-            len(start_s),
-            world.scene.brightness(start_s[0] + share * (end_s[0] - start_s[0])).mean(),
-        )
+        times_s = start_s[0] + share * (end_s[0] - start_s[0])
+        return np.full(len(start_s), world.scene.brightness(times_s).mean())
     times_s = start_s[:, None] + share * (end_s - start_s)[:, None]
     return world.scene.brightness(times_s).mean(axis=1)
 
 
 def slot_weights(shutter: Shutter, edges: Array) -> Array:
-    """Return the weight of each slot for each row and camera, (2, H, slots), sums of one.
+    """Return the weight of each slot, between (slots + 1,) even edges in seconds, for each row.
 
     A row with no exposure time takes a slot's length around its instant.
 
-    Args:
-        shutter: Exposure times of the rows.
-        edges: (slots + 1,) bounds of the slots in seconds, evenly spaced.
+    Returns:
+        (2, H, slots) weights for left and right camera, with sums of one.
     """
     slot_s = edges[1] - edges[0]
     middle = (shutter.start_s + shutter.end_s) / 2
@@ -181,17 +160,5 @@ def slot_weights(shutter: Shutter, edges: Array) -> Array:
     return (overlap / overlap.sum(axis=-1, keepdims=True)).astype(np.float32)
 
 
-def _render(
-    world: World, trip: Trip, renderer: StereoRenderer, time_s: float, sky: bool
-) -> tuple[Image, Image]:
-    _place(world, trip, time_s)
-    return renderer.render_images(sky)
-
-
 def _place(world: World, trip: Trip, time_s: float) -> None:
     world.place(time_s, trip.states.at(world.model, time_s * 1e9))
-
-
-def _weighted(light: Array, share: Array) -> Array:
-    """Scale the (H,) rows of an image."""
-    return light * share.reshape(-1, *(1,) * (light.ndim - 1))

@@ -18,11 +18,7 @@ class Framebuffer:
     """A framebuffer; inside its `with` block MuJoCo draws there instead of into its own."""
 
     def __init__(self, context: mujoco.MjrContext, samples: int) -> None:
-        """Allocate colour and depth of the context's off-screen size.
-
-        Args:
-            context: Current context.
-            samples: Colour samples per pixel; 0 or the context's own number.
+        """Allocate colour and depth of the current context's size; `samples` 0, or as the context.
 
         Raises:
             GraphicsError: If the driver cannot.
@@ -58,14 +54,9 @@ class Framebuffer:
         self._context.offFBO, self._context.offSamples = self._own
 
     def read_colour(self, rgba: Image, low: int = 0, high: int | None = None) -> None:
-        """Copy rows of the image, the mean of the samples, into (H, W, 4) uint8.
+        """Copy rows `low` to `high - 1` of the image, the mean of the samples, to (H, W, 4) uint8.
 
-        RGBA is how the driver stores colours, so that this is a copy without conversion.
-
-        Args:
-            rgba: Receives the rows, bottom row first.
-            low: First row to copy.
-            high: Row after the last; None for the end.
+        The bottom row is first. The driver stores RGBA, so that no conversion is needed.
         """
         gl = self._gl
         rows = rgba[low:high]

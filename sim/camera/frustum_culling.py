@@ -9,17 +9,11 @@ from vo.contract.rig import StereoRig
 
 
 def in_frustum(model: mujoco.MjModel, data: mujoco.MjData, rig: StereoRig) -> Mask:
-    """Return which geoms (ngeom,) may appear in either image, by their bounding spheres.
-
-    Args:
-        model: Model with the rig's camera.
-        data: State with bodies and cameras up to date.
-        rig: Size and focal length of the centred images.
-    """
+    """Return which geoms (ngeom,) may appear in either centred image, by their bounding spheres."""
     camera = model.camera(CAMERA).id
     R_world_gl = data.cam_xmat[camera].reshape(3, 3)
     tan_u, tan_v = rig.width_px / 2 / rig.f_px, rig.height_px / 2 / rig.f_px
-    inward = np.array(  # normals of the sides, in MuJoCo's camera axes: it looks along -z
+    inward = np.array(  # normals of the sides, in MuJoCo's camera axes: it faces along -z
         [(1, 0, -tan_u), (-1, 0, -tan_u), (0, 1, -tan_v), (0, -1, -tan_v), (0, 0, -1)]
     )
     inward /= np.linalg.norm(inward, axis=1, keepdims=True)

@@ -2,7 +2,7 @@
 
 import ctypes
 import os
-from typing import Literal, Protocol
+from typing import Any, Literal
 
 from vo.contract.errors import DriftyardError
 
@@ -11,18 +11,6 @@ Backend = Literal["egl", "osmesa"]
 
 class GraphicsError(DriftyardError):
     """OpenGL is missing, or cannot render images of the requested size."""
-
-
-class GLContext(Protocol):
-    """Common interface of MuJoCo's two off-screen contexts."""
-
-    def make_current(self) -> None:
-        """Make the context current in this thread."""
-        ...
-
-    def free(self) -> None:
-        """Release the context."""
-        ...
 
 
 def choose_backend(wanted: Literal["auto", "egl", "osmesa"]) -> Backend:
@@ -35,7 +23,7 @@ def choose_backend(wanted: Literal["auto", "egl", "osmesa"]) -> Backend:
     return "egl" if _egl_has_a_device() else "osmesa"
 
 
-def open_context(wanted: Literal["auto", "egl", "osmesa"], width: int, height: int) -> GLContext:
+def open_context(wanted: Literal["auto", "egl", "osmesa"], width: int, height: int) -> Any:
     """Create an off-screen context; OSMesa allocates buffers of `width` x `height` pixels.
 
     MuJoCo's backends are imported here by name: importing one binds PyOpenGL to it for the life of
@@ -53,7 +41,7 @@ def open_context(wanted: Literal["auto", "egl", "osmesa"], width: int, height: i
             from mujoco.egl import GLContext as Context
         else:
             from mujoco.osmesa import GLContext as Context
-        context: GLContext = Context(width, height)
+        context = Context(width, height)
     except (ImportError, AttributeError, RuntimeError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise GraphicsError(

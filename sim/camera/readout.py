@@ -20,8 +20,8 @@ def decode_buffers(
         zbuffer: (H, 2W) float32 s, 1 near, 0 far, bottom row first.
         codes: (H, 2W, 4) uint8 number of the geom, lowest byte first; alpha is ignored.
         ids: (N,) int32 id of each number.
-        near_m: Near plane of the projection.
-        far_m: Far plane of the projection.
+        near_m: Near plane n.
+        far_m: Far plane f.
 
     Returns:
         (H, W) float32 depth of left and right and int32 ids of left and right, top row first.

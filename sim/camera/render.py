@@ -1,7 +1,7 @@
 """The renderer: stereo images and label buffers in one pass each, and views from other cameras."""
 
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 import cv2
 import mujoco
@@ -10,7 +10,7 @@ import numpy as np
 from scenes.scene import COLLISION_GROUP, IMAGE_GROUP, LABEL_GROUP
 from sim.camera.framebuffer import Framebuffer
 from sim.camera.frustum_culling import in_frustum
-from sim.camera.gl import GLContext, GraphicsError, open_context
+from sim.camera.gl import GraphicsError, open_context
 from sim.camera.readout import decode_buffers
 from sim.camera.sky import SkyBands, allows_sky_last, uncovered_bands
 from sim.settings import RenderSettings
@@ -30,11 +30,8 @@ BOTH_GROUPS = (0, 1, 2)
 class GeometryBuffers:
     """Depth and geom ids of both cameras at one instant, exact at the pixel centres.
 
-    Attributes:
-        depth_left_m: (H, W) float32 planar depth; NaN without a surface.
-        depth_right_m: Like `depth_left_m`, of the right camera.
-        geoms_left: (H, W) ids of the geoms; NO_GEOM for none.
-        geoms_right: Like `geoms_left`.
+    Depths are (H, W) float32 planar metres, NaN without a surface; geom ids are (H, W), NO_GEOM for
+    none.
     """
 
     depth_left_m: Array
@@ -53,18 +50,15 @@ class StereoRenderer:
     """
 
     def __init__(self, world: World, settings: RenderSettings, color: bool = False) -> None:
-        """Store what to render; the OpenGL context is created on entering.
+        """Store what to render, RGB if `color`; the OpenGL context is created on entering.
 
-        Args:
-            world: World to render; only MuJoCo's quality settings in it are changed.
-            settings: Backend and quality.
-            color: Whether images are RGB instead of grey.
+        In the world, only MuJoCo's quality settings are changed.
         """
         self._world = world
         self._settings = settings
         self._color = color
         self._width, self._height = world.render_rig.width_px, world.render_rig.height_px
-        self._gl: GLContext | None = None
+        self._gl: Any = None
         self._image_option = _showing(*BOTH_GROUPS, IMAGE_GROUP)
         self._label_option = _showing(*BOTH_GROUPS, LABEL_GROUP)
 
@@ -95,7 +89,6 @@ class StereoRenderer:
         return self
 
     def __exit__(self, *error: object) -> None:
-        assert self._gl is not None
         self._gl.make_current()
         self._image_framebuffer.free()
         self._label_framebuffer.free()
@@ -115,8 +108,7 @@ class StereoRenderer:
     def render_images(self, sky: bool = True) -> tuple[Image, Image]:
         """Render both cameras at the world's present state (see `World.place_bodies`).
 
-        Args:
-            sky: Whether any sky is visible; rendering without is faster.
+        Without visible sky, `sky=False` is faster.
 
         Returns:
             Left and right (H, W) grey or (H, W, 3) RGB images, uint8.
@@ -166,11 +158,7 @@ class StereoRenderer:
     ) -> Image:
         """Render one (H, W, 3) RGB image from any camera.
 
-        Args:
-            camera: Free, tracking or fixed.
-            width_px: W.
-            height_px: H.
-            orthographic_m: Vertical extent of an orthographic view; None for perspective.
+        An orthographic view has a vertical extent in metres; None is perspective.
         """
         context = self._context
         if width_px > context.offWidth or height_px > context.offHeight:
@@ -213,7 +201,6 @@ class StereoRenderer:
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = self._settings.shadow_size_px > 0
 
     def _draw(self, rect: mujoco.MjrRect) -> None:
-        assert self._gl is not None
         self._gl.make_current()
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
         mujoco.mjr_render(rect, self._scene, self._context)

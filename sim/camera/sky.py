@@ -39,10 +39,7 @@ class SkyBands:
     def prepare(self, scene: mujoco.MjvScene, low: int, high: int) -> None:
         """Make the next drawing of the scene add sky to rows `low` to `high - 1` from the bottom.
 
-        Args:
-            scene: Scene drawn without sky; loses its geoms.
-            low: First row.
-            high: Row after the last.
+        The scene, drawn without sky, loses its geoms.
         """
         gl = self._gl
         gl.glNewList(self._before, gl.GL_COMPILE)

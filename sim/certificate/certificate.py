@@ -32,15 +32,10 @@ def exempt_parts(settings: RecordSettings) -> frozenset[str]:
 def certify(
     frames: Iterable[FrameResidual], checks: dict[str, Any], exempt: frozenset[str] = frozenset()
 ) -> dict[str, Any]:
-    """Summarise all frames; the same images and labels always give the same numbers.
+    """Return the manifest's `certificate`: the same images and labels always give the same numbers.
 
-    Args:
-        frames: In order.
-        checks: From `plausibility.check_folder`; each with its own `passed`.
-        exempt: Parts that cannot fail, from `exempt_parts`.
-
-    Returns:
-        JSON-ready content of the manifest's `certificate`.
+    Checks come from `plausibility.check_folder`, each with its own `passed`; exempt parts, from
+    `exempt_parts`, cannot fail.
     """
     frames = list(frames)
     stereo = {frame.timestamp_ns: frame.stereo for frame in frames}

@@ -67,13 +67,7 @@ class Residual:
 
 @dataclass(frozen=True)
 class FrameResidual:
-    """Residuals of one frame.
-
-    Attributes:
-        timestamp_ns: Timestamp of the frame.
-        stereo: Left against right by the disparity.
-        flow: Present against next left image by the flow; None without that label.
-    """
+    """Residuals of a frame: of the right image by the disparity, of the next by any flow."""
 
     timestamp_ns: int
     stereo: Residual
@@ -95,14 +89,7 @@ class PhotometricCheck:
     def stereo(
         self, left: Image, right: Image, disparity_px: Array, exposure: FrameExposure
     ) -> Residual:
-        """Compare left and right image.
-
-        Args:
-            left: (H, W) or (H, W, 3) uint8.
-            right: Like `left`.
-            disparity_px: (H, W) label.
-            exposure: How the frame was exposed.
-        """
+        """Compare left and right (H, W[, 3]) uint8 image by the disparity label (H, W)."""
         disparity_px = disparity_px[::ROW_STEP]
         v, u = _rows(left)
         visible = visible_in_right(disparity_px)
@@ -125,15 +112,7 @@ class PhotometricCheck:
         covisibility: Array,
         exposures: tuple[FrameExposure, FrameExposure],
     ) -> Residual:
-        """Compare two successive left images.
-
-        Args:
-            now: (H, W) or (H, W, 3) uint8.
-            following: The next, like `now`.
-            flow: (H, W, 3) label.
-            covisibility: (H, W) label.
-            exposures: How both were exposed.
-        """
+        """Compare successive left images (H, W[, 3]) uint8 by flow and covisibility labels."""
         v, u = _rows(now)
         du, dv = flow[::ROW_STEP, :, 0], flow[::ROW_STEP, :, 1]
         visible = (covisibility[::ROW_STEP] == VISIBLE) & np.isfinite(du)
@@ -184,14 +163,9 @@ def _compare(
     shifted: Sequence[tuple[Array, Array]],
     visible: Mask,
 ) -> Residual:
-    """Warp the second image to the compared rows of the first.
+    """Warp the second image to every ROW_STEP-th row of the first, where it is visible.
 
-    Args:
-        first: All rows.
-        second: All rows.
-        positions: Positions of the compared rows in the second image.
-        shifted: Wrong positions, for comparison.
-        visible: Pixels to compare.
+    Positions are those of the compared rows in the second image; shifted ones are wrong.
     """
     levels, noisy = first
     noisy = NoisyImage(noisy.image[::ROW_STEP], noisy.sigma, np.asarray(noisy.gain)[::ROW_STEP])

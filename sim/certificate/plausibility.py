@@ -35,11 +35,6 @@ FLOW_FRAMES = 8
 def check_folder(folder: Path, settings: RecordSettings, ended: str) -> dict[str, Any]:
     """Compare the sensors of a dataset folder with its ground truth.
 
-    Args:
-        folder: Dataset folder.
-        settings: Settings of the recording.
-        ended: Reason why it ended early; empty if it did not.
-
     Returns:
         One JSON-ready table for each check, with `passed`; no table where files are missing.
     """

@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -40,12 +41,7 @@ OTHERS = 1e-4
 
 @dataclass(frozen=True)
 class Finding:
-    """A defect of a dataset.
-
-    Attributes:
-        file: Path inside the folder.
-        problem: One line.
-    """
+    """A defect of a file, stated in one line; the path is inside the folder."""
 
     file: str
     problem: str
@@ -135,22 +131,19 @@ def _measure(
     sequence = open_euroc(folder)
     has_flow = settings.labels.flow and settings.labels.covisibility
     frames: list[FrameResidual] = []
-    following = sequence[0]
-    for k in range(len(sequence)):
-        frame = following
+    for frame, following in pairwise(chain(sequence, [None])):
+        assert frame is not None
         time_ns = frame.timestamp_ns
         stereo = check.stereo(frame.left, frame.right, load(time_ns), exposures[time_ns])
         flow = None
-        if k + 1 < len(sequence):
-            following = sequence[k + 1]
-            if has_flow:
-                flow = check.flow(
-                    frame.left,
-                    following.left,
-                    read_float(label_file(folder, "flow", time_ns), 3),
-                    read_codes(label_file(folder, "covisibility", time_ns)),
-                    (exposures[time_ns], exposures[following.timestamp_ns]),
-                )
+        if has_flow and following:
+            flow = check.flow(
+                frame.left,
+                following.left,
+                read_float(label_file(folder, "flow", time_ns), 3),
+                read_codes(label_file(folder, "covisibility", time_ns)),
+                (exposures[time_ns], exposures[following.timestamp_ns]),
+            )
         frames.append(FrameResidual(time_ns, stereo, flow))
         if progress:
             progress(len(frames), len(sequence))
@@ -170,12 +163,14 @@ def _read_exposures(folder: Path) -> dict[int, FrameExposure]:
 
 def _disparity_loader(folder: Path, rig: StereoRig) -> Callable[[int], Array] | None:
     """Map a time to the (H, W) disparity label, or to that of the depth; None without labels."""
+
+    def read(label: str, time_ns: int) -> Array:
+        return read_float(label_file(folder, label, time_ns))
+
     if (folder / "mav0" / LABELS["disparity"].folder).is_dir():
-        return lambda time_ns: read_float(label_file(folder, "disparity", time_ns))
+        return lambda time_ns: read("disparity", time_ns)
     if (folder / "mav0" / LABELS["depth"].folder).is_dir():
-        return lambda time_ns: disparity_from_depth(
-            rig, read_float(label_file(folder, "depth", time_ns))
-        )
+        return lambda time_ns: disparity_from_depth(rig, read("depth", time_ns))
     return None
 
 

@@ -17,13 +17,7 @@ STEP_MAX = 8.0
 
 @dataclass(frozen=True)
 class Exposure:
-    """Exposure of one image.
-
-    Attributes:
-        time_ms: Exposure time.
-        brightness: `time_ms` over the reference exposure time.
-        gain: Amplification, 1 or more.
-    """
+    """Exposure time of an image, also over the reference exposure time, and gain of at least 1."""
 
     time_ms: float
     brightness: float

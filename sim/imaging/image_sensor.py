@@ -72,7 +72,7 @@ class ImageSensor:
 
         Args:
             light: (H', W'[, 3]) float32 linear light in the rendered size; 1 is the brightest
-                level where brightness and all gains are 1.
+                level.
             brightness: Exposure, as a multiple of the one for which `light` holds.
             gain: Gain of the automatic exposure, besides `gain_db`.
             rng: Draws the noise, if there is any; one for each camera.
@@ -103,11 +103,7 @@ class ImageSensor:
         return np.asarray(cv2.convertScaleAbs(np.maximum(image, 0)), np.uint8)
 
     def corrected(self, image: Image, exposed: float = 1.0) -> Array:
-        """Undo vignetting, this camera's sensitivity and an exposure in a rectified image.
-
-        Args:
-            image: (H, W[, 3]) uint8.
-            exposed: Exposure times gain, as a multiple of the reference.
+        """Undo vignetting, sensitivity and an exposure (with gain) in a rectified image.
 
         Returns:
             (H, W[, 3]) grey levels, uint8 if there is nothing to undo, else float32.
@@ -120,10 +116,7 @@ class ImageSensor:
         return light_to_levels(response, light[image] / share).astype(np.float32)
 
     def correction_gain(self, image: Image, exposed: float = 1.0) -> Array:
-        """Return the factor of `corrected` on small differences at each pixel, (H, W[, 3]) float32.
-
-        It is the slope of light over grey levels before and after.
-        """
+        """Return the factor of `corrected` on small differences, (H, W[, 3]) float32."""
         share = self._light_share(image, exposed)
         if share is None:
             return np.broadcast_to(np.float32(1), image.shape)
@@ -133,16 +126,10 @@ class ImageSensor:
         return (slope[image] / (share * after)).astype(np.float32)
 
     def noise_sigma(self, gain: float) -> Array:
-        """Return the standard deviation of the noise at each noise-free grey level.
+        """Return the standard deviation (256,) of the noise at each noise-free grey level.
 
-        It holds for the raw image, with clipping and without rounding; brightness, sensitivity
-        and vignetting change only the level.
-
-        Args:
-            gain: Gain of the automatic exposure, as in `expose`.
-
-        Returns:
-            (256,) float32 grey levels, read-only.
+        It holds for the raw image, with clipping and without rounding; exposure settings besides
+        the gain only change the level. The array is float32 and read-only.
         """
         return _noise_table(self._sensor.response, *self._variances(gain))
 

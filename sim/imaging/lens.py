@@ -7,6 +7,7 @@ Three geometries of one camera, all with the same centre of projection:
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -31,14 +32,9 @@ def delivered_rig(rig: StereoRig, settings: CalibrationSettings) -> StereoRig:
     Raises:
         CalibrationError: If it leaves no baseline or no focal length.
     """
-    return StereoRig(
-        width_px=rig.width_px,
-        height_px=rig.height_px,
-        f_px=rig.f_px * (1 + settings.focal_percent / 100),
-        cx_px=rig.cx_px,
-        cy_px=rig.cy_px,
-        baseline_m=rig.baseline_m * (1 + settings.baseline_percent / 100),
-        T_body_cam=rig.T_body_cam,
+    f_px = rig.f_px * (1 + settings.focal_percent / 100)
+    return replace(
+        rig, f_px=f_px, baseline_m=rig.baseline_m * (1 + settings.baseline_percent / 100)
     )
 
 
@@ -97,13 +93,7 @@ def undistort(settings: SensorSettings, distorted: Array) -> Array:
 def distortion_map(
     settings: RecordSettings, rig: StereoRig, R_nominal_true: Array, pad_px: int
 ) -> tuple[Array, Array]:
-    """Map each pixel of the raw image to the rendered pinhole.
-
-    Args:
-        settings: Settings of the recording.
-        rig: True geometry; the raw pixel (0, 0) is the delivered one.
-        R_nominal_true: (3, 3) turn of this camera.
-        pad_px: Pixels of the raw image beyond the delivered image on each side.
+    """Map each pixel of the raw image, `pad_px` wider on each side, to the rendered pinhole.
 
     Returns:
         u_px, v_px (H + 2 pad, W + 2 pad) float64, (0, 0) as in `rig`; NaN where no light arrives.
@@ -138,10 +128,6 @@ def psf_radius_px(settings: SensorSettings) -> int:
 
 def margin_px(settings: RecordSettings, rig: StereoRig) -> int:
     """Return the margin to render on each side so that every pixel of both cameras has light.
-
-    Args:
-        settings: Settings of the recording.
-        rig: True geometry in the delivered size.
 
     Raises:
         SettingsError: If the distortion folds inside the image, or the margin would be too large.

@@ -66,14 +66,7 @@ class Encoding:
     def encode_noisy(
         self, light: Array, shot: float, floor: float, rng: np.random.Generator
     ) -> Image:
-        """Add normal noise of variance shot * light + floor to light and encode it.
-
-        Args:
-            light: (H, W[, 3]) float32, after all gains.
-            shot: Variance per unit of light.
-            floor: Variance without light.
-            rng: Draws one quantile of the noise for each value.
-        """
+        """Encode (H, W[, 3]) light with normal noise of variance shot * light + floor added."""
         out = np.empty(light.shape, np.uint8)
         drawn = rng.integers(0, QUANTILES, light.size, dtype=np.uint16)
         noise = np.float32(shot), np.float32(floor), drawn, normal_quantiles()

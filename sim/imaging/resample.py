@@ -13,15 +13,12 @@ TAPS_PX = 2
 
 
 def sample(image: Array, u_px: Array, v_px: Array) -> Array:
-    """Sample an image between its pixels, with its border continued.
+    """Sample an (H, W[, C]) float32 image between its pixels, with its border continued.
 
-    Args:
-        image: (H, W) or (H, W, C) float32.
-        u_px: (M, N) float32 positions, pixel centres on integers; NaN gives NaN.
-        v_px: Like `u_px`.
+    Positions u_px, v_px (M, N) float32 have pixel centres on integers; NaN gives NaN.
 
     Returns:
-        (M, N) or (M, N, C) float32.
+        (M, N[, C]) float32.
 
     Source:
         Keys, Cubic convolution interpolation for digital image processing, 1981, a = -1/2: exact on

@@ -56,7 +56,7 @@ class Annotation:
     def wanted(self, labels: LabelSettings) -> dict[str, Array]:
         """Return the labels that are switched on and exist for this frame, by name."""
         forward = FORWARD if self.following is None else frozenset[str]()
-        names = [name for name, asked in labels if asked and name not in forward]
+        names = [name for name, is_on in labels if is_on and name not in forward]
         return {name: getattr(self, name) for name in names}
 
     @property

@@ -24,7 +24,7 @@ def disparity_from_depth(rig: StereoRig, depth_m: Array) -> Array:
 
 
 def visible_in_right(disparity_px: Array) -> Mask:
-    """Return which left pixels the right camera sees too, from the left disparity (H, W) alone.
+    """Return which left pixels are visible in the right image, from the left disparity (H, W).
 
     Every left pixel is splatted onto the two right pixels that it falls between, which closes the
     gaps in surfaces that the right image shows stretched. It is hidden if a nearer splat is on the
@@ -51,10 +51,9 @@ def flow(rig: StereoRig, depth_m: Array, bodies: Indices, T_next_now: Array) -> 
 
     Args:
         rig: Gives the pinhole.
-        depth_m: (H, W) float32 planar depth; NaN for sky, which turns with body 0.
+        depth_m: (H, W) float32 planar depth; NaN for sky, which turns with body 0, the world.
         bodies: (H, W) integer index of the rigid body of each pixel.
         T_next_now: (B, 4, 4) by body: maps its points from the present camera axes to the next.
-            Body 0 is the static world.
 
     Returns:
         (H, W, 3) float32 du and dv in pixels and depth in the next image in metres. All NaN for
@@ -67,19 +66,12 @@ def flow(rig: StereoRig, depth_m: Array, bodies: Indices, T_next_now: Array) -> 
 
 
 def normals(rig: StereoRig, depth_m: Array) -> Array:
-    """Return unit normals of the surfaces, from three pixels on the same plane along each axis.
+    """Return unit normals (H, W, 3) float32 in camera axes, towards the camera.
 
     A plane n . p = 1 seen through a pinhole has 1/Z = n . (x, y, 1), affine in the pixel. Of the
     three runs of three pixels that contain the pixel, the one with the smallest second difference
-    gives the slope, so that edges do not mix surfaces.
-
-    Args:
-        rig: Gives the pinhole.
-        depth_m: (H, W) float32 planar depth; NaN without a surface.
-
-    Returns:
-        (H, W, 3) float32 in camera axes, towards the camera; NaN where no three pixels are on one
-        plane, or without a surface.
+    gives the slope, so that edges do not mix surfaces. NaN where no three pixels are on one plane,
+    or where the depth (H, W) is NaN.
     """
     out = np.empty((*depth_m.shape, 3), np.float32)
     _normals(1 / depth_m, rig.f_px, rig.cx_px, rig.cy_px, BEND_MAX_RAD, out)
@@ -87,12 +79,7 @@ def normals(rig: StereoRig, depth_m: Array) -> Array:
 
 
 def lookup(table: Array, geoms: Indices) -> Array:
-    """Return the entry of each pixel's geom, (H, W); 0 for negative geoms, which show nothing.
-
-    Args:
-        table: (G,) entry of each geom.
-        geoms: (H, W) geom of each pixel.
-    """
+    """Return the entry of each pixel's geom (H, W) in a table (G,); 0 for negative geoms."""
     padded = np.append(table, np.zeros(1, table.dtype))  # entry -1
     return padded[np.maximum(geoms, -1)]
 

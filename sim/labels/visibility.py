@@ -28,19 +28,12 @@ OCCLUDED_BY_SHARE = 0.01
 
 
 def occlusion(rig: StereoRig, depth_left_m: Array, depth_right_m: Array) -> Image:
-    """Return which left pixels the right camera sees too.
+    """Return which left pixels are visible in the right image, (H, W) uint8 of Occlusion.
 
     A left pixel's point is visible if the right image shows a surface of its disparity there. The
     right pixels on both sides of it are tested, each extrapolated to the point by its surface's
-    slope, and none may be nearer: outlines hide up to a pixel too much.
-
-    Args:
-        rig: Gives disparities.
-        depth_left_m: (H, W) float32 planar depth; NaN without a surface.
-        depth_right_m: Like `depth_left_m`, of the right camera.
-
-    Returns:
-        (H, W) uint8 of Occlusion: outside is left of the right image's first pixel centre.
+    slope, and none may be nearer: outlines hide up to a pixel too much. Outside is left of the
+    right image's first pixel centre. Depths are (H, W) float32, planar; NaN without a surface.
     """
     scale = np.float32(rig.f_px * rig.baseline_m)
     left, right = scale / depth_left_m, np.nan_to_num(scale / depth_right_m)
@@ -50,7 +43,7 @@ def occlusion(rig: StereoRig, depth_left_m: Array, depth_right_m: Array) -> Imag
 
 
 def covisibility(flow: Array, depth_next_m: Array) -> Image:
-    """Return which pixels the next view of the same camera sees too, by the rule of `occlusion`.
+    """Return which pixels are visible in the next view of the same camera, as `occlusion`.
 
     Args:
         flow: (H, W, 3) float32 du, dv in pixels and depth in the next view, as `labels.flow`.
@@ -101,7 +94,7 @@ def _meets(nearness: Array, u: float, v: float, wanted: float, slack: float) -> 
     extrapolate a pixel's surface exactly.
     """
     u0, v0 = int(np.floor(u)), int(np.floor(v))
-    met = False
+    found = False
     for y in range(v0, v0 + 1 + (v > v0)):
         for x in range(u0, u0 + 1 + (u > u0)):
             carried = nearness[y, x]
@@ -112,8 +105,8 @@ def _meets(nearness: Array, u: float, v: float, wanted: float, slack: float) -> 
                     carried += straightest(nearness[:, x], y)[0] * (v - y)
             if carried > wanted + slack:
                 return HIDDEN
-            met = met or carried >= wanted - slack
-    return VISIBLE if met else HIDDEN
+            found = found or carried >= wanted - slack
+    return VISIBLE if found else HIDDEN
 
 
 @compiled(nogil=True)

@@ -57,13 +57,7 @@ def residual(image: Image, other: Image, u_px: Array, v_px: Array, visible: Mask
 def expected_residual(
     image: NoisyImage, other: NoisyImage, u_px: Array, v_px: Array, visible: Mask
 ) -> Array:
-    """Return the standard deviation of each residual from noise and rounding of both images.
-
-    Arguments as for `residual`.
-
-    Returns:
-        (N,) float32 in grey levels, to compare with the root mean square of `residual`.
-    """
+    """Return the standard deviation (N,) float32 of each `residual` from noise and rounding."""
     own = image.grey_variance[visible]
     return np.sqrt(own + sample_variance(other.grey_variance, *_positions(u_px, v_px, visible))[0])
 

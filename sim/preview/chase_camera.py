@@ -21,10 +21,7 @@ OFF_SURFACE_M = 0.08
 def chase_camera(world: World, side_deg: float | None = None) -> mujoco.MjvCamera:
     """Place a camera behind the carrier, along its heading.
 
-    Args:
-        world: World with bodies placed.
-        side_deg: Angle of the camera to the right of straight behind; None for the side with the
-            most space.
+    It is `side_deg` to the right of straight behind; None for the side with the most space.
     """
     T_world_body = world.T_world_body
     forward = T_world_body[:3, 0]
@@ -51,16 +48,16 @@ def _room_m(world: World, start: Array, direction: Array) -> float:
     """Return how far back the camera can move before a drawn geom is in the way."""
     groups = np.zeros(6, np.uint8)
     groups[[*BOTH_GROUPS, IMAGE_GROUP]] = 1
-    met = np.zeros(1, np.int32)
+    geom = np.zeros(1, np.int32)
     carrier = world.model.body(BODY).rootid[0]
-    met_m, start = 0.0, start.copy()
-    while met_m < DISTANCE_M:  # through the carrier itself
-        step_m = mujoco.mj_ray(world.model, world.data, start, direction, groups, 1, -1, met)
+    free_m, start = 0.0, start.copy()
+    while free_m < DISTANCE_M:  # through the carrier itself
+        step_m = mujoco.mj_ray(world.model, world.data, start, direction, groups, 1, -1, geom)
         if step_m < 0:
             return DISTANCE_M
-        met_m += step_m
-        if world.model.body_rootid[world.model.geom_bodyid[met[0]]] != carrier:
+        free_m += step_m
+        if world.model.body_rootid[world.model.geom_bodyid[geom[0]]] != carrier:
             break
-        met_m += 1e-3
+        free_m += 1e-3
         start += (step_m + 1e-3) * direction
-    return min(met_m - OFF_SURFACE_M, DISTANCE_M)
+    return min(free_m - OFF_SURFACE_M, DISTANCE_M)

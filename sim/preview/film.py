@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -39,11 +40,7 @@ Show = Callable[[Image], None]
 
 
 def film_suffix(out: Path) -> str:
-    """Return the suffix of a film's file name.
-
-    Raises:
-        SettingsError: If it is none of SUFFIXES.
-    """
+    """Return the suffix of a film's file name; raise a SettingsError if it is none of SUFFIXES."""
     return known_suffix(out, SUFFIXES)
 
 
@@ -54,13 +51,7 @@ def make_film(
     seconds: float,
     progress: Progress | None = None,
 ) -> None:
-    """Write the first seconds of a recording as an MP4 or GIF.
-
-    Raises:
-        SettingsError: If `out` has another suffix, or the settings do not fit the scene.
-        DriveError: If the rover fails before the second frame.
-        GraphicsError: If there is no OpenGL.
-    """
+    """Write the first seconds of a recording as an MP4 or GIF; raise as `record`."""
     suffix = film_suffix(out)
     world = build_world(scene, settings)
     world, trip = first_seconds(world, settings, seconds)
@@ -124,19 +115,16 @@ class _Layout:
 
     def compose(self, annotation: Annotation, left: Image, chase: Image, trip: Trip) -> Image:
         capture = annotation.capture
-        k, shot, scale = capture.index, capture.exposure, self._scale
-        time_s = (shot.timestamp_ns - trip.timestamps_ns[0]) * 1e-9
+        k, exposure, scale = capture.index, capture.exposure, self._scale
+        time_s = (exposure.timestamp_ns - trip.timestamps_ns[0]) * 1e-9
         way_m = np.linalg.norm(np.diff(trip.T_world_body[: k + 1, :3, 3], axis=0), axis=1).sum()
         speed_mps = np.linalg.norm(trip.v_world_body[k])
-        exposed = f"   {shot.exposure_ms:.3g} ms" if shot.exposure_ms else ""
+        exposed = f"   {exposure.exposure_ms:.3g} ms" if exposure.exposure_ms else ""
         panels = (
             (left, f"left image   {time_s:.1f} s{exposed}"),
             (chase, f"from behind   {speed_mps:.2f} m/s   {way_m:.2f} m"),
             (scale.colours(annotation.depth), f"depth   {scale.near_m:g} to {scale.far_m:g} m"),
-            (
-                flow_colours(annotation.flow, self._full_px),
-                f"optical flow   full colour at {self._full_px:g} px per frame",
-            ),
+            (flow_colours(annotation.flow, self._full_px), f"flow   up to {self._full_px:g} px"),
         )
         cells = [self._panel(*panel) for panel in panels]
         return np.vstack([np.hstack(cells[:2]), np.hstack(cells[2:])])
@@ -145,9 +133,8 @@ class _Layout:
         small = cv2.resize(image, self.panel_px, interpolation=cv2.INTER_AREA)
         strip = Pillow.new("RGB", (self.panel_px[0], self._caption_px), CAPTION)
         middle = self._caption_px / 2
-        ImageDraw.Draw(strip).text(
-            (middle * 0.8, middle), caption, fill=CAPTION_INK, font=self._font, anchor="lm"
-        )
+        look: dict[str, Any] = {"fill": CAPTION_INK, "font": self._font, "anchor": "lm"}
+        ImageDraw.Draw(strip).text((middle * 0.8, middle), caption, **look)
         return np.vstack([np.asarray(strip, np.uint8), np.asarray(small, np.uint8)])
 
 
@@ -195,6 +182,5 @@ def _writing_gif(path: Path, fps: float) -> Generator[Show]:
     """Encode with a palette for each frame."""
     frames: list[Pillow.Image] = []
     yield lambda frame: frames.append(Pillow.fromarray(frame).quantize(256))
-    frames[0].save(
-        path, save_all=True, append_images=frames[1:], duration=round(1000 / fps), loop=0
-    )
+    animation: dict[str, Any] = {"save_all": True, "append_images": frames[1:], "loop": 0}
+    frames[0].save(path, duration=round(1000 / fps), **animation)

@@ -15,20 +15,12 @@ JPEG_QUALITY = 85
 
 
 def picture_suffix(out: Path) -> str:
-    """Return the suffix of an image's file name.
-
-    Raises:
-        SettingsError: If it is none of SUFFIXES.
-    """
+    """Return the suffix of an image's file name; raise a SettingsError if it is unknown."""
     return known_suffix(out, SUFFIXES)
 
 
 def known_suffix(out: Path, valid: tuple[str, ...]) -> str:
-    """Return a file's suffix in lower case.
-
-    Raises:
-        SettingsError: If it is not one of the valid ones.
-    """
+    """Return a file's suffix in lower case; raise a SettingsError if it is not a valid one."""
     suffix = out.suffix.lower()
     if suffix not in valid:
         raise SettingsError(f"{out}: the name must end in {' or '.join(valid)}")
@@ -36,11 +28,7 @@ def known_suffix(out: Path, valid: tuple[str, ...]) -> str:
 
 
 def write_picture(out: Path, image: Image, quality: int = JPEG_QUALITY) -> None:
-    """Write (H, W, 3) RGB as PNG or JPEG, atomically.
-
-    Raises:
-        SettingsError: If the name has another suffix.
-    """
+    """Write (H, W, 3) RGB as PNG or JPEG, atomically."""
     if picture_suffix(out) == ".png":
         data = encode_png(image)
     else:

@@ -56,11 +56,28 @@ def show(axes: Axes, image: Image, title: str, about: str = "", key: Key = ()) -
         about, (1, 0), (6, 0), xycoords=name, va="bottom", fontsize=8.5, color=FAINT, **points
     )
     if key:
-        edge = {"edgecolor": FAINT, "linewidth": 0.4}
-        squares = [Patch(facecolor=[c / 255 for c in rgb], label=text, **edge) for rgb, text in key]
-        look = {"fontsize": 7.2, "labelcolor": FAINT, "frameon": False, "ncols": len(key)}
-        tight = {"handlelength": 1.1, "handleheight": 1.1, "handletextpad": 0.5, "borderpad": 0}
-        where = {"loc": "lower left", "bbox_to_anchor": (0, 1), "borderaxespad": 0.3}
+        edge: dict[str, Any] = {"edgecolor": FAINT, "linewidth": 0.4}
+        squares = [
+            Patch(facecolor=(r / 255, g / 255, b / 255), label=text, **edge)
+            for (r, g, b), text in key
+        ]
+        look: dict[str, Any] = {
+            "fontsize": 7.2,
+            "labelcolor": FAINT,
+            "frameon": False,
+            "ncols": len(key),
+        }
+        tight: dict[str, Any] = {
+            "handlelength": 1.1,
+            "handleheight": 1.1,
+            "handletextpad": 0.5,
+            "borderpad": 0,
+        }
+        where: dict[str, Any] = {
+            "loc": "lower left",
+            "bbox_to_anchor": (0, 1),
+            "borderaxespad": 0.3,
+        }
         axes.legend(handles=squares, columnspacing=0.7, **where, **look, **tight)
 
 
@@ -91,15 +108,10 @@ def draw_objects(axes: Axes, annotation: Annotation) -> None:
 
 
 def label_position(name: str, mask: Array, taken: Array) -> tuple[float, float] | None:
-    """Return where a name fits: inside its object and the image, and off other names.
+    """Return the pixel (u, v) where a name fits; None if there is no space.
 
-    Args:
-        name: Name, whose length determines its space.
-        mask: (H, W) the object's pixels.
-        taken: (H, W) pixels of names; the new one is added.
-
-    Returns:
-        Pixel (u, v) of the middle; None if there is no space.
+    It lies inside the object's mask (H, W) and the image, and off the names in `taken` (H, W), to
+    which the new name is added.
     """
     height, width = mask.shape
     if mask.mean() < NAMED_SHARE:

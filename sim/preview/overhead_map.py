@@ -67,12 +67,9 @@ def render_map(
     extent_m: tuple[float, float, float, float],
     below_m: float = CAMERA_ABOVE_M,
 ) -> TopDownMap:
-    """Render the present state of the scene from above.
+    """Render an extent (x_min, y_min, x_max, y_max in world metres) of the scene from above.
 
-    Args:
-        renderer: Renderer of the world.
-        extent_m: x_min, y_min, x_max, y_max in world metres.
-        below_m: Height of the camera; geoms above are not shown.
+    Geoms above the camera, at height `below_m`, are not shown.
     """
     x_min, y_min, x_max, y_max = extent_m
     scale = max(x_max - x_min, y_max - y_min) / LONG_SIDE_PX
@@ -133,12 +130,12 @@ def _overhead(world: World) -> tuple[Array, Indices]:
     """Return heights in metres and ids of the lowest geoms above the path, -1 for none."""
     groups = np.zeros(6, np.uint8)
     groups[[*BOTH_GROUPS, IMAGE_GROUP]] = 1
-    met, up = np.full(1, -1, np.int32), np.array([0.0, 0.0, 1.0])
+    geom, up = np.full(1, -1, np.int32), np.array([0.0, 0.0, 1.0])
     heights, geoms = np.full(PROBES, CAMERA_ABOVE_M), np.full(PROBES, -1)
     for k, along_m in enumerate(np.linspace(0, world.path.length_m, PROBES + 2)[1:-1]):
         xy = world.path.at(along_m)
         start = np.array([*xy, float(world.scene.elevation(xy)) + HEADROOM_M])
-        room_m = mujoco.mj_ray(world.model, world.data, start, up, groups, 1, -1, met)
+        room_m = mujoco.mj_ray(world.model, world.data, start, up, groups, 1, -1, geom)
         if room_m >= 0:
-            heights[k], geoms[k] = start[2] + room_m, met[0]
+            heights[k], geoms[k] = start[2] + room_m, geom[0]
     return heights, geoms

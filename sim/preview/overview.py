@@ -26,13 +26,7 @@ CHARACTERS = 33
 
 @dataclass(frozen=True)
 class Tile:
-    """Content of one scene's tile.
-
-    Attributes:
-        world: Gives name, path and purpose of the scene.
-        view: Left image with the most variety of depth, (H, W, 3) RGB.
-        top_down: Overhead map.
-    """
+    """Content of a scene's tile: its world, the left image with the most variety, and its map."""
 
     world: World
     view: Image
@@ -40,12 +34,7 @@ class Tile:
 
 
 def tile(scene: Scene, settings: RecordSettings) -> Tile:
-    """Render the content of a scene's tile, in colour.
-
-    Raises:
-        SettingsError: If the settings do not fit the scene.
-        GraphicsError: If there is no OpenGL.
-    """
+    """Render the content of a scene's tile, in colour."""
     rig = settings.rig.model_copy(update={"color": True})
     settings = settings.model_copy(update={"rig": rig})
     world = build_world(scene, settings)

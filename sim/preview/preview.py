@@ -39,12 +39,7 @@ RELIEF_M = 0.02
 
 
 def preview(scene: Scene, settings: RecordSettings, out: Path) -> None:
-    """Write the contact sheet of a scene as the PNG or JPEG `out`.
-
-    Raises:
-        SettingsError: If the scene has no such route, or `out` has another suffix.
-        GraphicsError: If there is no OpenGL.
-    """
+    """Write the contact sheet of a scene as the PNG or JPEG `out`."""
     picture_suffix(out)
     world = build_world(scene, settings)
     write_picture(out, contact_sheet(world, render_sample_views(world, settings)))

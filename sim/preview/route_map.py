@@ -1,5 +1,7 @@
 """The route map: routes with their direction, numbered positions, moving objects and scale."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
@@ -24,14 +26,9 @@ BAR_SHARE = 0.22
 
 
 def draw_map(axes: Axes, world: World, top_down: TopDownMap, stops: Array, full: bool) -> None:
-    """Draw the scene from above.
+    """Draw the scene from above, with its path and numbered positions (S, 2) in world metres.
 
-    Args:
-        axes: Axes to draw into.
-        world: Gives routes and moving objects.
-        top_down: Overhead map.
-        stops: (S, 2) numbered positions, world x, y in metres; S may be 0.
-        full: With other routes, moving objects, numbers and axes; else the path alone.
+    A full map has other routes, moving objects, numbers and axes.
     """
     height, width = top_down.image.shape[:2]
     x, y, scale = top_down.x_min_m, top_down.y_max_m, top_down.metres_per_px
@@ -144,11 +141,17 @@ def _draw_bar(axes: Axes, extent: tuple[float, float, float, float]) -> None:
     left, low = extent[0] + 0.03 * width_m, extent[2] + min(0.03 * width_m, 0.1 * height_m)
     for half, colour in enumerate(("white", INK)):
         ends = left + length_m / 2 * np.array([half, half + 1])
-        look = {"linewidth": 4, "solid_capstyle": "butt", "zorder": 6}
-        line = axes.plot(ends, [low, low], color=colour, **look)[0]
+        style: dict[str, Any] = {"linewidth": 4, "solid_capstyle": "butt", "zorder": 6}
+        line = axes.plot(ends, [low, low], color=colour, **style)[0]
         line.set_path_effects([withStroke(linewidth=5.4, foreground="#000000a0")])
     where = (left + length_m / 2, low), (0, 4)
-    look = {"fontsize": 8, "color": "white", "weight": "bold", "ha": "center", "zorder": 6}
+    look: dict[str, Any] = {
+        "fontsize": 8,
+        "color": "white",
+        "weight": "bold",
+        "ha": "center",
+        "zorder": 6,
+    }
     text = axes.annotate(f"{length_m:g} m", *where, textcoords="offset points", **look)
     text.set_path_effects([withStroke(linewidth=2.2, foreground="#000000b0")])
 

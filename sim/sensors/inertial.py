@@ -123,16 +123,10 @@ def with_noise(
 def integrate(
     readings: ImuReadings, T_world_imu: Array, v_world_imu: Array, gravity_mps2: Array
 ) -> tuple[Array, Array]:
-    """Integrate N readings (strapdown dead reckoning) from a known start.
-
-    Args:
-        readings: N intervals.
-        T_world_imu: (4, 4) at the start of the first interval.
-        v_world_imu: (3,) in world axes, there, m/s.
-        gravity_mps2: (3,) in world axes.
+    """Integrate N readings (strapdown dead reckoning) from a known start, in world axes.
 
     Returns:
-        T_world_imu (N + 1, 4, 4) and v_world_imu (N + 1, 3) at the intervals' ends.
+        T_world_imu (N + 1, 4, 4) and v_world_imu (N + 1, 3) m/s at the intervals' ends.
 
     Source:
         Savage, Strapdown inertial navigation integration algorithm design, 1998, with the force

@@ -12,11 +12,7 @@ from vo.contract.arrays import Array, Indices
 class Encoders:
     """Two counters, read at the first physics step at or after each sampling time.
 
-    Attributes:
-        ticks_per_turn: Resolution.
-        rate_hz: Sampling rate; timestamps are those of the steps.
-        times_ns: Times of the readings so far.
-        counts: (left, right) ticks of each reading, since the start, forward positive.
+    Readings are times of steps, and (left, right) ticks since the start, forward positive.
     """
 
     ticks_per_turn: int

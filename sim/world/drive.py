@@ -42,11 +42,7 @@ class Driver:
         self.arrived = False
 
     def command(self, T_world_body: Array, time_s: float) -> Array:
-        """Return the wheel speeds, (2,) left and right in rad/s.
-
-        Args:
-            T_world_body: (4, 4) true pose.
-            time_s: Present time, to detect a stuck rover.
+        """Return the wheel speeds, (2,) left and right in rad/s, for the true pose at a time.
 
         Raises:
             DriveError: If the rover lies on its side or has not moved for some seconds.

@@ -35,19 +35,11 @@ def walk(
     start_s: float,
     rng: np.random.Generator,
 ) -> tuple[Motion, float]:
-    """Plan the motion of the rig's body along a route.
+    """Plan the motion of the rig's body along (N, 2) evenly spaced points, metres, from `start_s`.
 
     The body has the rover's height above the ground, faces along a spline through the route, and
     sways with the steps, at half their rate sideways; the hands add a tremor of random waves. It
     starts, ends and halts at rest.
-
-    Args:
-        scene: Gives the ground's height.
-        points: (N, 2) x, y to walk along, metres, evenly spaced.
-        drive: Speed, acceleration and halts.
-        hand: Sway and tremor.
-        start_s: Time of departure.
-        rng: Draws the phases.
 
     Returns:
         The motion, defined at all times, and the time of arrival in seconds.
@@ -64,7 +56,9 @@ def walk(
         xy, along = path(s), path(s, 1)
         yaw = math.atan2(along[1], along[0])
         ground = float(scene.elevation(xy))
-        T_world_walker = se3.pose(_yaw(yaw), np.array([*xy, ground + WHEEL_RADIUS_M]))
+        c, s = math.cos(yaw), math.sin(yaw)
+        R_world_walker = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
+        T_world_walker = se3.pose(R_world_walker, np.array([*xy, ground + WHEEL_RADIUS_M]))
         return T_world_walker @ waves.at(time_s, time_s - start_s, times_s[-1] - time_s)
 
     return motion, float(times_s[-1])
@@ -123,8 +117,3 @@ class _Waves:
 def _smooth(t: float) -> float:
     t = min(max(t, 0.0), 1.0)
     return t * t * (3 - 2 * t)
-
-
-def _yaw(angle_rad: float) -> Array:
-    c, s = math.cos(angle_rad), math.sin(angle_rad)
-    return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])

@@ -36,11 +36,7 @@ class Path:
 
 
 def plan_path(route: Array, distance_m: float | None) -> Path:
-    """Cut a route, or repeat a closed one, to a path length.
-
-    Args:
-        route: (N, 2) waypoints in metres.
-        distance_m: Path length; None for the route once.
+    """Cut a route (N, 2), or repeat a closed one, to a path length; None for the route once.
 
     Raises:
         SettingsError: If an open route is too short, or all points are the same.
@@ -55,7 +51,7 @@ def plan_path(route: Array, distance_m: float | None) -> Path:
     if distance_m > once.length_m:
         if np.linalg.norm(route[-1] - route[0]) > CLOSED_WITHIN_M:
             raise SettingsError(
-                f"setting drive.distance_m: {distance_m:g} m asked for, but the route is open and "
+                f"setting drive.distance_m: {distance_m:g} m requested, but the route is open and "
                 f"{once.length_m:.1f} m long"
             )
         laps = math.ceil(distance_m / once.length_m)

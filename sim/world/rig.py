@@ -1,6 +1,6 @@
 """The stereo rig: MuJoCo camera, calibration, and conversion of camera axes.
 
-MuJoCo, like OpenGL, has the camera look along -z with y up; everything else in this project uses
+MuJoCo, like OpenGL, has the camera face along -z with y up; everything else in this project uses
 OpenCV's axes: x right, y down, z forward. R_GL_CV is the only conversion.
 """
 
@@ -28,15 +28,11 @@ def stereo_rig(settings: RigSettings) -> StereoRig:
     """
     T_body_center = se3.pose(R_body_gl(settings.tilt_deg) @ R_GL_CV, _center_body(settings))
     T_center_left = se3.pose(np.eye(3), np.array([-settings.baseline_m / 2, 0.0, 0.0]))
-    return StereoRig(
-        width_px=settings.width_px,
-        height_px=settings.height_px,
-        f_px=settings.width_px / 2 / math.tan(math.radians(settings.hfov_deg) / 2),
-        cx_px=(settings.width_px - 1) / 2,
-        cy_px=(settings.height_px - 1) / 2,
-        baseline_m=settings.baseline_m,
-        T_body_cam=T_body_center @ T_center_left,
-    )
+    width, height = settings.width_px, settings.height_px
+    f_px = width / 2 / math.tan(math.radians(settings.hfov_deg) / 2)
+    centre_px = (width - 1) / 2, (height - 1) / 2
+    T_body_left = T_body_center @ T_center_left
+    return StereoRig(width, height, f_px, *centre_px, settings.baseline_m, T_body_left)
 
 
 def widened(rig: StereoRig, margin_px: int) -> StereoRig:

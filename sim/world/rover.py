@@ -85,14 +85,10 @@ PARTS = (
 def build_rover(camera_height_m: float, settings: RoverSettings) -> mujoco.MjSpec:
     """Build the rover as a spec of its own, its body at the origin, ready to be attached.
 
-    It has a free joint, two wheel hinges with a velocity actuator each (rad/s, forward
-    positive), the caster's two passive hinges, and two more each for a bending mast and a swaying
-    load, where the settings have them. The frame of the body `mast` is that of the rover's body
-    as long as the mast is straight.
-
-    Args:
-        camera_height_m: Height of the optical centres above level ground, which the mast reaches.
-        settings: Motors, mast and load.
+    It has a free joint, two wheel hinges with a velocity actuator each (rad/s, forward positive),
+    the caster's two passive hinges, and two more each for a bending mast and a swaying load, where
+    the settings have them. The frame of the body `mast` is that of the rover's body as long as the
+    mast is straight. The optical centres are `camera_height_m` above level ground.
     """
     spec = mujoco.MjSpec()
     body = spec.worldbody.add_body(name="body")

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import mujoco
 import numpy as np
 
-from scenes.geometry.mesh import Mesh, box, patch, tube
+from scenes.geometry.mesh import box, patch, tube
 from scenes.scene import COLLISION_GROUP, Kind, Scene, Thing
 from scenes.stage import Stage
 from scenes.surfaces import masonry, prints, timber
@@ -48,11 +48,11 @@ def lay_terrain(
         ("ice", terrain.ice_share > 0, _lay_ice),
         ("boxes", terrain.boxes_per_m > 0, _lay_boxes),
     )
-    wanted = [(name, lay) for name, asked, lay in layers if asked]
-    for name, lay in wanted:
-        lay(stage, stream(settings.seed, name), _Way(scene, path), terrain)
+    wanted = [(name, lay) for name, is_on, lay in layers if is_on]
     if not wanted:
         return {}
+    for name, lay in wanted:
+        lay(stage, stream(settings.seed, name), _Way(scene, path), terrain)
     stage.finish(None, None)
     spec.attach(stage.spec, prefix=PREFIX, frame=spec.worldbody.add_frame())
     return {PREFIX + name: thing for name, thing in stage.things.items()}
@@ -144,7 +144,10 @@ def _lay_ice(stage: Stage, rng: np.random.Generator, way: _Way, terrain: Terrain
         size = (*ICE_M, BURIED_M)
         centre = _above(ground, ICE_HEIGHT_M - BURIED_M / 2)
         with stage.object(f"ice_{k}", Kind.GROUND):
-            stage.draw("ice", _sheet(rng).moved(_above(ground, ICE_HEIGHT_M), yaw))
+            length, width = (ICE_M[0], 0, 0), (0, ICE_M[1], 0)
+            origin = (-ICE_M[0] / 2, -ICE_M[1] / 2, 0.0)
+            sheet = patch(origin, length, width, (1, 1), (1.0, 1.0), rng.random(2))
+            stage.draw("ice", sheet.moved(_above(ground, ICE_HEIGHT_M), yaw))
         stage.obstacle(f"ice_{k}", centre, size, yaw)
         slippery = stage.spec.geom(f"ice_{k}")
         slippery.friction = (terrain.ice_friction, 0.0002, 0.00001)
@@ -154,12 +157,6 @@ def _lay_ice(stage: Stage, rng: np.random.Generator, way: _Way, terrain: Terrain
 def _above(ground: Array, height_m: float) -> Array:
     """Return the (3,) point above another."""
     return np.array([ground[0], ground[1], ground[2] + height_m])
-
-
-def _sheet(rng: np.random.Generator) -> Mesh:
-    length, width = ICE_M
-    origin = (-length / 2, -width / 2, 0.0)
-    return patch(origin, (length, 0, 0), (0, width, 0), (1, 1), (1.0, 1.0), rng.random(2))
 
 
 def _lay_boxes(stage: Stage, rng: np.random.Generator, way: _Way, terrain: TerrainSettings) -> None:

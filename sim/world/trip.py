@@ -24,12 +24,7 @@ MOVER_PERIOD_S = 0.01
 
 @dataclass(frozen=True)
 class States:
-    """Joint positions at increasing times, dense enough to interpolate during exposures.
-
-    Attributes:
-        times_ns: (K,)
-        qpos: (K, nq) joint positions.
-    """
+    """Joint positions (K, nq) at increasing times (K,), dense enough to interpolate."""
 
     times_ns: Indices
     qpos: Array
@@ -141,10 +136,10 @@ def make_trip(world: World, settings: RecordSettings) -> Trip:
 class _Clock:
     """Steps of a periodic event: the first at or after each multiple of its period."""
 
-    def __init__(self, rate_hz: float, timestep_s: float, first: float = 0.0) -> None:
+    def __init__(self, rate_hz: float, timestep_s: float) -> None:
         self._period = 1 / (rate_hz * timestep_s) if rate_hz else math.inf
         self._count = 0
-        self.next: float = first if rate_hz else math.inf
+        self.next: float = 0.0 if rate_hz else math.inf
 
     def due(self, step: int) -> bool:
         """Whether the event is due at this step; moves on to the next one if so."""

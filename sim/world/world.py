@@ -138,19 +138,18 @@ def build_world(scene: Scene, settings: RecordSettings) -> World:
     movers, arrival_s = dict(scene.movers), None
     if settings.drive.carrier == "handheld":
         carrier = build_hand()
-        movers[BODY], arrival_s = walk(
-            scene,
-            path.at(np.linspace(0, path.length_m, math.ceil(path.length_m / WALK_STEP_M) + 1)),
-            settings.drive,
-            settings.handheld,
-            START_S,
-            stream(settings.seed, "hand"),
-        )
+        steps = math.ceil(path.length_m / WALK_STEP_M) + 1
+        points, rng = path.at(np.linspace(0, path.length_m, steps)), stream(settings.seed, "hand")
+        way = walk(scene, points, settings.drive, settings.handheld, START_S, rng)
+        movers[BODY], arrival_s = way
     else:
         carrier = build_rover(settings.rig.height_m, settings.rover)
     add_rig(carrier, settings.rig, render_rig)
     spec.attach(carrier, prefix=PREFIX, frame=_start(spec, scene, path))
-    _set_physics(spec, 1 / steps_per_second(settings))
+    spec.option.timestep = float(1 / steps_per_second(settings))
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.option.impratio = 10.0  # keeps wheels at rest from creeping sideways
     try:
         model = spec.compile()
     except ValueError as error:
@@ -174,9 +173,8 @@ def steps_per_second(settings: RecordSettings) -> int | Fraction:
         Fraction(rate).limit_denominator(1000)
         for rate in (settings.rig.rate_hz, settings.imu.rate_hz, settings.encoders.rate_hz)
     ]
-    common = Fraction(
-        math.lcm(*(r.numerator for r in rates)), math.gcd(*(r.denominator for r in rates))
-    )
+    numerators, denominators = zip(*(r.as_integer_ratio() for r in rates), strict=True)
+    common = Fraction(math.lcm(*numerators), math.gcd(*denominators))
     if common > STEPS_MAX_HZ:
         common = rates[0]
     return common * math.ceil(STEPS_MIN_HZ / common)
@@ -204,7 +202,7 @@ def _route(scene: Scene, settings: RecordSettings) -> Array:
     drive = settings.drive
     if drive.waypoints:
         if len(drive.waypoints) < 2:
-            raise SettingsError("setting drive.waypoints: two points at least, or none")
+            raise SettingsError("setting drive.waypoints: expected at least two points, or none")
         return np.array(drive.waypoints, dtype=float)
     if drive.route not in scene.routes:
         raise SettingsError(
@@ -223,26 +221,17 @@ def _start(spec: mujoco.MjSpec, scene: Scene, path: Path) -> mujoco.MjsFrame:
     )
 
 
-def _set_physics(spec: mujoco.MjSpec, timestep_s: float | Fraction) -> None:
-    spec.option.timestep = float(timestep_s)
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    spec.option.impratio = 10.0  # wheels hold their place instead of creeping sideways
-
-
 def _check_room(world: World) -> None:
     """Raise a SettingsError that names the obstacle if the rover starts inside of one."""
     model = world.model
     for contact in world.data.contact:
         if contact.dist < -SETTLING_CONTACT_M:
-            names = [model.geom(int(g)).name or f"geom {g}" for g in contact.geom]
-            roots = [
-                model.body(int(model.body_rootid[model.geom_bodyid[g]])).name for g in contact.geom
-            ]
-            mine = [root.startswith(PREFIX) for root in roots]
+            roots = model.body_rootid[model.geom_bodyid[contact.geom]]
+            mine = [model.body(int(root)).name.startswith(PREFIX) for root in roots]
             if any(mine) and not all(mine):
+                geom = contact.geom[mine.index(False)]
                 x, y = world.path.waypoints[0]
                 raise SettingsError(
                     f"scene {world.scene.name}: no free space at the start ({x:g}, {y:g}) m, "
-                    f"{names[mine.index(False)]} is in the way"
+                    f"{model.geom(int(geom)).name or f'geom {geom}'} is in the way"
                 )

@@ -34,7 +34,7 @@ def test_import_of_the_command_line_is_light(tmp_path):
 
 
 @pytest.mark.gl
-def test_an_interrupted_recording_leaves_nothing(tmp_path):
+def test_interrupted_recording_leaves_no_files(tmp_path):
     words = ("generate", "office", "--out", "o", "--set", "drive.distance_m=3")
     process = subprocess.Popen(
         [sys.executable, "-m", "trials.cli", *words],

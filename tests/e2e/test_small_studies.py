@@ -1,4 +1,4 @@
-"""Experiments of the thesis in small versions: that they run, and what they leave."""
+"""Small versions of the experiments: they run and write their files."""
 
 import csv
 import json
@@ -8,12 +8,12 @@ from terminal import driftyard
 
 pytestmark = [pytest.mark.gl, pytest.mark.slow]
 NAMES = ("E1", "E3", "E5", "E6", "E9", "E10", "E12")
-"""Those that share two recordings, and one more; the others take as long as all of these."""
+"""Experiments that share two recordings, and one more; the others take as long as all of these."""
 
 
 @pytest.fixture(scope="module")
 def studied(tmp_path_factory):
-    """The folder in which the command ran once, and what it printed."""
+    """The folder of the command, and its output."""
     folder = tmp_path_factory.mktemp("study")
     words = ("experiment", ",".join(NAMES), "--small", "--page", "docs/page.md")
     result = driftyard(*words, cwd=folder, timeout_s=500)
@@ -22,7 +22,7 @@ def studied(tmp_path_factory):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_claim_gets_a_figure_data_and_a_verdict(studied, name):
+def test_experiment_writes_figure_data_and_verdict(studied, name):
     folder, printed = studied
     results = folder / "build/experiments/small"
     record = json.loads((results / f"{name}.json").read_text())
@@ -37,7 +37,7 @@ def test_every_claim_gets_a_figure_data_and_a_verdict(studied, name):
     assert all(len(row) == len(record["table"]["columns"]) for row in record["table"]["rows"])
 
 
-def test_the_pages_show_them_all(studied):
+def test_experiment_pages_contain_all(studied):
     folder, _ = studied
     page = (folder / "docs/page.md").read_text()
     html = (folder / "build/experiments/small/report.html").read_text()
@@ -47,7 +47,7 @@ def test_the_pages_show_them_all(studied):
         assert (folder / f"docs/images/experiments/{name}.png").is_file()
 
 
-def test_a_second_run_redoes_nothing(studied):
+def test_experiment_again_reuses_cached_runs(studied):
     folder, _ = studied
     runs = folder / "build/cache/runs"
     before = {file: file.stat().st_mtime_ns for file in runs.iterdir()}
@@ -55,31 +55,31 @@ def test_a_second_run_redoes_nothing(studied):
     assert {file: file.stat().st_mtime_ns for file in runs.iterdir()} == before
 
 
-def test_an_unknown_experiment_is_refused(tmp_path):
+def test_experiment_unknown_is_an_error(tmp_path):
     result = driftyard("experiment", "E13", cwd=tmp_path)
     assert result.returncode == 2
     assert "unknown experiment E13; valid: all, E1, E2" in result.stderr
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_unknown_axis_is_refused(tmp_path):
+def test_stress_unknown_axis_is_an_error(tmp_path):
     result = driftyard("stress", "wind", cwd=tmp_path)
     assert result.returncode == 2
     assert "unknown axis wind; valid: all, exposure, brick_height" in result.stderr
 
 
-def test_an_unfinished_quotation_is_refused(tmp_path):
+def test_stress_unfinished_quotation_is_an_error(tmp_path):
     result = driftyard("stress", "noise", "--command", "'run {dataset} {out}", cwd=tmp_path)
     assert result.returncode == 2
     assert "run {dataset} {out}: No closing quotation" in result.stderr
     assert list(tmp_path.iterdir()) == []
 
 
-def test_stress_finds_where_the_baseline_breaks(tmp_path):
+def test_stress_finds_where_the_baseline_fails(tmp_path):
     words = ("--estimator", "corner_flow", "--points", "2", "--rounds", "1", "--seeds", "1")
     result = driftyard("stress", "noise", *words, "--distance", "1.2", "--drift", "0", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
-    assert "Is broken on office as it is" in result.stdout
+    assert "Fails on office without any disturbance" in result.stdout
     (figure,) = (tmp_path / "build/stress").glob("*.png")
     assert figure.stat().st_size > 10_000
     found = json.loads(figure.with_suffix(".json").read_text())["estimators"]

@@ -30,14 +30,14 @@ RNG = np.random.default_rng(0)
         np.stack([SLOPE, 1 / (1 + SLOPE), np.full_like(SLOPE, np.nan)], axis=-1),
     ],
 )
-def test_a_float_label_is_read_as_it_was(label, tmp_path):
+def test_encode_float_round_trips(label, tmp_path):
     path = tmp_path / "label.tiff"
     path.write_bytes(encode_float(label))
     back = read_float(path, channels=3 if label.ndim == 3 else 1)
     assert back.tobytes() == np.ascontiguousarray(label).tobytes()
 
 
-def test_a_smooth_label_is_smaller_than_opencvs():
+def test_encode_float_is_smaller_than_opencv():
     options = [cv2.IMWRITE_TIFF_COMPRESSION, cv2.IMWRITE_TIFF_COMPRESSION_LZW]
     options += [cv2.IMWRITE_TIFF_PREDICTOR, cv2.IMWRITE_TIFF_PREDICTOR_FLOATINGPOINT]
     label = 40 / (1 + np.add.outer(np.arange(480), np.arange(640))).astype(np.float32)
@@ -45,7 +45,7 @@ def test_a_smooth_label_is_smaller_than_opencvs():
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
-def test_grey_and_codes_are_read_as_they_were(dtype, tmp_path):
+def test_encode_png_round_trips(dtype, tmp_path):
     image = RNG.integers(0, np.iinfo(dtype).max, (33, 47), dtype, endpoint=True)
     path = tmp_path / "image.png"
     path.write_bytes(encode_png(image))
@@ -55,7 +55,7 @@ def test_grey_and_codes_are_read_as_they_were(dtype, tmp_path):
 
 
 @given(st.integers(1, 40), st.integers(1, 40), st.integers(0, 2**32 - 1))
-def test_a_png_of_any_size_follows_the_standard(height, width, seed):
+def test_encode_png_follows_the_standard(height, width, seed):
     image = np.random.default_rng(seed).integers(0, 256, (height, width, 3), np.uint8)
     data = encode_png(image)
     back = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)

@@ -9,9 +9,9 @@ from trials.evaluation.information import motion_covariance, pose_covariance
 from trials.studies.point_world import (
     FRAMES,
     POINTS,
-    REACH,
     RIG,
     SIGMA_PX,
+    TOLERANCE,
     estimated_poses,
     least_covariance,
     make_world,
@@ -104,4 +104,4 @@ def test_bundle_adjustment_attains_the_bound():
     ).mean(axis=0)
     achieved, bound = np.sqrt(found)
     # Poses of a world go together, so 60 worlds leave about 5 %.
-    np.testing.assert_allclose(achieved / bound, 1, atol=REACH)
+    np.testing.assert_allclose(achieved / bound, 1, atol=TOLERANCE)

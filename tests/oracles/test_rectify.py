@@ -29,8 +29,8 @@ def centroid(image, near, reach=7):
     return np.array([(u * window).sum(), (v * window).sum()]) / window.sum()
 
 
-def test_known_points_land_where_the_rectified_rig_says(tmp_path):
-    # The body is ahead of the cameras and turned; the eyes are toed in and unevenly mounted.
+def test_rectify_agrees_with_known_points(tmp_path):
+    # The body is ahead of the cameras and turned; the cameras are toed in and unevenly mounted.
     T_body_left = se3.exp(np.array([0.2, -0.1, 0.3, 0.02, -0.4, 0.03]))
     T_left_right = se3.exp(np.array([0.12, 0.004, -0.003, 0.01, -0.03, 0.015]))
     T_body_right = T_body_left @ T_left_right

@@ -60,7 +60,7 @@ def test_exp_of_the_opposite_is_the_inverse(tangent):
 
 
 @given(tangents())
-def test_exp_halves(tangent):
+def test_exp_of_half_the_tangent_is_the_square_root(tangent):
     """exp(x) = exp(x / 2)²: fails for a wrong left Jacobian, which a round trip would forgive."""
     half = se3.exp(tangent / 2)
     assert close(half @ half, se3.exp(tangent))

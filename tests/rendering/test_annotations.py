@@ -66,7 +66,7 @@ def scenery(make_scene) -> tuple[World, list[Capture], Annotator]:
     return _captures(make_scene(boxes=True, mover=passing), SMALL)
 
 
-def test_every_label_on_request_is_written_for_every_frame_that_can_have_it(dataset):
+def test_labels_requested_are_written_for_each_frame(dataset):
     frames = read_manifest(dataset)["frames"]
     images = sorted(path.stem for path in (dataset / "mav0/cam0/data").iterdir())
     for name, form in LABELS.items():
@@ -82,7 +82,7 @@ def test_every_label_on_request_is_written_for_every_frame_that_can_have_it(data
 
 
 @pytest.mark.parametrize("name", [None, *LABELS])
-def test_only_what_is_asked_for_is_written(make_scene, tmp_path, name):
+def test_labels_not_requested_are_not_written(make_scene, tmp_path, name):
     labels = NONE.model_copy(update={name: True} if name else {})
     tiny = SMALL.rig.model_copy(update={"width_px": 48, "height_px": 32})
     settings = SMALL.model_copy(update={"labels": labels, "rig": tiny})
@@ -103,7 +103,7 @@ def test_it_certifies_and_verifies_itself(dataset):
     assert verify(dataset) == []
 
 
-def test_segmentation_shows_only_things_that_the_manifest_names(dataset):
+def test_segmentation_shows_only_things_of_the_manifest(dataset):
     things = {thing["id"]: thing for thing in read_manifest(dataset)["things"]}
     assert sorted(things) == list(range(1, len(things) + 1))
     assert len({thing["name"] for thing in things.values()}) == len(things)
@@ -124,14 +124,14 @@ def test_segmentation_shows_only_things_that_the_manifest_names(dataset):
     assert "rover" not in seen
 
 
-def test_ground_boxes_and_mover_have_their_classes(dataset):
+def test_classes_of_ground_boxes_and_mover(dataset):
     things = {thing["name"]: thing["class"] for thing in read_manifest(dataset)["things"]}
     assert things["ground"] == "ground"
     assert things["mover"] == "moving"
     assert {things[f"box_{k}"] for k in range(5)} == {"static"}
 
 
-def test_flow_on_the_mover_follows_it(scenery):
+def test_flow_on_a_mover_follows_its_motion(scenery):
     """Against the mover's motion in closed form, its points found by back-projection."""
     world, captures, annotator = scenery
     rig = world.rig
@@ -158,7 +158,7 @@ def test_flow_on_the_mover_follows_it(scenery):
     assert compared > 500
 
 
-def test_covisibility_knows_what_the_mover_will_hide(scenery):
+def test_covisibility_behind_a_mover_is_hidden(scenery):
     """Static points that are hidden in the next frame, by a second geometry of the world."""
     world, captures, annotator = scenery
     rig, hidden = world.rig, 0
@@ -180,7 +180,7 @@ def test_covisibility_knows_what_the_mover_will_hide(scenery):
     assert hidden > 20
 
 
-def test_occlusion_and_the_right_disparity_tell_the_same(scenery):
+def test_occlusion_agrees_with_right_disparity(scenery):
     _, captures, annotator = scenery
     annotation = annotator.annotate(captures[0], None)
     disparity, right, seen = annotation.disparity, annotation.disparity_right, annotation.occlusion
@@ -200,7 +200,7 @@ def test_occlusion_and_the_right_disparity_tell_the_same(scenery):
     assert 0.02 < len(u) / seen.size < 0.3
 
 
-def test_normals_of_the_ground_point_up(scenery):
+def test_normals_of_level_ground_point_up(scenery):
     world, captures, annotator = scenery
     capture = captures[0]
     ground = capture.geometry.geoms_left == world.model.geom("ground").id
@@ -213,7 +213,7 @@ def test_normals_of_the_ground_point_up(scenery):
 
 
 @pytest.mark.parametrize("flex_deg", [0.0, 4.0])
-def test_labels_explain_the_pictures_of_a_mast_that_bends(make_scene, flex_deg):
+def test_labels_with_bending_mast_explain_images(make_scene, flex_deg):
     """Nothing else about the camera is known than the trip's poses of the body."""
     settings = SMALL.model_copy(
         update={
@@ -243,7 +243,7 @@ def test_labels_explain_the_pictures_of_a_mast_that_bends(make_scene, flex_deg):
     assert np.median(moved_px) > 0.5
 
 
-def test_classes_of_the_sky_the_ground_and_loose_cartons(make_scene, settled):
+def test_classes_of_sky_ground_and_cartons(make_scene, settled):
     settings = SMALL.model_copy(
         update={
             "terrain": TerrainSettings(boxes_per_m=1.0),
@@ -262,7 +262,7 @@ def test_classes_of_the_sky_the_ground_and_loose_cartons(make_scene, settled):
     assert (classes[objects == box] == Kind.MOVING).all()
 
 
-def test_labels_hold_at_mid_exposure_whatever_the_shutter_does(make_scene):
+def test_labels_with_any_shutter_hold_at_mid_exposure(make_scene):
     """Depth of a long, rolling, unsynchronised exposure is that of an instant."""
     scene = make_scene(boxes=True, mover=passing)
     exposure = ExposureSettings(time_ms=40, line_time_us=50, right_offset_ms=5, subframes_max=2)

@@ -65,7 +65,7 @@ def loads(library: str) -> bool:
     return True
 
 
-def test_osmesa_draws_what_egl_draws(tmp_path, monkeypatch):
+def test_osmesa_renders_like_egl(tmp_path, monkeypatch):
     (tmp_path / "yard.xml").write_text(YARD)
     views = []
     for backend in ("egl", "osmesa"):

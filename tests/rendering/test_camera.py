@@ -1,4 +1,4 @@
-"""The camera proved by geometry: known corners, ray casts, and one eye warped to the other."""
+"""The camera proved by geometry: known corners, ray casts, and one image warped to the other."""
 
 import dataclasses
 import math
@@ -59,7 +59,7 @@ def look(world: World, settings: RenderSettings, color: bool = False) -> View:
         return View(*renderer.render_images(), renderer.render_geometry())
 
 
-def test_pixels_are_where_the_calibration_projects_the_boxes(world, masks):
+def test_pixels_agree_with_projected_boxes(world, masks):
     assert _misplaced(world, world.rig, masks) == 0
 
 
@@ -75,16 +75,16 @@ def test_pixels_are_where_the_calibration_projects_the_boxes(world, masks):
     ],
     ids=str,
 )
-def test_a_tenth_of_a_pixel_would_be_noticed(world, masks, wrong):
+def test_projection_off_by_a_tenth_of_a_pixel_is_detected(world, masks, wrong):
     changed = {key: getattr(world.rig, key) + value for key, value in wrong.items()}
     assert _misplaced(world, dataclasses.replace(world.rig, **changed), masks) > 3
 
 
-def test_swapped_eyes_would_be_noticed(world, masks):
+def test_swapped_images_are_detected(world, masks):
     assert _misplaced(world, world.rig, masks[::-1]) > 100
 
 
-def test_rig_follows_from_its_settings(world):
+def test_stereo_rig_follows_from_its_settings(world):
     rig = world.rig
     assert 2 * math.atan(rig.width_px / 2 / rig.f_px) == pytest.approx(
         math.radians(95 if rig.width_px == 401 else 70)
@@ -103,28 +103,28 @@ def test_rig_follows_from_its_settings(world):
 
 
 def test_depth_agrees_with_ray_casts_at_pixel_centres(world, view):
-    """Within 0.2 mm at 1 m, and 0.02 % elsewhere, in both eyes."""
+    """Within 0.2 mm at 1 m, and 0.02 % elsewhere, in both images."""
     rng = np.random.default_rng(0)
     pixels = np.column_stack(
         [rng.integers(0, side, 500) for side in (world.rig.width_px, world.rig.height_px)]
     )
-    for eye, depth_m in enumerate((view.geometry.depth_left_m, view.geometry.depth_right_m)):
+    for side, depth_m in enumerate((view.geometry.depth_left_m, view.geometry.depth_right_m)):
         rendered = depth_m[pixels[:, 1], pixels[:, 0]]
-        cast = _cast(world, pixels, eye)
+        cast = _cast(world, pixels, side)
         assert (np.isnan(rendered) == np.isnan(cast)).all()
         hit = np.isfinite(cast) & (cast < 20)
         assert hit.sum() > 300
         np.testing.assert_allclose(rendered[hit], cast[hit], rtol=2e-4)
 
 
-def test_labels_do_not_depend_on_the_quality_of_pictures(world, view):
+def test_labels_do_not_depend_on_image_quality(world, view):
     plain = look(world, RenderSettings(samples=0, shadow_size_px=0))
     for name, label in vars(view.geometry).items():
         np.testing.assert_array_equal(getattr(plain.geometry, name), label)
     assert (plain.left != view.left).any()
 
 
-def test_right_warped_by_the_label_is_left(world, view):
+def test_right_image_warped_by_disparity_is_left(world, view):
     disparity_px = disparity_from_depth(world.rig, view.geometry.depth_left_m)
     visible = visible_in_right(disparity_px)
     v, u = np.indices(disparity_px.shape, np.float32)
@@ -138,8 +138,8 @@ def test_right_warped_by_the_label_is_left(world, view):
     assert min(median(0.25), median(-0.25)) > 1.4 * median(0)
 
 
-def test_visibility_agrees_with_the_right_eye(world, view):
-    """The label's verdict, from left alone, against the depth that the right eye sees there."""
+def test_visibility_agrees_with_the_right_depth(world, view):
+    """The label's verdict, from left alone, against the depth that the right camera sees there."""
     disparity_px = disparity_from_depth(world.rig, view.geometry.depth_left_m)
     right_px = disparity_from_depth(world.rig, view.geometry.depth_right_m)
     visible = visible_in_right(disparity_px)
@@ -149,19 +149,19 @@ def test_visibility_agrees_with_the_right_eye(world, view):
     assert 0 < nearer.mean() + 1e-9 < 0.002  # pixels half covered at outlines, and nothing else
 
 
-def test_the_rover_does_not_see_itself(world, masks):
+def test_rover_is_not_in_its_images(world, masks):
     for ids in masks:
         bodies = world.model.geom_bodyid[np.unique(ids[ids != NO_GEOM])]
         assert (bodies == 0).all()
 
 
-def test_color_and_grey_agree(world, view):
+def test_color_and_grey_images_agree(world, view):
     color = look(world, RenderSettings(samples=4), color=True).left
     assert color.shape == (*view.left.shape, 3)
     np.testing.assert_array_equal(cv2.cvtColor(color, cv2.COLOR_RGB2GRAY), view.left)
 
 
-def test_map_pixels_are_where_the_map_says(world):
+def test_map_pixels_agree_with_the_map_scale(world):
     extent = (-2.0, -3.0, 6.0, 3.0)
     with StereoRenderer(world, RenderSettings(samples=0, shadow_size_px=0)) as renderer:
         top_down = render_map(renderer, extent)
@@ -176,13 +176,13 @@ def test_map_pixels_are_where_the_map_says(world):
 
 
 def _misplaced(world: World, rig: StereoRig, masks: tuple[Array, Array]) -> int:
-    """Count pixels of either eye whose geom contradicts the projected outlines of the boxes."""
+    """Count pixels of either camera whose geom contradicts the projected outlines of the boxes."""
     wrong = 0
     T_cam_world = se3.inverse(world.T_world_chassis @ rig.T_body_cam)
     grid = np.stack(np.meshgrid(np.arange(rig.width_px), np.arange(rig.height_px)), axis=-1)
     outlines = [_outlines(world, rig, T_cam_world, f"box_{k}") for k in range(5)]
-    for eye, ids in enumerate(masks):
-        inside_px = np.array([_inside(outline[eye], grid) for outline in outlines])
+    for side, ids in enumerate(masks):
+        inside_px = np.array([_inside(outline[side], grid) for outline in outlines])
         for k, depth_px in enumerate(inside_px):
             others = np.delete(inside_px, k, axis=0).max(axis=0) > -1
             decided = (np.abs(depth_px) > UNDECIDED_PX) & ~others
@@ -193,7 +193,7 @@ def _misplaced(world: World, rig: StereoRig, masks: tuple[Array, Array]) -> int:
 
 
 def _outlines(world: World, rig: StereoRig, T_cam_world: Array, name: str) -> tuple[Array, Array]:
-    """Convex outlines of a box in the left and in the right eye, (M, 2) pixels."""
+    """Convex outlines of a box in the left and in the right camera, (M, 2) pixels."""
     geom = world.data.geom(name)
     signs = np.stack(np.meshgrid(*[(-1, 1)] * 3), axis=-1).reshape(-1, 3)
     corners = geom.xpos + signs * world.model.geom(name).size @ geom.xmat.reshape(3, 3).T
@@ -212,11 +212,11 @@ def _inside(outline: Array, grid: Array) -> Array:
     return (cross * orientation).min(axis=-1)
 
 
-def _cast(world: World, pixels: Array, eye: int) -> Array:
+def _cast(world: World, pixels: Array, side: int) -> Array:
     """Planar depth by MuJoCo's ray casts through pixel centres; NaN for the sky."""
     rig = world.rig
     T_world_cam = world.T_world_chassis @ rig.T_body_cam
-    origin = T_world_cam[:3, 3] + eye * rig.baseline_m * T_world_cam[:3, 0]
+    origin = T_world_cam[:3, 3] + side * rig.baseline_m * T_world_cam[:3, 0]
     rays_cam = np.column_stack([rig.normalized(pixels), np.ones(len(pixels))])
     groups = np.ones(6, np.uint8)
     groups[CONTACT_GROUP] = 0

@@ -1,4 +1,4 @@
-"""Exposure: as many sub-frames as motion needs, and rows and eyes that look when they should."""
+"""Exposure: as many sub-frames as motion needs, and rows and cameras at their times."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -31,7 +31,7 @@ from vo.contract.arrays import Array, Image
 gl = pytest.mark.gl
 
 WALL_M = 2.0
-"""From the eyes, which look straight at it."""
+"""Distance from the cameras, which face it."""
 RIG = RigSettings(width_px=160, height_px=120, rate_hz=10, tilt_deg=0)
 F_PX = 80 / np.tan(np.radians(35))
 SIDEWAYS_MPS, TURN_RADPS = 6.0, 1.5
@@ -40,7 +40,7 @@ STEP_PX = 0.5
 
 @dataclass(frozen=True)
 class Stand:
-    """A world, a trip through it, and both eyes at any instant of it."""
+    """A world, a trip through it, and both cameras at any instant of it."""
 
     world: World
     trip: Trip
@@ -80,7 +80,7 @@ def carry(wall_scene) -> Callable[..., Stand]:
 
 @pytest.fixture(scope="module")
 def wall_scene() -> Scene:
-    """A large wall at WALL_M in front of the eyes, with texture on all scales that they resolve."""
+    """A large wall at WALL_M in front of the cameras, with texture on all resolved scales."""
     rng = np.random.default_rng(1)
     image = np.full((512, 512), 128.0)
     for size in (16, 64, 128):
@@ -126,7 +126,7 @@ def standing(time_s: float) -> Array:
 
 
 @gl
-def test_a_camera_that_stands_costs_one_render_and_shows_the_instant(carry):
+def test_exposure_at_rest_takes_one_render(carry):
     stand = carry(standing, ExposureSettings(time_ms=50, line_time_us=100, right_offset_ms=5))
     captures = stand.captures()
     assert [c.exposure.subframes for c in captures] == [1] * len(captures)
@@ -136,7 +136,7 @@ def test_a_camera_that_stands_costs_one_render_and_shows_the_instant(carry):
 
 
 @gl
-def test_a_rover_costs_one_render_where_it_halts_and_more_where_it_drives(make_scene):
+def test_exposure_takes_more_renders_in_motion(make_scene):
     drive = DriveSettings(distance_m=0.4, stop_every_m=0.2, stop_s=1.0)
     settings = RecordSettings(
         rig=RigSettings(width_px=160, height_px=120, rate_hz=10),
@@ -157,7 +157,7 @@ def test_a_rover_costs_one_render_where_it_halts_and_more_where_it_drives(make_s
 @gl
 @pytest.mark.parametrize("step_px", [0.25, 0.5, 1.0])
 @pytest.mark.parametrize("motion", [sideways, turning], ids=["sideways", "turning"])
-def test_no_pixel_moves_further_than_a_step_between_two_renders(carry, motion, step_px):
+def test_subframe_motion_is_at_most_a_step(carry, motion, step_px):
     exposure = ExposureSettings(time_ms=20, step_px=step_px, subframes_max=512)
     stand = carry(motion, exposure)
     count = stand.captures()[0].exposure.subframes
@@ -169,35 +169,35 @@ def test_no_pixel_moves_further_than_a_step_between_two_renders(carry, motion, s
 
 
 @gl
-def test_sub_frames_are_never_more_than_allowed(carry):
+def test_subframes_are_limited(carry):
     exposure = ExposureSettings(time_ms=20, subframes_max=3)
     assert carry(turning, exposure).captures()[0].exposure.subframes == 3
 
 
 @gl
-def test_an_instant_is_one_render(carry):
+def test_instant_exposure_takes_one_render(carry):
     captures = carry(turning, ExposureSettings()).captures()
     assert [c.exposure.subframes for c in captures] == [1] * len(captures)
 
 
 @gl
-def test_adaptive_blur_is_what_many_more_sub_frames_show(carry):
+def test_adaptive_blur_agrees_with_many_subframes(carry):
     stand = carry(turning, ExposureSettings(time_ms=40, step_px=STEP_PX))
     capture = stand.captures()[0]
     assert 10 < capture.exposure.subframes < 40
     times = START_S + (np.arange(64) - 31.5) / 64 * 0.040
     many = stand.instants(times)
-    for eye in (0, 1):
-        reference = np.mean([decode(images[eye]) for images in many], axis=0)
+    for side in (0, 1):
+        reference = np.mean([decode(images[side]) for images in many], axis=0)
         encode = Encoding("srgb")
-        blurred, wanted = encode(capture.light[eye]), encode(reference.astype(np.float32))
+        blurred, wanted = encode(capture.light[side]), encode(reference.astype(np.float32))
         assert _psnr(blurred, wanted) > 55  # half a slot late it would be 50
         ((*sharp,),) = stand.instants(np.array([START_S]))
-        assert _psnr(sharp[eye], wanted) < 35
+        assert _psnr(sharp[side], wanted) < 35
 
 
 @gl
-def test_a_rolling_shutter_shears_a_sideways_moving_picture(carry):
+def test_rolling_shutter_shears_sideways_motion(carry):
     line_us = 100.0
     exposure = ExposureSettings(line_time_us=line_us, step_px=0.1, subframes_max=512)
     stand = carry(sideways, exposure)
@@ -220,7 +220,7 @@ def test_a_rolling_shutter_shears_a_sideways_moving_picture(carry):
 
 
 @gl
-def test_a_late_right_eye_sees_what_it_would_see_later(carry):
+def test_right_offset_shows_the_later_right_image(carry):
     offset_s = 0.008
     exposure = ExposureSettings(right_offset_ms=offset_s * 1e3, step_px=0.1, subframes_max=512)
     stand = carry(sideways, exposure)
@@ -238,7 +238,7 @@ def test_a_late_right_eye_sees_what_it_would_see_later(carry):
     assert np.abs(predicted - right)[:, 8:-8].mean() < 1.0
 
 
-def test_shares_of_every_row_sum_to_one():
+def test_slot_weights_of_each_row_sum_to_one():
     rng = np.random.default_rng(0)
     for time_ms, line_us, offset_ms in [(0, 50, 3), (10, 0, 0), (10, 50, -4), (0, 0, 5), (3, 1, 0)]:
         settings = ExposureSettings(
@@ -252,8 +252,8 @@ def test_shares_of_every_row_sum_to_one():
             np.testing.assert_allclose(portions.sum(axis=-1), 1, atol=1e-6)
 
 
-def test_rows_and_eyes_take_the_slots_in_which_they_are_open():
-    """Two rows, the second 2 ms later; the right eye 4 ms later; each open for 2 ms."""
+def test_slot_weights_follow_the_open_rows():
+    """Two rows, the second 2 ms later; the right camera 4 ms later; each open for 2 ms."""
     start_s = np.array([[0.0, 2.0], [4.0, 6.0]])
     portions = slot_weights(Shutter(start_s, start_s + 2.0), np.linspace(0, 8, 9))
     np.testing.assert_allclose(portions[0, 0], [0.5, 0.5, 0, 0, 0, 0, 0, 0])
@@ -264,7 +264,7 @@ def test_rows_and_eyes_take_the_slots_in_which_they_are_open():
     np.testing.assert_allclose(halves[0, 0], [0.5, 0.5, 0, 0, 0])
 
 
-def test_the_middle_row_of_the_left_eye_keeps_the_stamp():
+def test_middle_row_of_left_camera_is_at_the_timestamp():
     settings = ExposureSettings(line_time_us=100, right_offset_ms=3)
     shutter = open_shutter(settings, 2.0, 0.010, 101)
     middle = (shutter.start_s + shutter.end_s) / 2
@@ -275,7 +275,7 @@ def test_the_middle_row_of_the_left_eye_keeps_the_stamp():
 
 
 @gl
-def test_flicker_shows_as_bands_of_a_rolling_shutter_and_as_pulsing_of_a_global_one(wall_scene):
+def test_flicker_gives_bands_with_rolling_shutter(wall_scene):
     """Mains light at 100 Hz, exposures of 2 ms."""
 
     def mains(time_s: Array) -> Array:
@@ -303,7 +303,7 @@ def test_flicker_shows_as_bands_of_a_rolling_shutter_and_as_pulsing_of_a_global_
 
 
 @gl
-def test_automatic_exposure_darkens_a_bright_picture_and_says_how(wall_scene):
+def test_auto_exposure_darkens_bright_images(wall_scene):
     sensor = SensorSettings(auto_exposure=True, target_grey=60, delay_frames=1)
     settings = RecordSettings(
         rig=RIG,

@@ -44,7 +44,7 @@ def settings_of(**changes) -> RecordSettings:
     return RecordSettings.model_validate({**SMALL, **changes})
 
 
-def test_depth_is_warm_near_cold_far_and_dark_where_there_is_none():
+def test_depth_colours_are_warm_near_cold_far_dark_unknown():
     near, far, nothing = DepthScale(0.5, 8).colours(np.array([[0.5, 8.0, np.nan]]))[0].astype(int)
     assert near[0] > near[2] + 60
     assert far[2] > far[0] + 30
@@ -52,7 +52,7 @@ def test_depth_is_warm_near_cold_far_and_dark_where_there_is_none():
 
 
 @pytest.mark.parametrize("depth_m", [(0.6, 0.7), (0.6, 40.0), (3.0, 3.0)])
-def test_the_depth_scale_is_round_holds_the_depths_and_has_marks(depth_m):
+def test_depth_scale_is_round_and_contains_depths(depth_m):
     scale = depth_scale(np.linspace(*depth_m, 1000).reshape(10, 100))
     assert scale.near_m <= depth_m[0]
     assert scale.far_m >= np.quantile(np.linspace(*depth_m, 1000), 0.98)
@@ -61,11 +61,11 @@ def test_the_depth_scale_is_round_holds_the_depths_and_has_marks(depth_m):
     assert scale.near_m * 0.99 <= marks[0] <= marks[-1] <= scale.far_m * 1.01
 
 
-def test_a_picture_of_nothing_but_sky_has_a_depth_scale():
+def test_depth_scale_of_sky_only_exists():
     assert depth_scale(np.full((4, 4), np.nan)).far_m > 1
 
 
-def test_objects_differ_in_colour_and_come_largest_first():
+def test_object_colours_differ_largest_first():
     objects = np.repeat(np.arange(12), np.arange(1, 13) ** 2)[None]
     rgb, order = object_colours(objects)
     assert order == list(range(11, 0, -1))
@@ -74,12 +74,12 @@ def test_objects_differ_in_colour_and_come_largest_first():
     assert gaps.min() > 25
 
 
-def test_classes_have_the_colours_of_the_key():
+def test_class_colours_are_those_of_the_key():
     rgb = class_colours(np.array([[k.value for k in Kind]]))
     assert [tuple(c) for c in rgb[0].tolist()] == [KINDS[k] for k in Kind]
 
 
-def test_normals_are_red_to_the_right_green_up_and_blue_towards():
+def test_normal_colours_by_direction():
     directions = np.array([[(1, 0, 0), (0, -1, 0), (0, 0, -1), (np.nan,) * 3]], np.float32)
     right, up, towards, none = normal_colours(directions)[0].astype(int)
     assert np.argmax(right) == 0
@@ -88,7 +88,7 @@ def test_normals_are_red_to_the_right_green_up_and_blue_towards():
     np.testing.assert_array_equal(none, NOTHING)
 
 
-def test_flow_is_white_at_rest_red_to_the_right_and_dark_where_unknown():
+def test_flow_colours_by_direction_and_dark_unknown():
     flow = np.array([[(0, 0, 1), (9, 0, 1), (-9, 0, 1), (np.nan, np.nan, 1)]], np.float32)
     rest, right, left, unknown = flow_colours(flow, 9)[0].astype(int)
     assert np.ptp(rest) == 0
@@ -98,7 +98,7 @@ def test_flow_is_white_at_rest_red_to_the_right_and_dark_where_unknown():
     np.testing.assert_array_equal(unknown, NOTHING)
 
 
-def test_what_is_not_seen_is_marked_and_the_rest_is_the_picture():
+def test_visibility_colours_mark_invisible_pixels():
     codes = np.array([[int(code) for code in Occlusion]])
     view = np.full((1, 4, 3), 100, np.uint8)
     rgb = visibility_colours(codes, view)
@@ -107,7 +107,7 @@ def test_what_is_not_seen_is_marked_and_the_rest_is_the_picture():
     assert np.ptp(rgb[0, 0].astype(int)) == 0
 
 
-def test_names_stand_inside_of_their_objects_and_off_each_other():
+def test_label_positions_are_inside_objects_and_apart():
     mask, taken = np.zeros((120, 160), bool), np.zeros((120, 160), bool)
     mask[40:110, 20:150] = True
     places = [label_position("bench", mask, taken) for _ in range(3)]
@@ -120,25 +120,25 @@ def test_names_stand_inside_of_their_objects_and_off_each_other():
 
 
 @pytest.mark.parametrize(("width_m", "bar_m"), [(6, 1), (14, 2), (104, 20), (0.5, 0.1)])
-def test_the_scale_bar_fits_the_map(width_m, bar_m):
+def test_scale_bar_fits_the_map(width_m, bar_m):
     assert bar_length_m(width_m) == pytest.approx(bar_m)
 
 
-def test_arrows_are_evenly_spaced_and_point_along_the_way():
+def test_arrows_are_even_and_along_the_route():
     way = np.array([(0, 0), (1, 0), (1, 0.0001), (1, 3.0)])
     places, directions = arrow_places(way, 4)
     np.testing.assert_allclose(places, [(0.5, 0), (1, 0.5), (1, 1.5), (1, 2.5)], atol=1e-3)
     np.testing.assert_allclose(directions, [(1, 0), (0, 1), (0, 1), (0, 1)], atol=1e-9)
 
 
-def test_settings_are_listed_as_they_would_be_set():
+def test_changed_settings_are_listed_as_set_options():
     settings = settings_of(sensor={"auto_exposure": True}, exposure={"time_ms": 2.5})
     assert set(changed_settings(settings)) >= {"sensor.auto_exposure=true", "exposure.time_ms=2.5"}
     assert changed_settings(RecordSettings()) == []
 
 
 @pytest.mark.parametrize("name", ["a.bmp", "a"])
-def test_a_picture_has_a_known_suffix(tmp_path, name):
+def test_write_picture_unknown_suffix_is_refused(tmp_path, name):
     with pytest.raises(SettingsError, match=r"\.png or \.jpg"):
         write_picture(tmp_path / name, np.zeros((4, 4, 3), np.uint8))
     assert not list(tmp_path.iterdir())
@@ -147,7 +147,7 @@ def test_a_picture_has_a_known_suffix(tmp_path, name):
 @pytest.mark.parametrize(
     "options", [("--film", "a.avi"), ("--out", "a.gif"), ("--film", "a.mp4", "--out", "b.tiff")]
 )
-def test_a_bad_suffix_is_refused_before_anything_is_built(tmp_path, monkeypatch, options):
+def test_preview_bad_suffix_is_refused_before_building(tmp_path, monkeypatch, options):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("sim.batch.build", lambda *_: pytest.fail("built nevertheless"))
     result = CliRunner().invoke(app, ["preview", "office", *options])
@@ -156,13 +156,13 @@ def test_a_bad_suffix_is_refused_before_anything_is_built(tmp_path, monkeypatch,
     assert not list(tmp_path.iterdir())
 
 
-def test_a_film_of_all_scenes_is_refused(tmp_path):
+def test_film_of_all_scenes_is_refused(tmp_path):
     result = CliRunner().invoke(app, ["preview", "all", "--film", str(tmp_path / "a.mp4")])
     assert isinstance(result.exception, SettingsError)
 
 
 @pytest.mark.parametrize("suffix", [".mp4", ".gif"])
-def test_a_film_holds_its_frames_or_is_not_there(tmp_path, suffix):
+def test_film_is_complete_or_absent(tmp_path, suffix):
     out = tmp_path / f"film{suffix}"
     with writing(out, 15.0) as show:
         for k in range(5):
@@ -184,7 +184,7 @@ def test_a_film_holds_its_frames_or_is_not_there(tmp_path, suffix):
     assert not list(tmp_path.iterdir())
 
 
-def test_the_film_shows_the_first_seconds_of_the_whole_drive(make_scene):
+def test_film_trip_is_the_start_of_the_whole_trip(make_scene):
     settings = settings_of()
     whole = make_trip(build_world(make_scene(bumps=True), settings), settings)
     _, trip = first_seconds(build_world(make_scene(bumps=True), settings), settings, 2.0)
@@ -195,7 +195,7 @@ def test_the_film_shows_the_first_seconds_of_the_whole_drive(make_scene):
 
 
 @pytest.mark.parametrize("carrier", ["rover", "handheld"])
-def test_a_trip_from_the_middle_is_there_at_its_time(make_scene, carrier):
+def test_short_trip_is_at_its_time_of_the_whole_trip(make_scene, carrier):
     settings = settings_of(drive={"carrier": carrier})
     scene = make_scene()
     scene.spec.worldbody.add_body(name="clock", mocap=True)
@@ -209,7 +209,7 @@ def test_a_trip_from_the_middle_is_there_at_its_time(make_scene, carrier):
     assert there_s == pytest.approx(1.5 / settings.drive.speed_mps, abs=0.6)
 
 
-def test_an_automatic_exposure_gets_frames_to_settle(make_scene):
+def test_short_trip_with_auto_exposure_has_metering_frames(make_scene):
     settings = settings_of(sensor={"auto_exposure": True})
     trip = short_trip(build_world(make_scene(), settings), settings, 0.2)[1]
     assert trip.delivered.sum() > 6
@@ -229,7 +229,7 @@ def room(make_scene, ceiling: bool):
 
 
 @pytest.mark.gl
-def test_a_map_looks_under_the_ceiling_and_keeps_the_walls(make_scene):
+def test_overhead_map_hides_ceiling_and_keeps_walls(make_scene):
     images = []
     for ceiling in (False, True):
         world = build_world(room(make_scene, ceiling), settings_of())
@@ -246,7 +246,7 @@ def test_a_map_looks_under_the_ceiling_and_keeps_the_walls(make_scene):
 
 
 @pytest.mark.gl
-def test_what_is_shown_is_what_the_camera_delivers(make_scene):
+def test_sample_views_match_the_recorded_images(make_scene):
     """A noisy grey camera in the dusk gives noisy grey views; their noise is that of the sensor."""
     clean = settings_of()
     noisy = settings_of(sensor={"read_noise": 300})
@@ -264,7 +264,7 @@ def test_what_is_shown_is_what_the_camera_delivers(make_scene):
 
 
 @pytest.mark.gl
-def test_a_sheet_and_a_film_are_written(make_scene, tmp_path):
+def test_preview_sheet_and_film_are_written(make_scene, tmp_path):
     settings = settings_of(drive={"distance_m": 1.0})
     preview(make_scene(boxes=True), settings, tmp_path / "sheet.jpg")
     assert cv2.imread(str(tmp_path / "sheet.jpg")).shape[1] == 1920

@@ -53,7 +53,7 @@ def damaged(dataset, tmp_path) -> Path:
     return copy
 
 
-def test_readers_open_it_with_the_rig_and_the_truth(dataset):
+def test_recording_opens_with_rig_and_ground_truth(dataset):
     sequence = open_sequence(dataset)
     stated = read_manifest(dataset)["rig"]
     assert len(sequence) == read_manifest(dataset)["frames"] > 10
@@ -70,7 +70,7 @@ def test_readers_open_it_with_the_rig_and_the_truth(dataset):
     np.testing.assert_array_equal(left, read_grey(dataset / f"mav0/cam0/data/{START_NS}.png"))
 
 
-def test_labels_are_one_geometry_in_two_units(dataset):
+def test_depth_and_disparity_labels_agree(dataset):
     rig = open_sequence(dataset).rig
     depth_m = read_float(dataset / f"mav0/depth0/data/{START_NS}.tiff")
     disparity_px = read_float(dataset / f"mav0/disparity0/data/{START_NS}.tiff")
@@ -82,7 +82,7 @@ def test_labels_are_one_geometry_in_two_units(dataset):
     assert np.nanmin(depth_m) > 0.3
 
 
-def test_it_certifies_itself(dataset):
+def test_recording_certifies_itself(dataset):
     certificate = read_manifest(dataset)["certificate"]
     assert certificate["passed"]
     stereo = certificate["stereo"]
@@ -91,19 +91,19 @@ def test_it_certifies_itself(dataset):
     assert verify(dataset) == []
 
 
-def test_same_seed_same_bytes(dataset, make_scene, tmp_path):
+def test_recording_repeats_with_its_seed(dataset, make_scene, tmp_path):
     record(make_scene(boxes=True), SHORT, tmp_path / "second")
     assert _content(tmp_path / "second") == _content(dataset)
 
 
-def test_only_wanted_labels_are_there(make_scene, tmp_path):
+def test_labels_switched_off_are_absent(make_scene, tmp_path):
     depth_only = SHORT.model_copy(update={"labels": LabelSettings(disparity=False)})
     record(make_scene(), depth_only, tmp_path / "depth")
     assert not (tmp_path / "depth/mav0/disparity0").exists()
     assert verify(tmp_path / "depth") == []
 
 
-def test_color_on_request(make_scene, tmp_path):
+def test_color_images_are_recorded(make_scene, tmp_path):
     rig = SHORT.rig.model_copy(update={"color": True})
     record(make_scene(boxes=True), SHORT.model_copy(update={"rig": rig}), tmp_path / "color")
     path = tmp_path / f"color/mav0/cam0/data/{START_NS}.png"
@@ -114,7 +114,7 @@ def test_color_on_request(make_scene, tmp_path):
     assert verify(tmp_path / "color") == []
 
 
-def test_verify_names_the_damaged_the_missing_and_the_extra_file(damaged):
+def test_verify_names_damaged_missing_and_extra_files(damaged):
     image = f"mav0/cam0/data/{START_NS}.png"
     (damaged / image).write_bytes(b"nonsense")
     (damaged / "mav0/wheels0/data.csv").unlink()
@@ -126,8 +126,8 @@ def test_verify_names_the_damaged_the_missing_and_the_extra_file(damaged):
     ]
 
 
-def test_verify_sees_images_that_contradict_the_labels(damaged):
-    """Swapped eyes with correct hashes: only the certificate can tell."""
+def test_verify_finds_images_that_contradict_labels(damaged):
+    """Swapped images with correct hashes: only the certificate can tell."""
     manifest = json.loads((damaged / MANIFEST).read_text())
     for left in sorted((damaged / "mav0/cam0/data").iterdir()):
         right = damaged / "mav0/cam1/data" / left.name
@@ -144,14 +144,14 @@ def test_verify_sees_images_that_contradict_the_labels(damaged):
     assert any(problem.startswith("certificate.stereo.median_grey is") for problem in problems)
 
 
-def test_verify_refuses_what_is_no_dataset(tmp_path):
+def test_verify_folder_without_manifest_is_refused(tmp_path):
     with pytest.raises(DatasetError, match="no such folder"):
         verify(tmp_path / "nowhere")
     with pytest.raises(DatasetError, match=r"dataset\.json"):
         verify(tmp_path)
 
 
-def test_an_interrupted_recording_leaves_nothing(make_scene, tmp_path):
+def test_interrupted_recording_leaves_no_files(make_scene, tmp_path):
     def interrupt(done: int, total: int) -> None:
         assert 0 < done <= total
         if done == 3:
@@ -162,7 +162,7 @@ def test_an_interrupted_recording_leaves_nothing(make_scene, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_existing_folder_is_not_touched(dataset, make_scene):
+def test_existing_folder_is_not_overwritten(dataset, make_scene):
     before = _content(dataset)
     with pytest.raises(DatasetError, match="already exists"):
         record(make_scene(), SHORT, dataset)

@@ -152,7 +152,7 @@ def tour(request, built_elsewhere) -> Tour:
     return Tour(scene, world, views, geometries, nudged)
 
 
-def test_the_route_is_closed_long_and_as_gentle_as_it_says(tour):
+def test_route_is_closed_long_and_gentle(tour):
     route = tour.scene.routes["default"]
     np.testing.assert_array_equal(route[0], route[-1])
     low, high = (250, 360) if tour.scene.name == "long_haul" else (30, 60)
@@ -167,7 +167,7 @@ def test_the_route_is_closed_long_and_as_gentle_as_it_says(tour):
         assert sharpest < steps.mean() / 0.6
 
 
-def test_the_route_is_clear_of_everything_that_stands(tour):
+def test_route_is_clear_of_obstacles(tour):
     model, route = tour.model, tour.scene.routes["default"]
     standing = 0
     for k in np.flatnonzero(tour.own & (model.geom_contype > 0) & (model.geom_bodyid == 0)):
@@ -204,7 +204,7 @@ def gap_to_box(points: Array, model: mujoco.MjModel, geom: int) -> Array:
     return np.linalg.norm(np.maximum(np.abs(local) - half, 0), axis=1)
 
 
-def test_what_is_drawn_does_not_collide_and_what_collides_is_hidden(tour):
+def test_drawn_geoms_do_not_collide_colliding_are_hidden(tour):
     group, collides = tour.model.geom_group, tour.model.geom_contype > 0
     assert set(group[tour.own]) == {COLLISION_GROUP, LABEL_GROUP, IMAGE_GROUP}
     np.testing.assert_array_equal(collides[tour.own], group[tour.own] == COLLISION_GROUP)
@@ -212,7 +212,7 @@ def test_what_is_drawn_does_not_collide_and_what_collides_is_hidden(tour):
     assert named == set(tour.scene.things)
 
 
-def test_labels_have_the_triangles_of_the_pictures(tour):
+def test_labels_have_the_triangles_of_the_images(tour):
     painted, labelled = (triangle_moments(tour, group) for group in (IMAGE_GROUP, LABEL_GROUP))
     assert painted.keys() == labelled.keys()
     for body, moments in painted.items():
@@ -237,7 +237,7 @@ def triangle_moments(tour: Tour, group: int) -> dict[int, Array]:
     return sums
 
 
-def test_the_scene_fits_into_memory_and_a_frames_time(tour):
+def test_scene_fits_memory_and_frame_time(tour):
     model = tour.model
     texels = int((model.tex_width.astype(np.int64) * model.tex_height).sum())
     assert texels * 4 * 4 / 3 < 250e6
@@ -246,7 +246,7 @@ def test_the_scene_fits_into_memory_and_a_frames_time(tour):
     assert model.nmat <= 50
 
 
-def test_wheels_feel_the_ground_that_is_drawn(tour):
+def test_wheel_contact_is_at_the_drawn_ground(tour):
     rng = np.random.default_rng(0)
     route = tour.scene.routes["default"]
     points = route[rng.integers(len(route), size=150)] + rng.uniform(-0.2, 0.2, (150, 2))
@@ -280,7 +280,7 @@ def ray_down(tour: Tour, points: Array, group: int) -> tuple[Array, Array]:
     return np.array(heights), np.array(geoms)
 
 
-def test_objects_are_named_once_and_the_ground_lies_below(tour):
+def test_objects_have_unique_names_above_the_ground(tour):
     kind_of: dict[str, set[Kind]] = {}
     for thing in tour.scene.things.values():
         kind_of.setdefault(thing.name, set()).add(thing.kind)
@@ -294,7 +294,7 @@ def test_objects_are_named_once_and_the_ground_lies_below(tour):
     assert (below != Kind.SKY).all()
 
 
-def test_the_world_has_no_holes(tour):
+def test_world_has_no_holes(tour):
     """Rooms are closed, and outdoors everything below the horizon is something.
 
     Hairlines remain where surfaces meet that share no vertices.
@@ -305,7 +305,7 @@ def test_the_world_has_no_holes(tour):
         assert np.mean(np.isnan(geometry.depth_left_m[first:])) < 3e-4
 
 
-def test_pictures_are_well_exposed(tour):
+def test_images_are_well_exposed(tour):
     means = [grey.mean() for grey in tour.greys]
     if "dark" not in tour.scene.tags:
         assert min(means) > 55
@@ -316,7 +316,7 @@ def test_pictures_are_well_exposed(tour):
         assert saturation.mean() < 140
 
 
-def test_there_is_as_much_to_see_as_the_scene_says(tour):
+def test_texture_is_as_rich_as_the_scene_states(tour):
     shares = [cornered_blocks(grey[tour.horizon_row :]) for grey in tour.greys]
     corners = [len(strong_corners(grey)) for grey in tour.greys]
     if "plain" in tour.scene.tags:
@@ -352,7 +352,7 @@ def test_distant_surfaces_do_not_alias(tour):
     assert 0 < np.abs(far[1] - far[0]).mean() < 0.25 * far[0].std() + 0.5
 
 
-def test_a_seed_gives_one_world_and_another_seed_another(tour, built_elsewhere):
+def test_world_repeats_with_its_seed_only(tour, built_elsewhere):
     name = tour.scene.name
     ours = digests_of(tour.scene)
     assert built_elsewhere[name, SEED].result() == ours
@@ -361,7 +361,7 @@ def test_a_seed_gives_one_world_and_another_seed_another(tour, built_elsewhere):
         assert all(theirs[field] != ours[field] for field in ours)
 
 
-def test_bricks_are_felt_along_the_whole_route(tour):
+def test_bricks_shake_the_rover_along_the_route(tour):
     laid = np.flatnonzero([name.startswith("brick_") for name in tour.names])
     if not len(laid):
         assert tour.scene.name != "brick_court"

@@ -52,7 +52,7 @@ FAULTS = {
             baseline_percent=1, focal_percent=1, roll_deg=0.3, pitch_deg=0.2, yaw_deg=0.2
         )
     },
-    "eye mismatch": {"sensor": SensorSettings(right_gain=0.6, right_noise=4, read_noise=40)},
+    "stereo mismatch": {"sensor": SensorSettings(right_gain=0.6, right_noise=4, read_noise=40)},
     "vignetting": {"sensor": SensorSettings(vignetting=0.4, softness_px=1.0)},
     "automatic exposure": {
         "sensor": SensorSettings(
@@ -86,7 +86,7 @@ def recorded(make_scene, tmp_path_factory) -> Callable[..., Path]:
 
 
 @pytest.mark.parametrize("name", FAULTS)
-def test_a_faulty_sensors_recording_is_certified_for_what_it_is(recorded, name):
+def test_certificate_of_faulty_sensors_passes(recorded, name):
     dataset = recorded(**FAULTS[name])
     certificate = read_manifest(dataset)["certificate"]
     assert certificate["passed"]
@@ -97,9 +97,9 @@ def test_a_faulty_sensors_recording_is_certified_for_what_it_is(recorded, name):
     assert verify(dataset) == []
 
 
-@pytest.mark.parametrize("name", ["noise", "distortion", "miscalibration", "eye mismatch"])
+@pytest.mark.parametrize("name", ["noise", "distortion", "miscalibration", "stereo mismatch"])
 @pytest.mark.parametrize("label", ["disparity", "flow"])
-def test_a_shifted_label_with_good_hashes_is_found(recorded, tmp_path, name, label):
+def test_verify_finds_a_shifted_label(recorded, tmp_path, name, label):
     copy = tmp_path / "copy"
     shutil.copytree(recorded(**FAULTS[name]), copy)
     for path in (copy / f"mav0/{label}0/data").iterdir():
@@ -114,7 +114,7 @@ def test_a_shifted_label_with_good_hashes_is_found(recorded, tmp_path, name, lab
     assert any(p.startswith(f"the {label} does not explain") for p in problems), problems
 
 
-def test_a_pose_moved_by_a_millimetre_with_good_hashes_is_found(recorded, tmp_path):
+def test_verify_finds_a_pose_moved_by_a_millimetre(recorded, tmp_path):
     copy = tmp_path / "copy"
     shutil.copytree(recorded(), copy)
     table = copy / "mav0/state_groundtruth_estimate0/data.csv"
@@ -128,7 +128,7 @@ def test_a_pose_moved_by_a_millimetre_with_good_hashes_is_found(recorded, tmp_pa
     assert any("geometry" in problem for problem in problems), problems
 
 
-def test_an_accelerometer_with_a_hidden_bias_is_found(recorded, tmp_path):
+def test_verify_finds_an_accelerometer_bias(recorded, tmp_path):
     copy = tmp_path / "copy"
     shutil.copytree(recorded(imu=ImuSettings(noise=0)), copy)
     table = copy / "mav0/imu0/data.csv"
@@ -142,15 +142,15 @@ def test_an_accelerometer_with_a_hidden_bias_is_found(recorded, tmp_path):
     assert any("the inertial check fails" in problem for problem in problems), problems
 
 
-def test_a_distorting_lens_delivers_raw_and_rectified_pictures(recorded):
+def test_distorting_lens_delivers_raw_and_rectified(recorded):
     plain, distorted = recorded(), recorded(sensor=BARREL)
-    for eye in (0, 1):
+    for side in (0, 1):
         straight, rectified, raw = (
             _images(folder, camera)
             for folder, camera in (
-                (plain, f"cam{eye}"),
-                (distorted, f"cam{eye}"),
-                (distorted, f"raw{eye}"),
+                (plain, f"cam{side}"),
+                (distorted, f"cam{side}"),
+                (distorted, f"raw{side}"),
             )
         )
         assert straight.shape == rectified.shape == raw.shape
@@ -164,7 +164,7 @@ def test_a_distorting_lens_delivers_raw_and_rectified_pictures(recorded):
     assert not (plain / "mav0/raw0").exists()
 
 
-def test_opencv_rectifies_the_raw_pictures_by_their_sheet(recorded):
+def test_opencv_rectifies_raw_images_by_sensor_yaml(recorded):
     distorted = recorded(sensor=BARREL)
     text = (distorted / "mav0/raw0/sensor.yaml").read_text().removeprefix("%YAML:1.0\n")
     sheet = yaml.safe_load(text)
@@ -183,7 +183,7 @@ def test_opencv_rectifies_the_raw_pictures_by_their_sheet(recorded):
     assert np.sqrt(((ours - theirs)[:, inside] ** 2).mean()) < 3
 
 
-def test_what_calibration_gets_wrong_is_in_the_manifest_and_only_there(recorded):
+def test_calibration_errors_are_stated_in_the_manifest_only(recorded):
     calibration = CalibrationSettings(baseline_percent=2, focal_percent=-1, yaw_deg=0.5)
     dataset = recorded(calibration=calibration)
     manifest, delivered = read_manifest(dataset), open_sequence(dataset).rig
@@ -196,7 +196,7 @@ def test_what_calibration_gets_wrong_is_in_the_manifest_and_only_there(recorded)
     turn_deg = np.degrees(np.arccos((np.trace(true["R_nominal_right"]) - 1) / 2))
     assert turn_deg == pytest.approx(0.5)
     plain = recorded()
-    # The right eye's turn needs a margin, and a wider picture is drawn with other roundings.
+    # The right camera's turn needs a margin, and a wider picture is drawn with other roundings.
     changed = [
         np.abs(_images(dataset, camera).astype(float) - _images(plain, camera))
         for camera in ("cam0", "cam1")
@@ -218,7 +218,7 @@ def test_what_calibration_gets_wrong_is_in_the_manifest_and_only_there(recorded)
     ],
     ids=str,
 )
-def test_what_the_camera_does_leaves_every_other_sensor_alone(recorded, faults):
+def test_camera_settings_leave_other_sensors_unchanged(recorded, faults):
     plain, faulty = recorded(), recorded(**faults)
     for folder in ("imu0", "wheels0", "state_groundtruth_estimate0"):
         assert _bytes(plain, folder) == _bytes(faulty, folder)
@@ -226,21 +226,21 @@ def test_what_the_camera_does_leaves_every_other_sensor_alone(recorded, faults):
 
 
 @pytest.mark.parametrize("imu", [ImuSettings(noise=0), ImuSettings(noise=5, rate_hz=100)], ids=str)
-def test_inertial_noise_leaves_images_labels_and_wheels_alone(recorded, imu):
+def test_inertial_noise_leaves_other_files_unchanged(recorded, imu):
     plain, other = recorded(sensor=NOISY), recorded(sensor=NOISY, imu=imu)
     for folder in ("cam0", "cam1", "depth0", "disparity0", "flow0", "wheels0"):
         assert _bytes(plain, folder) == _bytes(other, folder)
     assert _bytes(plain, "imu0") != _bytes(other, "imu0")
 
 
-def test_noise_of_one_eye_leaves_the_other_alone(recorded):
+def test_noise_of_one_camera_leaves_the_other_unchanged(recorded):
     plain = recorded(sensor=NOISY)
     loud = recorded(sensor=NOISY.model_copy(update={"right_noise": 5.0}))
     assert _bytes(plain, "cam0") == _bytes(loud, "cam0")
     assert _bytes(plain, "cam1") != _bytes(loud, "cam1")
 
 
-def test_noise_is_another_in_every_frame_and_eye_and_with_every_seed(recorded):
+def test_noise_differs_by_frame_camera_and_seed(recorded):
     clean, noisy = recorded(), recorded(sensor=NOISY)
     other = recorded(sensor=NOISY, seed=1)
     pictures = [(noisy, "cam0", 0), (noisy, "cam0", 1), (noisy, "cam1", 0), (other, "cam0", 0)]
@@ -256,7 +256,7 @@ def test_noise_is_another_in_every_frame_and_eye_and_with_every_seed(recorded):
     assert np.abs(correlation - np.eye(4)).max() < 0.04
 
 
-def test_lost_frames_are_missing_everywhere_but_in_the_truth(recorded):
+def test_lost_frames_are_missing_except_in_ground_truth(recorded):
     lossy = recorded(sensor=SensorSettings(drop_share=0.5))
     manifest = read_manifest(lossy)
     assert manifest["dropped_frames"] > 0
@@ -270,13 +270,13 @@ def test_lost_frames_are_missing_everywhere_but_in_the_truth(recorded):
     assert verify(lossy) == []
 
 
-def test_hardly_any_frame_may_arrive(recorded):
+def test_recording_with_few_delivered_frames_is_valid(recorded):
     lossy = recorded(sensor=SensorSettings(drop_share=0.9), seed=8)
     assert read_manifest(lossy)["frames"] == 1
     assert verify(lossy) == []
 
 
-def test_how_each_frame_was_exposed_is_listed(recorded):
+def test_exposures_of_all_frames_are_listed(recorded):
     dataset = recorded(exposure=ExposureSettings(time_ms=20, step_px=0.25))
     rows = [row.split(",") for row in (dataset / EXPOSURES).read_text().splitlines()[1:]]
     assert len(rows) == read_manifest(dataset)["frames"]
@@ -287,7 +287,7 @@ def test_how_each_frame_was_exposed_is_listed(recorded):
     assert max(counts) > 1
 
 
-def test_a_recording_that_ends_early_says_so_and_verifies(make_scene, tmp_path):
+def test_recording_that_ends_early_states_it_and_verifies(make_scene, tmp_path):
     rig = PLAIN.rig.model_copy(update={"rate_hz": 2})
     settings = PLAIN.model_copy(update={"drive": DriveSettings(), "rig": rig})
     recording = record(make_scene(wall=True), settings, tmp_path / "stuck")
@@ -298,7 +298,7 @@ def test_a_recording_that_ends_early_says_so_and_verifies(make_scene, tmp_path):
     assert verify(tmp_path / "stuck") == []
 
 
-def test_light_that_flickers_is_followed_from_frame_to_frame(make_scene, tmp_path):
+def test_flicker_is_corrected_in_the_certificate(make_scene, tmp_path):
     """At 100 Hz, seen at 15 Hz with a short, global exposure: a beat of the whole picture."""
 
     def mains(time_s: Array) -> Array:
@@ -315,7 +315,7 @@ def test_light_that_flickers_is_followed_from_frame_to_frame(make_scene, tmp_pat
     assert verify(tmp_path / "flicker") == []
 
 
-def test_a_hand_carried_recording_certifies_itself(make_scene, tmp_path):
+def test_handheld_recording_certifies_itself(make_scene, tmp_path):
     drive = DriveSettings(carrier="handheld", distance_m=0.4, speed_mps=0.8)
     settings = PLAIN.model_copy(update={"drive": drive})
     record(make_scene(boxes=True), settings, tmp_path / "hand")

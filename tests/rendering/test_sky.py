@@ -42,17 +42,17 @@ def painted(tmp_path, samples, color):
 
 @pytest.mark.parametrize("samples", [0, 4])
 @pytest.mark.parametrize("color", [False, True])
-def test_bands_of_sky_are_the_whole_sky(tmp_path, monkeypatch, samples, color):
+def test_sky_in_bands_equals_the_whole_sky(tmp_path, monkeypatch, samples, color):
     ours, without = painted(tmp_path, samples, color)
     monkeypatch.setattr(sim.camera.render, "allows_sky_last", lambda scene: False)
     at_once, _ = painted(tmp_path, samples, color)
-    for eye in (0, 1):
-        np.testing.assert_array_equal(ours[eye], at_once[eye])
-        shown = (ours[eye] != without[eye]).reshape(len(ours[eye]), -1).any(axis=1)
+    for side in (0, 1):
+        np.testing.assert_array_equal(ours[side], at_once[side])
+        shown = (ours[side] != without[side]).reshape(len(ours[side]), -1).any(axis=1)
         assert 0.1 < shown.mean() < 0.9
 
 
-def test_bands_hold_every_bare_row_and_are_few():
+def test_uncovered_bands_contain_all_rows_in_few_bands():
     rgba = np.full((200, 6, 4), 255, np.uint8)
     assert uncovered_bands(rgba) == []
     for row in (3, 20, 90, 91, 199):
@@ -60,7 +60,7 @@ def test_bands_hold_every_bare_row_and_are_few():
     assert uncovered_bands(rgba) == [(3, 21), (90, 92), (199, 200)]
 
 
-def test_a_pane_is_noticed():
+def test_transparent_geom_prevents_sky_last():
     scene = mujoco.MjvScene(mujoco.MjModel.from_xml_string("<mujoco/>"), maxgeom=3)
     scene.ngeom = 2
     for geom in scene.geoms[:2]:

@@ -1,4 +1,4 @@
-"""What the bench counts, on a world that is drawn in no time."""
+"""Measurements of `driftyard bench` on a world that renders fast."""
 
 import subprocess
 import sys
@@ -9,9 +9,9 @@ import pytest
 from tests.folders import wall, write_euroc
 from tests.terminal import ROOT
 from trials.studies.bench import endurance_table, length_table
+from trials.studies.speed.drive import TimedDrive
 from trials.studies.speed.estimator import EstimatorSpeed, measure_estimator
 from trials.studies.speed.length import measure_lengths
-from trials.studies.speed.trial import Trial
 
 pytestmark = pytest.mark.gl
 
@@ -19,9 +19,9 @@ YARD = """<mujoco><worldbody><light pos="0 0 4"/>
 <geom type="plane" size="5 5 1" rgba="0.6 0.5 0.4 1"/></worldbody></mujoco>"""
 
 
-def test_a_long_drive_is_compared_with_a_short_one_frame_by_frame(tmp_path):
+def test_measure_lengths_times_frames_of_both_drives(tmp_path):
     (tmp_path / "yard.xml").write_text(YARD)
-    short, long = (Trial(str(tmp_path / "yard.xml"), 0, x) for x in (0.3, 1.2))
+    short, long = (TimedDrive(str(tmp_path / "yard.xml"), 0, x) for x in (0.3, 1.2))
     cost = measure_lengths(short, long, 5)
     more = (long.distance_m - short.distance_m) / long.settings().drive.speed_mps
     assert cost.long.frames - cost.short.frames == pytest.approx(
@@ -36,7 +36,7 @@ def test_a_long_drive_is_compared_with_a_short_one_frame_by_frame(tmp_path):
     assert rows["all"] == f"{cost.short.frame_ms:.1f}"
 
 
-def test_the_end_of_a_sequence_stands_beside_its_start():
+def test_endurance_table_compares_start_and_end():
     ms = np.repeat([10.0, 20.0, 40.0], [4, 32, 4])
     speed = EstimatorSpeed(40, ms, {}, np.linspace(1024, 2560, 40))
     (names, ours) = (list(column.cells) for column in endurance_table({"it": speed}).columns)
@@ -49,7 +49,7 @@ def test_the_end_of_a_sequence_stands_beside_its_start():
     assert rows[-2:] == [("memory after a tenth, GB", "1.12"), ("memory at the end, GB", "2.50")]
 
 
-def test_an_estimator_is_timed_over_a_recording(tmp_path):
+def test_measure_estimator_times_every_frame(tmp_path):
     speed = measure_estimator("corner_flow", write_euroc(tmp_path / "wall", wall(6)))
     assert len(speed.frame_ms) == len(speed.memory_mb) == speed.frames == 6
     assert np.all(speed.frame_ms > 0)
@@ -57,7 +57,7 @@ def test_an_estimator_is_timed_over_a_recording(tmp_path):
     assert sum(speed.stage_ms.values()) <= speed.frame_ms.mean()
 
 
-def test_a_recording_that_is_not_there_is_told_in_a_line(tmp_path):
+def test_bench_missing_dataset_is_an_error_in_one_line(tmp_path):
     command = [sys.executable, "-m", "trials.cli", "bench", "--over", str(tmp_path / "nowhere")]
     told = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert told.returncode == 2

@@ -1,4 +1,4 @@
-"""The statistics behind `make accuracy`."""
+"""Statistics and tables of `driftyard accuracy`."""
 
 from pathlib import Path
 
@@ -21,18 +21,18 @@ from vo.contract.trajectory import Trajectory
 from vo.runner import Run, write_run
 
 
-def test_interval_of_equal_drives_is_a_point():
+def test_bootstrap_interval_of_equal_values_is_a_point():
     assert bootstrap_interval(np.full(5, 0.07)) == (0.07, 0.07)
 
 
-def test_interval_lies_within_the_drives_and_holds_their_median():
+def test_bootstrap_interval_contains_the_median():
     values = np.array([0.05, 0.09, 0.06, 0.11, 0.07])
     low, high = bootstrap_interval(values)
     assert values.min() <= low <= np.median(values) <= high <= values.max()
 
 
 @pytest.mark.parametrize("drives", [25, 100])
-def test_interval_covers_the_true_median_as_often_as_it_says(drives):
+def test_bootstrap_interval_has_its_nominal_coverage(drives):
     rng = np.random.default_rng(drives)
     covered = 0
     for _ in range(60):
@@ -47,7 +47,7 @@ def test_source_digest_repeated_is_equal():
 
 
 def result(folder: Path, name: str, seed: int, scale: float | None) -> Result:
-    """A straight drive of three metres, its estimate so much too long or all lost; 4 frames are."""
+    """A straight drive of 3 m, its estimate scaled or entirely lost; the last 4 frames are lost."""
     times = 10**8 * np.arange(65)
     T = np.tile(np.eye(4), (65, 1, 1))
     T[:, 2, 3] = np.minimum(np.arange(65) / 20, 3)
@@ -65,7 +65,7 @@ def result(folder: Path, name: str, seed: int, scale: float | None) -> Result:
     return made
 
 
-def test_summary_sets_medians_beside_each_other(tmp_path):
+def test_summary_tables_compare_medians(tmp_path):
     """Three drives: scales wrong by 1, 2 and 6 per mille, the baseline's by 4 each time."""
     runs = [result(tmp_path, "driftyard", k, 1 + x) for k, x in enumerate((0.001, 0.006, 0.002))]
     runs += [result(tmp_path, "corner_flow", k, 1.004) for k in range(3)]
@@ -74,7 +74,7 @@ def test_summary_sets_medians_beside_each_other(tmp_path):
     assert row == ("office", "0.200", "0.600", "0.000", "12", "0.400", "0.50", "12")
 
 
-def test_everyone_else_has_a_table(tmp_path):
+def test_summary_tables_one_per_other_estimator(tmp_path):
     scales = {"driftyard": 1.001, "corner_flow": 1.004, "Theirs": 1.01}
     runs = [result(tmp_path, name, 0, scale) for name, scale in scales.items()]
     tables = summary_tables({"office": runs})
@@ -84,7 +84,7 @@ def test_everyone_else_has_a_table(tmp_path):
     assert {x[:5] for x in rows} == {("office", "0.100", "0.100", "0.000", "4")}
 
 
-def test_a_drive_without_any_pose_is_no_figure_but_is_counted(tmp_path):
+def test_accuracy_table_drive_without_poses_has_no_median(tmp_path):
     runs = [result(tmp_path, "driftyard", 0, 1.001), result(tmp_path, "corner_flow", 0, None)]
     (table,) = summary_tables({"office": runs})
     (row,) = zip(*(c.cells for c in table.columns), strict=True)
@@ -94,7 +94,7 @@ def test_a_drive_without_any_pose_is_no_figure_but_is_counted(tmp_path):
     assert cells[6:] == ["–"] * 5 + ["65 of 65"]
 
 
-def test_an_estimator_and_its_settings_are_read_as_a_shell_would():
+def test_named_variant_is_parsed_like_a_shell():
     theirs = named_variant("trials.estimators.systems.orbslam3:OrbSlam3 vocabulary='my words.txt'")
     assert (theirs.label, theirs.overrides) == ("OrbSlam3", ("vocabulary=my words.txt",))
     ours = named_variant("driftyard stationary=none")

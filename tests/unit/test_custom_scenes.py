@@ -118,7 +118,7 @@ def test_custom_scene_waypoints_replace_the_route(yard):
     world = build_world(load_scene(str(yard)), RecordSettings(drive=drive))
     np.testing.assert_allclose(world.T_world_chassis[:2, :2] @ [1, 0], np.sqrt([0.5, 0.5]))
     assert world.path.length_m == pytest.approx(np.sqrt(2))
-    with pytest.raises(SettingsError, match=r"drive\.waypoints: two points at least"):
+    with pytest.raises(SettingsError, match=r"drive\.waypoints: expected at least two points"):
         build_world(
             load_scene(str(yard)), RecordSettings(drive=DriveSettings(waypoints=((0.0, 0.0),)))
         )

@@ -11,7 +11,7 @@ from vo.contract.errors import SettingsError
 PLAIN = RecordSettings()
 
 
-def test_names_and_strengths_are_read():
+def test_parse_disturbances_reads_names_and_strengths():
     assert parse_disturbances("blur, brick_bump=0.5,slip=2") == {
         "blur": 1.0,
         "brick_bump": 0.5,
@@ -20,19 +20,19 @@ def test_names_and_strengths_are_read():
     assert parse_disturbances("") == {}
 
 
-def test_an_unknown_disturbance_is_named_with_the_valid_ones():
+def test_unknown_disturbance_lists_the_valid_ones():
     with pytest.raises(SettingsError, match="unknown disturbance fog; valid: blur, brick_bump,"):
         parse_disturbances("blur,fog=2")
 
 
 @pytest.mark.parametrize("strength", ["much", "-1", "nan", "inf", ""])
-def test_a_strength_is_a_number_of_at_least_zero(strength):
+def test_strength_below_zero_or_no_number_is_refused(strength):
     with pytest.raises(SettingsError, match="disturbance blur: strength"):
         parse_disturbances(f"blur={strength}")
 
 
 @pytest.mark.parametrize("name", DISTURBANCES)
-def test_strength_zero_changes_nothing(name):
+def test_disturbed_strength_zero_changes_nothing(name):
     assert disturbed(PLAIN, {name: 0.0}) == PLAIN
 
 
@@ -48,7 +48,7 @@ def test_recipes_stay_inside_the_settings_ranges(name, strength):
     "key",
     ["terrain.brick_mm", "exposure.time_ms", "rover.flex_deg", "sensor.softness_px", "noise"],
 )
-def test_a_stronger_disturbance_disturbs_more(key):
+def test_disturbed_stronger_changes_more(key):
     name = {
         "terrain.brick_mm": "brick_bump",
         "exposure.time_ms": "blur",
@@ -70,7 +70,7 @@ def test_a_stronger_disturbance_disturbs_more(key):
 
 
 @pytest.mark.parametrize("names", list(combinations(DISTURBANCES, 2)), ids="+".join)
-def test_any_two_combine_and_keep_what_each_asks_for(names):
+def test_disturbed_pairs_combine(names):
     both = disturbed(PLAIN, dict.fromkeys(names, 1.0)).model_dump()
     for name in names:
         alone = disturbed(PLAIN, {name: 1.0}).model_dump()
@@ -79,7 +79,7 @@ def test_any_two_combine_and_keep_what_each_asks_for(names):
             assert both[group][field] >= alone[group][field]
 
 
-def test_where_two_meet_the_larger_value_counts():
+def test_disturbed_same_key_takes_the_larger_value():
     bumpy, blurred = (disturbed(PLAIN, {name: 1.0}) for name in ("brick_bump", "blur"))
     for strength in (0.5, 1.5):
         both = disturbed(PLAIN, {"blur": strength, "brick_bump": 1.0})
@@ -89,7 +89,7 @@ def test_where_two_meet_the_larger_value_counts():
         assert disturbed(PLAIN, {"brick_bump": 1.0, "blur": strength}) == both
 
 
-def test_a_strength_out_of_a_settings_range_names_the_setting():
+def test_disturbed_out_of_range_names_the_setting():
     with pytest.raises(SettingsError, match=r"terrain\.brick_mm"):
         disturbed(PLAIN, {"brick_bump": 5.0})
     with pytest.raises(SettingsError, match=r"exposure\.time_ms .* takes .* ms, but"):

@@ -21,25 +21,25 @@ def _pose(x: float, y: float, yaw: float = 0.0) -> Array:
     return se3.pose(R, np.array([x, y, 0.05]))
 
 
-def test_a_path_is_cut_to_the_distance():
+def test_plan_path_cuts_to_the_distance():
     path = plan_path(SQUARE, 3.0)
     assert path.length_m == pytest.approx(3.0)
     np.testing.assert_allclose(path.waypoints[-1], [2, 1])
     np.testing.assert_allclose(path.at(np.array([-1.0, 1.0, 9.0])), [[0, 0], [1, 0], [2, 1]])
 
 
-def test_a_closed_route_is_driven_around_again():
+def test_plan_path_repeats_a_closed_route():
     path = plan_path(SQUARE, 17.0)
     assert path.length_m == pytest.approx(17.0)
     np.testing.assert_allclose(path.waypoints[-1], [1, 0])
 
 
-def test_an_open_route_is_not_lengthened():
+def test_plan_path_open_route_too_short_is_refused():
     with pytest.raises(SettingsError, match=r"drive\.distance_m: 9 m.*open and 4\.0 m long"):
         plan_path(SQUARE[:3], 9.0)
 
 
-def test_points_that_repeat_lead_nowhere():
+def test_plan_path_equal_points_are_refused():
     path = plan_path(np.array([[0.0, 0], [0, 0], [0, 1], [0, 1], [0, 3]]), None)
     np.testing.assert_array_equal(path.waypoints, [[0, 0], [0, 1], [0, 3]])
     with pytest.raises(SettingsError, match=r"drive\.waypoints: all points are the same"):
@@ -52,7 +52,7 @@ def test_wheel_speeds_of_a_turn():
     assert (right - left) * WHEEL_RADIUS_M / TRACK_M == pytest.approx(0.5)
 
 
-def test_the_driver_steers_towards_the_path_and_speeds_up_gently():
+def test_driver_steers_to_the_path_and_accelerates():
     driver = Driver(plan_path(SQUARE, None), DriveSettings())
     for yaw, side in ((0.3, -1), (-0.3, 1)):
         left, right = driver.command(_pose(0.2, 0.0, yaw), 0.0)
@@ -62,19 +62,19 @@ def test_the_driver_steers_towards_the_path_and_speeds_up_gently():
     assert speeds[-1] == pytest.approx(0.3)
 
 
-def test_a_path_behind_is_met_by_turning_on_the_spot():
+def test_driver_with_path_behind_turns_on_the_spot():
     left, right = Driver(plan_path(SQUARE, None), DriveSettings()).command(_pose(0, 0, 3.0), 0.0)
     assert left == -right
     assert abs(right - left) * WHEEL_RADIUS_M / TRACK_M == pytest.approx(math.radians(40))
 
 
-def test_the_driver_stops_at_the_end():
+def test_driver_stops_at_the_end():
     driver = Driver(plan_path(SQUARE[:2], None), DriveSettings(lookahead_m=2.0))
     np.testing.assert_array_equal(driver.command(_pose(2.0, 0.0), 0.0), [0, 0])
     assert driver.arrived
 
 
-def test_a_rover_on_its_side_is_reported():
+def test_driver_of_tipped_rover_raises():
     driver = Driver(plan_path(SQUARE, None), DriveSettings())
     lying = se3.exp(np.array([0, 0, 0, math.radians(80), 0, 0]))
     with pytest.raises(DriveError, match=r"tipped over at 12\.50 s near \(0\.00, 0\.00\) m"):

@@ -27,12 +27,12 @@ RIG = StereoRig(width_px=160, height_px=120, f_px=114, cx_px=79.5, cy_px=59.5, b
 LEVELS = np.arange(256, dtype=np.uint8)
 
 
-def sensor_of(eye: int = 0, **sensor: float | str) -> tuple[ImageSensor, StereoRig]:
+def sensor_of(side: int = 0, **sensor: float | str) -> tuple[ImageSensor, StereoRig]:
     settings = RecordSettings(sensor=SensorSettings.model_validate(sensor))
     m = margin_px(settings, RIG)
     size = {"width_px": RIG.width_px + 2 * m, "height_px": RIG.height_px + 2 * m}
     rendered = dataclasses.replace(RIG, **size, cx_px=RIG.cx_px + m, cy_px=RIG.cy_px + m)
-    return ImageSensor(settings, 1 if eye else 0, RIG, rendered), rendered
+    return ImageSensor(settings, 1 if side else 0, RIG, rendered), rendered
 
 
 def flat(level: int, rig: StereoRig = RIG) -> Image:
@@ -40,10 +40,10 @@ def flat(level: int, rig: StereoRig = RIG) -> Image:
 
 
 def exposed(
-    image: Image, eye: int = 0, brightness: float = 1, gain: float = 1, seed: int = 0,
+    image: Image, side: int = 0, brightness: float = 1, gain: float = 1, seed: int = 0,
     **sensor: float | str,
 ) -> Image:  # fmt: skip
-    camera, _ = sensor_of(eye, **sensor)
+    camera, _ = sensor_of(side, **sensor)
     return camera.expose(decode(image), brightness, gain, np.random.default_rng(seed))
 
 
@@ -51,7 +51,7 @@ def noise_image(shape: tuple[int, ...] = (120, 160)) -> Image:
     return np.random.default_rng(1).integers(0, 256, shape, np.uint8)
 
 
-def test_decoding_is_the_standards_and_survives_encoding():
+def test_decode_agrees_with_srgb_and_round_trips():
     """sRGB 188 is half the light (IEC 61966-2-1: 0.5029)."""
     assert LINEAR[[0, 255]].tolist() == [0, 1]
     assert LINEAR[188] == pytest.approx(0.5029, abs=1e-4)
@@ -60,7 +60,7 @@ def test_decoding_is_the_standards_and_survives_encoding():
     assert decode(noise_image((3, 4, 3))).shape == (3, 4, 3)
 
 
-def test_the_quantiles_are_a_standard_normal_variables():
+def test_quantiles_have_standard_normal_moments():
     quantiles = normal_quantiles().astype(float)
     below = [(quantiles < z).mean() for z in (-3.0, -1.0, 0.0, 0.5, 2.0)]
     wanted = [(1 + math.erf(z / math.sqrt(2))) / 2 for z in (-3.0, -1.0, 0.0, 0.5, 2.0)]
@@ -70,7 +70,7 @@ def test_the_quantiles_are_a_standard_normal_variables():
 
 
 @pytest.mark.parametrize("response", ["srgb", "linear"])
-def test_encoding_takes_the_nearest_level_everywhere(response: Response):
+def test_encoding_gives_the_nearest_level(response: Response):
     light = np.linspace(-0.1, 1.1, 200_001).astype(np.float32)
     ours = Encoding(response)(light[None])[0]
     clipped = np.clip(light.astype(np.float64), 0, 1)
@@ -82,12 +82,12 @@ def test_encoding_takes_the_nearest_level_everywhere(response: Response):
 
 
 @pytest.mark.parametrize("shape", [(120, 160), (120, 160, 3)])
-@pytest.mark.parametrize("eye", [0, 1])
-def test_a_perfect_camera_changes_nothing(shape: tuple[int, ...], eye: int):
+@pytest.mark.parametrize("side", [0, 1])
+def test_perfect_sensor_returns_the_image(shape: tuple[int, ...], side: int):
     image = noise_image(shape)
-    np.testing.assert_array_equal(exposed(image, eye), image)
-    np.testing.assert_array_equal(exposed(image, eye, brightness=0.5, gain=2), image)
-    camera, _ = sensor_of(eye)
+    np.testing.assert_array_equal(exposed(image, side), image)
+    np.testing.assert_array_equal(exposed(image, side, brightness=0.5, gain=2), image)
+    camera, _ = sensor_of(side)
     assert camera.undistort(image) is image
     assert not camera.is_noisy
 
@@ -98,20 +98,20 @@ def test_gains_multiply_light_and_clip():
         ({"brightness": 2.0}, 2.0),
         ({"gain": 1.7}, 1.7),
         ({"gain_db": 6.0}, 10**0.3),
-        ({"right_gain": 1.4, "eye": 1}, 1.4),
-        ({"right_gain": 1.4, "eye": 0}, 1.0),
+        ({"right_gain": 1.4, "side": 1}, 1.4),
+        ({"right_gain": 1.4, "side": 0}, 1.0),
     ):
         out = exposed(flat(level), **kw)  # type: ignore[arg-type]
         assert LINEAR[out[0, 0]] == pytest.approx(LINEAR[level] * factor, rel=0.01)
     assert (exposed(flat(200), brightness=4) == 255).all()
 
 
-def test_a_linear_response_is_proportional_to_light():
+def test_linear_response_is_proportional_to_light():
     out = exposed(np.tile(LEVELS[:160], (120, 1)), response="linear")
     np.testing.assert_array_equal(out[0], np.rint(255 * LINEAR[:160]))
 
 
-def test_vignetting_takes_its_share_in_the_corner_and_none_in_the_middle():
+def test_vignetting_darkens_the_corner_by_its_share():
     out = levels_to_light("srgb", exposed(flat(200), vignetting=0.5))
     assert out[60, 80] == pytest.approx(LINEAR[200], rel=0.01)
     for corner in (out[0, 0], out[-1, -1]):
@@ -120,7 +120,7 @@ def test_vignetting_takes_its_share_in_the_corner_and_none_in_the_middle():
     assert out[60, 0] == pytest.approx((1 - 0.5 * r2) * LINEAR[200], rel=0.01)
 
 
-def test_softness_is_a_gaussian_of_light_up_to_the_border():
+def test_softness_is_a_gaussian_blur_up_to_the_border():
     camera, rendered = sensor_of(softness_px=1.2)
     image = noise_image((rendered.height_px, rendered.width_px))
     out = camera.expose(decode(image), 1, 1, np.random.default_rng(0))
@@ -151,20 +151,20 @@ NOISES = [
 ]
 
 
-@pytest.mark.parametrize(("sensor", "gain", "eye"), NOISES)
+@pytest.mark.parametrize(("sensor", "gain", "side"), NOISES)
 @pytest.mark.parametrize("level", [40, 128, 220])
 def test_noise_has_the_variance_of_electrons(
-    sensor: dict[str, float | str], gain: float, eye: int, level: int
+    sensor: dict[str, float | str], gain: float, side: int, level: int
 ):
     """In light: (G/well) y + (G read/well)^2, written out anew, against 19,200 pixels."""
     response: Response = "linear" if sensor.get("response") == "linear" else "srgb"
     y = float(levels_to_light(response, np.array(level)))
     G = gain * 10 ** (float(sensor.get("gain_db", 0)) / 20)
     well = float(sensor.get("full_well", 0)) or WELL
-    read = float(sensor.get("read_noise", 0)) * (float(sensor.get("right_noise", 1)) if eye else 1)
+    read = float(sensor.get("read_noise", 0)) * (float(sensor.get("right_noise", 1)) if side else 1)
     shot = y * well / G if "full_well" in sensor else 0.0
     sigma = G / well * math.sqrt(shot + read**2)
-    camera, _ = sensor_of(eye, **sensor)
+    camera, _ = sensor_of(side, **sensor)
     light = np.full((120, 160), y / G, np.float32)
     out = camera.expose(light, 1.0, gain, np.random.default_rng(2))
     measured = levels_to_light(response, out)
@@ -176,7 +176,7 @@ def test_noise_has_the_variance_of_electrons(
         assert measured.std() == pytest.approx(math.hypot(sigma, width / 12**0.5), rel=0.04)
 
 
-def test_noise_table_is_zero_without_noise_and_the_slope_of_the_response_with_little():
+def test_noise_sigma_follows_the_slope_of_the_response():
     assert sensor_of()[0].noise_sigma(1.0).max() < 1e-9
     table = sensor_of(read_noise=1.0, full_well=10_000.0)[0].noise_sigma(1.0)
     y = LINEAR[100]
@@ -186,7 +186,7 @@ def test_noise_table_is_zero_without_noise_and_the_slope_of_the_response_with_li
     assert table[255] < table[250]  # clipped from above
 
 
-def test_noise_is_independent_between_pixels_channels_and_pictures_and_repeats_with_its_seed():
+def test_noise_is_independent_and_repeats_with_its_seed():
     image = np.full((120, 160, 3), 120, np.uint8)
     noise = {"full_well": 2000.0}
     one, two = exposed(image, seed=3, **noise), exposed(image, seed=4, **noise)
@@ -197,7 +197,7 @@ def test_noise_is_independent_between_pixels_channels_and_pictures_and_repeats_w
         assert abs(np.corrcoef(a.ravel(), b.ravel())[0, 1]) < 0.03
 
 
-def test_rectifying_lowers_noise_by_the_share_that_is_told():
+def test_undistort_lowers_noise_by_sample_variance():
     camera, rendered = sensor_of(k1=-0.2, k2=0.04, full_well=3000.0)
     light = decode(flat(128, rendered))
     rng = np.random.default_rng(5)
@@ -217,7 +217,7 @@ def test_rectifying_lowers_noise_by_the_share_that_is_told():
 
 @pytest.mark.parametrize("shape", [(120, 160), (120, 160, 3)])
 @pytest.mark.parametrize("k1", [0.1, -0.2])
-def test_flattening_undoes_fall_off_and_sensitivity(shape: tuple[int, ...], k1: float):
+def test_corrected_undoes_vignetting_and_sensitivity(shape: tuple[int, ...], k1: float):
     settings = {"vignetting": 0.4, "right_gain": 0.8, "k1": k1, "k2": 0.04}
     camera, rendered = sensor_of(1, **settings)
     image = np.full((rendered.height_px, rendered.width_px, *shape[2:]), 180, np.uint8)
@@ -228,14 +228,14 @@ def test_flattening_undoes_fall_off_and_sensitivity(shape: tuple[int, ...], k1: 
     assert plain.corrected(picture) is picture
 
 
-def test_metering_knows_the_fixed_gain_and_the_eye():
+def test_encode_applies_fixed_gain_and_sensitivity():
     camera, _ = sensor_of(1, gain_db=6.0, right_gain=0.9)
     light = np.full((2, 3), 0.2, np.float32)
     expected = levels_to_light("srgb", camera.encode(light))
     np.testing.assert_allclose(expected, 0.2 * 0.9 * 10**0.3, rtol=0.01)
 
 
-def test_light_of_the_wrong_size_is_refused():
+def test_expose_light_of_wrong_size_is_refused():
     camera, _ = sensor_of()
     with pytest.raises(ValueError, match="light of"):
         camera.expose(np.zeros((5, 5), np.float32), 1, 1, np.random.default_rng(0))
@@ -260,7 +260,7 @@ def run(settings: SensorSettings, radiance: Array, painted_ms: float = 5.0) -> A
 
 @pytest.mark.parametrize("response", ["srgb", "linear"])
 @pytest.mark.parametrize("radiance", [0.003, 0.05, 0.5, 20.0])
-def test_automatic_exposure_reaches_its_target(response: Response, radiance: float):
+def test_auto_exposure_reaches_its_target(response: Response, radiance: float):
     settings = automatic(response=response, delay_frames=2)  # type: ignore[arg-type]
     history = run(settings, np.full(40, radiance))
     assert history[-1, 2] == pytest.approx(110, abs=2)
@@ -268,7 +268,7 @@ def test_automatic_exposure_reaches_its_target(response: Response, radiance: flo
     assert (steps <= 0).mean() > 0.9  # it settles, and does not swing
 
 
-def test_exposure_comes_before_gain_and_both_end():
+def test_auto_exposure_uses_time_before_gain_within_limits():
     time_ms, gain, grey = run(automatic(exposure_max_ms=12, gain_max_db=20), np.full(40, 0.03))[-1]
     assert time_ms == pytest.approx(12)
     assert 1 < gain < 10
@@ -281,7 +281,7 @@ def test_exposure_comes_before_gain_and_both_end():
 
 
 @pytest.mark.parametrize("delay", [1, 2, 5])
-def test_a_change_of_light_is_answered_after_the_delay(delay: int):
+def test_auto_exposure_responds_after_the_delay(delay: int):
     radiance = np.where(np.arange(60) < 30, 0.15, 0.6)
     history = run(automatic(delay_frames=delay), radiance)
     settled, answered = history[29, 0], np.flatnonzero(history[:, 0] < 0.95 * history[29, 0])
@@ -290,7 +290,7 @@ def test_a_change_of_light_is_answered_after_the_delay(delay: int):
     assert history[-1, 2] == pytest.approx(110, abs=2)
 
 
-def test_no_more_pictures_than_the_delay_may_be_unseen():
+def test_auto_exposure_ahead_of_updates_is_limited():
     meter = AutoExposure(automatic(delay_frames=2), 5.0)
     meter.next()
     meter.next()

@@ -62,7 +62,7 @@ def error_after(
     return float(np.linalg.norm(error[:3, 3])), float(np.degrees(se3.rotation_angle(error)))
 
 
-def test_a_unit_at_rest_feels_gravity_in_its_own_axes():
+def test_readings_at_rest_are_gravity():
     T_world_body = np.broadcast_to(se3.exp(np.array([1.0, 2, 3, 0.1, 0.2, 0.3])), (4, 4, 4))
     still = np.zeros((4, 3))
     readings = ideal_readings(regular(4), T_world_body, still, still, T_BODY_IMU, GRAVITY)
@@ -72,7 +72,7 @@ def test_a_unit_at_rest_feels_gravity_in_its_own_axes():
     np.testing.assert_allclose(readings.accel_mps2, np.tile(up_imu, (3, 1)), atol=1e-9)
 
 
-def test_readings_on_a_turntable_show_rate_and_centripetal_force():
+def test_readings_on_a_turntable_are_rate_and_centripetal():
     times_ns = regular(201)
     turn = 2.0 * times_ns[:, None] * 1e-9 * np.array([0, 0, 1.0])
     T = se3.pose(Rotation.from_rotvec(turn).as_matrix(), np.zeros(3))
@@ -84,7 +84,7 @@ def test_readings_on_a_turntable_show_rate_and_centripetal_force():
     np.testing.assert_allclose(readings.accel_mps2, expected, atol=1e-4)
 
 
-def test_readings_of_a_smooth_motion_are_its_derivatives():
+def test_readings_of_smooth_motion_are_its_derivatives():
     times_ns = regular(401)
     T, v, w = smooth(times_ns * 1e-9)
     readings = ideal_readings(times_ns, T, v, w, T_BODY_IMU, GRAVITY)
@@ -98,14 +98,14 @@ def test_readings_of_a_smooth_motion_are_its_derivatives():
     np.testing.assert_allclose(readings.gyro_radps, w_imu, atol=1e-4)
 
 
-def test_velocity_of_the_unit_is_the_derivative_of_its_place():
+def test_imu_velocity_is_the_derivative_of_position():
     t, h = np.linspace(0, 3, 50), 1e-5
     _, v = imu_states(*smooth(t), T_BODY_IMU)
     ahead, behind = (imu_states(*smooth(t + dt), T_BODY_IMU)[0][:, :3, 3] for dt in (h, -h))
     np.testing.assert_allclose(v, (ahead - behind) / (2 * h), atol=1e-7)
 
 
-def test_integration_returns_a_smooth_motion():
+def test_integrate_returns_a_smooth_motion():
     times_ns = regular(1001)
     T, v, w = smooth(times_ns * 1e-9)
     readings = ideal_readings(times_ns, T, v, w, T_BODY_IMU, GRAVITY)
@@ -115,7 +115,7 @@ def test_integration_returns_a_smooth_motion():
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_integration_returns_a_rattling_motion(seed: int):
+def test_integrate_returns_a_rough_motion(seed: int):
     T, v, w = jerky(5001, 1e-3, np.random.default_rng(seed))
     T, v, w = T[::5], v[::5], w[::5]
     readings = ideal_readings(regular(1001), T, v, w, T_BODY_IMU, GRAVITY)
@@ -125,7 +125,7 @@ def test_integration_returns_a_rattling_motion(seed: int):
     assert turn_deg < 0.05
 
 
-def test_irregular_times_integrate_as_well():
+def test_integrate_irregular_times_is_exact():
     rng = np.random.default_rng(5)
     times_ns = np.cumsum(rng.integers(3_000_000, 7_000_000, 801))
     T, v, w = smooth(times_ns * 1e-9)
@@ -135,7 +135,7 @@ def test_irregular_times_integrate_as_well():
     assert turn_deg < 5e-3
 
 
-def test_times_that_do_not_increase_are_refused():
+def test_readings_times_not_increasing_are_refused():
     T, still = np.broadcast_to(np.eye(4), (3, 4, 4)), np.zeros((3, 3))
     with pytest.raises(ValueError, match="increase"):
         ideal_readings(np.array([0, 5, 5]), T, still, still, np.eye(4), GRAVITY)
@@ -148,7 +148,7 @@ def rest(count: int) -> ImuReadings:
 
 
 @pytest.mark.parametrize("scale", [1.0, 3.0])
-def test_white_noise_has_its_density_and_bias_its_walk(scale: float):
+def test_noise_has_its_density_and_bias_its_walk(scale: float):
     """The mean over 1 s keeps the density; differences of bias over n steps grow as sqrt(n)."""
     settings = ImuSettings(noise=scale)
     readings, biases = with_noise(rest(200_000), settings, np.random.default_rng(6))
@@ -172,7 +172,7 @@ def test_white_noise_has_its_density_and_bias_its_walk(scale: float):
         assert abs(np.corrcoef(white[:, 0], white[:, 1])[0, 1]) < 0.01
 
 
-def test_without_noise_readings_stay_perfect_and_noise_repeats_with_its_seed():
+def test_noise_of_zero_is_perfect_and_noise_repeats():
     perfect, biases = with_noise(rest(50), ImuSettings(noise=0), np.random.default_rng(7))
     assert not perfect.gyro_radps.any()
     assert not biases[:, 3:].any()

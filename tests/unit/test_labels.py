@@ -35,7 +35,7 @@ def test_disparity_is_f_b_over_z():
     np.testing.assert_array_equal(disparity_px, [[10, 5, np.nan]])
 
 
-def test_a_near_post_hides_the_far_wall_to_its_left():
+def test_visible_in_right_near_post_hides_far_wall():
     """Wall at 1 px, post at u = 7, 8 with 4 px: it lands on 3, 4 and hides the wall's 4, 5."""
     disparity_px = np.full((1, 12), 1.0, dtype=np.float32)
     disparity_px[0, 7:9] = 4.0
@@ -43,18 +43,18 @@ def test_a_near_post_hides_the_far_wall_to_its_left():
     assert np.flatnonzero(~visible).tolist() == [0, 4, 5]
 
 
-def test_sky_and_what_leaves_the_image_are_not_visible():
+def test_visible_in_right_excludes_sky_and_outside():
     disparity_px = np.array([[1.0, np.nan, 2.0, 3.5]], dtype=np.float32)
     np.testing.assert_array_equal(visible_in_right(disparity_px), [[False, False, True, False]])
 
 
-def test_a_ground_that_approaches_hides_nothing_of_itself():
+def test_visible_in_right_sloped_ground_is_visible():
     disparity_px = np.linspace(5, 60, 120, dtype=np.float32)[:, None].repeat(160, axis=1)
     u = np.arange(160)
     np.testing.assert_array_equal(visible_in_right(disparity_px), u - disparity_px >= 0)
 
 
-def test_a_shifted_image_leaves_no_residual():
+def test_residual_of_a_shifted_image_is_zero():
     rng = np.random.default_rng(0)
     right = rng.integers(0, 256, (2, 12)).astype(np.uint8)
     left = np.roll(right, 3, axis=1)
@@ -65,10 +65,10 @@ def test_a_shifted_image_leaves_no_residual():
     np.testing.assert_allclose(residual(left, right, u - disparity_px, v, visible), 0)
 
 
-def test_certificate_names_the_worst_frame_and_fails_on_it():
+def test_certificate_names_the_worst_frame_and_fails():
     settings = RecordSettings()
     judge = PhotometricCheck(
-        settings, RIG, [ImageSensor(settings, eye, RIG, RIG) for eye in (0, 1)]
+        settings, RIG, [ImageSensor(settings, side, RIG, RIG) for side in (0, 1)]
     )
     right = np.full((8, 12), 100, dtype=np.uint8)
     disparity_px = np.full((8, 12), 1.0, dtype=np.float32)
@@ -89,7 +89,7 @@ def test_certificate_names_the_worst_frame_and_fails_on_it():
     assert not certify(frames[:1], {"inertial": {"passed": False}})["passed"]
 
 
-def test_normals_are_exact_on_planes_up_to_their_edges_and_nowhere_else():
+def test_normals_are_exact_on_planes_and_nan_elsewhere():
     R = np.array([[0, -0.34, 0.94], [-1, 0, 0], [0, -0.94, -0.34]])
     T_world_cam = se3.pose(se3.exp(np.array([0, 0, 0, 0, 0, 0.2]))[:3, :3] @ R, np.array([0, 0, 1]))
     T_world_cam[:3, :3] = (
@@ -108,7 +108,7 @@ def test_normals_are_exact_on_planes_up_to_their_edges_and_nowhere_else():
     np.testing.assert_allclose(np.linalg.norm(ours[known], axis=-1), 1, atol=1e-6)
 
 
-def test_flow_of_sky_is_the_turn_alone_and_bodies_move_by_themselves():
+def test_flow_of_sky_and_of_moving_bodies():
     depth_m = np.full((120, 160), np.nan, np.float32)
     depth_m[60:] = 2.0
     bodies = np.zeros((120, 160), np.int32)
@@ -129,7 +129,7 @@ def test_flow_of_sky_is_the_turn_alone_and_bodies_move_by_themselves():
             assert moved[v, u, 2] == pytest.approx(p[2], rel=1e-6)
 
 
-def test_classes_and_objects_are_looked_up_and_nothing_is_zero():
+def test_lookup_of_negative_geoms_is_zero():
     geoms = np.array([[-1, 0], [2, 1]])
     classes = lookup(np.array([3, 1, 2], np.uint8), geoms)
     assert classes.dtype == np.uint8
@@ -139,7 +139,7 @@ def test_classes_and_objects_are_looked_up_and_nothing_is_zero():
     assert objects.tolist() == [[0, 300], [7, 7]]
 
 
-def test_sampling_is_exact_on_parabolas():
+def test_sample_is_exact_on_parabolas():
     v, u = np.indices((12, 16)).astype(np.float32)
     image = 3 + 0.5 * u - 0.2 * v + 0.03 * u * u - 0.05 * v * v + 0.1 * u * v
     rng = np.random.default_rng(2)
@@ -150,14 +150,14 @@ def test_sampling_is_exact_on_parabolas():
     np.testing.assert_allclose(both, np.stack([expected, 2 * expected], axis=-1), atol=4e-5)
 
 
-def test_sampling_continues_the_border_and_passes_nan_on():
+def test_sample_continues_the_border_and_keeps_nan():
     image = np.arange(12, dtype=np.float32).reshape(3, 4)
     u = np.array([[-5, 9, 0, np.nan]], np.float32)
     v = np.array([[0, 2, -3, 1]], np.float32)
     np.testing.assert_array_equal(sample(image, u, v), [[0, 11, 0, np.nan]])
 
 
-def test_samples_at_the_border_are_those_of_a_continued_image():
+def test_sample_at_border_agrees_with_padded_image():
     image = np.random.default_rng(9).random((7, 9), dtype=np.float32)
     padded = np.pad(image, 6, mode="edge")
     v, u = np.mgrid[-2:9:0.25, -2:11:0.25].astype(np.float32)
@@ -165,7 +165,7 @@ def test_samples_at_the_border_are_those_of_a_continued_image():
 
 
 @pytest.mark.parametrize(("phase_u", "phase_v"), [(0, 0), (0.5, 0), (0.3, 0.8)])
-def test_variance_of_samples_is_as_measured(phase_u: float, phase_v: float):
+def test_sample_variance_agrees_with_measurement(phase_u: float, phase_v: float):
     rng = np.random.default_rng(3)
     noise = 5 * rng.standard_normal((400, 400), dtype=np.float32)
     v, u = np.indices(noise.shape).astype(np.float32)
@@ -185,7 +185,7 @@ def _noisy_pair(rng: np.random.Generator, color: bool) -> tuple[np.ndarray, np.n
 
 
 @pytest.mark.parametrize("color", [False, True])
-def test_noise_explains_the_residual_of_a_right_label_and_not_of_a_wrong_one(color: bool):
+def test_expected_residual_explains_only_the_right_label(color: bool):
     left, right = _noisy_pair(np.random.default_rng(4), color)
     v, u = np.indices((200, 300)).astype(np.float32)
     visible = (u > 10) & (u < 290)
@@ -199,7 +199,7 @@ def test_noise_explains_the_residual_of_a_right_label_and_not_of_a_wrong_one(col
     assert math.sqrt((wrong**2).mean() / (expected**2).mean()) > 1.1
 
 
-def test_without_noise_rounding_is_what_is_expected():
+def test_expected_residual_without_noise_is_rounding():
     image = np.full((8, 12), 100, np.uint8)
     v, u = np.indices((8, 12)).astype(np.float32)
     visible = np.ones((8, 12), bool)

@@ -58,7 +58,7 @@ def pixels() -> Array:
 
 
 @pytest.mark.parametrize("name", LENSES)
-def test_distortion_is_opencvs(name: str):
+def test_distort_agrees_with_opencv(name: str):
     lens, points = LENSES[name], RIG.normalized(pixels())
     rays = np.dstack([points, np.ones(points.shape[:2])]).reshape(-1, 3)
     theirs, _ = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), RIG.K, coefficients(lens))
@@ -67,7 +67,7 @@ def test_distortion_is_opencvs(name: str):
 
 
 @pytest.mark.parametrize("name", LENSES)
-def test_the_chip_takes_light_from_where_opencv_says(name: str):
+def test_distortion_map_agrees_with_opencv(name: str):
     lens = LENSES[name]
     u, v = distortion_map(recording(lens), RIG, np.eye(3), 0)
     criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-12)
@@ -79,7 +79,7 @@ def test_the_chip_takes_light_from_where_opencv_says(name: str):
     np.testing.assert_allclose(distort(lens, undistort(lens, rays)), rays, atol=1e-9)
 
 
-def test_beyond_the_fold_no_light_arrives():
+def test_undistort_beyond_the_fold_is_nan():
     lens = SensorSettings(k1=-0.3)
     furthest = 2 / 3 * math.sqrt(1 / 0.9)  # r - 0.3 r^3 at its maximum
     inside, outside = undistort(lens, np.array([[furthest - 0.01, 0], [furthest + 0.01, 0]]))
@@ -96,16 +96,16 @@ def texture(rig: StereoRig, R_nominal_eye: Array = UNTURNED) -> Image:
     return np.rint(grey).astype(np.uint8)
 
 
-def taken(settings: RecordSettings, eye: int) -> tuple[ImageSensor, Image]:
+def taken(settings: RecordSettings, side: int) -> tuple[ImageSensor, Image]:
     """A rectified picture of the pattern."""
     rendered = widened(RIG, margin_px(settings, RIG))
-    sensor = ImageSensor(settings, 1 if eye else 0, RIG, rendered)
+    sensor = ImageSensor(settings, 1 if side else 0, RIG, rendered)
     chip = sensor.expose(decode(texture(rendered)), 1.0, 1.0, np.random.default_rng(0))
     return sensor, sensor.undistort(chip)
 
 
 @pytest.mark.parametrize("name", LENSES)
-def test_rectifying_a_distorted_picture_gives_the_pinholes_to_the_corners(name: str):
+def test_rectified_distorted_image_is_the_pinhole_image(name: str):
     sensor, picture = taken(recording(LENSES[name]), 0)
     error = picture.astype(float) - texture(RIG)
     assert picture.shape == (120, 160)
@@ -115,7 +115,7 @@ def test_rectifying_a_distorted_picture_gives_the_pinholes_to_the_corners(name: 
 
 
 @pytest.mark.parametrize("angle", ["roll_deg", "pitch_deg", "yaw_deg"])
-def test_only_the_right_eye_is_turned_and_calibration_does_not_see_it(angle: str):
+def test_miscalibration_turns_only_the_right_image(angle: str):
     settings = recording(SensorSettings(), **{angle: 2.0})
     np.testing.assert_array_equal(taken(settings, 0)[1], texture(RIG))
     turned = texture(RIG, miscalibration_rotation(settings.calibration))
@@ -124,7 +124,7 @@ def test_only_the_right_eye_is_turned_and_calibration_does_not_see_it(angle: str
     assert np.abs(turned.astype(float) - texture(RIG)).mean() > 2
 
 
-def test_turns_go_the_way_the_settings_say():
+def test_miscalibration_angles_have_the_stated_signs():
     """Upwards: -y. To the right: +x. Clockwise as seen: the camera's right side goes down."""
     forward, right = np.array([0, 0, 1.0]), np.array([1.0, 0, 0])
     assert (miscalibration_rotation(CalibrationSettings(pitch_deg=5)) @ forward)[1] < -0.08
@@ -132,7 +132,7 @@ def test_turns_go_the_way_the_settings_say():
     assert (miscalibration_rotation(CalibrationSettings(roll_deg=5)) @ right)[1] > 0.08
 
 
-def test_a_wrong_focal_length_rectifies_wrongly_but_fills_the_picture():
+def test_wrong_focal_length_still_fills_the_image():
     settings = recording(LENSES["barrel"], focal_percent=5)
     u, v = rectification_map(settings, RIG)
     delivered = delivered_rig(RIG, settings.calibration)
@@ -144,7 +144,7 @@ def test_a_wrong_focal_length_rectifies_wrongly_but_fills_the_picture():
 
 @pytest.mark.parametrize("name", LENSES)
 @pytest.mark.parametrize("yaw_deg", [0.0, 3.0])
-def test_the_margin_gives_light_to_every_pixel_and_no_more(name: str, yaw_deg: float):
+def test_margin_is_the_smallest_that_lights_all_pixels(name: str, yaw_deg: float):
     settings = recording(LENSES[name], yaw_deg=yaw_deg, pitch_deg=-1.0)
     margin, pad = margin_px(settings, RIG), raw_margin_px(settings, RIG)
     u, v = rectification_map(settings, RIG)
@@ -157,7 +157,7 @@ def test_the_margin_gives_light_to_every_pixel_and_no_more(name: str, yaw_deg: f
     assert needed + 1 < margin < needed + 4
 
 
-def test_softness_alone_needs_the_reach_of_its_spread():
+def test_margin_of_softness_is_the_psf_radius():
     assert margin_px(recording(SensorSettings(softness_px=1.5)), RIG) == 5
     assert margin_px(recording(SensorSettings()), RIG) == 0
 
@@ -170,7 +170,7 @@ def test_softness_alone_needs_the_reach_of_its_spread():
         ({"k1": -0.2, "k2": -0.2}, {}, "folds"),
     ],
 )
-def test_lenses_that_cannot_be_rendered_are_refused(
+def test_lens_that_folds_is_refused(
     lens: dict[str, float], calibration: dict[str, float], message: str
 ):
     with pytest.raises(SettingsError, match=message) as refusal:
@@ -178,7 +178,7 @@ def test_lenses_that_cannot_be_rendered_are_refused(
     assert "\n" not in str(refusal.value)
 
 
-def test_calibration_errors_scale_what_is_delivered_but_not_to_nothing():
+def test_calibration_errors_scale_the_delivered_rig():
     rig = delivered_rig(RIG, CalibrationSettings(baseline_percent=2, focal_percent=-1))
     assert rig.baseline_m == pytest.approx(0.0918)
     assert rig.f_px == pytest.approx(112.86)

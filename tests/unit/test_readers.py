@@ -18,11 +18,11 @@ def euroc(tmp_path):
 @pytest.fixture
 def kitti(tmp_path):
     folder = tmp_path / "05"
-    for eye in ("image_0", "image_1"):
-        (folder / eye).mkdir(parents=True)
+    for side in ("image_0", "image_1"):
+        (folder / side).mkdir(parents=True)
     for i, pair in enumerate(wall(3)):
-        for eye, image in zip(("image_0", "image_1"), pair, strict=True):
-            cv2.imwrite(str(folder / eye / f"{i:06d}.png"), image)
+        for side, image in zip(("image_0", "image_1"), pair, strict=True):
+            cv2.imwrite(str(folder / side / f"{i:06d}.png"), image)
     P0 = [F_PX, 0, 100, 0, 0, F_PX, 90, 0, 0, 0, 1, 0]
     P1 = [*P0[:3], -F_PX * BASELINE_M, *P0[4:]]
     rows = [f"{name}: " + " ".join(map(str, P)) for name, P in (("P0", P0), ("P1", P1))]
@@ -31,7 +31,7 @@ def kitti(tmp_path):
     return folder
 
 
-def test_euroc_pixels_and_calibration_arrive_unchanged(euroc):
+def test_euroc_pixels_and_calibration_are_unchanged(euroc):
     sequence = open_sequence(euroc)
     assert (sequence.name, len(sequence)) == ("drive", 3)
     rig = sequence.rig
@@ -56,11 +56,11 @@ def test_euroc_truth_is_of_the_left_camera(tmp_path):
     assert np.allclose(read_truth(folder).T_ref_frame[1, :3, 3], [2.3, 0, 0.5])
 
 
-def test_no_truth_is_none(tmp_path):
+def test_truth_missing_is_none(tmp_path):
     assert read_truth(write_euroc(tmp_path / "x", wall(2))) is None
 
 
-def test_kitti(kitti):
+def test_kitti_opens(kitti):
     sequence = open_sequence(kitti)
     assert sequence.timestamps_ns.tolist() == [0, 103_600_000, 200_000_000]
     rig = sequence.rig
@@ -117,7 +117,7 @@ def test_euroc_calibration_faults(euroc, key, value, message):
         open_sequence(euroc)
 
 
-def test_swapped_eyes_are_refused(tmp_path):
+def test_euroc_swapped_cameras_are_refused(tmp_path):
     left = np.eye(4)
     left[0, 3] = BASELINE_M
     with pytest.raises(CalibrationError, match="swapped"):
@@ -143,7 +143,7 @@ def write_wheels(folder, rows):
     table.write_text("#timestamp [ns],left [ticks],right [ticks]\n" + rows)
 
 
-def test_a_frame_has_the_last_wheel_reading_before_it(euroc):
+def test_frame_has_the_last_wheel_reading(euroc):
     assert open_sequence(euroc)[0].wheel_ticks is None
     rows = [f"{PERIOD_NS},-3,4", f"{2 * PERIOD_NS - 1},5,6", f"{2 * PERIOD_NS + 1},7,8"]
     write_wheels(euroc, "\n".join(rows))
@@ -151,7 +151,7 @@ def test_a_frame_has_the_last_wheel_reading_before_it(euroc):
     assert ticks == [(-3, 4), (5, 6), (7, 8)]
 
 
-def test_silent_encoders_do_not_tell_of_wheels_at_rest():
+def test_stale_encoder_readings_are_none():
     log = WheelLog(np.array([10**9, 2 * 10**9]), np.array([[1, 2], [3, 4]]))
     assert log.at(10**9 - 1) is None
     assert log.at(10**9 + STALE_NS) == (1, 2)

@@ -19,8 +19,8 @@ def test_hand_worked_projection():
     assert disparity_px == pytest.approx(457 * 0.09 / 2)
 
 
-def test_the_right_camera_stands_to_the_right():
-    """The right eye's own projection is u - disparity."""
+def test_right_camera_has_positive_disparity():
+    """The right camera's own projection is u - disparity."""
     point = np.array([0.2, 0.1, 1.5])
     seen_right = RIG.project(point - [RIG.baseline_m, 0, 0])
     u, v, disparity_px = RIG.project(point)
@@ -28,13 +28,13 @@ def test_the_right_camera_stands_to_the_right():
 
 
 @given(st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5), st.floats(0.05, 50)), max_size=5))
-def test_triangulation_undoes_projection(points):
+def test_triangulate_inverts_project(points):
     points = np.array(points).reshape(-1, 3)
     observed = RIG.project(points)
     assert np.allclose(RIG.triangulate(observed[:, :2], observed[:, 2]), points)
 
 
-def test_behind_and_at_infinity_are_nan():
+def test_points_behind_and_at_infinity_are_nan():
     assert np.isnan(RIG.project(np.array([[0, 0, 0], [1, 1, -2.0]]))).all()
     assert np.isnan(RIG.triangulate(np.zeros((3, 2)), np.array([0, -1, np.nan]))).all()
 

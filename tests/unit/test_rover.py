@@ -16,7 +16,7 @@ from vo.contract import se3
 from vo.contract.errors import SettingsError
 
 
-def test_weight_and_rest(make_scene, settled):
+def test_rover_weight_is_on_its_wheels_at_rest(make_scene, settled):
     world = settled(make_scene(), RecordSettings())
     body = world.model.body(BODY)
     assert 10 < body.subtreemass[0] < 12
@@ -28,7 +28,7 @@ def test_weight_and_rest(make_scene, settled):
     assert world.T_world_body[2, 3] == pytest.approx(WHEEL_RADIUS_M, abs=5e-4)
 
 
-def test_drives_straight_at_the_speed_asked_for(make_scene, settled):
+def test_rover_drives_straight_at_the_set_speed(make_scene, settled):
     world = settled(make_scene(), RecordSettings())
     start = world.T_world_body
     world.command_wheels(wheel_speeds(0.3, 0.0))
@@ -38,7 +38,7 @@ def test_drives_straight_at_the_speed_asked_for(make_scene, settled):
     assert abs(y) < 0.01
 
 
-def test_turns_on_the_spot(make_scene, settled):
+def test_rover_turns_on_the_spot(make_scene, settled):
     world = settled(make_scene(), RecordSettings())
     world.command_wheels(wheel_speeds(0.0, math.radians(30)))
     mujoco.mj_step(world.model, world.data, round(3 / world.model.opt.timestep))
@@ -47,7 +47,7 @@ def test_turns_on_the_spot(make_scene, settled):
     assert np.linalg.norm(world.T_world_body[:2, 3]) < 0.03
 
 
-def test_bumps_shake_it_but_do_not_throw_it_off(make_scene):
+def test_rover_on_bumps_stays_on_its_route(make_scene):
     settings = RecordSettings()
     flat, bumpy = (
         make_trip(build_world(make_scene(bumps=bumps), settings), settings)
@@ -62,7 +62,7 @@ def test_bumps_shake_it_but_do_not_throw_it_off(make_scene):
     assert bumpy.T_world_body[-1, :2, 3] == pytest.approx([3.0, 0.0], abs=0.03)
 
 
-def test_encoders_explain_the_path(make_scene):
+def test_encoders_agree_with_the_path(make_scene):
     """Dead reckoning from ticks ends within 1.5 % of a path with turns, but not exactly there."""
     route = np.array([[0, 0], [1.5, 0], [2.5, 1.0], [2.5, 2.0], [1.0, 2.0]])
     settings = RecordSettings()
@@ -80,7 +80,7 @@ def test_encoders_explain_the_path(make_scene):
     assert trip.wheel_times_ns[0] == trip.timestamps_ns[0]
 
 
-def test_trips_repeat_exactly(make_scene):
+def test_trip_repeats_exactly(make_scene):
     settings = RecordSettings(drive=DriveSettings(distance_m=1.0))
     first, second = (
         make_trip(build_world(make_scene(bumps=True), settings), settings) for _ in range(2)
@@ -98,7 +98,7 @@ def test_velocity_is_the_derivative_of_position(make_scene):
     np.testing.assert_allclose(secant, mean, atol=0.012)
 
 
-def test_a_wall_across_the_route_ends_the_trip_with_a_reason(make_scene):
+def test_trip_against_a_wall_ends_with_a_reason(make_scene):
     settings = RecordSettings()
     trip = make_trip(build_world(make_scene(wall=True), settings), settings)
     assert re.search(r"got stuck at \d+\.\d+ s near \(0\.\d+, ", trip.ended)
@@ -107,7 +107,7 @@ def test_a_wall_across_the_route_ends_the_trip_with_a_reason(make_scene):
     assert 4 < stuck_s < 25
 
 
-def test_an_unknown_route_lists_the_valid_ones(make_scene):
+def test_unknown_route_lists_the_valid_ones(make_scene):
     settings = RecordSettings(drive=DriveSettings(route="scenic"))
     with pytest.raises(SettingsError, match="no route scenic; valid: default"):
         build_world(make_scene(), settings)

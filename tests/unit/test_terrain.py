@@ -33,7 +33,7 @@ def laid(make_scene):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_wheels_feel_what_is_drawn(laid, kind):
+def test_terrain_contact_is_at_the_drawn_surface(laid, kind):
     world = laid(KINDS[kind])
     rng = np.random.default_rng(0)
     s = rng.uniform(CLEAR_START_M, world.path.length_m, 3000)
@@ -53,7 +53,7 @@ def test_wheels_feel_what_is_drawn(laid, kind):
     ("kind", "height_m", "spread_m"),
     [("brick", 0.015, 0.002), ("sill", 0.010, 0.0), ("ice", ICE_HEIGHT_M, 0.0)],
 )
-def test_it_is_as_high_as_asked(laid, kind, height_m, spread_m):
+def test_terrain_has_the_set_height(laid, kind, height_m, spread_m):
     world = laid(KINDS[kind])
     tops = np.array([_top(world, name) for name in _felt(world, kind)])
     assert len(tops) >= 4
@@ -62,7 +62,7 @@ def test_it_is_as_high_as_asked(laid, kind, height_m, spread_m):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_it_lies_along_the_route_and_leaves_the_start_clear(laid, kind):
+def test_terrain_is_on_the_route_with_a_clear_start(laid, kind):
     world = laid(KINDS[kind])
     centres = np.array([world.data.geom(name).xpos[:2] for name in _felt(world, kind)])
     route = world.path.at(np.linspace(0, world.path.length_m, 500))
@@ -71,7 +71,7 @@ def test_it_lies_along_the_route_and_leaves_the_start_clear(laid, kind):
     assert np.linalg.norm(centres, axis=1).min() > CLEAR_START_M - 0.05
 
 
-def test_each_kind_is_laid_alike_whatever_else_is_there(laid):
+def test_terrain_kinds_are_independent(laid):
     everything, other_seed = laid(ALL), laid(ALL, seed=1)
     fields = {"brick": "brick_mm", "sill": "sill_mm", "ice": "ice_share", "box": "boxes_per_m"}
     for kind, field in fields.items():
@@ -85,7 +85,7 @@ def test_each_kind_is_laid_alike_whatever_else_is_there(laid):
             assert len(others) != len(places) or np.any(np.array(others) != places)
 
 
-def test_terrain_knows_what_it_is(laid):
+def test_terrain_geoms_have_their_things(laid):
     world = laid(ALL)
     seen = {thing_of(world, g) for g in range(world.model.ngeom) if world.model.geom_group[g] == 4}
     kinds = {thing.name.split("_")[0]: thing.kind for thing in seen}
@@ -97,13 +97,13 @@ def test_terrain_knows_what_it_is(laid):
     }
 
 
-def test_no_terrain_adds_nothing(laid):
+def test_terrain_switched_off_adds_no_geoms(laid):
     world = laid(TerrainSettings())
     names = {world.model.geom(g).name for g in range(world.model.ngeom)}
     assert not any(name.startswith(PREFIX) for name in names)
 
 
-def test_bricks_shake_cartons_move_and_ice_makes_wheels_slip(make_scene):
+def test_terrain_bricks_shake_cartons_move_ice_slips(make_scene):
     route = np.array([[0.0, 0.0], [3.0, 0.0]])
 
     def drive(terrain: TerrainSettings):

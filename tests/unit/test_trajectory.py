@@ -47,7 +47,7 @@ def test_tum_round_trip(tmp_path_factory, times, data):
         (GOOD + "1.4 0 0 0 0 0 0 1\n", ":2: time does not increase"),
     ],
 )
-def test_malformed_rows_are_refused_by_line(tmp_path, text, message):
+def test_read_tum_malformed_row_names_its_line(tmp_path, text, message):
     path = tmp_path / "x.txt"
     path.write_text(text)
     with pytest.raises(TrajectoryError, match=message) as caught:
@@ -55,7 +55,7 @@ def test_malformed_rows_are_refused_by_line(tmp_path, text, message):
     assert str(path) in str(caught.value)
 
 
-def test_missing_and_binary_files(tmp_path):
+def test_read_tum_missing_or_binary_file_is_refused(tmp_path):
     with pytest.raises(TrajectoryError, match="cannot be read"):
         read_tum(tmp_path / "nowhere.txt")
     (tmp_path / "x.txt").write_bytes(b"\xff\xfe\x00")
@@ -63,7 +63,7 @@ def test_missing_and_binary_files(tmp_path):
         read_tum(tmp_path / "x.txt")
 
 
-def test_scientific_notation_is_read(tmp_path):
+def test_read_tum_scientific_notation(tmp_path):
     path = tmp_path / "x.txt"
     path.write_text("1.5e0 0 0 0 0 0 0 1\n")
     assert read_tum(path).timestamps_ns[0] == 1_500_000_000
@@ -83,7 +83,7 @@ def test_interpolation_does_not_extrapolate():
     assert len(straight([0, 10]).at(np.zeros(0, dtype=np.int64))) == 0
 
 
-def test_bad_trajectories_are_refused():
+def test_trajectory_invalid_is_refused():
     T = np.tile(np.eye(4), (2, 1, 1))
     with pytest.raises(TrajectoryError, match="must increase"):
         Trajectory(np.array([1, 1]), T)

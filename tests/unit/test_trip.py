@@ -40,7 +40,7 @@ def travel(make_scene):
 
 
 @pytest.mark.parametrize("rate_hz", [10, 15, 29.97, 7])
-def test_frames_come_at_their_rate_from_the_first_second_on(travel, rate_hz):
+def test_frames_have_their_rate_from_one_second_on(travel, rate_hz):
     trip = travel(RecordSettings(rig=RigSettings(rate_hz=rate_hz), drive=SHORT))
     assert trip.timestamps_ns[0] == START_S * 1e9
     expected_ns = START_S * 1e9 + np.arange(len(trip)) * 1e9 / rate_hz
@@ -52,7 +52,7 @@ def test_frames_come_at_their_rate_from_the_first_second_on(travel, rate_hz):
     ("camera_hz", "imu_hz", "encoders_hz"),
     [(15, 200, 100), (20, 200, 50), (30, 250, 100), (25, 1000, 1000), (12.5, 200, 100)],
 )
-def test_physics_runs_at_a_rate_that_every_sensors_rate_divides(camera_hz, imu_hz, encoders_hz):
+def test_physics_rate_is_a_multiple_of_sensor_rates(camera_hz, imu_hz, encoders_hz):
     settings = RecordSettings(
         rig=RigSettings(rate_hz=camera_hz),
         imu=ImuSettings(rate_hz=imu_hz),
@@ -65,7 +65,7 @@ def test_physics_runs_at_a_rate_that_every_sensors_rate_divides(camera_hz, imu_h
 
 
 @pytest.mark.parametrize("camera_hz", [29.97, 17, 240])
-def test_without_a_common_rate_the_cameras_rate_counts(camera_hz):
+def test_physics_rate_without_multiple_fits_the_camera(camera_hz):
     settings = RecordSettings(
         rig=RigSettings(rate_hz=camera_hz), imu=ImuSettings(rate_hz=333), drive=SHORT
     )
@@ -74,14 +74,14 @@ def test_without_a_common_rate_the_cameras_rate_counts(camera_hz):
     assert 1000 <= steps < 1000 + camera_hz
 
 
-def test_inertial_samples_come_at_their_rate_and_start_with_the_first_frame(travel):
+def test_inertial_samples_have_their_rate_from_first_frame(travel):
     trip = travel(RecordSettings(drive=SHORT))
     assert trip.motions.times_ns[0] == trip.timestamps_ns[0]
     np.testing.assert_allclose(np.diff(trip.motions.times_ns), 5_000_000, atol=1)
     np.testing.assert_array_equal(trip.motions.T_world_body[0], trip.T_world_body[0])
 
 
-def test_angular_velocity_is_what_turns_the_body(travel):
+def test_angular_velocity_agrees_with_the_rotation(travel):
     route = np.array([[0, 0], [0.5, 0], [0.5, 1.0]])
     motions = travel(RecordSettings(), route=route).motions
     turn = se3.rotation_vector(motions.T_world_body[1:] @ se3.inverse(motions.T_world_body[:-1]))
@@ -91,7 +91,7 @@ def test_angular_velocity_is_what_turns_the_body(travel):
     assert np.sqrt((error**2).mean()) < 0.01
 
 
-def test_halfway_between_two_states_the_rover_has_turned_half(make_scene):
+def test_states_interpolate_half_the_rotation(make_scene):
     world = build_world(make_scene(), RecordSettings())
     first, second = world.data.qpos.copy(), world.data.qpos.copy()
     first[:7] = [0, 0, 1, 1, 0, 0, 0]
@@ -109,7 +109,7 @@ def test_halfway_between_two_states_the_rover_has_turned_half(make_scene):
         assert abs(quarter[3:7] @ _about_z(math.radians(20))) == pytest.approx(1, abs=1e-12)
 
 
-def test_states_are_clamped_to_their_ends_and_exact_where_sampled(make_scene):
+def test_states_are_exact_at_samples_and_clamped(make_scene):
     world = build_world(make_scene(), RecordSettings())
     qpos = np.stack([world.data.qpos + x for x in (0.0, 0.1, 0.3)])
     states = States(np.array([10, 20, 30]), qpos)
@@ -117,7 +117,7 @@ def test_states_are_clamped_to_their_ends_and_exact_where_sampled(make_scene):
         np.testing.assert_array_equal(states.at(world.model, time_ns), qpos[k])
 
 
-def test_states_cover_every_open_shutter(travel):
+def test_states_cover_all_exposures(travel):
     exposure = ExposureSettings(time_ms=20, line_time_us=20, right_offset_ms=-5)
     settings = RecordSettings(exposure=exposure, drive=SHORT)
     trip = travel(settings)
@@ -130,7 +130,7 @@ def test_states_cover_every_open_shutter(travel):
         assert np.diff(near).max() < 1_000_001
 
 
-def test_the_rover_halts_as_often_and_as_long_as_asked(travel):
+def test_rover_halts_at_the_set_distance_and_duration(travel):
     drive = DriveSettings(distance_m=1.6, stop_every_m=0.5, stop_s=1.0)
     trip = travel(RecordSettings(drive=drive))
     speed_mps = np.linalg.norm(trip.motions.v_world_body[:, :2], axis=1)
@@ -144,7 +144,7 @@ def test_the_rover_halts_as_often_and_as_long_as_asked(travel):
     assert not trip.ended
 
 
-def test_lost_frames_are_as_many_as_asked_and_never_the_first(travel):
+def test_lost_frames_have_the_set_share_without_the_first(travel):
     settings = RecordSettings(drive=DriveSettings(distance_m=2.0), rig=RigSettings(rate_hz=30))
     none = travel(settings)
     assert none.delivered.all()
@@ -159,7 +159,7 @@ def test_lost_frames_are_as_many_as_asked_and_never_the_first(travel):
     assert most.delivered[0]
 
 
-def test_a_push_that_tips_the_rover_ends_the_trip_and_says_when(travel):
+def test_tipped_rover_ends_the_trip_with_a_time(travel):
     trip = travel(RecordSettings(), mover=_ram(3.0, 0.45))
     assert trip.ended.startswith("the rover tipped over at ")
     last_s = trip.timestamps_ns[-1] * 1e-9
@@ -169,12 +169,12 @@ def test_a_push_that_tips_the_rover_ends_the_trip_and_says_when(travel):
     assert trip.T_world_body[0, 2, 2] > 0.999
 
 
-def test_a_rover_that_fails_before_its_second_frame_makes_no_trip(travel):
+def test_trip_that_fails_before_second_frame_raises(travel):
     with pytest.raises(DriveError, match="tipped over"):
         travel(RecordSettings(rig=RigSettings(rate_hz=1)), mover=_ram(1.2, 0.05))
 
 
-def test_a_hand_starts_and_ends_at_rest_at_the_rovers_height(travel):
+def test_walk_starts_and_ends_at_rest_at_rover_height(travel):
     drive = DriveSettings(carrier="handheld", distance_m=1.5, speed_mps=0.8, acceleration_mps2=1.0)
     trip = travel(RecordSettings(drive=drive, handheld=STEADY))
     speed_mps = np.linalg.norm(trip.motions.v_world_body, axis=1)
@@ -188,7 +188,7 @@ def test_a_hand_starts_and_ends_at_rest_at_the_rovers_height(travel):
     assert len(trip.wheel_counts) == 0
 
 
-def test_a_hand_sways_and_trembles_within_what_was_asked(travel):
+def test_walk_sway_and_tremor_have_the_set_size(travel):
     drive = DriveSettings(carrier="handheld", distance_m=2.0, speed_mps=0.8)
     trip = travel(RecordSettings(drive=drive))
     height_m = trip.motions.T_world_body[:, 2, 3] - WHEEL_RADIUS_M
@@ -199,7 +199,7 @@ def test_a_hand_sways_and_trembles_within_what_was_asked(travel):
     assert np.abs(height_m[at_start]).max() < 0.005
 
 
-def test_a_hands_velocity_is_the_derivative_of_its_position(travel):
+def test_walk_velocity_is_the_derivative_of_position(travel):
     drive = DriveSettings(carrier="handheld", distance_m=1.0)
     motions = travel(RecordSettings(drive=drive, imu=ImuSettings(rate_hz=1000))).motions
     secant = np.diff(motions.T_world_body[:, :3, 3], axis=0) / 1e-3
@@ -210,7 +210,7 @@ def test_a_hands_velocity_is_the_derivative_of_its_position(travel):
     np.testing.assert_allclose(turn / 1e-3, mean, atol=5e-3)
 
 
-def test_a_hand_halts_too(travel):
+def test_walk_halts(travel):
     drive = DriveSettings(carrier="handheld", distance_m=1.5, stop_every_m=0.6, stop_s=1.0)
     motions = travel(RecordSettings(drive=drive, handheld=STEADY)).motions
     speed_mps = np.linalg.norm(motions.v_world_body, axis=1)
@@ -218,7 +218,7 @@ def test_a_hand_halts_too(travel):
     assert 0.9 < (speed_mps[near] < 1e-3).sum() * 0.005 < 1.3
 
 
-def test_a_walk_repeats_exactly_and_another_seed_trembles_otherwise(travel):
+def test_walk_repeats_with_its_seed_only(travel):
     settings = RecordSettings(drive=DriveSettings(carrier="handheld", distance_m=1.0))
     first, second = (travel(settings) for _ in range(2))
     np.testing.assert_array_equal(first.motions.T_world_body, second.motions.T_world_body)
@@ -226,7 +226,7 @@ def test_a_walk_repeats_exactly_and_another_seed_trembles_otherwise(travel):
     assert (other.T_world_body != first.T_world_body).any()
 
 
-def test_a_rigid_mast_is_the_chassis_and_a_bending_one_rings_after_bumps(make_scene):
+def test_bending_mast_vibrates_and_rigid_mast_does_not(make_scene):
     apart_rad = {}
     for flex_deg in (0.0, 3.0):
         settings = RecordSettings(rover=RoverSettings(flex_deg=flex_deg), drive=SHORT)

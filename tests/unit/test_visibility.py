@@ -57,7 +57,7 @@ def beside_outline(view: View, u: Array, v: Array, own: Array) -> Mask:
     return shape_differs | ~np.isclose(normals, normals[0], atol=0.5).all(axis=(0, 2))
 
 
-def test_occlusion_agrees_with_rays_to_the_right_eye(left: View):
+def test_occlusion_agrees_with_rays_to_the_right_camera(left: View):
     right = look(WORLD, RIG, T_WORLD_LEFT @ T_LEFT_RIGHT)
     code = occlusion(RIG, left.depth_m, right.depth_m)
     seen = sees(WORLD, T_WORLD_LEFT @ T_LEFT_RIGHT, left.points_world)
@@ -76,7 +76,7 @@ def test_occlusion_agrees_with_rays_to_the_right_eye(left: View):
     assert beside.mean() > 0.98  # the rest: sides narrower than three pixels have no slope
 
 
-def test_what_occlusion_misses_is_hidden_by_half_a_pixel_at_most(left: View):
+def test_occlusion_misses_at_most_half_a_pixel(left: View):
     right = look(WORLD, RIG, T_WORLD_LEFT @ T_LEFT_RIGHT)
     code = occlusion(RIG, left.depth_m, right.depth_m)
     disparity = disparity_from_depth(RIG, left.depth_m)
@@ -88,7 +88,7 @@ def test_what_occlusion_misses_is_hidden_by_half_a_pixel_at_most(left: View):
     assert np.nanmax(excess[other]) < HIDING_STRIP_PX + 0.3  # and the slope over half a pixel
 
 
-def test_a_steep_plane_hides_nothing_of_itself():
+def test_occlusion_of_a_steep_plane_is_visible():
     """A wall almost along the line of sight: disparity rises by 0.8 px from pixel to pixel."""
     world = [Box((5.0, 0.01, 2.0), place(4.0, -0.12, 0.5))]
     T_world_left = camera(0.5, 0.0)
@@ -99,8 +99,8 @@ def test_a_steep_plane_hides_nothing_of_itself():
     assert not (occlusion(RIG, left.depth_m, right.depth_m) == Occlusion.HIDDEN).any()
 
 
-def test_what_the_other_eye_meets_nowhere_is_hidden():
-    """A wire falls between the right eye's pixels: a wall of 2 px behind it is all there is."""
+def test_occlusion_without_right_surface_is_hidden():
+    """A wire falls between the right camera's pixels: a wall of 2 px behind it is all there is."""
     rig = StereoRig(12, 1, 100, 5.5, 0, 0.1)
     left = np.full((1, 12), 10 / 2.0, np.float32)
     left[0, 8] = 10 / 4.5
@@ -146,7 +146,7 @@ def test_covisibility_agrees_with_rays_to_the_next_camera(left: View):
     assert beside.mean() > 0.96  # the rest: those, and where the ball curves away
 
 
-def test_sky_stays_nothing_and_what_falls_behind_the_camera_is_outside():
+def test_covisibility_of_sky_and_points_behind_the_camera():
     depth_m = np.full((4, 6), np.nan, np.float32)
     depth_m[:, 3:] = 0.5
     rig = StereoRig(6, 4, 5.0, 2.5, 1.5, 0.1)

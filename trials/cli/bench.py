@@ -34,8 +34,8 @@ def bench(
     found = study.measure_all(scene, seed, quick, console.progress_bar)
     generated = found.generated
     _print_conditions(f"{scene}, seed {seed}, {found.distance_m:g} m; {generated[0].gl}")
-    console.out.print(study.generator_table(generated, found.rendered, found.cores))
-    console.out.print(study.ratio_table(generated, found.rendered, found.scaling))
+    console.out.print(study.generator_table(found))
+    console.out.print(study.ratio_table(found))
     console.out.print(
         f"{generated[0].frames} frames in {generated[0].whole_s:.1f} s with scene, drive and map; "
         f"left images of both renderers differ by {found.rendered.different_grey:.2f} grey levels"

@@ -4,8 +4,7 @@ from pathlib import Path
 
 from trials.cli import console
 from trials.cli.options import Seed, option
-from trials.studies.bump import bump_summary, draw, record_bumps
-from vo.contract.files import replacing
+from trials.studies.bump import bump_summary, draw_bumps, record_bumps
 
 
 def bump(
@@ -15,7 +14,6 @@ def bump(
 ) -> None:
     """Drive over loose bricks; draw wheel load, shock, pitch, blur and features over time."""
     channels = record_bumps(scene, seed, console.progress_bar)
-    with replacing(out) as partial:
-        draw(channels, scene).savefig(partial, format="png", dpi=130)
+    draw_bumps(channels, scene, out)
     console.out.print(bump_summary(channels))
     console.out.print(f"{out}")

@@ -85,16 +85,6 @@ def batch_bar(
         yield advance, finish
 
 
-def table(header: Sequence[str], rows: Iterable[Sequence[str]], title: str | None = None) -> Table:
-    """Lay out rows of text: the first column to the left, all others to the right."""
-    made = Table(*header, title=title, title_justify="left")
-    for column in made.columns[1:]:
-        column.justify = "right"
-    for row in rows:
-        made.add_row(*row)
-    return made
-
-
 def print_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     """Print rows of text without a frame, all columns to the left."""
     made = Table(*header, box=None)

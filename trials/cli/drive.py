@@ -17,6 +17,7 @@ from trials.gym.studies.result_store import Ledger
 from trials.gym.studies.sensitivity import draw_sensitivity
 from trials.gym.studies.trial_protocol import MEASURES, Trial, summary
 from trials.report.figure import save_figure
+from trials.report.tables import text_table
 from vo.contract.errors import SettingsError
 from vo.contract.files import write_text
 from vo.contract.settings import parse_overrides, validated
@@ -185,4 +186,4 @@ def _print_summary(
     """Print one column for each group of trials."""
     found = {name: summary(trials, measures) for name, trials in columns.items()}
     rows = [(row, *(x[row] for x in found.values())) for row in next(iter(found.values()))]
-    console.out.print(console.table((title, *found), rows))
+    console.out.print(text_table((title, *found), rows))

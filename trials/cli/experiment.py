@@ -6,6 +6,7 @@ from pathlib import Path
 from trials.cli import console
 from trials.cli.options import argument, option
 from trials.execution.runner import run_jobs
+from trials.report.tables import text_table
 from trials.studies.experiments.base import FULL, SMALL, Experiment
 from trials.studies.experiments.page import write_html_page, write_page
 from trials.studies.experiments.record import Record, read_record, write_record
@@ -48,7 +49,7 @@ def _chosen(which: str) -> list[Experiment]:
 
 def _print(record: Record, folder: Path) -> None:
     title = f"{record.id}. {record.title}"
-    console.out.print(console.table(record.table.columns, record.table.rows, title))
+    console.out.print(text_table(record.table.columns, record.table.rows, title))
     console.out.print(
         f"{record.claim}\n[bold]The claim {record.verdict.value}.[/bold] {record.sentence}"
     )

@@ -4,6 +4,7 @@ import numpy as np
 
 from trials.cli import console
 from trials.cli.options import option
+from trials.report.tables import text_table
 from trials.studies.replanning import CHANGES, measure
 
 
@@ -26,4 +27,4 @@ def replanning(
             rows.append((f"{name} {what}", *figures, f"{expanded:.0f}"))
     header = ("change", "D* Lite, ms", "A*, ms", "ratio", "worst 5 %", "expanded")
     title = f"warehouse, {side} x {side} cells; medians over {changes} changes"
-    console.out.print(console.table(header, rows, title))
+    console.out.print(text_table(header, rows, title))

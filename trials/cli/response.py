@@ -4,14 +4,10 @@ from pathlib import Path
 
 from trials.cli import console
 from trials.cli.options import option
-from trials.execution.jobs import jobs_of
-from trials.execution.runner import run_jobs
 from trials.studies.response import (
-    BASELINE,
     disturbance_table,
-    draw,
-    drive,
-    respond,
+    draw_responses,
+    measure,
     scene_table,
     settings_of,
 )
@@ -30,12 +26,9 @@ def response(
     """
     settings = settings_of([name for name in only.split(",") if name])
     seeded = range(first_seed, first_seed + seeds)
-    drives = {(x, seed): drive(x, seed, distance) for x in settings for seed in seeded}
-    with console.counting_bar("drives", len(drives)) as count:
-        results = run_jobs(jobs_of(drives.values(), [BASELINE]), progress=count)
-    found = {x: [respond(results.at(drives[x, seed], BASELINE)) for seed in seeded]
-             for x in settings}  # fmt: skip
+    with console.counting_bar("drives", len(settings) * seeds) as count:
+        found = measure(settings, seeded, distance, count)
     console.out.print(scene_table(found))
     console.out.print(disturbance_table(found))
-    draw(found, out)
+    draw_responses(found, out)
     console.out.print(f"{out}")

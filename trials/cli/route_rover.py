@@ -16,6 +16,7 @@ from trials.gym.studies.routed_figure import SIZE_IN, draw_drives, telling
 from trials.gym.world.aisles import survey_aisles
 from trials.gym.world.scene_instance import open_site
 from trials.report.figure import save_figure
+from trials.report.tables import text_table
 from trials.routing.drive import STRATEGIES
 from vo.contract.files import write_text
 from vo.contract.settings import validated
@@ -79,7 +80,7 @@ def _print_table(title: str, drives: Sequence[RoutedDrive]) -> None:
         times = (predicted_s.text(1), measured_s.text(1), ratio.text(2))
         rows.append((strategy.name, f"{arrived}/{len(mine)}", *times, f"{same}/{len(mine)}"))
     header = (title, "arrived", "model, s", "rover, s", "rover over model", "as the model went")
-    console.out.print(console.table(header, rows))
+    console.out.print(text_table(header, rows))
 
 
 def _csv(drives: Sequence[RoutedDrive]) -> str:

@@ -12,6 +12,7 @@ from trials.cli.options import Dataset, Trajectories, option
 from trials.evaluation.alignment import Alignment
 from trials.evaluation.runs import read_run
 from trials.evaluation.score import Score, score_run
+from trials.report.tables import text_table
 from vo.contract.errors import DatasetError
 from vo.contract.readers import open_sequence, read_truth
 
@@ -46,7 +47,7 @@ def score_files(dataset: Path, files: Sequence[Path]) -> list[Score]:
 def score_table(title: str, scores: Sequence[Score]) -> Table:
     """Lay out one column per run."""
     rows = [(label, *(figure(x) for x in scores)) for label, figure in FIGURES.items()]
-    return console.table(("", *(x.estimator for x in scores)), rows, title)
+    return text_table(("", *(x.estimator for x in scores)), rows, title)
 
 
 def _number(value: float | None, digits: int) -> str:

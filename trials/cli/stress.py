@@ -13,9 +13,10 @@ from trials.cli.options import Distance, argument, changes, option
 from trials.estimators.plugins.command import Command
 from trials.execution.jobs import Variant
 from trials.execution.runner import NO_LABELS, run_jobs
-from trials.studies.strengths import AXES, MAIN, Axis
-from trials.studies.stress import Curve, Limits, responder, verdict
+from trials.report.tables import text_table
+from trials.studies.stress import Curve, Limits, describe, responder
 from trials.studies.stress import stress as find_limit
+from trials.studies.stress_axes import AXES, MAIN, Axis
 from trials.studies.stress_report import write_curves, write_page
 from vo.contract.errors import SettingsError
 
@@ -92,7 +93,7 @@ def _search(name: str, axis: Axis, variant: Variant, search: SearchOptions) -> C
         respond = responder(
             axis, scene, variant, seeds, shared, lambda jobs: run_jobs(jobs, progress=count)
         )
-        curve = find_limit(axis, respond, search.points, search.rounds, limits)
+        curve = find_limit(axis, scene, respond, search.points, search.rounds, limits)
     _print(curve, title)
     return curve
 
@@ -102,20 +103,20 @@ def _axes(names: str, most: float | None) -> dict[str, Axis]:
     for name in chosen:
         if name not in AXES:
             raise SettingsError(f"unknown axis {name}; valid: all, {', '.join(AXES)}")
-    return {x: AXES[x] if most is None else replace(AXES[x], reach=most) for x in chosen}
+    return {x: AXES[x] if most is None else replace(AXES[x], maximum=most) for x in chosen}
 
 
 def _print(curve: Curve, title: str) -> None:
     rows: list[tuple[str, ...]] = []
     for x in curve.responses:
         drifts = " ".join("–" if np.isnan(d) else f"{d:.3f}" for d in x.drift_percent)
-        failed = f"{sum(x.broken(curve.limits))} of {len(x.seeds)}"
+        failed = f"{sum(x.failed(curve.limits))} of {len(x.seeds)}"
         lost = f"{100 * np.mean(x.lost_share):.1f}"
         rows.append((f"{x.strength:.4g}", drifts, lost, failed))
-    header = (curve.axis.label, "drift over 1 m, %, by drive", "lost, %", "broken")
-    console.out.print(console.table(header, rows, title))
+    header = (curve.axis.label, "drift over 1 m, %, by drive", "lost, %", "failed")
+    console.out.print(text_table(header, rows, title))
     limits = curve.limits
     console.out.print(
-        f"{verdict(curve)} Broken: drift over {limits.drift_percent:g} % or more than "
-        f"{100 * limits.lost_share:g} % of the frames lost, on most drives."
+        f"{describe(curve)} Failed: drift over {limits.drift_percent:g} % or more than "
+        f"{100 * limits.lost_share:g} % of the frames lost; the estimator fails with most drives."
     )

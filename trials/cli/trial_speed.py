@@ -5,6 +5,7 @@ import os
 from trials.cli import console
 from trials.cli.options import argument, option
 from trials.gym.studies.speed import CASES, SHARED, rate_hz, scaling
+from trials.report.tables import text_table
 
 
 def trial_speed(
@@ -17,4 +18,4 @@ def trial_speed(
     if workers and len(cores) == 2:
         ratio = scaling(SHARED, scene, cores)
         rows.append(("two workers over one, each on its core", f"{ratio:.2f}", "1.6"))
-    console.out.print(console.table(("a step of", "steps/s of one core", "promised"), rows))
+    console.out.print(text_table(("a step of", "steps/s of one core", "promised"), rows))

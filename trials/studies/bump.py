@@ -1,4 +1,4 @@
-"""One cause, many labels: what a brick under a wheel does to every channel; `driftyard bump`."""
+"""Effect of bricks under the wheels on all channels of a recording; `driftyard bump`."""
 
 import tempfile
 from collections.abc import Mapping
@@ -9,6 +9,7 @@ import numpy as np
 
 from trials.execution.progress import ProgressBar, no_progress
 from trials.execution.recording_settings import recording_settings
+from trials.report.figure import BLUE, INK, OCHRE, RED, save_figure, tidy
 from vo.contract.arrays import Array
 
 if TYPE_CHECKING:
@@ -17,16 +18,15 @@ if TYPE_CHECKING:
 
 BASELINE = "corner_flow"
 SECONDS = (2.0, 9.0)
-"""What is shown, in the recording's own time."""
+"""Interval of the figure, seconds of the recording."""
 SHUTTER_MS = 35.0
-INK, RED, BLUE, OCHRE = "#2b3036", "#c8401e", "#2a6fb0", "#b5820e"
 
 Channel = tuple[Array, Array]
 """Times in seconds and values."""
 
 
 def record_bumps(scene: str, seed: int, bar: ProgressBar = no_progress) -> dict[str, Channel]:
-    """Drive over loose bricks: channels as of `read_channels`, and `features` that survive."""
+    """Record a drive over loose bricks; returns `read_channels` and the inlier `features`."""
     from sim.batch import build
     from sim.record import record
     from trials.estimators.choice import Named, estimate
@@ -53,11 +53,11 @@ def record_bumps(scene: str, seed: int, bar: ProgressBar = no_progress) -> dict[
 
 
 def read_channels(folder: Path, step_px: float) -> dict[str, Channel]:
-    """Read what a recording says of its bumps.
+    """Read the channels of a recording that bumps affect.
 
     Args:
         folder: Dataset.
-        step_px: Motion that one sub-frame stands for.
+        step_px: Image motion per sub-frame.
 
     Returns:
         Name to times and values: `left`, `right` and `caster` loads in newtons, `shock` in m/s²
@@ -79,7 +79,7 @@ def read_channels(folder: Path, step_px: float) -> dict[str, Channel]:
 
 
 def bump_summary(channels: Mapping[str, Channel]) -> str:
-    """Say how the channels move together."""
+    """Describe blur and features of frames with and without shocks."""
     shock = channels["shock"]
     envelope = np.abs(shock[1])
     at_frames, blur = channels["blur"]
@@ -88,41 +88,38 @@ def bump_summary(channels: Mapping[str, Channel]) -> str:
     calm = nearby < np.quantile(nearby, 0.5)
     features = np.interp(at_frames, *channels["features"])
     return (
-        f"shaken frames against calm ones: blur {blur[shaken].mean():.1f} against "
+        f"frames with shocks compared with calm ones: blur {blur[shaken].mean():.1f} against "
         f"{blur[calm].mean():.1f} px, features {features[shaken].mean():.0f} against "
         f"{features[calm].mean():.0f}; largest wheel load "
         f"{max(channels[w][1].max() for w in ('left', 'right', 'caster')):.0f} N"
     )
 
 
-def draw(channels: Mapping[str, Channel], scene: str) -> "Figure":
-    """Draw all channels above each other on one axis of time."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10, 9), layout="constrained")
-    FigureCanvasAgg(figure)
-    panels = figure.subplots(5, 1, sharex=True)
+def draw_bumps(channels: Mapping[str, Channel], scene: str, out: Path) -> None:
+    """Draw all channels over time, one panel below the other, as PNG."""
     rows = (
         ("wheel load, N", (("left", RED), ("right", BLUE), ("caster", OCHRE))),
         ("vertical\nacceleration, m/s²", (("shock", INK),)),
         ("pitch rate, °/s", (("pitch", INK),)),
         (f"blur in\n{SHUTTER_MS:g} ms, px", (("blur", INK),)),
-        ("features that\nsurvive", (("features", INK),)),
+        ("inlier\nfeatures", (("features", INK),)),
     )
-    impacts_s = _impacts_s(channels)
-    for panel, (label, lines) in zip(panels, rows, strict=True):
-        for time_s in impacts_s:
-            panel.axvline(time_s, color="#f0d9a8", linewidth=3.0, zorder=0)
-        _draw_panel(panel, label, {name: (channels[name], colour) for name, colour in lines})
-    panels[0].legend(loc="upper right", fontsize=8, ncols=3, frameon=False)
-    panels[-1].set_xlabel("time, s")
-    figure.suptitle(f"Bricks under the wheels, {scene}", x=0.01, ha="left", weight="bold")
-    return figure
+
+    def draw(figure: "Figure") -> None:
+        panels = figure.subplots(len(rows), 1, sharex=True)
+        for panel, (label, lines) in zip(panels, rows, strict=True):
+            for time_s in _impacts_s(channels):
+                panel.axvline(time_s, color=OCHRE, alpha=0.3, linewidth=3.0, zorder=0)
+            _draw_panel(panel, label, {name: (channels[name], colour) for name, colour in lines})
+        panels[0].legend(loc="upper right", fontsize=8, ncols=3, frameon=False)
+        panels[-1].set_xlabel("time, s")
+        figure.suptitle(f"Bricks under the wheels, {scene}", x=0.01, ha="left", weight="bold")
+
+    save_figure(out, (10, 9), draw)
 
 
 def _impacts_s(channels: Mapping[str, Channel]) -> list[float]:
-    """When a wheel bore more than twice what it bears at rest, once for each blow."""
+    """Return the times at which a wheel load exceeds twice its median, once for each impact."""
     impacts: list[float] = []
     for wheel in ("left", "right", "caster"):
         times_s, loads = channels[wheel]
@@ -138,8 +135,5 @@ def _draw_panel(panel: "Axes", label: str, lines: Mapping[str, tuple[Channel, st
         by_frame = len(times_s) < 1000 and name in ("blur", "features")
         (line,) = panel.plot(times_s[shown], values[shown], color=colour, linewidth=1.0, label=name)
         line.set_drawstyle("steps-mid" if by_frame else "default")
-    panel.set_ylabel(label, fontsize=9)
-    panel.grid(color="#e6e6e6", linewidth=0.6)
     panel.margins(x=0)
-    for side in ("top", "right"):
-        panel.spines[side].set_visible(False)
+    tidy(panel, "", label)

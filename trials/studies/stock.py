@@ -1,4 +1,4 @@
-"""MuJoCo's own renderer, as its documentation uses it: what ours is measured against."""
+"""Stock renderer: MuJoCo's own, used as in its documentation, for comparison."""
 
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -21,7 +21,7 @@ from vo.contract.rig import StereoRig
 
 @dataclass(frozen=True)
 class StockView:
-    """One frame of the plain loop.
+    """One frame of the stock renderer.
 
     Attributes:
         left: (H, W, 3) RGB uint8.
@@ -48,12 +48,12 @@ def stock_renderer(world: World, settings: RenderSettings) -> Generator[mujoco.R
 
 
 def render_plainly(renderer: mujoco.Renderer, world: World, depths: int) -> StockView:
-    """Make both images and the depth of one eye or two, one call after the other.
+    """Render both images and one or two depths in successive calls.
 
     Args:
         renderer: From `stock_renderer`.
-        world: At the state to show.
-        depths: 1 for the left one alone, 2 for both; only the left one is returned.
+        world: In the state to render.
+        depths: 1 for the left depth, 2 for both; only the left one is returned.
     """
     camera = world.model.camera(CAMERA).id
     centre = world.data.cam_xpos[camera].copy()
@@ -62,25 +62,25 @@ def render_plainly(renderer: mujoco.Renderer, world: World, depths: int) -> Stoc
     option.geomgroup[[*BOTH_GROUPS, IMAGE_GROUP]] = 1
     half_baseline = world.rig.baseline_m / 2 * world.data.cam_xmat[camera].reshape(3, 3)[:, 0]
 
-    def look(side: int, depth: bool) -> Array:
+    def render(side: int, depth: bool) -> Array:
         world.data.cam_xpos[camera] = centre + side * half_baseline
         if depth:
             renderer.enable_depth_rendering()
         renderer.update_scene(world.data, camera, option)
-        seen = renderer.render()
+        image = renderer.render()
         renderer.disable_depth_rendering()
-        return seen
+        return image
 
-    right, left = look(1, False), look(-1, False)
+    right, left = render(1, False), render(-1, False)
     if depths == 2:
-        look(1, True)
-    view = StockView(left, right, look(-1, True))
+        render(1, True)
+    view = StockView(left, right, render(-1, True))
     world.data.cam_xpos[camera] = centre
     return view
 
 
 def write_plainly(view: StockView, rig: StereoRig, folder: Path) -> None:
-    """Write the four files of a dataset's frame by OpenCV, one after the other."""
+    """Write the four files of a frame with OpenCV."""
     files = {
         "left.png": grey(view.left),
         "right.png": grey(view.right),
@@ -92,5 +92,5 @@ def write_plainly(view: StockView, rig: StereoRig, folder: Path) -> None:
 
 
 def grey(rgb: Image) -> Image:
-    """Convert (H, W, 3) RGB to (H, W) grey, as a dataset's images are."""
+    """Convert (H, W, 3) RGB to (H, W) grey, the format of datasets."""
     return np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), np.uint8)

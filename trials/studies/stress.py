@@ -1,4 +1,4 @@
-"""How much of one thing an estimator bears: its drift over the strength, and where it breaks."""
+"""Stress test: drift of an estimator over a growing disturbance, and where it fails."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -6,18 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from trials.execution.jobs import Job, Recording, Result, Results, Variant
-from trials.studies.strengths import Axis
-
-Perform = Callable[[Sequence[Job]], Results]
+from trials.studies.stress_axes import Axis
 
 
 @dataclass(frozen=True)
 class Limits:
-    """When an estimator counts as broken.
+    """Limits above which a drive has failed.
 
     Attributes:
-        drift_percent: Drift over 1 m above it.
-        lost_share: Share of frames without a pose above it.
+        drift_percent: Drift over 1 m, %.
+        lost_share: Ratio of frames without a pose to all frames.
     """
 
     drift_percent: float = 2.0
@@ -26,13 +24,13 @@ class Limits:
 
 @dataclass(frozen=True)
 class Response:
-    """What one strength did.
+    """Errors of N drives at one strength.
 
     Attributes:
-        strength: In the axis' unit.
+        strength: In the unit of the axis.
         seeds: (N,) of the drives.
-        drift_percent: (N,) drift over 1 m; NaN if there is none to speak of.
-        lost_share: (N,) of the frames.
+        drift_percent: (N,) drift over 1 m, %; NaN if undefined.
+        lost_share: (N,) ratio of frames without a pose to all frames.
     """
 
     strength: float
@@ -40,27 +38,27 @@ class Response:
     drift_percent: tuple[float, ...]
     lost_share: tuple[float, ...]
 
-    def broken(self, limits: Limits) -> tuple[bool, ...]:
-        """Which drives the estimator did not survive."""
+    def failed(self, limits: Limits) -> tuple[bool, ...]:
+        """Return which drives have failed."""
         return tuple(
             not drift <= limits.drift_percent or lost > limits.lost_share
             for drift, lost in zip(self.drift_percent, self.lost_share, strict=True)
         )
 
-    def breaks(self, limits: Limits) -> bool:
-        """Whether it survived fewer than half of the drives."""
-        return sum(self.broken(limits)) > len(self.seeds) / 2
+    def fails(self, limits: Limits) -> bool:
+        """Whether more than half of the drives have failed."""
+        return sum(self.failed(limits)) > len(self.seeds) / 2
 
 
 @dataclass(frozen=True)
 class Curve:
-    """Responses to one axis.
+    """Responses along one axis.
 
     Attributes:
-        axis: Which.
-        scene: Where.
+        axis: What is varied.
+        scene: Scene of all drives.
         responses: In the order of their strengths.
-        limits: What counts as broken.
+        limits: Limits of a failure.
     """
 
     axis: Axis
@@ -70,12 +68,12 @@ class Curve:
 
     @property
     def bracket(self) -> tuple[float, float] | None:
-        """Strongest that was borne below the weakest that was not, and that; None if all were."""
-        borne = self.axis.least
+        """Largest strength without failure below the smallest with one, and that; None without."""
+        passed = self.axis.minimum
         for response in self.responses:
-            if response.breaks(self.limits):
-                return borne, response.strength
-            borne = response.strength
+            if response.fails(self.limits):
+                return passed, response.strength
+            passed = response.strength
         return None
 
 
@@ -87,20 +85,20 @@ def stress(
     rounds: int = 4,
     limits: Limits = Limits(),
 ) -> Curve:
-    """Try evenly spaced strengths, then halve the interval in which the estimator breaks.
+    """Test evenly spaced strengths, then bisect the interval in which the estimator fails.
 
     Args:
-        axis: What to turn up.
-        scene: Where.
-        respond: Finds what each of some strengths does.
-        points: Strengths to begin with, the axis' least and reach among them; 2 or more.
-        rounds: Halvings.
-        limits: What counts as broken.
+        axis: What is varied.
+        scene: Scene of all drives.
+        respond: Returns the responses at several strengths.
+        points: Strengths to begin with, from the minimum to the maximum of the axis; 2 or more.
+        rounds: Number of bisections.
+        limits: Limits of a failure.
     """
-    known = list(respond(np.linspace(axis.least, axis.reach, points).tolist()))
+    known = list(respond(np.linspace(axis.minimum, axis.maximum, points).tolist()))
     for _ in range(rounds):
         bracket = Curve(axis, scene, tuple(known), limits).bracket
-        if bracket is None or bracket[1] == axis.least:
+        if bracket is None or bracket[1] == axis.minimum:
             break
         known = sorted([*known, *respond([sum(bracket) / 2])], key=lambda x: x.strength)
     return Curve(axis, scene, tuple(known), limits)
@@ -112,33 +110,34 @@ def responder(
     variant: Variant,
     seeds: Sequence[int],
     shared: tuple[str, ...],
-    perform: Perform,
+    run: Callable[[Sequence[Job]], Results],
 ) -> Callable[[Sequence[float]], list[Response]]:
-    """Make the function that drives with given strengths.
+    """Return the function that measures responses at given strengths.
 
     Args:
-        axis: What to turn up.
-        scene: Where.
+        axis: What is varied.
+        scene: Scene of all drives.
         variant: The estimator.
         seeds: Of the drives at every strength.
         shared: Overrides of every recording.
-        perform: Records and runs.
+        run: Records and runs jobs.
     """
 
-    def drives(strength: float) -> list[Job]:
+    def jobs(strength: float) -> list[Job]:
         overrides = (*shared, *axis.overrides(strength))
         disturb = axis.disturb(strength)
         return [Job(Recording(scene, x, overrides, disturb), variant) for x in seeds]
 
     def respond(strengths: Sequence[float]) -> list[Response]:
-        jobs = {x: drives(x) for x in strengths}
-        results = perform([job for of in jobs.values() for job in of]).by_job
-        return [_response(x, [results[t] for t in of]) for x, of in jobs.items()]
+        by_strength = {x: jobs(x) for x in strengths}
+        results = run([job for some in by_strength.values() for job in some]).by_job
+        return [response_of(x, [results[job] for job in some]) for x, some in by_strength.items()]
 
     return respond
 
 
-def _response(strength: float, results: Sequence[Result]) -> Response:
+def response_of(strength: float, results: Sequence[Result]) -> Response:
+    """Summarise the results of the drives at one strength."""
     return Response(
         strength,
         tuple(x.job.recording.seed for x in results),
@@ -147,12 +146,12 @@ def _response(strength: float, results: Sequence[Result]) -> Response:
     )
 
 
-def verdict(curve: Curve) -> str:
-    """Say in a sentence where the estimator breaks."""
+def describe(curve: Curve) -> str:
+    """Describe in a sentence where the estimator fails."""
     bracket, label = curve.bracket, curve.axis.label
     if bracket is None:
-        return f"Bears all up to {curve.responses[-1].strength:g} ({label})."
-    if bracket[1] == curve.axis.least:
-        return f"Is broken on {curve.scene} as it is."
+        return f"Tolerates all strengths up to {curve.responses[-1].strength:g} ({label})."
+    if bracket[1] == curve.axis.minimum:
+        return f"Fails on {curve.scene} without any disturbance."
     low, high = bracket
-    return f"Breaks between {low:.3g} and {high:.3g} ({label})."
+    return f"Fails between {low:.3g} and {high:.3g} ({label})."

@@ -1,4 +1,4 @@
-"""What a stress test leaves: a figure, its data, and a page of all axes."""
+"""Report of stress tests: figures, their data, and a page of all axes."""
 
 import csv
 import json
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from trials.report.figure import GREY, SERIES, save_figure, tidy
-from trials.studies.stress import Curve, verdict
+from trials.studies.stress import Curve, describe
 from vo.contract.files import replacing, write_text
 
 if TYPE_CHECKING:
@@ -18,17 +18,16 @@ if TYPE_CHECKING:
 
 SCHEMA = "driftyard stress 2"
 SIZE_IN = (7.0, 4.8)
-CAPTION = """Dots are drives that were survived, crosses drives that were not, lines their medians;
-the shaded strip is where the estimator of its colour breaks. Dashed: beyond it a drive counts as
-broken."""
+CAPTION = """Crosses are drives that have failed, dots the others, lines the medians over drives.
+The estimator of the same colour fails within the shaded interval. Dashed: limits of a failure."""
 
 
 def write_curves(name: str, curves: Mapping[str, Curve], out: Path) -> Path:
     """Write FILE.png, .csv and .json into a folder.
 
     Args:
-        name: Of the axis.
-        curves: Estimator's label to what it did; all of one axis and scene.
+        name: Name of the axis.
+        curves: Label of the estimator to its curve; all of one axis and scene.
         out: Folder.
 
     Returns:
@@ -50,7 +49,7 @@ def write_curves(name: str, curves: Mapping[str, Curve], out: Path) -> Path:
         "scene": scene,
         "estimators": {
             label: {
-                "sentence": verdict(curve),
+                "sentence": describe(curve),
                 "bracket": curve.bracket,
                 "limits": vars(curve.limits),
             }
@@ -62,7 +61,7 @@ def write_curves(name: str, curves: Mapping[str, Curve], out: Path) -> Path:
 
 
 def columns(curves: Mapping[str, Curve]) -> Mapping[str, list[str | float]]:
-    """A row for each drive."""
+    """Return the columns of the data, with a row for each drive."""
     rows = [
         (label, response.strength, seed, drift, 100 * lost)
         for label, curve in curves.items()
@@ -77,7 +76,7 @@ def columns(curves: Mapping[str, Curve]) -> Mapping[str, list[str | float]]:
 
 
 def draw(figure: "Figure", curves: Mapping[str, Curve], title: str) -> None:
-    """Drift over strength, drives as dots, broken ones as crosses; below, lost frames."""
+    """Draw drift (top) and lost frames (bottom) over strength, failed drives as crosses."""
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1))
     one = next(iter(curves.values()))
     for (label, curve), colour in zip(curves.items(), SERIES, strict=False):
@@ -94,10 +93,10 @@ def draw(figure: "Figure", curves: Mapping[str, Curve], title: str) -> None:
 
 def _draw_curve(top: "Axes", bottom: "Axes", curve: Curve, label: str, colour: str) -> None:
     for response in curve.responses:
-        for drift, lost, broken in zip(
-            response.drift_percent, response.lost_share, response.broken(curve.limits), strict=True
+        for drift, lost, failed in zip(
+            response.drift_percent, response.lost_share, response.failed(curve.limits), strict=True
         ):
-            mark = "x" if broken else "o"
+            mark = "x" if failed else "o"
             top.plot(response.strength, drift, mark, color=colour, ms=4.5)
             bottom.plot(response.strength, 100 * lost, mark, color=colour, ms=4.5)
     strengths = [x.strength for x in curve.responses]
@@ -105,7 +104,7 @@ def _draw_curve(top: "Axes", bottom: "Axes", curve: Curve, label: str, colour: s
              label=label)  # fmt: skip
     losses = [100 * _median(x.lost_share) for x in curve.responses]
     bottom.plot(strengths, losses, color=colour, lw=1.2)
-    if curve.bracket and curve.bracket[1] > curve.axis.least:
+    if curve.bracket and curve.bracket[1] > curve.axis.minimum:
         for panel in (top, bottom):
             panel.axvspan(*curve.bracket, color=colour, alpha=0.12, lw=0)
 
@@ -124,9 +123,9 @@ def write_page(
     """Write all axes as Markdown, and copy the figures into `images/stress` beside it.
 
     Args:
-        studies: Axis to estimator's label to what it did.
+        studies: Axis to the label of each estimator to its curve.
         figures: Axis to its figure.
-        command: That made them.
+        command: Command line that made them.
         page: File to write.
     """
     pictures = page.parent / "images" / "stress"
@@ -137,29 +136,28 @@ def write_page(
 
 
 def page_text(studies: Mapping[str, Mapping[str, Curve]], command: str) -> str:
-    """The page's Markdown; figures are looked for in `images/stress`."""
+    """Return the page as Markdown; the folder `images/stress` holds the figures."""
     labels = list(next(iter(studies.values())))
     one = next(iter(studies[next(iter(studies))].values()))
-    head = " | ".join(["what grows", "where", *(f"{label} breaks at" for label in labels)])
-    rows = [
-        " | ".join([curves[labels[0]].axis.label, curves[labels[0]].scene,
-                    *(_where(curves[label]) for label in labels)])
-        for curves in studies.values()
-    ]  # fmt: skip
-    table = "\n".join(f"| {row} |" for row in [head, "|".join(["---"] * (2 + len(labels))), *rows])
-    broken = (
-        f"An estimator is broken where its drift over 1 m exceeds {one.limits.drift_percent:g} % "
-        f"or it loses more than {100 * one.limits.lost_share:g} % of the frames, on more than "
-        f"half of {len(one.responses[0].seeds)} drives at each strength; the strength is found by "
-        "halving."
+    rows = [["axis", "scene", *(f"{label} fails at" for label in labels)]]
+    rows.append(["---"] * len(rows[0]))
+    for curves in studies.values():
+        first = curves[labels[0]]
+        rows.append([first.axis.label, first.scene, *(_where(curves[x]) for x in labels)])
+    table = "\n".join(f"| {' | '.join(row)} |" for row in rows)
+    limits = (
+        f"A drive has failed if its drift over 1 m exceeds {one.limits.drift_percent:g} % or it "
+        f"loses more than {100 * one.limits.lost_share:g} % of the frames. An estimator fails at a "
+        f"strength at which more than half of {len(one.responses[0].seeds)} drives have failed; "
+        "the strength is found by bisection."
     )
     sections = [
         f"## {name.replace('_', ' ').capitalize()}\n\n"
-        + "\n".join(f"- **{label}**: {verdict(curve)}" for label, curve in curves.items())
-        + f"\n\n![Drift and loss over {name}](images/stress/{name}.png)\n"
+        + "\n".join(f"- **{label}**: {describe(curve)}" for label, curve in curves.items())
+        + f"\n\n![Drift and lost frames over {name}](images/stress/{name}.png)\n"
         for name, curves in studies.items()
     ]
-    intro = f"# How much it bears\n\n{broken} {CAPTION} Made by\n\n```sh\n{command}\n```\n"
+    intro = f"# Stress tests\n\n{limits} {CAPTION} Made by\n\n```sh\n{command}\n```\n"
     return "\n".join([intro, table, "", *sections])
 
 
@@ -167,4 +165,4 @@ def _where(curve: Curve) -> str:
     if curve.bracket is None:
         return f"none up to {curve.responses[-1].strength:.3g}"
     low, high = curve.bracket
-    return f"{low:.3g} to {high:.3g}" if high > low else f"{high:g}: as it is"
+    return f"{low:.3g} to {high:.3g}" if high > low else f"{high:g}: undisturbed"

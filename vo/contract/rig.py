@@ -68,11 +68,7 @@ class StereoRig:
         return np.stack([u, v, self.f_px * self.baseline_m * inverse_z], axis=-1)
 
     def triangulate(self, pixels_left: Array, disparity_px: Array) -> Array:
-        """Back-project left-image pixels into the left camera frame.
-
-        Args:
-            pixels_left: (..., 2) (u, v) in pixels, centres on integers.
-            disparity_px: (...,) u_left - u_right in pixels.
+        """Back-project (..., 2) left pixels with (...,) disparities u_left - u_right to points_cam.
 
         Returns:
             (..., 3) points_cam in metres; NaN where the disparity is not positive.

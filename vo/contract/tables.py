@@ -28,10 +28,7 @@ def read_rows(
 ) -> Iterator[tuple[str, list[str]]]:
     """Yield place (`file:line`) and words of each row; skip blank lines and comments (`#`).
 
-    Args:
-        path: Table.
-        separator: Text between words; None for white space.
-        error: Raised if the file cannot be read.
+    A separator of None is white space.
     """
     for number, line in enumerate(read_lines(path, error), start=1):
         if line.strip() and not line.lstrip().startswith("#"):
@@ -41,13 +38,7 @@ def read_rows(
 def read_columns(
     path: Path, columns: Sequence[int] | None = None, error: type[DriftyardError] = DatasetError
 ) -> tuple[Indices, Array]:
-    """Read a comma-separated table of numbers: (N,) int64 timestamps in ns, (N, C) other columns.
-
-    Args:
-        path: Table, with timestamps in its first column.
-        columns: Columns to return, counted from 0; None for all after the first.
-        error: Raised if the file is missing or malformed.
-    """
+    """Read comma-separated numbers: (N,) int64 timestamps in ns, (N, C) other or given columns."""
     try:  # timestamps have too many digits for a float
         times = np.loadtxt(path, delimiter=",", usecols=0, dtype=np.int64, ndmin=1)
         values = np.loadtxt(path, delimiter=",", usecols=columns, ndmin=2)

@@ -1,1 +1,1 @@
-"""Measurements of speed, each meant for a process of its own; heavy imports wait for them."""
+"""Speed measurements, each for a process of its own, which loads heavy imports itself."""

@@ -1,4 +1,4 @@
-"""How fast an estimator is."""
+"""Speed of an estimator."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,18 +11,18 @@ from vo.contract.arrays import Array
 from vo.contract.estimator import Estimate
 
 WARM_FRAMES = 12
-"""Shown to an estimator beforehand, so that compilation and first touches are not timed."""
+"""Number of frames that are tracked before the timing, to exclude compilation."""
 
 
 @dataclass(frozen=True)
 class EstimatorSpeed:
-    """One estimator.
+    """Speed and memory of one estimator.
 
     Attributes:
-        frames: Timed.
-        frame_ms: (frames,) wall time of each `track` call; loading the images is not in it.
+        frames: Number of timed frames.
+        frame_ms: (frames,) wall time of each `track` call; without the loading of images.
         stage_ms: Stage to its mean over all frames.
-        memory_mb: (frames,) that the process holds after each frame.
+        memory_mb: (frames,) resident memory of the process after each frame.
     """
 
     frames: int

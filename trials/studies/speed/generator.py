@@ -1,4 +1,4 @@
-"""How fast datasets are recorded, by one worker and by one on every core."""
+"""Speed of recording, by one worker and by one per core."""
 
 import resource
 from concurrent.futures import ThreadPoolExecutor
@@ -7,18 +7,18 @@ from pathlib import Path
 from time import perf_counter
 
 from trials.execution.progress import ProgressBar, no_progress
-from trials.studies.speed.trial import NOISE, Trial, on_cores
+from trials.studies.speed.drive import NOISE, TimedDrive, on_cores
 
 
 @dataclass(frozen=True)
 class GeneratorSpeed:
-    """The generator.
+    """Speed of the generator.
 
     Attributes:
-        frames: Recorded.
+        frames: Number of recorded frames.
         frame_ms: Mean from the first finished frame to the last: rendered, noise added, encoded,
             hashed, certified and written, two images with depth and disparity.
-        whole_s: With the scene, the drive and the map.
+        whole_s: Wall time with scene, drive and map.
         memory_mb: Largest resident size of the process.
         gl: Name of the GL's renderer.
     """
@@ -30,13 +30,15 @@ class GeneratorSpeed:
     gl: str
 
 
-def measure_generator(trial: Trial, out: Path, bar: ProgressBar = no_progress) -> GeneratorSpeed:
-    """Record the dataset `out` with sensor noise and watch the clock."""
+def measure_generator(
+    drive: TimedDrive, out: Path, bar: ProgressBar = no_progress
+) -> GeneratorSpeed:
+    """Record the dataset `out` with sensor noise, and time it."""
     from sim.batch import build
     from sim.record import record
     from vo.contract.dataset import read_manifest
 
-    settings = trial.settings(*NOISE)
+    settings = drive.settings(*NOISE)
     finished_s: list[float] = []
     start = perf_counter()
     with bar("generating") as progress:
@@ -45,7 +47,7 @@ def measure_generator(trial: Trial, out: Path, bar: ProgressBar = no_progress) -
             finished_s.append(perf_counter())
             progress(done, total)
 
-        record(build(trial.scene, settings), settings, out, progress=advance)
+        record(build(drive.scene, settings), settings, out, progress=advance)
     whole_s = perf_counter() - start
     frame_ms = 1e3 * (finished_s[-1] - finished_s[0]) / (len(finished_s) - 1)
     memory_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
@@ -53,12 +55,12 @@ def measure_generator(trial: Trial, out: Path, bar: ProgressBar = no_progress) -
     return GeneratorSpeed(len(finished_s), frame_ms, whole_s, memory_mb, gl)
 
 
-def measure_scaling(trial: Trial, cores: list[int], folder: Path) -> float:
-    """Frame rate of one generator a core over that of a single one, each held to its core."""
-    alone = on_cores(cores[:1], measure_generator, trial, folder / "alone")
+def measure_scaling(drive: TimedDrive, cores: list[int], folder: Path) -> float:
+    """Return the frame rate of one generator per core over that of one, each on its own core."""
+    alone = on_cores(cores[:1], measure_generator, drive, folder / "alone")
     with ThreadPoolExecutor(len(cores)) as pool:  # each thread has its own affinity
         jobs = [
-            pool.submit(on_cores, [core], measure_generator, trial, folder / f"core_{core}")
+            pool.submit(on_cores, [core], measure_generator, drive, folder / f"core_{core}")
             for core in cores
         ]
         together = [job.result() for job in jobs]

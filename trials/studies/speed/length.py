@@ -1,7 +1,7 @@
-"""What a frame of a long drive costs, beside one of a short drive.
+"""Time per frame of a long and of a short drive.
 
-Physics runs all of both drives; then equally many frames of each, evenly spread, are drawn and
-developed in turns. CPU time is counted, not the clock, so that other programs matter less.
+Physics simulates both drives entirely; then frames of each at even intervals are rendered
+alternately. CPU time is measured, which depends less on other programs than wall time.
 """
 
 import multiprocessing
@@ -14,18 +14,18 @@ from typing import Any
 import numpy as np
 
 from trials.execution.progress import ProgressBar, no_progress
-from trials.studies.speed.trial import NOISE, Trial
+from trials.studies.speed.drive import NOISE, TimedDrive
 
 
 @dataclass(frozen=True)
 class DriveCost:
-    """One length of drive.
+    """Time of a drive of one length.
 
     Attributes:
-        distance_m: Path length.
-        frames: That are delivered.
-        physics_ms: CPU time of the physics, a frame.
-        picture_ms: CPU time of both images with noise and both depths, a frame.
+        distance_m: Length of the path.
+        frames: Number of frames.
+        physics_ms: CPU time of the physics per frame.
+        picture_ms: CPU time of both images with noise and both depths per frame.
         memory_mb: Largest resident size of the process.
     """
 
@@ -37,7 +37,7 @@ class DriveCost:
 
     @property
     def frame_ms(self) -> float:
-        """All of it."""
+        """CPU time per frame."""
         return self.physics_ms + self.picture_ms
 
 
@@ -48,7 +48,7 @@ class LengthCost:
     Attributes:
         short: The short drive.
         long: The long drive.
-        again_ms: `picture_ms` of the long drive on the stretch that is the short one.
+        again_ms: `picture_ms` of the long drive on the part that it shares with the short one.
     """
 
     short: DriveCost
@@ -57,14 +57,14 @@ class LengthCost:
 
 
 def measure_lengths(
-    short: Trial, long: Trial, frames: int, bar: ProgressBar = no_progress
+    short: TimedDrive, long: TimedDrive, frames: int, bar: ProgressBar = no_progress
 ) -> LengthCost:
-    """Drive both, and draw equally many frames of each.
+    """Simulate both drives, and draw the same number of frames of each.
 
     Args:
         short: The short drive.
-        long: The long one, on the same route.
-        frames: How many of each to draw.
+        long: The long drive, on the same route.
+        frames: Number of frames of each to draw.
         bar: Shows progress.
     """
     spawn = multiprocessing.get_context("spawn")
@@ -92,8 +92,8 @@ def measure_lengths(
 
 
 @dataclass(frozen=True)
-class _Studio:
-    """A camera on a trip, open as long as its process lives."""
+class _Resident:
+    """Camera and trip in a process of its own, open as long as the process lives."""
 
     trip: Any
     camera: Any
@@ -101,35 +101,35 @@ class _Studio:
     opened: Any
 
 
-_studio: _Studio
+_resident: _Resident
 
 
-def _drive(trial: Trial) -> tuple[int, float]:
-    """Frames, and milliseconds of physics a frame."""
+def _drive(drive: TimedDrive) -> tuple[int, float]:
+    """Return the number of frames, and milliseconds of physics per frame."""
     from sim.batch import build
     from sim.camera.camera import StereoCamera
     from sim.camera.render import StereoRenderer
     from sim.world.trip import make_trip
     from sim.world.world import build_world
 
-    global _studio
-    settings = trial.settings(*NOISE)
-    world = build_world(build(trial.scene, settings), settings)
+    global _resident
+    settings = drive.settings(*NOISE)
+    world = build_world(build(drive.scene, settings), settings)
     start_s = process_time()
     trip = make_trip(world, settings)
     frame_ms = 1e3 * (process_time() - start_s) / len(trip)
     opened = StereoRenderer(world, settings.render)
-    _studio = _Studio(trip, StereoCamera(world, settings), opened.__enter__(), opened)
+    _resident = _Resident(trip, StereoCamera(world, settings), opened.__enter__(), opened)
     return len(trip), frame_ms
 
 
 def _draw(share: float) -> float:
-    """Milliseconds of the frame at a share of the trip."""
-    trip = _studio.trip
+    """Return milliseconds of the frame at a fraction of the trip."""
+    trip = _resident.trip
     only = np.arange(len(trip)) == round(share * (len(trip) - 1))
     start_s = process_time()
-    (capture,) = _studio.camera.captures(replace(trip, delivered=only), _studio.renderer)
-    _studio.camera.form_images(capture)
+    (capture,) = _resident.camera.captures(replace(trip, delivered=only), _resident.renderer)
+    _resident.camera.form_images(capture)
     return 1e3 * (process_time() - start_s)
 
 

@@ -1,4 +1,4 @@
-"""How fast our renderer is, beside the stock one."""
+"""Speed of this renderer and of the stock one."""
 
 import multiprocessing
 import os
@@ -11,16 +11,16 @@ from typing import Any
 import numpy as np
 
 from trials.execution.progress import ProgressBar, no_progress
-from trials.studies.speed.trial import Trial
+from trials.studies.speed.drive import TimedDrive
 from vo.contract.arrays import Array, Image
 
 IN_A_ROW = 8
-"""Frames of a turn: a recording, too, draws one after the other and does not rest between them."""
+"""Successive frames of one renderer; a recording also draws without pauses."""
 
 
 @dataclass(frozen=True)
 class RenderSpeed:
-    """Our renderer and the stock one on the same frames; medians in milliseconds a frame.
+    """Times of both renderers on the same frames; medians in milliseconds per frame.
 
     Attributes:
         ours_ms: Both images, both depths, both identities.
@@ -38,22 +38,22 @@ class RenderSpeed:
 
 
 def measure_renderers(
-    trial: Trial, frames: int, folder: Path, bar: ProgressBar = no_progress
+    drive: TimedDrive, frames: int, folder: Path, bar: ProgressBar = no_progress
 ) -> RenderSpeed:
-    """Draw the same instants of the drive with both renderers, which take turns of a few frames.
+    """Draw the same instants of the drive with both renderers alternately, a few frames each.
 
-    Each has a process of its own, because what one sets for the driver would help the other.
+    Each has a process of its own, as one changes the state of the driver for the other.
 
     Args:
-        trial: The drive.
-        frames: How many to draw, evenly spread.
-        folder: Where the stock frames are written.
+        drive: The drive.
+        frames: Number of frames to draw, at even intervals.
+        folder: Folder of the stock frames.
         bar: Shows progress.
     """
     spawn = multiprocessing.get_context("spawn")
     with (
-        ProcessPoolExecutor(1, spawn, _open_ours, (trial,)) as ours,
-        ProcessPoolExecutor(1, spawn, _open_stock, (trial,)) as stock,
+        ProcessPoolExecutor(1, spawn, _open_ours, (drive,)) as ours,
+        ProcessPoolExecutor(1, spawn, _open_stock, (drive,)) as stock,
         bar("rendering") as progress,
     ):
         shares = np.linspace(0, 1, frames)
@@ -74,14 +74,14 @@ def measure_renderers(
 def _draw_both(
     ours: ProcessPoolExecutor, stock: ProcessPoolExecutor, shares: Array, folder: Path
 ) -> tuple[list[tuple[float, Image]], list[tuple[tuple[float, ...], Image]]]:
-    """Milliseconds and left image of each frame, ours first."""
+    """Return milliseconds and left image of each frame, ours first."""
     drawn = ours.submit(_draw_ours, shares.tolist()).result()
     return drawn, stock.submit(_draw_stock, shares.tolist(), folder).result()
 
 
 @dataclass(frozen=True)
-class _Stand:
-    """A renderer before a world, in a process of its own, open as long as the process lives."""
+class _Resident:
+    """Renderer and world in a process of its own, open as long as the process lives."""
 
     world: Any
     trip: Any
@@ -89,62 +89,62 @@ class _Stand:
     opened: Any
 
     def place(self, share: float) -> None:
-        """Bring the world to a share of the trip."""
+        """Set the world to a fraction of the trip."""
         time_ns = self.trip.timestamps_ns[round(share * (len(self.trip) - 1))]
         states = self.trip.states.at(self.world.model, time_ns)
         self.world.place(time_ns * 1e-9, states)
 
 
-_stand: _Stand
+_resident: _Resident
 
 
-def _open_ours(trial: Trial) -> None:
+def _open_ours(drive: TimedDrive) -> None:
     from sim.camera.render import StereoRenderer
 
-    global _stand
-    world, trip = trial.drive()
-    opened = StereoRenderer(world, trial.settings().render)
-    _stand = _Stand(world, trip, opened.__enter__(), opened)
+    global _resident
+    world, trip = drive.build()
+    opened = StereoRenderer(world, drive.settings().render)
+    _resident = _Resident(world, trip, opened.__enter__(), opened)
 
 
-def _open_stock(trial: Trial) -> None:
+def _open_stock(drive: TimedDrive) -> None:
     from sim.camera.gl import choose_backend
 
     # mujoco picks the backend of its own renderer when it is imported.
     os.environ["MUJOCO_GL"] = choose_backend("auto")
     from trials.studies.stock import stock_renderer
 
-    global _stand
-    world, trip = trial.drive()
-    opened = stock_renderer(world, trial.settings().render)
-    _stand = _Stand(world, trip, opened.__enter__(), opened)
+    global _resident
+    world, trip = drive.build()
+    opened = stock_renderer(world, drive.settings().render)
+    _resident = _Resident(world, trip, opened.__enter__(), opened)
 
 
 def _draw_ours(shares: list[float]) -> list[tuple[float, Image]]:
-    """Milliseconds, and the left image, of each frame."""
+    """Return milliseconds and the left image of each frame."""
     drawn = []
     for share in shares:
-        _stand.place(share)
+        _resident.place(share)
         start = perf_counter()
-        left, _ = _stand.renderer.render_images()
-        _stand.renderer.render_geometry()
+        left, _ = _resident.renderer.render_images()
+        _resident.renderer.render_geometry()
         drawn.append((1e3 * (perf_counter() - start), left))
     return drawn
 
 
 def _draw_stock(shares: list[float], folder: Path) -> list[tuple[tuple[float, ...], Image]]:
-    """Milliseconds with both depths, with the left one, and of the files; the left image."""
+    """Return milliseconds with both depths, with the left one, and of files; the left image."""
     from trials.studies.stock import grey, render_plainly, write_plainly
 
     drawn = []
     for share in shares:
-        _stand.place(share)
+        _resident.place(share)
         start = perf_counter()
-        render_plainly(_stand.renderer, _stand.world, depths=2)
+        render_plainly(_resident.renderer, _resident.world, depths=2)
         both = perf_counter()
-        plain = render_plainly(_stand.renderer, _stand.world, depths=1)
+        plain = render_plainly(_resident.renderer, _resident.world, depths=1)
         left = perf_counter()
-        write_plainly(plain, _stand.world.rig, folder)
+        write_plainly(plain, _resident.world.rig, folder)
         written = perf_counter()
         times_ms = 1e3 * (both - start), 1e3 * (left - both), 1e3 * (written - left)
         drawn.append((times_ms, grey(plain.left)))

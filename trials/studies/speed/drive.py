@@ -1,4 +1,4 @@
-"""What every measurement of speed drives, and the process of its own that it is made in."""
+"""The drive of all speed measurements, and the process in which each is made."""
 
 import multiprocessing
 import os
@@ -13,19 +13,19 @@ if TYPE_CHECKING:
     from sim.world.world import World
 
 NOISE = ("sensor.full_well=6000", "sensor.read_noise=15")
-"""What the recorded camera adds."""
+"""Overrides for sensor noise."""
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Trial:
-    """What is driven, by every measurement alike.
+class TimedDrive:
+    """Drive through a scene that is timed.
 
     Attributes:
         scene: Name.
-        seed: Of everything random.
-        distance_m: Path length.
+        seed: Random seed of scene, route and noise.
+        distance_m: Length of the path.
     """
 
     scene: str
@@ -33,14 +33,14 @@ class Trial:
     distance_m: float
 
     def settings(self, *overrides: str) -> "RecordSettings":
-        """Resolve what is recorded."""
+        """Resolve the settings of the recording."""
         from trials.execution.recording_settings import recording_settings
 
         distance = f"drive.distance_m={self.distance_m}"
         return recording_settings(self.scene, self.seed, [distance, *overrides])
 
-    def drive(self) -> "tuple[World, Trip]":
-        """Build the world and go through it, in physics alone."""
+    def build(self) -> "tuple[World, Trip]":
+        """Build the world, and simulate the drive without rendering."""
         from sim.batch import build
         from sim.world.trip import make_trip
         from sim.world.world import build_world
@@ -51,7 +51,7 @@ class Trial:
 
 
 def on_cores(cores: list[int], measure: Callable[..., T], *words: object) -> T:
-    """Call in a fresh process that has only these cores from its first instruction on."""
+    """Call a function in a new process that is restricted to these cores from its start."""
     mine = os.sched_getaffinity(0)
     os.sched_setaffinity(0, cores)  # a new process inherits it
     try:
