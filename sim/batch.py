@@ -1,8 +1,7 @@
 """Batches: many independent recordings on all cores or a cluster, by Dask.
 
-A task maps a scene and settings to a dataset folder and depends on nothing else: it runs anywhere
-that sees the folder, and again if its worker is lost. A dataset that exists with the same settings
-is kept.
+A task depends on nothing but a scene and settings: it runs anywhere that has the folder, and again
+if its worker is lost. A dataset that exists with the same settings is kept.
 """
 
 import logging

@@ -1,7 +1,4 @@
-"""Disturbances by name: each maps a strength to settings, so that disturbances combine.
-
-`--disturb blur=2,slip` is short for `--set` options; a dataset holds the resolved settings.
-"""
+"""Disturbances by name: each maps a strength to settings, so that disturbances combine."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -101,14 +101,8 @@ def record_trip(
     return Recording(certificate, trip.ended)
 
 
-@dataclass(frozen=True)
-class _FrameJob:
-    """A frame and the next one, rendered, with images that may still be computed."""
-
-    capture: Capture
-    images: Future[StereoImages]
-    following: Capture | None
-    next_images: Future[StereoImages] | None
+_Frame = tuple[Capture, Future[StereoImages]]
+"""A rendered frame, and its images, which may still be computed."""
 
 
 @dataclass(frozen=True)
@@ -131,21 +125,21 @@ class _FrameProcessor:
                 self.writer.add(f"mav0/raw{name}", encode_png(images.raw[k]))
         return images
 
-    def finish(self, job: _FrameJob) -> FrameResidual:
+    def finish(self, frame: _Frame, following: _Frame | None) -> FrameResidual:
         """Write the labels of a frame and compute their photometric residuals."""
-        capture, following = job.capture, job.following
-        annotation = self.annotator.annotate(capture, following)
+        capture = frame[0]
+        annotation = self.annotator.annotate(capture, following and following[0])
         for name, label in annotation.wanted(self.settings.labels).items():
             form = LABELS[name]
             data = encode_png(label) if form.encoding == CODES else encode_float(label)
             path = f"mav0/{form.folder}/data/{capture.exposure.timestamp_ns}{form.suffix}"
             self.writer.add(path, data)
-        images = job.images.result()
+        images = frame[1].result()
         stereo = self.check.stereo(*images.rectified, annotation.disparity, capture.exposure)
         flow = None
-        if self.settings.labels.flow and following and job.next_images:
-            pair = images.rectified[0], job.next_images.result().rectified[0]
-            exposures = capture.exposure, following.exposure
+        if self.settings.labels.flow and following:
+            pair = images.rectified[0], following[1].result().rectified[0]
+            exposures = capture.exposure, following[0].exposure
             flow = self.check.flow(*pair, annotation.flow, annotation.covisibility, exposures)
         return FrameResidual(capture.exposure.timestamp_ns, stereo, flow)
 
@@ -168,18 +162,17 @@ def _write_frames(
 
     with ThreadPoolExecutor(WORKERS, "frames") as pool:
 
-        def submitted() -> Iterator[tuple[Capture, Future[StereoImages]]]:
+        def submitted() -> Iterator[_Frame]:
             for capture in captures:
                 exposures.append(capture.exposure)
                 yield capture, pool.submit(processor.write_images, capture)
 
         try:
-            for now, following in pairwise(chain(submitted(), [None])):
-                assert now is not None
+            for frame, following in pairwise(chain(submitted(), [None])):
+                assert frame is not None
                 if len(pending) == FRAMES_IN_FLIGHT:
                     collect()
-                job = _FrameJob(*now, *(following or (None, None)))
-                pending.append(pool.submit(processor.finish, job))
+                pending.append(pool.submit(processor.finish, frame, following))
             while pending:
                 collect()
         except BaseException:

@@ -193,11 +193,7 @@ class SensorSettings(Settings):
 
 
 class CalibrationSettings(Settings):
-    """Errors of the delivered calibration.
-
-    The three angles turn the true right camera against its calibration, about its z, x and y
-    axes.
-    """
+    """Errors of the delivered calibration; its angles are turns of the true right camera."""
 
     baseline_percent: float = Field(default=0.0, ge=-100.0, le=100.0)
     """Error of the delivered baseline, percent of the true one."""
@@ -269,14 +265,18 @@ class RecordSettings(Settings):
     render: RenderSettings = RenderSettings()
     labels: LabelSettings = LabelSettings()
 
-    @model_validator(mode="after")
-    def _exposure_fits_frame_interval(self) -> Self:
-        interval_ms = 1e3 / self.rig.rate_hz
+    @property
+    def exposure_max_ms(self) -> float:
+        """Longest exposure of all rows of one camera, ms."""
         longest_ms = self.exposure.time_ms
         if self.sensor.auto_exposure:
             longest_ms = max(longest_ms, self.sensor.exposure_max_ms)
-        readout_ms = self.exposure.line_time_us * 1e-3 * self.rig.height_px
-        open_ms = longest_ms + readout_ms + abs(self.exposure.right_offset_ms)
+        return longest_ms + self.exposure.line_time_us * 1e-3 * self.rig.height_px
+
+    @model_validator(mode="after")
+    def _exposure_fits_frame_interval(self) -> Self:
+        interval_ms = 1e3 / self.rig.rate_hz
+        open_ms = self.exposure_max_ms + abs(self.exposure.right_offset_ms)
         if open_ms > interval_ms:
             raise ValueError(
                 f"exposure.time_ms with readout and right offset takes {open_ms:.1f} ms, but "

@@ -1,9 +1,8 @@
 """Exposure: sub-frames of the moving world, integrated in linear light over the exposure time.
 
-The exposure time is cut into equal slots with one rendered sub-frame each: the fewest for which no
-pixel moves by more than `step_px` from one to the next, so a camera at rest takes one. Rolling
-shutter and the offset of the right camera only change the weight of each slot for each row of each
-camera.
+Each slot of equal length has one rendered sub-frame. There are as few as keep every pixel's motion
+from one to the next within `step_px`: one for a camera at rest. Rolling shutter and the right
+camera's offset only change the weights of the slots in each row.
 """
 
 import math

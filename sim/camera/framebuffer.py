@@ -1,9 +1,8 @@
 """Off-screen framebuffers: without samples for labels, depth without stencil for images.
 
-MuJoCo's buffer has 64 bits of depth and stencil per sample, which a software renderer has to clear
-and test; the stencil serves mirrors, which no scene has. Depth alone draws a multisampled frame in
-14 % less time, bit for bit the same. One context with two framebuffers also holds textures and
-meshes once, where two contexts hold them twice.
+MuJoCo's buffer has a stencil, for mirrors, which no scene has; without it, a software renderer
+draws a multisampled frame in 14 % less time, bit for bit the same. One context with two
+framebuffers holds textures and meshes once.
 """
 
 from typing import Self

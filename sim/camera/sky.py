@@ -1,13 +1,11 @@
 """The sky, drawn last and only in the rows that show it.
 
-MuJoCo draws the sky behind everything, over the whole image, and a software renderer tests each
-sample: a sixth of an image's time, however little sky there is. Here MuJoCo first draws without
-sky. Cleared samples have no alpha and drawn ones have, so the rows with uncovered samples are known
-exactly. Then MuJoCo draws the sky alone in those rows: the same samples get the same colours.
-
-MuJoCo clears before each drawing and draws the whole image. Two geoms that are display lists limit
-both: clearing is discarded until the opaque one, drawn before the sky, ends that and sets a scissor
-rectangle; the transparent one, drawn after the sky, removes it.
+MuJoCo draws the sky behind everything, over the whole image: a sixth of an image's time with a
+software renderer. Here MuJoCo first draws without sky; samples without alpha are uncovered, and
+MuJoCo draws the sky alone in their rows, with the same colours. MuJoCo clears before each drawing
+and draws the whole image; two geoms that are display lists limit both: clearing is discarded until
+the opaque one, drawn before the sky, ends that and sets a scissor rectangle, which the transparent
+one, drawn after the sky, removes.
 """
 
 import mujoco

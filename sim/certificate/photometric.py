@@ -1,8 +1,8 @@
 """Photometric check: how well the labels explain the pixels, given the injected noise.
 
-Right images are warped to left ones by the disparity, next images to present ones by the flow, on
-the pixels that both show. Known differences of the two images (gain of the right camera,
-exposure, vignetting, an uncalibrated turn) are corrected first.
+Right images are warped to left ones by the disparity, next to present ones by the flow, where both
+show a pixel. Known differences (gain of the right camera, exposure, vignetting, an uncalibrated
+turn) are corrected first.
 """
 
 from collections.abc import Sequence

@@ -89,11 +89,8 @@ def _check_certificate(
         return []
     checks = check_folder(folder, settings, manifest.get("ended", ""))
     found = certify(frames, checks, exempt_parts(settings))
-    findings: list[Finding] = []
-    for part, figures in found.items():
-        if isinstance(figures, dict):
-            findings += _compare(part, stated.get(part, {}), figures)
-    return findings
+    parts = ((part, figures) for part, figures in found.items() if isinstance(figures, dict))
+    return [x for part, figures in parts for x in _compare(part, stated.get(part, {}), figures)]
 
 
 def _compare(part: str, stated: dict[str, Any], found: dict[str, Any]) -> list[Finding]:
@@ -124,9 +121,8 @@ def _measure(
     if load is None:
         return []
     render_rig = widened(rig, margin_px(settings, rig))
-    check = PhotometricCheck(
-        settings, rig, [ImageSensor(settings, camera, rig, render_rig) for camera in (0, 1)]
-    )
+    sensors = [ImageSensor(settings, camera, rig, render_rig) for camera in (0, 1)]
+    check = PhotometricCheck(settings, rig, sensors)
     exposures = _read_exposures(folder)
     sequence = open_euroc(folder)
     has_flow = settings.labels.flow and settings.labels.covisibility
@@ -137,13 +133,10 @@ def _measure(
         stereo = check.stereo(frame.left, frame.right, load(time_ns), exposures[time_ns])
         flow = None
         if has_flow and following:
-            flow = check.flow(
-                frame.left,
-                following.left,
-                read_float(label_file(folder, "flow", time_ns), 3),
-                read_codes(label_file(folder, "covisibility", time_ns)),
-                (exposures[time_ns], exposures[following.timestamp_ns]),
-            )
+            label = read_float(label_file(folder, "flow", time_ns), 3)
+            covisibility = read_codes(label_file(folder, "covisibility", time_ns))
+            pair = exposures[time_ns], exposures[following.timestamp_ns]
+            flow = check.flow(frame.left, following.left, label, covisibility, pair)
         frames.append(FrameResidual(time_ns, stereo, flow))
         if progress:
             progress(len(frames), len(sequence))
@@ -153,12 +146,11 @@ def _measure(
 def _read_exposures(folder: Path) -> dict[int, FrameExposure]:
     """Return how each frame was exposed, by timestamp."""
     times, rows = read_columns(folder / EXPOSURES)
-    return {
-        time_ns: FrameExposure(time_ns, exposure_ms, gain, int(subframes), brightness)
-        for time_ns, (exposure_ms, gain, subframes, brightness) in zip(
-            times.tolist(), rows.tolist(), strict=True
-        )
-    }
+    rows = rows.tolist()
+    exposures: dict[int, FrameExposure] = {}
+    for time_ns, (exposure_ms, gain, count, level) in zip(times.tolist(), rows, strict=True):
+        exposures[time_ns] = FrameExposure(time_ns, exposure_ms, gain, int(count), level)
+    return exposures
 
 
 def _disparity_loader(folder: Path, rig: StereoRig) -> Callable[[int], Array] | None:

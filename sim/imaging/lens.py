@@ -1,9 +1,8 @@
 """The lens and its calibration: distortion, miscalibration, and the render margin they need.
 
-Three geometries of one camera, all with the same centre of projection:
-- nominal: the rendered pinhole, aligned with the other camera;
-- raw: the image on the sensor, distorted, and turned by what calibration does not know;
-- delivered: the raw image rectified by the delivered calibration.
+Three geometries of a camera share a centre of projection: nominal (the rendered pinhole, aligned
+with the other camera), raw (on the sensor, distorted and turned by the miscalibration) and
+delivered (the raw image rectified by the delivered calibration).
 """
 
 import math

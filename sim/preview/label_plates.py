@@ -11,7 +11,6 @@ from matplotlib.patheffects import withStroke
 
 from scenes.scene import Kind
 from sim.labels.annotate import Annotation
-from sim.labels.visibility import Occlusion
 from sim.preview.colours import (
     INVISIBLE,
     KINDS,
@@ -37,6 +36,19 @@ NAMED_SHARE = 0.004
 """Smallest area of an object with a name, as a fraction of the image."""
 MARKS = 4
 """Largest number of depths in the key."""
+KEY_STYLE: dict[str, Any] = {
+    "loc": "lower left",
+    "bbox_to_anchor": (0, 1),
+    "borderaxespad": 0.3,
+    "borderpad": 0,
+    "fontsize": 7.2,
+    "labelcolor": FAINT,
+    "frameon": False,
+    "columnspacing": 0.7,
+    "handlelength": 1.1,
+    "handleheight": 1.1,
+    "handletextpad": 0.5,
+}
 NORMALS: Key = (
     ((255, 128, 128), "right"),
     ((128, 255, 128), "up"),
@@ -55,30 +67,9 @@ def show(axes: Axes, image: Image, title: str, about: str = "", key: Key = ()) -
     axes.annotate(
         about, (1, 0), (6, 0), xycoords=name, va="bottom", fontsize=8.5, color=FAINT, **points
     )
-    if key:
-        edge: dict[str, Any] = {"edgecolor": FAINT, "linewidth": 0.4}
-        squares = [
-            Patch(facecolor=(r / 255, g / 255, b / 255), label=text, **edge)
-            for (r, g, b), text in key
-        ]
-        look: dict[str, Any] = {
-            "fontsize": 7.2,
-            "labelcolor": FAINT,
-            "frameon": False,
-            "ncols": len(key),
-        }
-        tight: dict[str, Any] = {
-            "handlelength": 1.1,
-            "handleheight": 1.1,
-            "handletextpad": 0.5,
-            "borderpad": 0,
-        }
-        where: dict[str, Any] = {
-            "loc": "lower left",
-            "bbox_to_anchor": (0, 1),
-            "borderaxespad": 0.3,
-        }
-        axes.legend(handles=squares, columnspacing=0.7, **where, **look, **tight)
+    squares = [Patch(facecolor=_unit(rgb), label=text) for rgb, text in key]
+    if squares:
+        axes.legend(handles=squares, ncols=len(key), **KEY_STYLE)
 
 
 def draw_depth(axes: Axes, annotation: Annotation) -> None:
@@ -146,14 +137,8 @@ def draw_normals(axes: Axes, annotation: Annotation) -> None:
 
 def draw_visibility(axes: Axes, codes: Array, view: Image, title: str, about: str) -> None:
     """Mark the pixels that are not visible in another view."""
-    words = {
-        Occlusion.HIDDEN: "hidden",
-        Occlusion.OUTSIDE: "out of view",
-        Occlusion.NOTHING: "no surface",
-    }
-    key = [
-        (INVISIBLE[code], f"{text} {np.mean(codes == code):.1%}") for code, text in words.items()
-    ]
+    words = zip(INVISIBLE.items(), ("hidden", "out of view", "no surface"), strict=True)
+    key = [(rgb, f"{text} {np.mean(codes == code):.1%}") for (code, rgb), text in words]
     show(axes, visibility_colours(codes, view), title, about, key)
 
 
@@ -177,6 +162,10 @@ def flow_full_px(flow: Array) -> float:
     lengths = np.hypot(flow[..., 0], flow[..., 1])
     known = lengths[np.isfinite(lengths)]
     return round_up(max(float(np.percentile(known, 98)) if known.size else 0.0, 0.1))
+
+
+def _unit(rgb: RGB) -> tuple[float, float, float]:
+    return rgb[0] / 255, rgb[1] / 255, rgb[2] / 255
 
 
 def _short(x: float) -> str:

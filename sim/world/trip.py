@@ -223,11 +223,14 @@ class _Log:
             complete -= 1
         if complete < 2:
             raise DriveError(ended or "the trip ended before its second frame")
+        delivered = stream(self._settings.seed, "drop").random(complete)
+        delivered = delivered >= self._settings.sensor.drop_share
+        delivered[0] = True  # the first frame is never lost
         times, poses, velocities = zip(*self._frames[:complete], strict=True)
         poses_dense, *motions = np.split(self._motions.values, (16, 19, 22), axis=1)
         return Trip(
             np.array(times, dtype=np.int64),
-            _kept(self._settings, complete),
+            delivered,
             States(np.array(self._states.times_ns, dtype=np.int64), self._states.values),
             np.array(poses),
             np.array(velocities),
@@ -244,10 +247,7 @@ class _Log:
 
 def longest_window_s(settings: RecordSettings) -> float:
     """Return the longest exposure of a frame, with readout and both cameras' offset."""
-    exposure, sensor = settings.exposure, settings.sensor
-    open_ms = max(exposure.time_ms, sensor.exposure_max_ms if sensor.auto_exposure else 0.0)
-    readout_ms = exposure.line_time_us * 1e-3 * settings.rig.height_px
-    return (open_ms + readout_ms + 2 * abs(exposure.right_offset_ms)) * 1e-3
+    return (settings.exposure_max_ms + 2 * abs(settings.exposure.right_offset_ms)) * 1e-3
 
 
 def body_motion(world: World, time_s: float) -> tuple[Array, Array, Array]:
@@ -281,10 +281,3 @@ def wheel_forces_n(world: World) -> Array:
                 mujoco.mj_contactForce(model, data, k, force)
                 total[wheel] += force[0]
     return total
-
-
-def _kept(settings: RecordSettings, frames: int) -> Mask:
-    """Return which frames are delivered; the first always is."""
-    lost = stream(settings.seed, "drop").random(frames) < settings.sensor.drop_share
-    lost[0] = False
-    return ~lost

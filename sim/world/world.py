@@ -145,7 +145,12 @@ def build_world(scene: Scene, settings: RecordSettings) -> World:
     else:
         carrier = build_rover(settings.rig.height_m, settings.rover)
     add_rig(carrier, settings.rig, render_rig)
-    spec.attach(carrier, prefix=PREFIX, frame=_start(spec, scene, path))
+    first, second = path.waypoints[:2]
+    yaw = math.atan2(*(second - first)[::-1])
+    height = float(scene.elevation(first)) + WHEEL_RADIUS_M + START_CLEARANCE_M
+    heading = (math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2))
+    start = spec.worldbody.add_frame(pos=(*first, height), quat=heading)
+    spec.attach(carrier, prefix=PREFIX, frame=start)
     spec.option.timestep = float(1 / steps_per_second(settings))
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
@@ -210,15 +215,6 @@ def _route(scene: Scene, settings: RecordSettings) -> Array:
             f"valid: {', '.join(sorted(scene.routes))}"
         )
     return np.asarray(scene.routes[drive.route], dtype=float)
-
-
-def _start(spec: mujoco.MjSpec, scene: Scene, path: Path) -> mujoco.MjsFrame:
-    first, second = path.waypoints[:2]
-    yaw = math.atan2(*(second - first)[::-1])
-    height = float(scene.elevation(first)) + WHEEL_RADIUS_M + START_CLEARANCE_M
-    return spec.worldbody.add_frame(
-        pos=(*first, height), quat=(math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2))
-    )
 
 
 def _check_room(world: World) -> None:
