@@ -13,7 +13,7 @@ from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
 from vo.hooks import NO_HOOKS, Hooks
 from vo.map.frame import View
-from vo.map.local_map import TrackedFrame, add_observations, pose_covariance, transform_map
+from vo.map.local_map import TrackedFrame, pose_covariance, transform_map
 from vo.map.matches import Matches, newest_matches
 from vo.map.run_history import RunHistory
 from vo.map.state import TrackerState
@@ -22,6 +22,7 @@ from vo.mapping.adjustments import ADJUSTMENTS
 from vo.mapping.batch_smoothing import finalize
 from vo.mapping.keyframes import add_keyframe, needs_keyframe
 from vo.mapping.relocalization import mark_lost, relocalize
+from vo.tracking.association import add_observations
 from vo.tracking.diagnostics import (
     add_row_offset,
     explain_calibration,
@@ -32,8 +33,8 @@ from vo.tracking.frontend import Frontend
 from vo.tracking.options import cull_landmarks
 from vo.tracking.stationary import detect_stationary, start_halt
 from vo.tracking.track_local_map import (
+    Context,
     NotTracked,
-    Stages,
     is_reliable,
     predict_pose,
     retry_tracking,
@@ -69,31 +70,38 @@ class StereoOdometry:
         if frame.timestamp_ns <= state.frame_ns:
             reason = f"not later than the frame before, at {state.frame_ns} ns"
             return Estimate(frame.timestamp_ns, Status.LOST, None, reason)
-        view = self._frontend.process(frame, state.smoothing_px, self.hooks, clock)  # (3.1, 3.2)
+        view = self._frontend.process(  # features, stereo (3.1, 3.2)
+            frame, smoothing_px=state.smoothing_px, hooks=self.hooks, clock=clock
+        )
         state.frame_ns, state.smoothing_px = frame.timestamp_ns, view.smoothing_px
         if not state.map.keyframes:
             return self._initialize(view, clock)
 
-        stages = Stages(self.hooks, self._rng, clock)
+        context = Context(self.hooks, self._rng, clock)
         T_guess = predict_pose(state, view, self.hooks)  # constant velocity, or at rest
-        tracked = track_local_map(state, view, T_guess, stages)  # match, P3P, refine (3.2-3.4)
+        tracked = track_local_map(state, view, T_guess, context)  # match, P3P, refine (3.2-3.4)
         if not is_reliable(tracked, state.map):  # rotation prior, KLT, wide search (decision 22)
-            tracked = retry_tracking(state, view, T_guess, tracked, stages)
+            tracked = retry_tracking(state, view, T_guess, first=tracked, context=context)
         if isinstance(tracked, NotTracked) or shows_swapped_images(tracked, view):
             return self._lose(view, tracked.counts, clock)
 
         view, inliers, counts = tracked.view, tracked.inliers, dict(tracked.counts)
         T_odom_cam, covariance = tracked.pose.T_world_cam, tracked.pose.covariance
         with clock("structure refinement"):
-            rows, features = inliers.rows, inliers.features
-            state.map = add_observations(state.map, rows, features, view.descriptors)
+            state.map = add_observations(state.map, view, inliers)
             state.previous = TrackedFrame(view.frame.left, inliers)
             halt = detect_stationary(state.halt, view, inliers)  # zero-velocity update (5.1.3)
             if halt:
                 T_odom_cam, covariance = halt.T_odom_cam, halt.covariance
             elif needs_keyframe(state.map, tracked):
-                absolute = pose_covariance(state.map, T_odom_cam, covariance)
-                state.map = add_keyframe(state.map, view, T_odom_cam, absolute, inliers, self.hooks)
+                state.map = add_keyframe(  # (3.4)
+                    state.map,
+                    view,
+                    T_odom_cam=T_odom_cam,
+                    covariance=pose_covariance(state.map, T_odom_cam, covariance),
+                    inliers=inliers,
+                    hooks=self.hooks,
+                )
                 state.map, counts["structure iterations"] = self._adjust(state.map)  # (3.4, 4.4)
                 self._finish_keyframe(view, inliers)
                 T_odom_cam = state.map.keyframes[-1].T_odom_cam
@@ -101,6 +109,7 @@ class StereoOdometry:
             culled = cull_landmarks(state, view, tracked.matches, inliers)
             state.map, state.outlier_counts = culled
         step_covariance = self._set_pose(view, T_odom_cam, covariance)
+
         weakness = explain_weakness(len(inliers), counts["motion iterations"], view.settings)
         return Estimate(
             frame.timestamp_ns,

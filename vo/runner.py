@@ -1,4 +1,4 @@
-"""From a sequence to a trajectory file: calls the estimator frame by frame and keeps the record."""
+"""Run of an estimator over a sequence, and the files of its record."""
 
 import csv
 import hashlib
@@ -15,15 +15,9 @@ import numpy as np
 
 from vo.contract.arrays import Array
 from vo.contract.dataset import MANIFEST
-from vo.contract.estimator import (
-    Estimate,
-    Estimator,
-    Finalizing,
-    FinalResult,
-    Observations,
-    PointMap,
-)
+from vo.contract.estimator import Estimate, Estimator, Finalizing, FinalResult, PointMap
 from vo.contract.files import replacing, write_text
+from vo.contract.observations import Observations
 from vo.contract.sequence import StereoSequence
 from vo.contract.trajectory import Trajectory, write_tum
 
@@ -42,19 +36,19 @@ VERTEX = (
 
 @dataclass(frozen=True)
 class Run:
-    """What an estimator said of a whole sequence.
+    """Estimates of a whole sequence.
 
     Attributes:
         sequence: Name of the sequence.
         estimates: One per frame, in order of time; they hold no images.
         frame_ms: Wall time of each `track` call, milliseconds; loading of images is not in it.
-        hindsight: What it said at the end; empty for one that keeps nothing.
+        final: Smoothed trajectory and map; empty where the estimator offers none.
     """
 
     sequence: str
     estimates: tuple[Estimate, ...]
     frame_ms: tuple[float, ...]
-    hindsight: FinalResult = field(default_factory=FinalResult)
+    final: FinalResult = field(default_factory=FinalResult)
 
     @property
     def trajectory(self) -> Trajectory:
@@ -87,25 +81,23 @@ def run(
         frame_ms.append(1e3 * (perf_counter() - start))
         if progress:
             progress(estimates[-1])
-    hindsight = estimator.finalize() if isinstance(estimator, Finalizing) else FinalResult()
-    return Run(sequence.name, tuple(estimates), tuple(frame_ms), hindsight)
+    final = estimator.finalize() if isinstance(estimator, Finalizing) else FinalResult()
+    return Run(sequence.name, tuple(estimates), tuple(frame_ms), final)
 
 
 def write_run(
     out: Path, run: Run, estimator: str, settings: Mapping[str, Any], dataset: Path
 ) -> None:
-    """Write the trajectory and, beside it, everything that explains it.
-
-    Each file appears whole; the trajectory last, so that where it is, the others are.
+    """Write the trajectory and its companions; each file appears whole, the trajectory last.
 
     Args:
         out: The TUM file. Beside it come `<stem>.frames.csv` (status, reason, counts and
             milliseconds of every frame), `<stem>.tracks.npz` (the sparse visibility mask: one
             entry per landmark and frame), `<stem>.covariance.npz`, `<stem>.smoothed.txt` and
             `<stem>.map.ply` where the estimator offers them, and `<stem>.run.json` (provenance).
-        run: What to write.
-        estimator: Its name on the command line.
-        settings: Its resolved settings.
+        run: Estimates and final result.
+        estimator: Name on the command line.
+        settings: Resolved settings of the estimator.
         dataset: Folder of the sequence; its manifest, where there is one, is fingerprinted.
     """
     _write_frames(companion(out, "frames.csv"), run)
@@ -116,10 +108,10 @@ def write_run(
         stale.unlink(missing_ok=True)
     if any(x.covariance is not None for x in run.estimates):
         _write_covariances(covariance, run.estimates)
-    if run.hindsight.trajectory is not None:
-        write_tum(smoothed, run.hindsight.trajectory)
-    if run.hindsight.points is not None:
-        write_ply(points, run.hindsight.points)
+    if run.final.trajectory is not None:
+        write_tum(smoothed, run.final.trajectory)
+    if run.final.points is not None:
+        write_ply(points, run.final.points)
     manifest = dataset / MANIFEST
     about = {
         "estimator": estimator,
@@ -154,9 +146,7 @@ def _write_frames(path: Path, run: Run) -> None:
 
 
 def _write_tracks(path: Path, estimates: tuple[Estimate, ...]) -> None:
-    nothing = Observations(
-        np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros(0), np.zeros(0, dtype=bool)
-    )
+    nothing = Observations(np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros(0))
     seen = [x.observations or nothing for x in estimates] or [nothing]
     frames = [np.full(len(x.ids), i, dtype=np.int64) for i, x in enumerate(seen)]
     pixels = np.concatenate([x.pixels for x in seen]).astype(np.float32)

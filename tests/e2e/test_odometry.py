@@ -245,8 +245,8 @@ def test_a_segment_elsewhere_is_not_stitched(odometry, frames):
     assert start.covariance[0, 0] > 0.5
 
 
-def test_hindsight_knows_every_posed_frame_and_a_map(result, sequence):
-    smoothed, points = result.hindsight.trajectory, result.hindsight.points
+def test_final_result_has_every_posed_frame_and_a_map(result, sequence):
+    smoothed, points = result.final.trajectory, result.final.points
     posed = [x for x in result.estimates if x.T_odom_cam is not None]
     assert smoothed.timestamps_ns.tolist() == [x.timestamp_ns for x in posed]
     moved_m = [error_m(x, T) for x, T in zip(posed, smoothed.T_ref_frame, strict=True)]

@@ -123,23 +123,6 @@ def empty_map(
     return LocalMap((), landmarks, next_serial, next_id, noise=noise, first_serial=next_serial)
 
 
-def add_observations(
-    local_map: LocalMap, rows: Indices, features: Indices, descriptors: Array
-) -> LocalMap:
-    """Count a view of some landmarks; renew the descriptors of those matched with a feature.
-
-    Args:
-        local_map: Of L landmarks.
-        rows: (N,) the observed ones.
-        features: (N,) rows of the frame's features, negative for none.
-        descriptors: (F, P) of the frame's features.
-    """
-    landmarks = local_map.landmarks.update(rows, views=local_map.landmarks.views[rows] + 1)
-    matched = features >= 0
-    landmarks = landmarks.update(rows[matched], descriptors=descriptors[features[matched]])
-    return replace(local_map, landmarks=landmarks)
-
-
 def pose_covariance(local_map: LocalMap, T_odom_cam: Array, relative: Array) -> Array:
     """Covariance (6, 6) of a pose: the last keyframe's at that pose, plus the relative one."""
     keyframe = local_map.keyframes[-1]

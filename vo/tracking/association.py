@@ -1,11 +1,13 @@
 """Data association: landmarks to their pixels in a view, by prediction, matching and alignment."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from vo.config import RefinementSettings
 from vo.contract import se3
-from vo.contract.arrays import Array, Image, Indices, Mask
+from vo.contract.arrays import Array, Indices, Mask
 from vo.contract.rig import StereoRig
 from vo.map.frame import View
 from vo.map.local_map import Landmarks, LocalMap
@@ -54,7 +56,7 @@ def find_guided_matches(
         matches: Known matches, at least one; they stay as they are.
     """
     expected = project_landmarks(local_map.landmarks, T_odom_cam, view.rig)
-    visible = in_image(expected, view.frame.left)
+    visible = in_view(expected, view)
     visible[matches.rows] = False
     rows = np.flatnonzero(visible)
     none = np.full(len(rows), NO_FEATURE)
@@ -91,12 +93,22 @@ def project_landmarks(landmarks: Landmarks, T_odom_cam: Array, rig: StereoRig) -
     return rig.project(se3.transform(se3.inverse(T_odom_cam), landmarks.points_odom))
 
 
-def in_image(expected: Array, image: Image) -> Mask:
-    """Which of (N, 3) projections lie in an image."""
-    height, width = image.shape
-    with np.errstate(invalid="ignore"):
-        inside = (expected[:, :2] > 0).all(axis=1) & (expected[:, 2] > 0)
-        return inside & (expected[:, 0] < width) & (expected[:, 1] < height)
+def in_view(expected: Array, view: View) -> Mask:
+    """Which of (N, 3) projections lie in the left image."""
+    u, v, disparity_px = expected.T
+    height, width = view.frame.left.shape
+    inside = (u > 0) & (v > 0) & (u < width) & (v < height)  # not NaN
+    return inside & (disparity_px > 0)
+
+
+def add_observations(local_map: LocalMap, view: View, matches: Matches) -> LocalMap:
+    """Count a view of the matched landmarks; renew the descriptors of those with a feature."""
+    views = local_map.landmarks.views[matches.rows] + 1
+    landmarks = local_map.landmarks.update(matches.rows, views=views)
+    matched = matches.features >= 0
+    descriptors = view.descriptors[matches.features[matched]]
+    landmarks = landmarks.update(matches.rows[matched], descriptors=descriptors)
+    return replace(local_map, landmarks=landmarks)
 
 
 def _measure(

@@ -30,7 +30,7 @@ def weigh_matches(matches: Matches, state: TrackerState, view: View, T_guess: Ar
 def cull_landmarks(
     state: TrackerState, view: View, matches: Matches, inliers: Matches
 ) -> tuple[LocalMap, Mapping[int, int]]:
-    """Remove repeated outliers from the map, if `motion.landmark_prior`; map, outlier counts."""
+    """Remove repeated outliers from the map, if `motion.landmark_prior`; map and outlier counts."""
     if not view.settings.motion.landmark_prior:
         return state.map, state.outlier_counts
     return update_outlier_counts(state.map, state.outlier_counts, matches.ids, inliers.ids)

@@ -19,7 +19,7 @@ from vo.map.state import TrackerState
 from vo.tracking.association import (
     find_guided_matches,
     find_matches,
-    in_image,
+    in_view,
     project_landmarks,
 )
 from vo.tracking.diagnostics import images_look_swapped
@@ -49,7 +49,7 @@ LIMITS = RetryThresholds()
 
 
 @dataclass(frozen=True)
-class Stages:
+class Context:
     """What the stages of one frame share.
 
     Attributes:
@@ -92,11 +92,7 @@ class Tracked:
 
 @dataclass(frozen=True)
 class NotTracked:
-    """Too few landmarks agree with any pose.
-
-    Attributes:
-        counts: As for `Tracked`.
-    """
+    """A view without a pose: too few landmarks agree with any; counts as for `Tracked`."""
 
     counts: Mapping[str, int]
 
@@ -110,19 +106,11 @@ def predict_pose(state: TrackerState, view: View, hooks: Hooks) -> Array:
 
 
 def track_local_map(
-    state: TrackerState, view: View, T_guess: Array, stages: Stages
+    state: TrackerState, view: View, T_guess: Array, context: Context
 ) -> Tracked | NotTracked:
-    """Match landmarks near their projections by a predicted pose, and estimate the pose.
-
-    Args:
-        state: Map and previous frame.
-        view: The view.
-        T_guess: (4, 4) predicted pose.
-        stages: Hooks, samples, clock.
-    """
-    return _match_and_estimate(
-        state, view, T_guess, view.settings.matching.search_radius_px, stages
-    )
+    """Match landmarks near their projections by a predicted pose (4, 4), and estimate the pose."""
+    radius_px = view.settings.matching.search_radius_px
+    return _match_and_estimate(state, view, T_guess, radius_px, context)
 
 
 def is_reliable(tracked: Tracked | NotTracked, local_map: LocalMap) -> bool:
@@ -131,28 +119,19 @@ def is_reliable(tracked: Tracked | NotTracked, local_map: LocalMap) -> bool:
         return False
     view = tracked.view
     expected = project_landmarks(local_map.landmarks, tracked.pose.T_world_cam, view.rig)
-    visible = in_image(expected, view.frame.left)
-    return len(tracked.inliers) >= view.settings.matching.min_inlier_ratio * visible.sum()
+    visible = in_view(expected, view).sum()
+    return len(tracked.inliers) >= view.settings.matching.min_inlier_ratio * visible
 
 
 def retry_tracking(
-    state: TrackerState,
-    view: View,
-    T_guess: Array,
-    first: Tracked | NotTracked,
-    stages: Stages,
+    state: TrackerState, view: View, T_guess: Array, first: Tracked | NotTracked, context: Context
 ) -> Tracked | NotTracked:
-    """Try other predictions until a pose is reliable (decision 22); the best one.
+    """Try other predictions than the first until a pose is reliable; return the best (decision 22).
 
-    Args:
-        state: Map and previous frame.
-        view: The view.
-        T_guess: (4, 4) predicted pose of the first attempt.
-        first: Result of the first attempt.
-        stages: Hooks, samples, clock.
+    Rotation prior, KLT from the previous frame, and a wide search without prediction.
     """
     attempts, best = [first], first if isinstance(first, Tracked) else None
-    for attempt in _retries(state, view, T_guess, stages):
+    for attempt in _retries(state, view, T_guess, context):
         attempts.append(attempt)
         if isinstance(attempt, Tracked):
             if best and _confirms(attempt, best):
@@ -164,22 +143,21 @@ def retry_tracking(
 
 
 def _retries(
-    state: TrackerState, view: View, T_guess: Array, stages: Stages
+    state: TrackerState, view: View, T_guess: Array, context: Context
 ) -> Iterator[Tracked | NotTracked]:
-    """Attempts one after the other: rotation prior, KLT from the previous frame, wide search."""
-    s, clock, previous = view.settings.matching, stages.clock, state.previous
+    s, clock, previous = view.settings.matching, context.clock, state.previous
     if s.min_inlier_ratio and previous:
         with clock("rotation prior"):
             step = se3.inverse(state.T_odom_cam) @ T_guess
             left = view.frame.left
             step[:3, :3] = align_rotation(previous.left, left, view.rig, step[:3, :3])
             T_turned = state.T_odom_cam @ step
-        yield _match_and_estimate(state, view, T_turned, s.search_radius_px, stages)
+        yield _match_and_estimate(state, view, T_turned, s.search_radius_px, context)
         blurred = replace(view, settings=adapt_to_blur(view.settings))
         with clock("KLT"):
             matches = track_klt(previous, state.map, blurred, T_turned)
-        yield _estimate(state, blurred, T_turned, matches, stages, by_klt=True)
-    yield _match_and_estimate(state, view, state.T_odom_cam, s.max_search_radius_px, stages)
+        yield _estimate(state, blurred, T_turned, matches, context, by_klt=True)
+    yield _match_and_estimate(state, view, state.T_odom_cam, s.max_search_radius_px, context)
 
 
 def _score(attempt: Tracked) -> float:
@@ -201,19 +179,19 @@ def shows_swapped_images(tracked: Tracked, view: View) -> bool:
 
 
 def _match_and_estimate(
-    state: TrackerState, view: View, T_guess: Array, search_radius_px: float, stages: Stages
+    state: TrackerState, view: View, T_guess: Array, search_radius_px: float, context: Context
 ) -> Tracked | NotTracked:
-    with stages.clock("matching"):  # mutual nearest neighbours by ZNCC, alignment (3.2)
+    with context.clock("matching"):  # mutual nearest neighbours by ZNCC, alignment (3.2)
         matches = find_matches(state.map, view, T_guess, search_radius_px)
-    return _estimate(state, view, T_guess, matches, stages)
+    return _estimate(state, view, T_guess, matches, context)
 
 
 def _estimate(
-    state: TrackerState, view: View, T_guess: Array, matches: Matches, stages: Stages,
+    state: TrackerState, view: View, T_guess: Array, matches: Matches, context: Context,
     by_klt: bool = False,
 ) -> Tracked | NotTracked:  # fmt: skip
     """Estimate the pose by matches; RANSAC, refinement, guided matching, refinement."""
-    clock, hooks, min_inliers = stages.clock, stages.hooks, view.settings.motion.min_inliers
+    clock, hooks, min_inliers = context.clock, context.hooks, view.settings.motion.min_inliers
 
     def verified(matches: Matches) -> Matches:
         return replace_matches(hooks, verify_matches(matches, state, view), state.map, view)
@@ -226,7 +204,7 @@ def _estimate(
         counts = {"matches": len(matches), "inliers": 0}
     with clock("motion"):  # P3P under RANSAC (3.3)
         weights = weigh_matches(matches, state, view, T_guess)
-        consensus = find_consensus(matches, T_guess, weights, view, stages.rng)
+        consensus = find_consensus(matches, T_guess, weights, view, context.rng)
         if consensus is None:
             return NotTracked(counts)
         inliers = replace_inliers(hooks, view, matches, matches.select(consensus.inliers))
