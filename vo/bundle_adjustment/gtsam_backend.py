@@ -47,6 +47,7 @@ def optimize_factors(
     parameters = gtsam.LevenbergMarquardtParams()
     parameters.setMaxIterations(settings.max_iterations)
     parameters.setRelativeErrorTol(RELATIVE_TOLERANCE)
+    parameters.setLinearSolverType("MULTIFRONTAL_QR")  # Cholesky rejects points of little parallax
     optimizer = gtsam.LevenbergMarquardtOptimizer(graph, values, parameters)
     try:
         values, iterations = optimizer.optimize(), optimizer.iterations()
