@@ -165,8 +165,8 @@ class RefinementSettings(Settings):
     """Smoothed trajectory at the end: none, by the last refinement of each keyframe (window), or by
     full-batch bundle adjustment (global)."""
     backend: Literal["schur", "gtsam"] = "schur"
-    """Solver of keyframes and landmarks: compiled elimination of the landmarks (schur), or GTSAM's
-    stereo factors on all of them (gtsam)."""
+    """Solver of a window: compiled elimination of the landmarks (schur), or GTSAM's stereo factors
+    on keyframes and landmarks (gtsam), as always where smooth is global."""
     window: int = Field(default=8, ge=2)
     """Number of keyframes in the window."""
     min_views: int = Field(default=3, ge=2)
@@ -257,7 +257,11 @@ THESIS = OdometrySettings(
         min_inliers=3,
     ),
     refinement=RefinementSettings(
-        keyframe_parallax_px=0, sigma_px=0.5, sigma_disparity_px=0.5, learn_noise=False
+        backend="gtsam",
+        keyframe_parallax_px=0,
+        sigma_px=0.5,
+        sigma_disparity_px=0.5,
+        learn_noise=False,
     ),
     low_snr=LowSnrSettings(texture_to_noise=0),
     defocus=DefocusSettings(softness=0),

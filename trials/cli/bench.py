@@ -7,6 +7,7 @@ from pathlib import Path
 from trials.cli import console
 from trials.cli.options import Seed, option
 from trials.studies import bench as study
+from trials.studies.speed import backends
 from vo.contract.readers import open_sequence
 
 PACKAGES = ("mujoco", "numpy", "opencv-python-headless", "gtsam", "numba")
@@ -22,7 +23,8 @@ def bench(
 ) -> None:
     """Measure the speed of generator, renderers and estimators on this machine.
 
-    With --over, times and memory at the end of the dataset are printed beside those at its start.
+    With --over, times and memory at the end of the dataset are printed beside those at its start,
+    and the time of a window of keyframes by each backend of bundle adjustment.
     """
     if over is not None:
         open_sequence(over)  # a wrong path is refused before a process is started
@@ -30,6 +32,7 @@ def bench(
         _print_conditions(over.resolve().name)
         console.out.print(study.estimator_table(estimated))
         console.out.print(study.endurance_table(estimated))
+        console.out.print(backends.backend_table(backends.measure_windows(over)))
         return
     found = study.measure_all(scene, seed, quick, console.progress_bar)
     generated = found.generated

@@ -28,7 +28,7 @@ def finalize(history: RunHistory, rig: StereoRig, settings: RefinementSettings) 
 
 
 def smooth(history: RunHistory, rig: StereoRig, settings: RefinementSettings) -> RunHistory:
-    """Adjust all keyframes and all landmarks of a run together.
+    """Adjust all keyframes and all landmarks of a run together, by GTSAM's factors.
 
     Where a keyframe shares too few landmarks with those before, a new group begins: it stays rigid
     with the last keyframe before it, as it was along the way.
@@ -41,6 +41,7 @@ def smooth(history: RunHistory, rig: StereoRig, settings: RefinementSettings) ->
     serials = sorted(s for s, k in history.keyframes.items() if k.observations is not None)
     if not serials:
         return history
+    settings = settings.model_copy(update={"backend": "gtsam"})
     seen = [x for s in serials if (x := history.keyframes[s].observations) is not None]
     T_before_all = [history.keyframes[s].T_odom_cam for s in serials]
     ids = _repeated(seen, np.array(sorted(history.points), dtype=np.int64))
