@@ -8,37 +8,47 @@ import numpy as np
 from trials.gym.env.rover_env import RoverEnv
 from trials.gym.env.settings import ExploreSettings, NavSettings, RouteSettings
 from trials.gym.env.tasks import Explore, FollowRoute, ReachGoal, Task
-from trials.gym.world.dynamic_agents import Reacting
-from trials.gym.world.dynamics import draw_dynamics
-from trials.gym.world.scene_instance import Site, relaid
-from trials.gym.world.start_goal_sampling import Errand, TrialError, check_place, draw_errand
+from trials.gym.world.dynamic_agents import DynamicAgent
+from trials.gym.world.dynamics import sample_dynamics
+from trials.gym.world.scene_instance import SceneInstance, rebuilt_along
+from trials.gym.world.start_goal_sampling import (
+    StartGoal,
+    TrialError,
+    expect_clear,
+    sample_start_goal,
+)
 from vo.contract.arrays import Array
 
 
 class RoverNav(RoverEnv):
-    """Reach a goal by any way; `reset` takes a `start` and a `goal` of one's own."""
+    """Reach a goal by any path; `reset` accepts a `start` and a `goal`."""
 
     model = NavSettings
     trial: NavSettings
 
-    def _assign(self, site: Site, options: Mapping[str, Any]) -> tuple[Site, Task]:
+    def _assign(
+        self, base: SceneInstance, options: Mapping[str, Any]
+    ) -> tuple[SceneInstance, Task]:
         start, goal = _place(options, "start", 3), _place(options, "goal", 2)
         _refuse_others(options, ("start", "goal"))
         trial, rng = self.trial, self.np_random
-        errand = draw_errand(site.passages, site.part, trial.distance_m, rng, start, goal)
-        stage, movers = site, self._movers(site, errand)
-        if site.follows_way or movers:
-            stage = relaid(site, trial, errand, movers)
-        return stage, ReachGoal(errand, trial.goal_radius_m)
+        ends = sample_start_goal(
+            base.traversable, base.component, trial.distance_m, rng, start, goal
+        )
+        instance, agents = base, self._agents(base, ends)
+        if base.depends_on_path or agents:
+            instance = rebuilt_along(base, ends.path, agents)
+        return instance, ReachGoal(ends, trial.goal_radius_m)
 
-    def _movers(self, site: Site, errand: Errand) -> dict[str, Reacting]:
-        """What moves on the way, by name."""
+    def _agents(self, base: SceneInstance, ends: StartGoal) -> dict[str, DynamicAgent]:
+        """Sample the dynamic agents on the path, by name."""
         trial = self.trial
         if not trial.dynamics:
             return {}
         seed = int(self.np_random.integers(2**31))
-        text, speed_mps = trial.dynamics, trial.speed_max_mps
-        return draw_dynamics(site.scene, site.passages, errand, speed_mps, text, seed)
+        return sample_dynamics(
+            base.scene, base.traversable, ends, trial.speed_max_mps, trial.dynamics, seed
+        )
 
 
 class RoverRoute(RoverEnv):
@@ -47,35 +57,41 @@ class RoverRoute(RoverEnv):
     model = RouteSettings
     trial: RouteSettings
 
-    def _assign(self, site: Site, options: Mapping[str, Any]) -> tuple[Site, Task]:
+    def _assign(
+        self, base: SceneInstance, options: Mapping[str, Any]
+    ) -> tuple[SceneInstance, Task]:
         _refuse_others(options, ())
-        path, trial = site.simulation.world.path, self.trial
-        check_place(site.passages, "start", path.waypoints[0])
-        return site, FollowRoute(path, trial.stray_m, trial.goal_radius_m, trial.lookahead_m)
+        path, trial = base.simulation.world.path, self.trial
+        expect_clear(base.traversable, "start", path.waypoints[0])
+        return base, FollowRoute(path, trial.stray_m, trial.goal_radius_m, trial.lookahead_m)
 
 
 class RoverExplore(RoverEnv):
-    """Bring a share of the open ground into view and return to the start."""
+    """Bring a fraction of the reachable ground into view and return to the start."""
 
     model = ExploreSettings
     trial: ExploreSettings
 
-    def _assign(self, site: Site, options: Mapping[str, Any]) -> tuple[Site, Task]:
+    def _assign(
+        self, base: SceneInstance, options: Mapping[str, Any]
+    ) -> tuple[SceneInstance, Task]:
         start = _place(options, "start", 3)
         _refuse_others(options, ("start",))
-        trial, passages = self.trial, site.passages
+        trial, traversable = self.trial, base.traversable
         if start is None:
-            errand = draw_errand(passages, site.part, (trial.view_m, np.inf), self.np_random)
-            start = errand.start
+            distance_m = (trial.view_m, np.inf)
+            ends = sample_start_goal(traversable, base.component, distance_m, self.np_random)
+            start = ends.start
         else:
-            check_place(passages, "start", start[:2])
-        part = passages.parts == passages.parts[tuple(passages.free.cells(start[:2]))]
-        task = Explore(passages, part, start, trial.cover_share, trial.view_m, trial.goal_radius_m)
-        return site, task
+            expect_clear(traversable, "start", start[:2])
+        components = traversable.components
+        reachable = components == components[tuple(traversable.space.cells(start[:2]))]
+        fraction, view_m, radius_m = trial.cover_share, trial.view_m, trial.goal_radius_m
+        return base, Explore(traversable, reachable, start, fraction, view_m, radius_m)
 
 
 def _place(options: Mapping[str, Any], name: str, size: int) -> Array | None:
-    """A place of a reset's options.
+    """Return a place of a reset's options.
 
     Raises:
         TrialError: If it is not so many finite numbers.

@@ -1,4 +1,4 @@
-"""Where the rover believes to be: by the truth, by its wheels, or by an estimator."""
+"""Localization of the rover: by the truth, by wheel odometry, or by an estimator."""
 
 import math
 from dataclasses import dataclass
@@ -18,29 +18,29 @@ from vo.contract.sequence import StereoFrame
 
 
 @dataclass(frozen=True)
-class Sight:
-    """What there is to localise by, at one moment.
+class Measurements:
+    """Measurements of one time step.
 
     Attributes:
-        time_ns: Of the picture.
-        pair: Left and right grey image; None if the picture was lost or nobody asked for one.
-        wheel_ticks: Of both encoders.
-        T_world_body: (4, 4) the truth, for `truth` alone.
+        time_ns: Middle of the exposure.
+        images: Left and right grey image, (H, W); None if they were lost or are not needed.
+        wheel_ticks: Readings of the left and the right encoder.
+        T_world_body: (4, 4) truth, for the start, `truth` and `drift:PERCENT`.
     """
 
     time_ns: int
-    pair: tuple[Image, Image] | None
+    images: tuple[Image, Image] | None
     wheel_ticks: tuple[int, int]
     T_world_body: Array
 
 
 @dataclass(frozen=True)
-class Belief:
-    """Where the rover believes to be.
+class LocalizationEstimate:
+    """Estimated pose of the rover.
 
     Attributes:
-        T_world_body: (4, 4); if the status is `lost`, the last one before.
-        status: Of the estimate.
+        T_world_body: (4, 4); the last one before, if the status is `lost`.
+        status: Status of the estimate.
         reason: Why it is not `tracked`.
     """
 
@@ -50,82 +50,83 @@ class Belief:
 
 
 class Localization(Protocol):
-    """Follows a rover from a start that it knows."""
+    """Estimates the pose of a rover from a known start."""
 
-    def update(self, sight: Sight) -> Belief:
-        """Take what there is at the next moment; the first call defines the start."""
+    def update(self, measurements: Measurements) -> LocalizationEstimate:
+        """Estimate the pose of the next time step; the first call defines the start."""
         ...
 
 
-class Truth:
-    """Knows."""
+class TruthLocalization:
+    """The true pose."""
 
-    def update(self, sight: Sight) -> Belief:
+    def update(self, measurements: Measurements) -> LocalizationEstimate:
         """Return the truth."""
-        return Belief(sight.T_world_body, Status.TRACKED)
+        return LocalizationEstimate(measurements.T_world_body, Status.TRACKED)
 
 
 DRIFT = "drift:"
 DRIFT_DEG_PER_M = 0.25
-"""Rotation error beside one per cent of drift: what the estimator shows over all scenes."""
+"""Rotation error for each per cent of drift, as the estimator has it over all scenes."""
 
 
-class Drifting:
+class DriftLocalization:
     """The truth with an injected drift: a random walk of position and heading.
 
-    It grows with what the faster wheel rolls, so that turning on the spot has its errors too.
+    It grows with the distance that the faster wheel rolls, so that turning on the spot has errors.
     """
 
     def __init__(self, percent: float, seed: int) -> None:
-        """Choose how much.
+        """Set the drift.
 
         Args:
-            percent: Mean error of position after one metre, had the heading no error.
-            seed: Of the walk.
+            percent: Mean error of position after one metre, if the heading had no error.
+            seed: Seed of the walk.
         """
         self._rng = np.random.default_rng([seed, 2])
         across_m = percent / 100 / math.sqrt(math.pi / 2)  # of a mean length of a 2-D Gaussian
         turned_rad = math.radians(DRIFT_DEG_PER_M * percent) * math.sqrt(math.pi / 2)
         self._sigmas = np.array([across_m, across_m, 0, 0, 0, turned_rad])
-        self._belief: Array | None = None
+        self._T_world_body: Array | None = None
 
-    def update(self, sight: Sight) -> Belief:
-        """Go on by the true motion and an error."""
-        truth = sight.T_world_body
-        if self._belief is None:
-            self._belief, self._last = truth, truth
-            return Belief(self._belief, Status.START)
+    def update(self, measurements: Measurements) -> LocalizationEstimate:
+        """Continue by the true motion and an error."""
+        truth = measurements.T_world_body
+        if self._T_world_body is None:
+            self._T_world_body, self._last = truth, truth
+            return LocalizationEstimate(self._T_world_body, Status.START)
         motion = se3.inverse(self._last) @ truth
         ahead_m = float(np.linalg.norm(motion[:3, 3]))
         rolled_m = ahead_m + TRACK_M / 2 * float(se3.rotation_angle(motion))
         error = self._rng.normal(size=6) * self._sigmas * math.sqrt(rolled_m)
-        self._belief = self._belief @ motion @ se3.exp(error)
+        self._T_world_body = self._T_world_body @ motion @ se3.exp(error)
         self._last = truth
-        return Belief(self._belief, Status.TRACKED)
+        return LocalizationEstimate(self._T_world_body, Status.TRACKED)
 
 
-class Wheels:
-    """Dead reckoning by the wheels, along arcs in the plane that the rover stood on at first."""
+class WheelOdometry:
+    """Dead reckoning along arcs in the plane that the rover stood on at the start."""
 
     def __init__(self, ticks_per_turn: int) -> None:
         self._metres_per_tick = 2 * np.pi * WHEEL_RADIUS_M / ticks_per_turn
         self._T_world_body: Array | None = None
         self._ticks = (0, 0)
 
-    def update(self, sight: Sight) -> Belief:
-        """Go on by what the wheels turned."""
+    def update(self, measurements: Measurements) -> LocalizationEstimate:
+        """Continue by the turn of the wheels."""
+        ticks = measurements.wheel_ticks
         if self._T_world_body is None:
-            self._T_world_body, self._ticks = sight.T_world_body, sight.wheel_ticks
-            return Belief(self._T_world_body, Status.START)
-        left_m, right_m = (np.array(sight.wheel_ticks) - self._ticks) * self._metres_per_tick
+            self._T_world_body, self._ticks = measurements.T_world_body, ticks
+            return LocalizationEstimate(self._T_world_body, Status.START)
+        left_m, right_m = (np.array(ticks) - self._ticks) * self._metres_per_tick
         ahead_m, turned_rad = (left_m + right_m) / 2, (right_m - left_m) / TRACK_M
         step = se3.exp(np.array([ahead_m, 0, 0, 0, 0, turned_rad]))
-        self._T_world_body, self._ticks = self._T_world_body @ step, sight.wheel_ticks
-        return Belief(self._T_world_body, Status.TRACKED)
+        self._T_world_body, self._ticks = self._T_world_body @ step, ticks
+        return LocalizationEstimate(self._T_world_body, Status.TRACKED)
 
 
-class Visual:
-    """An estimator, from the body's true pose at its first frame on."""
+class VisualLocalization:
+    """An estimator, started at the true pose of its first frame."""
 
     def __init__(self, name: str, rig: StereoRig) -> None:
         """Build the estimator.
@@ -138,55 +139,55 @@ class Visual:
         self._rig = rig
         self._T_world_odom: Array | None = None
 
-    def update(self, sight: Sight) -> Belief:
-        """Track the next picture; without a pose, the last one holds.
+    def update(self, measurements: Measurements) -> LocalizationEstimate:
+        """Track the next images; without a pose, the last one is kept.
 
         Raises:
-            PluginError: If an estimator of someone's own fails frame after frame.
+            PluginError: If a user's estimator fails frame after frame.
         """
         T_body_cam = self._rig.T_body_cam
         if self._T_world_odom is None:
-            self._T_world_odom = sight.T_world_body @ T_body_cam
-            self._last = sight.T_world_body
-        if sight.pair is None:
-            return Belief(self._last, Status.LOST, "the picture was lost")
-        frame = StereoFrame(sight.time_ns, *sight.pair, sight.wheel_ticks)
+            self._T_world_odom = measurements.T_world_body @ T_body_cam
+            self._last = measurements.T_world_body
+        if measurements.images is None:
+            return LocalizationEstimate(self._last, Status.LOST, "the images were lost")
+        frame = StereoFrame(measurements.time_ns, *measurements.images, measurements.wheel_ticks)
         estimate = self._estimator.track(frame)
         if estimate.T_odom_cam is not None:
             self._last = self._T_world_odom @ estimate.T_odom_cam @ se3.inverse(T_body_cam)
-        return Belief(self._last, estimate.status, estimate.reason)
+        return LocalizationEstimate(self._last, estimate.status, estimate.reason)
 
 
 def make_localization(
     name: str, rig: StereoRig, ticks_per_turn: int, seed: int = 0
 ) -> Localization:
-    """Build a fresh localisation.
+    """Build a localization.
 
     Args:
         name: truth, drift:PERCENT, wheels, vo, another estimator's name or `module:Class`.
         rig: Calibration as delivered.
-        ticks_per_turn: Of the encoders.
-        seed: Of an injected drift.
+        ticks_per_turn: Resolution of the encoders.
+        seed: Seed of an injected drift.
 
     Raises:
-        SettingsError: If there is no such estimator, or no such drift.
-        PluginError: If a class of someone's own cannot be built.
+        SettingsError: If there is no such estimator or drift.
+        PluginError: If a user's class cannot be built.
     """
     expect_localization(name)
     if name == "truth":
-        return Truth()
+        return TruthLocalization()
     if name == "wheels":
-        return Wheels(ticks_per_turn)
+        return WheelOdometry(ticks_per_turn)
     if name.startswith(DRIFT):
-        return Drifting(injected_percent(name), seed)
-    return Visual("driftyard" if name == "vo" else name, rig)
+        return DriftLocalization(injected_percent(name), seed)
+    return VisualLocalization("driftyard" if name == "vo" else name, rig)
 
 
 def expect_localization(name: str) -> None:
-    """Refuse what cannot be one; a class of someone's own is only built when a trial begins.
+    """Refuse an unknown source; a user's class is checked when a trial begins.
 
     Raises:
-        SettingsError: If there is no such estimator, or no such drift.
+        SettingsError: If there is no such estimator or drift.
     """
     if name.startswith(DRIFT):
         injected_percent(name)
@@ -196,15 +197,15 @@ def expect_localization(name: str) -> None:
 
 
 def injected_percent(name: str) -> float:
-    """Per cent of `drift:PERCENT`.
+    """Parse the percentage of `drift:PERCENT`.
 
     Raises:
-        SettingsError: If it is no number of per cent from 0 to 1000.
+        SettingsError: If it is not a number from 0 to 1000.
     """
     try:
         percent = float(name.removeprefix(DRIFT))
     except ValueError:
         percent = math.nan
     if not 0 <= percent <= 1000:
-        raise SettingsError(f"localization {name}: needs {DRIFT} and per cent, 0 to 1000")
+        raise SettingsError(f"localization {name}: expected {DRIFT}PERCENT, from 0 to 1000")
     return percent

@@ -1,11 +1,11 @@
-"""Policies for RoverNav: what drives from observations alone."""
+"""A policy for RoverNav that drives from observations alone."""
 
 import math
-from typing import Protocol
 
 import numpy as np
 
-from trials.gym.env.rover_env import Observation, RoverEnv
+from trials.gym.env.episode import Observation
+from trials.gym.env.rover_env import RoverEnv
 from trials.navigation.navigator import Navigator
 from trials.navigation.occupancy_grid import OccupancyGrid
 from trials.navigation.settings import NavigatorSettings
@@ -13,16 +13,8 @@ from trials.navigation.steering import Pose2, SteeringSettings
 from vo.contract.arrays import Array
 
 
-class Policy(Protocol):
-    """Anything that maps observations to actions, step by step."""
-
-    def act(self, observation: Observation) -> Array:
-        """(2,) forward and turn, each -1 to 1."""
-        ...
-
-
 class NavigatorPolicy:
-    """The navigator behind an environment that shows `disparity`, `pose` and `goal`."""
+    """The navigator behind an environment that observes `disparity`, `pose` and `goal`."""
 
     NEEDS = ("disparity", "pose", "goal")
 
@@ -33,11 +25,11 @@ class NavigatorPolicy:
         floor_plan: OccupancyGrid | None = None,
         replanning: bool = True,
     ) -> None:
-        """Begin a trial: make one after every reset.
+        """Begin a trial; make a new policy after every reset.
 
         Args:
             env: Unwrapped, after its reset; gives calibration and limits, and nothing else.
-            settings: Of the navigator.
+            settings: Settings of the navigator.
             floor_plan: See Navigator.
             replanning: See Navigator.
         """
@@ -48,11 +40,12 @@ class NavigatorPolicy:
             turn_max_radps=trial.turn_max_radps,
             period_s=1 / trial.rate_hz,
         )
-        self.navigator = Navigator(env.site.eyes.rig, steering, settings, floor_plan, replanning)
+        rig = env.instance.camera.rig
+        self.navigator = Navigator(rig, steering, settings, floor_plan, replanning)
         self._goal_m: Array | None = None
 
     def act(self, observation: Observation) -> Array:
-        """Choose the next action; the goal is where it was first seen, in the believed frame."""
+        """Choose the next action; the goal stays where it was first observed."""
         x, y, yaw = (float(value) for value in observation["pose"])
         if self._goal_m is None:
             c, s = math.cos(yaw), math.sin(yaw)

@@ -1,4 +1,4 @@
-"""What can be asked of a trial."""
+"""Options of the environments."""
 
 from collections.abc import Mapping
 from typing import Any, Literal, Self
@@ -10,54 +10,74 @@ from sim.disturbances import disturbed, parse_disturbances
 from sim.settings import OptionValue, RecordSettings
 from trials.gym.env.localization import expect_localization
 from trials.gym.world.dynamics import parse_dynamics
+from trials.gym.world.scene_instance import SceneInstance, build_instance
 from vo.contract.errors import SettingsError
-from vo.contract.settings import Settings, amended, resolve
+from vo.contract.settings import Settings, resolve
 
 Channel = Literal["left", "right", "disparity", "pose", "encoders", "imu", "goal"]
-SEEN: frozenset[Channel] = frozenset({"left", "right", "disparity"})
-"""Channels that need a picture."""
+IMAGE_CHANNELS: frozenset[Channel] = frozenset({"left", "right", "disparity"})
 FAST: Mapping[str, Any] = {"render.samples": 0, "render.shadow_size_px": 0}
-"""Settings in which a trial differs from a recording unless told otherwise: a picture in a third
-of the time."""
+"""Recording settings that differ by default in trials: an image takes a third of the time."""
 
 
 class TrialSettings(Settings):
-    """What all three environments understand."""
+    """Options of all environments."""
 
-    scene: str = Field(default="warehouse", description="name, MJCF file or module:function")
+    scene: str = Field(
+        default="warehouse", description="scene: name, MJCF file or module:function"
+    )
     scene_options: Mapping[str, OptionValue] = Field(
-        default_factory=dict[str, OptionValue], description="of the scene's builder"
+        default_factory=dict[str, OptionValue], description="options of the scene's builder"
     )
     layout: int | None = Field(
         default=None,
         ge=0,
-        description="seed of the scene; none: whatever seeds a reset, kept by resets without seed",
+        description="seed of the scene; none: the seed of the reset, kept by resets without a seed",
     )
-    disturb: str = Field(default="", description="as on the command line: blur,brick_bump=0.5")
+    disturb: str = Field(
+        default="", description="disturbances as on the command line: blur,brick_bump=0.5"
+    )
     settings: Mapping[str, Any] = Field(
-        default_factory=dict[str, Any], description="recording settings by key.path: rig.width_px"
+        default_factory=dict[str, Any], description="recording settings by key: rig.width_px"
     )
-    observe: tuple[Channel, ...] = Field(default=("left", "right", "goal"), min_length=1)
+    observe: tuple[Channel, ...] = Field(
+        default=("left", "right", "goal"), min_length=1, description="channels of an observation"
+    )
     action: Literal["twist", "wheels"] = Field(
-        default="twist", description="forward and turning speed, or left and right wheel"
+        default="twist",
+        description="meaning of an action: forward and turning speed, or left and right wheel",
     )
     localization: str = Field(
         default="vo",
-        description="truth, drift:PERCENT, wheels, vo, another estimator's name, module:Class",
+        description="source of the pose: truth, drift:PERCENT, wheels, vo, another estimator's "
+        "name, or module:Class",
     )
     on_loss: Literal["hold", "end"] = Field(
         default="hold",
-        description="an estimator without pose keeps its last one, or ends the trial",
+        description="without a pose, the localization keeps the last one, or the trial ends",
     )
-    rate_hz: float = Field(default=15.0, ge=1.0, le=100.0, description="of steps and pictures")
-    time_limit_s: float = Field(default=120.0, gt=0.0, le=3600.0)
-    speed_max_mps: float = Field(default=0.5, gt=0.0, le=1.5)
-    turn_max_radps: float = Field(default=1.0, gt=0.0, le=4.0)
-    acceleration_mps2: float = Field(default=1.0, gt=0.0, le=10.0, description="of a wheel's rim")
+    rate_hz: float = Field(
+        default=15.0, ge=1.0, le=100.0, description="rate of control steps and images, Hz"
+    )
+    time_limit_s: float = Field(
+        default=120.0, gt=0.0, le=3600.0, description="longest duration of a trial, s"
+    )
+    speed_max_mps: float = Field(
+        default=0.5, gt=0.0, le=1.5, description="forward speed of an action of 1, m/s"
+    )
+    turn_max_radps: float = Field(
+        default=1.0, gt=0.0, le=4.0, description="turning speed of an action of 1, rad/s"
+    )
+    acceleration_mps2: float = Field(
+        default=1.0, gt=0.0, le=10.0, description="largest acceleration of a wheel's rim, m/s^2"
+    )
     clearance_m: float = Field(
-        default=0.3, ge=0.21, le=2.0, description="room about the axle wherever a way leads"
+        default=0.3,
+        ge=0.21,
+        le=2.0,
+        description="distance from obstacles that paths of the rover's axle keep, m",
     )
-    record: bool = Field(default=False, description="remember the drive, for `save_dataset`")
+    record: bool = Field(default=False, description="log the trial for save_dataset")
 
     @field_validator("localization")
     @classmethod
@@ -68,21 +88,21 @@ class TrialSettings(Settings):
             raise ValueError(str(error)) from None
         return name
 
-    def sees(self, localization: str) -> bool:
-        """Whether pictures are needed at every step."""
-        blind = localization in ("truth", "wheels") or localization.startswith("drift:")
-        return bool(SEEN & set(self.observe)) or not blind
+    def needs_images(self, localization: str) -> bool:
+        """Whether images are needed at every step."""
+        without = localization in ("truth", "wheels") or localization.startswith("drift:")
+        return bool(IMAGE_CHANNELS & set(self.observe)) or not without
 
     @property
-    def driven(self) -> Mapping[str, Any]:
-        """Settings of the recorder that say along what its obstacles are laid."""
+    def route_settings(self) -> Mapping[str, Any]:
+        """Recording settings of the route along which the scene's obstacles are placed."""
         return {}
 
     def recorded(self, layout: int) -> RecordSettings:
         """Resolve the settings of scene, rover and sensors.
 
         Raises:
-            SettingsError: If there is no such scene, option of it, disturbance or setting.
+            SettingsError: If there is no such scene, option, disturbance or setting.
         """
         scene_options(self.scene, self.scene_options)
         base: dict[str, Any] = dict(find_scene(self.scene).defaults)
@@ -93,21 +113,34 @@ class TrialSettings(Settings):
             "drive.carrier": "rover",
             "rig.rate_hz": self.rate_hz,
             "encoders.rate_hz": self.rate_hz,
-            **self.driven,
+            **self.route_settings,
         }
         settings = resolve(RecordSettings, base=base)
         return disturbed(settings, parse_disturbances(self.disturb))
 
+    def build(self, layout: int) -> SceneInstance:
+        """Build a layout.
+
+        Raises:
+            SettingsError: If scene, option or setting is refused.
+            TrialError: If there is no traversable place.
+        """
+        settings = self.recorded(layout)
+        return build_instance(self.scene, settings, self.clearance_m, self.acceleration_mps2)
+
 
 class NavSettings(TrialSettings):
-    """Reach a goal."""
+    """Options of RoverNav."""
 
-    goal_radius_m: float = Field(default=0.3, gt=0.0, le=5.0)
+    goal_radius_m: float = Field(
+        default=0.3, gt=0.0, le=5.0, description="distance from the goal that counts as success, m"
+    )
     distance_m: tuple[PositiveFloat, PositiveFloat] = Field(
-        default=(3.0, 10.0), description="least and largest way from start to goal"
+        default=(3.0, 10.0), description="shortest and longest path from start to goal, m"
     )
     dynamics: str = Field(
-        default="", description="what moves on the way: blocked_aisles=1,doors=1,traffic=2"
+        default="",
+        description="dynamic agents on the path: blocked_aisles=1,doors=1,traffic=2",
     )
 
     @field_validator("dynamics")
@@ -130,28 +163,37 @@ class NavSettings(TrialSettings):
 
 
 class RouteSettings(TrialSettings):
-    """Follow a route."""
+    """Options of RoverRoute."""
 
-    route: str = Field(default="default", description="of the scene")
-    route_m: float | None = Field(default=None, gt=0.0, description="how far; none: all of it")
-    stray_m: float = Field(default=1.0, gt=0.0, description="further off the route is a failure")
-    goal_radius_m: float = Field(default=0.3, gt=0.0, le=5.0)
-    lookahead_m: float = Field(default=0.6, gt=0.0, le=5.0, description="of the goal observed")
+    route: str = Field(default="default", description="name of the scene's route")
+    route_m: float | None = Field(
+        default=None, gt=0.0, description="length of the route, m; none: all of it"
+    )
+    stray_m: float = Field(
+        default=1.0, gt=0.0, description="distance from the route that counts as failure, m"
+    )
+    goal_radius_m: float = Field(
+        default=0.3, gt=0.0, le=5.0, description="distance from the end that counts as success, m"
+    )
+    lookahead_m: float = Field(
+        default=0.6, gt=0.0, le=5.0, description="distance of the observed goal along the route, m"
+    )
 
     @property
-    def driven(self) -> Mapping[str, Any]:
+    def route_settings(self) -> Mapping[str, Any]:
         """The route."""
         return {"drive.route": self.route, "drive.distance_m": self.route_m}
 
 
 class ExploreSettings(TrialSettings):
-    """Cover an area and return."""
+    """Options of RoverExplore."""
 
-    cover_share: float = Field(default=0.8, gt=0.0, le=1.0, description="of what can be reached")
-    view_m: float = Field(default=2.0, gt=0.0, le=20.0, description="covered about the rover")
-    goal_radius_m: float = Field(default=0.5, gt=0.0, le=5.0, description="about the start")
-
-
-def along(settings: RecordSettings, waypoints: list[tuple[float, float]]) -> RecordSettings:
-    """Return settings with another route, such as a way that was planned."""
-    return amended(settings, {"drive.waypoints": tuple(waypoints), "drive.distance_m": None})
+    cover_share: float = Field(
+        default=0.8, gt=0.0, le=1.0, description="fraction of the reachable ground to bring in view"
+    )
+    view_m: float = Field(
+        default=2.0, gt=0.0, le=20.0, description="range within which ground is in view, m"
+    )
+    goal_radius_m: float = Field(
+        default=0.5, gt=0.0, le=5.0, description="distance from the start that ends the trial, m"
+    )

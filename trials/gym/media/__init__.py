@@ -1,1 +1,1 @@
-"""Pictures, films and datasets of trials."""
+"""Images, films and datasets of trials."""

@@ -1,4 +1,4 @@
-"""A film of a trial: what `render` shows after every step, as MP4 or GIF, without moviepy."""
+"""A film of a trial: the rendered view after every step, as MP4 or GIF, without moviepy."""
 
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -14,7 +14,7 @@ from vo.contract.errors import SettingsError
 
 
 class Filmed(gymnasium.Wrapper[Any, Array, Any, Array]):
-    """Writes a film for each trial, whole when the trial is over or the environment is closed."""
+    """Writes one film for each trial, complete when the trial ends or the environment is closed."""
 
     def __init__(self, env: gymnasium.Env[Any, Array], out: Path, every: int = 1) -> None:
         """Film an environment.
@@ -25,50 +25,50 @@ class Filmed(gymnasium.Wrapper[Any, Array, Any, Array]):
             every: Steps from one frame to the next.
 
         Raises:
-            SettingsError: If the name has another suffix than .mp4 or .gif, or the environment
-                gives no pictures.
+            SettingsError: If the suffix is not .mp4 or .gif, or the environment has another
+                render_mode.
         """
         super().__init__(env)
         if env.render_mode != "rgb_array":
             raise SettingsError('a film needs render_mode="rgb_array"')
         film_suffix(out)
         self._out, self._every, self._trials, self._steps = out, every, 0, 0
-        self._running = ExitStack()
-        self._show: Callable[[Image], None] | None = None
+        self._film = ExitStack()
+        self._write: Callable[[Image], None] | None = None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
         """Begin a trial and its film."""
-        self._running.close()
-        told = self.env.reset(seed=seed, options=options)
+        self._film.close()
+        result = self.env.reset(seed=seed, options=options)
         number = f"_{self._trials}" if self._trials else ""
-        name = self._out.with_name(f"{self._out.stem}{number}{self._out.suffix}")
-        name.parent.mkdir(parents=True, exist_ok=True)
+        out = self._out.with_name(f"{self._out.stem}{number}{self._out.suffix}")
+        out.parent.mkdir(parents=True, exist_ok=True)
         rate_hz = float(self.env.metadata["render_fps"]) / self._every
-        self._show = self._running.enter_context(writing(name, rate_hz))
+        self._write = self._film.enter_context(writing(out, rate_hz))
         self._trials, self._steps = self._trials + 1, 0
-        self._take()
-        return told
+        self._add_frame()
+        return result
 
     def step(self, action: Array) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """Drive on; the last picture of a trial is always in its film."""
-        told = self.env.step(action)
+        """Drive on; the last image of a trial is always in its film."""
+        result = self.env.step(action)
         self._steps += 1
-        over = told[2] or told[3]
+        over = result[2] or result[3]
         if over or self._steps % self._every == 0:
-            self._take()
+            self._add_frame()
         if over:
-            self._running.close()
-            self._show = None
-        return told
+            self._film.close()
+            self._write = None
+        return result
 
     def close(self) -> None:
         """Finish the film."""
-        self._running.close()
+        self._film.close()
         super().close()
 
-    def _take(self) -> None:
+    def _add_frame(self) -> None:
         image = self.env.render()
-        if self._show is not None:
-            self._show(np.asarray(image, np.uint8))
+        if self._write is not None:
+            self._write(np.asarray(image, np.uint8))

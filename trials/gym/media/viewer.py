@@ -1,4 +1,4 @@
-"""The window: shows pictures of a trial where there is a display."""
+"""A window that shows images of a trial, where there is a display."""
 
 import os
 import sys
@@ -13,19 +13,19 @@ TITLE = "driftyard"
 
 
 def render_modes() -> list[str]:
-    """What an environment can be asked for on this machine."""
+    """List the render modes that this machine supports."""
     return ["rgb_array"] if _missing() else ["human", "rgb_array"]
 
 
-class Window:
-    """One window of OpenCV's."""
+class Viewer:
+    """A window of OpenCV."""
 
     @staticmethod
     def check() -> None:
-        """Refuse where nothing can be shown.
+        """Refuse where no window can be shown.
 
         Raises:
-            SettingsError: Says what is missing.
+            SettingsError: Names what is missing.
         """
         if missing := _missing():
             raise SettingsError(f"render_mode human: {missing}; rgb_array needs neither")
@@ -36,12 +36,12 @@ class Window:
         cv2.waitKey(1)
 
     def close(self) -> None:
-        """Take the window away."""
+        """Close the window."""
         cv2.destroyWindow(TITLE)
 
 
 def _missing() -> str:
-    """What a window lacks here; empty if nothing."""
+    """What a window needs and this machine lacks; empty if nothing."""
     has_display = sys.platform != "linux" or any(
         os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
     )

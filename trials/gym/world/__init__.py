@@ -1,1 +1,1 @@
-"""The world of a trial: simulation, free space, and obstacles that move."""
+"""The simulated world of a trial: scene, physics, sensors, free space and moving obstacles."""

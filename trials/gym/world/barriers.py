@@ -1,6 +1,6 @@
-"""Barriers: loads, doors and gates that come down in a passage, and never upon the rover.
+"""Barriers that come down in a passage, and never upon the rover: loads, doors and gates.
 
-What is not yet down rises while the rover is within KEEP_M of its outline; what is down stays.
+A barrier that is not yet down rises while the rover is within SAFE_M of it; one that is down stays.
 """
 
 import math
@@ -10,21 +10,22 @@ from math import inf
 
 import numpy as np
 
-from trials.gym.world.dynamic_agents import Reacting
+from trials.gym.world.dynamic_agents import DynamicAgent
 from vo.contract import se3
 from vo.contract.arrays import Array
 
-KEEP_M = 0.8
-"""From the rover's axle to a barrier's outline; the rover reaches 0.38 m and brakes within 0.25."""
+SAFE_M = 0.8
+"""Distance of the rover's axle from a barrier that comes down; the rover reaches 0.38 m and brakes
+within 0.25 m."""
 
 
 @dataclass(frozen=True)
 class Slot:
-    """Where a barrier closes a passage.
+    """Rectangle on the ground that a barrier closes.
 
     Attributes:
-        centre: (3,) on the ground, world.
-        yaw_rad: Of its depth axis, which points along the passage.
+        centre: (3,) world.
+        yaw_rad: Direction of its depth axis, along the passage.
         half: (2,) half its depth along the passage and half its width across, metres.
     """
 
@@ -39,8 +40,8 @@ class Slot:
         c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
         return self.centre[:2] + (signs * self.half) @ np.array([[c, s], [-s, c]])
 
-    def away_m(self, point: Array) -> float:
-        """Distance of a point (2,) from the outline; 0 inside."""
+    def distance_m(self, point: Array) -> float:
+        """Distance of a point (2,) from the rectangle; 0 inside."""
         dx, dy = float(point[0] - self.centre[0]), float(point[1] - self.centre[1])
         c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
         out_x = max(0.0, abs(c * dx + s * dy) - float(self.half[0]))
@@ -48,8 +49,8 @@ class Slot:
         return math.hypot(out_x, out_y)
 
 
-class Barrier(Reacting):
-    """Goes straight down to close a slot and up to open it; its coordinate is the height, metres.
+class Barrier(DynamicAgent):
+    """Moves straight down to close a slot and up to open it; its coordinate is the height, metres.
 
     Attributes:
         slot: What it closes.
@@ -66,67 +67,68 @@ class Barrier(Reacting):
 
     @property
     def is_up(self) -> bool:
-        """Whether one can drive underneath."""
-        return self.place >= self.LIFT_M
+        """Whether the rover can drive underneath."""
+        return self.coordinate >= self.LIFT_M
 
     @abstractmethod
-    def _wants_down(self, time_s: float, away_m: float) -> bool:
-        """Whether it would close, with the rover so far from its outline."""
+    def _should_close(self, time_s: float, distance_m: float) -> bool:
+        """Whether it closes, with the rover at a distance from the slot, unless that is unsafe."""
 
-    def _moved(self, time_s: float, elapsed_s: float, rover: Array) -> float:
-        away_m = self.slot.away_m(rover)
-        height_m = self.place
-        down = self._wants_down(time_s, away_m) and (away_m >= KEEP_M or height_m <= 0)
+    def _next(self, time_s: float, elapsed_s: float, rover: Array) -> float:
+        distance_m = self.slot.distance_m(rover)
+        height_m = self.coordinate
+        safe = distance_m >= SAFE_M or height_m <= 0
+        down = self._should_close(time_s, distance_m) and safe
         step_m = self.SPEED_MPS * elapsed_s
         return max(0.0, height_m - step_m) if down else min(self.LIFT_M, height_m + step_m)
 
-    def _at(self, place: float) -> Array:
+    def _pose(self, coordinate: float) -> Array:
         T_world_mover = self._closed.copy()
-        T_world_mover[2, 3] += place
+        T_world_mover[2, 3] += coordinate
         return T_world_mover
 
 
 class Load(Barrier):
-    """A load on a hoist that is set down for good, at a time or when the rover comes near."""
+    """A hoisted load that is set down for good, at a time or when the rover is near."""
 
     def __init__(self, slot: Slot, at_s: float, near_m: float) -> None:
         self._at_s, self._near_m = at_s, near_m
         super().__init__(slot, down=False)
 
-    def begin(self) -> None:
+    def reset(self) -> None:
         """Hang overhead."""
-        super().begin()
-        self._let_down = False
+        super().reset()
+        self._released = False
 
-    def _wants_down(self, time_s: float, away_m: float) -> bool:
-        self._let_down = self._let_down or time_s >= self._at_s or away_m <= self._near_m
-        return self._let_down
+    def _should_close(self, time_s: float, distance_m: float) -> bool:
+        self._released = self._released or time_s >= self._at_s or distance_m <= self._near_m
+        return self._released
 
 
 class Door(Barrier):
-    """A lifting door that is open for a share of every period."""
+    """A lifting door that is open for a fraction of every period."""
 
-    def __init__(self, slot: Slot, period_s: float, open_share: float, phase: float) -> None:
-        self._period_s, self._open_share, self._phase = period_s, open_share, phase
-        super().__init__(slot, down=phase >= open_share)
+    def __init__(self, slot: Slot, period_s: float, open_fraction: float, phase: float) -> None:
+        self._period_s, self._open_fraction, self._phase = period_s, open_fraction, phase
+        super().__init__(slot, down=phase >= open_fraction)
 
-    def _wants_down(self, time_s: float, away_m: float) -> bool:
-        return (time_s / self._period_s + self._phase) % 1 >= self._open_share
+    def _should_close(self, time_s: float, distance_m: float) -> bool:
+        return (time_s / self._period_s + self._phase) % 1 >= self._open_fraction
 
 
 @dataclass
-class Order:
-    """What a gate is asked to do.
+class GateSchedule:
+    """Times at which a gate closes and opens.
 
     Attributes:
-        since_s: When it closes.
-        wait_s: How long after the rover stands before it, it opens.
-        lead_s: How long after a request it opens.
-        requested_s: When it was asked to open.
-        arrived_s: When the rover came to stand before it.
+        closes_s: When it closes.
+        wait_s: It opens so long after the rover has arrived before it.
+        lead_s: It opens so long after a request.
+        requested_s: When it was requested to open.
+        arrived_s: When the rover arrived before it.
     """
 
-    since_s: float
+    closes_s: float
     wait_s: float
     lead_s: float
     requested_s: float = inf
@@ -134,35 +136,37 @@ class Order:
 
 
 class Gate(Barrier):
-    """Is closed from a time on until the rover has waited before it, or had it opened ahead.
+    """Is closed from a time on until the rover has waited before it, or a request opens it.
 
     Attributes:
-        order: Of the present trial.
+        schedule: Of the present trial.
     """
 
-    HERE_M = 1.1
-    """From the rover's axle to the outline: it stands before the gate."""
+    ARRIVAL_M = 1.1
+    """Distance of the rover's axle from the slot at which it waits before the gate."""
 
-    def __init__(self, slot: Slot, since_s: float, wait_s: float, lead_s: float) -> None:
-        self._order = (since_s, wait_s, lead_s)
-        super().__init__(slot, down=since_s <= 0)
+    def __init__(self, slot: Slot, closes_s: float, wait_s: float, lead_s: float) -> None:
+        self._times_s = (closes_s, wait_s, lead_s)
+        super().__init__(slot, down=closes_s <= 0)
 
-    def begin(self) -> None:
+    def reset(self) -> None:
         """Forget requests and arrivals."""
-        super().begin()
-        self.order = Order(*self._order)
+        super().reset()
+        self.schedule = GateSchedule(*self._times_s)
 
     def request(self, time_s: float) -> None:
-        """Have it open `lead_s` later; asking again changes nothing."""
-        self.order.requested_s = min(self.order.requested_s, time_s)
+        """Request it to open `lead_s` later; only the first request counts."""
+        self.schedule.requested_s = min(self.schedule.requested_s, time_s)
 
-    def waive(self) -> None:
-        """Let it stay open: the rover entered the road before it closed."""
-        self.order.since_s = inf
+    def keep_open(self) -> None:
+        """Never close: the rover entered the road before."""
+        self.schedule.closes_s = inf
 
-    def _wants_down(self, time_s: float, away_m: float) -> bool:
-        order = self.order
-        if time_s >= order.since_s and away_m <= self.HERE_M and not self.is_up:
-            order.arrived_s = min(order.arrived_s, time_s)
-        opens_s = min(order.requested_s + order.lead_s, order.arrived_s + order.wait_s)
-        return order.since_s <= time_s < opens_s
+    def _should_close(self, time_s: float, distance_m: float) -> bool:
+        schedule = self.schedule
+        if time_s >= schedule.closes_s and distance_m <= self.ARRIVAL_M and not self.is_up:
+            schedule.arrived_s = min(schedule.arrived_s, time_s)
+        opens_s = min(
+            schedule.requested_s + schedule.lead_s, schedule.arrived_s + schedule.wait_s
+        )
+        return schedule.closes_s <= time_s < opens_s

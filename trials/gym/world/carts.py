@@ -1,30 +1,30 @@
-"""Carts that roll to and fro, and never into the rover."""
+"""Carts that roll to and fro, and stop before the rover."""
 
 import math
 
 import numpy as np
 
-from trials.gym.world.dynamic_agents import Reacting
+from trials.gym.world.dynamic_agents import DynamicAgent
 from vo.contract import se3
 from vo.contract.arrays import Array
 
-KEEP_M = 1.05
-"""From the rover's axle to the middle of a cart, which stops before it."""
-PATIENCE_S = 4.0
-"""A cart that has waited so long turns back."""
+SAFE_M = 1.05
+"""Distance from the rover's axle to the middle of a cart that a cart keeps."""
+MAX_WAIT_S = 4.0
+"""Time after which a waiting cart turns back."""
 
 
-class Cart(Reacting):
-    """Rolls to and fro on a straight line; its coordinate is the way from the first end, metres."""
+class Cart(DynamicAgent):
+    """Rolls to and fro on a straight line; its coordinate is the distance from the first end, m."""
 
     def __init__(self, ends: Array, height_m: float, speed_mps: float, phase: float) -> None:
-        """Stand somewhere on the line.
+        """Stand on the line.
 
         Args:
             ends: (2, 2) world x, y.
-            height_m: Of the ground.
-            speed_mps: Along the line.
-            phase: 0 to 1, of a way to and fro: where it begins.
+            height_m: Height of the ground.
+            speed_mps: Speed along the line.
+            phase: Initial position, 0 to 1, as a fraction of the way to and fro.
         """
         self.ends, self._speed_mps, self._phase = ends, speed_mps, phase
         self.length_m = float(np.linalg.norm(ends[1] - ends[0]))
@@ -34,28 +34,28 @@ class Cart(Reacting):
         self._T[2, 3] = height_m
         super().__init__(self.length_m * (1 - abs(1 - 2 * phase)))
 
-    def begin(self) -> None:
-        """Stand where it stood."""
-        super().begin()
-        self._sense = 1.0 if self._phase < 0.5 else -1.0
+    def reset(self) -> None:
+        """Return to the initial position and direction."""
+        super().reset()
+        self._direction = 1.0 if self._phase < 0.5 else -1.0
         self._waited_s = 0.0
 
-    def _moved(self, time_s: float, elapsed_s: float, rover: Array) -> float:
-        place = self.place
-        if not 0 < place + self._sense * self._speed_mps * elapsed_s < self.length_m:
-            self._sense = 1.0 if place < self.length_m / 2 else -1.0
-        wanted = place + self._sense * self._speed_mps * elapsed_s
+    def _next(self, time_s: float, elapsed_s: float, rover: Array) -> float:
+        here = self.coordinate
+        if not 0 < here + self._direction * self._speed_mps * elapsed_s < self.length_m:
+            self._direction = 1.0 if here < self.length_m / 2 else -1.0
+        wanted = here + self._direction * self._speed_mps * elapsed_s
         wanted = min(max(wanted, 0.0), self.length_m)
-        now, then = (math.dist(rover, self.ends[0] + s * self._along) for s in (place, wanted))
-        if then >= KEEP_M or then > now:
+        now, then = (math.dist(rover, self.ends[0] + s * self._along) for s in (here, wanted))
+        if then >= SAFE_M or then > now:
             self._waited_s = 0.0
             return wanted
         self._waited_s += elapsed_s
-        if self._waited_s > PATIENCE_S:
-            self._sense, self._waited_s = -self._sense, 0.0
-        return place
+        if self._waited_s > MAX_WAIT_S:
+            self._direction, self._waited_s = -self._direction, 0.0
+        return here
 
-    def _at(self, place: float) -> Array:
+    def _pose(self, coordinate: float) -> Array:
         T_world_mover = self._T.copy()
-        T_world_mover[:2, 3] = self.ends[0] + place * self._along
+        T_world_mover[:2, 3] = self.ends[0] + coordinate * self._along
         return T_world_mover

@@ -1,7 +1,7 @@
-"""Ways through free space: shortest ones from one place to everywhere.
+"""Traversable space, and the distance field of the shortest paths through it to one goal.
 
 Source: Dijkstra, A note on two problems in connexion with graphs, 1959, on the 8-connected grid
-(SciPy's); ways are then pulled tight, as any-angle planners do after the fact.
+(SciPy's); paths are then shortened by line-of-sight checks.
 """
 
 from dataclasses import dataclass
@@ -22,122 +22,132 @@ STEPS = ((0, 1, 1.0), (1, 0, 1.0), (1, 1, SQRT2), (1, -1, SQRT2))
 
 
 @dataclass(frozen=True)
-class Passages:
-    """Where the rover's axle may be, and what is connected to what.
+class TraversableSpace:
+    """Where the rover's axle may be, and which places are connected.
 
     Attributes:
-        free: The free space.
-        clearance_m: Room that the axle must have everywhere.
+        space: The free space.
+        min_clearance_m: Distance from obstacles that the axle must keep.
     """
 
-    free: FreeSpace
-    clearance_m: float
+    space: FreeSpace
+    min_clearance_m: float
 
     @cached_property
-    def open(self) -> Mask:
-        """(H, W) cells with enough room."""
-        return self.free.room_m >= self.clearance_m
+    def mask(self) -> Mask:
+        """(H, W) cells with enough clearance."""
+        return self.space.clearance_m >= self.min_clearance_m
 
     @cached_property
-    def parts(self) -> Indices:
-        """(H, W) number of the connected part that a cell belongs to; 0 has no room."""
-        _, parts = cv2.connectedComponents(self.open.astype(np.uint8), connectivity=4)
-        return np.asarray(parts, np.int64)
+    def components(self) -> Indices:
+        """(H, W) number of the connected component of each cell; 0 without clearance."""
+        _, components = cv2.connectedComponents(self.mask.astype(np.uint8), connectivity=4)
+        return np.asarray(components, np.int64)
 
     @cached_property
     def _graph(self) -> sparse.csr_matrix:
-        shape = self.open.shape
-        number = np.arange(self.open.size).reshape(shape)
+        shape = self.mask.shape
+        number = np.arange(self.mask.size).reshape(shape)
         edges: list[tuple[Array, Array, Array]] = []
         for down, right, length in STEPS:
             low = slice(max(0, -right), shape[1] - max(0, right))
             high = slice(max(0, right), shape[1] - max(0, -right))
             rows, below = slice(0, shape[0] - down), slice(down, shape[0])
-            both = self.open[rows, low] & self.open[below, high]
+            both = self.mask[rows, low] & self.mask[below, high]
             if down and right:
-                both &= self.open[rows, high] & self.open[below, low]
+                both &= self.mask[rows, high] & self.mask[below, low]
             a, b = number[rows, low][both], number[below, high][both]
-            edges.append((a, b, np.full(len(a), length * self.free.cell_m)))
+            edges.append((a, b, np.full(len(a), length * self.space.cell_m)))
         first, second, lengths = (np.concatenate(x) for x in zip(*edges, strict=True))
-        size = self.open.size
+        size = self.mask.size
         return sparse.csr_matrix((lengths, (first, second)), shape=(size, size))
 
-    def ways_to(self, point: Array) -> "Ways":
-        """Find the shortest ways from everywhere to an open world point (2,)."""
-        goal = int(np.ravel_multi_index(tuple(self.free.cells(point)), self.open.shape))
-        lengths, before = dijkstra(
-            self._graph, directed=False, indices=goal, return_predecessors=True
+    def distance_field(self, goal: Array) -> "DistanceField":
+        """Find the shortest paths from everywhere to a traversable world point (2,)."""
+        index = int(np.ravel_multi_index(tuple(self.space.cells(goal)), self.mask.shape))
+        distances, before = dijkstra(
+            self._graph, directed=False, indices=index, return_predecessors=True
         )
-        return Ways(self, point, lengths.reshape(self.open.shape), before)
+        return DistanceField(self, goal, distances.reshape(self.mask.shape), before)
 
-    def sees(self, a: Array, b: Array) -> bool:
-        """Whether the straight way between world points (2,) is open."""
-        steps = max(2, int(np.linalg.norm(b - a) / (0.5 * self.free.cell_m)) + 1)
-        share = np.linspace(0, 1, steps)[:, None]
-        rows, columns = self.free.cells(a + share * (b - a)).T
-        return bool(self.open[rows, columns].all())
+    def shortest_path(self, start: Array, goal: Array) -> Array | None:
+        """(N, 2) shortest path between two traversable points (2,); None if there is none."""
+        field = self.distance_field(goal)
+        if not np.isfinite(field.distances_m[tuple(self.space.cells(start))]):
+            return None
+        return field.path_from(start)
+
+    def has_line(self, a: Array, b: Array) -> bool:
+        """Whether the straight line between world points (2,) is traversable."""
+        steps = max(2, int(np.linalg.norm(b - a) / (0.5 * self.space.cell_m)) + 1)
+        fraction = np.linspace(0, 1, steps)[:, None]
+        rows, columns = self.space.cells(a + fraction * (b - a)).T
+        return bool(self.mask[rows, columns].all())
 
 
 @dataclass(frozen=True)
-class Ways:
-    """Shortest ways to one place.
+class DistanceField:
+    """Shortest paths to one goal.
 
     Attributes:
-        passages: Through what.
+        traversable: Space that the paths lead through.
         goal: (2,) world x, y.
-        lengths_m: (H, W) from each cell along the grid; infinite where there is no way.
-        towards: (H * W,) the next cell on the way, negative at the goal and where there is none.
+        distances_m: (H, W) from each cell along the grid; infinite where there is no path.
+        next_cells: (H * W,) next cell on the path, negative at the goal and where there is none.
     """
 
-    passages: Passages
+    traversable: TraversableSpace
     goal: Array
-    lengths_m: Array
-    towards: Indices
+    distances_m: Array
+    next_cells: Indices
 
-    def length_m(self, point: Array) -> float:
-        """Length of the way from a world point (2,), at least the straight one.
+    def distance_m(self, point: Array) -> float:
+        """Length of the path from a world point (2,), at least the straight distance.
 
-        From a cell without room it is that of the nearest one with room.
+        From a cell without path it is that of the nearest cell with one, plus the detour.
         """
-        free = self.passages.free
-        row, column = np.clip(free.cells(point), 0, np.array(self.lengths_m.shape) - 1)
+        space = self.traversable.space
+        row, column = np.clip(space.cells(point), 0, np.array(self.distances_m.shape) - 1)
         straight = float(np.linalg.norm(self.goal - point))
-        length = float(self.lengths_m[row, column])
+        length = float(self.distances_m[row, column])
         if not np.isfinite(length):
             row, column = self._nearest_known[:, row, column]
-            detour = float(np.linalg.norm(free.points(np.array([row, column])) - point))
-            length = float(self.lengths_m[row, column]) + detour
+            detour = float(np.linalg.norm(space.points(np.array([row, column])) - point))
+            length = float(self.distances_m[row, column]) + detour
         return max(length, straight)
 
     @cached_property
     def _nearest_known(self) -> Indices:
-        """(2, H, W) nearest cell that has a way."""
-        unknown = ~np.isfinite(self.lengths_m)
+        """(2, H, W) nearest cell that has a path."""
+        unknown = ~np.isfinite(self.distances_m)
         indices = distance_transform_edt(unknown, return_distances=False, return_indices=True)
         return np.asarray(indices, np.int64)
 
-    def from_point(self, point: Array) -> Array:
-        """(N, 2) waypoints of the way from an open world point (2,), pulled tight; N >= 2."""
-        shape = self.lengths_m.shape
-        node = int(np.ravel_multi_index(tuple(self.passages.free.cells(point)), shape))
+    def path_from(self, point: Array) -> Array:
+        """(N, 2) waypoints from a traversable world point (2,), shortened; N >= 2."""
+        shape = self.distances_m.shape
+        node = int(np.ravel_multi_index(tuple(self.traversable.space.cells(point)), shape))
         nodes = [node]
-        while self.towards[nodes[-1]] >= 0:
-            nodes.append(int(self.towards[nodes[-1]]))
+        while self.next_cells[nodes[-1]] >= 0:
+            nodes.append(int(self.next_cells[nodes[-1]]))
         cells = np.column_stack(np.unravel_index(nodes, shape))
-        way = np.vstack([point, self.passages.free.points(cells[1:-1]), self.goal])
-        tight = [way[0]]
+        path = np.vstack([point, self.traversable.space.points(cells[1:-1]), self.goal])
+        has_line = self.traversable.has_line
+        shortened = [path[0]]
         k = 0
-        while k < len(way) - 1:
-            ahead = len(way) - 1
-            while ahead > k + 1 and not self.passages.sees(way[k], way[ahead]):
+        while k < len(path) - 1:
+            ahead = len(path) - 1
+            while ahead > k + 1 and not has_line(path[k], path[ahead]):
                 ahead = k + max(1, (ahead - k) // 2)
-            while ahead + 1 < len(way) and self.passages.sees(way[k], way[ahead + 1]):
+            while ahead + 1 < len(path) and has_line(path[k], path[ahead + 1]):
                 ahead += 1
-            tight.append(way[ahead])
+            shortened.append(path[ahead])
             k = ahead
-        return np.array(tight)
+        return np.array(shortened)
 
 
-def way_length_m(waypoints: Array) -> float:
-    """Length of a polyline (N, 2)."""
-    return float(np.linalg.norm(np.diff(waypoints, axis=0), axis=1).sum())
+def path_length_m(path: Array | None) -> float:
+    """Length of a polyline (N, 2); infinite if there is none."""
+    if path is None:
+        return np.inf
+    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())

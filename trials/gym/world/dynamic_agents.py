@@ -1,7 +1,7 @@
-"""What moves in a trial and reacts to the rover.
+"""Base of the things that move in a trial and react to the rover.
 
-Each thing has one coordinate, which it moves as it likes at the end of every stretch of physics,
-and remembers, so that the pictures of a trial can be rendered again.
+An agent has one coordinate, which it changes at the end of every stretch of physics. It records
+the coordinate over time, so that the images of a trial can be rendered again.
 """
 
 from abc import ABC, abstractmethod
@@ -11,47 +11,47 @@ from bisect import bisect_right
 from vo.contract.arrays import Array
 
 
-class Reacting(ABC):
-    """A motion, as `Scene.movers` holds them, that depends on the rover."""
+class DynamicAgent(ABC):
+    """A motion, as in `Scene.movers`, that depends on the rover."""
 
-    def __init__(self, first: float) -> None:
-        """Stand at the coordinate `first` until told otherwise."""
-        self._first = first
-        self.begin()
+    def __init__(self, initial: float) -> None:
+        """Stay at the coordinate `initial` until the first call of `advance`."""
+        self._initial = initial
+        self.reset()
 
-    def begin(self) -> None:
-        """Put it to its beginning."""
-        self._times_ns, self._places = array("q"), array("d")
+    def reset(self) -> None:
+        """Return to the initial state."""
+        self._times_ns, self._coordinates = array("q"), array("d")
 
     @property
-    def place(self) -> float:
-        """The coordinate now."""
-        return self._places[-1] if self._places else self._first
+    def coordinate(self) -> float:
+        """The present coordinate."""
+        return self._coordinates[-1] if self._coordinates else self._initial
 
-    def react(self, time_s: float, rover: Array) -> None:
-        """Move on to a time, later than the last one, with the rover's axle at (2,) x, y."""
+    def advance(self, time_s: float, rover: Array) -> None:
+        """Move on to a later time, with the rover's axle at (2,) x, y."""
         time_ns = round(time_s * 1e9)
         elapsed_s = (time_ns - self._times_ns[-1]) * 1e-9 if self._times_ns else 0.0
-        place = self._moved(time_s, elapsed_s, rover)
+        coordinate = self._next(time_s, elapsed_s, rover)
         self._times_ns.append(time_ns)
-        self._places.append(place)
+        self._coordinates.append(coordinate)
 
     def __call__(self, time_s: float) -> Array:
-        """(4, 4) T_world_mover at a time that is over."""
+        """(4, 4) T_world_mover at a past time."""
         time_ns = round(time_s * 1e9)
         after = bisect_right(self._times_ns, time_ns)
         if after == 0:
-            return self._at(self._places[0] if self._places else self._first)
+            return self._pose(self._coordinates[0] if self._coordinates else self._initial)
         if after == len(self._times_ns):
-            return self._at(self._places[-1])
+            return self._pose(self._coordinates[-1])
         since, until = self._times_ns[after - 1], self._times_ns[after]
-        share = (time_ns - since) / (until - since)
-        return self._at((1 - share) * self._places[after - 1] + share * self._places[after])
+        w = (time_ns - since) / (until - since)
+        return self._pose((1 - w) * self._coordinates[after - 1] + w * self._coordinates[after])
 
     @abstractmethod
-    def _moved(self, time_s: float, elapsed_s: float, rover: Array) -> float:
-        """The coordinate at a time."""
+    def _next(self, time_s: float, elapsed_s: float, rover: Array) -> float:
+        """The coordinate at a time, `elapsed_s` after the last one."""
 
     @abstractmethod
-    def _at(self, place: float) -> Array:
+    def _pose(self, coordinate: float) -> Array:
         """(4, 4) T_world_mover at a coordinate."""

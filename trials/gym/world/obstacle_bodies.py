@@ -1,4 +1,4 @@
-"""Bodies of what reacts to the rover: loads of cartons, lifting doors and carts, drawn as felt."""
+"""Bodies of the dynamic agents: loads of cartons, lifting doors and carts."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -12,37 +12,46 @@ from scenes.surfaces import prints, signs, timber
 from scenes.surfaces.atlas import pack
 from trials.gym.world.barriers import Barrier, Load
 from trials.gym.world.carts import Cart
-from trials.gym.world.dynamic_agents import Reacting
+from trials.gym.world.dynamic_agents import DynamicAgent
 from vo.contract.arrays import Array
 
 PREFIX = "dynamics/"
 LOAD_M, DOOR_M = (0.8, 0.9), (0.1, 1.0)
-"""Depth along the passage, and height."""
+"""Depth along the passage and height of a load and of a door, metres."""
 CART_M = (0.6, 0.5, 0.7)
+"""Length, width and height, metres."""
 FACES = 6
+"""Number of different sides of cartons."""
 
 
-def with_dynamics(scene: Scene, movers: Mapping[str, Reacting], seed: int) -> Scene:
-    """Put what moves into a copy of a scene, drawn as it is felt."""
-    if not movers:
+def with_agents(scene: Scene, agents: Mapping[str, DynamicAgent], seed: int) -> Scene:
+    """Add dynamic agents to a copy of a scene; visible and collision shapes agree.
+
+    Args:
+        scene: Without dynamic agents; returned as it is if there are none.
+        agents: By name.
+        seed: Seed of the textures.
+    """
+    if not agents:
         return scene
     stage, rng = Stage("dynamics"), np.random.default_rng(seed)
     faces = pack(prints.cartons(rng, FACES, 256))
     stage.material("hoisted_cartons", faces.image)
     stage.material("lifting_door", signs.shutter(rng, (512, 512), (150, 120, 70)))
     stage.material("cart_frame", timber.painted(rng, (128, 256), (54, 92, 140)))
-    for name, mover in movers.items():
-        with stage.mover(name, mover):
-            if isinstance(mover, Cart):
+    for name, agent in agents.items():
+        with stage.mover(name, agent):
+            if isinstance(agent, Cart):
                 size = CART_M
                 stage.draw("cart_frame", box((0, 0, 0.1), (*CART_M[:2], 0.2), (0.5, 0.5)))
                 load = box((0, 0, 0.45), (0.54, 0.44, 0.5), bottom=True)
                 stage.draw("hoisted_cartons", load.textured(faces.rects[rng.integers(FACES)]))
             else:
-                assert isinstance(mover, Barrier)
-                depth_m, width_m = 2 * mover.slot.half
-                size = (float(depth_m), float(width_m), _height_m(mover))
-                if isinstance(mover, Load):
+                assert isinstance(agent, Barrier)
+                depth_m, width_m = 2 * agent.slot.half
+                height_m = LOAD_M[1] if isinstance(agent, Load) else DOOR_M[1]
+                size = (float(depth_m), float(width_m), height_m)
+                if isinstance(agent, Load):
                     stage.draw("hoisted_cartons", _stack(size, faces.rects, rng))
                 else:
                     leaf = box((0, 0, size[2] / 2), size, (1.0, 1.0), rng.random(2), bottom=True)
@@ -52,18 +61,14 @@ def with_dynamics(scene: Scene, movers: Mapping[str, Reacting], seed: int) -> Sc
     spec = scene.spec.copy()
     spec.attach(stage.spec, prefix=PREFIX, frame=spec.worldbody.add_frame())
     things = {PREFIX + name: thing for name, thing in stage.things.items()}
-    named = {PREFIX + name: mover for name, mover in movers.items()}
+    named = {PREFIX + name: agent for name, agent in agents.items()}
     return replace(
         scene, spec=spec, things={**scene.things, **things}, movers={**scene.movers, **named}
     )
 
 
-def _height_m(barrier: Barrier) -> float:
-    return LOAD_M[1] if isinstance(barrier, Load) else DOOR_M[1]
-
-
 def _stack(size: tuple[float, float, float], rects: Array, rng: np.random.Generator) -> Mesh:
-    """Cartons side by side, two high, that fill a box of (3,) full size on z = 0."""
+    """Cartons side by side, two high, that fill a box of full size (3,) on z = 0."""
     depth_m, width_m, height_m = size
     count = max(1, round(width_m / 0.6))
     part = np.array([depth_m, width_m / count, height_m / 2])

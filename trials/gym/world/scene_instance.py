@@ -1,88 +1,106 @@
-"""The site: one layout of a scene, built, surveyed, with a rover and its eyes in it."""
+"""One layout of a scene: built, mapped, with a rover and its camera in it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from scenes.scene import Scene
 from sim.batch import build
 from sim.settings import RecordSettings, TerrainSettings
 from sim.world.world import build_world
-from trials.gym.env.camera import Eyes
-from trials.gym.env.settings import TrialSettings, along
-from trials.gym.world.distance_field import Passages
-from trials.gym.world.dynamic_agents import Reacting
-from trials.gym.world.free_space import survey_free_space
-from trials.gym.world.obstacle_bodies import with_dynamics
+from trials.gym.world.camera import RoverCamera
+from trials.gym.world.distance_field import TraversableSpace
+from trials.gym.world.dynamic_agents import DynamicAgent
+from trials.gym.world.free_space import map_free_space
+from trials.gym.world.obstacle_bodies import with_agents
 from trials.gym.world.simulation import Simulation
-from trials.gym.world.start_goal_sampling import Errand, main_part
-from vo.contract.arrays import Mask
+from trials.gym.world.start_goal_sampling import main_component
+from vo.contract.arrays import Array, Mask
+from vo.contract.settings import amended
 
 
 @dataclass(frozen=True)
-class Site:
-    """Everything that outlives a trial.
+class SceneInstance:
+    """Everything that is kept from trial to trial.
 
     Attributes:
-        layout: Seed of the scene.
-        settings: Resolved, of world and sensors.
+        settings: Resolved settings of world and sensors.
         scene: Before it was compiled.
         simulation: Of the compiled world.
-        eyes: Of the rover in it.
-        passages: Where there is room.
-        part: (H, W) cells that are connected to the scene's own route.
+        camera: Camera of the rover.
+        traversable: Space with enough clearance for the rover.
+        component: (H, W) cells that are connected to the scene's own route.
     """
 
-    layout: int
     settings: RecordSettings
     scene: Scene
     simulation: Simulation
-    eyes: Eyes
-    passages: Passages
-    part: Mask
+    camera: RoverCamera
+    traversable: TraversableSpace
+    component: Mask
 
     @property
-    def follows_way(self) -> bool:
-        """Whether what is laid in the rover's way must be laid anew for another way."""
+    def layout(self) -> int:
+        """Seed of the scene."""
+        return self.settings.seed
+
+    @property
+    def depends_on_path(self) -> bool:
+        """Whether the terrain along the rover's path must be built anew for another path."""
         return self.settings.terrain != TerrainSettings()
 
 
-def open_site(trial: TrialSettings, layout: int) -> Site:
+def build_instance(
+    scene_name: str, settings: RecordSettings, min_clearance_m: float, acceleration_mps2: float
+) -> SceneInstance:
     """Build a layout.
 
     Args:
-        trial: What was asked for.
-        layout: Seed.
+        scene_name: Name, MJCF file or `module:function`.
+        settings: Resolved; its seed is that of the layout.
+        min_clearance_m: Clearance that the rover's axle needs.
+        acceleration_mps2: Largest acceleration of a wheel's rim.
 
     Raises:
         SettingsError: If scene, option or setting is refused.
-        TrialError: If there is no free place.
+        TrialError: If there is no traversable place.
     """
-    settings = trial.recorded(layout)
-    scene = build(trial.scene, settings)
+    scene = build(scene_name, settings)
     world = build_world(scene, settings)
-    passages = Passages(survey_free_space(world, settings.rig.height_m), trial.clearance_m)
-    part = main_part(passages, world.path.waypoints, scene.name)
-    simulation = Simulation(world, settings, trial.acceleration_mps2)
-    return Site(layout, settings, scene, simulation, Eyes(world, settings), passages, part)
+    space = map_free_space(world, settings.rig.height_m)
+    traversable = TraversableSpace(space, min_clearance_m)
+    component = main_component(traversable, world.path.waypoints, scene.name)
+    simulation = Simulation(world, settings, acceleration_mps2)
+    camera = RoverCamera(world, settings)
+    return SceneInstance(settings, scene, simulation, camera, traversable, component)
 
 
-def relaid(
-    site: Site, trial: TrialSettings, errand: Errand, movers: Mapping[str, Reacting] | None = None
-) -> Site:
-    """Return the site with what is laid in the rover's way along another one.
+def rebuilt_along(
+    instance: SceneInstance, path: Array, agents: Mapping[str, DynamicAgent]
+) -> SceneInstance:
+    """Build an instance anew with its terrain along another path, and with dynamic agents.
 
     Args:
-        site: As it was surveyed.
-        trial: What was asked for.
-        errand: The other way.
-        movers: What reacts to the rover, by name.
+        instance: As it was mapped.
+        path: (N, 2) waypoints.
+        agents: Dynamic agents, by name.
 
     Raises:
         SettingsError: If the rover has no room at the start.
     """
-    settings = along(site.settings, [(float(x), float(y)) for x, y in errand.waypoints])
-    scene = with_dynamics(site.scene, movers or {}, site.layout)
+    settings = along(instance.settings, path)
+    scene = with_agents(instance.scene, agents, instance.layout)
     world = build_world(scene, settings)
-    simulation = Simulation(world, settings, trial.acceleration_mps2)
-    eyes = Eyes(world, settings)
-    return Site(site.layout, settings, scene, simulation, eyes, site.passages, site.part)
+    simulation = Simulation(world, settings, instance.simulation.acceleration_mps2)
+    return replace(
+        instance,
+        settings=settings,
+        scene=scene,
+        simulation=simulation,
+        camera=RoverCamera(world, settings),
+    )
+
+
+def along(settings: RecordSettings, path: Array) -> RecordSettings:
+    """Return settings with another route: the (N, 2) waypoints of a path."""
+    waypoints = tuple((float(x), float(y)) for x, y in path)
+    return amended(settings, {"drive.waypoints": waypoints, "drive.distance_m": None})

@@ -1,20 +1,20 @@
-"""Places to start from and to go to: drawn from what is free, or checked when they are given."""
+"""Start and goal of a trial: sampled from the traversable space, or checked when given."""
 
 import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from trials.gym.world.distance_field import Passages, Ways
+from trials.gym.world.distance_field import DistanceField, TraversableSpace
 from vo.contract.arrays import Array, Mask
 from vo.contract.errors import DriftyardError
 
-TRIES = 50
-"""Starts that are tried before a world is said to have no pair of places."""
-ASKEW_RAD = math.radians(30)
-"""How far the rover may look away from its way at the start, to either side."""
-ROOM_TO_START_M = 0.38
-"""The rover reaches so far from its axle, backwards."""
+MAX_STARTS = 50
+"""Starts that are tried before a world is reported to have no start and goal."""
+MAX_HEADING_ERROR_RAD = math.radians(30)
+"""Largest angle between the rover's heading and its path at the start, to either side."""
+MIN_START_CLEARANCE_M = 0.38
+"""Distance from the axle to the rearmost point of the rover."""
 
 
 class TrialError(DriftyardError):
@@ -22,130 +22,146 @@ class TrialError(DriftyardError):
 
 
 @dataclass(frozen=True)
-class Errand:
-    """Where to start, where to go, and the shortest way.
+class StartGoal:
+    """Start, goal and the shortest path.
 
     Attributes:
         start: (3,) x, y in metres and yaw in radians, of the body frame in the world.
-        ways: To the goal.
-        waypoints: (N, 2) of the shortest way, N >= 2.
+        field: Shortest paths to the goal.
+        path: (N, 2) waypoints of the shortest path, N >= 2.
     """
 
     start: Array
-    ways: Ways
-    waypoints: Array
+    field: DistanceField
+    path: Array
 
     @property
     def goal(self) -> Array:
         """(2,) world x, y in metres."""
-        return self.ways.goal
+        return self.field.goal
 
 
-def main_part(passages: Passages, inside: Array, world: str) -> Mask:
-    """(H, W) cells with room that are connected to where people expect the rover to drive.
+def main_component(traversable: TraversableSpace, route: Array, scene: str) -> Mask:
+    """(H, W) cells of the connected component that most of a route lies in.
 
     Args:
-        passages: Of the world.
-        inside: (N, 2) world points of a route; the part that most of them lie in counts.
-        world: Name, for the error.
+        traversable: Space of the world.
+        route: (N, 2) world points.
+        scene: Name, for the error.
 
     Raises:
-        TrialError: If there is no free place.
+        TrialError: If there is no traversable place.
     """
-    cells = passages.free.cells(inside)
-    rows, columns = cells[passages.free.inside(cells)].T
-    parts = passages.parts[rows, columns]
-    parts = parts[parts > 0] if (parts > 0).any() else passages.parts[passages.parts > 0]
-    if len(parts) == 0:
+    cells = traversable.space.cells(route)
+    rows, columns = cells[traversable.space.inside(cells)].T
+    found = traversable.components[rows, columns]
+    found = found[found > 0] if (found > 0).any() else traversable.components[traversable.mask]
+    if len(found) == 0:
         raise TrialError(
-            f"scene {world}: no free place with {passages.clearance_m:g} m of room about the rover"
+            f"scene {scene}: no place with {traversable.min_clearance_m:g} m of clearance "
+            "around the rover"
         )
-    return passages.parts == np.bincount(parts).argmax()
+    return traversable.components == np.bincount(found).argmax()
 
 
-def draw_errand(
-    passages: Passages,
-    part: Mask,
+def sample_start_goal(
+    traversable: TraversableSpace,
+    component: Mask,
     distance_m: tuple[float, float],
     rng: np.random.Generator,
     start: Array | None = None,
     goal: Array | None = None,
-) -> Errand:
-    """Choose start and goal, each unless it is given.
+) -> StartGoal:
+    """Sample start and goal, each unless it is given.
 
     Args:
-        passages: Of the world.
-        part: (H, W) cells to choose from.
-        distance_m: Least and largest length of the way; not asked of a goal that is given.
-        rng: Chooses.
+        traversable: Space of the world.
+        component: (H, W) cells to sample from.
+        distance_m: Shortest and longest length of the path; ignored if both ends are given.
+        rng: Source of the samples.
         start: (3,) x, y, yaw.
         goal: (2,) x, y.
 
     Raises:
-        TrialError: If a given place is not free or cannot be reached, or there is no pair of
+        TrialError: If a given place has no clearance or cannot be reached, or there is no pair of
             places at such a distance.
     """
-    least, largest = distance_m
-    roomy = part & (passages.free.room_m >= max(ROOM_TO_START_M, passages.clearance_m))
     if start is not None:
-        check_place(passages, "start", start[:2])
-    if goal is not None:
-        check_place(passages, "goal", goal)
-        ways = passages.ways_to(goal)
-        reached = np.isfinite(ways.lengths_m)
-        if start is None:
-            near = ways.lengths_m < max(least, float(np.min(ways.lengths_m[reached])))
-            candidates = np.argwhere(roomy & reached & ~near & (ways.lengths_m <= largest))
-            if len(candidates) == 0:
-                raise TrialError(
-                    f"goal ({goal[0]:g}, {goal[1]:g}) m: no start {least:g} to {largest:g} m away"
-                )
-            place = passages.free.points(candidates[rng.integers(len(candidates))])
-        else:
-            place = start[:2]
-            if not reached[tuple(passages.free.cells(place))]:
-                raise TrialError(
-                    f"goal ({goal[0]:g}, {goal[1]:g}) m: no way from the start "
-                    f"({place[0]:g}, {place[1]:g}) m with {passages.clearance_m:g} m of room"
-                )
-        return _errand(ways, place, rng, start)
-    candidates = np.argwhere(roomy)
-    for _ in range(TRIES if len(candidates) and start is None else 1 if start is not None else 0):
-        place = start[:2] if start is not None else passages.free.points(
-            candidates[rng.integers(len(candidates))]
-        )  # fmt: skip
-        lengths_m = passages.ways_to(place).lengths_m
-        goals = np.argwhere(roomy & (lengths_m >= least) & (lengths_m <= largest))
-        if len(goals):
-            ways = passages.ways_to(passages.free.points(goals[rng.integers(len(goals))]))
-            return _errand(ways, place, rng, start)
-    raise TrialError(f"no two free places whose way is {least:g} to {largest:g} m long")
+        expect_clear(traversable, "start", start[:2])
+    clearance_m = max(MIN_START_CLEARANCE_M, traversable.min_clearance_m)
+    roomy = component & (traversable.space.clearance_m >= clearance_m)
+    if goal is None:
+        return _sample_goal(traversable, roomy, distance_m, rng, start)
+    expect_clear(traversable, "goal", goal)
+    field = traversable.distance_field(goal)
+    reached = np.isfinite(field.distances_m)
+    said = f"goal ({goal[0]:g}, {goal[1]:g}) m"
+    if start is None:
+        shortest, longest = distance_m
+        near = field.distances_m < max(shortest, float(np.min(field.distances_m[reached])))
+        candidates = np.argwhere(roomy & reached & ~near & (field.distances_m <= longest))
+        if len(candidates) == 0:
+            raise TrialError(f"{said}: no start at a distance of {shortest:g} to {longest:g} m")
+        place = traversable.space.points(candidates[rng.integers(len(candidates))])
+        return _start_goal(field, place, rng, start)
+    if not reached[tuple(traversable.space.cells(start[:2]))]:
+        raise TrialError(
+            f"{said}: no path from the start ({start[0]:g}, {start[1]:g}) m with "
+            f"{traversable.min_clearance_m:g} m of clearance"
+        )
+    return _start_goal(field, start[:2], rng, start)
 
 
-def check_place(passages: Passages, what: str, point: Array) -> None:
-    """Refuse a world point (2,) where the rover has no room.
+def expect_clear(traversable: TraversableSpace, label: str, point: Array) -> None:
+    """Refuse a world point (2,) where the rover has no clearance.
 
     Raises:
         TrialError: Names the obstacle.
     """
-    free = passages.free
-    cell = free.cells(point)
-    said = f"{what} ({point[0]:g}, {point[1]:g}) m"
-    if not free.inside(cell):
+    space = traversable.space
+    cell = space.cells(point)
+    said = f"{label} ({point[0]:g}, {point[1]:g}) m"
+    if not space.inside(cell):
         raise TrialError(f"{said}: outside the world")
-    if free.room_m[tuple(cell)] >= passages.clearance_m:
+    if space.clearance_m[tuple(cell)] >= traversable.min_clearance_m:
         return
-    name, away_m = free.nearest(point)
-    if away_m < free.cell_m:
+    name, distance_m = space.nearest(point)
+    if distance_m < space.cell_m:
         raise TrialError(f"{said}: inside {name}")
     raise TrialError(
-        f"{said}: {free.room_m[tuple(cell)]:.2f} m of room beside {name}, the rover needs "
-        f"{passages.clearance_m:g} m"
+        f"{said}: {space.clearance_m[tuple(cell)]:.2f} m of clearance beside {name}, the rover "
+        f"needs {traversable.min_clearance_m:g} m"
     )
 
 
-def _errand(ways: Ways, place: Array, rng: np.random.Generator, start: Array | None) -> Errand:
-    waypoints = ways.from_point(place)
-    ahead = waypoints[1] - waypoints[0]
-    yaw = math.atan2(ahead[1], ahead[0]) + rng.uniform(-ASKEW_RAD, ASKEW_RAD)
-    return Errand(np.array([*place, yaw]) if start is None else start, ways, waypoints)
+def _sample_goal(
+    traversable: TraversableSpace,
+    roomy: Mask,
+    distance_m: tuple[float, float],
+    rng: np.random.Generator,
+    start: Array | None,
+) -> StartGoal:
+    """Sample a goal, and a start unless it is given, among the cells (H, W) of `roomy`."""
+    space, (shortest, longest) = traversable.space, distance_m
+    candidates = np.argwhere(roomy)
+    for _ in range(1 if start is not None else MAX_STARTS if len(candidates) else 0):
+        if start is None:
+            place = space.points(candidates[rng.integers(len(candidates))])
+        else:
+            place = start[:2]
+        distances_m = traversable.distance_field(place).distances_m
+        goals = np.argwhere(roomy & (distances_m >= shortest) & (distances_m <= longest))
+        if len(goals):
+            field = traversable.distance_field(space.points(goals[rng.integers(len(goals))]))
+            return _start_goal(field, place, rng, start)
+    raise TrialError(f"no start and goal with a path of {shortest:g} to {longest:g} m between them")
+
+
+def _start_goal(
+    field: DistanceField, place: Array, rng: np.random.Generator, start: Array | None
+) -> StartGoal:
+    path = field.path_from(place)
+    ahead = path[1] - path[0]
+    error_rad = rng.uniform(-MAX_HEADING_ERROR_RAD, MAX_HEADING_ERROR_RAD)
+    yaw = math.atan2(ahead[1], ahead[0]) + error_rad
+    return StartGoal(np.array([*place, yaw]) if start is None else start, field, path)

@@ -1,4 +1,4 @@
-"""Ideal depth: rays in place of a stereo pair, where only what is done with it is of interest."""
+"""Ideal disparity by ray casting in place of a stereo pair, to study planning alone."""
 
 import mujoco
 import numpy as np
@@ -9,16 +9,16 @@ from sim.world.world import World
 from vo.contract.arrays import Array
 
 WIDTH_PX, HEIGHT_PX = 64, 48
-FARTHEST_M = 8.0
+MAX_DISTANCE_M = 8.0
 
 
 def ray_disparity(world: World) -> Array:
     """(HEIGHT_PX, WIDTH_PX) disparity in pixels of the full image; 0 where nothing is near.
 
-    Rays meet what can be felt, and not what is only painted; what the rover hides is unknown.
+    Rays meet collision shapes alone; pixels that the rover hides are unknown.
 
     Args:
-        world: At a moment; its bodies are placed.
+        world: Its bodies are placed.
     """
     world.place_bodies()
     rig, model = world.rig, world.model
@@ -29,13 +29,13 @@ def ray_disparity(world: World) -> Array:
     lengths = np.linalg.norm(rays_cam, axis=1)
     T_world_cam = world.T_world_cam
     rays = (rays_cam / lengths[:, None]) @ T_world_cam[:3, :3].T
-    felt = np.ones(6, np.uint8)
-    felt[[IMAGE_GROUP, LABEL_GROUP]] = 0
-    geoms, away_m = np.full(len(rays), -1, np.int32), np.zeros(len(rays))
+    collides = np.ones(6, np.uint8)
+    collides[[IMAGE_GROUP, LABEL_GROUP]] = 0
+    geoms, distances_m = np.full(len(rays), -1, np.int32), np.zeros(len(rays))
     mujoco.mj_multiRay(
-        model, world.data, T_world_cam[:3, 3], rays.ravel(), felt, 1, model.body(BODY).id,
-        geoms, away_m, None, len(rays), FARTHEST_M,
+        model, world.data, T_world_cam[:3, 3], rays.ravel(), collides, 1, model.body(BODY).id,
+        geoms, distances_m, None, len(rays), MAX_DISTANCE_M,
     )  # fmt: skip
-    mine = model.body_rootid[model.geom_bodyid[geoms]] == model.body(BODY).rootid[0]
-    depth_m = np.where((geoms >= 0) & ~mine, away_m / lengths, np.inf)
+    is_rover = model.body_rootid[model.geom_bodyid[geoms]] == model.body(BODY).rootid[0]
+    depth_m = np.where((geoms >= 0) & ~is_rover, distances_m / lengths, np.inf)
     return (rig.f_px * rig.baseline_m / depth_m).reshape(HEIGHT_PX, WIDTH_PX)

@@ -1,4 +1,4 @@
-"""Inertial readings while driving: one mean over every step, with noise and a bias that walks."""
+"""Inertial measurement unit: mean rates of every step, with white noise and a bias random walk."""
 
 import numpy as np
 
@@ -10,11 +10,11 @@ from sim.world.world import World
 from vo.contract.arrays import Array
 
 GYRO_MAX_RADPS, ACCEL_MAX_MPS2 = 35.0, 160.0
-"""Range of the unit; what is beyond is cut off."""
+"""Measurement range; values beyond are clipped."""
 
 
 class InertialUnit:
-    """Reads the mean rates since the reading before."""
+    """Measures the mean rates since the previous reading."""
 
     def __init__(self, settings: ImuSettings, rng: np.random.Generator) -> None:
         self._settings, self._rng = settings, rng
@@ -23,9 +23,9 @@ class InertialUnit:
         self._bias = np.zeros(6)
 
     def read(self, world: World, time_s: float) -> Array:
-        """(6,) angular velocity, rad/s, and specific force, m/s^2, in the unit's axes.
+        """(6,) angular velocity, rad/s, and specific force, m/s^2, in the axes of the unit.
 
-        The first reading, over no time, is of a unit at rest on level ground, without noise.
+        The first reading is that of a unit at rest on level ground, without noise.
         """
         now = (round(time_s * 1e9), *body_motion(world, time_s))
         before, self._before = self._before, now
