@@ -81,22 +81,25 @@ ROOMS = {
     ),
     ("trials", "trials.execution"): "outcomes>jobs workers>parallel lab>runner",
     ("trials.gym", "trials.gym.env"): (
-        "eyes>camera environments watch>failure_monitor follower inertial localization policies "
-        "rays rover_env settings spaces tasks"
+        "environments watch>failure_monitor localization policies rover_env settings spaces tasks"
     ),
     ("trials.gym", "trials.gym.media"): (
-        "film pictures showcase dataset>trial_dataset diary>trial_log window>viewer"
+        "film dataset>trial_dataset pictures>trial_view window>viewer"
     ),
     ("trials.gym", "trials.gym.studies"): (
-        "fleet memory planning ledger>result_store routed routed_figure sensitivity bench>speed "
-        "protocol>trial_protocol"
+        "aisles>aisle_network memory planning ledger>result_store follower>route_follower "
+        "routed>rover_routing routed_figure>rover_routing_figure sensitivity showcase bench>speed "
+        "protocol>trial_results fleet>trial_runner"
     ),
     ("trials.gym", "trials.gym.world"): (
-        "aisles barriers carts crossings ways>distance_field reacting>dynamic_agents dynamics "
-        "freespace>free_space bodies>obstacle_bodies site>scene_instance simulation "
-        "places>start_goal_sampling"
+        "barriers crossings>barrier_slots eyes>camera carts ways>distance_field "
+        "reacting>dynamic_agents dynamics freespace>free_space rays>ideal_depth inertial "
+        "bodies>obstacle_bodies site>scene_instance simulation places>start_goal_sampling "
+        "diary>trial_log"
     ),
-    ("trials.navigation", "trials.navigation"): "lookout>depth_mapping occupancy>occupancy_grid",
+    ("trials.navigation", "trials.navigation"): (
+        "lookout>depth_mapping grid_dstar_lite>grid_planner occupancy>occupancy_grid"
+    ),
     ("trials.report", "trials.report"): "explanation>explanation_figures film>stills",
     ("trials", "trials.studies"): (
         "accuracy bench bump experiments proof>label_accuracy point_world response speed stock "

@@ -40,15 +40,15 @@ def frames():
     wall, panel = texture(WIDTH + 200, 6, 1), texture(PANEL_WIDTH, 6, 2)
     shown = []
     for i in range(FRAMES):
-        eyes = []
+        images = []
         for far_px, near_px in ((0, 0), (FAR_PX, NEAR_PX)):
             start = WALL_STEP_PX * i + far_px
-            eye = wall[:, start : start + WIDTH].copy()
+            image = wall[:, start : start + WIDTH].copy()
             left = panel_px(i) - near_px
             first, last = max(left, 0), min(left + PANEL_WIDTH, WIDTH)
-            eye[PANEL, first:last] = panel[PANEL, first - left : last - left]
-            eyes.append(eye)
-        shown.append(StereoFrame(10**8 * i, *eyes))
+            image[PANEL, first:last] = panel[PANEL, first - left : last - left]
+            images.append(image)
+        shown.append(StereoFrame(10**8 * i, *images))
     return shown
 
 
@@ -64,13 +64,13 @@ def follow(frames, prior):
     return np.array([x.T_odom_cam[0, 3] for x in estimates]), panel
 
 
-def test_the_world_at_rest_is_preferred_to_the_larger_group(frames):
+def test_landmark_prior_prefers_the_static_world(frames):
     along_m, panel = follow(frames, prior=True)
     assert panel > 0.55
     assert np.abs(along_m - STEP_M * np.arange(FRAMES)).max() < 0.01
 
 
-def test_by_number_alone_the_panel_wins(frames):
+def test_without_landmark_prior_the_panel_wins(frames):
     """Which shows that the recording above is hard."""
     along_m, _ = follow(frames, prior=False)
     assert np.abs(along_m - STEP_M * np.arange(FRAMES)).max() > 0.1

@@ -1,4 +1,4 @@
-"""The navigator sees its way around what it was not told of, and gets out of what is not there."""
+"""The navigator drives around unknown obstacles and recovers from false ones."""
 
 import gymnasium
 import numpy as np
@@ -39,7 +39,7 @@ def drive(env, policy, observation, steps=900):
     return info
 
 
-def test_it_goes_around_the_pillar(env):
+def test_navigator_drives_around_the_pillar(env):
     options = {"start": (-2.0, 0.0, 0.0), "goal": (2.0, 0.0)}
     observation, _ = env.reset(seed=0, options=options)
     policy = NavigatorPolicy(env.unwrapped)
@@ -53,24 +53,24 @@ def test_it_goes_around_the_pillar(env):
     assert grid.log_odds[grid.cell(-1.2, 0.0)] < 0.0  # the ground before it
 
 
-def test_it_turns_around_for_a_goal_behind(env):
+def test_navigator_turns_for_a_goal_behind(env):
     options = {"start": (-1.5, 1.8, 0.0), "goal": (-2.0, -1.8)}
     observation, _ = env.reset(seed=0, options=options)
-    settings = NavigatorSettings(look_around_deg=0.0)
+    settings = NavigatorSettings(initial_turn_deg=0.0)
     policy = NavigatorPolicy(env.unwrapped, settings)
     assert drive(env, policy, observation)["outcome"] == "success"
 
 
-def test_walled_in_by_what_is_not_there_it_backs_off_and_forgets(env):
+def test_navigator_behind_a_false_wall_backs_off(env):
     env.reset(seed=0)
-    rig = env.unwrapped.site.eyes.rig
-    settings = NavigatorSettings(look_around_deg=0.0, patience_s=2.0, back_off_s=0.5)
+    rig = env.unwrapped.instance.camera.rig
+    settings = NavigatorSettings(initial_turn_deg=0.0, stuck_timeout_s=2.0, back_off_duration_s=0.5)
     navigator = Navigator(rig, SteeringSettings(period_s=0.1), settings)
     pose, goal = Pose2(0.0, 0.0, 0.0), np.array([3.0, 0.0])
     # The same wall, 0.6 m ahead, in every image, whatever the rover does.
     wall = np.full((120, 160), rig.f_px * rig.baseline_m / 0.6)
     twists = [navigator.act(wall, pose, goal) for _ in range(60)]
-    assert navigator.retreats >= 2
+    assert navigator.back_offs >= 2
     assert min(t.forward_mps for t in twists) == pytest.approx(-0.15)
     backwards = [k for k, t in enumerate(twists) if t.forward_mps < 0]
     assert 19 <= backwards[0] <= 21  # after two seconds of patience
@@ -79,9 +79,9 @@ def test_walled_in_by_what_is_not_there_it_backs_off_and_forgets(env):
     assert navigator.act(blind, pose, goal).forward_mps > 0  # nothing known: nothing in the way
 
 
-def test_at_the_goal_it_stands(env):
+def test_navigator_at_the_goal_stands(env):
     env.reset(seed=0)
-    rig = env.unwrapped.site.eyes.rig
+    rig = env.unwrapped.instance.camera.rig
     navigator = Navigator(rig, SteeringSettings(period_s=0.1))
     twist = navigator.act(np.zeros((120, 160)), Pose2(1.0, 1.0, 0.3), np.array([1.05, 1.0]))
     assert twist == (0.0, 0.0)

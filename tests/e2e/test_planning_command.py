@@ -9,21 +9,22 @@ from terminal import driftyard
 
 from sim.batch import build
 from sim.world.world import build_world
-from trials.gym.env.rays import ray_disparity
-from trials.gym.env.settings import NavSettings, along
+from trials.gym.env.settings import NavSettings
 from trials.gym.studies.planning import SETTINGS, floor_plan, parse_planning
-from trials.gym.world.free_space import survey_free_space
+from trials.gym.world.free_space import map_free_space
+from trials.gym.world.ideal_depth import ray_disparity
+from trials.gym.world.scene_instance import along
 from vo.contract.errors import SettingsError
 
 
 @pytest.fixture(scope="module")
 def world(tmp_path_factory):
     file = str(write_yard(tmp_path_factory.mktemp("yard")))
-    settings = along(NavSettings(scene=file).recorded(0), [(-2.0, 0.0), (-1.0, 0.0)])
+    settings = along(NavSettings(scene=file).recorded(0), np.array([(-2.0, 0.0), (-1.0, 0.0)]))
     return build_world(build(file, settings), settings)
 
 
-def test_every_ray_ends_on_something_that_stands_there(world):
+def test_ray_disparity_ends_on_an_obstacle(world):
     disparity = ray_disparity(world)
     rig, (height, width) = world.rig, disparity.shape
     rows, columns = np.nonzero(disparity > 0)
@@ -40,8 +41,8 @@ def test_every_ray_ends_on_something_that_stands_there(world):
     assert min(ground.sum(), wall.sum(), pillar.sum()) > 50
 
 
-def test_a_floor_plan_has_what_stands(world):
-    plan = floor_plan(survey_free_space(world, 0.5), SETTINGS)
+def test_floor_plan_holds_the_static_obstacles(world):
+    plan = floor_plan(map_free_space(world, 0.5), SETTINGS)
     rng = np.random.default_rng(0)
     for x, y in rng.uniform(-2.7, 2.7, (300, 2)):
         away_m = np.hypot(x, y) - 0.3
@@ -50,14 +51,14 @@ def test_a_floor_plan_has_what_stands(world):
     assert plan.log_odds[plan.cell(3.05, 0.0)] > 0
 
 
-def test_words_are_read_and_others_refused():
+def test_parse_planning_refuses_unknown_words():
     assert parse_planning("dynamic, static") == ["dynamic", "static"]
     for text in ("lazy", "", "static,lazy"):
         with pytest.raises(SettingsError, match="valid: static, dynamic"):
             parse_planning(text)
 
 
-def test_both_drive_the_same_and_the_cost_is_told(tmp_path):
+def test_drive_compares_static_and_dynamic_planning(tmp_path):
     write_yard(tmp_path)
     words = ("--planning", "static,dynamic", "--ideal-depth", "--localization", "truth")
     short = ("--trial", "distance_m=[2.0, 4.0]", "--trial", "dynamics=doors", "--worlds", 1)
@@ -74,7 +75,7 @@ def test_both_drive_the_same_and_the_cost_is_told(tmp_path):
     assert 0 < static["expanded"] < dynamic["expanded"]
 
 
-def test_what_does_not_go_together_ends_in_one_line(tmp_path):
+def test_drive_refuses_contradicting_options_in_one_line(tmp_path):
     write_yard(tmp_path)
     for words, said in (
         (("--planning", "lazy"), "unknown planning lazy"),

@@ -22,7 +22,7 @@ def route(tmp_path, content, *words):
     return driftyard("route", "--map", "town.json", "--out", "o", *words, cwd=tmp_path)
 
 
-def test_a_map_of_ones_own(tmp_path):
+def test_route_of_a_map_writes_figures_data_and_verdicts(tmp_path):
     result = route(tmp_path, GOOD, "--drives", "6", "--share", "0.5")
     assert result.returncode == 0, result.stderr
     assert "all are equal without congestion: holds" in result.stdout
@@ -57,7 +57,7 @@ def test_a_map_of_ones_own(tmp_path):
         ({**GOOD, "roads": [{"ends": ["a"]}]}, ["roads.0.ends"]),
     ],
 )
-def test_a_wrong_map_ends_in_one_line(tmp_path, content, fragments):
+def test_route_refuses_a_wrong_map_in_one_line(tmp_path, content, fragments):
     result = route(tmp_path, content)
     assert result.returncode == 2
     (line,) = result.stderr.splitlines()
@@ -68,7 +68,7 @@ def test_a_wrong_map_ends_in_one_line(tmp_path, content, fragments):
     assert not (tmp_path / "o").exists()
 
 
-def test_no_map_and_no_folder(tmp_path):
+def test_route_refuses_a_missing_map_and_a_file_as_folder(tmp_path):
     result = driftyard("route", "--map", "none.json", "--out", "o", cwd=tmp_path)
     assert (result.returncode, "none.json: cannot be read" in result.stderr) == (2, True)
     (tmp_path / "o").write_text("")

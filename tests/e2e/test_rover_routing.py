@@ -1,4 +1,4 @@
-"""The rover drives what was routed: doors, loads, and times against those of the model."""
+"""The rover on planned routes: doors, loads, and times against those of the model."""
 
 import numpy as np
 import pytest
@@ -6,9 +6,8 @@ from gym_worlds import write_yard
 from terminal import driftyard
 
 from trials.gym.env.settings import NavSettings
-from trials.gym.studies.routed import drive_layout
-from trials.gym.world.aisles import survey_aisles
-from trials.gym.world.scene_instance import open_site
+from trials.gym.studies.aisle_network import build_aisle_network
+from trials.gym.studies.rover_routing import drive_layout
 from vo.contract.errors import SettingsError
 
 OPTIONS = {
@@ -23,8 +22,8 @@ OPTIONS = {
 
 
 @pytest.mark.slow
-def test_the_network_of_two_aisles():
-    aisles = survey_aisles(open_site(NavSettings.model_validate(OPTIONS), 0), 0.5)
+def test_aisle_network_of_two_aisles():
+    aisles = build_aisle_network(NavSettings.model_validate(OPTIONS).build(0), 0.5)
     network = aisles.network
     assert network.names == ("left 1", "door 1", "right 1", "left 2", "door 2", "right 2")
     assert len(network.lengths_m) == 2 * (4 + 2)
@@ -32,14 +31,14 @@ def test_the_network_of_two_aisles():
     assert network.lengths_m[0, 1] == pytest.approx(3.5)
     assert network.lengths_m[0, 3] == network.lengths_m[5, 2] == pytest.approx(3.1)
     assert set(aisles.doors) == {1, 4}
-    assert set(aisles.halves) == {(a, b) for a, b in network.lengths_m if {a, b} & {1, 4}}
+    assert set(aisles.loads) == {(a, b) for a, b in network.lengths_m if {a, b} & {1, 4}}
     for slot in aisles.doors.values():
         assert 1.6 < 2 * slot.half[1] < 2.0
         assert abs(np.cos(slot.yaw_rad)) == pytest.approx(1.0)
 
 
 @pytest.mark.slow
-def test_the_rover_takes_as_long_as_the_model_says():
+def test_rover_takes_as_long_as_the_model_predicts():
     drives = {d.strategy: d for d in drive_layout(OPTIONS, 0)}
     assert {d.outcome for d in drives.values()} == {"success"}
     for drive in drives.values():
@@ -50,9 +49,9 @@ def test_the_rover_takes_as_long_as_the_model_says():
     assert drives["static + clearing"].measured_s <= drives["static"].measured_s + 0.2
 
 
-def test_other_scenes_have_no_aisles(tmp_path):
+def test_aisle_network_refuses_other_scenes(tmp_path):
     file = str(write_yard(tmp_path))
     with pytest.raises(SettingsError, match="has no aisles; valid: warehouse"):
-        survey_aisles(open_site(NavSettings(scene=file), 0), 0.5)
+        build_aisle_network(NavSettings(scene=file).build(0), 0.5)
     done = driftyard("route", "--rover", "yard.xml", "--map", "m.json", "--out", "o", cwd=tmp_path)
     assert (done.returncode, "leave --map out" in done.stderr) == (2, True)

@@ -13,7 +13,7 @@ pytestmark = pytest.mark.gl
 TUTORIALS = Path(__file__).parents[2] / "docs" / "tutorials"
 
 
-def told(tutorial: str, *words: str) -> str:
+def run(tutorial: str, *words: str) -> str:
     done = subprocess.run(
         [sys.executable, str(TUTORIALS / tutorial), *words],
         capture_output=True, text=True, timeout=280, check=False,
@@ -22,21 +22,21 @@ def told(tutorial: str, *words: str) -> str:
     return done.stdout
 
 
-def test_a_first_trial_is_scored(tmp_path):
-    said = told("first_trial.py", str(write_yard(tmp_path)))
-    spl, error_cm = re.search(r"SPL ([\d.]+), localised to ([\d.]+) cm", said).groups()
-    assert said.startswith("success after ")
+def test_first_trial_is_scored(tmp_path):
+    output = run("first_trial.py", str(write_yard(tmp_path)))
+    spl, error_cm = re.search(r"SPL ([\d.]+), localised to ([\d.]+) cm", output).groups()
+    assert output.startswith("success after ")
     assert 0.5 < float(spl) <= 1.0
     assert 0.0 < float(error_cm) < 15.0
 
 
-def test_a_trial_takes_twenty_lines():
+def test_first_trial_takes_twenty_lines():
     code = (TUTORIALS / "first_trial.py").read_text().split('"""')[2]
     assert len([line for line in code.splitlines() if line.strip()]) <= 20
 
 
-def test_an_estimator_of_ones_own_is_compared(tmp_path):
-    said = told("own_estimator.py", str(write_yard(tmp_path)), "30")
-    errors = {name: float(cm) for name, cm in re.findall(r"(\S+) +([\d.]+) cm", said)}
+def test_own_estimator_is_compared(tmp_path):
+    output = run("own_estimator.py", str(write_yard(tmp_path)), "30")
+    errors = {name: float(cm) for name, cm in re.findall(r"(\S+) +([\d.]+) cm", output)}
     assert set(errors) == {"own_estimator:CornerPnp", "vo", "wheels"}
     assert 0.0 < errors["own_estimator:CornerPnp"] < 10.0

@@ -1,4 +1,4 @@
-"""Other people's tools around our environments, where they are installed."""
+"""Third-party tools with the environments, where they are installed."""
 
 import gymnasium
 import pytest
@@ -17,7 +17,7 @@ def make(folder, **options):
     return gymnasium.make(NAV, scene=scene, settings=small, localization="truth", **options)
 
 
-def test_gymnasium_records_its_video(tmp_path):
+def test_environment_in_gymnasium_records_video(tmp_path):
     pytest.importorskip("moviepy")
     from gymnasium.wrappers import RecordVideo
 
@@ -29,7 +29,7 @@ def test_gymnasium_records_its_video(tmp_path):
     assert [film.suffix for film in (tmp_path / "films").iterdir() if film.suffix == ".mp4"]
 
 
-def test_stable_baselines_learns_for_a_moment(tmp_path):
+def test_environment_in_stable_baselines_learns(tmp_path):
     sb3 = pytest.importorskip("stable_baselines3")
     env = make(tmp_path, observe=("goal",), layout=0)
     before = sb3.PPO("MultiInputPolicy", env, n_steps=64, batch_size=32, seed=0, device="cpu")

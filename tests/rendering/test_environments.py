@@ -73,7 +73,7 @@ def drive(env, steps: int = 2000, **reset):
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.filterwarnings("error")
-def test_gymnasium_finds_nothing_wrong(yard, name):
+def test_environment_passes_the_checks_of_gymnasium(yard, name):
     env = gymnasium.make(
         name,
         scene=yard,
@@ -85,7 +85,7 @@ def test_gymnasium_finds_nothing_wrong(yard, name):
     check_env(env.unwrapped)
 
 
-def test_the_plug_in_of_the_package_registers_them():
+def test_entry_point_registers_the_environments():
     found = [e for e in entry_points(group="gymnasium.envs") if e.value.startswith("trials.gym")]
     if not found:
         pytest.skip("installed before the entry point was declared")
@@ -102,7 +102,7 @@ def test_the_plug_in_of_the_package_registers_them():
         {"disturb": "brick_bump,drop=0.5", "localization": "wheels", "observe": ("left", "goal")},
     ],
 )
-def test_seed_and_actions_decide_everything(make, options):
+def test_seed_and_actions_decide_the_trial(make, options):
     first, _ = drive(make(**options), 25, seed=4)
     second, _ = drive(make(**options), 25, seed=4)
     assert len(first) == len(second) > 20
@@ -118,7 +118,7 @@ def test_seed_and_actions_decide_everything(make, options):
     assert not np.array_equal(other[0][1]["T_true"], first[0][1]["T_true"])
 
 
-def test_a_goal_is_reached_and_the_truth_decides(make):
+def test_goal_is_reached_by_the_true_position(make):
     env = make(observe=("goal",), localization="truth")
     options = {"start": (-2.0, 1.5, 0.3), "goal": (1.5, 1.5)}
     seen, rewards = drive(env, seed=1, options=options)
@@ -134,7 +134,7 @@ def test_a_goal_is_reached_and_the_truth_decides(make):
         env.unwrapped.step(np.zeros(2))
 
 
-def test_the_rover_drives_as_fast_as_it_is_told(make):
+def test_rover_drives_at_the_commanded_speed(make):
     env = make(observe=("goal", "encoders"), rate_hz=20.0)
     env.reset(seed=0, options={"start": (-2.0, 1.5, 0.0), "goal": (2.0, 1.5)})
     for _ in range(20):
@@ -153,7 +153,7 @@ def test_the_rover_drives_as_fast_as_it_is_told(make):
     assert np.arctan2(turn[1, 0], turn[0, 0]) == pytest.approx(0.5, abs=0.03)
 
 
-def test_wheels_as_actions_go_where_the_twist_does(make):
+def test_wheel_actions_equal_twist_actions(make):
     # Half a metre a second and one radian a second: 0.69 m/s at the rim of the faster wheel.
     start = {"start": (-2.0, 1.5, 0.0), "goal": (2.0, 1.5)}
     ends = []
@@ -166,7 +166,7 @@ def test_wheels_as_actions_go_where_the_twist_does(make):
     np.testing.assert_allclose(ends[0], ends[1], atol=1e-6)
 
 
-def test_running_into_the_pillar_ends_the_trial_and_names_it(make):
+def test_collision_ends_the_trial_and_names_the_pillar(make):
     env = make(observe=("goal",))
     seen, rewards = drive(env, seed=0, options={"start": (-2.0, 0.0, 0.0), "goal": (2.0, 0.0)})
     info = seen[-1][1]
@@ -176,7 +176,7 @@ def test_running_into_the_pillar_ends_the_trial_and_names_it(make):
     assert rewards[-1] < -9
 
 
-def test_wheels_that_turn_to_no_effect_are_noticed(make):
+def test_wheels_without_effect_are_reported_as_stuck(make):
     env = make(observe=("goal",), settings={**SMALL, "rover.wheel_torque_max_nm": 0.001})
     seen, _ = drive(env, seed=0, options={"start": (-2.0, 1.5, 0.0), "goal": (2.0, 1.5)})
     assert seen[-1][1]["outcome"] == "stuck"
@@ -188,7 +188,7 @@ def test_wheels_that_turn_to_no_effect_are_noticed(make):
     assert info["outcome"] == ""
 
 
-def test_time_runs_out(make):
+def test_time_limit_truncates_the_trial(make):
     env = make(observe=("goal",), time_limit_s=1.0)
     env.reset(seed=0)
     ends = [env.step(np.zeros(2)) for _ in range(15)]
@@ -197,7 +197,7 @@ def test_time_runs_out(make):
     assert not ends[-1][2]
 
 
-def test_a_route_is_followed_to_its_end(make, yard):
+def test_route_is_followed_to_its_end(make, yard):
     settings = {**SMALL, "drive.waypoints": ((-2.0, 1.0), (0.5, 1.5), (2.0, 1.0))}
     env = make(ROUTE, observe=("goal",), settings=settings)
     seen, rewards = drive(env, seed=0)
@@ -215,13 +215,13 @@ def test_a_route_is_followed_to_its_end(make, yard):
     assert sum(rewards) > 10
 
 
-def test_exploring_counts_what_was_in_view_and_ends_at_home(make):
+def test_explore_counts_the_view_and_ends_at_the_start(make):
     env = make(EXPLORE, observe=("goal",), view_m=3.0, cover_share=0.6)
     _, info = env.reset(seed=0, options={"start": (-2.0, 0.0, 1.5)})
-    task, free = env.unwrapped.task, env.unwrapped.site.passages.free
+    task, space = env.unwrapped.episode.task, env.unwrapped.instance.traversable.space
 
     def in_view(x, y):
-        return bool(task.covered[tuple(free.cells(np.array([x, y])))])
+        return bool(task.covered[tuple(space.cells(np.array([x, y])))])
 
     assert in_view(-1.0, 0.0)
     assert in_view(-2.0, 2.5)
@@ -245,7 +245,7 @@ def test_exploring_counts_what_was_in_view_and_ends_at_home(make):
     assert np.linalg.norm(info["T_true"][:2, 3] - (-2.0, 0.0)) <= 0.5
 
 
-def test_visual_odometry_follows_the_truth_and_never_is_it(make):
+def test_visual_odometry_is_close_to_the_truth_but_not_it(make):
     env = make(localization="vo", settings=MEDIUM, observe=("goal",))
     seen, _ = drive(env, seed=1, options={"start": (-2.0, 1.5, 0.0), "goal": (1.8, 1.5)})
     errors = np.array([info["error_m"] for _, info in seen[1:]])
@@ -254,7 +254,7 @@ def test_visual_odometry_follows_the_truth_and_never_is_it(make):
     assert {info["status"] for _, info in seen} <= {"start", "tracked", "weak"}
 
 
-def test_wheels_are_fooled_by_ice(make):
+def test_wheel_odometry_drifts_on_ice(make):
     errors = []
     for settings in (SMALL, ICE):
         env = make(
@@ -284,7 +284,7 @@ class Forgetful:
         return Estimate(frame.timestamp_ns, Status.TRACKED, T)
 
 
-def test_without_a_pose_the_last_one_holds_or_the_trial_ends(make, monkeypatch):
+def test_lost_estimator_holds_its_pose_or_ends_the_trial(make, monkeypatch):
     monkeypatch.setitem(sys.modules, "forgetful", sys.modules[__name__])
     env = make(localization="forgetful:Forgetful", observe=("goal",))
     env.reset(seed=0)
@@ -302,7 +302,7 @@ def test_without_a_pose_the_last_one_holds_or_the_trial_ends(make, monkeypatch):
 @pytest.mark.parametrize(
     "action", [np.array([np.nan, 0.0]), np.array([0.0, 1.2]), np.zeros(3), np.array([np.inf, 0])]
 )
-def test_an_action_out_of_range_is_refused(make, action):
+def test_action_out_of_range_is_refused(make, action):
     env = make(observe=("goal",))
     env.reset(seed=0)
     with pytest.raises(TrialError, match=r"expected \(forward, turn\), each -1 to 1"):
@@ -324,19 +324,19 @@ def test_an_action_out_of_range_is_refused(make, action):
         ({"scene_options": {"walls": 3}}, "unknown option walls"),
     ],
 )
-def test_options_are_checked(yard, options, said):
+def test_options_are_checked_when_made(yard, options, said):
     scene = {"scene": "warehouse"} if "scene_options" in options else {"scene": yard}
     with pytest.raises(SettingsError) as error:
         gymnasium.make(NAV, **{**scene, **options}).reset(seed=0)
     assert said in str(error.value)
 
 
-def test_resets_refuse_what_cannot_be(make):
+def test_reset_refuses_impossible_places(make):
     env = make(observe=("goal",))
     for options, said in (
         ({"goal": (0.0, 0.0)}, "goal (0, 0) m: inside pillar"),
         ({"start": (2.9, 0, 0)}, "start (2.9, 0) m"),
-        ({"goal": (3.6, 0.0), "start": (2, 0, 0)}, "no way from the start"),
+        ({"goal": (3.6, 0.0), "start": (2, 0, 0)}, "no path from the start"),
         ({"goal": (np.nan, 0.0)}, "expected (x, y)"),
         ({"gaol": (1.0, 1.0)}, "unknown option gaol; valid: layout, localization, start, goal"),
     ):
@@ -347,14 +347,14 @@ def test_resets_refuse_what_cannot_be(make):
 
 
 @pytest.mark.filterwarnings("error")
-def test_a_window_needs_a_display(yard, monkeypatch):
+def test_human_render_mode_needs_a_display(yard, monkeypatch):
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     with pytest.raises(SettingsError, match="render_mode human: there is no display"):
         trials.gym.env.environments.RoverNav(render_mode="human", scene=yard)
 
 
-def test_pictures_show_where_the_rover_is_and_believes_to_be(make):
+def test_render_shows_the_true_and_the_estimated_path(make):
     env = make(observe=("goal",), render_mode="rgb_array")
     env.reset(seed=0, options={"start": (-2.0, 1.5, 0.0), "goal": (2.0, 1.5)})
     first = env.render()
@@ -365,13 +365,13 @@ def test_pictures_show_where_the_rover_is_and_believes_to_be(make):
     assert first.dtype == np.uint8
     above = last[:360, 480:]
     blue = np.argwhere((above == (32, 120, 255)).all(axis=-1))
-    x_min, _, x_max, _ = env.unwrapped.site.scene.extent_m
+    x_min, _, x_max, _ = env.unwrapped.instance.scene.extent_m
     span_m = np.ptp(blue[:, 1]) / 360 * (x_max - x_min)
     assert 1.2 < span_m < 2.2  # driven in three seconds, and the rover's arrow
     assert np.abs(first[:360, :480].astype(int) - last[:360, :480]).mean() > 3
 
 
-def test_a_film_has_a_frame_for_every_step(make, tmp_path):
+def test_film_has_a_frame_for_every_step(make, tmp_path):
     env = Filmed(make(observe=("goal",), render_mode="rgb_array"), tmp_path / "trial.mp4")
     for _ in range(2):
         env.reset(seed=0)
@@ -387,7 +387,7 @@ def test_a_film_has_a_frame_for_every_step(make, tmp_path):
 
 
 @pytest.mark.parametrize("disturb", ["", "noise=0.3,blur=0.3,drop=0.3"])
-def test_a_drive_is_recorded_as_it_was_seen_and_replays_to_the_same_poses(make, tmp_path, disturb):
+def test_saved_trial_replays_to_the_same_poses(make, tmp_path, disturb):
     env = make(
         localization="vo", settings=MEDIUM, observe=("left", "right", "goal"),
         record=True, disturb=disturb,
@@ -397,7 +397,7 @@ def test_a_drive_is_recorded_as_it_was_seen_and_replays_to_the_same_poses(make, 
     env.unwrapped.save_dataset(out)
     assert verify(out) == []
     sequence, truth = open_sequence(out), read_truth(out)
-    delivered = env.unwrapped.site.eyes.delivered
+    delivered = env.unwrapped.instance.camera.delivered
     kept = [pair for pair, kept in zip(seen, delivered, strict=True) if kept]
     assert len(sequence) == len(kept) == sum(delivered)
     assert truth is not None
@@ -418,7 +418,7 @@ def test_a_drive_is_recorded_as_it_was_seen_and_replays_to_the_same_poses(make, 
     assert before["left"].shape == (240, 320, 1)
 
 
-def test_workers_drive_side_by_side(yard):
+def test_vector_environment_steps_in_parallel(yard):
     envs = gymnasium.make_vec(
         NAV, num_envs=2, vectorization_mode="async", scene=yard, settings=SMALL,
         localization="wheels", vector_kwargs={"context": "spawn"},
@@ -434,7 +434,7 @@ def test_workers_drive_side_by_side(yard):
         envs.close()
 
 
-def test_two_worlds_in_one_process_do_not_disturb_each_other(make):
+def test_two_environments_in_one_process_are_independent(make):
     alone, _ = drive(make(), 3, seed=6)
     a, b = make(), make()
     seen, _ = a.reset(seed=6)
@@ -463,10 +463,10 @@ def ferry():
     return Scene("ferry", "The tests.", spec, route, extent, movers={"ferry": motion})
 
 
-def test_what_moves_is_no_place_to_start_from_and_not_to_be_touched(make, monkeypatch):
+def test_moving_obstacle_is_no_start_and_a_collision(make, monkeypatch):
     monkeypatch.setitem(sys.modules, "ferry_yard", sys.modules[__name__])
     env = make(scene="ferry_yard:ferry", observe=("goal",))
-    with pytest.raises(TrialError, match=r"start \(1, 1\) m: something that moves is there"):
+    with pytest.raises(TrialError, match=r"start \(1, 1\) m: a moving thing is there"):
         env.reset(seed=0, options={"start": (1.0, 1.0, 0.0), "goal": (-2.0, 1.0)})
     for seed in range(15):
         _, info = env.reset(seed=seed, options={"layout": 0})
@@ -490,7 +490,7 @@ print(min(resident[60:]) - min(resident[20:40]))
 """
 
 
-def test_resets_to_other_worlds_leave_nothing_behind(yard):
+def test_resets_to_other_worlds_do_not_leak_memory(yard):
     told = subprocess.run(
         [sys.executable, "-c", MEMORY, yard], capture_output=True, text=True, check=True
     )

@@ -1,4 +1,4 @@
-"""Free space, ways through it and places in it, against geometry worked out by hand."""
+"""Free space, shortest paths, and start and goal, against geometry worked out by hand."""
 
 import math
 from itertools import pairwise
@@ -10,9 +10,14 @@ from gym_worlds import write_yard
 from sim.batch import build
 from sim.world.world import build_world
 from trials.gym.env.settings import NavSettings
-from trials.gym.world.distance_field import Passages, way_length_m
-from trials.gym.world.free_space import hard, standing, survey_free_space
-from trials.gym.world.start_goal_sampling import TrialError, check_place, draw_errand, main_part
+from trials.gym.world.distance_field import TraversableSpace, path_length_m
+from trials.gym.world.free_space import map_free_space, rigid_geoms, static_geoms
+from trials.gym.world.start_goal_sampling import (
+    TrialError,
+    expect_clear,
+    main_component,
+    sample_start_goal,
+)
 from vo.contract.errors import SettingsError
 
 CLEARANCE_M = 0.3
@@ -26,80 +31,80 @@ def world(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def passages(world):
-    return Passages(survey_free_space(world, 0.5), CLEARANCE_M)
+def traversable(world):
+    return TraversableSpace(map_free_space(world, 0.5), CLEARANCE_M)
 
 
 @pytest.fixture(scope="module")
-def part(passages, world):
-    return main_part(passages, world.path.waypoints, "yard")
+def component(traversable, world):
+    return main_component(traversable, world.path.waypoints, "yard")
 
 
-def test_room_is_the_distance_to_the_nearest_outline(passages):
-    free = passages.free
+def test_clearance_is_the_distance_to_the_nearest_outline(traversable):
+    space = traversable.space
     rng = np.random.default_rng(0)
     for point in rng.uniform(-2.9, 2.9, (300, 2)):
         to_pillar = np.linalg.norm(point) - 0.3
         to_wall = 3.0 - np.abs(point).max()
         expected = max(0.0, min(to_pillar, to_wall))
-        room = free.room_m[tuple(free.cells(point))]
-        assert room == pytest.approx(expected, abs=1.5 * free.cell_m)
+        clearance = space.clearance_m[tuple(space.cells(point))]
+        assert clearance == pytest.approx(expected, abs=1.5 * space.cell_m)
 
 
-def test_what_is_overhead_or_underfoot_is_no_obstacle_but_touching_a_wall_counts(world):
-    names = [world.model.geom(int(k)).name for k in np.flatnonzero(standing(world))]
+def test_free_space_ignores_what_is_overhead_or_underfoot(world):
+    names = [world.model.geom(int(k)).name for k in np.flatnonzero(static_geoms(world))]
     assert set(names) == {"north", "south", "east", "west", "pillar", "roof"}
-    free = survey_free_space(world, 0.5)
-    assert free.room_m[tuple(free.cells(np.array([-2.0, 2.0])))] > 0.9  # under the roof
-    assert free.room_m[tuple(free.cells(np.array([2.0, -2.0])))] > 0.9  # on the mat
-    low = survey_free_space(world, 1.4)
-    assert low.room_m[tuple(low.cells(np.array([-2.0, 2.0])))] == 0
-    np.testing.assert_array_equal(hard(world), standing(world))
+    space = map_free_space(world, 0.5)
+    assert space.clearance_m[tuple(space.cells(np.array([-2.0, 2.0])))] > 0.9  # under the roof
+    assert space.clearance_m[tuple(space.cells(np.array([2.0, -2.0])))] > 0.9  # on the mat
+    low = map_free_space(world, 1.4)
+    assert low.clearance_m[tuple(low.cells(np.array([-2.0, 2.0])))] == 0
+    np.testing.assert_array_equal(rigid_geoms(world), static_geoms(world))
 
 
-def test_cells_and_points_are_inverse(passages):
-    free = passages.free
-    cells = np.argwhere(free.room_m > 0)
-    np.testing.assert_array_equal(free.cells(free.points(cells)), cells)
+def test_free_space_cells_and_points_are_inverse(traversable):
+    space = traversable.space
+    cells = np.argwhere(space.clearance_m > 0)
+    np.testing.assert_array_equal(space.cells(space.points(cells)), cells)
 
 
-def test_a_way_around_the_pillar_is_the_taut_string(passages):
+def test_shortest_path_around_the_pillar_is_the_taut_string(traversable):
     a, b = np.array([-2.0, 0.0]), np.array([2.0, 0.0])
-    ways = passages.ways_to(b)
-    way = ways.from_point(a)
+    field = traversable.distance_field(b)
+    path = field.path_from(a)
     radius = 0.3 + CLEARANCE_M
     tangent = math.sqrt(2.0**2 - radius**2)
     arc = radius * (math.pi - 2 * math.acos(radius / 2.0))
     taut = 2 * tangent + arc
-    assert taut - 0.02 < way_length_m(way) < 1.03 * taut
-    np.testing.assert_array_equal(way[[0, -1]], [a, b])
-    for p, q in pairwise(way):
-        assert passages.sees(p, q)
-    assert not passages.sees(a, b)
-    along_grid = ways.length_m(a)  # octile: at most 8.3 % longer than straight
-    assert way_length_m(way) - 0.05 < along_grid < 1.09 * taut
-    assert passages.sees(np.array([-2.0, 1.0]), np.array([2.0, 1.0]))
+    assert taut - 0.02 < path_length_m(path) < 1.03 * taut
+    np.testing.assert_array_equal(path[[0, -1]], [a, b])
+    for p, q in pairwise(path):
+        assert traversable.has_line(p, q)
+    assert not traversable.has_line(a, b)
+    along_grid = field.distance_m(a)  # octile: at most 8.3 % longer than straight
+    assert path_length_m(path) - 0.05 < along_grid < 1.09 * taut
+    assert traversable.has_line(np.array([-2.0, 1.0]), np.array([2.0, 1.0]))
 
 
-def test_lengths_outside_the_room_go_on_growing(passages):
-    ways = passages.ways_to(np.array([2.0, 2.0]))
-    assert np.isfinite(ways.length_m(np.array([0.0, 0.0])))  # inside the pillar
-    beside = ways.length_m(np.array([-2.6, -2.6]))
-    assert ways.length_m(np.array([-2.95, -2.95])) > beside > 6.0
+def test_distance_field_grows_where_there_is_no_clearance(traversable):
+    field = traversable.distance_field(np.array([2.0, 2.0]))
+    assert np.isfinite(field.distance_m(np.array([0.0, 0.0])))  # inside the pillar
+    beside = field.distance_m(np.array([-2.6, -2.6]))
+    assert field.distance_m(np.array([-2.95, -2.95])) > beside > 6.0
 
 
-def test_errands_are_seeded_reachable_and_as_long_as_asked(passages, part):
+def test_start_goal_is_seeded_reachable_and_at_the_distance(traversable, component):
     for seed in range(20):
-        errand = draw_errand(passages, part, (2.0, 4.0), np.random.default_rng(seed))
-        again = draw_errand(passages, part, (2.0, 4.0), np.random.default_rng(seed))
-        np.testing.assert_array_equal(errand.start, again.start)
-        np.testing.assert_array_equal(errand.goal, again.goal)
-        for place in (errand.start[:2], errand.goal):
-            check_place(passages, "place", place)
-        length = errand.ways.length_m(errand.start[:2])
+        ends = sample_start_goal(traversable, component, (2.0, 4.0), np.random.default_rng(seed))
+        again = sample_start_goal(traversable, component, (2.0, 4.0), np.random.default_rng(seed))
+        np.testing.assert_array_equal(ends.start, again.start)
+        np.testing.assert_array_equal(ends.goal, again.goal)
+        for place in (ends.start[:2], ends.goal):
+            expect_clear(traversable, "place", place)
+        length = ends.field.distance_m(ends.start[:2])
         assert 2.0 - 1e-6 <= length <= 4.0 + 1e-6
-        ahead = errand.waypoints[1] - errand.waypoints[0]
-        askew = math.remainder(errand.start[2] - math.atan2(ahead[1], ahead[0]), 2 * math.pi)
+        ahead = ends.path[1] - ends.path[0]
+        askew = math.remainder(ends.start[2] - math.atan2(ahead[1], ahead[0]), 2 * math.pi)
         assert abs(askew) <= math.radians(30)
 
 
@@ -107,29 +112,29 @@ def test_errands_are_seeded_reachable_and_as_long_as_asked(passages, part):
     ("goal", "said"),
     [
         ((0.1, 0.0), "goal (0.1, 0) m: inside pillar"),
-        ((2.9, 0.0), "of room beside east, the rover needs 0.3 m"),
+        ((2.9, 0.0), "of clearance beside east, the rover needs 0.3 m"),
         ((99.0, 0.0), "outside the world"),
-        ((3.6, 0.0), "no way from the start (-2, 0) m"),
+        ((3.6, 0.0), "no path from the start (-2, 0) m"),
     ],
 )
-def test_a_goal_that_cannot_be_reached_is_refused_by_name(passages, part, goal, said):
+def test_start_goal_names_why_a_goal_is_refused(traversable, component, goal, said):
     start, rng = np.array([-2.0, 0.0, 0.0]), np.random.default_rng(0)
     with pytest.raises(TrialError, match="goal") as error:
-        draw_errand(passages, part, (1, 9), rng, start, np.array(goal))
+        sample_start_goal(traversable, component, (1, 9), rng, start, np.array(goal))
     assert said in str(error.value)
 
 
-def test_a_distance_that_no_two_places_have_is_refused(passages, part):
-    with pytest.raises(TrialError, match="no two free places whose way is 50 to 60 m long"):
-        draw_errand(passages, part, (50.0, 60.0), np.random.default_rng(0))
+def test_start_goal_refuses_an_impossible_distance(traversable, component):
+    with pytest.raises(TrialError, match="no start and goal with a path of 50 to 60 m"):
+        sample_start_goal(traversable, component, (50.0, 60.0), np.random.default_rng(0))
 
 
-def test_a_world_without_room_is_refused(passages, world):
-    with pytest.raises(TrialError, match="scene yard: no free place with 5 m of room"):
-        main_part(Passages(passages.free, 5.0), world.path.waypoints, "yard")
+def test_main_component_refuses_a_world_without_clearance(traversable, world):
+    with pytest.raises(TrialError, match="scene yard: no place with 5 m of clearance"):
+        main_component(TraversableSpace(traversable.space, 5.0), world.path.waypoints, "yard")
 
 
-def test_settings_that_contradict_each_other_are_refused():
+def test_nav_settings_refuse_contradictions():
     with pytest.raises(ValueError, match="the first must be the smaller"):
         NavSettings(distance_m=(5.0, 4.0))
     with pytest.raises(SettingsError, match=r"unknown setting rig\.wide; valid here"):

@@ -1,4 +1,4 @@
-"""Occupancy from depth images whose scene is a formula: level ground, a wall, a low sill."""
+"""Occupancy grid from analytic depth images: level ground, a wall, a low sill."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from trials.navigation.occupancy_grid import (
     depth_of,
     driving_costs,
     empty_grid,
-    observe,
+    integrate_depth,
 )
 from vo.contract.rig import StereoRig
 
@@ -42,9 +42,9 @@ def render(T_world_cam, wall_x_m=WALL_X_M, wall_top_m=2.0):
     return np.minimum(ground, wall)
 
 
-def look(grid, T, depth_m, times=3, elapsed_s=0.0):
+def integrate(grid, T, depth_m, times=3, elapsed_s=0.0):
     for _ in range(times):
-        grid = observe(grid, depth_m, RIG, T, HEIGHT_M, elapsed_s, SETTINGS)
+        grid = integrate_depth(grid, depth_m, RIG, T, HEIGHT_M, elapsed_s, SETTINGS)
     return grid
 
 
@@ -53,10 +53,10 @@ def grid():
     return empty_grid((-1, 6), (-3, 3), 0.05)
 
 
-def test_a_wall_is_occupied_the_ground_before_it_free_and_behind_it_nothing_known(grid):
-    grid = look(grid, camera(), render(camera()))
+def test_wall_is_occupied_ground_before_it_free_rest_unknown(grid):
+    grid = integrate(grid, camera(), render(camera()))
     for y_m in (-1.0, 0.0, 1.2):
-        assert grid.log_odds[grid.cell(WALL_X_M, y_m)] > SETTINGS.occupied
+        assert grid.log_odds[grid.cell(WALL_X_M, y_m)] > SETTINGS.occupied_log_odds
     free = [grid.cell(x, 0.0) for x in np.arange(1.1, 2.9, 0.05)]
     assert all(grid.log_odds[cell] < 0 for cell in free)
     unknown = [grid.cell(x, 0.0) for x in (-0.5, 0.2, 3.2, 5.0)]
@@ -65,9 +65,9 @@ def test_a_wall_is_occupied_the_ground_before_it_free_and_behind_it_nothing_know
 
 @pytest.mark.parametrize("tilt_error", np.radians([-1.5, 1.5]))
 @pytest.mark.parametrize("drift_m", [-0.5, 0.0, 0.3])
-def test_an_estimate_that_drifts_raises_no_ground(grid, tilt_error, drift_m):
+def test_ground_under_a_drifting_pose_is_no_obstacle(grid, tilt_error, drift_m):
     depth_m = render(camera())
-    grid = look(grid, camera(z_m=HEIGHT_M + drift_m, tilt=TILT + tilt_error), depth_m)
+    grid = integrate(grid, camera(z_m=HEIGHT_M + drift_m, tilt=TILT + tilt_error), depth_m)
     rows, columns = np.nonzero(grid.log_odds > 0)
     x_m = grid.centres_m(list(zip(rows.tolist(), columns.tolist(), strict=True)))[:, 0]
     assert len(x_m) > 20
@@ -75,44 +75,44 @@ def test_an_estimate_that_drifts_raises_no_ground(grid, tilt_error, drift_m):
 
 
 @pytest.mark.parametrize(("top_m", "is_obstacle"), [(0.03, False), (0.12, True)])
-def test_low_things_are_driven_over(grid, top_m, is_obstacle):
+def test_low_sill_is_no_obstacle(grid, top_m, is_obstacle):
     depth_m = render(camera(), wall_x_m=1.6, wall_top_m=top_m)
-    grid = look(grid, camera(), depth_m)
-    assert (grid.log_odds.max() > SETTINGS.occupied) == is_obstacle
+    grid = integrate(grid, camera(), depth_m)
+    assert (grid.log_odds.max() > SETTINGS.occupied_log_odds) == is_obstacle
 
 
-def test_a_turned_camera_marks_the_turned_place(grid):
+def test_turned_camera_marks_the_turned_place(grid):
     depth_m = render(camera(), wall_x_m=2.0)
-    grid = look(grid, camera(y_m=0.5, yaw=np.pi / 2), depth_m)
-    assert grid.log_odds[grid.cell(0.0, 2.5)] > SETTINGS.occupied
+    grid = integrate(grid, camera(y_m=0.5, yaw=np.pi / 2), depth_m)
+    assert grid.log_odds[grid.cell(0.0, 2.5)] > SETTINGS.occupied_log_odds
     assert grid.log_odds[grid.cell(0.0, 2.0)] < 0
 
 
-def test_what_has_gone_is_cleared_and_what_is_not_seen_is_forgotten(grid):
+def test_grid_clears_what_has_gone_and_fades_what_is_not_seen(grid):
     T = camera()
-    grid = look(grid, T, render(T, wall_x_m=2.0))
-    assert grid.log_odds[grid.cell(2.0, 0.0)] > SETTINGS.occupied
-    gone = look(grid, T, render(T), times=8)
-    assert gone.log_odds[gone.cell(2.0, 0.0)] < SETTINGS.occupied
-    blind = observe(
+    grid = integrate(grid, T, render(T, wall_x_m=2.0))
+    assert grid.log_odds[grid.cell(2.0, 0.0)] > SETTINGS.occupied_log_odds
+    gone = integrate(grid, T, render(T), times=8)
+    assert gone.log_odds[gone.cell(2.0, 0.0)] < SETTINGS.occupied_log_odds
+    blind = integrate_depth(
         grid, np.full((240, 320), np.nan), RIG, T, HEIGHT_M, SETTINGS.half_life_s, SETTINGS
     )
     np.testing.assert_allclose(blind.log_odds, grid.log_odds / 2)
-    assert np.abs(look(grid, T, render(T), times=40).log_odds).max() == SETTINGS.most
+    assert np.abs(integrate(grid, T, render(T), times=40).log_odds).max() == SETTINGS.max_log_odds
 
 
-def test_disparity_gives_the_same_grid(grid):
+def test_disparity_and_depth_give_the_same_grid(grid):
     T = camera()
     depth_m = render(T)
     disparity_px = np.where(np.isfinite(depth_m), RIG.f_px * RIG.baseline_m / depth_m, 0)
     again = depth_of(disparity_px, RIG)
     assert np.isnan(again[disparity_px == 0]).all()
     np.testing.assert_allclose(
-        look(grid, T, again).log_odds, look(grid, T, depth_m).log_odds, atol=1e-12
+        integrate(grid, T, again).log_odds, integrate(grid, T, depth_m).log_odds, atol=1e-12
     )
 
 
-def test_cells_and_centres():
+def test_cells_and_centres_are_inverse():
     grid = empty_grid((1, 2), (-1, 0), 0.1)
     assert grid.log_odds.shape == (11, 11)
     assert grid.cell(1.0, -1.0) == (0, 0)
@@ -120,7 +120,7 @@ def test_cells_and_centres():
     np.testing.assert_allclose(grid.centres_m([(6, 3), (0, 0)]), [[1.3, -0.4], [1, -1]])
 
 
-def test_costs_rise_towards_obstacles_and_end_at_the_radius():
+def test_driving_costs_rise_to_infinity_at_the_radius():
     grid = empty_grid((0, 2), (0, 2), 0.1)
     assert np.isinf(clearance_m(grid, SETTINGS)).all()
     assert (driving_costs(grid, 0.3, SETTINGS) == 1).all()

@@ -35,19 +35,19 @@ def small_drive(strategy, wait_s=0.0, queue_s=0.0, since_s=1.0, lead_s=0.0):
 
 
 @pytest.mark.parametrize("strategy", STRATEGIES)
-def test_without_delays_the_shorter_way_is_driven(strategy):
+def test_drive_without_delays_takes_the_shorter_way(strategy):
     result = small_drive(strategy)
     assert result.nodes == SHORT_WAY
     assert result.time_s == pytest.approx(SHORT_S)
 
 
-def test_one_waits_at_every_node_but_the_ends_unless_they_are_cleared():
+def test_drive_waits_at_inner_nodes_that_are_not_cleared():
     assert small_drive(STATIC, wait_s=60).time_s == pytest.approx(SHORT_S + 3 * 60)
     assert small_drive(DYNAMIC, wait_s=60).time_s == pytest.approx(SHORT_S + 3 * 60)
     assert small_drive(STATIC_CLEARED, wait_s=60).time_s == pytest.approx(SHORT_S)
 
 
-def test_a_late_clearing_leaves_the_rest_of_the_wait():
+def test_late_clearing_leaves_the_rest_of_the_wait():
     # The fork is reached after 120 s, the next node 128 s later.
     late = small_drive(STATIC_CLEARED, wait_s=60, lead_s=150)
     assert late.time_s == pytest.approx(SHORT_S + 30)
@@ -55,7 +55,7 @@ def test_a_late_clearing_leaves_the_rest_of_the_wait():
     assert useless.time_s == pytest.approx(SHORT_S + 3 * 60)
 
 
-def test_dynamic_routing_turns_off_where_it_pays():
+def test_dynamic_routing_takes_the_detour_where_it_pays():
     detour_s = LONG_S - SHORT_S
     for queue_s in (0.9 * detour_s, 1.1 * detour_s, 400.0):
         assert small_drive(STATIC, queue_s=queue_s).time_s == pytest.approx(SHORT_S + queue_s)
@@ -64,7 +64,7 @@ def test_dynamic_routing_turns_off_where_it_pays():
     assert small_drive(DYNAMIC, queue_s=400).nodes == DETOUR
 
 
-def test_a_queue_behind_the_vehicle_or_after_the_turn():
+def test_dynamic_routing_with_a_late_queue():
     fork_s, entry_s = 120.0, 120 + np.hypot(4, 1.5) * 30
     assert small_drive(DYNAMIC, queue_s=400, since_s=entry_s + 1).time_s == pytest.approx(SHORT_S)
     # Too late to turn at the fork: back to it and around, or through.
@@ -74,7 +74,7 @@ def test_a_queue_behind_the_vehicle_or_after_the_turn():
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_when_all_is_known_at_departure_dynamic_routing_is_optimal(seed):
+def test_dynamic_routing_with_known_queues_is_optimal(seed):
     rng = np.random.default_rng(seed)
     network = large_network(rng, side=8)
     case = random_case(network, 0.4, rng)
@@ -90,7 +90,7 @@ def test_when_all_is_known_at_departure_dynamic_routing_is_optimal(seed):
         assert result.time_s == pytest.approx(best_s, rel=1e-9)
 
 
-def test_the_heuristic_is_admissible_and_the_network_connected():
+def test_large_network_is_connected_its_heuristic_admissible():
     network = large_network(np.random.default_rng(1))
     graph = network.graph(np.zeros(len(network.names)))
     assert (graph.bounds[graph.tails, graph.heads] <= graph.costs).all()
@@ -100,7 +100,7 @@ def test_the_heuristic_is_admissible_and_the_network_connected():
     assert min(network.lengths_m.values()) >= 1000  # a lead of 30 s at 120 km/h is always kept
 
 
-def test_no_way_is_said():
+def test_drive_without_a_path_is_refused():
     xy_m = np.array([(0.0, 0), (1, 0), (2, 0)])
     network = Network(("a", "b", "c"), xy_m, {(0, 1): 1.0, (2, 1): 1.0}, 1.0)
     for strategy in STRATEGIES:
@@ -110,7 +110,7 @@ def test_no_way_is_said():
         undelayed_s(network, 0, 2)
 
 
-def test_sweeps_of_the_small_network():
+def test_sweeps_of_the_small_network_match_hand_computation():
     network = small_network()
     case = small_case(network)
     done = []
@@ -123,7 +123,7 @@ def test_sweeps_of_the_small_network():
     np.testing.assert_allclose(np.ptp(over_node.times_s[2:], axis=1), 0, atol=1e-9)
 
 
-def test_both_is_never_worse_when_nothing_changes_on_the_way():
+def test_dynamic_with_clearing_and_known_queues_is_never_worse():
     rng = np.random.default_rng(4)
     network = large_network(rng, side=8)
     cases = [random_case(network, 0.3, rng) for _ in range(10)]
@@ -133,7 +133,7 @@ def test_both_is_never_worse_when_nothing_changes_on_the_way():
     assert known.increase_percent[0].max() > 20
 
 
-def test_verdicts_tell_the_worse_from_the_better():
+def test_verdicts_distinguish_worse_from_better():
     free_s = np.full(50, 100.0)
     rng = np.random.default_rng(0)
     noise = rng.normal(0, 1, 50)
@@ -149,12 +149,12 @@ def test_verdicts_tell_the_worse_from_the_better():
     assert "worse in 1 of 50, at most by 1.0 min" in verdict.because
 
 
-def test_names_of_strategies():
+def test_strategy_names_are_unique():
     assert Strategy(dynamic=True, clearing=True).name == "dynamic + clearing"
     assert len({s.name for s in STRATEGIES}) == 4
 
 
-def test_the_map_of_the_documentation_can_be_driven(tmp_path):
+def test_documented_map_can_be_driven(tmp_path):
     text = (Path(__file__).parents[2] / "docs/routing.md").read_text()
     (tmp_path / "town.json").write_text(re.findall(r"```json\n(.*?)```", text, re.DOTALL)[0])
     network = read_map(tmp_path / "town.json")

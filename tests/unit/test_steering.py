@@ -16,8 +16,8 @@ from trials.navigation.steering import (
     Pose2,
     SteeringSettings,
     Twist,
-    aim,
     dynamic_window,
+    lookahead_point,
     pure_pursuit,
 )
 
@@ -43,17 +43,17 @@ def world(*blocks):
     return grid, clearance_m(grid, OccupancySettings()) - RADIUS_M
 
 
-def test_the_aim_lies_ahead_on_the_path_and_at_most_at_its_end():
+def test_lookahead_point_is_on_the_path_at_most_at_its_end():
     path = np.array([[0.0, 0], [1, 0], [1, 2]])
-    np.testing.assert_allclose(aim(Pose2(0.5, 0.3, 0), path, 0.2), [0.7, 0])
-    np.testing.assert_allclose(aim(Pose2(0.5, 0.3, 0), path, 1.0), [1, 0.5])
-    np.testing.assert_allclose(aim(Pose2(0.5, 0.3, 0), path, 99), [1, 2])
-    np.testing.assert_allclose(aim(ORIGIN, path[2:], 1.0), [1, 2])
+    np.testing.assert_allclose(lookahead_point(Pose2(0.5, 0.3, 0), path, 0.2), [0.7, 0])
+    np.testing.assert_allclose(lookahead_point(Pose2(0.5, 0.3, 0), path, 1.0), [1, 0.5])
+    np.testing.assert_allclose(lookahead_point(Pose2(0.5, 0.3, 0), path, 99), [1, 2])
+    np.testing.assert_allclose(lookahead_point(ORIGIN, path[2:], 1.0), [1, 2])
     doubled = np.repeat(path, 2, axis=0)
-    np.testing.assert_allclose(aim(Pose2(0.5, 0.3, 0), doubled, 1.0), [1, 0.5])
+    np.testing.assert_allclose(lookahead_point(Pose2(0.5, 0.3, 0), doubled, 1.0), [1, 0.5])
 
 
-def test_pure_pursuit_drives_the_arc_through_its_aim():
+def test_pure_pursuit_drives_the_arc_through_the_target():
     path = np.array([[0.4, 0.3]])
     twist = pure_pursuit(ORIGIN, path, SETTINGS)
     # The circle through the origin, along x, and through (0.4, 0.3): radius 0.25 / 0.6.
@@ -85,13 +85,13 @@ def test_pure_pursuit_follows_a_corner_to_the_end():
     assert 0.05 < max(strayed) < 0.3
 
 
-def test_the_dynamic_window_speeds_up_straight_where_nothing_is_in_the_way():
+def test_dynamic_window_accelerates_in_free_space():
     grid, free_m = world()
     twist = dynamic_window(ORIGIN, Twist(0.2, 0.0), np.array([4.0, 0]), grid, free_m, SETTINGS)
     assert twist == pytest.approx((0.25, 0.0))
 
 
-def test_the_dynamic_window_stays_within_reach():
+def test_dynamic_window_keeps_the_acceleration_limits():
     grid, free_m = world()
     for target in ([0.0, 3], [0, -3], [-3, 0.1]):
         twist = dynamic_window(ORIGIN, Twist(0.2, 0.1), np.array(target), grid, free_m, SETTINGS)
@@ -110,7 +110,7 @@ def test_planner_and_dynamic_window_drive_around_a_block():
     for _ in range(250):
         planner.move(grid.cell(pose.x_m, pose.y_m))
         planner.replan()
-        target = aim(pose, grid.centres_m(planner.path()), SETTINGS.ahead_m)
+        target = lookahead_point(pose, grid.centres_m(planner.path()), SETTINGS.lookahead_m)
         chosen = dynamic_window(pose, twist, target, grid, free_m, SETTINGS)
         assert chosen is not None
         twist = chosen
@@ -123,7 +123,7 @@ def test_planner_and_dynamic_window_drive_around_a_block():
     assert min(free_m[grid.cell(x, 0.0)] for x in np.arange(0, 3, 0.05)) < 0
 
 
-def test_the_dynamic_window_admits_only_what_it_can_stop():
+def test_dynamic_window_admits_only_stoppable_speeds():
     wall = [(1.0, y) for y in np.arange(-3, 3, 0.05)]
     grid, free_m = world(*wall)
     pose, twist = ORIGIN, Twist(0.0, 0.0)

@@ -12,10 +12,10 @@ from trials.cli.options import Disturb, SceneName, changes, option
 from trials.gym.env.policies import NavigatorPolicy
 from trials.gym.env.settings import NavSettings
 from trials.gym.studies import planning as planned
-from trials.gym.studies.fleet import run_trials
-from trials.gym.studies.result_store import Ledger
+from trials.gym.studies.result_store import ResultStore
 from trials.gym.studies.sensitivity import draw_sensitivity
-from trials.gym.studies.trial_protocol import MEASURES, Trial, summary
+from trials.gym.studies.trial_results import METRICS, TrialResult, summarize
+from trials.gym.studies.trial_runner import run_trials
 from trials.report.figure import save_figure
 from trials.report.tables import text_table
 from vo.contract.errors import SettingsError
@@ -124,28 +124,28 @@ def drive(
         return
     trials = list(_driven(options, sources, worlds, files))
     by_source = {x: [t for t in trials if t.localization == x] for x in sources}
-    _print_summary(title, by_source, MEASURES)
+    _print_summary(title, by_source, METRICS)
     if files.figure:
         save_figure(files.figure, FIGURE_IN, lambda empty: draw_sensitivity(empty, by_source))
 
 
 def _driven(
     options: Mapping[str, Any], sources: Sequence[str], worlds: WorldOptions, files: OutputOptions
-) -> Iterator[Trial]:
+) -> Iterator[TrialResult]:
     """Drive what the result file does not hold yet; yields all trials by world."""
     trial = validated(NavSettings, options).model_dump(mode="json")
     what = {"sources": sources, "runs": worlds.runs, "seed": worlds.seed, "worlds": worlds.worlds}
-    ledger = Ledger(files.out, json.dumps({"options": trial, **what})) if files.out else None
-    done = dict(ledger.done) if ledger else {}
+    store = ResultStore(files.out, json.dumps({"options": trial, **what})) if files.out else None
+    done = dict(store.done) if store else {}
     missing = [k for k in worlds.layouts if k not in done]
     with console.counting_bar("worlds", len(missing)) as count:
         for of_world in run_trials(options, sources, missing, worlds.runs, files.keep):
             done[of_world[0].layout] = of_world
-            if ledger:
-                ledger.add(of_world)
+            if store:
+                store.add(of_world)
             count(of_world)
-    if ledger:
-        ledger.close()
+    if store:
+        store.close()
     return chain.from_iterable(done[k] for k in sorted(done))
 
 
@@ -159,7 +159,7 @@ def _drive_planned(
 ) -> None:
     """Drive the same trials with each way of planning, and print a table."""
     ways = planned.parse_planning(planning.planning or "")
-    trials: list[planned.PlannedTrial] = []
+    trials: list[planned.PlanningResult] = []
     layouts, runs, ideal = worlds.layouts, worlds.runs, planning.ideal_depth
     with console.counting_bar("worlds", len(layouts) * len(sources)) as count:
         for source in sources:
@@ -175,15 +175,15 @@ def _drive_planned(
         for x in sources
         for way in ways
     }
-    _print_summary(title, columns, planned.MEASURES)
+    _print_summary(title, columns, planned.METRICS)
 
 
 def _print_summary(
     title: str,
     columns: Mapping[str, Sequence[Any]],
-    measures: Mapping[str, tuple[Callable[[Any], float | None], int]],
+    metrics: Mapping[str, tuple[Callable[[Any], float | None], int]],
 ) -> None:
     """Print one column for each group of trials."""
-    found = {name: summary(trials, measures) for name, trials in columns.items()}
+    found = {name: summarize(trials, metrics) for name, trials in columns.items()}
     rows = [(row, *(x[row] for x in found.values())) for row in next(iter(found.values()))]
     console.out.print(text_table((title, *found), rows))

@@ -11,10 +11,9 @@ from trials.cli import console
 from trials.evaluation.intervals import mean_interval
 from trials.execution.parallel import map_parallel
 from trials.gym.env.settings import NavSettings
-from trials.gym.studies.routed import RoutedDrive, drive_layout
-from trials.gym.studies.routed_figure import SIZE_IN, draw_drives, telling
-from trials.gym.world.aisles import survey_aisles
-from trials.gym.world.scene_instance import open_site
+from trials.gym.studies.aisle_network import build_aisle_network
+from trials.gym.studies.rover_routing import RoverDrive, drive_layout
+from trials.gym.studies.rover_routing_figure import SIZE_IN, draw_drives, most_varied_layout
 from trials.report.figure import save_figure
 from trials.report.tables import text_table
 from trials.routing.drive import STRATEGIES
@@ -43,27 +42,27 @@ def route_rover(scene: str, out: Path, worlds: int, localization: str, seed: int
     }
     trial = validated(NavSettings, options)
     layouts = range(seed, seed + worlds)
-    drives: list[RoutedDrive] = []
+    drives: list[RoverDrive] = []
     with console.counting_bar("worlds", worlds) as count:
         for _, of_world in map_parallel(drive_layout, [(options, layout) for layout in layouts]):
             drives += of_world
             count(of_world)
     drives.sort(key=lambda drive: drive.layout)
     _print_table(f"{scene}, {worlds} worlds, localized by {localization}", drives)
-    shown = telling(drives)
-    site = open_site(trial, shown)
-    aisles = survey_aisles(site, trial.speed_max_mps)
-    free = site.passages.free
+    shown = most_varied_layout(drives)
+    instance = trial.build(shown)
+    aisles = build_aisle_network(instance, trial.speed_max_mps)
+    space = instance.traversable.space
     save_figure(
         out / "rover_routes.png",
         SIZE_IN,
-        lambda figure: draw_drives(figure, drives, shown, aisles, free),
+        lambda figure: draw_drives(figure, drives, shown, aisles, space),
     )
     write_text(out / "rover_routes.csv", _csv(drives))
     console.out.print(f"{out}", markup=False)
 
 
-def _print_table(title: str, drives: Sequence[RoutedDrive]) -> None:
+def _print_table(title: str, drives: Sequence[RoverDrive]) -> None:
     rows: list[tuple[str, ...]] = []
     for strategy in STRATEGIES:
         mine = [d for d in drives if d.strategy == strategy.name]
@@ -83,7 +82,7 @@ def _print_table(title: str, drives: Sequence[RoutedDrive]) -> None:
     console.out.print(text_table(header, rows))
 
 
-def _csv(drives: Sequence[RoutedDrive]) -> str:
+def _csv(drives: Sequence[RoverDrive]) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(

@@ -5,7 +5,7 @@ from pathlib import Path
 from sim.preview.image_file import known_suffix
 from trials.cli import console
 from trials.cli.options import argument, option
-from trials.gym.media.showcase import film_sources
+from trials.gym.studies.showcase import film_sources
 
 
 def trial_film(

@@ -1,1 +1,1 @@
-"""Planning where to drive, and driving there."""
+"""Path planning, mapping and control of the rover."""

@@ -1,4 +1,4 @@
-"""A binary heap of numbered nodes by two-part keys, in which keys can be changed, compiled."""
+"""A binary heap of numbered nodes by two-part keys that can be changed, compiled."""
 
 from typing import NamedTuple
 

@@ -1,13 +1,14 @@
 """An occupancy grid from depth images: log odds (Moravec and Elfes 1985) that fade with time.
 
-The grid lies in any level frame, z up, in which the camera's pose is estimated. The ground is not
-taken from that frame, which drifts, but found in every image, about where the camera's height and
-attitude put it.
+The grid lies in a level frame, z up, in which the camera's pose is estimated. Since that frame
+drifts, the ground is fitted in every image near where the camera's height and attitude predict it.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import inf
+from typing import ClassVar
 
 import cv2
 import numpy as np
@@ -19,28 +20,52 @@ from vo.contract.compilation import compiled
 from vo.contract.rig import StereoRig
 from vo.contract.settings import Settings
 
-ROVER_RADIUS_M = math.hypot(0.30, 0.17)
-"""About the midpoint of the axle: the far corner of the rover's chassis."""
-LEAST_GROUND_POINTS, STEEPEST = 100, 0.15
-"""A ground plane from fewer points, or steeper against the expected one, is not believed."""
+MIN_GROUND_POINTS, MAX_GROUND_SLOPE = 100, 0.15
+"""A ground plane from fewer points, or steeper against the expected one, is rejected."""
 GROUND_BAND_M, GROUND_BAND_SLOPE = 0.05, 0.05
-"""How far from the expected ground its points may lie: at the camera, and more with distance."""
+"""Largest height of ground points over the expected ground, at the camera and for each metre."""
 
 
 class OccupancySettings(Settings):
-    """What counts as an obstacle, and how fast it is believed and forgotten."""
+    """Settings of the occupancy grid."""
 
-    stride_px: int = Field(default=4, ge=1, description="of the pixels looked at")
-    farthest_m: float = Field(default=6.0, gt=0, description="depths beyond are not used")
-    lowest_m: float = Field(default=0.05, gt=0, description="lower things are driven over")
-    highest_m: float = Field(default=0.9, gt=0, description="higher things are driven under")
-    hit: float = Field(default=0.9, gt=0, description="log odds of a cell with an obstacle seen")
-    miss: float = Field(default=0.4, gt=0, description="log odds of a cell seen to be free")
-    most: float = Field(default=4.0, gt=0, description="log odds that are never exceeded")
-    half_life_s: float = Field(default=60.0, gt=0, description="after which log odds have halved")
-    occupied: float = Field(default=0.8, gt=0, description="log odds from which a cell is closed")
-    margin_m: float = Field(default=0.3, gt=0, description="beyond the rover's radius, at a cost")
-    margin_cost: float = Field(default=4.0, ge=0, description="of driving along an obstacle")
+    renamed: ClassVar[Mapping[str, str]] = {
+        "farthest_m": "max_depth_m",
+        "lowest_m": "min_height_m",
+        "highest_m": "max_height_m",
+        "hit": "hit_log_odds",
+        "miss": "miss_log_odds",
+        "most": "max_log_odds",
+        "occupied": "occupied_log_odds",
+    }
+
+    stride_px: int = Field(default=4, ge=1, description="distance of the pixels that are used, px")
+    max_depth_m: float = Field(default=6.0, gt=0, description="largest depth that is used, m")
+    min_height_m: float = Field(
+        default=0.05, gt=0, description="height that the rover drives over, m"
+    )
+    max_height_m: float = Field(
+        default=0.9, gt=0, description="height that the rover drives under, m"
+    )
+    hit_log_odds: float = Field(
+        default=0.9, gt=0, description="log odds added where an obstacle is observed"
+    )
+    miss_log_odds: float = Field(
+        default=0.4, gt=0, description="log odds subtracted where free ground is observed"
+    )
+    max_log_odds: float = Field(default=4.0, gt=0, description="largest magnitude of the log odds")
+    half_life_s: float = Field(
+        default=60.0, gt=0, description="time in which unobserved log odds halve, s"
+    )
+    occupied_log_odds: float = Field(
+        default=0.8, gt=0, description="log odds from which on a cell is closed"
+    )
+    margin_m: float = Field(
+        default=0.3, gt=0, description="width of the costly margin beyond the rover's radius, m"
+    )
+    margin_cost: float = Field(
+        default=4.0, ge=0, description="additional cost at the inner edge of the margin"
+    )
 
 
 @dataclass(frozen=True)
@@ -58,7 +83,7 @@ class OccupancyGrid:
     cell_m: float
 
     def cell(self, x_m: float, y_m: float) -> Cell:
-        """The cell that holds a point; it may lie outside the grid."""
+        """The cell of a point; it may be outside the grid."""
         x0_m, y0_m = self.corner_xy_m
         row, column = (y_m - y0_m) / self.cell_m, (x_m - x0_m) / self.cell_m
         return math.floor(row + 0.5), math.floor(column + 0.5)
@@ -68,26 +93,26 @@ class OccupancyGrid:
         rows_columns = np.array(cells, dtype=float).reshape(-1, 2)
         return np.array(self.corner_xy_m) + self.cell_m * rows_columns[:, ::-1]
 
-    def near(self, cell: Cell, cells: float) -> Array:
-        """(H, W) whether a cell is within so many cells of one."""
+    def disk(self, cell: Cell, radius_cells: float) -> Mask:
+        """(H, W) whether a cell is within a radius, in cells, of one."""
         rows, columns = np.ogrid[: self.log_odds.shape[0], : self.log_odds.shape[1]]
-        return (rows - cell[0]) ** 2 + (columns - cell[1]) ** 2 <= cells**2
+        return (rows - cell[0]) ** 2 + (columns - cell[1]) ** 2 <= radius_cells**2
 
 
 def empty_grid(x_m: tuple[float, float], y_m: tuple[float, float], cell_m: float) -> OccupancyGrid:
-    """Make a grid over two ranges, of which nothing is known."""
+    """Make an unknown grid over two ranges."""
     width, height = (math.ceil((b - a) / cell_m) + 1 for a, b in (x_m, y_m))
     return OccupancyGrid(np.zeros((height, width)), (x_m[0], y_m[0]), cell_m)
 
 
 def depth_of(disparity_px: Array, rig: StereoRig) -> Array:
-    """Depth (H, W) in metres from disparity; NaN where that is not positive."""
+    """Compute depth (H, W) in metres from disparity; NaN where that is not positive."""
     positive = disparity_px > 0
     d = np.asarray(disparity_px, dtype=float)
     return np.divide(rig.f_px * rig.baseline_m, d, out=np.full(d.shape, np.nan), where=positive)
 
 
-def observe(
+def integrate_depth(
     grid: OccupancyGrid,
     depth_m: Array,
     rig: StereoRig,
@@ -96,37 +121,39 @@ def observe(
     elapsed_s: float,
     settings: OccupancySettings,
 ) -> OccupancyGrid:
-    """Let the grid fade, then enter one depth image.
+    """Fade the grid, then add one depth image.
 
     Args:
-        grid: As it was.
+        grid: The grid before.
         depth_m: (H, W) along the optical axis; NaN or infinite where unknown.
-        rig: Its left eye took the image.
+        rig: Calibration of the image, from the left camera.
         T_world_cam: (4, 4) camera in the grid's frame.
-        camera_height_m: Above the ground it stands on.
-        elapsed_s: Since the last image.
-        settings: What counts as what.
+        camera_height_m: Height of the camera above the ground that the rover stands on.
+        elapsed_s: Time since the last image.
+        settings: Settings of the grid.
     """
     step = settings.stride_px
     v, u = np.mgrid[0 : depth_m.shape[0] : step, 0 : depth_m.shape[1] : step]
-    z = np.where(depth_m[v, u] < settings.farthest_m, depth_m[v, u], np.nan)
+    z = np.where(depth_m[v, u] < settings.max_depth_m, depth_m[v, u], np.nan)
     points_cam = np.stack([(u - rig.cx_px) * z / rig.f_px, (v - rig.cy_px) * z / rig.f_px, z], -1)
     camera_m = T_world_cam[:3, 3]
     offsets_m = points_cam @ T_world_cam[:3, :3].T
     heights_m = offsets_m[..., 2] - _ground_m(offsets_m, -camera_height_m)
-    above = heights_m > settings.lowest_m
-    obstacle, ground = above & (heights_m < settings.highest_m), heights_m <= settings.lowest_m
+    above = heights_m > settings.min_height_m
+    obstacle = above & (heights_m < settings.max_height_m)
+    ground = heights_m <= settings.min_height_m
     seen = np.zeros(grid.log_odds.shape, dtype=np.int8)
     at = (camera_m[:2] - np.array(grid.corner_xy_m)) / grid.cell_m
     _mark(seen, at, offsets_m[..., :2] / grid.cell_m, obstacle, ground)
     faded = grid.log_odds * 0.5 ** (elapsed_s / settings.half_life_s)
-    change = np.array([0.0, -settings.miss, settings.hit])[seen]
-    return replace(grid, log_odds=np.clip(faded + change, -settings.most, settings.most))
+    change = np.array([0.0, -settings.miss_log_odds, settings.hit_log_odds])[seen]
+    limit = settings.max_log_odds
+    return replace(grid, log_odds=np.clip(faded + change, -limit, limit))
 
 
 def clearance_m(grid: OccupancyGrid, settings: OccupancySettings) -> Array:
-    """Distance (H, W) in metres from each cell's centre to the closest occupied one's."""
-    free = (grid.log_odds < settings.occupied).astype(np.uint8)
+    """Compute the distance (H, W) in metres of each cell to the closest occupied one."""
+    free = (grid.log_odds < settings.occupied_log_odds).astype(np.uint8)
     if free.all():
         return np.full(free.shape, inf)
     distance = cv2.distanceTransform(free, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
@@ -134,12 +161,12 @@ def clearance_m(grid: OccupancyGrid, settings: OccupancySettings) -> Array:
 
 
 def driving_costs(grid: OccupancyGrid, radius_m: float, settings: OccupancySettings) -> Array:
-    """Costs (H, W) for a planner: 1 in the open or unknown, infinite where the rover would touch.
+    """Compute costs (H, W): 1 in free or unknown cells, infinite where the rover would touch.
 
     Args:
-        grid: What is known.
-        radius_m: Of the rover; obstacles grow by it.
-        settings: The margin beyond, in which the cost falls to 1.
+        grid: The grid.
+        radius_m: Radius of the rover, by which obstacles are inflated.
+        settings: The margin beyond the radius, in which the cost falls to 1.
     """
     beyond_m = clearance_m(grid, settings) - radius_m
     near = np.clip(1 - beyond_m / settings.margin_m, 0, 1)
@@ -147,22 +174,22 @@ def driving_costs(grid: OccupancyGrid, radius_m: float, settings: OccupancySetti
 
 
 def _ground_m(offsets_m: Array, expected_m: float) -> Array:
-    """Height of the ground (h, w) against the camera, below or above each of the offsets.
+    """Height of the ground (h, w) relative to the camera, below or above each of the offsets.
 
-    A plane through the points close to the expected ground, by least squares, thrice.
+    A plane is fitted three times to the points near the ground, in a narrowing band.
     """
     away_m = np.linalg.norm(offsets_m[..., :2], axis=-1)
     ground_m = np.full(away_m.shape, expected_m)
     band_m = GROUND_BAND_M + GROUND_BAND_SLOPE * away_m
     for _ in range(3):
         near: Mask = np.abs(offsets_m[..., 2] - ground_m) < band_m
-        if near.sum() < LEAST_GROUND_POINTS:
+        if near.sum() < MIN_GROUND_POINTS:
             break
         x, y, z = offsets_m[near].T
-        weights = 1 / (0.5 + away_m[near])  # far points are the less exact
+        weights = 1 / (0.5 + away_m[near])  # far points are less accurate
         A = np.stack([np.ones_like(x), x, y], axis=1)
         plane = np.linalg.lstsq(A * weights[:, None], z * weights, rcond=None)[0]
-        if np.hypot(plane[1], plane[2]) > STEEPEST:
+        if np.hypot(plane[1], plane[2]) > MAX_GROUND_SLOPE:
             break
         ground_m = plane[0] + offsets_m[..., :2] @ plane[1:]
         band_m = 0.6 * band_m
@@ -171,11 +198,10 @@ def _ground_m(offsets_m: Array, expected_m: float) -> Array:
 
 @compiled()
 def _mark(seen: Array, at: Array, offsets: Array, obstacle: Mask, ground: Mask) -> None:
-    """Mark cells as free (1) or occupied (2), in place; occupied wins.
+    """Mark cells as free (1) or occupied (2), in place; occupied has priority.
 
-    Within a column of the image, what lies between the closest ground and the closest obstacle,
-    or else the farthest ground, is free. What the column does not show, close to the rover or
-    behind an obstacle, stays as it is.
+    In a column of the image, the cells between the closest ground and the closest obstacle, or
+    else the farthest ground, are free. Other cells of the column are left as they are.
     """
     height, width = seen.shape
     for k in range(offsets.shape[1]):

@@ -1,6 +1,5 @@
-"""The planner: the way to the goal through what is known, kept by D* Lite."""
+"""Path planner: the path to the goal through an occupancy grid, maintained by D* Lite."""
 
-import math
 from dataclasses import dataclass
 from time import process_time
 
@@ -13,16 +12,16 @@ from trials.navigation.settings import NavigatorSettings
 from trials.navigation.steering import Pose2
 from vo.contract.arrays import Array
 
-CLOSED_BUT_HERE = 30.0
-"""Cost of cells about the rover that seem to be closed: it stands there, so it can leave."""
+CLOSED_COST = 30.0
+"""Cost of closed cells around the rover and the goal: the rover stands there, so it can leave."""
 
 
 @dataclass
-class Effort:
-    """What planning has cost.
+class PlanningEffort:
+    """Effort of planning.
 
     Attributes:
-        plans: How often the way was planned or repaired.
+        plans: Number of times that the path was planned or repaired.
         expanded: Cells that D* Lite expanded.
         cpu_s: Processor time, that for the costs of the cells included.
     """
@@ -32,31 +31,31 @@ class Effort:
     cpu_s: float = 0.0
 
 
-class Planner:
-    """Plans, and repairs its plan where the grid has changed.
+class PathPlanner:
+    """Plans a path, and repairs it where the grid has changed.
 
     Attributes:
-        way_m: (N, 2) the way; N is 0 where there is none.
-        effort: So far.
+        path_m: (N, 2) the path; N is 0 where there is none.
+        effort: Effort so far.
     """
 
     def __init__(self, settings: NavigatorSettings, unknown_cost: float, replanning: bool) -> None:
-        """Start without a way.
+        """Start without a path.
 
         Args:
-            settings: How wide the rover is.
-            unknown_cost: More for a cell where nothing was seen.
-            replanning: Repair the way by what is seen; else it is planned once for a goal.
+            settings: Radius of the rover and costs.
+            unknown_cost: Additional cost of a cell that was never observed.
+            replanning: Repair the path; otherwise it is planned once for a goal.
         """
-        self.way_m: Array = np.zeros((0, 2))
-        self.effort = Effort()
+        self.path_m: Array = np.zeros((0, 2))
+        self.effort = PlanningEffort()
         self._settings, self._unknown_cost = settings, unknown_cost
         self._replanning = replanning
         self._search: GridPlanner | None = None
         self._goal_m = np.zeros(2)
 
     def plan(self, grid: OccupancyGrid, pose: Pose2, goal_m: Array) -> None:
-        """Plan the way from a pose to the goal (2,), or repair it."""
+        """Plan the path from a pose to the goal (2,), or repair it."""
         same_goal = self._search is not None and np.array_equal(goal_m, self._goal_m)
         if same_goal and not self._replanning:
             return
@@ -69,11 +68,9 @@ class Planner:
             expanded = self._search.expanded
             self._search.move(here)
             self._search.update(costs)
-        known = math.isfinite(self._search.cost)
-        cells: list[Cell] = self._search.path() if known else []
-        self.way_m = grid.centres_m(cells)
-        if len(self.way_m):
-            self.way_m[-1] = goal_m
+        self.path_m = grid.centres_m(self._search.path())
+        if len(self.path_m):
+            self.path_m[-1] = goal_m
         self.effort.plans += 1
         self.effort.expanded += self._search.expanded - expanded
         self.effort.cpu_s += process_time() - begun_s
@@ -84,6 +81,6 @@ class Planner:
         costs = driving_costs(grid, s.radius_m, s.occupancy)
         costs += self._unknown_cost * (grid.log_odds == 0)
         for cell in (here, goal):
-            about = grid.near(cell, s.radius_m / s.cell_m)
-            costs[about] = np.minimum(costs[about], CLOSED_BUT_HERE)
+            around = grid.disk(cell, s.radius_m / s.cell_m)
+            costs[around] = np.minimum(costs[around], CLOSED_COST)
         return costs

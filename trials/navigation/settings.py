@@ -1,4 +1,7 @@
-"""How careful the navigator is."""
+"""Settings of the navigator."""
+
+from collections.abc import Mapping
+from typing import ClassVar
 
 from pydantic import Field
 
@@ -7,29 +10,72 @@ from vo.contract.settings import Settings
 
 
 class NavigatorSettings(Settings):
-    """How careful the navigator is."""
+    """Settings of the navigator."""
+
+    renamed: ClassVar[Mapping[str, str]] = {
+        "speckle_px": "min_speckle_px",
+        "around_m": "border_m",
+        "look_around_deg": "initial_turn_deg",
+        "replan_s": "replan_period_s",
+        "ahead_m": "lookahead_m",
+        "stop_m": "stop_distance_m",
+        "arrived_m": "arrival_radius_m",
+        "progress_m": "min_progress_m",
+        "patience_s": "stuck_timeout_s",
+        "back_off_s": "back_off_duration_s",
+        "back_off_mps": "back_off_speed_mps",
+        "doubt_m": "forget_radius_m",
+        "doubt": "forget_factor",
+    }
 
     occupancy: OccupancySettings = OccupancySettings(
-        farthest_m=3.5, hit=0.5, occupied=1.2, half_life_s=30.0
+        max_depth_m=3.5, hit_log_odds=0.5, occupied_log_odds=1.2, half_life_s=30.0
     )
-    """An obstacle must be seen three times, and not from afar: block matching sees many that are
-    not there, and a smear of distant ones closes an aisle until it is forgotten."""
-    speckle_px: int = Field(default=60, ge=0, description="of alike disparities, fewer are wrong")
-    radius_m: float = Field(default=0.35, gt=0, description="of the rover, about its axle")
-    cell_m: float = Field(default=0.1, gt=0, description="of the grid")
-    around_m: float = Field(default=8.0, gt=0, description="of the grid, beyond start and goal")
-    look_around_deg: float = Field(
-        default=360.0, ge=0, le=720, description="turn before leaving: cameras see ahead alone"
+    """An obstacle is occupied after three observations at a short distance: block matching yields
+    many false ones, and the smear of a distant one closes an aisle until it has faded."""
+    min_speckle_px: int = Field(
+        default=60, ge=0, description="size of a region of similar disparity that is not noise, px"
     )
-    replan_s: float = Field(default=0.2, gt=0, description="between two looks at the way")
-    ahead_m: float = Field(default=0.7, gt=0, description="along the way to what is headed for")
-    stop_m: float = Field(default=1.0, gt=0, description="before what blocks a way that stays")
-    arrived_m: float = Field(default=0.08, gt=0, description="from the goal, to stop")
-    progress_m: float = Field(default=0.1, gt=0, description="that counts as such")
-    patience_s: float = Field(default=7.0, gt=0, description="without progress, to back off")
-    back_off_s: float = Field(default=1.5, gt=0)
-    back_off_mps: float = Field(default=0.15, gt=0)
-    doubt_m: float = Field(default=1.0, gt=0, description="about the rover, on backing off")
-    doubt: float = Field(default=0.5, ge=0, le=1, description="what is left there of log odds")
-    unknown_cost: float = Field(default=1.0, ge=0, description="more, where nothing was seen")
-    pivot_gain: float = Field(default=1.5, gt=0, description="turning speed by angle")
+    radius_m: float = Field(
+        default=0.35, gt=0, description="radius of the rover around its axle, m"
+    )
+    cell_m: float = Field(default=0.1, gt=0, description="side of a cell of the grid, m")
+    border_m: float = Field(
+        default=8.0, gt=0, description="extent of the grid beyond start and goal, m"
+    )
+    initial_turn_deg: float = Field(
+        default=360.0,
+        ge=0,
+        le=720,
+        description="turn on the spot before leaving, since cameras see only ahead, deg",
+    )
+    replan_period_s: float = Field(default=0.2, gt=0, description="time between two plans, s")
+    lookahead_m: float = Field(
+        default=0.7, gt=0, description="distance of the target along the path, m"
+    )
+    stop_distance_m: float = Field(
+        default=1.0, gt=0, description="distance before an obstacle on a path that is kept, m"
+    )
+    arrival_radius_m: float = Field(
+        default=0.08, gt=0, description="distance from the goal at which the rover stops, m"
+    )
+    min_progress_m: float = Field(
+        default=0.1, gt=0, description="displacement that counts as progress, m"
+    )
+    stuck_timeout_s: float = Field(
+        default=7.0, gt=0, description="time without progress before backing off, s"
+    )
+    back_off_duration_s: float = Field(default=1.5, gt=0, description="duration of backing off, s")
+    back_off_speed_mps: float = Field(default=0.15, gt=0, description="speed of backing off, m/s")
+    forget_radius_m: float = Field(
+        default=1.0, gt=0, description="radius within which backing off weakens the grid, m"
+    )
+    forget_factor: float = Field(
+        default=0.5, ge=0, le=1, description="factor on the log odds within that radius"
+    )
+    unknown_cost: float = Field(
+        default=1.0, ge=0, description="additional cost of a cell that was never observed"
+    )
+    pivot_gain: float = Field(
+        default=1.5, gt=0, description="turning speed over the angle on the spot, 1/s"
+    )

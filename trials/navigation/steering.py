@@ -1,7 +1,8 @@
 """Local control: pure pursuit (Coulter 1992) and the dynamic window (Fox, Burgard, Thrun 1997)."""
 
 import math
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -11,7 +12,7 @@ from vo.contract.arrays import Array
 from vo.contract.settings import Settings
 
 PIVOT_RAD = math.radians(60)
-"""Pure pursuit turns on the spot towards what lies farther to the side."""
+"""Angle to the target beyond which the rover turns on the spot."""
 
 
 class Twist(NamedTuple):
@@ -22,7 +23,7 @@ class Twist(NamedTuple):
 
 
 class Pose2(NamedTuple):
-    """Place in metres and heading in radians from x to y."""
+    """Position in metres, and heading in radians from x to y."""
 
     x_m: float
     y_m: float
@@ -30,29 +31,45 @@ class Pose2(NamedTuple):
 
 
 class SteeringSettings(Settings):
-    """Limits of the rover, and the preferences of the dynamic window."""
+    """Limits of the rover, and weights of the dynamic window."""
 
-    forward_max_mps: float = Field(default=0.5, gt=0)
-    turn_max_radps: float = Field(default=1.0, gt=0)
-    forward_accel_mps2: float = Field(default=0.5, gt=0, description="and braking")
-    turn_accel_radps2: float = Field(default=3.0, gt=0)
-    ahead_m: float = Field(default=0.6, gt=0, description="pure pursuit aims this far ahead")
-    period_s: float = Field(default=0.1, gt=0, description="between two commands")
-    horizon_s: float = Field(default=1.5, gt=0, description="that a command is thought to last")
-    samples: int = Field(default=11, ge=3, description="of either speed")
-    heading_gain: float = Field(default=1.0, ge=0)
-    clearance_gain: float = Field(default=0.3, ge=0)
-    speed_gain: float = Field(default=0.3, ge=0)
-    roomy_m: float = Field(default=0.5, gt=0, description="clearance beyond which more is no use")
+    renamed: ClassVar[Mapping[str, str]] = {
+        "ahead_m": "lookahead_m",
+        "samples": "speed_samples",
+        "roomy_m": "max_clearance_m",
+    }
+
+    forward_max_mps: float = Field(default=0.5, gt=0, description="largest forward speed, m/s")
+    turn_max_radps: float = Field(default=1.0, gt=0, description="largest turning speed, rad/s")
+    forward_accel_mps2: float = Field(
+        default=0.5, gt=0, description="largest acceleration and deceleration, m/s^2"
+    )
+    turn_accel_radps2: float = Field(
+        default=3.0, gt=0, description="largest angular acceleration, rad/s^2"
+    )
+    lookahead_m: float = Field(
+        default=0.6, gt=0, description="distance of pure pursuit's target along the path, m"
+    )
+    period_s: float = Field(default=0.1, gt=0, description="time between two commands, s")
+    horizon_s: float = Field(
+        default=1.5, gt=0, description="time for which the dynamic window predicts a command, s"
+    )
+    speed_samples: int = Field(default=11, ge=3, description="samples of each of both speeds")
+    heading_gain: float = Field(default=1.0, ge=0, description="weight of the heading, 0 to 1")
+    clearance_gain: float = Field(default=0.3, ge=0, description="weight of the clearance, 0 to 1")
+    speed_gain: float = Field(default=0.3, ge=0, description="weight of the speed, 0 to 1")
+    max_clearance_m: float = Field(
+        default=0.5, gt=0, description="clearance beyond which more does not count, m"
+    )
 
 
-def aim(pose: Pose2, path_m: Array, ahead_m: float) -> Array:
-    """Point (2,) of the path, `ahead_m` along it from where the path is closest; at most its end.
+def lookahead_point(pose: Pose2, path_m: Array, lookahead_m: float) -> Array:
+    """Find the point (2,) of a path at a distance along it from the closest point, or its end.
 
     Args:
-        pose: Where the rover is.
+        pose: Pose of the rover.
         path_m: (N, 2) corners of the path, N >= 1.
-        ahead_m: Along the path.
+        lookahead_m: Distance along the path.
     """
     here = np.array([pose.x_m, pose.y_m])
     if len(path_m) == 1:
@@ -60,10 +77,10 @@ def aim(pose: Pose2, path_m: Array, ahead_m: float) -> Array:
     a, ab = path_m[:-1], np.diff(path_m, axis=0)
     lengths = np.linalg.norm(ab, axis=1)
     squares = np.where(lengths > 0, lengths**2, 1)
-    share = np.clip(((here - a) * ab).sum(axis=1) / squares, 0, 1)
-    k = int(np.argmin(np.linalg.norm(a + share[:, None] * ab - here, axis=1)))
+    fraction = np.clip(((here - a) * ab).sum(axis=1) / squares, 0, 1)
+    k = int(np.argmin(np.linalg.norm(a + fraction[:, None] * ab - here, axis=1)))
     stations = np.concatenate([[0], np.cumsum(lengths)])
-    station = stations[k] + share[k] * lengths[k] + ahead_m
+    station = stations[k] + fraction[k] * lengths[k] + lookahead_m
     return np.array([np.interp(station, stations, path_m[:, i]) for i in (0, 1)])
 
 
@@ -73,18 +90,18 @@ def pure_pursuit(pose: Pose2, path_m: Array, settings: SteeringSettings) -> Twis
     The arc through (x, y) in the rover's frame has the curvature 2 y / (x² + y²).
 
     Args:
-        pose: Where the rover is.
+        pose: Pose of the rover.
         path_m: (N, 2) corners of the path, N >= 1.
-        settings: Limits, and how far ahead to aim.
+        settings: Limits and lookahead distance.
     """
-    x_m, y_m = _in_body(pose, aim(pose, path_m, settings.ahead_m))
+    x_m, y_m = _in_body(pose, lookahead_point(pose, path_m, settings.lookahead_m))
     square = x_m**2 + y_m**2
     if square == 0:
         return Twist(0.0, 0.0)
     if abs(math.atan2(y_m, x_m)) > PIVOT_RAD:
         return Twist(0.0, math.copysign(settings.turn_max_radps, y_m))
     curvature = 2 * y_m / square
-    # Slower in narrow bends, and short of the end: it is then that the aim is closer than asked.
+    # Slower in narrow bends, and before the end, where the target is closer than the lookahead.
     braking_mps = math.sqrt(2 * settings.forward_accel_mps2 * math.sqrt(square))
     turning_mps = settings.turn_max_radps / abs(curvature) if curvature else math.inf
     forward = min(settings.forward_max_mps, braking_mps, turning_mps)
@@ -99,18 +116,18 @@ def dynamic_window(
     free_m: Array,
     settings: SteeringSettings,
 ) -> Twist | None:
-    """Choose the speeds, among those within reach, that head for a target and keep clear.
+    """Choose the reachable speeds that head for a target and keep clear of obstacles.
 
     Args:
-        pose: Where the rover is, in the grid's frame.
-        twist: Its speeds now.
-        target_m: (2,) where to head.
+        pose: Pose of the rover in the grid's frame.
+        twist: Its present speeds.
+        target_m: (2,) target.
         grid: Geometry of the cells.
-        free_m: (H, W) how far each cell is from where the rover would touch; 0 or less there.
-        settings: Limits and preferences.
+        free_m: (H, W) distance of each cell from contact; 0 or less where the rover would touch.
+        settings: Limits and weights.
 
     Returns:
-        The next speeds; None if at none of them one could stop before touching.
+        The next speeds; None if the rover could not stop before contact at any of them.
     """
     forward, turn = _window(twist, settings)
     times_s = np.arange(settings.period_s, settings.horizon_s + 1e-9, settings.period_s)
@@ -122,16 +139,16 @@ def dynamic_window(
     admissible = forward <= np.sqrt(2 * settings.forward_accel_mps2 * room_m)
     if not admissible.any():
         return None
-    least_m = np.clip(clear_m.min(axis=1), 0, settings.roomy_m)
-    # Headings are compared half-way to the target, if it is close: no arc is past it there.
-    away_m = math.hypot(target_m[0] - pose.x_m, target_m[1] - pose.y_m)
-    half_way = 0.5 * away_m / (settings.forward_max_mps * settings.period_s)
+    closest_m = np.clip(clear_m.min(axis=1), 0, settings.max_clearance_m)
+    # Headings are compared half-way to a close target, which no arc has passed there.
+    distance_m = math.hypot(target_m[0] - pose.x_m, target_m[1] - pose.y_m)
+    half_way = 0.5 * distance_m / (settings.forward_max_mps * settings.period_s)
     x_m, y_m, yaw_rad = arcs[:, min(int(half_way), len(times_s) - 1)].T
     bearing = np.arctan2(target_m[1] - y_m, target_m[0] - x_m) - yaw_rad
     heading = 1 - np.abs(np.arctan2(np.sin(bearing), np.cos(bearing))) / np.pi
     score = (
         settings.heading_gain * heading
-        + settings.clearance_gain * least_m / settings.roomy_m
+        + settings.clearance_gain * closest_m / settings.max_clearance_m
         + settings.speed_gain * forward / settings.forward_max_mps
     )
     best = int(np.argmax(np.where(admissible, score, -np.inf)))
@@ -139,13 +156,13 @@ def dynamic_window(
 
 
 def _window(twist: Twist, settings: SteeringSettings) -> tuple[Array, Array]:
-    """Speeds (n,) that can be reached within a period; straight on is among them if it can be."""
+    """Speeds (n,) that can be reached within a period, straight on included if possible."""
     v_step = settings.forward_accel_mps2 * settings.period_s
     w_step = settings.turn_accel_radps2 * settings.period_s
-    top, most = settings.forward_max_mps, settings.turn_max_radps
-    reach = np.linspace(-1, 1, settings.samples)
-    speeds = np.unique(np.clip(twist.forward_mps + v_step * reach, 0, top))
-    turns = np.clip(twist.turn_radps + w_step * reach, -most, most)
+    max_v, max_w = settings.forward_max_mps, settings.turn_max_radps
+    reach = np.linspace(-1, 1, settings.speed_samples)
+    speeds = np.unique(np.clip(twist.forward_mps + v_step * reach, 0, max_v))
+    turns = np.clip(twist.turn_radps + w_step * reach, -max_w, max_w)
     if turns[0] < 0 < turns[-1]:
         turns = np.append(turns, 0.0)
     forward, turn = np.meshgrid(speeds, np.unique(turns))
@@ -165,7 +182,7 @@ def _arcs(pose: Pose2, forward: Array, turn: Array, times_s: Array) -> Array:
 
 
 def _clearances(arcs: Array, grid: OccupancyGrid, free_m: Array) -> Array:
-    """How far (n, t) each pose is from touching; outside the grid nothing is in the way."""
+    """Distance (n, t) of each pose from contact; infinite outside the grid."""
     cells = np.floor((arcs[..., :2] - np.array(grid.corner_xy_m)) / grid.cell_m + 0.5).astype(int)
     column, row = cells[..., 0], cells[..., 1]
     height, width = free_m.shape

@@ -23,9 +23,7 @@ FAST: Mapping[str, Any] = {"render.samples": 0, "render.shadow_size_px": 0}
 class TrialSettings(Settings):
     """Options of all environments."""
 
-    scene: str = Field(
-        default="warehouse", description="scene: name, MJCF file or module:function"
-    )
+    scene: str = Field(default="warehouse", description="scene: name, MJCF file or module:function")
     scene_options: Mapping[str, OptionValue] = Field(
         default_factory=dict[str, OptionValue], description="options of the scene's builder"
     )

@@ -2,10 +2,8 @@
 
 from collections.abc import Iterator
 
-import gymnasium
-
-import trials.gym
 from trials.execution.process_memory import resident_mb
+from trials.gym.studies.trial_runner import rover_nav
 
 
 def memory_over_resets(scene: str, resets: int) -> Iterator[tuple[int, float]]:
@@ -14,12 +12,9 @@ def memory_over_resets(scene: str, resets: int) -> Iterator[tuple[int, float]]:
     Yields:
         Number of worlds and memory of the process, MB, ten times and at the end.
     """
-    env = gymnasium.make(
-        next(iter(trials.gym.ENVIRONMENTS)), scene=scene, localization="truth", layout=None
-    )
-    for k in range(resets):
-        env.reset(options={"layout": k})
-        env.step(env.action_space.sample())
-        if k % max(1, resets // 10) == 0 or k == resets - 1:
-            yield k + 1, resident_mb()
-    env.close()
+    with rover_nav({"scene": scene, "localization": "truth"}) as env:
+        for k in range(resets):
+            env.reset(options={"layout": k})
+            env.step(env.action_space.sample())
+            if k % max(1, resets // 10) == 0 or k == resets - 1:
+                yield k + 1, resident_mb()

@@ -1,24 +1,23 @@
-"""Static against dynamic planning in the same worlds: what replanning gains, and what it costs.
+"""Comparison of static and dynamic planning in the same worlds: benefit and cost of replanning.
 
-Both rovers have the floor plan of the world as it was built, see by their cameras what moves,
-and steer alike. The static one plans its way once, and stops before what blocks it; the dynamic
-one repairs its way with D* Lite by what it sees.
+Both rovers have the floor plan of the world as it was built, observe moving things by their
+cameras, and steer alike. The static one plans its path once and stops before an obstacle; the
+dynamic one repairs its path with D* Lite.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, cast
 
-import gymnasium
 import numpy as np
 
 from trials.execution.parallel import map_parallel
 from trials.gym.env.environments import RoverNav
 from trials.gym.env.policies import NavigatorPolicy
-from trials.gym.env.rays import ray_disparity
-from trials.gym.studies.fleet import NAV
-from trials.gym.studies.trial_protocol import Measures
-from trials.gym.world.free_space import NOTHING, FreeSpace
+from trials.gym.studies.trial_results import Metrics, Result
+from trials.gym.studies.trial_runner import rover_nav
+from trials.gym.world.free_space import NO_GEOM, FreeSpace
+from trials.gym.world.ideal_depth import ray_disparity
 from trials.navigation.grid_planner import GridPlanner
 from trials.navigation.occupancy_grid import OccupancyGrid, empty_grid
 from trials.navigation.settings import NavigatorSettings
@@ -29,50 +28,35 @@ PLANNINGS: tuple[Planning, ...] = ("static", "dynamic")
 DEFAULTS = NavigatorSettings()
 SETTINGS = DEFAULTS.model_copy(
     update={
-        "look_around_deg": 0.0,
-        "occupancy": DEFAULTS.occupancy.model_copy(update={"farthest_m": 3.0}),
+        "initial_turn_deg": 0.0,
+        "occupancy": DEFAULTS.occupancy.model_copy(update={"max_depth_m": 3.0}),
     }
 )
-"""Who has a floor plan need not look around first, nor far: only what has changed is news."""
-
-IDEAL = SETTINGS.model_copy(update={"speckle_px": 0})
-BLIND = ("pose", "goal")
+"""With a floor plan only changes are new: no initial turn, and a short range."""
+IDEAL_SETTINGS = SETTINGS.model_copy(update={"min_speckle_px": 0})
+IDEAL_CHANNELS = ("pose", "goal")
 
 
 @dataclass(frozen=True)
-class PlannedTrial:
-    """What came of one trial.
+class PlanningResult(Result):
+    """Result of a trial with one kind of planning.
 
     Attributes:
-        layout: Seed of the world.
-        run: Number of start and goal in it.
         planning: static or dynamic.
-        localization: Source.
-        outcome: success, collision, tipped, stuck, lost or timeout.
-        time_s: That it took.
-        driven_m: True path.
-        way_m: Shortest way in the world as it was built.
         spl: Success weighted by path length.
-        plans: How often the way was planned or repaired.
+        plans: Number of times that the path was planned or repaired.
         expanded: Cells that D* Lite expanded.
         cpu_ms: Processor time of planning.
     """
 
-    layout: int
-    run: int
     planning: Planning
-    localization: str
-    outcome: str
-    time_s: float
-    driven_m: float
-    way_m: float
     spl: float
     plans: int
     expanded: int
     cpu_ms: float
 
 
-MEASURES: Measures[PlannedTrial] = {
+METRICS: Metrics[PlanningResult] = {
     "SPL": (lambda t: t.spl, 2),
     "time s": (lambda t: t.time_s, 1),
     "driven m": (lambda t: t.driven_m, 2),
@@ -84,10 +68,10 @@ MEASURES: Measures[PlannedTrial] = {
 
 
 def parse_planning(text: str) -> list[Planning]:
-    """Read `static,dynamic`.
+    """Parse `static,dynamic`.
 
     Raises:
-        SettingsError: If one is unknown, or there is none.
+        SettingsError: If a kind is unknown, or there is none.
     """
     words = [word.strip() for word in text.split(",") if word.strip()]
     unknown = [word for word in words if word not in PLANNINGS]
@@ -103,8 +87,8 @@ def run_planned(
     layouts: Sequence[int],
     runs: int,
     ideal: bool = False,
-) -> Iterator[list[PlannedTrial]]:
-    """Drive in every world with every way of planning, from the same starts to the same goals.
+) -> Iterator[list[PlanningResult]]:
+    """Run trials in every world with each kind of planning, from the same starts to the same goals.
 
     Args:
         options: Of RoverNav; `observe` must hold what the navigator needs.
@@ -114,76 +98,68 @@ def run_planned(
         ideal: Depth by rays in place of cameras, so that nothing but planning can fail.
 
     Yields:
-        The trials of a world, as worlds are done with.
+        The results of a world, as worlds finish.
 
     Raises:
-        DriftyardError: If an option is refused or a world has no free place.
+        DriftyardError: If an option is refused or a world has no traversable place.
     """
-    asked = [(dict(options), tuple(plannings), layout, runs, ideal) for layout in layouts]
-    for _, of_world in map_parallel(drive_world, asked):
-        yield of_world
+    calls = [(dict(options), tuple(plannings), layout, runs, ideal) for layout in layouts]
+    for _, results in map_parallel(run_world, calls):
+        yield results
 
 
-def drive_world(
+def run_world(
     options: Mapping[str, Any],
     plannings: Sequence[Planning],
     layout: int,
     runs: int,
     ideal: bool = False,
-) -> list[PlannedTrial]:
-    """Drive every run of one world with every way of planning; see `run_planned`."""
-    warm = GridPlanner(np.ones((3, 3)), (0, 0), (2, 2))  # compiled before the clock runs
-    warm.update(np.full((3, 3), 2.0))
-    asked = {**options, "observe": BLIND} if ideal else options
-    env = gymnasium.make(NAV, disable_env_checker=True, **asked).unwrapped
-    assert isinstance(env, RoverNav)
-    try:
+) -> list[PlanningResult]:
+    """Run all trials of one world; see `run_planned`."""
+    warm_up = GridPlanner(np.ones((3, 3)), (0, 0), (2, 2))  # compiled before the clock runs
+    warm_up.update(np.full((3, 3), 2.0))
+    with rover_nav({**options, "observe": IDEAL_CHANNELS} if ideal else options) as env:
         return [
-            _drive(env, planning, layout, run, layout * runs + run, ideal)
+            _run(env, planning, layout, run, layout * runs + run, ideal)
             for run in range(runs)
             for planning in plannings
         ]
-    finally:
-        env.close()
 
 
-def floor_plan(free: FreeSpace, settings: NavigatorSettings) -> OccupancyGrid:
-    """What stands in a world for good, on the cells of a navigator."""
-    height, width = free.obstacles.shape
-    far = free.origin + free.cell_m * np.array([width - 1, height - 1])
-    (x0_m, y0_m), (x1_m, y1_m) = free.origin.tolist(), far.tolist()
+def floor_plan(space: FreeSpace, settings: NavigatorSettings) -> OccupancyGrid:
+    """Draw the static obstacles of a world on the cells of a navigator."""
+    height, width = space.obstacles.shape
+    far = space.origin + space.cell_m * np.array([width - 1, height - 1])
+    (x0_m, y0_m), (x1_m, y1_m) = space.origin.tolist(), far.tolist()
     grid = empty_grid((x0_m, x1_m), (y0_m, y1_m), settings.cell_m)
-    cells = np.argwhere(free.obstacles != NOTHING)
+    cells = np.argwhere(space.obstacles != NO_GEOM)
     columns, rows = np.round(
-        (free.points(cells) - np.array(grid.corner_xy_m)) / settings.cell_m
+        (space.points(cells) - np.array(grid.corner_xy_m)) / settings.cell_m
     ).astype(int).T  # fmt: skip
-    grid.log_odds[rows, columns] = settings.occupancy.most
+    grid.log_odds[rows, columns] = settings.occupancy.max_log_odds
     return grid
 
 
-def _drive(
+def _run(
     env: RoverNav, planning: Planning, layout: int, run: int, seed: int, ideal: bool
-) -> PlannedTrial:
+) -> PlanningResult:
     observation, info = env.reset(seed=seed, options={"layout": layout})
-    settings = IDEAL if ideal else SETTINGS
-    plan = floor_plan(env.site.passages.free, settings)
+    settings = IDEAL_SETTINGS if ideal else SETTINGS
+    plan = floor_plan(env.instance.traversable.space, settings)
     policy = NavigatorPolicy(env, settings, plan, replanning=planning == "dynamic")
     while not info["outcome"]:
         if ideal:
-            observation["disparity"] = ray_disparity(env.site.simulation.world)[..., None]
+            disparity = ray_disparity(env.instance.simulation.world)
+            observation["disparity"] = disparity[..., None]
         observation, _, _, _, info = env.step(policy.act(observation))
     effort = policy.navigator.effort
-    return PlannedTrial(
-        layout,
-        run,
-        planning,
-        env.trial.localization,
-        info["outcome"],
-        info["time_s"],
-        info["driven_m"],
-        info["way_m"],
-        info["spl"],
-        effort.plans,
-        effort.expanded,
-        1e3 * effort.cpu_s,
+    return PlanningResult(
+        layout=layout,
+        run=run,
+        localization=env.trial.localization,
+        **{key: info[key] for key in ("outcome", "time_s", "driven_m", "way_m", "spl")},
+        planning=planning,
+        plans=effort.plans,
+        expanded=effort.expanded,
+        cpu_ms=1e3 * effort.cpu_s,
     )

@@ -1,57 +1,55 @@
-"""The ledger: trials on disk, world by world, so that an interrupted study goes on."""
+"""Results of trials on disk, world by world, so that an interrupted study continues."""
 
 import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from trials.gym.studies.trial_protocol import Trial
+from trials.gym.studies.trial_results import TrialResult
 from vo.contract.files import write_text
 
 
-class Ledger:
-    """JSON lines of trials; until all are there, beside `out` in a file that ends in `.part`.
+class ResultStore:
+    """Results as JSON lines; until all are there, in a file beside `out` that ends in `.part`.
 
     Attributes:
-        done: Trials by world, of this study.
+        done: Results of this study by world.
     """
 
     def __init__(self, out: Path, study: str) -> None:
-        """Take up what an interrupted run of the same study left.
+        """Continue what an interrupted run of the same study left.
 
         Args:
-            out: File for the trials.
-            study: Everything that the trials depend on; another one begins anew.
+            out: File for the results.
+            study: Everything that the results depend on, on one line; another one starts afresh.
         """
         self._out, self._study = out, study
         self._part = out.with_name(out.name + ".part")
-        self.done: dict[int, list[Trial]] = {}
-        if self._part.is_file():
-            self._take_up(self._part.read_text(encoding="utf-8").splitlines())
+        self.done: dict[int, list[TrialResult]] = {}
+        lines = self._part.read_text(encoding="utf-8").splitlines() if self._part.is_file() else []
+        if lines and lines[0] == study:
+            for line in lines[1:]:
+                result = TrialResult(**json.loads(line))
+                self.done.setdefault(result.layout, []).append(result)
         out.parent.mkdir(parents=True, exist_ok=True)
-        self._save()
+        self._write_part()
 
-    def add(self, of_world: Sequence[Trial]) -> None:
-        """Keep the trials of a world."""
+    def add(self, of_world: Sequence[TrialResult]) -> None:
+        """Store the results of a world."""
         self.done[of_world[0].layout] = list(of_world)
-        self._save()
+        self._write_part()
 
     def close(self) -> None:
-        """Write the whole, sorted by world."""
-        lines = [_line(trial) for layout in sorted(self.done) for trial in self.done[layout]]
-        write_text(self._out, "".join(lines))
+        """Write all results, sorted by world."""
+        ordered = [result for layout in sorted(self.done) for result in self.done[layout]]
+        write_text(self._out, json_lines(ordered))
         self._part.unlink()
 
-    def _take_up(self, lines: Sequence[str]) -> None:
-        if lines and lines[0] == self._study:
-            for line in lines[1:]:
-                trial = Trial(**json.loads(line))
-                self.done.setdefault(trial.layout, []).append(trial)
-
-    def _save(self) -> None:
-        trials = [_line(trial) for of_world in self.done.values() for trial in of_world]
-        write_text(self._part, self._study + "\n" + "".join(trials))
+    def _write_part(self) -> None:
+        results = [result for of_world in self.done.values() for result in of_world]
+        write_text(self._part, f"{self._study}\n{json_lines(results)}")
 
 
-def _line(trial: Trial) -> str:
-    return json.dumps(asdict(trial)) + "\n"
+def json_lines(results: Sequence[TrialResult]) -> str:
+    """Format results as JSON, one a line."""
+    return "".join(json.dumps(asdict(result)) + "\n" for result in results)

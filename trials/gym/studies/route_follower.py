@@ -1,4 +1,4 @@
-"""The follower: drives from node to node of a route, and stands before whatever is closed."""
+"""A driver that follows a route from node to node, and stops before closed gates."""
 
 import math
 from collections.abc import Mapping
@@ -14,21 +14,21 @@ from trials.routing.drive import Route
 from trials.routing.network import Network, Road
 from vo.contract.arrays import Array
 
-PASSED_M = 0.35
-"""So close to a node the rover has reached it."""
-STAND_M, SEEN_M = 0.9, 2.5
-"""Where the rover stands before what is closed, and from where on it brakes for it."""
+REACHED_M = 0.35
+"""Distance from a node at which the rover has reached it."""
+STOP_M, BRAKING_M = 0.9, 2.5
+"""Distances from a closed gate at which the rover stands, and from which on it brakes."""
 
 
 @dataclass(frozen=True)
-class RoadBook:
-    """What is known of the roads.
+class GatedNetwork:
+    """A network whose roads may be closed.
 
     Attributes:
         network: Nodes and roads.
-        gates: What may be closed, by road; that of a door by its node, twice.
+        gates: Gates by road; the road of a door leads from its node to itself.
         queues: By road, when it closes after departure, s, and for how long.
-        clearing: Doors ahead are asked to open.
+        clearing: Doors ahead are requested to open.
     """
 
     network: Network
@@ -37,76 +37,77 @@ class RoadBook:
     clearing: bool
 
 
-class Follower:
-    """Drives along a route that may change at every node, and stands before closed gates.
+class RouteFollower:
+    """Follows a route that may change at every node, and stops before closed gates.
 
     Attributes:
         passed: Nodes so far.
     """
 
-    def __init__(self, trial: TrialSettings, book: RoadBook, route: Route, start: int) -> None:
+    def __init__(self, trial: TrialSettings, roads: GatedNetwork, route: Route, start: int) -> None:
         """Leave the start.
 
         Args:
             trial: Limits of the rover.
-            book: What is known of the roads.
-            route: To the goal.
+            roads: The network and its gates.
+            route: Route to the goal.
             start: Node.
         """
         self._steering = SteeringSettings(
             forward_max_mps=trial.speed_max_mps,
             turn_max_radps=trial.turn_max_radps,
-            ahead_m=PASSED_M + 0.1,
+            lookahead_m=REACHED_M + 0.1,
             period_s=1 / trial.rate_hz,
         )
-        self._xy_m, self._queues, self._clearing = book.network.xy_m, book.queues, book.clearing
-        self._route, self._gates = route, book.gates
+        self._xy_m, self._roads, self._route = roads.network.xy_m, roads, route
         self.passed = [start]
-        self._leave(0.0)
+        self._leave_node(0.0)
 
     def act(self, pose: Array, time_s: float) -> Array:
-        """(2,) the next action.
+        """Choose the next action (2,).
 
         Args:
-            pose: (3,) x, y, yaw as believed.
-            time_s: Since departure.
+            pose: (3,) estimated x, y, yaw.
+            time_s: Time since departure.
         """
-        here = pose[:2]
-        while len(self._ahead) > 1 and np.linalg.norm(self._xy_m[self._ahead[0]] - here) < PASSED_M:
+        here, xy_m = pose[:2], self._xy_m
+        while len(self._ahead) > 1 and np.linalg.norm(xy_m[self._ahead[0]] - here) < REACHED_M:
             self.passed.append(self._ahead[0])
-            self._leave(time_s)
-        way_m = self._xy_m[[self.passed[-1], *self._ahead]]
+            self._leave_node(time_s)
+        path_m = xy_m[[self.passed[-1], *self._ahead]]
         x, y, yaw = (float(value) for value in pose)
-        twist = pure_pursuit(Pose2(x, y, yaw), way_m, self._steering)
+        twist = pure_pursuit(Pose2(x, y, yaw), path_m, self._steering)
         limits = np.array([self._steering.forward_max_mps, self._steering.turn_max_radps])
-        return np.clip(np.array(self._held(twist, here)) / limits, -1, 1).astype(np.float32)
+        return np.clip(np.array(self._braked(twist, here)) / limits, -1, 1).astype(np.float32)
 
-    def _leave(self, time_s: float) -> None:
-        """Choose the way on from the last node, and ask the doors ahead to open."""
-        node = self.passed[-1]
+    def _leave_node(self, time_s: float) -> None:
+        """Choose the nodes ahead of the last one, and request the doors there to open."""
+        node, gates = self.passed[-1], self._roads.gates
         self._ahead = self._route.ahead(node, time_s)
-        for door in self._ahead if self._clearing else ():
-            if (door, door) in self._gates:
-                self._gates[door, door].request(START_S + time_s)
+        if self._roads.clearing:
+            for following in self._ahead:
+                if (following, following) in gates:
+                    gates[following, following].request(START_S + time_s)
         road = node, self._ahead[0]
-        if road in self._gates and time_s < self._queues[road][0]:
-            self._gates[road].waive()
+        if road in gates and time_s < self._roads.queues[road][0]:
+            gates[road].keep_open()
 
-    def _held(self, twist: Twist, here: Array) -> Twist:
+    def _braked(self, twist: Twist, here: Array) -> Twist:
         """Brake for the next gate, if it is closed."""
         node, following = self.passed[-1], self._ahead[0]
         for road in ((node, following), (following, following)):
-            gate = self._gates.get(road)
-            if gate is None or gate.is_up or not self._before(gate, here, following):
+            gate = self._roads.gates.get(road)
+            if gate is None or gate.is_up or not self._is_ahead(gate, here, following):
                 continue
-            room_m = max(0.0, gate.slot.away_m(here) - STAND_M)
-            if gate.slot.away_m(here) < SEEN_M:
-                top_mps = math.sqrt(2 * self._steering.forward_accel_mps2 * room_m)
-                share = min(1.0, top_mps / max(twist.forward_mps, 1e-6))
-                return Twist(share * twist.forward_mps, share * twist.turn_radps)
+            distance_m = gate.slot.distance_m(here)
+            if distance_m < BRAKING_M:
+                room_m = max(0.0, distance_m - STOP_M)
+                max_mps = math.sqrt(2 * self._steering.forward_accel_mps2 * room_m)
+                factor = min(1.0, max_mps / max(twist.forward_mps, 1e-6))
+                return Twist(factor * twist.forward_mps, factor * twist.turn_radps)
         return twist
 
-    def _before(self, gate: Gate, here: Array, following: int) -> bool:
+    def _is_ahead(self, gate: Gate, here: Array, following: int) -> bool:
         """Whether a gate lies between here and the next node, or at it."""
-        on = self._xy_m[following] - self._xy_m[self.passed[-1]]
-        return bool((gate.slot.centre[:2] - here) @ on > 0)
+        direction = self._xy_m[following] - self._xy_m[self.passed[-1]]
+        return bool((gate.slot.centre[:2] - here) @ direction > 0)

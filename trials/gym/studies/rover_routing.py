@@ -1,7 +1,7 @@
-"""The rover on a routed drive: doors that open early where it is expected, aisles that fill up.
+"""The rover on routes of `trials.routing`: doors that open on request, aisles that get congested.
 
-The route is that of `trials.routing`; the rover drives it in MuJoCo, by pure pursuit from node to
-node, and stands before whatever is closed. Doors and loads report to it, as queues do in the model.
+The rover drives in MuJoCo by pure pursuit from node to node, and stops before closed gates. Doors
+and loads are reported to it, as queues are in the model.
 """
 
 import math
@@ -13,28 +13,33 @@ import numpy as np
 
 from sim.world.world import START_S
 from trials.gym.env.environments import RoverNav
-from trials.gym.env.follower import Follower, RoadBook
 from trials.gym.env.tasks import ReachGoal, Task
-from trials.gym.world.aisles import Aisles, gate_name, make_gates, survey_aisles
+from trials.gym.studies.aisle_network import (
+    AisleNetwork,
+    build_aisle_network,
+    gate_name,
+    make_gates,
+)
+from trials.gym.studies.route_follower import GatedNetwork, RouteFollower
 from trials.gym.world.barriers import Gate
-from trials.gym.world.scene_instance import Site, relaid
-from trials.gym.world.start_goal_sampling import draw_errand
+from trials.gym.world.scene_instance import SceneInstance, rebuilt_along
+from trials.gym.world.start_goal_sampling import sample_start_goal
 from trials.routing.drive import STRATEGIES, Delays, Strategy, drive, plan_route, undelayed_s
 from trials.routing.network import Road
 
-WAIT_MAX_S, QUEUE_MAX_S, LEAD_S, SHARE = 30.0, 60.0, 8.0, 0.6
-"""Longest wait at a door and behind a load, lead of an opening, and share of congested aisles."""
+MAX_WAIT_S, MAX_QUEUE_S, LEAD_S, CONGESTED = 30.0, 60.0, 8.0, 0.6
+"""Longest wait at a door and behind a load, lead of an opening, ratio of congested aisles."""
 
 
 @dataclass(frozen=True)
-class RoutedCase:
-    """One drive, to be made by every strategy.
+class RoverCase:
+    """One drive for all strategies.
 
     Attributes:
         start: Node.
         goal: Node.
         delays: Waits at doors, and loads in the aisles.
-        free_s: Travel time without any, by the model.
+        free_s: Travel time without delays by the model.
     """
 
     start: int
@@ -44,19 +49,19 @@ class RoutedCase:
 
 
 @dataclass(frozen=True)
-class RoutedDrive:
-    """What came of it.
+class RoverDrive:
+    """Result of a drive with one strategy.
 
     Attributes:
         layout: Seed of the world.
         strategy: Name.
-        outcome: Of the trial.
+        outcome: Outcome of the trial.
         predicted_s: Travel time by the routing model.
-        measured_s: By the rover.
-        free_s: By the model, without delays.
-        predicted: Names of the nodes, as the model passes them.
-        passed: As the rover did.
-        trace: (N, 2) the rover's way.
+        measured_s: Travel time of the rover.
+        free_s: Travel time by the model without delays.
+        predicted: Names of the nodes that the model passes.
+        passed: Names of the nodes that the rover passed.
+        trace: (N, 2) true path of the rover.
     """
 
     layout: int
@@ -71,33 +76,39 @@ class RoutedDrive:
 
 
 class AisleRover(RoverNav):
-    """Reach a goal through gates of one's own, in a world that is laid once for all drives.
+    """Reach a goal through given gates, in a world that is built once for all drives.
 
     Attributes:
-        gates: By name.
+        gates: By name; without any, it is a RoverNav.
     """
 
     def __init__(self, **options: Any) -> None:
-        """See RoverNav; without gates, it is one."""
         super().__init__(**options)
         self.gates: Mapping[str, Gate] = {}
-        self._laid: Site | None = None
+        self._gated: SceneInstance | None = None
 
-    def _assign(self, site: Site, options: Mapping[str, Any]) -> tuple[Site, Task]:
+    def _assign(
+        self, base: SceneInstance, options: Mapping[str, Any]
+    ) -> tuple[SceneInstance, Task]:
         if not self.gates:
-            return super()._assign(site, options)
-        start, goal = np.array(options["start"]), np.array(options["goal"])
-        passages, trial = site.passages, self.trial
-        errand = draw_errand(passages, site.part, trial.distance_m, self.np_random, start, goal)
-        self._laid = self._laid or relaid(site, trial, errand, self.gates)
-        return self._laid, ReachGoal(errand, trial.goal_radius_m)
+            return super()._assign(base, options)
+        ends = sample_start_goal(
+            base.traversable,
+            base.component,
+            self.trial.distance_m,
+            self.np_random,
+            np.array(options["start"]),
+            np.array(options["goal"]),
+        )
+        self._gated = self._gated or rebuilt_along(base, ends.path, self.gates)
+        return self._gated, ReachGoal(ends, self.trial.goal_radius_m)
 
 
-def draw_case(aisles: Aisles, rng: np.random.Generator) -> RoutedCase:
-    """Choose ends on opposite sides, waits and loads.
+def sample_case(aisles: AisleNetwork, rng: np.random.Generator) -> RoverCase:
+    """Sample ends on opposite sides, waits and loads.
 
     Raises:
-        PlanningError: If the network does not join the ends.
+        PlanningError: If the network does not connect the ends.
     """
     network = aisles.network
     near, far = (aisles.lefts, aisles.rights)[:: 1 if rng.random() < 0.5 else -1]
@@ -106,71 +117,68 @@ def draw_case(aisles: Aisles, rng: np.random.Generator) -> RoutedCase:
     start, goal = near[i], far[j]
     waits_s = np.zeros(len(network.names))
     for node in aisles.doors:
-        waits_s[node] = rng.uniform(0, WAIT_MAX_S)
+        waits_s[node] = rng.uniform(0, MAX_WAIT_S)
     free_s = undelayed_s(network, start, goal)
     queues: dict[Road, tuple[float, float]] = {}
-    for a, b in aisles.halves:
+    for a, b in aisles.loads:
         if a < b:
-            congested = rng.random() < SHARE
-            queue = float(rng.uniform(0, free_s / 3)), float(rng.uniform(0, QUEUE_MAX_S))
+            congested = rng.random() < CONGESTED
+            queue = float(rng.uniform(0, free_s / 3)), float(rng.uniform(0, MAX_QUEUE_S))
             if congested:
                 queues |= {(a, b): queue, (b, a): queue}
-    return RoutedCase(start, goal, Delays(waits_s, queues, LEAD_S), free_s)
+    return RoverCase(start, goal, Delays(waits_s, queues, LEAD_S), free_s)
 
 
-def drive_layout(options: Mapping[str, Any], layout: int) -> list[RoutedDrive]:
-    """Draw a drive through one layout, and make it by every strategy.
+def drive_layout(options: Mapping[str, Any], layout: int) -> list[RoverDrive]:
+    """Sample a drive through one layout, and make it with every strategy.
 
     Args:
         options: Of RoverNav; `observe` must hold `pose`.
         layout: Seed of the world and of the drive.
 
     Raises:
-        DriftyardError: If it is no warehouse, or has no way.
+        DriftyardError: If the scene is no warehouse, or has no path.
     """
     env = AisleRover(**options)
     try:
         env.reset(seed=layout, options={"layout": layout})
-        aisles = survey_aisles(env.site, env.trial.speed_max_mps)
-        case = draw_case(aisles, np.random.default_rng([layout, 1]))
+        aisles = build_aisle_network(env.instance, env.trial.speed_max_mps)
+        case = sample_case(aisles, np.random.default_rng([layout, 1]))
         gates = make_gates(aisles, case.delays, START_S)
         env.gates = {gate_name(road): gate for road, gate in gates.items() if road[0] <= road[1]}
-        return [drive_rover(env, layout, aisles, case, gates, s) for s in STRATEGIES]
+        return [_drive_rover(env, aisles, case, gates, s) for s in STRATEGIES]
     finally:
         env.close()
 
 
-def drive_rover(
+def _drive_rover(
     env: AisleRover,
-    layout: int,
-    aisles: Aisles,
-    case: RoutedCase,
+    aisles: AisleNetwork,
+    case: RoverCase,
     gates: Mapping[Road, Gate],
     strategy: Strategy,
-) -> RoutedDrive:
-    """Make a drive by one strategy."""
-    network = aisles.network
+) -> RoverDrive:
+    network, layout = aisles.network, env.instance.layout
     route = plan_route(network, case.delays, case.start, case.goal, strategy)
     first = route.ahead(case.start, 0.0)[0]
     ahead = network.xy_m[first] - network.xy_m[case.start]
-    place = (*network.xy_m[case.start], math.atan2(ahead[1], ahead[0]))
-    options = {"layout": layout, "start": place, "goal": tuple(network.xy_m[case.goal])}
+    start = (*network.xy_m[case.start], math.atan2(ahead[1], ahead[0]))
+    options = {"layout": layout, "start": start, "goal": tuple(network.xy_m[case.goal])}
     observation, info = env.reset(seed=layout, options=options)
-    road_book = RoadBook(network, gates, case.delays.queues, strategy.clearing)
-    follower = Follower(env.trial, road_book, route, case.start)
+    roads = GatedNetwork(network, gates, case.delays.queues, strategy.clearing)
+    follower = RouteFollower(env.trial, roads, route, case.start)
     while not info["outcome"]:
         observation, _, _, _, info = env.step(follower.act(observation["pose"], info["time_s"]))
     model = drive(network, case.delays, case.start, case.goal, strategy)
-    names = network.names
     passed = [*follower.passed, case.goal] if info["success"] else follower.passed
-    return RoutedDrive(
-        layout,
-        strategy.name,
-        info["outcome"],
-        model.time_s,
-        info["time_s"],
-        case.free_s,
-        tuple(names[k] for k in model.nodes),
-        tuple(names[k] for k in dict.fromkeys(passed)),
-        tuple((float(x), float(y)) for x, y in env.trace[:, 0]),
+    return RoverDrive(
+        layout=layout,
+        strategy=strategy.name,
+        outcome=info["outcome"],
+        predicted_s=model.time_s,
+        measured_s=info["time_s"],
+        free_s=case.free_s,
+        predicted=tuple(network.names[k] for k in model.nodes),
+        passed=tuple(network.names[k] for k in dict.fromkeys(passed)),
+        trace=tuple((float(x), float(y)) for x, y in env.episode.trace[:, 0]),
     )

@@ -1,13 +1,13 @@
-"""The figure of the rover's routed drives: one world from above, and times against the model's."""
+"""Figure of the rover's drives on routes: one world from above, and times beside the model's."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from trials.gym.studies.routed import RoutedDrive
-from trials.gym.world.aisles import Aisles
-from trials.gym.world.free_space import NOTHING, FreeSpace
+from trials.gym.studies.aisle_network import AisleNetwork
+from trials.gym.studies.rover_routing import RoverDrive
+from trials.gym.world.free_space import NO_GEOM, FreeSpace
 from trials.report.figure import BLUE, GREEN, GREY, INK, OCHRE, PALE, RED, tidy
 from trials.routing.drive import STRATEGIES
 
@@ -17,35 +17,39 @@ if TYPE_CHECKING:
 
 SIZE_IN = (9.6, 4.2)
 COLOURS = (INK, RED, BLUE, OCHRE)
-"""Of the strategies, in their order."""
+"""Colours of the strategies, in their order."""
 WIDTHS = (7.0, 4.8, 2.8, 1.2)
-"""Of their paths: one on top of another, all can be seen."""
+"""Widths of their paths, points: drawn on top of each other, all stay visible."""
 
 
-def telling(drives: Sequence[RoutedDrive]) -> int:
-    """The layout in which the strategies took the most ways, and of those the largest spread."""
+def most_varied_layout(drives: Sequence[RoverDrive]) -> int:
+    """Return the layout with the most different routes, then with the largest range of times."""
 
-    def tells(layout: int) -> tuple[int, float]:
+    def variety(layout: int) -> tuple[int, float]:
         here = [d for d in drives if d.layout == layout]
         return len({d.passed for d in here}), float(np.ptp([d.measured_s for d in here]))
 
-    return max({d.layout for d in drives}, key=tells)
+    return max({d.layout for d in drives}, key=variety)
 
 
 def draw_drives(
-    figure: "Figure", drives: Sequence[RoutedDrive], layout: int, aisles: Aisles, free: FreeSpace
+    figure: "Figure",
+    drives: Sequence[RoverDrive],
+    layout: int,
+    aisles: AisleNetwork,
+    space: FreeSpace,
 ) -> None:
     """Draw the paths in one world, and all times.
 
     Args:
         figure: Empty.
-        drives: Of all worlds, by every strategy.
-        layout: The world to show.
-        aisles: Of it.
-        free: Its obstacles.
+        drives: Drives of all worlds with every strategy.
+        layout: World to show.
+        aisles: Its network.
+        space: Its obstacles.
     """
     above, times = figure.subplots(1, 2, width_ratios=(1.15, 1.0))
-    _draw_world(above, [d for d in drives if d.layout == layout], aisles, free)
+    _draw_world(above, [d for d in drives if d.layout == layout], aisles, space)
     above.set_title(f"layout {layout}", fontsize=9.5, weight="bold", loc="left")
     _draw_times(times, drives)
     handles, labels = above.get_legend_handles_labels()
@@ -53,18 +57,18 @@ def draw_drives(
 
 
 def _draw_world(
-    panel: "Axes", drives: Sequence[RoutedDrive], aisles: Aisles, free: FreeSpace
+    panel: "Axes", drives: Sequence[RoverDrive], aisles: AisleNetwork, space: FreeSpace
 ) -> None:
-    height, width = free.obstacles.shape
-    low, high = free.points(np.array([[-0.5, -0.5], [height - 0.5, width - 0.5]]))
+    height, width = space.obstacles.shape
+    low, high = space.points(np.array([[-0.5, -0.5], [height - 0.5, width - 0.5]]))
     panel.imshow(
-        np.where(free.obstacles != NOTHING, 1.0, np.nan),
+        np.where(space.obstacles != NO_GEOM, 1.0, np.nan),
         extent=(float(low[0]), float(high[0]), float(low[1]), float(high[1])),
         origin="lower", cmap="Greys", vmin=0, vmax=3,
     )  # fmt: skip
     for slots, colour, label in (
         (aisles.doors.values(), GREEN, "door"),
-        (list(aisles.halves.values())[::2], PALE, "room for a load"),
+        (list(aisles.loads.values())[::2], PALE, "room for a load"),
     ):
         for k, slot in enumerate(slots):
             panel.fill(*slot.corners.T, color=colour, lw=2, label=label if k == 0 else None)
@@ -79,7 +83,7 @@ def _draw_world(
     panel.grid(visible=False)
 
 
-def _draw_times(panel: "Axes", drives: Sequence[RoutedDrive]) -> None:
+def _draw_times(panel: "Axes", drives: Sequence[RoverDrive]) -> None:
     for layout in sorted({d.layout for d in drives}):
         here = {d.strategy: d.measured_s for d in drives if d.layout == layout}
         panel.plot([here[s.name] for s in STRATEGIES], color=GREY, lw=0.8, marker=".", zorder=1)

@@ -1,4 +1,4 @@
-"""The sensitivity curve: how often a rover arrives, by how much its localization drifts."""
+"""Sensitivity curve: success and collisions over the drift of the localization."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from trials.evaluation.intervals import Interval
 from trials.gym.env.localization import DRIFT
-from trials.gym.studies.trial_protocol import Trial, share_interval
+from trials.gym.studies.trial_results import TrialResult, proportion_interval
 from trials.report.figure import GREY, SERIES, tidy
 from vo.contract.arrays import Array
 
@@ -16,23 +15,23 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-LEAST_PERCENT = 0.005
-"""Less drift, such as that of the truth, is drawn here, and the legend says so: the axis is
-logarithmic."""
+MIN_PERCENT = 0.005
+"""Left end of the logarithmic axis; less drift, such as that of the truth, is drawn here, and the
+legend says so."""
 
 
-def drift_of(of_source: Sequence[Trial]) -> float:
-    """Median over trials of the drift over 1 m, in per cent; NaN if none drove so far."""
-    known = [x.drift_percent for x in of_source if x.drift_percent is not None]
+def median_drift(results: Sequence[TrialResult]) -> float:
+    """Median of the drift over 1 m, in per cent; NaN if no trial drove so far."""
+    known = [x.drift_percent for x in results if x.drift_percent is not None]
     return float(np.median(known)) if known else math.nan
 
 
-def draw_sensitivity(figure: "Figure", by_source: Mapping[str, Sequence[Trial]]) -> None:
-    """Draw success and collisions over the drift that each source was found to have.
+def draw_sensitivity(figure: "Figure", by_source: Mapping[str, Sequence[TrialResult]]) -> None:
+    """Draw success and collisions over the measured drift of each source.
 
     Args:
         figure: Empty.
-        by_source: Trials of every source; those called `drift:...` are joined by a line.
+        by_source: Results of every source; those of `drift:...` are joined by a line.
     """
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
     _draw(panels[0], by_source, lambda x: x.success)
@@ -44,38 +43,26 @@ def draw_sensitivity(figure: "Figure", by_source: Mapping[str, Sequence[Trial]])
 
 
 def _draw(
-    panel: "Axes", by_source: Mapping[str, Sequence[Trial]], counted: Callable[[Trial], float]
+    panel: "Axes",
+    by_source: Mapping[str, Sequence[TrialResult]],
+    counted: Callable[[TrialResult], float],
 ) -> None:
-    shares = {
-        source: share_interval(np.array([counted(x) for x in trials]))
-        for source, trials in by_source.items()
+    proportions = {
+        source: proportion_interval(np.array([counted(x) for x in results]))
+        for source, results in by_source.items()
     }
-    places = {x: max(drift_of(trials), LEAST_PERCENT) for x, trials in by_source.items()}
-    injected = sorted((x for x in shares if x.startswith(DRIFT)), key=lambda x: places[x])
+    drifts = {x: max(median_drift(results), MIN_PERCENT) for x, results in by_source.items()}
+    injected = sorted((x for x in by_source if x.startswith(DRIFT)), key=lambda x: drifts[x])
     panel.set_xscale("log")
     panel.xaxis.set_major_formatter(lambda percent, _: f"{percent:g}")
-    if injected:
-        _mark(
-            panel,
-            [places[x] for x in injected],
-            [shares[x] for x in injected],
-            GREY,
-            "o-",
-            "injected",
-        )
-    for source, colour in zip((x for x in shares if x not in injected), SERIES, strict=False):
-        label = (
-            source if places[source] > LEAST_PERCENT else f"{source} (below {LEAST_PERCENT:g} %)"
-        )
-        _mark(panel, [places[source]], [shares[source]], colour, "D", label)
-
-
-def _mark(
-    panel: "Axes", x: list[float], shares: list[Interval], colour: str, style: str, label: str
-) -> None:
-    values: Array = np.array([s.value for s in shares])
-    reach = np.abs(np.array([[s.low, s.high] for s in shares]).T - values)
-    panel.errorbar(
-        x, values, reach, fmt=style, color=colour, markersize=5, capsize=3, linewidth=1.3,
-        label=label,
-    )  # fmt: skip
+    groups = [(injected, GREY, "o-", "injected")] if injected else []
+    for source, colour in zip((x for x in by_source if x not in injected), SERIES, strict=False):
+        below = "" if drifts[source] > MIN_PERCENT else f" (below {MIN_PERCENT:g} %)"
+        groups.append(([source], colour, "D", source + below))
+    for sources, colour, style, label in groups:
+        values: Array = np.array([proportions[x].value for x in sources])
+        ends = np.array([[proportions[x].low, proportions[x].high] for x in sources]).T
+        panel.errorbar(
+            [drifts[x] for x in sources], values, np.abs(ends - values), fmt=style, color=colour,
+            markersize=5, capsize=3, linewidth=1.3, label=label,
+        )  # fmt: skip

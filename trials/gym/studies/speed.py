@@ -1,7 +1,7 @@
-"""How fast trials step, on one core and on two; `driftyard trial-speed`.
+"""Steps per second of an environment, on one core and on two.
 
-Rates are steps in a second of processor time, all threads of the process together: what one core
-gives a worker, however busy the machine is. The scaling is of wall-clock time.
+Rates are steps per second of processor time, all threads of the process together: the rate of one
+core, however busy the machine is. The scaling is of wall-clock time.
 """
 
 import os
@@ -15,25 +15,24 @@ import gymnasium
 import numpy as np
 from gymnasium.vector import AsyncVectorEnv
 
-import trials.gym
+from trials.gym.studies.trial_runner import NAV, rover_nav
 from vo.contract.arrays import Array
 
-NAV = next(iter(trials.gym.ENVIRONMENTS))
 COMMAND: Array = np.array([0.0, 0.5], np.float32)
-"""Turning on the spot: always possible, and every picture is another."""
+"""Turn on the spot: always possible, and every image differs."""
 ROUNDS = 5
-"""The best one counts."""
+"""Repetitions, of which the best counts."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """What is measured.
+    """Configuration of a measurement.
 
     Attributes:
-        name: For the table.
-        options: Of the environment.
-        steps: In a round.
-        goal_hz: Steps a second that are promised on one core.
+        name: Row of the table.
+        options: Options of the environment.
+        steps: Steps of a round.
+        goal_hz: Wanted steps per second of one core.
     """
 
     name: str
@@ -54,30 +53,27 @@ CASES = (
     Case("visual odometry, 640 x 480", {"localization": "vo", "observe": ("goal",)}, 20, 10.0),
 )
 SHARED = CASES[1]
-"""What two workers are measured with."""
+"""Configuration of the measurement with two workers."""
 
 
 def rate_hz(case: Case, scene: str) -> float:
-    """Steps in a second of processor time."""
-    env = gymnasium.make(
-        NAV, disable_env_checker=True, scene=scene, time_limit_s=3600.0, **case.options
-    )
-    env.reset(seed=0)
-    env.step(COMMAND)
-    best = 0.0
-    for _ in range(ROUNDS):
-        start = process_time()
-        for _ in range(case.steps):
-            env.step(COMMAND)
-        best = max(best, case.steps / (process_time() - start))
-    env.close()
+    """Measure steps per second of processor time."""
+    with rover_nav({"scene": scene, "time_limit_s": 3600.0, **case.options}) as env:
+        env.reset(seed=0)
+        env.step(COMMAND)
+        best = 0.0
+        for _ in range(ROUNDS):
+            start = process_time()
+            for _ in range(case.steps):
+                env.step(COMMAND)
+            best = max(best, case.steps / (process_time() - start))
     return best
 
 
 def scaling(case: Case, scene: str, cores: list[int]) -> float:
-    """Steps of a worker on each core over those of one alone, in the same wall-clock time.
+    """Measure the steps of one worker for each core over those of one alone, in wall-clock time.
 
-    Of each arrangement the quickest step counts, for which nobody else had the cores.
+    The quickest step of each arrangement counts, during which no other process had the cores.
     """
     alone, together = (_workers(case, scene, some) for some in (cores[:1], cores))
     best_s = [np.inf, np.inf]
@@ -97,14 +93,14 @@ def scaling(case: Case, scene: str, cores: list[int]) -> float:
 
 def _workers(case: Case, scene: str, cores: list[int]) -> AsyncVectorEnv:
     options = {**case.options, "scene": scene, "time_limit_s": 3600.0}
-    envs = AsyncVectorEnv([partial(_held_to, core, options) for core in cores], context="spawn")
+    envs = AsyncVectorEnv([partial(_pinned, core, options) for core in cores], context="spawn")
     envs.reset(seed=[0 for _ in cores])
     envs.step(np.tile(COMMAND, (len(cores), 1)))
     return envs
 
 
-def _held_to(core: int, options: Mapping[str, Any]) -> gymnasium.Env[Any, Any]:
-    """Make an environment in a process that has one core from here on."""
+def _pinned(core: int, options: Mapping[str, Any]) -> gymnasium.Env[Any, Any]:
+    """Make an environment in a process that is pinned to one core."""
     os.sched_setaffinity(0, [core])
     os.environ["LP_NUM_THREADS"] = "1"  # of the software renderer
     return gymnasium.make(NAV, disable_env_checker=True, **options)

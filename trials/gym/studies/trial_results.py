@@ -1,4 +1,4 @@
-"""The trial protocol: many worlds, the same starts and goals for every source of localization.
+"""Results of trials and their metrics: the same starts and goals for every source of localization.
 
 Sources: Anderson et al., On Evaluation of Embodied Navigation Agents, 2018 (SPL; soft SPL weighs
 progress where SPL asks for success); Xiao et al., Autonomous Ground Navigation in Highly
@@ -8,7 +8,7 @@ Constrained Spaces (the BARN challenge), 2022 (a score that rewards time against
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from scipy import stats
@@ -21,22 +21,17 @@ FASTEST, SLOWEST = 2.0, 8.0
 
 
 @dataclass(frozen=True)
-class Trial:
-    """What came of one trial.
+class Result:
+    """Result of any trial.
 
     Attributes:
         layout: Seed of the world.
         run: Number of start and goal in it.
-        localization: Source.
+        localization: Source of the pose.
         outcome: success, collision, tipped, stuck, lost or timeout.
-        time_s: That it took.
-        driven_m: True path.
-        way_m: Shortest way.
-        left_m: Way that was left.
-        optimal_s: Time for the shortest way at full speed.
-        error_m: Of the localization at the end.
-        drift_percent: Of the localization over 1 m, mean; None if less was driven.
-        lost_share: Of steps without a pose.
+        time_s: Duration.
+        driven_m: Length of the true path.
+        way_m: Length of the shortest path in the world as it was built.
     """
 
     layout: int
@@ -46,11 +41,6 @@ class Trial:
     time_s: float
     driven_m: float
     way_m: float
-    left_m: float
-    optimal_s: float
-    error_m: float
-    drift_percent: float | None
-    lost_share: float
 
     @property
     def success(self) -> float:
@@ -61,6 +51,25 @@ class Trial:
     def collision(self) -> float:
         """1 or 0."""
         return float(self.outcome == "collision")
+
+
+@dataclass(frozen=True)
+class TrialResult(Result):
+    """Result of a trial with a source of localization.
+
+    Attributes:
+        left_m: Length of the path that remained.
+        optimal_s: Time for the shortest path at full speed.
+        error_m: Position error of the localization at the end.
+        drift_percent: Mean drift of the localization over 1 m; None if less was driven.
+        lost_share: Fraction of steps without a pose.
+    """
+
+    left_m: float
+    optimal_s: float
+    error_m: float
+    drift_percent: float | None
+    lost_share: float
 
     @property
     def spl(self) -> float:
@@ -80,20 +89,11 @@ class Trial:
         return self.success * self.optimal_s / float(np.clip(self.time_s, *limits))
 
 
-class Ended(Protocol):
-    """Any trial that came to an outcome."""
+R = TypeVar("R", bound=Result)
+Metrics = Mapping[str, tuple[Callable[[R], float], int]]
+"""Name to the metric of a result and its digits in a table."""
 
-    @property
-    def outcome(self) -> str:
-        """success, collision, tipped, stuck, lost or timeout."""
-        ...
-
-
-T = TypeVar("T", bound=Ended)
-Measures = Mapping[str, tuple[Callable[[T], float], int]]
-"""Name to the measure of a trial and the digits worth printing."""
-
-MEASURES: Measures[Trial] = {
+METRICS: Metrics[TrialResult] = {
     "SPL": (lambda t: t.spl, 2),
     "soft SPL": (lambda t: t.soft_spl, 2),
     "BARN score": (lambda t: t.barn, 2),
@@ -105,24 +105,26 @@ MEASURES: Measures[Trial] = {
 }
 
 
-def share_interval(values: Array) -> Interval:
-    """Share of ones among (N,) zeros and ones, with Wilson's interval; N >= 1."""
-    n, share = len(values), float(np.mean(values))
+def proportion_interval(values: Array) -> Interval:
+    """Proportion of ones among (N,) zeros and ones, with Wilson's interval; N >= 1."""
+    n, p = len(values), float(np.mean(values))
     z = float(stats.norm.ppf((1 + CONFIDENCE) / 2))
-    middle = (share + z**2 / (2 * n)) / (1 + z**2 / n)
-    reach = z / (1 + z**2 / n) * math.sqrt(share * (1 - share) / n + z**2 / (4 * n**2))
-    return Interval(share, max(0.0, middle - reach), min(1.0, middle + reach))
+    middle = (p + z**2 / (2 * n)) / (1 + z**2 / n)
+    reach = z / (1 + z**2 / n) * math.sqrt(p * (1 - p) / n + z**2 / (4 * n**2))
+    return Interval(p, max(0.0, middle - reach), min(1.0, middle + reach))
 
 
-def summary(trials_of_one: Sequence[T], measures: Measures[T]) -> dict[str, str]:
-    """Outcomes and measures with their intervals, as text, of the trials of one source."""
-    outcomes: Array = np.array([t.outcome for t in trials_of_one])
-    shares = {
-        name: share_interval((outcomes == outcome).astype(float)).text(2)
-        for name, outcome in (("success", "success"), ("collisions", "collision"))
+def summarize(results: Sequence[R], metrics: Metrics[R]) -> dict[str, str]:
+    """Format outcomes and metrics of one group of results with their intervals."""
+    proportions = {
+        name: proportion_interval(np.array(values)).text(2)
+        for name, values in (
+            ("success", [x.success for x in results]),
+            ("collisions", [x.collision for x in results]),
+        )
     }
     means = {
-        name: mean_interval(np.array([measure(t) for t in trials_of_one])).text(digits)
-        for name, (measure, digits) in measures.items()
+        name: mean_interval(np.array([metric(x) for x in results])).text(digits)
+        for name, (metric, digits) in metrics.items()
     }
-    return {**shares, **means}
+    return {**proportions, **means}

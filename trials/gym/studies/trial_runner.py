@@ -1,4 +1,4 @@
-"""The fleet: drives the trials of many worlds, two worlds at a time."""
+"""Runs the trials of many worlds in parallel, with every source of localization."""
 
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -15,7 +15,7 @@ from trials.evaluation.metrics import errors_over_distance
 from trials.execution.parallel import map_parallel
 from trials.gym.env.environments import RoverNav
 from trials.gym.env.policies import NavigatorPolicy
-from trials.gym.studies.trial_protocol import Trial
+from trials.gym.studies.trial_results import TrialResult
 from vo.contract.arrays import Array
 
 NAV = next(iter(trials.gym.ENVIRONMENTS))
@@ -27,95 +27,97 @@ def run_trials(
     layouts: Sequence[int],
     runs: int,
     keep: Path | None = None,
-) -> Iterator[list[Trial]]:
-    """Drive in every world with every source, from the same starts to the same goals.
+) -> Iterator[list[TrialResult]]:
+    """Run trials in every world with every source, from the same starts to the same goals.
 
     Args:
         options: Of RoverNav; `observe` must hold what the navigator needs.
-        sources: As `localization`.
+        sources: Values of `localization`.
         layouts: Seeds of the worlds.
         runs: Pairs of start and goal in each.
         keep: Folder for a film and a dataset of every trial, `layout-run-source`; none: neither.
 
     Yields:
-        The trials of a world, as worlds are done with.
+        The results of a world, as worlds finish.
 
     Raises:
-        DriftyardError: If an option is refused or a world has no free place.
+        DriftyardError: If an option is refused or a world has no traversable place.
     """
-    calls = [(dict(options), sources, k, runs, keep) for k in layouts]
-    for _, of_world in map_parallel(drive_world, calls):
-        yield of_world
+    calls = [(dict(options), sources, layout, runs, keep) for layout in layouts]
+    for _, results in map_parallel(run_world, calls):
+        yield results
 
 
-def drive_world(
+def run_world(
     options: Mapping[str, Any],
     sources: Sequence[str],
     layout: int,
     runs: int,
     keep: Path | None = None,
-) -> list[Trial]:
-    """Drive every run of one world with every source; see `run_trials`."""
+) -> list[TrialResult]:
+    """Run all trials of one world; see `run_trials`."""
     render_mode = "rgb_array" if keep else None
-    options = {**options, "record": keep is not None}
-    env = gymnasium.make(NAV, render_mode=render_mode, disable_env_checker=True, **options)
-    rover = env.unwrapped
-    assert isinstance(rover, RoverNav)
-    try:
+    with rover_nav({**options, "record": keep is not None, "render_mode": render_mode}) as env:
         return [
-            _drive(rover, layout, run, layout * runs + run, source, keep)
+            _run(env, layout, run, layout * runs + run, source, keep)
             for run in range(runs)
             for source in sources
         ]
+
+
+@contextmanager
+def rover_nav(options: Mapping[str, Any]) -> Generator[RoverNav]:
+    """Make RoverNav without wrappers, and close it afterwards."""
+    env = gymnasium.make(NAV, disable_env_checker=True, **options)
+    rover = env.unwrapped
+    assert isinstance(rover, RoverNav)
+    try:
+        yield rover
     finally:
         env.close()
 
 
-def _drive(
+def _run(
     env: RoverNav, layout: int, run: int, seed: int, source: str, keep: Path | None
-) -> Trial:
+) -> TrialResult:
     observation, info = env.reset(seed=seed, options={"layout": layout, "localization": source})
     policy = NavigatorPolicy(env)
-    told = [info]
+    infos = [info]
     name = f"{layout}-{run}-{source.replace(':', '_')}"
-    with _filming(env, keep and keep / f"{name}.mp4") as film:
-        film()
+    with _filming(env, keep and keep / f"{name}.mp4") as add_frame:
+        add_frame()
         while not info["outcome"]:
             observation, _, _, _, info = env.step(policy.act(observation))
-            told.append(info)
-            film()
+            infos.append(info)
+            add_frame()
     if keep:
         env.save_dataset(keep / name)
-    return Trial(
-        layout,
-        run,
-        source,
-        info["outcome"],
-        info["time_s"],
-        info["driven_m"],
-        info["way_m"],
-        info["left_m"],
-        info["way_m"] / env.trial.speed_max_mps,
-        info["error_m"],
-        drift_percent(told),
-        sum(x["status"] == "lost" for x in told) / len(told),
+    return TrialResult(
+        layout=layout,
+        run=run,
+        localization=source,
+        **{key: info[key] for key in ("outcome", "time_s", "driven_m", "way_m", "left_m")},
+        optimal_s=info["way_m"] / env.trial.speed_max_mps,
+        error_m=info["error_m"],
+        drift_percent=drift_percent(infos),
+        lost_share=sum(x["status"] == "lost" for x in infos) / len(infos),
     )
 
 
 @contextmanager
 def _filming(env: RoverNav, out: Path | None) -> Generator[Callable[[], None]]:
-    """Yield what adds a picture of the present to a film, if there is to be one."""
+    """Yield a function that adds the present view to a film, if there is one."""
     if out is None:
         yield lambda: None
         return
     out.parent.mkdir(parents=True, exist_ok=True)
-    with writing(out, env.trial.rate_hz) as show:
-        yield lambda: show(np.asarray(env.render(), np.uint8))
+    with writing(out, env.trial.rate_hz) as write:
+        yield lambda: write(np.asarray(env.render(), np.uint8))
 
 
-def drift_percent(told: Sequence[Mapping[str, Any]]) -> float | None:
-    """Mean drift over 1 m of what the steps of a trial told; None if the path is shorter."""
-    times_ns: Array = np.array([round(1e9 * x["time_s"]) for x in told])
-    T_true, T_estimated = (np.array([x[key] for x in told]) for key in ("T_true", "T_estimated"))
+def drift_percent(infos: Sequence[Mapping[str, Any]]) -> float | None:
+    """Mean drift over 1 m from the infos of all steps; None if the path is shorter."""
+    times_ns: Array = np.array([round(1e9 * x["time_s"]) for x in infos])
+    T_true, T_estimated = (np.array([x[key] for x in infos]) for key in ("T_true", "T_estimated"))
     errors = errors_over_distance(Pair(times_ns, T_true, T_estimated), 1.0)
     return 100 * float(errors.translation_m.mean()) if len(errors) else None

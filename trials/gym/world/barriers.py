@@ -166,7 +166,5 @@ class Gate(Barrier):
         schedule = self.schedule
         if time_s >= schedule.closes_s and distance_m <= self.ARRIVAL_M and not self.is_up:
             schedule.arrived_s = min(schedule.arrived_s, time_s)
-        opens_s = min(
-            schedule.requested_s + schedule.lead_s, schedule.arrived_s + schedule.wait_s
-        )
+        opens_s = min(schedule.requested_s + schedule.lead_s, schedule.arrived_s + schedule.wait_s)
         return schedule.closes_s <= time_s < opens_s

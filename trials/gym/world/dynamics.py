@@ -132,9 +132,7 @@ def _sample_doors(
 ) -> list[DynamicAgent]:
     doors: list[DynamicAgent] = []
     slots = list(taken)
-    candidates = slots_along(
-        setting.scene, setting.traversable.space, setting.ends.path, DOOR_M[0]
-    )
+    candidates = slots_along(setting.scene, setting.traversable.space, setting.ends.path, DOOR_M[0])
     for k in rng.permutation(len(candidates)).tolist():
         if len(doors) < count and _is_apart(candidates[k], slots):
             slots.append(candidates[k])

@@ -74,7 +74,7 @@ def map_free_space(world: World, height_m: float) -> FreeSpace:
     shape = math.ceil((y_max - y_min) / cell_m), math.ceil((x_max - x_min) / cell_m)
     origin = np.array([x_min, y_min]) + cell_m / 2
     grid = np.full(shape, NO_GEOM, np.int32)
-    for geom in np.flatnonzero(obstacle_geoms(world) & ~_moved_by_scene(world)):
+    for geom in np.flatnonzero(static_geoms(world)):
         corners, heights_m = _corners(world, int(geom))
         if heights_m.min() < height_m + HEADROOM_M:
             scaled = np.round((corners[:, :2] - origin) / cell_m * 16).astype(np.int32)
@@ -97,6 +97,11 @@ def obstacle_geoms(world: World) -> Mask:
         is_ground = thing_of(world, int(geom)).kind is Kind.GROUND
         touches[geom] = not is_ground and _corners(world, int(geom))[1].max() > CLIMBABLE_M
     return touches
+
+
+def static_geoms(world: World) -> Mask:
+    """(ngeom,) obstacles that the scene does not move."""
+    return obstacle_geoms(world) & ~_moved_by_scene(world)
 
 
 def rigid_geoms(world: World) -> Mask:

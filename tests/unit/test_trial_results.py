@@ -1,4 +1,4 @@
-"""Measures of trials against numbers worked out by hand, and intervals against SciPy's."""
+"""Metrics of trials against numbers worked out by hand, and intervals against SciPy's."""
 
 from dataclasses import replace
 
@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from trials.gym.studies.trial_protocol import MEASURES, Trial, share_interval, summary
+from trials.gym.studies.trial_results import METRICS, TrialResult, proportion_interval, summarize
 
-GOOD = Trial(
+GOOD = TrialResult(
     layout=1,
     run=0,
     localization="vo",
@@ -24,7 +24,7 @@ GOOD = Trial(
 )
 
 
-def test_measures_of_a_success_and_a_failure():
+def test_metrics_of_success_and_failure_match_hand_computation():
     assert GOOD.spl == pytest.approx(4 / 5)
     assert GOOD.soft_spl == pytest.approx(4 / 5)
     assert GOOD.barn == pytest.approx(8 / 30)
@@ -38,16 +38,16 @@ def test_measures_of_a_success_and_a_failure():
 
 
 @pytest.mark.parametrize(("ones", "n"), [(0, 5), (3, 7), (50, 50), (47, 50)])
-def test_shares_have_wilsons_interval(ones, n):
+def test_proportion_interval_is_wilsons(ones, n):
     values = np.array([1.0] * ones + [0.0] * (n - ones))
-    ours = share_interval(values)
+    ours = proportion_interval(values)
     theirs = stats.binomtest(ones, n).proportion_ci(method="wilson")
     assert (ours.low, ours.high) == pytest.approx((theirs.low, theirs.high), abs=1e-12)
     assert ours.value == ones / n
 
 
-def test_a_summary_names_every_measure():
-    told = summary([GOOD, replace(GOOD, outcome="timeout", time_s=120.0)], MEASURES)
-    assert told["success"].startswith("0.50 (0.09 to 0.91)")
-    assert told["SPL"].startswith("0.40 (")
-    assert told["time s"].startswith("75.0 (")
+def test_summarize_formats_every_metric():
+    table = summarize([GOOD, replace(GOOD, outcome="timeout", time_s=120.0)], METRICS)
+    assert table["success"].startswith("0.50 (0.09 to 0.91)")
+    assert table["SPL"].startswith("0.40 (")
+    assert table["time s"].startswith("75.0 (")
