@@ -53,7 +53,7 @@ def test_drive_keep_writes_film_and_dataset(tmp_path):
     [
         (("yard.xml", "--localization", ","), "--localization: names no source"),
         (("yard.xml", "--localization", "gps"), "unknown localization gps"),
-        (("yard.xml", "--localization", "drift:much"), "drift: and per cent"),
+        (("yard.xml", "--localization", "drift:much"), "drift:PERCENT"),
         (("yard.xml", "--trial", "bays=3"), "bays"),
         (("yard.xml", "--set", "rig.width"), "rig.width: expected key=value"),
         (("moon",), "unknown scene moon"),
