@@ -16,6 +16,11 @@ class Hooks:
     arguments are read-only.
     """
 
+    def __init_subclass__(cls) -> None:
+        for former, name in {"born": "new_landmarks", "predicted": "predicted_pose"}.items():
+            if former in vars(cls):
+                raise TypeError(f"{cls.__name__}.{former}: this hook is now {name}")
+
     def features(self, frame: StereoFrame, pixels: Array) -> Array:
         """Replace the features of the left image.
 

@@ -178,9 +178,10 @@ class StereoOdometry:
         state, keyframe = self.state, self.state.map.keyframes[-1]
         state.previous = keyframe
         if found := relocalize(state.lost_map, view, self._rng):  # (6)
-            T_new_old = found.T_odom_cam @ se3.inverse(keyframe.T_odom_cam)
+            T_odom_cam, covariance = found
+            T_new_old = T_odom_cam @ se3.inverse(keyframe.T_odom_cam)
             self._history.transform(state.map.keyframes[0].serial, T_new_old)
-            state.map, state.lost_map = transform_map(state.map, T_new_old, found.covariance), None
+            state.map, state.lost_map = transform_map(state.map, T_new_old, covariance), None
         self._history.record_map(state.map, view.settings.refinement)
         state.row_offsets_px = add_row_offset(state.row_offsets_px, view, inliers)
 

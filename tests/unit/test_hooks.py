@@ -245,3 +245,11 @@ def test_hooks_set_on_the_way_keep_the_state():
         assert exchanged.state.smoothing_px == plain.state.smoothing_px > 0
         assert a.status is b.status
         np.testing.assert_array_equal(a.T_odom_cam, b.T_odom_cam)
+
+
+def test_hooks_of_former_names_are_refused():
+    with pytest.raises(TypeError, match=r"Old\.born: this hook is now new_landmarks"):
+
+        class Old(Hooks):
+            def born(self, frame, ids, pixels):
+                pass

@@ -131,12 +131,9 @@ def pose_covariance(local_map: LocalMap, T_odom_cam: Array, relative: Array) -> 
 
 
 def transform_map(local_map: LocalMap, T_new_old: Array, covariance: Array) -> LocalMap:
-    """Transform all poses and points by a rigid motion of the odometry frame.
+    """Transform all poses and points by a rigid motion (4, 4) of the odometry frame.
 
-    Args:
-        local_map: At least one keyframe.
-        T_new_old: (4, 4).
-        covariance: (6, 6) of the last keyframe afterwards; the others' follow from it.
+    The last keyframe's covariance (6, 6) is given; the others' follow from it.
     """
     last = T_new_old @ local_map.keyframes[-1].T_odom_cam
 
@@ -154,11 +151,7 @@ def transform_map(local_map: LocalMap, T_new_old: Array, covariance: Array) -> L
 
 
 def visibility(keyframes: tuple[Keyframe, ...]) -> tuple[Indices, Mask]:
-    """The binary mask M[j, i]: landmark j is seen by keyframe i (thesis 4.4).
-
-    Returns:
-        (L,) ascending landmark ids and (L, K) mask.
-    """
+    """Landmark ids (L,), ascending, and mask M[j, i]: keyframe i sees landmark j (thesis 4.4)."""
     ids = np.unique(np.concatenate([keyframe.observations.ids for keyframe in keyframes]))
     seen = [np.isin(ids, keyframe.observations.ids) for keyframe in keyframes]
     return ids, np.stack(seen, axis=1)

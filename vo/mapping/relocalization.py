@@ -1,7 +1,6 @@
 """Relocalization after a loss: the pose of a view in the map that was lost (thesis 6, F1)."""
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -32,25 +31,16 @@ class RelocalizationThresholds:
 LIMITS = RelocalizationThresholds()
 
 
-class Relocalized(NamedTuple):
-    """A pose by a lost map: T_odom_cam (4, 4) and its covariance (6, 6)."""
-
-    T_odom_cam: Array
-    covariance: Array
-
-
 def relocalize(
     lost_map: LocalMap | None, view: View, rng: np.random.Generator
-) -> Relocalized | None:
+) -> tuple[Array, Array] | None:
     """Locate a view in a map that was lost, without a prediction.
 
     Landmarks are matched all over the image, and points with points: absolute orientation needs
     no prediction. Landmarks that are then matched at their projections confirm the pose.
 
-    Args:
-        lost_map: With descriptors and templates; None for none.
-        view: A keyframe of the new segment.
-        rng: Draws the samples.
+    Returns:
+        T_odom_cam (4, 4) and its covariance (6, 6).
     """
     if lost_map is None:
         return None
@@ -79,7 +69,7 @@ def relocalize(
     if len(matches) < LIMITS.confirming_inliers:
         return None
     covariance = pose_covariance(lost_map, pose.T_world_cam, pose.covariance)
-    return Relocalized(pose.T_world_cam, covariance)
+    return pose.T_world_cam, covariance
 
 
 def mark_lost(

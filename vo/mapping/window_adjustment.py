@@ -49,7 +49,7 @@ def adjust_window(
 def select_landmarks(
     local_map: LocalMap, keyframes: tuple[Keyframe, ...], settings: RefinementSettings
 ) -> tuple[Indices, Mask]:
-    """Landmarks (J,) that take part in the adjustment of keyframes; who sees them, (J, K)."""
+    """Landmarks (J,) that take part in the adjustment of keyframes; visibility (J, K)."""
     ids, mask = visibility(keyframes)
     landmarks = local_map.landmarks
     often = landmarks.ids[landmarks.views >= settings.min_views]
@@ -61,14 +61,9 @@ def move_map(
     local_map: LocalMap, T_odom_cam: Array, covariance: list[Array], ids: Indices,
     points_odom: Array,
 ) -> LocalMap:  # fmt: skip
-    """Replace poses and adjusted landmarks; the other landmarks move with their anchors.
+    """Replace poses (K, 4, 4), covariances (6, 6), and the points (J, 3) of adjusted landmarks.
 
-    Args:
-        local_map: K keyframes.
-        T_odom_cam: (K, 4, 4) adjusted.
-        covariance: (6, 6) of each.
-        ids: (J,) adjusted landmarks.
-        points_odom: (J, 3) their positions, metres.
+    The other landmarks move with their anchors.
     """
     keyframes, landmarks = local_map.keyframes, local_map.landmarks
     moved = T_odom_cam @ se3.inverse(np.stack([k.T_odom_cam for k in keyframes]))

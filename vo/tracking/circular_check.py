@@ -24,12 +24,6 @@ def is_consistent(
 
     A landmark that no frame has matched yet is kept; one that others have matched but the previous
     frame has not is dropped.
-
-    Args:
-        matches: Of a view.
-        landmarks: The map's, of which the matches are rows.
-        previous: The last frame that had a pose.
-        view: The view.
     """
     keep = landmarks.views[matches.rows] == 1
     seen = previous.observations

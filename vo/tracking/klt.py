@@ -30,14 +30,7 @@ SIGMA_PX = 0.5
 def track_klt(
     previous: TrackedFrame, local_map: LocalMap, view: View, T_odom_cam: Array
 ) -> Matches:
-    """Track the observations of the previous frame into a view.
-
-    Args:
-        previous: The last frame that had a pose.
-        local_map: Of the observed landmarks.
-        view: The view.
-        T_odom_cam: (4, 4) predicted pose, at whose projections tracking starts.
-    """
+    """Track the previous frame's observations into a view, from projections by a pose (4, 4)."""
     s, seen = view.settings, previous.observations
     rows = np.flatnonzero(np.isin(local_map.landmarks.ids, seen.ids))
     landmarks = local_map.landmarks.select(rows)

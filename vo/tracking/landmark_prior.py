@@ -33,15 +33,7 @@ def sampling_weights(
     T_odom_guess: Array,
     view: View,
 ) -> Array:
-    """Weights (N,) of matches in the samples of RANSAC.
-
-    Args:
-        matches: Of landmarks of the map.
-        local_map: Holds the number of views of each.
-        outlier_counts: Landmark to its number of successive frames as an outlier.
-        T_odom_guess: (4, 4) predicted pose.
-        view: The view.
-    """
+    """Weights (N,) of matches in RANSAC, by views, outlier counts and predicted pose (4, 4)."""
     views = np.minimum(local_map.landmarks.views[matches.rows], MAX_VIEWS)
     outlier = np.array([outlier_counts.get(int(i), 0) for i in matches.ids], dtype=np.int64)
     rays = view.rig.normalized(matches.pixels)
@@ -57,8 +49,8 @@ def update_outlier_counts(
 
     Args:
         local_map: Of the landmarks.
-        outlier_counts: Landmark to its number of successive frames as an outlier, before.
-        matched: (N,) landmarks matched in the frame.
+        outlier_counts: Landmark to its number of successive frames as an outlier.
+        matched: (N,) landmarks.
         inliers: Those of them that are inliers.
     """
     outliers = set(np.setdiff1d(matched, inliers, assume_unique=True).tolist())

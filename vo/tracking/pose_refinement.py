@@ -13,14 +13,9 @@ from vo.pose.ransac import Consensus
 def find_consensus(
     matches: Matches, T_odom_guess: Array, weights: Array, view: View, rng: np.random.Generator
 ) -> Consensus | None:
-    """Estimate T_odom_cam from matches with outliers, by `motion.method`.
+    """Estimate T_odom_cam from N matches with outliers, by `motion.method`.
 
-    Args:
-        matches: Of landmarks with a view.
-        T_odom_guess: (4, 4) predicted pose; RANSAC does not use it.
-        weights: (N,) sampling weights.
-        view: The view.
-        rng: Draws the samples.
+    RANSAC uses the sampling weights (N,) and not the predicted pose (4, 4).
     """
     return estimate_pose(
         matches.points_odom,

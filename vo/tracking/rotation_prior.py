@@ -1,8 +1,8 @@
-"""How far the camera has turned, from two images as wholes, where prediction fails.
+"""Rotation between two whole images, where the prediction by constant velocity fails.
 
-A hand turns by more from frame to frame than a search window reaches, and turns back before the
-next: its last motion says nothing of its next one. Nearly all that images show of such a step is
-rotation, and very small ones show it well enough to search from.
+A hand-held camera turns by more from frame to frame than a search window covers, and turns back
+before the next. Nearly all image motion of such a step is rotation, and very small images show it
+well enough for a prediction.
 
 Source: Klein and Murray, Improving the Agility of Keyframe-Based SLAM, ECCV 2008 (small blurry
 images); Baker and Matthews, Lucas–Kanade 20 Years On, IJCV 2004 (inverse compositional form).
@@ -20,29 +20,26 @@ from vo.contract.projection import image_jacobian
 from vo.contract.rig import StereoRig
 
 WIDTHS_PX = (20, 40)
-"""Of the small images, coarse to fine: a turn is a few pixels of the first."""
+"""Of the small images, coarse to fine: a rotation is a few pixels of the first."""
 
-MOST_STEPS = 8
-"""Of Gauss and Newton, with each."""
+MAX_STEPS = 8
+"""Gauss-Newton iterations with each image size."""
 
-STILL_PX = 0.1
-"""A step that moves small pixels by less is the last."""
+CONVERGED_PX = 0.1
+"""Step, in pixels of the small image, that ends the iterations."""
 
-LEAST_CONTRAST = 1e-3
-"""Grey levels, below which an image is blank."""
+MIN_CONTRAST = 1e-3
+"""Standard deviation, grey levels, of a blank image."""
 
 
 def align_rotation(before: Image, now: Image, rig: StereoRig, expected: Array) -> Array:
-    """Rotation between two images of one camera, as if all they show were far away.
+    """Estimate R_before_now (3, 3) between two images (H, W), as if all points were far away.
 
     Args:
         before: (H, W) uint8.
         now: (H, W) uint8.
-        rig: Projects.
-        expected: (3, 3) R_before_now that is tried as a beginning, beside no rotation.
-
-    Returns:
-        (3, 3) R_before_now under which the images are most alike.
+        rig: Calibration.
+        expected: (3, 3) R_before_now that is tried as a start, beside no rotation.
     """
     guesses = [np.eye(3), expected.T]
     for width in WIDTHS_PX:
@@ -84,16 +81,16 @@ class _Small:
 
     @cached_property
     def jacobian(self) -> Array:
-        """(h w, 3) by how much the standardised image changes if its rays turn."""
-        down, across = np.gradient(self.grey / max(float(self.grey.std()), LEAST_CONTRAST))
+        """(h w, 3) derivatives of the standardised image by a rotation of its rays."""
+        down, across = np.gradient(self.grey / max(float(self.grey.std()), MIN_CONTRAST))
         # Rays turn against the camera.
         du, dv = (-np.column_stack(row[:3]) for row in image_jacobian(*self.rays.T))
         return self.f_px * (across.reshape(-1, 1) * du + down.reshape(-1, 1) * dv)
 
     def align(self, new: "_Small", R_new_old: Array) -> tuple[float, Array]:
-        """Turn until the new image looks like this one; their correlation, and the rotation."""
-        likeness, solve = 0.0, np.linalg.pinv(self.jacobian)
-        for _ in range(MOST_STEPS):
+        """Align the new image with this one by rotation; return correlation and rotation."""
+        zncc, solve = 0.0, np.linalg.pinv(self.jacobian)
+        for _ in range(MAX_STEPS):
             x, y, z = R_new_old @ self.rays.T
             ahead = np.where(z > 0, z, np.nan)
             pixels = new.f_px * np.stack([x, y]) / ahead + new.centre[:, None]
@@ -101,12 +98,12 @@ class _Small:
             seen = cv2.remap(new.grey, u, v, cv2.INTER_LINEAR, borderValue=np.nan).ravel()
             both = np.isfinite(seen)
             old, now = _standardised(self.grey.ravel(), both), _standardised(seen, both)
-            likeness = float(old @ now) / max(int(both.sum()), 1)
+            zncc = float(old @ now) / max(int(both.sum()), 1)
             back = solve @ (old - now)
             R_new_old = R_new_old @ se3.exp(np.concatenate([np.zeros(3), back]))[:3, :3]
-            if self.f_px * np.abs(back).max() < STILL_PX:
+            if self.f_px * np.abs(back).max() < CONVERGED_PX:
                 break
-        return likeness, R_new_old
+        return zncc, R_new_old
 
 
 def _standardised(grey: Array, inside: Array) -> Array:
@@ -114,5 +111,5 @@ def _standardised(grey: Array, inside: Array) -> Array:
     some = grey[inside]
     if not len(some):
         return np.zeros(len(grey))
-    level = (grey - some.mean()) / max(float(some.std()), LEAST_CONTRAST)
+    level = (grey - some.mean()) / max(float(some.std()), MIN_CONTRAST)
     return np.where(inside, level, 0.0)

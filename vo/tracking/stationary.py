@@ -14,6 +14,7 @@ import numpy as np
 
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices
+from vo.contract.projection import image_jacobian
 from vo.contract.rig import StereoRig
 from vo.map.frame import View
 from vo.map.matches import Matches
@@ -27,24 +28,21 @@ class StationaryThresholds:
     pooled_frames: int = 7
     """Frames that are pooled, at the beginning of a halt and at its end."""
     significant: float = 28 * 5
-    """Of chi-squared with a motion's six degrees of freedom: exceeded once in 10,000, were the
-    noise of landmarks independent. Patches overlap, and share it: five times where they are
-    widest."""
+    """Of chi-squared with six degrees of freedom: 28 is exceeded once in 10,000; overlapping
+    patches share their noise, five times where they are widest."""
     coasting: float = 14 * 5
-    """The same with one degree of freedom, along the motion by which the camera arrived. It is
-    tested until the halt is settled; tested for longer, chance would end every other halt."""
+    """The same with one degree of freedom, along the arrival, until the halt is settled: tested
+    for longer, chance would end every other halt."""
     few_frames: float = 3
-    """A single frame's evidence has a longer tail than that of many: it must be this much
-    stronger."""
+    """Factor on the limit for a single frame, whose evidence has a longer tail, less one."""
     wheels_rest: float = 4.0
     """Factor on the limits where encoders report no motion."""
     same_ticks: int = 1
-    """An encoder at rest on the edge of a tick may count it back and forth."""
+    """Difference at rest: an encoder on the edge of a tick may count it back and forth."""
     min_landmarks: int = 12
     """Landmarks that can tell motion from noise."""
     single_landmarks: int = 50
-    """Landmarks of a single frame that can end a halt by themselves: fewer may agree with each
-    other by chance, and are pooled with those of the frames before."""
+    """Landmarks of a single frame that can end a halt: fewer may agree by chance."""
     max_flow_px: float = 0.5
     """Median flow that is always a motion."""
     min_noise_px: float = 0.01
@@ -70,16 +68,7 @@ class _Pool(NamedTuple):
 
 
 def detect_stationary(halt: Halt | None, view: View, inliers: Matches) -> Halt | None:
-    """Detect that the camera is still where it came to rest; None if it moves.
-
-    Args:
-        halt: Where it last moved to; None before the first frame.
-        view: The view.
-        inliers: Of the view.
-
-    Returns:
-        The halt with one frame more.
-    """
+    """Return the halt with one frame more if the camera is still there, or else None."""
     mode = view.settings.stationary
     if halt is None or mode == "none":
         return None
@@ -90,15 +79,7 @@ def detect_stationary(halt: Halt | None, view: View, inliers: Matches) -> Halt |
 def start_halt(
     T_odom_last: Array, T_odom_cam: Array, covariance: Array, view: View, inliers: Matches
 ) -> Halt:
-    """Start a halt at a new pose, which may be its only frame.
-
-    Args:
-        T_odom_last: (4, 4) pose of the frame before.
-        T_odom_cam: (4, 4) new pose.
-        covariance: (6, 6) of the new pose, given the map.
-        view: The view.
-        inliers: Of the view.
-    """
+    """Start a halt at a new pose (4, 4), its covariance (6, 6) given the map."""
     arrival = se3.log(se3.inverse(T_odom_last) @ T_odom_cam)
     return Halt(T_odom_cam, arrival, covariance, view.frame.wheel_ticks, (inliers,))
 
@@ -192,14 +173,14 @@ def motion_evidence(points_cam: Array, flow_px: Array, rig: StereoRig, along: Ar
         along: (6, K) tangents of the motions in question.
 
     Source:
-        Analysis of variance, after least absolute deviations by reweighting; image Jacobian
-        after Longuet-Higgins and Prazdny, 1980.
+        Analysis of variance, after least absolute deviations by reweighting.
     """
     x, y = (points_cam[:, :2] / points_cam[:, 2:]).T
-    near, none = 1 / points_cam[:, 2], np.zeros(len(points_cam))
-    across = np.column_stack([-near, none, x * near, x * y, -1 - x * x, y])
-    down = np.column_stack([none, -near, y * near, 1 + y * y, -x * y, -x])
-    jacobian = rig.f_px * np.stack([across, down], axis=1) @ along  # (N, 2, K)
+    rows = [  # from (w, v) to (v, w)
+        np.column_stack(np.broadcast_arrays(*row[3:], *row[:3]))
+        for row in image_jacobian(x, y, 1 / points_cam[:, 2])
+    ]
+    jacobian = rig.f_px * np.stack(rows, axis=1) @ along  # (N, 2, K)
     weight, noise_px, left_px = np.ones(len(flow_px)), 0.0, flow_px
     for _ in range(LIMITS.reweightings):
         weighted = jacobian * weight[:, None, None]
