@@ -1,4 +1,4 @@
-"""ZNCC and marriage against loops that say what they mean."""
+"""ZNCC and mutual nearest neighbours against plain double loops."""
 
 import cv2
 import numpy as np
@@ -34,16 +34,16 @@ def brute_zncc(image_a, pixel_a, image_b, pixel_b):
     return np.corrcoef(*patches)[0, 1]
 
 
-def brute_marriages(scores, near, least):
-    """Each of a takes its best neighbour; it holds if that one's best neighbour is a."""
+def brute_mutual(scores, near, least):
+    """Pair each of a with its best neighbour, if that one's best neighbour is a."""
     pairs = []
     for a in range(len(scores)):
         candidates = [b for b in range(scores.shape[1]) if near[a, b]]
         if not candidates:
             continue
         b = max(candidates, key=lambda b: scores[a, b])
-        rivals = [k for k in range(len(scores)) if near[k, b]]
-        if max(rivals, key=lambda k: scores[k, b]) == a and scores[a, b] > least:
+        others = [k for k in range(len(scores)) if near[k, b]]
+        if max(others, key=lambda k: scores[k, b]) == a and scores[a, b] > least:
             pairs.append((a, b))
     return pairs
 
@@ -53,7 +53,7 @@ def unit_vectors(rng, count, size=6):
     return (x / np.linalg.norm(x, axis=1, keepdims=True)).astype(np.float32)
 
 
-def test_products_of_vectors_are_zncc():
+def test_describe_products_equal_zncc():
     a, b = texture(0), texture(1)
     pixels_a, pixels_b = spots(12, 0), spots(15, 1)
     vectors_a, vectors_b = describe(a, pixels_a, PATCH_PX), describe(b, pixels_b, PATCH_PX)
@@ -63,20 +63,20 @@ def test_products_of_vectors_are_zncc():
 
 
 @given(gain=st.floats(0.4, 1.5), offset=st.floats(-15, 15), seed=st.integers(0, 99))
-def test_gain_and_offset_do_not_matter(gain, offset, seed):
+def test_describe_gain_and_offset_do_not_matter(gain, offset, seed):
     image, pixels = texture(seed), spots(10, seed)
     darker = np.round(gain * image + offset).clip(0, 255).astype(np.uint8)
     product = describe(image, pixels, PATCH_PX) * describe(darker, pixels, PATCH_PX)
     assert product.sum(axis=1).min() > 0.98  # not 1: grey levels are rounded
 
 
-def test_vectors_have_zero_mean_and_unit_norm():
+def test_describe_gives_zero_mean_and_unit_norm():
     vectors = describe(texture(), spots(30), PATCH_PX)
     assert np.abs(vectors.mean(axis=1)).max() < 1e-6
     np.testing.assert_allclose(np.linalg.norm(vectors, axis=1), 1, atol=1e-5)
 
 
-def test_flat_and_cut_off_patches_match_nothing():
+def test_match_flat_or_cut_off_patches_match_nothing():
     image = texture()
     image[20:40, 20:40] = 77
     width, height = image.shape[::-1]
@@ -91,7 +91,7 @@ def test_flat_and_cut_off_patches_match_nothing():
     assert pairs.tolist() == [[7, 7], [8, 8]]
 
 
-def test_noise_of_one_grey_level_is_flat():
+def test_describe_noise_of_one_grey_level_is_flat():
     nearly = 100 + np.random.default_rng(0).integers(0, 2, (40, 40), dtype=np.uint8)
     assert not describe(nearly, np.array([[20.0, 20.0]]), PATCH_PX).any()
 
@@ -103,26 +103,26 @@ def test_noise_of_one_grey_level_is_flat():
     radius_px=st.floats(1, 60),
     least=st.floats(0.05, 0.9),
 )
-def test_marriages_equal_the_double_loop(seed, count_a, count_b, radius_px, least):
+def test_match_mutual_equals_double_loop(seed, count_a, count_b, radius_px, least):
     rng = np.random.default_rng(seed)
     a, b = unit_vectors(rng, count_a), unit_vectors(rng, count_b)
     expected_a, pixels_b = rng.uniform(0, 60, (count_a, 2)), rng.uniform(0, 60, (count_b, 2))
     pairs = match_mutual(a, expected_a, b, pixels_b, radius_px, MatchingSettings(min_zncc=least))
     near = np.abs(expected_a[:, None] - pixels_b[None]).max(axis=-1) < radius_px
-    assert [tuple(pair) for pair in pairs.tolist()] == brute_marriages(a @ b.T, near, least)
+    assert [tuple(pair) for pair in pairs.tolist()] == brute_mutual(a @ b.T, near, least)
     assert pairs.shape == (len(pairs), 2)
     assert len(set(pairs[:, 1].tolist())) == len(pairs)
 
 
-def test_hand_worked_marriage():
-    """0 and 1 both love 0, who prefers 1; so 0 stays alone although 1 of b would have been free."""
+def test_match_mutual_hand_worked():
+    """0 and 1 of a are nearest to 0 of b, whose nearest is 1: 0 has no match, though 1 is free."""
     a = np.array([[1.0, 0, 0], [0.96, 0.28, 0], [0, 0, 1]])
     b = np.array([[0.96, 0.28, 0], [0.6, 0, 0.8]])
     here = np.zeros((3, 2))
     assert match_mutual(a, here, b, here[:2], 1.0, SETTINGS).tolist() == [[1, 0], [2, 1]]
 
 
-def test_of_equal_features_the_first_wins_wherever_it_lies():
+def test_match_mutual_of_equal_features_takes_first():
     one, two = np.eye(1, 9, dtype=np.float32), np.tile(np.eye(1, 9, dtype=np.float32), (2, 1))
     for rows in ([12.0, 8.0], [8.0, 12.0]):
         pixels_b = np.column_stack([[10.0, 10.0], rows])
@@ -131,13 +131,13 @@ def test_of_equal_features_the_first_wins_wherever_it_lies():
         ).tolist() == [[0, 0]]
 
 
-def test_the_window_is_a_square_about_the_expectation():
+def test_match_mutual_window_is_square():
     a = unit_vectors(np.random.default_rng(0), 1)
     expected = np.array([[100.0, 50.0]])
     for offset, inside in (((9.9, 9.9), True), ((10.1, 0), False), ((0, -10.1), False)):
         pairs = match_mutual(a, expected, a, expected + offset, 10.0, SETTINGS)
         assert len(pairs) == inside
-    # Out of the window, the perfect twin cannot spoil a good match within it either.
+    # A perfect twin outside the window does not spoil a good match within it either.
     good = np.array([a[0] + [0.3, 0, 0, 0, 0, 0]])
     good /= np.linalg.norm(good)
     both = np.concatenate([a, good]).astype(np.float32)
@@ -145,7 +145,7 @@ def test_the_window_is_a_square_about_the_expectation():
     assert match_mutual(a, expected, both, pixels, 10.0, SETTINGS).tolist() == [[0, 1]]
 
 
-def test_an_unknown_expectation_matches_nothing():
+def test_match_mutual_nan_expectation_matches_nothing():
     a = unit_vectors(np.random.default_rng(0), 3)
     pixels = np.zeros((3, 2))
     expected = np.array([[0, 0], [np.nan, np.nan], [0, np.nan]])
@@ -153,14 +153,14 @@ def test_an_unknown_expectation_matches_nothing():
 
 
 @pytest.mark.parametrize(("count_a", "count_b"), [(0, 0), (0, 4), (4, 0)])
-def test_nobody_to_marry(count_a, count_b):
+def test_match_mutual_without_features_is_empty(count_a, count_b):
     image = texture()
     a, b = (describe(image, spots(n), PATCH_PX) for n in (count_a, count_b))
     pairs = match_mutual(a, spots(count_a), b, spots(count_b), 9.0, SETTINGS)
     assert pairs.shape == (0, 2)
 
 
-def test_a_moved_image_is_matched():
+def test_match_mutual_moved_image_is_matched():
     """Every patch finds itself 7 px to the right and 3 px up."""
     image = texture(shape=(80, 120))
     moved = np.roll(image, (-3, 7), axis=(0, 1))

@@ -6,7 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from vo.contract import se3
-from vo.pose.p3p import MAX_CANDIDATES, SOLVERS, p3p
+from vo.pose.p3p import SOLVERS, p3p
 
 MAX_SOLUTIONS = 4
 
@@ -15,18 +15,15 @@ each_solver = pytest.mark.parametrize("solver", SOLVERS)
 
 def solve(points_ref, rays_cam, solver="lambda_twist"):
     """Solve B triplets: (S, 4, 4) T_ref_cam, (S, 3) legs and (S,) triplet of each solution."""
-    T_ref_cam, legs, triplet = [], [], []
-    own, poses = np.empty((MAX_CANDIDATES, 3)), np.empty((MAX_SOLUTIONS, 3, 4))
+    T_ref_cam, triplet = [np.zeros((0, 4, 4))], []
+    poses = np.empty((MAX_SOLUTIONS, 3, 4))
     for b, (points, rays) in enumerate(zip(points_ref, rays_cam, strict=True)):
-        count = p3p(points, np.ascontiguousarray(rays), SOLVERS[solver], own, poses)
+        count = p3p(points, np.ascontiguousarray(rays), SOLVERS[solver], poses)
         T_ref_cam.append(se3.inverse(se3.pose(poses[:count, :, :3], poses[:count, :, 3])))
-        legs.append(own[:count].copy())
         triplet += [b] * count
-    return (
-        np.concatenate([np.zeros((0, 4, 4)), *T_ref_cam]),
-        np.concatenate([np.zeros((0, 3)), *legs]),
-        np.array(triplet, dtype=int),
-    )
+    T_ref_cam, triplet = np.concatenate(T_ref_cam), np.array(triplet, dtype=int)
+    legs = np.linalg.norm(points_ref[triplet] - T_ref_cam[:, None, :3, 3], axis=-1)
+    return T_ref_cam, legs, triplet
 
 
 def unit(x):

@@ -19,7 +19,7 @@ SETTINGS = StereoSettings()
 
 
 class Plane:
-    """Disparity c + a u + b v under a texture of waves of 5 to 25 px, seen by both eyes."""
+    """Disparity c + a u + b v under a texture of waves of 5 to 25 px, seen by both cameras."""
 
     def __init__(self, c, a, b, seed=0, waves=40):
         rng = np.random.default_rng(seed)
@@ -29,7 +29,7 @@ class Plane:
         self.slopes = np.array([a, b])
         self.offset = c
         u, v = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
-        # u_right = u - c - a u - b v, solved for the u of the left eye
+        # u_right = u - c - a u - b v, solved for the u of the left camera
         self.frame = StereoFrame(0, self._grey(u, v), self._grey((u + c + b * v) / (1 - a), v))
 
     def _grey(self, u, v):
@@ -55,7 +55,7 @@ def plane(request):
 
 @pytest.fixture(scope="module")
 def pixels():
-    """Sub-pixel places, far enough from the left edge for the right eye to see them too."""
+    """Sub-pixel places, far enough from the left edge for the right camera to see them too."""
     return np.random.default_rng(0).uniform([130, 25], [WIDTH - 26, HEIGHT - 26], (300, 2))
 
 
@@ -69,17 +69,17 @@ def measure(frame, pixels, settings=SETTINGS, **known):
 
 @pytest.mark.parametrize("method", ["semi_global", "block_matching"])
 @pytest.mark.parametrize("downscale", [1, 2])
-def test_dense_disparity(plane, method, downscale):
+def test_dense_disparity_on_planes_is_close(plane, method, downscale):
     settings = StereoSettings(method=method, downscale=downscale)
     dense = dense_of(plane.frame, settings)
     assert dense.shape == (HEIGHT // downscale, WIDTH // downscale)
     rows, columns = np.nonzero(~np.isnan(dense))
     places = (np.column_stack([columns, rows]) + 0.5) * downscale - 0.5
     error = dense[rows, columns] - plane.disparity_px(places)
-    right_of_blind = places[:, 0] > 130
-    assert right_of_blind.sum() > 0.5 * dense[:, 130 // downscale :].size
-    assert 0 < np.median(np.abs(error[right_of_blind])) < 0.4
-    assert (np.abs(error[right_of_blind]) < 2).mean() > 0.97
+    right_of_overlap = places[:, 0] > 130
+    assert right_of_overlap.sum() > 0.5 * dense[:, 130 // downscale :].size
+    assert 0 < np.median(np.abs(error[right_of_overlap])) < 0.4
+    assert (np.abs(error[right_of_overlap]) < 2).mean() > 0.97
 
 
 @pytest.fixture(params=["sparse", "semi_global", "block_matching"])
@@ -87,7 +87,7 @@ def method(request):
     return request.param
 
 
-def test_disparity_at_features_is_sub_pixel(plane, pixels, method):
+def test_disparities_on_planes_are_sub_pixel(plane, pixels, method):
     """Against 0.06 px and more of the dense maps alone; the uncertainty is that of rounding."""
     found = measure(plane.frame, pixels, StereoSettings(method=method))
     error = np.abs(found.values_px - plane.disparity_px(pixels))
@@ -98,14 +98,14 @@ def test_disparity_at_features_is_sub_pixel(plane, pixels, method):
     assert np.array_equal(np.isnan(found.sigma_px), ~found.known)
 
 
-def test_slopes_come_from_neighbours(plane, pixels):
+def test_slopes_on_planes_come_from_neighbours(plane, pixels):
     found = measure(plane.frame, pixels)
     error = np.abs(found.slopes - plane.slopes)[found.known]
     assert 0 < np.median(error) < 0.003
     assert np.quantile(error, 0.95) < 0.02
 
 
-def test_search_where_a_disparity_is_expected(plane, pixels):
+def test_disparity_is_searched_where_expected(plane, pixels):
     """It is found where it is expected, and nowhere else."""
     alone, truth = pixels[:1], plane.disparity_px(pixels[:1])
     slopes = plane.slopes[None]
@@ -115,7 +115,7 @@ def test_search_where_a_disparity_is_expected(plane, pixels):
         assert not np.abs(found.values_px - truth)[0] > 0.05
 
 
-def test_a_lone_feature_shows_its_slant(plane, pixels):
+def test_slope_of_lone_feature_comes_from_patch(plane, pixels):
     """Without neighbours, from its patch; with them, more exactly."""
     error = {"alone": [], "helped": []}
     others = np.column_stack([pixels[60:], plane.disparity_px(pixels[60:])])
@@ -127,7 +127,7 @@ def test_a_lone_feature_shows_its_slant(plane, pixels):
     assert np.median(error["helped"]) < 0.2 * np.median(error["alone"])
 
 
-def test_slant_of_patches_on_planes(plane, pixels):
+def test_patch_slopes_on_planes_are_close(plane, pixels):
     right = pixels - np.column_stack([plane.disparity_px(pixels), np.zeros(len(pixels))])
     slopes = fit_patch_slopes(
         extract_templates(plane.frame.left, pixels, 17),
@@ -142,7 +142,7 @@ def test_slant_of_patches_on_planes(plane, pixels):
     assert np.isnan(fit_patch_slopes(templates, plane.frame.right, nowhere)).all()
 
 
-def test_slopes_of_exact_planes():
+def test_plane_slopes_of_exact_planes():
     """The plane on which the feature itself lies, of two; none where there are too few points."""
     rng = np.random.default_rng(0)
     places = rng.uniform(0, 100, (60, 2))
@@ -163,7 +163,7 @@ def test_slopes_of_exact_planes():
     np.testing.assert_allclose(along, [[0.1, 0.0]], atol=2e-3)
 
 
-def test_search_is_that_of_opencv(plane):
+def test_epipolar_search_equals_opencv(plane):
     """Whole disparities and correlations against OpenCV's template matching."""
     left, right = plane.frame.left, plane.frame.right
     rng, r = np.random.default_rng(0), 5
@@ -186,8 +186,8 @@ def test_search_is_that_of_opencv(plane):
         assert other == pytest.approx(rest.max(), abs=1e-4)
 
 
-def test_what_only_one_eye_sees_has_no_disparity():
-    """A near strip hides a part of the wall from the right eye, and straddles windows."""
+def test_disparity_of_occluded_pixels_is_unknown():
+    """A near strip hides a part of the wall from the right camera, and straddles windows."""
     wall, strip = Plane(12.0, 0.0, 0.0, seed=1), Plane(40.0, 0.0, 0.0, seed=2)
     left, right = wall.frame.left.copy(), wall.frame.right.copy()
     left[:, 200:260] = strip.frame.left[:, 200:260]
@@ -197,7 +197,7 @@ def test_what_only_one_eye_sees_has_no_disparity():
     places = np.column_stack([u, np.full(len(u), 120.0)])
     found = measure(frame, places)
     truth = np.where((u >= 200) & (u < 260), 40.0, 12.0)
-    hidden = (u >= 172) & (u < 200)  # seen by the right eye behind the strip
+    hidden = (u >= 172) & (u < 200)  # seen by the right camera behind the strip
     near_edge = np.minimum(np.abs(u - 199.5), np.abs(u - 259.5)) < 6
     assert found.known[hidden & ~near_edge].mean() < 0.1
     assert found.known[~hidden & ~near_edge].mean() > 0.9
@@ -205,12 +205,12 @@ def test_what_only_one_eye_sees_has_no_disparity():
     known_near = found.known & near_edge
     assert (np.abs(found.values_px - truth)[known_near] < 1).mean() > 0.8
     anything = SETTINGS.model_copy(update={"max_disagreement_px": 9.0})
-    careless = measure(frame, places, anything)
-    wrong = np.abs(careless.values_px - truth)[careless.known] > 1
+    unchecked = measure(frame, places, anything)
+    wrong = np.abs(unchecked.values_px - truth)[unchecked.known] > 1
     assert wrong.sum() > (np.abs(found.values_px - truth)[found.known] > 1).sum()
 
 
-def test_unknown_outside_and_in_front_of_what_is_seen(plane, method):
+def test_disparity_outside_image_is_unknown(plane, method):
     settings = StereoSettings(method=method)
     places = [[-5, 50], [WIDTH + 5, 50], [200, -5], [200, HEIGHT + 5], [np.nan, 50], [2, 2]]
     assert not measure(plane.frame, np.array(places, float), settings).known.any()
@@ -220,11 +220,11 @@ def test_unknown_outside_and_in_front_of_what_is_seen(plane, method):
 
 
 @pytest.mark.parametrize("downscale", [1, 2, 4])
-def test_the_dense_map_is_read_where_the_pixel_is(downscale):
+def test_dense_map_is_read_at_the_pixel(downscale):
     """All of it unknown but the one cell that covers the pixel."""
     plane, pixel = Plane(40.3, 0.0, 0.0), np.array([[203.4, 101.6]])
     shape = (HEIGHT // downscale, WIDTH // downscale)
-    row, column = 102 // downscale, 203 // downscale  # the pixel that the place rounds to
+    row, column = 102 // downscale, 203 // downscale  # the pixel that the position rounds to
     settings = StereoSettings(method="semi_global")
     for moved in (0, -1, 1):
         for axis in (0, 1):
@@ -234,7 +234,7 @@ def test_the_dense_map_is_read_where_the_pixel_is(downscale):
             assert found.known[0] == (moved == 0)
 
 
-def test_a_dense_disparity_may_be_taken_as_it_is(plane, pixels):
+def test_dense_disparity_unrefined_is_unchanged(plane, pixels):
     """As the thesis does."""
     settings = StereoSettings(method="block_matching", downscale=1, refine=False)
     dense = dense_of(plane.frame, settings)
@@ -247,7 +247,7 @@ def test_a_dense_disparity_may_be_taken_as_it_is(plane, pixels):
 
 
 @pytest.mark.parametrize("refine", [True, False])
-def test_depth_gate(method, refine):
+def test_depth_gate_removes_far_points(method, refine):
     plane = Plane(4.0, 0.04, 0.0)  # 8 px at u = 100, 18 px at u = 350
     u = np.linspace(50, 370, 60)
     places = np.column_stack([u, np.full(60, 120.0)])
@@ -259,7 +259,7 @@ def test_depth_gate(method, refine):
     assert gated.known[(truth > gate_px + 1) & (u > 120)].mean() > 0.8
 
 
-def test_without_a_gate_far_points_are_kept():
+def test_depth_gate_of_zero_keeps_far_points():
     plane = Plane(0.4, 0.0, 0.0)
     u = np.linspace(50, 370, 60)
     places = np.column_stack([u, np.full(60, 120.0)])
@@ -268,7 +268,7 @@ def test_without_a_gate_far_points_are_kept():
     assert np.abs(found.values_px - 0.4)[found.known].max() < 0.1
 
 
-def test_a_wrong_start_is_not_believed(plane, pixels):
+def test_disparity_from_wrong_start_is_refused(plane, pixels):
     """The dense map is wrong by 5 px everywhere: alignment finds the truth in almost no case."""
     settings = StereoSettings(method="semi_global")
     wrong = dense_of(plane.frame, settings) + 5
@@ -276,7 +276,7 @@ def test_a_wrong_start_is_not_believed(plane, pixels):
     assert found.known.mean() < 0.2
 
 
-def test_too_small_or_blank_a_pair_has_no_depth(method):
+def test_disparity_of_tiny_or_blank_pair_is_unknown(method):
     settings = StereoSettings(method=method)
     tiny = np.zeros((20, 30), np.uint8)
     places = np.array([[15.0, 10.0]])
@@ -285,7 +285,7 @@ def test_too_small_or_blank_a_pair_has_no_depth(method):
     assert not measure(StereoFrame(0, blank, blank), places * 10, settings).known.any()
 
 
-def test_same_pair_same_disparity(plane, pixels):
+def test_disparity_of_same_pair_is_the_same(plane, pixels):
     a, b = (measure(plane.frame, pixels).values_px for _ in range(2))
     np.testing.assert_array_equal(a, b)
 
@@ -306,10 +306,10 @@ def motorcycle(real_data):
 
 
 @pytest.mark.parametrize(
-    ("method", "least_known"), [("sparse", 0.58), ("semi_global", 0.53), ("block_matching", 0.45)]
+    ("method", "min_known"), [("sparse", 0.58), ("semi_global", 0.53), ("block_matching", 0.45)]
 )
-def test_motorcycle(motorcycle, method, least_known):
-    """At CenSurE features: 95 % of what is believed is right within 1 px, 80 % within 0.5 px."""
+def test_disparity_on_motorcycle_is_accurate(motorcycle, method, min_known):
+    """At CenSurE features: 95 % of the known ones are right within 1 px, 80 % within 0.5 px."""
     frame, truth = motorcycle
     pixels = detect(frame.left, FeatureSettings(count=1000)).pixels
     columns, rows = np.rint(pixels).astype(int).T
@@ -320,7 +320,7 @@ def test_motorcycle(motorcycle, method, least_known):
     known = found.known[judged]
     error = np.abs(found.values_px - true_px)[judged][known]
     figures = f"known {known.mean():.3f}, within 1 px {(error < 1).mean():.3f} of those"
-    assert least_known < known.mean() < 0.95, figures
+    assert min_known < known.mean() < 0.95, figures
     assert 0.95 < (error < 1).mean() < 0.999, figures
     assert 0.8 < (error < 0.5).mean() < 0.99, figures
     assert 0.01 < np.median(error) < 0.2, figures

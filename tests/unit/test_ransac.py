@@ -5,11 +5,17 @@ import pytest
 
 from vo.config import MotionSettings
 from vo.contract import se3
-from vo.pose.hypotheses import Problem, cost, inlier_rows, squared_errors
+from vo.pose.hypotheses import (
+    Problem,
+    cost,
+    cumulative_weights,
+    draw_sample,
+    inlier_rows,
+    squared_errors,
+)
 from vo.pose.p3p import SOLVERS
 from vo.pose.preemptive import search_preemptive
 from vo.pose.ransac import ransac, samples_needed, search_adaptive
-from vo.pose.sampling import cumulative_weights, draw_sample
 
 T_ODOM_CAM = se3.exp(np.array([0.3, -0.1, 0.2, 0.05, -0.1, 0.02]))
 THRESHOLD = 0.003

@@ -8,7 +8,7 @@ Source: Baker and Matthews, Lucas–Kanade 20 Years On, IJCV 2004 (inverse compo
 normalisation after Evangelidis and Psarakis, enhanced correlation coefficient, PAMI 2008.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,8 +35,7 @@ PARAMETERS = 4
 """Degrees of freedom that alignment takes from the residual: du, dv, gain and offset."""
 
 
-@dataclass(frozen=True)
-class Alignment:
+class Alignment(NamedTuple):
     """Positions of templates in an image; NaN where there is none.
 
     Attributes:
@@ -83,38 +82,30 @@ def align(
     Raises:
         ValueError: If the shapes disagree; the compiled loop would not notice.
     """
-    n = len(templates)
+    n = len(templates.norms)
     warp = identity_warps(n) if warp is None else warp
     if (np.shape(start), np.shape(warp)) != ((n, 2), (n, 3, 2)):
         raise ValueError(f"{n} templates, but shapes {np.shape(start)} and {np.shape(warp)}")
-    aligned = Alignment(np.full((n, 2), np.nan), np.full(n, np.nan), np.full((n, 2, 2), np.nan))
-    _align_all(
-        templates.patches, templates.gradients, templates.norms, templates.noise_kept,
-        image, np.asarray(start, dtype=np.float64), np.asarray(warp, dtype=np.float64),
-        horizontal_only, aligned.pixels, aligned.zncc, aligned.covariance_px2,
-    )  # fmt: skip
-    return aligned
+    start, warp = (np.ascontiguousarray(x, dtype=np.float64) for x in (start, warp))
+    return _align_all(templates, image, start, warp, horizontal_only)
 
 
 @compiled(fastmath={"reassoc", "contract"})  # sums in any order; NaN stays NaN
 def _align_all(
-    patches: Array,
-    gradients: Array,
-    norms: Array,
-    noise_kept: Array,
-    image: Image,
-    start: Array,
-    warp: Array,
-    horizontal_only: bool,
-    pixels: Array,
-    zncc: Array,
-    covariance: Array,
-) -> None:
+    templates: Templates, image: Image, start: Array, warp: Array, horizontal_only: bool
+) -> Alignment:
+    patches, gradients, norms, noise_kept = templates
+    n = len(norms)
+    pixels, zncc, covariance = (
+        np.full((n, 2), np.nan),
+        np.full(n, np.nan),
+        np.full((n, 2, 2), np.nan),
+    )
     side = patches.shape[1]
     radius = side // 2
     offsets = np.empty((2, side * side), dtype=np.float32)
     now = np.empty(side * side, dtype=np.float32)
-    for i in range(len(patches)):
+    for i in range(n):
         if not norms[i] > MIN_NORM:
             continue
         reach_u, reach_v = warp_offsets(warp[i], side, offsets)
@@ -188,6 +179,7 @@ def _align_all(
                 covariance[i, j, k] = w[j, 0] * (uu * w[k, 0] + uv * w[k, 1]) + w[j, 1] * (
                     uv * w[k, 0] + vv * w[k, 1]
                 )
+    return Alignment(pixels, zncc, covariance)
 
 
 @compiled(fastmath={"reassoc", "contract"})

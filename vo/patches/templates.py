@@ -1,18 +1,17 @@
 """Templates: patches extracted from an image once, to be aligned with many others."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from vo.contract.arrays import Array, Image, Indices, Mask
+from vo.contract.arrays import Array, Image
 from vo.contract.compilation import compiled
 
 FLAT = 1e-3
 """Norm, grey levels, up to which a patch is flat."""
 
 
-@dataclass(frozen=True)
-class Templates:
+class Templates(NamedTuple):
     """Square patches of zero mean and unit norm, S samples a side.
 
     Attributes:
@@ -30,13 +29,6 @@ class Templates:
     norms: Array
     noise_kept: Array
 
-    def __len__(self) -> int:
-        return len(self.patches)
-
-    def select(self, rows: Mask | Indices) -> "Templates":
-        """Keep some rows."""
-        return Templates(**{name: value[rows] for name, value in vars(self).items()})
-
 
 def extract_templates(image: Image, pixels: Array, patch_px: int) -> Templates:
     """Extract patches about sub-pixel positions.
@@ -46,29 +38,19 @@ def extract_templates(image: Image, pixels: Array, patch_px: int) -> Templates:
         pixels: (N, 2) centres (u, v).
         patch_px: Side S, odd.
     """
-    n, side = len(pixels), patch_px
-    templates = Templates(
-        np.zeros((n, side, side), dtype=np.float32),
-        np.zeros((n, 2, side, side), dtype=np.float32),
-        np.zeros(n, dtype=np.float32),
-        np.ones(n, dtype=np.float32),
-    )
-    _extract_all(
-        image, np.asarray(pixels, dtype=np.float64), templates.patches, templates.gradients,
-        templates.norms, templates.noise_kept,
-    )  # fmt: skip
-    return templates
+    return _extract_all(image, np.ascontiguousarray(pixels, dtype=np.float64), patch_px)
 
 
 @compiled(fastmath={"reassoc", "contract"})  # sums in any order; NaN stays NaN
-def _extract_all(
-    image: Image, pixels: Array, patches: Array, gradients: Array, norms: Array, noise_kept: Array
-) -> None:
-    side = patches.shape[1]
+def _extract_all(image: Image, pixels: Array, side: int) -> Templates:
+    n = len(pixels)
+    patches = np.zeros((n, side, side), dtype=np.float32)
+    gradients = np.zeros((n, 2, side, side), dtype=np.float32)
+    norms, noise_kept = np.zeros(n, dtype=np.float32), np.ones(n, dtype=np.float32)
     margin = side // 2 + 1
     height, width = image.shape
     padded = np.empty((side + 2, side + 2), dtype=np.float32)
-    for i in range(len(pixels)):
+    for i in range(n):
         u, v = pixels[i]
         inside = u >= margin and u < width - 1 - margin and v >= margin and v < height - 1 - margin
         if not inside:  # also where a pixel is NaN
@@ -77,6 +59,7 @@ def _extract_all(
         norms[i] = _differentiate(padded, patches[i], gradients[i, 0], gradients[i, 1])
         fu, fv = u - np.floor(u), v - np.floor(v)
         noise_kept[i] = (1 - 2 * fu * (1 - fu)) * (1 - 2 * fv * (1 - fv))
+    return Templates(patches, gradients, norms, noise_kept)
 
 
 @compiled(fastmath={"reassoc", "contract"})

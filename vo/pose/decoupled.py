@@ -114,9 +114,6 @@ def _estimate_translation(rotated: Array, rays: Array, threshold: float, pairs: 
     A[:, :, 2] = -rays
     b = rays * rotated[:, 2:] - rotated[:, :2]
 
-    def solve(rows: Array) -> Array:
-        return np.linalg.pinv(A[rows].reshape(-1, 3)) @ b[rows].ravel()
-
     def errors(t: Array) -> Array:
         points_cam = rotated + t[..., None, :]
         z = points_cam[..., 2:]
@@ -132,7 +129,7 @@ def _estimate_translation(rotated: Array, rays: Array, threshold: float, pairs: 
         good = errors(t) < threshold
         if good.sum() < 2:
             break
-        t = solve(np.flatnonzero(good))
+        t = np.linalg.pinv(A[good].reshape(-1, 3)) @ b[good].ravel()
     return t
 
 

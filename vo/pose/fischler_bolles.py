@@ -29,7 +29,7 @@ def legs_fischler_bolles(sides2: Array, cosines: Array, legs: Array) -> int:
         legs: (8, 3) receives the candidates.
 
     Returns:
-        How many there are.
+        The number of candidates.
     """
     ab2, ac2, bc2 = sides2
     cos_ab, cos_ac, cos_bc = cosines

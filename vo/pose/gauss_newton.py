@@ -33,12 +33,10 @@ def gauss_newton_step(
         False if the points do not determine the pose; `moved` is then as it was.
     """
     information, gradient = normal_equations(points_odom, rays, rows, pose, weights)
-    tangent = np.empty((6, 1))
-    for k in range(6):
-        tangent[k, 0] = -gradient[k]
-    if not solve_symmetric(information, tangent):
+    tangent = -gradient
+    if not _solve_symmetric(information, tangent):
         return False
-    _move(pose, tangent[:, 0], moved)
+    _move(pose, tangent, moved)
     return True
 
 
@@ -67,8 +65,8 @@ def normal_equations(
 
 
 @compiled(error_model="numpy")
-def solve_symmetric(A: Array, B: Array) -> bool:
-    """Solve A X = B by Cholesky, in place of B; False, with B undefined, if A is not positive."""
+def _solve_symmetric(A: Array, b: Array) -> bool:
+    """Solve A x = b by Cholesky, in place of b; False if A is not positive definite."""
     n = len(A)
     L = np.zeros((n, n))
     for i in range(n):
@@ -82,15 +80,14 @@ def solve_symmetric(A: Array, B: Array) -> bool:
                 L[i, i] = np.sqrt(rest)
             else:
                 L[i, j] = rest / L[j, j]
-    for c in range(B.shape[1]):
-        for i in range(n):
-            for k in range(i):
-                B[i, c] -= L[i, k] * B[k, c]
-            B[i, c] /= L[i, i]
-        for i in range(n - 1, -1, -1):
-            for k in range(i + 1, n):
-                B[i, c] -= L[k, i] * B[k, c]
-            B[i, c] /= L[i, i]
+    for i in range(n):
+        for k in range(i):
+            b[i] -= L[i, k] * b[k]
+        b[i] /= L[i, i]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            b[i] -= L[k, i] * b[k]
+        b[i] /= L[i, i]
     return True
 
 
@@ -98,7 +95,7 @@ def solve_symmetric(A: Array, B: Array) -> bool:
 def determines_pose(points_odom: Array, rays: Array, rows: Indices, pose: Array) -> bool:
     """Whether the normal equations of some points at a pose (3, 4) are regular."""
     information, _ = normal_equations(points_odom, rays, rows, pose)
-    return solve_symmetric(information, np.eye(6))
+    return _solve_symmetric(information, np.zeros(6))
 
 
 @compiled(error_model="numpy")

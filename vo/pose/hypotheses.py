@@ -1,4 +1,4 @@
-"""Hypotheses of the camera's pose: proposed, scored, refitted (thesis 2.6, 2.7).
+"""Hypotheses of the camera's pose: sampled, proposed, scored, refitted (thesis 2.6, 2.7).
 
 Poses are (3, 4) [R | t] with p_cam = R @ p_odom + t.
 """
@@ -11,8 +11,10 @@ from vo.contract.arrays import Array, Indices
 from vo.contract.compilation import compiled
 from vo.pose.absolute_orientation import absolute_orientation
 from vo.pose.gauss_newton import gauss_newton_step
-from vo.pose.p3p import MAX_CANDIDATES, is_collinear, p3p
-from vo.pose.sampling import SAMPLE
+from vo.pose.p3p import is_collinear, p3p
+
+SAMPLE = 3
+"""Matches of a minimal sample."""
 
 MAX_POSES = 4
 """Largest number of poses that one sample gives."""
@@ -51,6 +53,36 @@ class Problem(NamedTuple):
     weights: Array
 
 
+@compiled()
+def cumulative_weights(weights: Array) -> Array:
+    """Sum the weights before each of N matches, and all of them: (N + 1,)."""
+    bounds = np.zeros(len(weights) + 1)
+    bounds[1:] = np.cumsum(weights)
+    return bounds
+
+
+@compiled()
+def draw_sample(numbers: Array, bounds: Array, sample: Indices) -> None:
+    """Write three different rows, each drawn in proportion to its weight.
+
+    Args:
+        numbers: (3,) uniform random numbers in [0, 1).
+        bounds: (N + 1,) from `cumulative_weights`.
+        sample: (3,) receives the rows.
+    """
+    for k in range(SAMPLE):
+        left = bounds[-1]
+        taken = np.sort(sample[:k])
+        for row in taken:
+            left -= bounds[row + 1] - bounds[row]
+        place = numbers[k] * left
+        for row in taken:  # step over the rows that are taken
+            if place >= bounds[row]:
+                place += bounds[row + 1] - bounds[row]
+        row = np.searchsorted(bounds, place, side="right") - 1
+        sample[k] = min(row, len(bounds) - 2)
+
+
 @compiled(error_model="numpy")
 def propose(problem: Problem, sample: Indices, poses: Array) -> int:
     """Write the poses (4, 3, 4) that a sample (3,) of matches allows; return their number."""
@@ -63,8 +95,7 @@ def propose(problem: Problem, sample: Indices, poses: Array) -> int:
     for k in range(SAMPLE):
         rays_cam[k, :2] = problem.rays[sample[k]]
         rays_cam[k] /= np.sqrt((rays_cam[k] ** 2).sum())
-    legs = np.empty((MAX_CANDIDATES, 3))
-    return p3p(problem.points_odom[sample], rays_cam, problem.solver, legs, poses)
+    return p3p(problem.points_odom[sample], rays_cam, problem.solver, poses)
 
 
 @compiled(error_model="numpy")

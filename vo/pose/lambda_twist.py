@@ -18,16 +18,7 @@ from vo.pose.polynomial import real_roots
 
 @compiled(error_model="numpy")
 def legs_lambda_twist(sides2: Array, cosines: Array, legs: Array) -> int:
-    """Find the candidates for the legs a, b, c; the caller refines and checks them.
-
-    Args:
-        sides2: (3,) squared sides AB, AC, BC.
-        cosines: (3,) of the angles between the legs to A and B, A and C, B and C.
-        legs: (8, 3) receives the candidates, four at most.
-
-    Returns:
-        How many there are.
-    """
+    """Find the candidates for the legs, four at most, as `legs_fischler_bolles` does."""
     ab2, ac2, bc2 = sides2 / sides2.max()
     cos_ab, cos_ac, cos_bc = cosines
     D1, D2 = np.zeros((3, 3)), np.zeros((3, 3))

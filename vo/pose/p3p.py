@@ -19,7 +19,7 @@ SOLVERS: dict[Solver, int] = {"fischler_bolles": 0, "lambda_twist": 1}
 
 FISCHLER_BOLLES = SOLVERS["fischler_bolles"]
 MAX_CANDIDATES = 8
-"""Rows that a solver may write for the legs of its candidates."""
+"""Largest number of candidates that a solver finds."""
 
 COLLINEAR = 1e-12
 """Squared sine below which three points count as collinear."""
@@ -35,20 +35,19 @@ SAME = 1e-9
 
 
 @compiled(error_model="numpy")
-def p3p(points_ref: Array, rays_cam: Array, solver: int, legs: Array, poses: Array) -> int:
+def p3p(points_ref: Array, rays_cam: Array, solver: int, poses: Array) -> int:
     """Find every camera pose that sees three points along three rays.
 
     Args:
         points_ref: (3, 3) metres.
         rays_cam: (3, 3) unit rays.
         solver: A value of `SOLVERS`.
-        legs: (8, 3) receives the solutions' legs, metres.
         poses: (4, 3, 4) receives the solutions [R | t], p_cam = R @ p_ref + t.
 
     Returns:
         The number of solutions; zero for degenerate points or rays (collinear, coincident, NaN).
     """
-    sides2, cosines = np.empty(3), np.empty(3)
+    sides2, cosines, legs = np.empty(3), np.empty(3), np.empty((MAX_CANDIDATES, 3))
     for k, (i, j) in enumerate(((0, 1), (0, 2), (1, 2))):
         sides2[k] = ((points_ref[i] - points_ref[j]) ** 2).sum()
         cosines[k] = (rays_cam[i] * rays_cam[j]).sum()

@@ -7,8 +7,15 @@ import numpy as np
 
 from vo.contract.arrays import Array
 from vo.contract.compilation import compiled
-from vo.pose.hypotheses import MAX_POSES, Problem, cost, propose
-from vo.pose.sampling import SAMPLE, cumulative_weights, draw_sample
+from vo.pose.hypotheses import (
+    MAX_POSES,
+    SAMPLE,
+    Problem,
+    cost,
+    cumulative_weights,
+    draw_sample,
+    propose,
+)
 
 HALVING_MATCHES = 10
 """Matches between two halvings of the hypotheses."""

@@ -14,9 +14,18 @@ from vo.contract import se3
 from vo.contract.arrays import Array, Indices, Mask
 from vo.contract.compilation import compiled
 from vo.pose.gauss_newton import determines_pose
-from vo.pose.hypotheses import MAX_POSES, Problem, cost, inlier_rows, propose, refit
+from vo.pose.hypotheses import (
+    MAX_POSES,
+    SAMPLE,
+    Problem,
+    cost,
+    cumulative_weights,
+    draw_sample,
+    inlier_rows,
+    propose,
+    refit,
+)
 from vo.pose.preemptive import search_preemptive
-from vo.pose.sampling import SAMPLE, cumulative_weights, draw_sample
 
 FINAL_ITERATIONS = 20
 """Largest number of refits of the best pose, if poses are refitted at all."""

@@ -6,7 +6,7 @@ Depth Maps and Preserves Image Features, MVA 1993, for the check from the other 
 
 import numpy as np
 
-from vo.contract.arrays import Array, Image, Indices
+from vo.contract.arrays import Array, Image
 from vo.contract.compilation import compiled
 from vo.patches.zncc import MIN_CONTRAST
 
@@ -32,32 +32,28 @@ def search_epipolar(
         match of the right patch among the same disparities is another left patch; (N,) its ZNCC;
         (N,) the highest ZNCC of another peak, -1 where there is none.
     """
-    n = len(pixels)
-    disparity, zncc, second = np.full(n, np.nan), np.full(n, np.nan), np.full(n, -1.0)
-    known = np.isfinite(pixels).all(axis=1) & np.isfinite(nearest_px) & np.isfinite(farthest_px)
-    rows = np.flatnonzero(known)
-    limits = np.stack([np.ceil(nearest_px[rows]), np.floor(farthest_px[rows])], axis=-1)
-    _search_all(
-        left, right, rows, np.rint(pixels[rows]).astype(np.int64), limits.astype(np.int64),
-        patch_px // 2, disparity, zncc, second,
-    )  # fmt: skip
-    return disparity, zncc, second
+    places = np.stack([*np.rint(pixels.T), np.ceil(nearest_px), np.floor(farthest_px)], axis=-1)
+    return _search_all(left, right, places, patch_px // 2)
 
 
 @compiled()
 def _search_all(
-    left: Image, right: Image, rows: Indices, centres: Indices, limits: Indices, radius: int,
-    disparity: Array, zncc: Array, second: Array,
-) -> None:  # fmt: skip
+    left: Image, right: Image, places: Array, radius: int
+) -> tuple[Array, Array, Array]:
+    """Search for each row u, v, largest and smallest disparity of `places` (N, 4)."""
+    n = len(places)
+    disparity, zncc, second = np.full(n, np.nan), np.full(n, np.nan), np.full(n, -1.0)
     height, width = left.shape
     span = 1
-    for i in range(len(rows)):
-        span = max(span, min(limits[i, 0] - limits[i, 1] + 1, width))
+    for i in range(n):
+        if np.isfinite(places[i]).all():
+            span = max(span, min(int(places[i, 2]) - int(places[i, 3]) + 1, width))
     work = np.empty((5, span + 2 * radius), dtype=np.float32)
     patch = np.empty((2 * radius + 1) ** 2, dtype=np.float32)
-    for i in range(len(rows)):
-        u, v = centres[i]
-        nearest, farthest = limits[i]
+    for i in range(n):
+        if not np.isfinite(places[i]).all():
+            continue
+        u, v, nearest, farthest = places[i].astype(np.int64)
         if v < radius or v >= height - radius or u < radius or u >= width - radius:
             continue
         first, last = max(u - nearest, radius), min(u - farthest, width - 1 - radius)
@@ -76,8 +72,8 @@ def _search_all(
             continue
         back = first + int(np.argmax(_correlate(patch, left, first, last, v, radius, work)))
         if abs(back - u) <= 1:
-            row = rows[i]
-            disparity[row], zncc[row], second[row] = u - there, score, other
+            disparity[i], zncc[i], second[i] = u - there, score, other
+    return disparity, zncc, second
 
 
 @compiled(fastmath={"reassoc", "contract"})

@@ -58,17 +58,13 @@ def fit_plane_slopes(
         where too few neighbours lie on one plane with the pixel.
     """
     known = np.isfinite(disparity_px)
-    slopes = np.zeros((len(at), 2))
-    _fit_all(
-        np.asarray(at, dtype=np.float64), np.asarray(at_disparity_px, dtype=np.float64),
-        np.asarray(pixels[known], dtype=np.float64),
-        np.asarray(disparity_px[known], dtype=np.float64), slopes,
-    )  # fmt: skip
-    return slopes
+    given = at, at_disparity_px, pixels[known], disparity_px[known]
+    return _fit_all(*(np.ascontiguousarray(x, dtype=np.float64) for x in given))
 
 
 @compiled()
-def _fit_all(at: Array, own: Array, pixels: Array, disparity: Array, slopes: Array) -> None:
+def _fit_all(at: Array, own: Array, pixels: Array, disparity: Array) -> Array:
+    slopes = np.zeros((len(at), 2))
     near = np.empty(PLANE_FIT.neighbours, dtype=np.int64)
     distance = np.empty(PLANE_FIT.neighbours)
     for i in range(len(at)):
@@ -102,6 +98,7 @@ def _fit_all(at: Array, own: Array, pixels: Array, disparity: Array, slopes: Arr
             scale = max(scale / 2, PLANE_FIT.residual_px)
         if support >= PLANE_FIT.min_support:
             slopes[i, 0], slopes[i, 1] = a, b
+    return slopes
 
 
 @compiled()

@@ -36,18 +36,13 @@ def fit_patch_slopes(templates: Templates, right: Image, pixels_right: Array) ->
         (N, 2) change of disparity per pixel along u and v; NaN where the fit left the image or
         did not converge.
     """
-    slopes = np.full((len(templates), 2), np.nan)
-    _fit_all(
-        templates.patches, templates.gradients, templates.norms, right,
-        np.asarray(pixels_right, dtype=np.float64), slopes,
-    )  # fmt: skip
-    return slopes
+    return _fit_all(templates, right, np.ascontiguousarray(pixels_right, dtype=np.float64))
 
 
 @compiled(fastmath={"reassoc", "contract"})  # sums in any order; NaN stays NaN
-def _fit_all(
-    patches: Array, gradients: Array, norms: Array, right: Image, start: Array, slopes: Array
-) -> None:  # fmt: skip
+def _fit_all(templates: Templates, right: Image, start: Array) -> Array:
+    patches, gradients, norms, _ = templates
+    slopes = np.full((len(norms), 2), np.nan)
     side = patches.shape[1]
     r = side // 2
     offsets = np.empty((2, side * side), dtype=np.float32)
@@ -84,6 +79,7 @@ def _fit_all(
             if abs(p[0]) + r * (abs(p[1]) + abs(p[2])) < CONVERGED_PX:
                 slopes[i, 0], slopes[i, 1] = 1 - scale, -warp[0, 1]
                 break
+    return slopes
 
 
 @compiled(fastmath={"reassoc", "contract"})

@@ -173,8 +173,9 @@ def _align(
         warp = _plane_warp(anchored, T_cam_anchor, view.rig)
         patch_px = view.settings.matching.align_px
         templates = extract_templates(keyframe.left, anchored.anchor_pixels, patch_px)
-        for name, values in vars(align(templates, view.frame.left, start[here], warp)).items():
-            getattr(result, name)[here] = values
+        aligned = align(templates, view.frame.left, start[here], warp)
+        for values, found in zip(result, aligned, strict=True):
+            values[here] = found
     return result
 
 
