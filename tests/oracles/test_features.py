@@ -11,7 +11,6 @@ from vo.config import FeatureSettings
 from vo.features.censure import censure, scale_space
 from vo.features.censure_kernels import kernels
 from vo.features.detector import detect
-from vo.features.integral_images import octagon_area
 
 LARGEST_PX = {"box": 29, "octagon": 15 + 2 * 10, "star": 43}
 KERNELS = tuple(LARGEST_PX)
@@ -168,11 +167,6 @@ def test_octagon_kernels_grow_as_published():
     ratio = np.sqrt([whole.sum() / centre.sum() for centre, whole in pairs])
     assert ratio[[0, -1]] == pytest.approx([2.8, 2.0], abs=0.05)
     assert (ratio[1:] < ratio[0]).all()
-
-
-@pytest.mark.parametrize(("m", "n"), [(3, 0), (1, 4), (9, 7), (15, 10)])
-def test_octagon_area_equals_its_mask(m, n):
-    assert octagon_area(m, n) == octagon(m, n, 41).sum()
 
 
 def test_responses_with_sums_beyond_32_bits_are_exact():

@@ -11,7 +11,6 @@ from functools import cache
 import numpy as np
 
 from vo.contract.arrays import Array
-from vo.features.integral_images import octagon_area
 
 Region = tuple[tuple[int, int, int], ...]
 """Region as (sign, m, n) of the octagons that add up to it, all centred on the same pixel."""
@@ -86,13 +85,16 @@ def kernels(shape: str) -> Kernels:
     distinct = list(dict.fromkeys(region for pair in pairs for region in pair))
     reach = np.array([max((m - 1) // 2 + n for _, m, n in region) for region in distinct])
     regions = np.array([[distinct.index(region) for region in pair] for pair in pairs])
-    area = np.array([sum(s * octagon_area(m, n) for s, m, n in region) for region in distinct])
+    y, x = np.abs(np.mgrid[-_LARGEST : _LARGEST + 1, -_LARGEST : _LARGEST + 1])
+    masks = np.array([_mask(region, x, y).ravel() for region in distinct])
+    area = masks.sum(axis=1)
     centre, whole = area[regions].T
     ring = whole - centre
     means = np.stack([1 / centre + 1 / ring, -1 / ring], axis=-1)
 
     sigma_px = np.geomspace(0.5, 20, 400)
-    to_blobs = (means[:, :, None] * _blob_sums(distinct, sigma_px)[regions]).sum(axis=1)
+    blobs = np.exp((x**2 + y**2).reshape(-1, 1) / (-2 * sigma_px**2))  # of contrast 1
+    to_blobs = (means[:, :, None] * (masks @ blobs)[regions]).sum(axis=1)
     gain = 1 / to_blobs.max(axis=1, keepdims=True)
     return Kernels(
         pieces=np.array([(i, *piece) for i, region in enumerate(distinct) for piece in region]),
@@ -102,13 +104,6 @@ def kernels(shape: str) -> Kernels:
         margin=reach[regions[:, 1]],
         centre_px=np.sqrt(centre / np.pi),
     )
-
-
-def _blob_sums(regions: list[Region], sigma_px: Array) -> Array:
-    """Sum Gaussian blobs of contrast 1 over the regions that are centred on them: (R, B)."""
-    y, x = np.abs(np.mgrid[-_LARGEST : _LARGEST + 1, -_LARGEST : _LARGEST + 1])
-    masks = np.array([_mask(region, x, y).ravel() for region in regions])
-    return masks @ np.exp((x**2 + y**2).reshape(-1, 1) / (-2 * sigma_px**2))
 
 
 def _mask(region: Region, x: Array, y: Array) -> Array:

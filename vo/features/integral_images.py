@@ -13,11 +13,6 @@ from vo.contract.arrays import Array, Image
 from vo.contract.compilation import compiled
 
 
-def octagon_area(m: int, n: int) -> int:
-    """Count the pixels of an octagon: m rows of m + 2 n and 2 n rows that shrink by 2 each."""
-    return m * (m + 2 * n) + 2 * sum(m + 2 * k for k in range(n))
-
-
 @compiled()
 def prefix_sums(image: Image) -> Array:
     """Build three tables (3, H + 1, W + 1) int32 of the sums of all pixels above and to the left.
