@@ -88,14 +88,14 @@ def _estimate_rotation(
     def errors(R: Array) -> Array:
         return np.linalg.norm(directions @ R.swapaxes(-1, -2) - seen, axis=-1)
 
-    R = candidates[_best(errors(candidates), threshold)]
+    rotation = candidates[_best(errors(candidates), threshold)]
     for _ in range(REFITS):
-        good = errors(R) < threshold
+        good = errors(rotation) < threshold
         if good.sum() < 2:
             break
         U, _, Vt = np.linalg.svd(seen[good].T @ directions[good])  # Kabsch, 1976
-        R = U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt
-    return R
+        rotation = U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt
+    return rotation
 
 
 def _axes(pairs: Array) -> tuple[Array, Mask]:
