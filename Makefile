@@ -1,8 +1,8 @@
-# `make demo` and `make test` work from a bare clone; `make help` lists every target.
-# `make bench` and `make accuracy` take options: make bench ARGS=--quick
+# `make demo`, `make check` and `make test` work from a bare clone; `make help` lists every target.
+# Most targets are commands of driftyard, which take options: make bench ARGS=--quick
 
 .DEFAULT_GOAL := help
-.PHONY: demo test lint compile bench accuracy label-accuracy response bump replanning routing scenes gate gate-power experiments explain clean help
+.PHONY: demo check unit test lint compile bench accuracy label-accuracy response bump replanning routing scenes gate gate-power experiments explain clean help
 
 VENV := .venv
 READY := $(VENV)/.ready
@@ -14,7 +14,13 @@ export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 demo: $(READY)  ## generate a drive of 21 m, estimate, score and report it (into demo/)
 	$(BIN)/driftyard demo
 
-test: $(READY)  ## lint, then every test
+check: $(READY)  ## style, types, import layers, unit and property tests; no rendering
+	@$(MAKE) --no-print-directory --jobs 2 lint unit
+
+unit: $(READY)
+	$(BIN)/pytest -q -n 2 --dist loadfile -m "not gl and not slow" tests/unit tests/properties
+
+test: $(READY)  ## lint, then every test, the small gate included
 	@$(MAKE) --no-print-directory --jobs 2 lint compile
 	$(BIN)/pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 

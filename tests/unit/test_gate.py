@@ -1,6 +1,7 @@
 """The gate's statistics, its decision, and what it does with estimators that fail."""
 
 import json
+import re
 from dataclasses import replace
 from xml.etree import ElementTree
 
@@ -159,6 +160,17 @@ def test_dataset_mismatch_names_the_cause(baseline):
 def test_compare_other_platform_is_refused_first(baseline, tmp_path):
     with pytest.raises(DatasetError, match=r"b\.json: platform is .*, was Linux x; run"):
         compare(tmp_path / "b.json", baseline, Named(), (), tmp_path, console.counting_bar)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_compare_old_setting_in_baseline_names_file_and_key(baseline, tmp_path):
+    overrides = ("exposure.eye_offset_ms=1",)
+    old = baseline.model_copy(
+        update={"design": Design(scenes=("office",), overrides=overrides)},
+    )
+    wanted = "b.json: setting exposure.eye_offset_ms is now exposure.right_offset_ms; run"
+    with pytest.raises(SettingsError, match=re.escape(wanted)):
+        compare(tmp_path / "b.json", old, Named(), ("platform",), tmp_path, console.counting_bar)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -23,6 +23,7 @@ from trials.gate.measure import measure, run_file
 from trials.gate.measurement import Measurement
 from trials.gate.rules import Rules
 from vo.contract.dataset import read_manifest
+from vo.contract.errors import SettingsError
 from vo.runner import companion
 
 if TYPE_CHECKING:
@@ -110,7 +111,10 @@ def compare(
     platform = platform_mismatch(baseline)
     refuse(path, "platform", platform, accepted)
     with bar("recording", len(baseline.sequences)) as count:
-        datasets = record(baseline.design, cache, count)
+        try:
+            datasets = record(baseline.design, cache, count)
+        except SettingsError as error:  # such as an earlier name of a setting
+            raise SettingsError(f"{path}: {error}; run `driftyard gate update`") from None
     rendered: dict[str, Any] = read_manifest(datasets[0]).get("software", {})
     other = dataset_mismatch(baseline, content_hashes(datasets), source_digest(), rendered)
     refuse(path, "datasets", other, accepted)

@@ -7,6 +7,9 @@ from pathlib import Path
 
 from pydantic import Field
 
+from trials.execution.jobs import Recording
+from trials.execution.recording_settings import recording_settings
+from trials.execution.runner import NO_LABELS, record_all
 from vo.contract.dataset import read_manifest
 from vo.contract.settings import Settings
 
@@ -46,11 +49,10 @@ def record(design: Design, cache: Path, progress: Callable[[object], None]) -> l
         SettingsError: If a scene, disturbance or setting is not accepted.
         DatasetError: If a recording cannot be made.
     """
-    from trials.execution.jobs import Recording
-    from trials.execution.runner import NO_LABELS, record_all
-
     overrides = (*NO_LABELS, *design.overrides)
     drives = [Recording(x, seed, overrides, design.disturb) for x, seed in design.sequences]
+    for x in drives:  # refuses now what a worker would refuse
+        recording_settings(x.scene, x.seed, x.overrides, None, x.disturb)
     folders: dict[int, Path] = {}
     for row, folder in record_all(drives, cache):
         folders[row] = folder
