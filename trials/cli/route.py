@@ -97,8 +97,8 @@ def _route_model(out: Path, model: ModelOptions, seed: int) -> None:
     found = judge(studies, during, before)
     draw(out, studies, during, rng)
     settings = {"drives": model.drives, "share": model.share, "lead_s": model.lead, "seed": seed}
-    settings["map"] = model.map_file and str(model.map_file)
-    write_summary(out, settings, during, found)
+    map_file = {"map": model.map_file and str(model.map_file)}
+    write_summary(out, {**settings, **map_file}, during, found)
     for verdict in found:
         answer = "holds" if verdict.holds else "DOES NOT HOLD"
         console.out.print(f"{verdict.claim}: {answer} ({verdict.because})", markup=False)

@@ -181,9 +181,8 @@ def _type(annotation: Any) -> str:
         return f"list of {_type(parts[0])}"
     if origin is not None:
         return "table"
-    return {"str": "text", "bool": "true | false", "Path": "file"}.get(
-        annotation.__name__, annotation.__name__
-    )
+    name = str(annotation.__name__)
+    return {"str": "text", "bool": "true | false", "Path": "file"}.get(name, name)
 
 
 def _toml(value: Any) -> str:

@@ -9,6 +9,7 @@ Student's t are in docs/decisions/0015.
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy import stats
@@ -140,7 +141,8 @@ def detectable(error: float, degrees: int, level: float, power: float) -> float:
     def shortfall(noncentrality: float) -> float:
         return float(stats.nct.sf(critical, degrees, noncentrality)) - power
 
-    return error * float(brentq(shortfall, 0.0, critical + 40.0, xtol=1e-14))
+    root: Any = brentq(shortfall, 0.0, critical + 40.0, xtol=1e-14)
+    return error * float(root)
 
 
 def newly_lost(before: Sequence[bool], after: Sequence[bool]) -> tuple[int, int, float]:

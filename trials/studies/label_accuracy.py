@@ -46,9 +46,11 @@ def measure_labels(scenes: Sequence[str], seed: int, bar: ProgressBar = no_progr
     """Compare labels, blur and sensors with independent computations, one row a figure."""
     rows: list[Row] = []
     for name in scenes:
-        found = (*_geometry(name, seed), *_sensors(name, seed, bar))
-        rows += [(label, name, *rest) for label, *rest in found]
-    return [*rows, *((*what, *rest) for what, *rest in (*_outlines(), *_blur(seed)))]
+        figures = (*_geometry(name, seed), *_sensors(name, seed, bar))
+        rows += [(label, name, found, promised, holds) for label, found, promised, holds in figures]
+    for label, found, promised, holds in (*_outlines(), *_blur(seed)):
+        rows.append((*label, found, promised, holds))
+    return rows
 
 
 def _geometry(scene: str, seed: int) -> list[tuple[str, str, str, bool]]:
