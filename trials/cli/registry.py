@@ -32,99 +32,42 @@ class Entry:
 PANELS: dict[str, dict[str, tuple[str, str]]] = {
     "Datasets": {
         "scenes": ("List scenes and disturbances.", ""),
-        "preview": (
-            "Render pictures of a scene before it is recorded.",
-            "brick_court --out preview.png",
-        ),
-        "generate": (
-            "Record datasets with exact labels.",
-            "brick_court --out court --seed 7 --set drive.distance_m=20",
-        ),
+        "preview": ("Render pictures of a scene.", "brick_court --out preview.png"),
+        "generate": ("Record datasets.", "brick_court --out court --set drive.distance_m=20"),
         "verify": ("Verify the hashes and the certificate of a dataset.", "court"),
     },
     "Estimators": {
-        "run": (
-            "Run an estimator over a dataset.",
-            "court --out court.txt --estimator corner_flow",
-        ),
+        "run": ("Run an estimator.", "court --out court.txt --estimator corner_flow"),
         "score": ("Compare trajectories with the ground truth.", "court court.txt --json"),
         "report": ("Write an HTML report of runs.", "court court.txt --out court.html"),
-        "explain": (
-            "Attribute the drift to the stages of an estimator.",
-            "--scene brick_court --seeds 3",
-        ),
-        "gate": (
-            "Compare an estimator with a stored baseline.",
-            "check --baseline gate.json --estimator my_vo:MyOdometry",
-        ),
-        "gate check": (
-            "Decide whether an estimator has regressed against a baseline.",
-            "--baseline gate.json --estimator my_vo:MyOdometry",
-        ),
-        "gate update": (
-            "Measure an estimator and write the baseline.",
-            "--baseline gate.json --scenes all --seeds 2",
-        ),
-        "gate plan": (
-            "Compute how many sequences it takes to find a change of drift.",
-            "5% --baseline gate.json --estimator my_vo:MyOdometry",
-        ),
-        "gate power": (
-            "Simulate false alarm rate and power of the decision.",
-            "--repetitions 1000",
-        ),
+        "explain": ("Attribute drift to stages.", "--scene brick_court --seeds 3"),
+        "gate": ("Compare with a stored baseline.", "check --baseline gate.json"),
+        "gate check": ("Decide whether an estimator has regressed.", "--baseline gate.json"),
+        "gate update": ("Write a baseline.", "--baseline gate.json --scenes all --seeds 2"),
+        "gate plan": ("Compute how many sequences find a change.", "5% --baseline gate.json"),
+        "gate power": ("Simulate false alarm rate and power.", "--repetitions 1000"),
     },
     "Navigation": {
-        "drive": (
-            "Drive to goals with each source of localization, and compare.",
-            "office --localization truth,wheels,vo --worlds 10",
-        ),
-        "route": ("Compare static with dynamic routing of an urgent vehicle.", "--out routing"),
+        "drive": ("Compare sources of localization.", "office --localization truth,vo --worlds 10"),
+        "route": ("Compare static with dynamic routing of a vehicle.", "--out routing"),
     },
     "Studies and measurements": {
-        "accuracy": (
-            "Measure the drift of the default settings on many drives.",
-            "--scenes office,meadow --seeds 2 --distance 4",
-        ),
-        "stress": (
-            "Raise a disturbance until an estimator fails.",
-            "exposure --estimator corner_flow",
-        ),
-        "response": (
-            "Measure the drift that every disturbance and scene causes.",
-            "--only blur,office",
-        ),
+        "accuracy": ("Measure the drift of the default settings.", "--scenes office --seeds 2"),
+        "stress": ("Raise a disturbance until an estimator fails.", "noise --seeds 2"),
+        "response": ("Measure the drift of every disturbance and scene.", "--only blur,office"),
         "experiment": ("Test claims of the thesis.", "E1,E3"),
-        "label-accuracy": (
-            "Compare labels, blur and sensors with independent computations.",
-            "--scenes brick_court",
-        ),
-        "point-world": (
-            "Compare the estimator with the Cramér-Rao bound on noisy points.",
-            "--worlds 50",
-        ),
-        "bump": (
-            "Draw how a brick under a wheel shows in every channel.",
-            "--scene office --out bump.png",
-        ),
+        "label-accuracy": ("Verify labels, blur and sensors.", "--scenes brick_court"),
+        "point-world": ("Compare with the Cramér-Rao bound on noisy points.", "--worlds 50"),
+        "bump": ("Draw a brick under a wheel in every channel.", "--scene office --out bump.png"),
         "bench": ("Measure the speed of generator and estimators.", "--quick"),
-        "replanning": ("Compare the time of D* Lite with that of A* on a grid.", "--changes 50"),
-        "trial-speed": ("Measure the steps per second of a navigation environment.", "warehouse"),
-        "trial-memory": (
-            "Measure the memory of an environment over many resets.",
-            "turntable --resets 1000",
-        ),
-        "trial-film": (
-            "Film a navigation trial with each source of localization.",
-            "trial.webp --scene office --layout 3",
-        ),
+        "replanning": ("Compare the time of D* Lite with that of A*.", "--changes 50"),
+        "trial-speed": ("Measure the speed of a navigation environment.", "warehouse"),
+        "trial-memory": ("Measure memory over many resets.", "turntable --resets 1000"),
+        "trial-film": ("Film a navigation trial.", "trial.webp --scene office --layout 3"),
     },
     "Help and installation": {
         "demo": ("Generate, estimate, score and report one drive.", ""),
-        "settings": (
-            "List settings with type, default, unit, range and description.",
-            "estimator matching",
-        ),
+        "settings": ("List settings with unit, default and range.", "estimator matching"),
         "systems": ("Install odometry systems of other authors.", "install orbslam3"),
         "systems list": ("List the systems.", ""),
         "systems install": ("Install a system into an environment of its own.", "orbslam3"),
