@@ -103,9 +103,8 @@ def find_scene(name: str) -> SceneBuilder:
         return SceneBuilder(custom.TESTS, Settings, lambda *_: custom.load_scene(name))
     if name not in SCENES:
         valid = ", ".join(sorted(SCENES))
-        raise SettingsError(
-            f"unknown scene {name}; valid: {valid}, an MJCF file, or module:function"
-        )
+        choices = f"{valid}, an MJCF file, or module:function"
+        raise SettingsError(f"unknown scene {name}; valid: {choices}")
     return SCENES[name]
 
 

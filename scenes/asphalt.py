@@ -31,17 +31,14 @@ TILE_M = 0.5
 
 
 class Options(Settings):
-    """Options of the car park.
-
-    Attributes:
-        bays: Bays in each of the two rows.
-        parked: Share of the bays with a parked car.
-        wear: Wear of the markings: 0 fresh, 1 nearly gone.
-    """
+    """Options of the car park."""
 
     bays: Annotated[int, Field(ge=8, le=16)] = 10
+    """Bays in each of the two rows."""
     parked: Annotated[float, Field(ge=0, le=1)] = 0.5
+    """Share of the bays with a parked car."""
     wear: Annotated[float, Field(ge=0, le=1)] = 0.6
+    """Wear of the markings: 0 fresh, 1 nearly gone."""
 
 
 def build(rng: np.random.Generator, settings: Options) -> Scene:
@@ -55,9 +52,7 @@ def build(rng: np.random.Generator, settings: Options) -> Scene:
     ground = bake_ground(stage, light, half + 4, (rng, 0.10), 0.08)
     _lay_ground(ground, rng, half)
     _mark(ground, rng, settings)
-    return stage.scene(
-        TESTS, TAGS, light, sky.town_sky(rng), route=_route(rng), extent_m=half + 0.6
-    )
+    return stage.scene(TESTS, TAGS, light, sky.town_sky(rng), route=_route(rng), reach_m=half + 0.6)
 
 
 def _route(rng: np.random.Generator) -> Array:

@@ -30,21 +30,18 @@ BRICK_THICKNESS_M = 0.06
 
 
 class Options(Settings):
-    """Options of the court.
-
-    Attributes:
-        length_m: Size of the paving along x.
-        width_m: Size of the paving along y.
-        height_std_mm: Standard deviation of the bricks' heights, which are clipped at twice this.
-        gap_mm: Width of the joints.
-        bond: Laying pattern.
-    """
+    """Options of the court."""
 
     length_m: Annotated[float, Field(ge=9, le=20)] = 12.0
+    """Size of the paving along x, m."""
     width_m: Annotated[float, Field(ge=7, le=16)] = 9.0
+    """Size of the paving along y, m."""
     height_std_mm: Annotated[float, Field(ge=0, le=5)] = 2.0
+    """Standard deviation of the bricks' heights, which are clipped at twice this, mm."""
     gap_mm: Annotated[float, Field(ge=1, le=12)] = 4.0
+    """Width of the joints, mm."""
     bond: Bond = "herringbone"
+    """Laying pattern: herringbone or running."""
 
 
 def build(rng: np.random.Generator, settings: Options) -> Scene:
@@ -53,9 +50,8 @@ def build(rng: np.random.Generator, settings: Options) -> Scene:
     sand_m = -(2.5 * settings.height_std_mm + 1.5) / 1e3  # below the lowest corner of a brick
     half = np.array([settings.length_m, settings.width_m]) / 2
     cells = (round(settings.length_m / MODULE_M), round(settings.width_m / MODULE_M))
-    paving = lay(
-        rng, cells, MODULE_M, settings.gap_mm / 1e3, settings.height_std_mm / 1e3, settings.bond
-    )
+    gap, deviation = settings.gap_mm / 1e3, settings.height_std_mm / 1e3
+    paving = lay(rng, cells, MODULE_M, gap, deviation, settings.bond)
     route = _route(rng, half)
     gap_m = np.linalg.norm(paving.centre[:, None, :2] - route[None, ::2], axis=-1).min(axis=1)
     light = sun(rng)
@@ -70,7 +66,7 @@ def build(rng: np.random.Generator, settings: Options) -> Scene:
     stage.floor(sand_m)
     _add_collision(stage, paving.select(gap_m < SWATH_M))
     return stage.scene(
-        TESTS, TAGS, light, sky.town_sky(rng), route=route, extent_m=half + 0.6, floor_m=None
+        TESTS, TAGS, light, sky.town_sky(rng), route=route, reach_m=half + 0.6, floor_m=None
     )
 
 
@@ -179,9 +175,8 @@ def _pave(ground: Ground, rng: np.random.Generator, paving: Paving, gap_m: Array
     count = len(paving.centre)
     rects = stage.atlases["paving"].pick(rng, count)
     turned = rng.random(count) < 0.5
-    probes = paving.centre[:, None, :2] + paving.reach[:, None] * np.array(
-        [[0, 0], [1, 1], [1, -1], [-1, 1], [-1, -1]]
-    )
+    probe = np.array([[0, 0], [1, 1], [1, -1], [-1, 1], [-1, -1]])
+    probes = paving.centre[:, None, :2] + paving.reach[:, None] * probe
     key = ground.baked.at(probes.reshape(-1, 2))[0].reshape(count, -1)
     fine = np.ptp(key, axis=1) > 0.15
     near = gap_m < FLANKS_M
@@ -205,9 +200,8 @@ def _pave(ground: Ground, rng: np.random.Generator, paving: Paving, gap_m: Array
 
 def _add_collision(stage: Stage, near: Paving) -> None:
     """Give each brick a collision box with the pose of its drawing."""
-    for k, (centre, reach, slope) in enumerate(
-        zip(near.centre, near.reach, near.slope, strict=True)
-    ):
+    bricks = zip(near.centre, near.reach, near.slope, strict=True)
+    for k, (centre, reach, slope) in enumerate(bricks):
         tilt = np.array([1, slope[1] / 2, -slope[0] / 2, 0])  # small turn that lifts along slope
         normal = np.array([-slope[0], -slope[1], 1]) / np.sqrt(1 + slope @ slope)
         centre_m = centre - normal * BRICK_THICKNESS_M / 2

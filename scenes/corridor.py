@@ -6,12 +6,12 @@ import numpy as np
 from pydantic import Field
 
 from scenes.geometry.mesh import box
-from scenes.geometry.place import Place, local
+from scenes.geometry.place import local
 from scenes.geometry.routes import rounded_loop
 from scenes.lighting.baked_light import Light
 from scenes.lighting.lamps import Lamplight
 from scenes.objects.props import potted_plant
-from scenes.pen import Pen
+from scenes.pen import Pen, piece
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage
 from scenes.structures import interior
@@ -33,19 +33,16 @@ LEAVES = ((96, 118, 138), (162, 126, 88), (120, 132, 112), (176, 174, 168))
 
 
 class Options(Settings):
-    """Options of the corridor.
-
-    Attributes:
-        length_m: Length of the long arms, between the outer walls.
-        width_m: Length of the short arms, between the outer walls.
-        arm_m: Width of the corridor.
-        doors: Share of the places for doors that have one.
-    """
+    """Options of the corridor."""
 
     length_m: Annotated[float, Field(ge=13, le=30)] = 14.5
+    """Length of the long arms, between the outer walls, m."""
     width_m: Annotated[float, Field(ge=7, le=20)] = 7.8
+    """Length of the short arms, between the outer walls, m."""
     arm_m: Annotated[float, Field(ge=1.7, le=2.6)] = 2.0
+    """Width of the corridor, m."""
     doors: Annotated[float, Field(ge=0, le=1)] = 0.8
+    """Share of the places for doors that have one."""
 
 
 def build(rng: np.random.Generator, settings: Options) -> Scene:
@@ -72,7 +69,7 @@ def build(rng: np.random.Generator, settings: Options) -> Scene:
     light = _lamps(rng)
     lamps = Lamplight(panels, np.full(len(panels), PANEL_POWER), stage.occluders, light)
     route = rounded_loop(_corners(middle), radius_m=0.65)
-    return stage.scene(TESTS, TAGS, light, bake=lamps.bake, route=route, extent_m=half + 0.15)
+    return stage.scene(TESTS, TAGS, light, bake=lamps.bake, route=route, reach_m=half + 0.15)
 
 
 def _corners(middle: Array) -> Array:
@@ -105,16 +102,14 @@ def _lamps(rng: np.random.Generator) -> Light:
 def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
     """Define the materials."""
     symbols = prints.pictograms(160)
-    textures = {
-        "posters": prints.posters(rng, 8, (280, 200)),
-        "signs": np.concatenate([prints.door_signs(rng, 14, 160), symbols[:1]]),
-        "signs_lit": symbols[1:],
-    }
+    posters = prints.posters(rng, 8, (280, 200))
+    plates = np.concatenate([prints.door_signs(rng, 14, 160), symbols[:1]])
     stage.material("floor", floor.linoleum(rng, 2048, FLOORS[rng.integers(len(FLOORS))]))
     tint = np.array((214, 212, 204)) * rng.uniform(0.96, 1.02, 3)
     stage.material("wall", masonry.painted_wall(rng, (1024, 1024), (tint[0], tint[1], tint[2])))
-    for name, images in textures.items():
-        stage.material(name, images, 0.5 if name == "signs_lit" else 0.0)
+    stage.material("posters", posters)
+    stage.material("signs", plates)
+    stage.material("signs_lit", symbols[1:], 0.5)
     leaf = np.array(LEAVES[rng.integers(len(LEAVES))])
     stage.material("leaf", masonry.painted_wall(rng, (512, 512), (leaf[0], leaf[1], leaf[2])), 0.12)
     stage.material("frame", timber.painted(rng, (256, 256), (116, 120, 124)), 0.1)
@@ -165,8 +160,7 @@ def _furnish(stage: Stage, name: str, rng: np.random.Generator, run: Run, doors:
         if rng.random() < doors:
             sign = signs[rng.integers(len(signs) - 1)]
             interior.door(stage, f"door_{name}_{k}", wall, rng, spot, sign)
-            with stage.object(f"switch_{name}_{k}"):
-                _switch(stage, wall, spot + 0.72)
+            _switch(stage, f"switch_{name}_{k}", wall, spot + 0.72)
         beside = float(along + pitch / 2 + rng.uniform(-0.1, 0.1))
         if beside > length - margin or pitch < 2.4:
             continue
@@ -186,13 +180,13 @@ def _fill_corners(stage: Stage, rng: np.random.Generator, half: Array) -> None:
         else:
             interior.radiator(stage, f"radiator_{k}", wall, 0.75 + rng.uniform(0, 0.2))
         for j, along in enumerate((0.9, length - 0.9)):
-            with stage.object(f"switch_corner_{k}_{j}"):
-                _switch(stage, wall, along + 0.5 * (1 - 2 * j) + rng.uniform(-0.1, 0.1))
+            spot = along + 0.5 * (1 - 2 * j) + rng.uniform(-0.1, 0.1)
+            _switch(stage, f"switch_corner_{k}_{j}", wall, spot)
 
 
-def _switch(stage: Stage, wall: Place, along_m: float) -> None:
+@piece
+def _switch(put: Pen, along_m: float) -> None:
     """Put a light switch at 1.05 m and a socket at 0.3 m on a wall."""
-    put = Pen(stage, wall)
     for z in (0.3, 1.05):
         put("panel", box((along_m, -0.006, z), (0.08, 0.012, 0.08)))
         put("frame", box((along_m, -0.013, z), (0.05, 0.004, 0.05)))

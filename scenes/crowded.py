@@ -8,7 +8,7 @@ from pydantic import Field
 from scenes.geometry.mesh import box, patch, tube
 from scenes.geometry.place import Place, local
 from scenes.geometry.routes import rounded_loop
-from scenes.lighting.baked_light import Light, hall_light
+from scenes.lighting.baked_light import hall_light
 from scenes.objects import people
 from scenes.objects.furniture import bin_, cabinet
 from scenes.objects.people import Crossing, Lap, Walk
@@ -43,18 +43,15 @@ LAPS = 12
 
 
 class Options(Settings):
-    """Options of the hall.
-
-    Attributes:
-        walkers: Number of pedestrians in lanes beside the route.
-        crossers: Number of pedestrians that cross the route a few metres ahead of a rover that
-            drives the default route at 0.3 m/s; use 0 for another drive, or they may hit it.
-        pace: Factor on the speed of all movers.
-    """
+    """Options of the hall."""
 
     walkers: Annotated[int, Field(ge=0, le=18)] = 9
+    """Number of pedestrians in lanes beside the route."""
     crossers: Annotated[int, Field(ge=0, le=6)] = 3
+    """Number of pedestrians that cross the route a few metres ahead of a rover that drives the
+    default route at 0.3 m/s; use 0 for another drive, or they may hit it."""
     pace: Annotated[float, Field(gt=0, le=2)] = 1.0
+    """Factor on the speed of all movers."""
 
 
 def build(rng: np.random.Generator, settings: Options) -> Scene:
@@ -66,10 +63,12 @@ def build(rng: np.random.Generator, settings: Options) -> Scene:
     _columns(stage)
     _furnish(stage, rng)
     with stage.object("floor", Kind.GROUND):
-        _floor(stage, rng, light)
+        corners = quads((-16 * TILE_M, -12 * TILE_M), (16 * TILE_M, 12 * TILE_M), TILE_M / 2)
+        ground = bake_ground(stage, light, HALF_M, (rng, 0.16))
+        ground.draw("floor", level(corners, tiled(rng, corners, TILE_M, stage.atlases["floor"])))
     route = _loop(0.0)
     _add_movers(stage, rng, route, settings)
-    return stage.scene(TESTS, TAGS, light, route=route, extent_m=HALF_M + 0.2)
+    return stage.scene(TESTS, TAGS, light, route=route, reach_m=HALF_M + 0.2)
 
 
 def _loop(outward_m: float) -> Array:
@@ -232,10 +231,3 @@ def _kiosk(stage: Stage, name: str, rng: np.random.Generator, place: Place) -> N
         rect = posters.rects[(int(rng.integers(posters.count)) + k) % posters.count]
         stage.draw("posters", sheet.textured(rect).moved((x, y, 0.0), turn))
     stage.obstacle(name, (x, y, 1.1), (0.5, 0.5, 2.2))
-
-
-def _floor(stage: Stage, rng: np.random.Generator, light: Light) -> None:
-    """Lay terrazzo tiles, each of a random variant and turn."""
-    corners = quads((-16 * TILE_M, -12 * TILE_M), (16 * TILE_M, 12 * TILE_M), TILE_M / 2)
-    ground = bake_ground(stage, light, HALF_M, (rng, 0.16))
-    ground.draw("floor", level(corners, tiled(rng, corners, TILE_M, stage.atlases["floor"])))

@@ -36,17 +36,14 @@ EPISODES = 48
 
 
 class Options(Settings):
-    """Options of the yard.
-
-    Attributes:
-        level: Mean illuminance over that of a sunny scene.
-        flicker: Depth of the mains flicker, as a share of the mean.
-        unrest: Depth to which lamps dim and recover over seconds; 0 keeps them constant.
-    """
+    """Options of the yard."""
 
     level: Annotated[float, Field(gt=0, le=1)] = 0.035
+    """Mean illuminance over that of a sunny scene."""
     flicker: Annotated[float, Field(ge=0, le=1)] = 0.4
+    """Depth of the mains flicker, as a share of the mean."""
     unrest: Annotated[float, Field(ge=0, le=1)] = 0.6
+    """Depth to which lamps dim and recover over seconds; 0 keeps them constant."""
 
 
 def build(rng: np.random.Generator, settings: Options) -> Scene:
@@ -62,8 +59,9 @@ def build(rng: np.random.Generator, settings: Options) -> Scene:
         stage.draw("flags", level(corners, tiled(rng, corners, FLAG_M, stage.atlases["flags"])))
     light = _evening()
     places, powers = (np.array(values) for values in zip(*lamps, strict=True))
-    bake, night = Lamplight(places, powers, stage.occluders, light).bake, _evening_sky(rng)
-    scene = stage.scene(TESTS, TAGS, light, night, bake, route=_route(rng), extent_m=HALF_M + 0.4)
+    bake, dim = Lamplight(places, powers, stage.occluders, light).bake, sky.town_sky(rng) / 255
+    night = (255 * dim**1.3 * np.array([0.30, 0.33, 0.44])).astype(np.uint8)
+    scene = stage.scene(TESTS, TAGS, light, night, bake, route=_route(rng), reach_m=HALF_M + 0.4)
     return replace(scene, brightness=_brightness(rng, settings))
 
 
@@ -108,12 +106,6 @@ def _evening() -> Light:
         fill_rgb=np.array([0.075, 0.088, 0.115]),
         ambient_rgb=np.array([0.055, 0.06, 0.072]),
     )
-
-
-def _evening_sky(rng: np.random.Generator) -> Array:
-    """Dim the town sky to that after sunset."""
-    dim = sky.town_sky(rng).astype(float) / 255
-    return (255 * dim**1.3 * np.array([0.30, 0.33, 0.44])).astype(np.uint8)
 
 
 def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
@@ -225,7 +217,7 @@ def _furnish(stage: Stage, rng: np.random.Generator) -> None:
         place: Place = (px, py, rng.uniform(0, 3))
         with stage.object(f"pallet_{k}"):
             load(stage, rng, place, 0.0)
-        stage.solid(f"pallet_{k}", place, (1.2, 0.8, 0.9), shadow=False)
+        Pen(stage, place, f"pallet_{k}").solid((1.2, 0.8, 0.9), shadow=False)
     for k, (px, py) in enumerate(((-x + 0.5, y - 0.5), (x - 0.45, -y + 0.5), (x - 0.5, 0.1 * y))):
         cone(stage, f"cone_{k}", (px, py, rng.uniform(0, 1.5)))
     with stage.object("markings", Kind.GROUND):

@@ -30,17 +30,14 @@ ISLAND_M = np.array([1.1, 0.9])
 
 
 class Options(Settings):
-    """Options of the laboratory.
-
-    Attributes:
-        radius_m: Of the circle around the table in the middle.
-        laps: Number of rounds of the route.
-        clutter: Share of the places on the benches that are filled.
-    """
+    """Options of the laboratory."""
 
     radius_m: Annotated[float, Field(ge=1.3, le=1.6)] = 1.45
+    """Of the circle around the table in the middle, m."""
     laps: Annotated[int, Field(ge=1, le=12)] = 4
+    """Number of rounds of the route."""
     clutter: Annotated[float, Field(ge=0, le=1)] = 0.85
+    """Share of the places on the benches that are filled."""
 
 
 def build(rng: np.random.Generator, settings: Options) -> Scene:
@@ -62,7 +59,7 @@ def build(rng: np.random.Generator, settings: Options) -> Scene:
         for px in (-1.6, 1.6):
             for py in (-1.3, 1.3):
                 interior.ceiling_panel(stage, np.array([px, py, HEIGHT_M]), (1.2, 0.3))
-    return stage.scene(TESTS, TAGS, light, route=_route(rng, settings), extent_m=HALF_M + 0.15)
+    return stage.scene(TESTS, TAGS, light, route=_route(rng, settings), reach_m=HALF_M + 0.15)
 
 
 def _route(rng: np.random.Generator, settings: Options) -> Array:

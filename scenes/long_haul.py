@@ -29,17 +29,14 @@ HALF_M = np.array([46.0, 29.0])
 
 
 class Options(Settings):
-    """Options of the block.
-
-    Attributes:
-        length_m: Length of the route.
-        trees: Number of trees.
-        houses: Share of the places for houses that are built up.
-    """
+    """Options of the block."""
 
     length_m: Annotated[float, Field(ge=290, le=320)] = 305.0
+    """Length of the route, m."""
     trees: Annotated[int, Field(ge=0, le=80)] = 38
+    """Number of trees."""
     houses: Annotated[float, Field(ge=0, le=1)] = 0.8
+    """Share of the places for houses that are built up."""
 
 
 class _Plots:
@@ -88,7 +85,7 @@ def build(rng: np.random.Generator, settings: Options) -> Scene:
         lawn(ground, rng, ribbon)
     route = ribbon.route
     around = (*(route.min(axis=0) - 8), *(route.max(axis=0) + 8))
-    return stage.scene(TESTS, TAGS, light, sky.town_sky(rng), route=route, extent_m=around)
+    return stage.scene(TESTS, TAGS, light, sky.town_sky(rng), route=route, reach_m=around)
 
 
 def _route(rng: np.random.Generator, length_m: float) -> Array:

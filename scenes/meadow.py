@@ -32,17 +32,14 @@ PALETTE = np.array(
 
 
 class Options(Settings):
-    """Options of the meadow.
-
-    Attributes:
-        path_m: Width of the mown path.
-        grass_m: Mean height of the tall grass.
-        density: Number of blades relative to the default.
-    """
+    """Options of the meadow."""
 
     path_m: Annotated[float, Field(ge=1.0, le=3.0)] = 1.3
+    """Width of the mown path, m."""
     grass_m: Annotated[float, Field(ge=0.08, le=0.6)] = 0.26
+    """Mean height of the tall grass, m."""
     density: Annotated[float, Field(ge=0.1, le=2.0)] = 1.0
+    """Number of blades relative to the default."""
 
 
 class _Land:
@@ -82,7 +79,7 @@ def build(rng: np.random.Generator, settings: Options) -> Scene:
     with stage.object("flowers"):
         _flowers(ground, rng, land, half)
     return stage.scene(
-        TESTS, TAGS, light, sky.town_sky(rng, houses=0.08), route=route, extent_m=half - 2
+        TESTS, TAGS, light, sky.town_sky(rng, houses=0.08), route=route, reach_m=half - 2
     )
 
 

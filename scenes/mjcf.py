@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 
 from scenes.geometry.mesh import Mesh
-from vo.contract.arrays import Array, Image
+from vo.contract.arrays import Image
 
 
 def add_texture(spec: mujoco.MjSpec, name: str, image: Image, cube: bool = False) -> None:
@@ -28,9 +28,10 @@ def add_mesh_geom(
 ) -> None:
     """Add a mesh and a geom of `name` that shows it and does not collide; "" is no material."""
     added = spec.add_mesh(name=name, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
-    added.uservert = _flat(mesh.points)
-    added.usernormal = _flat(mesh.normals)
-    added.usertexcoord = _flat(mesh.uv)
+    added.uservert, added.usernormal, added.usertexcoord = (
+        np.ascontiguousarray(values, dtype=np.float32).ravel()
+        for values in (mesh.points, mesh.normals, mesh.uv)
+    )
     corners = mesh.faces.astype(np.int32).ravel()
     added.userface = added.userfacenormal = added.userfacetexcoord = corners
     geom = body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, group=group)
@@ -45,7 +46,3 @@ def set_view(spec: mujoco.MjSpec) -> None:
     spec.visual.map.znear = 0.03
     spec.visual.map.zfar = 80.0
     spec.visual.quality.offsamples = 4
-
-
-def _flat(values: Array) -> Array:
-    return np.ascontiguousarray(values, dtype=np.float32).ravel()

@@ -12,7 +12,7 @@ from scenes.geometry.routes import rounded_loop
 from scenes.lighting.baked_light import Light, lamp
 from scenes.objects import furniture
 from scenes.objects.props import potted_plant
-from scenes.pen import Pen
+from scenes.pen import Pen, piece
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage
 from scenes.structures.ground import bake_ground
@@ -28,17 +28,14 @@ ROOM_HEIGHT_M = 2.7
 
 
 class Options(Settings):
-    """Options of the office.
-
-    Attributes:
-        length_m: Size of the room along x.
-        width_m: Size of the room along y.
-        clutter: Share of the places along the walls that are filled.
-    """
+    """Options of the office."""
 
     length_m: Annotated[float, Field(ge=12, le=20)] = 13.0
+    """Size of the room along x, m."""
     width_m: Annotated[float, Field(ge=8.5, le=14)] = 9.0
+    """Size of the room along y, m."""
     clutter: Annotated[float, Field(ge=0, le=1)] = 0.85
+    """Share of the places along the walls that are filled."""
 
 
 def build(rng: np.random.Generator, settings: Options) -> Scene:
@@ -53,7 +50,7 @@ def build(rng: np.random.Generator, settings: Options) -> Scene:
     _along_walls(stage, rng, half, settings.clutter)
     with stage.object("carpet", Kind.GROUND):
         _carpet(stage, rng, half, light)
-    return stage.scene(TESTS, TAGS, light, route=_route(rng, half), extent_m=half + 0.2)
+    return stage.scene(TESTS, TAGS, light, route=_route(rng, half), reach_m=half + 0.2)
 
 
 def _route(rng: np.random.Generator, half: Array) -> Array:
@@ -117,15 +114,13 @@ def _walls(stage: Stage, rng: np.random.Generator, half: Array) -> None:
                 low = rng.uniform(0.55, 1.2)
                 sheet = box((place + 0.25, -0.004, low + 0.42), (0.6, 0.006, 0.84))
                 put.cell("posters", rng, sheet)
-    with stage.object("door"):
-        _door(stage, rng, (-x, -y, np.pi / 2), y)
-    with stage.object("windows"):
-        _windows(stage, (-x, y, 0.0), 2 * x)
+    _door(stage, "door", (-x, -y, np.pi / 2), rng, y)
+    _windows(stage, "windows", (-x, y, 0.0), 2 * x)
 
 
-def _windows(stage: Stage, wall: Place, length_m: float) -> None:
+@piece
+def _windows(put: Pen, length_m: float) -> None:
     """Glaze a wall from 0.95 m up, in bays of 2.4 m."""
-    put = Pen(stage, wall)
     for middle in np.arange(1.5, length_m - 1.2, 2.4):
         put("glass", box((middle, -0.006, 1.65), (1.9, 0.008, 1.36)))
         for dx in (-0.95, 0.0, 0.95):
@@ -134,8 +129,9 @@ def _windows(stage: Stage, wall: Place, length_m: float) -> None:
             put("panel", box((middle, -0.022, 1.65 + dz), (1.96, 0.05, 0.06), (1.0, 1.0)))
 
 
-def _door(stage: Stage, rng: np.random.Generator, wall: Place, along_m: float) -> None:
-    put = Pen(stage, wall)
+@piece
+def _door(put: Pen, rng: np.random.Generator, along_m: float) -> None:
+    """Hang a door in a frame on a wall."""
     put("oak", box((along_m, -0.012, 1.03), (0.92, 0.02, 2.06), (1.2, 2.2), rng.random(2)))
     for side in (-0.5, 0.5):
         put("steel", box((along_m + side, -0.02, 1.06), (0.08, 0.04, 2.12), (0.5, 0.5)))
@@ -175,9 +171,8 @@ def _along_walls(stage: Stage, rng: np.random.Generator, half: Array, clutter: f
 
 def _piece(stage: Stage, name: str, rng: np.random.Generator, wall: Place) -> None:
     """Stand one random piece against the wall at a place on it."""
-    kind = rng.choice(
-        ["books", "cabinet", "cartons", "plant", "board"], p=[0.42, 0.2, 0.18, 0.13, 0.07]
-    )
+    kinds = ["books", "cabinet", "cartons", "plant", "board"]
+    kind = rng.choice(kinds, p=[0.42, 0.2, 0.18, 0.13, 0.07])
     if kind == "plant":
         potted_plant(stage, name, rng, local(wall, 0, -0.25)[:2])
     elif kind == "board":
@@ -194,12 +189,9 @@ def _carpet(stage: Stage, rng: np.random.Generator, half: Array, light: Light) -
     for i, j in np.ndindex(*counts):
         corner = (i * TILE_M - half[0], j * TILE_M - half[1], 0.0)
         tile = patch(corner, (TILE_M, 0, 0), (0, TILE_M, 0), (5, 5))
-        tiles.append(_turned(tile, int(rng.integers(8))).textured(stage.pick("carpet", rng)))
+        turn = int(rng.integers(8))  # one of 8 turns and mirror images
+        uv = tile.uv[:, ::-1] if turn & 1 else tile.uv
+        flips = np.array([turn >> 1 & 1, turn >> 2 & 1])
+        tile = replace(tile, uv=flips + uv * (1 - 2 * flips))
+        tiles.append(tile.textured(stage.pick("carpet", rng)))
     bake_ground(stage, light, half).draw("carpet", merged(tiles))
-
-
-def _turned(tile: Mesh, turn: int) -> Mesh:
-    """Show the unit texture in one of its 8 turns and mirror images."""
-    uv = tile.uv[:, ::-1] if turn & 1 else tile.uv
-    flips = np.array([turn >> 1 & 1, turn >> 2 & 1])
-    return replace(tile, uv=flips + uv * (1 - 2 * flips))

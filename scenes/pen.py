@@ -39,14 +39,15 @@ class Pen:
 
     def solid(self, size: Vector, offset: Vector = (0.0, 0.0), shadow: bool = True) -> None:
         """Add the obstacle of (3,) full size that stands at a (2,) offset from the place."""
-        self.stage.solid(self.name, local(self.place, offset[0], offset[1]), size, shadow)
+        x, y, yaw = local(self.place, offset[0], offset[1])
+        self.stage.obstacle(self.name, (x, y, size[2] / 2), size, yaw, shadow)
 
     def shade(
         self, height_m: float, size: Vector, opacity: float = 1.0, offset: Vector = (0.0, 0.0)
     ) -> None:
         """Let a box of (3,) full size cast shadow, its middle at a height above an offset."""
-        place = local(self.place, offset[0], offset[1])
-        self.stage.occluder((place[0], place[1], height_m), size, place[2], opacity)
+        x, y, yaw = local(self.place, offset[0], offset[1])
+        self.stage.occluder((x, y, height_m), size, yaw, opacity)
 
 
 def one_object(

@@ -39,17 +39,14 @@ RAIL_Y_M = HALF_WIDTH_M - 0.08
 
 
 class Options(Settings):
-    """Options of the rise.
-
-    Attributes:
-        grade_percent: Grade of the slopes.
-        run_m: Length of each slope.
-        plateau_m: Length of the level part on top.
-    """
+    """Options of the rise."""
 
     grade_percent: Annotated[float, Field(ge=1, le=12)] = 7.0
+    """Grade of the slopes, %."""
     run_m: Annotated[float, Field(ge=3, le=10)] = 5.2
+    """Length of each slope, m."""
     plateau_m: Annotated[float, Field(ge=1, le=6)] = 2.8
+    """Length of the level part on top, m."""
 
 
 def build(rng: np.random.Generator, settings: Options) -> Scene:
@@ -63,14 +60,13 @@ def build(rng: np.random.Generator, settings: Options) -> Scene:
     _surround(stage, rng, half)
     for side, name in ((-1, "rail_right"), (1, "rail_left")):
         _rail(stage, name, slope, side * RAIL_Y_M)
-    ground = bake_ground(
-        stage, light, (half[0] + 3, half[1] + 4), (rng, 0.14), elevation=slope.elevation
-    )
+    reach = (half[0] + 3, half[1] + 4)
+    ground = bake_ground(stage, light, reach, (rng, 0.14), elevation=slope.elevation)
     _lay_slabs(ground, rng, slope, half)
     _lay_lawn(ground, rng, slope, half)
     slope.add_collision(stage, HALF_WIDTH_M + KERB_M[0])
     reach = (half[0] + 1.0, half[1] + 2.4)
-    scene = stage.scene(TESTS, TAGS, light, sky.town_sky(rng), route=_route(half), extent_m=reach)
+    scene = stage.scene(TESTS, TAGS, light, sky.town_sky(rng), route=_route(half), reach_m=reach)
     return replace(scene, elevation=slope.elevation)
 
 

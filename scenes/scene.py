@@ -43,11 +43,6 @@ class Thing:
     kind: Kind
 
 
-def steady(time_s: Array) -> Array:
-    """Return the nominal brightness, 1, at (...) times."""
-    return np.ones(np.shape(time_s))
-
-
 @dataclass(frozen=True)
 class Scene:
     """A buildable world with routes.
@@ -76,6 +71,6 @@ class Scene:
     tags: frozenset[str] = field(default_factory=frozenset[str])
     things: Mapping[str, Thing] = field(default_factory=dict[str, Thing])
     movers: Mapping[str, Motion] = field(default_factory=dict[str, Motion])
-    brightness: Callable[[Array], Array] = steady
+    brightness: Callable[[Array], Array] = lambda time_s: np.ones(np.shape(time_s))
     elevation: Callable[[Array], Array] = lambda xy: np.zeros(np.shape(xy)[:-1])
     source: str = ""

@@ -15,8 +15,7 @@ from scenes.pen import Pen
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage
 from scenes.structures import interior
-from scenes.structures.courses import coursed
-from scenes.structures.ground import bake_ground, level, quads, tiled
+from scenes.structures.ground import bake_ground, coursed, level, quads, tiled
 from scenes.structures.interior import WALL_M, sides
 from scenes.structures.thresholds import bridged_cable, cable, rug, sill
 from scenes.surfaces import floor, greenery, masonry, prints, signs, sky, textile, timber
@@ -38,19 +37,16 @@ TILE_M = {"carpet": 0.5, "felt": 0.5, "stone": 0.3, "terrazzo": 0.4}
 
 
 class Options(Settings):
-    """Options of the rooms.
-
-    Attributes:
-        sill_mm: Height of the highest sill; the lowest has five eighths of it.
-        ramp_mm: Height of the cable ramps.
-        cable_mm: Thickness of cables that lie bare.
-        rug_mm: Thickness of the rugs.
-    """
+    """Options of the rooms."""
 
     sill_mm: Annotated[float, Field(gt=0, le=12)] = 8.0
+    """Height of the highest sill, mm; the lowest has five eighths of it."""
     ramp_mm: Annotated[float, Field(gt=0, le=10)] = 6.0
+    """Height of the cable ramps, mm."""
     cable_mm: Annotated[float, Field(gt=0, le=8)] = 5.0
+    """Thickness of cables that lie bare, mm."""
     rug_mm: Annotated[float, Field(gt=0, le=8)] = 4.0
+    """Thickness of the rugs, mm."""
 
 
 def build(rng: np.random.Generator, settings: Options) -> Scene:
@@ -63,7 +59,7 @@ def build(rng: np.random.Generator, settings: Options) -> Scene:
     _furnish(stage, rng)
     _thresholds(stage, rng, settings)
     _floors(stage, rng, light)
-    return stage.scene(TESTS, TAGS, light, route=_route(), extent_m=HALF_M + 0.2)
+    return stage.scene(TESTS, TAGS, light, route=_route(), reach_m=HALF_M + 0.2)
 
 
 def _route() -> Array:
@@ -157,9 +153,8 @@ def _partitions(stage: Stage) -> None:
                 lintel = (door, 0, HEIGHT_M - high / 2)
                 put("wall", box(lintel, (DOOR_M, WALL_M, high), (8.0, HEIGHT_M), bottom=True))
         for start, end in zip(edges[::2], edges[1::2], strict=True):
-            spot = local(wall, (start + end) / 2, 0.0)
-            size = (end - start, WALL_M, HEIGHT_M)
-            stage.solid(f"partition_{k}_{start:.0f}", spot, size)
+            size, middle = (end - start, WALL_M, HEIGHT_M), (start + end) / 2
+            Pen(stage, wall, f"partition_{k}_{start:.0f}").solid(size, (middle, 0.0))
         for door in doors:
             with stage.object(f"frame_{k}_{door:.0f}"):
                 for side in (-1, 1):

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from scenes.geometry.mesh import Mesh, Vector, cut_into_cells, merged
-from scenes.geometry.place import Place, extent
+from scenes.geometry.place import extent
 from scenes.lighting.baked_light import Light, shaded_normals
 from scenes.lighting.shadow import Occluder, occlusion, visibility
 from scenes.mjcf import add_material, add_mesh_geom, add_texture, set_view
@@ -142,10 +142,6 @@ class Stage:
         if shadow and self._body == WORLD:
             self.occluder(centre, size, yaw_rad)
 
-    def solid(self, name: str, place: Place, size: Vector, shadow: bool = True) -> None:
-        """Add the obstacle of (3,) full size that stands on the floor at a place."""
-        self.obstacle(name, (place[0], place[1], size[2] / 2), size, place[2], shadow)
-
     def collision(self, name: str, shape: mujoco.mjtGeom, **fields: Any) -> None:
         """Add a geom that only collides; `fields` are those of `MjsGeom`."""
         body = self._body_spec(self._body)
@@ -192,19 +188,19 @@ class Stage:
         bake: Bake | None = None,
         *,
         route: Array,
-        extent_m: Vector,
+        reach_m: Vector,
         floor_m: float | None = 0.0,
     ) -> Scene:
         """Finish the stage, with a collision plane at a height, and return it as a scene.
 
-        `tags` are separated by spaces; `route`, (N, 2) metres, is the default one; `extent_m` is
-        (4,) as in `Scene`, or (2,) half sizes about the origin. The others are as for `finish`.
+        `tags` are separated by spaces; `route`, (N, 2) metres, is the default one; `reach_m` is
+        `Scene.extent_m`, or (2,) half sizes about the origin. The others are as for `finish`.
         """
         if floor_m is not None:
             self.floor(floor_m)
         self.finish(light, sky, bake)
         routes, tag_set = {"default": route}, frozenset(tags.split())
-        world = (self.spec, routes, extent(extent_m), tag_set, self.things, self.movers)
+        world = (self.spec, routes, extent(reach_m), tag_set, self.things, self.movers)
         return Scene(self.spec.modelname, tests, *world)
 
     def _gathered(self) -> list[_Part]:

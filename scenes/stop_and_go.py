@@ -11,11 +11,11 @@ from scenes.geometry.place import Place, local
 from scenes.geometry.routes import rounded_loop
 from scenes.lighting.baked_light import hall_light
 from scenes.objects import exhibits
+from scenes.pen import Pen
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage
 from scenes.structures import interior
-from scenes.structures.courses import coursed
-from scenes.structures.ground import bake_ground
+from scenes.structures.ground import bake_ground, coursed
 from scenes.structures.interior import sides
 from scenes.surfaces import floor, masonry, prints, textile, timber
 from vo.contract.arrays import Array
@@ -32,15 +32,12 @@ HUES = ((92, 112, 116), (128, 84, 74), (104, 112, 88), (86, 88, 110))
 
 
 class Options(Settings):
-    """Options of the hall.
-
-    Attributes:
-        paintings: Share of the places on the walls that have a painting.
-        sculptures: Number of pedestals.
-    """
+    """Options of the hall."""
 
     paintings: Annotated[float, Field(ge=0, le=1)] = 0.85
+    """Share of the places on the walls that have a painting."""
     sculptures: Annotated[int, Field(ge=0, le=8)] = 7
+    """Number of pedestals."""
 
 
 def build(rng: np.random.Generator, settings: Options) -> Scene:
@@ -58,7 +55,7 @@ def build(rng: np.random.Generator, settings: Options) -> Scene:
         ground.draw("planks", coursed(rng, HALF_M, PLANK_M, (0.8, 1.1), planks, 4))
     with stage.object("ceiling"):
         _ceiling(stage)
-    return stage.scene(TESTS, TAGS, light, route=_route(rng), extent_m=HALF_M + 0.2)
+    return stage.scene(TESTS, TAGS, light, route=_route(rng), reach_m=HALF_M + 0.2)
 
 
 def _route(rng: np.random.Generator) -> Array:
@@ -119,7 +116,7 @@ def _screens(stage: Stage, rng: np.random.Generator) -> None:
         with stage.object(f"screen_{k}"):
             block = box((0, 0, high / 2), SCREEN_M, (4.1, HEIGHT_M), rng.random(2))
             stage.draw("wall", block.moved((x, 0, 0), place[2]))
-        stage.solid(f"screen_{k}", place, SCREEN_M)
+        Pen(stage, place, f"screen_{k}").solid(SCREEN_M)
         for side in (0, 1):
             face = local(place, 0.0, (2 * side - 1) * thick / 2, side * np.pi)
             for j, along in enumerate((-0.85, 0.85)):

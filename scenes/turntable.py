@@ -14,9 +14,8 @@ from scenes.objects.props import bench, lamp_post, litter, planter, potted_plant
 from scenes.pen import one_object
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage
-from scenes.structures.courses import coursed
 from scenes.structures.facade import facade
-from scenes.structures.ground import Ground, bake_ground, strip
+from scenes.structures.ground import Ground, bake_ground, coursed, strip
 from scenes.surfaces import floor, greenery, masonry, sky, timber
 from vo.contract.arrays import Array
 from vo.contract.settings import Settings
@@ -32,17 +31,14 @@ WOODS = ((84, 104, 92), (112, 82, 60), (88, 100, 116), (120, 56, 48))
 
 
 class Options(Settings):
-    """Options of the square.
-
-    Attributes:
-        points: Number of points of the star that the route follows.
-        outer_m: Distance of its points from the fountain's middle.
-        inner_m: Distance of the corners between the points.
-    """
+    """Options of the square."""
 
     points: Annotated[int, Field(ge=4, le=8)] = 6
+    """Number of points of the star that the route follows."""
     outer_m: Annotated[float, Field(ge=4.0, le=5.4)] = 5.1
+    """Distance of its points from the fountain's middle, m."""
     inner_m: Annotated[float, Field(ge=2.2, le=3.4)] = 2.6
+    """Distance of the corners between the points, m."""
 
 
 def build(rng: np.random.Generator, settings: Options) -> Scene:
@@ -64,7 +60,7 @@ def build(rng: np.random.Generator, settings: Options) -> Scene:
     town = sky.town_sky(rng)
     reach = (-x - 0.4, -y - 0.6, x + 0.4, y + 0.4)
     route = _star(rng, settings)
-    return stage.scene(TESTS, TAGS, light, town, route=route, extent_m=reach)
+    return stage.scene(TESTS, TAGS, light, town, route=route, reach_m=reach)
 
 
 def _noon(rng: np.random.Generator) -> Light:
@@ -111,14 +107,10 @@ def _fountain(stage: Stage, name: str, rng: np.random.Generator) -> None:
     angle = np.linspace(0, 2 * np.pi, 13) + rng.uniform(0, 0.5)
     ring = np.column_stack([np.cos(angle), np.sin(angle)])
     outer, inner, high, level_m = 1.15 * ring, 0.95 * ring, 0.42, 0.33
-    faces = (
-        (outer, 0.0, outer, high),  # outside, rim, inside
-        (outer, high, inner, high),
-        (inner, high, inner, level_m),
-    )
-    for low, z0, top, z1 in faces:
-        rim = ((low[:-1], z0), (low[1:], z0), (top[1:], z1), (top[:-1], z1))
-        corners = np.stack([np.column_stack([xy, np.full(12, z)]) for xy, z in rim], axis=1)
+    outside, rim = (outer, 0.0, outer, high), (outer, high, inner, high)
+    for low, z0, top, z1 in (outside, rim, (inner, high, inner, level_m)):
+        edge = ((low[:-1], z0), (low[1:], z0), (top[1:], z1), (top[:-1], z1))
+        corners = np.stack([np.column_stack([xy, np.full(12, z)]) for xy, z in edge], axis=1)
         along = np.arange(12)[:, None] * 0.6 + np.array([0, 0.6, 0.6, 0])
         up = np.broadcast_to(np.array([0.4, 0.4, 0, 0]), along.shape)
         stage.draw("concrete", polygons(corners, np.stack([along, up], axis=-1) / 1.2))
@@ -160,12 +152,9 @@ def _furnish(stage: Stage, rng: np.random.Generator) -> None:
         lamp_post(stage, f"lamp_{k}", np.array([side * (x - 0.5), -y + 0.5]))
         lamp_post(stage, f"lamp_{2 + k}", np.array([side * (x - 0.7), y - 0.7]))
     for k, side in enumerate((-1, 1)):
-        spots = ((side * (0.82 * x + rng.uniform(-0.2, 0.2)), y - 0.35),)
-        spots += (
-            (side * (x - 0.35), rng.uniform(2.2, 2.7)),
-            (side * (x - 0.35), -rng.uniform(2.2, 2.7)),
-        )
-        for j, spot in enumerate(spots):
+        corner = (side * (0.82 * x + rng.uniform(-0.2, 0.2)), y - 0.35)
+        beside = [(side * (x - 0.35), sign * rng.uniform(2.2, 2.7)) for sign in (1, -1)]
+        for j, spot in enumerate((corner, *beside)):
             potted_plant(stage, f"pot_{k}_{j}", rng, spot)
 
 

@@ -19,7 +19,7 @@ from scenes.objects.storage import (
     rack,
     standing_drums,
 )
-from scenes.pen import Pen
+from scenes.pen import Pen, piece
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage
 from scenes.structures.ground import bake_ground, level, quads, tiled
@@ -39,19 +39,16 @@ PAINT_M = 0.0006
 
 
 class Options(Settings):
-    """Options of the warehouse.
-
-    Attributes:
-        aisles: Number of aisles, even so that a serpentine closes.
-        bays: Number of bays of each rack.
-        aisle_m: Clear width of the aisles.
-        stock: Share of the places for pallets that are filled.
-    """
+    """Options of the warehouse."""
 
     aisles: Annotated[int, Field(ge=2, le=8, multiple_of=2)] = 4
+    """Number of aisles, even so that a serpentine closes."""
     bays: Annotated[int, Field(ge=2, le=8)] = 3
+    """Number of bays of each rack."""
     aisle_m: Annotated[float, Field(ge=1.6, le=3.0)] = 2.0
+    """Clear width of the aisles, m."""
     stock: Annotated[float, Field(ge=0, le=1)] = 0.88
+    """Share of the places for pallets that are filled."""
 
 
 def build(rng: np.random.Generator, settings: Options) -> Scene:
@@ -69,7 +66,7 @@ def build(rng: np.random.Generator, settings: Options) -> Scene:
     _signs(stage, rng, aisles_y, length, settings.aisle_m)
     _place_loose(stage, rng, half, racks_y)
     _floor(stage, rng, half, light)
-    return stage.scene(TESTS, TAGS, light, route=_route(rng, aisles_y, length), extent_m=half + 0.2)
+    return stage.scene(TESTS, TAGS, light, route=_route(rng, aisles_y, length), reach_m=half + 0.2)
 
 
 def _route(rng: np.random.Generator, aisles_y: Array, length: float) -> Array:
@@ -140,13 +137,12 @@ def _walls(stage: Stage, rng: np.random.Generator, half: Array) -> None:
                 _shutter(stage, f"shutter_{g}", wall, along)
 
 
-def _shutter(stage: Stage, name: str, wall: Place, along: float) -> None:
+@piece
+def _shutter(put: Pen, along: float) -> None:
     """Put a roller shutter in a frame on a wall."""
-    put = Pen(stage, wall)
-    with stage.object(name):
-        put("shutter", box((along, -0.015, 1.4), (2.6, 0.03, 2.8), (2.6, 2.8)))
-        for side in (-1.38, 1.38):
-            put("hazard", box((along + side, -0.06, 1.4), (0.14, 0.12, 2.8), (0.5, 0.5)))
+    put("shutter", box((along, -0.015, 1.4), (2.6, 0.03, 2.8), (2.6, 2.8)))
+    for side in (-1.38, 1.38):
+        put("hazard", box((along + side, -0.06, 1.4), (0.14, 0.12, 2.8), (0.5, 0.5)))
 
 
 def _signs(
@@ -155,21 +151,20 @@ def _signs(
     """Mark each aisle by its name on the floor and on boards at its ends; paint its edges."""
     names = [f"{chr(65 + k // 10)}{k + 1:02d}" for k in range(len(aisles_y))]
     black, yellow = (44, 44, 46), (208, 168, 58)
-    plates = pack(signs.boards(rng, names, (160, 256), (226, 224, 214), (44, 78, 118)))
-    stencils = pack(signs.boards(rng, names, (320, 420), black, yellow, 0.5))
-    stage.material("plates", plates.image)
-    stage.material("stencils", stencils.image)
+    plates = signs.boards(rng, names, (160, 256), (226, 224, 214), (44, 78, 118))
+    stage.material("plates", plates)
+    stage.material("stencils", signs.boards(rng, names, (320, 420), black, yellow, 0.5))
     for k, y in enumerate(aisles_y):
         for end in (-1.0, 1.0):
             with stage.object(f"sign_{k}_{'left' if end < 0 else 'right'}"):
                 for side in (-1.0, 1.0):
                     post = (end * (length / 2 + 0.08), y + side * aisle_m / 2, end * np.pi / 2)
                     board = box((0.0, -0.012, 1.25), (0.4, 0.012, 0.25), bottom=True)
-                    Pen(stage, post)("plates", board.textured(plates.rects[k]))
+                    Pen(stage, post)("plates", board.textured(stage.atlases["plates"].rects[k]))
             with stage.object("floor_paint", Kind.GROUND):
                 place: Place = (end * (length / 2 + 0.55), y, end * np.pi / 2)
                 mark = patch((-0.32, -0.24, PAINT_M), (0.64, 0, 0), (0, 0.48, 0), (3, 3))
-                Pen(stage, place)("stencils", mark.textured(stencils.rects[k]))
+                Pen(stage, place)("stencils", mark.textured(stage.atlases["stencils"].rects[k]))
         with stage.object("floor_paint", Kind.GROUND):
             for side in (-1.0, 1.0):
                 low = (-length / 2 - 0.1, y + side * (aisle_m / 2 - 0.13) - 0.04, PAINT_M)

@@ -1,7 +1,7 @@
 """Triangle meshes with texture coordinates."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -32,15 +32,12 @@ class Mesh:
         """Turn about z, then shift by (3,) metres."""
         c, s = np.cos(yaw_rad), np.sin(yaw_rad)
         R = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
-        return Mesh(
-            self.points @ R.T + np.asarray(position), self.normals @ R.T, self.uv, self.faces
-        )
+        points = self.points @ R.T + np.asarray(position)
+        return replace(self, points=points, normals=self.normals @ R.T)
 
     def textured(self, rect: Array) -> "Mesh":
         """Squeeze uv in [0, 1] into an atlas cell, (4,) u0, v0, u1, v1."""
-        return Mesh(
-            self.points, self.normals, rect[:2] + self.uv * (rect[2:] - rect[:2]), self.faces
-        )
+        return replace(self, uv=rect[:2] + self.uv * (rect[2:] - rect[:2]))
 
 
 def merged(meshes: Sequence[Mesh]) -> Mesh:
@@ -100,10 +97,7 @@ def polygons(corners: Array, uv: Array, normals: Array | None = None) -> Mesh:
 
 def grid(points: Array, uv: Array, normals: Array) -> Mesh:
     """Join a (R, C, 3) grid of points, with (R, C, 2) uv and (R, C, 3) normals, into quads."""
-    corners, corner_uv, corner_normals = (
-        grid_quads(values).reshape(-1, 4, values.shape[-1]) for values in (points, uv, normals)
-    )
-    return polygons(corners, corner_uv, corner_normals)
+    return polygons(*(grid_quads(v).reshape(-1, 4, v.shape[-1]) for v in (points, uv, normals)))
 
 
 def grid_quads(values: Array) -> Array:
@@ -114,9 +108,8 @@ def grid_quads(values: Array) -> Array:
 def sphere(rings: int, columns: int) -> tuple[Array, Array, Array]:
     """Sample polar angle, azimuth and (columns, rings, 3) points of the unit sphere."""
     theta, phi = np.meshgrid(np.linspace(0, np.pi, rings), np.linspace(0, 2 * np.pi, columns))
-    unit = np.stack(
-        [np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1
-    )
+    s = np.sin(theta)
+    unit = np.stack([s * np.cos(phi), s * np.sin(phi), np.cos(theta)], axis=-1)
     return theta, phi, unit
 
 
@@ -138,9 +131,8 @@ def patch(
         texture_m: Size of one texture period; by default the whole image fits once.
         offset: (2,) added to the texture coordinates.
     """
-    a, b = np.meshgrid(
-        np.linspace(0, 1, cells[0] + 1), np.linspace(0, 1, cells[1] + 1), indexing="ij"
-    )
+    u, v = (np.linspace(0, 1, count + 1) for count in cells)
+    a, b = np.meshgrid(u, v, indexing="ij")
     edge_u, edge_v = np.asarray(side_u, dtype=float), np.asarray(side_v, dtype=float)
     points = np.asarray(origin) + a[..., None] * edge_u + b[..., None] * edge_v
     lengths = np.array([np.linalg.norm(edge_u), np.linalg.norm(edge_v)])
@@ -184,14 +176,11 @@ def box(
     ]
     if bottom:
         sides.append((c + np.array([-h[0], h[1], -h[2]]), (x, 0, 0), (0, -y, 0)))
-    return merged(
-        [patch(o, u, v, _divisions(u, v, cell_m), texture_m, offset) for o, u, v in sides]
-    )
-
-
-def _divisions(side_u: Vector, side_v: Vector, cell_m: float) -> tuple[int, int]:
-    along_u, along_v = np.linalg.norm(side_u), np.linalg.norm(side_v)
-    return max(1, int(np.ceil(along_u / cell_m))), max(1, int(np.ceil(along_v / cell_m)))
+    faces: list[Mesh] = []
+    for corner, u, v in sides:
+        across, up = (max(1, int(np.ceil(np.linalg.norm(side) / cell_m))) for side in (u, v))
+        faces.append(patch(corner, u, v, (across, up), texture_m, offset))
+    return merged(faces)
 
 
 def tube(start: Vector, end: Vector, radius_m: float, sides: int = 10, taper: float = 1.0) -> Mesh:

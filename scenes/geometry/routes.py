@@ -24,9 +24,7 @@ def rounded_loop(corners: Array, radius_m: float, step_m: float = 0.1) -> Array:
     path = [(corners[-1] + corners[0]) / 2]
     before = np.roll(corners, 1, axis=0)
     after = np.roll(corners, -1, axis=0)
-    cut = np.array(
-        [_cut(a, b, c, radius_m) for a, b, c in zip(before, corners, after, strict=True)]
-    )
+    cut = np.array([_cut(*abc, radius_m) for abc in zip(before, corners, after, strict=True)])
     if np.any(cut + np.roll(cut, -1) > np.linalg.norm(after - corners, axis=1)):
         raise ValueError(f"a route edge is too short for arcs of {radius_m} m")
     for a, b, c, length in zip(before, corners, after, cut, strict=True):

@@ -72,9 +72,8 @@ def _knot(rng: np.random.Generator) -> Mesh:
     phase = rng.uniform(0, 2 * np.pi)
     t = np.linspace(0, 2 * np.pi, 37)
     reach = 0.13 + 0.05 * np.cos(3 * t + phase)
-    spine = np.column_stack(
-        [reach * np.cos(2 * t), reach * np.sin(2 * t), 0.3 + 0.16 * np.sin(3 * t + phase)]
-    )
+    rise = 0.3 + 0.16 * np.sin(3 * t + phase)
+    spine = np.column_stack([reach * np.cos(2 * t), reach * np.sin(2 * t), rise])
     rods = [tube(a, b, 0.035, 8) for a, b in itertools.pairwise(spine)]
     return merged([*rods, tube((0, 0, 0), (0, 0, 0.2), 0.05, 10)])
 

@@ -112,7 +112,7 @@ def cartons_stack(stage: Stage, name: str, rng: np.random.Generator, place: Plac
         block = box((0, 0, base + size[2] / 2), size, cell_m=0.2)
         Pen(stage, local(place, 0.0, 0.0, turn)).cell("cartons", rng, block)
         base += float(size[2]) + 0.001
-    stage.solid(name, place, (0.44, 0.38, base))
+    Pen(stage, place, name).solid((0.44, 0.38, base))
 
 
 @piece

@@ -42,11 +42,8 @@ def bench(put: Pen, rng: np.random.Generator, length_m: float) -> None:
 def _cabinet_front(put: Pen, rng: np.random.Generator, x: float, wide: float) -> None:
     """Draw one door or four drawers."""
     face = -DEPTH_M + 0.055
-    levels = (
-        ((0.485, 0.74),)
-        if rng.random() < 0.5
-        else tuple((z, 0.175) for z in (0.2, 0.39, 0.58, 0.77))
-    )
+    drawers = tuple((z, 0.175) for z in (0.2, 0.39, 0.58, 0.77))
+    levels = ((0.485, 0.74),) if rng.random() < 0.5 else drawers
     for z, high in levels:
         put("drawer", box((x, face, z), (wide - 0.015, 0.016, high), (1.0, 1.0), rng.random(2)))
         grip = z + high / 2 - 0.045

@@ -157,7 +157,8 @@ def _torso(
     low = rng.uniform(0.5, 0.8)  # the hem: of a coat or of a jacket
     trunk = tube((0, 0, low), (0, 0, 1.18), 0.19, 14, 0.98)
     chest = tube((0, 0, 1.18), (0, 0, 1.44), 0.186, 14, 0.78)
-    parts = [_narrowed(trunk, 0.66).textured(coat), _narrowed(chest, 0.66).textured(coat)]
+    narrow = np.array([0.66, 1.0, 1.0])
+    parts = [replace(m, points=m.points * narrow).textured(coat) for m in (trunk, chest)]
     for side in (-1, 1):
         shoulder = np.array([0.0, 0.2 * side, 1.4])
         elbow = shoulder + np.array([-0.02 + 0.35 * arms_m, 0.045 * side, -0.29])
@@ -181,17 +182,9 @@ def _torso(
 def _leg(cloth: Array, leather: Array) -> Mesh:
     """Build a leg that hangs from the hip at the origin, a shoe at its end."""
     knee, ankle = (0.012, 0, -0.43), (-0.01, 0, -0.8)
-    return merged(
-        [
-            tube((0, 0, 0.02), knee, 0.085, 10, 0.74).textured(cloth),
-            tube(knee, ankle, 0.066, 10, 0.82).textured(cloth),
-            _ellipsoid((0.045, 0, -LEG_M + 0.04), (0.135, 0.048, 0.045)).textured(leather),
-        ]
-    )
-
-
-def _narrowed(mesh: Mesh, depth: float) -> Mesh:
-    return replace(mesh, points=mesh.points * np.array([depth, 1.0, 1.0]))
+    thigh, shin = tube((0, 0, 0.02), knee, 0.085, 10, 0.74), tube(knee, ankle, 0.066, 10, 0.82)
+    shoe = _ellipsoid((0.045, 0, -LEG_M + 0.04), (0.135, 0.048, 0.045))
+    return merged([thigh.textured(cloth), shin.textured(cloth), shoe.textured(leather)])
 
 
 def _ellipsoid(centre: Vector, radii: Vector) -> Mesh:

@@ -47,11 +47,9 @@ def flowers(
     lean = np.column_stack([rng.normal(0, 0.1, (count, 2)), np.ones(count)])
     head = feet + height_m[:, None] * lean
     side = np.array([0.002, 0, 0])
-    stem = polygons(
-        np.stack([feet - side, feet + side, head], axis=1),
-        rng.random((count, 1, 2)) + np.zeros((1, 3, 1)),
-        np.broadcast_to(np.array([0, 0, 1.0]), (count, 3, 3)),
-    )
+    low, upright = np.stack([feet - side, feet + side, head], axis=1), np.array([0, 0, 1.0])
+    tone = rng.random((count, 1, 2)) + np.zeros((1, 3, 1))
+    stem = polygons(low, tone, np.broadcast_to(upright, low.shape))
     up = lean + rng.normal(0, 0.35, (count, 3))
     up /= np.linalg.norm(up, axis=1, keepdims=True)
     e1 = np.cross(up, [1.0, 0, 0])

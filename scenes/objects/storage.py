@@ -18,10 +18,8 @@ RACK_HEIGHT_M = 3.6
 def pallet(rng: np.random.Generator) -> Mesh:
     """Build a pallet of 1.2 x 0.8 m on z = 0: seven boards on nine blocks on three runners."""
     grain = (1.0, 0.25)
-    parts = [
-        box((0, y, 0.133), (1.2, 0.1, 0.022), grain, rng.random(2), 2.0, True)
-        for y in np.linspace(-0.35, 0.35, 7)
-    ]
+    rows = np.linspace(-0.35, 0.35, 7)
+    parts = [box((0, y, 0.133), (1.2, 0.1, 0.022), grain, rng.random(2), 2.0, True) for y in rows]
     for x in (-0.53, 0.0, 0.53):
         parts.append(box((x, 0, 0.111), (0.1, 0.8, 0.022), grain, rng.random(2), 2.0, True))
         parts.append(box((x, 0, 0.011), (0.1, 0.8, 0.022), grain, rng.random(2), 2.0))
@@ -80,10 +78,8 @@ def _crate(stage: Stage, rng: np.random.Generator, place: Place, base: float) ->
             put("pine", box((0, y, base + z), (1.12, 0.025, 0.1), grain, rng.random(2), 2.0, True))
     for x in (-0.53, 0.53):
         for y in (-0.36, 0.36):
-            post = box(
-                (x, y, base + high / 2), (0.07, 0.03, high + 0.02), grain, rng.random(2), 2.0
-            )
-            put("pine", post)
+            centre, size = (x, y, base + high / 2), (0.07, 0.03, high + 0.02)
+            put("pine", box(centre, size, grain, rng.random(2), 2.0))
     return base + high
 
 

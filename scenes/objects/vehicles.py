@@ -9,9 +9,7 @@ from scenes.pen import one_object
 from scenes.stage import Stage
 from vo.contract.arrays import Array
 
-PAINTS = (
-    (168, 170, 172), (44, 46, 52), (206, 206, 202), (112, 36, 36), (44, 66, 98), (84, 96, 86),
-)  # fmt: skip
+PAINTS = ((168, 170, 172), (44, 46, 52), (206, 206, 202), (112, 36, 36), (44, 66, 98), (84, 96, 86))
 LENGTH_M, WIDTH_M, HEIGHT_M = 4.2, 1.76, 1.46
 BELT_M = 0.92
 STATIONS = np.array([
@@ -44,9 +42,8 @@ def car(
     for x, z in ((-2.085, 0.72), (2.02, 0.62)):
         for y in (-0.6, 0.6):
             parts.append(("lamps", box((x, y, z), (0.09, 0.26, 0.13), bottom=True)))
-        bumper = box(
-            (1.025 * x, 0, 0.38), (0.12, 1.5, 0.17), (0.5, 0.5), rng.random(2), bottom=True
-        )
+        size = (0.12, 1.5, 0.17)
+        bumper = box((1.025 * x, 0, 0.38), size, (0.5, 0.5), rng.random(2), bottom=True)
         parts.append(("rubber", bumper))
         parts.append(("plates", box((1.055 * x, 0, 0.42), (0.02, 0.5, 0.11), bottom=True)))
     for material, mesh in parts:
@@ -58,7 +55,7 @@ def car(
 
 
 def _rings() -> Array:
-    """Outline of every station from the left sill over the roof to the right: (S, 8, 3)."""
+    """Outline every station from the left sill over the roof to the right: (S, 8, 3)."""
     x, half, hood, roof = STATIONS.T
     inner = half * np.where(roof - hood > 0.2, 0.74, 0.86)
     left = [(half * 0.93, 0.24 + 0 * x), (half, 0.55 * hood), (half * 0.97, hood), (inner, roof)]
@@ -68,22 +65,16 @@ def _rings() -> Array:
 
 
 def _skin(rings: Array) -> Mesh:
+    """Close the body between the stations and at both ends."""
     a, b = rings[:-1], rings[1:]
-    corners = np.stack([a[:, :-1], b[:, :-1], b[:, 1:], a[:, 1:]], axis=2).reshape(-1, 4, 3)
-    corners = corners[:, ::-1] if _inward(corners[0]) else corners
+    corners = np.stack([a[:, 1:], b[:, 1:], b[:, :-1], a[:, :-1]], axis=2).reshape(-1, 4, 3)
     ends = np.stack([rings[-1], rings[0][::-1]])
-    return merged(
-        [polygons(corners, corners[..., [0, 2]] / 1.5), polygons(ends, ends[..., 1:] / 1.5)]
-    )
-
-
-def _inward(quad: Array) -> bool:
-    """Whether the first face, low on the left side, looks to the right."""
-    return bool(np.cross(quad[1] - quad[0], quad[2] - quad[0])[1] < 0)
+    sides = polygons(corners, corners[..., [0, 2]] / 1.5)
+    return merged([sides, polygons(ends, ends[..., 1:] / 1.5)])
 
 
 def _windows(rings: Array) -> Mesh:
-    """Panes a little proud of the skin: sides, front and back."""
+    """Build panes a little proud of the skin: sides, front and back."""
     lit = rings[GLAZED]
     panes: list[Array] = []
     for a, b in itertools.pairwise(lit):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from scenes.geometry.mesh import Mesh, box, merged, patch, tube
-from scenes.geometry.place import Place, local
+from scenes.geometry.place import Place
 from scenes.pen import Pen, one_object, piece
 from scenes.stage import Stage
 from scenes.structures.ground import level, quads
@@ -81,8 +81,8 @@ def ceiling(stage: Stage, half: Array, height_m: float, cell_m: float, period_m:
 def collide(stage: Stage, name: str, run: Run, height_m: float) -> None:
     """Add the collision box of a wall, which stands behind its face and casts no shadow."""
     wall, length = run
-    middle = local(wall, length / 2, WALL_M / 2)
-    stage.solid(name, middle, (length + 2 * WALL_M, WALL_M, height_m), shadow=False)
+    size = (length + 2 * WALL_M, WALL_M, height_m)
+    Pen(stage, wall, name).solid(size, (length / 2, WALL_M / 2), shadow=False)
 
 
 @piece

@@ -11,8 +11,7 @@ from scenes.lighting.baked_light import Light, shaded_normals
 from scenes.lighting.shadow import LightMap, occlusion, visibility
 from scenes.objects.props import grass_tufts, litter
 from scenes.stage import Stage
-from scenes.structures.courses import coursed
-from scenes.structures.ground import level, quads, scattered, tiled
+from scenes.structures.ground import coursed, level, quads, scattered, tiled
 from scenes.structures.ribbon import Ribbon
 from scenes.surfaces.atlas import Atlas
 from scenes.surfaces.noise import fractal, smoothstep
@@ -75,9 +74,8 @@ def pave(ground: BlockGround, rng: np.random.Generator, ribbon: Ribbon) -> None:
         foot = (first, low if side < 0 else low + EDGE_M, -0.03)
         skirt = patch(foot, (run, 0, 0), (0, 0, 0.03), (600, 1), (1.2, 1.2))
         ground.draw("concrete", ribbon.bent(merged([edge, skirt])))
-    where = np.column_stack(
-        [rng.uniform(0, ribbon.length_m, 900), rng.choice([-1, 1], 900) * rng.beta(4, 2, 900) * 1.2]
-    )
+    along, side = rng.uniform(0, ribbon.length_m, 900), rng.choice([-1, 1], 900)
+    where = np.column_stack([along, side * rng.beta(4, 2, 900) * 1.2])
     fallen = np.column_stack([ribbon.at(where), np.full(900, 0.003)])
     ground.draw("litter", litter(rng, fallen, ground.stage.atlases["litter"]))
 
@@ -110,7 +108,6 @@ def lawn(ground: BlockGround, rng: np.random.Generator, ribbon: Ribbon) -> None:
     ground.draw("lawn", level(corners, scattered(rng, corners, 1.0, 2.05), LAWN_M))
     count = 1500
     beside = PATH_M / 2 + EDGE_M + 0.02 + rng.exponential(0.15, count)
-    places = np.column_stack(
-        [rng.uniform(0, ribbon.length_m, count), beside * rng.choice([-1, 1], count)]
-    )
+    along = rng.uniform(0, ribbon.length_m, count)
+    places = np.column_stack([along, beside * rng.choice([-1, 1], count)])
     ground.draw("lawn", grass_tufts(rng, ribbon.at(places), 7))

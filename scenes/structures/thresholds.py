@@ -80,12 +80,8 @@ def _bevels(size: Array, bevel_m: float, period_m: tuple[float, float]) -> list[
         patch((-x, y - bevel_m, height), run, (0, bevel_m, -height), (6, 1), period_m),
     ]
     profile = np.array([(y, 0), (y - bevel_m, height), (bevel_m - y, height), (-y, 0)])
-    ends = np.stack(
-        [
-            np.column_stack([np.full(4, side), outline])
-            for side, outline in ((x, profile), (-x, profile[::-1]))
-        ]
-    )
+    outlines = ((x, profile), (-x, profile[::-1]))
+    ends = np.stack([np.column_stack([np.full(4, side), o]) for side, o in outlines])
     return [*slopes, polygons(ends, np.tile(profile, (2, 1, 1)))]
 
 
@@ -93,12 +89,9 @@ def _add_hull(stage: Stage, name: str, place: Place, size: Array, bevel_m: float
     """Add the convex body of a bevelled prism, standing a little into the floor."""
     x, y, height = size[0] / 2, size[1] / 2, size[2]
     sink = BURIED_M * bevel_m / height  # the slopes go on below the floor
-    corners = [
-        (sx * x, sy * half, z)
-        for sx in (-1, 1)
-        for sy in (-1, 1)
-        for half, z in ((y + sink, -BURIED_M), (y - bevel_m, height))
-    ]
+    edges = ((y + sink, -BURIED_M), (y - bevel_m, height))
+    signs = ((-1, -1), (-1, 1), (1, -1), (1, 1))
+    corners = [(sx * x, sy * half, z) for sx, sy in signs for half, z in edges]
     mesh = stage.spec.add_mesh(name=f"felt/{name}")
     mesh.uservert = np.array(corners, dtype=np.float32).ravel()
     turn = (np.cos(place[2] / 2), 0, 0, np.sin(place[2] / 2))

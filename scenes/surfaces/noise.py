@@ -31,9 +31,8 @@ def fractal(
     """
     height, width = shape[-2:]
     white = rng.standard_normal(tuple(shape), dtype=np.float32)
-    frequency = np.hypot(
-        scipy.fft.fftfreq(height)[:, None], stretch * scipy.fft.rfftfreq(width)[None, :]
-    )
+    across, along = scipy.fft.fftfreq(height)[:, None], scipy.fft.rfftfreq(width)[None, :]
+    frequency = np.hypot(across, stretch * along)
     shortest, longest = wavelengths_px
     with np.errstate(divide="ignore"):
         gain = np.where(frequency > 0, frequency**-slope, 0.0)

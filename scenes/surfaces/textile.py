@@ -61,8 +61,7 @@ def rugs(rng: np.random.Generator, count: int, shape: Shape) -> Image:
         colour = np.where(((inset > 28) & (inset < 44))[..., None], band, colour)
         teeth = (inset >= 44) & (inset < 56) & ((u // 8 + v // 8) % 2 == 0)
         colour = np.where(teeth[..., None], figure, colour)
-        yarn = (
-            1 + 0.12 * fractal(rng, shape, (2, 6), 0.0) + 0.05 * fractal(rng, shape, (20, 300), 1.0)
-        )
+        fine, wear = fractal(rng, shape, (2, 6), 0.0), fractal(rng, shape, (20, 300), 1.0)
+        yarn = 1 + 0.12 * fine + 0.05 * wear
         made.append(to_image(colour * yarn[..., None]))
     return np.stack(made)
