@@ -70,7 +70,8 @@ ROOMS = {
         "exhibits furniture laboratory>laboratory_equipment people plants props storage vehicles"
     ),
     ("scenes", "scenes.structures"): (
-        "courses facade ground interior paths paving ribbon slope surround thresholds"
+        "courses>ground facade ground interior paths paving ribbon rooms>interior slope surround "
+        "thresholds"
     ),
     ("trials", "trials.diagnosis"): (
         "attribution bound combinations injection>error_injection explanation oracles validation"
