@@ -51,7 +51,7 @@ def cable(stage: Stage, name: str, points: Array, radius_m: float) -> None:
 
 
 def rug(stage: Stage, name: str, rng: np.random.Generator, place: Place, size: Array) -> None:
-    """Spread a rug of (3,) length, width and thickness, a border woven around its field."""
+    """Lay a rug of (3,) length, width and thickness, a border woven around its field."""
     length, width, thick = size
     rect = stage.pick("rugs", rng)
     with stage.object(name, Kind.GROUND):

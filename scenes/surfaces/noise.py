@@ -63,7 +63,7 @@ def rim(shape: Shape) -> Array:
 
 
 def ramp(stops: Sequence[Sequence[float] | Array], values: Array) -> Array:
-    """Look (...) values in [0, 1] up in K evenly spaced colour stops, giving (..., 3)."""
+    """Interpolate K evenly spaced colour stops at (...) values in [0, 1]: (..., 3)."""
     table = np.asarray(stops, dtype=np.float32)
     at = np.clip(values, 0, 1) * (len(table) - 1)
     lower = np.minimum(at.astype(int), len(table) - 2)

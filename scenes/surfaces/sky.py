@@ -63,7 +63,7 @@ def _shade(rng: np.random.Generator, rays: Array, houses: float) -> Array:
 
 
 def _panorama(image: Array, azimuth: Array, elevation: Array) -> Array:
-    """Look an (H, W) image up by direction; it wraps around and mirrors below the horizon."""
+    """Sample an (H, W) image by direction; it wraps around and mirrors below the horizon."""
     height, width = image.shape
     column = (azimuth / (2 * np.pi) + 0.5) * width
     row = np.abs(elevation) / (np.pi / 2) * height
