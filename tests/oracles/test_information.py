@@ -1,4 +1,4 @@
-"""The bound, against GTSAM's marginals and against what bundle adjustment achieves."""
+"""The bound against the marginals of GTSAM and the errors of bundle adjustment."""
 
 import gtsam
 import numpy as np
@@ -12,10 +12,10 @@ from trials.studies.point_world import (
     RIG,
     SIGMA_PX,
     TOLERANCE,
+    bound_covariance,
     estimated_poses,
-    least_covariance,
     make_world,
-    squares,
+    mean_squares,
 )
 from vo.contract import se3
 
@@ -47,8 +47,8 @@ def marginals(world):
     return gtsam.Marginals(graph, values)
 
 
-def test_covariance_of_poses_is_gtsams(world, marginals):
-    found = least_covariance(world)
+def test_pose_covariance_equals_gtsam_marginals(world, marginals):
+    found = bound_covariance(world)
     np.testing.assert_array_equal(found[:6], 0)
     for i in range(1, FRAMES):
         block = slice(6 * i, 6 * i + 6)
@@ -56,7 +56,7 @@ def test_covariance_of_poses_is_gtsams(world, marginals):
         np.testing.assert_allclose(found[block, block], expected, rtol=1e-4, atol=1e-12)
 
 
-def test_covariance_of_a_motion_follows_from_gtsams_joint(world, marginals):
+def test_motion_covariance_equals_gtsam_joint_marginals(world, marginals):
     """By samples of both poses, composed."""
     i, j, n = 3, 6, 40_000
     keys = gtsam.KeyVector([X(i), X(j)])
@@ -67,14 +67,14 @@ def test_covariance_of_a_motion_follows_from_gtsams_joint(world, marginals):
         T @ se3.exp(x[:, TURN_LAST]) for T, x in ((T_i, draws[:, :6]), (T_j, draws[:, 6:]))
     )
     errors = se3.log(se3.inverse(se3.inverse(T_i) @ T_j) @ se3.inverse(noisy_i) @ noisy_j)
-    found = motion_covariance(least_covariance(world), world.T_odom_cam, i, j)
+    found = motion_covariance(bound_covariance(world), world.T_odom_cam, i, j)
     scale = np.sqrt(np.diag(found))
     np.testing.assert_allclose(
         np.cov(errors.T) / np.outer(scale, scale), found / np.outer(scale, scale), atol=0.03
     )
 
 
-def test_what_is_not_measured_tells_nothing(world):
+def test_infinite_sigma_carries_no_information(world):
     """Without disparities the first step's length is unknown; with some it is not."""
     camera, point = np.repeat(np.arange(FRAMES), POINTS), np.tile(np.arange(POINTS), FRAMES)
     sigma = np.tile(SIGMA_PX, (FRAMES * POINTS, 1))
@@ -88,7 +88,7 @@ def test_what_is_not_measured_tells_nothing(world):
     assert (np.diag(pose_covariance(*alone))[6:] > few).all()
 
 
-def test_poses_that_see_nothing_are_not_bounded(world):
+def test_poses_without_observations_have_no_bound(world):
     camera, point = np.repeat(np.arange(2), POINTS), np.tile(np.arange(POINTS), 2)
     sigma = np.tile(SIGMA_PX, (2 * POINTS, 1))
     with pytest.raises(np.linalg.LinAlgError):
@@ -98,7 +98,7 @@ def test_poses_that_see_nothing_are_not_bounded(world):
 def test_bundle_adjustment_attains_the_bound():
     found = np.array(
         [
-            squares(world, estimated_poses(world, np.random.default_rng(0)))
+            mean_squares(world, estimated_poses(world, np.random.default_rng(0)))
             for world in (make_world(np.random.default_rng(1000 + i)) for i in range(60))
         ]
     ).mean(axis=0)

@@ -34,7 +34,7 @@ PALETTE = {
 DPI = 130
 TRUTH: "Mapping[str, Any]" = {"color": "#c3c9d1", "lw": 4.5, "solid_capstyle": "round", "zorder": 1}
 """Style of the true path: a broad, pale line, visible beneath a coinciding estimate."""
-STYLE = {
+STYLE: "dict[Any, Any]" = {
     "text.color": INK, "axes.labelcolor": INK, "axes.edgecolor": GREY, "xtick.color": GREY,
     "ytick.color": GREY, "xtick.labelcolor": INK, "ytick.labelcolor": INK, "svg.fonttype": "none",
     "svg.hashsalt": "driftyard",

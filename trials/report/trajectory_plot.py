@@ -177,7 +177,9 @@ def _draw_marks(panel: "Axes", start_m: Array, limits_m: Array) -> None:
 
     white: dict[str, Any] = {"color": "white", "weight": "bold", "fontsize": 11, **_outlined(3.0)}
     panel.plot(*start_m, "o", color="white", markeredgecolor="black", markersize=9, gid="start")
-    panel.annotate("start", start_m, (0, 9), textcoords="offset points", ha="center", **white)
+    panel.annotate(
+        "start", (start_m[0], start_m[1]), (0, 9), textcoords="offset points", ha="center", **white
+    )
     width_m = float(limits_m[1, 0] - limits_m[0, 0])
     length_m = float(MaxNLocator(5, steps=[1, 2, 5, 10]).tick_values(0, width_m)[1])
     x, y = limits_m[0] + 0.025 * width_m

@@ -139,8 +139,8 @@ def length_table(cost: LengthCost) -> Table:
     )
     rows = [(x, f"{a:.1f}", f"{b:.1f}", f"{b / a:.2f}", limit) for x, a, b, limit in times]
     rows.append(("frames", str(short.frames), str(long.frames), "", ""))
-    memory_gb = (f"{x.memory_mb / 1024:.2f}" for x in (short, long))
-    rows.append(("peak memory, GB", *memory_gb, "", "< 1.5"))
+    a, b = (f"{x.memory_mb / 1024:.2f}" for x in (short, long))
+    rows.append(("peak memory, GB", a, b, "", "< 1.5"))
     lengths = (f"{x.distance_m:g} m" for x in (short, long))
     return text_table((f"{LONG_SCENE}, CPU ms per frame", *lengths, "ratio", "required"), rows)
 

@@ -1,11 +1,11 @@
-"""How often the gate errs, by simulation with its own decision; `driftyard gate power`.
+"""False alarm rate and power of the gate, by simulation of its decision; `driftyard gate power`.
 
-A log ratio of drift is the true change, plus what the scene adds (Gaussian), plus what the
-sequence adds: Student's t with four degrees of freedom, heavier in the tails than a Gaussian, and
-up to twice as wide in some scenes as in others. With fewer scenes than can be samples, what they
-add sums to zero: the gate then speaks of these scenes alone. Losses come and go by chance, times
-vary all together and each, NEES each; none of these changes in truth. With --result, scenes and
-sequences are drawn from those of a gate's JSON result instead, its mean removed.
+A log ratio of drift is the sum of the true change, an effect of the scene (Gaussian) and an effect
+of the sequence: Student's t with four degrees of freedom, which has heavier tails than a Gaussian,
+with a scale that differs between scenes by up to a factor of two. With fewer scenes than can be
+samples, their effects sum to zero, as the decision is then about these scenes alone. Losses, times
+and NEES vary randomly, without a true change. With --result, effects of scenes and sequences are
+drawn from a JSON result of the gate instead, with its mean removed.
 """
 
 import json
@@ -27,11 +27,11 @@ from vo.contract.errors import DatasetError
 
 RULES = Rules()
 CHANGE = float(np.log1p(0.1))
-"""A true increase of drift by 10 %."""
+"""Log ratio of a true increase of the drift by 10 %."""
 TOLERANCE = float(np.log1p(RULES.drift_tolerance))
 FRAMES, DRIFT_PERCENT = 100, 0.1
-LOSS, TIME_TOGETHER, TIME_EACH, NEES_EACH = 0.02, 0.03, 0.05, 0.1
-"""Probability of a loss; deviations of log time, together and each; of log NEES."""
+LOSS, TIME_COMMON, TIME_EACH, NEES_EACH = 0.02, 0.03, 0.05, 0.1
+"""Probability of a loss; std. dev. of log time, common and individual; std. dev. of log NEES."""
 TAIL_DEGREES = 4
 
 Draw = Callable[[np.random.Generator, int, int], Array]
@@ -40,14 +40,14 @@ Draw = Callable[[np.random.Generator, int, int], Array]
 
 @dataclass(frozen=True)
 class Case:
-    """Scenes and how their sequences spread.
+    """Scenes and the variation of their sequences.
 
     Attributes:
-        name: For the table.
-        scenes: Number of them.
+        name: Label in the table.
+        scenes: Number of scenes.
         within: Standard deviation of the sequences of a scene.
         between: Standard deviation of scenes.
-        draw: Of log ratios.
+        draw: Draws log ratios.
     """
 
     name: str
@@ -58,7 +58,7 @@ class Case:
 
     @cached_property
     def seeds(self) -> int:
-        """Of each scene, as `gate plan 10%` says.
+        """Number of seeds of each scene, as of `gate plan 10%`.
 
         Raises:
             DatasetError: If no number of seeds is enough.
@@ -71,14 +71,14 @@ class Case:
 
     @cached_property
     def power(self) -> float:
-        """Probability to find the change, as promised."""
+        """Nominal probability of finding the change."""
         error, degrees = design_error(self.within, self.between, self.scenes, self.seeds)
         critical = stats.t.ppf(1 - RULES.level, degrees)
         return float(stats.nct.sf(critical, degrees, (CHANGE - TOLERANCE) / error))
 
 
 def modelled(scenes: int, within: float, between: float) -> Case:
-    """Case of the model that this module's head states."""
+    """Return a case of the model in the docstring of this module."""
 
     def draw(rng: np.random.Generator, scenes: int, seeds: int) -> Array:
         of_scene = between * rng.standard_normal((scenes, 1))
@@ -94,10 +94,10 @@ def modelled(scenes: int, within: float, between: float) -> Case:
 
 
 def resampled(path: Path) -> Case:
-    """Case of the pairs in a gate's JSON result.
+    """Return a case of the pairs in a JSON result of the gate.
 
     Raises:
-        DatasetError: If it is none, or has no spread of several seeds a scene to draw from.
+        DatasetError: If it is not a result, or has too few scenes with several seeds.
     """
     try:
         drift = json.loads(path.read_text(encoding="utf-8"))["findings"][0]["change"]
@@ -105,7 +105,9 @@ def resampled(path: Path) -> Case:
     except (ValueError, KeyError, IndexError, TypeError):
         raise DatasetError(f"{path}: not a gate result") from None
     if not effect.by_scene or not effect.within > 0:
-        raise DatasetError(f"{path}: has not several differing sequences of {MIN_SCENES} scenes")
+        raise DatasetError(
+            f"{path}: several different sequences of at least {MIN_SCENES} scenes are needed"
+        )
     means, names = effect.scene_means - effect.mean, tuple(dict.fromkeys(effect.scenes))
     means *= effect.between / means.std(ddof=1)
     of_scene = np.array(effect.scenes)
@@ -136,8 +138,8 @@ class Rates:
         case: The case.
         alarms: False alarms, with their 95 % interval.
         found: Increases of 10 % that are found, with their interval.
-        promised: Those that the design promises.
-        others: False alarms and finds of each other test.
+        promised: Nominal rate of the design.
+        others: False alarms and found increases of each other test.
     """
 
     case: Case
@@ -154,13 +156,13 @@ def simulate(
     tests: Mapping[str, Callable[[Array], bool]],
     progress: Callable[[object], None],
 ) -> list[Rates]:
-    """Let the gate decide many times on a candidate that grew by the tolerance, and by 10 %.
+    """Repeat the gate's decision for drifts that increase by the tolerance and by 10 %.
 
     Args:
-        cases: What to draw from.
-        repetitions: Decisions for each case and change.
+        cases: Distributions to draw from.
+        repetitions: Number of decisions for each case and change.
         seed: Random seed of all draws.
-        tests: Other tests by name, which get the same draws.
+        tests: Other tests by name, with the same draws.
         progress: Called for each decision.
     """
     rates: list[Rates] = []
@@ -184,18 +186,18 @@ def simulate(
 
 
 def repeat(rng: np.random.Generator, log_ratios: Array) -> Decision:
-    """Put the gate's decision to a candidate whose drifts have these ratios.
+    """Return the gate's decision for a candidate with given ratios of drift.
 
     Args:
-        rng: Of all figures but those ratios.
+        rng: Generator of all other quantities.
         log_ratios: (scenes, seeds).
     """
     scenes, seeds = log_ratios.shape
     names = [f"scene {k}" for k in range(scenes) for _ in range(seeds)]
     drift = DRIFT_PERCENT * np.exp(0.5 * rng.standard_normal(scenes * seeds))
     before = [_measurement(rng, x, 0.0) for x in drift]
-    together = TIME_TOGETHER * rng.standard_normal()
-    after = [_measurement(rng, x, together) for x in drift * np.exp(log_ratios.ravel())]
+    common = TIME_COMMON * rng.standard_normal()
+    after = [_measurement(rng, x, common) for x in drift * np.exp(log_ratios.ravel())]
     return decide(RULES, names, before, after)
 
 

@@ -1,63 +1,69 @@
-"""How exact the truth is, measured against independent computations; `driftyard label-accuracy`.
+"""Accuracy of labels, blur and sensors against independent computations.
 
-Depth against ray casts, outlines against projected corners, labels against pixels under noise,
-adaptive blur against many sub-frames, inertial readings and wheels against the path.
+`driftyard label-accuracy` compares depth with ray casts, outlines with projected corners, labels
+with pixels under noise, adaptive blur with many sub-frames, and inertial readings and wheel
+encoders with the path.
 """
 
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, NamedTuple
 
 import cv2
 import mujoco
 import numpy as np
 
+from scenes.scene import LABEL_GROUP, Scene
+from sim.batch import build
+from sim.camera.exposure import expose, open_shutter
+from sim.camera.render import StereoRenderer
+from sim.imaging.linear_light import Encoding, decode
+from sim.record import record
+from sim.settings import RecordSettings
+from sim.world.trip import Trip, make_trip
+from sim.world.world import World, build_world
 from trials.execution.progress import ProgressBar, no_progress
 from trials.execution.recording_settings import recording_settings
 from vo.contract.arrays import Array
-
-if TYPE_CHECKING:
-    from sim.camera.render import StereoRenderer
-    from sim.settings import RecordSettings
-    from sim.world.trip import Trip
-    from sim.world.world import World
 
 DISTANCE_M = 3.0
 NOISE = ("sensor.full_well=6000", "sensor.read_noise=15", "sensor.softness_px=0.6")
 FLOW = ("labels.flow=true", "labels.covisibility=true")
 RAYS_EVERY_PX = 7
-BEND_SHARE = 1e-4
-"""On a plane 1/Z is affine in the pixel; where its second difference is a larger share of 1/Z than
-this there is an edge, on either side of which a ray may fall."""
+MAX_CURVATURE = 1e-4
+"""Largest second difference of 1/Z over 1/Z: it is zero on a plane, and above this at an edge."""
 REFERENCE_SUBFRAMES = 64
 FRAMES = 6
 DEPTH_SHARE, STRAY_SHARE = 2e-4, 1e-3
-"""Largest wrong share of a depth, and how many rays may miss a blade of grass by a hair."""
+"""Largest relative error of a depth, and fraction of rays that may exceed it at thin objects."""
 BEHIND_M = 1e-5
-"""A ray goes on this far behind a face that it meets from behind."""
+"""Distance behind a back face from which a ray continues, metres."""
 
 
-Row = tuple[str, str, str, str, bool]
-"""What is measured, on which scene, what is found, what is promised, and whether that holds."""
+class Check(NamedTuple):
+    """A measurement and its limit."""
+
+    measured: str
+    scene: str
+    found: str
+    limit: str
+    holds: bool
 
 
-def measure_labels(scenes: Sequence[str], seed: int, bar: ProgressBar = no_progress) -> list[Row]:
-    """Compare labels, blur and sensors with independent computations, one row a figure."""
-    rows: list[Row] = []
+def measure_labels(scenes: Sequence[str], seed: int, bar: ProgressBar = no_progress) -> list[Check]:
+    """Compare labels, blur and sensors with independent computations."""
+    checks: list[Check] = []
     for name in scenes:
-        figures = (*_geometry(name, seed), *_sensors(name, seed, bar))
-        rows += [(label, name, found, promised, holds) for label, found, promised, holds in figures]
-    for label, found, promised, holds in (*_outlines(), *_blur(seed)):
-        rows.append((*label, found, promised, holds))
-    return rows
+        checks += [*_geometry(name, seed), *_sensors(name, seed, bar)]
+    return [*checks, _outlines(), *_blur(seed)]
 
 
-def _geometry(scene: str, seed: int) -> list[tuple[str, str, str, bool]]:
-    """Compare depth labels along a drive with MuJoCo's own ray caster."""
+def _geometry(scene: str, seed: int) -> list[Check]:
+    """Compare depth labels along a drive with MuJoCo's ray caster."""
     pairs: list[Array] = []
     world, trip, settings = _drive(scene, seed, [f"drive.distance_m={DISTANCE_M}"])
-    with _rendering(world, settings) as renderer:
+    with StereoRenderer(world, settings.render) as renderer:
         for k in np.linspace(0, len(trip) - 1, FRAMES).astype(int):
             time_ns = int(trip.timestamps_ns[k])
             world.place(time_ns * 1e-9, trip.states.at(world.model, time_ns))
@@ -69,15 +75,16 @@ def _geometry(scene: str, seed: int) -> list[tuple[str, str, str, bool]]:
     beyond = int((share > DEPTH_SHARE).sum())
     few = beyond <= STRAY_SHARE * len(share)
     worst = 100 * share[int(STRAY_SHARE * len(share))]
-    found = f"{worst:.5f} %, {beyond} of {len(share)} beyond"
+    found = f"{worst:.5f} %, {beyond} of {len(share)} above"
+    near = f"{near_mm:.4f} mm"
     return [
-        ("depth against rays at 1 m, largest", f"{near_mm:.4f} mm", "0.2 mm", near_mm <= 0.2),
-        ("depth against rays to 20 m, all but 1 in 1000", found, "0.02 %", few),
+        Check("depth against rays at 1 m, largest", scene, near, "0.2 mm", near_mm <= 0.2),
+        Check("depth against rays to 20 m, all but 1 in 1000", scene, found, "0.02 %", few),
     ]
 
 
-def _depth_and_rays(world: "World", renderer: "StereoRenderer") -> tuple[Array, Array]:
-    """Depth label and ray cast (N,) at pixels on a grid that are not at an edge."""
+def _depth_and_rays(world: World, renderer: StereoRenderer) -> tuple[Array, Array]:
+    """Return depth label and ray cast (N,) at pixels of a grid that are not at an edge."""
     geometry = renderer.render_geometry()
     depth, rig = geometry.depth_left_m.astype(float), world.render_rig
     v, u = (
@@ -87,72 +94,63 @@ def _depth_and_rays(world: "World", renderer: "StereoRenderer") -> tuple[Array, 
         ]
     )
     q = 1 / depth
-    bends = [
+    curvature = [
         np.abs(q[v - dv, u - du] - 2 * q[v, u] + q[v + dv, u + du]) / q[v, u]
         for du, dv in ((1, 0), (0, 1), (1, 1), (1, -1))
     ]
-    smooth = np.max(bends, axis=0) < BEND_SHARE
+    smooth = np.max(curvature, axis=0) < MAX_CURVATURE
     u, v = u[smooth], v[smooth]
     rays_cam = np.column_stack([rig.normalized(np.column_stack([u, v])), np.ones(len(u))])
     T_world_cam = world.T_world_cam
     norms = np.linalg.norm(rays_cam, axis=1)
     directions = (rays_cam / norms[:, None]) @ T_world_cam[:3, :3].T
-    eye = T_world_cam[:3, 3].copy()
-    distances = np.array([_first_front(world, eye, direction) for direction in directions])
+    centre = T_world_cam[:3, 3].copy()
+    distances = np.array([_first_front(world, centre, direction) for direction in directions])
     hit = np.isfinite(distances)
     return depth[v, u][hit], (distances / norms)[hit]
 
 
-def _first_front(world: "World", eye: Array, direction: Array) -> float:
-    """Distance along a ray to the first face that is turned to the eye; NaN for none.
+def _first_front(world: World, start_m: Array, direction: Array) -> float:
+    """Return the distance along a ray to the first front face; NaN if there is none.
 
-    Like the renderer, and unlike the ray caster, it does not see leaves from behind.
+    The renderer culls back faces, the ray caster does not.
     """
-    from scenes.scene import LABEL_GROUP
-
     groups = np.zeros(6, np.uint8)
     groups[[0, 1, 2, LABEL_GROUP]] = 1
-    met, normal, gone = np.zeros(1, np.int32), np.zeros(3), 0.0
+    geom, normal, passed_m = np.zeros(1, np.int32), np.zeros(3), 0.0
     while True:
-        start = eye + gone * direction
-        ahead = mujoco.mj_ray(world.model, world.data, start, direction, groups, 1, -1, met, normal)
-        if ahead < 0:
+        start = start_m + passed_m * direction
+        ahead_m = mujoco.mj_ray(
+            world.model, world.data, start, direction, groups, 1, -1, geom, normal
+        )
+        if ahead_m < 0:
             return np.nan
-        gone += ahead
+        passed_m += ahead_m
         if normal @ direction < 0:
-            return gone
-        gone += BEHIND_M
+            return passed_m
+        passed_m += BEHIND_M
 
 
-def _sensors(scene: str, seed: int, bar: ProgressBar) -> list[tuple[str, str, str, bool]]:
-    """Record a noisy drive and one with perfect inertial readings; read their certificates."""
+def _sensors(scene: str, seed: int, bar: ProgressBar) -> list[Check]:
+    """Read the certificates of a noisy drive and of one with perfect inertial readings."""
     base = [f"drive.distance_m={DISTANCE_M}", *FLOW]
     noisy = _certificate(scene, seed, [*base, *NOISE], bar)
-    rows: list[tuple[str, str, str, bool]] = []
+    exact = _certificate(scene, seed, [base[0], "imu.noise=0"], bar)
+    checks: list[Check] = []
     for part in ("stereo", "flow"):
         ratio = noisy[part]["median_grey"] / noisy[part]["noise_median_grey"]
-        rows.append(
-            (
-                f"{part} residual over what noise explains",
-                f"{ratio:.3f}",
-                "0.8 to 1.2",
-                0.8 <= ratio <= 1.2,
-            )
-        )
-    calm = _certificate(scene, seed, [base[0], "imu.noise=0"], bar)
-    drift_mm, turn_deg = 1e3 * calm["inertial"]["drift_max_m"], calm["inertial"]["turn_max_deg"]
+        label, holds = f"{part} residual over that of noise alone", 0.8 <= ratio <= 1.2
+        checks.append(Check(label, scene, f"{ratio:.3f}", "0.8 to 1.2", holds))
+    drift_mm, turn_deg = 1e3 * exact["inertial"]["drift_max_m"], exact["inertial"]["turn_max_deg"]
     label = "inertial readings without noise, integrated 5 s"
     found = f"{drift_mm:.2f} mm, {turn_deg:.4f}°"
-    rows.append((label, found, "10 mm, 0.05°", drift_mm <= 10 and turn_deg <= 0.05))
-    slip = calm["encoders"]["slip_percent"]
-    rows.append(("path by the encoders against truth", f"{slip:+.2f} %", "±2 %", abs(slip) <= 2))
-    return rows
+    checks.append(Check(label, scene, found, "10 mm, 0.05°", drift_mm <= 10 and turn_deg <= 0.05))
+    slip, label = exact["encoders"]["slip_percent"], "path by the encoders against truth"
+    checks.append(Check(label, scene, f"{slip:+.2f} %", "±2 %", abs(slip) <= 2))
+    return checks
 
 
 def _certificate(scene: str, seed: int, overrides: list[str], bar: ProgressBar) -> dict[str, Any]:
-    from sim.batch import build
-    from sim.record import record
-
     settings = recording_settings(scene, seed, overrides)
     with tempfile.TemporaryDirectory() as folder, bar(scene) as progress:
         return record(
@@ -160,31 +158,30 @@ def _certificate(scene: str, seed: int, overrides: list[str], bar: ProgressBar) 
         ).certificate
 
 
-def _outlines() -> list[tuple[tuple[str, str], str, str, bool]]:
-    """Look at floating boxes: pixels inside their projected outline show them, others do not."""
+def _outlines() -> Check:
+    """Compare the pixels of floating boxes with their projected outlines."""
     world, settings = _boxes()
     misplaced, inspected = 0, 0
-    with _rendering(world, settings) as renderer:
+    with StereoRenderer(world, settings.render) as renderer:
         geometry = renderer.render_geometry()
     rig = world.render_rig
     v, u = np.mgrid[: rig.height_px, : rig.width_px]
-    for eye, geoms in enumerate((geometry.geoms_left, geometry.geoms_right)):
+    for camera, geoms in enumerate((geometry.geoms_left, geometry.geoms_right)):
         for name, corners_world in _corners(world).items():
             cam = (np.linalg.inv(world.T_world_cam) @ np.c_[corners_world, np.ones(8)].T).T[:, :3]
-            pixels = rig.project(cam - [eye * rig.baseline_m, 0, 0])[:, :2]
+            pixels = rig.project(cam - [camera * rig.baseline_m, 0, 0])[:, :2]
             hull = cv2.convexHull(pixels.astype(np.float32))[:, 0].astype(float)
             gap = _signed_gap(hull, np.stack([u, v], axis=-1).astype(float))
             shown = geoms == world.model.geom(name).id
             misplaced += int((shown & (gap < -0.05)).sum() + (~shown & (gap > 0.05)).sum())
             inspected += int((np.abs(gap) < 1).sum())
+    label = "pixels beyond projected corners by 0.05 px"
     found = f"{misplaced} of {inspected} pixels at outlines"
-    return [
-        (("pixels beyond projected corners by 0.05 px", "boxes"), found, "none", misplaced == 0)
-    ]
+    return Check(label, "boxes", found, "none", misplaced == 0)
 
 
 def _signed_gap(hull: Array, points: Array) -> Array:
-    """Distance of (..., 2) points from the edges of a convex (K, 2) polygon, positive inside."""
+    """Return the distance of (..., 2) points from a convex (K, 2) polygon, positive inside."""
     gaps: list[Array] = []
     centre = hull.mean(axis=0)
     for a, b in zip(hull, np.roll(hull, -1, axis=0), strict=True):
@@ -194,29 +191,16 @@ def _signed_gap(hull: Array, points: Array) -> Array:
     return np.min(gaps, axis=0)
 
 
-def _boxes() -> "tuple[World, RecordSettings]":
-    """Float four boxes before the rig, none hiding another."""
-    from scenes.scene import Scene
-    from sim.settings import RecordSettings
-    from sim.world.world import build_world
-
+def _boxes() -> tuple[World, RecordSettings]:
+    """Place four floating boxes before the rig, none of which hides another."""
     spec = mujoco.MjSpec()
     spec.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=(0, 0, 1))
-    for k, (pos, yaw) in enumerate(
-        (
-            ((0.9, 0.2, 0.15), 0.3),
-            ((1.2, -0.3, 0.2), -0.4),
-            ((2.5, 0.6, 0.3), 0.7),
-            ((4.0, -0.8, 0.5), 0.1),
-        )
-    ):
+    places = ((0.9, 0.2, 0.15), (1.2, -0.3, 0.2), (2.5, 0.6, 0.3), (4.0, -0.8, 0.5))
+    for k, (pos, yaw) in enumerate(zip(places, (0.3, -0.4, 0.7, 0.1), strict=True)):
         spec.worldbody.add_geom(
-            name=f"box_{k}",
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            pos=pos,
-            size=(0.05, 0.07, 0.04),
+            name=f"box_{k}", type=mujoco.mjtGeom.mjGEOM_BOX, pos=pos, size=(0.05, 0.07, 0.04),
             quat=(np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)),
-        )
+        )  # fmt: skip
     route = {"default": np.array([[0.0, 0.0], [3.0, 0.0]])}
     scene = Scene("boxes", "Outlines.", spec, route, (-1.0, -2.0, 5.0, 2.0))
     settings = RecordSettings()
@@ -226,8 +210,8 @@ def _boxes() -> "tuple[World, RecordSettings]":
     return world, settings
 
 
-def _corners(world: "World") -> dict[str, Array]:
-    """Name of each box to its (8, 3) corners in the world."""
+def _corners(world: World) -> dict[str, Array]:
+    """Return the (8, 3) corners in the world of each box, by name."""
     signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T
     boxes = [world.model.geom(f"box_{k}") for k in range(4)]
     return {
@@ -237,26 +221,23 @@ def _corners(world: "World") -> dict[str, Array]:
     }
 
 
-def _blur(seed: int) -> list[tuple[tuple[str, str], str, str, bool]]:
+def _blur(seed: int) -> list[Check]:
     """Compare exposures on the turntable and at rest with one of 64 sub-frames."""
-    from sim.camera.exposure import expose, open_shutter
-    from sim.imaging.linear_light import Encoding, decode
-
     scene = "turntable"
     world, trip, settings = _drive(scene, seed, ["drive.distance_m=6", "exposure.time_ms=20"])
     speed = np.abs(np.gradient(np.unwrap(np.arctan2(*trip.T_world_body[:, 1::-1, 0].T))))
     fast = np.argsort(speed)[-FRAMES:]
     encode = Encoding("srgb")
     psnr_db, counts = [], []
-    with _rendering(world, settings) as renderer:
+    finest = settings.exposure.model_copy(
+        update={"step_px": 1e-6, "subframes_max": REFERENCE_SUBFRAMES}
+    )
+    with StereoRenderer(world, settings.render) as renderer:
         for k in [*fast, len(trip) - 1]:
             time_s = trip.timestamps_ns[k] * 1e-9
             world.place(time_s, trip.states.at(world.model, trip.timestamps_ns[k]))
             geometry = renderer.render_geometry()
             shutter = open_shutter(settings.exposure, time_s, 0.02, world.render_rig.height_px)
-            finest = settings.exposure.model_copy(
-                update={"step_px": 1e-6, "subframes_max": REFERENCE_SUBFRAMES}
-            )
             image, count = expose(world, trip, renderer, settings.exposure, shutter, geometry)
             reference, _ = expose(world, trip, renderer, finest, shutter, geometry)
             grey = image[0] if image[0].dtype == np.uint8 else encode(image[0])
@@ -264,29 +245,15 @@ def _blur(seed: int) -> list[tuple[tuple[str, str], str, str, bool]]:
             psnr_db.append(cv2.PSNR(grey, encode(light)))
             counts.append(count)
     worst, most = min(psnr_db), max(counts[:-1])
+    label = "adaptive blur against 64 sub-frames, worst"
     return [
-        (
-            ("adaptive blur against 64 sub-frames, worst", scene),
-            f"{worst:.1f} dB",
-            "45 dB",
-            worst >= 45,
-        ),
-        (("sub-frames in the fastest turns, most", scene), f"{most}", "32", most <= 32),
-        (("sub-frames standing", scene), f"{counts[-1]}", "1", counts[-1] == 1),
+        Check(label, scene, f"{worst:.1f} dB", "45 dB", worst >= 45),
+        Check("sub-frames in the fastest turns, most", scene, f"{most}", "32", most <= 32),
+        Check("sub-frames at rest", scene, f"{counts[-1]}", "1", counts[-1] == 1),
     ]
 
 
-def _drive(scene: str, seed: int, overrides: list[str]) -> "tuple[World, Trip, RecordSettings]":
-    from sim.batch import build
-    from sim.world.trip import make_trip
-    from sim.world.world import build_world
-
+def _drive(scene: str, seed: int, overrides: list[str]) -> tuple[World, Trip, RecordSettings]:
     settings = recording_settings(scene, seed, overrides)
     world = build_world(build(scene, settings), settings)
     return world, make_trip(world, settings), settings
-
-
-def _rendering(world: "World", settings: "RecordSettings") -> "StereoRenderer":
-    from sim.camera.render import StereoRenderer
-
-    return StereoRenderer(world, settings.render)

@@ -1,7 +1,7 @@
-"""A world of noisy points, in which the bound is attained; `driftyard point-world`.
+"""World of noisy points in which the Cramér–Rao bound is attained; `driftyard point-world`.
 
-Nothing is rendered: a camera moves before points whose measurements have independent Gaussian
-errors of known size. There the estimator's bundle adjustment must come to the bound that
+Nothing is rendered: a camera moves in front of points whose measurements have independent Gaussian
+errors of known size. The estimator's bundle adjustment must attain the bound that
 `trials.evaluation.information` computes.
 """
 
@@ -19,10 +19,10 @@ from vo.contract.rig import StereoRig
 
 RIG = StereoRig(640, 480, 457.0, 319.5, 239.5, 0.09)
 SIGMA_PX = np.array([0.2, 0.2, 0.2])
-"""Of u, v and disparity."""
+"""Std. dev. of u, v and disparity, px."""
 FRAMES, POINTS = 8, 80
 STEP = np.array([0.02, 0.0, 0.08, 0.0, 0.02, 0.005])
-"""Motion from frame to frame: 8 cm, turning."""
+"""Motion from frame to frame, tangent (v m, w rad)."""
 REFINEMENT = RefinementSettings(huber=1e6, max_iterations=50)
 TOLERANCE = 0.1
 """Largest relative distance from the bound."""
@@ -30,7 +30,7 @@ TOLERANCE = 0.1
 
 @dataclass(frozen=True)
 class PointWorld:
-    """Camera poses, points, and what was measured of them.
+    """Camera poses, points, and noisy measurements.
 
     Attributes:
         T_odom_cam: (F, 4, 4), the first the identity.
@@ -44,7 +44,7 @@ class PointWorld:
 
 
 def make_world(rng: np.random.Generator) -> PointWorld:
-    """Draw a world; every camera sees every point."""
+    """Draw a world in which every camera observes every point."""
     step = se3.exp(STEP)
     T_odom_cam = np.array([np.linalg.matrix_power(step, i) for i in range(FRAMES)])
     pixels = rng.uniform([120, 100], [520, 380], (POINTS, 2))
@@ -55,7 +55,7 @@ def make_world(rng: np.random.Generator) -> PointWorld:
 
 
 def estimated_poses(world: PointWorld, rng: np.random.Generator) -> Array:
-    """Follow the points frame by frame, then refine motion and structure: (F, 4, 4)."""
+    """Track the points frame by frame, then refine motion and structure; returns (F, 4, 4)."""
     from vo.bundle_adjustment.adjust import Bundle, refine_motion, refine_structure
     from vo.pose.estimation import estimate_pose
 
@@ -84,28 +84,28 @@ def estimated_poses(world: PointWorld, rng: np.random.Generator) -> Array:
     return refine_structure(bundle, REFINEMENT).T_world_cam
 
 
-def least_covariance(world: PointWorld) -> Array:
-    """Bound (6 F, 6 F) of the poses of a world."""
+def bound_covariance(world: PointWorld) -> Array:
+    """Return the bound (6 F, 6 F) of the poses of a world."""
     camera, point = np.repeat(np.arange(FRAMES), POINTS), np.tile(np.arange(POINTS), FRAMES)
     sigma = np.tile(SIGMA_PX, (FRAMES * POINTS, 1))
     return pose_covariance(world.T_odom_cam, world.points_odom, camera, point, sigma, RIG)
 
 
-def squares(world: PointWorld, T_odom_cam: Array) -> Array:
-    """Mean squares of the errors of poses, and their bounds.
+def mean_squares(world: PointWorld, T_odom_cam: Array) -> Array:
+    """Return mean squares of the errors of poses, and their bounds.
 
     Returns:
         (2, 2) rows: achieved, bound; columns: position, m^2, and rotation, rad^2.
     """
     errors = se3.log(se3.inverse(world.T_odom_cam[1:]) @ T_odom_cam[1:])
-    variance = np.diag(least_covariance(world)).reshape(-1, 6)[1:]
+    variance = np.diag(bound_covariance(world)).reshape(-1, 6)[1:]
     return np.array([_halves(errors**2), _halves(variance)])
 
 
 def compare_with_bound(seeds: Iterable[int]) -> Array:
-    """Mean over worlds, one a seed, of what `squares` returns (2, 2)."""
+    """Return the mean of `mean_squares` (2, 2) over worlds, one for each seed."""
     found = [
-        squares(world, estimated_poses(world, np.random.default_rng(0)))
+        mean_squares(world, estimated_poses(world, np.random.default_rng(0)))
         for world in (make_world(np.random.default_rng(seed)) for seed in seeds)
     ]
     return np.array(found).mean(axis=0)

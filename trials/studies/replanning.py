@@ -1,9 +1,9 @@
-"""How much faster D* Lite replans on a grid than a fresh A* plans; `driftyard replanning`.
+"""Time of D* Lite and of A* for replanning on a grid; `driftyard replanning`.
 
-Both are compiled and share steps, costs and heap. A warehouse of shelves and aisles on 500 x 500
-cells; the agent moves a few cells towards its goal, some cells close, both plan; it moves on, they
-open again, both plan. CPU time is counted, not the clock; neither is charged for copying or
-padding the grid.
+Both are compiled and share steps, costs and heap. In a warehouse of shelves and aisles on 500 x 500
+cells, the agent moves a few cells towards its goal, cells become occupied and both planners plan;
+the agent moves on, the cells become free and both plan again. CPU time is measured, without copying
+and padding of the grid.
 """
 
 from collections.abc import Callable
@@ -19,14 +19,14 @@ from trials.navigation.grid_planner import GridPlanner
 from vo.contract.arrays import Array
 
 SHELF, AISLE, CROSSING = 8, 12, 50
-"""Cells: depth of a shelf, width of an aisle, distance of the ways that cross them all."""
+"""Depth of a shelf, width of an aisle and distance of the crossings, cells."""
 STRIDE = 3
-"""Cells driven between two changes."""
+"""Number of cells between two changes."""
 
 
 @dataclass(frozen=True)
 class Timing:
-    """One change of the grid.
+    """Times of one change of the grid.
 
     Attributes:
         replan_ms: CPU time of D* Lite.

@@ -162,9 +162,10 @@ def draw_responses(found: Responses, out: Path) -> None:
         for panel, name in zip(panels, names, strict=True):
             _draw_curve(panel, _curve(found, name), limits)
             tidy(panel, "", "", f"{name}, {PLACES.get(name, PLACE)}")
-            about = DISTURBANCES[name].about
-            place = {"transform": panel.transAxes, "va": "top", "wrap": True}
-            panel.text(0.03, 0.94, about, fontsize=6.5, color=GREY, **place)
+            panel.text(
+                0.03, 0.94, DISTURBANCES[name].about, fontsize=6.5, color=GREY, va="top", wrap=True,
+                transform=panel.transAxes,
+            )  # fmt: skip
         label = "strength of the disturbance (dashed: twice the undisturbed drift; ×: lost)"
         figure.supxlabel(label, fontsize=10)
         figure.supylabel("drift of the baseline over 1 m, %", fontsize=10)
