@@ -62,7 +62,7 @@ def test_explain_gives_shares_bound_and_consistency(drive, cache):
     assert found.attribution.drift == pytest.approx(found.drift[0])
     assert 0 < found.attribution.shares[-1].share < 0.7
     (bound,) = found.bounded
-    assert 1 < bound.ratio_over_1m < 50
+    assert 1 < bound.over_1m_percent / bound.bound_over_1m_percent < 50
     assert (bound.noise.effective_px > 0.005).all()
     assert (bound.noise.effective_px < 0.5).all()
     assert np.isfinite(found.pooled("step")).sum() > 20
@@ -96,7 +96,7 @@ def test_estimator_without_hooks_is_inseparable(drive, cache, tmp_path, monkeypa
     assert found.inseparable == STAGES
     assert len(found.drift) == 1
     (bound,) = found.bounded  # by its tracks alone
-    assert 1 < bound.ratio_over_1m < 50
+    assert 1 < bound.over_1m_percent / bound.bound_over_1m_percent < 50
 
 
 def test_explain_command_writes_page_figures_and_data(drive, tmp_path, monkeypatch):

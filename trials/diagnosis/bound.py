@@ -76,11 +76,6 @@ class Bound:
     bound_end_m: float
     observations: int
 
-    @property
-    def ratio_over_1m(self) -> float:
-        """Ratio of the error over 1 m to its bound."""
-        return self.over_1m_percent / self.bound_over_1m_percent
-
 
 @dataclass(frozen=True)
 class TrueTracks:

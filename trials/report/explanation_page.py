@@ -1,7 +1,5 @@
 """Explanations of drift as text and tables, in the terminal and as a Markdown page."""
 
-import csv
-import io
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,6 +15,7 @@ from trials.diagnosis.validation import MIN_ATTRIBUTED, Finding
 from trials.evaluation import consistency
 from trials.evaluation.intervals import Interval
 from trials.report.explanation_figures import draw_calibration, draw_paths, draw_waterfalls
+from trials.report.tables import markdown_table, write_csv
 from vo.contract.files import write_text
 
 Row = tuple[str, ...]
@@ -168,7 +167,7 @@ def write_explanations(explanations: Sequence[Explanation], out: Path, page: Pat
     data, along = out / "explain.json", out / "explain.csv"
     content = [x.as_json() for x in explanations]
     write_text(data, json.dumps(_without_nan(content), indent=1) + "\n")
-    write_text(along, _along_path(explanations))
+    _write_shares(explanations, along)
     figures: dict[str, Path] = {}
     if any(x.attribution for x in explanations):
         figures["shares"], figures["path"] = out / "shares.png", out / "path.png"
@@ -202,23 +201,18 @@ def _page(explanations: Sequence[Explanation], figures: Mapping[str, str]) -> st
     return "\n\n".join(x.rstrip("\n") for x in parts) + "\n"
 
 
-def _along_path(explanations: Sequence[Explanation]) -> str:
-    """Return CSV: a row for each segment of each dataset, the share of each stage in %."""
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    stages = list(dict.fromkeys(s.stage for x in explanations if x.attribution
-                                for s in x.attribution.shares[:-1]))  # fmt: skip
-    table.writerow(["scene", "dataset", "at_m", "drift_percent", *stages, REMAINDER])
-    for x in explanations:
-        if not x.attribution:
-            continue
-        names = [s.stage for s in x.attribution.shares]
-        for dataset, (at_m, shares) in x.attribution.by_segment.items():
+def _write_shares(explanations: Sequence[Explanation], out: Path) -> None:
+    """Write CSV: a row for each segment of each dataset, the share of each stage in %."""
+    parts = [(x.name, x.attribution) for x in explanations if x.attribution]
+    stages = list(dict.fromkeys(s.stage for _, x in parts for s in x.shares[:-1]))
+    rows: list[list[str]] = []
+    for scene, x in parts:
+        for dataset, (at_m, shares) in x.by_segment.items():
             for place, column in zip(at_m, shares.T, strict=True):
-                by_name = dict(zip(names, column, strict=True))
-                values = [f"{by_name[s]:.5f}" if s in by_name else "" for s in [*stages, REMAINDER]]
-                table.writerow([x.name, dataset, f"{place:.4f}", f"{column.sum():.5f}", *values])
-    return text.getvalue()
+                by_name = {s.stage: f"{y:.5f}" for s, y in zip(x.shares, column, strict=True)}
+                values = [by_name.get(s, "") for s in [*stages, REMAINDER]]
+                rows.append([scene, dataset, f"{place:.4f}", f"{column.sum():.5f}", *values])
+    write_csv(out, ["scene", "dataset", "at_m", "drift_percent", *stages, REMAINDER], rows)
 
 
 def _table(title: str, head: Row, rows: Sequence[Row]) -> Table:
@@ -234,13 +228,8 @@ def _table(title: str, head: Row, rows: Sequence[Row]) -> Table:
 
 def _markdown(head: Row, rows_of: Mapping[str, Sequence[Row]]) -> str:
     """Lay out rows with the name of the scene before the first of each."""
-    rows = [
-        (scene if k == 0 else "", *row)
-        for scene, some in rows_of.items()
-        for k, row in enumerate(some)
-    ]
-    lines = [("scene", *head), ("---",) * (1 + len(head)), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    rows = [(x if k == 0 else "", *y) for x, some in rows_of.items() for k, y in enumerate(some)]
+    return markdown_table(("scene", *head), rows)
 
 
 def _range(interval: tuple[float, float]) -> str:

@@ -1,8 +1,16 @@
-"""Tables of text for the terminal."""
+"""Tables for the terminal, for Markdown and as CSV."""
 
+import csv
+import re
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 from rich.table import Table
+
+from vo.contract.files import replacing
+
+NUMBER = re.compile(r"[+-]?\d|[-–]$|nan$")
+"""Start of a cell with a number, or the whole cell where there is none."""
 
 
 def text_table(
@@ -15,3 +23,25 @@ def text_table(
     for row in rows:
         made.add_row(*row)
     return made
+
+
+def markdown_table(
+    header: Sequence[str], rows: Sequence[Sequence[str]], align_numbers: bool = False
+) -> str:
+    """Lay out rows of text as Markdown; columns of numbers can be aligned right."""
+    numeric = numeric_columns(rows) if align_numbers else [False] * len(header)
+    rule = ["---:" if right else "---" for right in numeric]
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in (header, rule, *rows))
+
+
+def numeric_columns(rows: Sequence[Sequence[str]]) -> list[bool]:
+    """Return for each column whether every cell is a number or has none."""
+    return [all(map(NUMBER.match, cells)) for cells in zip(*rows, strict=True)]
+
+
+def write_csv(out: Path, header: Sequence[str], rows: Iterable[Iterable[object]]) -> None:
+    """Write rows as CSV in one step."""
+    with replacing(out) as partial, partial.open("w", encoding="utf-8", newline="") as stream:
+        table = csv.writer(stream, lineterminator="\n")
+        table.writerow(header)
+        table.writerows(rows)

@@ -1,6 +1,5 @@
 """Report of stress tests: figures, their data, and a page of all axes."""
 
-import csv
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -9,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from trials.report.figure import GREY, SERIES, save_figure, tidy
+from trials.report.tables import markdown_table, write_csv
 from trials.studies.stress import Curve, describe
-from vo.contract.files import replacing, write_text
+from vo.contract.files import write_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,10 +39,7 @@ def write_curves(name: str, curves: Mapping[str, Curve], out: Path) -> Path:
     title = f"{name.replace('_', ' ')}, on {scene}"
     save_figure(stem.with_suffix(".png"), SIZE_IN, lambda figure: draw(figure, curves, title))
     table = columns(curves)
-    with replacing(stem.with_suffix(".csv")) as partial, partial.open("w", newline="") as stream:
-        rows = csv.writer(stream, lineterminator="\n")
-        rows.writerow(table)
-        rows.writerows(zip(*table.values(), strict=True))
+    write_csv(stem.with_suffix(".csv"), list(table), zip(*table.values(), strict=True))
     content = {
         "schema": SCHEMA,
         "axis": name,
@@ -139,12 +136,15 @@ def page_text(studies: Mapping[str, Mapping[str, Curve]], command: str) -> str:
     """Return the page as Markdown; the folder `images/stress` holds the figures."""
     labels = list(next(iter(studies.values())))
     one = next(iter(studies[next(iter(studies))].values()))
-    rows = [["axis", "scene", *(f"{label} fails at" for label in labels)]]
-    rows.append(["---"] * len(rows[0]))
-    for curves in studies.values():
-        first = curves[labels[0]]
-        rows.append([first.axis.label, first.scene, *(_where(curves[x]) for x in labels)])
-    table = "\n".join(f"| {' | '.join(row)} |" for row in rows)
+    rows = [
+        [
+            curves[labels[0]].axis.label,
+            curves[labels[0]].scene,
+            *(_where(curves[x]) for x in labels),
+        ]
+        for curves in studies.values()
+    ]
+    table = markdown_table(["axis", "scene", *(f"{label} fails at" for label in labels)], rows)
     limits = (
         f"A drive has failed if its drift over 1 m exceeds {one.limits.drift_percent:g} % or it "
         f"loses more than {100 * one.limits.lost_share:g} % of the frames. An estimator fails at a "

@@ -9,7 +9,7 @@ from trials.evaluation.intervals import mean_interval
 from trials.execution.jobs import Job, Result, Results, Variant, jobs_of
 from trials.report.figure import BLUE, INK, OCHRE, RED, TRUTH, tidy
 from trials.studies.experiments.base import Data, Experiment, Finding, Scale, Steps, Table, Verdict
-from trials.studies.experiments.measures import aligned_poses, mean_text, pitch_deg, ragged
+from trials.studies.experiments.measures import aligned_poses, mean_text, ragged
 from trials.studies.experiments.variants import DEFAULT, THESIS, UNREFINED
 
 LENGTH_M = 7.0
@@ -56,8 +56,10 @@ def _table(results: Results) -> Table:
 
 def pitch_error_deg(run: Result) -> np.ndarray:
     """Return estimated minus true pitch (N,) at the poses, degrees, nose up positive."""
-    truth, estimate = aligned_poses(run)
-    return pitch_deg(estimate) - pitch_deg(truth)
+    truth, estimate = (
+        np.degrees(np.arcsin(np.clip(T[:, 2, 2], -1, 1))) for T in aligned_poses(run)
+    )
+    return estimate - truth
 
 
 def _end_errors_deg(results: Results, variant: Variant) -> np.ndarray:

@@ -11,7 +11,7 @@ from trials.evaluation.runs import read_map
 from trials.execution.jobs import Job, Result, Results, Variant, jobs_of
 from trials.report.figure import BLUE, INK, RED, tidy
 from trials.studies.experiments.base import Data, Experiment, Finding, Scale, Steps, Table, Verdict
-from trials.studies.experiments.measures import lost_percent, mean_text, track_lengths
+from trials.studies.experiments.measures import lost_percent, mean_text
 from vo.contract import se3
 from vo.contract.arrays import Array
 from vo.runner import companion
@@ -119,8 +119,8 @@ def _data(found: Structure) -> Data:
 def _mask(run: Result) -> dict[str, Array]:
     """Return frame and row of observations in the first frames, and the length of their tracks."""
     tracks = run.tracks
-    ids = np.unique(tracks.landmark)
-    length = track_lengths(tracks.landmark) + 1  # and the frame of the detection
+    ids, length = np.unique(tracks.landmark, return_counts=True)
+    length += 1  # the frame of the detection
     early = ids[np.isin(ids, tracks.landmark[tracks.frame < FRAMES])]
     shown = early[:: max(len(early) // ROWS, 1)]
     mine = np.isin(tracks.landmark, shown) & (tracks.frame < FRAMES)

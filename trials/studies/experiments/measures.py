@@ -7,7 +7,7 @@ from trials.evaluation.intervals import mean_interval
 from trials.evaluation.metrics import errors_over_time
 from trials.execution.jobs import Result, Results, Variant
 from vo.contract import se3
-from vo.contract.arrays import Array, Indices, Mask
+from vo.contract.arrays import Array, Mask
 from vo.contract.errors import TrajectoryError
 from vo.contract.estimator import Status
 
@@ -68,21 +68,11 @@ def paths_m(result: Result) -> tuple[Array, Array]:
     return truth[:, :3, 3], estimate[:, :3, 3]
 
 
-def pitch_deg(T_world_cam: Array) -> Array:
-    """Return the angle (N,) of optical axes above the horizon, degrees, for poses (N, 4, 4)."""
-    return np.degrees(np.arcsin(np.clip(T_world_cam[:, 2, 2], -1, 1)))
-
-
 def turn_rate_deg_s(result: Result) -> Array:
     """Return the true turn rate (N,) of the camera up to each frame; 0 at the first."""
     T = result.truth.at(result.frames.timestamps_ns).T_ref_frame
     turn = se3.rotation_angle(se3.inverse(T[:-1]) @ T[1:])
     return np.concatenate([[0.0], np.degrees(turn) / np.diff(result.time_s)])
-
-
-def track_lengths(landmark: Indices) -> Indices:
-    """Return the number of frames that observe each landmark, for observations (K,)."""
-    return np.unique(landmark, return_counts=True)[1]
 
 
 def ragged(**columns: Array) -> dict[str, Array]:

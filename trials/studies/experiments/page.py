@@ -1,12 +1,12 @@
 """Report of all experiments, as Markdown and as HTML: verdicts first, then every figure."""
 
-import re
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
 from trials.report.html import data_uri, write_html
-from trials.studies.experiments.base import Table, Verdict
+from trials.report.tables import markdown_table, numeric_columns
+from trials.studies.experiments.base import Verdict
 from trials.studies.experiments.record import Record
 from vo.contract.files import write_text
 
@@ -17,9 +17,6 @@ camera data without ground truth. Here each claim is tested against exact ground
 this page. Intervals are 95 % confidence intervals over drives (Student's t, clipped to the possible
 range; ratios of paired drives are averaged as logarithms).
 """
-
-NUMBER = re.compile(r"[+-]?\d|[-–]$|nan$")
-"""Start of a cell with a number, or the whole cell where there is none."""
 
 MOODS = {
     Verdict.HOLDS: "good",
@@ -39,7 +36,7 @@ def write_html_page(records: Sequence[Record], folder: Path, out: Path) -> None:
             "mood": MOODS[record.verdict],
             "figure_uri": data_uri((folder / record.figure).read_bytes(), "image/png"),
             "data": [(x, data_uri((folder / x).read_bytes(), "text/csv")) for x in record.data],
-            "numeric": numeric_columns(record.table),
+            "numeric": numeric_columns(record.table.rows),
         }
         for record in records
     ]
@@ -63,12 +60,13 @@ def write_page(records: Sequence[Record], folder: Path, page: Path) -> None:
 
 def page_text(records: Sequence[Record], pictures: str) -> str:
     """Return the page as Markdown; the folder `pictures` holds the figures."""
-    summary = Table(
-        ("", "claim", "result"),
-        tuple((f"[{r.id}](#{_anchor(r)})", r.claim, f"**{r.verdict.value}**") for r in records),
-    )
-    parts = [f"# {TITLE}\n\n{INTRODUCTION}", markdown_table(summary)]
-    parts += [_section(record, pictures) for record in records]
+    claims = [(f"[{r.id}](#{_anchor(r)})", r.claim, f"**{r.verdict.value}**") for r in records]
+    summary = markdown_table(("", "claim", "result"), claims)
+    parts = [
+        f"# {TITLE}\n\n{INTRODUCTION}",
+        summary + "\n",
+        *(_section(x, pictures) for x in records),
+    ]
     return "\n".join(parts)
 
 
@@ -100,17 +98,5 @@ def _section(record: Record, pictures: str) -> str:
 
 {record.caption}
 
-{markdown_table(record.table)}"""
-
-
-def numeric_columns(table: Table) -> list[bool]:
-    """Return for each column whether every cell is a number; such columns are aligned right."""
-    return [all(map(NUMBER.match, cells)) for cells in zip(*table.rows, strict=True)]
-
-
-def markdown_table(table: Table) -> str:
-    """Lay out a table as Markdown."""
-    rule = "|".join("---:" if numeric else "---" for numeric in numeric_columns(table))
-    lines = [" | ".join(cells) for cells in (table.columns, *table.rows)]
-    head, *rows = [f"| {line} |" for line in lines]
-    return "\n".join([head, f"|{rule}|", *rows, ""])
+{markdown_table(record.table.columns, record.table.rows, align_numbers=True)}
+"""

@@ -1,6 +1,5 @@
 """Record of an experiment: figure, data, table and conclusion, as files."""
 
-import csv
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -11,9 +10,10 @@ from pydantic import TypeAdapter
 
 from trials.execution.jobs import Results
 from trials.report.figure import save_figure
+from trials.report.tables import write_csv
 from trials.studies.experiments.base import Experiment, Scale, Table, Verdict
 from vo.contract.errors import DatasetError
-from vo.contract.files import replacing, write_text
+from vo.contract.files import write_text
 
 SCHEMA = "driftyard experiment 1"
 
@@ -55,7 +55,9 @@ def write_record(one: Experiment, results: Results, scale: Scale, out: Path) -> 
     data: list[str] = []
     for part, columns in one.steps.data(measured).items():
         data.append(f"{one.id}-{part.replace(' ', '_').replace(',', '')}.csv")
-        _write_csv(out / data[-1], columns)
+        rows = zip(*columns.values(), strict=True)
+        cells = (["" if np.isnan(x) else f"{x:.6g}" for x in map(float, row)] for row in rows)
+        write_csv(out / data[-1], list(columns), cells)
     record = Record(
         one.id,
         one.title,
@@ -89,11 +91,3 @@ def read_record(file: Path) -> Record:
     except (OSError, ValueError, AttributeError):  # pydantic's errors are ValueErrors too
         pass
     raise DatasetError(f"{file}: not a record of an experiment ({SCHEMA})")
-
-
-def _write_csv(file: Path, columns: Any) -> None:
-    with replacing(file) as partial, partial.open("w", encoding="utf-8", newline="") as stream:
-        table = csv.writer(stream, lineterminator="\n")
-        table.writerow(columns)
-        for row in zip(*columns.values(), strict=True):
-            table.writerow("" if np.isnan(x) else f"{x:.6g}" for x in map(float, row))
