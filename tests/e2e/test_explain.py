@@ -51,16 +51,16 @@ def test_injected_errors_are_attributed_to_their_stage(drive, cache):
     findings = validate([drive], Subject(), STAGES, cache, ignore)
     assert len(findings) == 3
     for finding in findings:
-        assert finding.after.drift > 3 * finding.before.drift, finding.name
+        assert finding.after.drift.value > 3 * finding.before.drift.value, finding.name
         assert MIN_ATTRIBUTED <= finding.attributed < 2, finding.name
 
 
 def test_explain_gives_shares_bound_and_consistency(drive, cache):
     (found,) = explain({"office": [drive]}, Subject(), STAGES, cache, ignore)
     assert found.attribution is not None
-    assert sum(x.share for x in found.attribution.shares) == pytest.approx(1)
-    assert found.attribution.drift == pytest.approx(found.drift[0])
-    assert 0 < found.attribution.shares[-1].share < 0.7
+    assert sum(x.share.value for x in found.attribution.shares) == pytest.approx(1)
+    assert found.attribution.drift.value == pytest.approx(found.drift[0])
+    assert 0 < found.attribution.shares[-1].share.value < 0.7
     (bound,) = found.bounded
     assert 1 < bound.over_1m_percent / bound.bound_over_1m_percent < 50
     assert (bound.noise.effective_px > 0.005).all()
@@ -110,14 +110,14 @@ def test_explain_command_writes_page_figures_and_data(drive, tmp_path, monkeypat
         assert (out / figure).stat().st_size > 10_000
         assert f"({figure})" in page
     (found,) = json.loads((out / "explain.json").read_text())
-    said = f"{found['drift_percent']:.3f}"
+    said = f"{found['drift_percent']['value']:.3f}"
     assert f"{said} % of drift over 1 m" in page  # the sentence
     assert re.search(rf"\| office \| all \| {said}", page)  # and the table
     assert [x["stage"] for x in found["shares"]] == ["matching", "stereo", REMAINDER]
     with (out / "explain.csv").open() as file:
         rows = list(csv.DictReader(file))
     total = [float(x["drift_percent"]) for x in rows]
-    assert np.mean(total) == pytest.approx(found["drift_percent"], abs=1e-4)
+    assert np.mean(total) == pytest.approx(found["drift_percent"]["value"], abs=1e-4)
     parts = [sum(float(x[k]) for k in ("matching", "stereo", REMAINDER)) for x in rows]
     np.testing.assert_allclose(parts, total, atol=1e-4)
 

@@ -57,13 +57,12 @@ def test_shapley_adds_up_to_the_drift_of_every_segment():
 def test_attribute_recovers_known_shares_in_their_intervals():
     rng = np.random.default_rng(3)
     found = attribute([additive(f"s{i}", rng) for i in range(5)], STAGES)
-    assert sum(x.drift for x in found.shares) == pytest.approx(found.drift)
-    assert sum(x.share for x in found.shares) == pytest.approx(1)
-    assert found.drift == pytest.approx(0.45, abs=0.01)
+    assert sum(x.drift.value for x in found.shares) == pytest.approx(found.drift.value)
+    assert sum(x.share.value for x in found.shares) == pytest.approx(1)
+    assert found.drift.value == pytest.approx(0.45, abs=0.01)
     for share, expected in zip(found.shares, (0.3, 0.2, -0.1, 0.05), strict=True):
-        low, high = share.drift_interval
-        assert low - 1e-9 <= share.drift <= high + 1e-9
-        assert share.drift == pytest.approx(expected, abs=0.01)
+        assert share.drift.low - 1e-9 <= share.drift.value <= share.drift.high + 1e-9
+        assert share.drift.value == pytest.approx(expected, abs=0.01)
     assert [x.stage for x in found.shares] == [*STAGES, REMAINDER]
 
 
@@ -74,8 +73,8 @@ def test_attribute_intervals_grow_with_sequence_variance():
         sequences = [
             additive(str(i), rng, (0.3 + sigma * rng.normal(), 0.2, -0.1)) for i in range(8)
         ]
-        low, high = attribute(sequences, STAGES).shares[0].drift_interval
-        return high - low
+        drift = attribute(sequences, STAGES).shares[0].drift
+        return drift.high - drift.low
 
     assert width(0.1) == pytest.approx(2 * 1.96 * 0.1 / np.sqrt(8), rel=0.6)
     assert width(0.1) > 3 * width(0.005)
@@ -86,7 +85,7 @@ def test_attribute_short_path_has_no_intervals():
     whole = additive("s", rng)
     short = SegmentDrifts("s", AT_M[:20], {c: x[:20] for c, x in whole.percent.items()})
     found = attribute([short], STAGES)
-    assert np.isnan([x.share_interval for x in found.shares]).all()
+    assert np.isnan([(x.share.low, x.share.high) for x in found.shares]).all()
     assert "% of the drift comes from matching, " in summarize(found)
     assert "(" not in summarize(found).split(";")[0]
 

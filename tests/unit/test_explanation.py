@@ -9,6 +9,7 @@ from trials.diagnosis.attribution import REMAINDER, Attribution, Share
 from trials.diagnosis.bound import Bound, Noise
 from trials.diagnosis.explanation import Explanation
 from trials.evaluation.consistency import Nees
+from trials.evaluation.intervals import Interval
 from trials.report.explanation_page import NEES_HEAD, describe, share_rows, terminal_report
 from vo.contract.estimator import Status
 
@@ -20,10 +21,10 @@ def explained(attribution: Attribution | None) -> Explanation:
 
 def test_describe_and_table_give_the_sum_of_the_shares():
     shares = tuple(
-        Share(stage, points, (points, points), points / 0.3, (points / 0.3, points / 0.3))
+        Share(stage, Interval(points, points, points), Interval(*3 * (points / 0.3,)))
         for stage, points in (("matching", 0.2), (REMAINDER, 0.1))
     )
-    found = explained(Attribution(0.3, (0.3, 0.3), shares, {}))
+    found = explained(Attribution(Interval(0.3, 0.3, 0.3), shares, {}))
     assert describe(found).startswith("0.300 % of drift over 1 m.")
     assert share_rows(found)[0][1].startswith("0.300")
 
@@ -33,12 +34,12 @@ def test_describe_without_shares_gives_the_drift_of_all_segments():
 
 
 def test_terminal_report_fits_80_columns_with_whole_words():
-    wide = (-0.123, 0.123)
-    shares = tuple(Share(x, -0.123, wide, -1.1, (-1.123, 1.123)) for x in ("prediction", REMAINDER))
+    wide = Interval(-0.123, -0.123, 0.123), Interval(-1.1, -1.123, 1.123)
+    shares = tuple(Share(x, *wide) for x in ("prediction", REMAINDER))
     bound = Bound(Noise(np.full(3, -0.12), np.full(3, 0.12)), 0.123, 0.012, 0.0123, 0.001, 9000)
     errors = np.full(9000, 123.4)
     nees = Nees(np.arange(9000), (Status.TRACKED,) * 9000, errors, errors, errors)
-    attribution = Attribution(0.123, (0.123, 0.456), shares, {})
+    attribution = Attribution(Interval(0.123, 0.123, 0.456), shares, {})
     found = Explanation("brick_court", ("a",), (), (), attribution, (0.4,), 0, (bound,), (nees,))
     text = io.StringIO()
     console = Console(file=text, width=80)

@@ -14,6 +14,7 @@ from math import factorial
 
 import numpy as np
 
+from trials.evaluation.intervals import Interval
 from vo.contract.arrays import Array, Indices
 
 Coalition = frozenset[str]
@@ -47,17 +48,13 @@ class Share:
 
     Attributes:
         stage: Name of the stage, or REMAINDER.
-        drift: Percentage points of drift.
-        drift_interval: At CONFIDENCE.
-        share: Ratio to the whole drift.
-        share_interval: At CONFIDENCE.
+        drift: Percentage points of drift, with the interval at CONFIDENCE.
+        share: Ratio to the whole drift, likewise.
     """
 
     stage: str
-    drift: float
-    drift_interval: tuple[float, float]
-    share: float
-    share_interval: tuple[float, float]
+    drift: Interval
+    share: Interval
 
 
 @dataclass(frozen=True)
@@ -65,15 +62,13 @@ class Attribution:
     """Shares of the stages in the drift of several sequences.
 
     Attributes:
-        drift: Mean over sequences, %.
-        drift_interval: At CONFIDENCE.
+        drift: Mean over sequences, %, with the interval at CONFIDENCE.
         shares: One for each stage, and REMAINDER last; they add up to the drift.
         by_segment: Name of a sequence to its (K,) `at_m` and the (P + 1, K) shares of its segments
             in percentage points, rows as in `shares`.
     """
 
-    drift: float
-    drift_interval: tuple[float, float]
+    drift: Interval
     shares: tuple[Share, ...]
     by_segment: Mapping[str, tuple[Array, Array]]
 
@@ -123,27 +118,27 @@ def attribute(sequences: Sequence[SegmentDrifts], stages: Sequence[str]) -> Attr
     drift, drifts = means.sum(), drawn.sum(axis=1)
     names = (*stages, REMAINDER)
     shares = tuple(
-        Share(name, float(mean), _interval(some), float(mean / drift), _interval(some / drifts))
+        Share(name, _interval(mean, some), _interval(mean / drift, some / drifts))
         for name, mean, some in zip(names, means, drawn.T, strict=True)
     )
-    return Attribution(float(drift), _interval(drifts), shares, by_segment)
+    return Attribution(_interval(drift, drifts), shares, by_segment)
 
 
 def summarize(attribution: Attribution) -> str:
     """Describe the shares in a sentence, the largest share first."""
-    ordered = sorted(attribution.shares[:-1], key=lambda x: -x.share)
-    parts = [f"{_percent(x)} from {x.stage}" for x in ordered if round(100 * x.share) > 0]
+    ordered = sorted(attribution.shares[:-1], key=lambda x: -x.share.value)
+    parts = [f"{_percent(x)} from {x.stage}" for x in ordered if round(100 * x.share.value) > 0]
     parts[:1] = [f"{_percent(ordered[0])} of the drift comes from {ordered[0].stage}"]
-    negative = [x for x in ordered if round(100 * x.share) < 0]
+    negative = [x for x in ordered if round(100 * x.share.value) < 0]
     parts += [f"errors of {x.stage} compensate {_percent(x, -1)} of it" for x in negative]
     rest = f"{_percent(attribution.shares[-1])} is {REMAINDER} (refinement, sampling)"
     return f"{', '.join(parts)}; {rest}."
 
 
 def _percent(share: Share, sign: int = 1) -> str:
-    low, high = sorted(100 * sign * x for x in share.share_interval)
+    low, high = sorted(100 * sign * x for x in (share.share.low, share.share.high))
     between = f" ({low:.0f} to {high:.0f})" if np.isfinite(low) else ""
-    return f"{100 * sign * share.share:.0f} %{between}"
+    return f"{100 * sign * share.share.value:.0f} %{between}"
 
 
 def _resampled(sequences: Sequence[tuple[Array, Array]], rng: np.random.Generator) -> Array:
@@ -171,6 +166,6 @@ def _block_count(at_m: Array) -> int:
     return max(1, round(float(at_m[-1] - at_m[0]) / BLOCK_M))
 
 
-def _interval(values: Array) -> tuple[float, float]:
-    low, high = np.quantile(values, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
-    return float(low), float(high)
+def _interval(value: float, resampled: Array) -> Interval:
+    low, high = np.quantile(resampled, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
+    return Interval(float(value), float(low), float(high))

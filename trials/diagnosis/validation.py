@@ -45,10 +45,10 @@ class Finding:
     def attributed(self) -> float:
         """Ratio of the added drift that is attributed to the stage with the error."""
         was, now = (
-            next(x.drift for x in attribution.shares if x.stage == self.stage)
+            next(x.drift.value for x in attribution.shares if x.stage == self.stage)
             for attribution in (self.before, self.after)
         )
-        return (now - was) / (self.after.drift - self.before.drift)
+        return (now - was) / (self.after.drift.value - self.before.drift.value)
 
 
 def validate(

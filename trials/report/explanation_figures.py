@@ -9,6 +9,7 @@ import numpy as np
 from trials.diagnosis.attribution import REMAINDER, Attribution
 from trials.diagnosis.explanation import Explanation
 from trials.evaluation.consistency import calibration
+from trials.evaluation.intervals import Interval
 from trials.report.figure import (
     BLUE,
     GREEN,
@@ -97,30 +98,27 @@ def _size(panels: int) -> tuple[float, float]:
 
 
 def _waterfall(panel: "Axes", attribution: Attribution) -> None:
-    level, shares = attribution.drift, attribution.shares
+    level, shares = attribution.drift.value, attribution.shares
     panel.bar(0, level, color=INK, width=0.7)
-    panel.errorbar(0, level, _error_bars(level, attribution.drift_interval), color=GREY, capsize=3)
+    panel.errorbar(0, level, _error_bars(attribution.drift), color=GREY, capsize=3)
     for k, share in enumerate(shares[:-1], 1):
-        below = level - share.drift
+        below = level - share.drift.value
         panel.plot([k - 0.65, k + 0.35], [level, level], color=GREY, linewidth=0.7)
-        panel.bar(k, -share.drift, bottom=level, color=COLOURS[share.stage], width=0.7)
-        panel.errorbar(
-            k, below, _error_bars(share.drift, share.drift_interval)[::-1], color=INK, capsize=3
-        )
+        colour = COLOURS[share.stage]
+        panel.bar(k, -share.drift.value, bottom=level, color=colour, width=0.7)
+        panel.errorbar(k, below, _error_bars(share.drift)[::-1], color=INK, capsize=3)
         level = below
-    rest = shares[-1]
-    panel.bar(len(shares), rest.drift, color=GREY, width=0.7)
-    panel.errorbar(
-        len(shares), rest.drift, _error_bars(rest.drift, rest.drift_interval), color=INK, capsize=3
-    )
+    rest = shares[-1].drift
+    panel.bar(len(shares), rest.value, color=GREY, width=0.7)
+    panel.errorbar(len(shares), rest.value, _error_bars(rest), color=INK, capsize=3)
     panel.axhline(0, color=INK, linewidth=0.8)
     panel.set_xticks(range(len(shares) + 1), ["drift", *(x.stage for x in shares)])
     panel.tick_params(axis="x", rotation=28)
 
 
-def _error_bars(value: float, interval: tuple[float, float]) -> Array:
+def _error_bars(interval: Interval) -> Array:
     """Return lengths (2, 1) of the error bars below and above a value."""
-    low, high = interval
+    value, low, high = interval.value, interval.low, interval.high
     return np.array([[max(value - low, 0.0)], [max(high - value, 0.0)]])
 
 

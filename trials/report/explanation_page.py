@@ -86,7 +86,8 @@ def validation_table(findings: Sequence[Finding]) -> Table:
     head = ("injected error", "drift without, %", "drift with, %", "stage", "attributed",
             f"at least {MIN_ATTRIBUTED:.0%}")  # fmt: skip
     rows = [
-        (x.name, f"{x.before.drift:.3f}", f"{x.after.drift:.3f}", x.stage, f"{x.attributed:.0%}",
+        (x.name, f"{x.before.drift.value:.3f}", f"{x.after.drift.value:.3f}", x.stage,
+         f"{x.attributed:.0%}",
          "yes" if x.attributed >= MIN_ATTRIBUTED else "NO")
         for x in findings
     ]  # fmt: skip
@@ -95,7 +96,7 @@ def validation_table(findings: Sequence[Finding]) -> Table:
 
 def describe(x: Explanation) -> str:
     """Describe the drift of a scene and its causes in a few sentences."""
-    percent = np.mean(x.drift) if x.attribution is None else x.attribution.drift
+    percent = np.mean(x.drift) if x.attribution is None else x.attribution.drift.value
     drift = f"{percent:.3f} % of drift over 1 m"
     if x.attribution is None:
         return f"{drift}; the estimator has no hooks, so no stage can be separated."
@@ -108,14 +109,10 @@ def share_rows(x: Explanation) -> list[Row]:
     """Return the whole drift and the share of each stage."""
     if x.attribution is None:
         return []
-    rows: list[Row] = [
-        ("all", Interval(x.attribution.drift, *x.attribution.drift_interval).text(3), "100")
-    ]
-    for share in x.attribution.shares:
-        low, high = share.share_interval
-        points = Interval(share.drift, *share.drift_interval).text(3)
-        percent = Interval(100 * share.share, 100 * low, 100 * high).text(0)
-        rows.append((share.stage, points, percent))
+    rows: list[Row] = [("all", x.attribution.drift.text(3), "100")]
+    for stage in x.attribution.shares:
+        percent = Interval(*(100 * y for y in vars(stage.share).values())).text(0)
+        rows.append((stage.stage, stage.drift.text(3), percent))
     return rows
 
 

@@ -108,8 +108,8 @@ class Steps(Generic[M]):
 
 
 @dataclass(frozen=True)
-class Experiment:
-    """A claim and its test.
+class Claim:
+    """A claim and how it is tested, as text.
 
     Attributes:
         id: Identifier, such as `E1`.
@@ -118,8 +118,6 @@ class Experiment:
         source: Place of the claim in the thesis.
         setup: Recordings and variants that are compared, in a few sentences.
         caption: Description of the figure.
-        size_in: Width and height of the figure, inches.
-        steps: Functions that perform it.
     """
 
     id: str
@@ -128,5 +126,16 @@ class Experiment:
     source: str
     setup: str
     caption: str
+
+
+@dataclass(frozen=True)
+class Experiment(Claim):
+    """A claim and its test.
+
+    Attributes:
+        size_in: Width and height of the figure, inches.
+        steps: Functions that perform it.
+    """
+
     size_in: tuple[float, float]
     steps: Steps[Any]

@@ -1,7 +1,7 @@
 """Record of an experiment: figure, data, table and conclusion, as files."""
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ from pydantic import TypeAdapter
 from trials.execution.jobs import Results
 from trials.report.figure import save_figure
 from trials.report.tables import write_csv
-from trials.studies.experiments.base import Experiment, Scale, Table, Verdict
+from trials.studies.experiments.base import Claim, Experiment, Scale, Table, Verdict
 from vo.contract.errors import DatasetError
 from vo.contract.files import write_text
 
@@ -19,8 +19,8 @@ SCHEMA = "driftyard experiment 1"
 
 
 @dataclass(frozen=True)
-class Record:
-    """An experiment and its conclusion, as text; fields as in Experiment where not described.
+class Record(Claim):
+    """A claim and the result of its test.
 
     Attributes:
         verdict: On the claim.
@@ -32,15 +32,9 @@ class Record:
         distance_m: Length of each drive, unless the experiment sets its own.
     """
 
-    id: str
-    title: str
-    claim: str
-    source: str
-    setup: str
     verdict: Verdict
     sentence: str
     table: Table
-    caption: str
     figure: str
     data: tuple[str, ...]
     seeds: tuple[int, ...]
@@ -58,21 +52,11 @@ def write_record(one: Experiment, results: Results, scale: Scale, out: Path) -> 
         rows = zip(*columns.values(), strict=True)
         cells = (["" if np.isnan(x) else f"{x:.6g}" for x in map(float, row)] for row in rows)
         write_csv(out / data[-1], list(columns), cells)
+    claim = {x.name: getattr(one, x.name) for x in fields(Claim)}
     record = Record(
-        one.id,
-        one.title,
-        one.claim,
-        one.source,
-        one.setup,
-        verdict,
-        sentence,
-        one.steps.table(measured),
-        one.caption,
-        f"{one.id}.png",
-        tuple(data),
-        scale.seeds,
-        scale.distance_m,
-    )
+        **claim, verdict=verdict, sentence=sentence, table=one.steps.table(measured),
+        figure=f"{one.id}.png", data=tuple(data), seeds=scale.seeds, distance_m=scale.distance_m,
+    )  # fmt: skip
     content = {"schema": SCHEMA, **asdict(record)}
     write_text(out / f"{one.id}.json", json.dumps(content, indent=1) + "\n")
     return record
