@@ -3,6 +3,7 @@
 import shlex
 import sys
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import ClassVar
 
@@ -14,7 +15,7 @@ from trials.estimators.plugins.command import Command
 from trials.execution.jobs import Variant
 from trials.execution.runner import NO_LABELS, run_jobs
 from trials.report.tables import text_table
-from trials.studies.stress import Curve, Limits, describe, responder
+from trials.studies.stress import Curve, Limits, describe, respond
 from trials.studies.stress import stress as find_limit
 from trials.studies.stress_axes import AXES, MAIN, Axis
 from trials.studies.stress_report import write_curves, write_page
@@ -90,10 +91,9 @@ def _search(name: str, axis: Axis, variant: Variant, search: SearchOptions) -> C
     seeds = tuple(range(search.seeds))
     drives = search.seeds * (search.points + search.rounds)
     with console.counting_bar(title, drives) as count:
-        respond = responder(
-            axis, scene, variant, seeds, shared, lambda jobs: run_jobs(jobs, progress=count)
-        )
-        curve = find_limit(axis, scene, respond, search.points, search.rounds, limits)
+        run = partial(run_jobs, progress=count)
+        measure = partial(respond, axis, scene, variant, seeds, shared, run)
+        curve = find_limit(axis, scene, measure, search.points, search.rounds, limits)
     _print(curve, title)
     return curve
 

@@ -1,6 +1,5 @@
 """Runs of an estimator with every combination of oracles, kept in the cache."""
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import reduce
@@ -188,12 +187,10 @@ def _run(job: OracleJob) -> RunDrift:
 
 def _save(path: Path, drift: RunDrift) -> None:
     with replacing(path) as partial, partial.open("wb") as file:
-        about = json.dumps({"lost": drift.lost, "queried": drift.queried})
-        np.savez(file, start_ns=drift.start_ns, at_m=drift.at_m, percent=drift.percent, about=about)
+        np.savez(file, **vars(drift))
 
 
 def _load(path: Path) -> RunDrift:
     with np.load(path) as file:
-        about = json.loads(str(file["about"]))
         columns = (file["start_ns"], file["at_m"], file["percent"])
-        return RunDrift(*columns, about["lost"], tuple(about["queried"]))
+        return RunDrift(*columns, int(file["lost"]), tuple(file["queried"].tolist()))

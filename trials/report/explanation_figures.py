@@ -1,8 +1,8 @@
 """Figures of explanations: shares of the stages, shares along the path, and calibration."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -41,60 +41,62 @@ COLOURS = {
 BIN_M = 0.25
 """Bin width along the path, metres."""
 COLUMNS = 3
+T = TypeVar("T")
 KINDS = {"step": "frame to frame", "over_1m": "over 1 m", "absolute": "since the start"}
 """Kind of NEES to its label."""
 
 
 def draw_waterfalls(explanations: Sequence[Explanation], out: Path) -> None:
     """Draw a panel for each scene: the drift, the share of each stage, and the remainder."""
-    parts = [(x.name, x.attribution) for x in explanations if x.attribution]
 
-    def draw(figure: "Figure") -> None:
-        for panel, (name, attribution) in zip(
-            grid_of_panels(figure, len(parts), COLUMNS), parts, strict=True
-        ):
-            _waterfall(panel, attribution)
-            tidy(panel, "", "drift over 1 m, %", name)
+    def draw(panel: "Axes", attribution: Attribution) -> None:
+        _waterfall(panel, attribution)
+        tidy(panel, "", "drift over 1 m, %")
 
-    save_figure(out, _size(len(parts)), draw)
+    _save_panels(out, {x.name: x.attribution for x in explanations if x.attribution}, draw)
 
 
 def draw_paths(explanations: Sequence[Explanation], out: Path) -> None:
     """Draw a panel for each scene: shares along the path, means over drives."""
-    parts = [(x.name, x.attribution) for x in explanations if x.attribution]
 
-    def draw(figure: "Figure") -> None:
-        panels = grid_of_panels(figure, len(parts), COLUMNS)
-        for panel, (name, attribution) in zip(panels, parts, strict=True):
-            _path(panel, attribution)
-            tidy(panel, "middle of the segment, m along the path", "drift over 1 m, %", name)
-        shared_legend(figure, panels)
+    def draw(panel: "Axes", attribution: Attribution) -> None:
+        _path(panel, attribution)
+        tidy(panel, "middle of the segment, m along the path", "drift over 1 m, %")
 
-    save_figure(out, _size(len(parts)), draw)
+    parts = {x.name: x.attribution for x in explanations if x.attribution}
+    _save_panels(out, parts, draw, legend=True)
 
 
 def draw_calibration(explanations: Sequence[Explanation], out: Path) -> None:
     """Draw a panel for each scene: errors inside ellipsoids of a given probability."""
-    parts = [x for x in explanations if x.nees]
     levels = np.linspace(0, 1, 101)[1:-1]
 
-    def draw(figure: "Figure") -> None:
+    def draw(panel: "Axes", part: Explanation) -> None:
+        panel.plot([0, 100], [0, 100], color=GREY, linewidth=1, linestyle="--", label="ideal")
+        for (kind, label), colour in zip(KINDS.items(), (BLUE, RED, INK), strict=True):
+            inside = calibration(part.pooled(kind), levels)
+            panel.plot(100 * levels, 100 * inside, color=colour, linewidth=1.5, label=label)
+        panel.set_aspect("equal")
+        tidy(panel, "probability of the ellipsoid, %", "errors inside, %")
+
+    _save_panels(out, {x.name: x for x in explanations if x.nees}, draw, legend=True)
+
+
+def _save_panels(
+    out: Path, parts: Mapping[str, T], draw: "Callable[[Axes, T], None]", legend: bool = False
+) -> None:
+    """Save a figure with a titled panel for each part."""
+
+    def draw_all(figure: "Figure") -> None:
         panels = grid_of_panels(figure, len(parts), COLUMNS)
-        for panel, part in zip(panels, parts, strict=True):
-            panel.plot([0, 100], [0, 100], color=GREY, linewidth=1, linestyle="--", label="ideal")
-            for (kind, label), colour in zip(KINDS.items(), (BLUE, RED, INK), strict=True):
-                inside = calibration(part.pooled(kind), levels)
-                panel.plot(100 * levels, 100 * inside, color=colour, linewidth=1.5, label=label)
-            panel.set_aspect("equal")
-            tidy(panel, "probability of the ellipsoid, %", "errors inside, %", part.name)
-        shared_legend(figure, panels)
+        for panel, (name, part) in zip(panels, parts.items(), strict=True):
+            draw(panel, part)
+            panel.set_title(name, fontsize=9.5, weight="bold", loc="left")
+        if legend:
+            shared_legend(figure, panels)
 
-    save_figure(out, _size(len(parts)), draw)
-
-
-def _size(panels: int) -> tuple[float, float]:
-    columns = min(COLUMNS, panels)
-    return 3.5 * columns + 0.5, 2.9 * -(-panels // columns) + 0.4
+    columns = min(COLUMNS, len(parts))
+    save_figure(out, (3.5 * columns + 0.5, 2.9 * -(-len(parts) // columns) + 0.4), draw_all)
 
 
 def _waterfall(panel: "Axes", attribution: Attribution) -> None:

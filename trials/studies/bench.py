@@ -165,7 +165,8 @@ def estimator_table(estimated: dict[str, EstimatorSpeed]) -> Table:
 def endurance_table(estimated: dict[str, EstimatorSpeed]) -> Table:
     """Tabulate time per frame in the first and last tenth of the sequence, and memory."""
     speeds = list(estimated.values())
-    tenth = max(1, speeds[0].frames // 10)
+    frames = len(speeds[0].frame_ms)
+    tenth = max(1, frames // 10)
     rows: list[tuple[str, ...]] = []
     for label in ("median", "95th percentile"):
         first, last = (
@@ -177,4 +178,4 @@ def endurance_table(estimated: dict[str, EstimatorSpeed]) -> Table:
         rows.append(("ratio", *(f"{b / a:.2f}" for a, b in zip(first, last, strict=True))))
     for label, k in (("after a tenth", tenth - 1), ("at the end", -1)):
         rows.append((f"memory {label}, GB", *(f"{x.memory_mb[k] / 1024:.2f}" for x in speeds)))
-    return text_table((f"{speeds[0].frames} frames, by tenths", *estimated), rows)
+    return text_table((f"{frames} frames, by tenths", *estimated), rows)

@@ -104,15 +104,16 @@ def stress(
     return Curve(axis, scene, tuple(known), limits)
 
 
-def responder(
+def respond(
     axis: Axis,
     scene: str,
     variant: Variant,
     seeds: Sequence[int],
     shared: tuple[str, ...],
     run: Callable[[Sequence[Job]], Results],
-) -> Callable[[Sequence[float]], list[Response]]:
-    """Return the function that measures responses at given strengths.
+    strengths: Sequence[float],
+) -> list[Response]:
+    """Measure the responses of an estimator at several strengths.
 
     Args:
         axis: What is varied.
@@ -121,19 +122,14 @@ def responder(
         seeds: Of the drives at every strength.
         shared: Overrides of every recording.
         run: Records and runs jobs.
+        strengths: In the unit of the axis.
     """
-
-    def jobs(strength: float) -> list[Job]:
-        overrides = (*shared, *axis.overrides(strength))
-        disturb = axis.disturb(strength)
-        return [Job(Recording(scene, x, overrides, disturb), variant) for x in seeds]
-
-    def respond(strengths: Sequence[float]) -> list[Response]:
-        by_strength = {x: jobs(x) for x in strengths}
-        results = run([job for some in by_strength.values() for job in some]).by_job
-        return [response_of(x, [results[job] for job in some]) for x, some in by_strength.items()]
-
-    return respond
+    jobs: dict[float, list[Job]] = {}
+    for x in strengths:
+        overrides, disturb = (*shared, *axis.overrides(x)), axis.disturb(x)
+        jobs[x] = [Job(Recording(scene, seed, overrides, disturb), variant) for seed in seeds]
+    results = run([job for some in jobs.values() for job in some]).by_job
+    return [response_of(x, [results[job] for job in some]) for x, some in jobs.items()]
 
 
 def response_of(strength: float, results: Sequence[Result]) -> Response:

@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from trials.evaluation.intervals import Interval, mean_interval
 from trials.evaluation.runs import read_map
 from trials.execution.jobs import Job, Result, Results, jobs_of
-from trials.report.figure import BLUE, GREY, RED, tidy
+from trials.report.figure import BLUE, RED, tidy
 from trials.studies.experiments.base import Data, Experiment, Finding, Scale, Steps, Table, Verdict
-from trials.studies.experiments.measures import ragged, turn_rate_deg_s
+from trials.studies.experiments.measures import draw_turn_rate, ragged, turn_rate_deg_s
 from trials.studies.experiments.variants import UNREFINED
 from vo.bundle_adjustment.adjust import refine_motion
 from vo.config import THESIS
@@ -146,11 +146,8 @@ def _data(found: BySeed) -> Data:
 def _draw(figure: Figure, found: BySeed) -> None:
     seed, shown = max(found.items(), key=lambda item: np.nanmax(item[1].before, initial=0))
     panel = figure.subplots()
-    turning = panel.twinx()
-    turning.fill_between(range(len(shown.turn_deg_s)), shown.turn_deg_s, color=GREY, alpha=0.25)
-    turning.set_ylabel("turn rate, °/s", fontsize=9, color=GREY)
-    turning.tick_params(labelsize=8, colors=GREY)
-    turning.set_ylim(0, 2.5 * max(shown.turn_deg_s.max(), 1))
+    top_deg_s = 2.5 * max(shown.turn_deg_s.max(), 1)
+    draw_turn_rate(panel, np.arange(len(shown.turn_deg_s)), shown.turn_deg_s, top_deg_s)
     panel.plot(shown.before, color=BLUE, lw=1.0, label="before refinement of the pose")
     panel.plot(shown.after, color=RED, lw=1.0, label="after")
     panel.set_ylim(bottom=0)

@@ -55,11 +55,6 @@ class Structure:
         """Return the mean fraction of points at impossible distances, %."""
         return float(np.mean(self.near_percent(variant) + self.far_percent(variant)))
 
-    def drift_ratio(self, variant: Variant, reference: Variant) -> float:
-        """Return the ratio of mean drifts."""
-        one, other = (np.nanmean(self.results.drifts(v)) for v in (variant, reference))
-        return float(one) / float(other)
-
 
 def _jobs(scale: Scale) -> Sequence[Job]:
     return jobs_of(scale.recordings(SCENES, 3), STYLES)
@@ -82,7 +77,8 @@ def distances_m(run: Result) -> Array:
 
 def _conclude(found: Structure) -> Finding:
     two, three = found.wrong_percent(TWO_LEFT), found.wrong_percent(THREE_LEFT)
-    cost = found.drift_ratio(TWO_LEFT, THREE_LEFT)
+    drift = {v: float(np.nanmean(found.results.drifts(v))) for v in STYLES}
+    cost = drift[TWO_LEFT] / drift[THREE_LEFT]
     verdict = Verdict.FAILS
     if two > three or cost > 1:
         verdict = Verdict.HOLDS if two > 2 * three and cost > 1.2 else Verdict.PARTLY
@@ -91,7 +87,7 @@ def _conclude(found: Structure) -> Finding:
         f"views are closer than {100 * NEAR_M:.0f} cm or farther than {FAR_M:.0f} m ({three:.2f} % "
         f"of those of three views), and the drift is {cost:.1f} times as large. With stereo, where "
         "the refinement also uses the measured disparities, two views have "
-        f"{found.drift_ratio(TWO_STEREO, THREE_STEREO):.2f} times the drift."
+        f"{drift[TWO_STEREO] / drift[THREE_STEREO]:.2f} times the drift."
     )
 
 

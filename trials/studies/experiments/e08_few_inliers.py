@@ -6,10 +6,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from trials.execution.jobs import Job, Recording, Result, Results, Variant, jobs_of
-from trials.report.figure import BLUE, GREY, OCHRE, RED, tidy
+from trials.report.figure import BLUE, OCHRE, RED, tidy
 from trials.studies.experiments.base import Data, Experiment, Finding, Scale, Steps, Table, Verdict
 from trials.studies.experiments.measures import (
     FAILURE_M,
+    draw_turn_rate,
     failures,
     ragged,
     step_errors_m,
@@ -88,11 +89,7 @@ def _at(results: Results, shutter_ms: float, variant: Variant) -> list[Result]:
 def _draw(figure: Figure, results: Results) -> None:
     top, bottom = figure.subplots(2, 1, height_ratios=(1.2, 1))
     run, default = (_at(results, SHUTTERS_MS[-1], v)[0] for v in (THESIS, DEFAULT))
-    turning = top.twinx()
-    turning.fill_between(run.time_s, turn_rate_deg_s(run), color=GREY, alpha=0.25)
-    turning.set_ylim(0, 300)
-    turning.set_ylabel("turn rate, °/s", fontsize=9, color=GREY)
-    turning.tick_params(labelsize=8, colors=GREY)
+    draw_turn_rate(top, run.time_s, turn_rate_deg_s(run), 300)
     for one, colour, label in ((run, RED, "thesis"), (default, OCHRE, "default")):
         counts = np.nan_to_num(one.frames.counts["inliers"])
         top.plot(one.time_s, counts, color=colour, lw=1.0, label=label)

@@ -1,11 +1,13 @@
 """Measures of runs, in addition to their score."""
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from trials.evaluation.alignment import Alignment, fit
 from trials.evaluation.intervals import mean_interval
 from trials.evaluation.metrics import errors_over_time
 from trials.execution.jobs import Result, Results, Variant
+from trials.report.figure import GREY
 from vo.contract import se3
 from vo.contract.arrays import Array, Mask
 from vo.contract.errors import TrajectoryError
@@ -73,6 +75,15 @@ def turn_rate_deg_s(result: Result) -> Array:
     T = result.truth.at(result.frames.timestamps_ns).T_ref_frame
     turn = se3.rotation_angle(se3.inverse(T[:-1]) @ T[1:])
     return np.concatenate([[0.0], np.degrees(turn) / np.diff(result.time_s)])
+
+
+def draw_turn_rate(panel: Axes, x: Array, rate_deg_s: Array, top_deg_s: float) -> None:
+    """Shade the turn rate (N,) over x on a second axis up to a value."""
+    turning = panel.twinx()
+    turning.fill_between(x, rate_deg_s, color=GREY, alpha=0.25)
+    turning.set_ylabel("turn rate, °/s", fontsize=9, color=GREY)
+    turning.tick_params(labelsize=8, colors=GREY)
+    turning.set_ylim(0, top_deg_s)
 
 
 def ragged(**columns: Array) -> dict[str, Array]:

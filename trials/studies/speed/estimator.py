@@ -19,13 +19,11 @@ class EstimatorSpeed:
     """Speed and memory of one estimator.
 
     Attributes:
-        frames: Number of timed frames.
         frame_ms: (frames,) wall time of each `track` call; without the loading of images.
         stage_ms: Stage to its mean over all frames.
         memory_mb: (frames,) resident memory of the process after each frame.
     """
 
-    frames: int
     frame_ms: Array
     stage_ms: dict[str, float]
     memory_mb: Array
@@ -58,5 +56,4 @@ def measure_estimator(name: str, dataset: Path, bar: ProgressBar = no_progress) 
         stage: sum(x.timings_ms.get(stage, 0.0) for x in result.estimates) / len(sequence)
         for stage in stages
     }
-    frame_ms = np.array(result.frame_ms)
-    return EstimatorSpeed(len(sequence), frame_ms, stage_ms, np.array(memory_mb))
+    return EstimatorSpeed(np.array(result.frame_ms), stage_ms, np.array(memory_mb))
