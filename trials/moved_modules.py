@@ -101,7 +101,10 @@ ROOMS = {
     ("trials.navigation", "trials.navigation"): (
         "lookout>depth_mapping grid_dstar_lite>grid_planner occupancy>occupancy_grid"
     ),
-    ("trials.report", "trials.report"): "explanation>explanation_figures film>stills",
+    (
+        "trials.report",
+        "trials.report",
+    ): "explanation>explanation_figures film>stills plan>trajectory_plot",
     ("trials", "trials.studies"): (
         "accuracy bench bump experiments proof>label_accuracy point_world response speed stock "
         "stress strengths>stress_axes"

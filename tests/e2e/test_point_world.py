@@ -129,7 +129,7 @@ def refined(worlds, followed):
     ]
 
 
-def test_refined_poses_err_as_much_as_the_noise_says(worlds, refined):
+def test_refined_pose_errors_match_their_covariance(worlds, refined):
     """Squared errors over their covariance: as many as there are unknowns."""
     normalised, errors, expected_m2 = [], [], []
     for world, T_odom_cam in zip(worlds, refined, strict=True):
@@ -146,14 +146,14 @@ def test_refined_poses_err_as_much_as_the_noise_says(worlds, refined):
     assert 2e-4 < expected_m < 5e-3
 
 
-def test_following_errs_more_but_not_much(worlds, followed, refined):
+def test_tracked_pose_errors_exceed_refined_ones_slightly(worlds, followed, refined):
     """Landmarks of one frame carry its noise for ever; refinement takes most of it away."""
     before = rmse_m([tangent_errors(w, T) for w, (T, _) in zip(worlds, followed, strict=True)])
     after = rmse_m([tangent_errors(w, T) for w, T in zip(worlds, refined, strict=True)])
     assert 1.1 * after < before < 6 * after
 
 
-def test_structure_gains_from_refinement(worlds, followed):
+def test_refinement_improves_structure(worlds, followed):
     world, start = worlds[0], followed[0]
     better = refine_structure(bundle(world, *start), REFINEMENT)
     before, after = (
@@ -163,7 +163,7 @@ def test_structure_gains_from_refinement(worlds, followed):
     assert 0.1 * before < after < 0.8 * before
 
 
-def test_outliers_change_little(worlds, followed):
+def test_outliers_have_little_effect(worlds, followed):
     plain = rmse_m(
         [tangent_errors(w, T) for w, (T, _) in zip(worlds[:8], followed[:8], strict=True)]
     )
@@ -171,7 +171,7 @@ def test_outliers_change_little(worlds, followed):
     assert 0 < spoilt < 2 * plain
 
 
-def test_half_the_noise_half_the_error(worlds, refined):
+def test_errors_are_proportional_to_noise(worlds, refined):
     whole = rmse_m([tangent_errors(w, T) for w, T in zip(worlds, refined, strict=True)])
     halves = []
     for seed in range(WORLDS):
@@ -183,7 +183,7 @@ def test_half_the_noise_half_the_error(worlds, refined):
     assert rmse_m(halves) == pytest.approx(whole / 2, rel=0.05)
 
 
-def test_points_behind_the_camera_have_no_error():
+def test_points_behind_the_camera_have_no_residual():
     """They project to the same ray, so only the sign of their depth tells."""
     points = np.array([[0.5, 0.2, 2.0], [-0.5, -0.2, -2.0], [0.5, 0.2, 0.0]])
     rays = np.array([[0.25, 0.1], [0.25, 0.1], [0.25, 0.1]])

@@ -82,7 +82,7 @@ def test_relative_errors_equal_evo(evo, step):
         assert np.allclose(mine, metric.error, atol=1e-7)
 
 
-def test_kitti_00_published(kitti_00):
+def test_kitti_00_errors_equal_published_ones(kitti_00):
     # Unaligned: both start at the identity, up to the rounding of the file.
     assert rmse(position_errors(kitti_00, Alignment.FIRST_POSE)) == pytest.approx(
         7.790289, abs=1e-4
@@ -91,7 +91,7 @@ def test_kitti_00_published(kitti_00):
     assert rmse(position_errors(kitti_00, Alignment.SIM3)) == pytest.approx(0.937709, abs=1e-6)
 
 
-def test_fr2_desk_published(real_data, tmp_path):
+def test_fr2_desk_errors_equal_published_ones(real_data, tmp_path):
     """Evo takes the nearest truth, we interpolate it: equal to 0.02 mm."""
     folder = real_data("evo")
     lines = (folder / "fr2_desk_groundtruth.txt").read_text().splitlines()
@@ -104,7 +104,7 @@ def test_fr2_desk_published(real_data, tmp_path):
     assert rmse(position_errors(pair, Alignment.SIM3)) == pytest.approx(0.006123, abs=2e-5)
 
 
-def test_nearest_association_gives_evo_to_the_digit(real_data):
+def test_nearest_association_reproduces_evo_exactly(real_data):
     """Without interpolation the same code gives evo's published figures exactly."""
     folder = real_data("evo")
     rows = np.loadtxt(folder / "fr2_desk_groundtruth.txt")

@@ -40,7 +40,7 @@ def relative(pair):
 
 @settings(max_examples=20, deadline=None)
 @given(seeds)
-def test_truth_has_no_error(seed):
+def test_errors_of_the_truth_are_zero(seed):
     T = wander(seed)
     itself = Pair(np.arange(len(T)), T, T)
     assert all(position_errors(itself, a).max() < 1e-9 for a in Alignment)
@@ -51,7 +51,7 @@ def test_truth_has_no_error(seed):
 
 @settings(max_examples=20, deadline=None)
 @given(seeds, seeds)
-def test_the_frame_of_the_estimate_does_not_matter(seed, frame):
+def test_errors_do_not_depend_on_the_estimates_frame(seed, frame):
     pair = noisy(seed)
     other = moved(pair, se3.exp(3 * np.random.default_rng(frame).normal(size=6)))
     for alignment in Alignment:
@@ -64,7 +64,7 @@ def test_the_frame_of_the_estimate_does_not_matter(seed, frame):
 
 @settings(max_examples=20, deadline=None)
 @given(seeds, st.floats(0.5, 2))
-def test_an_error_of_scale(seed, scale):
+def test_scale_error_is_measured_exactly(seed, scale):
     """A segment errs by |scale - 1| times its chord; Sim(3) finds 1 / scale and removes it."""
     T = wander(seed)
     wrong = T.copy()
@@ -80,7 +80,7 @@ def test_an_error_of_scale(seed, scale):
 
 @settings(max_examples=20, deadline=None)
 @given(st.floats(0.5, 2), st.integers(2, 40))
-def test_scale_is_drift_on_a_straight_path(scale, frames):
+def test_scale_error_is_drift_on_a_straight_path(scale, frames):
     T = np.tile(np.eye(4), (frames + 1, 1, 1))
     T[:, 2, 3] = np.linspace(0, 3, frames + 1)
     wrong = T.copy()
@@ -91,7 +91,7 @@ def test_scale_is_drift_on_a_straight_path(scale, frames):
 
 @settings(max_examples=20, deadline=None)
 @given(seeds)
-def test_more_freedom_fits_no_worse(seed):
+def test_alignment_with_more_freedom_fits_no_worse(seed):
     pair = noisy(seed)
     first, rigid, similar = (
         np.sqrt(np.mean(position_errors(pair, a) ** 2))
@@ -103,7 +103,7 @@ def test_more_freedom_fits_no_worse(seed):
 
 @settings(max_examples=20, deadline=None)
 @given(seeds, st.floats(0.1, 10))
-def test_umeyama_finds_the_motion(seed, scale):
+def test_umeyama_recovers_the_motion(seed, scale):
     rng = np.random.default_rng(seed)
     T_a_b, points_b = se3.exp(rng.normal(size=6)), rng.normal(size=(10, 3))
     points_a = scale * points_b @ T_a_b[:3, :3].T + T_a_b[:3, 3]

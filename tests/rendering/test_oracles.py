@@ -118,7 +118,7 @@ def test_oracle_replaces_chosen_stages_only(dataset, times, grid):
         "features": (("pixels", ids, beside), 2),
         "stereo": (("disparity", grid, wrong[:, 0]), 1),
         "inliers": (("inliers", ids, wrong, np.ones(len(ids), bool)), 2),
-        "prediction": (("predicted", times[0], last, guess), 2),
+        "prediction": (("predicted_pose", times[0], last, guess), 2),
     }
     assert set(calls) == set(ORACLES)
     for chosen in ORACLES:
