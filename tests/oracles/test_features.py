@@ -233,7 +233,7 @@ def test_censure_blob_is_found_at_its_centre(u, v, sigma, contrast, kernel):
 def test_detect_sub_pixel_error_is_small_not_zero():
     rng = np.random.default_rng(0)
     centres = rng.uniform([55, 50], [85, 70], (40, 2))
-    found = np.array([detect(blob(u, v, 3.0), FeatureSettings()).pixels[0] for u, v in centres])
+    found = np.array([detect(blob(u, v, 3.0), FeatureSettings())[0] for u, v in centres])
     rmse = np.sqrt(((found - centres) ** 2).mean())
     assert 1e-4 < rmse < 0.05  # rounding to whole pixels would give 0.29
     assert np.abs((found - centres).mean(axis=0)).max() < 0.02
@@ -252,7 +252,7 @@ def test_detect_slanted_oval_is_found_at_its_centre(kernel):
     rng = np.random.default_rng(0)
     centres = rng.uniform([55, 50], [85, 70], (40, 2))
     found = [
-        detect(oval(u, v, angle, 4.2, 2.6), FeatureSettings(kernel=kernel)).pixels[0]
+        detect(oval(u, v, angle, 4.2, 2.6), FeatureSettings(kernel=kernel))[0]
         for (u, v), angle in zip(centres, rng.uniform(0, np.pi, 40), strict=True)
     ]
     assert np.sqrt(((found - centres) ** 2).mean()) < 0.04  # 0.1 without
@@ -262,10 +262,10 @@ def test_detect_slanted_oval_is_found_at_its_centre(kernel):
 def test_detect_bars_and_edges_are_no_features(angle_deg):
     image = bar(90, 80, np.radians(angle_deg))
     anything = detect(image, FeatureSettings(line_ratio=1e12))
-    assert np.abs(anything.pixels[0] - [90, 80]).max() < 0.1
+    assert np.abs(anything[0] - [90, 80]).max() < 0.1
     assert len(detect(image, FeatureSettings())) == 0
     assert len(detect(edge(np.radians(angle_deg)), FeatureSettings())) == 0
-    beside = detect(np.maximum(image, blob(30, 30, 3.0)), FeatureSettings()).pixels
+    beside = detect(np.maximum(image, blob(30, 30, 3.0)), FeatureSettings())
     assert np.abs(beside[0] - [30, 30]).max() < 0.1
 
 
@@ -277,22 +277,22 @@ def test_detect_small_cells_even_out_features():
     together, apart = (
         detect(image, FeatureSettings(count=60, cell_px=cell_px)) for cell_px in (400, 40)
     )
-    weak = [(x.pixels[:, 0] > 160).sum() for x in (together, apart)]
+    weak = [(x[:, 0] > 160).sum() for x in (together, apart)]
     assert len(together) == len(apart) == 60
     assert weak[0] < 6
     assert 22 < weak[1] < 38
     responses = {tuple(x[:2]): abs(x[2]) for x in censure(image, FeatureSettings())}
     for chosen in (together, apart):
-        assert (np.diff([responses[tuple(x)] for x in chosen.pixels]) <= 0).all()
+        assert (np.diff([responses[tuple(x)] for x in chosen]) <= 0).all()
 
 
 def test_detect_takes_best_of_each_cell_first():
     image = smooth_noise((160, 200))
     everything = detect(image, EVERYTHING)
-    cells = {tuple(x) for x in np.round(everything.pixels).astype(int) // 40}
+    cells = {tuple(x) for x in np.round(everything).astype(int) // 40}
     few = detect(image, EVERYTHING.model_copy(update={"count": len(cells), "cell_px": 40}))
     # Rounding a sub-pixel position can move it over the edge of its cell, so nearly all.
-    assert len({tuple(x) for x in np.round(few.pixels).astype(int) // 40}) >= len(cells) - 2
+    assert len({tuple(x) for x in np.round(few).astype(int) // 40}) >= len(cells) - 2
 
 
 @pytest.mark.parametrize("kernel", KERNELS)
@@ -301,15 +301,15 @@ def test_detect_too_small_image_has_no_features(shape, kernel):
     for image in (noise(shape), np.zeros(shape, np.uint8)):
         found = detect(image, FeatureSettings(kernel=kernel))
         assert len(found) == 0
-        assert found.pixels.shape == (0, 2)
+        assert found.shape == (0, 2)
 
 
 def test_detect_scales_beyond_image_find_nothing():
     found = detect(noise((LARGEST_PX["octagon"] - 1, 200)), FeatureSettings())
     assert len(found) > 0
     # The second largest surround fits, so it confirms extrema of the one below and no others.
-    assert (found.pixels[:, 1] > 6).all()
-    assert (found.pixels[:, 1] < LARGEST_PX["octagon"] - 8).all()
+    assert (found[:, 1] > 6).all()
+    assert (found[:, 1] < LARGEST_PX["octagon"] - 8).all()
 
 
 @pytest.mark.parametrize("grey", [0, 90, 255])
@@ -319,7 +319,7 @@ def test_detect_flat_image_has_no_features(grey):
 
 
 def test_detect_same_image_gives_same_features():
-    a, b = (detect(smooth_noise((120, 160)), FeatureSettings()).pixels for _ in range(2))
+    a, b = (detect(smooth_noise((120, 160)), FeatureSettings()) for _ in range(2))
     np.testing.assert_array_equal(a, b)
 
 

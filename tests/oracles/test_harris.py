@@ -44,7 +44,7 @@ def test_harris_response_equals_scipy(line_ratio):
 def test_harris_strongest_corners_equal_opencv():
     """Its window is square, so not all agree."""
     image = noise((200, 240))
-    ours = detect(image, SETTINGS.model_copy(update={"count": 60, "cell_px": 1000})).pixels
+    ours = detect(image, SETTINGS.model_copy(update={"count": 60, "cell_px": 1000}))
     theirs = cv2.goodFeaturesToTrack(
         image, 90, 1e-4, 1, blockSize=5, useHarrisDetector=True, k=12 / 169
     )[:, 0]
@@ -57,9 +57,9 @@ def test_harris_strongest_corners_equal_opencv():
 def test_harris_corner_moves_with_its_tip(u, v):
     found = detect(corner(u, v), SETTINGS)
     assert len(found) == 1
-    whole = detect(corner(50, 40), SETTINGS).pixels[0]
+    whole = detect(corner(50, 40), SETTINGS)[0]
     assert np.hypot(*(whole - [50, 40])) < 1.5  # the window shifts it inwards
-    assert np.abs(found.pixels[0] - whole - [u - 50, v - 40]).max() < 0.15
+    assert np.abs(found[0] - whole - [u - 50, v - 40]).max() < 0.15
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (2, 9), (5, 5), (61, 83)])
@@ -69,12 +69,12 @@ def test_harris_edge_or_flat_image_has_no_corners(shape):
     for image in (edge, np.full(shape, 90, np.uint8)):
         found = detect(image, SETTINGS)
         assert len(found) == 0
-        assert found.pixels.shape == (0, 2)
+        assert found.shape == (0, 2)
 
 
 def test_harris_equal_neighbours_give_one_corner():
     image = np.zeros((40, 40), np.uint8)
     image[20:22, 20:22] = 255
     found = detect(image, SETTINGS)
-    whole_numbers = {tuple(x) for x in np.round(found.pixels - 20.5)}
+    whole_numbers = {tuple(x) for x in np.round(found - 20.5)}
     assert len(whole_numbers) == len(found)

@@ -176,7 +176,7 @@ def region_share(discs_1, discs_2, H, size):
 
 
 def by_positions(images, maps):
-    first, *others = (detect(image, SETTINGS).pixels for image in images)
+    first, *others = (detect(image, SETTINGS) for image in images)
     size = images[0].shape[::-1]
     return np.array([share(first, x, H, size) for x, H in zip(others, maps, strict=True)])
 

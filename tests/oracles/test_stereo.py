@@ -311,7 +311,7 @@ def motorcycle(real_data):
 def test_disparity_on_motorcycle_is_accurate(motorcycle, method, min_known):
     """At CenSurE features: 95 % of the known ones are right within 1 px, 80 % within 0.5 px."""
     frame, truth = motorcycle
-    pixels = detect(frame.left, FeatureSettings(count=1000)).pixels
+    pixels = detect(frame.left, FeatureSettings(count=1000))
     columns, rows = np.rint(pixels).astype(int).T
     true_px = truth[rows, columns]
     settings = StereoSettings(method=method)

@@ -1,7 +1,6 @@
 """Detection of features: one interface over the detectors, and bucketing over the image."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,21 +18,7 @@ DETECTORS: dict[str, Detector] = {"censure": censure, "harris": harris}
 """Detectors, by `features.detector`."""
 
 
-@dataclass(frozen=True)
-class Features:
-    """Keypoints of one image, strongest first.
-
-    Attributes:
-        pixels: (N, 2) float64 (u, v), sub-pixel, centres on integers.
-    """
-
-    pixels: Array
-
-    def __len__(self) -> int:
-        return len(self.pixels)
-
-
-def detect(image: Image, settings: FeatureSettings) -> Features:
+def detect(image: Image, settings: FeatureSettings) -> Array:
     """Find the strongest features of an image, bucketed into its cells.
 
     Args:
@@ -41,11 +26,12 @@ def detect(image: Image, settings: FeatureSettings) -> Features:
         settings: The detector, its thresholds and the number wanted.
 
     Returns:
-        At most `settings.count` features.
+        (N, 2) float64 (u, v), sub-pixel, centres on integers, strongest first; N at most
+        `settings.count`.
     """
     found = DETECTORS[settings.detector](image, settings)
     selected = found[_select_by_cell(found, image.shape, settings)]
-    return Features(np.ascontiguousarray(selected[:, :2]))
+    return np.ascontiguousarray(selected[:, :2])
 
 
 def _select_by_cell(found: Array, shape: tuple[int, ...], settings: FeatureSettings) -> Indices:

@@ -6,7 +6,6 @@ from vo.config import OdometrySettings
 from vo.contract.arrays import Array
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
-from vo.features.detector import Features
 
 
 @dataclass(frozen=True)
@@ -16,7 +15,7 @@ class View:
     Attributes:
         frame: The pair.
         rig: Calibration of the pair.
-        features: Of the left image.
+        features: (N, 2) sub-pixel (u, v) in the left image, strongest first.
         descriptors: (N, P) of the features.
         dense: Disparity map, px, NaN where unknown; of size zero where stereo is sparse.
         settings: Adapted to the image, for all later stages.
@@ -25,7 +24,7 @@ class View:
 
     frame: StereoFrame
     rig: StereoRig
-    features: Features
+    features: Array
     descriptors: Array
     dense: Array
     settings: OdometrySettings

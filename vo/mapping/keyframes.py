@@ -123,7 +123,7 @@ def _new_observations(
     Returns:
         N observations, the (N, 2) slopes of the disparity and (N, P) descriptors.
     """
-    s, pixels = view.settings, view.features.pixels
+    s, pixels = view.settings, view.features
     taken = inliers.measured if inliers else np.zeros((0, 3))
     free = np.ones(len(pixels), dtype=bool)
     if len(taken):

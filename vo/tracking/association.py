@@ -38,9 +38,9 @@ def find_matches(
     landmarks, features, s = local_map.landmarks, view.features, view.settings.matching
     expected = project_landmarks(landmarks, T_odom_cam, view.rig)[:, :2]
     rows, found = match_mutual(
-        landmarks.descriptors, expected, view.descriptors, features.pixels, search_radius_px, s
+        landmarks.descriptors, expected, view.descriptors, features, search_radius_px, s
     ).T
-    start = features.pixels[found]
+    start = features[found]
     return _measure(local_map, view, T_odom_cam, rows, found, start, s.min_align_zncc)
 
 

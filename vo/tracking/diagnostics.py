@@ -63,7 +63,7 @@ def _flaw(image: Image) -> str:
 
 def images_look_swapped(view: View) -> bool:
     """Whether far more features have a disparity with the images exchanged."""
-    pixels = view.features.pixels[: LIMITS.probes]
+    pixels = view.features[: LIMITS.probes]
     frame, settings = view.frame, view.settings.stereo
     swapped = StereoFrame(frame.timestamp_ns, frame.right, frame.left)
 

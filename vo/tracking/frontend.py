@@ -55,7 +55,7 @@ class Frontend:
             frame = replace(frame, left=left, right=right)
         with clock("features"):
             features = detect(frame.left, settings.features)
-            descriptors = describe(frame.left, features.pixels, settings.matching.patch_px)
+            descriptors = describe(frame.left, features, settings.matching.patch_px)
         with clock("stereo"):
             dense = self._dense_stereo(frame.left, frame.right)
         return View(frame, self._rig, features, descriptors, dense, settings, smoothing_px)

@@ -10,7 +10,6 @@ import numpy as np
 from vo.config import StereoSettings
 from vo.contract.arrays import Array, Indices
 from vo.contract.sequence import StereoFrame
-from vo.features.detector import Features
 from vo.hooks import NO_HOOKS, Hooks
 from vo.map.frame import View
 from vo.map.local_map import LocalMap
@@ -42,9 +41,9 @@ def replace_features(hooks: Hooks, view: View) -> View:
     """Replace features, and describe them."""
     if hooks is NO_HOOKS:
         return view
-    pixels = _own(hooks.features(_frame(view.frame), read_only(view.features.pixels)))
+    pixels = _own(hooks.features(_frame(view.frame), read_only(view.features)))
     descriptors = describe(view.frame.left, pixels, view.settings.matching.patch_px)
-    return replace(view, features=Features(pixels), descriptors=descriptors)
+    return replace(view, features=pixels, descriptors=descriptors)
 
 
 def announce_landmarks(hooks: Hooks, frame: StereoFrame, ids: Indices, pixels: Array) -> None:
