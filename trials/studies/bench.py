@@ -102,9 +102,9 @@ def generator_table(speeds: Speeds) -> Table:
     rows = {
         "stock, two images, left depth": rendered.stock_left_ms,
         "stock, two images, two depths": rendered.stock_ms,
-        "ours, two images, two depths": rendered.ours_ms,
+        "driftyard, two images, two depths": rendered.ours_ms,
         "stock, images and left depth written": rendered.stock_left_ms + rendered.stock_files_ms,
-        "ours, recorded with noise": _mean_ms(speeds),
+        "driftyard, recorded with noise": _mean_ms(speeds),
     }
     header = (f"generation, {speeds.cores} cores", "ms per frame", "frames/s")
     return text_table(header, [(x, f"{ms:.1f}", f"{1e3 / ms:.1f}") for x, ms in rows.items()])
@@ -116,7 +116,7 @@ def ratio_table(speeds: Speeds) -> Table:
     written_ms = rendered.stock_left_ms + rendered.stock_files_ms
     memory_gb = max(x.memory_mb for x in speeds.generated) / 1024
     ratios = (
-        ("stock over ours, two images, two depths", rendered.stock_ms / rendered.ours_ms, "≥ 2"),
+        ("stock over driftyard, two depths", rendered.stock_ms / rendered.ours_ms, "≥ 2"),
         ("the same, stock without right depth", rendered.stock_left_ms / rendered.ours_ms, ""),
         ("rendering over recording", rendered.ours_ms / recorded_ms, "≥ 0.85"),
         ("stock, written, over recording", written_ms / recorded_ms, ""),

@@ -40,7 +40,7 @@ class Timing:
 
     @property
     def ratio(self) -> float:
-        """How many times as fast D* Lite was."""
+        """Time of A* over that of D* Lite."""
         return self.plan_ms / self.replan_ms
 
 
@@ -48,7 +48,7 @@ Change = Callable[[np.random.Generator, Array, list[Cell]], list[Cell]]
 
 
 def warehouse(side: int, rng: np.random.Generator) -> Array:
-    """Make (side, side) costs: shelves, aisles between them, crossings, some boxes in the way."""
+    """Return (side, side) costs: shelves, aisles, crossings, and boxes at random cells."""
     costs = np.ones((side, side))
     row, column = np.indices(costs.shape)
     shelf = (row % (SHELF + AISLE) >= AISLE) & (column % CROSSING >= AISLE)
@@ -63,7 +63,7 @@ def measure(
     rng: np.random.Generator,
     done: Callable[[object], None],
 ) -> list[Timing]:
-    """Drive from corner to corner, again and again, and time both planners after each change."""
+    """Move from corner to corner repeatedly, and time both planners after each change."""
     timings: list[Timing] = []
     search(make_grid(np.ones((3, 3))), 49, 16, 32)  # compiled before the clock runs
     while len(timings) < changes:
@@ -106,18 +106,18 @@ def _time(planner: GridPlanner, costs: Array, cells: list[Cell], start: Cell, go
 
 
 def near_agent(rng: np.random.Generator, costs: Array, path: list[Cell]) -> list[Cell]:
-    """Four cells within five of the agent."""
+    """Return four cells within five cells of the agent."""
     return _inside(np.array(path[0]) + rng.integers(-5, 6, size=(4, 2)), costs)
 
 
 def on_the_way(rng: np.random.Generator, costs: Array, path: list[Cell]) -> list[Cell]:
-    """Three by three cells on the path, up to thirty cells ahead."""
+    """Return three by three cells on the path, up to thirty cells ahead."""
     ahead = path[min(len(path) - 2, int(rng.integers(3, 30)))]
     return _inside(np.array(ahead) + np.indices((3, 3)).reshape(2, -1).T - 1, costs)
 
 
 def aisle(rng: np.random.Generator, costs: Array, path: list[Cell]) -> list[Cell]:
-    """The way from shelf to shelf, up to thirty cells ahead on the path."""
+    """Return the cells across an aisle, up to thirty cells ahead on the path."""
     row, column = path[min(len(path) - 2, int(rng.integers(5, 30)))]
     in_aisle = row % (SHELF + AISLE) < AISLE
     first = row - row % (SHELF + AISLE) if in_aisle else column - column % CROSSING
