@@ -133,7 +133,7 @@ def error_m(estimate, T_first_cam):
     return np.linalg.norm(estimate.T_odom_cam[:3, 3] - T_first_cam[:3, 3])
 
 
-def test_a_drive_is_tracked_with_little_drift(drive, sequence, result):
+def test_drive_is_tracked_with_little_drift(drive, sequence, result):
     assert statuses(result.estimates) == [Status.START] + [Status.TRACKED] * (len(sequence) - 1)
     pair = associate(read_truth(drive), result.trajectory)
     assert 1.4 < pair.travelled_m[-1] < 1.6
@@ -144,7 +144,7 @@ def test_a_drive_is_tracked_with_little_drift(drive, sequence, result):
     assert 1e-6 < errors.rotation_rad.mean() < np.radians(0.3)
 
 
-def test_the_record_is_complete(sequence, result):
+def test_record_is_complete(sequence, result):
     assert [x.timestamp_ns for x in result.estimates] == sequence.timestamps_ns.tolist()
     np.testing.assert_array_equal(result.estimates[0].T_odom_cam, np.eye(4))
     height, width = sequence.rig.height_px, sequence.rig.width_px
@@ -164,14 +164,14 @@ def test_the_record_is_complete(sequence, result):
     }  # fmt: skip
 
 
-def test_same_images_same_trajectory(sequence, result):
+def test_same_images_give_the_same_trajectory(sequence, result):
     again = track_all(StereoOdometry(sequence.rig), [sequence[i] for i in range(12)])
     for a, b in zip(again, result.estimates, strict=False):
         np.testing.assert_array_equal(a.T_odom_cam, b.T_odom_cam)
         assert a.counts == b.counts
 
 
-def test_a_blank_frame_is_lost_and_the_next_is_tracked(odometry, frames, truth):
+def test_blank_frame_is_lost_and_the_next_is_tracked(odometry, frames, truth):
     shown = [blank(x) if i == 8 else x for i, x in enumerate(frames)]
     estimates = track_all(odometry, shown)
     expected = [Status.START] + [Status.TRACKED] * 7 + [Status.LOST] + [Status.TRACKED] * 6
@@ -182,14 +182,14 @@ def test_a_blank_frame_is_lost_and_the_next_is_tracked(odometry, frames, truth):
 
 
 @pytest.mark.parametrize("spoil", [noise, lambda x: replaced(x, left=x.left * 0)])
-def test_noise_or_a_covered_left_eye_is_lost(odometry, frames, truth, spoil):
+def test_noise_or_a_covered_left_camera_is_lost(odometry, frames, truth, spoil):
     shown = [spoil(x) if i in (4, 5) else x for i, x in enumerate(frames[:8])]
     estimates = track_all(odometry, shown)
     assert [i for i, x in enumerate(estimates) if x.status is Status.LOST] == [4, 5]
     assert error_m(estimates[-1], truth[7]) < 0.005
 
 
-def test_a_covered_right_eye_leaves_the_left_one(odometry, frames, truth):
+def test_covered_right_camera_is_tracked_by_the_left(odometry, frames, truth):
     """Landmarks are known already: one eye suffices to stay among them."""
     shown = [replaced(x, right=x.right * 0) if i == 5 else x for i, x in enumerate(frames[:8])]
     estimates = track_all(odometry, shown)
@@ -206,20 +206,20 @@ def resumed(sequence, frames):
     return len(dark), track_all(StereoOdometry(sequence.rig), [*frames[:3], *dark, *frames[11:]])
 
 
-def test_after_long_darkness_it_starts_anew(resumed):
+def test_long_darkness_starts_a_new_segment(resumed):
     dark, estimates = resumed
     assert statuses(estimates[3:]) == [Status.LOST] * dark + [Status.START] + [Status.TRACKED] * 3
     assert estimates[3 + dark].reason == f"new segment after {dark} lost frames"
 
 
-def test_landmarks_of_the_new_start_are_new(resumed):
+def test_new_segment_has_new_landmarks(resumed):
     dark, estimates = resumed
     before = np.concatenate([x.observations.ids for x in estimates[1:3]])
     after = np.concatenate([x.observations.ids for x in estimates[4 + dark :]])
     assert not np.isin(after, before).any()
 
 
-def test_a_new_segment_is_stitched_to_the_old_one(odometry, frames, truth):
+def test_new_segment_is_merged_with_the_lost_one(odometry, frames, truth):
     """After darkness beyond patience the camera stands elsewhere, and soon knows where."""
     dark = [blank(x) for x in frames[4 : 4 + PATIENCE + 2]]
     estimates = track_all(odometry, [*frames[:4], *dark, *frames[4 + len(dark) :]])
@@ -234,7 +234,7 @@ def test_a_new_segment_is_stitched_to_the_old_one(odometry, frames, truth):
     assert error_m(estimates[-1], truth[-1]) < 0.01
 
 
-def test_a_segment_elsewhere_is_not_stitched(odometry, frames):
+def test_new_segment_elsewhere_is_not_merged(odometry, frames):
     """What shows nothing of the old segment goes on from its last pose, and says how unsure."""
     dark = [blank(x) for x in frames[4 : 4 + PATIENCE + 2]]
     upended = [replaced(x, x.left[::-1].copy(), x.right[::-1].copy()) for x in frames[:3]]
@@ -266,7 +266,7 @@ def test_covariance_grows_and_steps_are_small(result):
 
 
 @pytest.mark.parametrize("kernel", ["box", "star"])
-def test_other_choices_track_too(sequence, frames, truth, kernel):
+def test_alternative_methods_track(sequence, frames, truth, kernel):
     settings = OdometrySettings.model_validate(
         {
             "features": {"kernel": kernel},
@@ -279,14 +279,14 @@ def test_other_choices_track_too(sequence, frames, truth, kernel):
     assert 1e-6 < error_m(estimates[-1], truth[7]) < 0.01
 
 
-def test_the_thesis_tracks_but_less_well(sequence, frames, truth):
+def test_thesis_preset_tracks_with_more_drift(sequence, frames, truth):
     estimates = track_all(StereoOdometry(sequence.rig, THESIS), frames)
     assert Status.LOST not in statuses(estimates)
     ours = track_all(StereoOdometry(sequence.rig), frames)
     assert error_m(ours[-1], truth[-1]) < error_m(estimates[-1], truth[-1]) < 0.03
 
 
-def test_noise_is_smoothed_and_tracked(odometry, frames, truth):
+def test_noisy_images_are_smoothed_and_tracked(odometry, frames, truth):
     """Noise of 9 grey levels hides the depth of nearly all features until it is smoothed."""
     rng = np.random.default_rng(0)
 
@@ -300,7 +300,7 @@ def test_noise_is_smoothed_and_tracked(odometry, frames, truth):
 
 
 @pytest.mark.parametrize("lower_px", [0.0, 0.5])
-def test_rows_that_do_not_meet_are_reported(sequence, lower_px):
+def test_vertical_offset_is_reported(sequence, lower_px):
     """A right eye that looks half a pixel higher than the calibration says."""
     settings = OdometrySettings.model_validate({"refinement": {"keyframe_parallax_px": 0}})
     odometry = StereoOdometry(sequence.rig, settings)
@@ -317,24 +317,24 @@ def test_rows_that_do_not_meet_are_reported(sequence, lower_px):
         assert not any(reasons)
 
 
-def test_nothing_to_see_at_all(odometry, frames):
+def test_blank_images_are_lost(odometry, frames):
     estimates = track_all(odometry, [blank(x) for x in frames])
     assert statuses(estimates) == [Status.LOST] * len(frames)
     assert all(f"{eye} image blank" in estimates[0].reason for eye in ("left", "right"))
 
 
-def test_nothing_to_see_at_first(odometry, frames):
+def test_blank_first_image_delays_the_start(odometry, frames):
     estimates = track_all(odometry, [blank(frames[0]), *frames[1:4]])
     assert statuses(estimates) == [Status.LOST, Status.START, Status.TRACKED, Status.TRACKED]
     np.testing.assert_array_equal(estimates[1].T_odom_cam, np.eye(4))
 
 
-def test_swapped_eyes_do_not_raise(odometry, frames):
+def test_swapped_images_do_not_raise(odometry, frames):
     estimates = track_all(odometry, [swapped(x) for x in frames[:6]])
     assert Status.TRACKED not in statuses(estimates)
 
 
-def test_eyes_swapped_on_the_way(odometry, frames, truth):
+def test_swapped_images_on_the_way_recover(odometry, frames, truth):
     """The odd frame may be lost or held by its left eye's landmarks, which shifts it by the
     baseline; most of that must be gone again with the next ones."""
     estimates = track_all(odometry, [*frames[:4], swapped(frames[4]), *frames[5:8]])
@@ -342,12 +342,12 @@ def test_eyes_swapped_on_the_way(odometry, frames, truth):
     assert error_m(estimates[-1], truth[7]) < 0.01
 
 
-def test_nothing_but_noise(odometry, frames):
+def test_images_of_noise_are_not_tracked(odometry, frames):
     estimates = track_all(odometry, [noise(x) for x in frames[:8]])
     assert Status.TRACKED not in statuses(estimates)
 
 
-def test_time_that_does_not_advance(odometry, frames, truth):
+def test_frames_out_of_order_are_refused(odometry, frames, truth):
     """A frame out of order is refused, and changes nothing."""
     estimates = track_all(odometry, [*frames[:4], frames[2], frames[3], *frames[4:8]])
     assert [i for i, x in enumerate(estimates) if x.status is Status.LOST] == [4, 5]
@@ -356,7 +356,7 @@ def test_time_that_does_not_advance(odometry, frames, truth):
     np.testing.assert_array_equal(estimates[-1].T_odom_cam, plain[-1].T_odom_cam)
 
 
-def test_odd_sizes(frames):
+def test_odd_image_sizes_do_not_raise(frames):
     """What fits no block, cell or kernel is only fewer features."""
     for width, height in ((641, 479), (97, 83), (33, 21)):
         rig = StereoRig(width, height, 300.0, (width - 1) / 2, (height - 1) / 2, 0.09)
@@ -369,14 +369,14 @@ def test_odd_sizes(frames):
             assert all(x.T_odom_cam is not None or x.reason for x in estimates)
 
 
-def test_pictures_of_four_pixels(frames):
+def test_images_of_four_pixels_are_lost(frames):
     rig = StereoRig(2, 2, 300.0, 0.5, 0.5, 0.09)
     tiny = [replaced(x, x.left[:2, :2].copy(), x.right[:2, :2].copy()) for x in frames[:3]]
     for preset in (OdometrySettings(), THESIS):
         assert statuses(track_all(StereoOdometry(rig, preset), tiny)) == [Status.LOST] * 3
 
 
-def test_a_jump_of_minutes(odometry, frames, truth):
+def test_gap_of_minutes_is_tracked(odometry, frames, truth):
     """Nothing is predicted over a gap but what the pictures say."""
     estimates = track_all(odometry, [*frames[:4], *(later(x, 3000) for x in frames[6:9])])
     assert statuses(estimates) == [Status.START] + [Status.TRACKED] * 6
@@ -385,7 +385,7 @@ def test_a_jump_of_minutes(odometry, frames, truth):
 
 @pytest.mark.parametrize("prior", [True, False])
 @pytest.mark.parametrize("circular_check", [True, False])
-def test_decoupled_motion_and_circular_check(sequence, frames, truth, prior, circular_check):
+def test_decoupled_pose_and_circular_check_track(sequence, frames, truth, prior, circular_check):
     motion = {"method": "decoupled", "landmark_prior": prior}
     settings = OdometrySettings.model_validate(
         {"motion": motion, "matching": {"circular_check": circular_check}}
@@ -395,13 +395,13 @@ def test_decoupled_motion_and_circular_check(sequence, frames, truth, prior, cir
     assert 1e-6 < error_m(estimates[-1], truth[7]) < 0.01
 
 
-def test_a_single_frame(odometry, frames):
+def test_single_frame_starts_at_the_origin(odometry, frames):
     (estimate,) = track_all(odometry, frames[:1])
     assert estimate.status is Status.START
     np.testing.assert_array_equal(estimate.T_odom_cam, np.eye(4))
 
 
-def test_standing_still(odometry, frames):
+def test_repeated_image_does_not_move(odometry, frames):
     estimates = track_all(odometry, [later(frames[0], i) for i in range(4)])
     assert statuses(estimates) == [Status.START] + [Status.TRACKED] * 3
     assert error_m(estimates[-1], np.eye(4)) < 1e-4
@@ -427,7 +427,7 @@ def halted(rig, frame, stationary):
     return max(np.linalg.norm(T[:3, 3]) for T in moved), np.degrees(turned_rad)
 
 
-def test_a_halt_does_not_drift(sequence, frames):
+def test_stationary_camera_does_not_drift(sequence, frames):
     """By image alone: a sixth of a minute moves it by a sixth of 1 mm and 0.01 degrees at most."""
     far_m, far_deg = halted(sequence.rig, frames[0], "image")
     assert far_m < 1e-3 / 6
@@ -452,7 +452,7 @@ def carried(scene, motions):
     return frames, se3.exp(motions)
 
 
-def test_a_creep_is_not_taken_for_a_halt(odometry, scene):
+def test_slow_creep_is_not_held(odometry, scene):
     """A tenth of a millimetre a frame is below the noise of a frame; 40 of them are not."""
     motions = np.zeros((40, 6))
     motions[:, 2] = 1e-4 * np.arange(40)
@@ -471,7 +471,7 @@ def turn(scene):
     return carried(scene, motions)
 
 
-def test_a_turn_on_the_spot_is_tracked(odometry, turn):
+def test_rotation_on_the_spot_is_tracked(odometry, turn):
     frames, truth = turn
     estimates = track_all(odometry, frames)
     assert statuses(estimates) == [Status.START] + [Status.TRACKED] * 14
@@ -502,7 +502,7 @@ def shaken(rig, shake, min_inlier_ratio):
     return posed.count(False), max(errors_m)
 
 
-def test_a_shaking_hand_is_followed_by_what_the_images_show_as_wholes(sequence, shake):
+def test_shaking_camera_is_tracked_by_the_rotation_prior(sequence, shake):
     lost, worst_m = shaken(sequence.rig, shake, OdometrySettings().matching.min_inlier_ratio)
     assert lost == 0
     assert 1e-6 < worst_m < 0.001
@@ -526,6 +526,6 @@ def smear_error_m(rig, frames, truth, min_inlier_ratio):
     return np.inf if lost else error_m(estimates[-1], truth[11])
 
 
-def test_smeared_images_are_followed_from_one_to_the_next(sequence, frames, truth):
+def test_blurred_images_are_tracked_by_klt(sequence, frames, truth):
     assert 1e-6 < smear_error_m(sequence.rig, frames, truth, 0.22) < 0.02
     assert smear_error_m(sequence.rig, frames, truth, 0) > 0.04

@@ -27,6 +27,8 @@ class Table:
 
     def extend(self, other: Self) -> Self:
         """Append the rows of another table."""
+        if not len(self):
+            return other
         theirs = vars(other)
         return type(self)(
             **{name: np.concatenate([own, theirs[name]]) for name, own in vars(self).items()}

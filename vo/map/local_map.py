@@ -1,7 +1,6 @@
 """Landmarks, keyframes, and the window of keyframes in which landmarks are tracked."""
 
 from dataclasses import dataclass, replace
-from typing import Self
 
 import numpy as np
 
@@ -61,10 +60,6 @@ class Landmarks(Table):
     anchor_pixels: Array
     anchor_depth_m: Array
     anchor_slopes: Array
-
-    def extend(self, other: Self) -> Self:
-        """Append rows, whose ids must be larger."""
-        return super().extend(other) if len(self) else other
 
     def update(self, rows: Indices | Mask, **columns: Array) -> "Landmarks":
         """Replace the named columns of some rows."""

@@ -97,7 +97,7 @@ def in_view(expected: Array, view: View) -> Mask:
     """Which of (N, 3) projections lie in the left image."""
     u, v, disparity_px = expected.T
     height, width = view.frame.left.shape
-    inside = (u > 0) & (v > 0) & (u < width) & (v < height)  # not NaN
+    inside = (u > -0.5) & (v > -0.5) & (u < width - 0.5) & (v < height - 0.5)  # not NaN
     return inside & (disparity_px > 0)
 
 
