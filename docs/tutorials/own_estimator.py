@@ -1,7 +1,7 @@
 """A custom estimator in the loop: python docs/tutorials/own_estimator.py [SCENE].
 
 The class below matches corners from each frame to the next and solves for the motion; any class
-with a method `track` will do (docs/plugins.md). The environment is told where to import it from.
+with a method `track` is accepted (docs/plugins.md). The environment imports it by its name.
 """
 
 import sys
@@ -59,7 +59,7 @@ class CornerPnp:
 
 
 def main(scene: str, steps: int) -> None:
-    """Drive a gentle curve by three localisations and compare their errors."""
+    """Drive a gentle curve with three sources of localization and compare their errors."""
     for localization in (f"{Path(__file__).stem}:CornerPnp", "vo", "wheels"):
         env = gymnasium.make(
             "trials.gym:driftyard/RoverNav-v0",

@@ -15,7 +15,7 @@ from trials.gym.world.barriers import SAFE_M, Barrier, Door, Gate, Load, Slot
 from trials.gym.world.carts import MAX_WAIT_S, Cart
 from trials.gym.world.carts import SAFE_M as CART_SAFE_M
 from trials.gym.world.distance_field import TraversableSpace
-from trials.gym.world.dynamics import parse_dynamics, sample_dynamics
+from trials.gym.world.dynamics import Setting, parse_dynamics, sample_dynamics
 from trials.gym.world.free_space import map_free_space
 from trials.gym.world.obstacle_bodies import with_agents
 from trials.gym.world.simulation import Simulation
@@ -157,18 +157,18 @@ def yard(tmp_path_factory):
 @pytest.mark.parametrize("seed", range(4))
 def test_loads_leave_a_path_to_the_goal(yard, seed):
     _, scene, traversable, ends = yard
-    movers = sample_dynamics(scene, traversable, ends, 0.5, "blocked_aisles=3,doors", seed)
+    movers = sample_dynamics(Setting(scene, traversable, ends, 0.5), "blocked_aisles=3,doors", seed)
     loads = [m.slot for m in movers.values() if isinstance(m, Load)]
     assert len(loads) == 1  # a second one would close the other side of the pillar
     assert all(traversable.mask[tuple(traversable.space.cells(slot.centre[:2]))] for slot in loads)
     closed = with_slots_closed(traversable, loads)
     assert closed.shortest_path(ends.start[:2], ends.goal) is not None
     assert not all(closed.has_line(a, b) for a, b in pairwise(ends.path))
-    again = sample_dynamics(scene, traversable, ends, 0.5, "blocked_aisles=3,doors", seed)
+    again = sample_dynamics(Setting(scene, traversable, ends, 0.5), "blocked_aisles=3,doors", seed)
     assert {k: m(1.0).tolist() for k, m in again.items()} == {
         k: m(1.0).tolist() for k, m in movers.items()
     }
-    fewer = sample_dynamics(scene, traversable, ends, 0.5, "blocked_aisles=3", seed)
+    fewer = sample_dynamics(Setting(scene, traversable, ends, 0.5), "blocked_aisles=3", seed)
     assert fewer["blocked_aisles_0"](1.0).tolist() == movers["blocked_aisles_0"](1.0).tolist()
 
 

@@ -9,13 +9,14 @@ from typing import Any, ClassVar
 
 from trials.cli import console
 from trials.cli.options import Disturb, SceneName, changes, option
+from trials.execution.parallel import map_parallel
 from trials.gym.env.policies import NavigatorPolicy
 from trials.gym.env.settings import NavSettings
 from trials.gym.studies import planning as planned
 from trials.gym.studies.result_store import ResultStore
 from trials.gym.studies.sensitivity import draw_sensitivity
 from trials.gym.studies.trial_results import METRICS, TrialResult, summarize
-from trials.gym.studies.trial_runner import run_trials
+from trials.gym.studies.trial_runner import run_world
 from trials.report.figure import save_figure
 from trials.report.tables import text_table
 from vo.contract.errors import SettingsError
@@ -139,7 +140,8 @@ def _driven(
     done = dict(store.done) if store else {}
     missing = [k for k in worlds.layouts if k not in done]
     with console.counting_bar("worlds", len(missing)) as count:
-        for of_world in run_trials(options, sources, missing, worlds.runs, files.keep):
+        calls = [(options, sources, k, worlds.runs, files.keep) for k in missing]
+        for _, of_world in map_parallel(run_world, calls):
             done[of_world[0].layout] = of_world
             if store:
                 store.add(of_world)
@@ -164,7 +166,8 @@ def _drive_planned(
     with console.counting_bar("worlds", len(layouts) * len(sources)) as count:
         for source in sources:
             with_source = {**options, "localization": source}
-            for of_world in planned.run_planned(with_source, ways, layouts, runs, ideal):
+            calls = [(with_source, ways, k, runs, ideal) for k in layouts]
+            for _, of_world in map_parallel(planned.run_world, calls):
                 trials += of_world
                 count(of_world)
     trials.sort(key=lambda t: (sources.index(t.localization), t.layout, t.run))

@@ -14,6 +14,7 @@ from trials.cli.options import option
 from trials.cli.route_rover import route_rover
 from trials.evaluation.intervals import mean_interval
 from trials.navigation.errors import PlanningError
+from trials.report.figure import save_figure
 from trials.routing import figures, tables, verdicts
 from trials.routing.drive import STRATEGIES
 from trials.routing.generation import large_network, small_network
@@ -31,7 +32,7 @@ from trials.routing.study import (
 )
 from trials.routing.verdicts import Verdict
 from vo.contract.errors import SettingsError
-from vo.contract.files import replacing, write_text
+from vo.contract.files import write_text
 
 
 @dataclass(frozen=True)
@@ -125,14 +126,13 @@ def judge(studies: Mapping[str, Study], during: Randomised, before: Randomised) 
 
 def draw(out: Path, studies: dict[str, Study], during: Randomised, rng: Generator) -> None:
     """Write the figures and the data that they show."""
-    drawn = {
-        "networks": figures.draw_networks(studies),
-        "delays": figures.draw_delays(studies),
-        "random": figures.draw_random(during, [*studies][-1], rng),
-    }
-    for stem, figure in drawn.items():
-        with replacing(out / f"routing_{stem}.png") as partial:
-            figure.savefig(partial, format="png")
+    count, name = len(studies), [*studies][-1]
+    for stem, size_in, fill in (
+        ("networks", (4.6 * count + 0.6, 5.2), lambda f: figures.draw_networks(f, studies)),
+        ("delays", (9.0, 3.4 * count + 0.5), lambda f: figures.draw_delays(f, studies)),
+        ("random", (7.2, 4.2), lambda f: figures.draw_random(f, during, name, rng)),
+    ):
+        save_figure(out / f"routing_{stem}.png", size_in, fill)
     write_text(out / "routing_delays.csv", tables.delays_csv(studies))
     write_text(out / "routing_random.csv", tables.random_csv(during))
 

@@ -39,33 +39,28 @@ class OccupancySettings(Settings):
         "occupied": "occupied_log_odds",
     }
 
-    stride_px: int = Field(default=4, ge=1, description="distance of the pixels that are used, px")
-    max_depth_m: float = Field(default=6.0, gt=0, description="largest depth that is used, m")
-    min_height_m: float = Field(
-        default=0.05, gt=0, description="height that the rover drives over, m"
-    )
-    max_height_m: float = Field(
-        default=0.9, gt=0, description="height that the rover drives under, m"
-    )
-    hit_log_odds: float = Field(
-        default=0.9, gt=0, description="log odds added where an obstacle is observed"
-    )
-    miss_log_odds: float = Field(
-        default=0.4, gt=0, description="log odds subtracted where free ground is observed"
-    )
-    max_log_odds: float = Field(default=4.0, gt=0, description="largest magnitude of the log odds")
-    half_life_s: float = Field(
-        default=60.0, gt=0, description="time in which unobserved log odds halve, s"
-    )
-    occupied_log_odds: float = Field(
-        default=0.8, gt=0, description="log odds from which on a cell is closed"
-    )
-    margin_m: float = Field(
-        default=0.3, gt=0, description="width of the costly margin beyond the rover's radius, m"
-    )
-    margin_cost: float = Field(
-        default=4.0, ge=0, description="additional cost at the inner edge of the margin"
-    )
+    stride_px: int = Field(default=4, ge=1)
+    """Distance of the pixels that are used, px."""
+    max_depth_m: float = Field(default=6.0, gt=0)
+    """Largest depth that is used, m."""
+    min_height_m: float = Field(default=0.05, gt=0)
+    """Height that the rover drives over, m."""
+    max_height_m: float = Field(default=0.9, gt=0)
+    """Height that the rover drives under, m."""
+    hit_log_odds: float = Field(default=0.9, gt=0)
+    """Log odds added where an obstacle is observed."""
+    miss_log_odds: float = Field(default=0.4, gt=0)
+    """Log odds subtracted where free ground is observed."""
+    max_log_odds: float = Field(default=4.0, gt=0)
+    """Largest magnitude of the log odds."""
+    half_life_s: float = Field(default=60.0, gt=0)
+    """Time in which unobserved log odds halve, s."""
+    occupied_log_odds: float = Field(default=0.8, gt=0)
+    """Log odds from which on a cell is closed."""
+    margin_m: float = Field(default=0.3, gt=0)
+    """Width of the costly margin beyond the rover's radius, m."""
+    margin_cost: float = Field(default=4.0, ge=0)
+    """Additional cost at the inner edge of the margin."""
 
 
 @dataclass(frozen=True)

@@ -39,28 +39,30 @@ class SteeringSettings(Settings):
         "roomy_m": "max_clearance_m",
     }
 
-    forward_max_mps: float = Field(default=0.5, gt=0, description="largest forward speed, m/s")
-    turn_max_radps: float = Field(default=1.0, gt=0, description="largest turning speed, rad/s")
-    forward_accel_mps2: float = Field(
-        default=0.5, gt=0, description="largest acceleration and deceleration, m/s^2"
-    )
-    turn_accel_radps2: float = Field(
-        default=3.0, gt=0, description="largest angular acceleration, rad/s^2"
-    )
-    lookahead_m: float = Field(
-        default=0.6, gt=0, description="distance of pure pursuit's target along the path, m"
-    )
-    period_s: float = Field(default=0.1, gt=0, description="time between two commands, s")
-    horizon_s: float = Field(
-        default=1.5, gt=0, description="time for which the dynamic window predicts a command, s"
-    )
-    speed_samples: int = Field(default=11, ge=3, description="samples of each of both speeds")
-    heading_gain: float = Field(default=1.0, ge=0, description="weight of the heading, 0 to 1")
-    clearance_gain: float = Field(default=0.3, ge=0, description="weight of the clearance, 0 to 1")
-    speed_gain: float = Field(default=0.3, ge=0, description="weight of the speed, 0 to 1")
-    max_clearance_m: float = Field(
-        default=0.5, gt=0, description="clearance beyond which more does not count, m"
-    )
+    forward_max_mps: float = Field(default=0.5, gt=0)
+    """Largest forward speed, m/s."""
+    turn_max_radps: float = Field(default=1.0, gt=0)
+    """Largest turning speed, rad/s."""
+    forward_accel_mps2: float = Field(default=0.5, gt=0)
+    """Largest acceleration and deceleration, m/s^2."""
+    turn_accel_radps2: float = Field(default=3.0, gt=0)
+    """Largest angular acceleration, rad/s^2."""
+    lookahead_m: float = Field(default=0.6, gt=0)
+    """Distance of pure pursuit's target along the path, m."""
+    period_s: float = Field(default=0.1, gt=0)
+    """Time between two commands, s."""
+    horizon_s: float = Field(default=1.5, gt=0)
+    """Time for which the dynamic window predicts a command, s."""
+    speed_samples: int = Field(default=11, ge=3)
+    """Samples of each of both speeds."""
+    heading_gain: float = Field(default=1.0, ge=0)
+    """Weight of the heading, 0 to 1."""
+    clearance_gain: float = Field(default=0.3, ge=0)
+    """Weight of the clearance, 0 to 1."""
+    speed_gain: float = Field(default=0.3, ge=0)
+    """Weight of the speed, 0 to 1."""
+    max_clearance_m: float = Field(default=0.5, gt=0)
+    """Clearance beyond which more does not count, m."""
 
 
 def lookahead_point(pose: Pose2, path_m: Array, lookahead_m: float) -> Array:

@@ -1,4 +1,4 @@
-"""The two networks of the study: one with a single decision, and a large one with many routes."""
+"""Networks of the study: one with a single decision, and a large one with many routes."""
 
 from itertools import pairwise
 
@@ -11,12 +11,12 @@ from trials.routing.network import Network, Road
 
 TOP_SPEED_MPS = 120 / 3.6
 SPACING_M, JITTER = 2000.0, 0.25
-"""Of the large network's nodes; the jitter, in spacings, leaves no road shorter than half of it."""
-LONGEST_M = 1.9 * SPACING_M
+"""Spacing of the large network's nodes, and their jitter in spacings."""
+MAX_ROAD_M = 1.9 * SPACING_M
 WINDING = 1.25
-"""The longest road over the straight distance."""
-ROAD_SHARE = 0.85
-"""Of the possible roads that exist, beside those that connect all nodes."""
+"""Largest ratio of a road's length to the straight distance."""
+ROAD_RATIO = 0.85
+"""Ratio of possible roads that exist, besides those that connect all nodes."""
 
 SMALL = {
     "start": (0.0, 0.0),
@@ -49,13 +49,13 @@ def large_network(rng: np.random.Generator, side: int = 15) -> Network:
     triangles = Delaunay(xy_m).simplices
     pairs = np.unique(np.sort(triangles[:, [[0, 1], [1, 2], [0, 2]]].reshape(-1, 2)), axis=0)
     straight_m = np.linalg.norm(xy_m[pairs[:, 0]] - xy_m[pairs[:, 1]], axis=1)
-    pairs, straight_m = pairs[straight_m < LONGEST_M], straight_m[straight_m < LONGEST_M]
+    pairs, straight_m = pairs[straight_m < MAX_ROAD_M], straight_m[straight_m < MAX_ROAD_M]
     n = len(xy_m)
     tree = minimum_spanning_tree(coo_matrix((straight_m, pairs.T), shape=(n, n))).tocoo()
     kept = {(int(a), int(b)) for a, b in zip(tree.row, tree.col, strict=True)}
     lengths_m: dict[Road, float] = {}
     for (a, b), distance_m in zip(pairs.tolist(), straight_m.tolist(), strict=True):
-        exists, length_m = rng.random() < ROAD_SHARE, distance_m * rng.uniform(1, WINDING)
+        exists, length_m = rng.random() < ROAD_RATIO, distance_m * rng.uniform(1, WINDING)
         if exists or (a, b) in kept:
             lengths_m[a, b] = lengths_m[b, a] = length_m
     return Network(tuple(str(k) for k in range(n)), xy_m, lengths_m, TOP_SPEED_MPS)

@@ -1,4 +1,4 @@
-"""Networks from JSON files; docs/routing.md shows one."""
+"""Networks from JSON files; see docs/routing.md."""
 
 import json
 from pathlib import Path
@@ -14,11 +14,11 @@ from vo.contract.settings import Settings, validated
 
 KMH = 1 / 3.6
 ROUNDING = 1 - 1e-6
-"""A stated length may fall this much short of the straight distance."""
+"""Smallest ratio of a given length to the straight distance."""
 
 
 class MapNode(Settings):
-    """A crossing, a door or a junction."""
+    """A node of the network."""
 
     name: Annotated[str, Field(min_length=1)]
     x_m: float
@@ -34,7 +34,7 @@ class MapRoad(Settings):
 
 
 class MapFile(Settings):
-    """The whole file."""
+    """Content of the file."""
 
     top_speed_kmh: Annotated[float, Field(gt=0)] = 120.0
     nodes: Annotated[list[MapNode], Field(min_length=2)]
@@ -47,8 +47,8 @@ def read_map(path: Path) -> Network:
     """Read a network.
 
     Raises:
-        PlanningError: If the file is unreadable, a key or value is wrong, or the roads make no
-            network; names the file and the key, node or road.
+        PlanningError: If the file is unreadable or not valid; names the file and the key, node or
+            road.
     """
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
@@ -76,7 +76,7 @@ def _network(content: MapFile) -> Network:
         length_m = _length_m(road, float(np.linalg.norm(xy_m[a] - xy_m[b])))
         for ends in ((a, b),) if road.one_way else ((a, b), (b, a)):
             if ends in lengths_m:
-                raise PlanningError(f"road {' to '.join(road.ends)}: is there twice")
+                raise PlanningError(f"road {' to '.join(road.ends)}: is listed twice")
             lengths_m[ends] = length_m
     start, goal = (None if x is None else _index(index, x) for x in (content.start, content.goal))
     if start is not None and start == goal:

@@ -1,6 +1,6 @@
-"""Travel times of all strategies: over node delay, over queuing delay, and at random."""
+"""Travel times with all strategies: over node delay, over queuing delay, and at random."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,29 +14,29 @@ from vo.contract.arrays import Array
 NODE_MAX_S, QUEUE_MAX_S = 180.0, 420.0
 """Longest wait at a node and longest queuing delay."""
 NODE_S, QUEUE_S = NODE_MAX_S / 2, QUEUE_MAX_S / 2
-"""What the one is while the other is varied."""
+"""Wait at the nodes while queues are varied, and queuing delay while waits are varied."""
 STEPS = 9
-APART = 0.4
-"""Random ends are at least this far apart, as a share of the network's extent."""
-TRIES = 10_000
+MIN_DISTANCE = 0.4
+"""Smallest distance of random ends over the extent of the network."""
+MAX_TRIES = 10_000
 
 Done = Callable[[object], None]
 
 
 @dataclass(frozen=True)
 class Case:
-    """A drive to be made by every strategy.
+    """One drive for all strategies.
 
     Attributes:
         start: Node.
         goal: Node.
-        onsets_s: By congested road, when after departure its queue arises.
-        free_s: Travel time without any delay.
+        onsets_s: By congested road, the time after departure at which its queue arises.
+        free_s: Travel time without delays.
     """
 
     start: int
     goal: int
-    onsets_s: dict[Road, float]
+    onsets_s: Mapping[Road, float]
     free_s: float
 
 
@@ -58,7 +58,7 @@ class Randomised:
     """Travel times with random ends, waits and queues.
 
     Attributes:
-        free_s: (cases,) without any delay.
+        free_s: (cases,) without delays.
         times_s: (4, cases) by STRATEGIES.
     """
 
@@ -67,55 +67,88 @@ class Randomised:
 
     @property
     def increase_percent(self) -> Array:
-        """(4, cases) over the undelayed time."""
+        """(4, cases) increase over the undelayed time."""
         return 100 * (self.times_s / self.free_s - 1)
 
 
+@dataclass(frozen=True)
+class Study:
+    """Sweeps on one network.
+
+    Attributes:
+        network: The roads.
+        cases: The drives.
+        free: Travel times without waits and queues.
+        node: Sweep over the wait at every node.
+        queue: Sweep over the delay on congested roads.
+    """
+
+    network: Network
+    cases: Sequence[Case]
+    free: Randomised
+    node: Sweep
+    queue: Sweep
+
+
+def study(network: Network, cases: Sequence[Case], lead_s: float, done: Done) -> Study:
+    """Drive all cases without delays and in both sweeps; `done` is called with every drive."""
+    waits_s = np.zeros(len(network.names))
+    times_s = [travel_times(network, case, waits_s, {}, lead_s) for case in cases]
+    free = Randomised(np.array([case.free_s for case in cases]), np.array(times_s).T)
+    node, queue = (sweep(network, cases, over, lead_s, done) for over in ("node", "queue"))
+    return Study(network, cases, free, node, queue)
+
+
 def small_case(network: Network) -> Case:
-    """The small network's drive: just after departure, a queue on the shorter way."""
+    """Make the drive of the small network: a queue on the shorter way just after departure."""
     start, goal = network.start or 0, network.goal or len(network.names) - 1
     return Case(start, goal, {SMALL_CONGESTED: 1.0}, undelayed_s(network, start, goal))
 
 
-def random_case(network: Network, share: float, rng: np.random.Generator) -> Case:
-    """Draw ends, as far as the network leaves them open, and roads that become congested.
+def random_case(network: Network, congested: float, rng: np.random.Generator) -> Case:
+    """Sample ends, unless the network sets them, and roads that become congested.
 
-    Queues arise at any moment of the undelayed travel time, both ways on a road together.
+    Queues arise at any time of the undelayed drive, in both directions of a road together.
+
+    Args:
+        network: The roads.
+        congested: Ratio of congested roads to all roads.
+        rng: Source of the samples.
 
     Raises:
-        PlanningError: If no two nodes far apart are connected, or the given ones are not.
+        PlanningError: If no two distant nodes are connected, or the given ones are not.
     """
-    start, goal, free_s = _ends(network, rng)
+    start, goal, free_s = _sample_ends(network, rng)
     onsets_s: dict[Road, float] = {}
     for a, b in network.lengths_m:
         if a < b or (b, a) not in network.lengths_m:
-            congested, onset_s = rng.random() < share, float(rng.uniform(0, free_s))
-            if congested:
+            is_congested, onset_s = rng.random() < congested, float(rng.uniform(0, free_s))
+            if is_congested:
                 both = ((a, b), (b, a)) if (b, a) in network.lengths_m else ((a, b),)
                 onsets_s |= dict.fromkeys(both, onset_s)
     return Case(start, goal, onsets_s, free_s)
 
 
-def _ends(network: Network, rng: np.random.Generator) -> tuple[int, int, float]:
+def _sample_ends(network: Network, rng: np.random.Generator) -> tuple[int, int, float]:
     if network.start is not None and network.goal is not None:
         return network.start, network.goal, undelayed_s(network, network.start, network.goal)
-    least_s = APART * network.direct_s.max()
+    min_s = MIN_DISTANCE * network.direct_s.max()
     n = len(network.names)
-    for _ in range(TRIES):
+    for _ in range(MAX_TRIES):
         start = int(rng.integers(n)) if network.start is None else network.start
         goal = int(rng.integers(n)) if network.goal is None else network.goal
-        if start != goal and network.direct_s[start, goal] >= least_s:
+        if start != goal and network.direct_s[start, goal] >= min_s:
             try:
                 return start, goal, undelayed_s(network, start, goal)
             except PlanningError:
                 continue
-    raise PlanningError("no two nodes far apart are connected; name a start and a goal")
+    raise PlanningError("no two distant nodes are connected; name a start and a goal")
 
 
 def travel_times(
-    network: Network, case: Case, waits_s: Array, queues_s: dict[Road, float], lead_s: float
+    network: Network, case: Case, waits_s: Array, queues_s: Mapping[Road, float], lead_s: float
 ) -> Array:
-    """Let every strategy make the same drive; returns (4,) seconds."""
+    """(4,) travel times of one drive with each strategy, s."""
     queues = {road: (case.onsets_s[road], queue_s) for road, queue_s in queues_s.items()}
     delays = Delays(waits_s, queues, lead_s)
     return np.array([drive(network, delays, case.start, case.goal, s).time_s for s in STRATEGIES])
@@ -143,15 +176,15 @@ def randomised(
     done: Done,
     known_s: float | None = None,
 ) -> Randomised:
-    """Draw each node's wait and each queue up to the longest.
+    """Sample each node's wait and each queue up to the longest.
 
     Args:
         network: The roads.
         cases: The drives.
-        lead_s: Of the clearing.
-        rng: For waits and queues.
-        done: Called with every case.
-        known_s: If given, all queues arise then, instead of during the drive.
+        lead_s: Lead of the clearing.
+        rng: Source of waits and queues.
+        done: Called with every drive.
+        known_s: Time at which all queues arise, instead of during the drive.
     """
     times_s = np.empty((len(STRATEGIES), len(cases)))
     for i, case in enumerate(cases):
@@ -162,40 +195,3 @@ def randomised(
         times_s[:, i] = travel_times(network, timed, waits_s, queues_s, lead_s)
         done(case)
     return Randomised(np.array([case.free_s for case in cases]), times_s)
-
-
-def without_delays(network: Network, cases: Sequence[Case], lead_s: float) -> Randomised:
-    """No waits, no queues."""
-    waits_s = np.zeros(len(network.names))
-    times_s = [travel_times(network, case, waits_s, {}, lead_s) for case in cases]
-    return Randomised(np.array([case.free_s for case in cases]), np.array(times_s).T)
-
-
-@dataclass(frozen=True)
-class Study:
-    """One network's part in sweeps.
-
-    Attributes:
-        network: The roads.
-        cases: The drives.
-        calm: Without delays.
-        node: Over the wait at every node.
-        queue: Over the delay on congested roads.
-    """
-
-    network: Network
-    cases: Sequence[Case]
-    calm: Randomised
-    node: Sweep
-    queue: Sweep
-
-
-def study(network: Network, cases: Sequence[Case], lead_s: float, done: Done) -> Study:
-    """Make all sweeps on a network."""
-    return Study(
-        network,
-        cases,
-        without_delays(network, cases, lead_s),
-        sweep(network, cases, "node", lead_s, done),
-        sweep(network, cases, "queue", lead_s, done),
-    )

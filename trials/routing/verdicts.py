@@ -1,4 +1,4 @@
-"""What the study was expected to show, and whether it does."""
+"""Hypotheses of the routing study, tested on its figures."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,17 +12,17 @@ from vo.contract.arrays import Array
 
 SAME_S = 1e-6
 FLAT = 0.1
-"""Dynamic routing is flat if it grows at most by this share of what static routing does."""
+"""Largest growth of dynamic over that of static routing with which dynamic routing is flat."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """One expectation.
+    """Result of one hypothesis.
 
     Attributes:
-        claim: What was expected.
-        holds: Whether it is so.
-        because: The figures, and where it does not hold.
+        claim: The hypothesis.
+        holds: Whether it holds.
+        because: Figures, and where it does not hold.
     """
 
     claim: str
@@ -35,23 +35,23 @@ def _row(times_s: Array, dynamic: bool, clearing: bool) -> Array:
 
 
 def equal_without_congestion(studies: Mapping[str, Study]) -> Verdict:
-    """Without queues, static and dynamic routing agree; without waits too, all four do."""
+    """Test whether static and dynamic agree without queues, and all four without waits as well."""
     queueless = max(
         float(np.abs(_row(s.queue.times_s, True, c)[0] - _row(s.queue.times_s, False, c)[0]).max())
         for s in studies.values()
         for c in (False, True)
     )
-    calm = max(float(np.abs(s.calm.times_s - s.calm.free_s).max()) for s in studies.values())
+    free = max(float(np.abs(s.free.times_s - s.free.free_s).max()) for s in studies.values())
     return Verdict(
         "all are equal without congestion",
-        max(queueless, calm) < SAME_S,
+        max(queueless, free) < SAME_S,
         f"largest difference of static and dynamic without queues {queueless:.1g} s, of all four "
-        f"from the undelayed time without waits too {calm:.1g} s",
+        f"from the undelayed time without waits too {free:.1g} s",
     )
 
 
 def flat(studies: Mapping[str, Study]) -> Verdict:
-    """Static routing grows with the queues, dynamic routing stays flat once it has turned off."""
+    """Test whether static routing grows with the queues, and dynamic routing does not."""
     holds, parts = True, list[str]()
     for name, study in studies.items():
         for clearing in (False, True):
@@ -67,13 +67,13 @@ def flat(studies: Mapping[str, Study]) -> Verdict:
 
 
 def _growth_s(times_s: Array) -> float:
-    """Of the mean of (k, cases) times over the upper half of the delays."""
+    """Growth of the mean of (k, cases) times over the upper half of the delays."""
     means_s = times_s.mean(axis=1)
     return float(means_s[-1] - means_s[len(means_s) // 2])
 
 
 def clearing_saves_more(drives: Randomised, node: Sweep) -> Verdict:
-    """Clearing alone against dynamic routing alone, in random drives; and where that turns."""
+    """Compare clearing alone with dynamic routing alone, in random drives and over node delay."""
     cleared = _row(drives.times_s, False, True)
     rerouted = _row(drives.times_s, True, False)
     more_min = mean_interval((rerouted - cleared) / 60)
@@ -82,11 +82,11 @@ def clearing_saves_more(drives: Randomised, node: Sweep) -> Verdict:
         "clearing alone saves more than dynamic routing alone",
         more_min.low > 0,
         f"by {more_min.text(1)} min a drive more, 95 % interval; with queues of "
-        f"{QUEUE_S / 60:.1f} min it {_turn(node.delays_s, gain_s)}",
+        f"{QUEUE_S / 60:.1f} min it {_break_even(node.delays_s, gain_s)}",
     )
 
 
-def _turn(delays_s: Array, gain_s: Array) -> str:
+def _break_even(delays_s: Array, gain_s: Array) -> str:
     if gain_s[0] >= 0:
         return "does at every node delay"
     if gain_s.max() < 0:
@@ -97,7 +97,7 @@ def _turn(delays_s: Array, gain_s: Array) -> str:
 
 
 def both_never_worse(during: Randomised, before: Randomised, sweeps: Sequence[Sweep]) -> Verdict:
-    """Dynamic routing with clearing against either alone, drive by drive."""
+    """Compare dynamic routing with clearing with either alone, drive by drive."""
     excess_s = {
         "random drives with queues arising on the way": _excess_s(during.times_s),
         "with all queues there at departure": _excess_s(before.times_s),

@@ -9,7 +9,7 @@ from trials.gym.env.rover_env import RoverEnv
 from trials.gym.env.settings import ExploreSettings, NavSettings, RouteSettings
 from trials.gym.env.tasks import Explore, FollowRoute, ReachGoal, Task
 from trials.gym.world.dynamic_agents import DynamicAgent
-from trials.gym.world.dynamics import sample_dynamics
+from trials.gym.world.dynamics import Setting, sample_dynamics
 from trials.gym.world.scene_instance import SceneInstance, rebuilt_along
 from trials.gym.world.start_goal_sampling import (
     StartGoal,
@@ -46,9 +46,8 @@ class RoverNav(RoverEnv):
         if not trial.dynamics:
             return {}
         seed = int(self.np_random.integers(2**31))
-        return sample_dynamics(
-            base.scene, base.traversable, ends, trial.speed_max_mps, trial.dynamics, seed
-        )
+        setting = Setting(base.scene, base.traversable, ends, trial.speed_max_mps)
+        return sample_dynamics(setting, trial.dynamics, seed)
 
 
 class RoverRoute(RoverEnv):

@@ -1,9 +1,9 @@
 """Options of the environments."""
 
-from collections.abc import Mapping
-from typing import Any, Literal, Self
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, PositiveFloat, field_validator, model_validator
+from pydantic import AfterValidator, Field, PositiveFloat, model_validator
 
 from scenes import find_scene, scene_options
 from sim.disturbances import disturbed, parse_disturbances
@@ -20,71 +20,55 @@ FAST: Mapping[str, Any] = {"render.samples": 0, "render.shadow_size_px": 0}
 """Recording settings that differ by default in trials: an image takes a third of the time."""
 
 
+def _checked_by(check: Callable[[str], object]) -> AfterValidator:
+    """Validate a text by a function that raises SettingsError."""
+
+    def validate(text: str) -> str:
+        try:
+            check(text)
+        except SettingsError as error:
+            raise ValueError(str(error)) from None
+        return text
+
+    return AfterValidator(validate)
+
+
 class TrialSettings(Settings):
     """Options of all environments."""
 
-    scene: str = Field(default="warehouse", description="scene: name, MJCF file or module:function")
-    scene_options: Mapping[str, OptionValue] = Field(
-        default_factory=dict[str, OptionValue], description="options of the scene's builder"
-    )
-    layout: int | None = Field(
-        default=None,
-        ge=0,
-        description="seed of the scene; none: the seed of the reset, kept by resets without a seed",
-    )
-    disturb: str = Field(
-        default="", description="disturbances as on the command line: blur,brick_bump=0.5"
-    )
-    settings: Mapping[str, Any] = Field(
-        default_factory=dict[str, Any], description="recording settings by key: rig.width_px"
-    )
-    observe: tuple[Channel, ...] = Field(
-        default=("left", "right", "goal"), min_length=1, description="channels of an observation"
-    )
-    action: Literal["twist", "wheels"] = Field(
-        default="twist",
-        description="meaning of an action: forward and turning speed, or left and right wheel",
-    )
-    localization: str = Field(
-        default="vo",
-        description="source of the pose: truth, drift:PERCENT, wheels, vo, another estimator's "
-        "name, or module:Class",
-    )
-    on_loss: Literal["hold", "end"] = Field(
-        default="hold",
-        description="without a pose, the localization keeps the last one, or the trial ends",
-    )
-    rate_hz: float = Field(
-        default=15.0, ge=1.0, le=100.0, description="rate of control steps and images, Hz"
-    )
-    time_limit_s: float = Field(
-        default=120.0, gt=0.0, le=3600.0, description="longest duration of a trial, s"
-    )
-    speed_max_mps: float = Field(
-        default=0.5, gt=0.0, le=1.5, description="forward speed of an action of 1, m/s"
-    )
-    turn_max_radps: float = Field(
-        default=1.0, gt=0.0, le=4.0, description="turning speed of an action of 1, rad/s"
-    )
-    acceleration_mps2: float = Field(
-        default=1.0, gt=0.0, le=10.0, description="largest acceleration of a wheel's rim, m/s^2"
-    )
-    clearance_m: float = Field(
-        default=0.3,
-        ge=0.21,
-        le=2.0,
-        description="distance from obstacles that paths of the rover's axle keep, m",
-    )
-    record: bool = Field(default=False, description="log the trial for save_dataset")
-
-    @field_validator("localization")
-    @classmethod
-    def _known_source(cls, name: str) -> str:
-        try:
-            expect_localization(name)
-        except SettingsError as error:
-            raise ValueError(str(error)) from None
-        return name
+    scene: str = "warehouse"
+    """Scene: name, MJCF file or module:function."""
+    scene_options: Mapping[str, OptionValue] = Field(default_factory=dict[str, OptionValue])
+    """Options of the scene's builder."""
+    layout: int | None = Field(default=None, ge=0)
+    """Seed of the scene; none: the seed of the reset, kept by resets without a seed."""
+    disturb: str = ""
+    """Disturbances as on the command line: blur,brick_bump=0.5."""
+    settings: Mapping[str, Any] = Field(default_factory=dict[str, Any])
+    """Recording settings by key: rig.width_px."""
+    observe: tuple[Channel, ...] = Field(default=("left", "right", "goal"), min_length=1)
+    """Channels of an observation."""
+    action: Literal["twist", "wheels"] = "twist"
+    """Meaning of an action: forward and turning speed, or left and right wheel."""
+    localization: Annotated[str, _checked_by(expect_localization)] = "vo"
+    """Source of the pose: truth, drift:PERCENT, wheels, vo, another estimator's name, or
+    module:Class."""
+    on_loss: Literal["hold", "end"] = "hold"
+    """Without a pose, the localization keeps the last one, or the trial ends."""
+    rate_hz: float = Field(default=15.0, ge=1.0, le=100.0)
+    """Rate of control steps and images, Hz."""
+    time_limit_s: float = Field(default=120.0, gt=0.0, le=3600.0)
+    """Longest duration of a trial, s."""
+    speed_max_mps: float = Field(default=0.5, gt=0.0, le=1.5)
+    """Forward speed of an action of 1, m/s."""
+    turn_max_radps: float = Field(default=1.0, gt=0.0, le=4.0)
+    """Turning speed of an action of 1, rad/s."""
+    acceleration_mps2: float = Field(default=1.0, gt=0.0, le=10.0)
+    """Largest acceleration of a wheel's rim, m/s^2."""
+    clearance_m: float = Field(default=0.3, ge=0.21, le=2.0)
+    """Distance from obstacles that paths of the rover's axle keep, m."""
+    record: bool = False
+    """Log the trial for save_dataset."""
 
     def needs_images(self, localization: str) -> bool:
         """Whether images are needed at every step."""
@@ -130,25 +114,12 @@ class TrialSettings(Settings):
 class NavSettings(TrialSettings):
     """Options of RoverNav."""
 
-    goal_radius_m: float = Field(
-        default=0.3, gt=0.0, le=5.0, description="distance from the goal that counts as success, m"
-    )
-    distance_m: tuple[PositiveFloat, PositiveFloat] = Field(
-        default=(3.0, 10.0), description="shortest and longest path from start to goal, m"
-    )
-    dynamics: str = Field(
-        default="",
-        description="dynamic agents on the path: blocked_aisles=1,doors=1,traffic=2",
-    )
-
-    @field_validator("dynamics")
-    @classmethod
-    def _known_kinds(cls, text: str) -> str:
-        try:
-            parse_dynamics(text)
-        except SettingsError as error:
-            raise ValueError(str(error)) from None
-        return text
+    goal_radius_m: float = Field(default=0.3, gt=0.0, le=5.0)
+    """Distance from the goal that counts as success, m."""
+    distance_m: tuple[PositiveFloat, PositiveFloat] = (3.0, 10.0)
+    """Shortest and longest path from start to goal, m."""
+    dynamics: Annotated[str, _checked_by(parse_dynamics)] = ""
+    """Dynamic agents on the path: blocked_aisles=1,doors=1,traffic=2."""
 
     @model_validator(mode="after")
     def _some_distance(self) -> Self:
@@ -163,19 +134,16 @@ class NavSettings(TrialSettings):
 class RouteSettings(TrialSettings):
     """Options of RoverRoute."""
 
-    route: str = Field(default="default", description="name of the scene's route")
-    route_m: float | None = Field(
-        default=None, gt=0.0, description="length of the route, m; none: all of it"
-    )
-    stray_m: float = Field(
-        default=1.0, gt=0.0, description="distance from the route that counts as failure, m"
-    )
-    goal_radius_m: float = Field(
-        default=0.3, gt=0.0, le=5.0, description="distance from the end that counts as success, m"
-    )
-    lookahead_m: float = Field(
-        default=0.6, gt=0.0, le=5.0, description="distance of the observed goal along the route, m"
-    )
+    route: str = "default"
+    """Name of the scene's route."""
+    route_m: float | None = Field(default=None, gt=0.0)
+    """Length of the route, m; none: all of it."""
+    stray_m: float = Field(default=1.0, gt=0.0)
+    """Distance from the route that counts as failure, m."""
+    goal_radius_m: float = Field(default=0.3, gt=0.0, le=5.0)
+    """Distance from the end that counts as success, m."""
+    lookahead_m: float = Field(default=0.6, gt=0.0, le=5.0)
+    """Distance of the observed goal along the route, m."""
 
     @property
     def route_settings(self) -> Mapping[str, Any]:
@@ -186,12 +154,9 @@ class RouteSettings(TrialSettings):
 class ExploreSettings(TrialSettings):
     """Options of RoverExplore."""
 
-    cover_share: float = Field(
-        default=0.8, gt=0.0, le=1.0, description="fraction of the reachable ground to bring in view"
-    )
-    view_m: float = Field(
-        default=2.0, gt=0.0, le=20.0, description="range within which ground is in view, m"
-    )
-    goal_radius_m: float = Field(
-        default=0.5, gt=0.0, le=5.0, description="distance from the start that ends the trial, m"
-    )
+    cover_share: float = Field(default=0.8, gt=0.0, le=1.0)
+    """Fraction of the reachable ground to bring in view."""
+    view_m: float = Field(default=2.0, gt=0.0, le=20.0)
+    """Range within which ground is in view, m."""
+    goal_radius_m: float = Field(default=0.5, gt=0.0, le=5.0)
+    """Distance from the start that ends the trial, m."""

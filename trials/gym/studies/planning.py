@@ -5,13 +5,12 @@ cameras, and steer alike. The static one plans its path once and stops before an
 dynamic one repairs its path with D* Lite.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, cast
 
 import numpy as np
 
-from trials.execution.parallel import map_parallel
 from trials.gym.env.environments import RoverNav
 from trials.gym.env.policies import NavigatorPolicy
 from trials.gym.studies.trial_results import Metrics, Result
@@ -81,33 +80,6 @@ def parse_planning(text: str) -> list[Planning]:
     return [cast(Planning, word) for word in words]
 
 
-def run_planned(
-    options: Mapping[str, Any],
-    plannings: Sequence[Planning],
-    layouts: Sequence[int],
-    runs: int,
-    ideal: bool = False,
-) -> Iterator[list[PlanningResult]]:
-    """Run trials in every world with each kind of planning, from the same starts to the same goals.
-
-    Args:
-        options: Of RoverNav; `observe` must hold what the navigator needs.
-        plannings: static, dynamic or both.
-        layouts: Seeds of the worlds.
-        runs: Pairs of start and goal in each.
-        ideal: Depth by rays in place of cameras, so that nothing but planning can fail.
-
-    Yields:
-        The results of a world, as worlds finish.
-
-    Raises:
-        DriftyardError: If an option is refused or a world has no traversable place.
-    """
-    calls = [(dict(options), tuple(plannings), layout, runs, ideal) for layout in layouts]
-    for _, results in map_parallel(run_world, calls):
-        yield results
-
-
 def run_world(
     options: Mapping[str, Any],
     plannings: Sequence[Planning],
@@ -115,7 +87,18 @@ def run_world(
     runs: int,
     ideal: bool = False,
 ) -> list[PlanningResult]:
-    """Run all trials of one world; see `run_planned`."""
+    """Run trials in one world with each kind of planning, from the same starts to the same goals.
+
+    Args:
+        options: Of RoverNav; `observe` must hold what the navigator needs.
+        plannings: static, dynamic or both.
+        layout: Seed of the world.
+        runs: Number of pairs of start and goal.
+        ideal: Depth by rays in place of cameras, so that nothing but planning can fail.
+
+    Raises:
+        DriftyardError: If an option is refused or the world has no traversable place.
+    """
     warm_up = GridPlanner(np.ones((3, 3)), (0, 0), (2, 2))  # compiled before the clock runs
     warm_up.update(np.full((3, 3), 2.0))
     with rover_nav({**options, "observe": IDEAL_CHANNELS} if ideal else options) as env:

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,31 +9,14 @@ from sim.world.world import START_S
 from trials.gym.env.settings import TrialSettings
 from trials.gym.world.barriers import Gate
 from trials.navigation.steering import Pose2, SteeringSettings, Twist, pure_pursuit
-from trials.routing.drive import Route
-from trials.routing.network import Network, Road
+from trials.routing.drive import Delays, Route
+from trials.routing.network import Road
 from vo.contract.arrays import Array
 
 REACHED_M = 0.35
 """Distance from a node at which the rover has reached it."""
 STOP_M, BRAKING_M = 0.9, 2.5
 """Distances from a closed gate at which the rover stands, and from which on it brakes."""
-
-
-@dataclass(frozen=True)
-class GatedNetwork:
-    """A network whose roads may be closed.
-
-    Attributes:
-        network: Nodes and roads.
-        gates: Gates by road; the road of a door leads from its node to itself.
-        queues: By road, when it closes after departure, s, and for how long.
-        clearing: Doors ahead are requested to open.
-    """
-
-    network: Network
-    gates: Mapping[Road, Gate]
-    queues: Mapping[Road, tuple[float, float]]
-    clearing: bool
 
 
 class RouteFollower:
@@ -44,14 +26,26 @@ class RouteFollower:
         passed: Nodes so far.
     """
 
-    def __init__(self, trial: TrialSettings, roads: GatedNetwork, route: Route, start: int) -> None:
+    def __init__(
+        self,
+        trial: TrialSettings,
+        route: Route,
+        start: int,
+        xy_m: Array,
+        gates: Mapping[Road, Gate],
+        delays: Delays,
+        clearing: bool,
+    ) -> None:
         """Leave the start.
 
         Args:
             trial: Limits of the rover.
-            roads: The network and its gates.
             route: Route to the goal.
             start: Node.
+            xy_m: (n, 2) positions of the nodes.
+            gates: Gates by road; the road of a door leads from its node to itself.
+            delays: Queues, which say when a road closes after departure.
+            clearing: Doors ahead are requested to open.
         """
         self._steering = SteeringSettings(
             forward_max_mps=trial.speed_max_mps,
@@ -59,7 +53,8 @@ class RouteFollower:
             lookahead_m=REACHED_M + 0.1,
             period_s=1 / trial.rate_hz,
         )
-        self._xy_m, self._roads, self._route = roads.network.xy_m, roads, route
+        self._route, self._xy_m, self._gates = route, xy_m, gates
+        self._queues, self._clearing = delays.queues, clearing
         self.passed = [start]
         self._leave_node(0.0)
 
@@ -82,21 +77,20 @@ class RouteFollower:
 
     def _leave_node(self, time_s: float) -> None:
         """Choose the nodes ahead of the last one, and request the doors there to open."""
-        node, gates = self.passed[-1], self._roads.gates
+        node, gates = self.passed[-1], self._gates
         self._ahead = self._route.ahead(node, time_s)
-        if self._roads.clearing:
-            for following in self._ahead:
-                if (following, following) in gates:
-                    gates[following, following].request(START_S + time_s)
+        for door in self._ahead if self._clearing else ():
+            if (door, door) in gates:
+                gates[door, door].request(START_S + time_s)
         road = node, self._ahead[0]
-        if road in gates and time_s < self._roads.queues[road][0]:
+        if road in gates and time_s < self._queues[road][0]:
             gates[road].keep_open()
 
     def _braked(self, twist: Twist, here: Array) -> Twist:
         """Brake for the next gate, if it is closed."""
         node, following = self.passed[-1], self._ahead[0]
         for road in ((node, following), (following, following)):
-            gate = self._roads.gates.get(road)
+            gate = self._gates.get(road)
             if gate is None or gate.is_up or not self._is_ahead(gate, here, following):
                 continue
             distance_m = gate.slot.distance_m(here)

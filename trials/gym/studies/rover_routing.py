@@ -20,7 +20,7 @@ from trials.gym.studies.aisle_network import (
     gate_name,
     make_gates,
 )
-from trials.gym.studies.route_follower import GatedNetwork, RouteFollower
+from trials.gym.studies.route_follower import RouteFollower
 from trials.gym.world.barriers import Gate
 from trials.gym.world.scene_instance import SceneInstance, rebuilt_along
 from trials.gym.world.start_goal_sampling import sample_start_goal
@@ -165,8 +165,9 @@ def _drive_rover(
     start = (*network.xy_m[case.start], math.atan2(ahead[1], ahead[0]))
     options = {"layout": layout, "start": start, "goal": tuple(network.xy_m[case.goal])}
     observation, info = env.reset(seed=layout, options=options)
-    roads = GatedNetwork(network, gates, case.delays.queues, strategy.clearing)
-    follower = RouteFollower(env.trial, roads, route, case.start)
+    follower = RouteFollower(
+        env.trial, route, case.start, network.xy_m, gates, case.delays, strategy.clearing
+    )
     while not info["outcome"]:
         observation, _, _, _, info = env.step(follower.act(observation["pose"], info["time_s"]))
     model = drive(network, case.delays, case.start, case.goal, strategy)

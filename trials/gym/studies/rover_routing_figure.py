@@ -8,7 +8,7 @@ import numpy as np
 from trials.gym.studies.aisle_network import AisleNetwork
 from trials.gym.studies.rover_routing import RoverDrive
 from trials.gym.world.free_space import NO_GEOM, FreeSpace
-from trials.report.figure import BLUE, GREEN, GREY, INK, OCHRE, PALE, RED, tidy
+from trials.report.figure import BLUE, GREEN, GREY, INK, OCHRE, PALE, RED, shared_legend, tidy
 from trials.routing.drive import STRATEGIES
 
 if TYPE_CHECKING:
@@ -52,8 +52,7 @@ def draw_drives(
     _draw_world(above, [d for d in drives if d.layout == layout], aisles, space)
     above.set_title(f"layout {layout}", fontsize=9.5, weight="bold", loc="left")
     _draw_times(times, drives)
-    handles, labels = above.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=6, fontsize=8, frameon=False)
+    shared_legend(figure, [above, times])
 
 
 def _draw_world(

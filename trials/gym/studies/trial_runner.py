@@ -1,6 +1,6 @@
-"""Runs the trials of many worlds in parallel, with every source of localization."""
+"""Runs the trials of one world with every source of localization."""
 
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -9,43 +9,15 @@ import gymnasium
 import numpy as np
 
 import trials.gym
-from sim.preview.film import writing
 from trials.evaluation.alignment import Pair
 from trials.evaluation.metrics import errors_over_distance
-from trials.execution.parallel import map_parallel
 from trials.gym.env.environments import RoverNav
 from trials.gym.env.policies import NavigatorPolicy
+from trials.gym.media.film import Filmed
 from trials.gym.studies.trial_results import TrialResult
 from vo.contract.arrays import Array
 
 NAV = next(iter(trials.gym.ENVIRONMENTS))
-
-
-def run_trials(
-    options: Mapping[str, Any],
-    sources: Sequence[str],
-    layouts: Sequence[int],
-    runs: int,
-    keep: Path | None = None,
-) -> Iterator[list[TrialResult]]:
-    """Run trials in every world with every source, from the same starts to the same goals.
-
-    Args:
-        options: Of RoverNav; `observe` must hold what the navigator needs.
-        sources: Values of `localization`.
-        layouts: Seeds of the worlds.
-        runs: Pairs of start and goal in each.
-        keep: Folder for a film and a dataset of every trial, `layout-run-source`; none: neither.
-
-    Yields:
-        The results of a world, as worlds finish.
-
-    Raises:
-        DriftyardError: If an option is refused or a world has no traversable place.
-    """
-    calls = [(dict(options), sources, layout, runs, keep) for layout in layouts]
-    for _, results in map_parallel(run_world, calls):
-        yield results
 
 
 def run_world(
@@ -55,7 +27,18 @@ def run_world(
     runs: int,
     keep: Path | None = None,
 ) -> list[TrialResult]:
-    """Run all trials of one world; see `run_trials`."""
+    """Run trials in one world with every source, from the same starts to the same goals.
+
+    Args:
+        options: Of RoverNav; `observe` must hold what the navigator needs.
+        sources: Values of `localization`.
+        layout: Seed of the world.
+        runs: Number of pairs of start and goal.
+        keep: Folder for a film and a dataset of every trial, `layout-run-source`; none: neither.
+
+    Raises:
+        DriftyardError: If an option is refused or the world has no traversable place.
+    """
     render_mode = "rgb_array" if keep else None
     with rover_nav({**options, "record": keep is not None, "render_mode": render_mode}) as env:
         return [
@@ -80,16 +63,14 @@ def rover_nav(options: Mapping[str, Any]) -> Generator[RoverNav]:
 def _run(
     env: RoverNav, layout: int, run: int, seed: int, source: str, keep: Path | None
 ) -> TrialResult:
-    observation, info = env.reset(seed=seed, options={"layout": layout, "localization": source})
-    policy = NavigatorPolicy(env)
-    infos = [info]
     name = f"{layout}-{run}-{source.replace(':', '_')}"
-    with _filming(env, keep and keep / f"{name}.mp4") as add_frame:
-        add_frame()
-        while not info["outcome"]:
-            observation, _, _, _, info = env.step(policy.act(observation))
-            infos.append(info)
-            add_frame()
+    filmed = Filmed(env, keep / f"{name}.mp4") if keep else env
+    options = {"layout": layout, "localization": source}
+    observation, info = filmed.reset(seed=seed, options=options)
+    policy, infos = NavigatorPolicy(env), [info]
+    while not info["outcome"]:
+        observation, _, _, _, info = filmed.step(policy.act(observation))
+        infos.append(info)
     if keep:
         env.save_dataset(keep / name)
     return TrialResult(
@@ -102,17 +83,6 @@ def _run(
         drift_percent=drift_percent(infos),
         lost_share=sum(x["status"] == "lost" for x in infos) / len(infos),
     )
-
-
-@contextmanager
-def _filming(env: RoverNav, out: Path | None) -> Generator[Callable[[], None]]:
-    """Yield a function that adds the present view to a film, if there is one."""
-    if out is None:
-        yield lambda: None
-        return
-    out.parent.mkdir(parents=True, exist_ok=True)
-    with writing(out, env.trial.rate_hz) as write:
-        yield lambda: write(np.asarray(env.render(), np.uint8))
 
 
 def drift_percent(infos: Sequence[Mapping[str, Any]]) -> float | None:

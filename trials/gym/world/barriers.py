@@ -116,55 +116,39 @@ class Door(Barrier):
         return (time_s / self._period_s + self._phase) % 1 >= self._open_fraction
 
 
-@dataclass
-class GateSchedule:
-    """Times at which a gate closes and opens.
-
-    Attributes:
-        closes_s: When it closes.
-        wait_s: It opens so long after the rover has arrived before it.
-        lead_s: It opens so long after a request.
-        requested_s: When it was requested to open.
-        arrived_s: When the rover arrived before it.
-    """
-
-    closes_s: float
-    wait_s: float
-    lead_s: float
-    requested_s: float = inf
-    arrived_s: float = inf
-
-
 class Gate(Barrier):
-    """Is closed from a time on until the rover has waited before it, or a request opens it.
-
-    Attributes:
-        schedule: Of the present trial.
-    """
+    """Is closed from a time on until the rover has waited before it, or a request opens it."""
 
     ARRIVAL_M = 1.1
     """Distance of the rover's axle from the slot at which it waits before the gate."""
 
     def __init__(self, slot: Slot, closes_s: float, wait_s: float, lead_s: float) -> None:
-        self._times_s = (closes_s, wait_s, lead_s)
+        """Set the times.
+
+        Args:
+            slot: What it closes.
+            closes_s: Time at which it closes.
+            wait_s: It opens so long after the rover has arrived before it.
+            lead_s: It opens so long after the first request.
+        """
+        self._closes_s, self._wait_s, self._lead_s = closes_s, wait_s, lead_s
         super().__init__(slot, down=closes_s <= 0)
 
     def reset(self) -> None:
         """Forget requests and arrivals."""
         super().reset()
-        self.schedule = GateSchedule(*self._times_s)
+        self._open_until_s, self._requested_s, self._arrived_s = self._closes_s, inf, inf
 
     def request(self, time_s: float) -> None:
         """Request it to open `lead_s` later; only the first request counts."""
-        self.schedule.requested_s = min(self.schedule.requested_s, time_s)
+        self._requested_s = min(self._requested_s, time_s)
 
     def keep_open(self) -> None:
         """Never close: the rover entered the road before."""
-        self.schedule.closes_s = inf
+        self._open_until_s = inf
 
     def _should_close(self, time_s: float, distance_m: float) -> bool:
-        schedule = self.schedule
-        if time_s >= schedule.closes_s and distance_m <= self.ARRIVAL_M and not self.is_up:
-            schedule.arrived_s = min(schedule.arrived_s, time_s)
-        opens_s = min(schedule.requested_s + schedule.lead_s, schedule.arrived_s + schedule.wait_s)
-        return schedule.closes_s <= time_s < opens_s
+        if time_s >= self._open_until_s and distance_m <= self.ARRIVAL_M and not self.is_up:
+            self._arrived_s = min(self._arrived_s, time_s)
+        opens_s = min(self._requested_s + self._lead_s, self._arrived_s + self._wait_s)
+        return self._open_until_s <= time_s < opens_s

@@ -57,8 +57,8 @@ def parse_dynamics(text: str) -> dict[str, int]:
 
 
 @dataclass(frozen=True)
-class _Setting:
-    """What agents are placed in.
+class Setting:
+    """Scene and path of a trial, in which dynamic agents are placed.
 
     Attributes:
         scene: Without dynamic agents.
@@ -73,25 +73,15 @@ class _Setting:
     speed_mps: float
 
 
-def sample_dynamics(
-    scene: Scene,
-    traversable: TraversableSpace,
-    ends: StartGoal,
-    speed_mps: float,
-    text: str,
-    seed: int,
-) -> dict[str, DynamicAgent]:
+def sample_dynamics(setting: Setting, text: str, seed: int) -> dict[str, DynamicAgent]:
     """Sample the agents of a trial by name; fewer than asked for where there is no place.
 
     Args:
-        scene: Without dynamic agents.
-        traversable: Traversable space of the scene.
-        ends: Start, goal and path of the rover.
-        speed_mps: Highest speed of the rover.
-        text: As for `parse_dynamics`.
+        setting: What they are placed in.
+        text: Kinds and numbers, as for `parse_dynamics`.
         seed: Random seed.
     """
-    setting, counts = _Setting(scene, traversable, ends, speed_mps), parse_dynamics(text)
+    counts = parse_dynamics(text)
     agents: dict[str, DynamicAgent] = {}
     for k, (kind, sample) in enumerate(KINDS.items()):
         rng = np.random.default_rng([seed, k])
@@ -102,7 +92,7 @@ def sample_dynamics(
 
 
 def _sample_loads(
-    setting: _Setting, taken: list[Slot], count: int, rng: np.random.Generator
+    setting: Setting, taken: list[Slot], count: int, rng: np.random.Generator
 ) -> list[DynamicAgent]:
     """Loads on the path; each next one on the path that remains."""
     start, goal = setting.ends.start[:2], setting.ends.goal
@@ -128,7 +118,7 @@ def _sample_loads(
 
 
 def _sample_doors(
-    setting: _Setting, taken: list[Slot], count: int, rng: np.random.Generator
+    setting: Setting, taken: list[Slot], count: int, rng: np.random.Generator
 ) -> list[DynamicAgent]:
     doors: list[DynamicAgent] = []
     slots = list(taken)
@@ -142,7 +132,7 @@ def _sample_doors(
 
 
 def _sample_carts(
-    setting: _Setting, taken: list[Slot], count: int, rng: np.random.Generator
+    setting: Setting, taken: list[Slot], count: int, rng: np.random.Generator
 ) -> list[DynamicAgent]:
     """Carts that cross the path where there is room for them on both sides of it."""
     space = with_slots_closed(setting.traversable, taken).space
@@ -178,5 +168,5 @@ def _is_apart(slot: Slot, others: list[Slot]) -> bool:
 
 
 KINDS: Mapping[
-    str, Callable[[_Setting, list[Slot], int, np.random.Generator], list[DynamicAgent]]
+    str, Callable[[Setting, list[Slot], int, np.random.Generator], list[DynamicAgent]]
 ] = {"blocked_aisles": _sample_loads, "doors": _sample_doors, "traffic": _sample_carts}  # fmt: skip
