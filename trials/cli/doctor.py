@@ -21,7 +21,7 @@ TEST_SCENE = """
   <worldbody>
     <light pos="0 0 3"/>
     <geom type="box" size=".3 .3 .3" rgba="1 .5 .1 1"/>
-    <camera name="eye" pos="0 -2 1" xyaxes="1 0 0 0 .4 .9"/>
+    <camera name="left" pos="0 -2 1" xyaxes="1 0 0 0 .4 .9"/>
   </worldbody>
 </mujoco>
 """

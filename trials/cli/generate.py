@@ -74,7 +74,7 @@ def _task_of(manifest: Path, out: Path) -> Task:
     try:
         source, settings = content["scene"]["source"], content["settings"]
     except (KeyError, TypeError):
-        raise DatasetError(f"{folder / MANIFEST}: does not say what it was made from") from None
+        raise DatasetError(f"{folder / MANIFEST}: does not name its scene and settings") from None
     try:
         return Task(source, recorded_settings(settings), out)
     except SettingsError as error:

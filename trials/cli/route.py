@@ -95,7 +95,7 @@ def _route_model(out: Path, model: ModelOptions, seed: int) -> None:
         studies = {label: study(*part, model.lead, done) for label, part in chosen.items()}
         during = randomised(network, cases, model.lead, rng, done)
         before = randomised(network, cases, model.lead, rng, done, known_s=0.0)
-    found = judge(studies, during, before)
+    found = verdicts_of(studies, during, before)
     draw(out, studies, during, rng)
     settings = {"drives": model.drives, "share": model.share, "lead_s": model.lead, "seed": seed}
     map_file = {"map": model.map_file and str(model.map_file)}
@@ -113,7 +113,9 @@ def _cases(network: Network, model: ModelOptions, rng: Generator) -> list[Case]:
         raise PlanningError(f"{model.map_file}: {error}") from None
 
 
-def judge(studies: Mapping[str, Study], during: Randomised, before: Randomised) -> list[Verdict]:
+def verdicts_of(
+    studies: Mapping[str, Study], during: Randomised, before: Randomised
+) -> list[Verdict]:
     """Compare the figures with the expectations; the last study has the random drives."""
     sweeps = [sweep for x in studies.values() for sweep in (x.node, x.queue)]
     return [

@@ -1,4 +1,4 @@
-"""Progress of long computations, shown by whatever the caller passes in."""
+"""Progress of long computations, shown by a function that the caller passes in."""
 
 import itertools
 from collections.abc import Callable, Generator
@@ -18,7 +18,7 @@ def no_progress(_: str) -> Generator[Update]:
 
 @contextmanager
 def counted(bar: ProgressBar, label: str, total: int) -> Generator[Callable[[object], None]]:
-    """Show a bar that advances by one with every call, whatever the argument."""
+    """Show a bar that advances by one with every call; the argument is ignored."""
     done = itertools.count(1)
     with bar(label) as update:
         yield lambda _: update(next(done), total)

@@ -9,7 +9,7 @@ from vo.contract.settings import Settings
 MAX_LOST_RATIO = 0.02
 """Ratio of lost frames above which a sequence counts as lost."""
 MIN_DRIFT_PERCENT = 1e-4
-"""Smallest drift that is told from zero, so that its logarithm is finite."""
+"""Smallest drift; smaller ones count as this, so that the logarithm is finite."""
 
 
 class Measurement(Settings):

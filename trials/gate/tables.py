@@ -76,7 +76,7 @@ def plan_line(found: Comparison, change: float) -> str:
         f"{more} scenes with {each} each" if more else "",
     ]
     designs = " or ".join(x for x in options if x) or "no design of reasonable size suffices"
-    single = "; more than one seed a scene tells both apart" if each == 1 else ""
+    single = "; more than one seed a scene separates both" if each == 1 else ""
     return f"{wanted}: {designs} (standard deviation {deviation:.1f} %){single}"
 
 
