@@ -32,7 +32,7 @@ ROOMS = {
     ),
     ("vo", "vo.map"): "view>frame tracks>local_map history>run_history journey>state",
     ("vo", "vo.mapping"): (
-        "smoothing>batch_smoothing mapping>keyframes growth>map_update recovery>relocalization "
+        "smoothing>batch_smoothing mapping>keyframes recovery>relocalization "
         "local_bundle>window_adjustment"
     ),
     ("vo", "vo.patches"): "alignment templates matching>zncc",
@@ -45,9 +45,9 @@ ROOMS = {
         "stereo>dense epipolar>epipolar_search surface>plane_fit slant disparity>sparse"
     ),
     ("vo", "vo.tracking"): (
-        "appearance correspondence>association triplets>circular_check gear>context doubt "
-        "eyes>frontend following>klt trust>landmark_prior localisation>pose_refinement "
-        "replacement turn>rotation_prior standing>stationary location>track_local_map"
+        "correspondence>association triplets>circular_check eyes>frontend following>klt "
+        "trust>landmark_prior localisation>pose_refinement turn>rotation_prior "
+        "standing>stationary location>track_local_map"
     ),
     ("sim", "sim.camera"): (
         "camera exposure target>framebuffer view>frustum_culling gl readout render sky"
@@ -70,8 +70,7 @@ ROOMS = {
         "exhibits furniture laboratory>laboratory_equipment people plants props storage vehicles"
     ),
     ("scenes", "scenes.structures"): (
-        "courses>ground facade ground interior paths paving ribbon rooms>interior slope surround "
-        "thresholds"
+        "facade ground interior paths paving ribbon slope surround thresholds"
     ),
     ("trials", "trials.diagnosis"): (
         "attribution bound combinations injection>error_injection explanation oracles validation"
@@ -93,18 +92,12 @@ ROOMS = {
         "protocol>trial_results fleet>trial_runner"
     ),
     ("trials.gym", "trials.gym.world"): (
-        "barriers crossings>barrier_slots eyes>camera carts ways>distance_field "
-        "reacting>dynamic_agents dynamics freespace>free_space rays>ideal_depth inertial "
-        "bodies>obstacle_bodies site>scene_instance simulation places>start_goal_sampling "
-        "diary>trial_log"
+        "barriers eyes>camera carts ways>distance_field reacting>dynamic_agents dynamics "
+        "freespace>free_space rays>ideal_depth inertial bodies>obstacle_bodies "
+        "site>scene_instance simulation places>start_goal_sampling diary>trial_log"
     ),
-    ("trials.navigation", "trials.navigation"): (
-        "lookout>depth_mapping grid_dstar_lite>grid_planner occupancy>occupancy_grid"
-    ),
-    (
-        "trials.report",
-        "trials.report",
-    ): "explanation>explanation_figures film>stills plan>trajectory_plot",
+    ("trials.navigation", "trials.navigation"): "lookout>depth_mapping occupancy>occupancy_grid",
+    ("trials.report", "trials.report"): "explanation>explanation_figures film>stills",
     ("trials", "trials.studies"): (
         "accuracy bench bump experiments proof>label_accuracy point_world response speed stock "
         "stress strengths>stress_axes"
