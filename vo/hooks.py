@@ -22,15 +22,7 @@ class Hooks:
                 raise TypeError(f"{cls.__name__}.{former}: this hook is now {name}")
 
     def features(self, frame: StereoFrame, pixels: Array) -> Array:
-        """Replace the features of the left image.
-
-        Args:
-            frame: The pair.
-            pixels: (N, 2) (u, v) of the detector, strongest first.
-
-        Returns:
-            (M, 2) features.
-        """
+        """Replace the features of the left image, (N, 2) (u, v), strongest first, by (M, 2)."""
         return pixels
 
     def new_landmarks(self, frame: StereoFrame, ids: Indices, pixels: Array) -> None:
@@ -38,8 +30,7 @@ class Hooks:
 
         Args:
             frame: The pair.
-            ids: (N,) identifiers. One that comes again, because its landmark was never used,
-                denotes the later surface point.
+            ids: (N,) identifiers. One that comes again denotes the later point.
             pixels: (N, 2) left-image (u, v).
         """
 
@@ -70,16 +61,7 @@ class Hooks:
         return pixels
 
     def disparity(self, frame: StereoFrame, pixels: Array, disparity_px: Array) -> Array:
-        """Replace the disparity at features, new or matched.
-
-        Args:
-            frame: The pair.
-            pixels: (N, 2) left-image (u, v).
-            disparity_px: (N,) u_left - u_right; NaN where unknown.
-
-        Returns:
-            (N,); NaN where it is not to be used.
-        """
+        """Replace the disparity (N,) at pixels (N, 2) of features; NaN: unknown, or not used."""
         return disparity_px
 
     def inliers(self, frame: StereoFrame, ids: Indices, pixels: Array, agree: Mask) -> Mask:

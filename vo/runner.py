@@ -63,12 +63,7 @@ def run(
     estimator: Estimator,
     progress: Callable[[Estimate], None] | None = None,
 ) -> Run:
-    """Feed every frame to the estimator, in order.
-
-    Args:
-        sequence: Loaded lazily, one pair at a time.
-        estimator: Fresh; it keeps its own state.
-        progress: Called with each estimate.
+    """Pass every frame to a new estimator, in order, and each estimate to `progress`.
 
     Raises:
         DatasetError: If an image is missing, damaged or of the wrong size.
@@ -91,10 +86,10 @@ def write_run(
     """Write the trajectory and its companions; each file appears whole, the trajectory last.
 
     Args:
-        out: The TUM file. Beside it come `<stem>.frames.csv` (status, reason, counts and
-            milliseconds of every frame), `<stem>.tracks.npz` (the sparse visibility mask: one
-            entry per landmark and frame), `<stem>.covariance.npz`, `<stem>.smoothed.txt` and
-            `<stem>.map.ply` where the estimator offers them, and `<stem>.run.json` (provenance).
+        out: The TUM file. Its companions are `<stem>.frames.csv` (status, reason, counts and
+            milliseconds of every frame), `<stem>.tracks.npz` (one entry per landmark and frame),
+            `<stem>.covariance.npz`, `<stem>.smoothed.txt` and `<stem>.map.ply` where the estimator
+            offers them, and `<stem>.run.json` (provenance).
         run: Estimates and final result.
         estimator: Name on the command line.
         settings: Resolved settings of the estimator.

@@ -19,12 +19,7 @@ from vo.map.local_map import LocalMap
 
 
 class KeyframeRecord(NamedTuple):
-    """A keyframe without its image.
-
-    Attributes:
-        T_odom_cam: (4, 4) the latest.
-        observations: In single precision; None where no full-batch adjustment is to follow.
-    """
+    """Latest pose (4, 4) and, for full-batch adjustment, observations in single precision."""
 
     T_odom_cam: Array
     observations: Observations | None

@@ -32,11 +32,6 @@ def smooth(history: RunHistory, rig: StereoRig, settings: RefinementSettings) ->
 
     Where a keyframe shares too few landmarks with those before, a new group begins: it stays rigid
     with the last keyframe before it, as it was along the way.
-
-    Args:
-        history: With the observations of all keyframes; stays as it is.
-        rig: Projects.
-        settings: Loss and iterations.
     """
     serials = sorted(s for s, k in history.keyframes.items() if k.observations is not None)
     if not serials:

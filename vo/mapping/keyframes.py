@@ -41,11 +41,7 @@ def is_new_view(last: Keyframe, inliers: Matches, settings: OdometrySettings) ->
     disparity: the near ones, which soon leave the image, have most (decision 19). Those without
     disparity count nothing.
 
-    Args:
-        last: The last keyframe.
-        inliers: Of the view.
-        settings: Median flow that suffices; or share of the keyframe's information that is left,
-            or number of inliers, below which `MIN_FLOW_PX` suffices.
+    Where hardly any of that information, or few inliers, are left, `MIN_FLOW_PX` suffices.
     """
     seen, s = last.observations, settings.refinement
     _, then, now = np.intersect1d(seen.ids, inliers.ids, assume_unique=True, return_indices=True)
@@ -77,7 +73,7 @@ def add_keyframe(
         view: The new keyframe's.
         T_odom_cam: (4, 4) its pose.
         covariance: (6, 6) of the pose.
-        inliers: Matches of the view; None for none.
+        inliers: Of the view; None for a first keyframe.
         hooks: May replace disparities; receive the new landmarks.
     """
     settings, serial = view.settings, local_map.next_serial

@@ -24,16 +24,10 @@ NEIGHBOURS = 40
 def find_matches(
     local_map: LocalMap, view: View, T_odom_cam: Array, search_radius_px: float
 ) -> Matches:
-    """Match landmarks with features near their projections by a predicted pose.
+    """Match landmarks with features near their projections by a predicted pose (4, 4).
 
-    Args:
-        local_map: Landmarks, and the keyframes that hold their templates.
-        view: The view.
-        T_odom_cam: (4, 4) predicted pose.
-        search_radius_px: Half side of the search window.
-
-    Returns:
-        Those whose aligned patch correlates with the landmark's template.
+    The search window has sides of twice the radius. Matches whose aligned patch does not correlate
+    with the landmark's template are dropped.
     """
     landmarks, features, s = local_map.landmarks, view.features, view.settings.matching
     expected = project_landmarks(landmarks, T_odom_cam, view.rig)[:, :2]
@@ -49,11 +43,7 @@ def find_guided_matches(
 ) -> Matches:
     """Add the landmarks without a matching feature, at their projections by a good pose (F5).
 
-    Args:
-        local_map: As for `find_matches`.
-        view: The view.
-        T_odom_cam: (4, 4) its pose, to within about a pixel.
-        matches: Known matches, at least one; they stay as they are.
+    The pose (4, 4) is right to within about a pixel; the known matches, at least one, stay.
     """
     expected = project_landmarks(local_map.landmarks, T_odom_cam, view.rig)
     visible = in_view(expected, view)

@@ -30,11 +30,7 @@ class Frontend:
     def process(self, frame: StereoFrame, smoothing_px: float, hooks: Hooks, clock: Clock) -> View:
         """Detect and describe features (thesis 3.2) and, if stereo is dense, match the pair (3.1).
 
-        Args:
-            frame: The pair.
-            smoothing_px: That of the frame before: after a noisy image, all are smoothed.
-            hooks: May replace features.
-            clock: Times the stages.
+        After a noisy image, all images are smoothed: `smoothing_px` is that of the frame before.
         """
         s = self._settings
         with clock("features"):

@@ -79,8 +79,7 @@ def replace_disparities(
 def replace_matches(hooks: Hooks, matches: Matches, local_map: LocalMap, view: View) -> Matches:
     """Replace the pixels of the map's landmarks, and the disparities there.
 
-    A landmark whose pixel is replaced keeps its descriptor, and its disparity is measured anew.
-    Its feature is NO_FEATURE, and its correlation NaN.
+    Where a pixel is replaced, the disparity is measured anew; there is no feature or correlation.
     """
     if hooks is NO_HOOKS:
         return matches

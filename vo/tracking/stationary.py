@@ -106,17 +106,11 @@ def is_settled(halt: Halt) -> bool:
 def is_stationary(
     halt: Halt, inliers: Matches, wheel_ticks: tuple[int, int] | None, rig: StereoRig
 ) -> bool:
-    """Test whether the camera is where it came to rest, by images and wheels.
+    """Test whether the camera is where it came to rest, by images and wheel ticks, if any.
 
     Wheels that have turned deny it. Wheels that have not make it more likely, but the images
     decide: a rover may be carried, or slide. The fewer frames are pooled, the stronger must the
     evidence be, unless it is along the motion by which the camera arrived a moment ago.
-
-    Args:
-        halt: The pose, and what was observed from there.
-        inliers: Of the present frame.
-        wheel_ticks: Counted until now; None where encoders are not used.
-        rig: Projects.
     """
     first, latest = _pool(halt.first), extend_halt(halt, inliers).last
     single_px, _ = _flow(first, _pool((inliers,)))
@@ -169,7 +163,7 @@ def motion_evidence(points_cam: Array, flow_px: Array, rig: StereoRig, along: Ar
     Args:
         points_cam: (N, 3) metres.
         flow_px: (N, 2) in the left image.
-        rig: Projects.
+        rig: Calibration.
         along: (6, K) tangents of the motions in question.
 
     Source:
