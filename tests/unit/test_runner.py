@@ -55,7 +55,7 @@ def written(tmp_path, dataset):
     return out
 
 
-def test_everything_survives_the_round_trip(written):
+def test_run_survives_the_round_trip(written):
     saved = read_run(written)
     assert saved.estimator == "scripted"
     assert saved.trajectory.timestamps_ns.tolist() == [PERIOD_NS * k for k in (1, 2, 4)]
@@ -75,14 +75,14 @@ def test_everything_survives_the_round_trip(written):
     assert np.isnan(tracks.disparity_px[1])
 
 
-def test_provenance(written, dataset):
+def test_run_records_provenance(written, dataset):
     about = json.loads((written.parent / "a.v1.run.json").read_text())
     assert about["settings"] == {"gain": 2}
     assert about["dataset_sha256"] is None
     assert about["versions"]["numpy"] == np.__version__
 
 
-def test_the_manifest_is_fingerprinted(tmp_path, dataset):
+def test_run_fingerprints_the_manifest(tmp_path, dataset):
     (dataset / "dataset.json").write_text("abc")
     write_run(tmp_path / "x.txt", run(open_sequence(dataset), Scripted()), "s", {}, dataset)
     about = json.loads((tmp_path / "x.run.json").read_text())
@@ -90,7 +90,7 @@ def test_the_manifest_is_fingerprinted(tmp_path, dataset):
     assert about["dataset_sha256"] == expected  # SHA-256 of "abc", FIPS 180-2 B.1
 
 
-def test_only_final_names_remain(written):
+def test_run_leaves_no_partial_files(written):
     names = {path.name for path in written.parent.iterdir()}
     assert names == {f"a.v1.{x}" for x in ("txt", "frames.csv", "tracks.npz", "run.json")}
 
@@ -116,7 +116,7 @@ class Reflective(Scripted):
         return FinalResult(Trajectory(times, np.tile(2 * np.eye(4), (3, 1, 1))), points)
 
 
-def test_what_an_estimator_offers_is_written(tmp_path, dataset):
+def test_run_writes_what_the_estimator_offers(tmp_path, dataset):
     out = tmp_path / "b.txt"
     write_run(out, run(open_sequence(dataset), Reflective()), "reflective", {}, dataset)
     with np.load(tmp_path / "b.covariance.npz") as file:
@@ -133,7 +133,7 @@ def test_what_an_estimator_offers_is_written(tmp_path, dataset):
     assert rows == [(0.5, -1, 2, 10, 10, 10, 3, 7), (3, 4, 5.25, 200, 200, 200, 12, 9)]
 
 
-def test_what_an_earlier_run_offered_does_not_stay(tmp_path, dataset):
+def test_run_removes_companions_of_an_earlier_run(tmp_path, dataset):
     out = tmp_path / "b.txt"
     write_run(out, run(open_sequence(dataset), Reflective()), "reflective", {}, dataset)
     write_run(out, run(open_sequence(dataset), Scripted()), "scripted", {}, dataset)
@@ -141,7 +141,7 @@ def test_what_an_earlier_run_offered_does_not_stay(tmp_path, dataset):
     assert kinds == {f"b.{x}" for x in ("txt", "frames.csv", "tracks.npz", "run.json")}
 
 
-def test_a_trajectory_alone_is_a_run_too(written):
+def test_trajectory_alone_is_a_run(written):
     for kind in ("frames.csv", "tracks.npz", "run.json"):
         (written.parent / f"a.v1.{kind}").unlink()
     saved = read_run(written)
@@ -151,11 +151,11 @@ def test_a_trajectory_alone_is_a_run_too(written):
 @pytest.mark.parametrize("kind", ["frames.csv", "tracks.npz", "run.json"])
 def test_damaged_companions_are_reported(written, kind):
     (written.parent / f"a.v1.{kind}").write_text("junk\njunk\n")
-    with pytest.raises(TrajectoryError, match=r"a.v1.txt: a file beside it is damaged"):
+    with pytest.raises(TrajectoryError, match=r"a.v1.txt: a companion file is damaged"):
         read_run(written)
 
 
-def test_status_and_pose_must_agree():
+def test_estimate_status_and_pose_must_agree():
     with pytest.raises(ValueError, match="status lost"):
         Estimate(0, Status.LOST, np.eye(4))
     with pytest.raises(ValueError, match="status tracked"):
