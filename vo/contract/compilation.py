@@ -75,6 +75,12 @@ def fingerprint(dispatcher: Dispatcher) -> str:
     return digest.hexdigest()
 
 
+def is_kept(function: Callable[..., Any]) -> bool:
+    """Tell whether machine code of a compiled function, as it is now, lies on the disk."""
+    cache = function._cache  # type: ignore[attr-defined]
+    return any(bool(store._load_index()) for store in cache._opened())
+
+
 def _codes(code: CodeType) -> Iterator[CodeType]:
     """Yield a code object and those nested in it, as of generator expressions."""
     yield code

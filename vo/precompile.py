@@ -1,0 +1,116 @@
+"""Compilation of the estimator ahead of its first frame, in two processes.
+
+Without machine code on the disk, the functions would be compiled one after the other as frames call
+them. Here a second process compiles the estimation of poses while this one compiles the rest, each
+by calling it on synthetic data; both find what the other kept.
+"""
+
+import fcntl
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from vo.bundle_adjustment.adjust import refine_motion, refine_structure
+from vo.bundle_adjustment.problem import Bundle
+from vo.bundle_adjustment.schur import eliminate_points
+from vo.config import MotionSettings, OdometrySettings, RefinementSettings
+from vo.contract.arrays import Array, Image
+from vo.contract.compilation import is_kept
+from vo.contract.rig import StereoRig
+from vo.contract.sequence import StereoFrame
+from vo.odometry import StereoOdometry
+from vo.pose.estimation import estimate_pose
+from vo.pose.ransac import search_adaptive
+
+RIG = StereoRig(320, 240, 230.0, 159.5, 119.5, 0.09)
+FRAMES = 12
+DISPARITY_PX, STEP_PX = 10, 3
+"""Disparity of the synthetic wall, and its motion from frame to frame."""
+
+
+def compile_ahead() -> None:
+    """Compile the estimator's functions, unless their machine code is kept already.
+
+    Several processes do this once: the first compiles, the others wait.
+    """
+    if _is_compiled():
+        return
+    lock = Path(tempfile.gettempdir()) / "driftyard-compilation.lock"
+    with lock.open("a") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        if not _is_compiled():
+            _compile()
+
+
+def _is_compiled() -> bool:
+    return is_kept(search_adaptive) and is_kept(eliminate_points)
+
+
+def _compile() -> None:
+    with subprocess.Popen(
+        [sys.executable, "-m", "vo.precompile"], stderr=subprocess.DEVNULL
+    ) as other:
+        estimator = StereoOdometry(RIG, OdometrySettings())
+        frames = _frames()
+        estimator.track(frames[0])
+        _refine()
+        other.wait()
+    for frame in frames[1:]:
+        estimator.track(frame)
+
+
+def _refine() -> None:
+    """Refine one camera, and two with their points."""
+    points, measured = _points()
+    settings = RefinementSettings()
+    sigma = np.ones((len(points), 3))
+    refine_motion(np.eye(4), points, measured, sigma, RIG, settings)
+    bundle = Bundle(
+        T_world_cam=np.tile(np.eye(4), (2, 1, 1)),
+        points_world=points,
+        camera=np.repeat([0, 1], len(points)),
+        point=np.tile(np.arange(len(points)), 2),
+        measured=np.tile(measured, (2, 1)),
+        sigma=np.tile(sigma, (2, 1)),
+        fixed=np.array([True, False]),
+        K=RIG.K,
+        baseline_m=RIG.baseline_m,
+    )
+    refine_structure(bundle, settings)
+
+
+def _estimate() -> None:
+    """Estimate a pose by P3P under RANSAC."""
+    points, measured = _points()
+    rays = RIG.normalized(measured[:, :2])
+    estimate_pose(points, rays, points, MotionSettings(), np.random.default_rng(0))
+
+
+def _points() -> tuple[Array, Array]:
+    """Points (N, 3) ahead of a camera, metres, and their measurements (N, 3), pixels."""
+    rng = np.random.default_rng(0)
+    measured = rng.uniform((20, 20, 5), (300, 220, 20), (60, 3))
+    return RIG.triangulate(measured[:, :2], measured[:, 2]), measured
+
+
+def _frames() -> list[StereoFrame]:
+    """Frames of a textured wall that passes by."""
+    rng = np.random.default_rng(0)
+    coarse = rng.integers(40, 215, (60, 110))
+    wall = np.kron(coarse, np.ones((4, 4)))
+
+    def cut(shift: int) -> Image:
+        smooth = sum(wall[v : v + 236, u + shift : u + shift + 320] for v in (0, 2) for u in (0, 2))
+        return np.ascontiguousarray(smooth / 4).astype(np.uint8)
+
+    starts = [STEP_PX * k for k in range(FRAMES)]
+    return [
+        StereoFrame(100_000_000 * k, cut(u), cut(u + DISPARITY_PX)) for k, u in enumerate(starts)
+    ]
+
+
+if __name__ == "__main__":
+    _estimate()
