@@ -25,11 +25,12 @@ def clone(tmp_path_factory) -> Path:
 
 
 def take_machine_code(clone: Path) -> None:
-    """Spare the clone a minute of compiling; Numba knows the sources by their bytes, not by age."""
-    for package in ("scenes", "sim", "vo"):
-        built = ROOT / package / "__pycache__"
-        if built.is_dir():
-            shutil.copytree(built, clone / package / "__pycache__", dirs_exist_ok=True)
+    """Copy machine code, which is known by what it was made from, not by age or place."""
+    for package in ("scenes", "sim", "vo", "trials"):
+        for file in (ROOT / package).rglob("__pycache__/*.nb?"):
+            copied = clone / file.relative_to(ROOT)
+            copied.parent.mkdir(exist_ok=True)
+            shutil.copy(file, copied)
 
 
 def in_clone(clone: Path, *words: str) -> subprocess.CompletedProcess[str]:

@@ -57,7 +57,9 @@ def _odometry(
     base = preset.model_dump(exclude_defaults=True)
     settings = resolve(OdometrySettings, config, overrides, base)
     from vo.odometry import StereoOdometry  # loads gtsam and numba, after the settings are accepted
+    from vo.precompile import compile_ahead
 
+    compile_ahead()
     return StereoOdometry(rig, settings), settings
 
 

@@ -2,7 +2,7 @@
 
 Slower than the compiled elimination of `vo.bundle_adjustment.schur_backend`, since each measurement
 is a factor made from Python, and independent of it: projection, derivatives, robust loss and
-elimination are GTSAM's (docs/decisions/0023).
+elimination are GTSAM's (docs/decisions/0024).
 """
 
 from collections.abc import Sequence

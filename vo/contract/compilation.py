@@ -32,7 +32,7 @@ _MODULES = ("numpy", "math", "numba")
 """Modules whose content changes with their release only."""
 
 
-def compiled(**options: object) -> Callable[[Function], Function]:
+def compiled(**options: Any) -> Callable[[Function], Function]:
     """Compile a function to machine code at its first call, and keep the code.
 
     Args:
@@ -40,7 +40,7 @@ def compiled(**options: object) -> Callable[[Function], Function]:
     """
 
     def decorate(function: Function) -> Function:
-        dispatcher = numba.njit(**options)(function)
+        dispatcher: Any = numba.njit(**options)(function)
         dispatcher._cache = _Cache(dispatcher)
         return dispatcher
 
@@ -63,7 +63,7 @@ def fingerprint(dispatcher: Dispatcher) -> str:
         tuples = [x for x in function.__annotations__.values() if hasattr(x, "_fields")]
         digest.update(_text(tuples).encode())
         for code in _codes(function.__code__):
-            digest.update(_code_text(code).encode())
+            digest.update(_code_text(code, function.__doc__).encode())
             for name in sorted(set(code.co_names) & function.__globals__.keys()):
                 value = function.__globals__[name]
                 for callee in getattr(value, "implementations", (value,)):  # of an overload
@@ -78,7 +78,15 @@ def fingerprint(dispatcher: Dispatcher) -> str:
 def is_kept(function: Callable[..., Any]) -> bool:
     """Tell whether machine code of a compiled function, as it is now, lies on the disk."""
     cache = function._cache  # type: ignore[attr-defined]
-    return any(bool(store._load_index()) for store in cache._opened())
+    return any(_load(store._load_index) for store in cache._opened())
+
+
+def _load(read: Callable[..., Any], *arguments: object) -> Any:
+    """Read from a store; None if its folder cannot be read."""
+    try:
+        return read(*arguments)
+    except OSError:
+        return None
 
 
 def _codes(code: CodeType) -> Iterator[CodeType]:
@@ -89,11 +97,11 @@ def _codes(code: CodeType) -> Iterator[CodeType]:
             yield from _codes(constant)
 
 
-def _code_text(code: CodeType) -> str:
-    """Describe a code object without its line numbers and its docstring."""
+def _code_text(code: CodeType, docstring: str | None) -> str:
+    """Describe a code object without its line numbers and its docstring, the first constant."""
     constants = [x for x in code.co_consts if not isinstance(x, CodeType)]
-    if constants and isinstance(constants[0], str):
-        constants[0] = ""
+    if constants and constants[0] == docstring:
+        constants[0] = None
     return f"{code.co_code.hex()}{constants!r}{code.co_names}{code.co_varnames}"
 
 
@@ -119,6 +127,16 @@ def _text(value: object) -> str:
     if isinstance(value, type | BuiltinFunctionType | FunctionType | np.ufunc):
         return f"{value.__name__}{getattr(value, '_fields', '')}"
     raise TypeError(f"a compiled function uses {value!r}: import constants and functions by name")
+
+
+class _Codec(CompileResultCacheImpl):
+    """Turns compiled functions into bytes and back; where these lie is decided by `_Cache`."""
+
+    def __init__(self) -> None:
+        pass
+
+
+_CODEC = _Codec()
 
 
 class _Cache(FunctionCache):
@@ -150,19 +168,20 @@ class _Cache(FunctionCache):
     def _load_overload(self, sig: object, target_context: Any) -> Any:
         key = self._index_key(sig, target_context.codegen())
         for store in self._opened():
-            data = store.load(key)
+            data = _load(store.load, key)
             if data is not None:
-                return CompileResultCacheImpl.rebuild(self, target_context, data)
+                return _CODEC.rebuild(target_context, data)
         return None
 
     def _save_overload(self, sig: object, data: Any) -> None:
         if data.library.has_dynamic_globals:  # it holds addresses of this process
             return
         key = self._index_key(sig, data.codegen)
-        for store in self._opened():
+        source = Path(self._py_func.__code__.co_filename)
+        for folder, store in zip(_folders(source), self._opened(), strict=True):
             try:
-                Path(store._cache_path).mkdir(parents=True, exist_ok=True)
-                store.save(key, CompileResultCacheImpl.reduce(self, data))
+                folder.mkdir(parents=True, exist_ok=True)
+                store.save(key, _CODEC.reduce(data))
             except OSError:  # read-only, or full: the next folder
                 continue
             return
@@ -185,7 +204,7 @@ class _Progress(event.Listener):
 
     def on_start(self, event: event.Event) -> None:
         """Print a notice with the first function, and on a terminal the name of each."""
-        function = event.data["dispatcher"]
+        function = (event.data or {})["dispatcher"]
         if not isinstance(function._cache, _Cache):
             return
         self.functions += 1
@@ -197,7 +216,7 @@ class _Progress(event.Listener):
 
     def on_end(self, event: event.Event) -> None:
         """Clear the line of a terminal."""
-        if isinstance(event.data["dispatcher"]._cache, _Cache) and sys.stderr.isatty():
+        if isinstance((event.data or {})["dispatcher"]._cache, _Cache) and sys.stderr.isatty():
             print("\r\x1b[K", end="", file=sys.stderr, flush=True)
 
 
