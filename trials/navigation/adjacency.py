@@ -68,13 +68,13 @@ def in_degree(graph: Adjacency, node: int) -> int:
 def successor(graph: Adjacency, node: int, k: int) -> tuple[int, float]:
     """Return the node that the k-th outgoing edge enters, and the cost of the edge."""
     edge = graph.outgoing[graph.first_out[node] + k]
-    return graph.heads[edge], graph.costs[edge]
+    return int(graph.heads[edge]), float(graph.costs[edge])
 
 
 def predecessor(graph: Adjacency, node: int, k: int) -> tuple[int, float]:
     """Return the node that the k-th incoming edge leaves, and the cost of the edge."""
     edge = graph.incoming[graph.first_in[node] + k]
-    return graph.tails[edge], graph.costs[edge]
+    return int(graph.tails[edge]), float(graph.costs[edge])
 
 
 def bound(graph: Adjacency, a: int, b: int) -> float:

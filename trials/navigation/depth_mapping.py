@@ -31,14 +31,7 @@ class DepthMapper:
         settings: NavigatorSettings,
         floor_plan: OccupancyGrid | None,
     ) -> None:
-        """Prepare.
-
-        Args:
-            rig: Calibration as delivered.
-            period_s: Time between two images.
-            settings: Settings of the grid and of the noise filter.
-            floor_plan: Static obstacles, with the cell size of `settings`.
-        """
+        """Prepare for a rig as delivered; the floor plan has the cell size of `settings`."""
         self.floor_plan = floor_plan
         self._rig, self._period_s, self._settings = rig, period_s, settings
 

@@ -29,10 +29,10 @@ def _by_kind(kinds: Mapping[type, Callable[..., Any]]) -> Callable[..., Any]:
         raise NotImplementedError  # pragma: no cover, callable from compiled code alone
 
     def choose(*types: Any) -> Callable[..., Any] | None:
-        return kinds.get(getattr(types[0], "instance_class", None))
+        return kinds.get(getattr(types[0], "instance_class", object))
 
     overload(interface, strict=False)(choose)
-    interface.implementations = [njit(x) for x in kinds.values()]
+    vars(interface)["implementations"] = [njit(x) for x in kinds.values()]
     return interface
 
 

@@ -156,12 +156,9 @@ def clearance_m(grid: OccupancyGrid, settings: OccupancySettings) -> Array:
 
 
 def driving_costs(grid: OccupancyGrid, radius_m: float, settings: OccupancySettings) -> Array:
-    """Compute costs (H, W): 1 in free or unknown cells, infinite where the rover would touch.
+    """Compute costs (H, W): infinite within the rover's radius of an obstacle, then falling to 1.
 
-    Args:
-        grid: The grid.
-        radius_m: Radius of the rover, by which obstacles are inflated.
-        settings: The margin beyond the radius, in which the cost falls to 1.
+    Unknown cells count as free; the width of the margin in which the cost falls is a setting.
     """
     beyond_m = clearance_m(grid, settings) - radius_m
     near = np.clip(1 - beyond_m / settings.margin_m, 0, 1)

@@ -40,13 +40,7 @@ class PathPlanner:
     """
 
     def __init__(self, settings: NavigatorSettings, unknown_cost: float, replanning: bool) -> None:
-        """Start without a path.
-
-        Args:
-            settings: Radius of the rover and costs.
-            unknown_cost: Additional cost of a cell that was never observed.
-            replanning: Repair the path; otherwise it is planned once for a goal.
-        """
+        """Start without a path; without replanning, it is planned once for a goal."""
         self.path_m: Array = np.zeros((0, 2))
         self.effort = PlanningEffort()
         self._settings, self._unknown_cost = settings, unknown_cost

@@ -66,12 +66,9 @@ class SteeringSettings(Settings):
 
 
 def lookahead_point(pose: Pose2, path_m: Array, lookahead_m: float) -> Array:
-    """Find the point (2,) of a path at a distance along it from the closest point, or its end.
+    """Find the point (2,) of a path (N, 2), N >= 1, at a distance along it from the closest point.
 
-    Args:
-        pose: Pose of the rover.
-        path_m: (N, 2) corners of the path, N >= 1.
-        lookahead_m: Distance along the path.
+    Where the path ends before, its end is returned.
     """
     here = np.array([pose.x_m, pose.y_m])
     if len(path_m) == 1:
@@ -89,12 +86,8 @@ def lookahead_point(pose: Pose2, path_m: Array, lookahead_m: float) -> Array:
 def pure_pursuit(pose: Pose2, path_m: Array, settings: SteeringSettings) -> Twist:
     """Follow a path by the arc through a point ahead; turn on the spot if it is far to the side.
 
-    The arc through (x, y) in the rover's frame has the curvature 2 y / (x² + y²).
-
-    Args:
-        pose: Pose of the rover.
-        path_m: (N, 2) corners of the path, N >= 1.
-        settings: Limits and lookahead distance.
+    The path is (N, 2), N >= 1. The arc through (x, y) in the rover's frame has the curvature
+    2 y / (x² + y²).
     """
     x_m, y_m = _in_body(pose, lookahead_point(pose, path_m, settings.lookahead_m))
     square = x_m**2 + y_m**2

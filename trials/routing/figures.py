@@ -71,7 +71,7 @@ def draw_delays(figure: "Figure", studies: Mapping[str, Study]) -> None:
         tidy(row[1], "", "", f"{name}, waits of {NODE_S / 60:g} min")
     panels[-1, 0].set_xlabel("waiting at every node, min")
     panels[-1, 1].set_xlabel("delay on every congested road, min")
-    shared_legend(figure, panels.flat)
+    shared_legend(figure, [panels[0, 0]])
 
 
 def _draw_sweep(panel: "Axes", sweep: Sweep) -> None:

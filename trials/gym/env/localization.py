@@ -77,12 +77,7 @@ class DriftLocalization:
     """
 
     def __init__(self, percent: float, seed: int) -> None:
-        """Set the drift.
-
-        Args:
-            percent: Mean error of position after one metre, if the heading had no error.
-            seed: Seed of the walk.
-        """
+        """Set the mean position error after one metre, if the heading had no error, per cent."""
         self._rng = np.random.default_rng([seed, 2])
         across_m = percent / 100 / math.sqrt(math.pi / 2)  # of a mean length of a 2-D Gaussian
         turned_rad = math.radians(DRIFT_DEG_PER_M * percent) * math.sqrt(math.pi / 2)
@@ -129,11 +124,6 @@ class VisualLocalization:
     """An estimator, started at the true pose of its first frame."""
 
     def __init__(self, name: str, rig: StereoRig) -> None:
-        """Build the estimator.
-
-        Raises:
-            SettingsError: If there is no such estimator.
-        """
         estimator, _ = make_estimator(name, rig)
         self._estimator = estimator if name in ESTIMATORS else Guarded(estimator)
         self._rig = rig

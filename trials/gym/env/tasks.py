@@ -137,7 +137,8 @@ class Explore:
         radius_m: float,
     ) -> None:
         self.start, self.path, self.path_m = start, start[None, :2], 0.0
-        self.covered: Mask = np.zeros(reachable.shape, bool)
+        self._covered: Mask = np.zeros(reachable.shape, bool)
+        self.covered: Mask | None = self._covered
         self._reachable, self._space = reachable, traversable.space
         self._blocked = self._space.clearance_m <= 0
         self._home = traversable.distance_field(start[:2])
@@ -169,13 +170,13 @@ class Explore:
 
     @property
     def _fraction(self) -> float:
-        return float((self.covered & self._reachable).sum()) / self._cells
+        return float((self._covered & self._reachable).sum()) / self._cells
 
     def _add_view(self, position: Array) -> None:
         """Mark what rays from a position (2,) meet before an obstacle."""
         cells = self._space.cells(position + self._rays)
         outside = ~self._space.inside(cells)
-        cells = np.clip(cells, 0, np.array(self.covered.shape) - 1)
+        cells = np.clip(cells, 0, np.array(self._covered.shape) - 1)
         rows, columns = cells[..., 0], cells[..., 1]
         hidden = np.logical_or.accumulate(self._blocked[rows, columns] | outside, axis=1)
-        self.covered[rows[~hidden], columns[~hidden]] = True
+        self._covered[rows[~hidden], columns[~hidden]] = True

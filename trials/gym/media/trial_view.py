@@ -67,7 +67,8 @@ class TrialView:
         x, y, yaw = self._instance.simulation.pose2
         arrow = np.array([[x, y], [x + 0.4 * np.cos(yaw), y + 0.4 * np.sin(yaw)]])
         self._circle(canvas, arrow[:1], 5, TRUE, -1)
-        cv2.line(canvas, *self._pixels(arrow), TRUE, 2, cv2.LINE_AA, SHIFT)
+        tail, tip = self._pixels(arrow)
+        cv2.line(canvas, tail, tip, TRUE, 2, cv2.LINE_AA, SHIFT)
         self._circle(canvas, trace[-1:, 1], 5, ESTIMATED, 2)
         return canvas
 

@@ -43,10 +43,6 @@ class AisleNetwork:
 def build_aisle_network(instance: SceneInstance, speed_mps: float) -> AisleNetwork:
     """Build the network of a warehouse without the roads that the rover has no room on.
 
-    Args:
-        instance: A layout of the warehouse.
-        speed_mps: Highest speed of the rover.
-
     Raises:
         SettingsError: If the scene is another.
     """
@@ -81,10 +77,7 @@ def build_aisle_network(instance: SceneInstance, speed_mps: float) -> AisleNetwo
 def make_gates(aisles: AisleNetwork, delays: Delays, start_s: float) -> dict[Road, Gate]:
     """Make the gates of a drive by road; the road of a door leads from its node to itself.
 
-    Args:
-        aisles: The network.
-        delays: Waits at doors and queues on roads, after departure.
-        start_s: Time of departure.
+    The delays count from the time of departure, `start_s`.
     """
     gates: dict[Road, Gate] = {}
     for node, slot in aisles.doors.items():

@@ -39,15 +39,7 @@ def draw_drives(
     aisles: AisleNetwork,
     space: FreeSpace,
 ) -> None:
-    """Draw the paths in one world, and all times.
-
-    Args:
-        figure: Empty.
-        drives: Drives of all worlds with every strategy.
-        layout: World to show.
-        aisles: Its network.
-        space: Its obstacles.
-    """
+    """Draw the paths in the world of `layout`, and the times in all worlds."""
     above, times = figure.subplots(1, 2, width_ratios=(1.15, 1.0))
     _draw_world(above, [d for d in drives if d.layout == layout], aisles, space)
     above.set_title(f"layout {layout}", fontsize=9.5, weight="bold", loc="left")

@@ -27,12 +27,7 @@ def median_drift(results: Sequence[TrialResult]) -> float:
 
 
 def draw_sensitivity(figure: "Figure", by_source: Mapping[str, Sequence[TrialResult]]) -> None:
-    """Draw success and collisions over the measured drift of each source.
-
-    Args:
-        figure: Empty.
-        by_source: Results of every source; those of `drift:...` are joined by a line.
-    """
+    """Draw success and collisions over the measured drift; `drift:...` are joined by a line."""
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
     _draw(panels[0], by_source, lambda x: x.success)
     _draw(panels[1], by_source, lambda x: x.collision)

@@ -25,14 +25,7 @@ ANGLES = 12
 
 
 def slots_along(scene: Scene, space: FreeSpace, path: Array, depth_m: float) -> list[Slot]:
-    """Find slots for barriers of a depth across the passages of a path.
-
-    Args:
-        scene: For the height of the ground.
-        space: Obstacles.
-        path: (N, 2) waypoints.
-        depth_m: Depth along the passage.
-    """
+    """Find slots for barriers of a depth across the passages of a path (N, 2)."""
     points = sample_path(path, FROM_START_M, FROM_GOAL_M)
     slots = [slot_at(scene, space, point, depth_m) for point in points]
     return [slot for slot in slots if slot is not None]

@@ -51,12 +51,7 @@ class RoverCamera:
         return self._renderer
 
     def reset(self, seed: int, max_frames: int) -> None:
-        """Begin a trial.
-
-        Args:
-            seed: Seed of noise and lost frames.
-            max_frames: Number of image pairs that may be taken.
-        """
+        """Begin a trial of at most `max_frames` image pairs; the seed is that of the noise."""
         settings = self._settings.model_copy(update={"seed": seed})
         self._camera = StereoCamera(self._world, settings)
         self._drops = stream(seed, "drop")

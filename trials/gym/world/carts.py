@@ -18,14 +18,7 @@ class Cart(DynamicAgent):
     """Rolls to and fro on a straight line; its coordinate is the distance from the first end, m."""
 
     def __init__(self, ends: Array, height_m: float, speed_mps: float, phase: float) -> None:
-        """Stand on the line.
-
-        Args:
-            ends: (2, 2) world x, y.
-            height_m: Height of the ground.
-            speed_mps: Speed along the line.
-            phase: Initial position, 0 to 1, as a fraction of the way to and fro.
-        """
+        """Stand between the ends (2, 2), world x, y; the phase, 0 to 1, is that of the period."""
         self.ends, self._speed_mps, self._phase = ends, speed_mps, phase
         self.length_m = float(np.linalg.norm(ends[1] - ends[0]))
         along = (ends[1] - ends[0]) / self.length_m

@@ -63,12 +63,7 @@ class FreeSpace:
 
 
 def map_free_space(world: World, height_m: float) -> FreeSpace:
-    """Draw the outlines of all obstacles as seen from above.
-
-    Args:
-        world: With bodies placed.
-        height_m: Height of the rover above the ground.
-    """
+    """Draw the outlines of all obstacles that a rover of a height can touch, from above."""
     x_min, y_min, x_max, y_max = world.scene.extent_m
     cell_m = max(CELL_M, max(x_max - x_min, y_max - y_min) / MAX_CELLS)
     shape = math.ceil((y_max - y_min) / cell_m), math.ceil((x_max - x_min) / cell_m)

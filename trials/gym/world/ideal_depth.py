@@ -16,9 +16,6 @@ def ray_disparity(world: World) -> Array:
     """(HEIGHT_PX, WIDTH_PX) disparity in pixels of the full image; 0 where nothing is near.
 
     Rays meet collision shapes alone; pixels that the rover hides are unknown.
-
-    Args:
-        world: Its bodies are placed.
     """
     world.place_bodies()
     rig, model = world.rig, world.model

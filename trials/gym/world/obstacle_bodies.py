@@ -25,13 +25,7 @@ FACES = 6
 
 
 def with_agents(scene: Scene, agents: Mapping[str, DynamicAgent], seed: int) -> Scene:
-    """Add dynamic agents to a copy of a scene; visible and collision shapes agree.
-
-    Args:
-        scene: Without dynamic agents; returned as it is if there are none.
-        agents: By name.
-        seed: Seed of the textures.
-    """
+    """Add dynamic agents by name to a copy of a scene; the seed decides their textures."""
     if not agents:
         return scene
     stage, rng = Stage("dynamics"), np.random.default_rng(seed)

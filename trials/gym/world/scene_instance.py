@@ -77,12 +77,7 @@ def build_instance(
 def rebuilt_along(
     instance: SceneInstance, path: Array, agents: Mapping[str, DynamicAgent]
 ) -> SceneInstance:
-    """Build an instance anew with its terrain along another path, and with dynamic agents.
-
-    Args:
-        instance: As it was mapped.
-        path: (N, 2) waypoints.
-        agents: Dynamic agents, by name.
+    """Build an instance anew with its terrain along a path (N, 2), and with agents by name.
 
     Raises:
         SettingsError: If the rover has no room at the start.

@@ -56,13 +56,7 @@ class Simulation:
     """
 
     def __init__(self, world: World, settings: RecordSettings, acceleration_mps2: float) -> None:
-        """Prepare a world.
-
-        Args:
-            world: Its time step is changed.
-            settings: Resolved; `rig.rate_hz` is the rate of control steps.
-            acceleration_mps2: Largest acceleration of a wheel's rim.
-        """
+        """Set the time step of a world; `rig.rate_hz` is the rate of control steps."""
         self.world, self.acceleration_mps2 = world, acceleration_mps2
         self.log: TrialLog | None = None
         self._settings = settings
@@ -152,11 +146,7 @@ class Simulation:
         return alone
 
     def advance(self, speeds_radps: Array) -> None:
-        """Advance by one control step.
-
-        Args:
-            speeds_radps: (2,) wanted speeds of the left and the right wheel, approached by a ramp.
-        """
+        """Advance by one control step towards the speeds (2,) of the left and the right wheel."""
         world, model, data = self.world, self.world.model, self.world.data
         self.touched[:] = False
         done = 0

@@ -42,12 +42,7 @@ class StartGoal:
 
 
 def main_component(traversable: TraversableSpace, route: Array, scene: str) -> Mask:
-    """(H, W) cells of the connected component that most of a route lies in.
-
-    Args:
-        traversable: Space of the world.
-        route: (N, 2) world points.
-        scene: Name, for the error.
+    """(H, W) cells of the connected component that most of a scene's route (N, 2) lies in.
 
     Raises:
         TrialError: If there is no traversable place.

@@ -37,12 +37,7 @@ class TrialLog:
         self._ticks.append(ticks)
 
     def trip(self, delivered: Mask, ended: str) -> Trip:
-        """Return the drive in the recorder's form.
-
-        Args:
-            delivered: (N,) whether the camera delivered each frame.
-            ended: Cause of failure; empty if there was none.
-        """
+        """Return the drive in the recorder's form; `delivered` (N,) is that of the camera."""
         frame_ns, T_world_body, v_world_body = (
             np.array(x) for x in zip(*self._frames, strict=True)
         )
