@@ -1,7 +1,7 @@
 """`driftyard drive`: closed-loop navigation trials by source of localization."""
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import chain
 from pathlib import Path
@@ -15,7 +15,7 @@ from trials.gym.env.settings import NavSettings
 from trials.gym.studies import planning as planned
 from trials.gym.studies.result_store import ResultStore
 from trials.gym.studies.sensitivity import draw_sensitivity
-from trials.gym.studies.trial_results import METRICS, TrialResult, summarize
+from trials.gym.studies.trial_results import METRICS, Metrics, TrialResult, summarize
 from trials.gym.studies.trial_runner import run_world
 from trials.report.figure import save_figure
 from trials.report.tables import text_table
@@ -181,11 +181,7 @@ def _drive_planned(
     _print_summary(title, columns, planned.METRICS)
 
 
-def _print_summary(
-    title: str,
-    columns: Mapping[str, Sequence[Any]],
-    metrics: Mapping[str, tuple[Callable[[Any], float | None], int]],
-) -> None:
+def _print_summary(title: str, columns: Mapping[str, Sequence[Any]], metrics: Metrics[Any]) -> None:
     """Print one column for each group of trials."""
     found = {name: summarize(trials, metrics) for name, trials in columns.items()}
     rows = [(row, *(x[row] for x in found.values())) for row in next(iter(found.values()))]

@@ -152,7 +152,7 @@ def expand(function: Callable[..., None]) -> Callable[..., None]:
         function: Command; every parameter is annotated.
     """
     hints = get_type_hints(function, include_extras=True)
-    models = {name: hint for name, hint in hints.items() if is_dataclass(hint)}
+    models: dict[str, Any] = {name: hint for name, hint in hints.items() if is_dataclass(hint)}
     parameters: list[Parameter] = []
     for x in signature(function).parameters.values():
         if x.name in models:
