@@ -9,8 +9,10 @@ import yaml
 from folders import PERIOD_NS, wall, write_euroc
 from terminal import driftyard
 
+PLANE = """<mujoco><worldbody><geom type="plane" size="5 5 1"/></worldbody></mujoco>"""
 FILLED = """<mujoco><worldbody><geom type="plane" size="5 5 1"/>
 <geom name="block" type="box" size="3 3 0.3"/></worldbody></mujoco>"""
+FREE = "d/mav0/cam0/free.xml"
 FIRST = f"mav0/cam0/data/{PERIOD_NS}.png"
 
 
@@ -150,21 +152,21 @@ def test_run_output_folder_is_refused(dataset, tmp_path):
             ["labels.flows", "flow"],
         ),
         (
-            ["generate", "office", "--out", "o", "--set", "exposure.time_ms=80"],
+            ["generate", FREE, "--out", "o", "--set", "exposure.time_ms=80"],
             ["exposure.time_ms", "takes 80.0 ms", "rig.rate_hz leaves 66.7 ms"],
         ),
         (
-            ["generate", "office", "--out", "o", "--set", "calibration.baseline_percent=-100"],
+            ["generate", FREE, "--out", "o", "--set", "calibration.baseline_percent=-100"],
             ["baseline", "must be positive"],
         ),
         (
-            ["generate", "office", "--out", "o", "--set", "sensor.k1=-0.5"],
+            ["generate", FREE, "--out", "o", "--set", "sensor.k1=-0.5"],
             ["sensor.k1 = -0.5", "folds the image"],
         ),
         (["generate", "office", "--out", "o", "--disturb", "fog"], ["disturbance fog", "blur"]),
         (["generate", "office", "--out", "o", "--disturb", "blur=x"], ["blur", "not a number"]),
         (
-            ["generate", "office", "--out", "o", "--set", "drive.waypoints=[[1,1],[1,1]]"],
+            ["generate", FREE, "--out", "o", "--set", "drive.waypoints=[[1,1],[1,1]]"],
             ["drive.waypoints", "the same"],
         ),
         (["generate", "nowhere.xml", "--out", "o"], ["nowhere.xml: no such file"]),
@@ -185,6 +187,7 @@ def test_run_output_folder_is_refused(dataset, tmp_path):
 def test_bad_generate_option_is_refused_in_one_line(dataset, tmp_path, words, fragments):
     (dataset / "mav0/cam0/broken.xml").write_text("<mujoco>")
     (dataset / "mav0/cam0/filled.xml").write_text(FILLED)
+    (tmp_path / FREE).write_text(PLANE)
     assert_refused(driftyard(*words, cwd=tmp_path), *fragments)
     assert {path.name for path in tmp_path.iterdir()} == {"d"}
 

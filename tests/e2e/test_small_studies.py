@@ -16,7 +16,7 @@ def studied(tmp_path_factory):
     """The folder of the command, and its output."""
     folder = tmp_path_factory.mktemp("study")
     words = ("experiment", ",".join(NAMES), "--small", "--page", "docs/page.md")
-    result = driftyard(*words, cwd=folder, timeout_s=500)
+    result = driftyard(*words, cwd=folder)
     assert result.returncode == 0, result.stderr
     return folder, result.stdout
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.folders import wall, write_euroc
-from tests.terminal import ROOT
+from terminal import ROOT
 from trials.studies.bench import endurance_table, length_table
 from trials.studies.speed.drive import TimedDrive
 from trials.studies.speed.estimator import EstimatorSpeed, measure_estimator
