@@ -5,9 +5,9 @@ import sys
 
 import numpy as np
 import pytest
+from terminal import ROOT
 
 from tests.folders import wall, write_euroc
-from terminal import ROOT
 from trials.studies.bench import endurance_table, length_table
 from trials.studies.speed.drive import TimedDrive
 from trials.studies.speed.estimator import EstimatorSpeed, measure_estimator
