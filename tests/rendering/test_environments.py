@@ -106,10 +106,10 @@ def test_seed_and_actions_decide_the_trial(make, options):
     first, _ = drive(make(**options), 25, seed=4)
     second, _ = drive(make(**options), 25, seed=4)
     assert len(first) == len(second) > 20
-    for (a, told_a), (b, told_b) in zip(first, second, strict=True):
+    for (a, info_a), (b, info_b) in zip(first, second, strict=True):
         for channel in a:
             np.testing.assert_array_equal(a[channel], b[channel], err_msg=channel)
-        np.testing.assert_array_equal(told_a["T_estimated"], told_b["T_estimated"])
+        np.testing.assert_array_equal(info_a["T_estimated"], info_b["T_estimated"])
     env = make(**options)
     drive(env, 5, seed=4)
     again, _ = drive(env, 25, seed=4)
@@ -184,7 +184,7 @@ def test_wheels_without_effect_are_reported_as_stuck(make):
     env.reset(seed=0)
     for _ in range(180):
         _, _, terminated, _, info = env.step(np.zeros(2))
-    assert not terminated  # who is not asked to move is not stuck
+    assert not terminated  # a rover without a command is not stuck
     assert info["outcome"] == ""
 
 
@@ -288,10 +288,10 @@ def test_lost_estimator_holds_its_pose_or_ends_the_trial(make, monkeypatch):
     monkeypatch.setitem(sys.modules, "forgetful", sys.modules[__name__])
     env = make(localization="forgetful:Forgetful", observe=("goal",))
     env.reset(seed=0)
-    told = [env.step(np.zeros(2))[4] for _ in range(6)]
-    assert [i["status"] for i in told] == ["tracked"] * 2 + ["lost"] * 4
-    assert told[-1]["reason"] == "forgot"
-    np.testing.assert_array_equal(told[1]["T_estimated"], told[-1]["T_estimated"])
+    infos = [env.step(np.zeros(2))[4] for _ in range(6)]
+    assert [i["status"] for i in infos] == ["tracked"] * 2 + ["lost"] * 4
+    assert infos[-1]["reason"] == "forgot"
+    np.testing.assert_array_equal(infos[1]["T_estimated"], infos[-1]["T_estimated"])
     env = make(localization="forgetful:Forgetful", observe=("goal",), on_loss="end")
     env.reset(seed=0)
     ends = [env.step(np.zeros(2)) for _ in range(3)]
@@ -491,9 +491,9 @@ print(min(resident[60:]) - min(resident[20:40]))
 
 
 def test_resets_to_other_worlds_do_not_leak_memory(yard):
-    told = subprocess.run(
+    result = subprocess.run(
         [sys.executable, "-c", MEMORY, yard], capture_output=True, text=True, check=True
     )
     # MB over 40 worlds, between the lowest of two stretches: what the allocator keeps for a while
     # swings by tens. Forty contexts take more than 800, forty compiled worlds more than 80.
-    assert float(told.stdout) < 40
+    assert float(result.stdout) < 40

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from trials.evaluation.intervals import mean_interval
-from trials.report.figure import BLUE, INK, OCHRE, PALE, RED, shared_legend, tidy
+from trials.report.figure import BLUE, GREY, INK, OCHRE, RED, shared_legend, tidy
 from trials.routing.drive import STRATEGIES, Delays, drive
 from trials.routing.network import Network
 from trials.routing.study import NODE_S, QUEUE_S, Case, Randomised, Study, Sweep
@@ -36,7 +36,7 @@ def _draw_network(panel: "Axes", network: Network, case: Case) -> None:
     roads = [(a, b) for a, b in network.lengths_m if a < b or (b, a) not in network.lengths_m]
     free = [km[list(road)] for road in roads if road not in case.onsets_s]
     congested = [km[list(road)] for road in roads if road in case.onsets_s]
-    panel.add_collection(LineCollection(free, colors=PALE, linewidths=1.0))
+    panel.add_collection(LineCollection(free, colors=GREY, linewidths=0.6))
     panel.add_collection(
         LineCollection(
             congested,
@@ -71,7 +71,7 @@ def draw_delays(figure: "Figure", studies: Mapping[str, Study]) -> None:
         tidy(row[1], "", "", f"{name}, waits of {NODE_S / 60:g} min")
     panels[-1, 0].set_xlabel("waiting at every node, min")
     panels[-1, 1].set_xlabel("delay on every congested road, min")
-    shared_legend(figure, [panels[0, 0]])
+    shared_legend(figure, [*panels[0]])
 
 
 def _draw_sweep(panel: "Axes", sweep: Sweep) -> None:
