@@ -63,8 +63,7 @@ def test_explain_gives_shares_bound_and_consistency(drive, cache):
     assert 0 < found.attribution.shares[-1].share.value < 0.7
     (bound,) = found.bounded
     assert 1 < bound.over_1m_percent / bound.bound_over_1m_percent < 50
-    assert (bound.noise.effective_px > 0.005).all()
-    assert (bound.noise.effective_px < 0.5).all()
+    assert all(0.005 < x < 0.5 for x in bound.noise_px)
     assert np.isfinite(found.pooled("step")).sum() > 20
 
 

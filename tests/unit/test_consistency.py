@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, kstest
 
-from trials.evaluation.consistency import calibration, mean_bounds, nees, normalized
+from trials.evaluation.consistency import calibration, mean_bounds, nees, normalized, summarize
 from trials.evaluation.runs import read_run
 from vo.contract import se3
 from vo.contract.errors import TrajectoryError
@@ -71,11 +71,13 @@ def test_nees_needs_1m_of_path_and_two_truths_per_step(tmp_path):
     assert np.isfinite(values.over_1m[12:]).all()
 
 
-def test_nees_with_status_keeps_its_frames(tmp_path):
+def test_summarize_by_status_keeps_its_frames(tmp_path):
     values = nees(*drive(tmp_path, 1))
-    assert len(values.with_status(Status.START).step) == 1
-    np.testing.assert_array_equal(values.with_status(Status.TRACKED).step, values.step[1:])
-    assert len(values.with_status(Status.WEAK).absolute) == 0
+    every, tracked = summarize([values])  # no step ends at the start, and no frame is weak
+    assert (every.status, tracked.status) == ("all", Status.TRACKED.value)
+    assert tracked.steps == every.steps == FRAMES - 1
+    assert tracked.step == pytest.approx(values.step[1:].mean())
+    assert every.absolute == pytest.approx(np.nanmean(values.absolute))
 
 
 def test_nees_without_covariances_is_an_error(tmp_path):

@@ -6,7 +6,7 @@ import numpy as np
 from rich.console import Console
 
 from trials.diagnosis.attribution import REMAINDER, Attribution, Share
-from trials.diagnosis.bound import Bound, Noise
+from trials.diagnosis.bound import Bound
 from trials.diagnosis.explanation import Explanation
 from trials.evaluation.consistency import Nees
 from trials.evaluation.intervals import Interval
@@ -36,7 +36,7 @@ def test_describe_without_shares_gives_the_drift_of_all_segments():
 def test_terminal_report_fits_80_columns_with_whole_words():
     wide = Interval(-0.123, -0.123, 0.123), Interval(-1.1, -1.123, 1.123)
     shares = tuple(Share(x, *wide) for x in ("prediction", REMAINDER))
-    bound = Bound(Noise(np.full(3, -0.12), np.full(3, 0.12)), 0.123, 0.012, 0.0123, 0.001, 9000)
+    bound = Bound(0.123, 0.012, 0.0123, 0.001, (0.12,) * 3, (-0.12,) * 3, 9000)
     errors = np.full(9000, 123.4)
     nees = Nees(np.arange(9000), (Status.TRACKED,) * 9000, errors, errors, errors)
     attribution = Attribution(Interval(0.123, 0.123, 0.456), shares, {})

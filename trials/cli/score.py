@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 import typer
@@ -25,7 +26,7 @@ def score(
     """Compare trajectories with the ground truth of a dataset."""
     scores = score_files(dataset, files)
     if as_json:
-        table = [{"file": str(file), **x.as_json()} for file, x in zip(files, scores, strict=True)]
+        table = [{"file": str(file), **asdict(x)} for file, x in zip(files, scores, strict=True)]
         typer.echo(json.dumps(table, indent=1, allow_nan=False))
         return
     console.out.print(score_table(dataset.resolve().name, scores))

@@ -16,13 +16,11 @@ from trials.diagnosis.oracles import MAX_MATCH_PX
 from trials.evaluation.alignment import Pair, associate
 from trials.evaluation.information import motion_covariance, pose_covariance
 from trials.evaluation.runs import SavedRun
-from trials.evaluation.truth import TrueWorld
+from trials.evaluation.truth import TrueWorld, true_trajectory
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices
 from vo.contract.errors import TrajectoryError
 from vo.contract.files import replacing
-from vo.contract.readers import read_truth
-from vo.contract.rig import StereoRig
 
 FIRST_SIGMA_PX = 0.01
 """Std. dev. of u and v of the first observation, px: it defines the landmark and has no error."""
@@ -42,38 +40,28 @@ STRIDE = 5
 
 
 @dataclass(frozen=True)
-class Noise:
-    """Measurement errors, modelled by a Student t distribution.
-
-    Attributes:
-        bias_px: (3,) of u, v and disparity.
-        effective_px: (3,) standard deviation of a Gaussian with the same Fisher information.
-    """
-
-    bias_px: Array
-    effective_px: Array
-
-
-@dataclass(frozen=True)
 class Bound:
     """Translation errors of a run and their bounds, root mean squares over motions.
 
     If the tracks do not connect all frames, of the longest sequence of frames that they connect.
 
     Attributes:
-        noise: Of the measurements.
         over_1m_percent: Error over 1 m, %.
         bound_over_1m_percent: Its bound.
         end_m: Error of the motion from the first to the last pose.
         bound_end_m: Its bound.
+        noise_px: Std. dev. of u, v and disparity: of a Gaussian with the Fisher information of the
+            Student t distributions that model the errors.
+        bias_px: Of the same.
         observations: Number of observations of landmarks.
     """
 
-    noise: Noise
     over_1m_percent: float
     bound_over_1m_percent: float
     end_m: float
     bound_end_m: float
+    noise_px: tuple[float, ...]
+    bias_px: tuple[float, ...]
     observations: int
 
 
@@ -105,25 +93,36 @@ def bound(dataset: Path, run: SavedRun, births: Path) -> Bound:
         births: File of `write_births`.
 
     Raises:
+        DatasetError: If the dataset has no labels or no ground truth.
         TrajectoryError: If the run has no tracks, they do not connect its frames, or it is shorter
             than 1 m.
     """
-    truth = read_truth(dataset)
-    if truth is None:
-        raise TrajectoryError(f"{dataset}: has no ground truth")
-    world, pair = TrueWorld(dataset), associate(truth, run.trajectory)
+    world, pair = TrueWorld(dataset), associate(true_trajectory(dataset), run.trajectory)
     pair, seen = connected(*_observing(pair, _true_tracks(world, pair, run, births)))
     travelled_m = pair.travelled_m
     starts = np.flatnonzero(travelled_m + LENGTH_M <= travelled_m[-1])[::STRIDE]
     if len(starts) == 0:
         raise TrajectoryError(f"{run.path}: its path is shorter than {LENGTH_M:g} m")
-    noise = _noise(seen.residual_px)
-    covariance = _bound_covariance(world.rig, pair, seen, noise, run.path)
-    ends = np.searchsorted(travelled_m, travelled_m[starts] + LENGTH_M)
-    over_1m, bound_over_1m = _rms_m(pair, covariance, starts, ends.clip(max=len(travelled_m) - 1))
-    end_m, bound_end_m = _rms_m(pair, covariance, np.array([0]), np.array([len(travelled_m) - 1]))
-    percent, bound_percent = 100 * over_1m / LENGTH_M, 100 * bound_over_1m / LENGTH_M
-    return Bound(noise, percent, bound_percent, end_m, bound_end_m, len(seen.point))
+    noise_px, bias_px = _noise(seen.residual_px)
+    sigma = np.where(np.isnan(seen.residual_px), np.inf, noise_px)
+    at_birth = np.array([FIRST_SIGMA_PX, FIRST_SIGMA_PX, noise_px[2]])
+    try:
+        covariance = pose_covariance(
+            pair.T_world_cam,
+            seen.points_world,
+            np.concatenate([seen.born, seen.camera]),
+            np.concatenate([np.arange(len(seen.born)), seen.point]),
+            np.concatenate([np.tile(at_birth, (len(seen.born), 1)), sigma]),
+            world.rig,
+        )
+    except np.linalg.LinAlgError:
+        raise TrajectoryError(f"{run.path}: the tracks do not connect all frames") from None
+    last = len(travelled_m) - 1
+    ends = np.searchsorted(travelled_m, travelled_m[starts] + LENGTH_M).clip(max=last)
+    percent = (100 * x / LENGTH_M for x in _rms_m(pair, covariance, starts, ends))
+    end_m = _rms_m(pair, covariance, np.array([0]), np.array([last]))
+    noise = (tuple(x.tolist()) for x in (noise_px, bias_px))
+    return Bound(*percent, *end_m, *noise, len(seen.point))
 
 
 def _true_tracks(world: TrueWorld, pair: Pair, run: SavedRun, births: Path) -> TrueTracks:
@@ -164,8 +163,7 @@ def _observing(pair: Pair, seen: TrueTracks) -> tuple[Pair, TrueTracks]:
     """Keep the frames with observations; the others have no bound."""
     frames = np.unique(np.concatenate([seen.born, seen.camera]))
     born, camera = (np.searchsorted(frames, x) for x in (seen.born, seen.camera))
-    kept = Pair(*(x[frames] for x in (pair.timestamps_ns, pair.T_world_cam, pair.T_odom_cam)))
-    return kept, replace(seen, born=born, camera=camera)
+    return pair.at(frames), replace(seen, born=born, camera=camera)
 
 
 def connected(pair: Pair, seen: TrueTracks) -> tuple[Pair, TrueTracks]:
@@ -181,9 +179,7 @@ def connected(pair: Pair, seen: TrueTracks) -> tuple[Pair, TrueTracks]:
     start, end = edges[longest : longest + 2].tolist()
     inside = (start <= seen.born) & (seen.born < end)
     kept = inside[seen.point] & (seen.camera < end)
-    rows = slice(start, end)
-    pair = Pair(*(x[rows] for x in (pair.timestamps_ns, pair.T_world_cam, pair.T_odom_cam)))
-    return pair, TrueTracks(
+    return pair.at(slice(start, end)), TrueTracks(
         seen.points_world[inside],
         seen.born[inside] - start,
         seen.camera[kept] - start,
@@ -192,30 +188,9 @@ def connected(pair: Pair, seen: TrueTracks) -> tuple[Pair, TrueTracks]:
     )
 
 
-def _bound_covariance(
-    rig: StereoRig, pair: Pair, seen: TrueTracks, noise: Noise, name: Path
-) -> Array:
-    sigma = np.where(np.isnan(seen.residual_px), np.inf, noise.effective_px)
-    at_birth = np.array([FIRST_SIGMA_PX, FIRST_SIGMA_PX, noise.effective_px[2]])
-    try:
-        return pose_covariance(
-            pair.T_world_cam,
-            seen.points_world,
-            np.concatenate([seen.born, seen.camera]),
-            np.concatenate([np.arange(len(seen.born)), seen.point]),
-            np.concatenate([np.tile(at_birth, (len(seen.born), 1)), sigma]),
-            rig,
-        )
-    except np.linalg.LinAlgError:
-        raise TrajectoryError(f"{name}: the tracks do not connect all frames") from None
-
-
 def _rms_m(pair: Pair, covariance: Array, starts: Indices, ends: Indices) -> tuple[float, float]:
     """Return the root mean square error of translation over motions, and its bound."""
-    true, estimated = (
-        se3.inverse(T[starts]) @ T[ends] for T in (pair.T_world_cam, pair.T_odom_cam)
-    )
-    error = (se3.inverse(true) @ estimated)[:, :3, 3]
+    error = pair.motion_errors(starts, ends)[:, :3, 3]
     bounds = [
         np.trace(motion_covariance(covariance, pair.T_world_cam, a, b)[:3, :3])
         for a, b in zip(starts.tolist(), ends.tolist(), strict=True)
@@ -232,15 +207,15 @@ def write_births(path: Path, births: Mapping[int, tuple[int, float, float]]) -> 
         np.savez_compressed(file, landmark=ids, timestamp_ns=times, pixels=pixels)
 
 
-def _noise(residual: Array) -> Noise:
-    """Fit a Student t distribution to each column of (M, 3) residuals.
+def _noise(residual: Array) -> tuple[Array, Array]:
+    """Fit a Student t distribution to each column of (M, 3) residuals; return sigma and bias (3,).
 
     Its Fisher information on location is (n + 1) / (n + 3) / s^2 with n degrees of freedom, scale s
     (Lange, Little and Taylor, Robust statistical modeling using the t distribution, 1989).
     """
-    bias, effective = np.zeros(3), np.zeros(3)
+    sigma, bias = np.zeros((2, 3))
     for k in range(3):
         known = residual[np.isfinite(residual[:, k]), k]
         n, bias[k], scale = stats.t.fit(known[:: -(-len(known) // MAX_FITTED)])
-        effective[k] = scale * np.sqrt((n + 3) / (n + 1))
-    return Noise(bias, effective)
+        sigma[k] = scale * np.sqrt((n + 3) / (n + 1))
+    return sigma, bias

@@ -1,6 +1,6 @@
 """Runs of an estimator with every combination of oracles, kept in the cache."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import reduce
 from pathlib import Path
@@ -17,13 +17,14 @@ from trials.estimators.choice import ESTIMATORS, Named, make_estimator
 from trials.estimators.plugins.guard import Guarded
 from trials.evaluation.alignment import associate
 from trials.evaluation.metrics import errors_over_distance
+from trials.evaluation.truth import true_trajectory
 from trials.execution.cache import cache_path, dataset_digest, source_digest
 from trials.execution.parallel import map_parallel
 from vo.contract.arrays import Array, Indices
 from vo.contract.dataset import MANIFEST
 from vo.contract.errors import DatasetError
 from vo.contract.files import replacing
-from vo.contract.readers import open_sequence, read_truth
+from vo.contract.readers import open_sequence
 from vo.runner import run, write_run
 
 STAGES = {
@@ -99,14 +100,18 @@ class OracleJob:
         return self.folder / f"{'+'.join(sorted(self.oracles)) or 'none'}.npz"
 
 
-def run_all(jobs: Sequence[OracleJob]) -> Iterator[tuple[OracleJob, RunDrift]]:
-    """Run jobs that are not in the cache, on all cores; yields all as they finish."""
-    missing = [job for job in jobs if not job.file.is_file()]
-    for job in jobs:
-        if job not in missing:
-            yield job, _load(job.file)
+def run_all(
+    jobs: Sequence[OracleJob], progress: Callable[[int], object]
+) -> dict[OracleJob, RunDrift]:
+    """Run jobs that are not in the cache, on all cores; `progress` takes the number of results."""
+    found = {job: _load(job.file) for job in jobs if job.file.is_file()}
+    missing = [job for job in jobs if job not in found]
+    if found:
+        progress(len(found))
     for k, drift in map_parallel(_run, [(job,) for job in missing]) if missing else ():
-        yield missing[k], drift
+        found[missing[k]] = drift
+        progress(len(found))
+    return found
 
 
 def paired(name: str, found: Mapping[Coalition, RunDrift]) -> SegmentDrifts:
@@ -134,33 +139,22 @@ def combinations_of(
     Raises:
         DatasetError: If the dataset was not simulated.
     """
-    folder = run_folder(dataset, subject, cache)
-    return {
-        c: OracleJob(dataset, subject, frozenset(x for stage in c for x in STAGES[stage]), folder)
-        for c in coalitions(stages)
-    }
-
-
-def run_folder(dataset: Path, subject: Subject, cache: Path) -> Path:
-    """Return the cache folder of the runs of a subject on a dataset.
-
-    Raises:
-        DatasetError: If the dataset was not simulated.
-    """
     if not (dataset / MANIFEST).is_file():
         raise DatasetError(f"{dataset}: no {MANIFEST}; oracles need a simulated dataset")
     choice = subject.estimator
     module = "" if choice.name in ESTIMATORS else choice.name.partition(":")[0]
     config = choice.config.read_text(encoding="utf-8") if choice.config else ""
     causes = (dataset_digest(dataset), source_digest(SOURCES, module), repr(asdict(subject)))
-    return cache_path(cache, "oracles", dataset.name, *causes, config)
+    folder = cache_path(cache, "oracles", dataset.name, *causes, config)
+    return {
+        c: OracleJob(dataset, subject, frozenset(x for stage in c for x in STAGES[stage]), folder)
+        for c in coalitions(stages)
+    }
 
 
 def _run(job: OracleJob) -> RunDrift:
     cv2.setNumThreads(1)
-    sequence, truth = open_sequence(job.dataset), read_truth(job.dataset)
-    if truth is None:
-        raise DatasetError(f"{job.dataset}: has no ground truth")
+    sequence, truth = open_sequence(job.dataset), true_trajectory(job.dataset)
     choice, error = job.subject.estimator, job.subject.error
     rig = error.rig(sequence.rig)
     made, settings = make_estimator(choice.name, rig, choice.config, choice.overrides)
@@ -179,15 +173,10 @@ def _run(job: OracleJob) -> RunDrift:
         pair = associate(truth, result.trajectory)
         errors = errors_over_distance(pair, 1.0)
         start_ns, at_m = pair.timestamps_ns[errors.start], pair.travelled_m[errors.start]
-        percent = 100 * errors.translation_m / errors.length_m
-        drift = RunDrift(start_ns, at_m, percent, lost, queried)
-    _save(job.file, drift)
-    return drift
-
-
-def _save(path: Path, drift: RunDrift) -> None:
-    with replacing(path) as partial, partial.open("wb") as file:
+        drift = RunDrift(start_ns, at_m, errors.percent, lost, queried)
+    with replacing(job.file) as partial, partial.open("wb") as file:
         np.savez(file, **vars(drift))
+    return drift
 
 
 def _load(path: Path) -> RunDrift:

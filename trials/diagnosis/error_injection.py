@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vo.contract.arrays import Array, Indices, Mask
+from vo.contract.arrays import Array, Indices
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
 from vo.hooks import Hooks
@@ -41,24 +41,9 @@ class ErrorInjector(Hooks):
         self._time_ns = -1
         self._returned_pixels: dict[int, tuple[float, ...]] = {}  # by landmark
         self._returned_disparity: dict[tuple[float, ...], float] = {}  # by pixel
-
-    def features(self, frame: StereoFrame, pixels: Array) -> Array:
-        """Pass on."""
-        return self.inner.features(frame, pixels)
-
-    def new_landmarks(self, frame: StereoFrame, ids: Indices, pixels: Array) -> None:
-        """Pass on."""
-        self.inner.new_landmarks(frame, ids, pixels)
-
-    def predicted_pose(
-        self, frame: StereoFrame, last_ns: int, T_odom_last: Array, T_odom_cam: Array
-    ) -> Array:
-        """Pass on."""
-        return self.inner.predicted_pose(frame, last_ns, T_odom_last, T_odom_cam)
-
-    def inliers(self, frame: StereoFrame, ids: Indices, pixels: Array, agree: Mask) -> Mask:
-        """Pass on."""
-        return self.inner.inliers(frame, ids, pixels, agree)
+        # Passed on without an error:
+        self.features, self.new_landmarks = inner.features, inner.new_landmarks
+        self.predicted_pose, self.inliers = inner.predicted_pose, inner.inliers
 
     def pixels(self, frame: StereoFrame, ids: Indices, pixels: Array) -> Array:
         """Add noise."""

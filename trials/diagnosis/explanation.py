@@ -1,6 +1,7 @@
 """Explanation of the drift on a scene: attribution, bound and consistency of the same runs."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -13,18 +14,18 @@ from trials.diagnosis.combinations import (
     BIRTHS,
     RUN,
     STAGES,
+    OracleJob,
     RunDrift,
     Subject,
     combinations_of,
     paired,
     run_all,
-    run_folder,
 )
 from trials.evaluation.consistency import Nees, nees, summarize
-from trials.evaluation.runs import SavedRun, read_run
+from trials.evaluation.runs import read_run
+from trials.evaluation.truth import true_trajectory
 from vo.contract.arrays import Array
 from vo.contract.errors import DriftyardError, TrajectoryError
-from vo.contract.readers import read_truth
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,7 @@ class Explanation:
             "shares": [asdict(x) for x in self.attribution.shares] if self.attribution else [],
             "drift_by_dataset_percent": self.drift,
             "frames_lost": self.lost,
-            "bounds": [x if isinstance(x, str) else _plain(x) for x in self.bounds],
+            "bounds": [x if isinstance(x, str) else asdict(x) for x in self.bounds],
             "consistency": [asdict(x) for x in summarize(self.nees)],
         }
 
@@ -98,72 +99,50 @@ def explain(
         DriftyardError: If a dataset has no labels, or no segment has a pose in all combinations.
     """
     datasets = [x for some in groups.values() for x in some]
-    every = len(datasets) * 2 ** len(stages)
     plain = [job for x in datasets for job in combinations_of(x, subject, (), cache).values()]
-    queried: set[str] = set()
-    for done, (_, drift) in enumerate(run_all(plain), 1):
-        queried.update(drift.queried)
-        progress(done, every)
+    combinations = len(datasets) * 2 ** len(stages)
+    found = run_all(plain, lambda done: progress(done, combinations))
+    queried = {x for drift in found.values() for x in drift.queried}
     separated = [x for x in stages if set(STAGES[x]) <= queried]
     jobs = {x: combinations_of(x, subject, separated, cache) for x in datasets}
-    owner = {job: (x, c) for x in datasets for c, job in jobs[x].items()}
-    found: dict[Path, dict[Coalition, RunDrift]] = {x: {} for x in datasets}
-    for done, (job, drift) in enumerate(run_all(list(owner)), 1):
-        dataset, coalition = owner[job]
-        found[dataset][coalition] = drift
-        progress(done, len(owner))
+    every = [job for some in jobs.values() for job in some.values()]
+    found = run_all(every, lambda done: progress(done, len(every)))
     return [
-        _explanation(name, {x: (run_folder(x, subject, cache), found[x]) for x in some},
-                     separated, stages)
+        _explanation(name, {x: jobs[x] for x in some}, found, separated, stages)
         for name, some in groups.items()
-    ]  # fmt: skip
+    ]
 
 
 def _explanation(
     name: str,
-    parts: Mapping[Path, tuple[Path, Mapping[Coalition, RunDrift]]],
+    jobs: Mapping[Path, Mapping[Coalition, OracleJob]],
+    found: Mapping[OracleJob, RunDrift],
     separated: Sequence[str],
     stages: Sequence[str],
 ) -> Explanation:
-    runs = [(dataset, folder, read_run(folder / RUN)) for dataset, (folder, _) in parts.items()]
+    drifts = {x: {c: found[job] for c, job in some.items()} for x, some in jobs.items()}
     attribution = None
     if separated:
-        attribution = attribute([paired(str(x), y) for x, (_, y) in parts.items()], separated)
+        attribution = attribute([paired(str(x), some) for x, some in drifts.items()], separated)
+    bounds: list[Bound | str] = []
+    consistency: list[Nees] = []
+    for dataset, some in jobs.items():
+        folder = some[frozenset()].folder
+        run = read_run(folder / RUN)
+        try:
+            bounds.append(bound(dataset, run, folder / BIRTHS))
+        except DriftyardError as error:
+            bounds.append(str(error))
+        with suppress(TrajectoryError):  # the estimator gives no covariances
+            consistency.append(nees(true_trajectory(dataset), run))
     return Explanation(
         name,
-        tuple(dataset.name for dataset in parts),
+        tuple(dataset.name for dataset in drifts),
         tuple(separated),
         tuple(x for x in stages if x not in separated),
         attribution,
-        tuple(float(np.mean(found[frozenset()].percent)) for _, found in parts.values()),
-        sum(x.lost for _, found in parts.values() for x in found.values()),
-        tuple(_bound(dataset, run, folder / BIRTHS) for dataset, folder, run in runs),
-        tuple(x for dataset, _, run in runs if (x := _nees(dataset, run))),
+        tuple(float(np.mean(some[frozenset()].percent)) for some in drifts.values()),
+        sum(x.lost for some in drifts.values() for x in some.values()),
+        tuple(bounds),
+        tuple(consistency),
     )
-
-
-def _bound(dataset: Path, run: SavedRun, births: Path) -> Bound | str:
-    try:
-        return bound(dataset, run, births)
-    except DriftyardError as error:
-        return str(error)
-
-
-def _nees(dataset: Path, run: SavedRun) -> Nees | None:
-    truth = read_truth(dataset)
-    try:
-        return nees(truth, run) if truth else None
-    except TrajectoryError:  # the estimator gives no covariances
-        return None
-
-
-def _plain(x: Bound) -> dict[str, Any]:
-    return {
-        "over_1m_percent": x.over_1m_percent,
-        "bound_over_1m_percent": x.bound_over_1m_percent,
-        "end_m": x.end_m,
-        "bound_end_m": x.bound_end_m,
-        "noise_px": x.noise.effective_px.tolist(),
-        "bias_px": x.noise.bias_px.tolist(),
-        "observations": x.observations,
-    }

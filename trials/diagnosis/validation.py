@@ -5,14 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from trials.diagnosis.attribution import Attribution, attribute
-from trials.diagnosis.combinations import (
-    OracleJob,
-    RunDrift,
-    Subject,
-    combinations_of,
-    paired,
-    run_all,
-)
+from trials.diagnosis.combinations import Subject, combinations_of, paired, run_all
 from trials.diagnosis.error_injection import InjectedError
 
 CASES = {
@@ -67,10 +60,7 @@ def validate(
     subjects = [subject, *(replace(subject, error=x) for x, _ in CASES.values())]
     jobs = {(s, d): combinations_of(d, s, stages, cache) for s in subjects for d in datasets}
     every = [job for some in jobs.values() for job in some.values()]
-    found: dict[OracleJob, RunDrift] = {}
-    for done, (job, drift) in enumerate(run_all(every), 1):
-        found[job] = drift
-        progress(done, len(every))
+    found = run_all(every, lambda done: progress(done, len(every)))
     before, *after = (
         attribute(
             [paired(str(d), {c: found[x] for c, x in jobs[s, d].items()}) for d in datasets], stages

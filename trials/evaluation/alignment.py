@@ -45,6 +45,17 @@ class Pair:
         steps = np.linalg.norm(np.diff(self.T_world_cam[:, :3, 3], axis=0), axis=1)
         return np.concatenate([[0.0], np.cumsum(steps)])
 
+    def at(self, rows: Indices | slice) -> "Pair":
+        """Keep some of the times."""
+        return Pair(self.timestamps_ns[rows], self.T_world_cam[rows], self.T_odom_cam[rows])
+
+    def motion_errors(self, starts: Indices, ends: Indices) -> Array:
+        """Return inverse(true motion) @ estimated motion (K, 4, 4) between K pairs of indices."""
+        true, estimated = (
+            se3.inverse(T[starts]) @ T[ends] for T in (self.T_world_cam, self.T_odom_cam)
+        )
+        return se3.inverse(true) @ estimated
+
 
 @dataclass(frozen=True)
 class Similarity:
@@ -69,8 +80,8 @@ class Similarity:
 def associate(truth: Trajectory, estimate: Trajectory) -> Pair:
     """Interpolate the truth at the estimate's times.
 
-    Times further than `MAX_GAP_NS` from every sample of the truth are left out: beyond its ends and
-    in its gaps.
+    Times beyond the ends of the truth and in gaps of more than MAX_GAP_NS to its nearest sample are
+    left out.
 
     Raises:
         TrajectoryError: If fewer than two times remain.
@@ -81,12 +92,12 @@ def associate(truth: Trajectory, estimate: Trajectory) -> Pair:
     inside = (times >= known[0]) & (times <= known[-1])
     shared = inside & (distance_ns <= MAX_GAP_NS)
     if shared.sum() < 2:
+        truth_span, span = (f"{x[0]}..{x[-1]} ns" if len(x) else "is empty" for x in (known, times))
         raise TrajectoryError(
             f"the estimate shares {shared.sum()} times with the truth, scoring needs 2; "
-            f"truth {_span(truth)}, estimate {_span(estimate)}"
+            f"truth {truth_span}, estimate {span}"
         )
-    T_world_cam = truth.at(times[shared]).T_ref_frame
-    return Pair(times[shared], T_world_cam, estimate.T_ref_frame[shared])
+    return Pair(times[shared], truth.at(times[shared]).T_ref_frame, estimate.T_ref_frame[shared])
 
 
 def fit(pair: Pair, alignment: Alignment) -> Similarity:
@@ -107,11 +118,8 @@ def umeyama(points_a: Array, points_b: Array, with_scale: bool) -> Similarity:
 
     Args:
         points_a: (N, 3) metres.
-        points_b: (N, 3) metres.
+        points_b: (N, 3) metres; on a line, one of several minimisers is returned.
         with_scale: Whether the scale is estimated; otherwise it is 1.
-
-    Returns:
-        The minimiser; one of them if it is not unique (points on a line).
 
     Raises:
         TrajectoryError: If the scale is estimated and points_b coincide.
@@ -130,9 +138,3 @@ def umeyama(points_a: Array, points_b: Array, with_scale: bool) -> Similarity:
             raise TrajectoryError("the estimate does not move, so its scale is undefined")
         scale = float(np.sum(signed) / variance_b)  # eq. 42
     return Similarity(R_a_b, mean_a - scale * R_a_b @ mean_b, scale)  # eq. 41
-
-
-def _span(trajectory: Trajectory) -> str:
-    if len(trajectory) == 0:
-        return "is empty"
-    return f"{trajectory.timestamps_ns[0]}..{trajectory.timestamps_ns[-1]} ns"

@@ -48,20 +48,36 @@ class Nees:
     step: Array
     over_1m: Array
 
-    def with_status(self, status: Status) -> "Nees":
-        """Keep the times with one status."""
-        keep = np.array([x is status for x in self.status], dtype=bool)
-        kept = tuple(x for x in self.status if x is status)
-        columns = (self.absolute[keep], self.step[keep], self.over_1m[keep])
-        return Nees(self.timestamps_ns[keep], kept, *columns)
+
+@dataclass(frozen=True)
+class Summary:
+    """NEES of some runs at the frames of one status.
+
+    Attributes:
+        status: Name, or "all".
+        steps: Number of motions from frame to frame.
+        step: Their mean NEES; 6 if covariances are correct.
+        step_bounds: Its interval at CONFIDENCE for correct covariances and independent steps.
+        step_inside: Fraction of steps inside the ellipsoid of probability CONFIDENCE.
+        over_1m: Mean NEES of motions over 1 m; NaN if there are none.
+        over_1m_inside: As for steps.
+        absolute: Mean NEES of poses.
+        absolute_bounds: Interval for one pose of every run, as poses of a run are correlated.
+    """
+
+    status: str
+    steps: int
+    step: float
+    step_bounds: tuple[float, float]
+    step_inside: float
+    over_1m: float
+    over_1m_inside: float
+    absolute: float
+    absolute_bounds: tuple[float, float]
 
 
 def nees(truth: Trajectory, run: SavedRun) -> Nees:
-    """Compute the NEES of a run.
-
-    Args:
-        truth: T_world_cam.
-        run: With `<stem>.covariance.npz` beside it.
+    """Compute the NEES of a run that has `<stem>.covariance.npz` beside it.
 
     Raises:
         TrajectoryError: If there are no covariances, or fewer than two times are shared.
@@ -76,17 +92,23 @@ def nees(truth: Trajectory, run: SavedRun) -> Nees:
     if not known.all():
         raise TrajectoryError(f"{path}: lacks frame {pair.timestamps_ns[~known][0]} ns")
     rows = np.searchsorted(times, pair.timestamps_ns)
-    return Nees(
-        pair.timestamps_ns,
-        _statuses(run, pair.timestamps_ns),
-        _nees_of_motions(
-            pair, poses[rows], np.zeros(len(rows), dtype=np.int64), np.arange(len(rows))
-        ),
-        _steps(
-            pair, steps[rows], np.searchsorted(run.trajectory.timestamps_ns, pair.timestamps_ns)
-        ),
-        _over_length(pair, poses[rows]),
-    )
+    status = (Status.TRACKED,) * len(rows)
+    if run.frames is not None:
+        by_time = dict(zip(run.frames.timestamps_ns.tolist(), run.frames.status, strict=True))
+        status = tuple(by_time[x] for x in pair.timestamps_ns.tolist())
+    every = np.arange(len(rows))
+    absolute = _nees_of_motions(pair, poses[rows], np.zeros_like(every), every)
+    step, over_1m = np.full((2, len(rows)), np.nan)
+
+    at = np.searchsorted(run.trajectory.timestamps_ns, pair.timestamps_ns)
+    ends = np.flatnonzero(np.diff(at) == 1) + 1  # the pose before has a truth, too
+    step[ends] = normalized(se3.log(pair.motion_errors(ends - 1, ends)), steps[rows][ends])
+
+    travelled_m = pair.travelled_m
+    ends = np.flatnonzero(travelled_m >= LENGTH_M)
+    starts = np.searchsorted(travelled_m, travelled_m[ends] - LENGTH_M, side="right") - 1
+    over_1m[ends] = _nees_of_motions(pair, poses[rows], starts, ends)
+    return Nees(pair.timestamps_ns, status, absolute, step, over_1m)
 
 
 def mean_bounds(samples: int, confidence: float = CONFIDENCE) -> tuple[float, float]:
@@ -121,21 +143,34 @@ def normalized(errors: Array, covariances: Array) -> Array:
     return values
 
 
-def _steps(pair: Pair, covariances: Array, rows: Indices) -> Array:
-    """Return the NEES (N,) of steps; the previous pose must have a truth too."""
-    values = np.full(len(covariances), np.nan)
-    ends = np.flatnonzero(np.diff(rows) == 1) + 1
-    values[ends] = normalized(_motion_errors(pair, ends - 1, ends), covariances[ends])
-    return values
-
-
-def _over_length(pair: Pair, covariances: Array) -> Array:
-    values = np.full(len(covariances), np.nan)
-    travelled_m = pair.travelled_m
-    ends = np.flatnonzero(travelled_m >= LENGTH_M)
-    starts = np.searchsorted(travelled_m, travelled_m[ends] - LENGTH_M, side="right") - 1
-    values[ends] = _nees_of_motions(pair, covariances, starts, ends)
-    return values
+def summarize(runs: Sequence[Nees]) -> list[Summary]:
+    """Summarise runs: all frames first, then each status that has a step."""
+    statuses = [x for run in runs for x in run.status]
+    parts = {"all": [True] * len(statuses)}
+    parts |= {status.value: [x is status for x in statuses] for status in Status}
+    values = [
+        np.concatenate([np.zeros(0), *(getattr(run, kind) for run in runs)])
+        for kind in ("step", "over_1m", "absolute")
+    ]
+    level = np.array([CONFIDENCE])
+    found: list[Summary] = []
+    for name, rows in parts.items():
+        step, over_1m, absolute = (x[np.array(rows, dtype=bool) & np.isfinite(x)] for x in values)
+        if len(step):
+            found.append(
+                Summary(
+                    name,
+                    len(step),
+                    float(step.mean()),
+                    mean_bounds(len(step)),
+                    float(calibration(step, level)[0]),
+                    float(over_1m.mean()) if len(over_1m) else np.nan,
+                    float(calibration(over_1m, level)[0]),
+                    float(absolute.mean()) if len(absolute) else np.nan,
+                    mean_bounds(len(runs)),
+                )
+            )
+    return found
 
 
 def _nees_of_motions(pair: Pair, covariances: Array, starts: Indices, ends: Indices) -> Array:
@@ -145,73 +180,5 @@ def _nees_of_motions(pair: Pair, covariances: Array, starts: Indices, ends: Indi
         covariances[end] - se3.transform_covariance(T, covariances[start])
         for T, start, end in zip(T_end_start, starts, ends, strict=True)
     ]
-    return normalized(_motion_errors(pair, starts, ends), np.array(growth).reshape(-1, 6, 6))
-
-
-def _motion_errors(pair: Pair, starts: Indices, ends: Indices) -> Array:
-    true, estimated = (
-        se3.inverse(T[starts]) @ T[ends] for T in (pair.T_world_cam, pair.T_odom_cam)
-    )
-    return se3.log(se3.inverse(true) @ estimated)
-
-
-def _statuses(run: SavedRun, timestamps_ns: Indices) -> tuple[Status, ...]:
-    if run.frames is None:
-        return (Status.TRACKED,) * len(timestamps_ns)
-    status = dict(zip(run.frames.timestamps_ns.tolist(), run.frames.status, strict=True))
-    return tuple(status[x] for x in timestamps_ns.tolist())
-
-
-@dataclass(frozen=True)
-class Summary:
-    """NEES of some runs at the frames of one status.
-
-    Attributes:
-        status: Name, or "all".
-        steps: Number of motions from frame to frame.
-        step: Their mean NEES; 6 if covariances are correct.
-        step_bounds: Its interval at CONFIDENCE for correct covariances and independent steps.
-        step_inside: Fraction of steps inside the ellipsoid of probability CONFIDENCE.
-        over_1m: Mean NEES of motions over 1 m; NaN if there are none.
-        over_1m_inside: As for steps.
-        absolute: Mean NEES of poses.
-        absolute_bounds: Interval for one pose of every run, as poses of a run are correlated.
-    """
-
-    status: str
-    steps: int
-    step: float
-    step_bounds: tuple[float, float]
-    step_inside: float
-    over_1m: float
-    over_1m_inside: float
-    absolute: float
-    absolute_bounds: tuple[float, float]
-
-
-def summarize(runs: Sequence[Nees]) -> list[Summary]:
-    """Summarise runs: all frames first, then each status that has a step."""
-    parts = {"all": runs, **{x.value: [run.with_status(x) for run in runs] for x in Status}}
-    return [found for name, some in parts.items() if (found := _summary(name, some))]
-
-
-def _summary(name: str, runs: Sequence[Nees]) -> Summary | None:
-    step, over_1m, absolute = (
-        np.concatenate([np.zeros(0), *(getattr(run, kind) for run in runs)])
-        for kind in ("step", "over_1m", "absolute")
-    )
-    step, over_1m, absolute = (x[np.isfinite(x)] for x in (step, over_1m, absolute))
-    if len(step) == 0:
-        return None
-    level = np.array([CONFIDENCE])
-    return Summary(
-        name,
-        len(step),
-        float(step.mean()),
-        mean_bounds(len(step)),
-        float(calibration(step, level)[0]),
-        float(over_1m.mean()) if len(over_1m) else np.nan,
-        float(calibration(over_1m, level)[0]),
-        float(absolute.mean()) if len(absolute) else np.nan,
-        mean_bounds(len(runs)),
-    )
+    errors = se3.log(pair.motion_errors(starts, ends))
+    return normalized(errors, np.array(growth).reshape(-1, 6, 6))

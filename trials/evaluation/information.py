@@ -34,7 +34,13 @@ def pose_covariance(
     Raises:
         LinAlgError: If the measurements do not determine all poses.
     """
-    by_pose, by_point = _derivatives(T_world_cam, points_world, camera, point, sigma, rig)
+    T_cam_world = se3.inverse(T_world_cam)[camera]
+    R = T_cam_world[:, :3, :3]
+    points_cam = np.einsum("mij,mj->mi", R, points_world[point]) + T_cam_world[:, :3, 3]
+    by_camera_point = point_jacobian(points_cam, sigma, rig)  # whitened
+    by_turn = by_camera_point @ se3.skew(points_cam)
+    by_pose = np.concatenate([-by_camera_point, by_turn], axis=2)  # (M, 3, 6)
+    by_point = by_camera_point @ R  # (M, 3, 3)
     frames, points = len(T_world_cam), len(points_world)
     own = np.zeros((frames, 6, 6))
     np.add.at(own, camera, by_pose.transpose(0, 2, 1) @ by_pose)
@@ -65,19 +71,6 @@ def motion_covariance(covariance: Array, T_world_cam: Array, start: int, end: in
     carried = se3.adjoint(T_end_start) @ covariance[a, b]
     own = se3.transform_covariance(T_end_start, covariance[a, a])
     return covariance[b, b] + own - carried - carried.T
-
-
-def _derivatives(
-    T_world_cam: Array, points_world: Array, camera: Indices, point: Indices, sigma: Array,
-    rig: StereoRig,
-) -> tuple[Array, Array]:  # fmt: skip
-    """Return whitened Jacobians of measurements by poses (M, 3, 6) and points (M, 3, 3)."""
-    T_cam_world = se3.inverse(T_world_cam)[camera]
-    R = T_cam_world[:, :3, :3]
-    points_cam = np.einsum("mij,mj->mi", R, points_world[point]) + T_cam_world[:, :3, 3]
-    slope = point_jacobian(points_cam, sigma, rig)
-    by_turn = slope @ se3.skew(points_cam)
-    return np.concatenate([-slope, by_turn], axis=2), slope @ R
 
 
 def _blocks(

@@ -31,6 +31,16 @@ class RelativeErrors:
     def __len__(self) -> int:
         return len(self.start)
 
+    @property
+    def percent(self) -> Array:
+        """(K,) translation error in % of the path."""
+        return 100 * self.translation_m / self.length_m
+
+    @property
+    def deg_per_m(self) -> Array:
+        """(K,) rotation error by the length of the path."""
+        return np.degrees(self.rotation_rad) / self.length_m
+
 
 def position_errors(pair: Pair, alignment: Alignment) -> Array:
     """Return the absolute trajectory error (N,): distance of aligned positions, metres.
@@ -58,7 +68,7 @@ def errors_over_time(pair: Pair, step: int = 1) -> RelativeErrors:
 def errors_between(pair: Pair, starts: Array, ends: Array) -> RelativeErrors:
     """Return the errors of the motions between K pairs of frames, given by (K,) indices."""
     length_m = pair.travelled_m[ends] - pair.travelled_m[starts]
-    return _relative(pair, starts, pair.T_world_cam[ends], pair.T_odom_cam[ends], length_m)
+    return _relative(starts, length_m, pair.motion_errors(starts, ends))
 
 
 def errors_over_distance(pair: Pair, length_m: float, step: int = 1) -> RelativeErrors:
@@ -83,8 +93,11 @@ def errors_over_distance(pair: Pair, length_m: float, step: int = 1) -> Relative
     after = np.searchsorted(travelled_m, target_m, side="left")  # so travelled[after - 1] < target
     before_m = travelled_m[after - 1]
     position = after - 1 + (target_m - before_m) / (travelled_m[after] - before_m)
-    ends = _between(pair.T_world_cam, position), _between(pair.T_odom_cam, position)
-    return _relative(pair, starts, *ends, np.full(len(starts), length_m))
+    true, estimated = (
+        se3.inverse(T[starts]) @ se3.interpolate(np.arange(len(T)), T, position)
+        for T in (pair.T_world_cam, pair.T_odom_cam)
+    )
+    return _relative(starts, np.full(len(starts), length_m), se3.inverse(true) @ estimated)
 
 
 def segment_lengths_m(path_m: float) -> tuple[float, ...]:
@@ -93,16 +106,6 @@ def segment_lengths_m(path_m: float) -> tuple[float, ...]:
     return tuple(x for x in lengths if x <= path_m)
 
 
-def _relative(
-    pair: Pair, starts: Array, T_world_end: Array, T_odom_end: Array, length_m: Array
-) -> RelativeErrors:
-    T_start_end = se3.inverse(pair.T_world_cam[starts]) @ T_world_end
-    T_start_estimated = se3.inverse(pair.T_odom_cam[starts]) @ T_odom_end
-    T_end_estimated = se3.inverse(T_start_end) @ T_start_estimated
-    translation_m = np.linalg.norm(T_end_estimated[:, :3, 3], axis=1)
-    return RelativeErrors(starts, length_m, translation_m, se3.rotation_angle(T_end_estimated))
-
-
-def _between(T: Array, position: Array) -> Array:
-    """Interpolate poses (K, 4, 4) at fractional indices (K,) of (N, 4, 4)."""
-    return se3.interpolate(np.arange(len(T)), T, position)
+def _relative(starts: Array, length_m: Array, T_true_estimated: Array) -> RelativeErrors:
+    translation_m = np.linalg.norm(T_true_estimated[:, :3, 3], axis=1)
+    return RelativeErrors(starts, length_m, translation_m, se3.rotation_angle(T_true_estimated))

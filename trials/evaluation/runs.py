@@ -90,19 +90,16 @@ def read_run(path: Path) -> SavedRun:
     """
     frames, tracks = companion(path, "frames.csv"), companion(path, "tracks.npz")
     record = companion(path, "run.json")
-    about: Mapping[str, Any] = {}
     try:
-        if record.is_file():
-            about = json.loads(record.read_text(encoding="utf-8"))
+        about = json.loads(record.read_text(encoding="utf-8")) if record.is_file() else {}
         table = _read_frames(frames) if frames.is_file() else None
-        return SavedRun(
-            path,
-            str(about.get("estimator", path.stem)),
-            _read_trajectory(path, table),
-            table,
-            _read_tracks(tracks) if tracks.is_file() else None,
-            about,
-        )
+        if table and path.is_file() and set(table.status) == {Status.LOST}:
+            trajectory = Trajectory(np.zeros(0, dtype=np.int64), np.zeros((0, 4, 4)))
+        else:
+            trajectory = read_tum(path)
+        seen = _read_tracks(tracks) if tracks.is_file() else None
+        name = str(about.get("estimator", path.stem))
+        return SavedRun(path, name, trajectory, table, seen, about)
     except (OSError, ValueError, KeyError, AttributeError) as error:
         raise TrajectoryError(f"{path}: a companion file is damaged ({error})") from None
 
@@ -128,12 +125,6 @@ def read_map(path: Path) -> PointMap:
         table["red"].copy(),
         table["views"].astype(np.int64),
     )
-
-
-def _read_trajectory(path: Path, frames: FrameTable | None) -> Trajectory:
-    if frames and path.is_file() and set(frames.status) == {Status.LOST}:
-        return Trajectory(np.zeros(0, dtype=np.int64), np.zeros((0, 4, 4)))
-    return read_tum(path)
 
 
 def _read_frames(path: Path) -> FrameTable:

@@ -1,13 +1,12 @@
 """Score of one run: all metrics of the tables."""
 
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from trials.evaluation.alignment import Alignment, Pair, associate
+from trials.evaluation.alignment import Alignment, associate
 from trials.evaluation.metrics import (
     RelativeErrors,
     errors_over_distance,
@@ -15,7 +14,7 @@ from trials.evaluation.metrics import (
     position_errors,
     segment_lengths_m,
 )
-from trials.evaluation.runs import FrameTable, SavedRun
+from trials.evaluation.runs import SavedRun
 from vo.contract.arrays import Array
 from vo.contract.errors import TrajectoryError
 from vo.contract.estimator import Status
@@ -58,10 +57,9 @@ class SegmentDrift:
     @staticmethod
     def of(length_m: float, errors: RelativeErrors) -> "SegmentDrift":
         """Summarise the errors of at least one segment."""
-        percent = 100 * errors.translation_m / errors.length_m
-        turn = np.degrees(errors.rotation_rad) / errors.length_m
-        mean, median = float(np.mean(percent)), float(np.median(percent))
-        return SegmentDrift(length_m, len(errors), mean, median, float(np.mean(turn)))
+        mean, median = float(np.mean(errors.percent)), float(np.median(errors.percent))
+        turn = float(np.mean(errors.deg_per_m))
+        return SegmentDrift(length_m, len(errors), mean, median, turn)
 
 
 @dataclass(frozen=True)
@@ -108,18 +106,9 @@ class Score:
     frame_ms: float | None
     stage_ms: Mapping[str, float]
 
-    def as_json(self) -> dict[str, Any]:
-        """Return numbers, strings and None."""
-        return asdict(self)
-
 
 def score_run(truth: Trajectory, run: SavedRun, frames: int) -> Score:
-    """Compare a run with the truth.
-
-    Args:
-        truth: T_world_cam.
-        run: Its trajectory may be in any fixed frame.
-        frames: Number of frames in the sequence.
+    """Compare a run, in any fixed frame, with the true T_world_cam of a sequence of `frames`.
 
     Raises:
         TrajectoryError: If the two share fewer than two times.
@@ -129,43 +118,38 @@ def score_run(truth: Trajectory, run: SavedRun, frames: int) -> Score:
     except TrajectoryError as error:
         raise TrajectoryError(f"{run.path}: {error}") from None
     path_m = float(pair.travelled_m[-1])
-    lengths_m = segment_lengths_m(path_m)
-    by_length = {x: errors_over_distance(pair, x) for x in lengths_m}
-    over_1m = errors_over_distance(pair, 1.0)
-    over_frame = errors_over_time(pair)
-    first_pose = position_errors(pair, Alignment.FIRST_POSE)
+    segments = {x: errors_over_distance(pair, x) for x in segment_lengths_m(path_m)}
+    over_1m, over_frame = errors_over_distance(pair, 1.0), errors_over_time(pair)
+    has_1m, table = len(over_1m) > 0, run.frames
+    ate_m: dict[str, ErrorSummary] = {}
+    for alignment in Alignment:
+        try:
+            ate_m[alignment.value] = ErrorSummary.of(position_errors(pair, alignment))
+        except TrajectoryError:  # the scale of an estimate without motion is undefined
+            continue
+    end_m = float(position_errors(pair, Alignment.FIRST_POSE)[-1])
     return Score(
         estimator=run.estimator,
         frames=frames,
         statuses=_statuses(run, frames),
         compared=len(pair.timestamps_ns),
         path_m=path_m,
-        drift_1m=SegmentDrift.of(1.0, over_1m) if len(over_1m) else None,
-        segments=tuple(SegmentDrift.of(x, errors) for x, errors in by_length.items()),
-        kitti_percent=_pooled([100 * x.translation_m / x.length_m for x in by_length.values()]),
-        kitti_deg_per_m=_pooled(
-            [np.degrees(x.rotation_rad) / x.length_m for x in by_length.values()]
-        ),
-        end_m=float(first_pose[-1]),
-        end_percent=100 * float(first_pose[-1]) / path_m if path_m > 0 else None,
-        ate_m=_ate(pair),
+        drift_1m=SegmentDrift.of(1.0, over_1m) if has_1m else None,
+        segments=tuple(SegmentDrift.of(x, errors) for x, errors in segments.items()),
+        kitti_percent=_pooled_mean([x.percent for x in segments.values()]),
+        kitti_deg_per_m=_pooled_mean([x.deg_per_m for x in segments.values()]),
+        end_m=end_m,
+        end_percent=100 * end_m / path_m if path_m > 0 else None,
+        ate_m=ate_m,
         rpe_frame_m=ErrorSummary.of(over_frame.translation_m),
         rpe_frame_deg=ErrorSummary.of(np.degrees(over_frame.rotation_rad)),
-        rpe_1m_m=ErrorSummary.of(over_1m.translation_m) if len(over_1m) else None,
-        rpe_1m_deg=ErrorSummary.of(np.degrees(over_1m.rotation_rad)) if len(over_1m) else None,
-        frame_ms=float(np.median(run.frames.frame_ms)) if run.frames else None,
-        stage_ms=_stage_ms(run.frames) if run.frames else {},
+        rpe_1m_m=ErrorSummary.of(over_1m.translation_m) if has_1m else None,
+        rpe_1m_deg=ErrorSummary.of(np.degrees(over_1m.rotation_rad)) if has_1m else None,
+        frame_ms=float(np.median(table.frame_ms)) if table else None,
+        stage_ms={x: float(np.nansum(ms)) / len(table) for x, ms in table.timings_ms.items()}
+        if table
+        else {},
     )
-
-
-def _ate(pair: Pair) -> dict[str, ErrorSummary]:
-    found: dict[str, ErrorSummary] = {}
-    for alignment in Alignment:
-        try:
-            found[alignment.value] = ErrorSummary.of(position_errors(pair, alignment))
-        except TrajectoryError:  # the scale of an estimate without motion is undefined
-            continue
-    return found
 
 
 def _statuses(run: SavedRun, frames: int) -> dict[str, int]:
@@ -175,10 +159,5 @@ def _statuses(run: SavedRun, frames: int) -> dict[str, int]:
     return {status.value: seen[status] for status in Status}
 
 
-def _stage_ms(frames: FrameTable) -> dict[str, float]:
-    return {stage: float(np.nansum(ms)) / len(frames) for stage, ms in frames.timings_ms.items()}
-
-
-def _pooled(errors: list[Array]) -> float | None:
-    pooled = np.concatenate([*errors, np.zeros(0)])
-    return float(np.mean(pooled)) if len(pooled) else None
+def _pooled_mean(errors: Sequence[Array]) -> float | None:
+    return float(np.mean(np.concatenate(errors))) if errors else None

@@ -14,7 +14,9 @@ from vo.contract.dataset import MANIFEST, read_manifest
 from vo.contract.errors import DatasetError
 from vo.contract.euroc import read_euroc_truth
 from vo.contract.files import read_float
+from vo.contract.readers import read_truth
 from vo.contract.rig import StereoRig
+from vo.contract.trajectory import Trajectory
 
 SAME_SURFACE = 0.02
 """Largest relative difference of disparities of one surface."""
@@ -26,6 +28,18 @@ EDGE_PX = 1.0
 """Difference of disparities of neighbouring pixels, px, above which they are of two surfaces."""
 
 HELD_LABELS = 4
+
+
+def true_trajectory(dataset: Path) -> Trajectory:
+    """Read the true T_world_cam.
+
+    Raises:
+        DatasetError: If the dataset is unreadable or has none.
+    """
+    truth = read_truth(dataset)
+    if truth is None:
+        raise DatasetError(f"{dataset}: has no ground truth")
+    return truth
 
 
 class TrueWorld:
@@ -45,12 +59,10 @@ class TrueWorld:
         try:
             true = manifest["rig_true"]
             values: dict[str, Any] = {field.name: true[field.name] for field in fields(StereoRig)}
-            values["T_body_cam"] = np.array(values["T_body_cam"])
-            self.rig = StereoRig(**values)
+            self.rig = StereoRig(**values | {"T_body_cam": np.array(true["T_body_cam"])})
         except (KeyError, TypeError):
-            raise DatasetError(
-                f"{dataset / MANIFEST}: the true rig is missing or malformed"
-            ) from None
+            message = f"{dataset / MANIFEST}: the true rig is missing or malformed"
+            raise DatasetError(message) from None
         if not label_file(dataset, "depth", 0).parent.is_dir():
             raise DatasetError(
                 f"{dataset}: has no depth labels; generate it with labels.depth=true"
@@ -58,8 +70,7 @@ class TrueWorld:
         truth = read_euroc_truth(dataset, self.rig.T_body_cam)
         if truth is None:
             raise DatasetError(f"{dataset}: has no true poses")
-        self._trajectory = truth
-        self._dataset = dataset
+        self._trajectory, self._dataset = truth, dataset
         self._disparity = lru_cache(HELD_LABELS)(self._read_disparity)
 
     def T_world_cam(self, time_ns: int) -> Array:

@@ -126,8 +126,8 @@ def bound_row(x: Explanation) -> Row:
         return float(np.sqrt(np.mean(np.square([getattr(y, name) for y in x.bounded]))))
 
     noise, bias = (
-        " ".join(f"{v:.2f}" for v in np.mean([getattr(y.noise, kind) for y in x.bounded], axis=0))
-        for kind in ("effective_px", "bias_px")
+        " ".join(f"{v:.2f}" for v in np.mean([getattr(y, kind) for y in x.bounded], axis=0))
+        for kind in ("noise_px", "bias_px")
     )
     error, bound = rms("over_1m_percent"), rms("bound_over_1m_percent")
     ends_mm = (1e3 * rms("end_m"), 1e3 * rms("bound_end_m"))
