@@ -3,21 +3,18 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import cycle, groupby
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from trials.evaluation.alignment import Alignment, Pair
 from trials.evaluation.metrics import position_errors
 from trials.evaluation.runs import FrameTable
 from trials.evaluation.score import Score
 from trials.report.figure import GREY, OCHRE, RED, SERIES, css_colour, svg_markup, tidy
-from vo.contract.arrays import Array, Mask
+from vo.contract.arrays import Array
 from vo.contract.estimator import Status
 from vo.contract.trajectory import NS_PER_S
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 SIZE_IN = (4.2, 2.4)
 MAX_POINTS = 600
@@ -52,12 +49,8 @@ def error_over_distance(pairs: Mapping[str, Pair]) -> Chart:
         name: (pair.travelled_m, 100 * position_errors(pair, Alignment.FIRST_POSE))
         for name, pair in pairs.items()
     }
-    return _chart(
-        "Error over distance",
-        "Distance between estimated and true position, first poses aligned.",
-        curves,
-        lambda panel: _draw_lines(panel, curves, "true path, m", "position error, cm"),
-    )
+    caption = "Distance between estimated and true position, first poses aligned."
+    return _line_chart("Error over distance", caption, curves, "true path, m", "position error, cm")
 
 
 def drift_by_length(scores: Sequence[Score]) -> Chart:
@@ -69,14 +62,12 @@ def drift_by_length(scores: Sequence[Score]) -> Chart:
         )
         for score in scores
     }
-    return _chart(
-        "Drift by segment length",
+    caption = (
         "Mean translation error of all segments of a length, divided by that length. A flat curve "
         "indicates an error of scale; a falling curve, frame errors that average out; a rising "
-        "curve, rotation errors that accumulate.",
-        curves,
-        lambda panel: _draw_lines(panel, curves, "segment length, m", "drift, %"),
+        "curve, rotation errors that accumulate."
     )
+    return _line_chart("Drift by segment length", caption, curves, "segment length, m", "drift, %")
 
 
 def stage_counts(frames: FrameTable) -> Chart:
@@ -87,20 +78,18 @@ def stage_counts(frames: FrameTable) -> Chart:
         for stage, counts in frames.counts.items()
         if not stage.endswith("iterations")  # a count of an optimiser, not of items
     }
-
-    def draw(panel: "Axes") -> None:
-        _shade(panel, frames, time_s)
-        _draw_lines(panel, curves, "time, s", "items per frame")
-
     caption = "Shaded frames are not tracked normally: grey start, ochre weak, red lost."
-    return _chart("Items after each stage", caption, curves, draw)
+    return _line_chart(
+        "Items after each stage", caption, curves, "time, s", "items per frame",
+        lambda panel: _shade(panel, frames, time_s),
+    )  # fmt: skip
 
 
 def stage_timings(frames: FrameTable) -> Chart:
     """Stacked milliseconds of the stages over time; a stage that did not run counts as 0."""
     layers = [downsample(_time_s(frames), np.nan_to_num(y)) for y in frames.timings_ms.values()]
 
-    def draw(panel: "Axes") -> None:
+    def draw(panel: Axes) -> None:
         heights = np.array([y for _, y in layers])
         panel.stackplot(layers[0][0], heights, colors=SERIES)
         # One slow frame, such as a compilation at the start, must not set the scale.
@@ -129,34 +118,36 @@ def legend_of(names: Iterable[str]) -> tuple[tuple[str, str], ...]:
     return tuple((name, css_colour(colour)) for name, colour in zip(names, cycle(SERIES)))
 
 
-def _chart(title: str, caption: str, names: Iterable[str], draw: "Callable[[Axes], None]") -> Chart:
+def _chart(title: str, caption: str, names: Iterable[str], draw: Callable[[Axes], None]) -> Chart:
     svg = svg_markup(title, SIZE_IN, lambda figure: draw(figure.subplots()))
     return Chart(title, svg, legend_of(names), caption)
 
 
-def _draw_lines(panel: "Axes", curves: Curves, x_label: str, y_label: str) -> None:
+def _line_chart(
+    title: str, caption: str, curves: Curves, x_label: str, y_label: str,
+    draw_background: Callable[[Axes], None] = lambda panel: None,
+) -> Chart:  # fmt: skip
     """Draw curves from zero upwards, broken at NaN; a point without neighbours is a dot."""
-    for colour, curve in zip(cycle(SERIES), curves.values()):
-        x, y = downsample(*curve)
-        dots = np.flatnonzero(_isolated(y)).tolist()
-        panel.plot(x, y, color=colour, linewidth=1.3, marker=".", markevery=dots)
-    panel.margins(x=0.02)
-    panel.set_xlim(left=0)
-    panel.set_ylim(bottom=0)
-    tidy(panel, x_label, y_label)
 
+    def draw(panel: Axes) -> None:
+        draw_background(panel)
+        for colour, curve in zip(cycle(SERIES), curves.values()):
+            x, y = downsample(*curve)
+            known = np.pad(np.isfinite(y), 1)
+            dots = np.flatnonzero(known[1:-1] & ~known[:-2] & ~known[2:]).tolist()
+            panel.plot(x, y, color=colour, linewidth=1.3, marker=".", markevery=dots)
+        panel.margins(x=0.02)
+        panel.set(xlim=(0, None), ylim=(0, None))
+        tidy(panel, x_label, y_label)
 
-def _isolated(y: Array) -> Mask:
-    """Finite values (N,) between missing ones."""
-    known = np.concatenate([[False], np.isfinite(y), [False]])
-    return known[1:-1] & ~known[:-2] & ~known[2:]
+    return _chart(title, caption, curves, draw)
 
 
 def _time_s(frames: FrameTable) -> Array:
     return (frames.timestamps_ns - frames.timestamps_ns[0]) / NS_PER_S
 
 
-def _shade(panel: "Axes", frames: FrameTable, time_s: Array) -> None:
+def _shade(panel: Axes, frames: FrameTable, time_s: Array) -> None:
     """Shade runs of frames by status; a frame lasts until the next one."""
     ends = np.append(time_s[1:], time_s[-1])
     for status, group in groupby(range(len(frames)), key=lambda i: frames.status[i]):

@@ -2,9 +2,11 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from trials.diagnosis.attribution import REMAINDER, Attribution
 from trials.diagnosis.explanation import Explanation
@@ -25,10 +27,6 @@ from trials.report.figure import (
 )
 from vo.contract.arrays import Array
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 COLOURS = {
     "prediction": PURPLE,
     "matching": RED,
@@ -48,30 +46,20 @@ KINDS = {"step": "frame to frame", "over_1m": "over 1 m", "absolute": "since the
 
 def draw_waterfalls(explanations: Sequence[Explanation], out: Path) -> None:
     """Draw a panel for each scene: the drift, the share of each stage, and the remainder."""
-
-    def draw(panel: "Axes", attribution: Attribution) -> None:
-        _waterfall(panel, attribution)
-        tidy(panel, "", "drift over 1 m, %")
-
-    _save_panels(out, {x.name: x.attribution for x in explanations if x.attribution}, draw)
+    _save_panels(out, {x.name: x.attribution for x in explanations if x.attribution}, _waterfall)
 
 
 def draw_paths(explanations: Sequence[Explanation], out: Path) -> None:
     """Draw a panel for each scene: shares along the path, means over drives."""
-
-    def draw(panel: "Axes", attribution: Attribution) -> None:
-        _path(panel, attribution)
-        tidy(panel, "middle of the segment, m along the path", "drift over 1 m, %")
-
     parts = {x.name: x.attribution for x in explanations if x.attribution}
-    _save_panels(out, parts, draw, legend=True)
+    _save_panels(out, parts, _path, legend=True)
 
 
 def draw_calibration(explanations: Sequence[Explanation], out: Path) -> None:
     """Draw a panel for each scene: errors inside ellipsoids of a given probability."""
     levels = np.linspace(0, 1, 101)[1:-1]
 
-    def draw(panel: "Axes", part: Explanation) -> None:
+    def draw(panel: Axes, part: Explanation) -> None:
         panel.plot([0, 100], [0, 100], color=GREY, linewidth=1, linestyle="--", label="ideal")
         for (kind, label), colour in zip(KINDS.items(), (BLUE, RED, INK), strict=True):
             inside = calibration(part.pooled(kind), levels)
@@ -83,15 +71,15 @@ def draw_calibration(explanations: Sequence[Explanation], out: Path) -> None:
 
 
 def _save_panels(
-    out: Path, parts: Mapping[str, T], draw: "Callable[[Axes, T], None]", legend: bool = False
+    out: Path, parts: Mapping[str, T], draw: Callable[[Axes, T], None], legend: bool = False
 ) -> None:
     """Save a figure with a titled panel for each part."""
 
-    def draw_all(figure: "Figure") -> None:
+    def draw_all(figure: Figure) -> None:
         panels = grid_of_panels(figure, len(parts), COLUMNS)
         for panel, (name, part) in zip(panels, parts.items(), strict=True):
             draw(panel, part)
-            panel.set_title(name, fontsize=9.5, weight="bold", loc="left")
+            panel.set_title(name)
         if legend:
             shared_legend(figure, panels)
 
@@ -99,7 +87,7 @@ def _save_panels(
     save_figure(out, (3.5 * columns + 0.5, 2.9 * -(-len(parts) // columns) + 0.4), draw_all)
 
 
-def _waterfall(panel: "Axes", attribution: Attribution) -> None:
+def _waterfall(panel: Axes, attribution: Attribution) -> None:
     level, shares = attribution.drift.value, attribution.shares
     panel.bar(0, level, color=INK, width=0.7)
     panel.errorbar(0, level, _error_bars(attribution.drift), color=GREY, capsize=3)
@@ -116,15 +104,16 @@ def _waterfall(panel: "Axes", attribution: Attribution) -> None:
     panel.axhline(0, color=INK, linewidth=0.8)
     panel.set_xticks(range(len(shares) + 1), ["drift", *(x.stage for x in shares)])
     panel.tick_params(axis="x", rotation=28)
+    tidy(panel, "", "drift over 1 m, %")
 
 
 def _error_bars(interval: Interval) -> Array:
     """Return lengths (2, 1) of the error bars below and above a value."""
     value, low, high = interval.value, interval.low, interval.high
-    return np.array([[max(value - low, 0.0)], [max(high - value, 0.0)]])
+    return np.maximum([[value - low], [high - value]], 0.0)
 
 
-def _path(panel: "Axes", attribution: Attribution) -> None:
+def _path(panel: Axes, attribution: Attribution) -> None:
     at_m = np.concatenate([x for x, _ in attribution.by_segment.values()]) + 0.5
     shares = np.concatenate([x for _, x in attribution.by_segment.values()], axis=1)
     bins = np.floor(at_m / BIN_M).astype(int)
@@ -135,3 +124,4 @@ def _path(panel: "Axes", attribution: Attribution) -> None:
     for share, mean in zip(attribution.shares, means, strict=True):
         panel.plot(middle_m, mean, color=COLOURS[share.stage], linewidth=1.4, label=share.stage)
     panel.axhline(0, color=INK, linewidth=0.6)
+    tidy(panel, "middle of the segment, m along the path", "drift over 1 m, %")

@@ -87,8 +87,7 @@ def validation_table(findings: Sequence[Finding]) -> Table:
             f"at least {MIN_ATTRIBUTED:.0%}")  # fmt: skip
     rows = [
         (x.name, f"{x.before.drift.value:.3f}", f"{x.after.drift.value:.3f}", x.stage,
-         f"{x.attributed:.0%}",
-         "yes" if x.attributed >= MIN_ATTRIBUTED else "NO")
+         f"{x.attributed:.0%}", "yes" if x.attributed >= MIN_ATTRIBUTED else "NO")
         for x in findings
     ]  # fmt: skip
     return _table("", head, rows)
@@ -162,17 +161,18 @@ def write_explanations(explanations: Sequence[Explanation], out: Path, page: Pat
     """
     out.mkdir(parents=True, exist_ok=True)
     data, along = out / "explain.json", out / "explain.csv"
-    content = [x.as_json() for x in explanations]
-    write_text(data, json.dumps(_without_nan(content), indent=1) + "\n")
+    content = json.dumps([x.as_json() for x in explanations])
+    content = json.loads(content, parse_constant=lambda _: None)  # JSON has no NaN
+    write_text(data, json.dumps(content, indent=1) + "\n")
     _write_shares(explanations, along)
-    figures: dict[str, Path] = {}
+    draws = {}
     if any(x.attribution for x in explanations):
-        figures["shares"], figures["path"] = out / "shares.png", out / "path.png"
-        draw_waterfalls(explanations, figures["shares"])
-        draw_paths(explanations, figures["path"])
+        draws |= {"shares": draw_waterfalls, "path": draw_paths}
     if any(x.nees for x in explanations):
-        figures["calibration"] = out / "calibration.png"
-        draw_calibration(explanations, figures["calibration"])
+        draws["calibration"] = draw_calibration
+    figures = {name: out / f"{name}.png" for name in draws}
+    for name, draw in draws.items():
+        draw(explanations, figures[name])
     links = {k: Path(os.path.relpath(v, page.parent)).as_posix() for k, v in figures.items()}
     write_text(page, _page(explanations, links))
     return [page, data, along, *figures.values()]
@@ -201,15 +201,16 @@ def _page(explanations: Sequence[Explanation], figures: Mapping[str, str]) -> st
 def _write_shares(explanations: Sequence[Explanation], out: Path) -> None:
     """Write CSV: a row for each segment of each dataset, the share of each stage in %."""
     parts = [(x.name, x.attribution) for x in explanations if x.attribution]
-    stages = list(dict.fromkeys(s.stage for _, x in parts for s in x.shares[:-1]))
+    stages = dict.fromkeys(s.stage for _, x in parts for s in x.shares[:-1])
+    names = [*stages, REMAINDER]
     rows: list[list[str]] = []
     for scene, x in parts:
         for dataset, (at_m, shares) in x.by_segment.items():
             for place, column in zip(at_m, shares.T, strict=True):
                 by_name = {s.stage: f"{y:.5f}" for s, y in zip(x.shares, column, strict=True)}
-                values = [by_name.get(s, "") for s in [*stages, REMAINDER]]
+                values = [by_name.get(name, "") for name in names]
                 rows.append([scene, dataset, f"{place:.4f}", f"{column.sum():.5f}", *values])
-    write_csv(out, ["scene", "dataset", "at_m", "drift_percent", *stages, REMAINDER], rows)
+    write_csv(out, ["scene", "dataset", "at_m", "drift_percent", *names], rows)
 
 
 def _table(title: str, head: Row, rows: Sequence[Row]) -> Table:
@@ -231,12 +232,3 @@ def _markdown(head: Row, rows_of: Mapping[str, Sequence[Row]]) -> str:
 
 def _range(interval: tuple[float, float]) -> str:
     return f"{interval[0]:.1f} to {interval[1]:.1f}"
-
-
-def _without_nan(content: object) -> object:
-    """Replace NaN, which JSON does not have, by null."""
-    if isinstance(content, dict):
-        return {k: _without_nan(v) for k, v in content.items()}
-    if isinstance(content, list | tuple):
-        return [_without_nan(v) for v in content]
-    return None if isinstance(content, float) and not np.isfinite(content) else content

@@ -5,13 +5,13 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import matplotlib
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from vo.contract.files import replacing
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 INK, GREY, PALE = "#2b3036", "#8a9199", "#e6e6e6"
 RED, BLUE, OCHRE, GREEN, PURPLE = "#c8401e", "#2a6fb0", "#b5820e", "#327a4a", "#7b5aa6"
@@ -32,16 +32,19 @@ PALETTE = {
 }
 """CSS custom property to the colour on a light page and on a dark page."""
 DPI = 130
-TRUTH: "Mapping[str, Any]" = {"color": "#c3c9d1", "lw": 4.5, "solid_capstyle": "round", "zorder": 1}
+TRUTH: Mapping[str, Any] = {"color": "#c3c9d1", "lw": 4.5, "solid_capstyle": "round", "zorder": 1}
 """Style of the true path: a broad, pale line, visible beneath a coinciding estimate."""
-STYLE: "dict[Any, Any]" = {
+STYLE: dict[Any, Any] = {
     "text.color": INK, "axes.labelcolor": INK, "axes.edgecolor": GREY, "xtick.color": GREY,
-    "ytick.color": GREY, "xtick.labelcolor": INK, "ytick.labelcolor": INK, "svg.fonttype": "none",
+    "ytick.color": GREY, "xtick.labelcolor": INK, "ytick.labelcolor": INK, "axes.labelsize": 9,
+    "axes.titlesize": 9.5, "axes.titleweight": "bold", "axes.titlelocation": "left",
+    "grid.color": PALE, "grid.linewidth": 0.6, "axes.axisbelow": True, "legend.fontsize": 8,
+    "legend.title_fontsize": 8, "legend.frameon": False, "svg.fonttype": "none",
     "svg.hashsalt": "driftyard",
 }  # fmt: skip
 """Settings of matplotlib for all figures."""
 
-Draw = Callable[["Figure"], None]
+Draw = Callable[[Figure], None]
 """Fills an empty figure, whose layout is constrained."""
 
 
@@ -68,12 +71,8 @@ def svg_markup(title: str, size_in: tuple[float, float], draw: Draw) -> str:
     svg = re.sub(r' id="[A-Za-z0-9.]+_\d+"', "", svg)  # identifiers that every figure repeats
     for colour, _ in PALETTE.values():
         svg = svg.replace(colour, css_colour(colour))
-    return re.sub(
-        r'^<svg (.*?) width="[^"]*" height="[^"]*"',
-        lambda found: f'<svg role="img" aria-label="{escape(title)}" {found[1]}',
-        svg,
-        flags=re.DOTALL,
-    )
+    svg = re.sub(r'^(<svg [^>]*?) width="[^"]*" height="[^"]*"', r"\1", svg)
+    return svg.replace("<svg ", f'<svg role="img" aria-label="{escape(title)}" ', 1)
 
 
 def css_colour(colour: str) -> str:
@@ -82,20 +81,15 @@ def css_colour(colour: str) -> str:
     return f"var(--{name})"
 
 
-def tidy(panel: "Axes", x_label: str, y_label: str, title: str = "") -> None:
+def tidy(panel: Axes, x_label: str, y_label: str, title: str = "") -> None:
     """Label a panel; draw a pale grid and only the left and bottom spines."""
-    panel.set_xlabel(x_label, fontsize=9)
-    panel.set_ylabel(y_label, fontsize=9)
-    if title:
-        panel.set_title(title, fontsize=9.5, weight="bold", loc="left")
+    panel.set(xlabel=x_label, ylabel=y_label, title=title)
     panel.tick_params(labelsize=8)
-    panel.grid(color=PALE, linewidth=0.6)
-    panel.set_axisbelow(True)
-    for side in ("top", "right"):
-        panel.spines[side].set_visible(False)
+    panel.grid(True)
+    panel.spines[["top", "right"]].set_visible(False)
 
 
-def grid_of_panels(figure: "Figure", count: int, columns: int, **shared: Any) -> "list[Axes]":
+def grid_of_panels(figure: Figure, count: int, columns: int, **shared: Any) -> list[Axes]:
     """Return `count` panels in rows of at most `columns`."""
     columns = min(columns, count)
     panels = figure.subplots(-(-count // columns), columns, squeeze=False, **shared)
@@ -104,22 +98,14 @@ def grid_of_panels(figure: "Figure", count: int, columns: int, **shared: Any) ->
     return panels.flat[:count].tolist()
 
 
-def shared_legend(figure: "Figure", panels: "Sequence[Axes]") -> None:
+def shared_legend(figure: Figure, panels: Sequence[Axes]) -> None:
     """Put the legend of the first panel above all panels."""
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(
-        handles, labels, loc="outside upper left", ncols=3 if len(panels) == 1 else 6,
-        fontsize=8, frameon=False,
-    )  # fmt: skip
+    columns = 3 if len(panels) == 1 else 6
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper left", ncols=columns)
 
 
 def _render(size_in: tuple[float, float], draw: Draw, out: Any, **options: Any) -> None:
-    import matplotlib
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=size_in, dpi=DPI, layout="constrained")
-        FigureCanvasAgg(figure)
         draw(figure)
         figure.savefig(out, **options)

@@ -5,22 +5,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from trials.evaluation.alignment import Alignment, Pair, associate, fit
+from trials.evaluation.alignment import Alignment, associate, fit
 from trials.evaluation.runs import SavedRun
-from trials.evaluation.score import Score, score_run
-from trials.report.charts import (
-    Chart,
-    drift_by_length,
-    error_over_distance,
-    stage_counts,
-    stage_timings,
-)
+from trials.evaluation.score import score_run
+from trials.evaluation.truth import true_trajectory
+from trials.report.charts import drift_by_length, error_over_distance, stage_counts, stage_timings
 from trials.report.html import write_html
 from trials.report.stills import TRAIL_FRAMES, stills
 from trials.report.trajectory_plot import plot_trajectories, read_scene_map
-from vo.contract.arrays import Array
-from vo.contract.errors import DatasetError
-from vo.contract.readers import open_sequence, read_truth
+from vo.contract.readers import open_sequence
 
 
 def write_report(dataset: Path, runs: Sequence[SavedRun], out: Path) -> None:
@@ -35,13 +28,19 @@ def write_report(dataset: Path, runs: Sequence[SavedRun], out: Path) -> None:
         DatasetError: If the dataset is unreadable or has no ground truth.
         TrajectoryError: If a run and the truth share fewer than two times.
     """
-    sequence, truth = open_sequence(dataset), read_truth(dataset)
-    if truth is None:
-        raise DatasetError(f"{dataset}: has no ground truth")
+    sequence, truth = open_sequence(dataset), true_trajectory(dataset)
     runs = _distinct(runs)
+    main, table = runs[0], runs[0].frames
     scores = [score_run(truth, run, len(sequence)) for run in runs]
     pairs = {run.estimator: associate(truth, run.trajectory) for run in runs}
-    main = runs[0]
+    aligned = {x: fit(pair, Alignment.FIRST_POSE).map(pair.T_odom_cam) for x, pair in pairs.items()}
+    charts = [error_over_distance(pairs)]
+    if scores[0].segments:
+        charts.append(drift_by_length(scores))
+    if table is not None and table.counts:
+        charts.append(stage_counts(table))
+    if table is not None and table.timings_ms:
+        charts.append(stage_timings(table))
     write_html(
         out,
         "page.html.j2",
@@ -50,31 +49,15 @@ def write_report(dataset: Path, runs: Sequence[SavedRun], out: Path) -> None:
         scores=scores,
         main=scores[0],
         trajectories=plot_trajectories(
-            truth.at(pairs[main.estimator].timestamps_ns).T_ref_frame,
-            {name: _positions(pair) for name, pair in pairs.items()},
+            pairs[main.estimator].T_world_cam,
+            {name: T_world_cam[:, :3, 3] for name, T_world_cam in aligned.items()},
             read_scene_map(dataset),
         ),
-        charts=_charts(main, pairs, scores),
+        charts=charts,
         stills=stills(sequence, main),
         trail_frames=TRAIL_FRAMES,
         records=[(run.estimator, json.dumps(dict(run.about), indent=1)) for run in runs],
     )
-
-
-def _charts(main: SavedRun, pairs: dict[str, Pair], scores: Sequence[Score]) -> list[Chart]:
-    charts = [error_over_distance(pairs)]
-    if scores[0].segments:
-        charts.append(drift_by_length(scores))
-    if main.frames is not None and main.frames.counts:
-        charts.append(stage_counts(main.frames))
-    if main.frames is not None and main.frames.timings_ms:
-        charts.append(stage_timings(main.frames))
-    return charts
-
-
-def _positions(pair: Pair) -> Array:
-    """Return estimated positions (N, 3) in the world, first pose aligned."""
-    return fit(pair, Alignment.FIRST_POSE).map(pair.T_odom_cam)[:, :3, 3]
 
 
 def _distinct(runs: Sequence[SavedRun]) -> list[SavedRun]:

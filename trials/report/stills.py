@@ -38,15 +38,13 @@ def stills(sequence: StereoSequence, run: SavedRun, count: int = 4) -> list[Stil
     """
     if run.tracks is None or len(run.tracks.frame) == 0:
         return []
-    return [_still(sequence, run, run.tracks, i) for i in _choose(run.tracks, count)]
-
-
-def _choose(tracks: Tracks, count: int) -> list[int]:
-    inliers = np.bincount(tracks.frame[tracks.inlier], minlength=int(tracks.frame.max()) + 1)
-    seen = np.unique(tracks.frame)
+    frame = run.tracks.frame
+    inliers = np.bincount(frame[run.tracks.inlier], minlength=int(frame.max()) + 1)
+    seen = np.unique(frame)
     even = seen[((np.arange(count - 1) + 0.5) / (count - 1) * len(seen)).astype(int)]
     hardest = seen[np.argmin(inliers[seen])]
-    return sorted({int(i) for i in (*even, hardest)})
+    chosen = np.unique([*even, hardest]).tolist()
+    return [_still(sequence, run, run.tracks, i) for i in chosen]
 
 
 def _still(sequence: StereoSequence, run: SavedRun, tracks: Tracks, frame: int) -> Still:
@@ -74,24 +72,15 @@ def _annotate(image: Image, tracks: Tracks, frame: int) -> Image:
     fixed = np.round(((tracks.pixels + 0.5) * scale - 0.5) * (1 << shift)).astype(np.int32)
     here = np.flatnonzero(tracks.frame == frame)
     recent = np.flatnonzero((tracks.frame <= frame) & (tracks.frame > frame - TRAIL_FRAMES))
-    by_landmark = _by_landmark(tracks, recent)
-    trails = [by_landmark[int(name)] for name in tracks.landmark[here]]
     colours = _colours(tracks, here)
-    for trail, colour in zip(trails, colours, strict=True):
+    for k, colour in zip(here, colours, strict=True):
+        trail = recent[tracks.landmark[recent] == tracks.landmark[k]]
         cv2.polylines(canvas, [fixed[trail]], False, colour, 2, cv2.LINE_AA, shift)
     for k, colour in zip(here, colours, strict=True):
         centre = (int(fixed[k, 0]), int(fixed[k, 1]))
         filled = -1 if tracks.inlier[k] else 1
         cv2.circle(canvas, centre, 3 << shift, colour, filled, cv2.LINE_AA, shift)
     return canvas
-
-
-def _by_landmark(tracks: Tracks, chosen: Indices) -> dict[int, Indices]:
-    """Landmark to the rows of its observations among `chosen`, in order of frames."""
-    order = chosen[np.argsort(tracks.landmark[chosen], kind="stable")]
-    names, starts = np.unique(tracks.landmark[order], return_index=True)
-    groups = np.split(order, starts[1:])
-    return {int(name): group for name, group in zip(names, groups, strict=True)}
 
 
 def _colours(tracks: Tracks, here: Indices) -> Sequence[tuple[int, int, int]]:

@@ -4,10 +4,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import cycle
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import cv2
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
+from matplotlib.ticker import MaxNLocator
 
 from trials.report.charts import Chart, legend_of
 from trials.report.figure import GREY, INK, SERIES, svg_markup
@@ -16,56 +20,14 @@ from vo.contract.arrays import Array
 from vo.contract.dataset import MANIFEST, read_manifest
 from vo.contract.errors import DatasetError
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 WIDTH_IN = 8.0
 MARGIN = 0.08
 """Margin around the paths, as a fraction of their larger extent."""
 MIN_ASPECT = 0.35
 """Height of the drawing over its width; a straight path still gets some ground on either side."""
-AXES = "xyz"
+AXES = ("x", "y", "z", "-x", "-y", "-z")
 TITLE = "The path from above"
 CAPTION = "Each estimate starts at the true first pose; nothing else is aligned. White: the truth."
-
-
-@dataclass(frozen=True)
-class GroundPlane:
-    """The two world axes that a viewer above sees, to the right and up.
-
-    Attributes:
-        axes: Indices of the two.
-        signs: +1 or -1 each.
-    """
-
-    axes: tuple[int, int]
-    signs: tuple[int, int] = (1, 1)
-
-    @staticmethod
-    def below(T_world_cam: Array) -> "GroundPlane":
-        """Guess the world's vertical from upright cameras (N, 4, 4): their y axis points down."""
-        down = T_world_cam[:, :3, 1].mean(axis=0)
-        vertical = int(np.argmax(np.abs(down)))
-        first, second = (vertical + 1) % 3, (vertical + 2) % 3
-        # For a vertical axis that points up, first x second = vertical: seen unmirrored.
-        return GroundPlane((first, second) if down[vertical] < 0 else (second, first))
-
-    def turned(self) -> "GroundPlane":
-        """Turn the view a quarter clockwise: up becomes right."""
-        return GroundPlane((self.axes[1], self.axes[0]), (self.signs[1], -self.signs[0]))
-
-    def project(self, points_world: Array) -> Array:
-        """Map (N, 3) to (N, 2) metres, right and up."""
-        return points_world[:, list(self.axes)] * self.signs
-
-    @property
-    def labels(self) -> list[str]:
-        """Names of the axes, such as `x` and `-z`."""
-        return [
-            ("-" if sign < 0 else "") + AXES[axis]
-            for axis, sign in zip(self.axes, self.signs, strict=True)
-        ]
 
 
 @dataclass(frozen=True)
@@ -103,6 +65,24 @@ def read_scene_map(dataset: Path) -> SceneMap | None:
     return SceneMap(data_uri(jpeg, "image/jpeg"), limits_m)
 
 
+def ground_axes(T_world_cam: Array) -> Array:
+    """Return the world axes (2, 3) that a viewer above upright cameras sees, right and up.
+
+    Args:
+        T_world_cam: (N, 4, 4); the y axes of the cameras point down.
+    """
+    down = T_world_cam[:, :3, 1].mean(axis=0)
+    vertical = int(np.argmax(np.abs(down)))
+    first, second = (vertical + 1) % 3, (vertical + 2) % 3
+    # For a vertical axis that points up, first x second = vertical: seen unmirrored.
+    return np.eye(3)[[first, second] if down[vertical] < 0 else [second, first]]
+
+
+def turned(ground: Array) -> Array:
+    """Turn a view (2, 3) a quarter clockwise: up becomes right."""
+    return np.stack([ground[1], -ground[0]])
+
+
 def plot_trajectories(
     T_world_cam: Array, estimates: Mapping[str, Array], background: SceneMap | None
 ) -> Chart:
@@ -113,29 +93,29 @@ def plot_trajectories(
         estimates: Estimator to its positions (M, 3) in the world, metres, first pose aligned.
         background: Requires a world with z up.
     """
-    ground = GroundPlane((0, 1)) if background else GroundPlane.below(T_world_cam)
+    ground = np.eye(3)[:2] if background else ground_axes(T_world_cam)
     truth = T_world_cam[:, :3, 3]
     points = np.concatenate([truth, *estimates.values()])
     if background:
         limits_m = background.limits_m
     else:
-        extent = np.ptp(ground.project(points), axis=0)
-        ground = ground.turned() if extent[1] > extent[0] else ground
-        limits_m = limits_around(ground.project(points))
+        extent = np.ptp(points @ ground.T, axis=0)
+        ground = turned(ground) if extent[1] > extent[0] else ground
+        limits_m = limits_around(points @ ground.T)
     width_m, height_m = limits_m[1] - limits_m[0]
 
-    def draw(figure: "Figure") -> None:
+    def draw(figure: Figure) -> None:
         figure.set_layout_engine("none")
         panel = figure.add_axes((0, 0, 1, 1), xlim=limits_m[:, 0], ylim=limits_m[:, 1])
         if background:
             panel.set_axis_off()
         else:
             _draw_ground(panel, ground)
-        _draw_path(panel, ground.project(truth), "white", 6.0)
+        _draw_path(panel, truth @ ground.T, "white", 6.0)
         drawn = list(zip(estimates.values(), cycle(SERIES)))
         for positions, colour in reversed(drawn):  # the first estimator on top
-            _draw_path(panel, ground.project(positions), colour, 2.5)
-        _draw_marks(panel, ground.project(truth)[0], limits_m)
+            _draw_path(panel, positions @ ground.T, colour, 2.5)
+        _draw_marks(panel, (truth @ ground.T)[0], limits_m)
 
     svg = svg_markup(TITLE, (WIDTH_IN, WIDTH_IN * height_m / width_m), draw)
     if background:
@@ -154,27 +134,25 @@ def limits_around(points_m: Array) -> Array:
     return np.array([middle - half, middle + half])
 
 
-def _draw_ground(panel: "Axes", ground: GroundPlane) -> None:
+def _draw_ground(panel: Axes, ground: Array) -> None:
     panel.grid(color=GREY, linewidth=0.5, alpha=0.5)
     panel.tick_params(length=0, labelleft=False, labelbottom=False)
     panel.spines[:].set_visible(False)
-    right, up = ground.labels
+    right, up = (AXES[np.argmax([*axis, *-axis])] for axis in ground)
     panel.annotate(
         f"right: {right}, up: {up}", (1, 1), (-6, -6), "axes fraction", "offset points",
         ha="right", va="top", fontsize=9, color=INK,
     )  # fmt: skip
 
 
-def _draw_path(panel: "Axes", points_m: Array, colour: str, width: float) -> None:
+def _draw_path(panel: Axes, points_m: Array, colour: str, width: float) -> None:
     panel.plot(
         *points_m.T, color=colour, linewidth=width, solid_capstyle="round", **_outlined(width + 1.5)
     )
 
 
-def _draw_marks(panel: "Axes", start_m: Array, limits_m: Array) -> None:
+def _draw_marks(panel: Axes, start_m: Array, limits_m: Array) -> None:
     """Mark the start, and draw a scale bar of a round length in the lower left corner."""
-    from matplotlib.ticker import MaxNLocator
-
     white: dict[str, Any] = {"color": "white", "weight": "bold", "fontsize": 11, **_outlined(3.0)}
     panel.plot(*start_m, "o", color="white", markeredgecolor="black", markersize=9, gid="start")
     panel.annotate(
@@ -189,6 +167,4 @@ def _draw_marks(panel: "Axes", start_m: Array, limits_m: Array) -> None:
 
 def _outlined(width: float) -> dict[str, Any]:
     """Return the path effect of a dark outline of a width in points."""
-    from matplotlib.patheffects import withStroke
-
     return {"path_effects": [withStroke(linewidth=width, foreground="#000000")]}
