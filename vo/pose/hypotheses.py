@@ -57,7 +57,8 @@ class Problem(NamedTuple):
 def cumulative_weights(weights: Array) -> Array:
     """Sum the weights before each of N matches, and all of them: (N + 1,)."""
     bounds = np.zeros(len(weights) + 1)
-    bounds[1:] = np.cumsum(weights)
+    for k in range(len(weights)):
+        bounds[k + 1] = bounds[k] + weights[k]
     return bounds
 
 

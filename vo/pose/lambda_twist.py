@@ -29,7 +29,7 @@ def legs_lambda_twist(sides2: Array, cosines: Array, legs: Array) -> int:
     D2[0, 2] = D2[2, 0] = -bc2 * cos_ac
     D2[1, 2] = D2[2, 1] = ac2 * cos_bc
 
-    adjugate, pair = np.empty((3, 3)), np.empty((3, 3))
+    adjugate = np.empty((3, 3))
     cubic = np.empty(4)  # det(D1 + g D2)
     _adjugate(D1, adjugate)
     cubic[3], cubic[2] = (adjugate[0] * D1[0]).sum(), (adjugate * D2).sum()
@@ -42,9 +42,9 @@ def legs_lambda_twist(sides2: Array, cosines: Array, legs: Array) -> int:
         g, other = _simplest_root(cubic[::-1].copy()), D1
         if np.isnan(g):
             return 0
-        pair[:] = D2 + g * D1
+        pair = D2 + g * D1
     else:
-        pair[:] = D1 + g * D2
+        pair = D1 + g * D2
 
     _adjugate(pair, adjugate)
     k = 0
@@ -62,7 +62,7 @@ def legs_lambda_twist(sides2: Array, cosines: Array, legs: Array) -> int:
     pair[2, 1] += apex[0]
     largest = np.abs(pair).argmax()
     found = _meet(pair[largest // 3], other, sides2, cosines, legs, 0)
-    return _meet(pair[:, largest % 3], other, sides2, cosines, legs, found)
+    return _meet(pair[:, largest % 3].copy(), other, sides2, cosines, legs, found)
 
 
 @compiled(error_model="numpy")
@@ -107,12 +107,14 @@ def _meet(line: Array, conic: Array, sides2: Array, cosines: Array, legs: Array,
         L[i], L[j] = (half, a) if root == 0 else (c, half)
         L[k] = p * L[i] + q * L[j]
         if L.sum() < 0:
-            L[:] = -L
+            L = -L
         if L.min() <= 0:
             continue
         size = 2 * (L * L).sum()
         size -= 2 * (L[0] * L[1] * cosines[0] + L[0] * L[2] * cosines[1] + L[1] * L[2] * cosines[2])
         if size > 0:
-            legs[found] = L * np.sqrt(sides2.sum() / size)
+            scale = np.sqrt(sides2.sum() / size)
+            for n in range(3):
+                legs[found, n] = L[n] * scale
             found += 1
     return found
