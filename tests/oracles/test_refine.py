@@ -110,7 +110,7 @@ def mean_squared_px2(bundle, T_world_cam, points_world):
     return ((p[:, :2] / p[:, 2:] - bundle.measured[:, :2]) ** 2).sum(axis=1).mean()
 
 
-def test_published_error_of_sba_7(sba_7):
+def test_structure_of_sba_7_has_the_published_error(sba_7):
     assert (len(sba_7.points_world), len(sba_7.measured)) == (465, 1916)
     before = mean_squared_px2(sba_7, sba_7.T_world_cam, sba_7.points_world)
     assert before == pytest.approx(19.0947, abs=1e-4)
@@ -125,7 +125,7 @@ def test_published_error_of_sba_7(sba_7):
 
 @pytest.mark.parametrize("start", [T_WORLD_CAM, T_WORLD_CAM @ NUDGE], ids=["truth", "nearby"])
 @pytest.mark.parametrize("mono", [False, True])
-def test_motion_without_noise_is_the_truth(start, mono):
+def test_motion_without_noise_is_true(start, mono):
     points = points_ahead(60, np.random.default_rng(0))
     measured = measure(T_WORLD_CAM, points)
     if mono:
@@ -135,7 +135,7 @@ def test_motion_without_noise_is_the_truth(start, mono):
     assert found.iterations >= int(start is not T_WORLD_CAM)
 
 
-def test_motion_equals_scipy():
+def test_motion_with_noise_equals_scipy():
     rng = np.random.default_rng(1)
     points = points_ahead(50, rng)
     measured = measure(T_WORLD_CAM, points, rng)
@@ -146,7 +146,7 @@ def test_motion_equals_scipy():
     assert difference(found, expected) < 1e-5
 
 
-def test_motion_error_has_the_covariance_of_the_noise():
+def test_motion_error_has_the_covariance_of_noise():
     """Squared error over its covariance is 6 on average, the number of unknowns.
 
     Smaller would mean that the truth leaked, larger that information was lost.
@@ -170,7 +170,7 @@ def test_motion_error_has_the_covariance_of_the_noise():
     assert 5.1 < np.mean(normalised) < 6.9
 
 
-def test_disparity_that_is_unknown_does_not_count():
+def test_motion_ignores_unknown_disparities():
     """With NaN it is as if only the left eye existed; with a value it does count."""
     rng = np.random.default_rng(3)
     points = points_ahead(40, rng)
@@ -183,7 +183,7 @@ def test_disparity_that_is_unknown_does_not_count():
     assert difference(mono, stereo) > 1e-5
 
 
-def test_huber_holds_outliers():
+def test_motion_with_outliers_is_held_by_huber():
     rng = np.random.default_rng(4)
     points = points_ahead(80, rng)
     measured = measure(T_WORLD_CAM, points, rng)
@@ -201,7 +201,7 @@ def test_huber_holds_outliers():
     assert difference(found, expected) < held / 2
 
 
-def test_points_behind_the_camera_do_not_break_it():
+def test_motion_with_points_behind_is_finite():
     rng = np.random.default_rng(5)
     points = points_ahead(30, rng)
     measured = measure(T_WORLD_CAM, points)
@@ -232,7 +232,7 @@ def stereo_bundle():
     )
 
 
-def test_structure_equals_scipy(stereo_bundle):
+def test_structure_with_noise_equals_scipy(stereo_bundle):
     """Poses, points and final error, with stereo and mono measurements mixed."""
     b = stereo_bundle
     refined = refine_structure(b, PLAIN)
@@ -257,7 +257,7 @@ def test_structure_equals_scipy(stereo_bundle):
     assert np.abs(refined.points_world - b.points_world).max() > 0.01
 
 
-def test_fixed_cameras_stay(stereo_bundle):
+def test_structure_keeps_fixed_cameras(stereo_bundle):
     fixed = np.array([True, False, True, False])
     bundle = Bundle(**{**vars(stereo_bundle), "fixed": fixed})
     refined = refine_structure(bundle, PLAIN)
@@ -266,7 +266,7 @@ def test_fixed_cameras_stay(stereo_bundle):
     assert (moved[~fixed] > 1e-3).all()
 
 
-def test_huber_holds_outliers_of_the_structure(stereo_bundle):
+def test_structure_with_outlier_is_held_by_huber(stereo_bundle):
     measured = stereo_bundle.measured.copy()
     measured[10, :2] += [25, -20]
     spoilt = Bundle(**{**vars(stereo_bundle), "measured": measured})
@@ -278,7 +278,7 @@ def test_huber_holds_outliers_of_the_structure(stereo_bundle):
     assert errors[1] < errors[0] / 3
 
 
-def test_covariance_is_that_of_the_full_problem(stereo_bundle):
+def test_structure_covariance_equals_full_inverse(stereo_bundle):
     """The block of the inverse of all normal equations, points included, by differences."""
     b = stereo_bundle
     found = refine_structure(b, PLAIN)
@@ -298,6 +298,6 @@ def test_covariance_is_that_of_the_full_problem(stereo_bundle):
     np.testing.assert_allclose(found.covariance[3], covariance, rtol=1e-3, atol=1e-9)
 
 
-def test_iterations_are_bounded(stereo_bundle):
+def test_structure_iterations_are_bounded(stereo_bundle):
     refined = refine_structure(stereo_bundle, PLAIN.model_copy(update={"max_iterations": 1}))
     assert refined.iterations == 1

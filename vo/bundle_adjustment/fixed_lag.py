@@ -1,11 +1,11 @@
-"""The last keyframes, refined incrementally: what older ones knew stays as a prior.
+"""Incremental adjustment of the last keyframes, with older ones marginalised into a prior.
 
 iSAM2 (Kaess et al., IJRR 2012) on the keyframes' poses alone, inside GTSAM's fixed-lag smoother.
 Points are eliminated from its factors as in the window (`vo.bundle_adjustment.problem`). When a
-keyframe leaves, the points that it saw and that the newest one no longer sees are used up: their
-measurements become a factor that is marginalised with it. Of points that are still in sight, its
+keyframe leaves, the points that it observed and that the newest one does not are marginalised:
+their measurements become a factor that leaves with it. Of points that are still observed, its
 measurement is dropped, as by Leutenegger et al. (OKVIS, IJRR 2015, section 4.3): a prior on them
-would tie all of them together. Where that leaves too few, the oldest of these are used up too.
+would couple all of them. Where that leaves too few, the oldest of these are marginalised too.
 """
 
 from collections.abc import Mapping
@@ -24,29 +24,29 @@ from vo.contract.arrays import Array, Indices
 from vo.contract.observations import Observations
 from vo.contract.rig import StereoRig
 
-RELINEARISE = 1e-6
+RELINEARIZATION_STEP = 1e-6
 """Step, in metres or radians, beyond which a pose is linearised anew."""
 
 GAUGE_SIGMA = 1e-6
-"""Of the first keyframe, metres and radians."""
+"""Standard deviation of the first keyframe's pose, metres and radians."""
 
-SETTLED = 1e-5
+CONVERGED = 1e-5
 """Change of all poses, metres and radians, that ends the steps of an update."""
 
-LEAST_USED = 30
-"""Points that a keyframe must leave behind, for those after it to stay where they are."""
+MIN_MARGINALIZED = 30
+"""Points to marginalise with a keyframe at least, for the later ones to stay determined."""
 
 
 @dataclass(frozen=True)
 class Smoothed:
-    """What an update knows of the keyframes in the lag.
+    """Keyframes in the lag after an update.
 
     Attributes:
         T_odom_cam: (K, 4, 4).
         covariance: (K, 6, 6) tangent (v m, w rad).
         ids: (J,) landmarks that took part.
         estimates: Of these landmarks, at these poses.
-        iterations: Gauss–Newton steps.
+        iterations: Gauss-Newton steps.
     """
 
     T_odom_cam: Array
@@ -75,7 +75,7 @@ class FixedLag:
         """
         self.first, self._T_odom_first, self._covariance = first, T_odom_first, covariance
         parameters = gtsam.ISAM2Params()
-        parameters.setRelinearizeThreshold(RELINEARISE)
+        parameters.setRelinearizeThreshold(RELINEARIZATION_STEP)
         parameters.relinearizeSkip = 1
         self._smoother = gtsam.IncrementalFixedLagSmoother(lag - 1.0, parameters)
         graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
@@ -120,8 +120,8 @@ class FixedLag:
                 times[X(serial)] = float(serial)
         serials = list(T_odom_cam)
         in_sight = observations[serials[-1]].ids
-        if used_up := self._use_up(serials[0], in_sight, rig, settings):
-            graph.add(used_up)
+        if marginalized := self._marginalize(serials[0], in_sight, rig, settings):
+            graph.add(marginalized)
         fresh = ~np.isin(ids, self.spent)
         ids, points_odom = ids[fresh], points_odom[fresh]
         active = _estimates(T_odom_cam, observations, ids, points_odom, rig, settings)
@@ -130,9 +130,9 @@ class FixedLag:
         self._active = [self._smoother.getISAM2Result().getNewFactorsIndices()[-1]]
         self._T_odom_cam, self._observations = T_odom_cam, observations
         self._landmarks = ids, points_odom
-        return self._settle(serials, ids, active, settings)
+        return self._converge(serials, ids, active, settings)
 
-    def _use_up(
+    def _marginalize(
         self, kept: int, in_sight: Indices, rig: StereoRig, settings: RefinementSettings
     ) -> gtsam.CustomFactor | None:
         """Landmarks of keyframes that leave now: out of sight, or the oldest."""
@@ -143,7 +143,7 @@ class FixedLag:
         theirs = np.isin(ids, np.concatenate(leaving))
         used = theirs & ~np.isin(ids, in_sight)
         lasting = np.flatnonzero(theirs & ~used)
-        used[lasting[: max(0, LEAST_USED - int(used.sum()))]] = True
+        used[lasting[: max(0, MIN_MARGINALIZED - int(used.sum()))]] = True
         if not used.any():
             return None
         self.spent = np.concatenate([self.spent, ids[used]])
@@ -153,16 +153,16 @@ class FixedLag:
         estimates = _estimates(*known, ids[used], points[used], rig, settings)
         return _factor(list(self._T_odom_cam), estimates)
 
-    def _settle(
+    def _converge(
         self, serials: list[int], ids: Indices, active: PointEstimates, s: RefinementSettings
     ) -> Smoothed:
-        """Take Gauss–Newton steps until they are small."""
+        """Take Gauss-Newton steps until they are small."""
         T_odom_cam, steps = self._poses(serials), 1
         while steps < s.max_iterations:
             self._smoother.update()
             T_before, T_odom_cam = T_odom_cam, self._poses(serials)
             steps += 1
-            if np.abs(se3.log(se3.inverse(T_before) @ T_odom_cam)).max() < SETTLED:
+            if np.abs(se3.log(se3.inverse(T_before) @ T_odom_cam)).max() < CONVERGED:
                 break
         cameras = active.block.cameras
         active.linearize(T_odom_cam[cameras], np.zeros(len(cameras), bool), derivatives=False)
