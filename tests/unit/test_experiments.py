@@ -10,12 +10,11 @@ import pytest
 
 from trials.evaluation.runs import read_map
 from trials.execution.jobs import Job, Recording, Result, Results, Variant
-from trials.studies.experiments.base import FULL, SMALL, Experiment, Steps, Table, Verdict
+from trials.studies.experiments.base import FULL, SMALL, Experiment, Steps, Verdict
 from trials.studies.experiments.e01_orientation import inlier_rise
 from trials.studies.experiments.e11_stationary import stationary_drift, stops
 from trials.studies.experiments.measures import (
     first_failure,
-    ragged,
     step_errors_m,
     tracked_fraction,
 )
@@ -114,10 +113,10 @@ def test_every_experiment_of_the_thesis_is_there():
     assert [f"E{k}" for k in range(1, 13)] == list(EXPERIMENTS)[:12]
     for name, experiment in EXPERIMENTS.items():
         assert experiment.id == name
-        jobs = experiment.steps.jobs(FULL)
+        jobs = experiment.jobs(FULL)
         assert len(set(jobs)) == len(jobs)
         assert {t.recording.seed for t in jobs} <= set(FULL.seeds)
-        assert len(experiment.steps.jobs(SMALL)) <= len(jobs)
+        assert len(experiment.jobs(SMALL)) <= len(jobs)
 
 
 MADE = Experiment(
@@ -128,13 +127,17 @@ MADE = Experiment(
     setup="Nothing was done.",
     caption="A line.",
     size_in=(3.0, 2.0),
+    recordings=lambda _: [],
+    variants=(),
     steps=Steps(
-        jobs=lambda _: [],
         measure=lambda _: 2,
         conclude=lambda found: (Verdict.PARTLY, "It is so & so."),
-        table=lambda found: Table.of("what | how much, %", [("this", "1"), ("that", str(found))]),
+        table=lambda found: [
+            {"what": "this", "how much, %": "1"},
+            {"what": "that", "how much, %": str(found)},
+        ],
         draw=lambda figure, found: figure.subplots().plot([0, 1], [0, found]),
-        data=lambda found: {"a line": ragged(x=np.arange(3), y=np.array([0.5]))},
+        data=lambda found: {"a line": {"x": np.arange(3), "y": np.array([0.5])}},
     ),
 )
 NOTHING = Results({})
@@ -163,6 +166,7 @@ def test_pages_hold_every_part(tmp_path):
     assert "[X1](#x1-a-made-up-thing)" in text
     assert "## X1. A made-up thing" in text
     assert "![A made-up thing](pictures/X1.png)" in text
+    assert "| what | how much, % |" in text
     assert "| this | 1 |" in text
     write_html_page([record], tmp_path, tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text()

@@ -32,7 +32,7 @@ def experiment(
     scale = replace(scale, seeds=tuple(range(seeds))) if seeds else scale
     folder = out / SMALL_FOLDER if small else out
     for one in chosen:
-        jobs = one.steps.jobs(scale)
+        jobs = one.jobs(scale)
         with console.counting_bar(one.id, len({x.recording for x in jobs})) as count:
             results = run_jobs(jobs, progress=count)
         _print(write_record(one, results, scale, folder), folder)

@@ -1,19 +1,22 @@
 """Experiments: a claim, the jobs that test it, and the conclusion."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any, Generic, TypeVar
 
 from matplotlib.figure import Figure
 
-from trials.execution.jobs import Job, Recording, Results
+from trials.execution.jobs import Job, Recording, Results, Variant, jobs_of
+from trials.execution.runner import NO_LABELS
 from vo.contract.arrays import Array
 
 M = TypeVar("M")
 """Measurements of an experiment."""
+Rows = Sequence[Mapping[str, str]]
+"""Rows of a table, each a heading with unit to a cell; all have the same headings."""
 Data = Mapping[str, Mapping[str, Array]]
-"""Name of a CSV file to its columns, each a name with unit to (N,) values."""
+"""Name of a CSV file to its columns, each a name with unit to (N,) values of its own length."""
 
 
 class Verdict(StrEnum):
@@ -23,6 +26,13 @@ class Verdict(StrEnum):
     PARTLY = "holds in part"
     FAILS = "does not hold"
     OPEN = "cannot be decided"
+
+    @staticmethod
+    def of(in_part: bool, in_full: bool) -> "Verdict":
+        """Return whether a claim holds in part and, if so, whether it holds in full."""
+        if not in_part:
+            return Verdict.FAILS
+        return Verdict.HOLDS if in_full else Verdict.PARTLY
 
 
 Finding = tuple[Verdict, str]
@@ -48,8 +58,7 @@ class Scale:
     @property
     def drive(self) -> tuple[str, ...]:
         """Overrides of every recording: its length, and no labels, as none is needed."""
-        return (f"drive.distance_m={self.distance_m:g}", "labels.depth=false",
-                "labels.disparity=false", *self.overrides)  # fmt: skip
+        return (f"drive.distance_m={self.distance_m:g}", *NO_LABELS, *self.overrides)
 
     def recordings(self, scenes: Sequence[str], seeds: int | None = None) -> list[Recording]:
         """Return drives through scenes, each with all or the first few seeds."""
@@ -69,29 +78,10 @@ SMALL = Scale(
 
 
 @dataclass(frozen=True)
-class Table:
-    """Table of text.
-
-    Attributes:
-        columns: Headings, with units.
-        rows: A cell for each column.
-    """
-
-    columns: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-
-    @staticmethod
-    def of(heading: str, rows: Sequence[tuple[str, ...]]) -> "Table":
-        """Make a table whose headings are separated by ` | `."""
-        return Table(tuple(heading.split(" | ")), tuple(rows))
-
-
-@dataclass(frozen=True)
 class Steps(Generic[M]):
     """Functions of an experiment.
 
     Attributes:
-        jobs: Returns all jobs at a scale.
         conclude: Decides on the claim.
         table: Tabulates the measurements.
         draw: Draws the figure.
@@ -99,9 +89,8 @@ class Steps(Generic[M]):
         measure: Computes the measurements from the results; the results themselves by default.
     """
 
-    jobs: Callable[[Scale], Sequence[Job]]
     conclude: Callable[[M], Finding]
-    table: Callable[[M], Table]
+    table: Callable[[M], Rows]
     draw: Callable[[Figure, M], None]
     data: Callable[[M], Data]
     measure: Callable[[Results], Any] = lambda results: results
@@ -134,8 +123,16 @@ class Experiment(Claim):
 
     Attributes:
         size_in: Width and height of the figure, inches.
-        steps: Functions that perform it.
+        recordings: Returns the drives at a scale.
+        variants: Estimators that are run over each of them.
+        steps: Functions that evaluate the results.
     """
 
     size_in: tuple[float, float]
+    recordings: Callable[[Scale], Sequence[Recording]]
+    variants: Collection[Variant]
     steps: Steps[Any]
+
+    def jobs(self, scale: Scale) -> list[Job]:
+        """Combine every drive at a scale with every variant."""
+        return jobs_of(self.recordings(scale), self.variants)

@@ -1,16 +1,16 @@
 """F2 and F: changes of the default settings, compared pair by pair over the same recordings."""
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from trials.evaluation.intervals import Interval, ratio_interval
-from trials.execution.jobs import Job, Results, Variant, jobs_of
+from trials.execution.jobs import Recording, Results, Variant
 from trials.report.figure import GREY, INK, RED, tidy
-from trials.studies.experiments.base import Data, Experiment, Finding, Scale, Steps, Table, Verdict
-from trials.studies.experiments.measures import lost_percent, mean_text
+from trials.studies.experiments.base import Data, Experiment, Finding, Rows, Scale, Steps, Verdict
+from trials.studies.experiments.measures import lost_text, mean_text
 from trials.studies.experiments.variants import DEFAULT, THESIS
 
 
@@ -30,36 +30,42 @@ class Comparison:
     reference: Variant
     others: tuple[Variant, ...]
 
-    def jobs(self, scale: Scale) -> Sequence[Job]:
-        """Return jobs of the reference and all variants."""
-        return jobs_of(scale.recordings(self.scenes, 3), (self.reference, *self.others))
+    @property
+    def variants(self) -> tuple[Variant, ...]:
+        """Reference and variants."""
+        return (self.reference, *self.others)
+
+    def recordings(self, scale: Scale) -> list[Recording]:
+        """Return the drives at a scale."""
+        return scale.recordings(self.scenes, 3)
+
+    def steps(self, conclude: Callable[[Results], Finding]) -> Steps[Results]:
+        """Return the functions of an experiment."""
+        return Steps(conclude, self.table, self.draw, self.data)
 
     def ratios(self, results: Results) -> dict[Variant, Interval]:
         """Return the geometric mean of each variant's drift over that of the reference."""
         known = results.drifts(self.reference)
         return {v: ratio_interval(results.drifts(v), known) for v in self.others}
 
-    def table(self, results: Results) -> Table:
+    def table(self, results: Results) -> Rows:
         """Return a row for the reference and each variant."""
-        found = self.ratios(results)
-        rows = [
-            (
-                variant.label,
-                mean_text(results.drifts(variant)),
-                "1" if variant == self.reference else found[variant].text(2),
-                f"{lost_percent(results, variant):.1f}",
-                f"{np.mean([np.median(x.frames.frame_ms) for x in results.of(variant)]):.0f}",
-            )
-            for variant in (self.reference, *self.others)
+        ratios = {self.reference: "1"} | {v: x.text(2) for v, x in self.ratios(results).items()}
+        ms = {v: [np.median(x.frames.frame_ms) for x in results.of(v)] for v in ratios}
+        return [
+            {
+                self.heading: v.label,
+                "drift over 1 m, %": mean_text(results.drifts(v)),
+                "ratio": ratio,
+                "frames lost, %": lost_text(results, v),
+                "ms per frame": f"{np.mean(ms[v]):.0f}",
+            }
+            for v, ratio in ratios.items()
         ]
-        return Table.of(
-            f"{self.heading} | drift over 1 m, % | ratio | frames lost, % | ms per frame", rows
-        )
 
     def data(self, results: Results) -> Data:
         """Return the drifts of all runs, a column for each variant."""
-        variants = (self.reference, *self.others)
-        return {"drift": {f"{v.label}, %": results.drifts(v) for v in variants}}
+        return {"drift": {f"{v.label}, %": results.drifts(v) for v in self.variants}}
 
     def draw(self, figure: Figure, results: Results) -> None:
         """Draw the ratio of every variant with its interval; dots are recordings."""
@@ -75,8 +81,7 @@ class Comparison:
         panel.set_xscale("log")
         panel.set_yticks(range(len(self.others)), [v.label for v in self.others])
         panel.set_ylim(len(self.others) - 0.5, -0.5)
-        label = f"drift, ratio to {self.reference.label} (1: equal; left is better)"
-        tidy(panel, label, "")
+        tidy(panel, f"drift, ratio to {self.reference.label} (1: equal; left is better)", "")
         panel.tick_params(axis="y", labelsize=8.5)
         panel.xaxis.set_major_formatter("{x:g}")
 
@@ -129,11 +134,8 @@ def conclude_detectors(results: Results) -> Finding:
     """Compare the drift with each detector."""
     found = DETECTORS.ratios(results)
     harris = found[HARRIS]
-    verdict = Verdict.OPEN
-    if harris.low > 1:
-        verdict = Verdict.HOLDS
-    elif harris.high < 1:
-        verdict = Verdict.FAILS
+    decided = harris.low > 1 or harris.high < 1
+    verdict = Verdict.of(harris.low > 1, True) if decided else Verdict.OPEN
     return verdict, (
         f"With Harris corners the drift is {harris.text(2)} times that with CenSurE, with the same "
         f"matching, stereo and refinement; with box kernels {found[BOX].text(2)} times, with star "
@@ -149,12 +151,13 @@ def conclude_changes(results: Results) -> Finding:
     worse, better = (
         ", ".join(f"{v.label} {found[v].value:.2f}" for v in some) for some in (costly[:5], gains)
     )
-    return Verdict.HOLDS if costly and not gains else Verdict.PARTLY, (
-        (f"Largest increases of the drift (ratio to the default settings): {worse}. " if worse
-         else "")
-        + (f"Better than the default settings: {better}." if better
-           else "No change is significantly better.")
-    )  # fmt: skip
+    sentence = "No change is significantly better."
+    if gains:
+        sentence = f"Better than the default settings: {better}."
+    if costly:
+        increases = "Largest increases of the drift (ratio to the default settings)"
+        sentence = f"{increases}: {worse}. {sentence}"
+    return Verdict.of(True, bool(costly and not gains)), sentence
 
 
 F2 = Experiment(
@@ -167,9 +170,9 @@ F2 = Experiment(
     caption="Drift with each detector over that with the default one: diamonds are geometric "
     "means, bars their 95 % intervals, dots drives.",
     size_in=(8.0, 2.4),
-    steps=Steps(
-        DETECTORS.jobs, conclude_detectors, DETECTORS.table, DETECTORS.draw, DETECTORS.data
-    ),
+    recordings=DETECTORS.recordings,
+    variants=DETECTORS.variants,
+    steps=DETECTORS.steps(conclude_detectors),
 )
 F = Experiment(
     id="F",
@@ -182,5 +185,7 @@ F = Experiment(
     caption="Drift with one change over that of the default settings: diamonds are geometric "
     "means, bars their 95 % intervals, dots drives.",
     size_in=(8.5, 5.2),
-    steps=Steps(CHANGES.jobs, conclude_changes, CHANGES.table, CHANGES.draw, CHANGES.data),
+    recordings=CHANGES.recordings,
+    variants=CHANGES.variants,
+    steps=CHANGES.steps(conclude_changes),
 )

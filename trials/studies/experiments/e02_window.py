@@ -1,16 +1,16 @@
 """E2: local bundle adjustment is nearly as accurate as global, and much faster (thesis 4.2)."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from trials.evaluation.intervals import Interval, ratio_interval
-from trials.execution.jobs import Job, Results, Variant, jobs_of
+from trials.execution.jobs import Results, Variant
 from trials.report.figure import BLUE, RED, tidy
-from trials.studies.experiments.base import Data, Experiment, Finding, Scale, Steps, Table, Verdict
-from trials.studies.experiments.measures import mean_text
+from trials.studies.experiments.base import Data, Experiment, Finding, Rows, Steps, Verdict
+from trials.studies.experiments.measures import draw_means, mean_text
+from vo.contract.arrays import Array
 
 SCENES = ("office", "brick_court")
 LENGTH_M = 2.4
@@ -29,43 +29,31 @@ MUCH = 3.0
 """Smallest ratio of times that is much faster."""
 
 
-def _jobs(scale: Scale) -> Sequence[Job]:
-    short = replace(scale, distance_m=min(LENGTH_M, scale.distance_m))
-    return jobs_of(short.recordings(SCENES), VARIANTS)
-
-
 def _conclude(results: Results) -> Finding:
-    drift, faster = _drift_ratios(results)[:-1], _time_ratios(results)[:-1]
-    good = [
-        k
-        for k, (d, f) in enumerate(zip(drift, faster, strict=True))
-        if d.value <= NEARLY and f.value >= MUCH
-    ]
-    best = good[0] if good else len(WINDOWS) - 1
+    ratios = {window: _ratios(results, variant) for window, variant in LOCAL.items()}
+    good = [w for w, (x, y) in ratios.items() if x.value <= NEARLY and y.value >= MUCH]
+    best = good[0] if good else max(ratios)
+    drift, faster = ratios[best]
     return Verdict.HOLDS if good else Verdict.FAILS, (
-        f"A window of {WINDOWS[best]} frames has {drift[best].text(2)} times the drift of "
-        f"adjusting all frames at every frame, and its refinement is {faster[best].text(1)} times "
-        f"as fast on drives of {LENGTH_M:g} m; the ratio of times grows with the drive."
+        f"A window of {best} frames has {drift.text(2)} times the drift of adjusting all frames at "
+        f"every frame, and its refinement is {faster.text(1)} times as fast on drives of "
+        f"{LENGTH_M:g} m; the ratio of times grows with the drive."
     )
 
 
-def _table(results: Results) -> Table:
-    ratios = zip(_drift_ratios(results), _time_ratios(results), strict=True)
-    rows = [
-        (
-            variant.label,
-            mean_text(results.drifts(variant)),
-            "1" if variant == GLOBAL else drift.text(2),
-            mean_text(_refinement_ms(results, variant), 1),
-            "1" if variant == GLOBAL else faster.text(1),
-        )
-        for variant, (drift, faster) in zip(VARIANTS, ratios, strict=True)
+def _table(results: Results) -> Rows:
+    ratios = {v: tuple(x.text(k) for x, k in zip(_ratios(results, v), (2, 1), strict=True))
+              for v in LOCAL.values()} | {GLOBAL: ("1", "1")}  # fmt: skip
+    return [
+        {
+            "adjusted at every frame": v.label,
+            "drift over 1 m, %": mean_text(results.drifts(v)),
+            "drift, ratio to all frames": ratios[v][0],
+            "refinement, ms per frame": mean_text(_refinement_ms(results, v), 1),
+            "times as fast as all frames": ratios[v][1],
+        }
+        for v in VARIANTS
     ]
-    return Table.of(
-        "adjusted at every frame | drift over 1 m, % | drift, ratio to all frames | refinement, ms "
-        "per frame | times as fast as all frames",
-        rows,
-    )
 
 
 def _data(results: Results) -> Data:
@@ -78,33 +66,25 @@ def _data(results: Results) -> Data:
     }
 
 
-def _drift_ratios(results: Results) -> list[Interval]:
-    return [ratio_interval(results.drifts(v), results.drifts(GLOBAL)) for v in VARIANTS]
+def _ratios(results: Results, variant: Variant) -> tuple[Interval, Interval]:
+    """Return the drift over that of all frames, and the time of all frames over its own."""
+    drift = ratio_interval(results.drifts(variant), results.drifts(GLOBAL))
+    return drift, ratio_interval(_refinement_ms(results, GLOBAL), _refinement_ms(results, variant))
 
 
-def _time_ratios(results: Results) -> list[Interval]:
-    reference_ms = _refinement_ms(results, GLOBAL)
-    return [ratio_interval(reference_ms, _refinement_ms(results, v)) for v in VARIANTS]
-
-
-def _refinement_ms(results: Results, variant: Variant) -> np.ndarray:
+def _refinement_ms(results: Results, variant: Variant) -> Array:
     """Return the mean time (N,) of the structure refinement of each run."""
-    return np.array(
-        [np.nanmean(x.frames.timings_ms["structure refinement"]) for x in results.of(variant)]
-    )
+    ms = [x.frames.timings_ms["structure refinement"] for x in results.of(variant)]
+    return np.array([np.nanmean(x) for x in ms])
 
 
 def _draw(figure: Figure, results: Results) -> None:
     left, right = figure.subplots(1, 2)
     for panel, measure, label, colour in (
-        (left, lambda v: results.drifts(v), "drift over 1 m, %", RED),
+        (left, results.drifts, "drift over 1 m, %", RED),
         (right, lambda v: _refinement_ms(results, v), "refinement, ms per frame", BLUE),
     ):
-        means = [np.nanmean(measure(v)) for v in LOCAL.values()]
-        panel.plot(WINDOWS, means, color=colour, lw=1.5)
-        for window, variant in LOCAL.items():
-            values = measure(variant)
-            panel.plot(np.full(len(values), window), values, "o", color=colour, ms=3, alpha=0.5)
+        draw_means(panel, {window: measure(v) for window, v in LOCAL.items()}, colour)
         panel.axhline(np.nanmean(measure(GLOBAL)), color=colour, ls="--", lw=1.0)
         panel.set_xscale("log", base=2)
         panel.set_xticks(WINDOWS, [str(w) for w in WINDOWS])
@@ -125,5 +105,9 @@ E2 = Experiment(
     caption="Drift (left) and time of the structure refinement (right) over the size of the "
     "window; dots are drives, lines their means, dashed: all frames.",
     size_in=(9.0, 3.4),
-    steps=Steps(_jobs, _conclude, _table, _draw, _data),
+    recordings=lambda scale: replace(scale, distance_m=min(LENGTH_M, scale.distance_m)).recordings(
+        SCENES
+    ),
+    variants=VARIANTS,
+    steps=Steps(_conclude, _table, _draw, _data),
 )

@@ -1,16 +1,15 @@
 """E4: without refinement, the drift on a handheld circle is large (thesis 4.3, fig. 4.3)."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from matplotlib.figure import Figure
 
 from trials.evaluation.intervals import ratio_interval
-from trials.execution.jobs import Job, Result, Results, jobs_of
+from trials.execution.jobs import Result, Results
 from trials.report.figure import BLUE, OCHRE, RED, TRUTH, tidy
-from trials.studies.experiments.base import Data, Experiment, Finding, Scale, Steps, Table, Verdict
-from trials.studies.experiments.measures import lost_percent, mean_text, paths_m, ragged
+from trials.studies.experiments.base import Data, Experiment, Finding, Rows, Steps, Verdict
+from trials.studies.experiments.measures import lost_text, mean_text, paths_m
 from trials.studies.experiments.variants import DEFAULT, THESIS, UNREFINED
+from vo.contract.arrays import Array
 
 LENGTH_M = 9.2
 """Length of one circle."""
@@ -19,49 +18,37 @@ LARGE = 2.0
 """Smallest ratio of drifts that is large."""
 
 
-def _jobs(scale: Scale) -> Sequence[Job]:
-    return jobs_of(scale.with_length(LENGTH_M).recordings(["lab_circle"]), SHOWN)
-
-
 def _conclude(results: Results) -> Finding:
     times = ratio_interval(results.drifts(UNREFINED), results.drifts(THESIS))
-    verdict = Verdict.FAILS
-    if times.value > 1:
-        verdict = Verdict.HOLDS if times.value >= LARGE and times.low > 1 else Verdict.PARTLY
-    return verdict, (
+    return Verdict.of(times.value > 1, times.value >= LARGE and times.low > 1), (
         f"Without refinement the drift is {times.text(2)} times that with refinement, on a "
         f"handheld circle of {LENGTH_M:g} m."
     )
 
 
-def _table(results: Results) -> Table:
-    rows: list[tuple[str, ...]] = []
-    for variant in SHOWN:
-        runs = results.of(variant)
-        end_m = np.array([x.score.end_m if x.score else np.nan for x in runs])
-        row = (
-            variant.label,
-            mean_text(results.drifts(variant)),
-            mean_text(np.array([x.rotation_deg_per_m for x in runs])),
-            mean_text(100 * end_m, 1),
-            f"{lost_percent(results, variant):.1f}",
-        )
-        rows.append(row)
-    return Table.of(
-        "variant | drift over 1 m, % | rotation, °/m | end point, cm | frames lost, %", rows
-    )
+def _table(results: Results) -> Rows:
+    end_m = {v: np.array([x.score.end_m if x.score else np.nan for x in results.of(v)])
+             for v in SHOWN}  # fmt: skip
+    return [
+        {
+            "variant": v.label,
+            "drift over 1 m, %": mean_text(results.drifts(v)),
+            "rotation, °/m": mean_text(np.array([x.rotation_deg_per_m for x in results.of(v)])),
+            "end point, cm": mean_text(100 * end_m[v], 1),
+            "frames lost, %": lost_text(results, v),
+        }
+        for v in SHOWN
+    ]
 
 
-def _error_m(run: Result) -> np.ndarray:
+def _error_m(run: Result) -> Array:
     truth, estimate = paths_m(run)
     return np.linalg.norm(estimate - truth, axis=1)
 
 
 def _data(results: Results) -> Data:
     return {
-        f"error {v.label}": ragged(
-            **{f"seed {x.job.recording.seed}, m": _error_m(x) for x in results.of(v)}
-        )
+        f"error {v.label}": {f"seed {x.job.recording.seed}, m": _error_m(x) for x in results.of(v)}
         for v in SHOWN
     }
 
@@ -77,7 +64,7 @@ def _draw(figure: Figure, results: Results) -> None:
         for run in results.of(variant):
             right.plot(run.pair.travelled_m, 100 * _error_m(run), color=colour, lw=0.9)
     left.set_aspect("equal", adjustable="datalim")
-    left.legend(fontsize=8, frameon=False, loc="center")
+    left.legend(loc="center")
     tidy(left, "x, m", "y, m", f"lab_circle, seed {first.seed}")
     tidy(right, "true path, m", "position error, cm", "all seeds")
 
@@ -93,5 +80,7 @@ E4 = Experiment(
     caption="Paths from above of the first seed, first poses aligned, and position error along "
     "the path on all drives.",
     size_in=(9.0, 3.8),
-    steps=Steps(_jobs, _conclude, _table, _draw, _data),
+    recordings=lambda scale: scale.with_length(LENGTH_M).recordings(["lab_circle"]),
+    variants=SHOWN,
+    steps=Steps(_conclude, _table, _draw, _data),
 )

@@ -1,17 +1,17 @@
 """E5: motion refinement lowers the reprojection error of a blurred turn (thesis 4.3, fig. 4.4)."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from trials.evaluation.intervals import Interval, mean_interval
+from trials.evaluation.intervals import mean_interval
 from trials.evaluation.runs import read_map
-from trials.execution.jobs import Job, Result, Results, jobs_of
+from trials.execution.jobs import Result, Results
 from trials.report.figure import BLUE, RED, tidy
-from trials.studies.experiments.base import Data, Experiment, Finding, Scale, Steps, Table, Verdict
-from trials.studies.experiments.measures import draw_turn_rate, ragged, turn_rate_deg_s
+from trials.studies.experiments.base import Data, Experiment, Finding, Rows, Steps, Verdict
+from trials.studies.experiments.measures import draw_turn_rate, turn_rate_deg_s
 from trials.studies.experiments.variants import UNREFINED
 from vo.bundle_adjustment.adjust import refine_motion
 from vo.config import THESIS
@@ -44,31 +44,26 @@ class Reprojection:
     @property
     def peaks(self) -> Mask:
         """(N,) frames whose error before is above PEAK times the median."""
-        with np.errstate(invalid="ignore"):
-            return self.before > PEAK * np.nanmedian(self.before)
+        return self.before > PEAK * np.nanmedian(self.before)
 
 
 BySeed = Mapping[int, Reprojection]
 
 
-def _jobs(scale: Scale) -> Sequence[Job]:
-    return jobs_of(scale.recordings(["turntable"], 3), [UNREFINED])
-
-
 def measure(results: Results) -> BySeed:
     """Compute the reprojection errors of every run."""
-    return {r.seed: reprojection(results.at(r, UNREFINED)) for r in results.recordings}
+    return {r.seed: _reprojection(results.at(r, UNREFINED)) for r in results.recordings}
 
 
-def reprojection(result: Result) -> Reprojection:
+def _reprojection(result: Result) -> Reprojection:
     """Refine every pose of an unrefined run on the points of its map."""
     rig = open_sequence(result.dataset).rig
     points, tracks = read_map(companion(result.file, "map.ply")), result.tracks
     order = np.argsort(points.ids)
     row = np.searchsorted(points.ids[order], tracks.landmark).clip(max=len(order) - 1)
     known = tracks.inlier & (points.ids[order][row] == tracks.landmark)
-    poses = dict(zip(result.run.trajectory.timestamps_ns.tolist(),
-                     result.run.trajectory.T_ref_frame, strict=True))  # fmt: skip
+    trajectory = result.run.trajectory
+    poses = dict(zip(trajectory.timestamps_ns.tolist(), trajectory.T_ref_frame, strict=True))
     before, after = np.full((2, len(result.frames)), np.nan)
     for i, time_ns in enumerate(result.frames.timestamps_ns.tolist()):
         mine = known & (tracks.frame == i)
@@ -85,19 +80,15 @@ def reprojection(result: Result) -> Reprojection:
 
 
 def _conclude(found: BySeed) -> Finding:
-    before = np.concatenate([x.before[x.peaks] for x in found.values()])
-    after = np.concatenate([x.after[x.peaks] for x in found.values()])
-    normal = np.concatenate([x.after[~x.peaks] for x in found.values()])
-    removed = after < PEAK * np.nanmedian(normal)
-    gain = mean_interval(before / after)
-    verdict = Verdict.FAILS
-    if len(before) and gain.value > 1:
-        verdict = Verdict.HOLDS if removed.mean() > 0.5 else Verdict.PARTLY
-    return verdict, _with_peaks(removed, gain) if len(before) else _without_peaks(found)
-
-
-def _with_peaks(removed: Mask, gain: Interval) -> str:
-    return (
+    before, after, turn_deg_s, peaks = (
+        np.concatenate([getattr(x, name) for x in found.values()])
+        for name in ("before", "after", "turn_deg_s", "peaks")
+    )
+    if not peaks.any():
+        return Verdict.FAILS, _without_peaks(before, after, turn_deg_s > FAST_DEG_S)
+    removed = after[peaks] < PEAK * np.nanmedian(after[~peaks])
+    gain = mean_interval(before[peaks] / after[peaks])
+    return Verdict.of(gain.value > 1, removed.mean() > 0.5), (
         f"Of {len(removed)} frames whose error is more than {PEAK:g} times the median, refinement "
         f"of the motion alone brings {100 * removed.mean():.0f} % below that limit; it divides "
         f"their error by {gain.text(1)}. It cannot correct the matches, which have errors on a "
@@ -105,12 +96,7 @@ def _with_peaks(removed: Mask, gain: Interval) -> str:
     )
 
 
-def _without_peaks(found: BySeed) -> str:
-    before, after, turn = (
-        np.concatenate([getattr(x, name) for x in found.values()])
-        for name in ("before", "after", "turn_deg_s")
-    )
-    fast = turn > FAST_DEG_S
+def _without_peaks(before: Array, after: Array, fast: Mask) -> str:
     return (
         "There is no peak: the threshold of RANSAC limits the errors of inliers, and of "
         f"{fast.sum()} frames that turn by more than {FAST_DEG_S:g} °/s "
@@ -120,26 +106,30 @@ def _without_peaks(found: BySeed) -> str:
     )
 
 
-def _table(found: BySeed) -> Table:
-    rows: list[tuple[str, ...]] = []
-    for seed, x in found.items():
-        cells = [f"{np.nanmean(v[w]):.2f}" if w.any() else "–"
-                 for w in (~x.peaks, x.peaks) for v in (x.before, x.after)]  # fmt: skip
-        rate = np.nanmedian(x.turn_deg_s[x.peaks]) if x.peaks.any() else np.nan
-        rows.append((str(seed), str(int(x.peaks.sum())), *cells, f"{rate:.0f}"))
-    return Table.of(
-        "seed | peaks, frames | elsewhere before, px | elsewhere after, px | peaks before, px | "
-        "peaks after, px | turn rate at peaks, °/s",
-        rows,
-    )
+def _table(found: BySeed) -> Rows:
+    def mean_px(errors: Array) -> str:
+        return f"{np.nanmean(errors):.2f}" if len(errors) else "–"
+
+    return [
+        {
+            "seed": str(seed),
+            "peaks, frames": str(x.peaks.sum()),
+            "elsewhere before, px": mean_px(x.before[~x.peaks]),
+            "elsewhere after, px": mean_px(x.after[~x.peaks]),
+            "peaks before, px": mean_px(x.before[x.peaks]),
+            "peaks after, px": mean_px(x.after[x.peaks]),
+            "turn rate at peaks, °/s": f"{np.median(x.turn_deg_s[x.peaks]):.0f}"
+            if x.peaks.any()
+            else "–",
+        }
+        for seed, x in found.items()
+    ]
 
 
 def _data(found: BySeed) -> Data:
     return {
-        f"seed {seed}": ragged(
-            **{"before, px": x.before, "after, px": x.after, "turn rate, °/s": x.turn_deg_s}
-        )
-        for seed, x in found.items()
+        f"seed {k}": {"before, px": x.before, "after, px": x.after, "turn rate, °/s": x.turn_deg_s}
+        for k, x in found.items()
     }
 
 
@@ -151,7 +141,7 @@ def _draw(figure: Figure, found: BySeed) -> None:
     panel.plot(shown.before, color=BLUE, lw=1.0, label="before refinement of the pose")
     panel.plot(shown.after, color=RED, lw=1.0, label="after")
     panel.set_ylim(bottom=0)
-    panel.legend(fontsize=8, frameon=False, loc="lower right")
+    panel.legend(loc="lower right")
     tidy(panel, "frame", "mean reprojection error, px", f"turntable, seed {seed}")
 
 
@@ -165,5 +155,7 @@ E5 = Experiment(
     caption="Mean reprojection error of every frame before and after refinement of the motion on "
     "fixed points; grey: turn rate of the camera.",
     size_in=(9.0, 3.2),
-    steps=Steps(_jobs, _conclude, _table, _draw, _data, measure),
+    recordings=lambda scale: scale.recordings(["turntable"], 3),
+    variants=(UNREFINED,),
+    steps=Steps(_conclude, _table, _draw, _data, measure),
 )

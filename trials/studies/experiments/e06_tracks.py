@@ -5,13 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.figure import Figure
+from scipy.spatial import cKDTree
 
 from trials.evaluation.intervals import mean_interval
 from trials.evaluation.runs import read_map
-from trials.execution.jobs import Job, Result, Results, Variant, jobs_of
+from trials.execution.jobs import Result, Results, Variant
 from trials.report.figure import BLUE, INK, RED, tidy
-from trials.studies.experiments.base import Data, Experiment, Finding, Scale, Steps, Table, Verdict
-from trials.studies.experiments.measures import lost_percent, mean_text
+from trials.studies.experiments.base import Data, Experiment, Finding, Rows, Steps, Verdict
+from trials.studies.experiments.measures import lost_text, mean_text
 from vo.contract import se3
 from vo.contract.arrays import Array
 from vo.runner import companion
@@ -56,19 +57,13 @@ class Structure:
         return float(np.mean(self.near_percent(variant) + self.far_percent(variant)))
 
 
-def _jobs(scale: Scale) -> Sequence[Job]:
-    return jobs_of(scale.recordings(SCENES, 3), STYLES)
-
-
 def measure(results: Results) -> Structure:
     """Compute the distances of the map points of every run."""
-    return Structure(results, {v: [distances_m(x) for x in results.of(v)] for v in STYLES})
+    return Structure(results, {v: [_distances_m(x) for x in results.of(v)] for v in STYLES})
 
 
-def distances_m(run: Result) -> Array:
+def _distances_m(run: Result) -> Array:
     """Return the distance (J,) of every point of a map from the nearest estimated camera."""
-    from scipy.spatial import cKDTree
-
     points = read_map(companion(run.file, "map.ply")).points_odom
     cameras = run.run.trajectory.T_ref_frame
     origin = se3.inverse(cameras[0])  # the map may have begun elsewhere
@@ -79,10 +74,7 @@ def _conclude(found: Structure) -> Finding:
     two, three = found.wrong_percent(TWO_LEFT), found.wrong_percent(THREE_LEFT)
     drift = {v: float(np.nanmean(found.results.drifts(v))) for v in STYLES}
     cost = drift[TWO_LEFT] / drift[THREE_LEFT]
-    verdict = Verdict.FAILS
-    if two > three or cost > 1:
-        verdict = Verdict.HOLDS if two > 2 * three and cost > 1.2 else Verdict.PARTLY
-    return verdict, (
+    return Verdict.of(two > three or cost > 1, two > 2 * three and cost > 1.2), (
         f"Refined by the left image alone, as in the thesis, {two:.2f} % of the points of two "
         f"views are closer than {100 * NEAR_M:.0f} cm or farther than {FAR_M:.0f} m ({three:.2f} % "
         f"of those of three views), and the drift is {cost:.1f} times as large. With stereo, where "
@@ -91,21 +83,20 @@ def _conclude(found: Structure) -> Finding:
     )
 
 
-def _table(found: Structure) -> Table:
-    rows: list[tuple[str, ...]] = []
-    for variant in STYLES:
-        near, far = (
-            mean_interval(percent, minimum=0, maximum=100).text(2)
-            for percent in (found.near_percent(variant), found.far_percent(variant))
-        )
-        drift = mean_text(found.results.drifts(variant))
-        lost = f"{lost_percent(found.results, variant):.1f}"
-        rows.append((variant.label, near, far, drift, lost))
-    return Table.of(
-        f"points refined | closer than {100 * NEAR_M:.0f} cm, % | farther than {FAR_M:.0f} m, % | "
-        "drift over 1 m, % | frames lost, %",
-        rows,
-    )
+def _table(found: Structure) -> Rows:
+    def percent_text(percent: Array) -> str:
+        return mean_interval(percent, minimum=0, maximum=100).text(2)
+
+    return [
+        {
+            "points refined": v.label,
+            f"closer than {100 * NEAR_M:.0f} cm, %": percent_text(found.near_percent(v)),
+            f"farther than {FAR_M:.0f} m, %": percent_text(found.far_percent(v)),
+            "drift over 1 m, %": mean_text(found.results.drifts(v)),
+            "frames lost, %": lost_text(found.results, v),
+        }
+        for v in STYLES
+    ]
 
 
 def _data(found: Structure) -> Data:
@@ -138,17 +129,15 @@ def _draw(figure: Figure, found: Structure) -> None:
         left.plot(frame[mine], row[mine], "s", color=colour, ms=1.6, mew=0)
         left.plot([], [], "s", color=colour, ms=4, label=label)
     left.invert_yaxis()
-    left.legend(fontsize=8, frameon=False, loc="lower left", title="landmark observed",
-                title_fontsize=8)  # fmt: skip
+    left.legend(loc="lower left", title="landmark observed")
     tidy(left, "frame", "landmark", f"{first.scene}, seed {first.seed}")
     edges = np.logspace(-2, 3, 60)
     for variant, (colour, style) in STYLES.items():
         far = np.concatenate(found.distances_m[variant])
         share, _ = np.histogram(far.clip(edges[0], edges[-1]), edges)
         right.stairs(100 * share / len(far), edges, color=colour, ls=style, label=variant.label)
-    right.set_xscale("log")
-    right.set_yscale("log")
-    right.legend(fontsize=8, frameon=False)
+    right.set(xscale="log", yscale="log")
+    right.legend()
     tidy(right, "distance of a point from the nearest camera, m", "points, %", "all drives")
 
 
@@ -164,5 +153,7 @@ E6 = Experiment(
     "landmarks in the order of their first view; red: observed in three frames or more, which the "
     "refinement uses. Right: distance of the map points from the camera, all drives.",
     size_in=(9.5, 4.0),
-    steps=Steps(_jobs, _conclude, _table, _draw, _data, measure),
+    recordings=lambda scale: scale.recordings(SCENES, 3),
+    variants=STYLES,
+    steps=Steps(_conclude, _table, _draw, _data, measure),
 )

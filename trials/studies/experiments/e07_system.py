@@ -1,15 +1,16 @@
 """E7: the complete system indoors and outdoors, and over bricks (thesis 4.5)."""
 
-from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from trials.execution.jobs import Job, Recording, Result, Results, Variant, jobs_of
+from trials.execution.jobs import Recording, Result, Results, Variant
 from trials.report.figure import OCHRE, RED, TRUTH, tidy
-from trials.studies.experiments.base import Data, Experiment, Finding, Scale, Steps, Table, Verdict
-from trials.studies.experiments.measures import mean_text, paths_m, ragged
+from trials.studies.experiments.base import Data, Experiment, Finding, Rows, Steps, Verdict
+from trials.studies.experiments.measures import mean_text, paths_m
 from trials.studies.experiments.variants import DEFAULT, THESIS
+from vo.contract.arrays import Array
 
 PLACES = {
     "office": ("office", ""),
@@ -22,15 +23,6 @@ SHOWN = {THESIS: (RED, "-"), DEFAULT: (OCHRE, "--")}
 """Variant to the colour and style of its line."""
 ADEQUATE = 1.0
 """Drift, %, below which a rover can navigate."""
-
-
-def _jobs(scale: Scale) -> Sequence[Job]:
-    recordings = [
-        Recording(scene, seed, scale.drive, disturb)
-        for scene, disturb in PLACES.values()
-        for seed in scale.seeds
-    ]
-    return jobs_of(recordings, SHOWN)
 
 
 def _runs(results: Results, place: str, variant: Variant) -> list[Result]:
@@ -50,31 +42,28 @@ def _conclude(results: Results) -> Finding:
     )
 
 
-def _table(results: Results) -> Table:
-    rows: list[tuple[str, ...]] = []
-    for place in PLACES:
-        for variant in SHOWN:
-            runs = _runs(results, place, variant)
-            drift = mean_text(np.array([x.drift_percent for x in runs]))
-            end = [x.score.end_percent for x in runs if x.score]
-            lost = f"{100 * float(np.mean([x.lost_share for x in runs])):.1f}"
-            end_text = mean_text(np.array(end, dtype=float), 2)
-            rows.append((place, variant.label, drift, end_text, lost))
-    return Table.of(
-        "place | variant | drift over 1 m, % | end point, % of path | frames lost, %", rows
-    )
+def _table(results: Results) -> Rows:
+    rows: list[dict[str, str]] = []
+    for place, variant in product(PLACES, SHOWN):
+        runs = _runs(results, place, variant)
+        end_percent = [x.score.end_percent for x in runs if x.score]
+        row = {
+            "place": place,
+            "variant": variant.label,
+            "drift over 1 m, %": mean_text(np.array([x.drift_percent for x in runs])),
+            "end point, % of path": mean_text(np.array(end_percent, dtype=float), 2),
+            "frames lost, %": f"{100 * float(np.mean([x.lost_share for x in runs])):.1f}",
+        }
+        rows.append(row)
+    return rows
 
 
 def _data(results: Results) -> Data:
-    paths: dict[str, dict[str, np.ndarray]] = {}
-    for place in PLACES:
-        columns: dict[str, np.ndarray] = {}
-        for variant in SHOWN:
-            truth, estimate = paths_m(_runs(results, place, variant)[0])
-            columns |= {f"{variant.label} x, m": estimate[:, 0]}
-            columns |= {f"{variant.label} y, m": estimate[:, 1]}
-            columns |= {"truth x, m": truth[:, 0], "truth y, m": truth[:, 1]}
-        paths[place] = ragged(**columns)
+    paths: dict[str, dict[str, Array]] = {place: {} for place in PLACES}
+    for place, variant in product(PLACES, SHOWN):
+        truth, estimate = paths_m(_runs(results, place, variant)[0])
+        for label, path in ((variant.label, estimate), ("truth", truth)):
+            paths[place] |= {f"{label} x, m": path[:, 0], f"{label} y, m": path[:, 1]}
     return paths
 
 
@@ -88,7 +77,7 @@ def _draw(figure: Figure, results: Results) -> None:
             panel.plot(*estimate[:, :2].T, color=colour, ls=style, lw=1.3, label=variant.label)
         panel.set_aspect("equal", adjustable="datalim")
         tidy(panel, "x, m", "y, m", place)
-    panels[0].legend(fontsize=8, frameon=False)
+    panels[0].legend()
 
 
 E7 = Experiment(
@@ -101,5 +90,11 @@ E7 = Experiment(
     "lost.",
     caption="Paths from above of the first seed, first poses aligned.",
     size_in=(11.0, 3.2),
-    steps=Steps(_jobs, _conclude, _table, _draw, _data),
+    recordings=lambda scale: [
+        Recording(scene, seed, scale.drive, disturb)
+        for scene, disturb in PLACES.values()
+        for seed in scale.seeds
+    ],
+    variants=SHOWN,
+    steps=Steps(_conclude, _table, _draw, _data),
 )

@@ -1,18 +1,15 @@
 """E8: the pose is lost with few inliers after a blurred, fast turn (thesis 5.1.1, fig. 5.1)."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from matplotlib.figure import Figure
 
-from trials.execution.jobs import Job, Recording, Result, Results, Variant, jobs_of
+from trials.execution.jobs import Recording, Result, Results, Variant
 from trials.report.figure import BLUE, OCHRE, RED, tidy
-from trials.studies.experiments.base import Data, Experiment, Finding, Scale, Steps, Table, Verdict
+from trials.studies.experiments.base import Data, Experiment, Finding, Rows, Steps, Verdict
 from trials.studies.experiments.measures import (
     FAILURE_M,
     draw_turn_rate,
     failures,
-    ragged,
     step_errors_m,
     turn_rate_deg_s,
 )
@@ -24,13 +21,8 @@ BINS = ((0, 10), (10, 25), (25, 50), (50, 100), (100, 10_000))
 """Bins of the number of inliers."""
 
 
-def _jobs(scale: Scale) -> Sequence[Job]:
-    recordings = [
-        Recording("turntable", seed, (*scale.drive, f"exposure.time_ms={ms:g}"))
-        for ms in SHUTTERS_MS
-        for seed in scale.seeds
-    ]
-    return jobs_of(recordings, (THESIS, DEFAULT))
+def _shutter(time_ms: float) -> str:
+    return f"exposure.time_ms={time_ms:g}"
 
 
 def _conclude(results: Results) -> Finding:
@@ -43,10 +35,9 @@ def _conclude(results: Results) -> Finding:
         for ms in SHUTTERS_MS
     }
     default = np.concatenate([failures(x) for x in results.of(DEFAULT)]).mean()
-    verdict = Verdict.OPEN
-    if failed.any() and few.any():
-        verdict = Verdict.HOLDS if of_few > 0.5 and of_few > 5 * of_many else Verdict.PARTLY
-    return verdict, (
+    decided = failed.any() and few.any()
+    verdict = Verdict.of(True, of_few > 0.5 and of_few > 5 * of_many)
+    return verdict if decided else Verdict.OPEN, (
         f"Of frames with fewer than {BINS[0][1]} inliers {100 * of_few:.0f} % are lost or have a "
         f"step error above 5 cm, of those with 50 and more {100 * of_many:.1f} %. By exposure "
         "time, "
@@ -55,23 +46,24 @@ def _conclude(results: Results) -> Finding:
     )
 
 
-def _table(results: Results) -> Table:
+def _table(results: Results) -> Rows:
     inliers, failed = _pooled(results)
-    rows: list[tuple[str, ...]] = []
-    for low, high in BINS:
-        mine = (inliers >= low) & (inliers < high)
-        share = f"{100 * failed[mine].mean():.1f}" if mine.any() else "–"
-        label = f"{low} and more" if high == BINS[-1][1] else f"{low} to {high - 1}"
-        rows.append((label, str(int(mine.sum())), str(int(failed[mine].sum())), share))
-    return Table.of("inliers | frames | failed | ratio, %", rows)
+    bins = [((low, high), failed[(inliers >= low) & (inliers < high)]) for low, high in BINS]
+    return [
+        {
+            "inliers": f"{low} and more" if high == BINS[-1][1] else f"{low} to {high - 1}",
+            "frames": str(len(mine)),
+            "failed": str(mine.sum()),
+            "ratio, %": f"{100 * mine.mean():.1f}" if len(mine) else "–",
+        }
+        for (low, high), mine in bins
+    ]
 
 
 def _data(results: Results) -> Data:
     inliers, failed = _pooled(results)
-    errors = np.concatenate([step_errors_m(x)[1:] for x in results.of(THESIS)])
-    return {
-        "frames": ragged(**{"inliers": inliers, "lost or wrong": failed, "step error, m": errors})
-    }
+    errors_m = np.concatenate([step_errors_m(x)[1:] for x in results.of(THESIS)])
+    return {"frames": {"inliers": inliers, "lost or wrong": failed, "step error, m": errors_m}}
 
 
 def _pooled(results: Results) -> tuple[Array, Mask]:
@@ -82,8 +74,7 @@ def _pooled(results: Results) -> tuple[Array, Mask]:
 
 
 def _at(results: Results, shutter_ms: float, variant: Variant) -> list[Result]:
-    wanted = f"exposure.time_ms={shutter_ms:g}"
-    return [x for x in results.of(variant) if wanted in x.job.recording.overrides]
+    return [x for x in results.of(variant) if _shutter(shutter_ms) in x.job.recording.overrides]
 
 
 def _draw(figure: Figure, results: Results) -> None:
@@ -96,14 +87,13 @@ def _draw(figure: Figure, results: Results) -> None:
     failed, counts = failures(run), np.nan_to_num(run.frames.counts["inliers"])
     top.plot(run.time_s[failed], counts[failed], "x", color=BLUE, ms=5, label="thesis fails")
     top.set_ylim(bottom=-8)
-    top.legend(fontsize=8, frameon=False, ncols=3, loc="upper left")
+    top.legend(ncols=3, loc="upper left")
     name = f"turntable, seed {run.job.recording.seed}, {SHUTTERS_MS[-1]:g} ms"
     tidy(top, "time, s", "inliers", name)
     inliers, _, errors_m = _data(results)["frames"].values()
     bottom.plot(np.maximum(inliers, 1), 1e3 * errors_m, ".", color=RED, ms=3, alpha=0.6)
     bottom.axhline(1e3 * FAILURE_M, color=BLUE, ls="--", lw=0.9)
-    bottom.set_xscale("log")
-    bottom.set_yscale("log")
+    bottom.set(xscale="log", yscale="log")
     bottom.xaxis.set_major_formatter("{x:g}")
     tidy(bottom, "inliers of a frame", "step error, mm", "all drives, thesis preset")
 
@@ -121,5 +111,11 @@ E8 = Experiment(
     "rate of the camera. Bottom: step error over inliers, all drives; dashed: the "
     f"{100 * FAILURE_M:g} cm above which a frame fails.",
     size_in=(9.0, 5.6),
-    steps=Steps(_jobs, _conclude, _table, _draw, _data),
+    recordings=lambda scale: [
+        Recording("turntable", seed, (*scale.drive, _shutter(ms)))
+        for ms in SHUTTERS_MS
+        for seed in scale.seeds
+    ],
+    variants=(THESIS, DEFAULT),
+    steps=Steps(_conclude, _table, _draw, _data),
 )

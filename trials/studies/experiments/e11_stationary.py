@@ -1,7 +1,7 @@
 """E11: drift of a stationary camera, and its detection (thesis 5.1.3)."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise, product
 
 import numpy as np
@@ -9,17 +9,18 @@ from matplotlib.figure import Figure
 
 from trials.evaluation.intervals import Interval, mean_interval
 from trials.evaluation.metrics import errors_between
-from trials.execution.jobs import Job, Recording, Result, Results, Variant, jobs_of
+from trials.execution.jobs import Recording, Result, Results, Variant
 from trials.report.figure import BLUE, GREEN, GREY, OCHRE, RED, tidy
-from trials.studies.experiments.base import Data, Experiment, Finding, Scale, Steps, Table, Verdict
-from trials.studies.experiments.measures import mean_text, ragged
+from trials.studies.experiments.base import Data, Experiment, Finding, Rows, Steps, Verdict
+from trials.studies.experiments.measures import mean_text
+from trials.studies.experiments.variants import THESIS
 from vo.contract import se3
 from vo.contract.arrays import Array
 
 CONDITIONS = {"undisturbed": "", "with noise": "noise"}
 """Label to disturbance."""
+LENGTH_M = 2.4
 STOPS = ("drive.stop_every_m=0.9", "drive.stop_s=10")
-THESIS = Variant("thesis", "thesis")
 WITHOUT = Variant("default, no detection", "driftyard", ("stationary=none",))
 BY_IMAGE = Variant("default, by image", "driftyard", ("stationary=image",))
 BY_WHEELS = Variant("default, by image and encoders", "driftyard", ("stationary=encoders",))
@@ -59,28 +60,10 @@ class Drift:
 
 @dataclass(frozen=True)
 class Stops:
-    """Results, and the stationary drift.
+    """Runs and their stationary drift, each by label of the condition and variant."""
 
-    Attributes:
-        results: All results.
-        runs: Label of the condition and variant to the runs.
-        drift: The same to their stationary drift.
-    """
-
-    results: Results
     runs: Mapping[tuple[str, Variant], Sequence[Result]]
     drift: Mapping[tuple[str, Variant], Drift]
-
-
-def _jobs(scale: Scale) -> Sequence[Job]:
-    short = (*replace(scale, distance_m=0.6 * scale.distance_m).drive, *STOPS)
-    return jobs_of(
-        [
-            Recording("stop_and_go", seed, short, disturb)
-            for disturb, seed in product(CONDITIONS.values(), scale.seeds)
-        ],
-        SHOWN,
-    )
 
 
 def measure(results: Results) -> Stops:
@@ -89,7 +72,7 @@ def measure(results: Results) -> Stops:
         (label, v): [x for x in results.of(v) if x.job.recording.disturb == disturb]
         for (label, disturb), v in product(CONDITIONS.items(), SHOWN)
     }
-    return Stops(results, runs, {key: drift_of(of) for key, of in runs.items()})
+    return Stops(runs, {key: _drift(of) for key, of in runs.items()})
 
 
 def stops(run: Result) -> list[tuple[int, int]]:
@@ -113,8 +96,7 @@ def stationary_drift(run: Result) -> tuple[float, float, float]:
     return float(seconds), moved_mm, float(np.degrees(errors.rotation_rad.sum()))
 
 
-def drift_of(runs: Sequence[Result]) -> Drift:
-    """Sum up the stationary drift of runs."""
+def _drift(runs: Sequence[Result]) -> Drift:
     seconds, mm, deg = np.array([stationary_drift(x) for x in runs]).T
     minutes = seconds / 60
     return Drift(
@@ -127,12 +109,12 @@ def drift_of(runs: Sequence[Result]) -> Drift:
 
 
 def _conclude(found: Stops) -> Finding:
-    if all(found.drift[label, THESIS].negligible for label in CONDITIONS):
-        verdict = Verdict.FAILS
-    else:
-        cured = all(found.drift[label, BY_IMAGE].negligible for label in CONDITIONS)
-        verdict = Verdict.HOLDS if cured else Verdict.PARTLY
-    return verdict, " ".join(_sentence(label, found) for label in CONDITIONS)
+    rests, cured = (
+        all(found.drift[label, variant].negligible for label in CONDITIONS)
+        for variant in (THESIS, BY_IMAGE)
+    )
+    sentences = (_sentence(label, found) for label in CONDITIONS)
+    return Verdict.of(not rests, cured), " ".join(sentences)
 
 
 def _sentence(label: str, found: Stops) -> str:
@@ -146,64 +128,55 @@ def _sentence(label: str, found: Stops) -> str:
     )
 
 
-def _table(found: Stops) -> Table:
-    rows = [
-        (
-            label,
-            variant.label,
-            drift.mm_of_drives.text(3),
-            drift.deg_of_drives.text(4),
-            mean_text(np.array([x.drift_percent for x in found.runs[label, variant]])),
-        )
+def _table(found: Stops) -> Rows:
+    drifts = {k: np.array([x.drift_percent for x in runs]) for k, runs in found.runs.items()}
+    return [
+        {
+            "condition": label,
+            "variant": variant.label,
+            "stationary drift, mm per minute": drift.mm_of_drives.text(3),
+            "stationary drift, ° per minute": drift.deg_of_drives.text(4),
+            "drift over 1 m, %": mean_text(drifts[label, variant]),
+        }
         for (label, variant), drift in found.drift.items()
     ]
-    return Table.of(
-        "condition | variant | stationary drift, mm per minute | stationary drift, ° per minute | "
-        "drift over 1 m, %",
-        rows,
-    )
 
 
 def _data(found: Stops) -> Data:
     return {
-        f"halts, {label}": ragged(
-            **{f"{v.label}, mm": _errors_at_rest(found.runs[label, v][0])[1] for v in SHOWN}
-        )
-        for label in CONDITIONS
+        f"halts, {x}": {f"{v.label}, mm": _errors_at_rest(found.runs[x, v][0])[1] for v in SHOWN}
+        for x in CONDITIONS
     }
 
 
 def _errors_at_rest(run: Result) -> tuple[Array, Array, list[float]]:
     """Return seconds at rest so far, the error since the stop began, mm, and the ends of stops."""
-    times: list[Array] = [np.zeros(0)]
-    away: list[Array] = [np.zeros(0)]
-    ends: list[float] = []
-    so_far = 0.0
+    times_s, errors_mm, ends_s = [np.zeros(0)], [np.zeros(0)], [0.0]
     for a, b in stops(run):
         within = np.arange(a, b + 1)
-        time_s = (run.pair.timestamps_ns[a : b + 1] - run.pair.timestamps_ns[a]) * 1e-9
-        times.append(so_far + time_s)
-        away.append(1e3 * errors_between(run.pair, np.full_like(within, a), within).translation_m)
-        so_far += float(time_s[-1])
-        ends.append(so_far)
-    return np.concatenate(times), np.concatenate(away), ends
+        time_s = (run.pair.timestamps_ns[within] - run.pair.timestamps_ns[a]) * 1e-9
+        errors = errors_between(run.pair, np.full_like(within, a), within)
+        times_s.append(ends_s[-1] + time_s)
+        errors_mm.append(1e3 * errors.translation_m)
+        ends_s.append(ends_s[-1] + float(time_s[-1]))
+    return np.concatenate(times_s), np.concatenate(errors_mm), ends_s[1:]
 
 
 def _draw(figure: Figure, found: Stops) -> None:
     panels = figure.subplots(1, len(CONDITIONS), sharey=True)
-    seed = found.results.recordings[0].seed
     for panel, label in zip(panels, CONDITIONS, strict=True):
         for variant, colour in SHOWN.items():
-            times_s, away_mm, ends = _errors_at_rest(found.runs[label, variant][0])
-            name = variant.label if panel is panels[0] else None
-            panel.plot(times_s, np.maximum(away_mm, MIN_SHOWN_MM), color=colour, lw=1.0, label=name)
-            for end in ends:
-                panel.axvline(end, color=GREY, lw=0.6)
+            times_s, errors_mm, ends_s = _errors_at_rest(found.runs[label, variant][0])
+            errors_mm = np.maximum(errors_mm, MIN_SHOWN_MM)
+            panel.plot(times_s, errors_mm, color=colour, lw=1.0, label=variant.label)
+            for end_s in ends_s:
+                panel.axvline(end_s, color=GREY, lw=0.6)
         panel.set_yscale("log")
-        tidy(panel, "time at rest, s", "error since the stop began, mm",
-             f"stop_and_go, {label}, seed {seed}")  # fmt: skip
-    panels[1].set_ylabel("")
-    figure.legend(fontsize=8, frameon=False, ncols=4, loc="outside lower center")
+        seed = found.runs[label, THESIS][0].job.recording.seed
+        tidy(panel, "time at rest, s", "", f"stop_and_go, {label}, seed {seed}")
+    panels[0].set_ylabel("error since the stop began, mm")
+    names = panels[0].get_legend_handles_labels()
+    figure.legend(*names, ncols=4, loc="outside lower center")
 
 
 E11 = Experiment(
@@ -219,5 +192,10 @@ E11 = Experiment(
     caption="Error of the motion since the stop began, against the truth, over the stops of the "
     "first seed in sequence; grey lines separate them. Values below 0.001 mm are drawn there.",
     size_in=(9.0, 3.4),
-    steps=Steps(_jobs, _conclude, _table, _draw, _data, measure),
+    recordings=lambda scale: [
+        Recording("stop_and_go", seed, (*scale.with_length(LENGTH_M).drive, *STOPS), disturb)
+        for disturb, seed in product(CONDITIONS.values(), scale.seeds)
+    ],
+    variants=SHOWN,
+    steps=Steps(_conclude, _table, _draw, _data, measure),
 )

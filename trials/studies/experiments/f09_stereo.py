@@ -1,15 +1,13 @@
 """F9: the effect of stereo accuracy on absolute orientation (thesis 5.2)."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from matplotlib.figure import Figure
 
 from trials.evaluation.intervals import Interval, ratio_interval
-from trials.execution.jobs import Job, Results, Variant, jobs_of
+from trials.execution.jobs import Results, Variant
 from trials.report.figure import BLUE, GREY, RED, tidy
-from trials.studies.experiments.base import Data, Experiment, Finding, Scale, Steps, Table, Verdict
-from trials.studies.experiments.measures import lost_percent, mean_text
+from trials.studies.experiments.base import Data, Experiment, Finding, Rows, Steps, Verdict
+from trials.studies.experiments.measures import lost_text, mean_text
 
 SCENES = ("office", "brick_court", "meadow")
 NO_REFINEMENT = "refinement.mode=none"
@@ -33,11 +31,7 @@ EQUAL = 1.1
 """Largest ratio of drifts at which absolute orientation is as accurate."""
 
 
-def _jobs(scale: Scale) -> Sequence[Job]:
-    return jobs_of(scale.recordings(SCENES, 3), VARIANTS)
-
-
-def ratios(results: Results) -> dict[str, Interval]:
+def _ratios(results: Results) -> dict[str, Interval]:
     """Return the drift of absolute over that of relative orientation for every stereo method."""
     return {
         name: ratio_interval(results.drifts(absolute), results.drifts(relative))
@@ -46,34 +40,27 @@ def ratios(results: Results) -> dict[str, Interval]:
 
 
 def _conclude(results: Results) -> Finding:
-    found = ratios(results)
+    found = _ratios(results)
     first, best = next(iter(found)), min(found, key=lambda name: found[name].value)
-    verdict = Verdict.FAILS
-    if found[best].value < found[first].value:
-        verdict = Verdict.HOLDS if found[best].value <= EQUAL else Verdict.PARTLY
-    return verdict, (
+    better = found[best].value < found[first].value
+    return Verdict.of(better, found[best].value <= EQUAL), (
         f"With the {first} of the thesis, absolute orientation has {found[first].text(2)} times "
         f"the drift of relative orientation; with {best} it has {found[best].text(2)} times."
     )
 
 
-def _table(results: Results) -> Table:
-    found = ratios(results)
-    rows = [
-        (
-            name,
-            mean_text(results.drifts(relative), 2),
-            mean_text(results.drifts(absolute), 2),
-            found[name].text(2),
-            f"{lost_percent(results, relative):.1f} / {lost_percent(results, absolute):.1f}",
-        )
+def _table(results: Results) -> Rows:
+    found = _ratios(results)
+    return [
+        {
+            "stereo": name,
+            "relative: drift over 1 m, %": mean_text(results.drifts(relative), 2),
+            "absolute: drift over 1 m, %": mean_text(results.drifts(absolute), 2),
+            "absolute over relative": found[name].text(2),
+            "frames lost, %": f"{lost_text(results, relative)} / {lost_text(results, absolute)}",
+        }
         for name, (relative, absolute) in PAIRS.items()
     ]
-    return Table.of(
-        "stereo | relative: drift over 1 m, % | absolute: drift over 1 m, % | absolute over "
-        "relative | frames lost, %",
-        rows,
-    )
 
 
 def _data(results: Results) -> Data:
@@ -90,7 +77,7 @@ def _draw(figure: Figure, results: Results) -> None:
             panel.bar(at, np.nanmean(drifts), 0.36, color=colour, alpha=0.75, label=label)
             panel.plot(np.full(len(drifts), at), drifts, "o", color=GREY, ms=3)
     panel.set_xticks(range(len(PAIRS)), [name.replace(", ", ",\n") for name in PAIRS])
-    panel.legend(fontsize=8, frameon=False)
+    panel.legend()
     tidy(panel, "", "drift over 1 m, %")
 
 
@@ -106,5 +93,7 @@ F9 = Experiment(
     caption="Drift of relative and of absolute orientation with every stereo method, without "
     "refinement: bars are means, dots drives.",
     size_in=(8.5, 3.4),
-    steps=Steps(_jobs, _conclude, _table, _draw, _data),
+    recordings=lambda scale: scale.recordings(SCENES, 3),
+    variants=VARIANTS,
+    steps=Steps(_conclude, _table, _draw, _data),
 )

@@ -1,5 +1,7 @@
 """Measures of runs, in addition to their score."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from matplotlib.axes import Axes
 
@@ -22,9 +24,9 @@ def mean_text(values: Array, digits: int = 3) -> str:
     return mean_interval(values, minimum=0).text(digits)
 
 
-def lost_percent(results: Results, variant: Variant) -> float:
-    """Return the fraction of frames without a pose over all runs of a variant, %."""
-    return 100 * float(np.mean([x.lost_share for x in results.of(variant)]))
+def lost_text(results: Results, variant: Variant) -> str:
+    """Format the fraction of frames without a pose over all runs of a variant, %."""
+    return f"{100 * float(np.mean([x.lost_share for x in results.of(variant)])):.1f}"
 
 
 def step_errors_m(result: Result) -> Array:
@@ -42,8 +44,7 @@ def step_errors_m(result: Result) -> Array:
 def failures(result: Result) -> Mask:
     """Return which frames (N,) are lost, or have a step error above FAILURE_M."""
     lost = np.array([status is Status.LOST for status in result.frames.status])
-    with np.errstate(invalid="ignore"):
-        return lost | (step_errors_m(result) > FAILURE_M)
+    return lost | (step_errors_m(result) > FAILURE_M)
 
 
 def first_failure(result: Result) -> int | None:
@@ -81,15 +82,14 @@ def draw_turn_rate(panel: Axes, x: Array, rate_deg_s: Array, top_deg_s: float) -
     """Shade the turn rate (N,) over x on a second axis up to a value."""
     turning = panel.twinx()
     turning.fill_between(x, rate_deg_s, color=GREY, alpha=0.25)
-    turning.set_ylabel("turn rate, °/s", fontsize=9, color=GREY)
+    turning.set_ylabel("turn rate, °/s", color=GREY)
     turning.tick_params(labelsize=8, colors=GREY)
     turning.set_ylim(0, top_deg_s)
 
 
-def ragged(**columns: Array) -> dict[str, Array]:
-    """Pad columns of unequal length with NaN."""
-    length = max((len(x) for x in columns.values()), default=0)
-    return {
-        name: np.concatenate([x.astype(float), np.full(length - len(x), np.nan)])
-        for name, x in columns.items()
-    }
+def draw_means(panel: Axes, runs: Mapping[float, Array], colour: str) -> None:
+    """Draw the values (N,) of all runs at every x as dots, and their means as a line."""
+    means = [mean_interval(values).value for values in runs.values()]
+    panel.plot(list(runs), means, color=colour, lw=1.5)
+    for x, values in runs.items():
+        panel.plot(np.full(len(values), x), values, "o", color=colour, ms=3, alpha=0.5)

@@ -18,12 +18,7 @@ this page. Intervals are 95 % confidence intervals over drives (Student's t, cli
 range; ratios of paired drives are averaged as logarithms).
 """
 
-MOODS = {
-    Verdict.HOLDS: "good",
-    Verdict.PARTLY: "mixed",
-    Verdict.FAILS: "bad",
-    Verdict.OPEN: "open",
-}
+MOODS = dict(zip(Verdict, ("good", "mixed", "bad", "open"), strict=True))
 """Verdict to its class in the style sheet."""
 
 
@@ -44,13 +39,7 @@ def write_html_page(records: Sequence[Record], folder: Path, out: Path) -> None:
 
 
 def write_page(records: Sequence[Record], folder: Path, page: Path) -> None:
-    """Write the page, and copy the figures into `images/experiments` beside it.
-
-    Args:
-        records: In the order of the page.
-        folder: Folder of their figures.
-        page: Markdown file to write.
-    """
+    """Write a Markdown page, and copy the figures into `images/experiments` beside it."""
     pictures = page.parent / "images" / "experiments"
     pictures.mkdir(parents=True, exist_ok=True)
     for record in records:
@@ -62,12 +51,8 @@ def page_text(records: Sequence[Record], pictures: str) -> str:
     """Return the page as Markdown; the folder `pictures` holds the figures."""
     claims = [(f"[{r.id}](#{_anchor(r)})", r.claim, f"**{r.verdict.value}**") for r in records]
     summary = markdown_table(("", "claim", "result"), claims)
-    parts = [
-        f"# {TITLE}\n\n{INTRODUCTION}",
-        summary + "\n",
-        *(_section(x, pictures) for x in records),
-    ]
-    return "\n".join(parts)
+    sections = (_section(x, pictures) for x in records)
+    return "\n".join([f"# {TITLE}\n\n{INTRODUCTION}", f"{summary}\n", *sections])
 
 
 def _heading(record: Record) -> str:

@@ -2,8 +2,8 @@
 
 import json
 from dataclasses import asdict, dataclass, fields
+from itertools import zip_longest
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from pydantic import TypeAdapter
@@ -11,11 +11,19 @@ from pydantic import TypeAdapter
 from trials.execution.jobs import Results
 from trials.report.figure import save_figure
 from trials.report.tables import write_csv
-from trials.studies.experiments.base import Claim, Experiment, Scale, Table, Verdict
+from trials.studies.experiments.base import Claim, Experiment, Scale, Verdict
 from vo.contract.errors import DatasetError
 from vo.contract.files import write_text
 
 SCHEMA = "driftyard experiment 1"
+
+
+@dataclass(frozen=True)
+class Table:
+    """Headings with units, and rows with a cell of text for each."""
+
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
 
 
 @dataclass(frozen=True)
@@ -49,14 +57,20 @@ def write_record(one: Experiment, results: Results, scale: Scale, out: Path) -> 
     data: list[str] = []
     for part, columns in one.steps.data(measured).items():
         data.append(f"{one.id}-{part.replace(' ', '_').replace(',', '')}.csv")
-        rows = zip(*columns.values(), strict=True)
+        rows = zip_longest(*columns.values(), fillvalue=np.nan)
         cells = (["" if np.isnan(x) else f"{x:.6g}" for x in map(float, row)] for row in rows)
         write_csv(out / data[-1], list(columns), cells)
-    claim = {x.name: getattr(one, x.name) for x in fields(Claim)}
+    table = one.steps.table(measured)
     record = Record(
-        **claim, verdict=verdict, sentence=sentence, table=one.steps.table(measured),
-        figure=f"{one.id}.png", data=tuple(data), seeds=scale.seeds, distance_m=scale.distance_m,
-    )  # fmt: skip
+        **{x.name: getattr(one, x.name) for x in fields(Claim)},
+        verdict=verdict,
+        sentence=sentence,
+        table=Table(tuple(table[0]), tuple(tuple(row.values()) for row in table)),
+        figure=f"{one.id}.png",
+        data=tuple(data),
+        seeds=scale.seeds,
+        distance_m=scale.distance_m,
+    )
     content = {"schema": SCHEMA, **asdict(record)}
     write_text(out / f"{one.id}.json", json.dumps(content, indent=1) + "\n")
     return record
@@ -69,7 +83,7 @@ def read_record(file: Path) -> Record:
         DatasetError: If the file is not a record.
     """
     try:
-        content: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+        content = json.loads(file.read_text(encoding="utf-8"))
         if content.pop("schema", None) == SCHEMA:
             return TypeAdapter(Record).validate_python(content)
     except (OSError, ValueError, AttributeError):  # pydantic's errors are ValueErrors too

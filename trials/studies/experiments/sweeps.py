@@ -1,17 +1,18 @@
 """E9 and E10: inliers and drift over one setting of the thesis preset (thesis 5.4 and 5.1.1)."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
 
 from trials.evaluation.intervals import mean_interval, ratio_interval
-from trials.execution.jobs import Job, Results, Variant, jobs_of
+from trials.execution.jobs import Results, Variant
 from trials.report.figure import BLUE, RED, tidy
-from trials.studies.experiments.base import Data, Experiment, Finding, Scale, Steps, Table, Verdict
-from trials.studies.experiments.measures import lost_percent, mean_text
+from trials.studies.experiments.base import Data, Experiment, Finding, Rows, Steps, Verdict
+from trials.studies.experiments.measures import draw_means, lost_text, mean_text
 from vo.contract.arrays import Array
 
 SCENES = ("office", "brick_court")
@@ -39,9 +40,9 @@ class Sweep:
     stage: str
     counted: str
 
-    def jobs(self, scale: Scale) -> list[Job]:
-        """Return jobs for every value."""
-        return jobs_of(scale.recordings(SCENES, 3), self.variants.values())
+    def steps(self, conclude: Callable[[Results], Finding]) -> Steps[Results]:
+        """Return the functions of an experiment."""
+        return Steps(conclude, self.table, self.draw, self.data)
 
     def counts(self, results: Results, variant: Variant) -> Array:
         """Return the median over frames of the items after the stage, for each run (N,)."""
@@ -50,25 +51,24 @@ class Sweep:
     def means(self, results: Results) -> dict[float, tuple[float, float]]:
         """Return the mean count and the mean drift at every value."""
         return {
-            value: (
-                mean_interval(self.counts(results, variant)).value,
-                mean_interval(results.drifts(variant)).value,
+            x: (
+                mean_interval(self.counts(results, v)).value,
+                mean_interval(results.drifts(v)).value,
             )
-            for value, variant in self.variants.items()
+            for x, v in self.variants.items()
         }
 
-    def table(self, results: Results) -> Table:
+    def table(self, results: Results) -> Rows:
         """Return a row for every value."""
-        rows = [
-            (
-                f"{value:g}",
-                mean_text(self.counts(results, variant), 0),
-                mean_text(results.drifts(variant)),
-                f"{lost_percent(results, variant):.1f}",
-            )
-            for value, variant in self.variants.items()
+        return [
+            {
+                self.column: f"{x:g}",
+                self.counted: mean_text(self.counts(results, v), 0),
+                DRIFT: mean_text(results.drifts(v)),
+                "frames lost, %": lost_text(results, v),
+            }
+            for x, v in self.variants.items()
         ]
-        return Table.of(f"{self.column} | {self.counted} | {DRIFT} | frames lost, %", rows)
 
     def data(self, results: Results) -> Data:
         """Return value, count and drift of every run."""
@@ -83,21 +83,13 @@ class Sweep:
 
     def draw(self, figure: Figure, results: Results) -> None:
         """Draw counts (left) and drift (right) over the value; lines are means, dots are runs."""
-        from matplotlib.ticker import LogLocator, NullLocator
-
         left, right = figure.subplots(1, 2)
-        means = self.means(results)
-        for k, (panel, label, colour) in enumerate(
-            ((left, self.counted, BLUE), (right, DRIFT, RED))
-        ):
-            panel.plot(list(means), [x[k] for x in means.values()], color=colour, lw=1.5)
-            for value, variant in self.variants.items():
-                runs = results.drifts(variant) if k else self.counts(results, variant)
-                panel.plot(np.full(len(runs), value), runs, "o", color=colour, ms=3, alpha=0.5)
-            panel.set_xscale("log")
-            tidy(panel, self.axis, label)
-        left.set_ylim(bottom=0)
-        right.set_yscale("log")
+        draw_means(left, {x: self.counts(results, v) for x, v in self.variants.items()}, BLUE)
+        draw_means(right, {x: results.drifts(v) for x, v in self.variants.items()}, RED)
+        left.set(xscale="log", ylim=(0, None))
+        right.set(xscale="log", yscale="log")
+        tidy(left, self.axis, self.counted)
+        tidy(right, self.axis, DRIFT)
         right.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         right.yaxis.set_major_formatter("{x:g}")
         right.yaxis.set_minor_locator(NullLocator())
@@ -137,15 +129,10 @@ def conclude_threshold(results: Results) -> Finding:
     grows = all(a <= b for a, b in pairwise(inliers))
     hurts = drift[high] > 1.1 * drift[best]
     strict = drift[low] <= 1.1 * drift[best]
-    verdict = Verdict.PARTLY
-    if grows and hurts and strict:
-        verdict = Verdict.HOLDS
-    elif not grows and not hurts:
-        verdict = Verdict.FAILS
     low_ratio, thesis_ratio, high_ratio = (
         f"{drift[x] / drift[best]:.2f}" for x in (low, THESIS_THRESHOLD, high)
     )
-    return verdict, (
+    return Verdict.of(grows or hurts, grows and hurts and strict), (
         f"Inliers {'increase' if grows else 'do not always increase'} with the threshold, from "
         f"{inliers[0]:.0f} to {inliers[-1]:.0f}. The drift is smallest at {best:g} "
         f"({drift[best]:.3f} %); it is {low_ratio} times as large at the smallest threshold, "
@@ -160,13 +147,10 @@ def conclude_features(results: Results) -> Finding:
     means = FEATURES.means(results)
     ratio = ratio_interval(results.drifts(FEW), results.drifts(MANY))
     inliers = ratio_interval(FEATURES.counts(results, FEW), FEATURES.counts(results, MANY))
-    verdict = Verdict.FAILS
-    if ratio.value > 1:
-        verdict = Verdict.HOLDS if ratio.low > 1 else Verdict.PARTLY
-    return verdict, (
+    return Verdict.of(ratio.value > 1, ratio.low > 1), (
         f"With 100 features the drift is {ratio.text(2)} times that with 1000, and "
-        f"{lost_percent(results, FEW):.1f} % of the frames are lost against "
-        f"{lost_percent(results, MANY):.1f} %. Ten times the features give "
+        f"{lost_text(results, FEW)} % of the frames are lost against "
+        f"{lost_text(results, MANY)} %. Ten times the features give "
         f"{1 / inliers.value:.1f} times the inliers, {means[100.0][0]:.0f} and "
         f"{means[1000.0][0]:.0f}: weaker features are matched less often."
     )
@@ -182,9 +166,9 @@ E9 = Experiment(
     caption="Inliers (left) and drift (right) over the inlier threshold: lines are means over all "
     "drives, dots are drives.",
     size_in=(9.0, 3.4),
-    steps=Steps(
-        THRESHOLD.jobs, conclude_threshold, THRESHOLD.table, THRESHOLD.draw, THRESHOLD.data
-    ),
+    recordings=lambda scale: scale.recordings(SCENES, 3),
+    variants=THRESHOLD.variants.values(),
+    steps=THRESHOLD.steps(conclude_threshold),
 )
 E10 = Experiment(
     id="E10",
@@ -195,5 +179,7 @@ E10 = Experiment(
     caption="Inliers (left) and drift (right) over the number of features: lines are means over "
     "all drives, dots are drives.",
     size_in=(9.0, 3.4),
-    steps=Steps(FEATURES.jobs, conclude_features, FEATURES.table, FEATURES.draw, FEATURES.data),
+    recordings=lambda scale: scale.recordings(SCENES, 3),
+    variants=FEATURES.variants.values(),
+    steps=FEATURES.steps(conclude_features),
 )
