@@ -130,14 +130,13 @@ MADE = Experiment(
     recordings=lambda _: [],
     variants=(),
     steps=Steps(
-        measure=lambda _: 2,
-        conclude=lambda found: (Verdict.PARTLY, "It is so & so."),
-        table=lambda found: [
+        conclude=lambda _: (Verdict.PARTLY, "It is so & so."),
+        table=lambda _: [
             {"what": "this", "how much, %": "1"},
-            {"what": "that", "how much, %": str(found)},
+            {"what": "that", "how much, %": "2"},
         ],
-        draw=lambda figure, found: figure.subplots().plot([0, 1], [0, found]),
-        data=lambda found: {"a line": {"x": np.arange(3), "y": np.array([0.5])}},
+        draw=lambda figure, _: figure.subplots().plot([0, 1], [0, 2]),
+        data=lambda _: {"a line": {"x": np.arange(3), "y": np.array([0.5])}},
     ),
 )
 NOTHING = Results({})

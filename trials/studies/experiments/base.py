@@ -3,7 +3,6 @@
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Any, Generic, TypeVar
 
 from matplotlib.figure import Figure
 
@@ -11,8 +10,6 @@ from trials.execution.jobs import Job, Recording, Results, Variant, jobs_of
 from trials.execution.runner import NO_LABELS
 from vo.contract.arrays import Array
 
-M = TypeVar("M")
-"""Measurements of an experiment."""
 Rows = Sequence[Mapping[str, str]]
 """Rows of a table, each a heading with unit to a cell; all have the same headings."""
 Data = Mapping[str, Mapping[str, Array]]
@@ -78,22 +75,13 @@ SMALL = Scale(
 
 
 @dataclass(frozen=True)
-class Steps(Generic[M]):
-    """Functions of an experiment.
+class Steps:
+    """Functions that decide on a claim, tabulate, draw the figure, and return its data."""
 
-    Attributes:
-        conclude: Decides on the claim.
-        table: Tabulates the measurements.
-        draw: Draws the figure.
-        data: Returns the data of the figure.
-        measure: Computes the measurements from the results; the results themselves by default.
-    """
-
-    conclude: Callable[[M], Finding]
-    table: Callable[[M], Rows]
-    draw: Callable[[Figure, M], None]
-    data: Callable[[M], Data]
-    measure: Callable[[Results], Any] = lambda results: results
+    conclude: Callable[[Results], Finding]
+    table: Callable[[Results], Rows]
+    draw: Callable[[Figure, Results], None]
+    data: Callable[[Results], Data]
 
 
 @dataclass(frozen=True)
@@ -131,7 +119,7 @@ class Experiment(Claim):
     size_in: tuple[float, float]
     recordings: Callable[[Scale], Sequence[Recording]]
     variants: Collection[Variant]
-    steps: Steps[Any]
+    steps: Steps
 
     def jobs(self, scale: Scale) -> list[Job]:
         """Combine every drive at a scale with every variant."""

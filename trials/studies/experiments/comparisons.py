@@ -39,7 +39,7 @@ class Comparison:
         """Return the drives at a scale."""
         return scale.recordings(self.scenes, 3)
 
-    def steps(self, conclude: Callable[[Results], Finding]) -> Steps[Results]:
+    def steps(self, conclude: Callable[[Results], Finding]) -> Steps:
         """Return the functions of an experiment."""
         return Steps(conclude, self.table, self.draw, self.data)
 

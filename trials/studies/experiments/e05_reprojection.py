@@ -1,7 +1,7 @@
 """E5: motion refinement lowers the reprojection error of a blurred turn (thesis 4.3, fig. 4.4)."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -47,14 +47,11 @@ class Reprojection:
         return self.before > PEAK * np.nanmedian(self.before)
 
 
-BySeed = Mapping[int, Reprojection]
-
-
-def measure(results: Results) -> BySeed:
-    """Compute the reprojection errors of every run."""
+def _by_seed(results: Results) -> dict[int, Reprojection]:
     return {r.seed: _reprojection(results.at(r, UNREFINED)) for r in results.recordings}
 
 
+@cache
 def _reprojection(result: Result) -> Reprojection:
     """Refine every pose of an unrefined run on the points of its map."""
     rig = open_sequence(result.dataset).rig
@@ -79,9 +76,9 @@ def _reprojection(result: Result) -> Reprojection:
     return Reprojection(before, after, turn_rate_deg_s(result))
 
 
-def _conclude(found: BySeed) -> Finding:
+def _conclude(results: Results) -> Finding:
     before, after, turn_deg_s, peaks = (
-        np.concatenate([getattr(x, name) for x in found.values()])
+        np.concatenate([getattr(x, name) for x in _by_seed(results).values()])
         for name in ("before", "after", "turn_deg_s", "peaks")
     )
     if not peaks.any():
@@ -106,7 +103,7 @@ def _without_peaks(before: Array, after: Array, fast: Mask) -> str:
     )
 
 
-def _table(found: BySeed) -> Rows:
+def _table(results: Results) -> Rows:
     def mean_px(errors: Array) -> str:
         return f"{np.nanmean(errors):.2f}" if len(errors) else "–"
 
@@ -122,18 +119,19 @@ def _table(found: BySeed) -> Rows:
             if x.peaks.any()
             else "–",
         }
-        for seed, x in found.items()
+        for seed, x in _by_seed(results).items()
     ]
 
 
-def _data(found: BySeed) -> Data:
+def _data(results: Results) -> Data:
     return {
         f"seed {k}": {"before, px": x.before, "after, px": x.after, "turn rate, °/s": x.turn_deg_s}
-        for k, x in found.items()
+        for k, x in _by_seed(results).items()
     }
 
 
-def _draw(figure: Figure, found: BySeed) -> None:
+def _draw(figure: Figure, results: Results) -> None:
+    found = _by_seed(results)
     seed, shown = max(found.items(), key=lambda item: np.nanmax(item[1].before, initial=0))
     panel = figure.subplots()
     top_deg_s = 2.5 * max(shown.turn_deg_s.max(), 1)
@@ -157,5 +155,5 @@ E5 = Experiment(
     size_in=(9.0, 3.2),
     recordings=lambda scale: scale.recordings(["turntable"], 3),
     variants=(UNREFINED,),
-    steps=Steps(_conclude, _table, _draw, _data, measure),
+    steps=Steps(_conclude, _table, _draw, _data),
 )

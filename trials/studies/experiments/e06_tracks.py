@@ -1,8 +1,5 @@
 """E6: the visibility mask, and structure from points with two views (thesis 4.4, fig. 4.5)."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-
 import numpy as np
 from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
@@ -32,36 +29,6 @@ FRAMES, ROWS = 60, 240
 """Size of the mask in the figure: the first frames, and a subset of the landmarks."""
 
 
-@dataclass(frozen=True)
-class Structure:
-    """Results, and the distances of all map points.
-
-    Attributes:
-        results: All results.
-        distances_m: Variant to a (J,) array for each run.
-    """
-
-    results: Results
-    distances_m: Mapping[Variant, Sequence[Array]]
-
-    def near_percent(self, variant: Variant) -> Array:
-        """Return the fraction of points closer than NEAR_M, %, of each run (N,)."""
-        return np.array([100 * np.mean(d < NEAR_M) for d in self.distances_m[variant]])
-
-    def far_percent(self, variant: Variant) -> Array:
-        """Return the fraction of points not within FAR_M, %, of each run (N,)."""
-        return np.array([100 * np.mean(~(d <= FAR_M)) for d in self.distances_m[variant]])
-
-    def wrong_percent(self, variant: Variant) -> float:
-        """Return the mean fraction of points at impossible distances, %."""
-        return float(np.mean(self.near_percent(variant) + self.far_percent(variant)))
-
-
-def measure(results: Results) -> Structure:
-    """Compute the distances of the map points of every run."""
-    return Structure(results, {v: [_distances_m(x) for x in results.of(v)] for v in STYLES})
-
-
 def _distances_m(run: Result) -> Array:
     """Return the distance (J,) of every point of a map from the nearest estimated camera."""
     points = read_map(companion(run.file, "map.ply")).points_odom
@@ -70,9 +37,15 @@ def _distances_m(run: Result) -> Array:
     return cKDTree(se3.transform(origin, cameras[:, :3, 3])).query(se3.transform(origin, points))[0]
 
 
-def _conclude(found: Structure) -> Finding:
-    two, three = found.wrong_percent(TWO_LEFT), found.wrong_percent(THREE_LEFT)
-    drift = {v: float(np.nanmean(found.results.drifts(v))) for v in STYLES}
+def _wrong_percent(results: Results, variant: Variant) -> Array:
+    """Return the fractions of points closer than NEAR_M and not within FAR_M, %, (2, N)."""
+    runs = [_distances_m(x) for x in results.of(variant)]
+    return 100 * np.array([(np.mean(d < NEAR_M), np.mean(~(d <= FAR_M))) for d in runs]).T
+
+
+def _conclude(results: Results) -> Finding:
+    two, three = (_wrong_percent(results, v).sum(axis=0).mean() for v in (TWO_LEFT, THREE_LEFT))
+    drift = {v: float(np.nanmean(results.drifts(v))) for v in STYLES}
     cost = drift[TWO_LEFT] / drift[THREE_LEFT]
     return Verdict.of(two > three or cost > 1, two > 2 * three and cost > 1.2), (
         f"Refined by the left image alone, as in the thesis, {two:.2f} % of the points of two "
@@ -83,45 +56,41 @@ def _conclude(found: Structure) -> Finding:
     )
 
 
-def _table(found: Structure) -> Rows:
-    def percent_text(percent: Array) -> str:
-        return mean_interval(percent, minimum=0, maximum=100).text(2)
-
-    return [
-        {
-            "points refined": v.label,
-            f"closer than {100 * NEAR_M:.0f} cm, %": percent_text(found.near_percent(v)),
-            f"farther than {FAR_M:.0f} m, %": percent_text(found.far_percent(v)),
-            "drift over 1 m, %": mean_text(found.results.drifts(v)),
-            "frames lost, %": lost_text(found.results, v),
+def _table(results: Results) -> Rows:
+    rows: list[dict[str, str]] = []
+    for variant in STYLES:
+        near, far = (mean_interval(x, 0, 100).text(2) for x in _wrong_percent(results, variant))
+        row = {
+            "points refined": variant.label,
+            f"closer than {100 * NEAR_M:.0f} cm, %": near,
+            f"farther than {FAR_M:.0f} m, %": far,
+            "drift over 1 m, %": mean_text(results.drifts(variant)),
+            "frames lost, %": lost_text(results, variant),
         }
-        for v in STYLES
-    ]
+        rows.append(row)
+    return rows
 
 
-def _data(found: Structure) -> Data:
-    return {"mask": _mask(found.results.at(found.results.recordings[0], THREE_STEREO))}
-
-
-def _mask(run: Result) -> dict[str, Array]:
+def _data(results: Results) -> Data:
     """Return frame and row of observations in the first frames, and the length of their tracks."""
-    tracks = run.tracks
+    tracks = results.at(results.recordings[0], THREE_STEREO).tracks
     ids, length = np.unique(tracks.landmark, return_counts=True)
     length += 1  # the frame of the detection
     early = ids[np.isin(ids, tracks.landmark[tracks.frame < FRAMES])]
     shown = early[:: max(len(early) // ROWS, 1)]
     mine = np.isin(tracks.landmark, shown) & (tracks.frame < FRAMES)
-    return {
+    mask = {
         "frame": tracks.frame[mine],
         "row": np.searchsorted(shown, tracks.landmark[mine]),
         "frames that see the landmark": length[np.searchsorted(ids, tracks.landmark[mine])],
     }
+    return {"mask": mask}
 
 
-def _draw(figure: Figure, found: Structure) -> None:
+def _draw(figure: Figure, results: Results) -> None:
     left, right = figure.subplots(1, 2)
-    first = found.results.recordings[0]
-    frame, row, length = _data(found)["mask"].values()
+    first = results.recordings[0]
+    frame, row, length = _data(results)["mask"].values()
     for mine, colour, label in (
         (length < 3, BLUE, "in two frames or fewer"),
         (length >= 3, RED, "in three or more"),
@@ -133,9 +102,9 @@ def _draw(figure: Figure, found: Structure) -> None:
     tidy(left, "frame", "landmark", f"{first.scene}, seed {first.seed}")
     edges = np.logspace(-2, 3, 60)
     for variant, (colour, style) in STYLES.items():
-        far = np.concatenate(found.distances_m[variant])
-        share, _ = np.histogram(far.clip(edges[0], edges[-1]), edges)
-        right.stairs(100 * share / len(far), edges, color=colour, ls=style, label=variant.label)
+        far_m = np.concatenate([_distances_m(x) for x in results.of(variant)])
+        share, _ = np.histogram(far_m.clip(edges[0], edges[-1]), edges)
+        right.stairs(100 * share / len(far_m), edges, color=colour, ls=style, label=variant.label)
     right.set(xscale="log", yscale="log")
     right.legend()
     tidy(right, "distance of a point from the nearest camera, m", "points, %", "all drives")
@@ -155,5 +124,5 @@ E6 = Experiment(
     size_in=(9.5, 4.0),
     recordings=lambda scale: scale.recordings(SCENES, 3),
     variants=STYLES,
-    steps=Steps(_conclude, _table, _draw, _data, measure),
+    steps=Steps(_conclude, _table, _draw, _data),
 )

@@ -1,13 +1,10 @@
 """E11: drift of a stationary camera, and its detection (thesis 5.1.3)."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise, product
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from trials.evaluation.intervals import Interval, mean_interval
 from trials.evaluation.metrics import errors_between
 from trials.execution.jobs import Recording, Result, Results, Variant
 from trials.report.figure import BLUE, GREEN, GREY, OCHRE, RED, tidy
@@ -34,45 +31,9 @@ MAX_MM, MAX_DEG = 1.0, 0.01
 """Drift per minute that is negligible."""
 
 
-@dataclass(frozen=True)
-class Drift:
-    """Stationary drift of several drives under one condition.
-
-    Attributes:
-        seconds: Time at rest.
-        mm: Translation error per minute, over all stops.
-        deg: Rotation error per minute, over all stops.
-        mm_of_drives: Mean over drives of the translation error per minute.
-        deg_of_drives: Mean over drives of the rotation error per minute.
-    """
-
-    seconds: float
-    mm: float
-    deg: float
-    mm_of_drives: Interval
-    deg_of_drives: Interval
-
-    @property
-    def negligible(self) -> bool:
-        """Whether both errors are negligible."""
-        return self.mm < MAX_MM and self.deg < MAX_DEG
-
-
-@dataclass(frozen=True)
-class Stops:
-    """Runs and their stationary drift, each by label of the condition and variant."""
-
-    runs: Mapping[tuple[str, Variant], Sequence[Result]]
-    drift: Mapping[tuple[str, Variant], Drift]
-
-
-def measure(results: Results) -> Stops:
-    """Compute the stationary drift of every variant under every condition."""
-    runs = {
-        (label, v): [x for x in results.of(v) if x.job.recording.disturb == disturb]
-        for (label, disturb), v in product(CONDITIONS.items(), SHOWN)
-    }
-    return Stops(runs, {key: _drift(of) for key, of in runs.items()})
+def _runs(results: Results, condition: str, variant: Variant) -> list[Result]:
+    disturb = CONDITIONS[condition]
+    return [x for x in results.of(variant) if x.job.recording.disturb == disturb]
 
 
 def stops(run: Result) -> list[tuple[int, int]]:
@@ -96,55 +57,47 @@ def stationary_drift(run: Result) -> tuple[float, float, float]:
     return float(seconds), moved_mm, float(np.degrees(errors.rotation_rad.sum()))
 
 
-def _drift(runs: Sequence[Result]) -> Drift:
-    seconds, mm, deg = np.array([stationary_drift(x) for x in runs]).T
-    minutes = seconds / 60
-    return Drift(
-        float(seconds.sum()),
-        float(mm.sum() / minutes.sum()),
-        float(deg.sum() / minutes.sum()),
-        mean_interval(mm / minutes, minimum=0),
-        mean_interval(deg / minutes, minimum=0),
-    )
+def _conclude(results: Results) -> Finding:
+    drifts: dict[Variant, bool] = dict.fromkeys(SHOWN, False)
+    sentences: list[str] = []
+    for condition in CONDITIONS:
+        texts: list[str] = []
+        for variant in SHOWN:
+            runs = _runs(results, condition, variant)
+            seconds, mm, deg = np.sum([stationary_drift(x) for x in runs], axis=0)
+            mm, deg = mm / (seconds / 60), deg / (seconds / 60)
+            drifts[variant] |= not (mm < MAX_MM and deg < MAX_DEG)
+            texts.append(f"{mm:.3f} mm and {deg:.4f}°")
+        thesis, without, image, wheels = texts
+        sentences.append(
+            f"{condition.capitalize()} ({seconds:.0f} s at rest), the stationary drift per minute "
+            f"is {thesis} with the thesis preset and, with the default settings, {without} without "
+            f"detection, {image} with detection by image, and {wheels} with detection by image and "
+            "encoders."
+        )
+    return Verdict.of(drifts[THESIS], not drifts[BY_IMAGE]), " ".join(sentences)
 
 
-def _conclude(found: Stops) -> Finding:
-    rests, cured = (
-        all(found.drift[label, variant].negligible for label in CONDITIONS)
-        for variant in (THESIS, BY_IMAGE)
-    )
-    sentences = (_sentence(label, found) for label in CONDITIONS)
-    return Verdict.of(not rests, cured), " ".join(sentences)
-
-
-def _sentence(label: str, found: Stops) -> str:
-    drifts = [found.drift[label, variant] for variant in SHOWN]
-    thesis, without, image, wheels = (f"{x.mm:.3f} mm and {x.deg:.4f}°" for x in drifts)
-    return (
-        f"{label.capitalize()} ({drifts[0].seconds:.0f} s at rest), the stationary drift per "
-        f"minute is {thesis} with the thesis preset and, with the default settings, {without} "
-        f"without detection, {image} with detection by image, and {wheels} with detection by image "
-        "and encoders."
-    )
-
-
-def _table(found: Stops) -> Rows:
-    drifts = {k: np.array([x.drift_percent for x in runs]) for k, runs in found.runs.items()}
-    return [
-        {
-            "condition": label,
+def _table(results: Results) -> Rows:
+    rows: list[dict[str, str]] = []
+    for condition, variant in product(CONDITIONS, SHOWN):
+        runs = _runs(results, condition, variant)
+        seconds, mm, deg = np.array([stationary_drift(x) for x in runs]).T
+        row = {
+            "condition": condition,
             "variant": variant.label,
-            "stationary drift, mm per minute": drift.mm_of_drives.text(3),
-            "stationary drift, ° per minute": drift.deg_of_drives.text(4),
-            "drift over 1 m, %": mean_text(drifts[label, variant]),
+            "stationary drift, mm per minute": mean_text(mm / (seconds / 60)),
+            "stationary drift, ° per minute": mean_text(deg / (seconds / 60), 4),
+            "drift over 1 m, %": mean_text(np.array([x.drift_percent for x in runs])),
         }
-        for (label, variant), drift in found.drift.items()
-    ]
+        rows.append(row)
+    return rows
 
 
-def _data(found: Stops) -> Data:
+def _data(results: Results) -> Data:
+    first = {k: _runs(results, *k)[0] for k in product(CONDITIONS, SHOWN)}
     return {
-        f"halts, {x}": {f"{v.label}, mm": _errors_at_rest(found.runs[x, v][0])[1] for v in SHOWN}
+        f"halts, {x}": {f"{v.label}, mm": _errors_at_rest(first[x, v])[1] for v in SHOWN}
         for x in CONDITIONS
     }
 
@@ -162,18 +115,19 @@ def _errors_at_rest(run: Result) -> tuple[Array, Array, list[float]]:
     return np.concatenate(times_s), np.concatenate(errors_mm), ends_s[1:]
 
 
-def _draw(figure: Figure, found: Stops) -> None:
+def _draw(figure: Figure, results: Results) -> None:
     panels = figure.subplots(1, len(CONDITIONS), sharey=True)
-    for panel, label in zip(panels, CONDITIONS, strict=True):
+    seed = results.recordings[0].seed
+    for panel, condition in zip(panels, CONDITIONS, strict=True):
         for variant, colour in SHOWN.items():
-            times_s, errors_mm, ends_s = _errors_at_rest(found.runs[label, variant][0])
+            run = _runs(results, condition, variant)[0]
+            times_s, errors_mm, ends_s = _errors_at_rest(run)
             errors_mm = np.maximum(errors_mm, MIN_SHOWN_MM)
             panel.plot(times_s, errors_mm, color=colour, lw=1.0, label=variant.label)
             for end_s in ends_s:
                 panel.axvline(end_s, color=GREY, lw=0.6)
         panel.set_yscale("log")
-        seed = found.runs[label, THESIS][0].job.recording.seed
-        tidy(panel, "time at rest, s", "", f"stop_and_go, {label}, seed {seed}")
+        tidy(panel, "time at rest, s", "", f"stop_and_go, {condition}, seed {seed}")
     panels[0].set_ylabel("error since the stop began, mm")
     names = panels[0].get_legend_handles_labels()
     figure.legend(*names, ncols=4, loc="outside lower center")
@@ -197,5 +151,5 @@ E11 = Experiment(
         for disturb, seed in product(CONDITIONS.values(), scale.seeds)
     ],
     variants=SHOWN,
-    steps=Steps(_conclude, _table, _draw, _data, measure),
+    steps=Steps(_conclude, _table, _draw, _data),
 )

@@ -51,16 +51,15 @@ class Record(Claim):
 
 def write_record(one: Experiment, results: Results, scale: Scale, out: Path) -> Record:
     """Evaluate an experiment, and write ID.png, ID-NAME.csv and, last, ID.json into a folder."""
-    measured = one.steps.measure(results)
-    verdict, sentence = one.steps.conclude(measured)
-    save_figure(out / f"{one.id}.png", one.size_in, lambda figure: one.steps.draw(figure, measured))
+    verdict, sentence = one.steps.conclude(results)
+    save_figure(out / f"{one.id}.png", one.size_in, lambda figure: one.steps.draw(figure, results))
     data: list[str] = []
-    for part, columns in one.steps.data(measured).items():
+    for part, columns in one.steps.data(results).items():
         data.append(f"{one.id}-{part.replace(' ', '_').replace(',', '')}.csv")
         rows = zip_longest(*columns.values(), fillvalue=np.nan)
         cells = (["" if np.isnan(x) else f"{x:.6g}" for x in map(float, row)] for row in rows)
         write_csv(out / data[-1], list(columns), cells)
-    table = one.steps.table(measured)
+    table = one.steps.table(results)
     record = Record(
         **{x.name: getattr(one, x.name) for x in fields(Claim)},
         verdict=verdict,

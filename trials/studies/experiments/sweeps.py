@@ -40,7 +40,7 @@ class Sweep:
     stage: str
     counted: str
 
-    def steps(self, conclude: Callable[[Results], Finding]) -> Steps[Results]:
+    def steps(self, conclude: Callable[[Results], Finding]) -> Steps:
         """Return the functions of an experiment."""
         return Steps(conclude, self.table, self.draw, self.data)
 
