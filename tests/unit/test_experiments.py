@@ -131,10 +131,12 @@ MADE = Experiment(
     variants=(),
     steps=Steps(
         conclude=lambda _: (Verdict.PARTLY, "It is so & so."),
-        table=lambda _: [
-            {"what": "this", "how much, %": "1"},
-            {"what": "that", "how much, %": "2"},
-        ],
+        table=lambda _: iter(
+            [
+                {"what": "this", "how much, %": "1"},
+                {"what": "that", "how much, %": "2"},
+            ]
+        ),
         draw=lambda figure, _: figure.subplots().plot([0, 1], [0, 2]),
         data=lambda _: {"a line": {"x": np.arange(3), "y": np.array([0.5])}},
     ),

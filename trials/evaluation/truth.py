@@ -59,7 +59,8 @@ class TrueWorld:
         try:
             true = manifest["rig_true"]
             values: dict[str, Any] = {field.name: true[field.name] for field in fields(StereoRig)}
-            self.rig = StereoRig(**values | {"T_body_cam": np.array(true["T_body_cam"])})
+            values["T_body_cam"] = np.array(values["T_body_cam"])
+            self.rig = StereoRig(**values)
         except (KeyError, TypeError):
             message = f"{dataset / MANIFEST}: the true rig is missing or malformed"
             raise DatasetError(message) from None

@@ -7,15 +7,16 @@ over drives.
 
 import json
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import numpy as np
 from rich.table import Table
 from scipy import stats
 
 from trials.estimators.choice import COMPARED
+from trials.evaluation.score import Score
 from trials.execution.jobs import Result, Variant
 from trials.report.tables import text_table
 from vo.contract.arrays import Array
@@ -28,21 +29,14 @@ VARIANTS = tuple(Variant(name, name) for name in COMPARED)
 RESAMPLES, CONFIDENCE = 10_000, 0.95
 
 
-class Metric(NamedTuple):
-    """A row of the table: label with unit, path into the JSON of a score, printed digits."""
-
-    label: str
-    key: tuple[str, ...]
-    digits: int
-
-
-METRICS = (
-    Metric("drift over 1 m, median, %", ("drift_1m", "median_percent"), 3),
-    Metric("drift over 1 m, mean, %", ("drift_1m", "mean_percent"), 3),
-    Metric("rotation over 1 m, °/m", ("drift_1m", "mean_deg_per_m"), 4),
-    Metric("end point, % of path", ("end_percent",), 3),
-    Metric("ms per frame, median, all cores busy", ("frame_ms",), 1),
-)
+METRICS: dict[str, tuple[Callable[[Score], float | None], int]] = {
+    "drift over 1 m, median, %": (lambda x: x.drift_1m and x.drift_1m.median_percent, 3),
+    "drift over 1 m, mean, %": (lambda x: x.drift_1m and x.drift_1m.mean_percent, 3),
+    "rotation over 1 m, °/m": (lambda x: x.drift_1m and x.drift_1m.mean_deg_per_m, 4),
+    "end point, % of path": (lambda x: x.end_percent, 3),
+    "ms per frame, median, all cores busy": (lambda x: x.frame_ms, 1),
+}
+"""Label with unit to the metric and its printed digits."""
 
 
 def named_variant(words: str) -> Variant:
@@ -66,13 +60,15 @@ def summary_tables(runs: Mapping[str, Sequence[Result]]) -> list[Table]:
     return [_comparison(ours, name, runs) for name in others]
 
 
+def _of(runs: Sequence[Result], name: str) -> list[Result]:
+    return [x for x in runs if x.job.variant.label == name]
+
+
 def _comparison(ours: str, other: str, runs: Mapping[str, Sequence[Result]]) -> Table:
     """Tabulate medians over drives, with a row for each scene."""
     rows: list[tuple[str, ...]] = []
     for scene, of_scene in runs.items():
-        mine, theirs = (
-            [x for x in of_scene if x.job.variant.label == name] for name in (ours, other)
-        )
+        mine, theirs = _of(of_scene, ours), _of(of_scene, other)
         drift, their_drift = ([x.drift_percent for x in some] for some in (mine, theirs))
         median, their_median = np.median(drift), np.median(their_drift)
         turn = np.median([x.rotation_deg_per_m for x in mine])
@@ -106,11 +102,11 @@ def accuracy_table(title: str, runs: Sequence[Result]) -> Table:
     path_m = sum(x.path_m for x in runs) / len(names)
     rows: list[tuple[str, ...]] = []
     for name in names:
-        mine = [x for x in runs if x.job.variant.label == name]
-        for k, metric in enumerate(METRICS):
-            values = [_at(x.score.as_json() if x.score else None, metric.key) for x in mine]
-            row = (name if k == 0 else "", metric.label, *_statistics(values, metric.digits))
-            rows.append(row)
+        mine = _of(runs, name)
+        for label, (metric, digits) in METRICS.items():
+            values = [metric(x.score) if x.score else None for x in mine]
+            first = name if label == next(iter(METRICS)) else ""
+            rows.append((first, label, *_statistics(values, digits)))
         lost = [x.lost_frames for x in mine]
         total = f"{sum(lost)} of {sum(len(x.frames) for x in mine)}"
         rows.append(("", "frames lost", total, str(max(lost)), ""))
@@ -130,18 +126,12 @@ def _statistics(values: list[float | None], digits: int) -> tuple[str, str, str]
     return median, worst, f"{low:.{digits}f}–{high:.{digits}f}"
 
 
-def _at(content: Any, key: tuple[str, ...]) -> float | None:
-    for part in key:
-        content = None if content is None else content[part]
-    return content
-
-
 def write_scores(out: Path, runs: Mapping[str, Sequence[Result]]) -> None:
     """Write the scores of all runs as JSON, by scene."""
     content = {
         name: [
             {"seed": x.job.recording.seed, "estimator": x.job.variant.label,
-             "score": x.score.as_json() if x.score else None}
+             "score": asdict(x.score) if x.score else None}
             for x in of_scene
         ]
         for name, of_scene in runs.items()

@@ -1,16 +1,17 @@
 """Experiments: a claim, the jobs that test it, and the conclusion."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from trials.execution.jobs import Job, Recording, Results, Variant, jobs_of
 from trials.execution.runner import NO_LABELS
 from vo.contract.arrays import Array
 
-Rows = Sequence[Mapping[str, str]]
+Rows = Iterator[Mapping[str, str]]
 """Rows of a table, each a heading with unit to a cell; all have the same headings."""
 Data = Mapping[str, Mapping[str, Array]]
 """Name of a CSV file to its columns, each a name with unit to (N,) values of its own length."""
@@ -25,7 +26,7 @@ class Verdict(StrEnum):
     OPEN = "cannot be decided"
 
     @staticmethod
-    def of(in_part: bool, in_full: bool) -> "Verdict":
+    def of(in_part: bool | np.bool, in_full: bool | np.bool) -> "Verdict":
         """Return whether a claim holds in part and, if so, whether it holds in full."""
         if not in_part:
             return Verdict.FAILS

@@ -51,17 +51,15 @@ class Comparison:
     def table(self, results: Results) -> Rows:
         """Return a row for the reference and each variant."""
         ratios = {self.reference: "1"} | {v: x.text(2) for v, x in self.ratios(results).items()}
-        ms = {v: [np.median(x.frames.frame_ms) for x in results.of(v)] for v in ratios}
-        return [
-            {
+        for v, ratio in ratios.items():
+            ms = [np.median(x.frames.frame_ms) for x in results.of(v)]
+            yield {
                 self.heading: v.label,
                 "drift over 1 m, %": mean_text(results.drifts(v)),
                 "ratio": ratio,
                 "frames lost, %": lost_text(results, v),
-                "ms per frame": f"{np.mean(ms[v]):.0f}",
+                "ms per frame": f"{np.mean(ms):.0f}",
             }
-            for v, ratio in ratios.items()
-        ]
 
     def data(self, results: Results) -> Data:
         """Return the drifts of all runs, a column for each variant."""

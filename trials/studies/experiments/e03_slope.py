@@ -30,16 +30,14 @@ def _conclude(results: Results) -> Finding:
 
 
 def _table(results: Results) -> Rows:
-    return [
-        {
+    for v in SHOWN:
+        yield {
             "variant": v.label,
             "pitch error at the end, °": mean_interval(_end_errors_deg(results, v)).text(3),
             "pitch error, rms, °": mean_text(_rms_errors_deg(results, v)),
             "height error at the end, mm": mean_interval(_height_errors_mm(results, v)).text(1),
             "drift over 1 m, %": mean_text(results.drifts(v)),
         }
-        for v in SHOWN
-    ]
 
 
 def _pitch_error_deg(run: Result) -> Array:

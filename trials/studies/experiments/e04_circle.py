@@ -27,18 +27,16 @@ def _conclude(results: Results) -> Finding:
 
 
 def _table(results: Results) -> Rows:
-    end_m = {v: np.array([x.score.end_m if x.score else np.nan for x in results.of(v)])
-             for v in SHOWN}  # fmt: skip
-    return [
-        {
+    for v in SHOWN:
+        runs = results.of(v)
+        end_m = np.array([x.score.end_m if x.score else np.nan for x in runs])
+        yield {
             "variant": v.label,
             "drift over 1 m, %": mean_text(results.drifts(v)),
-            "rotation, °/m": mean_text(np.array([x.rotation_deg_per_m for x in results.of(v)])),
-            "end point, cm": mean_text(100 * end_m[v], 1),
+            "rotation, °/m": mean_text(np.array([x.rotation_deg_per_m for x in runs])),
+            "end point, cm": mean_text(100 * end_m, 1),
             "frames lost, %": lost_text(results, v),
         }
-        for v in SHOWN
-    ]
 
 
 def _error_m(run: Result) -> Array:

@@ -107,20 +107,17 @@ def _table(results: Results) -> Rows:
     def mean_px(errors: Array) -> str:
         return f"{np.nanmean(errors):.2f}" if len(errors) else "–"
 
-    return [
-        {
+    for seed, x in _by_seed(results).items():
+        rate = f"{np.median(x.turn_deg_s[x.peaks]):.0f}" if x.peaks.any() else "–"
+        yield {
             "seed": str(seed),
             "peaks, frames": str(x.peaks.sum()),
             "elsewhere before, px": mean_px(x.before[~x.peaks]),
             "elsewhere after, px": mean_px(x.after[~x.peaks]),
             "peaks before, px": mean_px(x.before[x.peaks]),
             "peaks after, px": mean_px(x.after[x.peaks]),
-            "turn rate at peaks, °/s": f"{np.median(x.turn_deg_s[x.peaks]):.0f}"
-            if x.peaks.any()
-            else "–",
+            "turn rate at peaks, °/s": rate,
         }
-        for seed, x in _by_seed(results).items()
-    ]
 
 
 def _data(results: Results) -> Data:

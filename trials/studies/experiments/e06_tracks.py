@@ -57,18 +57,15 @@ def _conclude(results: Results) -> Finding:
 
 
 def _table(results: Results) -> Rows:
-    rows: list[dict[str, str]] = []
     for variant in STYLES:
         near, far = (mean_interval(x, 0, 100).text(2) for x in _wrong_percent(results, variant))
-        row = {
+        yield {
             "points refined": variant.label,
             f"closer than {100 * NEAR_M:.0f} cm, %": near,
             f"farther than {FAR_M:.0f} m, %": far,
             "drift over 1 m, %": mean_text(results.drifts(variant)),
             "frames lost, %": lost_text(results, variant),
         }
-        rows.append(row)
-    return rows
 
 
 def _data(results: Results) -> Data:

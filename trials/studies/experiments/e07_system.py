@@ -43,19 +43,16 @@ def _conclude(results: Results) -> Finding:
 
 
 def _table(results: Results) -> Rows:
-    rows: list[dict[str, str]] = []
     for place, variant in product(PLACES, SHOWN):
         runs = _runs(results, place, variant)
         end_percent = [x.score.end_percent for x in runs if x.score]
-        row = {
+        yield {
             "place": place,
             "variant": variant.label,
             "drift over 1 m, %": mean_text(np.array([x.drift_percent for x in runs])),
             "end point, % of path": mean_text(np.array(end_percent, dtype=float), 2),
             "frames lost, %": f"{100 * float(np.mean([x.lost_share for x in runs])):.1f}",
         }
-        rows.append(row)
-    return rows
 
 
 def _data(results: Results) -> Data:

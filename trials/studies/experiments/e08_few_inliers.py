@@ -48,16 +48,14 @@ def _conclude(results: Results) -> Finding:
 
 def _table(results: Results) -> Rows:
     inliers, failed = _pooled(results)
-    bins = [((low, high), failed[(inliers >= low) & (inliers < high)]) for low, high in BINS]
-    return [
-        {
+    for low, high in BINS:
+        mine = failed[(inliers >= low) & (inliers < high)]
+        yield {
             "inliers": f"{low} and more" if high == BINS[-1][1] else f"{low} to {high - 1}",
             "frames": str(len(mine)),
             "failed": str(mine.sum()),
             "ratio, %": f"{100 * mine.mean():.1f}" if len(mine) else "–",
         }
-        for (low, high), mine in bins
-    ]
 
 
 def _data(results: Results) -> Data:

@@ -67,10 +67,10 @@ def _conclude(results: Results) -> Finding:
             seconds, mm, deg = np.sum([stationary_drift(x) for x in runs], axis=0)
             mm, deg = mm / (seconds / 60), deg / (seconds / 60)
             drifts[variant] |= not (mm < MAX_MM and deg < MAX_DEG)
-            texts.append(f"{mm:.3f} mm and {deg:.4f}°")
-        thesis, without, image, wheels = texts
+            texts += [f"{seconds:.0f} s", f"{mm:.3f} mm and {deg:.4f}°"]
+        rest, thesis, _, without, _, image, _, wheels = texts
         sentences.append(
-            f"{condition.capitalize()} ({seconds:.0f} s at rest), the stationary drift per minute "
+            f"{condition.capitalize()} ({rest} at rest), the stationary drift per minute "
             f"is {thesis} with the thesis preset and, with the default settings, {without} without "
             f"detection, {image} with detection by image, and {wheels} with detection by image and "
             "encoders."
@@ -79,19 +79,16 @@ def _conclude(results: Results) -> Finding:
 
 
 def _table(results: Results) -> Rows:
-    rows: list[dict[str, str]] = []
     for condition, variant in product(CONDITIONS, SHOWN):
         runs = _runs(results, condition, variant)
         seconds, mm, deg = np.array([stationary_drift(x) for x in runs]).T
-        row = {
+        yield {
             "condition": condition,
             "variant": variant.label,
             "stationary drift, mm per minute": mean_text(mm / (seconds / 60)),
             "stationary drift, ° per minute": mean_text(deg / (seconds / 60), 4),
             "drift over 1 m, %": mean_text(np.array([x.drift_percent for x in runs])),
         }
-        rows.append(row)
-    return rows
 
 
 def _data(results: Results) -> Data:

@@ -46,14 +46,13 @@ def _conclude(results: Results) -> Finding:
 
 
 def _table(results: Results) -> Rows:
-    rows: list[dict[str, str]] = []
     for scene, stage in product(SCENES, STAGES):
         n = _iterations(results, scene, stage)
         errors = np.concatenate([step_errors_m(x)[1:] for x in results.of(KEEPING, scene)])
         both = np.isfinite(n) & np.isfinite(errors)
         rank = stats.spearmanr(n[both], errors[both]).statistic if both.sum() > 9 else np.nan
         known = n[np.isfinite(n)]
-        row = {
+        yield {
             "scene": scene,
             "refinement of": stage.split()[0],
             "iterations, median": f"{np.nanmedian(n):.0f}",
@@ -62,8 +61,6 @@ def _table(results: Results) -> Rows:
             f"{DROP} and more, %": f"{_percent(known >= DROP):.1f}",
             "rank correlation with the step error": f"{rank:.2f}",
         }
-        rows.append(row)
-    return rows
 
 
 def _data(results: Results) -> Data:

@@ -51,16 +51,14 @@ def _conclude(results: Results) -> Finding:
 
 def _table(results: Results) -> Rows:
     found = _ratios(results)
-    return [
-        {
+    for name, (relative, absolute) in PAIRS.items():
+        yield {
             "stereo": name,
             "relative: drift over 1 m, %": mean_text(results.drifts(relative), 2),
             "absolute: drift over 1 m, %": mean_text(results.drifts(absolute), 2),
             "absolute over relative": found[name].text(2),
             "frames lost, %": f"{lost_text(results, relative)} / {lost_text(results, absolute)}",
         }
-        for name, (relative, absolute) in PAIRS.items()
-    ]
 
 
 def _data(results: Results) -> Data:

@@ -59,7 +59,7 @@ def write_record(one: Experiment, results: Results, scale: Scale, out: Path) -> 
         rows = zip_longest(*columns.values(), fillvalue=np.nan)
         cells = (["" if np.isnan(x) else f"{x:.6g}" for x in map(float, row)] for row in rows)
         write_csv(out / data[-1], list(columns), cells)
-    table = one.steps.table(results)
+    table = list(one.steps.table(results))
     record = Record(
         **{x.name: getattr(one, x.name) for x in fields(Claim)},
         verdict=verdict,

@@ -60,15 +60,13 @@ class Sweep:
 
     def table(self, results: Results) -> Rows:
         """Return a row for every value."""
-        return [
-            {
+        for x, v in self.variants.items():
+            yield {
                 self.column: f"{x:g}",
                 self.counted: mean_text(self.counts(results, v), 0),
                 DRIFT: mean_text(results.drifts(v)),
                 "frames lost, %": lost_text(results, v),
             }
-            for x, v in self.variants.items()
-        ]
 
     def data(self, results: Results) -> Data:
         """Return value, count and drift of every run."""
