@@ -61,13 +61,8 @@ class Measurements(NamedTuple):
 class Workspace(NamedTuple):
     """Arrays that are written anew for every measurement or point.
 
-    Attributes:
-        r: (3,) residual of a measurement.
-        F: (3, 6) its derivatives by the camera's tangent (w, v).
-        E: (3, 3) its derivatives by the point.
-        V: (3, 3) information of a point.
-        b: (3,) gradient by the point.
-        inverse: (3, 3) of V.
+    Residual r (3,) of a measurement, its derivatives F (3, 6) by the camera's tangent (w, v) and
+    E (3, 3) by the point; the point's information V (3, 3), its inverse, and gradient b (3,).
     """
 
     r: Array
