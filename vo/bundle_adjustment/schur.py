@@ -1,9 +1,8 @@
 """The reduced camera system: every point solved for and eliminated, in compiled loops.
 
 Bundle adjustment couples cameras only through the points that they share, and given the cameras
-each point is a problem of its own in three unknowns. `eliminate_points` solves it and adds what
-remains, by the Schur complement, to the normal equations of the cameras alone: a handful of
-unknowns instead of a thousand.
+each point is a problem of its own in three unknowns. `eliminate_points` solves it and adds its Schur
+complement to the normal equations of the cameras alone.
 
 Source: Triggs, McLauchlan, Hartley and Fitzgibbon, Bundle Adjustment: A Modern Synthesis, 2000,
 sections 6.1 and 8.1; Golub and Pereyra, variable projection, 1973.
@@ -84,10 +83,9 @@ def workspace() -> Workspace:
 
 @compiled(error_model="numpy")
 def robust_weights(cameras: Cameras, points: Array, data: Measurements, huber: float) -> Array:
-    """Scale weights (M, 3) so that their squares give the Huber loss of each measurement.
+    """Scale weights (M, 3) so that their squares give the Huber loss, linear beyond `huber`.
 
-    The loss is of the norm of a measurement's whole residual, in sigmas; `huber` is where it turns
-    linear.
+    The loss is of the norm of a measurement's whole residual, in sigmas.
     """
     scaled = data.weight.copy()
     r = np.empty(3)
