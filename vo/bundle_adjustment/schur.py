@@ -1,8 +1,8 @@
 """The reduced camera system: every point solved for and eliminated, in compiled loops.
 
 Bundle adjustment couples cameras only through the points that they share, and given the cameras
-each point is a problem of its own in three unknowns. `eliminate_points` solves it and adds its Schur
-complement to the normal equations of the cameras alone.
+each point is a problem of its own in three unknowns. `eliminate_points` solves it and adds its
+Schur complement to the normal equations of the cameras alone.
 
 Source: Triggs, McLauchlan, Hartley and Fitzgibbon, Bundle Adjustment: A Modern Synthesis, 2000,
 sections 6.1 and 8.1; Golub and Pereyra, variable projection, 1973.
