@@ -10,8 +10,7 @@ of an existing recording, and the backends of bundle adjustment on its windows.
 
 import os
 import tempfile
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -20,50 +19,25 @@ from rich.table import Table
 from trials.estimators.choice import COMPARED
 from trials.execution.progress import ProgressBar, no_progress
 from trials.report.tables import text_table
+from trials.studies.speed.backends import backend_table, measure_windows
 from trials.studies.speed.drive import TimedDrive, on_cores
 from trials.studies.speed.estimator import EstimatorSpeed, measure_estimator
 from trials.studies.speed.generator import GeneratorSpeed, measure_generator, measure_scaling
 from trials.studies.speed.length import LengthCost, measure_lengths
 from trials.studies.speed.renderers import RenderSpeed, measure_renderers
-from vo.contract.arrays import Array
 
 DISTANCE_M, FRAMES = 5.0, 40
 QUICK_DISTANCE_M, QUICK_FRAMES = 1.5, 8
 """Length of the drive, and number of its frames that both renderers draw."""
 LONG_SCENE, LENGTHS_M, QUICK_LENGTHS_M = "long_haul", (30.0, 300.0), (3.0, 30.0)
 """Scene and lengths of the drives that are compared by length."""
-STATISTICS: dict[str, Callable[[Array], float]] = {
-    "mean": lambda ms: float(np.mean(ms)),
-    "median": lambda ms: float(np.median(ms)),
-    "95th percentile": lambda ms: float(np.quantile(ms, 0.95)),
-}
+QUANTILES = {"median": 0.5, "95th percentile": 0.95}
 
 
-@dataclass(frozen=True)
-class Speeds:
-    """Speed of generator, renderers and estimators.
-
-    Attributes:
-        distance_m: Length of the drive.
-        cores: Number that the generator uses.
-        generated: The generator, before and after the renderers.
-        rendered: Both renderers.
-        scaling: Frame rate of two generators on a core each over that of one.
-        lengths: A frame of a short and of a long drive.
-        estimated: Estimators by name.
-    """
-
-    distance_m: float
-    cores: int
-    generated: tuple[GeneratorSpeed, GeneratorSpeed]
-    rendered: RenderSpeed
-    scaling: float
-    lengths: LengthCost
-    estimated: dict[str, EstimatorSpeed]
-
-
-def measure_all(scene: str, seed: int, quick: bool, bar: ProgressBar = no_progress) -> Speeds:
-    """Measure generator, renderers and estimators on a drive through a scene.
+def bench_all(
+    scene: str, seed: int, quick: bool, bar: ProgressBar = no_progress
+) -> Iterator[Table | str]:
+    """Measure generator, renderers and estimators on a drive through a scene; yield the report.
 
     Args:
         scene: Scene to drive through.
@@ -81,50 +55,68 @@ def measure_all(scene: str, seed: int, quick: bool, bar: ProgressBar = no_progre
         rendered = on_cores(cores, measure_renderers, drive, frames, folder, bar)
         after = on_cores(cores, measure_generator, drive, folder / "again", bar)
         scaling = measure_scaling(drive, cores[:2], folder)
+        yield f"{scene}, seed {seed}, {drive.distance_m:g} m; {before.gl}"
+        yield from generator_tables(len(cores), (before, after), rendered, scaling)
+        yield (
+            f"{before.frames} frames in {before.whole_s:.1f} s with scene, drive and map; left "
+            f"images of both renderers differ by {rendered.different_grey:.2f} grey levels"
+        )
         short, long = (
             TimedDrive(LONG_SCENE, seed, x) for x in (QUICK_LENGTHS_M if quick else LENGTHS_M)
         )
-        lengths = on_cores(cores, measure_lengths, short, long, frames, bar)
-        estimated = measure_estimators(dataset, bar)
-    generated = (before, after)
-    return Speeds(drive.distance_m, len(cores), generated, rendered, scaling, lengths, estimated)
+        yield length_table(on_cores(cores, measure_lengths, short, long, frames, bar))
+        yield estimator_table(_measure_estimators(dataset, bar))
 
 
-def measure_estimators(dataset: Path, bar: ProgressBar = no_progress) -> dict[str, EstimatorSpeed]:
-    """Measure each estimator of COMPARED over a dataset, on a single core."""
+def bench_over(dataset: Path, bar: ProgressBar = no_progress) -> Iterator[Table | str]:
+    """Measure the estimators over a dataset, on a single core; yield the report."""
+    estimated = _measure_estimators(dataset, bar)
+    yield dataset.resolve().name
+    yield estimator_table(estimated)
+    yield endurance_table(estimated)
+    yield backend_table(measure_windows(dataset))
+
+
+def _measure_estimators(dataset: Path, bar: ProgressBar) -> dict[str, EstimatorSpeed]:
     core = min(os.sched_getaffinity(0))
     return {x: on_cores([core], measure_estimator, x, dataset, bar) for x in COMPARED}
 
 
-def generator_table(speeds: Speeds) -> Table:
-    """Tabulate rendering alone, and with files, each beside the stock loop."""
-    rendered = speeds.rendered
-    rows = {
+def generator_tables(
+    cores: int, generated: tuple[GeneratorSpeed, ...], rendered: RenderSpeed, scaling: float
+) -> Iterator[Table]:
+    """Tabulate times of rendering alone and with files, then ratios, and their limits.
+
+    Ratios do not depend on the speed of the machine.
+
+    Args:
+        cores: Number that the generator uses.
+        generated: The generator, before and after the renderers.
+        rendered: Both renderers.
+        scaling: Frame rate of two generators on a core each over that of one.
+    """
+    recorded_ms = sum(x.frame_ms for x in generated) / len(generated)
+    written_ms = rendered.stock_left_ms + rendered.stock_files_ms
+    times_ms = {
         "stock, two images, left depth": rendered.stock_left_ms,
         "stock, two images, two depths": rendered.stock_ms,
         "driftyard, two images, two depths": rendered.ours_ms,
-        "stock, images and left depth written": rendered.stock_left_ms + rendered.stock_files_ms,
-        "driftyard, recorded with noise": _mean_ms(speeds),
+        "stock, images and left depth written": written_ms,
+        "driftyard, recorded with noise": recorded_ms,
     }
-    header = (f"generation, {speeds.cores} cores", "ms per frame", "frames/s")
-    return text_table(header, [(x, f"{ms:.1f}", f"{1e3 / ms:.1f}") for x, ms in rows.items()])
-
-
-def ratio_table(speeds: Speeds) -> Table:
-    """Tabulate ratios, which do not depend on the speed of the machine, and their limits."""
-    rendered, recorded_ms = speeds.rendered, _mean_ms(speeds)
-    written_ms = rendered.stock_left_ms + rendered.stock_files_ms
-    memory_gb = max(x.memory_mb for x in speeds.generated) / 1024
+    rows = [(label, f"{ms:.1f}", f"{1e3 / ms:.1f}") for label, ms in times_ms.items()]
+    yield text_table((f"generation, {cores} cores", "ms per frame", "frames/s"), rows)
+    memory_gb = max(x.memory_mb for x in generated) / 1024
     ratios = (
         ("stock over driftyard, two depths", rendered.stock_ms / rendered.ours_ms, "≥ 2"),
         ("the same, stock without right depth", rendered.stock_left_ms / rendered.ours_ms, ""),
         ("rendering over recording", rendered.ours_ms / recorded_ms, "≥ 0.85"),
         ("stock, written, over recording", written_ms / recorded_ms, ""),
-        ("two workers over one, a core each", speeds.scaling, "≥ 1.6"),
+        ("two workers over one, a core each", scaling, "≥ 1.6"),
         ("memory of a worker, GB", memory_gb, "< 1.5"),
     )
     rows = [(label, f"{found:.2f}", limit) for label, found, limit in ratios]
-    return text_table(("ratio", "found", "required"), rows)
+    yield text_table(("ratio", "found", "required"), rows)
 
 
 def length_table(cost: LengthCost) -> Table:
@@ -145,10 +137,6 @@ def length_table(cost: LengthCost) -> Table:
     return text_table((f"{LONG_SCENE}, CPU ms per frame", *lengths, "ratio", "required"), rows)
 
 
-def _mean_ms(speeds: Speeds) -> float:
-    return sum(x.frame_ms for x in speeds.generated) / len(speeds.generated)
-
-
 def estimator_table(estimated: dict[str, EstimatorSpeed]) -> Table:
     """Tabulate milliseconds by stage, with a column for each estimator."""
     speeds = list(estimated.values())
@@ -156,8 +144,9 @@ def estimator_table(estimated: dict[str, EstimatorSpeed]) -> Table:
         (stage, *(f"{x.stage_ms[stage]:.1f}" if stage in x.stage_ms else "–" for x in speeds))
         for stage in dict.fromkeys(stage for x in speeds for stage in x.stage_ms)
     ]
-    for label, measure in STATISTICS.items():
-        rows.append((f"all, {label}", *(f"{measure(x.frame_ms):.1f}" for x in speeds)))
+    rows.append(("all, mean", *(f"{np.mean(x.frame_ms):.1f}" for x in speeds)))
+    for label, q in QUANTILES.items():
+        rows.append((f"all, {label}", *(f"{np.quantile(x.frame_ms, q):.1f}" for x in speeds)))
     rows.append(("frames/s, median", *(f"{1e3 / np.median(x.frame_ms):.1f}" for x in speeds)))
     return text_table(("estimation, 1 core, ms per frame", *estimated), rows)
 
@@ -168,9 +157,9 @@ def endurance_table(estimated: dict[str, EstimatorSpeed]) -> Table:
     frames = len(speeds[0].frame_ms)
     tenth = max(1, frames // 10)
     rows: list[tuple[str, ...]] = []
-    for label in ("median", "95th percentile"):
+    for label, q in QUANTILES.items():
         first, last = (
-            [STATISTICS[label](x.frame_ms[part]) for x in speeds]
+            [np.quantile(x.frame_ms[part], q) for x in speeds]
             for part in (slice(None, tenth), slice(-tenth, None))
         )
         rows.append((f"first tenth, {label}, ms", *(f"{x:.1f}" for x in first)))

@@ -57,25 +57,30 @@ def stationary_drift(run: Result) -> tuple[float, float, float]:
     return float(seconds), moved_mm, float(np.degrees(errors.rotation_rad.sum()))
 
 
+def _per_minute(results: Results, condition: str, variant: Variant) -> tuple[float, float]:
+    """Return the stationary drift over all stops, mm and degrees per minute."""
+    runs = _runs(results, condition, variant)
+    seconds, mm, deg = np.sum([stationary_drift(x) for x in runs], axis=0)
+    return mm / (seconds / 60), deg / (seconds / 60)
+
+
 def _conclude(results: Results) -> Finding:
-    drifts: dict[Variant, bool] = dict.fromkeys(SHOWN, False)
+    drifts = {k: _per_minute(results, *k) for k in product(CONDITIONS, SHOWN)}
+    negligible = {k: mm < MAX_MM and deg < MAX_DEG for k, (mm, deg) in drifts.items()}
+    rests, cured = (all(negligible[c, v] for c in CONDITIONS) for v in (THESIS, BY_IMAGE))
     sentences: list[str] = []
     for condition in CONDITIONS:
-        texts: list[str] = []
-        for variant in SHOWN:
-            runs = _runs(results, condition, variant)
-            seconds, mm, deg = np.sum([stationary_drift(x) for x in runs], axis=0)
-            mm, deg = mm / (seconds / 60), deg / (seconds / 60)
-            drifts[variant] |= not (mm < MAX_MM and deg < MAX_DEG)
-            texts += [f"{seconds:.0f} s", f"{mm:.3f} mm and {deg:.4f}°"]
-        rest, thesis, _, without, _, image, _, wheels = texts
+        seconds = sum(stationary_drift(x)[0] for x in _runs(results, condition, THESIS))
+        thesis, without, image, wheels = (
+            "{:.3f} mm and {:.4f}°".format(*drifts[condition, v]) for v in SHOWN
+        )
         sentences.append(
-            f"{condition.capitalize()} ({rest} at rest), the stationary drift per minute "
+            f"{condition.capitalize()} ({seconds:.0f} s at rest), the stationary drift per minute "
             f"is {thesis} with the thesis preset and, with the default settings, {without} without "
             f"detection, {image} with detection by image, and {wheels} with detection by image and "
             "encoders."
         )
-    return Verdict.of(drifts[THESIS], not drifts[BY_IMAGE]), " ".join(sentences)
+    return Verdict.of(not rests, cured), " ".join(sentences)
 
 
 def _table(results: Results) -> Rows:

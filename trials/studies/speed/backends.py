@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from time import process_time
 
@@ -67,27 +67,6 @@ def record_windows(dataset: Path, settings: OdometrySettings) -> list[Bundle]:
 def adjust(bundle: Bundle, settings: RefinementSettings, backend: str) -> Refined:
     """Adjust a bundle by one of the backends."""
     return refine_structure(bundle, settings.model_copy(update={"backend": backend}))
-
-
-def converge(
-    bundle: Bundle, settings: RefinementSettings, backend: str, step: float, limit: int
-) -> Refined:
-    """Adjust a bundle again and again, until no pose moves any more.
-
-    Args:
-        bundle: Initial cameras and points.
-        settings: Loss and iterations of each adjustment.
-        backend: Name of it.
-        step: Change of a pose's matrix, metres, that ends the repetition.
-        limit: Largest number of adjustments.
-    """
-    found = adjust(bundle, settings, backend)
-    for _ in range(limit - 1):
-        bundle = replace(bundle, T_world_cam=found.T_world_cam, points_world=found.points_world)
-        found = adjust(bundle, settings, backend)
-        if np.abs(found.T_world_cam - bundle.T_world_cam).max() < step:
-            break
-    return found
 
 
 def measure_backends(dataset: Path, preset: str) -> BackendSpeed:

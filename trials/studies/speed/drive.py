@@ -2,18 +2,21 @@
 
 import multiprocessing
 import os
+import resource
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
-if TYPE_CHECKING:
-    from sim.settings import RecordSettings
-    from sim.world.trip import Trip
-    from sim.world.world import World
+from sim.batch import build
+from sim.settings import RecordSettings
+from sim.world.trip import Trip, make_trip
+from sim.world.world import World, build_world
+from trials.execution.recording_settings import recording_settings
 
 NOISE = ("sensor.full_well=6000", "sensor.read_noise=15")
 """Overrides for sensor noise."""
+SPAWN = multiprocessing.get_context("spawn")
 
 T = TypeVar("T")
 
@@ -32,20 +35,13 @@ class TimedDrive:
     seed: int
     distance_m: float
 
-    def settings(self, *overrides: str) -> "RecordSettings":
+    def settings(self, *overrides: str) -> RecordSettings:
         """Resolve the settings of the recording."""
-        from trials.execution.recording_settings import recording_settings
-
         distance = f"drive.distance_m={self.distance_m}"
         return recording_settings(self.scene, self.seed, [distance, *overrides])
 
-    def build(self) -> "tuple[World, Trip]":
+    def build(self, settings: RecordSettings) -> tuple[World, Trip]:
         """Build the world, and simulate the drive without rendering."""
-        from sim.batch import build
-        from sim.world.trip import make_trip
-        from sim.world.world import build_world
-
-        settings = self.settings()
         world = build_world(build(self.scene, settings), settings)
         return world, make_trip(world, settings)
 
@@ -55,7 +51,12 @@ def on_cores(cores: list[int], measure: Callable[..., T], *words: object) -> T:
     mine = os.sched_getaffinity(0)
     os.sched_setaffinity(0, cores)  # a new process inherits it
     try:
-        with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+        with ProcessPoolExecutor(1, SPAWN) as pool:
             return pool.submit(measure, *words).result()
     finally:
         os.sched_setaffinity(0, mine)
+
+
+def peak_memory_mb() -> float:
+    """Return the largest resident size of this process so far."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

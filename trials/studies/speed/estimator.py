@@ -1,14 +1,18 @@
-"""Speed of an estimator."""
+"""Speed of an estimator; its process imports no simulator, as its memory is measured."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import numpy as np
 
+from trials.estimators.choice import make_estimator
 from trials.execution.process_memory import resident_mb
 from trials.execution.progress import ProgressBar, counted, no_progress
 from vo.contract.arrays import Array
 from vo.contract.estimator import Estimate
+from vo.contract.readers import open_sequence
+from vo.runner import run
 
 WARM_FRAMES = 12
 """Number of frames that are tracked before the timing, to exclude compilation."""
@@ -31,12 +35,6 @@ class EstimatorSpeed:
 
 def measure_estimator(name: str, dataset: Path, bar: ProgressBar = no_progress) -> EstimatorSpeed:
     """Run an estimator over a dataset, warm."""
-    import cv2
-
-    from trials.estimators.choice import make_estimator
-    from vo.contract.readers import open_sequence
-    from vo.runner import run
-
     cv2.setNumThreads(1)
     sequence = open_sequence(dataset)
     warm, _ = make_estimator(name, sequence.rig)

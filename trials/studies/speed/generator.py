@@ -1,13 +1,15 @@
 """Speed of recording, by one worker and by one per core."""
 
-import resource
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 
+from sim.batch import build
+from sim.record import record
 from trials.execution.progress import ProgressBar, no_progress
-from trials.studies.speed.drive import NOISE, TimedDrive, on_cores
+from trials.studies.speed.drive import NOISE, TimedDrive, on_cores, peak_memory_mb
+from vo.contract.dataset import read_manifest
 
 
 @dataclass(frozen=True)
@@ -34,10 +36,6 @@ def measure_generator(
     drive: TimedDrive, out: Path, bar: ProgressBar = no_progress
 ) -> GeneratorSpeed:
     """Record the dataset `out` with sensor noise, and time it."""
-    from sim.batch import build
-    from sim.record import record
-    from vo.contract.dataset import read_manifest
-
     settings = drive.settings(*NOISE)
     finished_s: list[float] = []
     start = perf_counter()
@@ -50,9 +48,8 @@ def measure_generator(
         record(build(drive.scene, settings), settings, out, progress=advance)
     whole_s = perf_counter() - start
     frame_ms = 1e3 * (finished_s[-1] - finished_s[0]) / (len(finished_s) - 1)
-    memory_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     gl = read_manifest(out)["software"]["gl"]["renderer"]
-    return GeneratorSpeed(len(finished_s), frame_ms, whole_s, memory_mb, gl)
+    return GeneratorSpeed(len(finished_s), frame_ms, whole_s, peak_memory_mb(), gl)
 
 
 def measure_scaling(drive: TimedDrive, cores: list[int], folder: Path) -> float:

@@ -4,17 +4,24 @@ Physics simulates both drives entirely; then frames of each at even intervals ar
 alternately. CPU time is measured, which depends less on other programs than wall time.
 """
 
-import multiprocessing
-import resource
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from time import process_time
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
+from sim.batch import build
+from sim.camera.camera import StereoCamera
+from sim.camera.render import StereoRenderer
+from sim.world.trip import make_trip
+from sim.world.world import build_world
 from trials.execution.progress import ProgressBar, no_progress
-from trials.studies.speed.drive import NOISE, TimedDrive
+from trials.studies.speed.drive import NOISE, SPAWN, TimedDrive, peak_memory_mb
+
+opened: Any = SimpleNamespace()
+"""Trip, camera and renderer of this process, which remain open as long as it lives."""
 
 
 @dataclass(frozen=True)
@@ -59,30 +66,21 @@ class LengthCost:
 def measure_lengths(
     short: TimedDrive, long: TimedDrive, frames: int, bar: ProgressBar = no_progress
 ) -> LengthCost:
-    """Simulate both drives, and draw the same number of frames of each.
-
-    Args:
-        short: The short drive.
-        long: The long drive, on the same route.
-        frames: Number of frames of each to draw.
-        bar: Shows progress.
-    """
-    spawn = multiprocessing.get_context("spawn")
+    """Simulate a short and a long drive over the same route, and draw `frames` frames of each."""
     with (
-        ProcessPoolExecutor(1, spawn) as one,
-        ProcessPoolExecutor(1, spawn) as other,
+        ProcessPoolExecutor(1, SPAWN) as one,
+        ProcessPoolExecutor(1, SPAWN) as other,
         bar("short and long") as progress,
     ):
         driven = [one.submit(_drive, short), other.submit(_drive, long)]
         (short_frames, short_ms), (long_frames, long_ms) = (x.result() for x in driven)
-        rows: list[tuple[float, float, float]] = []
+        rows: list[tuple[float, ...]] = []
         for k, share in enumerate(np.linspace(0, 1, frames + 1)):
             again = share * short_frames / long_frames
             turns = (one, share), (other, share), (other, again)
-            a, b, c = (process.submit(_draw, place).result() for process, place in turns)
-            rows.append((a, b, c))
+            rows.append(tuple(process.submit(_draw, at).result() for process, at in turns))
             progress(k, frames)
-        memory_mb = [process.submit(_memory_mb).result() for process in (one, other)]
+        memory_mb = [process.submit(peak_memory_mb).result() for process in (one, other)]
     drawn_ms = np.mean(rows[1:], axis=0).tolist()  # the first uploads textures
     return LengthCost(
         DriveCost(short.distance_m, short_frames, short_ms, drawn_ms[0], memory_mb[0]),
@@ -91,47 +89,24 @@ def measure_lengths(
     )
 
 
-@dataclass(frozen=True)
-class _Resident:
-    """Camera and trip in a process of its own, open as long as the process lives."""
-
-    trip: Any
-    camera: Any
-    renderer: Any
-    opened: Any
-
-
-_resident: _Resident
-
-
 def _drive(drive: TimedDrive) -> tuple[int, float]:
     """Return the number of frames, and milliseconds of physics per frame."""
-    from sim.batch import build
-    from sim.camera.camera import StereoCamera
-    from sim.camera.render import StereoRenderer
-    from sim.world.trip import make_trip
-    from sim.world.world import build_world
-
-    global _resident
     settings = drive.settings(*NOISE)
     world = build_world(build(drive.scene, settings), settings)
     start_s = process_time()
-    trip = make_trip(world, settings)
-    frame_ms = 1e3 * (process_time() - start_s) / len(trip)
-    opened = StereoRenderer(world, settings.render)
-    _resident = _Resident(trip, StereoCamera(world, settings), opened.__enter__(), opened)
-    return len(trip), frame_ms
+    opened.trip = make_trip(world, settings)
+    frame_ms = 1e3 * (process_time() - start_s) / len(opened.trip)
+    opened.context = StereoRenderer(world, settings.render)
+    opened.renderer = opened.context.__enter__()
+    opened.camera = StereoCamera(world, settings)
+    return len(opened.trip), frame_ms
 
 
 def _draw(share: float) -> float:
     """Return milliseconds of the frame at a fraction of the trip."""
-    trip = _resident.trip
+    trip = opened.trip
     only = np.arange(len(trip)) == round(share * (len(trip) - 1))
     start_s = process_time()
-    (capture,) = _resident.camera.captures(replace(trip, delivered=only), _resident.renderer)
-    _resident.camera.form_images(capture)
+    (capture,) = opened.camera.captures(replace(trip, delivered=only), opened.renderer)
+    opened.camera.form_images(capture)
     return 1e3 * (process_time() - start_s)
-
-
-def _memory_mb() -> float:
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

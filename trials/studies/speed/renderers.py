@@ -1,21 +1,34 @@
-"""Speed of this renderer and of the stock one."""
+"""Speed of this renderer and of the stock one: MuJoCo's own, used as in its documentation."""
 
-import multiprocessing
 import os
+from collections.abc import Generator
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
+from types import SimpleNamespace
 from typing import Any
 
+import cv2
+import mujoco
 import numpy as np
 
+from scenes.scene import IMAGE_GROUP
+from sim.camera.gl import choose_backend
+from sim.camera.render import BOTH_GROUPS, SPARE_GEOMS, StereoRenderer
+from sim.labels.labels import disparity_from_depth
+from sim.settings import RenderSettings
+from sim.world.rig import CAMERA
+from sim.world.world import World
 from trials.execution.progress import ProgressBar, no_progress
-from trials.studies.speed.drive import TimedDrive
+from trials.studies.speed.drive import SPAWN, TimedDrive
 from vo.contract.arrays import Array, Image
 
 IN_A_ROW = 8
 """Successive frames of one renderer; a recording also draws without pauses."""
+opened: Any = SimpleNamespace()
+"""World, trip and renderer of this process, which remain open as long as it lives."""
 
 
 @dataclass(frozen=True)
@@ -42,110 +55,110 @@ def measure_renderers(
 ) -> RenderSpeed:
     """Draw the same instants of the drive with both renderers alternately, a few frames each.
 
-    Each has a process of its own, as one changes the state of the driver for the other.
-
-    Args:
-        drive: The drive.
-        frames: Number of frames to draw, at even intervals.
-        folder: Folder of the stock frames.
-        bar: Shows progress.
+    Each has a process of its own, as one changes the state of the driver for the other. The stock
+    frames are written into a folder.
     """
-    spawn = multiprocessing.get_context("spawn")
+    # MuJoCo chooses the backend of its own renderer when a process imports it.
+    os.environ["MUJOCO_GL"] = choose_backend("auto")
     with (
-        ProcessPoolExecutor(1, spawn, _open_ours, (drive,)) as ours,
-        ProcessPoolExecutor(1, spawn, _open_stock, (drive,)) as stock,
+        ProcessPoolExecutor(1, SPAWN, _open, (drive, StereoRenderer)) as ours,
+        ProcessPoolExecutor(1, SPAWN, _open, (drive, stock_renderer)) as stock,
         bar("rendering") as progress,
     ):
         shares = np.linspace(0, 1, frames)
-        turns = np.split(shares, range(IN_A_ROW, frames, IN_A_ROW))
-        ours_ms, stock_ms, different = [], [], []
-        _draw_both(ours, stock, shares[:1], folder)  # uploads textures
-        for done, turn in enumerate(turns, start=1):
-            drawn, plain = _draw_both(ours, stock, turn, folder)
-            ours_ms += [ms for ms, _ in drawn]
-            stock_ms += [ms for ms, _ in plain]
-            pairs = zip(drawn, plain, strict=True)
-            different += [np.abs(a.astype(int) - b).mean() for (_, a), (_, b) in pairs]
-            progress(done, len(turns))
-    columns = ours_ms, *zip(*stock_ms, strict=True), different
-    return RenderSpeed(*(float(np.median(column)) for column in columns))
+        turns = [shares[:1], *np.split(shares, range(IN_A_ROW, frames, IN_A_ROW))]
+        rows: list[tuple[float, ...]] = []
+        for done, turn in enumerate(turns):
+            drawn = ours.submit(_draw_ours, turn.tolist()).result()
+            plain = stock.submit(_draw_stock, turn.tolist(), folder).result()
+            for (ours_ms, our_left), (*stock_ms, left) in zip(drawn, plain, strict=True):
+                rows.append((ours_ms, *stock_ms, np.abs(our_left.astype(int) - left).mean()))
+            progress(done, len(turns) - 1)
+    return RenderSpeed(*np.median(rows[1:], axis=0).tolist())  # the first uploads textures
 
 
-def _draw_both(
-    ours: ProcessPoolExecutor, stock: ProcessPoolExecutor, shares: Array, folder: Path
-) -> tuple[list[tuple[float, Image]], list[tuple[tuple[float, ...], Image]]]:
-    """Return milliseconds and left image of each frame, ours first."""
-    drawn = ours.submit(_draw_ours, shares.tolist()).result()
-    return drawn, stock.submit(_draw_stock, shares.tolist(), folder).result()
+@contextmanager
+def stock_renderer(world: World, settings: RenderSettings) -> Generator[mujoco.Renderer]:
+    """Open `mujoco.Renderer` at the size of the rig and the quality of the settings."""
+    quality = world.model.vis.quality
+    quality.offsamples, quality.shadowsize = settings.samples, settings.shadow_size_px
+    size = world.rig.height_px, world.rig.width_px
+    with mujoco.Renderer(world.model, *size, world.model.ngeom + SPARE_GEOMS) as renderer:
+        yield renderer
 
 
-@dataclass(frozen=True)
-class _Resident:
-    """Renderer and world in a process of its own, open as long as the process lives."""
-
-    world: Any
-    trip: Any
-    renderer: Any
-    opened: Any
-
-    def place(self, share: float) -> None:
-        """Set the world to a fraction of the trip."""
-        time_ns = self.trip.timestamps_ns[round(share * (len(self.trip) - 1))]
-        states = self.trip.states.at(self.world.model, time_ns)
-        self.world.place(time_ns * 1e-9, states)
+def _open(drive: TimedDrive, renderer: Any) -> None:
+    settings = drive.settings()
+    opened.world, opened.trip = drive.build(settings)
+    opened.context = renderer(opened.world, settings.render)
+    opened.renderer = opened.context.__enter__()
 
 
-_resident: _Resident
-
-
-def _open_ours(drive: TimedDrive) -> None:
-    from sim.camera.render import StereoRenderer
-
-    global _resident
-    world, trip = drive.build()
-    opened = StereoRenderer(world, drive.settings().render)
-    _resident = _Resident(world, trip, opened.__enter__(), opened)
-
-
-def _open_stock(drive: TimedDrive) -> None:
-    from sim.camera.gl import choose_backend
-
-    # mujoco picks the backend of its own renderer when it is imported.
-    os.environ["MUJOCO_GL"] = choose_backend("auto")
-    from trials.studies.stock import stock_renderer
-
-    global _resident
-    world, trip = drive.build()
-    opened = stock_renderer(world, drive.settings().render)
-    _resident = _Resident(world, trip, opened.__enter__(), opened)
+def _place(share: float) -> None:
+    """Set the world to a fraction of the trip."""
+    time_ns = opened.trip.timestamps_ns[round(share * (len(opened.trip) - 1))]
+    opened.world.place(time_ns * 1e-9, opened.trip.states.at(opened.world.model, time_ns))
 
 
 def _draw_ours(shares: list[float]) -> list[tuple[float, Image]]:
     """Return milliseconds and the left image of each frame."""
     drawn = []
     for share in shares:
-        _resident.place(share)
+        _place(share)
         start = perf_counter()
-        left, _ = _resident.renderer.render_images()
-        _resident.renderer.render_geometry()
+        left, _ = opened.renderer.render_images()
+        opened.renderer.render_geometry()
         drawn.append((1e3 * (perf_counter() - start), left))
     return drawn
 
 
-def _draw_stock(shares: list[float], folder: Path) -> list[tuple[tuple[float, ...], Image]]:
+def _draw_stock(shares: list[float], folder: Path) -> list[tuple[Any, ...]]:
     """Return milliseconds with both depths, with the left one, and of files; the left image."""
-    from trials.studies.stock import grey, render_plainly, write_plainly
-
     drawn = []
     for share in shares:
-        _resident.place(share)
+        _place(share)
         start = perf_counter()
-        render_plainly(_resident.renderer, _resident.world, depths=2)
+        _render_stock(depths=2)
         both = perf_counter()
-        plain = render_plainly(_resident.renderer, _resident.world, depths=1)
-        left = perf_counter()
-        write_plainly(plain, _resident.world.rig, folder)
-        written = perf_counter()
-        times_ms = 1e3 * (both - start), 1e3 * (left - both), 1e3 * (written - left)
-        drawn.append((times_ms, grey(plain.left)))
+        left, right, depth_m = _render_stock(depths=1)
+        one = perf_counter()
+        greys = [np.asarray(cv2.cvtColor(x, cv2.COLOR_RGB2GRAY), np.uint8) for x in (left, right)]
+        disparity_px = disparity_from_depth(opened.world.rig, depth_m)
+        files = zip(("left.png", "right.png", "depth.tiff", "disparity.tiff"),
+                    (*greys, depth_m, disparity_px), strict=True)  # fmt: skip
+        for name, image in files:
+            cv2.imwrite(str(folder / name), image)
+        times_s = np.diff([start, both, one, perf_counter()])
+        drawn.append((*(1e3 * times_s), greys[0]))
     return drawn
+
+
+def _render_stock(depths: int) -> tuple[Image, Image, Array]:
+    """Render left and right RGB image and one or two depths in successive calls.
+
+    Returns:
+        Images (H, W, 3) and the left depth (H, W), metres.
+    """
+    world, renderer = opened.world, opened.renderer
+    camera = world.model.camera(CAMERA).id
+    centre = world.data.cam_xpos[camera].copy()
+    option = mujoco.MjvOption()
+    option.geomgroup[:] = 0
+    option.geomgroup[[*BOTH_GROUPS, IMAGE_GROUP]] = 1
+    half_baseline = world.rig.baseline_m / 2 * world.data.cam_xmat[camera].reshape(3, 3)[:, 0]
+
+    def render(side: int, depth: bool) -> Array:
+        world.data.cam_xpos[camera] = centre + side * half_baseline
+        if depth:
+            renderer.enable_depth_rendering()
+        renderer.update_scene(world.data, camera, option)
+        image = renderer.render()
+        renderer.disable_depth_rendering()
+        return image
+
+    right, left = render(1, False), render(-1, False)
+    if depths == 2:
+        render(1, True)
+    depth_left_m = render(-1, True)
+    world.data.cam_xpos[camera] = centre
+    return left, right, depth_left_m
