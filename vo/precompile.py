@@ -6,6 +6,8 @@ by calling it on synthetic data; both find what the other kept.
 """
 
 import fcntl
+import hashlib
+import os
 import subprocess
 import sys
 import tempfile
@@ -34,11 +36,13 @@ DISPARITY_PX, STEP_PX = 10, 3
 def compile_ahead() -> None:
     """Compile the estimator's functions, unless their machine code is kept already.
 
-    Several processes do this once: the first compiles, the others wait.
+    Several processes of a user and an installation do this once: the first compiles, the others
+    wait.
     """
     if _is_compiled():
         return
-    lock = Path(tempfile.gettempdir()) / "driftyard-compilation.lock"
+    package = hashlib.sha256(str(Path(__file__).parent).encode()).hexdigest()[:12]
+    lock = Path(tempfile.gettempdir()) / f"driftyard-{os.getuid()}-{package}.lock"
     with lock.open("a") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         if not _is_compiled():
