@@ -99,8 +99,8 @@ ROOMS = {
     ("trials.navigation", "trials.navigation"): "lookout>depth_mapping occupancy>occupancy_grid",
     ("trials.report", "trials.report"): "explanation>explanation_figures film>stills",
     ("trials", "trials.studies"): (
-        "accuracy bench bump experiments proof>label_accuracy point_world response speed "
-        "stock>speed.renderers stress strengths>stress_axes"
+        "accuracy bench bump experiments proof>label_accuracy point_world response speed stress "
+        "strengths>stress_axes"
     ),
     ("trials.gate", "trials.studies"): "simulate>gate_power",
     ("trials.navigation", "trials.studies"): "bench>replanning",
