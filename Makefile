@@ -77,7 +77,7 @@ clean:  ## remove results and caches; the environment in .venv stays
 	find scenes sim vo trials tests -name __pycache__ -type d -exec rm -rf {} +
 
 help:  ## this list
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-13s%s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-16s%s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 $(READY): pyproject.toml .ci/setup
 	sh .ci/setup $(VENV)
