@@ -1,6 +1,7 @@
 """Worlds small enough to reason about, for every test that needs one."""
 
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import cv2
@@ -12,6 +13,7 @@ from hypothesis import settings
 from scenes.scene import Motion, Scene
 from sim.settings import RecordSettings
 from sim.world.world import World, build_world
+from trials.execution import parallel
 from vo.contract.arrays import Array
 
 # Time limits say more about a shared machine than about the code.
@@ -31,6 +33,21 @@ BOXES = (
 
 MOVER_M = (0.15, 0.15, 0.10)
 """Half sizes."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put files with slow tests first, so that no worker starts a long one when others end."""
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in slow)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def one_core_each() -> Iterator[None]:
+    """Let commands start one worker where the workers of pytest-xdist fill all cores already."""
+    with pytest.MonkeyPatch.context() as patch:
+        if "PYTEST_XDIST_WORKER" in os.environ:
+            patch.setattr(parallel, "usable_cores", lambda: 1)
+        yield
 
 
 @pytest.fixture(scope="session")

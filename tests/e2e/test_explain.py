@@ -3,27 +3,25 @@
 import csv
 import json
 import re
-import sys
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from recordings import shared_recording
+from terminal import driftyard
 
-from scenes import build_scene
-from sim.record import record
 from sim.settings import DriveSettings, LabelSettings, RecordSettings, RenderSettings, RigSettings
-from trials.cli.main import app
 from trials.diagnosis import combinations
 from trials.diagnosis.attribution import REMAINDER
 from trials.diagnosis.combinations import Subject
 from trials.diagnosis.explanation import explain
 from trials.diagnosis.validation import MIN_ATTRIBUTED, validate
 from trials.estimators.choice import Named
+from trials.execution.cache import CACHE
 
 pytestmark = [pytest.mark.gl, pytest.mark.slow]
 
 SETTINGS = RecordSettings(
-    rig=RigSettings(rate_hz=8),
+    rig=RigSettings(width_px=320, height_px=240, rate_hz=8),
     drive=DriveSettings(distance_m=1.6),
     render=RenderSettings(samples=0, shadow_size_px=512),
     labels=LabelSettings(disparity=False),
@@ -33,14 +31,18 @@ STAGES = ("matching", "stereo")
 
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("explain") / "drive"
-    record(build_scene("office", np.random.default_rng(5), {}), SETTINGS, folder)
-    return folder
+    return shared_recording(tmp_path_factory, "office", 5, SETTINGS)
 
 
 @pytest.fixture(scope="module")
-def cache(tmp_path_factory):
-    return tmp_path_factory.mktemp("runs")
+def place(tmp_path_factory):
+    """A working directory, whose cache all tests of this module share."""
+    return tmp_path_factory.mktemp("explain")
+
+
+@pytest.fixture(scope="module")
+def cache(place):
+    return place / CACHE
 
 
 def ignore(done, total):
@@ -98,12 +100,11 @@ def test_estimator_without_hooks_is_inseparable(drive, cache, tmp_path, monkeypa
     assert 1 < bound.over_1m_percent / bound.bound_over_1m_percent < 50
 
 
-def test_explain_command_writes_page_figures_and_data(drive, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    words = ["explain", str(drive), "--stages", "matching,stereo", "--out", "found"]
-    result = CliRunner().invoke(app, words)
-    assert result.exit_code == 0, result.output
-    out = tmp_path / "found"
+def test_explain_command_writes_page_figures_and_data(drive, place):
+    words = ("explain", drive, "--stages", "matching,stereo", "--out", "found")
+    result = driftyard(*words, cwd=place)
+    assert result.returncode == 0, result.stderr
+    out = place / "found"
     page = (out / "explain.md").read_text()
     for figure in ("shares.png", "path.png", "calibration.png"):
         assert (out / figure).stat().st_size > 10_000
@@ -130,11 +131,8 @@ def test_explain_command_writes_page_figures_and_data(drive, tmp_path, monkeypat
         (["nowhere"], "nowhere"),
     ],
 )
-def test_explain_bad_arguments_end_in_one_line(words, complaint, monkeypatch, capsys):
-    from trials.cli.main import main
-
-    monkeypatch.setattr(sys, "argv", ["driftyard", "explain", *words])
-    with pytest.raises(SystemExit) as exit:
-        main()
-    assert exit.value.code == 2
-    assert complaint in capsys.readouterr().err
+def test_explain_bad_arguments_end_in_one_line(words, complaint, tmp_path):
+    result = driftyard("explain", *words, cwd=tmp_path)
+    assert result.returncode == 2
+    assert complaint in result.stderr
+    assert len(result.stderr.splitlines()) == 1

@@ -70,7 +70,10 @@ class Scale:
 
 FULL = Scale(seeds=(0, 1, 2), distance_m=4.0)
 SMALL = Scale(
-    seeds=(0,), distance_m=1.2, max_scenes=1, overrides=("rig.width_px=320", "rig.height_px=240")
+    seeds=(0,),
+    distance_m=1.2,
+    max_scenes=1,
+    overrides=("rig.width_px=320", "rig.height_px=240", "rig.rate_hz=8"),
 )
 """Scale of tests: it shows that an experiment runs, and is too small for its conclusion."""
 
