@@ -100,11 +100,9 @@ def draw_bumps(channels: Mapping[str, Channel], scene: str, out: Path) -> None:
             for name, colour in colours.items():
                 times_s, values = channels[name]
                 shown = (times_s >= SECONDS[0]) & (times_s <= SECONDS[1])
-                by_frame = len(times_s) < 1000 and name in ("blur", "features")
-                style = "steps-mid" if by_frame else "default"
-                panel.plot(
-                    times_s[shown], values[shown], color=colour, lw=1.0, label=name, ds=style
-                )
+                style = "steps-mid" if name in ("blur", "features") else "default"
+                line = panel.plot(times_s[shown], values[shown], color=colour, lw=1.0, label=name)
+                line[0].set_drawstyle(style)
             panel.margins(x=0)
             tidy(panel, "", label)
         panels[0].legend(loc="upper right", ncols=3)
