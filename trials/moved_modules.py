@@ -100,7 +100,7 @@ ROOMS = {
     ("trials.report", "trials.report"): "explanation>explanation_figures film>stills",
     ("trials", "trials.studies"): (
         "accuracy bench bump experiments proof>label_accuracy point_world response speed stress "
-        "strengths>stress_axes"
+        "strengths>stress"
     ),
     ("trials.gate", "trials.studies"): "simulate>gate_power",
     ("trials.navigation", "trials.studies"): "bench>replanning",

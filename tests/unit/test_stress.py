@@ -6,9 +6,8 @@ import pytest
 
 from sim.disturbances import parse_disturbances
 from trials.execution.recording_settings import recording_settings
-from trials.studies.stress import Curve, Limits, Response, describe, stress
-from trials.studies.stress_axes import AXES, MAIN, Axis
-from trials.studies.stress_report import columns, page_text, write_curves, write_page
+from trials.studies.stress import AXES, MAIN, Axis, Curve, Limits, Response, describe, stress
+from trials.studies.stress_report import page_text, rows_of, write_curves, write_page
 
 AXIS = Axis("strength", 8.0)
 
@@ -45,10 +44,10 @@ def test_stress_failure_without_disturbance_is_described():
     assert "without any disturbance" in describe(curve)
 
 
-def test_columns_have_a_row_per_drive():
-    table = columns({"one": search(2.0, rounds=1), "other": search(5.0, rounds=0)})
-    assert {len(values) for values in table.values()} == {8 + 6}
-    assert table["estimator"] == ["one"] * 8 + ["other"] * 6
+def test_rows_of_curves_are_the_drives():
+    rows = rows_of({"one": search(2.0, rounds=1), "other": search(5.0, rounds=0)})
+    assert {len(row) for row in rows} == {5}
+    assert [row[0] for row in rows] == ["one"] * 8 + ["other"] * 6
 
 
 def test_page_states_where_each_estimator_fails(tmp_path):

@@ -24,7 +24,10 @@ def gate_power(
     with console.counting_bar("simulating", 2 * repetitions * len(cases)) as count:
         found = simulate(cases, repetitions, seed, TESTS if tests else {}, count)
     header = ("case", "seeds", "false alarms, %", "10 % found, %", "promised, %")
-    rows = [(x.case.name, str(x.case.seeds), x.alarms, x.found, x.promised) for x in found]
+    rows = [
+        (x.case.name, str(x.case.seeds), x.alarms, x.found, f"{100 * x.case.power:.0f}")
+        for x in found
+    ]
     console.out.print(f"{repetitions} repetitions (95 % interval)")
     console.print_table(header, rows)
     if tests:

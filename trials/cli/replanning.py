@@ -19,10 +19,8 @@ def replanning(
         with console.counting_bar(name, 2 * changes) as count:
             timings = measure(change, side, 2 * changes, np.random.default_rng(seed), count)
         for what, some in (("closed", timings[::2]), ("reopened", timings[1::2])):
-            replan_ms, plan_ms, expanded = np.median(
-                [(t.replan_ms, t.plan_ms, t.expanded) for t in some], axis=0
-            )
-            ratio, low = np.quantile([t.ratio for t in some], (0.5, 0.05))
+            replan_ms, plan_ms, expanded = np.median(some, axis=0)
+            ratio, low = np.quantile(some[:, 1] / some[:, 0], (0.5, 0.05))
             figures = (f"{replan_ms:.3f}", f"{plan_ms:.1f}", f"{ratio:.0f}", f"{low:.1f}")
             rows.append((f"{name} {what}", *figures, f"{expanded:.0f}"))
     header = ("change", "D* Lite, ms", "A*, ms", "ratio", "worst 5 %", "expanded")

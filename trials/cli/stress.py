@@ -15,9 +15,8 @@ from trials.estimators.plugins.command import Command
 from trials.execution.jobs import Variant
 from trials.execution.runner import NO_LABELS, run_jobs
 from trials.report.tables import text_table
-from trials.studies.stress import Curve, Limits, describe, respond
+from trials.studies.stress import AXES, MAIN, Axis, Curve, Limits, describe, respond
 from trials.studies.stress import stress as find_limit
-from trials.studies.stress_axes import AXES, MAIN, Axis
 from trials.studies.stress_report import write_curves, write_page
 from vo.contract.errors import SettingsError
 

@@ -138,14 +138,12 @@ class Rates:
         case: The case.
         alarms: False alarms, with their 95 % interval.
         found: Increases of 10 % that are found, with their interval.
-        promised: Nominal rate of the design.
         others: False alarms and found increases of each other test.
     """
 
     case: Case
     alarms: str
     found: str
-    promised: str
     others: tuple[str, ...]
 
 
@@ -168,7 +166,7 @@ def simulate(
     rates: list[Rates] = []
     for number, case in enumerate(cases):
         found: list[str] = []
-        others: list[dict[str, float]] = []
+        others: list[list[float]] = []
         for k, change in enumerate((TOLERANCE, CHANGE)):
             rng = np.random.default_rng((seed, number, k))
             draws = [case.draw(rng, case.scenes, case.seeds) for _ in range(repetitions)]
@@ -177,11 +175,13 @@ def simulate(
             for values in logs:
                 alarms += repeat(rng, values).verdict is Verdict.REGRESS
                 progress(values)
-            found.append(_share(alarms, repetitions))
+            interval = stats.binomtest(alarms, repetitions).proportion_ci()
+            low, high = 100 * interval.low, 100 * interval.high
+            found.append(f"{100 * alarms / repetitions:.1f} ({low:.1f}–{high:.1f})")
             above = [x - TOLERANCE for x in logs]
-            others.append({k: float(np.mean([t(x) for x in above])) for k, t in tests.items()})
-        pairs = tuple(f"{100 * others[0][k]:.1f} / {100 * others[1][k]:.0f}" for k in tests)
-        rates.append(Rates(case, found[0], found[1], f"{100 * case.power:.0f}", pairs))
+            others.append([100 * np.mean([test(x) for x in above]) for test in tests.values()])
+        pairs = (f"{false:.1f} / {true:.0f}" for false, true in zip(*others, strict=True))
+        rates.append(Rates(case, *found, tuple(pairs)))
     return rates
 
 
@@ -211,8 +211,3 @@ def _measurement(rng: np.random.Generator, drift_percent: float, log_time: float
         reference_ms=10.0,
         nees=float(np.exp(NEES_EACH * rng.standard_normal())),
     )
-
-
-def _share(count: int, of: int) -> str:
-    interval = stats.binomtest(count, of).proportion_ci()
-    return f"{100 * count / of:.1f} ({100 * interval.low:.1f}–{100 * interval.high:.1f})"

@@ -11,11 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from trials.evaluation.information import pose_covariance
+from vo.bundle_adjustment.adjust import Bundle, refine_motion, refine_structure
 from vo.config import MotionSettings, RefinementSettings
 from vo.contract import se3
 from vo.contract.arrays import Array
 from vo.contract.errors import SettingsError
 from vo.contract.rig import StereoRig
+from vo.pose.estimation import estimate_pose
 
 RIG = StereoRig(640, 480, 457.0, 319.5, 239.5, 0.09)
 SIGMA_PX = np.array([0.2, 0.2, 0.2])
@@ -56,9 +58,6 @@ def make_world(rng: np.random.Generator) -> PointWorld:
 
 def estimated_poses(world: PointWorld, rng: np.random.Generator) -> Array:
     """Track the points frame by frame, then refine motion and structure; returns (F, 4, 4)."""
-    from vo.bundle_adjustment.adjust import Bundle, refine_motion, refine_structure
-    from vo.pose.estimation import estimate_pose
-
     first = world.measured[0]
     points = RIG.triangulate(first[:, :2], first[:, 2])
     T_odom_cam = [np.eye(4)]
@@ -98,18 +97,13 @@ def mean_squares(world: PointWorld, T_odom_cam: Array) -> Array:
         (2, 2) rows: achieved, bound; columns: position, m^2, and rotation, rad^2.
     """
     errors = se3.log(se3.inverse(world.T_odom_cam[1:]) @ T_odom_cam[1:])
-    variance = np.diag(bound_covariance(world)).reshape(-1, 6)[1:]
-    return np.array([_halves(errors**2), _halves(variance)])
+    variances = np.diag(bound_covariance(world)).reshape(-1, 6)[1:]
+    halves = (x.reshape(-1, 2, 3).sum(axis=2) for x in (errors**2, variances))
+    return np.array([x.mean(axis=0) for x in halves])
 
 
 def compare_with_bound(seeds: Iterable[int]) -> Array:
     """Return the mean of `mean_squares` (2, 2) over worlds, one for each seed."""
-    found = [
-        mean_squares(world, estimated_poses(world, np.random.default_rng(0)))
-        for world in (make_world(np.random.default_rng(seed)) for seed in seeds)
-    ]
+    worlds = (make_world(np.random.default_rng(seed)) for seed in seeds)
+    found = [mean_squares(x, estimated_poses(x, np.random.default_rng(0))) for x in worlds]
     return np.array(found).mean(axis=0)
-
-
-def _halves(values: Array) -> Array:
-    return values.reshape(-1, 2, 3).sum(axis=2).mean(axis=0)

@@ -7,7 +7,6 @@ and padding of the grid.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from math import inf
 from time import process_time
 
@@ -24,27 +23,8 @@ STRIDE = 3
 """Number of cells between two changes."""
 
 
-@dataclass(frozen=True)
-class Timing:
-    """Times of one change of the grid.
-
-    Attributes:
-        replan_ms: CPU time of D* Lite.
-        plan_ms: CPU time of A* for the same.
-        expanded: Cells that D* Lite expanded.
-    """
-
-    replan_ms: float
-    plan_ms: float
-    expanded: int
-
-    @property
-    def ratio(self) -> float:
-        """Time of A* over that of D* Lite."""
-        return self.plan_ms / self.replan_ms
-
-
 Change = Callable[[np.random.Generator, Array, list[Cell]], list[Cell]]
+"""Takes a generator, costs and the path ahead; returns the cells that become occupied."""
 
 
 def warehouse(side: int, rng: np.random.Generator) -> Array:
@@ -62,9 +42,13 @@ def measure(
     changes: int,
     rng: np.random.Generator,
     done: Callable[[object], None],
-) -> list[Timing]:
-    """Move from corner to corner repeatedly, and time both planners after each change."""
-    timings: list[Timing] = []
+) -> Array:
+    """Move from corner to corner repeatedly, and time both planners after each change.
+
+    Returns:
+        (changes, 3) CPU time of D* Lite and of A*, ms, and number of cells that D* Lite expanded.
+    """
+    timings: list[tuple[float, float, int]] = []
     search(make_grid(np.ones((3, 3))), 49, 16, 32)  # compiled before the clock runs
     while len(timings) < changes:
         costs = warehouse(side, rng)
@@ -87,10 +71,12 @@ def measure(
             done(None)
             if len(timings) == changes:
                 break
-    return timings
+    return np.array(timings)
 
 
-def _time(planner: GridPlanner, costs: Array, cells: list[Cell], start: Cell, goal: Cell) -> Timing:
+def _time(
+    planner: GridPlanner, costs: Array, cells: list[Cell], start: Cell, goal: Cell
+) -> tuple[float, float, int]:
     values = [float(costs[cell]) for cell in cells]
     grid = make_grid(costs)
     ends = cell_index(grid, start), cell_index(grid, goal)
@@ -102,7 +88,7 @@ def _time(planner: GridPlanner, costs: Array, cells: list[Cell], start: Cell, go
     times.append(process_time())
     assert cost == planner.cost or abs(cost - planner.cost) < 1e-6 * cost
     replan_s, plan_s = np.diff(times)
-    return Timing(1e3 * replan_s, 1e3 * plan_s, planner.expanded - before)
+    return 1e3 * replan_s, 1e3 * plan_s, planner.expanded - before
 
 
 def near_agent(rng: np.random.Generator, costs: Array, path: list[Cell]) -> list[Cell]:

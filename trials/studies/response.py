@@ -8,9 +8,10 @@ of it takes hours, although drives are short and have at most twelve sub-frames 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from rich.table import Table
 
 from scenes import SCENES
@@ -19,12 +20,8 @@ from trials.execution.jobs import Recording, Variant, jobs_of
 from trials.execution.runner import NO_LABELS, run_jobs
 from trials.report.figure import GREY, INK, RED, grid_of_panels, save_figure, tidy
 from trials.report.tables import text_table
-from trials.studies.stress import Limits, Response, response_of
+from trials.studies.stress import Limits, Response
 from vo.contract.errors import SettingsError
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 BASELINE = Variant("corner_flow", "corner_flow")
 STRENGTHS = (0.5, 1.0, 2.0)
@@ -72,15 +69,13 @@ def settings_of(only: Sequence[str]) -> list[Setting]:
     Raises:
         SettingsError: If one is unknown.
     """
-    unknown = [name for name in only if name not in SCENES and name not in DISTURBANCES]
-    if unknown:
-        valid = ", ".join([*SCENES, *DISTURBANCES])
-        raise SettingsError(f"--only: unknown {unknown[0]}; valid: {valid}")
-    wanted = [name for name in DISTURBANCES if not only or name in only]
-    scenes = [PLACES.get(name, PLACE) for name in wanted]
-    scenes += [name for name in SCENES if not only or name in only]
-    disturbed = [Setting(PLACES.get(n, PLACE), n, s) for n in wanted for s in STRENGTHS]
-    return [*map(Setting, dict.fromkeys(scenes)), *disturbed]
+    valid = [*SCENES, *DISTURBANCES]
+    if unknown := [name for name in only if name not in valid]:
+        raise SettingsError(f"--only: unknown {unknown[0]}; valid: {', '.join(valid)}")
+    places = {name: PLACES.get(name, PLACE) for name in DISTURBANCES if not only or name in only}
+    scenes = dict.fromkeys([*places.values(), *(x for x in SCENES if not only or x in only)])
+    disturbed = [Setting(place, name, s) for name, place in places.items() for s in STRENGTHS]
+    return [*map(Setting, scenes), *disturbed]
 
 
 def measure(
@@ -94,7 +89,7 @@ def measure(
     jobs = jobs_of([y for some in drives.values() for y in some], [BASELINE])
     results = run_jobs(jobs, progress=progress)
     return {
-        x: response_of(x.strength, [results.at(y, BASELINE) for y in some])
+        x: Response.of(x.strength, [results.at(y, BASELINE) for y in some])
         for x, some in drives.items()
     }
 
@@ -157,7 +152,7 @@ def draw_responses(found: Responses, out: Path) -> None:
     ]
     limits = 0.7 * min(drifts, default=0.1), 2.0 * max(drifts, default=1.0)
 
-    def draw(figure: "Figure") -> None:
+    def draw(figure: Figure) -> None:
         panels = grid_of_panels(figure, len(names), 4, sharex=True, sharey=True)
         for panel, name in zip(panels, names, strict=True):
             _draw_curve(panel, _curve(found, name), limits)
@@ -173,9 +168,7 @@ def draw_responses(found: Responses, out: Path) -> None:
     save_figure(out, (3.4 * min(4, len(names)), 2.7 * -(-len(names) // 4)), draw)
 
 
-def _draw_curve(
-    panel: "Axes", curve: Mapping[float, Response], limits: tuple[float, float]
-) -> None:
+def _draw_curve(panel: Axes, curve: Mapping[float, Response], limits: tuple[float, float]) -> None:
     bottom, top = limits
     medians = [min(drift_level(response), top) for response in curve.values()]
     panel.axhline(MIN_EFFECT * medians[0], color=GREY, linewidth=0.8, linestyle="--")

@@ -1,12 +1,77 @@
-"""Stress test: drift of an estimator over a growing disturbance, and where it fails."""
+"""Stress test: drift of an estimator over a growing disturbance, and where it fails.
+
+An axis is a strength, and the settings or the disturbance that it stands for.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from sim.disturbances import DISTURBANCES
 from trials.execution.jobs import Job, Recording, Result, Results, Variant
-from trials.studies.stress_axes import Axis
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Quantity that a stress test varies.
+
+    Attributes:
+        label: Description with the unit.
+        maximum: Largest strength.
+        minimum: Smallest strength.
+        overrides: Strength to settings of the recording, `key=value` each.
+        disturb: Strength to disturbances, as for `driftyard generate`.
+        scene: Default scene.
+    """
+
+    label: str
+    maximum: float
+    minimum: float = 0.0
+    overrides: Callable[[float], tuple[str, ...]] = lambda _: ()
+    disturb: Callable[[float], str] = lambda _: ""
+    scene: str = "office"
+
+
+def _settings(*keys: str) -> Callable[[float], tuple[str, ...]]:
+    return lambda strength: tuple(f"{key}={strength:.6g}" for key in keys)
+
+
+def _disturbance(name: str, unit: float = 1.0) -> Callable[[float], str]:
+    """Return the function for a disturbance whose strength 1 is `unit` of the axis."""
+    return lambda strength: f"{name}={strength / unit:.6g}" if strength > 0 else ""
+
+
+MAIN: dict[str, Axis] = {
+    "exposure": Axis(
+        "exposure time, ms", 40.0, overrides=_settings("exposure.time_ms"), scene="turntable"
+    ),
+    "brick_height": Axis("height of the bricks, mm", 30.0, overrides=_settings("terrain.brick_mm")),
+    "noise": Axis(
+        "read noise, % of full scale (shot noise rises with it)", 6.0,
+        disturb=_disturbance("noise", unit=3.0),
+    ),
+    "calibration": Axis(
+        "unknown pitch and unknown yaw of the right camera, degrees each", 0.4,
+        overrides=_settings("calibration.pitch_deg", "calibration.yaw_deg"),
+    ),
+    "texture": Axis(
+        "fraction of the doors that are missing", 1.0,
+        overrides=lambda s: (f"scene.doors={0.8 * (1 - s):.6g}",), scene="corridor",
+    ),
+    "speed": Axis(
+        "speed, m/s", 1.5, minimum=0.3, overrides=_settings("drive.speed_mps",
+                                                          "drive.acceleration_mps2"),
+    ),
+}  # fmt: skip
+"""Axes of `driftyard stress all`; each has a unit."""
+
+AXES: dict[str, Axis] = MAIN | {
+    name: Axis(f"strength of the disturbance {name} ({x.about})", 2.0, disturb=_disturbance(name))
+    for name, x in DISTURBANCES.items()
+    if name not in MAIN
+}
+"""All axes; the strength of a disturbance is that of `--disturb`."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +102,12 @@ class Response:
     seeds: tuple[int, ...]
     drift_percent: tuple[float, ...]
     lost_share: tuple[float, ...]
+
+    @staticmethod
+    def of(strength: float, results: Sequence[Result]) -> "Response":
+        """Summarise the results of the drives at one strength."""
+        rows = [(x.job.recording.seed, x.drift_percent, x.lost_share) for x in results]
+        return Response(strength, *zip(*rows, strict=True))
 
     def failed(self, limits: Limits) -> tuple[bool, ...]:
         """Return which drives have failed."""
@@ -129,17 +200,7 @@ def respond(
         overrides, disturb = (*shared, *axis.overrides(x)), axis.disturb(x)
         jobs[x] = [Job(Recording(scene, seed, overrides, disturb), variant) for seed in seeds]
     results = run([job for some in jobs.values() for job in some]).by_job
-    return [response_of(x, [results[job] for job in some]) for x, some in jobs.items()]
-
-
-def response_of(strength: float, results: Sequence[Result]) -> Response:
-    """Summarise the results of the drives at one strength."""
-    return Response(
-        strength,
-        tuple(x.job.recording.seed for x in results),
-        tuple(x.drift_percent for x in results),
-        tuple(x.lost_share for x in results),
-    )
+    return [Response.of(x, [results[job] for job in some]) for x, some in jobs.items()]
 
 
 def describe(curve: Curve) -> str:

@@ -3,18 +3,15 @@
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from trials.report.figure import GREY, SERIES, save_figure, tidy
 from trials.report.tables import markdown_table, write_csv
 from trials.studies.stress import Curve, describe
 from vo.contract.files import write_text
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 SCHEMA = "driftyard stress 2"
 SIZE_IN = (7.0, 4.8)
@@ -37,42 +34,34 @@ def write_curves(name: str, curves: Mapping[str, Curve], out: Path) -> Path:
     labels = "-".join(label.replace(":", "_") for label in curves)
     stem = out / f"{name}-{scene}-{labels}"
     title = f"{name.replace('_', ' ')}, on {scene}"
-    save_figure(stem.with_suffix(".png"), SIZE_IN, lambda figure: draw(figure, curves, title))
-    table = columns(curves)
-    write_csv(stem.with_suffix(".csv"), list(table), zip(*table.values(), strict=True))
+    save_figure(stem.with_suffix(".png"), SIZE_IN, lambda figure: _draw(figure, curves, title))
+    unit = next(iter(curves.values())).axis.label
+    header = ("estimator", unit, "seed", "drift over 1 m, %", "frames lost, %")
+    write_csv(stem.with_suffix(".csv"), header, rows_of(curves))
     content = {
         "schema": SCHEMA,
         "axis": name,
         "scene": scene,
         "estimators": {
-            label: {
-                "sentence": describe(curve),
-                "bracket": curve.bracket,
-                "limits": vars(curve.limits),
-            }
-            for label, curve in curves.items()
+            label: {"sentence": describe(x), "bracket": x.bracket, "limits": vars(x.limits)}
+            for label, x in curves.items()
         },
     }
     write_text(stem.with_suffix(".json"), json.dumps(content, indent=1) + "\n")
     return stem.with_suffix(".png")
 
 
-def columns(curves: Mapping[str, Curve]) -> Mapping[str, list[str | float]]:
-    """Return the columns of the data, with a row for each drive."""
-    rows = [
-        (label, response.strength, seed, drift, 100 * lost)
+def rows_of(curves: Mapping[str, Curve]) -> list[tuple[str | float, ...]]:
+    """Return estimator, strength, seed, drift, % and lost frames, % of each drive."""
+    return [
+        (label, x.strength, seed, drift, 100 * lost)
         for label, curve in curves.items()
-        for response in curve.responses
-        for seed, drift, lost in zip(
-            response.seeds, response.drift_percent, response.lost_share, strict=True
-        )
+        for x in curve.responses
+        for seed, drift, lost in zip(x.seeds, x.drift_percent, x.lost_share, strict=True)
     ]
-    unit = next(iter(curves.values())).axis.label
-    names = ("estimator", unit, "seed", "drift over 1 m, %", "frames lost, %")
-    return {name: [row[k] for row in rows] for k, name in enumerate(names)}
 
 
-def draw(figure: "Figure", curves: Mapping[str, Curve], title: str) -> None:
+def _draw(figure: Figure, curves: Mapping[str, Curve], title: str) -> None:
     """Draw drift (top) and lost frames (bottom) over strength, failed drives as crosses."""
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1))
     one = next(iter(curves.values()))
@@ -82,23 +71,22 @@ def draw(figure: "Figure", curves: Mapping[str, Curve], title: str) -> None:
         panel.axhline(limit, color=GREY, ls="--", lw=0.9)
     top.set_yscale("log")
     top.yaxis.set_major_formatter("{x:g}")
-    figure.legend(fontsize=8, frameon=False, ncols=len(curves), loc="outside lower center")
+    figure.legend(ncols=len(curves), loc="outside lower center")
     tidy(top, "", "drift over 1 m, %", title)
     tidy(bottom, one.axis.label, "frames lost, %")
     bottom.set_ylim(-5, 105)
 
 
-def _draw_curve(top: "Axes", bottom: "Axes", curve: Curve, label: str, colour: str) -> None:
-    for response in curve.responses:
-        for drift, lost, failed in zip(
-            response.drift_percent, response.lost_share, response.failed(curve.limits), strict=True
-        ):
-            mark = "x" if failed else "o"
-            top.plot(response.strength, drift, mark, color=colour, ms=4.5)
-            bottom.plot(response.strength, 100 * lost, mark, color=colour, ms=4.5)
+def _draw_curve(top: Axes, bottom: Axes, curve: Curve, label: str, colour: str) -> None:
+    for x in curve.responses:
+        failed = x.failed(curve.limits)
+        for drift, lost, fails in zip(x.drift_percent, x.lost_share, failed, strict=True):
+            mark = "x" if fails else "o"
+            top.plot(x.strength, drift, mark, color=colour, ms=4.5)
+            bottom.plot(x.strength, 100 * lost, mark, color=colour, ms=4.5)
     strengths = [x.strength for x in curve.responses]
-    top.plot(strengths, [_median(x.drift_percent) for x in curve.responses], color=colour, lw=1.2,
-             label=label)  # fmt: skip
+    medians = [_median(x.drift_percent) for x in curve.responses]
+    top.plot(strengths, medians, color=colour, lw=1.2, label=label)
     losses = [100 * _median(x.lost_share) for x in curve.responses]
     bottom.plot(strengths, losses, color=colour, lw=1.2)
     if curve.bracket and curve.bracket[1] > curve.axis.minimum:
@@ -136,14 +124,16 @@ def page_text(studies: Mapping[str, Mapping[str, Curve]], command: str) -> str:
     """Return the page as Markdown; the folder `images/stress` holds the figures."""
     labels = list(next(iter(studies.values())))
     one = next(iter(studies[next(iter(studies))].values()))
-    rows = [
-        [
-            curves[labels[0]].axis.label,
-            curves[labels[0]].scene,
-            *(_where(curves[x]) for x in labels),
-        ]
-        for curves in studies.values()
-    ]
+    rows: list[list[str]] = []
+    sections: list[str] = []
+    for name, curves in studies.items():
+        first = curves[labels[0]]
+        rows.append([first.axis.label, first.scene, *(_where(curves[x]) for x in labels)])
+        sentences = [f"- **{label}**: {describe(curve)}\n" for label, curve in curves.items()]
+        sections.append(
+            f"## {name.replace('_', ' ').capitalize()}\n\n{''.join(sentences)}\n"
+            f"![Drift and lost frames over {name}](images/stress/{name}.png)\n"
+        )
     table = markdown_table(["axis", "scene", *(f"{label} fails at" for label in labels)], rows)
     limits = (
         f"A drive has failed if its drift over 1 m exceeds {one.limits.drift_percent:g} % or it "
@@ -151,12 +141,6 @@ def page_text(studies: Mapping[str, Mapping[str, Curve]], command: str) -> str:
         f"strength at which more than half of {len(one.responses[0].seeds)} drives have failed; "
         "the strength is found by bisection."
     )
-    sections = [
-        f"## {name.replace('_', ' ').capitalize()}\n\n"
-        + "\n".join(f"- **{label}**: {describe(curve)}" for label, curve in curves.items())
-        + f"\n\n![Drift and lost frames over {name}](images/stress/{name}.png)\n"
-        for name, curves in studies.items()
-    ]
     intro = f"# Stress tests\n\n{limits} {CAPTION} Made by\n\n```sh\n{command}\n```\n"
     return "\n".join([intro, table, "", *sections])
 
