@@ -27,7 +27,7 @@ ROOMS = {
         "refine>adjust fixed_lag bundle>problem sandwich>robust_covariance reduction>schur solver"
     ),
     ("vo", "vo.features"): (
-        "windows>adaptive_windows censure kernels>censure_kernels features>detector harris "
+        "windows>image_quality censure kernels>censure_kernels features>detector harris "
         "noise>image_quality octagons>integral_images subpixel"
     ),
     ("vo", "vo.map"): "view>frame tracks>local_map history>run_history journey>state",
@@ -45,7 +45,7 @@ ROOMS = {
         "stereo>dense epipolar>epipolar_search surface>plane_fit slant disparity>sparse"
     ),
     ("vo", "vo.tracking"): (
-        "correspondence>association triplets>circular_check eyes>frontend following>klt "
+        "correspondence>association triplets>association eyes>frontend following>klt "
         "trust>landmark_prior localisation>pose_refinement turn>rotation_prior "
         "standing>stationary location>track_local_map"
     ),

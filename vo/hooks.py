@@ -26,37 +26,25 @@ class Hooks:
         return pixels
 
     def new_landmarks(self, frame: StereoFrame, ids: Indices, pixels: Array) -> None:
-        """Receive new landmarks: each is the surface point at a pixel of this frame, for good.
+        """Receive new landmarks (N,): each is the surface point at a pixel (N, 2) of this frame.
 
-        Args:
-            frame: The pair.
-            ids: (N,) identifiers. One that comes again denotes the later point.
-            pixels: (N, 2) left-image (u, v).
+        An identifier that comes again denotes the later point.
         """
 
     def predicted_pose(
         self, frame: StereoFrame, last_ns: int, T_odom_last: Array, T_odom_cam: Array
     ) -> Array:
-        """Replace the pose at which the search for matches starts.
+        """Replace the predicted pose (4, 4), at which the search for matches starts.
 
-        Args:
-            frame: The pair.
-            last_ns: Time of the last frame that had a pose.
-            T_odom_last: (4, 4) that pose, as estimated.
-            T_odom_cam: (4, 4) prediction for this frame.
+        The last frame that had a pose, T_odom_last (4, 4), is that of time `last_ns`.
         """
         return T_odom_cam
 
     def pixels(self, frame: StereoFrame, ids: Indices, pixels: Array) -> Array:
-        """Replace the positions of the map's landmarks in the left image.
+        """Replace the pixels (L, 2) of all landmarks of the map in the left image.
 
-        Args:
-            frame: The pair.
-            ids: (L,) every landmark of the map, matched or not.
-            pixels: (L, 2) left-image (u, v) where it was matched; NaN where it was not.
-
-        Returns:
-            (L, 2); NaN for landmarks that are not to be used. Any other may be.
+        They are NaN where a landmark was not matched, and NaN is returned for those that are not
+        to be used. Any other may be.
         """
         return pixels
 
@@ -65,14 +53,7 @@ class Hooks:
         return disparity_px
 
     def inliers(self, frame: StereoFrame, ids: Indices, pixels: Array, agree: Mask) -> Mask:
-        """Replace the inliers among the matches.
-
-        Args:
-            frame: The pair.
-            ids: (N,) matched landmarks.
-            pixels: (N, 2) where they were matched.
-            agree: (N,) those within the inlier threshold.
-        """
+        """Replace the mask (N,) of the matches, at pixels (N, 2), that are inliers."""
         return agree
 
 

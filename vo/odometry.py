@@ -1,6 +1,7 @@
 """Stereo visual odometry: stereo frames in, one pose and one status a frame out (algorithm 2)."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,16 +13,15 @@ from vo.contract.estimator import Estimate, FinalResult, Status
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
 from vo.hooks import NO_HOOKS, Hooks
-from vo.map.frame import View
+from vo.map.frame import View, newest_matches
 from vo.map.local_map import TrackedFrame, pose_covariance, transform_map
-from vo.map.matches import Matches, newest_matches
 from vo.map.run_history import RunHistory
-from vo.map.state import TrackerState
+from vo.map.state import Halt, TrackerState
 from vo.mapping import relocalization
-from vo.mapping.adjustments import ADJUSTMENTS
-from vo.mapping.batch_smoothing import finalize
+from vo.mapping.batch_smoothing import smooth
 from vo.mapping.keyframes import add_keyframe, needs_keyframe
 from vo.mapping.relocalization import mark_lost, relocalize
+from vo.mapping.window_adjustment import adjuster
 from vo.tracking.association import add_observations
 from vo.tracking.diagnostics import (
     add_row_offset,
@@ -30,11 +30,12 @@ from vo.tracking.diagnostics import (
     explain_weakness,
 )
 from vo.tracking.frontend import Frontend
-from vo.tracking.options import cull_landmarks
+from vo.tracking.landmark_prior import cull_landmarks
 from vo.tracking.stationary import detect_stationary, start_halt
 from vo.tracking.track_local_map import (
     Context,
     NotTracked,
+    Tracked,
     is_reliable,
     predict_pose,
     retry_tracking,
@@ -60,8 +61,7 @@ class StereoOdometry:
         self.state = TrackerState()
         self._history = RunHistory()
         self._frontend = Frontend(rig, self.settings)
-        refinement = self.settings.refinement
-        self._adjust = ADJUSTMENTS[refinement.mode](rig, refinement)
+        self._adjust = adjuster(rig, self.settings.refinement)
         self._rng = np.random.default_rng(self.settings.seed)
 
     def track(self, frame: StereoFrame) -> Estimate:
@@ -70,9 +70,7 @@ class StereoOdometry:
         if frame.timestamp_ns <= state.frame_ns:
             reason = f"not later than the frame before, at {state.frame_ns} ns"
             return Estimate(frame.timestamp_ns, Status.LOST, None, reason)
-        view = self._frontend.process(  # features, stereo (3.1, 3.2)
-            frame, smoothing_px=state.smoothing_px, hooks=self.hooks, clock=clock
-        )
+        view = self._frontend.process(frame, state.smoothing_px, self.hooks, clock)  # (3.1, 3.2)
         state.frame_ns, state.smoothing_px = frame.timestamp_ns, view.smoothing_px
         if not state.map.keyframes:
             return self._initialize(view, clock)
@@ -85,47 +83,24 @@ class StereoOdometry:
         if isinstance(tracked, NotTracked) or shows_swapped_images(tracked, view):
             return self._lose(view, tracked.counts, clock)
 
-        view, inliers, counts = tracked.view, tracked.inliers, dict(tracked.counts)
-        T_odom_cam, covariance = tracked.pose.T_world_cam, tracked.pose.covariance
         with clock("structure refinement"):
-            state.map = add_observations(state.map, view, inliers)
-            state.previous = TrackedFrame(view.frame.left, inliers)
-            halt = detect_stationary(state.halt, view, inliers)  # zero-velocity update (5.1.3)
-            if halt:
-                T_odom_cam, covariance = halt.T_odom_cam, halt.covariance
+            state.map = add_observations(state.map, tracked.view, tracked.inliers)
+            state.previous = TrackedFrame(tracked.view.frame.left, tracked.inliers)
+            halt = detect_stationary(state.halt, tracked.view, tracked.inliers)
+            if halt:  # zero-velocity update (5.1.3)
+                tracked = replace(tracked, T_odom_cam=halt.T_odom_cam, covariance=halt.covariance)
             elif needs_keyframe(state.map, tracked):
-                state.map = add_keyframe(  # (3.4)
-                    state.map,
-                    view,
-                    T_odom_cam=T_odom_cam,
-                    covariance=pose_covariance(state.map, T_odom_cam, covariance),
-                    inliers=inliers,
-                    hooks=self.hooks,
-                )
-                state.map, counts["structure iterations"] = self._adjust(state.map)  # (3.4, 4.4)
-                self._finish_keyframe(view, inliers)
-                T_odom_cam = state.map.keyframes[-1].T_odom_cam
-            state.halt = halt or start_halt(state.T_odom_cam, T_odom_cam, covariance, view, inliers)
-            culled = cull_landmarks(state, view, tracked.matches, inliers)
-            state.map, state.outlier_counts = culled
-        step_covariance = self._set_pose(view, T_odom_cam, covariance)
-
-        weakness = explain_weakness(len(inliers), counts["motion iterations"], view.settings)
-        return Estimate(
-            frame.timestamp_ns,
-            Status.WEAK if weakness else Status.TRACKED,
-            T_odom_cam,
-            reason=weakness or explain_calibration(state.row_offsets_px),
-            counts={"features": len(view.features), **counts},
-            timings_ms=clock.ms,
-            observations=tracked.observations(),
-            covariance=pose_covariance(state.map, T_odom_cam, covariance),
-            step_covariance=step_covariance,
-        )
+                tracked = self._add_keyframe(tracked)  # bundle adjustment (3.4, 4.4)
+            step_covariance = self._advance(tracked, halt)
+        return self._estimate(tracked, step_covariance, clock)
 
     def finalize(self) -> FinalResult:
-        """Return the map, and the trajectory as far as later frames corrected it."""
-        return finalize(self._history, self.rig, self.settings.refinement)
+        """Return the map and, unless `refinement.smooth` is none, the smoothed trajectory (4.2)."""
+        history, refinement = self._history, self.settings.refinement
+        if refinement.smooth == "global":
+            history = smooth(history, self.rig, refinement)
+        trajectory = None if refinement.smooth == "none" else history.trajectory
+        return FinalResult(trajectory, history.point_map)
 
     def _initialize(self, view: View, clock: Clock) -> Estimate:
         """Start a map at the pose that the lost map gives, or else at the last pose."""
@@ -173,10 +148,14 @@ class StereoOdometry:
             timings_ms=clock.ms,
         )
 
-    def _finish_keyframe(self, view: View, inliers: Matches) -> None:
-        """Merge the segment with a lost one that the new keyframe sees; record the keyframe."""
-        state, keyframe = self.state, self.state.map.keyframes[-1]
-        state.previous = keyframe
+    def _add_keyframe(self, tracked: Tracked) -> Tracked:
+        """Add a keyframe, adjust the map, and merge it with a lost one that the keyframe sees."""
+        state, view, inliers = self.state, tracked.view, tracked.inliers
+        T_odom_cam = tracked.T_odom_cam
+        covariance = pose_covariance(state.map.keyframes[-1], T_odom_cam, tracked.covariance)
+        new = add_keyframe(state.map, view, T_odom_cam, covariance, inliers, self.hooks)
+        state.map, iterations = self._adjust(new)
+        state.previous = keyframe = state.map.keyframes[-1]
         if found := relocalize(state.lost_map, view, self._rng):  # (6)
             T_odom_cam, covariance = found
             T_new_old = T_odom_cam @ se3.inverse(keyframe.T_odom_cam)
@@ -184,6 +163,34 @@ class StereoOdometry:
             state.map, state.lost_map = transform_map(state.map, T_new_old, covariance), None
         self._history.record_map(state.map, view.settings.refinement)
         state.row_offsets_px = add_row_offset(state.row_offsets_px, view, inliers)
+        counts = {**tracked.counts, "structure iterations": iterations}
+        return replace(tracked, T_odom_cam=state.map.keyframes[-1].T_odom_cam, counts=counts)
+
+    def _advance(self, tracked: Tracked, halt: Halt | None) -> Array:
+        """Remember the pose of a tracked frame; return the covariance of the step to it."""
+        state, view, inliers = self.state, tracked.view, tracked.inliers
+        pose = tracked.T_odom_cam, tracked.covariance
+        state.halt = halt or start_halt(state.T_odom_cam, *pose, view, inliers)
+        cull_landmarks(state, view, tracked.matches, inliers)
+        return self._set_pose(view, *pose)
+
+    def _estimate(self, tracked: Tracked, step_covariance: Array, clock: Clock) -> Estimate:
+        """Report the pose of a tracked frame."""
+        view, counts, T_odom_cam = tracked.view, tracked.counts, tracked.T_odom_cam
+        inliers, iterations = len(tracked.inliers), counts["motion iterations"]
+        weakness = explain_weakness(inliers, iterations, view.settings)
+        keyframe = self.state.map.keyframes[-1]
+        return Estimate(
+            view.frame.timestamp_ns,
+            Status.WEAK if weakness else Status.TRACKED,
+            T_odom_cam,
+            reason=weakness or explain_calibration(self.state.row_offsets_px),
+            counts={"features": len(view.features), **counts},
+            timings_ms=clock.ms,
+            observations=tracked.observations(),
+            covariance=pose_covariance(keyframe, T_odom_cam, tracked.covariance),
+            step_covariance=step_covariance,
+        )
 
     def _set_pose(self, view: View, T_odom_cam: Array, covariance: Array) -> Array:
         """Set the pose and its covariance given the map; return the covariance of the step."""
@@ -194,5 +201,5 @@ class StereoOdometry:
         state.covariance, state.lost_frames = covariance, 0
         state.pose_ns = view.frame.timestamp_ns
         T_keyframe_cam = se3.inverse(keyframe.T_odom_cam) @ T_odom_cam
-        self._history.record_frame(state.pose_ns, keyframe.serial, T_keyframe_cam)
+        self._history.frames.append((state.pose_ns, keyframe.serial, T_keyframe_cam))
         return step_covariance

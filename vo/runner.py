@@ -1,12 +1,12 @@
 """Run of an estimator over a sequence, and the files of its record."""
 
 import csv
-import hashlib
 import importlib.metadata
 import json
 import platform
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from hashlib import sha256
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -39,7 +39,6 @@ class Run:
     """Estimates of a whole sequence.
 
     Attributes:
-        sequence: Name of the sequence.
         estimates: One per frame, in order of time; they hold no images.
         frame_ms: Wall time of each `track` call, milliseconds; loading of images is not in it.
         final: Smoothed trajectory and map; empty where the estimator offers none.
@@ -85,36 +84,29 @@ def write_run(
 ) -> None:
     """Write the trajectory and its companions; each file appears whole, the trajectory last.
 
-    Args:
-        out: The TUM file. Its companions are `<stem>.frames.csv` (status, reason, counts and
-            milliseconds of every frame), `<stem>.tracks.npz` (one entry per landmark and frame),
-            `<stem>.covariance.npz`, `<stem>.smoothed.txt` and `<stem>.map.ply` where the estimator
-            offers them, and `<stem>.run.json` (provenance).
-        run: Estimates and final result.
-        estimator: Name on the command line.
-        settings: Resolved settings of the estimator.
-        dataset: Folder of the sequence; its manifest, where there is one, is fingerprinted.
+    The companions of the TUM file are `<stem>.frames.csv` (status, reason, counts and milliseconds
+    of every frame), `<stem>.tracks.npz` (one entry per landmark and frame), `.covariance.npz`,
+    `.smoothed.txt` and `.map.ply` where the estimator offers them, and `.run.json`: the estimator's
+    name and resolved settings, the folder of the sequence, and the hash of its manifest.
     """
     _write_frames(companion(out, "frames.csv"), run)
     _write_tracks(companion(out, "tracks.npz"), run.estimates)
-    offered = ("covariance.npz", "smoothed.txt", "map.ply")
-    covariance, smoothed, points = (companion(out, kind) for kind in offered)
-    for stale in (covariance, smoothed, points):
-        stale.unlink(missing_ok=True)
+    for stale in ("covariance.npz", "smoothed.txt", "map.ply"):
+        companion(out, stale).unlink(missing_ok=True)
     if any(x.covariance is not None for x in run.estimates):
-        _write_covariances(covariance, run.estimates)
+        _write_covariances(companion(out, "covariance.npz"), run.estimates)
     if run.final.trajectory is not None:
-        write_tum(smoothed, run.final.trajectory)
+        write_tum(companion(out, "smoothed.txt"), run.final.trajectory)
     if run.final.points is not None:
-        write_ply(points, run.final.points)
+        write_ply(companion(out, "map.ply"), run.final.points)
     manifest = dataset / MANIFEST
     about = {
         "estimator": estimator,
         "sequence": run.sequence,
         "dataset": str(dataset.resolve()),
-        "dataset_sha256": _sha256(manifest) if manifest.is_file() else None,
+        "dataset_sha256": sha256(manifest.read_bytes()).hexdigest() if manifest.is_file() else None,
         "settings": dict(settings),
-        "versions": _versions(),
+        "versions": {"python": platform.python_version()} | {x: _version(x) for x in PACKAGES},
     }
     write_text(companion(out, "run.json"), json.dumps(about, indent=1) + "\n")
     write_tum(out, run.trajectory)
@@ -159,10 +151,9 @@ def _write_tracks(path: Path, estimates: tuple[Estimate, ...]) -> None:
 
 def _write_covariances(path: Path, estimates: tuple[Estimate, ...]) -> None:
     """Write (N, 6, 6) of poses and of steps between them; NaN where the estimator does not say."""
-    unknown = np.full((6, 6), np.nan)
 
     def stack(values: Iterable[Array | None]) -> Array:
-        found = [unknown if x is None else x for x in values]
+        found = [np.full((6, 6), np.nan) if x is None else x for x in values]
         return np.array(found, dtype=np.float64).reshape(-1, 6, 6)
 
     with replacing(path) as partial, partial.open("wb") as file:
@@ -194,15 +185,8 @@ def _stages(records: Iterable[Mapping[str, Any]]) -> list[str]:
     return list(dict.fromkeys(name for x in sorted(records, key=len, reverse=True) for name in x))
 
 
-def _versions() -> dict[str, str]:
-    versions = {"python": platform.python_version()}
-    for package in PACKAGES:
-        try:
-            versions[package] = importlib.metadata.version(package)
-        except importlib.metadata.PackageNotFoundError:
-            versions[package] = "not installed"
-    return versions
-
-
-def _sha256(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+def _version(package: str) -> str:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return "not installed"

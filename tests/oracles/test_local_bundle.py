@@ -13,15 +13,15 @@ from vo.config import RefinementSettings
 from vo.contract import se3
 from vo.map.local_map import transform_map
 from vo.map.run_history import KeyframeRecord, LandmarkRecord, RunHistory
-from vo.mapping.adjustments import ADJUSTMENTS
 from vo.mapping.batch_smoothing import smooth
+from vo.mapping.window_adjustment import adjuster
 
 PLAIN = RefinementSettings(huber=1e6, max_iterations=50, learn_noise=False)
 
 
 def adjustment(mode="window", **changes):
     settings = PLAIN.model_copy(update={"mode": mode, **changes})
-    return ADJUSTMENTS[mode](RIG, settings)
+    return adjuster(RIG, settings)
 
 
 def seen_twice(keyframes):

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from vo.config import THESIS, OdometrySettings
-from vo.features.adaptive_windows import adapt_settings
-from vo.features.image_quality import measure_image_quality
+from vo.features.image_quality import adapt_settings, measure_image_quality
 
 RNG = np.random.default_rng(4)
 

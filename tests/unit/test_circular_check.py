@@ -9,10 +9,9 @@ from vo.config import OdometrySettings
 from vo.contract.observations import Observations
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
-from vo.map.frame import View
+from vo.map.frame import Matches, View
 from vo.map.local_map import TrackedFrame, empty_map
-from vo.map.matches import Matches
-from vo.tracking.circular_check import is_consistent
+from vo.tracking.association import is_consistent
 
 RIG = StereoRig(200, 150, 150.0, 99.5, 74.5, 0.09)
 SHIFT_PX = np.array([3.0, -2.0])

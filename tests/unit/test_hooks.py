@@ -10,8 +10,8 @@ from vo.contract.estimator import Status
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
 from vo.hooks import NO_HOOKS, Hooks
+from vo.map.frame import NO_FEATURE
 from vo.map.local_map import empty_map
-from vo.map.matches import NO_FEATURE
 from vo.mapping.keyframes import add_keyframe
 from vo.odometry import StereoOdometry
 from vo.stereo.sparse import measure_disparities

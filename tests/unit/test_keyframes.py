@@ -7,8 +7,8 @@ import pytest
 
 from vo.config import MotionSettings, OdometrySettings
 from vo.contract.observations import Observations
+from vo.map.frame import Matches
 from vo.map.local_map import Keyframe, Landmarks, empty_map
-from vo.map.matches import Matches
 from vo.mapping.keyframes import is_new_view
 from vo.mapping.relocalization import LIMITS, mark_lost
 

@@ -14,8 +14,7 @@ from vo.pose.hypotheses import (
     squared_errors,
 )
 from vo.pose.p3p import SOLVERS
-from vo.pose.preemptive import search_preemptive
-from vo.pose.ransac import ransac, samples_needed, search_adaptive
+from vo.pose.ransac import ransac, samples_needed, search_adaptive, search_preemptive
 
 T_ODOM_CAM = se3.exp(np.array([0.3, -0.1, 0.2, 0.05, -0.1, 0.02]))
 THRESHOLD = 0.003

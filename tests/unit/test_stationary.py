@@ -7,7 +7,7 @@ import pytest
 
 from vo.contract import se3
 from vo.contract.rig import StereoRig
-from vo.map.matches import Matches
+from vo.map.frame import Matches
 from vo.map.state import Halt
 from vo.tracking.stationary import (
     LIMITS,

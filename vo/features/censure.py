@@ -18,15 +18,10 @@ from vo.features.subpixel import vertices
 
 
 def censure(image: Image, settings: FeatureSettings) -> Array:
-    """Find all features of an image.
+    """Find all features of an image: (N, 3) rows (u_px, v_px, response).
 
-    Args:
-        image: (H, W) uint8; scales that do not fit into it are left out.
-        settings: Kernel and thresholds.
-
-    Returns:
-        (N, 3) rows (u_px, v_px, response). The response is the contrast, grey levels, of the
-        Gaussian blob with the same extremum, positive where it is brighter than its surround.
+    The response is the contrast, grey levels, of the Gaussian blob with the same extremum, positive
+    where it is brighter than its surround. Scales that do not fit into the image are left out.
     """
     shape = kernels(settings.kernel)
     responses = scale_space(image, shape)

@@ -16,12 +16,12 @@ Region = tuple[tuple[int, int, int], ...]
 """Region as (sign, m, n) of the octagons that add up to it, all centred on the same pixel."""
 
 
-def _box(half: int) -> Region:
-    return ((1, 2 * half + 1, 0),)
-
-
 def _octagon(m: int, n: int) -> Region:
     return ((1, m, n),)
+
+
+def _box(half: int) -> Region:
+    return _octagon(2 * half + 1, 0)
 
 
 def _star(half: int) -> Region:

@@ -19,15 +19,9 @@ DETECTORS: dict[str, Detector] = {"censure": censure, "harris": harris}
 
 
 def detect(image: Image, settings: FeatureSettings) -> Array:
-    """Find the strongest features of an image, bucketed into its cells.
+    """Find the strongest features of an image of any size, bucketed into its cells.
 
-    Args:
-        image: (H, W) uint8 of any size; one that is too small has no features.
-        settings: The detector, its thresholds and the number wanted.
-
-    Returns:
-        (N, 2) float64 (u, v), sub-pixel, centres on integers, strongest first; N at most
-        `settings.count`.
+    (N, 2) float64 sub-pixel (u, v), centres on integers, strongest first, at most `count`.
     """
     found = DETECTORS[settings.detector](image, settings)
     selected = found[_select_by_cell(found, image.shape, settings)]

@@ -18,11 +18,7 @@ _AFTER = np.ascontiguousarray(_BEFORE[::-1, ::-1])
 
 
 def harris(image: Image, settings: FeatureSettings) -> Array:
-    """Find all corners of an image.
-
-    Returns:
-        (N, 3) rows (u_px, v_px, response), the response in grey levels per pixel.
-    """
+    """Find all corners: (N, 3) rows (u_px, v_px, response), in grey levels per pixel."""
     response = harris_response(image, settings.line_ratio)
     v, u = np.nonzero(
         (response > settings.threshold)

@@ -1,4 +1,4 @@
-"""Image quality: noise, signal-to-noise ratio of the texture, and softness.
+"""Image quality: noise, signal-to-noise ratio of the texture, softness; settings adapted to it.
 
 Source: Immerkær, Fast noise variance estimation, CVIU 1996, here by blocks, of which those with
 the least variation give the noise.
@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vo.config import OdometrySettings
 from vo.contract.arrays import Array, Image
 from vo.contract.compilation import compiled
 
@@ -28,6 +29,9 @@ LINE_STEP = 8
 
 MIN_SIGNAL = 0.25
 """Smallest share of a difference's energy that counts as texture, not as noise."""
+
+MAX_SIDE_PX = 31
+"""Largest side of a window."""
 
 
 @dataclass(frozen=True)
@@ -92,3 +96,40 @@ def _measure_blocks(image: Image) -> Array:
             found[block, 1] = squares / count - (total / count) ** 2
             block += 1
     return found
+
+
+def adapt_settings(settings: OdometrySettings, low_snr: bool, defocus: bool) -> OdometrySettings:
+    """Widen windows and admit less exact disparities and weaker features, as an image demands.
+
+    Where noise is as strong as texture, or texture is coarse, a patch of the usual size holds
+    little information: windows grow until they hold enough (Kanade and Okutomi, PAMI 1994), by one
+    factor for the whole image.
+    """
+    adaptations = ((settings.low_snr, low_snr), (settings.defocus, defocus))
+    active = [adaptation for adaptation, needed in adaptations if needed]
+    window_scale = max((s.window_scale for s in active), default=1.0)
+    search_scale = max((s.search_scale for s in active), default=1.0)
+    threshold_scale = settings.defocus.threshold_scale if defocus else 1.0
+    sigma_scale = settings.low_snr.sigma_scale if low_snr else 1.0
+    features, matching, stereo = settings.features, settings.matching, settings.stereo
+    features = features.model_copy(update={"threshold": threshold_scale * features.threshold})
+    matching = matching.model_copy(update={"align_px": _widen(matching.align_px, window_scale)})
+    stereo = stereo.model_copy(
+        update={
+            "patch_px": _widen(stereo.patch_px, search_scale),
+            "align_px": _widen(stereo.align_px, window_scale),
+            "max_sigma_px": sigma_scale * stereo.max_sigma_px,
+        }
+    )
+    return settings.model_copy(
+        update={"features": features, "matching": matching, "stereo": stereo}
+    )
+
+
+def adapt_to_blur(settings: OdometrySettings) -> OdometrySettings:
+    """Adapt settings to motion blur, which leaves coarse texture and little of it."""
+    return adapt_settings(settings, low_snr=True, defocus=True)
+
+
+def _widen(side_px: int, scale: float) -> int:
+    return min(2 * int(side_px * scale / 2) + 1, MAX_SIDE_PX)

@@ -1,20 +1,26 @@
-"""A stereo frame with its features and depth, before its pose is known."""
+"""A stereo frame with its features and depth, and its matches with the landmarks of the map."""
 
 from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
 
 from vo.config import OdometrySettings
-from vo.contract.arrays import Array
+from vo.contract.arrays import Array, Indices
+from vo.contract.observations import Observations
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
+from vo.map.local_map import Landmarks, LocalMap
+
+NO_FEATURE = -1
+"""Row of the feature of a match that was found without one."""
 
 
 @dataclass(frozen=True)
 class View:
-    """A frame with its features and depth.
+    """A frame with its features and depth, before its pose is known.
 
     Attributes:
-        frame: The pair.
-        rig: Calibration of the pair.
         features: (N, 2) sub-pixel (u, v) in the left image, strongest first.
         descriptors: (N, P) of the features.
         dense: Disparity map, px, NaN where unknown; of size zero where stereo is sparse.
@@ -29,3 +35,53 @@ class View:
     dense: Array
     settings: OdometrySettings
     smoothing_px: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Matches(Observations):
+    """Observations of landmarks of the map in a view, row by row.
+
+    Attributes:
+        rows: (N,) rows of the map's landmarks, each once.
+        points_odom: (N, 3) positions of the landmarks, metres.
+        features: (N,) rows of the view's features, NO_FEATURE where there is none.
+        zncc: (N,) correlation with the landmark's template; NaN if unknown.
+    """
+
+    rows: Indices
+    points_odom: Array
+    features: Indices
+    zncc: Array
+
+    @classmethod
+    def of(
+        cls, landmarks: Landmarks, rows: Indices, pixels: Array, disparity_px: Array,
+        sigma_px: Array, features: Indices | None = None, zncc: Array | None = None,
+    ) -> Self:  # fmt: skip
+        """Make matches of rows of the landmarks, by default without feature or correlation."""
+        return cls(
+            ids=landmarks.ids[rows],
+            pixels=pixels,
+            disparity_px=disparity_px,
+            sigma_px=sigma_px,
+            rows=rows,
+            points_odom=landmarks.points_odom[rows],
+            features=np.full(len(rows), NO_FEATURE) if features is None else features,
+            zncc=np.full(len(rows), np.nan) if zncc is None else zncc,
+        )
+
+    @property
+    def observations(self) -> Observations:
+        """The observations without what concerns the map."""
+        return Observations(self.ids, self.pixels, self.disparity_px, self.inlier, self.sigma_px)
+
+    def merge(self, other: Self) -> Self:
+        """Add matches of other landmarks, sorted by landmark."""
+        both = self.extend(other)
+        return both.select(np.argsort(both.rows))
+
+
+def newest_matches(local_map: LocalMap) -> Matches:
+    """Matches of a map's first keyframe with its own landmarks."""
+    seen, rows = local_map.keyframes[-1].observations, np.arange(len(local_map.landmarks))
+    return Matches.of(local_map.landmarks, rows, seen.pixels, seen.disparity_px, seen.sigma_px)

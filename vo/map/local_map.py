@@ -11,12 +11,7 @@ from vo.contract.observations import Observations
 
 @dataclass(frozen=True)
 class TrackedFrame:
-    """A left image and the observations that agree with its pose.
-
-    Attributes:
-        left: (H, W) uint8.
-        observations: Of N landmarks, ids ascending.
-    """
+    """A left image and the observations that agree with its pose, landmark ids ascending."""
 
     left: Image
     observations: Observations
@@ -118,9 +113,8 @@ def empty_map(
     return LocalMap((), landmarks, next_serial, next_id, noise=noise, first_serial=next_serial)
 
 
-def pose_covariance(local_map: LocalMap, T_odom_cam: Array, relative: Array) -> Array:
-    """Covariance (6, 6) of a pose: the last keyframe's at that pose, plus the relative one."""
-    keyframe = local_map.keyframes[-1]
+def pose_covariance(keyframe: Keyframe, T_odom_cam: Array, relative: Array) -> Array:
+    """Covariance (6, 6) of a pose: a keyframe's at that pose, plus the relative one."""
     T_cam_keyframe = se3.inverse(T_odom_cam) @ keyframe.T_odom_cam
     return se3.transform_covariance(T_cam_keyframe, keyframe.covariance) + relative
 
@@ -137,16 +131,7 @@ def transform_map(local_map: LocalMap, T_new_old: Array, covariance: Array) -> L
         moved = se3.transform_covariance(se3.inverse(T) @ last, covariance)
         return replace(k, T_odom_cam=T, covariance=moved)
 
+    keyframes = tuple(map(transformed, local_map.keyframes))
     points = se3.transform(T_new_old, local_map.landmarks.points_odom)
-    return replace(
-        local_map,
-        keyframes=tuple(map(transformed, local_map.keyframes)),
-        landmarks=replace(local_map.landmarks, points_odom=points),
-    )
-
-
-def visibility(keyframes: tuple[Keyframe, ...]) -> tuple[Indices, Mask]:
-    """Landmark ids (L,), ascending, and mask M[j, i]: keyframe i sees landmark j (thesis 4.4)."""
-    ids = np.unique(np.concatenate([keyframe.observations.ids for keyframe in keyframes]))
-    seen = [np.isin(ids, keyframe.observations.ids) for keyframe in keyframes]
-    return ids, np.stack(seen, axis=1)
+    landmarks = replace(local_map.landmarks, points_odom=points)
+    return replace(local_map, keyframes=keyframes, landmarks=landmarks)

@@ -55,7 +55,10 @@ class RunHistory:
             known = self.keyframes.get(keyframe.serial)
             observations = known.observations if known else None
             if settings.smooth == "global" and keyframe is local_map.keyframes[-1]:
-                observations = _single_precision(keyframe.observations)
+                seen = keyframe.observations
+                measured = (seen.pixels, seen.disparity_px, seen.sigma_px)
+                pixels, disparity_px, sigma_px = (x.astype(np.float32) for x in measured)
+                observations = Observations(seen.ids, pixels, disparity_px, sigma_px=sigma_px)
             self.keyframes[keyframe.serial] = KeyframeRecord(keyframe.T_odom_cam, observations)
         landmarks = local_map.landmarks
         often = landmarks.views >= settings.min_views
@@ -64,10 +67,6 @@ class RunHistory:
         self.points.update(zip(ids, landmarks.points_odom[often].astype(np.float32), strict=True))
         records = map(LandmarkRecord, *(x[often].tolist() for x in columns))
         self.landmarks.update(zip(ids, records, strict=True))
-
-    def record_frame(self, timestamp_ns: int, serial: int, T_keyframe_cam: Array) -> None:
-        """Add a frame relative to a keyframe."""
-        self.frames.append((timestamp_ns, serial, T_keyframe_cam))
 
     def transform(self, first: int, T_new_old: Array) -> None:
         """Transform keyframes from a serial on, and their landmarks, by a rigid motion of odom."""
@@ -89,10 +88,7 @@ class RunHistory:
     def trajectory(self) -> Trajectory:
         """T_odom_cam of every frame that had a pose, by the latest pose of its keyframe."""
         times = np.array([time_ns for time_ns, _, _ in self.frames], dtype=np.int64)
-        T = [
-            self.keyframes[serial].T_odom_cam @ T_keyframe_cam
-            for _, serial, T_keyframe_cam in self.frames
-        ]
+        T = [self.keyframes[serial].T_odom_cam @ T for _, serial, T in self.frames]
         return Trajectory(times, np.array(T).reshape(-1, 4, 4))
 
     @property
@@ -102,12 +98,3 @@ class RunHistory:
         records = np.array([self.landmarks[int(i)] for i in ids], dtype=np.int64).reshape(-1, 3)
         grey, views, _ = records.T
         return PointMap(ids, self.positions(ids).astype(np.float32), grey.astype(np.uint8), views)
-
-
-def _single_precision(seen: Observations) -> Observations:
-    return Observations(
-        ids=seen.ids,
-        pixels=seen.pixels.astype(np.float32),
-        disparity_px=seen.disparity_px.astype(np.float32),
-        sigma_px=seen.sigma_px.astype(np.float32),
-    )

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from vo.contract.arrays import Array
+from vo.map.frame import Matches
 from vo.map.local_map import LocalMap, TrackedFrame, empty_map
-from vo.map.matches import Matches
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Halt:
 
 @dataclass
 class TrackerState:
-    """Plain data, changed by `vo.odometry.StereoOdometry` only.
+    """Plain data, changed by `vo.odometry` and by the culling of landmarks only.
 
     Attributes:
         map: Keyframes and landmarks of the present segment; empty before its first frame.

@@ -1,7 +1,4 @@
-"""Trajectory and map at the end of a run: by the window, or by full-batch bundle adjustment.
-
-Source: thesis 4.2.
-"""
+"""Smoothing of a run after its last frame by full-batch bundle adjustment (thesis 4.2)."""
 
 from dataclasses import replace
 
@@ -12,19 +9,9 @@ from vo.bundle_adjustment.problem import MIN_POINTS, collect
 from vo.config import RefinementSettings
 from vo.contract import se3
 from vo.contract.arrays import Indices
-from vo.contract.estimator import FinalResult
 from vo.contract.observations import Observations
 from vo.contract.rig import StereoRig
 from vo.map.run_history import RunHistory
-
-
-def finalize(history: RunHistory, rig: StereoRig, settings: RefinementSettings) -> FinalResult:
-    """Make the smoothed trajectory, if one is wanted, and the map that belongs to it."""
-    if settings.smooth == "none":
-        return FinalResult(None, history.point_map)
-    if settings.smooth == "global":
-        history = smooth(history, rig, settings)
-    return FinalResult(history.trajectory, history.point_map)
 
 
 def smooth(history: RunHistory, rig: StereoRig, settings: RefinementSettings) -> RunHistory:

@@ -10,10 +10,8 @@ from vo.contract import se3
 from vo.contract.arrays import Array
 from vo.contract.observations import Observations
 from vo.hooks import NO_HOOKS, Hooks
-from vo.map.frame import View
-from vo.map.local_map import Keyframe, Landmarks, LocalMap
-from vo.map.matches import Matches
-from vo.mapping.map_reset import reset_if_due
+from vo.map.frame import Matches, View
+from vo.map.local_map import Keyframe, Landmarks, LocalMap, empty_map
 from vo.stereo.plane_fit import fit_plane_slopes
 from vo.stereo.sparse import measure_disparities
 from vo.tracking.association import measurement_sigma
@@ -29,9 +27,8 @@ are left, another keyframe would only add its own error (thesis 5.1.3)."""
 def needs_keyframe(local_map: LocalMap, tracked: Tracked) -> bool:
     """Whether a tracked view becomes a keyframe (3.4), unless it took too many iterations (5.3)."""
     settings = tracked.view.settings
-    if exceeds_iterations(tracked.counts["motion iterations"], settings):
-        return False
-    return is_new_view(local_map.keyframes[-1], tracked.inliers, settings)
+    converged = not exceeds_iterations(tracked.counts["motion iterations"], settings)
+    return converged and is_new_view(local_map.keyframes[-1], tracked.inliers, settings)
 
 
 def is_new_view(last: Keyframe, inliers: Matches, settings: OdometrySettings) -> bool:
@@ -39,9 +36,8 @@ def is_new_view(last: Keyframe, inliers: Matches, settings: OdometrySettings) ->
 
     The information of a landmark on the translation grows as its image motion does, with the
     disparity: the near ones, which soon leave the image, have most (decision 19). Those without
-    disparity count nothing.
-
-    Where hardly any of that information, or few inliers, are left, `MIN_FLOW_PX` suffices.
+    disparity count nothing. Where hardly any of that information, or few inliers, are left,
+    `MIN_FLOW_PX` suffices.
     """
     seen, s = last.observations, settings.refinement
     _, then, now = np.intersect1d(seen.ids, inliers.ids, assume_unique=True, return_indices=True)
@@ -66,20 +62,14 @@ def add_keyframe(
 
     The oldest keyframe beyond the window is dropped. Landmarks whose template has changed its
     scale too much, or was dropped, take the new keyframe as their anchor if it observes them, and
-    are removed otherwise.
+    are removed otherwise. The map starts anew after `refinement.map_reset_keyframes`.
 
-    Args:
-        local_map: May be empty.
-        view: The new keyframe's.
-        T_odom_cam: (4, 4) its pose.
-        covariance: (6, 6) of the pose.
-        inliers: Of the view; None for a first keyframe.
-        hooks: May replace disparities; receive the new landmarks.
+    The pose is (4, 4), its covariance (6, 6). The first keyframe of a map has no inliers.
     """
     settings, serial = view.settings, local_map.next_serial
-    local_map = reset_if_due(local_map, settings.refinement)
-    if not local_map.keyframes:
-        inliers = None
+    if 0 < settings.refinement.map_reset_keyframes <= serial - local_map.first_serial:
+        # The firewall of Nistér, Naroditsky and Bergen, 2004: no error reaches beyond it (F7).
+        local_map, inliers = empty_map(serial, local_map.next_id, local_map.noise), None
     observations, slopes, descriptors = _new_observations(view, inliers, local_map, hooks)
     points_cam = view.rig.triangulate(observations.pixels, observations.disparity_px)
     n = len(observations)
@@ -116,8 +106,7 @@ def _new_observations(
 ) -> tuple[Observations, Array, Array]:
     """Features that have a depth and lie apart from the inliers, as landmarks of the next ids.
 
-    Returns:
-        N observations, the (N, 2) slopes of the disparity and (N, P) descriptors.
+    N observations, the (N, 2) slopes of the disparity and (N, P) descriptors.
     """
     s, pixels = view.settings, view.features
     taken = inliers.measured if inliers else np.zeros((0, 3))

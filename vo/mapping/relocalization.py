@@ -34,25 +34,18 @@ LIMITS = RelocalizationThresholds()
 def relocalize(
     lost_map: LocalMap | None, view: View, rng: np.random.Generator
 ) -> tuple[Array, Array] | None:
-    """Locate a view in a map that was lost, without a prediction.
+    """Find T_odom_cam (4, 4) of a view in a map that was lost, and its covariance (6, 6).
 
     Landmarks are matched all over the image, and points with points: absolute orientation needs
     no prediction. Landmarks that are then matched at their projections confirm the pose.
-
-    Returns:
-        T_odom_cam (4, 4) and its covariance (6, 6).
     """
     if lost_map is None:
         return None
-    everywhere = float(max(view.frame.left.shape))
     T_guess = lost_map.keyframes[-1].T_odom_cam
-    matches = find_matches(lost_map, view, T_guess, everywhere)
+    matches = find_matches(lost_map, view, T_guess, float(max(view.frame.left.shape)))
+    threshold = LIMITS.threshold_scale * view.settings.motion.threshold
     motion = view.settings.motion.model_copy(
-        update={
-            "method": "absolute",
-            "residual": "reprojection",
-            "threshold": LIMITS.threshold_scale * view.settings.motion.threshold,
-        }
+        update={"method": "absolute", "residual": "reprojection", "threshold": threshold}
     )
     absolute = replace(view, settings=view.settings.model_copy(update={"motion": motion}))
     consensus = find_consensus(matches, T_guess, np.ones(len(matches)), absolute, rng)
@@ -68,20 +61,18 @@ def relocalize(
         pose = refine_pose(pose.T_world_cam, matches, view)
     if len(matches) < LIMITS.confirming_inliers:
         return None
-    covariance = pose_covariance(lost_map, pose.T_world_cam, pose.covariance)
-    return pose.T_world_cam, covariance
+    last = lost_map.keyframes[-1]
+    return pose.T_world_cam, pose_covariance(last, pose.T_world_cam, pose.covariance)
 
 
 def mark_lost(
     local_map: LocalMap, lost_map: LocalMap | None, lost_frames: int, patience_frames: int
 ) -> tuple[LocalMap, LocalMap | None]:
-    """Keep the map for some lost frames, then replace it by an empty one.
+    """Return the map of the next frame, and the lost map, the first of those not yet merged.
 
-    The map is kept for no more frames than it was observed by, and not at all if these were fewer
-    than `min_views`, as after a false start. Otherwise it is kept as the lost map.
-
-    Returns:
-        The map of the next frame, and the lost map, the first of those not yet merged.
+    The map is kept for some lost frames, but for no more than it was observed by, then replaced by
+    an empty one, and kept as the lost map. After a false start, where fewer than `min_views` frames
+    observed it, it is dropped at once.
     """
     views = int(local_map.landmarks.views.max(initial=0))
     confirmed = views >= LIMITS.min_views

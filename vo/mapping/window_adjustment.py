@@ -1,19 +1,34 @@
 """Bundle adjustment of the last keyframes and their landmarks (thesis 3.4, 4.4)."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from vo.bundle_adjustment.adjust import refine_structure
+from vo.bundle_adjustment.adjust import misfit, refine_structure
+from vo.bundle_adjustment.fixed_lag import FixedLag
 from vo.bundle_adjustment.problem import MIN_POINTS, collect
 from vo.config import RefinementSettings
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices, Mask
 from vo.contract.rig import StereoRig
-from vo.map.local_map import Keyframe, LocalMap, visibility
+from vo.map.local_map import Keyframe, LocalMap, pose_covariance
 
 LEARNING_RATE = 0.2
 """Share of one adjustment's residuals in the logarithm of the learnt noise."""
+
+Adjuster = Callable[[LocalMap], tuple[LocalMap, int]]
+"""Function of a map, which returns the adjusted one and the iterations; 0 if nothing changed."""
+
+
+def adjuster(rig: StereoRig, settings: RefinementSettings) -> Adjuster:
+    """Make the bundle adjustment that follows a new keyframe, by `refinement.mode`."""
+    if settings.mode == "fixed_lag":
+        return IncrementalAdjustment(rig, settings)
+    if settings.mode == "window":
+        return partial(adjust_window, rig=rig, settings=settings)
+    return lambda local_map: (local_map, 0)
 
 
 def adjust_window(
@@ -24,12 +39,9 @@ def adjust_window(
     A landmark takes part if at least `min_views` frames saw it, two of them keyframes. The others
     move rigidly with their anchor. The oldest keyframe stays, the second too where nothing else
     tells the scale, and so does one that sees too few of the landmarks to be determined.
-
-    Returns:
-        The adjusted map and the iterations that it took, 0 if there was nothing to adjust.
     """
     keyframes, landmarks = local_map.keyframes, local_map.landmarks
-    ids, mask = select_landmarks(local_map, keyframes, settings)
+    ids, mask = _select_landmarks(local_map, keyframes, settings)
     fixed = mask.sum(axis=0) < MIN_POINTS
     fixed[: 1 if settings.use_disparity else 2] = True
     if fixed.all():
@@ -38,26 +50,27 @@ def adjust_window(
     T_odom_cam = np.stack([k.T_odom_cam for k in keyframes])
     bundle = collect(T_odom_cam, [k.observations for k in keyframes], ids, points, fixed, rig)
     refined = refine_structure(bundle, settings)
-    covariance = [
-        _covariance(keyframes[0], k, T, relative)
+    covariance = [  # without a relative one, of those that were fixed
+        pose_covariance(keyframes[0], T, relative) if relative.any() else k.covariance
         for k, T, relative in zip(keyframes, refined.T_world_cam, refined.covariance, strict=True)
     ]
-    moved = move_map(local_map, refined.T_world_cam, covariance, ids, refined.points_world)
-    return learn_noise(moved, refined.misfit, settings), refined.iterations
+    moved = _move_map(local_map, refined.T_world_cam, covariance, ids, refined.points_world)
+    return _learn_noise(moved, refined.misfit, settings), refined.iterations
 
 
-def select_landmarks(
+def _select_landmarks(
     local_map: LocalMap, keyframes: tuple[Keyframe, ...], settings: RefinementSettings
 ) -> tuple[Indices, Mask]:
-    """Landmarks (J,) that take part in the adjustment of keyframes; visibility (J, K)."""
-    ids, mask = visibility(keyframes)
+    """Landmarks (J,) that take part in the adjustment of keyframes; visibility (J, K) (4.4)."""
+    ids = np.unique(np.concatenate([k.observations.ids for k in keyframes]))
+    mask = np.stack([np.isin(ids, k.observations.ids) for k in keyframes], axis=1)
     landmarks = local_map.landmarks
     often = landmarks.ids[landmarks.views >= settings.min_views]
     chosen = np.isin(ids, often) & (mask.sum(axis=1) >= 2)
     return ids[chosen], mask[chosen]
 
 
-def move_map(
+def _move_map(
     local_map: LocalMap, T_odom_cam: Array, covariance: list[Array], ids: Indices,
     points_odom: Array,
 ) -> LocalMap:  # fmt: skip
@@ -78,18 +91,61 @@ def move_map(
     return replace(local_map, keyframes=keyframes, landmarks=replace(landmarks, points_odom=points))
 
 
-def learn_noise(local_map: LocalMap, misfit: Array, settings: RefinementSettings) -> LocalMap:
+def _learn_noise(local_map: LocalMap, misfits: Array, settings: RefinementSettings) -> LocalMap:
     """Adapt the noise to (2,) misfits of pixels and disparities, slowly and within limits."""
     if not settings.learn_noise:
         return local_map
-    factor = np.where(np.isfinite(misfit), np.maximum(misfit, 1e-3), 1.0) ** (LEARNING_RATE / 2)
+    factor = np.where(np.isfinite(misfits), np.maximum(misfits, 1e-3), 1.0) ** (LEARNING_RATE / 2)
     pixels, disparities = np.clip(np.array(local_map.noise) * factor, 0.5, 10.0)
     return replace(local_map, noise=(float(pixels), float(disparities)))
 
 
-def _covariance(oldest: Keyframe, keyframe: Keyframe, T_odom_cam: Array, relative: Array) -> Array:
-    """Covariance of an adjusted keyframe: the oldest one's at that pose, plus the relative one."""
-    if not relative.any():  # it was fixed
-        return keyframe.covariance
-    T_cam_oldest = se3.inverse(T_odom_cam) @ oldest.T_odom_cam
-    return se3.transform_covariance(T_cam_oldest, oldest.covariance) + relative
+class IncrementalAdjustment:
+    """Bundle adjustment by a fixed-lag smoother, keyframe by keyframe.
+
+    The smoother starts anew at the last two keyframes where it fails, and where the map is no
+    longer the one that it left: after a loss, a map reset or a merge.
+    """
+
+    def __init__(self, rig: StereoRig, settings: RefinementSettings) -> None:
+        self._rig, self._settings = rig, settings
+        self._smoother: FixedLag | None = None
+        self._T_odom_cam: dict[int, Array] = {}
+
+    def __call__(self, local_map: LocalMap) -> tuple[LocalMap, int]:
+        """Add the newest keyframe; return the adjusted map and the iterations."""
+        s = self._settings
+        smoother, self._smoother = self._smoother if self._continues(local_map) else None, None
+        first = smoother.first if smoother else local_map.keyframes[-2:][0].serial
+        keyframes = tuple(k for k in local_map.keyframes if k.serial >= first)
+        ids, mask = _select_landmarks(local_map, keyframes, s)
+        if smoother:
+            unspent = ~np.isin(ids, smoother.spent)
+            ids, mask = ids[unspent], mask[unspent]
+        if len(keyframes) < 2 or mask[:, -1].sum() < MIN_POINTS:
+            return local_map, 0
+        smoother = smoother or FixedLag(
+            first, keyframes[0].T_odom_cam, keyframes[0].covariance, s.window
+        )
+        points = local_map.landmarks.points_odom[np.searchsorted(local_map.landmarks.ids, ids)]
+        poses = {k.serial: k.T_odom_cam for k in keyframes}
+        seen = {k.serial: k.observations for k in keyframes}
+        try:
+            found = smoother.update(poses, seen, ids, points, self._rig, s)
+        except RuntimeError:  # gtsam's IndeterminateLinearSystemException has no type of its own
+            return local_map, s.max_iterations
+        unmoved = local_map.keyframes[: -len(keyframes)]
+        T = [k.T_odom_cam for k in unmoved] + list(found.T_odom_cam)
+        covariance = [k.covariance for k in unmoved] + list(found.covariance)
+        moved = _move_map(local_map, np.array(T), covariance, found.ids, found.estimates.points)
+        self._smoother = smoother
+        self._T_odom_cam = {k.serial: k.T_odom_cam for k in moved.keyframes}
+        noise = misfit([found.estimates], found.T_odom_cam)
+        return _learn_noise(moved, noise, s), found.iterations
+
+    def _continues(self, local_map: LocalMap) -> bool:
+        """Whether the map's older keyframes are where the smoother left them."""
+        older, known = local_map.keyframes[:-1], self._T_odom_cam
+        return bool(older) and all(
+            k.serial in known and np.array_equal(k.T_odom_cam, known[k.serial]) for k in older
+        )

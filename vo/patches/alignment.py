@@ -66,18 +66,11 @@ def align(
 
     The covariance is the Cramér–Rao bound s² (JᵀJ)⁻¹, with the noise s from the residual.
 
-    Args:
-        templates: N patches.
-        image: (H, W) uint8.
-        start: (N, 2) first guess in the image, within about two pixels.
-        warp: (N, 3, 2): an offset o in the template becomes warp[:2] @ o / (1 + warp[2] @ o) in
-            the image, which is exact for a plane. An affine map alone makes the error of a match
-            grow with the square of the patch's size. By default it changes nothing.
-        horizontal_only: Search along the row, as in a rectified pair.
-
-    Returns:
-        The positions, NaN where the patch leaves an image, is flat, or moves more than half its
-        side from the start.
+    The starts (N, 2) are right to within about two pixels. By a warp (N, 3, 2), an offset o in the
+    template becomes warp[:2] @ o / (1 + warp[2] @ o) in the image, which is exact for a plane: an
+    affine map alone makes the error of a match grow with the square of the patch's size. With
+    `horizontal_only` the search is along the row, as in a rectified pair. The positions are NaN
+    where the patch leaves an image, is flat, or moves more than half its side from the start.
 
     Raises:
         ValueError: If the shapes disagree; the compiled loop would not notice.
@@ -186,8 +179,7 @@ def _align_all(
 def warp_offsets(warp: Array, side: int, offsets: Array) -> tuple[float, float]:
     """Write the offsets (2, side * side) of the template's samples from its centre in the image.
 
-    Returns:
-        Their largest sizes along u and v; NaN if the surface is seen almost edge-on.
+    Return their largest sizes along u and v; NaN if the surface is seen almost edge-on.
     """
     r = side // 2
     shrink = 1 - r * (abs(warp[2, 0]) + abs(warp[2, 1]))
@@ -207,17 +199,9 @@ def warp_offsets(warp: Array, side: int, offsets: Array) -> tuple[float, float]:
 
 @compiled(fastmath={"reassoc", "contract"})
 def sample(image: Image, u: float, v: float, offsets: Array, out: Array) -> float:
-    """Sample bilinearly at (u, v) + offsets, all inside the image.
+    """Sample bilinearly at (u, v) + offsets (2, P), all inside the image.
 
-    Args:
-        image: (H, W) uint8.
-        u: Centre.
-        v: Centre.
-        offsets: (2, P).
-        out: (P,) receives grey levels, less an arbitrary constant.
-
-    Returns:
-        The norm of the samples about their mean, grey levels.
+    Write the grey levels (P,), less an arbitrary constant; return their norm about their mean.
     """
     width = image.shape[1]
     u0, v0 = int(u), int(v)

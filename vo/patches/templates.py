@@ -31,13 +31,7 @@ class Templates(NamedTuple):
 
 
 def extract_templates(image: Image, pixels: Array, patch_px: int) -> Templates:
-    """Extract patches about sub-pixel positions.
-
-    Args:
-        image: (H, W) uint8.
-        pixels: (N, 2) centres (u, v).
-        patch_px: Side S, odd.
-    """
+    """Extract patches of an odd side about sub-pixel centres (N, 2)."""
     return _extract_all(image, np.ascontiguousarray(pixels, dtype=np.float64), patch_px)
 
 

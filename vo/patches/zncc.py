@@ -11,16 +11,10 @@ MIN_CONTRAST = 1.0
 
 
 def describe(image: Image, pixels: Array, patch_px: int) -> Array:
-    """Normalise the square patch about each pixel, so that a dot product is the ZNCC.
+    """Normalise the patch of odd side about each of (N, 2) pixels: a dot product is the ZNCC.
 
-    Args:
-        image: (H, W) uint8.
-        pixels: (N, 2) (u, v); rounded to the nearest pixel.
-        patch_px: Side of the patch, odd.
-
-    Returns:
-        (N, patch_px**2) float32 of zero mean and unit norm. All zero, and so matching nothing,
-        where the patch is flat or leaves the image.
+    (N, patch_px**2) float32 of zero mean and unit norm. All zero, and so matching nothing, where
+    the patch is flat or leaves the image. Pixels are rounded to the nearest ones.
     """
     r = patch_px // 2
     columns, rows = np.rint(pixels).astype(np.int64).T
@@ -47,16 +41,9 @@ def match_mutual(
 ) -> Indices:
     """Pair features that are each other's nearest neighbour within the search window.
 
-    Args:
-        vectors_a: (N, P) from `describe`.
-        expected_a: (N, 2) expected position of each of a in image b; a NaN matches nothing.
-        vectors_b: (M, P).
-        pixels_b: (M, 2).
-        radius_px: Radius of the search window about the expectation.
-        settings: Smallest correlation.
-
-    Returns:
-        (K, 2) index pairs (into a, into b), one to one, in order of a.
+    (K, 2) index pairs (into a, into b), one to one, in order of a. The vectors (N, P) and (M, P)
+    are from `describe`. The window reaches by a radius to each side of the expected position
+    (N, 2) of each of a in image b; a NaN matches nothing.
     """
     pixels_b = np.asarray(pixels_b, dtype=np.float64)
     by_row = np.argsort(pixels_b[:, 1], kind="stable")

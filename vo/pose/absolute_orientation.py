@@ -12,18 +12,10 @@ from vo.contract.compilation import compiled
 
 @compiled()
 def absolute_orientation(points_a: Array, points_b: Array, rows: Indices, pose: Array) -> bool:
-    """Write the least-squares [R | t], p_a = R @ p_b + t, of some of the points.
+    """Write the least-squares [R | t] (3, 4), p_a = R @ p_b + t, of points (N, 3), metres.
 
-    Where the points do not determine a rotation (all in a line), some rotation of the right fit.
-
-    Args:
-        points_a: (N, 3) metres.
-        points_b: (N, 3) metres.
-        rows: (K,) the points that count, K >= 3.
-        pose: (3, 4) receives the result.
-
-    Returns:
-        False if a coordinate is not finite; `pose` is then as it was.
+    At least three rows (K,) count. Where the points do not determine a rotation (all in a line),
+    some rotation of the right fit. False if a coordinate is not finite; `pose` is then as it was.
     """
     mean_a, mean_b, scatter = np.zeros(3), np.zeros(3), np.zeros((3, 3))
     for row in rows:

@@ -10,7 +10,7 @@ import numpy as np
 from vo.config import MotionSettings
 from vo.contract.arrays import Array, Mask
 from vo.pose.hypotheses import Problem
-from vo.pose.ransac import Consensus, consensus, is_determined
+from vo.pose.ransac import Consensus, determined_consensus
 
 FAR_SHARE = 0.5
 """Share of the points that count as far; the others count as near."""
@@ -30,26 +30,10 @@ def estimate_decoupled(
 ) -> Consensus | None:
     """Estimate the rotation, and with it the translation, each under RANSAC over pairs.
 
-    Args:
-        problem: N matches, all finite.
-        T_odom_guess: (4, 4) expected pose; only its position matters, to within what is far.
-        settings: Number of pairs for either.
-        rng: Draws the pairs.
-
-    Returns:
-        None if there are too few points, or if they do not determine the pose.
+    Of the expected pose only the position matters, to within what is far.
     """
-    pose = _rotation_then_translation(problem, T_odom_guess[:3, 3], settings.max_hypotheses, rng)
-    found = None if pose is None else consensus(problem, pose, settings)
-    return found if found and is_determined(problem, found) else None
-
-
-def _rotation_then_translation(
-    problem: Problem, position: Array, pairs: int, rng: np.random.Generator
-) -> Array | None:
-    """Estimate (3, 4) [R | t] with p_cam = R @ p_odom + t from a guessed position (3,)."""
     points_odom, rays, threshold = problem.points_odom, problem.rays, problem.threshold
-    legs = points_odom - position
+    legs, pairs = points_odom - T_odom_guess[:3, 3], settings.max_hypotheses
     with np.errstate(over="ignore"):
         distance = np.linalg.norm(legs, axis=1)
     if len(legs) < 4 or not (distance.all() and np.isfinite(distance).all()):
@@ -66,7 +50,7 @@ def _rotation_then_translation(
         return None
     rotated = points_odom[~far] @ R.T
     t = _estimate_translation(rotated, rays[~far], threshold, _draw_pairs((~far).sum(), pairs, rng))
-    return np.column_stack([R, t])
+    return determined_consensus(problem, np.column_stack([R, t]), settings)
 
 
 def _draw_pairs(count: int, pairs: int, rng: np.random.Generator) -> Array:

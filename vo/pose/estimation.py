@@ -6,7 +6,7 @@ import numpy as np
 
 from vo.config import MotionSettings
 from vo.contract import se3
-from vo.contract.arrays import Array, Mask
+from vo.contract.arrays import Array
 from vo.pose.decoupled import estimate_decoupled
 from vo.pose.graduated_nonconvexity import refine_guess
 from vo.pose.hypotheses import Problem
@@ -20,7 +20,11 @@ METHODS: dict[str, Method] = {
     "decoupled": estimate_decoupled,
     "graduated_nonconvexity": refine_guess,
 }
-"""Estimators of the pose, by `motion.method`, from matches and the expected pose (4, 4)."""
+"""Estimators of the pose, by `motion.method`.
+
+Each takes N matches, all finite, the expected T_odom_cam (4, 4), settings and a source of random
+numbers, which not all of them use. They return None if the matches do not determine the pose.
+"""
 
 
 def estimate_pose(
@@ -44,14 +48,12 @@ def estimate_pose(
         T_odom_guess: (4, 4) expected pose, the identity by default; RANSAC does not use it.
 
     Returns:
-        T_odom_cam and its inliers, or None if fewer than three matches can be used or all of them
-        are degenerate. Absolute orientation uses the matches with depth, and only these can be
-        its inliers.
+        None if fewer than three matches can be used or all of them are degenerate. Absolute
+        orientation uses the matches with depth, and only these can be its inliers.
     """
     absolute = settings.method == "absolute"
-    usable = _finite(points_odom) & _finite(rays)
-    if absolute:
-        usable &= _finite(points_cam)
+    needed = (points_odom, rays, points_cam) if absolute else (points_odom, rays)
+    usable = np.logical_and.reduce([np.isfinite(x).all(axis=1) for x in needed])
     metric = absolute and settings.residual == "distance"
     count = int(usable.sum())
     problem = Problem(
@@ -85,7 +87,3 @@ def reprojection_errors(T_odom_cam: Array, points_odom: Array, rays: Array) -> A
         points_cam[..., :2], z, out=np.full_like(points_cam[..., :2], np.nan), where=z > 0
     )
     return np.linalg.norm(seen - rays, axis=-1)
-
-
-def _finite(rows: Array) -> Mask:
-    return np.asarray(np.isfinite(rows).all(axis=1))

@@ -21,15 +21,9 @@ ROUNDING = 1e-6
 
 @compiled(error_model="numpy")
 def legs_fischler_bolles(sides2: Array, cosines: Array, legs: Array) -> int:
-    """Find the candidates for the legs a, b, c; the caller refines and checks them.
+    """Write candidates (8, 3) for the legs a, b, c, which the caller refines; return their number.
 
-    Args:
-        sides2: (3,) squared sides AB, AC, BC.
-        cosines: (3,) of the angles between the legs to A and B, A and C, B and C.
-        legs: (8, 3) receives the candidates.
-
-    Returns:
-        The number of candidates.
+    The squared sides (3,) are AB, AC, BC; the cosines (3,) are of the angles between these legs.
     """
     ab2, ac2, bc2 = sides2
     cos_ab, cos_ac, cos_bc = cosines

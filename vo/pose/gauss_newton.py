@@ -19,18 +19,11 @@ def gauss_newton_step(
     points_odom: Array, rays: Array, rows: Indices, pose: Array, moved: Array,
     weights: Array | None = None,
 ) -> bool:  # fmt: skip
-    """Take one Gauss-Newton step on the reprojection error of some points.
+    """Write to `moved` a pose (3, 4) after a Gauss-Newton step on the reprojection error.
 
-    Args:
-        points_odom: (N, 3) metres.
-        rays: (N, 2) normalised image coordinates.
-        rows: (K,) the points that count, in front of the camera.
-        pose: (3, 4).
-        moved: (3, 4) receives the better pose.
-        weights: (N,) of the squared errors; all one by default.
-
-    Returns:
-        False if the points do not determine the pose; `moved` is then as it was.
+    Of the points (N, 3), metres, with rays (N, 2) in normalised image coordinates, the rows (K,)
+    count, which lie in front of the camera, by weights (N,) of the squared errors. False if they
+    do not determine the pose; `moved` is then as it was.
     """
     information, gradient = normal_equations(points_odom, rays, rows, pose, weights)
     tangent = -gradient

@@ -15,7 +15,7 @@ from vo.contract.arrays import Array
 from vo.contract.compilation import compiled
 from vo.pose.gauss_newton import gauss_newton_step
 from vo.pose.hypotheses import Problem, squared_errors
-from vo.pose.ransac import Consensus, consensus, is_determined
+from vo.pose.ransac import Consensus, determined_consensus
 
 FIRST_WIDTH = 2.0
 """Width of the first loss, in median errors of the guess."""
@@ -30,36 +30,21 @@ STEPS = 3
 def refine_guess(
     problem: Problem, T_odom_guess: Array, settings: MotionSettings, rng: np.random.Generator
 ) -> Consensus | None:
-    """Move the expected pose to where the matches have it, and refit it to its inliers.
-
-    Args:
-        problem: N matches, all finite.
-        T_odom_guess: (4, 4) expected pose.
-        settings: Refits.
-        rng: Not used.
-
-    Returns:
-        None if the matches do not determine the pose.
-    """
+    """Move the expected pose to where the matches have it, and refit it to its inliers."""
     # The expected motion repeats the last one: its deviation from a rotation would grow.
     R, _ = se3.nearest_rotation(T_odom_guess[:3, :3])
     pose = np.ascontiguousarray(se3.inverse(se3.pose(R, T_odom_guess[:3, 3]))[:3])
     if len(problem.points_odom) == 0 or not descend(problem, pose):
         return None
-    found = consensus(problem, pose, settings)
-    return found if found and is_determined(problem, found) else None
+    return determined_consensus(problem, pose, settings)
 
 
 @compiled(error_model="numpy")
 def descend(problem: Problem, pose: Array) -> bool:
-    """Minimise ever narrower losses from a guessed pose (3, 4), in place.
+    """Minimise ever narrower losses of at least one match's reprojection error.
 
-    Args:
-        problem: At least one match; errors are reprojections, their threshold the last width.
-        pose: (3, 4) [R | t] with p_cam = R @ p_odom + t.
-
-    Returns:
-        False if the matches do not determine the pose.
+    A guessed pose (3, 4) changes in place; False if the matches do not determine it. The last width
+    is the threshold.
     """
     count = len(problem.points_odom)
     squares, weights, moved = np.empty(count), np.empty(count), np.empty((3, 4))

@@ -66,10 +66,7 @@ def cumulative_weights(weights: Array) -> Array:
 def draw_sample(numbers: Array, bounds: Array, sample: Indices) -> None:
     """Write three different rows, each drawn in proportion to its weight.
 
-    Args:
-        numbers: (3,) uniform random numbers in [0, 1).
-        bounds: (N + 1,) from `cumulative_weights`.
-        sample: (3,) receives the rows.
+    The numbers (3,) are uniform in [0, 1), the bounds (N + 1,) from `cumulative_weights`.
     """
     for k in range(SAMPLE):
         left = bounds[-1]
@@ -150,11 +147,8 @@ def inlier_rows(problem: Problem, pose: Array, reach: float = 1.0) -> Indices:
 def refit(problem: Problem, pose: Array, now: float, iterations: int) -> float:
     """Refit a pose (3, 4), in place, to its inliers while its cost falls; return the cost.
 
-    The first iterations reach further: a pose from three noisy points misses inliers.
-
-    Source:
-        Chum, Matas and Kittler, Locally optimized RANSAC, DAGM 2003: iterative least squares
-        with a threshold that shrinks.
+    The first iterations reach further: a pose from three noisy points misses inliers (iterative
+    least squares with a threshold that shrinks: Chum, Matas and Kittler, DAGM 2003).
     """
     refitted = np.empty((3, 4))
     for k in range(iterations):

@@ -5,8 +5,6 @@ the three laws of cosines makes them exact; the motion between the two congruent
 pose. (Absolute orientation of congruent triangles needs no least squares.)
 """
 
-from typing import Literal, TypeAlias
-
 import numpy as np
 
 from vo.contract.arrays import Array
@@ -14,10 +12,9 @@ from vo.contract.compilation import compiled
 from vo.pose.fischler_bolles import legs_fischler_bolles
 from vo.pose.lambda_twist import legs_lambda_twist
 
-Solver: TypeAlias = Literal["fischler_bolles", "lambda_twist"]
-SOLVERS: dict[Solver, int] = {"fischler_bolles": 0, "lambda_twist": 1}
-
+SOLVERS = {"fischler_bolles": 0, "lambda_twist": 1}
 FISCHLER_BOLLES = SOLVERS["fischler_bolles"]
+
 MAX_CANDIDATES = 8
 """Largest number of candidates that a solver finds."""
 
@@ -36,16 +33,10 @@ SAME = 1e-9
 
 @compiled(error_model="numpy")
 def p3p(points_ref: Array, rays_cam: Array, solver: int, poses: Array) -> int:
-    """Find every camera pose that sees three points along three rays.
+    """Write the poses (4, 3, 4) [R | t] that see points (3, 3) along unit rays (3, 3).
 
-    Args:
-        points_ref: (3, 3) metres.
-        rays_cam: (3, 3) unit rays.
-        solver: A value of `SOLVERS`.
-        poses: (4, 3, 4) receives the solutions [R | t], p_cam = R @ p_ref + t.
-
-    Returns:
-        The number of solutions; zero for degenerate points or rays (collinear, coincident, NaN).
+    p_cam = R @ p_ref + t. The solver is a value of `SOLVERS`. Return the number of solutions, zero
+    for degenerate points or rays (collinear, coincident, NaN).
     """
     sides2, cosines, legs = np.empty(3), np.empty(3), np.empty((MAX_CANDIDATES, 3))
     for k, (i, j) in enumerate(((0, 1), (0, 2), (1, 2))):

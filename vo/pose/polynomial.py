@@ -17,17 +17,10 @@ TOUCHING = 1e-9
 
 @compiled(error_model="numpy")
 def real_roots(coefficients: Array, low: float, high: float, work: Array, roots: Array) -> int:
-    """Find the roots inside [low, high] in increasing order, a double root at least once.
+    """Write the roots (D,) inside [low, high] in increasing order; return their number.
 
-    Args:
-        coefficients: (D + 1,) highest power first.
-        low: Start of the interval.
-        high: Its end.
-        work: (2 D + 3,) working memory.
-        roots: (D,) receives them.
-
-    Returns:
-        The number of roots.
+    The coefficients (D + 1,) have the highest power first; (2 D + 3,) is working memory. A double
+    root is written at least once.
     """
     degree = len(coefficients) - 1
     polynomial, edges = work[: degree + 1], work[degree + 1 :]

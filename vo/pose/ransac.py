@@ -1,7 +1,8 @@
 """Random sample consensus with local optimisation (thesis 2.2, 2.7).
 
 Source: Fischler and Bolles, CACM 1981, with L = log p_fail / log(1 - p_good^k), thesis eq. 2.28;
-Chum, Matas and Kittler, Locally optimized RANSAC, DAGM 2003.
+Chum, Matas and Kittler, Locally optimized RANSAC, DAGM 2003; Nistér, Preemptive RANSAC for live
+structure and motion estimation, MVA 2005.
 """
 
 from collections.abc import Callable
@@ -25,20 +26,17 @@ from vo.pose.hypotheses import (
     propose,
     refit,
 )
-from vo.pose.preemptive import search_preemptive
 
 FINAL_ITERATIONS = 20
 """Largest number of refits of the best pose, if poses are refitted at all."""
 
+HALVING_MATCHES = 10
+"""Matches between two halvings of the hypotheses."""
+
 
 @dataclass(frozen=True)
 class Consensus:
-    """The pose that most matches agree with.
-
-    Attributes:
-        T_odom_cam: (4, 4).
-        inliers: (N,) matches within the threshold of it.
-    """
+    """The pose (4, 4) that most matches agree with, and the mask (N,) of these inliers."""
 
     T_odom_cam: Array
     inliers: Mask
@@ -47,16 +45,9 @@ class Consensus:
 def ransac(
     problem: Problem, T_odom_guess: Array, settings: MotionSettings, rng: np.random.Generator
 ) -> Consensus | None:
-    """Find the pose of least cost.
+    """Find the pose of least cost; the expected one is not used.
 
-    Args:
-        problem: N matches, all finite.
-        T_odom_guess: (4, 4) expected pose; not used.
-        settings: Scheme, confidence, hypotheses and refits.
-        rng: Draws the samples.
-
-    Returns:
-        None if there are fewer than three matches or no sample gives a pose.
+    None if there are fewer than three matches or no sample gives a pose.
     """
     count = len(problem.points_odom)
     if count < SAMPLE:
@@ -91,11 +82,17 @@ def consensus(problem: Problem, pose: Array, settings: MotionSettings) -> Consen
     return Consensus(se3.inverse(se3.pose(pose[:, :3], pose[:, 3])), mask)
 
 
-def is_determined(problem: Problem, found: Consensus) -> bool:
-    """Whether the inliers alone, without a guess, determine the pose."""
+def determined_consensus(
+    problem: Problem, pose: Array, settings: MotionSettings
+) -> Consensus | None:
+    """Refit a pose (3, 4) to its inliers; None if these alone, without a guess, do not give it."""
+    found = consensus(problem, pose, settings)
+    if found is None:
+        return None
     rows = np.flatnonzero(found.inliers)
     pose = np.ascontiguousarray(se3.inverse(found.T_odom_cam)[:3])
-    return len(rows) > SAMPLE and determines_pose(problem.points_odom, problem.rays, rows, pose)
+    determined = determines_pose(problem.points_odom, problem.rays, rows, pose)
+    return found if len(rows) > SAMPLE and determined else None
 
 
 @compiled()
@@ -115,15 +112,9 @@ def search_adaptive(
 ) -> int:
     """Score one sample after the other until a better one has become unlikely.
 
-    Args:
-        problem: N matches, in random order.
-        draws: (S, 3) uniform random numbers, three a sample.
-        confidence: Probability with which one sample shall be all good.
-        local_iterations: Refits of each new best pose.
-        pose: (3, 4) receives the pose of least cost.
-
-    Returns:
-        The number of samples.
+    Write the pose (3, 4) of least cost; return the number of samples. The matches are in random
+    order; draws (S, 3) are uniform random numbers, three a sample; with the confidence one sample
+    shall be all good. Each new best pose is refitted.
     """
     count = len(problem.points_odom)
     bounds = cumulative_weights(problem.weights)
@@ -143,6 +134,35 @@ def search_adaptive(
             share = problem.weights[inlier_rows(problem, pose)].sum() / bounds[-1]
             needed = int(min(len(draws), samples_needed(share, confidence)))
     return samples
+
+
+@compiled()
+def search_preemptive(
+    problem: Problem, draws: Array, confidence: float, local_iterations: int, pose: Array
+) -> int:
+    """Score all hypotheses by a block of matches, keep the better half, continue with the next.
+
+    The arguments and the result are those of `search_adaptive`; the number of samples is always
+    that of the draws, and nothing is refitted.
+    """
+    count = len(problem.points_odom)
+    sample, poses = np.empty(SAMPLE, dtype=np.int64), np.empty((MAX_POSES * len(draws), 3, 4))
+    bounds = cumulative_weights(problem.weights)
+    found = 0
+    for draw in draws:
+        draw_sample(draw, bounds, sample)
+        found += propose(problem, sample, poses[found:])
+    costs, alive = np.zeros(found), np.arange(found)
+    first = 0
+    while first < count and len(alive) > 1:
+        last = min(first + HALVING_MATCHES, count)
+        for k in alive:
+            costs[k] += cost(problem, poses[k], first, last, np.inf)
+        alive = alive[np.argsort(costs[alive])[: max(len(alive) // 2, 1)]]
+        first = last
+    if found:
+        pose[:] = poses[alive[0]]
+    return len(draws)
 
 
 @compiled()

@@ -19,16 +19,14 @@ BLOCK_PX = 15
 """Side of the block of block matching, pixels."""
 
 
-def block_matcher(disparities: int) -> Any:
-    """Make OpenCV's block matcher for so many disparities."""
+def _block_matcher(disparities: int) -> Any:
     matcher = cv2.StereoBM.create(disparities, BLOCK_PX)
     matcher.setUniquenessRatio(8)
     matcher.setTextureThreshold(5)
     return matcher
 
 
-def semi_global_matcher(disparities: int) -> Any:
-    """Make OpenCV's semi-global matcher for so many disparities."""
+def _semi_global_matcher(disparities: int) -> Any:
     return cv2.StereoSGBM.create(
         minDisparity=0, numDisparities=disparities, blockSize=5, P1=8 * 25, P2=32 * 25,
         disp12MaxDiff=1, uniquenessRatio=8, mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,
@@ -36,10 +34,10 @@ def semi_global_matcher(disparities: int) -> Any:
 
 
 MATCHERS: dict[str, Callable[[int], Any]] = {
-    "block_matching": block_matcher,
-    "semi_global": semi_global_matcher,
+    "block_matching": _block_matcher,
+    "semi_global": _semi_global_matcher,
 }
-"""Dense matchers, by `stereo.method`; "sparse" needs none."""
+"""OpenCV's matchers for a number of disparities, by `stereo.method`; "sparse" needs none."""
 
 
 class DenseStereo:
@@ -53,15 +51,10 @@ class DenseStereo:
         self._matcher = create(self.disparities) if create else None
 
     def __call__(self, left: Image, right: Image) -> Array:
-        """Return the disparity u_left - u_right at each left pixel.
+        """Return the disparity u_left - u_right at each left pixel of the reduced image.
 
-        Args:
-            left: (H, W) uint8.
-            right: (H, W) uint8.
-
-        Returns:
-            (H / downscale, W / downscale) float32 in pixels of the full image; NaN where unknown.
-            Of size zero where the method is sparse.
+        In pixels of the full image, (H / downscale, W / downscale) float32, NaN where unknown; of
+        size zero where the method is sparse.
         """
         if self._matcher is None:
             return np.zeros((0, 0), dtype=np.float32)

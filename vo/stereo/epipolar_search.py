@@ -19,13 +19,9 @@ def search_epipolar(
 ) -> tuple[Array, Array, Array]:
     """Find the disparity at which the patches of the two images correlate best.
 
-    Args:
-        left: (H, W) uint8.
-        right: (H, W) uint8.
-        pixels: (N, 2) left-image (u, v); rounded to whole pixels.
-        nearest_px: (N,) largest disparity, as far as the patch stays in the image.
-        farthest_px: (N,) smallest disparity, may be negative; without a search where it is NaN.
-        patch_px: Side of the patch, odd.
+    Pixels (N, 2) are rounded to whole ones. The search is between the largest disparity (N,), as
+    far as the patch stays in the image, and the smallest one (N,), which may be negative; there is
+    none where either is NaN. The side of the patch is odd.
 
     Returns:
         (N,) whole disparity, NaN where the patch is flat or leaves the image, or where the best

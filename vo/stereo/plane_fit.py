@@ -13,7 +13,6 @@ import numpy as np
 
 from vo.contract.arrays import Array
 from vo.contract.compilation import compiled
-from vo.patches.alignment import identity_warps
 
 
 class PlaneFit(NamedTuple):
@@ -45,17 +44,11 @@ PLANE_FIT = PlaneFit()
 def fit_plane_slopes(
     at: Array, at_disparity_px: Array, pixels: Array, disparity_px: Array
 ) -> Array:
-    """Fit planes about pixels of the left image.
+    """Fit planes about pixels (M, 2) of the left image: (M, 2) change of disparity along u and v.
 
-    Args:
-        at: (M, 2) pixels (u, v).
-        at_disparity_px: (M,) their disparity; where it is NaN, the neighbours alone count.
-        pixels: (N, 2) pixels with a disparity, those of `at` included or not.
-        disparity_px: (N,) their disparity, NaN where unknown.
-
-    Returns:
-        (M, 2) change of disparity per pixel along u and v; zero, a surface that faces the camera,
-        where too few neighbours lie on one plane with the pixel.
+    Zero, a surface that faces the camera, where too few neighbours lie on one plane with the pixel.
+    The neighbours are of (N, 2) pixels with disparities (N,), those of `at` included or not;
+    disparities may be NaN. Where one of `at` (M,) is, the neighbours alone count.
     """
     known = np.isfinite(disparity_px)
     given = at, at_disparity_px, pixels[known], disparity_px[known]
@@ -120,10 +113,3 @@ def _nearest(at: Array, pixels: Array, near: Array, distance: Array) -> int:
         distance[k], near[k] = square, j
         count = min(count + 1, max_count)
     return count
-
-
-def stereo_warps(slopes: Array) -> Array:
-    """Build warps (N, 3, 2) of left offsets to right ones: u_right = u_left - d(u_left, v)."""
-    warp = identity_warps(len(slopes))
-    warp[:, 0] -= slopes
-    return warp

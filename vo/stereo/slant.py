@@ -25,16 +25,10 @@ MAX_SLOPE = 0.6
 
 
 def fit_patch_slopes(templates: Templates, right: Image, pixels_right: Array) -> Array:
-    """Find the slant under which the patches of the two images are most alike.
+    """Find the slant (N, 2), the change of disparity along u and v, that makes patches most alike.
 
-    Args:
-        templates: N patches of the left image.
-        right: (H, W) uint8.
-        pixels_right: (N, 2) their positions in the right image, within about two pixels.
-
-    Returns:
-        (N, 2) change of disparity per pixel along u and v; NaN where the fit left the image or
-        did not converge.
+    The positions of the left image's templates in the right image, (N, 2), are right to within
+    about two pixels. NaN where the fit left the image or did not converge.
     """
     return _fit_all(templates, right, np.ascontiguousarray(pixels_right, dtype=np.float64))
 

@@ -15,11 +15,11 @@ import numpy as np
 from vo.config import StereoSettings
 from vo.contract.arrays import Array, Mask
 from vo.contract.sequence import StereoFrame
-from vo.patches.alignment import Alignment, align
+from vo.patches.alignment import Alignment, align, identity_warps
 from vo.patches.templates import Templates, extract_templates
 from vo.stereo.dense import sample_nearest
 from vo.stereo.epipolar_search import search_epipolar
-from vo.stereo.plane_fit import fit_plane_slopes, stereo_warps
+from vo.stereo.plane_fit import fit_plane_slopes
 from vo.stereo.slant import fit_patch_slopes
 
 FARTHEST_PX = -2.0
@@ -69,12 +69,11 @@ def measure_disparities(
     slopes: Array | None = None,
     nearby: Array | None = None,
 ) -> Disparities:
-    """Find the disparity of features.
+    """Find the disparity of features; NaN where unknown, unlike, ambiguous or beyond the gate.
 
     Args:
         frame: The pair.
-        dense: Disparity map, possibly of a smaller image, NaN where unknown; not used where the
-            method is sparse.
+        dense: Disparity map, possibly of a smaller image; not used where the method is sparse.
         pixels: (N, 2) left-image (u, v).
         settings: The method and its thresholds.
         expected_px: (N,) disparity about which to search, if the method is sparse; where it is
@@ -82,9 +81,6 @@ def measure_disparities(
         slopes: (N, 2) slant of the surface where it is known already; by default it comes from
             planes through the disparities of neighbours.
         nearby: (K, 3) u, v and disparity of other features, which are neighbours too.
-
-    Returns:
-        Disparities, NaN where unknown, unlike, ambiguous or beyond the depth gate.
     """
     pixels = np.asarray(pixels, dtype=np.float64)
     start, distinct = _search(frame, dense, pixels, settings, expected_px)
@@ -121,9 +117,8 @@ def _search(
     if settings.method != "sparse":
         start = sample_nearest(dense, pixels, frame.left.shape)
         return start, ~np.isnan(start)
-    nearest, farthest = (
-        np.full(len(pixels), limit) for limit in (settings.max_disparity_px, FARTHEST_PX)
-    )
+    limits = settings.max_disparity_px, FARTHEST_PX
+    nearest, farthest = (np.full(len(pixels), limit) for limit in limits)
     if expected_px is not None:
         radius, known = settings.expected_search_radius_px, ~np.isnan(expected_px)
         nearest[known] = expected_px[known] + radius
@@ -157,7 +152,9 @@ def _align(
 ) -> Alignment:
     """Align templates of the left image with the right one from disparities (N,)."""
     right = np.stack([pixels[:, 0] - start, pixels[:, 1]], axis=-1)
-    return align(templates, frame.right, right, stereo_warps(slopes), horizontal_only=True)
+    warp = identity_warps(len(slopes))
+    warp[:, 0] -= slopes  # u_right = u_left - d(u_left, v)
+    return align(templates, frame.right, right, warp, horizontal_only=True)
 
 
 def _accept(

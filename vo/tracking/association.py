@@ -9,9 +9,8 @@ from vo.config import RefinementSettings
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices, Mask
 from vo.contract.rig import StereoRig
-from vo.map.frame import View
-from vo.map.local_map import Landmarks, LocalMap
-from vo.map.matches import NO_FEATURE, Matches
+from vo.map.frame import NO_FEATURE, Matches, View
+from vo.map.local_map import Landmarks, LocalMap, TrackedFrame
 from vo.patches.alignment import Alignment, align
 from vo.patches.templates import extract_templates
 from vo.patches.zncc import match_mutual
@@ -19,6 +18,9 @@ from vo.stereo.sparse import measure_disparities
 
 NEIGHBOURS = 40
 """Matches of about the disparity of a landmark, whose correlations set its threshold."""
+
+MAX_CLOSURE_PX = 0.75
+"""Largest difference of a landmark's positions by its template and by the previous frame."""
 
 
 def find_matches(
@@ -63,19 +65,34 @@ def _correlation_of_neighbours(
 ) -> Array:
     """Correlation (N,) that landmarks need: a quantile over the matches of about their disparity.
 
-    Near landmarks change more from view to view, and determine most of the translation.
-
-    Args:
-        matches: At least one.
-        disparity_px: (L,) of all landmarks of the map, by the pose.
-        rows: (N,) of the landmarks in question.
-        quantile: Share of the matches that may correlate less.
+    Near landmarks change more from view to view, and determine most of the translation. There is
+    at least one match; `disparity_px` is (L,) of all landmarks of the map, `rows` (N,).
     """
     order = np.argsort(disparity_px[matches.rows])
     neighbours = sliding_window_view(matches.zncc[order], min(NEIGHBOURS, len(matches)))
     zncc = np.quantile(neighbours, quantile, axis=1)
     place = np.searchsorted(disparity_px[matches.rows][order], disparity_px[rows])
     return zncc[np.clip(place - neighbours.shape[1] // 2, 0, len(neighbours) - 1)]
+
+
+def is_consistent(
+    matches: Matches, landmarks: Landmarks, previous: TrackedFrame, view: View
+) -> Mask:
+    """Which matches (N,) the previous frame, aligned with this one, confirms (5.1.2, F4).
+
+    A landmark that no frame has matched yet is kept; one that others have matched but the previous
+    frame has not is dropped.
+    """
+    keep = landmarks.views[matches.rows] == 1
+    seen = previous.observations
+    _, now, then = np.intersect1d(matches.ids, seen.ids, assume_unique=True, return_indices=True)
+    patch_px = view.settings.matching.align_px
+    templates = extract_templates(previous.left, seen.pixels[then], patch_px)
+    direct = align(templates, view.frame.left, matches.pixels[now]).pixels
+    with np.errstate(invalid="ignore"):
+        error_px = np.abs(direct - matches.pixels[now]).max(axis=1)
+        keep[now] = error_px < MAX_CLOSURE_PX  # not NaN
+    return keep
 
 
 def project_landmarks(landmarks: Landmarks, T_odom_cam: Array, rig: StereoRig) -> Array:
@@ -123,16 +140,9 @@ def _measure(
         slopes=found.anchor_slopes,
     )  # fmt: skip
     variance = np.diagonal(aligned.covariance_px2[good], axis1=1, axis2=2)
-    return Matches(
-        ids=found.ids,
-        pixels=pixels,
-        disparity_px=stereo.values_px,
-        sigma_px=measurement_sigma(variance, stereo.sigma_px, local_map.noise, s.refinement),
-        rows=rows,
-        points_odom=found.points_odom,
-        features=features,
-        zncc=aligned.zncc[good],
-    )
+    sigma_px = measurement_sigma(variance, stereo.sigma_px, local_map.noise, s.refinement)
+    zncc, landmarks = aligned.zncc[good], local_map.landmarks
+    return Matches.of(landmarks, rows, pixels, stereo.values_px, sigma_px, features, zncc)
 
 
 def measurement_sigma(
@@ -140,11 +150,8 @@ def measurement_sigma(
 ) -> Array:
     """Standard deviations (N, 3) of u, v and disparity: image noise, and a constant share.
 
-    Args:
-        variance_px2: (N, 2) of u and v by the noise of the images.
-        disparity_px: (N,) standard deviation of the disparity by the same; NaN where unknown.
-        noise: Factors of pixels and of disparities, learnt from residuals.
-        s: The constant shares.
+    Image noise gives the variance (N, 2) of u and v, and the standard deviation (N,) of the
+    disparity, NaN where unknown. `noise` has the factors that are learnt from residuals.
     """
     pixels = noise[0] * np.sqrt(variance_px2 + s.sigma_px**2)
     return np.column_stack([pixels, noise[1] * np.hypot(disparity_px, s.sigma_disparity_px)])
@@ -173,10 +180,8 @@ def _plane_warp(landmarks: Landmarks, T_cam_anchor: Array, rig: StereoRig) -> Ar
     """Warp of a slanted patch in the anchor's image on its way to another camera.
 
     Inverse depth is linear in the pixels of a plane, so with m = (x / z, y / z, 1) in the anchor,
-    h = R m + t / z is linear too, and the plane's homography is (h_x / h_z, h_y / h_z).
-
-    Returns:
-        (N, 3, 2) warps as `vo.patches.alignment.align` takes them.
+    h = R m + t / z is linear too, and the plane's homography is (h_x / h_z, h_y / h_z). The result
+    (N, 3, 2) is as `vo.patches.alignment.align` takes it.
     """
     R, t = T_cam_anchor[:3, :3], T_cam_anchor[:3, 3]
     rays = rig.normalized(landmarks.anchor_pixels)

@@ -75,28 +75,22 @@ def images_look_swapped(view: View) -> bool:
     return more and known(swapped) > LIMITS.probes // 8
 
 
-def row_offset_px(view: View, seen: Observations) -> float:
-    """Vertical offset of the right image to the left one, px, positive downwards; NaN if unknown.
+def add_row_offset(
+    offsets_px: tuple[float, ...], view: View, seen: Observations
+) -> tuple[float, ...]:
+    """Add the vertical offset of the right image to the left one to those of the last keyframes.
 
-    It is zero if the pair is rectified as its calibration says. Median over landmarks, aligned in
-    both directions.
+    In pixels, positive downwards: the median over landmarks, aligned in both directions. It is zero
+    if the pair is rectified as its calibration says. With few landmarks nothing is added.
     """
     known = seen.measured[~np.isnan(seen.disparity_px)][: LIMITS.probes]
     start = known[:, :2] - np.column_stack([known[:, 2], np.zeros(len(known))])
     templates = extract_templates(view.frame.left, known[:, :2], view.settings.stereo.align_px)
     lower = align(templates, view.frame.right, start).pixels[:, 1] - known[:, 1]
     lower = lower[~np.isnan(lower)]
-    return float(np.median(lower)) if len(lower) >= LIMITS.min_offset_landmarks else np.nan
-
-
-def add_row_offset(
-    offsets_px: tuple[float, ...], view: View, seen: Observations
-) -> tuple[float, ...]:
-    """Add the vertical offset of a keyframe, where it is known, to those of the last keyframes."""
-    offset_px = row_offset_px(view, seen)
-    if np.isnan(offset_px):
+    if len(lower) < LIMITS.min_offset_landmarks:
         return offsets_px
-    return (*offsets_px, offset_px)[-LIMITS.offset_keyframes :]
+    return (*offsets_px, float(np.median(lower)))[-LIMITS.offset_keyframes :]
 
 
 def explain_calibration(offsets_px: Collection[float]) -> str:

@@ -6,13 +6,11 @@ import cv2
 import numpy as np
 
 from vo.config import OdometrySettings
-from vo.contract.arrays import Image
 from vo.contract.clock import Clock
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
-from vo.features.adaptive_windows import adapt_settings
 from vo.features.detector import detect
-from vo.features.image_quality import measure_image_quality
+from vo.features.image_quality import adapt_settings, measure_image_quality
 from vo.hooks import Hooks
 from vo.map.frame import View
 from vo.patches.zncc import describe
@@ -47,7 +45,9 @@ class Frontend:
     ) -> View:
         """Detect features and match the pair by given settings, after smoothing."""
         if smoothing_px > 0:
-            left, right = (_smooth(x, smoothing_px) for x in (frame.left, frame.right))
+            pair = frame.left, frame.right
+            smoothed = (cv2.GaussianBlur(image, (0, 0), smoothing_px) for image in pair)
+            left, right = (np.asarray(image, np.uint8) for image in smoothed)
             frame = replace(frame, left=left, right=right)
         with clock("features"):
             features = detect(frame.left, settings.features)
@@ -55,7 +55,3 @@ class Frontend:
         with clock("stereo"):
             dense = self._dense_stereo(frame.left, frame.right)
         return View(frame, self._rig, features, descriptors, dense, settings, smoothing_px)
-
-
-def _smooth(image: Image, sigma_px: float) -> Image:
-    return np.asarray(cv2.GaussianBlur(image, (0, 0), sigma_px), np.uint8)

@@ -11,9 +11,8 @@ from vo.config import StereoSettings
 from vo.contract.arrays import Array, Indices
 from vo.contract.sequence import StereoFrame
 from vo.hooks import NO_HOOKS, Hooks
-from vo.map.frame import View
-from vo.map.local_map import LocalMap
-from vo.map.matches import NO_FEATURE, Matches
+from vo.map.frame import Matches, View
+from vo.map.local_map import Landmarks, LocalMap
 from vo.patches.zncc import describe
 from vo.stereo.sparse import UNREFINED_SIGMA_PX, Disparities, measure_disparities
 
@@ -21,19 +20,17 @@ SAME_PX = 1e-9
 """A pixel that moved less was not replaced."""
 
 
-def read_only(array: Array) -> Array:
-    """Make a view that cannot be written into."""
+def _read_only(array: Array) -> Array:
     view = array.view()
     view.flags.writeable = False
     return view
 
 
 def _frame(frame: StereoFrame) -> StereoFrame:
-    return replace(frame, left=read_only(frame.left), right=read_only(frame.right))
+    return replace(frame, left=_read_only(frame.left), right=_read_only(frame.right))
 
 
-def _own(answer: Array) -> Array:
-    """An answer that can be written into."""
+def _writable(answer: Array) -> Array:
     return answer if answer.flags.writeable else answer.copy()
 
 
@@ -41,7 +38,7 @@ def replace_features(hooks: Hooks, view: View) -> View:
     """Replace features, and describe them."""
     if hooks is NO_HOOKS:
         return view
-    pixels = _own(hooks.features(_frame(view.frame), read_only(view.features)))
+    pixels = _writable(hooks.features(_frame(view.frame), _read_only(view.features)))
     descriptors = describe(view.frame.left, pixels, view.settings.matching.patch_px)
     return replace(view, features=pixels, descriptors=descriptors)
 
@@ -49,7 +46,7 @@ def replace_features(hooks: Hooks, view: View) -> View:
 def announce_landmarks(hooks: Hooks, frame: StereoFrame, ids: Indices, pixels: Array) -> None:
     """Tell hooks of new landmarks (N,) at pixels (N, 2)."""
     if hooks is not NO_HOOKS:
-        hooks.new_landmarks(_frame(frame), read_only(ids), read_only(pixels))
+        hooks.new_landmarks(_frame(frame), _read_only(ids), _read_only(pixels))
 
 
 def replace_prediction(
@@ -58,8 +55,8 @@ def replace_prediction(
     """Replace the predicted pose (4, 4)."""
     if hooks is NO_HOOKS:
         return T_odom_cam
-    poses = read_only(T_odom_last), read_only(T_odom_cam)
-    return _own(hooks.predicted_pose(_frame(frame), last_ns, *poses))
+    poses = _read_only(T_odom_last), _read_only(T_odom_cam)
+    return _writable(hooks.predicted_pose(_frame(frame), last_ns, *poses))
 
 
 def replace_disparities(
@@ -68,7 +65,7 @@ def replace_disparities(
     """Replace disparities at (N, 2) pixels; the depth gate holds for them too."""
     if hooks is NO_HOOKS:
         return found
-    values_px = hooks.disparity(_frame(frame), read_only(pixels), read_only(found.values_px))
+    values_px = hooks.disparity(_frame(frame), _read_only(pixels), _read_only(found.values_px))
     known = values_px > settings.min_disparity_px  # not NaN
     sigma_px = np.where(np.isnan(found.sigma_px), UNREFINED_SIGMA_PX, found.sigma_px)
     return Disparities(
@@ -83,33 +80,31 @@ def replace_matches(hooks: Hooks, matches: Matches, local_map: LocalMap, view: V
     """
     if hooks is NO_HOOKS:
         return matches
-    landmarks, frame = local_map.landmarks, view.frame
+    landmarks, frame, s = local_map.landmarks, _frame(view.frame), view.settings
     found = np.full((len(landmarks), 2), np.nan)
     found[matches.rows] = matches.pixels
-    pixels = hooks.pixels(_frame(frame), read_only(landmarks.ids), read_only(found))
-    known = ~np.isnan(pixels[:, 0])
+    pixels = hooks.pixels(frame, _read_only(landmarks.ids), _read_only(found))
     kept = np.abs(pixels - found).max(axis=1) < SAME_PX
-    moved = np.flatnonzero(known & ~kept)
-    every = _by_landmark(matches.select(kept[matches.rows]), len(landmarks))
-    measured = np.column_stack([every["pixels"], every["disparity_px"]])
-    sigma = every["sigma_px"]
-    measured[moved], sigma[moved] = _measure(view, pixels[moved], landmarks.anchor_slopes[moved])
+    moved = np.flatnonzero(~np.isnan(pixels[:, 0]) & ~kept)
+    measured = _measure(view, landmarks, moved, pixels[moved])
+    matches = matches.select(kept[matches.rows]).merge(measured)
 
-    places, disparity_px = measured[known, :2], measured[known, 2]
-    values_px = hooks.disparity(_frame(frame), read_only(places), read_only(disparity_px))
-    usable = values_px > view.settings.stereo.min_disparity_px  # not NaN
-    unrefined = np.hypot(UNREFINED_SIGMA_PX, view.settings.refinement.sigma_disparity_px)
-    sigma_px = np.where(np.isnan(sigma[known, 2]), unrefined, sigma[known, 2])
-    measured[known, 2] = np.where(usable, values_px, np.nan)
-    sigma[known, 2] = np.where(usable, sigma_px, np.nan)
-    every |= {
-        "rows": np.arange(len(landmarks)),
-        "ids": landmarks.ids,
-        "points_odom": landmarks.points_odom,
-        "pixels": measured[:, :2],
-        "disparity_px": measured[:, 2],
-    }
-    return Matches(**every).select(known)
+    disparity_px = _read_only(matches.disparity_px)
+    values_px = hooks.disparity(frame, _read_only(matches.pixels), disparity_px)
+    usable = values_px > s.stereo.min_disparity_px  # not NaN
+    sigma_px, unknown = matches.sigma_px.copy(), np.isnan(matches.sigma_px[:, 2])
+    sigma_px[unknown, 2] = np.hypot(UNREFINED_SIGMA_PX, s.refinement.sigma_disparity_px)
+    sigma_px[~usable, 2] = np.nan
+    return replace(matches, disparity_px=np.where(usable, values_px, np.nan), sigma_px=sigma_px)
+
+
+def _measure(view: View, landmarks: Landmarks, rows: Indices, pixels: Array) -> Matches:
+    """Match landmarks at given pixels (N, 2), with the disparities there."""
+    slopes, s = landmarks.anchor_slopes[rows], view.settings.refinement
+    found = measure_disparities(view.frame, view.dense, pixels, view.settings.stereo, slopes=slopes)
+    pixel_sigma = np.full((len(pixels), 2), s.sigma_px)
+    sigma_px = np.column_stack([pixel_sigma, np.hypot(found.sigma_px, s.sigma_disparity_px)])
+    return Matches.of(landmarks, rows, pixels, found.values_px, sigma_px)
 
 
 def replace_inliers(hooks: Hooks, view: View, matches: Matches, inliers: Matches) -> Matches:
@@ -117,24 +112,4 @@ def replace_inliers(hooks: Hooks, view: View, matches: Matches, inliers: Matches
     if hooks is NO_HOOKS:
         return inliers
     columns = matches.ids, matches.pixels, np.isin(matches.ids, inliers.ids)
-    return matches.select(hooks.inliers(_frame(view.frame), *map(read_only, columns)))
-
-
-def _by_landmark(matches: Matches, n: int) -> dict[str, Array]:
-    """Columns of the matches for each of n landmarks; NO_FEATURE or NaN for those without."""
-    columns: dict[str, Array] = {}
-    for name, values in vars(matches).items():
-        missing = {"i": NO_FEATURE, "b": True}.get(values.dtype.kind, np.nan)
-        columns[name] = np.full((n, *values.shape[1:]), missing, values.dtype)
-        columns[name][matches.rows] = values
-    return columns
-
-
-def _measure(view: View, pixels: Array, slopes: Array) -> tuple[Array, Array]:
-    """Measurements (N, 3) at given pixels, and their standard deviations."""
-    settings = view.settings.stereo
-    found = measure_disparities(view.frame, view.dense, pixels, settings, slopes=slopes)
-    s = view.settings.refinement
-    pixel_sigma = np.full((len(pixels), 2), s.sigma_px)
-    sigma = np.column_stack([pixel_sigma, np.hypot(found.sigma_px, s.sigma_disparity_px)])
-    return np.column_stack([pixels, found.values_px]), sigma
+    return matches.select(hooks.inliers(_frame(view.frame), *map(_read_only, columns)))

@@ -11,9 +11,8 @@ import cv2
 import numpy as np
 
 from vo.contract.arrays import Array, Image
-from vo.map.frame import View
+from vo.map.frame import Matches, View
 from vo.map.local_map import LocalMap, TrackedFrame
-from vo.map.matches import NO_FEATURE, Matches
 from vo.stereo.sparse import measure_disparities
 from vo.tracking.association import project_landmarks
 
@@ -46,18 +45,9 @@ def track_klt(
         view.frame, view.dense, pixels, s.stereo,
         expected_px=expected[:, 2], slopes=local_map.landmarks.anchor_slopes[rows],
     )  # fmt: skip
-    n = len(rows)
-    sigma_d = np.hypot(stereo.sigma_px, s.refinement.sigma_disparity_px)
-    return Matches(
-        ids=local_map.landmarks.ids[rows],
-        pixels=pixels,
-        disparity_px=stereo.values_px,
-        sigma_px=np.column_stack([np.full((n, 2), SIGMA_PX), local_map.noise[1] * sigma_d]),
-        rows=rows,
-        points_odom=local_map.landmarks.points_odom[rows],
-        features=np.full(n, NO_FEATURE),
-        zncc=np.full(n, np.nan),
-    )
+    sigma_d = local_map.noise[1] * np.hypot(stereo.sigma_px, s.refinement.sigma_disparity_px)
+    sigma_px = np.column_stack([np.full((len(rows), 2), SIGMA_PX), sigma_d])
+    return Matches.of(local_map.landmarks, rows, pixels, stereo.values_px, sigma_px)
 
 
 def _flow(before: Image, now: Image, start: Array, guess: Array) -> Array:

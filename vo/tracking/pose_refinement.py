@@ -4,8 +4,7 @@ import numpy as np
 
 from vo.bundle_adjustment.adjust import Pose, refine_motion
 from vo.contract.arrays import Array
-from vo.map.frame import View
-from vo.map.matches import Matches
+from vo.map.frame import Matches, View
 from vo.pose.estimation import estimate_pose, reprojection_errors
 from vo.pose.ransac import Consensus
 

@@ -35,11 +35,7 @@ MIN_CONTRAST = 1e-3
 def align_rotation(before: Image, now: Image, rig: StereoRig, expected: Array) -> Array:
     """Estimate R_before_now (3, 3) between two images (H, W), as if all points were far away.
 
-    Args:
-        before: (H, W) uint8.
-        now: (H, W) uint8.
-        rig: Calibration.
-        expected: (3, 3) R_before_now that is tried as a start, beside no rotation.
+    The expected rotation (3, 3) is tried as a start, beside none.
     """
     guesses = [np.eye(3), expected.T]
     for width in WIDTHS_PX:
@@ -51,13 +47,7 @@ def align_rotation(before: Image, now: Image, rig: StereoRig, expected: Array) -
 
 @dataclass(frozen=True)
 class _Small:
-    """An image of few pixels.
-
-    Attributes:
-        grey: (h, w) float32.
-        f_px: Focal length in these pixels.
-        centre: (2,) principal point in them.
-    """
+    """An image (h, w) of few pixels, with its focal length and principal point (2,) in these."""
 
     grey: Array
     f_px: float

@@ -8,16 +8,15 @@ creep below the noise of a single frame does.
 """
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from functools import reduce
 
 import numpy as np
 
 from vo.contract import se3
-from vo.contract.arrays import Array, Indices
+from vo.contract.arrays import Array
 from vo.contract.projection import image_jacobian
 from vo.contract.rig import StereoRig
-from vo.map.frame import View
-from vo.map.matches import Matches
+from vo.map.frame import Matches, View
 from vo.map.state import Halt
 
 
@@ -59,14 +58,6 @@ MAD_TO_SIGMA = 1.4826
 """From the median absolute value of normal errors to their standard deviation."""
 
 
-class _Pool(NamedTuple):
-    """Landmarks in a frame, or in some frames: ids ascending, pixels (N, 2), points (N, 3)."""
-
-    ids: Indices
-    pixels: Array
-    points_odom: Array
-
-
 def detect_stationary(halt: Halt | None, view: View, inliers: Matches) -> Halt | None:
     """Return the halt with one frame more if the camera is still there, or else None."""
     mode = view.settings.stationary
@@ -99,7 +90,7 @@ def extend_halt(halt: Halt, inliers: Matches) -> Halt:
 
 
 def is_settled(halt: Halt) -> bool:
-    """Whether it has lasted for as long as it takes to come to rest (a second at 15 Hz)."""
+    """Whether a halt has lasted for as long as it takes to come to rest (a second at 15 Hz)."""
     return len(halt.first) == LIMITS.pooled_frames
 
 
@@ -113,7 +104,7 @@ def is_stationary(
     evidence be, unless it is along the motion by which the camera arrived a moment ago.
     """
     first, latest = _pool(halt.first), extend_halt(halt, inliers).last
-    single_px, _ = _flow(first, _pool((inliers,)))
+    single_px, _ = _flow(first, inliers)
     flow_px, points_odom = _flow(first, _pool(latest))
     if len(flow_px) < LIMITS.min_landmarks:
         return False
@@ -134,16 +125,16 @@ def is_stationary(
     return motion_evidence(points_cam, flow_px, rig, np.eye(6)) < limit
 
 
-def _flow(first: _Pool, now: _Pool) -> tuple[Array, Array]:
-    """Flow (N, 2) of the landmarks in both pools, and their positions (N, 3)."""
+def _flow(first: Matches, now: Matches) -> tuple[Array, Array]:
+    """Flow (N, 2) of the landmarks in both, and their positions (N, 3)."""
     _, i, j = np.intersect1d(first.ids, now.ids, assume_unique=True, return_indices=True)
     return now.pixels[j] - first.pixels[i], now.points_odom[j]
 
 
-def _pool(frames: tuple[Matches, ...]) -> _Pool:
-    """Pool frames: each landmark at the median of its pixels."""
+def _pool(frames: tuple[Matches, ...]) -> Matches:
+    """Pool frames: each landmark as first matched, but at the median of its pixels."""
     if len(frames) == 1:
-        return _Pool(frames[0].ids, frames[0].pixels, frames[0].points_odom)
+        return frames[0]
     ids, first = np.unique(np.concatenate([x.ids for x in frames]), return_index=True)
     pixels = np.full((len(frames), len(ids), 2), np.nan)
     for row, x in zip(pixels, frames, strict=True):
@@ -151,20 +142,15 @@ def _pool(frames: tuple[Matches, ...]) -> _Pool:
     count = (~np.isnan(pixels[..., 0])).sum(axis=0)
     ordered, every = np.sort(pixels, axis=0), np.arange(len(ids))  # NaN last
     middle = (ordered[(count - 1) // 2, every] + ordered[count // 2, every]) / 2
-    return _Pool(ids, middle, np.concatenate([x.points_odom for x in frames])[first])
+    return replace(reduce(Matches.extend, frames).select(first), pixels=middle)
 
 
 def motion_evidence(points_cam: Array, flow_px: Array, rig: StereoRig, along: Array) -> float:
     """Part of the flow that a small motion explains: chi-squared, K degrees of freedom.
 
     The noise is that of the flow which no motion explains; what moves by itself is left out.
-    Infinite if hardly anything remains.
-
-    Args:
-        points_cam: (N, 3) metres.
-        flow_px: (N, 2) in the left image.
-        rig: Calibration.
-        along: (6, K) tangents of the motions in question.
+    Infinite if hardly anything remains. The points (N, 3) are in metres, their flow (N, 2) in the
+    left image; (6, K) are the tangents of the motions in question.
 
     Source:
         Analysis of variance, after least absolute deviations by reweighting.

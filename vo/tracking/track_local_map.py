@@ -5,27 +5,26 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vo.bundle_adjustment.adjust import Pose
 from vo.contract import se3
 from vo.contract.arrays import Array
 from vo.contract.clock import Clock
 from vo.contract.observations import Observations
-from vo.features.adaptive_windows import adapt_to_blur
+from vo.features.image_quality import adapt_to_blur
 from vo.hooks import Hooks
-from vo.map.frame import View
+from vo.map.frame import Matches, View
 from vo.map.local_map import LocalMap
-from vo.map.matches import Matches
 from vo.map.state import TrackerState
 from vo.tracking.association import (
     find_guided_matches,
     find_matches,
     in_view,
+    is_consistent,
     project_landmarks,
 )
 from vo.tracking.diagnostics import images_look_swapped
 from vo.tracking.hooked import replace_inliers, replace_matches, replace_prediction
 from vo.tracking.klt import track_klt
-from vo.tracking.options import verify_matches, weigh_matches
+from vo.tracking.landmark_prior import sampling_weights
 from vo.tracking.pose_refinement import find_consensus, refine_pose, select_inliers
 from vo.tracking.rotation_prior import align_rotation
 from vo.tracking.stationary import encoders_at_rest
@@ -50,13 +49,7 @@ LIMITS = RetryThresholds()
 
 @dataclass(frozen=True)
 class Context:
-    """What the stages of one frame share.
-
-    Attributes:
-        hooks: May replace the output of a stage.
-        rng: Draws RANSAC's samples.
-        clock: Times the stages.
-    """
+    """Hooks on the stages of one frame, random numbers for RANSAC, and the clock."""
 
     hooks: Hooks
     rng: np.random.Generator
@@ -69,7 +62,8 @@ class Tracked:
 
     Attributes:
         view: The view, with the settings for all later stages.
-        pose: T_odom_cam, its covariance given the map, and iterations.
+        T_odom_cam: (4, 4).
+        covariance: (6, 6) of the pose, given the map.
         matches: With landmarks of the map, inliers or not.
         inliers: Those within the threshold.
         by_klt: Whether the matches come from the previous frame, not from templates.
@@ -77,7 +71,8 @@ class Tracked:
     """
 
     view: View
-    pose: Pose
+    T_odom_cam: Array
+    covariance: Array
     matches: Matches
     inliers: Matches
     by_klt: bool
@@ -85,9 +80,8 @@ class Tracked:
 
     def observations(self) -> Observations:
         """All matches as observations."""
-        x = self.matches
-        agree = np.isin(x.ids, self.inliers.ids)
-        return Observations(x.ids, x.pixels, x.disparity_px, agree, x.sigma_px)
+        agree = np.isin(self.matches.ids, self.inliers.ids)
+        return replace(self.matches, inlier=agree).observations
 
 
 @dataclass(frozen=True)
@@ -106,11 +100,14 @@ def predict_pose(state: TrackerState, view: View, hooks: Hooks) -> Array:
 
 
 def track_local_map(
-    state: TrackerState, view: View, T_guess: Array, context: Context
-) -> Tracked | NotTracked:
+    state: TrackerState, view: View, T_guess: Array, context: Context,
+    radius_px: float | None = None,
+) -> Tracked | NotTracked:  # fmt: skip
     """Match landmarks near their projections by a predicted pose (4, 4), and estimate the pose."""
-    radius_px = view.settings.matching.search_radius_px
-    return _match_and_estimate(state, view, T_guess, radius_px, context)
+    radius_px = radius_px or view.settings.matching.search_radius_px
+    with context.clock("matching"):  # mutual nearest neighbours by ZNCC, alignment (3.2)
+        matches = find_matches(state.map, view, T_guess, radius_px)
+    return _estimate(state, view, T_guess, matches, context)
 
 
 def is_reliable(tracked: Tracked | NotTracked, local_map: LocalMap) -> bool:
@@ -118,7 +115,7 @@ def is_reliable(tracked: Tracked | NotTracked, local_map: LocalMap) -> bool:
     if isinstance(tracked, NotTracked):
         return False
     view = tracked.view
-    expected = project_landmarks(local_map.landmarks, tracked.pose.T_world_cam, view.rig)
+    expected = project_landmarks(local_map.landmarks, tracked.T_odom_cam, view.rig)
     visible = in_view(expected, view).sum()
     return len(tracked.inliers) >= view.settings.matching.min_inlier_ratio * visible
 
@@ -149,15 +146,15 @@ def _retries(
     if s.min_inlier_ratio and previous:
         with clock("rotation prior"):
             step = se3.inverse(state.T_odom_cam) @ T_guess
-            left = view.frame.left
-            step[:3, :3] = align_rotation(previous.left, left, view.rig, step[:3, :3])
+            R_guess, now = step[:3, :3], view.frame.left
+            step[:3, :3] = align_rotation(previous.left, now, view.rig, R_guess)
             T_turned = state.T_odom_cam @ step
-        yield _match_and_estimate(state, view, T_turned, s.search_radius_px, context)
+        yield track_local_map(state, view, T_turned, context)
         blurred = replace(view, settings=adapt_to_blur(view.settings))
         with clock("KLT"):
             matches = track_klt(previous, state.map, blurred, T_turned)
         yield _estimate(state, blurred, T_turned, matches, context, by_klt=True)
-    yield _match_and_estimate(state, view, state.T_odom_cam, s.max_search_radius_px, context)
+    yield track_local_map(state, view, state.T_odom_cam, context, s.max_search_radius_px)
 
 
 def _score(attempt: Tracked) -> float:
@@ -168,7 +165,7 @@ def _confirms(klt: Tracked, best: Tracked) -> bool:
     """Whether KLT agrees with a pose by templates, which warp with the surface and are exact."""
     if not klt.by_klt or len(best.inliers) < LIMITS.min_match_ratio * len(best.matches):
         return False
-    same = select_inliers(best.pose.T_world_cam, klt.inliers, klt.view)
+    same = select_inliers(best.T_odom_cam, klt.inliers, klt.view)
     return len(same) >= LIMITS.min_klt_ratio * len(klt.inliers)
 
 
@@ -176,14 +173,6 @@ def shows_swapped_images(tracked: Tracked, view: View) -> bool:
     """Whether hardly an inlier has a disparity, and the images look exchanged."""
     mono = np.isnan(tracked.inliers.disparity_px).mean() > LIMITS.max_mono_ratio
     return bool(mono) and images_look_swapped(view)
-
-
-def _match_and_estimate(
-    state: TrackerState, view: View, T_guess: Array, search_radius_px: float, context: Context
-) -> Tracked | NotTracked:
-    with context.clock("matching"):  # mutual nearest neighbours by ZNCC, alignment (3.2)
-        matches = find_matches(state.map, view, T_guess, search_radius_px)
-    return _estimate(state, view, T_guess, matches, context)
 
 
 def _estimate(
@@ -194,7 +183,10 @@ def _estimate(
     clock, hooks, min_inliers = context.clock, context.hooks, view.settings.motion.min_inliers
 
     def verified(matches: Matches) -> Matches:
-        return replace_matches(hooks, verify_matches(matches, state, view), state.map, view)
+        if view.settings.matching.circular_check and state.previous:
+            keep = is_consistent(matches, state.map.landmarks, state.previous, view)
+            matches = matches.select(keep)
+        return replace_matches(hooks, matches, state.map, view)
 
     def inliers_of(T_odom_cam: Array, matches: Matches) -> Matches:
         return replace_inliers(hooks, view, matches, select_inliers(T_odom_cam, matches, view))
@@ -203,7 +195,7 @@ def _estimate(
         matches = verified(matches)
         counts = {"matches": len(matches), "inliers": 0}
     with clock("motion"):  # P3P under RANSAC (3.3)
-        weights = weigh_matches(matches, state, view, T_guess)
+        weights = sampling_weights(matches, state, view, T_guess)
         consensus = find_consensus(matches, T_guess, weights, view, context.rng)
         if consensus is None:
             return NotTracked(counts)
@@ -224,4 +216,4 @@ def _estimate(
     counts["found"], counts["inliers"] = len(matches), len(inliers)
     if len(inliers) < min_inliers:
         return NotTracked(counts)
-    return Tracked(view, pose, matches, inliers, by_klt, counts)
+    return Tracked(view, pose.T_world_cam, pose.covariance, matches, inliers, by_klt, counts)
