@@ -50,14 +50,14 @@ ROOMS = {
         "standing>stationary location>track_local_map"
     ),
     ("sim", "sim.camera"): (
-        "camera exposure target>framebuffer view>frustum_culling gl readout render sky"
+        "camera exposure target>framebuffer readout>framebuffer gl view>render render sky"
     ),
-    ("sim", "sim.certificate"): "certificate plausibility verify",
+    ("sim", "sim.certificate"): "certificate warp>photometric plausibility verify",
     ("sim", "sim.dataset"): "manifest sensors>sensor_yaml tables",
     ("sim", "sim.imaging"): (
         "metering>auto_exposure imaging>image_sensor lens light>linear_light resample"
     ),
-    ("sim", "sim.labels"): "annotate labels visibility warp",
+    ("sim", "sim.labels"): "annotate labels visibility",
     ("sim", "sim.preview"): (
         "chase>chase_camera colours film picture>image_file plates>label_plates map>overhead_map "
         "overview preview chart>route_map sights>sample_views"

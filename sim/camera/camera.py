@@ -1,7 +1,7 @@
 """The stereo camera: light on both image sensors, and ground truth at mid-exposure, by frame."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -98,16 +98,16 @@ class StereoCamera:
     def captures(self, trip: Trip, renderer: StereoRenderer) -> Iterator[Capture]:
         """Render a trip's delivered frames; moves the world."""
         settings, world = self._settings, self._world
-        automatic = AutoExposure(
-            settings.sensor, settings.exposure.time_ms or REFERENCE_EXPOSURE_MS
-        )
-        fixed = Exposure(settings.exposure.time_ms, 1.0, 1.0)
+        exposure_ms = settings.exposure.time_ms
+        automatic = AutoExposure(settings.sensor, exposure_ms or REFERENCE_EXPOSURE_MS)
+        fixed = Exposure(exposure_ms, 1.0, 1.0)
         for index in np.flatnonzero(trip.delivered):
             control = automatic.next() if settings.sensor.auto_exposure else fixed
             time_ns = int(trip.timestamps_ns[index])
             time_s = trip.timestamps_ns[index] * 1e-9
             world.place(time_s, trip.states.at(world.model, trip.timestamps_ns[index]))
             geometry = renderer.render_geometry()
+            cropped = GeometryBuffers(*(_crop(x, self._margin_px) for x in vars(geometry).values()))
             truth = world.T_world_cam, world.T_world_bodies
             shutter = open_shutter(
                 settings.exposure, time_s, control.time_ms * 1e-3, world.render_rig.height_px
@@ -118,7 +118,7 @@ class StereoCamera:
             exposure = FrameExposure(time_ns, control.time_ms, control.gain, count, level)
             if settings.sensor.auto_exposure:
                 automatic.update(self._mean_grey(light[0], exposure.level))
-            yield Capture(int(index), exposure, light, brightness, self._cropped(geometry), *truth)
+            yield Capture(int(index), exposure, light, brightness, cropped, *truth)
 
     def form_images(self, capture: Capture) -> StereoImages:
         """Convert light to grey levels; noise depends on seed, frame and camera only."""
@@ -146,13 +146,6 @@ class StereoCamera:
         few = light[::8, ::8]
         few = decode(np.ascontiguousarray(few)) if few.dtype == np.uint8 else few
         return float(self.sensors[0].encode(few * np.float32(factor)).mean())
-
-    def _cropped(self, geometry: GeometryBuffers) -> GeometryBuffers:
-        if self._margin_px == 0:
-            return geometry
-        return replace(
-            geometry, **{n: _crop(a, self._margin_px) for n, a in vars(geometry).items()}
-        )
 
 
 def _crop(image: Array, margin_px: int) -> Array:

@@ -36,11 +36,6 @@ class Shutter:
         """Start and end of the exposure of all rows of both cameras."""
         return float(self.start_s.min()), float(self.end_s.max())
 
-    @property
-    def is_uniform(self) -> bool:
-        """Whether all rows of both cameras are exposed at the same time."""
-        return bool(np.ptp(self.start_s) == 0)
-
 
 def open_shutter(settings: ExposureSettings, time_s: float, open_s: float, rows: int) -> Shutter:
     """Centre the middle row of the left camera, exposed for `open_s`, on a frame's timestamp."""
@@ -65,7 +60,11 @@ def expose(
         rendered, uint8; more as float32 linear light, 0 to 1.
     """
     start_s, end_s = shutter.window_s
-    slots = count_subframes(world, trip, settings, shutter, geometry)
+    slots = 1
+    if end_s > start_s:
+        motion_px = max_image_speed_px_s(world, trip, geometry, start_s, end_s) * (end_s - start_s)
+        wanted = math.ceil(motion_px / settings.step_px - 1e-6)
+        slots = int(np.clip(wanted, 1, settings.subframes_max))
     sky = bool(np.isnan(geometry.depth_left_m).any() or np.isnan(geometry.depth_right_m).any())
     edges = np.linspace(start_s, end_s, slots + 1)
     if slots == 1:
@@ -80,21 +79,6 @@ def expose(
         lights = [x * weights[k, :, slot].reshape(shape) for k, x in enumerate(lights)]
         total = [t + light for t, light in zip(total, lights, strict=True)] if total else lights
     return (total[0], total[1]), slots
-
-
-def count_subframes(
-    world: World,
-    trip: Trip,
-    settings: ExposureSettings,
-    shutter: Shutter,
-    geometry: GeometryBuffers,
-) -> int:
-    """Return how many sub-frames keep the motion of each probed pixel within `step_px`."""
-    start_s, end_s = shutter.window_s
-    if end_s <= start_s:
-        return 1
-    motion_px = max_image_speed_px_s(world, trip, geometry, start_s, end_s) * (end_s - start_s)
-    return int(np.clip(math.ceil(motion_px / settings.step_px - 1e-6), 1, settings.subframes_max))
 
 
 def max_image_speed_px_s(
@@ -135,7 +119,7 @@ def mean_brightness(world: World, shutter: Shutter, samples: int = 33) -> Array:
     """Return the mean illuminance of each row of the left camera, (H,); flicker gives bands."""
     share = np.linspace(0, 1, samples)
     start_s, end_s = shutter.start_s[0], shutter.end_s[0]
-    if shutter.is_uniform:
+    if np.ptp(shutter.start_s) == 0:
         times_s = start_s[0] + share * (end_s[0] - start_s[0])
         return np.full(len(start_s), world.scene.brightness(times_s).mean())
     times_s = start_s[:, None] + share * (end_s - start_s)[:, None]

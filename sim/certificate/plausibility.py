@@ -62,12 +62,8 @@ def _check_inertial(folder: Path, settings: RecordSettings) -> dict[str, Any]:
     drift_m, turn_deg = 0.0, 0.0
     for start in starts:
         span = slice(start, start + step)
-        readings = ImuReadings(
-            middles_ns[span],
-            np.diff(times_ns[start : start + step + 1]),
-            values[span, :3],
-            values[span, 3:],
-        )
+        intervals_ns = np.diff(times_ns[start : start + step + 1])
+        readings = ImuReadings(middles_ns[span], intervals_ns, values[span, :3], values[span, 3:])
         reckoned, _ = integrate(readings, poses[start], rest[start, :3], GRAVITY_MPS2)
         error = se3.inverse(poses[start + len(readings.times_ns)]) @ reckoned[-1]
         drift_m = max(drift_m, float(np.linalg.norm(error[:3, 3])))
@@ -134,12 +130,8 @@ def _check_flow(folder: Path, settings: RecordSettings) -> dict[str, Any]:
     for now, following in (pairs[k] for k in chosen):
         T_world_cam = poses[np.searchsorted(times_ns, [now, following])] @ rig.T_body_cam
         depth = read_float(label_file(folder, "depth", now))
-        predicted = flow(
-            rig,
-            depth,
-            np.zeros(depth.shape, int),
-            (se3.inverse(T_world_cam[1]) @ T_world_cam[0])[None],
-        )
+        T_next_now = (se3.inverse(T_world_cam[1]) @ T_world_cam[0])[None]
+        predicted = flow(rig, depth, np.zeros(depth.shape, int), T_next_now)
         error = np.abs(predicted - read_float(label_file(folder, "flow", now), 3))
         worst_px = max(worst_px, float(np.nanquantile(error[..., :2].max(axis=-1), 0.5)))
     return {
