@@ -53,7 +53,7 @@ ROOMS = {
         "camera exposure target>framebuffer readout>framebuffer gl view>render render sky"
     ),
     ("sim", "sim.certificate"): "certificate warp>photometric plausibility verify",
-    ("sim", "sim.dataset"): "manifest sensors>sensor_yaml tables",
+    ("sim", "sim.dataset"): "manifest sensors>tables tables",
     ("sim", "sim.imaging"): (
         "metering>auto_exposure imaging>image_sensor lens light>linear_light resample"
     ),

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.dataset.sensor_yaml import LABELS, label_file
+from sim.labels.formats import LABELS, label_file
 from sim.labels.labels import flow
 from sim.sensors.inertial import GRAVITY_MPS2, ImuReadings, integrate
 from sim.settings import RecordSettings

@@ -10,9 +10,10 @@ from sim.camera.camera import FrameExposure
 from sim.certificate.certificate import certify, exempt_parts
 from sim.certificate.photometric import FrameResidual, PhotometricCheck
 from sim.certificate.plausibility import check_folder
-from sim.dataset.sensor_yaml import EXPOSURES, LABELS, label_file
+from sim.dataset.tables import EXPOSURES
 from sim.imaging.image_sensor import ImageSensor
 from sim.imaging.lens import margin_px
+from sim.labels.formats import LABELS, label_file
 from sim.labels.labels import disparity_from_depth
 from sim.progress import Progress
 from sim.settings import RecordSettings, recorded_settings

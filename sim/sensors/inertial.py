@@ -35,6 +35,12 @@ class ImuReadings:
         return self.intervals_ns * 1e-9
 
 
+def T_body_imu(settings: ImuSettings) -> Array:
+    """(4, 4) pose of the inertial unit in the body frame."""
+    R = Rotation.from_euler("xyz", settings.rpy_deg, degrees=True).as_matrix()
+    return se3.pose(R, np.array(settings.position_m))
+
+
 def imu_states(
     T_world_body: Array, v_world_body: Array, w_world_body: Array, T_body_imu: Array
 ) -> tuple[Array, Array]:

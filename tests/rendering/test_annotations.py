@@ -11,8 +11,8 @@ from scenes.scene import Kind
 from sim.camera.camera import Capture, StereoCamera
 from sim.camera.render import NO_GEOM, StereoRenderer
 from sim.certificate.verify import verify
-from sim.dataset.sensor_yaml import LABELS
 from sim.labels.annotate import FORWARD, Annotator
+from sim.labels.formats import LABELS
 from sim.labels.visibility import HIDDEN, NOTHING, OUTSIDE, VISIBLE
 from sim.record import record
 from sim.settings import (
