@@ -9,7 +9,7 @@ import pytest
 
 from sim.imaging.auto_exposure import EXPOSURE_MIN_MS, AutoExposure
 from sim.imaging.image_sensor import WELL, ImageSensor
-from sim.imaging.lens import margin_px, rectification_map
+from sim.imaging.lens import delivered_to_raw, margin_px, pixel_grid
 from sim.imaging.linear_light import (
     LINEAR,
     Encoding,
@@ -205,7 +205,8 @@ def test_undistort_lowers_noise_by_sample_variance():
     measured = np.var(pictures, axis=0, dtype=np.float64) - 1 / 12
     settings = RecordSettings(sensor=SensorSettings(k1=-0.2, k2=0.04))
     u_px, v_px = (
-        (a + camera.raw_margin_px).astype(np.float32) for a in rectification_map(settings, RIG)
+        (a + camera.raw_margin_px).astype(np.float32)
+        for a in delivered_to_raw(settings, RIG, pixel_grid(RIG))
     )
     share = sample_variance(np.ones((2, 2), np.float32), u_px, v_px)
     promised = share * (camera.noise_sigma(1.0)[128] ** 2 + 1 / 12)
