@@ -60,7 +60,7 @@ ROOMS = {
     ("sim", "sim.labels"): "annotate labels visibility",
     ("sim", "sim.preview"): (
         "chase>chase_camera colours film picture>image_file plates>label_plates map>overhead_map "
-        "overview preview chart>route_map sights>sample_views"
+        "overview>preview preview chart>route_map sights>sample_views"
     ),
     ("sim", "sim.sensors"): "inertial encoders>wheel_encoders",
     ("sim", "sim.world"): "drive handheld path streams>random_streams rig rover terrain trip world",

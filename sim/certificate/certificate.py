@@ -5,17 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.certificate.photometric import (
-    BINS_PER_GREY,
-    FINE_GREY,
-    NOISE_FACTOR,
-    ROW_STEP,
-    SHARE,
-    SHIFT_PX,
-    FrameResidual,
-    Residual,
-    quantile,
-)
+from sim.certificate.photometric import BINS_PER_GREY, METHOD, FrameResidual, Residual, quantile
 from sim.settings import RecordSettings
 
 
@@ -44,12 +34,7 @@ def certify(
     if flow:
         parts["flow"] = _summary(flow, "flow" not in exempt)
     return {
-        "about": "absolute grey-level differences, warped bicubically, of every "
-        f"{ROW_STEP}th row's pixels that both images show: left against right by the disparity, "
-        "and present against next left image by the flow",
-        "rule": f"a frame passes if its median is at most {FINE_GREY:g}, or {NOISE_FACTOR:g} times "
-        f"what the injected noise explains, or {SHARE:g} times what a label wrong by "
-        f"{SHIFT_PX:g} px leaves",
+        **METHOD,
         **parts,
         **checks,
         "passed": all(part["passed"] for part in [*parts.values(), *checks.values()]),

@@ -28,10 +28,18 @@ NOISE_FACTOR = 1.2
 """A frame passes if its median residual is at most FINE_GREY (the rounding of two images), at
 most NOISE_FACTOR times that of the injected noise, or less than SHARE of that of a label wrong by
 SHIFT_PX to either side: residuals depend on texture, so that no constant fits every scene."""
+ROW_STEP = 16
+METHOD = {
+    "about": "absolute grey-level differences, warped bicubically, of every "
+    f"{ROW_STEP}th row's pixels that both images show: left against right by the disparity, "
+    "and present against next left image by the flow",
+    "rule": f"a frame passes if its median is at most {FINE_GREY:g}, or {NOISE_FACTOR:g} times "
+    f"what the injected noise explains, or {SHARE:g} times what a label wrong by "
+    f"{SHIFT_PX:g} px leaves",
+}
 
 MIN_LEVEL = 1e-6
 """Smallest exposure level, as a multiple of the rendered brightness."""
-ROW_STEP = 16
 BINS_PER_GREY = 50
 """Resolution of the histograms: residuals are exact to 1/50 grey level."""
 MEDIAN_OF_NORMAL = 0.67449

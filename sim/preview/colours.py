@@ -26,6 +26,8 @@ INVISIBLE: dict[Occlusion, RGB] = {
     Occlusion.NOTHING: NOTHING,
 }
 GOLDEN = 0.618033988749895
+ROUND = np.array([digit * 10.0**power for power in range(-6, 7) for digit in (1, 2, 5)])
+"""Round numbers, for the ends and marks of scales."""
 
 
 @dataclass(frozen=True)
@@ -44,19 +46,11 @@ class DepthScale:
         rgb[np.isnan(depth_m)] = NOTHING
         return rgb
 
-    def colour(self, depth_m: float) -> RGB:
-        """Return the colour of one depth."""
-        r, g, b = self.colours(np.full((1, 1), depth_m))[0, 0]
-        return int(r), int(g), int(b)
-
-    def marks(self, most: int) -> list[float]:
-        """Return up to `most` round depths across the scale."""
-        low, high = math.log10(self.near_m), math.log10(self.far_m)
-        decades = range(math.floor(low), math.ceil(high) + 1)
-        values = [step * 10.0**decade for decade in decades for step in (1, 2, 5)]
-        inside = [x for x in values if self.near_m * 0.999 <= x <= self.far_m * 1.001]
-        few = np.unique(np.linspace(0, len(inside) - 1, min(most, len(inside))).round().astype(int))
-        return [inside[k] for k in few]
+    def marks(self, max_count: int) -> Array:
+        """Return up to `max_count` round depths across the scale."""
+        inside = ROUND[(self.near_m * 0.999 <= ROUND) & (self.far_m * 1.001 >= ROUND)]
+        count = min(max_count, len(inside))
+        return inside[np.unique(np.linspace(0, len(inside) - 1, count).round().astype(int))]
 
 
 def depth_scale(depth_m: Array) -> DepthScale:
@@ -69,15 +63,13 @@ def depth_scale(depth_m: Array) -> DepthScale:
 
 
 def round_down(x: float) -> float:
-    """Return the largest of 1, 2, 5 times a power of ten that is not above x."""
-    power = 10.0 ** math.floor(math.log10(x) + 1e-9)
-    return max(step * power for step in (1, 2, 5) if step * power <= x * (1 + 1e-9))
+    """Return the largest of ROUND that is not above x."""
+    return float(ROUND[x * (1 + 1e-9) >= ROUND][-1])
 
 
 def round_up(x: float) -> float:
-    """Return the smallest of 1, 2, 5 times a power of ten that is not below x."""
-    power = 10.0 ** math.floor(math.log10(x) - 1e-9)
-    return min(step * power for step in (1, 2, 5, 10) if step * power >= x * (1 - 1e-9))
+    """Return the smallest of ROUND that is not below x."""
+    return float(ROUND[x * (1 - 1e-9) <= ROUND][0])
 
 
 def object_colours(objects: Array) -> tuple[Image, list[int]]:
@@ -99,8 +91,7 @@ def object_colours(objects: Array) -> tuple[Image, list[int]]:
 
 def class_colours(classes: Array) -> Image:
     """Colour (H, W) classes as (H, W, 3) RGB."""
-    table = np.array([KINDS[Kind(k)] for k in range(len(Kind))], np.uint8)
-    return table[classes]
+    return np.array([KINDS[kind] for kind in Kind], np.uint8)[classes]
 
 
 def normal_colours(normals: Array) -> Image:
@@ -114,8 +105,7 @@ def normal_colours(normals: Array) -> Image:
 def visibility_colours(codes: Array, view: Image) -> Image:
     """Mark pixels that are not visible in another view on a pale copy of the (H, W, 3) RGB view."""
     grey = np.asarray(cv2.cvtColor(view, cv2.COLOR_RGB2GRAY), np.float32)
-    pale = (96 + 0.55 * grey).clip(0, 255).astype(np.uint8)
-    rgb = np.repeat(pale[..., None], 3, axis=2)
+    rgb = rgb_of((96 + 0.55 * grey).clip(0, 255).astype(np.uint8))
     for code, colour in INVISIBLE.items():
         rgb[codes == code] = colour
     return rgb
@@ -144,6 +134,4 @@ def flow_wheel(side_px: int) -> Array:
 
 def rgb_of(image: Image) -> Image:
     """Return an (H, W) grey or (H, W, 3) RGB image as RGB."""
-    if image.ndim == 3:
-        return image
-    return np.repeat(image[..., None], 3, axis=2)
+    return image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)

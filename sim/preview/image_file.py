@@ -10,13 +10,9 @@ from vo.contract.arrays import Image
 from vo.contract.errors import SettingsError
 from vo.contract.files import replacing
 
-SUFFIXES = (".png", ".jpg", ".jpeg")
+PICTURES = (".png", ".jpg", ".jpeg")
+"""File name suffixes of images."""
 JPEG_QUALITY = 85
-
-
-def picture_suffix(out: Path) -> str:
-    """Return the suffix of an image's file name; raise a SettingsError if it is unknown."""
-    return known_suffix(out, SUFFIXES)
 
 
 def known_suffix(out: Path, valid: tuple[str, ...]) -> str:
@@ -29,7 +25,7 @@ def known_suffix(out: Path, valid: tuple[str, ...]) -> str:
 
 def write_picture(out: Path, image: Image, quality: int = JPEG_QUALITY) -> None:
     """Write (H, W, 3) RGB as PNG or JPEG, atomically."""
-    if picture_suffix(out) == ".png":
+    if known_suffix(out, PICTURES) == ".png":
         data = encode_png(image)
     else:
         bgr = np.ascontiguousarray(image[..., ::-1])

@@ -14,25 +14,24 @@ DPI = 120
 
 
 class Sheet:
-    """A figure of a given size in inches."""
+    """A page of a given size in inches."""
 
     def __init__(self, width_in: float, height_in: float) -> None:
-        self._width_in, self._height_in = width_in, height_in
-        self._figure = Figure(figsize=(width_in, height_in), dpi=DPI, facecolor=PAPER)
-        self._canvas = FigureCanvasAgg(self._figure)
+        self._size_in = width_in, height_in
+        self._figure = Figure(figsize=self._size_in, dpi=DPI, facecolor=PAPER)
 
     def axes(self, left: float, top: float, wide: float, tall: float, anchor: str) -> Axes:
         """Add axes."""
-        low = self._height_in - top - tall
-        scale = self._width_in, self._height_in, self._width_in, self._height_in
-        box = [x / s for x, s in zip((left, low, wide, tall), scale, strict=True)]
-        return self._figure.add_axes((box[0], box[1], box[2], box[3]), anchor=anchor)
+        width, height = self._size_in
+        box = left / width, (height - top - tall) / height, wide / width, tall / height
+        return self._figure.add_axes(box, anchor=anchor)
 
-    def write(self, left: float, top: float, text: str, **look: Any) -> None:
+    def write(self, left: float, top: float, text: str, **style: Any) -> None:
         """Write text."""
-        self._figure.text(left / self._width_in, 1 - top / self._height_in, text, **look)
+        self._figure.text(left / self._size_in[0], 1 - top / self._size_in[1], text, **style)
 
     def image(self) -> Image:
         """Draw the page, (H, W, 3) RGB."""
-        self._canvas.draw()
-        return np.ascontiguousarray(np.asarray(self._canvas.buffer_rgba())[..., :3])
+        canvas = FigureCanvasAgg(self._figure)
+        canvas.draw()
+        return np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[..., :3])

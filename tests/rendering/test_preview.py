@@ -21,6 +21,7 @@ from sim.preview.colours import (
     flow_colours,
     normal_colours,
     object_colours,
+    round_down,
     visibility_colours,
 )
 from sim.preview.film import first_seconds, make_film, writing
@@ -28,7 +29,7 @@ from sim.preview.image_file import write_picture
 from sim.preview.label_plates import label_position
 from sim.preview.overhead_map import render_world_map
 from sim.preview.preview import changed_settings, contact_sheet, preview
-from sim.preview.route_map import arrow_places, bar_length_m
+from sim.preview.route_map import BAR_SHARE, arrow_places
 from sim.preview.sample_views import render_sample_views, short_trip
 from sim.settings import RecordSettings
 from sim.world.trip import make_trip
@@ -121,7 +122,7 @@ def test_label_positions_are_inside_objects_and_apart():
 
 @pytest.mark.parametrize(("width_m", "bar_m"), [(6, 1), (14, 2), (104, 20), (0.5, 0.1)])
 def test_scale_bar_fits_the_map(width_m, bar_m):
-    assert bar_length_m(width_m) == pytest.approx(bar_m)
+    assert round_down(BAR_SHARE * width_m) == pytest.approx(bar_m)
 
 
 def test_arrows_are_even_and_along_the_route():

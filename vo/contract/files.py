@@ -18,11 +18,13 @@ PNG_END = b"IEND\xaeB`\x82"
 def replacing(path: Path) -> Generator[Path]:
     """Yield a temporary path beside `path`, which it replaces only when the block succeeds.
 
+    It has the suffix of `path`, from which an encoder may take the format.
+
     Raises:
         DatasetError: If the disk is full; names `path`.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
     try:
         yield partial
         partial.replace(path)
