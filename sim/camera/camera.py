@@ -11,7 +11,7 @@ from sim.camera.render import GeometryBuffers, StereoRenderer
 from sim.imaging.auto_exposure import AutoExposure, Exposure
 from sim.imaging.image_sensor import ImageSensor
 from sim.imaging.linear_light import decode
-from sim.settings import RecordSettings
+from sim.settings import CalibrationSettings, RecordSettings, SensorSettings
 from sim.world.random_streams import stream
 from sim.world.trip import Trip
 from sim.world.world import World
@@ -89,10 +89,8 @@ class StereoCamera:
         self._world, self._settings = world, settings
         cameras: tuple[Literal[0, 1], ...] = (0, 1)
         self.sensors = [ImageSensor(settings, k, world.rig, world.render_rig) for k in cameras]
-        self._perfect = (
-            settings.sensor == type(settings.sensor)()
-            and settings.calibration == type(settings.calibration)()
-        )
+        perfect = SensorSettings(), CalibrationSettings()
+        self._is_perfect = (settings.sensor, settings.calibration) == perfect
         self._margin_px = (world.render_rig.width_px - world.rig.width_px) // 2
 
     def captures(self, trip: Trip, renderer: StereoRenderer) -> Iterator[Capture]:
@@ -104,14 +102,13 @@ class StereoCamera:
         for index in np.flatnonzero(trip.delivered):
             control = automatic.next() if settings.sensor.auto_exposure else fixed
             time_ns = int(trip.timestamps_ns[index])
-            time_s = trip.timestamps_ns[index] * 1e-9
-            world.place(time_s, trip.states.at(world.model, trip.timestamps_ns[index]))
+            time_s = time_ns * 1e-9
+            world.place(time_s, trip.states.at(world.model, time_ns))
             geometry = renderer.render_geometry()
             cropped = GeometryBuffers(*(_crop(x, self._margin_px) for x in vars(geometry).values()))
             truth = world.T_world_cam, world.T_world_bodies
-            shutter = open_shutter(
-                settings.exposure, time_s, control.time_ms * 1e-3, world.render_rig.height_px
-            )
+            rows, open_s = world.render_rig.height_px, control.time_ms * 1e-3
+            shutter = open_shutter(settings.exposure, time_s, open_s, rows)
             light, count = expose(world, trip, renderer, settings.exposure, shutter, geometry)
             brightness = control.brightness * mean_brightness(world, shutter)
             level = float(brightness.mean())
@@ -122,11 +119,12 @@ class StereoCamera:
 
     def form_images(self, capture: Capture) -> StereoImages:
         """Convert light to grey levels; noise depends on seed, frame and camera only."""
-        if self._perfect and capture.light[0].dtype == np.uint8 and (capture.brightness == 1).all():
+        rendered = capture.light[0].dtype == np.uint8
+        if self._is_perfect and rendered and (capture.brightness == 1).all():
             return StereoImages(capture.light, None)
         raw: list[Image] = []
         for k, (sensor, light) in enumerate(zip(self.sensors, capture.light, strict=True)):
-            light = decode(light) if light.dtype == np.uint8 else light
+            light = decode(light) if rendered else light
             level = float(capture.brightness.mean())
             rows = capture.brightness / level if level > 0 else capture.brightness
             if (rows != 1).any():
@@ -136,10 +134,8 @@ class StereoCamera:
         left, right = (s.undistort(image) for s, image in zip(self.sensors, raw, strict=True))
         if left is raw[0]:
             return StereoImages((left, right), None)
-        raw_left, raw_right = (
-            _crop(image, s.raw_margin_px) for image, s in zip(raw, self.sensors, strict=True)
-        )
-        return StereoImages((left, right), (raw_left, raw_right))
+        margin_px = self.sensors[0].raw_margin_px
+        return StereoImages((left, right), (_crop(raw[0], margin_px), _crop(raw[1], margin_px)))
 
     def _mean_grey(self, light: Array, factor: float) -> float:
         """Predict the mean grey level of the image, from every 8th pixel."""

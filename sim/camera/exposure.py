@@ -71,13 +71,12 @@ def expose(
         _place(world, trip, (start_s + end_s) / 2)
         return renderer.render_images(sky), 1
     weights = slot_weights(shutter, edges)
-    total: list[Array] = []
+    total = [np.zeros((), np.float32)] * 2
     for slot, time_s in enumerate((edges[1:] + edges[:-1]) / 2):
         _place(world, trip, float(time_s))
-        lights = [decode(image) for image in renderer.render_images()]
-        shape = (-1,) + (1,) * (lights[0].ndim - 1)
-        lights = [x * weights[k, :, slot].reshape(shape) for k, x in enumerate(lights)]
-        total = [t + light for t, light in zip(total, lights, strict=True)] if total else lights
+        for camera, image in enumerate(renderer.render_images()):
+            by_row = weights[camera, :, slot].reshape(-1, *(1,) * (image.ndim - 1))
+            total[camera] = total[camera] + decode(image) * by_row
     return (total[0], total[1]), slots
 
 

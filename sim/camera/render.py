@@ -129,17 +129,13 @@ class StereoRenderer:
     def render_geometry(self) -> GeometryBuffers:
         """Render depth and geom ids of both cameras at the world's present state."""
         self._update_stereo(self._label_option)
-        flags = (mujoco.mjtRndFlag.mjRND_SEGMENT, mujoco.mjtRndFlag.mjRND_IDCOLOR)
-        for flag in flags:
-            self._scene.flags[flag] = True
-        try:
-            with self._label_framebuffer as framebuffer:
-                self._draw(self._rect)
-                framebuffer.read_colour(self._rgba)
-                framebuffer.read_depth(self._zbuffer)
-        finally:
-            for flag in flags:
-                self._scene.flags[flag] = False
+        flags = [int(mujoco.mjtRndFlag.mjRND_SEGMENT), int(mujoco.mjtRndFlag.mjRND_IDCOLOR)]
+        self._scene.flags[flags] = True
+        with self._label_framebuffer as framebuffer:
+            self._draw(self._rect)
+            framebuffer.read_colour(self._rgba)
+            framebuffer.read_depth(self._zbuffer)
+        self._scene.flags[flags] = False
         ids = np.full(self._scene.ngeom + 1, NO_GEOM, dtype=np.int32)
         for geom in self._scene.geoms[: self._scene.ngeom]:
             if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:

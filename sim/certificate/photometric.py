@@ -106,10 +106,8 @@ class PhotometricCheck:
         disparity_px = disparity_px[::ROW_STEP]
         v, u = _rows(left)
         visible = visible_in_right(disparity_px)
-        first, second = (
-            _corrected(sensor, image, exposure.gain, 1.0)
-            for sensor, image in zip(self._sensors, (left, right), strict=True)
-        )
+        first = self._corrected(0, left, exposure.gain)
+        second = self._corrected(1, right, exposure.gain)
 
         def positions(shift_px: float) -> tuple[Array, Array]:
             return self._in_true_right(u - disparity_px - np.float32(shift_px), v)
@@ -130,15 +128,19 @@ class PhotometricCheck:
         du, dv = flow[::ROW_STEP, :, 0], flow[::ROW_STEP, :, 1]
         visible = (covisibility[::ROW_STEP] == VISIBLE) & np.isfinite(du)
         brighter = max(exposures[1].level, MIN_LEVEL) / max(exposures[0].level, MIN_LEVEL)
-        first, second = (
-            _corrected(self._sensors[0], image, exposure.gain, level)
-            for image, exposure, level in zip(
-                (now, following), exposures, (1.0, brighter), strict=True
-            )
-        )
+        first = self._corrected(0, now, exposures[0].gain)
+        second = self._corrected(0, following, exposures[1].gain, brighter)
         half = SHIFT_PX / np.sqrt(2).astype(np.float32)
         shifted = [(u + du + s, v + dv + s) for s in (-half, half)]
         return _compare(first, second, (u + du, v + dv), shifted, visible)
+
+    def _corrected(
+        self, camera: int, image: Image, gain: float, level: float = 1.0
+    ) -> tuple[Array, "NoisyImage"]:
+        """Return (H, W[, 3]) corrected grey levels, and the delivered image with its noise."""
+        sensor = self._sensors[camera]
+        noise = sensor.noise_sigma(gain), sensor.correction_gain(image, level)
+        return sensor.corrected(image, level), NoisyImage(image, *noise)
 
     def _in_true_right(self, u: Array, v: Array) -> tuple[Array, Array]:
         """Map nominal right pixels to the true right camera, which may be turned."""
@@ -219,18 +221,9 @@ def _rows(image: Image) -> tuple[Array, Array]:
     return v, u
 
 
-_Corrected = tuple[Array, NoisyImage]
-"""(H, W[, 3]) corrected grey levels, and the delivered image with its noise."""
-
-
-def _corrected(sensor: ImageSensor, image: Image, gain: float, level: float) -> _Corrected:
-    noise = sensor.noise_sigma(gain), sensor.correction_gain(image, level)
-    return sensor.corrected(image, level), NoisyImage(image, *noise)
-
-
 def _compare(
-    first: _Corrected,
-    second: _Corrected,
+    first: tuple[Array, NoisyImage],
+    second: tuple[Array, NoisyImage],
     positions: tuple[Array, Array],
     shifted: Sequence[tuple[Array, Array]],
     visible: Mask,

@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from sim.camera.camera import FrameExposure
-from sim.certificate.certificate import certify, exempt_parts
+from sim.certificate.certificate import certify, check_folder, exempt_parts
 from sim.certificate.photometric import FrameResidual, PhotometricCheck
-from sim.certificate.plausibility import check_folder
 from sim.dataset.tables import EXPOSURES
 from sim.imaging.image_sensor import ImageSensor
 from sim.imaging.lens import margin_px
@@ -146,11 +145,10 @@ def _measure(
 def _read_exposures(folder: Path) -> dict[int, FrameExposure]:
     """Return how each frame was exposed, by timestamp."""
     times, rows = read_columns(folder / EXPOSURES)
+    columns = times.tolist(), *rows.T.tolist()
     return {
         time_ns: FrameExposure(time_ns, exposure_ms, gain, int(subframes), brightness)
-        for time_ns, (exposure_ms, gain, subframes, brightness) in zip(
-            times.tolist(), rows.tolist(), strict=True
-        )
+        for time_ns, exposure_ms, gain, subframes, brightness in zip(*columns, strict=True)
     }
 
 

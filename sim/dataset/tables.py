@@ -22,10 +22,6 @@ from vo.contract.rig import StereoRig
 EXPOSURES = "mav0/cam0/exposure.csv"
 """Table with the exposure of each frame."""
 STAMP = "timestamp [ns]"
-IMAGE_COLUMNS = (STAMP, "filename")
-EXPOSURE_COLUMNS = (STAMP, "exposure [ms]", "gain []", "sub-frames []", "brightness []")
-WHEEL_COLUMNS = (STAMP, "left [ticks]", "right [ticks]")
-CONTACT_COLUMNS = (STAMP, "left [N]", "right [N]", "caster [N]")
 IMU_COLUMNS = (
     STAMP,
     *(f"w_RS_S_{axis} [rad s^-1]" for axis in "xyz"),
@@ -75,13 +71,14 @@ def write_cameras(
     for folder, (sheet, listed, suffix) in sheets.items():
         writer.add_yaml(f"mav0/{folder}/sensor.yaml", sheet)
         rows = ((t, f"{t}{suffix}") for t in listed)
-        writer.add_csv(f"mav0/{folder}/data.csv", IMAGE_COLUMNS, rows)
+        writer.add_csv(f"mav0/{folder}/data.csv", (STAMP, "filename"), rows)
 
 
 def write_exposures(writer: DatasetWriter, exposures: Sequence[FrameExposure]) -> None:
     """Write how each frame was exposed."""
     rows = ((x.timestamp_ns, x.exposure_ms, x.gain, x.subframes, x.brightness) for x in exposures)
-    writer.add_csv(EXPOSURES, EXPOSURE_COLUMNS, rows)
+    columns = STAMP, "exposure [ms]", "gain []", "sub-frames []", "brightness []"
+    writer.add_csv(EXPOSURES, columns, rows)
 
 
 def write_inertial(writer: DatasetWriter, settings: RecordSettings, trip: Trip) -> None:
@@ -138,12 +135,13 @@ def write_wheels(writer: DatasetWriter, settings: RecordSettings, trip: Trip) ->
     )
     writer.add_yaml("mav0/wheels0/sensor.yaml", sheet)
     counts = zip(trip.wheel_times_ns.tolist(), *trip.wheel_counts.T.tolist(), strict=True)
-    writer.add_csv("mav0/wheels0/data.csv", WHEEL_COLUMNS, counts)
+    writer.add_csv("mav0/wheels0/data.csv", (STAMP, "left [ticks]", "right [ticks]"), counts)
     comment = "normal force between ground and wheel at an instant"
     sheet = _sheet("wheel_loads", comment, rate_hz=settings.imu.rate_hz, unit="N")
     writer.add_yaml("mav0/contact0/sensor.yaml", sheet)
     loads = _stamped(trip.motions.times_ns, trip.motions.wheel_forces_n)
-    writer.add_csv("mav0/contact0/data.csv", CONTACT_COLUMNS, loads)
+    columns = STAMP, "left [N]", "right [N]", "caster [N]"
+    writer.add_csv("mav0/contact0/data.csv", columns, loads)
 
 
 def _sheet(sensor_type: str, comment: str, **content: Any) -> dict[str, Any]:

@@ -143,11 +143,10 @@ def margin_px(settings: RecordSettings, rig: StereoRig) -> int:
     delivered_rig(rig, settings.calibration)  # raises before anything is rendered
     pad_px = raw_margin_px(settings, rig) + psf_radius_px(settings.sensor)
     R_nominal_true = miscalibration_rotation(settings.calibration)
-    turned = not np.array_equal(R_nominal_true, np.eye(3))
-    if not turned and not has_distortion(settings.sensor):
+    if np.array_equal(R_nominal_true, np.eye(3)) and not has_distortion(settings.sensor):
         return pad_px
     margin = 0
-    for R in (np.eye(3), R_nominal_true) if turned else (np.eye(3),):
+    for R in (np.eye(3), R_nominal_true):
         u_px, v_px = raw_to_nominal(settings.sensor, rig, R, _edge(rig, pad_px))
         if np.isnan(u_px).any():
             raise _fold_error(settings)

@@ -1,31 +1,18 @@
-"""Colours of labels: depth, directions, objects, classes and visibility."""
+"""Colours of depth and flow, and round numbers for their scales."""
 
-import colorsys
 import math
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
-from scenes.scene import Kind
-from sim.labels.visibility import Occlusion
 from vo.contract.arrays import Array, Image
 
 RGB = tuple[int, int, int]
 
+INK, FAINT, PAPER = "#2b3036", "#6d747c", "#f5f4f0"
+"""Colours of text, lesser text and background."""
 NOTHING: RGB = (38, 40, 44)
-KINDS: dict[Kind, RGB] = {
-    Kind.GROUND: (176, 152, 116),
-    Kind.STATIC: (84, 122, 166),
-    Kind.MOVING: (228, 82, 60),
-    Kind.SKY: (200, 222, 236),
-}
-INVISIBLE: dict[Occlusion, RGB] = {
-    Occlusion.HIDDEN: (255, 112, 26),
-    Occlusion.OUTSIDE: (54, 140, 255),
-    Occlusion.NOTHING: NOTHING,
-}
-GOLDEN = 0.618033988749895
 ROUND = np.array([digit * 10.0**power for power in range(-6, 7) for digit in (1, 2, 5)])
 """Round numbers, for the ends and marks of scales."""
 
@@ -72,45 +59,6 @@ def round_up(x: float) -> float:
     return float(ROUND[x * (1 - 1e-9) <= ROUND][0])
 
 
-def object_colours(objects: Array) -> tuple[Image, list[int]]:
-    """Colour objects (H, W), with the largest contrast for the largest; 0 is the sky.
-
-    Returns:
-        (H, W, 3) RGB, and the numbers that occur, largest area first, without the sky.
-    """
-    numbers, where, areas = np.unique(objects, return_inverse=True, return_counts=True)
-    order = [int(k) for k in np.argsort(-areas) if numbers[k] != 0]
-    table = np.zeros((len(numbers), 3), np.uint8)
-    table[numbers == 0] = KINDS[Kind.SKY]
-    for rank, k in enumerate(order):
-        tone = (0.62, 0.92), (0.85, 0.68), (0.38, 0.98), (0.95, 0.9)
-        rgb = colorsys.hsv_to_rgb((0.58 + GOLDEN * rank) % 1, *tone[rank % len(tone)])
-        table[k] = [round(255 * c) for c in rgb]
-    return table[where.reshape(objects.shape)], [int(numbers[k]) for k in order]
-
-
-def class_colours(classes: Array) -> Image:
-    """Colour (H, W) classes as (H, W, 3) RGB."""
-    return np.array([KINDS[kind] for kind in Kind], np.uint8)[classes]
-
-
-def normal_colours(normals: Array) -> Image:
-    """Colour (H, W, 3) normals in camera axes: red right, green up, blue towards the camera."""
-    channels = normals * np.array([1, -1, -1], np.float32)
-    rgb = np.nan_to_num(255 * (channels + 1) / 2, nan=0).astype(np.uint8)
-    rgb[np.isnan(normals[..., 0])] = NOTHING
-    return rgb
-
-
-def visibility_colours(codes: Array, view: Image) -> Image:
-    """Mark pixels that are not visible in another view on a pale copy of the (H, W, 3) RGB view."""
-    grey = np.asarray(cv2.cvtColor(view, cv2.COLOR_RGB2GRAY), np.float32)
-    rgb = rgb_of((96 + 0.55 * grey).clip(0, 255).astype(np.uint8))
-    for code, colour in INVISIBLE.items():
-        rgb[codes == code] = colour
-    return rgb
-
-
 def flow_colours(flow: Array, full_px: float) -> Image:
     """Colour (H, W, 2 or more) flow: hue by direction, white at rest, saturated at `full_px`."""
     du, dv = flow[..., 0], flow[..., 1]
@@ -121,15 +69,6 @@ def flow_colours(flow: Array, full_px: float) -> Image:
     rgb = np.asarray(cv2.cvtColor(hsv, cv2.COLOR_HSV2RGB), np.uint8)
     rgb[np.isnan(share)] = NOTHING
     return rgb
-
-
-def flow_wheel(side_px: int) -> Array:
-    """Draw the legend of `flow_colours`, (S, S, 4) RGBA, transparent outside the disc."""
-    line = np.linspace(-1, 1, side_px)
-    du, dv = np.meshgrid(line, line)
-    rgb = flow_colours(np.stack([du, dv], axis=-1), 1.0)
-    inside = 255 * (np.hypot(du, dv) <= 1)
-    return np.dstack([rgb, inside.astype(np.uint8)])
 
 
 def rgb_of(image: Image) -> Image:

@@ -18,7 +18,6 @@ from sim.camera.render import StereoRenderer
 from sim.labels.annotate import Annotation, Annotator
 from sim.preview.chase_camera import SIDE_DEG, chase_camera
 from sim.preview.colours import depth_scale, flow_colours, rgb_of, round_up
-from sim.preview.image_file import known_suffix
 from sim.progress import Progress
 from sim.settings import RecordSettings
 from sim.world.path import plan_path
@@ -26,7 +25,7 @@ from sim.world.trip import Trip, make_trip
 from sim.world.world import START_S, World, build_world
 from vo.contract.arrays import Array, Image
 from vo.contract.errors import SettingsError
-from vo.contract.files import replacing
+from vo.contract.files import known_suffix, replacing
 
 FILMS = (".mp4", ".gif")
 """File name suffixes of films."""

@@ -1,5 +1,6 @@
 """One plot for each label: its colours, with title and key above."""
 
+import colorsys
 from collections.abc import Sequence
 from typing import Any
 
@@ -11,20 +12,17 @@ from matplotlib.patheffects import withStroke
 
 from scenes.scene import Kind
 from sim.labels.annotate import Annotation
+from sim.labels.visibility import Occlusion
 from sim.preview.colours import (
-    INVISIBLE,
-    KINDS,
+    FAINT,
+    INK,
+    NOTHING,
     RGB,
-    class_colours,
     depth_scale,
     flow_colours,
-    flow_wheel,
-    normal_colours,
-    object_colours,
+    rgb_of,
     round_up,
-    visibility_colours,
 )
-from sim.preview.sheet import FAINT, INK
 from vo.contract.arrays import Array, Image
 
 Key = Sequence[tuple[RGB, str]]
@@ -49,6 +47,18 @@ KEY_STYLE: dict[str, Any] = {
     "handleheight": 1.1,
     "handletextpad": 0.5,
 }
+KINDS: dict[Kind, RGB] = {
+    Kind.GROUND: (176, 152, 116),
+    Kind.STATIC: (84, 122, 166),
+    Kind.MOVING: (228, 82, 60),
+    Kind.SKY: (200, 222, 236),
+}
+INVISIBLE: dict[Occlusion, RGB] = {
+    Occlusion.HIDDEN: (255, 112, 26),
+    Occlusion.OUTSIDE: (54, 140, 255),
+    Occlusion.NOTHING: NOTHING,
+}
+GOLDEN = 0.618033988749895
 CLASSES: Key = [
     (KINDS[kind], kind.name.lower()) for kind in (Kind.GROUND, Kind.STATIC, Kind.MOVING, Kind.SKY)
 ]
@@ -111,6 +121,54 @@ def _draw_objects(axes: Axes, annotation: Annotation) -> None:
         place = label_position(name, objects == number, taken)
         if place is not None:
             axes.text(*place, name, fontsize=6.5, path_effects=outline, **style)
+
+
+def object_colours(objects: Array) -> tuple[Image, list[int]]:
+    """Colour objects (H, W), with the largest contrast for the largest; 0 is the sky.
+
+    Returns:
+        (H, W, 3) RGB, and the numbers that occur, largest area first, without the sky.
+    """
+    numbers, where, areas = np.unique(objects, return_inverse=True, return_counts=True)
+    order = [int(k) for k in np.argsort(-areas) if numbers[k] != 0]
+    table = np.zeros((len(numbers), 3), np.uint8)
+    table[numbers == 0] = KINDS[Kind.SKY]
+    for rank, k in enumerate(order):
+        tone = (0.62, 0.92), (0.85, 0.68), (0.38, 0.98), (0.95, 0.9)
+        rgb = colorsys.hsv_to_rgb((0.58 + GOLDEN * rank) % 1, *tone[rank % len(tone)])
+        table[k] = [round(255 * c) for c in rgb]
+    return table[where.reshape(objects.shape)], [int(numbers[k]) for k in order]
+
+
+def class_colours(classes: Array) -> Image:
+    """Colour (H, W) classes as (H, W, 3) RGB."""
+    return np.array([KINDS[kind] for kind in Kind], np.uint8)[classes]
+
+
+def normal_colours(normals: Array) -> Image:
+    """Colour (H, W, 3) normals in camera axes: red right, green up, blue towards the camera."""
+    channels = normals * np.array([1, -1, -1], np.float32)
+    rgb = np.nan_to_num(255 * (channels + 1) / 2, nan=0).astype(np.uint8)
+    rgb[np.isnan(normals[..., 0])] = NOTHING
+    return rgb
+
+
+def visibility_colours(codes: Array, view: Image) -> Image:
+    """Mark pixels that are not visible in another view on a pale copy of the (H, W, 3) RGB view."""
+    grey = np.asarray(cv2.cvtColor(view, cv2.COLOR_RGB2GRAY), np.float32)
+    rgb = rgb_of((96 + 0.55 * grey).clip(0, 255).astype(np.uint8))
+    for code, colour in INVISIBLE.items():
+        rgb[codes == code] = colour
+    return rgb
+
+
+def flow_wheel(side_px: int) -> Array:
+    """Draw the legend of `flow_colours`, (S, S, 4) RGBA, transparent outside the disc."""
+    line = np.linspace(-1, 1, side_px)
+    du, dv = np.meshgrid(line, line)
+    rgb = flow_colours(np.stack([du, dv], axis=-1), 1.0)
+    inside = 255 * (np.hypot(du, dv) <= 1)
+    return np.dstack([rgb, inside.astype(np.uint8)])
 
 
 def label_position(name: str, mask: Array, taken: Array) -> tuple[float, float] | None:

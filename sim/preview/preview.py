@@ -8,21 +8,29 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
 from scenes.scene import Scene
-from sim.preview.image_file import PICTURES, known_suffix, write_picture
+from sim.dataset.image_codecs import encode_png
+from sim.preview.colours import FAINT, INK, PAPER
 from sim.preview.label_plates import draw_labels, show
 from sim.preview.overhead_map import TopDownMap
 from sim.preview.route_map import draw_map
 from sim.preview.sample_views import CHASE_PX, SampleView, SampleViews, render_sample_views
-from sim.preview.sheet import FAINT, INK, PAPER, Sheet
 from sim.settings import RecordSettings
 from sim.world.world import START_S, World, build_world
 from vo.contract.arrays import Array, Image
+from vo.contract.files import known_suffix, replacing
 from vo.contract.settings import amended, keys
 
+PICTURES = (".png", ".jpg", ".jpeg")
+"""File name suffixes of images."""
+JPEG_QUALITY = 85
+DPI = 120
 COLUMNS, WIDTH_IN = 5, 16.0
 STRIP_IN, HEADER_IN, MARGIN_IN = 0.36, 0.72, 0.2
 """Height of the titles above each cell and above the sheet, and width of the sheet's edge."""
@@ -48,7 +56,42 @@ def preview(scene: Scene, settings: RecordSettings, out: Path) -> None:
     write_picture(out, contact_sheet(world, render_sample_views(world, settings)))
 
 
-class _Grid(Sheet):
+def write_picture(out: Path, image: Image) -> None:
+    """Write (H, W, 3) RGB as PNG or JPEG, atomically."""
+    if known_suffix(out, PICTURES) == ".png":
+        data = encode_png(image)
+    else:
+        bgr = np.ascontiguousarray(image[..., ::-1])
+        data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1].tobytes()
+    with replacing(out) as partial:
+        partial.write_bytes(data)
+
+
+class _Sheet:
+    """A page of figures, placed in inches from its upper left corner."""
+
+    def __init__(self, width_in: float, height_in: float) -> None:
+        self._size_in = width_in, height_in
+        self._figure = Figure(figsize=self._size_in, dpi=DPI, facecolor=PAPER)
+
+    def axes(self, left: float, top: float, wide: float, tall: float, anchor: str) -> Axes:
+        """Add axes."""
+        width, height = self._size_in
+        box = left / width, (height - top - tall) / height, wide / width, tall / height
+        return self._figure.add_axes(box, anchor=anchor)
+
+    def write(self, left: float, top: float, text: str, **style: Any) -> None:
+        """Write text."""
+        self._figure.text(left / self._size_in[0], 1 - top / self._size_in[1], text, **style)
+
+    def image(self) -> Image:
+        """Draw the page, (H, W, 3) RGB."""
+        canvas = FigureCanvasAgg(self._figure)
+        canvas.draw()
+        return np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[..., :3])
+
+
+class _Grid(_Sheet):
     """A sheet with rows of COLUMNS cells, each with a strip for its title above."""
 
     def __init__(self, rows: int, aspect: float) -> None:
@@ -207,7 +250,7 @@ def overview(tiles: Sequence[Tile]) -> Image:
     tile_in = (TILES_WIDTH_IN - GAP_IN) / TILE_COLUMNS - GAP_IN
     view_in = VIEW_SHARE * tile_in
     tall_in = NAME_IN + 0.75 * view_in + GAP_IN
-    sheet = Sheet(TILES_WIDTH_IN, GAP_IN + rows * tall_in)
+    sheet = _Sheet(TILES_WIDTH_IN, GAP_IN + rows * tall_in)
     for k, each in enumerate(tiles):
         left = GAP_IN + (k % TILE_COLUMNS) * (tile_in + GAP_IN)
         top = GAP_IN + (k // TILE_COLUMNS) * tall_in

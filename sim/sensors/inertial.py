@@ -106,23 +106,17 @@ def with_noise(
     root_dt = np.sqrt(readings.intervals_s)[:, None]
     n = len(root_dt)
 
-    def disturb(density: float, walk: float) -> tuple[Array, Array]:
+    def disturb(ideal: Array, density: float, walk: float) -> tuple[Array, Array]:
         white = settings.noise * density / root_dt * rng.standard_normal((n, 3))
         steps = settings.noise * walk * root_dt * rng.standard_normal((n, 3))
         bias = np.cumsum(steps, axis=0) - steps[:1]
-        return bias, bias + white
+        return ideal + (bias + white), bias
 
-    gyro_bias, gyro_error = disturb(
-        settings.gyroscope_noise_density, settings.gyroscope_random_walk
-    )
-    accel_bias, accel_error = disturb(
-        settings.accelerometer_noise_density, settings.accelerometer_random_walk
-    )
-    noisy = replace(
-        readings,
-        gyro_radps=readings.gyro_radps + gyro_error,
-        accel_mps2=readings.accel_mps2 + accel_error,
-    )
+    gyroscope = settings.gyroscope_noise_density, settings.gyroscope_random_walk
+    gyro, gyro_bias = disturb(readings.gyro_radps, *gyroscope)
+    accelerometer = settings.accelerometer_noise_density, settings.accelerometer_random_walk
+    accel, accel_bias = disturb(readings.accel_mps2, *accelerometer)
+    noisy = replace(readings, gyro_radps=gyro, accel_mps2=accel)
     return noisy, np.hstack([gyro_bias, accel_bias])
 
 

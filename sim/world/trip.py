@@ -166,7 +166,8 @@ class _Rows:
     @property
     def table(self) -> tuple[Indices, Array]:
         """Times (K,) int64 and numbers (K, columns) float64."""
-        return np.array(self._times_ns), np.array(self._values).reshape(-1, self._columns)
+        values = np.array(self._values).reshape(len(self._times_ns), self._columns)
+        return np.array(self._times_ns), values
 
 
 class _Log:

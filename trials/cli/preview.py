@@ -5,12 +5,12 @@ from pathlib import Path
 from scenes import SCENES
 from sim.batch import build
 from sim.preview.film import FILMS, make_film
-from sim.preview.image_file import PICTURES, known_suffix, write_picture
-from sim.preview.preview import overview, tile
+from sim.preview.preview import PICTURES, overview, tile, write_picture
 from sim.preview.preview import preview as write_sheet
 from trials.cli import console
 from trials.cli.options import RecordingOptions, argument, option
 from vo.contract.errors import SettingsError
+from vo.contract.files import known_suffix
 
 ALL = "all"
 """Instead of a scene's name: one picture of every registered scene."""

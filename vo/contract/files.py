@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from vo.contract.arrays import Array, Image
-from vo.contract.errors import DatasetError
+from vo.contract.errors import DatasetError, SettingsError
 
 PNG_END = b"IEND\xaeB`\x82"
 
@@ -35,6 +35,18 @@ def replacing(path: Path) -> Generator[Path]:
         raise DatasetError(f"{path}: cannot be written ({error.strerror or error})") from None
     finally:
         partial.unlink(missing_ok=True)
+
+
+def known_suffix(path: Path, valid: tuple[str, ...]) -> str:
+    """Return a file's suffix in lower case.
+
+    Raises:
+        SettingsError: If it is not a valid one.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in valid:
+        raise SettingsError(f"{path}: the name must end in {' or '.join(valid)}")
+    return suffix
 
 
 def write_text(path: Path, text: str) -> None:

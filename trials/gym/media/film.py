@@ -9,9 +9,9 @@ import gymnasium
 import numpy as np
 
 from sim.preview.film import FILMS, writing
-from sim.preview.image_file import known_suffix
 from vo.contract.arrays import Array, Image
 from vo.contract.errors import SettingsError
+from vo.contract.files import known_suffix
 
 
 class Filmed(gymnasium.Wrapper[Any, Array, Any, Array]):
