@@ -31,11 +31,6 @@ class Shutter:
     start_s: Array
     end_s: Array
 
-    @property
-    def window_s(self) -> tuple[float, float]:
-        """Start and end of the exposure of all rows of both cameras."""
-        return float(self.start_s.min()), float(self.end_s.max())
-
 
 def open_shutter(settings: ExposureSettings, time_s: float, open_s: float, rows: int) -> Shutter:
     """Centre the middle row of the left camera, exposed for `open_s`, on a frame's timestamp."""
@@ -59,7 +54,7 @@ def expose(
         Left and right images, and the number of sub-frames. A single sub-frame is returned as
         rendered, uint8; more as float32 linear light, 0 to 1.
     """
-    start_s, end_s = shutter.window_s
+    start_s, end_s = float(shutter.start_s.min()), float(shutter.end_s.max())
     slots = 1
     if end_s > start_s:
         motion_px = max_image_speed_px_s(world, trip, geometry, start_s, end_s) * (end_s - start_s)

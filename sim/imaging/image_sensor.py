@@ -62,11 +62,6 @@ class ImageSensor:
             u_px, v_px = (a + self.raw_margin_px for a in places)
             self._rectification = u_px.astype(np.float32), v_px.astype(np.float32)
 
-    @property
-    def is_noisy(self) -> bool:
-        """Whether images need random numbers."""
-        return self._sensor.full_well > 0 or self._read_noise > 0
-
     def expose(
         self, light: Array, brightness: float, gain: float, rng: np.random.Generator
     ) -> Image:
@@ -86,9 +81,9 @@ class ImageSensor:
             light = light * (factor if light.ndim == 2 else factor[..., None])
         elif amplified != 1:
             light = light * amplified
-        if not self.is_noisy:
-            return self._encoding(light)
-        return self._encoding.encode_noisy(light, *self._variances(gain), rng)
+        if self._sensor.full_well > 0 or self._read_noise > 0:
+            return self._encoding.encode_noisy(light, *self._variances(gain), rng)
+        return self._encoding(light)
 
     def encode(self, light: Array) -> Image:
         """Return grey levels, uint8, of linear light, for metering: no noise, lens or falloff."""

@@ -29,11 +29,6 @@ class ImuReadings:
     gyro_radps: Array
     accel_mps2: Array
 
-    @property
-    def intervals_s(self) -> Array:
-        """(N,) lengths in seconds."""
-        return self.intervals_ns * 1e-9
-
 
 def T_body_imu(settings: ImuSettings) -> Array:
     """(4, 4) pose of the inertial unit in the body frame."""
@@ -103,7 +98,7 @@ def with_noise(
         Trawny and Roumeliotis, Indirect Kalman filter for 3D attitude estimation, 2005, eqs. 93 and
         96: a discrete deviation of density / sqrt(dt), a step of the bias of walk * sqrt(dt).
     """
-    root_dt = np.sqrt(readings.intervals_s)[:, None]
+    root_dt = np.sqrt(readings.intervals_ns * 1e-9)[:, None]
     n = len(root_dt)
 
     def disturb(ideal: Array, density: float, walk: float) -> tuple[Array, Array]:
@@ -132,7 +127,7 @@ def integrate(
         Savage, Strapdown inertial navigation integration algorithm design, 1998, with the force
         turned by half the interval's turn and the trapezoidal rule for position.
     """
-    dt = readings.intervals_s[:, None]
+    dt = (readings.intervals_ns * 1e-9)[:, None]
     half_turn = Rotation.from_rotvec(readings.gyro_radps * dt / 2)
     half, whole = half_turn.as_matrix(), (half_turn * half_turn).as_matrix()
     R = np.empty((len(dt) + 1, 3, 3))

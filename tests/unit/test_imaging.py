@@ -89,7 +89,7 @@ def test_perfect_sensor_returns_the_image(shape: tuple[int, ...], side: int):
     np.testing.assert_array_equal(exposed(image, side, brightness=0.5, gain=2), image)
     camera, _ = sensor_of(side)
     assert camera.undistort(image) is image
-    assert not camera.is_noisy
+    assert camera.noise_sigma(1.0).max() < 1e-6
 
 
 def test_gains_multiply_light_and_clip():

@@ -69,11 +69,7 @@ def read_euroc_truth(folder: Path, T_body_cam: Array) -> Trajectory | None:
 
 
 def _read_wheels(table: Path) -> WheelLog | None:
-    """Read rows of 'timestamp [ns],left [ticks],right [ticks]'; None where there is no such file.
-
-    Raises:
-        DatasetError: If a row is malformed or time does not increase; names file and line.
-    """
+    """Read rows of 'timestamp [ns],left [ticks],right [ticks]'; None without such a file."""
     if not table.is_file():
         return None
     rows: list[tuple[int, int, int]] = []
