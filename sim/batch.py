@@ -158,11 +158,7 @@ def _perform_remotely(task: Task, folder: Path) -> Outcome:
 
 @contextmanager
 def _client(scheduler: str | None, workers: int | None) -> "Generator[Client]":
-    """Connect, or start one process per core, each with a single-threaded renderer.
-
-    Raises:
-        DatasetError: If no scheduler answers at the address.
-    """
+    """Connect, or start one process per core, each with a single-threaded renderer."""
     import dask.config as dask_config
     from distributed import Client, LocalCluster
 

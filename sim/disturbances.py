@@ -14,16 +14,13 @@ class Disturbance:
 
     Attributes:
         about: Description in a few words.
-        recipe: Key of each setting to its value at a strength; the larger value counts where two
-            disturbances set the same key.
+        recipe: Key of each setting to its value as a function of the strength, or to its value at
+            strength 1, to which it is proportional; the larger value counts where two disturbances
+            set the same key.
     """
 
     about: str
-    recipe: Mapping[str, Callable[[float], float]]
-
-
-def _linear(full: float) -> Callable[[float], float]:
-    return lambda strength: full * strength
+    recipe: Mapping[str, float | Callable[[float], float]]
 
 
 def _noisy_well(strength: float) -> float:
@@ -31,18 +28,18 @@ def _noisy_well(strength: float) -> float:
     return min(500.0 / strength**2, 200_000.0)
 
 
-_BLUR = {"exposure.time_ms": _linear(30.0)}
+_BLUR: dict[str, float] = {"exposure.time_ms": 30.0}
 """Exposure time of all disturbances that shake the camera, to make the shake visible."""
 
 DISTURBANCES: dict[str, Disturbance] = {
     "blur": Disturbance("long exposure time", _BLUR),
     "brick_bump": Disturbance(
         "loose bricks under the wheels",
-        {"terrain.brick_mm": _linear(14.0), "terrain.brick_gap_m": lambda s: 0.25, **_BLUR},
+        {"terrain.brick_mm": 14.0, "terrain.brick_gap_m": lambda s: 0.25, **_BLUR},
     ),
     "sill": Disturbance(
         "door sills and cables across the route",
-        {"terrain.sill_mm": _linear(10.0), "terrain.sill_gap_m": lambda s: 0.6, **_BLUR},
+        {"terrain.sill_mm": 10.0, "terrain.sill_gap_m": lambda s: 0.6, **_BLUR},
     ),
     "slip": Disturbance(
         "wet patches on which the wheels spin",
@@ -52,14 +49,10 @@ DISTURBANCES: dict[str, Disturbance] = {
             **_BLUR,
         },
     ),
-    "mast_flex": Disturbance(
-        "mast that bends and vibrates", {"rover.flex_deg": _linear(7.0), **_BLUR}
-    ),
-    "load": Disturbance(
-        "heavy load that sways on one side", {"rover.load_kg": _linear(5.0), **_BLUR}
-    ),
+    "mast_flex": Disturbance("mast that bends and vibrates", {"rover.flex_deg": 7.0, **_BLUR}),
+    "load": Disturbance("heavy load that sways on one side", {"rover.load_kg": 5.0, **_BLUR}),
     "collision": Disturbance(
-        "light cartons that the rover pushes along in view", {"terrain.boxes_per_m": _linear(1.6)}
+        "light cartons that the rover pushes along in view", {"terrain.boxes_per_m": 1.6}
     ),
     "noise": Disturbance(
         "shot and read noise of a small, cheap sensor",
@@ -68,27 +61,27 @@ DISTURBANCES: dict[str, Disturbance] = {
             "sensor.read_noise": lambda s: 0.03 * s * _noisy_well(s),
         },
     ),
-    "defocus": Disturbance("lens out of focus", {"sensor.softness_px": _linear(4.0)}),
-    "rolling_shutter": Disturbance("rolling shutter", {"exposure.line_time_us": _linear(60.0)}),
+    "defocus": Disturbance("lens out of focus", {"sensor.softness_px": 4.0}),
+    "rolling_shutter": Disturbance("rolling shutter", {"exposure.line_time_us": 60.0}),
     "stereo_offset": Disturbance(
-        "right camera exposed later than the left", {"exposure.right_offset_ms": _linear(8.0)}
+        "right camera exposed later than the left", {"exposure.right_offset_ms": 8.0}
     ),
     "stereo_mismatch": Disturbance(
         "right camera with another gain and more noise",
         {
             "sensor.right_gain": lambda s: 1 / (1 + 0.25 * s),
             "sensor.right_noise": lambda s: 1 + 7 * s,
-            "sensor.read_noise": _linear(60.0),
+            "sensor.read_noise": 60.0,
         },
     ),
     "drop": Disturbance("lost frames", {"sensor.drop_share": lambda s: min(0.6 * s, 0.9)}),
     "miscalibration": Disturbance(
         "aged calibration: baseline, focal length, angles",
         {
-            "calibration.baseline_percent": _linear(0.5),
-            "calibration.focal_percent": _linear(0.5),
-            "calibration.pitch_deg": _linear(0.05),
-            "calibration.yaw_deg": _linear(0.05),
+            "calibration.baseline_percent": 0.5,
+            "calibration.focal_percent": 0.5,
+            "calibration.pitch_deg": 0.05,
+            "calibration.yaw_deg": 0.05,
         },
     ),
 }
@@ -128,6 +121,7 @@ def disturbed(settings: RecordSettings, wanted: Mapping[str, float]) -> RecordSe
     values: dict[str, float] = {}
     for name, strength in wanted.items():
         if strength > 0:
-            for key, value in DISTURBANCES[name].recipe.items():
-                values[key] = max(value(strength), values.get(key, 0.0))
+            for key, rule in DISTURBANCES[name].recipe.items():
+                value = rule(strength) if callable(rule) else rule * strength
+                values[key] = max(value, values.get(key, 0.0))
     return amended(settings, values)

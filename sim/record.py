@@ -11,15 +11,14 @@ from typing import Any
 from scenes.scene import Scene
 from sim.camera.camera import Capture, FrameExposure, StereoCamera, StereoImages
 from sim.camera.render import StereoRenderer
-from sim.certificate.certificate import certify, exempt_parts
+from sim.certificate.certificate import certify, check_folder, exempt_parts
 from sim.certificate.photometric import FrameResidual, PhotometricCheck
-from sim.certificate.plausibility import check_folder
 from sim.dataset.image_codecs import encode_float, encode_png
 from sim.dataset.manifest import manifest
-from sim.dataset.sensor_yaml import CODES, LABELS
 from sim.dataset.tables import write_cameras, write_exposures, write_inertial, write_wheels
 from sim.imaging.lens import delivered_rig
 from sim.labels.annotate import Annotator
+from sim.labels.formats import CODES, LABELS
 from sim.preview.overhead_map import MAP_FILE, render_world_map
 from sim.progress import Progress
 from sim.settings import RecordSettings

@@ -23,6 +23,7 @@ COMMANDS = {
 
 ROOMS = {
     ("vo.contract", "sim.dataset"): "encoders>image_codecs",
+    ("vo.contract", "vo.contract"): "wheels>sequence",
     ("vo", "vo.bundle_adjustment"): (
         "refine>adjust fixed_lag bundle>problem sandwich>robust_covariance reduction>schur solver"
     ),
@@ -50,17 +51,17 @@ ROOMS = {
         "standing>stationary location>track_local_map"
     ),
     ("sim", "sim.camera"): (
-        "camera exposure target>framebuffer view>frustum_culling gl readout render sky"
+        "camera exposure target>framebuffer readout>framebuffer gl view>render render sky"
     ),
-    ("sim", "sim.certificate"): "certificate plausibility verify",
-    ("sim", "sim.dataset"): "manifest sensors>sensor_yaml tables",
+    ("sim", "sim.certificate"): "certificate warp>photometric plausibility>certificate verify",
+    ("sim", "sim.dataset"): "manifest sensors>tables tables",
     ("sim", "sim.imaging"): (
         "metering>auto_exposure imaging>image_sensor lens light>linear_light resample"
     ),
-    ("sim", "sim.labels"): "annotate labels visibility warp",
+    ("sim", "sim.labels"): "annotate labels visibility",
     ("sim", "sim.preview"): (
-        "chase>chase_camera colours film picture>image_file plates>label_plates map>overhead_map "
-        "overview preview chart>route_map sights>sample_views"
+        "chase>chase_camera colours film picture>preview plates>label_plates map>overhead_map "
+        "overview>preview preview chart>route_map sights>sample_views"
     ),
     ("sim", "sim.sensors"): "inertial encoders>wheel_encoders",
     ("sim", "sim.world"): "drive handheld path streams>random_streams rig rover terrain trip world",

@@ -1,7 +1,7 @@
 """The stereo camera: light on both image sensors, and ground truth at mid-exposure, by frame."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -11,7 +11,7 @@ from sim.camera.render import GeometryBuffers, StereoRenderer
 from sim.imaging.auto_exposure import AutoExposure, Exposure
 from sim.imaging.image_sensor import ImageSensor
 from sim.imaging.linear_light import decode
-from sim.settings import RecordSettings
+from sim.settings import CalibrationSettings, RecordSettings, SensorSettings
 from sim.world.random_streams import stream
 from sim.world.trip import Trip
 from sim.world.world import World
@@ -89,44 +89,42 @@ class StereoCamera:
         self._world, self._settings = world, settings
         cameras: tuple[Literal[0, 1], ...] = (0, 1)
         self.sensors = [ImageSensor(settings, k, world.rig, world.render_rig) for k in cameras]
-        self._perfect = (
-            settings.sensor == type(settings.sensor)()
-            and settings.calibration == type(settings.calibration)()
-        )
+        perfect = SensorSettings(), CalibrationSettings()
+        self._is_perfect = (settings.sensor, settings.calibration) == perfect
         self._margin_px = (world.render_rig.width_px - world.rig.width_px) // 2
 
     def captures(self, trip: Trip, renderer: StereoRenderer) -> Iterator[Capture]:
         """Render a trip's delivered frames; moves the world."""
         settings, world = self._settings, self._world
-        automatic = AutoExposure(
-            settings.sensor, settings.exposure.time_ms or REFERENCE_EXPOSURE_MS
-        )
-        fixed = Exposure(settings.exposure.time_ms, 1.0, 1.0)
+        exposure_ms = settings.exposure.time_ms
+        automatic = AutoExposure(settings.sensor, exposure_ms or REFERENCE_EXPOSURE_MS)
+        fixed = Exposure(exposure_ms, 1.0, 1.0)
         for index in np.flatnonzero(trip.delivered):
             control = automatic.next() if settings.sensor.auto_exposure else fixed
             time_ns = int(trip.timestamps_ns[index])
-            time_s = trip.timestamps_ns[index] * 1e-9
-            world.place(time_s, trip.states.at(world.model, trip.timestamps_ns[index]))
+            time_s = time_ns * 1e-9
+            world.place(time_s, trip.states.at(world.model, time_ns))
             geometry = renderer.render_geometry()
+            cropped = GeometryBuffers(*(_crop(x, self._margin_px) for x in vars(geometry).values()))
             truth = world.T_world_cam, world.T_world_bodies
-            shutter = open_shutter(
-                settings.exposure, time_s, control.time_ms * 1e-3, world.render_rig.height_px
-            )
+            rows, open_s = world.render_rig.height_px, control.time_ms * 1e-3
+            shutter = open_shutter(settings.exposure, time_s, open_s, rows)
             light, count = expose(world, trip, renderer, settings.exposure, shutter, geometry)
             brightness = control.brightness * mean_brightness(world, shutter)
             level = float(brightness.mean())
             exposure = FrameExposure(time_ns, control.time_ms, control.gain, count, level)
             if settings.sensor.auto_exposure:
                 automatic.update(self._mean_grey(light[0], exposure.level))
-            yield Capture(int(index), exposure, light, brightness, self._cropped(geometry), *truth)
+            yield Capture(int(index), exposure, light, brightness, cropped, *truth)
 
     def form_images(self, capture: Capture) -> StereoImages:
         """Convert light to grey levels; noise depends on seed, frame and camera only."""
-        if self._perfect and capture.light[0].dtype == np.uint8 and (capture.brightness == 1).all():
+        rendered = capture.light[0].dtype == np.uint8
+        if self._is_perfect and rendered and (capture.brightness == 1).all():
             return StereoImages(capture.light, None)
         raw: list[Image] = []
         for k, (sensor, light) in enumerate(zip(self.sensors, capture.light, strict=True)):
-            light = decode(light) if light.dtype == np.uint8 else light
+            light = decode(light) if rendered else light
             level = float(capture.brightness.mean())
             rows = capture.brightness / level if level > 0 else capture.brightness
             if (rows != 1).any():
@@ -136,23 +134,14 @@ class StereoCamera:
         left, right = (s.undistort(image) for s, image in zip(self.sensors, raw, strict=True))
         if left is raw[0]:
             return StereoImages((left, right), None)
-        raw_left, raw_right = (
-            _crop(image, s.raw_margin_px) for image, s in zip(raw, self.sensors, strict=True)
-        )
-        return StereoImages((left, right), (raw_left, raw_right))
+        margin_px = self.sensors[0].raw_margin_px
+        return StereoImages((left, right), (_crop(raw[0], margin_px), _crop(raw[1], margin_px)))
 
     def _mean_grey(self, light: Array, factor: float) -> float:
         """Predict the mean grey level of the image, from every 8th pixel."""
         few = light[::8, ::8]
         few = decode(np.ascontiguousarray(few)) if few.dtype == np.uint8 else few
         return float(self.sensors[0].encode(few * np.float32(factor)).mean())
-
-    def _cropped(self, geometry: GeometryBuffers) -> GeometryBuffers:
-        if self._margin_px == 0:
-            return geometry
-        return replace(
-            geometry, **{n: _crop(a, self._margin_px) for n, a in vars(geometry).items()}
-        )
 
 
 def _crop(image: Array, margin_px: int) -> Array:

@@ -31,16 +31,6 @@ class Shutter:
     start_s: Array
     end_s: Array
 
-    @property
-    def window_s(self) -> tuple[float, float]:
-        """Start and end of the exposure of all rows of both cameras."""
-        return float(self.start_s.min()), float(self.end_s.max())
-
-    @property
-    def is_uniform(self) -> bool:
-        """Whether all rows of both cameras are exposed at the same time."""
-        return bool(np.ptp(self.start_s) == 0)
-
 
 def open_shutter(settings: ExposureSettings, time_s: float, open_s: float, rows: int) -> Shutter:
     """Centre the middle row of the left camera, exposed for `open_s`, on a frame's timestamp."""
@@ -64,37 +54,25 @@ def expose(
         Left and right images, and the number of sub-frames. A single sub-frame is returned as
         rendered, uint8; more as float32 linear light, 0 to 1.
     """
-    start_s, end_s = shutter.window_s
-    slots = count_subframes(world, trip, settings, shutter, geometry)
+    start_s, end_s = float(shutter.start_s.min()), float(shutter.end_s.max())
+    slots = 1
+    if end_s > start_s:
+        motion_px = max_image_speed_px_s(world, trip, geometry, start_s, end_s) * (end_s - start_s)
+        wanted = math.ceil(motion_px / settings.step_px - 1e-6)
+        slots = int(np.clip(wanted, 1, settings.subframes_max))
     sky = bool(np.isnan(geometry.depth_left_m).any() or np.isnan(geometry.depth_right_m).any())
     edges = np.linspace(start_s, end_s, slots + 1)
     if slots == 1:
         _place(world, trip, (start_s + end_s) / 2)
         return renderer.render_images(sky), 1
     weights = slot_weights(shutter, edges)
-    total: list[Array] = []
+    total = [np.zeros((), np.float32)] * 2
     for slot, time_s in enumerate((edges[1:] + edges[:-1]) / 2):
         _place(world, trip, float(time_s))
-        lights = [decode(image) for image in renderer.render_images()]
-        shape = (-1,) + (1,) * (lights[0].ndim - 1)
-        lights = [x * weights[k, :, slot].reshape(shape) for k, x in enumerate(lights)]
-        total = [t + light for t, light in zip(total, lights, strict=True)] if total else lights
+        for camera, image in enumerate(renderer.render_images()):
+            by_row = weights[camera, :, slot].reshape(-1, *(1,) * (image.ndim - 1))
+            total[camera] = total[camera] + decode(image) * by_row
     return (total[0], total[1]), slots
-
-
-def count_subframes(
-    world: World,
-    trip: Trip,
-    settings: ExposureSettings,
-    shutter: Shutter,
-    geometry: GeometryBuffers,
-) -> int:
-    """Return how many sub-frames keep the motion of each probed pixel within `step_px`."""
-    start_s, end_s = shutter.window_s
-    if end_s <= start_s:
-        return 1
-    motion_px = max_image_speed_px_s(world, trip, geometry, start_s, end_s) * (end_s - start_s)
-    return int(np.clip(math.ceil(motion_px / settings.step_px - 1e-6), 1, settings.subframes_max))
 
 
 def max_image_speed_px_s(
@@ -135,7 +113,7 @@ def mean_brightness(world: World, shutter: Shutter, samples: int = 33) -> Array:
     """Return the mean illuminance of each row of the left camera, (H,); flicker gives bands."""
     share = np.linspace(0, 1, samples)
     start_s, end_s = shutter.start_s[0], shutter.end_s[0]
-    if shutter.is_uniform:
+    if np.ptp(shutter.start_s) == 0:
         times_s = start_s[0] + share * (end_s[0] - start_s[0])
         return np.full(len(start_s), world.scene.brightness(times_s).mean())
     times_s = start_s[:, None] + share * (end_s - start_s)[:, None]

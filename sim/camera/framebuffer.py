@@ -1,4 +1,4 @@
-"""Off-screen framebuffers: without samples for labels, depth without stencil for images.
+"""Off-screen framebuffers, and depths and geom ids from what a label pass leaves there.
 
 MuJoCo's buffer has a stencil, for mirrors, which no scene has; without it, a software renderer
 draws a multisampled frame in 14 % less time, bit for bit the same. One context with two
@@ -8,9 +8,11 @@ framebuffers holds textures and meshes once.
 from typing import Self
 
 import mujoco
+import numpy as np
 
 from sim.camera.gl import GraphicsError
-from vo.contract.arrays import Array, Image
+from vo.contract.arrays import Array, Image, Indices
+from vo.contract.compilation import compiled
 
 
 class Framebuffer:
@@ -40,8 +42,7 @@ class Framebuffer:
             GL.glBindRenderbuffer(GL.GL_RENDERBUFFER, buffer)
             GL.glRenderbufferStorageMultisample(GL.GL_RENDERBUFFER, samples, storage, *size)
             GL.glFramebufferRenderbuffer(GL.GL_FRAMEBUFFER, attachment, GL.GL_RENDERBUFFER, buffer)
-        complete = GL.glCheckFramebufferStatus(GL.GL_FRAMEBUFFER) == GL.GL_FRAMEBUFFER_COMPLETE
-        if not complete:
+        if GL.glCheckFramebufferStatus(GL.GL_FRAMEBUFFER) != GL.GL_FRAMEBUFFER_COMPLETE:
             raise GraphicsError(f"OpenGL has no frame buffer of {size[0]}x{size[1]} px")
 
     def __enter__(self) -> Self:
@@ -79,3 +80,38 @@ class Framebuffer:
         """Release the memory; the context must be current."""
         self._gl.glDeleteFramebuffers(1, [self._frame])
         self._gl.glDeleteRenderbuffers(2, self._buffers)
+
+
+@compiled(nogil=True)
+def decode_buffers(
+    zbuffer: Array, codes: Image, ids: Array, near_m: np.float32, far_m: np.float32
+) -> tuple[Array, Indices]:
+    """Split the buffers of both cameras and convert them to metres and ids, in one pass.
+
+    The projection maps depth Z to s = a / Z - c with c = n / (f - n) and a = f n / (f - n), in
+    OpenGL's single precision; cleared pixels (s = 0) have no depth.
+
+    Args:
+        zbuffer: (H, 2W) float32 s, 1 near, 0 far, bottom row first.
+        codes: (H, 2W, 4) uint8 number of the geom, lowest byte first; alpha is ignored.
+        ids: (N,) int32 id of each number.
+        near_m: Near plane n.
+        far_m: Far plane f.
+
+    Returns:
+        (2, H, W) float32 depth and int32 ids of left and right, top row first.
+    """
+    height, width = zbuffer.shape[0], zbuffer.shape[1] // 2
+    depth = np.empty((2, height, width), np.float32)
+    geoms = np.empty((2, height, width), np.int32)
+    c, a = near_m / (far_m - near_m), far_m * near_m / (far_m - near_m)
+    for y in range(height):
+        v = height - 1 - y
+        for camera in range(2):
+            for u in range(width):
+                x = camera * width + u
+                s = zbuffer[y, x]
+                depth[camera, v, u] = a / (s + c) if s > 0 else np.nan
+                r, g, b = np.int32(codes[y, x, 0]), np.int32(codes[y, x, 1]), codes[y, x, 2]
+                geoms[camera, v, u] = ids[r | g << 8 | np.int32(b) << 16]
+    return depth, geoms

@@ -8,15 +8,14 @@ import mujoco
 import numpy as np
 
 from scenes.scene import COLLISION_GROUP, IMAGE_GROUP, LABEL_GROUP
-from sim.camera.framebuffer import Framebuffer
-from sim.camera.frustum_culling import in_frustum
+from sim.camera.framebuffer import Framebuffer, decode_buffers
 from sim.camera.gl import GraphicsError, open_context
-from sim.camera.readout import decode_buffers
 from sim.camera.sky import SkyBands, allows_sky_last, uncovered_bands
 from sim.settings import RenderSettings
 from sim.world.rig import CAMERA
 from sim.world.world import World
-from vo.contract.arrays import Array, Image, Indices
+from vo.contract.arrays import Array, Image, Indices, Mask
+from vo.contract.rig import StereoRig
 
 SPARE_GEOMS = 100
 """Number of geoms that MuJoCo may add to a scene, such as the reflections of a mirror."""
@@ -130,24 +129,21 @@ class StereoRenderer:
     def render_geometry(self) -> GeometryBuffers:
         """Render depth and geom ids of both cameras at the world's present state."""
         self._update_stereo(self._label_option)
-        flags = (mujoco.mjtRndFlag.mjRND_SEGMENT, mujoco.mjtRndFlag.mjRND_IDCOLOR)
-        for flag in flags:
-            self._scene.flags[flag] = True
-        try:
-            with self._label_framebuffer as framebuffer:
-                self._draw(self._rect)
-                framebuffer.read_colour(self._rgba)
-                framebuffer.read_depth(self._zbuffer)
-        finally:
-            for flag in flags:
-                self._scene.flags[flag] = False
+        flags = [int(mujoco.mjtRndFlag.mjRND_SEGMENT), int(mujoco.mjtRndFlag.mjRND_IDCOLOR)]
+        self._scene.flags[flags] = True
+        with self._label_framebuffer as framebuffer:
+            self._draw(self._rect)
+            framebuffer.read_colour(self._rgba)
+            framebuffer.read_depth(self._zbuffer)
+        self._scene.flags[flags] = False
         ids = np.full(self._scene.ngeom + 1, NO_GEOM, dtype=np.int32)
         for geom in self._scene.geoms[: self._scene.ngeom]:
             if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
                 ids[geom.segid + 1] = geom.objid
         visual, extent = self._world.model.vis, self._world.model.stat.extent
         near, far = np.float32(visual.map.znear * extent), np.float32(visual.map.zfar * extent)
-        return GeometryBuffers(*decode_buffers(self._zbuffer, self._rgba, ids, near, far))
+        depths, geoms = decode_buffers(self._zbuffer, self._rgba, ids, near, far)
+        return GeometryBuffers(*depths, *geoms)
 
     def render_view(
         self,
@@ -183,7 +179,7 @@ class StereoRenderer:
         camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
         camera.fixedcamid = model.camera(CAMERA).id
         groups = model.geom_group.copy()
-        model.geom_group[~in_frustum(model, data, self._world.render_rig)] = COLLISION_GROUP
+        model.geom_group[~_in_frustum(model, data, self._world.render_rig)] = COLLISION_GROUP
         try:
             self._update(camera, option, mujoco.mjtStereo.mjSTEREO_SIDEBYSIDE)
         finally:
@@ -192,11 +188,8 @@ class StereoRenderer:
     def _update(
         self, camera: mujoco.MjvCamera, option: mujoco.MjvOption, stereo: mujoco.mjtStereo
     ) -> None:
-        everything = mujoco.mjtCatBit.mjCAT_ALL
-        world = self._world
-        mujoco.mjv_updateScene(
-            world.model, world.data, option, None, camera, everything, self._scene
-        )
+        model, data, everything = self._world.model, self._world.data, mujoco.mjtCatBit.mjCAT_ALL
+        mujoco.mjv_updateScene(model, data, option, None, camera, everything, self._scene)
         self._scene.stereo = stereo
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = self._settings.shadow_size_px > 0
 
@@ -216,3 +209,18 @@ def _showing(*groups: int) -> mujoco.MjvOption:
     option.geomgroup[:] = 0
     option.geomgroup[list(groups)] = 1
     return option
+
+
+def _in_frustum(model: mujoco.MjModel, data: mujoco.MjData, rig: StereoRig) -> Mask:
+    """Return which geoms (ngeom,) may appear in either centred image, by their bounding spheres."""
+    camera = model.camera(CAMERA).id
+    R_world_gl = data.cam_xmat[camera].reshape(3, 3)
+    tan_u, tan_v = rig.width_px / 2 / rig.f_px, rig.height_px / 2 / rig.f_px
+    inward = np.array(  # normals of the sides, in MuJoCo's camera axes: it faces along -z
+        [(1, 0, -tan_u), (-1, 0, -tan_u), (0, 1, -tan_v), (0, -1, -tan_v), (0, 0, -1)]
+    )
+    inward /= np.linalg.norm(inward, axis=1, keepdims=True)
+    distance = (data.geom_xpos - data.cam_xpos[camera]) @ (R_world_gl @ inward.T)
+    radius = model.geom_rbound + rig.baseline_m / 2
+    unbounded = model.geom_rbound == 0  # planes
+    return unbounded | (distance > -radius[:, None]).all(axis=1)

@@ -8,14 +8,15 @@ turn) are corrected first.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from sim.camera.camera import FrameExposure
 from sim.imaging.image_sensor import ImageSensor
 from sim.imaging.lens import miscalibration_rotation
+from sim.imaging.resample import sample, sample_variance
 from sim.labels.labels import visible_in_right
 from sim.labels.visibility import VISIBLE
-from sim.labels.warp import NoisyImage, expected_residual, residual
 from sim.settings import RecordSettings
 from vo.contract.arrays import Array, Image, Indices, Mask
 from vo.contract.rig import StereoRig
@@ -27,14 +28,26 @@ NOISE_FACTOR = 1.2
 """A frame passes if its median residual is at most FINE_GREY (the rounding of two images), at
 most NOISE_FACTOR times that of the injected noise, or less than SHARE of that of a label wrong by
 SHIFT_PX to either side: residuals depend on texture, so that no constant fits every scene."""
+ROW_STEP = 16
+METHOD = {
+    "about": "absolute grey-level differences, warped bicubically, of every "
+    f"{ROW_STEP}th row's pixels that both images show: left against right by the disparity, "
+    "and present against next left image by the flow",
+    "rule": f"a frame passes if its median is at most {FINE_GREY:g}, or {NOISE_FACTOR:g} times "
+    f"what the injected noise explains, or {SHARE:g} times what a label wrong by "
+    f"{SHIFT_PX:g} px leaves",
+}
 
 MIN_LEVEL = 1e-6
 """Smallest exposure level, as a multiple of the rendered brightness."""
-ROW_STEP = 16
 BINS_PER_GREY = 50
 """Resolution of the histograms: residuals are exact to 1/50 grey level."""
 MEDIAN_OF_NORMAL = 0.67449
 """Median of the absolute value of a standard normal variable."""
+ROUNDING_VARIANCE = 1 / 12
+"""Variance of a level rounded to an integer."""
+GREY_WEIGHTS = np.array([0.299, 0.587, 0.114], np.float32)
+"""Weights of red, green and blue (ITU-R BT.601), as in OpenCV."""
 
 
 @dataclass(frozen=True)
@@ -93,10 +106,8 @@ class PhotometricCheck:
         disparity_px = disparity_px[::ROW_STEP]
         v, u = _rows(left)
         visible = visible_in_right(disparity_px)
-        first, second = (
-            _corrected(sensor, image, exposure.gain, 1.0)
-            for sensor, image in zip(self._sensors, (left, right), strict=True)
-        )
+        first = self._corrected(0, left, exposure.gain)
+        second = self._corrected(1, right, exposure.gain)
 
         def positions(shift_px: float) -> tuple[Array, Array]:
             return self._in_true_right(u - disparity_px - np.float32(shift_px), v)
@@ -117,15 +128,19 @@ class PhotometricCheck:
         du, dv = flow[::ROW_STEP, :, 0], flow[::ROW_STEP, :, 1]
         visible = (covisibility[::ROW_STEP] == VISIBLE) & np.isfinite(du)
         brighter = max(exposures[1].level, MIN_LEVEL) / max(exposures[0].level, MIN_LEVEL)
-        first, second = (
-            _corrected(self._sensors[0], image, exposure.gain, level)
-            for image, exposure, level in zip(
-                (now, following), exposures, (1.0, brighter), strict=True
-            )
-        )
+        first = self._corrected(0, now, exposures[0].gain)
+        second = self._corrected(0, following, exposures[1].gain, brighter)
         half = SHIFT_PX / np.sqrt(2).astype(np.float32)
         shifted = [(u + du + s, v + dv + s) for s in (-half, half)]
         return _compare(first, second, (u + du, v + dv), shifted, visible)
+
+    def _corrected(
+        self, camera: int, image: Image, gain: float, level: float = 1.0
+    ) -> tuple[Array, "NoisyImage"]:
+        """Return (H, W[, 3]) corrected grey levels, and the delivered image with its noise."""
+        sensor = self._sensors[camera]
+        noise = sensor.noise_sigma(gain), sensor.correction_gain(image, level)
+        return sensor.corrected(image, level), NoisyImage(image, *noise)
 
     def _in_true_right(self, u: Array, v: Array) -> tuple[Array, Array]:
         """Map nominal right pixels to the true right camera, which may be turned."""
@@ -141,24 +156,74 @@ def quantile(histogram: Indices, q: float) -> float:
     return float(np.searchsorted(cumulative, q * cumulative[-1]) / BINS_PER_GREY)
 
 
+@dataclass(frozen=True)
+class NoisyImage:
+    """An image with the noise model of its grey levels.
+
+    Attributes:
+        image: (H, W) or (H, W, 3) RGB uint8, as delivered.
+        sigma: (256,) standard deviation of the noise at each grey level.
+        gain: Factor by which each pixel's noise and rounding were multiplied afterwards, in the
+            image's shape.
+    """
+
+    image: Image
+    sigma: Array
+    gain: Array | float = 1.0
+
+    @property
+    def grey_variance(self) -> Array:
+        """(H, W) float32 variance of the grey of each pixel, rounding included."""
+        table = (np.asarray(self.sigma, np.float64) ** 2 + ROUNDING_VARIANCE).astype(np.float32)
+        variance = cv2.LUT(self.image, table) * np.square(self.gain, dtype=np.float32)
+        return variance if self.image.ndim == 2 else variance @ GREY_WEIGHTS**2
+
+
+def residual(image: Image, other: Image, u_px: Array, v_px: Array, visible: Mask) -> Array:
+    """Return image minus the other image warped to it, bicubic, in grey levels.
+
+    Args:
+        image: (H, W) or (H, W, 3) RGB.
+        other: The right image for a disparity, the next for a flow.
+        u_px: (H, W) positions in `other` of the pixels of `image`: u - disparity, or u + du.
+        v_px: Like `u_px`.
+        visible: (H, W) pixels to compare.
+
+    Returns:
+        (N,) float32 signed residuals of the visible pixels, row by row.
+    """
+    warped = sample(_grey(other), *_positions(u_px, v_px, visible))[0]
+    return _grey(image)[visible] - warped
+
+
+def expected_residual(
+    image: NoisyImage, other: NoisyImage, u_px: Array, v_px: Array, visible: Mask
+) -> Array:
+    """Return the standard deviation (N,) float32 of each `residual` from noise and rounding."""
+    own = image.grey_variance[visible]
+    return np.sqrt(own + sample_variance(other.grey_variance, *_positions(u_px, v_px, visible))[0])
+
+
+def _positions(u_px: Array, v_px: Array, visible: Mask) -> tuple[Array, Array]:
+    """(1, N) float32 each."""
+    return u_px[visible][None].astype(np.float32), v_px[visible][None].astype(np.float32)
+
+
+def _grey(image: Image) -> Array:
+    """(H, W) float32."""
+    levels: Array = image.astype(np.float32)
+    return levels if levels.ndim == 2 else np.asarray(cv2.cvtColor(levels, cv2.COLOR_RGB2GRAY))
+
+
 def _rows(image: Image) -> tuple[Array, Array]:
     """(v, u) float32 of every ROW_STEP-th row."""
     v, u = np.mgrid[: image.shape[0] : ROW_STEP, : image.shape[1]].astype(np.float32)
     return v, u
 
 
-_Corrected = tuple[Array, NoisyImage]
-"""(H, W[, 3]) corrected grey levels, and the delivered image with its noise."""
-
-
-def _corrected(sensor: ImageSensor, image: Image, gain: float, level: float) -> _Corrected:
-    noise = sensor.noise_sigma(gain), sensor.correction_gain(image, level)
-    return sensor.corrected(image, level), NoisyImage(image, *noise)
-
-
 def _compare(
-    first: _Corrected,
-    second: _Corrected,
+    first: tuple[Array, NoisyImage],
+    second: tuple[Array, NoisyImage],
     positions: tuple[Array, Array],
     shifted: Sequence[tuple[Array, Array]],
     visible: Mask,

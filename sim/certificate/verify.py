@@ -1,19 +1,18 @@
 """Verification: hashes and certificate of a dataset folder, recomputed from its files."""
 
 import hashlib
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import chain, pairwise
 from pathlib import Path
 from typing import Any
 
 from sim.camera.camera import FrameExposure
-from sim.certificate.certificate import certify, exempt_parts
+from sim.certificate.certificate import certify, check_folder, exempt_parts
 from sim.certificate.photometric import FrameResidual, PhotometricCheck
-from sim.certificate.plausibility import check_folder
-from sim.dataset.sensor_yaml import EXPOSURES, LABELS, label_file
+from sim.dataset.tables import EXPOSURES
 from sim.imaging.image_sensor import ImageSensor
 from sim.imaging.lens import margin_px
+from sim.labels.formats import LABELS, label_file
 from sim.labels.labels import disparity_from_depth
 from sim.progress import Progress
 from sim.settings import RecordSettings, recorded_settings
@@ -116,10 +115,9 @@ def _measure(
     folder: Path, settings: RecordSettings, progress: Progress | None
 ) -> list[FrameResidual]:
     """Compute the residuals of every frame; none without a disparity or depth label."""
-    rig = stereo_rig(settings.rig)
-    load = _disparity_loader(folder, rig)
-    if load is None:
+    if not any((folder / "mav0" / LABELS[x].folder).is_dir() for x in ("disparity", "depth")):
         return []
+    rig = stereo_rig(settings.rig)
     render_rig = widened(rig, margin_px(settings, rig))
     sensors = [ImageSensor(settings, camera, rig, render_rig) for camera in (0, 1)]
     check = PhotometricCheck(settings, rig, sensors)
@@ -130,7 +128,8 @@ def _measure(
     for frame, following in pairwise(chain(sequence, [None])):
         assert frame is not None
         time_ns = frame.timestamp_ns
-        stereo = check.stereo(frame.left, frame.right, load(time_ns), exposures[time_ns])
+        disparity = _read_disparity(folder, rig, time_ns)
+        stereo = check.stereo(frame.left, frame.right, disparity, exposures[time_ns])
         flow = None
         if has_flow and following:
             label = read_float(label_file(folder, "flow", time_ns), 3)
@@ -146,24 +145,19 @@ def _measure(
 def _read_exposures(folder: Path) -> dict[int, FrameExposure]:
     """Return how each frame was exposed, by timestamp."""
     times, rows = read_columns(folder / EXPOSURES)
-    rows = rows.tolist()
-    exposures: dict[int, FrameExposure] = {}
-    for time_ns, (exposure_ms, gain, count, level) in zip(times.tolist(), rows, strict=True):
-        exposures[time_ns] = FrameExposure(time_ns, exposure_ms, gain, int(count), level)
-    return exposures
+    columns = times.tolist(), *rows.T.tolist()
+    return {
+        time_ns: FrameExposure(time_ns, exposure_ms, gain, int(subframes), brightness)
+        for time_ns, exposure_ms, gain, subframes, brightness in zip(*columns, strict=True)
+    }
 
 
-def _disparity_loader(folder: Path, rig: StereoRig) -> Callable[[int], Array] | None:
-    """Map a time to the (H, W) disparity label, or to that of the depth; None without labels."""
-
-    def read(label: str, time_ns: int) -> Array:
-        return read_float(label_file(folder, label, time_ns))
-
-    if (folder / "mav0" / LABELS["disparity"].folder).is_dir():
-        return lambda time_ns: read("disparity", time_ns)
-    if (folder / "mav0" / LABELS["depth"].folder).is_dir():
-        return lambda time_ns: disparity_from_depth(rig, read("depth", time_ns))
-    return None
+def _read_disparity(folder: Path, rig: StereoRig, time_ns: int) -> Array:
+    """Read the (H, W) disparity label at a time, or compute it from the depth label."""
+    label = label_file(folder, "disparity", time_ns)
+    if label.is_file():
+        return read_float(label)
+    return disparity_from_depth(rig, read_float(label_file(folder, "depth", time_ns)))
 
 
 def _table(folder: Path, manifest: dict[str, Any], key: str) -> dict[str, Any]:

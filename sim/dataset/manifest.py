@@ -44,15 +44,8 @@ def manifest(
 ) -> dict[str, Any]:
     """Return the JSON-ready content, without a time of creation, so that bytes can repeat.
 
-    Args:
-        world: Recorded world.
-        settings: Resolved settings.
-        delivered: Calibration in the sensor.yaml files.
-        trip: Motion of the carrier.
-        things: Objects by their number in the segmentation, from 1 on.
-        map_entry: File and scale of the overhead map.
-        gl: Vendor, renderer and version.
-        certificate: From `certify`.
+    `delivered` is the calibration in the sensor.yaml files; `things` are the objects by their
+    number in the segmentation, from 1 on; `certificate` comes from `certify`.
     """
     scene, R = world.scene, miscalibration_rotation(settings.calibration)
     return {

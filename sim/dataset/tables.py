@@ -1,37 +1,27 @@
-"""The sensor.yaml files and tables of a dataset."""
+"""Sensors of a dataset: the sensor.yaml and the table of each, in EuRoC's keys."""
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
 from sim.camera.camera import FrameExposure
-from sim.dataset.sensor_yaml import (
-    EXPOSURES,
-    LABELS,
-    T_body_imu,
-    camera_sheet,
-    contact_sheet,
-    imu_sheet,
-    label_sheet,
-    truth_sheet,
-    wheels_sheet,
-)
 from sim.imaging.lens import has_distortion
 from sim.labels.annotate import FORWARD
-from sim.sensors.inertial import GRAVITY_MPS2, ideal_readings, imu_states, with_noise
+from sim.labels.formats import LABELS
+from sim.sensors.inertial import GRAVITY_MPS2, T_body_imu, ideal_readings, imu_states, with_noise
 from sim.settings import RecordSettings
 from sim.world.random_streams import stream
+from sim.world.rover import TRACK_M, WHEEL_RADIUS_M
 from sim.world.trip import Trip
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices
 from vo.contract.dataset import TRUTH, DatasetWriter
 from vo.contract.rig import StereoRig
 
+EXPOSURES = "mav0/cam0/exposure.csv"
+"""Table with the exposure of each frame."""
 STAMP = "timestamp [ns]"
-IMAGE_COLUMNS = (STAMP, "filename")
-EXPOSURE_COLUMNS = (STAMP, "exposure [ms]", "gain []", "sub-frames []", "brightness []")
-WHEEL_COLUMNS = (STAMP, "left [ticks]", "right [ticks]")
-CONTACT_COLUMNS = (STAMP, "left [N]", "right [N]", "caster [N]")
 IMU_COLUMNS = (
     STAMP,
     *(f"w_RS_S_{axis} [rad s^-1]" for axis in "xyz"),
@@ -51,36 +41,63 @@ def write_cameras(
     writer: DatasetWriter, delivered: StereoRig, settings: RecordSettings, trip: Trip
 ) -> None:
     """Write descriptions and file lists of the images and labels."""
-    rate_hz = settings.rig.rate_hz
-    times = trip.timestamps_ns[trip.delivered].tolist()
-    sheets = {}
-    for k in (0, 1):
-        sheets[f"cam{k}"] = camera_sheet(delivered, rate_hz, k), times, ".png"
-        if has_distortion(settings.sensor):
-            sheets[f"raw{k}"] = camera_sheet(delivered, rate_hz, k, settings.sensor), times, ".png"
-    for name, wanted in settings.labels:
-        if wanted:
-            form, listed = LABELS[name], times[:-1] if name in FORWARD else times
-            sheets[form.folder] = label_sheet(delivered, rate_hz, form), listed, form.suffix
+    times, lens = trip.timestamps_ns[trip.delivered].tolist(), settings.sensor
+    sheets: dict[str, tuple[dict[str, Any], list[int], str]] = {}
+    for camera, side in enumerate(("left", "right")):
+        optics = {
+            **_pixels(delivered, settings, camera),
+            "camera_model": "pinhole",
+            "intrinsics": [delivered.f_px, delivered.f_px, delivered.cx_px, delivered.cy_px],
+            "distortion_model": "radial-tangential",
+        }
+        comment = f"{side} eye of a rectified pair, pixel centres on integers"
+        sheet = _sheet("camera", comment, **optics, distortion_coefficients=[0.0] * 4)
+        sheets[f"cam{camera}"] = sheet, times, ".png"
+        if has_distortion(lens):
+            comment = f"{side} eye as it leaves the sensor, distorted"
+            optics["distortion_coefficients"] = [lens.k1, lens.k2, lens.p1, lens.p2]
+            sheets[f"raw{camera}"] = _sheet("camera", comment, **optics), times, ".png"
+    for name, form in LABELS.items():
+        if getattr(settings.labels, name):
+            sheet = _sheet(
+                form.folder[:-1],
+                form.about,
+                **_pixels(delivered, settings, int(form.folder[-1])),
+                unit=form.unit,
+                encoding=form.encoding,
+                invalid_value=form.invalid,
+            )
+            sheets[form.folder] = sheet, times[:-1] if name in FORWARD else times, form.suffix
     for folder, (sheet, listed, suffix) in sheets.items():
         writer.add_yaml(f"mav0/{folder}/sensor.yaml", sheet)
         rows = ((t, f"{t}{suffix}") for t in listed)
-        writer.add_csv(f"mav0/{folder}/data.csv", IMAGE_COLUMNS, rows)
+        writer.add_csv(f"mav0/{folder}/data.csv", (STAMP, "filename"), rows)
 
 
 def write_exposures(writer: DatasetWriter, exposures: Sequence[FrameExposure]) -> None:
     """Write how each frame was exposed."""
     rows = ((x.timestamp_ns, x.exposure_ms, x.gain, x.subframes, x.brightness) for x in exposures)
-    writer.add_csv(EXPOSURES, EXPOSURE_COLUMNS, rows)
+    columns = STAMP, "exposure [ms]", "gain []", "sub-frames []", "brightness []"
+    writer.add_csv(EXPOSURES, columns, rows)
 
 
 def write_inertial(writer: DatasetWriter, settings: RecordSettings, trip: Trip) -> None:
     """Write the inertial readings, and the true states of unit and body with the biases."""
-    motions, T_body_unit = trip.motions, T_body_imu(settings.imu)
+    imu, motions, T_body_unit = settings.imu, trip.motions, T_body_imu(settings.imu)
     states = motions.T_world_body, motions.v_world_body, motions.w_world_body, T_body_unit
     ideal = ideal_readings(motions.times_ns, *states, GRAVITY_MPS2)
-    readings, biases = with_noise(ideal, settings.imu, stream(settings.seed, "imu"))
-    writer.add_yaml("mav0/imu0/sensor.yaml", imu_sheet(settings.imu))
+    readings, biases = with_noise(ideal, imu, stream(settings.seed, "imu"))
+    sheet = _sheet(
+        "imu",
+        "angular rate and specific force, each the mean since the reading before",
+        T_BS=_matrix(T_body_unit),
+        rate_hz=imu.rate_hz,
+        gyroscope_noise_density=imu.noise * imu.gyroscope_noise_density,
+        gyroscope_random_walk=imu.noise * imu.gyroscope_random_walk,
+        accelerometer_noise_density=imu.noise * imu.accelerometer_noise_density,
+        accelerometer_random_walk=imu.noise * imu.accelerometer_random_walk,
+    )
+    writer.add_yaml("mav0/imu0/sensor.yaml", sheet)
     values = np.hstack([readings.gyro_radps, readings.accel_mps2])
     writer.add_csv("mav0/imu0/data.csv", IMU_COLUMNS, _stamped(readings.times_ns, values))
     tables = (
@@ -92,19 +109,56 @@ def write_inertial(writer: DatasetWriter, settings: RecordSettings, trip: Trip) 
         parts = T_world_frame[:, :3, 3], se3.to_quat_wxyz(T_world_frame), v_world_frame
         rows = np.hstack([*parts, np.stack(at_times, axis=1)])
         writer.add_csv(name, TRUTH_COLUMNS, _stamped(times_ns, rows))
-    writer.add_yaml(f"{TRUTH}/sensor.yaml", truth_sheet(settings))
+    sheet = _sheet(
+        "truth",
+        "T_world_body at mid-exposure; body: origin midway between the driven wheels, "
+        "x forward, y left, z up, rigid with cameras and inertial unit; biases are the "
+        "inertial unit's",
+        T_BS=_matrix(np.eye(4)),
+        rate_hz=settings.rig.rate_hz,
+    )
+    writer.add_yaml(f"{TRUTH}/sensor.yaml", sheet)
 
 
 def write_wheels(writer: DatasetWriter, settings: RecordSettings, trip: Trip) -> None:
     """Write encoder readings and wheel loads, if the carrier has wheels."""
-    if len(trip.wheel_counts):
-        writer.add_yaml("mav0/wheels0/sensor.yaml", wheels_sheet(settings.encoders))
-        counts = zip(trip.wheel_times_ns.tolist(), *trip.wheel_counts.T.tolist(), strict=True)
-        writer.add_csv("mav0/wheels0/data.csv", WHEEL_COLUMNS, counts)
-        motions = trip.motions
-        writer.add_yaml("mav0/contact0/sensor.yaml", contact_sheet(settings.imu.rate_hz))
-        loads = _stamped(motions.times_ns, motions.wheel_forces_n)
-        writer.add_csv("mav0/contact0/data.csv", CONTACT_COLUMNS, loads)
+    if not len(trip.wheel_counts):
+        return
+    sheet = _sheet(
+        "wheel_encoders",
+        "ticks since the start, forward positive; stamps are exact, their spacing is "
+        "the sampling period to one physics step",
+        rate_hz=settings.encoders.rate_hz,
+        ticks_per_turn=settings.encoders.ticks_per_turn,
+        wheel_radius_m=WHEEL_RADIUS_M,
+        track_m=TRACK_M,
+    )
+    writer.add_yaml("mav0/wheels0/sensor.yaml", sheet)
+    counts = zip(trip.wheel_times_ns.tolist(), *trip.wheel_counts.T.tolist(), strict=True)
+    writer.add_csv("mav0/wheels0/data.csv", (STAMP, "left [ticks]", "right [ticks]"), counts)
+    comment = "normal force between ground and wheel at an instant"
+    sheet = _sheet("wheel_loads", comment, rate_hz=settings.imu.rate_hz, unit="N")
+    writer.add_yaml("mav0/contact0/sensor.yaml", sheet)
+    loads = _stamped(trip.motions.times_ns, trip.motions.wheel_forces_n)
+    columns = STAMP, "left [N]", "right [N]", "caster [N]"
+    writer.add_csv("mav0/contact0/data.csv", columns, loads)
+
+
+def _sheet(sensor_type: str, comment: str, **content: Any) -> dict[str, Any]:
+    return {"sensor_type": sensor_type, "comment": comment, **content}
+
+
+def _pixels(rig: StereoRig, settings: RecordSettings, camera: int) -> dict[str, Any]:
+    T_left_camera = se3.pose(np.eye(3), np.array([rig.baseline_m * camera, 0.0, 0.0]))
+    return {
+        "T_BS": _matrix(rig.T_body_cam @ T_left_camera),
+        "rate_hz": settings.rig.rate_hz,
+        "resolution": [rig.width_px, rig.height_px],
+    }
+
+
+def _matrix(T: Array) -> dict[str, Any]:
+    return {"cols": 4, "rows": 4, "data": T.ravel().tolist()}
 
 
 def _stamped(times_ns: Indices, values: Array) -> Iterator[list[float]]:

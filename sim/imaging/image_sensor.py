@@ -8,12 +8,13 @@ import cv2
 import numpy as np
 
 from sim.imaging.lens import (
-    distortion_map,
+    delivered_to_raw,
     has_distortion,
     miscalibration_rotation,
+    pixel_grid,
     psf_radius_px,
     raw_margin_px,
-    rectification_map,
+    raw_to_nominal,
 )
 from sim.imaging.linear_light import Encoding, Response, levels_to_light, light_to_levels
 from sim.imaging.resample import sample
@@ -57,13 +58,9 @@ class ImageSensor:
         self._falloff = _vignetting_falloff(sensor.vignetting, rig, self.raw_margin_px)
         self._rectification: tuple[Array, Array] | None = None
         if has_distortion(sensor):
-            u_px, v_px = (a + self.raw_margin_px for a in rectification_map(settings, rig))
+            places = delivered_to_raw(settings, rig, pixel_grid(rig))
+            u_px, v_px = (a + self.raw_margin_px for a in places)
             self._rectification = u_px.astype(np.float32), v_px.astype(np.float32)
-
-    @property
-    def is_noisy(self) -> bool:
-        """Whether images need random numbers."""
-        return self._sensor.full_well > 0 or self._read_noise > 0
 
     def expose(
         self, light: Array, brightness: float, gain: float, rng: np.random.Generator
@@ -84,9 +81,9 @@ class ImageSensor:
             light = light * (factor if light.ndim == 2 else factor[..., None])
         elif amplified != 1:
             light = light * amplified
-        if not self.is_noisy:
-            return self._encoding(light)
-        return self._encoding.encode_noisy(light, *self._variances(gain), rng)
+        if self._sensor.full_well > 0 or self._read_noise > 0:
+            return self._encoding.encode_noisy(light, *self._variances(gain), rng)
+        return self._encoding(light)
 
     def encode(self, light: Array) -> Image:
         """Return grey levels, uint8, of linear light, for metering: no noise, lens or falloff."""
@@ -164,7 +161,8 @@ class ImageSensor:
         rows, columns = rendered.height_px - rig.height_px, rendered.width_px - rig.width_px
         top, left = rows // 2, columns // 2
         bends = has_distortion(settings.sensor) or not np.array_equal(R, np.eye(3))
-        places = distortion_map(settings, rig, R, pad) if bends else None
+        grid = pixel_grid(rig, pad)
+        places = raw_to_nominal(settings.sensor, rig, R, grid) if bends else None
         if places is None and min(top, left) < pad:
             raise ValueError(f"rendered margin of {min(top, left)} px, needed {pad} px")
         if places is not None:

@@ -32,9 +32,8 @@ def delivered_rig(rig: StereoRig, settings: CalibrationSettings) -> StereoRig:
         CalibrationError: If it leaves no baseline or no focal length.
     """
     f_px = rig.f_px * (1 + settings.focal_percent / 100)
-    return replace(
-        rig, f_px=f_px, baseline_m=rig.baseline_m * (1 + settings.baseline_percent / 100)
-    )
+    baseline_m = rig.baseline_m * (1 + settings.baseline_percent / 100)
+    return replace(rig, f_px=f_px, baseline_m=baseline_m)
 
 
 def miscalibration_rotation(settings: CalibrationSettings) -> Array:
@@ -60,13 +59,9 @@ def distort(settings: SensorSettings, points: Array) -> Array:
     x, y = points[..., 0], points[..., 1]
     r2 = x * x + y * y
     radial = 1 + settings.k1 * r2 + settings.k2 * r2 * r2
-    return np.stack(
-        [
-            x * radial + 2 * settings.p1 * x * y + settings.p2 * (r2 + 2 * x * x),
-            y * radial + settings.p1 * (r2 + 2 * y * y) + 2 * settings.p2 * x * y,
-        ],
-        axis=-1,
-    )
+    u = x * radial + 2 * settings.p1 * x * y + settings.p2 * (r2 + 2 * x * x)
+    v = y * radial + settings.p1 * (r2 + 2 * y * y) + 2 * settings.p2 * x * y
+    return np.stack([u, v], axis=-1)
 
 
 def undistort(settings: SensorSettings, distorted: Array) -> Array:
@@ -89,20 +84,33 @@ def undistort(settings: SensorSettings, distorted: Array) -> Array:
     return np.where(arrived[..., None], points, np.nan)
 
 
-def distortion_map(
-    settings: RecordSettings, rig: StereoRig, R_nominal_true: Array, pad_px: int
+def raw_to_nominal(
+    sensor: SensorSettings, rig: StereoRig, R_nominal_true: Array, pixels: Array
 ) -> tuple[Array, Array]:
-    """Map each pixel of the raw image, `pad_px` wider on each side, to the rendered pinhole.
+    """Map (..., 2) raw pixels to u_px and v_px (...) of the rendered pinhole, (0, 0) as in `rig`.
 
-    Returns:
-        u_px, v_px (H + 2 pad, W + 2 pad) float64, (0, 0) as in `rig`; NaN where no light arrives.
+    NaN where no light arrives.
     """
-    return _nominal_places(settings.sensor, rig, R_nominal_true, _grid(rig, pad_px))
+    ray = undistort(sensor, rig.normalized(pixels))
+    x, y, z = np.moveaxis(ray @ R_nominal_true[:, :2].T + R_nominal_true[:, 2], -1, 0)
+    z = np.where(z > 0, z, np.nan)
+    return rig.f_px * x / z + rig.cx_px, rig.f_px * y / z + rig.cy_px
 
 
-def rectification_map(settings: RecordSettings, rig: StereoRig) -> tuple[Array, Array]:
-    """Map each pixel of the delivered image to the raw one: u_px, v_px (H, W) float64."""
-    return _raw_places(settings, rig, _grid(rig, 0))
+def delivered_to_raw(
+    settings: RecordSettings, rig: StereoRig, pixels: Array
+) -> tuple[Array, Array]:
+    """Map (..., 2) delivered pixels to u_px and v_px (...) of the raw image."""
+    delivered = delivered_rig(rig, settings.calibration)
+    raw = distort(settings.sensor, delivered.normalized(pixels)) * delivered.f_px
+    return raw[..., 0] + rig.cx_px, raw[..., 1] + rig.cy_px
+
+
+def pixel_grid(rig: StereoRig, pad_px: int = 0) -> Array:
+    """Return the pixels (H + 2 pad, W + 2 pad, 2) of an image `pad_px` wider on each side."""
+    u = np.arange(-pad_px, rig.width_px + pad_px, dtype=np.float64)
+    v = np.arange(-pad_px, rig.height_px + pad_px, dtype=np.float64)
+    return np.stack(np.meshgrid(u, v), axis=-1)
 
 
 def raw_margin_px(settings: RecordSettings, rig: StereoRig) -> int:
@@ -117,7 +125,7 @@ def raw_margin_px(settings: RecordSettings, rig: StereoRig) -> int:
     delivered = delivered_rig(rig, settings.calibration)
     if not _inside_fold(settings.sensor, delivered.normalized(edge)).all():
         raise _fold_error(settings)
-    return _required_margin_px(rig, *_raw_places(settings, rig, edge))
+    return _required_margin_px(rig, *delivered_to_raw(settings, rig, edge))
 
 
 def psf_radius_px(settings: SensorSettings) -> int:
@@ -135,33 +143,15 @@ def margin_px(settings: RecordSettings, rig: StereoRig) -> int:
     delivered_rig(rig, settings.calibration)  # raises before anything is rendered
     pad_px = raw_margin_px(settings, rig) + psf_radius_px(settings.sensor)
     R_nominal_true = miscalibration_rotation(settings.calibration)
-    turned = not np.array_equal(R_nominal_true, np.eye(3))
-    if not turned and not has_distortion(settings.sensor):
+    if np.array_equal(R_nominal_true, np.eye(3)) and not has_distortion(settings.sensor):
         return pad_px
     margin = 0
-    for R in (np.eye(3), R_nominal_true) if turned else (np.eye(3),):
-        u_px, v_px = _nominal_places(settings.sensor, rig, R, _edge(rig, pad_px))
+    for R in (np.eye(3), R_nominal_true):
+        u_px, v_px = raw_to_nominal(settings.sensor, rig, R, _edge(rig, pad_px))
         if np.isnan(u_px).any():
             raise _fold_error(settings)
         margin = max(margin, _required_margin_px(rig, u_px, v_px))
     return margin
-
-
-def _nominal_places(
-    sensor: SensorSettings, rig: StereoRig, R_nominal_true: Array, pixels: Array
-) -> tuple[Array, Array]:
-    """Map (..., 2) raw pixels to the nominal pinhole."""
-    ray = undistort(sensor, rig.normalized(pixels))
-    x, y, z = np.moveaxis(ray @ R_nominal_true[:, :2].T + R_nominal_true[:, 2], -1, 0)
-    z = np.where(z > 0, z, np.nan)
-    return rig.f_px * x / z + rig.cx_px, rig.f_px * y / z + rig.cy_px
-
-
-def _raw_places(settings: RecordSettings, rig: StereoRig, pixels: Array) -> tuple[Array, Array]:
-    """Map (..., 2) delivered pixels to the raw image."""
-    delivered = delivered_rig(rig, settings.calibration)
-    raw = distort(settings.sensor, delivered.normalized(pixels)) * delivered.f_px
-    return raw[..., 0] + rig.cx_px, raw[..., 1] + rig.cy_px
 
 
 def _jacobian(settings: SensorSettings, points: Array) -> Array:
@@ -172,12 +162,9 @@ def _jacobian(settings: SensorSettings, points: Array) -> Array:
     radial = 1 + k1 * r2 + k2 * r2 * r2
     slope = 2 * k1 + 4 * k2 * r2
     across = slope * x * y + 2 * p1 * x + 2 * p2 * y
-    return np.array(
-        [
-            [radial + slope * x * x + 2 * p1 * y + 6 * p2 * x, across],
-            [across, radial + slope * y * y + 6 * p1 * y + 2 * p2 * x],
-        ]
-    )
+    along_x = radial + slope * x * x + 2 * p1 * y + 6 * p2 * x
+    along_y = radial + slope * y * y + 6 * p1 * y + 2 * p2 * x
+    return np.array([[along_x, across], [across, along_y]])
 
 
 def _inside_fold(settings: SensorSettings, points: Array) -> Array:
@@ -216,14 +203,7 @@ def _required_margin_px(rig: StereoRig, u_px: Array, v_px: Array) -> int:
     return margin
 
 
-def _grid(rig: StereoRig, pad_px: int) -> Array:
-    """(H + 2 pad, W + 2 pad, 2) pixels."""
-    u = np.arange(-pad_px, rig.width_px + pad_px, dtype=np.float64)
-    v = np.arange(-pad_px, rig.height_px + pad_px, dtype=np.float64)
-    return np.stack(np.meshgrid(u, v), axis=-1)
-
-
 def _edge(rig: StereoRig, pad_px: int) -> Array:
     """(N, 2) outermost pixels; those inside map to the inside of their image."""
-    grid = _grid(rig, pad_px)
+    grid = pixel_grid(rig, pad_px)
     return np.concatenate([grid[0], grid[-1], grid[:, 0], grid[:, -1]])

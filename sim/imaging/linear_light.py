@@ -60,7 +60,7 @@ class Encoding:
     def __call__(self, light: Array) -> Image:
         """Encode (H, W[, 3]) float32 light; values outside [0, 1] are clipped."""
         out = np.empty(light.shape, np.uint8)
-        _encode(_flat(light), self._edges, self._first, out.reshape(-1))
+        _encode(light.ravel(), self._edges, self._first, out.reshape(-1))
         return out
 
     def encode_noisy(
@@ -70,7 +70,7 @@ class Encoding:
         out = np.empty(light.shape, np.uint8)
         drawn = rng.integers(0, QUANTILES, light.size, dtype=np.uint16)
         noise = np.float32(shot), np.float32(floor), drawn, normal_quantiles()
-        _encode_noisy(_flat(light), *noise, self._edges, self._first, out.reshape(-1))
+        _encode_noisy(light.ravel(), *noise, self._edges, self._first, out.reshape(-1))
         return out
 
 
@@ -84,10 +84,6 @@ def normal_quantiles() -> Array:
     table = (quantiles / quantiles.std()).astype(np.float32)
     table.flags.writeable = False
     return table
-
-
-def _flat(light: Array) -> Array:
-    return np.ascontiguousarray(light).reshape(-1)
 
 
 @compiled(nogil=True)

@@ -6,9 +6,9 @@ from functools import cached_property
 
 import numpy as np
 
-from scenes.scene import Thing
+from scenes.scene import Kind, Thing
 from sim.camera.camera import Capture
-from sim.labels.labels import disparity_from_depth, flow, lookup, normals
+from sim.labels.labels import disparity_from_depth, flow, normals
 from sim.labels.visibility import covisibility, occlusion
 from sim.settings import LabelSettings
 from sim.world.world import World, thing_of
@@ -22,23 +22,24 @@ FORWARD = frozenset({"flow", "covisibility"})
 class Annotator:
     """Body, object and class of every geom; thread-safe.
 
+    The last entry of each table is the sky, whose geom id is -1.
+
     Attributes:
         rig: True geometry.
         things: Objects by their number in `object_of`, from 1 on.
-        body_of: (ngeom + 1,) MuJoCo body of each geom; the sky, entry -1, belongs to the world.
-        object_of: (ngeom,) number of the object of each geom.
-        kind_of: (ngeom,) class of each geom.
+        body_of: (ngeom + 1,) MuJoCo body of each geom; the sky belongs to the world.
+        object_of: (ngeom + 1,) number of the object of each geom; 0 for the sky.
+        kind_of: (ngeom + 1,) class of each geom.
     """
 
     def __init__(self, world: World) -> None:
         self.rig = world.rig
-        self.body_of = np.append(world.model.geom_bodyid, 0)  # the sky, -1, goes with the world
+        self.body_of = np.append(world.model.geom_bodyid, 0)
         things = [thing_of(world, geom) for geom in range(world.model.ngeom)]
-        unique = list(dict.fromkeys(things))
-        self.things: Sequence[Thing] = unique
-        number = {thing: k + 1 for k, thing in enumerate(unique)}
-        self.object_of = np.array([number[thing] for thing in things], np.uint16)
-        self.kind_of = np.array([thing.kind for thing in things], np.uint8)
+        self.things: Sequence[Thing] = list(dict.fromkeys(things))
+        number = {thing: k for k, thing in enumerate(self.things, start=1)}
+        self.object_of = np.array([*(number[thing] for thing in things), 0], np.uint16)
+        self.kind_of = np.array([*(thing.kind for thing in things), Kind.SKY], np.uint8)
 
     def annotate(self, capture: Capture, following: Capture | None) -> "Annotation":
         """Return the labels of a frame, given the next frame unless it is the last."""
@@ -83,9 +84,12 @@ class Annotation:
     @cached_property
     def flow(self) -> Array:
         """(H, W, 3) float32 du, dv, depth in the next frame."""
-        assert self.following is not None
-        bodies = self.annotator.body_of[self.capture.geometry.geoms_left]
-        return flow(self.annotator.rig, self.depth, bodies, self._T_next_now)
+        now, then = self.capture, self.following
+        assert then is not None
+        T_body_cam = se3.inverse(now.T_world_bodies) @ now.T_world_cam
+        T_next_now = se3.inverse(then.T_world_cam) @ then.T_world_bodies @ T_body_cam  # by body
+        bodies = self.annotator.body_of[now.geometry.geoms_left]
+        return flow(self.annotator.rig, self.depth, bodies, T_next_now)
 
     @cached_property
     def covisibility(self) -> Array:
@@ -96,22 +100,14 @@ class Annotation:
     @property
     def segmentation(self) -> Array:
         """(H, W) uint16."""
-        return lookup(self.annotator.object_of, self.capture.geometry.geoms_left)
+        return self.annotator.object_of[self.capture.geometry.geoms_left]
 
     @property
     def classes(self) -> Array:
         """(H, W) uint8."""
-        return lookup(self.annotator.kind_of, self.capture.geometry.geoms_left)
+        return self.annotator.kind_of[self.capture.geometry.geoms_left]
 
     @cached_property
     def normals(self) -> Array:
         """(H, W, 3) float32, camera axes."""
         return normals(self.annotator.rig, self.depth)
-
-    @property
-    def _T_next_now(self) -> Array:
-        """(nbody, 4, 4) by body: maps its points from the present camera to the next."""
-        now, then = self.capture, self.following
-        assert then is not None
-        T_body_cam = se3.inverse(now.T_world_bodies) @ now.T_world_cam
-        return se3.inverse(then.T_world_cam) @ then.T_world_bodies @ T_body_cam

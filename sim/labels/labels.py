@@ -78,12 +78,6 @@ def normals(rig: StereoRig, depth_m: Array) -> Array:
     return out
 
 
-def lookup(table: Array, geoms: Indices) -> Array:
-    """Return the entry of each pixel's geom (H, W) in a table (G,); 0 for negative geoms."""
-    padded = np.append(table, np.zeros(1, table.dtype))  # entry -1
-    return padded[np.maximum(geoms, -1)]
-
-
 @compiled(nogil=True)
 def _flow(
     depth_m: Array, bodies: Indices, T: Array, f: float, cx: float, cy: float, out: Array

@@ -5,7 +5,6 @@ from contextlib import contextmanager
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -19,7 +18,6 @@ from sim.camera.render import StereoRenderer
 from sim.labels.annotate import Annotation, Annotator
 from sim.preview.chase_camera import SIDE_DEG, chase_camera
 from sim.preview.colours import depth_scale, flow_colours, rgb_of, round_up
-from sim.preview.image_file import known_suffix
 from sim.progress import Progress
 from sim.settings import RecordSettings
 from sim.world.path import plan_path
@@ -27,9 +25,10 @@ from sim.world.trip import Trip, make_trip
 from sim.world.world import START_S, World, build_world
 from vo.contract.arrays import Array, Image
 from vo.contract.errors import SettingsError
-from vo.contract.files import replacing
+from vo.contract.files import known_suffix, replacing
 
-SUFFIXES = (".mp4", ".gif")
+FILMS = (".mp4", ".gif")
+"""File name suffixes of films."""
 FPS = 15.0
 WIDTH_PX = {".mp4": 960, ".gif": 640}
 CAPTION_SHARE = 0.075
@@ -37,11 +36,6 @@ CAPTION_SHARE = 0.075
 CAPTION, CAPTION_INK = (38, 40, 44), (236, 236, 232)
 
 Show = Callable[[Image], None]
-
-
-def film_suffix(out: Path) -> str:
-    """Return the suffix of a film's file name; raise a SettingsError if it is none of SUFFIXES."""
-    return known_suffix(out, SUFFIXES)
 
 
 def make_film(
@@ -52,7 +46,7 @@ def make_film(
     progress: Progress | None = None,
 ) -> None:
     """Write the first seconds of a recording as an MP4 or GIF; raise as `record`."""
-    suffix = film_suffix(out)
+    suffix = known_suffix(out, FILMS)
     world = build_world(scene, settings)
     world, trip = first_seconds(world, settings, seconds)
     stride = max(1, round(settings.rig.rate_hz / FPS))
@@ -110,8 +104,8 @@ class _Layout:
         self._full_px = round_up(rig.f_px * step_m / float(np.nanpercentile(depth_m, 5)))
         self.panel_px = width_px, 2 * round(width_px * rig.height_px / rig.width_px / 2)
         self._caption_px = 2 * round(CAPTION_SHARE * self.panel_px[1] / 2)
-        path = font_manager.findfont("DejaVu Sans")
-        self._font = ImageFont.truetype(path, round(0.62 * self._caption_px))
+        size_px = round(0.62 * self._caption_px)
+        self._font = ImageFont.truetype(font_manager.findfont("DejaVu Sans"), size_px)
 
     def compose(self, annotation: Annotation, left: Image, chase: Image, trip: Trip) -> Image:
         capture = annotation.capture
@@ -133,8 +127,8 @@ class _Layout:
         small = cv2.resize(image, self.panel_px, interpolation=cv2.INTER_AREA)
         strip = Pillow.new("RGB", (self.panel_px[0], self._caption_px), CAPTION)
         middle = self._caption_px / 2
-        look: dict[str, Any] = {"fill": CAPTION_INK, "font": self._font, "anchor": "lm"}
-        ImageDraw.Draw(strip).text((middle * 0.8, middle), caption, **look)
+        draw, place = ImageDraw.Draw(strip), (middle * 0.8, middle)
+        draw.text(place, caption, fill=CAPTION_INK, font=self._font, anchor="lm")
         return np.vstack([np.asarray(strip, np.uint8), np.asarray(small, np.uint8)])
 
 
@@ -145,15 +139,9 @@ def writing(out: Path, fps: float) -> Generator[Show]:
     Raises:
         SettingsError: If the name has another suffix, or no encoder can be opened.
     """
-    suffix = film_suffix(out)
-    with replacing(out) as partial:
-        named = partial.with_name(partial.name + suffix)  # encoders go by the suffix
-        try:
-            with _writing_mp4(named, fps) if suffix == ".mp4" else _writing_gif(named, fps) as show:
-                yield show
-            named.replace(partial)
-        finally:
-            named.unlink(missing_ok=True)
+    encoding = _writing_mp4 if known_suffix(out, FILMS) == ".mp4" else _writing_gif
+    with replacing(out) as partial, encoding(partial, fps) as show:
+        yield show
 
 
 @contextmanager
@@ -182,5 +170,5 @@ def _writing_gif(path: Path, fps: float) -> Generator[Show]:
     """Encode with a palette for each frame."""
     frames: list[Pillow.Image] = []
     yield lambda frame: frames.append(Pillow.fromarray(frame).quantize(256))
-    animation: dict[str, Any] = {"save_all": True, "append_images": frames[1:], "loop": 0}
-    frames[0].save(path, duration=round(1000 / fps), **animation)
+    interval_ms = round(1000 / fps)
+    frames[0].save(path, save_all=True, append_images=frames[1:], duration=interval_ms, loop=0)

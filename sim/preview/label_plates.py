@@ -1,5 +1,6 @@
 """One plot for each label: its colours, with title and key above."""
 
+import colorsys
 from collections.abc import Sequence
 from typing import Any
 
@@ -11,20 +12,17 @@ from matplotlib.patheffects import withStroke
 
 from scenes.scene import Kind
 from sim.labels.annotate import Annotation
+from sim.labels.visibility import Occlusion
 from sim.preview.colours import (
-    INVISIBLE,
-    KINDS,
+    FAINT,
+    INK,
+    NOTHING,
     RGB,
-    class_colours,
     depth_scale,
     flow_colours,
-    flow_wheel,
-    normal_colours,
-    object_colours,
+    rgb_of,
     round_up,
-    visibility_colours,
 )
-from sim.preview.sheet import FAINT, INK
 from vo.contract.arrays import Array, Image
 
 Key = Sequence[tuple[RGB, str]]
@@ -49,6 +47,21 @@ KEY_STYLE: dict[str, Any] = {
     "handleheight": 1.1,
     "handletextpad": 0.5,
 }
+KINDS: dict[Kind, RGB] = {
+    Kind.GROUND: (176, 152, 116),
+    Kind.STATIC: (84, 122, 166),
+    Kind.MOVING: (228, 82, 60),
+    Kind.SKY: (200, 222, 236),
+}
+INVISIBLE: dict[Occlusion, RGB] = {
+    Occlusion.HIDDEN: (255, 112, 26),
+    Occlusion.OUTSIDE: (54, 140, 255),
+    Occlusion.NOTHING: NOTHING,
+}
+GOLDEN = 0.618033988749895
+CLASSES: Key = [
+    (KINDS[kind], kind.name.lower()) for kind in (Kind.GROUND, Kind.STATIC, Kind.MOVING, Kind.SKY)
+]
 NORMALS: Key = (
     ((255, 128, 128), "right"),
     ((128, 255, 128), "up"),
@@ -67,35 +80,95 @@ def show(axes: Axes, image: Image, title: str, about: str = "", key: Key = ()) -
     axes.annotate(
         about, (1, 0), (6, 0), xycoords=name, va="bottom", fontsize=8.5, color=FAINT, **points
     )
-    squares = [Patch(facecolor=_unit(rgb), label=text) for rgb, text in key]
-    if squares:
+    if key:
+        squares = [Patch(facecolor=[x / 255 for x in rgb], label=text) for rgb, text in key]
         axes.legend(handles=squares, ncols=len(key), **KEY_STYLE)
 
 
-def draw_depth(axes: Axes, annotation: Annotation) -> None:
+def draw_labels(cells: Sequence[Axes], annotation: Annotation, view: Image) -> None:
+    """Draw depth, objects, classes, normals, occlusion, flow and covisibility, each into a cell."""
+    depth, objects, classes, normals, occlusion, flow, covisibility = cells
+    _draw_depth(depth, annotation)
+    _draw_objects(objects, annotation)
+    show(classes, class_colours(annotation.classes), "classes", "", CLASSES)
+    show(normals, normal_colours(annotation.normals), "normals", "facing", NORMALS)
+    about = "not visible in the right image"
+    _draw_visibility(occlusion, annotation.occlusion, view, "occlusion", about)
+    _draw_flow(flow, annotation.flow)
+    about = "not visible in the next frame"
+    _draw_visibility(covisibility, annotation.covisibility, view, "covisibility", about)
+
+
+def _draw_depth(axes: Axes, annotation: Annotation) -> None:
     """Draw the logarithm of depth; the key gives the disparity of each depth."""
-    scale = depth_scale(annotation.depth)
-    rig = annotation.annotator.rig
-    key = [
-        (scale.colour(m), f"{m:g} m · {_short(rig.f_px * rig.baseline_m / m)}")
-        for m in scale.marks(MARKS)
-    ]
+    scale, rig = depth_scale(annotation.depth), annotation.annotator.rig
+    marks = scale.marks(MARKS)
+    texts = [f"{m:g} m · {_short(rig.f_px * rig.baseline_m / m)}" for m in marks]
+    key = list(zip(scale.colours(marks[None])[0].tolist(), texts, strict=True))
     show(axes, scale.colours(annotation.depth), "depth", "and disparity in px", key)
 
 
-def draw_objects(axes: Axes, annotation: Annotation) -> None:
+def _draw_objects(axes: Axes, annotation: Annotation) -> None:
     """Draw the objects, with names where there is space."""
     objects = annotation.segmentation
     rgb, numbers = object_colours(objects)
     show(axes, rgb, "objects", f"{len(numbers)} in view")
     taken = np.zeros(objects.shape, bool)
+    outline = [withStroke(linewidth=1.8, foreground="#000000c0")]
+    style: dict[str, Any] = {"color": "white", "ha": "center", "va": "center"}
     for number in numbers[:NAMES_MAX]:
         name = annotation.annotator.things[number - 1].name
         place = label_position(name, objects == number, taken)
-        if place is None:
-            continue
-        text = axes.text(*place, name, fontsize=6.5, color="white", ha="center", va="center")
-        text.set_path_effects([withStroke(linewidth=1.8, foreground="#000000c0")])
+        if place is not None:
+            axes.text(*place, name, fontsize=6.5, path_effects=outline, **style)
+
+
+def object_colours(objects: Array) -> tuple[Image, list[int]]:
+    """Colour objects (H, W), with the largest contrast for the largest; 0 is the sky.
+
+    Returns:
+        (H, W, 3) RGB, and the numbers that occur, largest area first, without the sky.
+    """
+    numbers, where, areas = np.unique(objects, return_inverse=True, return_counts=True)
+    order = [int(k) for k in np.argsort(-areas) if numbers[k] != 0]
+    table = np.zeros((len(numbers), 3), np.uint8)
+    table[numbers == 0] = KINDS[Kind.SKY]
+    for rank, k in enumerate(order):
+        tone = (0.62, 0.92), (0.85, 0.68), (0.38, 0.98), (0.95, 0.9)
+        rgb = colorsys.hsv_to_rgb((0.58 + GOLDEN * rank) % 1, *tone[rank % len(tone)])
+        table[k] = [round(255 * c) for c in rgb]
+    return table[where.reshape(objects.shape)], [int(numbers[k]) for k in order]
+
+
+def class_colours(classes: Array) -> Image:
+    """Colour (H, W) classes as (H, W, 3) RGB."""
+    return np.array([KINDS[kind] for kind in Kind], np.uint8)[classes]
+
+
+def normal_colours(normals: Array) -> Image:
+    """Colour (H, W, 3) normals in camera axes: red right, green up, blue towards the camera."""
+    channels = normals * np.array([1, -1, -1], np.float32)
+    rgb = np.nan_to_num(255 * (channels + 1) / 2, nan=0).astype(np.uint8)
+    rgb[np.isnan(normals[..., 0])] = NOTHING
+    return rgb
+
+
+def visibility_colours(codes: Array, view: Image) -> Image:
+    """Mark pixels that are not visible in another view on a pale copy of the (H, W, 3) RGB view."""
+    grey = np.asarray(cv2.cvtColor(view, cv2.COLOR_RGB2GRAY), np.float32)
+    rgb = rgb_of((96 + 0.55 * grey).clip(0, 255).astype(np.uint8))
+    for code, colour in INVISIBLE.items():
+        rgb[codes == code] = colour
+    return rgb
+
+
+def flow_wheel(side_px: int) -> Array:
+    """Draw the legend of `flow_colours`, (S, S, 4) RGBA, transparent outside the disc."""
+    line = np.linspace(-1, 1, side_px)
+    du, dv = np.meshgrid(line, line)
+    rgb = flow_colours(np.stack([du, dv], axis=-1), 1.0)
+    inside = 255 * (np.hypot(du, dv) <= 1)
+    return np.dstack([rgb, inside.astype(np.uint8)])
 
 
 def label_position(name: str, mask: Array, taken: Array) -> tuple[float, float] | None:
@@ -123,29 +196,21 @@ def label_position(name: str, mask: Array, taken: Array) -> tuple[float, float] 
     return float(u), float(v)
 
 
-def draw_classes(axes: Axes, annotation: Annotation) -> None:
-    """Draw ground, static and moving surfaces and sky."""
-    order = (Kind.GROUND, Kind.STATIC, Kind.MOVING, Kind.SKY)
-    key = [(KINDS[kind], kind.name.lower()) for kind in order]
-    show(axes, class_colours(annotation.classes), "classes", "", key)
-
-
-def draw_normals(axes: Axes, annotation: Annotation) -> None:
-    """Draw the directions of the surface normals."""
-    show(axes, normal_colours(annotation.normals), "normals", "facing", NORMALS)
-
-
-def draw_visibility(axes: Axes, codes: Array, view: Image, title: str, about: str) -> None:
+def _draw_visibility(axes: Axes, codes: Array, view: Image, title: str, about: str) -> None:
     """Mark the pixels that are not visible in another view."""
     words = zip(INVISIBLE.items(), ("hidden", "out of view", "no surface"), strict=True)
     key = [(rgb, f"{text} {np.mean(codes == code):.1%}") for (code, rgb), text in words]
     show(axes, visibility_colours(codes, view), title, about, key)
 
 
-def draw_flow(axes: Axes, annotation: Annotation) -> None:
-    """Draw the motion to the next frame, with a colour wheel of directions."""
-    flow = annotation.flow
-    full_px = flow_full_px(flow)
+def _draw_flow(axes: Axes, flow: Array) -> None:
+    """Draw the motion to the next frame, with a colour wheel of directions.
+
+    The colours of nearly all lengths are below saturation, at a round length.
+    """
+    lengths = np.hypot(flow[..., 0], flow[..., 1])
+    known = lengths[np.isfinite(lengths)]
+    full_px = round_up(max(float(np.percentile(known, 98)) if known.size else 0.0, 0.1))
     about = f"to the next frame, full at {_short(full_px)} px"
     show(axes, flow_colours(flow, full_px), "optical flow", about)
     aspect = flow.shape[1] / flow.shape[0]
@@ -155,17 +220,6 @@ def draw_flow(axes: Axes, annotation: Annotation) -> None:
     for turn, arrow in enumerate(("→", "↓", "←", "↑")):
         u, v = 47.5 + 33 * np.cos(turn * np.pi / 2), 47.5 + 33 * np.sin(turn * np.pi / 2)
         wheel.text(u, v, arrow, fontsize=7, color=INK, ha="center", va="center")
-
-
-def flow_full_px(flow: Array) -> float:
-    """Return a round upper bound of nearly all lengths of an (H, W, 2 or more) flow."""
-    lengths = np.hypot(flow[..., 0], flow[..., 1])
-    known = lengths[np.isfinite(lengths)]
-    return round_up(max(float(np.percentile(known, 98)) if known.size else 0.0, 0.1))
-
-
-def _unit(rgb: RGB) -> tuple[float, float, float]:
-    return rgb[0] / 255, rgb[1] / 255, rgb[2] / 255
 
 
 def _short(x: float) -> str:

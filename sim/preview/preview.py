@@ -1,32 +1,36 @@
-"""A contact sheet of a scene: camera views along the route, every label, and the map."""
+"""Pictures of scenes: a contact sheet of views, labels and map of one, and an overview of all."""
 
 import math
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
 from scenes.scene import Scene
-from sim.preview.image_file import picture_suffix, write_picture
-from sim.preview.label_plates import (
-    draw_classes,
-    draw_depth,
-    draw_flow,
-    draw_normals,
-    draw_objects,
-    draw_visibility,
-    show,
-)
+from sim.dataset.image_codecs import encode_png
+from sim.preview.colours import FAINT, INK, PAPER
+from sim.preview.label_plates import draw_labels, show
+from sim.preview.overhead_map import TopDownMap
 from sim.preview.route_map import draw_map
 from sim.preview.sample_views import CHASE_PX, SampleView, SampleViews, render_sample_views
-from sim.preview.sheet import FAINT, INK, PAPER, Sheet
 from sim.settings import RecordSettings
 from sim.world.world import START_S, World, build_world
 from vo.contract.arrays import Array, Image
-from vo.contract.settings import keys
+from vo.contract.files import known_suffix, replacing
+from vo.contract.settings import amended, keys
 
+PICTURES = (".png", ".jpg", ".jpeg")
+"""File name suffixes of images."""
+JPEG_QUALITY = 85
+DPI = 120
 COLUMNS, WIDTH_IN = 5, 16.0
 STRIP_IN, HEADER_IN, MARGIN_IN = 0.36, 0.72, 0.2
 """Height of the titles above each cell and above the sheet, and width of the sheet's edge."""
@@ -37,15 +41,57 @@ FLAT = 0.42
 RELIEF_M = 0.02
 """Height difference below which the ground counts as level."""
 
+TILE_COLUMNS, TILES_WIDTH_IN = 3, 16.8
+VIEW_SHARE = 0.6
+"""Fraction of a tile's width for the view; the rest is for text and map."""
+GAP_IN, NAME_IN = 0.22, 0.3
+CHARACTERS = 33
+"""Length of a line beside the view."""
+
 
 def preview(scene: Scene, settings: RecordSettings, out: Path) -> None:
     """Write the contact sheet of a scene as the PNG or JPEG `out`."""
-    picture_suffix(out)
+    known_suffix(out, PICTURES)
     world = build_world(scene, settings)
     write_picture(out, contact_sheet(world, render_sample_views(world, settings)))
 
 
-class _Grid(Sheet):
+def write_picture(out: Path, image: Image) -> None:
+    """Write (H, W, 3) RGB as PNG or JPEG, atomically."""
+    if known_suffix(out, PICTURES) == ".png":
+        data = encode_png(image)
+    else:
+        bgr = np.ascontiguousarray(image[..., ::-1])
+        data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1].tobytes()
+    with replacing(out) as partial:
+        partial.write_bytes(data)
+
+
+class _Sheet:
+    """A page of figures, placed in inches from its upper left corner."""
+
+    def __init__(self, width_in: float, height_in: float) -> None:
+        self._size_in = width_in, height_in
+        self._figure = Figure(figsize=self._size_in, dpi=DPI, facecolor=PAPER)
+
+    def axes(self, left: float, top: float, wide: float, tall: float, anchor: str) -> Axes:
+        """Add axes."""
+        width, height = self._size_in
+        box = left / width, (height - top - tall) / height, wide / width, tall / height
+        return self._figure.add_axes(box, anchor=anchor)
+
+    def write(self, left: float, top: float, text: str, **style: Any) -> None:
+        """Write text."""
+        self._figure.text(left / self._size_in[0], 1 - top / self._size_in[1], text, **style)
+
+    def image(self) -> Image:
+        """Draw the page, (H, W, 3) RGB."""
+        canvas = FigureCanvasAgg(self._figure)
+        canvas.draw()
+        return np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[..., :3])
+
+
+class _Grid(_Sheet):
     """A sheet with rows of COLUMNS cells, each with a strip for its title above."""
 
     def __init__(self, rows: int, aspect: float) -> None:
@@ -73,7 +119,9 @@ def contact_sheet(world: World, samples: SampleViews) -> Image:
     positions = np.array([sample.position for sample in samples.views])
     draw_map(chart, world, samples.top_down, positions, full=True)
     _draw_chase(grid, samples)
-    _draw_labels(grid, samples)
+    best, places = samples.best, ((2, 1), (2, 2), (2, 3), (2, 4), (3, 1), (3, 2), (3, 3))
+    draw_labels([grid.cell(*place) for place in places], best.annotation, best.view)
+    show(grid.cell(3, 0), best.right, f"at {samples.shown + 1}", "right image")
     _draw_facts(grid.cell(3, 4), world, samples.settings)
     _draw_header(grid, world, samples.settings)
     return grid.image()
@@ -91,21 +139,6 @@ def _draw_chase(grid: _Grid, samples: SampleViews) -> None:
     show(grid.cell(2, 0), samples.best.view, at, "left image")
 
 
-def _draw_labels(grid: _Grid, samples: SampleViews) -> None:
-    """Show the labels of one instant, beside both images."""
-    best, annotation = samples.best, samples.best.annotation
-    draw_depth(grid.cell(2, 1), annotation)
-    draw_objects(grid.cell(2, 2), annotation)
-    draw_classes(grid.cell(2, 3), annotation)
-    draw_normals(grid.cell(2, 4), annotation)
-    show(grid.cell(3, 0), best.right, f"at {samples.shown + 1}", "right image")
-    about = "not visible in the right image"
-    draw_visibility(grid.cell(3, 1), annotation.occlusion, best.view, "occlusion", about)
-    draw_flow(grid.cell(3, 2), annotation)
-    about = "not visible in the next frame"
-    draw_visibility(grid.cell(3, 3), annotation.covisibility, best.view, "covisibility", about)
-
-
 def _draw_header(grid: _Grid, world: World, settings: RecordSettings) -> None:
     grid.write(MARGIN_IN, 0.4, world.scene.name, fontsize=20, weight="bold", color=INK)
     grid.write(MARGIN_IN, 0.66, world.scene.tests, fontsize=11, color=FAINT)
@@ -116,20 +149,18 @@ def _draw_header(grid: _Grid, world: World, settings: RecordSettings) -> None:
         f"{rig.width_px} × {rig.height_px} px at {rig.rate_hz:g} Hz, {rig.hfov_deg:g}° wide, "
         f"baseline {100 * rig.baseline_m:.3g} cm, seed {settings.seed}",
     )
-    for k, line in enumerate(facts):
-        look = {"fontsize": 10, "color": FAINT, "ha": "right"}
-        grid.write(WIDTH_IN - MARGIN_IN, 0.4 + 0.26 * k, line, **look)
+    for top, line in zip((0.4, 0.66), facts, strict=True):
+        grid.write(WIDTH_IN - MARGIN_IN, top, line, fontsize=10, color=FAINT, ha="right")
 
 
 def _caption(sample: SampleView) -> str:
     """Return where a view is from, and its exposure time and gain."""
-    words = [f"{sample.along_m:.1f} m along"]
-    exposure = sample.exposure
+    exposure, text = sample.exposure, f"{sample.along_m:.1f} m along"
     if exposure.exposure_ms:
-        words.append(f"{exposure.exposure_ms:.3g} ms")
+        text += f", {exposure.exposure_ms:.3g} ms"
     if exposure.gain > 1:
-        words.append(f"gain {20 * math.log10(exposure.gain):.0f} dB")
-    return ", ".join(words)
+        text += f", gain {20 * math.log10(exposure.gain):.0f} dB"
+    return text
 
 
 def _draw_facts(axes: Axes, world: World, settings: RecordSettings) -> None:
@@ -184,8 +215,8 @@ def _draw_profile(profile: Axes, along_m: Array, height_m: Array) -> None:
 def changed_settings(settings: RecordSettings) -> list[str]:
     """List the settings that differ from their defaults, as `--set` takes them."""
     default = RecordSettings()
-    values = {key: attrgetter(key)(settings) for key in keys(RecordSettings) if key != "scene"}
-    values = {key: x for key, x in values.items() if x != attrgetter(key)(default)}
+    getters = {key: attrgetter(key) for key in keys(RecordSettings) if key != "scene"}
+    values = {key: get(settings) for key, get in getters.items() if get(settings) != get(default)}
     values |= {f"scene.{name}": x for name, x in settings.scene.items()}
     return [f"{key}={_text(value)}" for key, value in values.items()]
 
@@ -194,3 +225,47 @@ def _text(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+@dataclass(frozen=True)
+class Tile:
+    """Content of a scene's tile: its world, the left image with the most variety, and its map."""
+
+    world: World
+    view: Image
+    top_down: TopDownMap
+
+
+def tile(scene: Scene, settings: RecordSettings) -> Tile:
+    """Render the content of a scene's tile, in colour."""
+    settings = amended(settings, {"rig.color": True})
+    world = build_world(scene, settings)
+    samples = render_sample_views(world, settings)
+    return Tile(world, samples.best.view, samples.top_down)
+
+
+def overview(tiles: Sequence[Tile]) -> Image:
+    """Compose the tiles as (H, 2016, 3) RGB, in rows of TILE_COLUMNS."""
+    rows = math.ceil(len(tiles) / TILE_COLUMNS)
+    tile_in = (TILES_WIDTH_IN - GAP_IN) / TILE_COLUMNS - GAP_IN
+    view_in = VIEW_SHARE * tile_in
+    tall_in = NAME_IN + 0.75 * view_in + GAP_IN
+    sheet = _Sheet(TILES_WIDTH_IN, GAP_IN + rows * tall_in)
+    for k, each in enumerate(tiles):
+        left = GAP_IN + (k % TILE_COLUMNS) * (tile_in + GAP_IN)
+        top = GAP_IN + (k // TILE_COLUMNS) * tall_in
+        scene = each.world.scene
+        sheet.write(left, top, scene.name, fontsize=13, weight="bold", color=INK, va="top")
+        top += NAME_IN
+        view = sheet.axes(left, top, view_in, 0.75 * view_in, "NW")
+        view.imshow(each.view, interpolation="antialiased")
+        view.set_axis_off()
+        left += view_in + 0.12
+        lines = textwrap.wrap(scene.tests, CHARACTERS)
+        small = {"fontsize": 8.4, "color": INK, "linespacing": 1.3, "va": "top"}
+        sheet.write(left, top - 0.03, "\n".join(lines), **small)
+        text_in = 0.152 * len(lines) + 0.06
+        room = tile_in - view_in - 0.12, 0.75 * view_in - text_in
+        chart = sheet.axes(left, top + text_in, *room, "SW")
+        draw_map(chart, each.world, each.top_down, np.zeros((0, 2)), full=False)
+    return sheet.image()

@@ -1,14 +1,14 @@
 """The route map: routes with their direction, numbered positions, moving objects and scale."""
 
+from itertools import cycle
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
 
-from sim.preview.colours import round_down
+from sim.preview.colours import FAINT, INK, round_down
 from sim.preview.overhead_map import TopDownMap
-from sim.preview.sheet import FAINT, INK
 from sim.world.rover import BODY
 from sim.world.world import START_S, World
 from vo.contract.arrays import Array
@@ -37,9 +37,15 @@ def draw_map(axes: Axes, world: World, top_down: TopDownMap, stops: Array, full:
     axes.set_xlim(extent[:2])
     axes.set_ylim(extent[2:])
     if full:
-        _draw_other_routes(axes, world)
+        outline = withStroke(linewidth=3.0, foreground="#00000080")
+        dashed: dict[str, Any] = {"linewidth": 1.6, "linestyle": (0, (4, 1.6))}
+        for route, color in zip(other_routes(world).values(), cycle(OTHERS), strict=False):
+            _draw_route(axes, route, color, outline, 4, 14, **dashed)
         _draw_movers(axes, world)
-    _draw_path(axes, world.path.waypoints, 2.4 if full else 1.6)
+    width_pt = 2.4 if full else 1.6
+    outline = withStroke(linewidth=width_pt + 2.2, foreground="#ffffffc0")
+    style: dict[str, Any] = {"linewidth": width_pt, "solid_capstyle": "round"}
+    _draw_route(axes, world.path.waypoints, ROUTE, outline, ARROWS, 9 * width_pt, **style)
     _draw_stops(axes, stops)
     _draw_bar(axes, extent)
     if full:
@@ -47,8 +53,7 @@ def draw_map(axes: Axes, world: World, top_down: TopDownMap, stops: Array, full:
         axes.tick_params(labelsize=7, colors=FAINT, length=2, pad=2)
         axes.locator_params(axis="x", nbins=TICKS * min(width / height, 1))
         axes.locator_params(axis="y", nbins=TICKS * min(height / width, 1))
-        for spine in axes.spines.values():
-            spine.set_visible(False)
+        axes.spines[:].set_visible(False)
     else:
         axes.set_axis_off()
 
@@ -58,11 +63,6 @@ def other_routes(world: World) -> dict[str, Array]:
     way = world.path.waypoints
     routes = world.scene.routes.items()
     return {n: r for n, r in routes if not (r.shape == way.shape and np.allclose(r, way))}
-
-
-def bar_length_m(width_m: float) -> float:
-    """Return a round length for the scale bar of a map of that width."""
-    return round_down(BAR_SHARE * width_m)
 
 
 def arrow_places(waypoints: Array, count: int) -> tuple[Array, Array]:
@@ -76,26 +76,16 @@ def arrow_places(waypoints: Array, count: int) -> tuple[Array, Array]:
     return waypoints[k] + (along - marks[k])[:, None] * directions, directions
 
 
-def _draw_path(axes: Axes, waypoints: Array, width: float) -> None:
-    x, y = waypoints.T
-    line = axes.plot(x, y, color=ROUTE, linewidth=width, solid_capstyle="round")[0]
-    line.set_path_effects([withStroke(linewidth=width + 2.2, foreground="#ffffffc0")])
-    _draw_arrows(axes, waypoints, ROUTE, ARROWS, 9 * width)
-
-
-def _draw_arrows(axes: Axes, waypoints: Array, color: str, count: int, size: float) -> None:
-    look = {"color": color, "mutation_scale": size, "shrinkA": 0, "shrinkB": 0}
-    for place, direction in zip(*arrow_places(waypoints, count), strict=True):
+def _draw_route(
+    axes: Axes, waypoints: Array, color: str, outline: withStroke, arrows: int, size_pt: float,
+    **style: Any,
+) -> None:  # fmt: skip
+    """Draw an outlined line with some arrows of a size along it."""
+    axes.plot(*waypoints.T, color=color, path_effects=[outline], **style)
+    shape = {"arrowstyle": "-|>", "mutation_scale": size_pt, "shrinkA": 0, "shrinkB": 0}
+    for place, direction in zip(*arrow_places(waypoints, arrows), strict=True):
         head = place + 1e-3 * direction
-        axes.annotate("", head, place, arrowprops={"arrowstyle": "-|>", **look})
-
-
-def _draw_other_routes(axes: Axes, world: World) -> None:
-    for k, route in enumerate(other_routes(world).values()):
-        color = OTHERS[k % len(OTHERS)]
-        line = axes.plot(*route.T, color=color, linewidth=1.6, linestyle=(0, (4, 1.6)))[0]
-        line.set_path_effects([withStroke(linewidth=3.0, foreground="#00000080")])
-        _draw_arrows(axes, route, color, 4, 14)
+        axes.annotate("", head, place, arrowprops={"color": color, **shape})
 
 
 def _draw_movers(axes: Axes, world: World) -> None:
@@ -130,30 +120,24 @@ def _draw_stops(axes: Axes, stops: Array) -> None:
         box = {"boxstyle": "circle,pad=0.28", "facecolor": face, "edgecolor": INK}
         if len(numbers) > 1:
             box["boxstyle"] = "round,pad=0.3,rounding_size=0.8"
-        text = axes.text(place[0], place[1], " ".join(map(str, numbers)), bbox=box, zorder=5)
-        text.set(color=ink, fontsize=8, weight="bold", ha="center", va="center")
+        style: dict[str, Any] = {"color": ink, "ha": "center", "va": "center", "zorder": 5}
+        axes.text(*place, " ".join(map(str, numbers)), bbox=box, fontsize=8, weight="bold", **style)
 
 
 def _draw_bar(axes: Axes, extent: tuple[float, float, float, float]) -> None:
     """Draw a scale bar of a round length into the lower left corner, its length above it."""
     width_m, height_m = extent[1] - extent[0], extent[3] - extent[2]
-    length_m = bar_length_m(width_m)
+    length_m = round_down(BAR_SHARE * width_m)
     left, low = extent[0] + 0.03 * width_m, extent[2] + min(0.03 * width_m, 0.1 * height_m)
-    for half, colour in enumerate(("white", INK)):
-        ends = left + length_m / 2 * np.array([half, half + 1])
-        style: dict[str, Any] = {"linewidth": 4, "solid_capstyle": "butt", "zorder": 6}
-        line = axes.plot(ends, [low, low], color=colour, **style)[0]
-        line.set_path_effects([withStroke(linewidth=5.4, foreground="#000000a0")])
-    where = (left + length_m / 2, low), (0, 4)
-    look: dict[str, Any] = {
-        "fontsize": 8,
-        "color": "white",
-        "weight": "bold",
-        "ha": "center",
-        "zorder": 6,
-    }
-    text = axes.annotate(f"{length_m:g} m", *where, textcoords="offset points", **look)
-    text.set_path_effects([withStroke(linewidth=2.2, foreground="#000000b0")])
+    middle, right = left + length_m / 2, left + length_m
+    outline = [withStroke(linewidth=5.4, foreground="#000000a0")]
+    style: dict[str, Any] = {"linewidth": 4, "solid_capstyle": "butt", "path_effects": outline}
+    for ends, colour in (((left, middle), "white"), ((middle, right), INK)):
+        axes.plot(ends, (low, low), color=colour, zorder=6, **style)
+    outline = [withStroke(linewidth=2.2, foreground="#000000b0")]
+    style = {"fontsize": 8, "color": "white", "weight": "bold", "path_effects": outline}
+    above: dict[str, Any] = {"xytext": (0, 4), "textcoords": "offset points", "ha": "center"}
+    axes.annotate(f"{length_m:g} m", (middle, low), zorder=6, **above, **style)
 
 
 def _draw_key(axes: Axes, world: World) -> None:
@@ -163,10 +147,8 @@ def _draw_key(axes: Axes, world: World) -> None:
     if not others and not moving:
         return
     mine = next((name for name in world.scene.routes if name not in others), "own waypoints")
-    lines = [
-        (ROUTE, "-", mine),
-        *((OTHERS[k % len(OTHERS)], "--", n) for k, n in enumerate(others)),
-    ]
+    lines = [(ROUTE, "-", mine)]
+    lines += [(color, "--", name) for name, color in zip(others, cycle(OTHERS), strict=False)]
     if moving:
         lines.append((MOVES, ":", f"moving, {MOVES_FOR_S:g} s"))
     handles = [axes.plot([], [], color=c, linestyle=s, label=n)[0] for c, s, n in lines]

@@ -147,8 +147,7 @@ def short_trip(world: World, settings: RecordSettings, share: float) -> tuple[Wo
     along_m = share * path.length_m
     there = _later(world, along_m / drive.speed_mps)
     place_rover(there, settings, along_m)
-    least, most = REACH_M
-    reach_m = min(max(drive.speed_mps**2 / drive.acceleration_mps2, least), most)
+    reach_m = float(np.clip(drive.speed_mps**2 / drive.acceleration_mps2, *REACH_M))
     end_m = min(along_m + reach_m, path.length_m)
     between = path.waypoints[(path.marks_m > along_m) & (path.marks_m < end_m)]
     way = np.vstack([path.at(along_m), between, path.at(end_m)])

@@ -29,10 +29,11 @@ class ImuReadings:
     gyro_radps: Array
     accel_mps2: Array
 
-    @property
-    def intervals_s(self) -> Array:
-        """(N,) lengths in seconds."""
-        return self.intervals_ns * 1e-9
+
+def T_body_imu(settings: ImuSettings) -> Array:
+    """(4, 4) pose of the inertial unit in the body frame."""
+    R = Rotation.from_euler("xyz", settings.rpy_deg, degrees=True).as_matrix()
+    return se3.pose(R, np.array(settings.position_m))
 
 
 def imu_states(
@@ -97,26 +98,20 @@ def with_noise(
         Trawny and Roumeliotis, Indirect Kalman filter for 3D attitude estimation, 2005, eqs. 93 and
         96: a discrete deviation of density / sqrt(dt), a step of the bias of walk * sqrt(dt).
     """
-    root_dt = np.sqrt(readings.intervals_s)[:, None]
+    root_dt = np.sqrt(readings.intervals_ns * 1e-9)[:, None]
     n = len(root_dt)
 
-    def disturb(density: float, walk: float) -> tuple[Array, Array]:
+    def disturb(ideal: Array, density: float, walk: float) -> tuple[Array, Array]:
         white = settings.noise * density / root_dt * rng.standard_normal((n, 3))
         steps = settings.noise * walk * root_dt * rng.standard_normal((n, 3))
         bias = np.cumsum(steps, axis=0) - steps[:1]
-        return bias, bias + white
+        return ideal + (bias + white), bias
 
-    gyro_bias, gyro_error = disturb(
-        settings.gyroscope_noise_density, settings.gyroscope_random_walk
-    )
-    accel_bias, accel_error = disturb(
-        settings.accelerometer_noise_density, settings.accelerometer_random_walk
-    )
-    noisy = replace(
-        readings,
-        gyro_radps=readings.gyro_radps + gyro_error,
-        accel_mps2=readings.accel_mps2 + accel_error,
-    )
+    gyroscope = settings.gyroscope_noise_density, settings.gyroscope_random_walk
+    gyro, gyro_bias = disturb(readings.gyro_radps, *gyroscope)
+    accelerometer = settings.accelerometer_noise_density, settings.accelerometer_random_walk
+    accel, accel_bias = disturb(readings.accel_mps2, *accelerometer)
+    noisy = replace(readings, gyro_radps=gyro, accel_mps2=accel)
     return noisy, np.hstack([gyro_bias, accel_bias])
 
 
@@ -132,7 +127,7 @@ def integrate(
         Savage, Strapdown inertial navigation integration algorithm design, 1998, with the force
         turned by half the interval's turn and the trapezoidal rule for position.
     """
-    dt = readings.intervals_s[:, None]
+    dt = (readings.intervals_ns * 1e-9)[:, None]
     half_turn = Rotation.from_rotvec(readings.gyro_radps * dt / 2)
     half, whole = half_turn.as_matrix(), (half_turn * half_turn).as_matrix()
     R = np.empty((len(dt) + 1, 3, 3))

@@ -31,12 +31,9 @@ class Driver:
     """
 
     def __init__(self, path: Path, settings: DriveSettings) -> None:
-        self._path = path
-        self._settings = settings
-        self._progress_m = 0.0
-        self._speed_mps = 0.0
-        self._moved_at_s = 0.0
-        self._moved_from_m = 0.0
+        self._path, self._settings = path, settings
+        self._progress_m, self._speed_mps = 0.0, 0.0
+        self._moved_at_s, self._moved_from_m = 0.0, 0.0
         self._halt_at_m = settings.stop_every_m or math.inf
         self._halted_at_s: float | None = None
         self.arrived = False
@@ -102,13 +99,9 @@ class Driver:
             raise DriveError(f"the rover tipped over at {time_s:.2f} s near ({x:.2f}, {y:.2f}) m")
         if self._progress_m > self._moved_from_m + STUCK_WITHIN_M:
             self._moved_at_s, self._moved_from_m = time_s, self._progress_m
-        if not self.arrived and time_s - self._moved_at_s > STUCK_AFTER_S + self._turning_s:
+        turning_s = 360.0 / self._settings.turn_rate_max_deg_s  # on the spot, without progress
+        if not self.arrived and time_s - self._moved_at_s > STUCK_AFTER_S + turning_s:
             raise DriveError(f"the rover got stuck at {time_s:.2f} s near ({x:.2f}, {y:.2f}) m")
-
-    @property
-    def _turning_s(self) -> float:
-        """Longest time of a turn on the spot, without progress."""
-        return 360.0 / self._settings.turn_rate_max_deg_s
 
 
 def wheel_speeds(forward_mps: float, turn_radps: float) -> Array:

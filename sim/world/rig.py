@@ -26,12 +26,11 @@ def stereo_rig(settings: RigSettings) -> StereoRig:
     With the pixel centres on integers, f = (W/2) / tan(hfov/2) = (H/2) / tan(fovy/2) and c =
     ((W-1)/2, (H-1)/2).
     """
-    T_body_center = se3.pose(R_body_gl(settings.tilt_deg) @ R_GL_CV, _center_body(settings))
-    T_center_left = se3.pose(np.eye(3), np.array([-settings.baseline_m / 2, 0.0, 0.0]))
+    T_gl_left = se3.pose(R_GL_CV, np.array([-settings.baseline_m / 2, 0.0, 0.0]))
     width, height = settings.width_px, settings.height_px
     f_px = width / 2 / math.tan(math.radians(settings.hfov_deg) / 2)
     centre_px = (width - 1) / 2, (height - 1) / 2
-    T_body_left = T_body_center @ T_center_left
+    T_body_left = T_body_gl(settings) @ T_gl_left
     return StereoRig(width, height, f_px, *centre_px, settings.baseline_m, T_body_left)
 
 
@@ -51,11 +50,11 @@ def add_rig(carrier: mujoco.MjSpec, settings: RigSettings, rig: StereoRig) -> No
 
     The camera is halfway between the two; MuJoCo puts the left one at -ipd/2 along its x.
     """
-    T_body_gl = se3.pose(R_body_gl(settings.tilt_deg), _center_body(settings))
+    T_body_camera = T_body_gl(settings)
     carrier.body(MAST).add_camera(
         name=CAMERA.removeprefix(PREFIX),
-        pos=T_body_gl[:3, 3],
-        quat=se3.to_quat_wxyz(T_body_gl),
+        pos=T_body_camera[:3, 3],
+        quat=se3.to_quat_wxyz(T_body_camera),
         fovy=math.degrees(2 * math.atan(rig.height_px / 2 / rig.f_px)),
         ipd=rig.baseline_m,
     )
@@ -67,14 +66,10 @@ def T_world_left(camera_pos: Array, camera_mat: Array, rig: StereoRig) -> Array:
     return se3.pose(R_world_cv, camera_pos - rig.baseline_m / 2 * R_world_cv[:, 0])
 
 
-def R_body_gl(tilt_deg: float) -> Array:
-    """(3, 3) rotation of an OpenGL camera that faces forward and `tilt_deg` down."""
-    tilt = math.radians(tilt_deg)
+def T_body_gl(settings: RigSettings) -> Array:
+    """(4, 4) pose of an OpenGL camera midway between the two, tilted down from straight ahead."""
+    tilt = math.radians(settings.tilt_deg)
     right = np.array([0.0, -1.0, 0.0])
     forward = np.array([math.cos(tilt), 0.0, -math.sin(tilt)])
-    return np.stack([right, np.cross(right, forward), -forward], axis=1)
-
-
-def _center_body(settings: RigSettings) -> Array:
-    """(3,) midpoint of the optical centres in the body frame, metres."""
-    return np.array([CAMERA_X_M, 0.0, settings.height_m - WHEEL_RADIUS_M])
+    R_body_gl = np.stack([right, np.cross(right, forward), -forward], axis=1)
+    return se3.pose(R_body_gl, np.array([CAMERA_X_M, 0.0, settings.height_m - WHEEL_RADIUS_M]))

@@ -60,14 +60,13 @@ class _Part(NamedTuple):
 
 
 LOWER_Z, DECK_Z = 0.03, 0.16
+POST_HALF_M = (DECK_Z - LOWER_Z) / 2 - BEAM_M
 
 PARTS = (
     *(_Part((-0.12, y, LOWER_Z), (0.18, BEAM_M, BEAM_M), 0.30) for y in (-0.15, 0.15)),
     *(_Part((x, 0.0, LOWER_Z), (BEAM_M, 0.1375, BEAM_M), 0.20) for x in (0.045, -0.12, -0.285)),
     *(
-        _Part(
-            (x, y, (LOWER_Z + DECK_Z) / 2), (BEAM_M, BEAM_M, (DECK_Z - LOWER_Z) / 2 - BEAM_M), 0.10
-        )
+        _Part((x, y, (LOWER_Z + DECK_Z) / 2), (BEAM_M, BEAM_M, POST_HALF_M), 0.10)
         for x in (0.0, -0.285)
         for y in (-0.15, 0.15)
     ),
@@ -218,5 +217,5 @@ def _visible(
     **shape: Any,
 ) -> None:
     """Add a visible geom without contact, a box unless `shape` gives another type."""
-    look = {"group": VISIBLE_GROUP, "contype": 0, "conaffinity": 0}
-    body.add_geom(**{"type": BOX, **shape}, pos=pos, size=size, mass=mass, rgba=rgba, **look)
+    shape = {"type": BOX, "group": VISIBLE_GROUP, "contype": 0, "conaffinity": 0, **shape}
+    body.add_geom(pos=pos, size=size, mass=mass, rgba=rgba, **shape)

@@ -27,6 +27,7 @@ SILL_WIDTH_M, SILL_LENGTH_M = 0.05, 1.1
 ICE_M = (0.5, 1.0)
 """Length along and width across the route of a slippery patch."""
 ICE_HEIGHT_M = 0.0005
+UP: Array = np.array([0.0, 0.0, 1.0])
 BOX_MASS_KG, BOX_CLEARANCE_M = 0.6, 0.006
 
 
@@ -92,10 +93,10 @@ def _lay_bricks(
         ground, yaw = way.at(s, float(side))
         height = max(height_mm, 0.3 * terrain.brick_mm) * 1e-3
         size = (*BRICK_M, height + BURIED_M)
-        centre = _above(ground, (height - BURIED_M) / 2)
+        centre = ground + (height - BURIED_M) / 2 * UP
         with stage.object(f"brick_{k}", Kind.GROUND):
-            mesh = box((0, 0, 0), size).textured(cell).moved(centre, yaw + turn)
-            stage.draw("loose_bricks", mesh)
+            brick = box((0, 0, 0), size).textured(cell)
+            stage.draw("loose_bricks", brick.moved(centre, yaw + turn))
         stage.obstacle(f"brick_{k}", centre, size, yaw + turn)
 
 
@@ -114,7 +115,7 @@ def _lay_sills(stage: Stage, rng: np.random.Generator, way: _Way, terrain: Terra
         with stage.object(f"sill_{k}", Kind.GROUND):
             if k % 2 == 0:
                 size = (SILL_WIDTH_M, SILL_LENGTH_M, height + BURIED_M)
-                centre = _above(ground, (height - BURIED_M) / 2)
+                centre = ground + (height - BURIED_M) / 2 * UP
                 stage.draw("sill", box((0, 0, 0), size, (0.3, 0.1)).moved(centre, yaw + askew))
                 stage.obstacle(f"sill_{k}", centre, size, yaw + askew)
             else:
@@ -124,7 +125,7 @@ def _lay_sills(stage: Stage, rng: np.random.Generator, way: _Way, terrain: Terra
 def _lay_cable(stage: Stage, name: str, ground: Array, yaw: float, height_m: float) -> None:
     """Lay a straight cable whose diameter is the height."""
     half = SILL_LENGTH_M / 2 * np.array([-math.sin(yaw), math.cos(yaw), 0.0])
-    middle = _above(ground, height_m / 2)
+    middle = ground + height_m / 2 * UP
     stage.draw("cable", tube(middle - half, middle + half, height_m / 2, 12))
     stage.spec.worldbody.add_geom(
         name=name,
@@ -142,21 +143,16 @@ def _lay_ice(stage: Stage, rng: np.random.Generator, way: _Way, terrain: Terrain
     for k, s in enumerate(np.arange(CLEAR_START_M, way.length_m - ICE_M[0], pitch)):
         ground, yaw = way.at(float(s) + ICE_M[0] / 2)
         size = (*ICE_M, BURIED_M)
-        centre = _above(ground, ICE_HEIGHT_M - BURIED_M / 2)
+        centre = ground + (ICE_HEIGHT_M - BURIED_M / 2) * UP
         with stage.object(f"ice_{k}", Kind.GROUND):
             length, width = (ICE_M[0], 0, 0), (0, ICE_M[1], 0)
             origin = (-ICE_M[0] / 2, -ICE_M[1] / 2, 0.0)
             sheet = patch(origin, length, width, (1, 1), (1.0, 1.0), rng.random(2))
-            stage.draw("ice", sheet.moved(_above(ground, ICE_HEIGHT_M), yaw))
+            stage.draw("ice", sheet.moved(ground + ICE_HEIGHT_M * UP, yaw))
         stage.obstacle(f"ice_{k}", centre, size, yaw)
         slippery = stage.spec.geom(f"ice_{k}")
         slippery.friction = (terrain.ice_friction, 0.0002, 0.00001)
         slippery.priority = 1  # its friction, not the larger of the two
-
-
-def _above(ground: Array, height_m: float) -> Array:
-    """Return the (3,) point above another."""
-    return np.array([ground[0], ground[1], ground[2] + height_m])
 
 
 def _lay_boxes(stage: Stage, rng: np.random.Generator, way: _Way, terrain: TerrainSettings) -> None:
@@ -173,6 +169,7 @@ def _lay_boxes(stage: Stage, rng: np.random.Generator, way: _Way, terrain: Terra
             break
         ground, yaw = way.at(s, float(side))
         name = f"box_{k}"
-        with stage.free_body(name, _above(ground, size[2] / 2 + BOX_CLEARANCE_M), yaw + turn):
+        centre = ground + (size[2] / 2 + BOX_CLEARANCE_M) * UP
+        with stage.free_body(name, centre, yaw + turn):
             stage.draw("loose_cartons", box((0, 0, 0), size, bottom=True).textured(cell))
             stage.obstacle(f"{name}/hull", (0, 0, 0), size, mass_kg=BOX_MASS_KG)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from sim.sensors.wheel_encoders import Encoders
+from sim.sensors.wheel_encoders import ticks
 from sim.settings import RecordSettings
 from sim.world.drive import CONTROL_RATE_HZ, DriveError, Driver
 from sim.world.random_streams import stream
@@ -109,8 +109,8 @@ def make_trip(world: World, settings: RecordSettings) -> Trip:
     log = _Log(world, settings)
     driver = Driver(world.path, settings.drive) if world.is_driven else None
     timestep_s = world.model.opt.timestep
-    control = _Clock(CONTROL_RATE_HZ if driver else 0, timestep_s)
-    movers = _Clock(1 / MOVER_PERIOD_S, timestep_s) if world.movers else _Clock(0, timestep_s)
+    control = SamplingClock(CONTROL_RATE_HZ if driver else 0, timestep_s)
+    movers = SamplingClock(1 / MOVER_PERIOD_S if world.movers else 0, timestep_s)
     mujoco.mj_step(world.model, world.data, round((START_S - log.lead_s) / timestep_s))
     step, last_step, ended = -round(log.lead_s / timestep_s), math.inf, ""
     while step <= last_step:
@@ -133,10 +133,11 @@ def make_trip(world: World, settings: RecordSettings) -> Trip:
     return log.trip(ended)
 
 
-class _Clock:
-    """Steps of a periodic event: the first at or after each multiple of its period."""
+class SamplingClock:
+    """Physics steps of a periodic event: the first at or after each multiple of its period."""
 
     def __init__(self, rate_hz: float, timestep_s: float) -> None:
+        """Start at step 0; a rate of 0 is never due."""
         self._period = 1 / (rate_hz * timestep_s) if rate_hz else math.inf
         self._count = 0
         self.next: float = 0.0 if rate_hz else math.inf
@@ -154,19 +155,19 @@ class _Clock:
 class _Rows:
     """Compact rows of times and numbers: a long trip has a million."""
 
-    def __init__(self) -> None:
-        self.times_ns = array("q")
-        self._values = array("d")
+    def __init__(self, columns: int) -> None:
+        self._columns, self._times_ns, self._values = columns, array("q"), array("d")
 
     def add(self, time_ns: int, *values: Array) -> None:
-        self.times_ns.append(time_ns)
+        self._times_ns.append(time_ns)
         for x in values:
             self._values.frombytes(x.tobytes())
 
     @property
-    def values(self) -> Array:
-        """(rows, numbers) float64."""
-        return np.array(self._values).reshape(len(self.times_ns), -1)
+    def table(self) -> tuple[Indices, Array]:
+        """Times (K,) int64 and numbers (K, columns) float64."""
+        values = np.array(self._values).reshape(len(self._times_ns), self._columns)
+        return np.array(self._times_ns), values
 
 
 class _Log:
@@ -174,15 +175,15 @@ class _Log:
 
     def __init__(self, world: World, settings: RecordSettings) -> None:
         self._world, self._settings = world, settings
-        self._timestep_s = timestep_s = world.model.opt.timestep
+        timestep_s = world.model.opt.timestep
         self._frame_period = 1 / (settings.rig.rate_hz * timestep_s)
         self._half_window = math.ceil(longest_window_s(settings) / 2 / timestep_s - 1e-9)
         self.lead_s = self._half_window * timestep_s
-        self._imu = _Clock(settings.imu.rate_hz, timestep_s)
-        self._encoders = Encoders(settings.encoders.ticks_per_turn, settings.encoders.rate_hz)
+        self._imu = SamplingClock(settings.imu.rate_hz, timestep_s)
+        encoders_hz = settings.encoders.rate_hz if world.is_driven else 0
+        self._encoders = SamplingClock(encoders_hz, timestep_s)
         self._frames: list[tuple[int, Array, Array]] = []
-        self._states = _Rows()
-        self._motions = _Rows()
+        self._states, self._motions, self._wheels = _Rows(world.model.nq), _Rows(25), _Rows(2)
 
     @property
     def _frame_step(self) -> int:
@@ -190,11 +191,10 @@ class _Log:
 
     def next_step(self, step: int) -> float:
         """Return the next step at which something is to be sampled."""
-        encoders = self._encoders.next_step(self._timestep_s) if self._world.is_driven else math.inf
         open_at = max(step + 1, self._frame_step - self._half_window)
         if step < (len(self._frames) - 1) * self._frame_period + self._half_window:
             open_at = step + 1  # the shutter of the frame just taken is still open
-        return min(open_at, self._imu.next, encoders)
+        return min(open_at, self._imu.next, self._encoders.next)
 
     def take(self, step: int, time_s: float) -> None:
         """Take all samples that are due at this step."""
@@ -203,7 +203,7 @@ class _Log:
         since_frame = step - round((len(self._frames) - 1) * self._frame_period)
         if min(to_frame, since_frame if self._frames else to_frame) <= self._half_window:
             self._states.add(time_ns, world.data.qpos)
-        frame, imu = step == self._frame_step, step >= 0 and self._imu.due(step)
+        frame, imu = step == self._frame_step, self._imu.due(step)
         if frame or imu:
             T_world_body, v_world_body, w_world_body = body_motion(world, time_s)
             if frame:
@@ -211,38 +211,24 @@ class _Log:
             if imu:
                 motion = T_world_body.ravel(), v_world_body, w_world_body, wheel_forces_n(world)
                 self._motions.add(time_ns, *motion)
-        if world.is_driven and step == self._encoders.next_step(self._timestep_s):
-            self._encoders.read(time_ns, world.wheel_angles_rad)
+        if self._encoders.due(step):
+            self._wheels.add(time_ns, world.wheel_angles_rad)
 
     def trip(self, ended: str) -> Trip:
         """Return all samples, without frames whose exposure was cut off."""
-        complete = len(self._frames)
-        while complete and self._frames[complete - 1][0] + self.lead_s * 1e9 > (
-            self._states.times_ns[-1] + 1
-        ):
-            complete -= 1
+        states, settings = States(*self._states.table), self._settings
+        complete = sum(x[0] + self.lead_s * 1e9 <= states.times_ns[-1] + 1 for x in self._frames)
         if complete < 2:
             raise DriveError(ended or "the trip ended before its second frame")
-        delivered = stream(self._settings.seed, "drop").random(complete)
-        delivered = delivered >= self._settings.sensor.drop_share
+        delivered = stream(settings.seed, "drop").random(complete) >= settings.sensor.drop_share
         delivered[0] = True  # the first frame is never lost
-        times, poses, velocities = zip(*self._frames[:complete], strict=True)
-        poses_dense, *motions = np.split(self._motions.values, (16, 19, 22), axis=1)
-        return Trip(
-            np.array(times, dtype=np.int64),
-            delivered,
-            States(np.array(self._states.times_ns, dtype=np.int64), self._states.values),
-            np.array(poses),
-            np.array(velocities),
-            Motions(
-                np.array(self._motions.times_ns, dtype=np.int64),
-                poses_dense.reshape(-1, 4, 4),
-                *(x.copy() for x in motions),
-            ),
-            np.array(self._encoders.times_ns, dtype=np.int64),
-            np.array(self._encoders.counts, dtype=np.int64).reshape(-1, 2),
-            ended,
-        )
+        times_ns, *frames = (np.array(x) for x in zip(*self._frames[:complete], strict=True))
+        motion_ns, values = self._motions.table
+        poses, *motions = np.split(values, (16, 19, 22), axis=1)
+        motions = Motions(motion_ns, poses.reshape(-1, 4, 4), *(x.copy() for x in motions))
+        wheel_ns, angles_rad = self._wheels.table
+        counts = ticks(angles_rad, settings.encoders.ticks_per_turn)
+        return Trip(times_ns, delivered, states, *frames, motions, wheel_ns, counts, ended)
 
 
 def longest_window_s(settings: RecordSettings) -> float:

@@ -9,11 +9,10 @@ import yaml
 
 from scenes.scene import Kind
 from sim.camera.camera import Capture, StereoCamera
-from sim.camera.render import StereoRenderer
+from sim.camera.render import NO_GEOM, StereoRenderer
 from sim.certificate.verify import verify
-from sim.dataset.sensor_yaml import LABELS
 from sim.labels.annotate import FORWARD, Annotator
-from sim.labels.labels import lookup
+from sim.labels.formats import LABELS
 from sim.labels.visibility import HIDDEN, NOTHING, OUTSIDE, VISIBLE
 from sim.record import record
 from sim.settings import (
@@ -255,7 +254,9 @@ def test_classes_of_sky_ground_and_cartons(make_scene, settled):
     with StereoRenderer(world, settings.render) as renderer:
         geoms = renderer.render_geometry().geoms_left
     annotator = Annotator(world)
-    classes, objects = lookup(annotator.kind_of, geoms), lookup(annotator.object_of, geoms)
+    classes, objects = annotator.kind_of[geoms], annotator.object_of[geoms]
+    assert (classes.dtype, objects.dtype) == (np.uint8, np.uint16)
+    assert not objects[geoms == NO_GEOM].any()
     assert set(np.unique(classes)) == {Kind.SKY, Kind.GROUND, Kind.MOVING}
     (box,) = (k for k, x in enumerate(annotator.things, start=1) if x.name == "box_0")
     assert (objects == box).sum() > 100

@@ -246,7 +246,9 @@ def test_slot_weights_of_each_row_sum_to_one():
         )
         shutter = open_shutter(settings, 1.0, time_ms * 1e-3, 97)
         for slots in rng.integers(2, 40, 3):
-            portions = slot_weights(shutter, np.linspace(*shutter.window_s, slots + 1))
+            portions = slot_weights(
+                shutter, np.linspace(shutter.start_s.min(), shutter.end_s.max(), slots + 1)
+            )
             assert portions.shape == (2, 97, slots)
             assert portions.min() >= 0
             np.testing.assert_allclose(portions.sum(axis=-1), 1, atol=1e-6)

@@ -11,24 +11,20 @@ from typer.testing import CliRunner
 from scenes.scene import Kind
 from sim.camera.render import StereoRenderer
 from sim.labels.visibility import Occlusion
-from sim.preview.colours import (
+from sim.preview.colours import NOTHING, DepthScale, depth_scale, flow_colours, round_down
+from sim.preview.film import first_seconds, make_film, writing
+from sim.preview.label_plates import (
     INVISIBLE,
     KINDS,
-    NOTHING,
-    DepthScale,
     class_colours,
-    depth_scale,
-    flow_colours,
+    label_position,
     normal_colours,
     object_colours,
     visibility_colours,
 )
-from sim.preview.film import first_seconds, make_film, writing
-from sim.preview.image_file import write_picture
-from sim.preview.label_plates import label_position
 from sim.preview.overhead_map import render_world_map
-from sim.preview.preview import changed_settings, contact_sheet, preview
-from sim.preview.route_map import arrow_places, bar_length_m
+from sim.preview.preview import changed_settings, contact_sheet, preview, write_picture
+from sim.preview.route_map import BAR_SHARE, arrow_places
 from sim.preview.sample_views import render_sample_views, short_trip
 from sim.settings import RecordSettings
 from sim.world.trip import make_trip
@@ -121,7 +117,7 @@ def test_label_positions_are_inside_objects_and_apart():
 
 @pytest.mark.parametrize(("width_m", "bar_m"), [(6, 1), (14, 2), (104, 20), (0.5, 0.1)])
 def test_scale_bar_fits_the_map(width_m, bar_m):
-    assert bar_length_m(width_m) == pytest.approx(bar_m)
+    assert round_down(BAR_SHARE * width_m) == pytest.approx(bar_m)
 
 
 def test_arrows_are_even_and_along_the_route():

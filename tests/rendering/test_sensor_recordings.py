@@ -14,7 +14,7 @@ import yaml
 
 from sim.certificate.verify import verify
 from sim.dataset.image_codecs import encode_float
-from sim.dataset.sensor_yaml import EXPOSURES
+from sim.dataset.tables import EXPOSURES
 from sim.record import record
 from sim.settings import (
     CalibrationSettings,

@@ -8,17 +8,21 @@ from raycast import Ball, Box, Ground, look
 
 from sim.camera.camera import FrameExposure
 from sim.certificate.certificate import certify
-from sim.certificate.photometric import FrameResidual, PhotometricCheck
+from sim.certificate.photometric import (
+    FrameResidual,
+    NoisyImage,
+    PhotometricCheck,
+    expected_residual,
+    residual,
+)
 from sim.imaging.image_sensor import ImageSensor
 from sim.imaging.resample import sample, sample_variance
 from sim.labels.labels import (
     disparity_from_depth,
     flow,
-    lookup,
     normals,
     visible_in_right,
 )
-from sim.labels.warp import NoisyImage, expected_residual, residual
 from sim.settings import RecordSettings
 from vo.contract import se3
 from vo.contract.rig import StereoRig
@@ -127,16 +131,6 @@ def test_flow_of_sky_and_of_moving_bodies():
         np.testing.assert_allclose(moved[v, u, :2], pixel - (u, v), atol=1e-4)
         if not far:
             assert moved[v, u, 2] == pytest.approx(p[2], rel=1e-6)
-
-
-def test_lookup_of_negative_geoms_is_zero():
-    geoms = np.array([[-1, 0], [2, 1]])
-    classes = lookup(np.array([3, 1, 2], np.uint8), geoms)
-    assert classes.dtype == np.uint8
-    assert classes.tolist() == [[0, 3], [2, 1]]
-    objects = lookup(np.array([300, 7, 7], np.uint16), geoms)
-    assert objects.dtype == np.uint16
-    assert objects.tolist() == [[0, 300], [7, 7]]
 
 
 def test_sample_is_exact_on_parabolas():

@@ -10,12 +10,13 @@ import pytest
 from sim.imaging.image_sensor import ImageSensor
 from sim.imaging.lens import (
     delivered_rig,
+    delivered_to_raw,
     distort,
-    distortion_map,
     margin_px,
     miscalibration_rotation,
+    pixel_grid,
     raw_margin_px,
-    rectification_map,
+    raw_to_nominal,
     undistort,
 )
 from sim.imaging.linear_light import decode
@@ -67,9 +68,9 @@ def test_distort_agrees_with_opencv(name: str):
 
 
 @pytest.mark.parametrize("name", LENSES)
-def test_distortion_map_agrees_with_opencv(name: str):
+def test_raw_to_nominal_agrees_with_opencv(name: str):
     lens = LENSES[name]
-    u, v = distortion_map(recording(lens), RIG, np.eye(3), 0)
+    u, v = raw_to_nominal(lens, RIG, np.eye(3), pixel_grid(RIG))
     criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-12)
     rays = cv2.undistortPoints(
         pixels().reshape(-1, 1, 2), RIG.K, coefficients(lens), None, None, None, criteria
@@ -134,7 +135,7 @@ def test_miscalibration_angles_have_the_stated_signs():
 
 def test_wrong_focal_length_still_fills_the_image():
     settings = recording(LENSES["barrel"], focal_percent=5)
-    u, v = rectification_map(settings, RIG)
+    u, v = delivered_to_raw(settings, RIG, pixel_grid(RIG))
     delivered = delivered_rig(RIG, settings.calibration)
     theirs = cv2.initUndistortRectifyMap(
         delivered.K, coefficients(LENSES["barrel"]), None, delivered.K, (160, 120), cv2.CV_32FC1
@@ -147,12 +148,12 @@ def test_wrong_focal_length_still_fills_the_image():
 def test_margin_is_the_smallest_that_lights_all_pixels(name: str, yaw_deg: float):
     settings = recording(LENSES[name], yaw_deg=yaw_deg, pitch_deg=-1.0)
     margin, pad = margin_px(settings, RIG), raw_margin_px(settings, RIG)
-    u, v = rectification_map(settings, RIG)
+    u, v = delivered_to_raw(settings, RIG, pixel_grid(RIG))
     assert min(u.min(), v.min()) + pad >= 1
     assert max(u.max() - 159, v.max() - 119) - pad <= -1
     needed = -math.inf
     for R in (np.eye(3), miscalibration_rotation(settings.calibration)):
-        u, v = distortion_map(settings, RIG, R, pad)
+        u, v = raw_to_nominal(settings.sensor, RIG, R, pixel_grid(RIG, pad))
         needed = max(needed, -u.min(), -v.min(), u.max() - 159, v.max() - 119)
     assert needed + 1 < margin < needed + 4
 

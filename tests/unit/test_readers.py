@@ -7,7 +7,7 @@ from folders import BASELINE_M, F_PX, HEIGHT, PERIOD_NS, WIDTH, wall, write_euro
 
 from vo.contract.errors import CalibrationError, DatasetError, TrajectoryError
 from vo.contract.readers import open_sequence, read_truth
-from vo.contract.wheels import STALE_NS, WheelLog
+from vo.contract.sequence import STALE_NS, WheelLog
 
 
 @pytest.fixture

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from sim.camera.gl import choose_backend
-from sim.sensors.wheel_encoders import Encoders, ticks
+from sim.sensors.wheel_encoders import ticks
 from sim.settings import RecordSettings
 from sim.world.random_streams import stream
+from sim.world.trip import SamplingClock
 from trials.gym.env.settings import NavSettings
 from trials.navigation.settings import NavigatorSettings
 from vo.config import OdometrySettings
@@ -103,13 +104,10 @@ def test_ticks_of_turns_round_down_in_both_directions():
     np.testing.assert_array_equal(ticks(turns * 2 * np.pi + 1e-12, 100), [0, 0, 1, -1, 100])
 
 
-def test_encoders_read_at_the_next_physics_step():
-    encoders = Encoders(ticks_per_turn=100, rate_hz=100)
-    steps = []
-    for _ in range(4):
-        steps.append(encoders.next_step(timestep_s=0.004))
-        encoders.read(steps[-1], np.zeros(2))
-    assert steps == [0, 3, 5, 8]
+def test_sampling_clock_is_due_at_the_next_physics_step():
+    clock = SamplingClock(rate_hz=100, timestep_s=0.004)
+    assert [step for step in range(-2, 10) if clock.due(step)] == [0, 3, 5, 8]
+    assert not SamplingClock(rate_hz=0, timestep_s=0.004).due(100)
 
 
 def test_choose_backend_auto_follows_the_environment(monkeypatch):

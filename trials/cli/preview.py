@@ -4,13 +4,13 @@ from pathlib import Path
 
 from scenes import SCENES
 from sim.batch import build
-from sim.preview.film import film_suffix, make_film
-from sim.preview.image_file import picture_suffix, write_picture
-from sim.preview.overview import overview, tile
+from sim.preview.film import FILMS, make_film
+from sim.preview.preview import PICTURES, overview, tile, write_picture
 from sim.preview.preview import preview as write_sheet
 from trials.cli import console
 from trials.cli.options import RecordingOptions, argument, option
 from vo.contract.errors import SettingsError
+from vo.contract.files import known_suffix
 
 ALL = "all"
 """Instead of a scene's name: one picture of every registered scene."""
@@ -28,9 +28,9 @@ def preview(
     """Render a contact sheet of views, labels and map, or a short film."""
     sheet = Path("preview.png") if out is None and film is None else out
     if sheet is not None:
-        picture_suffix(sheet)
+        known_suffix(sheet, PICTURES)
     if film is not None:
-        film_suffix(film)
+        known_suffix(film, FILMS)
     if scene == ALL:
         if film is not None or sheet is None:
             raise SettingsError("--film: shows one scene, not all")

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from sim.preview.image_file import known_suffix
 from trials.cli import console
 from trials.cli.options import argument, option
 from trials.gym.studies.showcase import film_sources
+from vo.contract.files import known_suffix
 
 
 def trial_film(

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.dataset.sensor_yaml import label_file
+from sim.labels.formats import label_file
 from vo.contract import se3
 from vo.contract.arrays import Array, Mask
 from vo.contract.dataset import MANIFEST, read_manifest

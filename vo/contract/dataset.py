@@ -101,11 +101,7 @@ class DatasetWriter:
 
 
 def _lock_folder(partial: Path, out: Path) -> int:
-    """Create an empty folder, locked until the returned descriptor or the process is closed.
-
-    Raises:
-        DatasetError: If another process holds the lock; names `out`.
-    """
+    """Create an empty folder, locked until the returned descriptor or the process is closed."""
     partial.mkdir(parents=True, exist_ok=True)
     lock = os.open(partial, os.O_RDONLY)
     try:

@@ -11,10 +11,9 @@ from vo.contract.arrays import Array, Image, Indices
 from vo.contract.errors import CalibrationError, DatasetError, TrajectoryError
 from vo.contract.files import read_grey
 from vo.contract.rectify import PinholeCamera, rectify
-from vo.contract.sequence import StereoSequence
+from vo.contract.sequence import StereoSequence, WheelLog
 from vo.contract.tables import read_columns, read_lines, read_rows
 from vo.contract.trajectory import Trajectory
-from vo.contract.wheels import read_wheels
 
 TRUTH_FOLDER = "state_groundtruth_estimate0"
 
@@ -49,7 +48,7 @@ def open_euroc(folder: Path) -> StereoSequence:
     def load(i: int) -> tuple[Image, Image]:
         return remap_left(read_grey(files_left[i])), remap_right(read_grey(files_right[i]))
 
-    wheels = read_wheels(mav / "wheels0" / "data.csv")
+    wheels = _read_wheels(mav / "wheels0" / "data.csv")
     return StereoSequence(folder.resolve().name, rig, times, load, wheels)
 
 
@@ -67,6 +66,24 @@ def read_euroc_truth(folder: Path, T_body_cam: Array) -> Trajectory | None:
         raise TrajectoryError(f"{table}: holds no poses")
     T_world_body = se3.from_quat_wxyz(rows[:, 3:7], rows[:, :3])
     return Trajectory(times, T_world_body @ T_body_cam)
+
+
+def _read_wheels(table: Path) -> WheelLog | None:
+    """Read rows of 'timestamp [ns],left [ticks],right [ticks]'; None without such a file."""
+    if not table.is_file():
+        return None
+    rows: list[tuple[int, int, int]] = []
+    for place, words in read_rows(table):
+        try:
+            time_ns, left, right = (int(word) for word in words)
+        except ValueError:
+            expected = "'timestamp [ns],left [ticks],right [ticks]', whole numbers"
+            raise DatasetError(f"{place}: expected {expected}") from None
+        if rows and time_ns <= rows[-1][0]:
+            raise DatasetError(f"{place}: time must increase")
+        rows.append((time_ns, left, right))
+    values = np.array(rows, dtype=np.int64).reshape(-1, 3)
+    return WheelLog(values[:, 0], values[:, 1:])
 
 
 def _mav(folder: Path) -> Path:

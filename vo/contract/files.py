@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from vo.contract.arrays import Array, Image
-from vo.contract.errors import DatasetError
+from vo.contract.errors import DatasetError, SettingsError
 
 PNG_END = b"IEND\xaeB`\x82"
 
@@ -18,11 +18,13 @@ PNG_END = b"IEND\xaeB`\x82"
 def replacing(path: Path) -> Generator[Path]:
     """Yield a temporary path beside `path`, which it replaces only when the block succeeds.
 
+    It has the suffix of `path`, from which an encoder may take the format.
+
     Raises:
         DatasetError: If the disk is full; names `path`.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
     try:
         yield partial
         partial.replace(path)
@@ -33,6 +35,18 @@ def replacing(path: Path) -> Generator[Path]:
         raise DatasetError(f"{path}: cannot be written ({error.strerror or error})") from None
     finally:
         partial.unlink(missing_ok=True)
+
+
+def known_suffix(path: Path, valid: tuple[str, ...]) -> str:
+    """Return a file's suffix in lower case.
+
+    Raises:
+        SettingsError: If it is not a valid one.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in valid:
+        raise SettingsError(f"{path}: the name must end in {' or '.join(valid)}")
+    return suffix
 
 
 def write_text(path: Path, text: str) -> None:

@@ -8,7 +8,30 @@ import numpy as np
 from vo.contract.arrays import Image, Indices
 from vo.contract.errors import DatasetError
 from vo.contract.rig import StereoRig
-from vo.contract.wheels import WheelLog
+
+STALE_NS = 250_000_000
+"""Age from which a reading is ignored: silent encoders would look like wheels at rest."""
+
+
+@dataclass(frozen=True)
+class WheelLog:
+    """Readings of the left and the right wheel encoder.
+
+    Attributes:
+        timestamps_ns: (N,) int64, strictly increasing.
+        ticks: (N, 2) int64, left and right, counted since the start, forward positive.
+    """
+
+    timestamps_ns: Indices
+    ticks: Indices
+
+    def at(self, timestamp_ns: int) -> tuple[int, int] | None:
+        """Return the last reading at or before a time; None if there is none or it is stale."""
+        i = int(np.searchsorted(self.timestamps_ns, timestamp_ns, side="right")) - 1
+        if i < 0 or timestamp_ns - int(self.timestamps_ns[i]) > STALE_NS:
+            return None
+        left, right = self.ticks[i]
+        return int(left), int(right)
 
 
 @dataclass(frozen=True)

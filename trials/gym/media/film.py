@@ -8,9 +8,10 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from sim.preview.film import film_suffix, writing
+from sim.preview.film import FILMS, writing
 from vo.contract.arrays import Array, Image
 from vo.contract.errors import SettingsError
+from vo.contract.files import known_suffix
 
 
 class Filmed(gymnasium.Wrapper[Any, Array, Any, Array]):
@@ -31,7 +32,7 @@ class Filmed(gymnasium.Wrapper[Any, Array, Any, Array]):
         super().__init__(env)
         if env.render_mode != "rgb_array":
             raise SettingsError('a film needs render_mode="rgb_array"')
-        film_suffix(out)
+        known_suffix(out, FILMS)
         self._out, self._every, self._trials, self._steps = out, every, 0, 0
         self._film = ExitStack()
         self._write: Callable[[Image], None] | None = None

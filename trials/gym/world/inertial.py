@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from sim.dataset.sensor_yaml import T_body_imu
-from sim.sensors.inertial import GRAVITY_MPS2, ideal_readings
+from sim.sensors.inertial import GRAVITY_MPS2, T_body_imu, ideal_readings
 from sim.settings import ImuSettings
 from sim.world.trip import body_motion
 from sim.world.world import World

@@ -1,0 +1,77 @@
+"""File formats of the dense labels."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+FLOAT, CODES = "32-bit float TIFF, lossless", "PNG"
+FLOAT_3 = "3-channel 32-bit float TIFF, lossless"
+SEEN = "0 visible, 1 hidden behind something, 2 out of the picture, 3 no surface here"
+
+
+class LabelFormat(NamedTuple):
+    """File format of a dense label.
+
+    Attributes:
+        folder: Folder under mav0; its last digit is the camera whose pixels it labels.
+        about: Meaning of a pixel.
+        unit: Unit of the values.
+        encoding: File format.
+        invalid: Value of a pixel without a label.
+    """
+
+    folder: str
+    about: str
+    unit: str
+    encoding: str = FLOAT
+    invalid: str = "nan"
+
+    @property
+    def suffix(self) -> str:
+        """File name suffix."""
+        return ".png" if self.encoding == CODES else ".tiff"
+
+
+LABELS = {
+    "depth": LabelFormat("depth0", "distance along the optical axis, at pixel centres", "m"),
+    "disparity": LabelFormat(
+        "disparity0", "u_left - u_right of left pixels: f * baseline / depth", "px"
+    ),
+    "disparity_right": LabelFormat("disparity1", "u_left - u_right of right pixels", "px"),
+    "occlusion": LabelFormat(
+        "occlusion0", f"whether the right camera sees a left pixel: {SEEN}", "code", CODES, "3"
+    ),
+    "flow": LabelFormat(
+        "flow0",
+        "where a pixel's point is in the next left image: du, dv in pixels, then its depth there "
+        "in metres; absent for the last frame",
+        "px, px, m",
+        FLOAT_3,
+        "nan; the depth of the sky is nan, its motion is not",
+    ),
+    "covisibility": LabelFormat(
+        "covisibility0",
+        f"whether the next left image shows a pixel's point: {SEEN}; absent for the last frame",
+        "code",
+        CODES,
+        "3",
+    ),
+    "segmentation": LabelFormat(
+        "segmentation0", "object; the manifest's `things` has the names", "id", CODES, "0"
+    ),
+    "classes": LabelFormat(
+        "classes0", "0 sky, 1 ground, 2 static, 3 moving", "code", CODES, "none"
+    ),
+    "normals": LabelFormat(
+        "normals0",
+        "unit normal of the surface towards the camera, in camera axes; nan where neighbouring "
+        "pixels share no plane",
+        "1",
+        FLOAT_3,
+    ),
+}
+
+
+def label_file(folder: Path, label: str, time_ns: int) -> Path:
+    """Return the path of one of LABELS in a dataset folder."""
+    form = LABELS[label]
+    return folder / "mav0" / form.folder / "data" / f"{time_ns}{form.suffix}"
