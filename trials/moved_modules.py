@@ -23,13 +23,12 @@ COMMANDS = {
 
 ROOMS = {
     ("vo.contract", "sim.dataset"): "encoders>image_codecs",
-    ("vo.contract", "vo.contract"): "wheels>sequence",
     ("vo", "vo.bundle_adjustment"): (
         "refine>adjust fixed_lag bundle>problem sandwich>robust_covariance reduction>schur solver"
     ),
     ("vo", "vo.features"): (
-        "windows>image_quality censure kernels>censure_kernels features>detector harris "
-        "noise>image_quality octagons>integral_images subpixel"
+        "censure kernels>censure_kernels features>detector harris noise>image_quality "
+        "octagons>integral_images subpixel"
     ),
     ("vo", "vo.map"): "view>frame tracks>local_map history>run_history journey>state",
     ("vo", "vo.mapping"): (
@@ -46,22 +45,20 @@ ROOMS = {
         "stereo>dense epipolar>epipolar_search surface>plane_fit slant disparity>sparse"
     ),
     ("vo", "vo.tracking"): (
-        "correspondence>association triplets>association eyes>frontend following>klt "
-        "trust>landmark_prior localisation>pose_refinement turn>rotation_prior "
-        "standing>stationary location>track_local_map"
+        "correspondence>association eyes>frontend following>klt trust>landmark_prior "
+        "localisation>pose_refinement turn>rotation_prior standing>stationary "
+        "location>track_local_map"
     ),
-    ("sim", "sim.camera"): (
-        "camera exposure target>framebuffer readout>framebuffer gl view>render render sky"
-    ),
-    ("sim", "sim.certificate"): "certificate warp>photometric plausibility>certificate verify",
-    ("sim", "sim.dataset"): "manifest sensors>tables tables",
+    ("sim", "sim.camera"): "camera exposure target>framebuffer gl render sky",
+    ("sim", "sim.certificate"): "certificate verify",
+    ("sim", "sim.dataset"): "manifest tables",
     ("sim", "sim.imaging"): (
         "metering>auto_exposure imaging>image_sensor lens light>linear_light resample"
     ),
     ("sim", "sim.labels"): "annotate labels visibility",
     ("sim", "sim.preview"): (
-        "chase>chase_camera colours film picture>preview plates>label_plates map>overhead_map "
-        "overview>preview preview chart>route_map sights>sample_views"
+        "chase>chase_camera colours film plates>label_plates map>overhead_map preview "
+        "chart>route_map sights>sample_views"
     ),
     ("sim", "sim.sensors"): "inertial encoders>wheel_encoders",
     ("sim", "sim.world"): "drive handheld path streams>random_streams rig rover terrain trip world",
@@ -82,26 +79,23 @@ ROOMS = {
     ),
     ("trials", "trials.execution"): "outcomes>jobs workers>parallel lab>runner",
     ("trials.gym", "trials.gym.env"): (
-        "environments watch>failure_monitor localization policies rover_env settings spaces tasks"
+        "environments localization policies rover_env settings spaces tasks"
     ),
-    ("trials.gym", "trials.gym.media"): (
-        "film dataset>trial_dataset pictures>trial_view window>viewer"
-    ),
+    ("trials.gym", "trials.gym.media"): "film pictures>trial_view",
     ("trials.gym", "trials.gym.studies"): (
-        "aisles>aisle_network memory planning ledger>result_store follower>route_follower "
+        "aisles>aisle_network planning ledger>result_store follower>route_follower "
         "routed>rover_routing routed_figure>rover_routing_figure sensitivity showcase bench>speed "
         "protocol>trial_results fleet>trial_runner"
     ),
     ("trials.gym", "trials.gym.world"): (
-        "barriers eyes>camera carts ways>distance_field reacting>dynamic_agents dynamics "
-        "freespace>free_space rays>ideal_depth inertial bodies>obstacle_bodies "
-        "site>scene_instance simulation places>start_goal_sampling diary>trial_log"
+        "eyes>camera ways>distance_field reacting>dynamic_agents dynamics freespace>free_space "
+        "inertial bodies>obstacle_bodies site>scene_instance simulation "
+        "places>start_goal_sampling"
     ),
     ("trials.navigation", "trials.navigation"): "lookout>depth_mapping occupancy>occupancy_grid",
     ("trials.report", "trials.report"): "explanation>explanation_figures film>stills",
     ("trials", "trials.studies"): (
-        "accuracy bench bump experiments proof>label_accuracy point_world response speed stress "
-        "strengths>stress"
+        "accuracy bench bump experiments proof>label_accuracy point_world response speed stress"
     ),
     ("trials.gate", "trials.studies"): "simulate>gate_power",
     ("trials.navigation", "trials.studies"): "bench>replanning",

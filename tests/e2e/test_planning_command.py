@@ -10,9 +10,8 @@ from terminal import driftyard
 from sim.batch import build
 from sim.world.world import build_world
 from trials.gym.env.settings import NavSettings
-from trials.gym.studies.planning import SETTINGS, floor_plan, parse_planning
+from trials.gym.studies.planning import SETTINGS, floor_plan, parse_planning, ray_disparity
 from trials.gym.world.free_space import map_free_space
-from trials.gym.world.ideal_depth import ray_disparity
 from trials.gym.world.scene_instance import along
 from vo.contract.errors import SettingsError
 

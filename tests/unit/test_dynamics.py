@@ -11,11 +11,9 @@ from sim.batch import build
 from sim.world.world import START_S, build_world
 from trials.gym.env.settings import NavSettings
 from trials.gym.world.barrier_slots import with_slots_closed
-from trials.gym.world.barriers import SAFE_M, Barrier, Door, Gate, Load, Slot
-from trials.gym.world.carts import MAX_WAIT_S, Cart
-from trials.gym.world.carts import SAFE_M as CART_SAFE_M
 from trials.gym.world.distance_field import TraversableSpace
-from trials.gym.world.dynamics import Setting, parse_dynamics, sample_dynamics
+from trials.gym.world.dynamic_agents import Barrier, Cart, Door, Gate, Load, Slot
+from trials.gym.world.dynamics import parse_dynamics, sample_dynamics
 from trials.gym.world.free_space import map_free_space
 from trials.gym.world.obstacle_bodies import with_agents
 from trials.gym.world.simulation import Simulation
@@ -61,7 +59,7 @@ def test_load_comes_down_at_its_time_or_near_the_rover_and_stays():
     assert heights.max() == 0
 
 
-@pytest.mark.parametrize("away_m", [0.0, 0.3, SAFE_M - 0.01])
+@pytest.mark.parametrize("away_m", [0.0, 0.3, Barrier.SAFE_M - 0.01])
 def test_barrier_near_the_rover_does_not_come_down(away_m):
     close = np.array([-0.4 - away_m, 0.0])
     for barrier in (Load(SLOT, 1.0, 5.0), Door(SLOT, 10.0, 0.0, 0.0), Gate(SLOT, 1.0, 99, 99)):
@@ -99,7 +97,7 @@ def test_gate_opens_after_wait_or_lead_whichever_is_first():
         assert times[np.argmax(heights > 0)] == pytest.approx(opens_s, abs=2 * DT)
         assert gate.is_up
     waived = Gate(SLOT, closes_s=3.0, wait_s=6.0, lead_s=4.0)
-    waived.keep_open()
+    waived.enter(2.9)
     assert simulate(waived, 8, FAR)[1].min() == Barrier.LIFT_M
 
 
@@ -112,9 +110,9 @@ def test_cart_waits_for_the_rover_then_turns_back():
     cart.reset()
     rover = np.array([2.5, 0.0])
     times, places = simulate(cart, 12, rover)
-    assert places.max() <= 2.5 - CART_SAFE_M + 1e-9
+    assert places.max() <= 2.5 - Cart.SAFE_M + 1e-9
     waiting = times[places > places.max() - 1e-6]
-    assert np.ptp(waiting) == pytest.approx(MAX_WAIT_S, abs=3 * DT)
+    assert np.ptp(waiting) == pytest.approx(Cart.MAX_WAIT_S, abs=3 * DT)
     assert places[times > waiting.max() + 1].min() < places.max() - 0.3
 
 
@@ -157,18 +155,18 @@ def yard(tmp_path_factory):
 @pytest.mark.parametrize("seed", range(4))
 def test_loads_leave_a_path_to_the_goal(yard, seed):
     _, scene, traversable, ends = yard
-    movers = sample_dynamics(Setting(scene, traversable, ends, 0.5), "blocked_aisles=3,doors", seed)
+    movers = sample_dynamics(scene, ends, 0.5, "blocked_aisles=3,doors", seed)
     loads = [m.slot for m in movers.values() if isinstance(m, Load)]
     assert len(loads) == 1  # a second one would close the other side of the pillar
     assert all(traversable.mask[tuple(traversable.space.cells(slot.centre[:2]))] for slot in loads)
     closed = with_slots_closed(traversable, loads)
     assert closed.shortest_path(ends.start[:2], ends.goal) is not None
     assert not all(closed.has_line(a, b) for a, b in pairwise(ends.path))
-    again = sample_dynamics(Setting(scene, traversable, ends, 0.5), "blocked_aisles=3,doors", seed)
+    again = sample_dynamics(scene, ends, 0.5, "blocked_aisles=3,doors", seed)
     assert {k: m(1.0).tolist() for k, m in again.items()} == {
         k: m(1.0).tolist() for k, m in movers.items()
     }
-    fewer = sample_dynamics(Setting(scene, traversable, ends, 0.5), "blocked_aisles=3", seed)
+    fewer = sample_dynamics(scene, ends, 0.5, "blocked_aisles=3", seed)
     assert fewer["blocked_aisles_0"](1.0).tolist() == movers["blocked_aisles_0"](1.0).tolist()
 
 

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 from typing import Any, ClassVar
@@ -13,7 +13,7 @@ from trials.execution.parallel import map_parallel
 from trials.gym.env.policies import NavigatorPolicy
 from trials.gym.env.settings import NavSettings
 from trials.gym.studies import planning as planned
-from trials.gym.studies.result_store import ResultStore
+from trials.gym.studies.result_store import ResultStore, json_lines
 from trials.gym.studies.sensitivity import draw_sensitivity
 from trials.gym.studies.trial_results import METRICS, Metrics, TrialResult, summarize
 from trials.gym.studies.trial_runner import run_world
@@ -172,7 +172,7 @@ def _drive_planned(
                 count(of_world)
     trials.sort(key=lambda t: (sources.index(t.localization), t.layout, t.run))
     if out:
-        write_text(out, "".join(json.dumps(asdict(t)) + "\n" for t in trials))
+        write_text(out, json_lines(trials))
     columns = {
         f"{way}, {x}": [t for t in trials if (t.planning, t.localization) == (way, x)]
         for x in sources

@@ -15,7 +15,7 @@ from trials.cli.route_rover import route_rover
 from trials.evaluation.intervals import mean_interval
 from trials.navigation.errors import PlanningError
 from trials.report.figure import save_figure
-from trials.routing import figures, tables, verdicts
+from trials.routing import figures, verdicts
 from trials.routing.drive import STRATEGIES
 from trials.routing.generation import large_network, small_network
 from trials.routing.maps import read_map
@@ -135,8 +135,8 @@ def draw(out: Path, studies: dict[str, Study], during: Randomised, rng: Generato
         ("random", (7.2, 4.2), lambda f: figures.draw_random(f, during, name, rng)),
     ):
         save_figure(out / f"routing_{stem}.png", size_in, fill)
-    write_text(out / "routing_delays.csv", tables.delays_csv(studies))
-    write_text(out / "routing_random.csv", tables.random_csv(during))
+    figures.write_delays(out / "routing_delays.csv", studies)
+    figures.write_random(out / "routing_random.csv", during)
 
 
 def write_summary(

@@ -1,7 +1,5 @@
 """Drives of the rover on routes, compared with the routing model; for `driftyard route --rover`."""
 
-import csv
-import io
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -15,9 +13,8 @@ from trials.gym.studies.aisle_network import build_aisle_network
 from trials.gym.studies.rover_routing import RoverDrive, drive_layout
 from trials.gym.studies.rover_routing_figure import SIZE_IN, draw_drives, most_varied_layout
 from trials.report.figure import save_figure
-from trials.report.tables import text_table
+from trials.report.tables import text_table, write_csv
 from trials.routing.drive import STRATEGIES
-from vo.contract.files import write_text
 from vo.contract.settings import validated
 
 SMALL = {"rig.width_px": 320, "rig.height_px": 240}
@@ -58,7 +55,13 @@ def route_rover(scene: str, out: Path, worlds: int, localization: str, seed: int
         SIZE_IN,
         lambda figure: draw_drives(figure, drives, shown, aisles, space),
     )
-    write_text(out / "rover_routes.csv", _csv(drives))
+    header = ("layout", "strategy", "outcome", "undelayed_s", "predicted_s", "measured_s", "nodes")
+    rows = [
+        (d.layout, d.strategy, d.outcome, f"{d.free_s:.2f}", f"{d.predicted_s:.2f}",
+         f"{d.measured_s:.2f}", " > ".join(d.passed))
+        for d in drives
+    ]  # fmt: skip
+    write_csv(out / "rover_routes.csv", header, rows)
     console.out.print(f"{out}", markup=False)
 
 
@@ -80,15 +83,3 @@ def _print_table(title: str, drives: Sequence[RoverDrive]) -> None:
         rows.append((strategy.name, f"{arrived}/{len(mine)}", *times, f"{same}/{len(mine)}"))
     header = (title, "arrived", "model, s", "rover, s", "rover over model", "as the model went")
     console.out.print(text_table(header, rows))
-
-
-def _csv(drives: Sequence[RoverDrive]) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(
-        ("layout", "strategy", "outcome", "undelayed_s", "predicted_s", "measured_s", "nodes")
-    )
-    for d in drives:
-        times = (f"{x:.2f}" for x in (d.free_s, d.predicted_s, d.measured_s))
-        writer.writerow((d.layout, d.strategy, d.outcome, *times, " > ".join(d.passed)))
-    return text.getvalue()

@@ -2,7 +2,8 @@
 
 from trials.cli import console
 from trials.cli.options import argument, option
-from trials.gym.studies.memory import memory_over_resets
+from trials.execution.process_memory import resident_mb
+from trials.gym.studies.trial_runner import rover_nav
 
 
 def trial_memory(
@@ -10,5 +11,9 @@ def trial_memory(
     resets: int = option(100, "Number of worlds to build.", min=2),
 ) -> None:
     """Build world after world, render one image in each, and print the memory of the process."""
-    for worlds, memory_mb in memory_over_resets(scene, resets):
-        console.out.print(f"{worlds:5d} worlds  {memory_mb:8.1f} MB")
+    with rover_nav({"scene": scene, "localization": "truth"}) as env:
+        for k in range(resets):
+            env.reset(options={"layout": k})
+            env.step(env.action_space.sample())
+            if k % max(1, resets // 10) == 0 or k == resets - 1:
+                console.out.print(f"{k + 1:5d} worlds  {resident_mb():8.1f} MB")

@@ -13,7 +13,7 @@ def trial_speed(
     workers: bool = option(True, "Also measure two workers at once."),
 ) -> None:
     """Measure steps per second of processor time, and the scaling to two cores."""
-    rows = [(x.name, f"{rate_hz(x, scene):.0f}", f"{x.goal_hz:.0f}") for x in CASES]
+    rows = [(x.name, f"{rate_hz(x, scene):.0f}", f"{x.promised_hz:.0f}") for x in CASES]
     cores = sorted(os.sched_getaffinity(0))[:2]
     if workers and len(cores) == 2:
         ratio = scaling(SHARED, scene, cores)

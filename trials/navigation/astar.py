@@ -10,29 +10,13 @@ from vo.contract.arrays import Array, Indices
 from vo.contract.compilation import compiled
 
 
-def astar(graph: Graph, nodes: int, start: int, goal: int) -> tuple[list[int], float]:
-    """Find a cheapest path.
-
-    Args:
-        graph: The edges and their costs.
-        nodes: Number of nodes of the graph.
-        start: First node.
-        goal: Last node.
+def astar(graph: Graph, nodes: int, start: int, goal: int) -> tuple[Indices, float]:
+    """Find a cheapest path in a graph of a number of nodes.
 
     Returns:
-        The nodes from start to goal, and the cost; no nodes and infinity if there is no path.
+        (nodes,) the node before each on its cheapest path from the start, -1 at the start and where
+        none was found, and the cost of the goal; infinite if there is no path.
     """
-    parents, cost = search(graph, nodes, start, goal)
-    if cost == inf:
-        return [], inf
-    path = [goal]
-    while path[-1] != start:
-        path.append(int(parents[path[-1]]))
-    return path[::-1], cost
-
-
-def search(graph: Graph, nodes: int, start: int, goal: int) -> tuple[Indices, float]:
-    """Find the (n,) parents of the nodes on cheapest paths, and the cost to the goal."""
     g = np.full(nodes, inf)
     parents = np.full(nodes, -1, dtype=np.int64)
     _search(graph, start, goal, g, parents, empty_heap(nodes))

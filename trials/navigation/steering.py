@@ -89,7 +89,9 @@ def pure_pursuit(pose: Pose2, path_m: Array, settings: SteeringSettings) -> Twis
     The path is (N, 2), N >= 1. The arc through (x, y) in the rover's frame has the curvature
     2 y / (x² + y²).
     """
-    x_m, y_m = _in_body(pose, lookahead_point(pose, path_m, settings.lookahead_m))
+    dx, dy = lookahead_point(pose, path_m, settings.lookahead_m) - pose[:2]
+    c, s = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+    x_m, y_m = float(c * dx + s * dy), float(-s * dx + c * dy)
     square = x_m**2 + y_m**2
     if square == 0:
         return Twist(0.0, 0.0)
@@ -184,9 +186,3 @@ def _clearances(arcs: Array, grid: OccupancyGrid, free_m: Array) -> Array:
     inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
     found = free_m[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
     return np.where(inside, found, np.inf)
-
-
-def _in_body(pose: Pose2, point_m: Array) -> tuple[float, float]:
-    dx, dy = point_m[0] - pose.x_m, point_m[1] - pose.y_m
-    c, s = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
-    return float(c * dx + s * dy), float(-s * dx + c * dy)

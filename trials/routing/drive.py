@@ -3,11 +3,9 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
-from typing import Protocol
 
 import numpy as np
 
-from trials.navigation.astar import astar
 from trials.navigation.dstar_lite import DStarLite
 from trials.navigation.errors import PlanningError
 from trials.routing.network import Network, Road
@@ -76,7 +74,7 @@ def drive(network: Network, delays: Delays, start: int, goal: int, strategy: Str
     Raises:
         PlanningError: If there is no path.
     """
-    route = plan_route(network, delays, start, goal, strategy)
+    route = Route(network, delays, start, goal, strategy)
     time_s, nodes, requested_s = 0.0, [start], dict[int, float]()
     while nodes[-1] != goal:
         ahead = route.ahead(nodes[-1], time_s)
@@ -104,70 +102,39 @@ def undelayed_s(network: Network, start: int, goal: int) -> float:
     return drive(network, free, start, goal, STRATEGIES[0]).time_s
 
 
-class Route(Protocol):
-    """A path through a network that may change during the drive."""
+class Route:
+    """The cheapest route to a goal, which D* Lite repairs at every node.
 
-    def ahead(self, node: int, time_s: float) -> list[int]:
-        """List the nodes after `node`, which the vehicle leaves `time_s` after departure."""
-        ...
-
-
-def plan_route(
-    network: Network, delays: Delays, start: int, goal: int, strategy: Strategy
-) -> Route:
-    """Plan a drive.
+    Args:
+        network: The roads.
+        delays: Waits and queues; a static route ignores queues, one with clearing ignores waits.
+        start: First node.
+        goal: Last node.
+        strategy: Routing strategy.
 
     Raises:
         PlanningError: If there is no path.
     """
-    waits_s = np.zeros_like(delays.waits_s) if strategy.clearing else delays.waits_s.copy()
-    waits_s[goal] = 0.0
-    if strategy.dynamic:
-        return _DynamicRoute(network, waits_s, delays, start, goal)
-    return _StaticRoute(network, waits_s, start, goal)
-
-
-class _StaticRoute:
-    """A route that is planned once, by A*."""
-
-    def __init__(self, network: Network, waits_s: Array, start: int, goal: int) -> None:
-        graph = network.graph(waits_s)
-        self._nodes, cost_s = astar(graph, len(network.names), start, goal)
-        _expect_path(network, start, goal, cost_s)
-
-    def ahead(self, node: int, time_s: float) -> list[int]:
-        """List the nodes of the route after `node`."""
-        return self._nodes[self._nodes.index(node) + 1 :]
-
-
-class _DynamicRoute:
-    """A route that D* Lite repairs at every node."""
 
     def __init__(
-        self, network: Network, waits_s: Array, delays: Delays, start: int, goal: int
+        self, network: Network, delays: Delays, start: int, goal: int, strategy: Strategy
     ) -> None:
-        self._network, self._waits_s = network, waits_s
-        self._coming = sorted(
-            ((onset_s, road, queue_s) for road, (onset_s, queue_s) in delays.queues.items()),
-            reverse=True,
-        )
+        waits_s = np.zeros_like(delays.waits_s) if strategy.clearing else delays.waits_s.copy()
+        waits_s[goal] = 0.0
+        queues = delays.queues.items() if strategy.dynamic else ()
+        coming = ((onset_s, road, queue_s) for road, (onset_s, queue_s) in queues)
+        self._network, self._coming = network, sorted(coming, reverse=True)
         self._planner = DStarLite(network.graph(waits_s), len(network.names), start, goal)
-        _expect_path(network, start, goal, self._planner.cost)
+        if self._planner.cost == inf:
+            raise PlanningError(f"no path from {network.names[start]} to {network.names[goal]}")
 
     def ahead(self, node: int, time_s: float) -> list[int]:
-        """List the nodes of the best route after `node`, given all queues that have arisen."""
+        """List the nodes of the best route after `node`, given all queues reported by a time."""
         changed: list[int] = []
-        network, costs_s = self._network, self._planner.graph.costs
         while self._coming and self._coming[-1][0] <= time_s:
             _, road, queue_s = self._coming.pop()
-            wait_s = float(self._waits_s[road[1]])
-            costs_s[network.index[road]] = network.drive_s(road) + queue_s + wait_s
+            self._planner.graph.costs[self._network.index[road]] += queue_s
             changed.append(road[0])
         self._planner.move(node)
         self._planner.replan(np.array(changed, dtype=np.int64))
         return self._planner.path()[1:]
-
-
-def _expect_path(network: Network, start: int, goal: int, cost_s: float) -> None:
-    if cost_s == inf:
-        raise PlanningError(f"no path from {network.names[start]} to {network.names[goal]}")

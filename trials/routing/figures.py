@@ -1,26 +1,26 @@
-"""Figures of the routing study."""
+"""Figures of the routing study, and their data as CSV."""
 
 from collections.abc import Mapping
 from dataclasses import astuple
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
 
 from trials.evaluation.intervals import mean_interval
 from trials.report.figure import BLUE, GREY, INK, OCHRE, RED, shared_legend, tidy
+from trials.report.tables import write_csv
 from trials.routing.drive import STRATEGIES, Delays, drive
 from trials.routing.network import Network
 from trials.routing.study import NODE_S, QUEUE_S, Case, Randomised, Study, Sweep
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 STYLES = ((INK, "-"), (RED, "-"), (BLUE, "--"), (OCHRE, "--"))
 """Colour and line style of the strategies, in their order; dashed with clearing."""
 
 
-def draw_networks(figure: "Figure", studies: Mapping[str, Study]) -> None:
+def draw_networks(figure: Figure, studies: Mapping[str, Study]) -> None:
     """Draw each network with its first case: congested roads, the static and the dynamic route."""
     panels = figure.subplots(1, len(studies), squeeze=False)[0]
     for panel, (name, study) in zip(panels, studies.items(), strict=True):
@@ -29,29 +29,19 @@ def draw_networks(figure: "Figure", studies: Mapping[str, Study]) -> None:
     shared_legend(figure, panels)
 
 
-def _draw_network(panel: "Axes", network: Network, case: Case) -> None:
-    from matplotlib.collections import LineCollection
-
+def _draw_network(panel: Axes, network: Network, case: Case) -> None:
     km = network.xy_m / 1000
     roads = [(a, b) for a, b in network.lengths_m if a < b or (b, a) not in network.lengths_m]
     free = [km[list(road)] for road in roads if road not in case.onsets_s]
     congested = [km[list(road)] for road in roads if road in case.onsets_s]
     panel.add_collection(LineCollection(free, colors=GREY, linewidths=0.6))
-    panel.add_collection(
-        LineCollection(
-            congested,
-            colors="#e9b44c",
-            linewidths=2.0,
-            label="congested on the way",
-            zorder=3,
-        )
-    )
+    yellow = {"colors": "#e9b44c", "linewidths": 2.0, "zorder": 3}
+    panel.add_collection(LineCollection(congested, label="congested on the way", **yellow))
     # Both routes without clearing, with half the longest delays.
     queues = {road: (onset_s, QUEUE_S) for road, onset_s in case.onsets_s.items()}
     delays = Delays(np.full(len(network.names), NODE_S), queues, 0.0)
-    for strategy, colour, width, order in zip(
-        STRATEGIES, (INK, RED), (5.0, 1.6), (2, 4), strict=False
-    ):
+    styles = ((INK, 5.0, 2), (RED, 1.6, 4))
+    for strategy, (colour, width, order) in zip(STRATEGIES, styles, strict=False):
         nodes = drive(network, delays, case.start, case.goal, strategy).nodes
         label = f"{strategy.name} route"
         panel.plot(*km[list(nodes)].T, color=colour, linewidth=width, label=label, zorder=order)
@@ -61,7 +51,7 @@ def _draw_network(panel: "Axes", network: Network, case: Case) -> None:
     panel.autoscale_view()
 
 
-def draw_delays(figure: "Figure", studies: Mapping[str, Study]) -> None:
+def draw_delays(figure: Figure, studies: Mapping[str, Study]) -> None:
     """Draw travel time over node delay and over queuing delay, one row for each network."""
     panels = figure.subplots(len(studies), 2, squeeze=False, sharex="col", sharey="row")
     for row, (name, study) in zip(panels, studies.items(), strict=True):
@@ -74,7 +64,7 @@ def draw_delays(figure: "Figure", studies: Mapping[str, Study]) -> None:
     shared_legend(figure, [*panels[0]])
 
 
-def _draw_sweep(panel: "Axes", sweep: Sweep) -> None:
+def _draw_sweep(panel: Axes, sweep: Sweep) -> None:
     delays_min = sweep.delays_s / 60
     for strategy, times_s, (colour, style) in zip(STRATEGIES, sweep.times_s, STYLES, strict=True):
         mean, low, high = np.transpose([astuple(mean_interval(x / 60)) for x in times_s])
@@ -84,17 +74,15 @@ def _draw_sweep(panel: "Axes", sweep: Sweep) -> None:
     panel.margins(x=0.02)
 
 
-def draw_random(figure: "Figure", drives: Randomised, name: str, rng: np.random.Generator) -> None:
+def draw_random(figure: Figure, drives: Randomised, name: str, rng: np.random.Generator) -> None:
     """Draw the increase over the undelayed time: drives as dots, means with their intervals."""
     panel = figure.subplots()
     for k, (increase, (colour, _)) in enumerate(zip(drives.increase_percent, STYLES, strict=True)):
         across = k + rng.uniform(-0.24, 0.24, len(increase))
         panel.plot(across, increase, ".", color=colour, alpha=0.35, markersize=4, zorder=2)
         mean, low, high = astuple(mean_interval(increase))
-        reach = [[mean - low], [high - mean]]
-        panel.errorbar(
-            k + 0.3, mean, reach, fmt="D", color=colour, markersize=5, capsize=4, zorder=3
-        )
+        style = {"fmt": "D", "color": colour, "markersize": 5, "capsize": 4, "zorder": 3}
+        panel.errorbar(k + 0.3, mean, [[mean - low], [high - mean]], **style)
         panel.annotate(
             f"{mean:.0f} %", (k + 0.3, mean), (8, 0), textcoords="offset points", va="center",
             fontsize=9, color=colour,
@@ -104,3 +92,23 @@ def draw_random(figure: "Figure", drives: Randomised, name: str, rng: np.random.
     panel.set_ylim(bottom=0)
     drawn = f"{drives.times_s.shape[1]} random drives; diamonds: mean with 95 % interval"
     tidy(panel, "", "increase over the undelayed time, %", f"{name}, {drawn}")
+
+
+def write_delays(out: Path, studies: Mapping[str, Study]) -> None:
+    """Write mean travel times with their intervals over both kinds of delay."""
+    rows = [
+        (name, over, delay_s, strategy.name, *(f"{x:.3f}" for x in astuple(mean_interval(samples))))
+        for name, study in studies.items()
+        for over, sweep in (("node", study.node), ("queue", study.queue))
+        for strategy, times_s in zip(STRATEGIES, sweep.times_s, strict=True)
+        for delay_s, samples in zip(sweep.delays_s.tolist(), times_s, strict=True)
+    ]
+    header = ("network", "over", "delay_s", "strategy", "mean_s", "low_s", "high_s")
+    write_csv(out, header, rows)
+
+
+def write_random(out: Path, drives: Randomised) -> None:
+    """Write the travel times of every random drive."""
+    times = zip(drives.free_s, *drives.times_s, strict=True)
+    rows = ((k, *(f"{x:.3f}" for x in each)) for k, each in enumerate(times))
+    write_csv(out, ("drive", "undelayed_s", *(f"{s.name}_s" for s in STRATEGIES)), rows)

@@ -51,8 +51,8 @@ def large_network(rng: np.random.Generator, side: int = 15) -> Network:
     straight_m = np.linalg.norm(xy_m[pairs[:, 0]] - xy_m[pairs[:, 1]], axis=1)
     pairs, straight_m = pairs[straight_m < MAX_ROAD_M], straight_m[straight_m < MAX_ROAD_M]
     n = len(xy_m)
-    tree = minimum_spanning_tree(coo_matrix((straight_m, pairs.T), shape=(n, n))).tocoo()
-    kept = {(int(a), int(b)) for a, b in zip(tree.row, tree.col, strict=True)}
+    tree = minimum_spanning_tree(coo_matrix((straight_m, pairs.T), shape=(n, n)))
+    kept = set(zip(*(ends.tolist() for ends in tree.nonzero()), strict=True))
     lengths_m: dict[Road, float] = {}
     for (a, b), distance_m in zip(pairs.tolist(), straight_m.tolist(), strict=True):
         exists, length_m = rng.random() < ROAD_RATIO, distance_m * rng.uniform(1, WINDING)

@@ -92,8 +92,8 @@ class Study:
 
 def study(network: Network, cases: Sequence[Case], lead_s: float, done: Done) -> Study:
     """Drive all cases without delays and in both sweeps; `done` is called with every drive."""
-    waits_s = np.zeros(len(network.names))
-    times_s = [travel_times(network, case, waits_s, {}, lead_s) for case in cases]
+    none = Delays(np.zeros(len(network.names)), {}, lead_s)
+    times_s = [travel_times(network, case, none) for case in cases]
     free = Randomised(np.array([case.free_s for case in cases]), np.array(times_s).T)
     node, queue = (sweep(network, cases, over, lead_s, done) for over in ("node", "queue"))
     return Study(network, cases, free, node, queue)
@@ -145,12 +145,8 @@ def _sample_ends(network: Network, rng: np.random.Generator) -> tuple[int, int, 
     raise PlanningError("no two distant nodes are connected; name a start and a goal")
 
 
-def travel_times(
-    network: Network, case: Case, waits_s: Array, queues_s: Mapping[Road, float], lead_s: float
-) -> Array:
+def travel_times(network: Network, case: Case, delays: Delays) -> Array:
     """(4,) travel times of one drive with each strategy, s."""
-    queues = {road: (case.onsets_s[road], queue_s) for road, queue_s in queues_s.items()}
-    delays = Delays(waits_s, queues, lead_s)
     return np.array([drive(network, delays, case.start, case.goal, s).time_s for s in STRATEGIES])
 
 
@@ -162,8 +158,8 @@ def sweep(network: Network, cases: Sequence[Case], over: str, lead_s: float, don
         node_s, queue_s = (delay_s, QUEUE_S) if over == "node" else (NODE_S, delay_s)
         waits_s = np.full(len(network.names), node_s)
         for i, case in enumerate(cases):
-            queues_s = dict.fromkeys(case.onsets_s, queue_s)
-            times_s[:, k, i] = travel_times(network, case, waits_s, queues_s, lead_s)
+            queues = {road: (onset_s, queue_s) for road, onset_s in case.onsets_s.items()}
+            times_s[:, k, i] = travel_times(network, case, Delays(waits_s, queues, lead_s))
             done(case)
     return Sweep(delays_s, times_s)
 
@@ -189,9 +185,10 @@ def randomised(
     times_s = np.empty((len(STRATEGIES), len(cases)))
     for i, case in enumerate(cases):
         waits_s = rng.uniform(0, NODE_MAX_S, len(network.names))
-        queues_s = {road: float(rng.uniform(0, QUEUE_MAX_S)) for road in case.onsets_s}
-        onsets_s = case.onsets_s if known_s is None else dict.fromkeys(case.onsets_s, known_s)
-        timed = Case(case.start, case.goal, onsets_s, case.free_s)
-        times_s[:, i] = travel_times(network, timed, waits_s, queues_s, lead_s)
+        queues = {
+            road: (onset_s if known_s is None else known_s, float(rng.uniform(0, QUEUE_MAX_S)))
+            for road, onset_s in case.onsets_s.items()
+        }
+        times_s[:, i] = travel_times(network, case, Delays(waits_s, queues, lead_s))
         done(case)
     return Randomised(np.array([case.free_s for case in cases]), times_s)

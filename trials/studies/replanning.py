@@ -12,7 +12,7 @@ from time import process_time
 
 import numpy as np
 
-from trials.navigation.astar import search
+from trials.navigation.astar import astar
 from trials.navigation.grid import Cell, cell_index, make_grid
 from trials.navigation.grid_planner import GridPlanner
 from vo.contract.arrays import Array
@@ -49,7 +49,7 @@ def measure(
         (changes, 3) CPU time of D* Lite and of A*, ms, and number of cells that D* Lite expanded.
     """
     timings: list[tuple[float, float, int]] = []
-    search(make_grid(np.ones((3, 3))), 49, 16, 32)  # compiled before the clock runs
+    astar(make_grid(np.ones((3, 3))), 49, 16, 32)  # compiled before the clock runs
     while len(timings) < changes:
         costs = warehouse(side, rng)
         first, last = rng.integers(AISLE, size=2).tolist()
@@ -84,7 +84,7 @@ def _time(
     times = [process_time()]
     planner.replan(cells, values)
     times.append(process_time())
-    _, cost = search(grid, len(grid.cells), *ends)
+    _, cost = astar(grid, len(grid.cells), *ends)
     times.append(process_time())
     assert cost == planner.cost or abs(cost - planner.cost) < 1e-6 * cost
     replan_s, plan_s = np.diff(times)

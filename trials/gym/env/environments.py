@@ -8,15 +8,9 @@ import numpy as np
 from trials.gym.env.rover_env import RoverEnv
 from trials.gym.env.settings import ExploreSettings, NavSettings, RouteSettings
 from trials.gym.env.tasks import Explore, FollowRoute, ReachGoal, Task
-from trials.gym.world.dynamic_agents import DynamicAgent
-from trials.gym.world.dynamics import Setting, sample_dynamics
+from trials.gym.world.dynamics import sample_dynamics
 from trials.gym.world.scene_instance import SceneInstance, rebuilt_along
-from trials.gym.world.start_goal_sampling import (
-    StartGoal,
-    TrialError,
-    expect_clear,
-    sample_start_goal,
-)
+from trials.gym.world.start_goal_sampling import TrialError, expect_clear, sample_start_goal
 from vo.contract.arrays import Array
 
 
@@ -35,19 +29,13 @@ class RoverNav(RoverEnv):
         ends = sample_start_goal(
             base.traversable, base.component, trial.distance_m, rng, start, goal
         )
-        instance, agents = base, self._agents(base, ends)
+        instance, agents = base, {}
+        if trial.dynamics:
+            seed = int(rng.integers(2**31))
+            agents = sample_dynamics(base.scene, ends, trial.speed_max_mps, trial.dynamics, seed)
         if base.depends_on_path or agents:
             instance = rebuilt_along(base, ends.path, agents)
         return instance, ReachGoal(ends, trial.goal_radius_m)
-
-    def _agents(self, base: SceneInstance, ends: StartGoal) -> dict[str, DynamicAgent]:
-        """Sample the dynamic agents on the path, by name."""
-        trial = self.trial
-        if not trial.dynamics:
-            return {}
-        seed = int(self.np_random.integers(2**31))
-        setting = Setting(base.scene, base.traversable, ends, trial.speed_max_mps)
-        return sample_dynamics(setting, trial.dynamics, seed)
 
 
 class RoverRoute(RoverEnv):

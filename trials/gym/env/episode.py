@@ -6,21 +6,28 @@ from typing import Any
 import cv2
 import numpy as np
 
+from sim.world.drive import TIPPED_RAD
 from sim.world.rover import WHEEL_RADIUS_M
-from sim.world.world import START_S
-from trials.gym.env.failure_monitor import FailureMonitor
+from sim.world.world import START_S, thing_of
 from trials.gym.env.localization import Measurements, make_localization
 from trials.gym.env.settings import TrialSettings
 from trials.gym.env.spaces import STEREO, wheel_speeds
 from trials.gym.env.tasks import FAILURE, Evaluation, Task
 from trials.gym.world.inertial import InertialUnit
 from trials.gym.world.scene_instance import SceneInstance
+from trials.gym.world.simulation import Simulation
 from vo.contract import se3
 from vo.contract.arrays import Array, Image
 from vo.contract.estimator import Status
 from vo.stereo.dense import DenseStereo
 
 Observation = dict[str, Array]
+
+STUCK_AFTER_S = 10.0
+MIN_MOTION_M, MIN_MOTION_RAD = 0.05, math.radians(10)
+"""Displacement and turn that end a period without motion."""
+MIN_COMMAND_MPS = 0.02
+"""Speed of a wheel's rim below which the rover is meant to stand."""
 
 
 class Episode:
@@ -149,6 +156,40 @@ class Episode:
             c, s = math.cos(yaw), math.sin(yaw)
             channels["goal"] = np.array([[c, s], [-s, c]], np.float32) @ ahead.astype(np.float32)
         return {name: channels[name] for name in wanted}
+
+
+class FailureMonitor:
+    """Detects collision, tipping over and wheels that turn without effect, from the truth."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation = simulation
+        self._from = simulation.pose2
+        self._since_s = simulation.time_s
+
+    def failure(self, command_mps: float) -> str:
+        """Return the failure of the last step: collision, tipped, stuck, or an empty string.
+
+        Args:
+            command_mps: Commanded speed of the faster wheel's rim.
+        """
+        simulation = self._simulation
+        if (simulation.touched & simulation.rigid).any():
+            return "collision"
+        if simulation.upright < math.cos(TIPPED_RAD):
+            return "tipped"
+        pose = simulation.pose2
+        moved = math.dist(pose[:2], self._from[:2]) > MIN_MOTION_M
+        turned = abs(math.remainder(pose[2] - self._from[2], 2 * math.pi)) > MIN_MOTION_RAD
+        if abs(command_mps) < MIN_COMMAND_MPS or moved or turned:
+            self._from, self._since_s = pose, simulation.time_s
+        return "stuck" if simulation.time_s - self._since_s > STUCK_AFTER_S else ""
+
+    @property
+    def contacts(self) -> tuple[str, ...]:
+        """Names of what was touched in the last step, sorted; the ground is left out."""
+        simulation = self._simulation
+        geoms = np.flatnonzero(simulation.touched & simulation.obstacles)
+        return tuple(sorted({thing_of(simulation.world, int(k)).name for k in geoms}))
 
 
 def pose2_of(T_world_body: Array) -> tuple[float, float, float]:

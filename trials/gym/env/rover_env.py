@@ -5,23 +5,26 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
+import cv2
 import gymnasium
 import numpy as np
 
+from sim.camera.camera import StereoCamera
+from sim.record import record_trip
 from trials.gym.env.episode import Episode, Observation
 from trials.gym.env.settings import TrialSettings
 from trials.gym.env.spaces import ACTION, observation_space
 from trials.gym.env.tasks import Task
-from trials.gym.media.trial_dataset import save_trial
-from trials.gym.media.trial_view import TrialView
-from trials.gym.media.viewer import Viewer, render_modes
+from trials.gym.media.trial_view import TrialView, missing_for_window
 from trials.gym.world.scene_instance import SceneInstance
+from trials.gym.world.simulation import TrialLog
 from trials.gym.world.start_goal_sampling import TrialError
-from trials.gym.world.trial_log import TrialLog
 from vo.contract.arrays import Array, Image
-from vo.contract.errors import SettingsError
-from vo.contract.settings import validated
+from vo.contract.dataset import DatasetWriter
+from vo.contract.errors import DatasetError, SettingsError
+from vo.contract.settings import amended, validated
 
+WINDOW = "driftyard"
 MAX_SEED = 2**31 - 1
 MAX_STARTS = 10
 """Attempts to place the rover where nothing moves; a given start is tried as often."""
@@ -35,7 +38,9 @@ class RoverEnv(gymnasium.Env[Observation, Array]):
     goal anew. A trial is evaluated on the truth, whatever the localization estimates.
     """
 
-    metadata: dict[str, Any] = {"render_modes": render_modes()}  # noqa: RUF012, as its base
+    metadata: dict[str, Any] = {  # noqa: RUF012, as its base
+        "render_modes": ["rgb_array"] if missing_for_window() else ["human", "rgb_array"]
+    }
     model: ClassVar[type[TrialSettings]]
     """Model of the options."""
 
@@ -51,9 +56,9 @@ class RoverEnv(gymnasium.Env[Observation, Array]):
         """
         self.trial = validated(self.model, options)
         settings = self.trial.recorded(0)
-        if render_mode == "human":
-            Viewer.check()
-        elif render_mode not in (None, "rgb_array"):
+        if render_mode == "human" and (missing := missing_for_window()):
+            raise SettingsError(f"render_mode human: {missing}; rgb_array needs neither")
+        if render_mode not in (None, "rgb_array", "human"):
             raise SettingsError(f"render_mode {render_mode}: valid are rgb_array, human and none")
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": self.trial.rate_hz}
@@ -63,7 +68,7 @@ class RoverEnv(gymnasium.Env[Observation, Array]):
         self._instance: SceneInstance | None = None
         self._episode: Episode | None = None
         self._view: TrialView | None = None
-        self._viewer: Viewer | None = None
+        self._has_window = False
 
     @abstractmethod
     def _assign(
@@ -126,25 +131,41 @@ class RoverEnv(gymnasium.Env[Observation, Array]):
     def close(self) -> None:
         """Free graphics and viewer; a reset makes them anew."""
         self._release(None)
-        if self._viewer:
-            self._viewer.close()
-            self._viewer = None
+        if self._has_window:
+            cv2.destroyWindow(WINDOW)
+            self._has_window = False
         self._base = self._instance = self._episode = None
 
     def save_dataset(self, out: Path) -> None:
         """Write the trial so far as a dataset folder with exact labels; see `record`.
 
+        It is rendered again as the recorder does it; the images equal those of the trial byte by
+        byte. The world is left as it was.
+
         Raises:
             TrialError: If `record` is off or nothing was driven.
-            DatasetError: If `out` is in the way.
+            DatasetError: If `out` is in the way, or fewer than two image pairs were delivered.
         """
         episode, instance = self._episode, self._instance
         log = instance.simulation.log if instance else None
         if episode is None or instance is None or log is None or not instance.camera.delivered:
             raise TrialError("save_dataset: needs record=True, images, and a trial")
+        if sum(instance.camera.delivered) < 2:
+            raise DatasetError(f"{out}: a dataset needs at least two image pairs")
         failure = "" if episode.outcome in ("", "success", "timeout") else episode.outcome
         trip = log.trip(np.array(instance.camera.delivered), failure)
-        save_trial(instance, trip, episode.noise_seed, out)
+        simulation, world = instance.simulation, instance.simulation.world
+        imu_hz = len(simulation.regular) * instance.settings.rig.rate_hz
+        settings = amended(instance.settings, {"imu.rate_hz": imu_hz})
+        camera = StereoCamera(world, settings.model_copy(update={"seed": episode.noise_seed}))
+        before = world.data.qpos.copy()
+        try:
+            with DatasetWriter(out) as writer:
+                record_trip(writer, world, trip, settings, camera, instance.camera.renderer)
+        finally:
+            world.data.qpos[:] = before
+            world.move_movers(simulation.time_s)
+            world.place_bodies()
 
     @property
     def instance(self) -> SceneInstance:
@@ -210,5 +231,6 @@ class RoverEnv(gymnasium.Env[Observation, Array]):
         return self._view.draw(episode.trace, task.path, task.covered, caption + episode.outcome)
 
     def _show(self) -> None:
-        self._viewer = self._viewer or Viewer()
-        self._viewer.show(self._image())
+        cv2.imshow(WINDOW, np.ascontiguousarray(self._image()[..., ::-1]))
+        cv2.waitKey(1)
+        self._has_window = True

@@ -1,5 +1,9 @@
 """View of a trial: the rover from behind, and its true and estimated paths from above."""
 
+import os
+import re
+import sys
+
 import cv2
 import numpy as np
 from matplotlib import font_manager
@@ -67,8 +71,7 @@ class TrialView:
         x, y, yaw = self._instance.simulation.pose2
         arrow = np.array([[x, y], [x + 0.4 * np.cos(yaw), y + 0.4 * np.sin(yaw)]])
         self._circle(canvas, arrow[:1], 5, TRUE, -1)
-        tail, tip = self._pixels(arrow)
-        cv2.line(canvas, tail, tip, TRUE, 2, cv2.LINE_AA, SHIFT)
+        self._polyline(canvas, arrow, TRUE, 2)
         self._circle(canvas, trace[-1:, 1], 5, ESTIMATED, 2)
         return canvas
 
@@ -111,3 +114,14 @@ def _fitted(whole: TopDownMap, size_px: tuple[int, int]) -> TopDownMap:
     canvas[top : top + inner[1], left : left + inner[0]] = small
     per_px = whole.metres_per_px * width / inner[0]
     return TopDownMap(canvas, whole.x_min_m - left * per_px, whole.y_max_m + top * per_px, per_px)
+
+
+def missing_for_window() -> str:
+    """Name what a window of OpenCV needs and this machine lacks; empty if nothing."""
+    displays = map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY"))
+    if sys.platform == "linux" and not any(displays):
+        return "there is no display"
+    gui = re.search(r"GUI:\s*(\w+)", cv2.getBuildInformation())
+    if gui is None or gui[1] == "NONE":
+        return "this OpenCV has no windows (pip install opencv-python in its place)"
+    return ""

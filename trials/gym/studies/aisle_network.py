@@ -8,7 +8,7 @@ import numpy as np
 from scenes.objects.storage import BAY_M, RACK_DEPTH_M
 from scenes.warehouse import Options as WarehouseOptions
 from trials.gym.world.barrier_slots import slot_at
-from trials.gym.world.barriers import Gate, Slot
+from trials.gym.world.dynamic_agents import Gate, Slot
 from trials.gym.world.obstacle_bodies import DOOR_M, LOAD_M
 from trials.gym.world.scene_instance import SceneInstance
 from trials.routing.drive import Delays

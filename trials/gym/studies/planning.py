@@ -9,17 +9,21 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, cast
 
+import mujoco
 import numpy as np
 
+from scenes.scene import IMAGE_GROUP, LABEL_GROUP
+from sim.world.rover import BODY
+from sim.world.world import World
 from trials.gym.env.environments import RoverNav
 from trials.gym.env.policies import NavigatorPolicy
 from trials.gym.studies.trial_results import Metrics, Result
 from trials.gym.studies.trial_runner import rover_nav
 from trials.gym.world.free_space import NO_GEOM, FreeSpace
-from trials.gym.world.ideal_depth import ray_disparity
 from trials.navigation.grid_planner import GridPlanner
 from trials.navigation.occupancy_grid import OccupancyGrid, empty_grid
 from trials.navigation.settings import NavigatorSettings
+from vo.contract.arrays import Array
 from vo.contract.errors import SettingsError
 
 Planning = Literal["static", "dynamic"]
@@ -34,6 +38,8 @@ SETTINGS = DEFAULTS.model_copy(
 """With a floor plan only changes are new: no initial turn, and a short range."""
 IDEAL_SETTINGS = SETTINGS.model_copy(update={"min_speckle_px": 0})
 IDEAL_CHANNELS = ("pose", "goal")
+DEPTH_PX, MAX_RAY_M = (64, 48), 8.0
+"""Width and height of ideal disparity, and longest distance."""
 
 
 @dataclass(frozen=True)
@@ -111,14 +117,10 @@ def run_world(
 
 def floor_plan(space: FreeSpace, settings: NavigatorSettings) -> OccupancyGrid:
     """Draw the static obstacles of a world on the cells of a navigator."""
-    height, width = space.obstacles.shape
-    far = space.origin + space.cell_m * np.array([width - 1, height - 1])
-    (x0_m, y0_m), (x1_m, y1_m) = space.origin.tolist(), far.tolist()
-    grid = empty_grid((x0_m, x1_m), (y0_m, y1_m), settings.cell_m)
-    cells = np.argwhere(space.obstacles != NO_GEOM)
-    columns, rows = np.round(
-        (space.points(cells) - np.array(grid.corner_xy_m)) / settings.cell_m
-    ).astype(int).T  # fmt: skip
+    ends = space.points(np.array([(0, 0), space.obstacles.shape]) - [(0, 0), (1, 1)])
+    grid = empty_grid(*ends.T.tolist(), settings.cell_m)
+    points_m = space.points(np.argwhere(space.obstacles != NO_GEOM))
+    columns, rows = np.round((points_m - space.origin) / settings.cell_m).astype(int).T
     grid.log_odds[rows, columns] = settings.occupancy.max_log_odds
     return grid
 
@@ -146,3 +148,31 @@ def _run(
         expanded=effort.expanded,
         cpu_ms=1e3 * effort.cpu_s,
     )
+
+
+def ray_disparity(world: World) -> Array:
+    """Cast rays at collision shapes in place of a stereo pair; what the rover hides is unknown.
+
+    Returns:
+        (DEPTH_PX[1], DEPTH_PX[0]) disparity in pixels of the full image; 0 where nothing is near.
+    """
+    world.place_bodies()
+    rig, model = world.rig, world.model
+    width, height = DEPTH_PX
+    u = (np.arange(width) + 0.5) * rig.width_px / width - 0.5
+    v = (np.arange(height) + 0.5) * rig.height_px / height - 0.5
+    x, y = np.meshgrid((u - rig.cx_px) / rig.f_px, (v - rig.cy_px) / rig.f_px)
+    rays_cam = np.stack([x, y, np.ones_like(x)], axis=-1).reshape(-1, 3)
+    lengths = np.linalg.norm(rays_cam, axis=1)
+    T_world_cam = world.T_world_cam
+    rays = (rays_cam / lengths[:, None]) @ T_world_cam[:3, :3].T
+    collides = np.ones(6, np.uint8)
+    collides[[IMAGE_GROUP, LABEL_GROUP]] = 0
+    geoms, distances_m = np.full(len(rays), -1, np.int32), np.zeros(len(rays))
+    mujoco.mj_multiRay(
+        model, world.data, T_world_cam[:3, 3], rays.ravel(), collides, 1, model.body(BODY).id,
+        geoms, distances_m, None, len(rays), MAX_RAY_M,
+    )  # fmt: skip
+    is_rover = model.body_rootid[model.geom_bodyid[geoms]] == model.body(BODY).rootid[0]
+    depth_m = np.where((geoms >= 0) & ~is_rover, distances_m / lengths, np.inf)
+    return (rig.f_px * rig.baseline_m / depth_m).reshape(height, width)

@@ -1,11 +1,12 @@
 """Results of trials on disk, world by world, so that an interrupted study continues."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
+from itertools import chain
 from pathlib import Path
 
-from trials.gym.studies.trial_results import TrialResult
+from trials.gym.studies.trial_results import Result, TrialResult
 from vo.contract.files import write_text
 
 
@@ -41,15 +42,13 @@ class ResultStore:
 
     def close(self) -> None:
         """Write all results, sorted by world."""
-        ordered = [result for layout in sorted(self.done) for result in self.done[layout]]
-        write_text(self._out, json_lines(ordered))
+        write_text(self._out, json_lines(chain(*(self.done[k] for k in sorted(self.done)))))
         self._part.unlink()
 
     def _write_part(self) -> None:
-        results = [result for of_world in self.done.values() for result in of_world]
-        write_text(self._part, f"{self._study}\n{json_lines(results)}")
+        write_text(self._part, f"{self._study}\n{json_lines(chain(*self.done.values()))}")
 
 
-def json_lines(results: Sequence[TrialResult]) -> str:
+def json_lines(results: Iterable[Result]) -> str:
     """Format results as JSON, one a line."""
     return "".join(json.dumps(asdict(result)) + "\n" for result in results)

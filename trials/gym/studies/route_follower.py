@@ -7,9 +7,9 @@ import numpy as np
 
 from sim.world.world import START_S
 from trials.gym.env.settings import TrialSettings
-from trials.gym.world.barriers import Gate
+from trials.gym.world.dynamic_agents import Gate
 from trials.navigation.steering import Pose2, SteeringSettings, Twist, pure_pursuit
-from trials.routing.drive import Delays, Route
+from trials.routing.drive import Route
 from trials.routing.network import Road
 from vo.contract.arrays import Array
 
@@ -33,7 +33,6 @@ class RouteFollower:
         start: int,
         xy_m: Array,
         gates: Mapping[Road, Gate],
-        delays: Delays,
         clearing: bool,
     ) -> None:
         """Leave the start.
@@ -44,7 +43,6 @@ class RouteFollower:
             start: Node.
             xy_m: (n, 2) positions of the nodes.
             gates: Gates by road; the road of a door leads from its node to itself.
-            delays: Queues, which say when a road closes after departure.
             clearing: Doors ahead are requested to open.
         """
         self._steering = SteeringSettings(
@@ -53,8 +51,7 @@ class RouteFollower:
             lookahead_m=REACHED_M + 0.1,
             period_s=1 / trial.rate_hz,
         )
-        self._route, self._xy_m, self._gates = route, xy_m, gates
-        self._queues, self._clearing = delays.queues, clearing
+        self._route, self._xy_m, self._gates, self._clearing = route, xy_m, gates, clearing
         self.passed = [start]
         self._leave_node(0.0)
 
@@ -82,16 +79,16 @@ class RouteFollower:
         for door in self._ahead if self._clearing else ():
             if (door, door) in gates:
                 gates[door, door].request(START_S + time_s)
-        road = node, self._ahead[0]
-        if road in gates and time_s < self._queues[road][0]:
-            gates[road].keep_open()
+        if (node, self._ahead[0]) in gates:
+            gates[node, self._ahead[0]].enter(START_S + time_s)
 
     def _braked(self, twist: Twist, here: Array) -> Twist:
-        """Brake for the next gate, if it is closed."""
+        """Brake for a closed gate between here and the next node, or at it."""
         node, following = self.passed[-1], self._ahead[0]
+        direction = self._xy_m[following] - self._xy_m[node]
         for road in ((node, following), (following, following)):
             gate = self._gates.get(road)
-            if gate is None or gate.is_up or not self._is_ahead(gate, here, following):
+            if gate is None or gate.is_up or (gate.slot.centre[:2] - here) @ direction <= 0:
                 continue
             distance_m = gate.slot.distance_m(here)
             if distance_m < BRAKING_M:
@@ -100,8 +97,3 @@ class RouteFollower:
                 factor = min(1.0, max_mps / max(twist.forward_mps, 1e-6))
                 return Twist(factor * twist.forward_mps, factor * twist.turn_radps)
         return twist
-
-    def _is_ahead(self, gate: Gate, here: Array, following: int) -> bool:
-        """Whether a gate lies between here and the next node, or at it."""
-        direction = self._xy_m[following] - self._xy_m[self.passed[-1]]
-        return bool((gate.slot.centre[:2] - here) @ direction > 0)

@@ -13,7 +13,7 @@ import numpy as np
 
 from sim.world.world import START_S
 from trials.gym.env.environments import RoverNav
-from trials.gym.env.tasks import ReachGoal, Task
+from trials.gym.env.tasks import Task
 from trials.gym.studies.aisle_network import (
     AisleNetwork,
     build_aisle_network,
@@ -21,31 +21,14 @@ from trials.gym.studies.aisle_network import (
     make_gates,
 )
 from trials.gym.studies.route_follower import RouteFollower
-from trials.gym.world.barriers import Gate
+from trials.gym.world.dynamic_agents import Gate
 from trials.gym.world.scene_instance import SceneInstance, rebuilt_along
-from trials.gym.world.start_goal_sampling import sample_start_goal
-from trials.routing.drive import STRATEGIES, Delays, Strategy, drive, plan_route, undelayed_s
-from trials.routing.network import Road
+from trials.routing.drive import STRATEGIES, Delays, Route, Strategy, drive, undelayed_s
+from trials.routing.network import Network, Road
+from vo.contract.arrays import Array
 
 MAX_WAIT_S, MAX_QUEUE_S, LEAD_S, CONGESTED = 30.0, 60.0, 8.0, 0.6
 """Longest wait at a door and behind a load, lead of an opening, ratio of congested aisles."""
-
-
-@dataclass(frozen=True)
-class RoverCase:
-    """One drive for all strategies.
-
-    Attributes:
-        start: Node.
-        goal: Node.
-        delays: Waits at doors, and loads in the aisles.
-        free_s: Travel time without delays by the model.
-    """
-
-    start: int
-    goal: int
-    delays: Delays
-    free_s: float
 
 
 @dataclass(frozen=True)
@@ -61,7 +44,7 @@ class RoverDrive:
         free_s: Travel time by the model without delays.
         predicted: Names of the nodes that the model passes.
         passed: Names of the nodes that the rover passed.
-        trace: (N, 2) true path of the rover.
+        trace: (N, 2) true x, y of the rover.
     """
 
     layout: int
@@ -72,7 +55,7 @@ class RoverDrive:
     free_s: float
     predicted: tuple[str, ...]
     passed: tuple[str, ...]
-    trace: tuple[tuple[float, float], ...]
+    trace: Array
 
 
 class AisleRover(RoverNav):
@@ -90,43 +73,10 @@ class AisleRover(RoverNav):
     def _assign(
         self, base: SceneInstance, options: Mapping[str, Any]
     ) -> tuple[SceneInstance, Task]:
-        if not self.gates:
-            return super()._assign(base, options)
-        ends = sample_start_goal(
-            base.traversable,
-            base.component,
-            self.trial.distance_m,
-            self.np_random,
-            np.array(options["start"]),
-            np.array(options["goal"]),
-        )
-        self._gated = self._gated or rebuilt_along(base, ends.path, self.gates)
-        return self._gated, ReachGoal(ends, self.trial.goal_radius_m)
-
-
-def sample_case(aisles: AisleNetwork, rng: np.random.Generator) -> RoverCase:
-    """Sample ends on opposite sides, waits and loads.
-
-    Raises:
-        PlanningError: If the network does not connect the ends.
-    """
-    network = aisles.network
-    near, far = (aisles.lefts, aisles.rights)[:: 1 if rng.random() < 0.5 else -1]
-    i = int(rng.integers(len(near)))
-    j = int(rng.choice([k for k in range(len(far)) if k != i]))
-    start, goal = near[i], far[j]
-    waits_s = np.zeros(len(network.names))
-    for node in aisles.doors:
-        waits_s[node] = rng.uniform(0, MAX_WAIT_S)
-    free_s = undelayed_s(network, start, goal)
-    queues: dict[Road, tuple[float, float]] = {}
-    for a, b in aisles.loads:
-        if a < b:
-            congested = rng.random() < CONGESTED
-            queue = float(rng.uniform(0, free_s / 3)), float(rng.uniform(0, MAX_QUEUE_S))
-            if congested:
-                queues |= {(a, b): queue, (b, a): queue}
-    return RoverCase(start, goal, Delays(waits_s, queues, LEAD_S), free_s)
+        instance, task = super()._assign(base, options)
+        if self.gates:
+            self._gated = instance = self._gated or rebuilt_along(base, task.path, self.gates)
+        return instance, task
 
 
 def drive_layout(options: Mapping[str, Any], layout: int) -> list[RoverDrive]:
@@ -143,43 +93,62 @@ def drive_layout(options: Mapping[str, Any], layout: int) -> list[RoverDrive]:
     try:
         env.reset(seed=layout, options={"layout": layout})
         aisles = build_aisle_network(env.instance, env.trial.speed_max_mps)
-        case = sample_case(aisles, np.random.default_rng([layout, 1]))
-        gates = make_gates(aisles, case.delays, START_S)
+        start, goal, delays = _sample_case(aisles, np.random.default_rng([layout, 1]))
+        gates = make_gates(aisles, delays, START_S)
         env.gates = {gate_name(road): gate for road, gate in gates.items() if road[0] <= road[1]}
-        return [_drive_rover(env, aisles, case, gates, s) for s in STRATEGIES]
+        return [_drive(env, aisles.network, delays, start, goal, gates, s) for s in STRATEGIES]
     finally:
         env.close()
 
 
-def _drive_rover(
+def _sample_case(aisles: AisleNetwork, rng: np.random.Generator) -> tuple[int, int, Delays]:
+    """Sample start and goal on opposite sides, waits at doors and loads in aisles."""
+    network = aisles.network
+    near, far = (aisles.lefts, aisles.rights)[:: 1 if rng.random() < 0.5 else -1]
+    i = int(rng.integers(len(near)))
+    j = int(rng.choice([k for k in range(len(far)) if k != i]))
+    waits_s = np.zeros(len(network.names))
+    for node in aisles.doors:
+        waits_s[node] = rng.uniform(0, MAX_WAIT_S)
+    free_s = undelayed_s(network, near[i], far[j])
+    queues: dict[Road, tuple[float, float]] = {}
+    for a, b in aisles.loads:
+        if a < b:
+            congested = rng.random() < CONGESTED
+            queue = float(rng.uniform(0, free_s / 3)), float(rng.uniform(0, MAX_QUEUE_S))
+            if congested:
+                queues |= {(a, b): queue, (b, a): queue}
+    return near[i], far[j], Delays(waits_s, queues, LEAD_S)
+
+
+def _drive(
     env: AisleRover,
-    aisles: AisleNetwork,
-    case: RoverCase,
+    network: Network,
+    delays: Delays,
+    start: int,
+    goal: int,
     gates: Mapping[Road, Gate],
     strategy: Strategy,
 ) -> RoverDrive:
-    network, layout = aisles.network, env.instance.layout
-    route = plan_route(network, case.delays, case.start, case.goal, strategy)
-    first = route.ahead(case.start, 0.0)[0]
-    ahead = network.xy_m[first] - network.xy_m[case.start]
-    start = (*network.xy_m[case.start], math.atan2(ahead[1], ahead[0]))
-    options = {"layout": layout, "start": start, "goal": tuple(network.xy_m[case.goal])}
+    layout, xy_m = env.instance.layout, network.xy_m
+    route = Route(network, delays, start, goal, strategy)
+    ahead = xy_m[route.ahead(start, 0.0)[0]] - xy_m[start]
+    pose = (*xy_m[start], math.atan2(ahead[1], ahead[0]))
+    options = {"layout": layout, "start": pose, "goal": tuple(xy_m[goal])}
     observation, info = env.reset(seed=layout, options=options)
-    follower = RouteFollower(
-        env.trial, route, case.start, network.xy_m, gates, case.delays, strategy.clearing
-    )
+    follower = RouteFollower(env.trial, route, start, xy_m, gates, strategy.clearing)
     while not info["outcome"]:
         observation, _, _, _, info = env.step(follower.act(observation["pose"], info["time_s"]))
-    model = drive(network, case.delays, case.start, case.goal, strategy)
-    passed = [*follower.passed, case.goal] if info["success"] else follower.passed
+    model = drive(network, delays, start, goal, strategy)
+    passed = [*follower.passed, goal] if info["success"] else follower.passed
     return RoverDrive(
         layout=layout,
         strategy=strategy.name,
         outcome=info["outcome"],
         predicted_s=model.time_s,
         measured_s=info["time_s"],
-        free_s=case.free_s,
+        free_s=undelayed_s(network, start, goal),
         predicted=tuple(network.names[k] for k in model.nodes),
         passed=tuple(network.names[k] for k in dict.fromkeys(passed)),
-        trace=tuple((float(x), float(y)) for x, y in env.episode.trace[:, 0]),
+        trace=env.episode.trace[:, 0],
     )

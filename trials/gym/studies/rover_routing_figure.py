@@ -1,19 +1,16 @@
 """Figure of the rover's drives on routes: one world from above, and times beside the model's."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from trials.gym.studies.aisle_network import AisleNetwork
 from trials.gym.studies.rover_routing import RoverDrive
 from trials.gym.world.free_space import NO_GEOM, FreeSpace
 from trials.report.figure import BLUE, GREEN, GREY, INK, OCHRE, PALE, RED, shared_legend, tidy
 from trials.routing.drive import STRATEGIES
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 SIZE_IN = (9.6, 4.2)
 COLOURS = (INK, RED, BLUE, OCHRE)
@@ -33,7 +30,7 @@ def most_varied_layout(drives: Sequence[RoverDrive]) -> int:
 
 
 def draw_drives(
-    figure: "Figure",
+    figure: Figure,
     drives: Sequence[RoverDrive],
     layout: int,
     aisles: AisleNetwork,
@@ -42,20 +39,20 @@ def draw_drives(
     """Draw the paths in the world of `layout`, and the times in all worlds."""
     above, times = figure.subplots(1, 2, width_ratios=(1.15, 1.0))
     _draw_world(above, [d for d in drives if d.layout == layout], aisles, space)
-    above.set_title(f"layout {layout}", fontsize=9.5, weight="bold", loc="left")
+    above.set_title(f"layout {layout}")
     _draw_times(times, drives)
     shared_legend(figure, [above, times])
 
 
 def _draw_world(
-    panel: "Axes", drives: Sequence[RoverDrive], aisles: AisleNetwork, space: FreeSpace
+    panel: Axes, drives: Sequence[RoverDrive], aisles: AisleNetwork, space: FreeSpace
 ) -> None:
     height, width = space.obstacles.shape
-    low, high = space.points(np.array([[-0.5, -0.5], [height - 0.5, width - 0.5]]))
+    corners = space.points(np.array([[-0.5, -0.5], [height - 0.5, width - 0.5]]))
+    (left, right), (bottom, top) = corners.T.tolist()
     panel.imshow(
-        np.where(space.obstacles != NO_GEOM, 1.0, np.nan),
-        extent=(float(low[0]), float(high[0]), float(low[1]), float(high[1])),
-        origin="lower", cmap="Greys", vmin=0, vmax=3,
+        np.where(space.obstacles != NO_GEOM, 1.0, np.nan), cmap="Greys", vmin=0, vmax=3,
+        extent=(left, right, bottom, top), origin="lower",
     )  # fmt: skip
     for slots, colour, label in (
         (aisles.doors.values(), GREEN, "door"),
@@ -65,24 +62,21 @@ def _draw_world(
             panel.fill(*slot.corners.T, color=colour, lw=2, label=label if k == 0 else None)
     by_name = {d.strategy: d for d in drives}
     for strategy, colour, width_pt in zip(STRATEGIES, COLOURS, WIDTHS, strict=True):
-        x, y = np.array(by_name[strategy.name].trace).T
-        panel.plot(x, y, color=colour, lw=width_pt, label=strategy.name, solid_capstyle="round")
-    x, y = np.array(drives[0].trace)[0]
-    panel.plot(x, y, "o", color=INK, mfc="white", ms=7, zorder=5)
+        path = by_name[strategy.name].trace
+        panel.plot(*path.T, color=colour, lw=width_pt, label=strategy.name, solid_capstyle="round")
+    panel.plot(*drives[0].trace[0], "o", color=INK, mfc="white", ms=7, zorder=5)
     panel.set_aspect("equal")
     tidy(panel, "x, m", "y, m")
     panel.grid(visible=False)
 
 
-def _draw_times(panel: "Axes", drives: Sequence[RoverDrive]) -> None:
+def _draw_times(panel: Axes, drives: Sequence[RoverDrive]) -> None:
     for layout in sorted({d.layout for d in drives}):
         here = {d.strategy: d.measured_s for d in drives if d.layout == layout}
         panel.plot([here[s.name] for s in STRATEGIES], color=GREY, lw=0.8, marker=".", zorder=1)
     for k, (strategy, colour) in enumerate(zip(STRATEGIES, COLOURS, strict=True)):
         mine = [d for d in drives if d.strategy == strategy.name]
-        predicted_s, measured_s = (
-            float(np.mean([getattr(d, key) for d in mine])) for key in ("predicted_s", "measured_s")
-        )
+        predicted_s, measured_s = np.mean([(d.predicted_s, d.measured_s) for d in mine], axis=0)
         panel.plot(k - 0.1, predicted_s, "D", color=colour, mfc="white", ms=8, mew=1.6)
         panel.plot(k + 0.1, measured_s, "D", color=colour, ms=8)
         panel.annotate(

@@ -1,7 +1,7 @@
 """The same trial with several sources of localization, one above the other, as one animation."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import zip_longest
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +9,6 @@ import cv2
 import numpy as np
 from PIL import Image as Pillow
 
-from trials.gym.env.environments import RoverNav
 from trials.gym.env.policies import NavigatorPolicy
 from trials.gym.studies.trial_runner import rover_nav
 from vo.contract.arrays import Image
@@ -37,13 +36,9 @@ def film_sources(
     options = {"scene": scene, "rate_hz": 10.0, "settings": ICE, "observe": NavigatorPolicy.NEEDS}
     options |= {"layout": layout, "time_limit_s": seconds, "render_mode": "rgb_array"}
     films = [list(_frames({**options, "localization": x}, seed)) for x in sources]
-    last = [film[-1] for film in films]
-    frames = [
-        # A trial that has ended stays as it is.
-        np.vstack([now if now is not None else end for now, end in zip(row, last, strict=True)])
-        for row in zip_longest(*films)
-    ]
-    first, *rest = (Pillow.fromarray(x) for x in frames)
+    longest = max(map(len, films))
+    ended = [film + film[-1:] * (longest - len(film)) for film in films]  # stays as it is
+    first, *rest = (Pillow.fromarray(np.vstack(rows)) for rows in zip(*ended, strict=True))
     with replacing(out) as partial:
         first.save(
             partial, "WEBP", save_all=True, append_images=rest, duration=PERIOD_MS, loop=0,
@@ -54,16 +49,12 @@ def film_sources(
 def _frames(options: Mapping[str, Any], seed: int) -> Iterator[Image]:
     with rover_nav(options) as env:
         observation, info = env.reset(seed=seed)
-        policy, steps = NavigatorPolicy(env), 0
-        yield _resized(env)
-        while not info["outcome"]:
-            observation, _, _, _, info = env.step(policy.act(observation))
-            steps += 1
+        policy = NavigatorPolicy(env)
+        for steps in count():
             if steps % EVERY == 0 or info["outcome"]:
-                yield _resized(env)
-
-
-def _resized(env: RoverNav) -> Image:
-    whole = np.asarray(env.render(), np.uint8)
-    size = WIDTH_PX, 2 * round(WIDTH_PX * whole.shape[0] / whole.shape[1] / 2)
-    return np.asarray(cv2.resize(whole, size, interpolation=cv2.INTER_AREA), np.uint8)
+                whole = np.asarray(env.render(), np.uint8)
+                size = WIDTH_PX, 2 * round(WIDTH_PX * whole.shape[0] / whole.shape[1] / 2)
+                yield np.asarray(cv2.resize(whole, size, interpolation=cv2.INTER_AREA), np.uint8)
+            if info["outcome"]:
+                return
+            observation, _, _, _, info = env.step(policy.act(observation))

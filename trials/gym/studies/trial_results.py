@@ -14,9 +14,8 @@ import numpy as np
 from scipy import stats
 
 from trials.evaluation.intervals import CONFIDENCE, Interval, mean_interval
-from vo.contract.arrays import Array
 
-FASTEST, SLOWEST = 2.0, 8.0
+BARN_LIMITS = np.array([2.0, 8.0])
 """Multiples of the optimal time between which BARN's score falls as 1 / time."""
 
 
@@ -43,14 +42,9 @@ class Result:
     way_m: float
 
     @property
-    def success(self) -> float:
-        """1 or 0."""
-        return float(self.outcome == "success")
-
-    @property
-    def collision(self) -> float:
-        """1 or 0."""
-        return float(self.outcome == "collision")
+    def success(self) -> bool:
+        """Whether the task was done."""
+        return self.outcome == "success"
 
 
 @dataclass(frozen=True)
@@ -85,8 +79,8 @@ class TrialResult(Result):
     @property
     def barn(self) -> float:
         """Success times the optimal time over the time, the latter within 2 to 8 optimal ones."""
-        limits = FASTEST * self.optimal_s, SLOWEST * self.optimal_s
-        return self.success * self.optimal_s / float(np.clip(self.time_s, *limits))
+        time_s = float(np.clip(self.time_s, *(BARN_LIMITS * self.optimal_s)))
+        return self.success * self.optimal_s / time_s
 
 
 R = TypeVar("R", bound=Result)
@@ -105,26 +99,19 @@ METRICS: Metrics[TrialResult] = {
 }
 
 
-def proportion_interval(values: Array) -> Interval:
-    """Proportion of ones among (N,) zeros and ones, with Wilson's interval; N >= 1."""
-    n, p = len(values), float(np.mean(values))
-    z = float(stats.norm.ppf((1 + CONFIDENCE) / 2))
-    middle = (p + z**2 / (2 * n)) / (1 + z**2 / n)
-    reach = z / (1 + z**2 / n) * math.sqrt(p * (1 - p) / n + z**2 / (4 * n**2))
-    return Interval(p, max(0.0, middle - reach), min(1.0, middle + reach))
+def outcome_interval(results: Sequence[Result], outcome: str) -> Interval:
+    """Proportion of trials with an outcome, with Wilson's interval; at least one trial."""
+    count = sum(x.outcome == outcome for x in results)
+    wilson = stats.binomtest(count, len(results)).proportion_ci(CONFIDENCE, method="wilson")
+    return Interval(count / len(results), float(wilson.low), float(wilson.high))
 
 
 def summarize(results: Sequence[R], metrics: Metrics[R]) -> dict[str, str]:
     """Format outcomes and metrics of one group of results with their intervals."""
-    proportions = {
-        name: proportion_interval(np.array(values)).text(2)
-        for name, values in (
-            ("success", [x.success for x in results]),
-            ("collisions", [x.collision for x in results]),
-        )
+    found = {
+        "success": outcome_interval(results, "success").text(2),
+        "collisions": outcome_interval(results, "collision").text(2),
     }
-    means = {
-        name: mean_interval(np.array([metric(x) for x in results])).text(digits)
-        for name, (metric, digits) in metrics.items()
-    }
-    return {**proportions, **means}
+    for name, (metric, digits) in metrics.items():
+        found[name] = mean_interval(np.array([metric(x) for x in results])).text(digits)
+    return found

@@ -77,9 +77,11 @@ def _run(
         layout=layout,
         run=run,
         localization=source,
-        **{key: info[key] for key in ("outcome", "time_s", "driven_m", "way_m", "left_m")},
+        **{
+            key: info[key]
+            for key in ("outcome", "time_s", "driven_m", "way_m", "left_m", "error_m")
+        },
         optimal_s=info["way_m"] / env.trial.speed_max_mps,
-        error_m=info["error_m"],
         drift_percent=drift_percent(infos),
         lost_share=sum(x["status"] == "lost" for x in infos) / len(infos),
     )

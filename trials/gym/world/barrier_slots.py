@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 
 from scenes.scene import Scene
-from trials.gym.world.barriers import Slot
 from trials.gym.world.distance_field import TraversableSpace
+from trials.gym.world.dynamic_agents import Slot
 from trials.gym.world.free_space import NO_GEOM, FreeSpace
 from vo.contract.arrays import Array, Mask
 

@@ -5,8 +5,7 @@ was mapped without them. Loads are set down for good, so a slot is used only if 
 is not much longer; doors open again by themselves.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -18,10 +17,8 @@ from trials.gym.world.barrier_slots import (
     slots_along,
     with_slots_closed,
 )
-from trials.gym.world.barriers import Barrier, Door, Load, Slot
-from trials.gym.world.carts import Cart
-from trials.gym.world.distance_field import TraversableSpace, path_length_m
-from trials.gym.world.dynamic_agents import DynamicAgent
+from trials.gym.world.distance_field import path_length_m
+from trials.gym.world.dynamic_agents import Cart, Door, DynamicAgent, Load, Slot
 from trials.gym.world.obstacle_bodies import DOOR_M, LOAD_M
 from trials.gym.world.start_goal_sampling import StartGoal
 from vo.contract.errors import SettingsError
@@ -56,60 +53,47 @@ def parse_dynamics(text: str) -> dict[str, int]:
     return counts
 
 
-@dataclass(frozen=True)
-class Setting:
-    """Scene and path of a trial, in which dynamic agents are placed.
-
-    Attributes:
-        scene: Without dynamic agents.
-        traversable: Traversable space of the scene.
-        ends: Start, goal and path of the rover.
-        speed_mps: Highest speed of the rover.
-    """
-
-    scene: Scene
-    traversable: TraversableSpace
-    ends: StartGoal
-    speed_mps: float
-
-
-def sample_dynamics(setting: Setting, text: str, seed: int) -> dict[str, DynamicAgent]:
+def sample_dynamics(
+    scene: Scene, ends: StartGoal, speed_mps: float, text: str, seed: int
+) -> dict[str, DynamicAgent]:
     """Sample the agents of a trial by name; fewer than asked for where there is no place.
 
     Args:
-        setting: What they are placed in.
+        scene: Scene without dynamic agents.
+        ends: Start, goal and path of the rover.
+        speed_mps: Highest speed of the rover.
         text: Kinds and numbers, as for `parse_dynamics`.
         seed: Random seed.
     """
-    counts = parse_dynamics(text)
-    agents: dict[str, DynamicAgent] = {}
-    for k, (kind, sample) in enumerate(KINDS.items()):
-        rng = np.random.default_rng([seed, k])
-        taken = [agent.slot for agent in agents.values() if isinstance(agent, Barrier)]
-        sampled = sample(setting, taken, counts.get(kind, 0), rng)
-        agents |= {f"{kind}_{i}": agent for i, agent in enumerate(sampled)}
-    return agents
+    parsed = parse_dynamics(text)
+    counts = [parsed.get(kind, 0) for kind in DEFAULT_COUNTS]
+    rngs = [np.random.default_rng([seed, k]) for k in range(len(counts))]
+    loads = _sample_loads(scene, ends, speed_mps, counts[0], rngs[0])
+    slots = [load.slot for load in loads]
+    doors = _sample_doors(scene, ends, slots, counts[1], rngs[1])
+    slots += [door.slot for door in doors]
+    carts = _sample_carts(scene, ends, slots, counts[2], rngs[2])
+    kinds = zip(DEFAULT_COUNTS, (loads, doors, carts), strict=True)
+    return {f"{kind}_{i}": agent for kind, agents in kinds for i, agent in enumerate(agents)}
 
 
 def _sample_loads(
-    setting: Setting, taken: list[Slot], count: int, rng: np.random.Generator
-) -> list[DynamicAgent]:
+    scene: Scene, ends: StartGoal, speed_mps: float, count: int, rng: np.random.Generator
+) -> list[Load]:
     """Loads on the path; each next one on the path that remains."""
-    start, goal = setting.ends.start[:2], setting.ends.goal
-    path = setting.ends.path
+    path, traversable = ends.path, ends.field.traversable
     max_m = DETOUR_FACTOR * path_length_m(path) + DETOUR_M
-    loads: list[DynamicAgent] = []
-    slots: list[Slot] = []
+    loads: list[Load] = []
     for _ in range(count):
-        candidates = slots_along(setting.scene, setting.traversable.space, path, LOAD_M[0])
+        slots = [load.slot for load in loads]
+        candidates = slots_along(scene, traversable.space, path, LOAD_M[0])
         for k in rng.permutation(len(candidates)).tolist():
             if not _is_apart(candidates[k], slots):
                 continue
-            remaining = with_slots_closed(setting.traversable, [*slots, candidates[k]])
-            detour = remaining.shortest_path(start, goal)
+            remaining = with_slots_closed(traversable, [*slots, candidates[k]])
+            detour = remaining.shortest_path(ends.start[:2], ends.goal)
             if detour is not None and path_length_m(detour) <= max_m:
-                slots.append(candidates[k])
-                latest_s = START_S + path_length_m(path) / setting.speed_mps
+                latest_s = START_S + path_length_m(path) / speed_mps
                 at_s, near_m = rng.uniform(START_S + 2, latest_s), rng.uniform(1.2, 3.5)
                 loads.append(Load(candidates[k], float(at_s), float(near_m)))
                 path = detour
@@ -118,55 +102,45 @@ def _sample_loads(
 
 
 def _sample_doors(
-    setting: Setting, taken: list[Slot], count: int, rng: np.random.Generator
-) -> list[DynamicAgent]:
-    doors: list[DynamicAgent] = []
-    slots = list(taken)
-    candidates = slots_along(setting.scene, setting.traversable.space, setting.ends.path, DOOR_M[0])
+    scene: Scene, ends: StartGoal, taken: list[Slot], count: int, rng: np.random.Generator
+) -> list[Door]:
+    doors: list[Door] = []
+    candidates = slots_along(scene, ends.field.traversable.space, ends.path, DOOR_M[0])
     for k in rng.permutation(len(candidates)).tolist():
-        if len(doors) < count and _is_apart(candidates[k], slots):
-            slots.append(candidates[k])
+        if len(doors) < count and _is_apart(candidates[k], [*taken, *(x.slot for x in doors)]):
             period_s, fraction, phase = rng.uniform((16, 0.4, 0), (32, 0.6, 1)).tolist()
             doors.append(Door(candidates[k], period_s, fraction, phase))
     return doors
 
 
 def _sample_carts(
-    setting: Setting, taken: list[Slot], count: int, rng: np.random.Generator
-) -> list[DynamicAgent]:
+    scene: Scene, ends: StartGoal, taken: list[Slot], count: int, rng: np.random.Generator
+) -> list[Cart]:
     """Carts that cross the path where there is room for them on both sides of it."""
-    space = with_slots_closed(setting.traversable, taken).space
-    ends = setting.ends
+    space = with_slots_closed(ends.field.traversable, taken).space
     places = sample_path(ends.path, CART_FROM_START_M, CART_FROM_GOAL_M)
     path = sample_path(ends.path, 0.0, 0.0)
-    carts: list[DynamicAgent] = []
+    carts: list[Cart] = []
     for k in rng.permutation(len(places)).tolist():
         angle, speed, phase = rng.uniform((0, 0.15, 0), (np.pi, 0.4, 1)).tolist()
         if len(carts) == count:
             break
         along = np.array([np.cos(angle), np.sin(angle)])
-        reaches_m = [
-            free_distance_m(space, places[k], side * along, CART_REACH_M, CART_CLEARANCE_M)
+        lane_ends = np.array([
+            places[k] + side * along
+            * free_distance_m(space, places[k], side * along, CART_REACH_M, CART_CLEARANCE_M)
             for side in (-1, 1)
-        ]
-        lane_ends = np.array(
-            [places[k] + side * along * m for side, m in zip((-1, 1), reaches_m, strict=True)]
-        )
+        ])  # fmt: skip
         end_m = np.linalg.norm(lane_ends[:, None] - path, axis=2).min(axis=1)
         lane = lane_ends[0] + np.linspace(0, 1, 50)[:, None] * (lane_ends[1] - lane_ends[0])
         from_start_m = np.linalg.norm(lane - ends.start[:2], axis=1).min()
         from_goal_m = np.linalg.norm(lane - ends.goal, axis=1).min()
         clear = from_start_m > CART_FROM_START_M and from_goal_m > CART_FROM_GOAL_M
         if clear and end_m.min() > CART_END_M:
-            height_m = float(setting.scene.elevation(places[k]))
+            height_m = float(scene.elevation(places[k]))
             carts.append(Cart(lane_ends, height_m, float(speed), float(phase)))
     return carts
 
 
 def _is_apart(slot: Slot, others: list[Slot]) -> bool:
     return all(np.linalg.norm(slot.centre - x.centre) > MIN_SLOT_DISTANCE_M for x in others)
-
-
-KINDS: Mapping[
-    str, Callable[[Setting, list[Slot], int, np.random.Generator], list[DynamicAgent]]
-] = {"blocked_aisles": _sample_loads, "doors": _sample_doors, "traffic": _sample_carts}  # fmt: skip

@@ -10,9 +10,7 @@ from scenes.scene import Scene
 from scenes.stage import Stage
 from scenes.surfaces import prints, signs, timber
 from scenes.surfaces.atlas import pack
-from trials.gym.world.barriers import Barrier, Load
-from trials.gym.world.carts import Cart
-from trials.gym.world.dynamic_agents import DynamicAgent
+from trials.gym.world.dynamic_agents import Barrier, Cart, DynamicAgent, Load
 from vo.contract.arrays import Array
 
 PREFIX = "dynamics/"

@@ -1,6 +1,7 @@
-"""Physics of a rover in a world, advanced from one control step to the next."""
+"""Physics of a rover in a world, advanced from one control step to the next, and its log."""
 
 import math
+from array import array
 from dataclasses import dataclass
 
 import mujoco
@@ -9,11 +10,18 @@ import numpy as np
 from sim.sensors.wheel_encoders import ticks
 from sim.settings import RecordSettings
 from sim.world.rover import BODY, PREFIX, WHEEL_RADIUS_M, WHEELS
-from sim.world.trip import MOVER_PERIOD_S, States, longest_window_s
+from sim.world.trip import (
+    MOVER_PERIOD_S,
+    Motions,
+    States,
+    Trip,
+    body_motion,
+    longest_window_s,
+    wheel_forces_n,
+)
 from sim.world.world import START_CLEARANCE_M, START_S, World
 from trials.gym.world.dynamic_agents import DynamicAgent
 from trials.gym.world.free_space import obstacle_geoms, rigid_geoms
-from trials.gym.world.trial_log import TrialLog
 from vo.contract.arrays import Array, Mask
 
 MAX_TIMESTEP_S = 0.0025
@@ -38,6 +46,51 @@ class Snapshot:
     time_ns: int
     T_world_body: Array
     wheel_ticks: tuple[int, int]
+
+
+class TrialLog:
+    """States of the world wherever physics paused, to record a trial as a dataset afterwards."""
+
+    def __init__(self) -> None:
+        self._times_ns = array("q")
+        self._qpos: list[Array] = []
+        self._motions: list[tuple[int, Array, Array, Array, Array]] = []
+        self._frames: list[tuple[int, Array, Array]] = []
+        self._ticks_ns = array("q")
+        self._ticks: list[tuple[int, int]] = []
+
+    def add_state(self, world: World, time_ns: int, is_frame: bool, is_regular: bool) -> None:
+        """Add the state of the world and, at regular times, the motion of the body."""
+        self._times_ns.append(time_ns)
+        self._qpos.append(world.data.qpos.copy())
+        if is_frame or is_regular:
+            motion = body_motion(world, time_ns * 1e-9)
+            if is_frame:
+                self._frames.append((time_ns, *motion[:2]))
+            if is_regular:
+                self._motions.append((time_ns, *motion, wheel_forces_n(world)))
+
+    def add_wheel_ticks(self, time_ns: int, ticks: tuple[int, int]) -> None:
+        """Add a reading of the wheel encoders."""
+        self._ticks_ns.append(time_ns)
+        self._ticks.append(ticks)
+
+    def trip(self, delivered: Mask, ended: str) -> Trip:
+        """Return the drive in the recorder's form; `delivered` (N,) is that of the camera."""
+        frame_ns, T_world_body, v_world_body = (
+            np.array(x) for x in zip(*self._frames, strict=True)
+        )
+        return Trip(
+            frame_ns,
+            delivered,
+            States(np.array(self._times_ns, dtype=np.int64), np.array(self._qpos)),
+            T_world_body,
+            v_world_body,
+            Motions(*(np.array(x) for x in zip(*self._motions, strict=True))),
+            np.array(self._ticks_ns, dtype=np.int64),
+            np.array(self._ticks, dtype=np.int64),
+            ended,
+        )
 
 
 class Simulation:
