@@ -81,7 +81,9 @@ def show(axes: Axes, image: Image, title: str, about: str = "", key: Key = ()) -
         about, (1, 0), (6, 0), xycoords=name, va="bottom", fontsize=8.5, color=FAINT, **points
     )
     if key:
-        squares = [Patch(facecolor=[x / 255 for x in rgb], label=text) for rgb, text in key]
+        squares = [
+            Patch(facecolor=tuple(np.divide(rgb, 255).tolist()), label=text) for rgb, text in key
+        ]
         axes.legend(handles=squares, ncols=len(key), **KEY_STYLE)
 
 

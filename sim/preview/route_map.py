@@ -114,14 +114,14 @@ def _draw_stops(axes: Axes, stops: Array) -> None:
                 break
         else:
             groups.append((stop, [k + 1]))
-    for place, numbers in groups:
+    for (x, y), numbers in groups:
         first = 1 in numbers
         face, ink = (ROUTE, "white") if first else ("white", INK)
         box = {"boxstyle": "circle,pad=0.28", "facecolor": face, "edgecolor": INK}
         if len(numbers) > 1:
             box["boxstyle"] = "round,pad=0.3,rounding_size=0.8"
         style: dict[str, Any] = {"color": ink, "ha": "center", "va": "center", "zorder": 5}
-        axes.text(*place, " ".join(map(str, numbers)), bbox=box, fontsize=8, weight="bold", **style)
+        axes.text(x, y, " ".join(map(str, numbers)), bbox=box, fontsize=8, weight="bold", **style)
 
 
 def _draw_bar(axes: Axes, extent: tuple[float, float, float, float]) -> None:

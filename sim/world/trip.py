@@ -222,13 +222,17 @@ class _Log:
             raise DriveError(ended or "the trip ended before its second frame")
         delivered = stream(settings.seed, "drop").random(complete) >= settings.sensor.drop_share
         delivered[0] = True  # the first frame is never lost
-        times_ns, *frames = (np.array(x) for x in zip(*self._frames[:complete], strict=True))
+        frames = zip(*self._frames[:complete], strict=True)
+        times_ns, T_world_body, v_world_body = (np.array(x) for x in frames)
         motion_ns, values = self._motions.table
         poses, *motions = np.split(values, (16, 19, 22), axis=1)
         motions = Motions(motion_ns, poses.reshape(-1, 4, 4), *(x.copy() for x in motions))
         wheel_ns, angles_rad = self._wheels.table
         counts = ticks(angles_rad, settings.encoders.ticks_per_turn)
-        return Trip(times_ns, delivered, states, *frames, motions, wheel_ns, counts, ended)
+        return Trip(
+            *(times_ns, delivered, states, T_world_body, v_world_body),
+            *(motions, wheel_ns, counts, ended),
+        )
 
 
 def longest_window_s(settings: RecordSettings) -> float:

@@ -119,10 +119,10 @@ def bound(dataset: Path, run: SavedRun, births: Path) -> Bound:
         raise TrajectoryError(f"{run.path}: the tracks do not connect all frames") from None
     last = len(travelled_m) - 1
     ends = np.searchsorted(travelled_m, travelled_m[starts] + LENGTH_M).clip(max=last)
-    percent = (100 * x / LENGTH_M for x in _rms_m(pair, covariance, starts, ends))
-    end_m = _rms_m(pair, covariance, np.array([0]), np.array([last]))
-    noise = (tuple(x.tolist()) for x in (noise_px, bias_px))
-    return Bound(*percent, *end_m, *noise, len(seen.point))
+    over_1m, bound_1m = (100 * x / LENGTH_M for x in _rms_m(pair, covariance, starts, ends))
+    end_m, bound_m = _rms_m(pair, covariance, np.array([0]), np.array([last]))
+    noise, bias = (tuple(x.tolist()) for x in (noise_px, bias_px))
+    return Bound(over_1m, bound_1m, end_m, bound_m, noise, bias, len(seen.point))
 
 
 def _true_tracks(world: TrueWorld, pair: Pair, run: SavedRun, births: Path) -> TrueTracks:

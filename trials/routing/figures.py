@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import astuple
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -35,7 +36,7 @@ def _draw_network(panel: Axes, network: Network, case: Case) -> None:
     free = [km[list(road)] for road in roads if road not in case.onsets_s]
     congested = [km[list(road)] for road in roads if road in case.onsets_s]
     panel.add_collection(LineCollection(free, colors=GREY, linewidths=0.6))
-    yellow = {"colors": "#e9b44c", "linewidths": 2.0, "zorder": 3}
+    yellow: dict[str, Any] = {"colors": "#e9b44c", "linewidths": 2.0, "zorder": 3}
     panel.add_collection(LineCollection(congested, label="congested on the way", **yellow))
     # Both routes without clearing, with half the longest delays.
     queues = {road: (onset_s, QUEUE_S) for road, onset_s in case.onsets_s.items()}
@@ -81,7 +82,13 @@ def draw_random(figure: Figure, drives: Randomised, name: str, rng: np.random.Ge
         across = k + rng.uniform(-0.24, 0.24, len(increase))
         panel.plot(across, increase, ".", color=colour, alpha=0.35, markersize=4, zorder=2)
         mean, low, high = astuple(mean_interval(increase))
-        style = {"fmt": "D", "color": colour, "markersize": 5, "capsize": 4, "zorder": 3}
+        style: dict[str, Any] = {
+            "fmt": "D",
+            "color": colour,
+            "markersize": 5,
+            "capsize": 4,
+            "zorder": 3,
+        }
         panel.errorbar(k + 0.3, mean, [[mean - low], [high - mean]], **style)
         panel.annotate(
             f"{mean:.0f} %", (k + 0.3, mean), (8, 0), textcoords="offset points", va="center",

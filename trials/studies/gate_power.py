@@ -179,9 +179,12 @@ def simulate(
             low, high = 100 * interval.low, 100 * interval.high
             found.append(f"{100 * alarms / repetitions:.1f} ({low:.1f}–{high:.1f})")
             above = [x - TOLERANCE for x in logs]
-            others.append([100 * np.mean([test(x) for x in above]) for test in tests.values()])
+            others.append(
+                [100 * float(np.mean([test(x) for x in above])) for test in tests.values()]
+            )
         pairs = (f"{false:.1f} / {true:.0f}" for false, true in zip(*others, strict=True))
-        rates.append(Rates(case, *found, tuple(pairs)))
+        false_alarms, detected = found
+        rates.append(Rates(case, false_alarms, detected, tuple(pairs)))
     return rates
 
 

@@ -102,19 +102,23 @@ def _meet(line: Array, conic: Array, sides2: Array, cosines: Array, legs: Array,
     if square < -1e-9 * (b * b + abs(a * c)):
         return found
     half = -b - np.copysign(np.sqrt(max(square, 0.0)), b)
-    L = np.empty(3)
+    ratio = np.empty(3)
     for root in range(2):  # a L_i^2 + 2 b L_i L_j + c L_j^2 = 0 has roots half / a and c / half
-        L[i], L[j] = (half, a) if root == 0 else (c, half)
-        L[k] = p * L[i] + q * L[j]
-        if L.sum() < 0:
-            L = -L
-        if L.min() <= 0:
+        ratio[i], ratio[j] = (half, a) if root == 0 else (c, half)
+        ratio[k] = p * ratio[i] + q * ratio[j]
+        if ratio.sum() < 0:
+            ratio = -ratio
+        if ratio.min() <= 0:
             continue
-        size = 2 * (L * L).sum()
-        size -= 2 * (L[0] * L[1] * cosines[0] + L[0] * L[2] * cosines[1] + L[1] * L[2] * cosines[2])
+        size = 2 * (ratio * ratio).sum()
+        size -= 2 * (
+            ratio[0] * ratio[1] * cosines[0]
+            + ratio[0] * ratio[2] * cosines[1]
+            + ratio[1] * ratio[2] * cosines[2]
+        )
         if size > 0:
             scale = np.sqrt(sides2.sum() / size)
             for n in range(3):
-                legs[found, n] = L[n] * scale
+                legs[found, n] = ratio[n] * scale
             found += 1
     return found
