@@ -2,7 +2,7 @@
 # Most targets are commands of driftyard, which take options: make bench ARGS=--quick
 
 .DEFAULT_GOAL := help
-.PHONY: demo check unit test lint compile bench accuracy label-accuracy response bump replanning routing scenes gate gate-power experiments explain clean help
+.PHONY: demo check unit test suite lint bench accuracy label-accuracy response bump replanning routing scenes gate gate-power experiments explain clean help
 
 VENV := .venv
 READY := $(VENV)/.ready
@@ -20,14 +20,13 @@ check: $(READY)  ## style, types, import layers, unit and property tests; no ren
 unit: $(READY)
 	$(BIN)/pytest -q -n 2 --dist loadfile -m "not gl and not slow" tests/unit tests/properties
 
-test: $(READY)  ## lint, then every test, the small gate included
-	@$(MAKE) --no-print-directory --jobs 2 lint compile
-	$(BIN)/pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
+test: $(READY)  ## style, types, import layers and every test, the small gate included
+	@$(MAKE) --no-print-directory --jobs 2 suite lint
 
 # Workers that start without machine code would all compile the same, each for itself.
-compile: $(READY)
-	$(BIN)/driftyard generate office --out build/first --overwrite --set drive.distance_m=0.3
-	$(BIN)/driftyard run build/first --out build/first.txt
+suite: $(READY)
+	$(BIN)/python -c "from vo.precompile import compile_ahead; compile_ahead()"
+	$(BIN)/pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
 lint: $(READY)  ## style, types and the layers of the imports
 	$(BIN)/ruff check

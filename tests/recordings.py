@@ -10,7 +10,15 @@ import pytest
 
 from scenes import build_scene
 from sim.record import record
-from sim.settings import RecordSettings
+from sim.settings import DriveSettings, LabelSettings, RecordSettings, RenderSettings, RigSettings
+
+OFFICE = RecordSettings(
+    rig=RigSettings(width_px=320, height_px=240, rate_hz=8),
+    drive=DriveSettings(distance_m=1.6),
+    render=RenderSettings(samples=0, shadow_size_px=512),
+    labels=LabelSettings(disparity=False),
+)
+"""A short drive with labels of depth, as oracles need it."""
 
 
 def shared_recording(

@@ -1,6 +1,7 @@
 """A clone holds everything: no file that a command needs was left uncommitted."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -8,6 +9,8 @@ from pathlib import Path
 
 import pytest
 from terminal import ROOT
+
+from trials.cli.registry import PANELS
 
 pytestmark = [
     pytest.mark.gl,
@@ -66,26 +69,34 @@ def test_demo_runs_from_a_clone(clone):
 
 
 def test_make_help_lists_all_targets(clone):
-    result = subprocess.run(
-        ["make", "--no-print-directory", "help"],
+    result = make(clone, "help")
+    named = {line.split()[1] for line in result.stdout.splitlines()}
+    studies = {"bench", "accuracy", "scenes", "label-accuracy", "response", "bump", "replanning"}
+    studies |= {"routing", "gate", "gate-power", "experiments", "explain"}
+    assert named == {"demo", "check", "test", "lint", "clean", "help", *studies}
+    makefile = (clone / "Makefile").read_text()
+    phony = set(re.search(r"^\.PHONY: (.*)$", makefile, re.MULTILINE)[1].split())
+    assert phony == named | {"unit", "suite"}  # which are parts of check and test
+
+
+def test_make_targets_call_existing_commands(clone):
+    known = {name for panel in PANELS.values() for name in panel}
+    for target in ("demo", "bench", "label-accuracy", "gate", "gate-power", "explain"):
+        command = make(clone, "--dry-run", target).stdout.splitlines()[-1]
+        words = command.partition("bin/driftyard ")[2].split()
+        assert words[0] in known, command
+        assert words[0] != "gate" or " ".join(words[:2]) in known, command
+
+
+def make(clone: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        ["make", "--no-print-directory", *words],
         cwd=clone,
         capture_output=True,
         text=True,
         check=True,
         timeout=30,
     )
-    named = {line.split()[1] for line in result.stdout.splitlines()}
-    studies = {"bench", "accuracy", "scenes", "label-accuracy", "response", "bump", "replanning"}
-    studies |= {"routing", "gate", "gate-power", "experiments", "explain"}
-    assert named == {"demo", "check", "test", "lint", "clean", "help", *studies}
-    dry = subprocess.run(
-        ["make", "--no-print-directory", "--dry-run", "demo"],
-        cwd=clone,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert dry.stdout.splitlines()[-1].endswith("driftyard demo")
 
 
 def test_setup_says_what_to_do_without_python(clone):

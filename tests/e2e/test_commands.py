@@ -8,6 +8,8 @@ import time
 import pytest
 from terminal import ROOT, driftyard
 
+PLANE = """<mujoco><worldbody><geom type="plane" size="5 5 1"/></worldbody></mujoco>"""
+
 
 def test_scenes_lists_scenes_and_disturbances(tmp_path):
     result = driftyard("scenes", cwd=tmp_path)
@@ -35,7 +37,8 @@ def test_import_of_the_command_line_is_light(tmp_path):
 
 @pytest.mark.gl
 def test_interrupted_recording_leaves_no_files(tmp_path):
-    words = ("generate", "office", "--out", "o", "--set", "drive.distance_m=3")
+    (tmp_path / "plane.xml").write_text(PLANE)
+    words = ("generate", "plane.xml", "--out", "o", "--set", "drive.distance_m=3")
     process = subprocess.Popen(
         [sys.executable, "-m", "trials.cli", *words],
         cwd=tmp_path,
@@ -54,4 +57,4 @@ def test_interrupted_recording_leaves_no_files(tmp_path):
     _, stderr = process.communicate(timeout=30)
     assert process.returncode == 130, stderr
     assert stderr.splitlines()[-1] == "driftyard: interrupted"
-    assert list(tmp_path.iterdir()) == []
+    assert [path.name for path in tmp_path.iterdir()] == ["plane.xml"]

@@ -6,10 +6,9 @@ import re
 
 import numpy as np
 import pytest
-from recordings import shared_recording
+from recordings import OFFICE, shared_recording
 from terminal import driftyard
 
-from sim.settings import DriveSettings, LabelSettings, RecordSettings, RenderSettings, RigSettings
 from trials.diagnosis import combinations
 from trials.diagnosis.attribution import REMAINDER
 from trials.diagnosis.combinations import Subject
@@ -20,18 +19,12 @@ from trials.execution.cache import CACHE
 
 pytestmark = [pytest.mark.gl, pytest.mark.slow]
 
-SETTINGS = RecordSettings(
-    rig=RigSettings(width_px=320, height_px=240, rate_hz=8),
-    drive=DriveSettings(distance_m=1.6),
-    render=RenderSettings(samples=0, shadow_size_px=512),
-    labels=LabelSettings(disparity=False),
-)
 STAGES = ("matching", "stereo")
 
 
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory):
-    return shared_recording(tmp_path_factory, "office", 5, SETTINGS)
+    return shared_recording(tmp_path_factory, "office", 5, OFFICE)
 
 
 @pytest.fixture(scope="module")

@@ -2,10 +2,8 @@
 
 import numpy as np
 import pytest
+from recordings import OFFICE, shared_recording
 
-from scenes import build_scene
-from sim.record import record
-from sim.settings import DriveSettings, LabelSettings, RecordSettings, RenderSettings, RigSettings
 from trials.diagnosis.oracles import ORACLES, Oracle
 from vo.contract import se3
 from vo.contract.readers import open_sequence, read_truth
@@ -15,19 +13,10 @@ from vo.runner import run
 
 pytestmark = [pytest.mark.gl, pytest.mark.slow]
 
-SETTINGS = RecordSettings(
-    rig=RigSettings(rate_hz=10),
-    drive=DriveSettings(distance_m=1.0),
-    render=RenderSettings(samples=0, shadow_size_px=512),
-    labels=LabelSettings(disparity=False),
-)
-
 
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("oracles") / "drive"
-    record(build_scene("office", np.random.default_rng(5), {}), SETTINGS, folder)
-    return folder
+    return shared_recording(tmp_path_factory, "office", 5, OFFICE)
 
 
 @pytest.fixture(scope="module")
@@ -81,10 +70,10 @@ def test_true_matches_reduce_the_error(drive, errors, usual):
 def test_features_hook_selects_features(errors):
     class LeftHalf(Hooks):
         def features(self, frame, pixels):
-            return pixels[pixels[:, 0] < 320]
+            return pixels[pixels[:, 0] < 160]
 
         def new_landmarks(self, frame, ids, pixels):
-            assert (pixels[:, 0] < 320).all()
+            assert (pixels[:, 0] < 160).all()
 
     found, _ = errors(LeftHalf())
     assert 0 < found.max() < 0.02

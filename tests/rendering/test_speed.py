@@ -1,13 +1,10 @@
 """Measurements of `driftyard bench` on a world that renders fast."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
-from terminal import ROOT
+from folders import wall, write_euroc
+from terminal import driftyard
 
-from tests.folders import wall, write_euroc
 from trials.studies.bench import endurance_table, length_table
 from trials.studies.speed.drive import TimedDrive
 from trials.studies.speed.estimator import EstimatorSpeed, measure_estimator
@@ -58,8 +55,7 @@ def test_measure_estimator_times_every_frame(tmp_path):
 
 
 def test_bench_missing_dataset_is_an_error_in_one_line(tmp_path):
-    command = [sys.executable, "-m", "trials.cli", "bench", "--over", str(tmp_path / "nowhere")]
-    told = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert told.returncode == 2
-    assert "nowhere" in told.stderr
-    assert told.stderr.count("\n") == 1
+    result = driftyard("bench", "--over", "nowhere", cwd=tmp_path)
+    assert result.returncode == 2
+    assert "nowhere" in result.stderr
+    assert result.stderr.count("\n") == 1
