@@ -1,6 +1,7 @@
 """Machine code on the disk: kept while nothing that it was made from changes."""
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -55,14 +56,24 @@ print(scale_twice(1.0), negate(1.0), *sorted(Recorder.names & {"scale", "scale_t
 """
 
 
-@pytest.fixture
-def package(tmp_path):
+@pytest.fixture(scope="module")
+def original(tmp_path_factory):
     """Three modules with a compiled function each, whose machine code is kept."""
+    folder = tmp_path_factory.mktemp("original")
     for name, text in (("callee", CALLEE), ("caller", CALLER), ("unrelated", UNRELATED)):
-        (tmp_path / f"{name}.py").write_text(text)
-    assert run_package(tmp_path) == "4.0 -1.0 negate scale scale_twice"
-    assert run_package(tmp_path) == "4.0 -1.0"
-    return tmp_path
+        (folder / f"{name}.py").write_text(text)
+    assert run_package(folder) == "4.0 -1.0 negate scale scale_twice"
+    return folder
+
+
+@pytest.fixture
+def package(original, tmp_path):
+    """A copy to edit; machine code holds at any place."""
+    return shutil.copytree(original, tmp_path / "package")
+
+
+def test_unchanged_copy_recompiles_nothing(package):
+    assert run_package(package) == "4.0 -1.0"
 
 
 def run_package(folder: Path, **environment: str) -> str:
