@@ -14,7 +14,7 @@ from sim.settings import DriveSettings, LabelSettings, RecordSettings, RenderSet
 
 OFFICE = RecordSettings(
     rig=RigSettings(width_px=320, height_px=240, rate_hz=8),
-    drive=DriveSettings(distance_m=1.6),
+    drive=DriveSettings(distance_m=1.4),
     render=RenderSettings(samples=0, shadow_size_px=512),
     labels=LabelSettings(disparity=False),
 )
