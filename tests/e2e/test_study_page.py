@@ -10,9 +10,8 @@ import subprocess
 import pytest
 
 from trials.report.figure import save_figure, tidy
-from trials.studies.experiments.base import Verdict
+from trials.studies.experiments.base import Record, Table, Verdict
 from trials.studies.experiments.page import write_html_page
-from trials.studies.experiments.record import Record, Table
 
 BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
 pytestmark = pytest.mark.skipif(BROWSER is None, reason="no Chromium")

@@ -10,16 +10,23 @@ import pytest
 
 from trials.evaluation.runs import read_map
 from trials.execution.jobs import Job, Recording, Result, Results, Variant
-from trials.studies.experiments.base import FULL, SMALL, Experiment, Steps, Verdict
-from trials.studies.experiments.e01_orientation import inlier_rise
+from trials.studies.experiments.base import (
+    FULL,
+    SMALL,
+    Experiment,
+    Steps,
+    Verdict,
+    read_record,
+    write_record,
+)
 from trials.studies.experiments.e11_stationary import stationary_drift, stops
 from trials.studies.experiments.measures import (
     first_failure,
     step_errors_m,
     tracked_fraction,
 )
+from trials.studies.experiments.orientation import inlier_rise
 from trials.studies.experiments.page import page_text, write_html_page
-from trials.studies.experiments.record import read_record, write_record
 from trials.studies.experiments.registry import EXPERIMENTS
 from vo.contract import se3
 from vo.contract.errors import DatasetError, TrajectoryError

@@ -7,9 +7,15 @@ from trials.cli import console
 from trials.cli.options import argument, option
 from trials.execution.runner import run_jobs
 from trials.report.tables import text_table
-from trials.studies.experiments.base import FULL, SMALL, Experiment
+from trials.studies.experiments.base import (
+    FULL,
+    SMALL,
+    Experiment,
+    Record,
+    read_record,
+    write_record,
+)
 from trials.studies.experiments.page import write_html_page, write_page
-from trials.studies.experiments.record import Record, read_record, write_record
 from trials.studies.experiments.registry import EXPERIMENTS
 from vo.contract.errors import SettingsError
 

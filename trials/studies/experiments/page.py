@@ -6,8 +6,7 @@ from pathlib import Path
 
 from trials.report.html import data_uri, write_html
 from trials.report.tables import markdown_table, numeric_columns
-from trials.studies.experiments.base import Verdict
-from trials.studies.experiments.record import Record
+from trials.studies.experiments.base import Record, Verdict
 from vo.contract.files import write_text
 
 TITLE = "The claims of the thesis, tested"

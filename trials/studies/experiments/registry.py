@@ -2,18 +2,16 @@
 
 from trials.studies.experiments.base import Experiment
 from trials.studies.experiments.comparisons import F2, F
-from trials.studies.experiments.e01_orientation import E1
 from trials.studies.experiments.e02_window import E2
-from trials.studies.experiments.e03_slope import E3
-from trials.studies.experiments.e04_circle import E4
 from trials.studies.experiments.e05_reprojection import E5
 from trials.studies.experiments.e06_tracks import E6
 from trials.studies.experiments.e07_system import E7
 from trials.studies.experiments.e08_few_inliers import E8
 from trials.studies.experiments.e11_stationary import E11
 from trials.studies.experiments.e12_iterations import E12
-from trials.studies.experiments.f09_stereo import F9
+from trials.studies.experiments.orientation import E1, F9
 from trials.studies.experiments.sweeps import E9, E10
+from trials.studies.experiments.without_refinement import E3, E4
 
 EXPERIMENTS: dict[str, Experiment] = {
     x.id: x for x in (E1, E2, E3, E4, E5, E6, E7, E8, E9, E10, E11, E12, F2, F9, F)

@@ -1,22 +1,24 @@
-"""E3: without refinement, the pitch on a gentle slope is overestimated (thesis 4.3, fig. 4.2)."""
+"""E3 and E4: a gentle slope and a handheld circle without refinement (thesis 4.3)."""
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from trials.evaluation.intervals import mean_interval
+from trials.evaluation.intervals import mean_interval, ratio_interval
 from trials.execution.jobs import Result, Results, Variant
 from trials.report.figure import BLUE, INK, OCHRE, RED, TRUTH, tidy
 from trials.studies.experiments.base import Data, Experiment, Finding, Rows, Steps, Verdict
-from trials.studies.experiments.measures import aligned_poses, mean_text
+from trials.studies.experiments.measures import aligned_poses, lost_text, mean_text, paths_m
 from trials.studies.experiments.variants import DEFAULT, THESIS, UNREFINED
 from vo.contract.arrays import Array
 
-LENGTH_M = 7.0
-"""Length of the drive: up the slope and onto the plateau."""
+SLOPE_M, CIRCLE_M = 7.0, 9.2
+"""Length of the drives: up the slope and onto the plateau, and once around the circle."""
 SHOWN = {UNREFINED: BLUE, THESIS: RED, DEFAULT: OCHRE}
+LARGE = 2.0
+"""Smallest ratio of drifts that is large."""
 
 
-def _conclude(results: Results) -> Finding:
+def _conclude_slope(results: Results) -> Finding:
     signed = mean_interval(_end_errors_deg(results, UNREFINED))
     ratio = np.median(_rms_errors_deg(results, UNREFINED) / _rms_errors_deg(results, THESIS))
     direction = "has errors of either sign"
@@ -29,7 +31,7 @@ def _conclude(results: Results) -> Finding:
     )
 
 
-def _table(results: Results) -> Rows:
+def _slope_table(results: Results) -> Rows:
     for v in SHOWN:
         yield {
             "variant": v.label,
@@ -61,7 +63,7 @@ def _height_errors_mm(results: Results, variant: Variant) -> Array:
     return np.array([1e3 * (estimate[-1, 2, 3] - truth[-1, 2, 3]) for truth, estimate in ends])
 
 
-def _data(results: Results) -> Data:
+def _slope_data(results: Results) -> Data:
     return {
         f"pitch {v.label}": {
             f"seed {x.job.recording.seed}, °": _pitch_error_deg(x) for x in results.of(v)
@@ -70,7 +72,7 @@ def _data(results: Results) -> Data:
     }
 
 
-def _draw(figure: Figure, results: Results) -> None:
+def _draw_slope(figure: Figure, results: Results) -> None:
     left, right = figure.subplots(1, 2)
     first = results.recordings[0]
     for variant, colour in SHOWN.items():
@@ -98,7 +100,73 @@ E3 = Experiment(
     caption="Left: height of the camera along the drive of the first seed. Right: error of its "
     "pitch on all drives, nose up positive.",
     size_in=(9.0, 3.4),
-    recordings=lambda scale: scale.with_length(LENGTH_M).recordings(["ramp"]),
+    recordings=lambda scale: scale.with_length(SLOPE_M).recordings(["ramp"]),
     variants=SHOWN,
-    steps=Steps(_conclude, _table, _draw, _data),
+    steps=Steps(_conclude_slope, _slope_table, _draw_slope, _slope_data),
+)
+
+
+def _conclude_circle(results: Results) -> Finding:
+    times = ratio_interval(results.drifts(UNREFINED), results.drifts(THESIS))
+    return Verdict.of(times.value > 1, times.value >= LARGE and times.low > 1), (
+        f"Without refinement the drift is {times.text(2)} times that with refinement, on a "
+        f"handheld circle of {CIRCLE_M:g} m."
+    )
+
+
+def _circle_table(results: Results) -> Rows:
+    for v in SHOWN:
+        runs = results.of(v)
+        end_m = np.array([x.score.end_m if x.score else np.nan for x in runs])
+        yield {
+            "variant": v.label,
+            "drift over 1 m, %": mean_text(results.drifts(v)),
+            "rotation, °/m": mean_text(np.array([x.rotation_deg_per_m for x in runs])),
+            "end point, cm": mean_text(100 * end_m, 1),
+            "frames lost, %": lost_text(results, v),
+        }
+
+
+def _error_m(run: Result) -> Array:
+    truth, estimate = paths_m(run)
+    return np.linalg.norm(estimate - truth, axis=1)
+
+
+def _circle_data(results: Results) -> Data:
+    return {
+        f"error {v.label}": {f"seed {x.job.recording.seed}, m": _error_m(x) for x in results.of(v)}
+        for v in SHOWN
+    }
+
+
+def _draw_circle(figure: Figure, results: Results) -> None:
+    left, right = figure.subplots(1, 2, width_ratios=(1, 1.4))
+    first = results.recordings[0]
+    truth = results.at(first, THESIS).truth.T_ref_frame[:, :2, 3]
+    left.plot(*truth.T, label="truth", **TRUTH)
+    for variant, colour in SHOWN.items():
+        path = paths_m(results.at(first, variant))[1][:, :2]
+        left.plot(*path.T, color=colour, lw=1.1, label=variant.label)
+        for run in results.of(variant):
+            right.plot(run.pair.travelled_m, 100 * _error_m(run), color=colour, lw=0.9)
+    left.set_aspect("equal", adjustable="datalim")
+    left.legend(loc="center")
+    tidy(left, "x, m", "y, m", f"lab_circle, seed {first.seed}")
+    tidy(right, "true path, m", "position error, cm", "all seeds")
+
+
+E4 = Experiment(
+    id="E4",
+    title="A handheld circle",
+    claim="Without refinement, the drift on a circle with a handheld camera is large.",
+    source="section 4.3, figure 4.3",
+    setup="One circle around the laboratory with a handheld camera at walking height: the thesis "
+    "preset without refinement, the thesis preset, and the default settings. Large: at least "
+    f"{LARGE:g} times the drift.",
+    caption="Paths from above of the first seed, first poses aligned, and position error along "
+    "the path on all drives.",
+    size_in=(9.0, 3.8),
+    recordings=lambda scale: scale.with_length(CIRCLE_M).recordings(["lab_circle"]),
+    variants=SHOWN,
+    steps=Steps(_conclude_circle, _circle_table, _draw_circle, _circle_data),
 )
