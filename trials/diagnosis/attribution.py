@@ -44,13 +44,7 @@ class SegmentDrifts:
 
 @dataclass(frozen=True)
 class Share:
-    """Contribution of one stage to the drift.
-
-    Attributes:
-        stage: Name of the stage, or REMAINDER.
-        drift: Percentage points of drift, with the interval at CONFIDENCE.
-        share: Ratio to the whole drift, likewise.
-    """
+    """Contribution of a stage, or REMAINDER, to the drift: percentage points, and their ratio."""
 
     stage: str
     drift: Interval
@@ -59,10 +53,10 @@ class Share:
 
 @dataclass(frozen=True)
 class Attribution:
-    """Shares of the stages in the drift of several sequences.
+    """Shares of the stages in the drift of several sequences; intervals are at CONFIDENCE.
 
     Attributes:
-        drift: Mean over sequences, %, with the interval at CONFIDENCE.
+        drift: Mean over sequences, %.
         shares: One for each stage, and REMAINDER last; they add up to the drift.
         by_segment: Name of a sequence to its (K,) `at_m` and the (P + 1, K) shares of its segments
             in percentage points, rows as in `shares`.

@@ -46,13 +46,7 @@ BIRTHS = "births.npz"
 
 @dataclass(frozen=True)
 class Subject:
-    """Estimator that is examined.
-
-    Attributes:
-        estimator: Built-in estimator, or a class with `hooks`.
-        noise_px: Std. dev. of the noise of the oracles, px.
-        error: Error that is injected.
-    """
+    """Estimator that is examined, std. dev. of the noise of its oracles, and injected error."""
 
     estimator: Named = field(default_factory=Named)
     noise_px: float = 0.0

@@ -20,14 +20,7 @@ MIN_ATTRIBUTED = 0.8
 
 @dataclass(frozen=True)
 class Finding:
-    """Attribution of the drift that an injected error adds.
-
-    Attributes:
-        name: Of the case.
-        stage: Stage that contains the error.
-        before: Attribution without the error.
-        after: Attribution with the error.
-    """
+    """Attribution before and after the error of a case is injected into a stage."""
 
     name: str
     stage: str

@@ -19,12 +19,7 @@ OUTLIER, UNKNOWN = (150, 150, 150), (235, 235, 235)
 
 @dataclass(frozen=True)
 class Still:
-    """One annotated image.
-
-    Attributes:
-        uri: JPEG as a data URI.
-        caption: Frame, time and counts.
-    """
+    """An annotated JPEG as a data URI, with its frame, time and counts as a caption."""
 
     uri: str
     caption: str

@@ -32,12 +32,7 @@ CAPTION = "Each estimate starts at the true first pose; nothing else is aligned.
 
 @dataclass(frozen=True)
 class SceneMap:
-    """Picture of the scene from above: x to the right, y up.
-
-    Attributes:
-        uri: JPEG as a data URI.
-        limits_m: (2, 2) lowest and highest corner that it covers.
-    """
+    """Picture from above as a data URI, x to the right; lowest and highest corner (2, 2)."""
 
     uri: str
     limits_m: Array

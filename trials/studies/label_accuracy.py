@@ -6,7 +6,7 @@ encoders with the path.
 """
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -51,15 +51,18 @@ class Check(NamedTuple):
     holds: bool
 
 
-def measure_labels(scenes: Sequence[str], seed: int, bar: ProgressBar = no_progress) -> list[Check]:
+def measure_labels(
+    scenes: Sequence[str], seed: int, bar: ProgressBar = no_progress
+) -> Iterator[Check]:
     """Compare labels, blur and sensors with independent computations."""
-    checks: list[Check] = []
     for name in scenes:
-        checks += [*_geometry(name, seed), *_sensors(name, seed, bar)]
-    return [*checks, _outlines(), *_blur(seed)]
+        yield from _geometry(name, seed)
+        yield from _sensors(name, seed, bar)
+    yield _outlines()
+    yield from _blur(seed)
 
 
-def _geometry(scene: str, seed: int) -> list[Check]:
+def _geometry(scene: str, seed: int) -> Iterator[Check]:
     """Compare depth labels along a drive with MuJoCo's ray caster."""
     pairs: list[Array] = []
     world, trip, settings = _drive(scene, seed, [f"drive.distance_m={DISTANCE_M}"])
@@ -71,28 +74,21 @@ def _geometry(scene: str, seed: int) -> list[Check]:
     depth, cast = np.hstack(pairs)
     error = np.abs(depth - cast)
     near_mm = float(1e3 * error[np.abs(cast - 1.0) < 0.2].max(initial=0))
+    found = f"{near_mm:.4f} mm"
+    yield Check("depth against rays at 1 m, largest", scene, found, "0.2 mm", near_mm <= 0.2)
     share = np.sort((error / cast)[cast < 20])[::-1]
-    beyond = int((share > DEPTH_SHARE).sum())
-    few = beyond <= STRAY_SHARE * len(share)
-    worst = 100 * share[int(STRAY_SHARE * len(share))]
-    found = f"{worst:.5f} %, {beyond} of {len(share)} above"
-    near = f"{near_mm:.4f} mm"
-    return [
-        Check("depth against rays at 1 m, largest", scene, near, "0.2 mm", near_mm <= 0.2),
-        Check("depth against rays to 20 m, all but 1 in 1000", scene, found, "0.02 %", few),
-    ]
+    beyond, strays = int((share > DEPTH_SHARE).sum()), STRAY_SHARE * len(share)
+    found = f"{100 * share[int(strays)]:.5f} %, {beyond} of {len(share)} above"
+    label = "depth against rays to 20 m, all but 1 in 1000"
+    yield Check(label, scene, found, "0.02 %", beyond <= strays)
 
 
 def _depth_and_rays(world: World, renderer: StereoRenderer) -> tuple[Array, Array]:
     """Return depth label and ray cast (N,) at pixels of a grid that are not at an edge."""
     geometry = renderer.render_geometry()
     depth, rig = geometry.depth_left_m.astype(float), world.render_rig
-    v, u = (
-        a.ravel()
-        for a in np.mgrid[
-            2 : rig.height_px - 2 : RAYS_EVERY_PX, 2 : rig.width_px - 2 : RAYS_EVERY_PX
-        ]
-    )
+    rows, columns = (np.arange(2, x - 2, RAYS_EVERY_PX) for x in (rig.height_px, rig.width_px))
+    v, u = (x.ravel() for x in np.meshgrid(rows, columns, indexing="ij"))
     q = 1 / depth
     curvature = [
         np.abs(q[v - dv, u - du] - 2 * q[v, u] + q[v + dv, u + du]) / q[v, u]
@@ -131,31 +127,28 @@ def _first_front(world: World, start_m: Array, direction: Array) -> float:
         passed_m += BEHIND_M
 
 
-def _sensors(scene: str, seed: int, bar: ProgressBar) -> list[Check]:
+def _sensors(scene: str, seed: int, bar: ProgressBar) -> Iterator[Check]:
     """Read the certificates of a noisy drive and of one with perfect inertial readings."""
     base = [f"drive.distance_m={DISTANCE_M}", *FLOW]
     noisy = _certificate(scene, seed, [*base, *NOISE], bar)
     exact = _certificate(scene, seed, [base[0], "imu.noise=0"], bar)
-    checks: list[Check] = []
     for part in ("stereo", "flow"):
         ratio = noisy[part]["median_grey"] / noisy[part]["noise_median_grey"]
         label, holds = f"{part} residual over that of noise alone", 0.8 <= ratio <= 1.2
-        checks.append(Check(label, scene, f"{ratio:.3f}", "0.8 to 1.2", holds))
+        yield Check(label, scene, f"{ratio:.3f}", "0.8 to 1.2", holds)
     drift_mm, turn_deg = 1e3 * exact["inertial"]["drift_max_m"], exact["inertial"]["turn_max_deg"]
     label = "inertial readings without noise, integrated 5 s"
     found = f"{drift_mm:.2f} mm, {turn_deg:.4f}°"
-    checks.append(Check(label, scene, found, "10 mm, 0.05°", drift_mm <= 10 and turn_deg <= 0.05))
+    yield Check(label, scene, found, "10 mm, 0.05°", drift_mm <= 10 and turn_deg <= 0.05)
     slip, label = exact["encoders"]["slip_percent"], "path by the encoders against truth"
-    checks.append(Check(label, scene, f"{slip:+.2f} %", "±2 %", abs(slip) <= 2))
-    return checks
+    yield Check(label, scene, f"{slip:+.2f} %", "±2 %", abs(slip) <= 2)
 
 
 def _certificate(scene: str, seed: int, overrides: list[str], bar: ProgressBar) -> dict[str, Any]:
     settings = recording_settings(scene, seed, overrides)
-    with tempfile.TemporaryDirectory() as folder, bar(scene) as progress:
-        return record(
-            build(scene, settings), settings, Path(folder) / scene, False, progress
-        ).certificate
+    with tempfile.TemporaryDirectory() as name, bar(scene) as progress:
+        folder = Path(name) / scene
+        return record(build(scene, settings), settings, folder, False, progress).certificate
 
 
 def _outlines() -> Check:
@@ -175,20 +168,17 @@ def _outlines() -> Check:
             shown = geoms == world.model.geom(name).id
             misplaced += int((shown & (gap < -0.05)).sum() + (~shown & (gap > 0.05)).sum())
             inspected += int((np.abs(gap) < 1).sum())
-    label = "pixels beyond projected corners by 0.05 px"
     found = f"{misplaced} of {inspected} pixels at outlines"
+    label = "pixels beyond projected corners by 0.05 px"
     return Check(label, "boxes", found, "none", misplaced == 0)
 
 
 def _signed_gap(hull: Array, points: Array) -> Array:
     """Return the distance of (..., 2) points from a convex (K, 2) polygon, positive inside."""
-    gaps: list[Array] = []
-    centre = hull.mean(axis=0)
-    for a, b in zip(hull, np.roll(hull, -1, axis=0), strict=True):
-        normal = np.array([-(b - a)[1], (b - a)[0]]) / np.linalg.norm(b - a)
-        normal *= np.sign((centre - a) @ normal)
-        gaps.append((points - a) @ normal)
-    return np.min(gaps, axis=0)
+    edges = np.roll(hull, -1, axis=0) - hull
+    normals = edges[:, ::-1] * [-1, 1] / np.linalg.norm(edges, axis=1)[:, None]
+    normals *= np.sign(((hull.mean(axis=0) - hull) * normals).sum(axis=1))[:, None]
+    return np.min([(points - a) @ normal for a, normal in zip(hull, normals, strict=True)], axis=0)
 
 
 def _boxes() -> tuple[World, RecordSettings]:
@@ -221,7 +211,7 @@ def _corners(world: World) -> dict[str, Array]:
     }
 
 
-def _blur(seed: int) -> list[Check]:
+def _blur(seed: int) -> Iterator[Check]:
     """Compare exposures on the turntable and at rest with one of 64 sub-frames."""
     scene = "turntable"
     world, trip, settings = _drive(scene, seed, ["drive.distance_m=6", "exposure.time_ms=20"])
@@ -229,9 +219,8 @@ def _blur(seed: int) -> list[Check]:
     fast = np.argsort(speed)[-FRAMES:]
     encode = Encoding("srgb")
     psnr_db, counts = [], []
-    finest = settings.exposure.model_copy(
-        update={"step_px": 1e-6, "subframes_max": REFERENCE_SUBFRAMES}
-    )
+    reference_settings = {"step_px": 1e-6, "subframes_max": REFERENCE_SUBFRAMES}
+    finest = settings.exposure.model_copy(update=reference_settings)
     with StereoRenderer(world, settings.render) as renderer:
         for k in [*fast, len(trip) - 1]:
             time_s = trip.timestamps_ns[k] * 1e-9
@@ -244,13 +233,11 @@ def _blur(seed: int) -> list[Check]:
             light = reference[0] if reference[0].dtype != np.uint8 else decode(reference[0])
             psnr_db.append(cv2.PSNR(grey, encode(light)))
             counts.append(count)
-    worst, most = min(psnr_db), max(counts[:-1])
+    worst, most, least = min(psnr_db), max(counts[:-1]), counts[-1]
     label = "adaptive blur against 64 sub-frames, worst"
-    return [
-        Check(label, scene, f"{worst:.1f} dB", "45 dB", worst >= 45),
-        Check("sub-frames in the fastest turns, most", scene, f"{most}", "32", most <= 32),
-        Check("sub-frames at rest", scene, f"{counts[-1]}", "1", counts[-1] == 1),
-    ]
+    yield Check(label, scene, f"{worst:.1f} dB", "45 dB", worst >= 45)
+    yield Check("sub-frames in the fastest turns, most", scene, f"{most}", "32", most <= 32)
+    yield Check("sub-frames at rest", scene, f"{least}", "1", least == 1)
 
 
 def _drive(scene: str, seed: int, overrides: list[str]) -> tuple[World, Trip, RecordSettings]:

@@ -38,13 +38,7 @@ MIN_EFFECT = 2.0
 
 @dataclass(frozen=True)
 class Setting:
-    """Scene and disturbance of some drives.
-
-    Attributes:
-        scene: Name.
-        disturbance: Name; empty for none.
-        strength: Strength of the disturbance.
-    """
+    """Scene of some drives, with the name of a disturbance, empty for none, and its strength."""
 
     scene: str
     disturbance: str = ""

@@ -10,6 +10,7 @@ import numpy as np
 
 from sim.disturbances import DISTURBANCES
 from trials.execution.jobs import Job, Recording, Result, Results, Variant
+from vo.contract.arrays import Mask
 
 
 @dataclass(frozen=True)
@@ -76,12 +77,7 @@ AXES: dict[str, Axis] = MAIN | {
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits above which a drive has failed.
-
-    Attributes:
-        drift_percent: Drift over 1 m, %.
-        lost_share: Ratio of frames without a pose to all frames.
-    """
+    """Drift over 1 m, %, and ratio of frames without a pose, above which a drive has failed."""
 
     drift_percent: float = 2.0
     lost_share: float = 0.05
@@ -109,16 +105,14 @@ class Response:
         rows = [(x.job.recording.seed, x.drift_percent, x.lost_share) for x in results]
         return Response(strength, *zip(*rows, strict=True))
 
-    def failed(self, limits: Limits) -> tuple[bool, ...]:
-        """Return which drives have failed."""
-        return tuple(
-            not drift <= limits.drift_percent or lost > limits.lost_share
-            for drift, lost in zip(self.drift_percent, self.lost_share, strict=True)
-        )
+    def failed(self, limits: Limits) -> Mask:
+        """Return which drives (N,) have failed."""
+        few, lost = np.array(self.drift_percent) <= limits.drift_percent, np.array(self.lost_share)
+        return ~few | (lost > limits.lost_share)
 
     def fails(self, limits: Limits) -> bool:
         """Whether more than half of the drives have failed."""
-        return sum(self.failed(limits)) > len(self.seeds) / 2
+        return bool(self.failed(limits).mean() > 0.5)
 
 
 @dataclass(frozen=True)

@@ -16,14 +16,7 @@ from trials.studies.experiments.variants import DEFAULT, THESIS
 
 @dataclass(frozen=True)
 class Comparison:
-    """Variants that are compared with a reference.
-
-    Attributes:
-        heading: Heading of their column.
-        scenes: Scenes of the recordings.
-        reference: Variant to compare with.
-        others: Variants.
-    """
+    """Variants that are compared with a reference on some scenes; heading of their column."""
 
     heading: str
     scenes: tuple[str, ...]

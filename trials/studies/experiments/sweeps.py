@@ -25,7 +25,6 @@ class Sweep:
     """One setting with several values.
 
     Attributes:
-        name: In data.
         axis: Label of the axis.
         column: Heading of the column.
         variants: Value to variant.
@@ -33,7 +32,6 @@ class Sweep:
         counted: Their name.
     """
 
-    name: str
     axis: str
     column: str
     variants: Mapping[float, Variant]
@@ -71,13 +69,12 @@ class Sweep:
     def data(self, results: Results) -> Data:
         """Return value, count and drift of every run."""
         variants = self.variants.values()
-        return {
-            self.name: {
-                self.column: np.repeat(list(self.variants), len(results.recordings)),
-                self.stage: np.concatenate([self.counts(results, v) for v in variants]),
-                DRIFT: np.concatenate([results.drifts(v) for v in variants]),
-            }
+        columns = {
+            self.column: np.repeat(list(self.variants), len(results.recordings)),
+            self.stage: np.concatenate([self.counts(results, v) for v in variants]),
+            DRIFT: np.concatenate([results.drifts(v) for v in variants]),
         }
+        return {self.column.partition(",")[0]: columns}
 
     def draw(self, figure: Figure, results: Results) -> None:
         """Draw counts (left) and drift (right) over the value; lines are means, dots are runs."""
@@ -94,7 +91,6 @@ class Sweep:
 
 
 THRESHOLD = Sweep(
-    "threshold",
     "inlier threshold, normalised image coordinates",
     "threshold, normalised",
     {
@@ -105,7 +101,6 @@ THRESHOLD = Sweep(
     "inliers of RANSAC",
 )
 FEATURES = Sweep(
-    "features",
     "features per image",
     "features",
     {

@@ -23,13 +23,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class TimedDrive:
-    """Drive through a scene that is timed.
-
-    Attributes:
-        scene: Name.
-        seed: Random seed of scene, route and noise.
-        distance_m: Length of the path.
-    """
+    """Drive of some length through a scene that is timed; the seed is that of the recording."""
 
     scene: str
     seed: int

@@ -50,13 +50,7 @@ class DriveCost:
 
 @dataclass(frozen=True)
 class LengthCost:
-    """A short drive and a long one over the same route.
-
-    Attributes:
-        short: The short drive.
-        long: The long drive.
-        again_ms: `picture_ms` of the long drive on the part that it shares with the short one.
-    """
+    """A short and a long drive, and `picture_ms` of the long one on the part that they share."""
 
     short: DriveCost
     long: DriveCost
