@@ -11,7 +11,7 @@ from trials.gym.env.localization import (
     DRIFT_DEG_PER_M,
     DriftLocalization,
     Measurements,
-    injected_percent,
+    expect_localization,
 )
 from vo.contract import se3
 from vo.contract.errors import SettingsError
@@ -60,4 +60,4 @@ def test_drift_is_decided_by_the_seed():
 @pytest.mark.parametrize("name", ["drift:", "drift:x", "drift:-1", "drift:nan", "drift:5000"])
 def test_drift_with_a_wrong_percentage_is_refused(name):
     with pytest.raises(SettingsError, match="expected drift:PERCENT, from 0 to 1000"):
-        injected_percent(name)
+        expect_localization(name)

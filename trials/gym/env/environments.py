@@ -71,10 +71,8 @@ class RoverExplore(RoverEnv):
             start = ends.start
         else:
             expect_clear(traversable, "start", start[:2])
-        components = traversable.components
-        reachable = components == components[tuple(traversable.space.cells(start[:2]))]
-        fraction, view_m, radius_m = trial.cover_share, trial.view_m, trial.goal_radius_m
-        return base, Explore(traversable, reachable, start, fraction, view_m, radius_m)
+        task = Explore(traversable, start, trial.cover_share, trial.view_m, trial.goal_radius_m)
+        return base, task
 
 
 def _place(options: Mapping[str, Any], name: str, size: int) -> Array | None:

@@ -16,6 +16,10 @@ from vo.contract.estimator import Status
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
 
+DRIFT = "drift:"
+DRIFT_DEG_PER_M = 0.25
+"""Rotation error for each per cent of drift, as the estimator has it over all scenes."""
+
 
 @dataclass(frozen=True)
 class Measurements:
@@ -65,11 +69,6 @@ class TruthLocalization:
         return LocalizationEstimate(measurements.T_world_body, Status.TRACKED)
 
 
-DRIFT = "drift:"
-DRIFT_DEG_PER_M = 0.25
-"""Rotation error for each per cent of drift, as the estimator has it over all scenes."""
-
-
 class DriftLocalization:
     """The truth with an injected drift: a random walk of position and heading.
 
@@ -88,8 +87,8 @@ class DriftLocalization:
         """Continue by the true motion and an error."""
         truth = measurements.T_world_body
         if self._T_world_body is None:
-            self._T_world_body, self._last = truth, truth
-            return LocalizationEstimate(self._T_world_body, Status.START)
+            self._T_world_body = self._last = truth
+            return LocalizationEstimate(truth, Status.START)
         motion = se3.inverse(self._last) @ truth
         ahead_m = float(np.linalg.norm(motion[:3, 3]))
         rolled_m = ahead_m + TRACK_M / 2 * float(se3.rotation_angle(motion))
@@ -169,7 +168,7 @@ def make_localization(
     if name == "wheels":
         return WheelOdometry(ticks_per_turn)
     if name.startswith(DRIFT):
-        return DriftLocalization(injected_percent(name), seed)
+        return DriftLocalization(float(name.removeprefix(DRIFT)), seed)
     return VisualLocalization("driftyard" if name == "vo" else name, rig)
 
 
@@ -177,25 +176,15 @@ def expect_localization(name: str) -> None:
     """Refuse an unknown source; a user's class is checked when a trial begins.
 
     Raises:
-        SettingsError: If there is no such estimator or drift.
+        SettingsError: If there is no such estimator, or a drift is not from 0 to 1000 per cent.
     """
     if name.startswith(DRIFT):
-        injected_percent(name)
+        try:
+            valid = 0 <= float(name.removeprefix(DRIFT)) <= 1000
+        except ValueError:
+            valid = False
+        if not valid:
+            raise SettingsError(f"localization {name}: expected {DRIFT}PERCENT, from 0 to 1000")
     elif name not in ("truth", "wheels", "vo", *ESTIMATORS) and ":" not in name:
-        valid = ", ".join(("truth", f"{DRIFT}PERCENT", "wheels", "vo", *sorted(ESTIMATORS)))
-        raise SettingsError(f"unknown localization {name}; valid: {valid}, or module:Class")
-
-
-def injected_percent(name: str) -> float:
-    """Parse the percentage of `drift:PERCENT`.
-
-    Raises:
-        SettingsError: If it is not a number from 0 to 1000.
-    """
-    try:
-        percent = float(name.removeprefix(DRIFT))
-    except ValueError:
-        percent = math.nan
-    if not 0 <= percent <= 1000:
-        raise SettingsError(f"localization {name}: expected {DRIFT}PERCENT, from 0 to 1000")
-    return percent
+        known = ", ".join(("truth", f"{DRIFT}PERCENT", "wheels", "vo", *sorted(ESTIMATORS)))
+        raise SettingsError(f"unknown localization {name}; valid: {known}, or module:Class")

@@ -1,8 +1,8 @@
 """Tasks of the environments and their rewards, evaluated at the true position."""
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -39,7 +39,7 @@ class Evaluation:
     progress: float
 
 
-class Task(Protocol):
+class Task(ABC):
     """What the rover has to do.
 
     Attributes:
@@ -52,21 +52,19 @@ class Task(Protocol):
     start: Array
     path: Array
     path_m: float
-    covered: Mask | None
+    covered: Mask | None = None
 
+    @abstractmethod
     def goal(self, estimated: Array) -> Array:
         """(2,) world x, y to drive to, for a rover whose estimated position is (2,)."""
-        ...
 
+    @abstractmethod
     def evaluate(self, true: Array) -> Evaluation:
         """Evaluate the step that brought the rover to (2,)."""
-        ...
 
 
-class ReachGoal:
+class ReachGoal(Task):
     """Come within a radius of a goal by any path."""
-
-    covered: Mask | None = None
 
     def __init__(self, ends: StartGoal, radius_m: float) -> None:
         self.start, self.path = ends.start, ends.path
@@ -87,10 +85,8 @@ class ReachGoal:
         return Evaluation(STEP + gain_m + SUCCESS * done, done, "", remaining_m, progress)
 
 
-class FollowRoute:
+class FollowRoute(Task):
     """Drive along a route to its end without leaving it."""
-
-    covered: Mask | None = None
 
     def __init__(self, path: Path, stray_m: float, radius_m: float, lookahead_m: float) -> None:
         ahead = path.waypoints[1] - path.waypoints[0]
@@ -124,29 +120,28 @@ class FollowRoute:
         return float(stations_m[k]), float(distances_m[k])
 
 
-class Explore:
+class Explore(Task):
     """Bring a fraction of the reachable ground into view, then return to the start."""
 
     def __init__(
         self,
         traversable: TraversableSpace,
-        reachable: Mask,
         start: Array,
         fraction: float,
         view_m: float,
         radius_m: float,
     ) -> None:
         self.start, self.path, self.path_m = start, start[None, :2], 0.0
-        self._covered: Mask = np.zeros(reachable.shape, bool)
-        self.covered: Mask | None = self._covered
-        self._reachable, self._space = reachable, traversable.space
+        self._space, components = traversable.space, traversable.components
+        self._reachable = components == components[tuple(self._space.cells(start[:2]))]
+        self.covered = self._covered = np.zeros(components.shape, bool)
         self._blocked = self._space.clearance_m <= 0
         self._home = traversable.distance_field(start[:2])
         self._wanted, self._radius_m = fraction, radius_m
         angles = np.linspace(0, 2 * math.pi, RAYS, endpoint=False)
         reach = np.arange(0.0, view_m, self._space.cell_m / 2)
         self._rays = np.stack([np.cos(angles), np.sin(angles)], axis=-1)[:, None] * reach[:, None]
-        self._cells = int(reachable.sum())
+        self._cells = int(self._reachable.sum())
         self._home_m = 0.0
         self._add_view(start[:2])
 

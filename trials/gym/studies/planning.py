@@ -117,8 +117,8 @@ def run_world(
 
 def floor_plan(space: FreeSpace, settings: NavigatorSettings) -> OccupancyGrid:
     """Draw the static obstacles of a world on the cells of a navigator."""
-    ends = space.points(np.array([(0, 0), space.obstacles.shape]) - [(0, 0), (1, 1)])
-    x_m, y_m = ends.T.tolist()
+    height, width = space.obstacles.shape
+    x_m, y_m = space.points(np.array([(0, 0), (height - 1, width - 1)])).T.tolist()
     grid = empty_grid(x_m, y_m, settings.cell_m)
     points_m = space.points(np.argwhere(space.obstacles != NO_GEOM))
     columns, rows = np.round((points_m - space.origin) / settings.cell_m).astype(int).T

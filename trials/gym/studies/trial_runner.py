@@ -18,6 +18,8 @@ from trials.gym.studies.trial_results import TrialResult
 from vo.contract.arrays import Array
 
 NAV = next(iter(trials.gym.ENVIRONMENTS))
+FROM_INFO = ("outcome", "time_s", "driven_m", "way_m", "left_m", "error_m")
+"""Entries of the last info that are kept."""
 
 
 def run_world(
@@ -77,10 +79,7 @@ def _run(
         layout=layout,
         run=run,
         localization=source,
-        **{
-            key: info[key]
-            for key in ("outcome", "time_s", "driven_m", "way_m", "left_m", "error_m")
-        },
+        **{key: info[key] for key in FROM_INFO},
         optimal_s=info["way_m"] / env.trial.speed_max_mps,
         drift_percent=drift_percent(infos),
         lost_share=sum(x["status"] == "lost" for x in infos) / len(infos),
