@@ -79,20 +79,23 @@ ROOMS = {
     ),
     ("trials", "trials.execution"): "outcomes>jobs workers>parallel lab>runner",
     ("trials.gym", "trials.gym.env"): (
-        "environments localization policies rover_env settings spaces tasks"
+        "environments watch>episode localization policies dataset>rover_env rover_env settings "
+        "spaces tasks"
     ),
-    ("trials.gym", "trials.gym.media"): "film pictures>trial_view",
+    ("trials.gym", "trials.gym.media"): "film pictures>trial_view window>trial_view",
     ("trials.gym", "trials.gym.studies"): (
-        "aisles>aisle_network planning ledger>result_store follower>route_follower "
-        "routed>rover_routing routed_figure>rover_routing_figure sensitivity showcase bench>speed "
+        "aisles>aisle_network planning rays>planning ledger>trial_results follower>route_follower "
+        "routed>rover_routing routed_figure>rover_routing_figure sensitivity bench>speed "
         "protocol>trial_results fleet>trial_runner"
     ),
     ("trials.gym", "trials.gym.world"): (
-        "eyes>camera ways>distance_field reacting>dynamic_agents dynamics freespace>free_space "
-        "inertial bodies>obstacle_bodies site>scene_instance simulation "
-        "places>start_goal_sampling"
+        "eyes>camera ways>distance_field reacting>dynamic_agents barriers>dynamic_agents "
+        "carts>dynamic_agents dynamics freespace>free_space inertial bodies>obstacle_bodies "
+        "site>scene_instance simulation diary>simulation places>start_goal_sampling"
     ),
-    ("trials.navigation", "trials.navigation"): "lookout>depth_mapping occupancy>occupancy_grid",
+    ("trials.navigation", "trials.navigation"): (
+        "lookout>depth_mapping occupancy>occupancy_grid grid_planner>planner"
+    ),
     ("trials.report", "trials.report"): "explanation>explanation_figures film>stills",
     ("trials", "trials.studies"): (
         "accuracy bench bump experiments proof>label_accuracy point_world response speed stress"

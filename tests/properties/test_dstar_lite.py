@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
+from trials.navigation import PlanningError
 from trials.navigation.adjacency import adjacency
 from trials.navigation.astar import astar
 from trials.navigation.dstar_lite import DStarLite
-from trials.navigation.errors import PlanningError
 from trials.navigation.grid import cell_index, grid_cells, make_grid
-from trials.navigation.grid_planner import GridPlanner
+from trials.navigation.planner import GridPlanner
 
 CHANGES = 1000
 

@@ -5,8 +5,7 @@ from dataclasses import asdict
 
 import pytest
 
-from trials.gym.studies.result_store import ResultStore
-from trials.gym.studies.trial_results import TrialResult
+from trials.gym.studies.trial_results import ResultStore, TrialResult
 
 
 def result(layout: int, source: str = "vo") -> TrialResult:

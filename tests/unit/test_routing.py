@@ -8,7 +8,7 @@ import pytest
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from trials.navigation.errors import PlanningError
+from trials.navigation import PlanningError
 from trials.routing.drive import STRATEGIES, Delays, Strategy, drive, undelayed_s
 from trials.routing.generation import (
     LONG_WAY,

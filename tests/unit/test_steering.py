@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from trials.navigation.grid_planner import GridPlanner
 from trials.navigation.occupancy_grid import (
     OccupancySettings,
     clearance_m,
     driving_costs,
     empty_grid,
 )
+from trials.navigation.planner import GridPlanner
 from trials.navigation.steering import (
     Pose2,
     SteeringSettings,

@@ -13,9 +13,15 @@ from trials.execution.parallel import map_parallel
 from trials.gym.env.policies import NavigatorPolicy
 from trials.gym.env.settings import NavSettings
 from trials.gym.studies import planning as planned
-from trials.gym.studies.result_store import ResultStore, json_lines
 from trials.gym.studies.sensitivity import draw_sensitivity
-from trials.gym.studies.trial_results import METRICS, Metrics, TrialResult, summarize
+from trials.gym.studies.trial_results import (
+    METRICS,
+    Metrics,
+    ResultStore,
+    TrialResult,
+    json_lines,
+    summarize,
+)
 from trials.gym.studies.trial_runner import run_world
 from trials.report.figure import save_figure
 from trials.report.tables import text_table

@@ -13,7 +13,7 @@ from trials.cli import console
 from trials.cli.options import option
 from trials.cli.route_rover import route_rover
 from trials.evaluation.intervals import mean_interval
-from trials.navigation.errors import PlanningError
+from trials.navigation import PlanningError
 from trials.report.figure import save_figure
 from trials.routing import figures, verdicts
 from trials.routing.drive import STRATEGIES

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trials.navigation.errors import PlanningError
+from trials.navigation import PlanningError
 from vo.contract.arrays import Array, Indices
 
 

@@ -40,10 +40,9 @@ class DepthMapper:
         if self.floor_plan is not None:
             return self.floor_plan
         border_m = self._settings.border_m
-        x_m, y_m = (
-            (min(a, b) - border_m, max(a, b) + border_m)
-            for a, b in zip(pose[:2], goal_m.tolist(), strict=True)
-        )
+        ends_m = np.array([pose[:2], goal_m])
+        low, high = ends_m.min(axis=0) - border_m, ends_m.max(axis=0) + border_m
+        x_m, y_m = zip(low.tolist(), high.tolist(), strict=True)
         return empty_grid(x_m, y_m, self._settings.cell_m)
 
     def integrate(self, grid: OccupancyGrid, disparity_px: Array, pose: Pose2) -> OccupancyGrid:
@@ -56,12 +55,14 @@ class DepthMapper:
             pose: Estimated pose of the rover.
         """
         s = self._settings
-        depth_m = depth_of(_without_speckles(disparity_px, s.min_speckle_px), self._rig)
+        fixed = (16 * np.nan_to_num(disparity_px)).astype(np.int16)  # as OpenCV filters it
+        cv2.filterSpeckles(fixed, 0, s.min_speckle_px, 16 * SIMILAR_PX)
+        depth_m = depth_of(fixed / 16.0, self._rig)
         small = _scaled(self._rig, depth_m.shape[1])
         stride = max(1, round(s.occupancy.stride_px * small.width_px / self._rig.width_px))
         T_body_cam = self._rig.T_body_cam
-        turn = se3.exp(np.array([0, 0, 0, 0, 0, pose.yaw_rad]))
-        T_world_body = se3.pose(turn[:3, :3], np.array([pose.x_m, pose.y_m, WHEEL_RADIUS_M]))
+        T_world_body = se3.exp(np.array([0, 0, 0, 0, 0, pose.yaw_rad]))
+        T_world_body[:3, 3] = pose.x_m, pose.y_m, WHEEL_RADIUS_M
         updated = integrate_depth(
             grid,
             depth_m,
@@ -74,13 +75,6 @@ class DepthMapper:
         if self.floor_plan is None:
             return updated
         return replace(updated, log_odds=np.maximum(updated.log_odds, self.floor_plan.log_odds))
-
-
-def _without_speckles(disparity_px: Array, min_speckle_px: int) -> Array:
-    """Disparity (h, w) without small regions; 0 where it is unknown."""
-    fixed = (16 * np.nan_to_num(disparity_px)).astype(np.int16)
-    cv2.filterSpeckles(fixed, 0, min_speckle_px, 16 * SIMILAR_PX)
-    return fixed / 16.0
 
 
 def _scaled(rig: StereoRig, width_px: int) -> StereoRig:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trials.navigation.errors import PlanningError
+from trials.navigation import PlanningError
 from vo.contract.arrays import Array, Indices
 
 ROWS = np.array([0, 0, 1, -1, 1, 1, -1, -1])

@@ -7,7 +7,7 @@ around it and turns again.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import inf
 
 import numpy as np
@@ -30,15 +30,6 @@ from vo.contract.rig import StereoRig
 STEP_BACK_M = 0.25
 """Displacement for the check of the floor plan behind the rover; its tail exceeds its radius."""
 STAND = Twist(0.0, 0.0)
-
-
-@dataclass
-class _Progress:
-    """Last pose with progress, when it was reached, and until when the rover backs off."""
-
-    pose: Pose2
-    since_s: float
-    back_off_until_s: float = -inf
 
 
 class Navigator:
@@ -72,7 +63,8 @@ class Navigator:
         self._planner = PathPlanner(s, 0.0 if floor_plan else s.unknown_cost, replanning)
         self.back_offs = 0
         self.grid: OccupancyGrid | None = None
-        self._progress: _Progress | None = None
+        self._progress_pose: Pose2 | None = None
+        self._progress_s, self._back_off_until_s = 0.0, -inf
         self._time_s, self._plan_at_s = 0.0, 0.0
         self._twist = STAND
         self._yaw_rad: float | None = None
@@ -104,7 +96,7 @@ class Navigator:
         self._time_s += self._steering.period_s
         grid = self.grid or self._mapper.new_grid(pose, goal_m)
         grid = self.grid = self._mapper.integrate(grid, disparity_px, pose)
-        if math.hypot(goal_m[0] - pose.x_m, goal_m[1] - pose.y_m) < s.arrival_radius_m:
+        if math.dist(goal_m, pose[:2]) < s.arrival_radius_m:
             self._twist = STAND
             return self._twist
         if self._time_s >= self._plan_at_s:
@@ -121,8 +113,7 @@ class Navigator:
         wanted_rad = math.radians(self.settings.initial_turn_deg)
         if self._turned_rad >= wanted_rad or self._time_s >= self._turn_until_s:
             return None
-        if self._progress:
-            self._progress.since_s = self._time_s
+        self._progress_s = self._time_s
         return Twist(0.0, self._steering.turn_max_radps)
 
     def _follow(self, grid: OccupancyGrid, pose: Pose2) -> Twist:
@@ -131,8 +122,7 @@ class Navigator:
         if len(self.path_m) == 0:
             return Twist(0.0, 0.5 * self._steering.turn_max_radps)  # observe all around
         if not self._replanning and self._is_blocked(grid, pose):
-            if self._progress:
-                self._progress.since_s = self._time_s  # it waits, it is not stuck
+            self._progress_s = self._time_s  # it waits, it is not stuck
             return STAND
         target = lookahead_point(pose, self.path_m, s.lookahead_m)
         bearing = math.atan2(target[1] - pose.y_m, target[0] - pose.x_m) - pose.yaw_rad
@@ -156,13 +146,12 @@ class Navigator:
     def _back_off(self, pose: Pose2) -> Twist | None:
         """Back off after a while without progress, and weaken the grid around the rover."""
         s = self.settings
-        self._progress = progress = self._progress or _Progress(pose, self._time_s)
-        if self._time_s < progress.back_off_until_s:
+        if self._time_s < self._back_off_until_s:
             return self._backwards(pose)
-        moved = math.hypot(pose.x_m - progress.pose.x_m, pose.y_m - progress.pose.y_m)
-        if moved > s.min_progress_m:
-            progress.pose, progress.since_s = pose, self._time_s
-        if self._time_s - progress.since_s < s.stuck_timeout_s:
+        last = self._progress_pose
+        if last is None or math.dist(pose[:2], last[:2]) > s.min_progress_m:
+            self._progress_pose, self._progress_s = pose, self._time_s
+        if self._time_s - self._progress_s < s.stuck_timeout_s:
             return None
         assert self.grid is not None
         grid = self.grid
@@ -171,23 +160,19 @@ class Navigator:
         self._turned_rad = 0.0
         self._turn_until_s = self._time_s + s.back_off_duration_s + self._turn_s
         self.back_offs += 1
-        progress.since_s = progress.back_off_until_s = self._time_s + s.back_off_duration_s
+        self._progress_s = self._back_off_until_s = self._time_s + s.back_off_duration_s
         return self._backwards(pose)
 
     def _backwards(self, pose: Pose2) -> Twist:
-        return Twist(-self.settings.back_off_speed_mps if self._is_free_behind(pose) else 0.0, 0.0)
-
-    def _is_free_behind(self, pose: Pose2) -> bool:
-        """Whether the floor plan has room for another step back; assumed without a floor plan."""
-        plan = self._mapper.floor_plan
+        """Drive backwards, unless the floor plan has no room for another step back."""
+        plan, back = self._mapper.floor_plan, Twist(-self.settings.back_off_speed_mps, 0.0)
         if plan is None:
-            return True
-        x_m, y_m = (
-            a - STEP_BACK_M * b
-            for a, b in zip(pose[:2], (math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)), strict=True)
-        )
+            return back
+        x_m = pose.x_m - STEP_BACK_M * math.cos(pose.yaw_rad)
+        y_m = pose.y_m - STEP_BACK_M * math.sin(pose.yaw_rad)
         row, column = plan.cell(x_m, y_m)
         height, width = plan.log_odds.shape
-        free_m = clearance_m(plan, self.settings.occupancy)
-        inside = 0 <= row < height and 0 <= column < width
-        return bool(inside and free_m[row, column] > self.settings.radius_m)
+        if not (0 <= row < height and 0 <= column < width):
+            return STAND
+        free_m = clearance_m(plan, self.settings.occupancy)[row, column]
+        return back if free_m > self.settings.radius_m else STAND

@@ -6,8 +6,8 @@ from math import inf
 
 import numpy as np
 
+from trials.navigation import PlanningError
 from trials.navigation.dstar_lite import DStarLite
-from trials.navigation.errors import PlanningError
 from trials.routing.network import Network, Road
 from vo.contract.arrays import Array
 

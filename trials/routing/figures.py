@@ -82,14 +82,10 @@ def draw_random(figure: Figure, drives: Randomised, name: str, rng: np.random.Ge
         across = k + rng.uniform(-0.24, 0.24, len(increase))
         panel.plot(across, increase, ".", color=colour, alpha=0.35, markersize=4, zorder=2)
         mean, low, high = astuple(mean_interval(increase))
-        style: dict[str, Any] = {
-            "fmt": "D",
-            "color": colour,
-            "markersize": 5,
-            "capsize": 4,
-            "zorder": 3,
-        }
-        panel.errorbar(k + 0.3, mean, [[mean - low], [high - mean]], **style)
+        panel.errorbar(
+            k + 0.3, mean, [[mean - low], [high - mean]], fmt="D", color=colour, markersize=5,
+            capsize=4, zorder=3,
+        )  # fmt: skip
         panel.annotate(
             f"{mean:.0f} %", (k + 0.3, mean), (8, 0), textcoords="offset points", va="center",
             fontsize=9, color=colour,

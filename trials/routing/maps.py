@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from trials.navigation.errors import PlanningError
+from trials.navigation import PlanningError
 from trials.routing.network import Network, Road
 from vo.contract.errors import DriftyardError
 from vo.contract.settings import Settings, validated

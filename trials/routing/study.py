@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trials.navigation.errors import PlanningError
+from trials.navigation import PlanningError
 from trials.routing.drive import STRATEGIES, Delays, drive, undelayed_s
 from trials.routing.generation import SMALL_CONGESTED
 from trials.routing.network import Network, Road

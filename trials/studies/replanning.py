@@ -14,7 +14,7 @@ import numpy as np
 
 from trials.navigation.astar import astar
 from trials.navigation.grid import Cell, cell_index, make_grid
-from trials.navigation.grid_planner import GridPlanner
+from trials.navigation.planner import GridPlanner
 from vo.contract.arrays import Array
 
 SHELF, AISLE, CROSSING = 8, 12, 50

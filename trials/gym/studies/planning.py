@@ -20,8 +20,8 @@ from trials.gym.env.policies import NavigatorPolicy
 from trials.gym.studies.trial_results import Metrics, Result
 from trials.gym.studies.trial_runner import rover_nav
 from trials.gym.world.free_space import NO_GEOM, FreeSpace
-from trials.navigation.grid_planner import GridPlanner
 from trials.navigation.occupancy_grid import OccupancyGrid, empty_grid
+from trials.navigation.planner import GridPlanner
 from trials.navigation.settings import NavigatorSettings
 from vo.contract.arrays import Array
 from vo.contract.errors import SettingsError

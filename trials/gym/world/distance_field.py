@@ -146,8 +146,6 @@ class DistanceField:
         return np.array(shortened)
 
 
-def path_length_m(path: Array | None) -> float:
-    """Length of a polyline (N, 2); infinite if there is none."""
-    if path is None:
-        return np.inf
+def path_length_m(path: Array) -> float:
+    """Length of a polyline (N, 2)."""
     return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())

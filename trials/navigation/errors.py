@@ -1,7 +1,0 @@
-"""Errors of the planners."""
-
-from vo.contract.errors import DriftyardError
-
-
-class PlanningError(DriftyardError):
-    """A cost that is not positive, or a start or goal outside the graph or without a path."""
