@@ -85,7 +85,7 @@ ROOMS = {
     ("trials.gym", "trials.gym.media"): "film pictures>trial_view window>trial_view",
     ("trials.gym", "trials.gym.studies"): (
         "aisles>aisle_network planning rays>planning ledger>trial_results follower>route_follower "
-        "routed>rover_routing routed_figure>rover_routing_figure sensitivity bench>speed "
+        "routed>rover_routing routed_figure>rover_routing_figure sensitivity "
         "protocol>trial_results fleet>trial_runner"
     ),
     ("trials.gym", "trials.gym.world"): (

@@ -38,11 +38,7 @@ class Grid(NamedTuple):
 
 
 def make_grid(costs: Array) -> Grid:
-    """Lay the closed margin around (H, W) costs; copies.
-
-    Raises:
-        PlanningError: If the shape is wrong, or a cost is below 1 or NaN; names the cell.
-    """
+    """Lay the closed margin around a copy of (H, W) costs; raises as `expect_costs`."""
     costs = expect_costs(costs)
     return Grid(np.pad(costs, MARGIN, constant_values=inf).ravel(), costs.shape[1] + 2 * MARGIN)
 
@@ -67,11 +63,7 @@ def grid_shape(grid: Grid) -> tuple[int, int]:
 
 
 def cell_index(grid: Grid, cell: Cell) -> int:
-    """Number a cell.
-
-    Raises:
-        PlanningError: If it is outside the grid.
-    """
+    """Number a cell; raises a PlanningError if it is outside the grid."""
     height, width = grid_shape(grid)
     row, column = int(cell[0]), int(cell[1])
     if not (0 <= row < height and 0 <= column < width):

@@ -54,11 +54,7 @@ class GridPlanner:
         return self._search.expanded
 
     def move(self, start: Cell) -> None:
-        """Note the cell of the agent.
-
-        Raises:
-            PlanningError: If it is outside the grid.
-        """
+        """Note the cell of the agent; raises a PlanningError if it is outside the grid."""
         self._search.move(cell_index(self._grid, start))
 
     def replan(self, cells: Sequence[Cell] = (), costs: Sequence[float] = ()) -> None:

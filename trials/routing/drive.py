@@ -93,11 +93,7 @@ def drive(network: Network, delays: Delays, start: int, goal: int, strategy: Str
 
 
 def undelayed_s(network: Network, start: int, goal: int) -> float:
-    """Compute the travel time without waits and queues.
-
-    Raises:
-        PlanningError: If there is no path.
-    """
+    """Compute the travel time without waits and queues; raises as `drive`."""
     free = Delays(np.zeros(len(network.names)), {}, 0.0)
     return drive(network, free, start, goal, STRATEGIES[0]).time_s
 

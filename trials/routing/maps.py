@@ -73,11 +73,18 @@ def _network(content: MapFile) -> Network:
     lengths_m: dict[Road, float] = {}
     for road in content.roads:
         a, b = (_index(index, name) for name in road.ends)
-        length_m = _length_m(road, float(np.linalg.norm(xy_m[a] - xy_m[b])))
+        label, length_m = f"road {' to '.join(road.ends)}", road.length_m
+        straight_m = float(np.linalg.norm(xy_m[a] - xy_m[b]))
+        if straight_m == 0:
+            raise PlanningError(f"{label}: its ends are at the same place")
+        if length_m is not None and length_m < straight_m * ROUNDING:
+            raise PlanningError(
+                f"{label}: length_m {length_m:g} is less than the straight {straight_m:.1f}"
+            )
         for ends in ((a, b),) if road.one_way else ((a, b), (b, a)):
             if ends in lengths_m:
-                raise PlanningError(f"road {' to '.join(road.ends)}: is listed twice")
-            lengths_m[ends] = length_m
+                raise PlanningError(f"{label}: is listed twice")
+            lengths_m[ends] = max(length_m or 0.0, straight_m)
     start, goal = (None if x is None else _index(index, x) for x in (content.start, content.goal))
     if start is not None and start == goal:
         raise PlanningError(f"start and goal are both {content.start}")
@@ -88,16 +95,3 @@ def _index(index: dict[str, int], name: str) -> int:
     if name not in index:
         raise PlanningError(f"no node named {name}; valid: {', '.join(index)}")
     return index[name]
-
-
-def _length_m(road: MapRoad, straight_m: float) -> float:
-    label = f"road {' to '.join(road.ends)}"
-    if straight_m == 0:
-        raise PlanningError(f"{label}: its ends are at the same place")
-    if road.length_m is None:
-        return straight_m
-    if road.length_m < straight_m * ROUNDING:
-        raise PlanningError(
-            f"{label}: length_m {road.length_m:g} is less than the straight {straight_m:.1f}"
-        )
-    return max(road.length_m, straight_m)

@@ -49,13 +49,10 @@ class Network:
         return self.lengths_m[road] / self.top_speed_mps
 
     def graph(self, waits_s: Array) -> Adjacency:
-        """Build the graph of travel times without queues.
+        """Build the graph of travel times without queues, given the (n,) waits at the nodes.
 
         A road costs its length over the top speed plus the wait at its end. The heuristic, the
         straight distance over the top speed, never exceeds the cost.
-
-        Args:
-            waits_s: (n,) expected wait at each node, 0 at the goal.
         """
         roads = tuple(self.lengths_m)
         costs_s = [self.drive_s(road) + float(waits_s[road[1]]) for road in roads]

@@ -172,15 +172,9 @@ def randomised(
     done: Done,
     known_s: float | None = None,
 ) -> Randomised:
-    """Sample each node's wait and each queue up to the longest.
+    """Sample each node's wait and each queue up to the longest; `done` is called with every drive.
 
-    Args:
-        network: The roads.
-        cases: The drives.
-        lead_s: Lead of the clearing.
-        rng: Source of waits and queues.
-        done: Called with every drive.
-        known_s: Time at which all queues arise, instead of during the drive.
+    Queues arise on the way, or all at the time `known_s` after departure.
     """
     times_s = np.empty((len(STRATEGIES), len(cases)))
     for i, case in enumerate(cases):

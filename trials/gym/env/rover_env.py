@@ -169,22 +169,14 @@ class RoverEnv(gymnasium.Env[Observation, Array]):
 
     @property
     def instance(self) -> SceneInstance:
-        """Scene instance of the present trial.
-
-        Raises:
-            TrialError: Before the first reset.
-        """
+        """Scene instance of the present trial; raises a TrialError before the first reset."""
         if self._instance is None:
             raise TrialError("call reset first")
         return self._instance
 
     @property
     def episode(self) -> Episode:
-        """The present trial.
-
-        Raises:
-            TrialError: Before the first reset.
-        """
+        """The present trial; raises a TrialError before the first reset."""
         if self._episode is None:
             raise TrialError("call reset first")
         return self._episode

@@ -87,9 +87,10 @@ class TrialSettings(Settings):
             SettingsError: If there is no such scene, option, disturbance or setting.
         """
         scene_options(self.scene, self.scene_options)
-        base: dict[str, Any] = dict(find_scene(self.scene).defaults)
-        base |= {**FAST, **self.settings}
-        base |= {
+        base: dict[str, Any] = {
+            **find_scene(self.scene).defaults,
+            **FAST,
+            **self.settings,
             "seed": layout,
             "scene": dict(self.scene_options),
             "drive.carrier": "rover",
@@ -101,12 +102,7 @@ class TrialSettings(Settings):
         return disturbed(settings, parse_disturbances(self.disturb))
 
     def build(self, layout: int) -> SceneInstance:
-        """Build a layout.
-
-        Raises:
-            SettingsError: If scene, option or setting is refused.
-            TrialError: If there is no traversable place.
-        """
+        """Build a layout; raises as `recorded` and `build_instance`."""
         settings = self.recorded(layout)
         return build_instance(self.scene, settings, self.clearance_m, self.acceleration_mps2)
 

@@ -52,13 +52,9 @@ class SceneInstance:
 def build_instance(
     scene_name: str, settings: RecordSettings, min_clearance_m: float, acceleration_mps2: float
 ) -> SceneInstance:
-    """Build a layout.
+    """Build the layout of a scene that is the seed of the settings.
 
-    Args:
-        scene_name: Name, MJCF file or `module:function`.
-        settings: Resolved; its seed is that of the layout.
-        min_clearance_m: Clearance that the rover's axle needs.
-        acceleration_mps2: Largest acceleration of a wheel's rim.
+    The rover's axle needs `min_clearance_m`; the rim of a wheel has `acceleration_mps2` at most.
 
     Raises:
         SettingsError: If scene, option or setting is refused.

@@ -89,17 +89,16 @@ def sample_start_goal(
         return _sample_goal(traversable, roomy, distance_m, rng, start)
     expect_clear(traversable, "goal", goal)
     field = traversable.distance_field(goal)
-    reached = np.isfinite(field.distances_m)
     said = f"goal ({goal[0]:g}, {goal[1]:g}) m"
     if start is None:
         shortest, longest = distance_m
-        near = field.distances_m < max(shortest, float(np.min(field.distances_m[reached])))
-        candidates = np.argwhere(roomy & reached & ~near & (field.distances_m <= longest))
+        far_enough = (field.distances_m >= shortest) & (field.distances_m <= longest)
+        candidates = np.argwhere(roomy & far_enough)
         if len(candidates) == 0:
             raise TrialError(f"{said}: no start at a distance of {shortest:g} to {longest:g} m")
         place = traversable.space.points(candidates[rng.integers(len(candidates))])
         return _start_goal(field, place, rng, start)
-    if not reached[tuple(traversable.space.cells(start[:2]))]:
+    if np.isinf(field.distances_m[tuple(traversable.space.cells(start[:2]))]):
         raise TrialError(
             f"{said}: no path from the start ({start[0]:g}, {start[1]:g}) m with "
             f"{traversable.min_clearance_m:g} m of clearance"
