@@ -120,7 +120,8 @@ class Route:
         queues = delays.queues.items() if strategy.dynamic else ()
         coming = ((onset_s, road, queue_s) for road, (onset_s, queue_s) in queues)
         self._network, self._coming = network, sorted(coming, reverse=True)
-        self._planner = DStarLite(network.graph(waits_s), len(network.names), start, goal)
+        self._graph = network.graph(waits_s)
+        self._planner = DStarLite(self._graph, len(network.names), start, goal)
         if self._planner.cost == inf:
             raise PlanningError(f"no path from {network.names[start]} to {network.names[goal]}")
 
@@ -129,7 +130,7 @@ class Route:
         changed: list[int] = []
         while self._coming and self._coming[-1][0] <= time_s:
             _, road, queue_s = self._coming.pop()
-            self._planner.graph.costs[self._network.index[road]] += queue_s
+            self._graph.costs[self._network.index[road]] += queue_s
             changed.append(road[0])
         self._planner.move(node)
         self._planner.replan(np.array(changed, dtype=np.int64))

@@ -104,7 +104,6 @@ class WheelOdometry:
     def __init__(self, ticks_per_turn: int) -> None:
         self._metres_per_tick = 2 * np.pi * WHEEL_RADIUS_M / ticks_per_turn
         self._T_world_body: Array | None = None
-        self._ticks = (0, 0)
 
     def update(self, measurements: Measurements) -> LocalizationEstimate:
         """Continue by the turn of the wheels."""

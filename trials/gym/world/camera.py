@@ -14,10 +14,11 @@ from sim.world.random_streams import stream
 from sim.world.trip import Motions, Trip
 from sim.world.world import World
 from trials.gym.world.simulation import Simulation
-from vo.contract.arrays import Image
+from vo.contract.arrays import Array, Image
 from vo.contract.rig import StereoRig
 
-NO_GEOMETRY = GeometryBuffers(*[np.zeros((0, 0))] * 4)
+_EMPTY: Array = np.zeros((0, 0))
+NO_GEOMETRY = GeometryBuffers(_EMPTY, _EMPTY, _EMPTY, _EMPTY)
 """Depth and segmentation are rendered only for an exposure that takes time."""
 
 

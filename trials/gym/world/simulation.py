@@ -77,9 +77,7 @@ class TrialLog:
 
     def trip(self, delivered: Mask, ended: str) -> Trip:
         """Return the drive in the recorder's form; `delivered` (N,) is that of the camera."""
-        frame_ns, T_world_body, v_world_body = (
-            np.array(x) for x in zip(*self._frames, strict=True)
-        )
+        frame_ns, T_world_body, v_world_body = map(np.array, zip(*self._frames, strict=True))
         return Trip(
             frame_ns,
             delivered,
