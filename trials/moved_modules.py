@@ -55,9 +55,9 @@ ROOMS = {
     ("sim", "sim.imaging"): (
         "metering>auto_exposure imaging>image_sensor lens light>linear_light resample"
     ),
-    ("sim", "sim.labels"): "annotate labels visibility",
+    ("sim", "sim.labels"): "annotate labels visibility>labels",
     ("sim", "sim.preview"): (
-        "chase>chase_camera colours film plates>label_plates map>overhead_map preview "
+        "chase>cameras colours film plates>label_plates map>cameras preview "
         "chart>route_map sights>sample_views"
     ),
     ("sim", "sim.sensors"): "inertial encoders>wheel_encoders",

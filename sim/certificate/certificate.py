@@ -20,8 +20,7 @@ from sim.world.rover import TRACK_M, WHEEL_RADIUS_M
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices
 from vo.contract.dataset import TRUTH
-from vo.contract.files import read_float
-from vo.contract.tables import read_columns, read_rows
+from vo.contract.files import read_columns, read_float, read_rows
 
 SPAN_S = 5.0
 """Duration of each integration of inertial readings from a true state."""

@@ -15,8 +15,7 @@ from sim.camera.camera import FrameExposure
 from sim.imaging.image_sensor import ImageSensor
 from sim.imaging.lens import miscalibration_rotation
 from sim.imaging.resample import sample, sample_variance
-from sim.labels.labels import visible_in_right
-from sim.labels.visibility import VISIBLE
+from sim.labels.labels import VISIBLE, visible_in_right
 from sim.settings import RecordSettings
 from vo.contract.arrays import Array, Image, Indices, Mask
 from vo.contract.rig import StereoRig

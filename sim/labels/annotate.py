@@ -8,8 +8,7 @@ import numpy as np
 
 from scenes.scene import Kind, Thing
 from sim.camera.camera import Capture
-from sim.labels.labels import disparity_from_depth, flow, normals
-from sim.labels.visibility import covisibility, occlusion
+from sim.labels.labels import covisibility, disparity_from_depth, flow, normals, occlusion
 from sim.settings import LabelSettings
 from sim.world.world import World, thing_of
 from vo.contract import se3

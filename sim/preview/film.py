@@ -16,7 +16,7 @@ from scenes.scene import Scene
 from sim.camera.camera import StereoCamera
 from sim.camera.render import StereoRenderer
 from sim.labels.annotate import Annotation, Annotator
-from sim.preview.chase_camera import SIDE_DEG, chase_camera
+from sim.preview.cameras import SIDE_DEG, chase_camera
 from sim.preview.colours import depth_scale, flow_colours, rgb_of, round_up
 from sim.progress import Progress
 from sim.settings import RecordSettings

@@ -12,7 +12,7 @@ from matplotlib.patheffects import withStroke
 
 from scenes.scene import Kind
 from sim.labels.annotate import Annotation
-from sim.labels.visibility import Occlusion
+from sim.labels.labels import Occlusion
 from sim.preview.colours import (
     FAINT,
     INK,

@@ -3,7 +3,6 @@
 import math
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
@@ -16,9 +15,9 @@ from matplotlib.figure import Figure
 
 from scenes.scene import Scene
 from sim.dataset.image_codecs import encode_png
+from sim.preview.cameras import TopDownMap
 from sim.preview.colours import FAINT, INK, PAPER
 from sim.preview.label_plates import draw_labels, show
-from sim.preview.overhead_map import TopDownMap
 from sim.preview.route_map import draw_map
 from sim.preview.sample_views import CHASE_PX, SampleView, SampleViews, render_sample_views
 from sim.settings import RecordSettings
@@ -227,13 +226,8 @@ def _text(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-@dataclass(frozen=True)
-class Tile:
-    """Content of a scene's tile: its world, the left image with the most variety, and its map."""
-
-    world: World
-    view: Image
-    top_down: TopDownMap
+Tile = tuple[World, Image, TopDownMap]
+"""Content of a scene's tile: its world, the left image with the most variety, and its map."""
 
 
 def tile(scene: Scene, settings: RecordSettings) -> Tile:
@@ -241,7 +235,7 @@ def tile(scene: Scene, settings: RecordSettings) -> Tile:
     settings = amended(settings, {"rig.color": True})
     world = build_world(scene, settings)
     samples = render_sample_views(world, settings)
-    return Tile(world, samples.best.view, samples.top_down)
+    return world, samples.best.view, samples.top_down
 
 
 def overview(tiles: Sequence[Tile]) -> Image:
@@ -251,21 +245,20 @@ def overview(tiles: Sequence[Tile]) -> Image:
     view_in = VIEW_SHARE * tile_in
     tall_in = NAME_IN + 0.75 * view_in + GAP_IN
     sheet = _Sheet(TILES_WIDTH_IN, GAP_IN + rows * tall_in)
-    for k, each in enumerate(tiles):
+    for k, (world, image, top_down) in enumerate(tiles):
         left = GAP_IN + (k % TILE_COLUMNS) * (tile_in + GAP_IN)
         top = GAP_IN + (k // TILE_COLUMNS) * tall_in
-        scene = each.world.scene
-        sheet.write(left, top, scene.name, fontsize=13, weight="bold", color=INK, va="top")
+        sheet.write(left, top, world.scene.name, fontsize=13, weight="bold", color=INK, va="top")
         top += NAME_IN
         view = sheet.axes(left, top, view_in, 0.75 * view_in, "NW")
-        view.imshow(each.view, interpolation="antialiased")
+        view.imshow(image, interpolation="antialiased")
         view.set_axis_off()
         left += view_in + 0.12
-        lines = textwrap.wrap(scene.tests, CHARACTERS)
+        lines = textwrap.wrap(world.scene.tests, CHARACTERS)
         small = {"fontsize": 8.4, "color": INK, "linespacing": 1.3, "va": "top"}
         sheet.write(left, top - 0.03, "\n".join(lines), **small)
         text_in = 0.152 * len(lines) + 0.06
         room = tile_in - view_in - 0.12, 0.75 * view_in - text_in
         chart = sheet.axes(left, top + text_in, *room, "SW")
-        draw_map(chart, each.world, each.top_down, np.zeros((0, 2)), full=False)
+        draw_map(chart, world, top_down, np.zeros((0, 2)), full=False)
     return sheet.image()

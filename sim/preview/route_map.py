@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
 
+from sim.preview.cameras import TopDownMap
 from sim.preview.colours import FAINT, INK, round_down
-from sim.preview.overhead_map import TopDownMap
 from sim.world.rover import BODY
 from sim.world.world import START_S, World
 from vo.contract.arrays import Array

@@ -10,9 +10,8 @@ from scenes.scene import Motion
 from sim.camera.camera import FrameExposure, StereoCamera
 from sim.camera.render import StereoRenderer
 from sim.labels.annotate import Annotation, Annotator
-from sim.preview.chase_camera import chase_camera
+from sim.preview.cameras import TopDownMap, chase_camera, render_world_map
 from sim.preview.colours import rgb_of
-from sim.preview.overhead_map import TopDownMap, render_world_map
 from sim.settings import RecordSettings
 from sim.world.drive import DriveError
 from sim.world.path import plan_path
@@ -139,29 +138,25 @@ def short_trip(world: World, settings: RecordSettings, share: float) -> tuple[Wo
     Raises:
         DriveError: If the rover tips over at once.
     """
+    drive, path = settings.drive, world.path
     if world.arrival_s is not None:
         there = _later(world, share * (world.arrival_s - START_S))
         mujoco.mj_resetData(world.model, world.data)
-        return there, _only_middle(make_trip(replace(there, arrival_s=WALK_S), settings), settings)
-    drive, path = settings.drive, world.path
-    along_m = share * path.length_m
-    there = _later(world, along_m / drive.speed_mps)
-    place_rover(there, settings, along_m)
-    reach_m = float(np.clip(drive.speed_mps**2 / drive.acceleration_mps2, *REACH_M))
-    end_m = min(along_m + reach_m, path.length_m)
-    between = path.waypoints[(path.marks_m > along_m) & (path.marks_m < end_m)]
-    way = np.vstack([path.at(along_m), between, path.at(end_m)])
-    trip = make_trip(replace(there, path=plan_path(way, None)), settings)
-    return there, _only_middle(trip, settings)
-
-
-def _only_middle(trip: Trip, settings: RecordSettings) -> Trip:
-    """Deliver two frames at speed, after as many as the exposure needs to settle."""
+        trip = make_trip(replace(there, arrival_s=WALK_S), settings)
+    else:
+        along_m = share * path.length_m
+        there = _later(world, along_m / drive.speed_mps)
+        place_rover(there, settings, along_m)
+        reach_m = float(np.clip(drive.speed_mps**2 / drive.acceleration_mps2, *REACH_M))
+        end_m = min(along_m + reach_m, path.length_m)
+        between = path.waypoints[(path.marks_m > along_m) & (path.marks_m < end_m)]
+        way = np.vstack([path.at(along_m), between, path.at(end_m)])
+        trip = make_trip(replace(there, path=plan_path(way, None)), settings)
     frame = min(int(UNDER_WAY * len(trip)), len(trip) - 2)
     first = frame - METERING_FRAMES if settings.sensor.auto_exposure else frame
     delivered = np.zeros(len(trip), bool)
     delivered[max(first, 0) : frame + 2] = True
-    return replace(trip, delivered=delivered)
+    return there, replace(trip, delivered=delivered)
 
 
 def place_rover(world: World, settings: RecordSettings, along_m: float) -> None:

@@ -174,10 +174,8 @@ def steps_per_second(settings: RecordSettings) -> int | Fraction:
     Where the rates have no common multiple below 4 kHz, only the cameras' counts, and the others
     are sampled at the first step at or after each of their times.
     """
-    rates = [
-        Fraction(rate).limit_denominator(1000)
-        for rate in (settings.rig.rate_hz, settings.imu.rate_hz, settings.encoders.rate_hz)
-    ]
+    rates_hz = settings.rig.rate_hz, settings.imu.rate_hz, settings.encoders.rate_hz
+    rates = [Fraction(rate).limit_denominator(1000) for rate in rates_hz]
     numerators, denominators = zip(*(r.as_integer_ratio() for r in rates), strict=True)
     common = Fraction(math.lcm(*numerators), math.gcd(*denominators))
     if common > STEPS_MAX_HZ:

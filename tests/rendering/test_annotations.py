@@ -13,7 +13,7 @@ from sim.camera.render import NO_GEOM, StereoRenderer
 from sim.certificate.verify import verify
 from sim.labels.annotate import FORWARD, Annotator
 from sim.labels.formats import LABELS
-from sim.labels.visibility import HIDDEN, NOTHING, OUTSIDE, VISIBLE
+from sim.labels.labels import HIDDEN, NOTHING, OUTSIDE, VISIBLE
 from sim.record import record
 from sim.settings import (
     DriveSettings,

@@ -38,7 +38,7 @@ def drawn(path: Path, backend: str) -> dict[str, np.ndarray] | None:
 
     from sim.batch import build
     from sim.camera.render import StereoRenderer
-    from sim.preview.overhead_map import render_world_map
+    from sim.preview.cameras import render_world_map
     from sim.settings import RecordSettings
     from sim.world.world import build_world
 

@@ -11,7 +11,7 @@ import pytest
 from sim.camera.render import NO_GEOM, GeometryBuffers, StereoRenderer
 from sim.certificate.photometric import residual
 from sim.labels.labels import disparity_from_depth, visible_in_right
-from sim.preview.overhead_map import render_map
+from sim.preview.cameras import render_map
 from sim.settings import RecordSettings, RenderSettings, RigSettings
 from sim.world.rig import CAMERA
 from sim.world.rover import CONTACT_GROUP

@@ -10,7 +10,8 @@ from typer.testing import CliRunner
 
 from scenes.scene import Kind
 from sim.camera.render import StereoRenderer
-from sim.labels.visibility import Occlusion
+from sim.labels.labels import Occlusion
+from sim.preview.cameras import render_world_map
 from sim.preview.colours import NOTHING, DepthScale, depth_scale, flow_colours, round_down
 from sim.preview.film import first_seconds, make_film, writing
 from sim.preview.label_plates import (
@@ -22,7 +23,6 @@ from sim.preview.label_plates import (
     object_colours,
     visibility_colours,
 )
-from sim.preview.overhead_map import render_world_map
 from sim.preview.preview import changed_settings, contact_sheet, preview, write_picture
 from sim.preview.route_map import BAR_SHARE, arrow_places
 from sim.preview.sample_views import render_sample_views, short_trip

@@ -6,8 +6,14 @@ import numpy as np
 import pytest
 from raycast import Ball, Box, Ground, View, look, sees
 
-from sim.labels.labels import disparity_from_depth, flow
-from sim.labels.visibility import HIDING_STRIP_PX, Occlusion, covisibility, occlusion
+from sim.labels.labels import (
+    HIDING_STRIP_PX,
+    Occlusion,
+    covisibility,
+    disparity_from_depth,
+    flow,
+    occlusion,
+)
 from vo.contract import se3
 from vo.contract.arrays import Array, Mask
 from vo.contract.rig import StereoRig

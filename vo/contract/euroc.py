@@ -9,10 +9,9 @@ import yaml
 from vo.contract import se3
 from vo.contract.arrays import Array, Image, Indices
 from vo.contract.errors import CalibrationError, DatasetError, TrajectoryError
-from vo.contract.files import read_grey
+from vo.contract.files import read_columns, read_grey, read_lines, read_rows
 from vo.contract.rectify import PinholeCamera, rectify
 from vo.contract.sequence import StereoSequence, WheelLog
-from vo.contract.tables import read_columns, read_lines, read_rows
 from vo.contract.trajectory import Trajectory
 
 TRUTH_FOLDER = "state_groundtruth_estimate0"

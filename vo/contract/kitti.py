@@ -7,10 +7,9 @@ import numpy as np
 
 from vo.contract.arrays import Array, Image, Indices
 from vo.contract.errors import CalibrationError, DatasetError, DriftyardError, TrajectoryError
-from vo.contract.files import read_grey
+from vo.contract.files import read_grey, read_lines
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoSequence
-from vo.contract.tables import read_lines
 from vo.contract.trajectory import NS_PER_S, Trajectory
 
 

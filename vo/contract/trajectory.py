@@ -8,8 +8,7 @@ import numpy as np
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices
 from vo.contract.errors import TrajectoryError
-from vo.contract.files import write_text
-from vo.contract.tables import read_rows
+from vo.contract.files import read_rows, write_text
 
 NS_PER_S = 1_000_000_000
 

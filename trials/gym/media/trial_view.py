@@ -10,8 +10,7 @@ from matplotlib import font_manager
 from PIL import Image as Pillow
 from PIL import ImageDraw, ImageFont
 
-from sim.preview.chase_camera import SIDE_DEG, chase_camera
-from sim.preview.overhead_map import TopDownMap, render_world_map
+from sim.preview.cameras import SIDE_DEG, TopDownMap, chase_camera, render_world_map
 from trials.gym.world.scene_instance import SceneInstance
 from vo.contract.arrays import Array, Image, Mask
 

@@ -1,5 +1,6 @@
-"""The overhead map: an orthographic view, in which a position has one pixel at any height."""
+"""Cameras of the previews: one behind the carrier, and an orthographic one above the scene."""
 
+import math
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -10,8 +11,15 @@ import numpy as np
 
 from scenes.scene import COLLISION_GROUP, IMAGE_GROUP
 from sim.camera.render import BOTH_GROUPS, StereoRenderer
+from sim.world.rover import BODY
 from sim.world.world import World
 from vo.contract.arrays import Array, Image, Indices
+
+DISTANCE_M = 2.1
+CLOSEST_M = 0.7
+ELEVATION_DEG = 24.0
+SIDE_DEG = 24.0
+OFF_SURFACE_M = 0.08
 
 MAP_FILE = "map.png"
 LONG_SIDE_PX = 1024
@@ -25,6 +33,44 @@ CEILING_THICK_M = 0.5
 """Depth below the lowest ceiling point from which a geom is no ceiling alone."""
 UNDER_CEILING_M = 0.1
 BORDER_M = 0.5
+
+
+def chase_camera(world: World, side_deg: float | None = None) -> mujoco.MjvCamera:
+    """Place a camera behind the carrier, along its heading.
+
+    It is `side_deg` to the right of straight behind; None for the side with the most space.
+    """
+    T_world_body = world.T_world_body
+    forward = T_world_body[:3, 0]
+    lookat = 0.7 * T_world_body[:3, 3] + 0.3 * world.T_world_cam[:3, 3] + 0.25 * forward
+    heading_deg = math.degrees(math.atan2(forward[1], forward[0]))
+    sides = (SIDE_DEG, -SIDE_DEG, 0.0, 50.0, -50.0) if side_deg is None else (side_deg,)
+    rooms = [_room_m(world, lookat, heading_deg + side) for side in sides]
+    best = int(np.argmax(rooms))
+    camera = mujoco.MjvCamera()
+    camera.type = mujoco.mjtCamera.mjCAMERA_FREE
+    camera.lookat, camera.distance = lookat, max(rooms[best], CLOSEST_M)
+    camera.azimuth, camera.elevation = heading_deg + sides[best], -ELEVATION_DEG
+    return camera
+
+
+def _room_m(world: World, lookat: Array, azimuth_deg: float) -> float:
+    """Return how far back the camera can move before a drawn geom is in the way."""
+    azimuth, elevation = math.radians(azimuth_deg), math.radians(ELEVATION_DEG)
+    flat = -math.cos(elevation)
+    back = np.array([flat * math.cos(azimuth), flat * math.sin(azimuth), math.sin(elevation)])
+    carrier = world.model.body(BODY).rootid[0]
+    free_m, start = 0.0, lookat.copy()
+    while free_m < DISTANCE_M:  # through the carrier itself
+        step_m, geom = _cast_ray(world, start, back)
+        if step_m < 0:
+            return DISTANCE_M
+        free_m += step_m
+        if world.model.body_rootid[world.model.geom_bodyid[geom]] != carrier:
+            break
+        free_m += 1e-3
+        start += (step_m + 1e-3) * back
+    return min(free_m - OFF_SURFACE_M, DISTANCE_M)
 
 
 @dataclass(frozen=True)
@@ -128,14 +174,20 @@ def _below_ceiling_m(world: World) -> float:
 
 def _overhead(world: World) -> tuple[Array, Indices]:
     """Return heights in metres and ids of the lowest geoms above the path, -1 for none."""
-    groups = np.zeros(6, np.uint8)
-    groups[[*BOTH_GROUPS, IMAGE_GROUP]] = 1
-    geom, up = np.full(1, -1, np.int32), np.array([0.0, 0.0, 1.0])
+    up = np.array([0.0, 0.0, 1.0])
     heights, geoms = np.full(PROBES, CAMERA_ABOVE_M), np.full(PROBES, -1)
     for k, along_m in enumerate(np.linspace(0, world.path.length_m, PROBES + 2)[1:-1]):
         xy = world.path.at(along_m)
         start = np.array([*xy, float(world.scene.elevation(xy)) + HEADROOM_M])
-        room_m = mujoco.mj_ray(world.model, world.data, start, up, groups, 1, -1, geom)
+        room_m, geom = _cast_ray(world, start, up)
         if room_m >= 0:
-            heights[k], geoms[k] = start[2] + room_m, geom[0]
+            heights[k], geoms[k] = start[2] + room_m, geom
     return heights, geoms
+
+
+def _cast_ray(world: World, start: Array, direction: Array) -> tuple[float, int]:
+    """Return the distance to the first drawn geom and its id; -1 both if there is none."""
+    groups, geom = np.zeros(6, np.uint8), np.full(1, -1, np.int32)
+    groups[[*BOTH_GROUPS, IMAGE_GROUP]] = 1
+    distance_m = mujoco.mj_ray(world.model, world.data, start, direction, groups, 1, -1, geom)
+    return distance_m, int(geom[0])
