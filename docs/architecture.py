@@ -1,9 +1,11 @@
 """Draw docs/images/architecture.png from the imports of the code: python docs/architecture.py.
 
-Each package is a box, each of its sub-packages a smaller one. An arrow points from a package to one
-that it imports; inside a package, arrows that follow from others are left out.
+Each package is a column of its parts, and each part stands above all that it imports from the
+column. An arrow between packages shows how many imports cross from one to the other.
 """
 
+import ast
+import textwrap
 from pathlib import Path
 
 import grimp
@@ -11,106 +13,99 @@ import matplotlib as mpl
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
+from matplotlib.axes import Axes
 from matplotlib.patches import FancyBboxPatch
 
-PACKAGES = ("trials", "sim", "vo", "scenes")
-CORNERS = {"trials": (0.0, 5.6), "sim": (0.0, 2.1), "vo": (8.6, 0.0), "scenes": (0.0, 0.0)}
-SIZES = {"trials": (16.0, 3.4), "sim": (8.0, 2.9), "vo": (7.4, 5.0), "scenes": (8.0, 1.5)}
-COLOURS = {"trials": "#4e79a7", "sim": "#59a14f", "vo": "#e15759", "scenes": "#b07aa1"}
-OUT = Path(__file__).parent / "images/architecture.png"
-SHARED = "vo.contract"
-
-
-def rooms(graph: grimp.ImportGraph, package: str) -> dict[str, set[str]]:
-    """Sub-packages of a package, and which of the others each imports."""
-    names = {x for x in graph.find_children(package) if graph.find_children(x)}
-    within = {name: {name} | graph.find_descendants(name) for name in names}
-    return {
-        name: {
-            other
-            for other in names - {name}
-            if any(graph.find_modules_directly_imported_by(x) & within[other] for x in within[name])
-        }
-        for name in names
-    }
-
-
-def levels(imports: dict[str, set[str]]) -> list[list[str]]:
-    """Sub-packages in rows: each above all that it imports; those of a cycle share a row."""
-    rows: list[list[str]] = []
-    left = dict(imports)
-    while left:
-        row = [x for x in left if not (left[x] & set(left))]
-        row = row or [min(left, key=lambda x: len(left[x] & set(left)))]
-        rows.append(sorted(row))
-        left = {x: y for x, y in left.items() if x not in row}
-    return rows
-
-
-def draw_package(axes: plt.Axes, package: str, imports: dict[str, set[str]]) -> None:
-    """Draw the box of a package with its sub-packages."""
-    (x0, y0), (width, height) = CORNERS[package], SIZES[package]
-    colour = COLOURS[package]
-    box = FancyBboxPatch((x0, y0), width, height, "round,pad=0,rounding_size=0.15")
-    box.set(facecolor=colour + "18", edgecolor=colour, linewidth=1.6)
-    axes.add_patch(box)
-    axes.text(x0 + 0.15, y0 + height - 0.12, package, va="top", weight="bold", color=colour)
-    rows = levels(imports)
-    step = (height - 0.55) / len(rows)
-    places: dict[str, tuple[float, float]] = {}
-    for k, row in enumerate(rows):
-        for n, name in enumerate(row):
-            at = (x0 + width * (n + 0.5) / len(row), y0 + step * (k + 0.5) + 0.1)
-            places[name] = at
-            label = name.removeprefix(package + ".")
-            style = {"boxstyle": "round,pad=0.3", "facecolor": "white", "edgecolor": colour}
-            axes.text(*at, label, ha="center", va="center", fontsize=8.5, bbox=style, zorder=3)
-    order = [name for row in rows for name in row]
-    for name, others in imports.items():
-        for other in others:
-            implied = any(other in imports[x] for x in others - {other})
-            if implied or order.index(other) > order.index(name):
-                continue
-            arrow = {"arrowstyle": "->", "color": colour, "alpha": 0.55, "shrinkA": 9, "shrinkB": 9}
-            axes.annotate("", places[other], places[name], arrowprops=arrow, zorder=2)
-
-
-def draw_between(axes: plt.Axes, graph: grimp.ImportGraph) -> None:
-    """Draw an arrow from each package to each other one that it imports, with their number."""
-    inside = {x: {x} | graph.find_descendants(x) for x in (*PACKAGES, SHARED)}
-    inside["vo"] -= inside[SHARED]
-    arrows = {
-        ("trials", "sim"): ((3.0, 5.6), (3.0, 5.0)),
-        ("trials", "vo"): ((12.3, 5.6), (12.3, 5.0)),
-        ("sim", "scenes"): ((3.0, 2.1), (3.0, 1.5)),
-        ("sim", SHARED): ((8.0, 2.6), (8.6, 2.6)),
-        ("scenes", SHARED): ((8.0, 0.75), (8.6, 0.75)),
-        ("trials", "scenes"): ((8.3, 5.6), (8.05, 1.5)),
-    }
-    for (source, target), (start, end) in arrows.items():
-        count = sum(
-            len(graph.find_modules_directly_imported_by(x) & inside[target]) for x in inside[source]
-        )
-        if not count:
-            continue
-        arrow = {"arrowstyle": "-|>", "color": "#333333", "linewidth": 1.4}
-        axes.annotate("", end, start, arrowprops=arrow, zorder=1)
-        middle = [(a + b) / 2 for a, b in zip(start, end, strict=True)]
-        note = f"{count}" if target != SHARED else f"{count}\n(contract)"
-        axes.text(middle[0] + 0.08, middle[1] + 0.1, note, fontsize=7.5, color="#333333")
+ROOT = Path(__file__).parent.parent
+OUT = ROOT / "docs/images/architecture.png"
+COLOURS = {"trials": "#4e79a7", "sim": "#59a14f", "scenes": "#b07aa1", "vo": "#e15759"}
+WIDTH, GAP, ROW, HEAD = 5.4, 0.5, 0.5, 0.65
 
 
 def main() -> None:
     """Draw and write the picture."""
-    graph = grimp.build_graph(*PACKAGES)
-    figure, axes = plt.subplots(figsize=(12.5, 7.4), layout="constrained")
-    for package in PACKAGES:
-        draw_package(axes, package, rooms(graph, package))
-    draw_between(axes, graph)
-    axes.set(xlim=(-0.2, 16.2), ylim=(-0.2, 9.2))
+    graph = grimp.build_graph(*COLOURS)
+    columns = {package: column(graph, package) for package in COLOURS}
+    height = HEAD + ROW * max(map(len, columns.values()))
+    width = len(columns) * (WIDTH + GAP)
+    figure, axes = plt.subplots(figsize=(0.72 * width, 0.72 * (height + 1.3)), layout="constrained")
+    for k, (package, parts) in enumerate(columns.items()):
+        draw_package(axes, package, parts, k * (WIDTH + GAP), height)
+    for k, source in enumerate(columns):
+        for j, target in enumerate(list(columns)[k + 1 :], k + 1):
+            draw_imports(axes, count(graph, source, target), k, j, height)
+    axes.set(xlim=(-0.1, width - GAP + 0.1), ylim=(-0.1, height + 1.3), aspect="equal")
     axes.axis("off")
     figure.savefig(OUT, dpi=110)
     print(OUT)
+
+
+def column(graph: grimp.ImportGraph, package: str) -> list[list[str]]:
+    """Return groups of parts from the top, each above all that it imports; leaves share a row."""
+    parts = graph.find_children(package)
+    inside = {part: {part} | graph.find_descendants(part) for part in parts}
+    imports = {
+        part: {other for other in parts - {part} if _imports(graph, inside[part], inside[other])}
+        for part in parts
+    }
+    rows: list[list[str]] = []
+    while imports:
+        low = sorted(part for part in imports if not imports[part] & set(imports))
+        together = [low] if package == "scenes" and len(low) > 4 else [[part] for part in low]
+        rows += together
+        imports = {part: others for part, others in imports.items() if part not in low}
+    return rows[::-1]
+
+
+def count(graph: grimp.ImportGraph, source: str, target: str) -> int:
+    """Return how many imports go from the modules of one package to those of another."""
+    inside = ({x} | graph.find_descendants(x) for x in (source, target))
+    return _imports(graph, *inside)
+
+
+def _imports(graph: grimp.ImportGraph, sources: set[str], targets: set[str]) -> int:
+    return sum(len(graph.find_modules_directly_imported_by(x) & targets) for x in sources)
+
+
+def draw_package(
+    axes: Axes, package: str, rows: list[list[str]], left: float, height: float
+) -> None:
+    """Draw the box of a package with a line for each of its parts."""
+    colour, tall = COLOURS[package], HEAD + ROW * len(rows)
+    box = FancyBboxPatch((left, height - tall), WIDTH, tall, "round,pad=0,rounding_size=0.12")
+    box.set(facecolor=colour + "18", edgecolor=colour, linewidth=1.6)
+    axes.add_patch(box)
+    title = {"va": "center", "weight": "bold", "fontsize": 13, "color": colour}
+    axes.text(left + 0.15, height - HEAD / 2, package, **title)
+    for k, parts in enumerate(rows):
+        y = height - HEAD - ROW * (k + 0.45)
+        names = [part.removeprefix(f"{package}.") for part in parts]
+        name, role = (names[0], summary(parts[0])) if len(names) == 1 else ("", ", ".join(names))
+        axes.text(left + 0.15, y, name, va="center", weight="bold", fontsize=8)
+        indent, characters = (1.95, 46) if name else (0.15, 72)
+        text = "\n".join(textwrap.wrap(role, characters))
+        axes.text(left + indent, y, text, va="center", fontsize=6.8, color="#333333")
+
+
+def summary(part: str) -> str:
+    """Return the first line of a module's docstring."""
+    path = ROOT / part.replace(".", "/")
+    path = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+    return (ast.get_docstring(ast.parse(path.read_text())) or "").partition("\n")[0].rstrip(".:")
+
+
+def draw_imports(axes: Axes, imports: int, source: int, target: int, height: float) -> None:
+    """Draw an arrow with the number of imports, in an arc above the columns."""
+    if not imports:
+        return
+    lift = 0.12 * (target - source)
+    start, end = (k * (WIDTH + GAP) + WIDTH / 2 for k in (source, target))
+    start, end = start + 0.25 * (target - source), end - 0.25 * (target - source)
+    y = height + 0.05
+    arc = {"arrowstyle": "-|>", "connectionstyle": f"bar,fraction={-lift / (end - start) * 2.2}"}
+    axes.annotate("", (end, y), (start, y), arrowprops=arc | {"color": "#555555"})
+    label = {"ha": "center", "va": "center", "fontsize": 7.5, "backgroundcolor": "white"}
+    axes.text((start + end) / 2, y + lift * 2.2, f"{imports}", **label)
 
 
 if __name__ == "__main__":
