@@ -32,14 +32,10 @@ from vo.contract.settings import Settings, complaint
 
 @dataclass(frozen=True)
 class SceneBuilder:
-    """Builder of a scene, and its description.
+    """Builder of a scene from a generator and its options, and what the scene tests.
 
-    Attributes:
-        tests: One sentence: what the scene tests.
-        options: Model of the options.
-        build: Builds the scene from a generator and a value of `options`.
-        defaults: Recording settings that belong to the scene, as `key.path` to value; settings
-            of the user take precedence.
+    The defaults are recording settings that belong to the scene, as `key.path` to value; settings
+    of the user take precedence.
     """
 
     tests: str
@@ -102,9 +98,8 @@ def find_scene(name: str) -> SceneBuilder:
     if custom.is_custom(name):
         return SceneBuilder(custom.TESTS, Settings, lambda *_: custom.load_scene(name))
     if name not in SCENES:
-        valid = ", ".join(sorted(SCENES))
-        choices = f"{valid}, an MJCF file, or module:function"
-        raise SettingsError(f"unknown scene {name}; valid: {choices}")
+        valid = ", ".join([*sorted(SCENES), "an MJCF file, or module:function"])
+        raise SettingsError(f"unknown scene {name}; valid: {valid}")
     return SCENES[name]
 
 

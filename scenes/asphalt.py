@@ -93,7 +93,7 @@ def _park(stage: Stage, rng: np.random.Generator, settings: Options) -> None:
             nose_in = rng.random() < 0.7
             yaw = side * (np.pi / 2 if nose_in else -np.pi / 2) + rng.normal(0, 0.02)
             paint = f"paint_{rng.integers(len(PAINTS))}"
-            car(stage, f"car_{row}_{k}", rng, spot, yaw, paint)
+            car(stage, f"car_{row}_{k}", (spot[0], spot[1], yaw), rng, paint)
 
 
 def _surround(stage: Stage, rng: np.random.Generator, half: Array) -> None:

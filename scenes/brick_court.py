@@ -104,8 +104,9 @@ def _furnish(stage: Stage, rng: np.random.Generator, half: Array) -> None:
     room = half - 2.3  # the route keeps outside this
     planter(stage, "planter_0", rng, np.array([-0.45, 0.1]) * room, (2.2, 1.0, 0.45))
     planter(stage, "planter_1", rng, np.array([0.62, 0.25]) * room, (1.2, 1.2, 0.40))
-    bench(stage, "bench_0", rng, np.array([0.1, -0.55]) * room, rng.uniform(-0.2, 0.2))
-    bench(stage, "bench_1", rng, np.array([0.15, 0.62]) * room, np.pi + rng.uniform(-0.2, 0.2))
+    x, y = room
+    bench(stage, "bench_0", (0.1 * x, -0.55 * y, rng.uniform(-0.2, 0.2)), rng)
+    bench(stage, "bench_1", (0.15 * x, 0.62 * y, np.pi + rng.uniform(-0.2, 0.2)), rng)
     for k, corner in enumerate(((1, 1), (-1, 1), (-1, -1), (1, -1))):
         beside = half + rng.uniform(0.35, 0.55, 2)
         potted_plant(stage, f"pot_{k}", rng, beside * corner)

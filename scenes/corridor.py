@@ -6,12 +6,11 @@ import numpy as np
 from pydantic import Field
 
 from scenes.geometry.mesh import box
-from scenes.geometry.place import local
 from scenes.geometry.routes import rounded_loop
 from scenes.lighting.baked_light import Light
 from scenes.lighting.lamps import Lamplight
 from scenes.objects.props import potted_plant
-from scenes.pen import Pen, piece
+from scenes.pen import Pen, local, piece
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage
 from scenes.structures import interior

@@ -6,14 +6,13 @@ import numpy as np
 from pydantic import Field
 
 from scenes.geometry.mesh import box, patch, tube
-from scenes.geometry.place import Place, local
 from scenes.geometry.routes import rounded_loop
 from scenes.lighting.baked_light import hall_light
 from scenes.objects import people
 from scenes.objects.furniture import bin_, cabinet
 from scenes.objects.people import Crossing, Lap, Walk
 from scenes.objects.props import bench, planter, potted_plant
-from scenes.pen import Pen, one_object, piece
+from scenes.pen import Pen, Place, local, one_object, piece
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage
 from scenes.structures import interior
@@ -187,7 +186,7 @@ def _furnish(stage: Stage, rng: np.random.Generator) -> None:
     """Fill the middle with benches and an island, the walls with machines and plants."""
     planter(stage, "planter", rng, np.array([0.0, 0.0]), (1.8, 0.8, 0.45))
     for k, (px, turn) in enumerate(((-1.7, np.pi / 2), (1.7, -np.pi / 2))):
-        bench(stage, f"bench_{k}", rng, np.array([px, rng.uniform(-0.1, 0.1)]), turn)
+        bench(stage, f"bench_{k}", (px, rng.uniform(-0.1, 0.1), turn), rng)
     _kiosk(stage, "kiosk", rng, (rng.uniform(-0.1, 0.1), 0.68, 0.0))
     number = 0
     for wall, length in sides(HALF_M):

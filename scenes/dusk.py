@@ -8,13 +8,12 @@ import numpy as np
 from pydantic import Field
 
 from scenes.geometry.mesh import box, patch, tube
-from scenes.geometry.place import Place
 from scenes.geometry.routes import rounded_loop
 from scenes.lighting.baked_light import Light
 from scenes.lighting.lamps import Lamplight
 from scenes.objects.props import bench, lamp_post, planter
 from scenes.objects.storage import cone, load, standing_drums
-from scenes.pen import Pen, piece
+from scenes.pen import Pen, Place, piece
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage
 from scenes.structures.ground import level, quads, tiled
@@ -209,7 +208,7 @@ def _furnish(stage: Stage, rng: np.random.Generator) -> None:
     """Fill the middle and the edges; mark bays and gratings on the ground."""
     x, y = HALF_M
     planter(stage, "planter", rng, np.array([0.08 * x, 0.95]), (1.8, 0.8, 0.45))
-    bench(stage, "bench", rng, np.array([0.7, -0.5]), rng.uniform(-0.2, 0.2))
+    bench(stage, "bench", (0.7, -0.5, rng.uniform(-0.2, 0.2)), rng)
     _container(stage, "container_0", (-0.62 * x, -0.5, 0.15))
     _container(stage, "container_1", (0.6 * x, -0.75, np.pi / 2))
     standing_drums(stage, "drum", rng, np.array([2.45, -0.6]))

@@ -7,12 +7,11 @@ import numpy as np
 from pydantic import Field
 
 from scenes.geometry.mesh import box
-from scenes.geometry.place import Place, local
 from scenes.geometry.routes import resampled
 from scenes.lighting.baked_light import hall_light
 from scenes.objects import furniture
 from scenes.objects import laboratory_equipment as laboratory
-from scenes.pen import Pen
+from scenes.pen import Pen, Place, local
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage
 from scenes.structures import interior

@@ -6,17 +6,16 @@ import numpy as np
 from pydantic import Field
 from scipy.spatial import cKDTree
 
-from scenes.geometry.place import Place
-from scenes.geometry.routes import rounded_loop, route_length
+from scenes.geometry.routes import Ribbon, rounded_loop, route_length
 from scenes.lighting.baked_light import sun
 from scenes.objects.plants import hedge, tree
 from scenes.objects.props import bench, bush, lamp_post, planter
 from scenes.objects.vehicles import PAINTS, car
+from scenes.pen import Place
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage
 from scenes.structures.facade import facade
 from scenes.structures.paths import PATH_M, BlockGround, lawn, pave
-from scenes.structures.ribbon import Ribbon
 from scenes.structures.surround import brick_wall
 from scenes.surfaces import floor, greenery, masonry, prints, sky, timber
 from vo.contract.arrays import Array
@@ -46,26 +45,20 @@ class _Plots:
         self._tree = cKDTree(route)
         self._taken: list[tuple[Array, float]] = []
 
-    def take(self, spot: Array, radius_m: float) -> bool:
-        """Claim a circle at (2,) metres, unless the path or something else is there."""
-        if self._tree.query(spot)[0] < radius_m + PATH_M / 2 + 0.1:
+    def take(self, spots: Array, radius_m: float) -> bool:
+        """Claim circles at (..., 2) metres, unless the path or something else is at one of them."""
+        spots = spots.reshape(-1, 2)
+        if self._tree.query(spots)[0].min() < radius_m + PATH_M / 2 + 0.1:
             return False
-        if any(np.linalg.norm(spot - p) < radius_m + r for p, r in self._taken):
+        if any(np.linalg.norm(spots - p, axis=1).min() < radius_m + r for p, r in self._taken):
             return False
-        self._taken.append((spot, radius_m))
+        self._taken += [(spot, radius_m) for spot in spots]
         return True
 
     def take_row(self, start: Array, end: Array, radius_m: float) -> bool:
         """Claim a row of circles from (2,) to (2,) metres, all or none."""
         count = max(2, int(np.ceil(np.linalg.norm(end - start) / radius_m)) + 1)
-        spots = np.linspace(start, end, count)
-        free = self._tree.query(spots)[0].min() > radius_m + PATH_M / 2 + 0.1
-        if not free or any(
-            np.linalg.norm(spots - p, axis=1).min() < radius_m + r for p, r in self._taken
-        ):
-            return False
-        self._taken += [(spot, radius_m) for spot in spots]
-        return True
+        return self.take(np.linspace(start, end, count), radius_m)
 
 
 def build(rng: np.random.Generator, settings: Options) -> Scene:
@@ -193,11 +186,11 @@ def _furnish(stage: Stage, rng: np.random.Generator, plots: _Plots, ribbon: Ribb
             continue
         yaw = ribbon.yaw(s)
         if kind == "bench":
-            bench(stage, f"bench_{k}", rng, spot, yaw + (0.0 if side > 0 else np.pi))
+            bench(stage, f"bench_{k}", (spot[0], spot[1], yaw + (0.0 if side > 0 else np.pi)), rng)
         elif kind == "planter":
             planter(stage, f"planter_{k}", rng, spot, (1.1, 1.1, 0.42))
         elif kind == "car":
-            car(stage, f"car_{k}", rng, spot, yaw, f"paint_{rng.integers(3)}")
+            car(stage, f"car_{k}", (spot[0], spot[1], yaw), rng, f"paint_{rng.integers(3)}")
         else:
             bush(stage, f"bush_{k}", rng, np.array([*spot, 0.0]), float(rng.uniform(0.3, 0.55)))
 

@@ -125,7 +125,7 @@ def _plant(stage: Stage, rng: np.random.Generator, land: _Land) -> None:
         at = rng.uniform(-0.3, 0.3, 2) * FIELD_M
         if 0.9 < land.beside(at) < 1.3:
             break
-    bench(stage, "bench", rng, at, rng.uniform(0, 2 * np.pi))
+    bench(stage, "bench", (at[0], at[1], rng.uniform(0, 2 * np.pi)), rng)
 
 
 def _turf(ground: Ground, rng: np.random.Generator, land: _Land, half: Array) -> None:

@@ -7,12 +7,11 @@ import numpy as np
 from pydantic import Field
 
 from scenes.geometry.mesh import Mesh, box, merged, patch
-from scenes.geometry.place import Place, local
 from scenes.geometry.routes import rounded_loop
 from scenes.lighting.baked_light import Light, lamp
 from scenes.objects import furniture
 from scenes.objects.props import potted_plant
-from scenes.pen import Pen, piece
+from scenes.pen import Pen, Place, local, piece
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage
 from scenes.structures.ground import bake_ground

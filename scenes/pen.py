@@ -8,20 +8,25 @@ from typing import Concatenate, ParamSpec
 import numpy as np
 
 from scenes.geometry.mesh import Mesh, Vector
-from scenes.geometry.place import Place, local
 from scenes.stage import Stage
 
 P = ParamSpec("P")
+Place = tuple[float, float, float]
+"""x, y in metres and yaw in radians, of a piece whose front is towards -y before the turn."""
+
+
+def local(place: Place, dx: float, dy: float, turn_rad: float = 0.0) -> Place:
+    """Return the place of something at (dx, dy) in a piece's own frame, turned further."""
+    x, y, yaw = place
+    c, s = np.cos(yaw), np.sin(yaw)
+    return (float(x + c * dx - s * dy), float(y + s * dx + c * dy), yaw + turn_rad)
 
 
 @dataclass(frozen=True)
 class Pen:
     """Draws a piece, given in its own frame, at its place on a stage.
 
-    Attributes:
-        stage: Receives the meshes and boxes.
-        place: Where the piece stands.
-        name: Name of the object; "" where the caller has named it.
+    The name is that of the object; "" where the caller has named it.
     """
 
     stage: Stage

@@ -95,8 +95,9 @@ def _furnish(stage: Stage, rng: np.random.Generator, slope: Slope, half: Array) 
     planter(stage, "planter", rng, np.array([rng.uniform(-0.3, 0.3), 0.0]), size)
     x, y = half
     for k, (sx, sy) in enumerate(((1, 1), (-1, -1))):
-        spot = np.array([sx * (x - rng.uniform(1.2, 2.2)), sy * (y + 0.75)])
-        bench(stage, f"bench_{k}", rng, spot, (0.0 if sy > 0 else np.pi) + rng.uniform(-0.06, 0.06))
+        along, turn = sx * (x - rng.uniform(1.2, 2.2)), 0.0 if sy > 0 else np.pi
+        place = (along, sy * (y + 0.75), turn + rng.uniform(-0.06, 0.06))
+        bench(stage, f"bench_{k}", place, rng)
     for k, (sx, sy) in enumerate(((1, -1), (-1, 1))):
         lamp_post(stage, f"lamp_{k}", np.array([sx * (x - 2.6), sy * (y + 0.45)]))
 

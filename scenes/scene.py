@@ -32,12 +32,7 @@ Motion = Callable[[float], Array]
 
 @dataclass(frozen=True)
 class Thing:
-    """One object of the world in the segmentation labels.
-
-    Attributes:
-        name: Unique in its scene.
-        kind: Its class.
-    """
+    """One object of the world in the segmentation labels; its name is unique in its scene."""
 
     name: str
     kind: Kind

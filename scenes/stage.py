@@ -9,7 +9,6 @@ import mujoco
 import numpy as np
 
 from scenes.geometry.mesh import Mesh, Vector, cut_into_cells, merged
-from scenes.geometry.place import extent
 from scenes.lighting.baked_light import Light, shaded_normals
 from scenes.lighting.shadow import Occluder, occlusion, visibility
 from scenes.mjcf import add_material, add_mesh_geom, add_texture, set_view
@@ -252,6 +251,12 @@ class Stage:
 
     def _body_spec(self, body: str) -> mujoco.MjsBody:
         return self.spec.worldbody if body == WORLD else self.spec.body(body)
+
+
+def extent(reach: Vector) -> tuple[float, float, float, float]:
+    """Return x_min, y_min, x_max, y_max of `reach`: these, or (2,) half sizes about the origin."""
+    x_min, y_min, x_max, y_max = reach if len(reach) == 4 else (*(-np.asarray(reach)), *reach)
+    return float(x_min), float(y_min), float(x_max), float(y_max)
 
 
 def _turn(yaw_rad: float) -> tuple[float, float, float, float]:

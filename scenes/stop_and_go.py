@@ -7,11 +7,10 @@ import numpy as np
 from pydantic import Field
 
 from scenes.geometry.mesh import box, tube
-from scenes.geometry.place import Place, local
 from scenes.geometry.routes import rounded_loop
 from scenes.lighting.baked_light import hall_light
 from scenes.objects import exhibits
-from scenes.pen import Pen
+from scenes.pen import Pen, Place, local
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage
 from scenes.structures import interior

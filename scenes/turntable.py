@@ -143,11 +143,11 @@ def _furnish(stage: Stage, rng: np.random.Generator) -> None:
     """Leave the middle free: benches and pots stand along the fronts, lamps in the corners."""
     x, y = HALF_M
     for k, along in enumerate((-1.4, 1.4)):
-        spot = np.array([along + rng.uniform(-0.2, 0.2), y - 0.55])
-        bench(stage, f"bench_{k}", rng, spot, rng.uniform(-0.04, 0.04))
+        place = (along + rng.uniform(-0.2, 0.2), y - 0.55, rng.uniform(-0.04, 0.04))
+        bench(stage, f"bench_{k}", place, rng)
     for k, side in enumerate((-1, 1)):
-        spot = np.array([side * (x - 0.6), rng.uniform(-1.5, 1.5)])
-        bench(stage, f"bench_{2 + k}", rng, spot, -side * np.pi / 2 + rng.uniform(-0.04, 0.04))
+        along, turn = rng.uniform(-1.5, 1.5), -side * np.pi / 2 + rng.uniform(-0.04, 0.04)
+        bench(stage, f"bench_{2 + k}", (side * (x - 0.6), along, turn), rng)
         planter(stage, f"planter_{k}", rng, np.array([side * 4.6, -y + 0.3]), (1.6, 0.5, 0.4))
         lamp_post(stage, f"lamp_{k}", np.array([side * (x - 0.5), -y + 0.5]))
         lamp_post(stage, f"lamp_{2 + k}", np.array([side * (x - 0.7), y - 0.7]))

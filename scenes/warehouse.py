@@ -6,7 +6,6 @@ import numpy as np
 from pydantic import Field
 
 from scenes.geometry.mesh import box, patch
-from scenes.geometry.place import Place
 from scenes.geometry.routes import rounded_loop
 from scenes.lighting.baked_light import Light, hall_light
 from scenes.objects.storage import (
@@ -19,7 +18,7 @@ from scenes.objects.storage import (
     rack,
     standing_drums,
 )
-from scenes.pen import Pen, piece
+from scenes.pen import Pen, Place, piece
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage
 from scenes.structures.ground import bake_ground, level, quads, tiled

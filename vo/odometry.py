@@ -47,11 +47,8 @@ from vo.tracking.track_local_map import (
 class StereoOdometry:
     """CenSurE, ZNCC, P3P under RANSAC, and bundle adjustment of a window of keyframes.
 
-    Attributes:
-        rig: Calibration of the pair.
-        settings: Of all stages.
-        hooks: May replace the output of a stage; may be exchanged at any time.
-        state: What one frame hands to the next.
+    The hooks may replace the output of a stage, and may be exchanged at any time; the state is what
+    one frame hands to the next.
     """
 
     def __init__(

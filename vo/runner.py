@@ -1,7 +1,6 @@
 """Run of an estimator over a sequence, and the files of its record."""
 
 import csv
-import importlib.metadata
 import json
 import platform
 from collections.abc import Callable, Iterable, Mapping
@@ -14,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from vo.contract.arrays import Array
-from vo.contract.dataset import MANIFEST
+from vo.contract.dataset import MANIFEST, installed_version
 from vo.contract.estimator import Estimate, Estimator, Finalizing, FinalResult, PointMap
 from vo.contract.files import replacing, write_text
 from vo.contract.observations import Observations
@@ -36,12 +35,9 @@ VERTEX = (
 
 @dataclass(frozen=True)
 class Run:
-    """Estimates of a whole sequence.
+    """Estimates of a whole sequence, one per frame in order of time, and the final result, if any.
 
-    Attributes:
-        estimates: One per frame, in order of time; they hold no images.
-        frame_ms: Wall time of each `track` call, milliseconds; loading of images is not in it.
-        final: Smoothed trajectory and map; empty where the estimator offers none.
+    `frame_ms` is the wall time of each `track` call, without the loading of images.
     """
 
     sequence: str
@@ -106,7 +102,8 @@ def write_run(
         "dataset": str(dataset.resolve()),
         "dataset_sha256": sha256(manifest.read_bytes()).hexdigest() if manifest.is_file() else None,
         "settings": dict(settings),
-        "versions": {"python": platform.python_version()} | {x: _version(x) for x in PACKAGES},
+        "versions": {"python": platform.python_version()}
+        | {package: installed_version(package) for package in PACKAGES},
     }
     write_text(companion(out, "run.json"), json.dumps(about, indent=1) + "\n")
     write_tum(out, run.trajectory)
@@ -183,10 +180,3 @@ def write_ply(path: Path, points: PointMap) -> None:
 def _stages(records: Iterable[Mapping[str, Any]]) -> list[str]:
     """Every stage name once, in the order of the most complete frames."""
     return list(dict.fromkeys(name for x in sorted(records, key=len, reverse=True) for name in x))
-
-
-def _version(package: str) -> str:
-    try:
-        return importlib.metadata.version(package)
-    except importlib.metadata.PackageNotFoundError:
-        return "not installed"

@@ -52,11 +52,7 @@ def merged(meshes: Sequence[Mesh]) -> Mesh:
 
 
 def cut_into_cells(mesh: Mesh, max_faces: int) -> list[Mesh]:
-    """Halve a mesh along the longer side of its plan until no piece has more than `max_faces`.
-
-    Returns:
-        Meshes that together have every triangle once, each compact as seen from above.
-    """
+    """Halve a mesh along the longer side of its plan until no piece has more than `max_faces`."""
     middles = mesh.points[mesh.faces][:, :, :2].mean(axis=1)
     cells: list[Mesh] = []
     pending = [np.arange(len(mesh.faces))]
@@ -78,12 +74,9 @@ def _only(mesh: Mesh, faces: Indices) -> Mesh:
 
 
 def polygons(corners: Array, uv: Array, normals: Array | None = None) -> Mesh:
-    """Build N flat convex polygons of K corners each.
+    """Build N flat convex polygons of (N, K, 3) corners, counter-clockwise seen from outside.
 
-    Args:
-        corners: (N, K, 3) metres, counter-clockwise seen from outside.
-        uv: (N, K, 2) texture coordinates.
-        normals: (N, K, 3) shading normals; the polygons' own by default.
+    Each corner has (N, K, 2) texture coordinates and a shading normal, by default the polygon's.
     """
     count, sides, _ = corners.shape
     if normals is None:
@@ -156,13 +149,8 @@ def box(
 ) -> Mesh:
     """Build an axis-aligned box of (3,) full size; every face carries the texture upright.
 
-    Args:
-        centre: (3,) metres.
-        size: (3,) full edge lengths, metres.
-        texture_m: As in `patch`, one period on each face.
-        offset: As in `patch`.
-        cell_m: Faces are divided into cells of at most this size, for baked light.
-        bottom: Whether the underside is drawn.
+    Period and offset of the texture are as in `patch`. For baked light, faces are divided into
+    cells of at most `cell_m`. The underside is drawn only where `bottom` is set.
     """
     x, y, z = np.asarray(size, dtype=float)
     c = np.asarray(centre, dtype=float)

@@ -44,15 +44,13 @@ class Light:
         up = np.array([0, 0, 1.0])
         lamps = (("key", self.key, self.key_rgb), ("fill", up, self.fill_rgb / FILL_SHARE))
         for name, towards, rgb in lamps:
-            direction = np.asarray(towards)
-            added = world.add_light(name=name, dir=-direction, pos=20 * direction, diffuse=rgb)
+            added = world.add_light(name=name, dir=-towards, pos=20 * towards, diffuse=rgb)
             added.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
             added.ambient = added.specular = (0, 0, 0)
             added.castshadow = False
         headlight = spec.visual.headlight
         headlight.ambient = self.ambient_rgb
-        headlight.diffuse = (0, 0, 0)
-        headlight.specular = (0, 0, 0)
+        headlight.diffuse = headlight.specular = (0, 0, 0)
 
 
 def shaded_normals(normals: Array, key_share: Array, fill_share: Array, light: Light) -> Array:
@@ -74,18 +72,12 @@ def shaded_normals(normals: Array, key_share: Array, fill_share: Array, light: L
 
 
 def solved_normals(key: Array, sky: Array, light: Light) -> Array:
-    """Solve for normals that receive given shares of both lamps.
+    """Solve for unit normals (V, 3) that receive given shares of both lamps, each (V,) in [0, 1].
 
-    Args:
-        key: (V,) wanted n . key, in [0, 1].
-        sky: (V,) share of the fill of an unoccluded upward surface, in [0, 1].
-        light: The lamps.
-
-    Returns:
-        (V, 3) unit normals; see `shaded_normals` for what is kept where not both are possible.
+    The key's is n . key, the sky's that of the fill of an unoccluded upward surface; see
+    `shaded_normals` for what is kept where not both are possible.
     """
-    k = float(light.key[2])
-    fill = FILL_SHARE * sky
+    k, fill = float(light.key[2]), FILL_SHARE * sky
     # |n| = 1 needs key² + fill² - 2 k key fill <= 1 - k²: an interval of fill around k key.
     slack = np.sqrt((1 - k * k) * np.maximum(1 - key * key, 0)) * 0.999
     fill = np.clip(fill, k * key - slack, k * key + slack)

@@ -21,7 +21,6 @@ class Lamplight:
     Attributes:
         places: (L, 3) metres, world.
         powers: (L,) share of the key light on a surface that faces the lamp at 1 m.
-        occluders: What casts shadows.
         light: Gives the lamps' colour as its key and the rest of the sky as its fill.
     """
 
@@ -41,8 +40,7 @@ class Lamplight:
         key = _received(clear, normals, places, powers, ring, occluder_table(self.occluders))
         soft = 1 - np.exp(-key)  # pools keep their texture right below a lamp
         sky = occlusion(clear, self.occluders) * (0.55 + 0.45 * mesh.normals[:, 2])
-        normals = solved_normals(soft, sky, self.light)
-        return replace(mesh, normals=normals)
+        return replace(mesh, normals=solved_normals(soft, sky, self.light))
 
 
 @compiled()

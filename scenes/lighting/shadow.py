@@ -39,18 +39,10 @@ class Occluder:
 def visibility(
     points: Array, occluders: list[Occluder], light: Light, samples: int = 6, inside: bool = False
 ) -> Array:
-    """Compute the share of the key lamp that is visible from each point.
+    """Compute the share (N,) of the key lamp that is visible from each of (N, 3) points in metres.
 
-    Args:
-        points: (N, 3) metres, world.
-        occluders: What casts shadows.
-        light: Gives the lamp's direction and its angular radius.
-        samples: Rays over the lamp's disc.
-        inside: Whether a box shades what is inside it: true for the ground, false for the parts
-            of furniture, which lie inside their own boxes.
-
-    Returns:
-        (N,) in [0, 1].
+    The samples are rays over the lamp's disc. With `inside`, a box shades what is inside it: true
+    for the ground, false for the parts of furniture, which lie inside their own boxes.
     """
     if not occluders:
         return np.ones(len(points))

@@ -3,8 +3,7 @@
 import numpy as np
 
 from scenes.geometry.mesh import box, patch, tube
-from scenes.geometry.place import Place, local
-from scenes.pen import Pen, one_object, piece
+from scenes.pen import Pen, Place, local, one_object, piece
 from scenes.stage import Stage
 from vo.contract.arrays import Array
 

@@ -32,12 +32,9 @@ Walk = Callable[[float], tuple[Array, float, float]]
 
 @dataclass(frozen=True)
 class Lap:
-    """A walk around a closed path at constant speed.
+    """A walk around a closed path, (N, 2) metres, at constant speed, negative against its sense.
 
-    Attributes:
-        path: (N, 2) metres, the last point equal to the first.
-        pace_mps: Speed along the path; negative against its sense.
-        start_m: Where on it the walk begins.
+    The last point of the path equals the first; the walk begins `start_m` along it.
     """
 
     path: Array
@@ -63,13 +60,9 @@ class Lap:
 
 @dataclass(frozen=True)
 class Crossing:
-    """Walks to and fro between two places, with a stop at either end.
+    """Walks to and fro between two places, (2,) metres, at one speed, with a stop at either end.
 
-    Attributes:
-        start: (2,) metres.
-        end: (2,) metres.
-        times_s: (K,) start of each walk, the first one from `start`.
-        pace_mps: Speed of every walk.
+    The times (K,) are the start of each walk, the first one from `start`.
     """
 
     start: Array

@@ -3,7 +3,7 @@
 import numpy as np
 
 from scenes.geometry.mesh import Mesh, Vector, box, grid, merged, patch, polygons, sphere, tube
-from scenes.pen import one_object
+from scenes.pen import Pen, one_object, piece
 from scenes.stage import Stage
 from scenes.surfaces.atlas import Atlas
 from vo.contract.arrays import Array
@@ -21,8 +21,8 @@ def planter(stage: Stage, name: str, rng: np.random.Generator, centre: Array, si
         ((length - wall) / 2, 0, wall, width - 2 * wall),
         (-(length - wall) / 2, 0, wall, width - 2 * wall),
     ):
-        piece = box((x + dx, y + dy, height / 2), (sx, sy, height), (1.2, 1.2), rng.random(2), 0.15)
-        stage.draw("concrete", piece)
+        side = box((x + dx, y + dy, height / 2), (sx, sy, height), (1.2, 1.2), rng.random(2), 0.15)
+        stage.draw("concrete", side)
     inner = (length - 1.9 * wall, width - 1.9 * wall, 0.01)
     stage.draw("soil", box((x, y, height - 0.06), inner, (0.8, 0.8), rng.random(2)))
     stage.obstacle(name, (x, y, height / 2), size)
@@ -147,26 +147,22 @@ def litter(rng: np.random.Generator, places: Array, atlas: Atlas) -> Mesh:
     return merged(halves)
 
 
-@one_object
-def bench(stage: Stage, name: str, rng: np.random.Generator, centre: Array, yaw_rad: float) -> None:
-    """Put a slatted bench, 1.6 m long, at (2,) metres; its back is towards +y before the turn."""
-    place = (centre[0], centre[1], 0.0)
-    slats = [(y, 0.44) for y in (-0.18, -0.06, 0.06, 0.18)] + [(0.26, z) for z in (0.6, 0.74)]
-    for y, z in slats:
-        thick = (1.6, 0.095, 0.035) if z < 0.5 else (1.6, 0.035, 0.1)
-        wood = box((0, y, z), thick, (1.0, 0.25), rng.random(2), bottom=True)
-        stage.draw("timber", wood.moved(place, yaw_rad))
+@piece
+def bench(put: Pen, rng: np.random.Generator) -> None:
+    """Put a slatted bench, 1.6 m long; its back is towards +y before the turn."""
+    for y in (-0.18, -0.06, 0.06, 0.18):
+        seat = box((0, y, 0.44), (1.6, 0.095, 0.035), (1.0, 0.25), rng.random(2), bottom=True)
+        put("timber", seat)
+    for z in (0.6, 0.74):
+        put("timber", box((0, 0.26, z), (1.6, 0.035, 0.1), (1.0, 0.25), rng.random(2), bottom=True))
     for x in (-0.6, 0.6):
-        for part in (
-            box((x, -0.16, 0.21), (0.05, 0.05, 0.42), (0.5, 0.5), rng.random(2)),
-            box((x, 0.22, 0.4), (0.05, 0.05, 0.8), (0.5, 0.5), rng.random(2)),
-            box((x, 0.03, 0.395), (0.045, 0.42, 0.05), (0.5, 0.5), rng.random(2), bottom=True),
-        ):
-            stage.draw("iron", part.moved(place, yaw_rad))
-    stage.obstacle(name, (*centre, 0.4), (1.6, 0.55, 0.8), yaw_rad, shadow=False)
-    stage.occluder((*centre, 0.44), (1.6, 0.46, 0.04), yaw_rad, 0.85)
-    back = centre + 0.26 * np.array([-np.sin(yaw_rad), np.cos(yaw_rad)])
-    stage.occluder((*back, 0.67), (1.6, 0.04, 0.25), yaw_rad, 0.85)
+        put("iron", box((x, -0.16, 0.21), (0.05, 0.05, 0.42), (0.5, 0.5), rng.random(2)))
+        put("iron", box((x, 0.22, 0.4), (0.05, 0.05, 0.8), (0.5, 0.5), rng.random(2)))
+        arm = box((x, 0.03, 0.395), (0.045, 0.42, 0.05), (0.5, 0.5), rng.random(2), bottom=True)
+        put("iron", arm)
+    put.solid((1.6, 0.55, 0.8), shadow=False)
+    put.shade(0.44, (1.6, 0.46, 0.04), 0.85)
+    put.shade(0.67, (1.6, 0.04, 0.25), 0.85, (0.0, 0.26))
 
 
 @one_object

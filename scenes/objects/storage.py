@@ -3,8 +3,7 @@
 import numpy as np
 
 from scenes.geometry.mesh import Mesh, box, merged, tube
-from scenes.geometry.place import Place, local
-from scenes.pen import Pen, piece
+from scenes.pen import Pen, Place, local, piece
 from scenes.stage import Stage
 from vo.contract.arrays import Array
 

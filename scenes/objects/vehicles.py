@@ -5,8 +5,7 @@ import itertools
 import numpy as np
 
 from scenes.geometry.mesh import Mesh, box, merged, polygons, tube
-from scenes.pen import one_object
-from scenes.stage import Stage
+from scenes.pen import Pen, piece
 from vo.contract.arrays import Array
 
 PAINTS = ((168, 170, 172), (44, 46, 52), (206, 206, 202), (112, 36, 36), (44, 66, 98), (84, 96, 86))
@@ -23,35 +22,33 @@ GLAZED = slice(2, 7)
 """Stations between which there are windows."""
 
 
-@one_object
-def car(
-    stage: Stage, name: str, rng: np.random.Generator, centre: Array, yaw_rad: float, paint: str
-) -> None:
-    """Park a small hatchback at (2,) metres, its nose towards +x before the turn.
+@piece
+def car(put: Pen, rng: np.random.Generator, paint: str) -> None:
+    """Park a small hatchback, its nose towards +x before the turn.
 
     `paint` is the material of its body; `glass`, `rubber`, `iron` and `lamps` are used besides.
     """
-    place = (centre[0], centre[1], 0.0)
     rings = _rings()
-    glass = _windows(rings)
-    parts = [(paint, _skin(rings)), ("glass", glass)]
-    parts += [("rubber", _wheel(x, y, 0.31, 0.23)) for x in (-1.28, 1.28) for y in (-0.78, 0.78)]
-    parts += [("iron", _wheel(x, y, 0.19, 0.24)) for x in (-1.28, 1.28) for y in (-0.78, 0.78)]
-    parts += [("rubber", _wheel(x, y, 0.37, 0.21)) for x in (-1.28, 1.28) for y in (-0.78, 0.78)]
-    parts.append(("rubber", box((0, 0, 0.36), (3.9, 1.5, 0.3), bottom=True)))
+    put(paint, _skin(rings))
+    put("glass", _windows(rings))
+    for stuff, radius, wide in (
+        ("rubber", 0.31, 0.23),
+        ("iron", 0.19, 0.24),
+        ("rubber", 0.37, 0.21),
+    ):
+        for x, y in itertools.product((-1.28, 1.28), (-0.78, 0.78)):
+            put(stuff, _wheel(x, y, radius, wide))
+    put("rubber", box((0, 0, 0.36), (3.9, 1.5, 0.3), bottom=True))
     for x, z in ((-2.085, 0.72), (2.02, 0.62)):
         for y in (-0.6, 0.6):
-            parts.append(("lamps", box((x, y, z), (0.09, 0.26, 0.13), bottom=True)))
+            put("lamps", box((x, y, z), (0.09, 0.26, 0.13), bottom=True))
         size = (0.12, 1.5, 0.17)
-        bumper = box((1.025 * x, 0, 0.38), size, (0.5, 0.5), rng.random(2), bottom=True)
-        parts.append(("rubber", bumper))
-        parts.append(("plates", box((1.055 * x, 0, 0.42), (0.02, 0.5, 0.11), bottom=True)))
-    for material, mesh in parts:
-        stage.draw(material, mesh.moved(place, yaw_rad))
-    stage.obstacle(name, (*centre, 0.75), (LENGTH_M, WIDTH_M, 1.4), yaw_rad, shadow=False)
-    for x, long, low, high in ((0.0, LENGTH_M - 0.3, 0.25, BELT_M), (-0.35, 2.4, BELT_M, HEIGHT_M)):
-        middle = centre + x * np.array([np.cos(yaw_rad), np.sin(yaw_rad)])
-        stage.occluder((*middle, (low + high) / 2), (long, 1.6, high - low), yaw_rad)
+        put("rubber", box((1.025 * x, 0, 0.38), size, (0.5, 0.5), rng.random(2), bottom=True))
+        put("plates", box((1.055 * x, 0, 0.42), (0.02, 0.5, 0.11), bottom=True))
+    x, y, yaw = put.place
+    put.stage.obstacle(put.name, (x, y, 0.75), (LENGTH_M, WIDTH_M, 1.4), yaw, shadow=False)
+    put.shade((0.25 + BELT_M) / 2, (LENGTH_M - 0.3, 1.6, BELT_M - 0.25))
+    put.shade((BELT_M + HEIGHT_M) / 2, (2.4, 1.6, HEIGHT_M - BELT_M), offset=(-0.35, 0.0))
 
 
 def _rings() -> Array:

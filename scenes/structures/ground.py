@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scenes.geometry.mesh import Mesh, Vector, patch, polygons
-from scenes.geometry.place import extent
 from scenes.lighting.baked_light import Light, shaded_normals
 from scenes.lighting.shadow import LightMap, ground_light
-from scenes.stage import Stage
+from scenes.stage import Stage, extent
 from scenes.surfaces.atlas import Atlas
 from scenes.surfaces.noise import fractal, smoothstep
 from vo.contract.arrays import Array
@@ -87,13 +86,7 @@ def level(corners: Array, uv: Array, place: Placing | float = 0.0) -> Mesh:
 
 @dataclass(frozen=True)
 class Ground:
-    """The ground of a scene in its baked light.
-
-    Attributes:
-        stage: Receives the meshes.
-        light: The lamps.
-        baked: Their shares on the ground.
-    """
+    """The ground of a scene in its light, baked as the lamps' shares on it."""
 
     stage: Stage
     light: Light

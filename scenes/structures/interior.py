@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from scenes.geometry.mesh import Mesh, box, merged, patch, tube
-from scenes.geometry.place import Place
-from scenes.pen import Pen, one_object, piece
+from scenes.pen import Pen, Place, one_object, piece
 from scenes.stage import Stage
 from scenes.structures.ground import level, quads
 from vo.contract.arrays import Array

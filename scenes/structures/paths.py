@@ -7,12 +7,12 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from scenes.geometry.mesh import Mesh, cut_into_cells, merged, patch
+from scenes.geometry.routes import Ribbon
 from scenes.lighting.baked_light import Light, shaded_normals
 from scenes.lighting.shadow import LightMap, occlusion, visibility
 from scenes.objects.props import grass_tufts, litter
 from scenes.stage import Stage
 from scenes.structures.ground import coursed, level, quads, scattered, tiled
-from scenes.structures.ribbon import Ribbon
 from scenes.surfaces.atlas import Atlas
 from scenes.surfaces.noise import fractal, smoothstep
 

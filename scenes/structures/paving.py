@@ -51,15 +51,10 @@ def lay(
     height_std_m: float,
     bond: Bond,
 ) -> Paving:
-    """Pave cells[0] x cells[1] modules of one brick width, centred on the origin.
+    """Pave modules of one brick width with its joint, centred on the origin, in a laying pattern.
 
-    Args:
-        rng: Draws the settlement.
-        cells: Modules along world x and y; a brick covers two, a half brick at the edge one.
-        module_m: Brick width with its joint.
-        gap_m: Joint width.
-        height_std_m: Standard deviation of the heights, which are clipped at twice this.
-        bond: Laying pattern.
+    The cells are modules along world x and y; a brick covers two, a half brick at the edge one.
+    The heights are clipped at twice their standard deviation.
     """
     corner, length, quarter = _pattern(cells, bond)
     size = np.stack([length, np.ones_like(length)], axis=1)
@@ -85,12 +80,10 @@ def _pattern(cells: tuple[int, int], bond: Bond) -> tuple[Array, Array, Mask]:
 
 def _clipped(corner: Array, quarter: Mask, cells: tuple[int, int]) -> tuple[Array, Array, Mask]:
     """Cut bricks at the border to halves, drop those outside."""
-    step = np.where(quarter[:, None], [0, 1], [1, 0])
-    limit = np.asarray(cells)
-    first = np.all((corner >= 0) & (corner < limit), axis=1)
-    second = np.all((corner + step >= 0) & (corner + step < limit), axis=1)
-    keep = np.logical_or(first, second)
-    start = np.where(first[:, None], corner, corner + step)
+    other = corner + np.where(quarter[:, None], [0, 1], [1, 0])
+    first, second = (((c >= 0) & (c < np.asarray(cells))).all(axis=1) for c in (corner, other))
+    keep = first | second
+    start = np.where(first[:, None], corner, other)
     return start[keep], (first.astype(float) + second)[keep], quarter[keep]
 
 
@@ -101,14 +94,10 @@ def brick_tops(
     divisions: tuple[int, int] = (1, 1),
     inset_m: float = BEVEL_M,
 ) -> Mesh:
-    """Draw the top face of each brick.
+    """Draw the top faces of N bricks, in quads along length and width, inside their outlines.
 
-    Args:
-        paving: The bricks.
-        rects: (N, 4) atlas cell of each brick, u along its length; half bricks use half of it.
-        turned: (N,) whether the face is turned by 180 degrees.
-        divisions: Quads along length and width, for baked light.
-        inset_m: How far the face stays inside the brick's outline.
+    Each shows an atlas cell, (N, 4), with u along its length, of which half bricks use half, and
+    is turned by 180 degrees where an (N,) mask says so.
     """
     nu, nv = divisions
     a, b = np.meshgrid(np.linspace(-1, 1, nu + 1), np.linspace(-1, 1, nv + 1), indexing="ij")

@@ -21,9 +21,7 @@ THICKNESS_M = 0.3
 class Slope:
     """Height over x, symmetric about the middle of the plateau at x = 0, level at z = 0 outside.
 
-    Attributes:
-        knots: (K,) x in metres, multiples of `STEP_M`, increasing.
-        heights: (K,) metres.
+    The knots (K,) are x in metres, increasing multiples of `STEP_M`; the heights (K,) are metres.
     """
 
     knots: Array

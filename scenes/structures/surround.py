@@ -5,8 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from scenes.geometry.mesh import Mesh, Vector, box, polygons
-from scenes.geometry.place import Place
-from scenes.pen import Pen, piece
+from scenes.pen import Pen, Place, piece
 from scenes.stage import Stage
 from vo.contract.arrays import Array
 

@@ -7,8 +7,7 @@ import mujoco
 import numpy as np
 
 from scenes.geometry.mesh import Mesh, Vector, box, merged, patch, polygons, tube
-from scenes.geometry.place import Place, local
-from scenes.pen import Pen
+from scenes.pen import Pen, Place, local
 from scenes.scene import Kind
 from scenes.stage import Stage
 from vo.contract.arrays import Array

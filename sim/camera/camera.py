@@ -23,14 +23,10 @@ REFERENCE_EXPOSURE_MS = 10.0
 
 @dataclass(frozen=True)
 class FrameExposure:
-    """Exposure of a frame.
+    """Exposure of a frame: when, how long, by which automatic gain and from how many sub-frames.
 
-    Attributes:
-        timestamp_ns: Mid-exposure.
-        exposure_ms: Exposure time.
-        gain: Gain of the automatic exposure.
-        subframes: Number of rendered sub-frames.
-        brightness: Light on the left camera over the rendered brightness; mean of the rows.
+    The timestamp is mid-exposure; the brightness is the light on the left camera over the rendered
+    brightness, the mean of the rows.
     """
 
     timestamp_ns: int
@@ -50,8 +46,7 @@ class Capture:
     """Light and ground truth of one frame, from which images and labels are computed.
 
     Attributes:
-        index: Index of the frame in the trip.
-        exposure: How the frame was exposed.
+        index: Of the frame in the trip.
         light: Left and right images in the rendered size: uint8 as rendered for a single
             sub-frame, else float32 linear light.
         brightness: (H',) light on each row over the rendered brightness.

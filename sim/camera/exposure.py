@@ -50,9 +50,8 @@ def expose(
 ) -> tuple[tuple[Array, Array], int]:
     """Integrate the light on both cameras over the exposure; moves the world.
 
-    Returns:
-        Left and right images, and the number of sub-frames. A single sub-frame is returned as
-        rendered, uint8; more as float32 linear light, 0 to 1.
+    Left and right images, and the number of sub-frames: a single one as rendered, uint8, more as
+    float32 linear light, 0 to 1.
     """
     start_s, end_s = float(shutter.start_s.min()), float(shutter.end_s.max())
     slots = 1
@@ -121,12 +120,10 @@ def mean_brightness(world: World, shutter: Shutter, samples: int = 33) -> Array:
 
 
 def slot_weights(shutter: Shutter, edges: Array) -> Array:
-    """Return the weight of each slot, between (slots + 1,) even edges in seconds, for each row.
+    """Return the weights (2, H, slots), with sums of one, for each row of left and right camera.
 
-    A row with no exposure time takes a slot's length around its instant.
-
-    Returns:
-        (2, H, slots) weights for left and right camera, with sums of one.
+    Slots lie between (slots + 1,) even edges in seconds. A row with no exposure time takes a slot's
+    length around its instant.
     """
     slot_s = edges[1] - edges[0]
     middle = (shutter.start_s + shutter.end_s) / 2

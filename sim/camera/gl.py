@@ -1,9 +1,14 @@
-"""The off-screen OpenGL context: EGL if a device answers, else OSMesa."""
+"""Off-screen OpenGL: a context, by EGL if a device answers, else OSMesa, and its framebuffers."""
 
 import ctypes
 import os
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
+import mujoco
+import numpy as np
+
+from vo.contract.arrays import Array, Image, Indices
+from vo.contract.compilation import compiled
 from vo.contract.errors import DriftyardError
 
 Backend = Literal["egl", "osmesa"]
@@ -67,3 +72,110 @@ def _egl_has_a_device() -> bool:
     )(address)
     count = ctypes.c_int(0)
     return bool(query(0, None, ctypes.byref(count))) and count.value > 0
+
+
+class Framebuffer:
+    """A framebuffer; inside its `with` block MuJoCo draws there instead of into its own.
+
+    MuJoCo's buffer has a stencil, for mirrors, which no scene has; without it, a software renderer
+    draws a multisampled frame in 14 % less time, bit for bit the same. One context with two
+    framebuffers holds textures and meshes once.
+    """
+
+    def __init__(self, context: mujoco.MjrContext, samples: int) -> None:
+        """Allocate colour and depth of the current context's size; `samples` 0, or as the context.
+
+        Raises:
+            GraphicsError: If the driver cannot.
+        """
+        from OpenGL import GL  # binds to the backend that is open
+
+        self._gl = GL
+        self._context = context
+        self._samples = samples
+        size = context.offWidth, context.offHeight
+        self._buffers = GL.glGenRenderbuffers(2)
+        self._frame = int(GL.glGenFramebuffers(1))
+        GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self._frame)
+        for buffer, storage, attachment in zip(
+            self._buffers,
+            (GL.GL_RGBA8, GL.GL_DEPTH_COMPONENT32F),
+            (GL.GL_COLOR_ATTACHMENT0, GL.GL_DEPTH_ATTACHMENT),
+            strict=True,
+        ):
+            GL.glBindRenderbuffer(GL.GL_RENDERBUFFER, buffer)
+            GL.glRenderbufferStorageMultisample(GL.GL_RENDERBUFFER, samples, storage, *size)
+            GL.glFramebufferRenderbuffer(GL.GL_FRAMEBUFFER, attachment, GL.GL_RENDERBUFFER, buffer)
+        if GL.glCheckFramebufferStatus(GL.GL_FRAMEBUFFER) != GL.GL_FRAMEBUFFER_COMPLETE:
+            raise GraphicsError(f"OpenGL has no frame buffer of {size[0]}x{size[1]} px")
+
+    def __enter__(self) -> Self:
+        self._own = self._context.offFBO, self._context.offSamples
+        self._context.offFBO, self._context.offSamples = self._frame, self._samples
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._context.offFBO, self._context.offSamples = self._own
+
+    def read_colour(self, rgba: Image, low: int = 0, high: int | None = None) -> None:
+        """Copy rows `low` to `high - 1` of the image, the mean of the samples, to (H, W, 4) uint8.
+
+        The bottom row is first. The driver stores RGBA, so that no conversion is needed.
+        """
+        gl = self._gl
+        rows = rgba[low:high]
+        height, width = rows.shape[:2]
+        gl.glBindFramebuffer(gl.GL_READ_FRAMEBUFFER, self._frame)
+        if self._samples:
+            gl.glBindFramebuffer(gl.GL_DRAW_FRAMEBUFFER, self._context.offFBO_r)
+            top, mask = low + height, gl.GL_COLOR_BUFFER_BIT
+            gl.glBlitFramebuffer(0, low, width, top, 0, low, width, top, mask, gl.GL_NEAREST)
+            gl.glBindFramebuffer(gl.GL_READ_FRAMEBUFFER, self._context.offFBO_r)
+        gl.glReadPixels(0, low, width, height, gl.GL_RGBA, gl.GL_UNSIGNED_BYTE, rows)
+
+    def read_depth(self, zbuffer: Array) -> None:
+        """Copy the depth buffer, which must have no samples, into (H, W) float32."""
+        gl = self._gl
+        height, width = zbuffer.shape
+        gl.glBindFramebuffer(gl.GL_READ_FRAMEBUFFER, self._frame)
+        gl.glReadPixels(0, 0, width, height, gl.GL_DEPTH_COMPONENT, gl.GL_FLOAT, zbuffer)
+
+    def free(self) -> None:
+        """Release the memory; the context must be current."""
+        self._gl.glDeleteFramebuffers(1, [self._frame])
+        self._gl.glDeleteRenderbuffers(2, self._buffers)
+
+
+@compiled(nogil=True)
+def decode_buffers(
+    zbuffer: Array, codes: Image, ids: Array, near_m: np.float32, far_m: np.float32
+) -> tuple[Array, Indices]:
+    """Split the buffers of both cameras and convert them to metres and ids, in one pass.
+
+    The projection maps depth Z to s = a / Z - c with c = n / (f - n) and a = f n / (f - n), in
+    OpenGL's single precision; cleared pixels (s = 0) have no depth.
+
+    Args:
+        zbuffer: (H, 2W) float32 s, 1 near, 0 far, bottom row first.
+        codes: (H, 2W, 4) uint8 number of the geom, lowest byte first; alpha is ignored.
+        ids: (N,) int32 id of each number.
+        near_m: Near plane n.
+        far_m: Far plane f.
+
+    Returns:
+        (2, H, W) float32 depth and int32 ids of left and right, top row first.
+    """
+    height, width = zbuffer.shape[0], zbuffer.shape[1] // 2
+    depth = np.empty((2, height, width), np.float32)
+    geoms = np.empty((2, height, width), np.int32)
+    c, a = near_m / (far_m - near_m), far_m * near_m / (far_m - near_m)
+    for y in range(height):
+        v = height - 1 - y
+        for camera in range(2):
+            for u in range(width):
+                x = camera * width + u
+                s = zbuffer[y, x]
+                depth[camera, v, u] = a / (s + c) if s > 0 else np.nan
+                r, g, b = np.int32(codes[y, x, 0]), np.int32(codes[y, x, 1]), codes[y, x, 2]
+                geoms[camera, v, u] = ids[r | g << 8 | np.int32(b) << 16]
+    return depth, geoms  # pyright: ignore[reportReturnType], single precision

@@ -8,8 +8,7 @@ import mujoco
 import numpy as np
 
 from scenes.scene import COLLISION_GROUP, IMAGE_GROUP, LABEL_GROUP
-from sim.camera.framebuffer import Framebuffer, decode_buffers
-from sim.camera.gl import GraphicsError, open_context
+from sim.camera.gl import Framebuffer, GraphicsError, decode_buffers, open_context
 from sim.camera.sky import SkyBands, allows_sky_last, uncovered_bands
 from sim.settings import RenderSettings
 from sim.world.rig import CAMERA

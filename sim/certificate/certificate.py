@@ -57,12 +57,8 @@ def certify(
     parts = {"stereo": _summary(stereo, "stereo" not in exempt)}
     if flow:
         parts["flow"] = _summary(flow, "flow" not in exempt)
-    return {
-        **METHOD,
-        **parts,
-        **checks,
-        "passed": all(part["passed"] for part in [*parts.values(), *checks.values()]),
-    }
+    passed = all(part["passed"] for part in [*parts.values(), *checks.values()])
+    return {**METHOD, **parts, **checks, "passed": passed}
 
 
 def _summary(residuals: dict[int, Residual], judged: bool) -> dict[str, Any]:
@@ -93,8 +89,7 @@ def _median(values: Sequence[float]) -> float:
 def check_folder(folder: Path, settings: RecordSettings, ended: str) -> dict[str, Any]:
     """Compare the sensors of a dataset folder with its ground truth.
 
-    Returns:
-        One JSON-ready table for each check, with `passed`; no table where files are missing.
+    One JSON-ready table for each check, with `passed`; no table where files are missing.
     """
     checks: dict[str, Any] = {"inertial": _check_inertial(folder, settings)}
     if (folder / "mav0/wheels0").is_dir():

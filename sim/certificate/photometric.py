@@ -157,13 +157,9 @@ def quantile(histogram: Indices, q: float) -> float:
 
 @dataclass(frozen=True)
 class NoisyImage:
-    """An image with the noise model of its grey levels.
+    """An image as delivered, (H, W[, 3]) uint8, with the standard deviation (256,) of its noise.
 
-    Attributes:
-        image: (H, W) or (H, W, 3) RGB uint8, as delivered.
-        sigma: (256,) standard deviation of the noise at each grey level.
-        gain: Factor by which each pixel's noise and rounding were multiplied afterwards, in the
-            image's shape.
+    The gain multiplied each pixel's noise and rounding afterwards, in the image's shape.
     """
 
     image: Image
@@ -181,15 +177,8 @@ class NoisyImage:
 def residual(image: Image, other: Image, u_px: Array, v_px: Array, visible: Mask) -> Array:
     """Return image minus the other image warped to it, bicubic, in grey levels.
 
-    Args:
-        image: (H, W) or (H, W, 3) RGB.
-        other: The right image for a disparity, the next for a flow.
-        u_px: (H, W) positions in `other` of the pixels of `image`: u - disparity, or u + du.
-        v_px: Like `u_px`.
-        visible: (H, W) pixels to compare.
-
-    Returns:
-        (N,) float32 signed residuals of the visible pixels, row by row.
+    Both are (H, W[, 3]); (u_px, v_px) are (H, W) positions in the other one, the right image for a
+    disparity, the next for a flow. (N,) float32 of the visible pixels, row by row.
     """
     warped = sample(_grey(other), *_positions(u_px, v_px, visible))[0]
     return _grey(image)[visible] - warped

@@ -46,10 +46,7 @@ class Finding:
 
 
 def verify(folder: Path, progress: Progress | None = None) -> list[Finding]:
-    """Recompute every hash and, with depth or disparity labels, the certificate.
-
-    Returns:
-        Defects; empty for a sound dataset.
+    """Recompute every hash and, with depth or disparity labels, the certificate; list the defects.
 
     Raises:
         DatasetError: If the folder or its manifest is missing, or a file cannot be decoded.
@@ -144,10 +141,11 @@ def _measure(
 def _read_exposures(folder: Path) -> dict[int, FrameExposure]:
     """Return how each frame was exposed, by timestamp."""
     times, rows = read_columns(folder / EXPOSURES)
-    columns = times.tolist(), *rows.T.tolist()
     return {
         time_ns: FrameExposure(time_ns, exposure_ms, gain, int(subframes), brightness)
-        for time_ns, exposure_ms, gain, subframes, brightness in zip(*columns, strict=True)
+        for time_ns, (exposure_ms, gain, subframes, brightness) in zip(
+            times.tolist(), rows.tolist(), strict=True
+        )
     }
 
 

@@ -1,6 +1,5 @@
 """The manifest: content of dataset.json besides the hashes."""
 
-import importlib.metadata
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
@@ -14,6 +13,7 @@ from sim.imaging.lens import miscalibration_rotation
 from sim.settings import RecordSettings
 from sim.world.trip import Trip
 from sim.world.world import World
+from vo.contract.dataset import installed_version
 from vo.contract.rig import StereoRig
 
 CONVENTIONS = {
@@ -71,7 +71,7 @@ def manifest(
         ],
         "conventions": CONVENTIONS,
         "software": {
-            "driftyard": _version(),
+            "driftyard": installed_version("driftyard"),
             "mujoco": mujoco.__version__,
             "numpy": np.__version__,
             "opencv": cv2.__version__,
@@ -83,10 +83,3 @@ def manifest(
 
 def _rig(rig: StereoRig) -> dict[str, Any]:
     return {**asdict(rig), "T_body_cam": rig.T_body_cam.tolist()}
-
-
-def _version() -> str:
-    try:
-        return importlib.metadata.version("driftyard")
-    except importlib.metadata.PackageNotFoundError:
-        return "not installed"

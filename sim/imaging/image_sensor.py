@@ -35,13 +35,10 @@ class ImageSensor:
     def __init__(
         self, settings: RecordSettings, camera: Literal[0, 1], rig: StereoRig, rendered: StereoRig
     ) -> None:
-        """Prepare all maps and tables.
+        """Prepare all maps and tables of the left camera, 0, or the right one, 1.
 
-        Args:
-            settings: Settings of the recording.
-            camera: 0 left; 1 right, with `right_gain`, `right_noise` and the uncalibrated turn.
-            rig: True geometry in the delivered size.
-            rendered: The same with a margin of at least `lens.margin_px` on each side.
+        The rig is the true geometry in the delivered size, the rendered one has a margin of at
+        least `lens.margin_px` on each side.
 
         Raises:
             SettingsError: If the distortion folds inside the image.
@@ -102,8 +99,7 @@ class ImageSensor:
     def corrected(self, image: Image, exposed: float = 1.0) -> Array:
         """Undo vignetting, sensitivity and an exposure (with gain) in a rectified image.
 
-        Returns:
-            (H, W[, 3]) grey levels, uint8 if there is nothing to undo, else float32.
+        (H, W[, 3]) grey levels, uint8 if there is nothing to undo, else float32.
         """
         share = self._light_share(image, exposed)
         if share is None:

@@ -15,10 +15,8 @@ TAPS_PX = 2
 def sample(image: Array, u_px: Array, v_px: Array) -> Array:
     """Sample an (H, W[, C]) float32 image between its pixels, with its border continued.
 
-    Positions u_px, v_px (M, N) float32 have pixel centres on integers; NaN gives NaN.
-
-    Returns:
-        (M, N[, C]) float32.
+    Positions u_px, v_px (M, N) float32 have pixel centres on integers; NaN gives NaN. The samples
+    are (M, N[, C]) float32.
 
     Source:
         Keys, Cubic convolution interpolation for digital image processing, 1981, a = -1/2: exact on

@@ -19,16 +19,10 @@ FORWARD = frozenset({"flow", "covisibility"})
 
 
 class Annotator:
-    """Body, object and class of every geom; thread-safe.
+    """Body, object and class of every geom, (ngeom + 1,) each, for the true rig; thread-safe.
 
-    The last entry of each table is the sky, whose geom id is -1.
-
-    Attributes:
-        rig: True geometry.
-        things: Objects by their number in `object_of`, from 1 on.
-        body_of: (ngeom + 1,) MuJoCo body of each geom; the sky belongs to the world.
-        object_of: (ngeom + 1,) number of the object of each geom; 0 for the sky.
-        kind_of: (ngeom + 1,) class of each geom.
+    The last entry of each table is the sky, whose geom id is -1; its body is the world. The
+    objects are `things` by their number from 1 on; 0 is the sky.
     """
 
     def __init__(self, world: World) -> None:

@@ -9,14 +9,9 @@ SEEN = "0 visible, 1 hidden behind something, 2 out of the picture, 3 no surface
 
 
 class LabelFormat(NamedTuple):
-    """File format of a dense label.
+    """File format of a dense label, and what a pixel means.
 
-    Attributes:
-        folder: Folder under mav0; its last digit is the camera whose pixels it labels.
-        about: Meaning of a pixel.
-        unit: Unit of the values.
-        encoding: File format.
-        invalid: Value of a pixel without a label.
+    The last digit of the folder under mav0 is the camera whose pixels it labels.
     """
 
     folder: str

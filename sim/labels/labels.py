@@ -101,13 +101,9 @@ def occlusion(rig: StereoRig, depth_left_m: Array, depth_right_m: Array) -> Imag
 def covisibility(flow: Array, depth_next_m: Array) -> Image:
     """Return which pixels are visible in the next view of the same camera, as `occlusion`.
 
-    Args:
-        flow: (H, W, 3) float32 du, dv in pixels and depth in the next view, as `labels.flow`.
-        depth_next_m: (H, W) float32 depth of the next view; NaN without a surface.
-
-    Returns:
-        (H, W) uint8 of Occlusion: outside is beyond the outermost pixel centres or behind the
-            camera; nothing where the present view shows no surface.
+    The flow is that of `flow`, the depth (H, W) float32 that of the next view, NaN without a
+    surface. Outside is beyond the outermost pixel centres or behind the camera; nothing where the
+    present view shows no surface.
     """
     out = np.empty(depth_next_m.shape, np.uint8)
     _next(flow, np.nan_to_num(1 / depth_next_m), OCCLUDED_BY_SHARE, out)

@@ -36,10 +36,7 @@ BORDER_M = 0.5
 
 
 def chase_camera(world: World, side_deg: float | None = None) -> mujoco.MjvCamera:
-    """Place a camera behind the carrier, along its heading.
-
-    It is `side_deg` to the right of straight behind; None for the side with the most space.
-    """
+    """Place a camera `side_deg` to the right of straight behind the carrier; None: most space."""
     T_world_body = world.T_world_body
     forward = T_world_body[:3, 0]
     lookat = 0.7 * T_world_body[:3, 3] + 0.3 * world.T_world_cam[:3, 3] + 0.25 * forward
@@ -75,13 +72,9 @@ def _room_m(world: World, lookat: Array, azimuth_deg: float) -> float:
 
 @dataclass(frozen=True)
 class TopDownMap:
-    """An image with x to the right and y up, and its position in the world.
+    """An image (H, W, 3) with x to the right and y up, and its position and scale in the world.
 
-    Attributes:
-        image: (H, W, 3) RGB.
-        x_min_m: World x of the left edge of the leftmost pixels.
-        y_max_m: World y of the upper edge of the topmost pixels.
-        metres_per_px: Scale, equal along both axes.
+    `x_min_m` and `y_max_m` are of the outer edges of the leftmost and topmost pixels.
     """
 
     image: Image

@@ -128,8 +128,7 @@ def _draw_objects(axes: Axes, annotation: Annotation) -> None:
 def object_colours(objects: Array) -> tuple[Image, list[int]]:
     """Colour objects (H, W), with the largest contrast for the largest; 0 is the sky.
 
-    Returns:
-        (H, W, 3) RGB, and the numbers that occur, largest area first, without the sky.
+    (H, W, 3) RGB, and the numbers that occur, largest area first, without the sky.
     """
     numbers, where, areas = np.unique(objects, return_inverse=True, return_counts=True)
     order = [int(k) for k in np.argsort(-areas) if numbers[k] != 0]

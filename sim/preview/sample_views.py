@@ -36,15 +36,9 @@ CHASE_PX = (960, 720)
 
 @dataclass(frozen=True)
 class SampleView:
-    """Images and labels of one moment on the route.
+    """Left and right (H, W, 3) RGB images and labels of one moment on the route.
 
-    Attributes:
-        along_m: Path length at the start of the sample trip.
-        position: (2,) position of the view, world x, y in metres.
-        view: Left image, (H, W, 3) RGB.
-        right: Right image, like `view`.
-        exposure: How they were exposed.
-        annotation: The labels, those of the next frame included.
+    Its position is (2,) world x, y in metres; its sample trip started `along_m` along the path.
     """
 
     along_m: float
@@ -65,14 +59,10 @@ class SampleView:
 
 @dataclass(frozen=True)
 class SampleViews:
-    """Rendered content of a contact sheet.
+    """Rendered content of a contact sheet: one to VIEWS views evenly spaced along the route.
 
-    Attributes:
-        settings: Settings of the recording.
-        views: Views evenly spaced along the route, one to VIEWS.
-        shown: Index of the view with the most variety, whose labels are shown.
-        chase: View of the carrier there from behind, (H, W, 3) RGB.
-        top_down: Overhead map.
+    `shown` is the index of the view with the most variety, whose labels are shown, with a view of
+    the carrier there from behind, (H, W, 3) RGB.
     """
 
     settings: RecordSettings

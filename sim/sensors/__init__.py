@@ -1,1 +1,1 @@
-"""Inertial readings and wheel encoder counts."""
+"""Inertial readings."""

@@ -39,11 +39,7 @@ def T_body_imu(settings: ImuSettings) -> Array:
 def imu_states(
     T_world_body: Array, v_world_body: Array, w_world_body: Array, T_body_imu: Array
 ) -> tuple[Array, Array]:
-    """Move true states (K, ...) from the body's origin to the unit.
-
-    Returns:
-        T_world_imu (K, 4, 4), and v_world_imu (K, 3) = v + w x R_world_body r.
-    """
+    """Move states (K, ...) to the unit: T_world_imu, and v_world_imu = v + w x R_world_body r."""
     arm_world = T_world_body[:, :3, :3] @ T_body_imu[:3, 3]
     return T_world_body @ T_body_imu, v_world_body + np.cross(w_world_body, arm_world)
 

@@ -6,7 +6,9 @@ import mujoco
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
+from scenes.geometry.routes import arc_lengths
 from scenes.scene import Motion, Scene
+from scenes.surfaces.noise import smoothstep
 from sim.settings import DriveSettings, HandheldSettings
 from sim.world.rover import BODY, MAST, PREFIX, WHEEL_RADIUS_M
 from vo.contract import se3
@@ -44,7 +46,7 @@ def walk(
     Returns:
         The motion, defined at all times, and the time of arrival in seconds.
     """
-    marks = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    marks = arc_lengths(points)
     knots = np.linspace(0, marks[-1], max(4, round(marks[-1] / HEADING_KNOT_M) + 1))
     path = CubicSpline(knots, np.stack([np.interp(knots, marks, p) for p in points.T], axis=1))
     times_s, along_m = _schedule(float(marks[-1]), drive, start_s)
@@ -55,10 +57,10 @@ def walk(
         s = float(progress(np.clip(time_s, times_s[0], times_s[-1])))
         xy, along = path(s), path(s, 1)
         yaw = math.atan2(along[1], along[0])
-        ground = float(scene.elevation(xy))
         c, s = math.cos(yaw), math.sin(yaw)
         R_world_walker = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
-        T_world_walker = se3.pose(R_world_walker, np.array([*xy, ground + WHEEL_RADIUS_M]))
+        height_m = float(scene.elevation(xy)) + WHEEL_RADIUS_M
+        T_world_walker = se3.pose(R_world_walker, np.array([*xy, height_m]))
         return T_world_walker @ waves.at(time_s, time_s - start_s, times_s[-1] - time_s)
 
     return motion, float(times_s[-1])
@@ -105,15 +107,10 @@ class _Waves:
         """Return the (4, 4) motion; steps fade in and out within a second of the walk's ends."""
         hand = self._hand
         tremor = self._size * np.sin(self._rate * time_s + self._phase).sum(axis=0)
-        fade = _smooth(since_start_s) * _smooth(until_end_s)
+        fade = smoothstep(0, 1, np.array([since_start_s, until_end_s])).prod()
         step = 2 * np.pi * STEP_HZ * time_s + self._step_phase
         bob, side = fade * math.sin(step), fade * math.sin(step / 2)
         shift = hand.sway_m * np.array([0.0, side, bob]) + hand.tremor_m * tremor[:3]
         turn_deg = hand.sway_deg * np.array([side, 0.5 * bob, 0.5 * side])
         turn_deg = turn_deg + hand.tremor_deg * tremor[3:]
         return se3.exp(np.concatenate([shift, np.radians(turn_deg)]))
-
-
-def _smooth(t: float) -> float:
-    t = min(max(t, 0.0), 1.0)
-    return t * t * (3 - 2 * t)

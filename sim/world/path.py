@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scenes.geometry.routes import arc_lengths
 from vo.contract.arrays import Array
 from vo.contract.errors import SettingsError
 
@@ -62,5 +63,4 @@ def plan_path(route: Array, distance_m: float | None) -> Path:
 
 
 def _path(waypoints: Array) -> Path:
-    steps = np.linalg.norm(np.diff(waypoints, axis=0), axis=1)
-    return Path(waypoints, np.concatenate([[0.0], np.cumsum(steps)]))
+    return Path(waypoints, arc_lengths(waypoints))

@@ -9,8 +9,10 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import mujoco
+import numpy as np
 
 from sim.settings import RoverSettings
+from vo.contract.arrays import Array, Indices
 
 WHEEL_RADIUS_M = 0.05
 TRACK_M = 0.38
@@ -48,6 +50,11 @@ LOAD_ARM_M, LOAD_HZ = 0.22, 3.0
 HEAD_KG = 0.40
 """Swinging mass of mast, arm and cameras."""
 GRAVITY_MPS2 = 9.81
+
+
+def ticks(wheel_angles_rad: Array, ticks_per_turn: int) -> Indices:
+    """Quantise wheel angles (...) to whole ticks of the encoders, rounding down."""
+    return np.floor(wheel_angles_rad / (2 * np.pi) * ticks_per_turn).astype(np.int64)
 
 
 class _Part(NamedTuple):

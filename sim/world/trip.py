@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from sim.sensors.wheel_encoders import ticks
 from sim.settings import RecordSettings
 from sim.world.drive import CONTROL_RATE_HZ, DriveError, Driver
 from sim.world.random_streams import stream
-from sim.world.rover import BODY, MAST, PREFIX, WHEEL_BODIES
+from sim.world.rover import BODY, MAST, PREFIX, WHEEL_BODIES, ticks
 from sim.world.world import START_S, World
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices, Mask
@@ -48,8 +47,6 @@ class Motions:
     """True motion of the body frame at the inertial unit's sampling times.
 
     Attributes:
-        times_ns: (M,)
-        T_world_body: (M, 4, 4)
         v_world_body: (M, 3) velocity of the body origin in world axes, m/s.
         w_world_body: (M, 3) angular velocity in world axes, rad/s.
         wheel_forces_n: (M, 3) load on left, right and caster wheel; zeros without wheels.
@@ -69,7 +66,7 @@ class Trip:
     Attributes:
         timestamps_ns: (N,) of the frames.
         delivered: (N,) whether the frame is kept.
-        states: States of the world during exposures.
+        states: Of the world during exposures.
         T_world_body: (N, 4, 4) poses of the body frame.
         v_world_body: (N, 3) velocity of its origin in world axes, m/s.
         motions: Dense, for the inertial unit.

@@ -35,13 +35,11 @@ SETTLING_CONTACT_M = 0.004
 
 @dataclass(frozen=True)
 class World:
-    """A compiled scene; `data` is the only mutable part.
+    """A compiled scene, and a path to drive or walk; `data` is the only mutable part.
 
     Attributes:
-        scene: Scene that was compiled.
         rig: True geometry of the stereo pair, in the delivered size.
         render_rig: The same with the margin that is rendered for the lens.
-        path: Path to drive or walk.
         arrival_s: Time of arrival of a hand-held carrier; None for the rover.
         movers: Name of a mocap body to its motion; the hand-held carrier is one of them.
         things: Name of a geom to the thing it shows, as given by scene or terrain.

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from scenes.geometry.routes import rounded_loop
-from scenes.structures.ribbon import Ribbon
+from scenes.geometry.routes import Ribbon, rounded_loop
 
 RIBBON = Ribbon(
     rounded_loop(np.array([(9.0, -5), (9, 5), (-9, 5), (-9, -5)]), radius_m=3.0, step_m=0.05)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from sim.camera.gl import choose_backend
-from sim.sensors.wheel_encoders import ticks
 from sim.settings import RecordSettings
 from sim.world.random_streams import stream
+from sim.world.rover import ticks
 from sim.world.trip import SamplingClock
 from trials.gym.env.settings import NavSettings
 from trials.navigation.settings import NavigatorSettings

@@ -10,11 +10,43 @@ from vo.bundle_adjustment.point_estimates import PointEstimates
 from vo.bundle_adjustment.problem import Bundle, as_cameras, intrinsics, point_blocks, weigh
 from vo.bundle_adjustment.robust_covariance import camera_score_products, robust_covariance
 from vo.bundle_adjustment.schur import Measurements, camera_normal_equations, robust_weights
-from vo.bundle_adjustment.schur_backend import optimize_reduced
 from vo.bundle_adjustment.solver import TURN_LAST, CostTerm, information_inverse, optimize
 from vo.config import RefinementSettings
 from vo.contract.arrays import Array, Mask
 from vo.contract.rig import StereoRig
+
+
+def optimize_reduced(
+    bundle: Bundle, estimates: Sequence[PointEstimates], settings: RefinementSettings
+) -> tuple[Array, int]:
+    """Solve the reduced camera system, with Huber weights that are renewed after the first step.
+
+    The measurements of each block of points become one factor on its cameras: GTSAM then solves for
+    the cameras alone, and Python is entered once an iteration and factor (docs/decisions/0006).
+    """
+    T, moving = bundle.T_world_cam.copy(), ~bundle.fixed
+    terms = [_term(x, T, moving) for x in estimates if moving[x.block.cameras].any()]
+    iterations, most = 0, settings.max_iterations
+    for steps_left in (1, most - 1)[:most]:
+        for x in estimates:
+            x.reweight(T[x.block.cameras], settings.huber)
+        T[moving], steps = optimize(T[moving], terms, steps_left)
+        iterations += steps
+    return T, iterations
+
+
+def _term(estimates: PointEstimates, T: Array, moving: Mask) -> CostTerm:
+    """Make the cost of a block by its moving cameras; the others stay as they are."""
+    cameras = estimates.block.cameras
+    here, own = T[cameras].copy(), moving[cameras]
+    rows = (np.cumsum(moving) - 1)[cameras[own]]
+
+    def linearize(poses: Array, derivatives: bool) -> tuple[Array, Array, float]:
+        here[own] = poses
+        return estimates.linearize(here, own, derivatives)
+
+    return CostTerm(rows, linearize)
+
 
 BACKENDS = {"schur": optimize_reduced, "gtsam": optimize_factors}
 """Optimisers of cameras and points by `refinement.backend`.
@@ -28,8 +60,8 @@ REWEIGHTINGS = 3
 
 SIX = np.arange(6)
 
-MEDIAN_CHI2 = (0.455, 1.386)
-"""Medians of chi-squared with one and two degrees of freedom."""
+MEDIAN_CHI2 = (1.386, 0.455)
+"""Medians of chi-squared with two degrees of freedom, a pixel's, and with one, a disparity's."""
 
 
 @dataclass(frozen=True)
@@ -57,12 +89,9 @@ class Refined:
 
 @dataclass(frozen=True)
 class Pose:
-    """A camera refined on points that stay.
+    """A camera (4, 4) refined on points that stay, and the Levenberg-Marquardt steps that it took.
 
-    Attributes:
-        T_world_cam: (4, 4).
-        covariance: (6, 6) tangent (v m, w rad) in the camera's frame; of the measurements alone.
-        iterations: Levenberg-Marquardt steps.
+    The covariance (6, 6), by the measurements alone, is of tangents (v m, w rad) in its own frame.
     """
 
     T_world_cam: Array
@@ -117,12 +146,8 @@ def misfit(estimates: Sequence[PointEstimates], T: Array) -> Array:
     weight = np.concatenate([x.block.data.weight for x in estimates])
     pixels = (residuals[:, :2] ** 2).sum(axis=1)
     disparities = residuals[weight[:, 2] > 0, 2] ** 2
-    return np.array(
-        [
-            np.median(squared) / MEDIAN_CHI2[k] if len(squared) else np.nan
-            for squared, k in ((pixels, 1), (disparities, 0))
-        ]
-    )
+    parts = zip((pixels, disparities), MEDIAN_CHI2, strict=True)
+    return np.array([np.median(x) / chi2 if len(x) else np.nan for x, chi2 in parts])
 
 
 def refine_motion(
@@ -133,15 +158,10 @@ def refine_motion(
     rig: StereoRig,
     settings: RefinementSettings,
 ) -> Pose:
-    """Minimise the reprojection error over one camera, the points staying as they are.
+    """Minimise the reprojection error over one camera, from (4, 4), while the points (N, 3) stay.
 
-    Args:
-        T_world_cam: (4, 4) initial pose.
-        points_world: (N, 3) metres.
-        measured: (N, 3) left-image u, v and disparity, pixels; NaN where not measured.
-        sigma: (N, 3) their standard deviations.
-        rig: Rectified pair.
-        settings: Loss and iterations.
+    Measured are (N, 3) left-image u, v and disparity, pixels, NaN where not, with as many standard
+    deviations.
     """
     seen, known = weigh(measured, sigma, settings.use_disparity)
     points = np.ascontiguousarray(points_world, dtype=np.float64)

@@ -39,14 +39,10 @@ MIN_MARGINALIZED = 30
 
 @dataclass(frozen=True)
 class Smoothed:
-    """Keyframes in the lag after an update.
+    """Keyframes (K, 4, 4) in the lag after an update, with covariances (K, 6, 6) of (v m, w rad).
 
-    Attributes:
-        T_odom_cam: (K, 4, 4).
-        covariance: (K, 6, 6) tangent (v m, w rad).
-        ids: (J,) landmarks that took part.
-        estimates: Of these landmarks, at these poses.
-        iterations: Gauss-Newton steps.
+    The landmarks (J,) took part; the estimates are theirs at these poses; the iterations are
+    Gauss-Newton steps.
     """
 
     T_odom_cam: Array
@@ -65,13 +61,9 @@ class FixedLag:
     """
 
     def __init__(self, first: int, T_odom_first: Array, covariance: Array, lag: int) -> None:
-        """Start with one keyframe.
+        """Start with one keyframe, whose pose (4, 4) holds the gauge; `lag` keyframes are kept.
 
-        Args:
-            first: Its serial.
-            T_odom_first: (4, 4) its pose, which holds the gauge.
-            covariance: (6, 6) of this pose, tangent (v m, w rad), handed on to all others.
-            lag: Keyframes to keep.
+        Its covariance (6, 6), tangent (v m, w rad), is handed on to all others.
         """
         self.first, self._T_odom_first, self._covariance = first, T_odom_first, covariance
         parameters = gtsam.ISAM2Params()
@@ -101,14 +93,9 @@ class FixedLag:
     ) -> Smoothed:
         """Take in keyframes, and replace the factor of the landmarks in sight.
 
-        Args:
-            T_odom_cam: (4, 4) by serial, ascending; those in the lag, the newest ones new.
-            observations: Of the same keyframes.
-            ids: (J,) ascending, landmarks to use; each in two keyframes at least. Those that are
-                spent, or become so now, are left out.
-            points_odom: (J, 3) about where they are, metres.
-            rig: Projects.
-            settings: Loss, and the most steps.
+        The keyframes are those in the lag by serial, ascending, the newest ones new. The landmarks
+        to use (J,), ascending, at about (J, 3) metres, are each in two of them at least; those that
+        are spent, or become so now, are left out.
 
         Raises:
             RuntimeError: If nothing determines a pose; the smoother is of no use any more.

@@ -1,6 +1,6 @@
 """Structure and motion by GTSAM's own stereo factors on poses and points.
 
-Slower than the compiled elimination of `vo.bundle_adjustment.schur_backend`, since each measurement
+Slower than the compiled elimination of `vo.bundle_adjustment.schur`, since each measurement
 is a factor made from Python, and independent of it: projection, derivatives, robust loss and
 elimination are GTSAM's (docs/decisions/0024).
 """
@@ -27,16 +27,8 @@ def optimize_factors(
     """Minimise the Huber loss of a bundle over cameras and points.
 
     A point behind a camera that measured it counts as GTSAM's cheirality error has it: a constant
-    residual without derivatives.
-
-    Args:
-        bundle: Initial cameras and points.
-        estimates: Of all of its blocks; left at the solution.
-        settings: Loss and iterations.
-
-    Returns:
-        (K, 4, 4) cameras and the number of Levenberg-Marquardt steps; the initial cameras if
-        nothing determines them.
+    residual without derivatives. One of `vo.bundle_adjustment.adjust.BACKENDS`; the cameras stay
+    the initial ones if nothing determines them.
     """
     graph, values = factor_graph(bundle, settings), gtsam.Values()
     cameras, points = np.unique(bundle.camera), np.unique(bundle.point)

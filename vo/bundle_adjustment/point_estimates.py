@@ -24,15 +24,9 @@ class PointEstimates:
         self.block, self.points, self.weight = block, block.points, block.data.weight
 
     def linearize(self, T: Array, moving: Mask, derivatives: bool) -> tuple[Array, Array, float]:
-        """Solve for the points and eliminate them.
+        """Solve for the points and eliminate them, given the block's cameras (C, 4, 4).
 
-        Args:
-            T: (C, 4, 4) the block's cameras.
-            moving: (C,) those whose normal equations are wanted.
-            derivatives: Whether they are; otherwise the cost alone.
-
-        Returns:
-            Information, gradient and cost as `vo.bundle_adjustment.solver.Linearize` has them.
+        As `vo.bundle_adjustment.solver.Linearize`, for the cameras that a mask (C,) says move.
         """
         slot = unknowns(moving) if derivatives else np.full(len(T), -1)
         size = int(moving.sum()) if derivatives else 0

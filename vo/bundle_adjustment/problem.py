@@ -55,15 +55,9 @@ def collect(
     fixed: Mask,
     rig: StereoRig,
 ) -> Bundle:
-    """Make a bundle of some landmarks and of the cameras that observe them.
+    """Make a bundle of some landmarks (J,), ascending, and of the cameras that observe them.
 
-    Args:
-        T_world_cam: (K, 4, 4) initial poses, in order of time.
-        observations: Of each camera, ids ascending.
-        ids: (J,) landmarks, ascending.
-        points_world: (J, 3) their initial positions, metres.
-        fixed: (K,) cameras that must not move.
-        rig: Projects.
+    The arguments are as in `Bundle`; observations are those of each camera, ids ascending.
     """
     used = [np.isin(seen.ids, ids) for seen in observations]
     pairs = list(zip(observations, used, strict=True))

@@ -16,13 +16,10 @@ from vo.contract.compilation import compiled
 
 
 def robust_covariance(inverse: Array, B: Array) -> Array:
-    """Choose the covariance: by residuals where these exceed the assumed noise.
+    """Choose the covariance (N, N): by residuals where these exceed the assumed noise.
 
-    Few points fit too well; then the assumed covariance holds.
-
-    Args:
-        inverse: (N, N) of the normal equations.
-        B: (N, N) sum of the scores' outer products.
+    Few points fit too well; then the inverse of the normal equations, which is the assumed
+    covariance, holds. B is the sum of the scores' outer products.
     """
     return inverse @ B @ inverse if np.trace(B @ inverse) > len(B) else inverse
 
@@ -31,12 +28,9 @@ def robust_covariance(inverse: Array, B: Array) -> Array:
 def score_products(
     cameras: Cameras, points: Array, data: Measurements, slot: Indices, size: int
 ) -> Array:
-    """Sum the outer products of the points' scores.
+    """Sum the outer products of the points' scores: (6 S, 6 S).
 
     The arguments are those of `schur.eliminate_points`, the points those that it returned.
-
-    Returns:
-        (6 S, 6 S) B.
     """
     B, score = np.zeros((6 * size, 6 * size)), np.zeros(6 * size)
     work = workspace()

@@ -28,12 +28,7 @@ measurement determines, the point stays where it is."""
 
 
 class Cameras(NamedTuple):
-    """Poses of cameras in the world.
-
-    Attributes:
-        R: (K, 3, 3) rotations.
-        t: (K, 3) centres, metres.
-    """
+    """Poses of cameras in the world: (K, 3, 3) rotations and (K, 3) centres, metres."""
 
     R: Array
     t: Array
@@ -265,8 +260,7 @@ def camera_normal_equations(
 ) -> tuple[Array, Array, float]:
     """Linearize one camera whose points stay, each measured once, in their order.
 
-    Returns:
-        (6, 6) and (6,) normal equations, and half the sum of squares.
+    (6, 6) and (6,) normal equations, and half the sum of squares.
     """
     H, g, cost = np.zeros((6, 6)), np.zeros(6), 0.0
     work = workspace()

@@ -31,12 +31,7 @@ H and g may be anything where the second argument, whether derivatives are neede
 
 @dataclass(frozen=True)
 class CostTerm:
-    """A summand of a cost, which depends on some of the poses.
-
-    Attributes:
-        rows: (S,) of these among all poses.
-        linearize: Takes these poses only.
-    """
+    """A summand of a cost, which depends on some of the poses, at rows (S,) among all, only."""
 
     rows: Indices
     linearize: Linearize
@@ -65,15 +60,10 @@ def factor(keys: Sequence[int], linearize: Linearize) -> gtsam.CustomFactor:
 
 
 def optimize(poses: Array, terms: Sequence[CostTerm], max_iterations: int) -> tuple[Array, int]:
-    """Minimise the sum of the terms by Levenberg-Marquardt.
+    """Minimise the sum of the terms by Levenberg-Marquardt, from poses (S, 4, 4).
 
-    Args:
-        poses: (S, 4, 4) where to start; each in at least one term.
-        terms: Few that share few poses are cheap: GTSAM's elimination is sparse in them.
-        max_iterations: Steps.
-
-    Returns:
-        (S, 4, 4) poses and the steps taken; the poses as given if nothing determines them.
+    Each pose is in at least one term. GTSAM's elimination is sparse in the terms: few that share
+    few poses are cheap. The poses come back as given if nothing determines them, with the steps.
     """
     keys = [X(i) for i in range(len(poses))]
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()

@@ -6,18 +6,14 @@ from time import perf_counter
 
 
 class Clock:
-    """Sum of the wall times of named blocks: `with clock("stereo"): ...`.
-
-    Attributes:
-        ms: Stage name to milliseconds, in the order of first entry.
-    """
+    """Sums, `ms`, of the wall times of named blocks, in order: `with clock("stereo"): ...`."""
 
     def __init__(self) -> None:
         self.ms: dict[str, float] = {}
 
     @contextmanager
     def __call__(self, stage: str) -> Generator[None]:
-        """Time a block; the times of a stage entered twice are summed."""
+        """Time a block."""
         start = perf_counter()
         try:
             yield

@@ -33,11 +33,7 @@ _MODULES = ("numpy", "math", "numba")
 
 
 def compiled(**options: Any) -> Callable[[Function], Function]:
-    """Compile a function to machine code at its first call, and keep the code.
-
-    Args:
-        **options: Of `numba.njit`, for example `error_model` or `fastmath`.
-    """
+    """Compile a function to machine code at its first call, by `numba.njit`'s options; keep it."""
 
     def decorate(function: Function) -> Function:
         dispatcher: Any = numba.njit(**options)(function)

@@ -3,6 +3,7 @@
 import csv
 import fcntl
 import hashlib
+import importlib.metadata
 import io
 import json
 import os
@@ -115,6 +116,14 @@ def _lock_folder(partial: Path, out: Path) -> int:
     for left in partial.iterdir():
         shutil.rmtree(left) if left.is_dir() else left.unlink()
     return lock
+
+
+def installed_version(package: str) -> str:
+    """Return the version of a package, for records of how something was made."""
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return "not installed"
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:

@@ -26,13 +26,9 @@ class Status(StrEnum):
 
 @dataclass(frozen=True)
 class PointMap:
-    """The estimated landmarks of a run.
+    """The estimated landmarks of a run, with their uint8 brightness and number of views: (N,) each.
 
-    Attributes:
-        ids: (N,) landmark identifiers.
-        points_odom: (N, 3) metres, in the first left camera's frame.
-        grey: (N,) uint8 brightness.
-        views: (N,) number of frames that observed the point.
+    The points (N, 3) are metres in the first left camera's frame.
     """
 
     ids: Indices
@@ -43,12 +39,10 @@ class PointMap:
 
 @dataclass(frozen=True)
 class FinalResult:
-    """Result of an estimator after the last frame.
+    """Result of an estimator after the last frame; without points if it keeps no map.
 
-    Attributes:
-        trajectory: T_odom_cam of the frames that had a pose, smoothed over the whole run; None if
-            the estimates per frame are final.
-        points: None if the estimator keeps no map.
+    The trajectory is T_odom_cam of the frames that had a pose, smoothed over the whole run; None if
+    the estimates per frame are final.
     """
 
     trajectory: Trajectory | None = None
@@ -60,8 +54,6 @@ class Estimate:
     """Estimate for one frame.
 
     Attributes:
-        timestamp_ns: Timestamp of the frame.
-        status: Outcome of the frame.
         T_odom_cam: (4, 4) left camera in the first left camera's frame; None only when lost.
         reason: Reason why the status is not `tracked`; may be empty.
         counts: Stage name to number of items that remain after it, in stage order.

@@ -20,17 +20,10 @@ Row = tuple[Any, Any, Any, Any, Any, Any]
 
 
 def image_jacobian(x: Any, y: Any, inverse_z: Any) -> tuple[Row, Row]:
-    """Differentiate normalised image coordinates by the camera's tangent (w, v).
+    """Differentiate normalised image coordinates by the camera's tangent (w, v), rad and m.
 
-    Works on numbers, also compiled, and on arrays (N,).
-
-    Args:
-        x: x / z of the point in the camera frame.
-        y: y / z.
-        inverse_z: 1 / z, one over metres.
-
-    Returns:
-        The derivatives of x and those of y, per radian and per metre.
+    Of a point in the camera frame, x is x / z, y is y / z and inverse_z is 1 / z: numbers, also in
+    compiled code, or arrays (N,). The derivatives of x come first, then those of y.
 
     Source:
         Longuet-Higgins and Prazdny, The interpretation of a moving retinal image, 1980.
@@ -45,15 +38,9 @@ compiled_image_jacobian = compiled(inline="always", error_model="numpy")(image_j
 
 
 def point_jacobian(points_cam: Array, sigma: Array, rig: StereoRig) -> Array:
-    """Differentiate u, v and disparity, in sigmas, by the point in the camera frame.
+    """Differentiate u, v and disparity, in sigmas, by (N, 3) points: (N, 3, 3), per metre.
 
-    Args:
-        points_cam: (N, 3) metres.
-        sigma: (N, 3) standard deviations of u, v and disparity, pixels; may be infinite.
-        rig: Rectified pair.
-
-    Returns:
-        (N, 3, 3), per metre.
+    The (N, 3) standard deviations of u, v and disparity, pixels, may be infinite.
     """
     x, y, z = points_cam.T
     jacobian = np.zeros((len(points_cam), 3, 3))
@@ -66,16 +53,11 @@ def point_jacobian(points_cam: Array, sigma: Array, rig: StereoRig) -> Array:
 def stereo_residual(
     R: Array, t: Array, point: Array, measured: Array, weight: Array, intrinsics: Array, out: Array
 ) -> None:
-    """Write the residual (u, v, disparity) of a point that one camera sees, in sigmas.
+    """Write to `out` the residual (u, v, disparity) of a point that one camera sees, in sigmas.
 
-    Args:
-        R: (3, 3) camera in the world.
-        t: (3,) its centre, metres.
-        point: (3,) in the world, metres.
-        measured: (3,) pixels.
-        weight: (3,) one over sigma, zero where nothing was measured.
-        intrinsics: fx, fy, cx, cy, and focal length times baseline.
-        out: (3,) receives the residual.
+    R (3, 3) and t (3,) are the camera in the world, metres; measured (3,) is in pixels, the weight
+    (3,) one over sigma, zero where nothing was measured; the intrinsics are fx, fy, cx, cy, and
+    focal length times baseline.
     """
     fx, fy, cx, cy, fb = intrinsics
     x, y, z = _in_camera(R, t, point)

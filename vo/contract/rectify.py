@@ -20,15 +20,9 @@ ALIGNED = 1e-6
 
 @dataclass(frozen=True)
 class PinholeCamera:
-    """A camera as a sensor.yaml describes it.
+    """A camera as a sensor.yaml, the path, describes it: (3, 3) pinhole matrix K and (4, 4) pose.
 
-    Attributes:
-        path: File it was read from, for messages.
-        width_px: Image width.
-        height_px: Image height.
-        K: (3, 3) pinhole matrix, pixels.
-        distortion: (k,) radial-tangential coefficients in OpenCV order; zeros for none.
-        T_body_cam: (4, 4) camera in body.
+    The distortion (k,) is radial-tangential, in OpenCV's order; zeros for none.
     """
 
     path: Path

@@ -13,11 +13,8 @@ class StereoRig:
     """Calibration of a rectified pair; `cam` is the left camera in OpenCV axes.
 
     Attributes:
-        width_px: Image width W.
-        height_px: Image height H.
         f_px: Focal length of both cameras and both axes.
-        cx_px: Principal point of both cameras along u; (W - 1) / 2 when centred.
-        cy_px: Principal point of both cameras along v; (H - 1) / 2 when centred.
+        cx_px: Principal point of both cameras along u; (W - 1) / 2 when centred; so cy_px along v.
         baseline_m: Distance of the right camera along the left camera's x axis, > 0.
         T_body_cam: (4, 4) left camera in the carrier's body frame.
 

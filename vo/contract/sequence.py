@@ -15,11 +15,9 @@ STALE_NS = 250_000_000
 
 @dataclass(frozen=True)
 class WheelLog:
-    """Readings of the left and the right wheel encoder.
+    """Readings (N, 2) of the left and the right wheel encoder at increasing times (N,).
 
-    Attributes:
-        timestamps_ns: (N,) int64, strictly increasing.
-        ticks: (N, 2) int64, left and right, counted since the start, forward positive.
+    Ticks are counted since the start, forward positive.
     """
 
     timestamps_ns: Indices
@@ -36,14 +34,9 @@ class WheelLog:
 
 @dataclass(frozen=True)
 class StereoFrame:
-    """One rectified grey pair, exposed at the same time.
+    """One rectified grey pair, (H, W) uint8 each, exposed at the same time, in the middle of it.
 
-    Attributes:
-        timestamp_ns: Middle of the exposure.
-        left: (H, W) uint8.
-        right: (H, W) uint8.
-        wheel_ticks: Counts of the left and the right wheel's encoder, forward positive; None
-            without encoders.
+    The wheel ticks are those of the left and the right encoder, forward positive; None without.
     """
 
     timestamp_ns: int
@@ -54,14 +47,9 @@ class StereoFrame:
 
 @dataclass(frozen=True)
 class StereoSequence:
-    """Calibration, times and a loader of pairs; no ground truth.
+    """Calibration, (N,) increasing times, N >= 1, and a loader of rectified pairs; no ground truth.
 
-    Attributes:
-        name: For tables and titles.
-        rig: Calibration of the delivered (rectified) images.
-        timestamps_ns: (N,) int64, strictly increasing, N >= 1.
-        load: Maps a frame index to its (left, right) images.
-        wheels: Encoder readings; None where there are none.
+    `load` maps a frame index to its (left, right) images.
     """
 
     name: str

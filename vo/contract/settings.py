@@ -37,11 +37,7 @@ def resolve(
 ) -> S:
     """Build `model` from its defaults, `base`, a TOML file, then `key.path=value` overrides.
 
-    Args:
-        model: Model to build.
-        toml: File of settings.
-        overrides: As on the command line.
-        base: Values by `key.path` that differ from the model's own defaults.
+    `base` has values by `key.path` that differ from the model's own defaults.
 
     Raises:
         SettingsError: If the file is unreadable, or a key or value is not accepted; the
@@ -105,11 +101,10 @@ def validated(model: type[S], content: Mapping[str, Any]) -> S:
 def keys(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
     """Yield the dotted key of every setting of a model, groups resolved."""
     for name, field in model.model_fields.items():
-        group = group_of(field.annotation)
-        if group is None:
-            yield prefix + name
-        else:
+        if group := group_of(field.annotation):
             yield from keys(group, f"{prefix}{name}.")
+        else:
+            yield prefix + name
 
 
 def group_of(annotation: Any) -> type[BaseModel] | None:
@@ -186,10 +181,7 @@ def _current_name(model: type[BaseModel], name: str) -> str:
 def _model_at(model: type[BaseModel], path: Sequence[int | str]) -> type[BaseModel]:
     for name in path:
         field = model.model_fields.get(str(name))
-        group = field and group_of(field.annotation)
-        if group is None:
-            return BaseModel
-        model = group
+        model = (field and group_of(field.annotation)) or BaseModel
     return model
 
 

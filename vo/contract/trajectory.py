@@ -15,11 +15,9 @@ NS_PER_S = 1_000_000_000
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Poses of a frame over time.
+    """Poses (N, 4, 4) of a frame (usually `cam`) in a fixed one (`world`, `odom`), over time.
 
-    Attributes:
-        timestamps_ns: (N,) int64, strictly increasing.
-        T_ref_frame: (N, 4, 4): the moving frame (usually `cam`) in a fixed one (`world`, `odom`).
+    The timestamps (N,) strictly increase.
     """
 
     timestamps_ns: Indices

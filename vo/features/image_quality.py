@@ -121,9 +121,8 @@ def adapt_settings(settings: OdometrySettings, low_snr: bool, defocus: bool) -> 
             "max_sigma_px": sigma_scale * stereo.max_sigma_px,
         }
     )
-    return settings.model_copy(
-        update={"features": features, "matching": matching, "stereo": stereo}
-    )
+    adapted = {"features": features, "matching": matching, "stereo": stereo}
+    return settings.model_copy(update=adapted)
 
 
 def adapt_to_blur(settings: OdometrySettings) -> OdometrySettings:

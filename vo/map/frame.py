@@ -18,11 +18,10 @@ NO_FEATURE = -1
 
 @dataclass(frozen=True)
 class View:
-    """A frame with its features and depth, before its pose is known.
+    """A frame with its features and their (N, P) descriptors, before its pose is known.
 
     Attributes:
         features: (N, 2) sub-pixel (u, v) in the left image, strongest first.
-        descriptors: (N, P) of the features.
         dense: Disparity map, px, NaN where unknown; of size zero where stereo is sparse.
         settings: Adapted to the image, for all later stages.
         smoothing_px: Standard deviation of the Gaussian that the images were smoothed by; 0: none.
@@ -43,7 +42,7 @@ class Matches(Observations):
 
     Attributes:
         rows: (N,) rows of the map's landmarks, each once.
-        points_odom: (N, 3) positions of the landmarks, metres.
+        points_odom: (N, 3) their positions, metres.
         features: (N,) rows of the view's features, NO_FEATURE where there is none.
         zncc: (N,) correlation with the landmark's template; NaN if unknown.
     """

@@ -19,12 +19,9 @@ class TrackedFrame:
 
 @dataclass(frozen=True)
 class Keyframe(TrackedFrame):
-    """A frame whose image and observations are kept.
+    """A frame whose image and observations are kept, its number in the run and its pose (4, 4).
 
-    Attributes:
-        serial: Number of the keyframe in the run.
-        T_odom_cam: (4, 4) left camera in the first left camera's frame.
-        covariance: (6, 6) of T_odom_cam, tangent (v m, w rad) in the camera's frame.
+    The covariance (6, 6) of T_odom_cam is of the tangent (v m, w rad) in the camera's frame.
     """
 
     serial: int
@@ -71,8 +68,6 @@ class LocalMap:
     Attributes:
         keyframes: Oldest first.
         landmarks: Those whose anchor is among the keyframes.
-        next_serial: Of the next keyframe.
-        next_id: Of the next landmark.
         noise: Factors on the assumed standard deviations of pixels and of disparities, learnt
             from residuals.
         first_serial: Of the first keyframe of the segment, in the window or not.

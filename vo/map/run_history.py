@@ -37,11 +37,8 @@ class LandmarkRecord(NamedTuple):
 class RunHistory:
     """Grows by a few numbers a frame and a few bytes a landmark; images are never kept.
 
-    Attributes:
-        keyframes: By serial.
-        frames: Time, serial of the keyframe and T_keyframe_cam of each frame that had a pose.
-        points: Landmark to its latest position (3,), metres.
-        landmarks: Landmark to what else is known of it.
+    Keyframes are by serial. Of each frame that had a pose there is the time, the serial of its
+    keyframe and T_keyframe_cam; of each landmark the latest position (3,) in metres.
     """
 
     keyframes: dict[int, KeyframeRecord] = field(default_factory=dict[int, KeyframeRecord])

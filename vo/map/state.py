@@ -15,7 +15,6 @@ class Halt:
     """A pose at which the camera may have come to rest, and what was observed from there.
 
     Attributes:
-        T_odom_cam: (4, 4).
         arrival: (6,) tangent of the step that led there, in the camera's frame.
         covariance: (6, 6) of the pose, given the map.
         wheel_ticks: Left and right count of the encoders there; None without encoders.
@@ -37,18 +36,16 @@ class TrackerState:
 
     Attributes:
         map: Keyframes and landmarks of the present segment; empty before its first frame.
-        lost_map: Map of a segment that is not connected to the present one; None for none.
-        T_odom_cam: (4, 4) pose of the last frame that had one.
+        lost_map: Map of a segment that is not connected to the present one.
+        T_odom_cam: (4, 4) pose of the last frame that had one, at `pose_ns`.
         T_last_cam: (4, 4) motion that led to it from the pose before; identity after a loss.
         covariance: (6, 6) of T_odom_cam, given the map.
-        previous: The last frame that had a pose; None before the first.
-        halt: Where the camera last moved to; None before the first frame.
+        previous: The last frame that had a pose.
+        halt: Where the camera last moved to.
         outlier_counts: Landmark to the number of successive frames in which it was an outlier;
             empty without `motion.landmark_prior`.
         smoothing_px: Standard deviation of the Gaussian for all images since a noisy one; 0: none.
         row_offsets_px: Of the last keyframes, vertical offset of the right image to the left one.
-        pose_ns: Time of the last frame that had a pose.
-        frame_ns: Time of the last frame.
         lost_frames: Frames since the last pose.
     """
 

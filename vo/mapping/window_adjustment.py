@@ -124,9 +124,8 @@ class IncrementalAdjustment:
             ids, mask = ids[unspent], mask[unspent]
         if len(keyframes) < 2 or mask[:, -1].sum() < MIN_POINTS:
             return local_map, 0
-        smoother = smoother or FixedLag(
-            first, keyframes[0].T_odom_cam, keyframes[0].covariance, s.window
-        )
+        oldest = keyframes[0]
+        smoother = smoother or FixedLag(first, oldest.T_odom_cam, oldest.covariance, s.window)
         points = local_map.landmarks.points_odom[np.searchsorted(local_map.landmarks.ids, ids)]
         poses = {k.serial: k.T_odom_cam for k in keyframes}
         seen = {k.serial: k.observations for k in keyframes}

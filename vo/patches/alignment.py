@@ -36,13 +36,10 @@ PARAMETERS = 4
 
 
 class Alignment(NamedTuple):
-    """Positions of templates in an image; NaN where there is none.
+    """Pixels (N, 2) of templates in an image, and the correlation (N,) there; NaN where none.
 
-    Attributes:
-        pixels: (N, 2) sub-pixel (u, v).
-        zncc: (N,) correlation with the template there.
-        covariance_px2: (N, 2, 2) of `pixels`, by the noise of the grey levels. The
-            variance of v is zero where the search was along the row.
+    The covariance (N, 2, 2) of the pixels is by the noise of the grey levels; the variance of v is
+    zero where the search was along the row.
     """
 
     pixels: Array

@@ -38,6 +38,9 @@ def estimate_pose(
 ) -> Consensus | None:
     """Estimate T_odom_cam from matches, of which many may be false, by `settings.method`.
 
+    None if fewer than three matches can be used or all of them are degenerate. Absolute orientation
+    uses the matches with depth, and only these can be its inliers.
+
     Args:
         points_odom: (N, 3) landmarks, metres.
         rays: (N, 2) normalised image coordinates (x / z, y / z) of the left camera.
@@ -46,10 +49,6 @@ def estimate_pose(
         rng: Draws the samples.
         weights: (N,) weight of each match; all one by default.
         T_odom_guess: (4, 4) expected pose, the identity by default; RANSAC does not use it.
-
-    Returns:
-        None if fewer than three matches can be used or all of them are degenerate. Absolute
-        orientation uses the matches with depth, and only these can be its inliers.
     """
     absolute = settings.method == "absolute"
     needed = (points_odom, rays, points_cam) if absolute else (points_odom, rays)

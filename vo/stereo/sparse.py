@@ -69,18 +69,12 @@ def measure_disparities(
     slopes: Array | None = None,
     nearby: Array | None = None,
 ) -> Disparities:
-    """Find the disparity of features; NaN where unknown, unlike, ambiguous or beyond the gate.
+    """Find the disparity at pixels (N, 2); NaN where unknown, unlike, ambiguous or beyond the gate.
 
-    Args:
-        frame: The pair.
-        dense: Disparity map, possibly of a smaller image; not used where the method is sparse.
-        pixels: (N, 2) left-image (u, v).
-        settings: The method and its thresholds.
-        expected_px: (N,) disparity about which to search, if the method is sparse; where it is
-            NaN, and by default, over the whole range.
-        slopes: (N, 2) slant of the surface where it is known already; by default it comes from
-            planes through the disparities of neighbours.
-        nearby: (K, 3) u, v and disparity of other features, which are neighbours too.
+    A dense map, possibly of a smaller image, is used unless the method is sparse, which searches
+    about the expected disparities (N,), or over the whole range where they are NaN or not given.
+    The slant (N, 2) of the surface comes, if it is not known already, from planes through the
+    disparities of neighbours, to which the (K, 3) u, v and disparity of features nearby belong.
     """
     pixels = np.asarray(pixels, dtype=np.float64)
     start, distinct = _search(frame, dense, pixels, settings, expected_px)

@@ -58,16 +58,10 @@ class Context:
 
 @dataclass(frozen=True)
 class Tracked:
-    """Pose of a view, with the matches that it rests on.
+    """Pose (4, 4) of a view, with its covariance (6, 6) given the map and the matches it rests on.
 
-    Attributes:
-        view: The view, with the settings for all later stages.
-        T_odom_cam: (4, 4).
-        covariance: (6, 6) of the pose, given the map.
-        matches: With landmarks of the map, inliers or not.
-        inliers: Those within the threshold.
-        by_klt: Whether the matches come from the previous frame, not from templates.
-        counts: Stage to the number of items that passed it, and iterations.
+    `by_klt` is whether these come from the previous frame, not from templates; `counts` has the
+    number of items that passed each stage, and iterations.
     """
 
     view: View

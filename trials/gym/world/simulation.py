@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from sim.sensors.wheel_encoders import ticks
 from sim.settings import RecordSettings
-from sim.world.rover import BODY, PREFIX, WHEEL_RADIUS_M, WHEELS
+from sim.world.rover import BODY, PREFIX, WHEEL_RADIUS_M, WHEELS, ticks
 from sim.world.trip import (
     MOVER_PERIOD_S,
     Motions,
