@@ -46,7 +46,7 @@ def build(rng: np.random.Generator, settings: Options) -> Scene:
     stage = Stage("asphalt")
     half = np.array([settings.bays * BAY_M[0] + 1.0, AISLE_M + 2 * BAY_M[1]]) / 2
     light = sun(rng, (38, 60))
-    _surfaces(stage, rng, settings.wear)
+    _define_materials(stage, rng, settings.wear)
     _park(stage, rng, settings)
     _surround(stage, rng, half)
     ground = bake_ground(stage, light, half + 4, (rng, 0.10), 0.08)
@@ -62,7 +62,7 @@ def _route(rng: np.random.Generator) -> Array:
     return rounded_loop(corners + rng.uniform(-0.35, 0.35, corners.shape), radius_m=1.2)
 
 
-def _surfaces(stage: Stage, rng: np.random.Generator, wear: float) -> None:
+def _define_materials(stage: Stage, rng: np.random.Generator, wear: float) -> None:
     asphalt = floor.asphalt(rng, 1024)
     stage.material("asphalt", asphalt)
     stage.material("marking", floor.road_paint(rng, (160, 2048), wear, asphalt))
@@ -172,8 +172,7 @@ def _mark(ground: Ground, rng: np.random.Generator, settings: Options) -> None:
         ground.draw("marking", *lines)
     with stage.object("shaft_cover", Kind.GROUND):
         x, y = rng.uniform(-3, 3), rng.uniform(-1.2, 1.2)
-        cover = patch((x, y, 2 * PAINT_M), (0.6, 0, 0), (0, 0.6, 0), (3, 3))
-        ground.draw("cover", cover)
+        ground.draw("cover", patch((x, y, 2 * PAINT_M), (0.6, 0, 0), (0, 0.6, 0), (3, 3)))
 
 
 def _line(rng: np.random.Generator, start: Vector, end: Vector, width_m: float = 0.15) -> Mesh:
@@ -185,5 +184,4 @@ def _line(rng: np.random.Generator, start: Vector, end: Vector, width_m: float =
     cells = (max(1, round(length / 0.25)), 1)
     raised = PAINT_M * rng.uniform(0.8, 1.2)  # stripes that cross do not flicker
     origin = (*(a - side / 2), raised)
-    offset = (rng.random(), 0.0)
-    return patch(origin, (*way, 0), (*side, 0), cells, (2.048, width_m), offset)
+    return patch(origin, (*way, 0), (*side, 0), cells, (2.048, width_m), (rng.random(), 0.0))

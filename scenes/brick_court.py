@@ -55,7 +55,7 @@ def build(rng: np.random.Generator, settings: Options) -> Scene:
     route = _route(rng, half)
     gap_m = np.linalg.norm(paving.centre[:, None, :2] - route[None, ::2], axis=-1).min(axis=1)
     light = sun(rng)
-    _surfaces(stage, rng)
+    _define_materials(stage, rng)
     _furnish(stage, rng, half)
     _surround(stage, rng, half)
     ground = bake_ground(stage, light, half + 3, (rng, 0.14))
@@ -83,7 +83,7 @@ def _route(rng: np.random.Generator, half: Array) -> Array:
     return rounded_loop(corners, radius_m=0.9)
 
 
-def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
+def _define_materials(stage: Stage, rng: np.random.Generator) -> None:
     """Define the materials; the bricks, which hide most of the others, are the first."""
     stage.material("paving", masonry.paving_bricks(rng, 144, (100, 200)))
     stage.material("sand", masonry.sand(rng, 1024))

@@ -51,7 +51,7 @@ def build(rng: np.random.Generator, settings: Options) -> Scene:
     core = half - settings.arm_m
     middle = half - settings.arm_m / 2
     panels = _panel_places(middle)
-    _surfaces(stage, rng)
+    _define_materials(stage, rng)
     with stage.object("floor", Kind.GROUND):
         _floor(stage, rng, half, core)
     _walls(stage, half, core)
@@ -98,8 +98,7 @@ def _lamps(rng: np.random.Generator) -> Light:
     )
 
 
-def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
-    """Define the materials."""
+def _define_materials(stage: Stage, rng: np.random.Generator) -> None:
     symbols = prints.pictograms(160)
     posters = prints.posters(rng, 8, (280, 200))
     plates = np.concatenate([prints.door_signs(rng, 14, 160), symbols[:1]])

@@ -57,7 +57,7 @@ def build(rng: np.random.Generator, settings: Options) -> Scene:
     """Build the hall; layout, textures, light and walks follow the generator."""
     stage = Stage("crowded")
     light = hall_light(rng, (76, 82))
-    _surfaces(stage, rng)
+    _define_materials(stage, rng)
     _walls(stage, rng)
     _columns(stage)
     _furnish(stage, rng)
@@ -116,8 +116,7 @@ def _crossing(rng: np.random.Generator, route: Array, share: float) -> Walk:
     return Crossing(inner, outer, ROVER_STARTS_S + due - 2.7 / pace, pace)
 
 
-def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
-    """Define the materials."""
+def _define_materials(stage: Stage, rng: np.random.Generator) -> None:
     stage.material("floor", masonry.terrazzo_tiles(rng, 16, 600))
     stage.material("clothes", people.clothing_atlas(rng))
     stage.material("posters", prints.posters(rng, 12, (420, 300)), 0.12)

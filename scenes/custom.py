@@ -47,8 +47,7 @@ def load_scene(name: str) -> Scene:
     square = np.array([(half, -half), (half, half), (-half, half), (-half, -half)])
     stem = name.split(":")[-1] if ":" in name else Path(name).stem
     routes = {"default": rounded_loop(square, radius_m=0.5)}
-    tags = frozenset({"custom"})
-    return Scene(stem, TESTS, made, routes, _extent(model), tags, source=name)
+    return Scene(stem, TESTS, made, routes, _extent(model), frozenset({"custom"}), source=name)
 
 
 def _from_file(path: Path) -> mujoco.MjSpec:

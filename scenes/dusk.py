@@ -48,7 +48,7 @@ class Options(Settings):
 def build(rng: np.random.Generator, settings: Options) -> Scene:
     """Build the yard; layout, textures, lamps and their failures follow the generator."""
     stage = Stage("dusk")
-    _surfaces(stage, rng)
+    _define_materials(stage, rng)
     lamps = _lamps(stage, rng)
     _walls(stage, rng)
     _roof(stage, rng)
@@ -107,8 +107,7 @@ def _evening() -> Light:
     )
 
 
-def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
-    """Define the materials."""
+def _define_materials(stage: Stage, rng: np.random.Generator) -> None:
     stage.material("flags", np.stack([masonry.slab(rng, 500, 7) for _ in range(20)]))
     stage.material("cartons", prints.cartons(rng, 6, 256))
     tones = ((58, 84, 116), (120, 58, 46), (70, 92, 76))

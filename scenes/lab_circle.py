@@ -44,7 +44,7 @@ def build(rng: np.random.Generator, settings: Options) -> Scene:
     stage = Stage("lab_circle")
     light = hall_light(rng)
     light = replace(light, ambient_rgb=1.25 * light.ambient_rgb)  # a small, pale room
-    _surfaces(stage, rng)
+    _define_materials(stage, rng)
     _walls(stage, rng)
     _benches(stage, rng, settings.clutter)
     _middle(stage, rng)
@@ -72,8 +72,7 @@ def _route(rng: np.random.Generator, settings: Options) -> Array:
     return np.concatenate([once[:1], *[once[1:]] * settings.laps])
 
 
-def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
-    """Define the materials."""
+def _define_materials(stage: Stage, rng: np.random.Generator) -> None:
     fronts = instruments.fronts(rng, 10, (180, 340))
     wraps = instruments.wraps(rng, 10, (128, 256))
     cartons = prints.cartons(rng, 6, 192)
@@ -125,8 +124,7 @@ def _walls(stage: Stage, rng: np.random.Generator) -> None:
         for j, along in enumerate(spots):
             with stage.object(f"poster_{k}_{j}"):
                 low = rng.uniform(1.15, 1.35)
-                sheet = box((along, -0.004, low + 0.42), (0.6, 0.006, 0.84))
-                hang.cell("posters", rng, sheet)
+                hang.cell("posters", rng, box((along, -0.004, low + 0.42), (0.6, 0.006, 0.84)))
 
 
 _POSTER_SPOTS = ((0.5, 6.1), (0.55, 3.0, 5.45), (4.6, 5.4), (0.55, 2.6, 3.4))

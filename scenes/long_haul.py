@@ -66,7 +66,7 @@ def build(rng: np.random.Generator, settings: Options) -> Scene:
     stage = Stage("long_haul")
     ribbon = Ribbon(_route(rng, settings.length_m))
     light = sun(rng, (38, 54))
-    _surfaces(stage, rng)
+    _define_materials(stage, rng)
     plots = _Plots(ribbon.route)
     _build_up(stage, rng, plots, ribbon, settings.houses)
     _furnish(stage, rng, plots, ribbon)
@@ -101,8 +101,7 @@ def _route(rng: np.random.Generator, length_m: float) -> Array:
     return path
 
 
-def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
-    """Define the materials."""
+def _define_materials(stage: Stage, rng: np.random.Generator) -> None:
     stage.material("slabs", floor.paving_slabs(rng, 20, 400))
     stage.material("bricks", masonry.paving_bricks(rng, 80, (100, 200)))
     stage.material("setts", floor.granite_setts(rng, 64, 104))

@@ -68,7 +68,7 @@ def build(rng: np.random.Generator, settings: Options) -> Scene:
     route = _route(rng)
     land = _Land(rng, route, settings.path_m)
     light = sun(rng, (34, 52))
-    _surfaces(stage, rng)
+    _define_materials(stage, rng)
     _plant(stage, rng, land)
     half = np.array(FIELD_M) / 2
     ground = bake_ground(stage, light, half, (rng, 0.22), 0.1)
@@ -92,7 +92,7 @@ def _route(rng: np.random.Generator) -> Array:
     return rounded_loop(corners, radius_m=1.1)
 
 
-def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
+def _define_materials(stage: Stage, rng: np.random.Generator) -> None:
     stage.material("mown", greenery.mown(rng, 2048))
     stage.material("turf", greenery.lawn(rng, 1024, patchy=0.5))
     tone = 0.56 + 0.16 * fractal(rng, (512, 512), (30, 512), 0.8)  # grass, fresh to dry
@@ -200,8 +200,7 @@ def _flowers(ground: Ground, rng: np.random.Generator, land: _Land, half: Array)
     """Grow flowers in drifts of one or two colours."""
     uv = np.column_stack([(np.arange(len(PALETTE)) + 0.5) / len(PALETTE), np.full(5, 0.5)])
     for _ in range(40):
-        centre = rng.uniform(-half, half)
-        xy = centre + rng.normal(0, 0.7, (60, 2))
+        xy = rng.uniform(-half, half) + rng.normal(0, 0.7, (60, 2))
         feet = land.place(xy[land.beside(xy) > 0.08])
         if not len(feet):
             continue

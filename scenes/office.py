@@ -41,7 +41,7 @@ def build(rng: np.random.Generator, settings: Options) -> Scene:
     """Build the office; layout, textures and light follow the generator."""
     stage = Stage("office")
     half = np.array([settings.length_m, settings.width_m]) / 2
-    _surfaces(stage, rng)
+    _define_materials(stage, rng)
     light = _lamps(rng)
     with stage.object("walls"):
         _walls(stage, rng, half)
@@ -74,8 +74,7 @@ def _lamps(rng: np.random.Generator) -> Light:
     )
 
 
-def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
-    """Define the materials."""
+def _define_materials(stage: Stage, rng: np.random.Generator) -> None:
     stage.material("posters", prints.posters(rng, 10, (420, 300)))
     stage.material("books", prints.book_rows(rng, 14, (192, 672)))
     stage.material("cartons", prints.cartons(rng, 8, 256))
@@ -144,8 +143,7 @@ def _islands(stage: Stage, rng: np.random.Generator, half: Array) -> None:
     for k in range(3):
         centre: Place = ((k - 1) * pitch, 0.0, np.pi / 2 + rng.normal(0, 0.01))
         for j, (dx, side) in enumerate(((-0.81, 1), (0.81, 1), (-0.81, -1), (0.81, -1))):
-            turn = 0.0 if side < 0 else np.pi
-            place = local(centre, dx, side * 0.42, turn)
+            place = local(centre, dx, side * 0.42, 0.0 if side < 0 else np.pi)
             number = 4 * k + j
             furniture.desk(stage, f"desk_{number}", place, rng)
             seat = local(place, rng.uniform(-0.2, 0.2), rng.uniform(-0.62, -0.5), np.pi)

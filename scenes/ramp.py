@@ -55,7 +55,7 @@ def build(rng: np.random.Generator, settings: Options) -> Scene:
     slope = Slope.rising(settings.grade_percent / 100, settings.plateau_m, settings.run_m)
     half = np.array([np.ceil((slope.knots[-1] + APRON_M) / SLAB_M) * SLAB_M, HALF_WIDTH_M])
     light = sun(rng, (34, 52))
-    _surfaces(stage, rng)
+    _define_materials(stage, rng)
     _furnish(stage, rng, slope, half)
     _surround(stage, rng, half)
     for side, name in ((-1, "rail_right"), (1, "rail_left")):
@@ -78,7 +78,7 @@ def _route(half: Array) -> Array:
     return np.concatenate([loop[start:-1], loop[: start + 1]])
 
 
-def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
+def _define_materials(stage: Stage, rng: np.random.Generator) -> None:
     stage.material("concrete", masonry.concrete(rng, (1024, 1024)))
     stage.material("lawn", greenery.lawn(rng, 2048))
     stage.material("leaves", greenery.leaves(rng, 1, 512)[0])
@@ -195,8 +195,7 @@ def _lay_lawn(ground: Ground, rng: np.random.Generator, slope: Slope, half: Arra
         x = rng.uniform(-half[0], half[0], count)
         y = rng.choice((-1, 1), count) * (half[1] + KERB_M[0] + rng.exponential(0.25, count))
         tufts = grass_tufts(rng, np.column_stack([x, y]))
-        lift = place(tufts.points[:, :2])[:, 2]
-        tufts.points[:, 2] += lift
+        tufts.points[:, 2] += place(tufts.points[:, :2])[:, 2]
         ground.draw("lawn", tufts)
 
 

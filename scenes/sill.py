@@ -52,7 +52,7 @@ def build(rng: np.random.Generator, settings: Options) -> Scene:
     """Build the rooms; layout, textures and light follow the generator."""
     stage = Stage("sill")
     light = hall_light(rng, (70, 78))
-    _surfaces(stage, rng)
+    _define_materials(stage, rng)
     _outer_walls(stage, rng)
     _partitions(stage)
     _furnish(stage, rng)
@@ -78,8 +78,7 @@ def _doorways() -> list[Place]:
     return [*across, (-x, 0.0, 0.0), (x, 0.0, 0.0)]
 
 
-def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
-    """Define the materials."""
+def _define_materials(stage: Stage, rng: np.random.Generator) -> None:
     stage.material("oak_planks", floor.parquet(rng, 24, (90, 900), (164, 126, 86)))
     stage.material("dark_planks", floor.parquet(rng, 16, (140, 900), (122, 92, 66)))
     stage.material("carpet", textile.carpet_tiles(rng, 8, 500))

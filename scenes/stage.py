@@ -156,12 +156,9 @@ class Stage:
     ) -> None:
         """Bake the light and write textures, materials, meshes, lamps and sky.
 
-        Args:
-            light: The scene's lamps; None for an addition to a scene that has its own.
-            sky: (6 S, S, 3) faces of a cube: +x, -x, +y, -y, +z, -z as MuJoCo orders them; None
-                where no sky can be seen.
-            bake: Replaces the key's and the fill's light on the meshes of the world that carry
-                none yet.
+        Without light, it is an addition to a scene that has its own. The sky, where it can be seen,
+        is (6 S, S, 3) faces of a cube: +x, -x, +y, -y, +z, -z as MuJoCo orders them. `bake`
+        replaces the light of key and fill on the meshes of the world that carry none yet.
         """
         parts = self._gathered()
         if light is not None:

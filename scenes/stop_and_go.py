@@ -44,7 +44,7 @@ def build(rng: np.random.Generator, settings: Options) -> Scene:
     stage = Stage("stop_and_go")
     light = hall_light(rng)
     light = replace(light, ambient_rgb=1.3 * light.ambient_rgb)  # white walls all around
-    _surfaces(stage, rng)
+    _define_materials(stage, rng)
     _walls(stage, rng, settings.paintings)
     _screens(stage, rng)
     _exhibit(stage, rng, settings.sculptures)
@@ -64,11 +64,9 @@ def _route(rng: np.random.Generator) -> Array:
     return rounded_loop(corners + rng.uniform(-0.16, 0.16, corners.shape), radius_m=0.8)
 
 
-def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
-    """Define the materials."""
+def _define_materials(stage: Stage, rng: np.random.Generator) -> None:
     oak = np.array((168, 132, 92)) * rng.uniform(0.8, 1.08)
-    planks = floor.parquet(rng, 18, (140, 900), (oak[0], oak[1], oak[2]))
-    stage.material("planks", planks)
+    stage.material("planks", floor.parquet(rng, 18, (140, 900), (oak[0], oak[1], oak[2])))
     stage.material("wall", masonry.painted_wall(rng, (512, 1024), (210, 208, 202)))
     hue = HUES[rng.integers(len(HUES))]
     stage.material("accent", masonry.painted_wall(rng, (512, 1024), hue))
@@ -83,8 +81,7 @@ def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
     stage.material("marble", prints.marble(rng, 256, (206, 204, 198)))
     stage.material("brass", timber.painted(rng, (128, 128), (172, 142, 84)))
     stage.material("rope", textile.fabric(rng, 64, (120, 34, 38)))
-    cloth = HUES[rng.integers(len(HUES))]
-    stage.material("cloth", textile.fabric(rng, 256, cloth))
+    stage.material("cloth", textile.fabric(rng, 256, HUES[rng.integers(len(HUES))]))
     stage.material("ceiling", masonry.painted_wall(rng, (256, 256), (214, 213, 208)), 0.25)
     stage.material("leaf", timber.wood(rng, (512, 512), (126, 92, 62)))
     stage.material("frame", timber.wood(rng, (128, 256), (112, 80, 54)))
@@ -119,8 +116,7 @@ def _screens(stage: Stage, rng: np.random.Generator) -> None:
         for side in (0, 1):
             face = local(place, 0.0, (2 * side - 1) * thick / 2, side * np.pi)
             for j, along in enumerate((-0.85, 0.85)):
-                name = f"painting_screen_{k}_{side}_{j}"
-                exhibits.painting(stage, name, face, rng, along)
+                exhibits.painting(stage, f"painting_screen_{k}_{side}_{j}", face, rng, along)
 
 
 def _exhibit(stage: Stage, rng: np.random.Generator, count: int) -> None:

@@ -45,22 +45,20 @@ def build(rng: np.random.Generator, settings: Options) -> Scene:
     """Build the square; setts, houses, plants, light and the star follow the generator."""
     stage = Stage("turntable")
     light = _noon(rng)
-    _surfaces(stage, rng)
+    _define_materials(stage, rng)
     _fountain(stage, "fountain", rng)
     _houses(stage, rng)
     _furnish(stage, rng)
     x, y = HALF_M
     ground = bake_ground(stage, light, (-x - 0.3, -y - 2.0, x + 0.3, y + 0.3), (rng, 0.14))
     with stage.object("setts", Kind.GROUND):
-        setts = stage.atlases["setts"]
-        ground.draw("setts", coursed(rng, HALF_M, COURSE_M, SETT_M, setts))
+        ground.draw("setts", coursed(rng, HALF_M, COURSE_M, SETT_M, stage.atlases["setts"]))
     with stage.object("street", Kind.GROUND):
         _street(ground)
     _scatter_leaves(ground, rng)
     town = sky.town_sky(rng)
     reach = (-x - 0.4, -y - 0.6, x + 0.4, y + 0.4)
-    route = _star(rng, settings)
-    return stage.scene(TESTS, TAGS, light, town, route=route, reach_m=reach)
+    return stage.scene(TESTS, TAGS, light, town, route=_star(rng, settings), reach_m=reach)
 
 
 def _noon(rng: np.random.Generator) -> Light:
@@ -80,8 +78,7 @@ def _star(rng: np.random.Generator, settings: Options) -> Array:
     return sharp_loop(radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)]))
 
 
-def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
-    """Define the materials."""
+def _define_materials(stage: Stage, rng: np.random.Generator) -> None:
     stage.material("setts", floor.granite_setts(rng, 120, 104))
     stage.material("asphalt", floor.asphalt(rng, 1024))
     plasters, woods = rng.permutation(len(PLASTERS))[:3], rng.permutation(len(WOODS))[:3]

@@ -59,7 +59,7 @@ def build(rng: np.random.Generator, settings: Options) -> Scene:
     aisles_y = (np.arange(settings.aisles) - (settings.aisles - 1) / 2) * pitch
     racks_y = (np.arange(settings.aisles + 1) - settings.aisles / 2) * pitch
     light = hall_light(rng, (74, 80))
-    _surfaces(stage, rng)
+    _define_materials(stage, rng)
     _stock(stage, rng, racks_y, settings)
     _walls(stage, rng, half)
     _signs(stage, rng, aisles_y, length, settings.aisle_m)
@@ -78,8 +78,7 @@ def _route(rng: np.random.Generator, aisles_y: Array, length: float) -> Array:
     return rounded_loop(np.array(corners) + rng.uniform(-0.05, 0.05, (len(corners), 2)), 0.8)
 
 
-def _surfaces(stage: Stage, rng: np.random.Generator) -> None:
-    """Define the materials."""
+def _define_materials(stage: Stage, rng: np.random.Generator) -> None:
     stage.material("floor", pack(masonry.slab(rng, SLAB_PX)[None], 0))
     stage.material("cartons", prints.cartons(rng, 12, 256))
     tones = ((52, 84, 128), (62, 66, 70), (150, 62, 46), (74, 108, 84))

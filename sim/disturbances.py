@@ -12,11 +12,9 @@ from vo.contract.settings import amended
 class Disturbance:
     """A disturbance of visual odometry.
 
-    Attributes:
-        about: Description in a few words.
-        recipe: Key of each setting to its value as a function of the strength, or to its value at
-            strength 1, to which it is proportional; the larger value counts where two disturbances
-            set the same key.
+    The recipe maps the key of each setting to its value as a function of the strength, or to its
+    value at strength 1, to which it is proportional; the larger value counts where two disturbances
+    set the same key.
     """
 
     about: str

@@ -95,8 +95,7 @@ def _estimate() -> None:
 
 def _points() -> tuple[Array, Array]:
     """Points (N, 3) ahead of a camera, metres, and their measurements (N, 3), pixels."""
-    rng = np.random.default_rng(0)
-    measured = rng.uniform((20, 20, 5), (300, 220, 20), (60, 3))
+    measured = np.random.default_rng(0).uniform((20, 20, 5), (300, 220, 20), (60, 3))
     return RIG.triangulate(measured[:, :2], measured[:, 2]), measured
 
 

@@ -58,19 +58,15 @@ def cut_into_cells(mesh: Mesh, max_faces: int) -> list[Mesh]:
     pending = [np.arange(len(mesh.faces))]
     while pending:
         mine = pending.pop()
-        if len(mine) <= max_faces:
-            cells.append(_only(mesh, mesh.faces[mine]))
+        if len(mine) > max_faces:
+            axis = np.argmax(np.ptp(middles[mine], axis=0))
+            order = mine[np.argsort(middles[mine, axis], kind="stable")]
+            pending += [order[: len(mine) // 2], order[len(mine) // 2 :]]
             continue
-        axis = np.argmax(np.ptp(middles[mine], axis=0))
-        order = mine[np.argsort(middles[mine, axis], kind="stable")]
-        pending += [order[: len(mine) // 2], order[len(mine) // 2 :]]
+        used, index = np.unique(mesh.faces[mine], return_inverse=True)
+        faces = index.reshape(-1, 3)
+        cells.append(Mesh(mesh.points[used], mesh.normals[used], mesh.uv[used], faces))
     return cells
-
-
-def _only(mesh: Mesh, faces: Indices) -> Mesh:
-    """Keep some triangles and the points that they use."""
-    used, index = np.unique(faces, return_inverse=True)
-    return Mesh(mesh.points[used], mesh.normals[used], mesh.uv[used], index.reshape(faces.shape))
 
 
 def polygons(corners: Array, uv: Array, normals: Array | None = None) -> Mesh:
@@ -90,20 +86,18 @@ def polygons(corners: Array, uv: Array, normals: Array | None = None) -> Mesh:
 
 def grid(points: Array, uv: Array, normals: Array) -> Mesh:
     """Join a (R, C, 3) grid of points, with (R, C, 2) uv and (R, C, 3) normals, into quads."""
-    return polygons(*(grid_quads(v).reshape(-1, 4, v.shape[-1]) for v in (points, uv, normals)))
-
-
-def grid_quads(values: Array) -> Array:
-    """Gather the corners of each quad of an (R, C, ...) grid: (R - 1, C - 1, 4, ...)."""
-    return np.stack([values[:-1, :-1], values[:-1, 1:], values[1:, 1:], values[1:, :-1]], axis=2)
+    corners = [
+        np.stack([v[:-1, :-1], v[:-1, 1:], v[1:, 1:], v[1:, :-1]], axis=2)
+        for v in (points, uv, normals)
+    ]
+    return polygons(*(v.reshape(-1, 4, v.shape[-1]) for v in corners))
 
 
 def sphere(rings: int, columns: int) -> tuple[Array, Array, Array]:
     """Sample polar angle, azimuth and (columns, rings, 3) points of the unit sphere."""
     theta, phi = np.meshgrid(np.linspace(0, np.pi, rings), np.linspace(0, 2 * np.pi, columns))
     s = np.sin(theta)
-    unit = np.stack([s * np.cos(phi), s * np.sin(phi), np.cos(theta)], axis=-1)
-    return theta, phi, unit
+    return theta, phi, np.stack([s * np.cos(phi), s * np.sin(phi), np.cos(theta)], axis=-1)
 
 
 def patch(
@@ -114,15 +108,11 @@ def patch(
     texture_m: tuple[float, float] | None = None,
     offset: Vector = (0.0, 0.0),
 ) -> Mesh:
-    """Build a parallelogram as a grid; it faces along side_u x side_v.
+    """Build a parallelogram as a grid of cells; it faces along side_u x side_v.
 
-    Args:
-        origin: (3,) corner, metres.
-        side_u: (3,) edge along which u grows, metres.
-        side_v: (3,) edge along which v falls (up the image), metres.
-        cells: Quads along either edge.
-        texture_m: Size of one texture period; by default the whole image fits once.
-        offset: (2,) added to the texture coordinates.
+    From a corner, u grows along one edge and v falls (up the image) along the other, (3,) metres
+    each. By default the whole image fits once, or else periods of the texture's size; the offset
+    (2,) is added to the texture coordinates.
     """
     u, v = (np.linspace(0, 1, count + 1) for count in cells)
     a, b = np.meshgrid(u, v, indexing="ij")

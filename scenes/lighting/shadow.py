@@ -21,13 +21,9 @@ MIN_CULLED_RAD = 0.1
 
 @dataclass(frozen=True)
 class Occluder:
-    """A box that casts shadows.
+    """A box of half sizes (3,) about a centre (3,), metres, turned about z, that casts shadows.
 
-    Attributes:
-        centre: (3,) metres, world.
-        half: (3,) half sizes, metres.
-        yaw_rad: Turn about z.
-        opacity: Share of light that it stops; less than 1 for foliage.
+    The opacity is the share of light that it stops; less than 1 for foliage.
     """
 
     centre: Array
@@ -164,12 +160,9 @@ def _openness(points: Array, table: Table, reach_m: float, inside: bool) -> Arra
 
 @dataclass(frozen=True)
 class LightMap:
-    """Key and fill shares on the ground, sampled on a grid and interpolated between.
+    """Key and fill shares (2, nx, ny) on the ground, on a grid and interpolated between.
 
-    Attributes:
-        origin: (2,) x, y of the first sample, metres.
-        step_m: Spacing of the samples.
-        shares: (2, nx, ny) key and fill shares.
+    The origin (2,) is x, y of the first sample, metres.
     """
 
     origin: Array

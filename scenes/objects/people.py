@@ -54,8 +54,7 @@ class Lap:
             np.array([np.interp(s % marks[-1], marks, self.path[:, k]) for k in (0, 1)])
             for s in (way, way + np.copysign(0.3, self.pace_mps))
         )
-        heading = float(np.arctan2(*(ahead - here)[::-1]))
-        return here, heading, abs(self.pace_mps) * time_s
+        return here, float(np.arctan2(*(ahead - here)[::-1])), abs(self.pace_mps) * time_s
 
 
 @dataclass(frozen=True)

@@ -72,8 +72,7 @@ def potted_plant(stage: Stage, name: str, rng: np.random.Generator, centre: Vect
 def ball(rng: np.random.Generator, centre: Vector, radius_m: float, period_m: float = 0.35) -> Mesh:
     """Build a lumpy sphere; its texture repeats every `period_m`."""
     theta, phi, unit = sphere(6, 10)
-    bumps = rng.uniform(0, 6.28, 3)
-    swell = 1 + 0.13 * np.sin(5 * unit + bumps).sum(axis=-1)
+    swell = 1 + 0.13 * np.sin(5 * unit + rng.uniform(0, 6.28, 3)).sum(axis=-1)
     points = np.asarray(centre) + radius_m * swell[..., None] * unit
     uv = np.stack([phi, theta], axis=-1) * radius_m / period_m + rng.random(2)
     return grid(points, uv, unit)

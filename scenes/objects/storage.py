@@ -113,8 +113,7 @@ def rack(put: Pen, rng: np.random.Generator, bays: int) -> None:
         for k in range(bays):
             middle = -length / 2 + (k + 0.5) * BAY_M
             for y in (-0.48, 0.48):
-                beam = box((middle, y, z - 0.06), (BAY_M - 0.09, 0.05, 0.12), (1.0, 1.0))
-                put("beam", beam)
+                put("beam", box((middle, y, z - 0.06), (BAY_M - 0.09, 0.05, 0.12), (1.0, 1.0)))
                 for x in (-0.6, 0.6):
                     put("tags", box((middle + x, y * 1.055, z - 0.06), (0.16, 0.003, 0.07)))
     put.solid((length + 0.14, RACK_DEPTH_M + 0.1, RACK_HEIGHT_M), shadow=False)

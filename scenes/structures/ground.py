@@ -46,11 +46,9 @@ def quads(low: Vector, high: Vector, cell_m: float) -> Array:
 def scattered(rng: np.random.Generator, corners: Array, tile_m: float, period_m: float) -> Array:
     """Show tiles, squares of `tile_m`, from random places of a tiling texture, turned at random.
 
-    A texture without features larger than a tile joins without visible seams and never repeats.
-    The texture has the size `period_m`. No quad of the (N, 4, 2) corners may lie in two tiles.
-
-    Returns:
-        (N, 4, 2) texture coordinates.
+    A texture without features larger than a tile, of the size `period_m`, joins without visible
+    seams and never repeats. The texture coordinates (N, 4, 2) are of (N, 4, 2) corners of quads,
+    none of which may lie in two tiles.
     """
     share, tile = _in_tiles(rng, corners, tile_m)
     places = rng.random((tile.max() + 1, 2))

@@ -81,8 +81,7 @@ class Slope:
 
     def add_collision(self, stage: Stage, half_width_m: float) -> None:
         """Add one tilted collision box for each straight piece of the road."""
-        bends = np.abs(np.diff(self.heights, 2)) > 1e-9
-        keep = np.concatenate([[True], bends, [True]])
+        keep = np.concatenate([[True], np.abs(np.diff(self.heights, 2)) > 1e-9, [True]])
         ends = np.column_stack([self.knots[keep], self.heights[keep]])
         for k, (a, b) in enumerate(itertools.pairwise(ends)):
             if a[1] + b[1] == 0:

@@ -77,8 +77,7 @@ def paving_slabs(rng: np.random.Generator, count: int, side_px: int) -> Image:
     colour = blend(colour, (206, 198, 184), 0.75 * smoothstep(0.8, 1.6, -grit))
     stain = fractal(rng, size, (8, side_px), 1.4) + 0.4 * rng.standard_normal((count, 1, 1))
     colour = blend(colour, (88, 84, 70), 0.5 * smoothstep(1.1, 2.6, stain))
-    inset = rim((side_px, side_px))
-    ragged = inset + 0.7 * grit + 0.8 * cloud
+    ragged = rim((side_px, side_px)) + 0.7 * grit + 0.8 * cloud
     colour = blend(colour, (190, 184, 172), 0.25 * smoothstep(9, 4, ragged))
     return to_image(blend(colour, (58, 54, 46), 0.9 * smoothstep(4.2, 1.6, ragged)))
 
@@ -105,8 +104,7 @@ def granite_setts(rng: np.random.Generator, count: int, side_px: int) -> Image:
 
 def water(rng: np.random.Generator, side_px: int) -> Image:
     """Draw still, slightly rippled water under a bright sky: (S, S, 3), tiling."""
-    size = (side_px, side_px)
-    ripple = fractal(rng, size, (20, 160), 0.8)
+    ripple = fractal(rng, (side_px, side_px), (20, 160), 0.8)
     return to_image(ramp(((66, 88, 92), (104, 128, 132), (168, 186, 190)), 0.42 + 0.16 * ripple))
 
 

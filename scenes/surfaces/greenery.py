@@ -37,8 +37,7 @@ def _crossed(
     rng: np.random.Generator, side_px: int, band: tuple[float, float], slope: float, stretch: float
 ) -> Array:
     """Draw noise in a band of wavelengths, its features along either axis: (S, S)."""
-    size = (side_px, side_px)
-    along, across = (fractal(rng, size, band, slope, stretch) for _ in range(2))
+    along, across = (fractal(rng, (side_px, side_px), band, slope, stretch) for _ in range(2))
     return np.maximum(along, across.T)
 
 
@@ -66,8 +65,7 @@ def leaves(rng: np.random.Generator, count: int, side_px: int) -> Image:
         tone = np.where(bump > height, shade, tone)
         height = np.maximum(height, bump)
     tones = ((18, 26, 12), (52, 72, 34), (88, 112, 54), (136, 156, 86))
-    colour = ramp(tones, 0.12 + 0.22 * height + 0.10 * tone)
-    return to_image(colour)
+    return to_image(ramp(tones, 0.12 + 0.22 * height + 0.10 * tone))
 
 
 def fallen_leaves(rng: np.random.Generator, count: int, side_px: int) -> Image:

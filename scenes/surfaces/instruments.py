@@ -22,8 +22,7 @@ def _front(rng: np.random.Generator, shape: Shape) -> Image:
     height, width = shape
     case = np.array(CASES[rng.integers(len(CASES))])
     front = to_image(case * (1 + 0.02 * fractal(rng, shape, (2, 200), 1.0))[..., None])
-    dark = case.mean() < 110
-    ink = (210, 210, 204) if dark else (44, 46, 50)
+    ink = (210, 210, 204) if case.mean() < 110 else (44, 46, 50)
     cv2.rectangle(front, (3, 3), (width - 4, height - 4), ink, 1)
     right = int(rng.uniform(0.45, 0.62) * width)
     _screen(rng, front[int(0.1 * height) : int(0.68 * height), int(0.05 * width) : right])

@@ -35,8 +35,7 @@ def paving_bricks(rng: np.random.Generator, count: int, shape: Shape) -> Image:
 
 def _worn_edges(face: Array, coarse: Array, fine: Array) -> Array:
     """Chip and dirty the rim of (N, H, W, 3) pavers, by (N, H, W) noises."""
-    inset = rim(face.shape[1:3])
-    ragged = inset + 1.6 * coarse + 0.8 * fine
+    ragged = rim(face.shape[1:3]) + 1.6 * coarse + 0.8 * fine
     face = blend(face, (190, 156, 132), 0.30 * smoothstep(9, 4, ragged))
     return blend(face, (62, 50, 44), 0.85 * smoothstep(3.5, 0.5, ragged))
 

@@ -26,8 +26,7 @@ def fractal(
         stretch: Features are this many times longer along the columns (u) than along the rows.
 
     Returns:
-        (..., H, W) float32 of zero mean and unit deviation over each (H, W) cell; wraps at its
-        borders, so that it also tiles.
+        (..., H, W) float32 of zero mean and unit deviation over each (H, W) cell, which tiles.
     """
     height, width = shape[-2:]
     white = rng.standard_normal(tuple(shape), dtype=np.float32)

@@ -153,7 +153,8 @@ def decode_buffers(
     """Split the buffers of both cameras and convert them to metres and ids, in one pass.
 
     The projection maps depth Z to s = a / Z - c with c = n / (f - n) and a = f n / (f - n), in
-    OpenGL's single precision; cleared pixels (s = 0) have no depth.
+    OpenGL's single precision; cleared pixels (s = 0) have no depth. Depths (float32) and ids
+    (int32) of left and right are (2, H, W), top row first.
 
     Args:
         zbuffer: (H, 2W) float32 s, 1 near, 0 far, bottom row first.
@@ -161,9 +162,6 @@ def decode_buffers(
         ids: (N,) int32 id of each number.
         near_m: Near plane n.
         far_m: Far plane f.
-
-    Returns:
-        (2, H, W) float32 depth and int32 ids of left and right, top row first.
     """
     height, width = zbuffer.shape[0], zbuffer.shape[1] // 2
     depth = np.empty((2, height, width), np.float32)

@@ -104,12 +104,9 @@ class StereoRenderer:
         return {name: GL.glGetString(code).decode() for name, code in names.items()}
 
     def render_images(self, sky: bool = True) -> tuple[Image, Image]:
-        """Render both cameras at the world's present state (see `World.place_bodies`).
+        """Render left and right (H, W) grey or (H, W, 3) RGB image, uint8, of the world as placed.
 
         Without visible sky, `sky=False` is faster.
-
-        Returns:
-            Left and right (H, W) grey or (H, W, 3) RGB images, uint8.
         """
         self._update_stereo(self._image_option)
         sky_last = sky and allows_sky_last(self._scene)

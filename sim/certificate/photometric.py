@@ -51,13 +51,10 @@ GREY_WEIGHTS = np.array([0.299, 0.587, 0.114], np.float32)
 
 @dataclass(frozen=True)
 class Residual:
-    """Photometric residuals of one warp, on the pixels that both images show.
+    """Photometric residuals of one warp, on the visible fraction of pixels that both images show.
 
-    Attributes:
-        histogram: (256 * BINS_PER_GREY + 1,) pixels by absolute residual.
-        shifted_median: Median residual of the better of two labels wrong by SHIFT_PX.
-        noise_median: Median residual of noise and rounding alone.
-        visible_fraction: Pixels compared over all pixels.
+    The histogram (256 * BINS_PER_GREY + 1,) is of absolute residuals. The other medians are those
+    of the better of two labels wrong by SHIFT_PX, and of noise and rounding alone.
     """
 
     histogram: Indices

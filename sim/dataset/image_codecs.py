@@ -2,9 +2,8 @@
 
 The bytes may differ between processors; the decoded pixels do not.
 
-Source:
-    PNG, third edition (W3C, 2025), sections 5 and 9; TIFF 6.0, sections 2 and 8; Adobe Photoshop
-    TIFF Technical Notes 2 (deflate) and 3 (floating-point predictor).
+Source: PNG, third edition (W3C, 2025), sections 5 and 9; TIFF 6.0, sections 2 and 8; Adobe
+Photoshop TIFF Technical Notes 2 (deflate) and 3 (floating-point predictor).
 """
 
 import struct

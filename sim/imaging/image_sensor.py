@@ -64,12 +64,9 @@ class ImageSensor:
     ) -> Image:
         """Take a raw image, uint8; with default settings, the image that `light` was decoded from.
 
-        Args:
-            light: (H', W'[, 3]) float32 linear light in the rendered size; 1 is the brightest
-                level.
-            brightness: Exposure, as a multiple of the one for which `light` holds.
-            gain: Gain of the automatic exposure, besides `gain_db`.
-            rng: Draws the noise, if there is any; one for each camera.
+        The light (H', W'[, 3]) is float32 and linear, in the rendered size; 1 is the brightest
+        level. The exposure is `brightness` times the one for which it holds; the gain is that of
+        the automatic exposure, besides `gain_db`. The generator is of this camera alone.
         """
         light = self._optics(light)
         amplified = np.float32(brightness * self._sensitivity * gain * self._fixed_gain)

@@ -53,8 +53,7 @@ def has_distortion(settings: SensorSettings) -> bool:
 def distort(settings: SensorSettings, points: Array) -> Array:
     """Distort normalised (..., 2) points x/z, y/z.
 
-    Source:
-        OpenCV, camera calibration and 3D reconstruction: k1, k2, p1, p2.
+    Source: OpenCV, camera calibration and 3D reconstruction: k1, k2, p1, p2.
     """
     x, y = points[..., 0], points[..., 1]
     r2 = x * x + y * y

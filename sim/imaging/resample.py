@@ -18,9 +18,8 @@ def sample(image: Array, u_px: Array, v_px: Array) -> Array:
     Positions u_px, v_px (M, N) float32 have pixel centres on integers; NaN gives NaN. The samples
     are (M, N[, C]) float32.
 
-    Source:
-        Keys, Cubic convolution interpolation for digital image processing, 1981, a = -1/2: exact on
-            quadratic images.
+    Source: Keys, Cubic convolution interpolation for digital image processing, 1981, a = -1/2:
+    exact on quadratic images.
     """
     return _sampled(image, u_px, v_px, False)
 

@@ -33,11 +33,7 @@ BEND_MAX_RAD = 0.02
 
 
 def disparity_from_depth(rig: StereoRig, depth_m: Array) -> Array:
-    """Return the (H, W) float32 disparity d = f b / Z in pixels; NaN where depth is NaN.
-
-    Source:
-        Thesis eq. 2.5.
-    """
+    """Return the (H, W) float32 disparity d = f b / Z in pixels (thesis eq. 2.5); NaN stays NaN."""
     return np.divide(np.float32(rig.f_px * rig.baseline_m), depth_m, dtype=np.float32)
 
 
@@ -65,17 +61,11 @@ def visible_in_right(disparity_px: Array) -> Mask:
 
 
 def flow(rig: StereoRig, depth_m: Array, bodies: Indices, T_next_now: Array) -> Array:
-    """Return the position of each pixel's point in the next image of the same camera.
+    """Return du and dv in pixels, and depth in metres, of each pixel's point in the next image.
 
-    Args:
-        rig: Gives the pinhole.
-        depth_m: (H, W) float32 planar depth; NaN for sky, which turns with body 0, the world.
-        bodies: (H, W) integer index of the rigid body of each pixel.
-        T_next_now: (B, 4, 4) by body: maps its points from the present camera axes to the next.
-
-    Returns:
-        (H, W, 3) float32 du and dv in pixels and depth in the next image in metres. All NaN for
-        points behind the next camera; the depth is NaN for sky.
+    (H, W, 3) float32, all NaN for points behind the next camera; the depth is NaN for sky. The
+    planar depth (H, W) float32 is NaN for sky too, which turns with body 0, the world. Each pixel
+    has the index of a body, and each body (B, 4, 4) from the present camera axes to the next.
     """
     out = np.empty((*depth_m.shape, 3), np.float32)
     T = np.ascontiguousarray(T_next_now, dtype=np.float64)

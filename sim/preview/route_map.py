@@ -84,8 +84,7 @@ def _draw_route(
     axes.plot(*waypoints.T, color=color, path_effects=[outline], **style)
     shape = {"arrowstyle": "-|>", "mutation_scale": size_pt, "shrinkA": 0, "shrinkB": 0}
     for place, direction in zip(*arrow_places(waypoints, arrows), strict=True):
-        head = place + 1e-3 * direction
-        axes.annotate("", head, place, arrowprops={"color": color, **shape})
+        axes.annotate("", place + 1e-3 * direction, place, arrowprops={"color": color, **shape})
 
 
 def _draw_movers(axes: Axes, world: World) -> None:
@@ -115,8 +114,7 @@ def _draw_stops(axes: Axes, stops: Array) -> None:
         else:
             groups.append((stop, [k + 1]))
     for (x, y), numbers in groups:
-        first = 1 in numbers
-        face, ink = (ROUTE, "white") if first else ("white", INK)
+        face, ink = (ROUTE, "white") if 1 in numbers else ("white", INK)
         box = {"boxstyle": "circle,pad=0.28", "facecolor": face, "edgecolor": INK}
         if len(numbers) > 1:
             box["boxstyle"] = "round,pad=0.3,rounding_size=0.8"

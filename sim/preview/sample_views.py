@@ -51,8 +51,7 @@ class SampleView:
     @property
     def variety(self) -> float:
         """Entropy of the depth in steps of a fifth, in bits."""
-        depth_m = self.annotation.depth
-        steps = np.nan_to_num(np.log(depth_m) / math.log(1.2), nan=99).astype(int)
+        steps = np.nan_to_num(np.log(self.annotation.depth) / math.log(1.2), nan=99).astype(int)
         share = np.unique(steps, return_counts=True)[1] / steps.size
         return float(-(share * np.log2(share)).sum())
 
@@ -121,9 +120,8 @@ def render_sample_views(world: World, settings: RecordSettings) -> SampleViews:
 def short_trip(world: World, settings: RecordSettings, share: float) -> tuple[World, Trip]:
     """Simulate a short trip from a share (0 to below 1) of the route, at its time on the real trip.
 
-    Returns:
-        The world with its time shifted, and a trip of which only two successive frames are
-        delivered, or some more before them for an automatic exposure.
+    In the world with its time shifted; only two successive frames of the trip are delivered, or
+    some more before them for an automatic exposure.
 
     Raises:
         DriveError: If the rover tips over at once.

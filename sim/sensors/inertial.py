@@ -58,13 +58,8 @@ def ideal_readings(
     returns every orientation and velocity exactly, whatever shocks lie between. Positions follow by
     the trapezoidal rule; they drift only where the force changes within an interval.
 
-    Args:
-        times_ns: (K,) increasing.
-        T_world_body: (K, 4, 4) states at these times.
-        v_world_body: (K, 3) velocity of the body's origin in world axes, m/s.
-        w_world_body: (K, 3) angular velocity of the body in world axes, rad/s.
-        T_body_imu: (4, 4) the unit in the body frame.
-        gravity_mps2: (3,) in world axes, such as (0, 0, -9.81).
+    At times (K,), the body has poses (K, 4, 4), velocities of its origin (K, 3) m/s and angular
+    velocities (K, 3) rad/s in world axes; T_body_imu (4, 4) is the unit in its frame.
 
     Raises:
         ValueError: If times do not increase.
@@ -85,14 +80,10 @@ def ideal_readings(
 def with_noise(
     readings: ImuReadings, settings: ImuSettings, rng: np.random.Generator
 ) -> tuple[ImuReadings, Array]:
-    """Add white noise of the given densities and biases that walk, starting at zero.
+    """Add white noise of the given densities and biases (N, 6) that walk, starting at zero.
 
-    Returns:
-        The noisy readings, and the biases of gyroscope and accelerometer (N, 6).
-
-    Source:
-        Trawny and Roumeliotis, Indirect Kalman filter for 3D attitude estimation, 2005, eqs. 93 and
-        96: a discrete deviation of density / sqrt(dt), a step of the bias of walk * sqrt(dt).
+    Source: Trawny and Roumeliotis, Indirect Kalman filter for 3D attitude estimation, 2005, eqs. 93
+    and 96: a discrete deviation of density / sqrt(dt), a step of the bias of walk * sqrt(dt).
     """
     root_dt = np.sqrt(readings.intervals_ns * 1e-9)[:, None]
     n = len(root_dt)
@@ -116,12 +107,10 @@ def integrate(
 ) -> tuple[Array, Array]:
     """Integrate N readings (strapdown dead reckoning) from a known start, in world axes.
 
-    Returns:
-        T_world_imu (N + 1, 4, 4) and v_world_imu (N + 1, 3) m/s at the intervals' ends.
+    T_world_imu is (N + 1, 4, 4) and v_world_imu (N + 1, 3) m/s at the intervals' ends.
 
-    Source:
-        Savage, Strapdown inertial navigation integration algorithm design, 1998, with the force
-        turned by half the interval's turn and the trapezoidal rule for position.
+    Source: Savage, Strapdown inertial navigation integration algorithm design, 1998, with the force
+    turned by half the interval's turn and the trapezoidal rule for position.
     """
     dt = (readings.intervals_ns * 1e-9)[:, None]
     half_turn = Rotation.from_rotvec(readings.gyro_radps * dt / 2)

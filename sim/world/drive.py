@@ -25,9 +25,8 @@ class DriveError(DriftyardError):
 class Driver:
     """Pure pursuit of a path with a stop at its end, at `CONTROL_RATE_HZ`.
 
-    Source:
-        Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm, 1992: the arc through
-            the point one lookahead ahead has curvature 2 y / L^2.
+    Source: Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm, 1992: the arc
+    through the point one lookahead ahead has curvature 2 y / L^2.
     """
 
     def __init__(self, path: Path, settings: DriveSettings) -> None:

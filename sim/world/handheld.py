@@ -24,8 +24,7 @@ HEADING_KNOT_M = 0.4
 def build_hand() -> mujoco.MjSpec:
     """Build a kinematic body without mass, wheels or contact."""
     spec = mujoco.MjSpec()
-    body = spec.worldbody.add_body(name=BODY.removeprefix(PREFIX), mocap=True)
-    body.add_body(name=MAST)
+    spec.worldbody.add_body(name=BODY.removeprefix(PREFIX), mocap=True).add_body(name=MAST)
     return spec
 
 
@@ -41,10 +40,7 @@ def walk(
 
     The body has the rover's height above the ground, faces along a spline through the route, and
     sways with the steps, at half their rate sideways; the hands add a tremor of random waves. It
-    starts, ends and halts at rest.
-
-    Returns:
-        The motion, defined at all times, and the time of arrival in seconds.
+    starts, ends and halts at rest. The motion is defined beyond the time of arrival, seconds, too.
     """
     marks = arc_lengths(points)
     knots = np.linspace(0, marks[-1], max(4, round(marks[-1] / HEADING_KNOT_M) + 1))

@@ -15,12 +15,7 @@ CLOSED_WITHIN_M = 0.05
 
 @dataclass(frozen=True)
 class Path:
-    """A polyline by arc length.
-
-    Attributes:
-        waypoints: (N, 2) world x, y in metres, N >= 2.
-        marks_m: (N,) arc length at each waypoint, from 0.
-    """
+    """A polyline (N, 2) in world x, y, metres, N >= 2, with the arc length (N,) at each point."""
 
     waypoints: Array
     marks_m: Array

@@ -34,12 +34,9 @@ BOX_MASS_KG, BOX_CLEARANCE_M = 0.6, 0.006
 def lay_terrain(
     spec: mujoco.MjSpec, scene: Scene, path: Path, settings: RecordSettings
 ) -> Mapping[str, Thing]:
-    """Add bricks, sills, ice and cartons to a scene's spec, with contact shapes as drawn.
+    """Add bricks, sills, ice and cartons to a scene's spec; return things by name of their geoms.
 
     Each kind has its own random stream, so that adding one does not move the others.
-
-    Returns:
-        Things by name of the added geoms; empty without terrain.
     """
     terrain = settings.terrain
     stage = Stage("terrain")

@@ -44,12 +44,10 @@ class States:
 
 @dataclass(frozen=True)
 class Motions:
-    """True motion of the body frame at the inertial unit's sampling times.
+    """True motion of the body frame at the inertial unit's M sampling times, in world axes.
 
-    Attributes:
-        v_world_body: (M, 3) velocity of the body origin in world axes, m/s.
-        w_world_body: (M, 3) angular velocity in world axes, rad/s.
-        wheel_forces_n: (M, 3) load on left, right and caster wheel; zeros without wheels.
+    Velocities of its origin (M, 3) are in m/s, angular velocities (M, 3) in rad/s. Wheel forces
+    (M, 3) are on left, right and caster wheel; zeros without wheels.
     """
 
     times_ns: Indices

@@ -107,8 +107,7 @@ def refine_structure(
     Every point should be seen by at least three cameras (thesis 4.4); this function takes what
     it is given. The covariances of K cameras cost K cubed.
 
-    Source:
-        thesis eq. 2.29 with a Huber loss; the gauge is held by the fixed cameras.
+    Source: thesis eq. 2.29 with a Huber loss; the gauge is held by the fixed cameras.
     """
     estimates = [PointEstimates(x) for x in point_blocks(bundle, settings.use_disparity)]
     moving = ~bundle.fixed

@@ -53,11 +53,9 @@ class Smoothed:
 
 
 class FixedLag:
-    """Keyframes in the lag, and a prior from those before; one segment's.
+    """Keyframes in the lag, and a prior from those before, since a first one; one segment's.
 
-    Attributes:
-        first: Serial of its first keyframe.
-        spent: Landmarks whose measurements are in the prior already, and must not come again.
+    The measurements of `spent` landmarks are in the prior already, and must not come again.
     """
 
     def __init__(self, first: int, T_odom_first: Array, covariance: Array, lag: int) -> None:
@@ -155,13 +153,9 @@ class FixedLag:
         active.linearize(T_odom_cam[cameras], np.zeros(len(cameras), bool), derivatives=False)
         marginals = [self._smoother.marginalCovariance(X(serial)) for serial in serials]
         covariance = np.array(marginals)[:, TURN_LAST][:, :, TURN_LAST]
-        covariance += self._inherited(T_odom_cam)
+        T_cam_first = se3.inverse(T_odom_cam) @ self._T_odom_first  # hands its covariance on
+        covariance += [se3.transform_covariance(T, self._covariance) for T in T_cam_first]
         return Smoothed(T_odom_cam, covariance, ids, active, steps)
-
-    def _inherited(self, T_odom_cam: Array) -> Array:
-        """What the first keyframe's covariance becomes at (K, 4, 4) poses: (K, 6, 6)."""
-        T_cam_first = se3.inverse(T_odom_cam) @ self._T_odom_first
-        return np.array([se3.transform_covariance(T, self._covariance) for T in T_cam_first])
 
     def _poses(self, serials: list[int]) -> Array:
         estimate = self._smoother.calculateEstimate()

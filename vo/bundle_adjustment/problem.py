@@ -76,13 +76,10 @@ def collect(
 
 @dataclass(frozen=True)
 class PointBlock:
-    """Some points of a bundle with all of their measurements.
+    """Some points (P, 3) of a bundle, by their rows (P,) in it, with all of their measurements.
 
-    Attributes:
-        rows: (P,) of the bundle's points.
-        cameras: (C,) of the bundle's cameras, those that see one of the points.
-        points: (P, 3) initial points, metres.
-        data: Measurements; their cameras index `cameras`.
+    The cameras (C,) are those of the bundle that see one of the points; the measurements index
+    them.
     """
 
     rows: Indices
@@ -96,8 +93,7 @@ def point_blocks(bundle: Bundle, use_disparity: bool = True) -> list[PointBlock]
     K, J = len(bundle.T_world_cam), len(bundle.points_world)
     first_seen = np.full(J, K)
     np.minimum.at(first_seen, bundle.point, bundle.camera)
-    dense = K <= DENSE_CAMERAS
-    group = np.zeros(J, dtype=np.int64) if dense else first_seen // BLOCK_CAMERAS
+    group = np.zeros(J, dtype=np.int64) if K <= DENSE_CAMERAS else first_seen // BLOCK_CAMERAS
     order = np.argsort(bundle.point, kind="stable")
     measured, weight = weigh(bundle.measured, bundle.sigma, use_disparity)
     f = intrinsics(bundle.K, bundle.baseline_m)

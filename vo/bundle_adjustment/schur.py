@@ -110,14 +110,9 @@ def eliminate_points(
 ) -> tuple[Array, Array, float, Array]:
     """Solve for every point and eliminate it.
 
-    With `size` 0 and all slots -1 that leaves the cost and the points, for a third of the time.
-
-    Args:
-        cameras: K poses.
-        points: (J, 3) where to start.
-        data: Of the points.
-        slot: (K,) place of each camera among the unknowns; -1 for one that is fixed.
-        size: Cameras that may move, S.
+    The points (J, 3) are where to start. The slot (K,) is the place of each camera among the S
+    unknowns, `size`; -1 for one that is fixed. With size 0 and all slots -1 that leaves the cost
+    and the points, for a third of the time.
 
     Returns:
         (6 S, 6 S) and (6 S,) normal equations of the cameras, half the sum of squares, and the

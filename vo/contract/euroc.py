@@ -63,8 +63,7 @@ def read_euroc_truth(folder: Path, T_body_cam: Array) -> Trajectory | None:
     times, rows = read_columns(table, range(1, 8), TrajectoryError)
     if len(times) == 0:
         raise TrajectoryError(f"{table}: holds no poses")
-    T_world_body = se3.from_quat_wxyz(rows[:, 3:7], rows[:, :3])
-    return Trajectory(times, T_world_body @ T_body_cam)
+    return Trajectory(times, se3.from_quat_wxyz(rows[:, 3:7], rows[:, :3]) @ T_body_cam)
 
 
 def _read_wheels(table: Path) -> WheelLog | None:

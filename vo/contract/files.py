@@ -99,8 +99,7 @@ def read_grey(path: Path) -> Image:
     Raises:
         DatasetError: If the file is missing, truncated or not an image.
     """
-    image = _decode(path, cv2.IMREAD_GRAYSCALE)
-    return np.asarray(image, dtype=np.uint8)
+    return np.asarray(_decode(path, cv2.IMREAD_GRAYSCALE), dtype=np.uint8)
 
 
 def read_float(path: Path, channels: int = 1) -> Array:

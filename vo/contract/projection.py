@@ -25,8 +25,7 @@ def image_jacobian(x: Any, y: Any, inverse_z: Any) -> tuple[Row, Row]:
     Of a point in the camera frame, x is x / z, y is y / z and inverse_z is 1 / z: numbers, also in
     compiled code, or arrays (N,). The derivatives of x come first, then those of y.
 
-    Source:
-        Longuet-Higgins and Prazdny, The interpretation of a moving retinal image, 1980.
+    Source: Longuet-Higgins and Prazdny, The interpretation of a moving retinal image, 1980.
     """
     return (
         (x * y, -1 - x * x, y, -inverse_z, 0.0, x * inverse_z),

@@ -53,10 +53,7 @@ class StereoRig:
     def project(self, points_cam: Array) -> Array:
         """Project (..., 3) points_cam in metres to (..., 3) (u_left, v, disparity) in pixels.
 
-        A point in or behind the image plane (z <= 0) projects to NaN.
-
-        Source:
-            u = f x / z + cx, v = f y / z + cy, d = f b / z (thesis eqs. 2.1, 2.5).
+        u = f x / z + cx, v = f y / z + cy, d = f b / z (thesis eqs. 2.1, 2.5); NaN if z <= 0.
         """
         z = points_cam[..., 2]
         inverse_z = np.divide(1.0, z, out=np.full_like(z, np.nan), where=z > 0)
@@ -67,11 +64,7 @@ class StereoRig:
     def triangulate(self, pixels_left: Array, disparity_px: Array) -> Array:
         """Back-project (..., 2) left pixels with (...,) disparities u_left - u_right to points_cam.
 
-        Returns:
-            (..., 3) points_cam in metres; NaN where the disparity is not positive.
-
-        Source:
-            Z = f b / d (thesis eq. 2.5).
+        (..., 3) points_cam are in metres, Z = f b / d (thesis eq. 2.5); NaN unless d > 0.
         """
         d = np.asarray(disparity_px, dtype=float)
         inverse_d = np.divide(1.0, d, out=np.full_like(d, np.nan), where=d > 0)

@@ -106,16 +106,13 @@ def to_quat_wxyz(T: Array) -> Array:
 
 
 def nearest_rotation(matrix: Array) -> tuple[Array, Array]:
-    """Find the rotation that is nearest to a matrix (3, 3), in the least-squares sense.
+    """Find the rotation U diag(1, 1, +-1) V^T that is nearest to a matrix (3, 3), by least squares.
 
-    Of a scatter matrix sum(a b^T) that is the R of least squares with a = R @ b.
+    Of a scatter matrix sum(a b^T) that is the R of least squares with a = R @ b. The singular
+    values (3,) are signed alike.
 
-    Returns:
-        (3, 3) U diag(1, 1, +-1) V^T, and (3,) the singular values, signed alike.
-
-    Source:
-        Umeyama, Least-squares estimation of transformation parameters between two point
-        patterns, PAMI 13(4), 1991, eqs. 38 to 43; Kabsch, 1976.
+    Source: Umeyama, Least-squares estimation of transformation parameters between two point
+    patterns, PAMI 13(4), 1991, eqs. 38 to 43; Kabsch, 1976.
     """
     U, D, Vt = np.linalg.svd(matrix)
     S = np.array([1.0, 1.0, np.sign(np.linalg.det(U) * np.linalg.det(Vt))])

@@ -24,8 +24,7 @@ def detect(image: Image, settings: FeatureSettings) -> Array:
     (N, 2) float64 sub-pixel (u, v), centres on integers, strongest first, at most `count`.
     """
     found = DETECTORS[settings.detector](image, settings)
-    selected = found[_select_by_cell(found, image.shape, settings)]
-    return np.ascontiguousarray(selected[:, :2])
+    return np.ascontiguousarray(found[_select_by_cell(found, image.shape, settings)][:, :2])
 
 
 def _select_by_cell(found: Array, shape: tuple[int, ...], settings: FeatureSettings) -> Indices:
@@ -34,8 +33,7 @@ def _select_by_cell(found: Array, shape: tuple[int, ...], settings: FeatureSetti
     column, row = (found[:, :2] // settings.cell_px).astype(np.int64).T
     cell = row * -(-shape[1] // settings.cell_px) + column
     order = np.argsort(-strength, kind="stable")
-    rank = _ranks(cell[order])
-    return order[np.sort(np.argsort(rank, kind="stable")[: settings.count])]
+    return order[np.sort(np.argsort(_ranks(cell[order]), kind="stable")[: settings.count])]
 
 
 @compiled()

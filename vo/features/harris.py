@@ -28,8 +28,7 @@ def harris(image: Image, settings: FeatureSettings) -> Array:
     inside = (u > 0) & (v > 0) & (u < image.shape[1] - 1) & (v < image.shape[0] - 1)
     found = np.stack([np.zeros_like(u), v, u], axis=-1)[inside]
     pixels = found[:, :0:-1] + vertices(response[None], found)
-    strength = response[found[:, 1], found[:, 2]]
-    return np.column_stack([pixels, strength])
+    return np.column_stack([pixels, response[found[:, 1], found[:, 2]]])
 
 
 def harris_response(image: Image, line_ratio: float) -> Array:

@@ -19,12 +19,10 @@ class PlaneFit(NamedTuple):
     """Parameters of the fit of a plane (decision 4; weights after Zhang 1997).
 
     Attributes:
-        neighbours: Largest number of neighbours.
         max_distance_px: Distance beyond which neighbours lie on another surface.
         min_support: Smallest sum of the weights of the neighbours that agree with the plane.
         residual_px: Residual at which a neighbour loses three quarters of its weight.
         own_weight: Weight of the feature's own disparity: the feature lies on the plane.
-        iterations: Reweighted fits.
         prior: Weight of a slope of zero, px²: neighbours on one line give no slope across it.
     """
 

@@ -40,10 +40,9 @@ UNREFINED_SIGMA_PX = 0.3
 
 @dataclass(frozen=True)
 class Disparities:
-    """Disparities of N pixels of the left image.
+    """Disparities (N,), u_left - u_right, of pixels of the left image; NaN where unknown.
 
     Attributes:
-        values_px: (N,) u_left - u_right; NaN where unknown.
         sigma_px: (N,) standard deviation, by the noise of the grey levels and by the disagreement
             of neighbouring windows; NaN where unknown.
         slopes: (N, 2) slant of the surface: change of disparity per pixel along u and v; zero, a

@@ -36,8 +36,7 @@ def find_matches(
     rows, found = match_mutual(
         landmarks.descriptors, expected, view.descriptors, features, search_radius_px, s
     ).T
-    start = features[found]
-    return _measure(local_map, view, T_odom_cam, rows, found, start, s.min_align_zncc)
+    return _measure(local_map, view, T_odom_cam, rows, found, features[found], s.min_align_zncc)
 
 
 def find_guided_matches(
@@ -55,8 +54,7 @@ def find_guided_matches(
     # Without a feature, only the correlation tells a landmark from what now lies in its place.
     quantile = view.settings.matching.guided_quantile
     min_zncc = _correlation_of_neighbours(matches, expected[:, 2], rows, quantile)
-    start = expected[rows, :2]
-    more = _measure(local_map, view, T_odom_cam, rows, none, start, min_zncc)
+    more = _measure(local_map, view, T_odom_cam, rows, none, expected[rows, :2], min_zncc)
     return matches.merge(more.select(~np.isnan(more.disparity_px)))
 
 

@@ -152,8 +152,7 @@ def motion_evidence(points_cam: Array, flow_px: Array, rig: StereoRig, along: Ar
     Infinite if hardly anything remains. The points (N, 3) are in metres, their flow (N, 2) in the
     left image; (6, K) are the tangents of the motions in question.
 
-    Source:
-        Analysis of variance, after least absolute deviations by reweighting.
+    Source: Analysis of variance, after least absolute deviations by reweighting.
     """
     x, y = (points_cam[:, :2] / points_cam[:, 2:]).T
     rows = [  # from (w, v) to (v, w)
