@@ -8,16 +8,7 @@ from pydantic import Field
 from scenes.geometry.mesh import box, patch
 from scenes.geometry.routes import rounded_loop
 from scenes.lighting.baked_light import Light, hall_light
-from scenes.objects.storage import (
-    BAY_M,
-    LEVELS_M,
-    RACK_DEPTH_M,
-    cone,
-    load,
-    pallet_truck,
-    rack,
-    standing_drums,
-)
+from scenes.objects import storage
 from scenes.pen import Pen, Place, piece
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage
@@ -53,9 +44,9 @@ class Options(Settings):
 def build(rng: np.random.Generator, settings: Options) -> Scene:
     """Build the warehouse; load, textures and light follow the generator."""
     stage = Stage("warehouse")
-    pitch = settings.aisle_m + RACK_DEPTH_M
-    length = settings.bays * BAY_M
-    half = np.array([length / 2 + 3.1, (settings.aisles * pitch + RACK_DEPTH_M) / 2 + 0.25])
+    pitch = settings.aisle_m + storage.RACK_DEPTH_M
+    length = settings.bays * storage.BAY_M
+    half = np.array([length / 2 + 3.1, (settings.aisles * pitch + storage.RACK_DEPTH_M) / 2 + 0.25])
     aisles_y = (np.arange(settings.aisles) - (settings.aisles - 1) / 2) * pitch
     racks_y = (np.arange(settings.aisles + 1) - settings.aisles / 2) * pitch
     light = hall_light(rng, (74, 80))
@@ -102,17 +93,17 @@ def _define_materials(stage: Stage, rng: np.random.Generator) -> None:
 def _stock(stage: Stage, rng: np.random.Generator, racks_y: Array, settings: Options) -> None:
     """Put up the racks and fill them; each load is an object."""
     for r, y in enumerate(racks_y):
-        rack(stage, f"rack_{r}", (0.0, y, 0.0), rng, settings.bays)
+        storage.rack(stage, f"rack_{r}", (0.0, y, 0.0), rng, settings.bays)
         for bay in range(settings.bays):
             for side in (-0.61, 0.61):
-                x = (bay - (settings.bays - 1) / 2) * BAY_M + side
-                for shelf, base in enumerate(LEVELS_M):
+                x = (bay - (settings.bays - 1) / 2) * storage.BAY_M + side
+                for shelf, base in enumerate(storage.LEVELS_M):
                     if rng.random() > settings.stock:
                         continue
                     turn = np.pi * rng.integers(2) + rng.normal(0, 0.015)
                     place: Place = (x + rng.normal(0, 0.015), y + rng.normal(0, 0.02), turn)
                     with stage.object(f"load_{r}_{bay}_{'a' if side < 0 else 'b'}_{shelf}"):
-                        load(stage, rng, place, base)
+                        storage.load(stage, rng, place, base)
 
 
 def _walls(stage: Stage, rng: np.random.Generator, half: Array) -> None:
@@ -175,14 +166,15 @@ def _place_loose(stage: Stage, rng: np.random.Generator, half: Array, racks_y: A
     for k, y in enumerate(racks_y[1:-1:2]):
         spot: Place = (half[0] - 0.72, y + rng.uniform(-0.2, 0.2), rng.uniform(-0.2, 0.2))
         if k % 2 == 0:
-            pallet_truck(stage, f"truck_{k}", spot, rng)
+            storage.pallet_truck(stage, f"truck_{k}", spot, rng)
         else:
-            standing_drums(stage, f"drum_{k}", rng, np.array(spot[:2]))
+            storage.standing_drums(stage, f"drum_{k}", rng, np.array(spot[:2]))
     for k, side in enumerate((-1, 1)):
         corner = half * (1, side) - np.array([0.75, 0.75 * side])
-        standing_drums(stage, f"corner_{k}", rng, corner)
+        storage.standing_drums(stage, f"corner_{k}", rng, corner)
     for k, y in enumerate(racks_y[1:-1]):
-        cone(stage, f"cone_{k}", (-half[0] + 0.35, y + rng.uniform(-0.5, 0.5), rng.uniform(0, 1)))
+        place = (-half[0] + 0.35, y + rng.uniform(-0.5, 0.5), rng.uniform(0, 1))
+        storage.cone(stage, f"cone_{k}", place)
 
 
 def _floor(stage: Stage, rng: np.random.Generator, half: Array, light: Light) -> None:

@@ -22,13 +22,8 @@ from vo.mapping.batch_smoothing import smooth
 from vo.mapping.keyframes import add_keyframe, needs_keyframe
 from vo.mapping.relocalization import mark_lost, relocalize
 from vo.mapping.window_adjustment import adjuster
+from vo.tracking import diagnostics
 from vo.tracking.association import add_observations
-from vo.tracking.diagnostics import (
-    add_row_offset,
-    explain_calibration,
-    explain_failure,
-    explain_weakness,
-)
 from vo.tracking.frontend import Frontend
 from vo.tracking.landmark_prior import cull_landmarks
 from vo.tracking.stationary import detect_stationary, start_halt
@@ -140,7 +135,7 @@ class StereoOdometry:
             view.frame.timestamp_ns,
             Status.LOST,
             None,
-            reason=explain_failure(view) or few,
+            reason=diagnostics.explain_failure(view) or few,
             counts={"features": len(view.features), **counts},
             timings_ms=clock.ms,
         )
@@ -159,7 +154,7 @@ class StereoOdometry:
             self._history.transform(state.map.keyframes[0].serial, T_new_old)
             state.map, state.lost_map = transform_map(state.map, T_new_old, covariance), None
         self._history.record_map(state.map, view.settings.refinement)
-        state.row_offsets_px = add_row_offset(state.row_offsets_px, view, inliers)
+        state.row_offsets_px = diagnostics.add_row_offset(state.row_offsets_px, view, inliers)
         counts = {**tracked.counts, "structure iterations": iterations}
         return replace(tracked, T_odom_cam=state.map.keyframes[-1].T_odom_cam, counts=counts)
 
@@ -175,13 +170,13 @@ class StereoOdometry:
         """Report the pose of a tracked frame."""
         view, counts, T_odom_cam = tracked.view, tracked.counts, tracked.T_odom_cam
         inliers, iterations = len(tracked.inliers), counts["motion iterations"]
-        weakness = explain_weakness(inliers, iterations, view.settings)
+        weakness = diagnostics.explain_weakness(inliers, iterations, view.settings)
         keyframe = self.state.map.keyframes[-1]
         return Estimate(
             view.frame.timestamp_ns,
             Status.WEAK if weakness else Status.TRACKED,
             T_odom_cam,
-            reason=weakness or explain_calibration(self.state.row_offsets_px),
+            reason=weakness or diagnostics.explain_calibration(self.state.row_offsets_px),
             counts={"features": len(view.features), **counts},
             timings_ms=clock.ms,
             observations=tracked.observations(),

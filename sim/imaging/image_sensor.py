@@ -7,15 +7,7 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from sim.imaging.lens import (
-    delivered_to_raw,
-    has_distortion,
-    miscalibration_rotation,
-    pixel_grid,
-    psf_radius_px,
-    raw_margin_px,
-    raw_to_nominal,
-)
+from sim.imaging import lens
 from sim.imaging.linear_light import Encoding, Response, levels_to_light, light_to_levels
 from sim.imaging.resample import sample
 from sim.settings import RecordSettings
@@ -50,12 +42,12 @@ class ImageSensor:
         self._fixed_gain = 10 ** (sensor.gain_db / 20)
         self._well = sensor.full_well or WELL
         self._read_noise = sensor.read_noise * (sensor.right_noise if camera else 1.0)
-        self.raw_margin_px = raw_margin_px(settings, rig)
+        self.raw_margin_px = lens.raw_margin_px(settings, rig)
         self._optics = self._optics_of(settings, camera, rig, rendered)
         self._falloff = _vignetting_falloff(sensor.vignetting, rig, self.raw_margin_px)
         self._rectification: tuple[Array, Array] | None = None
-        if has_distortion(sensor):
-            places = delivered_to_raw(settings, rig, pixel_grid(rig))
+        if lens.has_distortion(sensor):
+            places = lens.delivered_to_raw(settings, rig, lens.pixel_grid(rig))
             u_px, v_px = (a + self.raw_margin_px for a in places)
             self._rectification = u_px.astype(np.float32), v_px.astype(np.float32)
 
@@ -148,14 +140,14 @@ class ImageSensor:
         self, settings: RecordSettings, camera: int, rig: StereoRig, rendered: StereoRig
     ) -> Callable[[Array], Array]:
         """Return the map of rendered light to the sensor: distortion, crop and blur."""
-        R = miscalibration_rotation(settings.calibration) if camera else np.eye(3)
-        blur = psf_radius_px(settings.sensor)
+        R = lens.miscalibration_rotation(settings.calibration) if camera else np.eye(3)
+        blur = lens.psf_radius_px(settings.sensor)
         pad = blur + self.raw_margin_px
         rows, columns = rendered.height_px - rig.height_px, rendered.width_px - rig.width_px
         top, left = rows // 2, columns // 2
-        bends = has_distortion(settings.sensor) or not np.array_equal(R, np.eye(3))
-        grid = pixel_grid(rig, pad)
-        places = raw_to_nominal(settings.sensor, rig, R, grid) if bends else None
+        bends = lens.has_distortion(settings.sensor) or not np.array_equal(R, np.eye(3))
+        grid = lens.pixel_grid(rig, pad)
+        places = lens.raw_to_nominal(settings.sensor, rig, R, grid) if bends else None
         if places is None and min(top, left) < pad:
             raise ValueError(f"rendered margin of {min(top, left)} px, needed {pad} px")
         if places is not None:

@@ -1,13 +1,13 @@
 """Terrain: bricks, sills, ice and cartons along a route, on any scene."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 import mujoco
 import numpy as np
 
 from scenes.geometry.mesh import box, patch, tube
-from scenes.scene import COLLISION_GROUP, Kind, Scene, Thing
+from scenes.scene import Kind, Scene, Thing
 from scenes.stage import Stage
 from scenes.surfaces import masonry, prints, timber
 from scenes.surfaces.atlas import pack
@@ -73,20 +73,27 @@ class _Way:
         return np.array([*xy, float(self._scene.elevation(xy))]), yaw
 
 
+def _steps(way: _Way, step_m: Callable[[], float], most: int = 10_000) -> Iterator[float]:
+    """Yield the arc lengths of random steps along the route, beyond its clear start."""
+    s = CLEAR_START_M
+    for _ in range(most):
+        s += step_m()
+        if s > way.length_m:
+            return
+        yield s
+
+
 def _lay_bricks(
     stage: Stage, rng: np.random.Generator, way: _Way, terrain: TerrainSettings
 ) -> None:
     """Lay single bricks on the tracks of the wheels, left or right, with random headings."""
     faces = pack(masonry.paving_bricks(rng, 12, (100, 200)))
     stage.material("loose_bricks", faces.image)
-    s = CLEAR_START_M
-    for k in range(10_000):
-        s += terrain.brick_gap_m * rng.uniform(0.5, 1.5)
+    gaps = _steps(way, lambda: terrain.brick_gap_m * rng.uniform(0.5, 1.5))
+    for k, s in enumerate(gaps):
         side = rng.choice([-1, 1]) * TRACK_M / 2 + rng.normal(0, 0.02)
         turn, height_mm = rng.uniform(-0.6, 0.6), rng.normal(terrain.brick_mm, terrain.brick_std_mm)
-        cell = faces.rects[rng.integers(faces.count)]
-        if s > way.length_m:
-            break
+        cell = faces.pick(rng)
         ground, yaw = way.at(s, float(side))
         height = max(height_mm, 0.3 * terrain.brick_mm) * 1e-3
         size = (*BRICK_M, height + BURIED_M)
@@ -101,12 +108,9 @@ def _lay_sills(stage: Stage, rng: np.random.Generator, way: _Way, terrain: Terra
     """Lay door sills and cables across the route in turn, with random headings."""
     stage.material("sill", timber.wood(rng, (128, 512), (150, 116, 80)))
     stage.material("cable", timber.painted(rng, (64, 64), (46, 46, 50)))
-    s = CLEAR_START_M
-    for k in range(10_000):
-        s += terrain.sill_gap_m * rng.uniform(0.6, 1.4)
+    gaps = _steps(way, lambda: terrain.sill_gap_m * rng.uniform(0.6, 1.4))
+    for k, s in enumerate(gaps):
         askew = rng.uniform(-0.2, 0.2)
-        if s > way.length_m:
-            break
         ground, yaw = way.at(s)
         height = terrain.sill_mm * 1e-3
         with stage.object(f"sill_{k}", Kind.GROUND):
@@ -123,14 +127,10 @@ def _lay_cable(stage: Stage, name: str, ground: Array, yaw: float, height_m: flo
     """Lay a straight cable whose diameter is the height."""
     half = SILL_LENGTH_M / 2 * np.array([-math.sin(yaw), math.cos(yaw), 0.0])
     middle = ground + height_m / 2 * UP
-    stage.draw("cable", tube(middle - half, middle + half, height_m / 2, 12))
-    stage.spec.worldbody.add_geom(
-        name=name,
-        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
-        fromto=[*(middle - half), *(middle + half)],
-        size=(height_m / 2, 0, 0),
-        group=COLLISION_GROUP,
-    )
+    a, b, radius_m = middle - half, middle + half, height_m / 2
+    stage.draw("cable", tube(a, b, radius_m, 12))
+    capsule = mujoco.mjtGeom.mjGEOM_CAPSULE
+    stage.collision(name, capsule, fromto=[*a, *b], size=(radius_m, 0, 0))
 
 
 def _lay_ice(stage: Stage, rng: np.random.Generator, way: _Way, terrain: TerrainSettings) -> None:
@@ -156,17 +156,13 @@ def _lay_boxes(stage: Stage, rng: np.random.Generator, way: _Way, terrain: Terra
     """Place light cartons on the route."""
     sides = pack(prints.cartons(rng, 6, 256))
     stage.material("loose_cartons", sides.image)
-    s = CLEAR_START_M
-    for k in range(1_000):
-        s += rng.uniform(0.6, 1.4) / terrain.boxes_per_m
+    gaps = _steps(way, lambda: rng.uniform(0.6, 1.4) / terrain.boxes_per_m, 1_000)
+    for k, s in enumerate(gaps):
         size = rng.uniform((0.24, 0.28, 0.28), (0.34, 0.42, 0.44))
         side, turn = rng.uniform(-0.12, 0.12), rng.uniform(-0.4, 0.4)
-        cell = sides.rects[rng.integers(sides.count)]
-        if s > way.length_m:
-            break
-        ground, yaw = way.at(s, float(side))
-        name = f"box_{k}"
+        cell = sides.pick(rng)
+        ground, yaw = way.at(s, side)
         centre = ground + (size[2] / 2 + BOX_CLEARANCE_M) * UP
-        with stage.free_body(name, centre, yaw + turn):
+        with stage.free_body(f"box_{k}", centre, yaw + turn):
             stage.draw("loose_cartons", box((0, 0, 0), size, bottom=True).textured(cell))
-            stage.obstacle(f"{name}/hull", (0, 0, 0), size, mass_kg=BOX_MASS_KG)
+            stage.obstacle(f"box_{k}/hull", (0, 0, 0), size, mass_kg=BOX_MASS_KG)

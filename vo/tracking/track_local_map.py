@@ -14,13 +14,7 @@ from vo.hooks import Hooks
 from vo.map.frame import Matches, View
 from vo.map.local_map import LocalMap
 from vo.map.state import TrackerState
-from vo.tracking.association import (
-    find_guided_matches,
-    find_matches,
-    in_view,
-    is_consistent,
-    project_landmarks,
-)
+from vo.tracking import association
 from vo.tracking.diagnostics import images_look_swapped
 from vo.tracking.hooked import replace_inliers, replace_matches, replace_prediction
 from vo.tracking.klt import track_klt
@@ -100,7 +94,7 @@ def track_local_map(
     """Match landmarks near their projections by a predicted pose (4, 4), and estimate the pose."""
     radius_px = radius_px or view.settings.matching.search_radius_px
     with context.clock("matching"):  # mutual nearest neighbours by ZNCC, alignment (3.2)
-        matches = find_matches(state.map, view, T_guess, radius_px)
+        matches = association.find_matches(state.map, view, T_guess, radius_px)
     return _estimate(state, view, T_guess, matches, context)
 
 
@@ -109,8 +103,8 @@ def is_reliable(tracked: Tracked | NotTracked, local_map: LocalMap) -> bool:
     if isinstance(tracked, NotTracked):
         return False
     view = tracked.view
-    expected = project_landmarks(local_map.landmarks, tracked.T_odom_cam, view.rig)
-    visible = in_view(expected, view).sum()
+    expected = association.project_landmarks(local_map.landmarks, tracked.T_odom_cam, view.rig)
+    visible = association.in_view(expected, view).sum()
     return len(tracked.inliers) >= view.settings.matching.min_inlier_ratio * visible
 
 
@@ -178,7 +172,7 @@ def _estimate(
 
     def verified(matches: Matches) -> Matches:
         if view.settings.matching.circular_check and state.previous:
-            keep = is_consistent(matches, state.map.landmarks, state.previous, view)
+            keep = association.is_consistent(matches, state.map.landmarks, state.previous, view)
             matches = matches.select(keep)
         return replace_matches(hooks, matches, state.map, view)
 
@@ -202,7 +196,7 @@ def _estimate(
         counts["motion iterations"] = pose.iterations
     if view.settings.matching.guided and not by_klt:
         with clock("guided matching"):  # the other landmarks, at their projections (F5)
-            matches = find_guided_matches(state.map, view, pose.T_world_cam, matches)
+            matches = association.find_guided_matches(state.map, view, pose.T_world_cam, matches)
             matches = verified(matches)
             pose = refine_pose(pose.T_world_cam, inliers_of(pose.T_world_cam, matches), view)
             counts["motion iterations"] += pose.iterations
