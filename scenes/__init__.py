@@ -34,8 +34,7 @@ from vo.contract.settings import Settings, complaint
 class SceneBuilder:
     """Builder of a scene from a generator and its options, and what the scene tests.
 
-    The defaults are recording settings that belong to the scene, as `key.path` to value; settings
-    of the user take precedence.
+    The defaults are its recording settings, as `key.path` to value; the user's take precedence.
     """
 
     tests: str

@@ -12,8 +12,7 @@ from vo.contract.sequence import StereoFrame
 class Hooks:
     """Changes nothing; derive from it and override what is to be replaced.
 
-    Each method returns an array of the shape that it was given, except for `features`. All
-    arguments are read-only.
+    Each method but `features` returns an array of the shape given. All arguments are read-only.
     """
 
     def __init_subclass__(cls) -> None:
@@ -43,8 +42,7 @@ class Hooks:
     def pixels(self, frame: StereoFrame, ids: Indices, pixels: Array) -> Array:
         """Replace the pixels (L, 2) of all landmarks of the map in the left image.
 
-        They are NaN where a landmark was not matched, and NaN is returned for those that are not
-        to be used. Any other may be.
+        They are NaN where a landmark was not matched; NaN is returned for those not to be used.
         """
         return pixels
 

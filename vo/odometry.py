@@ -42,8 +42,7 @@ from vo.tracking.track_local_map import (
 class StereoOdometry:
     """CenSurE, ZNCC, P3P under RANSAC, and bundle adjustment of a window of keyframes.
 
-    The hooks may replace the output of a stage, and may be exchanged at any time; the state is what
-    one frame hands to the next.
+    Hooks may replace the output of a stage; the state is what one frame hands to the next.
     """
 
     def __init__(

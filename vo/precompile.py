@@ -36,8 +36,7 @@ DISPARITY_PX, STEP_PX = 10, 3
 def compile_ahead() -> None:
     """Compile the estimator's functions, unless their machine code is kept already.
 
-    Several processes of a user and an installation do this once: the first compiles, the others
-    wait.
+    Of several processes of a user and an installation, the first compiles and the others wait.
     """
     if _is_compiled():
         return

@@ -33,8 +33,7 @@ class Atlas:
 def pack(cells: Image, gutter_px: int = 8) -> Atlas:
     """Lay out (N, h, w, 3) cells in a near-square grid, N >= 1.
 
-    Each cell is framed by its own replicated border: without it a mipmap level would mix
-    neighbours into the edge.
+    Each cell is framed by its replicated border: else a mipmap level would mix in neighbours.
     """
     count, height, width, _ = cells.shape
     g = gutter_px

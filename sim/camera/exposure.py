@@ -50,8 +50,8 @@ def expose(
 ) -> tuple[tuple[Array, Array], int]:
     """Integrate the light on both cameras over the exposure; moves the world.
 
-    Left and right images, and the number of sub-frames: a single one as rendered, uint8, more as
-    float32 linear light, 0 to 1.
+    Left and right images, uint8 as rendered where the number of sub-frames, which comes after
+    them, is one, else float32 linear light of 0 to 1.
     """
     start_s, end_s = float(shutter.start_s.min()), float(shutter.end_s.max())
     slots = 1
@@ -122,8 +122,7 @@ def mean_brightness(world: World, shutter: Shutter, samples: int = 33) -> Array:
 def slot_weights(shutter: Shutter, edges: Array) -> Array:
     """Return the weights (2, H, slots), with sums of one, for each row of left and right camera.
 
-    Slots lie between (slots + 1,) even edges in seconds. A row with no exposure time takes a slot's
-    length around its instant.
+    Slots lie between even edges in seconds. A row without exposure time takes a slot's length.
     """
     slot_s = edges[1] - edges[0]
     middle = (shutter.start_s + shutter.end_s) / 2

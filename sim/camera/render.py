@@ -28,8 +28,7 @@ BOTH_GROUPS = (0, 1, 2)
 class GeometryBuffers:
     """Depth and geom ids of both cameras at one instant, exact at the pixel centres.
 
-    Depths are (H, W) float32 planar metres, NaN without a surface; geom ids are (H, W), NO_GEOM for
-    none.
+    Depths are (H, W) float32 planar metres, NaN without a surface; geom ids are (H, W) or NO_GEOM.
     """
 
     depth_left_m: Array
@@ -43,8 +42,7 @@ class StereoRenderer:
 
     Images may be multisampled. Depth and geom ids are rendered separately, without samples,
     textures, light or shadows, so that they hold exactly at pixel centres (a resolved depth is that
-    of some sample off the centre: a median 0.13 % wrong on paving). Geoms outside the view are
-    culled.
+    of some sample off the centre: a median 0.13 % wrong on paving). Geoms out of view are culled.
     """
 
     def __init__(self, world: World, settings: RenderSettings, color: bool = False) -> None:

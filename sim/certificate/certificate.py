@@ -48,8 +48,7 @@ def certify(
 ) -> dict[str, Any]:
     """Return the manifest's `certificate`: the same images and labels always give the same numbers.
 
-    Checks come from `check_folder`, each with its own `passed`; exempt parts, from
-    `exempt_parts`, cannot fail.
+    Checks come from `check_folder`; exempt parts, from `exempt_parts`, cannot fail.
     """
     frames = list(frames)
     stereo = {frame.timestamp_ns: frame.stereo for frame in frames}
@@ -145,8 +144,7 @@ def _inertial_limits(settings: RecordSettings) -> tuple[float, float]:
 def _check_encoders(folder: Path, settings: RecordSettings, ended: str) -> dict[str, Any]:
     """Compare the path length of the wheels with that of the rover.
 
-    They may differ on slippery or rough ground, and after a failure: the wheels of a stuck rover
-    keep turning.
+    They may differ on slippery or rough ground, and where the wheels of a stuck rover turn on.
     """
     wheel_ns, counts = read_columns(folder / "mav0/wheels0/data.csv")
     times_ns, poses, _ = _read_states(folder / TRUTH / "data.csv")

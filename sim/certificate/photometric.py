@@ -1,8 +1,7 @@
 """Photometric check: how well the labels explain the pixels, given the injected noise.
 
 Right images are warped to left ones by the disparity, next to present ones by the flow, where both
-show a pixel. Known differences (gain of the right camera, exposure, vignetting, an uncalibrated
-turn) are corrected first.
+show a pixel, after correction of exposure, vignetting, the right camera's gain and its true turn.
 """
 
 from collections.abc import Sequence

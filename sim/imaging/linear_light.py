@@ -13,8 +13,7 @@ from vo.contract.compilation import compiled
 Response = Literal["srgb", "linear"]
 
 ENCODING_BINS = 4096
-"""Bins are finer than the closest grey levels in linear light, so that each has at most one
-edge."""
+"""Finer than the closest grey levels in linear light: each bin has at most one edge."""
 QUANTILES = 1 << 16
 """Size of the table of normal quantiles: a look-up takes an eighth of the time of a new draw."""
 

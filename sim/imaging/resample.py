@@ -15,11 +15,9 @@ TAPS_PX = 2
 def sample(image: Array, u_px: Array, v_px: Array) -> Array:
     """Sample an (H, W[, C]) float32 image between its pixels, with its border continued.
 
-    Positions u_px, v_px (M, N) float32 have pixel centres on integers; NaN gives NaN. The samples
-    are (M, N[, C]) float32.
+    Positions u_px, v_px (M, N) and samples are float32; pixel centres are on integers, NaN is kept.
 
-    Source: Keys, Cubic convolution interpolation for digital image processing, 1981, a = -1/2:
-    exact on quadratic images.
+    Source: Keys, Cubic convolution interpolation for digital image processing, 1981, a = -1/2.
     """
     return _sampled(image, u_px, v_px, False)
 
@@ -27,8 +25,7 @@ def sample(image: Array, u_px: Array, v_px: Array) -> Array:
 def sample_variance(variance: Array, u_px: Array, v_px: Array) -> Array:
     """Return the variance of `sample` for independent noise of variance (H, W[, C]) in each pixel.
 
-    The squared weights sum to 1 on a pixel and to 0.41 in the middle of four; arguments and result
-    have the shapes of `sample`.
+    The squared weights sum to 1 on a pixel and to 0.41 in the middle of four; shapes as `sample`.
     """
     return _sampled(variance, u_px, v_px, True)
 

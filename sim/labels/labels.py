@@ -21,8 +21,7 @@ class Occlusion(IntEnum):
 VISIBLE, HIDDEN, OUTSIDE, NOTHING = (int(code) for code in Occlusion)
 
 HIDING_STRIP_PX = 0.5
-"""Disparity difference, and width of the hidden strip, from which a surface hides another from the
-right camera."""
+"""Disparity difference, and width of the hidden strip, from which one surface hides another."""
 OCCLUDED_BY_SHARE = 0.01
 """Relative depth difference from which a surface hides another from the next view."""
 SPLAT_COVERS_PX = 1.0

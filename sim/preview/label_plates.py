@@ -175,8 +175,7 @@ def flow_wheel(side_px: int) -> Array:
 def label_position(name: str, mask: Array, taken: Array) -> tuple[float, float] | None:
     """Return the pixel (u, v) where a name fits; None if there is no space.
 
-    It lies inside the object's mask (H, W) and the image, and off the names in `taken` (H, W), to
-    which the new name is added.
+    It lies inside the object's mask (H, W), and off the names in `taken` (H, W), which it joins.
     """
     height, width = mask.shape
     if mask.mean() < NAMED_SHARE:

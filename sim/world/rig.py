@@ -23,8 +23,7 @@ R_GL_CV: Array = np.diag([1.0, -1.0, -1.0])
 def stereo_rig(settings: RigSettings) -> StereoRig:
     """Return the calibration that follows from the settings; `T_body_cam` is the left camera's.
 
-    With the pixel centres on integers, f = (W/2) / tan(hfov/2) = (H/2) / tan(fovy/2) and c =
-    ((W-1)/2, (H-1)/2).
+    f = (W/2) / tan(hfov/2) = (H/2) / tan(fovy/2); c = ((W-1)/2, (H-1)/2), centres on integers.
     """
     T_gl_left = se3.pose(R_GL_CV, np.array([-settings.baseline_m / 2, 0.0, 0.0]))
     width, height = settings.width_px, settings.height_px

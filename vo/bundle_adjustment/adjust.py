@@ -159,8 +159,7 @@ def refine_motion(
 ) -> Pose:
     """Minimise the reprojection error over one camera, from (4, 4), while the points (N, 3) stay.
 
-    Measured are (N, 3) left-image u, v and disparity, pixels, NaN where not, with as many standard
-    deviations.
+    Measured are (N, 3) left-image u, v and disparity, pixels or NaN, with (N, 3) sigmas.
     """
     seen, known = weigh(measured, sigma, settings.use_disparity)
     points = np.ascontiguousarray(points_world, dtype=np.float64)

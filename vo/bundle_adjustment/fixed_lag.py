@@ -41,8 +41,7 @@ MIN_MARGINALIZED = 30
 class Smoothed:
     """Keyframes (K, 4, 4) in the lag after an update, with covariances (K, 6, 6) of (v m, w rad).
 
-    The landmarks (J,) took part; the estimates are theirs at these poses; the iterations are
-    Gauss-Newton steps.
+    The estimates are those of the landmarks (J,) that took part, after Gauss-Newton iterations.
     """
 
     T_odom_cam: Array

@@ -78,8 +78,7 @@ def collect(
 class PointBlock:
     """Some points (P, 3) of a bundle, by their rows (P,) in it, with all of their measurements.
 
-    The cameras (C,) are those of the bundle that see one of the points; the measurements index
-    them.
+    The cameras (C,) are those that see one of the points; the measurements index them.
     """
 
     rows: Indices

@@ -1,7 +1,6 @@
 """How a rectified stereo pair sees a point, and how that changes with the point and the camera.
 
-Tangents move the camera in its own frame. Compiled code orders them (w, v), rotation first, as
-GTSAM's Pose3 does.
+Tangents move the camera in its own frame; compiled code orders them (w, v), as GTSAM's Pose3 does.
 """
 
 from typing import Any
@@ -55,8 +54,7 @@ def stereo_residual(
     """Write to `out` the residual (u, v, disparity) of a point that one camera sees, in sigmas.
 
     R (3, 3) and t (3,) are the camera in the world, metres; measured (3,) is in pixels, the weight
-    (3,) one over sigma, zero where nothing was measured; the intrinsics are fx, fy, cx, cy, and
-    focal length times baseline.
+    (3,) one over sigma or zero; the intrinsics are fx, fy, cx, cy, and focal length times baseline.
     """
     fx, fy, cx, cy, fb = intrinsics
     x, y, z = _in_camera(R, t, point)

@@ -108,8 +108,8 @@ def to_quat_wxyz(T: Array) -> Array:
 def nearest_rotation(matrix: Array) -> tuple[Array, Array]:
     """Find the rotation U diag(1, 1, +-1) V^T that is nearest to a matrix (3, 3), by least squares.
 
-    Of a scatter matrix sum(a b^T) that is the R of least squares with a = R @ b. The singular
-    values (3,) are signed alike.
+    Of a scatter matrix sum(a b^T) that is the R of least squares with a = R @ b. With it come the
+    singular values (3,), signed alike.
 
     Source: Umeyama, Least-squares estimation of transformation parameters between two point
     patterns, PAMI 13(4), 1991, eqs. 38 to 43; Kabsch, 1976.

@@ -1,7 +1,6 @@
 """CenSurE: extrema of centre-surround responses over space and scale (thesis 3.2).
 
-All scales are computed at every pixel, so a feature's position is as exact at the largest scale
-as at the smallest.
+All scales are computed at every pixel, so that positions are as exact at the largest scale.
 
 Source: Agrawal, Konolige and Blas, CenSurE: Center Surround Extremas for Realtime Feature
 Detection and Matching, ECCV 2008.

@@ -102,8 +102,7 @@ def adapt_settings(settings: OdometrySettings, low_snr: bool, defocus: bool) -> 
     """Widen windows and admit less exact disparities and weaker features, as an image demands.
 
     Where noise is as strong as texture, or texture is coarse, a patch of the usual size holds
-    little information: windows grow until they hold enough (Kanade and Okutomi, PAMI 1994), by one
-    factor for the whole image.
+    little information: windows grow (Kanade and Okutomi, PAMI 1994), by one factor for the image.
     """
     adaptations = ((settings.low_snr, low_snr), (settings.defocus, defocus))
     active = [adaptation for adaptation, needed in adaptations if needed]

@@ -11,9 +11,8 @@ def vertices(layers: Array, found: Indices) -> Array:
     """Find offsets (N, 2) float64 (u, v) in [-0.5, 0.5] of extrema from their pixels.
 
     The vertex of the quadratic whose first and second derivatives are the central differences of
-    the 3x3 samples about each (layer, v, u), (N, 3), of layers (S, H, W) float32. Its mixed term
-    matters: without it a slanted oval is misplaced by 0.1 px. It is left out where the quadratic
-    would be a saddle.
+    the 3x3 samples about each (layer, v, u), (N, 3), of layers (S, H, W) float32. Without its mixed
+    term, left out where it would be a saddle, a slanted oval is misplaced by 0.1 px.
     """
     offsets = np.zeros((len(found), 2))
     for i in range(len(found)):

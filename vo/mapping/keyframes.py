@@ -34,10 +34,9 @@ def needs_keyframe(local_map: LocalMap, tracked: Tracked) -> bool:
 def is_new_view(last: Keyframe, inliers: Matches, settings: OdometrySettings) -> bool:
     """Whether a view has moved far enough from the last keyframe to become one itself.
 
-    The information of a landmark on the translation grows as its image motion does, with the
-    disparity: the near ones, which soon leave the image, have most (decision 19). Those without
-    disparity count nothing. Where hardly any of that information, or few inliers, are left,
-    `MIN_FLOW_PX` suffices.
+    The information of a landmark on the translation grows with the disparity, as its image motion
+    does: the near ones, which soon leave the image, have most (decision 19), those without
+    disparity none. Where hardly any of it, or few inliers, are left, `MIN_FLOW_PX` suffices.
     """
     seen, s = last.observations, settings.refinement
     _, then, now = np.intersect1d(seen.ids, inliers.ids, assume_unique=True, return_indices=True)

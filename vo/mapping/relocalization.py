@@ -20,8 +20,7 @@ class RelocalizationThresholds:
     candidate_inliers: int = 6
     """Of matches from all over the image, most of them false: enough to try a pose."""
     threshold_scale: float = 3.0
-    """Factor on the inlier threshold: points of two single views disagree by more than a point
-    and a pixel do."""
+    """Factor on the inlier threshold: points of two views disagree more than point and pixel."""
     confirming_inliers: int = 40
     """Landmarks that must then be found at their projections: chance does not do that."""
     min_views: int = 3

@@ -1,8 +1,7 @@
 """Sub-pixel alignment of patches by Gauss–Newton on their intensities.
 
 One aligner serves tracking and stereo: a template is warped as its surface demands, moved by an
-unknown (du, dv), and compared after both patches are given zero mean and unit norm, which cancels
-gain and offset.
+unknown (du, dv), and compared at zero mean and unit norm, which cancels gain and offset.
 
 Source: Baker and Matthews, Lucas–Kanade 20 Years On, IJCV 2004 (inverse compositional form);
 normalisation after Evangelidis and Psarakis, enhanced correlation coefficient, PAMI 2008.

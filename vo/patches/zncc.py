@@ -63,8 +63,7 @@ def _find_nearest(
 ) -> tuple[Indices, Indices]:  # fmt: skip
     """Find the nearest neighbour of each a among b and of each b among a; -1 without one.
 
-    Only pairs inside the search window are correlated. Of equals, as of two scales at one pixel,
-    the first counts.
+    Only pairs inside the search window are correlated. Of equals (two scales) the first counts.
     """
     rows = pixels_b[by_row, 1]
     best_b = np.full(len(vectors_a), -1, dtype=np.int64)

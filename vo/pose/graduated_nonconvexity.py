@@ -43,8 +43,7 @@ def refine_guess(
 def descend(problem: Problem, pose: Array) -> bool:
     """Minimise ever narrower losses of at least one match's reprojection error.
 
-    A guessed pose (3, 4) changes in place; False if the matches do not determine it. The last width
-    is the threshold.
+    A guessed pose (3, 4) changes in place; False if it is undetermined. The threshold comes last.
     """
     count = len(problem.points_odom)
     squares, weights, moved = np.empty(count), np.empty(count), np.empty((3, 4))

@@ -1,8 +1,7 @@
 """Disparity at features: searched, refined to sub-pixels along the surface's slant, and tested.
 
 A window across the edge of something nearer has no one disparity. Two smaller windows, shifted to
-either side, then disagree: their disagreement tells edges from surfaces, and adds to the
-uncertainty.
+either side, then disagree, which tells edges from surfaces and adds to the uncertainty.
 
 Source: shifted windows after Fusiello, Roberto and Trucco, Efficient Stereo with Multiple
 Windowing, CVPR 1997.

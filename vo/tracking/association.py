@@ -78,8 +78,7 @@ def is_consistent(
 ) -> Mask:
     """Which matches (N,) the previous frame, aligned with this one, confirms (5.1.2, F4).
 
-    A landmark that no frame has matched yet is kept; one that others have matched but the previous
-    frame has not is dropped.
+    A landmark that no frame has matched yet is kept; one that only earlier frames matched is not.
     """
     keep = landmarks.views[matches.rows] == 1
     seen = previous.observations

@@ -1,8 +1,7 @@
 """KLT tracking of landmarks from the previous frame, where templates of keyframes do not match.
 
 A blurred image does not resemble a sharp template, but it resembles the previous frame with the
-same blur. Errors accumulate from frame to frame, so KLT only bridges frames until a keyframe holds
-such templates.
+same blur. Errors accumulate, so KLT only bridges frames until a keyframe holds such templates.
 
 Source: Bouguet, Pyramidal Implementation of the Lucas Kanade Feature Tracker, 2000 (in OpenCV).
 """

@@ -1,8 +1,7 @@
 """Rotation between two whole images, where the prediction by constant velocity fails.
 
 A hand-held camera turns by more from frame to frame than a search window covers, and turns back
-before the next. Nearly all image motion of such a step is rotation, and very small images show it
-well enough for a prediction.
+before the next. Nearly all image motion of such a step is rotation, which very small images show.
 
 Source: Klein and Murray, Improving the Agility of Keyframe-Based SLAM, ECCV 2008 (small blurry
 images); Baker and Matthews, Lucas–Kanade 20 Years On, IJCV 2004 (inverse compositional form).
