@@ -10,7 +10,6 @@ from scenes.geometry.mesh import Mesh, box, merged, patch
 from scenes.geometry.routes import rounded_loop
 from scenes.lighting.baked_light import Light, lamp
 from scenes.objects import furniture
-from scenes.objects.props import potted_plant
 from scenes.pen import Pen, Place, local, piece
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage
@@ -129,7 +128,6 @@ def _windows(put: Pen, length_m: float) -> None:
 
 @piece
 def _door(put: Pen, rng: np.random.Generator, along_m: float) -> None:
-    """Hang a door in a frame on a wall."""
     put("oak", box((along_m, -0.012, 1.03), (0.92, 0.02, 2.06), (1.2, 2.2), rng.random(2)))
     for side in (-0.5, 0.5):
         put("steel", box((along_m + side, -0.02, 1.06), (0.08, 0.04, 2.12), (0.5, 0.5)))
@@ -170,12 +168,10 @@ def _piece(stage: Stage, name: str, rng: np.random.Generator, wall: Place) -> No
     """Stand one random piece against the wall at a place on it."""
     kinds = ["books", "cabinet", "cartons", "plant", "board"]
     kind = rng.choice(kinds, p=[0.42, 0.2, 0.18, 0.13, 0.07])
-    if kind == "plant":
-        potted_plant(stage, name, rng, local(wall, 0, -0.25)[:2])
-    elif kind == "board":
+    if kind == "board":
         furniture.whiteboard(stage, name, local(wall, 0, -0.56, rng.uniform(-0.05, 0.05)))
     else:
-        furniture.against_wall(stage, name, rng, wall, str(kind))
+        furniture.against_wall(stage, name, rng, wall, str(kind), plant_m=0.25)
 
 
 def _carpet(stage: Stage, rng: np.random.Generator, half: Array, light: Light) -> None:

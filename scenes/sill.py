@@ -9,7 +9,6 @@ from scenes.geometry.mesh import Mesh, box
 from scenes.geometry.routes import rounded_loop
 from scenes.lighting.baked_light import Light, hall_light
 from scenes.objects import furniture
-from scenes.objects.props import potted_plant
 from scenes.pen import Pen, Place, local
 from scenes.scene import Kind, Scene
 from scenes.stage import Stage
@@ -33,6 +32,8 @@ DOOR_HEIGHT_M = 2.1
 HEIGHT_M = 2.6
 SILL_WIDTH_M = 0.16
 TILE_M = {"carpet": 0.5, "felt": 0.5, "stone": 0.3, "terrazzo": 0.4}
+PIECES = {"books": 0.45, "cabinet": 0.2, "cartons": 0.2, "plant": 0.15}
+"""Share of each kind of piece along the walls."""
 
 
 class Options(Settings):
@@ -195,7 +196,9 @@ def _furnish(stage: Stage, rng: np.random.Generator) -> None:
         for along in np.arange(0.8, length - 0.7, 1.15):
             near = [abs(along - length / 2 - p) for p in (WALLS_X_M if k % 2 == 0 else (0.0,))]
             if min(near) > 0.75 and rng.random() < 0.8:
-                _piece(stage, f"piece_{number}", rng, local(wall, float(along), 0.0))
+                kind = str(rng.choice(list(PIECES), p=list(PIECES.values())))
+                spot = local(wall, float(along), 0.0)
+                furniture.against_wall(stage, f"piece_{number}", rng, spot, kind)
                 number += 1
     for k, (px, py) in enumerate(((-1.2, 0.5), (1.2, -0.5), (-8.0, 0.55), (8.0, -0.55))):
         place: Place = (px, py, np.pi if py > 0 else 0.0)
@@ -204,15 +207,6 @@ def _furnish(stage: Stage, rng: np.random.Generator) -> None:
         furniture.chair(stage, f"chair_{k}", seat, rng)
         beside = 0.9 if abs(px) < 2 else -0.9 * np.sign(px)
         furniture.bin_(stage, f"bin_{k}", local(place, beside, 0.1))
-
-
-def _piece(stage: Stage, name: str, rng: np.random.Generator, wall: Place) -> None:
-    """Stand one random piece against the wall at a place on it."""
-    kind = rng.choice(["books", "cabinet", "cartons", "plant"], p=[0.45, 0.2, 0.2, 0.15])
-    if kind == "plant":
-        potted_plant(stage, name, rng, local(wall, 0, -0.28)[:2])
-    else:
-        furniture.against_wall(stage, name, rng, wall, str(kind))
 
 
 def _floors(stage: Stage, rng: np.random.Generator, light: Light) -> None:

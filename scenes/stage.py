@@ -229,7 +229,6 @@ class Stage:
             self._write(stem, body, mesh, IMAGE_GROUP, material)
 
     def _write_labels(self, parts: list[_Part]) -> None:
-        """Write each object's meshes for labels."""
         by_thing: dict[tuple[Thing, str], list[Mesh]] = {}
         for part in parts:
             by_thing.setdefault((part.thing, part.body), []).append(part.mesh)

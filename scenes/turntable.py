@@ -169,7 +169,6 @@ def _street(ground: Ground) -> None:
 
 
 def _scatter_leaves(ground: Ground, rng: np.random.Generator) -> None:
-    """Scatter dry leaves around the fountain."""
     stage = ground.stage
     stage.material("litter", greenery.fallen_leaves(rng, 24, 64))
     spots = rng.uniform(-HALF_M + 0.2, HALF_M - 0.2, (80, 2))

@@ -128,7 +128,6 @@ def _walls(stage: Stage, rng: np.random.Generator, half: Array) -> None:
 
 @piece
 def _shutter(put: Pen, along: float) -> None:
-    """Put a roller shutter in a frame on a wall."""
     put("shutter", box((along, -0.015, 1.4), (2.6, 0.03, 2.8), (2.6, 2.8)))
     for side in (-1.38, 1.38):
         put("hazard", box((along + side, -0.06, 1.4), (0.14, 0.12, 2.8), (0.5, 0.5)))

@@ -115,7 +115,6 @@ class _FrameProcessor:
     check: PhotometricCheck
 
     def write_images(self, capture: Capture) -> StereoImages:
-        """Form the images of one frame and write them."""
         images = self.camera.form_images(capture)
         for k in (0, 1):
             name = f"{k}/data/{capture.exposure.timestamp_ns}.png"

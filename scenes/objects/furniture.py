@@ -3,6 +3,7 @@
 import numpy as np
 
 from scenes.geometry.mesh import box, patch, tube
+from scenes.objects.props import potted_plant
 from scenes.pen import Pen, Place, local, one_object, piece
 from scenes.stage import Stage
 from vo.contract.arrays import Array
@@ -135,10 +136,14 @@ def whiteboard(put: Pen) -> None:
     put.shade(1.05, (1.5, 0.03, 1.44))
 
 
-def against_wall(stage: Stage, name: str, rng: np.random.Generator, wall: Place, kind: str) -> None:
-    """Stand a bookcase, a cabinet or cartons with their back to a place on a wall."""
+def against_wall(
+    stage: Stage, name: str, rng: np.random.Generator, wall: Place, kind: str, plant_m: float = 0.28
+) -> None:
+    """Stand a bookcase, a cabinet, a plant or cartons with their back to a place on a wall."""
     if kind == "books":
         bookcase(stage, name, local(wall, 0, -0.20), rng)
+    elif kind == "plant":
+        potted_plant(stage, name, rng, local(wall, 0, -plant_m)[:2])
     elif kind == "cabinet":
         cabinet(stage, name, local(wall, 0, -0.26), rng)
     else:

@@ -89,7 +89,6 @@ def _books(put: Pen, rng: np.random.Generator) -> Array:
 
 
 def _bottle(put: Pen, rng: np.random.Generator, foot: Vector) -> None:
-    """Draw a bottle with a cap on a (3,) foot."""
     radius, high = rng.uniform(0.026, 0.044), rng.uniform(0.11, 0.22)
     base = np.array(foot)
     neck, cap = base + np.array([0, 0, high]), base + np.array([0, 0, high + 0.03])

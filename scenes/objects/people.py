@@ -11,6 +11,7 @@ from scenes.geometry.routes import arc_lengths
 from scenes.scene import Kind, Motion
 from scenes.stage import Stage
 from scenes.surfaces import textile, timber
+from vo.contract import se3
 from vo.contract.arrays import Array, Image
 
 LEG_M = 0.86
@@ -97,7 +98,7 @@ def placed(walk: Walk, ahead_m: float = 0.0) -> Motion:
 
     def motion(time_s: float) -> Array:
         place, heading, _ = walk(time_s)
-        return _upright(place, heading, 0.0) @ _shifted(ahead_m, 0.0, 0.0)
+        return _upright(place, heading, 0.0) @ se3.pose(np.eye(3), np.array([ahead_m, 0, 0]))
 
     return motion
 
@@ -136,7 +137,7 @@ def _swinging(walk: Walk, side: float, hip_m: float, scale: float) -> Motion:
         swing = SWING_RAD * np.sin(2 * np.pi * way / (STRIDE_M * scale))
         c, s = np.cos(side * swing), np.sin(side * swing)
         T_hip_leg = np.array([[c, 0, -s, 0], [0, 1, 0, 0], [s, 0, c, 0], [0, 0, 0, 1.0]])
-        at_hip = _shifted(0.0, 0.095 * side, hip_m * np.cos(swing))
+        at_hip = se3.pose(np.eye(3), np.array([0, 0.095 * side, hip_m * np.cos(swing)]))
         return _upright(place, heading, 0.0) @ at_hip @ T_hip_leg
 
     return motion
@@ -189,12 +190,6 @@ def _ellipsoid(centre: Vector, radii: Vector) -> Mesh:
 def _upright(place: Array, heading_rad: float, z_m: float) -> Array:
     c, s = np.cos(heading_rad), np.sin(heading_rad)
     return np.array([[c, -s, 0, place[0]], [s, c, 0, place[1]], [0, 0, 1, z_m], [0, 0, 0, 1.0]])
-
-
-def _shifted(x: float, y: float, z: float) -> Array:
-    T = np.eye(4)
-    T[:3, 3] = x, y, z
-    return T
 
 
 def trolley(stage: Stage, name: str, rng: np.random.Generator, motion: Motion) -> None:

@@ -50,7 +50,6 @@ class Encoding:
     """Conversion of linear light to the nearest grey level, by a table and one comparison."""
 
     def __init__(self, response: Response) -> None:
-        """Prepare the table for a response curve."""
         edges = levels_to_light(response, np.arange(255) + 0.5)
         self._edges = np.append(edges, np.inf).astype(np.float32)
         starts = np.arange(ENCODING_BINS + 1) / np.float32(ENCODING_BINS)

@@ -13,19 +13,10 @@ from matplotlib.patheffects import withStroke
 from scenes.scene import Kind
 from sim.labels.annotate import Annotation
 from sim.labels.labels import Occlusion
-from sim.preview.colours import (
-    FAINT,
-    INK,
-    NOTHING,
-    RGB,
-    depth_scale,
-    flow_colours,
-    rgb_of,
-    round_up,
-)
+from sim.preview import colours
 from vo.contract.arrays import Array, Image
 
-Key = Sequence[tuple[RGB, str]]
+Key = Sequence[tuple[colours.RGB, str]]
 """Colours and their meaning."""
 
 NAMES_MAX = 9
@@ -40,23 +31,23 @@ KEY_STYLE: dict[str, Any] = {
     "borderaxespad": 0.3,
     "borderpad": 0,
     "fontsize": 7.2,
-    "labelcolor": FAINT,
+    "labelcolor": colours.FAINT,
     "frameon": False,
     "columnspacing": 0.7,
     "handlelength": 1.1,
     "handleheight": 1.1,
     "handletextpad": 0.5,
 }
-KINDS: dict[Kind, RGB] = {
+KINDS: dict[Kind, colours.RGB] = {
     Kind.GROUND: (176, 152, 116),
     Kind.STATIC: (84, 122, 166),
     Kind.MOVING: (228, 82, 60),
     Kind.SKY: (200, 222, 236),
 }
-INVISIBLE: dict[Occlusion, RGB] = {
+INVISIBLE: dict[Occlusion, colours.RGB] = {
     Occlusion.HIDDEN: (255, 112, 26),
     Occlusion.OUTSIDE: (54, 140, 255),
-    Occlusion.NOTHING: NOTHING,
+    Occlusion.NOTHING: colours.NOTHING,
 }
 GOLDEN = 0.618033988749895
 CLASSES: Key = [
@@ -75,11 +66,10 @@ def show(axes: Axes, image: Image, title: str, about: str = "", key: Key = ()) -
     axes.set_axis_off()
     points: dict[str, Any] = {"textcoords": "offset points", "annotation_clip": False}
     place = (0, 1), (0, 13 if key else 3)
-    bold = {"fontsize": 9, "color": INK, "weight": "bold"}
+    bold = {"fontsize": 9, "color": colours.INK, "weight": "bold"}
     name = axes.annotate(title, *place, xycoords="axes fraction", **bold, **points)
-    axes.annotate(
-        about, (1, 0), (6, 0), xycoords=name, va="bottom", fontsize=8.5, color=FAINT, **points
-    )
+    light: dict[str, Any] = {"fontsize": 8.5, "color": colours.FAINT, "va": "bottom"}
+    axes.annotate(about, (1, 0), (6, 0), xycoords=name, **light, **points)
     if key:
         squares = [
             Patch(facecolor=tuple(np.divide(rgb, 255).tolist()), label=text) for rgb, text in key
@@ -103,7 +93,7 @@ def draw_labels(cells: Sequence[Axes], annotation: Annotation, view: Image) -> N
 
 def _draw_depth(axes: Axes, annotation: Annotation) -> None:
     """Draw the logarithm of depth; the key gives the disparity of each depth."""
-    scale, rig = depth_scale(annotation.depth), annotation.annotator.rig
+    scale, rig = colours.depth_scale(annotation.depth), annotation.annotator.rig
     marks = scale.marks(MARKS)
     texts = [f"{m:g} m · {_short(rig.f_px * rig.baseline_m / m)}" for m in marks]
     key = list(zip(scale.colours(marks[None])[0].tolist(), texts, strict=True))
@@ -150,14 +140,14 @@ def normal_colours(normals: Array) -> Image:
     """Colour (H, W, 3) normals in camera axes: red right, green up, blue towards the camera."""
     channels = normals * np.array([1, -1, -1], np.float32)
     rgb = np.nan_to_num(255 * (channels + 1) / 2, nan=0).astype(np.uint8)
-    rgb[np.isnan(normals[..., 0])] = NOTHING
+    rgb[np.isnan(normals[..., 0])] = colours.NOTHING
     return rgb
 
 
 def visibility_colours(codes: Array, view: Image) -> Image:
     """Mark pixels that are not visible in another view on a pale copy of the (H, W, 3) RGB view."""
     grey = np.asarray(cv2.cvtColor(view, cv2.COLOR_RGB2GRAY), np.float32)
-    rgb = rgb_of((96 + 0.55 * grey).clip(0, 255).astype(np.uint8))
+    rgb = colours.rgb_of((96 + 0.55 * grey).clip(0, 255).astype(np.uint8))
     for code, colour in INVISIBLE.items():
         rgb[codes == code] = colour
     return rgb
@@ -167,7 +157,7 @@ def flow_wheel(side_px: int) -> Array:
     """Draw the legend of `flow_colours`, (S, S, 4) RGBA, transparent outside the disc."""
     line = np.linspace(-1, 1, side_px)
     du, dv = np.meshgrid(line, line)
-    rgb = flow_colours(np.stack([du, dv], axis=-1), 1.0)
+    rgb = colours.flow_colours(np.stack([du, dv], axis=-1), 1.0)
     inside = 255 * (np.hypot(du, dv) <= 1)
     return np.dstack([rgb, inside.astype(np.uint8)])
 
@@ -210,16 +200,16 @@ def _draw_flow(axes: Axes, flow: Array) -> None:
     """
     lengths = np.hypot(flow[..., 0], flow[..., 1])
     known = lengths[np.isfinite(lengths)]
-    full_px = round_up(max(float(np.percentile(known, 98)) if known.size else 0.0, 0.1))
+    full_px = colours.round_up(max(float(np.percentile(known, 98)) if known.size else 0.0, 0.1))
     about = f"to the next frame, full at {_short(full_px)} px"
-    show(axes, flow_colours(flow, full_px), "optical flow", about)
+    show(axes, colours.flow_colours(flow, full_px), "optical flow", about)
     aspect = flow.shape[1] / flow.shape[0]
     wheel = axes.inset_axes((0.985 - 0.2 / aspect, 0.02, 0.2 / aspect, 0.2))
     wheel.imshow(flow_wheel(96))
     wheel.set_axis_off()
     for turn, arrow in enumerate(("→", "↓", "←", "↑")):
         u, v = 47.5 + 33 * np.cos(turn * np.pi / 2), 47.5 + 33 * np.sin(turn * np.pi / 2)
-        wheel.text(u, v, arrow, fontsize=7, color=INK, ha="center", va="center")
+        wheel.text(u, v, arrow, fontsize=7, color=colours.INK, ha="center", va="center")
 
 
 def _short(x: float) -> str:

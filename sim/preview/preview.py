@@ -74,13 +74,11 @@ class _Sheet:
         self._figure = Figure(figsize=self._size_in, dpi=DPI, facecolor=PAPER)
 
     def axes(self, left: float, top: float, wide: float, tall: float, anchor: str) -> Axes:
-        """Add axes."""
         width, height = self._size_in
         box = left / width, (height - top - tall) / height, wide / width, tall / height
         return self._figure.add_axes(box, anchor=anchor)
 
     def write(self, left: float, top: float, text: str, **style: Any) -> None:
-        """Write text."""
         self._figure.text(left / self._size_in[0], 1 - top / self._size_in[1], text, **style)
 
     def image(self) -> Image:

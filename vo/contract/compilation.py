@@ -149,7 +149,6 @@ class _Cache(FunctionCache):
         return str(_folders(Path(self._py_func.__code__.co_filename))[0])
 
     def flush(self) -> None:
-        """Forget the code in every folder."""
         for store in self._opened():
             store.flush()
 
