@@ -81,8 +81,10 @@ def _pattern(cells: tuple[int, int], bond: Bond) -> tuple[Array, Array, Mask]:
 def _clipped(corner: Array, quarter: Mask, cells: tuple[int, int]) -> tuple[Array, Array, Mask]:
     """Cut bricks at the border to halves, drop those outside."""
     other = corner + np.where(quarter[:, None], [0, 1], [1, 0])
-    first, second = (((c >= 0) & (c < np.asarray(cells))).all(axis=1) for c in (corner, other))
-    keep = first | second
+    limit = np.asarray(cells)
+    first = np.all((corner >= 0) & (corner < limit), axis=1)
+    second = np.all((other >= 0) & (other < limit), axis=1)
+    keep = np.logical_or(first, second)
     start = np.where(first[:, None], corner, other)
     return start[keep], (first.astype(float) + second)[keep], quarter[keep]
 
