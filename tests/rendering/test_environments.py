@@ -478,7 +478,7 @@ def test_moving_obstacle_is_no_start_and_a_collision(make, monkeypatch):
 
 MEMORY = """
 import sys, gymnasium, trials.gym
-from trials.execution.process_memory import resident_mb
+from trials.studies.speed.estimator import resident_mb
 env = gymnasium.make("driftyard/RoverNav-v0", disable_env_checker=True, scene=sys.argv[1],
     settings={"rig.width_px": 160, "rig.height_px": 120}, localization="truth")
 resident = []

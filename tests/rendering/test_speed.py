@@ -8,7 +8,7 @@ from terminal import driftyard
 from trials.studies.bench import endurance_table, length_table
 from trials.studies.speed.drive import TimedDrive
 from trials.studies.speed.estimator import EstimatorSpeed, measure_estimator
-from trials.studies.speed.length import measure_lengths
+from trials.studies.speed.generator import measure_lengths
 
 pytestmark = pytest.mark.gl
 

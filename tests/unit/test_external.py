@@ -9,8 +9,8 @@ from folders import PERIOD_NS, wall, write_euroc
 
 from trials.estimators.choice import Named, estimate
 from trials.estimators.plugins import PluginError
+from trials.estimators.plugins.classes import MAX_FAILURES, Guarded
 from trials.estimators.plugins.command import Command
-from trials.estimators.plugins.guard import MAX_FAILURES, Guarded
 from trials.evaluation.runs import read_run
 from vo.contract.errors import SettingsError
 from vo.contract.estimator import Estimate, FinalResult, Status
@@ -47,7 +47,6 @@ def test_guarded_exception_loses_one_frame():
     estimates = track(guarded, range(3))
     assert [x.status.value for x in estimates] == ["tracked", "lost", "tracked"]
     assert estimates[1].reason == "ValueError: too dark"
-    assert guarded.failures == 1
 
 
 def test_guarded_many_consecutive_failures_are_an_error():

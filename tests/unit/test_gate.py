@@ -14,21 +14,18 @@ from trials.cli import console
 from trials.estimators.choice import Named
 from trials.gate.baseline import (
     Baseline,
+    Design,
+    Measurement,
     Recorded,
-    dataset_mismatch,
+    Rules,
     read_baseline,
-    refuse,
     write_baseline,
 )
-from trials.gate.comparison import Comparison, compare
+from trials.gate.comparison import Comparison, compare, dataset_mismatch, refuse
 from trials.gate.decision import Verdict, decide
-from trials.gate.design import Design
 from trials.gate.measure import measure
-from trials.gate.measurement import Measurement
-from trials.gate.planning import design_error, seeds_needed
 from trials.gate.reports import as_json, as_junit, as_markdown
-from trials.gate.rules import Rules
-from trials.gate.statistics import Effect, detectable, newly_lost
+from trials.gate.statistics import Effect, design_error, detectable, newly_lost, seeds_needed
 from trials.studies.gate_power import modelled, repeat
 from vo.contract.errors import DatasetError, SettingsError
 
@@ -158,20 +155,23 @@ def test_dataset_mismatch_names_the_cause(baseline):
 
 
 def test_compare_other_platform_is_refused_first(baseline, tmp_path):
+    file = tmp_path / "b.json"
+    write_baseline(file, baseline)
     with pytest.raises(DatasetError, match=r"b\.json: platform is .*, was Linux x; run"):
-        compare(tmp_path / "b.json", baseline, Named(), (), tmp_path, console.counting_bar)
-    assert list(tmp_path.iterdir()) == []
+        compare(file, Named(), (), tmp_path, console.counting_bar)
+    assert list(tmp_path.iterdir()) == [file]
 
 
 def test_compare_old_setting_in_baseline_names_file_and_key(baseline, tmp_path):
     overrides = ("exposure.eye_offset_ms=1",)
-    old = baseline.model_copy(
-        update={"design": Design(scenes=("office",), overrides=overrides)},
-    )
+    design, sequence = Design(scenes=("office",), overrides=overrides), baseline.sequences[0]
+    sequences = (sequence.model_copy(update={"scene": "office"}),)
+    file = tmp_path / "b.json"
+    write_baseline(file, baseline.model_copy(update={"design": design, "sequences": sequences}))
     wanted = "b.json: setting exposure.eye_offset_ms is now exposure.right_offset_ms; run"
     with pytest.raises(SettingsError, match=re.escape(wanted)):
-        compare(tmp_path / "b.json", old, Named(), ("platform",), tmp_path, console.counting_bar)
-    assert list(tmp_path.iterdir()) == []
+        compare(file, Named(), ("platform",), tmp_path, console.counting_bar)
+    assert list(tmp_path.iterdir()) == [file]
 
 
 def test_refuse_mismatch_unless_accepted(tmp_path):

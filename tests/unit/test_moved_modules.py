@@ -8,7 +8,7 @@ from importlib.util import find_spec
 import pytest
 from terminal import ROOT
 
-from trials.cli.old_names import OPTIONS, refuse_old_names
+from trials.cli.main import OLD_NAMES, refuse_old_names
 from trials.cli.registry import COMMANDS as REGISTERED
 from trials.estimators.choice import make_estimator
 from trials.execution.runner import ANY_RIG
@@ -58,7 +58,7 @@ def test_old_plugin_path_names_the_new_module():
         make_estimator("trials.systems.orbslam3:OrbSlam3", ANY_RIG)
 
 
-@pytest.mark.parametrize(("command", "option"), OPTIONS)
+@pytest.mark.parametrize(("command", "option"), OLD_NAMES)
 def test_old_option_names_the_new_one(command, option):
     with pytest.raises(SettingsError, match=f"`driftyard {command} {option}` is now `driftyard"):
         refuse_old_names([command, f"{option}=3"])

@@ -29,9 +29,6 @@ from vo.contract.errors import SettingsError
 from vo.contract.files import write_text
 from vo.contract.settings import parse_overrides, validated
 
-FIGURE_IN = (8.0, 3.4)
-"""Width and height of the figure, inches."""
-
 
 @dataclass(frozen=True)
 class WorldOptions:
@@ -55,11 +52,7 @@ class WorldOptions:
         return range(self.seed, self.seed + self.worlds)
 
     def options(self, scene: str) -> dict[str, Any]:
-        """Options of the environment; keys that are none of its settings go to the scene.
-
-        Raises:
-            SettingsError: If a word is not `key=value`.
-        """
+        """Options of the environment; keys that are none of its settings go to the scene."""
         given = parse_overrides(self.trial, "--trial")
         own = {key: value for key, value in given.items() if key in NavSettings.model_fields}
         return {
@@ -133,7 +126,7 @@ def drive(
     by_source = {x: [t for t in trials if t.localization == x] for x in sources}
     _print_summary(title, by_source, METRICS)
     if files.figure:
-        save_figure(files.figure, FIGURE_IN, lambda empty: draw_sensitivity(empty, by_source))
+        save_figure(files.figure, (8.0, 3.4), lambda empty: draw_sensitivity(empty, by_source))
 
 
 def _driven(

@@ -19,9 +19,6 @@ from trials.studies.experiments.page import write_html_page, write_page
 from trials.studies.experiments.registry import EXPERIMENTS
 from vo.contract.errors import SettingsError
 
-SMALL_FOLDER = "small"
-"""Subfolder of small versions, so that they never replace results."""
-
 
 def experiment(
     which: str = argument(
@@ -36,13 +33,19 @@ def experiment(
     chosen = _chosen(which)
     scale = SMALL if small else FULL
     scale = replace(scale, seeds=tuple(range(seeds))) if seeds else scale
-    folder = out / SMALL_FOLDER if small else out
+    folder = out / "small" if small else out  # so that small versions never replace results
     for one in chosen:
         jobs = one.jobs(scale)
         with console.counting_bar(one.id, len({x.recording for x in jobs})) as count:
             results = run_jobs(jobs, progress=count)
         _print(write_record(one, results, scale, folder), folder)
-    _write_pages(folder, page)
+    files = [file for name in EXPERIMENTS if (file := folder / f"{name}.json").is_file()]
+    records = [read_record(file) for file in files]
+    write_html_page(records, folder, folder / "report.html")
+    console.out.print(f"{folder / 'report.html'}")
+    if page is not None:
+        write_page(records, folder, page)
+        console.out.print(f"{page}")
 
 
 def _chosen(which: str) -> list[Experiment]:
@@ -60,13 +63,3 @@ def _print(record: Record, folder: Path) -> None:
         f"{record.claim}\n[bold]The claim {record.verdict.value}.[/bold] {record.sentence}"
     )
     console.out.print(f"{folder / record.figure}\n")
-
-
-def _write_pages(folder: Path, page: Path | None) -> None:
-    files = [file for name in EXPERIMENTS if (file := folder / f"{name}.json").is_file()]
-    records = [read_record(file) for file in files]
-    write_html_page(records, folder, folder / "report.html")
-    console.out.print(f"{folder / 'report.html'}")
-    if page is not None:
-        write_page(records, folder, page)
-        console.out.print(f"{page}")

@@ -1,6 +1,5 @@
 """`driftyard explain`: attribution of the drift to the stages of an estimator."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -61,11 +60,7 @@ class AttributionOptions:
 
     @property
     def chosen_stages(self) -> list[str]:
-        """Names of the stages.
-
-        Raises:
-            SettingsError: If one is unknown or named twice.
-        """
+        """Names of the stages; SettingsError if one is unknown or named twice."""
         chosen = [x for x in self.stages.split(",") if x]
         oracles = [oracle for x in chosen for oracle in STAGES.get(x, (x,))]
         if unknown := [x for x in chosen if x not in STAGES]:
@@ -94,7 +89,9 @@ def explain(
     stages = attribution.chosen_stages
     if bool(datasets) == bool(drives.scene):
         raise SettingsError("explain: name datasets, or else --scene")
-    groups = _by_scene(datasets) if datasets else drives.record()
+    groups: dict[str, list[Path]] = {} if datasets else drives.record()
+    for dataset in datasets:
+        groups.setdefault(str(read_manifest(dataset)["scene"]["name"]), []).append(dataset)
     subject = Subject(estimator.named, attribution.noise)
     if attribution.validate:
         every = [x for some in groups.values() for x in some]
@@ -110,10 +107,3 @@ def explain(
         written = write_explanations(found, out, page or out / "explain.md")
     for path in written:
         console.out.print(f"{path}", markup=False)
-
-
-def _by_scene(datasets: Sequence[Path]) -> dict[str, list[Path]]:
-    groups: dict[str, list[Path]] = {}
-    for dataset in datasets:
-        groups.setdefault(str(read_manifest(dataset)["scene"]["name"]), []).append(dataset)
-    return groups

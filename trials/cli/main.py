@@ -1,16 +1,22 @@
 """The command line; `main` turns every error that input can cause into one line and status 2."""
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures.process import BrokenProcessPool
 
 import typer
 
-from trials.cli.old_names import refuse_old_names
-from trials.cli.registry import LazyGroup
-from vo.contract.errors import DriftyardError
+from trials.cli.registry import COMMANDS, LazyGroup
+from vo.contract.errors import DriftyardError, SettingsError
 
 BAD_INPUT, INTERRUPTED = 2, 130
+OLD_NAMES = {
+    ("gate", "--bless"): "`driftyard gate update`",
+    ("gate", "--plan"): "`driftyard gate plan PERCENT`",
+    ("drive", "--option"): "`driftyard drive --trial`",
+    ("stress", "--most"): "`driftyard stress --max`",
+}
+"""Command and its earlier option to what replaces it."""
 
 app = typer.Typer(
     cls=LazyGroup,
@@ -57,3 +63,14 @@ def guard(command: Callable[[], object]) -> None:
 def _fail(message: str) -> None:
     print(f"driftyard: error: {' '.join(message.split())}", file=sys.stderr)
     sys.exit(BAD_INPUT)
+
+
+def refuse_old_names(words: Sequence[str]) -> None:
+    """Raise SettingsError for an earlier command or option in the words after `driftyard`."""
+    command, *rest = words or [""]
+    for word in rest:
+        name = word.partition("=")[0]
+        if (new := OLD_NAMES.get((command, name))) is not None:
+            raise SettingsError(f"`driftyard {command} {name}` is now {new}")
+    if command == "gate" and rest and rest[0] != "--help" and f"gate {rest[0]}" not in COMMANDS:
+        raise SettingsError("`driftyard gate` is now `driftyard gate check`")

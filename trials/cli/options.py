@@ -40,11 +40,8 @@ Distance = Annotated[float, typer.Option(min=1.2, help="Length of each drive, m.
 def option(default: Any, text: str, *names: str, **rules: Any) -> Any:
     """Describe an option: default value of a parameter or dataclass field; `...` if required.
 
-    Args:
-        default: Default value.
-        text: Help: quantity and unit.
-        names: Names on the command line, if they are not that of the parameter.
-        rules: As of `typer.Option`.
+    The help names quantity and unit. Names are those on the command line if they are not that of
+    the parameter, rules as of `typer.Option`.
     """
     return _described(default, typer.Option(*names, help=text, **rules))
 
@@ -80,11 +77,7 @@ class RecordingOptions:
     disturb: Disturb = ""
 
     def settings(self, scene: str) -> "RecordSettings":
-        """Resolve the settings of a recording of a scene.
-
-        Raises:
-            SettingsError: If scene, disturbance, key or value is not accepted.
-        """
+        """Resolve the settings of a recording of a scene, as `recording_settings`."""
         from trials.execution.recording_settings import recording_settings
 
         return recording_settings(scene, self.seed, self.overrides, self.config, self.disturb)
@@ -127,11 +120,7 @@ class AnyEstimatorOptions(EstimatorOptions):
 
     @property
     def choice(self) -> "Named | Command":
-        """The estimator or program.
-
-        Raises:
-            SettingsError: If options of both are given, or the program lacks a placeholder.
-        """
+        """The estimator or program; SettingsError if there are options of both."""
         if self.command is None:
             return self.named
         from trials.estimators.plugins.command import Command
@@ -147,9 +136,6 @@ def expand(function: Callable[..., None]) -> Callable[..., None]:
 
     A parameter that is a dataclass becomes one parameter for each field, in a panel of its own if
     the class has a PANEL; the function still receives an instance.
-
-    Args:
-        function: Command; every parameter is annotated.
     """
     hints = get_type_hints(function, include_extras=True)
     models: dict[str, Any] = {name: hint for name, hint in hints.items() if is_dataclass(hint)}

@@ -1,7 +1,8 @@
 """Commands of `driftyard`: in which panel each stands, what it does, and an example.
 
-A command is a function of its own name in a module of its own name, which is imported when the
-command is used; the command line starts fast although its commands import all of the project.
+A command is a function of its own name in a module named after its first word, which is imported
+when the command is used; the command line starts fast although its commands import all of the
+project.
 """
 
 import importlib
@@ -16,13 +17,7 @@ from trials.cli.options import expand
 
 @dataclass(frozen=True)
 class Entry:
-    """One command or group.
-
-    Attributes:
-        panel: Heading in the list of commands; empty within a group.
-        summary: Line in the list of commands.
-        example: Command line that the help shows.
-    """
+    """One command or group: heading and line in the list of commands, and example in the help."""
 
     panel: str
     summary: str
@@ -96,7 +91,12 @@ class LazyGroup(TyperGroup):
             for name, entry in COMMANDS.items()
             if name.startswith(prefix) and " " not in name.removeprefix(prefix)
         }
-        self.commands = {name: self._listed(name) for name in self.entries}
+        self.commands = {
+            name: TyperCommand(
+                name, help=entry.summary, rich_help_panel=None if prefix else entry.panel
+            )
+            for name, entry in self.entries.items()
+        }
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Import the command that the arguments name."""
@@ -104,12 +104,6 @@ class LazyGroup(TyperGroup):
         if name in self.entries and ctx.resilient_parsing is False:
             command = load(self.prefix + name)
         return name, command, rest
-
-    def _listed(self, name: str) -> TyperCommand:
-        """Make a command that is only shown in the list."""
-        entry = self.entries[name]
-        panel = None if self.prefix else entry.panel
-        return TyperCommand(name, help=entry.summary, rich_help_panel=panel)
 
 
 def load(name: str) -> Any:
@@ -120,8 +114,8 @@ def load(name: str) -> Any:
         return LazyGroup(
             name=name, prefix=f"{name} ", help=entry.summary, epilog=example, no_args_is_help=True
         )
-    stem = name.replace(" ", "_").replace("-", "_")
-    function = getattr(importlib.import_module(f"trials.cli.{stem}"), stem)
+    module, _, _ = (name := name.replace("-", "_")).partition(" ")
+    function = getattr(importlib.import_module(f"trials.cli.{module}"), name.replace(" ", "_"))
     app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
     app.command(name.rpartition(" ")[2], epilog=example)(expand(function))
     return typer.main.get_command(app)

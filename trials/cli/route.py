@@ -1,4 +1,7 @@
-"""`driftyard route`: static and dynamic routing of an urgent vehicle, with and without clearing."""
+"""`driftyard route`: static and dynamic routing of an urgent vehicle, with and without clearing.
+
+With --rover, the rover drives the routes, and its times are compared with those of the model.
+"""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -11,10 +14,15 @@ from numpy.random import Generator
 
 from trials.cli import console
 from trials.cli.options import option
-from trials.cli.route_rover import route_rover
 from trials.evaluation.intervals import mean_interval
+from trials.execution.parallel import map_parallel
+from trials.gym.env.settings import NavSettings
+from trials.gym.studies.aisle_network import build_aisle_network
+from trials.gym.studies.rover_routing import RoverDrive, drive_layout
+from trials.gym.studies.rover_routing_figure import SIZE_IN, draw_drives, most_varied_layout
 from trials.navigation import PlanningError
 from trials.report.figure import save_figure
+from trials.report.tables import text_table, write_csv
 from trials.routing import figures, verdicts
 from trials.routing.drive import STRATEGIES
 from trials.routing.generation import large_network, small_network
@@ -33,6 +41,9 @@ from trials.routing.study import (
 from trials.routing.verdicts import Verdict
 from vo.contract.errors import SettingsError
 from vo.contract.files import write_text
+from vo.contract.settings import validated
+
+SMALL = {"rig.width_px": 320, "rig.height_px": 240}
 
 
 @dataclass(frozen=True)
@@ -77,7 +88,7 @@ def route(
         return
     if model.map_file is not None:
         raise SettingsError("--rover has its own map; leave --map out")
-    route_rover(rover.rover, out, rover.worlds, rover.localization, seed)
+    _route_rover(rover.rover, out, rover.worlds, rover.localization, seed)
 
 
 def _route_model(out: Path, model: ModelOptions, seed: int) -> None:
@@ -153,3 +164,63 @@ def write_summary(
         "verdicts": [asdict(verdict) for verdict in found],
     }
     write_text(out / "routing.json", json.dumps(summary, indent=1, allow_nan=False) + "\n")
+
+
+def _route_rover(scene: str, out: Path, worlds: int, localization: str, seed: int) -> None:
+    """Drive the rover through aisles and doors of several worlds, with every strategy."""
+    options: dict[str, object] = {
+        "scene": scene,
+        "scene_options": {"stock": 1.0} if scene == "warehouse" else {},
+        "observe": ("pose",),
+        "localization": localization,
+        "settings": SMALL if localization == "truth" else {},
+        "rate_hz": 10.0,
+        "time_limit_s": 300.0,
+        "distance_m": (1.0, 100.0),
+    }
+    trial = validated(NavSettings, options)
+    layouts = range(seed, seed + worlds)
+    drives: list[RoverDrive] = []
+    with console.counting_bar("worlds", worlds) as count:
+        for _, of_world in map_parallel(drive_layout, [(options, layout) for layout in layouts]):
+            drives += of_world
+            count(of_world)
+    drives.sort(key=lambda drive: drive.layout)
+    _print_drives(f"{scene}, {worlds} worlds, localized by {localization}", drives)
+    shown = most_varied_layout(drives)
+    instance = trial.build(shown)
+    aisles = build_aisle_network(instance, trial.speed_max_mps)
+    space = instance.traversable.space
+    save_figure(
+        out / "rover_routes.png",
+        SIZE_IN,
+        lambda figure: draw_drives(figure, drives, shown, aisles, space),
+    )
+    header = ("layout", "strategy", "outcome", "undelayed_s", "predicted_s", "measured_s", "nodes")
+    rows = [
+        (d.layout, d.strategy, d.outcome, f"{d.free_s:.2f}", f"{d.predicted_s:.2f}",
+         f"{d.measured_s:.2f}", " > ".join(d.passed))
+        for d in drives
+    ]  # fmt: skip
+    write_csv(out / "rover_routes.csv", header, rows)
+    console.out.print(f"{out}", markup=False)
+
+
+def _print_drives(title: str, drives: Sequence[RoverDrive]) -> None:
+    rows: list[tuple[str, ...]] = []
+    for strategy in STRATEGIES:
+        mine = [d for d in drives if d.strategy == strategy.name]
+        predicted_s, measured_s, ratio = (
+            mean_interval(np.array(values))
+            for values in (
+                [d.predicted_s for d in mine],
+                [d.measured_s for d in mine],
+                [d.measured_s / d.predicted_s for d in mine],
+            )
+        )
+        arrived = sum(d.outcome == "success" for d in mine)
+        same = sum(d.predicted == d.passed for d in mine)
+        times = (predicted_s.text(1), measured_s.text(1), ratio.text(2))
+        rows.append((strategy.name, f"{arrived}/{len(mine)}", *times, f"{same}/{len(mine)}"))
+    header = (title, "arrived", "model, s", "rover, s", "rover over model", "as the model went")
+    console.out.print(text_table(header, rows))

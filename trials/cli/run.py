@@ -22,11 +22,7 @@ def run(
 
 
 def run_estimator(dataset: Path, out: Path, choice: Named | Command) -> None:
-    """Run an estimator of any kind with a progress bar, write its files and print a summary.
-
-    Raises:
-        DriftyardError: If dataset, estimator or settings are wrong, or a plug-in fails.
-    """
+    """Run an estimator as `estimate`, with a progress bar, and print a summary."""
     if out.is_dir():
         raise TrajectoryError(f"{out}: is a folder; --out names the trajectory file")
     frames = len(open_sequence(dataset))

@@ -68,16 +68,7 @@ BOUNDS = (("gt", ">"), ("ge", "≥"), ("lt", "<"), ("le", "≤"))
 
 @dataclass(frozen=True)
 class Row:
-    """One setting.
-
-    Attributes:
-        key: Dotted key.
-        type: Type, or the choices.
-        default: Default value as TOML writes it.
-        unit: Unit; empty for none.
-        range: Allowed range; empty for any.
-        description: What it is.
-    """
+    """One setting: dotted key, type or choices, default as TOML, unit, allowed range and text."""
 
     key: str
     type: str
@@ -111,13 +102,7 @@ def settings(
 
 
 def rows(model: type[BaseModel], prefix: str = "", base: BaseModel | None = None) -> Iterator[Row]:
-    """List the settings of a model, groups resolved.
-
-    Args:
-        model: Model of the settings.
-        prefix: Of all keys.
-        base: Instance that holds the defaults; those of the model without one.
-    """
+    """List the settings of a model, groups resolved; an instance may replace the defaults."""
     for name, field in model.model_fields.items():
         group, default = group_of(field.annotation), _default(field)
         if base is not None:
@@ -156,9 +141,8 @@ def _print(kind: Kind, some: Sequence[Row]) -> None:
     for x in some:
         unit = f" {x.unit}" if x.unit else ""
         bounds = f"; {x.range}" if x.range else ""
-        head = f"{x.type}{unit}{bounds}"
         console.out.print(f"[bold cyan]{x.key}[/] = {x.default or 'none'}", end="", highlight=False)
-        console.out.print(f"  ({head})", markup=False, style="dim")
+        console.out.print(f"  ({x.type}{unit}{bounds})", markup=False, style="dim")
         if x.description:
             console.wrapped.print(f"    {x.description}", markup=False)
     console.out.print()

@@ -2,8 +2,8 @@
 
 import shlex
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import ClassVar
 
@@ -12,10 +12,10 @@ import numpy as np
 from trials.cli import console
 from trials.cli.options import Distance, argument, changes, option
 from trials.estimators.plugins.command import Command
-from trials.execution.jobs import Variant
-from trials.execution.runner import NO_LABELS, run_jobs
+from trials.execution.jobs import Recording, Variant
+from trials.execution.runner import NO_LABELS
 from trials.report.tables import text_table
-from trials.studies.stress import AXES, MAIN, Axis, Curve, Limits, describe, respond
+from trials.studies.stress import AXES, MAIN, Axis, Curve, Limits, Response, describe, run_drives
 from trials.studies.stress import stress as find_limit
 from trials.studies.stress_report import write_curves, write_page
 from vo.contract.errors import SettingsError
@@ -87,12 +87,18 @@ def _search(name: str, axis: Axis, variant: Variant, search: SearchOptions) -> C
     title = f"{variant.label}: {name} on {scene}"
     shared = (f"drive.distance_m={search.distance:g}", *NO_LABELS)
     limits = Limits(search.drift, search.lost / 100)
-    seeds = tuple(range(search.seeds))
-    drives = search.seeds * (search.points + search.rounds)
-    with console.counting_bar(title, drives) as count:
-        run = partial(run_jobs, progress=count)
-        measure = partial(respond, axis, scene, variant, seeds, shared, run)
-        curve = find_limit(axis, scene, measure, search.points, search.rounds, limits)
+
+    def drives(strength: float) -> list[Recording]:
+        overrides, disturb = (*shared, *axis.overrides(strength)), axis.disturb(strength)
+        return [Recording(scene, seed, overrides, disturb) for seed in range(search.seeds)]
+
+    with console.counting_bar(title, search.seeds * (search.points + search.rounds)) as count:
+
+        def respond(strengths: Sequence[float]) -> list[Response]:
+            found = run_drives({x: drives(x) for x in strengths}, variant, count)
+            return [Response.of(x, results) for x, results in found.items()]
+
+        curve = find_limit(axis, scene, respond, search.points, search.rounds, limits)
     _print(curve, title)
     return curve
 

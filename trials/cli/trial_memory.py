@@ -2,8 +2,8 @@
 
 from trials.cli import console
 from trials.cli.options import argument, option
-from trials.execution.process_memory import resident_mb
 from trials.gym.studies.trial_runner import rover_nav
+from trials.studies.speed.estimator import resident_mb
 
 
 def trial_memory(

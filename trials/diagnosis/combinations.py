@@ -14,7 +14,7 @@ from trials.diagnosis.bound import write_births
 from trials.diagnosis.error_injection import ErrorInjector, InjectedError
 from trials.diagnosis.oracles import Oracle
 from trials.estimators.choice import ESTIMATORS, Named, make_estimator
-from trials.estimators.plugins.guard import Guarded
+from trials.estimators.plugins.classes import Guarded
 from trials.evaluation.alignment import associate
 from trials.evaluation.metrics import errors_over_distance
 from trials.evaluation.truth import true_trajectory

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,6 @@ from vo.contract.settings import Settings, resolve
 
 if TYPE_CHECKING:
     from trials.estimators.plugins.command import Command
-    from vo.config import OdometrySettings
     from vo.runner import Run
 
 Factory = Callable[[StereoRig, Path | None, Sequence[str]], tuple[Estimator, Settings]]
@@ -33,28 +33,12 @@ class Named:
     overrides: tuple[str, ...] = ()
 
 
-def _driftyard(
-    rig: StereoRig, config: Path | None, overrides: Sequence[str]
-) -> tuple[Estimator, Settings]:
-    from vo.config import OdometrySettings
-
-    return _odometry(OdometrySettings(), rig, config, overrides)
-
-
-def _thesis(
-    rig: StereoRig, config: Path | None, overrides: Sequence[str]
-) -> tuple[Estimator, Settings]:
-    from vo.config import THESIS
-
-    return _odometry(THESIS, rig, config, overrides)
-
-
 def _odometry(
-    preset: "OdometrySettings", rig: StereoRig, config: Path | None, overrides: Sequence[str]
+    preset: str, rig: StereoRig, config: Path | None, overrides: Sequence[str]
 ) -> tuple[Estimator, Settings]:
-    from vo.config import OdometrySettings
+    from vo.config import THESIS, OdometrySettings
 
-    base = preset.model_dump(exclude_defaults=True)
+    base = THESIS.model_dump(exclude_defaults=True) if preset == "thesis" else {}
     settings = resolve(OdometrySettings, config, overrides, base)
     from vo.odometry import StereoOdometry  # loads gtsam and numba, after the settings are accepted
     from vo.precompile import compile_ahead
@@ -73,8 +57,8 @@ def _corner_flow(
 
 
 ESTIMATORS: dict[str, Factory] = {
-    "driftyard": _driftyard,
-    "thesis": _thesis,
+    "driftyard": partial(_odometry, "driftyard"),
+    "thesis": partial(_odometry, "thesis"),
     "corner_flow": _corner_flow,
 }
 COMPARED = ("driftyard", "corner_flow")
@@ -84,13 +68,7 @@ COMPARED = ("driftyard", "corner_flow")
 def make_estimator(
     name: str, rig: StereoRig, config: Path | None = None, overrides: Sequence[str] = ()
 ) -> tuple[Estimator, Mapping[str, Any]]:
-    """Build an estimator.
-
-    Args:
-        name: A key of ESTIMATORS, or `module:Class`; see `trials.estimators.plugins.classes`.
-        rig: Camera of the sequence.
-        config: TOML file of settings.
-        overrides: Settings, `key=value` each.
+    """Build an estimator of a sequence with this camera; other arguments as of `Named`.
 
     Returns:
         The estimator and its resolved settings, ready for JSON.
@@ -118,20 +96,14 @@ def estimate(
 ) -> "Run":
     """Run an estimator of any kind over a dataset and write what `vo.runner.write_run` writes.
 
-    A frame on which a plug-in class raises is lost. The output of a program is kept in
-    `<stem>.printed.txt` beside the result.
-
-    Args:
-        choice: Estimator or program.
-        dataset: Folder of the sequence.
-        out: Trajectory to write, TUM format.
-        progress: Called with the estimate of each frame; never for a program.
+    A frame on which a plug-in class raises is lost. Progress is called with the estimate of each
+    frame, except for a program, whose output is kept in `<stem>.printed.txt` beside the result.
 
     Raises:
         DriftyardError: If dataset, estimator or settings are wrong, or a plug-in fails.
     """
     from trials.estimators.plugins import PluginError
-    from trials.estimators.plugins.guard import Guarded
+    from trials.estimators.plugins.classes import Guarded
     from vo.contract.readers import open_sequence
     from vo.runner import companion, run, write_run
 

@@ -119,11 +119,9 @@ def mean_bounds(samples: int, confidence: float = CONFIDENCE) -> tuple[float, fl
 
 
 def calibration(values: Array, levels: Array) -> Array:
-    """Return the fraction (K,) of errors inside the ellipsoids of probabilities `levels`.
+    """Return the fraction (K,) of (N,) NEES inside the ellipsoids of (K,) probabilities.
 
-    Args:
-        values: (N,) NEES; NaN is ignored.
-        levels: (K,) probabilities.
+    NaN is ignored.
     """
     known = np.sort(values[np.isfinite(values)])
     inside = np.searchsorted(known, chi2.ppf(levels, DEGREES), side="right")

@@ -62,7 +62,7 @@ def motion_covariance(covariance: Array, T_world_cam: Array, start: int, end: in
 
     Args:
         covariance: (6 F, 6 F) as `pose_covariance` returns it.
-        T_world_cam: (F, 4, 4).
+        T_world_cam: (F, 4, 4) poses.
         start: Index of the first camera.
         end: Index of the second.
     """

@@ -28,12 +28,9 @@ class Interval:
 
 
 def mean_interval(values: Array, minimum: float = -np.inf, maximum: float = np.inf) -> Interval:
-    """Return the mean of (N,) values with Student's interval; NaN is ignored.
+    """Return the mean of (N,) values with Student's interval, clipped to the possible range.
 
-    Args:
-        values: (N,).
-        minimum: Smallest possible value; the interval is clipped to it.
-        maximum: Largest possible value, likewise.
+    NaN is ignored.
     """
     known = values[np.isfinite(values)]
     if len(known) == 0:

@@ -14,13 +14,13 @@ ROBOT_LENGTHS_M = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0)
 
 @dataclass(frozen=True)
 class RelativeErrors:
-    """Errors of the motion between K pairs of times.
+    """Errors inverse(true motion) @ estimated motion between K pairs of times.
 
     Attributes:
         start: (K,) index of the first time of each.
         length_m: (K,) true path between the two.
-        translation_m: (K,) |t| of inverse(true motion) @ estimated motion.
-        rotation_rad: (K,) angle of the same.
+        translation_m: (K,) |t| of the error.
+        rotation_rad: (K,) its angle.
     """
 
     start: Array
@@ -71,8 +71,8 @@ def errors_between(pair: Pair, starts: Array, ends: Array) -> RelativeErrors:
     return _relative(starts, length_m, pair.motion_errors(starts, ends))
 
 
-def errors_over_distance(pair: Pair, length_m: float, step: int = 1) -> RelativeErrors:
-    """Return the errors of motions over exactly `length_m` of true path, one per `step` frames.
+def errors_over_distance(pair: Pair, length_m: float) -> RelativeErrors:
+    """Return the errors of motions over exactly `length_m` of true path, one per frame.
 
     A segment starts at frame i and ends where the true path, as a polyline through the true
     positions at the estimate's times, has grown by `length_m`. That point lies between two
@@ -80,15 +80,14 @@ def errors_over_distance(pair: Pair, length_m: float, step: int = 1) -> Relative
     (linear in position, spherical in rotation). Frames closer to the end of the path than
     `length_m` start no segment. Each segment is compared from its own start, so no alignment is
     applied. **Drift over 1 m**, the headline of every table, is the mean of
-    `translation_m / length_m` over all segments with `length_m` 1 and `step` 1, in per cent.
+    `translation_m / length_m` over all segments with `length_m` 1, in per cent.
 
     Source:
         Geiger et al., Are we ready for autonomous driving?, CVPR 2012; the benchmark's development
         kit ends a segment at the next frame and starts one every 10 frames.
     """
     travelled_m = pair.travelled_m
-    starts = np.arange(0, len(travelled_m), step)
-    starts = starts[travelled_m[starts] + length_m <= travelled_m[-1]]
+    starts = np.flatnonzero(travelled_m + length_m <= travelled_m[-1])
     target_m = travelled_m[starts] + length_m
     after = np.searchsorted(travelled_m, target_m, side="left")  # so travelled[after - 1] < target
     before_m = travelled_m[after - 1]

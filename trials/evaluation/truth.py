@@ -27,8 +27,6 @@ SAME_SURFACE_PX = 0.1
 EDGE_PX = 1.0
 """Difference of disparities of neighbouring pixels, px, above which they are of two surfaces."""
 
-HELD_LABELS = 4
-
 
 def true_trajectory(dataset: Path) -> Trajectory:
     """Read the true T_world_cam.
@@ -50,11 +48,7 @@ class TrueWorld:
     """
 
     def __init__(self, dataset: Path) -> None:
-        """Open a dataset that has depth labels.
-
-        Raises:
-            DatasetError: If it has no depth labels, poses or manifest.
-        """
+        """Open a dataset; DatasetError if it has no depth labels, poses or manifest."""
         manifest = read_manifest(dataset)
         try:
             true = manifest["rig_true"]
@@ -65,14 +59,13 @@ class TrueWorld:
             message = f"{dataset / MANIFEST}: the true rig is missing or malformed"
             raise DatasetError(message) from None
         if not label_file(dataset, "depth", 0).parent.is_dir():
-            raise DatasetError(
-                f"{dataset}: has no depth labels; generate it with labels.depth=true"
-            )
+            message = f"{dataset}: has no depth labels; generate it with labels.depth=true"
+            raise DatasetError(message)
         truth = read_euroc_truth(dataset, self.rig.T_body_cam)
         if truth is None:
             raise DatasetError(f"{dataset}: has no true poses")
         self._trajectory, self._dataset = truth, dataset
-        self._disparity = lru_cache(HELD_LABELS)(self._read_disparity)
+        self._disparity = lru_cache(4)(self._read_disparity)
 
     def T_world_cam(self, time_ns: int) -> Array:
         """Return the pose (4, 4) of the left camera."""

@@ -23,13 +23,9 @@ DIGITS = 12
 
 
 def cache_path(root: Path, kind: str, label: str, *causes: str) -> Path:
-    """Return where a result is kept, without a suffix.
+    """Return the path of a result in a folder of the cache such as recordings, without a suffix.
 
-    Args:
-        root: Folder of the cache.
-        kind: Folder below it: recordings, runs, ...
-        label: Beginning of the name, for people.
-        causes: Everything that decides the content: settings as JSON, digests.
+    The name begins with the label; the causes, settings as JSON and digests, decide the content.
     """
     return root / kind / f"{label}-{digest(*causes)}"
 
@@ -44,12 +40,7 @@ def digest(*parts: str | bytes) -> str:
 
 
 def source_digest(sources: Sequence[str] = GENERATOR, module: str = "") -> str:
-    """Digest of source files.
-
-    Args:
-        sources: Files, or folders of Python files, below the root of the packages.
-        module: Importable module outside, such as that of a plug-in; empty for none.
-    """
+    """Digest of files, folders of Python files, and an importable module, as of a plug-in."""
     root = Path(__file__).resolve().parents[2]
     files = [file for x in sources for file in sorted((root / x).rglob("*.py")) or [root / x]]
     if module:

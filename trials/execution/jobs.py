@@ -11,23 +11,16 @@ import numpy as np
 from trials.evaluation.alignment import Pair, associate
 from trials.evaluation.runs import FrameTable, SavedRun, Tracks, read_run
 from trials.evaluation.score import Score, score_run
+from trials.evaluation.truth import true_trajectory
 from vo.contract.arrays import Array
 from vo.contract.errors import TrajectoryError
 from vo.contract.estimator import Status
-from vo.contract.readers import read_truth
 from vo.contract.trajectory import Trajectory
 
 
 @dataclass(frozen=True)
 class Recording:
-    """A drive through a scene that is recorded.
-
-    Attributes:
-        scene: Name.
-        seed: Random seed of scene, route and noise.
-        overrides: `key=value` each, settings of the recording.
-        disturb: Disturbances, as for `driftyard generate`.
-    """
+    """A drive through a scene that is recorded; `disturb` is as for `driftyard generate`."""
 
     scene: str
     seed: int
@@ -37,13 +30,13 @@ class Recording:
 
 @dataclass(frozen=True)
 class Variant:
-    """An estimator with its settings.
+    """An estimator with its settings, or a program, as for `driftyard run`.
 
     Attributes:
         label: Name in tables and figures.
-        estimator: Name, as for `driftyard run`.
-        overrides: `key=value` each, settings of the estimator.
-        command: A program instead, as for `driftyard run --command`; empty for none.
+        estimator: Name.
+        overrides: `key=value` each.
+        command: A program instead; empty for none.
     """
 
     label: str
@@ -62,13 +55,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Result:
-    """Result of a job.
-
-    Attributes:
-        job: What was run.
-        dataset: Folder of the recording.
-        file: Trajectory of the run; its companion files lie beside it.
-    """
+    """Result of a job: folder of the recording and trajectory, with companion files beside it."""
 
     job: Job
     dataset: Path
@@ -94,9 +81,7 @@ class Result:
     @cached_property
     def truth(self) -> Trajectory:
         """True T_world_cam."""
-        truth = read_truth(self.dataset)
-        assert truth is not None  # our own recordings always hold it
-        return truth
+        return true_trajectory(self.dataset)
 
     @property
     def path_m(self) -> float:

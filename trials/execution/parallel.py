@@ -21,14 +21,11 @@ def usable_cores() -> int:
 
 
 def map_parallel(
-    function: Callable[..., R], calls: Sequence[tuple[Any, ...]], processes: int | None = None
+    function: Callable[..., R], calls: Sequence[tuple[Any, ...]]
 ) -> Generator[tuple[int, R]]:
-    """Call a function with each of several tuples of arguments, in processes of their own.
+    """Call a function with each of several tuples of arguments, in processes of one thread each.
 
-    Args:
-        function: Importable by its name; arguments and results are pickled.
-        calls: Arguments of each call.
-        processes: Most at a time; one for each usable core by default. Each has one thread.
+    The function is importable by its name; arguments and results are pickled.
 
     Yields:
         Row of the call and its result, in the order in which they finish.
@@ -37,7 +34,7 @@ def map_parallel(
         Exception: The first that a call raises; calls that have not begun are dropped.
     """
     spawn = multiprocessing.get_context("spawn")
-    count = max(1, min(processes or usable_cores(), len(calls)))
+    count = max(1, min(usable_cores(), len(calls)))
     with _single_threaded(), ProcessPoolExecutor(count, spawn, _end_with_parent) as pool:
         jobs = {pool.submit(function, *arguments): k for k, arguments in enumerate(calls)}
         try:

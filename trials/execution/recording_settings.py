@@ -17,14 +17,9 @@ def recording_settings(
     config: Path | None = None,
     disturb: str = "",
 ) -> RecordSettings:
-    """Resolve the settings of a recording.
+    """Resolve the settings of a recording of a registered scene, MJCF file or `module:function`.
 
-    Args:
-        scene: Registered name, MJCF file or `module:function`.
-        seed: Random seed of scene, route and noise; None for that of the other sources.
-        overrides: `key=value` each.
-        config: TOML file of settings.
-        disturb: Disturbances as `name=strength,...`.
+    A seed takes precedence over that of other sources. Disturbances are `name=strength,...`.
 
     Raises:
         SettingsError: If there is no such scene or disturbance, or a key or value is not accepted.

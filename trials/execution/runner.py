@@ -24,12 +24,9 @@ ANY_RIG = StereoRig(640, 480, 457.0, 319.5, 239.5, 0.09)
 def run_jobs(
     jobs: Sequence[Job], cache: Path = CACHE, progress: Callable[[object], None] | None = None
 ) -> Results:
-    """Record what is missing, run what is missing, and return all.
+    """Record what is missing, each recording once, run what is missing, and return all.
 
-    Args:
-        jobs: May share recordings; each is made once.
-        cache: Folder of recordings and runs.
-        progress: Called with the results of each recording.
+    Progress is called with the results of each recording.
 
     Raises:
         DriftyardError: If a scene, setting or estimator is wrong; the latter before anything is

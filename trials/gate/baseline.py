@@ -1,23 +1,108 @@
 """Baseline file: measurements, sequences, software and rules of the decision."""
 
 import json
-import platform
-from collections.abc import Collection, Mapping, Sequence
+import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, Self
 
 from pydantic import Field, model_validator
 
-from trials.gate.design import Design
-from trials.gate.measurement import Measurement
-from trials.gate.rules import Rules
 from vo.contract.errors import DatasetError
 from vo.contract.files import write_text
 from vo.contract.settings import Settings, validated
 
 KIND, SCHEMA_VERSION = "driftyard gate baseline", 1
-MISMATCHES = ("datasets", "platform")
-"""Differences from the baseline that must be accepted explicitly."""
+MAX_LOST_RATIO = 0.02
+"""Ratio of lost frames above which a sequence counts as lost."""
+MIN_DRIFT_PERCENT = 1e-4
+"""Smallest drift; smaller ones count as this, so that the logarithm is finite."""
+
+
+class Rules(Settings):
+    """Level, power, and relative increases; a margin of 0 disables time or NEES."""
+
+    level: float = Field(default=0.05, gt=0, le=0.2)
+    """False alarm rate for an estimator whose drift grew by the tolerance."""
+    power: float = Field(default=0.8, ge=0.5, lt=1)
+    """Probability of finding the smallest detectable change."""
+    drift_tolerance: float = Field(default=0.005, ge=0, le=10)
+    """Relative increase of drift; a regression if the lower confidence bound exceeds it."""
+    drift_margin: float = Field(default=0.1, gt=0, le=10)
+    """Relative increase of drift; a pass if the upper confidence bound is below it."""
+    time_margin: float = Field(default=0.25, ge=0, le=10)
+    """Tolerance and margin of the frame time over that of the reference estimator."""
+    nees_margin: float = Field(default=0.5, ge=0, le=10)
+    """Tolerance and margin of the distance of the NEES from its expectation."""
+
+    @model_validator(mode="after")
+    def _margin_is_beyond_tolerance(self) -> Self:
+        if self.drift_margin <= self.drift_tolerance:
+            raise ValueError("drift_margin: must exceed drift_tolerance")
+        return self
+
+
+class Design(Settings):
+    """Every scene with every seed, and the settings of the recordings."""
+
+    scenes: tuple[str, ...] = Field(min_length=1)
+    seeds: int = Field(default=1, ge=1)
+    """Number of seeds of each scene."""
+    first_seed: int = Field(default=0, ge=0)
+    """Random seed of the first sequence of each scene."""
+    disturb: str = ""
+    """Disturbances, as for `driftyard generate`."""
+    overrides: tuple[str, ...] = ()
+    """Settings of the recordings, `key=value` each."""
+
+    @property
+    def sequences(self) -> tuple[tuple[str, int], ...]:
+        """Scene and seed of each sequence."""
+        seeds = range(self.first_seed, self.first_seed + self.seeds)
+        return tuple((scene, seed) for scene in self.scenes for seed in seeds)
+
+
+class Measurement(Settings):
+    """Figures of one estimator on one sequence."""
+
+    frames: int = Field(ge=1)
+    """Number of frames."""
+    lost_frames: int = Field(ge=0)
+    """Number of frames without a pose."""
+    drift_percent: float | None = Field(default=None, ge=0)
+    """Mean translation error over 1 m; none with too few poses."""
+    frame_ms: float | None = Field(default=None, gt=0)
+    """Median wall time of a frame."""
+    reference_ms: float | None = Field(default=None, gt=0)
+    """Median wall time of a frame of the reference estimator."""
+    nees: float | None = Field(default=None, gt=0)
+    """Median NEES of steps over its expected median; none without covariances."""
+    problem: str = ""
+    """Error of the estimator; empty if it succeeded."""
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether too many frames are lost, or the drift is undefined."""
+        return self.drift_percent is None or self.lost_frames > MAX_LOST_RATIO * self.frames
+
+    @property
+    def log_drift(self) -> float:
+        """Logarithm of the drift in percent; NaN if lost."""
+        if self.is_lost or self.drift_percent is None:
+            return math.nan
+        return math.log(max(self.drift_percent, MIN_DRIFT_PERCENT))
+
+    @property
+    def log_time(self) -> float:
+        """Logarithm of the frame time over that of the reference; NaN if unknown."""
+        if self.frame_ms is None or self.reference_ms is None:
+            return math.nan
+        return math.log(self.frame_ms / self.reference_ms)
+
+    @property
+    def log_nees(self) -> float:
+        """Logarithm of the NEES over its expectation, 0 if consistent; NaN if unknown."""
+        return math.nan if self.nees is None else math.log(self.nees)
 
 
 class Recorded(Settings):
@@ -66,13 +151,8 @@ class Baseline(Settings):
         return [x.scene for x in self.sequences]
 
 
-def this_platform() -> str:
-    """Return operating system and processor architecture."""
-    return f"{platform.system()} {platform.machine()}"
-
-
 def read_baseline(path: Path) -> Baseline:
-    """Read what `write_baseline` wrote.
+    """Read a baseline.
 
     Raises:
         DatasetError: If the file is missing, no baseline, or of another schema.
@@ -85,7 +165,7 @@ def read_baseline(path: Path) -> Baseline:
             f"{path}: cannot be read ({error.strerror}); `driftyard gate update` writes one"
         ) from None
     except ValueError:
-        raise DatasetError(f"{path}: not a gate baseline") from None
+        content = None
     if not isinstance(content, dict) or content.get("kind") != KIND:
         raise DatasetError(f"{path}: not a gate baseline")
     version = content.get("schema_version")
@@ -100,46 +180,3 @@ def read_baseline(path: Path) -> Baseline:
 def write_baseline(path: Path, baseline: Baseline) -> None:
     """Write a baseline, completely or not at all."""
     write_text(path, baseline.model_dump_json(indent=1) + "\n")
-
-
-def platform_mismatch(baseline: Baseline) -> str:
-    """Describe how this platform differs from that of the baseline; empty if it does not."""
-    here = this_platform()
-    return "" if here == baseline.platform else f"platform is {here}, was {baseline.platform}"
-
-
-def dataset_mismatch(
-    baseline: Baseline, hashes: Sequence[str], generator: str, software: Mapping[str, Any]
-) -> str:
-    """Describe how the sequences differ from the baseline, with likely causes; empty if equal.
-
-    Args:
-        baseline: Baseline.
-        hashes: Hashes of the contents of its sequences, recorded here.
-        generator: Digest of the sources here.
-        software: Versions and OpenGL driver here.
-    """
-    pairs = list(zip(baseline.sequences, hashes, strict=True))
-    other = [known for known, sha256 in pairs if known.sha256 != sha256]
-    if not other:
-        return ""
-    causes = [] if generator == baseline.generator else ["the generator's sources changed"]
-    for name, now in software.items():
-        was = baseline.software.get(name)
-        if was != now:
-            causes.append(f"{name} is {_version(now)}, was {_version(was)}")
-    why = f" ({'; '.join(causes)})" if causes else ""
-    return (
-        f"datasets differ in {len(other)} of {len(pairs)} sequences, the first {other[0].scene} "
-        f"seed {other[0].seed}{why}"
-    )
-
-
-def refuse(path: Path, kind: str, mismatch: str, accepted: Collection[str]) -> None:
-    """Raise DatasetError for a mismatch of a kind that is not accepted."""
-    if mismatch and kind not in accepted:
-        raise DatasetError(f"{path}: {mismatch}; run `driftyard gate update`, or --accept {kind}")
-
-
-def _version(version: Any) -> str:
-    return version.get("renderer", "?") if isinstance(version, dict) else str(version)

@@ -7,36 +7,24 @@ from functools import partial
 
 import numpy as np
 
-from trials.gate.measurement import Measurement
-from trials.gate.rules import Rules
-from trials.gate.statistics import (
-    MIN_DEGREES,
-    Effect,
-    degrees_of_freedom,
-    detectable,
-    newly_lost,
-)
+from trials.gate.baseline import Measurement, Rules
+from trials.gate.statistics import MIN_DEGREES, Effect, degrees_of_freedom, detectable, newly_lost
 from vo.contract.arrays import Array
 
 
 class Verdict(StrEnum):
-    """Verdict of the gate; errors are exceptions."""
+    """Verdict of the gate, the worst first; errors are exceptions."""
 
-    PASS = "pass"
     REGRESS = "regress"
     UNDECIDED = "undecided"
+    PASS = "pass"
 
 
 @dataclass(frozen=True)
 class Change:
-    """A log ratio with its confidence bounds.
+    """A log ratio with its confidence bounds, which are NaN with too few pairs.
 
-    Attributes:
-        effect: Paired differences.
-        rules: Rules with the level of the bounds.
-        null: Log ratio that the lower bound of a regression exceeds.
-        low: Lower confidence bound; NaN with too few pairs.
-        high: Upper confidence bound; NaN likewise.
+    The lower bound of a regression exceeds `null`.
     """
 
     effect: Effect
@@ -71,12 +59,10 @@ class Change:
 
 @dataclass(frozen=True)
 class Finding:
-    """Verdict on one figure.
+    """Verdict on one figure, with its reason.
 
     Attributes:
         figure: drift, losses, time or nees.
-        verdict: Verdict.
-        why: Reason, one sentence.
         before: Mean of the baseline over sequences; NaN if there is none.
         after: Mean of the candidate.
         change: Comparison of both; None for losses.
@@ -105,30 +91,26 @@ def decide(
     before: Sequence[Measurement],
     after: Sequence[Measurement],
 ) -> Decision:
-    """Compare a candidate with its baseline over the same N sequences.
+    """Compare a candidate with its baseline over the same N sequences, given their scenes.
 
     Drift regresses if the lower bound of its increase exceeds the tolerance, time and NEES if it
     exceeds their margins, because noise changes them as a whole. A figure passes if the upper
     bound is below its margin. Drift is compared on sequences that neither estimator loses.
-
-    Args:
-        rules: Level, power and margins.
-        scenes: N names.
-        before: N measurements of the baseline.
-        after: N measurements of the candidate.
     """
-    logs = {x: _logs(x, before, after) for x in ("log_drift", "log_time", "log_nees")}
-    (was, now), (nees_was, nees_now) = logs["log_drift"], logs["log_nees"]
+    (was, now), (time_was, time_now), (nees_was, nees_now) = (
+        [np.array([getattr(x, name) for x in side]) for side in (before, after)]
+        for name in ("log_drift", "log_time", "log_nees")
+    )
     compared = partial(_compare, rules, scenes)
     findings = [
         compared("drift", was, now, now - was, rules.drift_tolerance, rules.drift_margin),
         _losses(rules, before, after),
     ]
     time, nees = rules.time_margin, rules.nees_margin
-    was, now = logs["log_time"]
+    slower = time_now - time_was
     distance = np.abs(nees_now) - np.abs(nees_was)  # of the NEES from 1, on either side
-    if time and np.isfinite(now - was).any():
-        findings.append(compared("time", was, now, now - was, time, time))
+    if time and np.isfinite(slower).any():
+        findings.append(compared("time", time_was, time_now, slower, time, time))
     if nees and np.isfinite(distance).any():
         findings.append(compared("nees", nees_was, nees_now, distance, nees, nees))
     if degrees_of_freedom(scenes) < MIN_DEGREES:
@@ -138,17 +120,11 @@ def decide(
         )
         return Decision(Verdict.UNDECIDED, tuple(findings), few)
     verdicts = {x.verdict for x in findings}
-    worst_first = (Verdict.REGRESS, Verdict.UNDECIDED, Verdict.PASS)
-    return Decision(next(x for x in worst_first if x in verdicts), tuple(findings))
+    return Decision(next(x for x in Verdict if x in verdicts), tuple(findings))
 
 
 def decide_change(change: Change, margin: float) -> tuple[Verdict, str]:
-    """Decide on a log ratio.
-
-    Args:
-        change: Log ratio with its bounds.
-        margin: Log ratio that the upper bound must not reach to pass.
-    """
+    """Decide on a log ratio, which passes if its upper bound is below `margin`, another one."""
     if np.isnan(change.low):
         few = f"is undecided, because only {len(change.effect.values)} sequences can be compared"
         return Verdict.UNDECIDED, few
@@ -165,13 +141,6 @@ def percent(log_ratio: float, signed: bool = False) -> str:
     """Format a log ratio as a change in percent."""
     change = 100 * np.expm1(log_ratio)
     return f"{change:{'+' if signed else ''}.1f} %"
-
-
-def _logs(
-    name: str, before: Sequence[Measurement], after: Sequence[Measurement]
-) -> tuple[Array, Array]:
-    was, now = (np.array([getattr(x, name) for x in side]) for side in (before, after))
-    return was, now
 
 
 def _compare(

@@ -12,10 +12,11 @@ from trials.estimators.choice import Named, estimate, make_estimator
 from trials.evaluation.consistency import DEGREES, nees
 from trials.evaluation.runs import SavedRun, read_run
 from trials.evaluation.score import score_run
-from trials.gate.measurement import Measurement
+from trials.evaluation.truth import true_trajectory
+from trials.gate.baseline import Measurement
 from vo.contract.errors import DatasetError, DriftyardError, SettingsError, TrajectoryError
 from vo.contract.estimator import Status
-from vo.contract.readers import open_sequence, read_truth
+from vo.contract.readers import open_sequence
 from vo.contract.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -60,12 +61,8 @@ def measure(
 ) -> list[Measurement]:
     """Run an estimator over sequences; trajectories are kept beside the datasets.
 
-    Args:
-        choice: Estimator or program.
-        reference: Reference estimator that normalizes frame times; it runs after each frame, or,
-            for a program, after the sequence.
-        datasets: Folders with ground truth.
-        progress: Called for each sequence.
+    The reference estimator, which normalizes frame times, runs after each frame, or, for a
+    program, after the sequence.
 
     Raises:
         SettingsError: If an estimator does not exist or refuses a setting.
@@ -93,9 +90,7 @@ def run_file(dataset: Path) -> Path:
 def _measure(choice: "Named | Command", reference: Named, dataset: Path) -> Measurement:
     frames, out = len(open_sequence(dataset)), run_file(dataset)
     timer = ReferenceTimer(reference, dataset)
-    truth = read_truth(dataset)
-    if truth is None:
-        raise DatasetError(f"{dataset}: holds no truth to compare with")
+    truth = true_trajectory(dataset)
     try:
         ran = estimate(choice, dataset, out, timer)
     except (DatasetError, SettingsError):

@@ -1,19 +1,112 @@
-"""Result files of the gate: JSON, Markdown for a pull request, JUnit for CI."""
+"""Result of the gate: text for the terminal; JSON, Markdown for a pull request, JUnit for CI."""
 
 import json
-import math
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import numpy as np
+
+from trials.gate.baseline import Rules
 from trials.gate.comparison import Comparison
-from trials.gate.decision import Finding, Verdict
-from trials.gate.tables import HEADER, change_json, headline, notes, rows
-from vo.contract.files import write_text
+from trials.gate.decision import Change, Finding, Verdict, percent
+from trials.gate.statistics import scenes_needed, seeds_needed
 
 KIND, SCHEMA_VERSION = "driftyard gate result", 1
 MARKS = {Verdict.PASS: "✅", Verdict.REGRESS: "❌", Verdict.UNDECIDED: "⚠️"}
+TITLES = {"drift": "drift, %", "losses": "lost, %", "time": "time", "nees": "NEES"}
+HEADER = ("figure", "baseline", "now", "change", "bounds", "finds", "verdict")
+
+
+def rows(found: Comparison) -> list[tuple[str, ...]]:
+    """List cells under HEADER, a row for each figure."""
+    return [_row(x) for x in found.decision.findings]
+
+
+def headline(found: Comparison) -> str:
+    """State the verdict and its reason in one line."""
+    decision = found.decision
+    names = f"{decision.verdict.value}: {found.estimator} against {found.baseline.estimator}"
+    if decision.remark:
+        return f"{names}: {decision.remark}"
+    if decision.verdict is Verdict.PASS:
+        return f"{names}: drift {decision.findings[0].why}"
+    same = [x for x in decision.findings if x.verdict is decision.verdict]
+    return f"{names}: {'; '.join(f'{x.figure} {x.why}' for x in same)}"
+
+
+def notes(found: Comparison) -> list[str]:
+    """List what the table leaves out: design, meaning of the columns, lost sequences."""
+    rules, drift = found.baseline.rules, found.decision.findings[0].change
+    scenes = found.baseline.scenes
+    by_scene = drift is not None and drift.effect.by_scene
+    sample = "scenes are the samples" if by_scene else "holds for these scenes alone"
+    lines = [
+        f"{len(scenes)} sequences of {len(set(scenes))} scenes; {sample}",
+        "drift over 1 m; share of sequences lost; time of a frame over "
+        f"{found.baseline.reference}'s; NEES over its expectation",
+        f"bounds hold with {1 - rules.level:.0%} each, by Student's t; of drift by bootstrap: "
+        f"{_bounds(drift.bootstrap) if drift else '–'}",
+        f"'finds' is the smallest increase that is found with a probability of {rules.power:.0%}",
+        _margins(rules),
+    ]
+    lines += [f"accepted: {x}" for x in found.mismatches]
+    for known, now in zip(found.baseline.sequences, found.measured, strict=True):
+        if now.is_lost:
+            news = "lost, as before" if known.measured.is_lost else "newly lost"
+            loss = now.problem or f"{now.lost_frames} of {now.frames} frames"
+            lines.append(f"{known.scene} seed {known.seed}: {news} ({loss})")
+    return lines
+
+
+def plan_line(found: Comparison, change: float) -> str:
+    """State how many sequences it takes to find a log ratio of drift, given this result."""
+    rules, drift = found.baseline.rules, found.decision.findings[0].change
+    wanted = f"to find +{percent(change)} of drift with {rules.power:.0%}"
+    if drift is None or drift.effect.degrees < 1:
+        return f"{wanted}: too few sequences to estimate a variance"
+    if drift.effect.error == 0:
+        return f"{wanted}: unknown, because these estimators do not differ on any sequence"
+    effect, present = drift.effect, len(set(drift.effect.scenes))
+    each = max(1, round(len(effect.values) / present))
+    wish = (change - drift.null, rules.level, rules.power)
+    seeds = seeds_needed(effect.within, effect.between, present, *wish)
+    more = scenes_needed(effect.within, effect.between, each, *wish)
+    deviation = 100 * np.hypot(effect.between, np.nan_to_num(effect.within))
+    options = [
+        f"{seeds} seeds of each of the {present} scenes" if seeds else "",
+        f"{more} scenes with {each} each" if more else "",
+    ]
+    designs = " or ".join(x for x in options if x) or "no design of reasonable size suffices"
+    single = "; more than one seed a scene separates both" if each == 1 else ""
+    return f"{wanted}: {designs} (standard deviation {deviation:.1f} %){single}"
+
+
+def _row(finding: Finding) -> tuple[str, ...]:
+    title = TITLES[finding.figure]
+    scale, digits = (100, 0) if finding.figure == "losses" else (1, 3)
+    levels = (
+        f"{scale * x:.{digits}f}" if np.isfinite(x) else "–"
+        for x in (finding.before, finding.after)
+    )
+    change = finding.change
+    if change is None:
+        return (title, *levels, "", "", "", finding.verdict.value)
+    mean = percent(change.effect.mean, signed=True) if np.isfinite(change.effect.mean) else "–"
+    finds = percent(change.detectable, signed=True) if np.isfinite(change.detectable) else "–"
+    return (title, *levels, mean, _bounds((change.low, change.high)), finds, finding.verdict.value)
+
+
+def _bounds(bounds: tuple[float, float]) -> str:
+    if not np.isfinite(bounds).all():
+        return "–"
+    low, high = (percent(x, signed=True) for x in bounds)
+    return f"{low.removesuffix(' %')} to {high}"
+
+
+def _margins(rules: Rules) -> str:
+    named = {"drift": rules.drift_margin, "time": rules.time_margin, "NEES": rules.nees_margin}
+    gated = ", ".join(f"{name} {margin:.0%}" for name, margin in named.items() if margin)
+    return f"increases that may pass: {gated}"
 
 
 def as_json(found: Comparison) -> str:
@@ -32,12 +125,8 @@ def as_json(found: Comparison) -> str:
         "accepted": found.mismatches,
         "findings": [_finding(x) for x in decision.findings],
         "sequences": [
-            {
-                "scene": known.scene,
-                "seed": known.seed,
-                "baseline": known.measured.model_dump(),
-                "now": now.model_dump(),
-            }
+            {"scene": known.scene, "seed": known.seed}
+            | {"baseline": known.measured.model_dump(), "now": now.model_dump()}
             for known, now in zip(found.baseline.sequences, found.measured, strict=True)
         ],
     }
@@ -46,14 +135,9 @@ def as_json(found: Comparison) -> str:
 
 def as_markdown(found: Comparison) -> str:
     """Format a comment for a pull request."""
-    mark = MARKS[found.decision.verdict]
-    lines = [
-        f"### {mark} driftyard gate: {found.decision.verdict.value}",
-        "",
-        _plain(headline(found)),
-        "",
-    ]
-    lines += [_table_line(HEADER), "|" + "---|" * len(HEADER)]
+    verdict = found.decision.verdict
+    lines = [f"### {MARKS[verdict]} driftyard gate: {verdict.value}", "", _plain(headline(found))]
+    lines += ["", _table_line(HEADER), "|" + "---|" * len(HEADER)]
     lines += [_table_line(row) for row in rows(found)]
     lines += ["", *(f"- {_plain(x)}" for x in notes(found))]
     return "\n".join(lines) + "\n"
@@ -81,33 +165,39 @@ def as_junit(found: Comparison) -> str:
     return ElementTree.tostring(suite, encoding="unicode", xml_declaration=True) + "\n"
 
 
-WRITERS: dict[str, Callable[[Comparison], str]] = {
-    "json": as_json,
-    "markdown": as_markdown,
-    "junit": as_junit,
-}
-
-
-def write_reports(found: Comparison, files: dict[str, Path | None]) -> None:
-    """Write files by kind, a key of WRITERS; None is skipped."""
-    for kind, file in files.items():
-        if file is not None:
-            write_text(file, WRITERS[kind](found))
-
-
 def _finding(finding: Finding) -> dict[str, Any]:
     return {
         "figure": finding.figure,
         "verdict": finding.verdict.value,
         "why": finding.why,
-        "baseline": _known(finding.before),
-        "now": _known(finding.after),
-        "change": change_json(finding.change) if finding.change else None,
+        "baseline": _finite(finding.before),
+        "now": _finite(finding.after),
+        "change": _change(finding.change) if finding.change else None,
     }
 
 
-def _known(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+def _change(change: Change) -> dict[str, Any]:
+    """Format a change with its statistics, as ratios; None if unknown."""
+
+    def ratio(log_ratio: float) -> float | None:
+        return _finite(float(np.exp(log_ratio)))
+
+    effect = change.effect
+    return {
+        "ratio": ratio(effect.mean),
+        "bounds": [ratio(change.low), ratio(change.high)],
+        "bootstrap_bounds": [ratio(x) for x in change.bootstrap],
+        "detectable_ratio": ratio(change.detectable),
+        "sequences": len(effect.values),
+        "samples_are": "scenes" if effect.by_scene else "sequences",
+        "degrees_of_freedom": effect.degrees,
+        "log_ratios": effect.values.tolist(),
+        "scenes": list(effect.scenes),
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None
 
 
 def _table_line(cells: tuple[str, ...]) -> str:

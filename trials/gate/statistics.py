@@ -7,7 +7,7 @@ Student's t are in docs/decisions/0015.
 """
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,6 +21,8 @@ MIN_SCENES = 5
 MIN_DEGREES = 4
 """Smallest degrees of freedom of a variance that is used."""
 RESAMPLES = 2000
+MAX_SEEDS, MAX_SCENES = 200, 500
+"""Largest design that is considered."""
 
 
 @dataclass(frozen=True)
@@ -143,6 +145,55 @@ def detectable(error: float, degrees: int, level: float, power: float) -> float:
 
     root: Any = brentq(shortfall, 0.0, critical + 40.0, xtol=1e-14)
     return error * float(root)
+
+
+def design_error(within: float, between: float, scenes: int, seeds: int) -> tuple[float, int]:
+    """Compute the standard error of the mean of a balanced design, and its degrees of freedom.
+
+    Args:
+        within: Standard deviation of sequences about their scene's mean; NaN counts as none.
+        between: Standard deviation of scenes beyond that.
+        scenes: Number of scenes; below MIN_SCENES they are taken as fixed.
+        seeds: Number of seeds of each.
+    """
+    own = float(np.nan_to_num(within)) ** 2 / seeds
+    if scenes >= MIN_SCENES:
+        return float(np.sqrt((between**2 + own) / scenes)), scenes - 1
+    return float(np.sqrt(own / scenes)), scenes * (seeds - 1)
+
+
+def seeds_needed(
+    within: float, between: float, scenes: int, change: float, level: float, power: float
+) -> int | None:
+    """Find the smallest number of seeds of each of these scenes that detects a true log ratio.
+
+    More seeds reduce the variance within scenes, not that between scenes. The first three
+    arguments are as of `design_error`, the last two as of `detectable`.
+
+    Returns:
+        None if MAX_SEEDS are not enough, or `within` is not known.
+    """
+    designs = {n: design_error(within, between, scenes, n) for n in range(1, MAX_SEEDS + 1)}
+    return None if np.isnan(within) else _smallest(designs, change, level, power)
+
+
+def scenes_needed(
+    within: float, between: float, seeds: int, change: float, level: float, power: float
+) -> int | None:
+    """Find the smallest number of scenes with `seeds` each; otherwise as `seeds_needed`."""
+    counts = range(MIN_SCENES, MAX_SCENES + 1)
+    designs = {k: design_error(within, between, k, seeds) for k in counts}
+    return _smallest(designs, change, level, power)
+
+
+def _smallest(
+    designs: Mapping[int, tuple[float, int]], change: float, level: float, power: float
+) -> int | None:
+    """Return the key of the first design, as error and degrees of freedom, that is enough."""
+    for count, (error, degrees) in designs.items():
+        if degrees >= MIN_DEGREES and detectable(error, degrees, level, power) <= change:
+            return count
+    return None
 
 
 def newly_lost(before: Sequence[bool], after: Sequence[bool]) -> tuple[int, int, float]:

@@ -22,8 +22,13 @@ from trials.report.tables import text_table
 from trials.studies.speed.backends import backend_table, measure_windows
 from trials.studies.speed.drive import TimedDrive, on_cores
 from trials.studies.speed.estimator import EstimatorSpeed, measure_estimator
-from trials.studies.speed.generator import GeneratorSpeed, measure_generator, measure_scaling
-from trials.studies.speed.length import LengthCost, measure_lengths
+from trials.studies.speed.generator import (
+    GeneratorSpeed,
+    LengthCost,
+    measure_generator,
+    measure_lengths,
+    measure_scaling,
+)
 from trials.studies.speed.renderers import RenderSpeed, measure_renderers
 
 DISTANCE_M, FRAMES = 5.0, 40
@@ -37,13 +42,9 @@ QUANTILES = {"median": 0.5, "95th percentile": 0.95}
 def bench_all(
     scene: str, seed: int, quick: bool, bar: ProgressBar = no_progress
 ) -> Iterator[Table | str]:
-    """Measure generator, renderers and estimators on a drive through a scene; yield the report.
+    """Measure generator, renderers and estimators on a drive, or a short one; yield the report.
 
-    Args:
-        scene: Scene to drive through.
-        seed: Random seed of the drive.
-        quick: Whether to measure short drives.
-        bar: Shows progress; a function that is importable by its name.
+    The progress bar is a function that is importable by its name.
     """
     cores = sorted(os.sched_getaffinity(0))
     drive = TimedDrive(scene, seed, QUICK_DISTANCE_M if quick else DISTANCE_M)
@@ -87,13 +88,8 @@ def generator_tables(
 ) -> Iterator[Table]:
     """Tabulate times of rendering alone and with files, then ratios, and their limits.
 
-    Ratios do not depend on the speed of the machine.
-
-    Args:
-        cores: Number that the generator uses.
-        generated: The generator, before and after the renderers.
-        rendered: Both renderers.
-        scaling: Frame rate of two generators on a core each over that of one.
+    Ratios do not depend on the speed of the machine. The generator was measured before and after
+    the renderers; the scaling is the frame rate of two on a core each over that of one.
     """
     recorded_ms = sum(x.frame_ms for x in generated) / len(generated)
     written_ms = rendered.stock_left_ms + rendered.stock_files_ms

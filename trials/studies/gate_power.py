@@ -13,15 +13,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy import stats
 
+from trials.gate.baseline import Measurement, Rules
 from trials.gate.decision import Decision, Verdict, decide
-from trials.gate.measurement import Measurement
-from trials.gate.planning import design_error, seeds_needed
-from trials.gate.rules import Rules
-from trials.gate.statistics import MIN_SCENES, Effect
+from trials.gate.statistics import MIN_SCENES, Effect, design_error, seeds_needed
 from vo.contract.arrays import Array
 from vo.contract.errors import DatasetError
 
@@ -33,6 +32,8 @@ FRAMES, DRIFT_PERCENT = 100, 0.1
 LOSS, TIME_COMMON, TIME_EACH, NEES_EACH = 0.02, 0.03, 0.05, 0.1
 """Probability of a loss; std. dev. of log time, common and individual; std. dev. of log NEES."""
 TAIL_DEGREES = 4
+FLIPS = 999
+"""Number of resamples of the sign flips and of the bootstrap."""
 
 Draw = Callable[[np.random.Generator, int, int], Array]
 """Draws (scenes, seeds) log ratios without a true change."""
@@ -40,14 +41,9 @@ Draw = Callable[[np.random.Generator, int, int], Array]
 
 @dataclass(frozen=True)
 class Case:
-    """Scenes and the variation of their sequences.
+    """Scenes and the variation of their sequences: standard deviations within and between scenes.
 
-    Attributes:
-        name: Label in the table.
-        scenes: Number of scenes.
-        within: Standard deviation of the sequences of a scene.
-        between: Standard deviation of scenes.
-        draw: Draws log ratios.
+    `draw` draws log ratios.
     """
 
     name: str
@@ -58,11 +54,7 @@ class Case:
 
     @cached_property
     def seeds(self) -> int:
-        """Number of seeds of each scene, as of `gate plan 10%`.
-
-        Raises:
-            DatasetError: If no number of seeds is enough.
-        """
+        """Number of seeds of each scene, as of `gate plan 10%`; DatasetError if none is enough."""
         wish = (CHANGE - TOLERANCE, RULES.level, RULES.power)
         seeds = seeds_needed(self.within, self.between, self.scenes, *wish)
         if seeds is None:
@@ -94,11 +86,7 @@ def modelled(scenes: int, within: float, between: float) -> Case:
 
 
 def resampled(path: Path) -> Case:
-    """Return a case of the pairs in a JSON result of the gate.
-
-    Raises:
-        DatasetError: If it is not a result, or has too few scenes with several seeds.
-    """
+    """Return a case of the pairs in a JSON result of the gate; DatasetError if it is unusable."""
     try:
         drift = json.loads(path.read_text(encoding="utf-8"))["findings"][0]["change"]
         effect = Effect(np.array(drift["log_ratios"], dtype=float), tuple(drift["scenes"]))
@@ -130,15 +118,53 @@ CASES = (
 )
 
 
+def _p(result: Any) -> bool:
+    return bool(result.pvalue <= RULES.level)
+
+
+def _t(values: Array) -> bool:
+    return len(values) > 1 and _p(stats.ttest_1samp(values, 0.0, alternative="greater"))
+
+
+def _wilcoxon(log_ratios: Array) -> bool:
+    return _p(stats.wilcoxon(log_ratios.ravel(), alternative="greater"))
+
+
+def _sign_flips(log_ratios: Array) -> bool:
+    """Test by permutation: signs of scene means flipped at random."""
+    means = log_ratios.mean(axis=1)
+    signs = np.random.default_rng(0).choice((-1.0, 1.0), (FLIPS, len(means)))
+    above = np.sum((signs * means).sum(axis=1) >= means.sum())
+    return bool((1 + above) / (1 + FLIPS) <= RULES.level)
+
+
+def _bootstrap(log_ratios: Array) -> bool:
+    """Test by the BCa bootstrap of scene means."""
+    means = log_ratios.mean(axis=1)
+    if len(means) < 2:
+        return False
+    found = stats.bootstrap(
+        (means,), np.mean, n_resamples=FLIPS, confidence_level=1 - 2 * RULES.level,
+        method="BCa", rng=np.random.default_rng(0),
+    )  # fmt: skip
+    return bool(found.confidence_interval.low > 0)
+
+
+TESTS: dict[str, Callable[[Array], bool]] = {
+    "t, scenes": lambda log_ratios: _t(log_ratios.mean(axis=1)),
+    "t, sequences": lambda log_ratios: _t(log_ratios.ravel()),
+    "Wilcoxon, sequences": _wilcoxon,
+    "sign flips, scenes": _sign_flips,
+    "BCa, scenes": _bootstrap,
+}
+"""Other statistical tests, which docs/decisions/0015 compares with that of the gate."""
+
+
 @dataclass(frozen=True)
 class Rates:
-    """Rates of one case, in percent, as text.
+    """False alarms and increases found of one case, %, as text with 95 % intervals.
 
-    Attributes:
-        case: The case.
-        alarms: False alarms, with their 95 % interval.
-        found: Increases of 10 % that are found, with their interval.
-        others: False alarms and found increases of each other test.
+    Of each other test, `others` has both.
     """
 
     case: Case
@@ -156,12 +182,7 @@ def simulate(
 ) -> list[Rates]:
     """Repeat the gate's decision for drifts that increase by the tolerance and by 10 %.
 
-    Args:
-        cases: Distributions to draw from.
-        repetitions: Number of decisions for each case and change.
-        seed: Random seed of all draws.
-        tests: Other tests by name, with the same draws.
-        progress: Called for each decision.
+    Other tests have the same draws. Progress is called for each decision.
     """
     rates: list[Rates] = []
     for number, case in enumerate(cases):
@@ -189,12 +210,7 @@ def simulate(
 
 
 def repeat(rng: np.random.Generator, log_ratios: Array) -> Decision:
-    """Return the gate's decision for a candidate with given ratios of drift.
-
-    Args:
-        rng: Generator of all other quantities.
-        log_ratios: (scenes, seeds).
-    """
+    """Return the gate's decision for a candidate with given (scenes, seeds) log ratios of drift."""
     scenes, seeds = log_ratios.shape
     names = [f"scene {k}" for k in range(scenes) for _ in range(seeds)]
     drift = DRIFT_PERCENT * np.exp(0.5 * rng.standard_normal(scenes * seeds))

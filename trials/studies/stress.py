@@ -3,24 +3,27 @@
 An axis is a strength, and the settings or the disturbance that it stands for.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
+from typing import TypeVar
 
 import numpy as np
 
 from sim.disturbances import DISTURBANCES
-from trials.execution.jobs import Job, Recording, Result, Results, Variant
+from trials.execution.jobs import Recording, Result, Variant, jobs_of
+from trials.execution.runner import run_jobs
 from vo.contract.arrays import Mask
+
+K = TypeVar("K")
 
 
 @dataclass(frozen=True)
 class Axis:
-    """Quantity that a stress test varies.
+    """Quantity that a stress test varies between two strengths.
 
     Attributes:
         label: Description with the unit.
-        maximum: Largest strength.
-        minimum: Smallest strength.
         overrides: Strength to settings of the recording, `key=value` each.
         disturb: Strength to disturbances, as for `driftyard generate`.
         scene: Default scene.
@@ -117,14 +120,7 @@ class Response:
 
 @dataclass(frozen=True)
 class Curve:
-    """Responses along one axis.
-
-    Attributes:
-        axis: What is varied.
-        scene: Scene of all drives.
-        responses: In the order of their strengths.
-        limits: Limits of a failure.
-    """
+    """Responses along one axis, in the order of their strengths; all drives are of one scene."""
 
     axis: Axis
     scene: str
@@ -150,15 +146,9 @@ def stress(
     rounds: int = 4,
     limits: Limits = Limits(),
 ) -> Curve:
-    """Test evenly spaced strengths, then bisect the interval in which the estimator fails.
+    """Test evenly spaced strengths, 2 or more, then bisect where the estimator fails.
 
-    Args:
-        axis: What is varied.
-        scene: Scene of all drives.
-        respond: Returns the responses at several strengths.
-        points: Strengths to begin with, from the minimum to the maximum of the axis; 2 or more.
-        rounds: Number of bisections.
-        limits: Limits of a failure.
+    `respond` returns the responses at several strengths; all drives are of one scene.
     """
     known = list(respond(np.linspace(axis.minimum, axis.maximum, points).tolist()))
     for _ in range(rounds):
@@ -169,32 +159,16 @@ def stress(
     return Curve(axis, scene, tuple(known), limits)
 
 
-def respond(
-    axis: Axis,
-    scene: str,
-    variant: Variant,
-    seeds: Sequence[int],
-    shared: tuple[str, ...],
-    run: Callable[[Sequence[Job]], Results],
-    strengths: Sequence[float],
-) -> list[Response]:
-    """Measure the responses of an estimator at several strengths.
+def run_drives(
+    drives: Mapping[K, Sequence[Recording]], variant: Variant, progress: Callable[[object], None]
+) -> dict[K, list[Result]]:
+    """Record or reuse the drives of each key, run an estimator over them, and return the results.
 
-    Args:
-        axis: What is varied.
-        scene: Scene of all drives.
-        variant: The estimator.
-        seeds: Of the drives at every strength.
-        shared: Overrides of every recording.
-        run: Records and runs jobs.
-        strengths: In the unit of the axis.
+    Progress is called for each drive.
     """
-    jobs: dict[float, list[Job]] = {}
-    for x in strengths:
-        overrides, disturb = (*shared, *axis.overrides(x)), axis.disturb(x)
-        jobs[x] = [Job(Recording(scene, seed, overrides, disturb), variant) for seed in seeds]
-    results = run([job for some in jobs.values() for job in some]).by_job
-    return [Response.of(x, [results[job] for job in some]) for x, some in jobs.items()]
+    jobs = jobs_of(chain.from_iterable(drives.values()), [variant])
+    results = run_jobs(jobs, progress=progress)
+    return {key: [results.at(x, variant) for x in some] for key, some in drives.items()}
 
 
 def describe(curve: Curve) -> str:

@@ -20,16 +20,7 @@ The estimator of the same colour fails within the shaded interval. Dashed: limit
 
 
 def write_curves(name: str, curves: Mapping[str, Curve], out: Path) -> Path:
-    """Write FILE.png, .csv and .json into a folder.
-
-    Args:
-        name: Name of the axis.
-        curves: Label of the estimator to its curve; all of one axis and scene.
-        out: Folder.
-
-    Returns:
-        The figure.
-    """
+    """Write FILE.png, .csv and .json of one axis and scene into a folder; returns the PNG."""
     scene = next(iter(curves.values())).scene
     labels = "-".join(label.replace(":", "_") for label in curves)
     stem = out / f"{name}-{scene}-{labels}"
@@ -105,14 +96,7 @@ def write_page(
     command: str,
     page: Path,
 ) -> None:
-    """Write all axes as Markdown, and copy the figures into `images/stress` beside it.
-
-    Args:
-        studies: Axis to the label of each estimator to its curve.
-        figures: Axis to its figure.
-        command: Command line that made them.
-        page: File to write.
-    """
+    """Write all axes, made by a command line, as Markdown; copy the figures beside the page."""
     pictures = page.parent / "images" / "stress"
     pictures.mkdir(parents=True, exist_ok=True)
     for name, figure in figures.items():

@@ -1,4 +1,4 @@
-"""Plug-in classes: imported by `module:Class`, built with the rig and their settings."""
+"""Plug-in classes: imported by `module:Class`, built with the rig and settings, and guarded."""
 
 import importlib
 import sys
@@ -6,13 +6,22 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
 
+import numpy as np
 from pydantic import BaseModel
 
 from trials.estimators.plugins import PluginError
+from vo.contract.arrays import Array
 from vo.contract.errors import DriftyardError, SettingsError
-from vo.contract.estimator import Estimator
+from vo.contract.estimator import Estimate, Estimator, Finalizing, FinalResult, Status
 from vo.contract.rig import StereoRig
+from vo.contract.sequence import StereoFrame
 from vo.contract.settings import Settings, resolve
+
+MAX_FAILURES = 20
+"""Largest number of consecutive frames on which an estimator may fail."""
+
+RIGID = 1e-3
+"""Largest difference of R R^T of a pose from the identity."""
 
 
 def build(
@@ -21,16 +30,8 @@ def build(
     """Build an estimator from its class.
 
     The class is called with the rig, and with an instance of its pydantic model `Settings` if it
-    has one. The module may be in the working directory.
-
-    Args:
-        name: `module:Class`.
-        rig: Camera of the sequence.
-        config: TOML file of settings.
-        overrides: Settings, `key=value` each.
-
-    Returns:
-        The estimator and its resolved settings, ready for JSON.
+    has one. The module may be in the working directory. Arguments and result are those of
+    `trials.estimators.choice.make_estimator`.
 
     Raises:
         SettingsError: If it cannot be imported, is not an estimator, or refuses a setting.
@@ -74,3 +75,68 @@ def _find(name: str) -> Any:
             f"estimator {name}: {module_name} has no class {class_name or '?'} with a method track"
         )
     return found
+
+
+class Guarded:
+    """Estimator that turns exceptions and invalid estimates of another one into lost frames.
+
+    Attributes:
+        complaint: Exception of `finalize`, as text; empty if there was none.
+    """
+
+    def __init__(self, estimator: Estimator) -> None:
+        self._estimator = estimator
+        self._consecutive = 0
+        self.complaint = ""
+
+    def track(self, frame: StereoFrame) -> Estimate:
+        """Track a frame; an exception becomes the reason of a lost frame.
+
+        Raises:
+            PluginError: After more than MAX_FAILURES consecutive failures.
+        """
+        try:
+            estimate = _checked(self._estimator.track(frame), frame)
+        except Exception as error:
+            self._consecutive += 1
+            reason = _described(error)
+            if self._consecutive > MAX_FAILURES:
+                raise PluginError(
+                    f"the estimator failed on {self._consecutive} frames in a row, the last at "
+                    f"{frame.timestamp_ns} ns: {reason}"
+                ) from error
+            return Estimate(frame.timestamp_ns, Status.LOST, None, reason)
+        self._consecutive = 0
+        return estimate
+
+    def finalize(self) -> FinalResult:
+        """Finalize the estimator; an empty result if it cannot or fails."""
+        if not isinstance(self._estimator, Finalizing):
+            return FinalResult()
+        try:
+            return self._estimator.finalize()
+        except Exception as error:
+            self.complaint = _described(error)
+            return FinalResult()
+
+
+def _checked(estimate: Any, frame: StereoFrame) -> Estimate:
+    if not isinstance(estimate, Estimate):
+        raise TypeError(f"track returned {type(estimate).__name__} instead of an Estimate")
+    if estimate.timestamp_ns != frame.timestamp_ns:
+        raise ValueError(f"the estimate is of {estimate.timestamp_ns} ns")
+    if estimate.T_odom_cam is not None and not _is_rigid(estimate.T_odom_cam):
+        raise ValueError("T_odom_cam is not a rigid 4x4 transform")
+    return estimate
+
+
+def _is_rigid(T: Array) -> bool:
+    if np.shape(T) != (4, 4) or not np.isfinite(T).all():
+        return False
+    R = T[:3, :3]
+    straight = np.allclose(R @ R.T, np.eye(3), atol=RIGID) and np.linalg.det(R) > 0
+    return bool(straight and np.allclose(T[3], [0, 0, 0, 1]))
+
+
+def _described(error: Exception) -> str:
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"

@@ -25,8 +25,6 @@ from vo.runner import Run
 SAME_TIME_NS = 1_000_000
 """A pose belongs to a frame if their times differ by less than this."""
 
-NO_POSE = "the command gave no pose"
-
 
 @dataclass(frozen=True)
 class Command:
@@ -67,14 +65,9 @@ class Command:
 
 
 def run_command(command: Command, dataset: Path, sequence: StereoSequence, log: Path) -> Run:
-    """Run a program over a dataset and assign its poses to frames.
+    """Run a program in the working directory over a dataset and assign its poses to frames.
 
-    Args:
-        command: Program, run in the working directory.
-        dataset: Folder for `{dataset}`. It contains the ground truth, which the program must not
-            read.
-        sequence: Frames of that folder.
-        log: File for the output of the program.
+    The dataset contains the ground truth, which the program must not read. Its output is logged.
 
     Returns:
         Poses relative to the first; frames without a pose are lost. Every frame gets the same
@@ -152,7 +145,7 @@ def _estimates(
     estimates: list[Estimate] = []
     for time, row, posed in zip(times.tolist(), nearest, found, strict=True):
         if not posed:
-            estimates.append(Estimate(time, Status.LOST, None, NO_POSE))
+            estimates.append(Estimate(time, Status.LOST, None, "the command gave no pose"))
             continue
         first = all(x.status is Status.LOST for x in estimates)
         status = Status.START if first else Status.TRACKED

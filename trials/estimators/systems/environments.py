@@ -18,13 +18,7 @@ class ForeignSystemError(DriftyardError):
 
 @dataclass(frozen=True)
 class Package:
-    """Packages of a system.
-
-    Attributes:
-        requirements: Pinned requirements for pip.
-        needs: Requirements that pip cannot install.
-        license: License of the system.
-    """
+    """Pinned requirements of a system for pip, what else it needs, and its license."""
 
     requirements: tuple[str, ...]
     needs: str
@@ -42,11 +36,7 @@ SYSTEMS = {
 
 
 def folder_of(system: str) -> Path:
-    """Return the folder of the environment of a system, which may not exist.
-
-    Raises:
-        SettingsError: If there is no such system.
-    """
+    """Return the folder of a system, which may not exist; SettingsError if it is unknown."""
     if system not in SYSTEMS:
         raise SettingsError(f"unknown system {system}; valid: {', '.join(SYSTEMS)}")
     default = Path.home() / ".cache" / "driftyard" / "systems"
@@ -54,11 +44,7 @@ def folder_of(system: str) -> Path:
 
 
 def python_of(system: str) -> Path:
-    """Return the interpreter of an installed system.
-
-    Raises:
-        ForeignSystemError: If it is not installed.
-    """
+    """Return the interpreter of a system; ForeignSystemError if it is not installed."""
     python = folder_of(system) / "bin" / "python"
     if not python.exists():
         raise ForeignSystemError(
@@ -69,11 +55,7 @@ def python_of(system: str) -> Path:
 
 
 def install(system: str) -> Path:
-    """Create the environment of a system and return its interpreter.
-
-    Raises:
-        ForeignSystemError: If pip fails.
-    """
+    """Create a system's environment, return its interpreter; ForeignSystemError if pip fails."""
     folder, package = folder_of(system), SYSTEMS[system]
     python = folder / "bin" / "python"
     steps = (

@@ -35,13 +35,7 @@ class SubprocessEstimator:
     def __init__(
         self, system: str, rig: StereoRig, options: Mapping[str, Any], timeout_s: float = 120.0
     ) -> None:
-        """Start the worker.
-
-        Args:
-            system: A key of `trials.estimators.systems.environments.SYSTEMS`.
-            rig: Camera of the sequence.
-            options: Options of the worker.
-            timeout_s: Longest time for the start, and for each frame.
+        """Start the worker of a system; the timeout holds for the start and for each frame.
 
         Raises:
             ForeignSystemError: If the system is not installed.

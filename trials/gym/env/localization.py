@@ -8,7 +8,7 @@ import numpy as np
 
 from sim.world.rover import TRACK_M, WHEEL_RADIUS_M
 from trials.estimators.choice import ESTIMATORS, make_estimator
-from trials.estimators.plugins.guard import Guarded
+from trials.estimators.plugins.classes import Guarded
 from vo.contract import se3
 from vo.contract.arrays import Array, Image
 from vo.contract.errors import SettingsError

@@ -49,14 +49,7 @@ Finding = tuple[Verdict, str]
 
 @dataclass(frozen=True)
 class Scale:
-    """Number and length of drives.
-
-    Attributes:
-        seeds: Seeds of the recordings of every setting.
-        distance_m: Length of each drive.
-        max_scenes: Number of scenes over which an experiment repeats a setting.
-        overrides: `key=value` each, settings of the recording.
-    """
+    """Drives of every setting: their seeds and length, scenes at most, and further settings."""
 
     seeds: tuple[int, ...]
     distance_m: float
@@ -100,15 +93,9 @@ class Steps:
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim and how it is tested, as text.
+    """A claim, its place in the thesis, and how it is tested, as text.
 
-    Attributes:
-        id: Identifier, such as `E1`.
-        title: In a few words.
-        claim: In a sentence.
-        source: Place of the claim in the thesis.
-        setup: Recordings and variants that are compared, in a few sentences.
-        caption: Description of the figure.
+    The setup describes the recordings and variants that are compared, the caption the figure.
     """
 
     id: str
@@ -121,14 +108,7 @@ class Claim:
 
 @dataclass(frozen=True)
 class Experiment(Claim):
-    """A claim and its test.
-
-    Attributes:
-        size_in: Width and height of the figure, inches.
-        recordings: Returns the drives at a scale.
-        variants: Estimators that are run over each of them.
-        steps: Functions that evaluate the results.
-    """
+    """A claim and its test; the size of the figure is width and height in inches."""
 
     size_in: tuple[float, float]
     recordings: Callable[[Scale], Sequence[Recording]]
@@ -158,7 +138,7 @@ class Record(Claim):
         table: Measurements.
         figure: File name of the PNG, in the folder of the record.
         data: File names of the CSVs, likewise.
-        seeds: Seeds of the recordings.
+        seeds: Of the recordings.
         distance_m: Length of each drive, unless the experiment sets its own.
     """
 
@@ -198,11 +178,7 @@ def write_record(one: Experiment, results: Results, scale: Scale, out: Path) -> 
 
 
 def read_record(file: Path) -> Record:
-    """Read a record.
-
-    Raises:
-        DatasetError: If the file is not a record.
-    """
+    """Read a record; DatasetError if the file is none."""
     try:
         content = json.loads(file.read_text(encoding="utf-8"))
         if content.pop("schema", None) == SCHEMA:

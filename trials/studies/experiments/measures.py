@@ -67,8 +67,8 @@ def aligned_poses(result: Result) -> tuple[Array, Array]:
 
 def paths_m(result: Result) -> tuple[Array, Array]:
     """Return true and estimated positions (N, 3) in the world, first poses aligned."""
-    truth, estimate = aligned_poses(result)
-    return truth[:, :3, 3], estimate[:, :3, 3]
+    truth, estimate = (T[:, :3, 3] for T in aligned_poses(result))
+    return truth, estimate
 
 
 def turn_rate_deg_s(result: Result) -> Array:

@@ -22,15 +22,7 @@ THESIS_THRESHOLD = 0.005
 
 @dataclass(frozen=True)
 class Sweep:
-    """One setting with several values.
-
-    Attributes:
-        axis: Label of the axis.
-        column: Heading of the column.
-        variants: Value to variant.
-        stage: Stage whose remaining items are counted.
-        counted: Their name.
-    """
+    """One setting with a variant for each value; items that remain after a stage are counted."""
 
     axis: str
     column: str

@@ -1,5 +1,6 @@
 """Speed of an estimator; its process imports no simulator, as its memory is measured."""
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -7,7 +8,6 @@ import cv2
 import numpy as np
 
 from trials.estimators.choice import make_estimator
-from trials.execution.process_memory import resident_mb
 from trials.execution.progress import ProgressBar, counted, no_progress
 from vo.contract.arrays import Array
 from vo.contract.estimator import Estimate
@@ -55,3 +55,9 @@ def measure_estimator(name: str, dataset: Path, bar: ProgressBar = no_progress) 
         for stage in stages
     }
     return EstimatorSpeed(np.array(result.frame_ms), stage_ms, np.array(memory_mb))
+
+
+def resident_mb() -> float:
+    """Memory of this process that is in RAM now, in MB of 2^20 bytes."""
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20

@@ -55,19 +55,17 @@ def start(rig: dict[str, Any]) -> Track:
     first: list[tuple[float, float]] = []  # time in the recording, time of the clock
 
     def track(t: float, left: Image, right: Image) -> tuple[Pose | None, str]:
+        if rate := rig["playback_rate"]:
+            if not first:
+                first.append((t, time.perf_counter()))
+            early = (t - first[0][0]) / rate - (time.perf_counter() - first[0][1])
+            time.sleep(max(early, 0))
         result = slam.track_stereo(left, right, t)
         good = result.state == pyorbslam3.TrackingState.OK
         pose = np.array(result.pose_wc, dtype=float) if good else None
         return pose, result.state.name.lower().replace("_", " ")
 
-    def paced(t: float, left: Image, right: Image) -> tuple[Pose | None, str]:
-        if not first:
-            first.append((t, time.perf_counter()))
-        early = (t - first[0][0]) / rig["playback_rate"] - (time.perf_counter() - first[0][1])
-        time.sleep(max(early, 0))
-        return track(t, left, right)
-
-    return paced if rig["playback_rate"] else track
+    return track
 
 
 if __name__ == "__main__":

@@ -17,11 +17,7 @@ Track = Callable[[float, Image, Image], tuple[Pose | None, str]]
 
 
 def serve(start: Callable[[dict[str, Any]], Track]) -> None:
-    """Answer frames until the pipe closes.
-
-    Args:
-        start: Builds the tracker from rig and options.
-    """
+    """Answer frames until the pipe closes; `start` builds the tracker from rig and options."""
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)  # output of the system must not mix with the answers
     source = sys.stdin.buffer
