@@ -13,15 +13,8 @@ from trials.execution.parallel import map_parallel
 from trials.gym.env.policies import NavigatorPolicy
 from trials.gym.env.settings import NavSettings
 from trials.gym.studies import planning as planned
+from trials.gym.studies import trial_results as results
 from trials.gym.studies.sensitivity import draw_sensitivity
-from trials.gym.studies.trial_results import (
-    METRICS,
-    Metrics,
-    ResultStore,
-    TrialResult,
-    json_lines,
-    summarize,
-)
 from trials.gym.studies.trial_runner import run_world
 from trials.report.figure import save_figure
 from trials.report.tables import text_table
@@ -124,18 +117,19 @@ def drive(
         return
     trials = list(_driven(options, sources, worlds, files))
     by_source = {x: [t for t in trials if t.localization == x] for x in sources}
-    _print_summary(title, by_source, METRICS)
+    _print_summary(title, by_source, results.METRICS)
     if files.figure:
         save_figure(files.figure, (8.0, 3.4), lambda empty: draw_sensitivity(empty, by_source))
 
 
 def _driven(
     options: Mapping[str, Any], sources: Sequence[str], worlds: WorldOptions, files: OutputOptions
-) -> Iterator[TrialResult]:
+) -> Iterator[results.TrialResult]:
     """Drive what the result file does not hold yet; yields all trials by world."""
     trial = validated(NavSettings, options).model_dump(mode="json")
     what = {"sources": sources, "runs": worlds.runs, "seed": worlds.seed, "worlds": worlds.worlds}
-    store = ResultStore(files.out, json.dumps({"options": trial, **what})) if files.out else None
+    key = json.dumps({"options": trial, **what})
+    store = results.ResultStore(files.out, key) if files.out else None
     done = dict(store.done) if store else {}
     missing = [k for k in worlds.layouts if k not in done]
     with console.counting_bar("worlds", len(missing)) as count:
@@ -171,7 +165,7 @@ def _drive_planned(
                 count(of_world)
     trials.sort(key=lambda t: (sources.index(t.localization), t.layout, t.run))
     if out:
-        write_text(out, json_lines(trials))
+        write_text(out, results.json_lines(trials))
     columns = {
         f"{way}, {x}": [t for t in trials if (t.planning, t.localization) == (way, x)]
         for x in sources
@@ -180,8 +174,10 @@ def _drive_planned(
     _print_summary(title, columns, planned.METRICS)
 
 
-def _print_summary(title: str, columns: Mapping[str, Sequence[Any]], metrics: Metrics[Any]) -> None:
+def _print_summary(
+    title: str, columns: Mapping[str, Sequence[Any]], metrics: results.Metrics[Any]
+) -> None:
     """Print one column for each group of trials."""
-    found = {name: summarize(trials, metrics) for name, trials in columns.items()}
+    found = {name: results.summarize(trials, metrics) for name, trials in columns.items()}
     rows = [(row, *(x[row] for x in found.values())) for row in next(iter(found.values()))]
     console.out.print(text_table((title, *found), rows))

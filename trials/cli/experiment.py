@@ -7,14 +7,7 @@ from trials.cli import console
 from trials.cli.options import argument, option
 from trials.execution.runner import run_jobs
 from trials.report.tables import text_table
-from trials.studies.experiments.base import (
-    FULL,
-    SMALL,
-    Experiment,
-    Record,
-    read_record,
-    write_record,
-)
+from trials.studies.experiments import base
 from trials.studies.experiments.page import write_html_page, write_page
 from trials.studies.experiments.registry import EXPERIMENTS
 from vo.contract.errors import SettingsError
@@ -31,16 +24,16 @@ def experiment(
 ) -> None:
     """Test claims of the thesis: record, run, draw, and state whether each claim holds."""
     chosen = _chosen(which)
-    scale = SMALL if small else FULL
+    scale = base.SMALL if small else base.FULL
     scale = replace(scale, seeds=tuple(range(seeds))) if seeds else scale
     folder = out / "small" if small else out  # so that small versions never replace results
     for one in chosen:
         jobs = one.jobs(scale)
         with console.counting_bar(one.id, len({x.recording for x in jobs})) as count:
             results = run_jobs(jobs, progress=count)
-        _print(write_record(one, results, scale, folder), folder)
+        _print(base.write_record(one, results, scale, folder), folder)
     files = [file for name in EXPERIMENTS if (file := folder / f"{name}.json").is_file()]
-    records = [read_record(file) for file in files]
+    records = [base.read_record(file) for file in files]
     write_html_page(records, folder, folder / "report.html")
     console.out.print(f"{folder / 'report.html'}")
     if page is not None:
@@ -48,7 +41,7 @@ def experiment(
         console.out.print(f"{page}")
 
 
-def _chosen(which: str) -> list[Experiment]:
+def _chosen(which: str) -> list[base.Experiment]:
     names = list(EXPERIMENTS) if which == "all" else [x for x in which.upper().split(",") if x]
     for name in names:
         if name not in EXPERIMENTS:
@@ -56,7 +49,7 @@ def _chosen(which: str) -> list[Experiment]:
     return [EXPERIMENTS[name] for name in names]
 
 
-def _print(record: Record, folder: Path) -> None:
+def _print(record: base.Record, folder: Path) -> None:
     title = f"{record.id}. {record.title}"
     console.out.print(text_table(record.table.columns, record.table.rows, title))
     console.out.print(

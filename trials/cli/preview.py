@@ -12,9 +12,6 @@ from trials.cli.options import RecordingOptions, argument, option
 from vo.contract.errors import SettingsError
 from vo.contract.files import known_suffix
 
-ALL = "all"
-"""Instead of a scene's name: one picture of every registered scene."""
-
 
 def preview(
     recording: RecordingOptions,
@@ -31,7 +28,7 @@ def preview(
         known_suffix(sheet, PICTURES)
     if film is not None:
         known_suffix(film, FILMS)
-    if scene == ALL:
+    if scene == "all":
         if film is not None or sheet is None:
             raise SettingsError("--film: shows one scene, not all")
         _preview_all(sheet, recording)

@@ -31,7 +31,6 @@ PLACE = "brick_court"
 """Scene of the disturbances."""
 PLACES = {"collision": "office", "sill": "office", "slip": "office"}
 """Scene of the disturbances that need level ground."""
-FASTER = ("exposure.subframes_max=12",)
 LIMITS = Limits(np.inf, 0.02)
 """A drive without a drift, or with more than 2 % of its frames lost, counts as lost."""
 MIN_EFFECT = 2.0
@@ -49,7 +48,7 @@ class Setting:
     def recording(self, seed: int, distance_m: float) -> Recording:
         """Return the recording of a drive."""
         disturb = f"{self.disturbance}={self.strength}" if self.disturbance else ""
-        overrides = (f"drive.distance_m={distance_m:g}", *NO_LABELS, *FASTER)
+        overrides = (f"drive.distance_m={distance_m:g}", *NO_LABELS, "exposure.subframes_max=12")
         return Recording(self.scene, seed, overrides, disturb)
 
 

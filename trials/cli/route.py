@@ -4,10 +4,10 @@ With --rover, the rover drives the routes, and its times are compared with those
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, astuple, dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.random import Generator
@@ -23,22 +23,11 @@ from trials.gym.studies.rover_routing_figure import SIZE_IN, draw_drives, most_v
 from trials.navigation import PlanningError
 from trials.report.figure import save_figure
 from trials.report.tables import text_table, write_csv
-from trials.routing import figures, verdicts
+from trials.routing import figures, study, verdicts
 from trials.routing.drive import STRATEGIES
 from trials.routing.generation import large_network, small_network
 from trials.routing.maps import read_map
 from trials.routing.network import Network
-from trials.routing.study import (
-    STEPS,
-    Case,
-    Randomised,
-    Study,
-    random_case,
-    randomised,
-    small_case,
-    study,
-)
-from trials.routing.verdicts import Verdict
 from vo.contract.errors import SettingsError
 from vo.contract.files import write_text
 from vo.contract.settings import validated
@@ -95,49 +84,52 @@ def _route_model(out: Path, model: ModelOptions, seed: int) -> None:
     rng = np.random.default_rng(seed)
     if model.map_file is None:
         network, small = large_network(rng), small_network()
-        chosen = {"one decision": (small, [small_case(small)])}
+        chosen = {"one decision": (small, [study.small_case(small)])}
         name = "many routes"
     else:
         network, chosen, name = read_map(model.map_file), {}, model.map_file.stem
     cases = _cases(network, model, rng)
     chosen[name] = network, cases[: max(2, model.drives // 3)]
-    total = 2 * STEPS * sum(len(some) for _, some in chosen.values()) + 2 * model.drives
+    total = 2 * study.STEPS * sum(len(some) for _, some in chosen.values()) + 2 * model.drives
     with console.counting_bar("drives", total) as done:
-        studies = {label: study(*part, model.lead, done) for label, part in chosen.items()}
-        during = randomised(network, cases, model.lead, rng, done)
-        before = randomised(network, cases, model.lead, rng, done, known_s=0.0)
-    found = verdicts_of(studies, during, before)
-    draw(out, studies, during, rng)
+        studies = {label: study.study(*part, model.lead, done) for label, part in chosen.items()}
+        during = study.randomised(network, cases, model.lead, rng, done)
+        before = study.randomised(network, cases, model.lead, rng, done, known_s=0.0)
+    sweeps = [sweep for x in studies.values() for sweep in (x.node, x.queue)]
+    found = [
+        verdicts.equal_without_congestion(studies),
+        verdicts.flat(studies),
+        verdicts.clearing_saves_more(during, studies[name].node),
+        verdicts.both_never_worse(during, before, sweeps),
+    ]
+    _draw(out, studies, during, rng)
     settings = {"drives": model.drives, "share": model.share, "lead_s": model.lead, "seed": seed}
-    map_file = {"map": model.map_file and str(model.map_file)}
-    write_summary(out, {**settings, **map_file}, during, found)
+    increase = {
+        strategy.name: dict(zip(("mean", "low", "high"), astuple(mean_interval(x)), strict=True))
+        for strategy, x in zip(STRATEGIES, during.increase_percent, strict=True)
+    }
+    summary = {
+        "settings": {**settings, "map": model.map_file and str(model.map_file)},
+        "increase_percent": increase,
+        "verdicts": [asdict(verdict) for verdict in found],
+    }
+    write_text(out / "routing.json", json.dumps(summary, indent=1, allow_nan=False) + "\n")
     for verdict in found:
         answer = "holds" if verdict.holds else "DOES NOT HOLD"
         console.out.print(f"{verdict.claim}: {answer} ({verdict.because})", markup=False)
     console.out.print(f"{out}", markup=False)
 
 
-def _cases(network: Network, model: ModelOptions, rng: Generator) -> list[Case]:
+def _cases(network: Network, model: ModelOptions, rng: Generator) -> list[study.Case]:
     try:
-        return [random_case(network, model.share, rng) for _ in range(model.drives)]
+        return [study.random_case(network, model.share, rng) for _ in range(model.drives)]
     except PlanningError as error:
         raise PlanningError(f"{model.map_file}: {error}") from None
 
 
-def verdicts_of(
-    studies: Mapping[str, Study], during: Randomised, before: Randomised
-) -> list[Verdict]:
-    """Compare the figures with the expectations; the last study has the random drives."""
-    sweeps = [sweep for x in studies.values() for sweep in (x.node, x.queue)]
-    return [
-        verdicts.equal_without_congestion(studies),
-        verdicts.flat(studies),
-        verdicts.clearing_saves_more(during, [*studies.values()][-1].node),
-        verdicts.both_never_worse(during, before, sweeps),
-    ]
-
-
-def draw(out: Path, studies: dict[str, Study], during: Randomised, rng: Generator) -> None:
+def _draw(
+    out: Path, studies: dict[str, study.Study], during: study.Randomised, rng: Generator
+) -> None:
     """Write the figures and the data that they show."""
     count, name = len(studies), [*studies][-1]
     for stem, size_in, fill in (
@@ -148,22 +140,6 @@ def draw(out: Path, studies: dict[str, Study], during: Randomised, rng: Generato
         save_figure(out / f"routing_{stem}.png", size_in, fill)
     figures.write_delays(out / "routing_delays.csv", studies)
     figures.write_random(out / "routing_random.csv", during)
-
-
-def write_summary(
-    out: Path, settings: Mapping[str, Any], during: Randomised, found: Sequence[Verdict]
-) -> None:
-    """Write settings, mean increases with their intervals, and verdicts."""
-    increase = {
-        strategy.name: dict(zip(("mean", "low", "high"), astuple(mean_interval(x)), strict=True))
-        for strategy, x in zip(STRATEGIES, during.increase_percent, strict=True)
-    }
-    summary = {
-        "settings": settings,
-        "increase_percent": increase,
-        "verdicts": [asdict(verdict) for verdict in found],
-    }
-    write_text(out / "routing.json", json.dumps(summary, indent=1, allow_nan=False) + "\n")
 
 
 def _route_rover(scene: str, out: Path, worlds: int, localization: str, seed: int) -> None:

@@ -42,8 +42,6 @@ CASES = (
     Case("stereo images, 320 x 240", IMAGES, 40, 40.0),
     Case("visual odometry, 640 x 480", {"localization": "vo", "observe": ("goal",)}, 20, 10.0),
 )
-SHARED = CASES[1]
-"""Configuration of the measurement with two workers."""
 
 
 def trial_speed(
@@ -54,7 +52,7 @@ def trial_speed(
     rows = [(x.name, f"{_rate_hz(x, scene):.0f}", f"{x.promised_hz:.0f}") for x in CASES]
     cores = sorted(os.sched_getaffinity(0))[:2]
     if workers and len(cores) == 2:
-        ratio = _scaling(SHARED, scene, cores)
+        ratio = _scaling(CASES[1], scene, cores)
         rows.append(("two workers over one, each on its core", f"{ratio:.2f}", "1.6"))
     console.out.print(text_table(("a step of", "steps/s of one core", "promised"), rows))
 

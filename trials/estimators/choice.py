@@ -20,12 +20,9 @@ Factory = Callable[[StereoRig, Path | None, Sequence[str]], tuple[Estimator, Set
 
 @dataclass(frozen=True)
 class Named:
-    """An estimator that runs in this process, and its settings.
+    """An estimator that runs in this process, and its settings: a TOML file, and `key=value` each.
 
-    Attributes:
-        name: A key of ESTIMATORS, or `module:Class`.
-        config: TOML file of settings.
-        overrides: Settings, `key=value` each.
+    The name is a key of ESTIMATORS, or `module:Class`.
     """
 
     name: str = "driftyard"

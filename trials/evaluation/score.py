@@ -6,14 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trials.evaluation import metrics
 from trials.evaluation.alignment import Alignment, associate
-from trials.evaluation.metrics import (
-    RelativeErrors,
-    errors_over_distance,
-    errors_over_time,
-    position_errors,
-    segment_lengths_m,
-)
 from trials.evaluation.runs import SavedRun
 from vo.contract.arrays import Array
 from vo.contract.errors import TrajectoryError
@@ -38,15 +32,7 @@ class ErrorSummary:
 
 @dataclass(frozen=True)
 class SegmentDrift:
-    """Drift over all segments of one length.
-
-    Attributes:
-        length_m: True path of each segment.
-        segments: Number of segments.
-        mean_percent: Mean translation error, % of the length.
-        median_percent: Median translation error, % of the length.
-        mean_deg_per_m: Mean rotation error divided by the length.
-    """
+    """Drift over all segments of one length of the true path: errors divided by that length."""
 
     length_m: float
     segments: int
@@ -55,7 +41,7 @@ class SegmentDrift:
     mean_deg_per_m: float
 
     @staticmethod
-    def of(length_m: float, errors: RelativeErrors) -> "SegmentDrift":
+    def of(length_m: float, errors: metrics.RelativeErrors) -> "SegmentDrift":
         """Summarise the errors of at least one segment."""
         mean, median = float(np.mean(errors.percent)), float(np.median(errors.percent))
         turn = float(np.mean(errors.deg_per_m))
@@ -67,7 +53,6 @@ class Score:
     """Score of one estimator on one sequence.
 
     Attributes:
-        estimator: Its name.
         frames: Number of frames of the sequence.
         statuses: Status to number of frames; without frames.csv only `lost` is known.
         compared: Number of poses with a truth.
@@ -80,9 +65,7 @@ class Score:
         end_percent: The same in % of the path; None without a path.
         ate_m: Alignment to the summary of position errors, metres.
         rpe_frame_m: Translation error of the motion between successive poses, metres.
-        rpe_frame_deg: Rotation error of the same.
-        rpe_1m_m: Translation error of the motion over 1 m of path, metres.
-        rpe_1m_deg: Rotation error of the same.
+        rpe_1m_m: The same over 1 m of path; rotation errors likewise.
         frame_ms: Median wall time of the estimator per frame, ms, which excludes compilation.
         stage_ms: Stage to its mean time per frame, over all frames.
     """
@@ -118,16 +101,16 @@ def score_run(truth: Trajectory, run: SavedRun, frames: int) -> Score:
     except TrajectoryError as error:
         raise TrajectoryError(f"{run.path}: {error}") from None
     path_m = float(pair.travelled_m[-1])
-    segments = {x: errors_over_distance(pair, x) for x in segment_lengths_m(path_m)}
-    over_1m, over_frame = errors_over_distance(pair, 1.0), errors_over_time(pair)
+    segments = {x: metrics.errors_over_distance(pair, x) for x in metrics.segment_lengths_m(path_m)}
+    over_1m, over_frame = metrics.errors_over_distance(pair, 1.0), metrics.errors_over_time(pair)
     has_1m, table = len(over_1m) > 0, run.frames
     ate_m: dict[str, ErrorSummary] = {}
     for alignment in Alignment:
         try:
-            ate_m[alignment.value] = ErrorSummary.of(position_errors(pair, alignment))
+            ate_m[alignment.value] = ErrorSummary.of(metrics.position_errors(pair, alignment))
         except TrajectoryError:  # the scale of an estimate without motion is undefined
             continue
-    end_m = float(position_errors(pair, Alignment.FIRST_POSE)[-1])
+    end_m = float(metrics.position_errors(pair, Alignment.FIRST_POSE)[-1])
     return Score(
         estimator=run.estimator,
         frames=frames,

@@ -6,7 +6,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from trials.gate.baseline import Rules
 from trials.gate.comparison import Comparison
 from trials.gate.decision import Change, Finding, Verdict, percent
 from trials.gate.statistics import scenes_needed, seeds_needed
@@ -40,6 +39,7 @@ def notes(found: Comparison) -> list[str]:
     scenes = found.baseline.scenes
     by_scene = drift is not None and drift.effect.by_scene
     sample = "scenes are the samples" if by_scene else "holds for these scenes alone"
+    margins = {"drift": rules.drift_margin, "time": rules.time_margin, "NEES": rules.nees_margin}
     lines = [
         f"{len(scenes)} sequences of {len(set(scenes))} scenes; {sample}",
         "drift over 1 m; share of sequences lost; time of a frame over "
@@ -47,7 +47,7 @@ def notes(found: Comparison) -> list[str]:
         f"bounds hold with {1 - rules.level:.0%} each, by Student's t; of drift by bootstrap: "
         f"{_bounds(drift.bootstrap) if drift else '–'}",
         f"'finds' is the smallest increase that is found with a probability of {rules.power:.0%}",
-        _margins(rules),
+        f"increases that may pass: {', '.join(f'{x} {y:.0%}' for x, y in margins.items() if y)}",
     ]
     lines += [f"accepted: {x}" for x in found.mismatches]
     for known, now in zip(found.baseline.sequences, found.measured, strict=True):
@@ -101,12 +101,6 @@ def _bounds(bounds: tuple[float, float]) -> str:
         return "–"
     low, high = (percent(x, signed=True) for x in bounds)
     return f"{low.removesuffix(' %')} to {high}"
-
-
-def _margins(rules: Rules) -> str:
-    named = {"drift": rules.drift_margin, "time": rules.time_margin, "NEES": rules.nees_margin}
-    gated = ", ".join(f"{name} {margin:.0%}" for name, margin in named.items() if margin)
-    return f"increases that may pass: {gated}"
 
 
 def as_json(found: Comparison) -> str:

@@ -10,7 +10,7 @@ of an existing recording, and the backends of bundle adjustment on its windows.
 
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -19,16 +19,10 @@ from rich.table import Table
 from trials.estimators.choice import COMPARED
 from trials.execution.progress import ProgressBar, no_progress
 from trials.report.tables import text_table
+from trials.studies.speed import generator
 from trials.studies.speed.backends import backend_table, measure_windows
 from trials.studies.speed.drive import TimedDrive, on_cores
 from trials.studies.speed.estimator import EstimatorSpeed, measure_estimator
-from trials.studies.speed.generator import (
-    GeneratorSpeed,
-    LengthCost,
-    measure_generator,
-    measure_lengths,
-    measure_scaling,
-)
 from trials.studies.speed.renderers import RenderSpeed, measure_renderers
 
 DISTANCE_M, FRAMES = 5.0, 40
@@ -52,10 +46,10 @@ def bench_all(
     with tempfile.TemporaryDirectory(prefix="driftyard-bench-") as name:
         folder = Path(name)
         dataset = folder / scene
-        before = on_cores(cores, measure_generator, drive, dataset, bar)
+        before = on_cores(cores, generator.measure_generator, drive, dataset, bar)
         rendered = on_cores(cores, measure_renderers, drive, frames, folder, bar)
-        after = on_cores(cores, measure_generator, drive, folder / "again", bar)
-        scaling = measure_scaling(drive, cores[:2], folder)
+        after = on_cores(cores, generator.measure_generator, drive, folder / "again", bar)
+        scaling = generator.measure_scaling(drive, cores[:2], folder)
         yield f"{scene}, seed {seed}, {drive.distance_m:g} m; {before.gl}"
         yield from generator_tables(len(cores), (before, after), rendered, scaling)
         yield (
@@ -65,7 +59,7 @@ def bench_all(
         short, long = (
             TimedDrive(LONG_SCENE, seed, x) for x in (QUICK_LENGTHS_M if quick else LENGTHS_M)
         )
-        yield length_table(on_cores(cores, measure_lengths, short, long, frames, bar))
+        yield length_table(on_cores(cores, generator.measure_lengths, short, long, frames, bar))
         yield estimator_table(_measure_estimators(dataset, bar))
 
 
@@ -84,7 +78,7 @@ def _measure_estimators(dataset: Path, bar: ProgressBar) -> dict[str, EstimatorS
 
 
 def generator_tables(
-    cores: int, generated: tuple[GeneratorSpeed, ...], rendered: RenderSpeed, scaling: float
+    cores: int, generated: Sequence[generator.GeneratorSpeed], rendered: RenderSpeed, scaling: float
 ) -> Iterator[Table]:
     """Tabulate times of rendering alone and with files, then ratios, and their limits.
 
@@ -115,7 +109,7 @@ def generator_tables(
     yield text_table(("ratio", "found", "required"), rows)
 
 
-def length_table(cost: LengthCost) -> Table:
+def length_table(cost: generator.LengthCost) -> Table:
     """Tabulate the time per frame of a short and of a long drive, and their ratio."""
     short, long = cost.short, cost.long
     part = f"images and depth, on the first {short.distance_m:g} m"

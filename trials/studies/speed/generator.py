@@ -32,12 +32,10 @@ class GeneratorSpeed:
     """Speed of the generator.
 
     Attributes:
-        frames: Number of recorded frames.
         frame_ms: Mean from the first finished frame to the last: rendered, noise added, encoded,
             hashed, certified and written, two images with depth and disparity.
         whole_s: Wall time with scene, drive and map.
         memory_mb: Largest resident size of the process.
-        gl: Name of the GL's renderer.
     """
 
     frames: int
