@@ -12,8 +12,7 @@ from terminal import driftyard
 from trials.diagnosis import combinations
 from trials.diagnosis.attribution import REMAINDER
 from trials.diagnosis.combinations import Subject
-from trials.diagnosis.explanation import explain
-from trials.diagnosis.validation import MIN_ATTRIBUTED, validate
+from trials.diagnosis.explanation import MIN_ATTRIBUTED, explain, validate
 from trials.estimators.choice import Named
 from trials.execution.cache import CACHE
 

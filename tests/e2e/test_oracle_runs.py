@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from recordings import OFFICE, shared_recording
 
-from trials.diagnosis.oracles import ORACLES, Oracle
+from trials.diagnosis.hooks import ORACLES, Oracle
 from vo.contract import se3
 from vo.contract.readers import open_sequence, read_truth
 from vo.hooks import Hooks

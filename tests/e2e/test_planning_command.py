@@ -12,14 +12,15 @@ from sim.world.world import build_world
 from trials.gym.env.settings import NavSettings
 from trials.gym.studies.planning import SETTINGS, floor_plan, parse_planning, ray_disparity
 from trials.gym.world.free_space import map_free_space
-from trials.gym.world.scene_instance import along
 from vo.contract.errors import SettingsError
+from vo.contract.settings import amended
 
 
 @pytest.fixture(scope="module")
 def world(tmp_path_factory):
     file = str(write_yard(tmp_path_factory.mktemp("yard")))
-    settings = along(NavSettings(scene=file).recorded(0), np.array([(-2.0, 0.0), (-1.0, 0.0)]))
+    route = {"drive.waypoints": ((-2.0, 0.0), (-1.0, 0.0)), "drive.distance_m": None}
+    settings = amended(NavSettings(scene=file).recorded(0), route)
     return build_world(build(file, settings), settings)
 
 

@@ -143,10 +143,10 @@ def test_grid_after_a_thousand_changes_stays_optimal(density):
         cells = sorted({*zip(rows.tolist(), columns.tolist(), strict=True)})
         planner.replan(cells, [costs[cell] for cell in cells])
         expected = grid_dijkstra(costs, start, goal)
-        assert planner.cost == pytest.approx(expected, rel=1e-9)
+        assert planner.search.cost == pytest.approx(expected, rel=1e-9)
         assert grid_astar(costs, start, goal)[1] == pytest.approx(expected, rel=1e-9)
         path = planner.path()
-        if planner.cost < inf:
+        if planner.search.cost < inf:
             assert (path[0], path[-1]) == (start, goal)
             assert sum(
                 np.hypot(a[0] - b[0], a[1] - b[1]) * (costs[a] + costs[b]) / 2
@@ -154,7 +154,7 @@ def test_grid_after_a_thousand_changes_stays_optimal(density):
             ) == pytest.approx(expected)
         else:
             assert path == []
-        outcomes.add(planner.cost < inf)
+        outcomes.add(planner.search.cost < inf)
         if start == goal:
             start = (int(rng.integers(18)), int(rng.integers(23)))
             planner.move(start)
@@ -178,7 +178,7 @@ def test_grid_with_tied_keys_searches_to_the_end():
         if ahead != goal:
             costs[ahead] = inf
         planner.update(costs)
-        assert planner.cost == pytest.approx(grid_dijkstra(costs, start, goal), rel=1e-9)
+        assert planner.search.cost == pytest.approx(grid_dijkstra(costs, start, goal), rel=1e-9)
     assert start == goal
 
 
@@ -191,7 +191,7 @@ def test_grid_planners_agree_with_dijkstra(seed, height, width):
         (int(rng.integers(height)), int(rng.integers(width))),
     )
     expected = 0.0 if start == goal else grid_dijkstra(costs, start, goal)
-    assert GridPlanner(costs, start, goal).cost == pytest.approx(expected)
+    assert GridPlanner(costs, start, goal).search.cost == pytest.approx(expected)
     assert grid_astar(costs, start, goal)[1] == pytest.approx(expected)
 
 
@@ -201,7 +201,7 @@ def test_planners_start_is_goal_cost_nothing():
     assert (planner.cost, planner.path()) == (0.0, [4])
     assert astar(graph, 10, 4, 4)[1] == 0.0
     grid = GridPlanner(np.ones((3, 3)), (1, 1), (1, 1))
-    assert (grid.cost, grid.path()) == (0.0, [(1, 1)])
+    assert (grid.search.cost, grid.path()) == (0.0, [(1, 1)])
     assert grid_astar(np.ones((3, 3)), (1, 1), (1, 1)) == ([(1, 1)], 0.0)
 
 
@@ -209,10 +209,10 @@ def test_grid_planners_do_not_cut_corners():
     costs = np.array([[1, inf], [1, 1]])
     assert grid_astar(costs, (0, 0), (1, 1))[0] == [(0, 0), (1, 0), (1, 1)]
     planner = GridPlanner(costs, (0, 0), (1, 1))
-    assert (planner.cost, planner.path()) == (2.0, [(0, 0), (1, 0), (1, 1)])
+    assert (planner.search.cost, planner.path()) == (2.0, [(0, 0), (1, 0), (1, 1)])
     planner.replan([(0, 1)], [1.0])
     assert planner.path() == [(0, 0), (1, 1)]
-    assert planner.cost == pytest.approx(2**0.5)
+    assert planner.search.cost == pytest.approx(2**0.5)
 
 
 @pytest.mark.parametrize("wrong", [nan, 0.0, -1.0])
@@ -229,7 +229,7 @@ def test_planners_refuse_a_cost_that_is_not_positive(wrong):
         planner.replan([(1, 1), (0, 1)], [2.0, wrong])
     with pytest.raises(PlanningError, match="1 or more"):
         planner.update(np.full((3, 3), wrong))
-    assert planner.cost == pytest.approx(8**0.5)
+    assert planner.search.cost == pytest.approx(8**0.5)
 
 
 def test_grid_planners_refuse_cells_outside_the_grid():

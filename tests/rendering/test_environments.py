@@ -16,7 +16,7 @@ import trials.gym
 from scenes.scene import Scene
 from sim.certificate.verify import verify
 from trials.estimators.choice import make_estimator
-from trials.gym.media.film import Filmed
+from trials.gym.media import Filmed
 from trials.gym.world.start_goal_sampling import TrialError
 from vo.contract.errors import SettingsError
 from vo.contract.estimator import Estimate, Status

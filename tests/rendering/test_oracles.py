@@ -14,7 +14,7 @@ from sim.settings import (
     RenderSettings,
     RigSettings,
 )
-from trials.diagnosis.oracles import MAX_INLIER_PX, ORACLES, Oracle
+from trials.diagnosis.hooks import MAX_INLIER_PX, ORACLES, Oracle
 from trials.evaluation.truth import TrueWorld
 from vo.contract import se3
 from vo.contract.errors import DatasetError, SettingsError

@@ -14,7 +14,7 @@ from trials.diagnosis.attribution import (
     summarize,
 )
 from trials.diagnosis.combinations import RunDrift, paired
-from trials.diagnosis.error_injection import ErrorInjector, InjectedError
+from trials.diagnosis.hooks import ErrorInjector, InjectedError
 from vo.contract.errors import DatasetError
 from vo.contract.sequence import StereoFrame
 from vo.hooks import Hooks

@@ -11,11 +11,9 @@ from sim.batch import build
 from sim.world.world import START_S, build_world
 from trials.gym.env.settings import NavSettings
 from trials.gym.world.barrier_slots import with_slots_closed
-from trials.gym.world.distance_field import TraversableSpace
 from trials.gym.world.dynamic_agents import Barrier, Cart, Door, Gate, Load, Slot
-from trials.gym.world.dynamics import parse_dynamics, sample_dynamics
-from trials.gym.world.free_space import map_free_space
-from trials.gym.world.obstacle_bodies import with_agents
+from trials.gym.world.dynamics import parse_dynamics, sample_dynamics, with_agents
+from trials.gym.world.free_space import TraversableSpace, map_free_space
 from trials.gym.world.simulation import Simulation
 from trials.gym.world.start_goal_sampling import main_component, sample_start_goal
 from vo.contract.errors import SettingsError
@@ -160,7 +158,7 @@ def test_loads_leave_a_path_to_the_goal(yard, seed):
     assert len(loads) == 1  # a second one would close the other side of the pillar
     assert all(traversable.mask[tuple(traversable.space.cells(slot.centre[:2]))] for slot in loads)
     closed = with_slots_closed(traversable, loads)
-    assert closed.shortest_path(ends.start[:2], ends.goal) is not None
+    assert closed.shortest_path(ends.start[:2], ends.field.goal) is not None
     assert not all(closed.has_line(a, b) for a, b in pairwise(ends.path))
     again = sample_dynamics(scene, ends, 0.5, "blocked_aisles=3,doors", seed)
     assert {k: m(1.0).tolist() for k, m in again.items()} == {

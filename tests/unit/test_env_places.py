@@ -10,8 +10,13 @@ from gym_worlds import write_yard
 from sim.batch import build
 from sim.world.world import build_world
 from trials.gym.env.settings import NavSettings
-from trials.gym.world.distance_field import TraversableSpace, path_length_m
-from trials.gym.world.free_space import map_free_space, rigid_geoms, static_geoms
+from trials.gym.world.free_space import (
+    TraversableSpace,
+    map_free_space,
+    path_length_m,
+    rigid_geoms,
+    static_geoms,
+)
 from trials.gym.world.start_goal_sampling import (
     TrialError,
     expect_clear,
@@ -98,8 +103,8 @@ def test_start_goal_is_seeded_reachable_and_at_the_distance(traversable, compone
         ends = sample_start_goal(traversable, component, (2.0, 4.0), np.random.default_rng(seed))
         again = sample_start_goal(traversable, component, (2.0, 4.0), np.random.default_rng(seed))
         np.testing.assert_array_equal(ends.start, again.start)
-        np.testing.assert_array_equal(ends.goal, again.goal)
-        for place in (ends.start[:2], ends.goal):
+        np.testing.assert_array_equal(ends.field.goal, again.field.goal)
+        for place in (ends.start[:2], ends.field.goal):
             expect_clear(traversable, "place", place)
         length = ends.field.distance_m(ends.start[:2])
         assert 2.0 - 1e-6 <= length <= 4.0 + 1e-6

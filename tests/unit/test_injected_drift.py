@@ -10,9 +10,9 @@ from trials.evaluation.metrics import errors_over_distance
 from trials.gym.env.localization import (
     DRIFT_DEG_PER_M,
     DriftLocalization,
-    Measurements,
     expect_localization,
 )
+from trials.gym.world.simulation import Snapshot
 from vo.contract import se3
 from vo.contract.errors import SettingsError
 
@@ -22,9 +22,7 @@ def drifting(percent: float, seed: int = 0, metres: float = 400.0, step_m: float
     source = DriftLocalization(percent, seed)
     truth = np.tile(np.eye(4), (round(metres / step_m) + 1, 1, 1))
     truth[:, 0, 3] = step_m * np.arange(len(truth))
-    poses = [
-        source.update(Measurements(k, None, (0, 0), T)).T_world_body for k, T in enumerate(truth)
-    ]
+    poses = [source.update(Snapshot(k, T, (0, 0)), None).T_world_body for k, T in enumerate(truth)]
     return Pair(np.arange(len(truth)), truth, np.array(poses))
 
 
@@ -46,7 +44,7 @@ def test_drift_accumulates_while_turning_on_the_spot():
         source = DriftLocalization(percent, 3)
         T = np.eye(4)
         for k in range(30):
-            estimate = source.update(Measurements(k, None, (0, 0), T))
+            estimate = source.update(Snapshot(k, T, (0, 0)), None)
             last, T = T, T @ turned
         assert np.allclose(estimate.T_world_body, last, atol=1e-9) is right
 

@@ -10,17 +10,25 @@ from scipy.sparse.csgraph import dijkstra
 
 from trials.navigation import PlanningError
 from trials.routing.drive import STRATEGIES, Delays, Strategy, drive, undelayed_s
-from trials.routing.generation import (
+from trials.routing.network import (
     LONG_WAY,
     SHORT_WAY,
     SMALL_CONGESTED,
+    Network,
     large_network,
+    read_map,
     small_network,
 )
-from trials.routing.maps import read_map
-from trials.routing.network import Network
-from trials.routing.study import Randomised, Sweep, random_case, randomised, small_case, sweep
-from trials.routing.verdicts import both_never_worse, clearing_saves_more
+from trials.routing.study import (
+    Randomised,
+    Sweep,
+    both_never_worse,
+    clearing_saves_more,
+    random_case,
+    randomised,
+    small_case,
+    sweep,
+)
 
 STATIC, DYNAMIC, STATIC_CLEARED, DYNAMIC_CLEARED = STRATEGIES
 SHORT_S = (4 + 2 * np.hypot(4, 1.5) + 4) / 120 * 3600

@@ -14,7 +14,6 @@ from trials.gym.env.policies import NavigatorPolicy
 from trials.gym.env.settings import NavSettings
 from trials.gym.studies import planning as planned
 from trials.gym.studies import trial_results as results
-from trials.gym.studies.sensitivity import draw_sensitivity
 from trials.gym.studies.trial_runner import run_world
 from trials.report.figure import save_figure
 from trials.report.tables import text_table
@@ -119,7 +118,7 @@ def drive(
     by_source = {x: [t for t in trials if t.localization == x] for x in sources}
     _print_summary(title, by_source, results.METRICS)
     if files.figure:
-        save_figure(files.figure, (8.0, 3.4), lambda empty: draw_sensitivity(empty, by_source))
+        save_figure(files.figure, (8.0, 3.4), lambda f: results.draw_sensitivity(f, by_source))
 
 
 def _driven(

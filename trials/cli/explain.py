@@ -8,7 +8,7 @@ from trials.cli import console
 from trials.cli.options import Distance, EstimatorOptions, argument, option
 from trials.diagnosis.combinations import STAGES, Subject
 from trials.diagnosis.explanation import explain as explain_groups
-from trials.diagnosis.validation import validate
+from trials.diagnosis.explanation import validate
 from trials.execution.cache import CACHE
 from trials.execution.jobs import Recording
 from trials.execution.recording_settings import parse_scenes

@@ -83,15 +83,15 @@ def _time(
     values = [float(costs[cell]) for cell in cells]
     grid = make_grid(costs)
     ends = cell_index(grid, start), cell_index(grid, goal)
-    before = planner.expanded
+    before = planner.search.expanded
     times = [process_time()]
     planner.replan(cells, values)
     times.append(process_time())
     _, cost = astar(grid, len(grid.cells), *ends)
     times.append(process_time())
-    assert cost == planner.cost or abs(cost - planner.cost) < 1e-6 * cost
+    assert cost == planner.search.cost or abs(cost - planner.search.cost) < 1e-6 * cost
     replan_s, plan_s = np.diff(times)
-    return 1e3 * replan_s, 1e3 * plan_s, planner.expanded - before
+    return 1e3 * replan_s, 1e3 * plan_s, planner.search.expanded - before
 
 
 def near_agent(rng: np.random.Generator, costs: Array, path: list[Cell]) -> list[Cell]:

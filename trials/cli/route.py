@@ -18,16 +18,19 @@ from trials.evaluation.intervals import mean_interval
 from trials.execution.parallel import map_parallel
 from trials.gym.env.settings import NavSettings
 from trials.gym.studies.aisle_network import build_aisle_network
-from trials.gym.studies.rover_routing import RoverDrive, drive_layout
-from trials.gym.studies.rover_routing_figure import SIZE_IN, draw_drives, most_varied_layout
+from trials.gym.studies.rover_routing import (
+    SIZE_IN,
+    RoverDrive,
+    draw_drives,
+    drive_layout,
+    most_varied_layout,
+)
 from trials.navigation import PlanningError
 from trials.report.figure import save_figure
 from trials.report.tables import text_table, write_csv
-from trials.routing import figures, study, verdicts
+from trials.routing import figures, study
 from trials.routing.drive import STRATEGIES
-from trials.routing.generation import large_network, small_network
-from trials.routing.maps import read_map
-from trials.routing.network import Network
+from trials.routing.network import Network, large_network, read_map, small_network
 from vo.contract.errors import SettingsError
 from vo.contract.files import write_text
 from vo.contract.settings import validated
@@ -97,10 +100,10 @@ def _route_model(out: Path, model: ModelOptions, seed: int) -> None:
         before = study.randomised(network, cases, model.lead, rng, done, known_s=0.0)
     sweeps = [sweep for x in studies.values() for sweep in (x.node, x.queue)]
     found = [
-        verdicts.equal_without_congestion(studies),
-        verdicts.flat(studies),
-        verdicts.clearing_saves_more(during, studies[name].node),
-        verdicts.both_never_worse(during, before, sweeps),
+        study.equal_without_congestion(studies),
+        study.flat(studies),
+        study.clearing_saves_more(during, studies[name].node),
+        study.both_never_worse(during, before, sweeps),
     ]
     _draw(out, studies, during, rng)
     settings = {"drives": model.drives, "share": model.share, "lead_s": model.lead, "seed": seed}

@@ -75,9 +75,7 @@ def coalitions(stages: Sequence[str]) -> list[Coalition]:
 def shapley(percent: Mapping[Coalition, Array], stages: Sequence[str]) -> Array:
     """Return shares (P + 1, K) of P stages and, in the last row, of the remainder.
 
-    Args:
-        percent: Every combination of the stages to (K,) drift, %.
-        stages: P names.
+    `percent` maps every combination of the stages to the (K,) drift, %.
     """
     n = len(stages)
     shares: list[Array] = []
@@ -91,15 +89,11 @@ def shapley(percent: Mapping[Coalition, Array], stages: Sequence[str]) -> Array:
 
 
 def attribute(sequences: Sequence[SegmentDrifts], stages: Sequence[str]) -> Attribution:
-    """Attribute the drift of sequences of equal weight to stages.
+    """Attribute the drift of sequences of equal weight, at least one, to stages.
 
     Intervals are percentiles of a bootstrap over sequences and, within each, over blocks of its
     path; for a single sequence they cover only the variation along its path. They are NaN if there
     are fewer than MIN_BLOCKS blocks in total.
-
-    Args:
-        sequences: At least one.
-        stages: Names of the stages that the combinations replace.
 
     Source:
         Davison and Hinkley, Bootstrap Methods and their Application, 1997, sections 3.8 and 8.2.3.

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from scipy import stats
 
-from trials.diagnosis.oracles import MAX_MATCH_PX
+from trials.diagnosis.hooks import MAX_MATCH_PX
 from trials.evaluation.alignment import Pair, associate
 from trials.evaluation.information import motion_covariance, pose_covariance
 from trials.evaluation.runs import SavedRun
@@ -85,12 +85,9 @@ class TrueTracks:
 
 
 def bound(dataset: Path, run: SavedRun, births: Path) -> Bound:
-    """Compute the errors of a run and their Cramér–Rao bounds.
+    """Compute the errors of a run with tracks and their Cramér–Rao bounds.
 
-    Args:
-        dataset: With depth labels.
-        run: With tracks and the table of its frames.
-        births: File of `write_births`.
+    The dataset has depth labels, the file of births is that of `write_births`.
 
     Raises:
         DatasetError: If the dataset has no labels or no ground truth.

@@ -11,8 +11,7 @@ import numpy as np
 
 from trials.diagnosis.attribution import Coalition, SegmentDrifts, coalitions
 from trials.diagnosis.bound import write_births
-from trials.diagnosis.error_injection import ErrorInjector, InjectedError
-from trials.diagnosis.oracles import Oracle
+from trials.diagnosis.hooks import ErrorInjector, InjectedError, Oracle
 from trials.estimators.choice import ESTIMATORS, Named, make_estimator
 from trials.estimators.plugins.classes import Guarded
 from trials.evaluation.alignment import associate
@@ -74,14 +73,7 @@ class RunDrift:
 
 @dataclass(frozen=True)
 class OracleJob:
-    """One run with oracles.
-
-    Attributes:
-        dataset: With depth labels.
-        subject: What is run.
-        oracles: Oracles in use.
-        folder: Folder of the runs of this subject on this dataset.
-    """
+    """One run of a subject with oracles on a dataset with depth labels, kept in `folder`."""
 
     dataset: Path
     subject: Subject
@@ -130,8 +122,7 @@ def combinations_of(
 ) -> dict[Coalition, OracleJob]:
     """Return a job for every combination of stages.
 
-    Raises:
-        DatasetError: If the dataset was not simulated.
+    Raises a DatasetError if the dataset was not simulated.
     """
     if not (dataset / MANIFEST).is_file():
         raise DatasetError(f"{dataset}: no {MANIFEST}; oracles need a simulated dataset")

@@ -1,8 +1,11 @@
-"""Explanation of the drift on a scene: attribution, bound and consistency of the same runs."""
+"""Explanation of the drift on a scene: attribution, bound and consistency of the same runs.
+
+The attribution is validated by injected errors: `driftyard explain --validate`.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,11 +24,21 @@ from trials.diagnosis.combinations import (
     paired,
     run_all,
 )
+from trials.diagnosis.hooks import InjectedError
 from trials.evaluation.consistency import Nees, nees, summarize
 from trials.evaluation.runs import read_run
 from trials.evaluation.truth import true_trajectory
 from vo.contract.arrays import Array
 from vo.contract.errors import DriftyardError, TrajectoryError
+
+CASES = {
+    "1 px noise on matches": (InjectedError(pixel_sigma_px=1.0), "matching"),
+    "baseline 1 % too long": (InjectedError(baseline_percent=1.0), "stereo"),
+    "disparities 0.5 px too large": (InjectedError(disparity_bias_px=0.5), "stereo"),
+}
+"""Description to the injected error and the stage in which it is."""
+MIN_ATTRIBUTED = 0.8
+"""Smallest ratio of the added drift that must be attributed to that stage."""
 
 
 @dataclass(frozen=True)
@@ -86,14 +99,9 @@ def explain(
     cache: Path,
     progress: Callable[[int, int], None],
 ) -> list[Explanation]:
-    """Run every combination of oracles over every dataset, and evaluate the runs.
+    """Run every combination of oracles over every dataset, and evaluate the runs by group.
 
-    Args:
-        groups: Name to the datasets that are explained together.
-        subject: Estimator that is examined.
-        stages: Keys of STAGES.
-        cache: Folder of the cache.
-        progress: Called with the number of finished runs and of all runs.
+    `progress` takes the number of finished runs and of all runs.
 
     Raises:
         DriftyardError: If a dataset has no labels, or no segment has a pose in all combinations.
@@ -146,3 +154,46 @@ def _explanation(
         tuple(bounds),
         tuple(consistency),
     )
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Attribution before and after the error of a case is injected into a stage."""
+
+    name: str
+    stage: str
+    before: Attribution
+    after: Attribution
+
+    @property
+    def attributed(self) -> float:
+        """Ratio of the added drift that is attributed to the stage with the error."""
+        was, now = (
+            next(x.drift.value for x in attribution.shares if x.stage == self.stage)
+            for attribution in (self.before, self.after)
+        )
+        return (now - was) / (self.after.drift.value - self.before.drift.value)
+
+
+def validate(
+    datasets: Sequence[Path], subject: Subject, stages: Sequence[str], cache: Path,
+    progress: Callable[[int, int], None],
+) -> list[Finding]:  # fmt: skip
+    """Attribute the drift with and without each injected error.
+
+    Stages include `matching` and `stereo`; `progress` takes the number of finished runs and of all.
+    """
+    subjects = [subject, *(replace(subject, error=x) for x, _ in CASES.values())]
+    jobs = {(s, d): combinations_of(d, s, stages, cache) for s in subjects for d in datasets}
+    every = [job for some in jobs.values() for job in some.values()]
+    found = run_all(every, lambda done: progress(done, len(every)))
+    before, *after = (
+        attribute(
+            [paired(str(d), {c: found[x] for c, x in jobs[s, d].items()}) for d in datasets], stages
+        )
+        for s in subjects
+    )
+    return [
+        Finding(name, stage, before, with_error)
+        for (name, (_, stage)), with_error in zip(CASES.items(), after, strict=True)
+    ]

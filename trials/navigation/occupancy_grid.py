@@ -5,10 +5,8 @@ drifts, the ground is fitted in every image near where the camera's height and a
 """
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import inf
-from typing import ClassVar
 
 import cv2
 import numpy as np
@@ -28,16 +26,6 @@ GROUND_BAND_M, GROUND_BAND_SLOPE = 0.05, 0.05
 
 class OccupancySettings(Settings):
     """Settings of the occupancy grid."""
-
-    renamed: ClassVar[Mapping[str, str]] = {
-        "farthest_m": "max_depth_m",
-        "lowest_m": "min_height_m",
-        "highest_m": "max_height_m",
-        "hit": "hit_log_odds",
-        "miss": "miss_log_odds",
-        "most": "max_log_odds",
-        "occupied": "occupied_log_odds",
-    }
 
     stride_px: int = Field(default=4, ge=1)
     """Distance of the pixels that are used, px."""
@@ -116,16 +104,11 @@ def integrate_depth(
     elapsed_s: float,
     settings: OccupancySettings,
 ) -> OccupancyGrid:
-    """Fade the grid, then add one depth image.
+    """Fade the grid by the time since the last image, then add one depth image.
 
-    Args:
-        grid: The grid before.
-        depth_m: (H, W) along the optical axis; NaN or infinite where unknown.
-        rig: Calibration of the image, from the left camera.
-        T_world_cam: (4, 4) camera in the grid's frame.
-        camera_height_m: Height of the camera above the ground that the rover stands on.
-        elapsed_s: Time since the last image.
-        settings: Settings of the grid.
+    Depth (H, W) is along the optical axis, NaN or infinite where unknown; the rig is that image's
+    calibration. T_world_cam (4, 4) is the camera in the grid's frame, its height that above the
+    ground that the rover stands on.
     """
     step = settings.stride_px
     v, u = np.mgrid[0 : depth_m.shape[0] : step, 0 : depth_m.shape[1] : step]

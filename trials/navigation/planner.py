@@ -1,7 +1,6 @@
 """D* Lite on the cells of a grid, and the path to the goal through an occupancy grid."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from time import process_time
 
 import numpy as np
@@ -27,12 +26,9 @@ CLOSED_COST = 30.0
 
 
 class GridPlanner:
-    """The cheapest path over a grid from a moving agent to a goal, kept up to date.
+    """The cheapest path over a grid from a moving agent to a goal, kept up to date by `search`.
 
-    Args:
-        costs: (H, W), 1 for free ground, more for worse ground, infinite where closed; copied.
-        start: Row and column of the agent.
-        goal: Row and column.
+    Costs (H, W) are 1 for free ground, more for worse ground, infinite where closed; copied.
 
     Raises:
         PlanningError: If a cost is below 1 or NaN, or an end is outside the grid.
@@ -41,21 +37,11 @@ class GridPlanner:
     def __init__(self, costs: Array, start: Cell, goal: Cell) -> None:
         self._grid = make_grid(costs)
         ends = cell_index(self._grid, start), cell_index(self._grid, goal)
-        self._search = DStarLite(self._grid, len(self._grid.cells), *ends)
-
-    @property
-    def cost(self) -> float:
-        """Cost of the path from start to goal, in cells; infinite if there is none."""
-        return self._search.cost
-
-    @property
-    def expanded(self) -> int:
-        """Cells expanded so far."""
-        return self._search.expanded
+        self.search = DStarLite(self._grid, len(self._grid.cells), *ends)
 
     def move(self, start: Cell) -> None:
         """Note the cell of the agent; raises a PlanningError if it is outside the grid."""
-        self._search.move(cell_index(self._grid, start))
+        self.search.move(cell_index(self._grid, start))
 
     def replan(self, cells: Sequence[Cell] = (), costs: Sequence[float] = ()) -> None:
         """Change the costs of some cells and repair the path.
@@ -85,26 +71,11 @@ class GridPlanner:
 
     def path(self) -> list[Cell]:
         """List the cells from start to goal; empty if there is no path."""
-        return grid_cells(self._grid, self._search.path())
+        return grid_cells(self._grid, self.search.path())
 
     def _change(self, nodes: Indices, costs: Array) -> None:
         self._grid.cells[nodes] = costs
-        self._search.replan(neighbourhood(self._grid, nodes))
-
-
-@dataclass
-class PlanningEffort:
-    """Effort of planning.
-
-    Attributes:
-        plans: Number of times that the path was planned or repaired.
-        expanded: Cells that D* Lite expanded.
-        cpu_s: Processor time, that for the costs of the cells included.
-    """
-
-    plans: int = 0
-    expanded: int = 0
-    cpu_s: float = 0.0
+        self.search.replan(neighbourhood(self._grid, nodes))
 
 
 class PathPlanner:
@@ -112,38 +83,40 @@ class PathPlanner:
 
     Attributes:
         path_m: (N, 2) the path; N is 0 where there is none.
-        effort: Effort so far.
+        plans: Number of times that it was planned or repaired.
+        expanded: Cells that D* Lite expanded.
+        cpu_s: Processor time, that for the costs of the cells included.
     """
 
     def __init__(self, settings: NavigatorSettings, unknown_cost: float, replanning: bool) -> None:
         """Start without a path; without replanning, it is planned once for a goal."""
         self.path_m: Array = np.zeros((0, 2))
-        self.effort = PlanningEffort()
+        self.plans, self.expanded, self.cpu_s = 0, 0, 0.0
         self._settings, self._unknown_cost = settings, unknown_cost
         self._replanning = replanning
-        self._search: GridPlanner | None = None
+        self._planner: GridPlanner | None = None
         self._goal_m = np.zeros(2)
 
     def plan(self, grid: OccupancyGrid, pose: Pose2, goal_m: Array) -> None:
         """Plan the path from a pose to the goal (2,), or repair it."""
-        same_goal = self._search is not None and np.array_equal(goal_m, self._goal_m)
+        same_goal = self._planner is not None and np.array_equal(goal_m, self._goal_m)
         if same_goal and not self._replanning:
             return
         begun_s = process_time()
         here, goal = grid.cell(pose.x_m, pose.y_m), grid.cell(float(goal_m[0]), float(goal_m[1]))
         costs, expanded = self._costs(grid, here, goal), 0
-        if self._search is None or not same_goal:
-            self._search, self._goal_m = GridPlanner(costs, here, goal), goal_m.copy()
+        if self._planner is None or not same_goal:
+            self._planner, self._goal_m = GridPlanner(costs, here, goal), goal_m.copy()
         else:
-            expanded = self._search.expanded
-            self._search.move(here)
-            self._search.update(costs)
-        self.path_m = grid.centres_m(self._search.path())
+            expanded = self._planner.search.expanded
+            self._planner.move(here)
+            self._planner.update(costs)
+        self.path_m = grid.centres_m(self._planner.path())
         if len(self.path_m):
             self.path_m[-1] = goal_m
-        self.effort.plans += 1
-        self.effort.expanded += self._search.expanded - expanded
-        self.effort.cpu_s += process_time() - begun_s
+        self.plans += 1
+        self.expanded += self._planner.search.expanded - expanded
+        self.cpu_s += process_time() - begun_s
 
     def _costs(self, grid: OccupancyGrid, here: Cell, goal: Cell) -> Array:
         """(H, W) of every cell; neither end is closed."""

@@ -1,8 +1,5 @@
 """Settings of the navigator."""
 
-from collections.abc import Mapping
-from typing import ClassVar
-
 from pydantic import Field
 
 from trials.navigation.occupancy_grid import OccupancySettings
@@ -11,22 +8,6 @@ from vo.contract.settings import Settings
 
 class NavigatorSettings(Settings):
     """Settings of the navigator."""
-
-    renamed: ClassVar[Mapping[str, str]] = {
-        "speckle_px": "min_speckle_px",
-        "around_m": "border_m",
-        "look_around_deg": "initial_turn_deg",
-        "replan_s": "replan_period_s",
-        "ahead_m": "lookahead_m",
-        "stop_m": "stop_distance_m",
-        "arrived_m": "arrival_radius_m",
-        "progress_m": "min_progress_m",
-        "patience_s": "stuck_timeout_s",
-        "back_off_s": "back_off_duration_s",
-        "back_off_mps": "back_off_speed_mps",
-        "doubt_m": "forget_radius_m",
-        "doubt": "forget_factor",
-    }
 
     occupancy: OccupancySettings = OccupancySettings(
         max_depth_m=3.5, hit_log_odds=0.5, occupied_log_odds=1.2, half_life_s=30.0

@@ -1,8 +1,7 @@
 """Local control: pure pursuit (Coulter 1992) and the dynamic window (Fox, Burgard, Thrun 1997)."""
 
 import math
-from collections.abc import Mapping
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -32,12 +31,6 @@ class Pose2(NamedTuple):
 
 class SteeringSettings(Settings):
     """Limits of the rover, and weights of the dynamic window."""
-
-    renamed: ClassVar[Mapping[str, str]] = {
-        "ahead_m": "lookahead_m",
-        "samples": "speed_samples",
-        "roomy_m": "max_clearance_m",
-    }
 
     forward_max_mps: float = Field(default=0.5, gt=0)
     """Largest forward speed, m/s."""
@@ -113,15 +106,10 @@ def dynamic_window(
     free_m: Array,
     settings: SteeringSettings,
 ) -> Twist | None:
-    """Choose the reachable speeds that head for a target and keep clear of obstacles.
+    """Choose the reachable speeds that head for a target (2,) and keep clear of obstacles.
 
-    Args:
-        pose: Pose of the rover in the grid's frame.
-        twist: Its present speeds.
-        target_m: (2,) target.
-        grid: Geometry of the cells.
-        free_m: (H, W) distance of each cell from contact; 0 or less where the rover would touch.
-        settings: Limits and weights.
+    Pose and target are in the grid's frame; `twist` are the present speeds. `free_m` (H, W) is the
+    distance of each cell from contact, 0 or less where the rover would touch.
 
     Returns:
         The next speeds; None if the rover could not stop before contact at any of them.

@@ -28,14 +28,7 @@ Curves = Mapping[str, tuple[Array, Array]]
 
 @dataclass(frozen=True)
 class Chart:
-    """A drawing with its heading, legend and caption.
-
-    Attributes:
-        title: Heading.
-        svg: Markup.
-        legend: (label, CSS colour) of each series.
-        caption: Description and definition.
-    """
+    """A drawing as SVG, with its heading, its caption, and label and CSS colour of each series."""
 
     title: str
     svg: str

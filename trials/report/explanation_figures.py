@@ -44,35 +44,26 @@ KINDS = {"step": "frame to frame", "over_1m": "over 1 m", "absolute": "since the
 """Kind of NEES to its label."""
 
 
-def draw_waterfalls(explanations: Sequence[Explanation], out: Path) -> None:
-    """Draw a panel for each scene: the drift, the share of each stage, and the remainder."""
-    _save_panels(out, {x.name: x.attribution for x in explanations if x.attribution}, _waterfall)
+def draw_figures(explanations: Sequence[Explanation], out: Path) -> dict[str, Path]:
+    """Draw `shares`, `path` and `calibration` into a folder, each with a panel for each scene.
 
-
-def draw_paths(explanations: Sequence[Explanation], out: Path) -> None:
-    """Draw a panel for each scene: shares along the path, means over drives."""
-    parts = {x.name: x.attribution for x in explanations if x.attribution}
-    _save_panels(out, parts, _path, legend=True)
-
-
-def draw_calibration(explanations: Sequence[Explanation], out: Path) -> None:
-    """Draw a panel for each scene: errors inside ellipsoids of a given probability."""
-    levels = np.linspace(0, 1, 101)[1:-1]
-
-    def draw(panel: Axes, part: Explanation) -> None:
-        panel.plot([0, 100], [0, 100], color=GREY, linewidth=1, linestyle="--", label="ideal")
-        for (kind, label), colour in zip(KINDS.items(), (BLUE, RED, INK), strict=True):
-            inside = calibration(part.pooled(kind), levels)
-            panel.plot(100 * levels, 100 * inside, color=colour, linewidth=1.5, label=label)
-        panel.set_aspect("equal")
-        tidy(panel, "probability of the ellipsoid, %", "errors inside, %")
-
-    _save_panels(out, {x.name: x for x in explanations if x.nees}, draw, legend=True)
+    Returns the PNG files by name; a figure without data is left out.
+    """
+    attributed = {x.name: x.attribution for x in explanations if x.attribution}
+    with_nees = {x.name: x for x in explanations if x.nees}
+    figures: dict[str, Path] = {}
+    if attributed:
+        figures["shares"] = _save_panels(out / "shares.png", attributed, _waterfall)
+        figures["path"] = _save_panels(out / "path.png", attributed, _path, legend=True)
+    if with_nees:
+        name = "calibration"
+        figures[name] = _save_panels(out / f"{name}.png", with_nees, _calibration, legend=True)
+    return figures
 
 
 def _save_panels(
     out: Path, parts: Mapping[str, T], draw: Callable[[Axes, T], None], legend: bool = False
-) -> None:
+) -> Path:
     """Save a figure with a titled panel for each part."""
 
     def draw_all(figure: Figure) -> None:
@@ -85,9 +76,11 @@ def _save_panels(
 
     columns = min(COLUMNS, len(parts))
     save_figure(out, (3.5 * columns + 0.5, 2.9 * -(-len(parts) // columns) + 0.4), draw_all)
+    return out
 
 
 def _waterfall(panel: Axes, attribution: Attribution) -> None:
+    """Draw the drift, the share of each stage, and the remainder."""
     level, shares = attribution.drift.value, attribution.shares
     panel.bar(0, level, color=INK, width=0.7)
     panel.errorbar(0, level, _error_bars(attribution.drift), color=GREY, capsize=3)
@@ -114,6 +107,7 @@ def _error_bars(interval: Interval) -> Array:
 
 
 def _path(panel: Axes, attribution: Attribution) -> None:
+    """Draw shares along the path, means over drives."""
     at_m = np.concatenate([x for x, _ in attribution.by_segment.values()]) + 0.5
     shares = np.concatenate([x for _, x in attribution.by_segment.values()], axis=1)
     bins = np.floor(at_m / BIN_M).astype(int)
@@ -125,3 +119,14 @@ def _path(panel: Axes, attribution: Attribution) -> None:
         panel.plot(middle_m, mean, color=COLOURS[share.stage], linewidth=1.4, label=share.stage)
     panel.axhline(0, color=INK, linewidth=0.6)
     tidy(panel, "middle of the segment, m along the path", "drift over 1 m, %")
+
+
+def _calibration(panel: Axes, part: Explanation) -> None:
+    """Draw errors inside ellipsoids of a given probability."""
+    levels = np.linspace(0, 1, 101)[1:-1]
+    panel.plot([0, 100], [0, 100], color=GREY, linewidth=1, linestyle="--", label="ideal")
+    for (kind, label), colour in zip(KINDS.items(), (BLUE, RED, INK), strict=True):
+        inside = calibration(part.pooled(kind), levels)
+        panel.plot(100 * levels, 100 * inside, color=colour, linewidth=1.5, label=label)
+    panel.set_aspect("equal")
+    tidy(panel, "probability of the ellipsoid, %", "errors inside, %")

@@ -10,11 +10,10 @@ import numpy as np
 from rich.table import Table
 
 from trials.diagnosis.attribution import REMAINDER, summarize
-from trials.diagnosis.explanation import Explanation
-from trials.diagnosis.validation import MIN_ATTRIBUTED, Finding
+from trials.diagnosis.explanation import MIN_ATTRIBUTED, Explanation, Finding
 from trials.evaluation import consistency
 from trials.evaluation.intervals import Interval
-from trials.report.explanation_figures import draw_calibration, draw_paths, draw_waterfalls
+from trials.report.explanation_figures import draw_figures
 from trials.report.tables import markdown_table, write_csv
 from vo.contract.files import write_text
 
@@ -152,27 +151,14 @@ def nees_rows(x: Explanation) -> list[Row]:
 
 
 def write_explanations(explanations: Sequence[Explanation], out: Path, page: Path) -> list[Path]:
-    """Write figures, data and the page; returns the files written.
-
-    Args:
-        explanations: Of each scene.
-        out: Folder of figures (PNG) and data (JSON, CSV).
-        page: Markdown file.
-    """
+    """Write figures (PNG), data (JSON, CSV) and the Markdown page; returns the files written."""
     out.mkdir(parents=True, exist_ok=True)
     data, along = out / "explain.json", out / "explain.csv"
     content = json.dumps([x.as_json() for x in explanations])
     content = json.loads(content, parse_constant=lambda _: None)  # JSON has no NaN
     write_text(data, json.dumps(content, indent=1) + "\n")
     _write_shares(explanations, along)
-    draws = {}
-    if any(x.attribution for x in explanations):
-        draws |= {"shares": draw_waterfalls, "path": draw_paths}
-    if any(x.nees for x in explanations):
-        draws["calibration"] = draw_calibration
-    figures = {name: out / f"{name}.png" for name in draws}
-    for name, draw in draws.items():
-        draw(explanations, figures[name])
+    figures = draw_figures(explanations, out)
     links = {k: Path(os.path.relpath(v, page.parent)).as_posix() for k, v in figures.items()}
     write_text(page, _page(explanations, links))
     return [page, data, along, *figures.values()]

@@ -57,10 +57,8 @@ def save_figure(out: Path, size_in: tuple[float, float], draw: Draw) -> None:
 def svg_markup(title: str, size_in: tuple[float, float], draw: Draw) -> str:
     """Draw a figure as an SVG element for a page whose style sheet defines the PALETTE.
 
-    Args:
-        title: Accessible name.
-        size_in: Width and height, inches; the element scales with its container.
-        draw: Uses colours of the palette, which then follow the light or dark scheme.
+    The title is its accessible name; the element scales with its container, and colours of the
+    palette follow the light or dark scheme.
     """
     stream = io.StringIO()
     _render(size_in, draw, stream, format="svg", transparent=True, metadata={"Date": None})

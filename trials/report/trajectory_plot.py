@@ -39,10 +39,9 @@ class SceneMap:
 
 
 def read_scene_map(dataset: Path) -> SceneMap | None:
-    """Read the map of a dataset folder, None where it has none.
+    """Read the map of a dataset folder, None where the manifest announces none.
 
-    Raises:
-        DatasetError: If the manifest announces a map that cannot be read.
+    Raises a DatasetError if it cannot be read.
     """
     if not (dataset / MANIFEST).is_file():
         return None
@@ -61,11 +60,7 @@ def read_scene_map(dataset: Path) -> SceneMap | None:
 
 
 def ground_axes(T_world_cam: Array) -> Array:
-    """Return the world axes (2, 3) that a viewer above upright cameras sees, right and up.
-
-    Args:
-        T_world_cam: (N, 4, 4); the y axes of the cameras point down.
-    """
+    """Return the world axes (2, 3), right and up, seen from above cameras (N, 4, 4) with y down."""
     down = T_world_cam[:, :3, 1].mean(axis=0)
     vertical = int(np.argmax(np.abs(down)))
     first, second = (vertical + 1) % 3, (vertical + 2) % 3
@@ -81,12 +76,9 @@ def turned(ground: Array) -> Array:
 def plot_trajectories(
     T_world_cam: Array, estimates: Mapping[str, Array], background: SceneMap | None
 ) -> Chart:
-    """Draw the true path and the estimates.
+    """Draw the true path (N, 4, 4) and estimated positions (M, 3) in the world, first pose aligned.
 
-    Args:
-        T_world_cam: (N, 4, 4) truth.
-        estimates: Estimator to its positions (M, 3) in the world, metres, first pose aligned.
-        background: Requires a world with z up.
+    A background requires a world with z up.
     """
     ground = np.eye(3)[:2] if background else ground_axes(T_world_cam)
     truth = T_world_cam[:, :3, 3]

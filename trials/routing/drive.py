@@ -57,23 +57,14 @@ class Delays:
 
 @dataclass(frozen=True)
 class Drive:
-    """Result of a drive.
-
-    Attributes:
-        time_s: Travel time from start to goal.
-        nodes: Nodes passed, start and goal included.
-    """
+    """Travel time from start to goal, and the nodes passed, start and goal included."""
 
     time_s: float
     nodes: tuple[int, ...]
 
 
 def drive(network: Network, delays: Delays, start: int, goal: int, strategy: Strategy) -> Drive:
-    """Drive from start to goal.
-
-    Raises:
-        PlanningError: If there is no path.
-    """
+    """Drive from start to goal; raises a PlanningError if there is no path."""
     route = Route(network, delays, start, goal, strategy)
     time_s, nodes, requested_s = 0.0, [start], dict[int, float]()
     while nodes[-1] != goal:
@@ -99,14 +90,9 @@ def undelayed_s(network: Network, start: int, goal: int) -> float:
 
 
 class Route:
-    """The cheapest route to a goal, which D* Lite repairs at every node.
+    """The cheapest route from start to goal, which D* Lite repairs at every node.
 
-    Args:
-        network: The roads.
-        delays: Waits and queues; a static route ignores queues, one with clearing ignores waits.
-        start: First node.
-        goal: Last node.
-        strategy: Routing strategy.
+    A static route ignores queues, one with clearing ignores waits.
 
     Raises:
         PlanningError: If there is no path.
@@ -115,11 +101,12 @@ class Route:
     def __init__(
         self, network: Network, delays: Delays, start: int, goal: int, strategy: Strategy
     ) -> None:
+        self.network, self.start, self.strategy = network, start, strategy
         waits_s = np.zeros_like(delays.waits_s) if strategy.clearing else delays.waits_s.copy()
         waits_s[goal] = 0.0
         queues = delays.queues.items() if strategy.dynamic else ()
         coming = ((onset_s, road, queue_s) for road, (onset_s, queue_s) in queues)
-        self._network, self._coming = network, sorted(coming, reverse=True)
+        self._coming = sorted(coming, reverse=True)
         self._graph = network.graph(waits_s)
         self._planner = DStarLite(self._graph, len(network.names), start, goal)
         if self._planner.cost == inf:
@@ -130,7 +117,7 @@ class Route:
         changed: list[int] = []
         while self._coming and self._coming[-1][0] <= time_s:
             _, road, queue_s = self._coming.pop()
-            self._graph.costs[self._network.index[road]] += queue_s
+            self._graph.costs[self.network.index[road]] += queue_s
             changed.append(road[0])
         self._planner.move(node)
         self._planner.replan(np.array(changed, dtype=np.int64))

@@ -1,14 +1,14 @@
-"""Travel times with all strategies: over node delay, over queuing delay, and at random."""
+"""Travel times with all strategies, over both delays and at random, and hypotheses on them."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from trials.evaluation.intervals import mean_interval
 from trials.navigation import PlanningError
-from trials.routing.drive import STRATEGIES, Delays, drive, undelayed_s
-from trials.routing.generation import SMALL_CONGESTED
-from trials.routing.network import Network, Road
+from trials.routing.drive import STRATEGIES, Delays, Strategy, drive, undelayed_s
+from trials.routing.network import SMALL_CONGESTED, Network, Road
 from vo.contract.arrays import Array
 
 NODE_MAX_S, QUEUE_MAX_S = 180.0, 420.0
@@ -19,6 +19,9 @@ STEPS = 9
 MIN_DISTANCE = 0.4
 """Smallest distance of random ends over the extent of the network."""
 MAX_TRIES = 10_000
+SAME_S = 1e-6
+FLAT = 0.1
+"""Largest growth of dynamic over that of static routing with which dynamic routing is flat."""
 
 Done = Callable[[object], None]
 
@@ -42,12 +45,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Sweep:
-    """Travel times over one kind of delay.
-
-    Attributes:
-        delays_s: (k,) the delay that is varied.
-        times_s: (4, k, cases) by STRATEGIES.
-    """
+    """Travel times (4, k, cases), by STRATEGIES, over the (k,) values of one kind of delay."""
 
     delays_s: Array
     times_s: Array
@@ -55,12 +53,7 @@ class Sweep:
 
 @dataclass(frozen=True)
 class Randomised:
-    """Travel times with random ends, waits and queues.
-
-    Attributes:
-        free_s: (cases,) without delays.
-        times_s: (4, cases) by STRATEGIES.
-    """
+    """Random drives: times (cases,) without delays, and (4, cases) by STRATEGIES."""
 
     free_s: Array
     times_s: Array
@@ -73,15 +66,7 @@ class Randomised:
 
 @dataclass(frozen=True)
 class Study:
-    """Sweeps on one network.
-
-    Attributes:
-        network: The roads.
-        cases: The drives.
-        free: Travel times without waits and queues.
-        node: Sweep over the wait at every node.
-        queue: Sweep over the delay on congested roads.
-    """
+    """Travel times on one network: without delays, over node delay, and over queuing delay."""
 
     network: Network
     cases: Sequence[Case]
@@ -106,14 +91,9 @@ def small_case(network: Network) -> Case:
 
 
 def random_case(network: Network, congested: float, rng: np.random.Generator) -> Case:
-    """Sample ends, unless the network sets them, and roads that become congested.
+    """Sample ends, unless the network sets them, and a ratio of roads that become congested.
 
     Queues arise at any time of the undelayed drive, in both directions of a road together.
-
-    Args:
-        network: The roads.
-        congested: Ratio of congested roads to all roads.
-        rng: Source of the samples.
 
     Raises:
         PlanningError: If no two distant nodes are connected, or the given ones are not.
@@ -186,3 +166,106 @@ def randomised(
         times_s[:, i] = travel_times(network, case, Delays(waits_s, queues, lead_s))
         done(case)
     return Randomised(np.array([case.free_s for case in cases]), times_s)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A hypothesis, whether it holds, and the figures, with those where it does not hold."""
+
+    claim: str
+    holds: bool
+    because: str
+
+
+def _row(times_s: Array, dynamic: bool, clearing: bool) -> Array:
+    return times_s[STRATEGIES.index(Strategy(dynamic, clearing))]
+
+
+def equal_without_congestion(studies: Mapping[str, Study]) -> Verdict:
+    """Test whether static and dynamic agree without queues, and all four without waits as well."""
+    queueless = max(
+        float(np.abs(_row(s.queue.times_s, True, c)[0] - _row(s.queue.times_s, False, c)[0]).max())
+        for s in studies.values()
+        for c in (False, True)
+    )
+    free = max(float(np.abs(s.free.times_s - s.free.free_s).max()) for s in studies.values())
+    return Verdict(
+        "all are equal without congestion",
+        max(queueless, free) < SAME_S,
+        f"largest difference of static and dynamic without queues {queueless:.1g} s, of all four "
+        f"from the undelayed time without waits too {free:.1g} s",
+    )
+
+
+def flat(studies: Mapping[str, Study]) -> Verdict:
+    """Test whether static routing grows with the queues, and dynamic routing does not."""
+    holds, parts = True, list[str]()
+    for name, study in studies.items():
+        for clearing in (False, True):
+            static_min, dynamic_min = (
+                _growth_s(_row(study.queue.times_s, dynamic, clearing)) / 60
+                for dynamic in (False, True)
+            )
+            holds &= static_min > 0 and dynamic_min <= FLAT * static_min
+            label = f"{name}{', cleared' if clearing else ''}"
+            parts.append(f"{label}: static {static_min:+.2f} min, dynamic {dynamic_min:+.2f} min")
+    why = f"growth over the upper half of the queuing delays; {'; '.join(parts)}"
+    return Verdict("dynamic stays flat where static grows with queuing delay", holds, why)
+
+
+def _growth_s(times_s: Array) -> float:
+    """Growth of the mean of (k, cases) times over the upper half of the delays."""
+    means_s = times_s.mean(axis=1)
+    return float(means_s[-1] - means_s[len(means_s) // 2])
+
+
+def clearing_saves_more(drives: Randomised, node: Sweep) -> Verdict:
+    """Compare clearing alone with dynamic routing alone, in random drives and over node delay."""
+    cleared = _row(drives.times_s, False, True)
+    rerouted = _row(drives.times_s, True, False)
+    more_min = mean_interval((rerouted - cleared) / 60)
+    gain_s = (_row(node.times_s, True, False) - _row(node.times_s, False, True)).mean(axis=1)
+    return Verdict(
+        "clearing alone saves more than dynamic routing alone",
+        more_min.low > 0,
+        f"by {more_min.text(1)} min a drive more, 95 % interval; with queues of "
+        f"{QUEUE_S / 60:.1f} min it {_break_even(node.delays_s, gain_s)}",
+    )
+
+
+def _break_even(delays_s: Array, gain_s: Array) -> str:
+    if gain_s[0] >= 0:
+        return "does at every node delay"
+    if gain_s.max() < 0:
+        return "does not at any node delay"
+    k = int(np.argmax(gain_s >= 0))
+    at_s = float(np.interp(0, gain_s[k - 1 : k + 1], delays_s[k - 1 : k + 1]))
+    return f"does from {at_s:.0f} s of waiting at every node, below that it saves less"
+
+
+def both_never_worse(during: Randomised, before: Randomised, sweeps: Sequence[Sweep]) -> Verdict:
+    """Compare dynamic routing with clearing with either alone, drive by drive."""
+    excess_s = {
+        "random drives with queues arising on the way": _excess_s(during.times_s),
+        "with all queues there at departure": _excess_s(before.times_s),
+        "in the sweeps, queues arising on the way": np.concatenate(
+            [_excess_s(s.times_s).ravel() for s in sweeps]
+        ),
+    }
+    parts: list[str] = []
+    for name, excess in excess_s.items():
+        worse = int((excess > SAME_S).sum())
+        part = f"{name}: worse in {worse} of {excess.size}"
+        parts.append(part + (f", at most by {excess.max() / 60:.1f} min" if worse else ""))
+    holds = all(bool((x <= SAME_S).all()) for x in excess_s.values())
+    why = "" if holds else "; it can be where a queue arises after the vehicle has turned off"
+    saved_min = 0.0 - _excess_s(during.times_s).mean() / 60
+    mean = f"; on average {saved_min:.1f} min faster than the better of the two"
+    return Verdict(
+        "both together are never worse than either", holds, "; ".join(parts) + why + mean
+    )
+
+
+def _excess_s(times_s: Array) -> Array:
+    either = np.minimum(_row(times_s, True, False), _row(times_s, False, True))
+    return _row(times_s, True, True) - either

@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from trials.gym.env.rover_env import RoverEnv
+from sim.settings import TerrainSettings
+from trials.gym.env.rover_env import Assignment, RoverEnv
 from trials.gym.env.settings import ExploreSettings, NavSettings, RouteSettings
-from trials.gym.env.tasks import Explore, FollowRoute, ReachGoal, Task
+from trials.gym.env.tasks import Explore, FollowRoute, ReachGoal
 from trials.gym.world.dynamics import sample_dynamics
 from trials.gym.world.scene_instance import SceneInstance, rebuilt_along
 from trials.gym.world.start_goal_sampling import TrialError, expect_clear, sample_start_goal
@@ -20,9 +21,7 @@ class RoverNav(RoverEnv):
     model = NavSettings
     trial: NavSettings
 
-    def _assign(
-        self, base: SceneInstance, options: Mapping[str, Any]
-    ) -> tuple[SceneInstance, Task]:
+    def _assign(self, base: SceneInstance, options: Mapping[str, Any]) -> Assignment:
         start, goal = _place(options, "start", 3), _place(options, "goal", 2)
         _refuse_others(options, ("start", "goal"))
         trial, rng = self.trial, self.np_random
@@ -33,7 +32,7 @@ class RoverNav(RoverEnv):
         if trial.dynamics:
             seed = int(rng.integers(2**31))
             agents = sample_dynamics(base.scene, ends, trial.speed_max_mps, trial.dynamics, seed)
-        if base.depends_on_path or agents:
+        if agents or base.settings.terrain != TerrainSettings():  # it lies along the path
             instance = rebuilt_along(base, ends.path, agents)
         return instance, ReachGoal(ends, trial.goal_radius_m)
 
@@ -44,13 +43,11 @@ class RoverRoute(RoverEnv):
     model = RouteSettings
     trial: RouteSettings
 
-    def _assign(
-        self, base: SceneInstance, options: Mapping[str, Any]
-    ) -> tuple[SceneInstance, Task]:
+    def _assign(self, base: SceneInstance, options: Mapping[str, Any]) -> Assignment:
         _refuse_others(options, ())
-        path, trial = base.simulation.world.path, self.trial
+        path = base.simulation.world.path
         expect_clear(base.traversable, "start", path.waypoints[0])
-        return base, FollowRoute(path, trial.stray_m, trial.goal_radius_m, trial.lookahead_m)
+        return base, FollowRoute(path, self.trial)
 
 
 class RoverExplore(RoverEnv):
@@ -59,28 +56,21 @@ class RoverExplore(RoverEnv):
     model = ExploreSettings
     trial: ExploreSettings
 
-    def _assign(
-        self, base: SceneInstance, options: Mapping[str, Any]
-    ) -> tuple[SceneInstance, Task]:
+    def _assign(self, base: SceneInstance, options: Mapping[str, Any]) -> Assignment:
         start = _place(options, "start", 3)
         _refuse_others(options, ("start",))
-        trial, traversable = self.trial, base.traversable
+        traversable = base.traversable
         if start is None:
-            distance_m = (trial.view_m, np.inf)
+            distance_m = (self.trial.view_m, np.inf)
             ends = sample_start_goal(traversable, base.component, distance_m, self.np_random)
             start = ends.start
         else:
             expect_clear(traversable, "start", start[:2])
-        task = Explore(traversable, start, trial.cover_share, trial.view_m, trial.goal_radius_m)
-        return base, task
+        return base, Explore(traversable, start, self.trial)
 
 
 def _place(options: Mapping[str, Any], name: str, size: int) -> Array | None:
-    """Return a place of a reset's options.
-
-    Raises:
-        TrialError: If it is not so many finite numbers.
-    """
+    """Return so many finite numbers of a reset's options; raises a TrialError if they are not."""
     if options.get(name) is None:
         return None
     try:

@@ -9,12 +9,12 @@ import numpy as np
 from sim.world.drive import TIPPED_RAD
 from sim.world.rover import WHEEL_RADIUS_M
 from sim.world.world import START_S, thing_of
-from trials.gym.env.localization import Measurements, make_localization
+from trials.gym.env.localization import make_localization
 from trials.gym.env.settings import TrialSettings
 from trials.gym.env.spaces import STEREO, wheel_speeds
 from trials.gym.env.tasks import FAILURE, Evaluation, Task
-from trials.gym.world.inertial import InertialUnit
 from trials.gym.world.scene_instance import SceneInstance
+from trials.gym.world.sensors import InertialUnit
 from trials.gym.world.simulation import Simulation
 from vo.contract import se3
 from vo.contract.arrays import Array, Image
@@ -34,8 +34,6 @@ class Episode:
     """One trial in an instance whose simulation was reset to the start of the task.
 
     Attributes:
-        instance: Where it takes place.
-        task: What the rover has to do.
         localization: Source of the pose.
         noise_seed: Seed of the camera's noise.
         outcome: success, a failure or timeout; empty while the trial is running.
@@ -76,8 +74,7 @@ class Episode:
         """Drive for one control step.
 
         Returns:
-            The reward, whether the trial has ended with success or failure, and whether it was
-            truncated by the time limit.
+            The reward, whether the trial has ended, and whether the time limit has truncated it.
 
         Raises:
             TrialError: If the action is out of range.
@@ -92,9 +89,8 @@ class Episode:
         self.observation = self._observe()
         evaluation = self._evaluation = self.task.evaluate(np.array([x, y]))
         failure = self._monitor.failure(float(np.abs(speeds).max()) * WHEEL_RADIUS_M)
-        if self._trial.on_loss == "end" and self._estimate.status is Status.LOST:
-            failure = failure or "lost"
-        failure = failure or evaluation.failure
+        lost = self._trial.on_loss == "end" and self._estimate.status is Status.LOST
+        failure = failure or ("lost" if lost else evaluation.failure)
         success = evaluation.success and not failure
         terminated = success or bool(failure)
         truncated = not terminated and self._steps >= self._max_steps
@@ -134,11 +130,9 @@ class Episode:
         images = camera.capture(simulation) if self._needs_images else None
         grey = (_grey(images[0]), _grey(images[1])) if images else None
         measured = grey if images and camera.delivered[-1] else None
-        T_true, ticks = snapshot.T_world_body, snapshot.wheel_ticks
-        measurements = Measurements(snapshot.time_ns, measured, ticks, T_true)
-        self._estimate = self._localization.update(measurements)
+        self._estimate = self._localization.update(snapshot, measured)
         T_estimated = self._estimate.T_world_body
-        self._trace.append(np.array([T_true[:2, 3], T_estimated[:2, 3]]))
+        self._trace.append(np.array([snapshot.T_world_body[:2, 3], T_estimated[:2, 3]]))
         channels: Observation = {}
         if images and grey:
             channels["left"], channels["right"] = np.atleast_3d(images[0]), np.atleast_3d(images[1])
@@ -148,8 +142,9 @@ class Episode:
         if "imu" in wanted:
             rates = self._imu.read(simulation.world, simulation.time_s)
             channels["imu"] = rates.astype(np.float32)
-        channels["encoders"] = np.array(ticks, np.int64)
-        x, y, yaw = pose2_of(T_estimated)
+        channels["encoders"] = np.array(snapshot.wheel_ticks, np.int64)
+        x, y = T_estimated[:2, 3].tolist()
+        yaw = math.atan2(T_estimated[1, 0], T_estimated[0, 0])
         channels["pose"] = np.array([x, y, yaw], np.float32)
         if "goal" in wanted:
             ahead = self.task.goal(np.array([x, y])) - (x, y)
@@ -169,8 +164,7 @@ class FailureMonitor:
     def failure(self, command_mps: float) -> str:
         """Return the failure of the last step: collision, tipped, stuck, or an empty string.
 
-        Args:
-            command_mps: Commanded speed of the faster wheel's rim.
+        The commanded speed is that of the faster wheel's rim.
         """
         simulation = self._simulation
         if (simulation.touched & simulation.rigid).any():
@@ -190,12 +184,6 @@ class FailureMonitor:
         simulation = self._simulation
         geoms = np.flatnonzero(simulation.touched & simulation.obstacles)
         return tuple(sorted({thing_of(simulation.world, int(k)).name for k in geoms}))
-
-
-def pose2_of(T_world_body: Array) -> tuple[float, float, float]:
-    """x, y in metres and yaw in radians of a pose."""
-    yaw = math.atan2(T_world_body[1, 0], T_world_body[0, 0])
-    return float(T_world_body[0, 3]), float(T_world_body[1, 3]), yaw
 
 
 def _grey(image: Image) -> Image:

@@ -9,6 +9,7 @@ import numpy as np
 from sim.world.rover import TRACK_M, WHEEL_RADIUS_M
 from trials.estimators.choice import ESTIMATORS, make_estimator
 from trials.estimators.plugins.classes import Guarded
+from trials.gym.world.simulation import Snapshot
 from vo.contract import se3
 from vo.contract.arrays import Array, Image
 from vo.contract.errors import SettingsError
@@ -21,32 +22,13 @@ DRIFT_DEG_PER_M = 0.25
 """Rotation error for each per cent of drift, as the estimator has it over all scenes."""
 
 
-@dataclass(frozen=True)
-class Measurements:
-    """Measurements of one time step.
-
-    Attributes:
-        time_ns: Middle of the exposure.
-        images: Left and right grey image, (H, W); None if they were lost or are not needed.
-        wheel_ticks: Readings of the left and the right encoder.
-        T_world_body: (4, 4) truth, for the start, `truth` and `drift:PERCENT`.
-    """
-
-    time_ns: int
-    images: tuple[Image, Image] | None
-    wheel_ticks: tuple[int, int]
-    T_world_body: Array
+GreyPair = tuple[Image, Image] | None
+"""Left and right grey image, (H, W); None if they were lost or are not needed."""
 
 
 @dataclass(frozen=True)
 class LocalizationEstimate:
-    """Estimated pose of the rover.
-
-    Attributes:
-        T_world_body: (4, 4); the last one before, if the status is `lost`.
-        status: Status of the estimate.
-        reason: Why it is not `tracked`.
-    """
+    """Estimated pose (4, 4) of the rover, the last one if it is lost, and why it is not tracked."""
 
     T_world_body: Array
     status: Status
@@ -56,17 +38,20 @@ class LocalizationEstimate:
 class Localization(Protocol):
     """Estimates the pose of a rover from a known start."""
 
-    def update(self, measurements: Measurements) -> LocalizationEstimate:
-        """Estimate the pose of the next time step; the first call defines the start."""
+    def update(self, snapshot: Snapshot, images: GreyPair) -> LocalizationEstimate:
+        """Estimate the pose of the next time step; the first call defines the start.
+
+        The true pose is for the start, `truth` and `drift:PERCENT`.
+        """
         ...
 
 
 class TruthLocalization:
     """The true pose."""
 
-    def update(self, measurements: Measurements) -> LocalizationEstimate:
+    def update(self, snapshot: Snapshot, images: GreyPair) -> LocalizationEstimate:
         """Return the truth."""
-        return LocalizationEstimate(measurements.T_world_body, Status.TRACKED)
+        return LocalizationEstimate(snapshot.T_world_body, Status.TRACKED)
 
 
 class DriftLocalization:
@@ -83,9 +68,9 @@ class DriftLocalization:
         self._sigmas = np.array([across_m, across_m, 0, 0, 0, turned_rad])
         self._T_world_body: Array | None = None
 
-    def update(self, measurements: Measurements) -> LocalizationEstimate:
+    def update(self, snapshot: Snapshot, images: GreyPair) -> LocalizationEstimate:
         """Continue by the true motion and an error."""
-        truth = measurements.T_world_body
+        truth = snapshot.T_world_body
         if self._T_world_body is None:
             self._T_world_body = self._last = truth
             return LocalizationEstimate(truth, Status.START)
@@ -105,11 +90,11 @@ class WheelOdometry:
         self._metres_per_tick = 2 * np.pi * WHEEL_RADIUS_M / ticks_per_turn
         self._T_world_body: Array | None = None
 
-    def update(self, measurements: Measurements) -> LocalizationEstimate:
+    def update(self, snapshot: Snapshot, images: GreyPair) -> LocalizationEstimate:
         """Continue by the turn of the wheels."""
-        ticks = measurements.wheel_ticks
+        ticks = snapshot.wheel_ticks
         if self._T_world_body is None:
-            self._T_world_body, self._ticks = measurements.T_world_body, ticks
+            self._T_world_body, self._ticks = snapshot.T_world_body, ticks
             return LocalizationEstimate(self._T_world_body, Status.START)
         left_m, right_m = (np.array(ticks) - self._ticks) * self._metres_per_tick
         ahead_m, turned_rad = (left_m + right_m) / 2, (right_m - left_m) / TRACK_M
@@ -127,35 +112,25 @@ class VisualLocalization:
         self._rig = rig
         self._T_world_odom: Array | None = None
 
-    def update(self, measurements: Measurements) -> LocalizationEstimate:
-        """Track the next images; without a pose, the last one is kept.
-
-        Raises:
-            PluginError: If a user's estimator fails frame after frame.
-        """
+    def update(self, snapshot: Snapshot, images: GreyPair) -> LocalizationEstimate:
+        """Track the next images; raises a PluginError if a user's estimator keeps failing."""
         T_body_cam = self._rig.T_body_cam
         if self._T_world_odom is None:
-            self._T_world_odom = measurements.T_world_body @ T_body_cam
-            self._last = measurements.T_world_body
-        if measurements.images is None:
+            self._T_world_odom = snapshot.T_world_body @ T_body_cam
+            self._last = snapshot.T_world_body
+        if images is None:
             return LocalizationEstimate(self._last, Status.LOST, "the images were lost")
-        frame = StereoFrame(measurements.time_ns, *measurements.images, measurements.wheel_ticks)
+        frame = StereoFrame(snapshot.time_ns, *images, snapshot.wheel_ticks)
         estimate = self._estimator.track(frame)
         if estimate.T_odom_cam is not None:
             self._last = self._T_world_odom @ estimate.T_odom_cam @ se3.inverse(T_body_cam)
         return LocalizationEstimate(self._last, estimate.status, estimate.reason)
 
 
-def make_localization(
-    name: str, rig: StereoRig, ticks_per_turn: int, seed: int = 0
-) -> Localization:
-    """Build a localization.
+def make_localization(name: str, rig: StereoRig, ticks_per_turn: int, seed: int) -> Localization:
+    """Build a localization for a rig as delivered; the seed is that of an injected drift.
 
-    Args:
-        name: truth, drift:PERCENT, wheels, vo, another estimator's name or `module:Class`.
-        rig: Calibration as delivered.
-        ticks_per_turn: Resolution of the encoders.
-        seed: Seed of an injected drift.
+    The name is truth, drift:PERCENT, wheels, vo, another estimator's name or `module:Class`.
 
     Raises:
         SettingsError: If there is no such estimator or drift.
@@ -172,10 +147,9 @@ def make_localization(
 
 
 def expect_localization(name: str) -> None:
-    """Refuse an unknown source; a user's class is checked when a trial begins.
+    """Refuse an unknown source with a SettingsError, also a drift not from 0 to 1000 per cent.
 
-    Raises:
-        SettingsError: If there is no such estimator, or a drift is not from 0 to 1000 per cent.
+    A user's class is checked when a trial begins.
     """
     if name.startswith(DRIFT):
         try:

@@ -27,11 +27,8 @@ class NavigatorPolicy:
     ) -> None:
         """Begin a trial; make a new policy after every reset.
 
-        Args:
-            env: Unwrapped, after its reset; gives calibration and limits, and nothing else.
-            settings: Settings of the navigator.
-            floor_plan: See Navigator.
-            replanning: See Navigator.
+        The environment, unwrapped, gives calibration and limits, and nothing else; for the other
+        arguments see Navigator.
         """
         trial = env.trial
         self._limits = np.array([trial.speed_max_mps, trial.turn_max_radps])

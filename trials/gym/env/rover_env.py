@@ -15,7 +15,7 @@ from trials.gym.env.episode import Episode, Observation
 from trials.gym.env.settings import TrialSettings
 from trials.gym.env.spaces import ACTION, observation_space
 from trials.gym.env.tasks import Task
-from trials.gym.media.trial_view import TrialView, missing_for_window
+from trials.gym.media import TrialView, missing_for_window
 from trials.gym.world.scene_instance import SceneInstance
 from trials.gym.world.simulation import TrialLog
 from trials.gym.world.start_goal_sampling import TrialError
@@ -24,6 +24,7 @@ from vo.contract.dataset import DatasetWriter
 from vo.contract.errors import DatasetError, SettingsError
 from vo.contract.settings import amended, validated
 
+Assignment = tuple[SceneInstance, Task]
 WINDOW = "driftyard"
 MAX_SEED = 2**31 - 1
 MAX_STARTS = 10
@@ -47,9 +48,7 @@ class RoverEnv(gymnasium.Env[Observation, Array]):
     def __init__(self, render_mode: str | None = None, **options: Any) -> None:
         """Check everything that can be checked without building a world.
 
-        Args:
-            render_mode: None, rgb_array, or human where there is a display.
-            options: Fields of `model`.
+        The options are fields of `model`.
 
         Raises:
             SettingsError: If an option is unknown or refused, or there is no such render mode.
@@ -71,21 +70,16 @@ class RoverEnv(gymnasium.Env[Observation, Array]):
         self._has_window = False
 
     @abstractmethod
-    def _assign(
-        self, base: SceneInstance, options: Mapping[str, Any]
-    ) -> tuple[SceneInstance, Task]:
+    def _assign(self, base: SceneInstance, options: Mapping[str, Any]) -> Assignment:
         """Choose the task in a layout, and the instance to do it in: the base or one like it."""
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin a trial.
+        """Begin a trial; the seed is that of layout, start, goal and noise.
 
-        Args:
-            seed: Seed of layout, start, goal and noise.
-            options: `layout` and `localization`, in place of those of the environment for this
-                trial; of RoverNav and RoverExplore `start` (x, y, yaw), and of RoverNav `goal`
-                (x, y).
+        Options: `layout` and `localization`, in place of those of the environment for this trial,
+        of RoverNav and RoverExplore `start` (x, y, yaw), and of RoverNav `goal` (x, y).
 
         Raises:
             TrialError: If start or goal have no clearance or no path, or the world has no
@@ -194,9 +188,7 @@ class RoverEnv(gymnasium.Env[Observation, Array]):
         self._base = None  # first free it: two worlds take twice the memory
         return self.trial.build(layout)
 
-    def _place_rover(
-        self, base: SceneInstance, options: Mapping[str, Any]
-    ) -> tuple[SceneInstance, Task]:
+    def _place_rover(self, base: SceneInstance, options: Mapping[str, Any]) -> Assignment:
         """Assign a task whose start is free of moving things, and place the rover there."""
         start: Array = np.zeros(3)
         for _ in range(MAX_STARTS):

@@ -81,11 +81,7 @@ class TrialSettings(Settings):
         return {}
 
     def recorded(self, layout: int) -> RecordSettings:
-        """Resolve the settings of scene, rover and sensors.
-
-        Raises:
-            SettingsError: If there is no such scene, option, disturbance or setting.
-        """
+        """Resolve the settings of scene, rover and sensors, or raise a SettingsError."""
         scene_options(self.scene, self.scene_options)
         base: dict[str, Any] = {
             **find_scene(self.scene).defaults,

@@ -8,7 +8,7 @@ from gymnasium import spaces
 from sim.settings import RecordSettings
 from sim.world.rover import TRACK_M, WHEEL_RADIUS_M
 from trials.gym.env.settings import Channel, TrialSettings
-from trials.gym.world.inertial import ACCEL_MAX_MPS2, GYRO_MAX_RADPS
+from trials.gym.world.sensors import ACCEL_MAX_MPS2, GYRO_MAX_RADPS
 from trials.gym.world.start_goal_sampling import TrialError
 from vo.config import StereoSettings
 from vo.contract.arrays import Array
@@ -48,13 +48,11 @@ def observation_space(wanted: tuple[Channel, ...], settings: RecordSettings) -> 
 
 
 def wheel_speeds(action: Array, settings: TrialSettings) -> Array:
-    """(2,) wanted speeds of the left and the right wheel, rad/s.
+    """(2,) wanted speeds of the left and the right wheel, rad/s, for an action (2,), each -1 to 1.
 
-    Args:
-        action: (2,) each from -1 to 1: forward speed and turn to the left, as fractions of
-            `speed_max_mps` and `turn_max_radps`; or left and right wheel, as fractions of the
-            speed that both together ask of the faster wheel.
-        settings: Kind of action, and limits.
+    An action is forward speed and turn to the left, as fractions of `speed_max_mps` and
+    `turn_max_radps`; or left and right wheel, as fractions of the speed that both together ask
+    of the faster wheel.
 
     Raises:
         TrialError: If the shape is wrong, or a value is out of range or NaN.

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.world.path import Path
-from trials.gym.world.distance_field import TraversableSpace, path_length_m
+from trials.gym.env.settings import ExploreSettings, RouteSettings
+from trials.gym.world.free_space import TraversableSpace, path_length_m
 from trials.gym.world.start_goal_sampling import StartGoal
 from vo.contract.arrays import Array, Mask
 
@@ -22,14 +23,9 @@ RAYS = 180
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Result of one step.
+    """Reward of a step, whether the task is done, why it has failed, and what remains of the path.
 
-    Attributes:
-        reward: Of the step.
-        success: Whether the task is done.
-        failure: Why the task has failed; empty if it has not.
-        remaining_m: Length of the path that remains.
-        progress: Fraction of the task that is done, 0 to 1.
+    `progress` is the fraction of the task that is done, 0 to 1.
     """
 
     reward: float
@@ -88,32 +84,32 @@ class ReachGoal(Task):
 class FollowRoute(Task):
     """Drive along a route to its end without leaving it."""
 
-    def __init__(self, path: Path, stray_m: float, radius_m: float, lookahead_m: float) -> None:
+    def __init__(self, path: Path, trial: RouteSettings) -> None:
         ahead = path.waypoints[1] - path.waypoints[0]
         self.start = np.array([*path.waypoints[0], math.atan2(ahead[1], ahead[0])])
         self.path, self.path_m = path.waypoints, path.length_m
-        self._route, self._stray_m, self._radius_m = path, stray_m, radius_m
-        self._lookahead_m = lookahead_m
+        self._route, self._trial = path, trial
         self._true_m = self._estimated_m = 0.0
 
     def goal(self, estimated: Array) -> Array:
         """The point of the route that is one lookahead beyond the estimated position."""
         self._estimated_m, _ = self._project(estimated, self._estimated_m)
-        return self._route.at(self._estimated_m + self._lookahead_m)
+        return self._route.at(self._estimated_m + self._trial.lookahead_m)
 
     def evaluate(self, true: Array) -> Evaluation:
         """Reward progress along the route; distance from it costs as much as the way back."""
         along_m, beside_m = self._project(true, self._true_m)
         gain_m, self._true_m = along_m - self._true_m, along_m
         remaining_m = self._route.length_m - along_m
-        done = remaining_m <= self._radius_m and beside_m <= self._radius_m
-        failure = "strayed" if beside_m > self._stray_m and not done else ""
-        reward = STEP * (1 + beside_m / self._stray_m) + gain_m + SUCCESS * done
+        done = max(remaining_m, beside_m) <= self._trial.goal_radius_m
+        stray_m = self._trial.stray_m
+        failure = "strayed" if beside_m > stray_m and not done else ""
+        reward = STEP * (1 + beside_m / stray_m) + gain_m + SUCCESS * done
         return Evaluation(reward, done, failure, remaining_m, along_m / self._route.length_m)
 
     def _project(self, position: Array, from_m: float) -> tuple[float, float]:
         """Nearest point of the route shortly ahead, by arc length, and the distance to it."""
-        reach = np.arange(0.0, self._stray_m + PROGRESS_STEP_M, PROGRESS_STEP_M)
+        reach = np.arange(0.0, self._trial.stray_m + PROGRESS_STEP_M, PROGRESS_STEP_M)
         stations_m = np.minimum(from_m + reach, self._route.length_m)
         distances_m = np.linalg.norm(self._route.at(stations_m) - position, axis=1)
         k = int(np.argmin(distances_m))
@@ -123,23 +119,16 @@ class FollowRoute(Task):
 class Explore(Task):
     """Bring a fraction of the reachable ground into view, then return to the start."""
 
-    def __init__(
-        self,
-        traversable: TraversableSpace,
-        start: Array,
-        fraction: float,
-        view_m: float,
-        radius_m: float,
-    ) -> None:
+    def __init__(self, traversable: TraversableSpace, start: Array, trial: ExploreSettings) -> None:
         self.start, self.path, self.path_m = start, start[None, :2], 0.0
         self._space, components = traversable.space, traversable.components
         self._reachable = components == components[tuple(self._space.cells(start[:2]))]
         self.covered = self._covered = np.zeros(components.shape, bool)
         self._blocked = self._space.clearance_m <= 0
         self._home = traversable.distance_field(start[:2])
-        self._wanted, self._radius_m = fraction, radius_m
+        self._wanted, self._radius_m = trial.cover_share, trial.goal_radius_m
         angles = np.linspace(0, 2 * math.pi, RAYS, endpoint=False)
-        reach = np.arange(0.0, view_m, self._space.cell_m / 2)
+        reach = np.arange(0.0, trial.view_m, self._space.cell_m / 2)
         self._rays = np.stack([np.cos(angles), np.sin(angles)], axis=-1)[:, None] * reach[:, None]
         self._cells = int(self._reachable.sum())
         self._home_m = 0.0

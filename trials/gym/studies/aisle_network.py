@@ -9,7 +9,7 @@ from scenes.objects.storage import BAY_M, RACK_DEPTH_M
 from scenes.warehouse import Options as WarehouseOptions
 from trials.gym.world.barrier_slots import slot_at
 from trials.gym.world.dynamic_agents import Gate, Slot
-from trials.gym.world.obstacle_bodies import DOOR_M, LOAD_M
+from trials.gym.world.dynamics import DOOR_M, LOAD_M
 from trials.gym.world.scene_instance import SceneInstance
 from trials.routing.drive import Delays
 from trials.routing.network import Network, Road
@@ -24,13 +24,8 @@ END_M = 1.0
 class AisleNetwork:
     """A warehouse to route through: every aisle has a node at each end, and a door in the middle.
 
-    Attributes:
-        network: Ends, doors and the roads between them.
-        lefts: Nodes of the left ends, by aisle.
-        rights: Nodes of the right ends.
-        doors: Slot of the door at a node.
-        loads: Slot of a load that congests a road, where there is room; the same in both
-            directions.
+    `lefts` and `rights` are the end nodes by aisle, `doors` the slots of doors by node, and
+    `loads` those of loads that congest a road, where there is room, in either direction.
     """
 
     network: Network
@@ -43,8 +38,7 @@ class AisleNetwork:
 def build_aisle_network(instance: SceneInstance, speed_mps: float) -> AisleNetwork:
     """Build the network of a warehouse without the roads that the rover has no room on.
 
-    Raises:
-        SettingsError: If the scene is another.
+    Raises a SettingsError if the scene is another.
     """
     scene, traversable = instance.scene, instance.traversable
     if scene.name != "warehouse":
@@ -89,8 +83,3 @@ def make_gates(aisles: AisleNetwork, delays: Delays, start_s: float) -> dict[Roa
             gate = Gate(aisles.loads[a, b], start_s + onset_s, queue_s, np.inf)
             gates[a, b] = gates[b, a] = gate
     return gates
-
-
-def gate_name(road: Road) -> str:
-    """Name of a gate in the world: `door_3`, `load_3_4`."""
-    return f"door_{road[0]}" if road[0] == road[1] else f"load_{road[0]}_{road[1]}"

@@ -7,7 +7,7 @@ dynamic one repairs its path with D* Lite.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, cast
+from typing import Any, Literal, cast, get_args
 
 import mujoco
 import numpy as np
@@ -25,16 +25,11 @@ from trials.navigation.planner import GridPlanner
 from trials.navigation.settings import NavigatorSettings
 from vo.contract.arrays import Array
 from vo.contract.errors import SettingsError
+from vo.contract.settings import amended
 
 Planning = Literal["static", "dynamic"]
-PLANNINGS: tuple[Planning, ...] = ("static", "dynamic")
-DEFAULTS = NavigatorSettings()
-SETTINGS = DEFAULTS.model_copy(
-    update={
-        "initial_turn_deg": 0.0,
-        "occupancy": DEFAULTS.occupancy.model_copy(update={"max_depth_m": 3.0}),
-    }
-)
+PLANNINGS: tuple[Planning, ...] = get_args(Planning)
+SETTINGS = amended(NavigatorSettings(), {"initial_turn_deg": 0.0, "occupancy.max_depth_m": 3.0})
 """With a floor plan only changes are new: no initial turn, and a short range."""
 IDEAL_SETTINGS = SETTINGS.model_copy(update={"min_speckle_px": 0})
 IDEAL_CHANNELS = ("pose", "goal")
@@ -44,14 +39,10 @@ DEPTH_PX, MAX_RAY_M = (64, 48), 8.0
 
 @dataclass(frozen=True)
 class PlanningResult(Result):
-    """Result of a trial with one kind of planning.
+    """Result of a trial with static or dynamic planning.
 
-    Attributes:
-        planning: static or dynamic.
-        spl: Success weighted by path length.
-        plans: Number of times that the path was planned or repaired.
-        expanded: Cells that D* Lite expanded.
-        cpu_ms: Processor time of planning.
+    `spl` is success weighted by path length, `plans` counts plans and repairs, `expanded` the cells
+    that D* Lite expanded, and `cpu_ms` is the processor time of planning.
     """
 
     planning: Planning
@@ -73,11 +64,7 @@ METRICS: Metrics[PlanningResult] = {
 
 
 def parse_planning(text: str) -> list[Planning]:
-    """Parse `static,dynamic`.
-
-    Raises:
-        SettingsError: If a kind is unknown, or there is none.
-    """
+    """Parse `static,dynamic`; raises a SettingsError if a kind is unknown, or there is none."""
     words = [word.strip() for word in text.split(",") if word.strip()]
     unknown = [word for word in words if word not in PLANNINGS]
     if unknown or not words:
@@ -95,15 +82,8 @@ def run_world(
 ) -> list[PlanningResult]:
     """Run trials in one world with each kind of planning, from the same starts to the same goals.
 
-    Args:
-        options: Of RoverNav; `observe` must hold what the navigator needs.
-        plannings: static, dynamic or both.
-        layout: Seed of the world.
-        runs: Number of pairs of start and goal.
-        ideal: Depth by rays in place of cameras, so that nothing but planning can fail.
-
-    Raises:
-        DriftyardError: If an option is refused or the world has no traversable place.
+    As `trial_runner.run_world`; `ideal` is depth by rays in place of cameras, so that nothing but
+    planning can fail.
     """
     warm_up = GridPlanner(np.ones((3, 3)), (0, 0), (2, 2))  # compiled before the clock runs
     warm_up.update(np.full((3, 3), 2.0))
@@ -138,16 +118,16 @@ def _run(
             disparity = ray_disparity(env.instance.simulation.world)
             observation["disparity"] = disparity[..., None]
         observation, _, _, _, info = env.step(policy.act(observation))
-    effort = policy.navigator.effort
+    planner = policy.navigator.planner
     return PlanningResult(
         layout=layout,
         run=run,
         localization=env.trial.localization,
         **{key: info[key] for key in ("outcome", "time_s", "driven_m", "way_m", "spl")},
         planning=planning,
-        plans=effort.plans,
-        expanded=effort.expanded,
-        cpu_ms=1e3 * effort.cpu_s,
+        plans=planner.plans,
+        expanded=planner.expanded,
+        cpu_ms=1e3 * planner.cpu_s,
     )
 
 

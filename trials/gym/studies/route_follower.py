@@ -22,46 +22,23 @@ STOP_M, BRAKING_M = 0.9, 2.5
 class RouteFollower:
     """Follows a route that may change at every node, and stops before closed gates.
 
-    Attributes:
-        passed: Nodes so far.
+    Its nodes so far are `passed`.
     """
 
-    def __init__(
-        self,
-        trial: TrialSettings,
-        route: Route,
-        start: int,
-        xy_m: Array,
-        gates: Mapping[Road, Gate],
-        clearing: bool,
-    ) -> None:
-        """Leave the start.
-
-        Args:
-            trial: Limits of the rover.
-            route: Route to the goal.
-            start: Node.
-            xy_m: (n, 2) positions of the nodes.
-            gates: Gates by road; the road of a door leads from its node to itself.
-            clearing: Doors ahead are requested to open.
-        """
+    def __init__(self, trial: TrialSettings, route: Route, gates: Mapping[Road, Gate]) -> None:
+        """Leave the start of a route; the road of a door leads from its node to itself."""
         self._steering = SteeringSettings(
             forward_max_mps=trial.speed_max_mps,
             turn_max_radps=trial.turn_max_radps,
             lookahead_m=REACHED_M + 0.1,
             period_s=1 / trial.rate_hz,
         )
-        self._route, self._xy_m, self._gates, self._clearing = route, xy_m, gates, clearing
-        self.passed = [start]
+        self._route, self._xy_m, self._gates = route, route.network.xy_m, gates
+        self.passed = [route.start]
         self._leave_node(0.0)
 
     def act(self, pose: Array, time_s: float) -> Array:
-        """Choose the next action (2,).
-
-        Args:
-            pose: (3,) estimated x, y, yaw.
-            time_s: Time since departure.
-        """
+        """Choose the next action (2,) at an estimated x, y, yaw (3,) and a time since departure."""
         here, xy_m = pose[:2], self._xy_m
         while len(self._ahead) > 1 and np.linalg.norm(xy_m[self._ahead[0]] - here) < REACHED_M:
             self.passed.append(self._ahead[0])
@@ -73,10 +50,10 @@ class RouteFollower:
         return np.clip(np.array(self._braked(twist, here)) / limits, -1, 1).astype(np.float32)
 
     def _leave_node(self, time_s: float) -> None:
-        """Choose the nodes ahead of the last one, and request the doors there to open."""
+        """Choose the nodes ahead of the last one; with clearing, request the doors to open."""
         node, gates = self.passed[-1], self._gates
         self._ahead = self._route.ahead(node, time_s)
-        for door in self._ahead if self._clearing else ():
+        for door in self._ahead if self._route.strategy.clearing else ():
             if (door, door) in gates:
                 gates[door, door].request(START_S + time_s)
         if (node, self._ahead[0]) in gates:

@@ -1,4 +1,4 @@
-"""Results of trials by source of localization: their metrics, and their file.
+"""Results of trials by source of localization: their metrics, their file, and their figure.
 
 Sources: Anderson et al., On Evaluation of Embodied Navigation Agents, 2018 (SPL; soft SPL weighs
 progress where SPL asks for success); Xiao et al., Autonomous Ground Navigation in Highly
@@ -8,19 +8,25 @@ Constrained Spaces (the BARN challenge), 2022 (a score that rewards time against
 import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, astuple, dataclass
 from itertools import chain
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
+from matplotlib.figure import Figure
 from scipy import stats
 
 from trials.evaluation.intervals import CONFIDENCE, Interval, mean_interval
+from trials.gym.env.localization import DRIFT
+from trials.report.figure import GREY, SERIES, tidy
 from vo.contract.files import write_text
 
 BARN_LIMITS = np.array([2.0, 8.0])
 """Multiples of the optimal time between which BARN's score falls as 1 / time."""
+MIN_PERCENT = 0.005
+"""Left end of the logarithmic axis; less drift, such as that of the truth, is drawn here, and the
+legend says so."""
 
 
 @dataclass(frozen=True)
@@ -122,18 +128,12 @@ def summarize(results: Sequence[R], metrics: Metrics[R]) -> dict[str, str]:
 
 
 class ResultStore:
-    """Results as JSON lines; until all are there, in a file beside `out` that ends in `.part`.
-
-    Attributes:
-        done: Results of this study by world.
-    """
+    """Results of a study as JSON lines, by world in `done`; until all are there, in `out`.part."""
 
     def __init__(self, out: Path, study: str) -> None:
-        """Continue what an interrupted run of the same study left.
+        """Continue what an interrupted run of the same study left in the part of `out`.
 
-        Args:
-            out: File for the results.
-            study: Everything that the results depend on, on one line; another one starts afresh.
+        `study` is everything that the results depend on, on one line; another one starts afresh.
         """
         self._out, self._study = out, study
         self._part = out.with_name(out.name + ".part")
@@ -163,3 +163,31 @@ class ResultStore:
 def json_lines(results: Iterable[Result]) -> str:
     """Format results as JSON, one a line."""
     return "".join(json.dumps(asdict(result)) + "\n" for result in results)
+
+
+def draw_sensitivity(figure: Figure, by_source: Mapping[str, Sequence[TrialResult]]) -> None:
+    """Draw success and collisions over the median drift; `drift:...` are joined by a line."""
+    drifts: dict[str, float] = {}
+    for source, results in by_source.items():
+        known = [x.drift_percent for x in results if x.drift_percent is not None]
+        drifts[source] = max(float(np.median(known)) if known else math.nan, MIN_PERCENT)
+    injected = sorted((x for x in by_source if x.startswith(DRIFT)), key=lambda x: drifts[x])
+    groups = [(injected, GREY, "o-", "injected")] if injected else []
+    for source, colour in zip((x for x in by_source if x not in injected), SERIES, strict=False):
+        below = "" if drifts[source] > MIN_PERCENT else f" (below {MIN_PERCENT:g} %)"
+        groups.append(([source], colour, "D", source + below))
+    panels = figure.subplots(1, 2, sharex=True, sharey=True)
+    for panel, outcome in zip(panels, ("success", "collision"), strict=True):
+        panel.set_xscale("log")
+        panel.xaxis.set_major_formatter(lambda percent, _: f"{percent:g}")
+        for sources, colour, style, label in groups:
+            intervals = [astuple(outcome_interval(by_source[x], outcome)) for x in sources]
+            values, low, high = np.transpose(intervals)
+            panel.errorbar(
+                [drifts[x] for x in sources], values, (values - low, high - values), fmt=style,
+                color=colour, markersize=5, capsize=3, linewidth=1.3, label=label,
+            )  # fmt: skip
+    tidy(panels[0], "drift over 1 m, median of trials (%)", "share of trials", "Success")
+    tidy(panels[1], "drift over 1 m, median of trials (%)", "", "Collisions")
+    panels[0].set_ylim(-0.03, 1.03)
+    panels[0].legend(loc="lower left")

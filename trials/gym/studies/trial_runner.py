@@ -13,7 +13,7 @@ from trials.evaluation.alignment import Pair
 from trials.evaluation.metrics import errors_over_distance
 from trials.gym.env.environments import RoverNav
 from trials.gym.env.policies import NavigatorPolicy
-from trials.gym.media.film import Filmed
+from trials.gym.media import Filmed
 from trials.gym.studies.trial_results import TrialResult
 from vo.contract.arrays import Array
 
@@ -31,12 +31,8 @@ def run_world(
 ) -> list[TrialResult]:
     """Run trials in one world with every source, from the same starts to the same goals.
 
-    Args:
-        options: Of RoverNav; `observe` must hold what the navigator needs.
-        sources: Values of `localization`.
-        layout: Seed of the world.
-        runs: Number of pairs of start and goal.
-        keep: Folder for a film and a dataset of every trial, `layout-run-source`; none: neither.
+    Options are those of RoverNav; `observe` must hold what the navigator needs. `keep` is a folder
+    for a film and a dataset of every trial, `layout-run-source`.
 
     Raises:
         DriftyardError: If an option is refused or the world has no traversable place.

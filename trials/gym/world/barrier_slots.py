@@ -8,9 +8,8 @@ import cv2
 import numpy as np
 
 from scenes.scene import Scene
-from trials.gym.world.distance_field import TraversableSpace
 from trials.gym.world.dynamic_agents import Slot
-from trials.gym.world.free_space import NO_GEOM, FreeSpace
+from trials.gym.world.free_space import NO_GEOM, FreeSpace, TraversableSpace
 from vo.contract.arrays import Array, Mask
 
 MIN_WIDTH_M, MAX_WIDTH_M = 0.7, 3.2

@@ -91,9 +91,6 @@ class Barrier(DynamicAgent):
     """Moves straight down to close a slot and up to open it; its coordinate is the height, metres.
 
     While the rover is within SAFE_M, one that is not yet down rises, and one that is down stays.
-
-    Attributes:
-        slot: What it closes.
     """
 
     LIFT_M = 1.6

@@ -5,13 +5,12 @@ from dataclasses import dataclass, replace
 
 from scenes.scene import Scene
 from sim.batch import build
-from sim.settings import RecordSettings, TerrainSettings
+from sim.settings import RecordSettings
 from sim.world.world import build_world
-from trials.gym.world.camera import RoverCamera
-from trials.gym.world.distance_field import TraversableSpace
 from trials.gym.world.dynamic_agents import DynamicAgent
-from trials.gym.world.free_space import map_free_space
-from trials.gym.world.obstacle_bodies import with_agents
+from trials.gym.world.dynamics import with_agents
+from trials.gym.world.free_space import TraversableSpace, map_free_space
+from trials.gym.world.sensors import RoverCamera
 from trials.gym.world.simulation import Simulation
 from trials.gym.world.start_goal_sampling import main_component
 from vo.contract.arrays import Array, Mask
@@ -20,15 +19,10 @@ from vo.contract.settings import amended
 
 @dataclass(frozen=True)
 class SceneInstance:
-    """Everything that is kept from trial to trial.
+    """What is kept from trial to trial: the scene before and after it was compiled, and its camera.
 
-    Attributes:
-        settings: Resolved settings of world and sensors.
-        scene: Before it was compiled.
-        simulation: Of the compiled world.
-        camera: Camera of the rover.
-        traversable: Space with enough clearance for the rover.
-        component: (H, W) cells that are connected to the scene's own route.
+    The traversable space has enough clearance for the rover; the cells (H, W) of the component
+    are connected to the scene's own route.
     """
 
     settings: RecordSettings
@@ -42,11 +36,6 @@ class SceneInstance:
     def layout(self) -> int:
         """Seed of the scene."""
         return self.settings.seed
-
-    @property
-    def depends_on_path(self) -> bool:
-        """Whether the terrain along the rover's path must be built anew for another path."""
-        return self.settings.terrain != TerrainSettings()
 
 
 def build_instance(
@@ -75,10 +64,11 @@ def rebuilt_along(
 ) -> SceneInstance:
     """Build an instance anew with its terrain along a path (N, 2), and with agents by name.
 
-    Raises:
-        SettingsError: If the rover has no room at the start.
+    Raises a SettingsError if the rover has no room at the start.
     """
-    settings = along(instance.settings, path)
+    waypoints = tuple((float(x), float(y)) for x, y in path)
+    route = {"drive.waypoints": waypoints, "drive.distance_m": None}
+    settings = amended(instance.settings, route)
     scene = with_agents(instance.scene, agents, instance.layout)
     world = build_world(scene, settings)
     simulation = Simulation(world, settings, instance.simulation.acceleration_mps2)
@@ -89,9 +79,3 @@ def rebuilt_along(
         simulation=simulation,
         camera=RoverCamera(world, settings),
     )
-
-
-def along(settings: RecordSettings, path: Array) -> RecordSettings:
-    """Return settings with another route: the (N, 2) waypoints of a path."""
-    waypoints = tuple((float(x), float(y)) for x, y in path)
-    return amended(settings, {"drive.waypoints": waypoints, "drive.distance_m": None})

@@ -1,7 +1,6 @@
 """Physics of a rover in a world, advanced from one control step to the next, and its log."""
 
 import math
-from array import array
 from dataclasses import dataclass
 
 import mujoco
@@ -34,13 +33,7 @@ MAX_SETTLING_M = 0.05
 
 @dataclass(frozen=True)
 class Snapshot:
-    """True state at the middle of an exposure.
-
-    Attributes:
-        time_ns: Middle of the exposure.
-        T_world_body: (4, 4).
-        wheel_ticks: Readings of the left and the right encoder.
-    """
+    """True pose (4, 4) and left and right encoder reading at the middle of an exposure."""
 
     time_ns: int
     T_world_body: Array
@@ -51,17 +44,14 @@ class TrialLog:
     """States of the world wherever physics paused, to record a trial as a dataset afterwards."""
 
     def __init__(self) -> None:
-        self._times_ns = array("q")
-        self._qpos: list[Array] = []
+        self._states: list[tuple[int, Array]] = []
         self._motions: list[tuple[int, Array, Array, Array, Array]] = []
         self._frames: list[tuple[int, Array, Array]] = []
-        self._ticks_ns = array("q")
-        self._ticks: list[tuple[int, int]] = []
+        self._ticks: list[tuple[int, tuple[int, int]]] = []
 
     def add_state(self, world: World, time_ns: int, is_frame: bool, is_regular: bool) -> None:
         """Add the state of the world and, at regular times, the motion of the body."""
-        self._times_ns.append(time_ns)
-        self._qpos.append(world.data.qpos.copy())
+        self._states.append((time_ns, world.data.qpos.copy()))
         if is_frame or is_regular:
             motion = body_motion(world, time_ns * 1e-9)
             if is_frame:
@@ -71,22 +61,19 @@ class TrialLog:
 
     def add_wheel_ticks(self, time_ns: int, ticks: tuple[int, int]) -> None:
         """Add a reading of the wheel encoders."""
-        self._ticks_ns.append(time_ns)
-        self._ticks.append(ticks)
+        self._ticks.append((time_ns, ticks))
 
     def trip(self, delivered: Mask, ended: str) -> Trip:
         """Return the drive in the recorder's form; `delivered` (N,) is that of the camera."""
-        frame_ns, T_world_body, v_world_body = map(np.array, zip(*self._frames, strict=True))
+        states, frames, motions, wheels = (
+            [np.array(x) for x in zip(*rows, strict=True)]
+            for rows in (self._states, self._frames, self._motions, self._ticks)
+        )
+        frame_ns, T_world_body, v_world_body = frames
+        wheel_ns, wheel_ticks = wheels
         return Trip(
-            frame_ns,
-            delivered,
-            States(np.array(self._times_ns, dtype=np.int64), np.array(self._qpos)),
-            T_world_body,
-            v_world_body,
-            Motions(*(np.array(x) for x in zip(*self._motions, strict=True))),
-            np.array(self._ticks_ns, dtype=np.int64),
-            np.array(self._ticks, dtype=np.int64),
-            ended,
+            *(frame_ns, delivered, States(*states), T_world_body, v_world_body),
+            *(Motions(*motions), wheel_ns, wheel_ticks, ended),
         )
 
 
@@ -162,11 +149,9 @@ class Simulation:
         return int(left), int(right)
 
     def reset(self, start: Array, log: TrialLog | None = None) -> bool:
-        """Reset the world, place the rover and let it settle.
+        """Reset the world, place the rover at `start` (3,), x, y, yaw, and let it settle.
 
-        Args:
-            start: (3,) x, y in metres and yaw in radians.
-            log: Log of what happens from the step of the first image on.
+        The log begins with the step of the first image.
 
         Returns:
             Whether the rover stands where it was placed, and nothing touches it: a moving thing

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trials.gym.world.distance_field import DistanceField, TraversableSpace
-from vo.contract.arrays import Array, Mask
+from trials.gym.world.free_space import DistanceField, TraversableSpace
+from vo.contract.arrays import Array, Indices, Mask
 from vo.contract.errors import DriftyardError
 
 MAX_STARTS = 50
@@ -23,29 +23,17 @@ class TrialError(DriftyardError):
 
 @dataclass(frozen=True)
 class StartGoal:
-    """Start, goal and the shortest path.
-
-    Attributes:
-        start: (3,) x, y in metres and yaw in radians, of the body frame in the world.
-        field: Shortest paths to the goal.
-        path: (N, 2) waypoints of the shortest path, N >= 2.
-    """
+    """Start (3,), x, y in metres and yaw in radians, and the path (N >= 2, 2) to the goal."""
 
     start: Array
     field: DistanceField
     path: Array
 
-    @property
-    def goal(self) -> Array:
-        """(2,) world x, y in metres."""
-        return self.field.goal
-
 
 def main_component(traversable: TraversableSpace, route: Array, scene: str) -> Mask:
     """(H, W) cells of the connected component that most of a scene's route (N, 2) lies in.
 
-    Raises:
-        TrialError: If there is no traversable place.
+    Raises a TrialError if there is no traversable place.
     """
     cells = traversable.space.cells(route)
     rows, columns = cells[traversable.space.inside(cells)].T
@@ -67,15 +55,9 @@ def sample_start_goal(
     start: Array | None = None,
     goal: Array | None = None,
 ) -> StartGoal:
-    """Sample start and goal, each unless it is given.
+    """Sample start (3,), x, y, yaw, and goal (2,) in a component (H, W), each unless it is given.
 
-    Args:
-        traversable: Space of the world.
-        component: (H, W) cells to sample from.
-        distance_m: Shortest and longest length of the path; ignored if both ends are given.
-        rng: Source of the samples.
-        start: (3,) x, y, yaw.
-        goal: (2,) x, y.
+    `distance_m` is the shortest and longest length of the path, ignored if both ends are given.
 
     Raises:
         TrialError: If a given place has no clearance or cannot be reached, or there is no pair of
@@ -83,22 +65,34 @@ def sample_start_goal(
     """
     if start is not None:
         expect_clear(traversable, "start", start[:2])
+    space, (shortest, longest) = traversable.space, distance_m
     clearance_m = max(MIN_START_CLEARANCE_M, traversable.min_clearance_m)
-    roomy = component & (traversable.space.clearance_m >= clearance_m)
+    roomy = component & (space.clearance_m >= clearance_m)
+
+    def far_enough(field: DistanceField) -> Indices:
+        return np.argwhere(roomy & (field.distances_m >= shortest) & (field.distances_m <= longest))
+
+    def sampled(cells: Indices) -> Array:
+        return space.points(cells[rng.integers(len(cells))])
+
     if goal is None:
-        return _sample_goal(traversable, roomy, distance_m, rng, start)
+        places = np.argwhere(roomy)
+        for _ in range(1 if start is not None else MAX_STARTS if len(places) else 0):
+            place = sampled(places) if start is None else start[:2]
+            goals = far_enough(traversable.distance_field(place))
+            if len(goals):
+                return _start_goal(traversable.distance_field(sampled(goals)), place, rng, start)
+        between = f"{shortest:g} to {longest:g} m between them"
+        raise TrialError(f"no start and goal with a path of {between}")
     expect_clear(traversable, "goal", goal)
     field = traversable.distance_field(goal)
     said = f"goal ({goal[0]:g}, {goal[1]:g}) m"
     if start is None:
-        shortest, longest = distance_m
-        far_enough = (field.distances_m >= shortest) & (field.distances_m <= longest)
-        candidates = np.argwhere(roomy & far_enough)
-        if len(candidates) == 0:
+        starts = far_enough(field)
+        if len(starts) == 0:
             raise TrialError(f"{said}: no start at a distance of {shortest:g} to {longest:g} m")
-        place = traversable.space.points(candidates[rng.integers(len(candidates))])
-        return _start_goal(field, place, rng, start)
-    if np.isinf(field.distances_m[tuple(traversable.space.cells(start[:2]))]):
+        return _start_goal(field, sampled(starts), rng, start)
+    if np.isinf(field.distances_m[tuple(space.cells(start[:2]))]):
         raise TrialError(
             f"{said}: no path from the start ({start[0]:g}, {start[1]:g}) m with "
             f"{traversable.min_clearance_m:g} m of clearance"
@@ -107,11 +101,7 @@ def sample_start_goal(
 
 
 def expect_clear(traversable: TraversableSpace, label: str, point: Array) -> None:
-    """Refuse a world point (2,) where the rover has no clearance.
-
-    Raises:
-        TrialError: Names the obstacle.
-    """
+    """Refuse a world point (2,) without clearance; raises a TrialError that names the obstacle."""
     space = traversable.space
     cell = space.cells(point)
     said = f"{label} ({point[0]:g}, {point[1]:g}) m"
@@ -126,29 +116,6 @@ def expect_clear(traversable: TraversableSpace, label: str, point: Array) -> Non
         f"{said}: {space.clearance_m[tuple(cell)]:.2f} m of clearance beside {name}, the rover "
         f"needs {traversable.min_clearance_m:g} m"
     )
-
-
-def _sample_goal(
-    traversable: TraversableSpace,
-    roomy: Mask,
-    distance_m: tuple[float, float],
-    rng: np.random.Generator,
-    start: Array | None,
-) -> StartGoal:
-    """Sample a goal, and a start unless it is given, among the cells (H, W) of `roomy`."""
-    space, (shortest, longest) = traversable.space, distance_m
-    candidates = np.argwhere(roomy)
-    for _ in range(1 if start is not None else MAX_STARTS if len(candidates) else 0):
-        if start is None:
-            place = space.points(candidates[rng.integers(len(candidates))])
-        else:
-            place = start[:2]
-        distances_m = traversable.distance_field(place).distances_m
-        goals = np.argwhere(roomy & (distances_m >= shortest) & (distances_m <= longest))
-        if len(goals):
-            field = traversable.distance_field(space.points(goals[rng.integers(len(goals))]))
-            return _start_goal(field, place, rng, start)
-    raise TrialError(f"no start and goal with a path of {shortest:g} to {longest:g} m between them")
 
 
 def _start_goal(

@@ -1,4 +1,4 @@
-"""The stereo camera of a trial: the images at the end of every step; owns the OpenGL context."""
+"""Sensors of a trial: the stereo camera, which owns the OpenGL context, and the inertial unit."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -9,9 +9,10 @@ from sim.camera.camera import Capture, FrameExposure, StereoCamera
 from sim.camera.exposure import mean_brightness, open_shutter
 from sim.camera.render import GeometryBuffers, StereoRenderer
 from sim.imaging.lens import delivered_rig
-from sim.settings import RecordSettings
+from sim.sensors.inertial import GRAVITY_MPS2, T_body_imu, ideal_readings
+from sim.settings import ImuSettings, RecordSettings
 from sim.world.random_streams import stream
-from sim.world.trip import Motions, Trip
+from sim.world.trip import Motions, Trip, body_motion
 from sim.world.world import World
 from trials.gym.world.simulation import Simulation
 from vo.contract.arrays import Array, Image
@@ -20,6 +21,8 @@ from vo.contract.rig import StereoRig
 _EMPTY: Array = np.zeros((0, 0))
 NO_GEOMETRY = GeometryBuffers(_EMPTY, _EMPTY, _EMPTY, _EMPTY)
 """Depth and segmentation are rendered only for an exposure that takes time."""
+GYRO_MAX_RADPS, ACCEL_MAX_MPS2 = 35.0, 160.0
+"""Measurement range; values beyond are clipped."""
 
 
 class RoverCamera:
@@ -33,8 +36,7 @@ class RoverCamera:
     def __init__(self, world: World, settings: RecordSettings) -> None:
         """Prepare; the context is made when the first image is taken.
 
-        Raises:
-            SettingsError: If the lens folds inside the image.
+        Raises a SettingsError if the lens folds inside the image.
         """
         self._world, self._settings = world, settings
         self._renderer: StereoRenderer | None = None
@@ -122,3 +124,36 @@ class RoverCamera:
             np.zeros((0, 2), np.int64),
             "",
         )
+
+
+class InertialUnit:
+    """Measures the mean rates since the previous reading."""
+
+    def __init__(self, settings: ImuSettings, rng: np.random.Generator) -> None:
+        self._settings, self._rng = settings, rng
+        self._T_body_imu = T_body_imu(settings)
+        self._before: tuple[int, Array, Array, Array] | None = None
+        self._bias = np.zeros(6)
+
+    def read(self, world: World, time_s: float) -> Array:
+        """(6,) angular velocity, rad/s, and specific force, m/s^2, in the axes of the unit.
+
+        The first reading is that of a unit at rest on level ground, without noise.
+        """
+        now = (round(time_s * 1e9), *body_motion(world, time_s))
+        before, self._before = self._before, now
+        if before is None:
+            R_world_imu = now[1][:3, :3] @ self._T_body_imu[:3, :3]
+            return np.concatenate([np.zeros(3), -GRAVITY_MPS2 @ R_world_imu])
+        times_ns, *states = (np.array(pair) for pair in zip(before, now, strict=True))
+        T, v, w = states
+        ideal = ideal_readings(times_ns, T, v, w, self._T_body_imu, GRAVITY_MPS2)
+        s, dt = self._settings, float(times_ns[1] - times_ns[0]) * 1e-9
+        densities = np.repeat([s.gyroscope_noise_density, s.accelerometer_noise_density], 3)
+        walks = np.repeat([s.gyroscope_random_walk, s.accelerometer_random_walk], 3)
+        white = densities / dt**0.5 * self._rng.standard_normal(6)
+        reading = np.concatenate([ideal.gyro_radps[0], ideal.accel_mps2[0]])
+        reading = reading + s.noise * white + self._bias
+        self._bias = self._bias + s.noise * walks * dt**0.5 * self._rng.standard_normal(6)
+        limits = np.repeat([GYRO_MAX_RADPS, ACCEL_MAX_MPS2], 3)
+        return np.clip(reading, -limits, limits)

@@ -1,19 +1,27 @@
-"""View of a trial: the rover from behind, and its true and estimated paths from above."""
+"""Images and films of a trial: the rover from behind, and both its paths from above."""
 
 import os
 import re
 import sys
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
 
 import cv2
+import gymnasium
 import numpy as np
 from matplotlib import font_manager
 from PIL import Image as Pillow
 from PIL import ImageDraw, ImageFont
 
 from sim.preview.cameras import SIDE_DEG, TopDownMap, chase_camera, render_world_map
+from sim.preview.film import FILMS, writing
 from trials.gym.world.scene_instance import SceneInstance
 from vo.contract.arrays import Array, Image, Mask
+from vo.contract.errors import SettingsError
+from vo.contract.files import known_suffix
 
+Colour = tuple[int, int, int]
 PANEL_PX = 480, 360
 CAPTION_PX = 28
 TRUE, ESTIMATED, PATH, GOAL = (32, 120, 255), (255, 122, 26), (225, 225, 225), (60, 190, 80)
@@ -34,16 +42,10 @@ class TrialView:
         self._font = ImageFont.truetype(font_manager.findfont("DejaVu Sans"), 14)
 
     def draw(self, trace: Array, path: Array, covered: Mask | None, caption: str) -> Image:
-        """Draw the present state.
+        """Draw the present state as (H, W, 3) RGB, with a caption below.
 
-        Args:
-            trace: (N, 2, 2) x, y, true and estimated.
-            path: (M, 2) waypoints to the goal.
-            covered: Cells (H, W) of the free space to brighten.
-            caption: Text below.
-
-        Returns:
-            (H, W, 3) RGB.
+        The trace (N, 2, 2) is true and estimated x, y, the path (M, 2) leads to the goal, and the
+        `covered` cells (H, W) of the free space are brightened.
         """
         world, renderer = self._instance.simulation.world, self._instance.camera.renderer
         world.place_bodies()
@@ -84,15 +86,11 @@ class TrialView:
         seen = space.inside(cells) & covered[rows, columns]
         canvas[seen] = (0.7 * canvas[seen] + 0.3 * np.array(GOAL)).astype(np.uint8)
 
-    def _circle(
-        self, canvas: Image, point: Array, radius_px: int, colour: tuple[int, int, int], px: int
-    ) -> None:
+    def _circle(self, canvas: Image, point: Array, radius_px: int, colour: Colour, px: int) -> None:
         centre = self._pixels(point)[0]
         cv2.circle(canvas, centre, radius_px << SHIFT, colour, px, cv2.LINE_AA, SHIFT)
 
-    def _polyline(
-        self, canvas: Image, points: Array, colour: tuple[int, int, int], px: int
-    ) -> None:
+    def _polyline(self, canvas: Image, points: Array, colour: Colour, px: int) -> None:
         pixels = [np.array(self._pixels(points))]
         cv2.polylines(canvas, pixels, False, colour, px, cv2.LINE_AA, SHIFT)
 
@@ -124,3 +122,47 @@ def missing_for_window() -> str:
     if gui is None or gui[1] == "NONE":
         return "this OpenCV has no windows (pip install opencv-python in its place)"
     return ""
+
+
+class Filmed(gymnasium.Wrapper[Any, Array, Any, Array]):
+    """Writes one film for each trial, complete when the trial ends or the environment is closed."""
+
+    def __init__(self, env: gymnasium.Env[Any, Array], out: Path) -> None:
+        """Film an environment with render_mode rgb_array.
+
+        `out` names the first film, .mp4 or .gif; later ones have `_1`, `_2`, ... before the suffix.
+        Raises a SettingsError for another suffix or render_mode.
+        """
+        super().__init__(env)
+        if env.render_mode != "rgb_array":
+            raise SettingsError('a film needs render_mode="rgb_array"')
+        known_suffix(out, FILMS)
+        self._out, self._trials = out, 0
+        self._film = ExitStack()
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Begin a trial and its film."""
+        self._film.close()
+        result = self.env.reset(seed=seed, options=options)
+        number = f"_{self._trials}" if self._trials else ""
+        out = self._out.with_name(f"{self._out.stem}{number}{self._out.suffix}")
+        out.parent.mkdir(parents=True, exist_ok=True)
+        self._write = self._film.enter_context(writing(out, self.env.metadata["render_fps"]))
+        self._trials += 1
+        self._write(np.asarray(self.env.render(), np.uint8))
+        return result
+
+    def step(self, action: Array) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        """Drive on; the film is complete when the trial ends."""
+        result = self.env.step(action)
+        self._write(np.asarray(self.env.render(), np.uint8))
+        if result[2] or result[3]:
+            self._film.close()
+        return result
+
+    def close(self) -> None:
+        """Finish the film."""
+        self._film.close()
+        super().close()

@@ -1,1 +1,0 @@
-"""Images, films and datasets of trials."""
