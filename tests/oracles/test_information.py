@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 from gtsam.symbol_shorthand import L, X
 
-from trials.evaluation.information import motion_covariance, pose_covariance
-from trials.studies.point_world import (
+from trials.cli.point_world import (
     FRAMES,
     POINTS,
     RIG,
@@ -17,6 +16,7 @@ from trials.studies.point_world import (
     make_world,
     mean_squares,
 )
+from trials.evaluation.information import motion_covariance, pose_covariance
 from vo.contract import se3
 
 TURN_LAST = [3, 4, 5, 0, 1, 2]

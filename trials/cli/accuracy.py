@@ -33,8 +33,6 @@ SCENES = "brick_court,office"
 """Scenes by default; all of them take hours."""
 VARIANTS = tuple(Variant(name, name) for name in COMPARED)
 RESAMPLES, CONFIDENCE = 10_000, 0.95
-
-
 METRICS: dict[str, tuple[Callable[[Score], float | None], int]] = {
     "drift over 1 m, median, %": (lambda x: x.drift_1m and x.drift_1m.median_percent, 3),
     "drift over 1 m, mean, %": (lambda x: x.drift_1m and x.drift_1m.mean_percent, 3),
@@ -48,10 +46,8 @@ METRICS: dict[str, tuple[Callable[[Score], float | None], int]] = {
 def named_variant(words: str) -> Variant:
     """Parse an estimator and its settings, separated as in a shell.
 
-    The label is the name of a class, or all words for a built-in estimator.
-
-    Raises:
-        SettingsError: If a quotation is not closed.
+    The label is the name of a class, or all words for a built-in estimator. A quotation that is
+    not closed raises SettingsError.
     """
     try:
         name, *overrides = shlex.split(words) or [""]

@@ -67,11 +67,7 @@ def _render_in_process(backend: Literal["egl", "osmesa"]) -> tuple[bool, str]:
 
 
 def render_test_scene(backend: Literal["egl", "osmesa"]) -> tuple[bool, str]:
-    """Render a lit orange box and check its pixels.
-
-    Returns:
-        Whether the box is visible, and the name of the driver or the error.
-    """
+    """Render a lit orange box; return whether its pixels show it, and the driver or the error."""
     import mujoco  # each import may fail on the machine that is checked
     import numpy as np
 

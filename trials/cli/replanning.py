@@ -24,8 +24,6 @@ SHELF, AISLE, CROSSING = 8, 12, 50
 """Depth of a shelf, width of an aisle and distance of the crossings, cells."""
 STRIDE = 3
 """Number of cells between two changes."""
-
-
 Change = Callable[[np.random.Generator, Array, list[Cell]], list[Cell]]
 """Takes a generator, costs and the path ahead; returns the cells that become occupied."""
 

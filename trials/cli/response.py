@@ -56,11 +56,7 @@ Responses = Mapping[Setting, Response]
 
 
 def settings_of(only: Sequence[str]) -> list[Setting]:
-    """List disturbances at all strengths, and undisturbed scenes: all, or only those named.
-
-    Raises:
-        SettingsError: If one is unknown.
-    """
+    """List disturbances at all strengths, and undisturbed scenes: all, or the known ones named."""
     valid = [*SCENES, *DISTURBANCES]
     if unknown := [name for name in only if name not in valid]:
         raise SettingsError(f"--only: unknown {unknown[0]}; valid: {', '.join(valid)}")

@@ -27,12 +27,7 @@ MAX_SEEDS, MAX_SCENES = 200, 500
 
 @dataclass(frozen=True)
 class Effect:
-    """Mean of paired differences, with its standard error.
-
-    Attributes:
-        values: (N,) differences, one for each pair, all finite.
-        scenes: N names of scenes.
-    """
+    """Mean of N paired differences, all finite, each of a scene, with its standard error."""
 
     values: Array
     scenes: tuple[str, ...]

@@ -23,8 +23,6 @@ from vo.stereo.dense import DenseStereo
 
 DEPTH_UNITS = 5000.0
 """Depth units per metre: those of TUM RGB-D files, which OpenCV expects without documenting it."""
-
-
 LEVELS = 4
 """Levels of the image pyramid."""
 

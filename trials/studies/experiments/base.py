@@ -133,12 +133,9 @@ class Record(Claim):
     """A claim and the result of its test.
 
     Attributes:
-        verdict: On the claim.
         sentence: Reasons for the verdict.
-        table: Measurements.
         figure: File name of the PNG, in the folder of the record.
         data: File names of the CSVs, likewise.
-        seeds: Of the recordings.
         distance_m: Length of each drive, unless the experiment sets its own.
     """
 

@@ -134,11 +134,7 @@ def _draw_stock(shares: list[float], folder: Path) -> list[tuple[Any, ...]]:
 
 
 def _render_stock(depths: int) -> tuple[Image, Image, Array]:
-    """Render left and right RGB image and one or two depths in successive calls.
-
-    Returns:
-        Images (H, W, 3) and the left depth (H, W), metres.
-    """
+    """Render RGB images (H, W, 3) and one or two depths; return images and left depth (H, W), m."""
     world, renderer = opened.world, opened.renderer
     camera = world.model.camera(CAMERA).id
     centre = world.data.cam_xpos[camera].copy()
