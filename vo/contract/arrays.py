@@ -1,9 +1,11 @@
-"""Array types by content, and tables of columns."""
+"""Array types by content, tables of columns, and the copy of values in compiled code."""
 
 from typing import Any, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+
+from vo.contract.compilation import compiled
 
 Array: TypeAlias = NDArray[Any]
 """Real numbers; the docstring gives shape, unit and frame."""
@@ -33,3 +35,13 @@ class Table:
         return type(self)(
             **{name: np.concatenate([own, theirs[name]]) for name, own in vars(self).items()}
         )
+
+
+@compiled()
+def copy_values(values: Array, out: Array) -> None:
+    """Write the values of an array into another of its shape.
+
+    `out[:] = values` takes seconds to compile: Numba adds the text of an error about shapes.
+    """
+    for index, value in np.ndenumerate(values):
+        out[index] = value

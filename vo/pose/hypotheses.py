@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vo.contract.arrays import Array, Indices
+from vo.contract.arrays import Array, Indices, copy_values
 from vo.contract.compilation import compiled
 from vo.pose.absolute_orientation import absolute_orientation
 from vo.pose.gauss_newton import gauss_newton_step
@@ -91,8 +91,9 @@ def propose(problem: Problem, sample: Indices, poses: Array) -> int:
         return int(absolute_orientation(points_cam, points_odom, np.arange(SAMPLE), poses[0]))
     rays_cam = np.ones((SAMPLE, 3))
     for k in range(SAMPLE):
-        rays_cam[k, :2] = problem.rays[sample[k]]
-        rays_cam[k] /= np.sqrt((rays_cam[k] ** 2).sum())
+        ray = rays_cam[k]
+        copy_values(problem.rays[sample[k]], ray[:2])
+        ray /= np.sqrt((ray**2).sum())
     return p3p(problem.points_odom[sample], rays_cam, problem.solver, poses)
 
 
@@ -164,7 +165,8 @@ def refit(problem: Problem, pose: Array, now: float, iterations: int) -> float:
             break
         then = cost(problem, refitted, 0, len(problem.points_odom), now)
         if then < now:
-            pose[:], now = refitted, then
+            copy_values(refitted, pose)
+            now = then
         elif reach == 1:
             break
     return now

@@ -7,7 +7,7 @@ pose. (Absolute orientation of congruent triangles needs no least squares.)
 
 import numpy as np
 
-from vo.contract.arrays import Array
+from vo.contract.arrays import Array, copy_values
 from vo.contract.compilation import compiled
 from vo.pose.fischler_bolles import legs_fischler_bolles
 from vo.pose.lambda_twist import legs_lambda_twist
@@ -56,7 +56,7 @@ def p3p(points_ref: Array, rays_cam: Array, solver: int, poses: Array) -> int:
         for other in range(found):
             fresh = fresh and np.abs(legs[k] - legs[other]).max() > SAME * legs[k].max()
         if fresh:
-            legs[found] = legs[k]
+            copy_values(legs[k], legs[found])
             _triangle_motion(points_ref, rays_cam, legs[found], poses[found])
             found += 1
     return found
@@ -107,7 +107,8 @@ def _triangle_motion(points_ref: Array, rays_cam: Array, legs: Array, pose: Arra
     """Write the [R | t] that carries the triangle of the points to the one at the legs' ends."""
     points_cam, here, there = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     for k in range(3):
-        points_cam[k] = legs[k] * rays_cam[k]
+        for i in range(3):
+            points_cam[k, i] = legs[k] * rays_cam[k, i]
     _axes(points_cam, here)
     _axes(points_ref, there)
     for i in range(3):
@@ -127,7 +128,8 @@ def _axes(corners: Array, axes: Array) -> None:
     u /= np.sqrt((u * u).sum())
     v -= (u * v).sum() * u
     v /= np.sqrt((v * v).sum())
-    axes[0], axes[1] = u, v
+    copy_values(u, axes[0])
+    copy_values(v, axes[1])
     axes[2, 0] = u[1] * v[2] - u[2] * v[1]
     axes[2, 1] = u[2] * v[0] - u[0] * v[2]
     axes[2, 2] = u[0] * v[1] - u[1] * v[0]

@@ -12,7 +12,7 @@ import numpy as np
 
 from vo.config import MotionSettings
 from vo.contract import se3
-from vo.contract.arrays import Array, Indices, Mask
+from vo.contract.arrays import Array, Indices, Mask, copy_values
 from vo.contract.compilation import compiled
 from vo.pose.gauss_newton import determines_pose
 from vo.pose.hypotheses import (
@@ -128,7 +128,8 @@ def search_adaptive(
         for k in range(propose(problem, sample, poses)):
             now = cost(problem, poses[k], 0, count, best)
             if now < best:
-                best, better, pose[:] = now, True, poses[k]
+                best, better = now, True
+                copy_values(poses[k], pose)
         if better:
             best = refit(problem, pose, best, local_iterations)
             share = problem.weights[inlier_rows(problem, pose)].sum() / bounds[-1]
@@ -161,7 +162,7 @@ def search_preemptive(
         alive = alive[np.argsort(costs[alive])[: max(len(alive) // 2, 1)]]
         first = last
     if found:
-        pose[:] = poses[alive[0]]
+        copy_values(poses[alive[0]], pose)
     return len(draws)
 
 

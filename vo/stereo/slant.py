@@ -89,5 +89,6 @@ def _differentiate(patch: Array, gu: Array, out: Array) -> None:
             out[2, at] = gu[j, k] * (j - r)
     flat = patch.ravel()
     for row in range(1, 3):
-        out[row] -= out[row].mean()
-        out[row] -= (out[row] * flat).sum() * flat
+        slope = out[row]
+        slope -= slope.mean()
+        slope -= (slope * flat).sum() * flat
