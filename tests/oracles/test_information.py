@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from gtsam.symbol_shorthand import L, X
 
-from trials.cli.point_world import (
+from trials.evaluation.information import motion_covariance, pose_covariance
+from trials.studies.point_world import (
     FRAMES,
     POINTS,
     RIG,
@@ -16,7 +17,6 @@ from trials.cli.point_world import (
     make_world,
     mean_squares,
 )
-from trials.evaluation.information import motion_covariance, pose_covariance
 from vo.contract import se3
 
 TURN_LAST = [3, 4, 5, 0, 1, 2]

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from scenes import SCENES
-from trials.cli.accuracy import (
+from trials.execution.cache import source_digest
+from trials.execution.jobs import Job, Recording, Result, Variant
+from trials.execution.recording_settings import parse_scenes
+from trials.studies.accuracy import (
     accuracy_table,
     bootstrap_interval,
     named_variant,
     summary_tables,
 )
-from trials.execution.cache import source_digest
-from trials.execution.jobs import Job, Recording, Result, Variant
-from trials.execution.recording_settings import parse_scenes
 from vo.contract.errors import SettingsError
 from vo.contract.estimator import Estimate, Status
 from vo.contract.trajectory import Trajectory

@@ -1,144 +1,22 @@
-"""Drift of the default settings on drives that were not used for tuning; `driftyard accuracy`.
+"""`driftyard accuracy`: drift of the default settings on many drives."""
 
-Every scene is driven with seeds 0, 1, ...; parameters were chosen on seeds of 100 and above. A
-drive is one sample: results are medians over drives, with the worst drive and a bootstrap interval
-over drives.
-"""
-
-import json
-import shlex
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
 from itertools import product
 from pathlib import Path
 
-import numpy as np
-from rich.table import Table
-from scipy import stats
-
 from trials.cli import console
 from trials.cli.options import Distance, Disturb, Scenes, changes, option
-from trials.estimators.choice import COMPARED
-from trials.evaluation.score import Score
-from trials.execution.jobs import Job, Recording, Result, Variant, jobs_of
+from trials.execution.jobs import Job, Recording, Result, jobs_of
 from trials.execution.recording_settings import parse_scenes
 from trials.execution.runner import NO_LABELS, cached_run, run_jobs
-from trials.report.tables import text_table
-from vo.contract.arrays import Array
-from vo.contract.errors import SettingsError
-from vo.contract.files import write_text
+from trials.studies.accuracy import (
+    SCENES,
+    VARIANTS,
+    accuracy_table,
+    named_variant,
+    summary_tables,
+    write_scores,
+)
 from vo.contract.readers import open_sequence
-
-SCENES = "brick_court,office"
-"""Scenes by default; all of them take hours."""
-VARIANTS = tuple(Variant(name, name) for name in COMPARED)
-RESAMPLES, CONFIDENCE = 10_000, 0.95
-METRICS: dict[str, tuple[Callable[[Score], float | None], int]] = {
-    "drift over 1 m, median, %": (lambda x: x.drift_1m and x.drift_1m.median_percent, 3),
-    "drift over 1 m, mean, %": (lambda x: x.drift_1m and x.drift_1m.mean_percent, 3),
-    "rotation over 1 m, °/m": (lambda x: x.drift_1m and x.drift_1m.mean_deg_per_m, 4),
-    "end point, % of path": (lambda x: x.end_percent, 3),
-    "ms per frame, median, all cores busy": (lambda x: x.frame_ms, 1),
-}
-"""Label with unit to the metric and its printed digits."""
-
-
-def named_variant(words: str) -> Variant:
-    """Parse an estimator and its settings, separated as in a shell.
-
-    The label is the name of a class, or all words for a built-in estimator. A quotation that is
-    not closed raises SettingsError.
-    """
-    try:
-        name, *overrides = shlex.split(words) or [""]
-    except ValueError as error:
-        raise SettingsError(f"--against {words}: {error}") from None
-    return Variant(name.rpartition(":")[2] if ":" in name else words, name, tuple(overrides))
-
-
-def summary_tables(runs: Mapping[str, Sequence[Result]]) -> list[Table]:
-    """Tabulate the drift of the first estimator beside that of each other, a table for each."""
-    ours, *others = dict.fromkeys(x.job.variant.label for some in runs.values() for x in some)
-    return [_comparison(ours, name, runs) for name in others]
-
-
-def _of(runs: Sequence[Result], name: str) -> list[Result]:
-    return [x for x in runs if x.job.variant.label == name]
-
-
-def _comparison(ours: str, other: str, runs: Mapping[str, Sequence[Result]]) -> Table:
-    """Tabulate medians over drives, with a row for each scene."""
-    rows: list[tuple[str, ...]] = []
-    for scene, of_scene in runs.items():
-        mine, theirs = _of(of_scene, ours), _of(of_scene, other)
-        drift, their_drift = ([x.drift_percent for x in some] for some in (mine, theirs))
-        median, their_median = np.median(drift), np.median(their_drift)
-        turn = np.median([x.rotation_deg_per_m for x in mine])
-        lost, their_lost = (str(sum(x.lost_frames for x in some)) for some in (mine, theirs))
-        cells = (f"{x:.3f}" for x in (median, np.max(drift), turn))
-        ratio = f"{median / their_median:.2f}"
-        rows.append((scene, *cells, lost, f"{their_median:.3f}", ratio, their_lost))
-    header = ("drift over 1 m, %", ours, "worst", "°/m", "lost", other, "ratio", "lost")
-    return text_table(header, rows)
-
-
-def bootstrap_interval(values: Array) -> tuple[float, float]:
-    """Return the percentile interval at CONFIDENCE of the median of (N,) values, N >= 2.
-
-    With five values it is nearly their range; drives, not segments, are independent samples.
-
-    Source:
-        Efron and Tibshirani, An Introduction to the Bootstrap, 1993, chapter 13.
-    """
-    low, high = stats.bootstrap(
-        (values,), np.median, n_resamples=RESAMPLES, confidence_level=CONFIDENCE,
-        method="percentile", rng=np.random.default_rng(0),
-    ).confidence_interval  # fmt: skip
-    return float(low), float(high)
-
-
-def accuracy_table(title: str, runs: Sequence[Result]) -> Table:
-    """Tabulate every metric of every estimator: median over drives, worst, interval."""
-    names = list(dict.fromkeys(x.job.variant.label for x in runs))
-    drives = len(runs) // len(names)
-    path_m = sum(x.path_m for x in runs) / len(names)
-    rows: list[tuple[str, ...]] = []
-    for name in names:
-        mine = _of(runs, name)
-        for label, (metric, digits) in METRICS.items():
-            values = [metric(x.score) if x.score else None for x in mine]
-            first = name if label == next(iter(METRICS)) else ""
-            rows.append((first, label, *_statistics(values, digits)))
-        lost = [x.lost_frames for x in mine]
-        total = f"{sum(lost)} of {sum(len(x.frames) for x in mine)}"
-        rows.append(("", "frames lost", total, str(max(lost)), ""))
-    title = f"{title}: {drives} {'drive' if drives == 1 else 'drives'}, {path_m:.1f} m in all"
-    return text_table(("estimator", "metric", "median", "worst", "95 %"), rows, title)
-
-
-def _statistics(values: list[float | None], digits: int) -> tuple[str, str, str]:
-    """Format median, worst and interval; dashes if a drive has no value."""
-    known = np.array([x for x in values if x is not None])
-    if len(known) < len(values):
-        return "–", "–", "–"
-    median, worst = f"{np.median(known):.{digits}f}", f"{known.max():.{digits}f}"
-    if len(known) == 1:
-        return median, worst, "–"
-    low, high = bootstrap_interval(known)
-    return median, worst, f"{low:.{digits}f}–{high:.{digits}f}"
-
-
-def write_scores(out: Path, runs: Mapping[str, Sequence[Result]]) -> None:
-    """Write the scores of all runs as JSON, by scene."""
-    content = {
-        name: [
-            {"seed": x.job.recording.seed, "estimator": x.job.variant.label,
-             "score": asdict(x.score) if x.score else None}
-            for x in of_scene
-        ]
-        for name, of_scene in runs.items()
-    }  # fmt: skip
-    write_text(out, json.dumps(content, indent=1) + "\n")
 
 
 def accuracy(
