@@ -1,4 +1,7 @@
-"""Stereo visual odometry: stereo frames in, one pose and one status a frame out (algorithm 2)."""
+"""Stereo visual odometry: stereo frames in, one pose and one status a frame out.
+
+Numbers in parentheses are sections of the thesis; "decision" is a note in docs/decisions.
+"""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -69,7 +72,8 @@ class StereoOdometry:
         context = Context(self.hooks, self._rng, clock)
         T_guess = predict_pose(state, view, self.hooks)  # constant velocity, or at rest
         tracked = track_local_map(state, view, T_guess, context)  # match, P3P, refine (3.2-3.4)
-        if not is_reliable(tracked, state.map):  # rotation prior, KLT, wide search (decision 22)
+        if not is_reliable(tracked, state.map):  # a low ratio of inliers, or no pose
+            # By a rotation prior, by KLT and in a wide search (decision 22).
             tracked = retry_tracking(state, view, T_guess, first=tracked, context=context)
         if isinstance(tracked, NotTracked) or shows_swapped_images(tracked, view):
             return self._lose(view, tracked.counts, clock)

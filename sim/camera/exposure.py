@@ -1,8 +1,9 @@
 """Exposure: sub-frames of the moving world, integrated in linear light over the exposure time.
 
-Each slot of equal length has one rendered sub-frame. There are as few as keep every pixel's motion
-from one to the next within `step_px`: one for a camera at rest. Rolling shutter and the right
-camera's offset only change the weights of the slots in each row.
+Each slot of equal length has one rendered sub-frame. There are as few slots, up to
+`subframes_max`, as keep the motion of a grid of pixels from one to the next within `step_px`: one
+where nothing moves. With a rolling shutter or an offset of the right camera the slots cover all
+rows of both cameras, and each row has weights of its own.
 """
 
 import math
@@ -50,8 +51,9 @@ def expose(
 ) -> tuple[tuple[Array, Array], int]:
     """Integrate the light on both cameras over the exposure; moves the world.
 
-    Left and right images, uint8 as rendered where the number of sub-frames, which comes after
-    them, is one, else float32 linear light of 0 to 1.
+    Returns:
+        Left and right image, and the number of sub-frames. The images are uint8, as rendered, with
+            one sub-frame, and otherwise float32, linear light from 0 to 1.
     """
     start_s, end_s = float(shutter.start_s.min()), float(shutter.end_s.max())
     slots = 1

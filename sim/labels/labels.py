@@ -62,9 +62,14 @@ def visible_in_right(disparity_px: Array) -> Mask:
 def flow(rig: StereoRig, depth_m: Array, bodies: Indices, T_next_now: Array) -> Array:
     """Return du and dv in pixels, and depth in metres, of each pixel's point in the next image.
 
-    (H, W, 3) float32, all NaN for points behind the next camera; the depth is NaN for sky. The
-    planar depth (H, W) float32 is NaN for sky too, which turns with body 0, the world. Each pixel
-    has the index of a body, and each body (B, 4, 4) from the present camera axes to the next.
+    Args:
+        rig: Its camera is that of both images.
+        depth_m: (H, W) float32 planar depth; NaN for sky, which moves as a far point of body 0.
+        bodies: (H, W) index of the body that each pixel shows; 0 is the world.
+        T_next_now: (B, 4, 4) motion of each body, from the present camera axes to the next ones.
+
+    Returns:
+        (H, W, 3) float32, all NaN for points behind the next camera; the depth is NaN for sky.
     """
     out = np.empty((*depth_m.shape, 3), np.float32)
     T = np.ascontiguousarray(T_next_now, dtype=np.float64)
@@ -205,7 +210,7 @@ def _meets(nearness: Array, u: float, v: float, wanted: float, slack: float) -> 
 
 @compiled(nogil=True)
 def _straightest(line: Array, k: int) -> tuple[float, float]:
-    """Return slope at k and second difference of the _straightest three entries that contain k."""
+    """Return slope at k and second difference of the straightest three entries that contain k."""
     slope, bend = 0.0, np.inf
     for centre in (k, k - 1, k + 1):
         if centre >= 1 and centre + 1 < len(line):

@@ -93,9 +93,11 @@ def decide(
 ) -> Decision:
     """Compare a candidate with its baseline over the same N sequences, given their scenes.
 
-    Drift regresses if the lower bound of its increase exceeds the tolerance, time and NEES if it
-    exceeds their margins, because noise changes them as a whole. A figure passes if the upper
-    bound is below its margin. Drift is compared on sequences that neither estimator loses.
+    Drift regresses if the lower bound of its increase exceeds the tolerance. Time and NEES change
+    with the machine and by chance on all sequences alike, so they regress only if it exceeds
+    their margins. Each of the three passes if the upper bound is below its margin; lost sequences
+    are counted. The worst verdict of a figure is that of the gate, except that too few sequences
+    always leave it undecided. Drift is compared on sequences that neither estimator loses.
     """
     (was, now), (time_was, time_now), (nees_was, nees_now) = (
         [np.array([getattr(x, name) for x in side]) for side in (before, after)]
@@ -124,7 +126,7 @@ def decide(
 
 
 def decide_change(change: Change, margin: float) -> tuple[Verdict, str]:
-    """Decide on a log ratio, which passes if its upper bound is below `margin`, another one."""
+    """Decide on a log ratio, which passes if its upper bound is below `margin`, a log ratio too."""
     if np.isnan(change.low):
         few = f"is undecided, because only {len(change.effect.values)} sequences can be compared"
         return Verdict.UNDECIDED, few

@@ -20,12 +20,12 @@ from vo.tracking.hooked import announce_landmarks, replace_disparities
 from vo.tracking.track_local_map import Tracked
 
 MIN_FLOW_PX = 1.0
-"""Median flow since the last keyframe below which the camera has not moved: however few landmarks
-are left, another keyframe would only add its own error (thesis 5.1.3)."""
+"""Median flow since the last keyframe below which the camera counts as not moved: however few
+landmarks are left, another keyframe would only add its own error (thesis 5.1.3)."""
 
 
 def needs_keyframe(local_map: LocalMap, tracked: Tracked) -> bool:
-    """Whether a tracked view becomes a keyframe (3.4), unless it took too many iterations (5.3)."""
+    """Whether a tracked view becomes a keyframe (3.4): it is new, and its pose converged (5.3)."""
     settings = tracked.view.settings
     converged = not exceeds_iterations(tracked.counts["motion iterations"], settings)
     return converged and is_new_view(local_map.keyframes[-1], tracked.inliers, settings)
@@ -67,7 +67,7 @@ def add_keyframe(
     """
     settings, serial = view.settings, local_map.next_serial
     if 0 < settings.refinement.map_reset_keyframes <= serial - local_map.first_serial:
-        # The firewall of Nistér, Naroditsky and Bergen, 2004: no error reaches beyond it (F7).
+        # The firewall of Nistér, Naroditsky and Bergen, 2004: no error reaches beyond it.
         local_map, inliers = empty_map(serial, local_map.next_id, local_map.noise), None
     observations, slopes, descriptors = _new_observations(view, inliers, local_map, hooks)
     points_cam = view.rig.triangulate(observations.pixels, observations.disparity_px)

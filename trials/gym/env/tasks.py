@@ -97,7 +97,7 @@ class FollowRoute(Task):
         return self._route.at(self._estimated_m + self._trial.lookahead_m)
 
     def evaluate(self, true: Array) -> Evaluation:
-        """Reward progress along the route; distance from it costs as much as the way back."""
+        """Reward progress along the route, less a cost that grows with the distance from it."""
         along_m, beside_m = self._project(true, self._true_m)
         gain_m, self._true_m = along_m - self._true_m, along_m
         remaining_m = self._route.length_m - along_m
