@@ -13,8 +13,8 @@ from sim.record import record
 from sim.settings import DriveSettings, LabelSettings, RecordSettings, RenderSettings, RigSettings
 
 OFFICE = RecordSettings(
-    rig=RigSettings(width_px=320, height_px=240, rate_hz=8),
-    drive=DriveSettings(distance_m=1.4),
+    rig=RigSettings(width_px=320, height_px=240, rate_hz=7),
+    drive=DriveSettings(distance_m=1.25),
     render=RenderSettings(samples=0, shadow_size_px=512),
     labels=LabelSettings(disparity=False),
 )

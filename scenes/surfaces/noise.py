@@ -1,6 +1,7 @@
 """Band-limited noise and the operators that turn it into colour."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 import scipy.fft
@@ -30,8 +31,7 @@ def fractal(
     """
     height, width = shape[-2:]
     white = rng.standard_normal(tuple(shape), dtype=np.float32)
-    across, along = scipy.fft.fftfreq(height)[:, None], scipy.fft.rfftfreq(width)[None, :]
-    frequency = np.hypot(across, stretch * along)
+    frequency = _frequencies(height, width, stretch)
     shortest, longest = wavelengths_px
     with np.errstate(divide="ignore"):
         gain = np.where(frequency > 0, frequency**-slope, 0.0)
@@ -43,6 +43,15 @@ def fractal(
     return (noise / np.maximum(deviation, 1e-9)).astype(np.float32)
 
 
+@lru_cache(maxsize=4)
+def _frequencies(height: int, width: int, stretch: float) -> Array:
+    """Return the spatial frequency of each entry of a real spectrum, cycles per pixel."""
+    across, along = scipy.fft.fftfreq(height)[:, None], scipy.fft.rfftfreq(width)[None, :]
+    frequency = np.hypot(across, stretch * along)
+    frequency.flags.writeable = False
+    return frequency
+
+
 def smoothstep(low: float, high: float, values: Array) -> Array:
     """Rise from 0 at `low` to 1 at `high` with zero slope at both ends; any shape."""
     t = np.clip((values - low) / (high - low), 0, 1)
@@ -51,7 +60,13 @@ def smoothstep(low: float, high: float, values: Array) -> Array:
 
 def blend(base: Array, over: Array | Sequence[float], weight: Array) -> Array:
     """Mix colours: (..., 3) base with (..., 3) over by (...) weight in [0, 1]."""
-    return base + (np.asarray(over, dtype=np.float32) - base) * weight[..., None]
+    over = np.asarray(over, dtype=np.float32)
+    shape = np.broadcast_shapes(base.shape, over.shape, (*weight.shape, 1))
+    out = np.empty(shape, np.result_type(base, over, weight))
+    for channel in range(shape[-1]):  # loops over three values each would take thrice the time
+        under = base[..., channel]
+        out[..., channel] = under + (over[..., channel] - under) * weight
+    return out
 
 
 def rim(shape: Shape) -> Array:
@@ -66,8 +81,11 @@ def ramp(stops: Sequence[Sequence[float] | Array], values: Array) -> Array:
     table = np.asarray(stops, dtype=np.float32)
     at = np.clip(values, 0, 1) * (len(table) - 1)
     lower = np.minimum(at.astype(int), len(table) - 2)
-    share = (at - lower)[..., None].astype(np.float32)
-    return table[lower] * (1 - share) + table[lower + 1] * share
+    share = (at - lower).astype(np.float32)
+    out = np.empty((*share.shape, table.shape[1]), np.float32)
+    for channel, column in enumerate(table.T):
+        out[..., channel] = column[lower] * (1 - share) + column[lower + 1] * share
+    return out
 
 
 def to_image(colour: Array) -> Image:

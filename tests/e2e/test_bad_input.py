@@ -211,7 +211,7 @@ def test_bad_trajectory_is_refused_in_one_line(dataset, tmp_path, command, text,
 def test_score_without_truth_is_refused(dataset, tmp_path):
     shutil.rmtree(dataset / "mav0/state_groundtruth_estimate0")
     (tmp_path / "x.txt").write_text("0.1 0 0 0 0 0 0 1\n")
-    assert_refused(driftyard("score", "d", "x.txt", cwd=tmp_path), "holds no truth")
+    assert_refused(driftyard("score", "d", "x.txt", cwd=tmp_path), "has no ground truth")
 
 
 @pytest.mark.parametrize("words", [["fly"], ["run"], ["run", "d", "--bogus"], ["preview"]])

@@ -82,7 +82,7 @@ def test_make_help_lists_all_targets(clone):
 def test_make_targets_call_existing_commands(clone):
     known = {name for panel in PANELS.values() for name in panel}
     for target in ("demo", "bench", "label-accuracy", "gate", "gate-power", "explain"):
-        command = make(clone, "--dry-run", target).stdout.splitlines()[-1]
+        command = make(clone, "--dry-run", target).stdout.replace("\\\n", "").splitlines()[-1]
         words = command.partition("bin/driftyard ")[2].split()
         assert words[0] in known, command
         assert words[0] != "gate" or " ".join(words[:2]) in known, command

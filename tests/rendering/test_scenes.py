@@ -28,6 +28,8 @@ STANDS_M = 0.05
 """What is higher above the ground than this stands in the way."""
 PASSES_UNDER_M = 1.9
 """The rover and a person's hands pass below what is higher than this."""
+REPEATED = ("corridor", "lab_circle", "office", "crowded", "sill")
+"""Scenes that are built again in another process: together they use most objects and surfaces."""
 STOPS = 3
 BLOCK_PX = 32
 RIM_PX = 20
@@ -116,7 +118,8 @@ def stand(world: World, along: float, ahead_m: float = 0.0) -> None:
 @pytest.fixture(scope="module")
 def built_elsewhere() -> Iterator[dict[tuple[str, int], Future[dict[str, str]]]]:
     """Digests of scenes by name and seed, as another process builds them meanwhile."""
-    asked = [("corridor", SEED + 1), ("lab_circle", SEED + 1), *((name, SEED) for name in SCENES)]
+    others = [(name, SEED + 1) for name in REPEATED[:2]]
+    asked = [*others, *((name, SEED) for name in REPEATED)]
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as other:
         yield {ask: other.submit(digests, *ask) for ask in asked}
         other.shutdown(cancel_futures=True)
@@ -354,6 +357,8 @@ def test_distant_surfaces_do_not_alias(tour):
 
 def test_world_repeats_with_its_seed_only(tour, built_elsewhere):
     name = tour.scene.name
+    if name not in REPEATED:
+        pytest.skip("built once only")
     ours = digests_of(tour.scene)
     assert built_elsewhere[name, SEED].result() == ours
     if (name, SEED + 1) in built_elsewhere:

@@ -13,6 +13,7 @@ from sim.record import Recording, record
 from sim.settings import RecordSettings, recorded_settings
 from trials.cli import console
 from trials.cli.options import RecordingOptions, argument, option
+from trials.execution.jobs import scene_label
 from vo.contract.dataset import MANIFEST, DatasetWriter, read_manifest
 from vo.contract.errors import DatasetError, SettingsError
 
@@ -98,7 +99,7 @@ def _tasks(
         settings = varied.settings(name)
         for k in range(batch.count or 1):
             chosen = settings.model_copy(update={"seed": settings.seed + k})
-            label = "-".join([Path(name).stem.replace(":", "."), *values, f"{chosen.seed:05d}"])
+            label = "-".join([scene_label(name), *values, f"{chosen.seed:05d}"])
             yield Task(name, chosen, out / label)
 
 

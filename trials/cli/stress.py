@@ -12,7 +12,7 @@ import numpy as np
 from trials.cli import console
 from trials.cli.options import Distance, argument, changes, option
 from trials.estimators.plugins.command import Command
-from trials.execution.jobs import Recording, Variant
+from trials.execution.jobs import Recording, Variant, scene_label
 from trials.execution.runner import NO_LABELS
 from trials.report.tables import text_table
 from trials.studies.stress import AXES, MAIN, Axis, Curve, Limits, Response, describe, run_drives
@@ -98,7 +98,7 @@ def _search(name: str, axis: Axis, variant: Variant, search: SearchOptions) -> C
             found = run_drives({x: drives(x) for x in strengths}, variant, count)
             return [Response.of(x, results) for x, results in found.items()]
 
-        curve = find_limit(axis, scene, respond, search.points, search.rounds, limits)
+        curve = find_limit(axis, scene_label(scene), respond, search.points, search.rounds, limits)
     _print(curve, title)
     return curve
 

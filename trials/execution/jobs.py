@@ -18,6 +18,11 @@ from vo.contract.estimator import Status
 from vo.contract.trajectory import Trajectory
 
 
+def scene_label(scene: str) -> str:
+    """Return the part of a file's name that stands for a scene: of an MJCF file, its stem."""
+    return Path(scene).stem.replace(":", ".")
+
+
 @dataclass(frozen=True)
 class Recording:
     """A drive through a scene that is recorded; `disturb` is as for `driftyard generate`."""

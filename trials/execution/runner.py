@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from trials.estimators.choice import Named, estimate, make_estimator
 from trials.execution.cache import CACHE, ESTIMATOR, cache_path, dataset_digest, source_digest
-from trials.execution.jobs import Job, Recording, Result, Results, Variant
+from trials.execution.jobs import Job, Recording, Result, Results, Variant, scene_label
 from trials.execution.parallel import map_parallel
 from vo.contract.errors import DatasetError
 from vo.contract.rig import StereoRig
@@ -65,7 +65,7 @@ def cached_recording(recording: Recording, cache: Path = CACHE) -> Path:
     settings = recording_settings(
         recording.scene, recording.seed, recording.overrides, None, recording.disturb
     )
-    label = f"{Path(recording.scene).stem.replace(':', '.')}-{recording.seed}"
+    label = f"{scene_label(recording.scene)}-{recording.seed}"
     causes = (settings.model_dump_json(), source_digest())
     folder = cache_path(cache, "recordings", label, *causes)
     if not is_recorded(folder, settings):
