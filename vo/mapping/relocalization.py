@@ -13,7 +13,7 @@ from vo.tracking.pose_refinement import find_consensus, refine_pose, select_inli
 
 @dataclass(frozen=True)
 class RelocalizationThresholds:
-    """Limits of the search, which starts without any prediction."""
+    """Limits of the search, which starts without any prediction (decision 25)."""
 
     unknown_variance: float = 1.0
     """Variance, m² and rad², of the pose of a segment that is not connected to the one before."""
@@ -22,7 +22,7 @@ class RelocalizationThresholds:
     threshold_scale: float = 3.0
     """Factor on the inlier threshold: points of two views disagree more than point and pixel."""
     confirming_inliers: int = 40
-    """Landmarks that must then be found at their projections: chance does not do that."""
+    """Landmarks that must then be found at their projections: twice what chance has not reached."""
     min_views: int = 3
     """Frames that must have observed a landmark for its map to be kept after a loss."""
 

@@ -19,7 +19,7 @@ from vo.stereo.sparse import measure_disparities
 
 @dataclass(frozen=True)
 class DiagnosticThresholds:
-    """Limits beyond which an image or a calibration is reported."""
+    """Limits beyond which an image or a calibration is reported (decision 25)."""
 
     dark_grey: float = 6.0
     """Mean grey level of a dark image."""
