@@ -9,6 +9,9 @@ import scipy.fft
 from scenes.surfaces import Shape
 from vo.contract.arrays import Array, Image
 
+MAX_EXPONENT = 746.0
+"""Exponent x from which exp(-x) is zero in double precision."""
+
 
 def fractal(
     rng: np.random.Generator,
@@ -33,11 +36,11 @@ def fractal(
     white = rng.standard_normal(tuple(shape), dtype=np.float32)
     frequency = _frequencies(height, width, stretch)
     shortest, longest = wavelengths_px
-    with np.errstate(divide="ignore"):
-        gain = np.where(frequency > 0, frequency**-slope, 0.0)
-    gain *= frequency >= 1 / longest
-    gain *= np.exp(-((frequency * shortest) ** 4))  # a soft upper edge does not ring
-    spectrum = np.asarray(scipy.fft.rfft2(white)) * gain.astype(np.float32)
+    soft_edge = (frequency * shortest) ** 4  # a hard upper edge would ring
+    band = (frequency >= 1 / longest) & (soft_edge < MAX_EXPONENT)
+    gain = np.zeros(frequency.shape, np.float32)
+    gain[band] = frequency[band] ** -slope * np.exp(-soft_edge[band])
+    spectrum = np.asarray(scipy.fft.rfft2(white)) * gain
     noise = np.asarray(scipy.fft.irfft2(spectrum, s=(height, width)))
     deviation = noise.std(axis=(-2, -1), keepdims=True)
     return (noise / np.maximum(deviation, 1e-9)).astype(np.float32)
