@@ -145,7 +145,7 @@ def test_rover_halts_at_the_set_distance_and_duration(travel):
 
 
 def test_lost_frames_have_the_set_share_without_the_first(travel):
-    settings = RecordSettings(drive=DriveSettings(distance_m=2.0), rig=RigSettings(rate_hz=30))
+    settings = RecordSettings(drive=DriveSettings(distance_m=1.0), rig=RigSettings(rate_hz=30))
     none = travel(settings)
     assert none.delivered.all()
     for seed in range(3):
@@ -200,7 +200,7 @@ def test_walk_sway_and_tremor_have_the_set_size(travel):
 
 
 def test_walk_velocity_is_the_derivative_of_position(travel):
-    drive = DriveSettings(carrier="handheld", distance_m=1.0)
+    drive = DriveSettings(carrier="handheld", distance_m=0.5)
     motions = travel(RecordSettings(drive=drive, imu=ImuSettings(rate_hz=1000))).motions
     secant = np.diff(motions.T_world_body[:, :3, 3], axis=0) / 1e-3
     mean = (motions.v_world_body[1:] + motions.v_world_body[:-1]) / 2
@@ -219,7 +219,7 @@ def test_walk_halts(travel):
 
 
 def test_walk_repeats_with_its_seed_only(travel):
-    settings = RecordSettings(drive=DriveSettings(carrier="handheld", distance_m=1.0))
+    settings = RecordSettings(drive=DriveSettings(carrier="handheld", distance_m=0.5))
     first, second = (travel(settings) for _ in range(2))
     np.testing.assert_array_equal(first.motions.T_world_body, second.motions.T_world_body)
     other = travel(settings.model_copy(update={"seed": 1}))

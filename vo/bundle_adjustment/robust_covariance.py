@@ -33,13 +33,14 @@ def score_products(
     The arguments are those of `schur.eliminate_points`, the points those that it returned.
     """
     B, score = np.zeros((6 * size, 6 * size)), np.zeros(6 * size)
-    work = workspace()
-    r, F, E, V, b, inverse = work
-    first, camera = data.first, data.camera
+    r, F, E, V, b, inverse = workspace()
+    R, t = cameras
+    first, camera, measured, weight, intrinsics = data
     for j in range(len(points)):
         V[:], b[:] = 0.0, 0.0
         for m in range(first[j], first[j + 1]):
-            linearize(cameras, points[j], data, m, work)
+            i = camera[m]
+            linearize(R[i], t[i], points[j], measured[m], weight[m], intrinsics, r, F, E)
             for p in range(3):
                 for k in range(3):
                     b[p] += E[k, p] * r[k]
@@ -48,10 +49,11 @@ def score_products(
         invert(V, inverse)
         step = -inverse @ b  # of the point, by its own measurements
         for m in range(first[j], first[j + 1]):
-            s = slot[camera[m]]
+            i = camera[m]
+            s = slot[i]
             if s < 0:
                 continue
-            linearize(cameras, points[j], data, m, work)
+            linearize(R[i], t[i], points[j], measured[m], weight[m], intrinsics, r, F, E)
             for k in range(3):
                 left = r[k] + E[k, 0] * step[0] + E[k, 1] * step[1] + E[k, 2] * step[2]
                 for p in range(6):
@@ -81,10 +83,12 @@ def camera_score_products(cameras: Cameras, points: Array, data: Measurements) -
     One camera measured each of them once, in their order.
     """
     B, g = np.zeros((6, 6)), np.empty(6)
-    work = workspace()
-    r, F = work.r, work.F
+    r, F, E, _, _, _ = workspace()
+    R, t = cameras
+    _, camera, measured, weight, intrinsics = data
     for j in range(len(points)):
-        linearize(cameras, points[j], data, j, work)
+        i = camera[j]
+        linearize(R[i], t[i], points[j], measured[j], weight[j], intrinsics, r, F, E)
         for p in range(6):
             g[p] = F[0, p] * r[0] + F[1, p] * r[1] + F[2, p] * r[2]
         for p in range(6):

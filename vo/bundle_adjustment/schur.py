@@ -123,7 +123,8 @@ def eliminate_points(
     cost = 0.0
     work = workspace()
     r, F, E, V, b, inverse = work
-    first, camera = data.first, data.camera
+    R, t = cameras
+    first, camera, measured, weight, intrinsics = data
     most = 1
     for j in range(len(points)):
         most = max(most, first[j + 1] - first[j])
@@ -133,13 +134,13 @@ def eliminate_points(
         _solve_point(cameras, solved[j], data, j, work)
         V[:], b[:] = 0.0, 0.0
         for m in range(first[j], first[j + 1]):
-            n = m - first[j]
-            linearize(cameras, solved[j], data, m, work)
+            i, n = camera[m], m - first[j]
+            linearize(R[i], t[i], solved[j], measured[m], weight[m], intrinsics, r, F, E)
             cost += 0.5 * (r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
             if size == 0:
                 continue
-            _add_point_terms(work)
-            s = slot[camera[m]]
+            _add_point_terms(r, E, V, b)
+            s = slot[i]
             if s < 0:
                 continue
             for p in range(6):
@@ -191,16 +192,19 @@ def _solve_point(
     cameras: Cameras, point: Array, data: Measurements, j: int, work: Workspace
 ) -> None:
     """Minimise the cost of point j by Gauss-Newton with shortened steps; in place."""
-    r, _, _, V, b, inverse = work
-    start, end = data.first[j], data.first[j + 1]
+    r, F, E, V, b, inverse = work
+    R, t = cameras
+    first, camera, measured, weight, intrinsics = data
+    start, end = first[j], first[j + 1]
     step, tried = np.empty(3), np.empty(3)
     for _ in range(POINT_STEPS):
         V[:], b[:] = 0.0, 0.0
         cost = 0.0
         for m in range(start, end):
-            linearize(cameras, point, data, m, work)
+            i = camera[m]
+            linearize(R[i], t[i], point, measured[m], weight[m], intrinsics, r, F, E)
             cost += r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
-            _add_point_terms(work)
+            _add_point_terms(r, E, V, b)
         invert(V, inverse)
         for p in range(3):
             step[p] = -(inverse[p, 0] * b[0] + inverse[p, 1] * b[1] + inverse[p, 2] * b[2])
@@ -210,7 +214,8 @@ def _solve_point(
                 tried[p] = point[p] + step[p]
             new_cost = 0.0
             for m in range(start, end):
-                _residual(cameras, tried, data, m, r)
+                i = camera[m]
+                stereo_residual(R[i], t[i], tried, measured[m], weight[m], intrinsics, r)
                 new_cost += r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
             if new_cost <= cost:
                 better = True
@@ -228,7 +233,7 @@ def _solve_point(
             return
 
 
-@compiled(error_model="numpy")
+@compiled(inline="always", error_model="numpy")
 def _residual(cameras: Cameras, point: Array, data: Measurements, m: int, out: Array) -> None:
     i = data.camera[m]
     stereo_residual(
@@ -258,10 +263,12 @@ def camera_normal_equations(
     (6, 6) and (6,) normal equations, and half the sum of squares.
     """
     H, g, cost = np.zeros((6, 6)), np.zeros(6), 0.0
-    work = workspace()
-    r, F = work.r, work.F
+    r, F, E, _, _, _ = workspace()
+    R, t = cameras
+    _, camera, measured, weight, intrinsics = data
     for j in range(len(points)):
-        linearize(cameras, points[j], data, j, work)
+        i = camera[j]
+        linearize(R[i], t[i], points[j], measured[j], weight[j], intrinsics, r, F, E)
         cost += 0.5 * (r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
         for p in range(6):
             g[p] += F[0, p] * r[0] + F[1, p] * r[1] + F[2, p] * r[2]
@@ -270,19 +277,23 @@ def camera_normal_equations(
     return H, g, cost
 
 
-@compiled(error_model="numpy")
-def linearize(cameras: Cameras, point: Array, data: Measurements, m: int, work: Workspace) -> None:
-    """Write residual and derivatives of measurement m of a point."""
-    i = data.camera[m]
-    R, t, weight, intrinsics = cameras.R[i], cameras.t[i], data.weight[m], data.intrinsics
-    stereo_residual(R, t, point, data.measured[m], weight, intrinsics, work.r)
-    stereo_jacobians(R, t, point, weight, intrinsics, work.F, work.E)
+@compiled(inline="always", error_model="numpy")
+def linearize(
+    R: Array, t: Array, point: Array, measured: Array, weight: Array, intrinsics: Array, r: Array,
+    F: Array, E: Array,
+) -> None:  # fmt: skip
+    """Write residual and derivatives of one measurement, as in a workspace.
+
+    It is inlined, and its arguments are no named tuples: to count the references to their arrays
+    would take longer than the work.
+    """
+    stereo_residual(R, t, point, measured, weight, intrinsics, r)
+    stereo_jacobians(R, t, point, weight, intrinsics, F, E)
 
 
-@compiled(error_model="numpy")
-def _add_point_terms(work: Workspace) -> None:
+@compiled(inline="always", error_model="numpy")
+def _add_point_terms(r: Array, E: Array, V: Array, b: Array) -> None:
     """Add the measurement that was linearized last to the normal equations of its point."""
-    r, _, E, V, b, _ = work
     for p in range(3):
         for q in range(3):
             V[p, q] += E[0, p] * E[0, q] + E[1, p] * E[1, q] + E[2, p] * E[2, q]
