@@ -66,7 +66,7 @@ def blend(base: Array, over: Array | Sequence[float], weight: Array) -> Array:
     over = np.asarray(over, dtype=np.float32)
     shape = np.broadcast_shapes(base.shape, over.shape, (*weight.shape, 1))
     out = np.empty(shape, np.result_type(base, over, weight))
-    for channel in range(shape[-1]):  # loops over three values each would take thrice the time
+    for channel in range(shape[-1]):  # an inner loop over three values is slow in NumPy
         under = base[..., channel]
         out[..., channel] = under + (over[..., channel] - under) * weight
     return out
