@@ -355,10 +355,9 @@ def test_distant_surfaces_do_not_alias(tour):
     assert 0 < np.abs(far[1] - far[0]).mean() < 0.25 * far[0].std() + 0.5
 
 
+@pytest.mark.parametrize("tour", REPEATED, indirect=True)
 def test_world_repeats_with_its_seed_only(tour, built_elsewhere):
     name = tour.scene.name
-    if name not in REPEATED:
-        pytest.skip("built once only")
     ours = digests_of(tour.scene)
     assert built_elsewhere[name, SEED].result() == ours
     if (name, SEED + 1) in built_elsewhere:
