@@ -19,12 +19,12 @@ from sim.dataset.tables import write_cameras, write_exposures, write_inertial, w
 from sim.imaging.lens import delivered_rig
 from sim.labels.annotate import Annotator
 from sim.labels.formats import CODES, LABELS
-from sim.preview.cameras import MAP_FILE, render_world_map
+from sim.preview.cameras import render_world_map
 from sim.progress import Progress
 from sim.settings import RecordSettings
 from sim.world.trip import Trip, make_trip
 from sim.world.world import World, build_world
-from vo.contract.dataset import DatasetWriter
+from vo.contract.dataset import MAP_FILE, DatasetWriter
 
 WORKERS = 2
 FRAMES_IN_FLIGHT = 4

@@ -16,7 +16,7 @@ from sim.world.rover import TRACK_M, WHEEL_RADIUS_M
 from sim.world.trip import Trip
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices
-from vo.contract.dataset import TRUTH, DatasetWriter
+from vo.contract.dataset import RECTIFIED_EYE, TRUTH, DatasetWriter
 from vo.contract.rig import StereoRig
 
 EXPOSURES = "mav0/cam0/exposure.csv"
@@ -50,7 +50,7 @@ def write_cameras(
             "intrinsics": [delivered.f_px, delivered.f_px, delivered.cx_px, delivered.cy_px],
             "distortion_model": "radial-tangential",
         }
-        comment = f"{side} eye of a rectified pair, pixel centres on integers"
+        comment = f"{side} {RECTIFIED_EYE}"
         sheet = _sheet("camera", comment, **optics, distortion_coefficients=[0.0] * 4)
         sheets[f"cam{camera}"] = sheet, times, ".png"
         if has_distortion(lens):

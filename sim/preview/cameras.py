@@ -14,6 +14,7 @@ from sim.camera.render import BOTH_GROUPS, StereoRenderer
 from sim.world.rover import BODY
 from sim.world.world import World
 from vo.contract.arrays import Array, Image, Indices
+from vo.contract.dataset import MAP_FILE
 
 DISTANCE_M = 2.1
 CLOSEST_M = 0.7
@@ -21,7 +22,6 @@ ELEVATION_DEG = 24.0
 SIDE_DEG = 24.0
 OFF_SURFACE_M = 0.08
 
-MAP_FILE = "map.png"
 LONG_SIDE_PX = 1024
 CAMERA_ABOVE_M = 30.0
 HEADROOM_M = 0.6

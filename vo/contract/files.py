@@ -1,6 +1,5 @@
 """Atomic writing of files, and reading of text, tables and images."""
 
-import os
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,6 +9,7 @@ import numpy as np
 
 from vo.contract.arrays import Array, Image, Indices
 from vo.contract.errors import DatasetError, DriftyardError, SettingsError
+from vo.contract.partial import partial_file
 
 PNG_END = b"IEND\xaeB`\x82"
 
@@ -18,13 +18,14 @@ PNG_END = b"IEND\xaeB`\x82"
 def replacing(path: Path) -> Generator[Path]:
     """Yield a temporary path beside `path`, which it replaces only when the block succeeds.
 
-    It has the suffix of `path`, from which an encoder may take the format.
+    It has the suffix of `path`, from which an encoder may take the format. Those that killed
+    processes left are removed.
 
     Raises:
         DatasetError: If the disk is full; names `path`.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
+    partial = partial_file(path)
     try:
         yield partial
         partial.replace(path)

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from vo.contract.dataset import check_whole
 from vo.contract.errors import DatasetError
 from vo.contract.euroc import is_euroc, open_euroc, read_euroc_truth
 from vo.contract.kitti import is_kitti, open_kitti, read_kitti_truth
@@ -19,6 +20,7 @@ def open_sequence(folder: Path) -> StereoSequence:
     """
     if not folder.is_dir():
         raise DatasetError(f"{folder}: no such folder")
+    check_whole(folder)
     if is_euroc(folder):
         return open_euroc(folder)
     if is_kitti(folder):
