@@ -20,7 +20,8 @@ from sim.world.rover import TRACK_M, WHEEL_RADIUS_M
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices
 from vo.contract.dataset import TRUTH
-from vo.contract.files import read_columns, read_float, read_rows
+from vo.contract.files import read_float
+from vo.contract.tables import read_columns, read_table
 
 SPAN_S = 5.0
 """Duration of each integration of inertial readings from a true state."""
@@ -174,8 +175,8 @@ def _check_flow(folder: Path, settings: RecordSettings) -> dict[str, Any]:
     """Predict the flow of the static world from depth and poses in a few frames, evenly spaced."""
     rig = stereo_rig(settings.rig)
     times_ns, poses, _ = _read_states(folder / TRUTH / "data.csv")
-    labelled = read_rows(folder / "mav0" / LABELS["depth"].folder / "data.csv")
-    pairs = list(pairwise(int(words[0]) for _, words in labelled))
+    labelled = read_table(folder / "mav0" / LABELS["depth"].folder / "data.csv")
+    pairs = list(pairwise(int(words[0]) for words in labelled.rows))
     chosen = np.linspace(0, len(pairs) - 1, min(FLOW_FRAMES, len(pairs))).astype(int)
     worst_px = 0.0
     for now, following in (pairs[k] for k in chosen):

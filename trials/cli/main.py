@@ -1,13 +1,17 @@
 """The command line; `main` turns every error that input can cause into one line and status 2."""
 
 import sys
+import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures.process import BrokenProcessPool
+from functools import partial
+from typing import Any
 
 import typer
 
 from trials.cli.registry import COMMANDS, LazyGroup
 from vo.contract.errors import DriftyardError, SettingsError
+from vo.contract.remarks import Remark
 
 BAD_INPUT, INTERRUPTED = 2, 130
 OLD_NAMES = {
@@ -43,9 +47,11 @@ def main() -> None:
 
 
 def guard(command: Callable[[], object]) -> None:
-    """Run a command; errors of the input end in one line and exit status 2."""
+    """Run a command; errors of the input end in one line and exit status 2, remarks are lines."""
     try:
-        command()
+        with warnings.catch_warnings():
+            warnings.showwarning = partial(_show_warning, warnings.showwarning)
+            command()
     except DriftyardError as error:
         _fail(str(error))
     except OSError as error:  # a full disk or a folder without permission is no bug
@@ -58,6 +64,15 @@ def guard(command: Callable[[], object]) -> None:
         if exit.code == INTERRUPTED:
             print("driftyard: interrupted", file=sys.stderr)
         raise
+
+
+def _show_warning(
+    show: Callable[..., None], message: Warning | str, category: type[Warning], *place: Any
+) -> None:
+    if issubclass(category, Remark):
+        print(f"driftyard: remark: {' '.join(str(message).split())}", file=sys.stderr)
+    else:
+        show(message, category, *place)
 
 
 def _fail(message: str) -> None:

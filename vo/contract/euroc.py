@@ -9,12 +9,16 @@ import yaml
 from vo.contract import se3
 from vo.contract.arrays import Array, Image, Indices
 from vo.contract.errors import CalibrationError, DatasetError, TrajectoryError
-from vo.contract.files import read_columns, read_grey, read_lines, read_rows
+from vo.contract.files import read_grey, read_lines
 from vo.contract.rectify import PinholeCamera, rectify
 from vo.contract.sequence import StereoSequence, WheelLog
+from vo.contract.tables import NS, read_table
 from vo.contract.trajectory import Trajectory
 
 TRUTH_FOLDER = "state_groundtruth_estimate0"
+STATE = "'timestamp [ns], px, py, pz, qw, qx, qy, qz'"
+IMAGE_ROW = "'timestamp [ns],filename'"
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm")
 
 
 def is_euroc(folder: Path) -> bool:
@@ -60,28 +64,25 @@ def read_euroc_truth(folder: Path, T_body_cam: Array) -> Trajectory | None:
     table = _mav(folder) / TRUTH_FOLDER / "data.csv"
     if not table.is_file():
         return None
-    times, rows = read_columns(table, range(1, 8), TrajectoryError)
-    if len(times) == 0:
+    states = read_table(table, TrajectoryError)
+    if len(states) == 0:
         raise TrajectoryError(f"{table}: holds no poses")
+    times, rows = states.times_ns(STATE), states.numbers(range(1, 8), STATE)
+    states.require_increasing(times)
     return Trajectory(times, se3.from_quat_wxyz(rows[:, 3:7], rows[:, :3]) @ T_body_cam)
 
 
-def _read_wheels(table: Path) -> WheelLog | None:
+def _read_wheels(path: Path) -> WheelLog | None:
     """Read rows of 'timestamp [ns],left [ticks],right [ticks]'; None without such a file."""
-    if not table.is_file():
+    if not path.is_file():
         return None
-    rows: list[tuple[int, int, int]] = []
-    for place, words in read_rows(table):
-        try:
-            time_ns, left, right = (int(word) for word in words)
-        except ValueError:
-            expected = "'timestamp [ns],left [ticks],right [ticks]', whole numbers"
-            raise DatasetError(f"{place}: expected {expected}") from None
-        if rows and time_ns <= rows[-1][0]:
-            raise DatasetError(f"{place}: time must increase")
-        rows.append((time_ns, left, right))
-    values = np.array(rows, dtype=np.int64).reshape(-1, 3)
-    return WheelLog(values[:, 0], values[:, 1:])
+    table, expected = read_table(path), "'timestamp [ns],left [ticks],right [ticks]', whole numbers"
+    times, ticks = table.times_ns(expected, NS), table.numbers((1, 2), expected)
+    for i, row in enumerate(table.rows):
+        if len(row) != 3 or (ticks[i] % 1).any():
+            raise table.fault(i, f"expected {expected}")
+    table.require_increasing(times)
+    return WheelLog(times, ticks.astype(np.int64))
 
 
 def _mav(folder: Path) -> Path:
@@ -89,14 +90,18 @@ def _mav(folder: Path) -> Path:
 
 
 def _read_image_table(camera: Path) -> tuple[Indices, list[Path]]:
-    times: list[int] = []
-    files: list[Path] = []
-    for place, words in read_rows(camera / "data.csv"):
-        if len(words) < 2 or not words[0].isdigit() or not words[1]:
-            raise DatasetError(f"{place}: expected 'timestamp [ns],filename'")
-        times.append(int(words[0]))
-        files.append(camera / "data" / words[1])
-    return np.array(times, dtype=np.int64), files
+    table = read_table(camera / "data.csv")
+    times, names = table.times_ns(IMAGE_ROW), table.words(1, IMAGE_ROW)
+    table.require_increasing(times)
+    return times, [_image_file(camera / "data", name) for name in names]
+
+
+def _image_file(folder: Path, name: str) -> Path:
+    """Return the file of a name with or without suffix; .png if there is no such file."""
+    if name.lower().endswith(IMAGE_SUFFIXES):
+        return folder / name
+    files = [folder / f"{name}{suffix}" for suffix in IMAGE_SUFFIXES]
+    return next((x for x in files if x.is_file()), files[0])
 
 
 def _read_camera(path: Path) -> PinholeCamera:

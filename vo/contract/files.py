@@ -1,17 +1,29 @@
-"""Atomic writing of files, and reading of text, tables and images."""
+"""Atomic writing of files, and reading of text and images."""
 
-from collections.abc import Generator, Iterator, Sequence
+import codecs
+import re
+from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from vo.contract.arrays import Array, Image, Indices
+from vo.contract.arrays import Array, Image
 from vo.contract.errors import DatasetError, DriftyardError, SettingsError
 from vo.contract.partial import partial_file
 
 PNG_END = b"IEND\xaeB`\x82"
+
+BYTE_ORDER_MARKS = (
+    (codecs.BOM_UTF8, "utf-8-sig"),
+    (codecs.BOM_UTF32_LE, "utf-32"),  # it begins with that of UTF-16
+    (codecs.BOM_UTF32_BE, "utf-32"),
+    (codecs.BOM_UTF16_LE, "utf-16"),
+    (codecs.BOM_UTF16_BE, "utf-16"),
+)
+CONTROL_CODES = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
+"""Characters that no text holds."""
 
 
 @contextmanager
@@ -57,41 +69,36 @@ def write_text(path: Path, text: str) -> None:
 
 
 def read_lines(path: Path, error: type[DriftyardError] = DatasetError) -> list[str]:
-    """Read the lines of a UTF-8 file.
+    """Read the lines of a text file in UTF-8, or in UTF-16 or UTF-32; with any kind of line ends.
+
+    Other bytes are taken for Latin-1, as in comments with a degree sign.
 
     Raises:
         error: If the file is missing, unreadable or not text; names the file.
     """
     try:
-        return path.read_text(encoding="utf-8").splitlines()
+        data = path.read_bytes()
     except OSError as problem:
         raise error(f"{path}: cannot be read ({problem.strerror})") from None
+    try:
+        text = _decode_text(data)
     except UnicodeDecodeError:
-        raise error(f"{path}: not a text file") from None
+        text = "\0"
+    if CONTROL_CODES.search(text):
+        raise error(f"{path}: not a text file")
+    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
-def read_rows(
-    path: Path, separator: str | None = ",", error: type[DriftyardError] = DatasetError
-) -> Iterator[tuple[str, list[str]]]:
-    """Yield place (`file:line`) and words of each row; skip blank lines and comments (`#`).
-
-    A separator of None is white space.
-    """
-    for number, line in enumerate(read_lines(path, error), start=1):
-        if line.strip() and not line.lstrip().startswith("#"):
-            yield f"{path}:{number}", [word.strip() for word in line.split(separator)]
-
-
-def read_columns(
-    path: Path, columns: Sequence[int] | None = None, error: type[DriftyardError] = DatasetError
-) -> tuple[Indices, Array]:
-    """Read comma-separated numbers: (N,) int64 timestamps in ns, (N, C) other or given columns."""
-    try:  # timestamps have too many digits for a float
-        times = np.loadtxt(path, delimiter=",", usecols=0, dtype=np.int64, ndmin=1)
-        values = np.loadtxt(path, delimiter=",", usecols=columns, ndmin=2)
-    except (OSError, ValueError, IndexError) as problem:
-        raise error(f"{path}: missing or malformed ({problem})") from None
-    return times, values if columns else values[:, 1:]
+def _decode_text(data: bytes) -> str:
+    for mark, encoding in BYTE_ORDER_MARKS:
+        if data.startswith(mark):
+            return data.decode(encoding)
+    if len(data) > 1 and 0 in data[:2] and any(data[:2]):  # ASCII in UTF-16 without a mark
+        return data.decode("utf-16-be" if data[0] == 0 else "utf-16-le")
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
 
 
 def read_grey(path: Path) -> Image:

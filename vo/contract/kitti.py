@@ -1,16 +1,16 @@
 """Reader of the KITTI odometry layout."""
 
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
 from vo.contract.arrays import Array, Image, Indices
-from vo.contract.errors import CalibrationError, DatasetError, DriftyardError, TrajectoryError
+from vo.contract.errors import CalibrationError, DatasetError, TrajectoryError
 from vo.contract.files import read_grey, read_lines
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoSequence
-from vo.contract.trajectory import NS_PER_S, Trajectory
+from vo.contract.tables import SECONDS, read_table
+from vo.contract.trajectory import Trajectory
 
 
 def is_kitti(folder: Path) -> bool:
@@ -67,25 +67,20 @@ def read_kitti_poses(path: Path) -> Array:
     """Read rows of 12 numbers, each the top of T_world_cam, as (N, 4, 4).
 
     Raises:
-        TrajectoryError: If the file is malformed.
+        TrajectoryError: If the file is malformed; names file and line.
     """
-    rows = _load_numbers(path, 2, TrajectoryError)
-    if rows.shape[1:] != (12,) or not np.isfinite(rows).all():
-        raise TrajectoryError(f"{path}: expected rows of 12 finite numbers")
+    table, expected = read_table(path, TrajectoryError), "12 numbers, the top of a pose matrix"
+    rows = table.numbers(range(12), expected)
+    for i, row in enumerate(table.rows):
+        if len(row) != 12:
+            raise table.fault(i, f"{len(row)} columns; expected {expected}")
     T = np.tile(np.eye(4), (len(rows), 1, 1))
     T[:, :3] = rows.reshape(-1, 3, 4)
     return T
 
 
 def _read_times(path: Path) -> Indices:
-    return np.round(_load_numbers(path, 1, DatasetError) * NS_PER_S).astype(np.int64)
-
-
-def _load_numbers(path: Path, ndmin: Literal[1, 2], error: type[DriftyardError]) -> Array:
-    try:
-        return np.loadtxt(path, ndmin=ndmin)
-    except (ValueError, OSError) as problem:
-        raise error(f"{path}: {problem}") from None
+    return read_table(path).times_ns("a time in seconds", SECONDS)
 
 
 def _read_rig(path: Path, width: int, height: int) -> StereoRig:

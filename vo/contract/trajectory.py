@@ -8,7 +8,8 @@ import numpy as np
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices
 from vo.contract.errors import TrajectoryError
-from vo.contract.files import read_rows, write_text
+from vo.contract.files import write_text
+from vo.contract.tables import SECONDS, read_table
 
 NS_PER_S = 1_000_000_000
 
@@ -75,32 +76,11 @@ def read_tum(path: Path) -> Trajectory:
     Raises:
         TrajectoryError: If the file is missing or a line is malformed; names file and line.
     """
-    times: list[int] = []
-    rows: list[list[float]] = []
-    for place, words in read_rows(path, None, TrajectoryError):
-        try:
-            if len(words) != 8:
-                raise ValueError(f"{len(words)} columns instead of 8")
-            times.append(_nanoseconds(words[0]))
-            rows.append([float(word) for word in words[1:]])
-            if not np.isfinite(rows[-1]).all() or np.linalg.norm(rows[-1][3:]) < 0.5:
-                raise ValueError("not a finite pose with a unit quaternion")
-        except ValueError as error:
-            raise TrajectoryError(f"{place}: {error}") from None
-        if len(times) > 1 and times[-1] <= times[-2]:
-            raise TrajectoryError(f"{place}: time does not increase")
-    if not rows:
+    table, expected = read_table(path, TrajectoryError), "'timestamp tx ty tz qx qy qz qw'"
+    if not len(table):
         raise TrajectoryError(f"{path}: holds no poses")
-    table = np.array(rows)
-    return Trajectory(
-        np.array(times, dtype=np.int64), se3.from_quat_wxyz(table[:, [6, 3, 4, 5]], table[:, :3])
-    )
-
-
-def _nanoseconds(text: str) -> int:
-    """Convert seconds as text to int nanoseconds without a float."""
-    if "e" in text.lower():
-        return round(float(text) * NS_PER_S)
-    seconds, _, fraction = text.partition(".")
-    sign = -1 if seconds.startswith("-") else 1
-    return int(seconds) * NS_PER_S + sign * int((fraction + "0" * 9)[:9])
+    times, rows = table.times_ns(expected, SECONDS), table.numbers(range(1, 8), expected)
+    for i in np.flatnonzero(np.linalg.norm(rows[:, 3:], axis=1) < 0.5):
+        raise table.fault(int(i), "the quaternion is zero; expected one of length 1")
+    table.require_increasing(times)
+    return Trajectory(times, se3.from_quat_wxyz(rows[:, [6, 3, 4, 5]], rows[:, :3]))

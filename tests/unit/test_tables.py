@@ -1,0 +1,97 @@
+"""Text tables: encodings, separators, headers, timestamps, and errors with file and line."""
+
+import numpy as np
+import pytest
+
+from vo.contract.errors import DatasetError
+from vo.contract.tables import SECONDS, read_table
+
+EPOCH_NS = 1403636579763555584
+ROW = "a timestamp and a number"
+
+
+def written(path, text, encoding="utf-8"):
+    path.write_bytes(text.encode(encoding))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("text", "encoding"),
+    [
+        ("#t,x\n5,1.5\n6,2\n", "utf-8"),
+        ("#t,x\r\n5,1.5\r\n6,2\r\n", "utf-8-sig"),
+        ("#t,x\r5,1.5\r6,2\r", "utf-8"),
+        ("#t,x\n5,1.5\n6,2\n", "utf-16"),
+        ("t;x\r\n5;1.5\r\n6;2\r\n", "utf-16-le"),
+        ("t;x\r\n5;1.5\r\n6;2\r\n", "utf-16-be"),
+        ("#t,x\n5,1.5\n6,2\n", "utf-32"),
+        ("# angle in °\nt x\n5 1.5\n\n  6   2  \n", "latin-1"),
+        ("t\tx\n5\t1.5\n6\t2\t\n", "utf-8"),
+        ("% t,x\n5, 1.5,\n6, 2,,\n", "utf-8"),
+        ('"t","x"\n"5","1.5"\n"6","2"\n', "utf-8"),
+    ],
+)
+def test_table_is_read_in_every_notation(tmp_path, text, encoding):
+    table = read_table(written(tmp_path / "x.csv", text, encoding))
+    assert table.header[-1] == "x"
+    assert table.times_ns(ROW, SECONDS).tolist() == [5 * SECONDS, 6 * SECONDS]
+    assert table.numbers([1], ROW)[:, 0].tolist() == [1.5, 2.0]
+
+
+@pytest.mark.parametrize("data", [b"\x89PNG\r\n\x1a\n\0\0", b"\xff\xfe\x00", b"1,2\n\0\0"])
+def test_table_of_other_bytes_is_no_text(tmp_path, data):
+    (tmp_path / "x.csv").write_bytes(data)
+    with pytest.raises(DatasetError, match=r"x\.csv: not a text file"):
+        read_table(tmp_path / "x.csv")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["1403636579763555584", "1403636579813555584"],
+        ["1403636579763555584.0", "1403636579813555584.000000"],
+        ["1.403636579763555584e18", "1.403636579813555584E+18"],
+        ["1403636579.763555584", "1403636579.813555584"],
+        ["1403636579.76355558400000000001", "1403636579.8135555839999999999"],
+    ],
+)
+def test_timestamps_are_exact_in_every_notation(tmp_path, words):
+    table = read_table(written(tmp_path / "x.csv", "".join(f"{x},1\n" for x in words)))
+    assert table.times_ns(ROW).tolist() == [EPOCH_NS, EPOCH_NS + 50_000_000]
+
+
+def test_timestamps_of_neither_unit_are_refused(tmp_path):
+    table = read_table(written(tmp_path / "x.csv", "0,1\n50000,1\n100000,1\n"))
+    with pytest.raises(DatasetError, match=r"x\.csv:1: timestamps are 50000 apart; expected nano"):
+        table.times_ns(ROW)
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        ("1e400,1", "the timestamp 1e400 is out of range"),
+        ("1e99999999999,1", "out of range"),
+        ("nan,1", "the timestamp nan is out of range"),
+        ("9.9e18,1", "out of range"),
+        ("two,1", "two is not a number; expected a timestamp and a number"),
+        ("2;1,5", "1,5 has a decimal comma"),
+        ("2", "1 columns; expected a timestamp and a number"),
+        ("2,inf", "inf is not finite"),
+        ("1,7", r"1 ns repeats that of line 2"),
+        ("0,7", r"0 ns is before that of line 2"),
+    ],
+)
+def test_faults_of_a_row_name_file_and_line(tmp_path, row, message):
+    table = read_table(written(tmp_path / "x.csv", f"t,x\n1,1\n{row}\n"))
+    with pytest.raises(DatasetError, match=rf"x\.csv:3: .*{message}"):
+        check(table)
+
+
+def check(table):
+    table.numbers([1], ROW)
+    table.require_increasing(table.times_ns(ROW, 1))
+
+
+def test_numbers_that_are_not_finite_are_kept_on_request(tmp_path):
+    table = read_table(written(tmp_path / "x.csv", "1,nan\n2,3\n"))
+    assert np.isnan(table.numbers([1], ROW, finite=False)[0, 0])

@@ -1,0 +1,191 @@
+"""Text tables as tools and spreadsheets write them: rows of words, numbers and timestamps.
+
+Columns are separated by semicolons, commas, tabs or blanks, which is decided in each row. Lines
+that start with # or % are comments. Rows without a number before the first with one are a header.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from decimal import Decimal, InvalidOperation
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from vo.contract.arrays import Array, Indices
+from vo.contract.errors import DatasetError, DriftyardError
+from vo.contract.files import read_lines
+
+NS, SECONDS = 1, 1_000_000_000
+"""Units of timestamps, ns."""
+
+MIN_STEP_NS = 100_000
+"""Time between rows, ns, below which timestamps are not nanoseconds: sensors stay below 10 kHz."""
+
+MAX_STEP_S = 1.5
+"""Time between rows, s, above which whole numbers are not seconds."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of words of a file, and the line of each; errors are of the reader's class.
+
+    Attributes:
+        header: Names of the columns, from a comment or a bare header; empty if there is none.
+    """
+
+    path: Path
+    header: tuple[str, ...]
+    lines: tuple[int, ...]
+    rows: tuple[tuple[str, ...], ...]
+    error: type[DriftyardError]
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def fault(self, row: int, message: str) -> DriftyardError:
+        """Build the error of a row: file, line and message."""
+        return self.error(f"{self.path}:{self.lines[row]}: {message}")
+
+    def words(self, column: int, expected: str) -> list[str]:
+        """Return one word of each row; raises the error of a row in which it is missing."""
+        for i, row in enumerate(self.rows):
+            if len(row) <= column or not row[column]:
+                raise self.fault(i, f"{len(row)} columns; expected {expected}")
+        return [row[column] for row in self.rows]
+
+    def numbers(self, columns: Sequence[int], expected: str, finite: bool = True) -> Array:
+        """Return numbers (N, C) of the given columns.
+
+        Raises:
+            DriftyardError: If a word is missing, no number or, on request, not finite; of class
+                `error`, names file and line.
+        """
+        found = np.empty((len(self.rows), len(columns)))
+        for k, column in enumerate(columns):
+            for i, word in enumerate(self.words(column, expected)):
+                try:
+                    found[i, k] = float(word)
+                except ValueError:
+                    raise self.fault(i, _no_number(word, expected)) from None
+                if finite and not np.isfinite(found[i, k]):
+                    raise self.fault(i, f"{word} is not finite; expected {expected}")
+        return found
+
+    def stamps(self, column: int, expected: str) -> list[Decimal]:
+        """Return the exact timestamps of a column, in the unit of the file.
+
+        Raises:
+            DriftyardError: If a word is missing or no number within int64; as `numbers`.
+        """
+        found: list[Decimal] = []
+        for i, word in enumerate(self.words(column, expected)):
+            try:
+                found.append(Decimal(word))
+            except InvalidOperation:
+                raise self.fault(i, _no_number(word, expected)) from None
+            if not found[-1].is_finite() or found[-1].adjusted() > 18:
+                raise self.fault(i, f"the timestamp {word} is out of range; expected {expected}")
+        return found
+
+    def times_ns(self, expected: str, unit_ns: int | None = None, column: int = 0) -> Indices:
+        """Return timestamps (N,) in ns: exact to 1 ns, whatever their notation.
+
+        Args:
+            expected: The columns of a row, for errors.
+            unit_ns: Unit of the column; None for nanoseconds, or seconds where nanoseconds cannot
+                be meant.
+            column: Index of the column.
+
+        Raises:
+            DriftyardError: If a timestamp is missing, no number, or out of range; as `numbers`.
+        """
+        stamps = self.stamps(column, expected)
+        unit = self._unit_ns(stamps) if unit_ns is None else unit_ns
+        times = [int((x * unit).to_integral_value()) for x in stamps]
+        for i, time in enumerate(times):
+            if abs(time) >= 2**63:
+                raise self.fault(i, f"the timestamp {stamps[i]} is out of range")
+        return np.array(times, dtype=np.int64)
+
+    def require_increasing(self, times_ns: Indices) -> None:
+        """Raise the error of the first row whose time does not exceed that of the row before."""
+        late = np.flatnonzero(np.diff(times_ns) <= 0)
+        if len(late):
+            i = int(late[0]) + 1
+            kind = "repeats that" if times_ns[i] == times_ns[i - 1] else "is before that"
+            message = f"time must increase, but {times_ns[i]} ns {kind} of line {self.lines[i - 1]}"
+            raise self.fault(i, message)
+
+    def _unit_ns(self, stamps: Sequence[Decimal]) -> int:
+        """Choose nanoseconds if the rows are far enough apart, else seconds."""
+        steps = sorted(abs(b - a) for a, b in pairwise(stamps) if a != b)
+        is_fractional = any(x != x.to_integral_value() for x in stamps)
+        if not steps:
+            return SECONDS if is_fractional else NS
+        step = steps[len(steps) // 2]
+        if step >= MIN_STEP_NS:
+            return NS
+        if is_fractional or step <= MAX_STEP_S:
+            return SECONDS
+        raise self.error(
+            f"{self.path}:{self.lines[0]}: timestamps are {step:f} apart; expected nanoseconds, or "
+            "seconds"
+        )
+
+
+def read_table(path: Path, error: type[DriftyardError] = DatasetError) -> Table:
+    """Read the rows of a text table; none is an empty table.
+
+    Raises:
+        DriftyardError: If the file is missing or not text; of the class `error`.
+    """
+    header: tuple[str, ...] = ()
+    lines: list[int] = []
+    rows: list[tuple[str, ...]] = []
+    for number, line in enumerate(read_lines(path, error), start=1):
+        text = line.strip()
+        is_comment = text.startswith(("#", "%"))
+        words = _split(text.lstrip("#%"))
+        if not words:
+            continue
+        if is_comment or not (rows or any(map(_is_number, words))):
+            header = header if rows else words
+            continue
+        lines.append(number)
+        rows.append(words)
+    return Table(path, header, tuple(lines), tuple(rows), error)
+
+
+def _split(text: str) -> tuple[str, ...]:
+    separator = next((x for x in ";,\t" if x in text), None)
+    words = [word.strip().strip('"').strip() for word in text.split(separator)]
+    while words and not words[-1]:
+        words.pop()
+    return tuple(words)
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def _no_number(word: str, expected: str) -> str:
+    if _is_number(word.replace(",", ".")):
+        return f"{word} has a decimal comma; expected {expected} with decimal points"
+    return f"{word} is not a number; expected {expected}"
+
+
+def read_columns(path: Path) -> tuple[Indices, Array]:
+    """Read a table of this project: (N,) timestamps in ns, (N, C) other columns of finite numbers.
+
+    Raises:
+        DatasetError: If the table is missing or malformed.
+    """
+    table = read_table(path)
+    columns = len(table.rows[0]) if table.rows else 1
+    expected = f"a timestamp in ns and {columns - 1} numbers"
+    return table.times_ns(expected, NS), table.numbers(range(1, columns), expected)
