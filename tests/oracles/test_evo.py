@@ -9,7 +9,8 @@ from trials.evaluation.alignment import Alignment, Pair, associate
 from trials.evaluation.metrics import errors_over_time, position_errors
 from vo.contract import se3
 from vo.contract.kitti import read_kitti_poses
-from vo.contract.trajectory import Trajectory, read_tum
+from vo.contract.trajectory import Trajectory
+from vo.contract.trajectory_files import read_trajectory
 
 
 @pytest.fixture
@@ -98,7 +99,8 @@ def test_fr2_desk_errors_equal_published_ones(real_data, tmp_path):
     times = [line.split()[0] for line in lines]
     once = [x for i, x in enumerate(lines) if i == 0 or x[0] == "#" or times[i] != times[i - 1]]
     (tmp_path / "truth.txt").write_text("\n".join(once) + "\n")
-    truth, estimate = read_tum(tmp_path / "truth.txt"), read_tum(folder / "fr2_desk_ORB.txt")
+    truth = read_trajectory(tmp_path / "truth.txt")
+    estimate = read_trajectory(folder / "fr2_desk_ORB.txt")
     pair = associate(truth, estimate)
     assert rmse(position_errors(pair, Alignment.SE3)) == pytest.approx(0.008119, abs=2e-5)
     assert rmse(position_errors(pair, Alignment.SIM3)) == pytest.approx(0.006123, abs=2e-5)
@@ -108,7 +110,7 @@ def test_nearest_association_reproduces_evo_exactly(real_data):
     """Without interpolation the same code gives evo's published figures exactly."""
     folder = real_data("evo")
     rows = np.loadtxt(folder / "fr2_desk_groundtruth.txt")
-    estimate = read_tum(folder / "fr2_desk_ORB.txt")
+    estimate = read_trajectory(folder / "fr2_desk_ORB.txt")
     seconds = estimate.timestamps_ns / 1e9
     nearest = np.abs(rows[:, :1] - seconds[None]).argmin(axis=0)
     near = np.abs(rows[nearest, 0] - seconds) <= 0.01

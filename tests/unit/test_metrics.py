@@ -135,7 +135,8 @@ def test_score_of_a_run_without_frame_table():
     truth = Trajectory(times, along_x(0.5 * np.arange(11)))
     estimate = Trajectory(times[:9], along_x(0.49 * np.arange(9)))
     score = score_run(truth, SavedRun("x.txt", "x", estimate), frames=11)
-    assert score.statuses == {"lost": 2}
+    assert score.statuses == {}
+    assert (score.frames, score.compared) == (11, 9)
     assert score.path_m == pytest.approx(4.0)
     assert score.drift_1m.mean_percent == pytest.approx(2)
     assert [x.length_m for x in score.segments] == [1, 2, 3, 4]
@@ -145,6 +146,22 @@ def test_score_of_a_run_without_frame_table():
     assert score.rpe_frame_m.rmse == pytest.approx(0.01)
     assert score.ate_m["sim3"].rmse == pytest.approx(0, abs=1e-12)
     assert score.frame_ms is None
+
+
+def test_score_with_true_positions_has_ate_only():
+    """The truth is that of a point 1 m to the right of a camera that turns on the spot."""
+    times, turns = np.arange(9) * 10**8, np.zeros((9, 6))
+    turns[:, 4] = 0.2 * np.arange(9)
+    T_odom_cam = se3.exp(turns)
+    points = se3.pose(np.eye(3), T_odom_cam[:, :3, 0])
+    truth = Trajectory(times, points, point_cam=np.array([1.0, 0, 0]))
+    score = score_run(truth, SavedRun("x.txt", "x", Trajectory(times, T_odom_cam)), 9)
+    assert set(score.ate_m) == {"se3", "sim3"}
+    assert score.ate_m["se3"].rmse == pytest.approx(0, abs=1e-9)
+    assert (score.has_attitude, score.drift_1m, score.end_m, score.rpe_frame_m) == (
+        False,
+        *[None] * 3,
+    )
 
 
 def test_score_of_a_stationary_estimate_has_no_sim3():

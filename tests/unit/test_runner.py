@@ -12,7 +12,8 @@ from trials.evaluation.runs import read_run
 from vo.contract.errors import TrajectoryError
 from vo.contract.estimator import Estimate, FinalResult, Observations, PointMap, Status
 from vo.contract.readers import open_sequence
-from vo.contract.trajectory import Trajectory, read_tum
+from vo.contract.trajectory import Trajectory
+from vo.contract.trajectory_files import read_trajectory
 from vo.runner import run, write_run
 
 
@@ -124,7 +125,7 @@ def test_run_writes_what_the_estimator_offers(tmp_path, dataset):
         np.testing.assert_array_equal(file["pose"][3], 4 * np.diag(np.arange(1.0, 7.0)))
         np.testing.assert_array_equal(file["step"][1], np.diag(np.arange(1.0, 7.0)))
         assert np.isnan(file["pose"][2]).all()
-    assert len(read_tum(tmp_path / "b.smoothed.txt")) == 3
+    assert len(read_trajectory(tmp_path / "b.smoothed.txt")) == 3
     header, _, body = (tmp_path / "b.map.ply").read_bytes().partition(b"end_header\n")
     assert header.startswith(b"ply\nformat binary_little_endian 1.0\nelement vertex 2\n")
     names = [x.split()[2].decode() for x in header.splitlines() if x.startswith(b"property")]

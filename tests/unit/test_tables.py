@@ -33,7 +33,7 @@ def written(path, text, encoding="utf-8"):
 )
 def test_table_is_read_in_every_notation(tmp_path, text, encoding):
     table = read_table(written(tmp_path / "x.csv", text, encoding))
-    assert table.header[-1] == "x"
+    assert table.headers[-1][-1] == "x"
     assert table.times_ns(ROW, SECONDS).tolist() == [5 * SECONDS, 6 * SECONDS]
     assert table.numbers([1], ROW)[:, 0].tolist() == [1.5, 2.0]
 

@@ -8,7 +8,7 @@ from trials.cli.options import Seed, option
 from trials.cli.run import run_estimator
 from trials.cli.score import score_files, score_table
 from trials.estimators.choice import COMPARED, Named
-from trials.evaluation.runs import read_run
+from trials.evaluation.runs import read_runs
 from trials.execution.recording_settings import recording_settings
 from trials.execution.runner import is_recorded
 from trials.report.page import write_report
@@ -32,6 +32,6 @@ def demo(
     for name, file in zip(COMPARED, files, strict=True):
         run_estimator(dataset, file, Named(name))
     page = out / "report.html"
-    write_report(dataset, [read_run(file) for file in files], page)
+    write_report(dataset, read_runs(dataset, files), page)
     console.out.print(score_table(SCENE, score_files(dataset, files)))
     console.out.print(f"{page.resolve().as_uri()}")

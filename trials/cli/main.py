@@ -50,6 +50,7 @@ def guard(command: Callable[[], object]) -> None:
     """Run a command; errors of the input end in one line and exit status 2, remarks are lines."""
     try:
         with warnings.catch_warnings():
+            warnings.simplefilter("default", Remark)  # one line for each text
             warnings.showwarning = partial(_show_warning, warnings.showwarning)
             command()
     except DriftyardError as error:

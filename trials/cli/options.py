@@ -23,7 +23,8 @@ SceneName = Annotated[
 ]
 Dataset = Annotated[Path, typer.Argument(help="Dataset folder: driftyard, EuRoC or KITTI.")]
 Trajectories = Annotated[
-    list[Path], typer.Argument(metavar="FILE...", help="Trajectory files, TUM format.")
+    list[Path],
+    typer.Argument(metavar="FILE...", help="Trajectory files: TUM, EuRoC or KITTI format."),
 ]
 Seed = Annotated[int, typer.Option(min=0, help="Random seed of scene, route and noise.")]
 Scenes = Annotated[str, typer.Option(metavar="A,B,C", help="Names of scenes, or all.")]

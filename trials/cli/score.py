@@ -11,7 +11,8 @@ from rich.table import Table
 from trials.cli import console
 from trials.cli.options import Dataset, Trajectories, option
 from trials.evaluation.alignment import Alignment
-from trials.evaluation.runs import read_run
+from trials.evaluation.mismatch import Frame, remark_mismatches
+from trials.evaluation.runs import read_runs
 from trials.evaluation.score import Score, score_run
 from trials.evaluation.truth import true_trajectory
 from trials.report.tables import text_table
@@ -22,20 +23,27 @@ def score(
     dataset: Dataset,
     files: Trajectories,
     as_json: bool = option(False, "Print all figures as JSON.", "--json"),
+    frame: Frame = option(Frame.CAM, "Frame of the estimated poses: left camera, or body."),
 ) -> None:
     """Compare trajectories with the ground truth of a dataset."""
-    scores = score_files(dataset, files)
+    scores = score_files(dataset, files, frame)
     if as_json:
         table = [{"file": str(file), **asdict(x)} for file, x in zip(files, scores, strict=True)]
         typer.echo(json.dumps(table, indent=1, allow_nan=False))
         return
-    console.out.print(score_table(dataset.resolve().name, scores))
+    with_attitude = all(x.has_attitude for x in scores)
+    title = dataset.resolve().name + ("" if with_attitude else ": ATE without attitude")
+    console.out.print(score_table(title, scores))
 
 
-def score_files(dataset: Path, files: Sequence[Path]) -> list[Score]:
+def score_files(dataset: Path, files: Sequence[Path], frame: Frame = Frame.CAM) -> list[Score]:
     """Score trajectory files; DriftyardError if a file or the ground truth cannot be read."""
-    truth, frames = true_trajectory(dataset), len(open_sequence(dataset))
-    return [score_run(truth, read_run(file), frames) for file in files]
+    truth, sequence = true_trajectory(dataset, positions=True), open_sequence(dataset)
+    T_body_cam = sequence.rig.T_body_cam
+    runs = [x.moved(frame.T_frame_cam(T_body_cam)) for x in read_runs(dataset, files)]
+    for run in runs:
+        remark_mismatches(truth, run, T_body_cam, frame)
+    return [score_run(truth, run, len(sequence)) for run in runs]
 
 
 def score_table(title: str, scores: Sequence[Score]) -> Table:
@@ -63,6 +71,7 @@ FIGURES: dict[str, tuple[Callable[[Score], float | None], int]] = {
     "ATE, Sim(3), m": (lambda x: _ate_m(x, Alignment.SIM3), 4),
     "path, m": (lambda x: x.path_m, 2),
     "frames": (lambda x: x.frames, 0),
+    "frames compared": (lambda x: x.compared, 0),
     "weak": (lambda x: x.statuses.get("weak"), 0),
     "lost": (lambda x: x.statuses.get("lost"), 0),
     "ms per frame, median": (lambda x: x.frame_ms, 1),

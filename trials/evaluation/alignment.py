@@ -1,6 +1,6 @@
 """Association of two trajectories by time, and alignment of one to the other."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -33,11 +33,14 @@ class Pair:
         timestamps_ns: (N,).
         T_world_cam: (N, 4, 4) truth.
         T_odom_cam: (N, 4, 4) estimate, in any fixed frame.
+        has_attitude: Whether the rotations are known; otherwise both are the identity, and the
+            positions are those of the point that the truth measures.
     """
 
     timestamps_ns: Indices
     T_world_cam: Array
     T_odom_cam: Array
+    has_attitude: bool = True
 
     @property
     def travelled_m(self) -> Array:
@@ -47,7 +50,12 @@ class Pair:
 
     def at(self, rows: Indices | slice) -> "Pair":
         """Keep some of the times."""
-        return Pair(self.timestamps_ns[rows], self.T_world_cam[rows], self.T_odom_cam[rows])
+        return replace(
+            self,
+            timestamps_ns=self.timestamps_ns[rows],
+            T_world_cam=self.T_world_cam[rows],
+            T_odom_cam=self.T_odom_cam[rows],
+        )
 
     def motion_errors(self, starts: Indices, ends: Indices) -> Array:
         """Return inverse(true motion) @ estimated motion (K, 4, 4) between K pairs of indices."""
@@ -97,7 +105,11 @@ def associate(truth: Trajectory, estimate: Trajectory) -> Pair:
             f"the estimate shares {shared.sum()} times with the truth, scoring needs 2; "
             f"truth {truth_span}, estimate {span}"
         )
-    return Pair(times[shared], truth.at(times[shared]).T_ref_frame, estimate.T_ref_frame[shared])
+    T_world_cam, T_odom_cam = truth.at(times[shared]).T_ref_frame, estimate.T_ref_frame[shared]
+    if truth.point_cam is not None:
+        points_odom = se3.transform(T_odom_cam, truth.point_cam[None])[:, 0]
+        T_odom_cam = se3.pose(np.eye(3), points_odom)
+    return Pair(times[shared], T_world_cam, T_odom_cam, truth.point_cam is None)
 
 
 def fit(pair: Pair, alignment: Alignment) -> Similarity:

@@ -2,8 +2,8 @@
 
 import csv
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,9 @@ import numpy as np
 from vo.contract.arrays import Array, Indices, Mask
 from vo.contract.errors import TrajectoryError
 from vo.contract.estimator import PointMap, Status
-from vo.contract.trajectory import Trajectory, read_tum
+from vo.contract.readers import open_sequence
+from vo.contract.trajectory import Trajectory
+from vo.contract.trajectory_files import read_trajectory
 from vo.runner import COUNT, MILLISECONDS, VERTEX, companion
 
 
@@ -79,9 +81,15 @@ class SavedRun:
     tracks: Tracks | None = None
     about: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
+    def moved(self, T_frame_cam: Array) -> "SavedRun":
+        """Convert poses of a frame to those of the left camera, at (4, 4) in it."""
+        known = self.trajectory
+        trajectory = Trajectory(known.timestamps_ns, known.T_ref_frame @ T_frame_cam)
+        return replace(self, trajectory=trajectory)
 
-def read_run(path: Path) -> SavedRun:
-    """Read a TUM file with its existing companion files.
+
+def read_run(path: Path, frame_times_ns: Indices | None = None) -> SavedRun:
+    """Read a trajectory file of a recording with frames at (N,) times, and its companion files.
 
     The trajectory may be empty if frames.csv marks every frame as lost.
 
@@ -96,12 +104,18 @@ def read_run(path: Path) -> SavedRun:
         if table and path.is_file() and set(table.status) == {Status.LOST}:
             trajectory = Trajectory(np.zeros(0, dtype=np.int64), np.zeros((0, 4, 4)))
         else:
-            trajectory = read_tum(path)
+            trajectory = read_trajectory(path, frame_times_ns)
         seen = _read_tracks(tracks) if tracks.is_file() else None
         name = str(about.get("estimator", path.stem))
         return SavedRun(path, name, trajectory, table, seen, about)
     except (OSError, ValueError, KeyError, AttributeError) as error:
         raise TrajectoryError(f"{path}: a companion file is damaged ({error})") from None
+
+
+def read_runs(dataset: Path, files: Sequence[Path]) -> list[SavedRun]:
+    """Read trajectory files of a recording; DriftyardError as of `open_sequence`, `read_run`."""
+    frame_times_ns = open_sequence(dataset).timestamps_ns
+    return [read_run(file, frame_times_ns) for file in files]
 
 
 def read_map(path: Path) -> PointMap:

@@ -52,10 +52,15 @@ class SegmentDrift:
 class Score:
     """Score of one estimator on one sequence.
 
+    With a truth of positions only, the figures that need attitude are None: all but those of
+    ATE after a fit.
+
     Attributes:
         frames: Number of frames of the sequence.
-        statuses: Status to number of frames; without frames.csv only `lost` is known.
+        statuses: Status to number of frames; empty without frames.csv, where a frame without a pose
+            may be one that the estimator never claimed.
         compared: Number of poses with a truth.
+        has_attitude: Whether the truth has rotations.
         path_m: Length of the true path between the first and the last of them.
         drift_1m: Drift over 1 m; None if the path is shorter.
         segments: Drift by segment length; the lengths depend on the path.
@@ -74,16 +79,17 @@ class Score:
     frames: int
     statuses: Mapping[str, int]
     compared: int
+    has_attitude: bool
     path_m: float
     drift_1m: SegmentDrift | None
     segments: tuple[SegmentDrift, ...]
     kitti_percent: float | None
     kitti_deg_per_m: float | None
-    end_m: float
+    end_m: float | None
     end_percent: float | None
     ate_m: Mapping[str, ErrorSummary]
-    rpe_frame_m: ErrorSummary
-    rpe_frame_deg: ErrorSummary
+    rpe_frame_m: ErrorSummary | None
+    rpe_frame_deg: ErrorSummary | None
     rpe_1m_m: ErrorSummary | None
     rpe_1m_deg: ErrorSummary | None
     frame_ms: float | None
@@ -100,34 +106,36 @@ def score_run(truth: Trajectory, run: SavedRun, frames: int) -> Score:
         pair = associate(truth, run.trajectory)
     except TrajectoryError as error:
         raise TrajectoryError(f"{run.path}: {error}") from None
-    path_m = float(pair.travelled_m[-1])
-    segments = {x: metrics.errors_over_distance(pair, x) for x in metrics.segment_lengths_m(path_m)}
+    path_m, table = float(pair.travelled_m[-1]), run.frames
+    lengths_m = metrics.segment_lengths_m(path_m) if pair.has_attitude else ()
+    segments = {x: metrics.errors_over_distance(pair, x) for x in lengths_m}
     over_1m, over_frame = metrics.errors_over_distance(pair, 1.0), metrics.errors_over_time(pair)
-    has_1m, table = len(over_1m) > 0, run.frames
+    has_1m, has_attitude = pair.has_attitude and len(over_1m) > 0, pair.has_attitude
     ate_m: dict[str, ErrorSummary] = {}
-    for alignment in Alignment:
+    for alignment in Alignment if has_attitude else (Alignment.SE3, Alignment.SIM3):
         try:
             ate_m[alignment.value] = ErrorSummary.of(metrics.position_errors(pair, alignment))
         except TrajectoryError:  # the scale of an estimate without motion is undefined
             continue
-    end_m = float(metrics.position_errors(pair, Alignment.FIRST_POSE)[-1])
+    end_m = float(metrics.position_errors(pair, Alignment.FIRST_POSE)[-1]) if has_attitude else None
     return Score(
         estimator=run.estimator,
         frames=frames,
-        statuses=_statuses(run, frames),
+        statuses=_statuses(run),
         compared=len(pair.timestamps_ns),
+        has_attitude=has_attitude,
         path_m=path_m,
         drift_1m=SegmentDrift.of(1.0, over_1m) if has_1m else None,
         segments=tuple(SegmentDrift.of(x, errors) for x, errors in segments.items()),
         kitti_percent=_pooled_mean([x.percent for x in segments.values()]),
         kitti_deg_per_m=_pooled_mean([x.deg_per_m for x in segments.values()]),
         end_m=end_m,
-        end_percent=100 * end_m / path_m if path_m > 0 else None,
+        end_percent=100 * end_m / path_m if end_m is not None and path_m > 0 else None,
         ate_m=ate_m,
-        rpe_frame_m=ErrorSummary.of(over_frame.translation_m),
-        rpe_frame_deg=ErrorSummary.of(np.degrees(over_frame.rotation_rad)),
+        rpe_frame_m=ErrorSummary.of(over_frame.translation_m) if has_attitude else None,
+        rpe_frame_deg=_degrees(over_frame) if has_attitude else None,
         rpe_1m_m=ErrorSummary.of(over_1m.translation_m) if has_1m else None,
-        rpe_1m_deg=ErrorSummary.of(np.degrees(over_1m.rotation_rad)) if has_1m else None,
+        rpe_1m_deg=_degrees(over_1m) if has_1m else None,
         frame_ms=float(np.median(table.frame_ms)) if table else None,
         stage_ms={x: float(np.nansum(ms)) / len(table) for x, ms in table.timings_ms.items()}
         if table
@@ -135,9 +143,13 @@ def score_run(truth: Trajectory, run: SavedRun, frames: int) -> Score:
     )
 
 
-def _statuses(run: SavedRun, frames: int) -> dict[str, int]:
+def _degrees(errors: metrics.RelativeErrors) -> ErrorSummary:
+    return ErrorSummary.of(np.degrees(errors.rotation_rad))
+
+
+def _statuses(run: SavedRun) -> dict[str, int]:
     if run.frames is None:
-        return {Status.LOST.value: frames - len(run.trajectory)}
+        return {}
     seen = Counter(run.frames.status)
     return {status.value: seen[status] for status in Status}
 

@@ -28,8 +28,8 @@ EDGE_PX = 1.0
 """Difference of disparities of neighbouring pixels, px, above which they are of two surfaces."""
 
 
-def true_trajectory(dataset: Path) -> Trajectory:
-    """Read the true T_world_cam.
+def true_trajectory(dataset: Path, positions: bool = False) -> Trajectory:
+    """Read the true T_world_cam; on request also a truth that has positions only.
 
     Raises:
         DatasetError: If the dataset is unreadable or has none.
@@ -37,6 +37,8 @@ def true_trajectory(dataset: Path) -> Trajectory:
     truth = read_truth(dataset)
     if truth is None:
         raise DatasetError(f"{dataset}: has no ground truth")
+    if truth.point_cam is not None and not positions:
+        raise DatasetError(f"{dataset}: its truth has no attitude; only `score` uses it")
     return truth
 
 

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from trials.evaluation.alignment import Alignment, associate, fit
+from trials.evaluation.mismatch import remark_mismatches
 from trials.evaluation.runs import SavedRun, Tracks
 from trials.evaluation.score import score_run
 from trials.evaluation.truth import true_trajectory
@@ -37,6 +38,8 @@ def write_report(dataset: Path, runs: Sequence[SavedRun], out: Path) -> None:
     sequence, truth = open_sequence(dataset), true_trajectory(dataset)
     runs = _distinct(runs)
     main, table = runs[0], runs[0].frames
+    for run in runs:
+        remark_mismatches(truth, run, sequence.rig.T_body_cam)
     scores = [score_run(truth, run, len(sequence)) for run in runs]
     pairs = {run.estimator: associate(truth, run.trajectory) for run in runs}
     aligned = {x: fit(pair, Alignment.FIRST_POSE).map(pair.T_odom_cam) for x, pair in pairs.items()}

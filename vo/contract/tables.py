@@ -4,6 +4,7 @@ Columns are separated by semicolons, commas, tabs or blanks, which is decided in
 that start with # or % are comments. Rows without a number before the first with one are a header.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
@@ -25,17 +26,23 @@ MIN_STEP_NS = 100_000
 MAX_STEP_S = 1.5
 """Time between rows, s, above which whole numbers are not seconds."""
 
+BRACKETS = re.compile(r"\[.*?\]|\(.*?\)")
+"""Units after the name of a column."""
+
 
 @dataclass(frozen=True)
 class Table:
     """Rows of words of a file, and the line of each; errors are of the reader's class.
 
     Attributes:
-        header: Names of the columns, from a comment or a bare header; empty if there is none.
+        headers: Words of the comments and bare headers before the first row, without units in
+            brackets; some of them may name the columns.
+        separator: That of the first row; None for blanks.
     """
 
     path: Path
-    header: tuple[str, ...]
+    headers: tuple[tuple[str, ...], ...]
+    separator: str | None
     lines: tuple[int, ...]
     rows: tuple[tuple[str, ...], ...]
     error: type[DriftyardError]
@@ -101,8 +108,12 @@ class Table:
             DriftyardError: If a timestamp is missing, no number, or out of range; as `numbers`.
         """
         stamps = self.stamps(column, expected)
-        unit = self._unit_ns(stamps) if unit_ns is None else unit_ns
-        times = [int((x * unit).to_integral_value()) for x in stamps]
+        unit = self.unit_ns(stamps, NS) if unit_ns is None else unit_ns
+        return self.in_ns(stamps, unit)
+
+    def in_ns(self, stamps: Sequence[Decimal], unit_ns: int) -> Indices:
+        """Convert the timestamps of the rows to ns (N,); raises the error of a row out of range."""
+        times = [int((x * unit_ns).to_integral_value()) for x in stamps]
         for i, time in enumerate(times):
             if abs(time) >= 2**63:
                 raise self.fault(i, f"the timestamp {stamps[i]} is out of range")
@@ -117,13 +128,15 @@ class Table:
             message = f"time must increase, but {times_ns[i]} ns {kind} of line {self.lines[i - 1]}"
             raise self.fault(i, message)
 
-    def _unit_ns(self, stamps: Sequence[Decimal]) -> int:
-        """Choose nanoseconds if the rows are far enough apart, else seconds."""
-        steps = sorted(abs(b - a) for a, b in pairwise(stamps) if a != b)
-        is_fractional = any(x != x.to_integral_value() for x in stamps)
-        if not steps:
-            return SECONDS if is_fractional else NS
-        step = steps[len(steps) // 2]
+    def unit_ns(self, stamps: Sequence[Decimal], default: int) -> int:
+        """Choose nanoseconds if the rows are far enough apart, else seconds.
+
+        Raises:
+            DriftyardError: If neither can be meant; of class `error`.
+        """
+        step, is_fractional = median_step(stamps), any(x % 1 for x in stamps)
+        if step is None:
+            return SECONDS if is_fractional else default
         if step >= MIN_STEP_NS:
             return NS
         if is_fractional or step <= MAX_STEP_S:
@@ -134,32 +147,42 @@ class Table:
         )
 
 
+def median_step(stamps: Sequence[Decimal]) -> Decimal | None:
+    """Return the median time between rows; None unless two of them differ."""
+    steps = sorted(abs(b - a) for a, b in pairwise(stamps) if a != b)
+    return steps[len(steps) // 2] if steps else None
+
+
 def read_table(path: Path, error: type[DriftyardError] = DatasetError) -> Table:
     """Read the rows of a text table; none is an empty table.
 
     Raises:
         DriftyardError: If the file is missing or not text; of the class `error`.
     """
-    header: tuple[str, ...] = ()
+    headers: list[tuple[str, ...]] = []
     lines: list[int] = []
     rows: list[tuple[str, ...]] = []
+    separator: str | None = None
     for number, line in enumerate(read_lines(path, error), start=1):
         text = line.strip()
         is_comment = text.startswith(("#", "%"))
-        words = _split(text.lstrip("#%"))
-        if not words:
-            continue
+        words = _split(text)
         if is_comment or not (rows or any(map(_is_number, words))):
-            header = header if rows else words
-            continue
-        lines.append(number)
-        rows.append(words)
-    return Table(path, header, tuple(lines), tuple(rows), error)
+            names = _split(BRACKETS.sub("", text.lstrip("#% ")))
+            headers += [names] if names and not rows else []
+        elif words:
+            separator = separator if rows else _separator(text)
+            lines.append(number)
+            rows.append(words)
+    return Table(path, tuple(headers), separator, tuple(lines), tuple(rows), error)
+
+
+def _separator(text: str) -> str | None:
+    return next((x for x in ";,\t" if x in text), None)
 
 
 def _split(text: str) -> tuple[str, ...]:
-    separator = next((x for x in ";,\t" if x in text), None)
-    words = [word.strip().strip('"').strip() for word in text.split(separator)]
+    words = [word.strip().strip('"').strip() for word in text.split(_separator(text))]
     while words and not words[-1]:
         words.pop()
     return tuple(words)

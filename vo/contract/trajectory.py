@@ -1,6 +1,6 @@
-"""A trajectory, and its TUM text form."""
+"""A trajectory, and its writing as TUM text."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +9,6 @@ from vo.contract import se3
 from vo.contract.arrays import Array, Indices
 from vo.contract.errors import TrajectoryError
 from vo.contract.files import write_text
-from vo.contract.tables import SECONDS, read_table
 
 NS_PER_S = 1_000_000_000
 
@@ -18,11 +17,13 @@ NS_PER_S = 1_000_000_000
 class Trajectory:
     """Poses (N, 4, 4) of a frame (usually `cam`) in a fixed one (`world`, `odom`), over time.
 
-    The timestamps (N,) strictly increase.
+    The timestamps (N,) strictly increase. Of a truth without attitude, the poses are positions of
+    `point_cam` (3,), metres in the left camera's frame, without rotation; None for full poses.
     """
 
     timestamps_ns: Indices
     T_ref_frame: Array
+    point_cam: Array | None = None
 
     def __post_init__(self) -> None:
         if self.T_ref_frame.shape != (len(self.timestamps_ns), 4, 4):
@@ -54,8 +55,11 @@ class Trajectory:
         # Relative to the first time, seconds in double precision are exact to far below 1 ns.
         known, queried = (self.timestamps_ns - start) / NS_PER_S, (times - start) / NS_PER_S
         if len(known) == 1:
-            return Trajectory(times, np.repeat(self.T_ref_frame, len(times), axis=0))
-        return Trajectory(times, se3.interpolate(known, self.T_ref_frame, queried))
+            return replace(
+                self, timestamps_ns=times, T_ref_frame=self.T_ref_frame.repeat(len(times), axis=0)
+            )
+        T_ref_frame = se3.interpolate(known, self.T_ref_frame, queried)
+        return replace(self, timestamps_ns=times, T_ref_frame=T_ref_frame)
 
 
 def write_tum(path: Path, trajectory: Trajectory) -> None:
@@ -68,19 +72,3 @@ def write_tum(path: Path, trajectory: Trajectory) -> None:
         seconds, nanoseconds = divmod(int(time), NS_PER_S)
         lines.append(f"{seconds}.{nanoseconds:09d} " + " ".join(f"{x:.9f}" for x in row))
     write_text(path, "\n".join(lines) + "\n")
-
-
-def read_tum(path: Path) -> Trajectory:
-    """Read a TUM trajectory; nanoseconds survive the round trip.
-
-    Raises:
-        TrajectoryError: If the file is missing or a line is malformed; names file and line.
-    """
-    table, expected = read_table(path, TrajectoryError), "'timestamp tx ty tz qx qy qz qw'"
-    if not len(table):
-        raise TrajectoryError(f"{path}: holds no poses")
-    times, rows = table.times_ns(expected, SECONDS), table.numbers(range(1, 8), expected)
-    for i in np.flatnonzero(np.linalg.norm(rows[:, 3:], axis=1) < 0.5):
-        raise table.fault(int(i), "the quaternion is zero; expected one of length 1")
-    table.require_increasing(times)
-    return Trajectory(times, se3.from_quat_wxyz(rows[:, [6, 3, 4, 5]], rows[:, :3]))

@@ -19,11 +19,9 @@ from vo.contract.errors import SettingsError, TrajectoryError
 from vo.contract.estimator import Estimate, Status
 from vo.contract.files import replacing
 from vo.contract.sequence import StereoSequence
-from vo.contract.trajectory import Trajectory, read_tum
+from vo.contract.trajectory import Trajectory
+from vo.contract.trajectory_files import SAME_TIME_NS, read_trajectory
 from vo.runner import Run
-
-SAME_TIME_NS = 1_000_000
-"""A pose belongs to a frame if their times differ by less than this."""
 
 
 @dataclass(frozen=True)
@@ -85,9 +83,9 @@ def run_command(command: Command, dataset: Path, sequence: StereoSequence, log: 
         if not out.is_file():
             raise PluginError(f"{command.name} wrote no trajectory; it printed {log}")
         try:
-            trajectory = read_tum(out)
+            trajectory = read_trajectory(out, sequence.timestamps_ns)
         except TrajectoryError as error:
-            place = str(error).replace(f"{out}:", "line ").replace(str(out), "")
+            place = str(error).replace(f"{out}: ", "").replace(f"{out}:", "line ")
             raise PluginError(f"{command.name} wrote a malformed trajectory, {place}") from None
     estimates = _estimates(command, trajectory, sequence)
     return Run(sequence.name, estimates, (wall_ms / len(sequence),) * len(sequence))

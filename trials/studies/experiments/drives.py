@@ -119,7 +119,7 @@ def _conclude_circle(results: Results) -> Finding:
 def _circle_table(results: Results) -> Rows:
     for v in SHOWN:
         runs = results.of(v)
-        end_m = np.array([x.score.end_m if x.score else np.nan for x in runs])
+        end_m = np.array([x.score.end_m if x.score else np.nan for x in runs], dtype=float)
         yield {
             "variant": v.label,
             "drift over 1 m, %": mean_text(results.drifts(v)),

@@ -1,0 +1,90 @@
+"""Columns of poses in a text table: which is which, and the poses in them."""
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from vo.contract import se3
+from vo.contract.arrays import Array, Indices
+from vo.contract.tables import Table
+
+TIME = re.compile(r"(time|stamp|timestamps?|t)(_?(ns|nsec|s|sec))?")
+POSITION = re.compile(
+    r"(?:p|t|pos|position|translation|pose|p_\w+_)?_?([xyz])(?:_m)?|.*position\.([xyz])"
+)
+ROTATION = re.compile(
+    r"(?:q|quat|quaternion|rot|ori|orientation|q_\w+_)_?([wxyz])|.*orientation\.([wxyz])"
+)
+GROUPS = (
+    (re.compile(r"q|quat|quaternion|q_\w+to\w+"), ("qx", "qy", "qz", "qw")),
+    (re.compile(r"p|pos|position|p_\w+in\w+"), ("px", "py", "pz")),
+)
+"""One name for several columns: OpenVINS writes states as `timestamp q_GtoI p_IinG v_IinG …`."""
+
+MAX_LENGTH_ERROR = 0.05
+"""Largest difference of a quaternion's length from 1: digits that were cut off."""
+
+
+@dataclass(frozen=True)
+class PoseColumns:
+    """Indices of the columns of time, position and quaternion, scalar first; None without one."""
+
+    time: int
+    position: tuple[int, ...]
+    quat_wxyz: tuple[int, ...] | None
+
+    def poses(self, table: Table, expected: str) -> Array:
+        """Return the poses (N, 4, 4) of the rows; without rotation, that is the identity.
+
+        Raises:
+            DriftyardError: If a number is missing or not finite, or a quaternion is not of unit
+                length; of the table's class, names file and line.
+        """
+        positions = table.numbers(self.position, expected)
+        if self.quat_wxyz is None:
+            return se3.pose(np.eye(3), positions)
+        quat_wxyz = table.numbers(self.quat_wxyz, expected)
+        lengths = np.linalg.norm(quat_wxyz, axis=1)
+        for i in np.flatnonzero(np.abs(lengths - 1) > MAX_LENGTH_ERROR):
+            message = (
+                f"the quaternion has length {lengths[i]:.3g} instead of 1; expected {expected}"
+            )
+            raise table.fault(int(i), message)
+        return se3.from_quat_wxyz(quat_wxyz, positions)
+
+
+TUM = PoseColumns(0, (1, 2, 3), (7, 4, 5, 6))
+EUROC = PoseColumns(0, (1, 2, 3), (4, 5, 6, 7))
+
+
+def named_columns(table: Table) -> PoseColumns | None:
+    """Find the columns by the names in a header; None unless time and position are named."""
+    columns = max((len(row) for row in table.rows), default=0)
+    return next(filter(None, (_columns(header, columns) for header in table.headers)), None)
+
+
+def is_row_count(times: Indices) -> bool:
+    """Whether numbers (N,) are 0, 1, 2 … or 1, 2, 3 …, N >= 3."""
+    return len(times) >= 3 and times[0] in (0, 1) and bool((np.diff(times) == 1).all())
+
+
+def _columns(header: tuple[str, ...], columns: int) -> PoseColumns | None:
+    """Find the columns of a table of so many in the words of a header."""
+    names: list[str] = []
+    for word in header:
+        name = re.sub(r"\s+", "", word.lower())
+        names += next((group for pattern, group in GROUPS if pattern.fullmatch(name)), (name,))
+    time = next((i for i, name in enumerate(names) if TIME.fullmatch(name)), 0)
+    if len(names) > columns:  # such as `format: timestamp tx ty tz qx qy qz qw`
+        names, time = names[time:], 0
+    place: dict[str, int] = {}
+    for i, name in enumerate(names[:columns]):
+        for kind, pattern in (("p", POSITION), ("q", ROTATION)):
+            if match := pattern.fullmatch(name):
+                place.setdefault(kind + (match[1] or match[2]), i)
+    if time in place.values() or not {"px", "py", "pz"} <= place.keys():
+        return None
+    quat = tuple(place[x] for x in ("qw", "qx", "qy", "qz") if x in place)
+    position = (place["px"], place["py"], place["pz"])
+    return PoseColumns(time, position, quat if len(quat) == 4 else None)

@@ -1,0 +1,140 @@
+"""Trajectory files of any format that estimators write."""
+
+from collections.abc import Sequence
+from decimal import Decimal
+from pathlib import Path
+
+import numpy as np
+
+from vo.contract.arrays import Array, Indices
+from vo.contract.errors import TrajectoryError
+from vo.contract.pose_tables import EUROC, TUM, PoseColumns, is_row_count, named_columns
+from vo.contract.remarks import remark
+from vo.contract.tables import MIN_STEP_NS, NS, SECONDS, Table, median_step, read_table
+from vo.contract.trajectory import Trajectory
+
+FORMATS = (
+    "'timestamp tx ty tz qx qy qz qw' (TUM), 'timestamp, px, py, pz, qw, qx, qy, qz' (EuRoC), or "
+    "12 numbers (KITTI)"
+)
+MARGIN_NS = 1_000_000_000
+"""Time before and after a recording to which poses may belong."""
+
+SAME_TIME_NS = 1_000_000
+"""A pose belongs to a frame if their times differ by less than this."""
+
+MAX_ROTATION_ERROR = 0.02
+"""Largest entry of R R^T - I of a rotation that was written with few digits."""
+
+
+def read_trajectory(path: Path, frame_times_ns: Indices | None = None) -> Trajectory:
+    """Read poses of a frame in a fixed one: TUM, a EuRoC table, or KITTI's rows.
+
+    A header that names columns decides which is which, further columns are ignored. Timestamps are
+    seconds or nanoseconds, by which fits the recording.
+
+    Args:
+        path: The file.
+        frame_times_ns: (N,) times of the recording's frames; KITTI's rows have no others.
+
+    Raises:
+        TrajectoryError: If the file is missing or a row malformed; names file and line.
+    """
+    table = read_table(path, TrajectoryError)
+    if not len(table):
+        raise TrajectoryError(f"{path}: holds no poses; expected rows of {FORMATS}")
+    named = named_columns(table)
+    if named is None and (T := _kitti_poses(table)) is not None:
+        return _at_frames(table, T, frame_times_ns)
+    if named and named.quat_wxyz is None:
+        raise TrajectoryError(f"{path}: has no quaternions; expected rows of {FORMATS}")
+    stamps = table.stamps(named.time if named else 0, FORMATS)
+    unit_ns = _unit_ns(table, stamps, frame_times_ns)
+    times_ns = table.in_ns(stamps, unit_ns)
+    if is_row_count(np.array(stamps)) and not _is_slow(frame_times_ns):
+        raise table.fault(0, f"the first column counts rows; expected {FORMATS}")
+    T_ref_frame = (named or _unnamed_columns(table, unit_ns)).poses(table, FORMATS)
+    table.require_increasing(times_ns)
+    if frame_times_ns is not None:
+        _remark_other_times(path, times_ns, frame_times_ns)
+    return Trajectory(times_ns, T_ref_frame)
+
+
+def rotation_faults(R: Array) -> Indices:
+    """Return the indices of matrices (N, 3, 3) that are no rotations."""
+    error = np.abs(R @ R.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2))
+    return np.flatnonzero(~(error < MAX_ROTATION_ERROR) | (np.linalg.det(R) < 0))
+
+
+def _kitti_poses(table: Table) -> Array | None:
+    """Return poses (N, 4, 4) of rows of 12 numbers whose first is a rotation; None for others."""
+    if len(table.rows[0]) != 12:
+        return None
+    expected = "12 numbers, the top of a pose matrix (KITTI)"
+    T = np.tile(np.eye(4), (len(table), 1, 1))
+    T[:, :3] = table.numbers(range(12), expected).reshape(-1, 3, 4)
+    faults = rotation_faults(T[:, :3, :3])
+    if 0 in faults:
+        return None
+    for i, row in enumerate(table.rows):
+        if len(row) != 12 or i in faults:
+            raise table.fault(i, f"holds no rotation, or more columns; expected {expected}")
+    return T
+
+
+def _at_frames(table: Table, T_ref_frame: Array, frame_times_ns: Indices | None) -> Trajectory:
+    if frame_times_ns is None or len(frame_times_ns) != len(T_ref_frame):
+        frames = "no recording" if frame_times_ns is None else f"{len(frame_times_ns)} frames"
+        rows = f"{len(T_ref_frame)} rows of 12 numbers, which have no times,"
+        raise TrajectoryError(f"{table.path}: {rows} for {frames}")
+    return Trajectory(frame_times_ns, T_ref_frame)
+
+
+def _unnamed_columns(table: Table, unit_ns: int) -> PoseColumns:
+    """Take the columns of TUM, or those of EuRoC if commas separate them and times are in ns."""
+    if table.separator not in (",", ";"):
+        return TUM
+    is_euroc = unit_ns == NS
+    order = "qw, qx, qy, qz" if is_euroc else "qx, qy, qz, qw"
+    remark(f"{table.path}: has no header; its quaternions are taken as {order}")
+    return EUROC if is_euroc else TUM
+
+
+def _unit_ns(table: Table, stamps: Sequence[Decimal], frame_times_ns: Indices | None) -> int:
+    """Choose the unit in which more of the timestamps lie within the recording."""
+    if frame_times_ns is not None:
+        start, end = (int(x) for x in frame_times_ns[[0, -1]])
+        inside = {
+            unit: sum(start - MARGIN_NS <= x * unit <= end + MARGIN_NS for x in stamps)
+            for unit in (SECONDS, NS)
+        }
+        is_fractional = any(abs(x - round(x)) > Decimal("0.01") for x in stamps)
+        if is_fractional or (median_step(stamps) or MIN_STEP_NS) < MIN_STEP_NS:
+            inside[NS] = 0
+        best = max(inside, key=lambda unit: inside[unit])
+        if inside[best] >= min(2, len(stamps)):
+            return best
+    return table.unit_ns(stamps, SECONDS)
+
+
+def _remark_other_times(path: Path, times_ns: Indices, frame_times_ns: Indices) -> None:
+    """Issue a remark if most poses are beside the frames, unless they come at another rate."""
+    within = times_ns[(times_ns >= frame_times_ns[0]) & (times_ns <= frame_times_ns[-1])]
+    if len(within) < 2 or len(within) > 1.5 * len(frame_times_ns):
+        return
+    after = np.searchsorted(frame_times_ns, within)
+    before_ns = within - frame_times_ns[np.maximum(after - 1, 0)]
+    distance_ns = np.minimum(np.abs(frame_times_ns[after] - within), np.abs(before_ns))
+    beside = distance_ns > SAME_TIME_NS
+    if beside.sum() > len(within) / 2:
+        remark(
+            f"{path}: {beside.sum()} of {len(within)} poses are not at the time of a frame but up "
+            f"to {distance_ns.max() / 1e6:.1f} ms beside; were times shifted or rounded?"
+        )
+
+
+def _is_slow(frame_times_ns: Indices | None) -> bool:
+    """Whether the frames are about a second apart, so that timestamps may count seconds."""
+    if frame_times_ns is None or len(frame_times_ns) < 2:
+        return frame_times_ns is None
+    return bool(0.9 < np.median(np.diff(frame_times_ns)) / SECONDS < 1.1)
