@@ -7,15 +7,16 @@ from typing import Any, Literal, Self
 import mujoco
 import numpy as np
 
+from sim.graphics import (
+    LIBRARIES,
+    Backend,
+    GraphicsError,
+    check_variables,
+    explain_fault,
+    has_library,
+)
 from vo.contract.arrays import Array, Image, Indices
 from vo.contract.compilation import compiled
-from vo.contract.errors import DriftyardError
-
-Backend = Literal["egl", "osmesa"]
-
-
-class GraphicsError(DriftyardError):
-    """OpenGL is missing, or cannot render images of the requested size."""
 
 
 def choose_backend(wanted: Literal["auto", "egl", "osmesa"]) -> Backend:
@@ -35,25 +36,28 @@ def open_context(wanted: Literal["auto", "egl", "osmesa"], width: int, height: i
     the process, and `mujoco.GLContext` would need a window system.
 
     Raises:
-        GraphicsError: If the backend is missing; says what to install.
+        GraphicsError: If the backend is missing or a variable of the environment cannot be used;
+            says which, or what to install.
     """
+    check_variables(wanted)
     backend = choose_backend(wanted)
+    check_variables(backend)
     # Mesa's software renderer then blends two mipmap levels only close to where they change over:
     # 15 % less time for images; 0.4 grey levels on average, nothing in residuals or drift.
     os.environ.setdefault("GALLIVM_PERF", "brilinear")
     try:
+        if not has_library(backend):
+            raise ImportError(f"{LIBRARIES[backend][0]} is missing")
         if backend == "egl":
             from mujoco.egl import GLContext as Context
         else:
             from mujoco.osmesa import GLContext as Context
         context = Context(width, height)
-    except (ImportError, AttributeError, RuntimeError) as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        context.make_current()
+    except Exception as error:  # ImportError, AttributeError, OSError, GLError, RuntimeError ...
         raise GraphicsError(
-            f"no off-screen GL through {backend} ({reason}); install it with: "
-            "apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri libosmesa6"
+            f"no off-screen OpenGL through {backend}: {explain_fault(error)}"
         ) from None
-    context.make_current()
     return context
 
 

@@ -8,8 +8,9 @@ import mujoco
 import numpy as np
 
 from scenes.scene import COLLISION_GROUP, IMAGE_GROUP, LABEL_GROUP
-from sim.camera.gl import Framebuffer, GraphicsError, decode_buffers, open_context
+from sim.camera.gl import Framebuffer, decode_buffers, open_context
 from sim.camera.sky import SkyBands, allows_sky_last, uncovered_bands
+from sim.graphics import GraphicsError, explain_fault
 from sim.settings import RenderSettings
 from sim.world.rig import CAMERA
 from sim.world.world import World
@@ -73,11 +74,10 @@ class StereoRenderer:
             self._image_framebuffer = Framebuffer(self._context, settings.samples)
             self._label_framebuffer = Framebuffer(self._context, 0)
             self._sky = SkyBands(self._context)
-        except (mujoco.FatalError, GraphicsError) as error:
+        except Exception as error:  # a driver may lack any function
             self._gl.free()
-            raise GraphicsError(
-                f"OpenGL cannot render {2 * self._width}x{self._height} px ({error})"
-            ) from None
+            size = f"{2 * self._width}x{self._height} px"
+            raise GraphicsError(f"OpenGL cannot render {size}: {explain_fault(error)}") from None
         self._scene = mujoco.MjvScene(model, maxgeom=model.ngeom + SPARE_GEOMS)
         self._rect = mujoco.MjrRect(0, 0, 2 * self._width, self._height)
         self._rgba = np.empty((self._height, 2 * self._width, 4), np.uint8)

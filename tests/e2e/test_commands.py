@@ -6,7 +6,7 @@ import sys
 import time
 
 import pytest
-from terminal import ROOT, driftyard
+from terminal import ROOT, driftyard, driftyard_process
 
 PLANE = """<mujoco><worldbody><geom type="plane" size="5 5 1"/></worldbody></mujoco>"""
 
@@ -24,6 +24,26 @@ def test_doctor_reports_a_working_driver(tmp_path):
     assert result.returncode == 0, result.stdout
     assert "renders: " in result.stdout
     assert "gtsam" in result.stdout
+
+
+@pytest.mark.gl
+def test_doctor_unusable_variable_is_named(tmp_path, monkeypatch):
+    monkeypatch.setenv("MUJOCO_EGL_DEVICE_ID", "[/abc]")
+    monkeypatch.setenv("COLUMNS", "200")
+    result = driftyard_process("doctor", cwd=tmp_path)
+    assert result.returncode == 1, result.stderr
+    assert "no: MUJOCO_EGL_DEVICE_ID=[/abc]: " in result.stdout
+    assert result.stderr == ""
+
+
+def test_unusable_mujoco_gl_is_one_line(tmp_path, monkeypatch):
+    monkeypatch.setenv("MUJOCO_GL", "foo")
+    result = driftyard_process("scenes", cwd=tmp_path)
+    assert result.returncode == 2
+    assert result.stderr.splitlines() == [
+        "driftyard: error: no OpenGL: MUJOCO_GL=foo: no such backend; unset it, or set egl or "
+        "osmesa"
+    ]
 
 
 def test_import_of_the_command_line_is_light(tmp_path):

@@ -2,20 +2,24 @@
 
 import importlib.metadata
 import multiprocessing
+import os
 import platform
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from typing import Literal
 
 import typer
+from rich.markup import escape
 from rich.table import Table
 
+from sim.graphics import VARIABLES, GraphicsError, explain_fault
 from trials.cli import console
 from trials.execution.parallel import usable_cores
 
-BACKENDS: tuple[Literal["egl", "osmesa"], ...] = ("egl", "osmesa")
+Wanted = Literal["auto", "egl", "osmesa"]
+BACKENDS: tuple[Wanted, ...] = ("egl", "osmesa")
 PACKAGES = ("mujoco", "gtsam", "numpy", "opencv-python-headless", "numba", "scipy")
-INSTALL_GL = "apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri libosmesa6"
 TEST_SCENE = """
 <mujoco>
   <worldbody>
@@ -31,7 +35,8 @@ SIDE_PX = 64
 def doctor() -> None:
     """Check which OpenGL drivers render and which packages are installed.
 
-    The exit status is 1 if no driver renders.
+    Each driver is tried without the environment's variables, then the one that they choose. The
+    exit status is 1 if that does not render.
     """
     table = Table(box=None, show_header=False)
     table.add_row("machine", f"{platform.platform()}, {usable_cores()} usable cores")
@@ -39,14 +44,16 @@ def doctor() -> None:
     table.add_row("driftyard", _version("driftyard", install="pip install -e ."))
     for package in PACKAGES:
         table.add_row(package, _version(package))
-    working = {backend: _render_in_process(backend) for backend in BACKENDS}
-    for backend, (renders, words) in working.items():
-        table.add_row(backend, f"[green]renders[/]: {words}" if renders else f"[red]no[/]: {words}")
+    working = {backend: _render_in_process(backend, VARIABLES) for backend in BACKENDS}
+    given = [f"{name}={os.environ[name]}" for name in VARIABLES if name in os.environ]
+    if given:
+        working[escape(" ".join(given))] = _render_in_process("auto", ())
+    for label, (renders, words) in working.items():
+        table.add_row(label, f"[green]renders[/]: {words}" if renders else f"[red]no[/]: {words}")
     console.out.print(table)
-    if not any(renders for renders, _ in working.values()):
-        console.out.print(
-            f"No OpenGL driver renders: generate and preview will not work.\n{INSTALL_GL}"
-        )
+    used = list(working.values())[-1:] if given else working.values()
+    if not any(renders for renders, _ in used):
+        console.out.print("OpenGL does not render: generate and preview will not work.")
         raise typer.Exit(1)
 
 
@@ -57,26 +64,39 @@ def _version(package: str, install: str = "") -> str:
         return f"[red]missing[/]; {install or f'pip install {package}'}"
 
 
-def _render_in_process(backend: Literal["egl", "osmesa"]) -> tuple[bool, str]:
+def _render_in_process(backend: Wanted, without: Sequence[str]) -> tuple[bool, str]:
     """Render in a process of its own: OpenGL binds to a process, and a bad driver may crash it."""
-    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(1, spawn, _drop_variables, (without,)) as pool:
         try:
-            return pool.submit(render_test_scene, backend).result()
+            renders, words = pool.submit(render_test_scene, backend).result()
         except BrokenProcessPool:
             return False, "the driver crashed"
+    return renders, escape(words)
 
 
-def render_test_scene(backend: Literal["egl", "osmesa"]) -> tuple[bool, str]:
+def _drop_variables(names: Sequence[str]) -> None:
+    for name in names:
+        os.environ.pop(name, None)
+
+
+def render_test_scene(backend: Wanted) -> tuple[bool, str]:
     """Render a lit orange box; return whether its pixels show it, and the driver or the error."""
-    import mujoco  # each import may fail on the machine that is checked
-    import numpy as np
-
-    from sim.camera.gl import GraphicsError, open_context
-
     try:
-        context = open_context(backend, SIDE_PX, SIDE_PX)
+        return _render_box(backend)
     except GraphicsError as error:
         return False, str(error)
+    except Exception as error:  # each import, and each call of the driver, may fail
+        return False, explain_fault(error)
+
+
+def _render_box(backend: Wanted) -> tuple[bool, str]:
+    import mujoco
+    import numpy as np
+
+    from sim.camera.gl import open_context
+
+    context = open_context(backend, SIDE_PX, SIDE_PX)
     try:
         model = mujoco.MjModel.from_xml_string(TEST_SCENE)
         data = mujoco.MjData(model)
@@ -95,8 +115,6 @@ def render_test_scene(backend: Literal["egl", "osmesa"]) -> tuple[bool, str]:
         from OpenGL import GL  # binds to the backend of the context
 
         name = GL.glGetString(GL.GL_RENDERER).decode()
-    except mujoco.FatalError as error:
-        return False, str(error)
     finally:
         context.free()
     # The box is orange: red is well above blue in some pixels, and not in all.

@@ -9,6 +9,7 @@ from typing import Any
 
 import typer
 
+from sim.graphics import explain_fault, is_graphics_fault
 from trials.cli.registry import COMMANDS, LazyGroup
 from vo.contract.errors import DriftyardError, SettingsError
 from vo.contract.remarks import Remark
@@ -61,6 +62,10 @@ def guard(command: Callable[[], object]) -> None:
         _fail(f"{error.filename}: {error.strerror}")
     except BrokenProcessPool:
         _fail("a worker process was killed (out of memory?); run the command again")
+    except Exception as error:
+        if not is_graphics_fault(error):
+            raise
+        _fail(f"no OpenGL: {explain_fault(error)}")
     except SystemExit as exit:
         if exit.code == INTERRUPTED:
             print("driftyard: interrupted", file=sys.stderr)
