@@ -56,6 +56,7 @@ class Scene:
         brightness: Illuminance at (...) times in seconds, relative to the nominal one.
         elevation: Height in metres of the drivable ground at (..., 2) x, y.
         source: Name that builds the scene again if it is not `name`: a file or `module:function`.
+        assets: SHA-256 of each file that a custom scene is made from, by its path.
     """
 
     name: str
@@ -69,3 +70,4 @@ class Scene:
     brightness: Callable[[Array], Array] = lambda time_s: np.ones(np.shape(time_s))
     elevation: Callable[[Array], Array] = lambda xy: np.zeros(np.shape(xy)[:-1])
     source: str = ""
+    assets: Mapping[str, str] = field(default_factory=dict[str, str])

@@ -4,6 +4,7 @@ A task depends on nothing but a scene and settings: it runs anywhere that has th
 if its worker is lost. A dataset that exists with the same settings is kept.
 """
 
+import json
 import logging
 import os
 import threading
@@ -16,11 +17,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenes import build_scene
+from scenes.custom import is_custom
 from scenes.scene import Scene
 from sim.progress import Progress
 from sim.record import Recording, record
 from sim.settings import RecordSettings, recorded_settings
+from sim.world.fingerprint import changes_since, fingerprint
 from sim.world.random_streams import stream
+from sim.world.world import build_world
 from vo.contract.dataset import MANIFEST, read_manifest
 from vo.contract.errors import DatasetError, DriftyardError
 
@@ -60,6 +64,12 @@ class Task:
         same = recorded_settings(made["settings"]) == self.settings
         if not same or made["scene"]["source"] != self.scene:
             raise DatasetError(f"{self.out}: exists with other settings; choose another folder")
+        if is_custom(self.scene):
+            world = build_world(build(self.scene, self.settings), self.settings)
+            if problem := changes_since(made.get("world", {}), world):
+                raise DatasetError(
+                    f"{self.out}: exists, and {problem} since; choose another folder"
+                )
         return True
 
 
@@ -79,6 +89,17 @@ def build(scene: str, settings: RecordSettings) -> Scene:
         SettingsError: If there is no such scene or option.
     """
     return build_scene(scene, stream(settings.seed, "scene"), settings.scene)
+
+
+def custom_fingerprint(scene: str, settings: RecordSettings) -> str:
+    """Return the `fingerprint` of a custom scene as JSON, "" of another, which its name tells.
+
+    Raises:
+        SettingsError: If the scene cannot be built.
+    """
+    if not is_custom(scene):
+        return ""
+    return json.dumps(fingerprint(build_world(build(scene, settings), settings)))
 
 
 def perform(task: Task, progress: Progress | None = None) -> Outcome:

@@ -1,7 +1,7 @@
 """Recording: a scene and settings become a dataset folder, complete or not at all."""
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import chain, pairwise
@@ -22,6 +22,7 @@ from sim.labels.formats import CODES, LABELS
 from sim.preview.cameras import render_world_map
 from sim.progress import Progress
 from sim.settings import RecordSettings
+from sim.world.fingerprint import expect_unchanged
 from sim.world.trip import Trip, make_trip
 from sim.world.world import World, build_world
 from vo.contract.dataset import MAP_FILE, DatasetWriter
@@ -45,20 +46,24 @@ def record(
     out: Path,
     overwrite: bool = False,
     progress: Progress | None = None,
+    recorded: Mapping[str, Any] | None = None,
 ) -> Recording:
     """Drive the scene's route, render it and write the dataset folder `out`.
 
     The same scene, settings, MuJoCo and OpenGL give the same bytes. A rover that tips over or gets
-    stuck leaves a dataset of the frames until then, marked incomplete with the reason.
+    stuck leaves a dataset of the frames until then, marked incomplete with the reason. `recorded`
+    is the manifest of a dataset of the same scene: a custom scene must not have changed since.
 
     Raises:
-        DatasetError: If `out` exists or the disk is full.
+        DatasetError: If `out` exists, the disk is full, or the scene changed since `recorded`.
         SettingsError: If route, distance, lens or start do not fit the scene.
         DriveError: If the rover fails before the second frame.
         GraphicsError: If there is no OpenGL.
     """
     with DatasetWriter(out, overwrite) as writer:
         world = build_world(scene, settings)
+        if recorded is not None:
+            expect_unchanged(recorded, world)
         trip = make_trip(world, settings)
         camera = StereoCamera(world, settings)
         with StereoRenderer(world, settings.render, settings.rig.color) as renderer:

@@ -11,6 +11,7 @@ import numpy as np
 from scenes.scene import Thing
 from sim.imaging.lens import miscalibration_rotation
 from sim.settings import RecordSettings
+from sim.world.fingerprint import fingerprint
 from sim.world.trip import Trip
 from sim.world.world import World
 from vo.contract.dataset import installed_version
@@ -55,6 +56,7 @@ def manifest(
             "tests": scene.tests,
             "tags": sorted(scene.tags),
         },
+        "world": fingerprint(world),
         "seed": settings.seed,
         "settings": settings.model_dump(mode="json"),
         "complete": not trip.ended,

@@ -54,6 +54,27 @@ def broken():
     return 1 // 0
 
 constant = 5
+
+def exits():
+    raise SystemExit("bye")
+
+def library():
+    return np.concatenate([])
+
+def needy(size):
+    return spec()
+
+def low():
+    return Scene("low", "", spec(), {"default": np.eye(2)}, (1, 0, 0, 1))
+
+def pose(time_s):
+    raise KeyError("pose")
+
+def moved():
+    world = spec()
+    world.worldbody.add_body(name="ball", mocap=True)
+    motions = {"ball": pose}
+    return Scene("moved", "", world, {"default": np.eye(2)}, (0, 0, 1, 1), movers=motions)
 """
 
 
@@ -75,7 +96,10 @@ def module(tmp_path, monkeypatch) -> str:
 
 @pytest.mark.parametrize(
     ("name", "custom"),
-    [("office", False), ("a.xml", True), ("b/c.mjcf", True), ("m:f", True), ("xml", False)],
+    [
+        *(("office", False), ("a.xml", True), ("b/c.mjcf", True), ("m:f", True), ("xml", False)),
+        *(("A.XML", True), ("site:1.xml", True)),
+    ],
 )
 def test_is_custom_distinguishes_files_functions_and_names(name, custom):
     assert is_custom(name) == custom
@@ -93,6 +117,12 @@ def test_load_scene_mjcf_file_has_a_closed_route(yard):
     assert y_min < -LOOP_M / 2
     assert x_max >= 2.65
     assert y_max >= 2.2
+
+
+@pytest.mark.parametrize("name", ["YARD.XML", "site:1.xml", "yard.mjcf"])
+def test_load_scene_any_file_name_is_read(yard, name):
+    scene = load_scene(str(yard.rename(yard.with_name(name))))
+    assert scene.name == Path(name).stem
 
 
 def test_custom_scene_rover_drives_and_objects_have_classes(yard):
@@ -139,8 +169,13 @@ def test_load_scene_function_returns_a_spec_or_a_scene(module):
     ("function", "fragment"),
     [
         ("nothing", "has no function nothing; its functions: spec, scene, number, broken"),
-        ("broken", r"broken failed \(ZeroDivisionError at worlds_\w+\.py, line 19: "),
+        ("broken", r"broken failed \(\S*worlds_\w+\.py:19: ZeroDivisionError: "),
         ("constant", "has no function constant"),
+        ("exits", r"exits failed \(\S*worlds_\w+\.py:24: SystemExit: bye"),
+        ("library", r"library failed \(\S*worlds_\w+\.py:27: ValueError: "),
+        ("needy", "needy takes arguments, expected none"),
+        ("low", "extent_m of the Scene: expected x, y, x, y in m"),
+        ("moved", r"mover ball failed \(\S*worlds_\w+\.py:36: KeyError: 'pose'"),
         ("number", "returned a int; return a mujoco.MjSpec or a scenes.scene.Scene"),
     ],
 )
@@ -158,7 +193,7 @@ def test_load_scene_incomplete_function_name_is_refused(name):
 def test_load_scene_module_with_syntax_error_is_one_line(tmp_path, monkeypatch):
     (tmp_path / "slipped.py").write_text("def build(:\n")
     monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(SettingsError, match=r"cannot import slipped .*line 1"):
+    with pytest.raises(SettingsError, match=r"cannot import slipped \(\S*slipped.py:1: Syntax"):
         load_scene("slipped:build")
 
 

@@ -7,6 +7,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, ClassVar
 
+from sim.batch import custom_fingerprint
 from trials.cli import console
 from trials.cli.options import Disturb, SceneName, changes, option
 from trials.execution.parallel import map_parallel
@@ -125,9 +126,11 @@ def _driven(
     options: Mapping[str, Any], sources: Sequence[str], worlds: WorldOptions, files: OutputOptions
 ) -> Iterator[results.TrialResult]:
     """Drive what the result file does not hold yet; yields all trials by world."""
-    trial = validated(NavSettings, options).model_dump(mode="json")
+    settings = validated(NavSettings, options)
+    trial = settings.model_dump(mode="json")
+    custom = custom_fingerprint(settings.scene, settings.recorded(worlds.seed))
     what = {"sources": sources, "runs": worlds.runs, "seed": worlds.seed, "worlds": worlds.worlds}
-    key = json.dumps({"options": trial, **what})
+    key = json.dumps({"options": trial, **what, "custom": custom})
     store = results.ResultStore(files.out, key) if files.out else None
     done = dict(store.done) if store else {}
     missing = [k for k in worlds.layouts if k not in done]

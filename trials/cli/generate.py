@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import typer
 
@@ -48,28 +48,32 @@ def generate(
     if source is not None:
         if scene or recording != RecordingOptions() or batch.count or batch.vary:
             raise SettingsError("--from: takes scene and settings from the file alone")
-        _generate_one(_task_of(source, out), overwrite)
+        _generate_one(*_task_of(source, out), overwrite=overwrite)
         return
     if scene is None:
         raise SettingsError("which scene? `driftyard scenes` lists them")
     names = scene.split(",")
     if batch.count is None and not batch.vary and len(names) == 1:
-        _generate_one(Task(scene, recording.settings(scene), out), overwrite)
+        _generate_one(Task(scene, recording.settings(scene), out), None, overwrite)
     else:
         _generate_all(list(_tasks(names, out, recording, batch)), batch)
 
 
 def record_scene(
-    name: str, settings: RecordSettings, out: Path, overwrite: bool = False
+    name: str,
+    settings: RecordSettings,
+    out: Path,
+    overwrite: bool = False,
+    recorded: dict[str, Any] | None = None,
 ) -> Recording:
-    """Record a scene with a progress bar."""
+    """Record a scene with a progress bar; `recorded` is as for `record`."""
     DatasetWriter(out, overwrite)  # refuses an existing folder before the scene is built
     with console.progress_bar(f"recording {name}") as progress:
-        return record(build(name, settings), settings, out, overwrite, progress)
+        return record(build(name, settings), settings, out, overwrite, progress, recorded)
 
 
-def _task_of(manifest: Path, out: Path) -> Task:
-    """Read scene and settings of a dataset from its folder or its dataset.json."""
+def _task_of(manifest: Path, out: Path) -> tuple[Task, dict[str, Any]]:
+    """Read scene and settings of a dataset, and its manifest, from its folder or dataset.json."""
     folder = manifest.parent if manifest.name == MANIFEST else manifest
     content = read_manifest(folder)
     try:
@@ -77,7 +81,7 @@ def _task_of(manifest: Path, out: Path) -> Task:
     except (KeyError, TypeError):
         raise DatasetError(f"{folder / MANIFEST}: does not name its scene and settings") from None
     try:
-        return Task(source, recorded_settings(settings), out)
+        return Task(source, recorded_settings(settings), out), content
     except SettingsError as error:
         raise SettingsError(f"{folder / MANIFEST}: {error}") from None
 
@@ -103,8 +107,8 @@ def _tasks(
             yield Task(name, chosen, out / label)
 
 
-def _generate_one(task: Task, overwrite: bool) -> None:
-    recording = record_scene(task.scene, task.settings, task.out, overwrite)
+def _generate_one(task: Task, recorded: dict[str, Any] | None, overwrite: bool) -> None:
+    recording = record_scene(task.scene, task.settings, task.out, overwrite, recorded)
     certificate = recording.certificate
     verdict = "certified" if certificate["passed"] else "[bold red]not certified[/]"
     console.out.print(

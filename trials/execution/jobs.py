@@ -20,7 +20,9 @@ from vo.contract.trajectory import Trajectory
 
 def scene_label(scene: str) -> str:
     """Return the part of a file's name that stands for a scene: of an MJCF file, its stem."""
-    return Path(scene).stem.replace(":", ".")
+    path = Path(scene)
+    label = path.stem if path.suffix.lower() in (".xml", ".mjcf") else scene
+    return label.replace(":", ".").replace("/", ".")
 
 
 @dataclass(frozen=True)

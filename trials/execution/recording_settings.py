@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from scenes import SCENES, find_scene
+from scenes.custom import is_custom
 from sim.disturbances import disturbed, parse_disturbances
 from sim.settings import RecordSettings
 from vo.contract.errors import SettingsError
@@ -42,6 +43,6 @@ def parse_scenes(names: str, option: str = "--scenes") -> list[str]:
     if not chosen:
         raise SettingsError(f"{option}: names no scene; {valid}")
     for name in chosen:
-        if name not in SCENES and ":" not in name and not name.endswith(".xml"):
+        if name not in SCENES and not is_custom(name):
             raise SettingsError(f"{option}: unknown {name}; {valid}")
     return chosen

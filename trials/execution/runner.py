@@ -60,17 +60,30 @@ def cached_recording(recording: Recording, cache: Path = CACHE) -> Path:
     """Return the dataset folder of a recording, made now unless the cache has it."""
     from sim.batch import build
     from sim.record import record
+
+    folder, settings = recording_folder(recording, cache)
+    if not is_recorded(folder, settings):
+        record(build(recording.scene, settings), settings, folder, overwrite=True)
+    return folder
+
+
+def recording_folder(recording: Recording, cache: Path) -> tuple[Path, "RecordSettings"]:
+    """Return where the cache has a recording, and its settings; an edited world has another place.
+
+    Raises:
+        SettingsError: If there is no such scene or setting, or a custom scene cannot be built.
+    """
+    from sim.batch import custom_fingerprint
     from trials.execution.recording_settings import recording_settings
 
     settings = recording_settings(
         recording.scene, recording.seed, recording.overrides, None, recording.disturb
     )
     label = f"{scene_label(recording.scene)}-{recording.seed}"
-    causes = (settings.model_dump_json(), source_digest())
-    folder = cache_path(cache, "recordings", label, *causes)
-    if not is_recorded(folder, settings):
-        record(build(recording.scene, settings), settings, folder, overwrite=True)
-    return folder
+    causes = [settings.model_dump_json(), source_digest()]
+    if world := custom_fingerprint(recording.scene, settings):
+        causes.append(world)
+    return cache_path(cache, "recordings", label, *causes), settings
 
 
 def is_recorded(folder: Path, settings: "RecordSettings") -> bool:
