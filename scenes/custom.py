@@ -24,7 +24,7 @@ LOOP_M = 2.0
 """Side of the default route, a rounded square around the origin."""
 MARGIN_M = 0.5
 OTHERS = (
-    *(f"{Path(module.__file__).parent}/" for module in (inspect, np, mujoco)),
+    *(f"{Path(inspect.getfile(module)).parent}/" for module in (inspect, np, mujoco)),
     *("<frozen", "site-packages", __file__),
 )
 """Parts of the paths of Python, of libraries and of this file, which are not the user's."""

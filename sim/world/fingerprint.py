@@ -32,7 +32,7 @@ def fingerprint(world: World) -> dict[str, Any]:
     found = hashlib.sha256()
     for name, value in _fields(world.model, ""):
         found.update(name.encode())
-        found.update(value if isinstance(value, bytes) else np.ascontiguousarray(value))
+        found.update(value if isinstance(value, bytes) else np.ascontiguousarray(value).data)
     return {"sha256": found.hexdigest(), "assets": dict(sorted(world.scene.assets.items()))}
 
 
