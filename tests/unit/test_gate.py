@@ -22,7 +22,7 @@ from trials.gate.baseline import (
     write_baseline,
 )
 from trials.gate.comparison import Comparison, compare, dataset_mismatch, refuse
-from trials.gate.decision import Verdict, decide
+from trials.gate.decision import Change, Verdict, decide
 from trials.gate.measure import measure
 from trials.gate.reports import as_json, as_junit, as_markdown
 from trials.gate.statistics import Effect, design_error, detectable, newly_lost, seeds_needed
@@ -72,8 +72,29 @@ def test_seeds_needed_scene_variance_remains():
     assert seeds_needed(0.1, 0.2, 6, 0.05, 0.05, 0.8) is None
 
 
+@pytest.mark.parametrize("scenes", [SCENES, ("a",) * 6, ("a", "b") * 3])
+def test_bootstrap_is_bca_of_the_samples(scenes):
+    """Samples are scene means, or else pairs about the mean of their scene."""
+    values = np.array([0.01, 0.05, -0.02, 0.11, 0.04, 0.3])
+    samples = values
+    if scenes == ("a", "b") * 3:
+        scene_means = values.reshape(3, 2).mean(axis=0)
+        samples = values - np.tile(scene_means, 3) + values.mean()
+    wanted = stats.bootstrap(
+        (samples,), np.mean, n_resamples=2000, confidence_level=0.9, method="BCa",
+        rng=np.random.default_rng(0),
+    ).confidence_interval  # fmt: skip
+    found = Effect.of(values, scenes).bootstrap(0.05)
+    assert found == pytest.approx((wanted.low, wanted.high))
+
+
+def test_between_of_one_scene_is_zero():
+    assert Effect.of(np.array([0.1, 0.3, 0.2]), ["a"] * 3).between == 0.0
+
+
 def test_newly_lost_matches_hand_computation():
     """Five newly lost of five: 1/32."""
+    assert newly_lost([False], [False]) == (0, 0, 1.0)
     assert newly_lost([False] * 6, [True] * 5 + [False]) == (5, 0, pytest.approx(1 / 32))
     assert newly_lost([True, False], [False, True]) == (1, 1, pytest.approx(0.75))
 
@@ -91,24 +112,136 @@ def test_decide_of_scaled_drifts_gives_each_verdict():
     assert changed(noise, lost=50).verdict is Verdict.REGRESS
 
 
+def test_decide_one_unchanged_sequence_hides_no_increase():
+    ratios = np.array([1.0, 1.3, 1.31, 1.29, 1.32, 1.28])
+    assert changed(ratios).verdict is Verdict.REGRESS
+
+
+def test_decide_nees_compares_distances_from_one():
+    """Four on both sides is no change, and one instead of four is better."""
+    same = np.ones(6)
+    for before, after, wanted in ((4, 4, "pass"), (4, 1, "pass"), (0.25, 4, "pass"),
+                                  (1, 4, "regress"), (4, 16, "regress")):  # fmt: skip
+        sides = ([measured(nees=x) for _ in same] for x in (before, after))
+        finding = decide(Rules(), SCENES, *sides).findings[-1]
+        assert (finding.figure, finding.verdict.value) == ("nees", wanted), (before, after)
+
+
+def test_decide_unknown_or_disabled_figure_has_no_finding():
+    def figures(rules, **unknown):
+        sides = ([measured(**unknown) for _ in SCENES] for _ in range(2))
+        return [x.figure for x in decide(rules, SCENES, *sides).findings]
+
+    assert figures(Rules()) == ["drift", "losses", "time", "nees"]
+    assert figures(Rules(), nees=None) == ["drift", "losses", "time"]
+    assert figures(Rules(nees_margin=0)) == ["drift", "losses", "time"]
+    assert figures(Rules(), ms=None) == ["drift", "losses", "nees"]
+    assert figures(Rules(time_margin=0)) == ["drift", "losses", "nees"]
+
+
+def test_change_of_two_pairs_has_no_bounds():
+    effect = Effect.of(np.array([0.1, 0.2]), ["a", "b"])
+    change = Change.of(effect, effect, Rules(), 0.0)
+    assert np.isnan([change.low, change.high, *change.bootstrap, change.detectable]).all()
+
+
+def with_losses(ratios, lost, lost_before=(), scenes=SCENES[:5]):
+    """Scenes of one sequence; those with the given numbers are lost, after or before."""
+    before = [measured(0.1 * (k + 1), 50 * (k in lost_before)) for k in range(len(ratios))]
+    after = [measured(0.1 * (k + 1) * x, 50 * (k in lost)) for k, x in enumerate(ratios)]
+    return decide(Rules(), scenes, before, after)
+
+
+@pytest.mark.parametrize("increase", [1.59, 2.4, 3.62])
+@pytest.mark.parametrize("lost", [(0,), (2, 4), (0, 1, 3)])
+def test_decide_five_scenes_weakened_estimator_regresses(increase, lost):
+    """It drifts more and loses drives that the baseline keeps."""
+    ratios = increase * np.array([1.2, 0.85, 1.05, 0.8, 1.1])
+    decision = with_losses(ratios, lost)
+    assert decision.verdict is Verdict.REGRESS
+    assert decision.findings[0].change.counted == len(lost)
+    assert "newly lost counts as the largest change" in decision.findings[0].why
+
+
+def test_decide_few_remaining_pairs_decide_large_changes():
+    """Sequences that both lose, or that the candidate no longer loses, are no increases."""
+    ratios = np.array([1.5, 1.8, 1.6, 1.7, 1.9])
+    for lost, lost_before in (((0,), (0,)), ((), (2,)), ((1, 3), (1, 3)), ((1,), (3,))):
+        decision = with_losses(ratios, lost, lost_before)
+        assert decision.verdict is Verdict.REGRESS, lost
+        assert decision.findings[0].change.counted == 0
+    assert with_losses(ratios, (0, 1, 2), (0, 1, 2)).verdict is Verdict.UNDECIDED
+
+
+def test_decide_new_loss_alone_is_undecided():
+    """Equal or smaller drifts beside one newly lost sequence."""
+    for ratios in (np.ones(5), np.array([0.9, 1.1, 1.02, 0.97, 1.0])):
+        decision = with_losses(ratios, (4,))
+        assert decision.verdict is Verdict.UNDECIDED
+        assert decision.findings[1].verdict is Verdict.UNDECIDED
+    assert with_losses(np.ones(5), (), (4,)).verdict is Verdict.PASS
+
+
+def test_decide_many_pairs_counts_no_losses():
+    """With five pairs left, the decision is that of the pairs."""
+    ratios = np.array([1.3, 1.28, 1.33, 1.31, 1.29, 9.0])
+    change = with_losses(ratios, (5,), scenes=SCENES).findings[0].change
+    assert (change.counted, change.level) == (0, 0.05)
+    interval = stats.ttest_1samp(np.log(ratios[:5]), 0).confidence_interval(0.9)
+    assert (change.low, change.high) == pytest.approx((interval.low, interval.high))
+
+
+def test_decide_counted_loss_halves_the_level():
+    """It counts as an increase of the size of the largest change, here a decrease."""
+    logs = np.array([0.3, -0.5, 0.1, 0.2, 7.0])
+    change = with_losses(np.exp(logs), (4,)).findings[0].change
+    interval = stats.ttest_1samp([0.3, -0.5, 0.1, 0.2, 0.5], 0).confidence_interval(0.95)
+    assert (change.counted, change.level) == (1, 0.025)
+    assert (change.low, change.high) == pytest.approx((interval.low, interval.high))
+    assert change.effect.mean == pytest.approx(0.025)
+
+
+def test_decide_columns_average_the_same_sequences():
+    """Their ratio is the change, whatever is lost and however many sequences a scene has."""
+    scenes = ("a", "a", "a", "b", "c", "d", "e", "f")
+    before = [measured(x, lost, ms=20 * x) for x, lost in zip(
+        (5, 0.3, 0.2, 0.7, 0.4, 0.6, 0.8, 3), (0, 0, 0, 0, 0, 0, 0, 60), strict=True)]  # fmt: skip
+    after = [measured(x, lost, ms=30 * x) for x, lost in zip(
+        (5, 0.4, 0.2, 0.9, 0.5, 0.8, 0.9, 7), (100, 0, 0, 0, 0, 0, 0, 0), strict=True)]  # fmt: skip
+    after[3] = Measurement(frames=100, lost_frames=100, problem="died")
+    drift, losses, time, _ = decide(Rules(), scenes, before, after).findings
+    for finding in (drift, time):
+        assert np.log(finding.after / finding.before) == pytest.approx(finding.change.effect.mean)
+    wanted = np.exp(np.mean([np.log(0.06) / 2, *np.log([0.4, 0.6, 0.8])]))
+    assert drift.before == pytest.approx(wanted)
+    assert (losses.before, losses.after) == (1 / 8, 2 / 8)
+
+
 def test_decide_too_few_sequences_is_undecided():
     decision = changed(np.full(4, 9.0), SCENES[:4])
     assert decision.verdict is Verdict.UNDECIDED
     assert "too few sequences" in decision.remark
 
 
-def test_decide_simulated_has_its_level_and_power():
+@pytest.mark.parametrize(
+    ("case", "increase", "newly_lost"),
+    [(modelled(6, 0.08, 0.03), 1.1, False), (modelled(5, 0.05, 0.03, loss=0.1), 1.6, True)],
+    ids=["+10 %", "weakened"],
+)
+def test_decide_simulated_has_its_level_and_power(case, increase, newly_lost):
     """Room for four standard deviations of 200 repetitions."""
-    case = modelled(6, 0.08, 0.03)
     rng = np.random.default_rng(4)
     calm, risen = (
         np.mean(
             [
-                repeat(rng, case.draw(rng, 6, case.seeds) + x).verdict is Verdict.REGRESS
+                repeat(
+                    rng, case.draw(rng, case.scenes, case.seeds) + np.log(x), case.loss, new
+                ).verdict
+                is Verdict.REGRESS
                 for _ in range(200)
             ]
         )
-        for x in (np.log(1.005), np.log(1.1))
+        for x, new in ((1.005, False), (increase, newly_lost))
     )
     assert 0 < calm < 0.05 + 4 * 0.0154
     assert risen > 0.8 - 4 * 0.0283
@@ -194,6 +327,24 @@ def test_reports_of_one_comparison_agree(baseline):
     assert suite.attrib["failures"] == str(len(suite.findall("testcase/failure"))) == "1"
     few = replace(found, decision=replace(decision, remark="too few"))
     assert ElementTree.fromstring(as_junit(few)).attrib["failures"] == "0"
+
+
+def test_reports_name_counted_losses(baseline):
+    after = [*(measured(0.1 * x) for x in (1.9, 2.0, 2.1, 1.8)), *[measured(lost=50)] * 2]
+    decision = decide(Rules(), SCENES, baseline.measured, after)
+    found = Comparison(baseline, "b", {}, {}, after, decision, ())
+    markdown, content = as_markdown(found), json.loads(as_json(found))
+    assert "b against a: drift increased by more than 0.5 %, if each of 2 newly lost" in markdown
+    assert "2 newly lost count as +110.0 % of drift; bounds of drift hold with 98.75%" in markdown
+    change = content["findings"][0]["change"]
+    assert (change["counted_losses"], change["sequences"], change["degrees_of_freedom"]) == (
+        2,
+        4,
+        5,
+    )
+    assert change["ratio"] == pytest.approx(
+        content["findings"][0]["now"] / content["findings"][0]["baseline"]
+    )
 
 
 OWN = """

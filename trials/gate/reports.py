@@ -37,7 +37,7 @@ def notes(found: Comparison) -> list[str]:
     """List what the table leaves out: design, meaning of the columns, lost sequences."""
     rules, drift = found.baseline.rules, found.decision.findings[0].change
     scenes = found.baseline.scenes
-    by_scene = drift is not None and drift.effect.by_scene
+    by_scene = drift is not None and drift.tested.by_scene
     sample = "scenes are the samples" if by_scene else "holds for these scenes alone"
     margins = {"drift": rules.drift_margin, "time": rules.time_margin, "NEES": rules.nees_margin}
     lines = [
@@ -49,6 +49,12 @@ def notes(found: Comparison) -> list[str]:
         f"'finds' is the smallest increase that is found with a probability of {rules.power:.0%}",
         f"increases that may pass: {', '.join(f'{x} {y:.0%}' for x, y in margins.items() if y)}",
     ]
+    if drift is not None and drift.counted:
+        size = percent(float(np.abs(drift.effect.values).max()), signed=True)
+        lines.append(
+            f"few sequences remain, so {drift.counted} newly lost count as {size} of drift; bounds "
+            f"of drift hold with {1 - drift.level:.2%} each"
+        )
     lines += [f"accepted: {x}" for x in found.mismatches]
     for known, now in zip(found.baseline.sequences, found.measured, strict=True):
         if now.is_lost:
@@ -183,8 +189,9 @@ def _change(change: Change) -> dict[str, Any]:
         "bootstrap_bounds": [ratio(x) for x in change.bootstrap],
         "detectable_ratio": ratio(change.detectable),
         "sequences": len(effect.values),
-        "samples_are": "scenes" if effect.by_scene else "sequences",
-        "degrees_of_freedom": effect.degrees,
+        "counted_losses": change.counted,
+        "samples_are": "scenes" if change.tested.by_scene else "sequences",
+        "degrees_of_freedom": change.tested.degrees,
         "log_ratios": effect.values.tolist(),
         "scenes": list(effect.scenes),
     }

@@ -2,8 +2,9 @@
 
 Sequences of one scene are correlated. With MIN_SCENES scenes or more, a scene is one sample, the
 mean of its sequences, and the result holds for scenes like these. With fewer, every sequence is a
-sample about the mean of its scene, and the result holds for these scenes alone. The reasons for
-Student's t are in docs/decisions/0015.
+sample about the mean of its scene, and the result holds for these scenes alone, unless scenes as
+samples have more degrees of freedom, as with four scenes of one sequence each that remain of five.
+The reasons for Student's t are in docs/decisions/0015, those for counted losses in 0026.
 """
 
 from collections import Counter
@@ -19,7 +20,9 @@ from vo.contract.arrays import Array
 
 MIN_SCENES = 5
 MIN_DEGREES = 4
-"""Smallest degrees of freedom of a variance that is used."""
+"""Smallest degrees of freedom of the design of a baseline."""
+MIN_REMAINING_DEGREES = 2
+"""Smallest degrees of freedom of the pairs that losses leave."""
 RESAMPLES = 2000
 MAX_SEEDS, MAX_SCENES = 200, 500
 """Largest design that is considered."""
@@ -42,7 +45,7 @@ class Effect:
     @property
     def by_scene(self) -> bool:
         """Whether a scene is one sample."""
-        return len(set(self.scenes)) >= MIN_SCENES
+        return scenes_are_samples(self.scenes)
 
     @property
     def degrees(self) -> int:
@@ -94,6 +97,19 @@ class Effect:
         means = dict(zip(dict.fromkeys(self.scenes), self.scene_means, strict=True))
         return self.values - np.array([means[name] for name in self.scenes])
 
+    def with_losses(self, lost: Sequence[str]) -> "Effect":
+        """Add newly lost sequences, given their scenes, if too few degrees of freedom remain.
+
+        Each counts as an increase of the size of the largest change.
+
+        Source:
+            Lachin, Worst-rank score analysis with informatively missing observations, 1999.
+        """
+        if self.degrees >= MIN_DEGREES or not len(self.values):
+            return self
+        largest = np.abs(self.values).max()
+        return Effect(np.append(self.values, [largest] * len(lost)), (*self.scenes, *lost))
+
     def bounds(self, level: float) -> tuple[float, float]:
         """Compute lower and upper confidence bounds, each with error probability `level`."""
         reach = _quantile(1 - level, self.degrees) * self.error
@@ -115,10 +131,16 @@ class Effect:
         return float(found.low), float(found.high)
 
 
+def scenes_are_samples(scenes: Sequence[str]) -> bool:
+    """Whether a scene is one sample, given the scene of each of N pairs."""
+    blocks = len(set(scenes))
+    return blocks >= MIN_SCENES or blocks - 1 > len(scenes) - blocks
+
+
 def degrees_of_freedom(scenes: Sequence[str]) -> int:
     """Count the degrees of freedom of pairs in these scenes."""
     blocks = len(set(scenes))
-    return blocks - 1 if blocks >= MIN_SCENES else len(scenes) - blocks
+    return blocks - 1 if scenes_are_samples(scenes) else len(scenes) - blocks
 
 
 def detectable(error: float, degrees: int, level: float, power: float) -> float:

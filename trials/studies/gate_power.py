@@ -4,8 +4,9 @@ A log ratio of drift is the sum of the true change, an effect of the scene (Gaus
 of the sequence: Student's t with four degrees of freedom, which has heavier tails than a Gaussian,
 with a scale that differs between scenes by up to a factor of two. With fewer scenes than can be
 samples, their effects sum to zero, as the decision is then about these scenes alone. Losses, times
-and NEES vary randomly, without a true change. With --result, effects of scenes and sequences are
-drawn from a JSON result of the gate instead, with its mean removed.
+and NEES vary randomly, without a true change; a weakened estimator loses one more sequence. With
+--result, effects of scenes and sequences are drawn from a JSON result of the gate instead, with its
+mean removed.
 """
 
 import json
@@ -27,6 +28,8 @@ from vo.contract.errors import DatasetError
 RULES = Rules()
 CHANGE = float(np.log1p(0.1))
 """Log ratio of a true increase of the drift by 10 %."""
+WEAKENED = float(np.log1p(0.6))
+"""Log ratio of the drift of a weakened estimator, which also loses one sequence, +60 %."""
 TOLERANCE = float(np.log1p(RULES.drift_tolerance))
 FRAMES, DRIFT_PERCENT = 100, 0.1
 LOSS, TIME_COMMON, TIME_EACH, NEES_EACH = 0.02, 0.03, 0.05, 0.1
@@ -43,7 +46,7 @@ Draw = Callable[[np.random.Generator, int, int], Array]
 class Case:
     """Scenes and the variation of their sequences: standard deviations within and between scenes.
 
-    `draw` draws log ratios.
+    `draw` draws log ratios; `loss` is the probability that a sequence is lost.
     """
 
     name: str
@@ -51,6 +54,7 @@ class Case:
     within: float
     between: float
     draw: Draw
+    loss: float = LOSS
 
     @cached_property
     def seeds(self) -> int:
@@ -69,7 +73,7 @@ class Case:
         return float(stats.nct.sf(critical, degrees, (CHANGE - TOLERANCE) / error))
 
 
-def modelled(scenes: int, within: float, between: float) -> Case:
+def modelled(scenes: int, within: float, between: float, loss: float = LOSS) -> Case:
     """Return a case of the model in the docstring of this module."""
 
     def draw(rng: np.random.Generator, scenes: int, seeds: int) -> Array:
@@ -82,7 +86,8 @@ def modelled(scenes: int, within: float, between: float) -> Case:
         return of_scene + scale * width * rng.standard_t(TAIL_DEGREES, (scenes, seeds))
 
     name = f"{scenes} scenes, {100 * within:.0f} % within, {100 * between:.0f} % between"
-    return Case(name, scenes, within, between if scenes >= MIN_SCENES else 0.0, draw)
+    name += "" if loss == LOSS else f", {100 * loss:.0f} % lost"
+    return Case(name, scenes, within, between if scenes >= MIN_SCENES else 0.0, draw, loss)
 
 
 def resampled(path: Path) -> Case:
@@ -92,7 +97,7 @@ def resampled(path: Path) -> Case:
         effect = Effect(np.array(drift["log_ratios"], dtype=float), tuple(drift["scenes"]))
     except (ValueError, KeyError, IndexError, TypeError):
         raise DatasetError(f"{path}: not a gate result") from None
-    if not effect.by_scene or not effect.within > 0:
+    if len(set(effect.scenes)) < MIN_SCENES or not effect.within > 0:
         raise DatasetError(
             f"{path}: several different sequences of at least {MIN_SCENES} scenes are needed"
         )
@@ -115,6 +120,8 @@ CASES = (
     modelled(6, 0.08, 0.03),
     modelled(3, 0.10, 0.06),
     modelled(1, 0.10, 0.0),
+    modelled(5, 0.05, 0.03),
+    modelled(5, 0.05, 0.03, loss=0.1),
 )
 
 
@@ -162,14 +169,15 @@ TESTS: dict[str, Callable[[Array], bool]] = {
 
 @dataclass(frozen=True)
 class Rates:
-    """False alarms and increases found of one case, %, as text with 95 % intervals.
+    """False alarms, increases and weakened estimators found, %, as text with 95 % intervals.
 
-    Of each other test, `others` has both.
+    Of each other test, `others` has the first two.
     """
 
     case: Case
     alarms: str
     found: str
+    weakened: str
     others: tuple[str, ...]
 
 
@@ -180,21 +188,23 @@ def simulate(
     tests: Mapping[str, Callable[[Array], bool]],
     progress: Callable[[object], None],
 ) -> list[Rates]:
-    """Repeat the gate's decision for drifts that increase by the tolerance and by 10 %.
+    """Repeat the gate's decision for drifts that increase by the tolerance, 10 % and 60 %.
 
-    Other tests have the same draws. Progress is called for each decision.
+    The last estimator also loses a sequence. Other tests have the same draws. Progress is called
+    for each decision.
     """
     rates: list[Rates] = []
     for number, case in enumerate(cases):
         found: list[str] = []
         others: list[list[float]] = []
-        for k, change in enumerate((TOLERANCE, CHANGE)):
+        for k, change in enumerate((TOLERANCE, CHANGE, WEAKENED)):
             rng = np.random.default_rng((seed, number, k))
             draws = [case.draw(rng, case.scenes, case.seeds) for _ in range(repetitions)]
             logs = [change + x for x in draws]
             alarms = 0
             for values in logs:
-                alarms += repeat(rng, values).verdict is Verdict.REGRESS
+                decision = repeat(rng, values, case.loss, newly_lost=change == WEAKENED)
+                alarms += decision.verdict is Verdict.REGRESS
                 progress(values)
             interval = stats.binomtest(alarms, repetitions).proportion_ci()
             low, high = 100 * interval.low, 100 * interval.high
@@ -203,28 +213,38 @@ def simulate(
             others.append(
                 [100 * float(np.mean([test(x) for x in above])) for test in tests.values()]
             )
-        pairs = (f"{false:.1f} / {true:.0f}" for false, true in zip(*others, strict=True))
-        false_alarms, detected = found
-        rates.append(Rates(case, false_alarms, detected, tuple(pairs)))
+        pairs = (f"{false:.1f} / {true:.0f}" for false, true in zip(*others[:2], strict=True))
+        rates.append(Rates(case, *found, others=tuple(pairs)))
     return rates
 
 
-def repeat(rng: np.random.Generator, log_ratios: Array) -> Decision:
-    """Return the gate's decision for a candidate with given (scenes, seeds) log ratios of drift."""
+def repeat(
+    rng: np.random.Generator, log_ratios: Array, loss: float = LOSS, newly_lost: bool = False
+) -> Decision:
+    """Return the gate's decision for a candidate with given (scenes, seeds) log ratios of drift.
+
+    `loss` is the probability that a sequence is lost; one can be lost by the candidate alone.
+    """
     scenes, seeds = log_ratios.shape
     names = [f"scene {k}" for k in range(scenes) for _ in range(seeds)]
     drift = DRIFT_PERCENT * np.exp(0.5 * rng.standard_normal(scenes * seeds))
-    before = [_measurement(rng, x, 0.0) for x in drift]
+    before = [_measurement(rng, x, 0.0, loss) for x in drift]
     common = TIME_COMMON * rng.standard_normal()
-    after = [_measurement(rng, x, common) for x in drift * np.exp(log_ratios.ravel())]
+    after = [_measurement(rng, x, common, loss) for x in drift * np.exp(log_ratios.ravel())]
+    if newly_lost:
+        k = int(rng.integers(len(names)))
+        before[k] = before[k].model_copy(update={"lost_frames": 0})
+        after[k] = after[k].model_copy(update={"lost_frames": FRAMES})
     return decide(RULES, names, before, after)
 
 
-def _measurement(rng: np.random.Generator, drift_percent: float, log_time: float) -> Measurement:
+def _measurement(
+    rng: np.random.Generator, drift_percent: float, log_time: float, loss: float
+) -> Measurement:
     time = np.exp(log_time + TIME_EACH * rng.standard_normal())
     return Measurement(
         frames=FRAMES,
-        lost_frames=FRAMES if rng.random() < LOSS else 0,
+        lost_frames=FRAMES if rng.random() < loss else 0,
         drift_percent=float(drift_percent),
         frame_ms=float(10 * time),
         reference_ms=10.0,
