@@ -1,7 +1,7 @@
 """The registry of scenes: builders of worlds to drive through, without physics and rendering."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import ModuleType
 from typing import Any
 
@@ -105,10 +105,13 @@ def find_scene(name: str) -> SceneBuilder:
 def build_scene(name: str, rng: np.random.Generator, options: Mapping[str, object]) -> Scene:
     """Build the scene `name`; the same generator state and options give the same scene.
 
+    It carries the defaults of its recording settings.
+
     Raises:
         SettingsError: If there is no such scene or option, or a value is refused.
     """
-    return find_scene(name).build(rng, scene_options(name, options))
+    builder = find_scene(name)
+    return replace(builder.build(rng, scene_options(name, options)), defaults=builder.defaults)
 
 
 def scene_options(name: str, options: Mapping[str, object]) -> Settings:

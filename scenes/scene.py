@@ -57,6 +57,8 @@ class Scene:
         elevation: Height in metres of the drivable ground at (..., 2) x, y.
         source: Name that builds the scene again if it is not `name`: a file or `module:function`.
         assets: SHA-256 of each file that a custom scene is made from, by its path.
+        defaults: Recording settings of a registered scene, `key.path` to value, where none are set;
+            the registry sets them.
     """
 
     name: str
@@ -71,3 +73,4 @@ class Scene:
     elevation: Callable[[Array], Array] = lambda xy: np.zeros(np.shape(xy)[:-1])
     source: str = ""
     assets: Mapping[str, str] = field(default_factory=dict[str, str])
+    defaults: Mapping[str, float | str] = field(default_factory=dict[str, float | str])

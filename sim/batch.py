@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scenes import build_scene
+from scenes import build_scene, find_scene
 from scenes.custom import is_custom
 from scenes.scene import Scene
 from sim.progress import Progress
@@ -27,6 +27,7 @@ from sim.world.random_streams import stream
 from sim.world.world import build_world
 from vo.contract.dataset import MANIFEST, read_manifest
 from vo.contract.errors import DatasetError, DriftyardError
+from vo.contract.settings import with_defaults
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -61,7 +62,8 @@ class Task:
         if not (self.out / MANIFEST).is_file():
             raise DatasetError(f"{self.out}: exists and is not a dataset; choose another folder")
         made = read_manifest(self.out)
-        same = recorded_settings(made["settings"]) == self.settings
+        wanted = with_defaults(self.settings, find_scene(self.scene).defaults)
+        same = recorded_settings(made["settings"]) == wanted
         if not same or made["scene"]["source"] != self.scene:
             raise DatasetError(f"{self.out}: exists with other settings; choose another folder")
         if is_custom(self.scene):

@@ -26,6 +26,7 @@ from sim.world.fingerprint import expect_unchanged
 from sim.world.trip import Trip, make_trip
 from sim.world.world import World, build_world
 from vo.contract.dataset import MAP_FILE, DatasetWriter
+from vo.contract.settings import with_defaults
 
 WORKERS = 2
 FRAMES_IN_FLIGHT = 4
@@ -50,9 +51,10 @@ def record(
 ) -> Recording:
     """Drive the scene's route, render it and write the dataset folder `out`.
 
-    The same scene, settings, MuJoCo and OpenGL give the same bytes. A rover that tips over or gets
-    stuck leaves a dataset of the frames until then, marked incomplete with the reason. `recorded`
-    is the manifest of a dataset of the same scene: a custom scene must not have changed since.
+    Defaults of the scene apply to settings that were not set. The same scene, settings, MuJoCo and
+    OpenGL give the same bytes. A rover that tips over or gets stuck leaves a dataset of the frames
+    until then, marked incomplete with the reason. `recorded` is the manifest of a dataset of the
+    same scene: a custom scene must not have changed since.
 
     Raises:
         DatasetError: If `out` exists, the disk is full, or the scene changed since `recorded`.
@@ -60,6 +62,7 @@ def record(
         DriveError: If the rover fails before the second frame.
         GraphicsError: If there is no OpenGL.
     """
+    settings = with_defaults(settings, scene.defaults)
     with DatasetWriter(out, overwrite) as writer:
         world = build_world(scene, settings)
         if recorded is not None:

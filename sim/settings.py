@@ -286,7 +286,7 @@ class RecordSettings(Settings):
 
 
 def recorded_settings(content: Mapping[str, Any]) -> RecordSettings:
-    """Build settings from a manifest, which may have the setting names of an earlier version.
+    """Build settings from a manifest, which may have names of an earlier version; all are set.
 
     Raises:
         SettingsError: If a key or value is not accepted.
@@ -295,4 +295,5 @@ def recorded_settings(content: Mapping[str, Any]) -> RecordSettings:
         ExposureSettings.renamed.get(key, key): value
         for key, value in content.get("exposure", {}).items()
     }
-    return validated(RecordSettings, {**content, "exposure": exposure})
+    found = validated(RecordSettings, {**content, "exposure": exposure})
+    return RecordSettings.model_validate(found.model_dump())

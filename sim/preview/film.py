@@ -26,6 +26,7 @@ from sim.world.world import START_S, World, build_world
 from vo.contract.arrays import Array, Image
 from vo.contract.errors import SettingsError
 from vo.contract.files import known_suffix, replacing
+from vo.contract.settings import with_defaults
 
 FILMS = (".mp4", ".gif")
 """File name suffixes of films."""
@@ -47,6 +48,7 @@ def make_film(
 ) -> None:
     """Write the first seconds of a recording as an MP4 or GIF; raise as `record`."""
     suffix = known_suffix(out, FILMS)
+    settings = with_defaults(settings, scene.defaults)
     world = build_world(scene, settings)
     world, trip = first_seconds(world, settings, seconds)
     stride = max(1, round(settings.rig.rate_hz / FPS))

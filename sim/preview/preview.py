@@ -24,7 +24,7 @@ from sim.settings import RecordSettings
 from sim.world.world import START_S, World, build_world
 from vo.contract.arrays import Array, Image
 from vo.contract.files import known_suffix, replacing
-from vo.contract.settings import amended, keys
+from vo.contract.settings import amended, keys, with_defaults
 
 PICTURES = (".png", ".jpg", ".jpeg")
 """File name suffixes of images."""
@@ -51,6 +51,7 @@ CHARACTERS = 33
 def preview(scene: Scene, settings: RecordSettings, out: Path) -> None:
     """Write the contact sheet of a scene as the PNG or JPEG `out`."""
     known_suffix(out, PICTURES)
+    settings = with_defaults(settings, scene.defaults)
     world = build_world(scene, settings)
     write_picture(out, contact_sheet(world, render_sample_views(world, settings)))
 
@@ -230,7 +231,7 @@ Tile = tuple[World, Image, TopDownMap]
 
 def tile(scene: Scene, settings: RecordSettings) -> Tile:
     """Render the content of a scene's tile, in colour."""
-    settings = amended(settings, {"rig.color": True})
+    settings = amended(with_defaults(settings, scene.defaults), {"rig.color": True})
     world = build_world(scene, settings)
     samples = render_sample_views(world, settings)
     return world, samples.best.view, samples.top_down

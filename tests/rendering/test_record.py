@@ -1,6 +1,7 @@
 """Dataset folders: complete, repeatable to the byte, verifiable, and whole or absent."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -16,12 +17,14 @@ from sim.settings import (
     RecordSettings,
     RenderSettings,
     RigSettings,
+    recorded_settings,
 )
 from sim.world.world import START_S
 from vo.contract.dataset import MANIFEST, read_manifest
 from vo.contract.errors import DatasetError
 from vo.contract.files import read_float, read_grey
 from vo.contract.readers import open_sequence, read_truth
+from vo.contract.settings import amended, with_defaults
 
 pytestmark = pytest.mark.gl
 
@@ -39,6 +42,19 @@ def dataset(make_scene, tmp_path_factory) -> Path:
     out = tmp_path_factory.mktemp("record") / "first"
     record(make_scene(boxes=True), SHORT, out)
     return out
+
+
+def test_record_applies_defaults_of_the_scene(make_scene, tmp_path):
+    """As the command line does; what was set in Python takes precedence."""
+    defaults = {"rig.tilt_deg": 12.0, "drive.distance_m": 9.0, "exposure.time_ms": 7.0}
+    settings = amended(SHORT, {"exposure.time_ms": 8.0, "labels.disparity": False})
+    record(replace(make_scene(), defaults=defaults), settings, tmp_path / "d")
+    made = read_manifest(tmp_path / "d")["settings"]
+    assert made["rig"]["tilt_deg"] == 12.0
+    assert made["rig"]["width_px"] == SHORT.rig.width_px
+    assert made["drive"]["distance_m"] == SHORT.drive.distance_m
+    assert made["exposure"]["time_ms"] == 8.0
+    assert with_defaults(recorded_settings(made), {"rig.tilt_deg": 3.0}).rig.tilt_deg == 12.0
 
 
 @pytest.fixture

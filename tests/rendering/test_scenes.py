@@ -155,6 +155,10 @@ def tour(request, built_elsewhere) -> Tour:
     return Tour(scene, world, views, geometries, nudged)
 
 
+def test_scene_carries_its_defaults(tour):
+    assert tour.scene.defaults == SCENES[tour.scene.name].defaults
+
+
 def test_route_is_closed_long_and_gentle(tour):
     route = tour.scene.routes["default"]
     np.testing.assert_array_equal(route[0], route[-1])

@@ -1,20 +1,25 @@
 """Recording settings, random streams and encoders."""
 
+import json
 from typing import ClassVar, Literal
 
 import numpy as np
 import pytest
 
+from scenes import find_scene
+from sim.batch import Task
 from sim.camera.gl import choose_backend
-from sim.settings import RecordSettings
+from sim.settings import RecordSettings, RigSettings
 from sim.world.random_streams import stream
 from sim.world.rover import ticks
 from sim.world.trip import SamplingClock
+from trials.execution.recording_settings import recording_settings
 from trials.gym.env.settings import NavSettings
 from trials.navigation.settings import NavigatorSettings
 from vo.config import OdometrySettings
-from vo.contract.errors import SettingsError
-from vo.contract.settings import Settings, keys, resolve
+from vo.contract.dataset import MANIFEST
+from vo.contract.errors import DatasetError, SettingsError
+from vo.contract.settings import Settings, amended, keys, resolve, with_defaults
 
 
 @pytest.mark.parametrize(
@@ -91,6 +96,28 @@ def _renamed(model, prefix=""):
 def test_resolve_scene_options_pass_through():
     settings = resolve(RecordSettings, overrides=["scene.bond=running", "scene.gap_mm=3.5"])
     assert settings.scene == {"bond": "running", "gap_mm": 3.5}
+
+
+def test_settings_in_python_equal_those_of_the_command_line():
+    """Whatever built them: a constructor, a copy or an amendment; what is set stays."""
+    scene = find_scene("dusk").defaults
+    for built, overrides in (
+        (RecordSettings(), []),
+        (RecordSettings(rig=RigSettings(width_px=320)), ["rig.width_px=320"]),
+        (RecordSettings(rig=RigSettings(tilt_deg=25)), ["rig.tilt_deg=25"]),
+        (RecordSettings().model_copy(update={"seed": 3}), ["seed=3"]),
+        (amended(RecordSettings(), {"rig.rate_hz": 7}), ["rig.rate_hz=7"]),
+    ):
+        assert with_defaults(built, scene) == recording_settings("dusk", None, overrides)
+
+
+def test_task_in_python_finds_its_dataset(tmp_path):
+    settings = recording_settings("dusk").model_dump(mode="json")
+    content = {"schema_version": 1, "settings": settings, "scene": {"source": "dusk"}}
+    (tmp_path / MANIFEST).write_text(json.dumps(content))
+    assert Task("dusk", RecordSettings(), tmp_path).is_done
+    with pytest.raises(DatasetError, match="exists with other settings"):
+        _ = Task("dusk", RecordSettings(rig=RigSettings(tilt_deg=25)), tmp_path).is_done
 
 
 def test_stream_of_seed_and_name_repeats():

@@ -3,6 +3,7 @@
 The attribution is validated by injected errors: `driftyard explain --validate`.
 """
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
@@ -30,6 +31,7 @@ from trials.evaluation.runs import read_run
 from trials.evaluation.truth import true_trajectory
 from vo.contract.arrays import Array
 from vo.contract.errors import DriftyardError, TrajectoryError
+from vo.runner import companion
 
 CASES = {
     "1 px noise on matches": (InjectedError(pixel_sigma_px=1.0), "matching"),
@@ -55,6 +57,8 @@ class Explanation:
         lost: Number of frames without a pose, over all combinations.
         bounds: One for each dataset, or the reason why there is none.
         nees: One for each dataset; empty if the estimator gives no covariances.
+        subject: Estimator that was run.
+        settings: Its resolved settings.
     """
 
     name: str
@@ -66,6 +70,8 @@ class Explanation:
     lost: int
     bounds: tuple[Bound | str, ...]
     nees: tuple[Nees, ...]
+    subject: Subject
+    settings: Mapping[str, Any]
 
     @property
     def bounded(self) -> list[Bound]:
@@ -80,6 +86,9 @@ class Explanation:
         """Return numbers, strings and None, without the curves along the path."""
         return {
             "name": self.name,
+            "estimator": self.subject.estimator.name,
+            "settings": self.settings,
+            "oracle_noise_px": self.subject.noise_px,
             "datasets": self.datasets,
             "separated": self.separated,
             "inseparable": self.inseparable,
@@ -116,13 +125,14 @@ def explain(
     every = [job for some in jobs.values() for job in some.values()]
     found = run_all(every, lambda done: progress(done, len(every)))
     return [
-        _explanation(name, {x: jobs[x] for x in some}, found, separated, stages)
+        _explanation(name, subject, {x: jobs[x] for x in some}, found, separated, stages)
         for name, some in groups.items()
     ]
 
 
 def _explanation(
     name: str,
+    subject: Subject,
     jobs: Mapping[Path, Mapping[Coalition, OracleJob]],
     found: Mapping[OracleJob, RunDrift],
     separated: Sequence[str],
@@ -134,9 +144,11 @@ def _explanation(
         attribution = attribute([paired(str(x), some) for x, some in drifts.items()], separated)
     bounds: list[Bound | str] = []
     consistency: list[Nees] = []
+    settings: Mapping[str, Any] = {}
     for dataset, some in jobs.items():
         folder = some[frozenset()].folder
         run = read_run(folder / RUN)
+        settings = json.loads(companion(folder / RUN, "run.json").read_text("utf-8"))["settings"]
         try:
             bounds.append(bound(dataset, run, folder / BIRTHS))
         except DriftyardError as error:
@@ -153,6 +165,8 @@ def _explanation(
         sum(x.lost for some in drifts.values() for x in some.values()),
         tuple(bounds),
         tuple(consistency),
+        subject,
+        settings,
     )
 
 

@@ -3,10 +3,13 @@
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from textwrap import fill
+from typing import Any
 
 import numpy as np
+from rich.markup import escape
 from rich.table import Table
 
 from trials.diagnosis.attribution import REMAINDER, summarize
@@ -16,6 +19,7 @@ from trials.evaluation.intervals import Interval
 from trials.report.explanation_figures import draw_figures
 from trials.report.tables import markdown_table, write_csv
 from vo.contract.files import write_text
+from vo.contract.settings import given_values, value_at
 
 Row = tuple[str, ...]
 SHARE_HEAD = ("stage", "percentage points", "share, %")
@@ -28,12 +32,8 @@ NEES_HEAD = (
     "NEES of poses", "expected",
 )  # fmt: skip
 
-INTRODUCTION = """\
-# Where the drift comes from
-
-This page is written by `make explain`, that is `driftyard explain`. All results are of the
-estimator with its default settings, on drives that were not used to choose any parameter.
-
+TITLE = "# Where the drift comes from"
+SHARE_TEXT = """\
 ## Contribution of each stage
 
 Each stage is replaced by the ground truth of the labels, alone and in every combination with the
@@ -70,6 +70,7 @@ covariances (of steps, if they were independent; of poses, one for each drive). 
 
 def terminal_report(explanations: Sequence[Explanation]) -> Iterator[Table | str]:
     """Yield sentences and tables for a terminal of 80 columns."""
+    yield escape(describe_subject(explanations[0]))
     for x in explanations:
         yield f"{x.name}: {describe(x)}"
         if x.attribution:
@@ -90,6 +91,37 @@ def validation_table(findings: Sequence[Finding]) -> Table:
         for x in findings
     ]  # fmt: skip
     return _table("", head, rows)
+
+
+def describe_subject(x: Explanation) -> str:
+    """Name the estimator and the settings that differ from its defaults, as they were run."""
+    choice = x.subject.estimator
+    given = given_values(choice.config, choice.overrides)
+    resolved = {key: _resolved(x.settings, key, value) for key, value in given.items()}
+    changed = ", ".join(f"`{key}={json.dumps(value)}`" for key, value in resolved.items())
+    settings = (
+        f"{changed} and otherwise its default settings" if changed else "its default settings"
+    )
+    noise = f", with noise of {x.subject.noise_px:g} px added to the ground truth"
+    return f"estimator `{choice.name}` with {settings}{noise if x.subject.noise_px else ''}"
+
+
+def _resolved(settings: Mapping[str, Any], key: str, value: Any) -> Any:
+    """Return a setting as it was run, or as it was given if the estimator has no such key."""
+    with suppress(KeyError, TypeError):
+        return value_at(settings, key)
+    return value
+
+
+def _origin(explanations: Sequence[Explanation]) -> str:
+    """State what the results are of."""
+    datasets = sum(len(x.datasets) for x in explanations)
+    plural = "s" if datasets > 1 else ""
+    return fill(
+        "This page is written by `driftyard explain`. All results are of the "
+        f"{describe_subject(explanations[0])}, on {datasets} dataset{plural}.",
+        100, break_long_words=False, break_on_hyphens=False,
+    )  # fmt: skip
 
 
 def describe(x: Explanation) -> str:
@@ -165,7 +197,12 @@ def write_explanations(explanations: Sequence[Explanation], out: Path, page: Pat
 
 
 def _page(explanations: Sequence[Explanation], figures: Mapping[str, str]) -> str:
-    parts = [INTRODUCTION, "\n".join(f"- **{x.name}**: {describe(x)}" for x in explanations)]
+    parts = [
+        TITLE,
+        _origin(explanations),
+        SHARE_TEXT,
+        "\n".join(f"- **{x.name}**: {describe(x)}" for x in explanations),
+    ]
     if "shares" in figures:
         parts += [
             f"![Drift and its shares, stage by stage]({figures['shares']})",

@@ -53,6 +53,21 @@ def resolve(
     return validated(model, values)
 
 
+def given_values(toml: Path | None = None, overrides: Sequence[str] = ()) -> dict[str, Any]:
+    """Return what a TOML file and overrides set, by `key.path`; raises as `resolve`."""
+    values = _read_toml(toml) if toml else {}
+    for key, value in parse_overrides(overrides).items():
+        _place(values, key, value)
+    return {leaf: value_at(values, leaf) for key in values for leaf in _leaves(key, values[key])}
+
+
+def value_at(values: Mapping[str, Any], key: str) -> Any:
+    """Return the value of nested tables at a `key.path`; KeyError if there is none."""
+    for name in key.split("."):
+        values = values[name]
+    return values
+
+
 def parse_overrides(overrides: Sequence[str], option: str = "--set") -> dict[str, Any]:
     """Parse `key=value` each; values as TOML writes them, anything else is a string.
 
@@ -80,9 +95,22 @@ def amended(settings: S, values: Mapping[str, Any]) -> S:
     Raises:
         SettingsError: If a key or value is not accepted.
     """
-    content = settings.model_dump()
+    content = settings.model_dump(exclude_unset=True)
     for key, value in values.items():
         _place(content, key, value)
+    return validated(type(settings), content)
+
+
+def with_defaults(settings: S, defaults: Mapping[str, Any]) -> S:
+    """Return settings with other defaults, by `key.path`, for what was not set explicitly.
+
+    Raises:
+        SettingsError: If the settings are not accepted together.
+    """
+    content: dict[str, Any] = {}
+    for key, value in defaults.items():
+        _place(content, key, value)
+    _merge(content, settings.model_dump(exclude_unset=True))
     return validated(type(settings), content)
 
 
