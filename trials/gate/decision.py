@@ -197,8 +197,10 @@ def _compare(
     if change.counted:
         why += f", if each of {change.counted} newly lost counts as the largest change"
     known = np.isfinite(values)
-    levels = (float(np.exp(Effect.of(np.where(known, x, np.nan), scenes).mean)) for x in (was, now))
-    return Finding(figure, verdict, why, *levels, change)
+    before, after = (
+        float(np.exp(Effect.of(np.where(known, x, np.nan), scenes).mean)) for x in (was, now)
+    )
+    return Finding(figure, verdict, why, before, after, change)
 
 
 def _newly_lost_scenes(
