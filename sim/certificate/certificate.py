@@ -20,7 +20,7 @@ from sim.world.rover import TRACK_M, WHEEL_RADIUS_M
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices
 from vo.contract.dataset import TRUTH
-from vo.contract.files import read_float
+from vo.contract.images import read_float
 from vo.contract.tables import read_columns, read_table
 
 SPAN_S = 5.0

@@ -21,7 +21,7 @@ from vo.contract.arrays import Array
 from vo.contract.dataset import MANIFEST, read_manifest
 from vo.contract.errors import DatasetError
 from vo.contract.euroc import open_euroc
-from vo.contract.files import read_codes, read_float
+from vo.contract.images import read_codes, read_float
 from vo.contract.rig import StereoRig
 from vo.contract.tables import read_columns
 

@@ -30,7 +30,7 @@ from sim.settings import (
 )
 from vo.contract.arrays import Array, Image
 from vo.contract.dataset import MANIFEST, read_manifest
-from vo.contract.files import read_float, read_grey
+from vo.contract.images import read_float, read_grey
 from vo.contract.readers import open_sequence
 
 pytestmark = pytest.mark.gl

@@ -13,7 +13,7 @@ from vo.contract.arrays import Array, Mask
 from vo.contract.dataset import MANIFEST, read_manifest
 from vo.contract.errors import DatasetError
 from vo.contract.euroc import read_euroc_truth
-from vo.contract.files import read_float
+from vo.contract.images import read_float
 from vo.contract.readers import read_truth
 from vo.contract.rig import StereoRig
 from vo.contract.trajectory import Trajectory

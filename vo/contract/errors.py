@@ -9,6 +9,10 @@ class DatasetError(DriftyardError):
     """A dataset, an image or a table that is missing, unreadable or inconsistent."""
 
 
+class ImageError(DatasetError):
+    """An image that is missing, damaged or of another size; it costs its frame, not the run."""
+
+
 class CalibrationError(DriftyardError):
     """A camera or rig calibration that does not describe a stereo pair."""
 

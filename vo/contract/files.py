@@ -1,4 +1,4 @@
-"""Atomic writing of files, and reading of text and images."""
+"""Atomic writing of files, and reading of text."""
 
 import codecs
 import re
@@ -6,14 +6,8 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 
-import cv2
-import numpy as np
-
-from vo.contract.arrays import Array, Image
 from vo.contract.errors import DatasetError, DriftyardError, SettingsError
 from vo.contract.partial import partial_file
-
-PNG_END = b"IEND\xaeB`\x82"
 
 BYTE_ORDER_MARKS = (
     (codecs.BOM_UTF8, "utf-8-sig"),
@@ -99,56 +93,3 @@ def _decode_text(data: bytes) -> str:
         return data.decode("utf-8")
     except UnicodeDecodeError:
         return data.decode("latin-1")
-
-
-def read_grey(path: Path) -> Image:
-    """Read an image as (H, W) uint8 grey; colour is converted, 16 bits are scaled to 8.
-
-    Raises:
-        DatasetError: If the file is missing, truncated or not an image.
-    """
-    return np.asarray(_decode(path, cv2.IMREAD_GRAYSCALE), dtype=np.uint8)
-
-
-def read_float(path: Path, channels: int = 1) -> Array:
-    """Read a (H, W) or (H, W, 3) float32 label.
-
-    Raises:
-        DatasetError: If the file is missing, damaged or not a float image.
-    """
-    image = _decode(path, cv2.IMREAD_UNCHANGED)
-    shape = (*image.shape[:2], channels)[: 2 if channels == 1 else 3]
-    if image.dtype != np.float32 or image.shape != shape:
-        raise DatasetError(
-            f"{path}: expected a 32-bit float image of {channels} channels, got {image.dtype}"
-        )
-    return image if channels == 1 else image[..., ::-1]
-
-
-def read_codes(path: Path) -> Array:
-    """Read a (H, W) label of integers, uint8 or uint16.
-
-    Raises:
-        DatasetError: If the file is missing, damaged or of another type.
-    """
-    image = _decode(path, cv2.IMREAD_UNCHANGED)
-    if image.dtype.name not in ("uint8", "uint16") or image.ndim != 2:
-        raise DatasetError(f"{path}: expected one channel of 8 or 16 bits, got {image.dtype}")
-    return image
-
-
-def _decode(path: Path, flags: int) -> Array:
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise DatasetError(f"{path}: cannot be read ({error.strerror})") from None
-    # OpenCV fills the rest of a truncated PNG with zeros and says nothing.
-    if path.suffix.lower() == ".png" and not data.endswith(PNG_END):
-        raise DatasetError(f"{path}: the PNG is truncated or damaged")
-    try:
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
-    except cv2.error:
-        image = None
-    if image is None:
-        raise DatasetError(f"{path}: not a readable image")
-    return np.asarray(image)

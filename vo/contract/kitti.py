@@ -1,58 +1,107 @@
-"""Reader of the KITTI odometry layout."""
+"""Reader of KITTI's layouts: odometry benchmark and synchronised, rectified raw data."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from vo.contract.arrays import Array, Image, Indices
+from vo.contract.arrays import Array, Indices
 from vo.contract.errors import CalibrationError, DatasetError, TrajectoryError
-from vo.contract.files import read_grey, read_lines
-from vo.contract.rig import StereoRig
+from vo.contract.files import read_lines
+from vo.contract.images import list_images
+from vo.contract.pairing import ALL_FRAMES, FrameSelection, StereoFiles, pair_by_name
+from vo.contract.recording import open_recording
+from vo.contract.rectify import Camera
 from vo.contract.sequence import StereoSequence
 from vo.contract.tables import SECONDS, read_table
 from vo.contract.trajectory import Trajectory
 
+MAX_OFF_AXIS = 0.02
+"""Largest offset of the right eye along y or z, in baselines; that of KITTI's colour pair is 0.005.
+Rows of KITTI's pairs are aligned, whatever this offset."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Places of one stereo pair inside a folder: images, keys of the projections, times."""
+
+    left: str
+    right: str
+    keys: tuple[str, str]
+    times: str
+    calibrations: tuple[str, ...] = ("calib.txt",)
+
+
+def _raw(left: str, right: str) -> Layout:
+    name = "calib_cam_to_cam.txt"
+    keys = (f"P_rect_{left}", f"P_rect_{right}")
+    eyes = f"image_{left}/data", f"image_{right}/data"
+    return Layout(*eyes, keys, f"image_{left}/timestamps.txt", (name, f"../{name}"))
+
+
+LAYOUTS = (
+    Layout("image_0", "image_1", ("P0", "P1"), "times.txt"),
+    Layout("image_2", "image_3", ("P2", "P3"), "times.txt"),
+    _raw("00", "01"),
+    _raw("02", "03"),
+)
+"""Grey before colour, odometry before raw."""
+
 
 def is_kitti(folder: Path) -> bool:
-    """Whether the folder holds `image_0` and `calib.txt`."""
-    return (folder / "image_0").is_dir() and (folder / "calib.txt").is_file()
+    """Whether the folder holds the images of a left eye, such as `image_0` or `image_00/data`."""
+    return any((folder / x.left).is_dir() for x in LAYOUTS)
 
 
-def open_kitti(folder: Path) -> StereoSequence:
-    """Open `image_0` and `image_1` (rectified grey) with `calib.txt` and `times.txt`.
+def open_kitti(folder: Path, frames: FrameSelection = ALL_FRAMES) -> StereoSequence:
+    """Open a rectified pair with its calibration and times: the grey one if both are complete.
+
+    The body frame is that of the left grey camera, to which KITTI's true poses belong.
 
     Raises:
-        DatasetError: If files are missing, or left and right differ.
-        CalibrationError: If calib.txt describes no stereo pair.
+        DatasetError: If files are missing, or images and times do not fit.
+        CalibrationError: If the calibration describes no stereo pair.
+        SettingsError: If the selection is empty.
     """
-    left, right = (sorted((folder / name).glob("*.png")) for name in ("image_0", "image_1"))
-    if len(left) != len(right):
-        raise DatasetError(f"{folder}: image_0 holds {len(left)} images, image_1 {len(right)}")
-    if not left:
-        raise DatasetError(f"{folder}: image_0 holds no images")
-    for a, b in zip(left, right, strict=True):
-        if a.name != b.name:
-            raise DatasetError(f"{folder}: {a.name} in image_0 has no partner; found {b.name}")
-    times = _read_times(folder / "times.txt")
-    if len(times) != len(left):
-        raise DatasetError(f"{folder / 'times.txt'}: {len(times)} times for {len(left)} images")
-    height, width = read_grey(left[0]).shape
-    rig = _read_rig(folder / "calib.txt", width, height)
+    layout = _layout(folder)
 
-    def load(i: int) -> tuple[Image, Image]:
-        return read_grey(left[i]), read_grey(right[i])
+    def cameras(width: int, height: int) -> tuple[Camera, Camera]:
+        return _cameras(folder, layout, width, height)
 
-    return StereoSequence(folder.resolve().name, rig, times, load)
+    return open_recording(folder, list_kitti(folder), frames, cameras)
+
+
+def list_kitti(folder: Path) -> StereoFiles:
+    """List the stereo pairs.
+
+    Raises:
+        DatasetError: If there are no images, or times that do not fit.
+    """
+    layout = _layout(folder)
+    left, right = (list_images(folder / x) for x in (layout.left, layout.right))
+    for files, name in ((left, layout.left), (right, layout.right)):
+        if not files:
+            raise DatasetError(f"{folder / name}: holds no images")
+    table = folder / layout.times
+    times = _read_dates(table) if table.name == "timestamps.txt" else _read_times(table)
+    return pair_by_name(folder, left, right, times, table)
+
+
+def _layout(folder: Path) -> Layout:
+    """Return the first layout with both eyes, or the first with the left one, for an error."""
+    started = [x for x in LAYOUTS if (folder / x.left).is_dir()]
+    complete = (x for x in started if (folder / x.right).is_dir())
+    return next(complete, started[0])
 
 
 def read_kitti_truth(folder: Path) -> Trajectory | None:
-    """Read T_world_cam from `poses.txt` in the folder, or from the benchmark's `poses/NN.txt`.
+    """Read the left camera's T_world_cam from `poses.txt`, or the benchmark's `poses/NN.txt`.
 
     Raises:
         TrajectoryError: If a row is not 12 finite numbers, or rows and times differ.
     """
     folder = folder.resolve()
-    candidates = (folder / "poses.txt", folder.parents[1] / "poses" / f"{folder.name}.txt")
+    candidates = (folder / "poses.txt", folder.parent.parent / "poses" / f"{folder.name}.txt")
     path = next((x for x in candidates if x.is_file()), None)
     if path is None:
         return None
@@ -60,7 +109,8 @@ def read_kitti_truth(folder: Path) -> Trajectory | None:
     times = _read_times(folder / "times.txt")
     if len(T) != len(times):
         raise TrajectoryError(f"{path}: {len(T)} poses for {len(times)} times")
-    return Trajectory(times, T)
+    T_cam0_left, _, _ = _eyes(folder, _layout(folder))
+    return Trajectory(times, T @ T_cam0_left)
 
 
 def read_kitti_poses(path: Path) -> Array:
@@ -83,21 +133,67 @@ def _read_times(path: Path) -> Indices:
     return read_table(path).times_ns("a time in seconds", SECONDS)
 
 
-def _read_rig(path: Path, width: int, height: int) -> StereoRig:
-    rows: dict[str, Array] = {}
-    for line in read_lines(path, CalibrationError):
-        key, _, values = line.partition(":")
-        if key in ("P0", "P1"):
+def _read_dates(path: Path) -> Indices:
+    """Read lines such as `2011-09-26 13:02:25.964389445` as ns since 1970."""
+    times: list[int] = []
+    for number, line in enumerate(read_lines(path), start=1):
+        if text := line.strip():
             try:
-                rows[key] = np.array(values.split(), dtype=float).reshape(3, 4)
+                times.append(int(np.datetime64(text, "ns").astype(np.int64)))
             except ValueError:
-                raise CalibrationError(f"{path}: {key} must be 12 numbers") from None
-    if set(rows) != {"P0", "P1"}:
-        raise CalibrationError(f"{path}: needs rows P0 and P1")
-    P0, P1 = rows["P0"], rows["P1"]
-    if not (np.isfinite(P0).all() and np.isfinite(P1).all()) or P0[0, 0] <= 0:
-        raise CalibrationError(f"{path}: P0 and P1 must be finite with a positive focal length")
-    try:
-        return StereoRig(width, height, P0[0, 0], P0[0, 2], P0[1, 2], (P0 - P1)[0, 3] / P0[0, 0])
-    except CalibrationError as error:
-        raise CalibrationError(f"{path}: {error}") from None
+                raise DatasetError(
+                    f"{path}:{number}: expected a time such as 2011-09-26 13:02:25.964389445"
+                ) from None
+    return np.array(times, dtype=np.int64)
+
+
+def _cameras(folder: Path, layout: Layout, width: int, height: int) -> tuple[Camera, Camera]:
+    T_left, T_right, calibration = _eyes(folder, layout)
+    P = _projections(calibration, layout.keys)
+    left, right = (
+        Camera(calibration, width, height, P[key][:, :3] / P[key][2, 2], np.zeros(4), T)
+        for key, T in zip(layout.keys, (T_left, T_right), strict=True)
+    )
+    return left, right
+
+
+def _eyes(folder: Path, layout: Layout) -> tuple[Array, Array, Path]:
+    """Return T_cam0_left and T_cam0_right of the rectified pair, and the file of calibrations."""
+    files = [folder / x for x in layout.calibrations]
+    path = next((x for x in files if x.is_file()), files[0])
+    P = _projections(path, layout.keys)
+    left, right = (_origin(P[key]) for key in layout.keys)
+    baseline_m = right[0] - left[0]
+    if np.abs(right - left)[1:].max() > MAX_OFF_AXIS * abs(baseline_m):
+        names = " and ".join(layout.keys)
+        raise CalibrationError(f"{path}: {names} are not side by side; expected a rectified pair")
+    T_left, T_right = np.eye(4), np.eye(4)
+    T_left[:3, 3], T_right[:3, 3] = left, left + np.array([baseline_m, 0, 0])
+    return T_left, T_right, path
+
+
+def _origin(P: Array) -> Array:
+    """Return the origin in the left grey camera of the camera with projection P = K [I | t]."""
+    z = P[2, 3] / P[2, 2]
+    x, y = ((P[k, 3] / P[2, 2] - P[k, 2] / P[2, 2] * z) * P[2, 2] / P[k, k] for k in (0, 1))
+    return np.array([-x, -y, -z]) + 0.0
+
+
+def _projections(path: Path, keys: tuple[str, str]) -> dict[str, Array]:
+    """Read rows of a key, a colon and 12 numbers, the projection (3, 4) of a rectified camera."""
+    found: dict[str, Array] = {}
+    for number, line in enumerate(read_lines(path, CalibrationError), start=1):
+        key, _, values = line.partition(":")
+        if key.strip() in keys:
+            place = f"{path}:{number}: {key.strip()}"
+            try:
+                P = np.array(values.split(), dtype=float).reshape(3, 4)
+            except ValueError:
+                raise CalibrationError(f"{place} must be 12 numbers") from None
+            if not np.isfinite(P).all() or not P[0, 0] > 0 or not P[1, 1] > 0 or not P[2, 2] > 0:
+                raise CalibrationError(f"{place} must be finite with positive focal lengths")
+            found[key.strip()] = P
+    if len(found) < len(keys):
+        expected = " and ".join(f"'{key}: '" for key in keys)
+        raise CalibrationError(f"{path}: needs rows that begin with {expected}, 12 numbers each")
+    return found

@@ -1,39 +1,93 @@
 """Readers of all supported layouts; ground truth is read by a separate call."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
+from vo.contract.arrays import Indices
 from vo.contract.dataset import check_whole
 from vo.contract.errors import DatasetError
-from vo.contract.euroc import is_euroc, open_euroc, read_euroc_truth
-from vo.contract.kitti import is_kitti, open_kitti, read_kitti_truth
+from vo.contract.euroc import (
+    is_euroc,
+    list_euroc,
+    open_euroc,
+    read_euroc_cameras,
+    read_euroc_truth,
+)
+from vo.contract.kitti import is_kitti, list_kitti, open_kitti, read_kitti_truth
+from vo.contract.pairing import ALL_FRAMES, FrameSelection, StereoFiles
+from vo.contract.rectify import rectify
 from vo.contract.sequence import StereoSequence
 from vo.contract.trajectory import Trajectory
+from vo.contract.tumvi import is_tumvi, list_tumvi, open_tumvi
 
-LAYOUTS = "a driftyard or EuRoC folder (mav0/cam0), or KITTI odometry (image_0, calib.txt)"
+LAYOUTS = (
+    "a driftyard, EuRoC or TUM-VI folder (mav0/cam0, or dso/cam0/images), KITTI odometry (image_0 "
+    "or image_2, calib.txt), or KITTI raw (image_00/data or image_02/data, calib_cam_to_cam.txt)"
+)
 
 
-def open_sequence(folder: Path) -> StereoSequence:
-    """Open a recording by its layout.
+@dataclass(frozen=True)
+class Reader:
+    """Functions that read one layout; `pairs` takes a tolerance in ms, or None."""
+
+    fits: Callable[[Path], bool]
+    open: Callable[[Path, FrameSelection], StereoSequence]
+    pairs: Callable[[Path, float | None], StereoFiles]
+    truth: Callable[[Path], Trajectory | None]
+
+
+def _euroc_truth(folder: Path) -> Trajectory | None:
+    rig, _, _ = rectify(*read_euroc_cameras(folder))
+    return read_euroc_truth(folder, rig.T_body_cam)
+
+
+READERS = (
+    Reader(is_euroc, open_euroc, list_euroc, _euroc_truth),
+    Reader(is_tumvi, open_tumvi, list_tumvi, lambda _: None),
+    Reader(is_kitti, open_kitti, lambda folder, _: list_kitti(folder), read_kitti_truth),
+)
+"""Readers in order of preference."""
+
+
+def open_sequence(folder: Path, frames: FrameSelection = ALL_FRAMES) -> StereoSequence:
+    """Open the selected frames of a recording by its layout.
 
     Raises:
         DatasetError: If the folder is missing or of an unknown layout, or its content is invalid.
+        CalibrationError: If its calibration is missing, malformed or of no stereo pair.
+        SettingsError: If the selection is empty.
     """
-    if not folder.is_dir():
-        raise DatasetError(f"{folder}: no such folder")
-    check_whole(folder)
-    if is_euroc(folder):
-        return open_euroc(folder)
-    if is_kitti(folder):
-        return open_kitti(folder)
-    raise DatasetError(f"{folder}: not a recording; expected {LAYOUTS}")
+    return _reader(folder).open(folder, frames)
+
+
+def read_frame_times(folder: Path, tolerance_ms: float | None = None) -> Indices:
+    """Read the times (N,) in ns of all stereo pairs that are listed; image files may be missing.
+
+    Raises:
+        DatasetError: If the folder is missing or of an unknown layout, or no images are paired.
+    """
+    return _reader(folder).pairs(folder, tolerance_ms).timestamps_ns
 
 
 def read_truth(folder: Path) -> Trajectory | None:
     """Read the true T_world_cam of the left camera; None where the recording has none.
 
     Only evaluation may call this; an estimator receives a StereoSequence, which has no truth.
+
+    Raises:
+        DatasetError: If the folder is missing or of an unknown layout.
+        CalibrationError: As `open_sequence`.
+        TrajectoryError: If the truth is malformed.
     """
-    sequence = open_sequence(folder)
-    if is_euroc(folder):
-        return read_euroc_truth(folder, sequence.rig.T_body_cam)
-    return read_kitti_truth(folder)
+    return _reader(folder).truth(folder)
+
+
+def _reader(folder: Path) -> Reader:
+    if not folder.is_dir():
+        raise DatasetError(f"{folder}: no such folder")
+    check_whole(folder)
+    for reader in READERS:
+        if reader.fits(folder):
+            return reader
+    raise DatasetError(f"{folder}: not a recording; expected {LAYOUTS}")

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
 
 import cv2
@@ -10,6 +11,7 @@ import numpy as np
 from vo.contract import se3
 from vo.contract.arrays import Array, Image
 from vo.contract.errors import CalibrationError
+from vo.contract.remarks import remark
 from vo.contract.rig import StereoRig
 
 Remap = Callable[[Image], Image]
@@ -17,12 +19,27 @@ Remap = Callable[[Image], Image]
 ALIGNED = 1e-6
 """Tolerance on rotation, off-axis translation and intrinsics of a rectified pair."""
 
+MAX_BASELINE_M = 5.0
+"""Baseline above which a calibration is more likely in millimetres."""
+
+BORDER_POINTS, ZOOM = 32, 1.02
+"""Points along each side of an image that must be visible, and factor of the focal length."""
+
+
+class Lens(StrEnum):
+    """Distortion of a lens: how its image differs from that of a pinhole."""
+
+    RADIAL_TANGENTIAL = "radial-tangential"
+    """Brown–Conrady, with OpenCV's order of coefficients."""
+    EQUIDISTANT = "equidistant"
+    """Kannala–Brandt, four coefficients: r = θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸)."""
+
 
 @dataclass(frozen=True)
-class PinholeCamera:
-    """A camera as a sensor.yaml, the path, describes it: (3, 3) pinhole matrix K and (4, 4) pose.
+class Camera:
+    """A camera as a calibration file, the path, describes it: (3, 3) matrix K and (4, 4) pose.
 
-    The distortion (k,) is radial-tangential, in OpenCV's order; zeros for none.
+    The distortion (k,) has 4, 5, 8, 12 or 14 radial-tangential or 4 equidistant coefficients.
     """
 
     path: Path
@@ -31,6 +48,7 @@ class PinholeCamera:
     K: Array
     distortion: Array
     T_body_cam: Array
+    lens: Lens = Lens.RADIAL_TANGENTIAL
 
     def __post_init__(self) -> None:
         values = np.concatenate([self.K.ravel(), self.distortion, self.T_body_cam.ravel()])
@@ -38,10 +56,20 @@ class PinholeCamera:
             raise CalibrationError(f"{self.path}: calibration holds NaN or infinity")
         if self.K[0, 0] <= 0 or self.K[1, 1] <= 0 or self.width_px <= 0 or self.height_px <= 0:
             raise CalibrationError(f"{self.path}: focal lengths and resolution must be positive")
+        if self.K[0, 1] != 0:
+            raise CalibrationError(f"{self.path}: a camera matrix with skew; expected 0")
+
+    @property
+    def is_pinhole(self) -> bool:
+        """Whether the image is that of a pinhole."""
+        return self.lens is Lens.RADIAL_TANGENTIAL and not self.distortion.any()
 
 
-def rectify(left: PinholeCamera, right: PinholeCamera) -> tuple[StereoRig, Remap, Remap]:
-    """Return the rectified rig and both image maps; a rectified pair stays unchanged.
+def rectify(left: Camera, right: Camera) -> tuple[StereoRig, Remap, Remap]:
+    """Return the rectified rig and both image maps.
+
+    A rectified pair stays unchanged. If only the right camera's focal length or principal point
+    differ, its image alone is mapped, so that disparity is zero at infinity.
 
     Raises:
         CalibrationError: If the cameras differ in size, coincide, or are not side by side.
@@ -52,42 +80,91 @@ def rectify(left: PinholeCamera, right: PinholeCamera) -> tuple[StereoRig, Remap
     baseline_m = float(np.linalg.norm(T_right_left[:3, 3]))
     if baseline_m < ALIGNED:
         raise CalibrationError(f"{right.path}: zero baseline to {left.path}")
+    if baseline_m > MAX_BASELINE_M:
+        remark(f"{right.path}: the baseline is {baseline_m:.6g} m; expected metres")
     size = (left.width_px, left.height_px)
-    if _is_rectified(left, right, T_right_left):
-        K = left.K
-        rig = StereoRig(*size, K[0, 0], K[0, 2], K[1, 2], baseline_m, left.T_body_cam)
-        return rig, _unchanged, _unchanged
+    if _is_aligned(left, right, T_right_left):
+        f, cx, cy = left.K[0, 0], left.K[0, 2], left.K[1, 2]
+        rig = StereoRig(*size, f, cx, cy, baseline_m, left.T_body_cam)
+        same = (left.K == right.K).all()
+        return rig, _unchanged, _unchanged if same else _remap(right, np.eye(3), left.K)
+    R_left, R_right, K = _rectified_axes(left, right, T_right_left)
+    T_body_rectified = left.T_body_cam @ se3.pose(R_left.T, np.zeros(3))
+    rig = StereoRig(*size, K[0, 0], K[0, 2], K[1, 2], baseline_m, T_body_rectified)
+    return rig, _remap(left, R_left, K), _remap(right, R_right, K)
+
+
+def _is_aligned(left: Camera, right: Camera, T_right_left: Array) -> bool:
+    straight = np.allclose(T_right_left[:3, :3], np.eye(3), rtol=0, atol=ALIGNED)
+    sideways = T_right_left[0, 3] < 0 and (np.abs(T_right_left[1:3, 3]) < ALIGNED).all()
+    one_focal_length = np.isclose(left.K[0, 0], left.K[1, 1], rtol=ALIGNED)
+    return bool(straight and sideways and left.is_pinhole and right.is_pinhole and one_focal_length)
+
+
+def _rectified_axes(left: Camera, right: Camera, T_right_left: Array) -> tuple[Array, Array, Array]:
+    """Return the rotations from each camera to the rectified axes, and the matrix K of both."""
+    is_fisheye = Lens.EQUIDISTANT in (left.lens, right.lens)
+    # The rotations do not depend on the distortion, only the matrices do.
+    distortions = [np.zeros(4) if is_fisheye else x.distortion for x in (left, right)]
     R_left, R_right, P_left, P_right = cv2.stereoRectify(
-        left.K, left.distortion, right.K, right.distortion, size,
+        left.K, distortions[0], right.K, distortions[1], (left.width_px, left.height_px),
         T_right_left[:3, :3], T_right_left[:3, 3:], flags=cv2.CALIB_ZERO_DISPARITY, alpha=0,
     )[:4]  # fmt: skip
     if P_right[0, 3] >= 0:
         raise CalibrationError(
             f"{right.path}: not to the right of {left.path}; are the cameras swapped or stacked?"
         )
-    T_body_rectified = left.T_body_cam @ se3.pose(R_left.T, np.zeros(3))
-    f, cx, cy = P_left[0, 0], P_left[0, 2], P_left[1, 2]
-    rig = StereoRig(*size, f, cx, cy, baseline_m, T_body_rectified)
-    return rig, _remap(left, R_left, P_left), _remap(right, R_right, P_right)
+    if is_fisheye:
+        return R_left, R_right, _central_matrix(((left, R_left), (right, R_right)))
+    return R_left, R_right, P_left[:, :3]
 
 
-def _is_rectified(left: PinholeCamera, right: PinholeCamera, T_right_left: Array) -> bool:
-    straight = np.allclose(T_right_left[:3, :3], np.eye(3), rtol=0, atol=ALIGNED)
-    sideways = T_right_left[0, 3] < 0 and (np.abs(T_right_left[1:3, 3]) < ALIGNED).all()
-    pinholes = not left.distortion.any() and not right.distortion.any()
-    one_focal_length = np.isclose(left.K[0, 0], left.K[1, 1], rtol=ALIGNED)
-    return bool(
-        straight and sideways and pinholes and one_focal_length and (left.K == right.K).all()
-    )
+def _central_matrix(eyes: tuple[tuple[Camera, Array], ...]) -> Array:
+    """Return K of the pinhole that keeps the scale in the middle of wide-angle lenses.
+
+    A pinhole of a lens' whole angle would shrink the middle, or be infinitely wide. The axes of
+    both lenses stay at their mean principal point; the focal length grows until both images fill
+    the pinhole.
+    """
+    f = float(np.mean([camera.K[[0, 1], [0, 1]] for camera, _ in eyes]))
+    axes = np.mean([R[:2, 2] / R[2, 2] for _, R in eyes], axis=0)
+    centre = np.mean([camera.K[:2, 2] for camera, _ in eyes], axis=0)
+    while True:
+        K = np.array([[f, 0, 0], [0, f, 0], [0, 0, 1.0]])
+        K[:2, 2] = centre - f * axes
+        if all(_fills(camera, R, K) for camera, R in eyes):
+            return K
+        if f > 4 * max(camera.width_px for camera, _ in eyes):
+            raise CalibrationError(f"{eyes[1][0].path}: the images of the cameras do not overlap")
+        f *= ZOOM
+
+
+def _fills(camera: Camera, R: Array, K: Array) -> bool:
+    """Whether the border of the rectified image with matrix K is inside the camera's image."""
+    size = np.array([camera.width_px, camera.height_px]) - 1.0
+    along = np.linspace(0, 1, BORDER_POINTS)
+    ends = np.repeat([0.0, 1.0], BORDER_POINTS)
+    border = np.stack([np.r_[np.tile(along, 2), ends], np.r_[ends, np.tile(along, 2)]], -1) * size
+    rays = np.column_stack([(border - K[:2, 2]) / K[0, 0], np.ones(len(border))]) @ R
+    if (rays[:, 2] <= 0).any():
+        return False
+    if camera.lens is Lens.EQUIDISTANT:
+        points = (rays[:, :2] / rays[:, 2:])[None]
+        pixels = cv2.fisheye.distortPoints(points, camera.K, camera.distortion)[0]
+    else:
+        nothing = np.zeros(3)
+        pixels = cv2.projectPoints(rays, nothing, nothing, camera.K, camera.distortion)[0][:, 0]
+    return bool((pixels >= 0).all() and (pixels <= size).all())
 
 
 def _unchanged(image: Image) -> Image:
     return image
 
 
-def _remap(camera: PinholeCamera, R: Array, P: Array) -> Remap:
+def _remap(camera: Camera, R: Array, K: Array) -> Remap:
     size = (camera.width_px, camera.height_px)
-    maps = cv2.initUndistortRectifyMap(camera.K, camera.distortion, R, P, size, cv2.CV_16SC2)
+    module = cv2.fisheye if camera.lens is Lens.EQUIDISTANT else cv2
+    maps = module.initUndistortRectifyMap(camera.K, camera.distortion, R, K, size, cv2.CV_16SC2)
 
     def apply(image: Image) -> Image:
         if image.shape != (camera.height_px, camera.width_px):

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vo.contract.arrays import Image, Indices
-from vo.contract.errors import DatasetError
+from vo.contract.errors import DatasetError, ImageError
 from vo.contract.rig import StereoRig
 
 STALE_NS = 250_000_000
@@ -76,13 +76,13 @@ class StereoSequence:
         """Load frame i.
 
         Raises:
-            DatasetError: If an image is missing, damaged or not of the calibrated size.
+            ImageError: If an image is missing, damaged or not of the calibrated size.
         """
         left, right = self.load(i)
         expected = (self.rig.height_px, self.rig.width_px)
         for side, image in (("left", left), ("right", right)):
             if image.shape != expected:
-                raise DatasetError(
+                raise ImageError(
                     f"{self.name}: {side} image of frame {i} is {image.shape[1]}x{image.shape[0]}, "
                     f"the calibration says {expected[1]}x{expected[0]}"
                 )

@@ -1,0 +1,282 @@
+"""Reader of camera calibrations in YAML: ASL's sensor.yaml, Kalibr, OpenCV and ROS camera_info."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from vo.contract import se3
+from vo.contract.arrays import Array
+from vo.contract.errors import CalibrationError
+from vo.contract.files import read_lines
+from vo.contract.rectify import Camera, Lens
+from vo.contract.remarks import remark
+
+LENSES: dict[str, Lens | None] = {
+    "radial-tangential": Lens.RADIAL_TANGENTIAL,
+    "radtan": Lens.RADIAL_TANGENTIAL,
+    "plumb_bob": Lens.RADIAL_TANGENTIAL,
+    "rational_polynomial": Lens.RADIAL_TANGENTIAL,
+    "brown-conrady": Lens.RADIAL_TANGENTIAL,
+    "equidistant": Lens.EQUIDISTANT,
+    "equi": Lens.EQUIDISTANT,
+    "kannala-brandt": Lens.EQUIDISTANT,
+    "fisheye": Lens.EQUIDISTANT,
+}
+"""Names of distortion models; capitals, blanks, hyphens and underscores do not matter."""
+
+CAMERAS: dict[str, Lens | None] = {
+    "pinhole": None,
+    "pinhole-radtan": Lens.RADIAL_TANGENTIAL,
+    "pinhole-equi": Lens.EQUIDISTANT,
+    "kannala-brandt": Lens.EQUIDISTANT,
+    "fisheye": Lens.EQUIDISTANT,
+}
+"""Names of camera models, and the distortion that they imply."""
+
+SIZES = (("resolution",), ("image_size",), ("image_width", "image_height"), ("width", "height"))
+INTRINSICS = ("intrinsics", "camera_matrix", "K")
+COEFFICIENTS = ("distortion_coefficients", "distortion_coeffs", "dist_coeffs", "distortion", "D")
+MODELS = ("distortion_model", "distortion_type")
+POSES = ("T_BS", "T_imu_cam", "T_cam_imu", "T_cn_cnm1")
+RECTIFIED = (("rectification_matrix", "R"), ("projection_matrix", "P"))
+
+COUNTS = {Lens.RADIAL_TANGENTIAL: (0, 2, 3, 4, 5, 8, 12, 14), Lens.EQUIDISTANT: (4,)}
+"""Valid numbers of coefficients: k1 k2, or k1 k2 k3, or k1 k2 p1 p2 k3 … in OpenCV's order."""
+
+ROTATION = 1e-3
+"""Largest difference of R Rᵀ of a pose from the identity."""
+
+Sheet = Mapping[str, Any]
+
+
+def read_cameras(left: Path, right: Path) -> tuple[Camera, Camera]:
+    """Read the calibrations of the left and the right camera, which may be one file of Kalibr.
+
+    The poses of the cameras are those in the body frame, if the files have one, else in the left
+    camera's frame: T_BS or T_imu_cam (maps camera to body), T_cam_imu (body to camera), T_cn_cnm1
+    (left to right camera), or the rectification and projection matrices of ROS.
+
+    Raises:
+        CalibrationError: If a file is missing, or a key is missing, malformed or unknown.
+    """
+    sheets = _read_sheet(left, "cam0"), _read_sheet(right, "cam1")
+    poses = _body_poses(left, right, *sheets)
+    first, second = (
+        _camera(path, sheet, T) for path, sheet, T in zip((left, right), sheets, poses, strict=True)
+    )
+    return first, second
+
+
+def find_chain(folders: Sequence[Path]) -> Path | None:
+    """Return the YAML file of both cameras (`cam0`, `cam1`) in the first folder that has one.
+
+    Of several, that with the inertial unit (Kalibr's camchain-imucam) is preferred.
+    """
+    for folder in folders:
+        files = sorted(x for x in folder.glob("*.y*ml") if _is_chain(x))
+        if files:
+            return next((x for x in files if "imu" in x.name), files[0])
+    return None
+
+
+def _is_chain(path: Path) -> bool:
+    try:
+        content = _read_yaml(path)
+    except CalibrationError:
+        return False
+    return isinstance(content.get("cam0"), Mapping) and isinstance(content.get("cam1"), Mapping)
+
+
+class _Loader(yaml.SafeLoader):
+    """Loader that reads a value of any tag, such as `!!opencv-matrix`, as if it had none."""
+
+
+def _untagged(loader: yaml.SafeLoader, _: str, node: yaml.Node) -> Any:
+    if isinstance(node, yaml.MappingNode):
+        return loader.construct_mapping(node, deep=True)
+    if isinstance(node, yaml.SequenceNode):
+        return loader.construct_sequence(node, deep=True)
+    return loader.construct_scalar(node) if isinstance(node, yaml.ScalarNode) else None
+
+
+_Loader.add_multi_constructor("", _untagged)
+
+
+def _read_yaml(path: Path) -> dict[str, Any]:
+    # The version line of OpenCV is not YAML; a blank one keeps the numbers of lines.
+    lines = ("" if x.startswith("%YAML") else x for x in read_lines(path, CalibrationError))
+    try:
+        content = yaml.load("\n".join(lines), _Loader)
+    except (yaml.YAMLError, ValueError, TypeError) as error:
+        mark = getattr(error, "problem_mark", None)
+        problem = getattr(error, "problem", None) or error
+        place = f"{path}:{mark.line + 1}" if mark else f"{path}"
+        raise CalibrationError(f"{place}: not valid YAML ({problem})") from None
+    if not isinstance(content, dict):
+        raise CalibrationError(f"{path}: holds no calibration")
+    return {str(key): value for key, value in content.items()}
+
+
+def _read_sheet(path: Path, camera: str) -> Sheet:
+    content = _read_yaml(path)
+    return content[camera] if isinstance(content.get(camera), Mapping) else content
+
+
+def _camera(path: Path, sheet: Sheet, T_body_cam: Array) -> Camera:
+    width, height = _size(path, sheet)
+    lens, distortion = _distortion(path, sheet)
+    return Camera(path, width, height, _matrix_K(path, sheet), distortion, T_body_cam, lens)
+
+
+def _size(path: Path, sheet: Sheet) -> tuple[int, int]:
+    for keys in SIZES:
+        if all(key in sheet for key in keys):
+            name = " and ".join(keys)
+            values = _numbers(path, name, [sheet[x] for x in keys] if keys[1:] else sheet[keys[0]])
+            if values.shape != (2,) or (values % 1).any():
+                raise CalibrationError(f"{path}: {name} must be width and height, px")
+            return int(values[0]), int(values[1])
+    raise CalibrationError(f"{path}: key 'resolution' is missing (or image_width, image_height)")
+
+
+def _matrix_K(path: Path, sheet: Sheet) -> Array:
+    found: dict[str, Array] = {}
+    for key in INTRINSICS:
+        if key in sheet:
+            values = _numbers(path, key, sheet[key])
+            if values.size == 9:
+                found[key] = values.reshape(3, 3)
+            elif values.shape == (4,):
+                fx, fy, cx, cy = values
+                found[key] = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]])
+            else:
+                raise CalibrationError(f"{path}: {key} must be [fx, fy, cx, cy] or a 3x3 matrix")
+    if not found:
+        raise CalibrationError(f"{path}: key 'intrinsics' is missing (or camera_matrix, K)")
+    (name, K), *others = found.items()
+    for other, matrix in others:
+        if not np.allclose(K, matrix, equal_nan=True):
+            raise CalibrationError(f"{path}: {name} and {other} differ")
+    return K
+
+
+def _distortion(path: Path, sheet: Sheet) -> tuple[Lens, Array]:
+    lens, model = _lens(path, sheet)
+    key = next((x for x in COEFFICIENTS if sheet.get(x) is not None), None)
+    if key is None:
+        if model:
+            others = ", ".join(COEFFICIENTS[1:])
+            raise CalibrationError(
+                f"{path}: distortion model {model}, but key 'distortion_coefficients' is missing "
+                f"(or {others})"
+            )
+        if unknown := [x for x in sheet if "dist" in x.lower() and x not in MODELS]:
+            raise CalibrationError(
+                f"{path}: key '{unknown[0]}' is unknown; expected {', '.join(COEFFICIENTS)}"
+            )
+        return Lens.RADIAL_TANGENTIAL, np.zeros(4)
+    values = _numbers(path, key, sheet[key]).ravel()
+    if lens is None:
+        if values.any():
+            remark(f"{path}: {key} without distortion_model; radial-tangential is assumed")
+        lens = Lens.RADIAL_TANGENTIAL
+    if values.size not in COUNTS[lens]:
+        valid = ", ".join(map(str, COUNTS[lens]))
+        raise CalibrationError(f"{path}: {key} has {values.size} numbers; {lens.value} has {valid}")
+    if values.size == 3:
+        remark(f"{path}: the three numbers of {key} are taken for k1, k2, k3")
+        values = np.r_[values[:2], 0, 0, values[2]]
+    return lens, np.r_[values, np.zeros(max(0, 4 - values.size))]
+
+
+def _lens(path: Path, sheet: Sheet) -> tuple[Lens | None, str]:
+    """Return the lens that the models of camera and distortion name, and that name if any."""
+    camera = str(sheet.get("camera_model") or "pinhole")
+    implied = _named(path, "camera_model", camera, CAMERAS)
+    if sheet.get("fisheye_model") in (1, True):  # of OpenCV's calibration sample
+        return Lens.EQUIDISTANT, "fisheye_model"
+    model = next((str(sheet[key]) for key in MODELS if sheet.get(key)), "")
+    if model.lower() in ("", "none"):
+        return implied, camera if implied else ""
+    return _named(path, "distortion_model", model, LENSES), model
+
+
+def _named(path: Path, key: str, name: str, valid: Mapping[str, Lens | None]) -> Lens | None:
+    plain = {x.replace("-", "").replace("_", ""): value for x, value in valid.items()}
+    word = name.lower().replace("-", "").replace("_", "").replace(" ", "")
+    if word not in plain:
+        raise CalibrationError(f"{path}: {key} {name}; valid: {', '.join(valid)}")
+    return plain[word]
+
+
+def _body_poses(
+    left: Path, right: Path, sheet_left: Sheet, sheet_right: Sheet
+) -> tuple[Array, Array]:
+    """Return T_body_cam of both cameras."""
+    poses = _T_body_cam(left, sheet_left), _T_body_cam(right, sheet_right)
+    if poses[0] is not None and poses[1] is not None:
+        return poses[0], poses[1]
+    T_right_left = _pose(right, sheet_right, "T_cn_cnm1")
+    if T_right_left is None:
+        T_right_left = _from_rectified(left, right, sheet_left, sheet_right)
+    if T_right_left is None:
+        path = left if poses[0] is None else right
+        others = ", ".join((*POSES[1:], "rectification_matrix and projection_matrix"))
+        raise CalibrationError(f"{path}: key 'T_BS' is missing (or {others})")
+    T_body_left = np.eye(4) if poses[0] is None else poses[0]
+    return T_body_left, T_body_left @ se3.inverse(T_right_left)
+
+
+def _T_body_cam(path: Path, sheet: Sheet) -> Array | None:
+    for key in POSES[:2]:
+        if (T := _pose(path, sheet, key)) is not None:
+            return T
+    T_cam_body = _pose(path, sheet, "T_cam_imu")
+    return None if T_cam_body is None else se3.inverse(T_cam_body)
+
+
+def _pose(path: Path, sheet: Sheet, key: str) -> Array | None:
+    if key not in sheet:
+        return None
+    values = _numbers(path, key, sheet[key])
+    T = values.reshape(4, 4) if values.size == 16 else np.zeros((4, 4))
+    R = T[:3, :3]
+    if np.isfinite(T).all():
+        straight = np.allclose(R @ R.T, np.eye(3), atol=ROTATION) and np.linalg.det(R) > 0
+        if not straight or not np.allclose(T[3], [0, 0, 0, 1], atol=1e-6):
+            raise CalibrationError(f"{path}: {key} is not a rigid 4x4 transform, row by row")
+    return T
+
+
+def _from_rectified(left: Path, right: Path, a: Sheet, b: Sheet) -> Array | None:
+    """Return T_right_left from ROS' rotations to rectified axes, and projections in these."""
+    R: list[Array] = []
+    x_m: list[float] = []
+    for path, sheet in ((left, a), (right, b)):
+        rotation, projection = (next((x for x in keys if x in sheet), "") for keys in RECTIFIED)
+        if not rotation or not projection:
+            return None
+        R.append(_numbers(path, rotation, sheet[rotation], 9).reshape(3, 3))
+        P = _numbers(path, projection, sheet[projection], 12).reshape(3, 4)
+        if not P[0, 0] > 0:
+            raise CalibrationError(f"{path}: {projection} must have a positive focal length")
+        x_m.append(P[0, 3] / P[0, 0])
+    return se3.pose(R[1].T @ R[0], R[1].T @ np.array([x_m[1] - x_m[0], 0, 0]))
+
+
+def _numbers(path: Path, key: str, value: Any, size: int | None = None) -> Array:
+    """Return numbers from a list, from rows, or from a mapping with `data`, as of OpenCV."""
+    if isinstance(value, Mapping):
+        if "data" not in value:
+            raise CalibrationError(f"{path}: {key}: key 'data' is missing")
+        value = value["data"]
+    try:
+        values = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        raise CalibrationError(f"{path}: {key} must hold numbers only") from None
+    if size is not None and values.size != size:
+        raise CalibrationError(f"{path}: {key} has {values.size} numbers; expected {size}")
+    return values

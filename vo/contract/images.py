@@ -1,0 +1,204 @@
+"""Images: decoding of grey images and labels, and 8 bits from any depth."""
+
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from vo.contract.arrays import Array, Image
+from vo.contract.errors import DatasetError, ImageError
+from vo.contract.remarks import remark
+
+SUFFIXES = (".png", ".jpg", ".jpeg", ".pgm", ".ppm", ".pnm", ".bmp", ".tif", ".tiff", ".webp")
+"""Suffixes of image files, in lower case."""
+
+DEPTHS = (8, 10, 12, 14, 16)
+"""Bits that image sensors deliver in pixels of 16 bits."""
+
+SAMPLE = 16
+"""Number of images from which the depth in use is determined, evenly over a sequence."""
+
+LEVEL_PERCENT = 99.9
+"""Percentile that stands for the brightest level of an image; defective pixels are above it."""
+
+MAX_CLIPPED = 0.01
+"""Largest share of pixels above the depth in use that brings no remark."""
+
+PNG, JPEG, JPEG_SCAN, JPEG_END = b"\x89PNG\r\n\x1a\n", b"\xff\xd8", b"\xff\xda", b"\xff\xd9"
+GIT_LFS = b"version https://git-lfs"
+
+
+def list_images(folder: Path) -> list[Path]:
+    """List the image files of a folder, numbered names by their number; none without a folder."""
+    files = folder.iterdir() if folder.is_dir() else ()
+    images = (x for x in files if x.suffix.lower() in SUFFIXES and not x.name.startswith("."))
+    return sorted(images, key=lambda x: (number_of(x.stem), x.name))
+
+
+def number_of(stem: str) -> int:
+    """Return the number of a frame from its file's name; -1 if the name is no number."""
+    return int(stem) if stem.isascii() and stem.isdigit() else -1
+
+
+def image_files(folder: Path, names: Sequence[str]) -> list[Path]:
+    """Return the files of names with or without suffix; with `.png` where there is no such file."""
+    suffixed = [Path(name).suffix.lower() in SUFFIXES for name in names]
+    known = {} if all(suffixed) else {x.stem: x for x in list_images(folder)}
+    return [
+        folder / name if whole else known.get(name, folder / f"{name}.png")
+        for name, whole in zip(names, suffixed, strict=True)
+    ]
+
+
+@dataclass(frozen=True)
+class GreyReader:
+    """Reader of the images of one sequence as 8-bit grey.
+
+    Attributes:
+        size_px: Width and height of the first readable image.
+        bits: Depth in use of images of 16 bits; one of DEPTHS.
+    """
+
+    size_px: tuple[int, int]
+    bits: int = 16
+
+    def __call__(self, path: Path) -> Image:
+        """Read an image as (H, W) uint8; of 16 bits, the highest 8 in use.
+
+        Raises:
+            ImageError: If the file is missing, damaged or not an image.
+        """
+        image = _read_levels(path)
+        if image.dtype == np.uint8:
+            return image
+        clipped = float((image >> self.bits > 0).mean()) if self.bits < 16 else 0.0
+        if clipped > MAX_CLIPPED:
+            remark(f"{path}: {clipped:.0%} of the pixels exceed {self.bits} bits and are clipped")
+        return np.minimum(image >> (self.bits - 8), 255).astype(np.uint8)
+
+
+def grey_reader(files: Sequence[Path]) -> GreyReader:
+    """Make the reader of a sequence from a sample of its images, at least one.
+
+    Images of 16 bits bring a remark that states the depth in use.
+
+    Raises:
+        ImageError: If no image of the sample can be read.
+    """
+    rows = np.unique(np.linspace(0, len(files) - 1, min(SAMPLE, len(files))).astype(int))
+    sample = [files[i] for i in rows]
+    size_px: tuple[int, int] | None = None
+    problem: ImageError | None = None
+    level = 0
+    for path in sample:
+        try:
+            image = _read_levels(path)
+        except ImageError as error:
+            problem = problem or error
+            continue
+        if size_px is None:
+            size_px = (image.shape[1], image.shape[0])
+            if image.dtype == np.uint8:
+                return GreyReader(size_px)
+        if image.dtype == np.uint16:
+            level = max(level, int(np.percentile(image, LEVEL_PERCENT)))
+    if size_px is None:
+        raise problem or DatasetError("a sequence without images")
+    bits = next(x for x in DEPTHS if level < 2**x)
+    remark(
+        f"{files[0].parent}: images of 16 bits of which {bits} are in use; "
+        f"levels are divided by {2 ** (bits - 8)}"
+    )
+    return GreyReader(size_px, bits)
+
+
+def read_grey(path: Path) -> Image:
+    """Read an image as (H, W) uint8 grey; colour is converted, 16 bits are scaled to 8.
+
+    Raises:
+        ImageError: If the file is missing, damaged or not an image.
+    """
+    return GreyReader((0, 0))(path)
+
+
+def read_float(path: Path, channels: int = 1) -> Array:
+    """Read a (H, W) or (H, W, 3) float32 label.
+
+    Raises:
+        ImageError: If the file is missing, damaged or not a float image.
+    """
+    image = _decode(path, cv2.IMREAD_UNCHANGED)
+    shape = (*image.shape[:2], channels)[: 2 if channels == 1 else 3]
+    if image.dtype != np.float32 or image.shape != shape:
+        raise ImageError(
+            f"{path}: expected a 32-bit float image of {channels} channels, got {image.dtype}"
+        )
+    return image if channels == 1 else image[..., ::-1]
+
+
+def read_codes(path: Path) -> Array:
+    """Read a (H, W) label of integers, uint8 or uint16.
+
+    Raises:
+        ImageError: If the file is missing, damaged or of another type.
+    """
+    image = _decode(path, cv2.IMREAD_UNCHANGED)
+    if image.dtype.name not in ("uint8", "uint16") or image.ndim != 2:
+        raise ImageError(f"{path}: expected one channel of 8 or 16 bits, got {image.dtype}")
+    return image
+
+
+def _read_levels(path: Path) -> Array:
+    """Read the grey levels (H, W) of an image as stored, uint8 or uint16."""
+    flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
+    image = _decode(path, flags)
+    if image.dtype.name not in ("uint8", "uint16"):
+        raise ImageError(f"{path}: pixels of type {image.dtype}; expected 8 or 16 bits")
+    return image
+
+
+def _decode(path: Path, flags: int) -> Array:
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise ImageError(f"{path}: cannot be read ({error.strerror})") from None
+    if fault := _fault(data):
+        raise ImageError(f"{path}: {fault}")
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+    except cv2.error:
+        image = None
+    if image is None:
+        raise ImageError(f"{path}: not a readable image")
+    return np.asarray(image)
+
+
+def _fault(data: bytes) -> str:
+    """Name the fault of a file, of which OpenCV might invent the rest; empty if there is none."""
+    if not data:
+        return "the file is empty"
+    if data.startswith(GIT_LFS):
+        return "a pointer of Git LFS instead of the image; fetch it with `git lfs pull`"
+    if data.startswith(PNG) and not _is_whole_png(data):
+        return "the PNG is truncated or damaged"
+    # The scan of a preview inside the header ends before that of the image begins.
+    if data.startswith(JPEG) and data.rfind(JPEG_END) < data.rfind(JPEG_SCAN):
+        return "the JPEG is truncated"
+    return ""
+
+
+def _is_whole_png(data: bytes) -> bool:
+    """Whether all chunks up to the last, IEND, are there and agree with their checksums."""
+    at = len(PNG)
+    while at + 12 <= len(data):
+        end = at + 8 + int.from_bytes(data[at : at + 4], "big")
+        kind, checksum = data[at + 4 : at + 8], data[end : end + 4]
+        if int.from_bytes(checksum, "big") != zlib.crc32(memoryview(data)[at + 4 : end]):
+            return False
+        if kind == b"IEND":
+            return True
+        at = end + 4
+    return False

@@ -1,0 +1,58 @@
+"""Reader of TUM-VI's `dso` folder: images, times in seconds and Kalibr's camchain."""
+
+from pathlib import Path
+
+from vo.contract.arrays import Indices
+from vo.contract.calibration import find_chain, read_cameras
+from vo.contract.errors import CalibrationError
+from vo.contract.images import image_files
+from vo.contract.pairing import ALL_FRAMES, FrameSelection, StereoFiles, pair_by_time
+from vo.contract.recording import open_recording
+from vo.contract.sequence import StereoSequence
+from vo.contract.tables import SECONDS, read_table
+
+ROW = "'name time[s] exposure[ms]'"
+
+
+def is_tumvi(folder: Path) -> bool:
+    """Whether the folder holds `dso/cam0/images`, or is the `dso` itself."""
+    return (_root(folder) / "cam0" / "images").is_dir()
+
+
+def open_tumvi(folder: Path, frames: FrameSelection = ALL_FRAMES) -> StereoSequence:
+    """Open the stereo pairs of `times.txt`; images are rectified on loading.
+
+    Raises:
+        DatasetError: If a table is missing or malformed, or images are.
+        CalibrationError: If there is no file of both cameras, or it is malformed.
+        SettingsError: If the selection is empty.
+    """
+    root = _root(folder)
+    chain = find_chain((root,))
+    if chain is None:
+        raise CalibrationError(f"{root}: holds no calibration; expected Kalibr's camchain.yaml")
+    cameras = read_cameras(chain, chain)
+    return open_recording(
+        folder, list_tumvi(folder, frames.tolerance_ms), frames, lambda *_: cameras
+    )
+
+
+def list_tumvi(folder: Path, tolerance_ms: float | None = None) -> StereoFiles:
+    """List the stereo pairs of the tables; the image files may be missing.
+
+    Raises:
+        DatasetError: If a table is missing or malformed, or no times agree.
+    """
+    left, right = (_read_times(_root(folder) / camera) for camera in ("cam0", "cam1"))
+    return pair_by_time(folder, left, right, tolerance_ms)
+
+
+def _root(folder: Path) -> Path:
+    return folder / "dso" if (folder / "dso").is_dir() else folder
+
+
+def _read_times(camera: Path) -> tuple[Indices, list[Path]]:
+    table = read_table(camera / "times.txt")
+    times = table.times_ns(ROW, SECONDS, 1)
+    table.require_increasing(times)
+    return times, image_files(camera / "images", table.words(0, ROW))
