@@ -4,23 +4,32 @@ import csv
 import json
 import platform
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import IO, Any, Self
 
 import numpy as np
 
 from vo.contract.arrays import Array
 from vo.contract.dataset import MANIFEST, installed_version
-from vo.contract.estimator import Estimate, Estimator, Finalizing, FinalResult, PointMap
-from vo.contract.files import replacing, write_text
+from vo.contract.errors import ImageError
+from vo.contract.estimator import Estimate, Estimator, Finalizing, FinalResult, PointMap, Status
+from vo.contract.files import replacing
 from vo.contract.observations import Observations
+from vo.contract.remarks import remark
 from vo.contract.sequence import StereoSequence
-from vo.contract.trajectory import Trajectory, write_tum
+from vo.contract.trajectory import TUM_HEADER, Trajectory, tum_lines, write_tum
 
 PACKAGES = ("driftyard", "numpy", "opencv-python-headless", "gtsam", "numba", "scipy")
+UNREADABLE = "unreadable image"
+"""Reason of a lost frame that the estimator did not receive."""
+
+FRAME_HEADER = ("timestamp_ns", "status", "reason", "frame_ms")
+"""Columns of frames.csv before those of each stage."""
+
 COUNT, MILLISECONDS = "count:", "ms:"
 """Prefixes of the per-stage columns of frames.csv."""
 
@@ -37,7 +46,8 @@ VERTEX = (
 class Run:
     """Estimates of a whole sequence, one per frame in order of time, and the final result, if any.
 
-    `frame_ms` is the wall time of each `track` call, without the loading of images.
+    `frame_ms` is the wall time of each `track` call, without the loading of images; 0 for a frame
+    with an unreadable image.
     """
 
     sequence: str
@@ -60,17 +70,31 @@ def run(
 ) -> Run:
     """Pass every frame to a new estimator, in order, and each estimate to `progress`.
 
+    A frame with an image that is missing, damaged or of the wrong size is lost, with a remark.
+
     Raises:
-        DatasetError: If an image is missing, damaged or of the wrong size.
+        ImageError: If this is so in every frame.
     """
     estimates: list[Estimate] = []
     frame_ms: list[float] = []
-    for frame in sequence:
-        start = perf_counter()
-        estimates.append(estimator.track(frame))
-        frame_ms.append(1e3 * (perf_counter() - start))
+    problems: list[ImageError] = []
+    for i, time_ns in enumerate(sequence.timestamps_ns.tolist()):
+        try:
+            frame = sequence[i]
+        except ImageError as problem:
+            problems.append(problem)
+            estimates.append(Estimate(time_ns, Status.LOST, None, UNREADABLE))
+            frame_ms.append(0.0)
+        else:
+            start = perf_counter()
+            estimates.append(estimator.track(frame))
+            frame_ms.append(1e3 * (perf_counter() - start))
         if progress:
             progress(estimates[-1])
+    if len(problems) == len(sequence):
+        raise problems[0]
+    if problems:
+        remark(f"{problems[0]}; {len(problems)} of {len(sequence)} frames are lost by such images")
     final = estimator.finalize() if isinstance(estimator, Finalizing) else FinalResult()
     return Run(sequence.name, tuple(estimates), tuple(frame_ms), final)
 
@@ -78,23 +102,13 @@ def run(
 def write_run(
     out: Path, run: Run, estimator: str, settings: Mapping[str, Any], dataset: Path
 ) -> None:
-    """Write the trajectory and its companions; each file appears whole, the trajectory last.
+    """Write the trajectory and its companions, all of them or none; the trajectory comes last.
 
     The companions of the TUM file are `<stem>.frames.csv` (status, reason, counts and milliseconds
     of every frame), `<stem>.tracks.npz` (one entry per landmark and frame), `.covariance.npz`,
     `.smoothed.txt` and `.map.ply` where the estimator offers them, and `.run.json`: the estimator's
     name and resolved settings, the folder of the sequence, and the hash of its manifest.
     """
-    _write_frames(companion(out, "frames.csv"), run)
-    _write_tracks(companion(out, "tracks.npz"), run.estimates)
-    for stale in ("covariance.npz", "smoothed.txt", "map.ply"):
-        companion(out, stale).unlink(missing_ok=True)
-    if any(x.covariance is not None for x in run.estimates):
-        _write_covariances(companion(out, "covariance.npz"), run.estimates)
-    if run.final.trajectory is not None:
-        write_tum(companion(out, "smoothed.txt"), run.final.trajectory)
-    if run.final.points is not None:
-        write_ply(companion(out, "map.ply"), run.final.points)
     manifest = dataset / MANIFEST
     about = {
         "estimator": estimator,
@@ -105,8 +119,70 @@ def write_run(
         "versions": {"python": platform.python_version()}
         | {package: installed_version(package) for package in PACKAGES},
     }
-    write_text(companion(out, "run.json"), json.dumps(about, indent=1) + "\n")
-    write_tum(out, run.trajectory)
+    with ExitStack() as files:
+
+        def new(path: Path) -> Path:
+            return files.enter_context(replacing(path))
+
+        write_tum(new(out), run.trajectory)  # entered first, so it replaces its predecessor last
+        _write_frames(new(companion(out, "frames.csv")), run)
+        _write_tracks(new(companion(out, "tracks.npz")), run.estimates)
+        new(companion(out, "run.json")).write_text(json.dumps(about, indent=1) + "\n", "utf-8")
+        offered = {
+            "covariance.npz": any(x.covariance is not None for x in run.estimates),
+            "smoothed.txt": run.final.trajectory is not None,
+            "map.ply": run.final.points is not None,
+        }
+        if offered["covariance.npz"]:
+            _write_covariances(new(companion(out, "covariance.npz")), run.estimates)
+        if run.final.trajectory is not None:
+            write_tum(new(companion(out, "smoothed.txt")), run.final.trajectory)
+        if run.final.points is not None:
+            write_ply(new(companion(out, "map.ply")), run.final.points)
+        for kind in (x for x, is_offered in offered.items() if not is_offered):
+            companion(out, kind).unlink(missing_ok=True)
+
+
+class UnfinishedRun:
+    """Record of a run while it goes on: `<stem>.unfinished.txt` and `.unfinished.frames.csv`.
+
+    The files hold whole lines, one for each frame, from the moment at which it is estimated. This
+    context manager removes them if the block succeeds, or if no frame had a pose.
+    """
+
+    def __init__(self, out: Path) -> None:
+        self._paths = companion(out, "unfinished.txt"), companion(out, "unfinished.frames.csv")
+        self._files: tuple[IO[str], ...] = ()
+        self._frames = self._poses = 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def add(self, estimate: Estimate) -> None:
+        """Write the pose and the status of the next frame."""
+        if not self._files:
+            self._paths[0].parent.mkdir(parents=True, exist_ok=True)
+            self._files = tuple(x.open("w", encoding="utf-8", newline="") for x in self._paths)
+            self._files[0].write(TUM_HEADER + "\n")
+            csv.writer(self._files[1], lineterminator="\n").writerow(FRAME_HEADER)
+        time_ns, T = estimate.timestamp_ns, estimate.T_odom_cam
+        if T is not None:
+            lines = tum_lines(Trajectory(np.array([time_ns]), T[None]))
+            self._files[0].write("\n".join(lines) + "\n")
+        row = time_ns, estimate.status.value, estimate.reason, ""
+        csv.writer(self._files[1], lineterminator="\n").writerow(row)
+        for file in self._files:
+            file.flush()
+        self._frames, self._poses = self._frames + 1, self._poses + (T is not None)
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        for file in self._files:
+            file.close()
+        if kind is None or not self._poses:
+            for path in self._paths[: len(self._files)]:
+                path.unlink(missing_ok=True)
+        else:
+            remark(f"{self._paths[0]}: holds the poses of the {self._frames} frames before the end")
 
 
 def companion(out: Path, kind: str) -> Path:
@@ -117,9 +193,9 @@ def companion(out: Path, kind: str) -> Path:
 def _write_frames(path: Path, run: Run) -> None:
     counts = _stages(x.counts for x in run.estimates)
     timings = _stages(x.timings_ms for x in run.estimates)
-    header = ["timestamp_ns", "status", "reason", "frame_ms"]
+    header = [*FRAME_HEADER]
     header += [COUNT + name for name in counts] + [MILLISECONDS + name for name in timings]
-    with replacing(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
+    with path.open("w", encoding="utf-8", newline="") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(header)
         for x, ms in zip(run.estimates, run.frame_ms, strict=True):
@@ -134,7 +210,7 @@ def _write_tracks(path: Path, estimates: tuple[Estimate, ...]) -> None:
     seen = [x.observations or nothing for x in estimates] or [nothing]
     frames = [np.full(len(x.ids), i, dtype=np.int64) for i, x in enumerate(seen)]
     pixels = np.concatenate([x.pixels for x in seen]).astype(np.float32)
-    with replacing(path) as partial, partial.open("wb") as file:
+    with path.open("wb") as file:
         np.savez_compressed(
             file,
             landmark=np.concatenate([x.ids for x in seen]).astype(np.int64),
@@ -153,7 +229,7 @@ def _write_covariances(path: Path, estimates: tuple[Estimate, ...]) -> None:
         found = [np.full((6, 6), np.nan) if x is None else x for x in values]
         return np.array(found, dtype=np.float64).reshape(-1, 6, 6)
 
-    with replacing(path) as partial, partial.open("wb") as file:
+    with path.open("wb") as file:
         np.savez_compressed(
             file,
             timestamp_ns=np.array([x.timestamp_ns for x in estimates], dtype=np.int64),

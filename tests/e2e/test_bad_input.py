@@ -62,14 +62,10 @@ def missing_image(dataset):
     (dataset / FIRST).unlink()
 
 
-def shorten_right(dataset):
+def delay_right(dataset):
     table = dataset / "mav0/cam1/data.csv"
-    table.write_text("".join(table.read_text().splitlines(keepends=True)[:-1]))
-
-
-def shift_right(dataset):
-    table = dataset / "mav0/cam1/data.csv"
-    table.write_text(table.read_text().replace(f"{2 * PERIOD_NS},", f"{2 * PERIOD_NS + 1},"))
+    rows = (f"{k * PERIOD_NS + 20_000_000},{k * PERIOD_NS}.png\n" for k in (1, 2, 3))
+    table.write_text("".join(rows))
 
 
 def reverse_time(dataset):
@@ -100,12 +96,9 @@ def no_calibration(dataset):
     ("damage", "fragments"),
     [
         (remove, ["d: no such folder"]),
-        (wrong_size, ["left image of frame 0 is 30x20, the calibration says 240x180"]),
-        (truncate, [FIRST, "truncated"]),
-        (empty_file, [FIRST]),
-        (missing_image, [FIRST, "cannot be read"]),
-        (shorten_right, ["cam0 lists 3 images, cam1 2"]),
-        (shift_right, ["frame 1 is at 200000000 ns left, 200000001 ns right"]),
+        (wrong_size, [FIRST, "the image is 30x20", "cam0/sensor.yaml says 240x180"]),
+        (missing_image, ["1 of 6 images are missing", FIRST, "--skip-missing"]),
+        (delay_right, ["their times differ by 20 ms or more", "--pair-tolerance", "3 ms"]),
         (reverse_time, ["cam0/data.csv:3: time must increase"]),
         (no_frames, ["no frames"]),
         (zero_baseline, ["mav0/cam1/sensor.yaml", "zero baseline"]),
@@ -121,8 +114,47 @@ def test_bad_dataset_is_refused_in_one_line(dataset, tmp_path, damage, fragments
 
 
 @pytest.mark.parametrize(
+    ("damage", "fragment"), [(truncate, "truncated"), (empty_file, "the file is empty")]
+)
+def test_damaged_image_costs_its_frame(dataset, tmp_path, damage, fragment):
+    damage(dataset)
+    words = ("run", "d", "--out", "x.txt", "--estimator", "corner_flow")
+    result = driftyard(*words, cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "3 frames, 1 lost" in result.stdout
+    (line,) = result.stderr.splitlines()
+    assert f"{FIRST}: " in line
+    assert fragment in line
+    table = (tmp_path / "x.frames.csv").read_text().splitlines()
+    assert table[1] == f"{PERIOD_NS},lost,unreadable image,0.000" + "," * (table[0].count(",") - 3)
+
+
+@pytest.mark.parametrize(
+    ("words", "times"),
+    [
+        (["--skip-missing"], [2, 3]),
+        (["--first", "1"], [2, 3]),
+        (["--first", "1", "--last", "1"], [2]),
+        (["--skip-missing", "--every", "2"], [3]),
+    ],
+)
+def test_run_goes_on_without_missing_images(dataset, tmp_path, words, times):
+    missing_image(dataset)
+    words = ("run", "d", "--out", "x.txt", "--estimator", "corner_flow", *words)
+    result = driftyard(*words, cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert ("images are missing" in result.stderr) == ("--skip-missing" in words)
+    rows = (tmp_path / "x.frames.csv").read_text().splitlines()[1:]
+    assert [int(row.split(",")[0]) // PERIOD_NS for row in rows] == times
+
+
+@pytest.mark.parametrize(
     ("words", "fragments"),
     [
+        (["--first", "3"], ["frames 3 to 2", "frames 0 to 2"]),
+        (["--last", "7"], ["frames 0 to 7", "d has frames 0 to 2"]),
+        (["--pair-tolerance", "50"], ["--pair-tolerance 50 ms", "half of the frame period"]),
+        (["--every", "2", "--command", "true {dataset} {out}"], ["a program reads all frames"]),
         (["--estimator", "orb"], ["unknown estimator orb", "corner_flow, driftyard"]),
         (["--set", "seeds=3"], ["unknown setting seeds", "features"]),
         (["--set", "seed=nan"], ["seed"]),

@@ -2,6 +2,7 @@
 
 import cv2
 import numpy as np
+import pytest
 from folders import HEIGHT, WIDTH, write_euroc
 
 from vo.contract import se3
@@ -12,9 +13,20 @@ DISTORTION = (-0.28, 0.07, 2e-4, -3e-4)
 BLOB_SIGMA_PX = 2.5
 
 
-def blob_image(points_cam):
+RATIONAL = (-0.28, 0.07, 2e-4, -3e-4, 0.01, 0.02, -0.01, 0.003)
+EQUIDISTANT = (0.01, -0.011, 0.006, -0.0017)
+
+
+def blob_image(points_cam, distortion, lens):
     """Gaussian dots where OpenCV's own distortion model sees the points."""
-    pixels = cv2.projectPoints(points_cam, np.zeros(3), np.zeros(3), K, np.array(DISTORTION))[0]
+    nothing, coefficients = np.zeros(3), np.r_[distortion, np.zeros(max(0, 4 - len(distortion)))]
+    if lens == "equidistant":
+        pixels = cv2.fisheye.projectPoints(points_cam[:, None], nothing, nothing, K, coefficients)[
+            0
+        ]
+        pixels = pixels.reshape(-1, 1, 2)
+    else:
+        pixels = cv2.projectPoints(points_cam, nothing, nothing, K, coefficients)[0]
     v, u = np.mgrid[:HEIGHT, :WIDTH]
     image = np.zeros((HEIGHT, WIDTH))
     for x, y in pixels[:, 0]:
@@ -29,7 +41,19 @@ def centroid(image, near, reach=7):
     return np.array([(u * window).sum(), (v * window).sum()]) / window.sum()
 
 
-def test_rectify_agrees_with_known_points(tmp_path):
+@pytest.mark.parametrize(
+    ("lens", "distortion"),
+    [
+        ("radial-tangential", DISTORTION),
+        ("radial-tangential", ()),
+        ("radial-tangential", DISTORTION[:2]),
+        ("radial-tangential", RATIONAL[:5]),
+        ("radial-tangential", RATIONAL),
+        ("equidistant", EQUIDISTANT),
+        ("equidistant", (0, 0, 0, 0)),
+    ],
+)
+def test_rectify_agrees_with_known_points(tmp_path, lens, distortion):
     # The body is ahead of the cameras and turned; the cameras are toed in and unevenly mounted.
     T_body_left = se3.exp(np.array([0.2, -0.1, 0.3, 0.02, -0.4, 0.03]))
     T_left_right = se3.exp(np.array([0.12, 0.004, -0.003, 0.01, -0.03, 0.015]))
@@ -38,9 +62,13 @@ def test_rectify_agrees_with_known_points(tmp_path):
     points_left = np.stack([x.ravel(), y.ravel(), 2.0 + 0.3 * x.ravel()], axis=-1)
     points_body = se3.transform(T_body_left, points_left)
     pair = tuple(
-        blob_image(se3.transform(se3.inverse(T), points_body)) for T in (T_body_left, T_body_right)
+        blob_image(se3.transform(se3.inverse(T), points_body), distortion, lens)
+        for T in (T_body_left, T_body_right)
     )
-    folder = write_euroc(tmp_path / "raw", [pair], K, DISTORTION, (T_body_left, T_body_right))
+    folder = write_euroc(tmp_path / "raw", [pair], K, distortion, (T_body_left, T_body_right))
+    for eye in (0, 1):
+        sheet = folder / "mav0" / f"cam{eye}" / "sensor.yaml"
+        sheet.write_text(sheet.read_text().replace("radial-tangential", lens))
 
     sequence = open_sequence(folder)
     rig, frame = sequence.rig, sequence[0]

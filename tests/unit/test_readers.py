@@ -3,10 +3,12 @@
 import cv2
 import numpy as np
 import pytest
+import yaml
 from folders import BASELINE_M, F_PX, HEIGHT, PERIOD_NS, WIDTH, wall, write_euroc
 
 from vo.contract.errors import CalibrationError, DatasetError, TrajectoryError
 from vo.contract.readers import open_sequence, read_truth
+from vo.contract.remarks import Remark
 from vo.contract.sequence import STALE_NS, WheelLog
 
 
@@ -80,20 +82,126 @@ def test_kitti_truth_of_the_benchmark_layout(kitti):
         read_truth(kitti)
 
 
+def test_kitti_pairs_of_common_names(kitti):
+    (kitti / "image_1" / "000001.png").unlink()
+    with pytest.warns(Remark, match="3 images left, 2 right: the 2 common pairs"):
+        sequence = open_sequence(kitti)
+    assert sequence.timestamps_ns.tolist() == [0, 200_000_000]
+    assert (sequence[1].right == wall(3)[2][1]).all()
+
+
+def test_kitti_times_of_missing_images_are_left_out(kitti):
+    for side in ("image_0", "image_1"):
+        (kitti / side / "000001.png").unlink()
+    with pytest.warns(Remark, match="3 times for 2 images, taken by their numbers"):
+        assert open_sequence(kitti).timestamps_ns.tolist() == [0, 200_000_000]
+
+
+def test_kitti_numbers_are_sorted_as_numbers(kitti):
+    for side in ("image_0", "image_1"):
+        for i, new in enumerate((2, 10, 9)):
+            (kitti / side / f"{i:06d}.png").rename(kitti / side / f"{new}.png")
+    assert (open_sequence(kitti)[1].left == wall(3)[2][0]).all()
+
+
 def test_kitti_faults(kitti):
-    (kitti / "image_1" / "000002.png").rename(kitti / "image_1" / "000003.png")
-    with pytest.raises(DatasetError, match=r"000002.png in image_0 has no partner"):
-        open_sequence(kitti)
-    (kitti / "image_1" / "000003.png").unlink()
-    with pytest.raises(DatasetError, match="image_0 holds 3 images, image_1 2"):
-        open_sequence(kitti)
-    (kitti / "image_0" / "000002.png").unlink()
-    with pytest.raises(DatasetError, match="3 times for 2 images"):
-        open_sequence(kitti)
     (kitti / "times.txt").write_text("0\n1\n")
-    (kitti / "calib.txt").write_text("P0: 1 2 3\n")
-    with pytest.raises(CalibrationError, match="P0 must be 12 numbers"):
+    with pytest.raises(DatasetError, match="2 times for 3 images"):
         open_sequence(kitti)
+    for i in range(3):
+        (kitti / "image_1" / f"{i:06d}.png").unlink()
+    with pytest.raises(DatasetError, match="image_1: holds no images"):
+        open_sequence(kitti)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("P0: 1 2 3\n", r"calib.txt:1: P0 must be 12 numbers"),
+        ("1 2 3 4 5 6 7 8 9 10 11 12\n", "rows that begin with 'P0: ' and 'P1: '"),
+        (f"P0: {'0 ' * 12}\n", "positive focal lengths"),
+        ("P0: 9 0 5 0 0 9 5 0 0 0 1 0\nP1: 9 0 5 -9 0 9 5 9 0 0 1 0\n", "not side by side"),
+        ("P0: 9 0 5 0 0 9 5 0 0 0 1 0\nP1: 9 0 5 9 0 9 5 0 0 0 1 0\n", "swapped"),
+    ],
+)
+def test_kitti_calibration_faults(kitti, text, message):
+    (kitti / "calib.txt").write_text(text)
+    with pytest.raises(CalibrationError, match=message):
+        open_sequence(kitti)
+
+
+def test_kitti_principal_point_of_the_right_eye_is_honoured(kitti):
+    calibration = (kitti / "calib.txt").read_text()
+    right = f"P1: {F_PX:.1f} 0 100"
+    assert right in calibration
+    # The right image lies 3 pixels further to the left than that of an equal camera.
+    (kitti / "calib.txt").write_text(calibration.replace(right, f"P1: {F_PX:.1f} 0 97"))
+    sequence = open_sequence(kitti)
+    assert (sequence.rig.f_px, sequence.rig.cx_px) == (F_PX, 100)
+    assert sequence.rig.baseline_m == pytest.approx(BASELINE_M)
+    left, right = wall(3)[1]
+    assert (sequence[1].left == left).all()
+    assert (sequence[1].right[:, 3:] == right[:, :-3]).all()
+
+
+def test_kitti_colour_pair_has_the_truth_of_its_left_eye(kitti):
+    for old, new in (("image_0", "image_2"), ("image_1", "image_3")):
+        (kitti / old).rename(kitti / new)
+    rows = (
+        [F_PX, 0, 100, 12, 0, F_PX, 90, 0, 0, 0, 1, 0],
+        [F_PX, 0, 100, -8, 0, F_PX, 90, 0, 0, 0, 1, 0],
+    )
+    text = [f"P{k}: " + " ".join(map(str, row)) for k, row in zip((2, 3), rows, strict=True)]
+    (kitti / "calib.txt").write_text("\n".join(text))
+    (kitti / "poses.txt").write_text("1 0 0 0 0 1 0 0 0 0 1 0\n" * 3)
+    sequence = open_sequence(kitti)
+    assert sequence.rig.baseline_m == pytest.approx(BASELINE_M)
+    assert sequence.rig.T_body_cam[0, 3] == pytest.approx(-0.06)
+    assert read_truth(kitti).T_ref_frame[1, 0, 3] == pytest.approx(-0.06)
+
+
+def test_kitti_raw_opens(kitti):
+    drive = kitti.parent / "2011_09_26" / "drive_sync"
+    for eye in (0, 1):
+        (drive / f"image_0{eye}").mkdir(parents=True)
+        (kitti / f"image_{eye}").rename(drive / f"image_0{eye}" / "data")
+        stamps = [f"2011-09-26 13:02:25.{k}64389445\n" for k in (1, 2, 3)]
+        (drive / f"image_0{eye}" / "timestamps.txt").write_text("".join(stamps))
+    text = (kitti / "calib.txt").read_text().replace("P0", "P_rect_00").replace("P1", "P_rect_01")
+    (drive.parent / "calib_cam_to_cam.txt").write_text("calib_time: 09-Jan-2012\n" + text)
+    sequence = open_sequence(drive)
+    assert sequence.rig.baseline_m == pytest.approx(BASELINE_M)
+    assert sequence.timestamps_ns[0] == 1317042145164389445
+    assert np.diff(sequence.timestamps_ns).tolist() == [PERIOD_NS, PERIOD_NS]
+    (drive / "image_00" / "timestamps.txt").write_text("2011-09-26 13:02\nyesterday\n")
+    with pytest.raises(DatasetError, match=r"timestamps.txt:2: expected a time such as"):
+        open_sequence(drive)
+
+
+def test_tumvi_opens_with_its_camchain(euroc, tmp_path):
+    dso = tmp_path / "room" / "dso"
+    chain = {}
+    for eye in (0, 1):
+        data = euroc / "mav0" / f"cam{eye}" / "data"
+        (dso / f"cam{eye}").mkdir(parents=True)
+        data.rename(dso / f"cam{eye}" / "images")
+        rows = [f"{k * PERIOD_NS} {k * 0.1:.9f} 2.5\n" for k in (1, 2, 3)]
+        (dso / f"cam{eye}" / "times.txt").write_text("# name time exposure\n" + "".join(rows))
+        T_cam_imu = np.eye(4)
+        T_cam_imu[0, 3] = -eye * BASELINE_M
+        chain[f"cam{eye}"] = {
+            "camera_model": "pinhole",
+            "distortion_model": "equidistant",
+            "distortion_coeffs": [0.0, 0.0, 0.0, 0.0],
+            "intrinsics": [F_PX, F_PX, (WIDTH - 1) / 2, (HEIGHT - 1) / 2],
+            "resolution": [WIDTH, HEIGHT],
+            "T_cam_imu": T_cam_imu.tolist(),
+        }
+    (dso / "camchain.yaml").write_text(yaml.safe_dump(chain))
+    sequence = open_sequence(tmp_path / "room")
+    assert sequence.timestamps_ns.tolist() == [k * PERIOD_NS for k in (1, 2, 3)]
+    assert sequence.rig.baseline_m == pytest.approx(BASELINE_M)
+    assert len(open_sequence(dso)) == 3
 
 
 @pytest.mark.parametrize(
@@ -102,13 +210,11 @@ def test_kitti_faults(kitti):
         ("intrinsics: ", "[.nan, 200, 1, 1]", "NaN"),
         ("intrinsics: ", "[-1.0, 200, 1, 1]", "must be positive"),
         ("camera_model: ", "omni", "camera_model omni"),
-        ("resolution: ", "[240]", "not enough values"),
+        ("resolution: ", "[240]", "resolution must be width and height"),
         ("T_BS: ", "{}", "key 'data' is missing"),
     ],
 )
 def test_euroc_calibration_faults(euroc, key, value, message):
-    import yaml
-
     path = euroc / "mav0" / "cam0" / "sensor.yaml"
     sheet = yaml.safe_load(path.read_text().removeprefix("%YAML:1.0\n"))
     sheet[key.rstrip(": ")] = yaml.safe_load(value)
@@ -125,7 +231,7 @@ def test_euroc_swapped_cameras_are_refused(tmp_path):
 
 
 def test_unknown_layout_lists_the_known_ones(tmp_path):
-    with pytest.raises(DatasetError, match=r"EuRoC folder .* or KITTI"):
+    with pytest.raises(DatasetError, match=r"EuRoC .* KITTI odometry"):
         open_sequence(tmp_path)
 
 
@@ -172,10 +278,3 @@ def test_wheel_table_faults_name_the_line(euroc, row, message):
     write_wheels(euroc, f"1000,0,0\n{row}\n")
     with pytest.raises(DatasetError, match=rf"wheels0/data.csv:3: .*{message}"):
         open_sequence(euroc)
-
-
-def test_sixteen_bits_are_scaled_to_eight(euroc):
-    path = euroc / "mav0" / "cam0" / "data" / f"{PERIOD_NS}.png"
-    deep = np.full((HEIGHT, WIDTH), 200 * 256, np.uint16)
-    cv2.imwrite(str(path), deep)
-    assert (open_sequence(euroc)[0].left == 200).all()

@@ -4,17 +4,20 @@ import json
 import struct
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from folders import PERIOD_NS, wall, write_euroc
 
+from trials.estimators.choice import Named, estimate
 from trials.evaluation.runs import read_run
-from vo.contract.errors import TrajectoryError
+from vo.contract.errors import ImageError, TrajectoryError
 from vo.contract.estimator import Estimate, FinalResult, Observations, PointMap, Status
 from vo.contract.readers import open_sequence
+from vo.contract.remarks import Remark
 from vo.contract.trajectory import Trajectory
 from vo.contract.trajectory_files import read_trajectory
-from vo.runner import run, write_run
+from vo.runner import Run, UnfinishedRun, run, write_run
 
 
 class Scripted:
@@ -94,6 +97,70 @@ def test_run_fingerprints_the_manifest(tmp_path, dataset):
 def test_run_leaves_no_partial_files(written):
     names = {path.name for path in written.parent.iterdir()}
     assert names == {f"a.v1.{x}" for x in ("txt", "frames.csv", "tracks.npz", "run.json")}
+
+
+class Failing(Scripted):
+    """Raises on the fourth frame."""
+
+    def track(self, frame):
+        if self.frames == 3:
+            raise KeyboardInterrupt
+        return super().track(frame)
+
+
+def test_unfinished_run_is_on_disk_line_by_line(tmp_path, dataset):
+    out = tmp_path / "runs" / "c.txt"
+    seen = []
+
+    def look(estimate):
+        unfinished.add(estimate)
+        seen.append(read_run(tmp_path / "runs" / "c.unfinished.txt"))
+
+    with (
+        pytest.raises(KeyboardInterrupt),
+        pytest.warns(Remark, match=r"c.unfinished.txt: holds the poses of the 3 frames"),
+        UnfinishedRun(out) as unfinished,
+    ):
+        run(open_sequence(dataset), Failing(), look)
+    assert [len(x.frames) for x in seen] == [1, 2, 3]
+    assert seen[-1].trajectory.timestamps_ns.tolist() == [PERIOD_NS, 2 * PERIOD_NS]
+    assert [x.value for x in seen[-1].frames.status] == ["start", "tracked", "lost"]
+    assert not out.exists()
+
+
+def test_finished_run_leaves_no_unfinished_files(tmp_path, dataset):
+    out = tmp_path / "runs" / "c.txt"
+    estimate(Named("corner_flow"), dataset, out)
+    names = {path.name for path in out.parent.iterdir()}
+    assert names == {f"c.{x}" for x in ("txt", "frames.csv", "tracks.npz", "run.json")}
+
+
+def test_failed_writing_leaves_the_earlier_run(written, dataset):
+    before = {path.name: path.read_bytes() for path in written.parent.iterdir()}
+    broken = Run("x", (), (), FinalResult(points=PointMap(np.arange(3), None, None, None)))
+    with pytest.raises(TypeError):
+        write_run(written, broken, "s", {}, dataset)
+    assert {path.name: path.read_bytes() for path in written.parent.iterdir()} == before
+
+
+def test_unreadable_images_cost_their_frames(dataset):
+    images = sorted((dataset / "mav0" / "cam1" / "data").iterdir())
+    images[1].write_bytes(images[1].read_bytes()[:-40])
+    cv2.imwrite(str(images[3]), np.zeros((4, 6), np.uint8))
+    estimator = Scripted()
+    with pytest.warns(Remark, match=f"{images[1].name}: the PNG .* 2 of 4 frames are lost"):
+        result = run(open_sequence(dataset), estimator)
+    reasons = [x.reason for x in result.estimates]
+    assert reasons == ["", "unreadable image", "", "unreadable image"]
+    assert estimator.frames == 2
+
+
+def test_run_without_readable_images_is_refused(dataset):
+    sequence = open_sequence(dataset)
+    for image in (dataset / "mav0" / "cam0" / "data").iterdir():
+        image.write_bytes(b"junk")
+    with pytest.raises(ImageError, match="not a readable image"):
+        run(sequence, Scripted())
 
 
 class Reflective(Scripted):

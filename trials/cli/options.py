@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from sim.settings import RecordSettings
     from trials.estimators.choice import Named
     from trials.estimators.plugins.command import Command
+    from vo.contract.pairing import FrameSelection
 
 SceneName = Annotated[
     str,
@@ -21,7 +22,7 @@ SceneName = Annotated[
         help="Registered scene (`driftyard scenes` lists them), MJCF file, or module:function."
     ),
 ]
-Dataset = Annotated[Path, typer.Argument(help="Dataset folder: driftyard, EuRoC or KITTI.")]
+Dataset = Annotated[Path, typer.Argument(help="Dataset folder: driftyard, EuRoC, TUM-VI or KITTI.")]
 Trajectories = Annotated[
     list[Path],
     typer.Argument(metavar="FILE...", help="Trajectory files: TUM, EuRoC or KITTI format."),
@@ -130,6 +131,34 @@ class AnyEstimatorOptions(EstimatorOptions):
         if self.estimator or self.overrides or self.config:
             raise SettingsError("--command: takes no --estimator, --set or --config")
         return Command(self.command, self.timeout, self.label)
+
+
+@dataclass(frozen=True)
+class FrameOptions:
+    """Frames of a recording that are used."""
+
+    PANEL: ClassVar[str] = "Frames"
+    first: int = option(0, "Index of the first frame, from 0.", min=0)
+    last: int | None = option(None, "Index of the last frame.", show_default="last of all", min=0)
+    every: int = option(1, "Use each k-th frame only.", min=1, metavar="K")
+    skip_missing: bool = option(
+        False, "Leave out frames whose images are missing, an error otherwise.", "--skip-missing"
+    )
+    pair_tolerance: float | None = option(
+        None,
+        "Largest difference of the times of left and right, ms.",
+        show_default="3, or a quarter of the frame period",
+        metavar="MS",
+    )
+
+    @property
+    def selection(self) -> "FrameSelection":
+        """The selection of frames."""
+        from vo.contract.pairing import FrameSelection
+
+        return FrameSelection(
+            self.first, self.last, self.every, self.skip_missing, self.pair_tolerance
+        )
 
 
 def expand(function: Callable[..., None]) -> Callable[..., None]:

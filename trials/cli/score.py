@@ -16,7 +16,7 @@ from trials.evaluation.runs import read_runs
 from trials.evaluation.score import Score, score_run
 from trials.evaluation.truth import true_trajectory
 from trials.report.tables import text_table
-from vo.contract.readers import open_sequence
+from vo.contract.readers import read_body_pose, read_frame_times
 
 
 def score(
@@ -38,12 +38,12 @@ def score(
 
 def score_files(dataset: Path, files: Sequence[Path], frame: Frame = Frame.CAM) -> list[Score]:
     """Score trajectory files; DriftyardError if a file or the ground truth cannot be read."""
-    truth, sequence = true_trajectory(dataset, positions=True), open_sequence(dataset)
-    T_body_cam = sequence.rig.T_body_cam
+    truth, T_body_cam = true_trajectory(dataset, positions=True), read_body_pose(dataset)
+    frames = len(read_frame_times(dataset))
     runs = [x.moved(frame.T_frame_cam(T_body_cam)) for x in read_runs(dataset, files)]
     for run in runs:
         remark_mismatches(truth, run, T_body_cam, frame)
-    return [score_run(truth, run, len(sequence)) for run in runs]
+    return [score_run(truth, run, frames) for run in runs]
 
 
 def score_table(title: str, scores: Sequence[Score]) -> Table:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from vo.contract.errors import SettingsError
 from vo.contract.estimator import Estimate, Estimator
+from vo.contract.pairing import ALL_FRAMES, FrameSelection
 from vo.contract.rig import StereoRig
 from vo.contract.settings import Settings, resolve
 
@@ -90,11 +91,14 @@ def estimate(
     dataset: Path,
     out: Path,
     progress: Callable[[Estimate], None] | None = None,
+    frames: FrameSelection = ALL_FRAMES,
 ) -> "Run":
     """Run an estimator of any kind over a dataset and write what `vo.runner.write_run` writes.
 
     A frame on which a plug-in class raises is lost. Progress is called with the estimate of each
     frame, except for a program, whose output is kept in `<stem>.printed.txt` beside the result.
+    What another one estimated before an error, an interruption or a kill is in the files of
+    `vo.runner.UnfinishedRun`.
 
     Raises:
         DriftyardError: If dataset, estimator or settings are wrong, or a plug-in fails.
@@ -102,9 +106,9 @@ def estimate(
     from trials.estimators.plugins import PluginError
     from trials.estimators.plugins.classes import Guarded
     from vo.contract.readers import open_sequence
-    from vo.runner import companion, run, write_run
+    from vo.runner import UnfinishedRun, companion, run, write_run
 
-    sequence = open_sequence(dataset)
+    sequence = open_sequence(dataset, frames)
     if not isinstance(choice, Named):
         from trials.estimators.plugins.command import run_command
 
@@ -114,8 +118,15 @@ def estimate(
         return result
     estimator, settings = make_estimator(choice.name, sequence.rig, choice.config, choice.overrides)
     guarded = None if choice.name in ESTIMATORS else Guarded(estimator)
-    result = run(sequence, guarded or estimator, progress)
-    write_run(out, result, choice.name, settings, dataset)
+    with UnfinishedRun(out) as unfinished:
+
+        def record(estimate: Estimate) -> None:
+            unfinished.add(estimate)
+            if progress:
+                progress(estimate)
+
+        result = run(sequence, guarded or estimator, record)
+        write_run(out, result, choice.name, settings, dataset)
     if guarded and guarded.complaint:
         raise PluginError(f"{out} is written, but finalize failed: {guarded.complaint}")
     return result

@@ -12,7 +12,7 @@ import numpy as np
 from vo.contract.arrays import Array, Indices, Mask
 from vo.contract.errors import TrajectoryError
 from vo.contract.estimator import PointMap, Status
-from vo.contract.readers import open_sequence
+from vo.contract.readers import read_frame_times
 from vo.contract.trajectory import Trajectory
 from vo.contract.trajectory_files import read_trajectory
 from vo.runner import COUNT, MILLISECONDS, VERTEX, companion
@@ -113,8 +113,8 @@ def read_run(path: Path, frame_times_ns: Indices | None = None) -> SavedRun:
 
 
 def read_runs(dataset: Path, files: Sequence[Path]) -> list[SavedRun]:
-    """Read trajectory files of a recording; DriftyardError as of `open_sequence`, `read_run`."""
-    frame_times_ns = open_sequence(dataset).timestamps_ns
+    """Read trajectory files of a recording; DriftyardError if one cannot be read."""
+    frame_times_ns = read_frame_times(dataset)
     return [read_run(file, frame_times_ns) for file in files]
 
 

@@ -17,6 +17,7 @@ from trials.report.charts import drift_by_length, error_over_distance, stage_cou
 from trials.report.html import data_uri, write_html
 from trials.report.trajectory_plot import plot_trajectories, read_scene_map
 from vo.contract.arrays import Array, Image, Indices
+from vo.contract.pairing import FrameSelection
 from vo.contract.readers import open_sequence
 from vo.contract.sequence import StereoSequence
 
@@ -35,7 +36,8 @@ def write_report(dataset: Path, runs: Sequence[SavedRun], out: Path) -> None:
         DatasetError: If the dataset is unreadable or has no ground truth.
         TrajectoryError: If a run and the truth share fewer than two times.
     """
-    sequence, truth = open_sequence(dataset), true_trajectory(dataset)
+    sequence = open_sequence(dataset, FrameSelection(skip_missing=True, tolerance_ms=np.inf))
+    truth = true_trajectory(dataset)
     runs = _distinct(runs)
     main, table = runs[0], runs[0].frames
     for run in runs:
@@ -102,14 +104,19 @@ def stills(sequence: StereoSequence, run: SavedRun, count: int = 4) -> list[Stil
     even = seen[((np.arange(count - 1) + 0.5) / (count - 1) * len(seen)).astype(int)]
     hardest = seen[np.argmin(inliers[seen])]
     chosen = np.unique([*even, hardest]).tolist()
-    return [_still(sequence, run, run.tracks, i) for i in chosen]
+    return [x for i in chosen if (x := _still(sequence, run, run.tracks, i)) is not None]
 
 
-def _still(sequence: StereoSequence, run: SavedRun, tracks: Tracks, frame: int) -> Still:
-    canvas = _annotate(sequence[frame].left, tracks, frame)
+def _still(sequence: StereoSequence, run: SavedRun, tracks: Tracks, frame: int) -> Still | None:
+    """Draw a frame of the run, which may hold a selection of the sequence's; None without image."""
+    times_ns = run.frames.timestamps_ns if run.frames is not None else sequence.timestamps_ns
+    row = np.flatnonzero(sequence.timestamps_ns == times_ns[frame])
+    if not len(row):
+        return None
+    canvas = _annotate(sequence[int(row[0])].left, tracks, frame)
     jpeg = cv2.imencode(".jpg", canvas, [cv2.IMWRITE_JPEG_QUALITY, 85])[1].tobytes()
     here = tracks.frame == frame
-    time_s = (sequence.timestamps_ns[frame] - sequence.timestamps_ns[0]) / 1e9
+    time_s = (times_ns[frame] - sequence.timestamps_ns[0]) / 1e9
     caption = (
         f"frame {frame}, {time_s:.1f} s: {tracks.inlier[here].sum()} of {here.sum()} are inliers"
     )

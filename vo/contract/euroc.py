@@ -24,7 +24,8 @@ IMAGE_ROW = "'timestamp [ns],filename'"
 
 def is_euroc(folder: Path) -> bool:
     """Whether the folder holds `mav0/cam0`, or is the `mav0` itself."""
-    return (_mav(folder) / "cam0").is_dir()
+    camera = _mav(folder) / "cam0"
+    return camera.is_dir() and not (camera / "images").is_dir()
 
 
 def open_euroc(folder: Path, frames: FrameSelection = ALL_FRAMES) -> StereoSequence:

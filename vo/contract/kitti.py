@@ -94,6 +94,15 @@ def _layout(folder: Path) -> Layout:
     return next(complete, started[0])
 
 
+def read_kitti_pose(folder: Path) -> Array:
+    """Read the pose (4, 4) of the left camera in the left grey one, which is the body frame.
+
+    Raises:
+        CalibrationError: If the calibration describes no stereo pair.
+    """
+    return _eyes(folder, _layout(folder))[0]
+
+
 def read_kitti_truth(folder: Path) -> Trajectory | None:
     """Read the left camera's T_world_cam from `poses.txt`, or the benchmark's `poses/NN.txt`.
 
@@ -109,8 +118,7 @@ def read_kitti_truth(folder: Path) -> Trajectory | None:
     times = _read_times(folder / "times.txt")
     if len(T) != len(times):
         raise TrajectoryError(f"{path}: {len(T)} poses for {len(times)} times")
-    T_cam0_left, _, _ = _eyes(folder, _layout(folder))
-    return Trajectory(times, T @ T_cam0_left)
+    return Trajectory(times, T @ read_kitti_pose(folder))
 
 
 def read_kitti_poses(path: Path) -> Array:

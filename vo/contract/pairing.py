@@ -123,7 +123,7 @@ def pair_by_time(
         folder: Recording, for messages.
         left: Increasing times (N,) in ns and N files of the left eye.
         right: Likewise of the right eye, (M,).
-        tolerance_ms: As of FrameSelection.
+        tolerance_ms: As of FrameSelection; infinity for the widest, just below half a period.
 
     Raises:
         DatasetError: If no times agree.
@@ -163,6 +163,8 @@ def _tolerance_ns(times: Indices, times_right: Indices, tolerance_ms: float | No
     period_ns = min(steps, default=np.inf)
     if tolerance_ms is None:
         return min(TOLERANCE_NS, DEFAULT_PERIODS * period_ns)
+    if tolerance_ms == np.inf:
+        return np.nextafter(MAX_PERIODS * period_ns, 0)
     tolerance_ns = tolerance_ms * NS_PER_MS
     if not 0 <= tolerance_ns < MAX_PERIODS * period_ns:
         raise SettingsError(

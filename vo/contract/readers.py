@@ -4,7 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from vo.contract.arrays import Indices
+import numpy as np
+
+from vo.contract.arrays import Array, Indices
 from vo.contract.dataset import check_whole
 from vo.contract.errors import DatasetError
 from vo.contract.euroc import (
@@ -14,12 +16,12 @@ from vo.contract.euroc import (
     read_euroc_cameras,
     read_euroc_truth,
 )
-from vo.contract.kitti import is_kitti, list_kitti, open_kitti, read_kitti_truth
+from vo.contract.kitti import is_kitti, list_kitti, open_kitti, read_kitti_pose, read_kitti_truth
 from vo.contract.pairing import ALL_FRAMES, FrameSelection, StereoFiles
 from vo.contract.rectify import rectify
 from vo.contract.sequence import StereoSequence
 from vo.contract.trajectory import Trajectory
-from vo.contract.tumvi import is_tumvi, list_tumvi, open_tumvi
+from vo.contract.tumvi import is_tumvi, list_tumvi, open_tumvi, read_tumvi_cameras
 
 LAYOUTS = (
     "a driftyard, EuRoC or TUM-VI folder (mav0/cam0, or dso/cam0/images), KITTI odometry (image_0 "
@@ -29,23 +31,43 @@ LAYOUTS = (
 
 @dataclass(frozen=True)
 class Reader:
-    """Functions that read one layout; `pairs` takes a tolerance in ms, or None."""
+    """Functions that read one layout.
+
+    Attributes:
+        fits: Whether a folder has the layout.
+        open: Opens the selected frames.
+        pairs: Lists the stereo pairs within a tolerance in ms, or None for the default.
+        T_body_cam: Reads (4, 4) of the rectified left camera.
+        truth: Reads T_world_cam.
+    """
 
     fits: Callable[[Path], bool]
     open: Callable[[Path, FrameSelection], StereoSequence]
     pairs: Callable[[Path, float | None], StereoFiles]
+    T_body_cam: Callable[[Path], Array]
     truth: Callable[[Path], Trajectory | None]
 
 
+def _euroc_pose(folder: Path) -> Array:
+    return rectify(*read_euroc_cameras(folder))[0].T_body_cam
+
+
+def _tumvi_pose(folder: Path) -> Array:
+    return rectify(*read_tumvi_cameras(folder))[0].T_body_cam
+
+
 def _euroc_truth(folder: Path) -> Trajectory | None:
-    rig, _, _ = rectify(*read_euroc_cameras(folder))
-    return read_euroc_truth(folder, rig.T_body_cam)
+    return read_euroc_truth(folder, _euroc_pose(folder))
+
+
+def _kitti_pairs(folder: Path, _: float | None) -> StereoFiles:
+    return list_kitti(folder)
 
 
 READERS = (
-    Reader(is_euroc, open_euroc, list_euroc, _euroc_truth),
-    Reader(is_tumvi, open_tumvi, list_tumvi, lambda _: None),
-    Reader(is_kitti, open_kitti, lambda folder, _: list_kitti(folder), read_kitti_truth),
+    Reader(is_euroc, open_euroc, list_euroc, _euroc_pose, _euroc_truth),
+    Reader(is_tumvi, open_tumvi, list_tumvi, _tumvi_pose, lambda _: None),
+    Reader(is_kitti, open_kitti, _kitti_pairs, read_kitti_pose, read_kitti_truth),
 )
 """Readers in order of preference."""
 
@@ -61,13 +83,25 @@ def open_sequence(folder: Path, frames: FrameSelection = ALL_FRAMES) -> StereoSe
     return _reader(folder).open(folder, frames)
 
 
-def read_frame_times(folder: Path, tolerance_ms: float | None = None) -> Indices:
-    """Read the times (N,) in ns of all stereo pairs that are listed; image files may be missing.
+def read_frame_times(folder: Path) -> Indices:
+    """Read the times (N,) in ns of all stereo pairs within the widest tolerance.
+
+    The image files may be missing.
 
     Raises:
         DatasetError: If the folder is missing or of an unknown layout, or no images are paired.
     """
-    return _reader(folder).pairs(folder, tolerance_ms).timestamps_ns
+    return _reader(folder).pairs(folder, np.inf).timestamps_ns
+
+
+def read_body_pose(folder: Path) -> Array:
+    """Read T_body_cam (4, 4) of the rectified left camera.
+
+    Raises:
+        DatasetError: If the folder is missing or of an unknown layout.
+        CalibrationError: If its calibration is missing, malformed or of no stereo pair.
+    """
+    return _reader(folder).T_body_cam(folder)
 
 
 def read_truth(folder: Path) -> Trajectory | None:

@@ -12,6 +12,8 @@ from vo.contract.files import write_text
 
 NS_PER_S = 1_000_000_000
 
+TUM_HEADER = "# timestamp tx ty tz qx qy qz qw"
+
 
 @dataclass(frozen=True)
 class Trajectory:
@@ -64,11 +66,16 @@ class Trajectory:
 
 def write_tum(path: Path, trajectory: Trajectory) -> None:
     """Write `timestamp tx ty tz qx qy qz qw` lines: seconds, metres, scalar last."""
+    write_text(path, "\n".join([TUM_HEADER, *tum_lines(trajectory)]) + "\n")
+
+
+def tum_lines(trajectory: Trajectory) -> list[str]:
+    """Format the lines of a TUM trajectory, without the header."""
     t = trajectory.T_ref_frame[:, :3, 3]
     quat_wxyz = se3.to_quat_wxyz(trajectory.T_ref_frame)
     rows = np.hstack([t, quat_wxyz[:, 1:], quat_wxyz[:, :1]])
-    lines = ["# timestamp tx ty tz qx qy qz qw"]
+    lines: list[str] = []
     for time, row in zip(trajectory.timestamps_ns, rows, strict=True):
         seconds, nanoseconds = divmod(int(time), NS_PER_S)
         lines.append(f"{seconds}.{nanoseconds:09d} " + " ".join(f"{x:.9f}" for x in row))
-    write_text(path, "\n".join(lines) + "\n")
+    return lines

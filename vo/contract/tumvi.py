@@ -8,6 +8,7 @@ from vo.contract.errors import CalibrationError
 from vo.contract.images import image_files
 from vo.contract.pairing import ALL_FRAMES, FrameSelection, StereoFiles, pair_by_time
 from vo.contract.recording import open_recording
+from vo.contract.rectify import Camera
 from vo.contract.sequence import StereoSequence
 from vo.contract.tables import SECONDS, read_table
 
@@ -27,14 +28,21 @@ def open_tumvi(folder: Path, frames: FrameSelection = ALL_FRAMES) -> StereoSeque
         CalibrationError: If there is no file of both cameras, or it is malformed.
         SettingsError: If the selection is empty.
     """
+    cameras, files = read_tumvi_cameras(folder), list_tumvi(folder, frames.tolerance_ms)
+    return open_recording(folder, files, frames, lambda *_: cameras)
+
+
+def read_tumvi_cameras(folder: Path) -> tuple[Camera, Camera]:
+    """Read Kalibr's camchain.
+
+    Raises:
+        CalibrationError: If there is no file of both cameras, or it is malformed.
+    """
     root = _root(folder)
     chain = find_chain((root,))
     if chain is None:
         raise CalibrationError(f"{root}: holds no calibration; expected Kalibr's camchain.yaml")
-    cameras = read_cameras(chain, chain)
-    return open_recording(
-        folder, list_tumvi(folder, frames.tolerance_ms), frames, lambda *_: cameras
-    )
+    return read_cameras(chain, chain)
 
 
 def list_tumvi(folder: Path, tolerance_ms: float | None = None) -> StereoFiles:

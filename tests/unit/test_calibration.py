@@ -1,0 +1,221 @@
+"""Calibrations as ASL, Kalibr, OpenCV and ROS write them."""
+
+import numpy as np
+import pytest
+import yaml
+
+from vo.contract import se3
+from vo.contract.calibration import find_chain, read_cameras
+from vo.contract.errors import CalibrationError
+from vo.contract.rectify import Lens
+from vo.contract.remarks import Remark
+
+FOCAL = [200.0, 201.0, 119.5, 89.5]
+K = [[200.0, 0.0, 119.5], [0.0, 201.0, 89.5], [0.0, 0.0, 1.0]]
+COEFFICIENTS = [-0.28, 0.07, 2e-4, 2e-5]
+T_BODY_LEFT = se3.exp(np.array([0.1, -0.2, 0.3, 0.4, -0.5, 0.6]))
+T_LEFT_RIGHT = se3.exp(np.array([0.11, 0.002, -0.001, 0.003, -0.002, 0.004]))
+T_BODY = T_BODY_LEFT, T_BODY_LEFT @ T_LEFT_RIGHT
+
+
+def asl(eye, **changes):
+    sheet = {
+        "T_BS": {"rows": 4, "cols": 4, "data": T_BODY[eye].ravel().tolist()},
+        "camera_model": "pinhole",
+        "intrinsics": FOCAL,
+        "resolution": [240, 180],
+        "distortion_model": "radial-tangential",
+        "distortion_coefficients": COEFFICIENTS,
+    }
+    return {key: value for key, value in {**sheet, **changes}.items() if value != "absent"}
+
+
+def write(folder, texts):
+    paths = [folder / f"cam{eye}.yaml" for eye in (0, 1)]
+    for path, text in zip(paths, texts, strict=True):
+        path.write_text(text if isinstance(text, str) else yaml.safe_dump(text))
+    return paths
+
+
+def read_changed(folder, **changes):
+    return read_cameras(*write(folder, [asl(eye, **changes) for eye in (0, 1)]))
+
+
+def assert_same(cameras, distortion=COEFFICIENTS, lens=Lens.RADIAL_TANGENTIAL, T=T_BODY):
+    for camera, T_body_cam in zip(cameras, T, strict=True):
+        assert (camera.width_px, camera.height_px, camera.lens) == (240, 180, lens)
+        np.testing.assert_allclose(camera.K, K)
+        np.testing.assert_array_equal(camera.distortion, distortion)
+        np.testing.assert_allclose(camera.T_body_cam, T_body_cam, atol=1e-9)
+
+
+def opencv_matrix(rows):
+    values = np.atleast_2d(rows)
+    data = ", ".join(repr(float(x)) for x in values.ravel())
+    shape = f"   rows: {values.shape[0]}\n   cols: {values.shape[1]}\n"
+    return f"!!opencv-matrix\n{shape}   dt: d\n   data: [ {data} ]\n"
+
+
+def opencv_sheet(eye):
+    return (
+        "%YAML:1.0\n---\nimage_width: 240\nimage_height: 180\n"
+        f"camera_matrix: {opencv_matrix(K)}distortion_coefficients: {opencv_matrix(COEFFICIENTS)}"
+        f"distortion_model: plumb_bob\nT_BS: {opencv_matrix(T_BODY[eye])}"
+    )
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"distortion_model": "radtan"},
+        {"distortion_model": "Radial Tangential"},
+        {"camera_model": "absent"},
+        {"camera_model": "pinhole-radtan", "distortion_model": "absent"},
+        {"resolution": "absent", "image_width": 240, "image_height": 180},
+        {"resolution": "absent", "width": 240, "height": 180},
+        {"intrinsics": "absent", "K": np.ravel(K).tolist()},
+        {
+            "intrinsics": "absent",
+            "camera_matrix": {"rows": 3, "cols": 3, "data": np.ravel(K).tolist()},
+        },
+        {"distortion_coefficients": "absent", "distortion_coeffs": COEFFICIENTS},
+        {"distortion_coefficients": "absent", "D": COEFFICIENTS},
+    ],
+)
+def test_names_of_keys_and_models(tmp_path, changes):
+    assert_same(read_changed(tmp_path, **changes))
+
+
+def test_sheets_of_opencv(tmp_path):
+    assert_same(read_cameras(*write(tmp_path, [opencv_sheet(0), opencv_sheet(1)])))
+
+
+@pytest.mark.parametrize("imu", [False, True])
+def test_camchain_of_kalibr(tmp_path, imu):
+    chain = {}
+    for eye in (0, 1):
+        sheet = asl(eye, T_BS="absent", distortion_coefficients="absent", cam_overlaps=[1 - eye])
+        chain[f"cam{eye}"] = sheet | {
+            "distortion_coeffs": COEFFICIENTS,
+            "distortion_model": "radtan",
+            "rostopic": f"/cam{eye}/image_raw",
+        }
+        if imu:
+            chain[f"cam{eye}"]["T_cam_imu"] = se3.inverse(T_BODY[eye]).tolist()
+    chain["cam1"]["T_cn_cnm1"] = se3.inverse(T_LEFT_RIGHT).tolist()
+    (tmp_path / "notes.yaml").write_text("- a list\n")
+    path = tmp_path / ("camchain-imucam.yaml" if imu else "camchain.yaml")
+    path.write_text(yaml.safe_dump(chain))
+    assert find_chain((tmp_path / "nowhere", tmp_path)) == path
+    assert_same(read_cameras(path, path), T=T_BODY if imu else (np.eye(4), T_LEFT_RIGHT))
+
+
+def test_camera_info_of_ros(tmp_path):
+    # Both cameras turn to axes whose x axis is the baseline.
+    x = T_LEFT_RIGHT[:3, 3] / np.linalg.norm(T_LEFT_RIGHT[:3, 3])
+    y = np.cross([0, 0, 1], x) / np.linalg.norm(np.cross([0, 0, 1], x))
+    R_rectified_left = np.stack([x, y, np.cross(x, y)])
+    rotations = R_rectified_left, R_rectified_left @ T_LEFT_RIGHT[:3, :3]
+    sheets = []
+    for eye, R in enumerate(rotations):
+        P = np.hstack([np.diag([190.0, 190.0, 1.0]), np.zeros((3, 1))])
+        P[0, 3] = -190 * eye * np.linalg.norm(T_LEFT_RIGHT[:3, 3])
+        sheet = asl(eye, T_BS="absent", resolution="absent", intrinsics="absent")
+        matrices = {"camera_matrix": K, "rectification_matrix": R, "projection_matrix": P}
+        sheet |= {key: {"data": np.ravel(x).tolist()} for key, x in matrices.items()}
+        sheet |= {"image_width": 240, "image_height": 180, "distortion_model": "plumb_bob"}
+        sheets.append(sheet)
+    assert_same(read_cameras(*write(tmp_path, sheets)), T=(np.eye(4), T_LEFT_RIGHT))
+
+
+@pytest.mark.parametrize(
+    ("values", "distortion"),
+    [
+        ([], [0, 0, 0, 0]),
+        ([-0.2, 0.1], [-0.2, 0.1, 0, 0]),
+        ([-0.2, 0.1, 1e-3, 2e-3, 3e-3], [-0.2, 0.1, 1e-3, 2e-3, 3e-3]),
+        ([[-0.2, 0.1, 1e-3, 2e-3]], [-0.2, 0.1, 1e-3, 2e-3]),
+        ([0.1 * k for k in range(8)], [0.1 * k for k in range(8)]),
+        (["-2e-1", "1e-1"], [-0.2, 0.1, 0, 0]),  # no numbers in YAML 1.1
+    ],
+)
+def test_numbers_of_radial_tangential_coefficients(tmp_path, values, distortion):
+    assert_same(read_changed(tmp_path, distortion_coefficients=values), distortion)
+
+
+def test_three_coefficients_are_radial_with_a_remark(tmp_path):
+    with pytest.warns(Remark, match="k1, k2, k3"):
+        cameras = read_changed(tmp_path, distortion_coefficients=[-0.2, 0.1, 0.05])
+    assert_same(cameras, [-0.2, 0.1, 0, 0, 0.05])
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        {"distortion_model": "equidistant"},
+        {"distortion_model": "Kannala-Brandt"},
+        {"camera_model": "kannala_brandt", "distortion_model": "none"},
+        {"distortion_model": "absent", "fisheye_model": 1},
+    ],
+)
+def test_names_of_the_equidistant_lens(tmp_path, names):
+    assert_same(read_changed(tmp_path, **names), lens=Lens.EQUIDISTANT)
+
+
+def test_no_distortion_keys_are_no_distortion(tmp_path):
+    absent = dict.fromkeys(("distortion_model", "distortion_coefficients"), "absent")
+    assert_same(read_changed(tmp_path, **absent), [0, 0, 0, 0])
+    absent["distortion_model"] = "none"
+    assert_same(read_changed(tmp_path, **absent), [0, 0, 0, 0])
+
+
+def test_coefficients_without_model_bring_a_remark(tmp_path):
+    with pytest.warns(Remark, match="without distortion_model; radial-tangential is assumed"):
+        assert_same(read_changed(tmp_path, distortion_model="absent"))
+
+
+@pytest.mark.parametrize("T", [T_BODY_LEFT.tolist(), T_BODY_LEFT.ravel().tolist()])
+def test_poses_as_rows_or_flat(tmp_path, T):
+    sheets = [asl(0, T_BS=T), asl(1)]
+    assert_same(read_cameras(*write(tmp_path, sheets)))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"distortion_coefficients": "absent"}, "key 'distortion_coefficients' is missing"),
+        ({"distortion_coefficients": None}, "key 'distortion_coefficients' is missing"),
+        ({"distortion_coefficients": [0.1] * 6}, "has 6 numbers; radial-tangential has 0, 2, 3, 4"),
+        ({"distortion_model": "equi", "distortion_coefficients": [0.1] * 5}, "equidistant has 4"),
+        ({"distortion_coefficients": ["a", "b"]}, "distortion_coefficients must hold numbers only"),
+        ({"distortion_model": "fov"}, "distortion_model fov; valid: radial-tangential, radtan"),
+        ({"camera_model": "omni"}, "camera_model omni; valid: pinhole"),
+        ({"T_BS": "absent"}, "key 'T_BS' is missing .*T_cn_cnm1"),
+        ({"T_BS": T_BODY_LEFT.T.tolist()}, "T_BS is not a rigid 4x4 transform"),
+        ({"T_BS": np.eye(3).tolist()}, "T_BS is not a rigid 4x4 transform"),
+        ({"intrinsics": "absent"}, "key 'intrinsics' is missing"),
+        ({"intrinsics": [1, 2, 3]}, r"intrinsics must be \[fx, fy, cx, cy\] or a 3x3 matrix"),
+        ({"K": np.eye(3).tolist()}, "intrinsics and K differ"),
+        ({"intrinsics": [[9, 1, 9], [0, 9, 9], [0, 0, 1]]}, "skew"),
+        ({"resolution": "absent"}, "key 'resolution' is missing"),
+        ({"resolution": [240, 180.5]}, "resolution must be width and height"),
+    ],
+)
+def test_calibration_faults_name_file_and_key(tmp_path, changes, message):
+    with pytest.raises(CalibrationError, match=rf"cam0.yaml: .*{message}"):
+        read_changed(tmp_path, **changes)
+
+
+def test_unknown_distortion_key_is_named(tmp_path):
+    changes = {"distortion_coefficients": "absent", "distortion_model": "absent"}
+    with pytest.raises(CalibrationError, match="key 'distort_params' is unknown; expected dist"):
+        read_changed(tmp_path, **changes, distort_params=[0.1, 0.2])
+
+
+def test_invalid_yaml_names_its_line(tmp_path):
+    paths = write(
+        tmp_path, ["%YAML:1.0\nresolution: [1, 2]\nintrinsics: [1, 2\nT_BS: {}\n", asl(1)]
+    )
+    with pytest.raises(CalibrationError, match=r"cam0.yaml:4: not valid YAML"):
+        read_cameras(*paths)

@@ -1,0 +1,52 @@
+"""Recordings whose eyes do not show the same moments."""
+
+import numpy as np
+import pytest
+from folders import BASELINE_M, F_PX, HEIGHT, WIDTH, wall
+
+from vo.contract.remarks import Remark
+from vo.contract.rig import StereoRig
+from vo.contract.sequence import StereoSequence
+from vo.contract.synchronization import remark_unsynchronized
+
+FRAMES = 6
+
+
+def recording(shift=0, step_px=4, row_px=0):
+    """A wall that moves diagonally, the right eye late by a number of frames and rolled by rows."""
+    pairs = wall(FRAMES + 2, abs(step_px))
+
+    def load(i):
+        left, right = pairs[i + 1][0], pairs[i + 1 - shift][1]
+        return np.roll(left, i * step_px, 0), np.roll(right, (i - shift) * step_px + row_px, 0)
+
+    rig = StereoRig(WIDTH, HEIGHT, F_PX, WIDTH / 2, HEIGHT / 2, BASELINE_M)
+    return StereoSequence("walk", rig, np.arange(FRAMES) * 10**8, load)
+
+
+@pytest.mark.parametrize(("shift", "when"), [(1, "after"), (-1, "before")])
+def test_shift_by_a_frame_is_said(shift, when):
+    with pytest.warns(Remark, match=f"right ones of the frame {when} .* shifted by a frame"):
+        remark_unsynchronized(recording(shift))
+
+
+@pytest.mark.parametrize("shift", [0, 1])
+def test_camera_at_rest_brings_no_remark(shift):
+    remark_unsynchronized(recording(shift, step_px=0))
+
+
+def test_synchronized_eyes_bring_no_remark():
+    remark_unsynchronized(recording())
+
+
+def test_rows_that_differ_are_said():
+    with pytest.warns(Remark, match="left and right differ by 3.0 rows"):
+        remark_unsynchronized(recording(step_px=0, row_px=3))
+
+
+def test_blank_images_bring_no_remark():
+    blank = np.zeros((HEIGHT, WIDTH), np.uint8)
+    walk = recording()
+    remark_unsynchronized(
+        StereoSequence("x", walk.rig, walk.timestamps_ns, lambda i: (blank, blank))
+    )
