@@ -77,6 +77,19 @@ def test_p3p_random_triplets_contain_truth(solver, nearest_m, farthest_m):
 
 
 @each_solver
+@pytest.mark.parametrize("scale", [1e-4, 1e4])
+def test_p3p_does_not_depend_on_the_unit(solver, scale):
+    """A scaled triplet has the same solutions, with scaled legs."""
+    _, points_ref, rays_cam = triplets(50, 1.0, 8.0, seed=9)
+    T_m, legs_m, triplet_m = solve(points_ref, rays_cam, solver)
+    T, legs, triplet = solve(scale * points_ref, rays_cam, solver)
+    assert np.array_equal(triplet, triplet_m)
+    np.testing.assert_allclose(legs / scale, legs_m, rtol=1e-6)
+    np.testing.assert_allclose(T[:, :3, :3], T_m[:, :3, :3], atol=1e-6)
+    np.testing.assert_allclose(T[:, :3, 3] / scale, T_m[:, :3, 3], atol=1e-5)
+
+
+@each_solver
 def test_p3p_solutions_reproject_onto_rays(solver):
     _, points_ref, rays_cam = triplets(20_000, 0.5, 10.0, seed=1)
     T_ref_cam, _, triplet = solve(points_ref, rays_cam, solver)

@@ -47,6 +47,15 @@ def test_visible_in_right_near_post_hides_far_wall():
     assert np.flatnonzero(~visible).tolist() == [0, 4, 5]
 
 
+@pytest.mark.parametrize(("step_px", "hidden"), [(0.95, []), (1.05, [4, 5])])
+def test_visible_in_right_hides_steps_beyond_one_pixel(step_px, hidden):
+    """Pixel 6 lands on or between those of pixels 4 and 5, which are farther by the step."""
+    disparity_px = np.full((1, 12), 2.0, dtype=np.float32)
+    disparity_px[0, 6] += step_px
+    visible = visible_in_right(disparity_px)[0]
+    assert np.flatnonzero(~visible[2:]).tolist() == [u - 2 for u in hidden]
+
+
 def test_visible_in_right_excludes_sky_and_outside():
     disparity_px = np.array([[1.0, np.nan, 2.0, 3.5]], dtype=np.float32)
     np.testing.assert_array_equal(visible_in_right(disparity_px), [[False, False, True, False]])
@@ -110,6 +119,18 @@ def test_normals_are_exact_on_planes_and_nan_elsewhere():
     cosine = (ours * view.normals_cam)[known].sum(axis=-1)
     assert np.degrees(np.arccos(np.clip(cosine, -1, 1))).max() < 0.05
     np.testing.assert_allclose(np.linalg.norm(ours[known], axis=-1), 1, atol=1e-6)
+
+
+def test_flow_of_a_point_behind_the_next_camera_is_nan():
+    """Body 0 comes 1.5 m nearer, and body 1 exactly to the camera."""
+    depth_m = np.array([[1.0, 2.0, 1.0, np.nan]], dtype=np.float32)
+    bodies = np.array([[0, 0, 1, 0]], dtype=np.int32)
+    T_next_now = np.tile(np.eye(4), (2, 1, 1))
+    T_next_now[:, 2, 3] = -1.5, -1.0
+    moved = flow(WIDE, depth_m, bodies, T_next_now)[0]
+    assert np.isnan(moved[[0, 2]]).all()
+    assert moved[1, 2] == pytest.approx(0.5)
+    assert np.isfinite(moved[3, :2]).all()
 
 
 def test_flow_of_sky_and_of_moving_bodies():

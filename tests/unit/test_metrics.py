@@ -123,6 +123,24 @@ def test_associate_without_shared_times_is_an_error():
         associate(truth, late)
 
 
+def test_associate_names_the_empty_trajectory():
+    moving = Trajectory(np.array([0, 10]), along_x([0, 1]))
+    nothing = Trajectory(np.zeros(0, dtype=np.int64), along_x([]))
+    with pytest.raises(TrajectoryError, match=r"truth 0\.\.10 ns, estimate is empty"):
+        associate(moving, nothing)
+    with pytest.raises(TrajectoryError, match=r"truth is empty, estimate 0\.\.10 ns"):
+        associate(nothing, moving)
+    with pytest.raises(TrajectoryError, match="truth is empty, estimate is empty"):
+        associate(nothing, nothing)
+
+
+def test_segment_lengths_are_all_those_of_a_long_path():
+    assert segment_lengths_m(8.5) == (1, 2, 3, 4, 5, 6, 7, 8)
+    assert segment_lengths_m(99.9) == (1, 2, 3, 4, 5, 6, 7, 8)
+    assert segment_lengths_m(1000) == (100, 200, 300, 400, 500, 600, 700, 800)
+    assert segment_lengths_m(100) == (100,)
+
+
 def test_segment_lengths_depend_on_the_path():
     assert segment_lengths_m(0.9) == ()
     assert segment_lengths_m(3.5) == (1, 2, 3)

@@ -77,6 +77,15 @@ def test_interpolation_is_linear_and_spherical():
     assert np.allclose(se3.rotation_vector(quarter), [0, 0, np.pi / 8])
 
 
+def test_single_pose_is_returned_at_its_time():
+    T = se3.exp(np.array([[1.0, 2, 3, 0.1, 0.2, 0.3]]))
+    found = Trajectory(np.array([7]), T).at(np.array([7]))
+    assert found.timestamps_ns.tolist() == [7]
+    assert np.array_equal(found.T_ref_frame, T)
+    with pytest.raises(TrajectoryError, match=r"covers 7\.\.7 ns, requested 8\.\.8 ns"):
+        Trajectory(np.array([7]), T).at(np.array([8]))
+
+
 def test_interpolation_does_not_extrapolate():
     with pytest.raises(TrajectoryError, match=r"covers 0\.\.20 ns, requested 5\.\.21 ns"):
         straight([0, 10, 20]).at(np.array([5, 21]))

@@ -95,10 +95,12 @@ def associate(truth: Trajectory, estimate: Trajectory) -> Pair:
         TrajectoryError: If fewer than two times remain.
     """
     times, known = estimate.timestamps_ns, truth.timestamps_ns
-    after = np.searchsorted(known, times).clip(1, len(known) - 1) if len(known) > 1 else 0
-    distance_ns = np.minimum(np.abs(times - known[after]), np.abs(times - known[after - 1]))
-    inside = (times >= known[0]) & (times <= known[-1])
-    shared = inside & (distance_ns <= MAX_GAP_NS)
+    shared = np.zeros(len(times), dtype=bool)
+    if len(known):
+        after = np.searchsorted(known, times).clip(1, len(known) - 1) if len(known) > 1 else 0
+        distance_ns = np.minimum(np.abs(times - known[after]), np.abs(times - known[after - 1]))
+        inside = (times >= known[0]) & (times <= known[-1])
+        shared = inside & (distance_ns <= MAX_GAP_NS)
     if shared.sum() < 2:
         truth_span, span = (f"{x[0]}..{x[-1]} ns" if len(x) else "is empty" for x in (known, times))
         raise TrajectoryError(
