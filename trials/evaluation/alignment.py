@@ -10,6 +10,9 @@ from vo.contract.arrays import Array, Indices
 from vo.contract.errors import TrajectoryError
 from vo.contract.trajectory import Trajectory
 
+LONG_GAP_NS = 1_000_000_000
+"""Shortest time without truth across which no motion is compared."""
+
 MAX_GAP_NS = 20_000_000
 """Largest distance in time from the nearest sample of the truth: 6 mm of motion at 0.3 m/s."""
 
@@ -56,6 +59,12 @@ class Pair:
             T_world_cam=self.T_world_cam[rows],
             T_odom_cam=self.T_odom_cam[rows],
         )
+
+    def split(self, times_ns: Indices) -> list["Pair"]:
+        """Return the parts of two times and more between which the given times (K,) lie."""
+        before = np.searchsorted(times_ns, self.timestamps_ns, side="left")
+        parts = [np.flatnonzero(before == x) for x in np.unique(before)]
+        return [self.at(x) for x in parts if len(x) > 1] or [self]
 
     def motion_errors(self, starts: Indices, ends: Indices) -> Array:
         """Return inverse(true motion) @ estimated motion (K, 4, 4) between K pairs of indices."""
@@ -112,6 +121,13 @@ def associate(truth: Trajectory, estimate: Trajectory) -> Pair:
         points_odom = se3.transform(T_odom_cam, truth.point_cam[None])[:, 0]
         T_odom_cam = se3.pose(np.eye(3), points_odom)
     return Pair(times[shared], T_world_cam, T_odom_cam, truth.point_cam is None)
+
+
+def gaps(truth: Trajectory) -> Indices:
+    """Return the middles (K,) in ns of long gaps in the truth, as outside of a motion capture."""
+    steps = np.diff(truth.timestamps_ns)
+    long = np.flatnonzero(steps > max(LONG_GAP_NS, 5 * np.median(steps))) if len(steps) else []
+    return truth.timestamps_ns[long] + steps[long] // 2
 
 
 def fit(pair: Pair, alignment: Alignment) -> Similarity:

@@ -1,6 +1,7 @@
 """Errors of an estimated trajectory against the truth, as arrays."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -97,6 +98,13 @@ def errors_over_distance(pair: Pair, length_m: float) -> RelativeErrors:
         for T in (pair.T_world_cam, pair.T_odom_cam)
     )
     return _relative(starts, np.full(len(starts), length_m), se3.inverse(true) @ estimated)
+
+
+def joined(errors: Sequence[RelativeErrors]) -> RelativeErrors:
+    """Concatenate the errors in one or more parts of a sequence."""
+    return RelativeErrors(
+        *(np.concatenate([getattr(x, field.name) for x in errors]) for field in fields(errors[0]))
+    )
 
 
 def segment_lengths_m(path_m: float) -> tuple[float, ...]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trials.evaluation import metrics
-from trials.evaluation.alignment import Alignment, associate
+from trials.evaluation.alignment import Alignment, associate, gaps
 from trials.evaluation.runs import SavedRun
 from vo.contract.arrays import Array
 from vo.contract.errors import TrajectoryError
@@ -61,13 +61,14 @@ class Score:
             may be one that the estimator never claimed.
         compared: Number of poses with a truth.
         has_attitude: Whether the truth has rotations.
-        path_m: Length of the true path between the first and the last of them.
+        path_m: Length of the true path between the first and the last of them; long gaps in the
+            truth are left out, and no motion across them is compared.
         drift_1m: Drift over 1 m; None if the path is shorter.
         segments: Drift by segment length; the lengths depend on the path.
         kitti_percent: Mean translation error over all segments, with equal weight.
         kitti_deg_per_m: The same for rotation.
         end_m: Position error of the last pose, first pose aligned.
-        end_percent: The same in % of the path; None without a path.
+        end_percent: The same in % of the path; None without a path, or with gaps in it.
         ate_m: Alignment to the summary of position errors, metres.
         rpe_frame_m: Translation error of the motion between successive poses, metres.
         rpe_1m_m: The same over 1 m of path; rotation errors likewise.
@@ -106,11 +107,18 @@ def score_run(truth: Trajectory, run: SavedRun, frames: int) -> Score:
         pair = associate(truth, run.trajectory)
     except TrajectoryError as error:
         raise TrajectoryError(f"{run.path}: {error}") from None
-    path_m, table = float(pair.travelled_m[-1]), run.frames
-    lengths_m = metrics.segment_lengths_m(path_m) if pair.has_attitude else ()
-    segments = {x: metrics.errors_over_distance(pair, x) for x in lengths_m}
-    over_1m, over_frame = metrics.errors_over_distance(pair, 1.0), metrics.errors_over_time(pair)
+    parts, table = pair.split(gaps(truth)), run.frames
+    paths_m = [float(part.travelled_m[-1]) for part in parts]
+    path_m = sum(paths_m)
+
+    def over(length_m: float) -> metrics.RelativeErrors:
+        return metrics.joined([metrics.errors_over_distance(part, length_m) for part in parts])
+
+    lengths_m = metrics.segment_lengths_m(max(paths_m)) if pair.has_attitude else ()
+    segments = {x: over(x) for x in lengths_m}
+    over_1m, over_frame = over(1.0), metrics.joined([metrics.errors_over_time(x) for x in parts])
     has_1m, has_attitude = pair.has_attitude and len(over_1m) > 0, pair.has_attitude
+    has_path = path_m > 0 and len(parts) == 1
     ate_m: dict[str, ErrorSummary] = {}
     for alignment in Alignment if has_attitude else (Alignment.SE3, Alignment.SIM3):
         try:
@@ -130,7 +138,7 @@ def score_run(truth: Trajectory, run: SavedRun, frames: int) -> Score:
         kitti_percent=_pooled_mean([x.percent for x in segments.values()]),
         kitti_deg_per_m=_pooled_mean([x.deg_per_m for x in segments.values()]),
         end_m=end_m,
-        end_percent=100 * end_m / path_m if end_m is not None and path_m > 0 else None,
+        end_percent=100 * end_m / path_m if end_m is not None and has_path else None,
         ate_m=ate_m,
         rpe_frame_m=ErrorSummary.of(over_frame.translation_m) if has_attitude else None,
         rpe_frame_deg=_degrees(over_frame) if has_attitude else None,

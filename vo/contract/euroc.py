@@ -4,10 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from vo.contract import se3
 from vo.contract.arrays import Array, Indices
 from vo.contract.calibration import find_chain, read_cameras
-from vo.contract.errors import TrajectoryError
 from vo.contract.images import image_files
 from vo.contract.pairing import ALL_FRAMES, FrameSelection, StereoFiles, pair_by_time
 from vo.contract.recording import open_recording
@@ -16,9 +14,8 @@ from vo.contract.remarks import remark
 from vo.contract.sequence import StereoSequence, WheelLog
 from vo.contract.tables import NS, read_table
 from vo.contract.trajectory import Trajectory
+from vo.contract.truth_files import read_true_states
 
-TRUTH_FOLDER = "state_groundtruth_estimate0"
-STATE = "'timestamp [ns], px, py, pz, qw, qx, qy, qz'"
 IMAGE_ROW = "'timestamp [ns],filename'"
 
 
@@ -72,20 +69,8 @@ def read_euroc_cameras(folder: Path) -> tuple[Camera, Camera]:
 
 
 def read_euroc_truth(folder: Path, T_body_cam: Array) -> Trajectory | None:
-    """Read T_world_cam of the (rectified) left camera; None where the folder has no full poses.
-
-    Raises:
-        TrajectoryError: If the table is malformed.
-    """
-    table = _mav(folder) / TRUTH_FOLDER / "data.csv"
-    if not table.is_file():
-        return None
-    states = read_table(table, TrajectoryError)
-    if len(states) == 0:
-        raise TrajectoryError(f"{table}: holds no poses")
-    times, rows = states.times_ns(STATE), states.numbers(range(1, 8), STATE)
-    states.require_increasing(times)
-    return Trajectory(times, se3.from_quat_wxyz(rows[:, 3:7], rows[:, :3]) @ T_body_cam)
+    """Read T_world_cam of the (rectified) left camera, as `read_true_states`."""
+    return read_true_states(_mav(folder), T_body_cam)
 
 
 def _read_wheels(path: Path) -> WheelLog | None:

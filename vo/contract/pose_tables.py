@@ -74,7 +74,8 @@ def _columns(header: tuple[str, ...], columns: int) -> PoseColumns | None:
     names: list[str] = []
     for word in header:
         name = re.sub(r"\s+", "", word.lower())
-        names += next((group for pattern, group in GROUPS if pattern.fullmatch(name)), (name,))
+        groups = (x for pattern, x in GROUPS if pattern.fullmatch(name) and header.count(word) == 1)
+        names += next(groups, (name,))
     time = next((i for i, name in enumerate(names) if TIME.fullmatch(name)), 0)
     if len(names) > columns:  # such as `format: timestamp tx ty tz qx qy qz qw`
         names, time = names[time:], 0

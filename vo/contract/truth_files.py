@@ -1,0 +1,101 @@
+"""True trajectories as recordings have them: states, motion capture, or positions only."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from vo.contract import se3
+from vo.contract.arrays import Array
+from vo.contract.errors import TrajectoryError
+from vo.contract.files import read_lines
+from vo.contract.pose_tables import EUROC, PoseColumns, named_columns
+from vo.contract.remarks import remark
+from vo.contract.tables import Table, read_table
+from vo.contract.trajectory import Trajectory
+
+STATE = "'timestamp [ns], px, py, pz, qw, qx, qy, qz', or without quaternions"
+TRUTH_FOLDERS = ("state_groundtruth_estimate0", "mocap0", "vicon0", "leica0")
+"""Folders under `mav0` in order of preference."""
+
+
+def read_true_states(mav: Path, T_body_cam: Array) -> Trajectory | None:
+    """Read the truth of an ASL folder as T_world_cam of the left camera; None if it has none.
+
+    Args:
+        mav: The folder `mav0`.
+        T_body_cam: (4, 4) left camera in the body frame.
+
+    Raises:
+        TrajectoryError: If a row is malformed; names file and line.
+    """
+    tables = (mav / name / "data.csv" for name in TRUTH_FOLDERS)
+    path = next((x for x in tables if x.is_file()), None)
+    if path is None:
+        return None
+    if path.parent.name != TRUTH_FOLDERS[0]:
+        remark(f"{path}: is taken as the truth, because there is no {TRUTH_FOLDERS[0]}")
+    return read_true_poses(path, T_body_cam)
+
+
+def read_true_poses(path: Path, T_body_cam: Array) -> Trajectory:
+    """Read a table of poses, or positions, of a sensor as T_world_cam of the left camera.
+
+    The sensor's place in the body is `T_BS` of the sensor.yaml beside the table, by default the
+    body's origin. Rows with NaN or a repetition of the row before are left out with a remark.
+
+    Args:
+        path: The table, in nanoseconds or seconds, quaternions scalar first unless named otherwise.
+        T_body_cam: (4, 4) left camera in the body frame.
+
+    Raises:
+        TrajectoryError: If the table is missing or a row is malformed; names file and line.
+    """
+    table = _complete_rows(read_table(path, TrajectoryError))
+    if not len(table):
+        raise TrajectoryError(f"{path}: holds no poses; expected rows of {STATE}")
+    columns = named_columns(table) or _unnamed_columns(table)
+    T_world_sensor = columns.poses(table, STATE)
+    times_ns = table.times_ns(STATE, column=columns.time)
+    table.require_increasing(times_ns)
+    T_body_sensor = _sensor_pose(path.with_name("sensor.yaml"))
+    if columns.quat_wxyz is not None:
+        T_sensor_body = np.eye(4) if T_body_sensor is None else se3.inverse(T_body_sensor)
+        return Trajectory(times_ns, T_world_sensor @ (T_sensor_body @ T_body_cam))
+    origin_body = np.zeros(3) if T_body_sensor is None else T_body_sensor[:3, 3]
+    where = "the body's origin" if T_body_sensor is None else "T_BS of sensor.yaml"
+    remark(f"{path}: has positions only, of a point at {where}; errors are ATE without attitude")
+    point_cam = se3.transform(se3.inverse(T_body_cam), origin_body[None])[0]
+    return Trajectory(times_ns, T_world_sensor, point_cam)
+
+
+def _unnamed_columns(table: Table) -> PoseColumns:
+    return EUROC if len(table.rows[0]) >= 8 else replace(EUROC, quat_wxyz=None)
+
+
+def _complete_rows(table: Table) -> Table:
+    """Leave out rows that hold NaN, or repeat the row before."""
+    missing = {i for i, row in enumerate(table.rows) if any(x.lower() == "nan" for x in row)}
+    repeated = {i for i in range(1, len(table)) if table.rows[i] == table.rows[i - 1]} - missing
+    for rows, what in ((missing, "with NaN"), (repeated, "that repeat the row before")):
+        if rows:
+            places = f"{len(rows)}, the first in line {table.lines[min(rows)]}"
+            remark(f"{table.path}: rows {what} are left out: {places}")
+    kept = [i for i in range(len(table)) if i not in missing | repeated]
+    lines, rows = (tuple(x[i] for i in kept) for x in (table.lines, table.rows))
+    return replace(table, lines=lines, rows=rows)
+
+
+def _sensor_pose(path: Path) -> Array | None:
+    """Read T_BS (4, 4), the sensor in the body frame; None without file or key."""
+    if not path.is_file():
+        return None
+    try:
+        content = yaml.safe_load("\n".join(x for x in read_lines(path) if not x.startswith("%")))
+        T = content["T_BS"]
+        return np.array(T["data"] if isinstance(T, dict) else T, dtype=float).reshape(4, 4)
+    except KeyError:
+        return None
+    except (TypeError, ValueError, yaml.YAMLError):
+        raise TrajectoryError(f"{path}: T_BS is not a 4x4 matrix, row by row") from None
