@@ -217,8 +217,11 @@ def test_trajectory_alone_is_a_run(written):
 
 
 @pytest.mark.parametrize("kind", ["frames.csv", "tracks.npz", "run.json"])
-def test_damaged_companions_are_reported(written, kind):
-    (written.parent / f"a.v1.{kind}").write_text("junk\njunk\n")
+@pytest.mark.parametrize("damage", ["junk", "truncated", "empty", "a list"])
+def test_damaged_companions_are_reported(written, kind, damage):
+    path = written.parent / f"a.v1.{kind}"
+    half = path.read_bytes()[: path.stat().st_size // 2]
+    path.write_bytes({"junk": b"junk\njunk\n", "truncated": half, "empty": b""}.get(damage, b"[1]"))
     with pytest.raises(TrajectoryError, match=r"a.v1.txt: a companion file is damaged"):
         read_run(written)
 

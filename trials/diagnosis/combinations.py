@@ -21,8 +21,8 @@ from trials.execution.cache import cache_path, dataset_digest, source_digest
 from trials.execution.parallel import map_parallel
 from vo.contract.arrays import Array, Indices
 from vo.contract.dataset import MANIFEST
-from vo.contract.errors import DatasetError
-from vo.contract.files import replacing
+from vo.contract.errors import DatasetError, SettingsError
+from vo.contract.files import read_lines, replacing
 from vo.contract.readers import open_sequence
 from vo.runner import run, write_run
 
@@ -128,7 +128,7 @@ def combinations_of(
         raise DatasetError(f"{dataset}: no {MANIFEST}; oracles need a simulated dataset")
     choice = subject.estimator
     module = "" if choice.name in ESTIMATORS else choice.name.partition(":")[0]
-    config = choice.config.read_text(encoding="utf-8") if choice.config else ""
+    config = "\n".join(read_lines(choice.config, SettingsError)) if choice.config else ""
     causes = (dataset_digest(dataset), source_digest(SOURCES, module), repr(asdict(subject)))
     folder = cache_path(cache, "oracles", dataset.name, *causes, config)
     return {

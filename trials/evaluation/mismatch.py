@@ -20,11 +20,12 @@ from vo.contract.trajectory import Trajectory
 MAX_MOTIONS = 200
 """Number of motions, evenly spaced, from which a mismatch is found."""
 
-MIN_ERROR, MAX_RATIO = 0.02, 0.4
-"""Relative error of motions from which a mismatch is looked for, and the share it must leave."""
+MIN_ERROR, MAX_RATIO = 0.005, 0.4
+"""Relative error of motions from which a mismatch is looked for, and the largest share that it may
+leave: of the errors of estimators, a constant transform leaves 0.6 and more."""
 
-MIN_ANGLE_DEG, MIN_LEVER_M = 3.0, 0.03
-"""Smallest rotation and lever arm that are no errors of calibration."""
+MIN_ANGLE_DEG, MIN_LEVER_M = 0.5, 0.01
+"""Smallest rotation and lever arm of which there is a remark."""
 
 MIN_ROTATION_RAD = 0.05
 """Rotation that an error of rotation is compared with where the rig hardly turns."""

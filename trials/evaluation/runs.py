@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from vo.contract.readers import read_frame_times
 from vo.contract.trajectory import Trajectory
 from vo.contract.trajectory_files import read_trajectory
 from vo.runner import COUNT, MILLISECONDS, VERTEX, companion
+
+DAMAGE = (OSError, EOFError, ValueError, KeyError, TypeError, AttributeError, BadZipFile, csv.Error)
+"""What readers of damaged CSV, JSON and NPZ files raise."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +112,7 @@ def read_run(path: Path, frame_times_ns: Indices | None = None) -> SavedRun:
         seen = _read_tracks(tracks) if tracks.is_file() else None
         name = str(about.get("estimator", path.stem))
         return SavedRun(path, name, trajectory, table, seen, about)
-    except (OSError, ValueError, KeyError, AttributeError) as error:
+    except DAMAGE as error:
         raise TrajectoryError(f"{path}: a companion file is damaged ({error})") from None
 
 
@@ -144,11 +148,13 @@ def read_map(path: Path) -> PointMap:
 def _read_frames(path: Path) -> FrameTable:
     with path.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
+    if not rows:
+        raise ValueError(f"{path.name} has no rows")
 
     def column(name: str) -> Array:
         return np.array([float(row[name] or "nan") for row in rows])
 
-    names = list(rows[0]) if rows else []
+    names = list(rows[0])
     return FrameTable(
         np.array([int(row["timestamp_ns"]) for row in rows], dtype=np.int64),
         tuple(Status(row["status"]) for row in rows),
@@ -160,7 +166,7 @@ def _read_frames(path: Path) -> FrameTable:
 
 
 def _read_tracks(path: Path) -> Tracks:
-    with np.load(path) as file:
+    with path.open("rb") as stream, np.load(stream) as file:
         return Tracks(
             file["landmark"],
             file["frame"],
