@@ -101,20 +101,23 @@ def _unnamed_columns(table: Table, unit_ns: int) -> PoseColumns:
 
 
 def _unit_ns(table: Table, stamps: Sequence[Decimal], frame_times_ns: Indices | None) -> int:
-    """Choose the unit in which more of the timestamps lie within the recording."""
-    if frame_times_ns is not None:
-        start, end = (int(x) for x in frame_times_ns[[0, -1]])
-        inside = {
-            unit: sum(start - MARGIN_NS <= x * unit <= end + MARGIN_NS for x in stamps)
-            for unit in (SECONDS, NS)
-        }
-        is_fractional = any(abs(x - round(x)) > Decimal("0.01") for x in stamps)
-        if is_fractional or (median_step(stamps) or MIN_STEP_NS) < MIN_STEP_NS:
-            inside[NS] = 0
-        best = max(inside, key=lambda unit: inside[unit])
-        if inside[best] >= min(2, len(stamps)):
-            return best
-    return table.unit_ns(stamps, SECONDS)
+    """Choose the unit in which more of the timestamps lie within the recording.
+
+    Nanoseconds are whole numbers and far apart. Without a recording, that decides.
+    """
+    is_fractional = any(abs(x - round(x)) > Decimal("0.01") for x in stamps)
+    step = median_step(stamps)
+    is_dense = step is not None and step < MIN_STEP_NS
+    units = (SECONDS,) if is_fractional or is_dense else (SECONDS, NS)
+    if frame_times_ns is None:
+        return SECONDS if step is None else units[-1]
+    start, end = (int(x) for x in frame_times_ns[[0, -1]])
+    inside = {
+        unit: sum(start - MARGIN_NS <= x * unit <= end + MARGIN_NS for x in stamps)
+        for unit in units
+    }
+    best = max(inside, key=lambda unit: inside[unit])
+    return best if inside[best] >= min(2, len(stamps)) else table.unit_ns(stamps, SECONDS)
 
 
 def _remark_other_times(path: Path, times_ns: Indices, frame_times_ns: Indices) -> None:
