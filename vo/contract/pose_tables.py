@@ -25,6 +25,9 @@ GROUPS = (
 MAX_LENGTH_ERROR = 0.05
 """Largest difference of a quaternion's length from 1: digits that were cut off."""
 
+MAX_POSITION_M = 1e9
+"""Largest coordinate: those of the Earth are below 1e7 m."""
+
 
 @dataclass(frozen=True)
 class PoseColumns:
@@ -42,6 +45,8 @@ class PoseColumns:
                 length; of the table's class, names file and line.
         """
         positions = table.numbers(self.position, expected)
+        for i in np.flatnonzero((np.abs(positions) > MAX_POSITION_M).any(axis=1)):
+            raise table.fault(int(i), f"a position is beyond 1e9 m; expected {expected}")
         if self.quat_wxyz is None:
             return se3.pose(np.eye(3), positions)
         quat_wxyz = table.numbers(self.quat_wxyz, expected)

@@ -76,7 +76,7 @@ class Table:
                 except ValueError:
                     raise self.fault(i, _no_number(word, expected)) from None
                 if finite and not np.isfinite(found[i, k]):
-                    raise self.fault(i, f"{word} is not finite; expected {expected}")
+                    raise self.fault(i, f"{_short(word)} is not finite; expected {expected}")
         return found
 
     def stamps(self, column: int, expected: str) -> list[Decimal]:
@@ -92,7 +92,8 @@ class Table:
             except InvalidOperation:
                 raise self.fault(i, _no_number(word, expected)) from None
             if not found[-1].is_finite() or found[-1].adjusted() > 18:
-                raise self.fault(i, f"the timestamp {word} is out of range; expected {expected}")
+                message = f"the timestamp {_short(word)} is out of range; expected {expected}"
+                raise self.fault(i, message)
         return found
 
     def times_ns(self, expected: str, unit_ns: int | None = None, column: int = 0) -> Indices:
@@ -198,8 +199,12 @@ def _is_number(word: str) -> bool:
 
 def _no_number(word: str, expected: str) -> str:
     if _is_number(word.replace(",", ".")):
-        return f"{word} has a decimal comma; expected {expected} with decimal points"
-    return f"{word} is not a number; expected {expected}"
+        return f"{_short(word)} has a decimal comma; expected {expected} with decimal points"
+    return f"{_short(word)} is not a number; expected {expected}"
+
+
+def _short(word: str) -> str:
+    return word if len(word) <= 40 else f"{word[:39]}…"
 
 
 def read_columns(path: Path) -> tuple[Indices, Array]:
