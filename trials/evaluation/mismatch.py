@@ -27,10 +27,13 @@ leave: of the errors of estimators, a constant transform leaves 0.6 and more."""
 MIN_ANGLE_DEG, MIN_LEVER_M = 0.5, 0.01
 """Smallest rotation and lever arm of which there is a remark."""
 
+MIN_SCALE_M = 1e-3
+"""Motion, root mean square, below which nothing is looked for."""
+
 MIN_ROTATION_RAD = 0.05
 """Rotation that an error of rotation is compared with where the rig hardly turns."""
 
-PRIOR = 0.01
+PRIOR = 0.05
 """Weight of the assumption that rotation and lever arm are zero, where the motion shows neither."""
 
 
@@ -113,7 +116,7 @@ def frame_mismatch(pair: Pair, T_est_cam: Array, other: Frame) -> str:
     if not pair.has_attitude or len(pair.timestamps_ns) < 3:
         return ""
     motions = Motions.of(pair)
-    if motions.scale_m == 0 or (before := motions.rms(pair.T_odom_cam)) < MIN_ERROR:
+    if motions.scale_m < MIN_SCALE_M or (before := motions.rms(pair.T_odom_cam)) < MIN_ERROR:
         return ""
     known: dict[str, Callable[[Array], Array]] = {
         f"its poses fit those of the {other}; use --frame {other}": lambda T: T @ T_est_cam,

@@ -14,6 +14,9 @@ MAX_SHIFT_S = 2.0
 STEPS = 8
 """Number of shifts that are tried in the time between two poses of the estimate."""
 
+MIN_WINDOW_S, MAX_POSES = 0.04, 20_000
+"""Time between poses that are used, s, and their number: a quarter of an hour."""
+
 MAX_GAP = 5
 """Longest time between poses that has a rotation rate, in multiples of the median."""
 
@@ -56,17 +59,23 @@ def find_time_shift(truth: Trajectory, estimate: Trajectory) -> TimeShift | None
         return None
     start = int(truth.timestamps_ns[0])
     known, times = ((x.timestamps_ns - start) / NS_PER_S for x in (truth, estimate))
+    thinned = slice(None, None, max(1, int(MIN_WINDOW_S / np.median(np.diff(times)))))
+    times, T_odom_est = times[thinned][:MAX_POSES], estimate.T_ref_frame[thinned][:MAX_POSES]
+    if len(times) < MIN_RATES:
+        return None
     window = float(np.median(np.diff(times)))
-    middles, rates = _rates(times, estimate.T_ref_frame)
-    grid = np.arange(0, known[-1] - window, window / STEPS)
+    middles, rates = _rates(times, T_odom_est)
+    reach_s = min(MAX_SHIFT_S, (times[-1] - times[0]) / 4)
+    first, last = max(0, times[0] - reach_s), min(known[-1], times[-1] + reach_s)
+    grid = np.arange(first, last - window, window / STEPS)
     if len(grid) < MIN_RATES * STEPS:
         return None
     ends = (se3.interpolate(known, truth.T_ref_frame, grid + x) for x in (0, window))
     true = se3.rotation_angle(se3.inverse(next(ends)) @ next(ends)) / window
-    last = np.searchsorted(known, grid, side="right") - 1
     steps = np.diff(known, append=known[-1])
-    true[steps[last] > max(MAX_GAP * np.median(steps), window)] = np.nan
-    reach = int(STEPS * min(MAX_SHIFT_S, (times[-1] - times[0]) / 4) / window)
+    gaps = steps > max(MAX_GAP * np.median(steps), window)
+    true[gaps[np.searchsorted(known, grid, side="right") - 1]] = np.nan
+    reach = int(STEPS * reach_s / window)
     shifts = np.arange(-reach, reach + 1) * window / STEPS
     grid += window / 2
     shifted = (np.interp(middles + x, grid, true, np.nan, np.nan) for x in shifts)
