@@ -8,9 +8,6 @@ VENV := .venv
 READY := $(VENV)/.ready
 BIN := $(VENV)/bin
 
-# pyright would ask the network for a newer release at every call.
-export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
-
 demo: $(READY)  ## generate a drive of 21 m, estimate, score and report it (into demo/)
 	$(BIN)/driftyard demo
 
@@ -31,7 +28,7 @@ suite: $(READY)
 lint: $(READY)  ## style, types and the layers of the imports
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
-	$(BIN)/pyright --pythonpath $(BIN)/python
+	$(BIN)/pyrefly check --summary=none --python-interpreter-path $(BIN)/python
 	$(BIN)/lint-imports
 
 bench: $(READY)  ## speed of estimator and generator on this machine

@@ -72,7 +72,7 @@ def load_scene(name: str) -> Scene:
 def _from_file(path: Path) -> mujoco.MjSpec:
     if not path.is_file():
         raise SettingsError(f"{path}: no such file; give the path of an MJCF file")
-    name, given = str(path), {}
+    name, given = str(path), dict[str, bytes]()
     if path.suffix != ".xml":  # the only suffix that MuJoCo takes for MJCF
         name, given = f"{path}.xml", {f"{path}.xml": path.read_bytes()}
     try:

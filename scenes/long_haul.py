@@ -4,7 +4,7 @@ from typing import Annotated
 
 import numpy as np
 from pydantic import Field
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from scenes.geometry.routes import Ribbon, rounded_loop, route_length
 from scenes.lighting.baked_light import sun
@@ -42,7 +42,7 @@ class _Plots:
     """Free space: keeps things off the path and off one another."""
 
     def __init__(self, route: Array) -> None:
-        self._tree = cKDTree(route)
+        self._tree = KDTree(route)
         self._taken: list[tuple[Array, float]] = []
 
     def take(self, spots: Array, radius_m: float) -> bool:

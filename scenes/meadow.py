@@ -4,7 +4,7 @@ from typing import Annotated
 
 import numpy as np
 from pydantic import Field
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from scenes.geometry.mesh import Mesh, merged, polygons
 from scenes.geometry.routes import rounded_loop
@@ -46,7 +46,7 @@ class _Land:
     """The terrain: level on and near the path, gentle swells beyond."""
 
     def __init__(self, rng: np.random.Generator, route: Array, path_m: float) -> None:
-        self._tree = cKDTree(route)
+        self._tree = KDTree(route)
         self._path_m = path_m
         self._waves = rng.normal(0, 0.22, (5, 2))
         self._phase = rng.uniform(0, 2 * np.pi, 5)

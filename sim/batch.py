@@ -189,7 +189,7 @@ def _client(scheduler: str | None, workers: int | None) -> "Generator[Client]":
     if scheduler is not None:
         try:
             client = Client(scheduler, timeout="10s")
-        except (OSError, TimeoutError, ValueError) as error:
+        except (OSError, ValueError) as error:
             reason = str(error).splitlines()[0] if str(error) else type(error).__name__
             raise DatasetError(f"scheduler {scheduler}: does not answer ({reason})") from None
         with client:

@@ -44,4 +44,4 @@ class MovedModules:
 def install() -> None:
     """Let imports of earlier names fail with the present ones."""
     if not any(isinstance(x, MovedModules) for x in sys.meta_path):
-        sys.meta_path.append(MovedModules())  # pyright: ignore[reportArgumentType]
+        sys.meta_path.append(MovedModules())

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import TypeAlias
 
 import numpy as np
@@ -114,8 +115,7 @@ def patch(
     each. By default the whole image fits once, or else periods of the texture's size; the offset
     (2,) is added to the texture coordinates.
     """
-    u, v = (np.linspace(0, 1, count + 1) for count in cells)
-    a, b = np.meshgrid(u, v, indexing="ij")
+    a, b, faces = _grid(*cells)
     edge_u, edge_v = np.asarray(side_u, dtype=float), np.asarray(side_v, dtype=float)
     points = np.asarray(origin) + a[..., None] * edge_u + b[..., None] * edge_v
     lengths = np.array([np.linalg.norm(edge_u), np.linalg.norm(edge_v)])
@@ -123,10 +123,31 @@ def patch(
     uv = np.stack([a, 1 - b], axis=-1) * periods + np.asarray(offset)
     normal = np.cross(edge_u, edge_v)
     normal /= np.linalg.norm(normal)
+    return Mesh(points.reshape(-1, 3), np.tile(normal, (a.size, 1)), uv.reshape(-1, 2), faces)
+
+
+@lru_cache(maxsize=256)
+def _grid(across: int, up: int) -> tuple[Array, Array, Array]:
+    """Return u and v (across + 1, up + 1) of a grid's corners and its triangles' corners (N, 3)."""
+    a, b = np.meshgrid(np.linspace(0, 1, across + 1), np.linspace(0, 1, up + 1), indexing="ij")
     index = np.arange(a.size).reshape(a.shape)
     quads = np.stack([index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]], axis=-1)
     faces = quads[..., [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
-    return Mesh(points.reshape(-1, 3), np.tile(normal, (a.size, 1)), uv.reshape(-1, 2), faces)
+    for shared in (a, b, faces):
+        shared.flags.writeable = False
+    return a, b, faces
+
+
+@lru_cache(maxsize=256)
+def _grid(across: int, up: int) -> tuple[Array, Array, Indices]:
+    """Return u and v (across + 1, up + 1) of a grid's corners, and its triangles (N, 3)."""
+    a, b = np.meshgrid(np.linspace(0, 1, across + 1), np.linspace(0, 1, up + 1), indexing="ij")
+    index = np.arange(a.size).reshape(a.shape)
+    quads = np.stack([index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]], axis=-1)
+    faces = quads[..., [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
+    for shared in (a, b, faces):
+        shared.flags.writeable = False
+    return a, b, faces
 
 
 def box(

@@ -4,7 +4,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from scenes.geometry.mesh import Mesh, cut_into_cells, merged, patch
 from scenes.geometry.routes import Ribbon
@@ -103,7 +103,7 @@ def _section(
 def lawn(ground: BlockGround, rng: np.random.Generator, ribbon: Ribbon) -> None:
     """Sow lawn everywhere, uncut where the mower meets the path."""
     corners = quads(tuple(ground.low), tuple(ground.high), 1.0)
-    distance = cKDTree(ribbon.route).query(corners.mean(axis=1))[0]
+    distance = KDTree(ribbon.route).query(corners.mean(axis=1))[0]
     corners = corners[distance > PATH_M / 2 - 0.75]
     ground.draw("lawn", level(corners, scattered(rng, corners, 1.0, 2.05), LAWN_M))
     count = 1500

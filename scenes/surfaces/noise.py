@@ -1,5 +1,6 @@
 """Band-limited noise and the operators that turn it into colour."""
 
+import math
 from collections.abc import Sequence
 from functools import lru_cache
 
@@ -8,6 +9,7 @@ import scipy.fft
 
 from scenes.surfaces import Shape
 from vo.contract.arrays import Array, Image
+from vo.contract.compilation import compiled
 
 MAX_EXPONENT = 746.0
 """Exponent x from which exp(-x) is zero in double precision."""
@@ -57,8 +59,9 @@ def _frequencies(height: int, width: int, stretch: float) -> Array:
 
 def smoothstep(low: float, high: float, values: Array) -> Array:
     """Rise from 0 at `low` to 1 at `high` with zero slope at both ends; any shape."""
-    t = np.clip((values - low) / (high - low), 0, 1)
-    return t * t * (3 - 2 * t)
+    out = np.array((values - low) / (high - low), order="C")
+    _smooth(out.reshape(-1))
+    return out
 
 
 def blend(base: Array, over: Array | Sequence[float], weight: Array) -> Array:
@@ -66,9 +69,8 @@ def blend(base: Array, over: Array | Sequence[float], weight: Array) -> Array:
     over = np.asarray(over, dtype=np.float32)
     shape = np.broadcast_shapes(base.shape, over.shape, (*weight.shape, 1))
     out = np.empty(shape, np.result_type(base, over, weight))
-    for channel in range(shape[-1]):  # an inner loop over three values is slow in NumPy
-        under = base[..., channel]
-        out[..., channel] = under + (over[..., channel] - under) * weight
+    share = np.broadcast_to(weight, shape[:-1]).reshape(-1)
+    _blend_all(_flat(base, shape), _flat(over, shape), share, out.reshape(-1, shape[-1]))
     return out
 
 
@@ -83,14 +85,55 @@ def ramp(stops: Sequence[Sequence[float] | Array], values: Array) -> Array:
     """Interpolate K evenly spaced colour stops at (...) values in [0, 1]: (..., 3)."""
     table = np.asarray(stops, dtype=np.float32)
     at = np.clip(values, 0, 1) * (len(table) - 1)
-    lower = np.minimum(at.astype(int), len(table) - 2)
-    share = (at - lower).astype(np.float32)
-    out = np.empty((*share.shape, table.shape[1]), np.float32)
-    for channel, column in enumerate(table.T):
-        out[..., channel] = column[lower] * (1 - share) + column[lower + 1] * share
+    out = np.empty((*at.shape, table.shape[1]), np.float32)
+    _ramp_all(table, np.ravel(at), out.reshape(-1, table.shape[1]))
     return out
 
 
 def to_image(colour: Array) -> Image:
     """Quantise (..., 3) colours in 0..255 to uint8, clipping."""
-    return np.clip(colour + 0.5, 0, 255).astype(np.uint8)
+    out = np.empty(colour.shape, np.uint8)
+    _quantise(np.ravel(colour), np.ravel(out))
+    return out
+
+
+# One pass over the pixels in place of a temporary image for every operation.
+
+
+def _flat(colour: Array, shape: tuple[int, ...]) -> Array:
+    """Broadcast to a shape (..., C) as (N, C), without a copy where there is one colour only."""
+    if colour.ndim == 1:
+        return np.broadcast_to(colour, (math.prod(shape[:-1]), shape[-1]))
+    return np.broadcast_to(colour, shape).reshape(-1, shape[-1])
+
+
+@compiled()
+def _smooth(t: Array) -> None:
+    for i in range(len(t)):
+        x = min(max(t[i], t.dtype.type(0)), t.dtype.type(1))
+        t[i] = x * x * (t.dtype.type(3) - t.dtype.type(2) * x)
+
+
+@compiled()
+def _blend_all(under: Array, over: Array, weight: Array, out: Array) -> None:
+    for i in range(len(out)):
+        for channel in range(out.shape[1]):
+            below = under[i, channel]
+            out[i, channel] = below + (over[i, channel] - below) * weight[i]
+
+
+@compiled()
+def _ramp_all(table: Array, at: Array, out: Array) -> None:
+    for i in range(len(at)):
+        lower = min(int(at[i]), len(table) - 2)
+        share = np.float32(at[i] - lower)
+        for channel in range(table.shape[1]):
+            below, above = table[lower, channel], table[lower + 1, channel]
+            out[i, channel] = below * (np.float32(1) - share) + above * share
+
+
+@compiled()
+def _quantise(colour: Array, out: Image) -> None:
+    for i in range(len(colour)):
+        value = colour[i] + colour.dtype.type(0.5)
+        out[i] = 0 if value < 0 else 255 if value > 255 else np.uint8(value)

@@ -180,4 +180,4 @@ def decode_buffers(
                 depth[camera, v, u] = a / (s + c) if s > 0 else np.nan
                 r, g, b = np.int32(codes[y, x, 0]), np.int32(codes[y, x, 1]), codes[y, x, 2]
                 geoms[camera, v, u] = ids[r | g << 8 | np.int32(b) << 16]
-    return depth, geoms  # pyright: ignore[reportReturnType], single precision
+    return depth, geoms  # single precision

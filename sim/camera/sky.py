@@ -28,7 +28,7 @@ class SkyBands:
         from OpenGL import GL  # binds to the backend that is open
 
         self._gl = GL
-        self._before = int(GL.glGenLists(2))  # pyright: ignore[reportArgumentType]
+        self._before = int(GL.glGenLists(2))
         self._base = context.baseMesh
         GL.glNewList(self._before + 1, GL.GL_COMPILE)
         GL.glDisable(GL.GL_SCISSOR_TEST)

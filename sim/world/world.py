@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -97,13 +98,17 @@ class World:
         for name, speed in zip(WHEELS, speeds_radps, strict=True):
             self.data.actuator(name).ctrl = speed
 
+    @cached_property
+    def _mocap_rows(self) -> list[int]:
+        """Row of each moving object among MuJoCo's mocap bodies."""
+        return [int(self.model.body(name).mocapid[0]) for name in self.movers]
+
     def move_movers(self, time_s: float) -> None:
         """Place all moving objects where they are at a time."""
-        for name, motion in self.movers.items():
-            T_world_mover = motion(time_s)
-            mocap = self.model.body(name).mocapid[0]
-            self.data.mocap_pos[mocap] = T_world_mover[:3, 3]
-            self.data.mocap_quat[mocap] = se3.to_quat_wxyz(T_world_mover)
+        if self.movers:
+            T_world_movers = np.stack([motion(time_s) for motion in self.movers.values()])
+            self.data.mocap_pos[self._mocap_rows] = T_world_movers[:, :3, 3]
+            self.data.mocap_quat[self._mocap_rows] = se3.to_quat_wxyz(T_world_movers)
 
     def place(self, time_s: float, qpos: Array) -> None:
         """Bring the whole world to a time and to joint positions (nq,)."""

@@ -111,7 +111,7 @@ def folder(tmp_path) -> Path:
 
 
 def test_killed_worker_is_retried(folder, calm):
-    run = start("trials.cli", *MANY, "--workers", "2", cwd=folder)
+    run = start("trials.cli", *MANY, "--workers", "1", cwd=folder)
     worker = until(lambda: writer_of(partial_of(folder, NAMES[1])), run)
     os.kill(worker, signal.SIGKILL)
     _, complaints = run.communicate(timeout=PATIENCE_S)
@@ -190,8 +190,9 @@ def address_in(sheet: Path) -> str | None:
         return None
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def cluster(tmp_path_factory) -> Iterator[Cluster]:
+    """The tests of this file use it in order: the last one kills it."""
     made = Cluster(tmp_path_factory.mktemp("elsewhere"))
     yield made
     made.stop()

@@ -20,7 +20,7 @@ from functools import cache
 import cv2
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from vo.config import FeatureSettings
 from vo.features.censure import censure, scale_space
@@ -81,8 +81,8 @@ def share(first, other, H, size):
     carried = carry(H, first)
     carried = carried[inside(carried, size)]
     other = other[inside(carry(np.linalg.inv(H), other), size)]
-    distance, nearest = cKDTree(other).query(carried)
-    _, back = cKDTree(carried).query(other)
+    distance, nearest = KDTree(other).query(carried)
+    _, back = KDTree(carried).query(other)
     mutual = back[nearest] == np.arange(len(carried))
     return 100 * (mutual & (distance < REACH_PX)).sum() / min(len(carried), len(other))
 
@@ -158,7 +158,7 @@ def region_share(discs_1, discs_2, H, size):
         for region, kept in zip((discs_1, back), common, strict=True)
     )
     area = np.sqrt(np.linalg.det(other_shapes))
-    tree, pairs = cKDTree(others), []
+    tree, pairs = KDTree(others), []
     for i, (centre, shape) in enumerate(zip(centres, shapes, strict=True)):
         near = np.array(tree.query_ball_point(centre, 4 * np.sqrt(shape[0, 0])), dtype=int)
         ratio = area[near] / shape[0, 0]

@@ -44,7 +44,9 @@ def doctor() -> None:
     table.add_row("driftyard", _version("driftyard", install="pip install -e ."))
     for package in PACKAGES:
         table.add_row(package, _version(package))
-    working = {backend: _render_in_process(backend, VARIABLES) for backend in BACKENDS}
+    working: dict[str, tuple[bool, str]] = {
+        backend: _render_in_process(backend, VARIABLES) for backend in BACKENDS
+    }
     given = [f"{name}={os.environ[name]}" for name in VARIABLES if name in os.environ]
     if given:
         working[escape(" ".join(given))] = _render_in_process("auto", ())

@@ -5,7 +5,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
-from typing import Any
+from typing import TextIO
 
 import typer
 
@@ -73,12 +73,18 @@ def guard(command: Callable[[], object]) -> None:
 
 
 def _show_warning(
-    show: Callable[..., None], message: Warning | str, category: type[Warning], *place: Any
+    show: Callable[..., None],
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
 ) -> None:
     if issubclass(category, Remark):
         print(f"driftyard: remark: {' '.join(str(message).split())}", file=sys.stderr)
     else:
-        show(message, category, *place)
+        show(message, category, filename, lineno, file, line)
 
 
 def _fail(message: str) -> None:

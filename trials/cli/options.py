@@ -185,7 +185,7 @@ def expand(function: Callable[..., None]) -> Callable[..., None]:
             values[name] = model(**{f.name: values.pop(f.name) for f in fields(model)})
         function(**values)
 
-    del call.__wrapped__  # pyright: ignore[reportAttributeAccessIssue], its parameters are others
+    del call.__wrapped__  # its parameters are others
     call.__annotations__ = {x.name: x.annotation for x in parameters}
     call.__dict__["__signature__"] = Signature(parameters)
     return call

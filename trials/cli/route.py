@@ -85,17 +85,20 @@ def route(
 
 def _route_model(out: Path, model: ModelOptions, seed: int) -> None:
     rng = np.random.default_rng(seed)
+    chosen: dict[str, tuple[Network, Sequence[study.Case]]] = {}
     if model.map_file is None:
         network, small = large_network(rng), small_network()
-        chosen = {"one decision": (small, [study.small_case(small)])}
+        chosen["one decision"] = small, [study.small_case(small)]
         name = "many routes"
     else:
-        network, chosen, name = read_map(model.map_file), {}, model.map_file.stem
+        network, name = read_map(model.map_file), model.map_file.stem
     cases = _cases(network, model, rng)
     chosen[name] = network, cases[: max(2, model.drives // 3)]
     total = 2 * study.STEPS * sum(len(some) for _, some in chosen.values()) + 2 * model.drives
     with console.counting_bar("drives", total) as done:
-        studies = {label: study.study(*part, model.lead, done) for label, part in chosen.items()}
+        studies = {
+            label: study.study(net, some, model.lead, done) for label, (net, some) in chosen.items()
+        }
         during = study.randomised(network, cases, model.lead, rng, done)
         before = study.randomised(network, cases, model.lead, rng, done, known_s=0.0)
     sweeps = [sweep for x in studies.values() for sweep in (x.node, x.queue)]

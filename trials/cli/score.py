@@ -61,9 +61,9 @@ def _ate_m(score: Score, alignment: Alignment) -> float | None:
 
 
 FIGURES: dict[str, tuple[Callable[[Score], float | None], int]] = {
-    "drift over 1 m, mean, %": (lambda x: x.drift_1m and x.drift_1m.mean_percent, 3),
-    "drift over 1 m, median, %": (lambda x: x.drift_1m and x.drift_1m.median_percent, 3),
-    "rotation over 1 m, °/m": (lambda x: x.drift_1m and x.drift_1m.mean_deg_per_m, 4),
+    "drift over 1 m, mean, %": (lambda x: x.drift_1m.mean_percent if x.drift_1m else None, 3),
+    "drift over 1 m, median, %": (lambda x: x.drift_1m.median_percent if x.drift_1m else None, 3),
+    "rotation over 1 m, °/m": (lambda x: x.drift_1m.mean_deg_per_m if x.drift_1m else None, 4),
     "end point, m": (lambda x: x.end_m, 3),
     "end point, % of path": (lambda x: x.end_percent, 2),
     "ATE, first pose, m": (lambda x: _ate_m(x, Alignment.FIRST_POSE), 4),

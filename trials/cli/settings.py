@@ -172,7 +172,7 @@ def _type(annotation: Any) -> str:
 def _toml(value: Any) -> str:
     if value is None:
         return ""
-    if isinstance(value, tuple | list):
+    if isinstance(value, (tuple, list)):
         return f"[{', '.join(_toml(x) for x in value)}]"
     if isinstance(value, dict):
         return "{" + ", ".join(f"{key} = {_toml(x)}" for key, x in value.items()) + "}"

@@ -30,9 +30,9 @@ RESAMPLES, CONFIDENCE = 10_000, 0.95
 
 
 METRICS: dict[str, tuple[Callable[[Score], float | None], int]] = {
-    "drift over 1 m, median, %": (lambda x: x.drift_1m and x.drift_1m.median_percent, 3),
-    "drift over 1 m, mean, %": (lambda x: x.drift_1m and x.drift_1m.mean_percent, 3),
-    "rotation over 1 m, °/m": (lambda x: x.drift_1m and x.drift_1m.mean_deg_per_m, 4),
+    "drift over 1 m, median, %": (lambda x: x.drift_1m.median_percent if x.drift_1m else None, 3),
+    "drift over 1 m, mean, %": (lambda x: x.drift_1m.mean_percent if x.drift_1m else None, 3),
+    "rotation over 1 m, °/m": (lambda x: x.drift_1m.mean_deg_per_m if x.drift_1m else None, 4),
     "end point, % of path": (lambda x: x.end_percent, 3),
     "ms per frame, median, all cores busy": (lambda x: x.frame_ms, 1),
 }

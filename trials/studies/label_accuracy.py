@@ -218,7 +218,8 @@ def _blur(seed: int) -> Iterator[Check]:
     speed = np.abs(np.gradient(np.unwrap(np.arctan2(*trip.T_world_body[:, 1::-1, 0].T))))
     fast = np.argsort(speed)[-FRAMES:]
     encode = Encoding("srgb")
-    psnr_db, counts = [], []
+    psnr_db: list[float] = []
+    counts: list[int] = []
     reference_settings = {"step_px": 1e-6, "subframes_max": REFERENCE_SUBFRAMES}
     finest = settings.exposure.model_copy(update=reference_settings)
     with StereoRenderer(world, settings.render) as renderer:

@@ -10,6 +10,7 @@ would couple all of them. Where that leaves too few, the oldest of these are mar
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import gtsam
 import numpy as np
@@ -97,7 +98,8 @@ class FixedLag:
         Raises:
             RuntimeError: If nothing determines a pose; the smoother is of no use any more.
         """
-        graph, values, times = gtsam.NonlinearFactorGraph(), gtsam.Values(), {}
+        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        times: dict[Any, float] = {}
         for serial, T in T_odom_cam.items():
             if serial not in self._observations and serial != self.first:
                 values.insert(X(serial), gtsam.Pose3(T))

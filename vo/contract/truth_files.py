@@ -83,8 +83,8 @@ def _complete_rows(table: Table) -> Table:
             places = f"{len(rows)}, the first in line {table.lines[min(rows)]}"
             remark(f"{table.path}: rows {what} are left out: {places}")
     kept = [i for i in range(len(table)) if i not in missing | repeated]
-    lines, rows = (tuple(x[i] for i in kept) for x in (table.lines, table.rows))
-    return replace(table, lines=lines, rows=rows)
+    lines, words = tuple(table.lines[i] for i in kept), tuple(table.rows[i] for i in kept)
+    return replace(table, lines=lines, rows=words)
 
 
 def _sensor_pose(path: Path) -> Array | None:

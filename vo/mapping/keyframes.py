@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from vo.config import OdometrySettings
 from vo.contract import se3
@@ -111,7 +111,7 @@ def _new_observations(
     taken = inliers.measured if inliers else np.zeros((0, 3))
     free = np.ones(len(pixels), dtype=bool)
     if len(taken):
-        free = cKDTree(taken[:, :2]).query(pixels)[0] > s.features.min_distance_px
+        free = KDTree(taken[:, :2]).query(pixels)[0] > s.features.min_distance_px
     pixels, descriptors = pixels[free], view.descriptors[free]
     found = measure_disparities(view.frame, view.dense, pixels, s.stereo, nearby=taken)
     found = replace_disparities(hooks, view.frame, pixels, found, s.stereo)

@@ -9,6 +9,7 @@ from sim.settings import TerrainSettings
 from trials.gym.env.rover_env import Assignment, RoverEnv
 from trials.gym.env.settings import ExploreSettings, NavSettings, RouteSettings
 from trials.gym.env.tasks import Explore, FollowRoute, ReachGoal
+from trials.gym.world.dynamic_agents import DynamicAgent
 from trials.gym.world.dynamics import sample_dynamics
 from trials.gym.world.scene_instance import SceneInstance, rebuilt_along
 from trials.gym.world.start_goal_sampling import TrialError, expect_clear, sample_start_goal
@@ -28,7 +29,8 @@ class RoverNav(RoverEnv):
         ends = sample_start_goal(
             base.traversable, base.component, trial.distance_m, rng, start, goal
         )
-        instance, agents = base, {}
+        instance: SceneInstance = base
+        agents: Mapping[str, DynamicAgent] = {}
         if trial.dynamics:
             seed = int(rng.integers(2**31))
             agents = sample_dynamics(base.scene, ends, trial.speed_max_mps, trial.dynamics, seed)

@@ -61,7 +61,8 @@ class RoverEnv(gymnasium.Env[Observation, Array]):
             raise SettingsError(f"render_mode {render_mode}: valid are rgb_array, human and none")
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": self.trial.rate_hz}
-        self.observation_space = observation_space(self.trial.observe, settings)
+        # A Dict of spaces of arrays is a space of dicts of arrays.
+        self.observation_space = observation_space(self.trial.observe, settings)  # pyrefly: ignore[bad-assignment]
         self.action_space = ACTION
         self._base: SceneInstance | None = None
         self._instance: SceneInstance | None = None

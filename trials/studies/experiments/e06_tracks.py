@@ -2,7 +2,7 @@
 
 import numpy as np
 from matplotlib.figure import Figure
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from trials.evaluation.intervals import mean_interval
 from trials.evaluation.runs import read_map
@@ -34,7 +34,7 @@ def _distances_m(run: Result) -> Array:
     points = read_map(companion(run.file, "map.ply")).points_odom
     cameras = run.run.trajectory.T_ref_frame
     origin = se3.inverse(cameras[0])  # the map may have begun elsewhere
-    return cKDTree(se3.transform(origin, cameras[:, :3, 3])).query(se3.transform(origin, points))[0]
+    return KDTree(se3.transform(origin, cameras[:, :3, 3])).query(se3.transform(origin, points))[0]
 
 
 def _wrong_percent(results: Results, variant: Variant) -> Array:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyorbslam3  # pyright: ignore[reportMissingImports], it is installed where this runs
+import pyorbslam3  # installed where this runs
 from pipe import Image, Pose, Track, serve
 
 CAMERA_YAML = """%YAML:1.0

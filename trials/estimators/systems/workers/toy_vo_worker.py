@@ -3,7 +3,7 @@
 from typing import Any
 
 import numpy as np
-import toy_vo  # pyright: ignore[reportMissingImports], it is installed where this runs
+import toy_vo  # installed where this runs
 from pipe import Image, Pose, Track, serve
 
 
@@ -15,9 +15,7 @@ def start(rig: dict[str, Any]) -> Track:
         rig["width_px"], rig["height_px"],
     )  # fmt: skip
     t_right_left = np.array([-rig["baseline_m"], 0, 0])
-    estimator = toy_vo.StereoEstimator(  # pyright: ignore[reportAttributeAccessIssue]
-        *camera, *camera, np.zeros(3), t_right_left
-    )
+    estimator = toy_vo.StereoEstimator(*camera, *camera, np.zeros(3), t_right_left)
 
     def track(t: float, left: Image, right: Image) -> tuple[Pose | None, str]:
         return np.array(estimator.process_frame(left, right)["T_w_cam0"], dtype=float), ""
