@@ -12,7 +12,7 @@ from vo.contract.readers import open_sequence
 pytestmark = pytest.mark.gl
 
 SMALL = ("--set", "rig.width_px=320", "--set", "rig.height_px=240")
-SHORT = ("--trial", "distance_m=[1.0, 2.5]")
+SHORT = ("--trial", "distance_m=[1.0, 2.0]", "--trial", "rate_hz=5.0")
 
 
 def test_drive_compares_sources_on_the_same_goals(tmp_path):
