@@ -16,8 +16,9 @@ from sim.settings import RecordSettings
 from sim.world.drive import DriveError
 from sim.world.path import plan_path
 from sim.world.rover import PREFIX, WHEEL_RADIUS_M
+from sim.world.start import START_CLEARANCE_M
 from sim.world.trip import Trip, make_trip
-from sim.world.world import START_CLEARANCE_M, START_S, World
+from sim.world.world import START_S, World
 from vo.contract import se3
 from vo.contract.arrays import Array, Image
 

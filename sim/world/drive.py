@@ -19,7 +19,7 @@ STUCK_WITHIN_M = 0.03
 
 
 class DriveError(DriftyardError):
-    """The rover tipped over or got stuck; states time and position."""
+    """The rover fell, tipped over or got stuck; states time and position."""
 
 
 class Driver:
@@ -93,14 +93,19 @@ class Driver:
         return 2 * y / (x * x + y * y), bool(x > 0.3 * abs(y))
 
     def _check(self, T_world_body: Array, time_s: float) -> None:
-        x, y = T_world_body[:2, 3]
         if T_world_body[2, 2] < math.cos(TIPPED_RAD):
-            raise DriveError(f"the rover tipped over at {time_s:.2f} s near ({x:.2f}, {y:.2f}) m")
+            raise DriveError(f"the rover tipped over {where(T_world_body, time_s)}")
         if self._progress_m > self._moved_from_m + STUCK_WITHIN_M:
             self._moved_at_s, self._moved_from_m = time_s, self._progress_m
         turning_s = 360.0 / self._settings.turn_rate_max_deg_s  # on the spot, without progress
         if not self.arrived and time_s - self._moved_at_s > STUCK_AFTER_S + turning_s:
-            raise DriveError(f"the rover got stuck at {time_s:.2f} s near ({x:.2f}, {y:.2f}) m")
+            raise DriveError(f"the rover got stuck {where(T_world_body, time_s)}")
+
+
+def where(T_world_body: Array, time_s: float) -> str:
+    """Return time and place of an event, for its message."""
+    x, y = T_world_body[:2, 3]
+    return f"at {time_s:.2f} s near ({x:.2f}, {y:.2f}) m"
 
 
 def wheel_speeds(forward_mps: float, turn_radps: float) -> Array:

@@ -8,7 +8,8 @@ import mujoco
 import numpy as np
 
 from sim.settings import RecordSettings
-from sim.world.drive import CONTROL_RATE_HZ, DriveError, Driver
+from sim.world.drive import CONTROL_RATE_HZ, DriveError, Driver, where
+from sim.world.fall import FallMonitor
 from sim.world.random_streams import stream
 from sim.world.rover import BODY, MAST, PREFIX, WHEEL_BODIES, ticks
 from sim.world.world import START_S, World
@@ -96,7 +97,7 @@ class Trip:
 def make_trip(world: World, settings: RecordSettings) -> Trip:
     """Let the rover settle and drive the whole path, or walk it; deterministic.
 
-    A rover that tips over or gets stuck ends the trip with the frames until then.
+    A rover that falls, tips over or gets stuck ends the trip with the frames until then.
 
     Raises:
         DriveError: If that happens before the second frame.
@@ -105,6 +106,7 @@ def make_trip(world: World, settings: RecordSettings) -> Trip:
     driver = Driver(world.path, settings.drive) if world.is_driven else None
     timestep_s = world.model.opt.timestep
     control = SamplingClock(CONTROL_RATE_HZ if driver else 0, timestep_s)
+    fall = FallMonitor(world.model, world.data)
     movers = SamplingClock(1 / MOVER_PERIOD_S if world.movers else 0, timestep_s)
     mujoco.mj_step(world.model, world.data, round((START_S - log.lead_s) / timestep_s))
     step, last_step, ended = -round(log.lead_s / timestep_s), math.inf, ""
@@ -114,6 +116,8 @@ def make_trip(world: World, settings: RecordSettings) -> Trip:
             world.move_movers(time_s)
         if driver and control.due(step):
             try:
+                if fall.has_fallen(world.data):
+                    raise DriveError(f"the rover fell {where(world.T_world_chassis, time_s)}")
                 world.command_wheels(driver.command(world.T_world_chassis, time_s))
             except DriveError as error:
                 ended = str(error)

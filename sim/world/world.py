@@ -17,6 +17,7 @@ from sim.world.path import Path, plan_path
 from sim.world.random_streams import stream
 from sim.world.rig import CAMERA, T_world_left, add_rig, stereo_rig, widened
 from sim.world.rover import BODY, PREFIX, WHEEL_RADIUS_M, WHEELS, build_rover
+from sim.world.start import START_CLEARANCE_M, check_start
 from sim.world.terrain import lay_terrain
 from vo.contract import se3
 from vo.contract.arrays import Array
@@ -26,12 +27,8 @@ from vo.contract.rig import StereoRig
 STEPS_MIN_HZ, STEPS_MAX_HZ = 1000, 4000
 START_S = 1.0
 """Time of the first frame; the rover settles during the second before it."""
-START_CLEARANCE_M = 0.01
-"""Height above level ground from which the rover drops, so that no brick is inside a wheel."""
 WALK_STEP_M = 0.1
 """Spacing of the points of a hand-held carrier's route."""
-SETTLING_CONTACT_M = 0.004
-"""Penetration of an obstacle from which a start has no free space."""
 
 
 @dataclass(frozen=True)
@@ -131,7 +128,7 @@ def build_world(scene: Scene, settings: RecordSettings) -> World:
 
     Raises:
         SettingsError: If the scene has no such route, the route is too short for the distance, the
-            world does not compile or the rover has no free space at the start.
+            world does not compile, or the rover has no weight, ground or free space at the start.
     """
     path = plan_path(_route(scene, settings), settings.drive.distance_m)
     rig = stereo_rig(settings.rig)
@@ -167,7 +164,7 @@ def build_world(scene: Scene, settings: RecordSettings) -> World:
     world.move_movers(0.0)
     mujoco.mj_forward(model, data)
     if world.is_driven:
-        _check_room(world)
+        check_start(scene, model, data, path.waypoints[0])
     return world
 
 
@@ -216,19 +213,3 @@ def _route(scene: Scene, settings: RecordSettings) -> Array:
             f"valid: {', '.join(sorted(scene.routes))}"
         )
     return np.asarray(scene.routes[drive.route], dtype=float)
-
-
-def _check_room(world: World) -> None:
-    """Raise a SettingsError that names the obstacle if the rover starts inside of one."""
-    model = world.model
-    for contact in world.data.contact:
-        if contact.dist < -SETTLING_CONTACT_M:
-            roots = model.body_rootid[model.geom_bodyid[contact.geom]]
-            mine = [model.body(int(root)).name.startswith(PREFIX) for root in roots]
-            if any(mine) and not all(mine):
-                geom = contact.geom[mine.index(False)]
-                x, y = world.path.waypoints[0]
-                raise SettingsError(
-                    f"scene {world.scene.name}: no free space at the start ({x:g}, {y:g}) m, "
-                    f"{model.geom(int(geom)).name or f'geom {geom}'} is in the way"
-                )

@@ -154,7 +154,7 @@ class Episode:
 
 
 class FailureMonitor:
-    """Detects collision, tipping over and wheels that turn without effect, from the truth."""
+    """Detects collisions, falls, tipping over and wheels without effect, from the truth."""
 
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
@@ -162,13 +162,15 @@ class FailureMonitor:
         self._since_s = simulation.time_s
 
     def failure(self, command_mps: float) -> str:
-        """Return the failure of the last step: collision, tipped, stuck, or an empty string.
+        """Return the failure of the last step: collision, fell, tipped, stuck, or "".
 
         The commanded speed is that of the faster wheel's rim.
         """
         simulation = self._simulation
         if (simulation.touched & simulation.rigid).any():
             return "collision"
+        if simulation.has_fallen:
+            return "fell"
         if simulation.upright < math.cos(TIPPED_RAD):
             return "tipped"
         pose = simulation.pose2

@@ -191,15 +191,16 @@ class RoverEnv(gymnasium.Env[Observation, Array]):
 
     def _place_rover(self, base: SceneInstance, options: Mapping[str, Any]) -> Assignment:
         """Assign a task whose start is free of moving things, and place the rover there."""
-        start: Array = np.zeros(3)
+        start, fell = np.zeros(3), False
         for _ in range(MAX_STARTS):
             instance, task = self._assign(base, options)
             self._release(instance)
             self._instance, self._base = instance, base
             if instance.simulation.reset(task.start):
                 return instance, task
-            start = task.start
-        raise TrialError(f"start ({start[0]:g}, {start[1]:g}) m: a moving thing is there")
+            start, fell = task.start, instance.simulation.has_fallen
+        why = "no ground carries the rover there" if fell else "a moving thing is there"
+        raise TrialError(f"start ({start[0]:g}, {start[1]:g}) m: {why}")
 
     def _release(self, instance: SceneInstance | None) -> None:
         """Free what belongs to the present instance, unless it is kept."""

@@ -37,7 +37,7 @@ class Result:
         layout: Seed of the world.
         run: Number of start and goal in it.
         localization: Source of the pose.
-        outcome: success, collision, tipped, stuck, lost or timeout.
+        outcome: success, collision, fell, tipped, stuck, lost or timeout.
         time_s: Duration.
         driven_m: Length of the true path.
         way_m: Length of the shortest path in the world as it was built.

@@ -7,7 +7,9 @@ import mujoco
 import numpy as np
 
 from sim.settings import RecordSettings
+from sim.world.fall import FallMonitor
 from sim.world.rover import BODY, PREFIX, WHEEL_RADIUS_M, WHEELS, ticks
+from sim.world.start import START_CLEARANCE_M
 from sim.world.trip import (
     MOVER_PERIOD_S,
     Motions,
@@ -17,7 +19,7 @@ from sim.world.trip import (
     longest_window_s,
     wheel_forces_n,
 )
-from sim.world.world import START_CLEARANCE_M, START_S, World
+from sim.world.world import START_S, World
 from trials.gym.world.dynamic_agents import DynamicAgent
 from trials.gym.world.free_space import obstacle_geoms, rigid_geoms
 from vo.contract.arrays import Array, Mask
@@ -90,6 +92,7 @@ class Simulation:
         touched: (ngeom,) what the rover touched during the last control step.
         obstacles: (ngeom,) what it can bump into.
         rigid: (ngeom,) obstacles that do not give way.
+        has_fallen: Whether the rover has dropped from its ground since the trial began.
     """
 
     def __init__(self, world: World, settings: RecordSettings, acceleration_mps2: float) -> None:
@@ -155,7 +158,7 @@ class Simulation:
 
         Returns:
             Whether the rover stands where it was placed, and nothing touches it: a moving thing
-            may be there.
+            may be there, or no ground.
         """
         world, data = self.world, self.world.data
         mujoco.mj_resetData(world.model, data)
@@ -163,7 +166,9 @@ class Simulation:
         yaw = float(start[2])
         quat = math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)
         data.qpos[self._free : self._free + 7] = (*start[:2], height, *quat)
-        self._speeds = np.zeros(2)
+        self._speeds, self.has_fallen = np.zeros(2), False
+        world.place_bodies()
+        self._fall = FallMonitor(world.model, data)
         self.touched = np.zeros(world.model.ngeom, bool)
         periods = math.ceil(SETTLING_S / (self._steps * self.timestep_s))
         self._count = -periods * self._steps
@@ -176,7 +181,7 @@ class Simulation:
         self.advance(np.zeros(2))
         x, y, _ = self.pose2
         pushed = math.hypot(x - start[0], y - start[1]) > MAX_SETTLING_M
-        alone = not pushed and not (self.touched & self.rigid).any()
+        alone = not pushed and not (self.touched & self.rigid).any() and not self.has_fallen
         self.touched[:] = False
         return alone
 
@@ -215,6 +220,7 @@ class Simulation:
             self.log.add_state(world, time_ns, stop == self._middle, stop in self.regular)
 
     def _add_contacts(self) -> None:
+        self.has_fallen = self.has_fallen or self._fall.has_fallen(self.world.data)
         if self.world.data.ncon:
             pairs = self.world.data.contact.geom
             is_rover = self._is_rover[pairs]

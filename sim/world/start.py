@@ -1,0 +1,96 @@
+"""The start of a rover: ground that carries it, and free space around it."""
+
+import math
+from copy import copy
+
+import mujoco
+import numpy as np
+
+from scenes.scene import Scene
+from sim.world.drive import TIPPED_RAD
+from sim.world.rover import PREFIX, WHEEL_BODIES, WHEEL_RADIUS_M
+from vo.contract.arrays import Array
+from vo.contract.errors import SettingsError
+
+START_CLEARANCE_M = 0.01
+"""Height above level ground from which the rover drops, so that no brick is inside a wheel."""
+DROP_MAX_M = 0.05
+"""Greatest distance of the ground below the height that the scene states for it."""
+SETTLING_CONTACT_M = 0.004
+"""Penetration of an obstacle from which a start has no free space."""
+FLAGS = {
+    "gravity": mujoco.mjtDisableBit.mjDSBL_GRAVITY,
+    "contact": mujoco.mjtDisableBit.mjDSBL_CONTACT,
+    "constraint": mujoco.mjtDisableBit.mjDSBL_CONSTRAINT,
+    "actuation": mujoco.mjtDisableBit.mjDSBL_ACTUATION,
+}
+"""Flags of MJCF's option that a rover cannot drive without."""
+
+
+def check_start(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, start: Array) -> None:
+    """Check that the rover, in `data` above its start (2,) metres, can stand and drive there.
+
+    Raises:
+        SettingsError: If it has no weight, no ground or no free space; says why and where.
+    """
+    for flag, bit in FLAGS.items():
+        if model.opt.disableflags & bit:
+            raise SettingsError(f"scene {scene.name}: option flag {flag} is off; a rover needs it")
+    if model.opt.disableactuator & 1:
+        raise SettingsError(
+            f"scene {scene.name}: actuatorgroupdisable turns off group 0, the wheels of the rover"
+        )
+    gravity = model.opt.gravity
+    if not -gravity[2] > math.cos(TIPPED_RAD) * np.linalg.norm(gravity):
+        raise SettingsError(
+            f"scene {scene.name}: gravity is ({gravity[0]:g}, {gravity[1]:g}, {gravity[2]:g}) "
+            "m/s^2; a rover needs one downwards, such as 0 0 -9.81, or drive.carrier=handheld"
+        )
+    where = f"at the start ({start[0]:g}, {start[1]:g}) m"
+    _check_ground(scene, model, data, start, where)
+    _check_space(scene, model, data, where)
+
+
+def _check_ground(
+    scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, start: Array, where: str
+) -> None:
+    """Lower the rover a little: every wheel must touch something."""
+    lowered = copy(data)
+    lowered.joint(PREFIX + "free").qpos[2] -= START_CLEARANCE_M + DROP_MAX_M
+    mujoco.mj_fwdPosition(model, lowered)
+    touching = {int(body) for body in model.geom_bodyid[lowered.contact.geom].ravel()}
+    if touching.issuperset(model.body(name).id for name in WHEEL_BODIES):
+        return
+    stated_m = float(scene.elevation(start))
+    geom = np.full(1, -1, np.int32)
+    above = np.array([*start, stated_m + 0.8 * WHEEL_RADIUS_M])  # between the wheels
+    body = model.body(PREFIX + "body").id
+    down = np.array([0.0, 0.0, -1.0])
+    distance_m = mujoco.mj_ray(model, data, above, down, None, 1, body, geom)
+    found = int(geom[0])
+    if found < 0:
+        reason = "there is nothing below"
+    elif not model.geom_contype[found] & 1 and not model.geom_conaffinity[found] & 1:
+        bits = f"contype {model.geom_contype[found]}, conaffinity {model.geom_conaffinity[found]}"
+        reason = f"{_name(model, found)} does not collide with the wheels ({bits})"
+    else:
+        height_m = above[2] - distance_m
+        reason = f"{_name(model, found)} is at z = {height_m:g} m, expected {stated_m:g} m"
+    raise SettingsError(f"scene {scene.name}: no ground {where}: {reason}")
+
+
+def _check_space(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, where: str) -> None:
+    """Name the obstacle that the rover is inside of."""
+    for contact in data.contact:
+        if contact.dist < -SETTLING_CONTACT_M:
+            roots = model.body_rootid[model.geom_bodyid[contact.geom]]
+            mine = [model.body(int(root)).name.startswith(PREFIX) for root in roots]
+            if any(mine) and not all(mine):
+                name = _name(model, int(contact.geom[mine.index(False)]))
+                raise SettingsError(
+                    f"scene {scene.name}: no free space {where}, {name} is in the way"
+                )
+
+
+def _name(model: mujoco.MjModel, geom: int) -> str:
+    return model.geom(geom).name or f"geom {geom}"
