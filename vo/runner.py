@@ -67,8 +67,11 @@ def run(
     sequence: StereoSequence,
     estimator: Estimator,
     progress: Callable[[Estimate], None] | None = None,
+    unfinished: "UnfinishedRun | None" = None,
 ) -> Run:
     """Pass every frame to a new estimator, in order, and each estimate to `progress`.
+
+    Each estimate is also added to the record `unfinished`, if there is one.
 
     A frame with an image that is missing, damaged or of the wrong size is lost, with a remark.
 
@@ -89,6 +92,8 @@ def run(
             start = perf_counter()
             estimates.append(estimator.track(frame))
             frame_ms.append(1e3 * (perf_counter() - start))
+        if unfinished:
+            unfinished.add(estimates[-1], frame_ms[-1])
         if progress:
             progress(estimates[-1])
     if len(problems) == len(sequence):
@@ -158,8 +163,8 @@ class UnfinishedRun:
     def __enter__(self) -> Self:
         return self
 
-    def add(self, estimate: Estimate) -> None:
-        """Write the pose and the status of the next frame."""
+    def add(self, estimate: Estimate, frame_ms: float) -> None:
+        """Write the pose and the status of the next frame, and its wall time."""
         if not self._files:
             self._paths[0].parent.mkdir(parents=True, exist_ok=True)
             self._files = tuple(x.open("w", encoding="utf-8", newline="") for x in self._paths)
@@ -169,7 +174,7 @@ class UnfinishedRun:
         if T is not None:
             lines = tum_lines(Trajectory(np.array([time_ns]), T[None]))
             self._files[0].write("\n".join(lines) + "\n")
-        row = time_ns, estimate.status.value, estimate.reason, ""
+        row = time_ns, estimate.status.value, estimate.reason, f"{frame_ms:.3f}"
         csv.writer(self._files[1], lineterminator="\n").writerow(row)
         for file in self._files:
             file.flush()

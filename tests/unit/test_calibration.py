@@ -74,6 +74,7 @@ def opencv_sheet(eye):
         {"camera_model": "pinhole-radtan", "distortion_model": "absent"},
         {"resolution": "absent", "image_width": 240, "image_height": 180},
         {"resolution": "absent", "width": 240, "height": 180},
+        {"intrinsics": dict(zip(("fx", "fy", "cx", "cy"), FOCAL, strict=True))},
         {"intrinsics": "absent", "K": np.ravel(K).tolist()},
         {
             "intrinsics": "absent",

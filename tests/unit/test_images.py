@@ -37,6 +37,24 @@ def test_sixteen_bits_are_scaled_by_the_depth_in_use(tmp_path, shift, bits):
         assert (frame.right == right).all()
 
 
+def test_deep_images_among_others_are_said(tmp_path):
+    folder = write_euroc(tmp_path / "d", wall(2))
+    path = folder / "mav0" / "cam0" / "data" / f"{2 * PERIOD_NS}.png"
+    cv2.imwrite(str(path), wall(2)[1][0].astype(np.uint16) << 8)
+    sequence = open_sequence(folder)
+    with pytest.warns(Remark, match="images of 8 and of 16 bits"):
+        assert (sequence[1].left == wall(2)[1][0]).all()
+
+
+def test_deep_images_of_one_eye_are_scaled_alone(tmp_path):
+    folder = write_euroc(tmp_path / "d", wall(2))
+    deepen(folder, 4, eyes=[1])
+    with pytest.warns(Remark, match="of which 12 are in use"):
+        sequence = open_sequence(folder)
+    assert (sequence[1].left == wall(2)[1][0]).all()
+    assert (sequence[1].right == wall(2)[1][1]).all()
+
+
 def test_depth_in_use_is_that_of_the_sequence(tmp_path):
     folder = write_euroc(tmp_path / "d", [(IMAGE // 16, IMAGE // 16), (IMAGE, IMAGE)])
     deepen(folder, 4)

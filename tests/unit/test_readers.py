@@ -1,5 +1,7 @@
 """Folder readers on folders that the tests write: EuRoC and KITTI."""
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
@@ -7,6 +9,7 @@ import yaml
 from folders import BASELINE_M, F_PX, HEIGHT, PERIOD_NS, WIDTH, wall, write_euroc
 
 from vo.contract.errors import CalibrationError, DatasetError, TrajectoryError
+from vo.contract.kitti import pose_files
 from vo.contract.readers import open_sequence, read_truth
 from vo.contract.remarks import Remark
 from vo.contract.sequence import STALE_NS, WheelLog
@@ -80,6 +83,10 @@ def test_kitti_truth_of_the_benchmark_layout(kitti):
     (poses / "05.txt").write_text("1 0 0 0 0 1 0 0 0 0 1 0\n")
     with pytest.raises(TrajectoryError, match="1 poses for 3 times"):
         read_truth(kitti)
+
+
+def test_kitti_folder_may_lie_directly_under_the_root():
+    assert pose_files(Path("/k01")) == (Path("/k01/poses.txt"), Path("/poses/k01.txt"))
 
 
 def test_kitti_pairs_of_common_names(kitti):

@@ -119,13 +119,7 @@ def estimate(
     estimator, settings = make_estimator(choice.name, sequence.rig, choice.config, choice.overrides)
     guarded = None if choice.name in ESTIMATORS else Guarded(estimator)
     with UnfinishedRun(out) as unfinished:
-
-        def record(estimate: Estimate) -> None:
-            unfinished.add(estimate)
-            if progress:
-                progress(estimate)
-
-        result = run(sequence, guarded or estimator, record)
+        result = run(sequence, guarded or estimator, progress, unfinished)
         write_run(out, result, choice.name, settings, dataset)
     if guarded and guarded.complaint:
         raise PluginError(f"{out} is written, but finalize failed: {guarded.complaint}")

@@ -37,7 +37,7 @@ CAMERAS: dict[str, Lens | None] = {
 """Names of camera models, and the distortion that they imply."""
 
 SIZES = (("resolution",), ("image_size",), ("image_width", "image_height"), ("width", "height"))
-INTRINSICS = ("intrinsics", "camera_matrix", "K")
+INTRINSICS, FOCAL = ("intrinsics", "camera_matrix", "K"), ("fx", "fy", "cx", "cy")
 COEFFICIENTS = ("distortion_coefficients", "distortion_coeffs", "dist_coeffs", "distortion", "D")
 MODELS = ("distortion_model", "distortion_type")
 POSES = ("T_BS", "T_imu_cam", "T_cam_imu", "T_cn_cnm1")
@@ -146,7 +146,10 @@ def _matrix_K(path: Path, sheet: Sheet) -> Array:
     found: dict[str, Array] = {}
     for key in INTRINSICS:
         if key in sheet:
-            values = _numbers(path, key, sheet[key])
+            value: Any = sheet[key]
+            if isinstance(value, Mapping) and all(x in value for x in FOCAL):
+                value = [value[x] for x in FOCAL]
+            values = _numbers(path, key, value)
             if values.size == 9:
                 found[key] = values.reshape(3, 3)
             elif values.shape == (4,):

@@ -59,11 +59,11 @@ class GreyReader:
 
     Attributes:
         size_px: Width and height of the first readable image.
-        bits: Depth in use of images of 16 bits; one of DEPTHS.
+        bits: Depth in use of images of 16 bits, one of DEPTHS; None if the first have 8 bits.
     """
 
     size_px: tuple[int, int]
-    bits: int = 16
+    bits: int | None = None
 
     def __call__(self, path: Path) -> Image:
         """Read an image as (H, W) uint8; of 16 bits, the highest 8 in use.
@@ -74,45 +74,48 @@ class GreyReader:
         image = _read_levels(path)
         if image.dtype == np.uint8:
             return image
-        clipped = float((image >> self.bits > 0).mean()) if self.bits < 16 else 0.0
+        if self.bits is None:
+            remark(f"{path.parent}: images of 8 and of 16 bits; of these, all bits are in use")
+        bits = self.bits or 16
+        clipped = float((image >> bits > 0).mean()) if bits < 16 else 0.0
         if clipped > MAX_CLIPPED:
-            remark(f"{path}: {clipped:.0%} of the pixels exceed {self.bits} bits and are clipped")
-        return np.minimum(image >> (self.bits - 8), 255).astype(np.uint8)
+            remark(f"{path}: {clipped:.0%} of the pixels exceed {bits} bits and are clipped")
+        return np.minimum(image >> (bits - 8), 255).astype(np.uint8)
 
 
 def grey_reader(files: Sequence[Path]) -> GreyReader:
-    """Make the reader of a sequence from a sample of its images, at least one.
+    """Make the reader of a sequence from a sample of its images, at least one, left eye first.
 
     Images of 16 bits bring a remark that states the depth in use.
 
     Raises:
         ImageError: If no image of the sample can be read.
     """
-    rows = np.unique(np.linspace(0, len(files) - 1, min(SAMPLE, len(files))).astype(int))
-    sample = [files[i] for i in rows]
-    size_px: tuple[int, int] | None = None
+    rows = np.unique(np.linspace(0, len(files) - 1, min(SAMPLE, len(files))).astype(int)).tolist()
+    found: list[tuple[int, int]] = []
+    levels: list[int] = []
     problem: ImageError | None = None
-    level = 0
-    for path in sample:
+    for i in dict.fromkeys((rows[0], rows[-1], *rows)):
         try:
-            image = _read_levels(path)
+            image = _read_levels(files[i])
         except ImageError as error:
             problem = problem or error
             continue
-        if size_px is None:
-            size_px = (image.shape[1], image.shape[0])
-            if image.dtype == np.uint8:
-                return GreyReader(size_px)
+        found.append((image.shape[1], image.shape[0]))
         if image.dtype == np.uint16:
-            level = max(level, int(np.percentile(image, LEVEL_PERCENT)))
-    if size_px is None:
+            levels.append(int(np.percentile(image, LEVEL_PERCENT)))
+        if len(found) == 2 and not levels:  # one of each eye
+            break
+    if not found:
         raise problem or DatasetError("a sequence without images")
-    bits = next(x for x in DEPTHS if level < 2**x)
+    if not levels:
+        return GreyReader(found[0])
+    bits = next(x for x in DEPTHS if max(levels) < 2**x)
     remark(
         f"{files[0].parent}: images of 16 bits of which {bits} are in use; "
         f"levels are divided by {2 ** (bits - 8)}"
     )
-    return GreyReader(size_px, bits)
+    return GreyReader(found[0], bits)
 
 
 def read_grey(path: Path) -> Image:
@@ -121,7 +124,7 @@ def read_grey(path: Path) -> Image:
     Raises:
         ImageError: If the file is missing, damaged or not an image.
     """
-    return GreyReader((0, 0))(path)
+    return GreyReader((0, 0), 16)(path)
 
 
 def read_float(path: Path, channels: int = 1) -> Array:

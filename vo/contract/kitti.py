@@ -109,9 +109,7 @@ def read_kitti_truth(folder: Path) -> Trajectory | None:
     Raises:
         TrajectoryError: If a row is not 12 finite numbers, or rows and times differ.
     """
-    folder = folder.resolve()
-    candidates = (folder / "poses.txt", folder.parent.parent / "poses" / f"{folder.name}.txt")
-    path = next((x for x in candidates if x.is_file()), None)
+    path = next((x for x in pose_files(folder.resolve()) if x.is_file()), None)
     if path is None:
         return None
     T = read_kitti_poses(path)
@@ -119,6 +117,11 @@ def read_kitti_truth(folder: Path) -> Trajectory | None:
     if len(T) != len(times):
         raise TrajectoryError(f"{path}: {len(T)} poses for {len(times)} times")
     return Trajectory(times, T @ read_kitti_pose(folder))
+
+
+def pose_files(folder: Path) -> tuple[Path, Path]:
+    """Return the places of the true poses of an absolute folder: its own, and the benchmark's."""
+    return folder / "poses.txt", folder.parent.parent / "poses" / f"{folder.name}.txt"
 
 
 def read_kitti_poses(path: Path) -> Array:
