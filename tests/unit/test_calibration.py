@@ -1,5 +1,7 @@
 """Calibrations as ASL, Kalibr, OpenCV and ROS write them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import yaml
@@ -7,7 +9,7 @@ import yaml
 from vo.contract import se3
 from vo.contract.calibration import find_chain, read_cameras
 from vo.contract.errors import CalibrationError
-from vo.contract.rectify import Lens
+from vo.contract.rectify import Lens, rectify
 from vo.contract.remarks import Remark
 
 FOCAL = [200.0, 201.0, 119.5, 89.5]
@@ -212,6 +214,29 @@ def test_unknown_distortion_key_is_named(tmp_path):
     changes = {"distortion_coefficients": "absent", "distortion_model": "absent"}
     with pytest.raises(CalibrationError, match="key 'distort_params' is unknown; expected dist"):
         read_changed(tmp_path, **changes, distort_params=[0.1, 0.2])
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"resolution": [120, 90]}, r"principal point \(119.5, 89.5\) px is far from the middle"),
+        ({"intrinsics": [3.6, 3.6, 119.5, 89.5]}, "a focal length of 3.6 px is unlikely"),
+    ],
+)
+def test_unlikely_intrinsics_bring_a_remark(tmp_path, changes, message):
+    left, right = read_changed(tmp_path, **changes, distortion_coefficients=[])
+    T = np.eye(4)
+    T[0, 3] = 0.1
+    with pytest.warns(Remark, match=message):
+        rectify(replace(left, T_body_cam=np.eye(4)), replace(right, T_body_cam=T))
+
+
+def test_baseline_in_millimetres_brings_a_remark(tmp_path):
+    left, right = read_changed(tmp_path, distortion_coefficients=[], intrinsics=[200, 200, 120, 90])
+    T = np.eye(4)
+    T[0, 3] = 110.0
+    with pytest.warns(Remark, match="the baseline is 110 m; expected metres"):
+        rectify(replace(left, T_body_cam=np.eye(4)), replace(right, T_body_cam=T))
 
 
 def test_invalid_yaml_names_its_line(tmp_path):

@@ -90,6 +90,16 @@ def test_codecs_are_read_with_and_without_suffix_in_the_table(tmp_path, suffix):
     assert np.abs(difference).mean() < 5
 
 
+@pytest.mark.parametrize("prefix", ["data/", "cam0\\data\\", ""])
+def test_names_with_a_folder_or_another_suffix_are_found(tmp_path, prefix):
+    folder = write_euroc(tmp_path / "d", wall(2))
+    for eye in (0, 1):
+        table = folder / "mav0" / f"cam{eye}" / "data.csv"
+        text = table.read_text().replace(".png", ".JPG" if prefix == "" else ".png")
+        table.write_text(text.replace(",", f",{prefix}"))
+    assert (open_sequence(folder)[1].left == wall(2)[1][0]).all()
+
+
 def test_names_of_finder_and_windows_are_no_images(tmp_path):
     folder = tmp_path / "k"
     for eye in (0, 1):
@@ -97,8 +107,8 @@ def test_names_of_finder_and_windows_are_no_images(tmp_path):
         cv2.imwrite(str(folder / f"image_{eye}" / "000000.png"), IMAGE)
         (folder / f"image_{eye}" / "._000000.png").write_bytes(b"junk")
         (folder / f"image_{eye}" / "Thumbs.db").write_bytes(b"junk")
-    P0 = "100 0 50 0 0 100 50 0 0 0 1 0"
-    (folder / "calib.txt").write_text(f"P0: {P0}\nP1: {P0.replace('50 0 0 100', '50 -9 0 100')}\n")
+    P0 = "100 0 99 0 0 100 99 0 0 0 1 0"
+    (folder / "calib.txt").write_text(f"P0: {P0}\nP1: {P0.replace('99 0 0 100', '99 -9 0 100')}\n")
     (folder / "times.txt").write_text("0\n")
     assert len(open_sequence(folder)) == 1
 

@@ -128,7 +128,7 @@ def test_kitti_faults(kitti):
         ("1 2 3 4 5 6 7 8 9 10 11 12\n", "rows that begin with 'P0: ' and 'P1: '"),
         (f"P0: {'0 ' * 12}\n", "positive focal lengths"),
         ("P0: 9 0 5 0 0 9 5 0 0 0 1 0\nP1: 9 0 5 -9 0 9 5 9 0 0 1 0\n", "not side by side"),
-        ("P0: 9 0 5 0 0 9 5 0 0 0 1 0\nP1: 9 0 5 9 0 9 5 0 0 0 1 0\n", "swapped"),
+        ("P0: 99 0 99 0 0 99 99 0 0 0 1 0\nP1: 99 0 99 9 0 99 99 0 0 0 1 0\n", "swapped"),
     ],
 )
 def test_kitti_calibration_faults(kitti, text, message):

@@ -44,13 +44,21 @@ def number_of(stem: str) -> int:
 
 
 def image_files(folder: Path, names: Sequence[str]) -> list[Path]:
-    """Return the files of names with or without suffix; with `.png` where there is no such file."""
-    suffixed = [Path(name).suffix.lower() in SUFFIXES for name in names]
-    known = {} if all(suffixed) else {x.stem: x for x in list_images(folder)}
-    return [
-        folder / name if whole else known.get(name, folder / f"{name}.png")
-        for name, whole in zip(names, suffixed, strict=True)
-    ]
+    """Return the files of a table's names, which may have a folder, and no or another suffix.
+
+    A name without a file is kept, with `.png` if it has no suffix.
+    """
+    files = list_images(folder)
+    by_name, by_stem = {x.name: x for x in files}, {x.stem: x for x in files}
+    found: list[Path] = []
+    for entry in names:
+        name = entry.replace("\\", "/").rsplit("/", 1)[-1]
+        suffix = Path(name).suffix
+        is_image = suffix.lower() in SUFFIXES
+        stem = name.removesuffix(suffix) if is_image else name
+        missing = folder / (name if is_image else f"{name}.png")
+        found.append(by_name.get(name) or by_stem.get(stem) or missing)
+    return found
 
 
 @dataclass(frozen=True)

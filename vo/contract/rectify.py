@@ -22,6 +22,10 @@ ALIGNED = 1e-6
 MAX_BASELINE_M = 5.0
 """Baseline above which a calibration is more likely in millimetres."""
 
+MAX_OFF_CENTRE, F_RANGE = 0.25, (0.2, 20.0)
+"""Offset of a principal point from the middle, and range of focal lengths, in image widths, outside
+of which a calibration is more likely of another image size, or not in pixels."""
+
 BORDER_POINTS, ZOOM = 32, 1.02
 """Points along each side of an image that must be visible, and factor of the focal length."""
 
@@ -80,6 +84,8 @@ def rectify(left: Camera, right: Camera) -> tuple[StereoRig, Remap, Remap]:
     baseline_m = float(np.linalg.norm(T_right_left[:3, 3]))
     if baseline_m < ALIGNED:
         raise CalibrationError(f"{right.path}: zero baseline to {left.path}")
+    for camera in (left, right):
+        _remark_unlikely(camera)
     if baseline_m > MAX_BASELINE_M:
         remark(f"{right.path}: the baseline is {baseline_m:.6g} m; expected metres")
     size = (left.width_px, left.height_px)
@@ -92,6 +98,18 @@ def rectify(left: Camera, right: Camera) -> tuple[StereoRig, Remap, Remap]:
     T_body_rectified = left.T_body_cam @ se3.pose(R_left.T, np.zeros(3))
     rig = StereoRig(*size, K[0, 0], K[0, 2], K[1, 2], baseline_m, T_body_rectified)
     return rig, _remap(left, R_left, K), _remap(right, R_right, K)
+
+
+def _remark_unlikely(camera: Camera) -> None:
+    size = np.array([camera.width_px, camera.height_px])
+    f, centre = camera.K[0, 0], camera.K[:2, 2]
+    if (np.abs(centre / size - 0.5) > MAX_OFF_CENTRE).any():
+        what = f"the principal point ({centre[0]:g}, {centre[1]:g}) px is far from the middle"
+    elif not F_RANGE[0] <= f / size[0] <= F_RANGE[1]:
+        what = f"a focal length of {f:g} px is unlikely"
+    else:
+        return
+    remark(f"{camera.path}: {what} of {size[0]}x{size[1]} px: is it of another image size or unit?")
 
 
 def _is_aligned(left: Camera, right: Camera, T_right_left: Array) -> bool:
