@@ -4,7 +4,7 @@ import csv
 import json
 import platform
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
@@ -15,7 +15,7 @@ import numpy as np
 
 from vo.contract.arrays import Array
 from vo.contract.dataset import MANIFEST, installed_version
-from vo.contract.errors import ImageError
+from vo.contract.errors import DatasetError, ImageError
 from vo.contract.estimator import Estimate, Estimator, Finalizing, FinalResult, PointMap, Status
 from vo.contract.files import replacing
 from vo.contract.observations import Observations
@@ -164,25 +164,36 @@ class UnfinishedRun:
         return self
 
     def add(self, estimate: Estimate, frame_ms: float) -> None:
-        """Write the pose and the status of the next frame, and its wall time."""
-        if not self._files:
-            self._paths[0].parent.mkdir(parents=True, exist_ok=True)
-            self._files = tuple(x.open("w", encoding="utf-8", newline="") for x in self._paths)
-            self._files[0].write(TUM_HEADER + "\n")
-            csv.writer(self._files[1], lineterminator="\n").writerow(FRAME_HEADER)
+        """Write the pose and the status of the next frame, and its wall time.
+
+        Raises:
+            DatasetError: If the disk is full.
+        """
         time_ns, T = estimate.timestamp_ns, estimate.T_odom_cam
-        if T is not None:
-            lines = tum_lines(Trajectory(np.array([time_ns]), T[None]))
-            self._files[0].write("\n".join(lines) + "\n")
         row = time_ns, estimate.status.value, estimate.reason, f"{frame_ms:.3f}"
-        csv.writer(self._files[1], lineterminator="\n").writerow(row)
-        for file in self._files:
-            file.flush()
+        try:
+            if not self._files:
+                self._open()
+            if T is not None:
+                lines = tum_lines(Trajectory(np.array([time_ns]), T[None]))
+                self._files[0].write("\n".join(lines) + "\n")
+            csv.writer(self._files[1], lineterminator="\n").writerow(row)
+            for file in self._files:
+                file.flush()
+        except OSError as error:
+            raise DatasetError(f"{self._paths[0]}: cannot be written ({error.strerror})") from None
         self._frames, self._poses = self._frames + 1, self._poses + (T is not None)
+
+    def _open(self) -> None:
+        self._paths[0].parent.mkdir(parents=True, exist_ok=True)
+        self._files = tuple(x.open("w", encoding="utf-8", newline="") for x in self._paths)
+        self._files[0].write(TUM_HEADER + "\n")
+        csv.writer(self._files[1], lineterminator="\n").writerow(FRAME_HEADER)
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         for file in self._files:
-            file.close()
+            with suppress(OSError):  # a full disk was reported before
+                file.close()
         if kind is None or not self._poses:
             for path in self._paths[: len(self._files)]:
                 path.unlink(missing_ok=True)

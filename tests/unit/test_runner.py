@@ -3,6 +3,7 @@
 import json
 import struct
 from dataclasses import replace
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -11,7 +12,7 @@ from folders import PERIOD_NS, wall, write_euroc
 
 from trials.estimators.choice import Named, estimate
 from trials.evaluation.runs import read_run
-from vo.contract.errors import ImageError, TrajectoryError
+from vo.contract.errors import DatasetError, ImageError, TrajectoryError
 from vo.contract.estimator import Estimate, FinalResult, Observations, PointMap, Status
 from vo.contract.readers import open_sequence
 from vo.contract.remarks import Remark
@@ -126,6 +127,13 @@ def test_unfinished_run_is_on_disk_line_by_line(tmp_path, dataset):
     assert [x.value for x in seen[-1].frames.status] == ["start", "tracked", "lost"]
     assert (seen[-1].frames.frame_ms >= 0).all()
     assert not out.exists()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_full_disk_names_the_file_of_the_unfinished_run(tmp_path, dataset):
+    (tmp_path / "c.unfinished.txt").symlink_to("/dev/full")
+    with pytest.raises(DatasetError, match=r"c.unfinished.txt: cannot be written \(No space"):
+        estimate(Named("corner_flow"), dataset, tmp_path / "c.txt")
 
 
 def test_finished_run_leaves_no_unfinished_files(tmp_path, dataset):
