@@ -128,6 +128,7 @@ def test_kitti_faults(kitti):
         ("1 2 3 4 5 6 7 8 9 10 11 12\n", "rows that begin with 'P0: ' and 'P1: '"),
         (f"P0: {'0 ' * 12}\n", "positive focal lengths"),
         ("P0: 9 0 5 0 0 9 5 0 0 0 1 0\nP1: 9 0 5 -9 0 9 5 9 0 0 1 0\n", "not side by side"),
+        ("P0: 9 0 5 0 0 9 5 0 0 0 1 0\nP1: 9 0 5 -1e99 0 9 5 0 0 0 1 0\n", "too far from the body"),
         ("P0: 99 0 99 0 0 99 99 0 0 0 1 0\nP1: 99 0 99 9 0 99 99 0 0 0 1 0\n", "swapped"),
     ],
 )
@@ -208,6 +209,10 @@ def test_tumvi_opens_with_its_camchain(euroc, tmp_path):
     sequence = open_sequence(tmp_path / "room")
     assert sequence.timestamps_ns.tolist() == [k * PERIOD_NS for k in (1, 2, 3)]
     assert sequence.rig.baseline_m == pytest.approx(BASELINE_M)
+    assert read_truth(dso) is None
+    rows = [f"{k * PERIOD_NS},{k},0,0,1,0,0,0\n" for k in (1, 2, 3)]
+    (dso / "gt_imu.csv").write_text("# timestamp[ns],tx,ty,tz,qw,qx,qy,qz\n" + "".join(rows))
+    assert read_truth(dso).T_ref_frame[:, 0, 3] == pytest.approx([1, 2, 3])
     assert len(open_sequence(dso)) == 3
 
 

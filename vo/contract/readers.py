@@ -21,7 +21,7 @@ from vo.contract.pairing import ALL_FRAMES, FrameSelection, StereoFiles
 from vo.contract.rectify import rectify
 from vo.contract.sequence import StereoSequence
 from vo.contract.trajectory import Trajectory
-from vo.contract.tumvi import is_tumvi, list_tumvi, open_tumvi, read_tumvi_cameras
+from vo.contract.tumvi import is_tumvi, list_tumvi, open_tumvi, read_tumvi_cameras, read_tumvi_truth
 
 LAYOUTS = (
     "a driftyard, EuRoC or TUM-VI folder (mav0/cam0, or dso/cam0/images), KITTI odometry (image_0 "
@@ -60,13 +60,17 @@ def _euroc_truth(folder: Path) -> Trajectory | None:
     return read_euroc_truth(folder, _euroc_pose(folder))
 
 
+def _tumvi_truth(folder: Path) -> Trajectory | None:
+    return read_tumvi_truth(folder, _tumvi_pose(folder))
+
+
 def _kitti_pairs(folder: Path, _: float | None) -> StereoFiles:
     return list_kitti(folder)
 
 
 READERS = (
     Reader(is_euroc, open_euroc, list_euroc, _euroc_pose, _euroc_truth),
-    Reader(is_tumvi, open_tumvi, list_tumvi, _tumvi_pose, lambda _: None),
+    Reader(is_tumvi, open_tumvi, list_tumvi, _tumvi_pose, _tumvi_truth),
     Reader(is_kitti, open_kitti, _kitti_pairs, read_kitti_pose, read_kitti_truth),
 )
 """Readers in order of preference."""

@@ -22,6 +22,9 @@ ALIGNED = 1e-6
 MAX_BASELINE_M = 5.0
 """Baseline above which a calibration is more likely in millimetres."""
 
+MAX_POSITION_M = 1e6
+"""Largest coordinate of a camera in the body frame."""
+
 MAX_OFF_CENTRE, F_RANGE = 0.25, (0.2, 20.0)
 """Offset of a principal point from the middle, and range of focal lengths, in image widths, outside
 of which a calibration is more likely of another image size, or not in pixels."""
@@ -58,6 +61,8 @@ class Camera:
         values = np.concatenate([self.K.ravel(), self.distortion, self.T_body_cam.ravel()])
         if not np.isfinite(values).all():
             raise CalibrationError(f"{self.path}: calibration holds NaN or infinity")
+        if np.abs(self.T_body_cam[:3, 3]).max() > MAX_POSITION_M:
+            raise CalibrationError(f"{self.path}: the camera is too far from the body's origin")
         if self.K[0, 0] <= 0 or self.K[1, 1] <= 0 or self.width_px <= 0 or self.height_px <= 0:
             raise CalibrationError(f"{self.path}: focal lengths and resolution must be positive")
         if self.K[0, 1] != 0:

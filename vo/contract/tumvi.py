@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from vo.contract.arrays import Indices
+from vo.contract.arrays import Array, Indices
 from vo.contract.calibration import find_chain, read_cameras
 from vo.contract.errors import CalibrationError
 from vo.contract.images import image_files
@@ -11,6 +11,8 @@ from vo.contract.recording import open_recording
 from vo.contract.rectify import Camera
 from vo.contract.sequence import StereoSequence
 from vo.contract.tables import SECONDS, read_table
+from vo.contract.trajectory import Trajectory
+from vo.contract.truth_files import read_true_poses
 
 ROW = "'name time[s] exposure[ms]'"
 
@@ -53,6 +55,16 @@ def list_tumvi(folder: Path, tolerance_ms: float | None = None) -> StereoFiles:
     """
     left, right = (_read_times(_root(folder) / camera) for camera in ("cam0", "cam1"))
     return pair_by_time(folder, left, right, tolerance_ms)
+
+
+def read_tumvi_truth(folder: Path, T_body_cam: Array) -> Trajectory | None:
+    """Read T_world_cam of the rectified left camera from `gt_imu.csv`; None without that file.
+
+    Raises:
+        TrajectoryError: If the table is malformed.
+    """
+    table = _root(folder) / "gt_imu.csv"
+    return read_true_poses(table, T_body_cam) if table.is_file() else None
 
 
 def _root(folder: Path) -> Path:
