@@ -4,8 +4,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 FLOAT, CODES = "32-bit float TIFF, lossless", "PNG"
-FLOAT_3 = "3-channel 32-bit float TIFF, lossless"
-SEEN = "0 visible, 1 hidden behind something, 2 out of the picture, 3 no surface here"
+FLOAT_3 = "3-channel 32-bit float TIFF, lossless; channels as listed, which OpenCV reverses"
+SEEN = (
+    "0 visible, 1 hidden behind something, 2 out of the picture, 3 no surface here, 4 an outline "
+    "within a pixel hides it or not"
+)
 
 
 class LabelFormat(NamedTuple):

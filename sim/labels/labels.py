@@ -16,9 +16,10 @@ class Occlusion(IntEnum):
     HIDDEN = 1
     OUTSIDE = 2
     NOTHING = 3
+    EDGE = 4
 
 
-VISIBLE, HIDDEN, OUTSIDE, NOTHING = (int(code) for code in Occlusion)
+VISIBLE, HIDDEN, OUTSIDE, NOTHING, EDGE = (int(code) for code in Occlusion)
 
 HIDING_STRIP_PX = 0.5
 """Disparity difference, and width of the hidden strip, from which one surface hides another."""
@@ -80,10 +81,11 @@ def flow(rig: StereoRig, depth_m: Array, bodies: Indices, T_next_now: Array) -> 
 def occlusion(rig: StereoRig, depth_left_m: Array, depth_right_m: Array) -> Image:
     """Return which left pixels are visible in the right image, (H, W) uint8 of Occlusion.
 
-    A left pixel's point is visible if the right image shows a surface of its disparity there. The
-    right pixels on both sides of it are tested, each extrapolated to the point by its surface's
-    slope, and none may be nearer: outlines hide up to a pixel too much. Outside is left of the
-    right image's first pixel centre. Depths are (H, W) float32, planar; NaN without a surface.
+    A left pixel's point is visible if the right image shows a surface of its disparity there, and
+    hidden if it shows nearer ones. The right pixels on both sides of it are tested, each
+    extrapolated to the point by its surface's slope; where they disagree, an outline lies between
+    them, which hides the point or not: an edge. Outside is left of the right image's first pixel
+    centre. Depths are (H, W) float32, planar; NaN without a surface.
     """
     scale = np.float32(rig.f_px * rig.baseline_m)
     left, right = scale / depth_left_m, np.nan_to_num(scale / depth_right_m)
@@ -187,13 +189,13 @@ def _next(flow: Array, nearness: Array, share: float, out: Image) -> None:
 
 @compiled(nogil=True)
 def _meets(nearness: Array, u: float, v: float, wanted: float, slack: float) -> int:
-    """Test the pixels around a position for a surface at the wanted nearness, and none nearer.
+    """Test the pixels around a position for a surface at the wanted nearness, and for nearer ones.
 
     Disparity and 1/Z are affine in the pixel on a plane (thesis eq. 2.5), so that slopes
     extrapolate a pixel's surface exactly.
     """
     u0, v0 = int(np.floor(u)), int(np.floor(v))
-    found = False
+    equal, nearer, farther = False, False, False
     for y in range(v0, v0 + 1 + (v > v0)):
         for x in range(u0, u0 + 1 + (u > u0)):
             carried = nearness[y, x]
@@ -202,10 +204,12 @@ def _meets(nearness: Array, u: float, v: float, wanted: float, slack: float) -> 
                     carried += _straightest(nearness[y], x)[0] * (u - x)
                 if v != y:
                     carried += _straightest(nearness[:, x], y)[0] * (v - y)
-            if carried > wanted + slack:
-                return HIDDEN
-            found = found or carried >= wanted - slack
-    return VISIBLE if found else HIDDEN
+            nearer = nearer or carried > wanted + slack
+            farther = farther or carried < wanted - slack
+            equal = equal or abs(carried - wanted) <= slack
+    if nearer:
+        return EDGE if equal or farther else HIDDEN
+    return VISIBLE if equal else EDGE
 
 
 @compiled(nogil=True)

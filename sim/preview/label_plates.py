@@ -48,6 +48,7 @@ INVISIBLE: dict[Occlusion, colours.RGB] = {
     Occlusion.HIDDEN: (255, 112, 26),
     Occlusion.OUTSIDE: (54, 140, 255),
     Occlusion.NOTHING: colours.NOTHING,
+    Occlusion.EDGE: (255, 221, 64),
 }
 GOLDEN = 0.618033988749895
 CLASSES: Key = [
@@ -188,7 +189,7 @@ def label_position(name: str, mask: Array, taken: Array) -> tuple[float, float] 
 
 def _draw_visibility(axes: Axes, codes: Array, view: Image, title: str, about: str) -> None:
     """Mark the pixels that are not visible in another view."""
-    words = zip(INVISIBLE.items(), ("hidden", "out of view", "no surface"), strict=True)
+    words = zip(INVISIBLE.items(), ("hidden", "out of view", "no surface", "edge"), strict=True)
     key = [(rgb, f"{text} {np.mean(codes == code):.1%}") for (code, rgb), text in words]
     show(axes, visibility_colours(codes, view), title, about, key)
 

@@ -127,7 +127,9 @@ def make_trip(world: World, settings: RecordSettings) -> Trip:
             last_step = step + round(REST_S / timestep_s)
         log.take(step, time_s)
         until = int(min(log.next_step(step), control.next, movers.next))
-        mujoco.mj_step(world.model, world.data, until - step)
+        mujoco.mj_step(world.model, world.data, 1)
+        log.complete_velocity()
+        mujoco.mj_step(world.model, world.data, until - step - 1)
         step = until
     return log.trip(ended)
 
@@ -182,6 +184,7 @@ class _Log:
         encoders_hz = settings.encoders.rate_hz if world.is_driven else 0
         self._encoders = SamplingClock(encoders_hz, timestep_s)
         self._frames: list[tuple[int, Array, Array]] = []
+        self._sample: tuple[bool, bool, int, Array, Array, Array, Array] | None = None
         self._states, self._motions, self._wheels = _Rows(world.model.nq), _Rows(25), _Rows(2)
 
     @property
@@ -204,14 +207,24 @@ class _Log:
             self._states.add(time_ns, world.data.qpos)
         frame, imu = step == self._frame_step, self._imu.due(step)
         if frame or imu:
-            T_world_body, v_world_body, w_world_body = body_motion(world, time_s)
+            motion = body_motion(world, time_s)
             if frame:
-                self._frames.append((time_ns, T_world_body, v_world_body))
-            if imu:
-                motion = T_world_body.ravel(), v_world_body, w_world_body, wheel_forces_n(world)
-                self._motions.add(time_ns, *motion)
+                self._frames.append((time_ns, *motion[:2]))
+            self._sample = frame, imu, time_ns, *motion, wheel_forces_n(world)
         if self._encoders.due(step):
             self._wheels.add(time_ns, world.wheel_angles_rad)
+
+    def complete_velocity(self) -> None:
+        """Centre the velocities of the last sample on its time, one physics step after it."""
+        if self._sample is None:
+            return
+        frame, imu, time_ns, T_world_body, v_world_body, w_world_body, forces = self._sample
+        v_world_body, w_world_body = centred_velocity(self._world, v_world_body, w_world_body)
+        if frame:
+            self._frames[-1] = time_ns, T_world_body, v_world_body
+        if imu:
+            self._motions.add(time_ns, T_world_body.ravel(), v_world_body, w_world_body, forces)
+        self._sample = None
 
     def trip(self, ended: str) -> Trip:
         """Return all samples, without frames whose exposure was cut off."""
@@ -240,20 +253,40 @@ def longest_window_s(settings: RecordSettings) -> float:
 
 
 def body_motion(world: World, time_s: float) -> tuple[Array, Array, Array]:
-    """Return pose (4, 4), velocity (3,) and angular velocity (3,) of the body frame in world."""
+    """Return pose (4, 4), velocity (3,) and angular velocity (3,) of the body frame in world.
+
+    The rover's velocities are the means over the last physics step; see `centred_velocity`.
+    """
     if not world.is_driven:
         h = 1e-4
         before, now, after = (world.movers[BODY](time_s + dt) for dt in (-h, 0.0, h))
         turn = se3.rotation_vector(after @ se3.inverse(before))
         return now, (after[:3, 3] - before[:3, 3]) / (2 * h), turn / (2 * h)
     world.place_bodies()
+    return world.T_world_body, *_body_velocity(world)
+
+
+def centred_velocity(world: World, v_world_body: Array, w_world_body: Array) -> tuple[Array, Array]:
+    """Return velocity and angular velocity (3,) at the time of `body_motion`, one step after it.
+
+    MuJoCo integrates positions with the velocity after the step (semi-implicit), so that the
+    velocity at a time is the mean of those of the steps before and after it. A step leaves the
+    poses, to which this one refers, as they were before it.
+    """
+    if not world.is_driven:
+        return v_world_body, w_world_body
+    v_next, w_next = _body_velocity(world)
+    return (v_world_body + v_next) / 2, (w_world_body + w_next) / 2
+
+
+def _body_velocity(world: World) -> tuple[Array, Array]:
+    """Velocity and angular velocity (3,) by the present joint velocities and the placed bodies."""
     mujoco.mj_comVel(world.model, world.data)
     twist = np.empty(6)
     mast = world.model.body(PREFIX + MAST).id
     mujoco.mj_objectVelocity(world.model, world.data, mujoco.mjtObj.mjOBJ_XBODY, mast, twist, 0)
-    T_world_body = world.T_world_body
-    lever = T_world_body[:3, 3] - world.data.xpos[mast]
-    return T_world_body, twist[3:] + np.cross(twist[:3], lever), twist[:3]
+    lever = world.T_world_body[:3, 3] - world.data.xpos[mast]
+    return twist[3:] + np.cross(twist[:3], lever), twist[:3]
 
 
 def wheel_forces_n(world: World) -> Array:

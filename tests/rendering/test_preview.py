@@ -96,7 +96,7 @@ def test_flow_colours_by_direction_and_dark_unknown():
 
 def test_visibility_colours_mark_invisible_pixels():
     codes = np.array([[int(code) for code in Occlusion]])
-    view = np.full((1, 4, 3), 100, np.uint8)
+    view = np.full((*codes.shape, 3), 100, np.uint8)
     rgb = visibility_colours(codes, view)
     for code, colour in INVISIBLE.items():
         assert tuple(rgb[0, int(code)].tolist()) == colour

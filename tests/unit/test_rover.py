@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from sim.settings import DriveSettings, RecordSettings
+from sim.settings import DriveSettings, ImuSettings, RecordSettings, RigSettings
 from sim.world.drive import wheel_speeds
 from sim.world.rover import BODY, TRACK_M, WHEEL_RADIUS_M
 from sim.world.trip import Trip, make_trip
@@ -96,6 +96,22 @@ def test_velocity_is_the_derivative_of_position(make_scene):
     secant = np.diff(trip.T_world_body[:, :3, 3], axis=0) / seconds[:, None]
     mean = (trip.v_world_body[1:] + trip.v_world_body[:-1]) / 2
     np.testing.assert_allclose(secant, mean, atol=0.012)
+
+
+def test_velocity_is_that_of_its_time_not_of_half_a_step_before(make_scene):
+    """Sampled at every physics step, it is the central difference of the positions."""
+    settings = RecordSettings(
+        rig=RigSettings(rate_hz=10),
+        imu=ImuSettings(rate_hz=1000),
+        drive=DriveSettings(distance_m=0.3),
+    )
+    motions = make_trip(build_world(make_scene(), settings), settings).motions
+    places, step_s = motions.T_world_body[:, :3, 3], 1e-3
+    central = (places[2:] - places[:-2]) / (2 * step_s)
+    late = (places[1:-1] - places[:-2]) / step_s
+    v = motions.v_world_body[1:-1]
+    assert np.abs(v - late).max() > 1e-3
+    assert np.abs(v - central).max() < 2e-5
 
 
 def test_trip_against_a_wall_ends_with_a_reason(make_scene):

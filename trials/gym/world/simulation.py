@@ -16,6 +16,7 @@ from sim.world.trip import (
     States,
     Trip,
     body_motion,
+    centred_velocity,
     longest_window_s,
     wheel_forces_n,
 )
@@ -50,16 +51,31 @@ class TrialLog:
         self._motions: list[tuple[int, Array, Array, Array, Array]] = []
         self._frames: list[tuple[int, Array, Array]] = []
         self._ticks: list[tuple[int, tuple[int, int]]] = []
+        self._sample = False, False
 
     def add_state(self, world: World, time_ns: int, is_frame: bool, is_regular: bool) -> None:
         """Add the state of the world and, at regular times, the motion of the body."""
         self._states.append((time_ns, world.data.qpos.copy()))
+        self._sample = is_frame, is_regular
         if is_frame or is_regular:
             motion = body_motion(world, time_ns * 1e-9)
             if is_frame:
                 self._frames.append((time_ns, *motion[:2]))
             if is_regular:
                 self._motions.append((time_ns, *motion, wheel_forces_n(world)))
+
+    def complete_velocity(self, world: World) -> None:
+        """Centre the velocities of the last state on its time, one physics step after it."""
+        is_frame, is_regular = self._sample
+        if is_frame:
+            time_ns, T_world_body, v_world_body = self._frames[-1]
+            v_world_body, _ = centred_velocity(world, v_world_body, np.zeros(3))
+            self._frames[-1] = time_ns, T_world_body, v_world_body
+        if is_regular:
+            time_ns, T_world_body, *velocity, forces = self._motions[-1]
+            v_world_body, w_world_body = centred_velocity(world, *velocity)
+            self._motions[-1] = time_ns, T_world_body, v_world_body, w_world_body, forces
+        self._sample = False, False
 
     def add_wheel_ticks(self, time_ns: int, ticks: tuple[int, int]) -> None:
         """Add a reading of the wheel encoders."""
@@ -196,7 +212,10 @@ class Simulation:
             reach = self._ramp * (stop - done)
             self._speeds = self._speeds + np.clip(speeds_radps - self._speeds, -reach, reach)
             data.ctrl[self._actuators] = self._speeds
-            mujoco.mj_step(model, data, stop - done)
+            mujoco.mj_step(model, data, 1)
+            if self.log:
+                self.log.complete_velocity(world)
+            mujoco.mj_step(model, data, stop - done - 1)
             self._count += stop - done
             done = stop
             for agent in self._agents:
