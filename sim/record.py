@@ -12,7 +12,7 @@ from scenes.scene import Scene
 from sim.camera.camera import Capture, FrameExposure, StereoCamera, StereoImages
 from sim.camera.render import StereoRenderer
 from sim.certificate.certificate import certify, check_folder, exempt_parts
-from sim.certificate.photometric import FrameResidual, PhotometricCheck
+from sim.certificate.photometric import FrameResidual, PhotometricCheck, flow_error
 from sim.dataset.image_codecs import encode_float, encode_png
 from sim.dataset.manifest import manifest
 from sim.dataset.tables import write_cameras, write_exposures, write_inertial, write_wheels
@@ -25,6 +25,7 @@ from sim.settings import RecordSettings
 from sim.world.fingerprint import expect_unchanged
 from sim.world.trip import Trip, make_trip
 from sim.world.world import World, build_world
+from vo.contract import se3
 from vo.contract.dataset import MAP_FILE, DatasetWriter
 from vo.contract.settings import with_defaults
 
@@ -142,12 +143,18 @@ class _FrameProcessor:
             self.writer.add(path, data)
         images = frame[1].result()
         stereo = self.check.stereo(*images.rectified, annotation.disparity, capture.exposure)
-        flow = None
-        if self.settings.labels.flow and following:
-            pair = images.rectified[0], following[1].result().rectified[0]
-            exposures = capture.exposure, following[0].exposure
-            flow = self.check.flow(*pair, annotation.flow, annotation.covisibility, exposures)
-        return FrameResidual(capture.exposure.timestamp_ns, stereo, flow)
+        flow, geometry_px, labels = None, None, self.settings.labels
+        if labels.flow and following:
+            then = following[0]
+            if labels.covisibility:
+                pair = images.rectified[0], following[1].result().rectified[0]
+                exposures = capture.exposure, then.exposure
+                flow = self.check.flow(*pair, annotation.flow, annotation.covisibility, exposures)
+            if labels.depth:
+                T_next_now = se3.inverse(then.T_world_cam) @ capture.T_world_cam
+                rig, depth_m = self.annotator.rig, annotation.depth
+                geometry_px = flow_error(rig, depth_m, annotation.flow, T_next_now)
+        return FrameResidual(capture.exposure.timestamp_ns, stereo, flow, geometry_px)
 
 
 def _write_frames(

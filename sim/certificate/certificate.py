@@ -4,34 +4,44 @@ Sensors are read from the files, so that recording and verification compute the 
 """
 
 from collections.abc import Iterable, Sequence
-from itertools import pairwise
+from functools import reduce
+from operator import add
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from sim.certificate.bias import (
+    DATASET_ERRORS,
+    DATASET_MAX_PX,
+    FRAME_ERRORS,
+    FRAME_MAX_PX,
+    Shift,
+)
 from sim.certificate.photometric import BINS_PER_GREY, METHOD, FrameResidual, Residual, quantile
-from sim.labels.formats import LABELS, label_file
-from sim.labels.labels import flow
+from sim.certificate.trajectory_check import check_trajectory, read_states
 from sim.sensors.inertial import GRAVITY_MPS2, ImuReadings, integrate
 from sim.settings import RecordSettings
-from sim.world.rig import stereo_rig
 from sim.world.rover import TRACK_M, WHEEL_RADIUS_M
 from vo.contract import se3
-from vo.contract.arrays import Array, Indices
+from vo.contract.arrays import Array, Indices, Mask
 from vo.contract.dataset import TRUTH
-from vo.contract.images import read_float
-from vo.contract.tables import read_columns, read_table
+from vo.contract.tables import read_columns
 
 SPAN_S = 5.0
 """Duration of each integration of inertial readings from a true state."""
 DRIFT_MAX_M, TURN_MAX_DEG = 0.01, 0.05
 """Largest drift of perfect readings over SPAN_S, in metres and degrees."""
 NOISE_DEVIATIONS = 6.0
+READING_DEVIATIONS = 7.0
+"""Norm of three standard normal variables that no reading in ten million exceeds."""
+TURN_MIN_RAD, GAIN_MIN_MPS = 1e-6, 1e-6
+"""Errors of turn and change of velocity of a perfect reading: biases vary within the interval."""
 SLIP_MAX = 0.02
 """Largest relative difference of the path lengths of wheels and truth on ground without ice."""
 FLOW_MAX_PX = 0.01
-FLOW_FRAMES = 8
+BIAS = "bias_px", "bias_error_px"
 
 
 def exempt_parts(settings: RecordSettings) -> frozenset[str]:
@@ -54,19 +64,26 @@ def certify(
     frames = list(frames)
     stereo = {frame.timestamp_ns: frame.stereo for frame in frames}
     flow = {frame.timestamp_ns: frame.flow for frame in frames if frame.flow is not None}
-    parts = {"stereo": _summary(stereo, "stereo" not in exempt)}
+    parts: dict[str, Any] = {}
+    if stereo:
+        parts["stereo"] = _summary(stereo, "stereo" not in exempt, -1.0)
     if flow:
-        parts["flow"] = _summary(flow, "flow" not in exempt)
+        parts["flow"] = _summary(flow, "flow" not in exempt, 1.0)
+    geometry = {x.timestamp_ns: x.geometry_px for x in frames if x.geometry_px is not None}
+    if geometry:
+        parts["geometry"] = _check_flow(geometry)
     passed = all(part["passed"] for part in [*parts.values(), *checks.values()])
     return {**METHOD, **parts, **checks, "passed": passed}
 
 
-def _summary(residuals: dict[int, Residual], judged: bool) -> dict[str, Any]:
+def _summary(residuals: dict[int, Residual], judged: bool, sign: float) -> dict[str, Any]:
+    """Summarise one warp; `sign` is that of the label's bias for a shift of the positions."""
     total = np.sum([r.histogram for r in residuals.values()], axis=0)
     levels = np.arange(len(total)) / BINS_PER_GREY
     worst_ns, worst = max(residuals.items(), key=lambda item: (item[1].median, -item[0]))
     visible = np.mean([r.visible_fraction for r in residuals.values()])
     failed = [time_ns for time_ns, r in residuals.items() if judged and not r.passed]
+    shifts = _shifts({time_ns: r.shift for time_ns, r in residuals.items()}, sign)
     return {
         "median_grey": quantile(total, 0.5),
         "rms_grey": round(float(np.sqrt((total * levels**2).sum() / max(total.sum(), 1))), 4),
@@ -76,10 +93,59 @@ def _summary(residuals: dict[int, Residual], judged: bool) -> dict[str, Any]:
         "visible_fraction": round(float(visible), 6),
         "worst_frame_ns": worst_ns,
         "worst_frame_median_grey": worst.median,
+        **shifts,
         "judged": judged,
         "failed_frames_ns": failed,
-        "passed": not failed,
+        "passed": not failed and not (judged and shifts["shifted"]),
     }
+
+
+def _shifts(shifts: dict[int, Shift], sign: float) -> dict[str, Any]:
+    """Return the bias of a label over all frames and in the worst one, and what would be found."""
+    total = reduce(add, shifts.values())
+    bias, error = total.estimate()
+    frames = {time_ns: np.abs(x.estimate()[0]).max() for time_ns, x in shifts.items()}
+    known = {time_ns: x for time_ns, x in frames.items() if np.isfinite(x)}
+    worst_ns = max(known, key=lambda time_ns: known[time_ns]) if known else None
+    found = [x.smallest_found_px(FRAME_MAX_PX, FRAME_ERRORS) for x in shifts.values()]
+    textured = [x for x in found if np.isfinite(x)]
+    return {
+        "bias_px": [_px(sign * x) for x in bias],
+        "bias_error_px": [_px(x) for x in error],
+        "smallest_bias_found_px": _px(total.smallest_found_px(DATASET_MAX_PX, DATASET_ERRORS)),
+        "worst_frame_bias_ns": worst_ns,
+        "worst_frame_bias_px": _px(known[worst_ns]) if worst_ns is not None else None,
+        "smallest_frame_bias_found_px": _px(np.median(textured)) if textured else None,
+        "smallest_worst_frame_bias_found_px": _px(max(textured)) if textured else None,
+        "frames_without_texture": len(found) - len(textured),
+        "shifted": total.is_found(DATASET_MAX_PX, DATASET_ERRORS),
+    }
+
+
+def detectable_shifts(certificate: dict[str, Any]) -> list[str]:
+    """State for each label which shift of it the certificate would have found, a line each."""
+    lines: list[str] = []
+    for part, label in (("stereo", "disparity"), ("flow", "flow")):
+        figures = certificate.get(part, {})
+        if figures.get("smallest_bias_found_px") is None:
+            lines += [f"{label}: no texture, so that no shift is found"] if figures else []
+            continue
+        if not figures["judged"]:
+            lines.append(f"{label}: not judged, since not all pixels were exposed at one time")
+            continue
+        bias, error = (" ".join(f"{x:.3f}" for x in figures[key]) for key in BIAS)
+        lines.append(
+            f"{label}: bias {bias} px, standard error {error} px; the smallest shift that is found "
+            f"is {figures['smallest_bias_found_px']:.2f} px over all frames, and in one frame "
+            f"{figures['smallest_frame_bias_found_px']:.2f} px (median), "
+            f"{figures['smallest_worst_frame_bias_found_px']:.2f} px (worst)"
+        )
+    return lines
+
+
+def _px(value: float) -> float | None:
+    """Round pixels for the manifest; None without texture."""
+    return round(float(value), 5) if np.isfinite(value) else None
 
 
 def _median(values: Sequence[float]) -> float:
@@ -91,23 +157,29 @@ def check_folder(folder: Path, settings: RecordSettings, ended: str) -> dict[str
 
     One JSON-ready table for each check, with `passed`; no table where files are missing.
     """
-    checks: dict[str, Any] = {"inertial": _check_inertial(folder, settings)}
+    checks: dict[str, Any] = {
+        "inertial": _check_inertial(folder, settings),
+        "trajectory": check_trajectory(folder, settings),
+    }
     if (folder / "mav0/wheels0").is_dir():
         checks["encoders"] = _check_encoders(folder, settings, ended)
-    if all((folder / "mav0" / LABELS[name].folder).is_dir() for name in ("flow", "depth")):
-        checks["geometry"] = _check_flow(folder, settings)
     return checks
 
 
-def _read_states(table: Path) -> tuple[Indices, Array, Array]:
-    """Return times (N,), poses (N, 4, 4) and velocity and biases (N, 9)."""
-    times_ns, values = read_columns(table)
-    return times_ns, se3.from_quat_wxyz(values[:, 3:7], values[:, :3]), values[:, 7:]
+def _check_flow(errors_px: dict[int, float]) -> dict[str, Any]:
+    """Judge the flow of the static world against depth and poses, in every frame."""
+    wrong = [time_ns for time_ns, x in errors_px.items() if x > FLOW_MAX_PX]
+    return {
+        "about": "flow label against depth label and true poses, median of the worst frame",
+        "flow_px": round(float(np.nanmax([0.0, *errors_px.values()])), 6),
+        "failed_frames_ns": wrong,
+        "passed": not wrong,
+    }
 
 
 def _check_inertial(folder: Path, settings: RecordSettings) -> dict[str, Any]:
     """Integrate readings less true biases from true states, span after span."""
-    times_ns, poses, rest = _read_states(folder / "mav0/imu0/truth.csv")
+    times_ns, poses, rest = read_states(folder / "mav0/imu0/truth.csv")
     middles_ns, values = read_columns(folder / "mav0/imu0/data.csv")
     values = values - (rest[:-1, 3:] + rest[1:, 3:]) / 2
     step = max(1, round(SPAN_S * settings.imu.rate_hz))
@@ -122,15 +194,33 @@ def _check_inertial(folder: Path, settings: RecordSettings) -> dict[str, Any]:
         drift_m = max(drift_m, float(np.linalg.norm(error[:3, 3])))
         turn_deg = max(turn_deg, float(np.degrees(se3.rotation_angle(error))))
     limit_m, limit_deg = _inertial_limits(settings)
+    wrong = _wrong_readings(times_ns, poses, rest[:, :3], values, settings)
     return {
         "about": f"inertial readings less true biases, integrated over {SPAN_S:g} s at a time from "
-        "true states",
+        "true states, and each of them from its own",
         "drift_max_m": round(drift_m, 6),
         "turn_max_deg": round(turn_deg, 6),
         "limit_m": round(limit_m, 6),
         "limit_deg": round(limit_deg, 6),
-        "passed": drift_m <= limit_m and turn_deg <= limit_deg,
+        "failed_readings_ns": middles_ns[wrong].tolist(),
+        "passed": drift_m <= limit_m and turn_deg <= limit_deg and not wrong.any(),
     }
+
+
+def _wrong_readings(
+    times_ns: Indices, poses: Array, v: Array, values: Array, settings: RecordSettings
+) -> Mask:
+    """Return which readings (N, 6) explain neither turn nor change of velocity (N + 1, ...)."""
+    dt, R = np.diff(times_ns)[:, None] * 1e-9, Rotation.from_matrix(poses[:, :3, :3])
+    half_turn = Rotation.from_rotvec(values[:, :3] * dt / 2)
+    turn_error = (R[1:].inv() * R[:-1] * half_turn * half_turn).magnitude()
+    gain = (R[:-1] * half_turn).apply(values[:, 3:]) + GRAVITY_MPS2
+    gain_error = np.linalg.norm(np.diff(v, axis=0) - gain * dt, axis=1)
+    noise = READING_DEVIATIONS * settings.imu.noise * np.sqrt(dt[:, 0])
+    turn_max = TURN_MIN_RAD + noise * settings.imu.gyroscope_noise_density
+    gain_max = GAIN_MIN_MPS + noise * settings.imu.accelerometer_noise_density
+    force = np.linalg.norm(values[:, 3:], axis=1) * dt[:, 0]
+    return (turn_error > turn_max) | (gain_error > gain_max + force * turn_max)
 
 
 def _inertial_limits(settings: RecordSettings) -> tuple[float, float]:
@@ -148,7 +238,7 @@ def _check_encoders(folder: Path, settings: RecordSettings, ended: str) -> dict[
     They may differ on slippery or rough ground, and where the wheels of a stuck rover turn on.
     """
     wheel_ns, counts = read_columns(folder / "mav0/wheels0/data.csv")
-    times_ns, poses, _ = _read_states(folder / TRUTH / "data.csv")
+    times_ns, poses, _ = read_states(folder / TRUTH / "data.csv")
     at_frames = np.stack([np.interp(times_ns, wheel_ns, c) for c in counts.T], axis=1)
     rolled_m = at_frames * 2 * np.pi / settings.encoders.ticks_per_turn * WHEEL_RADIUS_M
     wheels_m = float(np.abs(np.diff(rolled_m.mean(axis=1))).sum())
@@ -168,26 +258,4 @@ def _check_encoders(folder: Path, settings: RecordSettings, ended: str) -> dict[
         "turned_deg": round(float(np.degrees(turned_rad)), 2),
         "true_turned_deg": round(float(np.degrees(yaw[-1] - yaw[0])), 2),
         "passed": is_rough or bool(ended) or abs(slip) <= SLIP_MAX,
-    }
-
-
-def _check_flow(folder: Path, settings: RecordSettings) -> dict[str, Any]:
-    """Predict the flow of the static world from depth and poses in a few frames, evenly spaced."""
-    rig = stereo_rig(settings.rig)
-    times_ns, poses, _ = _read_states(folder / TRUTH / "data.csv")
-    labelled = read_table(folder / "mav0" / LABELS["depth"].folder / "data.csv")
-    pairs = list(pairwise(int(words[0]) for words in labelled.rows))
-    chosen = np.linspace(0, len(pairs) - 1, min(FLOW_FRAMES, len(pairs))).astype(int)
-    worst_px = 0.0
-    for now, following in (pairs[k] for k in chosen):
-        T_world_cam = poses[np.searchsorted(times_ns, [now, following])] @ rig.T_body_cam
-        depth = read_float(label_file(folder, "depth", now))
-        T_next_now = (se3.inverse(T_world_cam[1]) @ T_world_cam[0])[None]
-        predicted = flow(rig, depth, np.zeros(depth.shape, int), T_next_now)
-        error = np.abs(predicted - read_float(label_file(folder, "flow", now), 3))
-        worst_px = max(worst_px, float(np.nanquantile(error[..., :2].max(axis=-1), 0.5)))
-    return {
-        "about": "flow label against depth label and true poses, median of the worst frame",
-        "flow_px": round(worst_px, 6),
-        "passed": worst_px <= FLOW_MAX_PX,
     }

@@ -4,18 +4,21 @@ Right images are warped to left ones by the disparity, next to present ones by t
 show a pixel, after correction of exposure, vignetting, the right camera's gain and its true turn.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
 from sim.camera.camera import FrameExposure
+from sim.certificate import bias
+from sim.certificate.bias import Shift
 from sim.imaging.image_sensor import ImageSensor
-from sim.imaging.lens import miscalibration_rotation
+from sim.imaging.lens import has_distortion, miscalibration_rotation
 from sim.imaging.resample import sample, sample_variance
 from sim.labels.labels import VISIBLE, visible_in_right
 from sim.settings import RecordSettings
+from vo.contract import se3
 from vo.contract.arrays import Array, Image, Indices, Mask
 from vo.contract.rig import StereoRig
 
@@ -60,6 +63,7 @@ class Residual:
     shifted_median: float
     noise_median: float
     visible_fraction: float
+    shift: Shift
 
     @property
     def median(self) -> float:
@@ -70,16 +74,21 @@ class Residual:
     def passed(self) -> bool:
         """Whether the label explains the pixels."""
         limits = FINE_GREY, NOISE_FACTOR * self.noise_median, SHARE * self.shifted_median
-        return self.median <= max(limits)
+        is_shifted = self.shift.is_found(bias.FRAME_MAX_PX, bias.FRAME_ERRORS)
+        return self.median <= max(limits) and not is_shifted
 
 
 @dataclass(frozen=True)
 class FrameResidual:
-    """Residuals of a frame: of the right image by the disparity, of the next by any flow."""
+    """Residuals of a frame: of the right image by the disparity, of the next by any flow.
+
+    The median error of the flow's static part against depth and poses is in pixels.
+    """
 
     timestamp_ns: int
     stereo: Residual
     flow: Residual | None
+    geometry_px: float | None = None
 
 
 class PhotometricCheck:
@@ -92,15 +101,18 @@ class PhotometricCheck:
         self._sensors = sensors
         R = miscalibration_rotation(settings.calibration)
         self._H_true_nominal = rig.K @ R.T @ np.linalg.inv(rig.K)
+        self._is_interpolated = has_distortion(settings.sensor)
         self._is_turned = not np.array_equal(R, np.eye(3))
 
     def stereo(
         self, left: Image, right: Image, disparity_px: Array, exposure: FrameExposure
     ) -> Residual:
         """Compare left and right (H, W[, 3]) uint8 image by the disparity label (H, W)."""
+        step = bias.row_step(disparity_px)
+        visible = visible_in_right(disparity_px[::step])
+        motion = -disparity_px[..., None]
         disparity_px = disparity_px[::ROW_STEP]
         v, u = _rows(left)
-        visible = visible_in_right(disparity_px)
         first = self._corrected(0, left, exposure.gain)
         second = self._corrected(1, right, exposure.gain)
 
@@ -108,7 +120,9 @@ class PhotometricCheck:
             return self._in_true_right(u - disparity_px - np.float32(shift_px), v)
 
         shifted = [positions(shift) for shift in (-SHIFT_PX, SHIFT_PX)]
-        return _compare(first, second, positions(0.0), shifted, visible)
+        shift = self._shift(first[0], second[0], motion, visible, self._in_true_right)
+        visible = visible[:: ROW_STEP // step]
+        return _compare(first, second, positions(0.0), shifted, visible, shift)
 
     def flow(
         self,
@@ -121,28 +135,60 @@ class PhotometricCheck:
         """Compare successive left images (H, W[, 3]) uint8 by flow and covisibility labels."""
         v, u = _rows(now)
         du, dv = flow[::ROW_STEP, :, 0], flow[::ROW_STEP, :, 1]
-        visible = (covisibility[::ROW_STEP] == VISIBLE) & np.isfinite(du)
+        step = bias.row_step(covisibility)
+        visible = covisibility[::step] == VISIBLE
         brighter = max(exposures[1].level, MIN_LEVEL) / max(exposures[0].level, MIN_LEVEL)
         first = self._corrected(0, now, exposures[0].gain)
         second = self._corrected(0, following, exposures[1].gain, brighter)
         half = SHIFT_PX / np.sqrt(2).astype(np.float32)
         shifted = [(u + du + s, v + dv + s) for s in (-half, half)]
-        return _compare(first, second, (u + du, v + dv), shifted, visible)
+        motion = np.ascontiguousarray(flow[..., :2])
+        shift = self._shift(first[0], second[0], motion, visible, lambda u, v: (u, v))
+        visible = visible[:: ROW_STEP // step] & np.isfinite(du)
+        return _compare(first, second, (u + du, v + dv), shifted, visible, shift)
+
+    def _shift(
+        self,
+        levels: Array,
+        others: Array,
+        motion: Array,
+        visible: Mask,
+        view: Callable[[Array, Array], tuple[Array, Array]],
+    ) -> Shift:
+        lag = 3 if self._is_interpolated else 2
+        return bias.shift_of(levels, others, motion, visible, view, lag)
 
     def _corrected(
         self, camera: int, image: Image, gain: float, level: float = 1.0
     ) -> tuple[Array, "NoisyImage"]:
-        """Return (H, W[, 3]) corrected grey levels, and the delivered image with its noise."""
+        """Return (H, W) corrected grey levels, and the delivered image with its noise."""
         sensor = self._sensors[camera]
         noise = sensor.noise_sigma(gain), sensor.correction_gain(image, level)
-        return sensor.corrected(image, level), NoisyImage(image, *noise)
+        return _grey(sensor.corrected(image, level)), NoisyImage(image, *noise)
 
     def _in_true_right(self, u: Array, v: Array) -> tuple[Array, Array]:
         """Map nominal right pixels to the true right camera, which may be turned."""
         if not self._is_turned:
             return u, v
-        x, y, w = np.einsum("ij,jhw->ihw", self._H_true_nominal, np.stack([u, v, np.ones_like(u)]))
+        x, y, w = np.einsum(
+            "ij,j...->i...", self._H_true_nominal, np.stack([u, v, np.ones_like(u)])
+        )
         return (x / w).astype(np.float32), (y / w).astype(np.float32)
+
+
+def flow_error(rig: StereoRig, depth_m: Array, flow: Array, T_next_now: Array) -> float:
+    """Return the median error, px, of a flow label (H, W, 3) against depth (H, W) and motion.
+
+    The motion (4, 4) is that of the camera; few pixels show things that move. NaN without depth.
+    """
+    v, u = np.mgrid[: rig.height_px : ROW_STEP, : rig.width_px].reshape(2, -1)
+    depth = depth_m[v, u].astype(np.float64)
+    known = np.isfinite(depth) & np.isfinite(flow[v, u, 0])
+    v, u = v[known], u[known]
+    pixels = np.column_stack([u, v])
+    points = np.column_stack([rig.normalized(pixels), np.ones(len(u))]) * depth[known, None]
+    moved = rig.project(se3.transform(T_next_now, points))[:, :2] - pixels
+    return float(np.median(np.abs(moved - flow[v, u, :2]).max(axis=1))) if len(u) else np.nan
 
 
 def quantile(histogram: Indices, q: float) -> float:
@@ -195,7 +241,7 @@ def _positions(u_px: Array, v_px: Array, visible: Mask) -> tuple[Array, Array]:
 
 def _grey(image: Image) -> Array:
     """(H, W) float32."""
-    levels: Array = image.astype(np.float32)
+    levels: Array = image.astype(np.float32, copy=False)
     return levels if levels.ndim == 2 else np.asarray(cv2.cvtColor(levels, cv2.COLOR_RGB2GRAY))
 
 
@@ -211,6 +257,7 @@ def _compare(
     positions: tuple[Array, Array],
     shifted: Sequence[tuple[Array, Array]],
     visible: Mask,
+    shift: Shift,
 ) -> Residual:
     """Warp the second image to every ROW_STEP-th row of the first, where it is visible.
 
@@ -227,4 +274,4 @@ def _compare(
     expected = expected_residual(noisy, second[1], *positions, visible)
     noise = MEDIAN_OF_NORMAL * float(np.median(expected)) if len(expected) else 0.0
     shifted_median = min(quantile(histogram(at), 0.5) for at in shifted)
-    return Residual(histogram(positions), shifted_median, noise, float(visible.mean()))
+    return Residual(histogram(positions), shifted_median, noise, float(visible.mean()), shift)

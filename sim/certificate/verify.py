@@ -6,9 +6,13 @@ from itertools import chain, pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from sim.camera.camera import FrameExposure
 from sim.certificate.certificate import certify, check_folder, exempt_parts
-from sim.certificate.photometric import FrameResidual, PhotometricCheck
+from sim.certificate.manifest_check import check_digest, check_statements, differences
+from sim.certificate.photometric import FrameResidual, PhotometricCheck, flow_error
+from sim.certificate.trajectory_check import read_states
 from sim.dataset.tables import EXPOSURES
 from sim.imaging.image_sensor import ImageSensor
 from sim.imaging.lens import margin_px
@@ -17,8 +21,9 @@ from sim.labels.labels import disparity_from_depth
 from sim.progress import Progress
 from sim.settings import RecordSettings, recorded_settings
 from sim.world.rig import stereo_rig, widened
+from vo.contract import se3
 from vo.contract.arrays import Array
-from vo.contract.dataset import MANIFEST, read_manifest
+from vo.contract.dataset import MANIFEST, TRUTH, read_manifest
 from vo.contract.errors import DatasetError
 from vo.contract.euroc import open_euroc
 from vo.contract.images import read_codes, read_float
@@ -32,10 +37,18 @@ TOLERANCES = {
     "worst_frame_median_grey": 0.2,
     "noise_median_grey": 0.1,
     "visible_fraction": 1e-4,
+    "bias_px": 0.01,
+    "bias_error_px": 0.01,
+    "smallest_bias_found_px": 0.05,
+    "worst_frame_bias_px": 0.05,
+    "smallest_frame_bias_found_px": 0.05,
+    "smallest_worst_frame_bias_found_px": 1.0,
 }
 """Tolerance of each figure for another OpenCV's interpolation and grey conversion."""
 OTHERS = 1e-4
 """Tolerance, absolute and relative, of the other checks' figures."""
+NOT_COMPARED = ("about", "worst_frame_ns", "worst_frame_bias_ns", "frames_without_texture")
+"""Figures that another OpenCV may turn from one frame to another, and words."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +60,9 @@ class Finding:
 
 
 def verify(folder: Path, progress: Progress | None = None) -> list[Finding]:
-    """Recompute every hash and, with depth or disparity labels, the certificate; list the defects.
+    """Recompute every hash, the manifest's statements and the certificate; list the defects.
+
+    The photometric parts of the certificate need depth or disparity labels.
 
     Raises:
         DatasetError: If the folder or its manifest is missing, or a file cannot be decoded.
@@ -55,10 +70,14 @@ def verify(folder: Path, progress: Progress | None = None) -> list[Finding]:
     if not folder.is_dir():
         raise DatasetError(f"{folder}: no such folder")
     manifest = read_manifest(folder)
-    findings = _check_hashes(folder, manifest)
+    findings = [Finding(MANIFEST, problem) for problem in check_digest(manifest)]
+    findings += _check_hashes(folder, manifest)
     if findings:  # pixels of damaged files are not checked
         return findings
-    return _check_certificate(folder, manifest, progress)
+    settings = recorded_settings(_table(folder, manifest, "settings"))
+    statements = check_statements(folder, manifest, settings)
+    findings += [Finding(MANIFEST, problem) for problem in statements]
+    return findings + _check_certificate(folder, manifest, settings, progress)
 
 
 def _check_hashes(folder: Path, manifest: dict[str, Any]) -> list[Finding]:
@@ -76,67 +95,104 @@ def _check_hashes(folder: Path, manifest: dict[str, Any]) -> list[Finding]:
 
 
 def _check_certificate(
-    folder: Path, manifest: dict[str, Any], progress: Progress | None
+    folder: Path, manifest: dict[str, Any], settings: RecordSettings, progress: Progress | None
 ) -> list[Finding]:
     stated: dict[str, Any] = _table(folder, manifest, "certificate")
-    settings = recorded_settings(_table(folder, manifest, "settings"))
-    frames = _measure(folder, settings, progress)
-    if not frames:
-        return []
+    frames, contradictory = _measure(folder, settings, progress)
     checks = check_folder(folder, settings, manifest.get("ended", ""))
     found = certify(frames, checks, exempt_parts(settings))
-    parts = ((part, figures) for part, figures in found.items() if isinstance(figures, dict))
-    return [x for part, figures in parts for x in _compare(part, stated.get(part, {}), figures)]
+    parts = {key: figures for key, figures in found.items() if isinstance(figures, dict)}
+    findings = [x for part, figures in parts.items() for x in _compare(part, stated, figures)]
+    if contradictory:
+        first = f"{len(contradictory)} frames, the first at {contradictory[0]} ns"
+        findings.append(Finding("mav0", f"disparity and depth contradict each other in {first}"))
+    # Without labels, the photometric part is not recomputed.
+    passed = all(stated.get(part, {}).get("passed") is True for part in {*parts, "stereo"})
+    if stated.get("passed") is not passed:
+        findings.append(Finding(MANIFEST, f"certificate.passed is {stated.get('passed')!r}"))
+    return findings
 
 
 def _compare(part: str, stated: dict[str, Any], found: dict[str, Any]) -> list[Finding]:
     """Return which figures of a part of the certificate changed, and whether it fails."""
-    findings: list[Finding] = []
-    for key, value in found.items():
-        if isinstance(value, float):
-            room = TOLERANCES.get(key, OTHERS * max(1.0, abs(value)))
-            if not abs(stated.get(key, float("inf")) - value) <= room:
-                problem = f"certificate.{part}.{key} is {stated.get(key)!r}, recomputed {value!r}"
-                findings.append(Finding(MANIFEST, problem))
+    figures = stated.get(part, {})
+    findings = [
+        Finding(MANIFEST, problem)
+        for key, value in found.items()
+        for problem in differences(
+            f"certificate.{part}.{key}", figures.get(key), value, _tolerance(key, value)
+        )
+        if key not in NOT_COMPARED
+    ]
+    if found["passed"]:
+        return findings
+    label = {"stereo": "disparity", "flow": "flow"}.get(part)
     failed: list[int] = found.get("failed_frames_ns", [])
-    if failed:
-        label = {"stereo": "disparity", "flow": "flow"}[part]
+    if label and failed:
         frames = f"{len(failed)} frames, the first at {failed[0]} ns"
         findings.append(Finding("mav0", f"the {label} does not explain {frames}"))
-    elif not found["passed"]:
+    if label and found["shifted"]:
+        bias, error = found["bias_px"], found["bias_error_px"]
+        problem = f"the {label} does not explain the images: its bias is {bias}, error {error} px"
+        findings.append(Finding("mav0", problem))
+    if not label:
         findings.append(Finding("mav0", f"the {part} check fails: {found}"))
     return findings
 
 
+def _tolerance(key: str, value: Any) -> float:
+    """Return the tolerance of a figure, relative to values above 1."""
+    scale = max(1.0, abs(value)) if isinstance(value, float) else 1.0
+    return TOLERANCES[key] / scale if key in TOLERANCES else OTHERS
+
+
 def _measure(
     folder: Path, settings: RecordSettings, progress: Progress | None
-) -> list[FrameResidual]:
-    """Compute the residuals of every frame; none without a disparity or depth label."""
+) -> tuple[list[FrameResidual], list[int]]:
+    """Compute the residuals of every frame; none without a disparity or depth label.
+
+    Returns also the times at which disparity and depth labels contradict each other.
+    """
     if not any((folder / "mav0" / LABELS[x].folder).is_dir() for x in ("disparity", "depth")):
-        return []
-    rig = stereo_rig(settings.rig)
+        return [], []
+    rig, labels = stereo_rig(settings.rig), settings.labels
+    times_ns, T_world_body, _ = read_states(folder / TRUTH / "data.csv")
+    T_world_cam = dict(zip(times_ns.tolist(), T_world_body @ rig.T_body_cam, strict=True))
     render_rig = widened(rig, margin_px(settings, rig))
     sensors = [ImageSensor(settings, camera, rig, render_rig) for camera in (0, 1)]
     check = PhotometricCheck(settings, rig, sensors)
     exposures = _read_exposures(folder)
     sequence = open_euroc(folder)
-    has_flow = settings.labels.flow and settings.labels.covisibility
+    for table, rows in ((TRUTH, T_world_cam), (EXPOSURES, exposures)):
+        absent = [t for t in sequence.timestamps_ns.tolist() if t not in rows]
+        if absent:
+            raise DatasetError(f"{folder / table}: has no row of the frame at {absent[0]} ns")
     frames: list[FrameResidual] = []
+    contradictory: list[int] = []
     for frame, following in pairwise(chain(sequence, [None])):
         assert frame is not None
         time_ns = frame.timestamp_ns
-        disparity = _read_disparity(folder, rig, time_ns)
+        disparity, depth_m = _read_disparity(folder, rig, time_ns)
+        if depth_m is not None:
+            computed = disparity_from_depth(rig, depth_m)
+            if not np.allclose(disparity, computed, 1e-5, 1e-5, equal_nan=True):
+                contradictory.append(time_ns)
         stereo = check.stereo(frame.left, frame.right, disparity, exposures[time_ns])
-        flow = None
-        if has_flow and following:
+        flow, geometry_px = None, None
+        if labels.flow and following:
             label = read_float(label_file(folder, "flow", time_ns), 3)
-            covisibility = read_codes(label_file(folder, "covisibility", time_ns))
-            pair = exposures[time_ns], exposures[following.timestamp_ns]
-            flow = check.flow(frame.left, following.left, label, covisibility, pair)
-        frames.append(FrameResidual(time_ns, stereo, flow))
+            then_ns = following.timestamp_ns
+            if labels.covisibility:
+                covisibility = read_codes(label_file(folder, "covisibility", time_ns))
+                pair = exposures[time_ns], exposures[then_ns]
+                flow = check.flow(frame.left, following.left, label, covisibility, pair)
+            if depth_m is not None:
+                T_next_now = se3.inverse(T_world_cam[then_ns]) @ T_world_cam[time_ns]
+                geometry_px = flow_error(rig, depth_m, label, T_next_now)
+        frames.append(FrameResidual(time_ns, stereo, flow, geometry_px))
         if progress:
             progress(len(frames), len(sequence))
-    return frames
+    return frames, contradictory
 
 
 def _read_exposures(folder: Path) -> dict[int, FrameExposure]:
@@ -150,12 +206,13 @@ def _read_exposures(folder: Path) -> dict[int, FrameExposure]:
     }
 
 
-def _read_disparity(folder: Path, rig: StereoRig, time_ns: int) -> Array:
-    """Read the (H, W) disparity label at a time, or compute it from the depth label."""
-    label = label_file(folder, "disparity", time_ns)
-    if label.is_file():
-        return read_float(label)
-    return disparity_from_depth(rig, read_float(label_file(folder, "depth", time_ns)))
+def _read_disparity(folder: Path, rig: StereoRig, time_ns: int) -> tuple[Array, Array | None]:
+    """Read the disparity label (H, W) at a time, or compute it, and any depth label."""
+    label, depth = (label_file(folder, name, time_ns) for name in ("disparity", "depth"))
+    if not depth.is_file():
+        return read_float(label), None
+    depth_m = read_float(depth)
+    return read_float(label) if label.is_file() else disparity_from_depth(rig, depth_m), depth_m
 
 
 def _table(folder: Path, manifest: dict[str, Any], key: str) -> dict[str, Any]:

@@ -64,8 +64,8 @@ def manifest(
         "frames": int(trip.delivered.sum()),
         "dropped_frames": int((~trip.delivered).sum()),
         "path_length_m": round(trip.length_m, 4),
-        "rig": _rig(delivered),
-        "rig_true": {**_rig(world.rig), "R_nominal_right": R.tolist()},
+        "rig": rig_table(delivered),
+        "rig_true": {**rig_table(world.rig), "R_nominal_right": R.tolist()},
         "map": map_entry,
         "things": [
             {"id": k, "name": thing.name, "class": thing.kind.name.lower()}
@@ -83,5 +83,6 @@ def manifest(
     }
 
 
-def _rig(rig: StereoRig) -> dict[str, Any]:
+def rig_table(rig: StereoRig) -> dict[str, Any]:
+    """Return a rig as JSON-ready content."""
     return {**asdict(rig), "T_body_cam": rig.T_body_cam.tolist()}

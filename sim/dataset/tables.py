@@ -89,7 +89,7 @@ def write_inertial(writer: DatasetWriter, settings: RecordSettings, trip: Trip) 
     readings, biases = with_noise(ideal, imu, stream(settings.seed, "imu"))
     sheet = _sheet(
         "imu",
-        "angular rate and specific force, each the mean over one interval, whose middle is its stamp",
+        "angular rate and specific force, each the mean over an interval, stamped at its middle",
         T_BS=_matrix(T_body_unit),
         rate_hz=imu.rate_hz,
         gyroscope_noise_density=imu.noise * imu.gyroscope_noise_density,

@@ -45,18 +45,8 @@ def visible_in_right(disparity_px: Array) -> Mask:
     right pixel next to it; so outlines hide up to a pixel too much, never too little. Pixels
     outside the right image or without disparity (NaN) are not visible.
     """
-    height, width = disparity_px.shape
-    disparity = np.nan_to_num(disparity_px, nan=-1.0)
-    u_right = np.arange(width, dtype=np.float32) - disparity
-    inside = (disparity >= 0) & (u_right >= 0) & (u_right <= width - 1)
-    row = (np.arange(height, dtype=np.int32) * width)[:, None].repeat(width, axis=1)[inside]
-    landed, d = u_right[inside], disparity[inside]
-    nearest = np.full(height * width, -1.0, dtype=np.float32)
-    for bins in (np.floor(landed), np.ceil(landed)):
-        np.maximum.at(nearest, row + bins.astype(np.int32), d)
-    hidden = nearest[row + np.rint(landed).astype(np.int32)] > d + SPLAT_COVERS_PX
-    visible = inside.copy()
-    visible[inside] = ~hidden
+    visible = np.empty(disparity_px.shape, np.bool_)
+    _visible(np.ascontiguousarray(disparity_px), visible)
     return visible
 
 
@@ -117,6 +107,24 @@ def normals(rig: StereoRig, depth_m: Array) -> Array:
     out = np.empty((*depth_m.shape, 3), np.float32)
     _normals(1 / depth_m, rig.f_px, rig.cx_px, rig.cy_px, BEND_MAX_RAD, out)
     return out
+
+
+@compiled(nogil=True)
+def _visible(disparity: Array, out: Mask) -> None:
+    height, width = disparity.shape
+    nearest = np.empty(width, np.float32)
+    for v in range(height):
+        nearest[:] = np.float32(-1)
+        for u in range(width):
+            landed = np.float32(u) - disparity[v, u]
+            out[v, u] = disparity[v, u] >= 0 and 0 <= landed <= width - 1
+            if out[v, u]:
+                for k in (int(np.floor(landed)), int(np.ceil(landed))):
+                    nearest[k] = max(nearest[k], disparity[v, u])
+        for u in range(width):
+            if out[v, u]:
+                k = int(np.rint(np.float32(u) - disparity[v, u]))
+                out[v, u] = nearest[k] <= disparity[v, u] + np.float32(SPLAT_COVERS_PX)
 
 
 @compiled(nogil=True)

@@ -8,12 +8,12 @@ import mujoco
 import numpy as np
 
 from sim.settings import RecordSettings
+from sim.world.carrier_motion import body_motion, centred_velocity, wheel_forces_n
 from sim.world.drive import CONTROL_RATE_HZ, DriveError, Driver, where
 from sim.world.fall import FallMonitor
 from sim.world.random_streams import stream
-from sim.world.rover import BODY, MAST, PREFIX, WHEEL_BODIES, ticks
+from sim.world.rover import ticks
 from sim.world.world import START_S, World
-from vo.contract import se3
 from vo.contract.arrays import Array, Indices, Mask
 
 REST_S = 0.4
@@ -250,56 +250,3 @@ class _Log:
 def longest_window_s(settings: RecordSettings) -> float:
     """Return the longest exposure of a frame, with readout and both cameras' offset."""
     return (settings.exposure_max_ms + 2 * abs(settings.exposure.right_offset_ms)) * 1e-3
-
-
-def body_motion(world: World, time_s: float) -> tuple[Array, Array, Array]:
-    """Return pose (4, 4), velocity (3,) and angular velocity (3,) of the body frame in world.
-
-    The rover's velocities are the means over the last physics step; see `centred_velocity`.
-    """
-    if not world.is_driven:
-        h = 1e-4
-        before, now, after = (world.movers[BODY](time_s + dt) for dt in (-h, 0.0, h))
-        turn = se3.rotation_vector(after @ se3.inverse(before))
-        return now, (after[:3, 3] - before[:3, 3]) / (2 * h), turn / (2 * h)
-    world.place_bodies()
-    return world.T_world_body, *_body_velocity(world)
-
-
-def centred_velocity(world: World, v_world_body: Array, w_world_body: Array) -> tuple[Array, Array]:
-    """Return velocity and angular velocity (3,) at the time of `body_motion`, one step after it.
-
-    MuJoCo integrates positions with the velocity after the step (semi-implicit), so that the
-    velocity at a time is the mean of those of the steps before and after it. A step leaves the
-    poses, to which this one refers, as they were before it.
-    """
-    if not world.is_driven:
-        return v_world_body, w_world_body
-    v_next, w_next = _body_velocity(world)
-    return (v_world_body + v_next) / 2, (w_world_body + w_next) / 2
-
-
-def _body_velocity(world: World) -> tuple[Array, Array]:
-    """Velocity and angular velocity (3,) by the present joint velocities and the placed bodies."""
-    mujoco.mj_comVel(world.model, world.data)
-    twist = np.empty(6)
-    mast = world.model.body(PREFIX + MAST).id
-    mujoco.mj_objectVelocity(world.model, world.data, mujoco.mjtObj.mjOBJ_XBODY, mast, twist, 0)
-    lever = world.T_world_body[:3, 3] - world.data.xpos[mast]
-    return twist[3:] + np.cross(twist[:3], lever), twist[:3]
-
-
-def wheel_forces_n(world: World) -> Array:
-    """Return the normal force (3,) on the left, the right and the caster wheel."""
-    total, force = np.zeros(3), np.empty(6)
-    if not world.is_driven:
-        return total
-    model, data = world.model, world.data
-    wheels = [model.body(name).id for name in WHEEL_BODIES]
-    for k, contact in enumerate(data.contact):
-        bodies = model.geom_bodyid[contact.geom]
-        for wheel, body in enumerate(wheels):
-            if body in bodies:
-                mujoco.mj_contactForce(model, data, k, force)
-                total[wheel] += force[0]
-    return total

@@ -1,7 +1,5 @@
 """Recordings through an imperfect sensor: certified for what they are, not if tampered with."""
 
-import hashlib
-import json
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
+from forgery import hash_again
 
 from sim.certificate.verify import verify
 from sim.dataset.image_codecs import encode_float
@@ -29,7 +28,7 @@ from sim.settings import (
     SensorSettings,
 )
 from vo.contract.arrays import Array, Image
-from vo.contract.dataset import MANIFEST, read_manifest
+from vo.contract.dataset import read_manifest
 from vo.contract.images import read_float, read_grey
 from vo.contract.readers import open_sequence
 
@@ -109,7 +108,7 @@ def test_verify_finds_a_shifted_label(recorded, tmp_path, name, label):
         else:
             values += 1.5
         path.write_bytes(encode_float(values))
-    _hash_again(copy)
+    hash_again(copy)
     problems = [finding.problem for finding in verify(copy)]
     assert any(p.startswith(f"the {label} does not explain") for p in problems), problems
 
@@ -123,7 +122,7 @@ def test_verify_finds_a_pose_moved_by_a_millimetre(recorded, tmp_path):
     for row in cells[1::2]:
         row[1] = str(float(row[1]) + 0.001)
     table.write_text("\n".join([header, *(",".join(row) for row in cells)]) + "\n")
-    _hash_again(copy)
+    hash_again(copy)
     problems = [finding.problem for finding in verify(copy)]
     assert any("geometry" in problem for problem in problems), problems
 
@@ -137,7 +136,7 @@ def test_verify_finds_an_accelerometer_bias(recorded, tmp_path):
     for row in cells:
         row[4] = str(float(row[4]) + 0.05)
     table.write_text("\n".join([header, *(",".join(row) for row in cells)]) + "\n")
-    _hash_again(copy)
+    hash_again(copy)
     problems = [finding.problem for finding in verify(copy)]
     assert any("the inertial check fails" in problem for problem in problems), problems
 
@@ -340,11 +339,3 @@ def _bytes(dataset: Path, folder: str) -> dict[str, bytes]:
     root = dataset / "mav0" / folder
     files = (path for path in root.rglob("*") if path.is_file() and path.name != "exposure.csv")
     return {path.relative_to(root).as_posix(): path.read_bytes() for path in files}
-
-
-def _hash_again(dataset: Path) -> None:
-    """Make the manifest's hashes those of the files, as a careful forger would."""
-    manifest = json.loads((dataset / MANIFEST).read_text())
-    for name in manifest["sha256"]:
-        manifest["sha256"][name] = hashlib.sha256((dataset / name).read_bytes()).hexdigest()
-    (dataset / MANIFEST).write_text(json.dumps(manifest))

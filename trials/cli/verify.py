@@ -4,15 +4,17 @@ from pathlib import Path
 
 import typer
 
+from sim.certificate.certificate import detectable_shifts
 from sim.certificate.verify import verify as find_faults
 from trials.cli import console
 from trials.cli.options import argument
+from vo.contract.dataset import read_manifest
 
 
 def verify(
     dataset: Path = argument(..., "Dataset folder that `generate` wrote."),
 ) -> None:
-    """Recompute every hash and the certificate of a dataset.
+    """Recompute every hash and the certificate of a dataset; state which shift it would find.
 
     The exit status is 1 if a file is missing, differs, or the certificate does not hold.
     """
@@ -22,4 +24,6 @@ def verify(
         console.out.print(f"{dataset / finding.file}: {finding.problem}")
     if findings:
         raise typer.Exit(1)
-    console.out.print(f"{dataset}: every hash and the certificate hold")
+    console.out.print(f"{dataset}: every hash, the manifest and the certificate hold")
+    for line in detectable_shifts(read_manifest(dataset)["certificate"]):
+        console.out.print(line, markup=False)

@@ -24,6 +24,8 @@ CONTENT = frozenset({MANIFEST, MAP_FILE, "mav0"})
 """Names in a dataset folder."""
 RECTIFIED_EYE = "eye of a rectified pair, pixel centres on integers"
 """End of the comment in each camera's sensor.yaml."""
+DIGEST = "manifest_sha256"
+"""Key of the manifest's own digest."""
 OWN_TABLES = ("cam0/exposure.csv", "imu0/truth.csv", "contact0/data.csv", "depth0/data.csv")
 """Tables in mav0 that a dataset has and a EuRoC recording does not."""
 READ_FOLDERS = ("mav0/cam0/", "mav0/cam1/", "mav0/wheels0/")
@@ -96,6 +98,7 @@ class DatasetWriter:
         """
         content = {"schema_version": SCHEMA_VERSION, **manifest}
         content["sha256"] = dict(sorted(self.sha256.items()))
+        content[DIGEST] = manifest_digest(content)
         self._write(MANIFEST, (json.dumps(content, indent=1) + "\n").encode())
         self._check_target()
         if self._target.exists():
@@ -178,6 +181,13 @@ def installed_version(package: str) -> str:
         return importlib.metadata.version(package)
     except importlib.metadata.PackageNotFoundError:
         return "not installed"
+
+
+def manifest_digest(content: Mapping[str, Any]) -> str:
+    """SHA-256 of a manifest without its own digest: keys sorted, no white space, UTF-8."""
+    own = {key: value for key, value in content.items() if key != DIGEST}
+    text = json.dumps(own, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:

@@ -11,8 +11,9 @@ from sim.camera.render import GeometryBuffers, StereoRenderer
 from sim.imaging.lens import delivered_rig
 from sim.sensors.inertial import GRAVITY_MPS2, T_body_imu, ideal_readings
 from sim.settings import ImuSettings, RecordSettings
+from sim.world.carrier_motion import body_motion
 from sim.world.random_streams import stream
-from sim.world.trip import Motions, Trip, body_motion
+from sim.world.trip import Motions, Trip
 from sim.world.world import World
 from trials.gym.world.simulation import Simulation
 from vo.contract.arrays import Array, Image

@@ -7,19 +7,11 @@ import mujoco
 import numpy as np
 
 from sim.settings import RecordSettings
+from sim.world.carrier_motion import body_motion, centred_velocity, wheel_forces_n
 from sim.world.fall import FallMonitor
 from sim.world.rover import BODY, PREFIX, WHEEL_RADIUS_M, WHEELS, ticks
 from sim.world.start import START_CLEARANCE_M
-from sim.world.trip import (
-    MOVER_PERIOD_S,
-    Motions,
-    States,
-    Trip,
-    body_motion,
-    centred_velocity,
-    longest_window_s,
-    wheel_forces_n,
-)
+from sim.world.trip import MOVER_PERIOD_S, Motions, States, Trip, longest_window_s
 from sim.world.world import START_S, World
 from trials.gym.world.dynamic_agents import DynamicAgent
 from trials.gym.world.free_space import obstacle_geoms, rigid_geoms
