@@ -75,6 +75,32 @@ def test_kitti_opens(kitti):
     assert read_truth(kitti) is None
 
 
+def test_kitti_times_in_nanoseconds_are_read(kitti):
+    times = [1403636579763555584 + i * 50_000_000 for i in range(3)]
+    (kitti / "times.txt").write_text("".join(f"{x}\r\n" for x in times))
+    assert open_sequence(kitti).timestamps_ns.tolist() == times
+
+
+@pytest.mark.parametrize(
+    ("header", "separator", "as_seconds", "suffix"),
+    [
+        ("timestamp,filename\n", ",", False, ".png"),
+        ("#timestamp [ns],filename\n", "\t", False, ""),
+        ("", " ; ", False, ".png"),
+        ("# stamps\n", " ", True, ".png"),
+    ],
+)
+def test_euroc_image_table_is_read_in_every_notation(euroc, header, separator, as_seconds, suffix):
+    for eye in (0, 1):
+        times = [(i + 1) * PERIOD_NS for i in range(3)]
+        words = [f"{x / 1e9:.3f}" if as_seconds else f"{x}.0" for x in times]
+        rows = (f"{a}{separator}{b}{suffix}\r\n" for a, b in zip(words, times, strict=True))
+        (euroc / f"mav0/cam{eye}/data.csv").write_text(header + "".join(rows))
+    sequence = open_sequence(euroc)
+    assert sequence.timestamps_ns.tolist() == times
+    assert (sequence[2].left == wall(3)[2][0]).all()
+
+
 def test_kitti_truth_of_the_benchmark_layout(kitti):
     poses = kitti.parent.parent / "poses"
     poses.mkdir()

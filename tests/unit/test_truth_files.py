@@ -12,6 +12,7 @@ from vo.contract.errors import TrajectoryError
 from vo.contract.remarks import Remark
 from vo.contract.trajectory import Trajectory
 from vo.contract.truth_files import read_true_states
+from vo.contract.tumvi import read_tumvi_truth
 
 T_BODY_CAM = se3.exp(np.array([0.1, 0.2, 0.3, 0.5, -0.5, 0.4]))
 T_WORLD_BODY = se3.exp(np.outer(np.arange(5), [0.1, 0.2, 0.0, 0.1, 0.0, 0.2]))
@@ -71,6 +72,14 @@ def test_rows_with_nan_or_repeated_are_left_out_with_a_remark(tmp_path):
     said = [str(x.message) for x in remarks]
     assert said[0].endswith("data.csv: rows with NaN are left out: 1, the first in line 3")
     assert said[1].endswith("rows that repeat the row before are left out: 1, the first in line 6")
+
+
+def test_tumvi_truth_is_that_of_the_inertial_unit(tmp_path):
+    (tmp_path / "dso").mkdir()
+    assert read_tumvi_truth(tmp_path, T_BODY_CAM) is None
+    (tmp_path / "dso" / "gt_imu.csv").write_text("\n".join(["# ts, poses", *lines(T_WORLD_BODY)]))
+    found = read_tumvi_truth(tmp_path, T_BODY_CAM)
+    assert np.allclose(found.T_ref_frame, T_WORLD_BODY @ T_BODY_CAM)
 
 
 @pytest.mark.parametrize(

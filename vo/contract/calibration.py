@@ -70,6 +70,15 @@ def read_cameras(left: Path, right: Path) -> tuple[Camera, Camera]:
     return first, second
 
 
+def read_sensor_pose(path: Path) -> Array | None:
+    """Read T_BS (4, 4), a sensor in the body frame; None if it is not given.
+
+    Raises:
+        CalibrationError: If the file is missing or malformed.
+    """
+    return _pose(path, _read_yaml(path), "T_BS")
+
+
 def find_chain(folders: Sequence[Path]) -> Path | None:
     """Return the YAML file of both cameras (`cam0`, `cam1`) in the first folder that has one.
 

@@ -10,6 +10,7 @@ from vo.contract.errors import CalibrationError, DatasetError, TrajectoryError
 from vo.contract.files import read_lines
 from vo.contract.images import list_images
 from vo.contract.pairing import ALL_FRAMES, FrameSelection, StereoFiles, pair_by_name
+from vo.contract.pose_tables import matrix_poses
 from vo.contract.recording import open_recording
 from vo.contract.rectify import Camera
 from vo.contract.sequence import StereoSequence
@@ -130,18 +131,13 @@ def read_kitti_poses(path: Path) -> Array:
     Raises:
         TrajectoryError: If the file is malformed; names file and line.
     """
-    table, expected = read_table(path, TrajectoryError), "12 numbers, the top of a pose matrix"
-    rows = table.numbers(range(12), expected)
-    for i, row in enumerate(table.rows):
-        if len(row) != 12:
-            raise table.fault(i, f"{len(row)} columns; expected {expected}")
-    T = np.tile(np.eye(4), (len(rows), 1, 1))
-    T[:, :3] = rows.reshape(-1, 3, 4)
-    return T
+    return matrix_poses(read_table(path, TrajectoryError))
 
 
 def _read_times(path: Path) -> Indices:
-    return read_table(path).times_ns("a time in seconds", SECONDS)
+    table, expected = read_table(path), "a time in seconds"
+    stamps = table.stamps(0, expected)
+    return table.in_ns(stamps, table.unit_ns(stamps, SECONDS))
 
 
 def _read_dates(path: Path) -> Indices:

@@ -1,12 +1,12 @@
 """Columns of poses in a text table: which is which, and the poses in them."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vo.contract import se3
-from vo.contract.arrays import Array, Indices
+from vo.contract.arrays import Array, Indices, Mask
 from vo.contract.tables import Table
 
 TIME = re.compile(r"(time|stamp|timestamps?|t)(_?(ns|nsec|s|sec))?")
@@ -24,6 +24,9 @@ GROUPS = (
 
 MAX_LENGTH_ERROR = 0.05
 """Largest difference of a quaternion's length from 1: digits that were cut off."""
+
+MAX_ROTATION_ERROR = 0.02
+"""Largest entry of R R^T - I of a rotation that was written with few digits."""
 
 MAX_POSITION_M = 1e9
 """Largest coordinate: those of the Earth are below 1e7 m."""
@@ -69,9 +72,41 @@ def named_columns(table: Table) -> PoseColumns | None:
     return next(filter(None, (_columns(header, columns) for header in table.headers)), None)
 
 
+def matrix_poses(table: Table) -> Array:
+    """Return the poses (N, 4, 4) of rows of 12 numbers, each the top of a matrix (KITTI).
+
+    Raises:
+        DriftyardError: If a row has other columns or holds no rotation; of the table's class, names
+            file and line.
+    """
+    expected = "12 numbers, the top of a pose matrix (KITTI)"
+    T = np.tile(np.eye(4), (len(table), 1, 1))
+    T[:, :3] = table.numbers(range(12), expected).reshape(-1, 3, 4)
+    is_rotation = _are_rotations(T[:, :3, :3])
+    for i, row in enumerate(table.rows):
+        if len(row) != 12 or not is_rotation[i]:
+            what = "holds no rotation" if len(row) == 12 else f"{len(row)} columns"
+            raise table.fault(i, f"{what}; expected {expected}")
+    return T
+
+
+def is_matrix(table: Table) -> bool:
+    """Whether the first row holds 12 numbers, of which nine are a rotation; or raise its error."""
+    first = replace(table, rows=table.rows[:1])
+    if len(first.rows[0]) != 12:
+        return False
+    rows = first.numbers(range(12), "12 numbers").reshape(1, 3, 4)
+    return bool(_are_rotations(rows[:, :, :3])[0])
+
+
 def is_row_count(times: Indices) -> bool:
     """Whether numbers (N,) are 0, 1, 2 … or 1, 2, 3 …, N >= 3."""
     return len(times) >= 3 and times[0] in (0, 1) and bool((np.diff(times) == 1).all())
+
+
+def _are_rotations(R: Array) -> Mask:
+    errors = np.abs(R @ R.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2), initial=0)
+    return (errors < MAX_ROTATION_ERROR) & (np.linalg.det(R) > 0)
 
 
 def _columns(header: tuple[str, ...], columns: int) -> PoseColumns | None:

@@ -23,7 +23,7 @@ NS, SECONDS = 1, 1_000_000_000
 MIN_STEP_NS = 100_000
 """Time between rows, ns, below which timestamps are not nanoseconds: sensors stay below 10 kHz."""
 
-MAX_STEP_S = 1.5
+MAX_STEP_S = 5
 """Time between rows, s, above which whole numbers are not seconds."""
 
 BRACKETS = re.compile(r"\[.*?\]|\(.*?\)")

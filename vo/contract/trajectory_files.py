@@ -8,7 +8,15 @@ import numpy as np
 
 from vo.contract.arrays import Array, Indices
 from vo.contract.errors import TrajectoryError
-from vo.contract.pose_tables import EUROC, TUM, PoseColumns, is_row_count, named_columns
+from vo.contract.pose_tables import (
+    EUROC,
+    TUM,
+    PoseColumns,
+    is_matrix,
+    is_row_count,
+    matrix_poses,
+    named_columns,
+)
 from vo.contract.remarks import remark
 from vo.contract.tables import MIN_STEP_NS, NS, SECONDS, Table, median_step, read_table
 from vo.contract.trajectory import Trajectory
@@ -22,9 +30,6 @@ MARGIN_NS = 1_000_000_000
 
 SAME_TIME_NS = 1_000_000
 """A pose belongs to a frame if their times differ by less than this."""
-
-MAX_ROTATION_ERROR = 0.02
-"""Largest entry of R R^T - I of a rotation that was written with few digits."""
 
 
 def read_trajectory(path: Path, frame_times_ns: Indices | None = None) -> Trajectory:
@@ -44,8 +49,8 @@ def read_trajectory(path: Path, frame_times_ns: Indices | None = None) -> Trajec
     if not len(table):
         raise TrajectoryError(f"{path}: holds no poses; expected rows of {FORMATS}")
     named = named_columns(table)
-    if named is None and (T := _kitti_poses(table)) is not None:
-        return _at_frames(table, T, frame_times_ns)
+    if named is None and is_matrix(table):
+        return _at_frames(table, matrix_poses(table), frame_times_ns)
     if named and named.quat_wxyz is None:
         raise TrajectoryError(f"{path}: has no quaternions; expected rows of {FORMATS}")
     stamps = table.stamps(named.time if named else 0, FORMATS)
@@ -58,28 +63,6 @@ def read_trajectory(path: Path, frame_times_ns: Indices | None = None) -> Trajec
     if frame_times_ns is not None:
         _remark_other_times(path, times_ns, frame_times_ns)
     return Trajectory(times_ns, T_ref_frame)
-
-
-def rotation_faults(R: Array) -> Indices:
-    """Return the indices of matrices (N, 3, 3) that are no rotations."""
-    error = np.abs(R @ R.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2))
-    return np.flatnonzero(~(error < MAX_ROTATION_ERROR) | (np.linalg.det(R) < 0))
-
-
-def _kitti_poses(table: Table) -> Array | None:
-    """Return poses (N, 4, 4) of rows of 12 numbers whose first is a rotation; None for others."""
-    if len(table.rows[0]) != 12:
-        return None
-    expected = "12 numbers, the top of a pose matrix (KITTI)"
-    T = np.tile(np.eye(4), (len(table), 1, 1))
-    T[:, :3] = table.numbers(range(12), expected).reshape(-1, 3, 4)
-    faults = rotation_faults(T[:, :3, :3])
-    if 0 in faults:
-        return None
-    for i, row in enumerate(table.rows):
-        if len(row) != 12 or i in faults:
-            raise table.fault(i, f"holds no rotation, or more columns; expected {expected}")
-    return T
 
 
 def _at_frames(table: Table, T_ref_frame: Array, frame_times_ns: Indices | None) -> Trajectory:

@@ -4,12 +4,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from vo.contract import se3
 from vo.contract.arrays import Array
+from vo.contract.calibration import read_sensor_pose
 from vo.contract.errors import TrajectoryError
-from vo.contract.files import read_lines
 from vo.contract.pose_tables import EUROC, PoseColumns, named_columns
 from vo.contract.remarks import remark
 from vo.contract.tables import Table, read_table
@@ -29,6 +28,7 @@ def read_true_states(mav: Path, T_body_cam: Array) -> Trajectory | None:
 
     Raises:
         TrajectoryError: If a row is malformed; names file and line.
+        CalibrationError: If the sensor.yaml is malformed.
     """
     tables = (mav / name / "data.csv" for name in TRUTH_FOLDERS)
     path = next((x for x in tables if x.is_file()), None)
@@ -51,6 +51,7 @@ def read_true_poses(path: Path, T_body_cam: Array) -> Trajectory:
 
     Raises:
         TrajectoryError: If the table is missing or a row is malformed; names file and line.
+        CalibrationError: If the sensor.yaml is malformed.
     """
     table = _complete_rows(read_table(path, TrajectoryError))
     if not len(table):
@@ -59,7 +60,8 @@ def read_true_poses(path: Path, T_body_cam: Array) -> Trajectory:
     T_world_sensor = columns.poses(table, STATE)
     times_ns = table.times_ns(STATE, column=columns.time)
     table.require_increasing(times_ns)
-    T_body_sensor = _sensor_pose(path.with_name("sensor.yaml"))
+    sheet = path.with_name("sensor.yaml")
+    T_body_sensor = read_sensor_pose(sheet) if sheet.is_file() else None
     if columns.quat_wxyz is not None:
         T_sensor_body = np.eye(4) if T_body_sensor is None else se3.inverse(T_body_sensor)
         return Trajectory(times_ns, T_world_sensor @ (T_sensor_body @ T_body_cam))
@@ -85,17 +87,3 @@ def _complete_rows(table: Table) -> Table:
     kept = [i for i in range(len(table)) if i not in missing | repeated]
     lines, words = tuple(table.lines[i] for i in kept), tuple(table.rows[i] for i in kept)
     return replace(table, lines=lines, rows=words)
-
-
-def _sensor_pose(path: Path) -> Array | None:
-    """Read T_BS (4, 4), the sensor in the body frame; None without file or key."""
-    if not path.is_file():
-        return None
-    try:
-        content = yaml.safe_load("\n".join(x for x in read_lines(path) if not x.startswith("%")))
-        T = content["T_BS"]
-        return np.array(T["data"] if isinstance(T, dict) else T, dtype=float).reshape(4, 4)
-    except KeyError:
-        return None
-    except (TypeError, ValueError, yaml.YAMLError):
-        raise TrajectoryError(f"{path}: T_BS is not a 4x4 matrix, row by row") from None
