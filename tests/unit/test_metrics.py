@@ -121,6 +121,12 @@ def test_associate_without_shared_times_is_an_error():
     late = Trajectory(np.array([10**12, 10**12 + 1]), along_x([0, 1]))
     with pytest.raises(TrajectoryError, match="shares 0 times"):
         associate(truth, late)
+    sparse = Trajectory(np.array([0, 10**9]), along_x([0, 1]))
+    between = Trajectory(10**8 * np.array([2, 3]), along_x([0, 1]))
+    with pytest.raises(
+        TrajectoryError, match=r"nearest true pose is 200\.0 ms away, of 20 allowed"
+    ):
+        associate(sparse, between)
 
 
 def test_associate_names_the_empty_trajectory():

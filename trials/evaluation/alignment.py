@@ -104,17 +104,20 @@ def associate(truth: Trajectory, estimate: Trajectory) -> Pair:
         TrajectoryError: If fewer than two times remain.
     """
     times, known = estimate.timestamps_ns, truth.timestamps_ns
-    shared = np.zeros(len(times), dtype=bool)
+    shared, near = np.zeros(len(times), dtype=bool), ""
     if len(known):
         after = np.searchsorted(known, times).clip(1, len(known) - 1) if len(known) > 1 else 0
         distance_ns = np.minimum(np.abs(times - known[after]), np.abs(times - known[after - 1]))
         inside = (times >= known[0]) & (times <= known[-1])
         shared = inside & (distance_ns <= MAX_GAP_NS)
+        if inside.any():
+            nearest_ms = distance_ns[inside].min() / 1e6
+            near = f"; the nearest true pose is {nearest_ms:.1f} ms away, of {MAX_GAP_NS / 1e6:g} allowed"
     if shared.sum() < 2:
         truth_span, span = (f"{x[0]}..{x[-1]} ns" if len(x) else "is empty" for x in (known, times))
         raise TrajectoryError(
             f"the estimate shares {shared.sum()} times with the truth, scoring needs 2; "
-            f"truth {truth_span}, estimate {span}"
+            f"truth {truth_span}, estimate {span}{near}"
         )
     T_world_cam, T_odom_cam = truth.at(times[shared]).T_ref_frame, estimate.T_ref_frame[shared]
     if truth.point_cam is not None:
