@@ -15,6 +15,8 @@ POSITIONS = [" ".join(map(repr, x)) for x in T[:, :3, 3].tolist()]
 QUATS_WXYZ = [" ".join(map(repr, x)) for x in se3.to_quat_wxyz(T).tolist()]
 QUATS_XYZW = [" ".join([*x.split()[1:], x.split()[0]]) for x in QUATS_WXYZ]
 
+MATRICES = [" ".join(map(repr, x)) for x in T[:, :3].reshape(4, 12).tolist()]
+
 
 def rows(*columns, comma=False):
     text = "".join(" ".join(map(str, row)) + "\n" for row in zip(*columns, strict=True))
@@ -53,7 +55,10 @@ def read(tmp_path, text, frames_ns=FRAMES_NS):
         "field.pose.pose.position.z,field.pose.pose.orientation.x,field.pose.pose.orientation.y,"
         "field.pose.pose.orientation.z,field.pose.pose.orientation.w,field.twist.twist.linear.x\n"
         + rows(FRAMES_NS, range(4), POSITIONS, QUATS_XYZW, [9] * 4, comma=True),
-        "".join(" ".join(map(repr, row)) + "\n" for row in T[:, :3].reshape(4, 12).tolist()),
+        rows(MATRICES),
+        rows(SECONDS, MATRICES),
+        rows(FRAMES_NS, MATRICES, ["0 0 0 1"] * 4),
+        rows(MATRICES, ["0 0 0 1"] * 4, comma=True),
     ],
 )
 def test_every_format_gives_the_same_trajectory(tmp_path, text):
@@ -81,6 +86,7 @@ def test_unit_of_times_is_that_which_fits_the_recording(tmp_path, start_ns):
     [
         (rows(range(4), POSITIONS, QUATS_XYZW), r"x\.txt:1: the first column counts rows"),
         (rows(range(4), SECONDS, POSITIONS, QUATS_XYZW), r"x\.txt:1: "),
+        (rows([0, 2, 3], MATRICES[1:]), r"x\.txt:1: the first column counts rows or frames"),
         (
             rows(50000 * np.arange(4), POSITIONS, QUATS_XYZW),
             r"x\.txt:1: timestamps are 50000 apart",
@@ -94,7 +100,7 @@ def test_unit_of_times_is_that_which_fits_the_recording(tmp_path, start_ns):
         ),
         (rows(SECONDS, POSITIONS), r"x\.txt:1: 4 columns; expected"),
         ("t,x,y,z\n" + rows(SECONDS, POSITIONS, comma=True), r"x\.txt: has no quaternions"),
-        ("1 0 0 0 0 1 0 0 0 0 1 0\n" * 3, r"3 rows of 12 numbers, .*for 4 frames"),
+        ("1 0 0 0 0 1 0 0 0 0 1 0\n" * 3, r"3 rows of a matrix, .*for 4 frames"),
         ("1 0 0 0 0 1 0 0 0 0 1 0\n" + "1 0 0 0 0 2 0 0 0 0 1 0\n" * 3, r":2: holds no rotation"),
         ("# nothing\n", "holds no poses"),
     ],

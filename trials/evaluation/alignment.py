@@ -112,7 +112,8 @@ def associate(truth: Trajectory, estimate: Trajectory) -> Pair:
         shared = inside & (distance_ns <= MAX_GAP_NS)
         if inside.any():
             nearest_ms = distance_ns[inside].min() / 1e6
-            near = f"; the nearest true pose is {nearest_ms:.1f} ms away, of {MAX_GAP_NS / 1e6:g} allowed"
+            near = f"; the nearest true pose is {nearest_ms:.1f} ms away, "
+            near += f"of {MAX_GAP_NS / 1e6:g} allowed"
     if shared.sum() < 2:
         truth_span, span = (f"{x[0]}..{x[-1]} ns" if len(x) else "is empty" for x in (known, times))
         raise TrajectoryError(

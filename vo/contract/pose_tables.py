@@ -1,12 +1,12 @@
 """Columns of poses in a text table: which is which, and the poses in them."""
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from vo.contract import se3
-from vo.contract.arrays import Array, Indices, Mask
+from vo.contract.arrays import Array, Mask
 from vo.contract.tables import Table
 
 TIME = re.compile(r"(time|stamp|timestamps?|t)(_?(ns|nsec|s|sec))?")
@@ -72,36 +72,35 @@ def named_columns(table: Table) -> PoseColumns | None:
     return next(filter(None, (_columns(header, columns) for header in table.headers)), None)
 
 
-def matrix_poses(table: Table) -> Array:
-    """Return the poses (N, 4, 4) of rows of 12 numbers, each the top of a matrix (KITTI).
+def matrix_poses(table: Table, columns: int = 12) -> Array:
+    """Return the poses (N, 4, 4) of rows of 12 or 16 numbers, a matrix by rows, after any time.
 
     Raises:
         DriftyardError: If a row has other columns or holds no rotation; of the table's class, names
             file and line.
     """
-    expected = "12 numbers, the top of a pose matrix (KITTI)"
-    T = np.tile(np.eye(4), (len(table), 1, 1))
-    T[:, :3] = table.numbers(range(12), expected).reshape(-1, 3, 4)
-    is_rotation = _are_rotations(T[:, :3, :3])
+    expected = f"{columns} numbers with a pose matrix by rows (KITTI)"
     for i, row in enumerate(table.rows):
-        if len(row) != 12 or not is_rotation[i]:
-            what = "holds no rotation" if len(row) == 12 else f"{len(row)} columns"
-            raise table.fault(i, f"{what}; expected {expected}")
+        if len(row) != columns:
+            raise table.fault(i, f"{len(row)} columns; expected {expected}")
+    T = np.tile(np.eye(4), (len(table), 1, 1))
+    T[:, :3] = table.numbers(range(columns % 4, columns % 4 + 12), expected).reshape(-1, 3, 4)
+    for i in np.flatnonzero(~_are_rotations(T[:, :3, :3])):
+        raise table.fault(int(i), f"holds no rotation; expected {expected}")
     return T
 
 
-def is_matrix(table: Table) -> bool:
-    """Whether the first row holds 12 numbers, of which nine are a rotation; or raise its error."""
-    first = replace(table, rows=table.rows[:1])
-    if len(first.rows[0]) != 12:
-        return False
-    rows = first.numbers(range(12), "12 numbers").reshape(1, 3, 4)
-    return bool(_are_rotations(rows[:, :, :3])[0])
-
-
-def is_row_count(times: Indices) -> bool:
-    """Whether numbers (N,) are 0, 1, 2 … or 1, 2, 3 …, N >= 3."""
-    return len(times) >= 3 and times[0] in (0, 1) and bool((np.diff(times) == 1).all())
+def matrix_columns(table: Table) -> int | None:
+    """Return the number of columns if the first row holds a pose matrix, after a time or alone."""
+    row = table.rows[0]
+    try:
+        values = np.array([float(x) for x in row])
+    except ValueError:
+        return None
+    if len(row) not in (12, 13, 16, 17) or not np.isfinite(values).all():
+        return None
+    T = values[len(row) % 4 :][:12].reshape(1, 3, 4)
+    return len(row) if _are_rotations(T[:, :, :3])[0] else None
 
 
 def _are_rotations(R: Array) -> Mask:

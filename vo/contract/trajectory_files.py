@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from decimal import Decimal
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +13,7 @@ from vo.contract.pose_tables import (
     EUROC,
     TUM,
     PoseColumns,
-    is_matrix,
-    is_row_count,
+    matrix_columns,
     matrix_poses,
     named_columns,
 )
@@ -49,16 +49,20 @@ def read_trajectory(path: Path, frame_times_ns: Indices | None = None) -> Trajec
     if not len(table):
         raise TrajectoryError(f"{path}: holds no poses; expected rows of {FORMATS}")
     named = named_columns(table)
-    if named is None and is_matrix(table):
-        return _at_frames(table, matrix_poses(table), frame_times_ns)
+    columns = matrix_columns(table) if named is None else None
+    if columns in (12, 16):
+        return _at_frames(table, matrix_poses(table, columns), frame_times_ns)
     if named and named.quat_wxyz is None:
         raise TrajectoryError(f"{path}: has no quaternions; expected rows of {FORMATS}")
     stamps = table.stamps(named.time if named else 0, FORMATS)
     unit_ns = _unit_ns(table, stamps, frame_times_ns)
     times_ns = table.in_ns(stamps, unit_ns)
-    if is_row_count(np.array(stamps)) and not _is_slow(frame_times_ns):
-        raise table.fault(0, f"the first column counts rows; expected {FORMATS}")
-    T_ref_frame = (named or _unnamed_columns(table, unit_ns)).poses(table, FORMATS)
+    if frame_times_ns is not None and _are_counts(stamps, frame_times_ns):
+        raise table.fault(0, f"the first column counts rows or frames; expected {FORMATS}")
+    if columns:
+        T_ref_frame = matrix_poses(table, columns)
+    else:
+        T_ref_frame = (named or _unnamed_columns(table, unit_ns)).poses(table, FORMATS)
     table.require_increasing(times_ns)
     if frame_times_ns is not None:
         _remark_other_times(path, times_ns, frame_times_ns)
@@ -68,7 +72,7 @@ def read_trajectory(path: Path, frame_times_ns: Indices | None = None) -> Trajec
 def _at_frames(table: Table, T_ref_frame: Array, frame_times_ns: Indices | None) -> Trajectory:
     if frame_times_ns is None or len(frame_times_ns) != len(T_ref_frame):
         frames = "no recording" if frame_times_ns is None else f"{len(frame_times_ns)} frames"
-        rows = f"{len(T_ref_frame)} rows of 12 numbers, which have no times,"
+        rows = f"{len(T_ref_frame)} rows of a matrix, which have no times,"
         raise TrajectoryError(f"{table.path}: {rows} for {frames}")
     return Trajectory(frame_times_ns, T_ref_frame)
 
@@ -119,8 +123,14 @@ def _remark_other_times(path: Path, times_ns: Indices, frame_times_ns: Indices) 
         )
 
 
-def _is_slow(frame_times_ns: Indices | None) -> bool:
-    """Whether the frames are about a second apart, so that timestamps may count seconds."""
-    if frame_times_ns is None or len(frame_times_ns) < 2:
-        return frame_times_ns is None
-    return bool(0.9 < np.median(np.diff(frame_times_ns)) / SECONDS < 1.1)
+def _are_counts(stamps: Sequence[Decimal], frame_times_ns: Indices) -> bool:
+    """Whether timestamps are 0, 1, 2 …, or 1, 2, 3 …, or whole numbers below that of frames.
+
+    They may be seconds if the frames are about a second apart.
+    """
+    if len(stamps) < 3 or len(frame_times_ns) < 2:
+        return False
+    is_consecutive = stamps[0] in (0, 1) and all(b - a == 1 for a, b in pairwise(stamps))
+    is_index = all(x.as_tuple().exponent == 0 and 0 <= x < len(frame_times_ns) for x in stamps)
+    period_s = float(np.median(np.diff(frame_times_ns))) / SECONDS
+    return (is_consecutive or is_index) and not 0.9 < period_s < 1.1
