@@ -1,10 +1,12 @@
 """The registry of scenes: builders of worlds to drive through, without physics and rendering."""
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from types import ModuleType
 from typing import Any
 
+import mujoco
 import numpy as np
 from pydantic import ValidationError
 
@@ -27,7 +29,17 @@ from scenes import (
 )
 from scenes.scene import Scene
 from vo.contract.errors import SettingsError
+from vo.contract.remarks import remark
 from vo.contract.settings import Settings, complaint
+
+
+def _remark(text: str) -> None:
+    with suppress(Exception):  # one that is raised in MuJoCo ends the process
+        remark(f"MuJoCo warns: {text}")
+
+
+if mujoco.get_mju_user_warning() is None:  # it would write to MUJOCO_LOG.TXT in the user's folder
+    mujoco.set_mju_user_warning(_remark)
 
 
 @dataclass(frozen=True)

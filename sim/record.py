@@ -100,7 +100,7 @@ def record_trip(
     delivered, things = delivered_rig(world.rig, settings.calibration), annotator.things
     write_cameras(writer, delivered, settings, trip)
     write_exposures(writer, exposures)
-    write_inertial(writer, settings, trip)
+    write_inertial(writer, settings, trip, world.gravity_mps2)
     write_wheels(writer, settings, trip)
     checks = check_folder(writer.partial, settings, trip.ended)
     certificate = certify(frames, checks, exempt_parts(settings))

@@ -12,6 +12,7 @@ from scenes.scene import Thing
 from sim.imaging.lens import miscalibration_rotation
 from sim.settings import RecordSettings
 from sim.world.fingerprint import fingerprint
+from sim.world.physics import physics_entry
 from sim.world.trip import Trip
 from sim.world.world import World
 from vo.contract.dataset import installed_version
@@ -57,6 +58,7 @@ def manifest(
             "tags": sorted(scene.tags),
         },
         "world": fingerprint(world),
+        "physics": physics_entry(world),
         "seed": settings.seed,
         "settings": settings.model_dump(mode="json"),
         "complete": not trip.ended,

@@ -9,7 +9,7 @@ from sim.camera.camera import FrameExposure
 from sim.imaging.lens import has_distortion
 from sim.labels.annotate import FORWARD
 from sim.labels.formats import LABELS
-from sim.sensors.inertial import GRAVITY_MPS2, T_body_imu, ideal_readings, imu_states, with_noise
+from sim.sensors.inertial import T_body_imu, ideal_readings, imu_states, with_noise
 from sim.settings import RecordSettings
 from sim.world.random_streams import stream
 from sim.world.rover import TRACK_M, WHEEL_RADIUS_M
@@ -81,11 +81,13 @@ def write_exposures(writer: DatasetWriter, exposures: Sequence[FrameExposure]) -
     writer.add_csv(EXPOSURES, columns, rows)
 
 
-def write_inertial(writer: DatasetWriter, settings: RecordSettings, trip: Trip) -> None:
-    """Write the inertial readings, and the true states of unit and body with the biases."""
+def write_inertial(
+    writer: DatasetWriter, settings: RecordSettings, trip: Trip, gravity_mps2: Array
+) -> None:
+    """Write the inertial readings under a gravity (3,), and the true states of unit and body with the biases."""
     imu, motions, T_body_unit = settings.imu, trip.motions, T_body_imu(settings.imu)
     states = motions.T_world_body, motions.v_world_body, motions.w_world_body, T_body_unit
-    ideal = ideal_readings(motions.times_ns, *states, GRAVITY_MPS2)
+    ideal = ideal_readings(motions.times_ns, *states, gravity_mps2)
     readings, biases = with_noise(ideal, imu, stream(settings.seed, "imu"))
     sheet = _sheet(
         "imu",

@@ -3,7 +3,6 @@
 import math
 from dataclasses import dataclass, replace
 
-import mujoco
 import numpy as np
 
 from scenes.scene import Motion
@@ -111,7 +110,7 @@ def render_sample_views(world: World, settings: RecordSettings) -> SampleViews:
         there, time_s, qpos = scenery[shown]
         there.place(time_s, qpos)
         chase = renderer.render_view(chase_camera(there), *CHASE_PX)
-        mujoco.mj_resetData(world.model, world.data)
+        world.reset()
         world.move_movers(START_S)
         world.place_bodies()
         top_down = render_world_map(world, renderer)
@@ -130,7 +129,7 @@ def short_trip(world: World, settings: RecordSettings, share: float) -> tuple[Wo
     drive, path = settings.drive, world.path
     if world.arrival_s is not None:
         there = _later(world, share * (world.arrival_s - START_S))
-        mujoco.mj_resetData(world.model, world.data)
+        world.reset()
         trip = make_trip(replace(there, arrival_s=WALK_S), settings)
     else:
         along_m = share * path.length_m
@@ -166,7 +165,7 @@ def place_rover(world: World, settings: RecordSettings, along_m: float) -> None:
     z /= np.linalg.norm(z)
     T_world_chassis = np.column_stack([x, np.cross(z, x), z])
     ground = np.array([*here, float(scene.elevation(here))])
-    mujoco.mj_resetData(world.model, world.data)
+    world.reset()
     T = se3.pose(T_world_chassis, ground + (WHEEL_RADIUS_M + clearance_m) * z)
     world.data.joint(PREFIX + "free").qpos = (*T[:3, 3], *se3.to_quat_wxyz(T))
     world.move_movers(START_S)

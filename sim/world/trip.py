@@ -11,6 +11,7 @@ from sim.settings import RecordSettings
 from sim.world.carrier_motion import body_motion, centred_velocity, wheel_forces_n
 from sim.world.drive import CONTROL_RATE_HZ, DriveError, Driver, where
 from sim.world.fall import FallMonitor
+from sim.world.physics import expect_stable
 from sim.world.random_streams import stream
 from sim.world.rover import ticks
 from sim.world.world import START_S, World
@@ -114,14 +115,15 @@ def make_trip(world: World, settings: RecordSettings) -> Trip:
         time_s = START_S + step * timestep_s
         if movers.due(step):
             world.move_movers(time_s)
-        if driver and control.due(step):
-            try:
+        try:
+            expect_stable(world, time_s)
+            if driver and control.due(step):
                 if fall.has_fallen(world.data):
                     raise DriveError(f"the rover fell {where(world.T_world_chassis, time_s)}")
                 world.command_wheels(driver.command(world.T_world_chassis, time_s))
-            except DriveError as error:
-                ended = str(error)
-                break
+        except DriveError as error:
+            ended = str(error)
+            break
         arrived = driver.arrived if driver else time_s >= (world.arrival_s or 0.0)
         if arrived and last_step == math.inf:
             last_step = step + round(REST_S / timestep_s)

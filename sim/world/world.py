@@ -27,6 +27,8 @@ from vo.contract.rig import StereoRig
 STEPS_MIN_HZ, STEPS_MAX_HZ = 1000, 4000
 START_S = 1.0
 """Time of the first frame; the rover settles during the second before it."""
+HOME = "home"
+"""Name of the keyframe of a world from which it starts."""
 WALK_STEP_M = 0.1
 """Spacing of the points of a hand-held carrier's route."""
 
@@ -89,6 +91,21 @@ class World:
     def wheel_angles_rad(self) -> Array:
         """(2,) angles of the left and the right wheel since the start, forward positive."""
         return np.array([self.data.joint(name).qpos[0] for name in WHEELS])
+
+    @property
+    def gravity_mps2(self) -> Array:
+        """(3,) gravity in world axes; zero where the world turns it off."""
+        option = self.model.opt
+        off = option.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
+        return np.zeros(3) if off else np.array(option.gravity)
+
+    def reset(self) -> None:
+        """Bring all bodies to their start: to the world's keyframe `home`, if it has one."""
+        key = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_KEY, HOME)
+        if key >= 0:
+            mujoco.mj_resetDataKeyframe(self.model, self.data, key)
+        else:
+            mujoco.mj_resetData(self.model, self.data)
 
     def command_wheels(self, speeds_radps: Array) -> None:
         """Set the wheels' target speeds, (2,) left and right, rad/s, forward positive."""
@@ -161,6 +178,7 @@ def build_world(scene: Scene, settings: RecordSettings) -> World:
         raise SettingsError(f"scene {scene.name}: {' '.join(str(error).split())}") from None
     data = mujoco.MjData(model)
     world = World(scene, rig, render_rig, path, arrival_s, movers, things, model, data)
+    world.reset()
     world.move_movers(0.0)
     mujoco.mj_forward(model, data)
     if world.is_driven:

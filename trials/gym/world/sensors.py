@@ -9,7 +9,7 @@ from sim.camera.camera import Capture, FrameExposure, StereoCamera
 from sim.camera.exposure import mean_brightness, open_shutter
 from sim.camera.render import GeometryBuffers, StereoRenderer
 from sim.imaging.lens import delivered_rig
-from sim.sensors.inertial import GRAVITY_MPS2, T_body_imu, ideal_readings
+from sim.sensors.inertial import T_body_imu, ideal_readings
 from sim.settings import ImuSettings, RecordSettings
 from sim.world.carrier_motion import body_motion
 from sim.world.random_streams import stream
@@ -145,10 +145,10 @@ class InertialUnit:
         before, self._before = self._before, now
         if before is None:
             R_world_imu = now[1][:3, :3] @ self._T_body_imu[:3, :3]
-            return np.concatenate([np.zeros(3), -GRAVITY_MPS2 @ R_world_imu])
+            return np.concatenate([np.zeros(3), -world.gravity_mps2 @ R_world_imu])
         times_ns, *states = (np.array(pair) for pair in zip(before, now, strict=True))
         T, v, w = states
-        ideal = ideal_readings(times_ns, T, v, w, self._T_body_imu, GRAVITY_MPS2)
+        ideal = ideal_readings(times_ns, T, v, w, self._T_body_imu, world.gravity_mps2)
         s, dt = self._settings, float(times_ns[1] - times_ns[0]) * 1e-9
         densities = np.repeat([s.gyroscope_noise_density, s.accelerometer_noise_density], 3)
         walks = np.repeat([s.gyroscope_random_walk, s.accelerometer_random_walk], 3)

@@ -169,7 +169,7 @@ class Simulation:
             may be there, or no ground.
         """
         world, data = self.world, self.world.data
-        mujoco.mj_resetData(world.model, data)
+        world.reset()
         height = float(world.scene.elevation(start[:2])) + WHEEL_RADIUS_M + START_CLEARANCE_M
         yaw = float(start[2])
         quat = math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)
