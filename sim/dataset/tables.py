@@ -84,7 +84,7 @@ def write_exposures(writer: DatasetWriter, exposures: Sequence[FrameExposure]) -
 def write_inertial(
     writer: DatasetWriter, settings: RecordSettings, trip: Trip, gravity_mps2: Array
 ) -> None:
-    """Write the inertial readings under a gravity (3,), and the true states of unit and body with the biases."""
+    """Write inertial readings under a gravity (3,), and the true states of unit and body."""
     imu, motions, T_body_unit = settings.imu, trip.motions, T_body_imu(settings.imu)
     states = motions.T_world_body, motions.v_world_body, motions.w_world_body, T_body_unit
     ideal = ideal_readings(motions.times_ns, *states, gravity_mps2)
