@@ -160,7 +160,8 @@ def test_decide_five_scenes_weakened_estimator_regresses(increase, lost):
     decision = with_losses(ratios, lost)
     assert decision.verdict is Verdict.REGRESS
     assert decision.findings[0].change.counted == len(lost)
-    assert "newly lost counts as the largest change" in decision.findings[0].why
+    counted = f"newly lost sequences ({len(lost)}) counted as the largest change"
+    assert counted in decision.findings[0].why
 
 
 def test_decide_few_remaining_pairs_decide_large_changes():
@@ -334,8 +335,10 @@ def test_reports_name_counted_losses(baseline):
     decision = decide(Rules(), SCENES, baseline.measured, after)
     found = Comparison(baseline, "b", {}, {}, after, decision, ())
     markdown, content = as_markdown(found), json.loads(as_json(found))
-    assert "b against a: drift increased by more than 0.5 %, if each of 2 newly lost" in markdown
-    assert "2 newly lost count as +110.0 % of drift; bounds of drift hold with 98.75%" in markdown
+    assert "b against a: drift increased by more than 0.5 %, with newly lost sequences" in markdown
+    assert (
+        "newly lost ones (2) count as +110.0 % of drift, whose bounds hold with 98.75%" in markdown
+    )
     change = content["findings"][0]["change"]
     assert (change["counted_losses"], change["sequences"], change["degrees_of_freedom"]) == (
         2,

@@ -25,7 +25,9 @@ from vo.contract.settings import Settings, amended, keys, resolve, with_defaults
 @pytest.mark.parametrize(
     ("override", "message"),
     [
-        ("rig.baseline_m=0", "rig.baseline_m"),
+        ("rig.baseline_m=0", r"setting rig.baseline_m: .*greater than 0, got 0$"),
+        ("rig=3", r"setting rig: is a group, got 3; set rig\.NAME$"),
+        ("scene=3", r"setting scene: is a group, got 3; set scene\.NAME$"),
         ("rig.tilt_deg=80", "rig.tilt_deg"),
         (
             "rig.tilt=20",

@@ -195,7 +195,7 @@ def _compare(
     change = Change.of(effect, effect.with_losses(lost), rules, np.log1p(tolerance))
     verdict, why = decide_change(change, np.log1p(margin))
     if change.counted:
-        why += f", if each of {change.counted} newly lost counts as the largest change"
+        why += f", with newly lost sequences ({change.counted}) counted as the largest change"
     known = np.isfinite(values)
     before, after = (
         float(np.exp(Effect.of(np.where(known, x, np.nan), scenes).mean)) for x in (was, now)

@@ -52,8 +52,8 @@ def notes(found: Comparison) -> list[str]:
     if drift is not None and drift.counted:
         size = percent(float(np.abs(drift.effect.values).max()), signed=True)
         lines.append(
-            f"few sequences remain, so {drift.counted} newly lost count as {size} of drift; bounds "
-            f"of drift hold with {1 - drift.level:.2%} each"
+            f"few sequences remain: newly lost ones ({drift.counted}) count as {size} of drift, "
+            f"whose bounds hold with {1 - drift.level:.2%} each"
         )
     lines += [f"accepted: {x}" for x in found.mismatches]
     for known, now in zip(found.baseline.sequences, found.measured, strict=True):

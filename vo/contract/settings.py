@@ -175,8 +175,10 @@ def _explain(model: type[BaseModel], error: ValidationError) -> str:
     if not key:  # a rule over several settings
         return f"setting {complaint(error)}"
     if first["type"] != "extra_forbidden":
-        now = _current_name(model, f"{key}={value}")
-        hint = f"; {value} is now {now.partition('=')[2]}" if "=" in now else ""
+        if first["type"] in ("model_type", "dict_type"):
+            return f"setting {key}: is a group, got {value!r}; set {key}.NAME"
+        now = _current_name(model, given := f"{key}={value}")
+        hint = f"; {value} is now {now.partition('=')[2]}" if now != given else ""
         return f"setting {key}: {complaint(error)}{hint}"
     leaf = next(_leaves(key, value))
     if (now := _current_name(model, leaf)) != leaf:
