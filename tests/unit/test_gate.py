@@ -202,6 +202,18 @@ def test_decide_counted_loss_halves_the_level():
     assert change.effect.mean == pytest.approx(0.025)
 
 
+def test_decide_increase_everywhere_regresses_beside_a_loss():
+    """Four increases and a loss, one of them so large that Student's t finds nothing."""
+    ratios = np.array([1.2, 1.3, 1.4, 40.0, 1.0])
+    decision = with_losses(ratios, (4,))
+    change = decision.findings[0].change
+    assert change.low < change.null
+    assert decision.verdict is Verdict.REGRESS
+    assert with_losses(np.append(ratios[:3], [40.0, 1.5]), ()).verdict is Verdict.UNDECIDED
+    assert with_losses(np.append(ratios[1:4], [1.004, 1.0]), (4,)).verdict is Verdict.UNDECIDED
+    assert with_losses(ratios, (2, 4), (2,)).verdict is Verdict.UNDECIDED  # four samples
+
+
 def test_decide_columns_average_the_same_sequences():
     """Their ratio is the change, whatever is lost and however many sequences a scene has."""
     scenes = ("a", "a", "a", "b", "c", "d", "e", "f")

@@ -68,6 +68,17 @@ class Change:
         return self.rules.level / 2**self.counted
 
     @property
+    def increased_everywhere(self) -> bool:
+        """Whether losses count and every sample exceeds `null`, which chance makes too rarely.
+
+        Source:
+            The sign test: Arbuthnott, Philosophical Transactions 27, 1710.
+        """
+        samples = self.tested.scene_means if self.tested.by_scene else self.tested.values
+        by_chance = 0.5 ** len(samples)
+        return bool(self.counted and by_chance <= self.rules.level and samples.min() > self.null)
+
+    @property
     def bootstrap(self) -> tuple[float, float]:
         """Confidence bounds by the bootstrap, for comparison."""
         if np.isnan(self.low):
@@ -163,7 +174,7 @@ def decide_change(change: Change, margin: float) -> tuple[Verdict, str]:
         return Verdict.UNDECIDED, few
     if not change.tested.values.any():
         return Verdict.PASS, "is the same on every sequence"
-    if change.low > change.null:
+    if change.low > change.null or change.increased_everywhere:
         return Verdict.REGRESS, f"increased by more than {percent(change.null)}"
     if change.high < margin:
         return Verdict.PASS, f"increased by less than {percent(margin)}"
