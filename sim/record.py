@@ -102,7 +102,7 @@ def record_trip(
     write_exposures(writer, exposures)
     write_inertial(writer, settings, trip, world.gravity_mps2)
     write_wheels(writer, settings, trip)
-    checks = check_folder(writer.partial, settings, trip.ended)
+    checks = check_folder(writer.partial, settings, trip.ended, world.gravity_mps2)
     certificate = certify(frames, checks, exempt_parts(settings))
     entries = overhead.manifest_entry, renderer.gl_strings, certificate
     writer.commit(manifest(world, settings, delivered, trip, things, *entries))

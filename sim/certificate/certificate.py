@@ -21,7 +21,7 @@ from sim.certificate.bias import (
 )
 from sim.certificate.photometric import BINS_PER_GREY, METHOD, FrameResidual, Residual, quantile
 from sim.certificate.trajectory_check import check_trajectory, read_states
-from sim.sensors.inertial import GRAVITY_MPS2, ImuReadings, integrate
+from sim.sensors.inertial import ImuReadings, integrate
 from sim.settings import RecordSettings
 from sim.world.rover import TRACK_M, WHEEL_RADIUS_M
 from vo.contract import se3
@@ -152,13 +152,15 @@ def _median(values: Sequence[float]) -> float:
     return round(float(np.median(values)), 4)
 
 
-def check_folder(folder: Path, settings: RecordSettings, ended: str) -> dict[str, Any]:
-    """Compare the sensors of a dataset folder with its ground truth.
+def check_folder(
+    folder: Path, settings: RecordSettings, ended: str, gravity_mps2: Array
+) -> dict[str, Any]:
+    """Compare the sensors of a dataset folder with its ground truth, under a gravity (3,).
 
     One JSON-ready table for each check, with `passed`; no table where files are missing.
     """
     checks: dict[str, Any] = {
-        "inertial": _check_inertial(folder, settings),
+        "inertial": _check_inertial(folder, settings, gravity_mps2),
         "trajectory": check_trajectory(folder, settings),
     }
     if (folder / "mav0/wheels0").is_dir():
@@ -177,7 +179,7 @@ def _check_flow(errors_px: dict[int, float]) -> dict[str, Any]:
     }
 
 
-def _check_inertial(folder: Path, settings: RecordSettings) -> dict[str, Any]:
+def _check_inertial(folder: Path, settings: RecordSettings, gravity_mps2: Array) -> dict[str, Any]:
     """Integrate readings less true biases from true states, span after span."""
     times_ns, poses, rest = read_states(folder / "mav0/imu0/truth.csv")
     middles_ns, values = read_columns(folder / "mav0/imu0/data.csv")
@@ -189,12 +191,13 @@ def _check_inertial(folder: Path, settings: RecordSettings) -> dict[str, Any]:
         span = slice(start, start + step)
         intervals_ns = np.diff(times_ns[start : start + step + 1])
         readings = ImuReadings(middles_ns[span], intervals_ns, values[span, :3], values[span, 3:])
-        reckoned, _ = integrate(readings, poses[start], rest[start, :3], GRAVITY_MPS2)
+        reckoned, _ = integrate(readings, poses[start], rest[start, :3], gravity_mps2)
         error = se3.inverse(poses[start + len(readings.times_ns)]) @ reckoned[-1]
         drift_m = max(drift_m, float(np.linalg.norm(error[:3, 3])))
         turn_deg = max(turn_deg, float(np.degrees(se3.rotation_angle(error))))
-    limit_m, limit_deg = _inertial_limits(settings)
-    wrong = _wrong_readings(times_ns, poses, rest[:, :3], values, settings)
+    limit_m, limit_deg = _inertial_limits(settings, gravity_mps2)
+    gain = np.diff(rest[:, :3], axis=0) - gravity_mps2 * np.diff(times_ns)[:, None] * 1e-9
+    wrong = _wrong_readings(times_ns, poses, gain, values, settings)
     return {
         "about": f"inertial readings less true biases, integrated over {SPAN_S:g} s at a time from "
         "true states, and each of them from its own",
@@ -208,14 +211,17 @@ def _check_inertial(folder: Path, settings: RecordSettings) -> dict[str, Any]:
 
 
 def _wrong_readings(
-    times_ns: Indices, poses: Array, v: Array, values: Array, settings: RecordSettings
+    times_ns: Indices, poses: Array, gain: Array, values: Array, settings: RecordSettings
 ) -> Mask:
-    """Return which readings (N, 6) explain neither turn nor change of velocity (N + 1, ...)."""
+    """Return which readings (N, 6) do not explain turn or change of velocity.
+
+    Poses are (N + 1, 4, 4); the gain (N, 3) is what the specific force adds to the velocity.
+    """
     dt, R = np.diff(times_ns)[:, None] * 1e-9, Rotation.from_matrix(poses[:, :3, :3])
     half_turn = Rotation.from_rotvec(values[:, :3] * dt / 2)
     turn_error = (R[1:].inv() * R[:-1] * half_turn * half_turn).magnitude()
-    gain = (R[:-1] * half_turn).apply(values[:, 3:]) + GRAVITY_MPS2
-    gain_error = np.linalg.norm(np.diff(v, axis=0) - gain * dt, axis=1)
+    explained = (R[:-1] * half_turn).apply(values[:, 3:]) * dt
+    gain_error = np.linalg.norm(gain - explained, axis=1)
     noise = READING_DEVIATIONS * settings.imu.noise * np.sqrt(dt[:, 0])
     turn_max = TURN_MIN_RAD + noise * settings.imu.gyroscope_noise_density
     gain_max = GAIN_MIN_MPS + noise * settings.imu.accelerometer_noise_density
@@ -223,12 +229,12 @@ def _wrong_readings(
     return (turn_error > turn_max) | (gain_error > gain_max + force * turn_max)
 
 
-def _inertial_limits(settings: RecordSettings) -> tuple[float, float]:
+def _inertial_limits(settings: RecordSettings, gravity_mps2: Array) -> tuple[float, float]:
     """Return the drift from noise: white force noise integrated twice, and gyroscope tilt."""
     deviations = NOISE_DEVIATIONS * settings.imu.noise
     turn_rad = deviations * settings.imu.gyroscope_noise_density * SPAN_S**0.5
     drift_m = deviations * settings.imu.accelerometer_noise_density * (SPAN_S**3 / 3) ** 0.5
-    drift_m += turn_rad * 9.81 * SPAN_S**2 / 2
+    drift_m += turn_rad * float(np.linalg.norm(gravity_mps2)) * SPAN_S**2 / 2
     return DRIFT_MAX_M + drift_m, TURN_MAX_DEG + float(np.degrees(turn_rad))
 
 

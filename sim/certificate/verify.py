@@ -19,6 +19,7 @@ from sim.imaging.lens import margin_px
 from sim.labels.formats import LABELS, label_file
 from sim.labels.labels import disparity_from_depth
 from sim.progress import Progress
+from sim.sensors.inertial import EARTH_GRAVITY_MPS2
 from sim.settings import RecordSettings, recorded_settings
 from sim.world.rig import stereo_rig, widened
 from vo.contract import se3
@@ -99,7 +100,8 @@ def _check_certificate(
 ) -> list[Finding]:
     stated: dict[str, Any] = _table(folder, manifest, "certificate")
     frames, contradictory = _measure(folder, settings, progress)
-    checks = check_folder(folder, settings, manifest.get("ended", ""))
+    gravity_mps2 = _gravity(folder, manifest)
+    checks = check_folder(folder, settings, manifest.get("ended", ""), gravity_mps2)
     found = certify(frames, checks, exempt_parts(settings))
     parts = {key: figures for key, figures in found.items() if isinstance(figures, dict)}
     findings = [x for part, figures in parts.items() for x in _compare(part, stated, figures)]
@@ -111,6 +113,18 @@ def _check_certificate(
     if stated.get("passed") is not passed:
         findings.append(Finding(MANIFEST, f"certificate.passed is {stated.get('passed')!r}"))
     return findings
+
+
+def _gravity(folder: Path, manifest: dict[str, Any]) -> Array:
+    """Return the gravity (3,) of a dataset; that of the Earth in manifests without `physics`."""
+    stated = manifest.get("physics", {"gravity_mps2": EARTH_GRAVITY_MPS2})
+    try:
+        gravity_mps2 = np.array(stated["gravity_mps2"], dtype=float)
+    except (KeyError, TypeError, ValueError):
+        gravity_mps2 = np.empty(0)
+    if gravity_mps2.shape != (3,) or not np.isfinite(gravity_mps2).all():
+        raise DatasetError(f"{folder / MANIFEST}: physics.gravity_mps2 is not x, y, z in m/s^2")
+    return gravity_mps2
 
 
 def _compare(part: str, stated: dict[str, Any], found: dict[str, Any]) -> list[Finding]:

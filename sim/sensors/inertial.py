@@ -9,8 +9,8 @@ from sim.settings import ImuSettings
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices
 
-GRAVITY_MPS2: Array = np.array([0.0, 0.0, -9.81])
-"""(3,) gravity in world axes."""
+EARTH_GRAVITY_MPS2 = (0.0, 0.0, -9.81)
+"""Gravity in world axes of scenes that do not set another one, as in MuJoCo."""
 
 
 @dataclass(frozen=True)

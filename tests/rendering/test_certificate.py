@@ -18,6 +18,7 @@ from sim.certificate.manifest_check import check_digest, check_statements
 from sim.certificate.verify import verify
 from sim.dataset.image_codecs import encode_float
 from sim.record import record
+from sim.sensors.inertial import EARTH_GRAVITY_MPS2
 from sim.settings import (
     DriveSettings,
     LabelSettings,
@@ -40,6 +41,7 @@ SETTINGS = RecordSettings(
     labels=LabelSettings(flow=True, covisibility=True),
 )
 """The noise is that of the disturbance of this name at strength 1."""
+EARTH = np.array(EARTH_GRAVITY_MPS2)
 BODY = "mav0/state_groundtruth_estimate0/data.csv"
 UNIT = "mav0/imu0/truth.csv"
 READINGS = "mav0/imu0/data.csv"
@@ -134,7 +136,9 @@ def test_labels_that_contradict_each_other_are_found(copy):
 
 
 def failing(folder: Path) -> list[str]:
-    return [name for name, x in check_folder(folder, SETTINGS, "").items() if not x["passed"]]
+    return [
+        name for name, x in check_folder(folder, SETTINGS, "", EARTH).items() if not x["passed"]
+    ]
 
 
 @pytest.mark.parametrize(
@@ -161,6 +165,12 @@ def test_every_row_of_the_true_states_is_checked(copy, table, column, by):
 def test_inertial_reading_that_explains_no_motion_is_found(copy):
     edit(copy / READINGS, 77, 4, lambda x: x + 0.5)
     assert failing(copy) == ["inertial"]
+
+
+@pytest.mark.parametrize("gravity", [(0.0, 0.0, -9.8), (0.0, 0.0, -1.62), (0.1, 0.0, -9.81)])
+def test_readings_under_another_gravity_are_found(copy, gravity):
+    checks = check_folder(copy, SETTINGS, "", np.array(gravity))
+    assert not checks["inertial"]["passed"]
 
 
 def test_wheels_that_turn_too_far_are_found(copy):
