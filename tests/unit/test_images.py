@@ -74,7 +74,7 @@ def test_levels_above_the_depth_in_use_are_clipped(tmp_path):
         assert (read(tmp_path / "1.png") == 255).all()
 
 
-@pytest.mark.parametrize("suffix", [".jpg", ".JPEG", ".bmp", ".pgm", ".tif", ".webp"])
+@pytest.mark.parametrize("suffix", [".jpg", ".JPEG", ".jp2", ".bmp", ".pgm", ".tif", ".webp"])
 def test_codecs_are_read_with_and_without_suffix_in_the_table(tmp_path, suffix):
     folder = write_euroc(tmp_path / "d", wall(2))
     for eye in (0, 1):

@@ -273,6 +273,18 @@ def test_unknown_layout_lists_the_known_ones(tmp_path):
         open_sequence(tmp_path)
 
 
+def test_folder_of_recordings_names_one(euroc):
+    with pytest.raises(DatasetError, match=rf"not a recording; {euroc} is one; expected"):
+        open_sequence(euroc.parent)
+
+
+@pytest.mark.parametrize("separator", [" ", "=", ":"])
+def test_kitti_keys_end_in_a_colon_or_else(kitti, separator):
+    path = kitti / "calib.txt"
+    path.write_text(path.read_text().replace(": ", separator))
+    assert open_sequence(kitti).rig.baseline_m == pytest.approx(BASELINE_M)
+
+
 def test_colour_is_read_as_grey(euroc):
     path = euroc / "mav0" / "cam0" / "data" / f"{PERIOD_NS}.png"
     colour = np.zeros((HEIGHT, WIDTH, 3), np.uint8)

@@ -12,7 +12,10 @@ from vo.contract.arrays import Array, Image
 from vo.contract.errors import DatasetError, ImageError
 from vo.contract.remarks import remark
 
-SUFFIXES = (".png", ".jpg", ".jpeg", ".pgm", ".ppm", ".pnm", ".bmp", ".tif", ".tiff", ".webp")
+SUFFIXES = (
+    *(".png", ".jpg", ".jpeg", ".jp2", ".pgm", ".ppm", ".pnm"),
+    *(".bmp", ".gif", ".tif", ".tiff", ".webp"),
+)
 """Suffixes of image files, in lower case."""
 
 DEPTHS = (8, 10, 12, 14, 16)

@@ -187,19 +187,19 @@ def _origin(P: Array) -> Array:
 
 
 def _projections(path: Path, keys: tuple[str, str]) -> dict[str, Array]:
-    """Read rows of a key, a colon and 12 numbers, the projection (3, 4) of a rectified camera."""
+    """Read rows of a key and 12 numbers, the projection (3, 4) of a rectified camera."""
     found: dict[str, Array] = {}
     for number, line in enumerate(read_lines(path, CalibrationError), start=1):
-        key, _, values = line.partition(":")
-        if key.strip() in keys:
-            place = f"{path}:{number}: {key.strip()}"
+        key, *values = line.replace(":", " ").replace("=", " ").split() or [""]
+        if key in keys:
+            place = f"{path}:{number}: {key}"
             try:
-                P = np.array(values.split(), dtype=float).reshape(3, 4)
+                P = np.array(values, dtype=float).reshape(3, 4)
             except ValueError:
                 raise CalibrationError(f"{place} must be 12 numbers") from None
             if not np.isfinite(P).all() or not P[0, 0] > 0 or not P[1, 1] > 0 or not P[2, 2] > 0:
                 raise CalibrationError(f"{place} must be finite with positive focal lengths")
-            found[key.strip()] = P
+            found[key] = P
     if len(found) < len(keys):
         expected = " and ".join(f"'{key}: '" for key in keys)
         raise CalibrationError(f"{path}: needs rows that begin with {expected}, 12 numbers each")

@@ -125,7 +125,12 @@ def _reader(folder: Path) -> Reader:
     if not folder.is_dir():
         raise DatasetError(f"{folder}: no such folder")
     check_whole(folder)
-    for reader in READERS:
-        if reader.fits(folder):
-            return reader
-    raise DatasetError(f"{folder}: not a recording; expected {LAYOUTS}")
+    if (reader := _find_reader(folder)) is not None:
+        return reader
+    inside = next((x for x in sorted(folder.iterdir()) if x.is_dir() and _find_reader(x)), None)
+    hint = "" if inside is None else f"; {inside} is one"
+    raise DatasetError(f"{folder}: not a recording{hint}; expected {LAYOUTS}")
+
+
+def _find_reader(folder: Path) -> Reader | None:
+    return next((x for x in READERS if x.fits(folder)), None)

@@ -135,7 +135,8 @@ def _rectified_axes(left: Camera, right: Camera, T_right_left: Array) -> tuple[A
     )[:4]  # fmt: skip
     if P_right[0, 3] >= 0:
         raise CalibrationError(
-            f"{right.path}: not to the right of {left.path}; are the cameras swapped or stacked?"
+            f"{right.path}: the right camera is not to the right of the left one; are the cameras "
+            "swapped or stacked?"
         )
     if is_fisheye:
         return R_left, R_right, _central_matrix(((left, R_left), (right, R_right)))

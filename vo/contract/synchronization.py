@@ -1,12 +1,12 @@
 """Check that both eyes show the same moments: matches of left and right lie in the same rows."""
 
-from dataclasses import dataclass
+from contextlib import suppress
 from typing import cast
 
 import cv2
 import numpy as np
 
-from vo.contract.arrays import Array, Image, Mask
+from vo.contract.arrays import Array, Image
 from vo.contract.errors import ImageError
 from vo.contract.remarks import remark
 from vo.contract.sequence import StereoSequence
@@ -14,89 +14,92 @@ from vo.contract.sequence import StereoSequence
 FRAMES = 8
 """Number of frames that are looked at, evenly over a sequence."""
 
-CORNERS, MIN_MATCHES = 200, 20
-"""Corners of a left image, and fewest of them whose matches count."""
+CORNERS, PATCH_PX, MIN_SCORE = 200, 15, 0.8
+"""Corners of a left image, side of the patch around each, and zero-mean NCC of a match."""
 
-WINDOW, FLOW_LEVELS = (15, 15), 4
-"""Window, px, and pyramid levels of the Lucas–Kanade tracker."""
+ROWS_PX, DISPARITIES = 6, 0.25
+"""Range of the search: rows up and down, and disparities in image widths."""
 
-MAX_RETURN_PX = 0.5
-"""Largest distance to a corner after tracking it to the other image and back."""
+WORSE_PX, SURE, RATIO = 0.3, 5.0, 2.0
+"""Difference of row errors that counts; standard deviations, and ratio, by which corners that fit
+another frame better outnumber those that fit their own better."""
 
-MAX_ROW_PX, MIN_DISPARITY_PX = 1.0, -1.0
-"""Limits on row difference and disparity of a match that fits a rectified pair."""
-
-GOOD_SHARE, GAIN = 0.8, 0.2
-"""Share of fitting matches of a synchronized frame, and how much more another one must have."""
-
-MAX_MEDIAN_ROW_PX = 1.5
-"""Median row difference of a sequence above which its calibration is in doubt."""
-
-
-@dataclass(frozen=True)
-class _Fit:
-    """Share of the matches of a pair that fit, and median row difference, px."""
-
-    share: float
-    row_px: float
+MAX_MEDIAN_ROW_PX, MIN_MATCHED = 1.5, 0.5
+"""Median row error above which a calibration is in doubt, if this share of the corners match."""
 
 
 def remark_unsynchronized(sequence: StereoSequence) -> None:
     """Remark that the eyes are shifted by one frame, or that their rows differ.
 
-    A shift is noticed where the camera moves: in most of the frames that do not fit, the right
-    image of the frame before, or after, fits better.
+    A shift is noticed where the camera moves: the right image of the frame before, or after, then
+    has matches in the rows of the left one, the own right image has not.
     """
     rows = np.unique(np.linspace(0, len(sequence) - 1, min(FRAMES, len(sequence))).astype(int))
-    own = {i: fit for i in rows.tolist() if (fit := _fit(sequence, i, i)) is not None}
-    doubtful = [i for i, fit in own.items() if fit.share < GOOD_SHARE]
+    looks = [_row_errors(sequence, i) for i in rows.tolist()]
     for step, when in ((-1, "before"), (1, "after")):
-        others = [(own[i], _fit(sequence, i, i + step)) for i in doubtful]
-        better = sum(x is not None and x.share > now.share + GAIN for now, x in others)
-        if better >= 2 and better > len(doubtful) / 2:
+        better = sum(_count_worse(x[0], x[step]) for x in looks)
+        worse = sum(_count_worse(x[step], x[0]) for x in looks)
+        if better > RATIO * worse and better - worse > SURE * np.sqrt(better + worse):
             remark(
-                f"{sequence.name}: the left images belong to the right ones of the frame {when} "
-                f"({better} of {len(own)} frames looked at): one eye is shifted by a frame"
+                f"{sequence.name}: the left images fit the right ones of the frame {when} better "
+                f"than their own ({better} to {worse} corners): one eye is shifted by a frame"
             )
             return
-    row_px = float(np.median([x.row_px for x in own.values()])) if own else 0.0
-    if row_px > MAX_MEDIAN_ROW_PX:
+    errors = np.concatenate([x[0] for x in looks])
+    matched = errors[np.isfinite(errors)]
+    if len(matched) > MIN_MATCHED * len(errors) and np.median(matched) > MAX_MEDIAN_ROW_PX:
         remark(
-            f"{sequence.name}: left and right differ by {row_px:.1f} rows (median) after "
-            "rectification: the calibration is of other images, or the eyes are not synchronized"
+            f"{sequence.name}: left and right differ by {np.median(matched):.1f} rows (median) "
+            "after rectification: the calibration is of other images, or the eyes are not "
+            "synchronized"
         )
 
 
-def _fit(sequence: StereoSequence, i: int, j: int) -> _Fit | None:
-    """Match left image i with right image j; None without such images or enough matches."""
-    if not 0 <= j < len(sequence):
-        return None
-    try:
-        return _match(sequence[i].left, sequence[j].right)
-    except ImageError:
-        return None
+def _count_worse(errors_px: Array, other_px: Array) -> int:
+    """Count the corners that match in the rows of the other image only; none without an image."""
+    if len(errors_px) != len(other_px):
+        return 0
+    known = np.where(np.isfinite(errors_px), errors_px, np.inf)
+    return int(((other_px < 1) & (known > other_px + WORSE_PX)).sum())
 
 
-def _match(left: Image, right: Image) -> _Fit | None:
-    found = cast("Array | None", cv2.goodFeaturesToTrack(left, CORNERS, 0.01, 7))
-    if found is None:
-        return None
-    corners = found
-    there, ok = _track(left, right, corners)
-    back, ok_back = _track(right, left, there)
-    error_px = np.linalg.norm((back - corners).reshape(-1, 2), axis=1)
-    is_match = ok & ok_back & (error_px < MAX_RETURN_PX)
-    if is_match.sum() < MIN_MATCHES:
-        return None
-    disparity, row = (corners - there).reshape(-1, 2)[is_match].T
-    fits = (np.abs(row) < MAX_ROW_PX) & (disparity > MIN_DISPARITY_PX)
-    return _Fit(float(fits.mean()), float(np.median(np.abs(row))))
+def _row_errors(sequence: StereoSequence, i: int) -> dict[int, Array]:
+    """Match corners of left image i in the right images i - 1, i, i + 1: keys -1, 0, 1.
+
+    The values are |rows| between, (N,), NaN for no match; (0,) without an image.
+    """
+    images: dict[int, tuple[Image, Image]] = {}
+    for step in (-1, 0, 1):
+        if 0 <= i + step < len(sequence):
+            with suppress(ImageError):
+                frame = sequence[i + step]
+                images[step] = frame.left, frame.right
+    if 0 not in images:
+        return dict.fromkeys((-1, 0, 1), np.zeros(0))
+    left = images[0][0]
+    found = cast("Array | None", cv2.goodFeaturesToTrack(left, CORNERS, 0.01, PATCH_PX // 2))
+    corners = [] if found is None else found.reshape(-1, 2).astype(int).tolist()
+    return {
+        step: np.array([_row_error(left, images[step][1], u, v) for u, v in corners])
+        if step in images
+        else np.zeros(0)
+        for step in (-1, 0, 1)
+    }
 
 
-def _track(a: Image, b: Image, pixels_a: Array) -> tuple[Array, Mask]:
-    """Track (N, 1, 2) pixels from image a to b; the mask (N,) marks those that are found."""
-    guess = np.empty_like(pixels_a)  # unused
-    pixels_b, found, _ = cv2.calcOpticalFlowPyrLK(
-        a, b, pixels_a, guess, winSize=WINDOW, maxLevel=FLOW_LEVELS
-    )
-    return pixels_b, found.ravel() == 1
+def _row_error(left: Image, right: Image, u: int, v: int) -> float:
+    """Search the patch around (u, v) of the left image in the right one."""
+    height, width = left.shape
+    half, reach = PATCH_PX // 2, PATCH_PX // 2 + ROWS_PX
+    if not (reach <= v < height - reach and half <= u < width - half):
+        return np.nan
+    start = max(0, u - half - int(DISPARITIES * width))
+    patch = left[v - half : v + half + 1, u - half : u + half + 1]
+    strip = right[v - reach : v + reach + 1, start : u + half + 2]
+    scores = cv2.matchTemplate(strip, patch, cv2.TM_CCOEFF_NORMED)
+    row, column = np.unravel_index(int(np.argmax(scores)), scores.shape)
+    if not scores[row, column] >= MIN_SCORE or row in (0, 2 * ROWS_PX):
+        return np.nan
+    above, here, below = scores[row - 1 : row + 2, column].astype(float)
+    bend = above - 2 * here + below
+    return abs(row - ROWS_PX + (0.5 * (above - below) / bend if bend < 0 else 0.0))
