@@ -75,6 +75,23 @@ def test_kitti_bad_calibration_names_the_file(folder, calibration):
         open_sequence(folder)
 
 
+@pytest.mark.parametrize(
+    ("entry", "value"),
+    [
+        *((k, "nan") for k in range(12)),
+        (3, "-inf"),
+        *((k, x) for k in (0, 5, 10) for x in ["0", "-1"]),
+    ],
+)
+@pytest.mark.parametrize("eye", [0, 1])
+def test_kitti_bad_entry_of_a_projection_names_the_line(folder, eye, entry, value):
+    lines = [line.split() for line in (folder / "calib.txt").read_text().splitlines()]
+    lines[eye][1 + entry] = value
+    (folder / "calib.txt").write_text("".join(f"{' '.join(x)}\n" for x in lines))
+    with pytest.raises(CalibrationError, match=rf"calib\.txt:{eye + 1}: P{eye} must be finite"):
+        open_sequence(folder)
+
+
 def test_kitti_without_images_is_refused(folder):
     for file in folder.glob("image_*/*.png"):
         file.unlink()
