@@ -75,6 +75,7 @@ def test_timestamps_of_neither_unit_are_refused(tmp_path):
         ("9.9e18,1", "out of range"),
         ("two,1", "two is not a number; expected a timestamp and a number"),
         ("2;1,5", "1,5 has a decimal comma"),
+        ("2,0 1,5", "1,5 has a decimal comma"),
         ("2", "1 columns; expected a timestamp and a number"),
         ("2,inf", "inf is not finite"),
         ("1,7", r"1 ns repeats that of line 2"),

@@ -26,6 +26,9 @@ MIN_STEP_NS = 100_000
 MAX_STEP_S = 5
 """Time between rows, s, above which whole numbers are not seconds."""
 
+DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
+"""A number that only an error can name: tables need decimal points."""
+
 BRACKETS = re.compile(r"\[.*?\]|\(.*?\)")
 """Units after the name of a column."""
 
@@ -179,6 +182,9 @@ def read_table(path: Path, error: type[DriftyardError] = DatasetError) -> Table:
 
 
 def _separator(text: str) -> str | None:
+    words = text.split()
+    if len(words) > 1 and all(DECIMAL_COMMA.fullmatch(x) for x in words):
+        return None
     return next((x for x in ";,\t" if x in text), None)
 
 
