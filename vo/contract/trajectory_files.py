@@ -12,7 +12,6 @@ from vo.contract.errors import TrajectoryError
 from vo.contract.pose_tables import (
     EUROC,
     TUM,
-    PoseColumns,
     matrix_columns,
     matrix_poses,
     named_columns,
@@ -59,11 +58,11 @@ def read_trajectory(path: Path, frame_times_ns: Indices | None = None) -> Trajec
     times_ns = table.in_ns(stamps, unit_ns)
     if frame_times_ns is not None and _are_counts(stamps, frame_times_ns):
         raise table.fault(0, f"the first column counts rows or frames; expected {FORMATS}")
+    table.require_increasing(times_ns)
     if columns:
         T_ref_frame = matrix_poses(table, columns)
     else:
-        T_ref_frame = (named or _unnamed_columns(table, unit_ns)).poses(table, FORMATS)
-    table.require_increasing(times_ns)
+        T_ref_frame = named.poses(table, FORMATS) if named else _unnamed_poses(table, unit_ns)
     if frame_times_ns is not None:
         _remark_other_times(path, times_ns, frame_times_ns)
     return Trajectory(times_ns, T_ref_frame)
@@ -77,14 +76,15 @@ def _at_frames(table: Table, T_ref_frame: Array, frame_times_ns: Indices | None)
     return Trajectory(frame_times_ns, T_ref_frame)
 
 
-def _unnamed_columns(table: Table, unit_ns: int) -> PoseColumns:
-    """Take the columns of TUM, or those of EuRoC if commas separate them and times are in ns."""
-    if table.separator not in (",", ";"):
-        return TUM
-    is_euroc = unit_ns == NS
-    order = "qw, qx, qy, qz" if is_euroc else "qx, qy, qz, qw"
-    remark(f"{table.path}: has no header; its quaternions are taken as {order}")
-    return EUROC if is_euroc else TUM
+def _unnamed_poses(table: Table, unit_ns: int) -> Array:
+    """Read poses in the columns of TUM, or of EuRoC if commas separate them and times are in ns."""
+    has_commas = table.separator in (",", ";")
+    is_euroc = has_commas and unit_ns == NS
+    T_ref_frame = (EUROC if is_euroc else TUM).poses(table, FORMATS)
+    if has_commas:
+        order = "qw, qx, qy, qz" if is_euroc else "qx, qy, qz, qw"
+        remark(f"{table.path}: has no header; its quaternions are taken as {order}")
+    return T_ref_frame
 
 
 def _unit_ns(table: Table, stamps: Sequence[Decimal], frame_times_ns: Indices | None) -> int:
