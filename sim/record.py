@@ -11,6 +11,7 @@ from typing import Any
 from scenes.scene import Scene
 from sim.camera.camera import Capture, FrameExposure, StereoCamera, StereoImages
 from sim.camera.render import StereoRenderer
+from sim.certificate.blur import CameraMotion
 from sim.certificate.certificate import certify, check_folder, exempt_parts
 from sim.certificate.photometric import FrameResidual, PhotometricCheck, flow_error
 from sim.dataset.image_codecs import encode_float, encode_png
@@ -93,7 +94,9 @@ def record_trip(
     annotator = Annotator(world)
     check = PhotometricCheck(settings, world.rig, camera.sensors)
     overhead = render_world_map(world, renderer)
-    processor = _FrameProcessor(writer, settings, camera, annotator, check)
+    T_world_cam = trip.motions.T_world_body @ world.rig.T_body_cam
+    motion = CameraMotion(trip.motions.times_ns, T_world_cam, world.rig)
+    processor = _FrameProcessor(writer, settings, camera, annotator, check, motion)
     captures = camera.captures(trip, renderer)
     exposures, frames = _write_frames(processor, captures, int(trip.delivered.sum()), progress)
     writer.add(MAP_FILE, encode_png(overhead.image))
@@ -122,6 +125,7 @@ class _FrameProcessor:
     camera: StereoCamera
     annotator: Annotator
     check: PhotometricCheck
+    motion: CameraMotion
 
     def write_images(self, capture: Capture) -> StereoImages:
         images = self.camera.form_images(capture)
@@ -149,7 +153,9 @@ class _FrameProcessor:
             if labels.covisibility:
                 pair = images.rectified[0], following[1].result().rectified[0]
                 exposures = capture.exposure, then.exposure
-                flow = self.check.flow(*pair, annotation.flow, annotation.covisibility, exposures)
+                apart = (self.motion.displacement_px(x, annotation.disparity) for x in exposures)
+                forward = annotation.flow, annotation.covisibility
+                flow = self.check.flow(*pair, *forward, exposures, sum(apart))
             if labels.depth:
                 T_next_now = se3.inverse(then.T_world_cam) @ capture.T_world_cam
                 rig, depth_m = self.annotator.rig, annotation.depth

@@ -12,13 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from sim.certificate.bias import (
-    DATASET_ERRORS,
-    DATASET_MAX_PX,
-    FRAME_ERRORS,
-    FRAME_MAX_PX,
-    Shift,
-)
+from sim.certificate.bias import DATASET_ERRORS, DATASET_MAX_PX, FRAME_ERRORS
 from sim.certificate.photometric import BINS_PER_GREY, METHOD, FrameResidual, Residual, quantile
 from sim.certificate.trajectory_check import check_trajectory, read_states
 from sim.sensors.inertial import ImuReadings, integrate
@@ -42,6 +36,8 @@ SLIP_MAX = 0.02
 """Largest relative difference of the path lengths of wheels and truth on ground without ice."""
 FLOW_MAX_PX = 0.01
 BIAS = "bias_px", "bias_error_px"
+TEXTURE_FOUND_PX = 10.0
+"""Smallest shift that is found in a frame, pixels, above which it counts as without texture."""
 
 
 def exempt_parts(settings: RecordSettings) -> frozenset[str]:
@@ -83,7 +79,7 @@ def _summary(residuals: dict[int, Residual], judged: bool, sign: float) -> dict[
     worst_ns, worst = max(residuals.items(), key=lambda item: (item[1].median, -item[0]))
     visible = np.mean([r.visible_fraction for r in residuals.values()])
     failed = [time_ns for time_ns, r in residuals.items() if judged and not r.passed]
-    shifts = _shifts({time_ns: r.shift for time_ns, r in residuals.items()}, sign)
+    shifts = _shifts(residuals, sign)
     return {
         "median_grey": quantile(total, 0.5),
         "rms_grey": round(float(np.sqrt((total * levels**2).sum() / max(total.sum(), 1))), 4),
@@ -100,23 +96,26 @@ def _summary(residuals: dict[int, Residual], judged: bool, sign: float) -> dict[
     }
 
 
-def _shifts(shifts: dict[int, Shift], sign: float) -> dict[str, Any]:
+def _shifts(residuals: dict[int, Residual], sign: float) -> dict[str, Any]:
     """Return the bias of a label over all frames and in the worst one, and what would be found."""
-    total = reduce(add, shifts.values())
+    total = reduce(add, (r.shift for r in residuals.values()))
     bias, error = total.estimate()
-    frames = {time_ns: np.abs(x.estimate()[0]).max() for time_ns, x in shifts.items()}
-    known = {time_ns: x for time_ns, x in frames.items() if np.isfinite(x)}
-    worst_ns = max(known, key=lambda time_ns: known[time_ns]) if known else None
-    found = [x.smallest_found_px(FRAME_MAX_PX, FRAME_ERRORS) for x in shifts.values()]
-    textured = [x for x in found if np.isfinite(x)]
+    found = {
+        time_ns: r.shift.smallest_found_px(r.shift_max_px, FRAME_ERRORS)
+        for time_ns, r in residuals.items()
+    }
+    textured = {time_ns: x for time_ns, x in found.items() if x <= TEXTURE_FOUND_PX}
+    frames = {t: np.abs(residuals[t].shift.estimate()[0]).max() for t in textured}
+    worst_ns = max(frames, key=lambda t: frames[t]) if frames else None
+    smallest = list(textured.values())
     return {
         "bias_px": [_px(sign * x) for x in bias],
         "bias_error_px": [_px(x) for x in error],
         "smallest_bias_found_px": _px(total.smallest_found_px(DATASET_MAX_PX, DATASET_ERRORS)),
         "worst_frame_bias_ns": worst_ns,
-        "worst_frame_bias_px": _px(known[worst_ns]) if worst_ns is not None else None,
-        "smallest_frame_bias_found_px": _px(np.median(textured)) if textured else None,
-        "smallest_worst_frame_bias_found_px": _px(max(textured)) if textured else None,
+        "worst_frame_bias_px": _px(frames[worst_ns]) if worst_ns is not None else None,
+        "smallest_frame_bias_found_px": _px(np.median(smallest)) if smallest else None,
+        "smallest_worst_frame_bias_found_px": _px(max(smallest)) if smallest else None,
         "frames_without_texture": len(found) - len(textured),
         "shifted": total.is_found(DATASET_MAX_PX, DATASET_ERRORS),
     }
@@ -134,12 +133,18 @@ def detectable_shifts(certificate: dict[str, Any]) -> list[str]:
             lines.append(f"{label}: not judged, since not all pixels were exposed at one time")
             continue
         bias, error = (" ".join(f"{x:.3f}" for x in figures[key]) for key in BIAS)
-        lines.append(
+        text = (
             f"{label}: bias {bias} px, standard error {error} px; the smallest shift that is found "
-            f"is {figures['smallest_bias_found_px']:.2f} px over all frames, and in one frame "
-            f"{figures['smallest_frame_bias_found_px']:.2f} px (median), "
-            f"{figures['smallest_worst_frame_bias_found_px']:.2f} px (worst)"
+            f"is {figures['smallest_bias_found_px']:.2f} px over all frames"
         )
+        if figures["smallest_frame_bias_found_px"] is not None:
+            text += (
+                f", and in one frame {figures['smallest_frame_bias_found_px']:.2f} px (median), "
+                f"{figures['smallest_worst_frame_bias_found_px']:.2f} px (worst)"
+            )
+        if figures["frames_without_texture"]:
+            text += f"; {figures['frames_without_texture']} frames have too little texture"
+        lines.append(text)
     return lines
 
 

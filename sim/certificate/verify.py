@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from sim.camera.camera import FrameExposure
+from sim.certificate.blur import CameraMotion
 from sim.certificate.certificate import certify, check_folder, exempt_parts
 from sim.certificate.manifest_check import check_digest, check_statements, differences
 from sim.certificate.photometric import FrameResidual, PhotometricCheck, flow_error
@@ -19,7 +20,7 @@ from sim.imaging.lens import margin_px
 from sim.labels.formats import LABELS, label_file
 from sim.labels.labels import disparity_from_depth
 from sim.progress import Progress
-from sim.sensors.inertial import EARTH_GRAVITY_MPS2
+from sim.sensors.inertial import EARTH_GRAVITY_MPS2, T_body_imu
 from sim.settings import RecordSettings, recorded_settings
 from sim.world.rig import stereo_rig, widened
 from vo.contract import se3
@@ -172,6 +173,9 @@ def _measure(
     rig, labels = stereo_rig(settings.rig), settings.labels
     times_ns, T_world_body, _ = read_states(folder / TRUTH / "data.csv")
     T_world_cam = dict(zip(times_ns.tolist(), T_world_body @ rig.T_body_cam, strict=True))
+    unit_ns, T_world_unit, _ = read_states(folder / "mav0/imu0/truth.csv")
+    T_unit_cam = se3.inverse(T_body_imu(settings.imu)) @ rig.T_body_cam
+    motion = CameraMotion(unit_ns, T_world_unit @ T_unit_cam, rig)
     render_rig = widened(rig, margin_px(settings, rig))
     sensors = [ImageSensor(settings, camera, rig, render_rig) for camera in (0, 1)]
     check = PhotometricCheck(settings, rig, sensors)
@@ -199,7 +203,9 @@ def _measure(
             if labels.covisibility:
                 covisibility = read_codes(label_file(folder, "covisibility", time_ns))
                 pair = exposures[time_ns], exposures[then_ns]
-                flow = check.flow(frame.left, following.left, label, covisibility, pair)
+                apart = (motion.displacement_px(x, disparity) for x in pair)
+                images = frame.left, following.left
+                flow = check.flow(*images, label, covisibility, pair, sum(apart))
             if depth_m is not None:
                 T_next_now = se3.inverse(T_world_cam[then_ns]) @ T_world_cam[time_ns]
                 geometry_px = flow_error(rig, depth_m, label, T_next_now)
