@@ -27,6 +27,7 @@ from sim.world.random_streams import stream
 from sim.world.world import build_world
 from vo.contract.dataset import MANIFEST, read_manifest
 from vo.contract.errors import DatasetError, DriftyardError
+from vo.contract.remarks import print_remarks
 from vo.contract.settings import with_defaults
 
 if TYPE_CHECKING:
@@ -167,6 +168,7 @@ def _perform_remotely(task: Task, folder: Path) -> Outcome:
     """Run `perform` in a Dask worker, in the client's `folder`, and report its progress."""
     from distributed import get_worker
 
+    print_remarks()
     worker, reported_s = get_worker(), -REPORT_PERIOD_S
 
     def report(done: int, total: int) -> None:

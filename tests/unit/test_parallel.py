@@ -11,6 +11,7 @@ import pytest
 from terminal import ROOT
 
 from trials.execution.parallel import THREADS, map_parallel
+from vo.contract.remarks import remark
 
 
 def test_map_parallel_returns_every_result_once():
@@ -28,6 +29,11 @@ def test_map_parallel_workers_have_one_thread(monkeypatch):
     assert [x for _, x in map_parallel(os.getenv, [(THREADS[0],), (THREADS[1],)])] == ["1", "1"]
     assert THREADS[0] not in os.environ
     assert os.environ[THREADS[1]] == "3"
+
+
+def test_map_parallel_workers_print_remarks_as_lines(capfd):
+    list(map_parallel(remark, [("table.csv: a row is left out",)]))
+    assert capfd.readouterr().err == "driftyard: remark: table.csv: a row is left out\n"
 
 
 def write_and_wait(file: str) -> None:

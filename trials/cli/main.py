@@ -4,15 +4,13 @@ import sys
 import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures.process import BrokenProcessPool
-from functools import partial
-from typing import TextIO
 
 import typer
 
 from sim.graphics import explain_fault, is_graphics_fault
 from trials.cli.registry import COMMANDS, LazyGroup
 from vo.contract.errors import DriftyardError, SettingsError
-from vo.contract.remarks import Remark
+from vo.contract.remarks import print_remarks
 
 BAD_INPUT, INTERRUPTED = 2, 130
 OLD_NAMES = {
@@ -51,8 +49,7 @@ def guard(command: Callable[[], object]) -> None:
     """Run a command; errors of the input end in one line and exit status 2, remarks are lines."""
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("default", Remark)  # one line for each text
-            warnings.showwarning = partial(_show_warning, warnings.showwarning)
+            print_remarks()
             command()
     except DriftyardError as error:
         _fail(str(error))
@@ -70,21 +67,6 @@ def guard(command: Callable[[], object]) -> None:
         if exit.code == INTERRUPTED:
             print("driftyard: interrupted", file=sys.stderr)
         raise
-
-
-def _show_warning(
-    show: Callable[..., None],
-    message: Warning | str,
-    category: type[Warning],
-    filename: str,
-    lineno: int,
-    file: TextIO | None = None,
-    line: str | None = None,
-) -> None:
-    if issubclass(category, Remark):
-        print(f"driftyard: remark: {' '.join(str(message).split())}", file=sys.stderr)
-    else:
-        show(message, category, filename, lineno, file, line)
 
 
 def _fail(message: str) -> None:

@@ -8,6 +8,8 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
+from vo.contract.remarks import print_remarks
+
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 """Environment variables of the linear algebra libraries, which read them when they are loaded.
 Processes on all cores with several threads each would be slower than with one."""
@@ -35,7 +37,7 @@ def map_parallel(
     """
     spawn = multiprocessing.get_context("spawn")
     count = max(1, min(usable_cores(), len(calls)))
-    with _single_threaded(), ProcessPoolExecutor(count, spawn, _end_with_parent) as pool:
+    with _single_threaded(), ProcessPoolExecutor(count, spawn, _prepare) as pool:
         jobs = {pool.submit(function, *arguments): k for k, arguments in enumerate(calls)}
         try:
             for job in as_completed(jobs):
@@ -45,8 +47,9 @@ def map_parallel(
             raise
 
 
-def _end_with_parent() -> None:
-    """Make this process end when its parent does, even if the parent is killed."""
+def _prepare() -> None:
+    """Make this process print remarks, and end when its parent does, even if that is killed."""
+    print_remarks()
 
     def watch() -> None:
         parent = multiprocessing.parent_process()
