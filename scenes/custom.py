@@ -55,6 +55,8 @@ def load_scene(name: str) -> Scene:
         made, assets = _from_function(name)
     if isinstance(made, Scene):
         return replace(made, source=name, assets=assets)
+    for geom in made.geoms:  # MuJoCo draws groups 0 to 2; those above are of scenes of ours
+        geom.group = min(geom.group, COLLISION_GROUP)
     try:
         model = made.compile()
     except ValueError as error:

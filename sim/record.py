@@ -13,6 +13,7 @@ from sim.camera.camera import Capture, FrameExposure, StereoCamera, StereoImages
 from sim.camera.render import StereoRenderer
 from sim.certificate.blur import CameraMotion
 from sim.certificate.certificate import certify, check_folder, exempt_parts
+from sim.certificate.label_coverage import COVERAGE, check_coverage
 from sim.certificate.photometric import FrameResidual, PhotometricCheck, flow_error
 from sim.dataset.image_codecs import encode_float, encode_png
 from sim.dataset.manifest import manifest
@@ -97,6 +98,7 @@ def record_trip(
     T_world_cam = trip.motions.T_world_body @ world.rig.T_body_cam
     motion = CameraMotion(trip.motions.times_ns, T_world_cam, world.rig)
     processor = _FrameProcessor(writer, settings, camera, annotator, check, motion)
+    coverage = check_coverage(world, trip, renderer)
     captures = camera.captures(trip, renderer)
     exposures, frames = _write_frames(processor, captures, int(trip.delivered.sum()), progress)
     writer.add(MAP_FILE, encode_png(overhead.image))
@@ -106,6 +108,7 @@ def record_trip(
     write_inertial(writer, settings, trip, world.gravity_mps2)
     write_wheels(writer, settings, trip)
     checks = check_folder(writer.partial, settings, trip.ended, world.gravity_mps2)
+    checks[COVERAGE] = coverage
     certificate = certify(frames, checks, exempt_parts(settings))
     entries = overhead.manifest_entry, renderer.gl_strings, certificate
     writer.commit(manifest(world, settings, delivered, trip, things, *entries))

@@ -14,6 +14,7 @@ import numpy as np
 from sim.camera.render import GeometryBuffers, StereoRenderer
 from sim.imaging.linear_light import decode
 from sim.settings import ExposureSettings
+from sim.world.drawn import bodies_of
 from sim.world.trip import Trip
 from sim.world.world import World
 from vo.contract import se3
@@ -92,7 +93,7 @@ def max_image_speed_px_s(
     _place(world, trip, (start_s + end_s) / 2)
     points = np.where(is_sky, 1.0, depth)[:, None] * rays
     points_world = se3.transform(world.T_world_cam, points)
-    bodies = np.where(is_sky, 0, world.model.geom_bodyid[geoms])
+    bodies = np.where(is_sky, 0, bodies_of(world.model)[geoms])
     T_bodies_world = se3.inverse(world.T_world_bodies)[bodies]
     homogeneous = np.column_stack([points_world, np.ones(len(points_world))])
     points_body = np.einsum("nij,nj->ni", T_bodies_world, homogeneous)

@@ -12,14 +12,20 @@ from sim.camera.gl import Framebuffer, decode_buffers, open_context
 from sim.camera.sky import SkyBands, allows_sky_last, uncovered_bands
 from sim.graphics import GraphicsError, explain_fault
 from sim.settings import RenderSettings
+from sim.world.drawn import drawn_objects, max_drawn, reflecting_materials
 from sim.world.rig import CAMERA
 from sim.world.world import World
 from vo.contract.arrays import Array, Image, Indices, Mask
+from vo.contract.remarks import remark
 from vo.contract.rig import StereoRig
 
 SPARE_GEOMS = 100
-"""Number of geoms that MuJoCo may add to a scene, such as the reflections of a mirror."""
+"""Number of shapes in MuJoCo's scene beyond those of the world."""
+DRAWN = mujoco.mjtCatBit.mjCAT_STATIC | mujoco.mjtCatBit.mjCAT_DYNAMIC
+"""Categories that are drawn: all but decorations, such as the rays of range finders."""
 
+SAME_SHARE = 2e-3
+"""Relative difference of the depths of one surface in two drawings."""
 NO_GEOM = -1
 BOTH_GROUPS = (0, 1, 2)
 """Geom groups in images and labels alike: the rover, and a user's own world."""
@@ -27,9 +33,10 @@ BOTH_GROUPS = (0, 1, 2)
 
 @dataclass(frozen=True)
 class GeometryBuffers:
-    """Depth and geom ids of both cameras at one instant, exact at the pixel centres.
+    """Depth and objects of both cameras at one instant, exact at the pixel centres.
 
-    Depths are (H, W) float32 planar metres, NaN without a surface; geom ids are (H, W) or NO_GEOM.
+    Depths are (H, W) float32 planar metres, NaN without a surface; objects are (H, W) numbers of
+    `DrawnObjects`, which of geoms are their ids, or NO_GEOM.
     """
 
     depth_left_m: Array
@@ -58,6 +65,10 @@ class StereoRenderer:
         self._gl: Any = None
         self._image_option = _showing(*BOTH_GROUPS, IMAGE_GROUP)
         self._label_option = _showing(*BOTH_GROUPS, LABEL_GROUP)
+        self._drawn = drawn_objects(world)
+        if mirrors := reflecting_materials(world.model):
+            name = world.scene.source or world.scene.name
+            remark(f"{name}: reflections are not rendered (material {', '.join(mirrors)})")
 
     def __enter__(self) -> Self:
         model, settings = self._world.model, self._settings
@@ -78,7 +89,7 @@ class StereoRenderer:
             self._gl.free()
             size = f"{2 * self._width}x{self._height} px"
             raise GraphicsError(f"OpenGL cannot render {size}: {explain_fault(error)}") from None
-        self._scene = mujoco.MjvScene(model, maxgeom=model.ngeom + SPARE_GEOMS)
+        self._scene = mujoco.MjvScene(model, maxgeom=max_drawn(model) + SPARE_GEOMS)
         self._rect = mujoco.MjrRect(0, 0, 2 * self._width, self._height)
         self._rgba = np.empty((self._height, 2 * self._width, 4), np.uint8)
         self._zbuffer = np.empty((self._height, 2 * self._width), np.float32)
@@ -121,8 +132,20 @@ class StereoRenderer:
         return self._split(np.asarray(cv2.cvtColor(self._rgba, form), np.uint8))
 
     def render_geometry(self) -> GeometryBuffers:
-        """Render depth and geom ids of both cameras at the world's present state."""
-        self._update_stereo(self._label_option)
+        """Render depth and objects of both cameras at the world's present state."""
+        return self._geometry(self._label_option)
+
+    def unlabelled_pixels(self) -> int:
+        """Count the pixels of both cameras at which images and labels show different surfaces.
+
+        What images draw is drawn once more as labels are, so that its depth can be compared.
+        """
+        labels, images = self._geometry(self._label_option), self._geometry(self._image_option)
+        left = contradictions(labels.depth_left_m, images.depth_left_m)
+        return int(left.sum() + contradictions(labels.depth_right_m, images.depth_right_m).sum())
+
+    def _geometry(self, option: mujoco.MjvOption) -> GeometryBuffers:
+        self._update_stereo(option)
         flags = [int(mujoco.mjtRndFlag.mjRND_SEGMENT), int(mujoco.mjtRndFlag.mjRND_IDCOLOR)]
         self._scene.flags[flags] = True
         with self._label_framebuffer as framebuffer:
@@ -132,8 +155,9 @@ class StereoRenderer:
         self._scene.flags[flags] = False
         ids = np.full(self._scene.ngeom + 1, NO_GEOM, dtype=np.int32)
         for geom in self._scene.geoms[: self._scene.ngeom]:
-            if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
-                ids[geom.segid + 1] = geom.objid
+            number = self._drawn.number(geom.objtype, geom.objid)
+            if number is not None:
+                ids[geom.segid + 1] = number
         visual, extent = self._world.model.vis, self._world.model.stat.extent
         near, far = np.float32(visual.map.znear * extent), np.float32(visual.map.zfar * extent)
         depths, geoms = decode_buffers(self._zbuffer, self._rgba, ids, near, far)
@@ -182,9 +206,12 @@ class StereoRenderer:
     def _update(
         self, camera: mujoco.MjvCamera, option: mujoco.MjvOption, stereo: mujoco.mjtStereo
     ) -> None:
-        model, data, everything = self._world.model, self._world.data, mujoco.mjtCatBit.mjCAT_ALL
-        mujoco.mjv_updateScene(model, data, option, None, camera, everything, self._scene)
+        model, data = self._world.model, self._world.data
+        mujoco.mjv_updateScene(model, data, option, None, camera, int(DRAWN), self._scene)
+        if self._scene.ngeom >= self._scene.maxgeom:
+            raise GraphicsError(f"the world has more than {self._scene.maxgeom} shapes to draw")
         self._scene.stereo = stereo
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = self._settings.shadow_size_px > 0
 
     def _draw(self, rect: mujoco.MjrRect) -> None:
@@ -202,7 +229,20 @@ def _showing(*groups: int) -> mujoco.MjvOption:
     option = mujoco.MjvOption()
     option.geomgroup[:] = 0
     option.geomgroup[list(groups)] = 1
+    option.flags[mujoco.mjtVisFlag.mjVIS_RANGEFINDER] = 0
     return option
+
+
+def contradictions(label_m: Array, image_m: Array) -> Mask:
+    """Return where the depth (H, W) of one drawing is not that of another, nor beside an outline.
+
+    Both are NaN without a surface. A pixel may show what the other drawing shows in one of the
+    pixels around it.
+    """
+    label, image = (np.nan_to_num(1 / x, nan=0.0) for x in (label_m, image_m))
+    around = np.ones((3, 3), np.uint8)
+    low, high = cv2.erode(label, around), cv2.dilate(label, around)
+    return (image < low * (1 - SAME_SHARE)) | (image > high * (1 + SAME_SHARE) + 1e-6)
 
 
 def _in_frustum(model: mujoco.MjModel, data: mujoco.MjData, rig: StereoRig) -> Mask:

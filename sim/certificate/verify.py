@@ -11,6 +11,7 @@ import numpy as np
 from sim.camera.camera import FrameExposure
 from sim.certificate.blur import CameraMotion
 from sim.certificate.certificate import certify, check_folder, exempt_parts
+from sim.certificate.label_coverage import COVERAGE
 from sim.certificate.manifest_check import check_digest, check_statements, differences
 from sim.certificate.photometric import FrameResidual, PhotometricCheck, flow_error
 from sim.certificate.trajectory_check import read_states
@@ -110,7 +111,11 @@ def _check_certificate(
         first = f"{len(contradictory)} frames, the first at {contradictory[0]} ns"
         findings.append(Finding("mav0", f"disparity and depth contradict each other in {first}"))
     # Without labels, the photometric part is not recomputed.
-    passed = all(stated.get(part, {}).get("passed") is True for part in {*parts, "stereo"})
+    rendered = {COVERAGE} & stated.keys()  # neither is what only the renderer can tell
+    if any(stated[part].get("passed") is not True for part in rendered):
+        findings.append(Finding("mav0", "images show what labels do not know of, or less"))
+    needed = {*parts, "stereo", *rendered}
+    passed = all(stated.get(part, {}).get("passed") is True for part in needed)
     if stated.get("passed") is not passed:
         findings.append(Finding(MANIFEST, f"certificate.passed is {stated.get('passed')!r}"))
     return findings

@@ -11,6 +11,7 @@ import numpy as np
 from scenes.scene import Thing
 from sim.imaging.lens import miscalibration_rotation
 from sim.settings import RecordSettings
+from sim.world.drawn import rendering_entry
 from sim.world.fingerprint import fingerprint
 from sim.world.physics import physics_entry
 from sim.world.trip import Trip
@@ -59,6 +60,7 @@ def manifest(
         },
         "world": fingerprint(world),
         "physics": physics_entry(world),
+        "rendering": rendering_entry(world),
         "seed": settings.seed,
         "settings": settings.model_dump(mode="json"),
         "complete": not trip.ended,

@@ -8,27 +8,32 @@ import numpy as np
 
 from scenes.scene import Kind, Thing
 from sim.camera.camera import Capture
-from sim.labels.labels import covisibility, disparity_from_depth, flow, normals, occlusion
+from sim.labels.labels import NOTHING, covisibility, disparity_from_depth, flow, normals, occlusion
 from sim.settings import LabelSettings
-from sim.world.world import World, thing_of
+from sim.world.drawn import bodies_of, drawn_objects
+from sim.world.world import World
 from vo.contract import se3
-from vo.contract.arrays import Array
+from vo.contract.arrays import Array, Indices, Mask
 
 FORWARD = frozenset({"flow", "covisibility"})
 """Labels that need the next frame."""
 
 
 class Annotator:
-    """Body, object and class of every geom, (ngeom + 1,) each, for the true rig; thread-safe.
+    """Body, object and class of all that is drawn, (N + 1,) each, for the true rig; thread-safe.
 
-    The last entry of each table is the sky, whose geom id is -1; its body is the world. The
-    objects are `things` by their number from 1 on; 0 is the sky.
+    The last entry of each table is the sky, whose number is -1; its body is the world. The
+    objects are `things` by their number from 1 on; 0 is the sky. Of what is seen through and of
+    what deforms, labels that do not hold are NaN, or `NOTHING`.
     """
 
     def __init__(self, world: World) -> None:
         self.rig = world.rig
-        self.body_of = np.append(world.model.geom_bodyid, 0)
-        things = [thing_of(world, geom) for geom in range(world.model.ngeom)]
+        self.body_of = np.append(bodies_of(world.model), 0)
+        drawn = drawn_objects(world)
+        things = drawn.things
+        self.is_unexplained = np.append(drawn.see_through, False)
+        self.is_unpredicted = self.is_unexplained | np.append(drawn.deforms, False)
         self.things: Sequence[Thing] = list(dict.fromkeys(things))
         number = {thing: k for k, thing in enumerate(self.things, start=1)}
         self.object_of = np.array([*(number[thing] for thing in things), 0], np.uint16)
@@ -56,7 +61,10 @@ class Annotation:
     @property
     def depth(self) -> Array:
         """(H, W) float32 metres."""
-        return self.capture.geometry.depth_left_m
+        geometry = self.capture.geometry
+        return self._without(
+            self.annotator.is_unexplained, geometry.geoms_left, geometry.depth_left_m, np.nan
+        )
 
     @cached_property
     def disparity(self) -> Array:
@@ -66,13 +74,15 @@ class Annotation:
     @cached_property
     def disparity_right(self) -> Array:
         """(H, W) float32 pixels, of the right image."""
-        return disparity_from_depth(self.annotator.rig, self.capture.geometry.depth_right_m)
+        geometry = self.capture.geometry
+        unexplained = self.annotator.is_unexplained
+        depth = self._without(unexplained, geometry.geoms_right, geometry.depth_right_m, np.nan)
+        return disparity_from_depth(self.annotator.rig, depth)
 
     @cached_property
     def occlusion(self) -> Array:
         """(H, W) uint8."""
-        geometry = self.capture.geometry
-        return occlusion(self.annotator.rig, geometry.depth_left_m, geometry.depth_right_m)
+        return occlusion(self.annotator.rig, self.depth, self.capture.geometry.depth_right_m)
 
     @cached_property
     def flow(self) -> Array:
@@ -82,13 +92,15 @@ class Annotation:
         T_body_cam = se3.inverse(now.T_world_bodies) @ now.T_world_cam
         T_next_now = se3.inverse(then.T_world_cam) @ then.T_world_bodies @ T_body_cam  # by body
         bodies = self.annotator.body_of[now.geometry.geoms_left]
-        return flow(self.annotator.rig, self.depth, bodies, T_next_now)
+        predicted = flow(self.annotator.rig, self.depth, bodies, T_next_now)
+        return self._unpredicted(predicted, np.nan)
 
     @cached_property
     def covisibility(self) -> Array:
         """(H, W) uint8."""
         assert self.following is not None
-        return covisibility(self.flow, self.following.geometry.depth_left_m)
+        found = covisibility(self.flow, self.following.geometry.depth_left_m)
+        return self._unpredicted(found, NOTHING)
 
     @property
     def segmentation(self) -> Array:
@@ -104,3 +116,17 @@ class Annotation:
     def normals(self) -> Array:
         """(H, W, 3) float32, camera axes."""
         return normals(self.annotator.rig, self.depth)
+
+    def _unpredicted(self, label: Array, value: float) -> Array:
+        return self._without(
+            self.annotator.is_unpredicted, self.capture.geometry.geoms_left, label, value
+        )
+
+    @staticmethod
+    def _without(table: Mask, numbers: Indices, label: Array, value: float) -> Array:
+        """Replace a label by a value at the pixels of the objects in a table."""
+        if not table.any() or not (mask := table[numbers]).any():
+            return label
+        label = label.copy()
+        label[mask] = value
+        return label

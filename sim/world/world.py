@@ -131,13 +131,17 @@ class World:
         self.place_bodies()
 
     def place_bodies(self) -> None:
-        """Update the poses of bodies, cameras and lights from the joints.
+        """Update the poses of bodies, cameras, lights, flexes and tendons from the joints.
 
         `mj_step` leaves them one step behind; call this before rendering.
         """
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_comPos(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
+        if self.model.nflex:
+            mujoco.mj_flex(self.model, self.data)
+        if self.model.ntendon:
+            mujoco.mj_tendon(self.model, self.data)
 
 
 def build_world(scene: Scene, settings: RecordSettings) -> World:
