@@ -73,7 +73,7 @@ def drawn_objects(world: World) -> DrawnObjects:
     )
     first = {int(kind): int(start) for kind, start in zip(counts, ends, strict=False)}
     deforms = np.arange(len(things)) >= model.ngeom + model.nsite
-    return DrawnObjects(first, things, deforms, opacity < OPAQUE)
+    return DrawnObjects(first, things, deforms, (opacity > 0) & (opacity < OPAQUE))
 
 
 def rendering_entry(world: World) -> dict[str, Any]:
@@ -99,9 +99,7 @@ def reflecting_materials(model: mujoco.MjModel) -> list[str]:
     """Return the names of the reflecting materials of geoms that are drawn."""
     drawn = model.geom_group < COLLISION_GROUP
     used = np.unique(model.geom_matid[drawn & (model.geom_matid >= 0)])
-    return [
-        model.material(int(k)).name or str(k) for k in used if model.mat_reflectance[k] > 0
-    ]
+    return [model.material(int(k)).name or str(k) for k in used if model.mat_reflectance[k] > 0]
 
 
 def max_drawn(model: mujoco.MjModel) -> int:
