@@ -273,6 +273,14 @@ def test_unknown_layout_lists_the_known_ones(tmp_path):
         open_sequence(tmp_path)
 
 
+def test_calibration_of_another_name_is_read_with_a_remark(euroc):
+    for eye in (0, 1):
+        sheet = euroc / "mav0" / f"cam{eye}" / "sensor.yaml"
+        sheet.rename(sheet.with_name("left.yml" if eye == 0 else "right.yml"))
+    with pytest.warns(Remark, match="the calibration is that of"):
+        assert open_sequence(euroc).rig.f_px == F_PX
+
+
 def test_folder_of_recordings_names_one(euroc):
     with pytest.raises(DatasetError, match=rf"not a recording; {euroc} is one; expected"):
         open_sequence(euroc.parent)

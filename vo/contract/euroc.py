@@ -52,13 +52,15 @@ def list_euroc(folder: Path, tolerance_ms: float | None = None) -> StereoFiles:
 
 
 def read_euroc_cameras(folder: Path) -> tuple[Camera, Camera]:
-    """Read both sensor.yaml, or Kalibr's camchain in the folder, its parent or TUM-VI's `dso`.
+    """Read both sensor.yaml, or Kalibr's camchain in `mav0`, beside it or in TUM-VI's `dso`.
+
+    In place of a sensor.yaml, the only YAML file beside it is read.
 
     Raises:
         CalibrationError: If a calibration is missing or malformed.
     """
     mav = _mav(folder)
-    sheets = [mav / camera / "sensor.yaml" for camera in ("cam0", "cam1")]
+    sheets = [_sheet(mav / camera) for camera in ("cam0", "cam1")]
     if not any(x.is_file() for x in sheets):
         parent = mav.resolve().parent
         chain = find_chain((mav, parent, parent / "dso"))
@@ -66,6 +68,15 @@ def read_euroc_cameras(folder: Path) -> tuple[Camera, Camera]:
             remark(f"{sheets[0]}: missing; the calibration is that of {chain}")
             sheets = [chain, chain]
     return read_cameras(sheets[0], sheets[1])
+
+
+def _sheet(camera: Path) -> Path:
+    """Return the calibration of a camera: sensor.yaml, or the only YAML file in its place."""
+    sheet, others = camera / "sensor.yaml", sorted(camera.glob("*.y*ml"))
+    if sheet in others or len(others) != 1:
+        return sheet
+    remark(f"{sheet}: missing; the calibration is that of {others[0]}")
+    return others[0]
 
 
 def read_euroc_truth(folder: Path, T_body_cam: Array) -> Trajectory | None:
