@@ -153,7 +153,7 @@ def test_run_goes_on_without_missing_images(dataset, tmp_path, words, times):
     [
         (["--first", "3"], ["frames 3 to 2", "frames 0 to 2"]),
         (["--last", "7"], ["frames 0 to 7", "d has frames 0 to 2"]),
-        (["--pair-tolerance", "50"], ["--pair-tolerance 50 ms", "half of the frame period"]),
+        (["--pair-tolerance", "50"], ["--pair-tolerance 50 ms", "half of the period of 100 ms"]),
         (["--every", "2", "--command", "true {dataset} {out}"], ["a program reads all frames"]),
         (["--estimator", "orb"], ["unknown estimator orb", "corner_flow, driftyard"]),
         (["--set", "seeds=3"], ["unknown setting seeds", "features"]),

@@ -84,3 +84,13 @@ def test_report_map_is_placed_as_the_manifest_states(results):
     start = re.search(r'<g id="start">.*?<use [^>]*x="([\d.]+)" y="([\d.]+)"', svg, re.DOTALL)
     # The map is 5 m wide: the start, at the world's origin, is 1 m from its left, 2 m from its top.
     assert [float(x) / width for x in start.groups()] == pytest.approx([1 / 5, 2 / 5], abs=1e-3)
+
+
+def test_report_of_selected_frames_shows_their_images(results):
+    words = ("--estimator", "corner_flow", "--every", "2")
+    assert driftyard("run", "wall", "--out", "e.txt", *words, cwd=results).returncode == 0
+    result = driftyard("report", "wall", "e.txt", "--out", "e.html", cwd=results)
+    assert result.returncode == 0, result.stderr
+    captions = dict(re.findall(r"frame (\d), (\d\.\d) s:", (results / "e.html").read_text()))
+    assert captions
+    assert all(float(time) == pytest.approx(0.2 * int(frame)) for frame, time in captions.items())

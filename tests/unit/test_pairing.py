@@ -55,7 +55,7 @@ def test_no_pair_states_the_smallest_difference(delay_ms):
 
 
 def test_tolerance_stays_below_half_a_period():
-    with pytest.raises(SettingsError, match="half of the frame period of 50 ms"):
+    with pytest.raises(SettingsError, match="half of the period of 50 ms"):
         pair_by_time(Path("d"), eye([0, 50], "l"), eye([0, 50], "r"), 25.0)
     fast = [0, 4, 8]
     with pytest.raises(DatasetError, match=r"the tolerance .* is 1 ms"):

@@ -168,7 +168,7 @@ def _tolerance_ns(times: Indices, times_right: Indices, tolerance_ms: float | No
     tolerance_ns = tolerance_ms * NS_PER_MS
     if not 0 <= tolerance_ns < MAX_PERIODS * period_ns:
         raise SettingsError(
-            f"--pair-tolerance {tolerance_ms:g} ms: must be below half of the frame period of "
+            f"--pair-tolerance {tolerance_ms:g} ms: must be 0 or more, below half of the period of "
             f"{period_ns / NS_PER_MS:g} ms"
         )
     return tolerance_ns
