@@ -24,6 +24,9 @@ from vo.contract.compilation import compiled
 RUN_PX, PIXELS_EACH_ROW_STEP = 8, 75_000
 """Of every run of so many pixels, the one with the steepest grey is used, in every fourth row of an
 image with four times so many pixels, and in more rows of smaller ones."""
+SHADING_PX, STEEP_MIN = 15, 1.0
+"""Gradients are less their mean over so many pixels, and at least so many grey levels per pixel:
+the rest may be the shading of shiny surfaces, which differs between two views."""
 MARGIN_PX = 5
 """Border of both images without pixels."""
 BEND_MAX_PX = 0.2
@@ -33,8 +36,9 @@ MODEL_PX = 0.2
 """Standard deviation of the place of an edge in an image: weight of steep edges and of noise."""
 SIGMAS = 4.0
 """Largest residual in standard deviations, besides that of a shift by one pixel."""
-SQUARE_PX = 16
-"""Side of the squares of pixels that count as one observation."""
+SQUARE_PX, ALIASING_PX = 16, 0.2
+"""Side of the squares of pixels that count as one observation, and standard deviation of what
+aliasing shifts all edges of one: a few edges of shadows do not determine a bias."""
 COMMON_SHARE = 0.6
 """Smallest fraction of its neighbours' gradients that a pixel has in common with its match."""
 SINGULAR = 1e-9
@@ -129,7 +133,7 @@ def shift_of(
     """
     channels = motion.shape[2]
     slopes = [cv2.Sobel(image, cv2.CV_32F, *axis, scale=1 / 8) for axis in ((1, 0), (0, 1))]
-    slopes = np.stack(slopes[:channels], axis=-1)
+    slopes = np.stack([x - cv2.blur(x, (SHADING_PX,) * 2) for x in slopes[:channels]], axis=-1)
     pixels = np.empty((len(visible) * (image.shape[1] // RUN_PX + 1), 2), np.int64)
     v, u = pixels[: _steepest(slopes, motion, visible, row_step(image), pixels)].T
     moved = np.zeros((2, len(u)), np.float32)
@@ -153,11 +157,11 @@ def shift_of(
     noise = z_weighted * (r - x @ shift)[:, None]
     lack = z_weighted * (COMMON_SHARE * beside - x)
     square = v // SQUARE_PX * (image.shape[1] // SQUARE_PX + 1) + u // SQUARE_PX
-    terms = np.hstack([noise, lack]).T
+    terms = np.hstack([noise, lack, ALIASING_PX * z_weighted * x]).T
     sums = np.stack([np.bincount(square, term) for term in terms])
-    variance = sums @ sums.T
-    own, of_lack = variance[:channels, :channels], np.diag(variance)[channels:]
-    return Shift(information, product, own, lack.sum(axis=0), of_lack)
+    of_noise, (of_lack, of_aliasing) = sums[:channels], np.split((sums**2).sum(axis=1), 3)[1:]
+    variance = of_noise @ of_noise.T + np.diag(of_aliasing)
+    return Shift(information, product, variance, lack.sum(axis=0), of_lack)
 
 
 def _gradients_beside(image: Array, v: Indices, u: Indices, lag: int) -> Array:
@@ -178,7 +182,7 @@ def _steepest(slopes: Array, label: Array, visible: Mask, step: int, pixels: Ind
         if v < MARGIN_PX or v >= height - MARGIN_PX:
             continue
         for start in range(MARGIN_PX, width - MARGIN_PX, RUN_PX):
-            best, best_u = np.float32(0), -1
+            best, best_u = np.float32(STEEP_MIN**2), -1
             for u in range(start, min(start + RUN_PX, width - MARGIN_PX)):
                 steep = np.float32(0)
                 for c in range(channels):

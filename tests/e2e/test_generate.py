@@ -46,7 +46,10 @@ def test_generate_mjcf_scene_gives_a_dataset_that_verifies(folder):
     assert manifest["scene"]["source"] == "yard.xml"
     assert manifest["seed"] == 7
     assert manifest["certificate"]["passed"]
-    assert driftyard("verify", "d", cwd=folder).returncode == 0
+    verified = driftyard("verify", "d", cwd=folder)
+    assert verified.returncode == 0
+    assert "disparity: bias" in verified.stdout
+    assert "the smallest shift that is found is" in verified.stdout
 
 
 def test_generate_from_manifest_repeats_every_byte(folder):

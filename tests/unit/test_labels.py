@@ -1,12 +1,14 @@
 """Dense labels on images small enough to work out by hand, and on worlds solved ray by ray."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from raycast import Ball, Box, Ground, look
 
 from sim.camera.camera import FrameExposure
+from sim.certificate.blur import FACTOR, CameraMotion
 from sim.certificate.certificate import certify
 from sim.certificate.photometric import (
     FrameResidual,
@@ -221,3 +223,17 @@ def test_expected_residual_without_noise_is_rounding():
     noiseless = NoisyImage(image, np.zeros(256))
     expected = expected_residual(noiseless, noiseless, u, v, visible)
     np.testing.assert_allclose(expected, math.sqrt(1 / 6), rtol=1e-6)
+
+
+@pytest.mark.parametrize(("faster", "expected_px"), [(0.0, 0.0), (2.0, 2 * 114 * 0.02 / 8)])
+def test_blur_displaces_an_image_only_where_the_camera_accelerates(faster, expected_px):
+    """The turn rate is `faster` in the second half of an exposure of 20 ms: a mean of 2/8 T."""
+    times_ns = np.arange(0, 100_000_001, 5_000_000)
+    seconds = times_ns * 1e-9
+    turned = seconds + faster * np.maximum(seconds - 0.05, 0)
+    T_world_cam = np.stack([se3.exp(np.array([0, 0, 0, 0, a, 0])) for a in turned])
+    motion = CameraMotion(times_ns, T_world_cam, WIDE)
+    shot = replace(SHOT, timestamp_ns=50_000_000, exposure_ms=20.0)
+    displaced_px = motion.displacement_px(shot, np.full((120, 160), 10, np.float32))
+    assert displaced_px == pytest.approx(FACTOR * expected_px, rel=0.05, abs=1e-6)
+    assert motion.displacement_px(replace(shot, exposure_ms=0.0), np.ones((2, 2))) == 0
