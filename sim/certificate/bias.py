@@ -42,13 +42,13 @@ aliasing shifts all edges of one: a few edges of shadows do not determine a bias
 COMMON_SHARE = 0.6
 """Smallest fraction of its neighbours' gradients that a pixel has in common with its match."""
 SINGULAR = 1e-9
-FRAME_MAX_PX, DATASET_MAX_PX = 0.1, 0.03
+FRAME_MAX_PX, DATASET_MAX_PX = 0.08, 0.025
 """Largest shift of a label in a frame, and over all frames, besides its standard error: aliasing
-and interpolation leave up to a third of them in good datasets."""
+and interpolation leave up to half of them in good datasets."""
 FRAME_ERRORS, DATASET_ERRORS = 4.5, 4.0
 """Standard errors that are added to them, and by which gradients in common must not be lacking."""
-POWER_ERRORS = 3.0
-"""Standard errors beyond the limit from which a shift is found almost always: they grow with it."""
+POWER_ERRORS = 2.0
+"""Standard errors beyond the limit from which a shift is found in 98 of 100 cases."""
 
 
 @dataclass(frozen=True)

@@ -226,7 +226,7 @@ def test_expected_residual_without_noise_is_rounding():
 
 
 @pytest.mark.parametrize(("faster", "expected_px"), [(0.0, 0.0), (2.0, 2 * 114 * 0.02 / 8)])
-def test_blur_displaces_an_image_only_where_the_camera_accelerates(faster, expected_px):
+def test_blur_displaces_an_image_where_the_camera_accelerates(faster, expected_px):
     """The turn rate is `faster` in the second half of an exposure of 20 ms: a mean of 2/8 T."""
     times_ns = np.arange(0, 100_000_001, 5_000_000)
     seconds = times_ns * 1e-9
