@@ -138,11 +138,19 @@ class StereoRenderer:
     def unlabelled_pixels(self) -> int:
         """Count the pixels of both cameras at which images and labels show different surfaces.
 
-        What images draw is drawn once more as labels are, so that its depth can be compared.
+        What images draw is drawn once more as labels are, so that its depth can be compared, and
+        what is no object of the labels is found.
         """
         labels, images = self._geometry(self._label_option), self._geometry(self._image_option)
-        left = contradictions(labels.depth_left_m, images.depth_left_m)
-        return int(left.sum() + contradictions(labels.depth_right_m, images.depth_right_m).sum())
+        pairs = (
+            (labels.depth_left_m, images.depth_left_m, images.geoms_left),
+            (labels.depth_right_m, images.depth_right_m, images.geoms_right),
+        )
+        wrong = (
+            contradictions(label_m, image_m) | (~np.isnan(image_m) & (objects == NO_GEOM))
+            for label_m, image_m, objects in pairs
+        )
+        return sum(int(mask.sum()) for mask in wrong)
 
     def _geometry(self, option: mujoco.MjvOption) -> GeometryBuffers:
         self._update_stereo(option)

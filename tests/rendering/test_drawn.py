@@ -31,7 +31,7 @@ WORLD = """<mujoco><asset><material name="mirror" reflectance="0.8"/></asset>
 <worldbody><light pos="0 0 4" dir="0.2 0 -1"/>
 <geom name="floor" type="plane" size="5 5 1" rgba=".3 .4 .5 1"/>{}</worldbody>{}</mujoco>"""
 BOX = '<geom name="thing" type="box" size=".2 .2 .2" pos="1.5 0 .3" {}/>'
-SITES = """<site name="here" pos="1.5 -.4 .3" size=".1" rgba="1 0 0 1"/>
+SITES = """<site name="here" pos="1.5 -.4 .3" zaxis="0 1 0" size=".1" rgba="1 0 0 1"/>
 <body pos="1.5 .5 .3"><joint type="slide" axis="0 1 0"/><geom size=".1" mass="1"/>
 <site name="there" size=".02"/></body>"""
 CORD = """<tendon><spatial name="cord" width=".03"><site site="here"/><site site="there"/></spatial>
@@ -146,6 +146,21 @@ def test_coverage_fails_where_only_images_or_labels_show(seen, group):
     _, _, coverage = seen(scene=scene)
     assert not coverage["passed"]
     assert coverage["unlabelled_max_px"] > 600
+
+
+def test_coverage_finds_what_is_no_object_of_the_labels(tmp_path, monkeypatch):
+    """The ray of a range finder, drawn in images and labels as in a viewer, is none."""
+    path = tmp_path / "world.xml"
+    path.write_text(WORLD.format(SITES, CORD))
+    world = build_world(load_scene(str(path)), SETTINGS)
+    with StereoRenderer(world, SETTINGS.render) as renderer:
+        world.place_bodies()
+        mujoco.mj_forward(world.model, world.data)
+        assert renderer.unlabelled_pixels() == 0
+        monkeypatch.setattr("sim.camera.render.DRAWN", mujoco.mjtCatBit.mjCAT_ALL)
+        for option in (renderer._image_option, renderer._label_option):
+            option.flags[mujoco.mjtVisFlag.mjVIS_RANGEFINDER] = 1
+        assert renderer.unlabelled_pixels() > 10
 
 
 def test_contradictions_spare_outlines_and_find_small_things():

@@ -298,6 +298,9 @@ def test_dataset_mismatch_names_the_cause(baseline):
     assert dataset_mismatch(baseline, same, "2", {}) == ""
     told = dataset_mismatch(baseline, [*same[:5], "?"], "1", {"mujoco": "5"})
     assert told == "datasets differ in 1 of 6 sequences, the first s5 seed 0 (mujoco is 5, was 4)"
+    park = baseline.sequences[0].model_copy(update={"scene": "park.xml"})
+    edited = baseline.model_copy(update={"sequences": (park,), "generator": "1"})
+    assert dataset_mismatch(edited, ["?"], "1", {}).endswith("seed 0 (park.xml was edited)")
 
 
 def test_compare_other_platform_is_refused_first(baseline, tmp_path):

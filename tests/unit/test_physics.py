@@ -72,3 +72,10 @@ def test_unstable_world_ends_the_trip_without_a_log_file(tmp_path, monkeypatch):
     with pytest.raises(DriveError, match=r"the physics is unstable at .* its time step of 0\.8"):
         make_trip(world, SETTINGS)
     assert os.listdir(tmp_path) == ["arm.xml"]
+
+
+def test_unstable_world_ends_an_environment(tmp_path):
+    simulation = Simulation(world_of(tmp_path), SETTINGS, 1.0)
+    simulation.world.data.joint("swing").qvel = 1e12
+    with pytest.raises(DriveError, match="the physics is unstable at"):
+        simulation.advance(np.zeros(2))

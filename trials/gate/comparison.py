@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from scenes.custom import is_custom
 from trials.estimators.choice import Named
 from trials.execution.cache import source_digest
 from trials.execution.jobs import Recording
@@ -136,6 +137,8 @@ def dataset_mismatch(
         was = baseline.software.get(name)
         if was != now:
             causes.append(f"{name} is {_version(now)}, was {_version(was)}")
+    if not causes and is_custom(other[0].scene):
+        causes.append(f"{other[0].scene} was edited")
     why = f" ({'; '.join(causes)})" if causes else ""
     return (
         f"datasets differ in {len(other)} of {len(pairs)} sequences, the first {other[0].scene} "

@@ -9,6 +9,7 @@ import numpy as np
 from sim.settings import RecordSettings
 from sim.world.carrier_motion import body_motion, centred_velocity, wheel_forces_n
 from sim.world.fall import FallMonitor
+from sim.world.physics import expect_stable
 from sim.world.rover import BODY, PREFIX, WHEEL_RADIUS_M, WHEELS, ticks
 from sim.world.start import START_CLEARANCE_M
 from sim.world.trip import MOVER_PERIOD_S, Motions, States, Trip, longest_window_s
@@ -194,7 +195,11 @@ class Simulation:
         return alone
 
     def advance(self, speeds_radps: Array) -> None:
-        """Advance by one control step towards the speeds (2,) of the left and the right wheel."""
+        """Advance by one control step towards the speeds (2,) of the left and the right wheel.
+
+        Raises:
+            DriveError: If the physics is unstable.
+        """
         world, model, data = self.world, self.world.model, self.world.data
         self.touched[:] = False
         done = 0
@@ -214,6 +219,7 @@ class Simulation:
                 agent.advance(self.time_s, np.array(self.pose2[:2]))
             self._add_contacts()
             self._record(stop)
+        expect_stable(world, self.time_s)
         if self.log:
             self.log.add_wheel_ticks(self.snapshot.time_ns, self.snapshot.wheel_ticks)
 
