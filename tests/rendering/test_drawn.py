@@ -31,11 +31,13 @@ WORLD = """<mujoco><asset><material name="mirror" reflectance="0.8"/></asset>
 <worldbody><light pos="0 0 4" dir="0.2 0 -1"/>
 <geom name="floor" type="plane" size="5 5 1" rgba=".3 .4 .5 1"/>{}</worldbody>{}</mujoco>"""
 BOX = '<geom name="thing" type="box" size=".2 .2 .2" pos="1.5 0 .3" {}/>'
-SITES = """<site name="here" pos="1.5 -.4 .3" zaxis="0 1 0" size=".1" rgba="1 0 0 1"/>
+SITES = """<site name="here" pos="1.5 -.4 .3" zaxis="0 1 0" size=".1"
+ rgba="1 0 0 1"/>
 <body pos="1.5 .5 .3"><joint type="slide" axis="0 1 0"/><geom size=".1" mass="1"/>
 <site name="there" size=".02"/></body>"""
-CORD = """<tendon><spatial name="cord" width=".03"><site site="here"/><site site="there"/></spatial>
-</tendon><sensor><rangefinder site="here"/></sensor>"""
+RAY = '<sensor><rangefinder site="here"/></sensor>'
+CORD = f"""<tendon><spatial name="cord" width=".03">
+<site site="here"/><site site="there"/></spatial></tendon>{RAY}"""
 CLOTH = """<flexcomp name="cloth" type="grid" count="5 5 1" spacing=".1 .1 .1" pos="1.5 0 .4"
  euler="0 90 0" radius=".01" dim="2"><edge equality="true"/><pin id="0 4"/></flexcomp>"""
 
@@ -151,7 +153,7 @@ def test_coverage_fails_where_only_images_or_labels_show(seen, group):
 def test_coverage_finds_what_is_no_object_of_the_labels(tmp_path, monkeypatch):
     """The ray of a range finder, drawn in images and labels as in a viewer, is none."""
     path = tmp_path / "world.xml"
-    path.write_text(WORLD.format(SITES, CORD))
+    path.write_text(WORLD.format(SITES, RAY))
     world = build_world(load_scene(str(path)), SETTINGS)
     with StereoRenderer(world, SETTINGS.render) as renderer:
         world.place_bodies()
