@@ -19,13 +19,13 @@ import numpy as np
 
 from vo.config import OdometrySettings
 from vo.contract.clock import Clock
-from vo.contract.readers import open_sequence
 from vo.contract.sequence import StereoFrame
 from vo.hooks import NO_HOOKS
 from vo.map.frame import View
 from vo.map.local_map import LocalMap
 from vo.mapping import relocalization
 from vo.odometry import StereoOdometry
+from vo.recordings.readers import open_sequence
 from vo.stereo.dense import DenseStereo
 from vo.stereo.sparse import measure_disparities
 from vo.tracking.diagnostics import LIMITS

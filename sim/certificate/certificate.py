@@ -21,7 +21,7 @@ from sim.world.rover import TRACK_M, WHEEL_RADIUS_M
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices, Mask
 from vo.contract.dataset import TRUTH
-from vo.contract.tables import read_columns
+from vo.recordings.tables import read_columns
 
 SPAN_S = 5.0
 """Duration of each integration of inertial readings from a true state."""

@@ -14,8 +14,8 @@ from sim.settings import RecordSettings
 from sim.world.random_streams import stream
 from sim.world.rig import stereo_rig
 from vo.contract.dataset import DIGEST, TRUTH, manifest_digest
-from vo.contract.euroc import open_euroc
-from vo.contract.tables import read_columns
+from vo.recordings.euroc import open_euroc
+from vo.recordings.tables import read_columns
 
 RELATIVE = 1e-9
 """Tolerance of numbers that are computed anew."""

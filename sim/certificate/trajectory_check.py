@@ -15,7 +15,7 @@ from sim.settings import RecordSettings
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices
 from vo.contract.dataset import TRUTH
-from vo.contract.tables import read_columns
+from vo.recordings.tables import read_columns
 
 POSITION_M, TURN_RAD, VELOCITY_MPS, BIAS = 2e-4, 2e-4, 2e-3, 1e-7
 """Smallest errors of a row that count. Shocks within an interval of the unit add to them."""

@@ -28,10 +28,10 @@ from vo.contract import se3
 from vo.contract.arrays import Array
 from vo.contract.dataset import MANIFEST, TRUTH, read_manifest
 from vo.contract.errors import DatasetError
-from vo.contract.euroc import open_euroc
-from vo.contract.images import read_codes, read_float
 from vo.contract.rig import StereoRig
-from vo.contract.tables import read_columns
+from vo.recordings.euroc import open_euroc
+from vo.recordings.images import read_codes, read_float
+from vo.recordings.tables import read_columns
 
 TOLERANCES = {
     "median_grey": 0.1,

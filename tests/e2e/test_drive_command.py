@@ -7,7 +7,7 @@ import pytest
 from gym_worlds import write_yard
 from terminal import driftyard
 
-from vo.contract.readers import open_sequence
+from vo.recordings.readers import open_sequence
 
 pytestmark = pytest.mark.gl
 

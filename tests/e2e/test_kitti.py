@@ -6,8 +6,8 @@ import pytest
 from trials.evaluation.alignment import Alignment, associate
 from trials.evaluation.metrics import position_errors
 from vo.contract.estimator import Status
-from vo.contract.readers import open_sequence, read_truth
 from vo.odometry import StereoOdometry
+from vo.recordings.readers import open_sequence, read_truth
 from vo.runner import run
 
 

@@ -21,10 +21,10 @@ from trials.evaluation.metrics import errors_over_distance
 from vo.config import THESIS, MatchingSettings, OdometrySettings
 from vo.contract import se3
 from vo.contract.estimator import Status
-from vo.contract.readers import open_sequence, read_truth
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
 from vo.odometry import StereoOdometry
+from vo.recordings.readers import open_sequence, read_truth
 from vo.runner import run
 
 pytestmark = [pytest.mark.gl, pytest.mark.slow]

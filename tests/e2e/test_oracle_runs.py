@@ -6,9 +6,9 @@ from recordings import OFFICE, shared_recording
 
 from trials.diagnosis.hooks import ORACLES, Oracle
 from vo.contract import se3
-from vo.contract.readers import open_sequence, read_truth
 from vo.hooks import Hooks
 from vo.odometry import StereoOdometry
+from vo.recordings.readers import open_sequence, read_truth
 from vo.runner import run
 
 pytestmark = [pytest.mark.gl, pytest.mark.slow]

@@ -8,9 +8,9 @@ import pytest
 from trials.evaluation.alignment import Alignment, Pair, associate
 from trials.evaluation.metrics import errors_over_time, position_errors
 from vo.contract import se3
-from vo.contract.kitti import read_kitti_poses
 from vo.contract.trajectory import Trajectory
-from vo.contract.trajectory_files import read_trajectory
+from vo.recordings.kitti import read_kitti_poses
+from vo.recordings.trajectory_files import read_trajectory
 
 
 @pytest.fixture

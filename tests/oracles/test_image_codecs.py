@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim.dataset.image_codecs import encode_float, encode_png
-from vo.contract.images import read_codes, read_float, read_grey
+from vo.recordings.images import read_codes, read_float, read_grey
 
 SLOPE = np.add.outer(np.arange(61), 0.37 * np.arange(91)).astype(np.float32)
 """Smooth, as a depth is."""

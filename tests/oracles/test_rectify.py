@@ -6,7 +6,7 @@ import pytest
 from folders import HEIGHT, WIDTH, write_euroc
 
 from vo.contract import se3
-from vo.contract.readers import open_sequence
+from vo.recordings.readers import open_sequence
 
 K = np.array([[180.0, 0, 118.0], [0, 185.0, 92.0], [0, 0, 1]])
 DISTORTION = (-0.28, 0.07, 2e-4, -3e-4)

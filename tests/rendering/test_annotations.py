@@ -30,7 +30,7 @@ from sim.world.world import World, build_world
 from vo.contract import se3
 from vo.contract.arrays import Array
 from vo.contract.dataset import read_manifest
-from vo.contract.images import read_codes, read_float
+from vo.recordings.images import read_codes, read_float
 
 pytestmark = pytest.mark.gl
 

@@ -29,7 +29,7 @@ from sim.settings import (
     recorded_settings,
 )
 from vo.contract.dataset import DIGEST, MANIFEST, read_manifest
-from vo.contract.images import read_float
+from vo.recordings.images import read_float
 
 pytestmark = pytest.mark.gl
 

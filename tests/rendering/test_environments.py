@@ -20,7 +20,7 @@ from trials.gym.media import Filmed
 from trials.gym.world.start_goal_sampling import TrialError
 from vo.contract.errors import SettingsError
 from vo.contract.estimator import Estimate, Status
-from vo.contract.readers import open_sequence, read_truth
+from vo.recordings.readers import open_sequence, read_truth
 from vo.runner import run
 
 pytestmark = pytest.mark.gl

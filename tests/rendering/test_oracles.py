@@ -18,10 +18,10 @@ from trials.diagnosis.hooks import MAX_INLIER_PX, ORACLES, Oracle
 from trials.evaluation.truth import TrueWorld
 from vo.contract import se3
 from vo.contract.errors import DatasetError, SettingsError
-from vo.contract.images import read_codes, read_float
-from vo.contract.readers import open_sequence, read_truth
 from vo.contract.sequence import StereoFrame
 from vo.hooks import Hooks
+from vo.recordings.images import read_codes, read_float
+from vo.recordings.readers import open_sequence, read_truth
 
 pytestmark = pytest.mark.gl
 

@@ -22,9 +22,9 @@ from sim.settings import (
 from sim.world.world import START_S
 from vo.contract.dataset import read_manifest
 from vo.contract.errors import DatasetError
-from vo.contract.images import read_float, read_grey
-from vo.contract.readers import open_sequence, read_truth
 from vo.contract.settings import amended, with_defaults
+from vo.recordings.images import read_float, read_grey
+from vo.recordings.readers import open_sequence, read_truth
 
 pytestmark = pytest.mark.gl
 

@@ -29,8 +29,8 @@ from sim.settings import (
 )
 from vo.contract.arrays import Array, Image
 from vo.contract.dataset import read_manifest
-from vo.contract.images import read_float, read_grey
-from vo.contract.readers import open_sequence
+from vo.recordings.images import read_float, read_grey
+from vo.recordings.readers import open_sequence
 
 pytestmark = pytest.mark.gl
 

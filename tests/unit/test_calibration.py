@@ -7,10 +7,10 @@ import pytest
 import yaml
 
 from vo.contract import se3
-from vo.contract.calibration import find_chain, read_cameras
 from vo.contract.errors import CalibrationError
-from vo.contract.rectify import Lens, rectify
 from vo.contract.remarks import Remark
+from vo.recordings.calibration import find_chain, read_cameras
+from vo.recordings.rectify import Lens, rectify
 
 FOCAL = [200.0, 201.0, 119.5, 89.5]
 K = [[200.0, 0.0, 119.5], [0.0, 201.0, 89.5], [0.0, 0.0, 1.0]]

@@ -8,8 +8,8 @@ from trials.estimators.baselines.corner_flow import CornerFlow
 from trials.evaluation.alignment import associate
 from trials.evaluation.metrics import errors_over_distance
 from vo.contract.estimator import Status
-from vo.contract.readers import open_sequence, read_truth
 from vo.contract.sequence import StereoFrame
+from vo.recordings.readers import open_sequence, read_truth
 from vo.runner import run
 
 STEP_PX = 4

@@ -12,7 +12,7 @@ from vo.contract import partial
 from vo.contract.dataset import MANIFEST, OWN_TABLES, RECTIFIED_EYE, DatasetWriter
 from vo.contract.errors import DatasetError
 from vo.contract.files import write_text
-from vo.contract.readers import open_sequence
+from vo.recordings.readers import open_sequence
 
 KILLED = 9
 

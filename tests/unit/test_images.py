@@ -9,9 +9,9 @@ import pytest
 from folders import HEIGHT, PERIOD_NS, WIDTH, wall, write_euroc
 
 from vo.contract.errors import ImageError
-from vo.contract.images import grey_reader, read_grey
-from vo.contract.readers import open_sequence
 from vo.contract.remarks import Remark
+from vo.recordings.images import grey_reader, read_grey
+from vo.recordings.readers import open_sequence
 
 IMAGE = wall(1)[0][0]
 

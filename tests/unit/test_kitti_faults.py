@@ -6,7 +6,7 @@ import pytest
 from folders import BASELINE_M, F_PX, wall
 
 from vo.contract.errors import CalibrationError, DatasetError, DriftyardError, TrajectoryError
-from vo.contract.readers import open_sequence, read_truth
+from vo.recordings.readers import open_sequence, read_truth
 
 STILL = "1 0 0 0 0 1 0 0 0 0 1 0"
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from vo.contract.errors import DatasetError, SettingsError
-from vo.contract.pairing import FrameSelection, pair_by_time
 from vo.contract.remarks import Remark
+from vo.recordings.pairing import FrameSelection, pair_by_time
 
 MS = 1_000_000
 PERIOD_NS = 50 * MS

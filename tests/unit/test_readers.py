@@ -9,10 +9,10 @@ import yaml
 from folders import BASELINE_M, F_PX, HEIGHT, PERIOD_NS, WIDTH, wall, write_euroc
 
 from vo.contract.errors import CalibrationError, DatasetError, TrajectoryError
-from vo.contract.kitti import pose_files
-from vo.contract.readers import open_sequence, read_truth
 from vo.contract.remarks import Remark
 from vo.contract.sequence import STALE_NS, WheelLog
+from vo.recordings.kitti import pose_files
+from vo.recordings.readers import open_sequence, read_truth
 
 
 @pytest.fixture

@@ -14,10 +14,10 @@ from trials.estimators.choice import Named, estimate
 from trials.evaluation.runs import read_run
 from vo.contract.errors import DatasetError, ImageError, TrajectoryError
 from vo.contract.estimator import Estimate, FinalResult, Observations, PointMap, Status
-from vo.contract.readers import open_sequence
 from vo.contract.remarks import Remark
 from vo.contract.trajectory import Trajectory
-from vo.contract.trajectory_files import read_trajectory
+from vo.recordings.readers import open_sequence
+from vo.recordings.trajectory_files import read_trajectory
 from vo.runner import Run, UnfinishedRun, run, write_run
 
 

@@ -8,7 +8,7 @@ from folders import BASELINE_M, F_PX, HEIGHT, WIDTH, wall
 from vo.contract.remarks import Remark
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoSequence
-from vo.contract.synchronization import remark_unsynchronized
+from vo.recordings.synchronization import remark_unsynchronized
 
 FRAMES = 6
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vo.contract.errors import DatasetError
-from vo.contract.tables import SECONDS, read_table
+from vo.recordings.tables import SECONDS, read_table
 
 EPOCH_NS = 1403636579763555584
 ROW = "a timestamp and a number"

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from vo.contract import se3
 from vo.contract.errors import TrajectoryError
 from vo.contract.trajectory import Trajectory, write_tum
-from vo.contract.trajectory_files import read_trajectory
+from vo.recordings.trajectory_files import read_trajectory
 
 GOOD = "1.5 0 0 0 0 0 0 1\n"
 

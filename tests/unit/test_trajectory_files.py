@@ -6,7 +6,7 @@ import pytest
 from vo.contract import se3
 from vo.contract.errors import TrajectoryError
 from vo.contract.remarks import Remark
-from vo.contract.trajectory_files import read_trajectory
+from vo.recordings.trajectory_files import read_trajectory
 
 FRAMES_NS = 1403636579763555584 + 50_000_000 * np.arange(4)
 T = se3.exp(np.outer(np.arange(4), [0.1, 0.2, 0.3, 0.03, 0.02, 0.01]))

@@ -11,8 +11,8 @@ from vo.contract import se3
 from vo.contract.errors import TrajectoryError
 from vo.contract.remarks import Remark
 from vo.contract.trajectory import Trajectory
-from vo.contract.truth_files import read_true_states
-from vo.contract.tumvi import read_tumvi_truth
+from vo.recordings.truth_files import read_true_states
+from vo.recordings.tumvi import read_tumvi_truth
 
 T_BODY_CAM = se3.exp(np.array([0.1, 0.2, 0.3, 0.5, -0.5, 0.4]))
 T_WORLD_BODY = se3.exp(np.outer(np.arange(5), [0.1, 0.2, 0.0, 0.1, 0.0, 0.2]))

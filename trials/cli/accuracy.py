@@ -16,7 +16,7 @@ from trials.studies.accuracy import (
     summary_tables,
     write_scores,
 )
-from vo.contract.readers import open_sequence
+from vo.recordings.readers import open_sequence
 
 
 def accuracy(

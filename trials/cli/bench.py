@@ -7,7 +7,7 @@ from pathlib import Path
 from trials.cli import console
 from trials.cli.options import Seed, option
 from trials.studies.bench import bench_all, bench_over
-from vo.contract.readers import open_sequence
+from vo.recordings.readers import open_sequence
 
 PACKAGES = ("mujoco", "numpy", "opencv-python-headless", "gtsam", "numba")
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from sim.settings import RecordSettings
     from trials.estimators.choice import Named
     from trials.estimators.plugins.command import Command
-    from vo.contract.pairing import FrameSelection
+    from vo.recordings.pairing import FrameSelection
 
 SceneName = Annotated[
     str,
@@ -154,7 +154,7 @@ class FrameOptions:
     @property
     def selection(self) -> "FrameSelection":
         """The selection of frames."""
-        from vo.contract.pairing import FrameSelection
+        from vo.recordings.pairing import FrameSelection
 
         return FrameSelection(
             self.first, self.last, self.every, self.skip_missing, self.pair_tolerance

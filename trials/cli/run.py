@@ -9,9 +9,9 @@ from trials.estimators.choice import Named, estimate
 from trials.estimators.plugins.command import Command
 from vo.contract.errors import SettingsError, TrajectoryError
 from vo.contract.estimator import Status
-from vo.contract.pairing import ALL_FRAMES, FrameSelection
-from vo.contract.readers import open_sequence
-from vo.contract.synchronization import remark_unsynchronized
+from vo.recordings.pairing import ALL_FRAMES, FrameSelection
+from vo.recordings.readers import open_sequence
+from vo.recordings.synchronization import remark_unsynchronized
 
 
 def run(

@@ -16,7 +16,7 @@ from trials.evaluation.runs import read_runs
 from trials.evaluation.score import Score, score_run
 from trials.evaluation.truth import true_trajectory
 from trials.report.tables import text_table
-from vo.contract.readers import read_body_pose, read_frame_times
+from vo.recordings.readers import read_body_pose, read_frame_times
 
 
 def score(

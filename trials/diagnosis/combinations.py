@@ -23,7 +23,7 @@ from vo.contract.arrays import Array, Indices
 from vo.contract.dataset import MANIFEST
 from vo.contract.errors import DatasetError, SettingsError
 from vo.contract.files import read_lines, replacing
-from vo.contract.readers import open_sequence
+from vo.recordings.readers import open_sequence
 from vo.runner import run, write_run
 
 STAGES = {

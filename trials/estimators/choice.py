@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from vo.contract.errors import SettingsError
 from vo.contract.estimator import Estimate, Estimator
-from vo.contract.pairing import ALL_FRAMES, FrameSelection
 from vo.contract.rig import StereoRig
 from vo.contract.settings import Settings, resolve
+from vo.recordings.pairing import ALL_FRAMES, FrameSelection
 
 if TYPE_CHECKING:
     from trials.estimators.plugins.command import Command
@@ -105,7 +105,7 @@ def estimate(
     """
     from trials.estimators.plugins import PluginError
     from trials.estimators.plugins.classes import Guarded
-    from vo.contract.readers import open_sequence
+    from vo.recordings.readers import open_sequence
     from vo.runner import UnfinishedRun, companion, run, write_run
 
     sequence = open_sequence(dataset, frames)

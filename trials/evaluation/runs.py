@@ -13,9 +13,9 @@ import numpy as np
 from vo.contract.arrays import Array, Indices, Mask
 from vo.contract.errors import TrajectoryError
 from vo.contract.estimator import PointMap, Status
-from vo.contract.readers import read_frame_times
 from vo.contract.trajectory import Trajectory
-from vo.contract.trajectory_files import read_trajectory
+from vo.recordings.readers import read_frame_times
+from vo.recordings.trajectory_files import read_trajectory
 from vo.runner import COUNT, MILLISECONDS, VERTEX, companion
 
 DAMAGE = (OSError, EOFError, ValueError, KeyError, TypeError, AttributeError, BadZipFile, csv.Error)

@@ -12,11 +12,11 @@ from vo.contract import se3
 from vo.contract.arrays import Array, Mask
 from vo.contract.dataset import MANIFEST, read_manifest
 from vo.contract.errors import DatasetError
-from vo.contract.euroc import read_euroc_truth
-from vo.contract.images import read_float
-from vo.contract.readers import read_truth
 from vo.contract.rig import StereoRig
 from vo.contract.trajectory import Trajectory
+from vo.recordings.euroc import read_euroc_truth
+from vo.recordings.images import read_float
+from vo.recordings.readers import read_truth
 
 SAME_SURFACE = 0.02
 """Largest relative difference of disparities of one surface."""

@@ -16,8 +16,8 @@ from trials.evaluation.truth import true_trajectory
 from trials.gate.baseline import Measurement
 from vo.contract.errors import DatasetError, DriftyardError, SettingsError, TrajectoryError
 from vo.contract.estimator import Status
-from vo.contract.readers import open_sequence
 from vo.contract.trajectory import Trajectory
+from vo.recordings.readers import open_sequence
 
 if TYPE_CHECKING:
     from trials.estimators.plugins.command import Command

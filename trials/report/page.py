@@ -17,9 +17,9 @@ from trials.report.charts import drift_by_length, error_over_distance, stage_cou
 from trials.report.html import data_uri, write_html
 from trials.report.trajectory_plot import plot_trajectories, read_scene_map
 from vo.contract.arrays import Array, Image, Indices
-from vo.contract.pairing import FrameSelection
-from vo.contract.readers import open_sequence
 from vo.contract.sequence import StereoSequence
+from vo.recordings.pairing import FrameSelection
+from vo.recordings.readers import open_sequence
 
 WIDTH_PX = 800
 TRAIL_FRAMES = 12

@@ -20,7 +20,7 @@ from vo.contract.estimator import Estimate, Status
 from vo.contract.files import replacing
 from vo.contract.sequence import StereoSequence
 from vo.contract.trajectory import Trajectory
-from vo.contract.trajectory_files import SAME_TIME_NS, read_trajectory
+from vo.recordings.trajectory_files import SAME_TIME_NS, read_trajectory
 from vo.runner import Run
 
 

@@ -23,7 +23,7 @@ from vo.bundle_adjustment.adjust import refine_motion
 from vo.config import THESIS as PRESET
 from vo.contract import se3
 from vo.contract.arrays import Array, Mask
-from vo.contract.readers import open_sequence
+from vo.recordings.readers import open_sequence
 from vo.runner import companion
 
 PEAK = 2.0

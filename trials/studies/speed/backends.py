@@ -16,8 +16,8 @@ from vo.bundle_adjustment.point_estimates import PointEstimates
 from vo.bundle_adjustment.problem import Bundle
 from vo.config import THESIS, OdometrySettings, RefinementSettings
 from vo.contract.arrays import Array
-from vo.contract.readers import open_sequence
 from vo.odometry import StereoOdometry
+from vo.recordings.readers import open_sequence
 
 PRESETS = {"driftyard": OdometrySettings(), "thesis": THESIS}
 """Estimators whose windows are measured."""

@@ -11,7 +11,7 @@ from trials.estimators.choice import make_estimator
 from trials.execution.progress import ProgressBar, counted, no_progress
 from vo.contract.arrays import Array
 from vo.contract.estimator import Estimate
-from vo.contract.readers import open_sequence
+from vo.recordings.readers import open_sequence
 from vo.runner import run
 
 WARM_FRAMES = 12

@@ -9,19 +9,25 @@ import numpy as np
 from vo.contract.arrays import Array, Indices
 from vo.contract.dataset import check_whole
 from vo.contract.errors import DatasetError
-from vo.contract.euroc import (
+from vo.contract.sequence import StereoSequence
+from vo.contract.trajectory import Trajectory
+from vo.recordings.euroc import (
     is_euroc,
     list_euroc,
     open_euroc,
     read_euroc_cameras,
     read_euroc_truth,
 )
-from vo.contract.kitti import is_kitti, list_kitti, open_kitti, read_kitti_pose, read_kitti_truth
-from vo.contract.pairing import ALL_FRAMES, FrameSelection, StereoFiles
-from vo.contract.rectify import rectify
-from vo.contract.sequence import StereoSequence
-from vo.contract.trajectory import Trajectory
-from vo.contract.tumvi import is_tumvi, list_tumvi, open_tumvi, read_tumvi_cameras, read_tumvi_truth
+from vo.recordings.kitti import is_kitti, list_kitti, open_kitti, read_kitti_pose, read_kitti_truth
+from vo.recordings.pairing import ALL_FRAMES, FrameSelection, StereoFiles
+from vo.recordings.rectify import rectify
+from vo.recordings.tumvi import (
+    is_tumvi,
+    list_tumvi,
+    open_tumvi,
+    read_tumvi_cameras,
+    read_tumvi_truth,
+)
 
 LAYOUTS = (
     "a driftyard, EuRoC or TUM-VI folder (mav0/cam0, or dso/cam0/images), KITTI odometry (image_0 "

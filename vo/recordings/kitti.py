@@ -8,14 +8,14 @@ import numpy as np
 from vo.contract.arrays import Array, Indices
 from vo.contract.errors import CalibrationError, DatasetError, TrajectoryError
 from vo.contract.files import read_lines
-from vo.contract.images import list_images
-from vo.contract.pairing import ALL_FRAMES, FrameSelection, StereoFiles, pair_by_name
-from vo.contract.pose_tables import matrix_poses
-from vo.contract.recording import open_recording
-from vo.contract.rectify import Camera
 from vo.contract.sequence import StereoSequence
-from vo.contract.tables import SECONDS, read_table
 from vo.contract.trajectory import Trajectory
+from vo.recordings.images import list_images
+from vo.recordings.pairing import ALL_FRAMES, FrameSelection, StereoFiles, pair_by_name
+from vo.recordings.pose_tables import matrix_poses
+from vo.recordings.recording import open_recording
+from vo.recordings.rectify import Camera
+from vo.recordings.tables import SECONDS, read_table
 
 MAX_OFF_AXIS = 0.02
 """Largest offset of the right eye along y or z, in baselines; that of KITTI's colour pair is 0.005.

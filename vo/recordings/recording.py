@@ -5,10 +5,10 @@ from pathlib import Path
 
 from vo.contract.arrays import Image
 from vo.contract.errors import DatasetError
-from vo.contract.images import grey_reader
-from vo.contract.pairing import FrameSelection, StereoFiles
-from vo.contract.rectify import Camera, rectify
 from vo.contract.sequence import StereoSequence, WheelLog
+from vo.recordings.images import grey_reader
+from vo.recordings.pairing import FrameSelection, StereoFiles
+from vo.recordings.rectify import Camera, rectify
 
 Cameras = Callable[[int, int], tuple[Camera, Camera]]
 """Takes width and height of the images; returns the left and the right camera."""

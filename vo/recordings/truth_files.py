@@ -7,12 +7,12 @@ import numpy as np
 
 from vo.contract import se3
 from vo.contract.arrays import Array
-from vo.contract.calibration import read_sensor_pose
 from vo.contract.errors import TrajectoryError
-from vo.contract.pose_tables import EUROC, PoseColumns, named_columns
 from vo.contract.remarks import remark
-from vo.contract.tables import Table, read_table
 from vo.contract.trajectory import Trajectory
+from vo.recordings.calibration import read_sensor_pose
+from vo.recordings.pose_tables import EUROC, PoseColumns, named_columns
+from vo.recordings.tables import Table, read_table
 
 STATE = "'timestamp [ns], px, py, pz, qw, qx, qy, qz', or without quaternions"
 TRUTH_FOLDERS = ("state_groundtruth_estimate0", "mocap0", "vicon0", "leica0")

@@ -9,8 +9,8 @@ import numpy as np
 
 from vo.contract.arrays import Array, Indices
 from vo.contract.errors import DatasetError, SettingsError
-from vo.contract.images import number_of
 from vo.contract.remarks import remark
+from vo.recordings.images import number_of
 
 NS_PER_MS = 1_000_000
 

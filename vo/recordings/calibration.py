@@ -11,8 +11,8 @@ from vo.contract import se3
 from vo.contract.arrays import Array
 from vo.contract.errors import CalibrationError
 from vo.contract.files import read_lines
-from vo.contract.rectify import Camera, Lens
 from vo.contract.remarks import remark
+from vo.recordings.rectify import Camera, Lens
 
 LENSES: dict[str, Lens | None] = {
     "radial-tangential": Lens.RADIAL_TANGENTIAL,

@@ -5,16 +5,16 @@ from pathlib import Path
 import numpy as np
 
 from vo.contract.arrays import Array, Indices
-from vo.contract.calibration import find_chain, read_cameras
-from vo.contract.images import image_files
-from vo.contract.pairing import ALL_FRAMES, FrameSelection, StereoFiles, pair_by_time
-from vo.contract.recording import open_recording
-from vo.contract.rectify import Camera
 from vo.contract.remarks import remark
 from vo.contract.sequence import StereoSequence, WheelLog
-from vo.contract.tables import NS, read_table
 from vo.contract.trajectory import Trajectory
-from vo.contract.truth_files import read_true_states
+from vo.recordings.calibration import find_chain, read_cameras
+from vo.recordings.images import image_files
+from vo.recordings.pairing import ALL_FRAMES, FrameSelection, StereoFiles, pair_by_time
+from vo.recordings.recording import open_recording
+from vo.recordings.rectify import Camera
+from vo.recordings.tables import NS, read_table
+from vo.recordings.truth_files import read_true_states
 
 IMAGE_ROW = "'timestamp [ns],filename'"
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from vo.contract import se3
 from vo.contract.arrays import Array, Mask
-from vo.contract.tables import Table
+from vo.recordings.tables import Table
 
 TIME = re.compile(r"(time|stamp|timestamps?|t)(_?(ns|nsec|s|sec))?")
 POSITION = re.compile(

@@ -9,16 +9,16 @@ import numpy as np
 
 from vo.contract.arrays import Array, Indices
 from vo.contract.errors import TrajectoryError
-from vo.contract.pose_tables import (
+from vo.contract.remarks import remark
+from vo.contract.trajectory import Trajectory
+from vo.recordings.pose_tables import (
     EUROC,
     TUM,
     matrix_columns,
     matrix_poses,
     named_columns,
 )
-from vo.contract.remarks import remark
-from vo.contract.tables import MIN_STEP_NS, NS, SECONDS, Table, median_step, read_table
-from vo.contract.trajectory import Trajectory
+from vo.recordings.tables import MIN_STEP_NS, NS, SECONDS, Table, median_step, read_table
 
 FORMATS = (
     "'timestamp tx ty tz qx qy qz qw' (TUM), 'timestamp, px, py, pz, qw, qx, qy, qz' (EuRoC), or "

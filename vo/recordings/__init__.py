@@ -1,0 +1,1 @@
+"""Readers of recordings, ground truth and trajectories as other tools write them."""
