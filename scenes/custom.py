@@ -25,9 +25,10 @@ LOOP_M = 2.0
 MARGIN_M = 0.5
 OTHERS = (
     *(f"{Path(inspect.getfile(module)).parent}/" for module in (inspect, np, mujoco)),
-    *("<frozen", "site-packages", __file__),
+    *(f"{Path(__file__).parents[1]}/{package}/" for package in ("scenes", "sim", "vo", "trials")),
+    *("<frozen", "site-packages"),
 )
-"""Parts of the paths of Python, of libraries and of this file, which are not the user's."""
+"""Parts of the paths of Python, of libraries and of driftyard, which are not the user's."""
 
 
 def is_custom(name: str) -> bool:
@@ -170,8 +171,6 @@ def _named(name: str, what: str) -> Generator[None]:
     """Turn whatever a user's module raises into a SettingsError with its file and line."""
     try:
         yield
-    except SettingsError:
-        raise
     except (Exception, SystemExit) as error:
         raise SettingsError(f"{name}: {what} ({_cause(error)})") from error
 

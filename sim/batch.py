@@ -67,9 +67,9 @@ class Task:
         same = recorded_settings(made["settings"]) == wanted
         if not same or made["scene"]["source"] != self.scene:
             raise DatasetError(f"{self.out}: exists with other settings; choose another folder")
-        if is_custom(self.scene):
+        if is_custom(self.scene) and "world" in made:
             world = build_world(build(self.scene, self.settings), self.settings)
-            if problem := changes_since(made.get("world", {}), world):
+            if problem := changes_since(made["world"], world):
                 raise DatasetError(
                     f"{self.out}: exists, and {problem} since; choose another folder"
                 )

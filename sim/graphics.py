@@ -91,7 +91,9 @@ def explain_fault(error: BaseException) -> str:
     given = [
         f"{name}={value}" for name, value in sorted(os.environ.items()) if name.startswith(PREFIXES)
     ]
-    closed = [x for pattern in DEVICES for x in glob.glob(pattern) if not os.access(x, os.R_OK)]
+    closed = [
+        x for pattern in DEVICES for x in glob.glob(pattern) if not os.access(x, os.R_OK | os.W_OK)
+    ]
     advice = [f"change or unset {', '.join(given)}"] if given else []
-    advice += [f"ask for permission to read {', '.join(closed)}"] if closed else []
+    advice += [f"ask for permission to read and write {', '.join(closed)}"] if closed else []
     return f"{reason}; {', or '.join([*advice, f'install it with: {INSTALL}'])}"

@@ -6,7 +6,7 @@ from copy import copy
 import mujoco
 import numpy as np
 
-from scenes.scene import Scene
+from scenes.scene import COLLISION_GROUP, Scene
 from sim.world.drive import TIPPED_RAD
 from sim.world.rover import PREFIX, WHEEL_BODIES, WHEEL_RADIUS_M
 from vo.contract.arrays import Array
@@ -49,6 +49,33 @@ def check_start(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, start:
     where = f"at the start ({start[0]:g}, {start[1]:g}) m"
     _check_ground(scene, model, data, start, where)
     _check_space(scene, model, data, where)
+
+
+def check_view(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, eye: Array) -> None:
+    """Check that a camera at a world point (3,) is in no solid body: it would see its inside.
+
+    Raises:
+        SettingsError: If it is; names it, with coordinates.
+    """
+    own = model.body_rootid[model.body(PREFIX + "body").id]
+    drawn = (model.geom_group < COLLISION_GROUP) & (model.body_rootid[model.geom_bodyid] != own)
+    away = eye - data.geom_xpos
+    p = np.abs(np.einsum("nij,ni->nj", data.geom_xmat.reshape(-1, 3, 3), away))
+    size, radius = model.geom_size, model.geom_size[:, 0]
+    across, along = np.hypot(p[:, 0], p[:, 1]), np.maximum(p[:, 2] - size[:, 1], 0)
+    inside = {
+        mujoco.mjtGeom.mjGEOM_BOX: (p < size).all(axis=1),
+        mujoco.mjtGeom.mjGEOM_SPHERE: np.linalg.norm(p, axis=1) < radius,
+        mujoco.mjtGeom.mjGEOM_CYLINDER: (across < radius) & (along == 0),
+        mujoco.mjtGeom.mjGEOM_CAPSULE: np.hypot(across, along) < radius,
+        mujoco.mjtGeom.mjGEOM_ELLIPSOID: np.linalg.norm(p / np.maximum(size, 1e-9), axis=1) < 1,
+    }
+    for kind, mask in inside.items():
+        for geom in np.flatnonzero(mask & drawn & (model.geom_type == kind)):
+            raise SettingsError(
+                f"scene {scene.name}: the camera is inside {_name(model, int(geom))} at the start "
+                f"({eye[0]:.2f}, {eye[1]:.2f}, {eye[2]:.2f}) m"
+            )
 
 
 def _check_ground(

@@ -17,7 +17,7 @@ from sim.world.path import Path, plan_path
 from sim.world.random_streams import stream
 from sim.world.rig import CAMERA, T_world_left, add_rig, stereo_rig, widened
 from sim.world.rover import BODY, PREFIX, WHEEL_RADIUS_M, WHEELS, build_rover
-from sim.world.start import START_CLEARANCE_M, check_start
+from sim.world.start import START_CLEARANCE_M, check_start, check_view
 from sim.world.terrain import lay_terrain
 from vo.contract import se3
 from vo.contract.arrays import Array
@@ -187,6 +187,7 @@ def build_world(scene: Scene, settings: RecordSettings) -> World:
     mujoco.mj_forward(model, data)
     if world.is_driven:
         check_start(scene, model, data, path.waypoints[0])
+    check_view(scene, model, data, world.T_world_cam[:3, 3])
     return world
 
 

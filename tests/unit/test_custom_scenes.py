@@ -70,6 +70,13 @@ def low():
 def pose(time_s):
     raise KeyError("pose")
 
+def staged():
+    from scenes.stage import Stage
+    Stage("yard").draw("no such material")
+
+def absent():
+    return Scene("a", "", spec(), {"default": np.eye(2)}, (0, 0, 1, 1), movers={"cart": pose})
+
 def moved():
     world = spec()
     world.worldbody.add_body(name="ball", mocap=True)
@@ -173,6 +180,8 @@ def test_load_scene_function_returns_a_spec_or_a_scene(module):
         ("constant", "has no function constant"),
         ("exits", r"exits failed \(\S*worlds_\w+\.py:24: SystemExit: bye"),
         ("library", r"library failed \(\S*worlds_\w+\.py:27: ValueError: "),
+        ("staged", r"staged failed \(\S*worlds_\w+\.py:40: KeyError: "),
+        ("absent", "mover cart of the Scene: expected the name of a mocap body"),
         ("needy", "needy takes arguments, expected none"),
         ("low", "extent_m of the Scene: expected x, y, x, y in m"),
         ("moved", r"mover ball failed \(\S*worlds_\w+\.py:36: KeyError: 'pose'"),

@@ -85,3 +85,22 @@ def test_environment_start_beside_the_ground_has_fallen(tmp_path):
     assert not simulation.has_fallen
     assert not simulation.reset([0.0, 1.0, 0.0])
     assert simulation.has_fallen
+
+
+@pytest.mark.parametrize(
+    ("shape", "size"),
+    [
+        ("box", ".3 .3 .3"),
+        ("sphere", ".3"),
+        ("cylinder", ".3 .2"),
+        ("capsule", ".2 .2"),
+        ("ellipsoid", ".3 .2 .2"),
+    ],
+)
+def test_walk_that_starts_inside_a_body_is_refused(tmp_path, shape, size):
+    walk = RecordSettings(drive=DriveSettings(carrier="handheld", distance_m=1.2))
+    geom = f'<geom name="block" type="{shape}" size="{size}" pos="{{}} -1 1.2" euler="20 30 40"/>'
+    height = walk.model_copy(update={"rig": walk.rig.model_copy(update={"height_m": 1.2})})
+    build_world(load_scene(world_file(tmp_path, FLOOR + geom.format(1))), height)
+    with pytest.raises(SettingsError, match=r"the camera is inside block at the start \(.*, 1\.2"):
+        build_world(load_scene(world_file(tmp_path, FLOOR + geom.format(0.1))), height)
