@@ -25,6 +25,7 @@ from sim.preview.cameras import render_world_map
 from sim.progress import Progress
 from sim.settings import RecordSettings
 from sim.world.fingerprint import expect_unchanged
+from sim.world.physics import remark_replaced
 from sim.world.trip import Trip, make_trip
 from sim.world.world import World, build_world
 from vo.contract import se3
@@ -68,6 +69,7 @@ def record(
     settings = with_defaults(settings, scene.defaults)
     with DatasetWriter(out, overwrite) as writer:
         world = build_world(scene, settings)
+        remark_replaced(world)
         if recorded is not None:
             expect_unchanged(recorded, world)
         trip = make_trip(world, settings)

@@ -6,6 +6,7 @@ import mujoco
 
 from sim.world.drive import DriveError
 from sim.world.world import HOME, World
+from vo.contract.remarks import remark
 
 UNSTABLE = (
     mujoco.mjtWarning.mjWARN_BADQPOS,
@@ -35,6 +36,15 @@ def physics_entry(world: World) -> dict[str, Any]:
         "keyframe": HOME if HOME in names else "",
         "keyframes_ignored": [name for name in names if name != HOME],
     }
+
+
+def remark_replaced(world: World) -> None:
+    """Issue a remark on what a custom scene sets, other than MuJoCo does, and is replaced."""
+    replaced, default = physics_entry(world)["replaced"], _options(mujoco.MjSpec().option)
+    chosen = {name: x for name, x in replaced.items() if x["scene"] != default[name]}
+    if chosen:
+        said = ", ".join(f"{name} {x['scene']} by {x['used']}" for name, x in chosen.items())
+        remark(f"{world.scene.source or world.scene.name}: replaced are {said}")
 
 
 def expect_stable(world: World, time_s: float) -> None:

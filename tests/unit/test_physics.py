@@ -10,11 +10,12 @@ import pytest
 from scenes.custom import load_scene
 from sim.settings import DriveSettings, ImuSettings, RecordSettings, TerrainSettings
 from sim.world.drive import DriveError
-from sim.world.physics import physics_entry
+from sim.world.physics import physics_entry, remark_replaced
 from sim.world.trip import make_trip
 from sim.world.world import World, build_world
 from trials.gym.world.sensors import InertialUnit
 from trials.gym.world.simulation import Simulation
+from vo.contract.remarks import Remark
 
 ARM = """<mujoco>{option}<worldbody><geom type="plane" size="5 5 .1"/>
 <body pos="3 0 1"><joint name="swing" axis="0 1 0" damping="1"/><geom size=".1" mass="1"/></body>
@@ -38,6 +39,13 @@ def test_physics_entry_names_what_is_replaced(tmp_path):
     assert entry["replaced"]["timestep_s"]["scene"] == 0.0005
     assert entry["replaced"]["cone"] == {"scene": "pyramidal", "used": "elliptic"}
     assert (entry["keyframe"], entry["keyframes_ignored"]) == ("home", ["away"])
+
+
+def test_remark_replaced_names_what_the_scene_sets(tmp_path):
+    expected = r"arm\.xml: replaced are timestep_s 0\.0005 by 0\.0008\d+, integrator rk4 by im"
+    with pytest.warns(Remark, match=said):
+        remark_replaced(world_of(tmp_path, MOON))
+    remark_replaced(world_of(tmp_path))  # nothing: an error in tests
 
 
 def test_keyframe_home_is_the_start_and_is_held(tmp_path):
