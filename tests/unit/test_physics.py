@@ -42,7 +42,7 @@ def test_physics_entry_names_what_is_replaced(tmp_path):
 
 
 def test_remark_replaced_names_what_the_scene_sets(tmp_path):
-    expected = r"arm\.xml: replaced are timestep_s 0\.0005 by 0\.0008\d+, integrator rk4 by im"
+    said = r"arm\.xml: replaced are timestep_s 0\.0005 by 0\.0008\d+, integrator rk4 by im"
     with pytest.warns(Remark, match=said):
         remark_replaced(world_of(tmp_path, MOON))
     remark_replaced(world_of(tmp_path))  # nothing: an error in tests
