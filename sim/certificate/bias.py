@@ -14,7 +14,6 @@ Source: instrumental variables and sandwich covariance, Greene, Econometric Anal
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from sim.imaging.resample import sample_with_gradient
@@ -27,7 +26,7 @@ image with four times so many pixels, and in more rows of smaller ones."""
 SHADING_PX, STEEP_MIN = 15, 1.0
 """Gradients are less their mean over so many pixels, and at least so many grey levels per pixel:
 the rest may be the shading of shiny surfaces, which differs between two views."""
-MARGIN_PX = 5
+MARGIN_PX = 7
 """Border of both images without pixels."""
 BEND_MAX_PX = 0.2
 """Largest second difference of the label within two pixels: at outlines, antialiasing mixes
@@ -42,7 +41,7 @@ aliasing shifts all edges of one: a few edges of shadows do not determine a bias
 COMMON_SHARE = 0.6
 """Smallest fraction of its neighbours' gradients that a pixel has in common with its match."""
 SINGULAR = 1e-9
-FRAME_MAX_PX, DATASET_MAX_PX = 0.08, 0.025
+FRAME_MAX_PX, DATASET_MAX_PX = 0.08, 0.035
 """Largest shift of a label in a frame, and over all frames, besides its standard error: aliasing
 and interpolation leave up to half of them in good datasets."""
 FRAME_ERRORS, DATASET_ERRORS = 4.5, 4.0
@@ -88,11 +87,15 @@ class Shift:
         covariance = inverse @ self.variance @ inverse.T
         return inverse @ self.product, np.sqrt(np.diag(covariance))
 
-    def is_found(self, limit_px: float, errors: float) -> bool:
-        """Whether the label is wrong: shifted by more than a limit, or by more than the grain."""
+    def is_found(self, limit_px: float, errors: float, steady: bool = True) -> bool:
+        """Whether the label is wrong: shifted by more than a limit, or by more than the grain.
+
+        The latter cannot be told where blur is not steady from one image to the other.
+        """
         shift, error = self.estimate()
         beyond = bool((np.abs(shift) > limit_px + errors * error).any())  # NaN is not beyond
-        return beyond or bool((self.lack > errors * np.sqrt(self.lack_variance)).any())
+        lacking = self.lack > errors * np.sqrt(self.lack_variance)
+        return beyond or (steady and bool(lacking.any()))
 
     def smallest_found_px(self, limit_px: float, errors: float) -> float:
         """Smallest shift in any direction that `is_found` finds almost always; NaN if none is."""
@@ -117,6 +120,7 @@ def shift_of(
     other: Array,
     motion: Array,
     visible: Mask,
+    channels: int,
     view: Callable[[Array, Array], tuple[Array, Array]],
     lag: int,
 ) -> Shift:
@@ -125,19 +129,20 @@ def shift_of(
     Args:
         image: (H, W) float32 grey of the pixels that are labelled.
         other: (H, W) float32 grey of the image that they are found in.
-        motion: (H, W, C) float32, contiguous, pixels along u, or u and v; NaN where unknown.
+        motion: (H, W, C) float32, contiguous, pixels along u and, from two channels on, v; NaN
+            where unknown.
         visible: (R, W) whether the other image shows the pixel, for every `row_step`-th row.
+        channels: 1 or 2 directions.
         view: Maps positions u, v (N,) by their labels to those in the other image.
         lag: Distance in pixels of neighbours whose gradients, of 3 x 3 pixels, have independent
             noise.
     """
-    channels = motion.shape[2]
-    slopes = [cv2.Sobel(image, cv2.CV_32F, *axis, scale=1 / 8) for axis in ((1, 0), (0, 1))]
-    slopes = np.stack([x - cv2.blur(x, (SHADING_PX,) * 2) for x in slopes[:channels]], axis=-1)
-    pixels = np.empty((len(visible) * (image.shape[1] // RUN_PX + 1), 2), np.int64)
-    v, u = pixels[: _steepest(slopes, motion, visible, row_step(image), pixels)].T
-    moved = np.zeros((2, len(u)), np.float32)
-    moved[:channels] = motion[v, u].T
+    count = len(visible) * (image.shape[1] // RUN_PX + 1)
+    pixels, slopes = np.empty((count, 2), np.int64), np.empty((count, 2, channels))
+    found = _steepest(image, motion, visible, row_step(image), lag, pixels, slopes)
+    v, u = pixels[:found].T
+    moved = np.zeros((2, found), np.float32)
+    moved[:channels] = motion[v, u, :channels].T
     at_u, at_v = view(u + moved[0], v + moved[1])
     height, width = other.shape
     inside = (at_u >= MARGIN_PX) & (at_u <= width - 1 - MARGIN_PX)
@@ -145,8 +150,7 @@ def shift_of(
     v, u = v[inside], u[inside]
     warped = sample_with_gradient(other, at_u[inside], at_v[inside]).astype(np.float64)
     r, x = warped[:, 0] - image[v, u], warped[:, 1 : 1 + channels]
-    z = slopes[v, u].astype(np.float64)
-    beside = _gradients_beside(image, v, u, lag)[:, :channels]
+    z, beside = slopes[:found][inside].transpose(1, 0, 2)
     steep = np.sqrt((z * z).sum(axis=1))
     sigma = max(1.0, 1.4826 * float(np.median(np.abs(r)))) if len(r) else 1.0
     weight = (np.abs(r) <= SIGMAS * sigma + steep) / (sigma**2 + (MODEL_PX * steep) ** 2)
@@ -164,41 +168,65 @@ def shift_of(
     return Shift(information, product, variance, lack.sum(axis=0), of_lack)
 
 
-def _gradients_beside(image: Array, v: Indices, u: Indices, lag: int) -> Array:
-    """Mean gradients (N, 2) along u and v of pixels `lag` and `lag + 1` away across them."""
-    apart = [k for at in (lag, lag + 1) for k in (-at, at)]
-    along_u = [image[v + k, u + 1] - image[v + k, u - 1] for k in apart]
-    along_v = [image[v + 1, u + k] - image[v - 1, u + k] for k in apart]
-    return np.stack([np.sum(along_u, axis=0), np.sum(along_v, axis=0)], axis=-1) / (2 * len(apart))
-
-
 @compiled(nogil=True)
-def _steepest(slopes: Array, label: Array, visible: Mask, step: int, pixels: Indices) -> int:
-    """Write the chosen pixels (v, u) and return their number."""
-    height, width, channels = label.shape
+def _steepest(
+    image: Array, label: Array, visible: Mask, step: int, lag: int, pixels: Indices, slopes: Array
+) -> int:
+    """Write the chosen pixels (v, u), and slopes (2, C) at and beside them; return their number."""
+    height, width, channels = image.shape[0], image.shape[1], slopes.shape[2]
     found = 0
     for row in range(len(visible)):
         v = row * step
         if v < MARGIN_PX or v >= height - MARGIN_PX:
             continue
         for start in range(MARGIN_PX, width - MARGIN_PX, RUN_PX):
-            best, best_u = np.float32(STEEP_MIN**2), -1
+            best, best_u = STEEP_MIN**2, -1
             for u in range(start, min(start + RUN_PX, width - MARGIN_PX)):
-                steep = np.float32(0)
-                for c in range(channels):
-                    steep += slopes[v, u, c] ** 2
-                if steep > best and visible[row, u] and _is_even(label, v, u):
-                    best, best_u = steep, u
+                if visible[row, u]:
+                    steep = _slope(image, v, u, 0, 1) ** 2
+                    if channels > 1:
+                        steep += _slope(image, v, u, 1, 0) ** 2
+                    if steep > best and _is_even(label, channels, v, u):
+                        best, best_u = steep, u
             if best_u >= 0:
                 pixels[found, 0], pixels[found, 1] = v, best_u
+                for c in range(channels):
+                    dv, du = c, 1 - c
+                    slopes[found, 0, c] = _slope(image, v, best_u, dv, du)
+                    slopes[found, 1, c] = _slope_beside(image, v, best_u, dv, du, lag)
                 found += 1
     return found
 
 
 @compiled(nogil=True)
-def _is_even(label: Array, v: int, u: int) -> bool:
+def _slope(image: Array, v: int, u: int, dv: int, du: int) -> float:
+    """Slope along (dv, du), smoothed across it, less its mean over SHADING_PX."""
+    total = 2 * (image[v + dv, u + du] - image[v - dv, u - du])
+    for k in (-1, 1):
+        y, x = v + k * du, u + k * dv
+        total += image[y + dv, x + du] - image[y - dv, x - du]
+    far, shading = SHADING_PX // 2, 0.0
+    for k in (-far, 0, far):
+        y, x = v + k * du, u + k * dv
+        shading += image[y + far * dv, x + far * du] - image[y - far * dv, x - far * du]
+    return total / 8 - shading / (6 * far)
+
+
+@compiled(nogil=True)
+def _slope_beside(image: Array, v: int, u: int, dv: int, du: int, lag: int) -> float:
+    """Mean slope along (dv, du) of the pixels `lag` and `lag + 1` away across it."""
+    total = 0.0
+    for at in (lag, lag + 1):
+        for k in (-at, at):
+            y, x = v + k * du, u + k * dv
+            total += image[y + dv, x + du] - image[y - dv, x - du]
+    return total / 8
+
+
+@compiled(nogil=True)
+def _is_even(label: Array, channels: int, v: int, u: int) -> bool:
     """Tell whether the label has no outline within two pixels."""
-    for c in range(label.shape[2]):
+    for c in range(channels):
         bend = label[v - 1, u, c] - 2 * label[v, u, c] + label[v + 1, u, c]
         if not abs(bend) <= BEND_MAX_PX:
             return False

@@ -30,8 +30,8 @@ SHARE_OF_BIAS = 1.2
 """A frame passes if its median residual is at most FINE_GREY (the rounding of two images), at
 most NOISE_FACTOR times that of the injected noise, or less than SHARE of that of a label wrong by
 SHIFT_PX to either side: residuals depend on texture, so that no constant fits every scene. The
-share is SHARE_OF_BIAS where twice SHIFT_PX would be found as a bias: what remains is a change of
-blur or of highlights."""
+share is SHARE_OF_BIAS where four times SHIFT_PX would be found as a bias: what remains is a change
+of blur or of highlights."""
 ROW_STEP = 16
 METHOD = {
     "about": "absolute grey-level differences, warped bicubically, of every "
@@ -39,8 +39,8 @@ METHOD = {
     "and present against next left image by the flow",
     "rule": f"a frame passes if its median is at most {FINE_GREY:g}, or {NOISE_FACTOR:g} times "
     f"what the injected noise explains, or {SHARE:g} times what a label wrong by "
-    f"{SHIFT_PX:g} px leaves ({SHARE_OF_BIAS:g} times, where twice that bias would be found), and "
-    "if no bias is found",
+    f"{SHIFT_PX:g} px leaves ({SHARE_OF_BIAS:g} times, where four times that bias would be "
+    "found), and if no bias is found",
 }
 
 MIN_LEVEL = 1e-6
@@ -80,9 +80,10 @@ class Residual:
     def passed(self) -> bool:
         """Whether the label explains the pixels."""
         found_px = self.shift.smallest_found_px(bias.FRAME_MAX_PX, bias.FRAME_ERRORS)
-        share = SHARE_OF_BIAS if found_px <= 2 * SHIFT_PX else SHARE
+        share = SHARE_OF_BIAS if found_px <= 4 * SHIFT_PX else SHARE
         limits = FINE_GREY, NOISE_FACTOR * self.noise_median, share * self.shifted_median
-        is_shifted = self.shift.is_found(self.shift_max_px, bias.FRAME_ERRORS)
+        steady = self.displacement_px <= bias.FRAME_MAX_PX
+        is_shifted = self.shift.is_found(self.shift_max_px, bias.FRAME_ERRORS, steady)
         return self.median <= max(limits) and not is_shifted
 
     @property
@@ -159,7 +160,7 @@ class PhotometricCheck:
         second = self._corrected(0, following, exposures[1].gain, brighter)
         half = SHIFT_PX / np.sqrt(2).astype(np.float32)
         shifted = [(u + du + s, v + dv + s) for s in (-half, half)]
-        motion = np.ascontiguousarray(flow[..., :2])
+        motion = np.ascontiguousarray(flow)
         shift = self._shift(first[0], second[0], motion, visible, lambda u, v: (u, v))
         visible = visible[:: ROW_STEP // step] & np.isfinite(du)
         compared = _compare(first, second, (u + du, v + dv), shifted, visible, shift)
@@ -174,7 +175,8 @@ class PhotometricCheck:
         view: Callable[[Array, Array], tuple[Array, Array]],
     ) -> Shift:
         lag = 3 if self._is_interpolated else 2
-        return bias.shift_of(levels, others, motion, visible, view, lag)
+        channels = min(motion.shape[2], 2)
+        return bias.shift_of(levels, others, motion, visible, channels, view, lag)
 
     def _corrected(
         self, camera: int, image: Image, gain: float, level: float = 1.0
