@@ -8,7 +8,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from trials.cli.main import app
+from trials.cli.main import app, guard
 from trials.cli.options import expand, option
 from trials.cli.registry import COMMANDS, load
 
@@ -59,3 +59,14 @@ def test_help_of_command_shows_its_example_in_80_columns(name):
 def test_help_lists_every_command():
     listed = CliRunner().invoke(app, ["--help"]).stdout
     assert all(f" {name} " in listed for name in COMMANDS if " " not in name)
+
+
+def test_guard_interruption_inside_compiled_code_is_one_line(capsys):
+    """Numba turns it into a SystemError, whose cause it is."""
+
+    def command():
+        raise SystemError("returned a result with an exception set") from KeyboardInterrupt()
+
+    with pytest.raises(SystemExit, match="130"):
+        guard(command)
+    assert capsys.readouterr().err == "driftyard: interrupted\n"

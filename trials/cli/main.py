@@ -4,6 +4,7 @@ import sys
 import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures.process import BrokenProcessPool
+from typing import NoReturn
 
 import typer
 
@@ -60,16 +61,23 @@ def guard(command: Callable[[], object]) -> None:
     except BrokenProcessPool:
         _fail("a worker process was killed (out of memory?); run the command again")
     except Exception as error:
+        if isinstance(error.__cause__, KeyboardInterrupt):  # inside compiled code
+            _stop()
         if not is_graphics_fault(error):
             raise
         _fail(f"no OpenGL: {explain_fault(error)}")
     except SystemExit as exit:
         if exit.code == INTERRUPTED:
-            print("driftyard: interrupted", file=sys.stderr)
+            _stop()
         raise
 
 
-def _fail(message: str) -> None:
+def _stop() -> NoReturn:
+    print("driftyard: interrupted", file=sys.stderr)
+    sys.exit(INTERRUPTED)
+
+
+def _fail(message: str) -> NoReturn:
     print(f"driftyard: error: {' '.join(message.split())}", file=sys.stderr)
     sys.exit(BAD_INPUT)
 
