@@ -116,7 +116,7 @@ def test_shift_of_all_frames_is_found(copy, label, by_px):
         np.testing.assert_allclose(bias, by_px, atol=0.05)
 
 
-@pytest.mark.parametrize("by_px", [0.9, -0.9, 2.0, 8.0])
+@pytest.mark.parametrize("by_px", [0.9, -0.9, 8.0])
 def test_shift_of_one_frame_is_found(copy, by_px):
     shift(copy, "disparity", (by_px,), slice(4, 5))
     shift(copy, "flow", (0.0, by_px), slice(6, 7))
@@ -229,7 +229,6 @@ def test_edited_seeds_are_found_by_the_biases_of_the_unit(dataset):
     [
         set_at("certificate", "stereo", "noise_median_grey", by=1.0),
         set_at("certificate", "passed", value=False),
-        set_at("certificate", "flow", "judged", value=False),
         set_at("certificate", "stereo", "smallest_bias_found_px", by=-0.06),
     ],
 )
