@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -109,7 +110,8 @@ def find_scene(name: str) -> SceneBuilder:
     if custom.is_custom(name):
         return SceneBuilder(custom.TESTS, Settings, lambda *_: custom.load_scene(name))
     if name not in SCENES:
-        valid = ", ".join([*sorted(SCENES), "an MJCF file, or module:function"])
+        function = f"{Path(name).stem}:FUNCTION" if name.endswith(".py") else "module:function"
+        valid = ", ".join([*sorted(SCENES), f"an MJCF file, or {function}"])
         raise SettingsError(f"unknown scene {name}; valid: {valid}")
     return SCENES[name]
 

@@ -176,6 +176,7 @@ def test_run_output_folder_is_refused(dataset, tmp_path):
     ("words", "fragments"),
     [
         (["generate", "moon", "--out", "o"], ["unknown scene moon", "brick_court"]),
+        (["generate", "yards.py", "--out", "o"], ["unknown scene yards.py", "or yards:FUNCTION"]),
         (["generate", "office", "--out", "o", "--set", "rig.tilt=3"], ["rig.tilt", "tilt_deg"]),
         (["generate", "office", "--out", "o", "--set", "rig.tilt_deg=nan"], ["rig.tilt_deg"]),
         (["generate", "office", "--out", "o", "--set", "rig.baseline_m=0"], ["rig.baseline_m"]),
