@@ -155,7 +155,9 @@ def shift_of(
     sigma = max(1.0, 1.4826 * float(np.median(np.abs(r)))) if len(r) else 1.0
     weight = (np.abs(r) <= SIGMAS * sigma + steep) / (sigma**2 + (MODEL_PX * steep) ** 2)
     z_weighted = weight[:, None] * z
-    information, product = z_weighted.T @ x, z_weighted.T @ r
+    # By einsum: sums of BLAS depend on where arrays lie in memory, in their last digits.
+    information = np.einsum("ni,nj->ij", z_weighted, x)
+    product = np.einsum("ni,n->i", z_weighted, r)
     # The variance is that of what the shift does not explain.
     shift = np.nan_to_num(_inverse(information) @ product).clip(-1, 1)
     noise = z_weighted * (r - x @ shift)[:, None]
@@ -164,7 +166,7 @@ def shift_of(
     terms = np.hstack([noise, lack, ALIASING_PX * z_weighted * x]).T
     sums = np.stack([np.bincount(square, term) for term in terms])
     of_noise, (of_lack, of_aliasing) = sums[:channels], np.split((sums**2).sum(axis=1), 3)[1:]
-    variance = of_noise @ of_noise.T + np.diag(of_aliasing)
+    variance = np.einsum("ik,jk->ij", of_noise, of_noise) + np.diag(of_aliasing)
     return Shift(information, product, variance, lack.sum(axis=0), of_lack)
 
 

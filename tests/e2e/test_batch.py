@@ -78,9 +78,24 @@ def until(condition, process: subprocess.Popen[str]):
 
 
 def writer_of(partial: Path) -> int | None:
-    """The process that is in the middle of a dataset, by the folder that it holds open."""
-    if len(list(partial.glob("mav0/cam0/data/*.png"))) < IN_THE_MIDDLE:
+    """The process that is in the middle of a dataset, by the folder that it holds open.
+
+    The pictures become more meanwhile: what a dead writer left, others hold open to clear it.
+    """
+    before, holder = pictures(partial), holder_of(partial)
+    if before < IN_THE_MIDDLE or holder is None:
         return None
+    end_s = time.monotonic() + 1
+    while pictures(partial) == before and time.monotonic() < end_s:
+        time.sleep(0.002)
+    return holder if pictures(partial) > before else None
+
+
+def pictures(partial: Path) -> int:
+    return len(list(partial.glob("mav0/cam0/data/*.png")))
+
+
+def holder_of(partial: Path) -> int | None:
     for link in Path("/proc").glob("[0-9]*/fd/*"):
         try:
             if os.readlink(link) == str(partial):
