@@ -62,10 +62,12 @@ def test_help_lists_every_command():
 
 
 def test_guard_interruption_inside_compiled_code_is_one_line(capsys):
-    """Numba turns it into a SystemError, whose cause it is."""
+    """Numba turns it into SystemErrors, one after the other, whose cause it is."""
 
     def command():
-        raise SystemError("returned a result with an exception set") from KeyboardInterrupt()
+        inner = SystemError("_numba_unpickle returned a result with an exception set")
+        inner.__cause__ = KeyboardInterrupt()
+        raise SystemError("CPUDispatcher returned a result with an exception set") from inner
 
     with pytest.raises(SystemExit, match="130"):
         guard(command)

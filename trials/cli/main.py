@@ -61,7 +61,7 @@ def guard(command: Callable[[], object]) -> None:
     except BrokenProcessPool:
         _fail("a worker process was killed (out of memory?); run the command again")
     except Exception as error:
-        if isinstance(error.__cause__, KeyboardInterrupt):  # inside compiled code
+        if _was_interrupted(error):
             _stop()
         if not is_graphics_fault(error):
             raise
@@ -70,6 +70,13 @@ def guard(command: Callable[[], object]) -> None:
         if exit.code == INTERRUPTED:
             _stop()
         raise
+
+
+def _was_interrupted(error: BaseException | None) -> bool:
+    """Whether an interruption caused it: Numba and Python's C code turn it into SystemErrors."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__
+    return error is not None
 
 
 def _stop() -> NoReturn:
