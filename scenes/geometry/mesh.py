@@ -127,18 +127,6 @@ def patch(
 
 
 @lru_cache(maxsize=256)
-def _grid(across: int, up: int) -> tuple[Array, Array, Array]:
-    """Return u and v (across + 1, up + 1) of a grid's corners and its triangles' corners (N, 3)."""
-    a, b = np.meshgrid(np.linspace(0, 1, across + 1), np.linspace(0, 1, up + 1), indexing="ij")
-    index = np.arange(a.size).reshape(a.shape)
-    quads = np.stack([index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]], axis=-1)
-    faces = quads[..., [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
-    for shared in (a, b, faces):
-        shared.flags.writeable = False
-    return a, b, faces
-
-
-@lru_cache(maxsize=256)
 def _grid(across: int, up: int) -> tuple[Array, Array, Indices]:
     """Return u and v (across + 1, up + 1) of a grid's corners, and its triangles (N, 3)."""
     a, b = np.meshgrid(np.linspace(0, 1, across + 1), np.linspace(0, 1, up + 1), indexing="ij")
