@@ -21,7 +21,7 @@ from sim.imaging.lens import margin_px
 from sim.labels.formats import LABELS, label_file
 from sim.labels.labels import disparity_from_depth
 from sim.progress import Progress
-from sim.sensors.inertial import EARTH_GRAVITY_MPS2, T_body_imu
+from sim.sensors.inertial import T_body_imu
 from sim.settings import RecordSettings, recorded_settings
 from sim.world.rig import stereo_rig, widened
 from vo.contract import se3
@@ -122,10 +122,9 @@ def _check_certificate(
 
 
 def _gravity(folder: Path, manifest: dict[str, Any]) -> Array:
-    """Return the gravity (3,) of a dataset; that of the Earth in manifests without `physics`."""
-    stated = manifest.get("physics", {"gravity_mps2": EARTH_GRAVITY_MPS2})
+    """Return the gravity (3,) that the manifest of a dataset states."""
     try:
-        gravity_mps2 = np.array(stated["gravity_mps2"], dtype=float)
+        gravity_mps2 = np.array(manifest["physics"]["gravity_mps2"], dtype=float)
     except (KeyError, TypeError, ValueError):
         gravity_mps2 = np.empty(0)
     if gravity_mps2.shape != (3,) or not np.isfinite(gravity_mps2).all():

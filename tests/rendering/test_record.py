@@ -45,7 +45,7 @@ def dataset(make_scene, tmp_path_factory) -> Path:
 
 
 def test_record_applies_defaults_of_the_scene(make_scene, tmp_path):
-    """As the command line does; what was set in Python takes precedence."""
+    """They apply as on the command line; what was set in Python takes precedence."""
     defaults = {"rig.tilt_deg": 12.0, "drive.distance_m": 9.0, "exposure.time_ms": 7.0}
     settings = amended(SHORT, {"exposure.time_ms": 8.0, "labels.disparity": False})
     record(replace(make_scene(), defaults=defaults), settings, tmp_path / "d")
