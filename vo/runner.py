@@ -46,6 +46,7 @@ VERTEX = (
 class Run:
     """Estimates of a whole sequence, one per frame in order of time, and the final result, if any.
 
+    A program that writes keyframes has no estimate of the frames between them.
     `frame_ms` is the wall time of each `track` call, without the loading of images; 0 for a frame
     with an unreadable image.
     """

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 
 import cv2
 import numpy as np
@@ -94,3 +95,19 @@ def test_report_of_selected_frames_shows_their_images(results):
     captions = dict(re.findall(r"frame (\d), (\d\.\d) s:", (results / "e.html").read_text()))
     assert captions
     assert all(float(time) == pytest.approx(0.2 * int(frame)) for frame, time in captions.items())
+
+
+def test_report_with_true_positions_has_ate_and_dashes(results):
+    shutil.copytree(results / "wall" / "mav0", results / "prism" / "mav0")
+    (results / "prism" / "mav0" / "state_groundtruth_estimate0").rename(results / "truth")
+    (results / "prism" / "mav0" / "leica0").mkdir()
+    rows = [f"{(i + 1) * 10**8},{0.3 * i},{i % 2},0\n" for i in range(8)]
+    (results / "prism" / "mav0" / "leica0" / "data.csv").write_text("".join(rows))
+    result = driftyard("report", "prism", "a.txt", "--out", "p.html", cwd=results)
+    assert result.returncode == 0, result.stderr
+    assert "has positions only" in result.stderr
+    page = (results / "p.html").read_text(encoding="utf-8")
+    assert "ATE, SE(3): the truth has positions only, without attitude" in page
+    assert re.search(r"<b>–</b><span[^>]*>drift over 1 m", page)
+    assert "true position, all positions aligned." in page
+    assert "nan" not in "".join(re.findall(r' d="([^"]*)"', page)).lower()

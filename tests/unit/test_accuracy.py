@@ -88,10 +88,10 @@ def test_accuracy_table_drive_without_poses_has_no_median(tmp_path):
     runs = [result(tmp_path, "driftyard", 0, 1.001), result(tmp_path, "corner_flow", 0, None)]
     (table,) = summary_tables({"office": runs})
     (row,) = zip(*(c.cells for c in table.columns), strict=True)
-    assert row == ("office", "0.100", "0.100", "0.000", "4", "nan", "nan", "65")
+    assert row == ("office", "0.100", "0.100", "0.000", "4", "–", "–", "65")
     cells = list(accuracy_table("office", runs).columns[2].cells)
     assert cells[0] == "0.100"
-    assert cells[6:] == ["–"] * 5 + ["65 of 65"]
+    assert cells[7:] == ["–"] * 6 + ["65 of 65"]
 
 
 def test_named_variant_is_parsed_like_a_shell():

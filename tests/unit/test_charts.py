@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from trials.evaluation.alignment import Pair
+from trials.evaluation.alignment import Alignment, Pair
 from trials.evaluation.runs import FrameTable
 from trials.report.charts import (
     MAX_POINTS,
@@ -78,7 +78,7 @@ def test_svg_titles_and_labels_are_escaped():
 
 def test_svg_colours_are_those_of_the_page():
     pair = Pair(np.arange(3), straight(3), straight(3))
-    chart = error_over_distance({"a": pair, "b": pair})
+    chart = error_over_distance({"a": pair, "b": pair}, Alignment.FIRST_POSE)
     assert re.findall("#[0-9a-f]{6}", chart.svg) == []
     names = set(re.findall(r"var\(--(\w+)\)", chart.svg))
     assert names <= set(PALETTE)
@@ -118,7 +118,9 @@ def test_view_from_above_is_not_mirrored(down, labels):
 
 
 def test_trajectory_plot_keeps_the_aspect_ratio():
-    chart = plot_trajectories(straight(11), {"a": straight(11)[:, :3, 3]}, None)
+    pair = Pair(np.arange(11), straight(11), straight(11))
+    estimates = {"a": straight(11)[:, :3, 3]}
+    chart = plot_trajectories(pair, estimates, None, Alignment.FIRST_POSE)
     found = re.search(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', chart.svg)
     assert found is not None
     width, height = map(float, found.groups())

@@ -10,10 +10,11 @@ from folders import PERIOD_NS, wall, write_euroc
 from trials.estimators.choice import Named, estimate
 from trials.estimators.plugins import PluginError
 from trials.estimators.plugins.classes import MAX_FAILURES, Guarded
-from trials.estimators.plugins.command import Command
+from trials.estimators.plugins.command import Command, between_keyframes
 from trials.evaluation.runs import read_run
 from vo.contract.errors import SettingsError
 from vo.contract.estimator import Estimate, FinalResult, Status
+from vo.contract.remarks import Remark
 from vo.contract.sequence import StereoFrame
 from vo.contract.trajectory import Trajectory
 
@@ -139,12 +140,37 @@ def test_run_command_poses_are_relative_to_the_first(program, dataset, tmp_path)
 
 
 def test_run_command_frame_without_pose_is_lost(program, dataset, tmp_path):
-    late = "lines[2] = lines[2].replace('.300000', '.302000')\n"
-    command = program(PLAIN + late + 'out.write_text("\\n".join(lines[1:4]))')
+    late = "lines[3] = lines[3].replace('.400000', '.402000')\n"
+    command = program(PLAIN + late + 'out.write_text("\\n".join(lines[1:]))')
     estimate(command, dataset, tmp_path / "x.tum")
     frames = read_run(tmp_path / "x.tum").frames
-    assert [x.value for x in frames.status] == ["lost", "start", "lost", "tracked", "lost"]
-    assert frames.reason[2] == "the command gave no pose"
+    assert [x.value for x in frames.status] == ["lost", "start", "tracked", "lost", "tracked"]
+    assert frames.reason[3] == "the command gave no pose"
+
+
+def test_run_command_of_keyframes_loses_no_frame_between_them(program, dataset, tmp_path):
+    command = program(PLAIN + 'out.write_text("\\n".join(lines[::2]))', label="mine")
+    with pytest.warns(Remark, match="mine gives poses of keyframes: 2 of 5 frames between them"):
+        result = estimate(command, dataset, tmp_path / "x.tum")
+    saved = read_run(tmp_path / "x.tum")
+    assert [x.value for x in saved.frames.status] == ["start", "tracked", "tracked"]
+    assert len(result.frame_ms) == len(result.estimates) == len(saved.trajectory) == 3
+
+
+@pytest.mark.parametrize(
+    ("posed", "unclaimed"),
+    [
+        ([0, 2, 4, 5, 6, 8], 0),  # two thirds of the frames: a program that loses some
+        ([0, 30], 29 + 10),
+        ([3, 7, 11, 15, 19, 23, 27, 31], 3 + 7 * 3 + 9),
+        ([0, 2, 4, 30, 32], 3 * 1 + 8),  # 2.6 s are a loss: the limit is 1 s here
+        ([0, 9, 10], 8),  # the last 3 s are lost
+        ([20], 0),
+    ],
+)
+def test_framesbetween_keyframes_are_not_lost_but_long_gaps_are(posed, unclaimed):
+    times, found = 10**8 * np.arange(41), np.isin(np.arange(41), posed)
+    assert between_keyframes(times, found).sum() == unclaimed
 
 
 @pytest.mark.parametrize(

@@ -230,6 +230,12 @@ def test_decide_columns_average_the_same_sequences():
     assert (losses.before, losses.after) == (1 / 8, 2 / 8)
 
 
+def test_candidate_leaves_out_no_frame_that_its_baseline_claims():
+    keyframes = measured().model_copy(update={"unclaimed_frames": 70})
+    assert keyframes.held_to(measured()).is_lost
+    assert not keyframes.held_to(keyframes).is_lost
+
+
 def test_decide_too_few_sequences_is_undecided():
     decision = changed(np.full(4, 9.0), SCENES[:4])
     assert decision.verdict is Verdict.UNDECIDED

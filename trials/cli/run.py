@@ -47,7 +47,8 @@ def run_estimator(
     lost = [x for x in result.estimates if x.status is Status.LOST]
     median_ms = statistics.median(result.frame_ms)
     why = f"; the first lost: {lost[0].reason}" if lost else ""
+    unclaimed = frames - len(result.estimates)
+    counts = f"{len(lost)} lost" + (f", {unclaimed} between keyframes" if unclaimed else "")
     console.out.print(
-        f"{out}: {frames} frames, {len(lost)} lost, median {median_ms:.1f} ms per frame{why}",
-        markup=False,
+        f"{out}: {frames} frames, {counts}, median {median_ms:.1f} ms per frame{why}", markup=False
     )

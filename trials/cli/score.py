@@ -38,7 +38,7 @@ def score(
 
 def score_files(dataset: Path, files: Sequence[Path], frame: Frame = Frame.CAM) -> list[Score]:
     """Score trajectory files; DriftyardError if a file or the ground truth cannot be read."""
-    truth, T_body_cam = true_trajectory(dataset, positions=True), read_body_pose(dataset)
+    truth, T_body_cam = true_trajectory(dataset), read_body_pose(dataset)
     frames = len(read_frame_times(dataset))
     runs = [x.moved(frame.T_frame_cam(T_body_cam)) for x in read_runs(dataset, files)]
     for run in runs:

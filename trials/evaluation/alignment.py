@@ -27,6 +27,11 @@ class Alignment(StrEnum):
     SIM3 = "sim3"
     """Least-squares similarity, which removes the error of scale."""
 
+    @property
+    def words(self) -> str:
+        """Description in captions."""
+        return "first poses aligned" if self is Alignment.FIRST_POSE else "all positions aligned"
+
 
 @dataclass(frozen=True)
 class Pair:

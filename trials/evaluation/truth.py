@@ -28,8 +28,8 @@ EDGE_PX = 1.0
 """Difference of disparities of neighbouring pixels, px, above which they are of two surfaces."""
 
 
-def true_trajectory(dataset: Path, positions: bool = False) -> Trajectory:
-    """Read the true T_world_cam; on request also a truth that has positions only.
+def true_trajectory(dataset: Path) -> Trajectory:
+    """Read the true T_world_cam, or the truth of positions where a recording has no more.
 
     Raises:
         DatasetError: If the dataset is unreadable or has none.
@@ -37,8 +37,6 @@ def true_trajectory(dataset: Path, positions: bool = False) -> Trajectory:
     truth = read_truth(dataset)
     if truth is None:
         raise DatasetError(f"{dataset}: has no ground truth")
-    if truth.point_cam is not None and not positions:
-        raise DatasetError(f"{dataset}: its truth has no attitude; only `score` uses it")
     return truth
 
 
@@ -64,7 +62,7 @@ class TrueWorld:
             message = f"{dataset}: has no depth labels; generate it with labels.depth=true"
             raise DatasetError(message)
         truth = read_euroc_truth(dataset, self.rig.T_body_cam)
-        if truth is None:
+        if truth is None or truth.point_cam is not None:
             raise DatasetError(f"{dataset}: has no true poses")
         self._trajectory, self._dataset = truth, dataset
         self._disparity = lru_cache(4)(self._read_disparity)

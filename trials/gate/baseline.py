@@ -68,7 +68,9 @@ class Measurement(Settings):
     frames: int = Field(ge=1)
     """Number of frames."""
     lost_frames: int = Field(ge=0)
-    """Number of frames without a pose."""
+    """Number of frames without a pose, of those that the estimator claims."""
+    unclaimed_frames: int = Field(default=0, ge=0)
+    """Number of frames between the keyframes of a program that writes no other poses."""
     drift_percent: float | None = Field(default=None, ge=0)
     """Mean translation error over 1 m; none with too few poses."""
     frame_ms: float | None = Field(default=None, gt=0)
@@ -84,6 +86,12 @@ class Measurement(Settings):
     def is_lost(self) -> bool:
         """Whether too many frames are lost, or the drift is undefined."""
         return self.drift_percent is None or self.lost_frames > MAX_LOST_RATIO * self.frames
+
+    def held_to(self, baseline: "Measurement") -> "Measurement":
+        """Count frames that are not claimed as lost if the baseline claims every frame."""
+        if baseline.problem or baseline.unclaimed_frames:
+            return self
+        return self.model_copy(update={"lost_frames": self.lost_frames + self.unclaimed_frames})
 
     @property
     def log_drift(self) -> float:

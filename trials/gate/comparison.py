@@ -103,7 +103,8 @@ def compare(
     other = dataset_mismatch(baseline, _content_hashes(datasets), source_digest(), rendered)
     refuse(path, "datasets", other, accepted)
     with bar(f"running {choice.name}", len(datasets)) as count:
-        measured = measure(choice, Named(baseline.reference), datasets, count)
+        found = measure(choice, Named(baseline.reference), datasets, count)
+    measured = [x.held_to(known) for x, known in zip(found, baseline.measured, strict=True)]
     settings, software = _provenance(datasets, measured)
     decision = decide(baseline.rules, baseline.scenes, baseline.measured, measured)
     mismatches = tuple(x for x in (here, other) if x)

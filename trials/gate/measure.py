@@ -100,6 +100,7 @@ def _measure(choice: "Named | Command", reference: Named, dataset: Path) -> Meas
     measured = Measurement(
         frames=frames,
         lost_frames=sum(x.status is Status.LOST for x in ran.estimates),
+        unclaimed_frames=frames - len(ran.estimates),
         frame_ms=float(np.median(ran.frame_ms)),
         reference_ms=timer.median_ms(),
     )

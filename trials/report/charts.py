@@ -36,13 +36,13 @@ class Chart:
     caption: str
 
 
-def error_over_distance(pairs: Mapping[str, Pair]) -> Chart:
-    """Position error of each estimator, first poses aligned, over the true path."""
+def error_over_distance(pairs: Mapping[str, Pair], alignment: Alignment) -> Chart:
+    """Position error of each estimator, aligned, over the true path."""
     curves = {
-        name: (pair.travelled_m, 100 * position_errors(pair, Alignment.FIRST_POSE))
+        name: (pair.travelled_m, 100 * position_errors(pair, alignment))
         for name, pair in pairs.items()
     }
-    caption = "Distance between estimated and true position, first poses aligned."
+    caption = f"Distance between estimated and true position, {alignment.words}."
     return _line_chart("Error over distance", caption, curves, "true path, m", "position error, cm")
 
 

@@ -44,8 +44,10 @@ def write_report(dataset: Path, runs: Sequence[SavedRun], out: Path) -> None:
         remark_mismatches(truth, run, sequence.rig.T_body_cam)
     scores = [score_run(truth, run, len(sequence)) for run in runs]
     pairs = {run.estimator: associate(truth, run.trajectory) for run in runs}
-    aligned = {x: fit(pair, Alignment.FIRST_POSE).map(pair.T_odom_cam) for x, pair in pairs.items()}
-    charts = [error_over_distance(pairs)]
+    # Without attitude, a first pose does not align anything.
+    alignment = Alignment.FIRST_POSE if scores[0].has_attitude else Alignment.SE3
+    aligned = {x: fit(pair, alignment).map(pair.T_odom_cam) for x, pair in pairs.items()}
+    charts = [error_over_distance(pairs, alignment)]
     if scores[0].segments:
         charts.append(drift_by_length(scores))
     if table is not None and table.counts:
@@ -60,9 +62,10 @@ def write_report(dataset: Path, runs: Sequence[SavedRun], out: Path) -> None:
         scores=scores,
         main=scores[0],
         trajectories=plot_trajectories(
-            pairs[main.estimator].T_world_cam,
+            pairs[main.estimator],
             {name: T_world_cam[:, :3, 3] for name, T_world_cam in aligned.items()},
             read_scene_map(dataset),
+            alignment,
         ),
         charts=charts,
         stills=stills(sequence, main),

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
+from trials.evaluation.alignment import Alignment, Pair
 from trials.report.charts import Chart, legend_of
 from trials.report.figure import GREY, INK, SERIES, svg_markup
 from trials.report.html import data_uri
@@ -27,7 +28,6 @@ MIN_ASPECT = 0.35
 """Height of the drawing over its width; a straight path still gets some ground on either side."""
 AXES = ("x", "y", "z", "-x", "-y", "-z")
 TITLE = "The path from above"
-CAPTION = "Each estimate starts at the true first pose; nothing else is aligned. White: the truth."
 
 
 @dataclass(frozen=True)
@@ -74,14 +74,15 @@ def turned(ground: Array) -> Array:
 
 
 def plot_trajectories(
-    T_world_cam: Array, estimates: Mapping[str, Array], background: SceneMap | None
+    pair: Pair, estimates: Mapping[str, Array], background: SceneMap | None, alignment: Alignment
 ) -> Chart:
-    """Draw the true path (N, 4, 4) and estimated positions (M, 3) in the world, first pose aligned.
+    """Draw the true path of a pair and estimated positions (M, 3) in the world, aligned.
 
-    A background requires a world with z up.
+    With a background, or a truth without attitude, z is up.
     """
-    ground = np.eye(3)[:2] if background else ground_axes(T_world_cam)
-    truth = T_world_cam[:, :3, 3]
+    has_z_up = background is not None or not pair.has_attitude
+    ground = np.eye(3)[:2] if has_z_up else ground_axes(pair.T_world_cam)
+    truth = pair.T_world_cam[:, :3, 3]
     points = np.concatenate([truth, *estimates.values()])
     if background:
         limits_m = background.limits_m
@@ -108,7 +109,8 @@ def plot_trajectories(
     if background:
         style = f"background: url({background.uri}) 0 0 / 100% 100%"
         svg = svg.replace("<svg ", f'<svg style="{style}" ', 1)
-    return Chart(TITLE, svg, (("truth", "white"), *legend_of(estimates)), CAPTION)
+    caption = f"White: the truth. Colours: the estimates, {alignment.words}."
+    return Chart(TITLE, svg, (("truth", "white"), *legend_of(estimates)), caption)
 
 
 def limits_around(points_m: Array) -> Array:

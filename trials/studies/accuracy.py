@@ -34,6 +34,7 @@ METRICS: dict[str, tuple[Callable[[Score], float | None], int]] = {
     "drift over 1 m, mean, %": (lambda x: x.drift_1m.mean_percent if x.drift_1m else None, 3),
     "rotation over 1 m, °/m": (lambda x: x.drift_1m.mean_deg_per_m if x.drift_1m else None, 4),
     "end point, % of path": (lambda x: x.end_percent, 3),
+    "ATE, SE(3), m": (lambda x: x.ate_m["se3"].rmse, 4),
     "ms per frame, median, all cores busy": (lambda x: x.frame_ms, 1),
 }
 """Label with unit to the metric and its printed digits."""
@@ -68,16 +69,20 @@ def _comparison(ours: str, other: str, runs: Mapping[str, Sequence[Result]]) -> 
     """Tabulate medians over drives, with a row for each scene."""
     rows: list[tuple[str, ...]] = []
     for scene, of_scene in runs.items():
-        mine, theirs = _of(of_scene, ours), _of(of_scene, other)
-        drift, their_drift = ([x.drift_percent for x in some] for some in (mine, theirs))
+        both = _of(of_scene, ours), _of(of_scene, other)
+        drift, their_drift = ([x.drift_percent for x in some] for some in both)
         median, their_median = np.median(drift), np.median(their_drift)
-        turn = np.median([x.rotation_deg_per_m for x in mine])
-        lost, their_lost = (str(sum(x.lost_frames for x in some)) for some in (mine, theirs))
-        cells = (f"{x:.3f}" for x in (median, np.max(drift), turn))
-        ratio = f"{median / their_median:.2f}"
-        rows.append((scene, *cells, lost, f"{their_median:.3f}", ratio, their_lost))
+        turn = np.median([x.rotation_deg_per_m for x in both[0]])
+        lost, their_lost = (str(sum(x.lost_frames for x in some)) for some in both)
+        cells = [_number(x, 3) for x in (median, np.max(drift), turn)]
+        theirs = [_number(their_median, 3), _number(median / their_median, 2)]
+        rows.append((scene, *cells, lost, *theirs, their_lost))
     header = ("drift over 1 m, %", ours, "worst", "°/m", "lost", other, "ratio", "lost")
     return text_table(header, rows)
+
+
+def _number(value: float, digits: int) -> str:
+    return "–" if np.isnan(value) else f"{value:.{digits}f}"
 
 
 def bootstrap_interval(values: Array) -> tuple[float, float]:

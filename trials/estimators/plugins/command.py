@@ -15,13 +15,18 @@ import numpy as np
 
 from trials.estimators.plugins import PluginError
 from vo.contract import se3
+from vo.contract.arrays import Indices, Mask
 from vo.contract.errors import SettingsError, TrajectoryError
 from vo.contract.estimator import Estimate, Status
 from vo.contract.files import replacing
+from vo.contract.remarks import remark
 from vo.contract.sequence import StereoSequence
 from vo.contract.trajectory import Trajectory
 from vo.recordings.trajectory_files import SAME_TIME_NS, read_trajectory
 from vo.runner import Run
+
+KEYFRAME_GAP_NS = (1_000_000_000, 5_000_000_000)
+"""Bounds of the longest time between keyframes that is no loss: five times the median."""
 
 
 @dataclass(frozen=True)
@@ -68,8 +73,8 @@ def run_command(command: Command, dataset: Path, sequence: StereoSequence, log: 
     The dataset contains the ground truth, which the program must not read. Its output is logged.
 
     Returns:
-        Poses relative to the first; frames without a pose are lost. Every frame gets the same
-        share of the wall time.
+        Poses relative to the first; frames without a pose are lost, or, between keyframes, have no
+        estimate. Every frame gets the same share of the wall time.
 
     Raises:
         PluginError: If the program cannot be started, exits with a status, exceeds its time, or
@@ -88,7 +93,12 @@ def run_command(command: Command, dataset: Path, sequence: StereoSequence, log: 
             place = str(error).replace(f"{out}: ", "").replace(f"{out}:", "line ")
             raise PluginError(f"{command.name} wrote a malformed trajectory, {place}") from None
     estimates = _estimates(command, trajectory, sequence)
-    return Run(sequence.name, estimates, (wall_ms / len(sequence),) * len(sequence))
+    if unclaimed := len(sequence) - len(estimates):
+        remark(
+            f"{command.name} gives poses of keyframes: {unclaimed} of {len(sequence)} frames "
+            "between them count neither as estimated nor as lost"
+        )
+    return Run(sequence.name, estimates, (wall_ms / len(sequence),) * len(estimates))
 
 
 def _execute(command: Command, words: Sequence[str], log: Path) -> None:
@@ -128,7 +138,10 @@ def _last_line(printed: Path) -> str:
 def _estimates(
     command: Command, trajectory: Trajectory, sequence: StereoSequence
 ) -> tuple[Estimate, ...]:
-    """Build one estimate per frame from the pose nearest in time, if it is near enough."""
+    """Build one estimate per frame from the pose nearest in time, if it is near enough.
+
+    Frames between keyframes, which the program does not claim, have none.
+    """
     times, known = sequence.timestamps_ns, trajectory.timestamps_ns
     rows = np.interp(times - times[0], known - times[0], np.arange(len(known)))
     nearest = np.rint(rows).astype(np.int64)
@@ -141,7 +154,9 @@ def _estimates(
         )
     T_first_ref = se3.inverse(trajectory.T_ref_frame[nearest[np.argmax(found)]])
     estimates: list[Estimate] = []
-    for time, row, posed in zip(times.tolist(), nearest, found, strict=True):
+    unclaimed = between_keyframes(times, found)
+    rows = zip(times.tolist(), nearest, found, unclaimed, strict=True)
+    for time, row, posed in (x[:3] for x in rows if not x[3]):
         if not posed:
             estimates.append(Estimate(time, Status.LOST, None, "the command gave no pose"))
             continue
@@ -149,3 +164,17 @@ def _estimates(
         status = Status.START if first else Status.TRACKED
         estimates.append(Estimate(time, status, T_first_ref @ trajectory.T_ref_frame[row]))
     return tuple(estimates)
+
+
+def between_keyframes(times_ns: Indices, has_pose: Mask) -> Mask:
+    """Return which of N frames, some with a pose, a program that writes keyframes leaves out.
+
+    Keyframes are poses of every second frame or fewer, from the first of them to the last. Longer gaps between keyframes, and before the first and after the last, are losses.
+    """
+    rows = np.flatnonzero(has_pose)
+    if len(rows) < 2 or 2 * len(rows) > rows[-1] - rows[0] + 2:
+        return np.zeros(len(times_ns), dtype=bool)
+    known = times_ns[rows]
+    limit_ns = np.clip(5 * np.median(np.diff(known)), *KEYFRAME_GAP_NS)
+    gaps_ns = np.diff(known, prepend=times_ns[0], append=times_ns[-1])
+    return ~has_pose & (gaps_ns[np.searchsorted(known, times_ns)] <= limit_ns)
