@@ -67,12 +67,11 @@ class Run:
 def run(
     sequence: StereoSequence,
     estimator: Estimator,
-    progress: Callable[[Estimate], None] | None = None,
-    unfinished: "UnfinishedRun | None" = None,
+    progress: Callable[[Estimate, float], None] | None = None,
 ) -> Run:
-    """Pass every frame to a new estimator, in order, and each estimate to `progress`.
+    """Pass every frame to a new estimator, in order.
 
-    Each estimate is also added to the record `unfinished`, if there is one.
+    Each estimate is passed to `progress` at once, with its wall time in ms.
 
     A frame with an image that is missing, damaged or of the wrong size is lost, with a remark.
 
@@ -93,10 +92,8 @@ def run(
             start = perf_counter()
             estimates.append(estimator.track(frame))
             frame_ms.append(1e3 * (perf_counter() - start))
-        if unfinished:
-            unfinished.add(estimates[-1], frame_ms[-1])
         if progress:
-            progress(estimates[-1])
+            progress(estimates[-1], frame_ms[-1])
     if len(problems) == len(sequence):
         raise problems[0]
     if problems:

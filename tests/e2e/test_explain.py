@@ -15,6 +15,7 @@ from trials.diagnosis.combinations import Subject
 from trials.diagnosis.explanation import MIN_ATTRIBUTED, explain, validate
 from trials.estimators.choice import Named
 from trials.execution.cache import CACHE
+from trials.report.explanation_page import validation_table
 
 pytestmark = [pytest.mark.gl, pytest.mark.slow]
 
@@ -44,6 +45,8 @@ def ignore(done, total):
 def test_injected_errors_are_attributed_to_their_stage(drive, cache):
     findings = validate([drive], Subject(), STAGES, cache, ignore)
     assert len(findings) == 3
+    titled = str(validation_table(findings, Subject(Named(overrides=("seed=3",)))).title)
+    assert titled == "estimator `driftyard` with `seed=3` and otherwise its default settings"
     for finding in findings:
         assert finding.after.drift.value > 3 * finding.before.drift.value, finding.name
         assert MIN_ATTRIBUTED <= finding.attributed < 2, finding.name

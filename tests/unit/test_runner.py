@@ -113,7 +113,8 @@ def test_unfinished_run_is_on_disk_line_by_line(tmp_path, dataset):
     out = tmp_path / "runs" / "c.txt"
     seen = []
 
-    def look(_):
+    def look(*result):
+        unfinished.add(*result)
         seen.append(read_run(tmp_path / "runs" / "c.unfinished.txt"))
 
     with (
@@ -121,7 +122,7 @@ def test_unfinished_run_is_on_disk_line_by_line(tmp_path, dataset):
         pytest.warns(Remark, match=r"c.unfinished.txt: holds the poses of the 3 frames"),
         UnfinishedRun(out) as unfinished,
     ):
-        run(open_sequence(dataset), Failing(), look, unfinished)
+        run(open_sequence(dataset), Failing(), look)
     assert [len(x.frames) for x in seen] == [1, 2, 3]
     assert seen[-1].trajectory.timestamps_ns.tolist() == [PERIOD_NS, 2 * PERIOD_NS]
     assert [x.value for x in seen[-1].frames.status] == ["start", "tracked", "lost"]

@@ -97,7 +97,7 @@ def explain(
         every = [x for some in groups.values() for x in some]
         with console.progress_bar("runs") as progress:
             findings = validate(every, subject, stages, CACHE, progress)
-        console.out.print(validation_table(findings))
+        console.out.print(validation_table(findings, subject))
         return
     with console.progress_bar("runs") as progress:
         found = explain_groups(groups, subject, stages, CACHE, progress)

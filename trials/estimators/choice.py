@@ -119,7 +119,13 @@ def estimate(
     estimator, settings = make_estimator(choice.name, sequence.rig, choice.config, choice.overrides)
     guarded = None if choice.name in ESTIMATORS else Guarded(estimator)
     with UnfinishedRun(out) as unfinished:
-        result = run(sequence, guarded or estimator, progress, unfinished)
+
+        def add(found: Estimate, frame_ms: float) -> None:
+            unfinished.add(found, frame_ms)
+            if progress:
+                progress(found)
+
+        result = run(sequence, guarded or estimator, add)
         write_run(out, result, choice.name, settings, dataset)
     if guarded and guarded.complaint:
         raise PluginError(f"{out} is written, but finalize failed: {guarded.complaint}")

@@ -13,6 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from trials.diagnosis.attribution import REMAINDER, summarize
+from trials.diagnosis.combinations import Subject
 from trials.diagnosis.explanation import MIN_ATTRIBUTED, Explanation, Finding
 from trials.evaluation import consistency
 from trials.evaluation.intervals import Interval
@@ -70,7 +71,7 @@ covariances (of steps, if they were independent; of poses, one for each drive). 
 
 def terminal_report(explanations: Sequence[Explanation]) -> Iterator[Table | str]:
     """Yield sentences and tables for a terminal of 80 columns."""
-    yield escape(describe_subject(explanations[0]))
+    yield escape(describe_subject(explanations[0].subject, explanations[0].settings))
     for x in explanations:
         yield f"{x.name}: {describe(x)}"
         if x.attribution:
@@ -81,8 +82,11 @@ def terminal_report(explanations: Sequence[Explanation]) -> Iterator[Table | str
             yield _table(f"{x.name}: consistency of the covariances", NEES_HEAD, nees_rows(x))
 
 
-def validation_table(findings: Sequence[Finding]) -> Table:
-    """Tabulate how much of the drift of each injected error is attributed to its stage."""
+def validation_table(findings: Sequence[Finding], subject: Subject) -> Table:
+    """Tabulate how much of the drift of each injected error is attributed to its stage.
+
+    The title names the estimator and its settings as they were given.
+    """
     head = ("injected error", "drift without, %", "drift with, %", "stage", "attributed",
             f"at least {MIN_ATTRIBUTED:.0%}")  # fmt: skip
     rows = [
@@ -90,20 +94,18 @@ def validation_table(findings: Sequence[Finding]) -> Table:
          f"{x.attributed:.0%}", "yes" if x.attributed >= MIN_ATTRIBUTED else "NO")
         for x in findings
     ]  # fmt: skip
-    return _table("", head, rows)
+    return _table(escape(describe_subject(subject, {})), head, rows)
 
 
-def describe_subject(x: Explanation) -> str:
+def describe_subject(subject: Subject, settings: Mapping[str, Any]) -> str:
     """Name the estimator and the settings that differ from its defaults, as they were run."""
-    choice = x.subject.estimator
+    choice = subject.estimator
     given = given_values(choice.config, choice.overrides)
-    resolved = {key: _resolved(x.settings, key, value) for key, value in given.items()}
+    resolved = {key: _resolved(settings, key, value) for key, value in given.items()}
     changed = ", ".join(f"`{key}={json.dumps(value)}`" for key, value in resolved.items())
-    settings = (
-        f"{changed} and otherwise its default settings" if changed else "its default settings"
-    )
-    noise = f", with noise of {x.subject.noise_px:g} px added to the ground truth"
-    return f"estimator `{choice.name}` with {settings}{noise if x.subject.noise_px else ''}"
+    words = f"{changed} and otherwise its default settings" if changed else "its default settings"
+    noise = f", with noise of {subject.noise_px:g} px added to the ground truth"
+    return f"estimator `{choice.name}` with {words}{noise if subject.noise_px else ''}"
 
 
 def _resolved(settings: Mapping[str, Any], key: str, value: Any) -> Any:
@@ -119,7 +121,8 @@ def _origin(explanations: Sequence[Explanation]) -> str:
     plural = "s" if datasets > 1 else ""
     return fill(
         "This page is written by `driftyard explain`. All results are of the "
-        f"{describe_subject(explanations[0])}, on {datasets} dataset{plural}.",
+        f"{describe_subject(explanations[0].subject, explanations[0].settings)}, on {datasets} "
+        f"dataset{plural}.",
         100, break_long_words=False, break_on_hyphens=False,
     )  # fmt: skip
 

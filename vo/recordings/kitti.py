@@ -104,8 +104,10 @@ def read_kitti_pose(folder: Path) -> Array:
     return _eyes(folder, _layout(folder))[0]
 
 
-def read_kitti_truth(folder: Path) -> Trajectory | None:
+def read_kitti_truth(folder: Path, T_body_cam: Array) -> Trajectory | None:
     """Read the left camera's T_world_cam from `poses.txt`, or the benchmark's `poses/NN.txt`.
+
+    T_body_cam (4, 4) is the left camera in the left grey one.
 
     Raises:
         TrajectoryError: If a row is not 12 finite numbers, or rows and times differ.
@@ -117,7 +119,7 @@ def read_kitti_truth(folder: Path) -> Trajectory | None:
     times = _read_times(folder / "times.txt")
     if len(T) != len(times):
         raise TrajectoryError(f"{path}: {len(T)} poses for {len(times)} times")
-    return Trajectory(times, T @ read_kitti_pose(folder))
+    return Trajectory(times, T @ T_body_cam)
 
 
 def pose_files(folder: Path) -> tuple[Path, Path]:

@@ -20,7 +20,7 @@ from vo.recordings.euroc import (
 )
 from vo.recordings.kitti import is_kitti, list_kitti, open_kitti, read_kitti_pose, read_kitti_truth
 from vo.recordings.pairing import ALL_FRAMES, FrameSelection, StereoFiles
-from vo.recordings.rectify import rectify
+from vo.recordings.rectify import Camera, rectify
 from vo.recordings.tumvi import (
     is_tumvi,
     list_tumvi,
@@ -44,30 +44,18 @@ class Reader:
         open: Opens the selected frames.
         pairs: Lists the stereo pairs within a tolerance in ms, or None for the default.
         T_body_cam: Reads (4, 4) of the rectified left camera.
-        truth: Reads T_world_cam.
+        truth: Reads T_world_cam, given T_body_cam.
     """
 
     fits: Callable[[Path], bool]
     open: Callable[[Path, FrameSelection], StereoSequence]
     pairs: Callable[[Path, float | None], StereoFiles]
     T_body_cam: Callable[[Path], Array]
-    truth: Callable[[Path], Trajectory | None]
+    truth: Callable[[Path, Array], Trajectory | None]
 
 
-def _euroc_pose(folder: Path) -> Array:
-    return rectify(*read_euroc_cameras(folder))[0].T_body_cam
-
-
-def _tumvi_pose(folder: Path) -> Array:
-    return rectify(*read_tumvi_cameras(folder))[0].T_body_cam
-
-
-def _euroc_truth(folder: Path) -> Trajectory | None:
-    return read_euroc_truth(folder, _euroc_pose(folder))
-
-
-def _tumvi_truth(folder: Path) -> Trajectory | None:
-    return read_tumvi_truth(folder, _tumvi_pose(folder))
+def _rectified(cameras: Callable[[Path], tuple[Camera, Camera]]) -> Callable[[Path], Array]:
+    return lambda folder: rectify(*cameras(folder))[0].T_body_cam
 
 
 def _kitti_pairs(folder: Path, _: float | None) -> StereoFiles:
@@ -75,8 +63,8 @@ def _kitti_pairs(folder: Path, _: float | None) -> StereoFiles:
 
 
 READERS = (
-    Reader(is_euroc, open_euroc, list_euroc, _euroc_pose, _euroc_truth),
-    Reader(is_tumvi, open_tumvi, list_tumvi, _tumvi_pose, _tumvi_truth),
+    Reader(is_euroc, open_euroc, list_euroc, _rectified(read_euroc_cameras), read_euroc_truth),
+    Reader(is_tumvi, open_tumvi, list_tumvi, _rectified(read_tumvi_cameras), read_tumvi_truth),
     Reader(is_kitti, open_kitti, _kitti_pairs, read_kitti_pose, read_kitti_truth),
 )
 """Readers in order of preference."""
@@ -124,7 +112,8 @@ def read_truth(folder: Path) -> Trajectory | None:
         CalibrationError: As `open_sequence`.
         TrajectoryError: If the truth is malformed.
     """
-    return _reader(folder).truth(folder)
+    reader = _reader(folder)
+    return reader.truth(folder, reader.T_body_cam(folder))
 
 
 def _reader(folder: Path) -> Reader:

@@ -169,7 +169,8 @@ def _estimates(
 def between_keyframes(times_ns: Indices, has_pose: Mask) -> Mask:
     """Return which of N frames, some with a pose, a program that writes keyframes leaves out.
 
-    Keyframes are poses of every second frame or fewer, from the first of them to the last. Longer gaps between keyframes, and before the first and after the last, are losses.
+    Keyframes are poses of every second frame or fewer, from the first of them to the last. Longer
+    gaps between them, and before the first and after the last, are losses.
     """
     rows = np.flatnonzero(has_pose)
     if len(rows) < 2 or 2 * len(rows) > rows[-1] - rows[0] + 2:

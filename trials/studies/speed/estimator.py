@@ -44,7 +44,7 @@ def measure_estimator(name: str, dataset: Path, bar: ProgressBar = no_progress) 
     memory_mb: list[float] = []
     with counted(bar, f"running {name}", len(sequence)) as count:
 
-        def note(estimate: Estimate) -> None:
+        def note(estimate: Estimate, _: float) -> None:
             memory_mb.append(resident_mb())
             count(estimate)
 
