@@ -13,8 +13,9 @@ from sim.camera.camera import Capture, FrameExposure, StereoCamera, StereoImages
 from sim.camera.render import StereoRenderer
 from sim.certificate.blur import CameraMotion
 from sim.certificate.certificate import certify, check_folder, exempt_parts
+from sim.certificate.frame_residual import FrameView, frame_residual
 from sim.certificate.label_coverage import COVERAGE, check_coverage
-from sim.certificate.photometric import FrameResidual, PhotometricCheck, flow_error
+from sim.certificate.photometric import FrameResidual, PhotometricCheck
 from sim.dataset.image_codecs import encode_float, encode_png
 from sim.dataset.manifest import manifest
 from sim.dataset.tables import write_cameras, write_exposures, write_inertial, write_wheels
@@ -28,7 +29,6 @@ from sim.world.fingerprint import expect_unchanged
 from sim.world.physics import remark_replaced
 from sim.world.trip import Trip, make_trip
 from sim.world.world import World, build_world
-from vo.contract import se3
 from vo.contract.dataset import MAP_FILE, DatasetWriter
 from vo.contract.settings import with_defaults
 
@@ -145,27 +145,20 @@ class _FrameProcessor:
         """Write the labels of a frame and compute their photometric residuals."""
         capture = frame[0]
         annotation = self.annotator.annotate(capture, following and following[0])
-        for name, label in annotation.wanted(self.settings.labels).items():
+        labels = annotation.wanted(self.settings.labels)
+        for name, label in labels.items():
             form = LABELS[name]
             data = encode_png(label) if form.encoding == CODES else encode_float(label)
             path = f"mav0/{form.folder}/data/{capture.exposure.timestamp_ns}{form.suffix}"
             self.writer.add(path, data)
-        images = frame[1].result()
-        stereo = self.check.stereo(*images.rectified, annotation.disparity, capture.exposure)
-        flow, geometry_px, labels = None, None, self.settings.labels
-        if labels.flow and following:
-            then = following[0]
-            if labels.covisibility:
-                pair = images.rectified[0], following[1].result().rectified[0]
-                exposures = capture.exposure, then.exposure
-                apart = (self.motion.displacement_px(x, annotation.disparity) for x in exposures)
-                forward = annotation.flow, annotation.covisibility
-                flow = self.check.flow(*pair, *forward, exposures, sum(apart))
-            if labels.depth:
-                T_next_now = se3.inverse(then.T_world_cam) @ capture.T_world_cam
-                rig, depth_m = self.annotator.rig, annotation.depth
-                geometry_px = flow_error(rig, depth_m, annotation.flow, T_next_now)
-        return FrameResidual(capture.exposure.timestamp_ns, stereo, flow, geometry_px)
+        labels["disparity"] = annotation.disparity
+        views = _view(frame), following and _view(following)
+        return frame_residual(self.check, self.motion, self.annotator.rig, labels, *views)
+
+
+def _view(frame: _Frame) -> FrameView:
+    capture, images = frame
+    return FrameView(capture.exposure, *images.result().rectified, capture.T_world_cam)
 
 
 def _write_frames(

@@ -1,5 +1,6 @@
 """The renderer: stereo images and label buffers in one pass each, and views from other cameras."""
 
+from copy import copy
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -23,9 +24,6 @@ SPARE_GEOMS = 100
 """Number of shapes in MuJoCo's scene beyond those of the world."""
 DRAWN = mujoco.mjtCatBit.mjCAT_STATIC | mujoco.mjtCatBit.mjCAT_DYNAMIC
 """Categories that are drawn: all but decorations, such as the rays of range finders."""
-
-SAME_SHARE = 2e-3
-"""Relative difference of the depths of one surface in two drawings."""
 NO_GEOM = -1
 BOTH_GROUPS = (0, 1, 2)
 """Geom groups in images and labels alike: the rover, and a user's own world."""
@@ -135,22 +133,29 @@ class StereoRenderer:
         """Render depth and objects of both cameras at the world's present state."""
         return self._geometry(self._label_option)
 
-    def unlabelled_pixels(self) -> int:
-        """Count the pixels of both cameras at which images and labels show different surfaces.
+    def render_drawn_geometry(self) -> GeometryBuffers:
+        """Render as `render_geometry` what images draw, which must be the same."""
+        return self._geometry(self._image_option)
 
-        What images draw is drawn once more as labels are, so that its depth can be compared, and
-        what is no object of the labels is found.
+    def render_layers(self) -> list[tuple[Image, Image]]:
+        """Render three times left and right (H, W, 4), without samples, as pixels' centres show it.
+
+        What images draw; the same with all that can have a label hidden; the background alone.
         """
-        labels, images = self._geometry(self._label_option), self._geometry(self._image_option)
-        pairs = (
-            (labels.depth_left_m, images.depth_left_m, images.geoms_left),
-            (labels.depth_right_m, images.depth_right_m, images.geoms_right),
-        )
-        wrong = (
-            contradictions(label_m, image_m) | (~np.isnan(image_m) & (objects == NO_GEOM))
-            for label_m, image_m, objects in pairs
-        )
-        return sum(int(mask.sum()) for mask in wrong)
+        hidden = copy(self._image_option)
+        for kind in ("geom", "site", "joint", "tendon", "actuator", "flex", "skin"):
+            getattr(hidden, f"{kind}group")[:] = 0
+        layers: list[tuple[Image, Image]] = []
+        for option in (self._image_option, hidden, None):
+            if option:
+                self._update_stereo(option)
+            else:
+                self._scene.ngeom = 0
+            with self._label_framebuffer as framebuffer:
+                self._draw(self._rect)
+                framebuffer.read_colour(self._rgba)
+            layers.append(self._split(self._rgba))
+        return layers
 
     def _geometry(self, option: mujoco.MjvOption) -> GeometryBuffers:
         self._update_stereo(option)
@@ -241,20 +246,12 @@ def _showing(*groups: int) -> mujoco.MjvOption:
     return option
 
 
-def contradictions(label_m: Array, image_m: Array) -> Mask:
-    """Return where the depth (H, W) of one drawing is not that of another, nor beside an outline.
-
-    Both are NaN without a surface. A pixel may show what the other drawing shows in one of the
-    pixels around it.
-    """
-    label, image = (np.nan_to_num(1 / x, nan=0.0) for x in (label_m, image_m))
-    around = np.ones((3, 3), np.uint8)
-    low, high = cv2.erode(label, around), cv2.dilate(label, around)
-    return (image < low * (1 - SAME_SHARE)) | (image > high * (1 + SAME_SHARE) + 1e-6)
-
-
 def _in_frustum(model: mujoco.MjModel, data: mujoco.MjData, rig: StereoRig) -> Mask:
-    """Return which geoms (ngeom,) may appear in either centred image, by their bounding spheres."""
+    """Return which geoms (ngeom,) may appear in either centred image, by their bounding spheres.
+
+    A plane that is seen from behind is drawn in neither image nor label, as the faces of all other
+    geoms: MuJoCo would draw it as if it were of glass.
+    """
     camera = model.camera(CAMERA).id
     R_world_gl = data.cam_xmat[camera].reshape(3, 3)
     tan_u, tan_v = rig.width_px / 2 / rig.f_px, rig.height_px / 2 / rig.f_px
@@ -262,7 +259,9 @@ def _in_frustum(model: mujoco.MjModel, data: mujoco.MjData, rig: StereoRig) -> M
         [(1, 0, -tan_u), (-1, 0, -tan_u), (0, 1, -tan_v), (0, -1, -tan_v), (0, 0, -1)]
     )
     inward /= np.linalg.norm(inward, axis=1, keepdims=True)
-    distance = (data.geom_xpos - data.cam_xpos[camera]) @ (R_world_gl @ inward.T)
+    away = data.geom_xpos - data.cam_xpos[camera]
+    distance = away @ (R_world_gl @ inward.T)
     radius = model.geom_rbound + rig.baseline_m / 2
     unbounded = model.geom_rbound == 0  # planes
-    return unbounded | (distance > -radius[:, None]).all(axis=1)
+    is_faced = np.einsum("ni,ni->n", data.geom_xmat[:, 2::3], away) < 0
+    return np.where(unbounded, is_faced, (distance > -radius[:, None]).all(axis=1))

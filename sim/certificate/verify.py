@@ -11,9 +11,10 @@ import numpy as np
 from sim.camera.camera import FrameExposure
 from sim.certificate.blur import CameraMotion
 from sim.certificate.certificate import certify, check_folder, exempt_parts
+from sim.certificate.frame_residual import FrameView, frame_residual
 from sim.certificate.label_coverage import COVERAGE
 from sim.certificate.manifest_check import check_digest, check_statements, differences
-from sim.certificate.photometric import FrameResidual, PhotometricCheck, flow_error
+from sim.certificate.photometric import FrameResidual, PhotometricCheck
 from sim.certificate.trajectory_check import read_states
 from sim.dataset.tables import EXPOSURES
 from sim.imaging.image_sensor import ImageSensor
@@ -29,6 +30,7 @@ from vo.contract.arrays import Array
 from vo.contract.dataset import MANIFEST, TRUTH, read_manifest
 from vo.contract.errors import DatasetError
 from vo.contract.rig import StereoRig
+from vo.contract.sequence import StereoFrame
 from vo.recordings.euroc import open_euroc
 from vo.recordings.images import read_codes, read_float
 from vo.recordings.tables import read_columns
@@ -174,7 +176,7 @@ def _measure(
     """
     if not any((folder / "mav0" / LABELS[x].folder).is_dir() for x in ("disparity", "depth")):
         return [], []
-    rig, labels = stereo_rig(settings.rig), settings.labels
+    rig = stereo_rig(settings.rig)
     times_ns, T_world_body, _ = read_states(folder / TRUTH / "data.csv")
     T_world_cam = dict(zip(times_ns.tolist(), T_world_body @ rig.T_body_cam, strict=True))
     unit_ns, T_world_unit, _ = read_states(folder / "mav0/imu0/truth.csv")
@@ -189,31 +191,22 @@ def _measure(
         absent = [t for t in sequence.timestamps_ns.tolist() if t not in rows]
         if absent:
             raise DatasetError(f"{folder / table}: has no row of the frame at {absent[0]} ns")
+
+    def view(frame: StereoFrame) -> FrameView:
+        time_ns = frame.timestamp_ns
+        return FrameView(exposures[time_ns], frame.left, frame.right, T_world_cam[time_ns])
+
     frames: list[FrameResidual] = []
     contradictory: list[int] = []
     for frame, following in pairwise(chain(sequence, [None])):
         assert frame is not None
-        time_ns = frame.timestamp_ns
-        disparity, depth_m = _read_disparity(folder, rig, time_ns)
-        if depth_m is not None:
-            computed = disparity_from_depth(rig, depth_m)
-            if not np.allclose(disparity, computed, 1e-5, 1e-5, equal_nan=True):
-                contradictory.append(time_ns)
-        stereo = check.stereo(frame.left, frame.right, disparity, exposures[time_ns])
-        flow, geometry_px = None, None
-        if labels.flow and following:
-            label = read_float(label_file(folder, "flow", time_ns), 3)
-            then_ns = following.timestamp_ns
-            if labels.covisibility:
-                covisibility = read_codes(label_file(folder, "covisibility", time_ns))
-                pair = exposures[time_ns], exposures[then_ns]
-                apart = (motion.displacement_px(x, disparity) for x in pair)
-                images = frame.left, following.left
-                flow = check.flow(*images, label, covisibility, pair, sum(apart))
-            if depth_m is not None:
-                T_next_now = se3.inverse(T_world_cam[then_ns]) @ T_world_cam[time_ns]
-                geometry_px = flow_error(rig, depth_m, label, T_next_now)
-        frames.append(FrameResidual(time_ns, stereo, flow, geometry_px))
+        labels, consistent = _read_labels(
+            folder, settings, rig, frame.timestamp_ns, following is not None
+        )
+        if not consistent:
+            contradictory.append(frame.timestamp_ns)
+        views = view(frame), view(following) if following else None
+        frames.append(frame_residual(check, motion, rig, labels, *views))
         if progress:
             progress(len(frames), len(sequence))
     return frames, contradictory
@@ -230,13 +223,25 @@ def _read_exposures(folder: Path) -> dict[int, FrameExposure]:
     }
 
 
-def _read_disparity(folder: Path, rig: StereoRig, time_ns: int) -> tuple[Array, Array | None]:
-    """Read the disparity label (H, W) at a time, or compute it, and any depth label."""
-    label, depth = (label_file(folder, name, time_ns) for name in ("disparity", "depth"))
-    if not depth.is_file():
-        return read_float(label), None
-    depth_m = read_float(depth)
-    return read_float(label) if label.is_file() else disparity_from_depth(rig, depth_m), depth_m
+def _read_labels(
+    folder: Path, settings: RecordSettings, rig: StereoRig, time_ns: int, has_next: bool
+) -> tuple[dict[str, Array], bool]:
+    """Read the labels of a frame by name, and whether disparity and depth say the same.
+
+    Either of the two is enough: the disparity follows from the depth.
+    """
+    files = {name: label_file(folder, name, time_ns) for name in ("disparity", "depth")}
+    names = [name for name, file in files.items() if file.is_file()] or ["disparity"]
+    labels, consistent = {name: read_float(files[name]) for name in names}, True
+    if "depth" in labels:
+        computed = disparity_from_depth(rig, labels["depth"])
+        stated = labels.setdefault("disparity", computed)
+        consistent = np.allclose(stated, computed, 1e-5, 1e-5, equal_nan=True)
+    if settings.labels.flow and has_next:
+        labels["flow"] = read_float(label_file(folder, "flow", time_ns), 3)
+        if settings.labels.covisibility:
+            labels["covisibility"] = read_codes(label_file(folder, "covisibility", time_ns))
+    return labels, consistent
 
 
 def _table(folder: Path, manifest: dict[str, Any], key: str) -> dict[str, Any]:

@@ -50,6 +50,7 @@ def test_generate_mjcf_scene_gives_a_dataset_that_verifies(folder):
     assert verified.returncode == 0
     assert "disparity: bias" in verified.stdout
     assert "the smallest shift that is found is" in verified.stdout
+    assert "coverage: checked at recording" in verified.stdout
 
 
 def test_generate_from_manifest_repeats_every_byte(folder):

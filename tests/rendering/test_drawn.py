@@ -10,8 +10,8 @@ import pytest
 from scenes.custom import load_scene
 from scenes.scene import IMAGE_GROUP, LABEL_GROUP, Scene
 from sim.camera.camera import StereoCamera
-from sim.camera.render import StereoRenderer, contradictions
-from sim.certificate.label_coverage import check_coverage
+from sim.camera.render import StereoRenderer
+from sim.certificate.label_coverage import check_coverage, contradictions, unlabelled_pixels
 from sim.labels.annotate import Annotator
 from sim.labels.labels import NOTHING
 from sim.settings import DriveSettings, RecordSettings, RenderSettings, RigSettings
@@ -19,6 +19,7 @@ from sim.world.drawn import rendering_entry
 from sim.world.trip import make_trip
 from sim.world.world import build_world
 from vo.contract.remarks import Remark
+from vo.contract.settings import amended
 
 pytestmark = pytest.mark.gl
 
@@ -158,11 +159,35 @@ def test_coverage_finds_what_is_no_object_of_the_labels(tmp_path, monkeypatch):
     with StereoRenderer(world, SETTINGS.render) as renderer:
         world.place_bodies()
         mujoco.mj_forward(world.model, world.data)
-        assert renderer.unlabelled_pixels() == 0
+        assert unlabelled_pixels(renderer) == 0
         monkeypatch.setattr("sim.camera.render.DRAWN", mujoco.mjtCatBit.mjCAT_ALL)
         for option in (renderer._image_option, renderer._label_option):
             option.flags[mujoco.mjtVisFlag.mjVIS_RANGEFINDER] = 1
-        assert renderer.unlabelled_pixels() > 10
+        assert unlabelled_pixels(renderer) > 10
+
+
+def test_coverage_finds_colours_that_have_no_depth(tmp_path):
+    """A name that is written beside a thing, as a viewer does it, over the sky."""
+    path = tmp_path / "world.xml"
+    thing = '<geom name="a sign far away" size=".05" pos="2 .3 1.5"/>'
+    path.write_text(WORLD.format(thing, ""))
+    world = build_world(load_scene(str(path)), amended(SETTINGS, {"rig.tilt_deg": -15}))
+    with StereoRenderer(world, SETTINGS.render) as renderer:
+        world.place_bodies()
+        assert unlabelled_pixels(renderer) == 0
+        renderer._image_option.label = mujoco.mjtLabel.mjLABEL_GEOM
+        assert unlabelled_pixels(renderer) > 30
+
+
+def test_planes_from_behind_are_drawn_in_neither(seen):
+    plane = '<geom name="{}" type="plane" size=".2 .2 1" pos="1.5 {} .3" zaxis="{} 0 0"'
+    wall = plane + ' rgba="1 0 0 1" contype="0" conaffinity="0"/>'
+    annotation, image, coverage = seen(wall.format("back", 0.3, 1) + wall.format("front", -0.3, -1))
+    red = image[..., 0] > image[..., 2].astype(int) + 60
+    front, back = mask_of(annotation, "front"), mask_of(annotation, "back")
+    assert coverage["passed"]
+    assert (front & red).sum() > max(300, 0.9 * red.sum())
+    assert not (back | red)[:, :75].any()
 
 
 def test_contradictions_spare_outlines_and_find_small_things():

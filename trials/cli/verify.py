@@ -5,6 +5,7 @@ from pathlib import Path
 import typer
 
 from sim.certificate.certificate import detectable_shifts
+from sim.certificate.label_coverage import coverage_statement
 from sim.certificate.verify import verify as find_faults
 from trials.cli import console
 from trials.cli.options import argument
@@ -25,5 +26,6 @@ def verify(
     if findings:
         raise typer.Exit(1)
     console.out.print(f"{dataset}: every hash, the manifest and the certificate hold")
-    for line in detectable_shifts(read_manifest(dataset)["certificate"]):
+    certificate = read_manifest(dataset)["certificate"]
+    for line in [*detectable_shifts(certificate), coverage_statement(certificate)]:
         console.out.print(line, markup=False)
