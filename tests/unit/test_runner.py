@@ -53,7 +53,7 @@ def dataset(tmp_path):
 @pytest.fixture
 def written(tmp_path, dataset):
     seen = []
-    result = run(open_sequence(dataset), Scripted(), seen.append)
+    result = run(open_sequence(dataset), Scripted(), lambda x, _: seen.append(x))
     assert len(seen) == 4
     out = tmp_path / "runs" / "a.v1.txt"
     write_run(out, result, "scripted", {"gain": 2}, dataset)
