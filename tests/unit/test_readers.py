@@ -101,6 +101,39 @@ def test_euroc_image_table_is_read_in_every_notation(euroc, header, separator, a
     assert (sequence[2].left == wall(3)[2][0]).all()
 
 
+@pytest.mark.parametrize("name", ["{}", "{:020d}", "s"])
+def test_names_of_images_are_timestamps_without_a_table(euroc, name):
+    times = [(i + 9) * PERIOD_NS for i in range(3)]  # the last has one digit more
+    for eye in (0, 1):
+        (euroc / f"mav0/cam{eye}/data.csv").unlink()
+        files = sorted((euroc / f"mav0/cam{eye}/data").iterdir())
+        for file, time in zip(files, times, strict=True):
+            stem = f"{time / 1e9:.6f}" if name == "s" else name.format(time)
+            file.rename(file.with_name(f"{stem}.png"))
+    with pytest.warns(Remark, match=r"cam[01]/data\.csv: missing; the names of 3 images"):
+        sequence = open_sequence(euroc)
+    assert sequence.timestamps_ns.tolist() == times
+    assert (sequence[2].left == wall(3)[2][0]).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("{:06d}", r"timestamps are 1 apart: seconds"),
+        ("left{}", r"left0 is not a number; expected"),
+    ],
+)
+def test_names_that_are_no_timestamps_are_refused(euroc, name, message):
+    (euroc / "mav0/cam0/data.csv").unlink()
+    for i, file in enumerate(sorted((euroc / "mav0/cam0/data").iterdir())):
+        file.rename(file.with_name(f"{name.format(i)}.png"))
+    with (
+        pytest.warns(Remark, match="missing; the names of 3 images"),
+        pytest.raises(DatasetError, match=message),
+    ):
+        open_sequence(euroc)
+
+
 def test_kitti_truth_of_the_benchmark_layout(kitti):
     poses = kitti.parent.parent / "poses"
     poses.mkdir()

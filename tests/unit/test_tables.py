@@ -1,9 +1,12 @@
 """Text tables: encodings, separators, headers, timestamps, and errors with file and line."""
 
+import warnings
+
 import numpy as np
 import pytest
 
 from vo.contract.errors import DatasetError
+from vo.contract.remarks import Remark
 from vo.recordings.tables import SECONDS, read_table
 
 EPOCH_NS = 1403636579763555584
@@ -60,10 +63,47 @@ def test_timestamps_are_exact_in_every_notation(tmp_path, words):
     assert table.times_ns(ROW).tolist() == [EPOCH_NS, EPOCH_NS + 50_000_000]
 
 
-def test_timestamps_of_neither_unit_are_refused(tmp_path):
-    table = read_table(written(tmp_path / "x.csv", "0,1\n50000,1\n100000,1\n"))
-    with pytest.raises(DatasetError, match=r"x\.csv:1: timestamps are 50000 apart; expected nano"):
+@pytest.mark.parametrize(
+    ("start", "step", "unit"),
+    [
+        (1403636579763555, 50000, "microseconds"),
+        (1403636579763, 33, "milliseconds"),
+        (1403636579763.555, 33.333, "milliseconds"),
+        (0, 50000, "microseconds"),
+        (0, 50, "milliseconds"),
+        (0, 33.333, "milliseconds"),
+    ],
+)
+def test_milliseconds_and_microseconds_are_read_with_a_remark(tmp_path, start, step, unit):
+    text = "".join(f"{start + i * step},1\n" for i in range(3))
+    with pytest.warns(Remark, match=rf"x\.csv: timestamps are taken as {unit}"):
+        times = read_table(written(tmp_path / "x.csv", text)).times_ns(ROW)
+    step_ns = step * {"milliseconds": 10**6, "microseconds": 10**3}[unit]
+    assert np.allclose(np.diff(times), step_ns, rtol=1e-4)
+
+
+def test_whole_numbers_of_any_unit_are_refused(tmp_path):
+    table = read_table(written(tmp_path / "x.csv", "0,1\n1,1\n2,1\n"))
+    with pytest.raises(DatasetError, match=r"x\.csv:1: timestamps are 1 apart: seconds, milli"):
         table.times_ns(ROW)
+
+
+@pytest.mark.parametrize(
+    ("step", "unit_ns"), [(0.1, 10**9), (100, 10**6), (10**5, 10**3), (10**8, 1)]
+)
+def test_unit_is_that_which_fits_a_recording_from_zero(tmp_path, step, unit_ns):
+    text = "".join(f"{i * step:.1f} 1\n" for i in range(20))
+    table = read_table(written(tmp_path / "x.csv", text))
+    with warnings.catch_warnings(record=True):
+        warnings.simplefilter("always")
+        times = table.times_ns(ROW, frame_times_ns=10**8 * np.arange(25))
+    assert times.tolist() == (10**8 * np.arange(20)).tolist()
+
+
+def test_units_that_fit_a_recording_alike_are_refused(tmp_path):
+    table = read_table(written(tmp_path / "x.csv", "".join(f"{10 * i} 1\n" for i in range(317))))
+    with pytest.raises(DatasetError, match=r"x\.csv:1: timestamps may be .* both fit the record"):
+        table.times_ns(ROW, frame_times_ns=10**8 * np.arange(1000))
 
 
 @pytest.mark.parametrize(

@@ -75,7 +75,9 @@ def test_rows_with_nan_or_repeated_are_left_out_with_a_remark(tmp_path):
 
 
 def test_tumvi_truth_is_that_of_the_inertial_unit(tmp_path):
-    (tmp_path / "dso").mkdir()
+    (tmp_path / "dso" / "cam0").mkdir(parents=True)
+    rows = (f"{x} {x / 1e9:.9f} 5\n" for x in TIMES_NS)
+    (tmp_path / "dso" / "cam0" / "times.txt").write_text("".join(rows))
     assert read_tumvi_truth(tmp_path, T_BODY_CAM) is None
     (tmp_path / "dso" / "gt_imu.csv").write_text("\n".join(["# ts, poses", *lines(T_WORLD_BODY)]))
     found = read_tumvi_truth(tmp_path, T_BODY_CAM)

@@ -9,7 +9,7 @@ from vo.contract.remarks import remark
 from vo.contract.sequence import StereoSequence, WheelLog
 from vo.contract.trajectory import Trajectory
 from vo.recordings.calibration import find_chain, read_cameras
-from vo.recordings.images import image_files
+from vo.recordings.image_times import read_image_times
 from vo.recordings.pairing import ALL_FRAMES, FrameSelection, StereoFiles, pair_by_time
 from vo.recordings.recording import open_recording
 from vo.recordings.rectify import Camera
@@ -81,7 +81,8 @@ def _sheet(camera: Path) -> Path:
 
 def read_euroc_truth(folder: Path, T_body_cam: Array) -> Trajectory | None:
     """Read T_world_cam of the (rectified) left camera, as `read_true_states`."""
-    return read_true_states(_mav(folder), T_body_cam)
+    mav = _mav(folder)
+    return read_true_states(mav, T_body_cam, _read_image_table(mav / "cam0")[0])
 
 
 def _read_wheels(path: Path) -> WheelLog | None:
@@ -102,7 +103,4 @@ def _mav(folder: Path) -> Path:
 
 
 def _read_image_table(camera: Path) -> tuple[Indices, list[Path]]:
-    table = read_table(camera / "data.csv")
-    times, names = table.times_ns(IMAGE_ROW), table.words(1, IMAGE_ROW)
-    table.require_increasing(times)
-    return times, image_files(camera / "data", names)
+    return read_image_times(camera / "data.csv", camera / "data", IMAGE_ROW, 0, NS)

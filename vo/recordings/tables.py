@@ -16,15 +16,26 @@ import numpy as np
 from vo.contract.arrays import Array, Indices
 from vo.contract.errors import DatasetError, DriftyardError
 from vo.contract.files import read_lines
+from vo.contract.remarks import remark
 
-NS, SECONDS = 1, 1_000_000_000
-"""Units of timestamps, ns."""
+NS, US, MS, SECONDS = 1, 1_000, 1_000_000, 1_000_000_000
+UNITS = {SECONDS: "seconds", NS: "nanoseconds", MS: "milliseconds", US: "microseconds"}
+"""Units of timestamps in ns, the usual ones first."""
 
 MIN_STEP_NS = 100_000
-"""Time between rows, ns, below which timestamps are not nanoseconds: sensors stay below 10 kHz."""
+"""Smallest time between rows, ns: sensors stay below 10 kHz."""
 
-MAX_STEP_S = 5
-"""Time between rows, s, above which whole numbers are not seconds."""
+EPOCH_NS, MAX_STEP_NS = (631_152_000 * SECONDS, 4_102_444_800 * SECONDS), 2 * SECONDS
+"""Times since 1970 are of the years 1990 to 2100, and their rows at most 2 s apart."""
+
+MAX_STEPS = {SECONDS: 5, MS: 5_000, US: 1_000_000}
+"""Largest number between rows of images, in each unit, if times do not count from 1970."""
+
+MARGIN_NS = SECONDS
+"""Time before and after a recording to which rows may belong."""
+
+MAX_RIVAL = 0.1
+"""How much worse than the best another unit must fit a recording."""
 
 DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
 """A number that only an error can name: tables need decimal points."""
@@ -99,20 +110,26 @@ class Table:
                 raise self.fault(i, message)
         return found
 
-    def times_ns(self, expected: str, unit_ns: int | None = None, column: int = 0) -> Indices:
+    def times_ns(
+        self,
+        expected: str,
+        unit_ns: int | None = None,
+        column: int = 0,
+        frame_times_ns: Indices | None = None,
+    ) -> Indices:
         """Return timestamps (N,) in ns: exact to 1 ns, whatever their notation.
 
         Args:
             expected: The columns of a row, for errors.
-            unit_ns: Unit of the column; None for nanoseconds, or seconds where nanoseconds cannot
-                be meant.
+            unit_ns: Unit of the column; None for that which fits.
             column: Index of the column.
+            frame_times_ns: (K,) times of the recording's frames, if they are known.
 
         Raises:
             DriftyardError: If a timestamp is missing, no number, or out of range; as `numbers`.
         """
         stamps = self.stamps(column, expected)
-        unit = self.unit_ns(stamps, NS) if unit_ns is None else unit_ns
+        unit = unit_ns or self.unit_ns(stamps, NS, frame_times_ns)
         return self.in_ns(stamps, unit)
 
     def in_ns(self, stamps: Sequence[Decimal], unit_ns: int) -> Indices:
@@ -132,23 +149,58 @@ class Table:
             message = f"time must increase, but {times_ns[i]} ns {kind} of line {self.lines[i - 1]}"
             raise self.fault(i, message)
 
-    def unit_ns(self, stamps: Sequence[Decimal], default: int) -> int:
-        """Choose nanoseconds if the rows are far enough apart, else seconds.
+    def unit_ns(
+        self, stamps: Sequence[Decimal], default: int, frame_times_ns: Indices | None = None
+    ) -> int:
+        """Choose the unit in which timestamps fit a recording, or by their size and distance.
+
+        Milliseconds and microseconds bring a remark. A single row without a recording is of the
+        default unit, or in seconds if it has a fraction.
 
         Raises:
-            DriftyardError: If neither can be meant; of class `error`.
+            DriftyardError: If several units fit; of class `error`, names file and line.
         """
+        unit = None if frame_times_ns is None else self._fitting_unit(stamps, frame_times_ns)
+        unit = unit or self._usual_unit(stamps, default)
+        if unit in (MS, US):
+            remark(f"{self.path}: timestamps are taken as {UNITS[unit]}")
+        return unit
+
+    def _fitting_unit(self, stamps: Sequence[Decimal], frame_times_ns: Indices) -> int | None:
+        """Choose the unit in which the most rows lie within a recording, over the longest time."""
+        values, fits, step = np.array(stamps, dtype=float), {}, median_step(stamps)
+        is_fractional = any(abs(x - round(x)) > Decimal("0.01") for x in stamps)
+        for unit in (x for x in UNITS if x != NS or not is_fractional):
+            times = values * unit - float(frame_times_ns[0])
+            duration = float(frame_times_ns[-1] - frame_times_ns[0])
+            inside = times[(times >= -MARGIN_NS) & (times <= duration + MARGIN_NS)]
+            if len(inside) >= min(2, len(stamps)) and (step is None or step * unit >= MIN_STEP_NS):
+                fits[unit] = len(inside) * float(np.ptp(inside))
+        if not fits:
+            return None
+        best = max(fits, key=lambda unit: fits[unit])
+        rivals = [x for x in fits if fits[x] > MAX_RIVAL * fits[best] and x != best]
+        if rivals:
+            raise self.fault(
+                0, f"timestamps may be {UNITS[best]} or {UNITS[rivals[0]]}: both fit the recording"
+            )
+        return best
+
+    def _usual_unit(self, stamps: Sequence[Decimal], default: int) -> int:
         step, is_fractional = median_step(stamps), any(x % 1 for x in stamps)
         if step is None:
             return SECONDS if is_fractional else default
-        if step >= MIN_STEP_NS:
-            return NS
-        if is_fractional or step <= MAX_STEP_S:
-            return SECONDS
-        raise self.error(
-            f"{self.path}:{self.lines[0]}: timestamps are {step:f} apart; expected nanoseconds, or "
-            "seconds"
-        )
+        low, high = EPOCH_NS
+        for unit in UNITS:
+            is_usual = MIN_STEP_NS <= step * unit <= MAX_STEP_NS
+            if is_usual and low <= stamps[0] * unit <= high:
+                return unit
+        unit = next((unit for unit, limit in MAX_STEPS.items() if step <= limit), NS)
+        if unit == SECONDS and default == NS and not is_fractional:
+            raise self.fault(
+                0, f"timestamps are {step} apart: seconds, milliseconds or a count? Expected ns"
+            )
+        return unit
 
 
 def median_step(stamps: Sequence[Decimal]) -> Decimal | None:

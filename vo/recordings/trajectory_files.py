@@ -18,15 +18,12 @@ from vo.recordings.pose_tables import (
     matrix_poses,
     named_columns,
 )
-from vo.recordings.tables import MIN_STEP_NS, NS, SECONDS, Table, median_step, read_table
+from vo.recordings.tables import NS, SECONDS, Table, read_table
 
 FORMATS = (
     "'timestamp tx ty tz qx qy qz qw' (TUM), 'timestamp, px, py, pz, qw, qx, qy, qz' (EuRoC), or "
     "12 numbers (KITTI)"
 )
-MARGIN_NS = 1_000_000_000
-"""Time before and after a recording to which poses may belong."""
-
 SAME_TIME_NS = 1_000_000
 """A pose belongs to a frame if their times differ by less than this."""
 
@@ -54,10 +51,10 @@ def read_trajectory(path: Path, frame_times_ns: Indices | None = None) -> Trajec
     if named and named.quat_wxyz is None:
         raise TrajectoryError(f"{path}: has no quaternions; expected rows of {FORMATS}")
     stamps = table.stamps(named.time if named else 0, FORMATS)
-    unit_ns = _unit_ns(table, stamps, frame_times_ns)
-    times_ns = table.in_ns(stamps, unit_ns)
     if frame_times_ns is not None and _are_counts(stamps, frame_times_ns):
         raise table.fault(0, f"the first column counts rows or frames; expected {FORMATS}")
+    unit_ns = table.unit_ns(stamps, SECONDS, frame_times_ns)
+    times_ns = table.in_ns(stamps, unit_ns)
     table.require_increasing(times_ns)
     if columns:
         T_ref_frame = matrix_poses(table, columns)
@@ -85,26 +82,6 @@ def _unnamed_poses(table: Table, unit_ns: int) -> Array:
         order = "qw, qx, qy, qz" if is_euroc else "qx, qy, qz, qw"
         remark(f"{table.path}: has no header; its quaternions are taken as {order}")
     return T_ref_frame
-
-
-def _unit_ns(table: Table, stamps: Sequence[Decimal], frame_times_ns: Indices | None) -> int:
-    """Choose the unit in which more of the timestamps lie within the recording.
-
-    Nanoseconds are whole numbers and far apart. Without a recording, that decides.
-    """
-    is_fractional = any(abs(x - round(x)) > Decimal("0.01") for x in stamps)
-    step = median_step(stamps)
-    is_dense = step is not None and step < MIN_STEP_NS
-    units = (SECONDS,) if is_fractional or is_dense else (SECONDS, NS)
-    if frame_times_ns is None:
-        return SECONDS if step is None else units[-1]
-    start, end = (int(x) for x in frame_times_ns[[0, -1]])
-    inside = {
-        unit: sum(start - MARGIN_NS <= x * unit <= end + MARGIN_NS for x in stamps)
-        for unit in units
-    }
-    best = max(inside, key=lambda unit: inside[unit])
-    return best if inside[best] >= min(2, len(stamps)) else table.unit_ns(stamps, SECONDS)
 
 
 def _remark_other_times(path: Path, times_ns: Indices, frame_times_ns: Indices) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from vo.contract import se3
-from vo.contract.arrays import Array
+from vo.contract.arrays import Array, Indices
 from vo.contract.errors import TrajectoryError
 from vo.contract.remarks import remark
 from vo.contract.trajectory import Trajectory
@@ -19,12 +19,15 @@ TRUTH_FOLDERS = ("state_groundtruth_estimate0", "mocap0", "vicon0", "leica0")
 """Folders under `mav0` in order of preference."""
 
 
-def read_true_states(mav: Path, T_body_cam: Array) -> Trajectory | None:
+def read_true_states(
+    mav: Path, T_body_cam: Array, frame_times_ns: Indices | None = None
+) -> Trajectory | None:
     """Read the truth of an ASL folder as T_world_cam of the left camera; None if it has none.
 
     Args:
         mav: The folder `mav0`.
         T_body_cam: (4, 4) left camera in the body frame.
+        frame_times_ns: (K,) times of the recording, which decide about the unit of time.
 
     Raises:
         TrajectoryError: If a row is malformed; names file and line.
@@ -36,18 +39,21 @@ def read_true_states(mav: Path, T_body_cam: Array) -> Trajectory | None:
         return None
     if path.parent.name != TRUTH_FOLDERS[0]:
         remark(f"{path}: is taken as the truth, because there is no {TRUTH_FOLDERS[0]}")
-    return read_true_poses(path, T_body_cam)
+    return read_true_poses(path, T_body_cam, frame_times_ns)
 
 
-def read_true_poses(path: Path, T_body_cam: Array) -> Trajectory:
+def read_true_poses(
+    path: Path, T_body_cam: Array, frame_times_ns: Indices | None = None
+) -> Trajectory:
     """Read a table of poses, or positions, of a sensor as T_world_cam of the left camera.
 
     The sensor's place in the body is `T_BS` of the sensor.yaml beside the table, by default the
     body's origin. Rows with NaN or a repetition of the row before are left out with a remark.
 
     Args:
-        path: The table, in nanoseconds or seconds, quaternions scalar first unless named otherwise.
+        path: The table, quaternions scalar first unless named otherwise.
         T_body_cam: (4, 4) left camera in the body frame.
+        frame_times_ns: (K,) times of the recording, which decide about the unit of time.
 
     Raises:
         TrajectoryError: If the table is missing or a row is malformed; names file and line.
@@ -58,7 +64,7 @@ def read_true_poses(path: Path, T_body_cam: Array) -> Trajectory:
         raise TrajectoryError(f"{path}: holds no poses; expected rows of {STATE}")
     columns = named_columns(table) or _unnamed_columns(table)
     T_world_sensor = columns.poses(table, STATE)
-    times_ns = table.times_ns(STATE, column=columns.time)
+    times_ns = table.times_ns(STATE, column=columns.time, frame_times_ns=frame_times_ns)
     table.require_increasing(times_ns)
     sheet = path.with_name("sensor.yaml")
     T_body_sensor = read_sensor_pose(sheet) if sheet.is_file() else None

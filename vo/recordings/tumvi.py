@@ -7,11 +7,11 @@ from vo.contract.errors import CalibrationError
 from vo.contract.sequence import StereoSequence
 from vo.contract.trajectory import Trajectory
 from vo.recordings.calibration import find_chain, read_cameras
-from vo.recordings.images import image_files
+from vo.recordings.image_times import read_image_times
 from vo.recordings.pairing import ALL_FRAMES, FrameSelection, StereoFiles, pair_by_time
 from vo.recordings.recording import open_recording
 from vo.recordings.rectify import Camera
-from vo.recordings.tables import SECONDS, read_table
+from vo.recordings.tables import SECONDS
 from vo.recordings.truth_files import read_true_poses
 
 ROW = "'name time[s] exposure[ms]'"
@@ -64,7 +64,9 @@ def read_tumvi_truth(folder: Path, T_body_cam: Array) -> Trajectory | None:
         TrajectoryError: If the table is malformed.
     """
     table = _root(folder) / "gt_imu.csv"
-    return read_true_poses(table, T_body_cam) if table.is_file() else None
+    if not table.is_file():
+        return None
+    return read_true_poses(table, T_body_cam, _read_times(table.parent / "cam0")[0])
 
 
 def _root(folder: Path) -> Path:
@@ -72,7 +74,4 @@ def _root(folder: Path) -> Path:
 
 
 def _read_times(camera: Path) -> tuple[Indices, list[Path]]:
-    table = read_table(camera / "times.txt")
-    times = table.times_ns(ROW, SECONDS, 1)
-    table.require_increasing(times)
-    return times, image_files(camera / "images", table.words(0, ROW))
+    return read_image_times(camera / "times.txt", camera / "images", ROW, 1, SECONDS)
