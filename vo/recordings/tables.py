@@ -168,7 +168,8 @@ class Table:
 
     def _fitting_unit(self, stamps: Sequence[Decimal], frame_times_ns: Indices) -> int | None:
         """Choose the unit in which the most rows lie within a recording, over the longest time."""
-        values, fits, step = np.array(stamps, dtype=float), {}, median_step(stamps)
+        values, step = np.array(stamps, dtype=float), median_step(stamps)
+        fits: dict[int, float] = {}
         is_fractional = any(abs(x - round(x)) > Decimal("0.01") for x in stamps)
         for unit in (x for x in UNITS if x != NS or not is_fractional):
             times = values * unit - float(frame_times_ns[0])
