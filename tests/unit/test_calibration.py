@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 import yaml
@@ -9,7 +10,8 @@ import yaml
 from vo.contract import se3
 from vo.contract.errors import CalibrationError
 from vo.contract.remarks import Remark
-from vo.recordings.calibration import find_chain, read_cameras
+from vo.recordings.calibration import read_cameras
+from vo.recordings.calibration_files import find_stereo_file
 from vo.recordings.rectify import Lens, rectify
 
 FOCAL = [200.0, 201.0, 119.5, 89.5]
@@ -110,16 +112,124 @@ def test_camchain_of_kalibr(tmp_path, imu):
     (tmp_path / "notes.yaml").write_text("- a list\n")
     path = tmp_path / ("camchain-imucam.yaml" if imu else "camchain.yaml")
     path.write_text(yaml.safe_dump(chain))
-    assert find_chain((tmp_path / "nowhere", tmp_path)) == path
+    assert find_stereo_file((tmp_path / "nowhere", tmp_path)) == path
     assert_same(read_cameras(path, path), T=T_BODY if imu else (np.eye(4), T_LEFT_RIGHT))
 
 
-def test_camera_info_of_ros(tmp_path):
-    # Both cameras turn to axes whose x axis is the baseline.
-    x = T_LEFT_RIGHT[:3, 3] / np.linalg.norm(T_LEFT_RIGHT[:3, 3])
+def settings(**values):
+    rows = {key: x if isinstance(x, str) else repr(x) for key, x in values.items()}
+    return "%YAML:1.0\n" + "".join(f"{key}: {x}\n" for key, x in rows.items())
+
+
+def orbslam_eye(name, names):
+    values = dict(zip(("fx", "fy", "cx", "cy", *names), [*FOCAL, *COEFFICIENTS], strict=True))
+    return {f"{name}.{key}": x for key, x in values.items()}
+
+
+SIZE = {"Camera.width": 240, "Camera.height": 180}
+
+
+@pytest.mark.parametrize("body", [{}, {"IMU.T_b_c1": T_BODY_LEFT}, {"Tbc": T_BODY_LEFT}])
+@pytest.mark.parametrize("lens", Lens)
+def test_settings_of_orbslam3(tmp_path, lens, body):
+    is_fisheye = lens is Lens.EQUIDISTANT
+    eyes = [
+        orbslam_eye(
+            f"Camera{eye}", ["k1", "k2", "k3", "k4"] if is_fisheye else ["k1", "k2", "p1", "p2"]
+        )
+        for eye in (1, 2)
+    ]
+    poses = {"Stereo.T_c1_c2": opencv_matrix(T_LEFT_RIGHT)}
+    poses |= {key: opencv_matrix(x) for key, x in body.items()}
+    kind = {"Camera.type": "KannalaBrandt8" if is_fisheye else "PinHole"}
+    path = tmp_path / "EuRoC.yaml"
+    text = settings(**kind, **eyes[0], **eyes[1], **SIZE, **poses)
+    path.write_text(text + "Viewer.PointSize:2\n")
+    assert find_stereo_file((tmp_path,)) == path
+    T = T_BODY if body else (np.eye(4), T_LEFT_RIGHT)
+    assert_same(read_cameras(path, path), lens=lens, T=T)
+
+
+@pytest.mark.parametrize("baseline", [{"Camera.bf": 0.11 * FOCAL[0]}, {"Stereo.b": 0.11}])
+def test_rectified_settings_of_orbslam(tmp_path, baseline):
+    eye = dict(list(orbslam_eye("Camera", ("k1", "k2", "p1", "p2")).items())[:4])
+    path = tmp_path / "KITTI.yaml"
+    path.write_text(settings(**eye, **SIZE, **baseline))
+    T = np.eye(4), se3.pose(np.eye(3), np.array([0.11, 0, 0]))
+    assert_same(read_cameras(path, path), [0, 0, 0, 0], T=T)
+    path.write_text(settings(**{"Camera.type": "Omni"}, **eye, **SIZE, **baseline))
+    with pytest.raises(CalibrationError, match=r"KITTI.yaml: camera_model Omni; valid: pinhole,"):
+        read_cameras(path, path)
+
+
+def test_rectification_maps_of_orbslam2(tmp_path):
+    cameras = read_cameras(*write(tmp_path, [asl(eye) for eye in (0, 1)]))
+    rotations, baseline_m = rectifying_rotations(cameras), np.linalg.norm(T_LEFT_RIGHT[:3, 3])
+    values = orbslam_eye("Camera", ("k1", "k2", "p1", "p2")) | SIZE | {"Camera.bf": 47.9}
+    for eye, side in enumerate(("LEFT", "RIGHT")):
+        P = np.hstack([np.diag([190.0, 190.0, 1.0]), np.zeros((3, 1))])
+        P[0, 3] = -190 * eye * baseline_m
+        found = {"K": K, "D": [[*COEFFICIENTS, 0.0]], "R": rotations[eye], "P": P}
+        values |= {f"{side}.height": 180, f"{side}.width": 240}
+        values |= {f"{side}.{key}": opencv_matrix(x) for key, x in found.items()}
+    path = tmp_path / "orb.yaml"
+    path.write_text(settings(**values).replace("data: [", "data:["))
+    assert_same(read_cameras(path, path), [*COEFFICIENTS, 0], T=(np.eye(4), T_LEFT_RIGHT))
+
+
+@pytest.mark.parametrize("model", ["PINHOLE", "KANNALA_BRANDT", "MEI"])
+def test_configuration_of_vins_fusion(tmp_path, model):
+    lens = Lens.EQUIDISTANT if model == "KANNALA_BRANDT" else Lens.RADIAL_TANGENTIAL
+    focal, names = ("fx", "fy", "cx", "cy"), ("k1", "k2", "p1", "p2")
+    if lens is Lens.EQUIDISTANT:
+        focal, names = ("mu", "mv", "u0", "v0"), ("k2", "k3", "k4", "k5")
+    sheet = {"model_type": model, "image_width": 240, "image_height": 180}
+    sheet["distortion_parameters"] = dict(zip(names, COEFFICIENTS, strict=True))
+    sheet["projection_parameters"] = dict(zip(focal, FOCAL, strict=True))
+    names = {f"cam{eye}_calib": f'"{x.name}"' for eye, x in enumerate(write(tmp_path, [sheet] * 2))}
+    poses = {f"body_T_cam{eye}": opencv_matrix(T_BODY[eye]) for eye in (0, 1)}
+    path = tmp_path / "euroc_stereo_imu_config.yaml"
+    path.write_text(settings(imu=1, **names, **poses))
+    assert find_stereo_file((tmp_path,)) == path
+    if model == "MEI":
+        with pytest.raises(CalibrationError, match="camera_model MEI; valid: pinhole"):
+            read_cameras(path, path)
+    else:
+        assert_same(read_cameras(path, path), lens=lens)
+
+
+@pytest.mark.parametrize("names", [("M", "D"), ("cameraMatrix", "distCoeffs")])
+def test_stereo_calibration_of_opencv(tmp_path, names):
+    eyes = {f"{names[0]}{i}": opencv_matrix(K) for i in (1, 2)}
+    eyes |= {f"{names[1]}{i}": opencv_matrix(COEFFICIENTS) for i in (1, 2)}
+    T = se3.inverse(T_LEFT_RIGHT)
+    path = tmp_path / "intrinsics.yml"
+    path.write_text(settings(**eyes))
+    with pytest.raises(CalibrationError, match=r"intrinsics.yml: key 'R' is missing"):
+        find_stereo_file((tmp_path,))
+    poses = {"R": opencv_matrix(T[:3, :3]), "T": opencv_matrix(T[:3, 3:])}
+    (tmp_path / "extrinsics.yml").write_text(settings(**poses))
+    assert find_stereo_file((tmp_path,)) == path
+    cv2.imwrite(str(tmp_path / "0.png"), np.zeros((180, 240), np.uint8))
+    with pytest.warns(Remark) as remarks:
+        found = read_cameras(path, path, tmp_path)
+    assert_same(found, T=(np.eye(4), T_LEFT_RIGHT))
+    said = " ".join(str(x.message) for x in remarks)
+    assert "'resolution' is missing; the images have 240x180 px" in said
+    assert "radial-tangential is assumed" in said
+
+
+def rectifying_rotations(cameras):
+    """Both cameras turn to axes whose x axis is the baseline."""
+    T_left_right = se3.inverse(cameras[0].T_body_cam) @ cameras[1].T_body_cam
+    x = T_left_right[:3, 3] / np.linalg.norm(T_left_right[:3, 3])
     y = np.cross([0, 0, 1], x) / np.linalg.norm(np.cross([0, 0, 1], x))
     R_rectified_left = np.stack([x, y, np.cross(x, y)])
-    rotations = R_rectified_left, R_rectified_left @ T_LEFT_RIGHT[:3, :3]
+    return R_rectified_left, R_rectified_left @ T_left_right[:3, :3]
+
+
+def test_camera_info_of_ros(tmp_path):
+    rotations = rectifying_rotations(read_cameras(*write(tmp_path, [asl(0), asl(1)])))
     sheets = []
     for eye, R in enumerate(rotations):
         P = np.hstack([np.diag([190.0, 190.0, 1.0]), np.zeros((3, 1))])

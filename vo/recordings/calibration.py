@@ -1,17 +1,25 @@
-"""Reader of camera calibrations in YAML: ASL's sensor.yaml, Kalibr, OpenCV and ROS camera_info."""
+"""Cameras from the sheets of a calibration: sizes, matrices, distortions and poses."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from vo.contract import se3
 from vo.contract.arrays import Array
 from vo.contract.errors import CalibrationError
-from vo.contract.files import read_lines
 from vo.contract.remarks import remark
+from vo.recordings.calibration_files import (
+    FOCAL,
+    ORBSLAM_BODY,
+    Sheet,
+    numbers,
+    read_pose,
+    read_sheets,
+    read_yaml,
+)
+from vo.recordings.images import grey_reader, list_images
 from vo.recordings.rectify import Camera, Lens
 
 LENSES: dict[str, Lens | None] = {
@@ -32,28 +40,28 @@ CAMERAS: dict[str, Lens | None] = {
     "pinhole-radtan": Lens.RADIAL_TANGENTIAL,
     "pinhole-equi": Lens.EQUIDISTANT,
     "kannala-brandt": Lens.EQUIDISTANT,
+    "kannala-brandt8": Lens.EQUIDISTANT,
     "fisheye": Lens.EQUIDISTANT,
+    "rectified": None,
 }
 """Names of camera models, and the distortion that they imply."""
 
 SIZES = (("resolution",), ("image_size",), ("image_width", "image_height"), ("width", "height"))
-INTRINSICS, FOCAL = ("intrinsics", "camera_matrix", "K"), ("fx", "fy", "cx", "cy")
+INTRINSICS = ("intrinsics", "camera_matrix", "K")
 COEFFICIENTS = ("distortion_coefficients", "distortion_coeffs", "dist_coeffs", "distortion", "D")
 MODELS = ("distortion_model", "distortion_type")
 POSES = ("T_BS", "T_imu_cam", "T_cam_imu", "T_cn_cnm1")
+BODY_POSES = (*POSES[:2], "body_T_cam0", "body_T_cam1", *ORBSLAM_BODY)
 RECTIFIED = (("rectification_matrix", "R"), ("projection_matrix", "P"))
 
 COUNTS = {Lens.RADIAL_TANGENTIAL: (0, 2, 3, 4, 5, 8, 12, 14), Lens.EQUIDISTANT: (4,)}
 """Valid numbers of coefficients: k1 k2, or k1 k2 k3, or k1 k2 p1 p2 k3 … in OpenCV's order."""
 
-ROTATION = 1e-3
-"""Largest difference of R Rᵀ of a pose from the identity."""
 
-Sheet = Mapping[str, Any]
+def read_cameras(left: Path, right: Path, images: Path | None = None) -> tuple[Camera, Camera]:
+    """Read the calibrations of the left and the right camera, which may be one file of both.
 
-
-def read_cameras(left: Path, right: Path) -> tuple[Camera, Camera]:
-    """Read the calibrations of the left and the right camera, which may be one file of Kalibr.
+    Where they do not state a size, that of the first image in the folder `images` is taken.
 
     The poses of the cameras are those in the body frame, if the files have one, else in the left
     camera's frame: T_BS or T_imu_cam (maps camera to body), T_cam_imu (body to camera), T_cn_cnm1
@@ -62,10 +70,11 @@ def read_cameras(left: Path, right: Path) -> tuple[Camera, Camera]:
     Raises:
         CalibrationError: If a file is missing, or a key is missing, malformed or unknown.
     """
-    sheets = _read_sheet(left, "cam0"), _read_sheet(right, "cam1")
+    sheets = read_sheets(left, right)
     poses = _body_poses(left, right, *sheets)
     first, second = (
-        _camera(path, sheet, T) for path, sheet, T in zip((left, right), sheets, poses, strict=True)
+        _camera(path, sheet, T, images)
+        for path, sheet, T in zip((left, right), sheets, poses, strict=True)
     )
     return first, second
 
@@ -76,78 +85,27 @@ def read_sensor_pose(path: Path) -> Array | None:
     Raises:
         CalibrationError: If the file is missing or malformed.
     """
-    return _pose(path, _read_yaml(path), "T_BS")
+    return read_pose(path, read_yaml(path), "T_BS")
 
 
-def find_chain(folders: Sequence[Path]) -> Path | None:
-    """Return the YAML file of both cameras (`cam0`, `cam1`) in the first folder that has one.
-
-    Of several, that with the inertial unit (Kalibr's camchain-imucam) is preferred.
-    """
-    for folder in folders:
-        files = sorted(x for x in folder.glob("*.y*ml") if _is_chain(x))
-        if files:
-            return next((x for x in files if "imu" in x.name), files[0])
-    return None
-
-
-def _is_chain(path: Path) -> bool:
-    try:
-        content = _read_yaml(path)
-    except CalibrationError:
-        return False
-    return isinstance(content.get("cam0"), Mapping) and isinstance(content.get("cam1"), Mapping)
-
-
-class _Loader(yaml.SafeLoader):
-    """Loader that reads a value of any tag, such as `!!opencv-matrix`, as if it had none."""
-
-
-def _untagged(loader: yaml.SafeLoader, _: str, node: yaml.Node) -> Any:
-    if isinstance(node, yaml.MappingNode):
-        return loader.construct_mapping(node, deep=True)
-    if isinstance(node, yaml.SequenceNode):
-        return loader.construct_sequence(node, deep=True)
-    return loader.construct_scalar(node) if isinstance(node, yaml.ScalarNode) else None
-
-
-_Loader.add_multi_constructor("", _untagged)
-
-
-def _read_yaml(path: Path) -> dict[str, Any]:
-    # The version line of OpenCV is not YAML; a blank one keeps the numbers of lines.
-    lines = ("" if x.startswith("%YAML") else x for x in read_lines(path, CalibrationError))
-    try:
-        content = yaml.load("\n".join(lines), _Loader)
-    except (yaml.YAMLError, ValueError, TypeError) as error:
-        mark = getattr(error, "problem_mark", None)
-        problem = getattr(error, "problem", None) or error
-        place = f"{path}:{mark.line + 1}" if mark else f"{path}"
-        raise CalibrationError(f"{place}: not valid YAML ({problem})") from None
-    if not isinstance(content, dict):
-        raise CalibrationError(f"{path}: holds no calibration")
-    return {str(key): value for key, value in content.items()}
-
-
-def _read_sheet(path: Path, camera: str) -> Sheet:
-    content = _read_yaml(path)
-    return content[camera] if isinstance(content.get(camera), Mapping) else content
-
-
-def _camera(path: Path, sheet: Sheet, T_body_cam: Array) -> Camera:
-    width, height = _size(path, sheet)
+def _camera(path: Path, sheet: Sheet, T_body_cam: Array, images: Path | None) -> Camera:
+    width, height = _size(path, sheet, images)
     lens, distortion = _distortion(path, sheet)
     return Camera(path, width, height, _matrix_K(path, sheet), distortion, T_body_cam, lens)
 
 
-def _size(path: Path, sheet: Sheet) -> tuple[int, int]:
+def _size(path: Path, sheet: Sheet, images: Path | None) -> tuple[int, int]:
     for keys in SIZES:
         if all(key in sheet for key in keys):
             name = " and ".join(keys)
-            values = _numbers(path, name, [sheet[x] for x in keys] if keys[1:] else sheet[keys[0]])
+            values = numbers(path, name, [sheet[x] for x in keys] if keys[1:] else sheet[keys[0]])
             if values.shape != (2,) or (values % 1).any():
                 raise CalibrationError(f"{path}: {name} must be width and height, px")
             return int(values[0]), int(values[1])
+    if images and (files := list_images(images)):
+        width, height = grey_reader(files[:1]).size_px
+        remark(f"{path}: key 'resolution' is missing; the images have {width}x{height} px")
+        return width, height
     raise CalibrationError(f"{path}: key 'resolution' is missing (or image_width, image_height)")
 
 
@@ -158,7 +116,7 @@ def _matrix_K(path: Path, sheet: Sheet) -> Array:
             value: Any = sheet[key]
             if isinstance(value, Mapping) and all(x in value for x in FOCAL):
                 value = [value[x] for x in FOCAL]
-            values = _numbers(path, key, value)
+            values = numbers(path, key, value)
             if values.size == 9:
                 found[key] = values.reshape(3, 3)
             elif values.shape == (4,):
@@ -190,7 +148,7 @@ def _distortion(path: Path, sheet: Sheet) -> tuple[Lens, Array]:
                 f"{path}: key '{unknown[0]}' is unknown; expected {', '.join(COEFFICIENTS)}"
             )
         return Lens.RADIAL_TANGENTIAL, np.zeros(4)
-    values = _numbers(path, key, sheet[key]).ravel()
+    values = numbers(path, key, sheet[key]).ravel()
     if lens is None:
         if values.any():
             remark(f"{path}: {key} without distortion_model; radial-tangential is assumed")
@@ -231,7 +189,7 @@ def _body_poses(
     poses = _T_body_cam(left, sheet_left), _T_body_cam(right, sheet_right)
     if poses[0] is not None and poses[1] is not None:
         return poses[0], poses[1]
-    T_right_left = _pose(right, sheet_right, "T_cn_cnm1")
+    T_right_left = read_pose(right, sheet_right, "T_cn_cnm1")
     if T_right_left is None:
         T_right_left = _from_rectified(left, right, sheet_left, sheet_right)
     if T_right_left is None:
@@ -243,24 +201,11 @@ def _body_poses(
 
 
 def _T_body_cam(path: Path, sheet: Sheet) -> Array | None:
-    for key in POSES[:2]:
-        if (T := _pose(path, sheet, key)) is not None:
+    for key in BODY_POSES:
+        if (T := read_pose(path, sheet, key)) is not None:
             return T
-    T_cam_body = _pose(path, sheet, "T_cam_imu")
+    T_cam_body = read_pose(path, sheet, "T_cam_imu")
     return None if T_cam_body is None else se3.inverse(T_cam_body)
-
-
-def _pose(path: Path, sheet: Sheet, key: str) -> Array | None:
-    if key not in sheet:
-        return None
-    values = _numbers(path, key, sheet[key])
-    T = values.reshape(4, 4) if values.size == 16 else np.zeros((4, 4))
-    R = T[:3, :3]
-    if np.isfinite(T).all():
-        straight = np.allclose(R @ R.T, np.eye(3), atol=ROTATION) and np.linalg.det(R) > 0
-        if not straight or not np.allclose(T[3], [0, 0, 0, 1], atol=1e-6):
-            raise CalibrationError(f"{path}: {key} is not a rigid 4x4 transform, row by row")
-    return T
 
 
 def _from_rectified(left: Path, right: Path, a: Sheet, b: Sheet) -> Array | None:
@@ -271,24 +216,9 @@ def _from_rectified(left: Path, right: Path, a: Sheet, b: Sheet) -> Array | None
         rotation, projection = (next((x for x in keys if x in sheet), "") for keys in RECTIFIED)
         if not rotation or not projection:
             return None
-        R.append(_numbers(path, rotation, sheet[rotation], 9).reshape(3, 3))
-        P = _numbers(path, projection, sheet[projection], 12).reshape(3, 4)
+        R.append(numbers(path, rotation, sheet[rotation], 9).reshape(3, 3))
+        P = numbers(path, projection, sheet[projection], 12).reshape(3, 4)
         if not P[0, 0] > 0:
             raise CalibrationError(f"{path}: {projection} must have a positive focal length")
         x_m.append(P[0, 3] / P[0, 0])
     return se3.pose(R[1].T @ R[0], R[1].T @ np.array([x_m[1] - x_m[0], 0, 0]))
-
-
-def _numbers(path: Path, key: str, value: Any, size: int | None = None) -> Array:
-    """Return numbers from a list, from rows, or from a mapping with `data`, as of OpenCV."""
-    if isinstance(value, Mapping):
-        if "data" not in value:
-            raise CalibrationError(f"{path}: {key}: key 'data' is missing")
-        value = value["data"]
-    try:
-        values = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        raise CalibrationError(f"{path}: {key} must hold numbers only") from None
-    if size is not None and values.size != size:
-        raise CalibrationError(f"{path}: {key} has {values.size} numbers; expected {size}")
-    return values

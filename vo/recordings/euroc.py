@@ -5,10 +5,12 @@ from pathlib import Path
 import numpy as np
 
 from vo.contract.arrays import Array, Indices
+from vo.contract.errors import CalibrationError
 from vo.contract.remarks import remark
 from vo.contract.sequence import StereoSequence, WheelLog
 from vo.contract.trajectory import Trajectory
-from vo.recordings.calibration import find_chain, read_cameras
+from vo.recordings.calibration import read_cameras
+from vo.recordings.calibration_files import find_stereo_file
 from vo.recordings.image_times import read_image_times
 from vo.recordings.pairing import ALL_FRAMES, FrameSelection, StereoFiles, pair_by_time
 from vo.recordings.recording import open_recording
@@ -52,7 +54,7 @@ def list_euroc(folder: Path, tolerance_ms: float | None = None) -> StereoFiles:
 
 
 def read_euroc_cameras(folder: Path) -> tuple[Camera, Camera]:
-    """Read both sensor.yaml, or Kalibr's camchain in `mav0`, beside it or in TUM-VI's `dso`.
+    """Read both sensor.yaml, or a file of both cameras in `mav0`, beside it or in TUM-VI's `dso`.
 
     In place of a sensor.yaml, the only YAML file beside it is read.
 
@@ -63,11 +65,15 @@ def read_euroc_cameras(folder: Path) -> tuple[Camera, Camera]:
     sheets = [_sheet(mav / camera) for camera in ("cam0", "cam1")]
     if not any(x.is_file() for x in sheets):
         parent = mav.resolve().parent
-        chain = find_chain((mav, parent, parent / "dso"))
-        if chain is not None:
-            remark(f"{sheets[0]}: missing; the calibration is that of {chain}")
-            sheets = [chain, chain]
-    return read_cameras(sheets[0], sheets[1])
+        chain = find_stereo_file((mav, parent, parent / "dso"))
+        if chain is None:
+            raise CalibrationError(
+                f"{sheets[0]}: missing; expected it, or in {mav} or {parent} a YAML file of both "
+                "cameras, of Kalibr, ORB-SLAM, VINS-Fusion or OpenCV"
+            )
+        remark(f"{sheets[0]}: missing; the calibration is that of {chain}")
+        sheets = [chain, chain]
+    return read_cameras(sheets[0], sheets[1], mav / "cam0" / "data")
 
 
 def _sheet(camera: Path) -> Path:

@@ -6,7 +6,8 @@ from vo.contract.arrays import Array, Indices
 from vo.contract.errors import CalibrationError
 from vo.contract.sequence import StereoSequence
 from vo.contract.trajectory import Trajectory
-from vo.recordings.calibration import find_chain, read_cameras
+from vo.recordings.calibration import read_cameras
+from vo.recordings.calibration_files import find_stereo_file
 from vo.recordings.image_times import read_image_times
 from vo.recordings.pairing import ALL_FRAMES, FrameSelection, StereoFiles, pair_by_time
 from vo.recordings.recording import open_recording
@@ -41,10 +42,10 @@ def read_tumvi_cameras(folder: Path) -> tuple[Camera, Camera]:
         CalibrationError: If there is no file of both cameras, or it is malformed.
     """
     root = _root(folder)
-    chain = find_chain((root,))
+    chain = find_stereo_file((root,))
     if chain is None:
         raise CalibrationError(f"{root}: holds no calibration; expected Kalibr's camchain.yaml")
-    return read_cameras(chain, chain)
+    return read_cameras(chain, chain, root / "cam0" / "images")
 
 
 def list_tumvi(folder: Path, tolerance_ms: float | None = None) -> StereoFiles:
