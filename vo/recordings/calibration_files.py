@@ -178,7 +178,7 @@ def _orbslam_maps(path: Path, content: Sheet) -> tuple[Sheet, Sheet] | None:
     return left | _some(content, ORBSLAM_BODY), right
 
 
-def _some(content: Sheet, keys: Sequence[str]) -> Sheet:
+def _some(content: Sheet, keys: Sequence[str]) -> dict[str, Any]:
     return {x: content[x] for x in keys if x in content}
 
 
