@@ -1,8 +1,9 @@
 """Terrain: bricks, sills, ice and cartons along a route, on any scene."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
+import cv2
 import mujoco
 import numpy as np
 
@@ -20,6 +21,8 @@ from vo.contract.arrays import Array
 PREFIX = "terrain/"
 CLEAR_START_M = 0.6
 """Length of the route that stays clear at the start."""
+FOOTPRINT_M, FOOTPRINT_X_M = (0.40, 0.42), -0.14
+"""Length and width of what the wheels of the rover stand on, and its middle in the body frame."""
 BRICK_M = (0.20, 0.10)
 BURIED_M = 0.03
 """Depth of the bricks in the ground, so that no wheel gets under them."""
@@ -62,6 +65,10 @@ class _Way:
     def __init__(self, scene: Scene, path: Path) -> None:
         self._scene, self._path = scene, path
         self.length_m = path.length_m
+        start, ahead = path.waypoints[:2]
+        yaw = math.atan2(*(ahead - start)[::-1])
+        middle = start + FOOTPRINT_X_M * np.array([math.cos(yaw), math.sin(yaw)])
+        self._start = _rectangle(middle, FOOTPRINT_M, yaw)
 
     def at(self, s_m: float, left_m: float = 0.0) -> tuple[Array, float]:
         """Return the (3,) ground `left_m` beside the route at an arc length, and the heading."""
@@ -71,6 +78,16 @@ class _Way:
         yaw = math.atan2(*(ahead - here)[::-1])
         xy = self._path.at(s_m) + left_m * np.array([-math.sin(yaw), math.cos(yaw)])
         return np.array([*xy, float(self._scene.elevation(xy))]), yaw
+
+    def is_clear(self, centre: Array, size: Sequence[float], yaw: float) -> bool:
+        """Whether a thing of a size is beside the rover at its start, to which a loop returns."""
+        touch, _ = cv2.rotatedRectangleIntersection(self._start, _rectangle(centre, size, yaw))
+        return touch == cv2.INTERSECT_NONE
+
+
+def _rectangle(centre: Array, size: Sequence[float], yaw: float) -> cv2.typing.RotatedRect:
+    x, y = centre[:2].tolist()
+    return (x, y), (float(size[0]), float(size[1])), math.degrees(yaw)
 
 
 def _steps(way: _Way, step_m: Callable[[], float], most: int = 10_000) -> Iterator[float]:
@@ -98,6 +115,8 @@ def _lay_bricks(
         height = max(height_mm, 0.3 * terrain.brick_mm) * 1e-3
         size = (*BRICK_M, height + BURIED_M)
         centre = ground + (height - BURIED_M) / 2 * UP
+        if not way.is_clear(centre, size, yaw + turn):
+            continue
         with stage.object(f"brick_{k}", Kind.GROUND):
             brick = box((0, 0, 0), size).textured(cell)
             stage.draw("loose_bricks", brick.moved(centre, yaw + turn))
@@ -113,6 +132,8 @@ def _lay_sills(stage: Stage, rng: np.random.Generator, way: _Way, terrain: Terra
         askew = rng.uniform(-0.2, 0.2)
         ground, yaw = way.at(s)
         height = terrain.sill_mm * 1e-3
+        if not way.is_clear(ground, (SILL_WIDTH_M, SILL_LENGTH_M), yaw + askew):
+            continue
         with stage.object(f"sill_{k}", Kind.GROUND):
             if k % 2 == 0:
                 size = (SILL_WIDTH_M, SILL_LENGTH_M, height + BURIED_M)
@@ -163,6 +184,8 @@ def _lay_boxes(stage: Stage, rng: np.random.Generator, way: _Way, terrain: Terra
         cell = sides.pick(rng)
         ground, yaw = way.at(s, side)
         centre = ground + (size[2] / 2 + BOX_CLEARANCE_M) * UP
+        if not way.is_clear(centre, size, yaw + turn):
+            continue
         with stage.free_body(f"box_{k}", centre, yaw + turn):
             stage.draw("loose_cartons", box((0, 0, 0), size, bottom=True).textured(cell))
             stage.obstacle(f"box_{k}/hull", (0, 0, 0), size, mass_kg=BOX_MASS_KG)

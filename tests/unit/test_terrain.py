@@ -158,3 +158,25 @@ def _top(world: World, name: str) -> float:
     geom, model = world.data.geom(name), world.model.geom(name)
     capsule = model.type[0] == mujoco.mjtGeom.mjGEOM_CAPSULE
     return float(geom.xpos[2] + model.size[0 if capsule else 2])
+
+
+@pytest.mark.parametrize(
+    "terrain",
+    [
+        TerrainSettings(brick_mm=14, brick_gap_m=0.1),
+        TerrainSettings(sill_mm=10, sill_gap_m=0.3),
+        TerrainSettings(boxes_per_m=1.6),
+    ],
+)
+def test_terrain_spares_the_start_that_a_loop_returns_to(make_scene, terrain):
+    loop = np.array([[0, 0], [2, 0], [2, 2], [-1, 2], [-1, 0], [0, 0]], float)
+    world = build_world(make_scene(route=loop), RecordSettings(terrain=terrain))
+    laid = [k for k in range(world.model.ngeom) if world.model.geom(k).name.startswith(PREFIX)]
+    model = world.model
+    felt = [k for k in laid if model.geom_group[k] == COLLISION_GROUP]
+    rover = model.body_rootid[model.geom_bodyid] == model.body(ROVER + "body").id
+    assert len(felt) > 12
+    mujoco.mj_step(model, world.data, 200)
+    pairs = world.data.contact.geom
+    assert rover[pairs].any()
+    assert not (rover[pairs].any(axis=1) & np.isin(pairs, felt).any(axis=1)).any()
