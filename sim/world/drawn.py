@@ -7,13 +7,12 @@ import mujoco
 import numpy as np
 
 from scenes.scene import COLLISION_GROUP, Kind, Thing
+from sim.world.enclosure import opacity
 from sim.world.world import World, thing_of
-from vo.contract.arrays import Array, Indices, Mask
+from vo.contract.arrays import Indices, Mask
 
 OPAQUE = 0.995
 """Opacity below which MuJoCo draws what is behind a surface, too."""
-NO_COLOUR = np.array([0.5, 0.5, 0.5, 1.0])
-"""Colour that stands for that of the material."""
 
 
 @dataclass(frozen=True)
@@ -62,18 +61,18 @@ def drawn_objects(world: World) -> DrawnObjects:
             name = mujoco.mj_id2name(model, kind, index) or str(index)
             moves = kind != kinds.mjOBJ_SITE or _moves(model, int(bodies[len(things)]))
             things.append(Thing(f"{label}/{name}", Kind.MOVING if moves else Kind.STATIC))
-    opacity = np.concatenate(
+    alpha = np.concatenate(
         [
-            _opacity(model, model.geom_matid, model.geom_rgba),
-            _opacity(model, model.site_matid, model.site_rgba),
-            _opacity(model, model.tendon_matid, model.tendon_rgba),
-            _opacity(model, model.flex_matid, model.flex_rgba),
-            _opacity(model, model.skin_matid, model.skin_rgba),
+            opacity(model, model.geom_matid, model.geom_rgba),
+            opacity(model, model.site_matid, model.site_rgba),
+            opacity(model, model.tendon_matid, model.tendon_rgba),
+            opacity(model, model.flex_matid, model.flex_rgba),
+            opacity(model, model.skin_matid, model.skin_rgba),
         ]
     )
     first = {int(kind): int(start) for kind, start in zip(counts, ends, strict=False)}
     deforms = np.arange(len(things)) >= model.ngeom + model.nsite
-    return DrawnObjects(first, things, deforms, (opacity > 0) & (opacity < OPAQUE))
+    return DrawnObjects(first, things, deforms, (alpha > 0) & (alpha < OPAQUE))
 
 
 def rendering_entry(world: World) -> dict[str, Any]:
@@ -118,10 +117,3 @@ def _visible(model: mujoco.MjModel, count: int) -> Mask:
 
 def _moves(model: mujoco.MjModel, body: int) -> bool:
     return bool(model.body_weldid[body] != 0 or model.body_mocapid[body] >= 0)
-
-
-def _opacity(model: mujoco.MjModel, material: Indices, rgba: Array) -> Array:
-    """Return alpha (N,) of what is drawn: its own colour, unless only its material has one."""
-    material = material[: len(rgba)]  # MuJoCo's Python gives more values of flexes
-    own = (material < 0) | (rgba != NO_COLOUR).any(axis=1)
-    return np.where(own, rgba[:, 3], np.append(model.mat_rgba[:, 3], 1.0)[material])

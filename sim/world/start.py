@@ -6,8 +6,9 @@ from copy import copy
 import mujoco
 import numpy as np
 
-from scenes.scene import COLLISION_GROUP, Scene
+from scenes.scene import Scene
 from sim.world.drive import TIPPED_RAD
+from sim.world.enclosure import enclosing_geom, geom_name
 from sim.world.rover import PREFIX, WHEEL_BODIES, WHEEL_RADIUS_M
 from vo.contract.arrays import Array
 from vo.contract.errors import SettingsError
@@ -57,25 +58,11 @@ def check_view(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, eye: Ar
     Raises:
         SettingsError: If it is; names it, with coordinates.
     """
-    own = model.body_rootid[model.body(PREFIX + "body").id]
-    drawn = (model.geom_group < COLLISION_GROUP) & (model.body_rootid[model.geom_bodyid] != own)
-    away = eye - data.geom_xpos
-    p = np.abs(np.einsum("nij,ni->nj", data.geom_xmat.reshape(-1, 3, 3), away))
-    size, radius = model.geom_size, model.geom_size[:, 0]
-    across, along = np.hypot(p[:, 0], p[:, 1]), np.maximum(p[:, 2] - size[:, 1], 0)
-    inside = {
-        mujoco.mjtGeom.mjGEOM_BOX: (p < size).all(axis=1),
-        mujoco.mjtGeom.mjGEOM_SPHERE: np.linalg.norm(p, axis=1) < radius,
-        mujoco.mjtGeom.mjGEOM_CYLINDER: (across < radius) & (along == 0),
-        mujoco.mjtGeom.mjGEOM_CAPSULE: np.hypot(across, along) < radius,
-        mujoco.mjtGeom.mjGEOM_ELLIPSOID: np.linalg.norm(p / np.maximum(size, 1e-9), axis=1) < 1,
-    }
-    for kind, mask in inside.items():
-        for geom in np.flatnonzero(mask & drawn & (model.geom_type == kind)):
-            raise SettingsError(
-                f"scene {scene.name}: the camera is inside {_name(model, int(geom))} at the start "
-                f"({eye[0]:.2f}, {eye[1]:.2f}, {eye[2]:.2f}) m"
-            )
+    if name := enclosing_geom(model, data, eye):
+        where = ", ".join(f"{x:.2f}" for x in eye)
+        raise SettingsError(
+            f"scene {scene.name}: the camera is inside {name} at the start ({where}) m"
+        )
 
 
 def _check_ground(
@@ -99,10 +86,10 @@ def _check_ground(
         reason = "there is nothing below"
     elif not model.geom_contype[found] & 1 and not model.geom_conaffinity[found] & 1:
         bits = f"contype {model.geom_contype[found]}, conaffinity {model.geom_conaffinity[found]}"
-        reason = f"{_name(model, found)} does not collide with the wheels ({bits})"
+        reason = f"{geom_name(model, found)} does not collide with the wheels ({bits})"
     else:
         height_m = above[2] - distance_m
-        reason = f"{_name(model, found)} is at z = {height_m:g} m, expected {stated_m:g} m"
+        reason = f"{geom_name(model, found)} is at z = {height_m:g} m, expected {stated_m:g} m"
     raise SettingsError(f"scene {scene.name}: no ground {where}: {reason}")
 
 
@@ -113,11 +100,10 @@ def _check_space(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, where
             roots = model.body_rootid[model.geom_bodyid[contact.geom]]
             mine = [model.body(int(root)).name.startswith(PREFIX) for root in roots]
             if any(mine) and not all(mine):
-                name = _name(model, int(contact.geom[mine.index(False)]))
+                geom = int(contact.geom[mine.index(False)])
+                is_mesh = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH
+                hint = " (of a mesh, its convex hull collides)" if is_mesh else ""
+                name = geom_name(model, geom)
                 raise SettingsError(
-                    f"scene {scene.name}: no free space {where}, {name} is in the way"
+                    f"scene {scene.name}: no free space {where}, {name} is in the way{hint}"
                 )
-
-
-def _name(model: mujoco.MjModel, geom: int) -> str:
-    return model.geom(geom).name or f"geom {geom}"

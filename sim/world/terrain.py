@@ -79,13 +79,13 @@ class _Way:
         xy = self._path.at(s_m) + left_m * np.array([-math.sin(yaw), math.cos(yaw)])
         return np.array([*xy, float(self._scene.elevation(xy))]), yaw
 
-    def is_clear(self, centre: Array, size: Sequence[float], yaw: float) -> bool:
+    def is_clear(self, centre: Array, size: Sequence[float] | Array, yaw: float) -> bool:
         """Whether a thing of a size is beside the rover at its start, to which a loop returns."""
         touch, _ = cv2.rotatedRectangleIntersection(self._start, _rectangle(centre, size, yaw))
         return touch == cv2.INTERSECT_NONE
 
 
-def _rectangle(centre: Array, size: Sequence[float], yaw: float) -> cv2.typing.RotatedRect:
+def _rectangle(centre: Array, size: Sequence[float] | Array, yaw: float) -> cv2.typing.RotatedRect:
     x, y = centre[:2].tolist()
     return (x, y), (float(size[0]), float(size[1])), math.degrees(yaw)
 

@@ -15,6 +15,9 @@ from gymnasium.utils.env_checker import check_env
 import trials.gym
 from scenes.scene import Scene
 from sim.certificate.verify import verify
+from sim.sensors.inertial import T_body_imu, ideal_readings
+from sim.settings import ImuSettings
+from sim.world.world import START_S
 from trials.estimators.choice import make_estimator
 from trials.gym.media import Filmed
 from trials.gym.world.start_goal_sampling import TrialError
@@ -151,6 +154,36 @@ def test_rover_drives_at_the_commanded_speed(make):
         *_, after = env.step(np.array([0.0, 0.5]))
     turn = before["T_true"][:3, :3].T @ after["T_true"][:3, :3]
     assert np.arctan2(turn[1, 0], turn[0, 0]) == pytest.approx(0.5, abs=0.03)
+
+
+def test_inertial_readings_are_those_of_the_true_motion(make):
+    quiet = {"scene": make().unwrapped.trial.scene, "settings": {**SMALL, "imu.noise": 0.0}}
+    env = make(**quiet, observe=("imu",), record=True)
+    env.reset(seed=4)
+    action = np.array([1.0, 0.6], np.float32)
+    readings = [env.step(action)[0]["imu"] for _ in range(12)][:-1]
+    simulation = env.unwrapped.instance.simulation
+    motions = simulation.log.trip(np.ones(13, bool), "").motions
+    ends = (START_S * 1e9 + np.arange(12) * 1e9 / env.unwrapped.trial.rate_hz).astype(int)
+    rows = np.searchsorted(motions.times_ns, ends - 1000)
+    motion = motions.T_world_body, motions.v_world_body, motions.w_world_body
+    unit = T_body_imu(ImuSettings())
+    gravity = simulation.world.gravity_mps2
+    true = ideal_readings(ends, *(x[rows] for x in motion), unit, gravity)
+    found = np.array(readings)[1:]  # in the first, the command changes when it ends
+    np.testing.assert_allclose(found[:, :3], true.gyro_radps[1:], atol=1e-5)
+    np.testing.assert_allclose(found[:, 3:], true.accel_mps2[1:], atol=1e-5)
+    assert np.ptp(true.accel_mps2[1:, 0]) > 0.5  # it speeds up
+
+
+def test_start_with_the_camera_inside_a_thing_is_refused(make, tmp_path):
+    fog = '<geom name="fog" type="box" pos="1.5 0 .4" size=".5 1 .4" contype="0" conaffinity="0"/>'
+    (tmp_path / "fog.xml").write_text(
+        YARD.replace('file="noise.png"', PLAIN).replace("</worldbody>", fog + "</worldbody>")
+    )
+    env = make(scene=str(tmp_path / "fog.xml"), observe=("goal",))
+    with pytest.raises(TrialError, match=r"start \(1\.5, 0\) m: the camera is inside fog"):
+        env.reset(seed=0, options={"start": (1.5, 0.0, 0.0)})
 
 
 def test_wheel_actions_equal_twist_actions(make):

@@ -11,6 +11,7 @@ from sim.world.trip import make_trip
 from sim.world.world import build_world
 from trials.gym.world.scene_instance import build_instance
 from vo.contract.errors import SettingsError
+from vo.contract.settings import amended
 
 FLOOR = '<geom name="floor" type="plane" size="5 5 .1"/>'
 SLAB = '<geom name="slab" type="box" pos="0 -1.5 -.1" size="2 1.5 .1"/>'
@@ -87,20 +88,46 @@ def test_environment_start_beside_the_ground_has_fallen(tmp_path):
     assert simulation.has_fallen
 
 
+CUBE = " ".join(f"{x} {y} {z}" for x in (-0.3, 0.3) for y in (-0.3, 0.3) for z in (-0.3, 0.3))
+ASSETS = f"""<asset><mesh name="cube" vertex="{CUBE}"/>
+<hfield name="hill" nrow="3" ncol="3" elevation="1 1 1 1 1 1 1 1 0" size=".5 .5 .8 .1"/></asset>"""
+
+
 @pytest.mark.parametrize(
-    ("shape", "size"),
+    "shape",
     [
-        ("box", ".3 .3 .3"),
-        ("sphere", ".3"),
-        ("cylinder", ".3 .2"),
-        ("capsule", ".2 .2"),
-        ("ellipsoid", ".3 .2 .2"),
+        'type="box" size=".3 .3 .3"',
+        'type="sphere" size=".3"',
+        'type="cylinder" size=".3 .2"',
+        'type="capsule" size=".2 .2"',
+        'type="ellipsoid" size=".3 .2 .2"',
+        'type="mesh" mesh="cube"',
+        'type="mesh" mesh="cube" contype="0" conaffinity="0"',
+        'type="hfield" hfield="hill"',
+        'type="plane" size=".3 .3 .1"',
     ],
 )
-def test_walk_that_starts_inside_a_body_is_refused(tmp_path, shape, size):
-    walk = RecordSettings(drive=DriveSettings(carrier="handheld", distance_m=1.2))
-    geom = f'<geom name="block" type="{shape}" size="{size}" pos="{{}} -1 1.2" euler="20 30 40"/>'
-    height = walk.model_copy(update={"rig": walk.rig.model_copy(update={"height_m": 1.2})})
-    build_world(load_scene(world_file(tmp_path, FLOOR + geom.format(1))), height)
+def test_camera_that_starts_inside_a_body_is_refused(tmp_path, shape):
+    drive = DriveSettings(carrier="handheld", distance_m=1.2)
+    walk = amended(RecordSettings(drive=drive), {"rig.height_m": 1.2})
+    shift = {"hfield": 0.7, "plane": -0.1}.get(shape.split('"')[1], 0.0)
+    turn = "0 0 0" if shift else "20 30 40"
+    geom = f'<geom name="block" {shape} pos="{{}} -1 {{}}" euler="{turn}"/>'
+    beside = world_file(tmp_path, FLOOR + geom.format(1, 1.2 - shift), ASSETS)
+    build_world(load_scene(beside), walk)
+    inside = world_file(tmp_path, FLOOR + geom.format(0.1, 1.2 - shift), ASSETS)
     with pytest.raises(SettingsError, match=r"the camera is inside block at the start \(.*, 1\.2"):
-        build_world(load_scene(world_file(tmp_path, FLOOR + geom.format(0.1))), height)
+        build_world(load_scene(inside), walk)
+    invisible = geom.format(0.1, 1.2 - shift).replace("/>", ' rgba="1 1 1 0"/>')
+    build_world(load_scene(world_file(tmp_path, FLOOR + invisible, ASSETS)), walk)
+
+
+@pytest.mark.parametrize("thing", ['type="box" size=".1 2 .5"', 'type="mesh" mesh="cube"'])
+def test_rover_that_starts_inside_a_body_is_refused(tmp_path, thing):
+    geom = f'<geom name="wall" {thing} pos="0 -1 .3"/>'
+    scene = load_scene(world_file(tmp_path, FLOOR + geom, ASSETS))
+    fragment = r"no free space at the start \(0, -1\) m, wall is in the way"
+    with pytest.raises(SettingsError, match=fragment):
+        build_world(scene, SETTINGS)
+    with pytest.raises(SettingsError, match=fragment):
+        build_instance(scene.source, SETTINGS, 0.3, 1.0)

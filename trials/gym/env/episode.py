@@ -140,8 +140,7 @@ class Episode:
                 dense = np.nan_to_num(self._stereo(*grey)).astype(np.float32)
                 channels["disparity"] = dense[..., None]
         if "imu" in wanted:
-            rates = self._imu.read(simulation.world, simulation.time_s)
-            channels["imu"] = rates.astype(np.float32)
+            channels["imu"] = self._imu.read(simulation).astype(np.float32)
         channels["encoders"] = np.array(snapshot.wheel_ticks, np.int64)
         x, y = T_estimated[:2, 3].tolist()
         yaw = math.atan2(T_estimated[1, 0], T_estimated[0, 0])

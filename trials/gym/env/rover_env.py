@@ -11,6 +11,7 @@ import numpy as np
 
 from sim.camera.camera import StereoCamera
 from sim.record import record_trip
+from sim.world.enclosure import enclosing_geom
 from trials.gym.env.episode import Episode, Observation
 from trials.gym.env.settings import TrialSettings
 from trials.gym.env.spaces import ACTION, observation_space
@@ -191,15 +192,19 @@ class RoverEnv(gymnasium.Env[Observation, Array]):
 
     def _place_rover(self, base: SceneInstance, options: Mapping[str, Any]) -> Assignment:
         """Assign a task whose start is free of moving things, and place the rover there."""
-        start, fell = np.zeros(3), False
+        start, why = np.zeros(3), ""
         for _ in range(MAX_STARTS):
             instance, task = self._assign(base, options)
             self._release(instance)
             self._instance, self._base = instance, base
-            if instance.simulation.reset(task.start):
+            simulation, start = instance.simulation, task.start
+            world, is_free = simulation.world, simulation.reset(start)
+            inside = enclosing_geom(world.model, world.data, world.T_world_cam[:3, 3])
+            if is_free and not inside:
                 return instance, task
-            start, fell = task.start, instance.simulation.has_fallen
-        why = "no ground carries the rover there" if fell else "a moving thing is there"
+            fell = simulation.has_fallen
+            why = "no ground carries the rover there" if fell else "a moving thing is there"
+            why = f"the camera is inside {inside}" if is_free else why
         raise TrialError(f"start ({start[0]:g}, {start[1]:g}) m: {why}")
 
     def _release(self, instance: SceneInstance | None) -> None:

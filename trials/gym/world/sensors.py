@@ -11,7 +11,6 @@ from sim.camera.render import GeometryBuffers, StereoRenderer
 from sim.imaging.lens import delivered_rig
 from sim.sensors.inertial import T_body_imu, ideal_readings
 from sim.settings import ImuSettings, RecordSettings
-from sim.world.carrier_motion import body_motion
 from sim.world.random_streams import stream
 from sim.world.trip import Motions, Trip
 from sim.world.world import World
@@ -136,12 +135,13 @@ class InertialUnit:
         self._before: tuple[int, Array, Array, Array] | None = None
         self._bias = np.zeros(6)
 
-    def read(self, world: World, time_s: float) -> Array:
+    def read(self, simulation: Simulation) -> Array:
         """(6,) angular velocity, rad/s, and specific force, m/s^2, in the axes of the unit.
 
         The first reading is that of a unit at rest on level ground, without noise.
         """
-        now = (round(time_s * 1e9), *body_motion(world, time_s))
+        world = simulation.world
+        now = (round(simulation.time_s * 1e9), *simulation.body_motion())
         before, self._before = self._before, now
         if before is None:
             R_world_imu = now[1][:3, :3] @ self._T_body_imu[:3, :3]

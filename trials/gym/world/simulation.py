@@ -1,7 +1,7 @@
 """Physics of a rover in a world, advanced from one control step to the next, and its log."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -133,6 +133,7 @@ class Simulation:
         self._free = model.joint(PREFIX + "free").qposadr[0]
         self.obstacles: Mask = obstacle_geoms(world)
         self.rigid: Mask = rigid_geoms(world)
+        self._ahead = replace(world, data=mujoco.MjData(model))
         self._agents = [m for m in world.movers.values() if isinstance(m, DynamicAgent)]
         self.reset(np.array([*world.path.waypoints[0], 0.0]))
 
@@ -152,6 +153,24 @@ class Simulation:
         """Cosine of the angle between the vertical axes of the chassis and of the world."""
         _, qx, qy, _ = self.world.data.qpos[self._free + 3 : self._free + 7].tolist()
         return 1 - 2 * (qx * qx + qy * qy)
+
+    def body_motion(self) -> tuple[Array, Array, Array]:
+        """Return pose (4, 4), velocity (3,) and angular velocity (3,) of the body now, in world.
+
+        Velocities are those of the present time if the last command is held for one more physics
+        step: `centred_velocity` needs it, which is tried on a copy.
+        """
+        world, ahead = self.world, self._ahead
+        T_world_body, *velocity = body_motion(world, self.time_s)
+        mujoco.mj_copyData(ahead.data, world.model, world.data)
+        ahead.data.ctrl[self._actuators] = self._ramped(self._stops[0])
+        mujoco.mj_step(world.model, ahead.data)
+        return T_world_body, *centred_velocity(ahead, *velocity)
+
+    def _ramped(self, steps: int) -> Array:
+        """Return the speeds (2,) of the wheels so many physics steps nearer to the commanded."""
+        reach = self._ramp * steps
+        return self._speeds + np.clip(self._commanded - self._speeds, -reach, reach)
 
     @property
     def wheel_ticks(self) -> tuple[int, int]:
@@ -202,12 +221,11 @@ class Simulation:
         """
         world, model, data = self.world, self.world.model, self.world.data
         self.touched[:] = False
-        done = 0
+        self._commanded, done = speeds_radps, 0
         for stop in self._stops:
             if world.movers:
                 world.move_movers(self.time_s)
-            reach = self._ramp * (stop - done)
-            self._speeds = self._speeds + np.clip(speeds_radps - self._speeds, -reach, reach)
+            self._speeds = self._ramped(stop - done)
             data.ctrl[self._actuators] = self._speeds
             mujoco.mj_step(model, data, 1)
             if self.log:
