@@ -100,7 +100,7 @@ def no_calibration(dataset):
         (missing_image, ["1 of 6 images are missing", FIRST, "--skip-missing"]),
         (delay_right, ["their times differ by 20 ms or more", "--pair-tolerance", "3 ms"]),
         (reverse_time, ["cam0/data.csv:3: time must increase"]),
-        (no_frames, ["no frames"]),
+        (no_frames, ["mav0/cam0/data.csv: holds no rows"]),
         (zero_baseline, ["mav0/cam1/sensor.yaml", "zero baseline"]),
         (nan_calibration, ["mav0/cam0/sensor.yaml", "NaN"]),
         (no_calibration, ["mav0/cam1/sensor.yaml", "cannot be read"]),

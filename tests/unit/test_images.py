@@ -130,6 +130,7 @@ FLIPPED = PNG[: len(PNG) // 2] + bytes([PNG[len(PNG) // 2] ^ 1]) + PNG[len(PNG) 
         (PNG[:-30], "the PNG is truncated or damaged"),
         (FLIPPED, "the PNG is truncated or damaged"),
         (JPG[: len(JPG) // 2], "the JPEG is truncated"),
+        (JPG[:-400] + JPG[-2:], "Corrupt JPEG data: premature end of data segment"),
         (cv2.imencode(".tif", IMAGE.astype(np.float32))[1].tobytes(), "float32; expected 8 or 16"),
         (b"<html>404</html>", "not a readable image"),
     ],
@@ -145,6 +146,9 @@ def test_bytes_after_the_end_of_an_image_do_no_harm(tmp_path):
     for name, data in (("x.png", PNG), ("x.jpg", JPG)):
         (tmp_path / name).write_bytes(data + b"\0" * 100)
         assert read_grey(tmp_path / name).shape == (HEIGHT, WIDTH)
+    (tmp_path / "y.jpg").write_bytes(JPG[:-2] + bytes(20) + JPG[-2:])
+    with pytest.warns(Remark, match="JPEGs hold bytes after the image was complete"):
+        read_grey(tmp_path / "y.jpg")
     (tmp_path / "y.png").write_bytes(PNG[:-12] + chunk(b"tEXt", b"a\0b") + PNG[-12:])
     assert (read_grey(tmp_path / "y.png") == IMAGE).all()
 

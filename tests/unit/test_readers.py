@@ -117,6 +117,23 @@ def test_names_of_images_are_timestamps_without_a_table(euroc, name):
 
 
 @pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("#timestamp [ns],filename\n", r"data\.csv: holds no rows; expected 'timestamp"),
+        (
+            f"{PERIOD_NS},x.png\n{2 * PERIOD_NS},x.png\n",
+            r"data\.csv:2: x.png is the image of line",
+        ),
+    ],
+)
+def test_euroc_image_table_without_rows_or_with_repetitions_is_refused(euroc, text, message):
+    (euroc / "mav0/cam0/data.csv").write_text(text)
+    for read in (open_sequence, read_truth):
+        with pytest.raises(DatasetError, match=message):
+            read(euroc)
+
+
+@pytest.mark.parametrize(
     ("name", "message"),
     [
         ("{:06d}", r"timestamps are 1 apart: seconds"),

@@ -32,6 +32,7 @@ def written(path, text, encoding="utf-8"):
         ("t\tx\n5\t1.5\n6\t2\t\n", "utf-8"),
         ("% t,x\n5, 1.5,\n6, 2,,\n", "utf-8"),
         ('"t","x"\n"5","1.5"\n"6","2"\n', "utf-8"),
+        ("'t';'x'\n'5';'1.5'\n'6';'2'\n", "utf-8"),
     ],
 )
 def test_table_is_read_in_every_notation(tmp_path, text, encoding):
@@ -115,6 +116,8 @@ def test_units_that_fit_a_recording_alike_are_refused(tmp_path):
         ("9.9e18,1", "out of range"),
         ("two,1", "two is not a number; expected a timestamp and a number"),
         ("2;1,5", "1,5 has a decimal comma"),
+        ("2,1_000", "1_000 is not a number"),
+        ("0x2,1", "0x2 is not a number"),
         ("2,0 1,5", "1,5 has a decimal comma"),
         ("2", "1 columns; expected a timestamp and a number"),
         ("2,inf", "inf is not finite"),
@@ -131,6 +134,12 @@ def test_faults_of_a_row_name_file_and_line(tmp_path, row, message):
 def check(table):
     table.numbers([1], ROW)
     table.require_increasing(table.times_ns(ROW, 1))
+
+
+@pytest.mark.parametrize("row", ["0x5;1", "5,5;1,5", "nan 1"])
+def test_first_row_of_odd_numbers_is_no_header(tmp_path, row):
+    with pytest.raises(DatasetError, match=r"x\.csv:1: "):
+        check(read_table(written(tmp_path / "x.csv", f"{row}\n")))
 
 
 def test_numbers_that_are_not_finite_are_kept_on_request(tmp_path):

@@ -11,7 +11,7 @@ from vo.contract import se3
 from vo.contract.errors import TrajectoryError
 from vo.contract.remarks import Remark
 from vo.contract.trajectory import Trajectory
-from vo.recordings.truth_files import read_true_states
+from vo.recordings.truth_files import read_true_poses, read_true_states
 from vo.recordings.tumvi import read_tumvi_truth
 
 T_BODY_CAM = se3.exp(np.array([0.1, 0.2, 0.3, 0.5, -0.5, 0.4]))
@@ -60,6 +60,16 @@ def test_positions_are_compared_with_the_point_that_was_measured(tmp_path):
     pair = associate(truth, Trajectory(TIMES_NS, T_WORLD_BODY @ T_BODY_CAM))
     assert not pair.has_attitude
     assert np.allclose(pair.T_odom_cam, pair.T_world_cam)
+
+
+def test_blanks_and_seconds_without_header_are_tum(tmp_path):
+    rows = np.hstack([T_WORLD_BODY[:, :3, 3], np.roll(se3.to_quat_wxyz(T_WORLD_BODY), -1, axis=1)])
+    times = [f"{x // 10**9}.{x % 10**9:09d}" for x in TIMES_NS.tolist()]
+    text = [" ".join([t, *map(repr, x)]) for t, x in zip(times, rows.tolist(), strict=True)]
+    (tmp_path / "x.csv").write_text("\n".join(text))
+    with pytest.warns(Remark, match="no header; its quaternions are taken as qx, qy, qz, qw"):
+        found = read_true_poses(tmp_path / "x.csv", T_BODY_CAM)
+    assert np.allclose(found.T_ref_frame, T_WORLD_BODY @ T_BODY_CAM)
 
 
 def test_rows_with_nan_or_repeated_are_left_out_with_a_remark(tmp_path):

@@ -24,7 +24,7 @@ def read_image_times(
         unit_ns: Unit of times where nothing else shows it.
 
     Raises:
-        DatasetError: If the table is malformed, or times do not increase.
+        DatasetError: If the table is malformed, times do not increase, or images are repeated.
     """
     if not table.is_file() and (files := list_images(images)):
         remark(f"{table}: missing; the names of {len(files)} images are taken for timestamps")
@@ -34,7 +34,13 @@ def read_image_times(
         row, time, unit_ns = "names of images that are timestamps", 0, NS
     else:
         found = read_table(table)
+    if not len(found):
+        raise DatasetError(f"{table}: holds no rows; expected {row}")
     stamps, names = found.stamps(time, row), found.words(1 - time, row)
+    first = {name: i for i, name in reversed(list(enumerate(names)))}
+    for i, name in enumerate(names):
+        if first[name] != i:
+            raise found.fault(i, f"{name} is the image of line {found.lines[first[name]]}, too")
     times = found.in_ns(stamps, found.unit_ns(stamps, unit_ns))
     found.require_increasing(times)
     return times, image_files(images, names)

@@ -1,7 +1,11 @@
 """Images: decoding of grey images and labels, and 8 bits from any depth."""
 
+import os
+import re
+import tempfile
 import zlib
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,6 +35,11 @@ MAX_CLIPPED = 0.01
 """Largest share of pixels above the depth in use that brings no remark."""
 
 PNG, JPEG, JPEG_SCAN, JPEG_END = b"\x89PNG\r\n\x1a\n", b"\xff\xd8", b"\xff\xda", b"\xff\xd9"
+JPEG_DAMAGE = re.compile(r"Corrupt JPEG data: (?!\d+ extraneous)|Premature end|Inconsistent")
+"""What libjpeg writes of data that it cannot decode, and of which it invents the rest."""
+
+cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # errors here name the file
+
 GIT_LFS = b"version https://git-lfs"
 
 
@@ -181,13 +190,34 @@ def _decode(path: Path, flags: int) -> Array:
         raise ImageError(f"{path}: cannot be read ({error.strerror})") from None
     if fault := _fault(data):
         raise ImageError(f"{path}: {fault}")
+    said: list[str] = []
     try:
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+        with _stderr_of_c(said) if data.startswith(JPEG) else nullcontext():
+            image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     except cv2.error:
         image = None
     if image is None:
         raise ImageError(f"{path}: not a readable image")
+    if complaint := next(filter(JPEG_DAMAGE.match, said), ""):
+        raise ImageError(f"{path}: {complaint}")
+    if said:
+        remark(f"{path.parent}: JPEGs hold bytes after the image was complete; are they damaged?")
     return np.asarray(image)
+
+
+@contextmanager
+def _stderr_of_c(said: list[str]) -> Generator[None]:
+    """Collect the lines that libraries such as libjpeg write to stderr."""
+    with tempfile.TemporaryFile("w+", errors="replace") as file:
+        stderr = os.dup(2)
+        os.dup2(file.fileno(), 2)
+        try:
+            yield
+        finally:
+            os.dup2(stderr, 2)
+            os.close(stderr)
+            file.seek(0)
+            said += file.read().splitlines()
 
 
 def _fault(data: bytes) -> str:

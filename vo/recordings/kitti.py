@@ -139,7 +139,9 @@ def read_kitti_poses(path: Path) -> Array:
 def _read_times(path: Path) -> Indices:
     table, expected = read_table(path), "a time in seconds"
     stamps = table.stamps(0, expected)
-    return table.in_ns(stamps, table.unit_ns(stamps, SECONDS))
+    times = table.in_ns(stamps, table.unit_ns(stamps, SECONDS))
+    table.require_increasing(times)
+    return times
 
 
 def _read_dates(path: Path) -> Indices:

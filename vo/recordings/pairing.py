@@ -201,7 +201,8 @@ def pair_by_name(
     else:
         rows = {x: number_of(x) for x in names}
         if not 0 <= min(rows.values(), default=0) <= max(rows.values(), default=0) < len(times_ns):
-            raise DatasetError(f"{table}: {len(times_ns)} times for {len(names)} images")
+            counts = f"{len(names)} images ({len(left)} left, {len(right)} right, by name)"
+            raise DatasetError(f"{table}: {len(times_ns)} times for {counts}")
         remark(f"{table}: {len(times_ns)} times for {len(names)} images, taken by their numbers")
     common = [x for x in names if x in eyes[0] and x in eyes[1]]
     if not common:

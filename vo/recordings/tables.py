@@ -7,7 +7,7 @@ that start with # or % are comments. Rows without a number before the first with
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal
 from itertools import pairwise
 from pathlib import Path
 
@@ -32,13 +32,16 @@ MAX_STEPS = {SECONDS: 5, MS: 5_000, US: 1_000_000}
 """Largest number between rows of images, in each unit, if times do not count from 1970."""
 
 MARGIN_NS = SECONDS
-"""Time before and after a recording to which rows may belong."""
+"""Time before and after a recording to which rows in seconds or nanoseconds may belong."""
 
 MAX_RIVAL = 0.1
 """How much worse than the best another unit must fit a recording."""
 
 DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
 """A number that only an error can name: tables need decimal points."""
+
+NUMBER_LIKE = re.compile(r"[-+.]?\d|[-+]?nan$|[-+]?inf", re.IGNORECASE)
+"""Start of a word that stands in a row, not in a header: a number, or one in another notation."""
 
 BRACKETS = re.compile(r"\[.*?\]|\(.*?\)")
 """Units after the name of a column."""
@@ -85,10 +88,9 @@ class Table:
         found = np.empty((len(self.rows), len(columns)))
         for k, column in enumerate(columns):
             for i, word in enumerate(self.words(column, expected)):
-                try:
-                    found[i, k] = float(word)
-                except ValueError:
-                    raise self.fault(i, _no_number(word, expected)) from None
+                if not _is_number(word):
+                    raise self.fault(i, _no_number(word, expected))
+                found[i, k] = float(word)
                 if finite and not np.isfinite(found[i, k]):
                     raise self.fault(i, f"{_short(word)} is not finite; expected {expected}")
         return found
@@ -101,10 +103,9 @@ class Table:
         """
         found: list[Decimal] = []
         for i, word in enumerate(self.words(column, expected)):
-            try:
-                found.append(Decimal(word))
-            except InvalidOperation:
-                raise self.fault(i, _no_number(word, expected)) from None
+            if not _is_number(word):
+                raise self.fault(i, _no_number(word, expected))
+            found.append(Decimal(word))
             if not found[-1].is_finite() or found[-1].adjusted() > 18:
                 message = f"the timestamp {_short(word)} is out of range; expected {expected}"
                 raise self.fault(i, message)
@@ -174,7 +175,8 @@ class Table:
         for unit in (x for x in UNITS if x != NS or not is_fractional):
             times = values * unit - float(frame_times_ns[0])
             duration = float(frame_times_ns[-1] - frame_times_ns[0])
-            inside = times[(times >= -MARGIN_NS) & (times <= duration + MARGIN_NS)]
+            margin = MARGIN_NS if unit in (SECONDS, NS) else 0
+            inside = times[(times >= -margin) & (times <= duration + margin)]
             if len(inside) >= min(2, len(stamps)) and (step is None or step * unit >= MIN_STEP_NS):
                 fits[unit] = len(inside) * float(np.ptp(inside))
         if not fits:
@@ -224,7 +226,7 @@ def read_table(path: Path, error: type[DriftyardError] = DatasetError) -> Table:
         text = line.strip()
         is_comment = text.startswith(("#", "%"))
         words = _split(text)
-        if is_comment or not (rows or any(map(_is_number, words))):
+        if is_comment or not (rows or any(map(NUMBER_LIKE.match, words))):
             names = _split(BRACKETS.sub("", text.lstrip("#% ")))
             headers += [names] if names and not rows else []
         elif words:
@@ -242,7 +244,7 @@ def _separator(text: str) -> str | None:
 
 
 def _split(text: str) -> tuple[str, ...]:
-    words = [word.strip().strip('"').strip() for word in text.split(_separator(text))]
+    words = [word.strip().strip("\"'").strip() for word in text.split(_separator(text))]
     while words and not words[-1]:
         words.pop()
     return tuple(words)
@@ -253,7 +255,7 @@ def _is_number(word: str) -> bool:
         float(word)
     except ValueError:
         return False
-    return True
+    return "_" not in word  # Python reads 1_000
 
 
 def _no_number(word: str, expected: str) -> str:

@@ -11,8 +11,8 @@ from vo.contract.errors import TrajectoryError
 from vo.contract.remarks import remark
 from vo.contract.trajectory import Trajectory
 from vo.recordings.calibration import read_sensor_pose
-from vo.recordings.pose_tables import EUROC, PoseColumns, named_columns
-from vo.recordings.tables import Table, read_table
+from vo.recordings.pose_tables import EUROC, TUM, PoseColumns, named_columns
+from vo.recordings.tables import NS, SECONDS, Table, read_table
 
 STATE = "'timestamp [ns], px, py, pz, qw, qx, qy, qz', or without quaternions"
 TRUTH_FOLDERS = ("state_groundtruth_estimate0", "mocap0", "vicon0", "leica0")
@@ -62,9 +62,11 @@ def read_true_poses(
     table = _complete_rows(read_table(path, TrajectoryError))
     if not len(table):
         raise TrajectoryError(f"{path}: holds no poses; expected rows of {STATE}")
-    columns = named_columns(table) or _unnamed_columns(table)
-    T_world_sensor = columns.poses(table, STATE)
-    times_ns = table.times_ns(STATE, column=columns.time, frame_times_ns=frame_times_ns)
+    named = named_columns(table)
+    stamps = table.stamps(named.time if named else 0, STATE)
+    unit_ns = table.unit_ns(stamps, NS, frame_times_ns)
+    columns = named or _unnamed_columns(table, unit_ns)
+    T_world_sensor, times_ns = columns.poses(table, STATE), table.in_ns(stamps, unit_ns)
     table.require_increasing(times_ns)
     sheet = path.with_name("sensor.yaml")
     T_body_sensor = read_sensor_pose(sheet) if sheet.is_file() else None
@@ -78,8 +80,14 @@ def read_true_poses(
     return Trajectory(times_ns, T_world_sensor, point_cam)
 
 
-def _unnamed_columns(table: Table) -> PoseColumns:
-    return EUROC if len(table.rows[0]) >= 8 else replace(EUROC, quat_wxyz=None)
+def _unnamed_columns(table: Table, unit_ns: int) -> PoseColumns:
+    """Return EuRoC's columns, or TUM's if blanks separate them and times are in seconds."""
+    if len(table.rows[0]) < 8:
+        return replace(EUROC, quat_wxyz=None)
+    if table.separator is not None or unit_ns != SECONDS:
+        return EUROC
+    remark(f"{table.path}: has no header; its quaternions are taken as qx, qy, qz, qw")
+    return TUM
 
 
 def _complete_rows(table: Table) -> Table:
