@@ -126,7 +126,7 @@ def test_names_of_images_are_timestamps_without_a_table(euroc, name):
         ),
     ],
 )
-def test_euroc_image_table_without_rows_or_with_repetitions_is_refused(euroc, text, message):
+def test_euroc_image_table_without_unique_rows_is_refused(euroc, text, message):
     (euroc / "mav0/cam0/data.csv").write_text(text)
     for read in (open_sequence, read_truth):
         with pytest.raises(DatasetError, match=message):
@@ -188,6 +188,9 @@ def test_kitti_numbers_are_sorted_as_numbers(kitti):
 
 
 def test_kitti_faults(kitti):
+    (kitti / "times.txt").write_text("0\n0.2\n0.1\n")
+    with pytest.raises(DatasetError, match=r"times.txt: time must increase, but that of row 3"):
+        open_sequence(kitti)
     (kitti / "times.txt").write_text("0\n1\n")
     with pytest.raises(DatasetError, match="2 times for 3 images"):
         open_sequence(kitti)

@@ -14,11 +14,12 @@ from trials.estimators.choice import Named, estimate
 from trials.evaluation.runs import read_run
 from vo.contract.errors import DatasetError, ImageError, TrajectoryError
 from vo.contract.estimator import Estimate, FinalResult, Observations, PointMap, Status
+from vo.contract.files import replacing
 from vo.contract.remarks import Remark
 from vo.contract.trajectory import Trajectory
 from vo.recordings.readers import open_sequence
 from vo.recordings.trajectory_files import read_trajectory
-from vo.runner import Run, UnfinishedRun, run, write_run
+from vo.runner import Run, UnfinishedRun, companion, run, write_run
 
 
 class Scripted:
@@ -216,6 +217,23 @@ def test_run_removes_companions_of_an_earlier_run(tmp_path, dataset):
     write_run(out, run(open_sequence(dataset), Scripted()), "scripted", {}, dataset)
     kinds = {path.name for path in tmp_path.glob("b.*")}
     assert kinds == {f"b.{x}" for x in ("txt", "frames.csv", "tracks.npz", "run.json")}
+
+
+def test_frames_of_another_run_are_not_used(written):
+    frames = companion(written, "frames.csv")
+    head = frames.read_text().splitlines()[0]
+    frames.write_text(
+        f"{head}\n5,lost,dark,1{',' * head.count('count:')}{',' * head.count('ms:')}\n"
+    )
+    with pytest.warns(Remark, match=r"frames.csv: has no row for some poses of a.v1.txt"):
+        saved = read_run(written)
+    assert len(saved.trajectory) == 3
+    assert saved.frames is None
+
+
+def test_file_in_place_of_a_folder_is_named(tmp_path):
+    with pytest.raises(DatasetError, match="is a folder, not a file"), replacing(tmp_path):
+        pass
 
 
 def test_trajectory_alone_is_a_run(written):

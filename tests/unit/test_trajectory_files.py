@@ -46,6 +46,8 @@ def read(tmp_path, text, frames_ns=FRAMES_NS):
         "num t x y z qx qy qz qw\n" + rows(range(4), SECONDS, POSITIONS, QUATS_XYZW),
         ",timestamp,x,y,z,qx,qy,qz,qw\n"
         + rows(range(4), SECONDS, POSITIONS, QUATS_XYZW, comma=True),
+        "# time, position, orientation (xyzw)\n" + rows(SECONDS, POSITIONS, QUATS_XYZW),
+        "# time, position, orientation (wxyz)\n" + rows(SECONDS, POSITIONS, QUATS_WXYZ),
         "# timestamp(s) q_GtoI(4) p_IinG(3) v bg ba\n"
         + rows(SECONDS, QUATS_XYZW, POSITIONS, [0] * 4),
         "# timestamp tx ty tz qx qy qz qw\n" + rows(SECONDS, POSITIONS, QUATS_XYZW, comma=True),

@@ -13,8 +13,10 @@ import numpy as np
 from vo.contract.arrays import Array, Indices, Mask
 from vo.contract.errors import TrajectoryError
 from vo.contract.estimator import PointMap, Status
+from vo.contract.remarks import remark
 from vo.contract.trajectory import Trajectory
 from vo.recordings.readers import read_frame_times
+from vo.recordings.tables import read_table
 from vo.recordings.trajectory_files import read_trajectory
 from vo.runner import COUNT, MILLISECONDS, VERTEX, companion
 
@@ -105,11 +107,15 @@ def read_run(path: Path, frame_times_ns: Indices | None = None) -> SavedRun:
     try:
         about = json.loads(record.read_text(encoding="utf-8")) if record.is_file() else {}
         table = _read_frames(frames) if frames.is_file() else None
-        if table and path.is_file() and set(table.status) == {Status.LOST}:
+        is_lost = table is not None and set(table.status) == {Status.LOST}
+        if is_lost and path.is_file() and not len(read_table(path, TrajectoryError)):
             trajectory = Trajectory(np.zeros(0, dtype=np.int64), np.zeros((0, 4, 4)))
         else:
             trajectory = read_trajectory(path, frame_times_ns)
         seen = _read_tracks(tracks) if tracks.is_file() else None
+        if table and not np.isin(trajectory.timestamps_ns, table.timestamps_ns).all():
+            remark(f"{frames}: has no row for some poses of {path.name}: of another run, not used")
+            table = seen = None
         name = str(about.get("estimator", path.stem))
         return SavedRun(path, name, trajectory, table, seen, about)
     except DAMAGE as error:

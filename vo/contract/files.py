@@ -28,8 +28,10 @@ def replacing(path: Path) -> Generator[Path]:
     processes left are removed.
 
     Raises:
-        DatasetError: If the disk is full; names `path`.
+        DatasetError: If the disk is full, or `path` a folder; names it.
     """
+    if path.is_dir():
+        raise DatasetError(f"{path}: is a folder, not a file that can be written")
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = partial_file(path)
     try:

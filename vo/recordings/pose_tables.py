@@ -17,7 +17,8 @@ ROTATION = re.compile(
     r"(?:q|quat|quaternion|rot|ori|orientation|q_\w+_)_?([wxyz])|.*orientation\.([wxyz])"
 )
 GROUPS = (
-    (re.compile(r"q|quat|quaternion|q_\w+to\w+"), ("qx", "qy", "qz", "qw")),
+    (re.compile(r"(q|quat|quaternion|orientation|rotation)(\(wxyz\))"), ("qw", "qx", "qy", "qz")),
+    (re.compile(r"q|quat|quaternion|orientation|rotation|q_\w+to\w+"), ("qx", "qy", "qz", "qw")),
     (re.compile(r"p|pos|position|p_\w+in\w+"), ("px", "py", "pz")),
 )
 """One name for several columns: OpenVINS writes states as `timestamp q_GtoI p_IinG v_IinG …`."""

@@ -43,8 +43,8 @@ DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
 NUMBER_LIKE = re.compile(r"[-+.]?\d|[-+]?nan$|[-+]?inf", re.IGNORECASE)
 """Start of a word that stands in a row, not in a header: a number, or one in another notation."""
 
-BRACKETS = re.compile(r"\[.*?\]|\(.*?\)")
-"""Units after the name of a column."""
+BRACKETS = re.compile(r"\[.*?\]|\((?!wxyz\)).*?\)")
+"""Units after the name of a column, and what else is said of it but the order of quaternions."""
 
 
 @dataclass(frozen=True)

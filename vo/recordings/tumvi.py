@@ -44,7 +44,7 @@ def read_tumvi_cameras(folder: Path) -> tuple[Camera, Camera]:
     root = _root(folder)
     chain = find_stereo_file((root,))
     if chain is None:
-        raise CalibrationError(f"{root}: holds no calibration; expected Kalibr's camchain.yaml")
+        raise CalibrationError(f"{root}: holds no YAML file of both cameras, such as a camchain")
     return read_cameras(chain, chain, root / "cam0" / "images")
 
 
