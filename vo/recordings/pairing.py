@@ -130,6 +130,8 @@ def pair_by_time(
         SettingsError: If the tolerance reaches half a frame period.
     """
     (times, files_left), (times_right, files_right) = left, right
+    if not len(times) or not len(times_right):
+        raise DatasetError(f"{folder}: the sequence has no frames in one eye")
     tolerance_ns = _tolerance_ns(times, times_right, tolerance_ms)
     partner = _nearest(times_right, times)
     difference_ns = np.abs(times_right[partner] - times)
