@@ -11,6 +11,7 @@ from vo.contract.files import read_lines
 from vo.contract.sequence import StereoSequence
 from vo.contract.trajectory import Trajectory
 from vo.recordings.images import list_images
+from vo.recordings.kitti_raw import read_dates, read_oxts
 from vo.recordings.pairing import ALL_FRAMES, FrameSelection, StereoFiles, pair_by_name
 from vo.recordings.pose_tables import matrix_poses
 from vo.recordings.recording import open_recording
@@ -84,7 +85,7 @@ def list_kitti(folder: Path) -> StereoFiles:
         if not files:
             raise DatasetError(f"{folder / name}: holds no images")
     table = folder / layout.times
-    times = _read_dates(table) if table.name == "timestamps.txt" else _read_times(table)
+    times = read_dates(table) if table.name == "timestamps.txt" else _read_times(table)
     for row in np.flatnonzero(np.diff(times) <= 0):
         raise DatasetError(f"{table}: time must increase, but that of row {row + 2} does not")
     return pair_by_name(folder, left, right, times, table)
@@ -107,7 +108,7 @@ def read_kitti_pose(folder: Path) -> Array:
 
 
 def read_kitti_truth(folder: Path, T_body_cam: Array) -> Trajectory | None:
-    """Read the left camera's T_world_cam from `poses.txt`, or the benchmark's `poses/NN.txt`.
+    """Read the left camera's T_world_cam from `poses.txt`, `poses/NN.txt`, or raw data's `oxts`.
 
     T_body_cam (4, 4) is the left camera in the left grey one.
 
@@ -116,7 +117,7 @@ def read_kitti_truth(folder: Path, T_body_cam: Array) -> Trajectory | None:
     """
     path = next((x for x in pose_files(folder.resolve()) if x.is_file()), None)
     if path is None:
-        return None
+        return read_oxts(folder, T_body_cam)
     T = read_kitti_poses(path)
     times = _read_times(folder / "times.txt")
     if len(T) != len(times):
@@ -142,20 +143,6 @@ def _read_times(path: Path) -> Indices:
     table, expected = read_table(path), "a time in seconds"
     stamps = table.stamps(0, expected)
     return table.in_ns(stamps, table.unit_ns(stamps, SECONDS))
-
-
-def _read_dates(path: Path) -> Indices:
-    """Read lines such as `2011-09-26 13:02:25.964389445` as ns since 1970."""
-    times: list[int] = []
-    for number, line in enumerate(read_lines(path), start=1):
-        if text := line.strip():
-            try:
-                times.append(int(np.datetime64(text, "ns").astype(np.int64)))
-            except ValueError:
-                raise DatasetError(
-                    f"{path}:{number}: expected a time such as 2011-09-26 13:02:25.964389445"
-                ) from None
-    return np.array(times, dtype=np.int64)
 
 
 def _cameras(folder: Path, layout: Layout, width: int, height: int) -> tuple[Camera, Camera]:
