@@ -39,6 +39,11 @@ def found(T_odom_est):
         (lambda T: reordered(T, [1, 2, 3, 0]), "in the order x, y, z, w"),
         (se3.inverse, "fit when inverted"),
         (
+            lambda T: se3.pose(T[:, :3, :3], 1000 * T[:, :3, 3]),
+            "multiplied by 0.00.*; are they",
+        ),
+        (lambda T: se3.pose(T[:, :3, :3], T[:, :3, 3] / 3.28), r"multiplied by 3\.\d*; are"),
+        (
             lambda T: T @ se3.pose(np.eye(3), np.array([0.3, 0, 0])),
             r"turned by 0.\d° .* 0.30 m away",
         ),

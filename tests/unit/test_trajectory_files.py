@@ -46,6 +46,10 @@ def read(tmp_path, text, frames_ns=FRAMES_NS):
         "num t x y z qx qy qz qw\n" + rows(range(4), SECONDS, POSITIONS, QUATS_XYZW),
         ",timestamp,x,y,z,qx,qy,qz,qw\n"
         + rows(range(4), SECONDS, POSITIONS, QUATS_XYZW, comma=True),
+        "t_ms rx ry rz rw trans_x trans_y trans_z\n" + rows(SECONDS, QUATS_XYZW, POSITIONS),
+        "Time,transform.translation.x,transform.translation.y,transform.translation.z,"
+        "transform.rotation.w,transform.rotation.x,transform.rotation.y,transform.rotation.z\n"
+        + rows(SECONDS, POSITIONS, QUATS_WXYZ, comma=True),
         "# time, position, orientation (xyzw)\n" + rows(SECONDS, POSITIONS, QUATS_XYZW),
         "# time, position, orientation (wxyz)\n" + rows(SECONDS, POSITIONS, QUATS_WXYZ),
         "# timestamp(s) q_GtoI(4) p_IinG(3) v bg ba\n"
@@ -70,7 +74,9 @@ def test_every_format_gives_the_same_trajectory(tmp_path, text):
 
 
 def test_rows_between_commas_without_header_bring_a_remark(tmp_path):
-    with pytest.warns(Remark, match=r"x\.txt: has no header; its quaternions are taken as qw, qx"):
+    with pytest.warns(
+        Remark, match=r"x\.txt: no header names its columns; quaternions are taken as qw, qx"
+    ):
         found = read(tmp_path, ASL.replace("\n", ",\n"))
     assert np.allclose(found.T_ref_frame, T, atol=1e-12)
 
@@ -97,7 +103,10 @@ def test_unit_of_times_is_that_which_fits_the_recording(tmp_path, start_ns):
             r"x\.txt:2: the quaternion has length 1.07 instead of 1",
         ),
         (rows(SECONDS, POSITIONS), r"x\.txt:1: 4 columns; expected"),
-        ("t,x,y,z\n" + rows(SECONDS, POSITIONS, comma=True), r"x\.txt: has no quaternions"),
+        (
+            "t,x,y,z\n" + rows(SECONDS, POSITIONS, comma=True),
+            r"x\.txt: its header names no quaternion",
+        ),
         ("1 0 0 0 0 1 0 0 0 0 1 0\n" * 3, r"3 rows of a matrix, .*for 4 frames"),
         ("1 0 0 0 0 1 0 0 0 0 1 0\n" + "1 0 0 0 0 2 0 0 0 0 1 0\n" * 3, r":2: holds no rotation"),
         ("# nothing\n", "holds no poses"),
@@ -119,3 +128,8 @@ def test_rounded_times_bring_a_remark(tmp_path):
 def test_poses_of_keyframes_bring_no_remark(tmp_path):
     text = "".join(TUM.splitlines(keepends=True)[::2])
     assert len(read(tmp_path, text)) == 2
+
+
+def test_own_files_are_in_seconds_however_far_apart(tmp_path):
+    text = rows(["7.000000000", "27.000000000"], POSITIONS[:2], QUATS_XYZW[:2])
+    assert read(tmp_path, text, None).timestamps_ns.tolist() == [7 * 10**9, 27 * 10**9]

@@ -27,6 +27,9 @@ leave: of the errors of estimators, a constant transform leaves 0.6 and more."""
 MIN_ANGLE_DEG, MIN_LEVER_M = 0.5, 0.01
 """Smallest rotation and lever arm of which there is a remark."""
 
+MIN_SCALE = 2.0
+"""Factor between lengths from which they are in another unit; less is an error of the estimator."""
+
 MIN_SCALE_M = 1e-3
 """Motion, root mean square, below which nothing is looked for."""
 
@@ -90,7 +93,7 @@ class Motions:
         starts = np.arange(len(pair.timestamps_ns) - step)
         starts = starts[:: max(1, len(starts) // MAX_MOTIONS)]
         true = _motions(pair.T_world_cam, starts, starts + step)
-        scale_m = float(np.sqrt(np.mean(np.sum(true[:, :3, 3] ** 2, axis=1))))
+        scale_m = _rms_length(true)
         scale_rad = float(np.sqrt(np.mean(se3.rotation_angle(true) ** 2)))
         return Motions(true, starts, starts + step, scale_m, max(scale_rad, MIN_ROTATION_RAD))
 
@@ -124,6 +127,12 @@ def frame_mismatch(pair: Pair, T_est_cam: Array, other: Frame) -> str:
         "its quaternions fit in the order x, y, z, w": lambda T: _reordered(T, [3, 0, 1, 2]),
         "its poses fit when inverted, as the world in the camera frame": se3.inverse,
     }
+    scale = motions.scale_m / max(
+        _rms_length(_motions(pair.T_odom_cam, motions.starts, motions.ends)), 1e-9
+    )
+    if max(scale, 1 / scale) > MIN_SCALE:
+        text = f"its positions fit when multiplied by {scale:.3g}; are they in metres?"
+        known[text] = lambda T: se3.pose(T[:, :3, :3], scale * T[:, :3, 3])
     errors = {text: motions.rms(change(pair.T_odom_cam)) for text, change in known.items()}
     best = min(errors, key=lambda text: errors[text])
     if errors[best] < MAX_RATIO * before:
@@ -138,6 +147,10 @@ def frame_mismatch(pair: Pair, T_est_cam: Array, other: Frame) -> str:
         f"its poses fit those of a frame that is turned by {angle_deg:.1f}° from the left camera "
         f"and {lever_m:.2f} m away"
     )
+
+
+def _rms_length(T: Array) -> float:
+    return float(np.sqrt(np.mean(np.sum(T[:, :3, 3] ** 2, axis=1))))
 
 
 def _motions(T: Array, starts: Indices, ends: Indices) -> Array:

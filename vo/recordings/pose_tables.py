@@ -9,12 +9,14 @@ from vo.contract import se3
 from vo.contract.arrays import Array, Mask
 from vo.recordings.tables import Table
 
-TIME = re.compile(r"(time|stamp|timestamps?|t)(_?(ns|nsec|s|sec))?")
+TIME = re.compile(r"(time|stamp|timestamps?|t)(_?([mun]?s|[mun]?sec))?")
 POSITION = re.compile(
-    r"(?:p|t|pos|position|translation|pose|p_\w+_)?_?([xyz])(?:_m)?|.*position\.([xyz])"
+    r"(?:p|t|pos|position|trans|translation|pose|p_\w+_)?_?([xyz])(?:_m)?"
+    r"|.*(?:position|translation)[._]([xyz])"
 )
 ROTATION = re.compile(
-    r"(?:q|quat|quaternion|rot|ori|orientation|q_\w+_)_?([wxyz])|.*orientation\.([wxyz])"
+    r"(?:q|r|quat|quaternion|rot|rotation|ori|orientation|q_\w+_)_?([wxyz])"
+    r"|.*(?:orientation|rotation)[._]([wxyz])"
 )
 GROUPS = (
     (re.compile(r"(q|quat|quaternion|orientation|rotation)(\(wxyz\))"), ("qw", "qx", "qy", "qz")),

@@ -18,7 +18,7 @@ from vo.recordings.pose_tables import (
     matrix_poses,
     named_columns,
 )
-from vo.recordings.tables import NS, SECONDS, Table, read_table
+from vo.recordings.tables import MIN_STEP_NS, NS, SECONDS, Table, median_step, read_table
 
 FORMATS = (
     "'timestamp tx ty tz qx qy qz qw' (TUM), 'timestamp, px, py, pz, qw, qx, qy, qz' (EuRoC), or "
@@ -36,7 +36,8 @@ def read_trajectory(path: Path, frame_times_ns: Indices | None = None) -> Trajec
 
     Args:
         path: The file.
-        frame_times_ns: (N,) times of the recording's frames; KITTI's rows have no others.
+        frame_times_ns: (N,) times of the recording's frames; KITTI's rows have no others. Without
+            them, times are in seconds, or in nanoseconds if they are 100,000 apart.
 
     Raises:
         TrajectoryError: If the file is missing or a row malformed; names file and line.
@@ -49,11 +50,13 @@ def read_trajectory(path: Path, frame_times_ns: Indices | None = None) -> Trajec
     if columns in (12, 16):
         return _at_frames(table, matrix_poses(table, columns), frame_times_ns)
     if named and named.quat_wxyz is None:
-        raise TrajectoryError(f"{path}: has no quaternions; expected rows of {FORMATS}")
+        raise TrajectoryError(f"{path}: its header names no quaternion; expected rows of {FORMATS}")
     stamps = table.stamps(named.time if named else 0, FORMATS)
     if frame_times_ns is not None and _are_counts(stamps, frame_times_ns):
         raise table.fault(0, f"the first column counts rows or frames; expected {FORMATS}")
-    unit_ns = table.unit_ns(stamps, SECONDS, frame_times_ns)
+    unit_ns = NS if (median_step(stamps) or 0) >= MIN_STEP_NS else SECONDS
+    if frame_times_ns is not None:
+        unit_ns = table.unit_ns(stamps, SECONDS, frame_times_ns)
     times_ns = table.in_ns(stamps, unit_ns)
     table.require_increasing(times_ns)
     if columns:
@@ -80,7 +83,7 @@ def _unnamed_poses(table: Table, unit_ns: int) -> Array:
     T_ref_frame = (EUROC if is_euroc else TUM).poses(table, FORMATS)
     if has_commas:
         order = "qw, qx, qy, qz" if is_euroc else "qx, qy, qz, qw"
-        remark(f"{table.path}: has no header; its quaternions are taken as {order}")
+        remark(f"{table.path}: no header names its columns; quaternions are taken as {order}")
     return T_ref_frame
 
 

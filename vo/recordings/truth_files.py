@@ -86,7 +86,7 @@ def _unnamed_columns(table: Table, unit_ns: int) -> PoseColumns:
         return replace(EUROC, quat_wxyz=None)
     if table.separator is not None or unit_ns != SECONDS:
         return EUROC
-    remark(f"{table.path}: has no header; its quaternions are taken as qx, qy, qz, qw")
+    remark(f"{table.path}: no header names its columns; quaternions are taken as qx, qy, qz, qw")
     return TUM
 
 
