@@ -204,7 +204,7 @@ def test_kitti_faults(kitti):
     ("text", "message"),
     [
         ("P0: 1 2 3\n", r"calib.txt:1: P0 must be 12 numbers"),
-        ("1 2 3 4 5 6 7 8 9 10 11 12\n", "rows that begin with 'P0: ' and 'P1: '"),
+        ("1 2 3 4 5 6 7 8 9 10 11 12\n", "a row that begins with 'P0: ', 12 numbers"),
         (f"P0: {'0 ' * 12}\n", "positive focal lengths"),
         ("P0: 9 0 5 0 0 9 5 0 0 0 1 0\nP1: 9 0 5 -9 0 9 5 9 0 0 1 0\n", "not side by side"),
         ("P0: 9 0 5 0 0 9 5 0 0 0 1 0\nP1: 9 0 5 -1e99 0 9 5 0 0 0 1 0\n", "too far from the body"),

@@ -97,14 +97,14 @@ def test_unit_is_that_which_fits_a_recording_from_zero(tmp_path, step, unit_ns):
     table = read_table(written(tmp_path / "x.csv", text))
     with warnings.catch_warnings(record=True):
         warnings.simplefilter("always")
-        times = table.times_ns(ROW, frame_times_ns=10**8 * np.arange(25))
-    assert times.tolist() == (10**8 * np.arange(20)).tolist()
+        found = table.unit_ns(table.stamps(0, ROW), 1, 10**8 * np.arange(25))
+    assert found == unit_ns
 
 
 def test_units_that_fit_a_recording_alike_are_refused(tmp_path):
     table = read_table(written(tmp_path / "x.csv", "".join(f"{10 * i} 1\n" for i in range(317))))
     with pytest.raises(DatasetError, match=r"x\.csv:1: timestamps may be .* both fit the record"):
-        table.times_ns(ROW, frame_times_ns=10**8 * np.arange(1000))
+        table.unit_ns(table.stamps(0, ROW), 1, 10**8 * np.arange(1000))
 
 
 @pytest.mark.parametrize(

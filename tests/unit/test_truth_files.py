@@ -11,8 +11,8 @@ from vo.contract import se3
 from vo.contract.errors import TrajectoryError
 from vo.contract.remarks import Remark
 from vo.contract.trajectory import Trajectory
+from vo.recordings.euroc import EUROC, TUMVI
 from vo.recordings.truth_files import read_true_poses, read_true_states
-from vo.recordings.tumvi import read_tumvi_truth
 
 T_BODY_CAM = se3.exp(np.array([0.1, 0.2, 0.3, 0.5, -0.5, 0.4]))
 T_WORLD_BODY = se3.exp(np.outer(np.arange(5), [0.1, 0.2, 0.0, 0.1, 0.0, 0.2]))
@@ -36,10 +36,14 @@ def write(mav, name, rows, T_body_sensor=None):
         (mav / name / "sensor.yaml").write_text("%YAML:1.0\n" + yaml.safe_dump(sheet))
 
 
+def read_states(mav, layout=EUROC):
+    return read_true_states([mav / x for x in layout.truths], T_BODY_CAM)
+
+
 def test_states_are_preferred_and_bring_no_remark(tmp_path):
     write(tmp_path, "state_groundtruth_estimate0", lines(T_WORLD_BODY))
     write(tmp_path, "leica0", ["nothing"])
-    found = read_true_states(tmp_path, T_BODY_CAM)
+    found = read_states(tmp_path)
     assert found.timestamps_ns.tolist() == TIMES_NS.tolist()
     assert np.allclose(found.T_ref_frame, T_WORLD_BODY @ T_BODY_CAM)
 
@@ -48,7 +52,7 @@ def test_motion_capture_is_moved_to_the_camera(tmp_path):
     T_body_marker = se3.exp(np.array([0.3, 0, 0.1, 0, 1, 0]))
     write(tmp_path, "vicon0", lines(T_WORLD_BODY @ T_body_marker), T_body_marker)
     with pytest.warns(Remark, match=r"vicon0/data\.csv: is taken as the truth"):
-        found = read_true_states(tmp_path, T_BODY_CAM)
+        found = read_states(tmp_path)
     assert np.allclose(found.T_ref_frame, T_WORLD_BODY @ T_BODY_CAM)
 
 
@@ -56,7 +60,7 @@ def test_positions_are_compared_with_the_point_that_was_measured(tmp_path):
     T_body_prism = se3.pose(np.eye(3), np.array([0.1, 0.5, 0.2]))
     write(tmp_path, "leica0", lines(T_WORLD_BODY @ T_body_prism, columns=4), T_body_prism)
     with pytest.warns(Remark, match=r"(?s)leica0/data\.csv: (is taken|has positions only)"):
-        truth = read_true_states(tmp_path, T_BODY_CAM)
+        truth = read_states(tmp_path)
     pair = associate(truth, Trajectory(TIMES_NS, T_WORLD_BODY @ T_BODY_CAM))
     assert not pair.has_attitude
     assert np.allclose(pair.T_odom_cam, pair.T_world_cam)
@@ -77,7 +81,7 @@ def test_rows_with_nan_or_repeated_are_left_out_with_a_remark(tmp_path):
     rows[1] = f"{TIMES_NS[1]}," + ",".join(["NaN"] * 7)
     write(tmp_path, "state_groundtruth_estimate0", [*rows[:4], rows[3], rows[4]])
     with pytest.warns(Remark) as remarks:
-        found = read_true_states(tmp_path, T_BODY_CAM)
+        found = read_states(tmp_path)
     assert found.timestamps_ns.tolist() == TIMES_NS[[0, 2, 3, 4]].tolist()
     said = [str(x.message) for x in remarks]
     assert said[0].endswith("data.csv: rows with NaN are left out: 1, the first in line 3")
@@ -85,12 +89,9 @@ def test_rows_with_nan_or_repeated_are_left_out_with_a_remark(tmp_path):
 
 
 def test_tumvi_truth_is_that_of_the_inertial_unit(tmp_path):
-    (tmp_path / "dso" / "cam0").mkdir(parents=True)
-    rows = (f"{x} {x / 1e9:.9f} 5\n" for x in TIMES_NS)
-    (tmp_path / "dso" / "cam0" / "times.txt").write_text("".join(rows))
-    assert read_tumvi_truth(tmp_path, T_BODY_CAM) is None
-    (tmp_path / "dso" / "gt_imu.csv").write_text("\n".join(["# ts, poses", *lines(T_WORLD_BODY)]))
-    found = read_tumvi_truth(tmp_path, T_BODY_CAM)
+    assert read_states(tmp_path, TUMVI) is None
+    (tmp_path / "gt_imu.csv").write_text("\n".join(["# ts, poses", *lines(T_WORLD_BODY)]))
+    found = read_states(tmp_path, TUMVI)
     assert np.allclose(found.T_ref_frame, T_WORLD_BODY @ T_BODY_CAM)
 
 
@@ -113,7 +114,7 @@ def test_tumvi_truth_is_that_of_the_inertial_unit(tmp_path):
 def test_malformed_truth_names_its_line(tmp_path, change, message):
     write(tmp_path, "state_groundtruth_estimate0", change(lines(T_WORLD_BODY)))
     with pytest.raises(TrajectoryError, match=message):
-        read_true_states(tmp_path, T_BODY_CAM)
+        read_states(tmp_path)
 
 
 def test_no_motion_is_compared_across_a_gap_of_the_truth():

@@ -1,5 +1,6 @@
-"""Reader of EuRoC/ASL folders, raw or rectified, and of this project's datasets."""
+"""Reader of EuRoC/ASL folders, raw or rectified, as this project writes them, and of TUM-VI."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,20 +16,59 @@ from vo.recordings.image_times import read_image_times
 from vo.recordings.pairing import ALL_FRAMES, FrameSelection, StereoFiles, pair_by_time
 from vo.recordings.recording import open_recording
 from vo.recordings.rectify import Camera
-from vo.recordings.tables import NS, read_table
+from vo.recordings.tables import NS, SECONDS, read_table
 from vo.recordings.truth_files import read_true_states
 
-IMAGE_ROW = "'timestamp [ns],filename'"
+
+@dataclass(frozen=True)
+class Layout:
+    """Names in a recording.
+
+    Attributes:
+        root: Folder of the cameras; the recording may be that folder itself.
+        table: Table of images of a camera, with times and names in its first two columns.
+        images: Folder of the images of a camera.
+        row: The columns of the table, for errors.
+        time: Index of the column of times.
+        unit_ns: Unit of times where nothing else shows it.
+        truths: Tables of the truth, the best first.
+    """
+
+    root: str
+    table: str
+    images: str
+    row: str
+    time: int
+    unit_ns: int
+    truths: tuple[str, ...]
+
+    def place(self, folder: Path) -> Path:
+        """Return the folder of the cameras."""
+        return folder / self.root if (folder / self.root).is_dir() else folder
+
+    def image_times(self, folder: Path, camera: str) -> tuple[Indices, list[Path]]:
+        """Read the times (N,) in ns of the images of a camera, and their files."""
+        eye = self.place(folder) / camera
+        table, images = eye / self.table, eye / self.images
+        return read_image_times(table, images, self.row, self.time, self.unit_ns)
+
+
+SENSORS = ("state_groundtruth_estimate0", "mocap0", "vicon0", "leica0")
+TRUTHS = tuple(f"{sensor}/data.csv" for sensor in SENSORS)
+EUROC = Layout("mav0", "data.csv", "data", "'timestamp [ns],filename'", 0, NS, TRUTHS)
+TUMVI = Layout(
+    "dso", "times.txt", "images", "'name time[s] exposure[ms]'", 1, SECONDS, ("gt_imu.csv",)
+)
 
 
 def is_euroc(folder: Path) -> bool:
-    """Whether the folder holds `mav0/cam0`, or is the `mav0` itself."""
-    camera = _mav(folder) / "cam0"
-    return camera.is_dir() and not (camera / "images").is_dir()
+    """Whether the folder holds `mav0/cam0` or `dso/cam0/images`, or is `mav0` or `dso` itself."""
+    layout = _layout(folder)
+    return layout is EUROC or (layout.place(folder) / "cam0" / layout.images).is_dir()
 
 
 def open_euroc(folder: Path, frames: FrameSelection = ALL_FRAMES) -> StereoSequence:
-    """Open the stereo pairs of an ASL folder; images are rectified on loading.
+    """Open the stereo pairs of a folder; images are rectified on loading.
 
     Wheel encoders are read from `wheels0`, a table that this project adds to the layout.
 
@@ -38,7 +78,7 @@ def open_euroc(folder: Path, frames: FrameSelection = ALL_FRAMES) -> StereoSeque
         SettingsError: If the selection is empty.
     """
     cameras = read_euroc_cameras(folder)
-    wheels = _read_wheels(_mav(folder) / "wheels0" / "data.csv")
+    wheels = _read_wheels(_layout(folder).place(folder) / "wheels0" / "data.csv")
     files = list_euroc(folder, frames.tolerance_ms)
     return open_recording(folder, files, frames, lambda *_: cameras, wheels)
 
@@ -49,31 +89,33 @@ def list_euroc(folder: Path, tolerance_ms: float | None = None) -> StereoFiles:
     Raises:
         DatasetError: If a table is missing or malformed, or no times agree.
     """
-    eyes = [_read_image_table(_mav(folder) / camera) for camera in ("cam0", "cam1")]
-    return pair_by_time(folder, eyes[0], eyes[1], tolerance_ms)
+    left, right = (_layout(folder).image_times(folder, camera) for camera in ("cam0", "cam1"))
+    return pair_by_time(folder, left, right, tolerance_ms)
 
 
 def read_euroc_cameras(folder: Path) -> tuple[Camera, Camera]:
-    """Read both sensor.yaml, or a file of both cameras in `mav0`, beside it or in TUM-VI's `dso`.
+    """Read both sensor.yaml, or a file of both cameras in the root, beside it or in `dso`.
 
     In place of a sensor.yaml, the only YAML file beside it is read.
 
     Raises:
         CalibrationError: If a calibration is missing or malformed.
     """
-    mav = _mav(folder)
-    sheets = [_sheet(mav / camera) for camera in ("cam0", "cam1")]
+    layout = _layout(folder)
+    root = layout.place(folder)
+    sheets = [_sheet(root / camera) for camera in ("cam0", "cam1")]
     if not any(x.is_file() for x in sheets):
-        parent = mav.resolve().parent
-        chain = find_stereo_file((mav, parent, parent / "dso"))
-        if chain is None:
+        parent = root.resolve().parent
+        both = find_stereo_file((root, parent, parent / TUMVI.root))
+        if both is None:
             raise CalibrationError(
-                f"{sheets[0]}: missing; expected it, or in {mav} or {parent} a YAML file of both "
+                f"{sheets[0]}: missing; expected it, or in {root} or {parent} a YAML file of both "
                 "cameras, of Kalibr, ORB-SLAM, VINS-Fusion or OpenCV"
             )
-        remark(f"{sheets[0]}: missing; the calibration is that of {chain}")
-        sheets = [chain, chain]
-    return read_cameras(sheets[0], sheets[1], mav / "cam0" / "data")
+        if layout is EUROC:
+            remark(f"{sheets[0]}: missing; the calibration is that of {both}")
+        sheets = [both, both]
+    return read_cameras(sheets[0], sheets[1], root / "cam0" / layout.images)
 
 
 def _sheet(camera: Path) -> Path:
@@ -87,8 +129,9 @@ def _sheet(camera: Path) -> Path:
 
 def read_euroc_truth(folder: Path, T_body_cam: Array) -> Trajectory | None:
     """Read T_world_cam of the (rectified) left camera, as `read_true_states`."""
-    mav = _mav(folder)
-    return read_true_states(mav, T_body_cam, _read_image_table(mav / "cam0")[0])
+    layout = _layout(folder)
+    tables = [layout.place(folder) / x for x in layout.truths]
+    return read_true_states(tables, T_body_cam, layout.image_times(folder, "cam0")[0])
 
 
 def _read_wheels(path: Path) -> WheelLog | None:
@@ -104,9 +147,7 @@ def _read_wheels(path: Path) -> WheelLog | None:
     return WheelLog(times, ticks.astype(np.int64))
 
 
-def _mav(folder: Path) -> Path:
-    return folder / "mav0" if (folder / "mav0").is_dir() else folder
-
-
-def _read_image_table(camera: Path) -> tuple[Indices, list[Path]]:
-    return read_image_times(camera / "data.csv", camera / "data", IMAGE_ROW, 0, NS)
+def _layout(folder: Path) -> Layout:
+    """Return EuRoC's layout if the folder has its cameras, else TUM-VI's."""
+    camera = EUROC.place(folder) / "cam0"
+    return EUROC if camera.is_dir() and not (camera / TUMVI.images).is_dir() else TUMVI

@@ -7,11 +7,10 @@ import numpy as np
 
 from vo.contract.arrays import Array, Indices
 from vo.contract.errors import CalibrationError, DatasetError, TrajectoryError
-from vo.contract.files import read_lines
 from vo.contract.sequence import StereoSequence
 from vo.contract.trajectory import Trajectory
 from vo.recordings.images import list_images
-from vo.recordings.kitti_raw import read_dates, read_oxts
+from vo.recordings.kitti_raw import read_dates, read_matrix, read_oxts
 from vo.recordings.pairing import ALL_FRAMES, FrameSelection, StereoFiles, pair_by_name
 from vo.recordings.pose_tables import matrix_poses
 from vo.recordings.recording import open_recording
@@ -147,7 +146,7 @@ def _read_times(path: Path) -> Indices:
 
 def _cameras(folder: Path, layout: Layout, width: int, height: int) -> tuple[Camera, Camera]:
     T_left, T_right, calibration = _eyes(folder, layout)
-    P = _projections(calibration, layout.keys)
+    P = {key: read_matrix(calibration, key, (3, 4)) for key in layout.keys}
     left, right = (
         Camera(calibration, width, height, P[key][:, :3] / P[key][2, 2], np.zeros(4), T)
         for key, T in zip(layout.keys, (T_left, T_right), strict=True)
@@ -159,7 +158,7 @@ def _eyes(folder: Path, layout: Layout) -> tuple[Array, Array, Path]:
     """Return T_cam0_left and T_cam0_right of the rectified pair, and the file of calibrations."""
     files = [folder / x for x in layout.calibrations]
     path = next((x for x in files if x.is_file()), files[0])
-    P = _projections(path, layout.keys)
+    P = {key: read_matrix(path, key, (3, 4)) for key in layout.keys}
     left, right = (_origin(P[key]) for key in layout.keys)
     baseline_m = right[0] - left[0]
     if np.abs(right - left)[1:].max() > MAX_OFF_AXIS * abs(baseline_m):
@@ -175,23 +174,3 @@ def _origin(P: Array) -> Array:
     z = P[2, 3] / P[2, 2]
     x, y = ((P[k, 3] / P[2, 2] - P[k, 2] / P[2, 2] * z) * P[2, 2] / P[k, k] for k in (0, 1))
     return np.array([-x, -y, -z]) + 0.0
-
-
-def _projections(path: Path, keys: tuple[str, str]) -> dict[str, Array]:
-    """Read rows of a key and 12 numbers, the projection (3, 4) of a rectified camera."""
-    found: dict[str, Array] = {}
-    for number, line in enumerate(read_lines(path, CalibrationError), start=1):
-        key, *values = line.replace(":", " ").replace("=", " ").split() or [""]
-        if key in keys:
-            place = f"{path}:{number}: {key}"
-            try:
-                P = np.array(values, dtype=float).reshape(3, 4)
-            except ValueError:
-                raise CalibrationError(f"{place} must be 12 numbers") from None
-            if not np.isfinite(P).all() or not P[0, 0] > 0 or not P[1, 1] > 0 or not P[2, 2] > 0:
-                raise CalibrationError(f"{place} must be finite with positive focal lengths")
-            found[key] = P
-    if len(found) < len(keys):
-        expected = " and ".join(f"'{key}: '" for key in keys)
-        raise CalibrationError(f"{path}: needs rows that begin with {expected}, 12 numbers each")
-    return found

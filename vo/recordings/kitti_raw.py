@@ -1,5 +1,6 @@
 """Files of KITTI's raw recordings: dates, and poses from satellites and inertial unit (`oxts`)."""
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -56,9 +57,9 @@ def read_oxts(folder: Path, T_cam0_left: Array) -> Trajectory | None:
     if cam is None or velo is None or imu is None:
         remark(f"{folder / 'oxts'}: is no truth without {' and '.join(SHEETS)}")
         return None
-    T_rectified_cam = se3.pose(_values(cam, "R_rect_00", 9).reshape(3, 3), np.zeros(3))
+    T_rectified_cam = se3.pose(read_matrix(cam, "R_rect_00", (3, 3)), np.zeros(3))
     T_cam_velo, T_velo_imu = (
-        se3.pose(_values(x, "R", 9).reshape(3, 3), _values(x, "T", 3)) for x in (velo, imu)
+        se3.pose(read_matrix(x, "R", (3, 3)), read_matrix(x, "T", (3,))) for x in (velo, imu)
     )
     rows = [read_table(x, TrajectoryError).numbers(range(6), ROW) for x in files]
     times = read_dates(folder / "oxts" / "timestamps.txt")
@@ -75,12 +76,24 @@ def read_oxts(folder: Path, T_cam0_left: Array) -> Trajectory | None:
     return Trajectory(times, T_world_imu @ (T_imu_cam0 @ T_cam0_left))
 
 
-def _values(path: Path, key: str, size: int) -> Array:
-    for line in read_lines(path, CalibrationError):
-        name, _, text = line.partition(":")
+def read_matrix(path: Path, key: str, shape: tuple[int, ...]) -> Array:
+    """Read the numbers of the row that begins with a key, and a colon, blank or equals sign.
+
+    Raises:
+        CalibrationError: If there is no such row, or it has others or NaN, or is a projection
+            (3, 4) without positive focal lengths; names file and line.
+    """
+    size = math.prod(shape)
+    for number, line in enumerate(read_lines(path, CalibrationError), start=1):
+        name, *values = line.replace(":", " ").replace("=", " ").split() or [""]
         if name == key:
+            place = f"{path}:{number}: {key} must be"
             try:
-                return np.array(text.split(), dtype=float).reshape(size)
+                found = np.array(values, dtype=float).reshape(shape)
             except ValueError:
-                break
-    raise CalibrationError(f"{path}: needs a row '{key}: ' of {size} numbers")
+                raise CalibrationError(f"{place} {size} numbers") from None
+            positive = np.diag(found) if shape == (3, 4) else np.ones(1)
+            if not np.isfinite(found).all() or not (positive > 0).all():
+                raise CalibrationError(f"{place} finite with positive focal lengths")
+            return found
+    raise CalibrationError(f"{path}: needs a row that begins with '{key}: ', {size} numbers")

@@ -7,7 +7,8 @@ import numpy as np
 
 from vo.contract import se3
 from vo.contract.arrays import Array, Mask
-from vo.recordings.tables import Table
+from vo.contract.remarks import remark
+from vo.recordings.tables import NS, Table
 
 TIME = re.compile(r"(time|stamp|timestamps?|t)(_?([mun]?s|[mun]?sec))?")
 POSITION = re.compile(
@@ -73,6 +74,20 @@ def named_columns(table: Table) -> PoseColumns | None:
     """Find the columns by the names in a header; None unless time and position are named."""
     columns = max((len(row) for row in table.rows), default=0)
     return next(filter(None, (_columns(header, columns) for header in table.headers)), None)
+
+
+def unnamed_columns(table: Table, unit_ns: int, usual: PoseColumns) -> PoseColumns:
+    """Return EuRoC's columns for commas and ns, TUM's for blanks and s, else the usual ones.
+
+    Separators that are unusual bring a remark.
+    """
+    has_commas = table.separator in (",", ";")
+    fits = has_commas == (unit_ns == NS)
+    columns = (EUROC if has_commas else TUM) if fits else usual
+    if has_commas != (usual is EUROC):
+        order = "qw, qx, qy, qz" if columns is EUROC else "qx, qy, qz, qw"
+        remark(f"{table.path}: no header names its columns; quaternions are taken as {order}")
+    return columns
 
 
 def matrix_poses(table: Table, columns: int = 12) -> Array:

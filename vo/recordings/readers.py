@@ -20,14 +20,7 @@ from vo.recordings.euroc import (
 )
 from vo.recordings.kitti import is_kitti, list_kitti, open_kitti, read_kitti_pose, read_kitti_truth
 from vo.recordings.pairing import ALL_FRAMES, FrameSelection, StereoFiles
-from vo.recordings.rectify import Camera, rectify
-from vo.recordings.tumvi import (
-    is_tumvi,
-    list_tumvi,
-    open_tumvi,
-    read_tumvi_cameras,
-    read_tumvi_truth,
-)
+from vo.recordings.rectify import rectify
 
 LAYOUTS = (
     "a driftyard, EuRoC or TUM-VI folder (mav0/cam0, or dso/cam0/images), KITTI odometry (image_0 "
@@ -54,8 +47,8 @@ class Reader:
     truth: Callable[[Path, Array], Trajectory | None]
 
 
-def _rectified(cameras: Callable[[Path], tuple[Camera, Camera]]) -> Callable[[Path], Array]:
-    return lambda folder: rectify(*cameras(folder))[0].T_body_cam
+def _euroc_pose(folder: Path) -> Array:
+    return rectify(*read_euroc_cameras(folder))[0].T_body_cam
 
 
 def _kitti_pairs(folder: Path, _: float | None) -> StereoFiles:
@@ -63,8 +56,7 @@ def _kitti_pairs(folder: Path, _: float | None) -> StereoFiles:
 
 
 READERS = (
-    Reader(is_euroc, open_euroc, list_euroc, _rectified(read_euroc_cameras), read_euroc_truth),
-    Reader(is_tumvi, open_tumvi, list_tumvi, _rectified(read_tumvi_cameras), read_tumvi_truth),
+    Reader(is_euroc, open_euroc, list_euroc, _euroc_pose, read_euroc_truth),
     Reader(is_kitti, open_kitti, _kitti_pairs, read_kitti_pose, read_kitti_truth),
 )
 """Readers in order of preference."""

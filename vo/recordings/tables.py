@@ -111,27 +111,16 @@ class Table:
                 raise self.fault(i, message)
         return found
 
-    def times_ns(
-        self,
-        expected: str,
-        unit_ns: int | None = None,
-        column: int = 0,
-        frame_times_ns: Indices | None = None,
-    ) -> Indices:
-        """Return timestamps (N,) in ns: exact to 1 ns, whatever their notation.
+    def times_ns(self, expected: str, unit_ns: int | None = None) -> Indices:
+        """Return the timestamps (N,) of the first column in ns, exact to 1 ns.
 
-        Args:
-            expected: The columns of a row, for errors.
-            unit_ns: Unit of the column; None for that which fits.
-            column: Index of the column.
-            frame_times_ns: (K,) times of the recording's frames, if they are known.
+        Without a unit, it is that which fits; `expected` names the columns of a row in errors.
 
         Raises:
             DriftyardError: If a timestamp is missing, no number, or out of range; as `numbers`.
         """
-        stamps = self.stamps(column, expected)
-        unit = unit_ns or self.unit_ns(stamps, NS, frame_times_ns)
-        return self.in_ns(stamps, unit)
+        stamps = self.stamps(0, expected)
+        return self.in_ns(stamps, unit_ns or self.unit_ns(stamps, NS))
 
     def in_ns(self, stamps: Sequence[Decimal], unit_ns: int) -> Indices:
         """Convert the timestamps of the rows to ns (N,); raises the error of a row out of range."""

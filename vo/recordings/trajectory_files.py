@@ -12,11 +12,11 @@ from vo.contract.errors import TrajectoryError
 from vo.contract.remarks import remark
 from vo.contract.trajectory import Trajectory
 from vo.recordings.pose_tables import (
-    EUROC,
     TUM,
     matrix_columns,
     matrix_poses,
     named_columns,
+    unnamed_columns,
 )
 from vo.recordings.tables import MIN_STEP_NS, NS, SECONDS, Table, median_step, read_table
 
@@ -62,7 +62,7 @@ def read_trajectory(path: Path, frame_times_ns: Indices | None = None) -> Trajec
     if columns:
         T_ref_frame = matrix_poses(table, columns)
     else:
-        T_ref_frame = named.poses(table, FORMATS) if named else _unnamed_poses(table, unit_ns)
+        T_ref_frame = (named or unnamed_columns(table, unit_ns, TUM)).poses(table, FORMATS)
     if frame_times_ns is not None:
         _remark_other_times(path, times_ns, frame_times_ns)
     return Trajectory(times_ns, T_ref_frame)
@@ -74,17 +74,6 @@ def _at_frames(table: Table, T_ref_frame: Array, frame_times_ns: Indices | None)
         rows = f"{len(T_ref_frame)} rows of a matrix, which have no times,"
         raise TrajectoryError(f"{table.path}: {rows} for {frames}")
     return Trajectory(frame_times_ns, T_ref_frame)
-
-
-def _unnamed_poses(table: Table, unit_ns: int) -> Array:
-    """Read poses in the columns of TUM, or of EuRoC if commas separate them and times are in ns."""
-    has_commas = table.separator in (",", ";")
-    is_euroc = has_commas and unit_ns == NS
-    T_ref_frame = (EUROC if is_euroc else TUM).poses(table, FORMATS)
-    if has_commas:
-        order = "qw, qx, qy, qz" if is_euroc else "qx, qy, qz, qw"
-        remark(f"{table.path}: no header names its columns; quaternions are taken as {order}")
-    return T_ref_frame
 
 
 def _remark_other_times(path: Path, times_ns: Indices, frame_times_ns: Indices) -> None:

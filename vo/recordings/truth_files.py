@@ -1,5 +1,6 @@
 """True trajectories as recordings have them: states, motion capture, or positions only."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,34 +12,24 @@ from vo.contract.errors import TrajectoryError
 from vo.contract.remarks import remark
 from vo.contract.trajectory import Trajectory
 from vo.recordings.calibration import read_sensor_pose
-from vo.recordings.pose_tables import EUROC, TUM, PoseColumns, named_columns
-from vo.recordings.tables import NS, SECONDS, Table, read_table
+from vo.recordings.pose_tables import EUROC, named_columns, unnamed_columns
+from vo.recordings.tables import NS, Table, read_table
 
 STATE = "'timestamp [ns], px, py, pz, qw, qx, qy, qz', or without quaternions"
-TRUTH_FOLDERS = ("state_groundtruth_estimate0", "mocap0", "vicon0", "leica0")
-"""Folders under `mav0` in order of preference."""
 
 
 def read_true_states(
-    mav: Path, T_body_cam: Array, frame_times_ns: Indices | None = None
+    tables: Sequence[Path], T_body_cam: Array, frame_times_ns: Indices | None = None
 ) -> Trajectory | None:
-    """Read the truth of an ASL folder as T_world_cam of the left camera; None if it has none.
+    """Read the first table that exists, as `read_true_poses`; None without one.
 
-    Args:
-        mav: The folder `mav0`.
-        T_body_cam: (4, 4) left camera in the body frame.
-        frame_times_ns: (K,) times of the recording, which decide about the unit of time.
-
-    Raises:
-        TrajectoryError: If a row is malformed; names file and line.
-        CalibrationError: If the sensor.yaml is malformed.
+    A remark says so if it is not the first of all.
     """
-    tables = (mav / name / "data.csv" for name in TRUTH_FOLDERS)
-    path = next((x for x in tables if x.is_file()), None)
+    path = next(filter(Path.is_file, tables), None)
     if path is None:
         return None
-    if path.parent.name != TRUTH_FOLDERS[0]:
-        remark(f"{path}: is taken as the truth, because there is no {TRUTH_FOLDERS[0]}")
+    if path != tables[0]:
+        remark(f"{path}: is taken as the truth, because there is no {tables[0].parent.name}")
     return read_true_poses(path, T_body_cam, frame_times_ns)
 
 
@@ -65,7 +56,8 @@ def read_true_poses(
     named = named_columns(table)
     stamps = table.stamps(named.time if named else 0, STATE)
     unit_ns = table.unit_ns(stamps, NS, frame_times_ns)
-    columns = named or _unnamed_columns(table, unit_ns)
+    unnamed = replace(EUROC, quat_wxyz=None) if len(table.rows[0]) < 8 else None
+    columns = named or unnamed or unnamed_columns(table, unit_ns, EUROC)
     T_world_sensor, times_ns = columns.poses(table, STATE), table.in_ns(stamps, unit_ns)
     table.require_increasing(times_ns)
     sheet = path.with_name("sensor.yaml")
@@ -78,16 +70,6 @@ def read_true_poses(
     remark(f"{path}: has positions only, of a point at {where}; errors are ATE without attitude")
     point_cam = se3.transform(se3.inverse(T_body_cam), origin_body[None])[0]
     return Trajectory(times_ns, T_world_sensor, point_cam)
-
-
-def _unnamed_columns(table: Table, unit_ns: int) -> PoseColumns:
-    """Return EuRoC's columns, or TUM's if blanks separate them and times are in seconds."""
-    if len(table.rows[0]) < 8:
-        return replace(EUROC, quat_wxyz=None)
-    if table.separator is not None or unit_ns != SECONDS:
-        return EUROC
-    remark(f"{table.path}: no header names its columns; quaternions are taken as qx, qy, qz, qw")
-    return TUM
 
 
 def _complete_rows(table: Table) -> Table:
