@@ -7,6 +7,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from scenes.custom import is_file
 from sim.world.world import World
 from vo.contract.errors import DatasetError
 from vo.contract.remarks import remark
@@ -37,14 +38,21 @@ def fingerprint(world: World) -> dict[str, Any]:
 
 
 def changes_since(recorded: Mapping[str, Any], world: World) -> str:
-    """Say what of a world changed since its fingerprint was recorded; empty if nothing did."""
+    """Say what of a world changed since its fingerprint was recorded; empty if nothing did.
+
+    Files of an MJCF scene that were edited without a change of the compiled world bring a remark; a
+    module holds more than its world.
+    """
     now = fingerprint(world)
     then_assets, now_assets = recorded.get("assets", {}), now["assets"]
     names = sorted({*then_assets, *now_assets})
     changed = [name for name in names if then_assets.get(name) != now_assets.get(name)]
-    if changed:
+    is_same = now["sha256"] == recorded.get("sha256")
+    if changed and is_same and is_file(world.scene.source):
+        remark(f"{world.scene.source}: {', '.join(changed)} changed, the compiled world did not")
+    elif changed:
         return f"{', '.join(changed)} changed"
-    if now["sha256"] == recorded.get("sha256"):
+    if is_same:
         return ""
     return f"the compiled world changed (MuJoCo is {mujoco.__version__} here)"
 

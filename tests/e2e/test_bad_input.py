@@ -211,6 +211,7 @@ def test_run_output_folder_is_refused(dataset, tmp_path):
         (["generate", "no_module:build", "--out", "o"], ["cannot import no_module"]),
         (["generate", "json:nothing", "--out", "o"], ["json has no function nothing"]),
         (["generate", "office", "--out", "d"], ["already exists"]),
+        (["generate", "--from", "d/edited", "--out", "o"], ["dataset.json", "its own digest"]),
         (["preview", "moon", "--out", "o.png"], ["unknown scene moon"]),
         (["preview", "office", "--out", "o"], ["must end in .png"]),
         (["verify", "o"], ["o: no such folder"]),
@@ -220,6 +221,8 @@ def test_run_output_folder_is_refused(dataset, tmp_path):
 def test_bad_generate_option_is_refused_in_one_line(dataset, tmp_path, words, fragments):
     (dataset / "mav0/cam0/broken.xml").write_text("<mujoco>")
     (dataset / "mav0/cam0/filled.xml").write_text(FILLED)
+    (dataset / "edited").mkdir()
+    (dataset / "edited/dataset.json").write_text('{"schema_version": 1, "manifest_sha256": "0"}')
     (tmp_path / FREE).write_text(PLANE)
     assert_refused(driftyard(*words, cwd=tmp_path), *fragments)
     assert {path.name for path in tmp_path.iterdir()} == {"d"}

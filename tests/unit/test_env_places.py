@@ -8,7 +8,7 @@ import pytest
 from gym_worlds import write_yard
 
 from sim.batch import build
-from sim.world.world import build_world
+from sim.world.world import World, build_world
 from trials.gym.env.settings import NavSettings
 from trials.gym.world.free_space import (
     TraversableSpace,
@@ -20,6 +20,7 @@ from trials.gym.world.free_space import (
 from trials.gym.world.start_goal_sampling import (
     TrialError,
     expect_clear,
+    expect_route,
     main_component,
     sample_start_goal,
 )
@@ -137,6 +138,54 @@ def test_start_goal_refuses_an_impossible_distance(traversable, component):
 def test_main_component_refuses_a_world_without_clearance(traversable, world):
     with pytest.raises(TrialError, match="scene yard: no place with 5 m of clearance"):
         main_component(TraversableSpace(traversable.space, 5.0), world.path.waypoints, "yard")
+
+
+SLAB = '<geom type="box" name="slab" pos="0 -.5 -.1" size="2 1.5 .1"/>'
+TILES = "".join(
+    f'<geom type="box" pos="{x} {y} -.05" size=".5 .5 .05" rgba="1 1 1 {abs(x) % 2}"/>'
+    for x in range(-2, 3)
+    for y in range(-2, 3)
+    if (x, y) != (1, 1)
+)
+PLANES = """<geom type="plane" size="9 9 1"/><geom type="box" pos="3 0 .5" size=".1 .1 .5"/>
+<geom name="wall" type="plane" size="9 9 1" pos="1.6 0 0" zaxis="-1 0 0"/>"""
+
+
+def world_on(ground: str, folder) -> World:
+    file = folder / "world.xml"
+    file.write_text(f"<mujoco><worldbody>{ground}</worldbody></mujoco>")
+    settings = NavSettings(scene=str(file)).recorded(0)
+    return build_world(build(str(file), settings), settings)
+
+
+@pytest.mark.parametrize(
+    ("ground", "outside", "said"),
+    [
+        (SLAB, lambda x, y: (abs(x) > 1.75) | (abs(y + 0.5) > 1.25), "there is no ground"),
+        (TILES, lambda x, y: (abs(x - 1) < 0.75) & (abs(y - 1) < 0.75), "there is no ground"),
+        (PLANES, lambda x, _: x > 1.35, "inside wall"),
+    ],
+)
+def test_users_world_has_no_goal_off_its_ground(tmp_path, ground, outside, said):
+    world = world_on(ground, tmp_path)
+    before = world.model.geom_group.copy(), world.model.geom_rgba.copy()
+    traversable = TraversableSpace(map_free_space(world, 0.5), CLEARANCE_M)
+    np.testing.assert_array_equal(world.model.geom_group, before[0])
+    np.testing.assert_array_equal(world.model.geom_rgba, before[1])
+    x, y = traversable.space.points(np.argwhere(traversable.mask)).T
+    assert len(x) > 500
+    assert not outside(x, y).any()
+    with pytest.raises(TrialError, match=f"goal .* m: .*{said}"):
+        expect_clear(traversable, "goal", np.array([1.9, 1.2] if ground != TILES else [1.0, 1.0]))
+    on = main_component(traversable, world.path.waypoints, "world")
+    sample_start_goal(traversable, on, (1.0, 5.0), np.random.default_rng(0))
+
+
+def test_route_off_the_ground_is_refused(tmp_path):
+    traversable = TraversableSpace(map_free_space(world_on(SLAB, tmp_path), 0.5), CLEARANCE_M)
+    expect_route(traversable, np.array([[0.0, -1.0], [1.9, -1.0]]))
+    with pytest.raises(TrialError, match=r"route near \(0\.00, 1\.50\) m: there is no ground"):
+        expect_route(traversable, np.array([[0.0, -1.0], [0.0, 1.5], [0.0, 0.0]]))
 
 
 def test_nav_settings_refuse_contradictions():

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import typer
 
 from sim.batch import Task, build, perform_all
+from sim.certificate.manifest_check import check_digest
 from sim.record import Recording, record
 from sim.settings import RecordSettings, recorded_settings
 from trials.cli import console
@@ -76,6 +77,11 @@ def _task_of(manifest: Path, out: Path) -> tuple[Task, dict[str, Any]]:
     """Read scene and settings of a dataset, and its manifest, from its folder or dataset.json."""
     folder = manifest.parent if manifest.name == MANIFEST else manifest
     content = read_manifest(folder)
+    for problem in check_digest(content):
+        raise DatasetError(
+            f"{folder / MANIFEST}: {problem}; restore it, or record with other settings by "
+            "`driftyard generate SCENE --set KEY=VALUE`"
+        )
     try:
         source, settings = content["scene"]["source"], content["settings"]
     except (KeyError, TypeError):

@@ -12,7 +12,13 @@ from trials.gym.env.tasks import Explore, FollowRoute, ReachGoal
 from trials.gym.world.dynamic_agents import DynamicAgent
 from trials.gym.world.dynamics import sample_dynamics
 from trials.gym.world.scene_instance import SceneInstance, rebuilt_along
-from trials.gym.world.start_goal_sampling import TrialError, expect_clear, sample_start_goal
+from trials.gym.world.start_goal_sampling import (
+    TrialError,
+    expect_clear,
+    expect_route,
+    expect_start,
+    sample_start_goal,
+)
 from vo.contract.arrays import Array
 
 
@@ -49,6 +55,8 @@ class RoverRoute(RoverEnv):
         _refuse_others(options, ())
         path = base.simulation.world.path
         expect_clear(base.traversable, "start", path.waypoints[0])
+        steps = np.arange(0, path.length_m, base.traversable.space.cell_m)
+        expect_route(base.traversable, path.at(np.append(steps, path.length_m)))
         return base, FollowRoute(path, self.trial)
 
 
@@ -67,7 +75,7 @@ class RoverExplore(RoverEnv):
             ends = sample_start_goal(traversable, base.component, distance_m, self.np_random)
             start = ends.start
         else:
-            expect_clear(traversable, "start", start[:2])
+            expect_start(traversable, start[:2])
         return base, Explore(traversable, start, self.trial)
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trials.gym.world.free_space import DistanceField, TraversableSpace
+from trials.gym.world.free_space import NO_GEOM, NO_GROUND, DistanceField, TraversableSpace
 from vo.contract.arrays import Array, Indices, Mask
 from vo.contract.errors import DriftyardError
 
@@ -15,6 +15,8 @@ MAX_HEADING_ERROR_RAD = math.radians(30)
 """Largest angle between the rover's heading and its path at the start, to either side."""
 MIN_START_CLEARANCE_M = 0.38
 """Distance from the axle to the rearmost point of the rover."""
+
+NO_GROUND_SAID = "there is no ground that the rover can drive on"
 
 
 class TrialError(DriftyardError):
@@ -64,19 +66,19 @@ def sample_start_goal(
             places at such a distance.
     """
     if start is not None:
-        expect_clear(traversable, "start", start[:2])
+        expect_start(traversable, start[:2])
     space, (shortest, longest) = traversable.space, distance_m
     clearance_m = max(MIN_START_CLEARANCE_M, traversable.min_clearance_m)
     roomy = component & (space.clearance_m >= clearance_m)
 
-    def far_enough(field: DistanceField) -> Indices:
-        return np.argwhere(roomy & (field.distances_m >= shortest) & (field.distances_m <= longest))
+    def far_enough(field: DistanceField, where: Mask = roomy) -> Indices:
+        return np.argwhere(where & (field.distances_m >= shortest) & (field.distances_m <= longest))
 
     def sampled(cells: Indices) -> Array:
         return space.points(cells[rng.integers(len(cells))])
 
     if goal is None:
-        places = np.argwhere(roomy)
+        places = np.argwhere(roomy & space.is_level)
         for _ in range(1 if start is not None else MAX_STARTS if len(places) else 0):
             place = sampled(places) if start is None else start[:2]
             goals = far_enough(traversable.distance_field(place))
@@ -88,7 +90,7 @@ def sample_start_goal(
     field = traversable.distance_field(goal)
     said = f"goal ({goal[0]:g}, {goal[1]:g}) m"
     if start is None:
-        starts = far_enough(field)
+        starts = far_enough(field, roomy & space.is_level)
         if len(starts) == 0:
             raise TrialError(f"{said}: no start at a distance of {shortest:g} to {longest:g} m")
         return _start_goal(field, sampled(starts), rng, start)
@@ -109,6 +111,8 @@ def expect_clear(traversable: TraversableSpace, label: str, point: Array) -> Non
         raise TrialError(f"{said}: outside the world")
     if space.clearance_m[tuple(cell)] >= traversable.min_clearance_m:
         return
+    if space.obstacles[tuple(cell)] == NO_GROUND:
+        raise TrialError(f"{said}: {NO_GROUND_SAID}")
     name, distance_m = space.nearest(point)
     if distance_m < space.cell_m:
         raise TrialError(f"{said}: inside {name}")
@@ -116,6 +120,30 @@ def expect_clear(traversable: TraversableSpace, label: str, point: Array) -> Non
         f"{said}: {space.clearance_m[tuple(cell)]:.2f} m of clearance beside {name}, the rover "
         f"needs {traversable.min_clearance_m:g} m"
     )
+
+
+def expect_start(traversable: TraversableSpace, point: Array) -> None:
+    """Refuse a start (2,) without clearance, or on ground of another height than is stated."""
+    expect_clear(traversable, "start", point)
+    space = traversable.space
+    if not space.is_level[tuple(space.cells(point))]:
+        raise TrialError(
+            f"start ({point[0]:g}, {point[1]:g}) m: the ground is not as high as the scene states"
+        )
+
+
+def expect_route(traversable: TraversableSpace, points: Array) -> None:
+    """Refuse a route (N, 2) that leaves the ground or ends in an obstacle."""
+    space = traversable.space
+    cells = np.clip(space.cells(points), 0, np.array(space.obstacles.shape) - 1)
+    found = space.obstacles[tuple(cells.T)]
+    for point in points[found == NO_GROUND]:
+        raise TrialError(f"route near ({point[0]:.2f}, {point[1]:.2f}) m: {NO_GROUND_SAID}")
+    if found[-1] != NO_GEOM:
+        end = points[-1]
+        raise TrialError(
+            f"route: its end ({end[0]:g}, {end[1]:g}) m is inside {space.names[found[-1]]}"
+        )
 
 
 def _start_goal(

@@ -1,0 +1,63 @@
+"""The ground of a user's world: where there is some, and which walls are planes."""
+
+from collections.abc import Generator
+from contextlib import contextmanager
+
+import mujoco
+import numpy as np
+
+from sim.world.world import World
+from vo.contract.arrays import Array, Indices, Mask
+
+ABOVE_M = 100.0
+"""Height above the stated ground from which the ground is sought."""
+UPWARDS = 0.7
+"""Vertical component of the normal from which a plane is ground, else a wall or a ceiling."""
+LIFT_M = 0.05
+"""Height above the ground at which planes stand in the way."""
+
+
+def ground_heights(world: World, points: Array, below: Mask) -> Array:
+    """Return how high the ground is at world points (N, 2) above what the scene states, metres.
+
+    It is the highest of the static geoms `below` (ngeom,) that carry wheels; NaN (N,) without one.
+    """
+    model, data = world.model, world.data
+    planes = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
+    carries = ((model.geom_contype | model.geom_conaffinity) & 1 != 0) & below
+    carries &= ~(planes & (data.geom_xmat[:, 8] < UPWARDS))
+    carries &= model.body_weldid[model.geom_bodyid] == 0
+    down, group = np.array([0.0, 0.0, -1.0]), np.array([1, 0, 0, 0, 0, 0], np.uint8)
+    found, geom = np.full(len(points), np.nan), np.full(1, -1, np.int32)
+    stated_m = np.broadcast_to(world.scene.elevation(points), len(points))
+    with _in_group_0(model, carries):
+        for k, (x, y) in enumerate(points.tolist()):
+            above = np.array([x, y, stated_m[k] + ABOVE_M])
+            distance_m = mujoco.mj_ray(model, data, above, down, group, 1, -1, geom)
+            if geom[0] >= 0:
+                found[k] = ABOVE_M - distance_m
+    return found
+
+
+def planes_before(world: World, points: Array) -> Indices:
+    """Return the plane that each point (N, 3) of the ground is behind, in its half-space, or -1."""
+    model, data = world.model, world.data
+    behind = np.full(len(points), -1)
+    solid = (model.geom_contype | model.geom_conaffinity) & 1 != 0
+    for geom in np.flatnonzero(solid & (model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE)):
+        away = points - data.geom_xpos[geom]
+        away[:, 2] += LIFT_M
+        behind[away @ data.geom_xmat[geom, 2::3] < 0] = geom
+    return behind
+
+
+@contextmanager
+def _in_group_0(model: mujoco.MjModel, geoms: Mask) -> Generator[None]:
+    """Let rays meet these geoms alone, visible or not."""
+    kept = model.geom_group.copy(), model.geom_matid.copy(), model.geom_rgba.copy()
+    model.geom_group[:] = np.where(geoms, 0, 1)
+    model.geom_matid[:], model.geom_rgba[:, 3] = -1, 1.0
+    try:
+        yield
+    finally:
+        model.geom_group[:], model.geom_matid[:], model.geom_rgba[:] = kept
