@@ -17,6 +17,8 @@ START_CLEARANCE_M = 0.01
 """Height above level ground from which the rover drops, so that no brick is inside a wheel."""
 DROP_MAX_M = 0.05
 """Greatest distance of the ground below the height that the scene states for it."""
+ABOVE_M = 100.0
+"""Height above the stated ground from which the ground is sought."""
 SETTLING_CONTACT_M = 0.004
 """Penetration of an obstacle from which a start has no free space."""
 FLAGS = {
@@ -49,7 +51,7 @@ def check_start(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, start:
         )
     where = f"at the start ({start[0]:g}, {start[1]:g}) m"
     _check_ground(scene, model, data, start, where)
-    _check_space(scene, model, data, where)
+    _check_space(scene, model, data, start, where)
 
 
 def check_view(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, eye: Array) -> None:
@@ -93,7 +95,9 @@ def _check_ground(
     raise SettingsError(f"scene {scene.name}: no ground {where}: {reason}")
 
 
-def _check_space(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, where: str) -> None:
+def _check_space(
+    scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, start: Array, where: str
+) -> None:
     """Name the obstacle that the rover is inside of."""
     for contact in data.contact:
         if contact.dist < -SETTLING_CONTACT_M:
@@ -101,9 +105,23 @@ def _check_space(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, where
             mine = [model.body(int(root)).name.startswith(PREFIX) for root in roots]
             if any(mine) and not all(mine):
                 geom = int(contact.geom[mine.index(False)])
-                is_mesh = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH
-                hint = " (of a mesh, its convex hull collides)" if is_mesh else ""
-                name = geom_name(model, geom)
-                raise SettingsError(
-                    f"scene {scene.name}: no free space {where}, {name} is in the way{hint}"
-                )
+                found = f"{geom_name(model, geom)} is in the way"
+                found += _shape_hint(model, data, geom, start, float(scene.elevation(start)))
+                raise SettingsError(f"scene {scene.name}: no free space {where}, {found}")
+
+
+def _shape_hint(
+    model: mujoco.MjModel, data: mujoco.MjData, geom: int, start: Array, stated_m: float
+) -> str:
+    """Say what of an obstacle may not be expected: the height of ground, the hull of a mesh."""
+    kind, down = model.geom_type[geom], np.array([0.0, 0.0, -1.0])
+    above, up = np.array([*start, stated_m + ABOVE_M]), data.geom_xmat[geom, 2::3]
+    distance_m = -1.0
+    if kind == mujoco.mjtGeom.mjGEOM_HFIELD:
+        distance_m = mujoco.mj_rayHfield(model, data, geom, above, down)
+    elif kind == mujoco.mjtGeom.mjGEOM_PLANE and up[2] > math.cos(TIPPED_RAD):
+        distance_m = up @ (above - data.geom_xpos[geom]) / up[2]
+    if distance_m >= 0:
+        height_m = round(above[2] - distance_m, 6)
+        return f": its surface is at z = {height_m:g} m, expected {stated_m:g} m"
+    return ": of a mesh, the convex hull collides" if kind == mujoco.mjtGeom.mjGEOM_MESH else ""

@@ -41,7 +41,7 @@ def world_file(folder: Path, content: str, option: str = "") -> str:
         (
             FLOOR.replace("/>", ' pos="0 0 .3"/>'),
             "",
-            r"no free space at the start \(0, -1\) m, floor",
+            r"no free space at the start .*, floor is in the way: its surface is at z = 0\.3 m, ex",
         ),
         (FLOOR, '<option gravity="0 0 0"/>', r"gravity is \(0, 0, 0\) m/s\^2; a rover needs"),
         (FLOOR, '<option gravity="0 0 9"/>', r"gravity is \(0, 0, 9\) m/s\^2; a rover needs"),

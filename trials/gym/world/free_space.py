@@ -18,8 +18,9 @@ from scipy.sparse.csgraph import dijkstra
 
 from scenes.scene import Kind
 from sim.world.rover import BODY
+from sim.world.start import ABOVE_M
 from sim.world.world import World, thing_of
-from trials.gym.world.ground import ABOVE_M, ground_heights, planes_before
+from trials.gym.world.ground import ground_heights, planes_before
 from vo.contract.arrays import Array, Indices, Mask
 
 CELL_M = 0.05

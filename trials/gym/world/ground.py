@@ -6,11 +6,10 @@ from contextlib import contextmanager
 import mujoco
 import numpy as np
 
+from sim.world.start import ABOVE_M
 from sim.world.world import World
 from vo.contract.arrays import Array, Indices, Mask
 
-ABOVE_M = 100.0
-"""Height above the stated ground from which the ground is sought."""
 UPWARDS = 0.7
 """Vertical component of the normal from which a plane is ground, else a wall or a ceiling."""
 LIFT_M = 0.05
