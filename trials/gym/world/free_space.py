@@ -18,21 +18,16 @@ from scipy.sparse.csgraph import dijkstra
 
 from scenes.scene import Kind
 from sim.world.rover import BODY
-from sim.world.start import ABOVE_M
 from sim.world.world import World, thing_of
-from trials.gym.world.ground import ground_heights, planes_before
+from trials.gym.world.ground import CLIMBABLE_M, map_ground
 from vo.contract.arrays import Array, Indices, Mask
 
 CELL_M = 0.05
 MAX_CELLS = 400
 """Cells along the longer side; larger worlds have larger cells."""
-CLIMBABLE_M = 0.05
-"""Height above the ground up to which the rover drives over a thing."""
 HEADROOM_M = 0.1
 """Free height above the cameras that the rover needs to drive under a thing."""
 NO_GEOM, NO_GROUND = -1, -2
-SLOPE_MAX = 0.47
-"""Steepest ground that counts as such in a user's world: 25 degrees."""
 SQRT2 = float(np.sqrt(2))
 STEPS = ((0, 1, 1.0), (1, 0, 1.0), (1, 1, SQRT2), (1, -1, SQRT2))
 """Down, right and length of half of the eight steps."""
@@ -96,34 +91,20 @@ def map_free_space(world: World, height_m: float) -> FreeSpace:
         if heights_m.min() < height_m + HEADROOM_M:
             scaled = np.round((corners[:, :2] - origin) / cell_m * 16).astype(np.int32)
             cv2.fillConvexPoly(grid, cv2.convexHull(scaled), int(geom), cv2.LINE_8, 4)
-    is_level = _close_without_ground(world, grid, origin, cell_m)
+    is_level = np.ones(shape, bool)
+    if world.scene.source:  # the ground of a user's world may end
+        points, is_free = (
+            origin + np.indices(shape)[::-1].T.swapaxes(0, 1) * cell_m,
+            grid == NO_GEOM,
+        )
+        ends, walls, is_level = map_ground(world, points, cell_m, ~obstacle_geoms(world))
+        grid[is_free & ends] = NO_GROUND
+        grid[is_free & (walls >= 0)] = walls[is_free & (walls >= 0)]
     open_cells = np.pad((grid == NO_GEOM).astype(np.uint8), 1)  # the edge is an obstacle too
     distance = cv2.distanceTransform(open_cells, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
     clearance_m = np.maximum(distance - 0.5, 0) * cell_m
     names = tuple(thing_of(world, k).name for k in range(world.model.ngeom))
     return FreeSpace(origin, cell_m, grid.astype(np.int64), clearance_m, is_level, names)
-
-
-def _close_without_ground(world: World, grid: Array, origin: Array, cell_m: float) -> Mask:
-    """Mark in the grid (H, W) where a user's world has no ground, or a plane for a wall.
-
-    A step that the rover cannot climb ends the ground. Returns which cells are level, (H, W).
-    """
-    if not world.scene.source:
-        return np.ones(grid.shape, bool)
-    points = origin + np.indices(grid.shape)[::-1].reshape(2, -1).T * cell_m
-    height_m = ground_heights(world, points, ~obstacle_geoms(world))
-    z = world.scene.elevation(points) + np.nan_to_num(height_m)
-    walls = planes_before(world, np.column_stack([points, z])).reshape(grid.shape)
-    height_m, around = height_m.reshape(grid.shape), np.ones((3, 3), np.uint8)
-    filled = np.nan_to_num(height_m, nan=-ABOVE_M)
-    step_m = cv2.dilate(filled, around) - cv2.erode(filled, around)
-    is_free = grid == NO_GEOM
-    ends = np.isnan(height_m) | (step_m > max(CLIMBABLE_M, 2 * SLOPE_MAX * cell_m))
-    grid[is_free & ends] = NO_GROUND
-    is_wall = is_free & (walls >= 0)
-    grid[is_wall] = walls[is_wall]
-    return np.abs(height_m) <= CLIMBABLE_M
 
 
 def obstacle_geoms(world: World) -> Mask:

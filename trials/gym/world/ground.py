@@ -3,6 +3,7 @@
 from collections.abc import Generator
 from contextlib import contextmanager
 
+import cv2
 import mujoco
 import numpy as np
 
@@ -10,13 +11,39 @@ from sim.world.start import ABOVE_M
 from sim.world.world import World
 from vo.contract.arrays import Array, Indices, Mask
 
+CLIMBABLE_M = 0.05
+"""Height above the ground up to which the rover drives over a thing."""
+SLOPE_MAX = 0.47
+"""Steepest slope, of 25 degrees."""
 UPWARDS = 0.7
 """Vertical component of the normal from which a plane is ground, else a wall or a ceiling."""
 LIFT_M = 0.05
 """Height above the ground at which planes stand in the way."""
 
 
-def ground_heights(world: World, points: Array, below: Mask) -> Array:
+def map_ground(
+    world: World, points: Array, cell_m: float, below: Mask
+) -> tuple[Mask, Indices, Mask]:
+    """Find where the ground of a world ends, on a grid of points (H, W, 2) `cell_m` apart.
+
+    A step that the rover cannot climb ends it too. `below` (ngeom,) are no obstacles.
+
+    Returns:
+        (H, W) whether it ends there, the plane that is a wall before it, or -1, and whether it is as
+        high as the scene states.
+    """
+    flat, shape = points.reshape(-1, 2), points.shape[:2]
+    height_m, around = _heights(world, flat, below), np.ones((3, 3), np.uint8)
+    z = world.scene.elevation(flat) + np.nan_to_num(height_m)
+    walls = _planes_before(world, np.column_stack([flat, z])).reshape(shape)
+    height_m = height_m.reshape(shape)
+    filled = np.nan_to_num(height_m, nan=-ABOVE_M)
+    step_m = cv2.dilate(filled, around) - cv2.erode(filled, around)
+    ends = np.isnan(height_m) | (step_m > max(CLIMBABLE_M, 2 * SLOPE_MAX * cell_m))
+    return ends, walls, np.abs(height_m) <= CLIMBABLE_M
+
+
+def _heights(world: World, points: Array, below: Mask) -> Array:
     """Return how high the ground is at world points (N, 2) above what the scene states, metres.
 
     It is the highest of the static geoms `below` (ngeom,) that carry wheels; NaN (N,) without one.
@@ -38,7 +65,7 @@ def ground_heights(world: World, points: Array, below: Mask) -> Array:
     return found
 
 
-def planes_before(world: World, points: Array) -> Indices:
+def _planes_before(world: World, points: Array) -> Indices:
     """Return the plane that each point (N, 3) of the ground is behind, in its half-space, or -1."""
     model, data = world.model, world.data
     behind = np.full(len(points), -1)
