@@ -19,7 +19,7 @@ from scipy.sparse.csgraph import dijkstra
 from scenes.scene import Kind
 from sim.world.rover import BODY
 from sim.world.world import World, thing_of
-from trials.gym.world.ground import CLIMBABLE_M, map_ground
+from trials.gym.world.ground import CLIMBABLE_M, NO_GEOM, NO_GROUND, map_ground
 from vo.contract.arrays import Array, Indices, Mask
 
 CELL_M = 0.05
@@ -27,7 +27,6 @@ MAX_CELLS = 400
 """Cells along the longer side; larger worlds have larger cells."""
 HEADROOM_M = 0.1
 """Free height above the cameras that the rover needs to drive under a thing."""
-NO_GEOM, NO_GROUND = -1, -2
 SQRT2 = float(np.sqrt(2))
 STEPS = ((0, 1, 1.0), (1, 0, 1.0), (1, 1, SQRT2), (1, -1, SQRT2))
 """Down, right and length of half of the eight steps."""
@@ -93,13 +92,9 @@ def map_free_space(world: World, height_m: float) -> FreeSpace:
             cv2.fillConvexPoly(grid, cv2.convexHull(scaled), int(geom), cv2.LINE_8, 4)
     is_level = np.ones(shape, bool)
     if world.scene.source:  # the ground of a user's world may end
-        points, is_free = (
-            origin + np.indices(shape)[::-1].T.swapaxes(0, 1) * cell_m,
-            grid == NO_GEOM,
-        )
-        ends, walls, is_level = map_ground(world, points, cell_m, ~obstacle_geoms(world))
-        grid[is_free & ends] = NO_GROUND
-        grid[is_free & (walls >= 0)] = walls[is_free & (walls >= 0)]
+        points = origin + np.moveaxis(np.indices(shape)[::-1], 0, -1) * cell_m
+        ends, is_level = map_ground(world, points, cell_m, ~obstacle_geoms(world))
+        grid = np.where(grid == NO_GEOM, ends, grid)
     open_cells = np.pad((grid == NO_GEOM).astype(np.uint8), 1)  # the edge is an obstacle too
     distance = cv2.distanceTransform(open_cells, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
     clearance_m = np.maximum(distance - 0.5, 0) * cell_m

@@ -1,4 +1,4 @@
-"""The ground of a user's world: where there is some, and which walls are planes."""
+"""The ground of a user's world: where it ends, and which walls are planes."""
 
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -11,43 +11,42 @@ from sim.world.start import ABOVE_M
 from sim.world.world import World
 from vo.contract.arrays import Array, Indices, Mask
 
+NO_GEOM, NO_GROUND = -1, -2
 CLIMBABLE_M = 0.05
 """Height above the ground up to which the rover drives over a thing."""
 SLOPE_MAX = 0.47
 """Steepest slope, of 25 degrees."""
 UPWARDS = 0.7
 """Vertical component of the normal from which a plane is ground, else a wall or a ceiling."""
-LIFT_M = 0.05
-"""Height above the ground at which planes stand in the way."""
 
 
-def map_ground(
-    world: World, points: Array, cell_m: float, below: Mask
-) -> tuple[Mask, Indices, Mask]:
-    """Find where the ground of a world ends, on a grid of points (H, W, 2) `cell_m` apart.
+def map_ground(world: World, points: Array, cell_m: float, below: Mask) -> tuple[Indices, Mask]:
+    """Find where the ground ends, on a grid of world points (H, W, 2) that are `cell_m` apart.
 
-    A step that the rover cannot climb ends it too. `below` (ngeom,) are no obstacles.
+    It consists of the geoms `below` (ngeom,), ends at steps that the rover cannot climb, and where
+    planes end as they are drawn, though MuJoCo's have no end.
 
     Returns:
-        (H, W) whether it ends there, the plane that is a wall before it, or -1, and whether it is as
-        high as the scene states.
+        (H, W) NO_GROUND, the plane that is a wall before it, or NO_GEOM where it does not end, and
+        whether it is as high as the scene states.
     """
-    flat, shape = points.reshape(-1, 2), points.shape[:2]
-    height_m, around = _heights(world, flat, below), np.ones((3, 3), np.uint8)
-    z = world.scene.elevation(flat) + np.nan_to_num(height_m)
-    walls = _planes_before(world, np.column_stack([flat, z])).reshape(shape)
-    height_m = height_m.reshape(shape)
-    filled = np.nan_to_num(height_m, nan=-ABOVE_M)
+    model, data = world.model, world.data
+    height_m = _heights(world, points.reshape(-1, 2), below).reshape(points.shape[:2])
+    around, filled = np.ones((3, 3), np.uint8), np.nan_to_num(height_m, nan=-ABOVE_M)
     step_m = cv2.dilate(filled, around) - cv2.erode(filled, around)
-    ends = np.isnan(height_m) | (step_m > max(CLIMBABLE_M, 2 * SLOPE_MAX * cell_m))
-    return ends, walls, np.abs(height_m) <= CLIMBABLE_M
+    no_ground = np.isnan(height_m) | (step_m > max(CLIMBABLE_M, 2 * SLOPE_MAX * cell_m))
+    ends = np.where(no_ground, NO_GROUND, NO_GEOM)
+    z = world.scene.elevation(points.reshape(-1, 2)) + np.nan_to_num(height_m).ravel()
+    above = np.column_stack([points.reshape(-1, 2), z + CLIMBABLE_M])
+    solid = (model.geom_contype | model.geom_conaffinity) & 1 != 0
+    for geom in np.flatnonzero(solid & (model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE)):
+        distance_m = (above - data.geom_xpos[geom]) @ data.geom_xmat[geom, 2::3]
+        ends[distance_m.reshape(ends.shape) < 0] = geom
+    return ends, np.abs(height_m) <= CLIMBABLE_M
 
 
 def _heights(world: World, points: Array, below: Mask) -> Array:
-    """Return how high the ground is at world points (N, 2) above what the scene states, metres.
-
-    It is the highest of the static geoms `below` (ngeom,) that carry wheels; NaN (N,) without one.
-    """
+    """Return the height (N,) of the ground at points (N, 2) above what the scene states; or NaN."""
     model, data = world.model, world.data
     planes = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
     carries = ((model.geom_contype | model.geom_conaffinity) & 1 != 0) & below
@@ -63,18 +62,6 @@ def _heights(world: World, points: Array, below: Mask) -> Array:
             if geom[0] >= 0:
                 found[k] = ABOVE_M - distance_m
     return found
-
-
-def _planes_before(world: World, points: Array) -> Indices:
-    """Return the plane that each point (N, 3) of the ground is behind, in its half-space, or -1."""
-    model, data = world.model, world.data
-    behind = np.full(len(points), -1)
-    solid = (model.geom_contype | model.geom_conaffinity) & 1 != 0
-    for geom in np.flatnonzero(solid & (model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE)):
-        away = points - data.geom_xpos[geom]
-        away[:, 2] += LIFT_M
-        behind[away @ data.geom_xmat[geom, 2::3] < 0] = geom
-    return behind
 
 
 @contextmanager
