@@ -228,10 +228,10 @@ def _vins(path: Path, content: Sheet) -> tuple[Sheet, Sheet] | None:
 
 def _camodocal(content: Sheet) -> Sheet:
     """Translate a camera file of VINS; others stay as they are."""
-    projection = content.get("projection_parameters")
-    if not isinstance(projection, Mapping) or "model_type" not in content:
+    parts = content.get("distortion_parameters", {}), content.get("projection_parameters")
+    if not all(isinstance(x, Mapping) for x in parts) or "model_type" not in content:
         return content
-    known = {**(content.get("distortion_parameters") or {}), **projection}
+    known = {**parts[0], **parts[1]}
     focal, names = FOCAL, RADIAL_TANGENTIAL
     if "mu" in known:
         focal, names = KANNALA_BRANDT, ("k2", "k3", "k4", "k5")

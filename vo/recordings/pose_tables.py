@@ -84,7 +84,7 @@ def unnamed_columns(table: Table, unit_ns: int, usual: PoseColumns) -> PoseColum
     has_commas = table.separator in (",", ";")
     fits = has_commas == (unit_ns == NS)
     columns = (EUROC if has_commas else TUM) if fits else usual
-    if has_commas != (usual is EUROC):
+    if has_commas != (usual is EUROC) and len(table.rows[0]) >= 8:
         order = "qw, qx, qy, qz" if columns is EUROC else "qx, qy, qz, qw"
         remark(f"{table.path}: no header names its columns; quaternions are taken as {order}")
     return columns
