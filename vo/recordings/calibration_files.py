@@ -228,16 +228,19 @@ def _vins(path: Path, content: Sheet) -> tuple[Sheet, Sheet] | None:
 
 def _camodocal(content: Sheet) -> Sheet:
     """Translate a camera file of VINS; others stay as they are."""
-    parts = content.get("distortion_parameters", {}), content.get("projection_parameters")
-    if not all(isinstance(x, Mapping) for x in parts) or "model_type" not in content:
+    lens, projection = (
+        content.get("distortion_parameters", {}),
+        content.get("projection_parameters"),
+    )
+    if not isinstance(lens, Mapping) or not isinstance(projection, Mapping):
         return content
-    known = {**parts[0], **parts[1]}
+    known = {**lens, **projection}
     focal, names = FOCAL, RADIAL_TANGENTIAL
     if "mu" in known:
         focal, names = KANNALA_BRANDT, ("k2", "k3", "k4", "k5")
     return {
         **content,
-        "camera_model": content["model_type"],
+        "camera_model": content.get("model_type"),
         "intrinsics": [known.get(x) for x in focal],
         "distortion_coefficients": [known[x] for x in names if x in known],
         "distortion_model": "radial-tangential" if focal is FOCAL else "",
