@@ -11,21 +11,23 @@ the gradients of neighbouring pixels.
 Source: instrumental variables and sandwich covariance, Greene, Econometric Analysis, 2018, ch. 8.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from sim.imaging.resample import sample_with_gradient
 from vo.contract.arrays import Array, Indices, Mask
 from vo.contract.compilation import compiled
 
-RUN_PX, PIXELS_EACH_ROW_STEP = 8, 75_000
-"""Of every run of so many pixels, the one with the steepest grey is used, in every fourth row of an
-image with four times so many pixels, and in more rows of smaller ones."""
+RUN_PX, PIXELS_EACH_ROW_STEP = 8, 300_000
+"""Of every run of so many pixels, the one with the steepest grey is used, in every row of an image of
+less than twice so many pixels, and in fewer rows of larger ones."""
 SHADING_PX, STEEP_MIN = 15, 1.0
 """Gradients are less their mean over so many pixels, and at least so many grey levels per pixel:
 the rest may be the shading of shiny surfaces, which differs between two views."""
+SMOOTHED_PX = 2
+"""Radius of the gradient's filter, in which noise averages out: the Sobel operator of 5 x 5 pixels."""
 MARGIN_PX = 7
 """Border of both images without pixels."""
 BEND_MAX_PX = 0.2
@@ -35,6 +37,8 @@ MODEL_PX = 0.2
 """Standard deviation of the place of an edge in an image: weight of steep edges and of noise."""
 SIGMAS = 4.0
 """Largest residual in standard deviations, besides that of a shift by one pixel."""
+PRIOR_PIXELS = 8
+"""Weight of the whole image's noise in that of a square."""
 SQUARE_PX, ALIASING_PX = 16, 0.2
 """Side of the squares of pixels that count as one observation, and standard deviation of what
 aliasing shifts all edges of one: a few edges of shadows do not determine a bias."""
@@ -111,18 +115,12 @@ def _inverse(information: Array) -> Array:
 
 
 def row_step(image: Array) -> int:
-    """Return 1, 2 or 4: every so many rows of an image (H, W) are used."""
-    return 1 << int(np.clip(image.size // PIXELS_EACH_ROW_STEP, 1, 4)).bit_length() - 1
+    """Return 1, 2, 4 or 8: every so many rows of an image (H, W) are used."""
+    return 1 << int(np.clip(image.size // PIXELS_EACH_ROW_STEP, 1, 8)).bit_length() - 1
 
 
 def shift_of(
-    image: Array,
-    other: Array,
-    motion: Array,
-    visible: Mask,
-    channels: int,
-    view: Callable[[Array, Array], tuple[Array, Array]],
-    lag: int,
+    image: Array, other: Array, motion: Array, visible: Mask, H: Array, channels: int, lag: int
 ) -> Shift:
     """Sum up how a label of motion is shifted, from every `row_step`-th row.
 
@@ -132,86 +130,137 @@ def shift_of(
         motion: (H, W, C) float32, contiguous, pixels along u and, from two channels on, v; NaN
             where unknown.
         visible: (R, W) whether the other image shows the pixel, for every `row_step`-th row.
+        H: (3, 3) homography from positions by the labels to those in the other image.
         channels: 1 or 2 directions.
-        view: Maps positions u, v (N,) by their labels to those in the other image.
-        lag: Distance in pixels of neighbours whose gradients, of 3 x 3 pixels, have independent
-            noise.
+        lag: Distance in pixels from which the noise of two pixels is independent.
     """
-    count = len(visible) * (image.shape[1] // RUN_PX + 1)
-    pixels, slopes = np.empty((count, 2), np.int64), np.empty((count, 2, channels))
-    found = _steepest(image, motion, visible, row_step(image), lag, pixels, slopes)
-    v, u = pixels[:found].T
-    moved = np.zeros((2, found), np.float32)
-    moved[:channels] = motion[v, u, :channels].T
-    at_u, at_v = view(u + moved[0], v + moved[1])
-    height, width = other.shape
-    inside = (at_u >= MARGIN_PX) & (at_u <= width - 1 - MARGIN_PX)
-    inside &= (at_v >= MARGIN_PX) & (at_v <= height - 1 - MARGIN_PX)
-    v, u = v[inside], u[inside]
-    warped = sample_with_gradient(other, at_u[inside], at_v[inside]).astype(np.float64)
-    r, x = warped[:, 0] - image[v, u], warped[:, 1 : 1 + channels]
-    z, beside = slopes[:found][inside].transpose(1, 0, 2)
-    steep = np.sqrt((z * z).sum(axis=1))
-    sigma = max(1.0, 1.4826 * float(np.median(np.abs(r)))) if len(r) else 1.0
-    weight = (np.abs(r) <= SIGMAS * sigma + steep) / (sigma**2 + (MODEL_PX * steep) ** 2)
-    z_weighted = weight[:, None] * z
-    # By einsum: sums of BLAS depend on where arrays lie in memory, in their last digits.
-    information = np.einsum("ni,nj->ij", z_weighted, x)
-    product = np.einsum("ni,n->i", z_weighted, r)
+    slopes = _slopes(image, channels)
+    count, columns = len(visible) * (image.shape[1] // RUN_PX + 1), image.shape[1] // SQUARE_PX + 1
+    seen, squares = np.empty((count, 1 + 3 * channels)), np.empty(count, np.int64)
+    step = row_step(image)
+    found = _observe(
+        image, other, slopes, motion, visible, H, step, SMOOTHED_PX + lag, seen, squares
+    )
+    seen, squares = seen[:found], squares[:found]
+    noise2 = _noise_variance(seen[:, 0], squares, columns * (image.shape[0] // SQUARE_PX + 1))
+    information = np.zeros((len(noise2), channels, channels))
+    product, lack = np.zeros((2, len(noise2), channels))
+    _sum_up(seen, squares, noise2, information, product, lack)
+    total = information.sum(axis=0), product.sum(axis=0)
     # The variance is that of what the shift does not explain.
-    shift = np.nan_to_num(_inverse(information) @ product).clip(-1, 1)
-    noise = z_weighted * (r - x @ shift)[:, None]
-    lack = z_weighted * (COMMON_SHARE * beside - x)
-    square = v // SQUARE_PX * (image.shape[1] // SQUARE_PX + 1) + u // SQUARE_PX
-    terms = np.hstack([noise, lack, ALIASING_PX * z_weighted * x]).T
-    sums = np.stack([np.bincount(square, term) for term in terms])
-    of_noise, (of_lack, of_aliasing) = sums[:channels], np.split((sums**2).sum(axis=1), 3)[1:]
-    variance = np.einsum("ik,jk->ij", of_noise, of_noise) + np.diag(of_aliasing)
-    return Shift(information, product, variance, lack.sum(axis=0), of_lack)
+    shift = np.nan_to_num(_inverse(total[0]) @ total[1]).clip(-1, 1)
+    noise = product - information @ shift
+    # By einsum: sums of BLAS depend on where arrays lie in memory, in their last digits.
+    variance = np.einsum("ki,kj->ij", noise, noise)
+    variance += np.diag(ALIASING_PX**2 * np.einsum("kii->ki", information**2).sum(axis=0))
+    return Shift(*total, variance, lack.sum(axis=0), (lack**2).sum(axis=0))
+
+
+def _slopes(image: Array, channels: int) -> Array:
+    """Return slopes (C, H, W) along u and v, less their mean over SHADING_PX."""
+    along, middle = np.zeros(SHADING_PX, np.float32), SHADING_PX // 2
+    along[[0, -1]] = 1 / (2 * middle), -1 / (2 * middle)
+    along[middle - 2 : middle + 3] += np.array([-1, -2, 0, 2, 1], np.float32) / 8
+    across = np.array([1, 4, 6, 4, 1], np.float32) / 16
+    slopes = np.empty((channels, *image.shape), np.float32)
+    for c, kernels in zip(range(channels), ((along, across), (across, along)), strict=False):
+        cv2.sepFilter2D(image, -1, *kernels, dst=slopes[c])
+    return slopes
+
+
+def _noise_variance(r: Array, squares: Indices, count: int) -> Array:
+    """Return the variance of the noise in each of a number of squares, from residuals (N,)."""
+    sigma = max(1.0, 1.4826 * float(np.median(np.abs(r)))) if len(r) else 1.0
+    sums = np.bincount(squares, np.minimum(r * r, (SIGMAS * sigma) ** 2), count)
+    number = np.bincount(squares, minlength=count) + PRIOR_PIXELS
+    return np.maximum(1.0, (sums + PRIOR_PIXELS * sigma**2) / number)
 
 
 @compiled(nogil=True)
-def _steepest(
-    image: Array, label: Array, visible: Mask, step: int, lag: int, pixels: Indices, slopes: Array
+def _observe(
+    image: Array,
+    other: Array,
+    slopes: Array,
+    label: Array,
+    visible: Mask,
+    H: Array,
+    step: int,
+    lag: int,
+    seen: Array,
+    squares: Indices,
 ) -> int:
-    """Write the chosen pixels (v, u), and slopes (2, C) at and beside them; return their number."""
-    height, width, channels = image.shape[0], image.shape[1], slopes.shape[2]
-    found = 0
+    """Write residual, slopes, slopes beside and warped slopes of the chosen pixels.
+
+    Return their number; `squares` tells where each is.
+    """
+    channels, height, width = slopes.shape
+    columns, found = width // SQUARE_PX + 1, 0
     for row in range(len(visible)):
         v = row * step
         if v < MARGIN_PX or v >= height - MARGIN_PX:
             continue
         for start in range(MARGIN_PX, width - MARGIN_PX, RUN_PX):
-            best, best_u = STEEP_MIN**2, -1
-            for u in range(start, min(start + RUN_PX, width - MARGIN_PX)):
-                if visible[row, u]:
-                    steep = _slope(image, v, u, 0, 1) ** 2
-                    if channels > 1:
-                        steep += _slope(image, v, u, 1, 0) ** 2
-                    if steep > best and _is_even(label, channels, v, u):
-                        best, best_u = steep, u
-            if best_u >= 0:
-                pixels[found, 0], pixels[found, 1] = v, best_u
-                for c in range(channels):
-                    dv, du = c, 1 - c
-                    slopes[found, 0, c] = _slope(image, v, best_u, dv, du)
-                    slopes[found, 1, c] = _slope_beside(image, v, best_u, dv, du, lag)
-                found += 1
+            u = _steepest(slopes, label, visible[row], v, start)
+            if u < 0:
+                continue
+            x, y = u + label[v, u, 0], np.float32(v)
+            if channels > 1:
+                y += label[v, u, 1]
+            w = H[2, 0] * x + H[2, 1] * y + H[2, 2]
+            x, y = (
+                (H[0, 0] * x + H[0, 1] * y + H[0, 2]) / w,
+                (H[1, 0] * x + H[1, 1] * y + H[1, 2]) / w,
+            )
+            if not (MARGIN_PX <= x < width - MARGIN_PX and MARGIN_PX <= y < height - MARGIN_PX):
+                continue
+            warped = sample_with_gradient(other, x, y)
+            seen[found, 0] = warped[0] - image[v, u]
+            for c in range(channels):
+                seen[found, 1 + 3 * c] = slopes[c, v, u]
+                seen[found, 2 + 3 * c] = _slope_beside(image, v, u, c, 1 - c, lag)
+                seen[found, 3 + 3 * c] = warped[1 + c]
+            squares[found] = v // SQUARE_PX * columns + u // SQUARE_PX
+            found += 1
     return found
 
 
 @compiled(nogil=True)
-def _slope(image: Array, v: int, u: int, dv: int, du: int) -> float:
-    """Slope along (dv, du), smoothed across it, less its mean over SHADING_PX."""
-    total = 2 * (image[v + dv, u + du] - image[v - dv, u - du])
-    for k in (-1, 1):
-        y, x = v + k * du, u + k * dv
-        total += image[y + dv, x + du] - image[y - dv, x - du]
-    far, shading = SHADING_PX // 2, 0.0
-    for k in (-far, 0, far):
-        y, x = v + k * du, u + k * dv
-        shading += image[y + far * dv, x + far * du] - image[y - far * dv, x - far * du]
-    return total / 8 - shading / (6 * far)
+def _steepest(slopes: Array, label: Array, visible: Mask, v: int, start: int) -> int:
+    """Return the column of the steepest usable pixel of a run, or -1."""
+    channels, _, width = slopes.shape
+    ceiling = np.float32(np.inf)
+    while True:
+        best, u = np.float32(STEEP_MIN**2), -1
+        for k in range(start, min(start + RUN_PX, width - MARGIN_PX)):
+            steep = slopes[0, v, k] ** 2
+            if channels > 1:
+                steep += slopes[1, v, k] ** 2
+            if best < steep < ceiling:
+                best, u = steep, k
+        if u < 0 or (visible[u] and _is_even(label, channels, v, u)):
+            return u
+        ceiling = best
+
+
+@compiled(nogil=True)
+def _sum_up(
+    seen: Array, squares: Indices, noise2: Array, information: Array, product: Array, lack: Array
+) -> None:
+    """Add weighted products of what is seen to the sums of each square."""
+    channels = product.shape[1]
+    for i, k in enumerate(squares):
+        r, steep2 = seen[i, 0], 0.0
+        for c in range(channels):
+            steep2 += seen[i, 1 + 3 * c] ** 2
+        if abs(r) > SIGMAS * np.sqrt(noise2[k]) + np.sqrt(steep2):
+            continue
+        weight = 1 / (noise2[k] + MODEL_PX**2 * steep2)
+        for c in range(channels):
+            z = weight * seen[i, 1 + 3 * c]
+            product[k, c] += z * r
+            lack[k, c] += z * (COMMON_SHARE * seen[i, 2 + 3 * c] - seen[i, 3 + 3 * c])
+            for d in range(channels):
+                information[k, c, d] += z * seen[i, 3 + 3 * d]
 
 
 @compiled(nogil=True)

@@ -4,7 +4,7 @@ Right images are warped to left ones by the disparity, next to present ones by t
 show a pixel, after correction of exposure, vignetting, the right camera's gain and its true turn.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -114,7 +114,7 @@ class PhotometricCheck:
         """Prepare the check for the true rig and the left and right sensors."""
         self._sensors = sensors
         R = miscalibration_rotation(settings.calibration)
-        self._H_true_nominal = rig.K @ R.T @ np.linalg.inv(rig.K)
+        self._H_true_nominal = np.ascontiguousarray(rig.K @ R.T @ np.linalg.inv(rig.K))
         self._is_interpolated = has_distortion(settings.sensor)
         self._is_turned = not np.array_equal(R, np.eye(3))
 
@@ -134,7 +134,7 @@ class PhotometricCheck:
             return self._in_true_right(u - disparity_px - np.float32(shift_px), v)
 
         shifted = [positions(shift) for shift in (-SHIFT_PX, SHIFT_PX)]
-        shift = self._shift(first[0], second[0], motion, visible, self._in_true_right)
+        shift = self._shift(first[0], second[0], motion, visible, self._H_true_nominal)
         visible = visible[:: ROW_STEP // step]
         return _compare(first, second, positions(0.0), shifted, visible, shift)
 
@@ -161,22 +161,14 @@ class PhotometricCheck:
         half = SHIFT_PX / np.sqrt(2).astype(np.float32)
         shifted = [(u + du + s, v + dv + s) for s in (-half, half)]
         motion = np.ascontiguousarray(flow)
-        shift = self._shift(first[0], second[0], motion, visible, lambda u, v: (u, v))
+        shift = self._shift(first[0], second[0], motion, visible, np.eye(3))
         visible = visible[:: ROW_STEP // step] & np.isfinite(du)
         compared = _compare(first, second, (u + du, v + dv), shifted, visible, shift)
         return replace(compared, displacement_px=displacement_px)
 
-    def _shift(
-        self,
-        levels: Array,
-        others: Array,
-        motion: Array,
-        visible: Mask,
-        view: Callable[[Array, Array], tuple[Array, Array]],
-    ) -> Shift:
-        lag = 3 if self._is_interpolated else 2
-        channels = min(motion.shape[2], 2)
-        return bias.shift_of(levels, others, motion, visible, channels, view, lag)
+    def _shift(self, levels: Array, others: Array, motion: Array, visible: Mask, H: Array) -> Shift:
+        lag = 2 if self._is_interpolated else 1
+        return bias.shift_of(levels, others, motion, visible, H, min(motion.shape[2], 2), lag)
 
     def _corrected(
         self, camera: int, image: Image, gain: float, level: float = 1.0

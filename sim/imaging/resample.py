@@ -30,16 +30,6 @@ def sample_variance(variance: Array, u_px: Array, v_px: Array) -> Array:
     return _sampled(variance, u_px, v_px, True)
 
 
-def sample_with_gradient(image: Array, u_px: Array, v_px: Array) -> Array:
-    """Return sample, and its derivatives along u and v, (N, 3), of an (H, W) float32 image.
-
-    Positions (N,) are float32, within the outermost pixel centres; kernel and border as `sample`.
-    """
-    out = np.empty((len(u_px), 3), np.float32)
-    _sample_with_gradient(np.ascontiguousarray(image), u_px, v_px, out)
-    return out
-
-
 def _sampled(image: Array, u_px: Array, v_px: Array, squared: bool) -> Array:
     channels = np.ascontiguousarray(image.reshape(*image.shape[:2], -1), dtype=np.float32)
     out = np.empty((*u_px.shape, channels.shape[2]), np.float32)
@@ -106,21 +96,24 @@ def _slopes(t: np.float32) -> tuple[np.float32, np.float32, np.float32, np.float
 
 
 @compiled(nogil=True)
-def _sample_with_gradient(image: Array, u_px: Array, v_px: Array, out: Array) -> None:
+def sample_with_gradient(image: Array, u_px: float, v_px: float) -> tuple[float, float, float]:
+    """Return sample, and its derivatives along u and v, of an (H, W) float32 image at a position.
+
+    Within the outermost pixel centres; kernel and border as `sample`.
+    """
     height, width = image.shape
-    for i in range(len(u_px)):
-        u0, v0 = int(np.floor(u_px[i])), int(np.floor(v_px[i]))
-        tu, tv = np.float32(u_px[i] - u0), np.float32(v_px[i] - v0)
-        wu, wv, su, sv = _weights(tu, False), _weights(tv, False), _slopes(tu), _slopes(tv)
-        value, along_u, along_v = np.float32(0), np.float32(0), np.float32(0)
-        for m in range(4):
-            y = min(max(v0 + m - 1, 0), height - 1)
-            row, slope = np.float32(0), np.float32(0)
-            for n in range(4):
-                pixel = image[y, min(max(u0 + n - 1, 0), width - 1)]
-                row += wu[n] * pixel
-                slope += su[n] * pixel
-            value += wv[m] * row
-            along_u += wv[m] * slope
-            along_v += sv[m] * row
-        out[i, 0], out[i, 1], out[i, 2] = value, along_u, along_v
+    u0, v0 = int(np.floor(u_px)), int(np.floor(v_px))
+    tu, tv = np.float32(u_px - u0), np.float32(v_px - v0)
+    wu, wv, su, sv = _weights(tu, False), _weights(tv, False), _slopes(tu), _slopes(tv)
+    value, along_u, along_v = np.float32(0), np.float32(0), np.float32(0)
+    for m in range(4):
+        y = min(max(v0 + m - 1, 0), height - 1)
+        row, slope = np.float32(0), np.float32(0)
+        for n in range(4):
+            pixel = image[y, min(max(u0 + n - 1, 0), width - 1)]
+            row += wu[n] * pixel
+            slope += su[n] * pixel
+        value += wv[m] * row
+        along_u += wv[m] * slope
+        along_v += sv[m] * row
+    return value, along_u, along_v
