@@ -20,9 +20,11 @@ from sim.imaging.resample import sample_with_gradient
 from vo.contract.arrays import Array, Indices, Mask
 from vo.contract.compilation import compiled
 
-RUN_PX, PIXELS_EACH_ROW_STEP = 8, 300_000
-"""Of every run of so many pixels, the one with the steepest grey is used, in every row of an image of
-less than twice so many pixels, and in fewer rows of larger ones."""
+RUN_PX, PIXELS_EACH_ROW_STEP = 8, 75_000
+"""Of every run of so many pixels, the one with the steepest grey is used, in every fourth row of an
+image with four times so many pixels, and in more rows of smaller ones."""
+NOISY_GREY, NOISY_ROWS = 2.0, 4
+"""Noise from which so many times as many rows are used: without it, they show nothing new."""
 SHADING_PX, STEEP_MIN = 15, 1.0
 """Gradients are less their mean over so many pixels, and at least so many grey levels per pixel:
 the rest may be the shading of shiny surfaces, which differs between two views."""
@@ -114,22 +116,24 @@ def _inverse(information: Array) -> Array:
     return np.linalg.inv(information)
 
 
-def row_step(image: Array) -> int:
-    """Return 1, 2, 4 or 8: every so many rows of an image (H, W) are used."""
-    return 1 << int(np.clip(image.size // PIXELS_EACH_ROW_STEP, 1, 8)).bit_length() - 1
+def row_step(pixels: int, sigma: float) -> int:
+    """Return 1, 2, 4 or 8: every so many rows of an image with noise of sigma grey are used."""
+    enough = PIXELS_EACH_ROW_STEP * (NOISY_ROWS if sigma > NOISY_GREY else 1)
+    return 1 << int(np.clip(pixels // enough, 1, 8)).bit_length() - 1
 
 
 def shift_of(
     image: Array, other: Array, motion: Array, visible: Mask, H: Array, channels: int, lag: int
 ) -> Shift:
-    """Sum up how a label of motion is shifted, from every `row_step`-th row.
+    """Sum up how a label of motion is shifted, from as many evenly spaced rows as are `visible`.
 
     Args:
         image: (H, W) float32 grey of the pixels that are labelled.
         other: (H, W) float32 grey of the image that they are found in.
         motion: (H, W, C) float32, contiguous, pixels along u and, from two channels on, v; NaN
             where unknown.
-        visible: (R, W) whether the other image shows the pixel, for every `row_step`-th row.
+        visible: (R, W) whether the other image shows the pixel, for every so many rows, as of
+            `row_step`.
         H: (3, 3) homography from positions by the labels to those in the other image.
         channels: 1 or 2 directions.
         lag: Distance in pixels from which the noise of two pixels is independent.
@@ -137,7 +141,7 @@ def shift_of(
     slopes = _slopes(image, channels)
     count, columns = len(visible) * (image.shape[1] // RUN_PX + 1), image.shape[1] // SQUARE_PX + 1
     seen, squares = np.empty((count, 1 + 3 * channels)), np.empty(count, np.int64)
-    step = row_step(image)
+    step = -(-len(image) // len(visible))
     found = _observe(
         image, other, slopes, motion, visible, H, step, SMOOTHED_PX + lag, seen, squares
     )
@@ -170,7 +174,7 @@ def _slopes(image: Array, channels: int) -> Array:
 
 def _noise_variance(r: Array, squares: Indices, count: int) -> Array:
     """Return the variance of the noise in each of a number of squares, from residuals (N,)."""
-    sigma = max(1.0, 1.4826 * float(np.median(np.abs(r)))) if len(r) else 1.0
+    sigma = max(1.0, 1.4826 * float(np.median(np.abs(r[::8])))) if len(r) else 1.0
     sums = np.bincount(squares, np.minimum(r * r, (SIGMAS * sigma) ** 2), count)
     number = np.bincount(squares, minlength=count) + PRIOR_PIXELS
     return np.maximum(1.0, (sums + PRIOR_PIXELS * sigma**2) / number)
@@ -195,12 +199,21 @@ def _observe(
     """
     channels, height, width = slopes.shape
     columns, found = width // SQUARE_PX + 1, 0
+    steep = np.empty(width, np.float32)
     for row in range(len(visible)):
         v = row * step
         if v < MARGIN_PX or v >= height - MARGIN_PX:
             continue
-        for start in range(MARGIN_PX, width - MARGIN_PX, RUN_PX):
-            u = _steepest(slopes, label, visible[row], v, start)
+        for u in range(width):
+            steep[u] = slopes[0, v, u] * slopes[0, v, u] if visible[row, u] else 0
+        for c in range(1, channels):
+            for u in range(width):
+                steep[u] += slopes[c, v, u] * slopes[c, v, u] if visible[row, u] else 0
+        for start in range(MARGIN_PX, width - MARGIN_PX - RUN_PX, RUN_PX):
+            u = _steepest(steep, start)
+            while u >= 0 and not _is_even(label, channels, v, u):
+                steep[u] = 0
+                u = _steepest(steep, start)
             if u < 0:
                 continue
             x, y = u + label[v, u, 0], np.float32(v)
@@ -225,21 +238,13 @@ def _observe(
 
 
 @compiled(nogil=True)
-def _steepest(slopes: Array, label: Array, visible: Mask, v: int, start: int) -> int:
-    """Return the column of the steepest usable pixel of a run, or -1."""
-    channels, _, width = slopes.shape
-    ceiling = np.float32(np.inf)
-    while True:
-        best, u = np.float32(STEEP_MIN**2), -1
-        for k in range(start, min(start + RUN_PX, width - MARGIN_PX)):
-            steep = slopes[0, v, k] ** 2
-            if channels > 1:
-                steep += slopes[1, v, k] ** 2
-            if best < steep < ceiling:
-                best, u = steep, k
-        if u < 0 or (visible[u] and _is_even(label, channels, v, u)):
-            return u
-        ceiling = best
+def _steepest(steep: Array, start: int) -> int:
+    """Return the column of the largest of a run of squared slopes, or -1 if all are small."""
+    best, u = np.float32(STEEP_MIN**2), -1
+    for k in range(start, start + RUN_PX):
+        if steep[k] > best:
+            best, u = steep[k], k
+    return u
 
 
 @compiled(nogil=True)

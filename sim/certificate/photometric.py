@@ -122,13 +122,13 @@ class PhotometricCheck:
         self, left: Image, right: Image, disparity_px: Array, exposure: FrameExposure
     ) -> Residual:
         """Compare left and right (H, W[, 3]) uint8 image by the disparity label (H, W)."""
-        step = bias.row_step(disparity_px)
+        first = self._corrected(0, left, exposure.gain)
+        second = self._corrected(1, right, exposure.gain)
+        step = _row_step(first[1], second[1])
         visible = visible_in_right(disparity_px[::step])
         motion = -disparity_px[..., None]
         disparity_px = disparity_px[::ROW_STEP]
         v, u = _rows(left)
-        first = self._corrected(0, left, exposure.gain)
-        second = self._corrected(1, right, exposure.gain)
 
         def positions(shift_px: float) -> tuple[Array, Array]:
             return self._in_true_right(u - disparity_px - np.float32(shift_px), v)
@@ -153,11 +153,11 @@ class PhotometricCheck:
         """
         v, u = _rows(now)
         du, dv = flow[::ROW_STEP, :, 0], flow[::ROW_STEP, :, 1]
-        step = bias.row_step(covisibility)
-        visible = covisibility[::step] == VISIBLE
         brighter = max(exposures[1].level, MIN_LEVEL) / max(exposures[0].level, MIN_LEVEL)
         first = self._corrected(0, now, exposures[0].gain)
         second = self._corrected(0, following, exposures[1].gain, brighter)
+        step = _row_step(first[1], second[1])
+        visible = covisibility[::step] == VISIBLE
         half = SHIFT_PX / np.sqrt(2).astype(np.float32)
         shifted = [(u + du + s, v + dv + s) for s in (-half, half)]
         motion = np.ascontiguousarray(flow)
@@ -255,6 +255,12 @@ def _grey(image: Image) -> Array:
     """(H, W) float32."""
     levels: Array = image.astype(np.float32, copy=False)
     return levels if levels.ndim == 2 else np.asarray(cv2.cvtColor(levels, cv2.COLOR_RGB2GRAY))
+
+
+def _row_step(image: NoisyImage, other: NoisyImage) -> int:
+    """Return the `row_step` of two images."""
+    sigma = max(float(x.sigma[len(x.sigma) // 2]) for x in (image, other))
+    return bias.row_step(image.image.shape[0] * image.image.shape[1], sigma)
 
 
 def _rows(image: Image) -> tuple[Array, Array]:

@@ -99,18 +99,16 @@ def _slopes(t: np.float32) -> tuple[np.float32, np.float32, np.float32, np.float
 def sample_with_gradient(image: Array, u_px: float, v_px: float) -> tuple[float, float, float]:
     """Return sample, and its derivatives along u and v, of an (H, W) float32 image at a position.
 
-    Within the outermost pixel centres; kernel and border as `sample`.
+    At least TAPS_PX within the outermost pixel centres; the kernel is that of `sample`.
     """
-    height, width = image.shape
-    u0, v0 = int(np.floor(u_px)), int(np.floor(v_px))
+    u0, v0 = int(u_px), int(v_px)
     tu, tv = np.float32(u_px - u0), np.float32(v_px - v0)
     wu, wv, su, sv = _weights(tu, False), _weights(tv, False), _slopes(tu), _slopes(tv)
     value, along_u, along_v = np.float32(0), np.float32(0), np.float32(0)
     for m in range(4):
-        y = min(max(v0 + m - 1, 0), height - 1)
         row, slope = np.float32(0), np.float32(0)
         for n in range(4):
-            pixel = image[y, min(max(u0 + n - 1, 0), width - 1)]
+            pixel = image[v0 + m - 1, u0 + n - 1]
             row += wu[n] * pixel
             slope += su[n] * pixel
         value += wv[m] * row
