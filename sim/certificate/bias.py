@@ -20,7 +20,7 @@ from sim.imaging.resample import sample_with_gradient
 from vo.contract.arrays import Array, Indices, Mask
 from vo.contract.compilation import compiled
 
-RUN_PX, PIXELS_EACH_ROW_STEP = 8, 75_000
+RUN_PX, PIXELS_EACH_ROW_STEP = 4, 75_000
 """Of every run of so many pixels, the one with the steepest grey is used, in every fourth row of an
 image with four times so many pixels, and in more rows of smaller ones."""
 NOISY_GREY, NOISY_ROWS = 2.0, 4
@@ -47,7 +47,7 @@ aliasing shifts all edges of one: a few edges of shadows do not determine a bias
 COMMON_SHARE = 0.6
 """Smallest fraction of its neighbours' gradients that a pixel has in common with its match."""
 SINGULAR = 1e-9
-FRAME_MAX_PX, DATASET_MAX_PX = 0.08, 0.035
+FRAME_MAX_PX, DATASET_MAX_PX = 0.06, 0.03
 """Largest shift of a label in a frame, and over all frames, besides its standard error: aliasing
 and interpolation leave up to half of them in good datasets."""
 FRAME_ERRORS, DATASET_ERRORS = 4.5, 4.0
@@ -140,7 +140,8 @@ def shift_of(
     """
     slopes = _slopes(image, channels)
     count, columns = len(visible) * (image.shape[1] // RUN_PX + 1), image.shape[1] // SQUARE_PX + 1
-    seen, squares = np.empty((count, 1 + 3 * channels)), np.empty(count, np.int64)
+    seen = np.empty((count, 1 + 3 * channels), np.float32)
+    squares = np.empty(count, np.int32)
     step = -(-len(image) // len(visible))
     found = _observe(
         image, other, slopes, motion, visible, H, step, SMOOTHED_PX + lag, seen, squares
@@ -153,7 +154,7 @@ def shift_of(
     total = information.sum(axis=0), product.sum(axis=0)
     # The variance is that of what the shift does not explain.
     shift = np.nan_to_num(_inverse(total[0]) @ total[1]).clip(-1, 1)
-    noise = product - information @ shift
+    noise = product - np.einsum("kij,j->ki", information, shift)
     # By einsum: sums of BLAS depend on where arrays lie in memory, in their last digits.
     variance = np.einsum("ki,kj->ij", noise, noise)
     variance += np.diag(ALIASING_PX**2 * np.einsum("kii->ki", information**2).sum(axis=0))
