@@ -35,7 +35,7 @@ MARGIN_PX = 7
 BEND_MAX_PX = 0.2
 """Largest second difference of the label within two pixels: at outlines, antialiasing mixes
 surfaces."""
-MODEL_PX = 0.2
+MODEL_PX = 0.5
 """Standard deviation of the place of an edge in an image: weight of steep edges and of noise."""
 SIGMAS = 4.0
 """Largest residual in standard deviations, besides that of a shift by one pixel."""
@@ -52,8 +52,8 @@ FRAME_MAX_PX, DATASET_MAX_PX = 0.06, 0.03
 and interpolation leave up to half of them in good datasets."""
 FRAME_ERRORS, DATASET_ERRORS = 4.5, 4.0
 """Standard errors that are added to them, and by which gradients in common must not be lacking."""
-POWER_ERRORS = 2.0
-"""Standard errors beyond the limit from which a shift is found in 98 of 100 cases."""
+GROWTH_ERRORS = 1.5
+"""Standard errors by which a shift may increase the standard error of its estimate."""
 
 
 @dataclass(frozen=True)
@@ -104,8 +104,12 @@ class Shift:
         return beyond or (steady and bool(lacking.any()))
 
     def smallest_found_px(self, limit_px: float, errors: float) -> float:
-        """Smallest shift in any direction that `is_found` finds almost always; NaN if none is."""
-        return float(limit_px + (errors + POWER_ERRORS) * self.estimate()[1].max())
+        """Smallest further shift of the label, of either sign, that `is_found` finds for certain.
+
+        NaN if none is.
+        """
+        shift, error = self.estimate()
+        return float(limit_px + (np.abs(shift) + (errors + GROWTH_ERRORS) * error).max())
 
 
 def _inverse(information: Array) -> Array:
