@@ -17,26 +17,27 @@ import cv2
 import numpy as np
 
 from sim.imaging.resample import sample_with_gradient
-from vo.contract.arrays import Array, Indices, Mask
+from vo.contract.arrays import Array, Mask
 from vo.contract.compilation import compiled
 
 RUN_PX, PIXELS_EACH_ROW_STEP = 4, 75_000
 """Of every run of so many pixels, the one with the steepest grey is used, in every fourth row of an
 image with four times so many pixels, and in more rows of smaller ones."""
 NOISY_GREY, NOISY_ROWS = 2.0, 4
-"""Noise from which so many times as many rows are used: without it, they show nothing new."""
+"""Noise of an image in grey levels, from which so many times as many rows are used."""
 SHADING_PX, STEEP_MIN = 15, 1.0
 """Gradients are less their mean over so many pixels, and at least so many grey levels per pixel:
 the rest may be the shading of shiny surfaces, which differs between two views."""
 SMOOTHED_PX = 2
-"""Radius of the gradient's filter, in which noise averages out: the Sobel operator of 5 x 5 pixels."""
+"""Radius of the Sobel operator of 5 x 5 pixels, which averages noise."""
 MARGIN_PX = 7
 """Border of both images without pixels."""
 BEND_MAX_PX = 0.2
 """Largest second difference of the label within two pixels: at outlines, antialiasing mixes
 surfaces."""
 MODEL_PX = 0.5
-"""Standard deviation of the place of an edge in an image: weight of steep edges and of noise."""
+"""Standard deviation of the place of an edge in an image: weight of steep edges and of noise. Steep
+edges, with their aliasing, decide little even where noise is strong."""
 SIGMAS = 4.0
 """Largest residual in standard deviations, besides that of a shift by one pixel."""
 PRIOR_PIXELS = 8
@@ -104,10 +105,7 @@ class Shift:
         return beyond or (steady and bool(lacking.any()))
 
     def smallest_found_px(self, limit_px: float, errors: float) -> float:
-        """Smallest further shift of the label, of either sign, that `is_found` finds for certain.
-
-        NaN if none is.
-        """
+        """Smallest further shift, of either sign, that `is_found` finds; NaN if none."""
         shift, error = self.estimate()
         return float(limit_px + (np.abs(shift) + (errors + GROWTH_ERRORS) * error).max())
 
@@ -142,24 +140,19 @@ def shift_of(
         channels: 1 or 2 directions.
         lag: Distance in pixels from which the noise of two pixels is independent.
     """
+    rows, columns = (length // SQUARE_PX + 1 for length in image.shape)
+    seen = np.empty((len(visible) * (image.shape[1] // RUN_PX), 2 + 3 * channels), np.float32)
     slopes = _slopes(image, channels)
-    count, columns = len(visible) * (image.shape[1] // RUN_PX + 1), image.shape[1] // SQUARE_PX + 1
-    seen = np.empty((count, 1 + 3 * channels), np.float32)
-    squares = np.empty(count, np.int32)
-    step = -(-len(image) // len(visible))
-    found = _observe(
-        image, other, slopes, motion, visible, H, step, SMOOTHED_PX + lag, seen, squares
-    )
-    seen, squares = seen[:found], squares[:found]
-    noise2 = _noise_variance(seen[:, 0], squares, columns * (image.shape[0] // SQUARE_PX + 1))
+    seen = seen[: _observe(image, other, slopes, motion, visible, H, SMOOTHED_PX + lag, seen)]
+    noise2 = _noise_variance(seen, rows * columns)
     information = np.zeros((len(noise2), channels, channels))
     product, lack = np.zeros((2, len(noise2), channels))
-    _sum_up(seen, squares, noise2, information, product, lack)
+    _sum_up(seen, noise2, information, product, lack)
     total = information.sum(axis=0), product.sum(axis=0)
     # The variance is that of what the shift does not explain.
     shift = np.nan_to_num(_inverse(total[0]) @ total[1]).clip(-1, 1)
-    noise = product - np.einsum("kij,j->ki", information, shift)
     # By einsum: sums of BLAS depend on where arrays lie in memory, in their last digits.
+    noise = product - np.einsum("kij,j->ki", information, shift)
     variance = np.einsum("ki,kj->ij", noise, noise)
     variance += np.diag(ALIASING_PX**2 * np.einsum("kii->ki", information**2).sum(axis=0))
     return Shift(*total, variance, lack.sum(axis=0), (lack**2).sum(axis=0))
@@ -177,8 +170,9 @@ def _slopes(image: Array, channels: int) -> Array:
     return slopes
 
 
-def _noise_variance(r: Array, squares: Indices, count: int) -> Array:
-    """Return the variance of the noise in each of a number of squares, from residuals (N,)."""
+def _noise_variance(seen: Array, count: int) -> Array:
+    """Return the variance of the noise in each of a number of squares, from what is seen there."""
+    squares, r = seen[:, 0].astype(np.int64), seen[:, 1]
     sigma = max(1.0, 1.4826 * float(np.median(np.abs(r[::8])))) if len(r) else 1.0
     sums = np.bincount(squares, np.minimum(r * r, (SIGMAS * sigma) ** 2), count)
     number = np.bincount(squares, minlength=count) + PRIOR_PIXELS
@@ -193,20 +187,17 @@ def _observe(
     label: Array,
     visible: Mask,
     H: Array,
-    step: int,
     lag: int,
     seen: Array,
-    squares: Indices,
 ) -> int:
-    """Write residual, slopes, slopes beside and warped slopes of the chosen pixels.
+    """Write for each chosen pixel its square, residual, slopes, slopes beside and warped slopes.
 
-    Return their number; `squares` tells where each is.
+    Return the number of pixels.
     """
     channels, height, width = slopes.shape
-    columns, found = width // SQUARE_PX + 1, 0
-    steep = np.empty(width, np.float32)
+    steep, found = np.empty(width, np.float32), 0
     for row in range(len(visible)):
-        v = row * step
+        v = row * -(-height // len(visible))
         if v < MARGIN_PX or v >= height - MARGIN_PX:
             continue
         for u in range(width):
@@ -221,23 +212,19 @@ def _observe(
                 u = _steepest(steep, start)
             if u < 0:
                 continue
-            x, y = u + label[v, u, 0], np.float32(v)
-            if channels > 1:
-                y += label[v, u, 1]
+            x, y = u + label[v, u, 0], v + (label[v, u, 1] if channels > 1 else np.float32(0))
             w = H[2, 0] * x + H[2, 1] * y + H[2, 2]
-            x, y = (
-                (H[0, 0] * x + H[0, 1] * y + H[0, 2]) / w,
-                (H[1, 0] * x + H[1, 1] * y + H[1, 2]) / w,
-            )
+            x_w, y_w = H[0, 0] * x + H[0, 1] * y + H[0, 2], H[1, 0] * x + H[1, 1] * y + H[1, 2]
+            x, y = x_w / w, y_w / w
             if not (MARGIN_PX <= x < width - MARGIN_PX and MARGIN_PX <= y < height - MARGIN_PX):
                 continue
             warped = sample_with_gradient(other, x, y)
-            seen[found, 0] = warped[0] - image[v, u]
+            seen[found, 0] = v // SQUARE_PX * (width // SQUARE_PX + 1) + u // SQUARE_PX
+            seen[found, 1] = warped[0] - image[v, u]
             for c in range(channels):
-                seen[found, 1 + 3 * c] = slopes[c, v, u]
-                seen[found, 2 + 3 * c] = _slope_beside(image, v, u, c, 1 - c, lag)
-                seen[found, 3 + 3 * c] = warped[1 + c]
-            squares[found] = v // SQUARE_PX * columns + u // SQUARE_PX
+                seen[found, 2 + 3 * c] = slopes[c, v, u]
+                seen[found, 3 + 3 * c] = _slope_beside(image, v, u, c, 1 - c, lag)
+                seen[found, 4 + 3 * c] = warped[1 + c]
             found += 1
     return found
 
@@ -253,24 +240,22 @@ def _steepest(steep: Array, start: int) -> int:
 
 
 @compiled(nogil=True)
-def _sum_up(
-    seen: Array, squares: Indices, noise2: Array, information: Array, product: Array, lack: Array
-) -> None:
+def _sum_up(seen: Array, noise2: Array, information: Array, product: Array, lack: Array) -> None:
     """Add weighted products of what is seen to the sums of each square."""
     channels = product.shape[1]
-    for i, k in enumerate(squares):
-        r, steep2 = seen[i, 0], 0.0
+    for i in range(len(seen)):
+        k, r, steep2 = int(seen[i, 0]), seen[i, 1], 0.0
         for c in range(channels):
-            steep2 += seen[i, 1 + 3 * c] ** 2
+            steep2 += seen[i, 2 + 3 * c] * seen[i, 2 + 3 * c]
         if abs(r) > SIGMAS * np.sqrt(noise2[k]) + np.sqrt(steep2):
             continue
         weight = 1 / (noise2[k] + MODEL_PX**2 * steep2)
         for c in range(channels):
-            z = weight * seen[i, 1 + 3 * c]
+            z = weight * seen[i, 2 + 3 * c]
             product[k, c] += z * r
-            lack[k, c] += z * (COMMON_SHARE * seen[i, 2 + 3 * c] - seen[i, 3 + 3 * c])
+            lack[k, c] += z * (COMMON_SHARE * seen[i, 3 + 3 * c] - seen[i, 4 + 3 * c])
             for d in range(channels):
-                information[k, c, d] += z * seen[i, 3 + 3 * d]
+                information[k, c, d] += z * seen[i, 4 + 3 * d]
 
 
 @compiled(nogil=True)

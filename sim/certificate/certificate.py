@@ -38,6 +38,10 @@ FLOW_MAX_PX = 0.01
 BIAS = "bias_px", "bias_error_px"
 TEXTURE_FOUND_PX = 10.0
 """Smallest shift that is found in a frame, pixels, above which it counts as without texture."""
+AIM_PX, FRAME_AIM_PX = 0.1, 0.5
+"""Shifts over all frames and in one frame that a certificate should find."""
+LITTLE_POWER = "little power"
+"""Words of the statement on a label of which it finds only larger ones."""
 
 
 def exempt_parts(settings: RecordSettings) -> frozenset[str]:
@@ -127,7 +131,9 @@ def detectable_shifts(certificate: dict[str, Any]) -> list[str]:
     for part, label in (("stereo", "disparity"), ("flow", "flow")):
         figures = certificate.get(part, {})
         if figures.get("smallest_bias_found_px") is None:
-            lines += [f"{label}: no texture, so that no shift is found"] if figures else []
+            lines += (
+                [f"{label}: {LITTLE_POWER}, without texture no shift is found"] if figures else []
+            )
             continue
         if not figures["judged"]:
             lines.append(f"{label}: not judged, since not all pixels were exposed at one time")
@@ -137,13 +143,18 @@ def detectable_shifts(certificate: dict[str, Any]) -> list[str]:
             f"{label}: bias {bias} px, standard error {error} px; the smallest shift that is found "
             f"is {figures['smallest_bias_found_px']:.2f} px over all frames"
         )
-        if figures["smallest_frame_bias_found_px"] is not None:
-            text += (
-                f", and in one frame {figures['smallest_frame_bias_found_px']:.2f} px (median), "
-                f"{figures['smallest_worst_frame_bias_found_px']:.2f} px (worst)"
-            )
+        in_frame, in_worst = (
+            figures[f"smallest_{x}_bias_found_px"] for x in ("frame", "worst_frame")
+        )
+        if in_frame is not None:
+            text += f", and in one frame {in_frame:.2f} px (median), {in_worst:.2f} px (worst)"
         if figures["frames_without_texture"]:
             text += f"; {figures['frames_without_texture']} frames have too little texture"
+        if figures["smallest_bias_found_px"] > AIM_PX or (in_frame or np.inf) > FRAME_AIM_PX:
+            text += (
+                f"; {LITTLE_POWER}: noise, blur or lack of texture hide shifts of {AIM_PX:g} px "
+                f"over all frames, or of {FRAME_AIM_PX:g} px in one"
+            )
         lines.append(text)
     return lines
 

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import typer
 
 from sim.batch import Task, build, perform_all
+from sim.certificate.certificate import LITTLE_POWER, detectable_shifts
 from sim.certificate.manifest_check import check_digest
 from sim.record import Recording, record
 from sim.settings import RecordSettings, recorded_settings
@@ -147,7 +148,7 @@ def _generate_all(tasks: list[Task], batch: BatchOptions) -> None:
 
 
 def _print_faults(out: Path, recording: Recording) -> None:
-    """Print what is wrong with a dataset that was written nevertheless."""
+    """Print what is wrong with a dataset that was written nevertheless, or hidden by its noise."""
     if recording.ended:
         console.err.print(f"{out}: incomplete, {recording.ended}")
     for name, part in recording.certificate.items():
@@ -155,3 +156,6 @@ def _print_faults(out: Path, recording: Recording) -> None:
             frames = part.get("failed_frames_ns", [])
             where = f", first at {frames[0]} ns" if frames else ""
             console.err.print(f"{out}: the {name} check of the certificate fails{where}")
+    for line in detectable_shifts(recording.certificate):
+        if LITTLE_POWER in line:
+            console.err.print(f"{out}: {line}", markup=False)
