@@ -48,7 +48,7 @@ def test_bias_of_a_label_is_estimated_within_its_error(sigma):
         assert (np.abs(estimate - by_px) < 3 * error + 0.015).all()
 
 
-def test_standard_error_is_that_of_repetitions_and_near_the_bound():
+def test_standard_error_is_right_and_near_the_bound():
     """The bound is the Cramér-Rao bound for all pixels, with noise in both images."""
     found = [shift_of(*noisy_pair(seed=k), MOTION_PX).estimate() for k in range(12)]
     estimates, errors = np.array(found).transpose(1, 0, 2)
@@ -60,7 +60,7 @@ def test_standard_error_is_that_of_repetitions_and_near_the_bound():
 
 @pytest.mark.parametrize("sigma", [2.0, NOISE])
 @pytest.mark.parametrize("channels", [1, 2])
-def test_stated_smallest_shift_is_found_and_a_third_of_it_not(sigma, channels):
+def test_stated_shift_is_found_and_a_third_of_it_not(sigma, channels):
     motion_px = np.array([MOTION_PX[0], MOTION_PX[1] * (channels - 1)])
     pair = noisy_pair(sigma, by_px=motion_px)
     limits = bias.FRAME_MAX_PX, bias.FRAME_ERRORS
