@@ -114,4 +114,4 @@ def sample_with_gradient(image: Array, u_px: float, v_px: float) -> tuple[float,
         value += wv[m] * row
         along_u += wv[m] * slope
         along_v += sv[m] * row
-    return value, along_u, along_v
+    return float(value), float(along_u), float(along_v)
