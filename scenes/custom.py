@@ -16,7 +16,7 @@ import numpy as np
 
 from scenes.assets import mjcf_assets, module_assets
 from scenes.geometry.routes import rounded_loop
-from scenes.scene import COLLISION_GROUP, Scene
+from scenes.scene import COLLISION_GROUP, HOME, Scene
 from vo.contract.errors import SettingsError
 
 TESTS = "A custom scene."
@@ -58,12 +58,15 @@ def load_scene(name: str) -> Scene:
         return replace(made, source=name, assets=assets)
     for geom in made.geoms:  # MuJoCo draws groups 0 to 2; those above are of scenes of ours
         geom.group = min(geom.group, COLLISION_GROUP)
+    given = next((len(key.qpos) for key in made.keys if key.name == HOME), 0)
     try:
         model = made.compile()
     except ValueError as error:
         raise SettingsError(
             f"{name}: does not compile ({_one_line(error)}); correct the model"
         ) from None
+    if given not in (0, model.nq):  # MuJoCo fills it up
+        raise SettingsError(f"{name}: qpos of key {HOME} has {given} numbers, expected {model.nq}")
     half = LOOP_M / 2
     square = np.array([(half, -half), (half, half), (-half, half), (-half, -half)])
     stem = Path(name).stem if is_file(name) else name.split(":")[-1]

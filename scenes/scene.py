@@ -9,6 +9,8 @@ import numpy as np
 
 from vo.contract.arrays import Array
 
+HOME = "home"
+"""Name of the keyframe of a world from which it starts."""
 COLLISION_GROUP = 3
 """Group of the geoms that only collide."""
 LABEL_GROUP = 4

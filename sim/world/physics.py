@@ -4,8 +4,9 @@ from typing import Any
 
 import mujoco
 
+from scenes.scene import HOME
 from sim.world.drive import DriveError
-from sim.world.world import HOME, World
+from sim.world.world import World
 from vo.contract.remarks import remark
 
 UNSTABLE = (

@@ -9,7 +9,7 @@ import numpy as np
 from scenes.scene import Scene
 from sim.world.drive import TIPPED_RAD
 from sim.world.enclosure import enclosing_geom, geom_name
-from sim.world.rover import PREFIX, WHEEL_BODIES, WHEEL_RADIUS_M
+from sim.world.rover import BODY, PREFIX, WHEEL_BODIES, WHEEL_RADIUS_M
 from vo.contract.arrays import Array
 from vo.contract.errors import SettingsError
 
@@ -102,7 +102,7 @@ def _check_space(
     for contact in data.contact:
         if contact.dist < -SETTLING_CONTACT_M:
             roots = model.body_rootid[model.geom_bodyid[contact.geom]]
-            mine = [model.body(int(root)).name.startswith(PREFIX) for root in roots]
+            mine = [model.body(int(root)).name == BODY for root in roots]
             if any(mine) and not all(mine):
                 geom = int(contact.geom[mine.index(False)])
                 found = f"{geom_name(model, geom)} is in the way"

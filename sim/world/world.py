@@ -9,9 +9,10 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from scenes.scene import Kind, Motion, Scene, Thing
+from scenes.scene import HOME, Kind, Motion, Scene, Thing
 from sim.imaging.lens import margin_px
 from sim.settings import RecordSettings
+from sim.world.finite import expect_finite
 from sim.world.handheld import build_hand, walk
 from sim.world.path import Path, plan_path
 from sim.world.random_streams import stream
@@ -27,8 +28,8 @@ from vo.contract.rig import StereoRig
 STEPS_MIN_HZ, STEPS_MAX_HZ = 1000, 4000
 START_S = 1.0
 """Time of the first frame; the rover settles during the second before it."""
-HOME = "home"
-"""Name of the keyframe of a world from which it starts."""
+MEMORY_MIN = 1 << 26
+"""Bytes that MuJoCo has at least for contacts; a world that sets fewer did so without the rover."""
 WALK_STEP_M = 0.1
 """Spacing of the points of a hand-held carrier's route."""
 
@@ -155,7 +156,6 @@ def build_world(scene: Scene, settings: RecordSettings) -> World:
     rig = stereo_rig(settings.rig)
     render_rig = widened(rig, margin_px(settings, rig))
     spec = scene.spec.copy()
-    things = {**scene.things, **lay_terrain(spec, scene, path, settings)}
     movers, arrival_s = dict(scene.movers), None
     if settings.drive.carrier == "handheld":
         carrier = build_hand()
@@ -171,15 +171,24 @@ def build_world(scene: Scene, settings: RecordSettings) -> World:
     height = float(scene.elevation(first)) + WHEEL_RADIUS_M + START_CLEARANCE_M
     heading = (math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2))
     start = spec.worldbody.add_frame(pos=(*first, height), quat=heading)
-    spec.attach(carrier, prefix=PREFIX, frame=start)
     spec.option.timestep = float(1 / steps_per_second(settings))
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.impratio = 10.0  # keeps wheels at rest from creeping sideways
+    if 0 <= spec.memory < MEMORY_MIN:
+        spec.memory = MEMORY_MIN
     try:
+        things = {**scene.things, **lay_terrain(spec, scene, path, settings)}
+        spec.attach(carrier, prefix=PREFIX, frame=start)
         model = spec.compile()
     except ValueError as error:
-        raise SettingsError(f"scene {scene.name}: {' '.join(str(error).split())}") from None
+        reason = " ".join(str(error).split())
+        raise SettingsError(
+            f"scene {scene.name}: does not compile with the rover, whose names begin with {PREFIX} "
+            f"({reason})"
+        ) from None
+    if scene.source:
+        expect_finite(scene, model)
     data = mujoco.MjData(model)
     world = World(scene, rig, render_rig, path, arrival_s, movers, things, model, data)
     world.reset()
@@ -214,7 +223,7 @@ def thing_of(world: World, geom: int) -> Thing:
         return world.things[name]
     body = model.geom_bodyid[geom]
     root = model.body(model.body_rootid[body]).name
-    if name.startswith(PREFIX) or root.startswith(PREFIX):
+    if root == BODY:
         return Thing("rover", Kind.MOVING)
     if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE:
         kind = Kind.GROUND

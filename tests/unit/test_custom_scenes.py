@@ -1,5 +1,6 @@
 """Custom scenes: accepted as they are, or refused in one line."""
 
+import re
 from pathlib import Path
 
 import mujoco
@@ -250,3 +251,49 @@ def test_custom_scene_start_inside_an_object_names_it(yard):
 def test_custom_scene_options_are_refused(yard):
     with pytest.raises(SettingsError, match="unknown option bricks"):
         build_scene(str(yard), np.random.default_rng(0), {"bricks": 3})
+
+
+BALL = '<body pos="2 2 .2"><freejoint/><geom name="{}" size=".1"/></body>'
+PUSH = """<body pos="2 2 .2"><joint name="hinge"/><geom size=".1"/></body></worldbody>
+<actuator><motor name="rover/wheel_left" joint="hinge"/></actuator><worldbody>"""
+HOME = '</worldbody><keyframe><key name="home" qpos="{}"/></keyframe><worldbody>'
+
+
+@pytest.mark.parametrize(
+    ("content", "fragment"),
+    [
+        (
+            '<geom name="odd" size=".1" pos="3 nan 0"/>',
+            "pos of geom odd is 3 nan 0, expected finite",
+        ),
+        ('<geom name="odd" size="inf" pos="3 0 0"/>', "size of geom odd is inf 0 0"),
+        (BALL.format("x").replace("2 2", "nan 2"), "pos of body 1 is nan 2 0.2"),
+        (BALL.format("x") + HOME.format("1 2 3"), "qpos of key home has 3 numbers, expected 7"),
+        (BALL.format("x") + HOME.format("2 nan 3 1 0 0 0"), "qpos of key home is 2 nan 3"),
+        (PUSH, "does not compile with the rover, whose names begin with rover/"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:MuJoCo warns")
+def test_world_that_only_compiles_is_refused_in_one_line(tmp_path, content, fragment):
+    with pytest.raises(SettingsError, match=re.escape(fragment)) as error:
+        build_world(load_scene(plane_world(tmp_path, content)), RecordSettings())
+    assert "\n" not in str(error.value)
+
+
+def test_names_like_the_rovers_are_labelled_as_what_they_are(tmp_path):
+    world = build_world(load_scene(plane_world(tmp_path, BALL.format("rover/x"))), RecordSettings())
+    geom = world.model.geom("rover/x").id
+    assert thing_of(world, geom).name == "rover/x"
+
+
+def test_memory_of_a_world_without_the_rover_is_enough(tmp_path):
+    path = plane_world(tmp_path, "", '<size memory="2K"/>')
+    settings = RecordSettings(drive=DriveSettings(distance_m=0.1))
+    assert make_trip(build_world(load_scene(path), settings), settings).ended == ""
+
+
+def plane_world(folder: Path, content: str, top: str = "") -> str:
+    path = folder / "plane.xml"
+    plane = '<geom type="plane" size="5 5 1"/>'
+    path.write_text(f"<mujoco>{top}<worldbody>{plane}{content}</worldbody></mujoco>")
+    return str(path)
