@@ -110,6 +110,8 @@ def find_scene(name: str) -> SceneBuilder:
     if custom.is_custom(name):
         return SceneBuilder(custom.TESTS, Settings, lambda *_: custom.load_scene(name))
     if name not in SCENES:
+        if name and Path(name).suffix != ".py" and Path(name).exists():
+            raise SettingsError(f"{name}: expected an MJCF file, whose name ends in .xml or .mjcf")
         function = f"{Path(name).stem}:FUNCTION" if name.endswith(".py") else "module:function"
         valid = ", ".join([*sorted(SCENES), f"an MJCF file, or {function}"])
         raise SettingsError(f"unknown scene {name}; valid: {valid}")

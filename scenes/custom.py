@@ -77,7 +77,8 @@ def load_scene(name: str) -> Scene:
 
 def _from_file(path: Path) -> mujoco.MjSpec:
     if not path.is_file():
-        raise SettingsError(f"{path}: no such file; give the path of an MJCF file")
+        found = "is a folder" if path.is_dir() else "no such file"
+        raise SettingsError(f"{path}: {found}; give the path of an MJCF file")
     name, given = str(path), dict[str, bytes]()
     if path.suffix != ".xml":  # the only suffix that MuJoCo takes for MJCF
         name, given = f"{path}.xml", {f"{path}.xml": path.read_bytes()}
@@ -174,7 +175,9 @@ def _named(name: str, what: str) -> Generator[None]:
     """Turn whatever a user's module raises into a SettingsError with its file and line."""
     try:
         yield
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # SystemExit, and what a user derives
         raise SettingsError(f"{name}: {what} ({_cause(error)})") from error
 
 

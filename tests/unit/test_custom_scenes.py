@@ -207,6 +207,24 @@ def test_load_scene_module_with_syntax_error_is_one_line(tmp_path, monkeypatch):
         load_scene("slipped:build")
 
 
+def test_load_scene_exception_outside_of_pythons_is_one_line(tmp_path, monkeypatch):
+    (tmp_path / "odd.py").write_text(
+        "class Odd(BaseException):\n    pass\ndef f():\n    raise Odd\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(SettingsError, match=r"f failed \(\S*odd.py:4: Odd\)"):
+        load_scene("odd:f")
+
+
+def test_files_that_are_no_mjcf_are_named(tmp_path):
+    (tmp_path / "robot.urdf").touch()
+    with pytest.raises(SettingsError, match=r"robot.urdf: expected an MJCF file, whose name ends"):
+        find_scene(str(tmp_path / "robot.urdf"))
+    (tmp_path / "yard.xml").mkdir()
+    with pytest.raises(SettingsError, match=r"yard.xml: is a folder; give the path"):
+        load_scene(str(tmp_path / "yard.xml"))
+
+
 def test_load_scene_missing_module_is_refused():
     with pytest.raises(SettingsError, match="cannot import no_such_module"):
         load_scene("no_such_module:build")
