@@ -80,13 +80,14 @@ class StereoFiles:
         if not len(self):
             raise DatasetError(f"{source}: the sequence has no frames")
         rows = np.arange(len(self))[frames.rows(len(self), source)]
-        present = _Folders()
-        absent = [x for i in rows for x in (self.left[i], self.right[i]) if not present.has(x)]
+        folders = {x.parent for i in rows for x in (self.left[i], self.right[i])}
+        present = {x / name for x in folders if x.is_dir() for name in os.listdir(x)}
+        absent = [x for i in rows for x in (self.left[i], self.right[i]) if x not in present]
         if absent:
             found = f"{len(absent)} of {2 * len(rows)} images are missing, the first: {absent[0]}"
             if not frames.skip_missing:
                 raise DatasetError(f"{found}; --skip-missing goes on without them")
-            rows = [i for i in rows if present.has(self.left[i]) and present.has(self.right[i])]
+            rows = [i for i in rows if {self.left[i], self.right[i]} <= present]
             if not len(rows):
                 raise DatasetError(f"{found}; no pair is left")
             remark(f"{found}; {len(rows)} pairs are left")
@@ -96,19 +97,6 @@ class StereoFiles:
         """Return some of the pairs."""
         left, right = (tuple(x[i] for i in rows) for x in (self.left, self.right))
         return StereoFiles(self.timestamps_ns[np.asarray(rows, dtype=np.int64)], left, right)
-
-
-class _Folders:
-    """Names of the files of folders, each of which is listed once."""
-
-    def __init__(self) -> None:
-        self._names: dict[Path, set[str]] = {}
-
-    def has(self, path: Path) -> bool:
-        folder = path.parent
-        if folder not in self._names:
-            self._names[folder] = set(os.listdir(folder)) if folder.is_dir() else set()
-        return path.name in self._names[folder]
 
 
 def pair_by_time(
