@@ -55,6 +55,21 @@ def test_repetitive_texture_brings_no_remark():
     remark_unsynchronized(StereoSequence("x", walk.rig, walk.timestamps_ns, lambda i: pair))
 
 
+def test_swapped_or_unlike_eyes_are_said():
+    walk, black = recording(), np.zeros((HEIGHT, WIDTH), np.uint8)
+
+    def other(load):
+        return StereoSequence("x", walk.rig, walk.timestamps_ns, load)
+
+    with pytest.warns(Remark, match=r"x: \d+ of \d+ corners .*: left and right are swapped"):
+        remark_unsynchronized(other(lambda i: (walk[i].right, walk[i].left)))
+    with pytest.warns(Remark, match="are they of one rig and moment"):
+        remark_unsynchronized(other(lambda i: (walk[i].left, np.flipud(walk[i].right).copy())))
+    with pytest.warns(Remark, match="left and right are the same images"):
+        remark_unsynchronized(other(lambda i: (walk[i].left, walk[i].left)))
+    remark_unsynchronized(other(lambda _: (black, black)))
+
+
 def test_rows_that_differ_are_said():
     with pytest.warns(Remark, match="left and right differ by 3.0 rows"):
         remark_unsynchronized(recording(step_px=0, row_px=3))

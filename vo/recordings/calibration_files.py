@@ -123,7 +123,7 @@ def read_pose(path: Path, sheet: Sheet, key: str) -> Array | None:
     Raises:
         CalibrationError: If it is not rigid; names file and key. NaN is kept.
     """
-    if key not in sheet:
+    if sheet.get(key) is None:
         return None
     values = numbers(path, key, sheet[key]).ravel()
     T = np.r_[values, [0, 0, 0, 1]] if values.size == 12 else values

@@ -29,6 +29,9 @@ MAX_OFF_CENTRE, F_RANGE = 0.25, (0.2, 20.0)
 """Offset of a principal point from the middle, and range of focal lengths, in image widths, outside
 of which a calibration is more likely of another image size, or not in pixels."""
 
+MAX_ZOOM = 3.0
+"""Change of the focal length by rectification above which a calibration is in doubt."""
+
 BORDER_POINTS, ZOOM = 32, 1.02
 """Points along each side of an image that must be visible, and factor of the focal length."""
 
@@ -100,6 +103,11 @@ def rectify(left: Camera, right: Camera) -> tuple[StereoRig, Remap, Remap]:
         same = (left.K == right.K).all()
         return rig, _unchanged, _unchanged if same else _remap(right, np.eye(3), left.K)
     R_left, R_right, K = _rectified_axes(left, right, T_right_left)
+    if not 1 / MAX_ZOOM < K[0, 0] / left.K[0, 0] < MAX_ZOOM:
+        zoom = f"{left.K[0, 0]:.4g} px becomes {K[0, 0]:.4g} px"
+        remark(
+            f"{left.path}: the focal length of {zoom} by rectification: is the distortion right?"
+        )
     T_body_rectified = left.T_body_cam @ se3.pose(R_left.T, np.zeros(3))
     rig = StereoRig(*size, K[0, 0], K[0, 2], K[1, 2], baseline_m, T_body_rectified)
     return rig, _remap(left, R_left, K), _remap(right, R_right, K)

@@ -27,13 +27,19 @@ another frame better outnumber those that fit their own better."""
 MAX_MEDIAN_ROW_PX, MIN_MATCHED = 1.5, 0.5
 """Median row error above which a calibration is in doubt, if this share of the corners match."""
 
+MIN_CORNERS, FEW = 100, 0.1
+"""Number of corners of which a share below FEW without a match in the other eye is said."""
+
 
 def remark_unsynchronized(sequence: StereoSequence) -> None:
-    """Remark that the eyes are shifted by one frame, or that their rows differ.
+    """Remark that the eyes are shifted by one frame, swapped or unlike, or that their rows differ.
 
     A shift is noticed where the camera moves: the right image of the frame before, or after, then
     has matches in the rows of the left one, the own right image has not.
     """
+    with suppress(ImageError):
+        if sequence[0].left.any() and (sequence[0].left == sequence[0].right).all():
+            remark(f"{sequence.name}: left and right are the same images")
     rows = np.unique(np.linspace(0, len(sequence) - 1, min(FRAMES, len(sequence))).astype(int))
     looks = [_row_errors(sequence, i) for i in rows.tolist()]
     for step, when in ((-1, "before"), (1, "after")):
@@ -47,6 +53,13 @@ def remark_unsynchronized(sequence: StereoSequence) -> None:
             return
     errors = np.concatenate([x[0] for x in looks])
     matched = errors[np.isfinite(errors)]
+    if len(errors) >= MIN_CORNERS and len(matched) < MIN_MATCHED * len(errors):
+        swapped = np.concatenate([_row_errors(sequence, i, swap=True)[0] for i in rows.tolist()])
+        are_swapped = np.isfinite(swapped).mean() > 2 * max(FEW, len(matched) / len(errors))
+        if are_swapped or len(matched) < FEW * len(errors):
+            why = "left and right are swapped" if are_swapped else "are they of one rig and moment?"
+            found = f"{len(matched)} of {len(errors)} corners of left images have a match"
+            remark(f"{sequence.name}: {found} in the right ones: {why}")
     if len(matched) > MIN_MATCHED * len(errors) and np.median(matched) > MAX_MEDIAN_ROW_PX:
         remark(
             f"{sequence.name}: left and right differ by {np.median(matched):.1f} rows (median) "
@@ -63,17 +76,18 @@ def _count_worse(errors_px: Array, other_px: Array) -> int:
     return int(((other_px < 1) & (known > other_px + WORSE_PX)).sum())
 
 
-def _row_errors(sequence: StereoSequence, i: int) -> dict[int, Array]:
+def _row_errors(sequence: StereoSequence, i: int, swap: bool = False) -> dict[int, Array]:
     """Match corners of left image i in the right images i - 1, i, i + 1: keys -1, 0, 1.
 
-    The values are |rows| between, (N,), NaN for no match; (0,) without an image.
+    The values are |rows| between, (N,), NaN for no match; (0,) without an image. On request, left
+    and right are swapped.
     """
     images: dict[int, tuple[Image, Image]] = {}
     for step in (-1, 0, 1):
         if 0 <= i + step < len(sequence):
             with suppress(ImageError):
                 frame = sequence[i + step]
-                images[step] = frame.left, frame.right
+                images[step] = (frame.right, frame.left) if swap else (frame.left, frame.right)
     if 0 not in images:
         return dict.fromkeys((-1, 0, 1), np.zeros(0))
     left = images[0][0]
