@@ -28,11 +28,11 @@ MAX_MEDIAN_ROW_PX, MIN_MATCHED = 1.5, 0.5
 """Median row error above which a calibration is in doubt, if this share of the corners match."""
 
 MIN_CORNERS, FEW = 100, 0.1
-"""Number of corners of which a share below FEW without a match in the other eye is said."""
+"""Number of corners, and half of the share that must match if left and right are swapped."""
 
 
 def remark_unsynchronized(sequence: StereoSequence) -> None:
-    """Remark that the eyes are shifted by one frame, swapped or unlike, or that their rows differ.
+    """Remark that eyes are shifted by one frame, swapped or the same, or that their rows differ.
 
     A shift is noticed where the camera moves: the right image of the frame before, or after, then
     has matches in the rows of the left one, the own right image has not.
@@ -55,11 +55,8 @@ def remark_unsynchronized(sequence: StereoSequence) -> None:
     matched = errors[np.isfinite(errors)]
     if len(errors) >= MIN_CORNERS and len(matched) < MIN_MATCHED * len(errors):
         swapped = np.concatenate([_row_errors(sequence, i, swap=True)[0] for i in rows.tolist()])
-        are_swapped = np.isfinite(swapped).mean() > 2 * max(FEW, len(matched) / len(errors))
-        if are_swapped or len(matched) < FEW * len(errors):
-            why = "left and right are swapped" if are_swapped else "are they of one rig and moment?"
-            found = f"{len(matched)} of {len(errors)} corners of left images have a match"
-            remark(f"{sequence.name}: {found} in the right ones: {why}")
+        if np.isfinite(swapped).mean() > 2 * max(FEW, len(matched) / len(errors)):
+            remark(f"{sequence.name}: the right images fit as left ones: are the eyes swapped?")
     if len(matched) > MIN_MATCHED * len(errors) and np.median(matched) > MAX_MEDIAN_ROW_PX:
         remark(
             f"{sequence.name}: left and right differ by {np.median(matched):.1f} rows (median) "
