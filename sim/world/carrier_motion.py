@@ -38,12 +38,12 @@ def centred_velocity(world: World, v_world_body: Array, w_world_body: Array) -> 
 
 def _body_velocity(world: World) -> tuple[Array, Array]:
     """Velocity and angular velocity (3,) by the present joint velocities and the placed bodies."""
-    mujoco.mj_comVel(world.model, world.data)
-    twist = np.empty(6)
-    mast = world.model.body(PREFIX + MAST).id
-    mujoco.mj_objectVelocity(world.model, world.data, mujoco.mjtObj.mjOBJ_XBODY, mast, twist, 0)
-    lever = world.T_world_body[:3, 3] - world.data.xpos[mast]
-    return twist[3:] + np.cross(twist[:3], lever), twist[:3]
+    model, data = world.model, world.data
+    mujoco.mj_comVel(model, data)
+    twist, mast = np.empty(6), world.body_row(PREFIX + MAST)
+    mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_XBODY, mast, twist, 0)
+    (wx, wy, wz), (x, y, z) = twist[:3], world.T_world_body[:3, 3] - data.xpos[mast]
+    return twist[3:] + (wy * z - wz * y, wz * x - wx * z, wx * y - wy * x), twist[:3]
 
 
 def wheel_forces_n(world: World) -> Array:
@@ -52,11 +52,9 @@ def wheel_forces_n(world: World) -> Array:
     if not world.is_driven:
         return total
     model, data = world.model, world.data
-    wheels = [model.body(name).id for name in WHEEL_BODIES]
-    for k, contact in enumerate(data.contact):
-        bodies = model.geom_bodyid[contact.geom]
-        for wheel, body in enumerate(wheels):
-            if body in bodies:
-                mujoco.mj_contactForce(model, data, k, force)
-                total[wheel] += force[0]
+    wheels = {world.body_row(name): wheel for wheel, name in enumerate(WHEEL_BODIES)}
+    for k, bodies in enumerate(model.geom_bodyid[data.contact.geom].tolist()):
+        for wheel in {wheels[body] for body in bodies if body in wheels}:
+            mujoco.mj_contactForce(model, data, k, force)
+            total[wheel] += force[0]
     return total

@@ -72,8 +72,12 @@ class World:
     @property
     def T_world_cam(self) -> Array:
         """(4, 4) pose of the left camera, as of the last `place_bodies`."""
-        camera = self.model.camera(CAMERA).id
+        camera = self._camera_row
         return T_world_left(self.data.cam_xpos[camera], self.data.cam_xmat[camera], self.rig)
+
+    @cached_property
+    def _camera_row(self) -> int:
+        return int(self.model.camera(CAMERA).id)
 
     @property
     def T_world_body(self) -> Array:
@@ -81,7 +85,11 @@ class World:
 
         It is that of the chassis, unless the mast bends.
         """
-        return self.T_world_cam @ se3.inverse(self.rig.T_body_cam)
+        return self.T_world_cam @ self._T_cam_body
+
+    @cached_property
+    def _T_cam_body(self) -> Array:
+        return se3.inverse(self.rig.T_body_cam)
 
     @property
     def T_world_bodies(self) -> Array:
@@ -113,10 +121,18 @@ class World:
         for name, speed in zip(WHEELS, speeds_radps, strict=True):
             self.data.actuator(name).ctrl = speed
 
+    def body_row(self, name: str) -> int:
+        """Row of a body among MuJoCo's."""
+        return self._body_rows[name]
+
+    @cached_property
+    def _body_rows(self) -> dict[str, int]:
+        return {self.model.body(row).name: row for row in range(self.model.nbody)}
+
     @cached_property
     def _mocap_rows(self) -> list[int]:
         """Row of each moving object among MuJoCo's mocap bodies."""
-        return [int(self.model.body(name).mocapid[0]) for name in self.movers]
+        return [int(self.model.body_mocapid[self.body_row(name)]) for name in self.movers]
 
     def move_movers(self, time_s: float) -> None:
         """Place all moving objects where they are at a time."""

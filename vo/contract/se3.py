@@ -15,8 +15,8 @@ SMALL_ANGLE_RAD = 1e-4
 
 def pose(R: Array, t: Array) -> Array:
     """Assemble (..., 4, 4) T_a_b from R_a_b (..., 3, 3) and b's origin in a (..., 3), metres."""
-    shape = np.broadcast_shapes(np.shape(R)[:-2], np.shape(t)[:-1])
-    T = np.zeros((*shape, 4, 4))
+    shape, of_t = np.shape(R)[:-2], np.shape(t)[:-1]
+    T = np.zeros((*(shape if shape == of_t else np.broadcast_shapes(shape, of_t)), 4, 4))
     T[..., :3, :3] = R
     T[..., :3, 3] = t
     T[..., 3, 3] = 1.0
