@@ -145,8 +145,8 @@ def perform_all(
 
     with _client(scheduler, workers) as client:
         client.subscribe_topic(TOPIC, report)
-        here = Path.cwd()
-        futures = [client.submit(_perform_remotely, t, here, pure=False) for t in tasks]
+        # All in one call: tasks that come one by one wait at a worker, not at the scheduler.
+        futures = client.map(_perform_remotely, tasks, folder=Path.cwd(), pure=False)
         task_of = dict(zip(futures, tasks, strict=True))
         for future in as_completed(futures):
             try:
