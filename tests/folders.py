@@ -21,7 +21,8 @@ def wall(frames: int, step_px: int = 4, seed: int = 0) -> list[tuple[np.ndarray,
     coarse = rng.integers(0, 255, (HEIGHT // 4, width // 4 + 1), dtype=np.uint8)
     texture = cv2.resize(coarse, (width, HEIGHT), interpolation=cv2.INTER_CUBIC)
     starts = [i * step_px for i in range(frames)]
-    return [(texture[:, s : s + WIDTH], texture[:, s + d : s + d + WIDTH]) for s in starts]
+    columns = [texture[:, s : s + WIDTH] for s in range(width - WIDTH + 1)]
+    return [tuple(map(np.ascontiguousarray, (columns[s], columns[s + d]))) for s in starts]
 
 
 def write_euroc(

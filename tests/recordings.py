@@ -14,7 +14,7 @@ from sim.settings import DriveSettings, LabelSettings, RecordSettings, RenderSet
 
 OFFICE = RecordSettings(
     rig=RigSettings(width_px=320, height_px=240, rate_hz=7),
-    drive=DriveSettings(distance_m=1.25),
+    drive=DriveSettings(distance_m=1.15, speed_mps=0.36),
     render=RenderSettings(samples=0, shadow_size_px=512),
     labels=LabelSettings(disparity=False),
 )

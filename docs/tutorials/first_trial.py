@@ -12,7 +12,7 @@ env = gymnasium.make(
     localization="vo",  # or "truth", "wheels", "module:Class"
     observe=NavigatorPolicy.NEEDS,  # disparity, estimated pose, goal
 )
-observation, info = env.reset(seed=3)
+observation, info = env.reset(seed=10)
 policy = NavigatorPolicy(env.unwrapped)
 while not info["outcome"]:
     observation, reward, terminated, truncated, info = env.step(policy.act(observation))

@@ -57,7 +57,7 @@ def test_the_packages_are_the_clones_own(clone):
 
 
 def test_demo_runs_from_a_clone(clone):
-    result = in_clone(clone, "-m", "trials.cli", "demo", "--distance", "0.8")
+    result = in_clone(clone, "-m", "trials.cli", "demo", "--distance", "0.3")
     assert result.returncode == 0, result.stderr
     page = clone / "demo" / "report.html"
     assert result.stdout.splitlines()[-1] == page.resolve().as_uri()

@@ -9,7 +9,7 @@ import pytest
 from recordings import OFFICE, shared_recording
 from terminal import driftyard
 
-from trials.diagnosis import combinations
+from trials.diagnosis import combinations, explanation
 from trials.diagnosis.attribution import REMAINDER
 from trials.diagnosis.combinations import Subject
 from trials.diagnosis.explanation import MIN_ATTRIBUTED, explain, validate
@@ -42,9 +42,11 @@ def ignore(done, total):
     assert 0 < done <= total
 
 
-def test_injected_errors_are_attributed_to_their_stage(drive, cache):
+def test_injected_errors_are_attributed_to_their_stage(drive, cache, monkeypatch):
+    """One error of the images and one of the rig; each costs a run of every combination."""
+    monkeypatch.delitem(explanation.CASES, "disparities 0.5 px too large")
     findings = validate([drive], Subject(), STAGES, cache, ignore)
-    assert len(findings) == 3
+    assert len(findings) == 2
     titled = str(validation_table(findings, Subject(Named(overrides=("seed=3",)))).title)
     assert titled == "estimator `driftyard` with `seed=3` and otherwise its default settings"
     for finding in findings:
