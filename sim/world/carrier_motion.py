@@ -43,7 +43,8 @@ def _body_velocity(world: World) -> tuple[Array, Array]:
     twist, mast = np.empty(6), world.body_row(PREFIX + MAST)
     mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_XBODY, mast, twist, 0)
     (wx, wy, wz), (x, y, z) = twist[:3], world.T_world_body[:3, 3] - data.xpos[mast]
-    return twist[3:] + (wy * z - wz * y, wz * x - wx * z, wx * y - wy * x), twist[:3]
+    by_lever = np.array([wy * z - wz * y, wz * x - wx * z, wx * y - wy * x])
+    return twist[3:] + by_lever, twist[:3]
 
 
 def wheel_forces_n(world: World) -> Array:
