@@ -19,6 +19,8 @@ DROP_MAX_M = 0.05
 """Greatest distance of the ground below the height that the scene states for it."""
 ABOVE_M = 100.0
 """Height above the stated ground from which the ground is sought."""
+LEVEL_RAD = math.radians(1)
+"""Tilt up to which the height of a plane alone tells where it is."""
 SETTLING_CONTACT_M = 0.004
 """Penetration of an obstacle from which a start has no free space."""
 FLAGS = {
@@ -121,6 +123,8 @@ def _shape_hint(
         distance_m = mujoco.mj_rayHfield(model, data, geom, above, down)
     elif kind == mujoco.mjtGeom.mjGEOM_PLANE and up[2] > math.cos(TIPPED_RAD):
         distance_m = up @ (above - data.geom_xpos[geom]) / up[2]
+        if up[2] < math.cos(LEVEL_RAD):
+            return f": its surface is tilted by {math.degrees(math.acos(up[2])):.0f} degrees"
     if distance_m >= 0:
         height_m = round(above[2] - distance_m, 6)
         return f": its surface is at z = {height_m:g} m, expected {stated_m:g} m"

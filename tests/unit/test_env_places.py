@@ -181,6 +181,13 @@ def test_users_world_has_no_goal_off_its_ground(tmp_path, ground, outside, said)
     sample_start_goal(traversable, on, (1.0, 5.0), np.random.default_rng(0))
 
 
+def test_what_stands_far_away_does_not_coarsen_the_map(tmp_path):
+    far = '<geom type="box" pos="4000 0 9" size="9 9 9"/>'
+    space = map_free_space(world_on(SLAB + far, tmp_path), 0.5)
+    assert space.cell_m == 0.05
+    assert space.obstacles.shape < (100, 110)
+
+
 def test_route_off_the_ground_is_refused(tmp_path):
     traversable = TraversableSpace(map_free_space(world_on(SLAB, tmp_path), 0.5), CLEARANCE_M)
     expect_route(traversable, np.array([[0.0, -1.0], [1.9, -1.0]]))

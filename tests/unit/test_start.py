@@ -43,6 +43,11 @@ def world_file(folder: Path, content: str, option: str = "") -> str:
             "",
             r"no free space at the start .*, floor is in the way: its surface is at z = 0\.3 m, ex",
         ),
+        (
+            FLOOR.replace("/>", ' euler="0 20 0"/>'),
+            "",
+            "in the way: its surface is tilted by 20 deg",
+        ),
         (FLOOR, '<option gravity="0 0 0"/>', r"gravity is \(0, 0, 0\) m/s\^2; a rover needs"),
         (FLOOR, '<option gravity="0 0 9"/>', r"gravity is \(0, 0, 9\) m/s\^2; a rover needs"),
         (FLOOR, '<option gravity="9 0 -8"/>', r"gravity is \(9, 0, -8\) m/s\^2; a rover needs"),

@@ -19,7 +19,7 @@ from scipy.sparse.csgraph import dijkstra
 from scenes.scene import Kind
 from sim.world.rover import BODY
 from sim.world.world import World, thing_of
-from trials.gym.world.ground import CLIMBABLE_M, NO_GEOM, NO_GROUND, map_ground
+from trials.gym.world.ground import CLIMBABLE_M, NO_GEOM, NO_GROUND, ground_extent, map_ground
 from vo.contract.arrays import Array, Indices, Mask
 
 CELL_M = 0.05
@@ -80,7 +80,10 @@ class FreeSpace:
 
 def map_free_space(world: World, height_m: float) -> FreeSpace:
     """Draw the outlines of all obstacles that a rover of a height can touch, from above."""
-    x_min, y_min, x_max, y_max = world.scene.extent_m
+    extent, below = np.array(world.scene.extent_m), ~obstacle_geoms(world)
+    if world.scene.source and max(extent[2:] - extent[:2]) > MAX_CELLS * CELL_M:
+        extent = np.array(ground_extent(world, below))  # not what only stands far away
+    x_min, y_min, x_max, y_max = extent.tolist()
     cell_m = max(CELL_M, max(x_max - x_min, y_max - y_min) / MAX_CELLS)
     shape = math.ceil((y_max - y_min) / cell_m), math.ceil((x_max - x_min) / cell_m)
     origin = np.array([x_min, y_min]) + cell_m / 2
@@ -93,7 +96,7 @@ def map_free_space(world: World, height_m: float) -> FreeSpace:
     is_level = np.ones(shape, bool)
     if world.scene.source:  # the ground of a user's world may end
         points = origin + np.moveaxis(np.indices(shape)[::-1], 0, -1) * cell_m
-        ends, is_level = map_ground(world, points, cell_m, ~obstacle_geoms(world))
+        ends, is_level = map_ground(world, points, cell_m, below)
         grid = np.where(grid == NO_GEOM, ends, grid)
     open_cells = np.pad((grid == NO_GEOM).astype(np.uint8), 1)  # the edge is an obstacle too
     distance = cv2.distanceTransform(open_cells, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]

@@ -20,6 +20,21 @@ UPWARDS = 0.7
 """Vertical component of the normal from which a plane is ground, else a wall or a ceiling."""
 
 
+def ground_extent(world: World, below: Mask) -> tuple[float, float, float, float]:
+    """Return the part x, y, x, y of a scene's extent, metres, that may have ground."""
+    model, data, carries = world.model, world.data, _carrying(world, below)
+    if not carries.any():
+        return world.scene.extent_m
+    planes = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
+    reach = np.where(planes, np.hypot(*model.geom_size[:, :2].T), model.geom_rbound)
+    reach[planes & (model.geom_size[:, :2] == 0).any(axis=1)] = np.inf
+    low, high = (data.geom_xpos[:, :2] + s * reach[:, None] for s in (-1, 1))
+    x_min, y_min, x_max, y_max = world.scene.extent_m
+    x_low, y_low = np.maximum(low[carries].min(axis=0), (x_min, y_min))
+    x_high, y_high = np.minimum(high[carries].max(axis=0), (x_max, y_max))
+    return float(x_low), float(y_low), float(x_high), float(y_high)
+
+
 def map_ground(world: World, points: Array, cell_m: float, below: Mask) -> tuple[Indices, Mask]:
     """Find where the ground ends, on a grid of world points (H, W, 2) that are `cell_m` apart.
 
@@ -47,11 +62,7 @@ def map_ground(world: World, points: Array, cell_m: float, below: Mask) -> tuple
 
 def _heights(world: World, points: Array, below: Mask) -> Array:
     """Return the height (N,) of the ground at points (N, 2) above what the scene states; or NaN."""
-    model, data = world.model, world.data
-    planes = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
-    carries = ((model.geom_contype | model.geom_conaffinity) & 1 != 0) & below
-    carries &= ~(planes & (data.geom_xmat[:, 8] < UPWARDS))
-    carries &= model.body_weldid[model.geom_bodyid] == 0
+    model, data, carries = world.model, world.data, _carrying(world, below)
     down, group = np.array([0.0, 0.0, -1.0]), np.array([1, 0, 0, 0, 0, 0], np.uint8)
     found, geom = np.full(len(points), np.nan), np.full(1, -1, np.int32)
     stated_m = np.broadcast_to(world.scene.elevation(points), len(points))
@@ -62,6 +73,15 @@ def _heights(world: World, points: Array, below: Mask) -> Array:
             if geom[0] >= 0:
                 found[k] = ABOVE_M - distance_m
     return found
+
+
+def _carrying(world: World, below: Mask) -> Mask:
+    """Return which of the geoms `below` (ngeom,) stand still and carry wheels."""
+    model = world.model
+    walls = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
+    walls &= world.data.geom_xmat[:, 8] < UPWARDS
+    is_solid = (model.geom_contype | model.geom_conaffinity) & 1 != 0
+    return below & is_solid & ~walls & (model.body_weldid[model.geom_bodyid] == 0)
 
 
 @contextmanager
