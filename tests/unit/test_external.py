@@ -157,6 +157,13 @@ def test_run_command_of_keyframes_loses_no_frame_between_them(program, dataset, 
     assert len(result.frame_ms) == len(result.estimates) == len(saved.trajectory) == 3
 
 
+def test_remarks_on_a_trajectory_name_its_program(program, dataset, tmp_path):
+    milliseconds = "[' '.join([str(1e3 * t), *x.split()[1:]]) for t, x in zip(times, lines)]"
+    command = program(PLAIN + f'out.write_text("\\n".join({milliseconds}))', label="mine")
+    with pytest.warns(Remark, match="^the trajectory of mine: timestamps are taken as milli"):
+        assert len(estimate(command, dataset, tmp_path / "x.tum").trajectory) == FRAMES
+
+
 @pytest.mark.parametrize(
     ("posed", "unclaimed"),
     [

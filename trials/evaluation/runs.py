@@ -20,7 +20,10 @@ from vo.recordings.tables import read_table
 from vo.recordings.trajectory_files import read_trajectory
 from vo.runner import COUNT, MILLISECONDS, VERTEX, companion
 
-DAMAGE = (OSError, EOFError, ValueError, KeyError, TypeError, AttributeError, BadZipFile, csv.Error)
+DAMAGE = (
+    *(OSError, EOFError, ValueError, KeyError, TypeError, AttributeError),
+    *(BadZipFile, RecursionError, csv.Error),
+)
 """What readers of damaged CSV, JSON and NPZ files raise."""
 
 

@@ -8,7 +8,7 @@ from typing import Any, Literal, Self
 
 from pydantic import Field, model_validator
 
-from vo.contract.errors import DatasetError
+from vo.contract.errors import DatasetError, SettingsError
 from vo.contract.files import write_text
 from vo.contract.settings import Settings, validated
 
@@ -167,12 +167,12 @@ def read_baseline(path: Path) -> Baseline:
         SettingsError: If a value in it is not accepted.
     """
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise DatasetError(
             f"{path}: cannot be read ({error.strerror}); `driftyard gate update` writes one"
         ) from None
-    except ValueError:
+    except (ValueError, RecursionError):
         content = None
     if not isinstance(content, dict) or content.get("kind") != KIND:
         raise DatasetError(f"{path}: not a gate baseline")
@@ -182,7 +182,10 @@ def read_baseline(path: Path) -> Baseline:
             f"{path}: baseline of schema {version}, this program reads {SCHEMA_VERSION}; "
             "run `driftyard gate update`"
         )
-    return validated(Baseline, content)
+    try:
+        return validated(Baseline, content)
+    except SettingsError as error:
+        raise SettingsError(f"{path}: {error}") from None
 
 
 def write_baseline(path: Path, baseline: Baseline) -> None:

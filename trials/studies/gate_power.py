@@ -95,7 +95,7 @@ def resampled(path: Path) -> Case:
     try:
         drift = json.loads(path.read_text(encoding="utf-8"))["findings"][0]["change"]
         effect = Effect(np.array(drift["log_ratios"], dtype=float), tuple(drift["scenes"]))
-    except (ValueError, KeyError, IndexError, TypeError):
+    except (ValueError, KeyError, IndexError, TypeError, RecursionError):
         raise DatasetError(f"{path}: not a gate result") from None
     if len(set(effect.scenes)) < MIN_SCENES or not effect.within > 0:
         raise DatasetError(

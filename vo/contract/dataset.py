@@ -202,7 +202,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         version = content["schema_version"]
     except OSError as error:
         raise DatasetError(f"{path}: cannot be read ({error.strerror})") from None
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, RecursionError):
         raise DatasetError(f"{path}: not a dataset manifest") from None
     if version != SCHEMA_VERSION:
         raise DatasetError(f"{path}: schema version {version}, this program reads {SCHEMA_VERSION}")

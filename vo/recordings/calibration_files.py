@@ -61,7 +61,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
         lines = [MISSING_BLANK.sub(r"\1 ", x) for x in lines]
     try:
         content = yaml.load("\n".join("" if x.startswith("%YAML") else x for x in lines), _Loader)
-    except (yaml.YAMLError, ValueError, TypeError) as error:
+    except (yaml.YAMLError, ValueError, TypeError, RecursionError) as error:
         mark = getattr(error, "problem_mark", None)
         problem = getattr(error, "problem", None) or error
         place = f"{path}:{mark.line + 1}" if mark else f"{path}"

@@ -5,6 +5,7 @@ import shlex
 import signal
 import subprocess
 import tempfile
+import warnings
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -19,7 +20,7 @@ from vo.contract.arrays import Indices, Mask
 from vo.contract.errors import SettingsError, TrajectoryError
 from vo.contract.estimator import Estimate, Status
 from vo.contract.files import replacing
-from vo.contract.remarks import remark
+from vo.contract.remarks import Remark, remark
 from vo.contract.sequence import StereoSequence
 from vo.contract.trajectory import Trajectory
 from vo.recordings.trajectory_files import SAME_TIME_NS, read_trajectory
@@ -88,10 +89,14 @@ def run_command(command: Command, dataset: Path, sequence: StereoSequence, log: 
         if not out.is_file():
             raise PluginError(f"{command.name} wrote no trajectory; it printed {log}")
         try:
-            trajectory = read_trajectory(out, sequence.timestamps_ns)
+            with warnings.catch_warnings(record=True) as remarks:
+                warnings.simplefilter("always", Remark)
+                trajectory = read_trajectory(out, sequence.timestamps_ns)
         except TrajectoryError as error:
             place = str(error).replace(f"{out}: ", "").replace(f"{out}:", "line ")
             raise PluginError(f"{command.name} wrote a malformed trajectory, {place}") from None
+    for x in remarks:  # they name a file that is gone
+        remark(str(x.message).replace(str(out), f"the trajectory of {command.name}"))
     estimates = _estimates(command, trajectory, sequence)
     if unclaimed := len(sequence) - len(estimates):
         remark(
