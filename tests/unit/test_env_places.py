@@ -185,7 +185,7 @@ def test_what_stands_far_away_does_not_coarsen_the_map(tmp_path):
     far = '<geom type="box" pos="4000 0 9" size="9 9 9"/>'
     space = map_free_space(world_on(SLAB + far, tmp_path), 0.5)
     assert space.cell_m == 0.05
-    assert space.obstacles.shape < (100, 110)
+    assert max(space.obstacles.shape) < 110
 
 
 def test_route_off_the_ground_is_refused(tmp_path):
