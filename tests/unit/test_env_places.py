@@ -168,10 +168,7 @@ def world_on(ground: str, folder) -> World:
 )
 def test_users_world_has_no_goal_off_its_ground(tmp_path, ground, outside, said):
     world = world_on(ground, tmp_path)
-    before = world.model.geom_group.copy(), world.model.geom_rgba.copy()
     traversable = TraversableSpace(map_free_space(world, 0.5), CLEARANCE_M)
-    np.testing.assert_array_equal(world.model.geom_group, before[0])
-    np.testing.assert_array_equal(world.model.geom_rgba, before[1])
     x, y = traversable.space.points(np.argwhere(traversable.mask)).T
     assert len(x) > 500
     assert not outside(x, y).any()

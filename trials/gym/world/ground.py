@@ -1,7 +1,6 @@
 """The ground of a user's world: where it ends, and which walls are planes."""
 
-from collections.abc import Generator
-from contextlib import contextmanager
+from copy import copy
 
 import cv2
 import mujoco
@@ -62,16 +61,16 @@ def map_ground(world: World, points: Array, cell_m: float, below: Mask) -> tuple
 
 def _heights(world: World, points: Array, below: Mask) -> Array:
     """Return the height (N,) of the ground at points (N, 2) above what the scene states; or NaN."""
-    model, data, carries = world.model, world.data, _carrying(world, below)
+    model, carries = copy(world.model), _carrying(world, below)
+    model.geom_group[:], model.geom_matid[:], model.geom_rgba[:, 3] = ~carries, -1, 1.0
     down, group = np.array([0.0, 0.0, -1.0]), np.array([1, 0, 0, 0, 0, 0], np.uint8)
     found, geom = np.full(len(points), np.nan), np.full(1, -1, np.int32)
     stated_m = np.broadcast_to(world.scene.elevation(points), len(points))
-    with _in_group_0(model, carries):
-        for k, (x, y) in enumerate(points.tolist()):
-            above = np.array([x, y, stated_m[k] + ABOVE_M])
-            distance_m = mujoco.mj_ray(model, data, above, down, group, 1, -1, geom)
-            if geom[0] >= 0:
-                found[k] = ABOVE_M - distance_m
+    for k, (x, y) in enumerate(points.tolist()):
+        above = np.array([x, y, stated_m[k] + ABOVE_M])
+        distance_m = mujoco.mj_ray(model, world.data, above, down, group, 1, -1, geom)
+        if geom[0] >= 0:
+            found[k] = ABOVE_M - distance_m
     return found
 
 
@@ -82,15 +81,3 @@ def _carrying(world: World, below: Mask) -> Mask:
     walls &= world.data.geom_xmat[:, 8] < UPWARDS
     is_solid = (model.geom_contype | model.geom_conaffinity) & 1 != 0
     return below & is_solid & ~walls & (model.body_weldid[model.geom_bodyid] == 0)
-
-
-@contextmanager
-def _in_group_0(model: mujoco.MjModel, geoms: Mask) -> Generator[None]:
-    """Let rays meet these geoms alone, visible or not."""
-    kept = model.geom_group.copy(), model.geom_matid.copy(), model.geom_rgba.copy()
-    model.geom_group[:] = np.where(geoms, 0, 1)
-    model.geom_matid[:], model.geom_rgba[:, 3] = -1, 1.0
-    try:
-        yield
-    finally:
-        model.geom_group[:], model.geom_matid[:], model.geom_rgba[:] = kept
