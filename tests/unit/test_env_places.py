@@ -178,6 +178,17 @@ def test_users_world_has_no_goal_off_its_ground(tmp_path, ground, outside, said)
     sample_start_goal(traversable, on, (1.0, 5.0), np.random.default_rng(0))
 
 
+def test_sampled_places_keep_to_the_drawn_part_of_a_plane(tmp_path):
+    plane = '<geom type="plane" size="1.5 1.5 1"/><geom type="box" pos="4 0 .5" size=".1 .1 .5"/>'
+    traversable = TraversableSpace(map_free_space(world_on(plane, tmp_path), 0.5), CLEARANCE_M)
+    expect_clear(traversable, "goal", np.array([3.0, 0.5]))
+    expect_route(traversable, np.array([[0.0, 0.0], [3.0, 0.5]]))
+    rng, on = np.random.default_rng(0), traversable.mask
+    for _ in range(20):
+        ends = sample_start_goal(traversable, on, (0.5, 9.0), rng)
+        assert np.abs(ends.path[[0, -1]]).max() <= 1.55
+
+
 def test_what_stands_far_away_does_not_coarsen_the_map(tmp_path):
     far = '<geom type="box" pos="4000 0 9" size="9 9 9"/>'
     space = map_free_space(world_on(SLAB + far, tmp_path), 0.5)

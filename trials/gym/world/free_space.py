@@ -42,8 +42,8 @@ class FreeSpace:
         obstacles: (H, W) geom that stands in each cell, NO_GEOM, or NO_GROUND; moving things are
             left out.
         clearance_m: (H, W) distance to the nearest obstacle or to the edge of ground or world.
-        is_level: (H, W) whether the ground is as high as the scene states, so that the rover can be
-            placed there.
+        is_drawn: (H, W) whether the ground is drawn, so that trials begin and end there.
+        is_level: (H, W) whether it is as high as the scene states, so that the rover can be placed.
         names: Names of all geoms.
     """
 
@@ -51,6 +51,7 @@ class FreeSpace:
     cell_m: float
     obstacles: Indices
     clearance_m: Array
+    is_drawn: Mask
     is_level: Mask
     names: tuple[str, ...]
 
@@ -93,16 +94,16 @@ def map_free_space(world: World, height_m: float) -> FreeSpace:
         if heights_m.min() < height_m + HEADROOM_M:
             scaled = np.round((corners[:, :2] - origin) / cell_m * 16).astype(np.int32)
             cv2.fillConvexPoly(grid, cv2.convexHull(scaled), int(geom), cv2.LINE_8, 4)
-    is_level = np.ones(shape, bool)
+    is_drawn = is_level = np.ones(shape, bool)
     if world.scene.source:  # the ground of a user's world may end
         points = origin + np.moveaxis(np.indices(shape)[::-1], 0, -1) * cell_m
-        ends, is_level = map_ground(world, points, cell_m, below)
+        ends, is_drawn, is_level = map_ground(world, points, cell_m, below)
         grid = np.where(grid == NO_GEOM, ends, grid)
     open_cells = np.pad((grid == NO_GEOM).astype(np.uint8), 1)  # the edge is an obstacle too
     distance = cv2.distanceTransform(open_cells, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
     clearance_m = np.maximum(distance - 0.5, 0) * cell_m
     names = tuple(thing_of(world, k).name for k in range(world.model.ngeom))
-    return FreeSpace(origin, cell_m, grid.astype(np.int64), clearance_m, is_level, names)
+    return FreeSpace(origin, cell_m, grid.astype(np.int64), clearance_m, is_drawn, is_level, names)
 
 
 def obstacle_geoms(world: World) -> Mask:

@@ -34,35 +34,43 @@ def ground_extent(world: World, below: Mask) -> tuple[float, float, float, float
     return float(x_low), float(y_low), float(x_high), float(y_high)
 
 
-def map_ground(world: World, points: Array, cell_m: float, below: Mask) -> tuple[Indices, Mask]:
+def map_ground(
+    world: World, points: Array, cell_m: float, below: Mask
+) -> tuple[Indices, Mask, Mask]:
     """Find where the ground ends, on a grid of world points (H, W, 2) that are `cell_m` apart.
 
-    It consists of the geoms `below` (ngeom,), ends at steps that the rover cannot climb, and where
-    planes end as they are drawn, though MuJoCo's have no end.
+    It consists of the geoms `below` (ngeom,) and ends at steps that the rover cannot climb.
 
     Returns:
-        (H, W) NO_GROUND, the plane that is a wall before it, or NO_GEOM where it does not end, and
-        whether it is as high as the scene states.
+        (H, W) NO_GROUND, the plane that is a wall before it, or NO_GEOM where it does not end;
+        whether it is drawn, where MuJoCo's planes have no end; and whether it is as high as the
+        scene states.
     """
-    model, data = world.model, world.data
-    height_m = _heights(world, points.reshape(-1, 2), below).reshape(points.shape[:2])
+    model, data, flat = world.model, world.data, points.reshape(-1, 2)
+    height_m = _heights(world, flat, below, True).reshape(points.shape[:2])
+    is_drawn = ~np.isnan(_heights(world, flat, below, False)).reshape(points.shape[:2])
     around, filled = np.ones((3, 3), np.uint8), np.nan_to_num(height_m, nan=-ABOVE_M)
     step_m = cv2.dilate(filled, around) - cv2.erode(filled, around)
     no_ground = np.isnan(height_m) | (step_m > max(CLIMBABLE_M, 2 * SLOPE_MAX * cell_m))
     ends = np.where(no_ground, NO_GROUND, NO_GEOM)
-    z = world.scene.elevation(points.reshape(-1, 2)) + np.nan_to_num(height_m).ravel()
-    above = np.column_stack([points.reshape(-1, 2), z + CLIMBABLE_M])
+    z = world.scene.elevation(flat) + np.nan_to_num(height_m).ravel()
+    above = np.column_stack([flat, z + CLIMBABLE_M])
     solid = (model.geom_contype | model.geom_conaffinity) & 1 != 0
     for geom in np.flatnonzero(solid & (model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE)):
         distance_m = (above - data.geom_xpos[geom]) @ data.geom_xmat[geom, 2::3]
         ends[distance_m.reshape(ends.shape) < 0] = geom
-    return ends, np.abs(height_m) <= CLIMBABLE_M
+    return ends, is_drawn, np.abs(height_m) <= CLIMBABLE_M
 
 
-def _heights(world: World, points: Array, below: Mask) -> Array:
-    """Return the height (N,) of the ground at points (N, 2) above what the scene states; or NaN."""
+def _heights(world: World, points: Array, below: Mask, endless: bool) -> Array:
+    """Return the height (N,) of the ground at points (N, 2) above what the scene states; or NaN.
+
+    Planes are as large as they are drawn, or endless.
+    """
     model, carries = copy(world.model), _carrying(world, below)
     model.geom_group[:], model.geom_matid[:], model.geom_rgba[:, 3] = ~carries, -1, 1.0
+    if endless:
+        model.geom_size[model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE] = 0
     down, group = np.array([0.0, 0.0, -1.0]), np.array([1, 0, 0, 0, 0, 0], np.uint8)
     found, geom = np.full(len(points), np.nan), np.full(1, -1, np.int32)
     stated_m = np.broadcast_to(world.scene.elevation(points), len(points))

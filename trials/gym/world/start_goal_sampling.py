@@ -69,7 +69,7 @@ def sample_start_goal(
         expect_start(traversable, start[:2])
     space, (shortest, longest) = traversable.space, distance_m
     clearance_m = max(MIN_START_CLEARANCE_M, traversable.min_clearance_m)
-    roomy = component & (space.clearance_m >= clearance_m)
+    roomy = component & (space.clearance_m >= clearance_m) & space.is_drawn
 
     def far_enough(field: DistanceField, where: Mask = roomy) -> Indices:
         return np.argwhere(where & (field.distances_m >= shortest) & (field.distances_m <= longest))
