@@ -13,8 +13,10 @@ import numpy as np
 import pytest
 from forgery import hash_again
 
-from sim.certificate.certificate import check_folder, detectable_shifts
+from sim.certificate.bias import Shift
+from sim.certificate.certificate import certify, check_folder, detectable_shifts
 from sim.certificate.manifest_check import check_digest, check_statements
+from sim.certificate.photometric import FrameResidual, Residual
 from sim.certificate.verify import verify
 from sim.dataset.image_codecs import encode_float
 from sim.record import record
@@ -135,6 +137,21 @@ def test_labels_that_contradict_each_other_are_found(copy):
     assert any("the geometry check fails" in x for x in problems)
 
 
+def test_certificate_passes_only_if_each_of_its_parts_does():
+    zero = np.zeros((1, 1)), np.zeros(1), np.zeros((1, 1)), np.zeros(1), np.zeros(1)
+    right, wrong = (
+        FrameResidual(
+            k, Residual(np.eye(1, 2000, 1999 * k)[0].astype(int), 1.0, 1.0, 1.0, Shift(*zero)), None
+        )
+        for k in (0, 1)
+    )
+    checks = {"inertial": {"passed": True}}
+    assert certify([right], checks)["passed"]
+    assert not certify([right, wrong], checks)["passed"]
+    assert certify([right, wrong], checks, frozenset({"stereo"}))["passed"]
+    assert not certify([right], {"inertial": {"passed": False}})["passed"]
+
+
 def failing(folder: Path) -> list[str]:
     return [
         name for name, x in check_folder(folder, SETTINGS, "", EARTH).items() if not x["passed"]
@@ -165,6 +182,16 @@ def test_every_row_of_the_true_states_is_checked(copy, table, column, by):
 def test_inertial_reading_that_explains_no_motion_is_found(copy):
     edit(copy / READINGS, 77, 4, lambda x: x + 0.5)
     assert failing(copy) == ["inertial"]
+
+
+def test_gyroscope_bias_below_the_noise_is_found_by_the_turn(copy):
+    header, *lines = (copy / READINGS).read_text().splitlines()
+    rows = [line.split(",") for line in lines]
+    biased = [",".join([*x[:2], repr(float(x[2]) + 0.005), *x[3:]]) for x in rows]
+    (copy / READINGS).write_text("\n".join([header, *biased]) + "\n")
+    found = check_folder(copy, SETTINGS, "", EARTH)["inertial"]
+    assert not found["failed_readings_ns"]
+    assert not found["passed"]
 
 
 @pytest.mark.parametrize("gravity", [(0.0, 0.0, -9.3), (0.0, 0.0, -1.62), (0.5, 0.0, -9.81)])
@@ -214,6 +241,22 @@ def test_edited_statement_of_the_manifest_is_found(dataset, name):
     assert list(check_digest(manifest)) == [f"differs from its own digest, {DIGEST}"]
     settings = recorded_settings(manifest["settings"])
     assert list(check_statements(dataset, manifest, settings))
+
+
+def test_calibration_other_than_the_stated_rig_is_found(copy):
+    f_px = read_manifest(copy)["rig"]["f_px"]
+    for camera in (0, 1):
+        path = copy / f"mav0/cam{camera}/sensor.yaml"
+        path.write_text(path.read_text().replace(f"- {f_px}\n", "- 250.0\n"))
+    problems = list(check_statements(copy, read_manifest(copy), SETTINGS))
+    assert any(x.startswith("rig.f_px") and "from cam0/sensor.yaml" in x for x in problems)
+
+
+def test_inertial_reading_that_is_missing_is_found(copy):
+    lines = (copy / READINGS).read_text().splitlines()
+    (copy / READINGS).write_text("\n".join(lines[:-1]) + "\n")
+    problems = list(check_statements(copy, read_manifest(copy), SETTINGS))
+    assert problems == [f"imu0 has {len(lines) - 2} readings between {len(lines)} states"]
 
 
 def test_edited_seeds_are_found_by_the_biases_of_the_unit(dataset):
