@@ -179,6 +179,14 @@ def test_every_row_of_the_true_states_is_checked(copy, table, column, by):
     assert failing(copy) == []
 
 
+def test_state_before_those_of_the_inertial_unit_is_found(copy):
+    first_ns = int((copy / UNIT).read_text().splitlines()[1].split(",")[0])
+    header, row, *rows = (copy / BODY).read_text().splitlines()
+    earlier = ",".join([str(first_ns - 5_000_000), *row.split(",")[1:]])
+    (copy / BODY).write_text("\n".join([header, earlier, *rows]) + "\n")
+    assert failing(copy) == ["trajectory"]
+
+
 def test_inertial_reading_that_explains_no_motion_is_found(copy):
     edit(copy / READINGS, 77, 4, lambda x: x + 0.5)
     assert failing(copy) == ["inertial"]
