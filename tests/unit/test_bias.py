@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from sim.certificate import bias
+from sim.certificate.photometric import Residual
 
 SHAPE = 240, 320
 MOTION_PX = 3.37, -2.21
@@ -151,3 +152,18 @@ def test_turned_camera_is_found_by_its_homography():
 )
 def test_row_step_uses_more_rows_under_noise(width, height, sigma, step):
     assert bias.row_step(width * height, sigma) == step
+
+
+def test_blurred_image_may_be_displaced_from_its_label():
+    def passed(by_px, displacement_px):
+        shift = shift_of(*noisy_pair(sigma=5.0), np.add(MOTION_PX, by_px))
+        return Residual(np.ones(1, int), 0.0, 0.0, 1.0, shift, displacement_px).passed
+
+    for by_px, without, with_blur in (
+        ((0.0, 0.0), True, True),
+        ((0.3, 0.0), False, True),
+        ((0.9, 0.0), False, False),
+        ((9.0, 5.0), False, True),  # blur may have removed what gradients have in common
+    ):
+        assert passed(by_px, 0.0) == without
+        assert passed(by_px, 0.3) == with_blur
