@@ -36,6 +36,7 @@ class SearchOptions:
     distance: Distance = 4.0
     drift: float = option(2.0, "Drift over 1 m above which a drive fails, %.", min=0)
     lost: float = option(5.0, "Lost frames above which a drive fails, %.", min=0)
+    record: list[str] = changes("recording", "")
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,7 @@ def stress(
 def _search(name: str, axis: Axis, variant: Variant, search: SearchOptions) -> Curve:
     scene = search.scene or axis.scene
     title = f"{variant.label}: {name} on {scene}"
-    shared = (f"drive.distance_m={search.distance:g}", *NO_LABELS)
+    shared = (f"drive.distance_m={search.distance:g}", *NO_LABELS, *search.record)
     limits = Limits(search.drift, search.lost / 100)
 
     def drives(strength: float) -> list[Recording]:
