@@ -25,11 +25,13 @@ from sim.labels.formats import CODES, LABELS
 from sim.preview.cameras import render_world_map
 from sim.progress import Progress
 from sim.settings import RecordSettings
+from sim.world.enclosure import enclosing_geom
 from sim.world.fingerprint import expect_unchanged
 from sim.world.physics import remark_replaced
 from sim.world.trip import Trip, make_trip
 from sim.world.world import World, build_world
 from vo.contract.dataset import MAP_FILE, DatasetWriter
+from vo.contract.remarks import remark
 from vo.contract.settings import with_defaults
 
 WORKERS = 2
@@ -101,7 +103,7 @@ def record_trip(
     motion = CameraMotion(trip.motions.times_ns, T_world_cam, world.rig)
     processor = _FrameProcessor(writer, settings, camera, annotator, check, motion)
     coverage = check_coverage(world, trip, renderer)
-    captures = camera.captures(trip, renderer)
+    captures = _watched(world, camera.captures(trip, renderer))
     exposures, frames = _write_frames(processor, captures, int(trip.delivered.sum()), progress)
     writer.add(MAP_FILE, encode_png(overhead.image))
     delivered, things = delivered_rig(world.rig, settings.calibration), annotator.things
@@ -115,6 +117,20 @@ def record_trip(
     entries = overhead.manifest_entry, renderer.gl_strings, certificate
     writer.commit(manifest(world, settings, delivered, trip, things, *entries))
     return Recording(certificate, trip.ended)
+
+
+def _watched(world: World, captures: Iterator[Capture]) -> Iterator[Capture]:
+    """Pass captures on, with a remark on the first one from inside a solid of a user's world."""
+    inside = ""
+    for capture in captures:
+        if world.scene.source and not inside:
+            eye = capture.T_world_cam[:3, 3]
+            if inside := enclosing_geom(world.model, world.data, eye):
+                where = f"({eye[0]:.2f}, {eye[1]:.2f}, {eye[2]:.2f}) m"
+                remark(
+                    f"{world.scene.source}: the camera passes through {inside}, first at {where}"
+                )
+        yield capture
 
 
 _Frame = tuple[Capture, Future[StereoImages]]

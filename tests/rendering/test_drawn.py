@@ -14,6 +14,7 @@ from sim.camera.render import StereoRenderer
 from sim.certificate.label_coverage import check_coverage, contradictions, unlabelled_pixels
 from sim.labels.annotate import Annotator
 from sim.labels.labels import NOTHING
+from sim.record import record
 from sim.settings import DriveSettings, RecordSettings, RenderSettings, RigSettings
 from sim.world.drawn import rendering_entry
 from sim.world.trip import make_trip
@@ -188,6 +189,16 @@ def test_planes_from_behind_are_drawn_in_neither(seen):
     assert coverage["passed"]
     assert (front & red).sum() > max(300, 0.9 * red.sum())
     assert not (back | red)[:, :75].any()
+
+
+def test_camera_that_passes_through_a_body_is_remarked(tmp_path):
+    path = tmp_path / "world.xml"
+    post = '<geom name="post" type="box" pos=".45 0 .5" size=".15 .4 .5" contype="0"/>'
+    path.write_text(WORLD.format(post, ""))
+    scene, drive = load_scene(str(path)), {"drive.waypoints": ((0.0, 0.0), (0.6, 0.0))}
+    said = r"world\.xml: the camera passes through post, first at \(0\.[3-6]\d, .*, 0\.\d\d\) m"
+    with pytest.warns(Remark, match=said):
+        record(scene, amended(SETTINGS, drive), tmp_path / "out")
 
 
 def test_contradictions_spare_outlines_and_find_small_things():
