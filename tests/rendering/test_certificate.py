@@ -289,6 +289,11 @@ def test_edited_figure_of_the_certificate_is_found(copy, change):
     assert problems[0].startswith(f"{MANIFEST}: certificate.")
 
 
+def test_coverage_that_failed_at_recording_is_found(copy):
+    problems = forge(copy, set_at("certificate", "coverage", "passed", value=False))
+    assert "mav0: images show what labels do not know of, or less" in problems
+
+
 def test_edited_or_missing_digest_is_found(copy):
     manifest = read_manifest(copy)
     manifest["scene"]["name"] = "another"
