@@ -32,6 +32,8 @@ most NOISE_FACTOR times that of the injected noise, or less than SHARE of that o
 SHIFT_PX to either side: residuals depend on texture, so that no constant fits every scene. The
 share is SHARE_OF_BIAS where four times SHIFT_PX would be found as a bias: what remains is a change
 of blur or of highlights."""
+VISIBLE_MIN = 0.01
+"""Smallest visible fraction that has a median: of less, most pixels are outlines."""
 ROW_STEP = 16
 METHOD = {
     "about": "absolute grey-level differences, warped bicubically, of every "
@@ -84,7 +86,8 @@ class Residual:
         limits = FINE_GREY, NOISE_FACTOR * self.noise_median, share * self.shifted_median
         steady = self.displacement_px <= bias.FRAME_MAX_PX
         is_shifted = self.shift.is_found(self.shift_max_px, bias.FRAME_ERRORS, steady)
-        return self.median <= max(limits) and not is_shifted
+        is_explained = self.median <= max(limits) or self.visible_fraction < VISIBLE_MIN
+        return is_explained and not is_shifted
 
     @property
     def shift_max_px(self) -> float:

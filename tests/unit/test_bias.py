@@ -154,6 +154,13 @@ def test_row_step_uses_more_rows_under_noise(width, height, sigma, step):
     assert bias.row_step(width * height, sigma) == step
 
 
+def test_median_of_a_few_pixels_fails_no_frame():
+    shift = shift_of(*noisy_pair(sigma=5.0), MOTION_PX)
+    for visible, passed in ((0.009, True), (0.011, False)):
+        histogram = np.eye(1, 2000, 1999, dtype=int)[0]
+        assert Residual(histogram, 0.1, 0.1, visible, shift).passed == passed
+
+
 def test_blurred_image_may_be_displaced_from_its_label():
     def passed(by_px, displacement_px):
         shift = shift_of(*noisy_pair(sigma=5.0), np.add(MOTION_PX, by_px))
