@@ -158,4 +158,4 @@ def _print_faults(out: Path, recording: Recording) -> None:
             console.err.print(f"{out}: the {name} check of the certificate fails{where}")
     for line in detectable_shifts(recording.certificate):
         if LITTLE_POWER in line:
-            console.err.print(f"{out}: {line}", markup=False)
+            console.err.print(f"{out}: {line}", markup=False, soft_wrap=True)
