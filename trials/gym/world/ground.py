@@ -67,19 +67,37 @@ def _heights(world: World, points: Array, below: Mask, endless: bool) -> Array:
 
     Planes are as large as they are drawn, or endless.
     """
-    model, carries = copy(world.model), _carrying(world, below)
-    model.geom_group[:], model.geom_matid[:], model.geom_rgba[:, 3] = ~carries, -1, 1.0
-    if endless:
-        model.geom_size[model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE] = 0
-    down, group = np.array([0.0, 0.0, -1.0]), np.array([1, 0, 0, 0, 0, 0], np.uint8)
-    found, geom = np.full(len(points), np.nan), np.full(1, -1, np.int32)
+    model, data, carries = world.model, world.data, _carrying(world, below)
     stated_m = np.broadcast_to(world.scene.elevation(points), len(points))
-    for k, (x, y) in enumerate(points.tolist()):
-        above = np.array([x, y, stated_m[k] + ABOVE_M])
+    top_m, near = np.full(len(points), -np.inf), np.zeros(len(points), bool)
+    for geom in np.flatnonzero(carries):
+        away_m = points - data.geom_xpos[geom, :2]
+        if model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_PLANE:
+            near |= np.hypot(*away_m.T) <= model.geom_rbound[geom]
+            continue
+        R, size = data.geom_xmat[geom].reshape(3, 3), model.geom_size[geom, :2]
+        rise_m = -away_m @ R[:2, 2] / R[2, 2]
+        place = np.abs(np.column_stack([away_m, rise_m]) @ R[:, :2])
+        meets = data.geom_xpos[geom, 2] + rise_m <= stated_m + ABOVE_M
+        meets &= ((place <= size) | (size == 0) | endless).all(axis=1)
+        np.maximum(top_m, data.geom_xpos[geom, 2] + rise_m, out=top_m, where=meets)
+    _raise_to_bodies(world, points, carries, stated_m, near, top_m)
+    return np.where(np.isfinite(top_m), top_m - stated_m, np.nan)
+
+
+def _raise_to_bodies(
+    world: World, points: Array, carries: Mask, stated_m: Array, near: Mask, top_m: Array
+) -> None:
+    """Raise heights (N,) at points `near` geoms that are no planes to those, by rays."""
+    model, geom = copy(world.model), np.full(1, -1, np.int32)
+    model.geom_group[:], model.geom_matid[:], model.geom_rgba[:, 3] = ~carries, -1, 1.0
+    model.geom_group[model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE] = 1
+    down, group = np.array([0.0, 0.0, -1.0]), np.array([1, 0, 0, 0, 0, 0], np.uint8)
+    for k in np.flatnonzero(near).tolist():
+        above = np.array([*points[k], stated_m[k] + ABOVE_M])
         distance_m = mujoco.mj_ray(model, world.data, above, down, group, 1, -1, geom)
         if geom[0] >= 0:
-            found[k] = ABOVE_M - distance_m
-    return found
+            top_m[k] = max(top_m[k], above[2] - distance_m)
 
 
 def _carrying(world: World, below: Mask) -> Mask:
