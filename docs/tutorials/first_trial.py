@@ -17,5 +17,5 @@ policy = NavigatorPolicy(env.unwrapped)
 while not info["outcome"]:
     observation, reward, terminated, truncated, info = env.step(policy.act(observation))
 print(f"{info['outcome']} after {info['time_s']:.1f} s and {info['driven_m']:.2f} m")
-print(f"SPL {info['spl']:.2f}, localized to {100 * info['error_m']:.1f} cm")
+print(f"SPL {info['spl']:.2f}, localized to {1000 * info['error_m']:.1f} mm")
 env.close()

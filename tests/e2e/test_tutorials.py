@@ -24,10 +24,10 @@ def run(tutorial: str, *words: str) -> str:
 
 def test_first_trial_is_scored(tmp_path):
     output = run("first_trial.py", str(write_yard(tmp_path)))
-    spl, error_cm = re.search(r"SPL ([\d.]+), localized to ([\d.]+) cm", output).groups()
+    spl, error_mm = re.search(r"SPL ([\d.]+), localized to ([\d.]+) mm", output).groups()
     assert output.startswith("success after ")
     assert 0.5 < float(spl) <= 1.0
-    assert 0.0 < float(error_cm) < 15.0
+    assert 0.0 < float(error_mm) < 150.0
 
 
 def test_first_trial_takes_twenty_lines():
