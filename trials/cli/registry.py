@@ -48,6 +48,7 @@ PANELS: dict[str, dict[str, tuple[str, str]]] = {
     },
     "Studies and measurements": {
         "accuracy": ("Measure the drift of the default settings.", "--scenes office --seeds 2"),
+        "benchmark": ("Run estimators over a published data set.", "euroc EuRoC --seeds 5"),
         "stress": ("Raise a disturbance until an estimator fails.", "noise --seeds 2"),
         "response": ("Measure the drift of every disturbance and scene.", "--only blur,office"),
         "experiment": ("Test claims of the thesis.", "E1,E3"),

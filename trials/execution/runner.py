@@ -11,6 +11,7 @@ from trials.execution.jobs import Job, Recording, Result, Results, Variant, scen
 from trials.execution.parallel import map_parallel
 from vo.contract.errors import DatasetError
 from vo.contract.rig import StereoRig
+from vo.recordings.pairing import ALL_FRAMES, FrameSelection
 
 if TYPE_CHECKING:
     from sim.settings import RecordSettings
@@ -98,14 +99,18 @@ def is_recorded(folder: Path, settings: "RecordSettings") -> bool:
         return False
 
 
-def cached_run(dataset: Path, variant: Variant, cache: Path = CACHE) -> Path:
+def cached_run(
+    dataset: Path, variant: Variant, cache: Path = CACHE, frames: FrameSelection = ALL_FRAMES
+) -> Path:
     """Return the trajectory of a variant over a dataset, run now unless the cache has it."""
     import cv2
 
     from trials.estimators.plugins.command import Command
 
     how = json.dumps([variant.estimator, variant.overrides, variant.command])
-    causes = (dataset_digest(dataset), how, source_digest(ESTIMATOR))
+    causes = [dataset_digest(dataset), how, source_digest(ESTIMATOR)]
+    if frames != ALL_FRAMES:
+        causes.append(repr(frames))
     file = cache_path(cache, "runs", dataset.name, *causes).with_suffix(".txt")
     if not file.is_file():  # it is written last, so its companions are there too
         cv2.setNumThreads(1)
@@ -113,7 +118,7 @@ def cached_run(dataset: Path, variant: Variant, cache: Path = CACHE) -> Path:
         choice = Named(variant.estimator, None, variant.overrides)
         if variant.command:
             choice = Command(variant.command, label=variant.label)
-        estimate(choice, dataset, file)
+        estimate(choice, dataset, file, frames=frames)
     return file
 
 

@@ -34,6 +34,22 @@ def markdown_table(
     return "\n".join(f"| {' | '.join(cells)} |" for cells in (header, rule, *rows))
 
 
+def latex_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Lay out rows of text as LaTeX, with the rules of booktabs."""
+    lines = [" & ".join(map(_latex, cells)) + r" \\" for cells in (header, *rows)]
+    columns = "l" + "r" * (len(header) - 1)
+    body = [lines[0], r"\midrule", *lines[1:]]
+    return "\n".join(
+        [rf"\begin{{tabular}}{{{columns}}}", r"\toprule", *body, r"\bottomrule", r"\end{tabular}"]
+    )
+
+
+def _latex(text: str) -> str:
+    for letter in "&%_#$":
+        text = text.replace(letter, "\\" + letter)
+    return text.replace("°", r"$^\circ$").replace("–", "--")
+
+
 def numeric_columns(rows: Sequence[Sequence[str]]) -> list[bool]:
     """Return for each column whether every cell is a number or has none."""
     return [all(map(NUMBER.match, cells)) for cells in zip(*rows, strict=True)]

@@ -73,6 +73,20 @@ def open_sequence(folder: Path, frames: FrameSelection = ALL_FRAMES) -> StereoSe
     return _reader(folder).open(folder, frames)
 
 
+def find_recordings(folder: Path) -> list[Path]:
+    """Find the recordings of all layouts in a folder, itself included, by name; not inside others.
+
+    Raises:
+        DatasetError: If the folder is missing.
+    """
+    if not folder.is_dir():
+        raise DatasetError(f"{folder}: no such folder")
+    if _find_reader(folder) is not None:
+        return [folder]
+    inside = (x for x in sorted(folder.iterdir()) if x.is_dir() and not x.name.startswith("."))
+    return [found for x in inside for found in find_recordings(x)]
+
+
 def read_frame_times(folder: Path) -> Indices:
     """Read the times (N,) in ns of all stereo pairs within the widest tolerance.
 
