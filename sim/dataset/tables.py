@@ -7,8 +7,7 @@ import numpy as np
 
 from sim.camera.camera import FrameExposure
 from sim.imaging.lens import has_distortion
-from sim.labels.annotate import FORWARD
-from sim.labels.formats import LABELS
+from sim.labels.formats import FORWARD, LABELS
 from sim.sensors.inertial import T_body_imu, ideal_readings, imu_states, with_noise
 from sim.settings import RecordSettings
 from sim.world.random_streams import stream

@@ -8,15 +8,13 @@ import numpy as np
 
 from scenes.scene import Kind, Thing
 from sim.camera.camera import Capture
+from sim.labels.formats import FORWARD
 from sim.labels.labels import NOTHING, covisibility, disparity_from_depth, flow, normals, occlusion
 from sim.settings import LabelSettings
 from sim.world.drawn import bodies_of, drawn_objects
 from sim.world.world import World
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices, Mask
-
-FORWARD = frozenset({"flow", "covisibility"})
-"""Labels that need the next frame."""
 
 
 class Annotator:

@@ -3,6 +3,9 @@
 from pathlib import Path
 from typing import NamedTuple
 
+from vo.contract.arrays import Array
+from vo.recordings.images import read_codes, read_float
+
 FLOAT, CODES = "32-bit float TIFF, lossless", "PNG"
 FLOAT_3 = "3-channel 32-bit float TIFF, lossless; channels as listed, which OpenCV reverses"
 SEEN = (
@@ -67,6 +70,22 @@ LABELS = {
         FLOAT_3,
     ),
 }
+
+
+FORWARD = frozenset({"flow", "covisibility"})
+"""Labels that need the next frame."""
+
+
+def read_label(folder: Path, label: str, time_ns: int) -> Array:
+    """Read one of LABELS of a dataset folder: (H, W) codes or float32, or (H, W, 3) float32.
+
+    Raises:
+        ImageError: If the file is missing, damaged or of another kind.
+    """
+    file, encoding = label_file(folder, label, time_ns), LABELS[label].encoding
+    if encoding == CODES:
+        return read_codes(file)
+    return read_float(file, 3 if encoding == FLOAT_3 else 1)
 
 
 def label_file(folder: Path, label: str, time_ns: int) -> Path:

@@ -108,17 +108,12 @@ def associate(truth: Trajectory, estimate: Trajectory) -> Pair:
     Raises:
         TrajectoryError: If fewer than two times remain.
     """
-    times, known = estimate.timestamps_ns, truth.timestamps_ns
-    shared, near = np.zeros(len(times), dtype=bool), ""
-    if len(known):
-        after = np.searchsorted(known, times).clip(1, len(known) - 1) if len(known) > 1 else 0
-        distance_ns = np.minimum(np.abs(times - known[after]), np.abs(times - known[after - 1]))
-        inside = (times >= known[0]) & (times <= known[-1])
-        shared = inside & (distance_ns <= MAX_GAP_NS)
-        if inside.any():
-            nearest_ms = distance_ns[inside].min() / 1e6
-            near = f"; the nearest true pose is {nearest_ms:.1f} ms away, "
-            near += f"of {MAX_GAP_NS / 1e6:g} allowed"
+    times, known, near = estimate.timestamps_ns, truth.timestamps_ns, ""
+    distance_ns = truth_distance_ns(truth, times)
+    shared = distance_ns <= MAX_GAP_NS
+    if np.isfinite(distance_ns).any():
+        near = f"; the nearest true pose is {distance_ns.min() / 1e6:.1f} ms away, "
+        near += f"of {MAX_GAP_NS / 1e6:g} allowed"
     if shared.sum() < 2:
         truth_span, span = (f"{x[0]}..{x[-1]} ns" if len(x) else "is empty" for x in (known, times))
         raise TrajectoryError(
@@ -130,6 +125,24 @@ def associate(truth: Trajectory, estimate: Trajectory) -> Pair:
         points_odom = se3.transform(T_odom_cam, truth.point_cam[None])[:, 0]
         T_odom_cam = se3.pose(np.eye(3), points_odom)
     return Pair(times[shared], T_world_cam, T_odom_cam, truth.point_cam is None)
+
+
+def truth_distance_ns(truth: Trajectory, times_ns: Indices) -> Array:
+    """Return the distance of times (N,) from the nearest sample of the truth, infinite outside."""
+    known = truth.timestamps_ns
+    if not len(known):
+        return np.full(len(times_ns), np.inf)
+    after = np.searchsorted(known, times_ns).clip(1, len(known) - 1) if len(known) > 1 else 0
+    nearest = np.minimum(np.abs(times_ns - known[after]), np.abs(times_ns - known[after - 1]))
+    return np.where((times_ns >= known[0]) & (times_ns <= known[-1]), nearest, np.inf)
+
+
+def true_poses(truth: Trajectory, times_ns: Indices) -> Array:
+    """Interpolate T_world_cam (N, 4, 4) at N times; NaN where `associate` leaves them out."""
+    T_world_cam = np.full((len(times_ns), 4, 4), np.nan)
+    known = truth_distance_ns(truth, times_ns) <= MAX_GAP_NS
+    T_world_cam[known] = truth.at(times_ns[known]).T_ref_frame
+    return T_world_cam
 
 
 def gaps(truth: Trajectory) -> Indices:

@@ -1,5 +1,6 @@
 """Ground truth of image points from the labels of a dataset: depth, position, later projections."""
 
+from collections.abc import Mapping
 from dataclasses import fields
 from functools import lru_cache
 from pathlib import Path
@@ -40,6 +41,22 @@ def true_trajectory(dataset: Path) -> Trajectory:
     return truth
 
 
+def true_rig(dataset: Path, manifest: Mapping[str, Any]) -> StereoRig:
+    """Return the camera as it is, to which labels belong; its calibration may differ.
+
+    Raises:
+        DatasetError: If the manifest lacks it.
+    """
+    try:
+        true = manifest["rig_true"]
+        values: dict[str, Any] = {field.name: true[field.name] for field in fields(StereoRig)}
+        values["T_body_cam"] = np.array(values["T_body_cam"])
+        return StereoRig(**values)
+    except (KeyError, TypeError):
+        message = f"{dataset / MANIFEST}: the true rig is missing or malformed"
+        raise DatasetError(message) from None
+
+
 class TrueWorld:
     """Labels of a dataset of static points, read on demand.
 
@@ -50,14 +67,7 @@ class TrueWorld:
     def __init__(self, dataset: Path) -> None:
         """Open a dataset; DatasetError if it has no depth labels, poses or manifest."""
         manifest = read_manifest(dataset)
-        try:
-            true = manifest["rig_true"]
-            values: dict[str, Any] = {field.name: true[field.name] for field in fields(StereoRig)}
-            values["T_body_cam"] = np.array(values["T_body_cam"])
-            self.rig = StereoRig(**values)
-        except (KeyError, TypeError):
-            message = f"{dataset / MANIFEST}: the true rig is missing or malformed"
-            raise DatasetError(message) from None
+        self.rig = true_rig(dataset, manifest)
         if not label_file(dataset, "depth", 0).parent.is_dir():
             message = f"{dataset}: has no depth labels; generate it with labels.depth=true"
             raise DatasetError(message)

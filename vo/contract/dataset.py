@@ -59,7 +59,7 @@ class DatasetWriter:
         Raises:
             DatasetError: If another process is writing the same dataset.
         """
-        self._lock = _lock_folder(self.partial, self.out)
+        self._lock = lock_partial(self.partial, self.out)
         if not self._target.exists() and (self._former / MANIFEST).is_file():
             self._former.rename(self._target)  # a writer was killed between its two renames
         clear_partial_folders(self.partial.parent)
@@ -143,8 +143,12 @@ class DatasetWriter:
             raise DatasetError(f"{self.out}: {name} cannot be written ({error.strerror})") from None
 
 
-def _lock_folder(partial: Path, out: Path) -> int:
-    """Create an empty folder, locked until the returned descriptor or the process is closed."""
+def lock_partial(partial: Path, out: Path) -> int:
+    """Create an empty hidden folder, locked until the returned descriptor or the process is closed.
+
+    Raises:
+        DatasetError: If another process is writing `out`.
+    """
     partial.mkdir(parents=True, exist_ok=True)
     descriptor = lock(partial)
     if descriptor is None:

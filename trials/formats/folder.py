@@ -1,0 +1,45 @@
+"""A folder of exported files that appears whole, or not at all."""
+
+import os
+import shutil
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from pathlib import Path
+
+from vo.contract.dataset import lock_partial
+from vo.contract.errors import DatasetError
+
+Advance = Callable[[object], None]
+"""Called after each exported frame; the argument is ignored."""
+
+
+@contextmanager
+def new_folder(out: Path) -> Generator[Path]:
+    """Yield a hidden folder beside `out`, which takes its name only when the block succeeds.
+
+    Raises:
+        DatasetError: If `out` exists, cannot be written, or another process is writing it.
+    """
+    if os.path.lexists(out):
+        raise DatasetError(f"{out}: already exists; choose another --out")
+    target = out.resolve()
+    partial = target.with_name(f".{target.name}.partial")
+    try:
+        lock = lock_partial(partial, out)
+        try:
+            yield partial
+            partial.rename(target)
+        finally:
+            shutil.rmtree(partial, ignore_errors=True)
+            os.close(lock)
+    except OSError as error:
+        if error.filename is not None and not str(error.filename).startswith(str(partial.parent)):
+            raise
+        # Of a failed write, Python does not say which file it was.
+        raise DatasetError(f"{out}: cannot be written ({error.strerror or error})") from None
+
+
+def put(path: Path, data: bytes | str) -> None:
+    """Write a file, and the folders above it where they are missing."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(data.encode() if isinstance(data, str) else data)

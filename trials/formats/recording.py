@@ -1,0 +1,221 @@
+"""What the writers of all formats read: images, calibration, true poses and labels of a dataset."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from sim.dataset.image_codecs import encode_png
+from sim.labels.formats import FORWARD, label_file, read_label
+from trials.evaluation.alignment import true_poses
+from trials.evaluation.truth import true_rig
+from vo.contract import se3
+from vo.contract.arrays import Array, Mask
+from vo.contract.dataset import MANIFEST, RECTIFIED_EYE, read_manifest
+from vo.contract.errors import DatasetError
+from vo.contract.remarks import remark
+from vo.contract.rig import StereoRig
+from vo.contract.sequence import StereoSequence
+from vo.contract.trajectory import NS_PER_S
+from vo.recordings.pairing import ALL_FRAMES, FrameSelection
+from vo.recordings.readers import open_sequence, read_frame_times, read_truth
+
+CAMERAS = ("cam0", "cam1")
+VISIBLE = 0
+"""Code of the labels `occlusion` and `covisibility` for pixels that the other image shows."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """N >= 1 frames of a dataset or recording.
+
+    Attributes:
+        folder: Of the dataset.
+        name: Of that folder.
+        sequence: Calibration, times and rectified grey images.
+        poses: (N, 4, 4) true T_world_cam; None if there is no truth.
+        consecutive: (N,) whether the next frame is the next one of the dataset, as labels of
+            motion expect.
+        manifest: Content of dataset.json; None for recordings of other origin.
+        copied: Whether the image files are rectified, so that their bytes are copied.
+    """
+
+    folder: Path
+    name: str
+    sequence: StereoSequence
+    poses: Array | None
+    consecutive: Mask
+    manifest: Mapping[str, Any] | None
+    copied: bool
+
+    def __len__(self) -> int:
+        return len(self.sequence)
+
+    @property
+    def rig(self) -> StereoRig:
+        """The delivered calibration."""
+        return self.sequence.rig
+
+    @property
+    def times_ns(self) -> list[int]:
+        """Times of the N frames."""
+        return self.sequence.timestamps_ns.tolist()
+
+    @property
+    def T_world_cam(self) -> Array:
+        """True poses (N, 4, 4) of the left camera.
+
+        Raises:
+            DatasetError: If there is no ground truth.
+        """
+        if self.poses is None:
+            raise DatasetError(f"{self.folder}: has no true poses, which this format needs")
+        return self.poses
+
+    @cached_property
+    def true_rig(self) -> StereoRig:
+        """The camera to which the labels belong."""
+        return true_rig(self.folder, self.manifest or {})
+
+    def seconds(self, i: int) -> str:
+        """Return the time of frame i in seconds with nine decimals."""
+        seconds, nanoseconds = divmod(self.times_ns[i], NS_PER_S)
+        return f"{seconds}.{nanoseconds:09d}"
+
+    def eyes(self, i: int) -> tuple[bytes, bytes]:
+        """Return both images of frame i as PNG files: grey, or in the colour of the dataset.
+
+        Raises:
+            ImageError: If an image is damaged.
+        """
+        frame = self.sequence[i]
+        if not self.copied:
+            return encode_png(frame.left), encode_png(frame.right)
+        name = f"{frame.timestamp_ns}.png"
+        left, right = (
+            (self.folder / "mav0" / camera / "data" / name).read_bytes() for camera in CAMERAS
+        )
+        return left, right
+
+    def pixels(self, i: int) -> tuple[Array, Array]:
+        """Return both images of frame i, (H, W) or (H, W, 3) RGB, uint8."""
+        left, right = (
+            cv2.imdecode(np.frombuffer(x, np.uint8), cv2.IMREAD_UNCHANGED) for x in self.eyes(i)
+        )
+        return _rgb(np.asarray(left)), _rgb(np.asarray(right))
+
+    def has(self, label: str) -> bool:
+        """Whether the dataset has a label."""
+        return self.manifest is not None and label_file(self.folder, label, 0).parent.is_dir()
+
+    def label(self, label: str, i: int) -> Array | None:
+        """Read a label of frame i.
+
+        It is None if the dataset lacks it, or it is of the motion to a frame that is left out.
+
+        Raises:
+            ImageError: If the file is missing or damaged.
+        """
+        if not self.has(label) or (label in FORWARD and not self.consecutive[i]):
+            return None
+        return read_label(self.folder, label, self.times_ns[i])
+
+    @property
+    def has_depth(self) -> bool:
+        """Whether the dataset has depth or disparity of the left image."""
+        return self.has("depth") or self.has("disparity")
+
+    def depth(self, i: int) -> Array:
+        """Return planar depth (H, W) float32 of the left pixels in metres; NaN where unknown.
+
+        Raises:
+            DatasetError: If the dataset has labels of neither depth nor disparity.
+        """
+        depth_m = self.label("depth", i)
+        return self._depth_factor / self.disparity(i) if depth_m is None else depth_m
+
+    def disparity(self, i: int) -> Array:
+        """Return u_left - u_right (H, W) float32 of the left pixels; NaN where unknown.
+
+        Raises:
+            DatasetError: If the dataset has labels of neither depth nor disparity.
+        """
+        label = "disparity" if self.has("disparity") else "depth"
+        values = self.label(label, i)
+        if values is None:
+            raise DatasetError(
+                f"{self.folder}: has no labels of depth or disparity, which this format needs; "
+                "generate it with labels.depth=true"
+            )
+        return values if label == "disparity" else self._depth_factor / values
+
+    @property
+    def _depth_factor(self) -> np.float32:
+        return np.float32(self.true_rig.f_px * self.true_rig.baseline_m)
+
+
+def open_recording(folder: Path, frames: FrameSelection = ALL_FRAMES) -> Recording:
+    """Open the selected frames of a dataset or recording, with what it has of truth and labels.
+
+    Frames without a true pose are left out, with a remark.
+
+    Raises:
+        DriftyardError: As `open_sequence` and `read_truth`; also if no frame has a true pose.
+    """
+    sequence = open_sequence(folder, frames)
+    root = folder if (folder / "mav0").is_dir() else folder.resolve().parent
+    manifest = read_manifest(root) if (root / MANIFEST).is_file() else None
+    sheet = root / "mav0/cam0/sensor.yaml"
+    copied = manifest is not None and RECTIFIED_EYE in sheet.read_text(errors="replace")
+    if manifest is None:
+        root = folder
+    elif _is_miscalibrated(manifest):
+        remark(f"{root}: labels are those of the true camera, which differs from the calibration")
+    poses = _poses(folder, sequence)
+    if poses is not None and np.isnan(poses).any():
+        rows = np.flatnonzero(~np.isnan(poses[:, 0, 0])).tolist()
+        if not rows:
+            raise DatasetError(f"{folder}: no frame has a true pose")
+        count = len(sequence) - len(rows)
+        remark(f"{folder}: {count} frames have no true pose and are left out")
+        sequence, poses = _select(sequence, rows), poses[rows]
+    every = np.searchsorted(read_frame_times(folder), sequence.timestamps_ns)
+    consecutive = np.append(np.diff(every) == 1, False)
+    return Recording(root, root.resolve().name, sequence, poses, consecutive, manifest, copied)
+
+
+def _poses(folder: Path, sequence: StereoSequence) -> Array | None:
+    """Return T_world_cam (N, 4, 4), NaN outside of the truth; None without poses, and a remark."""
+    truth = read_truth(folder)
+    if truth is not None and truth.point_cam is None:
+        return true_poses(truth, sequence.timestamps_ns)
+    what = "has no ground truth" if truth is None else "has a truth of positions only"
+    remark(f"{folder}: {what}; it is exported without poses")
+    return None
+
+
+def relative_to_first(T_world_cam: Array) -> Array:
+    """Return the poses (N, 4, 4) in the frame of the first."""
+    return se3.inverse(T_world_cam[0]) @ T_world_cam
+
+
+def _select(sequence: StereoSequence, rows: list[int]) -> StereoSequence:
+    return replace(
+        sequence,
+        timestamps_ns=sequence.timestamps_ns[rows],
+        load=lambda i: sequence.load(rows[i]),
+    )
+
+
+def _is_miscalibrated(manifest: Mapping[str, Any]) -> bool:
+    true = dict(manifest.get("rig_true", {}))
+    R = true.pop("R_nominal_right", np.eye(3))
+    return true != manifest.get("rig") or not np.array_equal(R, np.eye(3))
+
+
+def _rgb(image: Array) -> Array:
+    return image if image.ndim == 2 else np.ascontiguousarray(image[..., 2::-1])
