@@ -16,9 +16,9 @@ OFFICE = RecordSettings(
     rig=RigSettings(width_px=320, height_px=240, rate_hz=7),
     drive=DriveSettings(distance_m=1.15, speed_mps=0.36),
     render=RenderSettings(samples=0, shadow_size_px=512),
-    labels=LabelSettings(disparity=False),
+    labels=LabelSettings(disparity=False, occlusion=True, flow=True, covisibility=True),
 )
-"""A short drive with labels of depth, as oracles need it."""
+"""A short drive with labels of depth, as oracles need it, and what exports compare."""
 
 
 def shared_recording(

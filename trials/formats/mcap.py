@@ -37,7 +37,7 @@ def write_mcap(recordings: Sequence[Recording], out: Path, advance: Advance) -> 
     try:
         from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
-        from trials.formats.ros_messages import Messages
+        from trials.formats.ros_messages import LATCHED, Messages
     except ImportError:
         raise SettingsError(
             "the format mcap needs the package rosbags: pip install 'driftyard[mcap]'"
@@ -52,8 +52,9 @@ def write_mcap(recordings: Sequence[Recording], out: Path, advance: Advance) -> 
             for topic, time_ns, message in _messages(recording, messages, advance):
                 kind = message.__msgtype__
                 if topic not in connections:
+                    services = [LATCHED] if topic == "/tf_static" else []
                     connections[topic] = writer.add_connection(
-                        topic, kind, typestore=messages.store
+                        topic, kind, typestore=messages.store, offered_qos_profiles=services
                     )
                 data = messages.store.serialize_cdr(message, kind)
                 writer.write(connections[topic], time_ns, data)
@@ -63,7 +64,7 @@ def _messages(recording: Recording, make: "Messages", advance: Advance) -> Itera
     """Yield the messages of a recording in the order of their times."""
     imu = read_imu(recording.folder) or NO_READINGS
     yield from _static_transforms(recording, make, imu.T_body_imu)
-    passed = 0
+    passed = int(np.searchsorted(imu.timestamps_ns, recording.times_ns[0]))
     for i, time_ns in enumerate(recording.times_ns):
         until = int(np.searchsorted(imu.timestamps_ns, time_ns, side="right"))
         for k in range(passed, until):

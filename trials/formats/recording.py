@@ -136,7 +136,10 @@ class Recording:
             DatasetError: If the dataset has labels of neither depth nor disparity.
         """
         depth_m = self.label("depth", i)
-        return self._depth_factor / self.disparity(i) if depth_m is None else depth_m
+        if depth_m is not None:
+            return depth_m
+        disparity_px = self.disparity(i)
+        return self._depth_factor / disparity_px
 
     def disparity(self, i: int) -> Array:
         """Return u_left - u_right (H, W) float32 of the left pixels; NaN where unknown.

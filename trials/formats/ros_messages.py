@@ -4,6 +4,14 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from rosbags.interfaces import (
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
 from rosbags.typesys import Stores, get_typestore
 
 from vo.contract import se3
@@ -13,6 +21,16 @@ from vo.contract.trajectory import NS_PER_S
 
 INVALID_PX = -1.0
 """Disparity of pixels without one: below min_disparity, as DisparityImage marks them."""
+
+_FOREVER = QosTime(9223372036, 854775807)
+LATCHED = Qos(
+    QosHistory.KEEP_LAST,
+    1,
+    QosReliability.RELIABLE,
+    QosDurability.TRANSIENT_LOCAL,
+    *(_FOREVER, _FOREVER, QosLiveliness.AUTOMATIC, _FOREVER, False),
+)
+"""Quality of service of /tf_static, which late subscribers receive too."""
 
 
 class Messages:
