@@ -165,7 +165,7 @@ def test_kitti_stereo_disparity_is_that_of_the_depth(exported, truth):
     left, right = (read(out / f"image_{k}/000000_10.png").astype(float) for k in (2, 3))
     v, u = np.nonzero(read(out / "disp_noc_0/000000_10.png"))
     d = levels_to_px(read(out / "disp_noc_0/000000_10.png"))[v, u]
-    inside = u + d < left.shape[1]
+    inside = u + d < left.shape[1] - 1
     v, u, d = v[inside], u[inside], d[inside]
     residual = {
         sign: np.abs(left[v, u] - right[v, np.rint(u - sign * d).astype(int)]).mean()
@@ -421,6 +421,7 @@ def test_mcap_without_truth_has_images_only(tmp_path):
         (("--to", "kitti", "--out", "street"), "street: already exists"),
         (("--to", "kitti", "--out", "file/o"), "file/o: cannot be written (Not a directory)"),
         (("--to", "kitti", "--out", "/proc/o"), "/proc/o: cannot be written"),
+        (("--to", "tum", "--out", "new/folder/o"), "street: has no labels of depth"),
         (("--to", "kitti", "--first", "9"), "frames 9 to 2"),
         (("street", "--to", "kitti"), "street: two datasets have this name"),
         (("nowhere", "--to", "kitti"), "nowhere: no such folder"),

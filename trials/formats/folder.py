@@ -2,8 +2,8 @@
 
 import os
 import shutil
-from collections.abc import Callable, Generator
-from contextlib import contextmanager
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from vo.contract.dataset import lock_partial
@@ -24,19 +24,30 @@ def new_folder(out: Path) -> Generator[Path]:
         raise DatasetError(f"{out}: already exists; choose another --out")
     target = out.resolve()
     partial = target.with_name(f".{target.name}.partial")
+    missing = [x for x in target.parents if not os.path.lexists(x)]
     try:
         lock = lock_partial(partial, out)
         try:
             yield partial
             partial.rename(target)
-        finally:
+        except BaseException:
             shutil.rmtree(partial, ignore_errors=True)
+            _remove_empty(missing)
+            raise
+        finally:
             os.close(lock)
     except OSError as error:
         if error.filename is not None and not str(error.filename).startswith(str(partial.parent)):
             raise
         # Of a failed write, Python does not say which file it was.
         raise DatasetError(f"{out}: cannot be written ({error.strerror or error})") from None
+
+
+def _remove_empty(folders: Sequence[Path]) -> None:
+    """Remove folders, the innermost first, up to one that is not empty."""
+    with suppress(OSError):
+        for folder in folders:
+            folder.rmdir()
 
 
 def put(path: Path, data: bytes | str) -> None:

@@ -14,7 +14,7 @@ from trials.formats.folder import Advance
 from trials.formats.recording import Recording
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices
-from vo.contract.errors import SettingsError
+from vo.contract.errors import DatasetError, SettingsError
 from vo.contract.inertial import ImuLog
 from vo.contract.trajectory import NS_PER_S
 from vo.recordings.inertial_tables import read_imu
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from trials.formats.ros_messages import Messages
 
 EYES = ("left", "right")
+MAX_TIME_NS = 2**31 * NS_PER_S
+"""End of the times that messages hold."""
 NO_READINGS = ImuLog(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3)))
 Message = tuple[str, int, Any]
 """Topic, time in ns, and message."""
@@ -33,7 +35,14 @@ def write_mcap(recordings: Sequence[Recording], out: Path, advance: Advance) -> 
 
     Raises:
         SettingsError: If the package rosbags is missing.
+        DatasetError: If times are beyond those of ROS, of 2038.
     """
+    for recording in recordings:
+        if recording.times_ns[-1] >= MAX_TIME_NS:
+            raise DatasetError(
+                f"{recording.folder}: frames at {recording.times_ns[-1]} ns; ROS messages hold "
+                f"times below {MAX_TIME_NS} ns"
+            )
     try:
         from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 

@@ -15,6 +15,7 @@ from trials.formats.folder import Advance, put
 from trials.formats.recording import Recording
 from vo.contract import se3
 from vo.contract.arrays import Array, Mask
+from vo.contract.remarks import remark
 
 SKY_M = 10_000.0
 """Depth of pixels without a surface."""
@@ -39,6 +40,7 @@ def write_tartanair(recording: Recording, out: Path, advance: Advance) -> None:
         DatasetError: If there is no ground truth, or no labels of depth or disparity.
     """
     T_world_left = recording.T_world_cam
+    things = _things(recording)
     T_left_right = se3.pose(np.eye(3), np.array([recording.rig.baseline_m, 0.0, 0.0]))
     for i in range(len(recording)):
         for side, data in zip("lr", recording.eyes(i), strict=True):
@@ -49,8 +51,8 @@ def write_tartanair(recording: Recording, out: Path, advance: Advance) -> None:
         if flow is not None:
             encoded = encode_flow(flow[..., :2], recording.label("covisibility", i))
             put(out / f"flow_lcam_front/{i:06d}_{i + 1:06d}_flow.png", encoded)
-        objects = recording.label("segmentation", i)
-        if objects is not None and objects.max() <= np.iinfo(np.uint8).max:
+        objects = recording.label("segmentation", i) if things else None
+        if objects is not None:
             encoded = encode_png(objects.astype(np.uint8))
             put(out / f"seg_lcam_front/{i:06d}_lcam_front_seg.png", encoded)
         advance(i)
@@ -62,10 +64,23 @@ def write_tartanair(recording: Recording, out: Path, advance: Advance) -> None:
         put(out / f"pose_{side}cam_front.txt", text)
     times = "".join(f"{recording.seconds(i)}\n" for i in range(len(recording)))
     put(out / "imu/cam_time.txt", times)
+    if things:
+        put(out / "seg_label_map.json", json.dumps({"name_map": things}, indent=1) + "\n")
     rig = recording.rig
     camera = {"fx": rig.f_px, "fy": rig.f_px, "cx": rig.cx_px, "cy": rig.cy_px}
     size = {"width": rig.width_px, "height": rig.height_px, "baseline": rig.baseline_m}
     put(out / "camera.json", json.dumps({**camera, **size}, indent=1) + "\n")
+
+
+def _things(recording: Recording) -> dict[str, int]:
+    """Return the number of each object; none without labels, or if one byte does not hold them."""
+    things = recording.manifest["things"] if recording.manifest else []
+    if not recording.has("segmentation"):
+        return {}
+    if len(things) > np.iinfo(np.uint8).max:
+        remark(f"{recording.folder}: {len(things)} objects, of which TartanAir holds 255; left out")
+        return {}
+    return {"sky": 0} | {thing["name"]: thing["id"] for thing in things}
 
 
 def ned_poses(T_world_cam: Array) -> Array:
