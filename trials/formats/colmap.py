@@ -43,12 +43,8 @@ class Points:
 
 
 def write_colmap(recording: Recording, out: Path, advance: Advance) -> None:
-    """Write images and sparse/0/cameras.txt, images.txt and points3D.txt.
-
-    Raises:
-        DatasetError: If there is no ground truth.
-    """
-    poses = recording.T_world_cam
+    """Write images and sparse/0/cameras.txt, images.txt and points3D.txt."""
+    poses = recording.poses
     if not recording.has_depth:
         remark(f"{recording.folder}: has no labels of depth or disparity: no points are written")
     chosen = np.unique(np.linspace(0, len(recording) - 1, POINT_FRAMES).round()).astype(int)
@@ -118,7 +114,7 @@ def _points(recording: Recording, i: int) -> Points:
     right[np.full(len(d), True) if hidden is None else hidden[at] != VISIBLE] = np.nan
     image = recording.pixels(i)[0]
     colours = np.broadcast_to(image.reshape(*image.shape[:2], -1), (*image.shape[:2], 3))[at]
-    world = se3.transform(recording.T_world_cam[i], recording.true_rig.triangulate(pixels, d))
+    world = se3.transform(recording.poses[i], recording.true_rig.triangulate(pixels, d))
     return Points(world, colours, pixels + CENTRE, right + CENTRE)
 
 

@@ -89,10 +89,8 @@ def _licence_text(licence: str) -> str:
 
 def _row(split: str, recording: Recording) -> Iterator[tuple[str, ...]]:
     manifest, rig = recording.manifest or {}, recording.rig
-    length = "–"
-    if recording.poses is not None:
-        steps = np.diff(recording.poses[:, :3, 3], axis=0)
-        length = f"{np.linalg.norm(steps, axis=1).sum():.2f}"
+    steps = np.linalg.norm(np.diff(recording.poses[:, :3, 3], axis=0), axis=1)
+    length = "–" if np.isnan(steps).all() else f"{np.nansum(steps):.2f}"
     scene, seed = manifest.get("scene", {}).get("name", "–"), str(manifest.get("seed", "–"))
     size = f"{rig.width_px} x {rig.height_px}"
     yield split, recording.name, scene, seed, str(len(recording)), length, size
@@ -119,7 +117,7 @@ def _results(recordings: Sequence[Recording]) -> str:
 
 def _scores(recording: Recording) -> Iterator[Score]:
     """Score the runs beside a dataset whose record names its manifest, except unreadable ones."""
-    if recording.manifest is None or recording.poses is None:
+    if recording.manifest is None:
         return
     digest = sha256((recording.folder / MANIFEST).read_bytes()).hexdigest()
     truth, times = true_trajectory(recording.folder), read_frame_times(recording.folder)

@@ -18,12 +18,8 @@ EYES = ("image_0", "image_1")
 
 
 def write_kitti(recording: Recording, out: Path, advance: Advance) -> None:
-    """Write image_0, image_1, calib.txt, times.txt and poses.txt.
-
-    Raises:
-        DatasetError: If there is no ground truth.
-    """
-    poses = relative_to_first(recording.T_world_cam)
+    """Write image_0, image_1, calib.txt, times.txt and poses.txt."""
+    poses = relative_to_first(recording.poses)
     for i in range(len(recording)):
         for eye, data in zip(EYES, recording.eyes(i), strict=True):
             put(out / eye / f"{i:06d}.png", data)

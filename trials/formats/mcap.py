@@ -108,7 +108,7 @@ def _frame(recording: Recording, make: "Messages", i: int) -> Iterator[Message]:
     if recording.has_depth:
         label = recording.disparity(i)
         yield "/stereo/disparity", t, make.disparity(t, label, recording.true_rig)
-    if recording.poses is not None:
+    if recording.pose(i) is not None:
         T_world_body = recording.poses @ se3.inverse(recording.rig.T_body_cam)
         twist = _twist(T_world_body, recording.sequence.timestamps_ns, i)
         yield "/ground_truth/odometry", t, make.odometry(t, T_world_body[i], twist)
@@ -116,9 +116,11 @@ def _frame(recording: Recording, make: "Messages", i: int) -> Iterator[Message]:
 
 
 def _twist(T_world_body: Array, times_ns: Indices, i: int) -> Array:
-    """Return the mean velocity (6,) in the body from frame i to the next (to the last, its own)."""
-    if len(times_ns) < 2:
+    """Return the mean velocity (6,) in the body from frame i to the next pose, or to the last."""
+    known = np.flatnonzero(~np.isnan(T_world_body[:, 0, 0]))
+    if len(known) < 2:
         return np.zeros(6)
-    k = min(i, len(times_ns) - 2)
-    step = se3.log(se3.inverse(T_world_body[k]) @ T_world_body[k + 1])
-    return step / (float(times_ns[k + 1] - times_ns[k]) / NS_PER_S)
+    k = min(int(np.searchsorted(known, i)), len(known) - 2)
+    start, end = known[k : k + 2]
+    step = se3.log(se3.inverse(T_world_body[start]) @ T_world_body[end])
+    return step / (float(times_ns[end] - times_ns[start]) / NS_PER_S)

@@ -21,7 +21,7 @@ from vo.contract.remarks import remark
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoSequence
 from vo.contract.trajectory import NS_PER_S
-from vo.recordings.pairing import ALL_FRAMES, FrameSelection
+from vo.recordings.pairing import FrameSelection
 from vo.recordings.readers import open_sequence, read_frame_times, read_truth
 
 CAMERAS = ("cam0", "cam1")
@@ -37,7 +37,7 @@ class Recording:
         folder: Of the dataset.
         name: Of that folder.
         sequence: Calibration, times and rectified grey images.
-        poses: (N, 4, 4) true T_world_cam; None if there is no truth.
+        poses: (N, 4, 4) true T_world_cam; NaN where the truth has none.
         consecutive: (N,) whether the next frame is the next one of the dataset, as labels of
             motion expect.
         manifest: Content of dataset.json; None for recordings of other origin.
@@ -47,7 +47,7 @@ class Recording:
     folder: Path
     name: str
     sequence: StereoSequence
-    poses: Array | None
+    poses: Array
     consecutive: Mask
     manifest: Mapping[str, Any] | None
     copied: bool
@@ -65,16 +65,9 @@ class Recording:
         """Times of the N frames."""
         return self.sequence.timestamps_ns.tolist()
 
-    @property
-    def T_world_cam(self) -> Array:
-        """True poses (N, 4, 4) of the left camera.
-
-        Raises:
-            DatasetError: If there is no ground truth.
-        """
-        if self.poses is None:
-            raise DatasetError(f"{self.folder}: has no true poses, which this format needs")
-        return self.poses
+    def pose(self, i: int) -> Array | None:
+        """Return the true T_world_cam (4, 4) of frame i; None if the truth has none."""
+        return None if np.isnan(self.poses[i]).any() else self.poses[i]
 
     @cached_property
     def true_rig(self) -> StereoRig:
@@ -150,9 +143,9 @@ class Recording:
         label = "disparity" if self.has("disparity") else "depth"
         values = self.label(label, i)
         if values is None:
+            hint = "; generate it with labels.depth=true" if self.manifest else ""
             raise DatasetError(
-                f"{self.folder}: has no labels of depth or disparity, which this format needs; "
-                "generate it with labels.depth=true"
+                f"{self.folder}: has no labels of depth or disparity, which this format needs{hint}"
             )
         return values if label == "disparity" else self._depth_factor / values
 
@@ -161,13 +154,14 @@ class Recording:
         return np.float32(self.true_rig.f_px * self.true_rig.baseline_m)
 
 
-def open_recording(folder: Path, frames: FrameSelection = ALL_FRAMES) -> Recording:
+def open_recording(folder: Path, frames: FrameSelection, needs_poses: bool) -> Recording:
     """Open the selected frames of a dataset or recording, with what it has of truth and labels.
 
-    Frames without a true pose are left out, with a remark.
+    If poses are needed, frames without a true pose are left out, with a remark.
 
     Raises:
-        DriftyardError: As `open_sequence` and `read_truth`; also if no frame has a true pose.
+        DriftyardError: As `open_sequence` and `read_truth`; also if poses are needed, and there is
+            no truth, it has no attitude, or no pose at the time of any frame.
     """
     sequence = open_sequence(folder, frames)
     root = folder if (folder / "mav0").is_dir() else folder.resolve().parent
@@ -178,11 +172,11 @@ def open_recording(folder: Path, frames: FrameSelection = ALL_FRAMES) -> Recordi
         root = folder
     elif _is_miscalibrated(manifest):
         remark(f"{root}: labels are those of the true camera, which differs from the calibration")
-    poses = _poses(folder, sequence)
-    if poses is not None and np.isnan(poses).any():
+    poses = _poses(folder, sequence, needs_poses)
+    if needs_poses and np.isnan(poses).any():
         rows = np.flatnonzero(~np.isnan(poses[:, 0, 0])).tolist()
         if not rows:
-            raise DatasetError(f"{folder}: no frame has a true pose")
+            raise DatasetError(f"{folder}: no frame has a true pose, which this format needs")
         count = len(sequence) - len(rows)
         remark(f"{folder}: {count} frames have no true pose and are left out")
         sequence, poses = _select(sequence, rows), poses[rows]
@@ -191,14 +185,16 @@ def open_recording(folder: Path, frames: FrameSelection = ALL_FRAMES) -> Recordi
     return Recording(root, root.resolve().name, sequence, poses, consecutive, manifest, copied)
 
 
-def _poses(folder: Path, sequence: StereoSequence) -> Array | None:
-    """Return T_world_cam (N, 4, 4), NaN outside of the truth; None without poses, and a remark."""
+def _poses(folder: Path, sequence: StereoSequence, needs_poses: bool) -> Array:
+    """Return T_world_cam (N, 4, 4), NaN outside of the truth."""
     truth = read_truth(folder)
     if truth is not None and truth.point_cam is None:
         return true_poses(truth, sequence.timestamps_ns)
-    what = "has no ground truth" if truth is None else "has a truth of positions only"
+    what = "has no ground truth" if truth is None else "has a truth of positions without attitude"
+    if needs_poses:
+        raise DatasetError(f"{folder}: {what}; this format needs true poses")
     remark(f"{folder}: {what}; it is exported without poses")
-    return None
+    return np.full((len(sequence), 4, 4), np.nan)
 
 
 def relative_to_first(T_world_cam: Array) -> Array:

@@ -24,10 +24,11 @@ Writer = Callable[[Sequence[Recording], Path, Advance], None]
 
 @dataclass(frozen=True)
 class Format:
-    """A format: what it is, in a few words, and its writer."""
+    """A format: what it is, in a few words, its writer, and whether it is nothing without poses."""
 
     summary: str
     write: Writer
+    needs_poses: bool = False
 
 
 def _each(write: Callable[[Recording, Path, Advance], None]) -> Writer:
@@ -41,13 +42,13 @@ def _each(write: Callable[[Recording, Path, Advance], None]) -> Writer:
 
 
 FORMATS = {
-    "kitti": Format("KITTI odometry", _each(write_kitti)),
-    "tum": Format("TUM RGB-D", _each(write_tum_rgbd)),
+    "kitti": Format("KITTI odometry", _each(write_kitti), needs_poses=True),
+    "tum": Format("TUM RGB-D", _each(write_tum_rgbd), needs_poses=True),
     "kitti_stereo": Format("KITTI stereo 2015", _each(write_kitti_stereo)),
     "middlebury": Format("Middlebury stereo, PFM", _each(write_middlebury)),
     "sceneflow": Format("SceneFlow, PFM", _each(write_sceneflow)),
-    "tartanair": Format("TartanAir V2", _each(write_tartanair)),
-    "colmap": Format("COLMAP, text", _each(write_colmap)),
+    "tartanair": Format("TartanAir V2", _each(write_tartanair), needs_poses=True),
+    "colmap": Format("COLMAP, text", _each(write_colmap), needs_poses=True),
     "mcap": Format("MCAP with ROS 2 messages", write_mcap),
     "webdataset": Format("WebDataset shards", _each(write_webdataset)),
     "huggingface": Format("Hugging Face dataset", write_huggingface),
@@ -95,7 +96,7 @@ def export(
     for twice in {x for x in names if names.count(x) > 1}:
         raise SettingsError(f"{twice}: two datasets have this name; export them one by one")
     with new_folder(out) as partial:
-        recordings = [open_recording(folder, frames) for folder in datasets]
+        recordings = [open_recording(folder, frames, form.needs_poses) for folder in datasets]
         total, done = sum(map(len, recordings)), 0
 
         def advance(_: object) -> None:

@@ -37,9 +37,9 @@ def write_tartanair(recording: Recording, out: Path, advance: Advance) -> None:
     the dataset has these labels.
 
     Raises:
-        DatasetError: If there is no ground truth, or no labels of depth or disparity.
+        DatasetError: If there are no labels of depth or disparity.
     """
-    T_world_left = recording.T_world_cam
+    T_world_left = recording.poses
     things = _things(recording)
     T_left_right = se3.pose(np.eye(3), np.array([recording.rig.baseline_m, 0.0, 0.0]))
     for i in range(len(recording)):

@@ -25,9 +25,9 @@ def write_tum_rgbd(recording: Recording, out: Path, advance: Advance) -> None:
     Depth is rounded to 0.2 mm; 0 where it is unknown or beyond 13.107 m, which is remarked.
 
     Raises:
-        DatasetError: If there is no ground truth, or no labels of depth or disparity.
+        DatasetError: If there are no labels of depth or disparity.
     """
-    poses = Trajectory(recording.sequence.timestamps_ns, recording.T_world_cam)
+    poses = Trajectory(recording.sequence.timestamps_ns, recording.poses)
     stamps = [recording.seconds(i) for i in range(len(recording))]
     beyond: list[float] = []
     for i, stamp in enumerate(stamps):

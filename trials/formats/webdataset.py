@@ -52,7 +52,7 @@ def sample(recording: Recording, i: int) -> dict[str, bytes]:
 
 def metadata(recording: Recording, i: int) -> dict[str, Any]:
     """Return time, calibration and true pose of frame i, JSON-ready."""
-    rig, poses = recording.rig, recording.poses
+    rig, pose = recording.rig, recording.pose(i)
     return {
         "dataset": recording.name,
         "frame": i,
@@ -60,7 +60,7 @@ def metadata(recording: Recording, i: int) -> dict[str, Any]:
         "K": rig.K.tolist(),
         "baseline_m": rig.baseline_m,
         "T_body_cam": rig.T_body_cam.tolist(),
-        "T_world_cam": None if poses is None else poses[i].tolist(),
+        "T_world_cam": None if pose is None else pose.tolist(),
     }
 
 
