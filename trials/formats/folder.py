@@ -37,8 +37,9 @@ def new_folder(out: Path) -> Generator[Path]:
         finally:
             os.close(lock)
     except OSError as error:
-        if error.filename is not None and not str(error.filename).startswith(str(partial.parent)):
-            raise
+        place = Path(error.filename or partial)
+        if not place.is_relative_to(partial) and not partial.is_relative_to(place):
+            raise  # of an input
         # Of a failed write, Python does not say which file it was.
         raise DatasetError(f"{out}: cannot be written ({error.strerror or error})") from None
 
