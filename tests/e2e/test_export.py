@@ -2,6 +2,7 @@
 
 import json
 import resource
+import sys
 import tarfile
 from pathlib import Path
 
@@ -448,6 +449,13 @@ def test_export_without_truth_names_what_is_missing(tmp_path):
     with pytest.raises(DatasetError, match="plain: has no ground truth; this format needs true"):
         export([plain], "colmap", tmp_path / "o")
     assert [x.name for x in tmp_path.iterdir()] == ["plain"]
+
+
+def test_mcap_without_rosbags_says_what_to_install(street, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
+    with pytest.raises(SettingsError, match=r"pip install 'driftyard\[mcap\]'"):
+        export([street], "mcap", tmp_path / "o")
+    assert not (tmp_path / "o").exists()
 
 
 @pytest.mark.parametrize("name", ["kitti", "mcap", "webdataset"])

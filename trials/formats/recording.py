@@ -165,7 +165,7 @@ def open_recording(folder: Path, frames: FrameSelection, needs_poses: bool) -> R
     """
     sequence = open_sequence(folder, frames)
     root = folder if (folder / "mav0").is_dir() else folder.resolve().parent
-    manifest = read_manifest(root) if (root / MANIFEST).is_file() else None
+    manifest = _manifest(root) if (root / MANIFEST).is_file() else None
     sheet = root / "mav0/cam0/sensor.yaml"
     copied = manifest is not None and RECTIFIED_EYE in sheet.read_text(errors="replace")
     if manifest is None:
@@ -210,10 +210,19 @@ def _select(sequence: StereoSequence, rows: list[int]) -> StereoSequence:
     )
 
 
+def _manifest(root: Path) -> Mapping[str, Any]:
+    """Read dataset.json, with entries of their kinds."""
+    manifest = read_manifest(root)
+    for key, kind in {"scene": dict, "things": list, "rig": dict, "rig_true": dict}.items():
+        if not isinstance(manifest.setdefault(key, kind()), kind):
+            raise DatasetError(f"{root / MANIFEST}: {key} is malformed")
+    return manifest
+
+
 def _is_miscalibrated(manifest: Mapping[str, Any]) -> bool:
-    true = dict(manifest.get("rig_true", {}))
-    R = true.pop("R_nominal_right", np.eye(3))
-    return true != manifest.get("rig") or not np.array_equal(R, np.eye(3))
+    R = manifest["rig_true"].get("R_nominal_right", np.eye(3))
+    true = {key: x for key, x in manifest["rig_true"].items() if key != "R_nominal_right"}
+    return true != manifest["rig"] or not np.array_equal(R, np.eye(3))
 
 
 def _rgb(image: Array) -> Array:

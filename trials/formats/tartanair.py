@@ -74,9 +74,9 @@ def write_tartanair(recording: Recording, out: Path, advance: Advance) -> None:
 
 def _things(recording: Recording) -> dict[str, int]:
     """Return the number of each object; none without labels, or if one byte does not hold them."""
-    things = recording.manifest["things"] if recording.manifest else []
-    if not recording.has("segmentation"):
+    if recording.manifest is None or not recording.has("segmentation"):
         return {}
+    things = recording.manifest["things"]
     if len(things) > np.iinfo(np.uint8).max:
         remark(f"{recording.folder}: {len(things)} objects, of which TartanAir holds 255; left out")
         return {}
