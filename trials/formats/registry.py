@@ -92,11 +92,11 @@ def export(
         DriftyardError: As `open_recording`.
     """
     form = find_format(name)
-    names = [folder.resolve().name for folder in datasets]
-    for twice in {x for x in names if names.count(x) > 1}:
-        raise SettingsError(f"{twice}: two datasets have this name; export them one by one")
     with new_folder(out) as partial:
         recordings = [open_recording(folder, frames, form.needs_poses) for folder in datasets]
+        names = [x.name for x in recordings]
+        if twice := next((x for x in names if names.count(x) > 1), ""):
+            raise SettingsError(f"{twice}: two datasets have this name; export them one by one")
         total, done = sum(map(len, recordings)), 0
 
         def advance(_: object) -> None:
