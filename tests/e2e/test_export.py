@@ -451,6 +451,13 @@ def test_export_without_truth_names_what_is_missing(tmp_path):
     assert [x.name for x in tmp_path.iterdir()] == ["plain"]
 
 
+def test_export_malformed_manifest_is_named(street, tmp_path):
+    (street / "dataset.json").write_text('{"schema_version": 1, "scene": 3}')
+    with pytest.raises(DatasetError, match=r"street/dataset\.json: scene is malformed"):
+        export([street], "webdataset", tmp_path / "o")
+    assert not (tmp_path / "o").exists()
+
+
 def test_mcap_without_rosbags_says_what_to_install(street, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
     with pytest.raises(SettingsError, match=r"pip install 'driftyard\[mcap\]'"):
