@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from trials.formats.folder import Advance, put
-from trials.formats.recording import Recording, relative_to_first
+from trials.formats.recording import Recording
 from vo.contract import se3
 from vo.contract.arrays import Array
 from vo.contract.rig import StereoRig
@@ -19,7 +19,7 @@ EYES = ("image_0", "image_1")
 
 def write_kitti(recording: Recording, out: Path, advance: Advance) -> None:
     """Write image_0, image_1, calib.txt, times.txt and poses.txt."""
-    poses = relative_to_first(recording.poses)
+    poses = se3.inverse(recording.poses[0]) @ recording.poses
     for i in range(len(recording)):
         for eye, data in zip(EYES, recording.eyes(i), strict=True):
             put(out / eye / f"{i:06d}.png", data)

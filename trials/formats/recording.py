@@ -13,7 +13,6 @@ from sim.dataset.image_codecs import encode_png
 from sim.labels.formats import FORWARD, label_file, read_label
 from trials.evaluation.alignment import true_poses
 from trials.evaluation.truth import true_rig
-from vo.contract import se3
 from vo.contract.arrays import Array, Mask
 from vo.contract.dataset import MANIFEST, RECTIFIED_EYE, read_manifest
 from vo.contract.errors import DatasetError
@@ -164,13 +163,11 @@ def open_recording(folder: Path, frames: FrameSelection, needs_poses: bool) -> R
             no truth, it has no attitude, or no pose at the time of any frame.
     """
     sequence = open_sequence(folder, frames)
-    root = folder if (folder / "mav0").is_dir() else folder.resolve().parent
+    root = folder.resolve().parent if folder.resolve().name == "mav0" else folder
     manifest = _manifest(root) if (root / MANIFEST).is_file() else None
     sheet = root / "mav0/cam0/sensor.yaml"
     copied = manifest is not None and RECTIFIED_EYE in sheet.read_text(errors="replace")
-    if manifest is None:
-        root = folder
-    elif _is_miscalibrated(manifest):
+    if manifest is not None and _is_miscalibrated(manifest):
         remark(f"{root}: labels are those of the true camera, which differs from the calibration")
     poses = _poses(folder, sequence, needs_poses)
     if needs_poses and np.isnan(poses).any():
@@ -195,11 +192,6 @@ def _poses(folder: Path, sequence: StereoSequence, needs_poses: bool) -> Array:
         raise DatasetError(f"{folder}: {what}; this format needs true poses")
     remark(f"{folder}: {what}; it is exported without poses")
     return np.full((len(sequence), 4, 4), np.nan)
-
-
-def relative_to_first(T_world_cam: Array) -> Array:
-    """Return the poses (N, 4, 4) in the frame of the first."""
-    return se3.inverse(T_world_cam[0]) @ T_world_cam
 
 
 def _select(sequence: StereoSequence, rows: list[int]) -> StereoSequence:
