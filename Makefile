@@ -70,7 +70,7 @@ explain: $(READY)  ## attribute the drift on six scenes (docs/explain.md; half a
 
 clean:  ## remove results and caches; the environment in .venv stays
 	rm -rf build demo dist .pytest_cache .hypothesis .ruff_cache .import_linter_cache
-	find scenes sim vo trials tests -name __pycache__ -type d -exec rm -rf {} +
+	find driftyard scenes sim vo trials tests -name __pycache__ -type d -exec rm -rf {} +
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-16s%s\n", $$1, $$2}' $(MAKEFILE_LIST)

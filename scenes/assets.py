@@ -53,10 +53,14 @@ def _origin(value: object) -> ModuleType | None:
     return sys.modules.get(name) if isinstance(name, str) else None
 
 
+PACKAGES = ("driftyard", "scenes", "sim", "vo", "trials")
+"""Packages of driftyard."""
+
+
 def _is_theirs(module: ModuleType, folder: Path) -> bool:
     """Whether a module is a user's own: below a folder, not installed, and none of ours."""
     file = Path(getattr(module, "__file__", None) or "/")
-    ours = module.__name__.partition(".")[0] in ("scenes", "sim", "vo", "trials")
+    ours = module.__name__.partition(".")[0] in PACKAGES
     return file.is_relative_to(folder) and "site-packages" not in file.parts and not ours
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from scenes.assets import mjcf_assets, module_assets
+from scenes.assets import PACKAGES, mjcf_assets, module_assets
 from scenes.geometry.routes import rounded_loop
 from scenes.scene import COLLISION_GROUP, HOME, Scene
 from vo.contract.errors import SettingsError
@@ -25,7 +25,7 @@ LOOP_M = 2.0
 MARGIN_M = 0.5
 OTHERS = (
     *(f"{Path(inspect.getfile(module)).parent}/" for module in (inspect, np, mujoco)),
-    *(f"{Path(__file__).parents[1]}/{package}/" for package in ("scenes", "sim", "vo", "trials")),
+    *(f"{Path(__file__).parents[1]}/{package}/" for package in PACKAGES),
     *("<frozen", "site-packages"),
 )
 """Parts of the paths of Python, of libraries and of driftyard, which are not the user's."""

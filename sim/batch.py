@@ -9,7 +9,7 @@ import logging
 import os
 import threading
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
 from contextlib import chdir, contextmanager
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ from sim.settings import RecordSettings, recorded_settings
 from sim.world.fingerprint import changes_since, fingerprint
 from sim.world.random_streams import stream
 from sim.world.world import build_world
-from vo.contract.dataset import MANIFEST, read_manifest
+from vo.contract.dataset import MANIFEST, DatasetWriter, read_manifest
 from vo.contract.errors import DatasetError, DriftyardError
 from vo.contract.remarks import print_remarks
 from vo.contract.settings import with_defaults
@@ -94,6 +94,21 @@ def build(scene: str, settings: RecordSettings) -> Scene:
     return build_scene(scene, stream(settings.seed, "scene"), settings.scene)
 
 
+def record_scene(
+    task: Task,
+    overwrite: bool = False,
+    progress: Progress | None = None,
+    recorded: Mapping[str, Any] | None = None,
+) -> Recording:
+    """Build the scene of a task and record it; arguments and errors are those of `record`.
+
+    An existing folder is refused before the scene is built.
+    """
+    DatasetWriter(task.out, overwrite)
+    scene = build(task.scene, task.settings)
+    return record(scene, task.settings, task.out, overwrite, progress, recorded)
+
+
 def custom_fingerprint(scene: str, settings: RecordSettings) -> str:
     """Return the `fingerprint` of a custom scene as JSON, "" of another, which its name tells.
 
@@ -112,8 +127,7 @@ def perform(task: Task, progress: Progress | None = None) -> Outcome:
             made = read_manifest(task.out)
             recording = Recording(made["certificate"], made["ended"])
         else:
-            scene = build(task.scene, task.settings)
-            recording = record(scene, task.settings, task.out, progress=progress)
+            recording = record_scene(task, progress=progress)
     except DriftyardError as error:
         return Outcome(task, None, str(error).removeprefix(f"{task.out}: "))
     except OSError as error:

@@ -12,7 +12,13 @@ from scenes.scene import Scene
 from sim.camera.camera import Capture, FrameExposure, StereoCamera, StereoImages
 from sim.camera.render import StereoRenderer
 from sim.certificate.blur import CameraMotion
-from sim.certificate.certificate import certify, check_folder, exempt_parts
+from sim.certificate.certificate import (
+    LITTLE_POWER,
+    certify,
+    check_folder,
+    detectable_shifts,
+    exempt_parts,
+)
 from sim.certificate.frame_residual import FrameView, frame_residual
 from sim.certificate.label_coverage import COVERAGE, check_coverage
 from sim.certificate.photometric import FrameResidual, PhotometricCheck
@@ -45,6 +51,17 @@ class Recording:
 
     certificate: dict[str, Any]
     ended: str
+
+    @property
+    def faults(self) -> list[str]:
+        """What is wrong with a dataset that was written nevertheless, or hidden by its noise."""
+        found = [f"incomplete, {self.ended}"] if self.ended else []
+        for name, part in self.certificate.items():
+            if isinstance(part, dict) and not part["passed"]:
+                frames = part.get("failed_frames_ns", [])
+                where = f", first at {frames[0]} ns" if frames else ""
+                found.append(f"the {name} check of the certificate fails{where}")
+        return found + [x for x in detectable_shifts(self.certificate) if LITTLE_POWER in x]
 
 
 def record(

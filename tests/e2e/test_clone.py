@@ -29,7 +29,7 @@ def clone(tmp_path_factory) -> Path:
 
 def take_machine_code(clone: Path) -> None:
     """Copy machine code, which is known by what it was made from, not by age or place."""
-    for package in ("scenes", "sim", "vo", "trials"):
+    for package in ("driftyard", "scenes", "sim", "vo", "trials"):
         for file in (ROOT / package).rglob("__pycache__/*.nb?"):
             copied = clone / file.relative_to(ROOT)
             copied.parent.mkdir(exist_ok=True)

@@ -8,7 +8,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
 LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
-SOURCE = re.compile(r"`((?:scenes|sim|vo|trials|tests)/[\w/.]*)`")
+SOURCE = re.compile(r"`((?:driftyard|scenes|sim|vo|trials|tests)/[\w/.]*)`")
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))

@@ -2,12 +2,15 @@
 
 from pathlib import Path
 
+import driftyard
+from sim.batch import Task
 from trials.cli import console
-from trials.cli.generate import record_scene
+from trials.cli.generate import record_task
 from trials.cli.options import Seed, option
 from trials.cli.run import run_estimator
-from trials.cli.score import score_files, score_table
+from trials.cli.score import score_table
 from trials.estimators.choice import COMPARED, Named
+from trials.evaluation.dataset_scores import score_runs
 from trials.evaluation.runs import read_runs
 from trials.execution.recording_settings import recording_settings
 from trials.execution.runner import is_recorded
@@ -27,11 +30,12 @@ def demo(
     if is_recorded(dataset, settings):
         console.out.print(f"{dataset}: is there already, and verified")
     else:
-        record_scene(SCENE, settings, dataset, overwrite=True)
+        record_task(Task(SCENE, settings, dataset), overwrite=True)
     files = [out / f"{name}.txt" for name in COMPARED]
     for name, file in zip(COMPARED, files, strict=True):
-        run_estimator(dataset, file, Named(name))
+        run_estimator(driftyard.open(dataset), Named(name), file)
     page = out / "report.html"
-    write_report(dataset, read_runs(dataset, files), page)
-    console.out.print(score_table(SCENE, score_files(dataset, files)))
+    runs = read_runs(dataset, files)
+    write_report(dataset, runs, page)
+    console.out.print(score_table(SCENE, score_runs(dataset, runs)))
     console.out.print(f"{page.resolve().as_uri()}")

@@ -8,15 +8,14 @@ from typing import Any, ClassVar
 
 import typer
 
-from sim.batch import Task, build, perform_all
-from sim.certificate.certificate import LITTLE_POWER, detectable_shifts
+from sim.batch import Task, perform_all, record_scene
 from sim.certificate.manifest_check import check_digest
-from sim.record import Recording, record
-from sim.settings import RecordSettings, recorded_settings
+from sim.record import Recording
+from sim.settings import recorded_settings
 from trials.cli import console
 from trials.cli.options import RecordingOptions, argument, option
 from trials.execution.jobs import scene_label
-from vo.contract.dataset import MANIFEST, DatasetWriter, read_manifest
+from vo.contract.dataset import MANIFEST, read_manifest
 from vo.contract.errors import DatasetError, SettingsError
 
 
@@ -61,17 +60,12 @@ def generate(
         _generate_all(list(_tasks(names, out, recording, batch)), batch)
 
 
-def record_scene(
-    name: str,
-    settings: RecordSettings,
-    out: Path,
-    overwrite: bool = False,
-    recorded: dict[str, Any] | None = None,
+def record_task(
+    task: Task, overwrite: bool = False, recorded: dict[str, Any] | None = None
 ) -> Recording:
     """Record a scene with a progress bar; `recorded` is as for `record`."""
-    DatasetWriter(out, overwrite)  # refuses an existing folder before the scene is built
-    with console.progress_bar(f"recording {name}") as progress:
-        return record(build(name, settings), settings, out, overwrite, progress, recorded)
+    with console.progress_bar(f"recording {task.scene}") as progress:
+        return record_scene(task, overwrite, progress, recorded)
 
 
 def _task_of(manifest: Path, out: Path) -> tuple[Task, dict[str, Any]]:
@@ -115,7 +109,7 @@ def _tasks(
 
 
 def _generate_one(task: Task, recorded: dict[str, Any] | None, overwrite: bool) -> None:
-    recording = record_scene(task.scene, task.settings, task.out, overwrite, recorded)
+    recording = record_task(task, overwrite, recorded)
     certificate = recording.certificate
     verdict = "certified" if certificate["passed"] else "[bold red]not certified[/]"
     console.out.print(
@@ -148,14 +142,5 @@ def _generate_all(tasks: list[Task], batch: BatchOptions) -> None:
 
 
 def _print_faults(out: Path, recording: Recording) -> None:
-    """Print what is wrong with a dataset that was written nevertheless, or hidden by its noise."""
-    if recording.ended:
-        console.err.print(f"{out}: incomplete, {recording.ended}")
-    for name, part in recording.certificate.items():
-        if isinstance(part, dict) and not part["passed"]:
-            frames = part.get("failed_frames_ns", [])
-            where = f", first at {frames[0]} ns" if frames else ""
-            console.err.print(f"{out}: the {name} check of the certificate fails{where}")
-    for line in detectable_shifts(recording.certificate):
-        if LITTLE_POWER in line:
-            console.err.print(f"{out}: {line}", markup=False, soft_wrap=True)
+    for fault in recording.faults:
+        console.err.print(f"{out}: {fault}", markup=False, soft_wrap=True)

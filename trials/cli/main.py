@@ -8,6 +8,7 @@ from typing import NoReturn
 
 import typer
 
+from driftyard import __version__
 from sim.graphics import explain_fault, is_graphics_fault
 from trials.cli.registry import COMMANDS, LazyGroup
 from vo.contract.errors import DriftyardError, SettingsError
@@ -31,8 +32,22 @@ app = typer.Typer(
 )
 
 
+def _print_version(is_asked: bool) -> None:
+    if is_asked:
+        print(f"driftyard {__version__}")
+        raise typer.Exit
+
+
 @app.callback()
-def driftyard() -> None:
+def driftyard(
+    version: bool = typer.Option(
+        False,
+        "--version",
+        help="Print the version and exit.",
+        callback=_print_version,
+        is_eager=True,
+    ),
+) -> None:
     """A proving ground for stereo visual odometry."""
 
 

@@ -3,15 +3,12 @@
 import statistics
 from pathlib import Path
 
+import driftyard
 from trials.cli import console
 from trials.cli.options import AnyEstimatorOptions, Dataset, FrameOptions, option
-from trials.estimators.choice import Named, estimate
+from trials.estimators.choice import Named
 from trials.estimators.plugins.command import Command
-from vo.contract.errors import SettingsError, TrajectoryError
 from vo.contract.estimator import Status
-from vo.recordings.pairing import ALL_FRAMES, FrameSelection
-from vo.recordings.readers import open_sequence
-from vo.recordings.synchronization import remark_unsynchronized
 
 
 def run(
@@ -24,31 +21,29 @@ def run(
 
     Until the run is complete, the frames so far are in FILE.unfinished.txt beside the trajectory.
     """
-    selection = frames.selection
-    if estimator.command is not None and (frames.first, frames.last, frames.every) != (0, None, 1):
-        raise SettingsError("--command: a program reads all frames: no --first, --last or --every")
-    run_estimator(dataset, out, estimator.choice, selection)
+    opened = driftyard.open(
+        dataset,
+        first=frames.first,
+        last=frames.last,
+        every=frames.every,
+        skip_missing=frames.skip_missing,
+        pair_tolerance_ms=frames.pair_tolerance,
+    )
+    run_estimator(opened, estimator.choice, out)
 
 
-def run_estimator(
-    dataset: Path, out: Path, choice: Named | Command, selection: FrameSelection = ALL_FRAMES
-) -> None:
-    """Run an estimator as `estimate`, with a progress bar, and print a summary.
-
-    A remark is printed if the eyes do not show the same moments.
-    """
-    if out.is_dir():
-        raise TrajectoryError(f"{out}: is a folder; --out names the trajectory file")
-    sequence = open_sequence(dataset, selection)
-    frames = len(sequence)
-    remark_unsynchronized(sequence)
-    with console.counting_bar(f"running {choice.name}", frames) as count:
-        result = estimate(choice, dataset, out, count, selection)
-    lost = [x for x in result.estimates if x.status is Status.LOST]
-    median_ms = statistics.median(result.frame_ms)
-    why = f"; the first lost: {lost[0].reason}" if lost else ""
-    unclaimed = frames - len(result.estimates)
+def run_estimator(dataset: driftyard.Dataset, choice: Named | Command, out: Path) -> None:
+    """Run an estimator as `driftyard.run`, with a progress bar, and print a summary."""
+    with console.progress_bar(f"running {choice.name}") as progress:
+        made = driftyard.run(dataset, choice, out, progress=progress)
+    frames = made.frames
+    assert frames is not None  # our own runs always write it
+    lost = [i for i, status in enumerate(frames.status) if status is Status.LOST]
+    why = f"; the first lost: {frames.reason[lost[0]]}" if lost else ""
+    unclaimed = len(dataset) - len(frames)
     counts = f"{len(lost)} lost" + (f", {unclaimed} between keyframes" if unclaimed else "")
+    median_ms = statistics.median(frames.frame_ms)
     console.out.print(
-        f"{out}: {frames} frames, {counts}, median {median_ms:.1f} ms per frame{why}", markup=False
+        f"{out}: {len(dataset)} frames, {counts}, median {median_ms:.1f} ms per frame{why}",
+        markup=False,
     )

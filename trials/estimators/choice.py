@@ -23,12 +23,19 @@ Factory = Callable[[StereoRig, Path | None, Sequence[str]], tuple[Estimator, Set
 class Named:
     """An estimator that runs in this process, and its settings: a TOML file, and `key=value` each.
 
-    The name is a key of ESTIMATORS, or `module:Class`.
+    The name is a key of ESTIMATORS, or `module:Class`; of a plug-in class that is given itself, it
+    is only its name in tables.
     """
 
     name: str = "driftyard"
     config: Path | None = None
     overrides: tuple[str, ...] = ()
+    plugin: Callable[..., Estimator] | None = None
+
+    @property
+    def is_own(self) -> bool:
+        """Whether it is one of ESTIMATORS, which never raise on image content."""
+        return self.plugin is None and self.name in ESTIMATORS
 
 
 def _odometry(
@@ -64,7 +71,11 @@ COMPARED = ("driftyard", "corner_flow")
 
 
 def make_estimator(
-    name: str, rig: StereoRig, config: Path | None = None, overrides: Sequence[str] = ()
+    name: str,
+    rig: StereoRig,
+    config: Path | None = None,
+    overrides: Sequence[str] = (),
+    plugin: Callable[..., Estimator] | None = None,
 ) -> tuple[Estimator, Mapping[str, Any]]:
     """Build an estimator of a sequence with this camera; other arguments as of `Named`.
 
@@ -75,15 +86,15 @@ def make_estimator(
         SettingsError: If there is no such estimator, or it refuses a setting.
         PluginError: If a plug-in class cannot be built.
     """
-    if name in ESTIMATORS:
+    if plugin is None and name in ESTIMATORS:
         estimator, settings = ESTIMATORS[name](rig, config, overrides)
         return estimator, settings.model_dump(mode="json")
-    if ":" not in name:
+    if plugin is None and ":" not in name:
         valid = ", ".join(sorted(ESTIMATORS))
         raise SettingsError(f"unknown estimator {name}; valid: {valid}, or module:Class")
     from trials.estimators.plugins.classes import build
 
-    return build(name, rig, config, overrides)
+    return build(name, rig, config, overrides, plugin)
 
 
 def estimate(
@@ -116,8 +127,10 @@ def estimate(
         about = {"command": choice.template, "timeout_s": choice.timeout_s}
         write_run(out, result, choice.name, about, dataset)
         return result
-    estimator, settings = make_estimator(choice.name, sequence.rig, choice.config, choice.overrides)
-    guarded = None if choice.name in ESTIMATORS else Guarded(estimator)
+    estimator, settings = make_estimator(
+        choice.name, sequence.rig, choice.config, choice.overrides, choice.plugin
+    )
+    guarded = None if choice.is_own else Guarded(estimator)
     with UnfinishedRun(out) as unfinished:
 
         def add(found: Estimate, frame_ms: float) -> None:

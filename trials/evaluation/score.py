@@ -1,13 +1,15 @@
 """Score of one run: all metrics of the tables."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
 from trials.evaluation import metrics
 from trials.evaluation.alignment import Alignment, associate, gaps
+from trials.evaluation.html_table import html_table
 from trials.evaluation.runs import SavedRun
 from vo.contract.arrays import Array
 from vo.contract.errors import TrajectoryError
@@ -48,7 +50,7 @@ class SegmentDrift:
         return SegmentDrift(length_m, len(errors), mean, median, turn)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Score:
     """Score of one estimator on one sequence.
 
@@ -74,6 +76,15 @@ class Score:
         rpe_1m_m: The same over 1 m of path; rotation errors likewise.
         frame_ms: Median wall time of the estimator per frame, ms, which excludes compilation.
         stage_ms: Stage to its mean time per frame, over all frames.
+
+    Example:
+        >>> score = dy.score(ds, run)
+        >>> score.drift_pct == score.drift_1m.mean_percent
+        True
+        >>> score.ate_m["se3"].rmse < 0.05
+        True
+        >>> sorted(score.to_dict())[:3]
+        ['ate_m', 'compared', 'drift_1m']
     """
 
     estimator: str
@@ -95,6 +106,52 @@ class Score:
     rpe_1m_deg: ErrorSummary | None
     frame_ms: float | None
     stage_ms: Mapping[str, float]
+
+    @property
+    def drift_pct(self) -> float | None:
+        """Mean translation drift over 1 m of path, %; None if the path is shorter."""
+        return self.drift_1m.mean_percent if self.drift_1m else None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all figures by name, ready for JSON or a row of a `pandas.DataFrame`."""
+        return asdict(self)
+
+    @property
+    def rows(self) -> list[tuple[str, str]]:
+        """Label with unit, and value as text or "–" where there is none, of every figure."""
+        values = [(label, figure(self), digits) for label, (figure, digits) in FIGURES.items()]
+        return [(label, "–" if x is None else f"{x:.{n}f}") for label, x, n in values]
+
+    def __repr__(self) -> str:
+        shown = ", ".join(f"{label}: {value}" for label, value in self.rows if value != "–")
+        return f"Score({self.estimator!r}; {shown})"
+
+    def _repr_html_(self) -> str:
+        return html_table(f"Score of {self.estimator}", self.rows)
+
+
+def _ate_m(score: Score, alignment: Alignment) -> float | None:
+    errors = score.ate_m.get(alignment.value)
+    return errors.rmse if errors else None
+
+
+FIGURES: dict[str, tuple[Callable[[Score], float | None], int]] = {
+    "drift over 1 m, mean, %": (lambda x: x.drift_pct, 3),
+    "drift over 1 m, median, %": (lambda x: x.drift_1m.median_percent if x.drift_1m else None, 3),
+    "rotation over 1 m, °/m": (lambda x: x.drift_1m.mean_deg_per_m if x.drift_1m else None, 4),
+    "end point, m": (lambda x: x.end_m, 3),
+    "end point, % of path": (lambda x: x.end_percent, 2),
+    "ATE, first pose, m": (lambda x: _ate_m(x, Alignment.FIRST_POSE), 4),
+    "ATE, SE(3), m": (lambda x: _ate_m(x, Alignment.SE3), 4),
+    "ATE, Sim(3), m": (lambda x: _ate_m(x, Alignment.SIM3), 4),
+    "path, m": (lambda x: x.path_m, 2),
+    "frames": (lambda x: x.frames, 0),
+    "frames compared": (lambda x: x.compared, 0),
+    "weak": (lambda x: x.statuses.get("weak"), 0),
+    "lost": (lambda x: x.statuses.get("lost"), 0),
+    "ms per frame, median": (lambda x: x.frame_ms, 1),
+}
+"""Rows of the table of errors, each a figure and its digits."""
 
 
 def score_run(truth: Trajectory, run: SavedRun, frames: int) -> Score:

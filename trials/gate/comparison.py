@@ -91,6 +91,9 @@ def compare(
             kind of MISMATCHES is not accepted, or the estimator is wrong or fails on every
             sequence.
     """
+    for name in accepted:
+        if name not in MISMATCHES:
+            raise SettingsError(f"--accept: unknown {name}; valid: {', '.join(MISMATCHES)}")
     baseline = read_baseline(path)
     same = baseline.platform == PLATFORM
     here = "" if same else f"platform is {PLATFORM}, was {baseline.platform}"

@@ -102,8 +102,14 @@ def shared_legend(figure: Figure, panels: Sequence[Axes]) -> None:
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper left", ncols=columns)
 
 
-def _render(size_in: tuple[float, float], draw: Draw, out: Any, **options: Any) -> None:
+def make_figure(size_in: tuple[float, float], draw: Draw) -> Figure:
+    """Draw a figure of a width and height in inches."""
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=size_in, dpi=DPI, layout="constrained")
         draw(figure)
-        figure.savefig(out, **options)
+    return figure
+
+
+def _render(size_in: tuple[float, float], draw: Draw, out: Any, **options: Any) -> None:
+    with matplotlib.rc_context(STYLE):
+        make_figure(size_in, draw).savefig(out, **options)

@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from trials.evaluation.alignment import Alignment, associate, fit
+from trials.evaluation.alignment import Alignment, Pair, associate, fit
 from trials.evaluation.mismatch import remark_mismatches
 from trials.evaluation.runs import SavedRun, Tracks
 from trials.evaluation.score import score_run
@@ -18,6 +18,7 @@ from trials.report.html import data_uri, write_html
 from trials.report.trajectory_plot import plot_trajectories, read_scene_map
 from vo.contract.arrays import Array, Image, Indices
 from vo.contract.sequence import StereoSequence
+from vo.contract.trajectory import Trajectory
 from vo.recordings.pairing import FrameSelection
 from vo.recordings.readers import open_sequence
 
@@ -38,15 +39,12 @@ def write_report(dataset: Path, runs: Sequence[SavedRun], out: Path) -> None:
     """
     sequence = open_sequence(dataset, FrameSelection(skip_missing=True, tolerance_ms=np.inf))
     truth = true_trajectory(dataset)
-    runs = _distinct(runs)
+    runs = with_distinct_names(runs)
     main, table = runs[0], runs[0].frames
     for run in runs:
         remark_mismatches(truth, run, sequence.rig.T_body_cam)
     scores = [score_run(truth, run, len(sequence)) for run in runs]
-    pairs = {run.estimator: associate(truth, run.trajectory) for run in runs}
-    # Without attitude, a first pose does not align anything.
-    alignment = Alignment.FIRST_POSE if scores[0].has_attitude else Alignment.SE3
-    aligned = {x: fit(pair, alignment).map(pair.T_odom_cam) for x, pair in pairs.items()}
+    pairs, alignment, positions = aligned_positions(truth, runs)
     charts = [error_over_distance(pairs, alignment)]
     if scores[0].segments:
         charts.append(drift_by_length(scores))
@@ -63,7 +61,7 @@ def write_report(dataset: Path, runs: Sequence[SavedRun], out: Path) -> None:
         main=scores[0],
         trajectories=plot_trajectories(
             pairs[main.estimator],
-            {name: T_world_cam[:, :3, 3] for name, T_world_cam in aligned.items()},
+            positions,
             read_scene_map(dataset),
             alignment,
         ),
@@ -74,7 +72,22 @@ def write_report(dataset: Path, runs: Sequence[SavedRun], out: Path) -> None:
     )
 
 
-def _distinct(runs: Sequence[SavedRun]) -> list[SavedRun]:
+def aligned_positions(
+    truth: Trajectory, runs: Sequence[SavedRun]
+) -> tuple[dict[str, Pair], Alignment, dict[str, Array]]:
+    """Align runs of distinct names: pairs with the truth, how, and positions (M, 3) in the world.
+
+    Raises:
+        TrajectoryError: If a run and the truth share fewer than two times.
+    """
+    pairs = {run.estimator: associate(truth, run.trajectory) for run in runs}
+    # Without attitude, a first pose does not align anything.
+    alignment = Alignment.FIRST_POSE if truth.point_cam is None else Alignment.SE3
+    fitted = {x: fit(pair, alignment).map(pair.T_odom_cam) for x, pair in pairs.items()}
+    return pairs, alignment, {x: T_world_cam[:, :3, 3] for x, T_world_cam in fitted.items()}
+
+
+def with_distinct_names(runs: Sequence[SavedRun]) -> list[SavedRun]:
     """Add the file name to the names of runs of the same estimator."""
     names = [run.estimator for run in runs]
     return [

@@ -15,7 +15,7 @@ from matplotlib.ticker import MaxNLocator
 
 from trials.evaluation.alignment import Alignment, Pair
 from trials.report.charts import Chart, legend_of
-from trials.report.figure import GREY, INK, SERIES, svg_markup
+from trials.report.figure import GREY, INK, SERIES, Draw, svg_markup
 from trials.report.html import data_uri
 from vo.contract.arrays import Array
 from vo.contract.dataset import MANIFEST, read_manifest
@@ -32,10 +32,16 @@ TITLE = "The path from above"
 
 @dataclass(frozen=True)
 class SceneMap:
-    """Picture from above as a data URI, x to the right; lowest and highest corner (2, 2)."""
+    """Picture from above (H, W, 3) BGR, x to the right; lowest and highest corner (2, 2)."""
 
-    uri: str
+    image: Array
     limits_m: Array
+
+    @property
+    def uri(self) -> str:
+        """The picture as a data URI."""
+        jpeg = cv2.imencode(".jpg", self.image, [cv2.IMWRITE_JPEG_QUALITY, 82])[1].tobytes()
+        return data_uri(jpeg, "image/jpeg")
 
 
 def read_scene_map(dataset: Path) -> SceneMap | None:
@@ -54,9 +60,7 @@ def read_scene_map(dataset: Path) -> SceneMap | None:
         raise DatasetError(f"{path}: not a readable image")
     width_m, height_m = np.array(image.shape[1::-1]) * float(about["metres_per_px"])
     x, y = float(about["x_min_m"]), float(about["y_max_m"])
-    jpeg = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 82])[1].tobytes()
-    limits_m = np.array([[x, y - height_m], [x + width_m, y]])
-    return SceneMap(data_uri(jpeg, "image/jpeg"), limits_m)
+    return SceneMap(image, np.array([[x, y - height_m], [x + width_m, y]]))
 
 
 def ground_axes(T_world_cam: Array) -> Array:
@@ -73,16 +77,17 @@ def turned(ground: Array) -> Array:
     return np.stack([ground[1], -ground[0]])
 
 
-def plot_trajectories(
-    pair: Pair, estimates: Mapping[str, Array], background: SceneMap | None, alignment: Alignment
-) -> Chart:
-    """Draw the true path of a pair and estimated positions (M, 3) in the world, aligned.
+def trajectory_drawing(
+    T_world_cam: Array, has_z_up: bool, estimates: Mapping[str, Array], background: SceneMap | None
+) -> tuple[Draw, tuple[float, float]]:
+    """Return how to draw a true path and estimated positions (M, 3) in the world, and the size.
 
-    With a background, or a truth without attitude, z is up.
+    The poses are (N, 4, 4). With a background, whose place is left transparent, or where it is
+    said so, z is up. The size is in inches.
     """
-    has_z_up = background is not None or not pair.has_attitude
-    ground = np.eye(3)[:2] if has_z_up else ground_axes(pair.T_world_cam)
-    truth = pair.T_world_cam[:, :3, 3]
+    has_z_up = has_z_up or background is not None
+    ground = np.eye(3)[:2] if has_z_up else ground_axes(T_world_cam)
+    truth = T_world_cam[:, :3, 3]
     points = np.concatenate([truth, *estimates.values()])
     if background:
         limits_m = background.limits_m
@@ -105,7 +110,16 @@ def plot_trajectories(
             _draw_path(panel, positions @ ground.T, colour, 2.5)
         _draw_marks(panel, (truth @ ground.T)[0], limits_m)
 
-    svg = svg_markup(TITLE, (WIDTH_IN, WIDTH_IN * height_m / width_m), draw)
+    return draw, (WIDTH_IN, WIDTH_IN * height_m / width_m)
+
+
+def plot_trajectories(
+    pair: Pair, estimates: Mapping[str, Array], background: SceneMap | None, alignment: Alignment
+) -> Chart:
+    """Draw the true path of a pair and estimated positions (M, 3) in the world, aligned."""
+    drawing = trajectory_drawing(pair.T_world_cam, not pair.has_attitude, estimates, background)
+    draw, size_in = drawing
+    svg = svg_markup(TITLE, size_in, draw)
     if background:
         style = f"background: url({background.uri}) 0 0 / 100% 100%"
         svg = svg.replace("<svg ", f'<svg style="{style}" ', 1)

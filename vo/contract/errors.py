@@ -2,7 +2,15 @@
 
 
 class DriftyardError(Exception):
-    """Base of all errors caused by input; the command line prints it and exits with status 2."""
+    """Base of all errors caused by input; the command line prints it and exits with status 2.
+
+    Example:
+        >>> try:
+        ...     dy.open("nowhere")
+        ... except dy.DriftyardError as error:
+        ...     print(error)
+        nowhere: no such folder
+    """
 
 
 class DatasetError(DriftyardError):
@@ -11,6 +19,10 @@ class DatasetError(DriftyardError):
 
 class ImageError(DatasetError):
     """An image that is missing, damaged or of another size; it costs its frame, not the run."""
+
+
+class FrameIndexError(DatasetError, IndexError):
+    """An index of a frame that a recording does not have."""
 
 
 class CalibrationError(DriftyardError):

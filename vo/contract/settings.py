@@ -1,6 +1,7 @@
 """Settings: frozen models from defaults, a TOML file and `--set a.b=c`; unknown keys are errors."""
 
 import difflib
+import json
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -59,7 +60,33 @@ def given_values(toml: Path | None = None, overrides: Sequence[str] = ()) -> dic
     values = _read_toml(toml) if toml else {}
     for key, value in parse_overrides(overrides).items():
         _place(values, key, value)
-    return {leaf: value_at(values, leaf) for key in values for leaf in _leaves(key, values[key])}
+    return flattened(values)
+
+
+def flattened(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return nested tables, whose keys may be a `key.path` too, as values by `key.path`."""
+    nested: dict[str, Any] = {}
+    for key, value in values.items():
+        _place(nested, key, value)
+    return {leaf: value_at(nested, leaf) for key in nested for leaf in _leaves(key, nested[key])}
+
+
+def overrides_of(values: Mapping[str, Any]) -> tuple[str, ...]:
+    """Write values, nested or by `key.path`, as the `key=value` that `parse_overrides` reads.
+
+    Raises:
+        SettingsError: If a value is none of a setting: None, or no text, number or list.
+    """
+    words: list[str] = []
+    for key, value in flattened(values).items():
+        plain = value.tolist() if hasattr(value, "tolist") else value  # of NumPy's numbers
+        try:
+            words.append(f"{key}={json.dumps(plain, ensure_ascii=False)}")
+        except (TypeError, ValueError):
+            plain = None
+        if plain is None:
+            raise SettingsError(f"settings: {key} is {value!r}; expected a text, number or list")
+    return tuple(words)
 
 
 def value_at(values: Mapping[str, Any], key: str) -> Any:

@@ -2,7 +2,7 @@
 
 import importlib
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, cast
 
@@ -25,9 +25,13 @@ RIGID = 1e-3
 
 
 def build(
-    name: str, rig: StereoRig, config: Path | None = None, overrides: Sequence[str] = ()
+    name: str,
+    rig: StereoRig,
+    config: Path | None = None,
+    overrides: Sequence[str] = (),
+    plugin: Callable[..., Estimator] | None = None,
 ) -> tuple[Estimator, dict[str, Any]]:
-    """Build an estimator from its class.
+    """Build an estimator from its class: that of its name, unless it is given itself.
 
     The class is called with the rig, and with an instance of its pydantic model `Settings` if it
     has one. The module may be in the working directory. Arguments and result are those of
@@ -37,7 +41,7 @@ def build(
         SettingsError: If it cannot be imported, is not an estimator, or refuses a setting.
         PluginError: If its constructor fails.
     """
-    made = _find(name)
+    made = plugin or _find(name)
     model = getattr(made, "Settings", None)
     words: list[Any] = [rig]
     settings: dict[str, Any] = {}

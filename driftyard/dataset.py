@@ -1,0 +1,305 @@
+"""A recording that is open: frames for an estimator, and labels and truth to judge it by."""
+
+import operator
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from driftyard.notebook import data_frame, thumbnails
+from sim.labels.formats import FORWARD, LABELS, label_file, read_label
+from trials.evaluation.alignment import true_poses
+from trials.evaluation.html_table import html_table
+from trials.evaluation.truth import true_trajectory
+from vo.contract import se3
+from vo.contract.arrays import Array, Indices
+from vo.contract.dataset import MANIFEST, read_manifest
+from vo.contract.errors import DatasetError, DriftyardError, FrameIndexError, ImageError
+from vo.contract.inertial import ImuLog
+from vo.contract.rig import StereoRig
+from vo.contract.sequence import StereoFrame, StereoSequence, WheelLog
+from vo.contract.trajectory import Trajectory
+from vo.recordings.inertial_tables import read_imu
+from vo.recordings.pairing import ALL_FRAMES, FrameSelection
+from vo.recordings.readers import open_sequence
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+PathLike = str | os.PathLike[str]
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Dataset:
+    """A stereo recording: N frames, and whatever labels, truth and sensors it has.
+
+    Its length is N; iteration, or an index from 0 (negative ones count from the end), gives
+    `StereoFrame`s. A property or method whose data the recording does not have raises a
+    DatasetError that says what it has; an index beyond the frames a FrameIndexError, which is an
+    IndexError too. Images and labels are read when they are asked for.
+
+    Labels are those of the left image, (H, W), unless stated otherwise; `docs/conventions.md`
+    defines each. Without a surface, depth, disparity and flow are NaN.
+
+    Attributes:
+        path: Folder of the recording.
+        sequence: What an estimator receives: calibration, times and images, without truth.
+        selection: The frames of the recording that were chosen.
+
+    Example:
+        >>> ds = dy.open("ds")
+        >>> for frame in ds:
+        ...     assert frame.left.shape == frame.right.shape == (ds.rig.height_px, ds.rig.width_px)
+        >>> ds.rig.K.shape, ds.T_world_cam.shape == (len(ds), 4, 4)
+        ((3, 3), True)
+        >>> f_px, baseline_m = ds.rig.f_px, ds.rig.baseline_m
+        >>> bool(np.nanmax(abs(ds.depth(0) * ds.disparity(0) - f_px * baseline_m)) < 1e-4)
+        True
+        >>> ds.normals(0)
+        Traceback (most recent call last):
+        vo.contract.errors.DatasetError: ds: has no normals labels, only depth, disparity, flow, \
+segmentation; record it with labels.normals=true
+    """
+
+    path: Path
+    sequence: StereoSequence
+    selection: FrameSelection = ALL_FRAMES
+
+    @property
+    def name(self) -> str:
+        """Name of the recording's folder."""
+        return self.sequence.name
+
+    @property
+    def rig(self) -> StereoRig:
+        """Calibration of the rectified pair: K, baseline_m, T_body_cam, size."""
+        return self.sequence.rig
+
+    @property
+    def timestamps_ns(self) -> Indices:
+        """(N,) times in the middle of the exposure, ns."""
+        return self.sequence.timestamps_ns
+
+    def __len__(self) -> int:
+        return len(self.sequence)
+
+    def __getitem__(self, i: int) -> StereoFrame:
+        """Load frame i; ImageError if an image is missing or damaged."""
+        return self.sequence[self._row(i)]
+
+    def __iter__(self) -> Iterator[StereoFrame]:
+        return iter(self.sequence)
+
+    @cached_property
+    def about(self) -> Mapping[str, Any]:
+        """The manifest `dataset.json`: scene, seed, settings, certificate; else empty."""
+        return read_manifest(self._root) if (self._root / MANIFEST).is_file() else {}
+
+    @cached_property
+    def truth(self) -> Trajectory:
+        """True T_world_cam at the rate of the truth; positions only, where there is no more."""
+        return true_trajectory(self.path)
+
+    @cached_property
+    def T_world_cam(self) -> Array:
+        """(N, 4, 4) true pose of the left camera in each frame; NaN outside of the truth."""
+        if self.truth.point_cam is not None:
+            raise DatasetError(f"{self.path}: the truth has positions only; they are in `truth`")
+        return true_poses(self.truth, self.timestamps_ns)
+
+    @cached_property
+    def imu(self) -> ImuLog:
+        """Readings of the inertial unit."""
+        readings = read_imu(self.path)
+        if readings is None:
+            raise DatasetError(f"{self.path}: has no readings of an inertial unit")
+        return readings
+
+    @property
+    def wheels(self) -> WheelLog:
+        """Readings of the wheel encoders."""
+        if self.sequence.wheels is None:
+            raise DatasetError(f"{self.path}: has no readings of wheel encoders")
+        return self.sequence.wheels
+
+    @cached_property
+    def labels(self) -> tuple[str, ...]:
+        """Names of the dense labels that the recording has."""
+        return tuple(x for x in LABELS if label_file(self._root, x, 0).parent.is_dir())
+
+    def depth(self, i: int) -> Array:
+        """Return the depth of frame i along the optical axis, float32 metres."""
+        return self._label("depth", i)
+
+    def disparity(self, i: int) -> Array:
+        """Return the disparity u_left - u_right of frame i, float32 pixels, > 0."""
+        return self._label("disparity", i)
+
+    def disparity_right(self, i: int) -> Array:
+        """Return the disparity u_left - u_right at the pixels of the right image, float32."""
+        return self._label("disparity_right", i)
+
+    def occlusion(self, i: int) -> Array:
+        """Return whether the right camera sees each pixel of frame i, uint8 codes; 0 is seen."""
+        return self._label("occlusion", i)
+
+    def flow(self, i: int) -> Array:
+        """Return the motion from frame i to the next recorded one: (H, W, 3) float32.
+
+        The channels are du, dv in pixels, and the depth there in metres. The last frame of the
+        recording has none.
+        """
+        return self._label("flow", i)
+
+    def covisibility(self, i: int) -> Array:
+        """Return whether the next recorded frame shows each pixel's point, uint8 codes."""
+        return self._label("covisibility", i)
+
+    def segmentation(self, i: int) -> Array:
+        """Return the object of each pixel, whose name is in `things`; 0 is the sky."""
+        return self._label("segmentation", i)
+
+    def classes(self, i: int) -> Array:
+        """Return the class of each pixel, uint8: 0 sky, 1 ground, 2 static, 3 moving."""
+        return self._label("classes", i)
+
+    def normals(self, i: int) -> Array:
+        """Return the surface normals of frame i in camera axes: (H, W, 3) float32."""
+        return self._label("normals", i)
+
+    @property
+    def things(self) -> dict[int, str]:
+        """Number in `segmentation` to the name of the object."""
+        return {x["id"]: x["name"] for x in self.about.get("things", ())}
+
+    def table(self) -> "pd.DataFrame":
+        """Return times, true poses and wheel ticks, a row a frame, as a pandas.DataFrame.
+
+        Positions are in metres in the world, quaternions that of the left camera; a column exists
+        if the recording has it.
+
+        Example:
+            >>> list(ds.table())[:4]
+            ['timestamp_ns', 'x_m', 'y_m', 'z_m']
+        """
+        columns: dict[str, Any] = {"timestamp_ns": self.timestamps_ns}
+        if self.has_poses:
+            T = self.T_world_cam
+            known = np.isfinite(T).all(axis=(1, 2))
+            quat_wxyz = np.full((len(T), 4), np.nan)
+            quat_wxyz[known] = se3.to_quat_wxyz(T[known])
+            columns |= {f"{axis}_m": T[:, k, 3] for k, axis in enumerate("xyz")}
+            columns |= {f"q{axis}": quat_wxyz[:, k] for k, axis in enumerate("wxyz")}
+        if self.sequence.wheels is not None:
+            ticks = [self.sequence.wheels.at(int(t)) or (None, None) for t in self.timestamps_ns]
+            columns |= {
+                f"{side}_ticks": [x[k] for x in ticks] for k, side in enumerate(("left", "right"))
+            }
+        return data_frame(columns)
+
+    @property
+    def has_poses(self) -> bool:
+        """Whether the recording has true poses, with attitude."""
+        try:
+            return self.truth.point_cam is None
+        except DatasetError:
+            return False
+
+    @property
+    def _root(self) -> Path:
+        """Folder of `mav0` and the manifest; the recording may be `mav0` itself."""
+        return self.path if (self.path / "mav0").is_dir() else self.path.resolve().parent
+
+    def _row(self, i: int) -> int:
+        row = operator.index(i)
+        if not -len(self) <= row < len(self):
+            raise FrameIndexError(f"{self.path}: frame {i}: the frames are 0 to {len(self) - 1}")
+        return row % len(self)
+
+    def _label(self, name: str, i: int) -> Array:
+        row = self._row(i)
+        time_ns = int(self.timestamps_ns[row])
+        if name not in self.labels:
+            known = f", only {', '.join(self.labels)}" if self.labels else ""
+            hint = f"; record it with labels.{name}=true" if self.about else ""
+            raise DatasetError(f"{self.path}: has no {name} labels{known}{hint}")
+        is_there = label_file(self._root, name, time_ns).is_file()
+        if name in FORWARD and row == len(self) - 1 and not is_there:
+            raise DatasetError(f"{self.path}: the last frame, {row}, has no {name}")
+        return read_label(self._root, name, time_ns)
+
+    @property
+    def _kind_of_truth(self) -> str:
+        try:
+            return "poses" if self.has_poses else "no poses"
+        except DriftyardError:
+            return "unreadable"
+
+    @property
+    def _facts(self) -> list[tuple[str, str]]:
+        rig, times = self.rig, self.timestamps_ns
+        facts = [
+            ("frames", f"{len(self)}"),
+            ("duration", f"{(times[-1] - times[0]) / 1e9:.2f} s"),
+            ("images", f"{rig.width_px} x {rig.height_px} px"),
+            ("focal length", f"{rig.f_px:.1f} px"),
+            ("baseline", f"{rig.baseline_m:.3f} m"),
+            ("truth", self._kind_of_truth),
+            ("labels", ", ".join(self.labels) or "none"),
+        ]
+        if self.about:
+            facts.append(("scene", f"{self.about['scene']['name']}, seed {self.about['seed']}"))
+        return facts
+
+    def __repr__(self) -> str:
+        return f"Dataset({str(self.path)!r}; {', '.join(f'{a}: {b}' for a, b in self._facts)})"
+
+    def _repr_html_(self) -> str:
+        try:
+            images = thumbnails(self[0])
+        except ImageError:
+            images = ""
+        return html_table(f"Dataset {self.name}", self._facts, images)
+
+
+def open(
+    path: PathLike,
+    *,
+    first: int = 0,
+    last: int | None = None,
+    every: int = 1,
+    skip_missing: bool = False,
+    pair_tolerance_ms: float | None = None,
+) -> Dataset:
+    """Open a recording: of driftyard, EuRoC/ASL, TUM-VI, KITTI odometry or raw.
+
+    Args:
+        path: Folder of the recording.
+        first: Index of the first frame that is used, from 0.
+        last: Index of the last; by default the last of all.
+        every: Use each k-th frame only.
+        skip_missing: Leave out frames whose images are missing, which are an error otherwise.
+        pair_tolerance_ms: Largest difference of the times of left and right; by default 3 ms or
+            a quarter of the frame period.
+
+    Raises:
+        DatasetError: If the folder is missing or of an unknown layout, or its content is invalid.
+        CalibrationError: If the calibration is missing, malformed or of no stereo pair.
+        SettingsError: If no frames are selected.
+
+    Example:
+        >>> len(dy.open("ds", every=2)) == (len(dy.open("ds")) + 1) // 2
+        True
+    """
+    selection = FrameSelection(first, last, every, skip_missing, pair_tolerance_ms)
+    folder = Path(path)
+    return Dataset(folder, open_sequence(folder, selection), selection)
+
+
+def dataset_of(dataset: Dataset | PathLike) -> Dataset:
+    """Return a dataset, opened if it is a path."""
+    return dataset if isinstance(dataset, Dataset) else open(dataset)

@@ -1,0 +1,215 @@
+"""Runs of estimators over recordings."""
+
+import shutil
+import tempfile
+import weakref
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, fields
+from functools import cached_property
+from itertools import count
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from driftyard.dataset import Dataset, PathLike, dataset_of
+from driftyard.given_settings import GivenSettings, sources_of
+from driftyard.notebook import data_frame
+from trials.estimators.choice import Named, estimate
+from trials.estimators.plugins.command import Command
+from trials.evaluation.html_table import html_table
+from trials.evaluation.runs import SavedRun, read_map, read_run
+from vo.contract import se3
+from vo.contract.arrays import Array
+from vo.contract.errors import SettingsError, TrajectoryError
+from vo.contract.estimator import Estimator, PointMap
+from vo.contract.rig import StereoRig
+from vo.contract.trajectory import Trajectory
+from vo.recordings.readers import read_frame_times
+from vo.recordings.synchronization import remark_unsynchronized
+from vo.recordings.trajectory_files import read_trajectory
+from vo.runner import companion
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+AnyEstimator = str | Named | Command | Callable[[StereoRig], Estimator]
+"""A name, `module:Class`, a program, or a class that is called with the rig."""
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Run(SavedRun):
+    """An estimated trajectory, and what else the estimator said, in files beside it.
+
+    Attributes:
+        path: Trajectory file, TUM format.
+        estimator: Name in tables.
+        trajectory: T_odom_cam: `timestamps_ns` (M,) and poses `T_ref_frame` (M, 4, 4) of the
+            frames that have one.
+        frames: Status, reason, counts and milliseconds of every frame; None for a trajectory of
+            another program.
+        tracks: Observations of landmarks; None likewise.
+        about: Estimator, settings, versions and recording; empty likewise.
+
+    Example:
+        >>> run = dy.run(ds, "corner_flow")
+        >>> run.T_odom_cam.shape == (len(ds), 4, 4)
+        True
+        >>> set(run.table()["status"])
+        {'start', 'tracked'}
+    """
+
+    @property
+    def T_odom_cam(self) -> Array:
+        """(M, 4, 4) poses of the left camera, metres."""
+        return self.trajectory.T_ref_frame
+
+    @cached_property
+    def map(self) -> PointMap | None:
+        """The estimated landmarks; None if the estimator keeps none."""
+        file = companion(self.path, "map.ply")
+        return read_map(file) if file.is_file() else None
+
+    @cached_property
+    def smoothed(self) -> Trajectory | None:
+        """T_odom_cam, smoothed after the last frame; None if the estimator does not."""
+        file = companion(self.path, "smoothed.txt")
+        return read_trajectory(file) if file.is_file() else None
+
+    def table(self) -> "pd.DataFrame":
+        """Return times, poses, and status and ms of every frame as a pandas.DataFrame."""
+        T, times_ns = self.T_odom_cam, self.trajectory.timestamps_ns
+        columns: dict[str, Any] = {"timestamp_ns": times_ns}
+        if self.frames is not None:
+            columns = {
+                "timestamp_ns": self.frames.timestamps_ns,
+                "status": [x.value for x in self.frames.status],
+                "reason": self.frames.reason,
+                "frame_ms": self.frames.frame_ms,
+            }
+        rows = np.searchsorted(columns["timestamp_ns"], times_ns)
+        poses = np.full((len(columns["timestamp_ns"]), 7), np.nan)
+        poses[rows] = np.hstack([T[:, :3, 3], se3.to_quat_wxyz(T)])
+        names = ("x_m", "y_m", "z_m", "qw", "qx", "qy", "qz")
+        return data_frame(columns | dict(zip(names, poses.T, strict=True)))
+
+    @property
+    def _facts(self) -> list[tuple[str, str]]:
+        facts = [("poses", f"{len(self.trajectory)}")]
+        if self.frames is not None:
+            facts += [
+                (str(x), f"{self.frames.status.count(x)}")
+                for x in dict.fromkeys(self.frames.status)
+            ]
+            facts.append(("ms per frame, median", f"{np.median(self.frames.frame_ms):.1f}"))
+        return facts
+
+    def __repr__(self) -> str:
+        return f"Run({self.estimator!r}; {', '.join(f'{a}: {b}' for a, b in self._facts)})"
+
+    def _repr_html_(self) -> str:
+        return html_table(f"Run of {self.estimator}", self._facts)
+
+
+def run(
+    dataset: Dataset | PathLike,
+    estimator: AnyEstimator = "driftyard",
+    out: PathLike | None = None,
+    *,
+    settings: GivenSettings = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Run:
+    """Pass every frame of a recording to a new estimator, which sees neither truth nor labels.
+
+    A warning says so if the eyes do not show the same moments, or images cannot be read.
+
+    Args:
+        dataset: An open recording, or its folder.
+        estimator: `driftyard`, `thesis`, `corner_flow`, `module:Class`, a class (or function) that
+            is called with the `StereoRig`, or a program as a `Command`.
+        out: Trajectory file to write, with companion files beside it; by default, files that are
+            removed with the run.
+        settings: Values by name, nested or as `key.path`, or a TOML file; `driftyard settings
+            estimator` lists them with units.
+        progress: Called with the number of frames done and that of all frames.
+
+    Raises:
+        SettingsError: If there is no such estimator, or a key or value is not accepted.
+        DatasetError: If the recording is invalid, or `out` cannot be written.
+        PluginError: If an estimator of yours fails.
+
+    Example:
+        >>> dy.run(ds, "corner_flow", "corner_flow.txt", settings={"window_px": 17}).path.name
+        'corner_flow.txt'
+    """
+    opened, choice = dataset_of(dataset), choice_of(estimator, settings)
+    frames = opened.selection
+    if isinstance(choice, Command) and (frames.first, frames.last, frames.every) != (0, None, 1):
+        raise SettingsError(f"{choice.name}: a program reads all frames, not a selection of them")
+    if out is not None and Path(out).is_dir():
+        raise TrajectoryError(f"{out}: is a folder; expected the name of a trajectory file")
+    scratch = Path(tempfile.mkdtemp(prefix="driftyard-")) if out is None else None
+    file = scratch / "run.txt" if scratch else Path(out or "")
+    remark_unsynchronized(opened.sequence)
+    done = count(1)
+
+    def advance(_: object) -> None:
+        if progress:
+            progress(next(done), len(opened))
+
+    try:
+        estimate(choice, opened.path, file, advance, frames)
+    finally:
+        if scratch:
+            with suppress(OSError):
+                scratch.rmdir()  # an unfinished run is kept
+    made = open_run(file, opened)
+    if scratch:
+        weakref.finalize(made, shutil.rmtree, scratch, ignore_errors=True)
+    return made
+
+
+def open_run(path: PathLike, dataset: Dataset | PathLike | None = None) -> Run:
+    """Open a trajectory file: of a run, or of any other program.
+
+    Args:
+        path: The file: TUM, EuRoC or KITTI format. The poses are those of the left camera (or of
+            the body, if `score` is told so), in any fixed frame.
+        dataset: The recording, whose times decide about the unit of time in the file.
+
+    Raises:
+        TrajectoryError: If it is missing or malformed, or a file beside it is damaged.
+
+    Example:
+        >>> dy.open_run("corner_flow.txt", ds).estimator
+        'corner_flow'
+    """
+    folder = dataset.path if isinstance(dataset, Dataset) else dataset and Path(dataset)
+    saved = read_run(Path(path), read_frame_times(folder) if folder else None)
+    return Run(**{x.name: getattr(saved, x.name) for x in fields(saved)})
+
+
+def run_of(run: SavedRun | PathLike, dataset: Dataset | PathLike) -> SavedRun:
+    """Return a run, opened if it is a path."""
+    return run if isinstance(run, SavedRun) else open_run(run, dataset)
+
+
+def choice_of(estimator: AnyEstimator, settings: GivenSettings = None) -> Named | Command:
+    """Return the choice of an estimator.
+
+    Raises:
+        SettingsError: If it is an instance, or settings are given twice.
+    """
+    config, overrides = sources_of(settings)
+    if isinstance(estimator, str):
+        return Named(estimator, config, overrides)
+    if isinstance(estimator, Named | Command):
+        if config or overrides:
+            raise SettingsError(f"{estimator.name}: takes no further settings")
+        return estimator
+    if not isinstance(estimator, type) and hasattr(estimator, "track"):
+        name = type(estimator).__name__
+        raise SettingsError(f"{name}: pass the class, not an instance: each run needs a new one")
+    place = "" if estimator.__module__ == "__main__" else f"{estimator.__module__}:"
+    return Named(f"{place}{estimator.__qualname__}", config, overrides, estimator)
