@@ -19,9 +19,10 @@ Importing the package registers the Gymnasium environments, which
 `gymnasium.make("driftyard:driftyard/RoverNav-v0")` makes.
 """
 
-import sys
 from importlib import import_module
 from typing import TYPE_CHECKING
+
+from driftyard.environments import register_environments
 
 __version__ = "0.1.0"
 
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from driftyard.dataset import Dataset as Dataset
     from driftyard.dataset import open as open
     from driftyard.estimation import Run as Run
+    from driftyard.estimation import make_estimator as make_estimator
     from driftyard.estimation import open_run as open_run
     from driftyard.estimation import run as run
     from driftyard.figures import Plot as Plot
@@ -42,7 +44,6 @@ if TYPE_CHECKING:
     from trials.estimators.plugins import PluginError as PluginError
     from trials.estimators.plugins.command import Command as Command
     from trials.evaluation.score import Score as Score
-    from vo.config import OdometrySettings as OdometrySettings
     from vo.contract.errors import CalibrationError as CalibrationError
     from vo.contract.errors import DatasetError as DatasetError
     from vo.contract.errors import DriftyardError as DriftyardError
@@ -60,7 +61,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "driftyard.dataset": ("Dataset", "open"),
-    "driftyard.estimation": ("Run", "open_run", "run"),
+    "driftyard.estimation": ("Run", "make_estimator", "open_run", "run"),
     "driftyard.figures": ("Plot", "plot", "report"),
     "driftyard.gating": ("GateResult", "gate"),
     "driftyard.recording": ("record", "scenes"),
@@ -68,7 +69,6 @@ _HOMES = {
     "trials.estimators.plugins": ("PluginError",),
     "trials.estimators.plugins.command": ("Command",),
     "trials.evaluation.score": ("Score",),
-    "vo.config": ("OdometrySettings",),
     "vo.contract.errors": (
         *("CalibrationError", "DatasetError", "DriftyardError"),
         *("ImageError", "SettingsError", "TrajectoryError"),
@@ -93,7 +93,6 @@ __all__ = [
     "GateResult",
     "ImageError",
     "ImuLog",
-    "OdometrySettings",
     "Plot",
     "PluginError",
     "Run",
@@ -108,6 +107,7 @@ __all__ = [
     "WheelLog",
     "__version__",
     "gate",
+    "make_estimator",
     "open",
     "open_run",
     "plot",
@@ -130,5 +130,4 @@ if not TYPE_CHECKING:
         return sorted({*globals(), *_MODULE_OF})
 
 
-if "gymnasium" in sys.modules:  # which otherwise registers them when it is imported
-    import_module("trials.gym")
+register_environments()

@@ -17,6 +17,7 @@ from driftyard.dataset import Dataset, PathLike, dataset_of
 from driftyard.given_settings import GivenSettings, sources_of
 from driftyard.notebook import data_frame
 from trials.estimators.choice import Named, estimate
+from trials.estimators.choice import make_estimator as build_estimator
 from trials.estimators.plugins.command import Command
 from trials.evaluation.html_table import html_table
 from trials.evaluation.runs import SavedRun, read_map, read_run
@@ -34,8 +35,10 @@ from vo.runner import companion
 if TYPE_CHECKING:
     import pandas as pd
 
-AnyEstimator = str | Named | Command | Callable[[StereoRig], Estimator]
-"""A name, `module:Class`, a program, or a class that is called with the rig."""
+Plugin = Callable[..., Estimator]
+"""A class, or function, that is called with the rig, and its settings if it has some."""
+AnyEstimator = str | Named | Command | Plugin
+"""A name or `module:Class`, a program, or a class."""
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -56,8 +59,8 @@ class Run(SavedRun):
         >>> run = dy.run(ds, "corner_flow")
         >>> run.T_odom_cam.shape == (len(ds), 4, 4)
         True
-        >>> set(run.table()["status"])
-        {'start', 'tracked'}
+        >>> sorted(set(run.table()["status"]))
+        ['start', 'tracked']
     """
 
     @property
@@ -168,6 +171,30 @@ def run(
     if scratch:
         weakref.finalize(made, shutil.rmtree, scratch, ignore_errors=True)
     return made
+
+
+def make_estimator(
+    rig: StereoRig, estimator: str | Plugin = "driftyard", *, settings: GivenSettings = None
+) -> Estimator:
+    """Build an estimator with settings of yours, to which frames are passed one by one.
+
+    Args:
+        rig: Calibration of the rectified pair.
+        estimator: `driftyard`, `thesis`, `corner_flow`, `module:Class`, or a class.
+        settings: As for `run`.
+
+    Raises:
+        SettingsError: If there is no such estimator, or a key or value is not accepted.
+        PluginError: If a class cannot be built.
+
+    Example:
+        >>> odometry = dy.make_estimator(ds.rig, "thesis", settings={"seed": 1})
+        >>> odometry.track(ds[0]).T_odom_cam.shape
+        (4, 4)
+    """
+    choice = choice_of(estimator, settings)
+    assert isinstance(choice, Named)
+    return build_estimator(choice.name, rig, choice.config, choice.overrides, choice.plugin)[0]
 
 
 def open_run(path: PathLike, dataset: Dataset | PathLike | None = None) -> Run:

@@ -72,7 +72,7 @@ def plot(dataset: Dataset | PathLike, runs: Runs = ()) -> Plot:
     Example:
         >>> legend = dy.plot(ds, [run, "corner_flow.txt"]).figure.legends[0]
         >>> [text.get_text() for text in legend.get_texts()]
-        ['truth', 'corner_flow (run)', 'corner_flow (corner_flow)']
+        ['truth', 'corner_flow (1)', 'corner_flow (2)']
     """
     opened = dataset_of(dataset)
     chosen = with_distinct_names([run_of(x, opened) for x in _several(runs)])

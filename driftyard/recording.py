@@ -18,7 +18,7 @@ def scenes() -> dict[str, str]:
 
     Example:
         >>> dy.scenes()["corridor"]
-        'blank walls'
+        'Blank walls and plain flooring: few features, ...'
     """
     return {name: builder.tests for name, builder in SCENES.items()}
 
@@ -55,7 +55,7 @@ def record(
         DriftyardError: If the rover fails before the second frame, or there is no OpenGL.
 
     Example:
-        >>> ds = dy.record("yard.xml", "drive", seed=3, disturb="noise=0.5", settings={
+        >>> ds = dy.record("yard.xml", "drive", seed=3, disturb="noise", settings={
         ...     "drive.distance_m": 0.3, "rig": {"width_px": 64, "height_px": 48, "rate_hz": 5}})
         >>> ds.rig.width_px, ds.about["seed"], ds.labels
         (64, 3, ('depth', 'disparity'))

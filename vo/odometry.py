@@ -45,7 +45,18 @@ from vo.tracking.track_local_map import (
 class StereoOdometry:
     """CenSurE, ZNCC, P3P under RANSAC, and bundle adjustment of a window of keyframes.
 
-    Hooks may replace the output of a stage; the state is what one frame hands to the next.
+    Frames are passed to `track` one by one, in order of time, live or from a recording. Hooks may
+    replace the output of a stage; the state is what one frame hands to the next.
+
+    Args:
+        rig: Calibration of the rectified pair.
+        settings: Settings of all stages; `driftyard settings estimator` lists them with units.
+        hooks: Functions that replace the output of a stage.
+
+    Example:
+        >>> odometry = dy.StereoOdometry(ds.rig)
+        >>> [odometry.track(frame).status.value for frame in (ds[0], ds[1])]
+        ['start', 'tracked']
     """
 
     def __init__(

@@ -7,7 +7,7 @@ import gymnasium
 from trials.gym.env.policies import NavigatorPolicy
 
 env = gymnasium.make(
-    "trials.gym:driftyard/RoverNav-v0",  # of the module that registers it
+    "driftyard:driftyard/RoverNav-v0",  # of the module that registers it
     scene=sys.argv[1] if len(sys.argv) > 1 else "office",
     localization="vo",  # or "truth", "wheels", "module:Class"
     observe=NavigatorPolicy.NEEDS,  # disparity, estimated pose, goal

@@ -62,7 +62,7 @@ def main(scene: str, steps: int) -> None:
     """Drive a gentle curve with three sources of localization and compare their errors."""
     for localization in (f"{Path(__file__).stem}:CornerPnp", "vo", "wheels"):
         env = gymnasium.make(
-            "trials.gym:driftyard/RoverNav-v0",
+            "driftyard:driftyard/RoverNav-v0",
             scene=scene,
             localization=localization,
             observe=("goal",),

@@ -88,14 +88,14 @@ def aligned_positions(
 
 
 def with_distinct_names(runs: Sequence[SavedRun]) -> list[SavedRun]:
-    """Add the file name to the names of runs of the same estimator."""
+    """Add the file name to the names of runs of the same estimator, or a number if it is equal."""
     names = [run.estimator for run in runs]
-    return [
-        run
-        if names.count(run.estimator) == 1
-        else replace(run, estimator=f"{run.estimator} ({run.path.stem})")
-        for run in runs
-    ]
+    files = [f"{run.estimator} ({run.path.stem})" for run in runs]
+    distinct: list[SavedRun] = []
+    for k, (run, name, file) in enumerate(zip(runs, names, files, strict=True), 1):
+        numbered = f"{name} ({k})" if files.count(file) > 1 else file
+        distinct.append(replace(run, estimator=name if names.count(name) == 1 else numbered))
+    return distinct
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,12 @@ from vo.contract.trajectory import Trajectory
 
 
 class Status(StrEnum):
-    """Outcome of a frame."""
+    """Outcome of a frame.
+
+    Example:
+        >>> [status.value for status in dy.Status]
+        ['start', 'tracked', 'weak', 'lost']
+    """
 
     START = "start"
     """The first frame, or the first after a loss; it defines or resumes the odometry frame."""
@@ -62,6 +67,13 @@ class Estimate:
         covariance: (6, 6) of T_odom_cam, tangent (v m, w rad) in the camera's frame; None if the
             estimator does not report it.
         step_covariance: (6, 6) of the motion since the last frame that had a pose, likewise.
+
+    Raises:
+        ValueError: If there is a pose of a lost frame, or none of another.
+
+    Example:
+        >>> dy.Estimate(0, dy.Status.LOST, None, reason="3 inliers, need 8").T_odom_cam is None
+        True
     """
 
     timestamp_ns: int

@@ -20,6 +20,11 @@ class StereoRig:
 
     Raises:
         CalibrationError: If a value is not finite, or size, focal length or baseline not positive.
+
+    Example:
+        >>> rig = dy.StereoRig(640, 480, f_px=450.0, cx_px=319.5, cy_px=239.5, baseline_m=0.09)
+        >>> rig.project(np.array([0.1, 0.0, 2.0])).tolist()
+        [342.0, 239.5, 20.25]
     """
 
     width_px: int

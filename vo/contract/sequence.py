@@ -18,6 +18,10 @@ class WheelLog:
     """Readings (N, 2) of the left and the right wheel encoder at increasing times (N,).
 
     Ticks are counted since the start, forward positive.
+
+    Example:
+        >>> dy.open("ds").wheels.at(1_000_000_000)
+        (0, 0)
     """
 
     timestamps_ns: Indices
@@ -37,6 +41,11 @@ class StereoFrame:
     """One rectified grey pair, (H, W) uint8 each, exposed at the same time, in the middle of it.
 
     The wheel ticks are those of the left and the right encoder, forward positive; None without.
+
+    Example:
+        >>> frame = dy.StereoFrame(0, np.zeros((48, 64), np.uint8), np.zeros((48, 64), np.uint8))
+        >>> dy.StereoOdometry(dy.StereoRig(64, 48, 50.0, 31.5, 23.5, 0.09)).track(frame).reason
+        'left image dark (mean grey 0.0), right image dark (mean grey 0.0)'
     """
 
     timestamp_ns: int

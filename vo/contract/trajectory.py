@@ -21,6 +21,11 @@ class Trajectory:
 
     The timestamps (N,) strictly increase. Of a truth without attitude, the poses are positions of
     `point_cam` (3,), metres in the left camera's frame, without rotation; None for full poses.
+
+    Example:
+        >>> truth = dy.open("ds").truth
+        >>> truth.at(truth.timestamps_ns[:1] + 1_000_000).T_ref_frame.shape
+        (1, 4, 4)
     """
 
     timestamps_ns: Indices

@@ -39,6 +39,13 @@ class Command:
             stand for the dataset folder and the trajectory to write.
         timeout_s: Longest run time.
         label: Name in tables; the file name of the program by default.
+
+    Raises:
+        SettingsError: If a place is missing, or a quotation mark is not closed.
+
+    Example:
+        >>> dy.Command("python3 my_vo.py {dataset} {out}", label="mine").name
+        'mine'
     """
 
     template: str

@@ -1,0 +1,208 @@
+"""The public API: every documented example runs, and errors are one family."""
+
+import doctest
+import gc
+import json
+import os
+import re
+import subprocess
+import sys
+import warnings
+from functools import partial
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+import pytest
+from folders import wall, write_euroc
+from gym_worlds import write_yard
+from terminal import ROOT
+
+import driftyard as dy
+from driftyard.dataset import Dataset
+from trials.estimators.choice import Named
+from trials.execution.progress import counted, no_progress
+from trials.gate.baseline import Design, Rules, write_baseline
+from trials.gate.comparison import make_baseline
+from vo.contract.remarks import Remark
+
+pytestmark = pytest.mark.gl
+
+SMALL = {
+    "rig": {"width_px": 160, "height_px": 120, "rate_hz": 5},
+    "drive": {"distance_m": 1.2, "speed_mps": 0.36},
+    "render": {"samples": 0, "shadow_size_px": 512},
+}
+PUBLIC = {name for name in dy.__all__ if name != "__version__"}
+ERRORS = {name for name in PUBLIC if name.endswith("Error")}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """A folder with a yard, a recording of it in `ds`, and a baseline of the gate."""
+    place = tmp_path_factory.mktemp("api")
+    write_yard(place)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(place)
+        labels = {"flow": True, "segmentation": True}
+        dy.record("yard.xml", "ds", settings=SMALL | {"labels": labels})
+        overrides = ("drive.distance_m=1.2", "rig.width_px=64", "rig.height_px=48", "rig.rate_hz=5")
+        design = Design(scenes=("yard.xml",), overrides=overrides)
+        bar = partial(counted, no_progress)
+        found = make_baseline(Named("corner_flow"), "corner_flow", Rules(), design, Path("c"), bar)
+        write_baseline(Path("gate.json"), found)
+    return place
+
+
+@pytest.fixture
+def ds(folder, monkeypatch) -> Dataset:
+    monkeypatch.chdir(folder)
+    return dy.open("ds")
+
+
+def test_documented_examples_run(ds):
+    run = dy.run(ds, "corner_flow", "corner_flow.txt")
+    names = {"dy": dy, "np": np, "ds": ds, "run": run}
+    finder, runner = doctest.DocTestFinder(), doctest.DocTestRunner(optionflags=doctest.ELLIPSIS)
+    tests = {"driftyard": [doctest.DocTestParser().get_doctest(dy.__doc__, names, "dy", None, 0)]}
+    for name in sorted(PUBLIC):
+        place = getattr(dy, name)
+        tests[name] = finder.find(place, name, sys.modules[place.__module__], globs=names)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", Remark)  # readers see them beside the examples
+        for test in chain.from_iterable(tests.values()):
+            runner.run(test)
+    assert runner.summarize(verbose=False).failed == 0
+    without = {name for name, found in tests.items() if not any(x.examples for x in found)}
+    assert without <= ERRORS - {"DriftyardError"}
+
+
+def test_examples_of_the_page_run(folder, monkeypatch):
+    """The code of docs/api.md, in order, in the yard instead of the office."""
+    monkeypatch.chdir(folder)
+    names: dict[str, object] = {}
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "docs/api.md").read_text(), re.DOTALL)
+    assert len(blocks) > 5
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", Remark)
+        for block in blocks:
+            exec(compile(block.replace('"office"', '"yard.xml"'), "docs/api.md", "exec"), names)
+
+
+def test_import_is_light_and_registers_environments():
+    code = (
+        "import sys, driftyard; print(driftyard.__version__, "
+        "sorted({'numpy', 'cv2', 'mujoco', 'gtsam', 'gymnasium'} & set(sys.modules)));"
+        "import gymnasium; print(gymnasium.spec('driftyard/RoverNav-v0').id);"
+        "print(driftyard.open.__module__, 'open' in dir(driftyard))"
+    )
+    result = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    version, spec, place = result.stdout.splitlines()
+    assert version == f"{dy.__version__} []", result.stderr
+    assert spec == "driftyard/RoverNav-v0"
+    assert place == "driftyard.dataset True"
+
+
+def test_every_public_name_is_defined_where_it_is_said():
+    for name in dy.__all__:
+        assert getattr(dy, name) is not None
+    with pytest.raises(AttributeError, match="no attribute 'opne'"):
+        dy.opne  # noqa: B018
+
+
+def test_labels_agree_with_the_true_rig(ds):
+    T = ds.T_world_cam
+    step = np.linalg.inv(T[0]) @ T[1]
+    v, u = np.mgrid[: ds.rig.height_px, : ds.rig.width_px]
+    points = ds.rig.triangulate(np.stack([u, v], -1).astype(float), ds.disparity(0))
+    assert np.nanmax(abs(points[..., 2] - ds.depth(0))) < 1e-3
+    moved = (points - step[:3, 3]) @ step[:3, :3]  # p_next = T_next_now p_now, all is static
+    flow = ds.rig.project(moved)[..., :2] - np.stack([u, v], -1)
+    assert np.nanmedian(np.abs(flow - ds.flow(0)[..., :2])) < 1e-3
+    assert set(np.unique(ds.segmentation(0))) - {0} <= set(ds.things)
+
+
+def test_scores_are_those_of_the_command_line(ds):
+    run = dy.run(ds, "corner_flow", "again.txt")
+    command = [sys.executable, "-m", "trials.cli", "score", "ds", "again.txt", "--json"]
+    done = subprocess.run(command, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True)
+    (figures,) = json.loads(done.stdout)
+    assert figures.pop("file") == "again.txt"
+    assert figures == json.loads(json.dumps(dy.score(ds, run).to_dict()))
+
+
+def test_selected_frames_are_run_and_counted(ds):
+    half = dy.open("ds", every=2)
+    run = dy.run(half, "corner_flow")
+    assert dy.score(half, run).frames == len(half) == len(run.frames) == (len(ds) + 1) // 2
+    np.testing.assert_array_equal(half.depth(1), ds.depth(2))
+    with pytest.raises(dy.SettingsError, match="a program reads all frames"):
+        dy.run(half, dy.Command("true {dataset} {out}"))
+
+
+class AtRest:
+    """An estimator that a notebook defines."""
+
+    def __init__(self, rig):
+        self.rig = rig
+
+    def track(self, frame):
+        return dy.Estimate(frame.timestamp_ns, dy.Status.TRACKED, np.eye(4))
+
+
+def test_class_of_a_notebook_is_run(ds):
+    run = dy.run(ds, AtRest)
+    assert run.estimator.endswith("AtRest")
+    assert 80 < dy.score(ds, run).drift_pct <= 100
+    folder = run.path.parent
+    assert folder.is_dir()
+    del run
+    gc.collect()
+    assert not folder.exists()
+
+
+def test_objects_show_themselves(ds):
+    run = dy.run(ds, AtRest)
+    for shown in (ds, run, dy.score(ds, run)):
+        assert shown._repr_html_().count("<tr>") > 2
+        assert len(repr(shown)) < 800
+    assert "data:image/png" in ds._repr_html_()
+    assert dy.plot(ds, run)._repr_png_().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda ds: ds.normals(0), "ds: has no normals labels, only depth, disparity, flow, segm"),
+        (lambda ds: ds.flow(-1), "ds: the last frame, [0-9]+, has no flow"),
+        (lambda ds: ds[999], "ds: frame 999: the frames are 0 to"),
+        (lambda ds: dy.open("yard.xml"), "yard.xml: no such folder"),
+        (lambda ds: dy.record("yard.xml", "ds"), "ds: already exists"),
+        (lambda ds: dy.record("yrad", "new"), "unknown scene yrad; valid: asphalt"),
+        (lambda ds: dy.record("yard.xml", "new", settings={"seed": None}), "seed is None"),
+        (lambda ds: dy.record("yard.xml", "new", settings={"rig.width": 9}), "rig.width"),
+        (lambda ds: dy.run(ds, "orb"), "unknown estimator orb; valid: corner_flow, driftyard"),
+        (lambda ds: dy.run(ds, AtRest(ds.rig)), "AtRest: pass the class, not an instance"),
+        (lambda ds: dy.run(ds, AtRest, settings={"a": 1}), "has no Settings"),
+        (lambda ds: dy.run(ds, out="."), "is a folder; expected the name of a trajectory file"),
+        (lambda ds: dy.score(ds, "nowhere.txt"), "nowhere.txt: cannot be read"),
+        (lambda ds: dy.score(ds, "ds/dataset.json", frame="imu"), "frame imu: expected cam or bo"),
+        (lambda ds: dy.gate("gate.json", accept=["all"]), "unknown all; valid: datasets, platform"),
+        (lambda ds: dy.plot(ds).save("path.gif"), "path.gif: the name must end in .png or .svg"),
+    ],
+)
+def test_bad_input_is_one_family_of_errors(ds, call, message):
+    with pytest.raises(dy.DriftyardError, match=message) as raised:
+        call(ds)
+    assert "\n" not in str(raised.value)
+    assert not Path("new").exists()
+
+
+def test_recordings_without_labels_say_so(tmp_path):
+    ds = dy.open(write_euroc(tmp_path, wall(3)))
+    for read in (lambda: ds.depth(0), lambda: ds.imu, lambda: ds.wheels, lambda: ds.T_world_cam):
+        with pytest.raises(dy.DatasetError, match="has no"):
+            read()
+    assert ds.labels == ()
+    assert "no poses" in repr(ds)
+    assert list(ds.table()) == ["timestamp_ns"]
