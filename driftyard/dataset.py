@@ -8,14 +8,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from driftyard.notebook import data_frame, thumbnails
+from driftyard.notebook import data_frame, pose_columns, thumbnails
 from sim.labels.formats import FORWARD, LABELS, label_file, read_label
 from trials.evaluation.alignment import true_poses
 from trials.evaluation.html_table import html_table
 from trials.evaluation.truth import true_trajectory
-from vo.contract import se3
 from vo.contract.arrays import Array, Indices
 from vo.contract.dataset import MANIFEST, read_manifest
 from vo.contract.errors import DatasetError, DriftyardError, FrameIndexError, ImageError
@@ -188,12 +185,7 @@ segmentation; record it with labels.normals=true
         """
         columns: dict[str, Any] = {"timestamp_ns": self.timestamps_ns}
         if self.has_poses:
-            T = self.T_world_cam
-            known = np.isfinite(T).all(axis=(1, 2))
-            quat_wxyz = np.full((len(T), 4), np.nan)
-            quat_wxyz[known] = se3.to_quat_wxyz(T[known])
-            columns |= {f"{axis}_m": T[:, k, 3] for k, axis in enumerate("xyz")}
-            columns |= {f"q{axis}": quat_wxyz[:, k] for k, axis in enumerate("wxyz")}
+            columns |= pose_columns(self.T_world_cam)
         if self.sequence.wheels is not None:
             ticks = [self.sequence.wheels.at(int(t)) or (None, None) for t in self.timestamps_ns]
             columns |= {

@@ -33,7 +33,7 @@ class RegistryFinder(MetaPathFinder):
             load(module)
             import_module("trials.gym")
 
-        spec.loader.exec_module = load_and_register
+        vars(spec.loader)["exec_module"] = load_and_register
         return spec
 
 

@@ -15,13 +15,12 @@ import numpy as np
 
 from driftyard.dataset import Dataset, PathLike, dataset_of
 from driftyard.given_settings import GivenSettings, sources_of
-from driftyard.notebook import data_frame
+from driftyard.notebook import data_frame, pose_columns
 from trials.estimators.choice import Named, estimate
 from trials.estimators.choice import make_estimator as build_estimator
 from trials.estimators.plugins.command import Command
 from trials.evaluation.html_table import html_table
 from trials.evaluation.runs import SavedRun, read_map, read_run
-from vo.contract import se3
 from vo.contract.arrays import Array
 from vo.contract.errors import SettingsError, TrajectoryError
 from vo.contract.estimator import Estimator, PointMap
@@ -82,7 +81,7 @@ class Run(SavedRun):
 
     def table(self) -> "pd.DataFrame":
         """Return times, poses, and status and ms of every frame as a pandas.DataFrame."""
-        T, times_ns = self.T_odom_cam, self.trajectory.timestamps_ns
+        times_ns = self.trajectory.timestamps_ns
         columns: dict[str, Any] = {"timestamp_ns": times_ns}
         if self.frames is not None:
             columns = {
@@ -92,10 +91,9 @@ class Run(SavedRun):
                 "frame_ms": self.frames.frame_ms,
             }
         rows = np.searchsorted(columns["timestamp_ns"], times_ns)
-        poses = np.full((len(columns["timestamp_ns"]), 7), np.nan)
-        poses[rows] = np.hstack([T[:, :3, 3], se3.to_quat_wxyz(T)])
-        names = ("x_m", "y_m", "z_m", "qw", "qx", "qy", "qz")
-        return data_frame(columns | dict(zip(names, poses.T, strict=True)))
+        poses = np.full((len(columns["timestamp_ns"]), 4, 4), np.nan)
+        poses[rows] = self.T_odom_cam
+        return data_frame(columns | pose_columns(poses))
 
     @property
     def _facts(self) -> list[tuple[str, str]]:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
+from vo.contract import se3
+from vo.contract.arrays import Array
 from vo.contract.errors import DriftyardError
 from vo.contract.sequence import StereoFrame
 
@@ -24,6 +26,15 @@ def thumbnails(frame: StereoFrame) -> str:
     small = cv2.resize(both, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     png = base64.b64encode(cv2.imencode(".png", small)[1].tobytes()).decode("ascii")
     return f"<img alt='left and right image of frame 0' src='data:image/png;base64,{png}'>"
+
+
+def pose_columns(T: Array) -> dict[str, Array]:
+    """Return position, metres, and quaternion of poses (N, 4, 4) as columns; NaN where they are."""
+    known = np.isfinite(T).all(axis=(1, 2))
+    quat_wxyz = np.full((len(T), 4), np.nan)
+    quat_wxyz[known] = se3.to_quat_wxyz(T[known])
+    columns = {f"{axis}_m": T[:, k, 3] for k, axis in enumerate("xyz")}
+    return columns | {f"q{axis}": quat_wxyz[:, k] for k, axis in enumerate("wxyz")}
 
 
 def data_frame(columns: Mapping[str, Any]) -> "pd.DataFrame":
