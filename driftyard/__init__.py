@@ -27,37 +27,29 @@ from driftyard.environments import register_environments
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from driftyard.dataset import Dataset as Dataset
-    from driftyard.dataset import open as open
-    from driftyard.estimation import Run as Run
-    from driftyard.estimation import make_estimator as make_estimator
-    from driftyard.estimation import open_run as open_run
-    from driftyard.estimation import run as run
-    from driftyard.figures import Plot as Plot
-    from driftyard.figures import plot as plot
-    from driftyard.figures import report as report
-    from driftyard.gating import GateResult as GateResult
-    from driftyard.gating import gate as gate
-    from driftyard.recording import record as record
-    from driftyard.recording import scenes as scenes
-    from driftyard.scoring import score as score
-    from trials.estimators.plugins import PluginError as PluginError
-    from trials.estimators.plugins.command import Command as Command
-    from trials.evaluation.score import Score as Score
-    from vo.contract.errors import CalibrationError as CalibrationError
-    from vo.contract.errors import DatasetError as DatasetError
-    from vo.contract.errors import DriftyardError as DriftyardError
-    from vo.contract.errors import ImageError as ImageError
-    from vo.contract.errors import SettingsError as SettingsError
-    from vo.contract.errors import TrajectoryError as TrajectoryError
-    from vo.contract.estimator import Estimate as Estimate
-    from vo.contract.estimator import Status as Status
-    from vo.contract.inertial import ImuLog as ImuLog
-    from vo.contract.rig import StereoRig as StereoRig
-    from vo.contract.sequence import StereoFrame as StereoFrame
-    from vo.contract.sequence import WheelLog as WheelLog
-    from vo.contract.trajectory import Trajectory as Trajectory
-    from vo.odometry import StereoOdometry as StereoOdometry
+    from driftyard.dataset import Dataset, open
+    from driftyard.estimation import Run, make_estimator, open_run, run
+    from driftyard.figures import Plot, plot, report
+    from driftyard.gating import GateResult, gate
+    from driftyard.recording import record, scenes
+    from driftyard.scoring import score
+    from trials.estimators.plugins import PluginError
+    from trials.estimators.plugins.command import Command
+    from trials.evaluation.score import Score
+    from vo.contract.errors import (
+        CalibrationError,
+        DatasetError,
+        DriftyardError,
+        ImageError,
+        SettingsError,
+        TrajectoryError,
+    )
+    from vo.contract.estimator import Estimate, Status
+    from vo.contract.inertial import ImuLog
+    from vo.contract.rig import StereoRig
+    from vo.contract.sequence import StereoFrame, WheelLog
+    from vo.contract.trajectory import Trajectory
+    from vo.odometry import StereoOdometry
 
 _HOMES = {
     "driftyard.dataset": ("Dataset", "open"),
@@ -123,8 +115,15 @@ if not TYPE_CHECKING:
     def __getattr__(name: str) -> object:
         if name not in _MODULE_OF:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        found = globals()[name] = getattr(import_module(_MODULE_OF[name]), name)
-        return found
+        try:
+            home = import_module(_MODULE_OF[name])
+        except Exception as error:  # of MuJoCo, which loads an OpenGL driver when it is imported
+            from driftyard.failures import as_driftyard_error
+
+            if (stated := as_driftyard_error(error)) is None:
+                raise
+            raise stated from error
+        return globals().setdefault(name, getattr(home, name))
 
     def __dir__() -> list[str]:
         return sorted({*globals(), *_MODULE_OF})

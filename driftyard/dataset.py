@@ -8,10 +8,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from driftyard.failures import in_one_family
 from driftyard.notebook import data_frame, pose_columns, thumbnails
 from sim.labels.formats import FORWARD, LABELS, label_file, read_label
 from trials.evaluation.alignment import true_poses
-from trials.evaluation.html_table import html_table
+from trials.evaluation.display import html_display, text_display
 from trials.evaluation.truth import true_trajectory
 from vo.contract.arrays import Array, Indices
 from vo.contract.dataset import MANIFEST, read_manifest
@@ -73,7 +74,11 @@ segmentation; record it with labels.normals=true
 
     @property
     def rig(self) -> StereoRig:
-        """Calibration of the rectified pair: K, baseline_m, T_body_cam, size."""
+        """Calibration of the rectified pair: K, baseline_m, T_body_cam, size.
+
+        Labels are those of the true rig, `about["rig_true"]`, which differs from the calibration
+        if the recording was asked for that.
+        """
         return self.sequence.rig
 
     @property
@@ -247,17 +252,22 @@ segmentation; record it with labels.normals=true
             facts.append(("scene", f"{self.about['scene']['name']}, seed {self.about['seed']}"))
         return facts
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the place alone, for the processes of a data loader."""
+        return _reopen, (self.path.absolute(), self.selection)
+
     def __repr__(self) -> str:
-        return f"Dataset({str(self.path)!r}; {', '.join(f'{a}: {b}' for a, b in self._facts)})"
+        return text_display(f"Dataset {self.path}", self._facts)
 
     def _repr_html_(self) -> str:
         try:
             images = thumbnails(self[0])
         except ImageError:
             images = ""
-        return html_table(f"Dataset {self.name}", self._facts, images)
+        return html_display(f"Dataset {self.name}", self._facts, images)
 
 
+@in_one_family
 def open(
     path: PathLike,
     *,
@@ -288,7 +298,10 @@ def open(
         True
     """
     selection = FrameSelection(first, last, every, skip_missing, pair_tolerance_ms)
-    folder = Path(path)
+    return _reopen(Path(path), selection)
+
+
+def _reopen(folder: Path, selection: FrameSelection) -> Dataset:
     return Dataset(folder, open_sequence(folder, selection), selection)
 
 

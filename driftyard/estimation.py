@@ -14,12 +14,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from driftyard.dataset import Dataset, PathLike, dataset_of
+from driftyard.failures import in_one_family
 from driftyard.given_settings import GivenSettings, sources_of
 from driftyard.notebook import data_frame, pose_columns
 from trials.estimators.choice import Named, estimate
 from trials.estimators.choice import make_estimator as build_estimator
 from trials.estimators.plugins.command import Command
-from trials.evaluation.html_table import html_table
+from trials.evaluation.display import html_display, text_display
 from trials.evaluation.runs import SavedRun, read_map, read_run
 from vo.contract.arrays import Array
 from vo.contract.errors import SettingsError, TrajectoryError
@@ -107,12 +108,13 @@ class Run(SavedRun):
         return facts
 
     def __repr__(self) -> str:
-        return f"Run({self.estimator!r}; {', '.join(f'{a}: {b}' for a, b in self._facts)})"
+        return text_display(f"Run of {self.estimator}", self._facts)
 
     def _repr_html_(self) -> str:
-        return html_table(f"Run of {self.estimator}", self._facts)
+        return html_display(f"Run of {self.estimator}", self._facts)
 
 
+@in_one_family
 def run(
     dataset: Dataset | PathLike,
     estimator: AnyEstimator = "driftyard",
@@ -171,6 +173,7 @@ def run(
     return made
 
 
+@in_one_family
 def make_estimator(
     rig: StereoRig, estimator: str | Plugin = "driftyard", *, settings: GivenSettings = None
 ) -> Estimator:
@@ -195,6 +198,7 @@ def make_estimator(
     return build_estimator(choice.name, rig, choice.config, choice.overrides, choice.plugin)[0]
 
 
+@in_one_family
 def open_run(path: PathLike, dataset: Dataset | PathLike | None = None) -> Run:
     """Open a trajectory file: of a run, or of any other program.
 

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from driftyard.dataset import Dataset, PathLike, dataset_of
 from driftyard.estimation import run_of
+from driftyard.failures import in_one_family
 from trials.evaluation.runs import SavedRun
 from trials.report.figure import make_figure
 from trials.report.page import aligned_positions, with_distinct_names, write_report
@@ -40,6 +41,7 @@ class Plot:
 
     figure: Figure
 
+    @in_one_family
     def save(self, path: PathLike) -> Path:
         """Write the picture as PNG, SVG or PDF, by the suffix of the name; return the path.
 
@@ -59,6 +61,7 @@ class Plot:
         return stream.getvalue()
 
 
+@in_one_family
 def plot(dataset: Dataset | PathLike, runs: Runs = ()) -> Plot:
     """Draw the true path from above, and those of runs, aligned to it by their first poses.
 
@@ -90,6 +93,7 @@ def plot(dataset: Dataset | PathLike, runs: Runs = ()) -> Plot:
     return Plot(figure)
 
 
+@in_one_family
 def report(dataset: Dataset | PathLike, runs: Runs, out: PathLike = "report.html") -> Path:
     """Write runs as one self-contained HTML page, the first in detail; return its path.
 

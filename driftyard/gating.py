@@ -9,8 +9,9 @@ from typing import Any
 
 from driftyard.dataset import PathLike
 from driftyard.estimation import AnyEstimator, choice_of
+from driftyard.failures import in_one_family
 from driftyard.given_settings import GivenSettings
-from trials.evaluation.html_table import html_table
+from trials.evaluation.display import html_display
 from trials.execution.cache import CACHE
 from trials.execution.progress import counted, no_progress
 from trials.gate.comparison import Comparison, compare
@@ -51,9 +52,10 @@ class GateResult:
         return f"GateResult({self.headline!r})"
 
     def _repr_html_(self) -> str:
-        return html_table(self.headline, [HEADER, *rows(self.comparison)])
+        return html_display(self.headline, [HEADER, *rows(self.comparison)])
 
 
+@in_one_family
 def gate(
     baseline: PathLike,
     estimator: AnyEstimator = "driftyard",

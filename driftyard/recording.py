@@ -6,6 +6,7 @@ from pathlib import Path
 
 from driftyard.dataset import Dataset, PathLike
 from driftyard.dataset import open as open_dataset
+from driftyard.failures import in_one_family
 from driftyard.given_settings import GivenSettings, sources_of
 from scenes import SCENES
 from sim.batch import Task, record_scene
@@ -23,6 +24,7 @@ def scenes() -> dict[str, str]:
     return {name: builder.tests for name, builder in SCENES.items()}
 
 
+@in_one_family
 def record(
     scene: PathLike,
     out: PathLike,

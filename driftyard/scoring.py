@@ -4,6 +4,7 @@ from pathlib import Path
 
 from driftyard.dataset import Dataset, PathLike
 from driftyard.estimation import run_of
+from driftyard.failures import in_one_family
 from trials.evaluation.dataset_scores import score_runs
 from trials.evaluation.mismatch import Frame
 from trials.evaluation.runs import SavedRun
@@ -11,6 +12,7 @@ from trials.evaluation.score import Score
 from vo.contract.errors import SettingsError
 
 
+@in_one_family
 def score(dataset: Dataset | PathLike, run: SavedRun | PathLike, *, frame: str = "cam") -> Score:
     """Compare a run with the ground truth of its recording.
 

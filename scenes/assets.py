@@ -9,6 +9,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from types import ModuleType
 
+from vo.contract.packages import is_own
+
 NAMES = re.compile(rb"""\b(file\w*|(?:mesh|texture|asset)dir)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
 """Attributes of MJCF and URDF that hold the name of a file, or a folder of files."""
 XML = (".xml", ".mjcf", ".urdf")
@@ -53,14 +55,10 @@ def _origin(value: object) -> ModuleType | None:
     return sys.modules.get(name) if isinstance(name, str) else None
 
 
-PACKAGES = ("driftyard", "scenes", "sim", "vo", "trials")
-"""Packages of driftyard."""
-
-
 def _is_theirs(module: ModuleType, folder: Path) -> bool:
     """Whether a module is a user's own: below a folder, not installed, and none of ours."""
     file = Path(getattr(module, "__file__", None) or "/")
-    ours = module.__name__.partition(".")[0] in PACKAGES
+    ours = is_own(module.__name__)
     return file.is_relative_to(folder) and "site-packages" not in file.parts and not ours
 
 

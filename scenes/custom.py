@@ -14,10 +14,11 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from scenes.assets import PACKAGES, mjcf_assets, module_assets
+from scenes.assets import mjcf_assets, module_assets
 from scenes.geometry.routes import rounded_loop
 from scenes.scene import COLLISION_GROUP, HOME, Scene
 from vo.contract.errors import SettingsError
+from vo.contract.packages import PACKAGES
 
 TESTS = "A custom scene."
 LOOP_M = 2.0

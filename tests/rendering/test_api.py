@@ -1,9 +1,11 @@
 """The public API: every documented example runs, and errors are one family."""
 
+import ast
 import doctest
 import gc
 import json
 import os
+import pickle
 import re
 import subprocess
 import sys
@@ -103,11 +105,34 @@ def test_import_is_light_and_registers_environments():
     assert place == "driftyard.dataset True"
 
 
+def test_unusable_driver_is_one_of_the_family():
+    code = "import driftyard as dy\ntry: dy.record\nexcept dy.DriftyardError as error: print(error)"
+    variables = {**os.environ, "MUJOCO_GL": "foo"}
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, env=variables, capture_output=True, text=True
+    )
+    assert done.stdout.startswith("no OpenGL: MUJOCO_GL=foo: no such backend"), done.stderr
+
+
 def test_every_public_name_is_defined_where_it_is_said():
     for name in dy.__all__:
         assert getattr(dy, name) is not None
     with pytest.raises(AttributeError, match="no attribute 'opne'"):
         dy.opne  # noqa: B018
+
+
+def test_names_for_type_checkers_are_the_public_ones():
+    tree = ast.parse(Path(dy.__file__).read_text())
+    (block,) = (
+        x
+        for x in tree.body
+        if isinstance(x, ast.If)
+        and "TYPE" in ast.unparse(x.test)
+        and isinstance(x.body[0], ast.ImportFrom)
+    )
+    imported = {(x.module, name.name) for x in block.body for name in x.names}
+    assert imported == {(module, name) for name, module in dy._MODULE_OF.items()}
+    assert {name for _, name in imported} == PUBLIC
 
 
 def test_labels_agree_with_the_true_rig(ds):
@@ -129,6 +154,20 @@ def test_scores_are_those_of_the_command_line(ds):
     (figures,) = json.loads(done.stdout)
     assert figures.pop("file") == "again.txt"
     assert figures == json.loads(json.dumps(dy.score(ds, run).to_dict()))
+
+
+def test_dataset_survives_pickling(ds):
+    again = pickle.loads(pickle.dumps(dy.open("ds", first=2, every=3)))
+    assert np.array_equal(again[0].left, ds[2].left)
+    assert again.path.is_absolute()
+
+
+def test_remark_is_placed_at_the_line_of_the_user(tmp_path):
+    folder = write_euroc(tmp_path, wall(3))
+    (folder / "mav0/cam1/data.csv").write_text("#timestamp\n100000000,100000000.png\n")
+    with pytest.warns(Remark) as found:
+        dy.open(folder)
+    assert {x.filename for x in found} == {__file__}
 
 
 def test_selected_frames_are_run_and_counted(ds):
@@ -178,6 +217,8 @@ def test_objects_show_themselves(ds):
         (lambda ds: ds[999], "ds: frame 999: the frames are 0 to"),
         (lambda ds: dy.open("yard.xml"), "yard.xml: no such folder"),
         (lambda ds: dy.record("yard.xml", "ds"), "ds: already exists"),
+        (lambda ds: dy.record("yard.xml", "yard.xml/new"), "yard.xml.*: Not a directory"),
+        (lambda ds: dy.run(ds, AtRest, "yard.xml/run.txt"), "yard.xml.*: Not a directory"),
         (lambda ds: dy.record("yrad", "new"), "unknown scene yrad; valid: asphalt"),
         (lambda ds: dy.record("yard.xml", "new", settings={"seed": None}), "seed is None"),
         (lambda ds: dy.record("yard.xml", "new", settings={"rig.width": 9}), "rig.width"),

@@ -3,15 +3,14 @@
 import sys
 import warnings
 from collections.abc import Callable, Sequence
-from concurrent.futures.process import BrokenProcessPool
 from typing import NoReturn
 
 import typer
 
 from driftyard import __version__
-from sim.graphics import explain_fault, is_graphics_fault
+from driftyard.failures import as_driftyard_error
 from trials.cli.registry import COMMANDS, LazyGroup
-from vo.contract.errors import DriftyardError, SettingsError
+from vo.contract.errors import SettingsError
 from vo.contract.remarks import print_remarks
 
 BAD_INPUT, INTERRUPTED = 2, 130
@@ -67,20 +66,12 @@ def guard(command: Callable[[], object]) -> None:
         with warnings.catch_warnings():
             print_remarks()
             command()
-    except DriftyardError as error:
-        _fail(str(error))
-    except OSError as error:  # a full disk or a folder without permission is no bug
-        if error.filename is None:
-            raise
-        _fail(f"{error.filename}: {error.strerror}")
-    except BrokenProcessPool:
-        _fail("a worker process was killed (out of memory?); run the command again")
     except Exception as error:
         if _was_interrupted(error):
             _stop()
-        if not is_graphics_fault(error):
+        if (stated := as_driftyard_error(error)) is None:
             raise
-        _fail(f"no OpenGL: {explain_fault(error)}")
+        _fail(str(stated))
     except SystemExit as exit:
         if exit.code == INTERRUPTED:
             _stop()

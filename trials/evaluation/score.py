@@ -9,7 +9,7 @@ import numpy as np
 
 from trials.evaluation import metrics
 from trials.evaluation.alignment import Alignment, associate, gaps
-from trials.evaluation.html_table import html_table
+from trials.evaluation.display import html_display, text_display
 from trials.evaluation.runs import SavedRun
 from vo.contract.arrays import Array
 from vo.contract.errors import TrajectoryError
@@ -123,11 +123,10 @@ class Score:
         return [(label, "–" if x is None else f"{x:.{n}f}") for label, x, n in values]
 
     def __repr__(self) -> str:
-        shown = ", ".join(f"{label}: {value}" for label, value in self.rows if value != "–")
-        return f"Score({self.estimator!r}; {shown})"
+        return text_display(f"Score of {self.estimator}", self.rows)
 
     def _repr_html_(self) -> str:
-        return html_table(f"Score of {self.estimator}", self.rows)
+        return html_display(f"Score of {self.estimator}", self.rows)
 
 
 def _ate_m(score: Score, alignment: Alignment) -> float | None:

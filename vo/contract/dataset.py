@@ -112,7 +112,7 @@ class DatasetWriter:
         if not self._target.exists():
             return
         if not self._overwrite:
-            raise DatasetError(f"{self.out}: already exists; choose another --out or --overwrite")
+            raise DatasetError(f"{self.out}: already exists; choose another folder or overwrite it")
         if not self._target.is_dir() or self._target.is_mount():
             raise DatasetError(f"{self.out}: a file or mount point is not overwritten")
         if not (self._target / MANIFEST).is_file() and any(self._target.iterdir()):

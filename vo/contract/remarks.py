@@ -6,14 +6,22 @@ from collections.abc import Callable
 from functools import partial
 from typing import TextIO
 
+from vo.contract.packages import is_own
+
 
 class Remark(UserWarning):
     """A warning that commands and their workers print as one line, once for each text."""
 
 
 def remark(message: str) -> None:
-    """Issue a remark: one complete line that names the file and what was done about it."""
-    warnings.warn(message, Remark, stacklevel=2)
+    """Issue a remark: one complete line that names the file and what was done about it.
+
+    Its place is the line of the user's that called driftyard.
+    """
+    level, frame = 2, sys._getframe(1)
+    while is_own(frame.f_globals.get("__name__", "")) and frame.f_back is not None:
+        level, frame = level + 1, frame.f_back
+    warnings.warn(message, Remark, stacklevel=level)
 
 
 def print_remarks() -> None:

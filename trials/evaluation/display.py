@@ -1,10 +1,16 @@
-"""Tables of a notebook: what an object shows as HTML."""
+"""What objects show of themselves, as text in a terminal and as HTML in a notebook."""
 
 from collections.abc import Sequence
 from html import escape
 
 
-def html_table(title: str, rows: Sequence[Sequence[str]], below: str = "") -> str:
+def text_display(title: str, rows: Sequence[tuple[str, str]]) -> str:
+    """Lay out a heading and a line for each name and value."""
+    width = max((len(name) for name, _ in rows), default=0)
+    return "\n".join([title, *(f"  {name:{width}}  {value}" for name, value in rows)])
+
+
+def html_display(title: str, rows: Sequence[Sequence[str]], below: str = "") -> str:
     """Lay out a heading, rows of text whose first cell names the others, and markup below.
 
     The colours are those of the page, so that it is legible on light and on dark ones.
