@@ -18,7 +18,13 @@ from matplotlib.patches import FancyBboxPatch
 
 ROOT = Path(__file__).parent.parent
 OUT = ROOT / "docs/images/architecture.png"
-COLOURS = {"trials": "#4e79a7", "sim": "#59a14f", "scenes": "#b07aa1", "vo": "#e15759"}
+COLOURS = {
+    "driftyard": "#8a6d3b",
+    "trials": "#4e79a7",
+    "sim": "#59a14f",
+    "scenes": "#b07aa1",
+    "vo": "#e15759",
+}
 WIDTH, GAP, ROW, HEAD = 5.4, 0.5, 0.5, 0.65
 
 

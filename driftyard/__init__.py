@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from driftyard.gating import GateResult, gate
     from driftyard.recording import record, scenes
     from driftyard.scoring import score
+    from sim.graphics import GraphicsError
     from trials.estimators.plugins import PluginError
     from trials.estimators.plugins.command import Command
     from trials.evaluation.score import Score
@@ -40,14 +41,17 @@ if TYPE_CHECKING:
         CalibrationError,
         DatasetError,
         DriftyardError,
+        FrameIndexError,
         ImageError,
         SettingsError,
         TrajectoryError,
     )
-    from vo.contract.estimator import Estimate, Status
+    from vo.contract.estimator import Estimate, FinalResult, PointMap, Status
     from vo.contract.inertial import ImuLog
+    from vo.contract.observations import Observations
     from vo.contract.rig import StereoRig
     from vo.contract.sequence import StereoFrame, WheelLog
+    from vo.contract.settings import Settings
     from vo.contract.trajectory import Trajectory
     from vo.odometry import StereoOdometry
 
@@ -58,17 +62,20 @@ _HOMES = {
     "driftyard.gating": ("GateResult", "gate"),
     "driftyard.recording": ("record", "scenes"),
     "driftyard.scoring": ("score",),
+    "sim.graphics": ("GraphicsError",),
     "trials.estimators.plugins": ("PluginError",),
     "trials.estimators.plugins.command": ("Command",),
     "trials.evaluation.score": ("Score",),
     "vo.contract.errors": (
-        *("CalibrationError", "DatasetError", "DriftyardError"),
+        *("CalibrationError", "DatasetError", "DriftyardError", "FrameIndexError"),
         *("ImageError", "SettingsError", "TrajectoryError"),
     ),
-    "vo.contract.estimator": ("Estimate", "Status"),
+    "vo.contract.estimator": ("Estimate", "FinalResult", "PointMap", "Status"),
     "vo.contract.inertial": ("ImuLog",),
+    "vo.contract.observations": ("Observations",),
     "vo.contract.rig": ("StereoRig",),
     "vo.contract.sequence": ("StereoFrame", "WheelLog"),
+    "vo.contract.settings": ("Settings",),
     "vo.contract.trajectory": ("Trajectory",),
     "vo.odometry": ("StereoOdometry",),
 }
@@ -82,13 +89,19 @@ __all__ = [
     "DatasetError",
     "DriftyardError",
     "Estimate",
+    "FinalResult",
+    "FrameIndexError",
     "GateResult",
+    "GraphicsError",
     "ImageError",
     "ImuLog",
+    "Observations",
     "Plot",
     "PluginError",
+    "PointMap",
     "Run",
     "Score",
+    "Settings",
     "SettingsError",
     "Status",
     "StereoFrame",

@@ -133,6 +133,8 @@ def test_names_for_type_checkers_are_the_public_ones():
     imported = {(x.module, name.name) for x in block.body for name in x.names}
     assert imported == {(module, name) for name, module in dy._MODULE_OF.items()}
     assert {name for _, name in imported} == PUBLIC
+    # A module that is imported would take the place of a function of its name.
+    assert {x.stem for x in Path(dy.__file__).parent.glob("*.py")} & PUBLIC == set()
 
 
 def test_labels_agree_with_the_true_rig(ds):

@@ -34,6 +34,10 @@ class PointMap:
     """The estimated landmarks of a run, with their uint8 brightness and number of views: (N,) each.
 
     The points (N, 3) are metres in the first left camera's frame.
+
+    Example:
+        >>> dy.run(ds, "corner_flow").map is None  # it keeps none
+        True
     """
 
     ids: Indices
@@ -48,6 +52,10 @@ class FinalResult:
 
     The trajectory is T_odom_cam of the frames that had a pose, smoothed over the whole run; None if
     the estimates per frame are final.
+
+    Example:
+        >>> dy.FinalResult().trajectory is None
+        True
     """
 
     trajectory: Trajectory | None = None

@@ -17,6 +17,11 @@ class Observations(Table):
         disparity_px: (N,) u_left - u_right; NaN where unknown.
         inlier: (N,) whether the landmark agrees with the frame's motion; by default, all do.
         sigma_px: (N, 3) standard deviations of u, v and disparity; by default NaN, unknown.
+
+    Example:
+        >>> seen = dy.Observations(np.array([7]), np.array([[31.5, 23.5]]), np.array([4.0]))
+        >>> seen.measured.tolist(), seen.inlier.tolist()
+        ([[31.5, 23.5, 4.0]], [True])
     """
 
     ids: Indices

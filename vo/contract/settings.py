@@ -17,6 +17,12 @@ class Settings(BaseModel):
     """Base of every settings model: immutable, and an unknown key is an error.
 
     The docstring of a field is its description.
+
+    Example:
+        >>> class Gains(dy.Settings):
+        ...     gain: float = 1.0
+        >>> Gains(gain=2).gain
+        2.0
     """
 
     model_config = ConfigDict(
