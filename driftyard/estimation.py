@@ -194,7 +194,8 @@ def make_estimator(
         (4, 4)
     """
     choice = choice_of(estimator, settings)
-    assert isinstance(choice, Named)
+    if isinstance(choice, Command):
+        raise SettingsError(f"{choice.name}: a program reads whole recordings; pass it to `run`")
     return build_estimator(choice.name, rig, choice.config, choice.overrides, choice.plugin)[0]
 
 
@@ -228,7 +229,7 @@ def choice_of(estimator: AnyEstimator, settings: GivenSettings = None) -> Named 
     """Return the choice of an estimator.
 
     Raises:
-        SettingsError: If it is an instance, or settings are given twice.
+        SettingsError: If it is an instance, none of these, or settings are given twice.
     """
     config, overrides = sources_of(settings)
     if isinstance(estimator, str):
@@ -240,5 +241,9 @@ def choice_of(estimator: AnyEstimator, settings: GivenSettings = None) -> Named 
     if not isinstance(estimator, type) and hasattr(estimator, "track"):
         name = type(estimator).__name__
         raise SettingsError(f"{name}: pass the class, not an instance: each run needs a new one")
-    place = "" if estimator.__module__ == "__main__" else f"{estimator.__module__}:"
-    return Named(f"{place}{estimator.__qualname__}", config, overrides, estimator)
+    if not callable(estimator):
+        raise SettingsError(f"estimator {estimator!r}: expected a name, a class or a Command")
+    name = getattr(estimator, "__qualname__", type(estimator).__name__)
+    module = getattr(estimator, "__module__", "__main__")
+    label = name if module == "__main__" else f"{module}:{name}"
+    return Named(label, config, overrides, estimator)

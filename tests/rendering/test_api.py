@@ -226,6 +226,8 @@ def test_objects_show_themselves(ds):
         (lambda ds: dy.record("yard.xml", "new", settings={"rig.width": 9}), "rig.width"),
         (lambda ds: dy.run(ds, "orb"), "unknown estimator orb; valid: corner_flow, driftyard"),
         (lambda ds: dy.run(ds, AtRest(ds.rig)), "AtRest: pass the class, not an instance"),
+        (lambda ds: dy.run(ds, 5), "estimator 5: expected a name, a class or a Command"),
+        (lambda ds: dy.make_estimator(ds.rig, dy.Command("a {dataset} {out}")), "a: a program re"),
         (lambda ds: dy.run(ds, AtRest, settings={"a": 1}), "has no Settings"),
         (lambda ds: dy.run(ds, out="."), "is a folder; expected the name of a trajectory file"),
         (lambda ds: dy.score(ds, "nowhere.txt"), "nowhere.txt: cannot be read"),
