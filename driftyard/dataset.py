@@ -1,6 +1,5 @@
 """A recording that is open: frames for an estimator, and labels and truth to judge it by."""
 
-import operator
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -9,14 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from driftyard.failures import in_one_family
+from driftyard.labels import DenseLabels
 from driftyard.notebook import data_frame, pose_columns, thumbnails
-from sim.labels.formats import FORWARD, LABELS, label_file, read_label
 from trials.evaluation.alignment import true_poses
 from trials.evaluation.display import html_display, text_display
 from trials.evaluation.truth import true_trajectory
 from vo.contract.arrays import Array, Indices
 from vo.contract.dataset import MANIFEST, read_manifest
-from vo.contract.errors import DatasetError, DriftyardError, FrameIndexError, ImageError
+from vo.contract.errors import DatasetError, DriftyardError, ImageError
 from vo.contract.inertial import ImuLog
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame, StereoSequence, WheelLog
@@ -32,7 +31,7 @@ PathLike = str | os.PathLike[str]
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Dataset:
+class Dataset(DenseLabels):
     """A stereo recording: N frames, and whatever labels, truth and sensors it has.
 
     Its length is N; iteration, or an index from 0 (negative ones count from the end), gives
@@ -63,7 +62,6 @@ class Dataset:
 segmentation; record it with labels.normals=true
     """
 
-    path: Path
     sequence: StereoSequence
     selection: FrameSelection = ALL_FRAMES
 
@@ -128,51 +126,6 @@ segmentation; record it with labels.normals=true
             raise DatasetError(f"{self.path}: has no readings of wheel encoders")
         return self.sequence.wheels
 
-    @cached_property
-    def labels(self) -> tuple[str, ...]:
-        """Names of the dense labels that the recording has."""
-        return tuple(x for x in LABELS if label_file(self._root, x, 0).parent.is_dir())
-
-    def depth(self, i: int) -> Array:
-        """Return the depth of frame i along the optical axis, float32 metres."""
-        return self._label("depth", i)
-
-    def disparity(self, i: int) -> Array:
-        """Return the disparity u_left - u_right of frame i, float32 pixels, > 0."""
-        return self._label("disparity", i)
-
-    def disparity_right(self, i: int) -> Array:
-        """Return the disparity u_left - u_right at the pixels of the right image, float32."""
-        return self._label("disparity_right", i)
-
-    def occlusion(self, i: int) -> Array:
-        """Return whether the right camera sees each pixel of frame i, uint8 codes; 0 is seen."""
-        return self._label("occlusion", i)
-
-    def flow(self, i: int) -> Array:
-        """Return the motion from frame i to the next recorded one: (H, W, 3) float32.
-
-        The channels are du, dv in pixels, and the depth there in metres. The last frame of the
-        recording has none.
-        """
-        return self._label("flow", i)
-
-    def covisibility(self, i: int) -> Array:
-        """Return whether the next recorded frame shows each pixel's point, uint8 codes."""
-        return self._label("covisibility", i)
-
-    def segmentation(self, i: int) -> Array:
-        """Return the object of each pixel, whose name is in `things`; 0 is the sky."""
-        return self._label("segmentation", i)
-
-    def classes(self, i: int) -> Array:
-        """Return the class of each pixel, uint8: 0 sky, 1 ground, 2 static, 3 moving."""
-        return self._label("classes", i)
-
-    def normals(self, i: int) -> Array:
-        """Return the surface normals of frame i in camera axes: (H, W, 3) float32."""
-        return self._label("normals", i)
-
     @property
     def things(self) -> dict[int, str]:
         """Number in `segmentation` to the name of the object."""
@@ -205,29 +158,6 @@ segmentation; record it with labels.normals=true
             return self.truth.point_cam is None
         except DatasetError:
             return False
-
-    @property
-    def _root(self) -> Path:
-        """Folder of `mav0` and the manifest; the recording may be `mav0` itself."""
-        return self.path if (self.path / "mav0").is_dir() else self.path.resolve().parent
-
-    def _row(self, i: int) -> int:
-        row = operator.index(i)
-        if not -len(self) <= row < len(self):
-            raise FrameIndexError(f"{self.path}: frame {i}: the frames are 0 to {len(self) - 1}")
-        return row % len(self)
-
-    def _label(self, name: str, i: int) -> Array:
-        row = self._row(i)
-        time_ns = int(self.timestamps_ns[row])
-        if name not in self.labels:
-            known = f", only {', '.join(self.labels)}" if self.labels else ""
-            hint = f"; record it with labels.{name}=true" if self.about else ""
-            raise DatasetError(f"{self.path}: has no {name} labels{known}{hint}")
-        is_there = label_file(self._root, name, time_ns).is_file()
-        if name in FORWARD and row == len(self) - 1 and not is_there:
-            raise DatasetError(f"{self.path}: the last frame, {row}, has no {name}")
-        return read_label(self._root, name, time_ns)
 
     @property
     def _kind_of_truth(self) -> str:

@@ -8,7 +8,8 @@ from typing import ParamSpec, TypeVar
 from sim.graphics import GraphicsError, explain_fault, is_graphics_fault
 from vo.contract.errors import DriftyardError
 
-P, R = ParamSpec("P"), TypeVar("R")
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 def as_driftyard_error(error: Exception) -> DriftyardError | None:

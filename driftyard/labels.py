@@ -1,0 +1,99 @@
+"""Dense labels of the left image of a recording."""
+
+import operator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from sim.labels.formats import FORWARD, LABELS, label_file, read_label
+from vo.contract.arrays import Array, Indices
+from vo.contract.dataset import MANIFEST
+from vo.contract.errors import DatasetError, FrameIndexError
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class DenseLabels:
+    """Labels by name and index of the frame, read when they are asked for.
+
+    A label that the recording does not have raises a DatasetError that says what it has, an index
+    beyond the frames a FrameIndexError.
+
+    Attributes:
+        path: Folder of the recording.
+    """
+
+    path: Path
+
+    @property
+    def timestamps_ns(self) -> Indices:
+        """(N,) times of the frames, ns."""
+        raise NotImplementedError
+
+    @cached_property
+    def labels(self) -> tuple[str, ...]:
+        """Names of the dense labels that the recording has."""
+        return tuple(x for x in LABELS if label_file(self._root, x, 0).parent.is_dir())
+
+    def depth(self, i: int) -> Array:
+        """Return the depth of frame i along the optical axis, float32 metres."""
+        return self._label("depth", i)
+
+    def disparity(self, i: int) -> Array:
+        """Return the disparity u_left - u_right of frame i, float32 pixels, > 0."""
+        return self._label("disparity", i)
+
+    def disparity_right(self, i: int) -> Array:
+        """Return the disparity u_left - u_right at the pixels of the right image, float32."""
+        return self._label("disparity_right", i)
+
+    def occlusion(self, i: int) -> Array:
+        """Return whether the right camera sees each pixel of frame i, uint8 codes; 0 is seen."""
+        return self._label("occlusion", i)
+
+    def flow(self, i: int) -> Array:
+        """Return the motion from frame i to the next recorded one: (H, W, 3) float32.
+
+        The channels are du, dv in pixels, and the depth there in metres. The last frame of the
+        recording has none.
+        """
+        return self._label("flow", i)
+
+    def covisibility(self, i: int) -> Array:
+        """Return whether the next recorded frame shows each pixel's point, uint8 codes."""
+        return self._label("covisibility", i)
+
+    def segmentation(self, i: int) -> Array:
+        """Return the object of each pixel, whose name is in `things`; 0 is the sky."""
+        return self._label("segmentation", i)
+
+    def classes(self, i: int) -> Array:
+        """Return the class of each pixel, uint8: 0 sky, 1 ground, 2 static, 3 moving."""
+        return self._label("classes", i)
+
+    def normals(self, i: int) -> Array:
+        """Return the surface normals of frame i in camera axes: (H, W, 3) float32."""
+        return self._label("normals", i)
+
+    @property
+    def _root(self) -> Path:
+        """Folder of `mav0` and the manifest; the recording may be `mav0` itself."""
+        return self.path if (self.path / "mav0").is_dir() else self.path.resolve().parent
+
+    def _row(self, i: int) -> int:
+        row, frames = operator.index(i), len(self.timestamps_ns)
+        if not -frames <= row < frames:
+            raise FrameIndexError(f"{self.path}: frame {i}: the frames are 0 to {frames - 1}")
+        return row % frames
+
+    def _label(self, name: str, i: int) -> Array:
+        row = self._row(i)
+        time_ns = int(self.timestamps_ns[row])
+        if name not in self.labels:
+            known = f", only {', '.join(self.labels)}" if self.labels else ""
+            is_own = (self._root / MANIFEST).is_file()
+            hint = f"; record it with labels.{name}=true" if is_own else ""
+            raise DatasetError(f"{self.path}: has no {name} labels{known}{hint}")
+        is_last = row == len(self.timestamps_ns) - 1
+        if name in FORWARD and is_last and not label_file(self._root, name, time_ns).is_file():
+            raise DatasetError(f"{self.path}: the last frame, {row}, has no {name}")
+        return read_label(self._root, name, time_ns)
