@@ -29,6 +29,7 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from driftyard.dataset import Dataset, open
     from driftyard.estimation import Run, make_estimator, open_run, run
+    from driftyard.exporting import export
     from driftyard.figures import Plot, plot, report
     from driftyard.gating import GateResult, gate
     from driftyard.recording import record, scenes
@@ -58,6 +59,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "driftyard.dataset": ("Dataset", "open"),
     "driftyard.estimation": ("Run", "make_estimator", "open_run", "run"),
+    "driftyard.exporting": ("export",),
     "driftyard.figures": ("Plot", "plot", "report"),
     "driftyard.gating": ("GateResult", "gate"),
     "driftyard.recording": ("record", "scenes"),
@@ -111,6 +113,7 @@ __all__ = [
     "TrajectoryError",
     "WheelLog",
     "__version__",
+    "export",
     "gate",
     "make_estimator",
     "open",

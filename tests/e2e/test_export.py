@@ -20,6 +20,7 @@ from rosbags.highlevel import AnyReader
 from scipy.spatial.transform import Rotation
 from terminal import driftyard
 
+import driftyard as dy
 from trials.estimators.choice import Named, estimate
 from trials.formats.registry import FORMATS, export
 from vo.contract.errors import DatasetError, SettingsError
@@ -390,6 +391,18 @@ def test_export_of_other_recordings_and_many_at_once(street, tmp_path):
     assert result.returncode == 0
     assert len((tmp_path / "h/test/metadata.jsonl").read_text().splitlines()) == 2
     assert "license: unknown" in (tmp_path / "h/README.md").read_text()
+
+
+def test_export_in_python_takes_folders_and_chosen_frames(street, tmp_path):
+    chosen = dy.open(street, first=1)
+    assert dy.export(chosen, "kitti", tmp_path / "a") == tmp_path / "a"
+    assert len(dy.open(tmp_path / "a")) == 2
+    dy.export(str(street), "kitti", str(tmp_path / "b"))
+    assert len(dy.open(tmp_path / "b")) == 3
+    for datasets, said in ((), "no dataset"), ((chosen, street), "the chosen frames differ"):
+        with pytest.raises(dy.SettingsError, match=said):
+            dy.export(datasets, "kitti", tmp_path / "c")
+    assert not (tmp_path / "c").exists()
 
 
 def test_export_frames_beyond_the_truth_are_left_out(street, tmp_path):

@@ -92,6 +92,8 @@ def export(
         DriftyardError: As `open_recording`.
     """
     form = find_format(name)
+    if not datasets:
+        raise SettingsError("export: no dataset is named")
     with new_folder(out) as partial:
         recordings = [open_recording(folder, frames, form.needs_poses) for folder in datasets]
         names = [x.name for x in recordings]
