@@ -8,12 +8,14 @@ import pytest
 import yaml
 from terminal import ROOT
 
+import driftyard
+
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
 
 def test_citation_states_the_version_and_licence():
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
-    assert str(citation["version"]) == PROJECT["version"]
+    assert str(citation["version"]) == driftyard.__version__
     assert citation["license"] == PROJECT["license"]
     assert citation["keywords"] == PROJECT["keywords"]
     assert citation["authors"] == PROJECT["authors"]
