@@ -89,6 +89,8 @@ def _raise_to_bodies(
     world: World, points: Array, carries: Mask, stated_m: Array, near: Mask, top_m: Array
 ) -> None:
     """Raise heights (N,) at points `near` geoms that are no planes to those, by rays."""
+    if not near.any():
+        return  # a copy of the model has all its textures
     model, geom = copy(world.model), np.full(1, -1, np.int32)
     model.geom_group[:], model.geom_matid[:], model.geom_rgba[:, 3] = ~carries, -1, 1.0
     model.geom_group[model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE] = 1
