@@ -16,7 +16,7 @@ import numpy as np
 
 from trials.estimators.choice import make_estimator
 from trials.evaluation.metrics import KITTI_LENGTHS_M
-from trials.evaluation.score import Score
+from trials.evaluation.score import FIGURES, Score
 from trials.execution.cache import CACHE
 from trials.execution.jobs import Job, Recording, Result, Variant
 from trials.execution.parallel import map_parallel
@@ -44,11 +44,6 @@ class Figure:
     of: Callable[[Score], float | None]
 
 
-def _ate(score: Score) -> float | None:
-    errors = score.ate_m.get("se3")
-    return errors.rmse if errors else None
-
-
 def _per_100m(score: Score) -> float | None:
     return None if score.kitti_deg_per_m is None else 100 * score.kitti_deg_per_m
 
@@ -61,7 +56,7 @@ class Kind:
     figures: tuple[Figure, ...]
 
 
-ATE = Figure("ATE after an SE(3) fit, RMSE, m", 3, _ate)
+ATE = Figure("ATE after an SE(3) fit, RMSE, m", 3, FIGURES["ATE, SE(3), m"][0])
 LOST = Figure("frames lost, %", 1, lambda x: 100 * x.statuses.get("lost", 0) / x.frames)
 TIME = Figure("time per frame, median, ms, all cores busy", 1, lambda x: x.frame_ms)
 SEGMENTS = (
