@@ -1,6 +1,7 @@
 """Dense labels of the left image of a recording."""
 
 import operator
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,7 +13,7 @@ from vo.contract.errors import DatasetError, FrameIndexError
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class DenseLabels:
+class DenseLabels(ABC):
     """Labels by name and index of the frame, read when they are asked for.
 
     A label that the recording does not have raises a DatasetError that says what it has, an index
@@ -25,9 +26,9 @@ class DenseLabels:
     path: Path
 
     @property
+    @abstractmethod
     def timestamps_ns(self) -> Indices:
         """(N,) times of the frames, ns."""
-        raise NotImplementedError
 
     @cached_property
     def labels(self) -> tuple[str, ...]:
