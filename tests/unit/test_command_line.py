@@ -72,3 +72,27 @@ def test_guard_interruption_inside_compiled_code_is_one_line(capsys):
     with pytest.raises(SystemExit, match="130"):
         guard(command)
     assert capsys.readouterr().err == "driftyard: interrupted\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "completed"),
+    [
+        (["gener"], {"generate"}),
+        (["gate", "pl"], {"plan"}),
+        (["generate", "off"], {"office"}),
+        (["generate", "office,cor"], {"office,corridor"}),
+        (["generate", "--dis"], {"--disturb"}),
+        (["generate", "--disturb", "blur,brick"], {"blur,brick_bump"}),
+        (["generate", "--set", "drive.dist"], {"drive.distance_m="}),
+        (["run", "ds", "--set", "matching.min_zn"], {"matching.min_zncc="}),
+        (["run", "ds", "--estimator", "corner"], {"corner_flow"}),
+        (["export", "ds", "--to", "kitti"], {"kitti", "kitti_stereo"}),
+        (["stress", "--scene", "dus"], {"dusk"}),
+    ],
+)
+def test_shell_completes_commands_and_values(words, completed):
+    line = " ".join(["driftyard", *words])
+    asked = {"_DRIFTYARD_COMPLETE": "complete_bash", "COMP_WORDS": line}
+    asked["COMP_CWORD"] = str(len(words))
+    done = CliRunner().invoke(app, prog_name="driftyard", env=asked)
+    assert set(done.stdout.split()) == completed

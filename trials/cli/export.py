@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from trials.cli import console
+from trials.cli.completion import one_of
 from trials.cli.options import FrameOptions, argument, option
 from trials.formats.registry import FORMATS
 from trials.formats.registry import export as write
@@ -13,7 +14,12 @@ def export(
     datasets: list[Path] = argument(
         ..., "Dataset folders: driftyard, EuRoC, TUM-VI or KITTI.", metavar="DATASET..."
     ),
-    to: str = option(..., f"Format: {', '.join(FORMATS)}.", metavar="FORMAT"),
+    to: str = option(
+        ...,
+        f"Format: {', '.join(FORMATS)}.",
+        metavar="FORMAT",
+        autocompletion=one_of(lambda: FORMATS),
+    ),
     out: Path = option(..., "Folder to write; it must not exist.", metavar="FOLDER"),
 ) -> None:
     """Write datasets in the format of another tool, with true poses and labels.

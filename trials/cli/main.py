@@ -26,7 +26,6 @@ app = typer.Typer(
     cls=LazyGroup,
     epilog="Example: driftyard demo",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
 )
 

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, get_args, get_origin
 
 import typer
 
+from trials.cli.completion import BY_PARAMETER, keys_of
+
 if TYPE_CHECKING:
     from sim.settings import RecordSettings
     from trials.estimators.choice import Named
@@ -56,7 +58,8 @@ def argument(default: Any, text: str, **rules: Any) -> Any:
 def changes(kind: str, name: str = "--set") -> Any:
     """Describe an option that changes settings of a kind; without a name, that of the field."""
     text = f"Change a setting of `driftyard settings {kind}`; may be repeated."
-    return option([], text, *filter(None, [name]), metavar="KEY=VALUE")
+    names = filter(None, [name])
+    return option([], text, *names, metavar="KEY=VALUE", autocompletion=keys_of(kind))
 
 
 def _described(default: Any, shown: Any) -> Any:
@@ -195,10 +198,11 @@ def _parameter(name: str, kind: Any, default: Any, panel: str | None) -> Paramet
     """Make a parameter of an annotated type, from a default value or a described one."""
     if isinstance(default, Field) and "typer" in default.metadata:
         kind = Annotated[kind, default.metadata["typer"]]
-    if panel and get_origin(kind) is Annotated:
+    if get_origin(kind) is Annotated:
         base, shown = get_args(kind)
         shown = copy(shown)
         shown.rich_help_panel = panel
+        shown.autocompletion = shown.autocompletion or BY_PARAMETER.get(name)
         kind = Annotated[base, shown]
     if isinstance(default, Field):
         if default.default_factory is not MISSING:

@@ -103,7 +103,7 @@ class LazyGroup(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Import the command that the arguments name."""
         name, command, rest = super().resolve_command(ctx, args)
-        if name in self.entries and ctx.resilient_parsing is False:
+        if name in self.entries:
             command = load(self.prefix + name)
         return name, command, rest
 
