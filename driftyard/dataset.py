@@ -20,9 +20,8 @@ from vo.contract.inertial import ImuLog
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame, StereoSequence, WheelLog
 from vo.contract.trajectory import Trajectory
-from vo.recordings.inertial_tables import read_imu
 from vo.recordings.pairing import ALL_FRAMES, FrameSelection
-from vo.recordings.readers import open_sequence
+from vo.recordings.readers import open_sequence, read_imu
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -207,10 +206,13 @@ def open(
     skip_missing: bool = False,
     pair_tolerance_ms: float | None = None,
 ) -> Dataset:
-    """Open a recording: of driftyard, EuRoC/ASL, TUM-VI, KITTI odometry or raw.
+    """Open a recording: of driftyard, EuRoC/ASL, TUM-VI, KITTI odometry or raw, TartanAir, or ROS.
 
     Args:
-        path: Folder of the recording.
+        path: Folder of the recording, or bag of ROS: `run.bag`, `run.mcap`, `run.db3`, or its
+            folder. Its topics are found by type and name, or chosen by the end of the path:
+            `run.bag@left=/cam0/image_raw,right=/cam1/image_raw`, with left_info, right_info, imu
+            and truth likewise.
         first: Index of the first frame that is used, from 0.
         last: Index of the last; by default the last of all.
         every: Use each k-th frame only.

@@ -2,14 +2,16 @@
 
 import operator
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 from sim.labels.formats import FORWARD, LABELS, label_file, read_label
 from vo.contract.arrays import Array, Indices
 from vo.contract.dataset import MANIFEST
 from vo.contract.errors import DatasetError, FrameIndexError
+from vo.recordings.readers import label_readers
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -33,7 +35,7 @@ class DenseLabels(ABC):
     @cached_property
     def labels(self) -> tuple[str, ...]:
         """Names of the dense labels that the recording has."""
-        return tuple(x for x in LABELS if label_file(self._root, x, 0).parent.is_dir())
+        return tuple(x for x in LABELS if x in self._readers)
 
     def depth(self, i: int) -> Array:
         """Return the depth of frame i along the optical axis, float32 metres."""
@@ -78,7 +80,15 @@ class DenseLabels(ABC):
     @property
     def _root(self) -> Path:
         """Folder of `mav0` and the manifest; the recording may be `mav0` itself."""
-        return self.path if (self.path / "mav0").is_dir() else self.path.resolve().parent
+        return self.path.resolve().parent if (self.path / "cam0").is_dir() else self.path
+
+    @cached_property
+    def _readers(self) -> dict[str, Callable[[int], Array]]:
+        """Readers of the labels by name; each takes the time of a frame."""
+        own = [x for x in LABELS if label_file(self._root, x, 0).parent.is_dir()]
+        return {x: partial(read_label, self._root, x) for x in own} or dict(
+            label_readers(self.path)
+        )
 
     def _row(self, i: int) -> int:
         row, frames = operator.index(i), len(self.timestamps_ns)
@@ -94,7 +104,10 @@ class DenseLabels(ABC):
             is_own = (self._root / MANIFEST).is_file()
             hint = f"; record it with labels.{name}=true" if is_own else ""
             raise DatasetError(f"{self.path}: has no {name} labels{known}{hint}")
-        is_last = row == len(self.timestamps_ns) - 1
-        if name in FORWARD and is_last and not label_file(self._root, name, time_ns).is_file():
-            raise DatasetError(f"{self.path}: the last frame, {row}, has no {name}")
-        return read_label(self._root, name, time_ns)
+        try:
+            return self._readers[name](time_ns)
+        except DatasetError as error:
+            is_last = row == len(self.timestamps_ns) - 1
+            if name in FORWARD and is_last and isinstance(error.__context__, FileNotFoundError):
+                raise DatasetError(f"{self.path}: the last frame, {row}, has no {name}") from None
+            raise

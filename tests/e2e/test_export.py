@@ -26,6 +26,7 @@ from trials.formats.registry import FORMATS, export
 from vo.contract.errors import DatasetError, SettingsError
 from vo.contract.remarks import Remark
 from vo.recordings.pairing import FrameSelection
+from vo.recordings.readers import read_truth
 
 FRAMES = 4
 pytestmark = [pytest.mark.gl, pytest.mark.slow]
@@ -120,15 +121,45 @@ def test_kitti_is_read_by_evo_and_opencv(exported, truth):
         assert is_same(out / f"image_1/{i:06d}.png", truth["right"][i])
 
 
-def test_kitti_estimate_is_that_of_the_dataset(dataset, tmp_path):
-    frames = FrameSelection(last=9)
-    export([dataset], "kitti", tmp_path / "kitti", frames)
-    there = estimate(Named("driftyard"), dataset, tmp_path / "a.txt", frames=frames)
-    back = estimate(Named("driftyard"), tmp_path / "kitti", tmp_path / "b.txt")
+@pytest.fixture(scope="module")
+def there(dataset, tmp_path_factory):
+    """The estimate on the dataset itself."""
+    out = tmp_path_factory.mktemp("run") / "a.txt"
+    return estimate(Named("driftyard"), dataset, out, frames=FrameSelection(last=9))
+
+
+@pytest.mark.parametrize("name", ["kitti", "tartanair", "mcap"])
+def test_estimate_on_an_export_is_that_on_the_dataset(dataset, there, name, tmp_path):
+    export([dataset], name, tmp_path / name, FrameSelection(last=9))
+    recording = tmp_path / name / (dataset.name if name == "mcap" else "")
+    back = estimate(Named("driftyard"), recording, tmp_path / "b.txt")
     assert np.array_equal(there.trajectory.timestamps_ns, back.trajectory.timestamps_ns)
     difference = there.trajectory.T_ref_frame - back.trajectory.T_ref_frame
     assert np.abs(difference).max() < 1e-6
     assert np.linalg.norm(back.trajectory.T_ref_frame[-1][:3, 3]) > 0.1
+    expected, found = read_truth(dataset), read_truth(recording)
+    steps = [
+        np.linalg.inv(x[0]) @ x
+        for x in (expected.at(there.trajectory.timestamps_ns).T_ref_frame, found.T_ref_frame)
+    ]
+    assert np.abs(steps[0] - steps[1]).max() < 1e-9
+
+
+def test_labels_of_tartanair_are_those_of_the_dataset(exported, dataset):
+    """Within the rounding of flow to 1/64 px; an outline, which it does not know, is occluded."""
+    ds, back = dy.open(dataset), dy.open(exported("tartanair"))
+    assert back.labels == ("depth", "disparity", "flow", "covisibility")
+    assert np.allclose(back.T_world_cam, ds.T_world_cam[:FRAMES], atol=1e-9)
+    assert np.array_equal(back.depth(1), ds.depth(1), equal_nan=True)
+    factor = ds.rig.f_px * ds.rig.baseline_m
+    assert np.allclose(back.disparity(1), factor / ds.depth(1), rtol=1e-6, equal_nan=True)
+    known = back.covisibility(1) != 3
+    error = np.abs(back.flow(1) - ds.flow(1))[known][:, :2]
+    assert error.max() <= 0.501 / 64
+    codes = np.array([0, 1, 2, 0, 1])[ds.covisibility(1)]
+    assert (back.covisibility(1) == codes).mean() > 0.999
+    with pytest.raises(DatasetError, match="the last frame, 3, has no flow"):
+        back.flow(FRAMES - 1)
 
 
 def test_tum_is_read_by_evo_and_opencv(exported, truth):

@@ -24,7 +24,13 @@ SceneName = Annotated[
         help="Registered scene (`driftyard scenes` lists them), MJCF file, or module:function."
     ),
 ]
-Dataset = Annotated[Path, typer.Argument(help="Dataset folder: driftyard, EuRoC, TUM-VI or KITTI.")]
+Dataset = Annotated[
+    Path,
+    typer.Argument(
+        help="Recording: folder of driftyard, EuRoC, TUM-VI, KITTI or TartanAir, or bag of ROS, "
+        "RUN.bag or RUN.bag@left=TOPIC,right=TOPIC."
+    ),
+]
 Trajectories = Annotated[
     list[Path],
     typer.Argument(metavar="FILE...", help="Trajectory files: TUM, EuRoC or KITTI format."),

@@ -13,6 +13,7 @@ from trials.evaluation.mismatch import Frame
 from trials.evaluation.runs import read_runs
 from trials.evaluation.score import Score
 from trials.report.tables import text_table
+from vo.recordings.readers import recording_name
 
 
 def score(
@@ -28,7 +29,7 @@ def score(
         typer.echo(json.dumps(table, indent=1, allow_nan=False))
         return
     with_attitude = all(x.has_attitude for x in scores)
-    title = dataset.resolve().name + ("" if with_attitude else ": ATE without attitude")
+    title = recording_name(dataset) + ("" if with_attitude else ": ATE without attitude")
     console.out.print(score_table(title, scores))
 
 

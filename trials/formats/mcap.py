@@ -17,7 +17,7 @@ from vo.contract.arrays import Array, Indices
 from vo.contract.errors import DatasetError, SettingsError
 from vo.contract.inertial import ImuLog
 from vo.contract.trajectory import NS_PER_S
-from vo.recordings.inertial_tables import read_imu
+from vo.recordings.readers import read_imu
 
 if TYPE_CHECKING:
     from trials.formats.ros_messages import Messages

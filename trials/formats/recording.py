@@ -21,7 +21,7 @@ from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoSequence
 from vo.contract.trajectory import NS_PER_S
 from vo.recordings.pairing import FrameSelection
-from vo.recordings.readers import open_sequence, read_frame_times, read_truth
+from vo.recordings.readers import open_sequence, read_frame_times, read_truth, recording_name
 
 CAMERAS = ("cam0", "cam1")
 VISIBLE = 0
@@ -179,7 +179,7 @@ def open_recording(folder: Path, frames: FrameSelection, needs_poses: bool) -> R
         sequence, poses = _select(sequence, rows), poses[rows]
     every = np.searchsorted(read_frame_times(folder), sequence.timestamps_ns)
     consecutive = np.append(np.diff(every) == 1, False)
-    return Recording(root, root.resolve().name, sequence, poses, consecutive, manifest, copied)
+    return Recording(root, recording_name(root), sequence, poses, consecutive, manifest, copied)
 
 
 def _poses(folder: Path, sequence: StereoSequence, needs_poses: bool) -> Array:

@@ -16,17 +16,18 @@ from trials.formats.recording import Recording
 from vo.contract import se3
 from vo.contract.arrays import Array, Mask
 from vo.contract.remarks import remark
+from vo.recordings.tartanair import T_NED_WORLD, T_OPTICAL_CAMERA
+from vo.recordings.tartanair_labels import (
+    BEYOND,
+    FLOW_ZERO,
+    HIDDEN,
+    LEVELS_PER_PX,
+    OUTSIDE,
+    SKY_M,
+)
 
-SKY_M = 10_000.0
-"""Depth of pixels without a surface."""
-FLOW_ZERO, LEVELS_PER_PX = 32768, 64
-"""Level of no motion, and levels of one pixel of flow."""
-HIDDEN, OUTSIDE, BEYOND = 1, 100, 200
-"""Masks of flow: occluded in the next image, outside of it, not representable; 0 is valid."""
 MASKS = np.array([0, HIDDEN, OUTSIDE, 0, HIDDEN], np.uint16)
 """Mask of each code of the label covisibility: visible, occluded, outside, no surface, edge."""
-R_NED_OPTICAL = np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0]])
-"""Axes of images (right, down, forward) in those of TartanAir's cameras: forward, right, down."""
 
 
 def write_tartanair(recording: Recording, out: Path, advance: Advance) -> None:
@@ -89,9 +90,7 @@ def ned_poses(T_world_cam: Array) -> Array:
     The world is z up; its NED frame is the world turned by 180 degrees about x, so that z is down.
     A camera's axes are forward, right, down.
     """
-    T_ned_world = se3.pose(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
-    T_optical_camera = se3.pose(R_NED_OPTICAL.T.astype(float), np.zeros(3))
-    return T_ned_world @ T_world_cam @ T_optical_camera
+    return T_NED_WORLD @ T_world_cam @ T_OPTICAL_CAMERA
 
 
 def encode_depth(depth_m: Array) -> bytes:

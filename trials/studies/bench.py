@@ -24,6 +24,7 @@ from trials.studies.speed.backends import backend_table, measure_windows
 from trials.studies.speed.drive import TimedDrive, on_cores
 from trials.studies.speed.estimator import EstimatorSpeed, measure_estimator
 from trials.studies.speed.renderers import RenderSpeed, measure_renderers
+from vo.recordings.readers import recording_name
 
 DISTANCE_M, FRAMES = 5.0, 40
 QUICK_DISTANCE_M, QUICK_FRAMES = 1.5, 8
@@ -66,7 +67,7 @@ def bench_all(
 def bench_over(dataset: Path, bar: ProgressBar = no_progress) -> Iterator[Table | str]:
     """Measure the estimators over a dataset, on a single core; yield the report."""
     estimated = _measure_estimators(dataset, bar)
-    yield dataset.resolve().name
+    yield recording_name(dataset)
     yield estimator_table(estimated)
     yield endurance_table(estimated)
     yield backend_table(measure_windows(dataset))

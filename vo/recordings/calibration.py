@@ -70,11 +70,20 @@ def read_cameras(left: Path, right: Path, images: Path | None = None) -> tuple[C
     Raises:
         CalibrationError: If a file is missing, or a key is missing, malformed or unknown.
     """
-    sheets = read_sheets(left, right)
-    poses = _body_poses(left, right, *sheets)
+    return describe_cameras((left, right), read_sheets(left, right), images)
+
+
+def describe_cameras(
+    paths: tuple[Path, Path], sheets: tuple[Sheet, Sheet], images: Path | None = None
+) -> tuple[Camera, Camera]:
+    """Read the left and the right camera from the keys of their calibrations, as `read_cameras`.
+
+    Raises:
+        CalibrationError: If a key is missing, malformed or unknown; names the path.
+    """
+    poses = _body_poses(*paths, *sheets)
     first, second = (
-        _camera(path, sheet, T, images)
-        for path, sheet, T in zip((left, right), sheets, poses, strict=True)
+        _camera(path, sheet, T, images) for path, sheet, T in zip(paths, sheets, poses, strict=True)
     )
     return first, second
 

@@ -4,7 +4,7 @@ import os
 import re
 import tempfile
 import zlib
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -41,6 +41,9 @@ JPEG_DAMAGE = re.compile(r"Corrupt JPEG data: (?!\d+ extraneous)|Premature end|I
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # errors here name the file
 
 GIT_LFS = b"version https://git-lfs"
+
+Levels = Callable[[Path], Array]
+"""Reader of the grey levels (H, W) of an image, uint8 or uint16."""
 
 
 def list_images(folder: Path) -> list[Path]:
@@ -80,10 +83,12 @@ class GreyReader:
     Attributes:
         size_px: Width and height of the first readable image.
         bits: Depth in use of images of 16 bits, one of DEPTHS; None if the first have 8 bits.
+        levels: Reads the grey levels (H, W) of an image, uint8 or uint16; None for image files.
     """
 
     size_px: tuple[int, int]
     bits: int | None = None
+    levels: "Levels | None" = None
 
     def __call__(self, path: Path) -> Image:
         """Read an image as (H, W) uint8; of 16 bits, the highest 8 in use.
@@ -91,7 +96,7 @@ class GreyReader:
         Raises:
             ImageError: If the file is missing, damaged or not an image.
         """
-        image = _read_levels(path)
+        image = (self.levels or _read_levels)(path)
         if image.dtype == np.uint8:
             return image
         if self.bits is None:
@@ -103,39 +108,39 @@ class GreyReader:
         return np.minimum(image >> (bits - 8), 255).astype(np.uint8)
 
 
-def grey_reader(files: Sequence[Path]) -> GreyReader:
+def grey_reader(files: Sequence[Path], levels: Levels | None = None) -> GreyReader:
     """Make the reader of a sequence from a sample of its images, at least one, left eye first.
 
-    Images of 16 bits bring a remark that states the depth in use.
+    `levels` is as of `GreyReader`. Images of 16 bits bring a remark that states the depth in use.
 
     Raises:
         ImageError: If no image of the sample can be read.
     """
     rows = np.unique(np.linspace(0, len(files) - 1, min(SAMPLE, len(files))).astype(int)).tolist()
     found: list[tuple[int, int]] = []
-    levels: list[int] = []
+    brightest: list[int] = []
     problem: ImageError | None = None
     for i in dict.fromkeys((rows[0], rows[-1], *rows)):
         try:
-            image = _read_levels(files[i])
+            image = (levels or _read_levels)(files[i])
         except ImageError as error:
             problem = problem or error
             continue
         found.append((image.shape[1], image.shape[0]))
         if image.dtype == np.uint16:
-            levels.append(int(np.percentile(image, LEVEL_PERCENT)))
-        if len(found) == 2 and not levels:  # one of each eye
+            brightest.append(int(np.percentile(image, LEVEL_PERCENT)))
+        if len(found) == 2 and not brightest:  # one of each eye
             break
     if not found:
         raise problem or DatasetError("a sequence without images")
-    if not levels:
-        return GreyReader(found[0])
-    bits = next(x for x in DEPTHS if max(levels) < 2**x)
+    if not brightest:
+        return GreyReader(found[0], None, levels)
+    bits = next(x for x in DEPTHS if max(brightest) < 2**x)
     remark(
         f"{files[0].parent}: images of 16 bits of which {bits} are in use; "
         f"levels are divided by {2 ** (bits - 8)}"
     )
-    return GreyReader(found[0], bits)
+    return GreyReader(found[0], bits, levels)
 
 
 def read_grey(path: Path) -> Image:
@@ -153,7 +158,7 @@ def read_float(path: Path, channels: int = 1) -> Array:
     Raises:
         ImageError: If the file is missing, damaged or not a float image.
     """
-    image = _decode(path, cv2.IMREAD_UNCHANGED)
+    image = read_unchanged(path)
     shape = (*image.shape[:2], channels)[: 2 if channels == 1 else 3]
     if image.dtype != np.float32 or image.shape != shape:
         raise ImageError(
@@ -168,26 +173,47 @@ def read_codes(path: Path) -> Array:
     Raises:
         ImageError: If the file is missing, damaged or of another type.
     """
-    image = _decode(path, cv2.IMREAD_UNCHANGED)
+    image = read_unchanged(path)
     if image.dtype.name not in ("uint8", "uint16") or image.ndim != 2:
         raise ImageError(f"{path}: expected one channel of 8 or 16 bits, got {image.dtype}")
     return image
 
 
+def read_unchanged(path: Path) -> Array:
+    """Read the pixels of an image as stored, (H, W) or (H, W, C), in OpenCV's order of channels.
+
+    Raises:
+        ImageError: If the file is missing, damaged or not an image.
+    """
+    return _decode(path, _read_bytes(path), cv2.IMREAD_UNCHANGED)
+
+
 def _read_levels(path: Path) -> Array:
     """Read the grey levels (H, W) of an image as stored, uint8 or uint16."""
+    return decode_levels(path, _read_bytes(path))
+
+
+def decode_levels(path: Path, data: bytes) -> Array:
+    """Decode the content of an image file to grey levels (H, W), uint8 or uint16.
+
+    Raises:
+        ImageError: If it is damaged or not an image; names the path.
+    """
     flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
-    image = _decode(path, flags)
+    image = _decode(path, data, flags)
     if image.dtype.name not in ("uint8", "uint16"):
         raise ImageError(f"{path}: pixels of type {image.dtype}; expected 8 or 16 bits")
     return image
 
 
-def _decode(path: Path, flags: int) -> Array:
+def _read_bytes(path: Path) -> bytes:
     try:
-        data = path.read_bytes()
+        return path.read_bytes()
     except OSError as error:
         raise ImageError(f"{path}: cannot be read ({error.strerror})") from None
+
+
+def _decode(path: Path, data: bytes, flags: int) -> Array:
     if fault := _fault(data):
         raise ImageError(f"{path}: {fault}")
     said: list[str] = []

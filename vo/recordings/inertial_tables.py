@@ -13,7 +13,7 @@ PLACES = ("mav0/imu0/data.csv", "imu0/data.csv", "dso/imu.txt", "imu.txt")
 EXPECTED = "'timestamp [ns], wx, wy, wz [rad/s], ax, ay, az [m/s²]'"
 
 
-def read_imu(folder: Path) -> ImuLog | None:
+def read_imu_table(folder: Path) -> ImuLog | None:
     """Read the inertial readings of a recording; None where it has no table of them.
 
     Its sensor.yaml gives the unit's place in the body; without one, the unit is the body.

@@ -1,8 +1,8 @@
 """Pairing of the images of two eyes, and the choice of frames."""
 
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from vo.contract.arrays import Array, Indices
 from vo.contract.errors import DatasetError, SettingsError
 from vo.contract.remarks import remark
-from vo.recordings.images import number_of
+from vo.recordings.images import Levels, number_of
 
 NS_PER_MS = 1_000_000
 
@@ -61,11 +61,15 @@ ALL_FRAMES = FrameSelection()
 
 @dataclass(frozen=True)
 class StereoFiles:
-    """Image files of N stereo pairs, at times (N,)."""
+    """Image files of N stereo pairs, at times (N,).
+
+    If images are parts of a larger file, their paths are names that `levels` reads.
+    """
 
     timestamps_ns: Indices
     left: tuple[Path, ...]
     right: tuple[Path, ...]
+    levels: Levels | None = None
 
     def __len__(self) -> int:
         return len(self.left)
@@ -80,6 +84,8 @@ class StereoFiles:
         if not len(self):
             raise DatasetError(f"{source}: the sequence has no frames")
         rows = np.arange(len(self))[frames.rows(len(self), source)]
+        if self.levels:
+            return self.at(rows)
         folders = {x.parent for i in rows for x in (self.left[i], self.right[i])}
         present = {x / name for x in folders if x.is_dir() for name in os.listdir(x)}
         absent = [x for i in rows for x in (self.left[i], self.right[i]) if x not in present]
@@ -96,7 +102,8 @@ class StereoFiles:
     def at(self, rows: Sequence[int] | Indices) -> "StereoFiles":
         """Return some of the pairs."""
         left, right = (tuple(x[i] for i in rows) for x in (self.left, self.right))
-        return StereoFiles(self.timestamps_ns[np.asarray(rows, dtype=np.int64)], left, right)
+        times_ns = self.timestamps_ns[np.asarray(rows, dtype=np.int64)]
+        return replace(self, timestamps_ns=times_ns, left=left, right=right)
 
 
 def pair_by_time(
@@ -172,9 +179,14 @@ def _nearest(times: Indices, queried: Indices) -> Indices:
 
 
 def pair_by_name(
-    folder: Path, left: Sequence[Path], right: Sequence[Path], times_ns: Indices, table: Path
+    folder: Path,
+    left: Sequence[Path],
+    right: Sequence[Path],
+    times_ns: Indices,
+    table: Path,
+    name_of: Callable[[Path], str] = lambda x: x.stem,
 ) -> StereoFiles:
-    """Pair numbered images of the same name; a table has the times of all.
+    """Pair numbered images of the same name, which is the part `name_of`; a table has their times.
 
     The rows of the table belong to the names in order, or, where images are missing in both eyes,
     to their numbers from 0.
@@ -182,7 +194,7 @@ def pair_by_name(
     Raises:
         DatasetError: If no names agree, or the table does not fit.
     """
-    eyes = [{x.stem: x for x in files} for files in (left, right)]
+    eyes = [{name_of(x): x for x in files} for files in (left, right)]
     names = sorted(eyes[0].keys() | eyes[1].keys(), key=lambda x: (number_of(x), x))
     if len(names) == len(times_ns):
         rows = dict(zip(names, range(len(names)), strict=True))
@@ -196,5 +208,5 @@ def pair_by_name(
     if not common:
         raise DatasetError(f"{folder}: no image has the same name in both eyes")
     _state(folder, len(left), len(right), len(common), 0.0)
-    pairs = [tuple(eye[x] for x in common) for eye in eyes]
-    return StereoFiles(times_ns[[rows[x] for x in common]], *pairs)
+    files = (tuple(eye[x] for x in common) for eye in eyes)
+    return StereoFiles(times_ns[[rows[x] for x in common]], next(files), next(files))

@@ -29,7 +29,7 @@ def open_recording(
         SettingsError: If the selection is empty.
     """
     chosen = files.select(frames, folder)
-    read = grey_reader((*chosen.left, *chosen.right))
+    read = grey_reader((*chosen.left, *chosen.right), chosen.levels)
     left, right = cameras(*read.size_px)
     if read.size_px != (left.width_px, left.height_px):
         raise DatasetError(
