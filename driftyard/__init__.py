@@ -32,9 +32,15 @@ if TYPE_CHECKING:
     from driftyard.exporting import export
     from driftyard.figures import Plot, plot, report
     from driftyard.gating import GateResult, gate
+    from driftyard.geometry import boxes, occupancy, point_cloud
+    from driftyard.motion import Flow, flow, tracks
     from driftyard.recording import record, scenes
     from driftyard.scoring import score
     from sim.graphics import GraphicsError
+    from sim.truth.boxes import Box
+    from sim.truth.clouds import PointCloud
+    from sim.truth.occupancy import Occupancy
+    from sim.truth.tracks import Tracks
     from trials.estimators.plugins import PluginError
     from trials.estimators.plugins.command import Command
     from trials.evaluation.score import Score
@@ -62,9 +68,15 @@ _HOMES = {
     "driftyard.exporting": ("export",),
     "driftyard.figures": ("Plot", "plot", "report"),
     "driftyard.gating": ("GateResult", "gate"),
+    "driftyard.geometry": ("boxes", "occupancy", "point_cloud"),
+    "driftyard.motion": ("Flow", "flow", "tracks"),
     "driftyard.recording": ("record", "scenes"),
     "driftyard.scoring": ("score",),
     "sim.graphics": ("GraphicsError",),
+    "sim.truth.boxes": ("Box",),
+    "sim.truth.clouds": ("PointCloud",),
+    "sim.truth.occupancy": ("Occupancy",),
+    "sim.truth.tracks": ("Tracks",),
     "trials.estimators.plugins": ("PluginError",),
     "trials.estimators.plugins.command": ("Command",),
     "trials.evaluation.score": ("Score",),
@@ -85,6 +97,7 @@ _HOMES = {
 _MODULE_OF = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
+    "Box",
     "CalibrationError",
     "Command",
     "Dataset",
@@ -92,14 +105,17 @@ __all__ = [
     "DriftyardError",
     "Estimate",
     "FinalResult",
+    "Flow",
     "FrameIndexError",
     "GateResult",
     "GraphicsError",
     "ImageError",
     "ImuLog",
     "Observations",
+    "Occupancy",
     "Plot",
     "PluginError",
+    "PointCloud",
     "PointMap",
     "Run",
     "Score",
@@ -109,21 +125,27 @@ __all__ = [
     "StereoFrame",
     "StereoOdometry",
     "StereoRig",
+    "Tracks",
     "Trajectory",
     "TrajectoryError",
     "WheelLog",
     "__version__",
+    "boxes",
     "export",
+    "flow",
     "gate",
     "make_estimator",
+    "occupancy",
     "open",
     "open_run",
     "plot",
+    "point_cloud",
     "record",
     "report",
     "run",
     "scenes",
     "score",
+    "tracks",
 ]
 
 if not TYPE_CHECKING:

@@ -12,7 +12,7 @@ from driftyard.labels import DenseLabels
 from driftyard.notebook import data_frame, pose_columns, thumbnails
 from trials.evaluation.alignment import true_poses
 from trials.evaluation.display import html_display, text_display
-from trials.evaluation.truth import true_trajectory
+from trials.evaluation.truth import true_rig, true_trajectory
 from vo.contract.arrays import Array, Indices
 from vo.contract.dataset import MANIFEST, read_manifest
 from vo.contract.errors import DatasetError, DriftyardError, ImageError
@@ -25,6 +25,8 @@ from vo.recordings.readers import open_sequence, read_imu
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from sim.truth.views import FrameViews
 
 PathLike = str | os.PathLike[str]
 
@@ -88,7 +90,7 @@ segmentation; record it with labels.normals=true
 
     def __getitem__(self, i: int) -> StereoFrame:
         """Load frame i; ImageError if an image is missing or damaged."""
-        return self.sequence[self._row(i)]
+        return self.sequence[self.row(i)]
 
     def __iter__(self) -> Iterator[StereoFrame]:
         return iter(self.sequence)
@@ -109,6 +111,16 @@ segmentation; record it with labels.normals=true
         if self.truth.point_cam is not None:
             raise DatasetError(f"{self.path}: the truth has positions only; they are in `truth`")
         return true_poses(self.truth, self.timestamps_ns)
+
+    @cached_property
+    def views(self) -> "FrameViews":
+        """What the left camera sees in each frame, by which motion and boxes are computed."""
+        from sim.truth.views import FrameViews  # loads MuJoCo
+
+        if not self.about:
+            raise DatasetError(f"{self.path}: not recorded by driftyard, so its depth is unknown")
+        rig = true_rig(self._root, self.about)
+        return FrameViews(self._root, self.about, rig, self.timestamps_ns, self.T_world_cam)
 
     @cached_property
     def imu(self) -> ImuLog:

@@ -6,12 +6,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from driftyard.failures import in_one_family
 from sim.labels.formats import FORWARD, LABELS, label_file, read_label
 from vo.contract.arrays import Array, Indices
 from vo.contract.dataset import MANIFEST
 from vo.contract.errors import DatasetError, FrameIndexError
 from vo.recordings.readers import label_readers
+
+if TYPE_CHECKING:
+    from sim.truth.views import FrameViews
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -31,6 +36,11 @@ class DenseLabels(ABC):
     @abstractmethod
     def timestamps_ns(self) -> Indices:
         """(N,) times of the frames, ns."""
+
+    @property
+    @abstractmethod
+    def views(self) -> "FrameViews":
+        """What the left camera sees in each frame, by which motion and boxes are computed."""
 
     @cached_property
     def labels(self) -> tuple[str, ...]:
@@ -53,16 +63,23 @@ class DenseLabels(ABC):
         """Return whether the right camera sees each pixel of frame i, uint8 codes; 0 is seen."""
         return self._label("occlusion", i)
 
-    def flow(self, i: int) -> Array:
-        """Return the motion from frame i to the next recorded one: (H, W, 3) float32.
+    @in_one_family
+    def flow(self, i: int, j: int | None = None) -> Array:
+        """Return the motion from frame i to frame j: (H, W, 3) float32.
 
-        The channels are du, dv in pixels, and the depth there in metres. The last frame of the
-        recording has none.
+        The channels are du, dv in pixels, and the depth there in metres. Without j, it is the
+        label to the next recorded frame, which the last frame of the recording does not have;
+        `driftyard.flow` explains that between any two.
         """
+        if j is not None:
+            return self.views.motion(self.row(i), self.row(j))[0]
         return self._label("flow", i)
 
-    def covisibility(self, i: int) -> Array:
-        """Return whether the next recorded frame shows each pixel's point, uint8 codes."""
+    @in_one_family
+    def covisibility(self, i: int, j: int | None = None) -> Array:
+        """Return whether frame j shows each pixel's point, uint8 codes; j as for `flow`."""
+        if j is not None:
+            return self.views.motion(self.row(i), self.row(j))[1]
         return self._label("covisibility", i)
 
     def segmentation(self, i: int) -> Array:
@@ -90,14 +107,15 @@ class DenseLabels(ABC):
             label_readers(self.path)
         )
 
-    def _row(self, i: int) -> int:
+    def row(self, i: int) -> int:
+        """Return the index from 0 of frame i, which may count from the end; FrameIndexError."""
         row, frames = operator.index(i), len(self.timestamps_ns)
         if not -frames <= row < frames:
             raise FrameIndexError(f"{self.path}: frame {i}: the frames are 0 to {frames - 1}")
         return row % frames
 
     def _label(self, name: str, i: int) -> Array:
-        row = self._row(i)
+        row = self.row(i)
         time_ns = int(self.timestamps_ns[row])
         if name not in self.labels:
             known = f", only {', '.join(self.labels)}" if self.labels else ""

@@ -19,6 +19,7 @@ from vo.contract.errors import DatasetError, ImageError
 from vo.contract.estimator import Estimate, Estimator, Finalizing, FinalResult, PointMap, Status
 from vo.contract.files import replacing
 from vo.contract.observations import Observations
+from vo.contract.ply import write_ply
 from vo.contract.remarks import remark
 from vo.contract.sequence import StereoSequence
 from vo.contract.trajectory import TUM_HEADER, Trajectory, tum_lines, write_tum
@@ -33,13 +34,15 @@ FRAME_HEADER = ("timestamp_ns", "status", "reason", "frame_ms")
 COUNT, MILLISECONDS = "count:", "ms:"
 """Prefixes of the per-stage columns of frames.csv."""
 
-VERTEX = (
-    *((axis, "<f4", "float") for axis in "xyz"),
-    *((channel, "u1", "uchar") for channel in ("red", "green", "blue")),
-    ("views", "<i4", "int"),
-    ("landmark", "<i4", "int"),
+VERTEX = np.dtype(
+    [
+        *((axis, "<f4") for axis in "xyz"),
+        *((channel, "u1") for channel in ("red", "green", "blue")),
+        ("views", "<i4"),
+        ("landmark", "<i4"),
+    ]
 )
-"""Name, NumPy's and PLY's type of a map point's properties."""
+"""Properties of a map point."""
 
 
 @dataclass(frozen=True)
@@ -141,7 +144,7 @@ def write_run(
         if run.final.trajectory is not None:
             write_tum(new(companion(out, "smoothed.txt")), run.final.trajectory)
         if run.final.points is not None:
-            write_ply(new(companion(out, "map.ply")), run.final.points)
+            write_map(new(companion(out, "map.ply")), run.final.points)
         for kind in (x for x, is_offered in offered.items() if not is_offered):
             companion(out, kind).unlink(missing_ok=True)
 
@@ -252,19 +255,15 @@ def _write_covariances(path: Path, estimates: tuple[Estimate, ...]) -> None:
         )
 
 
-def write_ply(path: Path, points: PointMap) -> None:
+def write_map(path: Path, points: PointMap) -> None:
     """Write a map as binary PLY: position in metres, grey as colour, track length, identifier."""
-    table = np.zeros(len(points.ids), np.dtype([(name, kind) for name, kind, _ in VERTEX]))
+    table = np.zeros(len(points.ids), VERTEX)
     for k, axis in enumerate("xyz"):
         table[axis] = points.points_odom[:, k]
     for channel in ("red", "green", "blue"):
         table[channel] = points.grey
     table["views"], table["landmark"] = points.views, points.ids
-    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(table)}"]
-    header += [f"property {kind} {name}" for name, _, kind in VERTEX]
-    with replacing(path) as partial, partial.open("wb") as file:
-        file.write(("\n".join([*header, "end_header"]) + "\n").encode("ascii"))
-        file.write(table.tobytes())
+    write_ply(path, table)
 
 
 def _stages(records: Iterable[Mapping[str, Any]]) -> list[str]:

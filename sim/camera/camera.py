@@ -86,7 +86,6 @@ class StereoCamera:
         self.sensors = [ImageSensor(settings, k, world.rig, world.render_rig) for k in cameras]
         perfect = SensorSettings(), CalibrationSettings()
         self._is_perfect = (settings.sensor, settings.calibration) == perfect
-        self._margin_px = (world.render_rig.width_px - world.rig.width_px) // 2
 
     def captures(self, trip: Trip, renderer: StereoRenderer) -> Iterator[Capture]:
         """Render a trip's delivered frames; moves the world."""
@@ -98,9 +97,8 @@ class StereoCamera:
             control = automatic.next() if settings.sensor.auto_exposure else fixed
             time_ns = int(trip.timestamps_ns[index])
             time_s = time_ns * 1e-9
-            world.place(time_s, trip.states.at(world.model, time_ns))
-            geometry = renderer.render_geometry()
-            cropped = GeometryBuffers(*(_crop(x, self._margin_px) for x in vars(geometry).values()))
+            geometry = place_and_render(world, trip, renderer, time_ns)
+            cropped = cropped_geometry(world, geometry)
             truth = world.T_world_cam, world.T_world_bodies
             rows, open_s = world.render_rig.height_px, control.time_ms * 1e-3
             shutter = open_shutter(settings.exposure, time_s, open_s, rows)
@@ -137,6 +135,20 @@ class StereoCamera:
         few = light[::8, ::8]
         few = decode(np.ascontiguousarray(few)) if few.dtype == np.uint8 else few
         return float(self.sensors[0].encode(few * np.float32(factor)).mean())
+
+
+def place_and_render(
+    world: World, trip: Trip, renderer: StereoRenderer, time_ns: int
+) -> GeometryBuffers:
+    """Bring the world to a time of the trip; return depth and objects in the rendered size."""
+    world.place(time_ns * 1e-9, trip.states.at(world.model, time_ns))
+    return renderer.render_geometry()
+
+
+def cropped_geometry(world: World, geometry: GeometryBuffers) -> GeometryBuffers:
+    """Return depth and objects in the delivered size."""
+    margin_px = (world.render_rig.width_px - world.rig.width_px) // 2
+    return GeometryBuffers(*(_crop(x, margin_px) for x in vars(geometry).values()))
 
 
 def _crop(image: Array, margin_px: int) -> Array:

@@ -8,13 +8,14 @@ import numpy as np
 
 from scenes.scene import Kind, Thing
 from sim.camera.camera import Capture
+from sim.camera.render import GeometryBuffers
 from sim.labels.formats import FORWARD
-from sim.labels.labels import NOTHING, covisibility, disparity_from_depth, flow, normals, occlusion
+from sim.labels.labels import disparity_from_depth, normals, occlusion
+from sim.labels.views import View, covisibility_between, flow_between, masked
 from sim.settings import LabelSettings
 from sim.world.drawn import bodies_of, drawn_objects
 from sim.world.world import World
-from vo.contract import se3
-from vo.contract.arrays import Array, Indices, Mask
+from vo.contract.arrays import Array, Indices
 
 
 class Annotator:
@@ -37,6 +38,28 @@ class Annotator:
         self.object_of = np.array([*(number[thing] for thing in things), 0], np.uint16)
         self.kind_of = np.array([*(thing.kind for thing in things), Kind.SKY], np.uint8)
 
+    def view(self, geometry: GeometryBuffers, T_world_cam: Array, T_world_bodies: Array) -> View:
+        """Return what the left camera sees at an instant."""
+        numbers = geometry.geoms_left
+        unpredicted = self.is_unpredicted[numbers] if self.is_unpredicted.any() else None
+        return View(
+            self.rig,
+            self.explained(numbers, geometry.depth_left_m),
+            geometry.depth_left_m,
+            numbers,
+            self.body_of,
+            self.kind_of,
+            unpredicted,
+            T_world_cam,
+            T_world_bodies,
+        )
+
+    def explained(self, numbers: Indices, depth_m: Array) -> Array:
+        """Replace depth (H, W) by NaN where what is behind a surface is seen too."""
+        if not self.is_unexplained.any():
+            return depth_m
+        return masked(self.is_unexplained[numbers], depth_m, np.nan)
+
     def annotate(self, capture: Capture, following: Capture | None) -> "Annotation":
         """Return the labels of a frame, given the next frame unless it is the last."""
         return Annotation(self, capture, following)
@@ -56,13 +79,16 @@ class Annotation:
         names = [name for name, is_on in labels if is_on and name not in forward]
         return {name: getattr(self, name) for name in names}
 
+    @cached_property
+    def view(self) -> View:
+        """What the left camera sees."""
+        return _view(self.annotator, self.capture)
+
     @property
     def depth(self) -> Array:
         """(H, W) float32 metres."""
         geometry = self.capture.geometry
-        return self._without(
-            self.annotator.is_unexplained, geometry.geoms_left, geometry.depth_left_m, np.nan
-        )
+        return self.annotator.explained(geometry.geoms_left, geometry.depth_left_m)
 
     @cached_property
     def disparity(self) -> Array:
@@ -73,8 +99,7 @@ class Annotation:
     def disparity_right(self) -> Array:
         """(H, W) float32 pixels, of the right image."""
         geometry = self.capture.geometry
-        unexplained = self.annotator.is_unexplained
-        depth = self._without(unexplained, geometry.geoms_right, geometry.depth_right_m, np.nan)
+        depth = self.annotator.explained(geometry.geoms_right, geometry.depth_right_m)
         return disparity_from_depth(self.annotator.rig, depth)
 
     @cached_property
@@ -85,20 +110,14 @@ class Annotation:
     @cached_property
     def flow(self) -> Array:
         """(H, W, 3) float32 du, dv, depth in the next frame."""
-        now, then = self.capture, self.following
-        assert then is not None
-        T_body_cam = se3.inverse(now.T_world_bodies) @ now.T_world_cam
-        T_next_now = se3.inverse(then.T_world_cam) @ then.T_world_bodies @ T_body_cam  # by body
-        bodies = self.annotator.body_of[now.geometry.geoms_left]
-        predicted = flow(self.annotator.rig, self.depth, bodies, T_next_now)
-        return self._unpredicted(predicted, np.nan)
+        assert self.following is not None
+        return flow_between(self.view, _view(self.annotator, self.following))
 
     @cached_property
     def covisibility(self) -> Array:
         """(H, W) uint8."""
         assert self.following is not None
-        found = covisibility(self.flow, self.following.geometry.depth_left_m)
-        return self._unpredicted(found, NOTHING)
+        return covisibility_between(self.flow, self.view, self.following.geometry.depth_left_m)
 
     @property
     def segmentation(self) -> Array:
@@ -115,16 +134,6 @@ class Annotation:
         """(H, W, 3) float32, camera axes."""
         return normals(self.annotator.rig, self.depth)
 
-    def _unpredicted(self, label: Array, value: float) -> Array:
-        return self._without(
-            self.annotator.is_unpredicted, self.capture.geometry.geoms_left, label, value
-        )
 
-    @staticmethod
-    def _without(table: Mask, numbers: Indices, label: Array, value: float) -> Array:
-        """Replace a label by a value at the pixels of the objects in a table."""
-        if not table.any() or not (mask := table[numbers]).any():
-            return label
-        label = label.copy()
-        label[mask] = value
-        return label
+def _view(annotator: Annotator, capture: Capture) -> View:
+    return annotator.view(capture.geometry, capture.T_world_cam, capture.T_world_bodies)

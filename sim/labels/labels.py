@@ -92,8 +92,33 @@ def covisibility(flow: Array, depth_next_m: Array) -> Image:
     present view shows no surface.
     """
     out = np.empty(depth_next_m.shape, np.uint8)
-    _next(flow, np.nan_to_num(1 / depth_next_m), OCCLUDED_BY_SHARE, out)
+    _next(flow, _nearness_of(depth_next_m), OCCLUDED_BY_SHARE, out)
     return out
+
+
+def visibility(points: Array, depth_m: Array) -> Image:
+    """Return which points (N, 3), u, v in pixels and depth in metres, a view shows: (N,) uint8.
+
+    The codes are those of `covisibility`, depth_m (H, W) float32 that of the view. A point without
+    a surface has a depth of NaN, one behind the camera u and v of NaN.
+    """
+    out = np.empty(len(points), np.uint8)
+    _points(np.ascontiguousarray(points, float), _nearness_of(depth_m), OCCLUDED_BY_SHARE, out)
+    return out
+
+
+def nearness_at(depth_m: Array, pixels: Array) -> Array:
+    """Return 1 / depth (N,) at pixels (N, 2) inside an image of depth (H, W), 1/m; 0 for none.
+
+    The surface of the nearest pixel is extrapolated by its slope.
+    """
+    out = np.empty(len(pixels))
+    _nearness(_nearness_of(depth_m), np.ascontiguousarray(pixels, float), out)
+    return out
+
+
+def _nearness_of(depth_m: Array) -> Array:
+    return np.nan_to_num(1 / depth_m)
 
 
 def normals(rig: StereoRig, depth_m: Array) -> Array:
@@ -186,13 +211,36 @@ def _next(flow: Array, nearness: Array, share: float, out: Image) -> None:
     height, width = nearness.shape
     for v in range(height):
         for u in range(width):
-            u_next, v_next, depth = u + flow[v, u, 0], v + flow[v, u, 1], flow[v, u, 2]
-            if not (0 <= u_next <= width - 1 and 0 <= v_next <= height - 1):
-                out[v, u] = NOTHING if np.isnan(depth) and not np.isnan(u_next) else OUTSIDE
-            elif np.isnan(depth):
-                out[v, u] = NOTHING
-            else:
-                out[v, u] = _meets(nearness, u_next, v_next, 1 / depth, share / depth)
+            u_next, v_next = u + flow[v, u, 0], v + flow[v, u, 1]
+            out[v, u] = _seen(nearness, u_next, v_next, flow[v, u, 2], share)
+
+
+@compiled(nogil=True)
+def _points(points: Array, nearness: Array, share: float, out: Image) -> None:
+    for k in range(len(points)):
+        out[k] = _seen(nearness, points[k, 0], points[k, 1], points[k, 2], share)
+
+
+@compiled(nogil=True)
+def _seen(nearness: Array, u: float, v: float, depth: float, share: float) -> int:
+    height, width = nearness.shape
+    if not (0 <= u <= width - 1 and 0 <= v <= height - 1):
+        return NOTHING if np.isnan(depth) and not np.isnan(u) else OUTSIDE
+    if np.isnan(depth):
+        return NOTHING
+    return _meets(nearness, u, v, 1 / depth, share / depth)
+
+
+@compiled(nogil=True)
+def _nearness(nearness: Array, pixels: Array, out: Array) -> None:
+    for k in range(len(pixels)):
+        u, v = pixels[k]
+        x, y = int(np.rint(u)), int(np.rint(v))
+        out[k] = nearness[y, x]
+        if u != x:
+            out[k] += _straightest(nearness[y], x)[0] * (u - x)
+        if v != y:
+            out[k] += _straightest(nearness[:, x], y)[0] * (v - y)
 
 
 @compiled(nogil=True)

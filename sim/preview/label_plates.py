@@ -86,10 +86,10 @@ def draw_labels(cells: Sequence[Axes], annotation: Annotation, view: Image) -> N
     show(classes, class_colours(annotation.classes), "classes", "", CLASSES)
     show(normals, normal_colours(annotation.normals), "normals", "facing", NORMALS)
     about = "not visible in the right image"
-    _draw_visibility(occlusion, annotation.occlusion, view, "occlusion", about)
-    _draw_flow(flow, annotation.flow)
+    draw_visibility(occlusion, annotation.occlusion, view, "occlusion", about)
+    draw_flow(flow, annotation.flow, "the next frame")
     about = "not visible in the next frame"
-    _draw_visibility(covisibility, annotation.covisibility, view, "covisibility", about)
+    draw_visibility(covisibility, annotation.covisibility, view, "covisibility", about)
 
 
 def _draw_depth(axes: Axes, annotation: Annotation) -> None:
@@ -187,22 +187,22 @@ def label_position(name: str, mask: Array, taken: Array) -> tuple[float, float] 
     return float(u), float(v)
 
 
-def _draw_visibility(axes: Axes, codes: Array, view: Image, title: str, about: str) -> None:
+def draw_visibility(axes: Axes, codes: Array, view: Image, title: str, about: str) -> None:
     """Mark the pixels that are not visible in another view."""
     words = zip(INVISIBLE.items(), ("hidden", "out of view", "no surface", "edge"), strict=True)
     key = [(rgb, f"{text} {np.mean(codes == code):.1%}") for (code, rgb), text in words]
     show(axes, visibility_colours(codes, view), title, about, key)
 
 
-def _draw_flow(axes: Axes, flow: Array) -> None:
-    """Draw the motion to the next frame, with a colour wheel of directions.
+def draw_flow(axes: Axes, flow: Array, to: str) -> None:
+    """Draw the motion to another frame, whose name is given, with a colour wheel of directions.
 
     The colours of nearly all lengths are below saturation, at a round length.
     """
     lengths = np.hypot(flow[..., 0], flow[..., 1])
     known = lengths[np.isfinite(lengths)]
     full_px = colours.round_up(max(float(np.percentile(known, 98)) if known.size else 0.0, 0.1))
-    about = f"to the next frame, full at {_short(full_px)} px"
+    about = f"to {to}, full at {_short(full_px)} px"
     show(axes, colours.flow_colours(flow, full_px), "optical flow", about)
     aspect = flow.shape[1] / flow.shape[0]
     wheel = axes.inset_axes((0.985 - 0.2 / aspect, 0.02, 0.2 / aspect, 0.2))

@@ -32,7 +32,7 @@ from vo.contract import se3
 from vo.contract.errors import DatasetError, TrajectoryError
 from vo.contract.estimator import Estimate, PointMap, Status
 from vo.contract.trajectory import Trajectory, write_tum
-from vo.runner import Run, write_ply, write_run
+from vo.runner import Run, write_map, write_run
 
 PERIOD_NS = 100_000_000
 STEP_M = 0.02
@@ -190,7 +190,7 @@ def test_maps_come_back_with_their_identifiers(tmp_path):
         np.array([9, 200], np.uint8),
         np.array([3, 12]),
     )
-    write_ply(tmp_path / "m.ply", points)
+    write_map(tmp_path / "m.ply", points)
     found = read_map(tmp_path / "m.ply")
     for name, values in vars(points).items():
         assert (getattr(found, name) == values).all(), name

@@ -30,6 +30,7 @@ PANELS: dict[str, dict[str, tuple[str, str]]] = {
         "preview": ("Render pictures of a scene.", "brick_court --out preview.png"),
         "generate": ("Record datasets.", "brick_court --out court --set drive.distance_m=20"),
         "export": ("Write datasets in other formats.", "court --to kitti --out court_kitti"),
+        "label": ("Write tracks, boxes and geometry.", "court --out court_labels --pictures"),
         "verify": ("Verify the hashes and the certificate of a dataset.", "court"),
     },
     "Estimators": {

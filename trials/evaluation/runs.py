@@ -132,20 +132,23 @@ def read_runs(dataset: Path, files: Sequence[Path]) -> list[SavedRun]:
 
 
 def read_map(path: Path) -> PointMap:
-    """Read a PLY file that `vo.runner.write_ply` wrote.
+    """Read a PLY file that `vo.runner.write_map` wrote.
 
     Raises:
         TrajectoryError: If it is missing or has another format.
     """
-    kind = np.dtype([(name, kind) for name, kind, _ in VERTEX])
     try:
         header, end, body = path.read_bytes().partition(b"end_header\n")
     except OSError as error:
         raise TrajectoryError(f"{path}: cannot be read ({error.strerror})") from None
     properties = [line.split()[-1] for line in header.split(b"\n") if line[:8] == b"property"]
-    if not end or tuple(map(bytes.decode, properties)) != kind.names or len(body) % kind.itemsize:
+    if (
+        not end
+        or tuple(map(bytes.decode, properties)) != VERTEX.names
+        or len(body) % VERTEX.itemsize
+    ):
         raise TrajectoryError(f"{path}: not a map written by driftyard")
-    table = np.frombuffer(body, kind)
+    table = np.frombuffer(body, VERTEX)
     return PointMap(
         table["landmark"].astype(np.int64),
         np.stack([table[axis] for axis in "xyz"], axis=-1).astype(float),

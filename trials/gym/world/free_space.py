@@ -79,13 +79,17 @@ class FreeSpace:
         return name, float(distances_m[k])
 
 
-def map_free_space(world: World, height_m: float) -> FreeSpace:
-    """Draw the outlines of all obstacles that a rover of a height can touch, from above."""
+def map_free_space(world: World, height_m: float, cell_m: float | None = None) -> FreeSpace:
+    """Draw the outlines of all obstacles that a rover of a height can touch, from above.
+
+    Cells have CELL_M, or more in a large world, unless their side is given.
+    """
     extent, below = np.array(world.scene.extent_m), ~obstacle_geoms(world)
     if world.scene.source and max(extent[2:] - extent[:2]) > MAX_CELLS * CELL_M:
         extent = np.array(ground_extent(world, below))  # not what only stands far away
     x_min, y_min, x_max, y_max = extent.tolist()
-    cell_m = max(CELL_M, max(x_max - x_min, y_max - y_min) / MAX_CELLS)
+    if cell_m is None:
+        cell_m = max(CELL_M, max(x_max - x_min, y_max - y_min) / MAX_CELLS)
     shape = math.ceil((y_max - y_min) / cell_m), math.ceil((x_max - x_min) / cell_m)
     origin = np.array([x_min, y_min]) + cell_m / 2
     grid = np.full(shape, NO_GEOM, np.int32)
