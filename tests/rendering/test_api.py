@@ -217,7 +217,7 @@ def test_objects_show_themselves(ds):
         (lambda ds: ds.normals(0), "ds: has no normals labels, only depth, disparity, flow, segm"),
         (lambda ds: ds.flow(-1), "ds: the last frame, [0-9]+, has no flow"),
         (lambda ds: ds[999], "ds: frame 999: the frames are 0 to"),
-        (lambda ds: dy.open("yard.xml"), "yard.xml: no such folder"),
+        (lambda ds: dy.open("yard.xml"), "yard.xml: not a recording; expected a driftyard"),
         (lambda ds: dy.record("yard.xml", "ds"), "ds: already exists"),
         (lambda ds: dy.record("yard.xml", "yard.xml/new"), "yard.xml.*: Not a directory"),
         (lambda ds: dy.run(ds, AtRest, "yard.xml/run.txt"), "yard.xml/run.* cannot be written"),
