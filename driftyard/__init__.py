@@ -27,6 +27,7 @@ from driftyard.environments import register_environments
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from driftyard import torch as torch
     from driftyard.dataset import Dataset, open
     from driftyard.estimation import Run, make_estimator, open_run, run
     from driftyard.exporting import export
@@ -94,6 +95,8 @@ _HOMES = {
     "vo.odometry": ("StereoOdometry",),
 }
 """Module to the public names that it defines."""
+_MODULES = ("torch",)
+"""Modules with public names of their own."""
 _MODULE_OF = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
@@ -151,6 +154,8 @@ __all__ = [
 if not TYPE_CHECKING:
 
     def __getattr__(name: str) -> object:
+        if name in _MODULES:
+            return import_module(f"driftyard.{name}")
         if name not in _MODULE_OF:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         try:
@@ -164,7 +169,7 @@ if not TYPE_CHECKING:
         return globals().setdefault(name, getattr(home, name))
 
     def __dir__() -> list[str]:
-        return sorted({*globals(), *_MODULE_OF})
+        return sorted({*globals(), *_MODULE_OF, *_MODULES})
 
 
 register_environments()

@@ -1,9 +1,10 @@
 """A recording that is open: frames for an estimator, and labels and truth to judge it by."""
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -161,6 +162,19 @@ segmentation; record it with labels.normals=true
                 f"{side}_ticks": [x[k] for x in ticks] for k, side in enumerate(("left", "right"))
             }
         return data_frame(columns)
+
+    def to_torch(self, items: Collection[str] | None = None, **options: Any) -> Any:
+        """Return the frames as a data set of PyTorch, a `driftyard.torch.StereoDataset`.
+
+        Args:
+            items: Contents of a sample; left, right, disparity and calibration by default.
+            options: `channels`, `as_float` and `transform`.
+
+        Raises:
+            DriftyardError: If PyTorch is not installed, or the recording lacks an item.
+        """
+        chosen = {} if items is None else {"items": items}
+        return import_module("driftyard.torch").StereoDataset(self, **chosen, **options)
 
     @property
     def has_poses(self) -> bool:

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
+from trials.evaluation.display import import_pandas
 from vo.contract import se3
 from vo.contract.arrays import Array
-from vo.contract.errors import DriftyardError
 from vo.contract.sequence import StereoFrame
 
 if TYPE_CHECKING:
@@ -43,8 +43,4 @@ def data_frame(columns: Mapping[str, Any]) -> "pd.DataFrame":
     Raises:
         DriftyardError: If pandas is not installed.
     """
-    try:
-        import pandas as pd
-    except ImportError:
-        raise DriftyardError("pandas is not installed; pip install pandas") from None
-    return pd.DataFrame(dict(columns))
+    return import_pandas().DataFrame(dict(columns))

@@ -1,7 +1,10 @@
-"""What objects show of themselves, as text in a terminal and as HTML in a notebook."""
+"""What objects show of themselves: text in a terminal, HTML in a notebook, tables of pandas."""
 
 from collections.abc import Sequence
 from html import escape
+from types import ModuleType
+
+from vo.contract.errors import DriftyardError
 
 
 def text_display(title: str, rows: Sequence[tuple[str, str]]) -> str:
@@ -22,3 +25,16 @@ def html_display(title: str, rows: Sequence[Sequence[str]], below: str = "") -> 
         for name, *values in rows
     )
     return f"<div><strong>{escape(title)}</strong><table>{cells}</table>{below}</div>"
+
+
+def import_pandas() -> ModuleType:
+    """Return pandas, which only tables need.
+
+    Raises:
+        DriftyardError: If it is not installed.
+    """
+    try:
+        import pandas as pd
+    except ImportError:
+        raise DriftyardError("pandas is not installed; pip install pandas") from None
+    return pd

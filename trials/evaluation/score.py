@@ -3,18 +3,21 @@
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from trials.evaluation import metrics
 from trials.evaluation.alignment import Alignment, associate, gaps
-from trials.evaluation.display import html_display, text_display
+from trials.evaluation.display import html_display, import_pandas, text_display
 from trials.evaluation.runs import SavedRun
 from vo.contract.arrays import Array
 from vo.contract.errors import TrajectoryError
 from vo.contract.estimator import Status
 from vo.contract.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -115,6 +118,20 @@ class Score:
     def to_dict(self) -> dict[str, Any]:
         """Return all figures by name, ready for JSON or a row of a `pandas.DataFrame`."""
         return asdict(self)
+
+    def table(self) -> "pd.DataFrame":
+        """Return all figures as a row of a pandas.DataFrame; names are joined by dots.
+
+        `pandas.concat` joins those of several scores.
+
+        Raises:
+            DriftyardError: If pandas is not installed.
+
+        Example:
+            >>> dy.score(ds, run).table()[["estimator", "frames", "drift_1m.mean_percent"]].shape
+            (1, 3)
+        """
+        return import_pandas().json_normalize(self.to_dict())
 
     @property
     def rows(self) -> list[tuple[str, str]]:
