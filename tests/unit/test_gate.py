@@ -413,7 +413,13 @@ def place(tmp_path, monkeypatch):
 
 
 def run(name, place):
-    return measure(Named(f"gated:{name}"), Named("corner_flow"), place, lambda _: None)
+    return measure(
+        Named(f"gated:{name}"),
+        Named("corner_flow"),
+        place,
+        [x.with_suffix(".txt") for x in place],
+        lambda _: None,
+    )
 
 
 def test_measure_crash_loses_one_sequence(place):

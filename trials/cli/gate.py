@@ -102,7 +102,12 @@ class DesignOptions:
     """The sequences of a baseline."""
 
     PANEL: ClassVar[str] = "Sequences"
-    scenes: str = option("", "Scenes to drive through, or all; required.", metavar="A,B,C")
+    scenes: str = option(
+        "", "Scenes to drive through, or all; required without recordings.", metavar="A,B,C"
+    )
+    recording: list[Path] = option(
+        [], "Recording with true poses, which stands for a scene; may be repeated.", metavar="PATH"
+    )
     seeds: int = option(2, "Number of sequences of each scene.", min=1)
     first_seed: int = option(0, "Random seed of the first.", min=0)
     distance: Distance = 4.0
@@ -113,7 +118,8 @@ class DesignOptions:
     def design(self) -> Design:
         """The sequences as the baseline stores them; SettingsError if a scene is unknown."""
         content = {
-            "scenes": parse_scenes(self.scenes),
+            "scenes": parse_scenes(self.scenes) if self.scenes or not self.recording else [],
+            "recordings": list(map(str, self.recording)),
             "seeds": self.seeds,
             "first_seed": self.first_seed,
             "disturb": self.disturb,

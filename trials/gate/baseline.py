@@ -43,9 +43,9 @@ class Rules(Settings):
 
 
 class Design(Settings):
-    """Every scene with every seed, and the settings of the recordings."""
+    """Every scene with every seed, and the settings of these drives; and recordings."""
 
-    scenes: tuple[str, ...] = Field(min_length=1)
+    scenes: tuple[str, ...] = ()
     seeds: int = Field(default=1, ge=1)
     """Number of seeds of each scene."""
     first_seed: int = Field(default=0, ge=0)
@@ -53,13 +53,28 @@ class Design(Settings):
     disturb: str = ""
     """Disturbances, as for `driftyard generate`."""
     overrides: tuple[str, ...] = ()
-    """Settings of the recordings, `key=value` each."""
+    """Settings of the drives, `key=value` each."""
+    recordings: tuple[str, ...] = ()
+    """Paths of recordings of any layout, from the working directory; each stands for a scene."""
+
+    @model_validator(mode="after")
+    def _has_sequences(self) -> Self:
+        if not self.sequences:
+            raise ValueError("scenes: none, and no recordings")
+        if len(set(self.recordings)) < len(self.recordings):
+            raise ValueError("recordings: one is named twice")
+        return self
+
+    @property
+    def drives(self) -> tuple[tuple[str, int], ...]:
+        """Scene and seed of each drive."""
+        seeds = range(self.first_seed, self.first_seed + self.seeds)
+        return tuple((scene, seed) for scene in self.scenes for seed in seeds)
 
     @property
     def sequences(self) -> tuple[tuple[str, int], ...]:
-        """Scene and seed of each sequence."""
-        seeds = range(self.first_seed, self.first_seed + self.seeds)
-        return tuple((scene, seed) for scene in self.scenes for seed in seeds)
+        """Scene and seed of each sequence; path and 0 of recordings, which are the last."""
+        return (*self.drives, *((x, 0) for x in self.recordings))
 
 
 class Measurement(Settings):

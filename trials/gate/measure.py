@@ -17,7 +17,7 @@ from trials.gate.baseline import Measurement
 from vo.contract.errors import DatasetError, DriftyardError, SettingsError, TrajectoryError
 from vo.contract.estimator import Status
 from vo.contract.trajectory import Trajectory
-from vo.recordings.readers import open_sequence
+from vo.recordings.readers import open_sequence, recording_name
 
 if TYPE_CHECKING:
     from trials.estimators.plugins.command import Command
@@ -57,9 +57,10 @@ def measure(
     choice: "Named | Command",
     reference: Named,
     datasets: Sequence[Path],
+    runs: Sequence[Path],
     progress: Callable[[object], None],
 ) -> list[Measurement]:
-    """Run an estimator over sequences; trajectories are kept beside the datasets.
+    """Run an estimator over sequences; write a trajectory file of each.
 
     The reference estimator, which normalizes frame times, runs after each frame, or, for a
     program, after the sequence.
@@ -72,23 +73,19 @@ def measure(
 
     cv2.setNumThreads(1)
     found: list[Measurement] = []
-    for dataset in datasets:
-        found.append(_measure(choice, reference, dataset))
+    for dataset, out in zip(datasets, runs, strict=True):
+        found.append(_measure(choice, reference, dataset, out))
         progress(dataset)
     if all(x.problem for x in found):
+        first = recording_name(datasets[0])
         raise DatasetError(
-            f"{choice.name} failed on every sequence; on {datasets[0].name}: {found[0].problem}"
+            f"{choice.name} failed on every sequence; on {first}: {found[0].problem}"
         )
     return found
 
 
-def run_file(dataset: Path) -> Path:
-    """Return the trajectory file that `measure` writes."""
-    return dataset.with_name(f"{dataset.name}.candidate.txt")
-
-
-def _measure(choice: "Named | Command", reference: Named, dataset: Path) -> Measurement:
-    frames, out = len(open_sequence(dataset)), run_file(dataset)
+def _measure(choice: "Named | Command", reference: Named, dataset: Path, out: Path) -> Measurement:
+    frames = len(open_sequence(dataset))
     timer = ReferenceTimer(reference, dataset)
     truth = true_trajectory(dataset)
     try:

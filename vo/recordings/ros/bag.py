@@ -175,8 +175,11 @@ class Bag:
         return seconds * NS_PER_S + nanoseconds
 
     def _reader(self, topic: str) -> Any:
-        """Return the reader of this process for a topic, each with a position of its own."""
-        key = (os.getpid(), topic)
+        """Return the reader of this process for a topic, each with a position of its own.
+
+        Of ROS 1, one reader has the decompressed chunk for all topics, and no position.
+        """
+        key = (os.getpid(), "" if self._is_ros1 else topic)
         if key not in self._readers:
             with self._faults(DatasetError):
                 from rosbags import rosbag1, rosbag2
