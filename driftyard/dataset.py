@@ -118,10 +118,9 @@ segmentation; record it with labels.normals=true
         """What the left camera sees in each frame, by which motion and boxes are computed."""
         from sim.truth.views import FrameViews  # loads MuJoCo
 
-        if not self.about:
-            raise DatasetError(f"{self.path}: not recorded by driftyard, so its depth is unknown")
-        rig = true_rig(self._root, self.about)
-        return FrameViews(self._root, self.about, rig, self.timestamps_ns, self.T_world_cam)
+        rig = true_rig(self._root, self.about) if self.about else self.rig
+        place = self._root, self.about, self._readers
+        return FrameViews(*place, rig, self.timestamps_ns, self.T_world_cam)
 
     @cached_property
     def imu(self) -> ImuLog:

@@ -7,7 +7,9 @@ from numpy.typing import ArrayLike
 
 from driftyard.dataset import Dataset, PathLike, dataset_of
 from driftyard.failures import in_one_family
+from sim.dataset.image_codecs import encode_png
 from sim.labels.labels import VISIBLE
+from sim.preview.colours import flow_colours, round_up
 from sim.truth.tracks import Tracks, query, track
 from vo.contract.arrays import Array, Image, Mask
 from vo.contract.errors import SettingsError
@@ -41,6 +43,11 @@ class Flow:
     def visible(self) -> Mask:
         """(H, W) whether both frames show the point."""
         return self.covisibility == VISIBLE
+
+    def _repr_png_(self) -> bytes:
+        lengths = np.hypot(*np.moveaxis(self.flow, -1, 0))
+        full_px = round_up(max(float(np.nanmax(lengths, initial=0.0)), 0.1))
+        return encode_png(flow_colours(self.flow, full_px))
 
     def __repr__(self) -> str:
         height, width = self.covisibility.shape

@@ -7,25 +7,33 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
+from sim.dataset.image_codecs import encode_png
 from trials.evaluation.display import import_pandas
 from vo.contract import se3
-from vo.contract.arrays import Array
+from vo.contract.arrays import Array, Image
 from vo.contract.sequence import StereoFrame
 
 if TYPE_CHECKING:
     import pandas as pd
 
-WIDTH_PX = 480
-"""Width of both images together."""
+WIDTH_PX = 300
+"""Largest width of each image."""
 
 
 def thumbnails(frame: StereoFrame) -> str:
-    """Return the two images of a frame side by side as an HTML element."""
-    both = np.hstack([frame.left, frame.right])
-    scale = min(1.0, WIDTH_PX / both.shape[1])
-    small = cv2.resize(both, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    png = base64.b64encode(cv2.imencode(".png", small)[1].tobytes()).decode("ascii")
-    return f"<img alt='left and right image of frame 0' src='data:image/png;base64,{png}'>"
+    """Return the two images of a frame as HTML elements, beside each other where there is room."""
+    return "".join(
+        f"<img alt='{eye} image of frame 0' style='margin: 0 4px 4px 0; max-width: 100%' "
+        f"src='data:image/png;base64,{_thumbnail(image)}'>"
+        for eye, image in (("left", frame.left), ("right", frame.right))
+    )
+
+
+def _thumbnail(image: Image) -> str:
+    """Return a small image as PNG in base 64."""
+    scale = min(1.0, WIDTH_PX / image.shape[1])
+    small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    return base64.b64encode(encode_png(np.asarray(small))).decode("ascii")
 
 
 def pose_columns(T: Array) -> dict[str, Array]:

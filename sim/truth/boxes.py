@@ -34,7 +34,7 @@ class Box:
         pixels: Number of pixels that show it.
         modal_px: Box around these.
         amodal_px: Box around all of it, as if nothing hid it; not cut off at the image's edge.
-        size_m: (3,) side lengths; NaN without a shape, of what deforms, and of planes without end.
+        size_m: (3,) side lengths; NaN of sites, of what deforms, and of planes without end.
         T_world_box: (4, 4) centre and axes of the box; so T_cam_box in the left camera.
 
     Example:

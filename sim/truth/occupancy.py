@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from sim.dataset.image_codecs import encode_png
 from sim.truth.voxels import FREE, OCCUPIED, UNKNOWN
 from vo.contract.arrays import Array
 from vo.contract.errors import SettingsError
@@ -91,6 +92,9 @@ class Occupancy:
         for state in (FREE, OCCUPIED):
             grey[self.states == state] = GREYS[state]
         return grey[::-1]
+
+    def _repr_png_(self) -> bytes | None:
+        return encode_png(np.ascontiguousarray(self._greys())) if self.states.ndim == 2 else None
 
     def __repr__(self) -> str:
         size = " x ".join(map(str, self.states.shape[::-1]))

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from scenes.scene import Kind
-from sim.labels.formats import label_file, read_label
 from sim.labels.views import View, covisibility_between, flow_between
 from sim.truth.boxes import Box, BoxFinder
 from sim.truth.replay import Replay, recorded_world, replay
 from sim.world.world import World
 from vo.contract.arrays import Array, Image, Indices
 from vo.contract.errors import DatasetError, DriftyardError
+from vo.contract.remarks import remark
 from vo.contract.rig import StereoRig
 
 VIEWS_KEPT = 4
@@ -28,11 +28,13 @@ class FrameViews:
     """What the left camera sees in each of N frames of a dataset.
 
     The labels suffice where they have depth, or disparity, and tell by classes or objects which
-    pixels do not move. Otherwise the drive is simulated and its geometry rendered again.
+    pixels do not move. Otherwise the drive is simulated and its geometry rendered again. In
+    recordings of other origin, all is taken for static.
 
     Attributes:
-        folder: With the manifest and `mav0`.
-        manifest: Content of dataset.json.
+        folder: Of the dataset.
+        manifest: Content of dataset.json; empty for recordings of other origin.
+        labels: Readers of labels by name; each takes the time of a frame, ns.
         rig: The true camera.
         times_ns: (N,) of the frames.
         T_world_cam: (N, 4, 4) true poses.
@@ -40,6 +42,7 @@ class FrameViews:
 
     folder: Path
     manifest: Mapping[str, Any]
+    labels: Mapping[str, Callable[[int], Array]]
     rig: StereoRig
     times_ns: Indices
     T_world_cam: Array
@@ -61,17 +64,19 @@ class FrameViews:
         with self._repeated():
             return recorded_world(self.manifest)[0]
 
-    @property
+    @cached_property
     def are_labelled(self) -> bool:
         """Whether labels have the depth and the class of each pixel."""
-        return any(map(self._has, ("depth", "disparity"))) and any(
-            map(self._has, ("classes", "segmentation"))
-        )
+        if not self.labels.keys() & {"depth", "disparity"}:
+            return False
+        if not self.manifest:
+            remark(f"{self.folder}: nothing tells what moves, so that all is taken for static")
+        return not self.manifest or bool(self.labels.keys() & {"classes", "segmentation"})
 
     def are_static(self, row: int, pixels: Indices | None = None) -> bool:
         """Whether labels tell that pixels (N, 2) of a frame, by default all, are of the world."""
         if not self.are_labelled or (kinds := self._kinds(row)) is None:
-            return False
+            return self.are_labelled
         chosen = kinds if pixels is None else kinds[pixels[:, 1], pixels[:, 0]]
         return not (chosen == Kind.MOVING).any()
 
@@ -125,6 +130,9 @@ class FrameViews:
     @contextmanager
     def _repeated(self) -> Generator[None]:
         """Say of errors inside that they keep the drive from being simulated again."""
+        if not self.manifest:
+            lacks = "" if self.are_labelled else "has no labels of depth, and "
+            raise DatasetError(f"{self.folder}: {lacks}is not of driftyard: its world is unknown")
         try:
             yield
         except DriftyardError as error:
@@ -135,9 +143,12 @@ class FrameViews:
 
     def _labelled(self, row: int) -> View:
         """Make the view of a frame from its labels, in which all is of one body, the world."""
-        kinds, has_depth = self._kinds(row), self._has("depth")
-        label = self._read("depth" if has_depth else "disparity", row)
-        depth_m = label if has_depth else np.float32(self.rig.f_px * self.rig.baseline_m) / label
+        kinds, time_ns = self._kinds(row), int(self.times_ns[row])
+        if "depth" in self.labels:
+            depth_m = self.labels["depth"](time_ns)
+        else:
+            factor = np.float32(self.rig.f_px * self.rig.baseline_m)
+            depth_m = factor / self.labels["disparity"](time_ns)
         no_surface = np.isnan(depth_m)
         unpredicted = no_surface & (kinds != Kind.SKY) if kinds is not None else no_surface
         surfaces = depth_m, depth_m, np.zeros(depth_m.shape, np.int64) if kinds is None else kinds
@@ -147,11 +158,14 @@ class FrameViews:
 
     def _kinds(self, row: int) -> Array | None:
         """Return the class (H, W) of each pixel, or None if no label has it."""
-        if self._has("classes"):
-            return self._read("classes", row)
-        if not self._has("segmentation"):
+        time_ns = int(self.times_ns[row])
+        if not self.manifest:
             return None
-        return self._kind_of[self._read("segmentation", row)]
+        if "classes" in self.labels:
+            return self.labels["classes"](time_ns)
+        if "segmentation" in self.labels:
+            return self._kind_of[self.labels["segmentation"](time_ns)]
+        return None
 
     @cached_property
     def _kind_of(self) -> Array:
@@ -161,9 +175,3 @@ class FrameViews:
         for thing in things:
             kinds[thing["id"]] = Kind[thing["class"].upper()]
         return kinds
-
-    def _has(self, label: str) -> bool:
-        return label_file(self.folder, label, 0).parent.is_dir()
-
-    def _read(self, label: str, row: int) -> Array:
-        return read_label(self.folder, label, int(self.times_ns[row]))

@@ -122,6 +122,7 @@ def test_flow_between_any_frames_follows_geometry(ds, i, j):
     assert near.mean() > 0.5
     assert np.nanmax(error[near]) < 2e-3
     assert (motion.covisibility == VISIBLE).mean() > 0.3
+    assert cv2.imdecode(np.frombuffer(motion._repr_png_(), np.uint8), 1).shape == (120, 160, 3)
     if i == j:
         assert set(np.unique(motion.covisibility)) <= {VISIBLE, NOTHING}
 
@@ -193,6 +194,20 @@ def test_static_pixels_need_no_simulation(ds, recorded, tmp_path):
     assert "replay" in vars(replayed.views)
     np.testing.assert_allclose(tracks.pixels, again.pixels, atol=1e-4)
     np.testing.assert_array_equal(tracks.visibility, again.visibility)
+
+
+def test_recordings_of_others_are_taken_for_static(ds, tmp_path):
+    folder = dy.export(ds, "tartanair", tmp_path / "P000")
+    other = dy.open(folder)
+    with pytest.warns(Remark, match="all is taken for static"):
+        motion = dy.flow(other, 0, 5)
+    static = ds.segmentation(0) != numbered(ds, "mover")
+    expected = dy.flow(ds, 0, 5)
+    known = static & np.isfinite(ds.depth(0)) & (expected.depth_m > 0.1)
+    assert np.abs(motion.flow - expected.flow)[known].max() < 2e-3
+    assert len(dy.point_cloud(other, voxel_m=0.1).points_world) > 100
+    with pytest.raises(dy.DatasetError, match="P000: is not of driftyard: its world is unknown"):
+        dy.boxes(other, 0)
 
 
 def test_what_deforms_has_no_motion():
@@ -316,6 +331,8 @@ def test_rooms_hide_what_is_beyond_and_in_cupboards(tmp_path):
     assert voxels.at(places).tolist() == [0, -1, -1, 0, 100]
     ground = dy.occupancy(file, 0.05)
     assert ground.at(np.array(places)[:, :2]).tolist() == [0, 100, -1, 100, 100]
+    shown = cv2.imdecode(np.frombuffer(ground._repr_png_(), np.uint8), 0)
+    assert set(np.unique(shown)) == {0, 205, 254}
     saved = ground.save(tmp_path / "map.yaml").read_text()
     assert "image: map.pgm" in saved
     assert (tmp_path / "map.pgm").read_bytes().startswith(b"P5 ")

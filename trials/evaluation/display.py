@@ -16,15 +16,24 @@ def text_display(title: str, rows: Sequence[tuple[str, str]]) -> str:
 def html_display(title: str, rows: Sequence[Sequence[str]], below: str = "") -> str:
     """Lay out a heading, rows of text whose first cell names the others, and markup below.
 
-    The colours are those of the page, so that it is legible on light and on dark ones.
+    The colours are those of the page, so that it is legible on light and on dark ones. Numbers end
+    below each other; a column of texts starts so.
     """
+    has_texts = all(len(row) == 2 for row in rows) and not all(is_number(x) for _, x in rows)
+    side = "left" if has_texts else "right"
     cells = "".join(
         f"<tr><th style='text-align: left'>{escape(name)}</th>"
-        + "".join(f"<td style='text-align: right'>{escape(x)}</td>" for x in values)
+        + "".join(f"<td style='text-align: {side}'>{escape(x)}</td>" for x in values)
         + "</tr>"
         for name, *values in rows
     )
-    return f"<div><strong>{escape(title)}</strong><table>{cells}</table>{below}</div>"
+    table = f"<table style='margin: 4px 0 8px'>{cells}</table>"
+    return f"<div><strong>{escape(title)}</strong>{table}{below}</div>"
+
+
+def is_number(text: str) -> bool:
+    """Whether a cell is a number, or the dash in the place of one."""
+    return text == "–" or text.replace(".", "", 1).removeprefix("-").isdigit()
 
 
 def import_pandas() -> ModuleType:
