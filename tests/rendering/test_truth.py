@@ -1,6 +1,7 @@
 """Truth beyond labels: motion between any frames, boxes, clouds, occupancy; against geometry."""
 
 import json
+import re
 import shutil
 import sys
 import warnings
@@ -11,6 +12,7 @@ import cv2
 import mujoco
 import numpy as np
 import pytest
+from terminal import ROOT
 from typer.testing import CliRunner
 
 import driftyard as dy
@@ -401,3 +403,14 @@ def test_command_refuses_unknown_kinds_and_leaves_nothing(recorded, tmp_path):
                 app, ["label", "ds", "--out", str(tmp_path / "x"), *words], catch_exceptions=False
             )
     assert not (tmp_path / "x").exists()
+
+
+def test_example_of_the_page_runs(recorded, tmp_path, monkeypatch):
+    (tmp_path / "data").symlink_to(recorded)
+    shutil.copy(recorded.parent / "passage_world.py", tmp_path)
+    monkeypatch.chdir(tmp_path)
+    (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs/truth.md").read_text(), re.DOTALL)
+    names: dict[str, object] = {}
+    exec(compile(code, "docs/truth.md", "exec"), names)
+    assert len(names["boxes"]) >= 3
+    assert (tmp_path / "cloud.ply").stat().st_size > 1000
