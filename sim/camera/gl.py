@@ -18,6 +18,9 @@ from sim.graphics import (
 from vo.contract.arrays import Array, Image, Indices
 from vo.contract.compilation import compiled
 
+_users: set[int] = set()
+"""Processes that have opened a context: this one, and one that it was forked from."""
+
 
 def choose_backend(wanted: Literal["auto", "egl", "osmesa"]) -> Backend:
     """Resolve `auto`: MUJOCO_GL of the environment if it names a backend, else one that works."""
@@ -37,8 +40,15 @@ def open_context(wanted: Literal["auto", "egl", "osmesa"], width: int, height: i
 
     Raises:
         GraphicsError: If the backend is missing or a variable of the environment cannot be used;
-            says which, or what to install.
+            says which, or what to install. Also in a process that was forked after OpenGL was used,
+            where drivers wait for threads that are gone.
     """
+    if _users - {os.getpid()}:
+        raise GraphicsError(
+            "no OpenGL in a process that was forked after it was used; start workers by spawn: "
+            'make_vec(..., vector_kwargs={"context": "spawn"}), SubprocVecEnv(..., '
+            'start_method="spawn"), DataLoader(..., multiprocessing_context="spawn")'
+        )
     check_variables(wanted)
     backend = choose_backend(wanted)
     check_variables(backend)
@@ -58,6 +68,7 @@ def open_context(wanted: Literal["auto", "egl", "osmesa"], width: int, height: i
         raise GraphicsError(
             f"no off-screen OpenGL through {backend}: {explain_fault(error)}"
         ) from None
+    _users.add(os.getpid())
     return context
 
 

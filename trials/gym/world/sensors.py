@@ -48,8 +48,8 @@ class RoverCamera:
         """Renderer of the world, made in the process of the first use."""
         if self._renderer is None:
             settings = self._settings
-            self._renderer = StereoRenderer(self._world, settings.render, settings.rig.color)
-            self._renderer.__enter__()
+            renderer = StereoRenderer(self._world, settings.render, settings.rig.color)
+            self._renderer = renderer.__enter__()
         return self._renderer
 
     def reset(self, seed: int, max_frames: int) -> None:
@@ -71,9 +71,7 @@ class RoverCamera:
         capture = self._expose(simulation, index)
         if kept or self._last is None:
             self._last = self._camera.form_images(capture).rectified
-            return self._last
-        left, right = self._last
-        return left.copy(), right.copy()
+        return self._last
 
     def close(self) -> None:
         """Free the context; it is made anew when needed."""
