@@ -1,7 +1,7 @@
 """`driftyard settings`: every setting with type, default, unit, range and description."""
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -126,13 +126,18 @@ def page(found: dict[Kind, list[Row]]) -> str:
         "printed by `driftyard settings [KIND] [PREFIX]`. Units follow from the suffix of a key.",
     ]  # fmt: skip
     for kind, some in found.items():
-        lines += ["", f"## {kind.value.capitalize()}", "", MODELS[kind][1], ""]
-        lines += ["| Key | Type | Default | Unit | Range | Description |", "|---" * 6 + "|"]
-        for x in some:
-            cells = (f"`{x.key}`", x.type, f"`{x.default}`" if x.default else "", x.unit, x.range)
-            text = (cell.replace("|", "\\|") for cell in (*cells, x.description))
-            lines.append(f"| {' | '.join(text)} |")
+        lines += ["", f"## {kind.value.capitalize()}", "", MODELS[kind][1], "", *table(some)]
     return "\n".join(lines) + "\n"
+
+
+def table(some: Iterable[Row]) -> Iterator[str]:
+    """Lines of a Markdown table of settings."""
+    yield "| Key | Type | Default | Unit | Range | Description |"
+    yield "|---" * 6 + "|"
+    for x in some:
+        cells = (f"`{x.key}`", x.type, f"`{x.default}`" if x.default else "", x.unit, x.range)
+        text = (cell.replace("|", "\\|") for cell in (*cells, x.description))
+        yield f"| {' | '.join(text)} |"
 
 
 def _print(kind: Kind, some: Sequence[Row]) -> None:

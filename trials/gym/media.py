@@ -10,6 +10,7 @@ from typing import Any
 import cv2
 import gymnasium
 import numpy as np
+from gymnasium.utils import RecordConstructorArgs
 from matplotlib import font_manager
 from PIL import Image as Pillow
 from PIL import ImageDraw, ImageFont
@@ -124,20 +125,21 @@ def missing_for_window() -> str:
     return ""
 
 
-class Filmed(gymnasium.Wrapper[Any, Array, Any, Array]):
+class Filmed(gymnasium.Wrapper[Any, Array, Any, Array], RecordConstructorArgs):
     """Writes one film for each trial, complete when the trial ends or the environment is closed."""
 
-    def __init__(self, env: gymnasium.Env[Any, Array], out: Path) -> None:
+    def __init__(self, env: gymnasium.Env[Any, Array], out: Path | str) -> None:
         """Film an environment with render_mode rgb_array.
 
         `out` names the first film, .mp4 or .gif; later ones have `_1`, `_2`, ... before the suffix.
         Raises a SettingsError for another suffix or render_mode.
         """
-        super().__init__(env)
+        RecordConstructorArgs.__init__(self, out=str(out))
+        gymnasium.Wrapper.__init__(self, env)
         if env.render_mode != "rgb_array":
             raise SettingsError('a film needs render_mode="rgb_array"')
-        known_suffix(out, FILMS)
-        self._out, self._trials = out, 0
+        self._out, self._trials = Path(out), 0
+        known_suffix(self._out, FILMS)
         self._film = ExitStack()
 
     def reset(

@@ -37,7 +37,7 @@ class Episode:
         localization: Source of the pose.
         noise_seed: Seed of the camera's noise.
         outcome: success, a failure or timeout; empty while the trial is running.
-        observation: The last one.
+        observation: The last one: an array for each channel.
     """
 
     def __init__(
@@ -51,9 +51,8 @@ class Episode:
         self.instance, self.task, self.localization = instance, task, localization
         self.noise_seed, self.outcome = noise_seed, ""
         self._trial, self._steps = trial, 0
-        self._max_steps = math.ceil(trial.time_limit_s * trial.rate_hz - 1e-9)
         settings, camera = instance.settings, instance.camera
-        camera.reset(noise_seed, self._max_steps + 1)
+        camera.reset(noise_seed, trial.max_steps + 1)
         ticks_per_turn = settings.encoders.ticks_per_turn
         self._localization = make_localization(localization, camera.rig, ticks_per_turn, noise_seed)
         self._needs_images = trial.needs_images(localization)
@@ -93,7 +92,7 @@ class Episode:
         failure = failure or ("lost" if lost else evaluation.failure)
         success = evaluation.success and not failure
         terminated = success or bool(failure)
-        truncated = not terminated and self._steps >= self._max_steps
+        truncated = not terminated and self._steps >= self._trial.max_steps
         self.outcome = failure or ("success" if success else "timeout" if truncated else "")
         reward = evaluation.reward + FAILURE * bool(failure)
         return reward, terminated, truncated
@@ -106,8 +105,8 @@ class Episode:
         success, way_m = self.outcome == "success", self.task.path_m
         longer_m = max(way_m, self._driven_m)
         return {
-            "T_true": T_true,
-            "T_estimated": T_estimated,
+            "T_true": T_true.copy(),
+            "T_estimated": T_estimated.copy(),
             "error_m": float(np.linalg.norm(T_error[:3, 3])),
             "error_deg": math.degrees(float(se3.rotation_angle(T_error))),
             "status": str(self._estimate.status),
@@ -126,7 +125,7 @@ class Episode:
     def _observe(self) -> Observation:
         """Take images, localize, and gather the channels."""
         simulation, camera = self.instance.simulation, self.instance.camera
-        snapshot, wanted = simulation.snapshot, self._trial.observe
+        snapshot, wanted = simulation.snapshot, self._trial.channels
         images = camera.capture(simulation) if self._needs_images else None
         grey = (_grey(images[0]), _grey(images[1])) if images else None
         measured = grey if images and camera.delivered[-1] else None
@@ -135,7 +134,8 @@ class Episode:
         self._trace.append(np.array([snapshot.T_world_body[:2, 3], T_estimated[:2, 3]]))
         channels: Observation = {}
         if images and grey:
-            channels["left"], channels["right"] = np.atleast_3d(images[0]), np.atleast_3d(images[1])
+            for side, image in zip(("left", "right"), images, strict=True):
+                channels[side] = np.atleast_3d(image).copy()  # the estimator keeps its own
             if "disparity" in wanted:
                 dense = np.nan_to_num(self._stereo(*grey)).astype(np.float32)
                 channels["disparity"] = dense[..., None]

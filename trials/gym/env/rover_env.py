@@ -32,16 +32,19 @@ MAX_STARTS = 10
 """Attempts to place the rover where nothing moves; a given start is tried as often."""
 
 
-class RoverEnv(gymnasium.Env[Observation, Array]):
+class RoverEnv(gymnasium.Env[Any, Array]):
     """Common part of the three environments; see `docs/navigation.md`.
 
     A reset with a seed takes the layout of that seed, unless `layout` says otherwise; one without
     keeps the layout, which takes milliseconds where building takes seconds, and samples start and
     goal anew. A trial is evaluated on the truth, whatever the localization estimates.
+
+    An observation is a dictionary of arrays, or one array where `observe` is a single name.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012, as its base
-        "render_modes": ["rgb_array"] if missing_for_window() else ["human", "rgb_array"]
+        "render_modes": ["rgb_array"] if missing_for_window() else ["human", "rgb_array"],
+        "render_fps": TrialSettings().rate_hz,
     }
     model: ClassVar[type[TrialSettings]]
     """Model of the options."""
@@ -62,8 +65,7 @@ class RoverEnv(gymnasium.Env[Observation, Array]):
             raise SettingsError(f"render_mode {render_mode}: valid are rgb_array, human and none")
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": self.trial.rate_hz}
-        # A Dict of spaces of arrays is a space of dicts of arrays.
-        self.observation_space = observation_space(self.trial.observe, settings)  # pyrefly: ignore[bad-assignment]
+        self.observation_space = observation_space(self.trial, settings)
         self.action_space = ACTION
         self._base: SceneInstance | None = None
         self._instance: SceneInstance | None = None
@@ -77,7 +79,7 @@ class RoverEnv(gymnasium.Env[Observation, Array]):
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observation, dict[str, Any]]:
+    ) -> tuple[Any, dict[str, Any]]:
         """Begin a trial; the seed is that of layout, start, goal and noise.
 
         Options: `layout` and `localization`, in place of those of the environment for this trial,
@@ -98,9 +100,9 @@ class RoverEnv(gymnasium.Env[Observation, Array]):
             instance.simulation.reset(task.start, TrialLog())
         episode = Episode(self.trial, instance, task, localization, noise_seed)
         self._episode = episode
-        return episode.observation, episode.info()
+        return self._observation(episode), episode.info()
 
-    def step(self, action: Array) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Array) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Drive for 1 / rate_hz seconds.
 
         Raises:
@@ -112,7 +114,7 @@ class RoverEnv(gymnasium.Env[Observation, Array]):
         reward, terminated, truncated = episode.step(action)
         if self.render_mode == "human":
             self._show()
-        return episode.observation, reward, terminated, truncated, episode.info()
+        return self._observation(episode), reward, terminated, truncated, episode.info()
 
     def render(self) -> Image | None:
         """Draw the rover from behind and from above: (H, W, 3) RGB; None with a viewer."""
@@ -176,6 +178,11 @@ class RoverEnv(gymnasium.Env[Observation, Array]):
         if self._episode is None:
             raise TrialError("call reset first")
         return self._episode
+
+    def _observation(self, episode: Episode) -> Observation | Array:
+        """Return the channels, or the one that was asked for by its name alone."""
+        channels, wanted = episode.observation, self.trial.observe
+        return channels[wanted] if isinstance(wanted, str) else channels
 
     def _layout(self, seed: int | None, wanted: int | None) -> SceneInstance:
         """Return the layout of this trial; the present one is not built again."""

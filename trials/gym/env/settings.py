@@ -1,5 +1,6 @@
 """Options of the environments."""
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Annotated, Any, Literal, Self
 
@@ -14,8 +15,8 @@ from trials.gym.world.scene_instance import SceneInstance, build_instance
 from vo.contract.errors import SettingsError
 from vo.contract.settings import Settings, resolve
 
-Channel = Literal["left", "right", "disparity", "pose", "encoders", "imu", "goal"]
-IMAGE_CHANNELS: frozenset[Channel] = frozenset({"left", "right", "disparity"})
+CHANNELS = ("left", "right", "disparity", "pose", "encoders", "imu", "goal")
+IMAGE_CHANNELS = frozenset({"left", "right", "disparity"})
 FAST: Mapping[str, Any] = {"render.samples": 0, "render.shadow_size_px": 0}
 """Recording settings that differ by default in trials: an image takes a third of the time."""
 
@@ -33,6 +34,16 @@ def _checked_by(check: Callable[[str], object]) -> AfterValidator:
     return AfterValidator(validate)
 
 
+def _known_channels(wanted: str | tuple[str, ...]) -> str | tuple[str, ...]:
+    """Validate the names of channels, or the name of one."""
+    names = (wanted,) if isinstance(wanted, str) else wanted
+    unknown = sorted(set(names) - set(CHANNELS))
+    if unknown or not names:
+        found = f"unknown channel {', '.join(unknown)}" if unknown else "names no channel"
+        raise ValueError(f"{found}; valid: {', '.join(CHANNELS)}")
+    return wanted
+
+
 class TrialSettings(Settings):
     """Options of all environments."""
 
@@ -46,8 +57,11 @@ class TrialSettings(Settings):
     """Disturbances as on the command line: blur,brick_bump=0.5."""
     settings: Mapping[str, Any] = Field(default_factory=dict[str, Any])
     """Recording settings by key: rig.width_px."""
-    observe: tuple[Channel, ...] = Field(default=("left", "right", "goal"), min_length=1)
-    """Channels of an observation."""
+    observe: Annotated[str | tuple[str, ...], AfterValidator(_known_channels)] = (
+        "left", "right", "goal",
+    )  # fmt: skip
+    """Channels of an observation, of left, right, disparity, pose, encoders, imu, goal; one name
+    alone is the observation."""
     action: Literal["twist", "wheels"] = "twist"
     """Meaning of an action: forward and turning speed, or left and right wheel."""
     localization: Annotated[str, _checked_by(expect_localization)] = "vo"
@@ -70,10 +84,20 @@ class TrialSettings(Settings):
     record: bool = False
     """Log the trial for save_dataset."""
 
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the observed channels."""
+        return (self.observe,) if isinstance(self.observe, str) else self.observe
+
+    @property
+    def max_steps(self) -> int:
+        """Steps until the time limit."""
+        return math.ceil(self.time_limit_s * self.rate_hz - 1e-9)
+
     def needs_images(self, localization: str) -> bool:
         """Whether images are needed at every step."""
         without = localization in ("truth", "wheels") or localization.startswith("drift:")
-        return bool(IMAGE_CHANNELS & set(self.observe)) or not without
+        return bool(IMAGE_CHANNELS & set(self.channels)) or not without
 
     @property
     def route_settings(self) -> Mapping[str, Any]:

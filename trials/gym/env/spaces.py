@@ -1,13 +1,14 @@
 """Observation and action spaces of the environments."""
 
 import math
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
 
 from sim.settings import RecordSettings
 from sim.world.rover import TRACK_M, WHEEL_RADIUS_M
-from trials.gym.env.settings import Channel, TrialSettings
+from trials.gym.env.settings import TrialSettings
 from trials.gym.world.sensors import ACCEL_MAX_MPS2, GYRO_MAX_RADPS
 from trials.gym.world.start_goal_sampling import TrialError
 from vo.config import StereoSettings
@@ -20,8 +21,8 @@ ACTION = spaces.Box(-1.0, 1.0, (2,), np.float32)
 ROUNDING = 1e-6
 
 
-def observation_space(wanted: tuple[Channel, ...], settings: RecordSettings) -> spaces.Dict:
-    """Describe the wanted channels.
+def observation_space(trial: TrialSettings, settings: RecordSettings) -> spaces.Space[Any]:
+    """Describe the wanted channels: a Dict of them, or the one alone.
 
     `left`, `right`: (H, W, 1) grey or (H, W, 3) RGB. `disparity`: (H/2, W/2, 1) pixels of the full
     image by block matching, 0 where unknown. `pose`: estimated x, y in metres and yaw in radians
@@ -35,7 +36,7 @@ def observation_space(wanted: tuple[Channel, ...], settings: RecordSettings) -> 
     small = height // STEREO.downscale, width // STEREO.downscale, 1
     rates = np.repeat(np.array([GYRO_MAX_RADPS, ACCEL_MAX_MPS2], np.float32), 3)
     pose = np.array([MAX_POSITION_M, MAX_POSITION_M, np.float32(math.pi)], np.float32)
-    known: dict[Channel, spaces.Box] = {
+    known: dict[str, spaces.Box] = {
         "left": image,
         "right": image,
         "disparity": spaces.Box(0.0, float(2 * STEREO.max_disparity_px), small, np.float32),
@@ -44,7 +45,9 @@ def observation_space(wanted: tuple[Channel, ...], settings: RecordSettings) -> 
         "imu": spaces.Box(-rates, rates, (6,), np.float32),
         "goal": spaces.Box(-MAX_POSITION_M, MAX_POSITION_M, (2,), np.float32),
     }
-    return spaces.Dict({name: known[name] for name in wanted})
+    if isinstance(trial.observe, str):
+        return known[trial.observe]
+    return spaces.Dict({name: known[name] for name in trial.observe})
 
 
 def wheel_speeds(action: Array, settings: TrialSettings) -> Array:
