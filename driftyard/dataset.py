@@ -236,8 +236,8 @@ def open(
     Args:
         path: Folder of the recording, or bag of ROS: `run.bag`, `run.mcap`, `run.db3`, or its
             folder. Its topics are found by type and name, or chosen by the end of the path:
-            `run.bag@left=/cam0/image_raw,right=/cam1/image_raw`, with left_info, right_info, imu
-            and truth likewise.
+            `run.bag@left=/cam0/image_raw,right=/cam1/image_raw`, with left_info, right_info, imu,
+            wheels and truth likewise.
         first: Index of the first frame that is used, from 0.
         last: Index of the last; by default the last of all.
         every: Use each k-th frame only.

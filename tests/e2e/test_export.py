@@ -26,7 +26,7 @@ from trials.formats.registry import FORMATS, export
 from vo.contract.errors import DatasetError, SettingsError
 from vo.contract.remarks import Remark
 from vo.recordings.pairing import FrameSelection
-from vo.recordings.readers import read_truth
+from vo.recordings.readers import open_sequence, read_truth
 
 FRAMES = 4
 pytestmark = [pytest.mark.gl, pytest.mark.slow]
@@ -138,6 +138,10 @@ def test_estimate_on_an_export_is_that_on_the_dataset(dataset, there, name, tmp_
     assert np.abs(difference).max() < 1e-6
     assert np.linalg.norm(back.trajectory.T_ref_frame[-1][:3, 3]) > 0.1
     expected, found = read_truth(dataset), read_truth(recording)
+    if name == "mcap":
+        wheels = open_sequence(recording).wheels
+        for t in there.trajectory.timestamps_ns.tolist():
+            assert wheels.at(t) == open_sequence(dataset).wheels.at(t)
     steps = [
         np.linalg.inv(x[0]) @ x
         for x in (expected.at(there.trajectory.timestamps_ns).T_ref_frame, found.T_ref_frame)

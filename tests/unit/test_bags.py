@@ -369,6 +369,24 @@ def test_damaged_bags_are_named(tmp_path, bag):
         open_sequence(tmp_path / "folder")
 
 
+def test_wheels_are_the_joints_that_are_named_so(tmp_path):
+    with BagWriter(tmp_path / "run.bag") as bag:
+        rectified_infos(bag, INFOS, SIZE)
+        write_pairs(bag)
+        nothing = np.zeros(0)
+        for t, names, angles in (
+            (TIMES[0], ["wheel_left_joint", "arm", "wheel_right_joint"], [0.0, 9.0, 2 * np.pi]),
+            (TIMES[0] + 1, ["arm"], [1.0]),
+            (TIMES[1], ["wheel_left_joint", "wheel_right_joint"], [np.pi, -np.pi]),
+            (TIMES[2], ["wheel_left_joint", "wheel_right_joint"], [np.nan, 0.0]),
+        ):
+            values = {"header": bag.header(t), "name": names, "position": np.array(angles)}
+            message = bag.make("sensor_msgs/JointState", **values, velocity=nothing, effort=nothing)
+            bag.write("/joint_states", t, message)
+    frames = list(open_sequence(tmp_path / "run.bag"))
+    assert [x.wheel_ticks for x in frames] == [(0, 2000), (1000, -1000), (1000, -1000)]
+
+
 def test_damaged_image_costs_its_frame(tmp_path):
     with BagWriter(tmp_path / "run.bag") as bag:
         rectified_infos(bag, INFOS, SIZE)

@@ -5,6 +5,7 @@ REP 103 and 105.
 """
 
 from collections.abc import Iterator, Sequence
+from heapq import merge
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,12 +18,15 @@ from vo.contract.arrays import Array, Indices
 from vo.contract.errors import DatasetError, SettingsError
 from vo.contract.inertial import ImuLog
 from vo.contract.trajectory import NS_PER_S
+from vo.recordings.calibration_files import read_yaml
 from vo.recordings.readers import read_imu
+from vo.recordings.ros.wheels import TICKS_PER_TURN
 
 if TYPE_CHECKING:
     from trials.formats.ros_messages import Messages
 
 EYES = ("left", "right")
+JOINTS = ("left_wheel_joint", "right_wheel_joint")
 MAX_TIME_NS = 2**31 * NS_PER_S
 """End of the times that messages hold."""
 NO_READINGS = ImuLog(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3)))
@@ -73,15 +77,38 @@ def _messages(recording: Recording, make: "Messages", advance: Advance) -> Itera
     """Yield the messages of a recording in the order of their times."""
     imu = read_imu(recording.folder) or NO_READINGS
     yield from _static_transforms(recording, make, imu.T_body_imu)
-    passed = int(np.searchsorted(imu.timestamps_ns, recording.times_ns[0]))
-    for i, time_ns in enumerate(recording.times_ns):
-        until = int(np.searchsorted(imu.timestamps_ns, time_ns, side="right"))
-        for k in range(passed, until):
-            t = int(imu.timestamps_ns[k])
-            yield "/imu", t, make.imu(t, imu.gyro_radps[k], imu.accel_mps2[k])
-        passed = until
+    sensors = _inertial(recording, make, imu), _wheels(recording, make)
+    yield from merge(*sensors, _frames(recording, make, advance), key=lambda x: x[1])
+
+
+def _frames(recording: Recording, make: "Messages", advance: Advance) -> Iterator[Message]:
+    for i in range(len(recording)):
         yield from _frame(recording, make, i)
         advance(i)
+
+
+def _inertial(recording: Recording, make: "Messages", imu: ImuLog) -> Iterator[Message]:
+    """Yield the readings from the first to the last frame."""
+    start, end = recording.times_ns[0], recording.times_ns[-1]
+    for t, gyro_radps, accel_mps2 in zip(
+        imu.timestamps_ns.tolist(), imu.gyro_radps, imu.accel_mps2, strict=True
+    ):
+        if start <= t <= end:
+            yield "/imu", t, make.imu(t, gyro_radps, accel_mps2)
+
+
+def _wheels(recording: Recording, make: "Messages") -> Iterator[Message]:
+    """Yield the angles of the wheels from the last reading before the first frame to the last."""
+    wheels = recording.sequence.wheels
+    if wheels is None:
+        return
+    sheet = recording.folder / "mav0/wheels0/sensor.yaml"
+    ticks_per_turn = read_yaml(sheet).get("ticks_per_turn") if sheet.is_file() else None
+    angles_rad = wheels.ticks * (2 * np.pi / float(ticks_per_turn or TICKS_PER_TURN))
+    times = wheels.timestamps_ns
+    first = max(int(np.searchsorted(times, recording.times_ns[0], side="right")) - 1, 0)
+    for k in range(first, int(np.searchsorted(times, recording.times_ns[-1], side="right"))):
+        yield "/joint_states", int(times[k]), make.joints(int(times[k]), JOINTS, angles_rad[k])
 
 
 def _static_transforms(

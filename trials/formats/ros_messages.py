@@ -100,6 +100,11 @@ class Messages:
         kind = "sensor_msgs/Imu"
         return self.make(kind, header, turn, absent, rate, unknown, force, unknown.copy())
 
+    def joints(self, time_ns: int, names: Sequence[str], angles_rad: Array) -> Any:
+        """Make the angles of joints."""
+        header, absent = self.header(time_ns, ""), np.zeros(0)
+        return self.make("sensor_msgs/JointState", header, list(names), angles_rad, absent, absent)
+
     def odometry(self, time_ns: int, T_world_body: Array, twist_body: Array) -> Any:
         """Make pose, and twist (6,) as (v in m/s, w in rad/s) in the body; covariances are zero."""
         place = self.make("geometry_msgs/Point", *map(float, T_world_body[:3, 3]))

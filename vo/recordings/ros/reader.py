@@ -30,6 +30,7 @@ from vo.recordings.ros.transforms import (
     read_transforms,
     stamp_ns,
 )
+from vo.recordings.ros.wheels import read_bag_wheels
 
 
 def open_stereo_bag(path: Path, frames: FrameSelection = ALL_FRAMES) -> StereoSequence:
@@ -43,7 +44,8 @@ def open_stereo_bag(path: Path, frames: FrameSelection = ALL_FRAMES) -> StereoSe
     source = open_source(path)
     files = list_bag(path, frames.tolerance_ms)
     cameras = read_bag_cameras(source, read_transforms(source.bag))
-    sequence = open_recording(path, files, frames, lambda *_: cameras)
+    wheels = read_bag_wheels(source)
+    sequence = open_recording(path, files, frames, lambda *_: cameras, wheels)
     return replace(sequence, name=bag_name(path))
 
 

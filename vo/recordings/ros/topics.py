@@ -11,6 +11,7 @@ from vo.recordings.ros.bag import Bag, bag_file, open_bag
 
 IMAGE, COMPRESSED = "sensor_msgs/Image", "sensor_msgs/CompressedImage"
 INFO, IMU, TF = "sensor_msgs/CameraInfo", "sensor_msgs/Imu", "tf2_msgs/TFMessage"
+JOINTS, USUAL_JOINTS = "sensor_msgs/JointState", "/joint_states"
 POSES = (
     "nav_msgs/Odometry",
     "geometry_msgs/PoseStamped",
@@ -24,6 +25,7 @@ ROLES = {
     "left_info": (INFO,),
     "right_info": (INFO,),
     "imu": (IMU,),
+    "wheels": (JOINTS,),
     "truth": (*POSES, TF),
 }
 """What a topic is read for, and the types of its messages."""
@@ -78,6 +80,12 @@ class Source:
     def imu(self) -> str | None:
         """Topic of inertial readings."""
         return self._one_of("imu", [x for x in self._of(IMU) if not PART.search(x.lower())])
+
+    @property
+    def wheels(self) -> str | None:
+        """Topic of the angles of joints, among them those of wheels."""
+        topics = self._of(JOINTS)
+        return self._one_of("wheels", [USUAL_JOINTS] if USUAL_JOINTS in topics else topics)
 
     @property
     def truth(self) -> str | None:
