@@ -9,10 +9,16 @@ import numpy as np
 import pytest
 from folders import BASELINE_M, DISPARITY_PX, F_PX, HEIGHT, PERIOD_NS, WIDTH, wall
 
-from trials.estimators.choice import make_estimator
+from trials.estimators.choice import check_settings, make_estimator
 from trials.estimators.plugins import PluginError
+from trials.estimators.plugins.classes import Guarded
 from trials.estimators.systems import environments, subprocess_estimator
-from trials.estimators.systems.environments import FOLDER_VARIABLE, ForeignSystemError, folder_of
+from trials.estimators.systems.environments import (
+    FOLDER_VARIABLE,
+    ForeignSystemError,
+    folder_of,
+    is_installed,
+)
 from trials.estimators.systems.subprocess_estimator import SubprocessEstimator
 from vo.contract.errors import SettingsError
 from vo.contract.estimator import Status
@@ -87,12 +93,25 @@ def test_worker_receives_frames_and_returns_poses(installed):
 
 
 def test_worker_that_dies_gives_its_last_line(installed):
-    with pytest.raises(PluginError, match="toy_vo ended with status 1: no licence"):
+    with pytest.raises(PluginError, match="toy_vo ended with exit status 1: no licence"):
         SubprocessEstimator("toy_vo", RIG, {"refuse": True})
     system = SubprocessEstimator("toy_vo", RIG, {})
     for _ in range(2):
         with pytest.raises(PluginError, match="segmentation fault, as it were"):
             system.track(frame(0, 1, 1))
+
+
+def test_worker_that_ends_ends_the_run_at_its_frame(installed):
+    guarded = Guarded(SubprocessEstimator("toy_vo", RIG, {}))
+    assert guarded.track(frame(0, 7, 7)).status is Status.START
+    with pytest.raises(PluginError, match="exit status 1: ValueError: segmentation fault"):
+        guarded.track(frame(1, 1, 1))
+
+
+def test_worker_that_answers_nonsense_is_ended(installed):
+    (subprocess_estimator.WORKERS / "toy_vo_worker.py").write_text("print('hello')")
+    with pytest.raises(PluginError, match="toy_vo answers what is no JSON: hello"):
+        SubprocessEstimator("toy_vo", RIG, {})
 
 
 def test_worker_that_hangs_is_killed(installed):
@@ -113,21 +132,29 @@ def test_worker_of_a_deleted_estimator_ends(installed):
 def test_python_of_missing_system_names_the_command(tmp_path, monkeypatch):
     monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path))
     with pytest.raises(ForeignSystemError, match=r"driftyard systems install toy_vo"):
-        make_estimator("trials.estimators.systems.toy_vo:ToyVo", RIG)
+        make_estimator("toy_vo", RIG)
     with pytest.raises(SettingsError, match="unknown system basalt; valid: orbslam3, toy_vo"):
         folder_of("basalt")
-    with pytest.raises(SettingsError, match="vocabulary: no such file"):
-        make_estimator(
-            "trials.estimators.systems.orbslam3:OrbSlam3", RIG, None, ["vocabulary=nowhere"]
-        )
+    with pytest.raises(SettingsError, match="vocabulary: no such file nowhere"):
+        make_estimator("orbslam3", RIG, None, ["vocabulary=nowhere"])
+    with pytest.raises(ForeignSystemError, match=rf"unpack .*ORBvoc.txt.tar.gz.* to {tmp_path}"):
+        make_estimator("orbslam3", RIG)
+
+
+def test_every_system_names_a_class_that_is_there():
+    for name, package in environments.SYSTEMS.items():
+        check_settings(name)
+        assert package.requirements[0].count("==") == 1
+        assert (subprocess_estimator.WORKERS / f"{name}_worker.py").is_file()
 
 
 def test_install_failure_names_the_reason(tmp_path, monkeypatch):
     monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path))
-    impossible = environments.Package((f"{tmp_path}/no-such-wheel.whl",), "", "")
+    impossible = environments.Package("", (f"{tmp_path}/no-such-wheel.whl",), "", "")
     monkeypatch.setitem(environments.SYSTEMS, "toy_vo", impossible)
     with pytest.raises(ForeignSystemError, match=r"cannot install toy_vo: .*no-such-wheel"):
         environments.install("toy_vo")
+    assert not folder_of("toy_vo").exists()  # it would count as installed
 
 
 def slide(estimator, frames=6):
@@ -138,9 +165,7 @@ def slide(estimator, frames=6):
 
 @pytest.mark.skipif(not hasattr(cv2, "Odometry"), reason="OpenCV has no cv2.Odometry")
 def test_rgbd_odometry_before_a_wall_is_accurate():
-    estimator, settings = make_estimator(
-        "trials.estimators.systems.rgbd:RgbdOdometry", RIG, None, ["method=rgb_depth"]
-    )
+    estimator, settings = make_estimator("opencv_rgbd", RIG, None, ["method=rgb_depth"])
     assert settings["method"] == "rgb_depth"
     estimates = slide(estimator)
     assert [x.status.value for x in estimates] == ["start"] + ["tracked"] * 5
@@ -151,13 +176,13 @@ def test_rgbd_odometry_before_a_wall_is_accurate():
     assert (lost.status, lost.reason) == (Status.LOST, "no alignment")
 
 
-@pytest.mark.skipif(
-    not (folder_of("toy_vo") / "bin/python").exists(), reason="toy-vo is not installed"
-)
-def test_toy_vo_before_a_wall_is_accurate():
-    estimates = slide(make_estimator("trials.estimators.systems.toy_vo:ToyVo", RIG)[0])
+@pytest.mark.parametrize("name", ["toy_vo", "openvo", "open3d_rgbd", "cuvslam"])
+def test_installed_system_before_a_wall_is_accurate(name):
+    if not is_installed(name):
+        pytest.skip(f"{name} is not installed")
+    estimates = slide(make_estimator(name, RIG)[0])
     moved = estimates[-1].T_odom_cam[:3, 3]
-    assert 1e-6 < np.linalg.norm(moved - [5 * STEP_M, 0, 0]) < 0.03
+    assert 1e-6 < np.linalg.norm(moved - [5 * STEP_M, 0, 0]) < 0.05  # turning looks alike
 
 
 VOCABULARY = os.environ.get("DRIFTYARD_ORB_VOCABULARY", "")
@@ -168,7 +193,7 @@ VOCABULARY = os.environ.get("DRIFTYARD_ORB_VOCABULARY", "")
     reason="ORB-SLAM3 is not installed, or DRIFTYARD_ORB_VOCABULARY not set",
 )
 def test_orbslam3_before_a_wall_is_accurate():
-    name, setting = "trials.estimators.systems.orbslam3:OrbSlam3", f"vocabulary={VOCABULARY}"
-    estimates = slide(make_estimator(name, RIG, None, [setting])[0])
+    setting = f"vocabulary={VOCABULARY}"
+    estimates = slide(make_estimator("orbslam3", RIG, None, [setting])[0])
     moved = estimates[-1].T_odom_cam[:3, 3]
     assert 1e-6 < np.linalg.norm(moved - [5 * STEP_M, 0, 0]) < 0.03

@@ -101,7 +101,7 @@ class EstimatorOptions:
     PANEL: ClassVar[str] = "Estimator"
     estimator: str | None = option(
         None,
-        "driftyard, thesis, corner_flow, or module:Class of a plug-in.",
+        "driftyard, thesis, corner_flow, a name of `systems list`, or module:Class.",
         metavar="NAME",
         show_default="driftyard",
     )

@@ -1,4 +1,4 @@
-"""Choice of an estimator: a registered name, a class as `module:Class`, or a program."""
+"""Choice of an estimator: by name, of this project or of another system, a class, or a program."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from trials.estimators.systems.environments import SYSTEMS
 from vo.contract.errors import SettingsError
 from vo.contract.estimator import Estimate, Estimator
 from vo.contract.rig import StereoRig
@@ -13,18 +14,18 @@ from vo.contract.settings import Settings, resolve
 from vo.recordings.pairing import ALL_FRAMES, FrameSelection
 
 if TYPE_CHECKING:
+    from trials.estimators.baselines.corner_flow import CornerFlowSettings
     from trials.estimators.plugins.command import Command
+    from vo.config import OdometrySettings
     from vo.runner import Run
-
-Factory = Callable[[StereoRig, Path | None, Sequence[str]], tuple[Estimator, Settings]]
 
 
 @dataclass(frozen=True)
 class Named:
     """An estimator that runs in this process, and its settings: a TOML file, and `key=value` each.
 
-    The name is a key of ESTIMATORS, or `module:Class`; of a plug-in class that is given itself, it
-    is only its name in tables.
+    The name is a key of ESTIMATORS or SYSTEMS, or `module:Class`; of a plug-in class that is given
+    itself, it is only its name in tables.
     """
 
     name: str = "driftyard"
@@ -38,33 +39,47 @@ class Named:
         return self.plugin is None and self.name in ESTIMATORS
 
 
-def _odometry(
-    preset: str, rig: StereoRig, config: Path | None, overrides: Sequence[str]
-) -> tuple[Estimator, Settings]:
+def _odometry_settings(
+    preset: str, config: Path | None, overrides: Sequence[str]
+) -> "OdometrySettings":
     from vo.config import THESIS, OdometrySettings
 
     base = THESIS.model_dump(exclude_defaults=True) if preset == "thesis" else {}
-    settings = resolve(OdometrySettings, config, overrides, base)
+    return resolve(OdometrySettings, config, overrides, base)
+
+
+def _odometry(rig: StereoRig, settings: "OdometrySettings") -> Estimator:
     from vo.odometry import StereoOdometry  # loads gtsam and numba, after the settings are accepted
     from vo.precompile import compile_ahead
 
     compile_ahead()
-    return StereoOdometry(rig, settings), settings
+    return StereoOdometry(rig, settings)
 
 
-def _corner_flow(
-    rig: StereoRig, config: Path | None, overrides: Sequence[str]
-) -> tuple[Estimator, Settings]:
-    from trials.estimators.baselines.corner_flow import CornerFlow, CornerFlowSettings
+def _corner_flow_settings(config: Path | None, overrides: Sequence[str]) -> "CornerFlowSettings":
+    from trials.estimators.baselines.corner_flow import CornerFlowSettings
 
-    settings = resolve(CornerFlowSettings, config, overrides)
-    return CornerFlow(rig, settings), settings
+    return resolve(CornerFlowSettings, config, overrides)
 
 
-ESTIMATORS: dict[str, Factory] = {
-    "driftyard": partial(_odometry, "driftyard"),
-    "thesis": partial(_odometry, "thesis"),
-    "corner_flow": _corner_flow,
+def _corner_flow(rig: StereoRig, settings: "CornerFlowSettings") -> Estimator:
+    from trials.estimators.baselines.corner_flow import CornerFlow
+
+    return CornerFlow(rig, settings)
+
+
+@dataclass(frozen=True)
+class Own:
+    """An estimator of this project: how its settings are resolved, and how it is built."""
+
+    settings: Callable[[Path | None, Sequence[str]], Settings]
+    build: Callable[[StereoRig, Any], Estimator]
+
+
+ESTIMATORS = {
+    "driftyard": Own(partial(_odometry_settings, "driftyard"), _odometry),
+    "thesis": Own(partial(_odometry_settings, "thesis"), _odometry),
+    "corner_flow": Own(_corner_flow_settings, _corner_flow),
 }
 COMPARED = ("driftyard", "corner_flow")
 """Estimators in tables of accuracy and speed: the default one, and a plain baseline."""
@@ -87,14 +102,43 @@ def make_estimator(
         PluginError: If a plug-in class cannot be built.
     """
     if plugin is None and name in ESTIMATORS:
-        estimator, settings = ESTIMATORS[name](rig, config, overrides)
-        return estimator, settings.model_dump(mode="json")
-    if plugin is None and ":" not in name:
-        valid = ", ".join(sorted(ESTIMATORS))
-        raise SettingsError(f"unknown estimator {name}; valid: {valid}, or module:Class")
+        settings = ESTIMATORS[name].settings(config, overrides)
+        return ESTIMATORS[name].build(rig, settings), settings.model_dump(mode="json")
     from trials.estimators.plugins.classes import build
 
-    return build(name, rig, config, overrides, plugin)
+    return build(name if plugin else _class_of(name), rig, config, overrides, plugin)
+
+
+def check_settings(name: str, overrides: Sequence[str] = ()) -> None:
+    """Check that there is an estimator, and that it accepts settings; it is not built.
+
+    Raises:
+        SettingsError: If there is none, or it refuses a setting.
+    """
+    if name in ESTIMATORS:
+        ESTIMATORS[name].settings(None, overrides)
+        return
+    from trials.estimators.plugins.classes import find
+
+    find(_class_of(name), None, overrides)
+
+
+def _class_of(name: str) -> str:
+    if name in SYSTEMS:
+        return SYSTEMS[name].estimator
+    if ":" not in name:
+        valid = ", ".join([*sorted(ESTIMATORS), *SYSTEMS])
+        raise SettingsError(f"unknown estimator {name}; valid: {valid}, or module:Class")
+    return name
+
+
+def accepts(name: str, overrides: Sequence[str]) -> bool:
+    """Whether an estimator accepts settings."""
+    try:
+        check_settings(name, overrides)
+    except SettingsError:
+        return False
+    return True
 
 
 def estimate(

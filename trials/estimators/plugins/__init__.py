@@ -5,3 +5,7 @@ from vo.contract.errors import DriftyardError
 
 class PluginError(DriftyardError):
     """A plug-in estimator fails, or its result cannot be used."""
+
+
+class WorkerEndedError(PluginError):
+    """The process of an estimator has ended or hangs; it will not estimate further frames."""

@@ -9,7 +9,7 @@ from typing import Any, cast
 import numpy as np
 from pydantic import BaseModel
 
-from trials.estimators.plugins import PluginError
+from trials.estimators.plugins import PluginError, WorkerEndedError
 from vo.contract.arrays import Array
 from vo.contract.errors import DriftyardError, SettingsError
 from vo.contract.estimator import Estimate, Estimator, Finalizing, FinalResult, Status
@@ -41,22 +41,10 @@ def build(
         SettingsError: If it cannot be imported, is not an estimator, or refuses a setting.
         PluginError: If its constructor fails.
     """
-    made = plugin or _find(name)
-    model = getattr(made, "Settings", None)
-    words: list[Any] = [rig]
-    settings: dict[str, Any] = {}
-    if isinstance(model, type) and issubclass(model, BaseModel):
-        if model.model_config.get("extra") != "forbid":
-            raise SettingsError(
-                f'estimator {name}: its Settings must refuse unknown keys (extra="forbid")'
-            )
-        chosen = resolve(cast("type[Settings]", model), config, overrides)
-        words.append(chosen)
-        settings = chosen.model_dump(mode="json")
-    elif config or overrides:
-        raise SettingsError(f"estimator {name}: has no Settings, so takes no --set and no --config")
+    made, settings = find(name, config, overrides, plugin)
+    words = (rig,) if settings is None else (rig, settings)
     try:
-        return made(*words), settings
+        return made(*words), {} if settings is None else settings.model_dump(mode="json")
     except DriftyardError:
         raise
     except Exception as error:
@@ -65,7 +53,31 @@ def build(
         ) from error
 
 
-def _find(name: str) -> Any:
+def find(
+    name: str,
+    config: Path | None = None,
+    overrides: Sequence[str] = (),
+    plugin: Callable[..., Estimator] | None = None,
+) -> tuple[Callable[..., Estimator], Settings | None]:
+    """Return the class of an estimator, and its resolved settings if it has some.
+
+    Raises:
+        SettingsError: As of `build`.
+    """
+    made = plugin or _imported(name)
+    model = getattr(made, "Settings", None)
+    if isinstance(model, type) and issubclass(model, BaseModel):
+        if model.model_config.get("extra") != "forbid":
+            raise SettingsError(
+                f'estimator {name}: its Settings must refuse unknown keys (extra="forbid")'
+            )
+        return made, resolve(cast("type[Settings]", model), config, overrides)
+    if config or overrides:
+        raise SettingsError(f"estimator {name}: has no Settings, so takes no --set and no --config")
+    return made, None
+
+
+def _imported(name: str) -> Any:
     module_name, _, class_name = name.partition(":")
     if "" not in sys.path:
         sys.path.insert(0, "")
@@ -97,10 +109,13 @@ class Guarded:
         """Track a frame; an exception becomes the reason of a lost frame.
 
         Raises:
-            PluginError: After more than MAX_FAILURES consecutive failures.
+            PluginError: After more than MAX_FAILURES consecutive failures, or if the process of
+                the estimator has ended.
         """
         try:
             estimate = _checked(self._estimator.track(frame), frame)
+        except WorkerEndedError:
+            raise
         except Exception as error:
             self._consecutive += 1
             reason = _described(error)

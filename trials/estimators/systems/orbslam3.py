@@ -8,6 +8,7 @@ from typing import ClassVar
 
 from pydantic import Field
 
+from trials.estimators.systems.environments import ForeignSystemError, systems_folder
 from trials.estimators.systems.subprocess_estimator import SubprocessEstimator
 from vo.contract.errors import SettingsError
 from vo.contract.rig import StereoRig
@@ -19,7 +20,9 @@ class OrbSlam3Settings(Settings):
 
     renamed: ClassVar = {"far_baselines": "far_point_baselines", "pace": "playback_rate"}
 
-    vocabulary: Path = Field(default=Path(), description="vocabulary file, such as ORBvoc.txt")
+    vocabulary: Path | None = Field(
+        default=None, description="vocabulary file; ORBvoc.txt in the folder of systems by default"
+    )
     rate_hz: float = Field(default=15.0, gt=0, description="frame rate of the recording")
     features: int = Field(default=1200, ge=100, description="number of features in an image")
     far_point_baselines: float = Field(
@@ -39,9 +42,12 @@ class OrbSlam3(SubprocessEstimator):
     Settings = OrbSlam3Settings
 
     def __init__(self, rig: StereoRig, settings: OrbSlam3Settings) -> None:
-        if not settings.vocabulary.is_file():
-            raise SettingsError(
-                f"setting vocabulary: no such file {settings.vocabulary}; orbslam3 needs one, "
-                "--set vocabulary=FILE"
+        file = settings.vocabulary or systems_folder() / "ORBvoc.txt"
+        if settings.vocabulary and not file.is_file():
+            raise SettingsError(f"setting vocabulary: no such file {file}")
+        if not file.is_file():
+            raise ForeignSystemError(
+                f"orbslam3 needs its vocabulary: unpack Vocabulary/ORBvoc.txt.tar.gz of its "
+                f"repository, UZ-SLAMLab/ORB_SLAM3, to {file}, or --set vocabulary=FILE"
             )
-        super().__init__("orbslam3", rig, settings.model_dump(mode="json"))
+        super().__init__("orbslam3", rig, settings.model_dump() | {"vocabulary": str(file)})

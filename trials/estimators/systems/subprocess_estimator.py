@@ -2,9 +2,9 @@
 
 The worker is a script that runs in the environment of its system, where this project is not
 installed. It reads a line of JSON (rig and options) and answers with a line. For each frame it
-reads a line of JSON `{"t": seconds}` and the pixels of both images, and answers with a line
-`{"T": 16 numbers or null, "state": word, "ms": milliseconds}`. T maps the left camera to the first
-left camera.
+reads a line of JSON `{"t": seconds}` and the pixels of both images, or of the left one and its
+depth in metres, and answers with a line `{"T": 16 numbers or null, "state": word, "ms":
+milliseconds}`. T maps the left camera to the first left camera.
 """
 
 import json
@@ -19,8 +19,10 @@ from typing import IO, Any
 
 import numpy as np
 
-from trials.estimators.plugins import PluginError
+from trials.estimators.plugins import WorkerEndedError
 from trials.estimators.systems.environments import python_of
+from vo.contract.arrays import Array
+from vo.contract.clock import Clock
 from vo.contract.estimator import Estimate, FinalResult, Status
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
@@ -39,7 +41,7 @@ class SubprocessEstimator:
 
         Raises:
             ForeignSystemError: If the system is not installed.
-            PluginError: If the worker does not start.
+            WorkerEndedError: If the worker does not start.
         """
         self.system, self.timeout_s = system, timeout_s
         self._last = "it was ended"
@@ -55,18 +57,26 @@ class SubprocessEstimator:
         self._started = False
 
     def track(self, frame: StereoFrame) -> Estimate:
-        """Send a frame and receive its pose."""
-        pixels = (frame.left.tobytes(), frame.right.tobytes())
-        self._send({"t": frame.timestamp_ns / NS_PER_S}, *pixels)
+        """Send a frame and receive its pose.
+
+        Raises:
+            WorkerEndedError: If the worker has ended, does not answer, or answers nonsense.
+        """
+        clock, time = Clock(), frame.timestamp_ns
+        images = self.images(frame, clock)
+        self._send({"t": time / NS_PER_S}, *(x.tobytes() for x in images))
         answer = self._receive()
-        timings = {"track": float(answer["ms"])}
-        time = frame.timestamp_ns
+        timings = {**clock.ms, "track": float(answer["ms"])}
         if answer["T"] is None:
             return Estimate(time, Status.LOST, None, answer["state"], timings_ms=timings)
         T_odom_cam = np.array(answer["T"], dtype=float).reshape(4, 4)
         status = Status.TRACKED if self._started else Status.START
         self._started = True
         return Estimate(time, status, T_odom_cam, timings_ms=timings)
+
+    def images(self, frame: StereoFrame, clock: Clock) -> tuple[Array, Array]:
+        """Return the images that the worker receives."""
+        return frame.left, frame.right
 
     def finalize(self) -> FinalResult:
         """End the worker; the result is empty."""
@@ -91,13 +101,19 @@ class SubprocessEstimator:
         if not select.select([pipe], [], [], self.timeout_s)[0]:
             self._process.kill()
             self._end()
-            raise PluginError(f"{self.system} does not answer for {self.timeout_s:g} s")
+            raise WorkerEndedError(f"{self.system} does not answer for {self.timeout_s:g} s")
         line = pipe.readline()
         if not line:
             raise self._failure()
-        return json.loads(line)
+        try:
+            return json.loads(line)
+        except ValueError:
+            self._process.kill()
+            self._end()
+            said = line.decode(errors="replace").strip()
+            raise WorkerEndedError(f"{self.system} answers what is no JSON: {said}") from None
 
-    def _failure(self) -> PluginError:
+    def _failure(self) -> WorkerEndedError:
         if self._end.alive:
             self._process.wait()
             self._output.seek(0)
@@ -105,7 +121,8 @@ class SubprocessEstimator:
             self._last = lines[-1] if lines else "no output"
             self._end()
         status = self._process.returncode
-        return PluginError(f"{self.system} ended with status {status}: {self._last}")
+        how = f"exit status {status}" if status >= 0 else f"signal {-status}"
+        return WorkerEndedError(f"{self.system} ended with {how}: {self._last}")
 
 
 def _end(process: "subprocess.Popen[bytes]", output: IO[bytes]) -> None:
