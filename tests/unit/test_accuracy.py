@@ -9,10 +9,10 @@ from scenes import SCENES
 from trials.execution.cache import source_digest
 from trials.execution.jobs import Job, Recording, Result, Variant
 from trials.execution.recording_settings import parse_scenes
+from trials.execution.variants import named_variant
 from trials.studies.accuracy import (
     accuracy_table,
     bootstrap_interval,
-    named_variant,
     summary_tables,
 )
 from vo.contract.errors import SettingsError

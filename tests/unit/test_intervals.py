@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from trials.evaluation.intervals import mean_interval, ratio_interval
+from trials.evaluation.intervals import mean_interval, median_interval, ratio_interval
 
 
 def test_mean_interval_is_students():
@@ -52,3 +52,14 @@ def test_mean_interval_has_its_nominal_coverage():
         found = mean_interval(rng.normal(1.0, 2.0, 4))
         hits += found.low <= 1.0 <= found.high
     assert 0.92 < hits / 400 < 0.98
+
+
+def test_median_interval_is_over_drives_and_runs():
+    drives = [np.array([1.0, 2.0, 9.0]), np.array([4.0]), np.array([5.0, 7.0])]
+    found = median_interval(drives)
+    assert found.value == 4.0  # of the medians 2, 4 and 6
+    assert 1.0 <= found.low < 4.0 < found.high <= 9.0
+    runs_of_one = median_interval(drives[:1])
+    assert (runs_of_one.value, runs_of_one.low, runs_of_one.high) == (2.0, 1.0, 9.0)
+    assert median_interval([np.array([3.0])]).text(1) == "3.0"
+    assert median_interval([]).text() == "–"

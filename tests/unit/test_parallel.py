@@ -31,6 +31,13 @@ def test_map_parallel_workers_have_one_thread(monkeypatch):
     assert os.environ[THREADS[1]] == "3"
 
 
+def test_map_parallel_confines_a_process_to_a_core():
+    before = os.sched_getaffinity(0)
+    (found,) = map_parallel(os.sched_getaffinity, [(0,)], processes=1)
+    assert found == (0, {min(before)})
+    assert os.sched_getaffinity(0) == before
+
+
 def test_map_parallel_workers_print_remarks_as_lines(capfd):
     list(map_parallel(remark, [("table.csv: a row is left out",)]))
     assert capfd.readouterr().err == "driftyard: remark: table.csv: a row is left out\n"

@@ -8,11 +8,11 @@ from trials.cli.options import Distance, Disturb, Scenes, changes, option
 from trials.execution.jobs import Job, Recording, Result, jobs_of
 from trials.execution.recording_settings import parse_scenes
 from trials.execution.runner import NO_LABELS, cached_run, run_jobs
+from trials.execution.variants import named_variant
 from trials.studies.accuracy import (
     SCENES,
     VARIANTS,
     accuracy_table,
-    named_variant,
     summary_tables,
     write_scores,
 )

@@ -1,5 +1,6 @@
 """Confidence intervals of small samples."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,7 +8,7 @@ from scipy import stats
 
 from vo.contract.arrays import Array
 
-CONFIDENCE = 0.95
+CONFIDENCE, RESAMPLES = 0.95, 2000
 
 
 @dataclass(frozen=True)
@@ -51,3 +52,27 @@ def ratio_interval(values: Array, references: Array) -> Interval:
         logs = np.log(values) - np.log(references)
     found = mean_interval(np.where(np.isfinite(logs), logs, np.nan))
     return Interval(*(float(np.exp(x)) for x in (found.value, found.low, found.high)))
+
+
+def median_interval(drives: Sequence[Array]) -> Interval:
+    """Return the median over drives of the median over repeated runs, with a bootstrap interval.
+
+    Each drive has (R,) values, R >= 1. Drives are resampled, and the runs of each, since both vary;
+    without a second value there is no interval.
+
+    Source:
+        Davison and Hinkley, Bootstrap Methods and their Application, 1997, section 3.8, for
+        hierarchical data; percentile interval of Efron and Tibshirani, 1993, chapter 13.
+    """
+    if not drives:
+        return Interval(np.nan, np.nan, np.nan)
+    value = float(np.median([np.median(x) for x in drives]))
+    if sum(map(len, drives)) == 1:
+        return Interval(value, np.nan, np.nan)
+    rng = np.random.default_rng(0)
+    medians = np.array([np.median(rng.choice(x, (RESAMPLES, len(x))), axis=1) for x in drives])
+    chosen = rng.integers(len(drives), size=(RESAMPLES, len(drives)))
+    runs = rng.integers(RESAMPLES, size=chosen.shape)
+    found = np.median(medians[chosen, runs], axis=1)
+    low, high = np.quantile(found, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
+    return Interval(value, float(low), float(high))

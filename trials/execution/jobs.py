@@ -44,12 +44,14 @@ class Variant:
         estimator: Name.
         overrides: `key=value` each.
         command: A program instead; empty for none.
+        repeat: Number of the run, of an estimator whose results vary.
     """
 
     label: str
     estimator: str = "driftyard"
     overrides: tuple[str, ...] = ()
     command: str = ""
+    repeat: int = 0
 
 
 @dataclass(frozen=True)

@@ -23,11 +23,12 @@ def usable_cores() -> int:
 
 
 def map_parallel(
-    function: Callable[..., R], calls: Sequence[tuple[Any, ...]]
+    function: Callable[..., R], calls: Sequence[tuple[Any, ...]], processes: int | None = None
 ) -> Generator[tuple[int, R]]:
     """Call a function with each of several tuples of arguments, in processes of one thread each.
 
-    The function is importable by its name; arguments and results are pickled.
+    The function is importable by its name; arguments and results are pickled. If a number of
+    processes is given, each of them, and what it starts, is confined to a core of its own.
 
     Yields:
         Row of the call and its result, in the order in which they finish.
@@ -36,8 +37,9 @@ def map_parallel(
         Exception: The first that a call raises; calls that have not begun are dropped.
     """
     spawn = multiprocessing.get_context("spawn")
-    count = max(1, min(usable_cores(), len(calls)))
-    with _single_threaded(), ProcessPoolExecutor(count, spawn, _prepare) as pool:
+    count = max(1, min(usable_cores(), len(calls), processes or len(calls)))
+    started = (spawn.Value("i", 0),) if processes else ()
+    with _single_threaded(), ProcessPoolExecutor(count, spawn, _prepare, started) as pool:
         jobs = {pool.submit(function, *arguments): k for k, arguments in enumerate(calls)}
         try:
             for job in as_completed(jobs):
@@ -47,9 +49,16 @@ def map_parallel(
             raise
 
 
-def _prepare() -> None:
-    """Make this process print remarks, and end when its parent does, even if that is killed."""
+def _prepare(started: Any = None) -> None:
+    """Make this process print remarks, and end when its parent does, even if that is killed.
+
+    A counter of the processes confines each to one core.
+    """
     print_remarks()
+    if started is not None:
+        with started.get_lock():
+            os.sched_setaffinity(0, {sorted(os.sched_getaffinity(0))[started.value]})
+            started.value += 1
 
     def watch() -> None:
         parent = multiprocessing.parent_process()

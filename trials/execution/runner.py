@@ -100,9 +100,16 @@ def is_recorded(folder: Path, settings: "RecordSettings") -> bool:
 
 
 def cached_run(
-    dataset: Path, variant: Variant, cache: Path = CACHE, frames: FrameSelection = ALL_FRAMES
+    dataset: Path,
+    variant: Variant,
+    cache: Path = CACHE,
+    frames: FrameSelection = ALL_FRAMES,
+    condition: str = "",
 ) -> Path:
-    """Return the trajectory of a variant over a dataset, run now unless the cache has it."""
+    """Return the trajectory of a variant over a dataset, run now unless the cache has it.
+
+    Runs under another condition, such as `one core`, have other times, and are kept apart.
+    """
     import cv2
 
     from trials.estimators.plugins.command import Command
@@ -111,6 +118,7 @@ def cached_run(
     causes = [dataset_digest(dataset), how, source_digest(ESTIMATOR)]
     if frames != ALL_FRAMES:
         causes.append(repr(frames))
+    causes += [x for x in (condition, f"repeat {variant.repeat}" * bool(variant.repeat)) if x]
     file = cache_path(cache, "runs", dataset.name, *causes).with_suffix(".txt")
     if not file.is_file():  # it is written last, so its companions are there too
         cv2.setNumThreads(1)

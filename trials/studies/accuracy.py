@@ -6,7 +6,6 @@ over drives.
 """
 
 import json
-import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -20,7 +19,6 @@ from trials.evaluation.score import Score
 from trials.execution.jobs import Result, Variant
 from trials.report.tables import text_table
 from vo.contract.arrays import Array
-from vo.contract.errors import SettingsError
 from vo.contract.files import write_text
 
 SCENES = "brick_court,office"
@@ -38,21 +36,6 @@ METRICS: dict[str, tuple[Callable[[Score], float | None], int]] = {
     "ms per frame, median, all cores busy": (lambda x: x.frame_ms, 1),
 }
 """Label with unit to the metric and its printed digits."""
-
-
-def named_variant(words: str) -> Variant:
-    """Parse an estimator and its settings, separated as in a shell.
-
-    The label is the name of a class, or all words for a built-in estimator.
-
-    Raises:
-        SettingsError: If a quotation is not closed.
-    """
-    try:
-        name, *overrides = shlex.split(words) or [""]
-    except ValueError as error:
-        raise SettingsError(f"--against {words}: {error}") from None
-    return Variant(name.rpartition(":")[2] if ":" in name else words, name, tuple(overrides))
 
 
 def summary_tables(runs: Mapping[str, Sequence[Result]]) -> list[Table]:
