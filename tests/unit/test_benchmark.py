@@ -9,6 +9,7 @@ from terminal import driftyard
 from trials.evaluation.score import Score
 from trials.report.tables import latex_table
 from trials.studies.benchmark import ATE, KINDS, LOST, Benchmark, Figure, Trials
+from trials.studies.published import published, published_table, sequence_of
 
 FRAMES, STEP_PX = 5, 4
 STEP_M = STEP_PX / DISPARITY_PX * BASELINE_M
@@ -18,7 +19,7 @@ STEP_M = STEP_PX / DISPARITY_PX * BASELINE_M
 def folder(tmp_path_factory):
     """Two sequences in folders of different depth, one without truth and one without its images."""
     root = tmp_path_factory.mktemp("published")
-    for name, step_m in (("hall/one", STEP_M), ("two", STEP_M), ("three", None)):
+    for name, step_m in (("hall/V1_01_easy", STEP_M), ("two", STEP_M), ("three", None)):
         write_euroc(root / "data" / name, wall(FRAMES, STEP_PX), truth_step_m=step_m)
     broken = write_euroc(root / "data" / "zero", wall(FRAMES, STEP_PX), truth_step_m=STEP_M)
     for file in (broken / "mav0/cam1/data").iterdir():
@@ -33,7 +34,7 @@ def run(folder, *words):
 def test_benchmark_runs_every_recording_with_truth(folder):
     result = run(folder, "euroc", "data")
     assert result.returncode == 0, result.stderr
-    for name in ("hall/one", "two", "zero", "mean", ATE.label, LOST.label):
+    for name in ("hall/V1_01_easy", "two", "zero", "mean", ATE.label, LOST.label):
         assert name in result.stdout
     assert "data/three: has no ground truth and is left out" in result.stderr
     assert "zero, corner_flow: " in result.stderr  # the reason; the others have their figures
@@ -41,12 +42,12 @@ def test_benchmark_runs_every_recording_with_truth(folder):
     assert made["command"].startswith("driftyard benchmark euroc data")
     scores = {x["sequence"]: x["scores"] for x in made["runs"]}
     assert {name: len(some) for name, some in scores.items()} == {
-        "hall/one": 2,
+        "hall/V1_01_easy": 2,
         "two": 2,
         "zero": 2,
     }
     assert scores["zero"] == [None, None]
-    for name in ("hall/one", "two"):
+    for name in ("hall/V1_01_easy", "two"):
         assert scores[name][0]["frames"] == FRAMES
         assert 0 < scores[name][0]["ate_m"]["se3"]["rmse"] < 0.1 * STEP_M
     assert "(2 of 3)" in result.stdout
@@ -54,6 +55,9 @@ def test_benchmark_runs_every_recording_with_truth(folder):
     assert f"**{ATE.label}**" in text["md"]
     assert "| two | " in text["md"]
     assert r"two & " in text["tex"]
+    for form in (result.stdout, *text.values()):
+        assert "DROID-SLAM (theirs" in form.replace("\n", " ")
+        assert "read in Teed and Deng" in form
 
 
 def test_benchmark_again_reuses_the_runs(folder):
@@ -127,3 +131,61 @@ def test_latex_escapes_and_aligns():
     assert lines[2] == r"sequence & drift, \% \\"
     assert lines[4] == r"kitti\_06 & 1 (0--2) \\"
     assert lines[5] == r"$^\circ$ & -- \\"
+
+
+@pytest.mark.parametrize(
+    ("kind", "recording", "sequence"),
+    [
+        ("euroc", "machine_hall/MH_03_medium", "MH03"),
+        ("euroc", "V1_02_medium", "V102"),
+        ("euroc", "mh_04_difficult", "MH04"),
+        ("euroc", "euroc_micro", None),
+        ("euroc", "MH_06", None),
+        ("tumvi", "dataset-room4_512_16", "room4"),
+        ("tumvi", "dataset-corridor1_512_16", None),
+        ("kitti", "sequences/06", None),
+    ],
+)
+def test_sequence_is_known_by_its_name(kind, recording, sequence):
+    assert sequence_of(kind, recording) == sequence
+
+
+PRINTED_MEANS = {
+    ("euroc", "ORB-SLAM2", "stereo"): 0.044,
+    ("euroc", "VINS-Fusion", "stereo"): 0.424,
+    ("euroc", "SVO", "stereo"): 0.159,
+    ("euroc", "ORB-SLAM3", "stereo"): 0.084,
+    ("euroc", "DROID-SLAM", "stereo"): 0.024,
+    ("euroc", "Basalt, odometry", "stereo and IMU"): 0.072,
+    ("euroc", "Kimera", "stereo and IMU"): 0.119,
+    ("euroc", "VINS-Fusion", "stereo and IMU"): 0.138,
+    ("euroc", "ORB-SLAM3", "stereo and IMU"): 0.036,
+    ("tumvi", "ORB-SLAM3", "stereo"): 0.068,
+    ("tumvi", "OKVIS", "stereo and IMU"): 0.063,
+    ("tumvi", "ROVIO", "stereo and IMU"): 0.15,
+    ("tumvi", "Basalt", "stereo and IMU"): 0.082,
+    ("tumvi", "ORB-SLAM3", "stereo and IMU"): 0.0092,
+}
+"""Means that the sources print, which a slip in copying the values would not give."""
+
+
+def test_published_values_have_the_printed_means():
+    found = {(x.benchmark, x.system, x.input): x for k in KINDS for x in published(k)}
+    assert found.keys() == PRINTED_MEANS.keys()
+    for key, x in found.items():
+        assert sum(x.values.values()) / len(x.values) == pytest.approx(PRINTED_MEANS[key], abs=6e-4)
+        assert {sequence_of(key[0], name) or name for name in x.values} == set(x.values)
+        assert x.paper
+        assert x.seen_in
+
+
+def test_published_table_marks_what_is_theirs():
+    ours = {"driftyard": {"MH_01_easy": 0.1, "V2_03_difficult": 0.3, "extra": 0.2}}
+    header, rows, sources = published_table("euroc", ours)
+    assert header == ["system", "input", "MH_01_easy", "V2_03_difficult", "mean"]
+    assert rows[0] == ["driftyard", "stereo", "0.100", "0.300", "0.200"]
+    assert rows[1] == ["ORB-SLAM2 (theirs [1])", "stereo", "0.035", "–", "0.035 (1 of 2)"]
+    assert all("(theirs [" in x[0] for x in rows[1:])
+    assert sources[0].startswith("[1] ATE: Mur-Artal and Tardós")
+    assert published_table("euroc", {"driftyard": {"extra": 0.2}}) == ([], [], [])
+    assert published_table("kitti", ours) == ([], [], [])

@@ -9,6 +9,7 @@ from trials.cli.options import argument, option
 from trials.report.tables import text_table
 from trials.studies.benchmark import (
     KINDS,
+    PUBLISHED,
     recordings_of,
     run_benchmark,
     variants_of,
@@ -19,10 +20,10 @@ from trials.studies.benchmark import (
 def benchmark(
     kind: str = argument(..., f"Benchmark: {', '.join(KINDS)}.", metavar="KIND"),
     folder: Path = argument(..., "Folder of recordings, as published or excerpts; at any depth."),
-    estimator: str = option(
-        "driftyard",
-        "driftyard, thesis, corner_flow, module:Class; several as a,b.",
-        metavar="NAME",
+    estimator: list[str] = option(
+        ["driftyard"],
+        "Estimators a,b, or one with its settings; may be repeated.",
+        metavar="'NAME KEY=VALUE ...'",
     ),
     seeds: int = option(3, "Number of runs, with seeds of RANSAC from 0 on.", min=1),
     out: Path = option(Path("build/benchmark"), "Folder of the tables."),
@@ -32,13 +33,16 @@ def benchmark(
     The same command continues after an interruption. Frames whose images are missing are left out.
     """
     recordings = recordings_of(kind, folder)
-    variants = variants_of(list(dict.fromkeys(estimator.split(","))), seeds)
+    variants = variants_of(estimator, seeds)
     runs = len(recordings) * sum(map(len, variants))
     with console.counting_bar(f"{kind}: runs", runs) as count:
         found = run_benchmark(kind, recordings, variants, count)
     for figure in KINDS[kind].figures:
         console.out.print(text_table(*found.table(figure), figure.label))
-    for line in found.notes:
+    header, rows, sources = found.published()
+    if rows:
+        console.out.print(text_table(header, rows, PUBLISHED))
+    for line in (*sources, *found.notes):
         console.out.print(line, markup=False)
     for line in found.problems:
         console.err.print(line, markup=False)

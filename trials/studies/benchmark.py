@@ -11,17 +11,20 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from trials.estimators.choice import make_estimator
+from trials.evaluation.display import html_display, text_display
 from trials.evaluation.metrics import KITTI_LENGTHS_M
 from trials.evaluation.score import FIGURES, Score
 from trials.execution.cache import CACHE
 from trials.execution.jobs import Job, Recording, Result, Variant
 from trials.execution.parallel import map_parallel
-from trials.execution.runner import ANY_RIG, cached_run
+from trials.execution.runner import cached_run
+from trials.execution.variants import parse_estimators, repeated
 from trials.report.tables import latex_table, markdown_table
+from trials.studies.published import published_table
 from vo.contract.errors import DatasetError, DriftyardError, SettingsError
 from vo.contract.files import write_text
 from vo.contract.remarks import remark
@@ -33,6 +36,9 @@ from vo.recordings.readers import find_recordings, read_truth
 PRESENT = FrameSelection(skip_missing=True)
 """All frames whose images are there: excerpts keep the tables of the whole."""
 NOTHING = "–"
+PUBLISHED = (
+    "ATE, m, beside what others have published; theirs are of whole sequences and not computed here"
+)
 
 
 @dataclass(frozen=True)
@@ -92,7 +98,7 @@ class Trials:
         return middle if low == high else f"{middle} ({low}–{high})"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Benchmark:
     """All runs of a benchmark, by recording and estimator."""
 
@@ -107,6 +113,11 @@ class Benchmark:
     def estimators(self) -> list[str]:
         """Names, in their order."""
         return list(dict.fromkeys(x.estimator for x in self.trials))
+
+    @property
+    def headline(self) -> Figure:
+        """The first figure of the benchmark."""
+        return KINDS[self.kind].figures[0]
 
     def table(self, figure: Figure) -> tuple[list[str], list[list[str]]]:
         """Header and rows of a figure: a row for each recording, and the mean of the medians."""
@@ -128,7 +139,7 @@ class Benchmark:
     @property
     def notes(self) -> list[str]:
         """One line for each recording with segments of other lengths than KITTI's."""
-        if KINDS[self.kind].figures[0] not in SEGMENTS:
+        if self.headline not in SEGMENTS:
             return []
         found = {x.sequence: y.segments for x in self.trials for y in x.scores if y and y.segments}
         return [
@@ -137,10 +148,40 @@ class Benchmark:
             if some[0].length_m < KITTI_LENGTHS_M[0]
         ]
 
+    def published(self) -> tuple[list[str], list[list[str]], list[str]]:
+        """Header, rows and sources of our ATE beside what others have published.
+
+        No rows where nothing is known of these recordings.
+        """
+        ours: dict[str, dict[str, float]] = {}
+        for x in self.trials:
+            if values := x.values(ATE):
+                ours.setdefault(x.estimator, {})[x.sequence] = float(np.median(values))
+        return published_table(self.kind, ours)
+
     @property
     def problems(self) -> list[str]:
         """One line for each estimator that failed on a recording."""
         return [f"{x.sequence}, {x.estimator}: {x.problem}" for x in self.trials if x.problem]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return every score of every run, and what others have published, ready for JSON."""
+        header, rows, sources = self.published()
+        return {
+            "benchmark": self.kind,
+            "machine": machine(),
+            "runs": [asdict(x) for x in self.trials],
+            "published": {"header": header, "rows": rows, "sources": sources},
+        }
+
+    def __repr__(self) -> str:
+        header, rows = self.table(self.headline)
+        lines = [(name, "  ".join(cells)) for name, *cells in (header, *rows)]
+        return text_display(f"{self.kind}: {self.headline.label}", lines)
+
+    def _repr_html_(self) -> str:
+        header, rows = self.table(self.headline)
+        return html_display(f"{self.kind}: {self.headline.label}", [header, *rows])
 
 
 def recordings_of(kind: str, folder: Path) -> dict[str, Path]:
@@ -164,22 +205,13 @@ def recordings_of(kind: str, folder: Path) -> dict[str, Path]:
     return found
 
 
-def variants_of(names: Sequence[str], seeds: int) -> list[tuple[Variant, ...]]:
+def variants_of(estimators: Sequence[str], seeds: int) -> list[tuple[Variant, ...]]:
     """Return the variants of each estimator: one for each seed of RANSAC, or one without seed.
 
     Raises:
-        SettingsError: If there is no such estimator.
+        SettingsError: If there is no such estimator, or it refuses a setting.
     """
-    return [tuple(Variant(x, x, seed) for seed in _seeds(x, seeds)) for x in names]
-
-
-def _seeds(name: str, seeds: int) -> list[tuple[str, ...]]:
-    make_estimator(name, ANY_RIG)
-    try:
-        make_estimator(name, ANY_RIG, None, ("seed=1",))
-    except DriftyardError:
-        return [()]
-    return [(f"seed={k}",) for k in range(seeds)]
+    return [repeated(x, seeds) for x in parse_estimators(estimators)]
 
 
 def run_benchmark(
@@ -221,12 +253,13 @@ def write_benchmark(benchmark: Benchmark, folder: Path, command: str) -> list[Pa
     about = " ".join(said)
     markdown = "\n\n".join(f"**{x}**\n\n{markdown_table(*y, True)}" for x, y in tables.items())
     latex = "\n\n".join(f"% {label}\n{latex_table(*table)}" for label, table in tables.items())
-    content = {
-        "benchmark": benchmark.kind,
-        "command": command,
-        "machine": machine(),
-        "runs": [asdict(x) for x in benchmark.trials],
-    }
+    header, rows, sources = benchmark.published()
+    if rows:
+        beside = "\n".join(f"- {x}" for x in sources)
+        markdown += f"\n\n**{PUBLISHED}**\n\n{markdown_table(header, rows)}\n\n{beside}"
+        comments = "".join(f"% {x}\n" for x in sources)
+        latex += f"\n\n% {PUBLISHED}\n{comments}{latex_table(header, rows)}"
+    content = {"command": command} | benchmark.to_dict()
     written = {
         "md": f"{about}\n\n{markdown}\n",
         "tex": f"% {about}\n{latex}\n",
