@@ -28,6 +28,7 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from driftyard import torch as torch
+    from driftyard.benchmarking import benchmark, compare_systems
     from driftyard.dataset import Dataset, open
     from driftyard.estimation import Run, make_estimator, open_run, run
     from driftyard.exporting import export
@@ -64,6 +65,7 @@ if TYPE_CHECKING:
     from vo.odometry import StereoOdometry
 
 _HOMES = {
+    "driftyard.benchmarking": ("benchmark", "compare_systems"),
     "driftyard.dataset": ("Dataset", "open"),
     "driftyard.estimation": ("Run", "make_estimator", "open_run", "run"),
     "driftyard.exporting": ("export",),
@@ -133,7 +135,9 @@ __all__ = [
     "TrajectoryError",
     "WheelLog",
     "__version__",
+    "benchmark",
     "boxes",
+    "compare_systems",
     "export",
     "flow",
     "gate",

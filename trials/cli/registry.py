@@ -66,9 +66,10 @@ PANELS: dict[str, dict[str, tuple[str, str]]] = {
     "Help and installation": {
         "demo": ("Generate, estimate, score and report one drive.", ""),
         "settings": ("List settings with unit, default and range.", "estimator matching"),
-        "systems": ("Install odometry systems of other authors.", "install orbslam3"),
+        "systems": ("Install and compare systems of other authors.", "install orbslam3"),
         "systems list": ("List the systems.", ""),
         "systems install": ("Install a system into an environment of its own.", "orbslam3"),
+        "systems compare": ("Compare systems over scenes.", "--scenes office,dusk --seeds 2"),
         "doctor": ("Check OpenGL drivers and packages.", ""),
     },
 }

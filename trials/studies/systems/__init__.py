@@ -1,0 +1,1 @@
+"""Comparison of odometry systems over scenes, with repeated runs; `driftyard systems compare`."""
