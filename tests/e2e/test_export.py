@@ -166,6 +166,12 @@ def test_labels_of_tartanair_are_those_of_the_dataset(exported, dataset):
         back.flow(FRAMES - 1)
 
 
+def test_labels_of_other_tools_are_exported(exported, tmp_path, truth):
+    assert export([exported("tartanair")], "sceneflow", tmp_path / "out") == FRAMES
+    disparity = read(tmp_path / "out/disparity/tartanair/left/0001.pfm")
+    assert np.allclose(disparity, truth["disparity"][1], rtol=1e-6, equal_nan=True)
+
+
 def test_tum_is_read_by_evo_and_opencv(exported, truth):
     out = exported("tum")
     trajectory = file_interface.read_tum_trajectory_file(out / "groundtruth.txt")

@@ -13,6 +13,7 @@ from test_samples import FRAMES, write_folder
 import driftyard as dy
 
 torch = pytest.importorskip("torch")
+pytestmark = pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")  # of Python 3.12
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from trials.formats.registry import export as write
 def export(
     frames: FrameOptions,
     datasets: list[Path] = argument(
-        ..., "Dataset folders: driftyard, EuRoC, TUM-VI or KITTI.", metavar="DATASET..."
+        ..., "Recordings, as `driftyard run` takes them.", metavar="DATASET..."
     ),
     to: str = option(
         ...,

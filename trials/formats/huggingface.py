@@ -28,7 +28,8 @@ TEST_SHARE = 5
 
 def write_huggingface(recordings: Sequence[Recording], out: Path, advance: Advance) -> None:
     """Write README.md, train and test with metadata.jsonl, figures, and each dataset.json."""
-    splits, labels = split(recordings), [x for x in IMAGES if all(y.has(x) for y in recordings)]
+    splits, are_own = split(recordings), all(x.manifest is not None for x in recordings)
+    labels = [x for x in IMAGES if are_own and all(y.has(x) for y in recordings)]
     for name, members in splits.items():
         lines: list[str] = []
         for recording in members:

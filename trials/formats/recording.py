@@ -1,8 +1,8 @@
 """What the writers of all formats read: images, calibration, true poses and labels of a dataset."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from sim.dataset.image_codecs import encode_png
-from sim.labels.formats import FORWARD, label_file, read_label
+from sim.labels.formats import FORWARD, LABELS, label_file, read_label
 from trials.evaluation.alignment import true_poses
 from trials.evaluation.truth import true_rig
 from vo.contract.arrays import Array, Mask
@@ -21,7 +21,13 @@ from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoSequence
 from vo.contract.trajectory import NS_PER_S
 from vo.recordings.pairing import FrameSelection
-from vo.recordings.readers import open_sequence, read_frame_times, read_truth, recording_name
+from vo.recordings.readers import (
+    label_readers,
+    open_sequence,
+    read_frame_times,
+    read_truth,
+    recording_name,
+)
 
 CAMERAS = ("cam0", "cam1")
 VISIBLE = 0
@@ -69,9 +75,17 @@ class Recording:
         return None if np.isnan(self.poses[i]).any() else self.poses[i]
 
     @cached_property
+    def labels(self) -> Mapping[str, Callable[[int], Array]]:
+        """Readers of the labels by name; each takes the time of a frame."""
+        if self.manifest is None:
+            return label_readers(self.folder)
+        own = (x for x in LABELS if label_file(self.folder, x, 0).parent.is_dir())
+        return {x: partial(read_label, self.folder, x) for x in own}
+
+    @cached_property
     def true_rig(self) -> StereoRig:
         """The camera to which the labels belong."""
-        return true_rig(self.folder, self.manifest or {})
+        return self.rig if self.manifest is None else true_rig(self.folder, self.manifest)
 
     def seconds(self, i: int) -> str:
         """Return the time of frame i in seconds with nine decimals."""
@@ -101,20 +115,20 @@ class Recording:
         return _rgb(np.asarray(left)), _rgb(np.asarray(right))
 
     def has(self, label: str) -> bool:
-        """Whether the dataset has a label."""
-        return self.manifest is not None and label_file(self.folder, label, 0).parent.is_dir()
+        """Whether the recording has a label."""
+        return label in self.labels
 
     def label(self, label: str, i: int) -> Array | None:
         """Read a label of frame i.
 
-        It is None if the dataset lacks it, or it is of the motion to a frame that is left out.
+        It is None if the recording lacks it, or it is of the motion to a frame that is left out.
 
         Raises:
             ImageError: If the file is missing or damaged.
         """
         if not self.has(label) or (label in FORWARD and not self.consecutive[i]):
             return None
-        return read_label(self.folder, label, self.times_ns[i])
+        return self.labels[label](self.times_ns[i])
 
     @property
     def has_depth(self) -> bool:

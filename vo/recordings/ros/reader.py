@@ -11,7 +11,7 @@ import numpy as np
 
 from vo.contract import se3
 from vo.contract.arrays import Array
-from vo.contract.errors import DatasetError, TrajectoryError
+from vo.contract.errors import TrajectoryError
 from vo.contract.inertial import ImuLog
 from vo.contract.remarks import remark
 from vo.contract.sequence import StereoSequence
@@ -121,11 +121,12 @@ def read_bag_imu(path: Path) -> ImuLog | None:
 def read_bag_truth(path: Path, T_body_cam: Array) -> Trajectory | None:
     """Read T_world_cam of the left camera from the topic that is named as the truth, or chosen.
 
+    It is None without one; a remark lists other topics of poses, which may be estimates.
     T_body_cam (4, 4) is the rectified left camera in the body. Poses are those of the frame that
     their messages name, which tf relates to the body; or of the body, with a remark.
 
     Raises:
-        DatasetError: If no topic is named as the truth, but there are others of poses.
+        DatasetError: If the bag cannot be read, or lacks a topic.
         TrajectoryError: If the chosen topic holds no poses.
     """
     source = open_source(path)
@@ -133,7 +134,7 @@ def read_bag_truth(path: Path, T_body_cam: Array) -> Trajectory | None:
     if topic is None:
         if others := [*source.poses, *(["/tf"] if transforms.moving else [])]:
             bag = source.bag.path
-            raise DatasetError(
+            remark(
                 f"{bag}: no topic is named as the truth; choose one that is with "
                 f"{bag}@truth=TOPIC; topics of poses: {', '.join(others)}"
             )
