@@ -110,7 +110,10 @@ def tracks(dataset: Dataset | PathLike, points: ArrayLike | int = 16, frame: int
 
 
 def _query_pixels(points: ArrayLike | int, width_px: int, height_px: int) -> Array:
-    given = np.asarray(points, dtype=float)
+    try:
+        given = np.asarray(points, dtype=float)
+    except (TypeError, ValueError):
+        raise SettingsError("points: expected numbers, (N, 2) u, v or a spacing") from None
     if given.ndim == 0:
         spacing = float(given)
         if not spacing >= 1:
