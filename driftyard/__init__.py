@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from driftyard.motion import Flow, flow, tracks
     from driftyard.recording import record, scenes
     from driftyard.scoring import score
+    from driftyard.viewing import view
     from sim.graphics import GraphicsError
     from sim.truth.boxes import Box
     from sim.truth.clouds import PointCloud
@@ -75,6 +76,7 @@ _HOMES = {
     "driftyard.motion": ("Flow", "flow", "tracks"),
     "driftyard.recording": ("record", "scenes"),
     "driftyard.scoring": ("score",),
+    "driftyard.viewing": ("view",),
     "sim.graphics": ("GraphicsError",),
     "sim.truth.boxes": ("Box",),
     "sim.truth.clouds": ("PointCloud",),
@@ -153,6 +155,7 @@ __all__ = [
     "scenes",
     "score",
     "tracks",
+    "view",
 ]
 
 if not TYPE_CHECKING:

@@ -3,8 +3,8 @@
 import shutil
 import tempfile
 import weakref
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Generator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields
 from functools import cached_property
 from itertools import count
@@ -22,9 +22,10 @@ from trials.estimators.choice import make_estimator as build_estimator
 from trials.estimators.plugins.command import Command
 from trials.evaluation.display import html_display, text_display
 from trials.evaluation.runs import SavedRun, read_map, read_run
+from trials.view.target import Target, target_of
 from vo.contract.arrays import Array
 from vo.contract.errors import SettingsError, TrajectoryError
-from vo.contract.estimator import Estimator, PointMap
+from vo.contract.estimator import Estimate, Estimator, PointMap
 from vo.contract.rig import StereoRig
 from vo.contract.trajectory import Trajectory
 from vo.recordings.readers import read_frame_times
@@ -34,6 +35,8 @@ from vo.runner import companion
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from trials.view.show import LiveView
 
 Plugin = Callable[..., Estimator]
 """A class, or function, that is called with the rig, and its settings if it has some."""
@@ -122,6 +125,7 @@ def run(
     *,
     settings: GivenSettings = None,
     progress: Callable[[int, int], None] | None = None,
+    view: bool | PathLike = False,
 ) -> Run:
     """Pass every frame of a recording to a new estimator, which sees neither truth nor labels.
 
@@ -136,9 +140,12 @@ def run(
         settings: Values by name, nested or as `key.path`, or a TOML file; `driftyard settings
             estimator` lists them with units.
         progress: Called with the number of frames done and that of all frames.
+        view: Whether to show each frame in Rerun's viewer as soon as it is estimated; or a file
+            that ends in .rrd, or the address of a viewer, as for `driftyard.view`.
 
     Raises:
-        SettingsError: If there is no such estimator, or a key or value is not accepted.
+        SettingsError: If there is no such estimator, a key or value is not accepted, or there is
+            no viewer.
         DatasetError: If the recording is invalid, or `out` cannot be written.
         PluginError: If an estimator of yours fails.
 
@@ -152,25 +159,55 @@ def run(
         raise SettingsError(f"{choice.name}: a program reads all frames, not a selection of them")
     if out is not None and Path(out).is_dir():
         raise TrajectoryError(f"{out}: is a folder; expected the name of a trajectory file")
+    target = target_of(None if view is True else view) if view is not False else None
     scratch = Path(tempfile.mkdtemp(prefix="driftyard-")) if out is None else None
     file = scratch / "run.txt" if scratch else Path(out or "")
     remark_unsynchronized(opened.sequence)
-    done = count(1)
-
-    def advance(_: object) -> None:
-        if progress:
-            progress(next(done), len(opened))
-
     try:
-        estimate(choice, opened.path, file, advance, frames)
+        made = _estimated(opened, choice, file, progress, target)
     finally:
         if scratch:
             with suppress(OSError):
                 scratch.rmdir()  # an unfinished run is kept
-    made = open_run(file, opened)
     if scratch:
         weakref.finalize(made, shutil.rmtree, scratch, ignore_errors=True)
     return made
+
+
+def _estimated(
+    dataset: Dataset,
+    choice: Named | Command,
+    file: Path,
+    progress: Callable[[int, int], None] | None,
+    target: Target | None,
+) -> Run:
+    """Run an estimator, and show it at a target meanwhile."""
+    done = count(1)
+    with _live_view(dataset, choice.name, target) as live:
+
+        def advance(found: Estimate) -> None:
+            if live:
+                live.add(found)
+            if progress:
+                progress(next(done), len(dataset))
+
+        estimate(choice, dataset.path, file, advance, dataset.selection)
+        made = open_run(file, dataset)
+        if live:
+            live.finish(made)
+        return made
+
+
+@contextmanager
+def _live_view(dataset: Dataset, name: str, target: Target | None) -> "Generator[LiveView | None]":
+    """Open a view of a run that begins; None without a target."""
+    if target is None:
+        yield None
+        return
+    from trials.view.show import live_view  # loads the simulator
+
+    with live_view(dataset.path, dataset.selection, name, target) as live:
+        yield live
 
 
 @in_one_family

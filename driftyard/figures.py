@@ -78,7 +78,7 @@ def plot(dataset: Dataset | PathLike, runs: Runs = ()) -> Plot:
         ['truth', 'corner_flow (1)', 'corner_flow (2)']
     """
     opened = dataset_of(dataset)
-    chosen = with_distinct_names([run_of(x, opened) for x in _several(runs)])
+    chosen = with_distinct_names([run_of(x, opened) for x in several(runs)])
     truth, background = opened.truth, read_scene_map(opened.path)
     _, _, positions = aligned_positions(truth, chosen)
     has_z_up = truth.point_cam is not None
@@ -106,11 +106,12 @@ def report(dataset: Dataset | PathLike, runs: Runs, out: PathLike = "report.html
         True
     """
     folder = dataset.path if isinstance(dataset, Dataset) else Path(dataset)
-    write_report(folder, [run_of(x, dataset) for x in _several(runs)], Path(out))
+    write_report(folder, [run_of(x, dataset) for x in several(runs)], Path(out))
     return Path(out)
 
 
-def _several(runs: Runs) -> Sequence[SavedRun | PathLike]:
+def several(runs: Runs) -> Sequence[SavedRun | PathLike]:
+    """Return runs as a sequence."""
     return runs if isinstance(runs, Sequence) and not isinstance(runs, str) else (runs,)
 
 

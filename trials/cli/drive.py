@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 from sim.batch import custom_fingerprint
 from trials.cli import console
-from trials.cli.options import Disturb, SceneName, changes, option
+from trials.cli.options import Disturb, LiveViewOptions, SceneName, changes, option
 from trials.execution.parallel import map_parallel
 from trials.gym.env.policies import NavigatorPolicy
 from trials.gym.env.settings import NavSettings
@@ -18,6 +18,7 @@ from trials.gym.studies import trial_results as results
 from trials.gym.studies.trial_runner import run_world
 from trials.report.figure import save_figure
 from trials.report.tables import text_table
+from trials.view.target import Target, require_viewer, target_of
 from vo.contract.errors import SettingsError
 from vo.contract.files import write_text
 from vo.contract.settings import parse_overrides, validated
@@ -86,11 +87,37 @@ class OutputOptions:
     figure: Path | None = option(None, "PNG of success and collisions over drift.", metavar="FILE")
 
 
+@dataclass(frozen=True)
+class TrialViewOptions(LiveViewOptions):
+    """A view of every trial."""
+
+    save: Path | None = option(
+        None, "Folder for a file of every trial, for `rerun FILE.rrd`.", metavar="FOLDER"
+    )
+    view: bool = option(False, "Show every trial in Rerun's viewer while it is driven.", "--view")
+
+    @property
+    def target(self) -> Target | None:
+        """The folder, or a viewer, which is started if none is there yet."""
+        if self.live is False:
+            return None
+        if self.save:
+            require_viewer()
+            return Target(self.save)
+        found = target_of(self.to)
+        if found.url is None:
+            from trials.view.stream import open_window
+
+            found = Target(url=open_window())
+        return found
+
+
 def drive(
     scene: SceneName,
     worlds: WorldOptions,
     planning: PlanningOptions,
     files: OutputOptions,
+    viewer: TrialViewOptions,
     localization: str = option(
         "truth,wheels,vo",
         "Sources: truth, drift:PERCENT, wheels, vo, an estimator, or module:Class.",
@@ -111,11 +138,11 @@ def drive(
     validated(NavSettings, options).recorded(worlds.seed)  # refuses now what a worker would refuse
     title = f"{scene}, {worlds.worlds} worlds x {worlds.runs}"
     if planning.planning is not None:
-        if files.keep or files.figure:
-            raise SettingsError("--planning goes with neither --keep nor --figure")
+        if files.keep or files.figure or viewer.live:
+            raise SettingsError("--planning goes with neither --keep nor --figure nor a viewer")
         _drive_planned(title, options, sources, worlds, planning, files.out)
         return
-    trials = list(_driven(options, sources, worlds, files))
+    trials = list(_driven(options, sources, worlds, files, viewer.target))
     by_source = {x: [t for t in trials if t.localization == x] for x in sources}
     _print_summary(title, by_source, results.METRICS)
     if files.figure:
@@ -123,7 +150,11 @@ def drive(
 
 
 def _driven(
-    options: Mapping[str, Any], sources: Sequence[str], worlds: WorldOptions, files: OutputOptions
+    options: Mapping[str, Any],
+    sources: Sequence[str],
+    worlds: WorldOptions,
+    files: OutputOptions,
+    view: Target | None,
 ) -> Iterator[results.TrialResult]:
     """Drive what the result file does not hold yet; yields all trials by world."""
     settings = validated(NavSettings, options)
@@ -135,7 +166,7 @@ def _driven(
     done = dict(store.done) if store else {}
     missing = [k for k in worlds.layouts if k not in done]
     with console.counting_bar("worlds", len(missing)) as count:
-        calls = [(options, sources, k, worlds.runs, files.keep) for k in missing]
+        calls = [(options, sources, k, worlds.runs, files.keep, view) for k in missing]
         for _, of_world in map_parallel(run_world, calls):
             done[of_world[0].layout] = of_world
             if store:

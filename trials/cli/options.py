@@ -13,6 +13,7 @@ import typer
 from trials.cli.completion import BY_PARAMETER, keys_of
 
 if TYPE_CHECKING:
+    from driftyard import Dataset as OpenDataset
     from sim.settings import RecordSettings
     from trials.estimators.choice import Named
     from trials.estimators.plugins.command import Command
@@ -160,6 +161,19 @@ class FrameOptions:
         metavar="MS",
     )
 
+    def open(self, folder: Path) -> "OpenDataset":
+        """Open the selected frames of a dataset."""
+        import driftyard
+
+        return driftyard.open(
+            folder,
+            first=self.first,
+            last=self.last,
+            every=self.every,
+            skip_missing=self.skip_missing,
+            pair_tolerance_ms=self.pair_tolerance,
+        )
+
     @property
     def selection(self) -> "FrameSelection":
         """The selection of frames."""
@@ -168,6 +182,43 @@ class FrameOptions:
         return FrameSelection(
             self.first, self.last, self.every, self.skip_missing, self.pair_tolerance
         )
+
+
+@dataclass(frozen=True)
+class ViewerOptions:
+    """Where a view goes."""
+
+    PANEL: ClassVar[str] = "Viewer"
+    save: Path | None = option(
+        None, "Write a file for `rerun FILE.rrd` instead of opening a window.", metavar="FILE.rrd"
+    )
+    connect: str | None = option(
+        None, "Address of a viewer, as rerun+http://127.0.0.1:9876/proxy.", metavar="URL"
+    )
+
+    @property
+    def to(self) -> Path | str | None:
+        """The target of `driftyard.view`; SettingsError if there are two."""
+        from vo.contract.errors import SettingsError
+
+        if self.save and self.connect:
+            raise SettingsError("--save and --connect: a view goes to one of both")
+        if self.connect is not None and "://" not in self.connect:
+            raise SettingsError(f"--connect {self.connect}: expected an address with ://")
+        return self.connect or self.save
+
+
+@dataclass(frozen=True)
+class LiveViewOptions(ViewerOptions):
+    """A view of what goes on."""
+
+    view: bool = option(False, "Show each frame in Rerun's viewer as it is estimated.", "--view")
+
+    @property
+    def live(self) -> Path | str | bool:
+        """The value of `view` of `driftyard.run`: --save and --connect imply --view."""
+        to = self.to
+        return self.view if to is None else to
 
 
 def expand(function: Callable[..., None]) -> Callable[..., None]:

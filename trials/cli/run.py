@@ -5,7 +5,7 @@ from pathlib import Path
 
 import driftyard
 from trials.cli import console
-from trials.cli.options import AnyEstimatorOptions, Dataset, FrameOptions, option
+from trials.cli.options import AnyEstimatorOptions, Dataset, FrameOptions, LiveViewOptions, option
 from trials.estimators.choice import Named
 from trials.estimators.plugins.command import Command
 from vo.contract.estimator import Status
@@ -15,27 +15,22 @@ def run(
     dataset: Dataset,
     estimator: AnyEstimatorOptions,
     frames: FrameOptions,
+    viewer: LiveViewOptions,
     out: Path = option(..., "Trajectory file to write, TUM format."),
 ) -> None:
     """Run an estimator over a dataset; write its trajectory and a record of every frame.
 
     Until the run is complete, the frames so far are in FILE.unfinished.txt beside the trajectory.
     """
-    opened = driftyard.open(
-        dataset,
-        first=frames.first,
-        last=frames.last,
-        every=frames.every,
-        skip_missing=frames.skip_missing,
-        pair_tolerance_ms=frames.pair_tolerance,
-    )
-    run_estimator(opened, estimator.choice, out)
+    run_estimator(frames.open(dataset), estimator.choice, out, viewer.live)
 
 
-def run_estimator(dataset: driftyard.Dataset, choice: Named | Command, out: Path) -> None:
+def run_estimator(
+    dataset: driftyard.Dataset, choice: Named | Command, out: Path, view: Path | str | bool = False
+) -> None:
     """Run an estimator as `driftyard.run`, with a progress bar, and print a summary."""
     with console.progress_bar(f"running {choice.name}") as progress:
-        made = driftyard.run(dataset, choice, out, progress=progress)
+        made = driftyard.run(dataset, choice, out, progress=progress, view=view)
     frames = made.frames
     assert frames is not None  # our own runs always write it
     lost = [i for i, status in enumerate(frames.status) if status is Status.LOST]

@@ -1,0 +1,1 @@
+"""Views of datasets and runs in Rerun's viewer."""
