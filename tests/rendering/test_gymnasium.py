@@ -3,6 +3,7 @@
 import os
 import re
 from itertools import pairwise
+from pathlib import Path
 
 import gymnasium
 import numpy as np
@@ -95,7 +96,7 @@ def test_film_is_part_of_the_spec(make, tmp_path):
 
 def test_one_channel_is_the_observation(make):
     env = make(observe="left")
-    both = make(observe=("left", "goal"))
+    both = make(observe=("left", "goal"), scene=Path(env.unwrapped.trial.scene))
     seen, _ = env.reset(seed=1)
     assert env.observation_space == both.observation_space["left"]
     np.testing.assert_array_equal(seen, both.reset(seed=1)[0]["left"])

@@ -2,9 +2,10 @@
 
 import math
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, Field, PositiveFloat, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, PositiveFloat, model_validator
 
 from scenes import find_scene, scene_options
 from sim.disturbances import disturbed, parse_disturbances
@@ -47,7 +48,9 @@ def _known_channels(wanted: str | tuple[str, ...]) -> str | tuple[str, ...]:
 class TrialSettings(Settings):
     """Options of all environments."""
 
-    scene: str = "warehouse"
+    scene: Annotated[str, BeforeValidator(lambda x: str(x) if isinstance(x, Path) else x)] = (
+        "warehouse"
+    )
     """Scene: name, MJCF file or module:function."""
     scene_options: Mapping[str, OptionValue] = Field(default_factory=dict[str, OptionValue])
     """Options of the scene's builder."""
