@@ -2,7 +2,7 @@
 # Most targets are commands of driftyard, which take options: make bench ARGS=--quick
 
 .DEFAULT_GOAL := help
-.PHONY: demo check unit test suite lint bench accuracy label-accuracy response bump replanning routing scenes gate gate-power experiments explain clean help
+.PHONY: demo check unit test suite lint bench accuracy label-accuracy response bump replanning routing scenes gate gate-power experiments explain docs docs-serve notebooks clean help
 
 VENV := .venv
 READY := $(VENV)/.ready
@@ -67,6 +67,18 @@ experiments: $(READY)  ## test the claims of the thesis (docs/experiments.md; an
 explain: $(READY)  ## attribute the drift on six scenes (docs/explain.md; half an hour)
 	$(BIN)/driftyard explain --scene brick_court,office,asphalt,corridor,meadow,dusk \
 	  --seeds 3 --distance 4 --out docs/images/explain --page docs/explain.md $(ARGS)
+
+docs: $(BIN)/mkdocs  ## the site (into build/site; open index.html)
+	$(BIN)/mkdocs build --strict --quiet
+
+docs-serve: $(BIN)/mkdocs  ## the site while pages are edited
+	$(BIN)/mkdocs serve
+
+notebooks: $(BIN)/mkdocs  ## run the notebooks and store their outputs
+	PATH="$(abspath $(BIN)):$$PATH" $(BIN)/python docs/notebooks.py
+
+$(BIN)/mkdocs: $(READY)
+	$(BIN)/python -m pip install --quiet --group docs
 
 clean:  ## remove results and caches; the environment in .venv stays
 	rm -rf build demo dist .pytest_cache .hypothesis .ruff_cache .import_linter_cache

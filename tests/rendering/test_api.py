@@ -6,7 +6,6 @@ import gc
 import json
 import os
 import pickle
-import re
 import subprocess
 import sys
 import warnings
@@ -77,18 +76,6 @@ def test_documented_examples_run(ds):
     assert runner.summarize(verbose=False).failed == 0
     without = {name for name, found in tests.items() if not any(x.examples for x in found)}
     assert without <= ERRORS - {"DriftyardError"}
-
-
-def test_examples_of_the_page_run(folder, monkeypatch):
-    """The code of docs/api.md, in order, in the yard instead of the office."""
-    monkeypatch.chdir(folder)
-    names: dict[str, object] = {}
-    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "docs/api.md").read_text(), re.DOTALL)
-    assert len(blocks) > 5
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", Remark)
-        for block in blocks:
-            exec(compile(block.replace('"office"', '"yard.xml"'), "docs/api.md", "exec"), names)
 
 
 def test_import_is_light_and_registers_environments():

@@ -89,7 +89,7 @@ def test_error_of_a_worker_is_one_of_the_family(folder, tmp_path):
 
 def test_documented_code_runs(folder, monkeypatch):
     page = (ROOT / "docs/api.md").read_text()
-    (block,) = re.findall(r"```python torch\n(.*?)```", page, re.DOTALL)
+    (block,) = re.findall(r"```python\n(import torch\n.*?)```", page, re.DOTALL)
     monkeypatch.chdir(folder)
     names = {"dy": dy}
     exec(compile(block, "docs/api.md", "exec"), names)
