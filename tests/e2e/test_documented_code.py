@@ -26,11 +26,11 @@ from vo.contract.remarks import Remark
 
 pytestmark = pytest.mark.gl
 
-SIZE = {"rig.width_px": 160, "rig.height_px": 120, "rig.rate_hz": 5, "render.samples": 0}
+SIZE = {"rig.width_px": 128, "rig.height_px": 96, "rig.rate_hz": 5, "render.samples": 0}
 SMALL = {**SIZE, "drive.distance_m": 1.2, "drive.speed_mps": 0.5}
 SMALLER = (
     (r'"(office|meadow)"', '"yard.xml"'),
-    (r'"width_px": \d+, "height_px": \d+', '"width_px": 160, "height_px": 120'),
+    (r'"width_px": \d+, "height_px": \d+', '"width_px": 128, "height_px": 96'),
     (r'"rate_hz": \d+', '"rate_hz": 5'),
     (r'\{"drive.distance_m": \d+\}', repr(SMALL)),
     (r'scene="(office|yard.xml)", localization="vo"\)', f'scene="yard.xml", settings={SIZE})'),
@@ -130,7 +130,11 @@ def run_command(words: list[str], folder: Path) -> None:
     """Run a command with small images; a gate may end in any of its verdicts."""
     _, name, *rest = [re.sub("^office$|^office,.*", "yard.xml", x) for x in words]
     if name == "generate":
-        small = SIZE if "hall.xml" in rest or "my_worlds:field" in rest else SMALL
+        small = (
+            SIZE | {"drive.speed_mps": 0.6}
+            if "hall.xml" in rest or "my_worlds:field" in rest
+            else SMALL
+        )
         rest += [x for key, value in small.items() for x in ("--set", f"{key}={value}")]
     if name == "gate" and rest[0] == "update":
         small = [x for key, value in SIZE.items() for x in ("--record", f"{key}={value}")]
