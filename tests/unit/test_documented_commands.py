@@ -15,7 +15,7 @@ from trials.cli.registry import COMMANDS, load
 from vo.config import OdometrySettings
 from vo.contract.settings import keys
 
-OTHERS = {"git", "docker", "dask", "apt-get", "export", "unset", "["}
+OTHERS = {"git", "docker", "dask", "apt-get", "rerun", "export", "unset", "["}
 """Programs that are not of this project, whose options are not checked."""
 LANGUAGES = {"python", "sh", "text", "json", "toml", "xml", "yaml"}
 INLINE = re.compile(r"`(driftyard [^`\n]+)`")
@@ -73,7 +73,7 @@ def check(words: list[str], is_not_run: bool) -> None:
         assert all(x in EXTRAS for group in named for x in group.split(",")), words
     else:
         assert program in OTHERS, words
-        assert is_not_run or program in ("export", "unset", "git", "["), words
+        assert is_not_run or program in ("rerun", "export", "unset", "git", "["), words
 
 
 def check_driftyard(words: list[str]) -> None:
