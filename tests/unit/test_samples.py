@@ -2,6 +2,8 @@
 
 import json
 import pickle
+import sys
+from importlib import import_module
 
 import cv2
 import numpy as np
@@ -106,3 +108,12 @@ def test_unusable_choices_are_named(folder, tmp_path):
     (tmp_path / "c").mkdir()
     with pytest.raises(DatasetError, match="not a recording"):
         samples_of([folder, tmp_path / "c"])
+
+
+def test_missing_torch_names_the_extra(folder, monkeypatch):
+    monkeypatch.delitem(sys.modules, "driftyard.torch", raising=False)
+    monkeypatch.setitem(sys.modules, "torch", None)
+    with pytest.raises(dy.DriftyardError, match=r"pip install 'driftyard\[torch\]'"):
+        import_module("driftyard.torch").StereoDataset(folder)
+    with pytest.raises(dy.DriftyardError, match=r"pip install 'driftyard\[torch\]'"):
+        dy.open(folder).to_torch()
