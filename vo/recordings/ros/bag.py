@@ -89,7 +89,8 @@ class Bag:
         self._store = get_typestore(Stores.ROS1_NOETIC if self._is_ros1 else Stores.ROS2_HUMBLE)
         if self._is_ros1:  # the store has no tf2
             self._store.register(get_types_from_msg(TRANSFORMS, "tf2_msgs/msg/TFMessage"))
-        kinds = {x.topic: x.msgtype.replace("/msg/", "/") for x in self._reader("").connections}
+        with self._faults(DatasetError):
+            kinds = {x.topic: x.msgtype.replace("/msg/", "/") for x in self._reader("").connections}
         self.types = {x: OLD_NAMES.get(kind, kind) for x, kind in kinds.items()}
 
     def times_ns(self, topic: str) -> Indices:
@@ -198,9 +199,9 @@ class Bag:
         """State what rosbags raises of damaged bags, which is of many kinds, in one line."""
         try:
             yield
-        except (DatasetError, MemoryError):
+        except DatasetError:
             raise
-        except Exception as error:
+        except Exception as error:  # also of memory: lengths may be damaged
             place = f"{self.path}: {topic}" if topic else f"{self.path}"
             what = " ".join(str(error).split()) or type(error).__name__
             raise kind(f"{place}: cannot be read ({what})") from error
