@@ -98,7 +98,8 @@ def open_window() -> str:
     Raises:
         SettingsError: If it does not start.
     """
-    rr.spawn(port=PORT, connect=False, hide_welcome_screen=True)
+    window = rr.RecordingStream(APPLICATION)
+    window.spawn(port=PORT, connect=False, hide_welcome_screen=True)
     until_s = monotonic() + START_S
     while not listens("127.0.0.1", PORT):
         if monotonic() > until_s:

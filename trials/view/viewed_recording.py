@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -54,7 +54,7 @@ class ViewedRecording:
         """The calibration."""
         return self.sequence.rig
 
-    @property
+    @cached_property
     def positions(self) -> Array:
         """(N, 3) true positions that are shown, metres in the world."""
         truth = self.truth
@@ -88,6 +88,12 @@ class ViewedRecording:
             return None
         mm = np.nan_to_num(depth_m * MM_PER_M, nan=0.0, posinf=0.0)
         return np.where(mm <= MAX_MM, np.rint(mm), 0).astype(np.uint16)
+
+    @cached_property
+    def _true_rig(self) -> StereoRig:
+        """The camera to which labels belong."""
+        is_own = (self.folder / MANIFEST).is_file()
+        return true_rig(self.folder, read_manifest(self.folder)) if is_own else self.rig
 
 
 def open_recording(folder: Path, frames: FrameSelection) -> ViewedRecording:
