@@ -48,6 +48,7 @@ def read(file: Path) -> Logged:
         batch, entity = chunk.to_record_batch(), chunk.entity_path
         columns = dict(zip(batch.schema.names, batch.columns, strict=True))
         frames = columns["frame"].to_pylist() if "frame" in columns else [None] * len(batch)
+        assert chunk.is_static or set(chunk.timeline_names) == {"frame", "sensor_time"}
         if "sensor_time" in columns:
             ns = columns["sensor_time"].cast("int64").to_pylist()
             times[entity] |= dict(zip(frames, ns, strict=True))

@@ -13,7 +13,7 @@ from trials.evaluation.metrics import position_errors
 from trials.evaluation.runs import FrameTable, SavedRun, Tracks
 from trials.evaluation.score import score_run
 from trials.view.meshes import drawn_geoms, geom_meshes
-from trials.view.run_rows import align_runs
+from trials.view.run_rows import align_first_pose, align_runs
 from trials.view.target import EXAMPLE, target_of
 from vo.contract import se3
 from vo.contract.errors import SettingsError
@@ -132,6 +132,12 @@ def test_rows_have_the_errors_of_the_score(tmp_path):
     assert rows[0].T_world_cam == pytest.approx(truth().T_ref_frame[0])
     assert [x.inliers for x in rows] == [1.0] * N
     assert rows[5].estimate.observations.pixels.tolist() == [[5.0, 7.0], [5.0, 8.0]]
+
+
+def test_alignment_of_a_live_view_makes_first_poses_equal():
+    T_world_cam, T_odom_cam = se3.exp(np.array([[1.0, 2, 3, 0.4, 0.5, 0.6], [3, 1, 2, 1, 0, -1]]))
+    aligned = align_first_pose(T_world_cam, T_odom_cam)
+    assert aligned.map(T_odom_cam[None])[0] == pytest.approx(T_world_cam)
 
 
 def test_rows_of_selected_frames_are_theirs(tmp_path):

@@ -67,6 +67,8 @@ def open_stream(name: str, target: Target, blueprint: Any, start_ns: int) -> Gen
     """
     recording = rr.RecordingStream(APPLICATION, recording_id=uuid4())
     recording.send_recording_name(name)
+    recording.set_log_time_enabled(False)
+    recording.set_log_tick_enabled(False)
     stream = Stream(recording, start_ns >= EPOCH_NS)
     with ExitStack() as file:
         if target.file is not None:
