@@ -181,11 +181,14 @@ def test_published_values_have_the_printed_means():
 
 def test_published_table_marks_what_is_theirs():
     ours = {"driftyard": {"MH_01_easy": 0.1, "V2_03_difficult": 0.3, "extra": 0.2}}
-    header, rows, sources = published_table("euroc", ours)
-    assert header == ["system", "input", "MH_01_easy", "V2_03_difficult", "mean"]
+    frames = {"MH_01_easy": 3682, "V2_03_difficult": 40, "extra": 7}
+    header, rows, sources = published_table("euroc", ours, frames)
+    names = ["MH_01_easy", "V2_03_difficult (ours: excerpt)"]
+    assert header == ["system", "input", *names, "mean"]
     assert rows[0] == ["driftyard", "stereo", "0.100", "0.300", "0.200"]
     assert rows[1] == ["ORB-SLAM2 (theirs [1])", "stereo", "0.035", "–", "0.035 (1 of 2)"]
     assert all("(theirs [" in x[0] for x in rows[1:])
     assert sources[0].startswith("[1] ATE: Mur-Artal and Tardós")
-    assert published_table("euroc", {"driftyard": {"extra": 0.2}}) == ([], [], [])
-    assert published_table("kitti", ours) == ([], [], [])
+    assert sources[-1] == ("V2_03_difficult: an excerpt of 40 frames, not comparable with theirs")
+    assert published_table("euroc", {"driftyard": {"extra": 0.2}}, frames) == ([], [], [])
+    assert published_table("kitti", ours, frames) == ([], [], [])

@@ -157,7 +157,8 @@ class Benchmark:
         for x in self.trials:
             if values := x.values(ATE):
                 ours.setdefault(x.estimator, {})[x.sequence] = float(np.median(values))
-        return published_table(self.kind, ours)
+        frames = {x.sequence: y.frames for x in self.trials for y in x.scores if y}
+        return published_table(self.kind, ours, frames)
 
     @property
     def problems(self) -> list[str]:

@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 
 FILE = Path(__file__).with_suffix(".toml")
+MIN_FRAMES = 1000
+"""Smallest number of frames of a recording that can be a whole sequence: 50 s at 20 Hz."""
 NOTHING = "–"
 NAMES = {
     "euroc": re.compile(r"(mh|v1|v2)_?0([1-5])", re.IGNORECASE),
@@ -62,9 +64,11 @@ def sequence_of(benchmark: str, recording: str) -> str | None:
 
 
 def published_table(
-    benchmark: str, ours: Mapping[str, Mapping[str, float]]
+    benchmark: str, ours: Mapping[str, Mapping[str, float]], frames: Mapping[str, int]
 ) -> tuple[list[str], list[list[str]], list[str]]:
     """Tabulate our ATE, metres, by estimator and recording, beside what others have published.
+
+    A recording with few frames is marked as an excerpt.
 
     Returns:
         Header, rows, and the numbered sources; no rows if none of the recordings is known.
@@ -83,7 +87,13 @@ def published_table(
         f"[{k}] {figure}: {paper}; read in {seen_in}"
         for k, (paper, figure, seen_in) in enumerate(sources, 1)
     ]
-    return ["system", "input", *known, "mean"], rows, said
+    excerpts = {x for x in known if frames[x] < MIN_FRAMES}
+    said += [
+        f"{x}: an excerpt of {frames[x]} frames, not comparable with theirs"
+        for x in sorted(excerpts)
+    ]
+    names = [f"{x} (ours: excerpt)" if x in excerpts else x for x in known]
+    return ["system", "input", *names, "mean"], rows, said
 
 
 def _cells(values: Sequence[float | None]) -> list[str]:
