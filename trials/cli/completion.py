@@ -40,8 +40,9 @@ def _disturbances() -> Iterable[str]:
 
 def _estimators() -> Iterable[str]:
     from trials.estimators.choice import ESTIMATORS
+    from trials.estimators.systems.environments import SYSTEMS
 
-    return ESTIMATORS
+    return [*ESTIMATORS, *SYSTEMS]
 
 
 BY_PARAMETER = {

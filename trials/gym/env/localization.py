@@ -9,6 +9,7 @@ import numpy as np
 from sim.world.rover import TRACK_M, WHEEL_RADIUS_M
 from trials.estimators.choice import ESTIMATORS, make_estimator
 from trials.estimators.plugins.classes import Guarded
+from trials.estimators.systems.environments import SYSTEMS
 from trials.gym.world.simulation import Snapshot
 from vo.contract import se3
 from vo.contract.arrays import Array, Image
@@ -158,6 +159,7 @@ def expect_localization(name: str) -> None:
             valid = False
         if not valid:
             raise SettingsError(f"localization {name}: expected {DRIFT}PERCENT, from 0 to 1000")
-    elif name not in ("truth", "wheels", "vo", *ESTIMATORS) and ":" not in name:
-        known = ", ".join(("truth", f"{DRIFT}PERCENT", "wheels", "vo", *sorted(ESTIMATORS)))
+    elif name not in ("truth", "wheels", "vo", *ESTIMATORS, *SYSTEMS) and ":" not in name:
+        own = sorted(ESTIMATORS)
+        known = ", ".join(("truth", f"{DRIFT}PERCENT", "wheels", "vo", *own, *SYSTEMS))
         raise SettingsError(f"unknown localization {name}; valid: {known}, or module:Class")
