@@ -2,6 +2,9 @@
 
 import ctypes
 import os
+from contextlib import suppress
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any, Literal, Self
 
 import mujoco
@@ -52,6 +55,8 @@ def open_context(wanted: Literal["auto", "egl", "osmesa"], width: int, height: i
     check_variables(wanted)
     backend = choose_backend(wanted)
     check_variables(backend)
+    if not _users:
+        _load_triton()
     # Mesa's software renderer then blends two mipmap levels only close to where they change over:
     # 15 % less time for images; 0.4 grey levels on average, nothing in residuals or drift.
     os.environ.setdefault("GALLIVM_PERF", "brilinear")
@@ -70,6 +75,18 @@ def open_context(wanted: Literal["auto", "egl", "osmesa"], width: int, height: i
         ) from None
     _users.add(os.getpid())
     return context
+
+
+def _load_triton() -> None:
+    """Load the library of Triton, if it is installed, before Mesa loads the LLVM compiler.
+
+    Triton holds an LLVM of its own, and PyTorch loads it with the first optimizer. Where Mesa's is
+    in the process already, calls end up there, and the process crashes.
+    """
+    found = find_spec("triton")
+    if found is not None and found.origin is not None:
+        with suppress(OSError):  # a build without the library, or for another system
+            ctypes.CDLL(str(Path(found.origin).parent / "_C/libtriton.so"))
 
 
 def _egl_has_a_device() -> bool:

@@ -2,6 +2,8 @@
 
 import os
 import re
+import subprocess
+import sys
 from itertools import pairwise
 from pathlib import Path
 
@@ -170,6 +172,15 @@ def test_fork_after_graphics_is_refused(make):
         finally:
             os._exit(2)
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 1
+
+
+def test_triton_loads_after_graphics():
+    """PyTorch loads it with the first optimizer, which may be made after a reset."""
+    pytest.importorskip("triton")
+    code = "from sim.camera.gl import open_context; import mujoco as m;"
+    code += "c = open_context('auto', 64, 48); w = m.MjModel.from_xml_string('<mujoco/>');"
+    code += "m.MjrContext(w, m.mjtFontScale.mjFONTSCALE_100); import triton"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 @pytest.mark.parametrize("name", NAMES)
