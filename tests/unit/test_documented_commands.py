@@ -11,7 +11,9 @@ from documented import NOTEBOOKS, PAGES, blocks, commands
 from terminal import ROOT
 
 from sim.settings import RecordSettings
+from trials.cli.doctor import BACKENDS, PACKAGES
 from trials.cli.registry import COMMANDS, load
+from trials.gate.reports import HEADER
 from vo.config import OdometrySettings
 from vo.contract.settings import keys
 
@@ -114,3 +116,14 @@ def test_check_finds_what_does_not_exist():
     ):
         with pytest.raises((AssertionError, pytest.fail.Exception)):
             check(words, is_not_run=False)
+
+
+def test_output_of_doctor_has_the_rows_of_the_command():
+    (shown,) = [x.text for x in blocks(ROOT / "docs/headless.md") if x.language == "text"]
+    rows = [line.split()[0] for line in shown.splitlines()]
+    assert rows == ["machine", "python", "driftyard", *PACKAGES, *BACKENDS]
+
+
+def test_output_of_the_gate_has_the_columns_of_the_command():
+    shown = next(x.text for x in blocks(ROOT / "docs/gate.md") if x.language == "text")
+    assert shown.splitlines()[0].split() == " ".join(HEADER).split()
