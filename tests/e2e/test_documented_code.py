@@ -10,7 +10,6 @@ import sys
 import warnings
 from collections.abc import Iterator
 from concurrent.futures import Executor, Future
-from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -24,9 +23,6 @@ import driftyard as dy
 from trials.cli.gate import EXIT
 from trials.execution import parallel
 from vo.contract.remarks import Remark
-
-with suppress(ImportError):  # if at all, before the renderer: each brings an LLVM of its own
-    import torch._dynamo  # noqa: F401
 
 pytestmark = pytest.mark.gl
 
