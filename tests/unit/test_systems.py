@@ -3,11 +3,14 @@
 import os
 import shutil
 import sys
+import tomllib
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 from folders import BASELINE_M, DISPARITY_PX, F_PX, HEIGHT, PERIOD_NS, WIDTH, wall
+from terminal import ROOT
 
 from trials.estimators.choice import check_settings, make_estimator
 from trials.estimators.plugins import PluginError
@@ -146,6 +149,21 @@ def test_every_system_names_a_class_that_is_there():
         check_settings(name)
         assert package.requirements[0].count("==") == 1
         assert (subprocess_estimator.WORKERS / f"{name}_worker.py").is_file()
+
+
+def test_extra_has_the_versions_of_the_environments():
+    """It has those systems alone whose packages suit the ones of the project."""
+    extra = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    pinned = {x for name in ("orbslam3", "toy_vo") for x in environments.SYSTEMS[name].requirements}
+    assert set(extra["systems"]) == pinned
+
+
+def test_system_of_the_project_s_interpreter_needs_no_environment(tmp_path, monkeypatch):
+    monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path / "none"))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    (tmp_path / "toy_vo.py").touch()
+    assert is_installed("toy_vo")
+    assert environments.python_of("toy_vo") == Path(sys.executable)
 
 
 def test_install_failure_names_the_reason(tmp_path, monkeypatch):

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
 import cv2
@@ -52,12 +53,14 @@ SYSTEMS = {
         f"{_HERE}.orbslam3:OrbSlam3",
         "its vocabulary, --set vocabulary=FILE; Debian's libgl1 libegl1 libopengl0 libsm6 libice6",
         is_deterministic=False,
+        is_here=lambda: find_spec("pyorbslam3") is not None,
     ),
     "toy_vo": Package(
         "stereo flow and a window of keyframes, after Basalt",
         ("toy-vo==0.1.1",),
         "GPL-2.0-or-later",
         f"{_HERE}.toy_vo:ToyVo",
+        is_here=lambda: find_spec("toy_vo") is not None,
     ),
     "opencv_rgbd": Package(
         "dense RGB-D odometry of OpenCV, on estimated disparity",
