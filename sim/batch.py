@@ -220,6 +220,8 @@ def _client(scheduler: str | None, workers: int | None) -> "Generator[Client]":
         "distributed.scheduler.allowed-failures": RETRIES,
         # No task waits at a worker, where the loss of the worker would count against it.
         "distributed.scheduler.worker-saturation": 1.0,
+        # On a busy machine a lost worker takes long to start again; given up, all would wait.
+        "distributed.deploy.lost-worker-timeout": "1 hour",
     }
     with (
         dask_config.set(configuration),

@@ -58,11 +58,11 @@ def stamps(dataset: Path) -> dict[Path, tuple[int, int]]:
     return {path: (stat.st_ino, stat.st_mtime_ns) for path, stat in about.items()}
 
 
-def start(*words: str, cwd: Path) -> subprocess.Popen[str]:
+def start(*words: str, cwd: Path, **variables: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
         [sys.executable, "-m", *words],
         cwd=cwd,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        env={**os.environ, "PYTHONPATH": str(ROOT), **variables},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -127,7 +127,8 @@ def folder(tmp_path) -> Path:
 
 def test_killed_workers_are_retried_twice(folder, calm):
     """The first is killed once and made again, the second at every try; again, only it is made."""
-    run = start("trials.cli", *MANY, "--workers", "1", cwd=folder)
+    slow = {"DASK_DISTRIBUTED__DEPLOY__LOST_WORKER_TIMEOUT": "0.1s"}  # as if a start took long
+    run = start("trials.cli", *MANY, "--workers", "1", cwd=folder, **slow)
     killed: dict[str, set[int]] = {NAMES[0]: set(), NAMES[1]: set()}
     while run.poll() is None:
         for name, times in ((NAMES[0], 1), (NAMES[1], 3)):

@@ -158,7 +158,7 @@ def test_extra_has_the_versions_of_the_environments():
     assert set(extra["systems"]) == pinned
 
 
-def test_system_of_the_project_s_interpreter_needs_no_environment(tmp_path, monkeypatch):
+def test_system_beside_driftyard_needs_no_environment(tmp_path, monkeypatch):
     monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path / "none"))
     monkeypatch.syspath_prepend(str(tmp_path))
     (tmp_path / "toy_vo.py").touch()
