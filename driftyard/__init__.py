@@ -44,9 +44,12 @@ if TYPE_CHECKING:
     from sim.truth.clouds import PointCloud
     from sim.truth.occupancy import Occupancy
     from sim.truth.tracks import Tracks
+    from trials.diagnosis.hooks import Oracle
     from trials.estimators.plugins import PluginError
     from trials.estimators.plugins.command import Command
     from trials.evaluation.score import Score
+    from trials.gym.env.policies import NavigatorPolicy
+    from trials.gym.media import Filmed
     from vo.contract.errors import (
         CalibrationError,
         DatasetError,
@@ -63,6 +66,7 @@ if TYPE_CHECKING:
     from vo.contract.sequence import StereoFrame, WheelLog
     from vo.contract.settings import Settings
     from vo.contract.trajectory import Trajectory
+    from vo.hooks import Hooks
     from vo.odometry import StereoOdometry
 
 _HOMES = {
@@ -82,9 +86,12 @@ _HOMES = {
     "sim.truth.clouds": ("PointCloud",),
     "sim.truth.occupancy": ("Occupancy",),
     "sim.truth.tracks": ("Tracks",),
+    "trials.diagnosis.hooks": ("Oracle",),
     "trials.estimators.plugins": ("PluginError",),
     "trials.estimators.plugins.command": ("Command",),
     "trials.evaluation.score": ("Score",),
+    "trials.gym.env.policies": ("NavigatorPolicy",),
+    "trials.gym.media": ("Filmed",),
     "vo.contract.errors": (
         *("CalibrationError", "DatasetError", "DriftyardError", "FrameIndexError"),
         *("ImageError", "SettingsError", "TrajectoryError"),
@@ -96,6 +103,7 @@ _HOMES = {
     "vo.contract.sequence": ("StereoFrame", "WheelLog"),
     "vo.contract.settings": ("Settings",),
     "vo.contract.trajectory": ("Trajectory",),
+    "vo.hooks": ("Hooks",),
     "vo.odometry": ("StereoOdometry",),
 }
 """Module to the public names that it defines."""
@@ -111,15 +119,19 @@ __all__ = [
     "DatasetError",
     "DriftyardError",
     "Estimate",
+    "Filmed",
     "FinalResult",
     "Flow",
     "FrameIndexError",
     "GateResult",
     "GraphicsError",
+    "Hooks",
     "ImageError",
     "ImuLog",
+    "NavigatorPolicy",
     "Observations",
     "Occupancy",
+    "Oracle",
     "Plot",
     "PluginError",
     "PointCloud",

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
 from pathlib import Path
 
 import cv2
@@ -47,6 +48,30 @@ def one_core_each() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         if "PYTEST_XDIST_WORKER" in os.environ:
             patch.setattr(parallel, "usable_cores", lambda: 1)
+        yield
+
+
+class InThisProcess(Executor):
+    """Runs jobs at once: a process of its own for each batch costs seconds of imports."""
+
+    def __init__(self, *_: object) -> None:
+        """Take the arguments of a pool of processes."""
+
+    def submit(self, function, /, *arguments):  # type: ignore[override]
+        """Run a job."""
+        job = Future()
+        try:
+            job.set_result(function(*arguments))
+        except Exception as error:
+            job.set_exception(error)
+        return job
+
+
+@pytest.fixture(scope="module")
+def in_this_process() -> Iterator[None]:
+    """Let studies run their jobs in the process of the test."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(parallel, "ProcessPoolExecutor", InThisProcess)
         yield
 
 

@@ -13,6 +13,12 @@ class Hooks:
     """Changes nothing; derive from it and override what is to be replaced.
 
     Each method but `features` returns an array of the shape given. All arguments are read-only.
+
+    Example:
+        >>> class Nearer(dy.Hooks):
+        ...     def disparity(self, frame, pixels, disparity_px):
+        ...         return disparity_px + 0.5
+        >>> odometry = dy.StereoOdometry(ds.rig, hooks=Nearer())
     """
 
     def __init_subclass__(cls) -> None:

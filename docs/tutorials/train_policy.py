@@ -10,7 +10,7 @@ from pathlib import Path
 import gymnasium
 import numpy as np
 
-from trials.gym.env.policies import NavigatorPolicy
+import driftyard as dy
 from trials.gym.studies.trial_results import Result, summarize
 from trials.report.figure import GREEN, GREY, INK, RED, save_figure, tidy
 from trials.report.tables import markdown_table
@@ -154,8 +154,8 @@ def drivers(model: PPO):
     return {
         "trained": (make_env, lambda env: lambda seen: model.predict(seen, deterministic=True)[0]),
         "navigator": (
-            lambda pen: make_env(pen, observe=NavigatorPolicy.NEEDS, **tall),
-            lambda env: NavigatorPolicy(env.unwrapped).act,
+            lambda pen: make_env(pen, observe=dy.NavigatorPolicy.NEEDS, **tall),
+            lambda env: dy.NavigatorPolicy(env.unwrapped).act,
         ),
         "goal alone": (make_env, lambda env: straight),
     }

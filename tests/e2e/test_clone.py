@@ -73,7 +73,8 @@ def test_make_help_lists_all_targets(clone):
     named = {line.split()[1] for line in result.stdout.splitlines()}
     studies = {"bench", "accuracy", "scenes", "label-accuracy", "response", "bump", "replanning"}
     studies |= {"routing", "gate", "gate-power", "experiments", "explain"}
-    assert named == {"demo", "check", "test", "lint", "clean", "help", *studies}
+    pages = {"docs", "docs-serve", "notebooks"}
+    assert named == {"demo", "check", "test", "lint", "clean", "help", *pages, *studies}
     makefile = (clone / "Makefile").read_text()
     phony = set(re.search(r"^\.PHONY: (.*)$", makefile, re.MULTILINE)[1].split())
     assert phony == named | {"unit", "suite"}  # which are parts of check and test

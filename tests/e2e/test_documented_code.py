@@ -8,8 +8,6 @@ import re
 import shutil
 import sys
 import warnings
-from collections.abc import Iterator
-from concurrent.futures import Executor, Future
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -21,7 +19,6 @@ from terminal import ROOT, driftyard
 
 import driftyard as dy
 from trials.cli.gate import EXIT
-from trials.execution import parallel
 from vo.contract.remarks import Remark
 
 pytestmark = pytest.mark.gl
@@ -42,25 +39,6 @@ RUNNING = [
     for page in [*PAGES, *NOTEBOOKS]
     if page.name in SHELL_PAGES or any(x.language == "python" for x in blocks(page))
 ]
-
-
-class InThisProcess(Executor):
-    """Runs jobs at once: a process of its own for each batch costs seconds of imports."""
-
-    def __init__(self, *_: object) -> None:
-        """Take the arguments of a pool of processes."""
-
-    def submit(self, function, /, *arguments):
-        job = Future()
-        job.set_result(function(*arguments))
-        return job
-
-
-@pytest.fixture(scope="module", autouse=True)
-def in_this_process() -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(parallel, "ProcessPoolExecutor", InThisProcess)
-        yield
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from terminal import driftyard
 
 from vo.recordings.readers import open_sequence
 
-pytestmark = pytest.mark.gl
+pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("in_this_process")]
 
 SMALL = ("--set", "rig.width_px=320", "--set", "rig.height_px=240")
 SHORT = ("--trial", "distance_m=[1.0, 2.0]", "--trial", "rate_hz=5.0")

@@ -11,7 +11,7 @@ UPDATE = ("update", "--baseline", "b.json")
 
 @pytest.mark.gl
 @pytest.mark.slow
-def test_gate_check_default_estimator_has_not_regressed(tmp_path):
+def test_gate_check_default_estimator_has_not_regressed(tmp_path, in_this_process):
     """Renderers differ between machines, so other datasets are accepted."""
     words = ("--accept", "datasets,platform", "--cache", ROOT / "build" / "cache")
     result = driftyard("gate", *CHECK, *words, "--markdown", "c.md", cwd=tmp_path)

@@ -417,11 +417,11 @@ def grainy(frame, seed):
     return replaced(frame, *eyes)
 
 
-def halted(rig, frame, stationary):
-    """Stand for 10 s at 10 Hz; how far the pose moved after the first second, m and degrees."""
+def halted(rig, frame, stationary, count=100):
+    """Stand, at 10 Hz; how far the pose moved after the first second, m and degrees."""
     odometry = StereoOdometry(rig, OdometrySettings(stationary=stationary))
-    estimates = track_all(odometry, [grainy(later(frame, i), i) for i in range(100)])
-    assert statuses(estimates) == [Status.START] + [Status.TRACKED] * 99
+    estimates = track_all(odometry, [grainy(later(frame, i), i) for i in range(count)])
+    assert statuses(estimates) == [Status.START] + [Status.TRACKED] * (count - 1)
     moved = [se3.inverse(estimates[10].T_odom_cam) @ x.T_odom_cam for x in estimates[10:]]
     turned_rad = max(se3.rotation_angle(T) for T in moved)
     return max(np.linalg.norm(T[:3, 3]) for T in moved), np.degrees(turned_rad)
@@ -432,7 +432,7 @@ def test_stationary_camera_does_not_drift(sequence, frames):
     far_m, far_deg = halted(sequence.rig, frames[0], "image")
     assert far_m < 1e-3 / 6
     assert far_deg < 0.01 / 6
-    noisy_m, _ = halted(sequence.rig, frames[0], "none")
+    noisy_m, _ = halted(sequence.rig, frames[0], "none", count=40)
     assert noisy_m > 2 * max(far_m, 1e-5)
 
 

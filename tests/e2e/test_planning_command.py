@@ -58,7 +58,7 @@ def test_parse_planning_refuses_unknown_words():
             parse_planning(text)
 
 
-def test_drive_compares_static_and_dynamic_planning(tmp_path):
+def test_drive_compares_static_and_dynamic_planning(tmp_path, in_this_process):
     write_yard(tmp_path)
     words = ("--planning", "static,dynamic", "--ideal-depth", "--localization", "truth")
     short = ("--trial", "distance_m=[2.0, 4.0]", "--trial", "dynamics=doors", "--worlds", 1)

@@ -7,7 +7,7 @@ import pytest
 from gym_worlds import write_yard
 from terminal import driftyard
 
-pytestmark = [pytest.mark.gl, pytest.mark.slow]
+pytestmark = [pytest.mark.gl, pytest.mark.slow, pytest.mark.usefixtures("in_this_process")]
 NAMES = ("E5",)
 """One variant on one short recording; the others take many times as long."""
 

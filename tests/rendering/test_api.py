@@ -61,7 +61,7 @@ def ds(folder, monkeypatch) -> Dataset:
     return dy.open("ds")
 
 
-def test_documented_examples_run(ds):
+def test_documented_examples_run(ds, in_this_process):
     run = dy.run(ds, "corner_flow", "corner_flow.txt")
     names = {"dy": dy, "np": np, "ds": ds, "run": run}
     finder, runner = doctest.DocTestFinder(), doctest.DocTestRunner(optionflags=doctest.ELLIPSIS)

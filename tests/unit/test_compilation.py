@@ -6,10 +6,16 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+from folders import BASELINE_M, F_PX, HEIGHT, WIDTH, wall
 from terminal import ROOT
 
 from vo.contract.compilation import compiled, fingerprint
+from vo.contract.rig import StereoRig
+from vo.contract.sequence import StereoFrame
+from vo.features.integral_images import prefix_sums
+from vo.odometry import StereoOdometry
 from vo.precompile import compile_ahead
 
 OFFSET = object()
@@ -176,3 +182,24 @@ def test_compile_ahead_keeps_code_once(capsys):
     capsys.readouterr()
     compile_ahead()
     assert capsys.readouterr().err == ""
+
+
+def test_images_of_any_layout_share_machine_code():
+    """Views into larger images, as of pairs side by side, and read-only ones, as of messages."""
+    rig = StereoRig(WIDTH, HEIGHT, F_PX, (WIDTH - 1) / 2, (HEIGHT - 1) / 2, BASELINE_M)
+
+    def track(change):
+        odometry = StereoOdometry(rig)
+        for i, pair in enumerate(wall(2, 4)):
+            assert odometry.track(StereoFrame(i, *map(change, pair))).T_odom_cam is not None
+
+    def frozen(image):
+        image = image.copy()
+        image.flags.writeable = False
+        return image
+
+    track(np.copy)
+    before = [*prefix_sums.signatures]
+    track(frozen)
+    track(lambda image: np.hstack([image, image])[:, : image.shape[1]])
+    assert prefix_sums.signatures == before

@@ -46,6 +46,12 @@ class Oracle(Hooks):
         chosen: Keys of ORACLES that are replaced.
         queried: Keys for which the estimator has called its hooks so far, replaced or not.
         births: Landmark to the time, ns, and the (u, v) at which it was first observed.
+
+    Example:
+        >>> oracle = dy.Oracle(ds.path, ["matches", "stereo"], noise_px=0.1)
+        >>> odometry = dy.StereoOdometry(ds.rig, hooks=oracle)
+        >>> [odometry.track(frame).status.value for frame in (ds[0], ds[1])]
+        ['start', 'tracked']
     """
 
     def __init__(

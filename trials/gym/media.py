@@ -126,7 +126,17 @@ def missing_for_window() -> str:
 
 
 class Filmed(gymnasium.Wrapper[Any, Array, Any, Array], RecordConstructorArgs):
-    """Writes one film for each trial, complete when the trial ends or the environment is closed."""
+    """Writes one film for each trial, complete when the trial ends or the environment is closed.
+
+    Example:
+        >>> import gymnasium
+        >>> drawn = {"scene": "yard.xml", "render_mode": "rgb_array", "observe": ("goal",)}
+        >>> env = dy.Filmed(gymnasium.make("driftyard/RoverNav-v0", **drawn), "trial.mp4")
+        >>> _ = env.reset(seed=3), env.step(env.action_space.sample())
+        >>> env.close()
+        >>> env.metadata["render_fps"]
+        15.0
+    """
 
     def __init__(self, env: gymnasium.Env[Any, Array], out: Path | str) -> None:
         """Film an environment with render_mode rgb_array.

@@ -31,8 +31,8 @@ class Frontend:
         After a noisy image, all images are smoothed: `smoothing_px` is that of the frame before.
         """
         s = self._settings
-        # A view into a larger image would need machine code of its own, and slower.
-        left, right = np.ascontiguousarray(frame.left), np.ascontiguousarray(frame.right)
+        # A view, or an image that is read-only, would need machine code of its own.
+        left, right = (np.require(x, requirements=("C", "W")) for x in (frame.left, frame.right))
         frame = replace(frame, left=left, right=right)
         with clock("features"):
             quality = measure_image_quality(frame.left)

@@ -14,7 +14,22 @@ from vo.contract.arrays import Array
 
 
 class NavigatorPolicy:
-    """The navigator behind an environment that observes `disparity`, `pose` and `goal`."""
+    """The navigator behind an environment that observes `disparity`, `pose` and `goal`.
+
+    Attributes:
+        NEEDS: Channels that the environment must observe.
+        navigator: Its map, planner and controller.
+
+    Example:
+        >>> import gymnasium
+        >>> needs = {"observe": dy.NavigatorPolicy.NEEDS, "settings": {"rig.width_px": 160}}
+        >>> env = gymnasium.make("driftyard/RoverNav-v0", scene="yard.xml", **needs)
+        >>> observation, info = env.reset(seed=3)
+        >>> policy = dy.NavigatorPolicy(env.unwrapped)
+        >>> policy.act(observation).shape
+        (2,)
+        >>> env.close()
+    """
 
     NEEDS = ("disparity", "pose", "goal")
 
