@@ -294,7 +294,7 @@ def test_wheel_odometry_drifts_on_ice(make):
             localization="wheels", observe=("goal",), settings=settings, acceleration_mps2=8.0
         )
         env.reset(seed=1, options={"start": (-2.0, 1.5, 0.0), "goal": (2.0, 1.5)})
-        for k in range(32):
+        for k in range(60):
             *_, info = env.step(np.array([0.8 * (k // 6 % 2), 0.0]))
         errors.append(info["error_m"])
     assert 1e-6 < errors[0] < 0.02
