@@ -20,13 +20,10 @@ unit: $(READY)
 test: $(READY)  ## style, types, import layers and every test, the small gate included
 	@$(MAKE) --no-print-directory --jobs 2 suite lint
 
-# Some tests wait for processes of their own: another worker then uses the core.
-WORKERS := $(shell n=$$(nproc); echo $$((n < 4 ? n + 1 : 4)))
-
 # Workers that start without machine code would all compile the same, each for itself.
 suite: $(READY)
 	$(BIN)/python -c "from vo.precompile import compile_ahead; compile_ahead()"
-	$(BIN)/pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
+	$(BIN)/pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
 lint: $(READY)  ## style, types and the layers of the imports
 	$(BIN)/ruff check

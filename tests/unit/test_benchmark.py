@@ -31,7 +31,7 @@ def run(folder, *words):
     return driftyard("benchmark", *words, "--estimator", "corner_flow", "--seeds", 2, cwd=folder)
 
 
-def test_benchmark_runs_every_recording_with_truth(folder):
+def test_benchmark_runs_every_recording_with_truth(folder, in_this_process):
     result = run(folder, "euroc", "data")
     assert result.returncode == 0, result.stderr
     for name in ("hall/V1_01_easy", "two", "zero", "mean", ATE.label, LOST.label):
@@ -60,7 +60,7 @@ def test_benchmark_runs_every_recording_with_truth(folder):
         assert "read in Teed and Deng" in form
 
 
-def test_benchmark_again_reuses_the_runs(folder):
+def test_benchmark_again_reuses_the_runs(folder, in_this_process):
     runs = folder / "build/cache/runs"
     if not runs.is_dir():
         assert run(folder, "euroc", "data").returncode == 0
@@ -114,7 +114,7 @@ def test_table_has_median_range_and_mean():
     assert found.problems == ["b, theirs: lost"]
 
 
-def test_kitti_states_segments_that_are_shorter(real_data, tmp_path):
+def test_kitti_states_segments_that_are_shorter(real_data, tmp_path, in_this_process):
     folder = real_data("kitti_06")
     result = run(tmp_path, "kitti", folder)
     assert result.returncode == 0, result.stderr
