@@ -75,24 +75,13 @@ def label(
     if unknown or not kinds:
         valid = ", ".join(WRITERS)
         raise SettingsError(f"--what: unknown {', '.join(unknown) or 'nothing'}; valid: {valid}")
-    ds = _selected(dataset, frames)
+    ds = frames.open(dataset)
     total = len(ds) * len({"flow", "boxes"}.intersection(kinds))
     with new_folder(out) as folder, console.counting_bar("labelling", total) as advance:
         job = _Job(ds, options, folder, advance)
         for kind in kinds:
             WRITERS[kind](job)
     console.out.print(f"{out}: {', '.join(kinds)} of {len(ds)} frames", markup=False)
-
-
-def _selected(dataset: Path, frames: FrameOptions) -> dy.Dataset:
-    return dy.open(
-        dataset,
-        first=frames.first,
-        last=frames.last,
-        every=frames.every,
-        skip_missing=frames.skip_missing,
-        pair_tolerance_ms=frames.pair_tolerance,
-    )
 
 
 def _write_flow(job: _Job) -> None:
