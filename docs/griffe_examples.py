@@ -1,4 +1,4 @@
-"""Sections `Example:` of docstrings, which Griffe knows as `Examples:` only."""
+"""Sections `Example:` of docstrings as Griffe parses them, which supports `Examples:` only."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""A recording that is open: frames for an estimator, and labels and truth to judge it by."""
+"""A recording that is open: frames for an estimator, and labels and truth to score it by."""
 
 import os
 from collections.abc import Collection, Iterator, Mapping

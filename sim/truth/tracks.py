@@ -1,4 +1,4 @@
-"""Point tracks: where the points that one frame shows are in every frame, and who hides them.
+"""Point tracks: where the points that one frame shows are in every frame, and what hides them.
 
 The form is that of TAP-Vid (Doersch et al., TAP-Vid: A Benchmark for Tracking Any Point in a
 Video, 2022): positions of N points in T frames, and flags.

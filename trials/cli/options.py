@@ -186,7 +186,7 @@ class FrameOptions:
 
 @dataclass(frozen=True)
 class ViewerOptions:
-    """Where a view goes."""
+    """Target of a view: window, file or address."""
 
     PANEL: ClassVar[str] = "Viewer"
     save: Path | None = option(

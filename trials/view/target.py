@@ -1,4 +1,4 @@
-"""Where a view goes: into a window, to the address of a viewer, or into a file."""
+"""Target of a view: a window, the address of a viewer, or a file."""
 
 import importlib.util
 import os
