@@ -8,6 +8,10 @@ VENV := .venv
 READY := $(VENV)/.ready
 BIN := $(VENV)/bin
 
+# Tests start about 70 processes: without bytecode on the disk, each would compile all of NumPy,
+# SciPy and Numba anew, for three seconds.
+unexport PYTHONDONTWRITEBYTECODE
+
 demo: $(READY)  ## generate a drive of 21 m, estimate, score and report it (into demo/)
 	$(BIN)/driftyard demo
 
