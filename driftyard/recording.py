@@ -9,7 +9,7 @@ from driftyard.dataset import open as open_dataset
 from driftyard.failures import in_one_family
 from driftyard.given_settings import GivenSettings, sources_of
 from scenes import SCENES
-from sim.batch import Task, record_scene
+from sim.batch import DatasetTask, record_scene
 from trials.execution.recording_settings import recording_settings
 from vo.contract.remarks import remark
 
@@ -65,7 +65,7 @@ def record(
     config, overrides = sources_of(settings)
     name, folder = os.fspath(scene), Path(out)
     resolved = recording_settings(name, seed, overrides, config, disturb)
-    recording = record_scene(Task(name, resolved, folder), overwrite, progress)
+    recording = record_scene(DatasetTask(name, resolved, folder), overwrite, progress)
     for fault in recording.faults:
         remark(f"{folder}: {fault}")
     return open_dataset(folder)

@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future
 from pathlib import Path
 
 import cv2
@@ -14,7 +13,7 @@ from hypothesis import settings
 from scenes.scene import Motion, Scene
 from sim.settings import RecordSettings
 from sim.world.world import World, build_world
-from trials.execution import parallel
+from trials.execution import cluster
 from vo.contract.arrays import Array
 
 # Time limits say more about a shared machine than about the code. Equal examples in every run:
@@ -46,34 +45,18 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def one_core_each() -> Iterator[None]:
-    """Let commands start one worker where the workers of pytest-xdist fill all cores already."""
+    """Let commands start no workers where those of pytest-xdist fill all cores already."""
     with pytest.MonkeyPatch.context() as patch:
         if "PYTEST_XDIST_WORKER" in os.environ:
-            patch.setattr(parallel, "usable_cores", lambda: 1)
+            patch.setattr(cluster, "usable_cores", lambda: 0)
         yield
-
-
-class InThisProcess(Executor):
-    """Runs jobs at once: a process of its own for each batch costs seconds of imports."""
-
-    def __init__(self, *_: object) -> None:
-        """Take the arguments of a pool of processes."""
-
-    def submit(self, function, /, *arguments):  # type: ignore[override]
-        """Run a job."""
-        job = Future()
-        try:
-            job.set_result(function(*arguments))
-        except Exception as error:
-            job.set_exception(error)
-        return job
 
 
 @pytest.fixture(scope="module")
 def in_this_process() -> Iterator[None]:
     """Let studies run their jobs in the process of the test."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(parallel, "ProcessPoolExecutor", InThisProcess)
+        patch.setattr(cluster, "usable_cores", lambda: 0)
         yield
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from scenes.assets import mjcf_assets
 from scenes.custom import load_scene
-from sim.batch import Task
+from sim.batch import DatasetTask
 from sim.settings import RecordSettings
 from sim.world.fingerprint import changes_since, expect_unchanged, fingerprint
 from sim.world.world import build_world
@@ -121,7 +121,7 @@ def test_dataset_of_an_edited_world_is_not_done(park, tmp_path):
     made = {"schema_version": 1, "settings": SETTINGS.model_dump(mode="json")}
     made |= {"scene": {"source": str(park)}, "world": fingerprint(world_of(park))}
     (out / "dataset.json").write_text(json.dumps(made))
-    assert Task(str(park), SETTINGS, out).is_done
+    assert DatasetTask(str(park), SETTINGS, out).is_done
     park.write_text(PARK.replace("5 5 .1", "5 6 .1"))
     with pytest.raises(DatasetError, match=r"dataset: exists, and park\.xml changed since"):
-        _ = Task(str(park), SETTINGS, out).is_done
+        _ = DatasetTask(str(park), SETTINGS, out).is_done

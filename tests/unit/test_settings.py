@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from scenes import find_scene
-from sim.batch import Task
+from sim.batch import DatasetTask
 from sim.camera.gl import choose_backend
 from sim.settings import RecordSettings, RigSettings
 from sim.world.random_streams import stream
@@ -117,9 +117,9 @@ def test_task_in_python_finds_its_dataset(tmp_path):
     settings = recording_settings("dusk").model_dump(mode="json")
     content = {"schema_version": 1, "settings": settings, "scene": {"source": "dusk"}}
     (tmp_path / MANIFEST).write_text(json.dumps(content))
-    assert Task("dusk", RecordSettings(), tmp_path).is_done
+    assert DatasetTask("dusk", RecordSettings(), tmp_path).is_done
     with pytest.raises(DatasetError, match="exists with other settings"):
-        _ = Task("dusk", RecordSettings(rig=RigSettings(tilt_deg=25)), tmp_path).is_done
+        _ = DatasetTask("dusk", RecordSettings(rig=RigSettings(tilt_deg=25)), tmp_path).is_done
 
 
 def test_stream_of_seed_and_name_repeats():

@@ -1,10 +1,14 @@
 """`driftyard accuracy`: drift of the default settings on many drives."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
+from typing import ClassVar
 
 from trials.cli import console
 from trials.cli.options import Distance, Disturb, Scenes, changes, option
+from trials.cli.workers import WorkersOptions
 from trials.execution.jobs import Job, Recording, Result, jobs_of
 from trials.execution.recording_settings import parse_scenes
 from trials.execution.runner import NO_LABELS, cached_run, run_jobs
@@ -19,12 +23,27 @@ from trials.studies.accuracy import (
 from vo.recordings.readers import open_sequence
 
 
+@dataclass(frozen=True)
+class DriveOptions:
+    """Drives through scenes."""
+
+    PANEL: ClassVar[str] = "Drives"
+    distance: Distance = 20.0
+    seeds: int = option(5, "Number of drives in each scene.", min=1)
+    scenes: Scenes = SCENES
+    disturb: Disturb = ""
+    overrides: list[str] = changes("recording")
+
+    def recordings(self, names: Sequence[str]) -> list[Recording]:
+        """Return the drives through scenes, from seed 0 on."""
+        settings = (f"drive.distance_m={self.distance:g}", *NO_LABELS, *self.overrides)
+        pairs = product(names, range(self.seeds))
+        return [Recording(x, seed, settings, self.disturb) for x, seed in pairs]
+
+
 def accuracy(
-    distance: Distance = 20.0,
-    seeds: int = option(5, "Number of drives in each scene.", min=1),
-    scenes: Scenes = SCENES,
-    disturb: Disturb = "",
-    overrides: list[str] = changes("recording"),
+    chosen: DriveOptions,
+    workers: WorkersOptions,
     against: list[str] = option(
         [],
         "Another estimator in the tables, with its settings; may be repeated.",
@@ -34,12 +53,11 @@ def accuracy(
     out: Path | None = option(None, "JSON file of all scores.", "--json", metavar="FILE"),
 ) -> None:
     """Record or reuse drives from seed 0 on, run every estimator over them, print the errors."""
-    names = parse_scenes(scenes)
+    names = parse_scenes(chosen.scenes)
     if kitti is not None:
         open_sequence(kitti)  # a wrong path is refused before the drives
     variants = tuple(dict.fromkeys((*VARIANTS, *map(named_variant, against))))
-    settings = (f"drive.distance_m={distance:g}", *NO_LABELS, *overrides)
-    drives = [Recording(x, seed, settings, disturb) for x, seed in product(names, range(seeds))]
+    drives = chosen.recordings(names)
     with console.counting_bar("drives", len(drives)) as count:
         results = run_jobs(jobs_of(drives, variants), progress=count)
     runs = {name: [x for v in variants for x in results.of(v, name)] for name in names}

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from trials.cli import console
 from trials.cli.options import argument, option
+from trials.cli.workers import WorkersOptions
 from trials.report.tables import text_table
 from trials.studies.benchmark import (
     KINDS,
@@ -18,6 +19,7 @@ from trials.studies.benchmark import (
 
 
 def benchmark(
+    workers: WorkersOptions,
     kind: str = argument(..., f"Benchmark: {', '.join(KINDS)}.", metavar="KIND"),
     folder: Path = argument(..., "Folder of recordings, as published or excerpts; at any depth."),
     estimator: list[str] = option(

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import contextmanager
 from functools import partial
-from pathlib import Path
 
 from rich.console import Console
 from rich.progress import (
@@ -54,30 +53,34 @@ counting_bar = partial(counted, progress_bar)
 @contextmanager
 def batch_bar(
     datasets: int,
-) -> Generator[tuple[Callable[[Path, int, int], None], Callable[[Path], None]]]:
+) -> Generator[tuple[Callable[[str, int, int], None], Callable[[str, int], None]]]:
     """Show one bar for many datasets that are recorded at once: datasets, frames, rate, time left.
 
     Yields:
-        Functions to call with (dataset, frames done, frames in total), and with a finished dataset.
+        Functions to call with (dataset, frames done, frames in total), and with a finished dataset
+        and the number of failures.
     """
-    done: dict[Path, int] = {}
-    total: dict[Path, int] = {}
-    finished: set[Path] = set()
+    done: dict[str, int] = {}
+    total: dict[str, int] = {}
+    finished: set[str] = set()
+    failures = 0
     with _progress(TextColumn("frames")) as progress:
         task = progress.add_task("", total=None)
 
         def show() -> None:
             mean = sum(total.values()) / len(total) if total else 0
             expected = round(sum(total.values()) + mean * (datasets - len(total)))
-            label = f"{len(finished)}/{datasets} datasets"
+            label = f"{len(finished)}/{datasets} datasets" + f", {failures} failed" * bool(failures)
             frames = sum(done.values())
             progress.update(task, description=label, completed=frames, total=expected or None)
 
-        def advance(dataset: Path, frames: int, of: int) -> None:
+        def advance(dataset: str, frames: int, of: int) -> None:
             done[dataset], total[dataset] = frames, of
             show()
 
-        def finish(dataset: Path) -> None:
+        def finish(dataset: str, failed: int) -> None:
+            nonlocal failures
+            failures = failed
             finished.add(dataset)
             done[dataset] = total.get(dataset, 0)
             show()

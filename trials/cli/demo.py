@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import driftyard
-from sim.batch import Task
+from sim.batch import DatasetTask
 from trials.cli import console
 from trials.cli.generate import record_task
 from trials.cli.options import Seed, option
@@ -30,7 +30,7 @@ def demo(
     if is_recorded(dataset, settings):
         console.out.print(f"{dataset}: is there already, and verified")
     else:
-        record_task(Task(SCENE, settings, dataset), overwrite=True)
+        record_task(DatasetTask(SCENE, settings, dataset), overwrite=True)
     files = [out / f"{name}.txt" for name in COMPARED]
     for name, file in zip(COMPARED, files, strict=True):
         run_estimator(driftyard.open(dataset), Named(name), file)

@@ -15,7 +15,7 @@ from rich.table import Table
 
 from sim.graphics import VARIABLES, GraphicsError, explain_fault
 from trials.cli import console
-from trials.execution.parallel import usable_cores
+from trials.execution.cluster import usable_cores
 
 Wanted = Literal["auto", "egl", "osmesa"]
 BACKENDS: tuple[Wanted, ...] = ("egl", "osmesa")

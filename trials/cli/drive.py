@@ -10,7 +10,9 @@ from typing import Any, ClassVar
 from sim.batch import custom_fingerprint
 from trials.cli import console
 from trials.cli.options import Disturb, LiveViewOptions, SceneName, changes, option
-from trials.execution.parallel import map_parallel
+from trials.cli.workers import WorkersOptions
+from trials.execution.executor import compute
+from trials.execution.tasks import Task
 from trials.gym.env.policies import NavigatorPolicy
 from trials.gym.env.settings import NavSettings
 from trials.gym.studies import planning as planned
@@ -118,6 +120,7 @@ def drive(
     planning: PlanningOptions,
     files: OutputOptions,
     viewer: TrialViewOptions,
+    workers: WorkersOptions,
     localization: str = option(
         "truth,wheels,vo",
         "Sources: truth, drift:PERCENT, wheels, vo, an estimator, or module:Class.",
@@ -167,11 +170,14 @@ def _driven(
     missing = [k for k in worlds.layouts if k not in done]
     with console.counting_bar("worlds", len(missing)) as count:
         calls = [(options, sources, k, worlds.runs, files.keep, view) for k in missing]
-        for _, of_world in map_parallel(run_world, calls):
-            done[of_world[0].layout] = of_world
+
+        def add(of_world: Sequence[results.TrialResult]) -> None:
+            done[of_world[0].layout] = list(of_world)
             if store:
                 store.add(of_world)
             count(of_world)
+
+        compute([Task("trial", f"world {x[2]}", run_world, x) for x in calls], add)
     if store:
         store.close()
     return chain.from_iterable(done[k] for k in sorted(done))
@@ -193,10 +199,8 @@ def _drive_planned(
         for source in sources:
             with_source = {**options, "localization": source}
             calls = [(with_source, ways, k, runs, ideal) for k in layouts]
-            for _, of_world in map_parallel(planned.run_world, calls):
-                trials += of_world
-                count(of_world)
-    trials.sort(key=lambda t: (sources.index(t.localization), t.layout, t.run))
+            tasks = [Task("trial", f"world {x[2]}", planned.run_world, x) for x in calls]
+            trials += chain.from_iterable(compute(tasks, count))
     if out:
         write_text(out, results.json_lines(trials))
     columns = {

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from trials.cli import console
 from trials.cli.options import argument, option
+from trials.cli.workers import WorkersOptions
 from trials.execution.runner import run_jobs
 from trials.report.tables import text_table
 from trials.studies.experiments import base
@@ -14,6 +15,7 @@ from vo.contract.errors import SettingsError
 
 
 def experiment(
+    workers: WorkersOptions,
     which: str = argument(
         ..., f"{', '.join(EXPERIMENTS)}, several as a,b,c, or all.", metavar="ID"
     ),

@@ -6,6 +6,7 @@ from typing import ClassVar
 
 from trials.cli import console
 from trials.cli.options import Distance, EstimatorOptions, argument, option
+from trials.cli.workers import WorkersOptions
 from trials.diagnosis.combinations import STAGES, Subject
 from trials.diagnosis.explanation import explain as explain_groups
 from trials.diagnosis.explanation import validate
@@ -35,9 +36,9 @@ class DriveOptions:
         drives = [Recording(x, seed, overrides) for x in scenes for seed in range(self.seeds)]
         groups: dict[str, list[Path]] = {drive.scene: [] for drive in drives}
         with console.counting_bar("drives", len(drives)) as count:
-            for row, folder in sorted(record_all(drives), key=lambda found: found[0]):
-                groups[drives[row].scene].append(folder)
-                count(folder)
+            folders = record_all(drives, progress=count)
+        for drive, folder in zip(drives, folders, strict=True):
+            groups[drive.scene].append(folder)
         return groups
 
 
@@ -74,6 +75,7 @@ def explain(
     drives: DriveOptions,
     attribution: AttributionOptions,
     estimator: EstimatorOptions,
+    workers: WorkersOptions,
     datasets: list[Path] = argument(
         [], "Datasets with labels.depth=true; those of a scene are taken together."
     ),

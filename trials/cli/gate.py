@@ -8,7 +8,15 @@ from typing import ClassVar
 import typer
 
 from trials.cli import console
-from trials.cli.options import AnyEstimatorOptions, Distance, Disturb, argument, changes, option
+from trials.cli.options import (
+    AnyEstimatorOptions,
+    Distance,
+    Disturb,
+    argument,
+    changes,
+    option,
+)
+from trials.cli.workers import WorkersOptions
 from trials.execution.cache import CACHE
 from trials.execution.recording_settings import parse_scenes
 from trials.gate import reports
@@ -57,7 +65,10 @@ class ReportOptions:
 
 
 def gate_check(
-    baseline: ComparisonOptions, estimator: AnyEstimatorOptions, report: ReportOptions
+    baseline: ComparisonOptions,
+    estimator: AnyEstimatorOptions,
+    report: ReportOptions,
+    workers: WorkersOptions,
 ) -> None:
     """Decide whether an estimator drifts more than the baseline over the same sequences.
 
@@ -80,6 +91,7 @@ def gate_check(
 def gate_plan(
     baseline: ComparisonOptions,
     estimator: AnyEstimatorOptions,
+    workers: WorkersOptions,
     change: str = argument(..., "Increase of drift to find, such as 5%.", metavar="PERCENT"),
 ) -> None:
     """Compute how many scenes or seeds it takes to find an increase of drift.
@@ -163,6 +175,7 @@ def gate_update(
     estimator: AnyEstimatorOptions,
     design: DesignOptions,
     rules: RuleOptions,
+    workers: WorkersOptions,
 ) -> None:
     """Run an estimator over many sequences and write its results as the baseline."""
     path, bar = baseline.baseline, console.counting_bar

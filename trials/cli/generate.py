@@ -8,15 +8,18 @@ from typing import Any, ClassVar
 
 import typer
 
-from sim.batch import Task, perform_all, record_scene
+from sim.batch import DatasetTask, obtain, record_scene
 from sim.certificate.manifest_check import check_digest
 from sim.record import Recording
 from sim.settings import recorded_settings
 from trials.cli import console
 from trials.cli.options import RecordingOptions, argument, option
+from trials.cli.workers import WorkersOptions
+from trials.execution.executor import Outcome, perform
 from trials.execution.jobs import scene_label
+from trials.execution.tasks import Task, report_steps
 from vo.contract.dataset import MANIFEST, read_manifest
-from vo.contract.errors import DatasetError, SettingsError
+from vo.contract.errors import DatasetError, DriftyardError, SettingsError
 
 
 @dataclass(frozen=True)
@@ -28,13 +31,12 @@ class BatchOptions:
     vary: list[str] = option(
         [], "One dataset for each value of a setting; may be repeated.", metavar="KEY=A,B,C"
     )
-    workers: int | None = option(None, "Number of processes.", min=1, show_default="one a core")
-    scheduler: str | None = option(None, "Dask scheduler instead of processes.", metavar="ADDRESS")
 
 
 def generate(
     recording: RecordingOptions,
     batch: BatchOptions,
+    workers: WorkersOptions,
     scene: str | None = argument(None, "Scene as for `preview`, or several as a,b,c."),
     out: Path = option(Path("dataset"), "Dataset folder to write."),
     source: Path | None = option(
@@ -55,20 +57,20 @@ def generate(
         raise SettingsError("which scene? `driftyard scenes` lists them")
     names = scene.split(",")
     if batch.count is None and not batch.vary and len(names) == 1:
-        _generate_one(Task(scene, recording.settings(scene), out), None, overwrite)
+        _generate_one(DatasetTask(scene, recording.settings(scene), out), None, overwrite)
     else:
-        _generate_all(list(_tasks(names, out, recording, batch)), batch)
+        _generate_all(list(_tasks(names, out, recording, batch)))
 
 
 def record_task(
-    task: Task, overwrite: bool = False, recorded: dict[str, Any] | None = None
+    task: DatasetTask, overwrite: bool = False, recorded: dict[str, Any] | None = None
 ) -> Recording:
     """Record a scene with a progress bar; `recorded` is as for `record`."""
     with console.progress_bar(f"recording {task.scene}") as progress:
         return record_scene(task, overwrite, progress, recorded)
 
 
-def _task_of(manifest: Path, out: Path) -> tuple[Task, dict[str, Any]]:
+def _task_of(manifest: Path, out: Path) -> tuple[DatasetTask, dict[str, Any]]:
     """Read scene and settings of a dataset, and its manifest, from its folder or dataset.json."""
     folder = manifest.parent if manifest.name == MANIFEST else manifest
     content = read_manifest(folder)
@@ -82,14 +84,14 @@ def _task_of(manifest: Path, out: Path) -> tuple[Task, dict[str, Any]]:
     except (KeyError, TypeError):
         raise DatasetError(f"{folder / MANIFEST}: does not name its scene and settings") from None
     try:
-        return Task(source, recorded_settings(settings), out), content
+        return DatasetTask(source, recorded_settings(settings), out), content
     except SettingsError as error:
         raise SettingsError(f"{folder / MANIFEST}: {error}") from None
 
 
 def _tasks(
     names: list[str], out: Path, recording: RecordingOptions, batch: BatchOptions
-) -> Iterator[Task]:
+) -> Iterator[DatasetTask]:
     """Cross scenes, values and seeds; each task has its own folder below `out`."""
     choices: list[list[str]] = []
     for choice in batch.vary:
@@ -105,10 +107,10 @@ def _tasks(
         for k in range(batch.count or 1):
             chosen = settings.model_copy(update={"seed": settings.seed + k})
             label = "-".join([scene_label(name), *values, f"{chosen.seed:05d}"])
-            yield Task(name, chosen, out / label)
+            yield DatasetTask(name, chosen, out / label)
 
 
-def _generate_one(task: Task, recorded: dict[str, Any] | None, overwrite: bool) -> None:
+def _generate_one(task: DatasetTask, recorded: dict[str, Any] | None, overwrite: bool) -> None:
     recording = record_task(task, overwrite, recorded)
     certificate = recording.certificate
     verdict = "certified" if certificate["passed"] else "[bold red]not certified[/]"
@@ -121,24 +123,38 @@ def _generate_one(task: Task, recorded: dict[str, Any] | None, overwrite: bool) 
         raise typer.Exit(1)
 
 
-def _generate_all(tasks: list[Task], batch: BatchOptions) -> None:
+def _generate_all(tasks: list[DatasetTask]) -> None:
     """Record every dataset that does not exist yet."""
     waiting = [task for task in tasks if not task.is_done]
     if len(waiting) < len(tasks):
         console.out.print(f"{len(tasks) - len(waiting)} of {len(tasks)} datasets are there already")
     failed = 0
-    if waiting:
-        with console.batch_bar(len(waiting)) as (advance, finish):
-            for outcome in perform_all(waiting, batch.scheduler, batch.workers, advance):
-                finish(outcome.task.out)
-                if outcome.recording is None:
-                    console.err.print(f"{outcome.task.out}: {outcome.problem}")
-                else:
-                    _print_faults(outcome.task.out, outcome.recording)
-                failed += bool(outcome.problem)
+    chosen = [Task("recording", str(x.out), _obtain, (x,)) for x in waiting]
+    with console.batch_bar(len(waiting)) as (advance, finish):
+        for outcome in perform(chosen, advance):
+            finish(outcome.task.name, failed := failed + _is_failure(outcome))
     console.out.print(f"{len(tasks) - failed} datasets in {tasks[0].out.parent}")
     if failed:
         raise typer.Exit(1)
+
+
+def _obtain(task: DatasetTask) -> Recording:
+    return obtain(task, report_steps())
+
+
+def _is_failure(outcome: Outcome[Recording]) -> bool:
+    """Print the faults of a recording, or why there is none."""
+    name, error = outcome.task.name, outcome.error
+    if error is not None:
+        said = (
+            str(error) if isinstance(error, DriftyardError) else f"{type(error).__name__}: {error}"
+        )
+        text = said if said.startswith(f"{name}: ") else f"{name}: {said}"
+        console.err.print(text, markup=False, soft_wrap=True)
+        return True
+    recording = outcome.result()
+    _print_faults(Path(name), recording)
+    return bool(recording.ended)
 
 
 def _print_faults(out: Path, recording: Recording) -> None:

@@ -2,11 +2,14 @@
 
 from trials.cli import console
 from trials.cli.options import Scenes, Seed
+from trials.cli.workers import WorkersOptions
 from trials.execution.recording_settings import parse_scenes
 from trials.studies.label_accuracy import measure_labels
 
 
-def label_accuracy(seed: Seed = 0, scenes: Scenes = "brick_court,office") -> None:
+def label_accuracy(
+    workers: WorkersOptions, seed: Seed = 0, scenes: Scenes = "brick_court,office"
+) -> None:
     """Measure how exact labels, blur and sensors are, and print it beside the promised accuracy.
 
     Depth is compared with ray casts, outlines with projected corners, labels with pixels under

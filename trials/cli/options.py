@@ -2,6 +2,7 @@
 
 import functools
 from collections.abc import Callable
+from contextlib import ExitStack
 from copy import copy
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from inspect import Parameter, Signature, signature
@@ -225,7 +226,8 @@ def expand(function: Callable[..., None]) -> Callable[..., None]:
     """Write the parameters of a command as Typer reads them.
 
     A parameter that is a dataclass becomes one parameter for each field, in a panel of its own if
-    the class has a PANEL; the function still receives an instance.
+    the class has a PANEL; the function still receives an instance. What has a
+    method `using` is a context around the function.
     """
     hints = get_type_hints(function, include_extras=True)
     models: dict[str, Any] = {name: hint for name, hint in hints.items() if is_dataclass(hint)}
@@ -243,7 +245,11 @@ def expand(function: Callable[..., None]) -> Callable[..., None]:
     def call(**values: Any) -> None:
         for name, model in models.items():
             values[name] = model(**{f.name: values.pop(f.name) for f in fields(model)})
-        function(**values)
+        with ExitStack() as stack:
+            for value in values.values():
+                if hasattr(value, "using"):
+                    stack.enter_context(value.using())
+            function(**values)
 
     del call.__wrapped__  # its parameters are others
     call.__annotations__ = {x.name: x.annotation for x in parameters}

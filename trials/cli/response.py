@@ -4,6 +4,7 @@ from pathlib import Path
 
 from trials.cli import console
 from trials.cli.options import option
+from trials.cli.workers import WorkersOptions
 from trials.studies.response import (
     disturbance_table,
     draw_responses,
@@ -14,6 +15,7 @@ from trials.studies.response import (
 
 
 def response(
+    workers: WorkersOptions,
     distance: float = option(4.0, "Length of each drive, m.", min=1.5),
     seeds: int = option(2, "Number of drives of each setting.", min=1),
     first_seed: int = option(0, "Random seed of the first drive.", min=0),

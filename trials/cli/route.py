@@ -14,8 +14,10 @@ from numpy.random import Generator
 
 from trials.cli import console
 from trials.cli.options import option
+from trials.cli.workers import WorkersOptions
 from trials.evaluation.intervals import mean_interval
-from trials.execution.parallel import map_parallel
+from trials.execution.executor import compute
+from trials.execution.tasks import Task
 from trials.gym.env.settings import NavSettings
 from trials.gym.studies.aisle_network import build_aisle_network
 from trials.gym.studies.rover_routing import (
@@ -66,6 +68,7 @@ class RoverOptions:
 def route(
     model: ModelOptions,
     rover: RoverOptions,
+    workers: WorkersOptions,
     out: Path = option(..., "Folder for figures, tables and verdicts."),
     seed: int = option(0, "Random seed of network and drives.", min=0),
 ) -> None:
@@ -162,12 +165,9 @@ def _route_rover(scene: str, out: Path, worlds: int, localization: str, seed: in
     }
     trial = validated(NavSettings, options)
     layouts = range(seed, seed + worlds)
-    drives: list[RoverDrive] = []
+    tasks = [Task("trial", f"world {x}", drive_layout, (options, x)) for x in layouts]
     with console.counting_bar("worlds", worlds) as count:
-        for _, of_world in map_parallel(drive_layout, [(options, layout) for layout in layouts]):
-            drives += of_world
-            count(of_world)
-    drives.sort(key=lambda drive: drive.layout)
+        drives = [drive for of_world in compute(tasks, count) for drive in of_world]
     _print_drives(f"{scene}, {worlds} worlds, localized by {localization}", drives)
     shown = most_varied_layout(drives)
     instance = trial.build(shown)

@@ -11,6 +11,7 @@ import numpy as np
 
 from trials.cli import console
 from trials.cli.options import Distance, argument, changes, option
+from trials.cli.workers import WorkersOptions
 from trials.estimators.plugins.command import Command
 from trials.execution.jobs import Recording, Variant, scene_label
 from trials.execution.runner import NO_LABELS
@@ -62,6 +63,7 @@ class EstimatorsOptions:
 def stress(
     search: SearchOptions,
     estimators: EstimatorsOptions,
+    workers: WorkersOptions,
     axis: str = argument(
         ...,
         f"Axis: {', '.join(MAIN)}, all of these, or a disturbance; several as a,b.",

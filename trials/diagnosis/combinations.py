@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import reduce
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,8 @@ from trials.evaluation.alignment import associate
 from trials.evaluation.metrics import errors_over_distance
 from trials.evaluation.truth import true_trajectory
 from trials.execution.cache import cache_path, dataset_digest, source_digest
-from trials.execution.parallel import map_parallel
+from trials.execution.executor import compute
+from trials.execution.tasks import Task
 from vo.contract.arrays import Array, Indices
 from vo.contract.dataset import MANIFEST
 from vo.contract.errors import DatasetError, SettingsError
@@ -94,10 +96,10 @@ def run_all(
     missing = [job for job in jobs if job not in found]
     if found:
         progress(len(found))
-    for k, drift in map_parallel(_run, [(job,) for job in missing]) if missing else ():
-        found[missing[k]] = drift
-        progress(len(found))
-    return found
+    done = count(len(found) + 1)
+    tasks = [Task("run", f"{x.dataset.name}, {x.file.stem}", _run, (x,)) for x in missing]
+    drifts = compute(tasks, lambda _: progress(next(done)))
+    return found | dict(zip(missing, drifts, strict=True))
 
 
 def paired(name: str, found: Mapping[Coalition, RunDrift]) -> SegmentDrifts:

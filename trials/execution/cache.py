@@ -8,6 +8,7 @@ after an interruption, and compute only what has changed.
 import hashlib
 import importlib.util
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 
 from vo.contract.dataset import MANIFEST
@@ -18,6 +19,8 @@ GENERATOR = ("scenes", "sim", "vo/contract")
 """Sources that decide the content of a recording."""
 ESTIMATOR = ("vo", "trials/estimators/baselines", "trials/estimators/systems")
 """Sources that decide the trajectory of an estimator of this repository."""
+EVERYTHING = ("scenes", "sim", "vo", "trials")
+"""Sources that a worker shares with the command."""
 DIGITS = 12
 """Hexadecimal digits of a digest."""
 
@@ -47,6 +50,12 @@ def source_digest(sources: Sequence[str] = GENERATOR, module: str = "") -> str:
         found = importlib.util.find_spec(module)
         files += [Path(found.origin)] if found and found.origin else []
     return digest(*(file.read_bytes() for file in files))
+
+
+@cache
+def code_digest() -> str:
+    """Digest of EVERYTHING."""
+    return source_digest(EVERYTHING)
 
 
 def dataset_digest(dataset: Path) -> str:

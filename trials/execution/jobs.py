@@ -34,6 +34,11 @@ class Recording:
     overrides: tuple[str, ...] = ()
     disturb: str = ""
 
+    @property
+    def name(self) -> str:
+        """Name in files and messages: scene and seed."""
+        return f"{scene_label(self.scene)}-{self.seed}"
+
 
 @dataclass(frozen=True)
 class Variant:

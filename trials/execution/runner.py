@@ -1,14 +1,15 @@
 """Recordings that are made, and estimators that are run over them, unless the cache has both."""
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from trials.estimators.choice import Named, estimate, make_estimator
 from trials.execution.cache import CACHE, ESTIMATOR, cache_path, dataset_digest, source_digest
-from trials.execution.jobs import Job, Recording, Result, Results, Variant, scene_label
-from trials.execution.parallel import map_parallel
+from trials.execution.executor import compute
+from trials.execution.jobs import Job, Recording, Result, Results, Variant
+from trials.execution.tasks import Task
 from vo.contract.errors import DatasetError
 from vo.contract.rig import StereoRig
 from vo.recordings.pairing import ALL_FRAMES, FrameSelection
@@ -39,22 +40,26 @@ def run_jobs(
     variants: dict[Recording, list[Variant]] = {}
     for job in jobs:
         variants.setdefault(job.recording, []).append(job.variant)
-    done: dict[Job, Result] = {}
-    calls = [(recording, of, cache) for recording, of in variants.items()]
-    for _, results in map_parallel(_record_and_run, calls):
-        done |= {result.job: result for result in results}
-        if progress:
-            progress(results)
+    tasks = [
+        Task("recording", recording.name, _record_and_run, (recording, of, cache))
+        for recording, of in variants.items()
+    ]
+    done = {result.job: result for results in compute(tasks, progress) for result in results}
     return Results({job: done[job] for job in jobs})
 
 
-def record_all(recordings: Sequence[Recording], cache: Path = CACHE) -> Iterator[tuple[int, Path]]:
-    """Record what is missing; yields rows and dataset folders as they finish.
+def record_all(
+    recordings: Sequence[Recording],
+    cache: Path = CACHE,
+    progress: Callable[[object], None] | None = None,
+) -> list[Path]:
+    """Record what is missing; return the dataset folders.
 
     Raises:
         DriftyardError: If a scene or setting is wrong.
     """
-    return map_parallel(cached_recording, [(recording, cache) for recording in recordings])
+    tasks = [Task("recording", x.name, cached_recording, (x, cache)) for x in recordings]
+    return compute(tasks, progress)
 
 
 def cached_recording(recording: Recording, cache: Path = CACHE) -> Path:
@@ -80,11 +85,10 @@ def recording_folder(recording: Recording, cache: Path) -> tuple[Path, "RecordSe
     settings = recording_settings(
         recording.scene, recording.seed, recording.overrides, None, recording.disturb
     )
-    label = f"{scene_label(recording.scene)}-{recording.seed}"
     causes = [settings.model_dump_json(), source_digest()]
     if world := custom_fingerprint(recording.scene, settings):
         causes.append(world)
-    return cache_path(cache, "recordings", label, *causes), settings
+    return cache_path(cache, "recordings", recording.name, *causes), settings
 
 
 def is_recorded(folder: Path, settings: "RecordSettings") -> bool:

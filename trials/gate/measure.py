@@ -1,6 +1,7 @@
 """Measurement of an estimator on the sequences of a gate; a failure is a lost sequence."""
 
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
@@ -13,6 +14,9 @@ from trials.evaluation.consistency import DEGREES, nees
 from trials.evaluation.runs import SavedRun, read_run
 from trials.evaluation.score import score_run
 from trials.evaluation.truth import true_trajectory
+from trials.execution.cluster import Workers
+from trials.execution.executor import compute, using
+from trials.execution.tasks import Task
 from trials.gate.baseline import Measurement
 from vo.contract.errors import DatasetError, DriftyardError, SettingsError, TrajectoryError
 from vo.contract.estimator import Status
@@ -60,7 +64,7 @@ def measure(
     runs: Sequence[Path],
     progress: Callable[[object], None],
 ) -> list[Measurement]:
-    """Run an estimator over sequences; write a trajectory file of each.
+    """Run an estimator over sequences, on all cores; write a trajectory file of each.
 
     The reference estimator, which normalizes frame times, runs after each frame, or, for a
     program, after the sequence.
@@ -69,13 +73,13 @@ def measure(
         SettingsError: If an estimator does not exist or refuses a setting.
         DatasetError: If a dataset is damaged, or the estimator fails on every one.
     """
-    import cv2
-
-    cv2.setNumThreads(1)
-    found: list[Measurement] = []
-    for dataset, out in zip(datasets, runs, strict=True):
-        found.append(_measure(choice, reference, dataset, out))
-        progress(dataset)
+    tasks = [
+        Task("run", recording_name(x), _measure, (choice, reference, x, out))
+        for x, out in zip(datasets, runs, strict=True)
+    ]
+    is_class = isinstance(choice, Named) and choice.plugin is not None  # it may be of a notebook
+    with using(Workers(0)) if is_class else nullcontext():
+        found = compute(tasks, progress)
     if all(x.problem for x in found):
         first = recording_name(datasets[0])
         raise DatasetError(
@@ -85,6 +89,9 @@ def measure(
 
 
 def _measure(choice: "Named | Command", reference: Named, dataset: Path, out: Path) -> Measurement:
+    import cv2
+
+    cv2.setNumThreads(1)
     frames = len(open_sequence(dataset))
     timer = ReferenceTimer(reference, dataset)
     truth = true_trajectory(dataset)

@@ -34,15 +34,12 @@ def obtain(design: Design, cache: Path, bar: Bar) -> tuple[list[Path], list[Path
     """
     overrides = (*NO_LABELS, *design.overrides)
     drives = [Recording(x, seed, overrides, design.disturb) for x, seed in design.drives]
-    folders: dict[int, Path] = {}
+    recorded: list[Path] = []
     if drives:
         with bar("recording", len(drives)) as count:
             for x in drives:  # refuses now what a worker would refuse
                 recording_settings(x.scene, x.seed, x.overrides, None, x.disturb)
-            for row, folder in record_all(drives, cache):
-                folders[row] = folder
-                count(folder)
-    recorded = [folders[row] for row in range(len(drives))]
+            recorded = record_all(drives, cache, count)
     runs = [x.with_name(f"{x.name}.candidate.txt") for x in recorded]
     others = [Path(x) for x in design.recordings]
     for x in others:

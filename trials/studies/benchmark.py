@@ -19,9 +19,10 @@ from trials.evaluation.display import html_display, text_display
 from trials.evaluation.metrics import KITTI_LENGTHS_M
 from trials.evaluation.score import FIGURES, Score
 from trials.execution.cache import CACHE
+from trials.execution.executor import compute
 from trials.execution.jobs import Job, Recording, Result, Variant
-from trials.execution.parallel import map_parallel
 from trials.execution.runner import cached_run
+from trials.execution.tasks import Task
 from trials.execution.variants import parse_estimators, repeated
 from trials.report.tables import latex_table, markdown_table
 from trials.studies.published import published_table
@@ -224,11 +225,11 @@ def run_benchmark(
 ) -> Benchmark:
     """Run what the cache lacks, on all cores, and score it; a failure costs that run only."""
     jobs = [(name, variant) for name in recordings for some in estimators for variant in some]
-    results: dict[tuple[str, Variant], tuple[Score | None, str]] = {}
-    calls = [(name, recordings[name].resolve(), variant, cache) for name, variant in jobs]
-    for row, result in map_parallel(_score, calls):
-        results[jobs[row]] = result
-        progress(result)
+    tasks = [
+        Task("run", f"{x}, {y.label}", _score, (x, recordings[x].resolve(), y, cache))
+        for x, y in jobs
+    ]
+    results = dict(zip(jobs, compute(tasks, progress), strict=True))
     trials: list[Trials] = []
     for name in recordings:
         for some in estimators:

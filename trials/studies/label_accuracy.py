@@ -6,7 +6,7 @@ encoders with the path.
 """
 
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,8 +23,10 @@ from sim.record import record
 from sim.settings import RecordSettings
 from sim.world.trip import Trip, make_trip
 from sim.world.world import World, build_world
-from trials.execution.progress import ProgressBar, no_progress
+from trials.execution.executor import compute
+from trials.execution.progress import ProgressBar, counted, no_progress
 from trials.execution.recording_settings import recording_settings
+from trials.execution.tasks import Task
 from vo.contract.arrays import Array
 
 DISTANCE_M = 3.0
@@ -51,18 +53,16 @@ class Check(NamedTuple):
     holds: bool
 
 
-def measure_labels(
-    scenes: Sequence[str], seed: int, bar: ProgressBar = no_progress
-) -> Iterator[Check]:
-    """Compare labels, blur and sensors with independent computations."""
-    for name in scenes:
-        yield from _geometry(name, seed)
-        yield from _sensors(name, seed, bar)
-    yield _outlines()
-    yield from _blur(seed)
+def measure_labels(scenes: Sequence[str], seed: int, bar: ProgressBar = no_progress) -> list[Check]:
+    """Compare labels, blur and sensors with independent computations, on all cores."""
+    measures = [(x, name) for name in scenes for x in (_geometry, _sensors)]
+    measures += [(_outlines, "boxes"), (_blur, "turntable")]
+    tasks = [Task("check", f"{x.__name__[1:]} of {y}", x, (y, seed)) for x, y in measures]
+    with counted(bar, "measures", len(tasks)) as count:
+        return [check for found in compute(tasks, count) for check in found]
 
 
-def _geometry(scene: str, seed: int) -> Iterator[Check]:
+def _geometry(scene: str, seed: int) -> list[Check]:
     """Compare depth labels along a drive with MuJoCo's ray caster."""
     pairs: list[Array] = []
     world, trip, settings = _drive(scene, seed, [f"drive.distance_m={DISTANCE_M}"])
@@ -75,12 +75,12 @@ def _geometry(scene: str, seed: int) -> Iterator[Check]:
     error = np.abs(depth - cast)
     near_mm = float(1e3 * error[np.abs(cast - 1.0) < 0.2].max(initial=0))
     found = f"{near_mm:.4f} mm"
-    yield Check("depth against rays at 1 m, largest", scene, found, "0.2 mm", near_mm <= 0.2)
+    near = Check("depth against rays at 1 m, largest", scene, found, "0.2 mm", near_mm <= 0.2)
     share = np.sort((error / cast)[cast < 20])[::-1]
     beyond, strays = int((share > DEPTH_SHARE).sum()), STRAY_SHARE * len(share)
     found = f"{100 * share[int(strays)]:.5f} %, {beyond} of {len(share)} above"
     label = "depth against rays to 20 m, all but 1 in 1000"
-    yield Check(label, scene, found, "0.02 %", beyond <= strays)
+    return [near, Check(label, scene, found, "0.02 %", beyond <= strays)]
 
 
 def _depth_and_rays(world: World, renderer: StereoRenderer) -> tuple[Array, Array]:
@@ -127,31 +127,32 @@ def _first_front(world: World, start_m: Array, direction: Array) -> float:
         passed_m += BEHIND_M
 
 
-def _sensors(scene: str, seed: int, bar: ProgressBar) -> Iterator[Check]:
+def _sensors(scene: str, seed: int) -> list[Check]:
     """Read the certificates of a noisy drive and of one with perfect inertial readings."""
     base = [f"drive.distance_m={DISTANCE_M}", *FLOW]
-    noisy = _certificate(scene, seed, [*base, *NOISE], bar)
-    exact = _certificate(scene, seed, [base[0], "imu.noise=0"], bar)
+    noisy = _certificate(scene, seed, [*base, *NOISE])
+    exact = _certificate(scene, seed, [base[0], "imu.noise=0"])
+    checks: list[Check] = []
     for part in ("stereo", "flow"):
         ratio = noisy[part]["median_grey"] / noisy[part]["noise_median_grey"]
         label, holds = f"{part} residual over that of noise alone", 0.8 <= ratio <= 1.2
-        yield Check(label, scene, f"{ratio:.3f}", "0.8 to 1.2", holds)
+        checks.append(Check(label, scene, f"{ratio:.3f}", "0.8 to 1.2", holds))
     drift_mm, turn_deg = 1e3 * exact["inertial"]["drift_max_m"], exact["inertial"]["turn_max_deg"]
     label = "inertial readings without noise, integrated 5 s"
     found = f"{drift_mm:.2f} mm, {turn_deg:.4f}°"
-    yield Check(label, scene, found, "10 mm, 0.05°", drift_mm <= 10 and turn_deg <= 0.05)
+    holds = drift_mm <= 10 and turn_deg <= 0.05
+    checks.append(Check(label, scene, found, "10 mm, 0.05°", holds))
     slip, label = exact["encoders"]["slip_percent"], "path by the encoders against truth"
-    yield Check(label, scene, f"{slip:+.2f} %", "±2 %", abs(slip) <= 2)
+    return [*checks, Check(label, scene, f"{slip:+.2f} %", "±2 %", abs(slip) <= 2)]
 
 
-def _certificate(scene: str, seed: int, overrides: list[str], bar: ProgressBar) -> dict[str, Any]:
+def _certificate(scene: str, seed: int, overrides: list[str]) -> dict[str, Any]:
     settings = recording_settings(scene, seed, overrides)
-    with tempfile.TemporaryDirectory() as name, bar(scene) as progress:
-        folder = Path(name) / scene
-        return record(build(scene, settings), settings, folder, False, progress).certificate
+    with tempfile.TemporaryDirectory() as name:
+        return record(build(scene, settings), settings, Path(name) / scene).certificate
 
 
-def _outlines() -> Check:
+def _outlines(scene: str, _: int) -> list[Check]:
     """Compare the pixels of floating boxes with their projected outlines."""
     world, settings = _boxes()
     misplaced, inspected = 0, 0
@@ -170,7 +171,7 @@ def _outlines() -> Check:
             inspected += int((np.abs(gap) < 1).sum())
     found = f"{misplaced} of {inspected} pixels at outlines"
     label = "pixels beyond projected corners by 0.05 px"
-    return Check(label, "boxes", found, "none", misplaced == 0)
+    return [Check(label, scene, found, "none", misplaced == 0)]
 
 
 def _signed_gap(hull: Array, points: Array) -> Array:
@@ -211,9 +212,8 @@ def _corners(world: World) -> dict[str, Array]:
     }
 
 
-def _blur(seed: int) -> Iterator[Check]:
+def _blur(scene: str, seed: int) -> list[Check]:
     """Compare exposures on the turntable and at rest with one of 64 sub-frames."""
-    scene = "turntable"
     world, trip, settings = _drive(scene, seed, ["drive.distance_m=6", "exposure.time_ms=20"])
     speed = np.abs(np.gradient(np.unwrap(np.arctan2(*trip.T_world_body[:, 1::-1, 0].T))))
     fast = np.argsort(speed)[-FRAMES:]
@@ -236,9 +236,11 @@ def _blur(seed: int) -> Iterator[Check]:
             counts.append(count)
     worst, most, least = min(psnr_db), max(counts[:-1]), counts[-1]
     label = "adaptive blur against 64 sub-frames, worst"
-    yield Check(label, scene, f"{worst:.1f} dB", "45 dB", worst >= 45)
-    yield Check("sub-frames in the fastest turns, most", scene, f"{most}", "32", most <= 32)
-    yield Check("sub-frames at rest", scene, f"{least}", "1", least == 1)
+    return [
+        Check(label, scene, f"{worst:.1f} dB", "45 dB", worst >= 45),
+        Check("sub-frames in the fastest turns, most", scene, f"{most}", "32", most <= 32),
+        Check("sub-frames at rest", scene, f"{least}", "1", least == 1),
+    ]
 
 
 def _drive(scene: str, seed: int, overrides: list[str]) -> tuple[World, Trip, RecordSettings]:

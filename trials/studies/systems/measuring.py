@@ -13,9 +13,11 @@ from trials.evaluation.dataset_scores import score_runs
 from trials.evaluation.runs import SavedRun, read_run
 from trials.evaluation.score import Score
 from trials.execution.cache import CACHE
+from trials.execution.cluster import Workers
+from trials.execution.executor import compute, using
 from trials.execution.jobs import Job, Recording, Result, Variant, scene_label
-from trials.execution.parallel import map_parallel
 from trials.execution.runner import cached_run
+from trials.execution.tasks import Task
 from vo.contract.arrays import Indices
 from vo.contract.errors import DriftyardError, SettingsError
 from vo.contract.remarks import remark
@@ -69,17 +71,17 @@ def measure(
     A system that is not installed is not run.
     """
     missing = {x: _not_installed(variants[0]) for x, variants in systems.items()}
-    calls = [
-        (drive, name, variant, missing[name], cache)
+    tasks = [
+        Task(
+            "run", f"{drive.name}, {variant.label}", _trial,
+            (drive, name, variant, missing[name], cache),
+        )
         for drive in drives
         for name, variants in systems.items()
         for variant in (variants[:1] if missing[name] else variants)
-    ]
-    found: dict[int, Trial] = {}
-    for row, trial in map_parallel(_trial, calls, jobs):
-        found[row] = trial
-        progress(trial)
-    return [found[row] for row in range(len(calls))]
+    ]  # fmt: skip
+    with using(Workers(jobs, pinned=True)):
+        return compute(tasks, progress)
 
 
 def _not_installed(variant: Variant) -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from trials.execution.parallel import usable_cores
+from trials.execution.cluster import usable_cores
 from trials.report.charts import Chart, legend_of
 from trials.report.figure import Draw, save_figure, shared_legend, svg_markup
 from trials.report.html import write_html

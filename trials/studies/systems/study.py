@@ -78,12 +78,9 @@ def _record(plan: Plan, scenes: Sequence[str], bar: ProgressBar) -> list[Drive]:
     settings = (f"drive.distance_m={plan.distance_m:g}", *NO_LABELS, *plan.overrides)
     pairs = list(product(scenes, range(plan.seeds)))
     recordings = [Recording(scene, seed, settings, plan.disturb) for scene, seed in pairs]
-    folders: dict[int, Path] = {}
     with counted(bar, "drives", len(recordings)) as count:
-        for row, folder in record_all(recordings, plan.cache):
-            folders[row] = folder
-            count(folder)
-    return [Drive(*pair, folders[row].resolve()) for row, pair in enumerate(pairs)]
+        folders = record_all(recordings, plan.cache, count)
+    return [Drive(*x, folder.resolve()) for x, folder in zip(pairs, folders, strict=True)]
 
 
 def _about(variant: Variant) -> About:

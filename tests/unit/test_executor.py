@@ -1,0 +1,228 @@
+"""The executor: results, errors, and workers, parents and schedulers that are killed."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from small_tasks import die, mixed_tasks
+from terminal import ROOT
+
+from trials.execution import cache
+from trials.execution.cluster import SINGLE_THREAD, Workers
+from trials.execution.executor import compute, perform, using
+from trials.execution.tasks import Task, WorkerError
+from vo.contract.errors import SettingsError
+
+HERE = Workers(0)
+LOCAL = {"PYTHONPATH": f"{ROOT}:{ROOT / 'tests'}"}
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    files = (path for path in folder.rglob("*") if path.is_file())
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
+
+
+def until(condition):
+    deadline = time.monotonic() + 60
+    while not (found := condition()):
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    return found
+
+
+@pytest.fixture(scope="module")
+def two_workers() -> Iterator[None]:
+    with using(Workers(2)):
+        yield
+
+
+@pytest.mark.parametrize("workers", [HERE, None])
+def test_compute_returns_results_in_the_order_of_tasks(workers, two_workers):
+    tasks = [Task("nothing", f"{k}", divmod, (k, 7)) for k in range(3000)]
+    with ExitStack() as stack:
+        if workers:
+            stack.enter_context(using(workers))
+        assert compute(tasks) == [divmod(k, 7) for k in range(3000)]
+
+
+def test_compute_raises_the_error_of_a_task(two_workers):
+    with pytest.raises(ZeroDivisionError) as caught:
+        compute([Task("nothing", "bad", divmod, (1, 0)), Task("nothing", "good", divmod, (7, 2))])
+    assert "read.function(*read.arguments)" in caught.value.__notes__[0]  # where it was raised
+
+
+def test_perform_continues_after_errors_and_logs(two_workers, tmp_path):
+    tasks = [Task("nothing", f"over {k}", divmod, (1, k)) for k in (0, 1)]
+    with using(Workers(0, log=tmp_path / "log.jsonl")):
+        outcomes = sorted(perform(tasks), key=lambda x: x.row)
+    assert [type(x.error) for x in outcomes] == [ZeroDivisionError, type(None)]
+    lines = [json.loads(x) for x in (tmp_path / "log.jsonl").read_text().splitlines()]
+    assert [(x["task"], x["status"]) for x in lines] == [("over 0", "failed"), ("over 1", "done")]
+
+
+def test_workers_have_one_thread_and_a_core_each():
+    with using(Workers(1, pinned=True)):
+        names = [*SINGLE_THREAD]
+        assert compute([Task("nothing", x, os.getenv, (x,)) for x in names]) == ["1"] * len(names)
+        (cores,) = compute([Task("nothing", "cores", os.sched_getaffinity, (0,))])
+    assert len(cores) == 1
+
+
+def test_task_that_kills_its_worker_is_set_aside(two_workers, tmp_path):
+    """It is tried three times and named, after all others are done."""
+    tasks = [Task("nothing", f"{k}", divmod, (k, 7)) for k in range(5)]
+    deadly = Task("nothing", "the deadly one", die, (str(tmp_path / "tries"),))
+    done = []
+    with pytest.raises(WorkerError, match="the deadly one: its worker was lost in each of 3 tries"):
+        compute([deadly, *tasks], done.append)
+    assert sorted(done) == [divmod(k, 7) for k in range(5)]
+    assert (tmp_path / "tries").read_text() == "xxx"
+
+
+def test_unsendable_result_and_missing_module_cost_one_task(two_workers, monkeypatch):
+    """Although others are sent with it."""
+    monkeypatch.setitem(sys.modules, "only_here", module := ModuleType("only_here"))
+    exec("def plug_in(): pass", vars(module))
+    tasks = [Task("nothing", f"{k}", divmod, (k, 7)) for k in range(300)]
+    tasks[150] = Task("nothing", "the lock", threading.Lock)
+    tasks[250] = Task("nothing", "the plug-in", module.plug_in)
+    errors = {x.row: str(x.error) for x in perform(tasks) if x.error}
+    assert "cannot be pickled" in errors.pop(150)
+    assert errors[250].endswith("cannot import only_here, which the task needs")
+    assert len(errors) == 1
+
+
+def test_workers_print_remarks_and_end_with_their_parent(tmp_path):
+    script = tmp_path / "main.py"
+    script.write_text(
+        "from small_tasks import say, wait_in\n"
+        "from trials.execution.cluster import Workers\n"
+        "from trials.execution.executor import compute, using\n"
+        "from trials.execution.tasks import Task\n"
+        "if __name__ == '__main__':\n"
+        "    with using(Workers(1)):\n"
+        "        compute([Task('x', 'x', say, ('table.csv: a row is left out',))])\n"
+        "        compute([Task('x', 'x', wait_in, ('pid',))])\n"
+    )
+    words = [sys.executable, script]
+    parent = subprocess.Popen(
+        words, cwd=tmp_path, env={**os.environ, **LOCAL}, stderr=subprocess.PIPE, text=True
+    )
+    worker = int(until(lambda: (tmp_path / "pid").is_file() and (tmp_path / "pid").read_text()))
+    parent.send_signal(signal.SIGKILL)
+    until(lambda: not is_running(worker))
+    assert "driftyard: remark: table.csv: a row is left out\n" in parent.communicate()[1]
+
+
+def is_running(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().split(")")[1].split()[0] not in ("Z", "X")
+    except FileNotFoundError:
+        return False
+
+
+class Nodes:
+    """A scheduler, and two workers that start in folders of their own."""
+
+    def __init__(self, folder: Path, path: str) -> None:
+        sheet = folder / "scheduler.json"
+        self.scheduler = self._start("scheduler", folder, path, "--scheduler-file", sheet)
+        until(lambda: sheet.is_file() and sheet.read_text().endswith("}"))
+        self.address = json.loads(sheet.read_text())["address"]
+        self.workers = []
+        for name in ("one", "two"):
+            (folder / name).mkdir()
+            words = (self.address, "--nthreads", "1")
+            self.workers.append(self._start("worker", folder / name, path, *words))
+
+    @staticmethod
+    def _start(kind: str, cwd: Path, path: str, *words: object) -> subprocess.Popen[bytes]:
+        module = f"distributed.cli.dask_{kind}"
+        local = ("--host", "127.0.0.1", "--no-dashboard", *(["--port", "0"] * (kind != "worker")))
+        return subprocess.Popen(
+            [sys.executable, "-m", module, *map(str, words), *local],
+            cwd=cwd,
+            env={**os.environ, "PYTHONPATH": path},
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+
+    def stop(self) -> None:
+        for process in (*self.workers, self.scheduler):
+            process.kill()  # workers end with their nannies
+            process.wait()
+
+
+@pytest.fixture(scope="module")
+def nodes(tmp_path_factory) -> Iterator[Nodes]:
+    """The tests use them in order: the last one kills the scheduler."""
+    made = Nodes(tmp_path_factory.mktemp("nodes"), LOCAL["PYTHONPATH"])
+    yield made
+    made.stop()
+
+
+def test_forty_tasks_on_two_nodes_survive_two_kills(nodes, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with using(HERE):
+        compute(mixed_tasks("here", 40))
+    killed: set[int] = set()
+    rows: list[int] = []
+    with using(Workers(scheduler=nodes.address)):
+        for outcome in perform(mixed_tasks("there", 40)):
+            rows.append(outcome.row)
+            process = outcome.result()
+            if len(rows) in (5, 20) and process not in killed:
+                os.kill(process, signal.SIGKILL)
+                killed.add(process)
+    assert len(killed) == 2
+    assert sorted(rows) == [*range(40)]
+    assert content(tmp_path / "there") == content(tmp_path / "here")
+    assert sorted(x.name for x in (tmp_path / "there").iterdir()) == sorted(map(str, range(40)))
+
+
+def test_worker_with_other_code_is_refused(nodes, monkeypatch):
+    monkeypatch.setattr(cache, "EVERYTHING", ("vo",))
+    cache.code_digest.cache_clear()
+    with (
+        using(Workers(scheduler=nodes.address)),
+        pytest.raises(WorkerError, match="has other code; install this version"),
+    ):
+        compute([Task("nothing", "x", divmod, (1, 1))])
+    cache.code_digest.cache_clear()
+
+
+def test_lost_scheduler_ends_in_one_line(nodes, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with using(Workers(scheduler=nodes.address)):
+        outcomes = perform(mixed_tasks("there", 40))
+        next(outcomes)
+        nodes.scheduler.kill()
+        with pytest.raises(WorkerError, match="lost; the same command continues from here"):
+            list(outcomes)
+
+
+@pytest.mark.parametrize(
+    ("scheduler", "said"),
+    [
+        ("tcp://127.0.0.1:1", "scheduler tcp://127.0.0.1:1: does not answer"),
+        ("office", "--scheduler office: expected tcp://HOST:PORT, slurm, kubernetes or ssh:HOST"),
+        ("slurm", "dask_jobqueue is not installed: pip install 'driftyard\\[cluster\\]'"),
+        ("kubernetes", "dask_kubernetes"),
+    ],
+)
+def test_unusable_scheduler_is_one_line(scheduler, said, monkeypatch):
+    monkeypatch.setattr("trials.execution.cluster.CONNECT_S", 1)
+    with (
+        using(Workers(scheduler=scheduler)),
+        pytest.raises((WorkerError, SettingsError), match=said),
+    ):
+        compute([Task("nothing", "x", divmod, (1, 1))])

@@ -1,0 +1,255 @@
+"""Processes that run tasks: one for each core, the workers of a Dask cluster, or this process."""
+
+import importlib.util
+import logging
+import os
+from collections.abc import Callable, Generator
+from concurrent.futures import Executor, Future
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import monotonic
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+from uuid import uuid4
+
+from trials.execution.cache import code_digest
+from trials.execution.tasks import Report, Site, WorkerError
+from vo.contract.errors import SettingsError
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+TRIES = 3
+"""Attempts at a task whose worker was lost each time, by workers that this command started."""
+CONNECT_S, WORKER_S, COUNT_S = 10, 30, 5.0
+"""Time that a scheduler has to answer, and to have a worker; period of counting its workers."""
+SINGLE_THREAD = dict.fromkeys(
+    ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS",
+     "LP_NUM_THREADS"), "1",
+)  # fmt: skip
+"""Environment of a local worker: processes on all cores with several threads each are slower."""
+RESERVED = 0.9
+"""Ratio of the available memory that local workers may use."""
+HAS_PACKAGE = "__import__('importlib.util').util.find_spec('trials') is not None"
+DASHBOARD = importlib.util.find_spec("bokeh") is not None
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Where tasks run.
+
+    Attributes:
+        count: Number of local processes, or of workers that a queue is asked for; None for as many
+            as cores and memory allow, 0 to run tasks in this process.
+        scheduler: Address of a Dask scheduler, `slurm`, `kubernetes`, or `ssh:HOST,HOST`; empty for
+            this machine.
+        pinned: Whether each local process, and what it starts, is confined to a core of its own.
+        log: File of JSON lines, one for each task; None for none.
+        announce: Called with the address of Dask's dashboard.
+    """
+
+    count: int | None = None
+    scheduler: str = ""
+    pinned: bool = False
+    log: Path | None = None
+    announce: Callable[[str], None] = lambda _: None
+
+
+@dataclass(frozen=True)
+class Pool:
+    """Executor of calls, the number of calls that it runs at once, and the site of its tasks."""
+
+    executor: Executor
+    slots: Callable[[int], int]
+    site: Site
+    listen: Callable[[Report], None] = field(default=lambda _: None)
+
+
+class InThisProcess(Executor):
+    """Runs calls at once."""
+
+    def submit(
+        self, function: Callable[P, R], /, *arguments: P.args, **words: P.kwargs
+    ) -> Future[R]:
+        """Run a call."""
+        call = Future[R]()
+        try:
+            call.set_result(function(*arguments, **words))
+        except Exception as error:
+            call.set_exception(error)
+        return call
+
+
+def usable_cores() -> int:
+    """Number of cores that this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
+@contextmanager
+def pool_of(workers: Workers, memory_gb: float) -> Generator[Pool]:
+    """Start or reach the processes that run tasks of at most so much memory each.
+
+    Raises:
+        WorkerError: If a scheduler does not answer, or has no worker with that memory.
+        SettingsError: If there is no such kind of scheduler.
+    """
+    folder, cores = Path.cwd(), usable_cores()
+    if not workers.scheduler and 0 in (workers.count, cores):
+        yield Pool(InThisProcess(), lambda _: 1, Site(folder))
+        return
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # errors are raised below
+    topic = f"driftyard-{uuid4().hex}"  # other commands may use the same scheduler
+    if workers.scheduler:
+        with _reached(workers, memory_gb) as client:
+            yield _pool(client, _counted(client), workers, Site(folder, code_digest(), topic))
+        return
+    with _local(workers, memory_gb) as (client, slots):
+        yield _pool(client, slots, workers, Site(folder, "", topic, workers.pinned))
+
+
+def _pool(client: "Client", slots: Callable[[int], int], workers: Workers, site: Site) -> Pool:
+    def listen(report: Report) -> None:
+        client.subscribe_topic(site.topic, lambda event: report(*event[1]))
+
+    if DASHBOARD:
+        workers.announce(str(client.dashboard_link))
+    return Pool(client.get_executor(pure=False), slots, site, listen)
+
+
+@contextmanager
+def _local(workers: Workers, memory_gb: float) -> "Generator[tuple[Client, Callable[[int], int]]]":
+    """Start a cluster in this machine; its processes grow in number with the tasks."""
+    import dask.config
+    import psutil
+    from distributed import Client, LocalCluster
+
+    available_gb = RESERVED * psutil.virtual_memory().available / 2**30
+    room = max(1, int(available_gb / memory_gb))
+    most = min(usable_cores(), room, workers.count or room)
+    if workers.count and not workers.pinned:
+        most = workers.count
+    configuration: dict[str, Any] = {
+        "distributed.nanny.pre-spawn-environ": SINGLE_THREAD,
+        "distributed.scheduler.allowed-failures": TRIES - 1,
+        # No task waits at a worker, where the loss of the worker would count against it.
+        "distributed.scheduler.worker-saturation": 1.0,
+        # On a busy machine a lost worker takes long to start again; given up, all would wait.
+        "distributed.deploy.lost-worker-timeout": "1 hour",
+    }
+    quiet: dict[str, Any] = {
+        "dashboard_address": "127.0.0.1:0",  # any free port
+        "silence_logs": logging.CRITICAL,
+        "threads_per_worker": 1,
+        "memory_limit": round(max(available_gb, memory_gb) / most * 2**30),
+    }
+    with (
+        dask.config.set(configuration),
+        LocalCluster(n_workers=0, **quiet) as cluster,
+        Client(cluster) as client,
+    ):
+        started = 0
+
+        def slots(tasks: int) -> int:
+            nonlocal started
+            if min(most, tasks) > started:
+                started = min(most, tasks)
+                cluster.scale(started)
+            return started
+
+        yield client, slots
+
+
+@contextmanager
+def _reached(workers: Workers, memory_gb: float) -> "Generator[Client]":
+    """Connect to a scheduler, or ask a queue for workers."""
+    from distributed import Client
+
+    name = workers.scheduler
+    with _cluster(workers, memory_gb) as target:
+        try:
+            client = Client(target, timeout=CONNECT_S)
+        except (OSError, ValueError) as error:
+            reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+            raise WorkerError(f"scheduler {name}: does not answer ({reason})") from None
+        with client:
+            if target is name:
+                try:
+                    client.wait_for_workers(1, timeout=WORKER_S)
+                except TimeoutError:
+                    raise WorkerError(f"scheduler {name}: has no workers") from None
+                _check(client, name, memory_gb)
+            yield client
+
+
+def _check(client: "Client", name: str, memory_gb: float) -> None:
+    """Raise a WorkerError if a scheduler or its workers lack this package, or the memory."""
+    places = {"the scheduler": client.run_on_scheduler(eval, HAS_PACKAGE)}
+    for place, found in (places | client.run(eval, HAS_PACKAGE)).items():
+        if not found:
+            raise WorkerError(f"scheduler {name}: {place} has no driftyard; install it there")
+    known = client.scheduler_info()["workers"].values()
+    limits = [x["memory_limit"] / 2**30 or float("inf") for x in known]
+    if max(limits) < memory_gb:
+        raise WorkerError(
+            f"scheduler {name}: its workers have at most {max(limits):.1f} GB each; these tasks "
+            f"need {memory_gb:g} GB (`dask worker --memory-limit`)"
+        )
+
+
+@contextmanager
+def _cluster(workers: Workers, memory_gb: float) -> Generator[Any]:
+    """Yield what a client connects to: the address, or a cluster that was started for it."""
+    kind, _, hosts = workers.scheduler.partition(":")
+    count, memory = workers.count or 1, f"{memory_gb:g}GB"
+    if kind == "slurm":
+        (made,) = _imported("dask_jobqueue", "SLURMCluster")
+        cluster = made(cores=1, processes=1, memory=memory, job_cpu=1)
+    elif kind == "kubernetes":
+        (made,) = _imported("dask_kubernetes.operator", "KubeCluster")
+        needs = {"requests": {"cpu": "1", "memory": memory}, "limits": {"memory": memory}}
+        cluster = made(name="driftyard", n_workers=0, resources=needs)
+    elif kind == "ssh" and hosts:
+        _imported("asyncssh")
+        from distributed import SSHCluster
+
+        names = hosts.split(",")
+        options = {"nthreads": 1, "n_workers": workers.count or 1}
+        with SSHCluster([names[0], *names], worker_options=options) as cluster:
+            yield cluster
+        return
+    elif "://" in workers.scheduler:
+        yield workers.scheduler
+        return
+    else:
+        raise SettingsError(
+            f"--scheduler {workers.scheduler}: expected tcp://HOST:PORT, slurm, kubernetes or "
+            "ssh:HOST,HOST"
+        )
+    with cluster:
+        cluster.scale(count)
+        yield cluster
+
+
+def _imported(module: str, *names: str) -> list[Any]:
+    try:
+        found = importlib.import_module(module)
+    except ImportError:
+        raise WorkerError(f"{module} is not installed: pip install 'driftyard[cluster]'") from None
+    return [getattr(found, name) for name in names]
+
+
+def _counted(client: "Client") -> Callable[[int], int]:
+    """Return a function that counts the workers of a cluster, at most every COUNT_S."""
+    known, counted_s = 1, -COUNT_S
+
+    def slots(_: int) -> int:
+        nonlocal known, counted_s
+        if monotonic() - counted_s > COUNT_S:
+            with suppress(OSError):  # a lost scheduler is noticed by its tasks
+                known, counted_s = max(1, len(client.nthreads())), monotonic()
+        return known
+
+    return slots
