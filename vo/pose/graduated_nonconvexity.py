@@ -12,7 +12,6 @@ import numpy as np
 from vo.config import MotionSettings
 from vo.contract import se3
 from vo.contract.arrays import Array
-from vo.contract.compilation import compiled
 from vo.pose.gauss_newton import gauss_newton_step
 from vo.pose.hypotheses import Problem, squared_errors
 from vo.pose.ransac import Consensus, determined_consensus
@@ -39,14 +38,13 @@ def refine_guess(
     return determined_consensus(problem, pose, settings)
 
 
-@compiled(error_model="numpy")
 def descend(problem: Problem, pose: Array) -> bool:
     """Minimise ever narrower losses of at least one match's reprojection error.
 
     A guessed pose (3, 4) changes in place; False if it is undetermined. The threshold comes last.
     """
     count = len(problem.points_odom)
-    squares, weights, moved = np.empty(count), np.empty(count), np.empty((3, 4))
+    squares, moved = np.empty(count), np.empty((3, 4))
     squared_errors(problem, pose, 0, count, squares)
     width = FIRST_WIDTH * np.sqrt(np.median(squares))
     if not np.isfinite(width):
@@ -55,8 +53,7 @@ def descend(problem: Problem, pose: Array) -> bool:
         width = max(width, 1.0)
         for _ in range(STEPS):
             squared_errors(problem, pose, 0, count, squares)
-            for k in range(count):
-                weights[k] = problem.weights[k] / (1 + squares[k] / width**2) ** 2
+            weights = problem.weights / (1 + squares / (width * width)) ** 2
             rows = np.flatnonzero(weights)
             if not gauss_newton_step(problem.points_odom, problem.rays, rows, pose, moved, weights):
                 return False
