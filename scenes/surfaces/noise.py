@@ -42,16 +42,21 @@ def fractal(
     band = (frequency >= 1 / longest) & (soft_edge < MAX_EXPONENT)
     gain = np.zeros(frequency.shape, np.float32)
     gain[band] = frequency[band] ** -slope * np.exp(-soft_edge[band])
-    spectrum = np.asarray(scipy.fft.rfft2(white)) * gain
+    spectrum, rows = np.asarray(scipy.fft.rfft2(white)), len(gain)
+    spectrum[..., :rows, :] *= gain
+    spectrum[..., rows:, :] *= gain[height - rows : 0 : -1]
     noise = np.asarray(scipy.fft.irfft2(spectrum, s=(height, width)))
-    deviation = noise.std(axis=(-2, -1), keepdims=True)
-    return (noise / np.maximum(deviation, 1e-9)).astype(np.float32)
+    noise /= np.maximum(noise.std(axis=(-2, -1), keepdims=True), 1e-9)
+    return noise
 
 
 @lru_cache(maxsize=4)
 def _frequencies(height: int, width: int, stretch: float) -> Array:
-    """Return the spatial frequency of each entry of a real spectrum, cycles per pixel."""
-    across, along = scipy.fft.fftfreq(height)[:, None], scipy.fft.rfftfreq(width)[None, :]
+    """Return the spatial frequency, cycles per pixel, of the rows of a real spectrum from 0 on.
+
+    (H // 2 + 1, W // 2 + 1); the other rows are those of the negative frequencies.
+    """
+    across, along = scipy.fft.rfftfreq(height)[:, None], scipy.fft.rfftfreq(width)[None, :]
     frequency = np.hypot(across, stretch * along)
     frequency.flags.writeable = False
     return frequency

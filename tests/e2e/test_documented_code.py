@@ -24,13 +24,18 @@ from vo.contract.remarks import Remark
 pytestmark = pytest.mark.gl
 
 SIZE = {"rig.width_px": 128, "rig.height_px": 96, "rig.rate_hz": 5, "render.samples": 0}
-SMALL = {**SIZE, "drive.distance_m": 1.2, "drive.speed_mps": 0.5}
+SMALL = {**SIZE, "drive.distance_m": 1.2, "drive.speed_mps": 0.6}
 SMALLER = (
     (r'"(office|meadow)"', '"yard.xml"'),
     (r'"width_px": \d+, "height_px": \d+', '"width_px": 128, "height_px": 96'),
     (r'"rate_hz": \d+', '"rate_hz": 5'),
     (r'\{"drive.distance_m": \d+\}', repr(SMALL)),
-    (r'scene="(office|yard.xml)", localization="vo"\)', f'scene="yard.xml", settings={SIZE})'),
+    (r'"distance_m": 1.5, "speed_mps": 0.5', '"distance_m": 1.2, "speed_mps": 0.6'),
+    (r'distance_m=\(2.0, 2.5\)', 'distance_m=(1.0, 1.5)'),
+    (
+        r'scene="(office|yard.xml)", localization="vo"\)',
+        f'scene="yard.xml", settings={SIZE}, distance_m=(1.0, 1.5))',
+    ),
 )  # fmt: skip
 """What is replaced in Python, and by what."""
 SHELL_PAGES = {"tasks.md", "own_scene.md"}

@@ -106,16 +106,16 @@ def test_entry_point_registers_the_environments():
     ],
 )
 def test_seed_and_actions_decide_the_trial(make, options):
-    first, _ = drive(make(**options), 25, seed=4)
-    second, _ = drive(make(**options), 25, seed=4)
-    assert len(first) == len(second) > 20
+    first, _ = drive(make(**options), 12, seed=4)
+    second, _ = drive(make(**options), 12, seed=4)
+    assert len(first) == len(second) > 10
     for (a, info_a), (b, info_b) in zip(first, second, strict=True):
         for channel in a:
             np.testing.assert_array_equal(a[channel], b[channel], err_msg=channel)
         np.testing.assert_array_equal(info_a["T_estimated"], info_b["T_estimated"])
     env = make(**options)
     drive(env, 5, seed=4)
-    again, _ = drive(env, 25, seed=4)
+    again, _ = drive(env, 12, seed=4)
     np.testing.assert_array_equal(again[-1][0]["left"], first[-1][0]["left"])
     other, _ = drive(env, 3, seed=5)
     assert not np.array_equal(other[0][1]["T_true"], first[0][1]["T_true"])
@@ -280,7 +280,7 @@ def test_explore_counts_the_view_and_ends_at_the_start(make):
 
 def test_visual_odometry_is_close_to_the_truth_but_not_it(make):
     env = make(localization="vo", settings=MEDIUM, observe=("goal",))
-    seen, _ = drive(env, seed=1, options={"start": (-2.0, 1.5, 0.0), "goal": (1.8, 1.5)})
+    seen, _ = drive(env, seed=1, options={"start": (-2.0, 1.5, 0.0), "goal": (0.0, 1.5)})
     errors = np.array([info["error_m"] for _, info in seen[1:]])
     assert seen[-1][1]["outcome"] == "success"
     assert 1e-5 < errors[-1] < 0.1
@@ -427,7 +427,7 @@ def test_saved_trial_replays_to_the_same_poses(make, tmp_path, disturb):
         localization="vo", settings=MEDIUM, observe=("left", "right", "goal"),
         record=True, disturb=disturb,
     )  # fmt: skip
-    seen, _ = drive(env, 30, seed=2)
+    seen, _ = drive(env, 18, seed=2)
     out = tmp_path / "drive"
     env.unwrapped.save_dataset(out)
     assert verify(out) == []
