@@ -30,7 +30,7 @@ from vo.runner import run
 pytestmark = [pytest.mark.gl, pytest.mark.slow]
 
 SETTINGS = RecordSettings(
-    rig=RigSettings(width_px=480, height_px=360, rate_hz=10),
+    rig=RigSettings(rate_hz=10),
     drive=DriveSettings(distance_m=1.5),
     render=RenderSettings(samples=0, shadow_size_px=512),
     labels=LabelSettings(depth=False, disparity=False),
