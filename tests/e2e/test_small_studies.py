@@ -80,8 +80,8 @@ def test_stress_finds_where_the_baseline_fails(tmp_path):
     scene = write_yard(tmp_path)
     words = ("--estimator", "corner_flow", "--points", "2", "--rounds", "0", "--seeds", "1")
     words += ("--scene", scene, "--distance", "1.2", "--drift", "0")
-    words += ("--record", "rig.width_px=320", "--record", "rig.height_px=240")
-    words += ("--record", "rig.rate_hz=8")
+    words += ("--record", "rig.width_px=160", "--record", "rig.height_px=120")
+    words += ("--record", "rig.rate_hz=8", "--record", "drive.speed_mps=0.6")
     result = driftyard("stress", "noise", *words, cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert "Fails on yard without any disturbance" in result.stdout

@@ -112,7 +112,8 @@ def test_nearest_association_reproduces_evo_exactly(real_data):
     rows = np.loadtxt(folder / "fr2_desk_groundtruth.txt")
     estimate = read_trajectory(folder / "fr2_desk_ORB.txt")
     seconds = estimate.timestamps_ns / 1e9
-    nearest = np.abs(rows[:, :1] - seconds[None]).argmin(axis=0)
+    after = np.searchsorted(rows[:, 0], seconds).clip(1, len(rows) - 1)
+    nearest = after - (seconds - rows[after - 1, 0] <= rows[after, 0] - seconds)
     near = np.abs(rows[nearest, 0] - seconds) <= 0.01
     T_world_cam = se3.from_quat_wxyz(rows[nearest[near]][:, [7, 4, 5, 6]], rows[nearest[near], 1:4])
     chosen = Trajectory(estimate.timestamps_ns[near], estimate.T_ref_frame[near])

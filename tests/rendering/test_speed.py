@@ -18,7 +18,7 @@ YARD = """<mujoco><worldbody><light pos="0 0 4"/>
 
 def test_measure_lengths_times_frames_of_both_drives(tmp_path):
     (tmp_path / "yard.xml").write_text(YARD)
-    short, long = (TimedDrive(str(tmp_path / "yard.xml"), 0, x) for x in (0.3, 1.2))
+    short, long = (TimedDrive(str(tmp_path / "yard.xml"), 0, x) for x in (0.3, 0.9))
     cost = measure_lengths(short, long, 5)
     more = (long.distance_m - short.distance_m) / long.settings().drive.speed_mps
     assert cost.long.frames - cost.short.frames == pytest.approx(

@@ -2,6 +2,7 @@
 
 import ast
 from collections import defaultdict
+from functools import cache
 from pathlib import Path
 
 import grimp
@@ -17,17 +18,19 @@ MAX_TEST_NAME_LETTERS = 60
 
 def functions(path):
     """All functions of a file, methods and inner ones included."""
-    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-            yield node
+    nodes = ast.walk(ast.parse(path.read_text("utf-8")))
+    return [x for x in nodes if isinstance(x, ast.FunctionDef | ast.AsyncFunctionDef)]
 
 
+@cache
 def plain_functions(path):
     """Functions of a file that are not compiled to machine code."""
+    found = []
     for node in functions(path):
         decorators = {ast.unparse(x).split("(")[0] for x in node.decorator_list}
         if not decorators & {"compiled", "njit", "numba.njit"}:
-            yield node
+            found.append(node)
+    return found
 
 
 def name_of(path, node):

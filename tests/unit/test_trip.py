@@ -145,10 +145,10 @@ def test_rover_halts_at_the_set_distance_and_duration(travel):
 
 
 def test_lost_frames_have_the_set_share_without_the_first(travel):
-    settings = RecordSettings(drive=DriveSettings(distance_m=1.0), rig=RigSettings(rate_hz=30))
+    settings = RecordSettings(drive=SHORT, rig=RigSettings(rate_hz=60))
     none = travel(settings)
     assert none.delivered.all()
-    for seed in range(3):
+    for seed in range(2):
         sensor = SensorSettings(drop_share=0.5)
         lossy = travel(settings.model_copy(update={"sensor": sensor, "seed": seed}))
         assert lossy.delivered[0]
