@@ -7,6 +7,7 @@ from pathlib import Path
 from trials.cli import console
 from trials.cli.options import Seed, option
 from trials.studies.bench import bench_all, bench_over
+from trials.studies.speed.engine import measure_engine
 from vo.recordings.readers import open_sequence
 
 PACKAGES = ("mujoco", "numpy", "opencv-python-headless", "gtsam", "numba")
@@ -19,13 +20,18 @@ def bench(
     over: Path | None = option(
         None, "Run only the estimators, over this dataset.", metavar="DATASET"
     ),
+    engine: bool = option(
+        False, "Measure only the executor of tasks, and the gain of a second worker.", "--engine"
+    ),
 ) -> None:
     """Measure the speed of generator, renderers and estimators on this machine.
 
     With --over, times and memory at the end of the dataset are printed beside those at its start,
     and the time of a window of keyframes by each backend of bundle adjustment.
     """
-    if over is not None:
+    if engine:
+        report = measure_engine(scene, console.progress_bar)
+    elif over is not None:
         open_sequence(over)  # a wrong path is refused before a process is started
         report = bench_over(over, console.progress_bar)
     else:
