@@ -5,6 +5,7 @@ import os
 import time
 from pathlib import Path
 
+from trials.execution.store import publish
 from trials.execution.tasks import Task
 from vo.contract.dataset import DatasetWriter
 from vo.contract.files import write_text
@@ -15,6 +16,7 @@ def write_file(out: str, seed: int) -> int:
     """Write a file; return the process that did."""
     time.sleep(0.02)
     write_text(Path(out), hashlib.sha256(str(seed).encode()).hexdigest())
+    publish(Path(out))
     return os.getpid()
 
 
@@ -25,6 +27,7 @@ def write_folder(out: str, seed: int) -> int:
             time.sleep(0.01)
             writer.add(f"mav0/{k}", hashlib.sha256(f"{seed} {k}".encode()).digest())
         writer.commit({"seed": seed})
+    publish(Path(out))
     return os.getpid()
 
 

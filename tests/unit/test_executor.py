@@ -19,6 +19,7 @@ from terminal import ROOT
 from trials.execution import cache
 from trials.execution.cluster import SINGLE_THREAD, Workers
 from trials.execution.executor import compute, perform, using
+from trials.execution.store import present
 from trials.execution.tasks import Task, WorkerError
 from vo.contract.errors import SettingsError
 
@@ -176,13 +177,17 @@ def test_forty_tasks_on_two_nodes_survive_two_kills(nodes, tmp_path, monkeypatch
         compute(mixed_tasks("here", 40))
     killed: set[int] = set()
     rows: list[int] = []
-    with using(Workers(scheduler=nodes.address)):
+    with using(Workers(scheduler=nodes.address, store=str(tmp_path / "store"))):
         for outcome in perform(mixed_tasks("there", 40)):
             rows.append(outcome.row)
             process = outcome.result()
             if len(rows) in (5, 20) and process not in killed:
                 os.kill(process, signal.SIGKILL)
                 killed.add(process)
+        assert not (tmp_path / "there").exists()  # each node has a folder of its own
+        for k in range(40):
+            (tmp_path / "there").mkdir(exist_ok=True)
+            present(Path(f"there/{k}"))
     assert len(killed) == 2
     assert sorted(rows) == [*range(40)]
     assert content(tmp_path / "there") == content(tmp_path / "here")

@@ -25,6 +25,12 @@ class WorkersOptions:
         "or ssh:HOST,HOST.",
         metavar="ADDRESS",
     )
+    store: str = option(
+        "",
+        "Location where machines without a common folder share results: s3://BUCKET/NAME, "
+        "gs://..., sftp://..., or a folder.",
+        metavar="URL",
+    )
     log: Path | None = option(
         None, "File that gets a line of JSON for each task.", "--task-log", metavar="FILE"
     )
@@ -39,4 +45,6 @@ class WorkersOptions:
             if console.err.is_terminal:
                 console.err.print(f"dashboard: {link}", markup=False)
 
-        return using(Workers(self.workers, self.scheduler, log=self.log, announce=announce))
+        return using(
+            Workers(self.workers, self.scheduler, store=self.store, log=self.log, announce=announce)
+        )

@@ -20,6 +20,7 @@ from trials.evaluation.metrics import errors_over_distance
 from trials.evaluation.truth import true_trajectory
 from trials.execution.cache import cache_path, dataset_digest, source_digest
 from trials.execution.executor import compute
+from trials.execution.store import present, publish
 from trials.execution.tasks import Task
 from vo.contract.arrays import Array, Indices
 from vo.contract.dataset import MANIFEST
@@ -141,7 +142,7 @@ def combinations_of(
 
 def _run(job: OracleJob) -> RunDrift:
     cv2.setNumThreads(1)
-    sequence, truth = open_sequence(job.dataset), true_trajectory(job.dataset)
+    sequence, truth = open_sequence(present(job.dataset)), true_trajectory(job.dataset)
     choice, error = job.subject.estimator, job.subject.error
     rig = error.rig(sequence.rig)
     made, settings = make_estimator(choice.name, rig, choice.config, choice.overrides)
@@ -154,6 +155,8 @@ def _run(job: OracleJob) -> RunDrift:
     if not job.oracles:
         write_run(job.folder / RUN, result, choice.name, settings, job.dataset)
         write_births(job.folder / BIRTHS, oracle.births)
+        for name in (RUN, BIRTHS):
+            publish(job.folder / name)
     lost, queried = len(sequence) - len(result.trajectory), tuple(sorted(oracle.queried))
     drift = RunDrift(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), lost, queried)
     if len(result.trajectory) > 1:

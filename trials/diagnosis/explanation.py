@@ -29,6 +29,7 @@ from trials.diagnosis.hooks import InjectedError
 from trials.evaluation.consistency import Nees, nees, summarize
 from trials.evaluation.runs import read_run
 from trials.evaluation.truth import true_trajectory
+from trials.execution.store import present
 from vo.contract.arrays import Array
 from vo.contract.errors import DriftyardError, TrajectoryError
 from vo.runner import companion
@@ -147,10 +148,10 @@ def _explanation(
     settings: Mapping[str, Any] = {}
     for dataset, some in jobs.items():
         folder = some[frozenset()].folder
-        run = read_run(folder / RUN)
+        run = read_run(present(folder / RUN))
         settings = json.loads(companion(folder / RUN, "run.json").read_text("utf-8"))["settings"]
         try:
-            bounds.append(bound(dataset, run, folder / BIRTHS))
+            bounds.append(bound(dataset, run, present(folder / BIRTHS)))
         except DriftyardError as error:
             bounds.append(str(error))
         with suppress(TrajectoryError):  # the estimator gives no covariances

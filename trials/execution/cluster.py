@@ -47,6 +47,8 @@ class Workers:
         scheduler: Address of a Dask scheduler, `slurm`, `kubernetes`, or `ssh:HOST,HOST`; empty for
             this machine.
         pinned: Whether each local process, and what it starts, is confined to a core of its own.
+        store: Location of fsspec where workers with caches of their own share results; empty if all
+            share the folder of the command.
         log: File of JSON lines, one for each task; None for none.
         announce: Called with the address of Dask's dashboard.
     """
@@ -54,6 +56,7 @@ class Workers:
     count: int | None = None
     scheduler: str = ""
     pinned: bool = False
+    store: str = ""
     log: Path | None = None
     announce: Callable[[str], None] = lambda _: None
 
@@ -98,16 +101,21 @@ def pool_of(workers: Workers, memory_gb: float) -> Generator[Pool]:
     """
     folder, cores = Path.cwd(), usable_cores()
     if not workers.scheduler and 0 in (workers.count, cores):
-        yield Pool(InThisProcess(), lambda _: 1, Site(folder))
+        yield Pool(InThisProcess(), lambda _: 1, Site(folder, store=workers.store))
         return
     logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # errors are raised below
     topic = f"driftyard-{uuid4().hex}"  # other commands may use the same scheduler
     if workers.scheduler:
         with _reached(workers, memory_gb) as client:
-            yield _pool(client, _counted(client), workers, Site(folder, code_digest(), topic))
+            yield _pool(
+                client,
+                _counted(client),
+                workers,
+                Site(folder, code_digest(), topic, store=workers.store),
+            )
         return
     with _local(workers, memory_gb) as (client, slots):
-        yield _pool(client, slots, workers, Site(folder, "", topic, workers.pinned))
+        yield _pool(client, slots, workers, Site(folder, "", topic, workers.pinned, workers.store))
 
 
 def _pool(client: "Client", slots: Callable[[int], int], workers: Workers, site: Site) -> Pool:

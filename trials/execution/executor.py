@@ -12,7 +12,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from contextlib import ExitStack, contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from statistics import median
 from typing import Any, Generic, TypeVar
@@ -21,6 +21,7 @@ import cloudpickle
 
 from sim.graphics import GraphicsError
 from trials.execution.cluster import Pool, Workers, pool_of
+from trials.execution.store import Store, StoreError, sharing
 from trials.execution.tasks import Reply, Report, Site, Task, UnusableWorkerError, WorkerError, work
 
 R = TypeVar("R")
@@ -61,6 +62,8 @@ class _Started:
     def pool(self, tasks: Sequence[Task[Any]]) -> Pool:
         """Return the processes, started now unless they are there."""
         if self._pool is None:
+            if self.workers.store:
+                Store(self.workers.store).check()
             memory_gb = max(MEMORY_GB.get(x.kind, 0.5) for x in tasks)
             self._pool = self._stack.enter_context(pool_of(self.workers, memory_gb))
         return self._pool
@@ -81,7 +84,8 @@ def using(workers: Workers) -> Generator[None]:
     started = _Started(workers)
     token = _current.set(started)
     try:
-        yield
+        with sharing(workers.store):
+            yield
     finally:
         _current.reset(token)
         started.close()
@@ -130,10 +134,10 @@ def perform(tasks: Sequence[Task[R]], report: Report | None = None) -> Iterator[
     pool = started.pool(tasks)
     if report is not None:
         pool.listen(report)
-    site = pool.site if pool.site.topic else Site(pool.site.folder, report=report)
+    site = pool.site if pool.site.topic else replace(pool.site, report=report)
     for outcome in _outcomes(tasks, pool, site, started.workers.scheduler):
         _log(started.workers, outcome)
-        if isinstance(outcome.error, UnusableWorkerError | GraphicsError):
+        if isinstance(outcome.error, UnusableWorkerError | GraphicsError | StoreError):
             raise outcome.error
         yield outcome
 

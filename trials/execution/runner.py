@@ -9,6 +9,7 @@ from trials.estimators.choice import Named, estimate, make_estimator
 from trials.execution.cache import CACHE, ESTIMATOR, cache_path, dataset_digest, source_digest
 from trials.execution.executor import compute
 from trials.execution.jobs import Job, Recording, Result, Results, Variant
+from trials.execution.store import fetch, present, publish
 from trials.execution.tasks import Task
 from vo.contract.errors import DatasetError
 from vo.contract.rig import StereoRig
@@ -45,6 +46,8 @@ def run_jobs(
         for recording, of in variants.items()
     ]
     done = {result.job: result for results in compute(tasks, progress) for result in results}
+    for result in done.values():
+        _ = present(result.dataset), present(result.file)
     return Results({job: done[job] for job in jobs})
 
 
@@ -59,7 +62,7 @@ def record_all(
         DriftyardError: If a scene or setting is wrong.
     """
     tasks = [Task("recording", x.name, cached_recording, (x, cache)) for x in recordings]
-    return compute(tasks, progress)
+    return [present(x) for x in compute(tasks, progress)]
 
 
 def cached_recording(recording: Recording, cache: Path = CACHE) -> Path:
@@ -69,7 +72,9 @@ def cached_recording(recording: Recording, cache: Path = CACHE) -> Path:
 
     folder, settings = recording_folder(recording, cache)
     if not is_recorded(folder, settings):
-        record(build(recording.scene, settings), settings, folder, overwrite=True)
+        if not fetch(folder):
+            record(build(recording.scene, settings), settings, folder, overwrite=True)
+        publish(folder)
     return folder
 
 
@@ -130,7 +135,9 @@ def cached_run(
         choice = Named(variant.estimator, None, variant.overrides)
         if variant.command:
             choice = Command(variant.command, label=variant.label)
-        estimate(choice, dataset, file, frames=frames)
+        if not fetch(file):
+            estimate(choice, dataset, file, frames=frames)
+        publish(file)
     return file
 
 

@@ -7,7 +7,7 @@ import socket
 import threading
 import traceback
 from collections.abc import Callable, Sequence
-from contextlib import chdir
+from contextlib import chdir, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic
@@ -17,6 +17,7 @@ import cloudpickle
 
 from sim.graphics import GraphicsError, explain_fault, is_graphics_fault
 from trials.execution.cache import code_digest
+from trials.execution.store import sharing
 from vo.contract.errors import DatasetError, DriftyardError
 from vo.contract.remarks import print_remarks
 
@@ -37,6 +38,8 @@ class Site:
     Attributes:
         folder: Working directory.
         code: Digest of the sources that a worker must have; empty for local ones.
+        pinned: Whether the worker is confined to a core.
+        store: Location where results are shared; workers elsewhere then stay in their own folder.
         topic: Of Dask's events for reports of progress; empty in the process of the command.
     """
 
@@ -44,6 +47,7 @@ class Site:
     code: str = ""
     topic: str = ""
     pinned: bool = False
+    store: str = ""
     report: Report | None = None
 
 
@@ -103,7 +107,8 @@ def work(tasks: Sequence[bytes], site: Site) -> list[bytes]:
             cores = sorted(os.sched_getaffinity(0))
             if len(cores) > 1:
                 os.sched_setaffinity(0, {cores[int(get_worker().name) % len(cores)]})
-    with _one_at_a_time, chdir(site.folder):
+    elsewhere = site.code and site.store
+    with _one_at_a_time, nullcontext() if elsewhere else chdir(site.folder), sharing(site.store):
         return [_reply(task, site, address) for task in tasks]
 
 

@@ -16,6 +16,7 @@ from trials.evaluation.score import score_run
 from trials.evaluation.truth import true_trajectory
 from trials.execution.cluster import Workers
 from trials.execution.executor import compute, using
+from trials.execution.store import present
 from trials.execution.tasks import Task
 from trials.gate.baseline import Measurement
 from vo.contract.errors import DatasetError, DriftyardError, SettingsError, TrajectoryError
@@ -92,7 +93,7 @@ def _measure(choice: "Named | Command", reference: Named, dataset: Path, out: Pa
     import cv2
 
     cv2.setNumThreads(1)
-    frames = len(open_sequence(dataset))
+    frames = len(open_sequence(present(dataset)))
     timer = ReferenceTimer(reference, dataset)
     truth = true_trajectory(dataset)
     try:
