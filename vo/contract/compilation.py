@@ -36,7 +36,7 @@ def compiled(**options: Any) -> Callable[[Function], Function]:
     """Compile a function to machine code at its first call, by `numba.njit`'s options; keep it."""
 
     def decorate(function: Function) -> Function:
-        dispatcher: Any = numba.njit(**options)(function)
+        dispatcher: Any = numba.njit(no_cfunc_wrapper=True, **options)(function)
         dispatcher._cache = _Cache(dispatcher)
         return dispatcher
 

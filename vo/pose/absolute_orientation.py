@@ -19,23 +19,26 @@ def absolute_orientation(points_a: Array, points_b: Array, rows: Indices, pose: 
     """
     mean_a, mean_b, scatter = np.zeros(3), np.zeros(3), np.zeros((3, 3))
     for row in rows:
-        mean_a += points_a[row] / len(rows)
-        mean_b += points_b[row] / len(rows)
+        for i in range(3):
+            mean_a[i] += points_a[row, i] / len(rows)
+            mean_b[i] += points_b[row, i] / len(rows)
     for row in rows:
         for i in range(3):
             for j in range(3):
                 scatter[i, j] += (points_a[row, i] - mean_a[i]) * (points_b[row, j] - mean_b[j])
-    if not np.isfinite(scatter).all():
-        return False
-    rotation = pose[:, :3]
-    _write_rotation(scatter, rotation)
     for i in range(3):
-        pose[i, 3] = mean_a[i] - (rotation[i] * mean_b).sum()
+        for j in range(3):
+            if not np.isfinite(scatter[i, j]):
+                return False
+    _write_rotation(scatter, pose)
+    for i in range(3):
+        x, y, z = pose[i, 0] * mean_b[0], pose[i, 1] * mean_b[1], pose[i, 2] * mean_b[2]
+        pose[i, 3] = mean_a[i] - (x + y + z)
     return True
 
 
 @compiled()
-def _write_rotation(scatter: Array, rotation: Array) -> None:
+def _write_rotation(scatter: Array, pose: Array) -> None:
     """Write the R that maximises tr(R^T scatter): its unit quaternion is an eigenvector (4.A)."""
     S = scatter.T  # Horn's S_xy sums x of the left system, here b, times y of the right one, a
     N = np.zeros((4, 4))
@@ -46,11 +49,9 @@ def _write_rotation(scatter: Array, rotation: Array) -> None:
         N[i + 1, i + 1] = S[i, i] - S[j, j] - S[k, k]
         N[j + 1, k + 1] = N[k + 1, j + 1] = S[j, k] + S[k, j]
     w, x, y, z = np.linalg.eigh(N)[1][:, 3]
-    rotation[0, 0], rotation[1, 1], rotation[2, 2] = (
-        w * w + x * x - y * y - z * z,
-        w * w - x * x + y * y - z * z,
-        w * w - x * x - y * y + z * z,
-    )
-    rotation[0, 1], rotation[1, 0] = 2 * (x * y - w * z), 2 * (x * y + w * z)
-    rotation[0, 2], rotation[2, 0] = 2 * (x * z + w * y), 2 * (x * z - w * y)
-    rotation[1, 2], rotation[2, 1] = 2 * (y * z - w * x), 2 * (y * z + w * x)
+    pose[0, 0] = w * w + x * x - y * y - z * z
+    pose[1, 1] = w * w - x * x + y * y - z * z
+    pose[2, 2] = w * w - x * x - y * y + z * z
+    pose[0, 1], pose[1, 0] = 2 * (x * y - w * z), 2 * (x * y + w * z)
+    pose[0, 2], pose[2, 0] = 2 * (x * z + w * y), 2 * (x * z - w * y)
+    pose[1, 2], pose[2, 1] = 2 * (y * z - w * x), 2 * (y * z + w * x)

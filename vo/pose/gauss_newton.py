@@ -103,18 +103,17 @@ def _project(p: Array, pose: Array) -> tuple[float, float, float]:
 @compiled(error_model="numpy")
 def _move(pose: Array, tangent: Array, moved: Array) -> None:
     """Write [R | t] of T_odom_cam @ exp(w, v), to first order in v: R(-w) (p - v); Rodrigues."""
-    w, v = tangent[:3], tangent[3:]
-    angle2 = (w * w).sum()
+    w, p = tangent[:3], np.empty(3)
+    angle2 = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
     angle = np.sqrt(angle2)
     if angle < 1e-6:
         s, c = 1.0, 0.5
     else:
         s, c = np.sin(angle) / angle, (1 - np.cos(angle)) / angle2
     for column in range(4):
-        p = pose[:, column].copy()
-        if column == 3:
-            p -= v
-        along = (w * p).sum()
+        for i in range(3):
+            p[i] = pose[i, column] - (tangent[3 + i] if column == 3 else 0.0)
+        along = w[0] * p[0] + w[1] * p[1] + w[2] * p[2]
         for i in range(3):
             j, k = (i + 1) % 3, (i + 2) % 3
             turned = w[k] * p[j] - w[j] * p[k]  # -w x p

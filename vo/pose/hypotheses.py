@@ -68,9 +68,10 @@ def draw_sample(numbers: Array, bounds: Array, sample: Indices) -> None:
 
     The numbers (3,) are uniform in [0, 1), the bounds (N + 1,) from `cumulative_weights`.
     """
+    in_order = np.empty(SAMPLE, np.int64)
     for k in range(SAMPLE):
         left = bounds[-1]
-        taken = np.sort(sample[:k])
+        taken = in_order[:k]
         for row in taken:
             left -= bounds[row + 1] - bounds[row]
         place = numbers[k] * left
@@ -78,7 +79,11 @@ def draw_sample(numbers: Array, bounds: Array, sample: Indices) -> None:
             if place >= bounds[row]:
                 place += bounds[row + 1] - bounds[row]
         row = np.searchsorted(bounds, place, side="right") - 1
-        sample[k] = min(row, len(bounds) - 2)
+        sample[k] = row = min(row, len(bounds) - 2)
+        while k > 0 and in_order[k - 1] > row:
+            in_order[k] = in_order[k - 1]
+            k -= 1
+        in_order[k] = row
 
 
 @compiled(error_model="numpy")
@@ -89,12 +94,13 @@ def propose(problem: Problem, sample: Indices, poses: Array) -> int:
         if is_collinear(points_odom) or is_collinear(points_cam):
             return 0
         return int(absolute_orientation(points_cam, points_odom, np.arange(SAMPLE), poses[0]))
-    rays_cam = np.ones((SAMPLE, 3))
+    points_odom, rays_cam = np.empty((SAMPLE, 3)), np.empty((SAMPLE, 3))
     for k in range(SAMPLE):
-        ray = rays_cam[k]
-        copy_values(problem.rays[sample[k]], ray[:2])
-        ray /= np.sqrt((ray**2).sum())
-    return p3p(problem.points_odom[sample], rays_cam, problem.solver, poses)
+        u, v = problem.rays[sample[k]]
+        length = np.sqrt(u**2 + v**2 + 1.0)
+        rays_cam[k, 0], rays_cam[k, 1], rays_cam[k, 2] = u / length, v / length, 1.0 / length
+        copy_values(problem.points_odom[sample[k]], points_odom[k])
+    return p3p(points_odom, rays_cam, problem.solver, poses)
 
 
 @compiled(error_model="numpy")

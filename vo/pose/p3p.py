@@ -3,11 +3,14 @@
 A solver finds the three legs of the tetrahedron from the camera to the points; Newton's method on
 the three laws of cosines makes them exact; the motion between the two congruent triangles is the
 pose. (Absolute orientation of congruent triangles needs no least squares.)
+
+Vectors of three are written out by component: Numba compiles each expression of arrays, and each
+reduction, as a function of its own, which takes five times as long.
 """
 
 import numpy as np
 
-from vo.contract.arrays import Array, copy_values
+from vo.contract.arrays import Array
 from vo.contract.compilation import compiled
 from vo.pose.fischler_bolles import legs_fischler_bolles
 from vo.pose.lambda_twist import legs_lambda_twist
@@ -38,11 +41,13 @@ def p3p(points_ref: Array, rays_cam: Array, solver: int, poses: Array) -> int:
     p_cam = R @ p_ref + t. The solver is a value of `SOLVERS`. Return the number of solutions, zero
     for degenerate points or rays (collinear, coincident, NaN).
     """
-    sides2, cosines, legs = np.empty(3), np.empty(3), np.empty((MAX_CANDIDATES, 3))
+    sides2, cosines, legs = np.zeros(3), np.zeros(3), np.empty((MAX_CANDIDATES, 3))
     for k, (i, j) in enumerate(((0, 1), (0, 2), (1, 2))):
-        sides2[k] = ((points_ref[i] - points_ref[j]) ** 2).sum()
-        cosines[k] = (rays_cam[i] * rays_cam[j]).sum()
-    if not np.isfinite(sides2.sum()) or is_collinear(points_ref) or is_collinear(rays_cam):
+        for n in range(3):
+            sides2[k] += (points_ref[i, n] - points_ref[j, n]) ** 2
+            cosines[k] += rays_cam[i, n] * rays_cam[j, n]
+    total = sides2[0] + sides2[1] + sides2[2]
+    if not np.isfinite(total) or is_collinear(points_ref) or is_collinear(rays_cam):
         return 0
     if solver == FISCHLER_BOLLES:
         candidates = legs_fischler_bolles(sides2, cosines, legs)
@@ -53,10 +58,12 @@ def p3p(points_ref: Array, rays_cam: Array, solver: int, poses: Array) -> int:
         if not _refine(legs[k], sides2, cosines):
             continue
         fresh = found < 4
+        a, b, c = legs[k]
         for other in range(found):
-            fresh = fresh and np.abs(legs[k] - legs[other]).max() > SAME * legs[k].max()
+            A, B, C = legs[other]
+            fresh = fresh and max(abs(a - A), abs(b - B), abs(c - C)) > SAME * max(a, b, c)
         if fresh:
-            copy_values(legs[k], legs[found])
+            legs[found, 0], legs[found, 1], legs[found, 2] = a, b, c
             _triangle_motion(points_ref, rays_cam, legs[found], poses[found])
             found += 1
     return found
@@ -65,13 +72,10 @@ def p3p(points_ref: Array, rays_cam: Array, solver: int, poses: Array) -> int:
 @compiled(error_model="numpy")
 def is_collinear(corners: Array) -> bool:
     """Whether three points (3, 3) are, to rounding, in a line, or not finite."""
-    u, v = corners[1] - corners[0], corners[2] - corners[0]
-    area2 = (
-        (u[1] * v[2] - u[2] * v[1]) ** 2
-        + (u[2] * v[0] - u[0] * v[2]) ** 2
-        + (u[0] * v[1] - u[1] * v[0]) ** 2
-    )
-    longest2 = max((u * u).sum(), (v * v).sum())
+    (ox, oy, oz), (ax, ay, az), (bx, by, bz) = corners[0], corners[1], corners[2]
+    ax, ay, az, bx, by, bz = ax - ox, ay - oy, az - oz, bx - ox, by - oy, bz - oz
+    area2 = (ay * bz - az * by) ** 2 + (az * bx - ax * bz) ** 2 + (ax * by - ay * bx) ** 2
+    longest2 = max(ax * ax + ay * ay + az * az, bx * bx + by * by + bz * bz)
     return not area2 > COLLINEAR * longest2 * longest2
 
 
@@ -99,7 +103,8 @@ def _refine(legs: Array, sides2: Array, cosines: Array) -> bool:
         a -= (-s * u * e0 - q * v * e1 + q * s * e2) / determinant
         b -= (-r * v * e0 + p * v * e1 - p * s * e2) / determinant
         c -= (r * u * e0 - p * u * e1 - q * r * e2) / determinant
-    return error <= MAX_RESIDUAL * sides2.max() and legs.min() > 0
+    exact = error <= MAX_RESIDUAL * max(sides2[0], sides2[1], sides2[2])
+    return exact and min(legs[0], legs[1], legs[2]) > 0
 
 
 @compiled(error_model="numpy")
@@ -124,12 +129,25 @@ def _triangle_motion(points_ref: Array, rays_cam: Array, legs: Array, pose: Arra
 @compiled(error_model="numpy")
 def _axes(corners: Array, axes: Array) -> None:
     """Write unit axes as rows: along a triangle's first side, across it, normal to the plane."""
-    u, v = corners[1] - corners[0], corners[2] - corners[0]
-    u /= np.sqrt((u * u).sum())
-    v -= (u * v).sum() * u
-    v /= np.sqrt((v * v).sum())
-    copy_values(u, axes[0])
-    copy_values(v, axes[1])
-    axes[2, 0] = u[1] * v[2] - u[2] * v[1]
-    axes[2, 1] = u[2] * v[0] - u[0] * v[2]
-    axes[2, 2] = u[0] * v[1] - u[1] * v[0]
+    u, v, normal = axes
+    for k in range(3):
+        u[k], v[k] = corners[1, k] - corners[0, k], corners[2, k] - corners[0, k]
+    _divide(u, np.sqrt(_dot(u, u)))
+    along = _dot(u, v)
+    for k in range(3):
+        v[k] -= along * u[k]
+    _divide(v, np.sqrt(_dot(v, v)))
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        normal[i] = u[j] * v[k] - u[k] * v[j]
+
+
+@compiled(error_model="numpy")
+def _dot(u: Array, v: Array) -> float:
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+
+
+@compiled(error_model="numpy")
+def _divide(v: Array, divisor: float) -> None:
+    for k in range(3):
+        v[k] /= divisor
