@@ -116,16 +116,29 @@ def patch(
     each. By default the whole image fits once, or else periods of the texture's size; the offset
     (2,) is added to the texture coordinates.
     """
-    a, b, faces = _grid(*cells)
-    edge_u, edge_v = np.asarray(side_u, dtype=float), np.asarray(side_v, dtype=float)
-    points = np.asarray(origin) + a[..., None] * edge_u + b[..., None] * edge_v
-    periods = np.ones(2)
+    corner, edge_u, edge_v = (np.asarray(x, dtype=float)[None] for x in (origin, side_u, side_v))
+    return _parallelograms(corner, edge_u, edge_v, (cells,), texture_m, offset)
+
+
+def _parallelograms(
+    corners: Array,
+    edges_u: Array,
+    edges_v: Array,
+    cells: tuple[tuple[int, int], ...],
+    texture_m: tuple[float, float] | None,
+    offset: Vector,
+) -> Mesh:
+    """Build N parallelograms as `patch`, each from rows of (N, 3) arrays."""
+    a, b, owner, faces = _grids(cells)
+    points = corners[owner] + a * edges_u[owner] + b * edges_v[owner]
+    uv = np.concatenate([a, 1 - b], axis=1)
     if texture_m is not None:
-        periods = np.array([_length(edge_u), _length(edge_v)]) / np.asarray(texture_m)
-    uv = np.stack([a, 1 - b], axis=-1) * periods + np.asarray(offset)
-    normal = _cross(edge_u, edge_v)
-    normal /= _length(normal)
-    return Mesh(points.reshape(-1, 3), np.tile(normal, (a.size, 1)), uv.reshape(-1, 2), faces)
+        lengths = [[_length(x) for x in edges] for edges in (edges_u, edges_v)]
+        uv = uv * (np.transpose(lengths) / np.asarray(texture_m))[owner]
+    (ux, uy, uz), (vx, vy, vz) = edges_u.T, edges_v.T
+    normals = np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx], axis=1)
+    normals /= np.array([[_length(x)] for x in normals])
+    return Mesh(points, normals[owner], uv + np.asarray(offset), faces)
 
 
 # For single vectors, NumPy's own take ten times as long.
@@ -141,15 +154,33 @@ def _cross(v: Array, w: Array) -> Array:
 
 
 @lru_cache(maxsize=256)
-def _grid(across: int, up: int) -> tuple[Array, Array, Indices]:
-    """Return u and v (across + 1, up + 1) of a grid's corners, and its triangles (N, 3)."""
-    a, b = np.meshgrid(np.linspace(0, 1, across + 1), np.linspace(0, 1, up + 1), indexing="ij")
-    index = np.arange(a.size).reshape(a.shape)
-    quads = np.stack([index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]], axis=-1)
-    faces = quads[..., [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
-    for shared in (a, b, faces):
+def _grids(cells: tuple[tuple[int, int], ...]) -> tuple[Array, Array, Indices, Indices]:
+    """Return u and v (V, 1) of the corners of N grids, to which each belongs, and triangles (F, 3).
+
+    The cells of each grid are counted along u and v.
+    """
+    parts: list[tuple[Array, ...]] = []
+    first = 0
+    for k, (across, up) in enumerate(cells):
+        a, b = np.meshgrid(np.linspace(0, 1, across + 1), np.linspace(0, 1, up + 1), indexing="ij")
+        index = first + np.arange(a.size).reshape(a.shape)
+        first += a.size
+        quads = np.stack([index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]], axis=-1)
+        faces = quads[..., [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
+        parts.append((a.reshape(-1, 1), b.reshape(-1, 1), np.full(a.size, k), faces))
+    a, b, owner, faces = (np.concatenate(x) for x in zip(*parts, strict=True))
+    for shared in (a, b, owner, faces):
         shared.flags.writeable = False
-    return a, b, faces
+    return a, b, owner, faces
+
+
+SIDES = {
+    "corner": ((-1, -1, -1), (1, -1, -1), (1, 1, -1), (-1, 1, -1), (-1, -1, 1), (-1, 1, -1)),
+    "u": ((1, 0, 0), (0, 1, 0), (-1, 0, 0), (0, -1, 0), (1, 0, 0), (1, 0, 0)),
+    "v": ((0, 0, 1), (0, 0, 1), (0, 0, 1), (0, 0, 1), (0, 1, 0), (0, -1, 0)),
+}
+"""Corner of each side of a box, and its edges: four walls, top and underside."""
+CORNERS, EDGES_U, EDGES_V = (np.array(x, dtype=float) for x in SIDES.values())
 
 
 def box(
@@ -165,23 +196,13 @@ def box(
     Period and offset of the texture are as in `patch`. For baked light, faces are divided into
     cells of at most `cell_m`. The underside is drawn only where `bottom` is set.
     """
-    x, y, z = np.asarray(size, dtype=float)
-    c = np.asarray(centre, dtype=float)
-    h = np.array([x, y, z]) / 2
-    sides = [
-        (c + np.array([-h[0], -h[1], -h[2]]), (x, 0, 0), (0, 0, z)),
-        (c + np.array([h[0], -h[1], -h[2]]), (0, y, 0), (0, 0, z)),
-        (c + np.array([h[0], h[1], -h[2]]), (-x, 0, 0), (0, 0, z)),
-        (c + np.array([-h[0], h[1], -h[2]]), (0, -y, 0), (0, 0, z)),
-        (c + np.array([-h[0], -h[1], h[2]]), (x, 0, 0), (0, y, 0)),
-    ]
-    if bottom:
-        sides.append((c + np.array([-h[0], h[1], -h[2]]), (x, 0, 0), (0, -y, 0)))
-    faces: list[Mesh] = []
-    for corner, u, v in sides:
-        across, up = (max(1, int(np.ceil(np.linalg.norm(side) / cell_m))) for side in (u, v))
-        faces.append(patch(corner, u, v, (across, up), texture_m, offset))
-    return merged(faces)
+    extent = np.asarray(size, dtype=float)
+    x, y, z = (max(1, math.ceil(abs(float(length)) / cell_m)) for length in extent)
+    cells = ((x, z), (y, z), (x, z), (y, z), (x, y), (x, y))
+    drawn = 6 if bottom else 5
+    corners = np.asarray(centre, dtype=float) + CORNERS[:drawn] * (extent / 2)
+    edges_u, edges_v = EDGES_U[:drawn] * extent, EDGES_V[:drawn] * extent
+    return _parallelograms(corners, edges_u, edges_v, cells[:drawn], texture_m, offset)
 
 
 def tube(start: Vector, end: Vector, radius_m: float, sides: int = 10, taper: float = 1.0) -> Mesh:

@@ -121,6 +121,22 @@ def test_seed_and_actions_decide_the_trial(make, options):
     assert not np.array_equal(other[0][1]["T_true"], first[0][1]["T_true"])
 
 
+def test_reset_takes_a_layout_that_is_kept(make):
+    """The last two remain by default: a reset in one of them builds nothing, and shows the same."""
+    env = make(observe=("left", "pose"))
+    first, _ = env.reset(seed=0)
+    built = env.unwrapped.instance
+    env.reset(seed=1)
+    again, _ = env.reset(seed=0)
+    assert env.unwrapped.instance is built
+    np.testing.assert_array_equal(again["left"], first["left"])
+    np.testing.assert_array_equal(again["pose"], first["pose"])
+    for seed in (2, 3, 0):
+        third, _ = env.reset(seed=seed)
+    assert env.unwrapped.instance is not built
+    np.testing.assert_array_equal(third["left"], first["left"])
+
+
 def test_goal_is_reached_by_the_true_position(make):
     env = make(observe=("goal",), localization="truth")
     options = {"start": (-2.0, 1.5, 0.3), "goal": (1.5, 1.5)}

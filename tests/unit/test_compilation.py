@@ -203,3 +203,20 @@ def test_images_of_any_layout_share_machine_code():
     track(frozen)
     track(lambda image: np.hstack([image, image])[:, : image.shape[1]])
     assert prefix_sums.signatures == before
+
+
+def test_run_imports_neither_simulator_nor_studies():
+    """What `driftyard run` needs for its first frame; each of these takes a quarter of a second."""
+    code = (
+        "import sys, trials.cli.main, trials.cli.run, vo.precompile, trials.estimators.choice\n"
+        "print(*sorted({'mujoco', 'OpenGL', 'gymnasium', 'matplotlib', 'pandas', 'rerun', 'torch',"
+        " 'scipy.stats', 'scipy.optimize', 'PIL', 'numba.cuda'} & set(sys.modules)))"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", code],
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert result.stdout.split() == []

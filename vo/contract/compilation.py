@@ -26,7 +26,7 @@ from numba.core.dispatcher import Dispatcher
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-NOTICE = "driftyard: compiling machine code (once; about 40 s for all of the estimator)"
+NOTICE = "driftyard: compiling machine code (once; about 30 s for all of the estimator)"
 
 _MODULES = ("numpy", "math", "numba")
 """Modules whose content changes with their release only."""
@@ -34,9 +34,10 @@ _MODULES = ("numpy", "math", "numba")
 
 def compiled(**options: Any) -> Callable[[Function], Function]:
     """Compile a function to machine code at its first call, by `numba.njit`'s options; keep it."""
+    njit: Any = numba.njit  # its types know neither this option nor options in a dictionary
 
     def decorate(function: Function) -> Function:
-        dispatcher: Any = numba.njit(no_cfunc_wrapper=True, **options)(function)
+        dispatcher = njit(no_cfunc_wrapper=True, **options)(function)
         dispatcher._cache = _Cache(dispatcher)
         return dispatcher
 

@@ -36,8 +36,9 @@ class RoverEnv(gymnasium.Env[Any, Array]):
     """Common part of the three environments; see `docs/navigation.md`.
 
     A reset with a seed takes the layout of that seed, unless `layout` says otherwise; one without
-    keeps the layout, which takes milliseconds where building takes seconds, and samples start and
-    goal anew. A trial is evaluated on the truth, whatever the localization estimates.
+    keeps the layout, and samples start and goal anew. Building a layout takes seconds, a reset in
+    one of the last `layouts_kept` milliseconds. A trial is evaluated on the truth, whatever the
+    localization estimates.
 
     An observation is a dictionary of arrays, or one array where `observe` is a single name.
     """
@@ -67,7 +68,7 @@ class RoverEnv(gymnasium.Env[Any, Array]):
         self.metadata = {**self.metadata, "render_fps": self.trial.rate_hz}
         self.observation_space = observation_space(self.trial, settings)
         self.action_space = ACTION
-        self._base: SceneInstance | None = None
+        self._layouts: dict[int, SceneInstance] = {}  # the present one is the last
         self._instance: SceneInstance | None = None
         self._episode: Episode | None = None
         self._view: TrialView | None = None
@@ -132,7 +133,10 @@ class RoverEnv(gymnasium.Env[Any, Array]):
         if self._has_window:
             cv2.destroyWindow(WINDOW)
             self._has_window = False
-        self._base = self._instance = self._episode = None
+        for base in self._layouts.values():
+            base.camera.close()
+        self._layouts.clear()
+        self._episode = None
 
     def save_dataset(self, out: Path) -> None:
         """Write the trial so far as a dataset folder with exact labels; see `record`.
@@ -185,17 +189,19 @@ class RoverEnv(gymnasium.Env[Any, Array]):
         return channels[wanted] if isinstance(wanted, str) else channels
 
     def _layout(self, seed: int | None, wanted: int | None) -> SceneInstance:
-        """Return the layout of this trial; the present one is not built again."""
+        """Return the layout of this trial, built unless it is among those kept."""
         layout = wanted if wanted is not None else self.trial.layout
         if layout is None:
-            layout = seed if seed is not None else self._base.layout if self._base else None
+            layout = seed if seed is not None else next(reversed(self._layouts), None)
         if layout is None:
             layout = int(self.np_random.integers(MAX_SEED))
-        if self._base is not None and self._base.layout == layout:
-            return self._base
-        self._release(None)
-        self._base = None  # first free it: two worlds take twice the memory
-        return self.trial.build(layout)
+        if layout not in self._layouts:
+            self._release(None)
+            while len(self._layouts) >= self.trial.layouts_kept:  # first: a world takes memory
+                self._layouts.pop(next(iter(self._layouts))).camera.close()
+            self._layouts[layout] = self.trial.build(layout)
+        self._layouts[layout] = base = self._layouts.pop(layout)
+        return base
 
     def _place_rover(self, base: SceneInstance, options: Mapping[str, Any]) -> Assignment:
         """Assign a task whose start is free of moving things, and place the rover there."""
@@ -203,7 +209,7 @@ class RoverEnv(gymnasium.Env[Any, Array]):
         for _ in range(MAX_STARTS):
             instance, task = self._assign(base, options)
             self._release(instance)
-            self._instance, self._base = instance, base
+            self._instance = instance
             simulation, start = instance.simulation, task.start
             world, is_free = simulation.world, simulation.reset(start)
             inside = enclosing_geom(world.model, world.data, world.T_world_cam[:3, 3])
@@ -215,11 +221,12 @@ class RoverEnv(gymnasium.Env[Any, Array]):
         raise TrialError(f"start ({start[0]:g}, {start[1]:g}) m: {why}")
 
     def _release(self, instance: SceneInstance | None) -> None:
-        """Free what belongs to the present instance, unless it is kept."""
-        if self._instance is not None and self._instance is not instance:
-            self._instance.camera.close()
-            self._instance = None
-            self._view = None
+        """Free what belongs to the present instance alone, unless it remains the present one."""
+        mine = self._instance
+        if mine is not None and mine is not instance:
+            if not any(mine is base for base in self._layouts.values()):
+                mine.camera.close()
+            self._instance = self._view = None
 
     def _image(self) -> Image:
         episode, instance = self.episode, self.instance

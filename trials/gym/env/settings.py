@@ -56,6 +56,8 @@ class TrialSettings(Settings):
     """Options of the scene's builder."""
     layout: int | None = Field(default=None, ge=0)
     """Seed of the scene; none: the seed of the reset, kept by resets without a seed."""
+    layouts_kept: int = Field(default=2, ge=1, le=1000)
+    """Number of layouts that remain in memory, the present one included; 0.1 to 0.3 GB each."""
     disturb: str = ""
     """Disturbances as on the command line: blur,brick_bump=0.5."""
     settings: Mapping[str, Any] = Field(default_factory=dict[str, Any])
