@@ -20,10 +20,12 @@ from functools import cache
 import cv2
 import numpy as np
 import pytest
+from scale_space import scale_space
 from scipy.spatial import KDTree
 
 from vo.config import FeatureSettings
-from vo.features.censure import censure, scale_space
+from vo.features.candidates import select_corners
+from vo.features.censure import censure
 from vo.features.censure_kernels import kernels
 from vo.features.detector import detect
 
@@ -110,10 +112,13 @@ def blob_scales(kernel):
     return (best + offset)[order], sigmas[inner][order]
 
 
+def strongest_first(image, settings):
+    return select_corners(censure(image, settings), image, settings)[:, :3]
+
+
 def discs(image, settings):
     """Strongest first: centres, and shapes C of x' inv(C) x < 1, of blobs to their inflexion."""
-    found = censure(image, settings)
-    found = found[np.argsort(-np.abs(found[:, 2]), kind="stable")]
+    found = strongest_first(image, settings)
     responses = scale_space(image, kernels(settings.kernel))
     scales = []
     for u, v, response in found:
@@ -183,7 +188,7 @@ def by_positions(images, maps):
 
 def by_regions(images, maps, kernel, count):
     settings = SETTINGS.model_copy(update={"kernel": kernel, "threshold": 0.0})
-    strength = np.sort(np.abs(censure(images[0], settings)[:, 2]))[::-1]
+    strength = np.abs(strongest_first(images[0], settings)[:, 2])
     settings = settings.model_copy(update={"threshold": strength[count]})
     first, *others = (discs(image, settings) for image in images)
     assert len(first[0]) == count

@@ -5,12 +5,13 @@ table 1). The star, two squares of which one is turned by 45 degrees, is the sha
 later detector of the same family uses; here it is flat, its core not counted twice.
 """
 
-from dataclasses import dataclass
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
 from vo.contract.arrays import Array
+from vo.features.integral_images import MAX_REACH, boundary
 
 Region = tuple[tuple[int, int, int], ...]
 """Region as (sign, m, n) of the octagons that add up to it, all centred on the same pixel."""
@@ -47,12 +48,8 @@ SHAPES: dict[str, tuple[tuple[Region, Region], ...]] = {
 }
 """Centre, and centre with surround, of each kernel shape from the smallest scale to the largest."""
 
-_LARGEST = 21
-"""Half width of the largest kernel, pixels."""
 
-
-@dataclass(frozen=True)
-class Kernels:
+class Kernels(NamedTuple):
     """Kernels of S scales over R distinct regions, as tables for the inner loops.
 
     The sizes of table 1 grow unevenly: the ratio of surround to centre falls from 2.8 to 2 in
@@ -60,22 +57,23 @@ class Kernels:
     too often; on photographs that costs up to 7 % of repeatability when the view changes.
 
     Attributes:
-        pieces: (P, 4) int64, rows (region, sign, m, n) of the octagons that make up the regions.
-        reach: (R,) int64 half width of each region, pixels.
+        pieces: (P, 2) int64, rows (region, sign) of the octagons that make up the regions.
+        corners: (P, 8, 3) int64, the boundary of each octagon (`integral_images.boundary`).
         regions: (S, 2) int64, the centre and the whole of each scale.
         weights: (S, 2) float32 factors of the sums over the two regions. They give the mean of
             the centre minus that of the surround, times a gain with which the largest response
             to a Gaussian blob is the blob's contrast.
         margin: (S,) int64 half width of each whole, pixels, never falling.
-        centre_px: (S,) radius of the disc that has the centre's area.
+        window_px: (S,) int64 half side of the square in which a corner has gradients of both
+            directions: the radius of the disc that has the centre's area, and two more.
     """
 
     pieces: Array
-    reach: Array
+    corners: Array
     regions: Array
     weights: Array
     margin: Array
-    centre_px: Array
+    window_px: Array
 
 
 @cache
@@ -85,7 +83,7 @@ def kernels(shape: str) -> Kernels:
     distinct = list(dict.fromkeys(region for pair in pairs for region in pair))
     reach = np.array([max((m - 1) // 2 + n for _, m, n in region) for region in distinct])
     regions = np.array([[distinct.index(region) for region in pair] for pair in pairs])
-    y, x = np.abs(np.mgrid[-_LARGEST : _LARGEST + 1, -_LARGEST : _LARGEST + 1])
+    y, x = np.abs(np.mgrid[-MAX_REACH : MAX_REACH + 1, -MAX_REACH : MAX_REACH + 1])
     masks = np.array([_mask(region, x, y).ravel() for region in distinct])
     area = masks.sum(axis=1)
     centre, whole = area[regions].T
@@ -96,13 +94,14 @@ def kernels(shape: str) -> Kernels:
     blobs = np.exp((x**2 + y**2).reshape(-1, 1) / (-2 * sigma_px**2))  # of contrast 1
     to_blobs = (means[:, :, None] * (masks @ blobs)[regions]).sum(axis=1)
     gain = 1 / to_blobs.max(axis=1, keepdims=True)
+    pieces = [(i, *piece) for i, region in enumerate(distinct) for piece in region]
     return Kernels(
-        pieces=np.array([(i, *piece) for i, region in enumerate(distinct) for piece in region]),
-        reach=reach,
+        pieces=np.array([piece[:2] for piece in pieces]),
+        corners=np.array([boundary(m, n) for _, _, m, n in pieces]),
         regions=regions,
         weights=(gain * means).astype(np.float32),
         margin=reach[regions[:, 1]],
-        centre_px=np.sqrt(centre / np.pi),
+        window_px=np.round(np.sqrt(centre / np.pi)).astype(np.int64) + 2,
     )
 
 

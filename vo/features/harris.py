@@ -18,7 +18,7 @@ _AFTER = np.ascontiguousarray(_BEFORE[::-1, ::-1])
 
 
 def harris(image: Image, settings: FeatureSettings) -> Array:
-    """Find all corners: (N, 3) rows (u_px, v_px, response), in grey levels per pixel."""
+    """Find all corners: (N, 6) candidates, their response in grey levels per pixel."""
     response = harris_response(image, settings.line_ratio)
     v, u = np.nonzero(
         (response > settings.threshold)
@@ -26,9 +26,10 @@ def harris(image: Image, settings: FeatureSettings) -> Array:
         & (response >= cv2.dilate(response, _AFTER))
     )
     inside = (u > 0) & (v > 0) & (u < image.shape[1] - 1) & (v < image.shape[0] - 1)
-    found = np.stack([np.zeros_like(u), v, u], axis=-1)[inside]
-    pixels = found[:, :0:-1] + vertices(response[None], found)
-    return np.column_stack([pixels, response[found[:, 1], found[:, 2]]])
+    found = np.stack([u, v], axis=-1)[inside]
+    pixels = found + vertices(response, found)
+    reach = np.zeros(len(found))
+    return np.column_stack([pixels, response[found[:, 1], found[:, 0]], found, reach])
 
 
 def harris_response(image: Image, line_ratio: float) -> Array:

@@ -59,18 +59,25 @@ def measure_image_quality(image: Image) -> ImageQuality:
         return ImageQuality(0.0, np.inf, 1.0)
     noise = max(float(np.quantile(found[:, 0], NOISE_QUANTILE)), MIN_NOISE)
     texture_to_noise = max(float(np.median(found[:, 1])) / noise**2 - 1, 0.0)
-    softness = min(_softness(lines, noise) for lines in (image[::LINE_STEP], image.T[::LINE_STEP]))
-    return ImageQuality(noise, texture_to_noise, softness)
+    rows, columns = _softness(image[::LINE_STEP], noise), _softness(image.T[::LINE_STEP], noise)
+    return ImageQuality(noise, texture_to_noise, min(rows, columns))
 
 
 def _softness(lines: Image, noise: float) -> float:
     """Compare the energy of differences over FAR_PX with that over NEAR_PX along lines (N, L)."""
-    near, far = (
-        float(np.mean((lines[:, distance:].astype(np.int32) - lines[:, :-distance]) ** 2))
-        for distance in (NEAR_PX, FAR_PX)
-    )
+    near, far = _mean_squares(lines, NEAR_PX), _mean_squares(lines, FAR_PX)
     floor = max(MIN_SIGNAL * near, MIN_NOISE**2)
     return max(far - 2 * noise**2, floor) / max(near - 2 * noise**2, floor)
+
+
+@compiled()
+def _mean_squares(lines: Image, distance: int) -> float:
+    """Average the squared differences of pixels at a distance along lines (N, L)."""
+    total = 0
+    for i in range(lines.shape[0]):
+        for k in range(lines.shape[1] - distance):
+            total += (np.int32(lines[i, k + distance]) - np.int32(lines[i, k])) ** 2
+    return total / (lines.shape[0] * (lines.shape[1] - distance))
 
 
 @compiled()

@@ -1,7 +1,11 @@
-"""Integral images: sums over octagons at every pixel from three tables of prefix sums.
+"""Integral images of one row: sums over octagons, by what each gains from one row to the next.
 
 The octagon (m, n) has horizontal and vertical sides of m pixels and slanted sides of n rows, so it
-is m + 2 n pixels wide and high. (m, 0) is a square and (1, n) a diamond.
+is m + 2 n pixels wide and high. (m, 0) is a square and (1, n) a diamond. Moved down by a pixel, it
+gains its lower boundary and loses the pixels above its upper one: a slanted, a horizontal and
+again a slanted run of pixels each. Sums of such runs are differences of sums along rows and
+diagonals, which fit into 16 bits, where those of whole octagons do not. So twice as many are
+added at once, and the rows in use stay in the cache.
 
 Source: slanted integral images of Agrawal, Konolige and Blas, CenSurE: Center Surround Extremas
 for Realtime Feature Detection and Matching, ECCV 2008, section 3.2.
@@ -12,77 +16,91 @@ import numpy as np
 from vo.contract.arrays import Array, Image
 from vo.contract.compilation import compiled
 
+KEPT_ROWS = 64
+"""Number of rows whose running sums are kept, a power of two."""
 
-@compiled()
-def prefix_sums(image: Image) -> Array:
-    """Build three tables (3, H + 1, W + 1) int32 of the sums of all pixels above and to the left.
+MAX_REACH = 21
+"""Largest half width of an octagon, pixels: KEPT_ROWS hold its height and the row above."""
 
-    With P[v, u] the sum of row v left of column u, entry (v + 1, u) adds up P downwards to row v:
-    along the column (the integral image), along a falling diagonal that ends at u and moves right
-    by one per row, and along a rising one that ends at u and moves left. Sums that exceed 32 bits
-    wrap around, which the differences of `add_octagons` undo.
+PAD = MAX_REACH + 2
+"""Columns beside the image in tables of running sums, as black pixels."""
+
+FALLING, RISING, LEFT, RIGHT = range(4)
+"""Tables of running sums, see `append_row`."""
+
+
+def boundary(m: int, n: int) -> list[tuple[int, int, int]]:
+    """List (table, rows, columns) from the centre of what an octagon gains by a step to its row.
+
+    The entries 2 to 5 count negative. The first four are those of the lower boundary, the last
+    four those of the upper one.
     """
-    height, width = image.shape
-    row = np.zeros(width + 1, dtype=np.int32)
-    tables = np.empty((3, height + 1, width + 1), dtype=np.int32)
-    tables[:, 0] = 0
-    tables[1, :, 0] = 0
-    for v in range(height):
-        total = np.int32(0)
-        pixels = image[v]
-        sums = row[1:]
-        for u in range(width):
-            total += np.int32(pixels[u])
-            sums[u] = total
-        _add(tables[0, v], row, tables[0, v + 1])
-        _add(tables[1, v, :-1], row[1:], tables[1, v + 1, 1:])
-        _add(tables[2, v, 1:], row[:-1], tables[2, v + 1, :-1])
-        # Beyond the image P stays the row's sum.
-        tables[2, v + 1, width] = tables[0, v, width] + total
-    return tables
+    inner, outer = m // 2, m // 2 + n
+    return [
+        (LEFT, outer, -inner),
+        (RIGHT, outer, inner + 1),
+        (FALLING, inner - 1, -outer - 1),
+        (RISING, inner - 1, outer + 1),
+        (RISING, -inner - 1, -outer),
+        (FALLING, -inner - 1, outer),
+        (LEFT, -outer - 1, inner),
+        (RIGHT, -outer - 1, 1 - inner),
+    ]
 
 
-@compiled()
-def _add(a: Array, b: Array, total: Array) -> None:
-    for i in range(len(total)):
-        total[i] = a[i] + b[i]
+def locate(corners: Array, columns: int) -> Array:
+    """Find where corners (P, 8, 3) from `boundary` lie in flat tables of a number of columns.
 
-
-@compiled()
-def add_octagons(tables: Array, m: int, n: int, sign: int, v: int, u: int, sums: Array) -> None:
-    """Add `sign` times the sums of the octagons of one row to `sums`.
-
-    Their bounding squares have the upper left corner at row v and columns u, u + 1, ... Each is a
-    rectangle of m rows between two trapezoids, the upper of which grows by one pixel on each side
-    per row while the lower shrinks.
+    (KEPT_ROWS, P, 8) uint64, for octagons in column 0 of row v in v % KEPT_ROWS. Unsigned, for
+    Numba tests signed indices for being negative, in every step of a loop.
     """
-    size = m + 2 * n
-    count = len(sums)
-    straight, falling, rising = tables[0], tables[1], tables[2]
-    upper, lower, end = v + n, v + n + m, v + size
-    left, right = u, u + size
-    _add_corners(
-        straight[lower, right : right + count], straight[upper, right : right + count],
-        straight[lower, left : left + count], straight[upper, left : left + count], sign, sums,
-    )  # fmt: skip
-    if n == 0:
-        return
-    inner_left, inner_right = u + n, u + n + m
-    _add_corners(
-        falling[upper, right - 1 : right - 1 + count],
-        falling[v, inner_right - 1 : inner_right - 1 + count],
-        rising[upper, left + 1 : left + 1 + count],
-        rising[v, inner_left + 1 : inner_left + 1 + count], sign, sums,
-    )  # fmt: skip
-    _add_corners(
-        rising[end, inner_right : inner_right + count], rising[lower, right : right + count],
-        falling[end, inner_left : inner_left + count], falling[lower, left : left + count],
-        sign, sums,
-    )  # fmt: skip
+    table, down, right = np.moveaxis(corners, -1, 0)
+    rows = (np.arange(KEPT_ROWS)[:, None, None] + down) % KEPT_ROWS
+    return ((rows * 4 + table) * columns + PAD + right).astype(np.uint64)
 
 
-@compiled()
-def _add_corners(a: Array, b: Array, c: Array, d: Array, sign: int, sums: Array) -> None:
-    factor = np.int32(sign)
-    for i in range(len(sums)):
-        sums[i] += factor * (a[i] - b[i] - c[i] + d[i])
+@compiled(no_cpython_wrapper=True)
+def append_row(image: Image, v: int, tables: Array, pixels: Array) -> None:
+    """Set the running sums of a row: tables (KEPT_ROWS, 4, PAD + W + at least PAD) int16.
+
+    With I the image, black outside, and P[v, u] the sum of row v left of column u, they are sums
+    along diagonals that end at (v, u), F[v, u] = F[v - 1, u - 1] + I[v, u] and R[v, u] =
+    R[v - 1, u + 1] + I[v, u], and at corners of octagons, where a diagonal meets a row,
+    F[v - 1, u - 1] - P[v, u] and R[v - 1, u] + P[v, u]. What exceeds 16 bits wraps around, which
+    differences undo. Must be called for each row in turn, with tables zero before the first.
+    """
+    for u in range(image.shape[1]):
+        pixels[0, PAD + u] = image[v, u] if v < len(image) else 0
+    total = np.int32(0)
+    for u in range(pixels.shape[1]):
+        pixels[1, u] = total
+        total += np.int32(pixels[0, u])
+    old, new = (v - 1) & (KEPT_ROWS - 1), v & (KEPT_ROWS - 1)
+    for u in range(1, pixels.shape[1] - 1):
+        pixel, sums = pixels[0, u], pixels[1, u]
+        falling, rising = tables[old, FALLING, u - 1], tables[old, RISING, u + 1]
+        tables[new, FALLING, u] = falling + pixel
+        tables[new, RISING, u] = rising + pixel
+        tables[new, LEFT, u] = falling - sums
+        tables[new, RIGHT, u] = tables[old, RISING, u] + sums
+
+
+@compiled(no_cpython_wrapper=True)
+def add_boundaries(
+    tables: Array, v: int, pieces: Array, places: Array, gained: Array, sums: Array
+) -> None:
+    """Move octagons with centres in a row down to row v, at all columns.
+
+    Adds what they gain to the sums (R, W) float32. The pieces (P, 2) are rows (index into sums,
+    sign), their places (KEPT_ROWS, P, 8) from `locate`; gained (W,) int16 is overwritten.
+    """
+    row, flat = v & (KEPT_ROWS - 1), tables.reshape(tables.size)
+    for i in range(len(pieces)):
+        a, b, c, d = places[row, i, 0], places[row, i, 1], places[row, i, 2], places[row, i, 3]
+        e, f, g, h = places[row, i, 4], places[row, i, 5], places[row, i, 6], places[row, i, 7]
+        for u in range(np.uint64(len(gained))):
+            more = flat[a + u] + flat[b + u] + flat[g + u] + flat[h + u]
+            gained[u] = more - flat[c + u] - flat[d + u] - flat[e + u] - flat[f + u]
+        region, sign = pieces[i, 0], np.float32(pieces[i, 1])
+        for u in range(len(gained)):
+            sums[region, u] += sign * np.float32(gained[u])

@@ -16,19 +16,32 @@ def describe(image: Image, pixels: Array, patch_px: int) -> Array:
     (N, patch_px**2) float32 of zero mean and unit norm. All zero, and so matching nothing, where
     the patch is flat or leaves the image. Pixels are rounded to the nearest ones.
     """
-    r = patch_px // 2
-    columns, rows = np.rint(pixels).astype(np.int64).T
+    centred = _centre_patches(image, np.rint(pixels).astype(np.int64), patch_px)
+    norm = np.sqrt(np.add.reduce(centred * centred, axis=1, keepdims=True))
+    centred /= np.maximum(norm, 1)
+    centred[norm[:, 0] <= MIN_CONTRAST * patch_px] = 0
+    return centred
+
+
+@compiled()
+def _centre_patches(image: Image, pixels: Indices, patch_px: int) -> Array:
+    """Subtract their mean from patches about pixels: (N, patch_px**2) float32, 0 outside."""
     height, width = image.shape
-    inside = (columns >= r) & (rows >= r) & (columns < width - r) & (rows < height - r)
-    vectors = np.zeros((len(pixels), patch_px**2), dtype=np.float32)
-    if not inside.any():
-        return vectors
-    windows = np.lib.stride_tricks.sliding_window_view(image, (patch_px, patch_px))
-    patches = windows[rows[inside] - r, columns[inside] - r].reshape(-1, patch_px**2)
-    centred = patches - patches.mean(axis=1, dtype=np.float32, keepdims=True)
-    norm = np.linalg.norm(centred, axis=1, keepdims=True)
-    vectors[inside] = np.where(norm > MIN_CONTRAST * patch_px, centred / np.maximum(norm, 1), 0)
-    return vectors
+    reach = patch_px // 2
+    patches = np.zeros((len(pixels), patch_px * patch_px), dtype=np.float32)
+    for i in range(len(pixels)):
+        left, top = pixels[i, 0] - reach, pixels[i, 1] - reach
+        if not (0 <= left <= width - patch_px and 0 <= top <= height - patch_px):
+            continue
+        total = 0
+        for v in range(patch_px):
+            for u in range(patch_px):
+                total += image[top + v, left + u]
+        mean = np.float32(total) / np.float32(patch_px * patch_px)
+        for v in range(patch_px):
+            for u in range(patch_px):
+                patches[i, v * patch_px + u] = np.float32(image[top + v, left + u]) - mean
+    return patches
 
 
 def match_mutual(
