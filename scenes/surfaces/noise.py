@@ -64,7 +64,7 @@ def _frequencies(height: int, width: int, stretch: float) -> Array:
 
 def smoothstep(low: float, high: float, values: Array) -> Array:
     """Rise from 0 at `low` to 1 at `high` with zero slope at both ends; any shape."""
-    out = np.array((values - low) / (high - low), order="C")
+    out = np.asarray((values - low) / (high - low), order="C")
     _smooth(out.reshape(-1))
     return out
 
@@ -82,7 +82,7 @@ def blend(base: Array, over: Array | Sequence[float], weight: Array) -> Array:
 def rim(shape: Shape) -> Array:
     """Measure the distance in pixels of each pixel of (H, W) from the nearest border."""
     height, width = shape
-    v, u = np.mgrid[:height, :width]
+    v, u = np.arange(height)[:, None], np.arange(width)
     return np.minimum(np.minimum(u, width - 1 - u), np.minimum(v, height - 1 - v))
 
 

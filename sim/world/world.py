@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import mujoco
 import numpy as np
@@ -137,9 +137,9 @@ class World:
     def move_movers(self, time_s: float) -> None:
         """Place all moving objects where they are at a time."""
         if self.movers:
-            T_world_movers = np.stack([motion(time_s) for motion in self.movers.values()])
-            self.data.mocap_pos[self._mocap_rows] = T_world_movers[:, :3, 3]
-            self.data.mocap_quat[self._mocap_rows] = se3.to_quat_wxyz(T_world_movers)
+            T = np.stack([motion(time_s) for motion in self.movers.values()], dtype=float)
+            self.data.mocap_pos[self._mocap_rows] = T[:, :3, 3]
+            self.data.mocap_quat[self._mocap_rows] = _quaternions(T[:, :3, :3].tobytes())
 
     def place(self, time_s: float, qpos: Array) -> None:
         """Bring the whole world to a time and to joint positions (nq,)."""
@@ -159,6 +159,12 @@ class World:
             mujoco.mj_flex(self.model, self.data)
         if self.model.ntendon:
             mujoco.mj_tendon(self.model, self.data)
+
+
+@lru_cache(maxsize=8)
+def _quaternions(rotations: bytes) -> Array:
+    """Unit quaternions (N, 4) of N matrices (3, 3); what only slides has the same at every step."""
+    return se3.to_quat_wxyz(np.frombuffer(rotations).reshape(-1, 3, 3))
 
 
 def build_world(scene: Scene, settings: RecordSettings) -> World:
