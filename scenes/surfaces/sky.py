@@ -36,12 +36,15 @@ def _directions(side_px: int) -> Array:
     )  # fmt: skip
     gl = np.stack([np.stack(face, axis=-1) for face in faces])
     world = np.stack([gl[..., 0], -gl[..., 2], gl[..., 1]], axis=-1)
-    return world / np.linalg.norm(world, axis=-1, keepdims=True)
+    x, y, z = np.moveaxis(world, -1, 0)
+    return world / np.sqrt(x * x + y * y + z * z)[..., None]
 
 
 def _shade(rng: np.random.Generator, rays: Array, houses: float) -> Array:
-    azimuth = np.arctan2(rays[..., 1], rays[..., 0])
-    elevation = np.arcsin(rays[..., 2])
+    faces = np.full(rays.shape, (96.0, 100, 78))  # the ground, where nothing is drawn
+    shown = ~(np.arcsin(rays[..., 2]) < -0.01)
+    rays = rays[shown]
+    azimuth, elevation = np.arctan2(rays[..., 1], rays[..., 0]), np.arcsin(rays[..., 2])
     tones = ((214, 219, 221), (196, 209, 220), (160, 186, 212), (118, 154, 196))
     colour = ramp(tones, np.clip(elevation / 1.2, 0, 1))
     cloud = _panorama(fractal(rng, (512, 2048), (8, 500), 1.3, stretch=2.0), azimuth, elevation)
@@ -58,8 +61,8 @@ def _shade(rng: np.random.Generator, rays: Array, houses: float) -> Array:
     trees = ramp(((40, 50, 34), (74, 88, 56), (116, 126, 88)), 0.28 + 4 * elevation + 0.2 * texture)
     colour = np.where((elevation < crowns)[..., None], trees, colour)
     haze = 0.18 * (elevation < 0.2) * (elevation > -0.02)
-    colour = blend(colour, (206, 210, 210), haze)
-    return np.where((elevation < -0.01)[..., None], np.array([96.0, 100, 78]), colour)
+    faces[shown] = blend(colour, (206, 210, 210), haze)
+    return faces
 
 
 def _panorama(image: Array, azimuth: Array, elevation: Array) -> Array:
