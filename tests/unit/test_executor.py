@@ -9,11 +9,12 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
 import pytest
-from small_tasks import die, mixed_tasks
+from small_tasks import Measured, die, measure_once, mixed_tasks
 from terminal import ROOT
 
 from trials.execution import cache
@@ -76,6 +77,26 @@ def test_workers_have_one_thread_and_a_core_each():
         assert compute([Task("nothing", x, os.getenv, (x,)) for x in names]) == ["1"] * len(names)
         (cores,) = compute([Task("nothing", "cores", os.sched_getaffinity, (0,))])
     assert len(cores) == 1
+
+
+def test_kept_results_are_computed_once(tmp_path, monkeypatch):
+    """Here, and on a machine that shares the store; other causes or arguments give other results."""
+    log = str(tmp_path / "log")
+    tasks = [Task("trial", f"{k}", measure_once, (log, k), list[Measured]) for k in (1, 2)]
+    with using(Workers(0, store=str(tmp_path / "store"))):
+        for folder in ("one", "one", "two"):
+            (tmp_path / folder).mkdir(exist_ok=True)
+            monkeypatch.chdir(tmp_path / folder)
+            assert repr(compute(tasks)) == repr([measure_once("/dev/null", k) for k in (1, 2)])
+            assert Path(log).read_text() == "xx"
+    monkeypatch.chdir(tmp_path)
+    with using(Workers(0)):
+        compute(
+            [*tasks, replace(tasks[0], causes=("a scene",)), replace(tasks[0], arguments=(log, 3))]
+        )
+    assert Path(log).read_text() == "xxxxxx"
+    (file,) = (tmp_path / "one/build/cache/results").glob("trial-1-*")
+    assert {"kind", "arguments", "code", "host", "seconds"} < {*json.loads(file.read_text())}
 
 
 def test_task_that_kills_its_worker_is_set_aside(two_workers, tmp_path):

@@ -1,7 +1,6 @@
 """`driftyard drive`: closed-loop navigation trials by source of localization."""
 
-import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -11,6 +10,7 @@ from sim.batch import custom_fingerprint
 from trials.cli import console
 from trials.cli.options import Disturb, LiveViewOptions, SceneName, changes, option
 from trials.cli.workers import WorkersOptions
+from trials.execution.cache import source_digest
 from trials.execution.executor import compute
 from trials.execution.tasks import Task
 from trials.gym.env.policies import NavigatorPolicy
@@ -80,9 +80,7 @@ class OutputOptions:
     """Files of the trials."""
 
     PANEL: ClassVar[str] = "Files"
-    out: Path | None = option(
-        None, "JSON lines, one a trial; an interrupted study continues.", metavar="FILE"
-    )
+    out: Path | None = option(None, "JSON lines, one a trial.", metavar="FILE")
     keep: Path | None = option(
         None, "Folder for a film and a dataset of every trial.", metavar="FOLDER"
     )
@@ -145,7 +143,7 @@ def drive(
             raise SettingsError("--planning goes with neither --keep nor --figure nor a viewer")
         _drive_planned(title, options, sources, worlds, planning, files.out)
         return
-    trials = list(_driven(options, sources, worlds, files, viewer.target))
+    trials = _driven(options, sources, worlds, files, viewer.target)
     by_source = {x: [t for t in trials if t.localization == x] for x in sources}
     _print_summary(title, by_source, results.METRICS)
     if files.figure:
@@ -158,29 +156,29 @@ def _driven(
     worlds: WorldOptions,
     files: OutputOptions,
     view: Target | None,
-) -> Iterator[results.TrialResult]:
-    """Drive what the result file does not hold yet; yields all trials by world."""
+) -> list[results.TrialResult]:
+    """Drive what the cache does not hold yet; returns all trials by world."""
+    kept = None if files.keep or view else list[results.TrialResult]
+    causes = _causes(options, sources, worlds)
+    tasks = [
+        Task("trial", f"world {k}", run_world, x, kept, causes)
+        for k in worlds.layouts
+        for x in [(options, sources, k, worlds.runs, files.keep, view)]
+    ]
+    with console.counting_bar("worlds", len(tasks)) as count:
+        trials = list(chain.from_iterable(compute(tasks, count)))
+    if files.out:
+        write_text(files.out, results.json_lines(trials))
+    return trials
+
+
+def _causes(
+    options: Mapping[str, Any], sources: Sequence[str], worlds: WorldOptions
+) -> tuple[str, ...]:
+    """Return what decides trials beside options and our sources: a scene and plug-ins."""
     settings = validated(NavSettings, options)
-    trial = settings.model_dump(mode="json")
-    custom = custom_fingerprint(settings.scene, settings.recorded(worlds.seed))
-    what = {"sources": sources, "runs": worlds.runs, "seed": worlds.seed, "worlds": worlds.worlds}
-    key = json.dumps({"options": trial, **what, "custom": custom})
-    store = results.ResultStore(files.out, key) if files.out else None
-    done = dict(store.done) if store else {}
-    missing = [k for k in worlds.layouts if k not in done]
-    with console.counting_bar("worlds", len(missing)) as count:
-        calls = [(options, sources, k, worlds.runs, files.keep, view) for k in missing]
-
-        def add(of_world: Sequence[results.TrialResult]) -> None:
-            done[of_world[0].layout] = list(of_world)
-            if store:
-                store.add(of_world)
-            count(of_world)
-
-        compute([Task("trial", f"world {x[2]}", run_world, x) for x in calls], add)
-    if store:
-        store.close()
-    return chain.from_iterable(done[k] for k in sorted(done))
+    plugins = [source_digest((), x.partition(":")[0]) for x in sources if ":" in x]
+    return custom_fingerprint(settings.scene, settings.recorded(worlds.seed)), *plugins
 
 
 def _drive_planned(
@@ -199,7 +197,10 @@ def _drive_planned(
         for source in sources:
             with_source = {**options, "localization": source}
             calls = [(with_source, ways, k, runs, ideal) for k in layouts]
-            tasks = [Task("trial", f"world {x[2]}", planned.run_world, x) for x in calls]
+            kept, causes = list[planned.PlanningResult], _causes(options, [source], worlds)
+            tasks = [
+                Task("trial", f"world {x[2]}", planned.run_world, x, kept, causes) for x in calls
+            ]
             trials += chain.from_iterable(compute(tasks, count))
     if out:
         write_text(out, results.json_lines(trials))

@@ -16,6 +16,7 @@ from trials.cli import console
 from trials.cli.options import option
 from trials.cli.workers import WorkersOptions
 from trials.evaluation.intervals import mean_interval
+from trials.execution.cache import source_digest
 from trials.execution.executor import compute
 from trials.execution.tasks import Task
 from trials.gym.env.settings import NavSettings
@@ -165,7 +166,11 @@ def _route_rover(scene: str, out: Path, worlds: int, localization: str, seed: in
     }
     trial = validated(NavSettings, options)
     layouts = range(seed, seed + worlds)
-    tasks = [Task("trial", f"world {x}", drive_layout, (options, x)) for x in layouts]
+    causes = (source_digest((), localization.partition(":")[0]) if ":" in localization else "",)
+    tasks = [
+        Task("trial", f"world {x}", drive_layout, (options, x), list[RoverDrive], causes)
+        for x in layouts
+    ]
     with console.counting_bar("worlds", worlds) as count:
         drives = [drive for of_world in compute(tasks, count) for drive in of_world]
     _print_drives(f"{scene}, {worlds} worlds, localized by {localization}", drives)

@@ -8,6 +8,7 @@ after an interruption, and compute only what has changed.
 import hashlib
 import importlib.util
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
@@ -47,8 +48,9 @@ def source_digest(sources: Sequence[str] = GENERATOR, module: str = "") -> str:
     root = Path(__file__).resolve().parents[2]
     files = [file for x in sources for file in sorted((root / x).rglob("*.py")) or [root / x]]
     if module:
-        found = importlib.util.find_spec(module)
-        files += [Path(found.origin)] if found and found.origin else []
+        with suppress(ImportError, ValueError):  # what imports it says so
+            found = importlib.util.find_spec(module)
+            files += [Path(found.origin)] if found and found.origin else []
     return digest(*(file.read_bytes() for file in files))
 
 

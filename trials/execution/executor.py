@@ -8,7 +8,7 @@ where the loss of the worker would count against it. Short ones are sent several
 import json
 import pickle
 from collections import deque
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from contextlib import ExitStack, contextmanager
 from contextvars import ContextVar
@@ -131,11 +131,19 @@ def perform(tasks: Sequence[Task[R]], report: Report | None = None) -> Iterator[
         with using(DEFAULT):
             yield from perform(tasks, report)
         return
+    missing: list[tuple[int, Task[R]]] = []
+    for row, task in enumerate(tasks):
+        if (value := task.recall()) is None:
+            missing.append((row, task))
+        else:
+            yield Outcome(row, task, value, None)
+    if not missing:
+        return
     pool = started.pool(tasks)
     if report is not None:
         pool.listen(report)
     site = pool.site if pool.site.topic else replace(pool.site, report=report)
-    for outcome in _outcomes(tasks, pool, site, started.workers.scheduler):
+    for outcome in _outcomes(missing, pool, site, started.workers.scheduler):
         _log(started.workers, outcome)
         if isinstance(outcome.error, UnusableWorkerError | GraphicsError | StoreError):
             raise outcome.error
@@ -143,10 +151,10 @@ def perform(tasks: Sequence[Task[R]], report: Report | None = None) -> Iterator[
 
 
 def _outcomes(
-    tasks: Sequence[Task[R]], pool: Pool, site: Site, scheduler: str
+    tasks: Iterable[tuple[int, Task[R]]], pool: Pool, site: Site, scheduler: str
 ) -> Iterator[Outcome[R]]:
     """Send tasks as slots become free, and again one by one if several were lost at once."""
-    waiting, alone = deque(enumerate(tasks)), deque[tuple[int, Task[R]]]()
+    waiting, alone = deque(tasks), deque[tuple[int, Task[R]]]()
     running: dict[Future[list[bytes]], list[tuple[int, Task[R]]]] = {}
     recent_s: deque[float] = deque(maxlen=20)
     try:

@@ -1,7 +1,9 @@
 """Tasks, and what a worker does with them."""
 
+import json
 import os
 import pickle
+import platform
 import resource
 import socket
 import threading
@@ -14,11 +16,13 @@ from time import monotonic
 from typing import Any, Generic, TypeVar
 
 import cloudpickle
+from pydantic import TypeAdapter
 
 from sim.graphics import GraphicsError, explain_fault, is_graphics_fault
-from trials.execution.cache import code_digest
-from trials.execution.store import sharing
+from trials.execution.cache import CACHE, cache_path, code_digest
+from trials.execution.store import present, publish, sharing
 from vo.contract.errors import DatasetError, DriftyardError
+from vo.contract.files import write_text
 from vo.contract.remarks import print_remarks
 
 R = TypeVar("R")
@@ -66,12 +70,47 @@ class Task(Generic[R]):
     Attributes:
         kind: Of MEMORY_GB.
         name: In errors, reports and logs.
+        kept: Type of a result that the cache keeps as JSON; None for one that is not kept, or
+            that consists of files with names of their own.
+        causes: What decides the result beside arguments and sources, such as a scene of the user's.
     """
 
     kind: str
     name: str
     function: Callable[..., R]
     arguments: tuple[Any, ...] = ()
+    kept: Any = None
+    causes: tuple[str, ...] = ()
+
+    @property
+    def file(self) -> Path:
+        """File in the cache of a result that is kept; its name holds a digest of all causes."""
+        called = f"{self.function.__module__}.{self.function.__qualname__}"
+        given = json.dumps(self.arguments, sort_keys=True, default=repr)
+        label = f"{self.kind}-{self.name.replace(' ', '_').replace('/', '_')}"
+        path = cache_path(CACHE, "results", label, called, given, code_digest(), *self.causes)
+        return path.with_suffix(".json")
+
+    def recall(self) -> R | None:
+        """Return the result that the cache or the shared store keeps; None if there is none."""
+        if self.kept is None or not present(self.file).is_file():
+            return None
+        content = json.loads(self.file.read_text(encoding="utf-8"))
+        return TypeAdapter(self.kept).validate_python(content["result"])
+
+    def keep(self, value: R, seconds: float) -> None:
+        """Keep a result, and how it was made, in the cache and the shared store."""
+        about = {
+            "kind": self.kind,
+            "task": self.name,
+            "arguments": json.loads(json.dumps(self.arguments, default=repr)),
+            "code": code_digest(),
+            "host": platform.node(),
+            "seconds": round(seconds, 3),
+            "result": TypeAdapter(self.kept).dump_python(value, mode="json"),
+        }
+        write_text(self.file, json.dumps(about, indent=1) + "\n")
+        publish(self.file)
 
 
 @dataclass(frozen=True)
@@ -120,6 +159,8 @@ def _reply(task: bytes, site: Site, address: str) -> bytes:
         read: Task[Any] = pickle.loads(task)
         _reporting = (read.name, site)
         value = read.function(*read.arguments)
+        if read.kept is not None:
+            read.keep(value, monotonic() - start_s)
     except Exception as raised:
         error = _portable(raised, address)
     memory_gb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20

@@ -57,7 +57,9 @@ def measure_labels(scenes: Sequence[str], seed: int, bar: ProgressBar = no_progr
     """Compare labels, blur and sensors with independent computations, on all cores."""
     measures = [(x, name) for name in scenes for x in (_geometry, _sensors)]
     measures += [(_outlines, "boxes"), (_blur, "turntable")]
-    tasks = [Task("check", f"{x.__name__[1:]} of {y}", x, (y, seed)) for x, y in measures]
+    tasks = [
+        Task("check", f"{x.__name__[1:]} of {y}", x, (y, seed), list[Check]) for x, y in measures
+    ]
     with counted(bar, "measures", len(tasks)) as count:
         return [check for found in compute(tasks, count) for check in found]
 

@@ -7,11 +7,12 @@ and loads are reported to it, as queues are in the model.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from pydantic import PlainSerializer, PlainValidator
 
 from sim.world.world import START_S
 from trials.gym.env.environments import RoverNav
@@ -26,6 +27,9 @@ from trials.routing.drive import STRATEGIES, Delays, Route, Strategy, drive, und
 from trials.routing.network import Network, Road
 from vo.contract.arrays import Array
 
+StoredArray = Annotated[
+    Array, PlainSerializer(lambda x: x.tolist()), PlainValidator(lambda x: np.asarray(x))
+]
 Case = tuple[int, int, Delays]
 """Start, goal and delays of a drive."""
 MAX_WAIT_S, MAX_QUEUE_S, LEAD_S, CONGESTED = 30.0, 60.0, 8.0, 0.6
@@ -52,7 +56,7 @@ class RoverDrive:
     free_s: float
     predicted: tuple[str, ...]
     passed: tuple[str, ...]
-    trace: Array
+    trace: StoredArray
 
 
 class AisleRover(RoverNav):

@@ -1,4 +1,4 @@
-"""Results of trials by source of localization: their metrics, their file, and their figure.
+"""Results of trials by source of localization: their metrics, and their figure.
 
 Sources: Anderson et al., On Evaluation of Embodied Navigation Agents, 2018 (SPL; soft SPL weighs
 progress where SPL asks for success); Xiao et al., Autonomous Ground Navigation in Highly
@@ -9,8 +9,6 @@ import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, astuple, dataclass
-from itertools import chain
-from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
@@ -20,7 +18,6 @@ from scipy import stats
 from trials.evaluation.intervals import CONFIDENCE, Interval, mean_interval
 from trials.gym.env.localization import DRIFT
 from trials.report.figure import GREY, SERIES, tidy
-from vo.contract.files import write_text
 
 BARN_LIMITS = np.array([2.0, 8.0])
 """Multiples of the optimal time between which BARN's score falls as 1 / time."""
@@ -125,39 +122,6 @@ def summarize(results: Sequence[R], metrics: Metrics[R]) -> dict[str, str]:
     for name, (metric, digits) in metrics.items():
         found[name] = mean_interval(np.array([metric(x) for x in results])).text(digits)
     return found
-
-
-class ResultStore:
-    """Results of a study as JSON lines, by world in `done`; until all are there, in `out`.part."""
-
-    def __init__(self, out: Path, study: str) -> None:
-        """Continue what an interrupted run of the same study left in the part of `out`.
-
-        `study` is everything that the results depend on, on one line; another one starts afresh.
-        """
-        self._out, self._study = out, study
-        self._part = out.with_name(out.name + ".part")
-        self.done: dict[int, list[TrialResult]] = {}
-        lines = self._part.read_text(encoding="utf-8").splitlines() if self._part.is_file() else []
-        if lines and lines[0] == study:
-            for line in lines[1:]:
-                result = TrialResult(**json.loads(line))
-                self.done.setdefault(result.layout, []).append(result)
-        out.parent.mkdir(parents=True, exist_ok=True)
-        self._write_part()
-
-    def add(self, of_world: Sequence[TrialResult]) -> None:
-        """Store the results of a world."""
-        self.done[of_world[0].layout] = list(of_world)
-        self._write_part()
-
-    def close(self) -> None:
-        """Write all results, sorted by world."""
-        write_text(self._out, json_lines(chain(*(self.done[k] for k in sorted(self.done)))))
-        self._part.unlink()
-
-    def _write_part(self) -> None:
-        write_text(self._part, f"{self._study}\n{json_lines(chain(*self.done.values()))}")
 
 
 def json_lines(results: Iterable[Result]) -> str:
