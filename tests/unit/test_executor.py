@@ -80,7 +80,7 @@ def test_workers_have_one_thread_and_a_core_each():
 
 
 def test_kept_results_are_computed_once(tmp_path, monkeypatch):
-    """Here, and on a machine that shares the store; other causes or arguments give other results."""
+    """Here, and on a machine that shares the store, unless arguments or causes are others."""
     log = str(tmp_path / "log")
     tasks = [Task("trial", f"{k}", measure_once, (log, k), list[Measured]) for k in (1, 2)]
     with using(Workers(0, store=str(tmp_path / "store"))):
