@@ -5,10 +5,14 @@ import pytest
 from folders import wall, write_euroc
 from terminal import driftyard
 
-from trials.studies.bench import endurance_table, length_table
+from trials.execution.recording_settings import recording_settings
+from trials.studies.bench import PARTS, endurance_table, length_table
+from trials.studies.speed.comparison import RECORDINGS, comparison_table, measure_rounds
 from trials.studies.speed.drive import TimedDrive
-from trials.studies.speed.estimator import EstimatorSpeed, measure_estimator
+from trials.studies.speed.estimator import EstimatorSpeed, measure_estimator, to_and_fro
 from trials.studies.speed.generator import measure_lengths
+from trials.studies.speed.start import time_program
+from vo.recordings.readers import open_sequence
 
 pytestmark = pytest.mark.gl
 
@@ -41,7 +45,7 @@ def test_endurance_table_compares_start_and_end():
     assert rows[:3] == [
         ("first tenth, median, ms", "10.0"),
         ("last tenth, median, ms", "40.0"),
-        ("ratio", "4.00"),
+        ("ratio, ≤ 1.1 required", "4.00"),
     ]
     assert rows[-2:] == [("memory after a tenth, GB", "1.12"), ("memory at the end, GB", "2.50")]
 
@@ -59,3 +63,49 @@ def test_bench_missing_dataset_is_an_error_in_one_line(tmp_path):
     assert result.returncode == 2
     assert "nowhere" in result.stderr
     assert result.stderr.count("\n") == 1
+
+
+def test_bench_unknown_part_is_refused_with_the_valid_ones(tmp_path):
+    result = driftyard("bench", "--only", "speed", cwd=tmp_path)
+    assert result.returncode == 2
+    assert all(name in result.stderr for name in PARTS)
+
+
+def test_comparison_table_holds_medians_of_rounds():
+    def runs(*rounds_ms):
+        return [EstimatorSpeed(np.array(x), {}, np.zeros(3)) for x in rounds_ms]
+
+    ours = runs([10.0, 10.0, 16.0], [20.0, 20.0, 20.0], [10.0, 10.0, 16.0])
+    theirs = runs([20.0, 20.0, 20.0], [20.0, 20.0, 20.0], [20.0, 20.0, 20.0])
+    label = next(iter(RECORDINGS))
+    table = comparison_table({label: {"driftyard": ours, "corner_flow": theirs}})
+    (row,) = zip(*(column.cells for column in table.columns), strict=True)
+    assert row == (label, "10.0", "20.0", "0.50", "0.60", "≤ 0.45", "1.54", "≤ 1.6")
+
+
+def test_measure_rounds_runs_estimators_in_turn(tmp_path):
+    speeds = measure_rounds(write_euroc(tmp_path / "wall", wall(3)), rounds=2)
+    assert list(speeds) == ["driftyard", "corner_flow"]
+    assert [len(x.frame_ms) for runs in speeds.values() for x in runs] == [3] * 4
+
+
+def test_recordings_of_the_comparison_have_accepted_settings():
+    for timed in RECORDINGS.values():
+        assert recording_settings(timed.scene, 0, timed.overrides)
+
+
+def test_to_and_fro_turns_at_both_ends(tmp_path):
+    sequence = open_sequence(write_euroc(tmp_path / "wall", wall(3)))
+    longer = to_and_fro(sequence, 8)
+    order = (0, 1, 2, 1, 0, 1, 2, 1)
+    assert len(longer) == len(order)
+    for i, k in enumerate(order):
+        np.testing.assert_array_equal(longer[i].left, sequence[k].left)
+
+
+def test_time_program_counts_from_its_start_in_both_times():
+    timed = time_program("import sys, time; print(time.monotonic() - float(sys.argv[1]), 2)")
+    ((elapsed_s, two),) = timed.lines
+    assert 0 < elapsed_s <= timed.wall_s
+    assert two == 2
+    assert timed.cpu_s > 0

@@ -1,4 +1,4 @@
-"""`driftyard bench`: speed of generator, renderers and estimators on this machine."""
+"""`driftyard bench`: speed of generator, estimators, start and environments on this machine."""
 
 import importlib.metadata
 import platform
@@ -6,7 +6,7 @@ from pathlib import Path
 
 from trials.cli import console
 from trials.cli.options import Seed, option
-from trials.studies.bench import bench_all, bench_over
+from trials.studies.bench import bench_over, bench_parts
 from trials.studies.speed.engine import measure_engine
 from vo.recordings.readers import open_sequence
 
@@ -14,9 +14,14 @@ PACKAGES = ("mujoco", "numpy", "opencv-python-headless", "gtsam", "numba")
 
 
 def bench(
-    scene: str = option("brick_court", "Scene to drive through."),
+    scene: str = option("brick_court", "Scene of the part generation."),
     seed: Seed = 0,
     quick: bool = option(False, "Use short drives, for rough figures."),
+    only: str = option(
+        "",
+        "Parts: generation, lengths, estimators, endurance, start, environments; all by default.",
+        metavar="A,B,C",
+    ),
     over: Path | None = option(
         None, "Run only the estimators, over this dataset.", metavar="DATASET"
     ),
@@ -24,8 +29,9 @@ def bench(
         False, "Measure only the executor of tasks, and the gain of a second worker.", "--engine"
     ),
 ) -> None:
-    """Measure the speed of generator, renderers and estimators on this machine.
+    """Measure the speed of generator, estimators, start and environments on this machine.
 
+    The estimators run in turn over three recordings, and the default one over a long sequence.
     With --over, times and memory at the end of the dataset are printed beside those at its start,
     and the time of a window of keyframes by each backend of bundle adjustment.
     """
@@ -35,7 +41,8 @@ def bench(
         open_sequence(over)  # a wrong path is refused before a process is started
         report = bench_over(over, console.progress_bar)
     else:
-        report = bench_all(scene, seed, quick, console.progress_bar)
+        names = [name for name in only.split(",") if name]
+        report = bench_parts(scene, seed, quick, names, console.progress_bar)
     versions = ", ".join(f"{x} {importlib.metadata.version(x)}" for x in PACKAGES)
     console.out.print(f"python {platform.python_version()}, {versions}")
     for part in report:

@@ -58,7 +58,7 @@ PANELS: dict[str, dict[str, tuple[str, str]]] = {
         "label-accuracy": ("Verify labels, blur and sensors.", "--scenes brick_court"),
         "point-world": ("Compare with the Cramér-Rao bound on noisy points.", "--worlds 50"),
         "bump": ("Draw a brick under a wheel in every channel.", "--scene office --out bump.png"),
-        "bench": ("Measure the speed of generator and estimators.", "--quick"),
+        "bench": ("Measure the speed of generator, estimators and start.", "--quick"),
         "replanning": ("Compare the time of D* Lite with that of A*.", "--changes 50"),
         "trial-speed": ("Measure the speed of a navigation environment.", "warehouse"),
         "trial-memory": ("Measure memory over many resets.", "turntable --resets 1000"),

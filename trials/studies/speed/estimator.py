@@ -1,7 +1,7 @@
 """Speed of an estimator; its process imports no simulator, as its memory is measured."""
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -11,6 +11,7 @@ from trials.estimators.choice import make_estimator
 from trials.execution.progress import ProgressBar, counted, no_progress
 from vo.contract.arrays import Array
 from vo.contract.estimator import Estimate
+from vo.contract.sequence import StereoSequence
 from vo.recordings.readers import open_sequence
 from vo.runner import run
 
@@ -33,10 +34,14 @@ class EstimatorSpeed:
     memory_mb: Array
 
 
-def measure_estimator(name: str, dataset: Path, bar: ProgressBar = no_progress) -> EstimatorSpeed:
-    """Run an estimator over a dataset, warm."""
+def measure_estimator(
+    name: str, dataset: Path, bar: ProgressBar = no_progress, frames: int | None = None
+) -> EstimatorSpeed:
+    """Run an estimator over a dataset, warm; to and fro until it has tracked so many frames."""
     cv2.setNumThreads(1)
     sequence = open_sequence(dataset)
+    if frames is not None:
+        sequence = to_and_fro(sequence, frames)
     warm, _ = make_estimator(name, sequence.rig)
     for i in range(min(WARM_FRAMES, len(sequence))):
         warm.track(sequence[i])
@@ -55,6 +60,17 @@ def measure_estimator(name: str, dataset: Path, bar: ProgressBar = no_progress) 
         for stage in stages
     }
     return EstimatorSpeed(np.array(result.frame_ms), stage_ms, np.array(memory_mb))
+
+
+def to_and_fro(sequence: StereoSequence, frames: int) -> StereoSequence:
+    """Repeat two frames or more backwards, forwards and so on, at even times."""
+    last = len(sequence) - 1
+    index = np.abs((np.arange(frames) + last) % (2 * last) - last)
+    step_ns = int(np.median(np.diff(sequence.timestamps_ns)))
+    times_ns = sequence.timestamps_ns[0] + step_ns * np.arange(frames)
+    return replace(
+        sequence, timestamps_ns=times_ns, load=lambda i: sequence.load(int(index[i])), wheels=None
+    )
 
 
 def resident_mb() -> float:
