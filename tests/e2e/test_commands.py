@@ -58,7 +58,7 @@ def test_import_of_the_command_line_is_light(tmp_path):
 @pytest.mark.gl
 def test_interrupted_recording_leaves_no_files(tmp_path):
     (tmp_path / "plane.xml").write_text(PLANE)
-    words = ("generate", "plane.xml", "--out", "o", "--set", "drive.distance_m=3")
+    words = ("generate", "plane.xml", "--out", "o", "--set", "drive.distance_m=1")
     process = subprocess.Popen(
         [sys.executable, "-m", "trials.cli", *words],
         cwd=tmp_path,
