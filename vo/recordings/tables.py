@@ -4,6 +4,7 @@ Columns are separated by semicolons, commas, tabs or blanks, which is decided in
 that start with # or % are comments. Rows without a number before the first with one are a header.
 """
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -90,8 +91,8 @@ class Table:
             for i, word in enumerate(self.words(column, expected)):
                 if not _is_number(word):
                     raise self.fault(i, _no_number(word, expected))
-                found[i, k] = float(word)
-                if finite and not np.isfinite(found[i, k]):
+                found[i, k] = number = float(word)
+                if finite and not math.isfinite(number):
                     raise self.fault(i, f"{_short(word)} is not finite; expected {expected}")
         return found
 
