@@ -82,7 +82,7 @@ def test_damaged_object_is_named_and_leaves_nothing(result):
 def test_unusable_store_is_one_line_before_any_task(url, said, tmp_path):
     if url.startswith("s3") and find_spec("s3fs"):
         pytest.skip("s3fs is installed")
-    with using(Workers(0, store=url)), pytest.raises(StoreError, match=said) as caught:
+    with pytest.raises(StoreError, match=said) as caught, using(Workers(0, store=url)):
         compute([Task("nothing", "x", (tmp_path / "done").write_text, ("x",))])
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "done").exists()

@@ -62,8 +62,6 @@ class _Started:
     def pool(self, tasks: Sequence[Task[Any]]) -> Pool:
         """Return the processes, started now unless they are there."""
         if self._pool is None:
-            if self.workers.store:
-                Store(self.workers.store).check()
             memory_gb = max(MEMORY_GB.get(x.kind, 0.5) for x in tasks)
             self._pool = self._stack.enter_context(pool_of(self.workers, memory_gb))
         return self._pool
@@ -80,7 +78,13 @@ _current: ContextVar[_Started | None] = ContextVar("started", default=None)
 
 @contextmanager
 def using(workers: Workers) -> Generator[None]:
-    """Let all tasks of the block run there; processes start with the first task."""
+    """Let all tasks of the block run there; processes start with the first task.
+
+    Raises:
+        StoreError: If the store cannot be used.
+    """
+    if workers.store:
+        Store(workers.store).check()
     started = _Started(workers)
     token = _current.set(started)
     try:

@@ -10,20 +10,23 @@ import json
 import os
 import platform
 import shutil
-from collections.abc import Generator, Iterable
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 from uuid import uuid4
 
 from trials.execution.cache import code_digest
 from vo.contract.errors import DriftyardError
 
 INDEX = ".index.json"
+AT_ONCE = 64
+"""Number of files in one request to the file system, which may send them together."""
+T = TypeVar("T")
 
 
 class StoreError(DriftyardError):
@@ -88,12 +91,13 @@ class Store:
         system, path = self._place
         hashes: dict[str, str] = {}
         with self._stated(f"{name} cannot be written"):
-            for file in sorted(files):
-                data, inner = file.read_bytes(), file.relative_to(root).as_posix()
-                hashes[inner] = hashlib.sha256(data).hexdigest()
-                target = f"{path}/{name}/{inner}"
-                system.makedirs(target.rpartition("/")[0], exist_ok=True)
-                system.pipe_file(target, data)
+            for some in _chunks(sorted(files)):
+                read = {x.relative_to(root).as_posix(): x.read_bytes() for x in some}
+                hashes |= {inner: hashlib.sha256(data).hexdigest() for inner, data in read.items()}
+                targets = {f"{path}/{name}/{inner}": data for inner, data in read.items()}
+                for folder in {target.rpartition("/")[0] for target in targets}:
+                    system.makedirs(folder, exist_ok=True)
+                system.pipe(targets)
             about = {
                 "sha256": hashes,
                 "code": code_digest(),
@@ -115,18 +119,25 @@ class Store:
             return []
         system, path = self._place
         written: list[Path] = []
-        for inner, sha256 in about["sha256"].items():
-            with self._stated(f"{name}/{inner} cannot be read"):
-                data = system.cat_file(f"{path}/{name}/{inner}")
-            if hashlib.sha256(data).hexdigest() != sha256:
-                raise StoreError(
-                    f"store {self.url}: {name}/{inner} is damaged; remove {name}{INDEX}"
-                )
-            file = root / inner
-            file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_bytes(data)
-            written.append(file)
+        for some in _chunks([*about["sha256"]]):
+            with self._stated(f"{name} cannot be read"):
+                read = system.cat([f"{path}/{name}/{inner}" for inner in some])
+            for inner in some:  # they come in any order
+                data = read[f"{path}/{name}/{inner}"]
+                if hashlib.sha256(data).hexdigest() != about["sha256"][inner]:
+                    raise StoreError(
+                        f"store {self.url}: {name}/{inner} is damaged; remove {name}{INDEX}"
+                    )
+                file = root / inner
+                file.parent.mkdir(parents=True, exist_ok=True)
+                file.write_bytes(data)
+                written.append(file)
         return written
+
+
+def _chunks(items: Sequence[T]) -> Iterator[Sequence[T]]:
+    """Split into parts that a file system reads or writes at once."""
+    return (items[k : k + AT_ONCE] for k in range(0, len(items), AT_ONCE))
 
 
 shared: ContextVar[Store | None] = ContextVar("shared", default=None)
