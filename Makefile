@@ -2,7 +2,7 @@
 # Most targets are commands of driftyard, which take options: make bench ARGS=--quick
 
 .DEFAULT_GOAL := help
-.PHONY: demo check unit test suite lint bench accuracy label-accuracy response bump replanning routing scenes gate gate-power experiments explain docs docs-serve notebooks clean help
+.PHONY: demo check unit test suite lint bench accuracy label-accuracy response bump replanning routing traffic scenes gate gate-power experiments explain docs docs-serve notebooks clean help
 
 VENV := .venv
 READY := $(VENV)/.ready
@@ -63,6 +63,10 @@ replanning: $(READY)  ## time of D* Lite and of A* on a grid
 
 routing: $(READY)  ## static and dynamic routing, with and without clearing (into build/routing/)
 	$(BIN)/driftyard route --out build/routing $(ARGS)
+
+traffic: $(READY)  ## install Eclipse SUMO (250 MB) and run its tests
+	$(BIN)/python -m pip install --quiet --editable ".[traffic]"
+	$(BIN)/pytest -q tests/e2e/test_route_grid.py
 
 gate: $(READY)  ## compare the default estimator with tests/gate/baseline.json
 	$(BIN)/driftyard gate check --baseline tests/gate/baseline.json --accept datasets,platform $(ARGS)

@@ -88,9 +88,11 @@ def batch_bar(
         yield advance, finish
 
 
-def print_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+def print_table(
+    header: Sequence[str], rows: Iterable[Sequence[str]], title: str | None = None
+) -> None:
     """Print rows of text without a frame, all columns to the left."""
-    made = Table(*header, box=None)
+    made = Table(*header, box=None, title=title, title_justify="left")
     for row in rows:
         made.add_row(*row)
     out.print(made)

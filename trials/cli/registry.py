@@ -1,8 +1,8 @@
 """Commands of `driftyard`: in which panel each stands, what it does, and an example.
 
-A command is a function of its own name in a module named after its first word, which is imported
-when the command is used; the command line starts fast although its commands import all of the
-project.
+A command is a function of its own name in a module named after its first word, or after all its
+words where the first is a command as well. The module is imported when the command is used; the
+command line starts fast although its commands import all of the project.
 """
 
 import importlib
@@ -48,6 +48,9 @@ PANELS: dict[str, dict[str, tuple[str, str]]] = {
     "Navigation": {
         "drive": ("Compare sources of localization.", "office --localization truth,vo --worlds 10"),
         "route": ("Compare static with dynamic routing of a vehicle.", "--out routing"),
+        "route signals": ("List the phases that an urgent vehicle needs.", "--present 3+8"),
+        "route timing": ("Compute when a signal's preemption begins.", "--arrival 60 --queue 8"),
+        "route grid": ("Route a vehicle through traffic in SUMO.", "--out grid --seeds 4"),
     },
     "Studies and measurements": {
         "accuracy": ("Measure the drift of the default settings.", "--scenes office --seeds 2"),
@@ -83,6 +86,9 @@ COMMANDS = {
 }
 """Every command by its words."""
 
+GROUPS = ("gate", "systems")
+"""Names that stand for the commands that begin with them, and do nothing themselves."""
+
 
 class LazyGroup(TyperGroup):
     """Group whose commands are imported when they are used."""
@@ -106,6 +112,8 @@ class LazyGroup(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Import the command that the arguments name."""
         name, command, rest = super().resolve_command(ctx, args)
+        if rest and (both := f"{name} {rest[0]}") in COMMANDS and name not in GROUPS:
+            return both, load(both), rest[1:]
         if name in self.entries:
             command = load(self.prefix + name)
         return name, command, rest
@@ -115,12 +123,17 @@ def load(name: str) -> Any:
     """Import a command by its words, or make the group of that name."""
     entry = COMMANDS[name]
     example = f"Example: {entry.example}"
-    if any(x.startswith(f"{name} ") for x in COMMANDS):
+    if name in GROUPS:
         return LazyGroup(
             name=name, prefix=f"{name} ", help=entry.summary, epilog=example, no_args_is_help=True
         )
-    module, _, _ = (name := name.replace("-", "_")).partition(" ")
-    function = getattr(importlib.import_module(f"trials.cli.{module}"), name.replace(" ", "_"))
+    first, _, last = name.partition(" ")
+    function = name.replace("-", "_").replace(" ", "_")
+    module = function if last and first not in GROUPS else first.replace("-", "_")
+    command = getattr(importlib.import_module(f"trials.cli.{module}"), function)
+    others = [x for x in COMMANDS if x.startswith(f"{name} ")]
+    if others:
+        example += f"\n\nSee also: {', '.join(f'driftyard {x}' for x in others)}"
     app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-    app.command(name.rpartition(" ")[2], epilog=example)(expand(function))
+    app.command(last or name, epilog=example)(expand(command))
     return typer.main.get_command(app)
