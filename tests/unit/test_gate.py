@@ -404,7 +404,7 @@ class Hopeless(Silent):
 
 
 @pytest.fixture
-def place(tmp_path, monkeypatch):
+def place(tmp_path, monkeypatch, in_this_process):
     (tmp_path / "gated.py").write_text(OWN)
     monkeypatch.syspath_prepend(str(tmp_path))
     return [
