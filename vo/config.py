@@ -56,6 +56,13 @@ class MatchingSettings(Settings):
     """Minimum correlation of a match."""
     motion_model: Literal["constant_velocity", "constant_position"] = "constant_velocity"
     """Model that predicts the next pose."""
+    search: Literal["features", "displacement"] = "displacement"
+    """Landmarks are found among the features of each frame (thesis 3.2), or by displacement from
+    the previous one: then features serve new landmarks, and frames where that fails."""
+    probes: int = Field(default=100, ge=10)
+    """Displacement: landmarks that give the first pose of a frame."""
+    landmarks_per_frame: int = Field(default=300, ge=10)
+    """Displacement: landmarks that give the pose of a frame that is no keyframe."""
     search_radius_px: float = Field(default=24.0, gt=0)
     """Half side of the search window at the prediction, px."""
     max_search_radius_px: float = Field(default=96.0, gt=0)
@@ -161,6 +168,9 @@ class RefinementSettings(Settings):
     mode: Literal["none", "motion", "window", "fixed_lag"] = "window"
     """Scope: none, the pose of every frame (motion), also the last keyframes with their landmarks
     (window), or these incrementally with marginalisation of older ones (fixed_lag)."""
+    deferred: bool = True
+    """A keyframe's landmarks are added with the next frame, and the window is adjusted with the one
+    after: no frame takes much longer than another."""
     smooth: Literal["none", "window", "global"] = "window"
     """Smoothed trajectory at the end: none, by the last refinement of each keyframe (window), or by
     full-batch bundle adjustment (global)."""
@@ -226,6 +236,8 @@ class OdometrySettings(Settings):
     """Lost frames after which a new map begins, or the age of the map where that is less."""
     stationary: Literal["none", "image", "encoders"] = "encoders"
     """Detection of standstill (E11): none, by optical flow (image), or by flow and wheels."""
+    budget_ms: float = Field(default=0, ge=0)
+    """Time for a frame, ms, which then leaves out work and says which; 0: no limit."""
     features: FeatureSettings = FeatureSettings()
     matching: MatchingSettings = MatchingSettings()
     stereo: StereoSettings = StereoSettings()
@@ -242,6 +254,7 @@ THESIS = OdometrySettings(
     features=FeatureSettings(count=500, cell_px=10_000, smoothing_px=0),
     matching=MatchingSettings(
         motion_model="constant_position",
+        search="features",
         search_radius_px=60,
         min_inlier_ratio=0,
         guided=False,
@@ -258,6 +271,7 @@ THESIS = OdometrySettings(
     ),
     refinement=RefinementSettings(
         backend="gtsam",
+        deferred=False,
         keyframe_parallax_px=0,
         sigma_px=0.5,
         sigma_disparity_px=0.5,

@@ -17,29 +17,28 @@ from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
 from vo.hooks import NO_HOOKS, Hooks
 from vo.map.frame import View, newest_matches
-from vo.map.local_map import TrackedFrame, pose_covariance, transform_map
+from vo.map.local_map import TrackedFrame, pose_covariance
 from vo.map.run_history import RunHistory
 from vo.map.state import Halt, TrackerState
 from vo.mapping import relocalization
 from vo.mapping.batch_smoothing import smooth
 from vo.mapping.keyframes import add_keyframe, needs_keyframe
+from vo.mapping.mapper import Mapper
 from vo.mapping.relocalization import mark_lost, relocalize
-from vo.mapping.window_adjustment import adjuster
 from vo.tracking import diagnostics
 from vo.tracking.association import add_observations
+from vo.tracking.budget import Budget
 from vo.tracking.frontend import Frontend
 from vo.tracking.landmark_prior import cull_landmarks
 from vo.tracking.stationary import detect_stationary, start_halt
+from vo.tracking.track_displaced import track_displaced
 from vo.tracking.track_local_map import (
-    Context,
-    NotTracked,
-    Tracked,
-    is_reliable,
     predict_pose,
     retry_tracking,
     shows_swapped_images,
     track_local_map,
 )
+from vo.tracking.tracked import Context, NotTracked, Tracked
 
 
 class StereoOdometry:
@@ -66,24 +65,35 @@ class StereoOdometry:
         self.state = TrackerState()
         self._history = RunHistory()
         self._frontend = Frontend(rig, self.settings)
-        self._adjust = adjuster(rig, self.settings.refinement)
         self._rng = np.random.default_rng(self.settings.seed)
+        self._budget = Budget(self.settings.budget_ms)
+        self._mapper = Mapper(rig, self.settings.refinement, self._history, self._rng)
 
     def track(self, frame: StereoFrame) -> Estimate:
         """Estimate the pose of the next frame; never raises on image content."""
-        state, clock = self.state, Clock()
+        state, mapper, clock = self.state, self._mapper, Clock()
         if frame.timestamp_ns <= state.frame_ns:
             reason = f"not later than the frame before, at {state.frame_ns} ns"
             return Estimate(frame.timestamp_ns, Status.LOST, None, reason)
+        self._budget.begin()
+        waits = state.pending is not None and self._budget.lets_keyframe_wait()
+        counts: dict[str, int] = {}
+        if not waits:
+            with clock("structure refinement"):
+                mapper.step(state, self.hooks, counts)
         view = self._frontend.process(frame, state.smoothing_px, self.hooks, clock)  # (3.1, 3.2)
         state.frame_ns, state.smoothing_px = frame.timestamp_ns, view.smoothing_px
         if not state.map.keyframes:
             return self._initialize(view, clock)
 
-        context = Context(self.hooks, self._rng, clock)
+        context = Context(self.hooks, self._rng, clock, self._budget)
         T_guess = predict_pose(state, view, self.hooks)  # constant velocity, or at rest
-        tracked = track_local_map(state, view, T_guess, context)  # match, P3P, refine (3.2-3.4)
-        if not is_reliable(tracked, state.map):  # a low ratio of inliers, or no pose
+        tracked: Tracked | NotTracked = NotTracked({"matches": 0, "inliers": 0})
+        if self.settings.matching.search == "displacement" and state.previous:
+            tracked = track_displaced(state, state.previous, view, T_guess, context)
+        if not tracked.is_reliable:
+            tracked = track_local_map(state, view, T_guess, context)  # match, P3P, refine (3.2-3.4)
+        if not tracked.is_reliable:  # a low ratio of inliers, or no pose
             # By a rotation prior, by KLT and in a wide search (decision 22).
             tracked = retry_tracking(state, view, T_guess, first=tracked, context=context)
         if isinstance(tracked, NotTracked) or shows_swapped_images(tracked, view):
@@ -95,13 +105,23 @@ class StereoOdometry:
             halt = detect_stationary(state.halt, tracked.view, tracked.inliers)
             if halt:  # zero-velocity update (5.1.3)
                 tracked = replace(tracked, T_odom_cam=halt.T_odom_cam, covariance=halt.covariance)
-            elif needs_keyframe(state.map, tracked):
-                tracked = self._add_keyframe(tracked)  # bundle adjustment (3.4, 4.4)
+            if is_keyframe := not halt and needs_keyframe(tracked):
+                moved = mapper.finish(
+                    state, self.hooks, counts
+                )  # what the keyframe before left to do
+                tracked = tracked.moved(moved, state.map.landmarks)
             step_covariance = self._advance(tracked, halt)
+            if is_keyframe:
+                mapper.begin(state, tracked)  # bundle adjustment (3.4, 4.4)
+                if not self.settings.refinement.deferred:
+                    moved = mapper.finish(state, self.hooks, counts)
+                    tracked = tracked.moved(moved, state.map.landmarks)
+        tracked = replace(tracked, counts={**tracked.counts, **counts})
         return self._estimate(tracked, step_covariance, clock)
 
     def finalize(self) -> FinalResult:
         """Return the map and, unless `refinement.smooth` is none, the smoothed trajectory (4.2)."""
+        self._mapper.finish(self.state, self.hooks, {})
         history, refinement = self._history, self.settings.refinement
         if refinement.smooth == "global":
             history = smooth(history, self.rig, refinement)
@@ -128,7 +148,7 @@ class StereoOdometry:
             Status.START,
             T_odom_cam,
             reason=f"new segment after {lost_frames} lost frames" if lost_frames else "",
-            counts={"features": len(view.features), **counts},
+            counts={**view.detection.counts, **counts},
             timings_ms=clock.ms,
             covariance=covariance,
             step_covariance=self._set_pose(view, T_odom_cam, none) + covariance,
@@ -138,6 +158,7 @@ class StereoOdometry:
         self, view: View, counts: Mapping[str, int], clock: Clock, few: str | None = None
     ) -> Estimate:
         """Report a frame without a pose; after some, the next one starts a new map."""
+        self._mapper.finish(self.state, self.hooks, {})
         state, settings = self.state, self.settings
         state.lost_frames += 1
         state.T_last_cam = np.eye(4)
@@ -150,27 +171,9 @@ class StereoOdometry:
             Status.LOST,
             None,
             reason=diagnostics.explain_failure(view) or few,
-            counts={"features": len(view.features), **counts},
+            counts={**view.detection.counts, **counts},
             timings_ms=clock.ms,
         )
-
-    def _add_keyframe(self, tracked: Tracked) -> Tracked:
-        """Add a keyframe, adjust the map, and merge it with a lost one that the keyframe sees."""
-        state, view, inliers = self.state, tracked.view, tracked.inliers
-        T_odom_cam = tracked.T_odom_cam
-        covariance = pose_covariance(state.map.keyframes[-1], T_odom_cam, tracked.covariance)
-        new = add_keyframe(state.map, view, T_odom_cam, covariance, inliers, self.hooks)
-        state.map, iterations = self._adjust(new)
-        state.previous = keyframe = state.map.keyframes[-1]
-        if found := relocalize(state.lost_map, view, self._rng):  # (6)
-            T_odom_cam, covariance = found
-            T_new_old = T_odom_cam @ se3.inverse(keyframe.T_odom_cam)
-            self._history.transform(state.map.keyframes[0].serial, T_new_old)
-            state.map, state.lost_map = transform_map(state.map, T_new_old, covariance), None
-        self._history.record_map(state.map, view.settings.refinement)
-        state.row_offsets_px = diagnostics.add_row_offset(state.row_offsets_px, view, inliers)
-        counts = {**tracked.counts, "structure iterations": iterations}
-        return replace(tracked, T_odom_cam=state.map.keyframes[-1].T_odom_cam, counts=counts)
 
     def _advance(self, tracked: Tracked, halt: Halt | None) -> Array:
         """Remember the pose of a tracked frame; return the covariance of the step to it."""
@@ -185,13 +188,14 @@ class StereoOdometry:
         view, counts, T_odom_cam = tracked.view, tracked.counts, tracked.T_odom_cam
         inliers, iterations = len(tracked.inliers), counts["motion iterations"]
         weakness = diagnostics.explain_weakness(inliers, iterations, view.settings)
-        keyframe = self.state.map.keyframes[-1]
+        keyframe, offsets_px = self.state.map.keyframes[-1], self.state.row_offsets_px
+        left_out = self._budget.end()
         return Estimate(
             view.frame.timestamp_ns,
             Status.WEAK if weakness else Status.TRACKED,
             T_odom_cam,
-            reason=weakness or diagnostics.explain_calibration(self.state.row_offsets_px),
-            counts={"features": len(view.features), **counts},
+            reason=weakness or left_out or diagnostics.explain_calibration(offsets_px),
+            counts={**view.detection.counts, **counts},
             timings_ms=clock.ms,
             observations=tracked.observations(),
             covariance=pose_covariance(keyframe, T_odom_cam, tracked.covariance),

@@ -150,8 +150,8 @@ def test_record_is_complete(sequence, result):
     height, width = sequence.rig.height_px, sequence.rig.width_px
     for x in result.estimates[1:]:
         seen = x.observations
-        assert x.counts["features"] >= x.counts["matches"]
-        assert x.counts["found"] >= max(x.counts["matches"], x.counts["inliers"])
+        assert x.counts["matches"] >= x.counts["consensus"] > 25
+        assert x.counts["found"] >= x.counts["inliers"]
         assert x.counts["inliers"] > 25
         assert seen.inlier.sum() == x.counts["inliers"]
         assert (np.diff(seen.ids) > 0).all()
@@ -162,6 +162,8 @@ def test_record_is_complete(sequence, result):
         "features", "stereo", "matching", "motion", "motion refinement", "guided matching",
         "structure refinement",
     }  # fmt: skip
+    found = [i for i, x in enumerate(result.estimates) if "features" in x.counts]
+    assert found == [0]  # those of keyframes are detected with the next frame
 
 
 def test_same_images_give_the_same_trajectory(sequence, result):
@@ -241,7 +243,7 @@ def test_new_segment_elsewhere_is_not_merged(odometry, frames):
     elsewhere = [later(x, 100) for x in upended]
     estimates = track_all(odometry, [*frames[:4], *dark, *elsewhere])
     start = estimates[4 + len(dark)]
-    np.testing.assert_array_equal(start.T_odom_cam, estimates[3].T_odom_cam)
+    np.testing.assert_allclose(start.T_odom_cam, estimates[3].T_odom_cam, atol=1e-3)
     assert start.covariance[0, 0] > 0.5
 
 
@@ -253,7 +255,7 @@ def test_final_result_has_every_posed_frame_and_a_map(result, sequence):
     assert 0 < max(moved_m) < 0.01
     assert len(np.unique(points.ids)) == len(points.ids) > 300
     assert points.views.min() >= OdometrySettings().refinement.min_views
-    first = points.points_odom[points.points_odom[:, 2] < 1.5]
+    first = points.points_odom[points.points_odom[:, 2] < 1.0]
     assert np.median(sequence.rig.project(first)[:, 1]) > sequence.rig.cy_px  # on the ground
 
 
@@ -519,7 +521,8 @@ def smeared(frame, px):
 
 def smear_error_m(rig, frames, truth, min_inlier_ratio):
     """Of the last of seven smeared frames after five sharp ones; infinite if it has no pose."""
-    settings = OdometrySettings(matching=MatchingSettings(min_inlier_ratio=min_inlier_ratio))
+    matching = MatchingSettings(search="features", min_inlier_ratio=min_inlier_ratio)
+    settings = OdometrySettings(matching=matching)
     shown = [*frames[:5], *(smeared(x, 33) for x in frames[5:12])]
     estimates = track_all(StereoOdometry(rig, settings), shown)
     lost = Status.LOST in statuses(estimates) or Status.START in statuses(estimates)[1:]

@@ -138,7 +138,7 @@ def test_align_zncc_equals_that_of_aligned_patches():
         for x, place in ((template, centre[0]), (image, aligned[0]))
     ]
     assert 0.5 < zncc[0] < 0.97
-    assert zncc[0] == pytest.approx(np.corrcoef(*(p.ravel() for p in patches))[0, 1], abs=1e-4)
+    assert zncc[0] == pytest.approx(np.corrcoef(*(p.ravel() for p in patches))[0, 1], abs=1e-3)
 
 
 def test_align_equals_opencv():

@@ -6,7 +6,6 @@ from passage import RIG, SIGMA, Passage, collected
 
 from vo.bundle_adjustment.adjust import refine_motion
 from vo.bundle_adjustment.point_estimates import PointEstimates
-from vo.bundle_adjustment.problem import point_blocks
 from vo.config import RefinementSettings
 from vo.contract import se3
 
@@ -23,8 +22,7 @@ def test_score_products_match_single_points():
 
     def estimates_of(landmarks, points):
         bundle = collected(passage.keyframes, landmarks, points, ~moving)
-        (block,) = point_blocks(bundle)
-        return PointEstimates(block)
+        return PointEstimates(bundle)
 
     together = estimates_of(ids, passage.points[ids])
     for _ in range(3):  # until the points have converged
@@ -32,10 +30,10 @@ def test_score_products_match_single_points():
     scores = []
     for row, landmark in enumerate(ids):
         single = estimates_of(np.array([landmark]), together.points[[row]])
-        own = moving[single.block.cameras]
+        own = moving[single.cameras]
         score = np.zeros((4, 6))
-        score[single.block.cameras[own]] = single.linearize(
-            passage.T_odom_cam[single.block.cameras], own, derivatives=True
+        score[single.cameras[own]] = single.linearize(
+            passage.T_odom_cam[single.cameras], own, derivatives=True
         )[1].reshape(-1, 6)
         scores.append(score[moving].ravel())
     B = together.score_products(passage.T_odom_cam, moving)

@@ -9,7 +9,7 @@ from vo.config import OdometrySettings
 from vo.contract.observations import Observations
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
-from vo.map.frame import Matches, View
+from vo.map.frame import Detection, Matches, View
 from vo.map.local_map import TrackedFrame, empty_map
 from vo.tracking.association import is_consistent
 
@@ -34,9 +34,8 @@ def test_circular_check_keeps_matches_that_close_the_circle():
     )  # fmt: skip
     landmarks = replace(empty_map().landmarks, ids=ids, views=np.array([5, 5, 5, 1]))
     previous = TrackedFrame(before, Observations(ids[:2], pixels[:2], unknown[:2]))
-    features = np.zeros((0, 2))
     none, settings = np.zeros((0, 0)), OdometrySettings()
     assert settings.matching.align_px == 9
-    view = View(StereoFrame(1, now, now), RIG, features, none, none, settings)
+    view = View(StereoFrame(1, now, now), RIG, Detection(lambda: (none, none)), none, settings)
     keep = is_consistent(matches, landmarks, previous, view)
     np.testing.assert_array_equal(keep, [True, False, False, True])

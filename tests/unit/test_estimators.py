@@ -104,7 +104,7 @@ def test_make_estimator_reads_a_settings_file(tmp_path):
         ("corner_flow", ["corners=1"], "unknown setting corners; valid here: inlier_px"),
         ("corner_flow", ["quality=nan"], "quality"),
         ("corner_flow", ["quality"], "expected key=value"),
-        ("driftyard", ["nonsense=1"], "unknown setting nonsense; valid here: defocus"),
+        ("driftyard", ["nonsense=1"], "unknown setting nonsense; valid here: budget_ms"),
     ],
 )
 def test_make_estimator_mistake_names_the_choices(name, overrides, message, own_module):

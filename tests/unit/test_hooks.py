@@ -87,10 +87,9 @@ def assert_same(a, b):
 @pytest.mark.parametrize("hooks", [NO_HOOKS, Hooks()])
 def test_hooks_by_default_change_nothing(hooks, matches, local_map, views):
     assert_same(matches, replaced(hooks, matches, local_map, views))
-    view = replace_features(hooks, views[0])
-    np.testing.assert_array_equal(view.features, views[0].features)
-    np.testing.assert_array_equal(view.descriptors, views[0].descriptors)
-    pixels = view.features
+    view = views[0]
+    pixels = replace_features(hooks, view.frame, view.features)
+    np.testing.assert_array_equal(pixels, view.features)
     found = measure_disparities(view.frame, view.dense, pixels, SETTINGS.stereo)
     assert_same(found, replace_disparities(hooks, view.frame, pixels, found, SETTINGS.stereo))
 
@@ -153,12 +152,16 @@ def test_hooks_match_landmarks_without_features(views, local_map):
     assert np.isnan(found.disparity_px).all()
 
 
-def test_hooks_features_are_described_anew(views):
-    pixels = views[0].features[[3, 1]] + [[0, 0], [0.2, 0]]
-    view = replace_features(Answer(pixels), views[0])
+@pytest.mark.parametrize("count", [2, 0])
+def test_hooks_features_are_described_anew(views, count):
+    """They replace what is detected, when it is detected."""
+    pixels = (views[0].features[[3, 1]] + [[0, 0], [0.2, 0]])[:count]
+    view = Frontend(RIG, SETTINGS).extract(views[0].frame, SETTINGS, 0.0, Clock(), Answer(pixels))
+    assert view.detection.counts == {}
     np.testing.assert_array_equal(view.features, pixels)
-    np.testing.assert_array_equal(view.descriptors[0], views[0].descriptors[3])
-    assert len(replace_features(Answer(pixels[:0]), views[0]).descriptors) == 0
+    assert view.detection.counts == {"features": count}
+    assert len(view.descriptors) == count
+    np.testing.assert_array_equal(view.descriptors[:1], views[0].descriptors[[3]][:count])
 
 
 def test_hooks_inliers_can_be_inverted(matches, views):

@@ -9,8 +9,8 @@ from vo.config import MotionSettings, OdometrySettings
 from vo.contract.observations import Observations
 from vo.map.frame import Matches
 from vo.map.local_map import Keyframe, Landmarks, empty_map
-from vo.mapping.keyframes import is_new_view
 from vo.mapping.relocalization import LIMITS, mark_lost
+from vo.tracking.new_view import is_new_view
 
 PATIENCE = 5
 SETTINGS = OdometrySettings()
@@ -38,6 +38,10 @@ def _matches(keyframe: Keyframe, count: int, flow_px: float) -> Matches:
     )
 
 
+def is_new(keyframe: Keyframe, matches: Matches, settings: OdometrySettings) -> bool:
+    return is_new_view(keyframe.observations, matches, settings)
+
+
 @pytest.mark.parametrize(
     ("count", "flow_px", "new"), [(24, 3.0, True), (26, 3.0, False), (24, 0.5, False)]
 )
@@ -45,9 +49,9 @@ def test_keyframe_few_inliers_and_motion_suffice(count, flow_px, new) -> None:
     keyframe = _keyframe(40)
     matches = _matches(keyframe, count, flow_px)
     assert SETTINGS.motion.weak_inliers == 25
-    assert is_new_view(keyframe, matches, SETTINGS) == new
+    assert is_new(keyframe, matches, SETTINGS) == new
     lenient = SETTINGS.model_copy(update={"motion": MotionSettings(weak_inliers=3)})
-    assert not is_new_view(keyframe, matches, lenient)
+    assert not is_new(keyframe, matches, lenient)
 
 
 def test_keyframe_is_new_when_near_landmarks_have_left() -> None:
@@ -55,10 +59,10 @@ def test_keyframe_is_new_when_near_landmarks_have_left() -> None:
     keyframe = _keyframe(200)
     keyframe.observations.disparity_px[:] = np.where(np.arange(200) < 160, 4.0, 40.0)
     everything, far = _matches(keyframe, 200, 3.0), _matches(keyframe, 160, 3.0)
-    assert not is_new_view(keyframe, everything, SETTINGS)
-    assert is_new_view(keyframe, far, SETTINGS)
+    assert not is_new(keyframe, everything, SETTINGS)
+    assert is_new(keyframe, far, SETTINGS)
     near = everything.select(np.arange(160, 200))
-    assert not is_new_view(keyframe, near, SETTINGS)
+    assert not is_new(keyframe, near, SETTINGS)
 
 
 @pytest.mark.parametrize("views", [1, MIN_VIEWS - 1, MIN_VIEWS, PATIENCE, 10 * PATIENCE])

@@ -9,7 +9,7 @@ from vo.config import OdometrySettings
 from vo.contract.observations import Observations
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
-from vo.map.frame import View
+from vo.map.frame import Detection, View
 from vo.map.local_map import TrackedFrame, empty_map
 from vo.tracking.klt import SIGMA_PX, track_klt
 
@@ -28,8 +28,8 @@ def wall(shift_px):
 
 def view_of(frame):
     """A view without features: KLT needs none."""
-    features = np.zeros((0, 2))
-    return View(frame, RIG, features, np.zeros((0, 169)), np.zeros((0, 0)), OdometrySettings())
+    detection = Detection(lambda: (np.zeros((0, 2)), np.zeros((0, 169))))
+    return View(frame, RIG, detection, np.zeros((0, 0)), OdometrySettings())
 
 
 def previous(ids, pixels):

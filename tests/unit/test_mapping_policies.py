@@ -72,11 +72,52 @@ def test_odometry_many_iterations_are_weak_and_no_keyframe(frames):
     tracked = [free.track(frame) for frame in frames[:4]][1:]
     weak = [dropping.track(frame) for frame in frames[:4]][1:]
     assert all(x.status is Status.TRACKED for x in tracked)
-    assert all("structure iterations" in x.counts for x in tracked)
+    assert all("structure iterations" in x.counts for x in tracked[1:])
     for x in weak:
         assert x.status is Status.WEAK
         assert x.reason == f"{x.counts['motion iterations']} iterations, more than 1"
         assert "structure iterations" not in x.counts
+
+
+def test_keyframes_are_finished_step_by_step(frames):
+    """Landmarks come with the next frame, the adjustment with the one after."""
+    odometry = StereoOdometry(RIG, settings(keyframe_parallax_px=10))
+    found = []
+    for frame in frames:
+        before = odometry.state.map.next_serial
+        estimate = odometry.track(frame)
+        added = odometry.state.map.next_serial - before
+        found.append((added, odometry.state.pending is not None, estimate.counts))
+    added, pending, counts = zip(*found, strict=True)
+    first = pending.index(True)
+    assert first > 1
+    assert added[: first + 2] == (1, *[0] * (first - 1), 0, 1)
+    assert pending[first : first + 3] == (True, True, False)
+    assert [i for i, x in enumerate(counts) if "structure iterations" in x] == [first + 2]
+    assert "features" not in counts[first]  # detection is the keyframe's, not the frame's
+
+
+def test_keyframes_at_once_or_deferred_give_about_the_same(frames):
+    def moved(deferred):
+        odometry = StereoOdometry(RIG, settings(keyframe_parallax_px=10, deferred=deferred))
+        for frame in frames:
+            T_odom_cam = odometry.track(frame).T_odom_cam
+            assert deferred or odometry.state.pending is None
+        return T_odom_cam
+
+    np.testing.assert_allclose(moved(True), moved(False), atol=1e-3)
+
+
+def test_loss_finishes_a_pending_keyframe(frames):
+    odometry = StereoOdometry(RIG, settings(keyframe_parallax_px=0))
+    for frame in frames[:5]:
+        odometry.track(frame)
+    assert odometry.state.pending
+    serial = odometry.state.map.next_serial
+    black = np.zeros_like(frames[0].left)
+    odometry.track(StereoFrame(100, black, black))
+    assert odometry.state.pending is None
+    assert odometry.state.map.next_serial == serial + 1
 
 
 def test_weakness_in_words():

@@ -82,7 +82,7 @@ def seen(tangent, ticks, seed=0, noise_px=NOISE_PX, arrival=NOWHERE):
     """Where a camera rested, and its landmarks after it has moved by a tangent."""
     points, flow_px = pictured(tangent, seed, noise_px=noise_px)
     pixels = RIG.project(points)[:, :2]
-    halt = Halt(T_ODOM_CAM, arrival, np.eye(6), ticks, (shown(pixels, points),))
+    halt = Halt(T_ODOM_CAM, se3.exp(arrival), np.eye(6), ticks, (shown(pixels, points),))
     return halt, shown(pixels + flow_px, points)
 
 

@@ -1,6 +1,7 @@
 """`driftyard run`: an estimator over a dataset."""
 
 import statistics
+from dataclasses import replace
 from pathlib import Path
 
 import driftyard
@@ -17,11 +18,17 @@ def run(
     frames: FrameOptions,
     viewer: LiveViewOptions,
     out: Path = option(..., "Trajectory file to write, TUM format."),
+    budget_ms: float | None = option(
+        None, "Time for a frame; it then leaves out work, and says which.", min=0, metavar="MS"
+    ),
 ) -> None:
     """Run an estimator over a dataset; write its trajectory and a record of every frame.
 
     Until the run is complete, the frames so far are in FILE.unfinished.txt beside the trajectory.
     """
+    if budget_ms is not None:
+        overrides = [*estimator.overrides, f"budget_ms={budget_ms}"]
+        estimator = replace(estimator, overrides=overrides)
     run_estimator(frames.open(dataset), estimator.choice, out, viewer.live)
 
 

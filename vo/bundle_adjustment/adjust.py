@@ -1,51 +1,34 @@
 """Bundle adjustment: motion only, or motion and structure (thesis 2.8, 3.4)."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from vo.bundle_adjustment.gtsam_backend import optimize_factors
-from vo.bundle_adjustment.point_estimates import PointEstimates
-from vo.bundle_adjustment.problem import Bundle, as_cameras, intrinsics, point_blocks, weigh
-from vo.bundle_adjustment.robust_covariance import camera_score_products, robust_covariance
-from vo.bundle_adjustment.schur import Measurements, camera_normal_equations, robust_weights
-from vo.bundle_adjustment.solver import TURN_LAST, CostTerm, information_inverse, optimize
+from vo.bundle_adjustment.joint import optimize_jointly
+from vo.bundle_adjustment.point_estimates import PointEstimates, unknowns
+from vo.bundle_adjustment.problem import Bundle, as_cameras
+from vo.bundle_adjustment.robust_covariance import robust_covariance
+from vo.bundle_adjustment.single_camera import refine_camera
+from vo.bundle_adjustment.solver import TURN_LAST, information_inverse
 from vo.config import RefinementSettings
-from vo.contract.arrays import Array, Mask
+from vo.contract import se3
+from vo.contract.arrays import Array
 from vo.contract.rig import StereoRig
 
 
 def optimize_reduced(
-    bundle: Bundle, estimates: Sequence[PointEstimates], settings: RefinementSettings
+    bundle: Bundle, estimates: PointEstimates, settings: RefinementSettings
 ) -> tuple[Array, int]:
-    """Solve the reduced camera system, with Huber weights that are renewed after the first step.
-
-    The measurements of each block of points become one factor on its cameras: GTSAM then solves for
-    the cameras alone, and Python is entered once an iteration and factor (docs/decisions/0006).
-    """
-    T, moving = bundle.T_world_cam.copy(), ~bundle.fixed
-    terms = [_term(x, T, moving) for x in estimates if moving[x.block.cameras].any()]
-    iterations, most = 0, settings.max_iterations
-    for steps_left in (1, most - 1)[:most]:
-        for x in estimates:
-            x.reweight(T[x.block.cameras], settings.huber)
-        T[moving], steps = optimize(T[moving], terms, steps_left)
-        iterations += steps
+    """Solve the reduced camera system, with Huber weights that are renewed after the first step."""
+    x, T = estimates, bundle.T_world_cam.copy()
+    own = ~bundle.fixed[x.cameras]
+    limits = settings.huber, settings.max_iterations
+    found, x.points, x.weight, iterations = optimize_jointly(
+        as_cameras(T[x.cameras]), x.points, x.data, unknowns(own), *limits
+    )
+    T[x.cameras[own]] = se3.orthonormal(se3.pose(found.R[own], found.t[own]))
     return T, iterations
-
-
-def _term(estimates: PointEstimates, T: Array, moving: Mask) -> CostTerm:
-    """Make the cost of a block by its moving cameras; the others stay as they are."""
-    cameras = estimates.block.cameras
-    here, own = T[cameras].copy(), moving[cameras]
-    rows = (np.cumsum(moving) - 1)[cameras[own]]
-
-    def linearize(poses: Array, derivatives: bool) -> tuple[Array, Array, float]:
-        here[own] = poses
-        return estimates.linearize(here, own, derivatives)
-
-    return CostTerm(rows, linearize)
 
 
 BACKENDS = {"schur": optimize_reduced, "gtsam": optimize_factors}
@@ -54,9 +37,6 @@ BACKENDS = {"schur": optimize_reduced, "gtsam": optimize_factors}
 Each takes a bundle, the estimates of all of its blocks, which it leaves at the solution, and
 settings; it returns the cameras (K, 4, 4) and its Levenberg-Marquardt steps.
 """
-
-REWEIGHTINGS = 3
-"""Rounds in which the Huber weights are renewed (Holland and Welsch, 1977), for one camera."""
 
 SIX = np.arange(6)
 
@@ -109,40 +89,22 @@ def refine_structure(
 
     Source: thesis eq. 2.29 with a Huber loss; the gauge is held by the fixed cameras.
     """
-    estimates = [PointEstimates(x) for x in point_blocks(bundle, settings.use_disparity)]
-    moving = ~bundle.fixed
-    T, iterations = BACKENDS[settings.backend](bundle, estimates, settings)
-    points, error = bundle.points_world.copy(), 0.0
-    for x in estimates:
-        cameras = x.block.cameras
-        error += x.linearize(T[cameras], moving[cameras], derivatives=False)[2]
-        points[x.block.rows] = x.points
+    x = PointEstimates(bundle, settings.use_disparity)
+    T, iterations = BACKENDS[settings.backend](bundle, x, settings)
+    here, own = T[x.cameras], ~bundle.fixed[x.cameras]
+    H, _, error = x.linearize(here, own, derivatives=covariances)
     covariance = np.zeros((len(T), 6, 6))
-    if covariances:
-        covariance[moving] = _covariances(estimates, T, moving)
-    return Refined(T, points, covariance, iterations, error, misfit(estimates, T))
+    if covariances and own.any():
+        size = int(own.sum())
+        full = robust_covariance(information_inverse(H), x.score_products(here, own))
+        blocks = full.reshape(size, 6, size, 6)[np.arange(size), :, np.arange(size)]
+        covariance[x.cameras[own]] = blocks[:, TURN_LAST][:, :, TURN_LAST]
+    return Refined(T, x.points, covariance, iterations, error, misfit(x, T))
 
 
-def _covariances(estimates: Sequence[PointEstimates], T: Array, moving: Mask) -> Array:
-    """Covariance (S, 6, 6) of each moving camera given the fixed ones, tangents (v, w)."""
-    size = int(moving.sum())
-    H, B = np.zeros((size, 6, size, 6)), np.zeros((size, 6, size, 6))
-    for x in estimates:
-        here, own = T[x.block.cameras], moving[x.block.cameras]
-        rows = (np.cumsum(moving) - 1)[x.block.cameras[own]]
-        n, part = len(rows), np.ix_(rows, SIX, rows, SIX)
-        H[part] += x.linearize(here, own, derivatives=True)[0].reshape(n, 6, n, 6)
-        B[part] += x.score_products(here, own).reshape(n, 6, n, 6)
-    inverse = information_inverse(H.reshape(6 * size, 6 * size))
-    covariance = robust_covariance(inverse, B.reshape(6 * size, 6 * size))
-    blocks = covariance.reshape(size, 6, size, 6)[np.arange(size), :, np.arange(size)]
-    return blocks[:, TURN_LAST][:, :, TURN_LAST]
-
-
-def misfit(estimates: Sequence[PointEstimates], T: Array) -> Array:
+def misfit(estimates: PointEstimates, T: Array) -> Array:
     """Median squared residual of pixels and of disparities over what is expected, (2,)."""
-    residuals = np.concatenate([x.residuals(T[x.block.cameras]) for x in estimates])
-    weight = np.concatenate([x.block.data.weight for x in estimates])
+    residuals, weight = estimates.residuals(T[estimates.cameras]), estimates.data.weight
     pixels = (residuals[:, :2] ** 2).sum(axis=1)
     disparities = residuals[weight[:, 2] > 0, 2] ** 2
     parts = zip((pixels, disparities), MEDIAN_CHI2, strict=True)
@@ -161,22 +123,11 @@ def refine_motion(
 
     Measured are (N, 3) left-image u, v and disparity, pixels or NaN, with (N, 3) sigmas.
     """
-    seen, known = weigh(measured, sigma, settings.use_disparity)
+    f = np.array([rig.f_px, rig.f_px, rig.cx_px, rig.cy_px, rig.f_px * rig.baseline_m])
     points = np.ascontiguousarray(points_world, dtype=np.float64)
-    f = intrinsics(rig.K, rig.baseline_m)
-    n = len(points)
-    data = Measurements(np.arange(n + 1), np.zeros(n, np.int64), seen, known, f)
-    poses, weighted, iterations = T_world_cam[None], data, 0
-
-    def linearize(poses: Array, derivatives: bool = True) -> tuple[Array, Array, float]:
-        return camera_normal_equations(as_cameras(poses), points, weighted)
-
-    term = CostTerm(np.array([0]), linearize)
-    for _ in range(REWEIGHTINGS if n else 0):
-        weight = robust_weights(as_cameras(poses), points, data, settings.huber)
-        weighted = data._replace(weight=weight)
-        poses, more = optimize(poses, [term], settings.max_iterations)
-        iterations += more
-    B = camera_score_products(as_cameras(poses), points, weighted)
-    covariance = robust_covariance(information_inverse(linearize(poses)[0]), B)
-    return Pose(poses[0], covariance[TURN_LAST][:, TURN_LAST], iterations)
+    limits = settings.huber, settings.max_iterations
+    T, H, B, iterations = refine_camera(
+        T_world_cam, points, measured, sigma, settings.use_disparity, f, *limits
+    )
+    covariance = robust_covariance(information_inverse(H), B)
+    return Pose(T, covariance[TURN_LAST][:, TURN_LAST], iterations)

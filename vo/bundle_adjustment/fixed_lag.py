@@ -1,7 +1,7 @@
 """Incremental adjustment of the last keyframes, with older ones marginalised into a prior.
 
 iSAM2 (Kaess et al., IJRR 2012) on the keyframes' poses alone, inside GTSAM's fixed-lag smoother.
-Points are eliminated from its factors as in the window (`vo.bundle_adjustment.problem`). When a
+Points are eliminated from its factors as in the window (`vo.bundle_adjustment.schur`). When a
 keyframe leaves, the points that it observed and that the newest one does not are marginalised:
 their measurements become a factor that leaves with it. Of points that are still observed, its
 measurement is dropped, as by Leutenegger et al. (OKVIS, IJRR 2015, section 4.3): a prior on them
@@ -17,7 +17,7 @@ import numpy as np
 from gtsam.symbol_shorthand import X
 
 from vo.bundle_adjustment.point_estimates import PointEstimates
-from vo.bundle_adjustment.problem import collect, point_blocks
+from vo.bundle_adjustment.problem import collect
 from vo.bundle_adjustment.solver import TURN_LAST, factor
 from vo.config import RefinementSettings
 from vo.contract import se3
@@ -150,7 +150,7 @@ class FixedLag:
             steps += 1
             if np.abs(se3.log(se3.inverse(T_before) @ T_odom_cam)).max() < CONVERGED:
                 break
-        cameras = active.block.cameras
+        cameras = active.cameras
         active.linearize(T_odom_cam[cameras], np.zeros(len(cameras), bool), derivatives=False)
         marginals = [self._smoother.marginalCovariance(X(serial)) for serial in serials]
         covariance = np.array(marginals)[:, TURN_LAST][:, :, TURN_LAST]
@@ -169,14 +169,13 @@ def _estimates(
 ) -> PointEstimates:  # fmt: skip
     poses, free = np.stack(list(T_odom_cam.values())), np.zeros(len(T_odom_cam), bool)
     bundle = collect(poses, list(observations.values()), ids, points, free, rig)
-    (block,) = point_blocks(bundle, s.use_disparity)
-    estimates = PointEstimates(block)
-    estimates.reweight(bundle.T_world_cam[block.cameras], s.huber)
+    estimates = PointEstimates(bundle, s.use_disparity)
+    estimates.reweight(bundle.T_world_cam[estimates.cameras], s.huber)
     return estimates
 
 
 def _factor(serials: list[int], estimates: PointEstimates) -> gtsam.CustomFactor:
-    cameras = estimates.block.cameras
+    cameras = estimates.cameras
     moving = np.ones(len(cameras), bool)
 
     def linearize(poses: Array, derivatives: bool) -> tuple[Array, Array, float]:

@@ -5,8 +5,6 @@ is a factor made from Python, and independent of it: projection, derivatives, ro
 elimination are GTSAM's (docs/decisions/0024).
 """
 
-from collections.abc import Sequence
-
 import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import L, X
@@ -22,7 +20,7 @@ TO_STEREO = np.array([[1, 0, 0], [1, 0, -1], [0, 1, 0]])
 
 
 def optimize_factors(
-    bundle: Bundle, estimates: Sequence[PointEstimates], settings: RefinementSettings
+    bundle: Bundle, estimates: PointEstimates, settings: RefinementSettings
 ) -> tuple[Array, int]:
     """Minimise the Huber loss of a bundle over cameras and points.
 
@@ -50,9 +48,8 @@ def optimize_factors(
         T_world_cam[i] = values.atPose3(X(i)).matrix()
     for j in points:
         points_world[j] = values.atPoint3(L(j))
-    for x in estimates:
-        x.points = points_world[x.block.rows]
-        x.reweight(T_world_cam[x.block.cameras], settings.huber)
+    estimates.points = points_world
+    estimates.reweight(T_world_cam[estimates.cameras], settings.huber)
     return T_world_cam, iterations
 
 

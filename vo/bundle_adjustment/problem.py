@@ -1,20 +1,15 @@
-"""Bundles of cameras, points and measurements; cut into blocks of points that few cameras see."""
+"""Bundles of cameras, points and measurements."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
 from vo.bundle_adjustment.schur import Cameras, Measurements
-from vo.contract.arrays import Array, Indices, Mask
+from vo.contract.arrays import Array, Indices, Mask, find_sorted
 from vo.contract.observations import Observations
 from vo.contract.rig import StereoRig
-
-DENSE_CAMERAS = 24
-"""Largest bundle that is a single block: dense equations of this size are cheap."""
-
-BLOCK_CAMERAS = 6
-"""In a larger bundle, points first seen by this many successive cameras form a block."""
 
 MIN_POINTS = 6
 """A camera that sees fewer points is not determined by them."""
@@ -59,53 +54,31 @@ def collect(
 
     The arguments are as in `Bundle`; observations are those of each camera, ids ascending.
     """
-    used = [np.isin(seen.ids, ids) for seen in observations]
-    pairs = list(zip(observations, used, strict=True))
+    counts = [len(seen) for seen in observations]
+    seen = reduce(Observations.extend, observations)
+    place = np.concatenate([find_sorted(ids, x.ids) for x in observations])
+    used = place >= 0
     return Bundle(
         T_world_cam=T_world_cam,
         points_world=points_world,
-        camera=np.concatenate([np.full(u.sum(), i) for i, u in enumerate(used)]),
-        point=np.concatenate([np.searchsorted(ids, seen.ids[u]) for seen, u in pairs]),
-        measured=np.concatenate([seen.measured[u] for seen, u in pairs]).astype(np.float64),
-        sigma=np.concatenate([seen.sigma_px[u] for seen, u in pairs]).astype(np.float64),
+        camera=np.repeat(np.arange(len(counts)), counts)[used],
+        point=place[used],
+        measured=seen.measured[used].astype(np.float64),
+        sigma=seen.sigma_px[used].astype(np.float64),
         fixed=fixed,
         K=rig.K,
         baseline_m=rig.baseline_m,
     )
 
 
-@dataclass(frozen=True)
-class PointBlock:
-    """Some points (P, 3) of a bundle, by their rows (P,) in it, with all of their measurements.
-
-    The cameras (C,) are those that see one of the points; the measurements index them.
-    """
-
-    rows: Indices
-    cameras: Indices
-    points: Array
-    data: Measurements
-
-
-def point_blocks(bundle: Bundle, use_disparity: bool = True) -> list[PointBlock]:
-    """Cut a bundle into groups of points that were first seen at about the same time."""
-    K, J = len(bundle.T_world_cam), len(bundle.points_world)
-    first_seen = np.full(J, K)
-    np.minimum.at(first_seen, bundle.point, bundle.camera)
-    group = np.zeros(J, dtype=np.int64) if K <= DENSE_CAMERAS else first_seen // BLOCK_CAMERAS
+def sorted_measurements(bundle: Bundle, use_disparity: bool = True) -> tuple[Indices, Measurements]:
+    """Sort the measurements of a bundle by point; they index the cameras (C,) that see any."""
     order = np.argsort(bundle.point, kind="stable")
     measured, weight = weigh(bundle.measured, bundle.sigma, use_disparity)
+    cameras, camera = np.unique(bundle.camera[order], return_inverse=True)
+    first = np.searchsorted(bundle.point[order], np.arange(len(bundle.points_world) + 1))
     f = intrinsics(bundle.K, bundle.baseline_m)
-    blocks: list[PointBlock] = []
-    for g in np.unique(group):
-        rows = np.flatnonzero(group == g)
-        own = order[group[bundle.point[order]] == g]
-        cameras, camera = np.unique(bundle.camera[own], return_inverse=True)
-        point = np.searchsorted(rows, bundle.point[own])
-        first = np.searchsorted(point, np.arange(len(rows) + 1))
-        data = Measurements(first, camera, measured[own], weight[own], f)
-        blocks.append(PointBlock(rows, cameras, bundle.points_world[rows].astype(np.float64), data))
-    return blocks
+    return cameras, Measurements(first, camera, measured[order], weight[order], f)
 
 
 def weigh(measured: Array, sigma: Array, use_disparity: bool) -> tuple[Array, Array]:

@@ -74,24 +74,3 @@ def score_products(
             if s >= 0:
                 score[6 * s : 6 * s + 6] = 0.0
     return B
-
-
-@compiled()
-def camera_score_products(cameras: Cameras, points: Array, data: Measurements) -> Array:
-    """Sum the outer products (6, 6) of the scores of points that stay.
-
-    One camera measured each of them once, in their order.
-    """
-    B, g = np.zeros((6, 6)), np.empty(6)
-    r, F, E, _, _, _ = workspace()
-    R, t = cameras
-    _, camera, measured, weight, intrinsics = data
-    for j in range(len(points)):
-        i = camera[j]
-        linearize(R[i], t[i], points[j], measured[j], weight[j], intrinsics, r, F, E)
-        for p in range(6):
-            g[p] = F[0, p] * r[0] + F[1, p] * r[1] + F[2, p] * r[2]
-        for p in range(6):
-            for q in range(6):
-                B[p, q] += g[p] * g[q]
-    return B

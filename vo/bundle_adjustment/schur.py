@@ -19,7 +19,7 @@ from vo.contract.projection import stereo_jacobians, stereo_residual
 POINT_STEPS = 4
 """Largest number of Gauss-Newton steps of a point for given cameras."""
 
-CONVERGED = 1e-7
+CONVERGED = 1e-4
 """Step of a point, relative to its norm, that ends its refinement."""
 
 DAMPING = 1e-9
@@ -252,29 +252,6 @@ def invert(V: Array, out: Array) -> None:
     out[0, 0], out[0, 1], out[0, 2] = A * scale, B * scale, C * scale
     out[1, 0], out[1, 1], out[1, 2] = B * scale, (a * f - c * c) * scale, (b * c - a * e) * scale
     out[2, 0], out[2, 1], out[2, 2] = C * scale, (b * c - a * e) * scale, (a * d - b * b) * scale
-
-
-@compiled(error_model="numpy")
-def camera_normal_equations(
-    cameras: Cameras, points: Array, data: Measurements
-) -> tuple[Array, Array, float]:
-    """Linearize one camera whose points stay, each measured once, in their order.
-
-    (6, 6) and (6,) normal equations, and half the sum of squares.
-    """
-    H, g, cost = np.zeros((6, 6)), np.zeros(6), 0.0
-    r, F, E, _, _, _ = workspace()
-    R, t = cameras
-    _, camera, measured, weight, intrinsics = data
-    for j in range(len(points)):
-        i = camera[j]
-        linearize(R[i], t[i], points[j], measured[j], weight[j], intrinsics, r, F, E)
-        cost += 0.5 * (r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
-        for p in range(6):
-            g[p] += F[0, p] * r[0] + F[1, p] * r[1] + F[2, p] * r[2]
-            for q in range(6):
-                H[p, q] += F[0, p] * F[0, q] + F[1, p] * F[1, q] + F[2, p] * F[2, q]
-    return H, g, cost
 
 
 @compiled(inline="always", error_model="numpy")

@@ -1,16 +1,14 @@
-"""Normal equations as GTSAM factors, and Levenberg-Marquardt over them (docs/decisions/0006).
+"""Normal equations as GTSAM factors (docs/decisions/0006).
 
 GTSAM's Pose3 tangents are (w, v): so are the equations here. Covariances leave it as (v, w).
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import gtsam
 import numpy as np
-from gtsam.symbol_shorthand import X
 
-from vo.contract.arrays import Array, Indices
+from vo.contract.arrays import Array
 
 DAMPING = 1e-9
 """Share of its own that is added to the diagonal of normal equations: directions that nothing
@@ -27,14 +25,6 @@ Linearize = Callable[[Array, bool], tuple[Array, Array, float]]
 
 H and g may be anything where the second argument, whether derivatives are needed, is false.
 """
-
-
-@dataclass(frozen=True)
-class CostTerm:
-    """A summand of a cost, which depends on some of the poses, at rows (S,) among all, only."""
-
-    rows: Indices
-    linearize: Linearize
 
 
 def factor(keys: Sequence[int], linearize: Linearize) -> gtsam.CustomFactor:
@@ -57,29 +47,6 @@ def factor(keys: Sequence[int], linearize: Linearize) -> gtsam.CustomFactor:
         return e
 
     return gtsam.CustomFactor(gtsam.noiseModel.Unit.Create(size + 1), keys, residuals)
-
-
-def optimize(poses: Array, terms: Sequence[CostTerm], max_iterations: int) -> tuple[Array, int]:
-    """Minimise the sum of the terms by Levenberg-Marquardt, from poses (S, 4, 4).
-
-    Each pose is in at least one term. GTSAM's elimination is sparse in the terms: few that share
-    few poses are cheap. The poses come back as given if nothing determines them, with the steps.
-    """
-    keys = [X(i) for i in range(len(poses))]
-    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-    for key, T in zip(keys, poses, strict=True):
-        values.insert(key, gtsam.Pose3(T))
-    for term in terms:
-        graph.add(factor([keys[i] for i in term.rows], term.linearize))
-    parameters = gtsam.LevenbergMarquardtParams()
-    parameters.setMaxIterations(max_iterations)
-    parameters.setRelativeErrorTol(RELATIVE_TOLERANCE)
-    optimizer = gtsam.LevenbergMarquardtOptimizer(graph, values, parameters)
-    try:
-        values = optimizer.optimize()
-    except RuntimeError:  # gtsam's IndeterminateLinearSystemException has no type of its own here
-        return poses, max_iterations
-    return np.array([values.atPose3(key).matrix() for key in keys]), optimizer.iterations()
 
 
 def information_inverse(H: Array) -> Array:

@@ -38,6 +38,33 @@ class Table:
 
 
 @compiled()
+def find_sorted(values: Indices, wanted: Indices) -> Indices:
+    """Find the row (N,) of each wanted value (N,) among others (M,); -1 where it is not.
+
+    Both are ascending, each value once.
+    """
+    rows = np.full(len(wanted), -1, dtype=np.int64)
+    row = 0
+    for i in range(len(wanted)):
+        while row < len(values) and values[row] < wanted[i]:
+            row += 1
+        if row < len(values) and values[row] == wanted[i]:
+            rows[i] = row
+    return rows
+
+
+@compiled()
+def ranks_in_groups(group: Indices) -> Indices:
+    """Count, for each of N entries, those before it that have the same group, a small number."""
+    taken = np.zeros(group.max() + 1 if len(group) else 0, dtype=np.int64)
+    ranks = np.empty_like(group)
+    for i in range(len(group)):
+        ranks[i] = taken[group[i]]
+        taken[group[i]] += 1
+    return ranks
+
+
+@compiled()
 def copy_values(values: Array, out: Array) -> None:
     """Write the values of an array into another of its shape.
 

@@ -44,8 +44,10 @@ def skew(w: Array) -> Array:
 
 def adjoint(T_a_b: Array) -> Array:
     """Return Ad (6, 6) with T_a_b exp(x) = exp(Ad x) T_a_b, for tangents (v, w)."""
-    R = T_a_b[:3, :3]
-    return np.block([[R, skew(T_a_b[:3, 3]) @ R], [np.zeros((3, 3)), R]])
+    R, Ad = T_a_b[:3, :3], np.zeros((6, 6))
+    Ad[:3, :3] = Ad[3:, 3:] = R
+    Ad[:3, 3:] = skew(T_a_b[:3, 3]) @ R
+    return Ad
 
 
 def transform_covariance(T_a_b: Array, covariance_b: Array) -> Array:
@@ -117,6 +119,15 @@ def nearest_rotation(matrix: Array) -> tuple[Array, Array]:
     U, D, Vt = np.linalg.svd(matrix)
     S = np.array([1.0, 1.0, np.sign(np.linalg.det(U) * np.linalg.det(Vt))])
     return (U * S) @ Vt, D * S
+
+
+def orthonormal(T: Array) -> Array:
+    """Take the rounding of many products out of rotations of poses (..., 4, 4).
+
+    Source: One Newton step of the polar decomposition (Higham, 1986), exact to its square.
+    """
+    R = T[..., :3, :3]
+    return pose(R @ (1.5 * np.eye(3) - 0.5 * np.swapaxes(R, -1, -2) @ R), T[..., :3, 3])
 
 
 def interpolate(known: Array, T: Array, queried: Array) -> Array:

@@ -1,12 +1,14 @@
 """A stereo frame with its features and depth, and its matches with the landmarks of the map."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
 
 from vo.config import OdometrySettings
-from vo.contract.arrays import Array, Indices
+from vo.contract.arrays import Array, Indices, find_sorted
 from vo.contract.observations import Observations
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
@@ -16,12 +18,34 @@ NO_FEATURE = -1
 """Row of the feature of a match that was found without one."""
 
 
+class Detection:
+    """Features of an image, detected when they are first needed: most frames do without.
+
+    Args:
+        detect: Function that returns the features (N, 2), sub-pixel (u, v), strongest first, and
+            their (N, P) descriptors.
+    """
+
+    def __init__(self, detect: Callable[[], tuple[Array, Array]]) -> None:
+        self._detect = detect
+
+    @cached_property
+    def found(self) -> tuple[Array, Array]:
+        """Features (N, 2) and descriptors (N, P)."""
+        return self._detect()
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Number of features by name; empty as long as none were needed."""
+        return {"features": len(self.found[0])} if "found" in vars(self) else {}
+
+
 @dataclass(frozen=True)
 class View:
-    """A frame with its features and their (N, P) descriptors, before its pose is known.
+    """A frame with its features, before its pose is known.
 
     Attributes:
-        features: (N, 2) sub-pixel (u, v) in the left image, strongest first.
+        detection: Features in the left image.
         dense: Disparity map, px, NaN where unknown; of size zero where stereo is sparse.
         settings: Adapted to the image, for all later stages.
         smoothing_px: Standard deviation of the Gaussian that the images were smoothed by; 0: none.
@@ -29,11 +53,20 @@ class View:
 
     frame: StereoFrame
     rig: StereoRig
-    features: Array
-    descriptors: Array
+    detection: Detection
     dense: Array
     settings: OdometrySettings
     smoothing_px: float = 0.0
+
+    @property
+    def features(self) -> Array:
+        """Sub-pixel (u, v) in the left image, (N, 2), strongest first."""
+        return self.detection.found[0]
+
+    @property
+    def descriptors(self) -> Array:
+        """Descriptors (N, P) of the features."""
+        return self.detection.found[1]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,6 +111,13 @@ class Matches(Observations):
         """Add matches of other landmarks, sorted by landmark."""
         both = self.extend(other)
         return both.select(np.argsort(both.rows))
+
+    def renew(self, landmarks: Landmarks) -> Self:
+        """Matches of the same landmarks in a map that has moved, or has lost some of them."""
+        rows = find_sorted(landmarks.ids, self.ids)
+        kept = self.select(rows >= 0)
+        rows = rows[rows >= 0]
+        return replace(kept, rows=rows, points_odom=landmarks.points_odom[rows])
 
 
 def newest_matches(local_map: LocalMap) -> Matches:

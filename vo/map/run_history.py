@@ -15,7 +15,7 @@ from vo.contract.arrays import Array, Indices
 from vo.contract.estimator import PointMap
 from vo.contract.observations import Observations
 from vo.contract.trajectory import Trajectory
-from vo.map.local_map import LocalMap
+from vo.map.local_map import Landmarks, LocalMap
 
 
 class KeyframeRecord(NamedTuple):
@@ -25,26 +25,27 @@ class KeyframeRecord(NamedTuple):
     observations: Observations | None
 
 
-class LandmarkRecord(NamedTuple):
-    """Grey level, number of views and serial of the anchor of a landmark."""
-
-    grey: int
-    views: int
-    anchor: int
-
-
 @dataclass
 class RunHistory:
     """Grows by a few numbers a frame and a few bytes a landmark; images are never kept.
 
     Keyframes are by serial. Of each frame that had a pose there is the time, the serial of its
-    keyframe and T_keyframe_cam; of each landmark the latest position (3,) in metres.
+    keyframe and T_keyframe_cam. Landmarks are by identifier, in rows that are without meaning
+    where there are no views: the latest position (N, 3) in metres, and (N,) number of views, serial
+    of the anchor and grey level.
     """
 
     keyframes: dict[int, KeyframeRecord] = field(default_factory=dict[int, KeyframeRecord])
     frames: list[tuple[int, int, Array]] = field(default_factory=list[tuple[int, int, Array]])
-    points: dict[int, Array] = field(default_factory=dict[int, Array])
-    landmarks: dict[int, LandmarkRecord] = field(default_factory=dict[int, LandmarkRecord])
+    points: Array = field(default_factory=lambda: np.zeros((0, 3), np.float32))
+    views: Array = field(default_factory=lambda: np.zeros(0, np.int32))
+    anchor: Array = field(default_factory=lambda: np.zeros(0, np.int32))
+    grey: Array = field(default_factory=lambda: np.zeros(0, np.uint8))
+
+    def record_keyframe(self, time_ns: int, serial: int) -> None:
+        """Let a recent frame be a keyframe; later ones stay relative to the one before."""
+        i = next(i for i in reversed(range(len(self.frames))) if self.frames[i][0] == time_ns)
+        self.frames[i] = (time_ns, serial, np.eye(4))
 
     def record_map(self, local_map: LocalMap, settings: RefinementSettings) -> None:
         """Update the map's keyframes, and its landmarks with enough views."""
@@ -57,13 +58,23 @@ class RunHistory:
                 pixels, disparity_px, sigma_px = (x.astype(np.float32) for x in measured)
                 observations = Observations(seen.ids, pixels, disparity_px, sigma_px=sigma_px)
             self.keyframes[keyframe.serial] = KeyframeRecord(keyframe.T_odom_cam, observations)
-        landmarks = local_map.landmarks
-        often = landmarks.views >= settings.min_views
-        ids = landmarks.ids[often].tolist()
-        columns = (local_map.grey(), landmarks.views, landmarks.anchor)
-        self.points.update(zip(ids, landmarks.points_odom[often].astype(np.float32), strict=True))
-        records = map(LandmarkRecord, *(x[often].tolist() for x in columns))
-        self.landmarks.update(zip(ids, records, strict=True))
+        often = local_map.landmarks.views >= settings.min_views
+        self.record_landmarks(local_map.landmarks.select(often), local_map.grey()[often])
+
+    def record_landmarks(self, landmarks: Landmarks, grey: Array) -> None:
+        """Update landmarks (N,), whose grey levels (N,) are given."""
+        ids = landmarks.ids
+        missing = int(ids.max(initial=-1)) + 1 - len(self.views)
+        if missing > 0:
+            room = missing + len(self.views)  # doubled: copies are rare
+            for name, column in self._columns().items():
+                more = np.zeros((room, *column.shape[1:]), column.dtype)
+                setattr(self, name, np.concatenate([column, more]))
+        self.points[ids], self.grey[ids] = landmarks.points_odom, grey
+        self.views[ids], self.anchor[ids] = landmarks.views, landmarks.anchor
+
+    def _columns(self) -> dict[str, Array]:
+        return {name: getattr(self, name) for name in ("points", "views", "anchor", "grey")}
 
     def transform(self, first: int, T_new_old: Array) -> None:
         """Transform keyframes from a serial on, and their landmarks, by a rigid motion of odom."""
@@ -71,15 +82,17 @@ class RunHistory:
             if serial >= first:
                 moved = keyframe._replace(T_odom_cam=T_new_old @ keyframe.T_odom_cam)
                 self.keyframes[serial] = moved
-        for landmark, record in self.landmarks.items():
-            if record.anchor >= first:
-                moved = se3.transform(T_new_old, self.points[landmark][None])[0]
-                self.points[landmark] = moved.astype(np.float32)
+        theirs = (self.views > 0) & (self.anchor >= first)
+        self.points[theirs] = se3.transform(T_new_old, self.points[theirs])
+
+    @property
+    def ids(self) -> Indices:
+        """Landmarks (N,), ascending."""
+        return np.flatnonzero(self.views)
 
     def positions(self, ids: Indices) -> Array:
         """Positions (N, 3) of landmarks (N,), metres."""
-        points = [self.points[int(landmark)] for landmark in ids]
-        return np.array(points, dtype=np.float64).reshape(-1, 3)
+        return self.points[ids].astype(np.float64)
 
     @property
     def trajectory(self) -> Trajectory:
@@ -91,7 +104,6 @@ class RunHistory:
     @property
     def point_map(self) -> PointMap:
         """Every recorded landmark."""
-        ids = np.array(list(self.points), dtype=np.int64)
-        records = np.array([self.landmarks[int(i)] for i in ids], dtype=np.int64).reshape(-1, 3)
-        grey, views, _ = records.T
-        return PointMap(ids, self.positions(ids).astype(np.float32), grey.astype(np.uint8), views)
+        ids = self.ids
+        views = self.views[ids].astype(np.int64)
+        return PointMap(ids, self.points[ids], self.grey[ids], views)

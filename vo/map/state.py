@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from vo.contract.arrays import Array
-from vo.map.frame import Matches
+from vo.map.frame import Matches, View
 from vo.map.local_map import LocalMap, TrackedFrame, empty_map
 
 
@@ -15,7 +15,7 @@ class Halt:
     """A pose at which the camera may have come to rest, and what was observed from there.
 
     Attributes:
-        arrival: (6,) tangent of the step that led there, in the camera's frame.
+        T_last_cam: (4, 4) step that led there.
         covariance: (6, 6) of the pose, given the map.
         wheel_ticks: Left and right count of the encoders there; None without encoders.
         first: Inliers of the first frames at rest.
@@ -23,16 +23,30 @@ class Halt:
     """
 
     T_odom_cam: Array
-    arrival: Array
+    T_last_cam: Array
     covariance: Array
     wheel_ticks: tuple[int, int] | None
     first: tuple[Matches, ...]
     last: tuple[Matches, ...] = ()
 
 
+@dataclass(frozen=True)
+class Pending:
+    """A view that becomes a keyframe, its inliers, pose (4, 4), and covariance given the map.
+
+    After the first step it is a keyframe, and only the adjustment of the map is left to do.
+    """
+
+    view: View
+    inliers: Matches
+    covariance: Array
+    T_odom_cam: Array
+    added: bool = False
+
+
 @dataclass
 class TrackerState:
-    """Plain data, changed by `vo.odometry` and by the culling of landmarks only.
+    """Plain data, changed by `vo.odometry`, by the mapper and by the culling of landmarks only.
 
     Attributes:
         map: Keyframes and landmarks of the present segment; empty before its first frame.
@@ -42,6 +56,7 @@ class TrackerState:
         covariance: (6, 6) of T_odom_cam, given the map.
         previous: The last frame that had a pose.
         halt: Where the camera last moved to.
+        pending: The last keyframe, as long as some of its work is left to do.
         outlier_counts: Landmark to the number of successive frames in which it was an outlier;
             empty without `motion.landmark_prior`.
         smoothing_px: Standard deviation of the Gaussian for all images since a noisy one; 0: none.
@@ -56,6 +71,7 @@ class TrackerState:
     covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
     previous: TrackedFrame | None = None
     halt: Halt | None = None
+    pending: Pending | None = None
     outlier_counts: Mapping[int, int] = field(default_factory=dict[int, int])
     smoothing_px: float = 0.0
     row_offsets_px: tuple[float, ...] = ()

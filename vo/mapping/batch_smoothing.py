@@ -26,8 +26,8 @@ def smooth(history: RunHistory, rig: StereoRig, settings: RefinementSettings) ->
     settings = settings.model_copy(update={"backend": "gtsam"})
     seen = [x for s in serials if (x := history.keyframes[s].observations) is not None]
     T_before_all = [history.keyframes[s].T_odom_cam for s in serials]
-    ids = _repeated(seen, np.array(sorted(history.points), dtype=np.int64))
-    keyframes, points = dict(history.keyframes), dict(history.points)
+    ids = _repeated(seen, history.ids)
+    keyframes, points = dict(history.keyframes), history.points.copy()
     T_new_old = np.eye(4)
     for group in _groups(seen, ids):
         members = [seen[i] for i in group]
@@ -39,8 +39,7 @@ def smooth(history: RunHistory, rig: StereoRig, settings: RefinementSettings) ->
             bundle = collect(T_before, members, shared, history.positions(shared), fixed, rig)
             refined = refine_structure(bundle, settings, covariances=False)
             T_after = T_new_old @ refined.T_world_cam
-            found = se3.transform(T_new_old, refined.points_world)
-            points |= dict(zip(shared.tolist(), found, strict=True))
+            points[shared] = se3.transform(T_new_old, refined.points_world)
         for i, T in zip(group, T_after, strict=True):
             keyframes[serials[i]] = keyframes[serials[i]]._replace(T_odom_cam=T)
         T_new_old = T_after[-1] @ se3.inverse(T_before[-1])

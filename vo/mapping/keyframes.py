@@ -17,36 +17,14 @@ from vo.stereo.sparse import measure_disparities
 from vo.tracking.association import measurement_sigma
 from vo.tracking.diagnostics import exceeds_iterations
 from vo.tracking.hooked import announce_landmarks, replace_disparities
-from vo.tracking.track_local_map import Tracked
-
-MIN_FLOW_PX = 1.0
-"""Median flow since the last keyframe below which the camera counts as not moved: however few
-landmarks are left, another keyframe would only add its own error (thesis 5.1.3)."""
+from vo.tracking.tracked import Tracked
 
 
-def needs_keyframe(local_map: LocalMap, tracked: Tracked) -> bool:
+def needs_keyframe(tracked: Tracked) -> bool:
     """Whether a tracked view becomes a keyframe (3.4): it is new, and its pose converged (5.3)."""
     settings = tracked.view.settings
     converged = not exceeds_iterations(tracked.counts["motion iterations"], settings)
-    return converged and is_new_view(local_map.keyframes[-1], tracked.inliers, settings)
-
-
-def is_new_view(last: Keyframe, inliers: Matches, settings: OdometrySettings) -> bool:
-    """Whether a view has moved far enough from the last keyframe to become one itself.
-
-    The information of a landmark on the translation grows with the disparity, as its image motion
-    does: the near ones, which soon leave the image, have most (decision 19), those without
-    disparity none. Where hardly any of it, or few inliers, are left, `MIN_FLOW_PX` suffices.
-    """
-    seen, s = last.observations, settings.refinement
-    _, then, now = np.intersect1d(seen.ids, inliers.ids, assume_unique=True, return_indices=True)
-    if len(then) == 0:
-        return True
-    flow_px = np.median(np.linalg.norm(inliers.pixels[now] - seen.pixels[then], axis=1))
-    information = np.nan_to_num(seen.disparity_px) ** 2
-    few = information[then].sum() < s.keyframe_tracked_ratio * information.sum()
-    few |= len(inliers) < settings.motion.weak_inliers
-    return bool(flow_px > (MIN_FLOW_PX if few else s.keyframe_parallax_px))
+    return converged and tracked.is_new
 
 
 def add_keyframe(

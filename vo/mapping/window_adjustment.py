@@ -11,7 +11,7 @@ from vo.bundle_adjustment.fixed_lag import FixedLag
 from vo.bundle_adjustment.problem import MIN_POINTS, collect
 from vo.config import RefinementSettings
 from vo.contract import se3
-from vo.contract.arrays import Array, Indices, Mask
+from vo.contract.arrays import Array, Indices, Mask, find_sorted
 from vo.contract.rig import StereoRig
 from vo.map.local_map import Keyframe, LocalMap, pose_covariance
 
@@ -62,12 +62,11 @@ def _select_landmarks(
     local_map: LocalMap, keyframes: tuple[Keyframe, ...], settings: RefinementSettings
 ) -> tuple[Indices, Mask]:
     """Landmarks (J,) that take part in the adjustment of keyframes; visibility (J, K) (4.4)."""
-    ids = np.unique(np.concatenate([k.observations.ids for k in keyframes]))
-    mask = np.stack([np.isin(ids, k.observations.ids) for k in keyframes], axis=1)
     landmarks = local_map.landmarks
-    often = landmarks.ids[landmarks.views >= settings.min_views]
-    chosen = np.isin(ids, often) & (mask.sum(axis=1) >= 2)
-    return ids[chosen], mask[chosen]
+    places = [find_sorted(k.observations.ids, landmarks.ids) for k in keyframes]
+    mask = np.stack(places, axis=1) >= 0
+    chosen = (landmarks.views >= settings.min_views) & (mask.sum(axis=1) >= 2)
+    return landmarks.ids[chosen], mask[chosen]
 
 
 def _move_map(
@@ -139,7 +138,7 @@ class IncrementalAdjustment:
         moved = _move_map(local_map, np.array(T), covariance, found.ids, found.estimates.points)
         self._smoother = smoother
         self._T_odom_cam = {k.serial: k.T_odom_cam for k in moved.keyframes}
-        noise = misfit([found.estimates], found.T_odom_cam)
+        noise = misfit(found.estimates, found.T_odom_cam)
         return _learn_noise(moved, noise, s), found.iterations
 
     def _continues(self, local_map: LocalMap) -> bool:

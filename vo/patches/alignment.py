@@ -18,7 +18,7 @@ from vo.patches.templates import Templates
 MAX_STEPS = 12
 """Largest number of Gauss–Newton steps."""
 
-CONVERGED_PX = 0.005
+CONVERGED_PX = 0.02
 """Length of the last step."""
 
 MIN_NORM = 1.0
@@ -84,91 +84,119 @@ def _align_all(
     templates: Templates, image: Image, start: Array, warp: Array, horizontal_only: bool
 ) -> Alignment:
     patches, gradients, norms, noise_kept = templates
-    n = len(norms)
+    n, side = len(norms), patches.shape[1]
     pixels, zncc, covariance = (
         np.full((n, 2), np.nan),
         np.full(n, np.nan),
         np.full((n, 2, 2), np.nan),
     )
-    side = patches.shape[1]
-    radius = side // 2
     offsets = np.empty((2, side * side), dtype=np.float32)
     now = np.empty(side * side, dtype=np.float32)
     for i in range(n):
-        if not norms[i] > MIN_NORM:
-            continue
-        reach_u, reach_v = warp_offsets(warp[i], side, offsets)
-        patch = patches[i].ravel()
-        gu, gv = gradients[i, 0].ravel(), gradients[i, 1].ravel()
-        a = b = d = np.float32(0)
-        for k in range(side * side):
-            a += gu[k] * gu[k]
-            b += gu[k] * gv[k]
-            d += gv[k] * gv[k]
-        if horizontal_only:
-            b, d = np.float32(0), np.float32(1)
-        determinant = a * d - b * b
-        if not determinant > MIN_DETERMINANT:
-            continue
-        u, v = start[i]
-        norm = 0.0
-        found = False
-        for _ in range(MAX_STEPS):
-            inside = u - reach_u >= 0 and u + reach_u < image.shape[1] - 1
-            inside = inside and v - reach_v >= 0 and v + reach_v < image.shape[0] - 1
-            found = False
-            if not inside:  # also where u, v or the warp is NaN
-                break
-            norm = sample(image, u, v, offsets, now)
-            if not norm > MIN_NORM:
-                break
-            # The gradients sum to zero and are orthogonal to the patch: subtracting the mean
-            # and the template from what is sampled would not change their products with it.
-            p = q = c = np.float32(0)
-            for k in range(side * side):
-                p += gu[k] * now[k]
-                q += gv[k] * now[k]
-                c += patch[k] * now[k]
-            zncc[i] = c / norm
-            p, q = p / norm, (0.0 if horizontal_only else q / norm)
-            du, dv = (d * p - b * q) / determinant, (a * q - b * p) / determinant
-            step_u = -(warp[i, 0, 0] * du + warp[i, 0, 1] * dv)
-            step_v = -(warp[i, 1, 0] * du + warp[i, 1, 1] * dv)
-            u += step_u
-            v += step_v
-            if abs(u - start[i, 0]) > radius or abs(v - start[i, 1]) > radius:
-                break
-            found = True
-            if step_u * step_u + step_v * step_v < CONVERGED_PX * CONVERGED_PX:
-                break
-        if not found:
-            zncc[i] = np.nan
-            continue
-        pixels[i, 0], pixels[i, 1] = u, v
-        variance = noise_variance(zncc[i], norms[i], noise_kept[i], norm, offsets, u, v)
-        # Noise of the template is in its gradients too: it adds to their energy, not to the signal.
-        of_template = variance * norm * norm / (norm * norm + norms[i] * norms[i])
-        bias = of_template * noise_kept[i] * side * side / 2
-        if horizontal_only:
-            signal = max(a - bias, MIN_SIGNAL * a)
-            uu, uv, vv = variance * a / (signal * signal), 0.0, 0.0
-        else:
-            least = (a + d) / 2 - np.sqrt((a - d) ** 2 / 4 + b * b)
-            bias = min(bias, (1 - MIN_SIGNAL) * least)
-            determinant = (a - bias) * (d - bias) - b * b
-            uu, uv, vv = (d - bias) / determinant, -b / determinant, (a - bias) / determinant
-            uu, uv, vv = (
-                variance * (uu + bias * (uu * uu + uv * uv)),
-                variance * (uv + bias * uv * (uu + vv)),
-                variance * (vv + bias * (vv * vv + uv * uv)),
-            )
-        w = warp[i]
-        for j in range(2):
-            for k in range(2):
-                covariance[i, j, k] = w[j, 0] * (uu * w[k, 0] + uv * w[k, 1]) + w[j, 1] * (
-                    uv * w[k, 0] + vv * w[k, 1]
-                )
+        at, there = (start[i, 0], start[i, 1]), (patches[i], gradients[i])
+        u, v, score, uu, uv, vv = align_patch(
+            there, norms[i], noise_kept[i], image, at, warp[i], horizontal_only, (offsets, now)
+        )
+        pixels[i, 0], pixels[i, 1], zncc[i] = u, v, score
+        covariance[i, 0, 0], covariance[i, 1, 1] = uu, vv
+        covariance[i, 0, 1] = covariance[i, 1, 0] = uv
     return Alignment(pixels, zncc, covariance)
+
+
+@compiled(fastmath={"reassoc", "contract"})
+def align_patch(
+    template: tuple[Array, Array], norm: float, noise_kept: float, image: Image,
+    start: tuple[float, float], warp: Array, horizontal_only: bool, work: tuple[Array, Array],
+) -> tuple[float, float, float, float, float, float]:  # fmt: skip
+    """Align a patch (S, S) with gradients (2, S, S), as `align` does, from a start (u, v).
+
+    The work arrays (2, S * S) and (S * S,) are float32. Returns u, v, the correlation, and the
+    covariance uu, uv, vv; all NaN where there is none.
+    """
+    none = (np.nan, np.nan, np.nan, np.nan, np.nan, np.nan)
+    if not norm > MIN_NORM:
+        return none
+    offsets, now = work
+    side = template[0].shape[0]
+    radius, count = side // 2, side * side
+    reach_u, reach_v = warp_offsets(warp, side, offsets)
+    patch, gu, gv = template[0].ravel(), template[1][0].ravel(), template[1][1].ravel()
+    a = b = d = np.float32(0)
+    for k in range(count):
+        a += gu[k] * gu[k]
+        b += gu[k] * gv[k]
+        d += gv[k] * gv[k]
+    if horizontal_only:
+        b, d = np.float32(0), np.float32(1)
+    determinant = a * d - b * b
+    if not determinant > MIN_DETERMINANT:
+        return none
+    u, v = start
+    zncc, now_norm = 0.0, 0.0
+    found = False
+    for _ in range(MAX_STEPS):
+        inside = u - reach_u >= 0 and u + reach_u < image.shape[1] - 1
+        inside = inside and v - reach_v >= 0 and v + reach_v < image.shape[0] - 1
+        if not inside:  # also where u, v or the warp is NaN
+            return none
+        now_norm = sample(image, u, v, offsets, now)
+        if not now_norm > MIN_NORM:
+            return none
+        # The gradients sum to zero and are orthogonal to the patch: subtracting the mean
+        # and the template from what is sampled would not change their products with it.
+        p = q = c = np.float32(0)
+        for k in range(count):
+            p += gu[k] * now[k]
+            q += gv[k] * now[k]
+            c += patch[k] * now[k]
+        zncc = float(c / now_norm)
+        p, q = p / now_norm, (0.0 if horizontal_only else q / now_norm)
+        du, dv = (d * p - b * q) / determinant, (a * q - b * p) / determinant
+        step_u = -(warp[0, 0] * du + warp[0, 1] * dv)
+        step_v = -(warp[1, 0] * du + warp[1, 1] * dv)
+        u += step_u
+        v += step_v
+        if abs(u - start[0]) > radius or abs(v - start[1]) > radius:
+            return none
+        found = True
+        if step_u * step_u + step_v * step_v < CONVERGED_PX * CONVERGED_PX:
+            break
+    if not found:
+        return none
+    variance = noise_variance(zncc, norm, noise_kept, now_norm, offsets, u, v)
+    # Noise of the template is in its gradients too: it adds to their energy, not to the signal.
+    of_template = variance * now_norm * now_norm / (now_norm * now_norm + norm * norm)
+    bias = of_template * noise_kept * count / 2
+    energy = (float(a), float(b), float(d))
+    return u, v, zncc, *_covariance(energy, variance, bias, warp, horizontal_only)
+
+
+@compiled(fastmath={"reassoc", "contract"})
+def _covariance(
+    energy: tuple[float, float, float], variance: float, bias: float, warp: Array,
+    horizontal_only: bool,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Covariance uu, uv, vv in the image, by the template's gradient energies uu, uv, vv."""
+    a, b, d = energy
+    if horizontal_only:
+        signal = max(a - bias, MIN_SIGNAL * a)
+        uu, uv, vv = variance * a / (signal * signal), 0.0, 0.0
+    else:
+        least = (a + d) / 2 - np.sqrt((a - d) ** 2 / 4 + b * b)
+        bias = min(bias, (1 - MIN_SIGNAL) * least)
+        determinant = (a - bias) * (d - bias) - b * b
+        uu, uv, vv = (d - bias) / determinant, -b / determinant, (a - bias) / determinant
+        uu, uv, vv = (
+            variance * (uu + bias * (uu * uu + uv * uv)),
+            variance * (uv + bias * uv * (uu + vv)),
+            variance * (vv + bias * (vv * vv + uv * uv)),
+        )
+    w00, w01, w10, w11 = warp[0, 0], warp[0, 1], warp[1, 0], warp[1, 1]
+    return (
+        w00 * (uu * w00 + uv * w01) + w01 * (uv * w00 + vv * w01),
+        w00 * (uu * w10 + uv * w11) + w01 * (uv * w10 + vv * w11),
+        w10 * (uu * w10 + uv * w11) + w11 * (uv * w10 + vv * w11),
+    )
 
 
 @compiled(fastmath={"reassoc", "contract"})

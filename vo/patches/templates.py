@@ -30,30 +30,73 @@ class Templates(NamedTuple):
     noise_kept: Array
 
 
+class PatchWorkspace(NamedTuple):
+    """Arrays for one patch of side S after the other: float32.
+
+    The padded patch (S + 2, S + 2), the patch (S, S), its gradients (2, S, S), offsets (2, S * S)
+    and grey levels (S * S,) of its samples in another image.
+    """
+
+    padded: Array
+    patch: Array
+    gradients: Array
+    offsets: Array
+    now: Array
+
+
+@compiled()
+def patch_workspace(side: int) -> PatchWorkspace:
+    """Allocate a workspace."""
+    return PatchWorkspace(
+        np.empty((side + 2, side + 2), dtype=np.float32),
+        np.empty((side, side), dtype=np.float32),
+        np.empty((2, side, side), dtype=np.float32),
+        np.empty((2, side * side), dtype=np.float32),
+        np.empty(side * side, dtype=np.float32),
+    )
+
+
 def extract_templates(image: Image, pixels: Array, patch_px: int) -> Templates:
     """Extract patches of an odd side about sub-pixel centres (N, 2)."""
-    return _extract_all(image, np.ascontiguousarray(pixels, dtype=np.float64), patch_px)
+    n = len(pixels)
+    templates = Templates(
+        np.zeros((n, patch_px, patch_px), dtype=np.float32),
+        np.zeros((n, 2, patch_px, patch_px), dtype=np.float32),
+        np.zeros(n, dtype=np.float32),
+        np.ones(n, dtype=np.float32),
+    )
+    _extract(image, np.ascontiguousarray(pixels, dtype=np.float64), templates)
+    return templates
 
 
 @compiled(fastmath={"reassoc", "contract"})  # sums in any order; NaN stays NaN
-def _extract_all(image: Image, pixels: Array, side: int) -> Templates:
-    n = len(pixels)
-    patches = np.zeros((n, side, side), dtype=np.float32)
-    gradients = np.zeros((n, 2, side, side), dtype=np.float32)
-    norms, noise_kept = np.zeros(n, dtype=np.float32), np.ones(n, dtype=np.float32)
-    margin = side // 2 + 1
-    height, width = image.shape
+def _extract(image: Image, pixels: Array, templates: Templates) -> None:
+    patches, gradients, norms, noise_kept = templates
+    side = patches.shape[1]
     padded = np.empty((side + 2, side + 2), dtype=np.float32)
-    for i in range(n):
+    for i in range(len(pixels)):
         u, v = pixels[i]
-        inside = u >= margin and u < width - 1 - margin and v >= margin and v < height - 1 - margin
-        if not inside:  # also where a pixel is NaN
-            continue
-        _sample_square(image, u, v, padded)
-        norms[i] = _differentiate(padded, patches[i], gradients[i, 0], gradients[i, 1])
-        fu, fv = u - np.floor(u), v - np.floor(v)
-        noise_kept[i] = (1 - 2 * fu * (1 - fu)) * (1 - 2 * fv * (1 - fv))
-    return Templates(patches, gradients, norms, noise_kept)
+        norms[i], noise_kept[i] = extract_patch(image, u, v, padded, patches[i], gradients[i])
+
+
+@compiled(fastmath={"reassoc", "contract"})
+def extract_patch(
+    image: Image, u: float, v: float, padded: Array, patch: Array, gradients: Array
+) -> tuple[float, float]:
+    """Write the patch (S, S) about a pixel and its gradients (2, S, S), as in `Templates`.
+
+    The norm, zero where there is no patch, and the share of noise kept are returned; the work
+    array is (S + 2, S + 2).
+    """
+    margin = patch.shape[0] // 2 + 1
+    height, width = image.shape
+    inside = u >= margin and u < width - 1 - margin and v >= margin and v < height - 1 - margin
+    if not inside:  # also where a pixel is NaN
+        return 0.0, 1.0
+    _sample_square(image, u, v, padded)
+    fu, fv = u - np.floor(u), v - np.floor(v)
+    norm = _differentiate(padded, patch, gradients[0], gradients[1])
+    return norm, (1 - 2 * fu * (1 - fu)) * (1 - 2 * fv * (1 - fv))
 
 
 @compiled(fastmath={"reassoc", "contract"})

@@ -8,7 +8,7 @@ import numpy as np
 
 from vo.contract.arrays import Array, Image
 from vo.contract.compilation import compiled
-from vo.patches.zncc import MIN_CONTRAST
+from vo.patches.row_correlation import correlate_row, write_patch
 
 PEAK_PX = 2
 """Half width of a peak of correlation; correlations further away belong to another peak."""
@@ -53,9 +53,9 @@ def _search_all(
         if v < radius or v >= height - radius or u < radius or u >= width - radius:
             continue
         first, last = max(u - nearest, radius), min(u - farthest, width - 1 - radius)
-        if last < first or not _write_patch(left, u, v, radius, patch):
+        if last < first or not write_patch(left, u, v, radius, patch):
             continue
-        scores = _correlate(patch, right, first, last, v, radius, work)
+        scores = correlate_row(patch, right, first, last, v, radius, work)
         best = int(np.argmax(scores))
         other = np.float32(-1)
         for j in range(len(scores)):
@@ -64,70 +64,9 @@ def _search_all(
         score = scores[best]
         there = first + best
         first, last = max(there + farthest, radius), min(there + nearest, width - 1 - radius)
-        if not _write_patch(right, there, v, radius, patch):
+        if not write_patch(right, there, v, radius, patch):
             continue
-        back = first + int(np.argmax(_correlate(patch, left, first, last, v, radius, work)))
+        back = first + int(np.argmax(correlate_row(patch, left, first, last, v, radius, work)))
         if abs(back - u) <= 1:
             disparity[i], zncc[i], second[i] = u - there, score, other
     return disparity, zncc, second
-
-
-@compiled(fastmath={"reassoc", "contract"})
-def _write_patch(image: Image, u: int, v: int, radius: int, patch: Array) -> bool:
-    """Write the patch about a pixel with zero mean and unit norm; False if it is flat."""
-    side = 2 * radius + 1
-    total = squares = np.float32(0)
-    for j in range(side):
-        row = image[v - radius + j]
-        for k in range(side):
-            value = np.float32(row[u - radius + k])
-            patch[j * side + k] = value
-            total += value
-    mean = total / np.float32(side * side)
-    for k in range(side * side):
-        patch[k] -= mean
-        squares += patch[k] * patch[k]
-    norm = np.sqrt(squares)
-    if norm < MIN_CONTRAST * side:
-        return False
-    for k in range(side * side):
-        patch[k] /= norm
-    return True
-
-
-@compiled(fastmath={"reassoc", "contract"})
-def _correlate(
-    patch: Array, image: Image, first: int, last: int, v: int, radius: int, work: Array
-) -> Array:
-    """Correlate a patch with those about the columns first to last of row v: (L,) ZNCC."""
-    side, count = 2 * radius + 1, last - first + 1
-    length = count + 2 * radius
-    segment, sums, squares = work[0, :length], work[1, :length], work[2, :length]
-    products, scores = work[3, :count], work[4, :count]
-    sums[:], squares[:], products[:] = 0, 0, 0
-    pivot = np.float32(image[v, first])
-    for j in range(side):
-        row = image[v - radius + j, first - radius : last + radius + 1]
-        for x in range(length):
-            value = np.float32(row[x]) - pivot
-            segment[x] = value
-            sums[x] += value
-            squares[x] += value * value
-        for k in range(side):
-            weight = patch[j * side + k]
-            shifted = segment[k : k + count]
-            for x in range(count):
-                products[x] += weight * shifted[x]
-    total = square = np.float32(0)
-    for k in range(side - 1):
-        total += sums[k]
-        square += squares[k]
-    floor = np.float32((MIN_CONTRAST * side) ** 2)
-    for x in range(count):
-        total += sums[x + side - 1]
-        square += squares[x + side - 1]
-        energy = square - total * total / np.float32(side * side)
-        scores[x] = products[x] / np.sqrt(max(energy, floor))
-        total -= sums[x]
-        square -= squares[x]
-    return scores

@@ -8,14 +8,21 @@ Windowing, CVPR 1997.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from vo.config import StereoSettings
-from vo.contract.arrays import Array, Mask
+from vo.contract.arrays import Array, Image, Mask
+from vo.contract.compilation import compiled
 from vo.contract.sequence import StereoFrame
-from vo.patches.alignment import Alignment, align, identity_warps
-from vo.patches.templates import Templates, extract_templates
+from vo.patches.alignment import align_patch
+from vo.patches.templates import (
+    PatchWorkspace,
+    extract_patch,
+    extract_templates,
+    patch_workspace,
+)  # fmt: skip
 from vo.stereo.dense import sample_nearest
 from vo.stereo.epipolar_search import search_epipolar
 from vo.stereo.plane_fit import fit_plane_slopes
@@ -35,6 +42,15 @@ DISAGREEMENT_SIGMAS = 3.0
 
 UNREFINED_SIGMA_PX = 0.3
 """Standard deviation of a dense disparity that is not refined."""
+
+
+class Limits(NamedTuple):
+    """Smallest correlation, largest standard deviation and disagreement, smallest disparity."""
+
+    min_zncc: float
+    max_sigma_px: float
+    max_disagreement_px: float
+    min_disparity_px: float
 
 
 @dataclass(frozen=True)
@@ -82,19 +98,13 @@ def measure_disparities(
         sigma_px = np.where(known, UNREFINED_SIGMA_PX, np.nan)
         return Disparities(values_px, sigma_px, _plane_slopes(pixels, values_px, nearby))
 
-    templates = extract_templates(frame.left, pixels, settings.align_px)
+    start = np.where(distinct, start, np.nan)
     slant = slopes
     if slant is None:
-        facing = _align(frame, templates, pixels, start, np.zeros((len(pixels), 2)))
-        first_px, _ = _accept(facing, pixels, start, distinct, settings)
+        facing = np.zeros((len(pixels), 2))
+        first_px, _ = _refine(frame, pixels, start, facing, settings, shifted_windows=False)
         slant = _complete_slopes(frame, pixels, start, _plane_slopes(pixels, first_px, nearby))
-    aligned = _align(frame, templates, pixels, start, slant)
-    values_px, sigma_px = _accept(aligned, pixels, start, distinct, settings)
-    disagreement_px = _measure_disagreement(frame, pixels, values_px, slant, settings)
-    known = disagreement_px < settings.max_disagreement_px
-    known &= values_px > settings.min_disparity_px
-    values_px = np.where(known, values_px, np.nan)
-    sigma_px = np.where(known, np.hypot(sigma_px, disagreement_px / DISAGREEMENT_SIGMAS), np.nan)
+    values_px, sigma_px = _refine(frame, pixels, start, slant, settings, shifted_windows=True)
     if slopes is None:
         planes = _plane_slopes(pixels, values_px, nearby)
         slopes = np.where(planes.any(axis=1, keepdims=True), planes, slant)
@@ -139,37 +149,66 @@ def _complete_slopes(frame: StereoFrame, pixels: Array, start: Array, planes: Ar
     return slopes
 
 
-def _align(
-    frame: StereoFrame, templates: Templates, pixels: Array, start: Array, slopes: Array
-) -> Alignment:
-    """Align templates of the left image with the right one from disparities (N,)."""
-    right = np.stack([pixels[:, 0] - start, pixels[:, 1]], axis=-1)
-    warp = identity_warps(len(slopes))
-    warp[:, 0] -= slopes  # u_right = u_left - d(u_left, v)
-    return align(templates, frame.right, right, warp, horizontal_only=True)
+def _refine(
+    frame: StereoFrame, pixels: Array, start: Array, slopes: Array, settings: StereoSettings,
+    shifted_windows: bool,
+) -> tuple[Array, Array]:  # fmt: skip
+    """Align patches from disparities (N,): disparities and standard deviations, (N,) each, or NaN.
+
+    Without the shifted windows, nothing tests whether the patches lie on one surface.
+    """
+    limits = Limits(
+        settings.min_align_zncc, settings.max_sigma_px, settings.max_disagreement_px,
+        settings.min_disparity_px,
+    )  # fmt: skip
+    pixels, start, slopes = (
+        np.ascontiguousarray(x, dtype=np.float64) for x in (pixels, start, slopes)
+    )
+    left, right, side = frame.left, frame.right, settings.align_px
+    return _refine_all(left, right, pixels, start, slopes, side, limits, shifted_windows)
 
 
-def _accept(
-    aligned: Alignment, pixels: Array, start: Array, distinct: Mask, settings: StereoSettings
-) -> tuple[Array, Array]:
-    """Compute disparities and standard deviations by noise, (N,) each; NaN where refused."""
-    values_px = pixels[:, 0] - aligned.pixels[:, 0]
-    sigma_px = np.sqrt(aligned.covariance_px2[:, 0, 0])
-    good = distinct & (aligned.zncc > settings.min_align_zncc) & (sigma_px < settings.max_sigma_px)
-    good &= np.abs(values_px - start) < MAX_CORRECTION_PX
-    return np.where(good, values_px, np.nan), np.where(good, sigma_px, np.nan)
+@compiled(fastmath={"reassoc", "contract"})  # sums in any order; NaN stays NaN
+def _refine_all(
+    left: Image, right: Image, pixels: Array, start: Array, slopes: Array, side: int,
+    limits: Limits, shifted_windows: bool,
+) -> tuple[Array, Array]:  # fmt: skip
+    n, small = len(pixels), side - 2
+    values, sigmas = np.full(n, np.nan), np.full(n, np.nan)
+    whole, part = patch_workspace(side), patch_workspace(small)
+    warp = np.eye(3, 2)
+    for i in range(n):
+        if not np.isfinite(start[i]):
+            continue
+        u, v = pixels[i, 0], pixels[i, 1]
+        warp[0, 0], warp[0, 1] = 1 - slopes[i, 0], -slopes[i, 1]  # u_right = u_left - d(u_left, v)
+        value, zncc, variance = _align_pixel(left, right, u, v, start[i], warp, whole)
+        sigma = np.sqrt(variance)
+        good = zncc > limits.min_zncc and sigma < limits.max_sigma_px
+        if not (good and abs(value - start[i]) < MAX_CORRECTION_PX):
+            continue
+        if shifted_windows:
+            largest = 0.0
+            for shift in (-(side // 3), side // 3):
+                expected = value + slopes[i, 0] * shift
+                found, _, _ = _align_pixel(left, right, u + shift, v, expected, warp, part)
+                largest = max(largest, abs(found - expected)) if found == found else np.inf
+            if not (largest < limits.max_disagreement_px and value > limits.min_disparity_px):
+                continue
+            sigma = np.hypot(sigma, largest / DISAGREEMENT_SIGMAS)
+        values[i], sigmas[i] = value, sigma
+    return values, sigmas
 
 
-def _measure_disagreement(
-    frame: StereoFrame, pixels: Array, disparity_px: Array, slopes: Array, settings: StereoSettings
-) -> Array:
-    """Measure the largest difference to the disparity of two smaller, shifted windows: (N,) px."""
-    largest = np.zeros(len(pixels))
-    for side in (-1, 1):
-        shift = np.array([side * (settings.align_px // 3), 0])
-        expected = disparity_px + slopes @ shift
-        templates = extract_templates(frame.left, pixels + shift, settings.align_px - 2)
-        aligned = _align(frame, templates, pixels + shift, expected, slopes)
-        found = pixels[:, 0] + shift[0] - aligned.pixels[:, 0]
-        largest = np.maximum(largest, np.abs(found - expected))  # NaN stays
-    return largest
+@compiled(fastmath={"reassoc", "contract"})
+def _align_pixel(
+    left: Image, right: Image, u: float, v: float, disparity: float, warp: Array,
+    work: PatchWorkspace,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Disparity of the patch about a pixel, its correlation and variance; NaN where none."""
+    norm, kept = extract_patch(left, u, v, work.padded, work.patch, work.gradients)
+    template, scratch = (work.patch, work.gradients), (work.offsets, work.now)
+    found, _, zncc, variance, _, _ = align_patch(
+        template, norm, kept, right, (u - disparity, v), warp, True, scratch
+    )
+    return u - found, zncc, variance

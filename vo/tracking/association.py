@@ -3,11 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
-from vo.config import RefinementSettings
-from vo.contract import se3
-from vo.contract.arrays import Array, Indices, Mask
+from vo.config import OdometrySettings, RefinementSettings
+from vo.contract.arrays import Array, Indices, Mask, ranks_in_groups
+from vo.contract.compilation import compiled
+from vo.contract.projection import project_points
 from vo.contract.rig import StereoRig
 from vo.map.frame import NO_FEATURE, Matches, View
 from vo.map.local_map import Landmarks, LocalMap, TrackedFrame
@@ -15,6 +15,7 @@ from vo.patches.alignment import Alignment, align
 from vo.patches.templates import extract_templates
 from vo.patches.zncc import match_mutual
 from vo.stereo.sparse import measure_disparities
+from vo.tracking.landmark_alignment import align_landmarks
 
 NEIGHBOURS = 40
 """Matches of about the disparity of a landmark, whose correlations set its threshold."""
@@ -36,7 +37,9 @@ def find_matches(
     rows, found = match_mutual(
         landmarks.descriptors, expected, view.descriptors, features, search_radius_px, s
     ).T
-    return _measure(local_map, view, T_odom_cam, rows, found, features[found], s.min_align_zncc)
+    return measure_matches(
+        local_map, view, T_odom_cam, rows, found, features[found], s.min_align_zncc
+    )
 
 
 def find_guided_matches(
@@ -54,8 +57,46 @@ def find_guided_matches(
     # Without a feature, only the correlation tells a landmark from what now lies in its place.
     quantile = view.settings.matching.guided_quantile
     min_zncc = _correlation_of_neighbours(matches, expected[:, 2], rows, quantile)
-    more = _measure(local_map, view, T_odom_cam, rows, none, expected[rows, :2], min_zncc)
+    more = measure_matches(local_map, view, T_odom_cam, rows, none, expected[rows, :2], min_zncc)
     return matches.merge(more.select(~np.isnan(more.disparity_px)))
+
+
+def find_visible(
+    local_map: LocalMap, view: View, T_odom_cam: Array, expected: Array, rows: Indices,
+    known: Mask,
+) -> Matches:  # fmt: skip
+    """Find rows of the landmarks at their projections (L, 3) by a pose right to about a pixel.
+
+    Those of the landmarks (L,) that are not known from the previous frame need a disparity, and
+    the correlation of known ones of about their own.
+    """
+    s = view.settings.matching
+    none, start = np.full(len(rows), NO_FEATURE), expected[rows, :2]
+    found = measure_matches(local_map, view, T_odom_cam, rows, none, start, s.min_align_zncc)
+    known = known[found.rows]
+    if not known.any():
+        return found
+    min_zncc = _correlation_of_neighbours(
+        found.select(known), expected[:, 2], found.rows, s.guided_quantile
+    )
+    return found.select(known | (found.zncc > min_zncc) & ~np.isnan(found.disparity_px))
+
+
+def spread(
+    rows: Indices, expected: Array, first: Mask, count: int, settings: OdometrySettings
+) -> Indices:
+    """Select at most `count` of some rows of landmarks, ascending, from every part of the image.
+
+    In every cell those of a mask (L,) come first, and of these the nearest, which have most
+    information on the translation. The landmarks are expected at u, v and disparity, (L, 3).
+    """
+    if len(rows) <= count:
+        return rows
+    column, line = (expected[rows, :2] // settings.features.cell_px).astype(np.int64).T
+    columns = int(column.max()) + 1
+    order = np.lexsort((-expected[rows, 2], ~first[rows]))
+    rank = ranks_in_groups((line * columns + column + columns)[order])
+    return np.sort(rows[order[np.argsort(rank, kind="stable")[:count]]])
 
 
 def _correlation_of_neighbours(
@@ -66,11 +107,28 @@ def _correlation_of_neighbours(
     Near landmarks change more from view to view, and determine most of the translation. There is
     at least one match; `disparity_px` is (L,) of all landmarks of the map, `rows` (N,).
     """
-    order = np.argsort(disparity_px[matches.rows])
-    neighbours = sliding_window_view(matches.zncc[order], min(NEIGHBOURS, len(matches)))
-    zncc = np.quantile(neighbours, quantile, axis=1)
-    place = np.searchsorted(disparity_px[matches.rows][order], disparity_px[rows])
-    return zncc[np.clip(place - neighbours.shape[1] // 2, 0, len(neighbours) - 1)]
+    near = disparity_px[matches.rows]
+    order = np.argsort(near)
+    place = np.searchsorted(near[order], disparity_px[rows])
+    return _quantiles_about(matches.zncc[order], place, quantile)
+
+
+@compiled()
+def _quantiles_about(values: Array, place: Indices, quantile: float) -> Array:
+    """Quantile (N,) of the `NEIGHBOURS` values (M,) about each place (N,) among them."""
+    count = min(NEIGHBOURS, len(values))
+    low = int(quantile * (count - 1))
+    share = quantile * (count - 1) - low
+    found = np.full(len(values) - count + 1, np.nan)  # by the first of the neighbours
+    result = np.empty(len(place))
+    for i in range(len(place)):
+        first = min(max(place[i] - count // 2, 0), len(values) - count)
+        if np.isnan(found[first]):
+            ordered = np.sort(values[first : first + count])
+            high = ordered[min(low + 1, count - 1)]
+            found[first] = (1 - share) * ordered[low] + share * high
+        result[i] = found[first]
+    return result
 
 
 def is_consistent(
@@ -94,7 +152,7 @@ def is_consistent(
 
 def project_landmarks(landmarks: Landmarks, T_odom_cam: Array, rig: StereoRig) -> Array:
     """Project landmarks: (N, 3) left-image u, v and disparity, NaN behind the camera."""
-    return rig.project(se3.transform(se3.inverse(T_odom_cam), landmarks.points_odom))
+    return project_points(landmarks.points_odom, T_odom_cam, rig)
 
 
 def in_view(expected: Array, view: View) -> Mask:
@@ -109,20 +167,22 @@ def add_observations(local_map: LocalMap, view: View, matches: Matches) -> Local
     """Count a view of the matched landmarks; renew the descriptors of those with a feature."""
     views = local_map.landmarks.views[matches.rows] + 1
     landmarks = local_map.landmarks.update(matches.rows, views=views)
-    matched = matches.features >= 0
+    matched = matches.features != NO_FEATURE
+    if not matched.any():
+        return replace(local_map, landmarks=landmarks)
     descriptors = view.descriptors[matches.features[matched]]
     landmarks = landmarks.update(matches.rows[matched], descriptors=descriptors)
     return replace(local_map, landmarks=landmarks)
 
 
-def _measure(
+def measure_matches(
     local_map: LocalMap, view: View, T_odom_cam: Array, rows: Indices, features: Indices,
     start: Array, min_zncc: Array | float,
 ) -> Matches:  # fmt: skip
     """Align landmarks in both images from where they are expected; keep those that correlate."""
     s = view.settings
     if s.matching.align:
-        aligned = _align(local_map, view, T_odom_cam, rows, start)
+        aligned = align_landmarks(local_map, view, T_odom_cam, rows, start)
     else:
         n = len(rows)
         aligned = Alignment(start, np.ones(n), np.zeros((n, 2, 2)))
@@ -130,15 +190,15 @@ def _measure(
         good = aligned.zncc > min_zncc
         good &= np.abs(aligned.pixels - start).max(axis=1) < s.matching.max_align_shift_px
     rows, features, pixels = rows[good], features[good], aligned.pixels[good]
-    found = local_map.landmarks.select(rows)
+    landmarks = local_map.landmarks
+    points, slopes = landmarks.points_odom[rows], landmarks.anchor_slopes[rows]
     stereo = measure_disparities(
         view.frame, view.dense, pixels, s.stereo,
-        expected_px=project_landmarks(found, T_odom_cam, view.rig)[:, 2],
-        slopes=found.anchor_slopes,
+        expected_px=project_points(points, T_odom_cam, view.rig)[:, 2], slopes=slopes,
     )  # fmt: skip
     variance = np.diagonal(aligned.covariance_px2[good], axis1=1, axis2=2)
     sigma_px = measurement_sigma(variance, stereo.sigma_px, local_map.noise, s.refinement)
-    zncc, landmarks = aligned.zncc[good], local_map.landmarks
+    zncc = aligned.zncc[good]
     return Matches.of(landmarks, rows, pixels, stereo.values_px, sigma_px, features, zncc)
 
 
@@ -152,40 +212,3 @@ def measurement_sigma(
     """
     pixels = noise[0] * np.sqrt(variance_px2 + s.sigma_px**2)
     return np.column_stack([pixels, noise[1] * np.hypot(disparity_px, s.sigma_disparity_px)])
-
-
-def _align(
-    local_map: LocalMap, view: View, T_odom_cam: Array, rows: Indices, start: Array
-) -> Alignment:
-    """Align the templates of landmarks (N,) with the left image."""
-    landmarks, n = local_map.landmarks.select(rows), len(rows)
-    result = Alignment(np.full((n, 2), np.nan), np.full(n, np.nan), np.full((n, 2, 2), np.nan))
-    for keyframe in local_map.keyframes:
-        here = landmarks.anchor == keyframe.serial
-        anchored = landmarks.select(here)
-        T_cam_anchor = se3.inverse(T_odom_cam) @ keyframe.T_odom_cam
-        warp = _plane_warp(anchored, T_cam_anchor, view.rig)
-        patch_px = view.settings.matching.align_px
-        templates = extract_templates(keyframe.left, anchored.anchor_pixels, patch_px)
-        aligned = align(templates, view.frame.left, start[here], warp)
-        for values, found in zip(result, aligned, strict=True):
-            values[here] = found
-    return result
-
-
-def _plane_warp(landmarks: Landmarks, T_cam_anchor: Array, rig: StereoRig) -> Array:
-    """Warp of a slanted patch in the anchor's image on its way to another camera.
-
-    Inverse depth is linear in the pixels of a plane, so with m = (x / z, y / z, 1) in the anchor,
-    h = R m + t / z is linear too, and the plane's homography is (h_x / h_z, h_y / h_z). The result
-    (N, 3, 2) is as `vo.patches.alignment.align` takes it.
-    """
-    R, t = T_cam_anchor[:3, :3], T_cam_anchor[:3, 3]
-    rays = rig.normalized(landmarks.anchor_pixels)
-    m = np.concatenate([rays, np.ones((len(rays), 1))], axis=1)
-    h = m @ R.T + t / landmarks.anchor_depth_m[:, None]
-    inverse_depth_slopes = landmarks.anchor_slopes / (rig.f_px * rig.baseline_m)
-    dh = R[:, :2] / rig.f_px + t[:, None] * inverse_depth_slopes[:, None]  # (N, 3, 2) per pixel
-    bend = dh[:, 2:] / h[:, 2, None, None]
-    dx = dh[:, :2] / h[:, 2, None, None] - h[:, :2, None] / h[:, 2, None, None] * bend
-    return np.concatenate([rig.f_px * dx, bend], axis=1)

@@ -13,7 +13,6 @@ from vo.contract.sequence import StereoFrame
 from vo.hooks import NO_HOOKS, Hooks
 from vo.map.frame import Matches, View
 from vo.map.local_map import Landmarks, LocalMap
-from vo.patches.zncc import describe
 from vo.stereo.sparse import UNREFINED_SIGMA_PX, Disparities, measure_disparities
 
 SAME_PX = 1e-9
@@ -34,13 +33,11 @@ def _writable(answer: Array) -> Array:
     return answer if answer.flags.writeable else answer.copy()
 
 
-def replace_features(hooks: Hooks, view: View) -> View:
-    """Replace features, and describe them."""
+def replace_features(hooks: Hooks, frame: StereoFrame, pixels: Array) -> Array:
+    """Replace features (N, 2)."""
     if hooks is NO_HOOKS:
-        return view
-    pixels = _writable(hooks.features(_frame(view.frame), _read_only(view.features)))
-    descriptors = describe(view.frame.left, pixels, view.settings.matching.patch_px)
-    return replace(view, features=pixels, descriptors=descriptors)
+        return pixels
+    return _writable(hooks.features(_frame(frame), _read_only(pixels)))
 
 
 def announce_landmarks(hooks: Hooks, frame: StereoFrame, ids: Indices, pixels: Array) -> None:

@@ -4,8 +4,9 @@ import numpy as np
 
 from vo.bundle_adjustment.adjust import Pose, refine_motion
 from vo.contract.arrays import Array
+from vo.contract.projection import project_points
 from vo.map.frame import Matches, View
-from vo.pose.estimation import estimate_pose, reprojection_errors
+from vo.pose.estimation import estimate_pose
 from vo.pose.ransac import Consensus
 
 
@@ -40,6 +41,6 @@ def refine_pose(T_odom_cam: Array, matches: Matches, view: View) -> Pose:
 
 def select_inliers(T_odom_cam: Array, matches: Matches, view: View) -> Matches:
     """Keep the matches whose reprojection error is below the inlier threshold (5.4)."""
-    rays = view.rig.normalized(matches.pixels)
-    errors = reprojection_errors(T_odom_cam, matches.points_odom, rays)
-    return matches.select(errors < view.settings.motion.threshold)
+    expected = project_points(matches.points_odom, T_odom_cam, view.rig)
+    error_px = np.hypot(*(expected[:, :2] - matches.pixels).T)  # NaN behind the camera
+    return matches.select(error_px < view.settings.motion.threshold * view.rig.f_px)

@@ -71,8 +71,8 @@ def start_halt(
     T_odom_last: Array, T_odom_cam: Array, covariance: Array, view: View, inliers: Matches
 ) -> Halt:
     """Start a halt at a new pose (4, 4), its covariance (6, 6) given the map."""
-    arrival = se3.log(se3.inverse(T_odom_last) @ T_odom_cam)
-    return Halt(T_odom_cam, arrival, covariance, view.frame.wheel_ticks, (inliers,))
+    T_last_cam = se3.inverse(T_odom_last) @ T_odom_cam
+    return Halt(T_odom_cam, T_last_cam, covariance, view.frame.wheel_ticks, (inliers,))
 
 
 def encoders_at_rest(halt: Halt | None, view: View) -> bool:
@@ -118,7 +118,7 @@ def is_stationary(
         factor = LIMITS.wheels_rest
     points_cam = se3.transform(se3.inverse(halt.T_odom_cam), points_odom)
     if not is_settled(halt):
-        coasting = motion_evidence(points_cam, flow_px, rig, halt.arrival[:, None])
+        coasting = motion_evidence(points_cam, flow_px, rig, se3.log(halt.T_last_cam)[:, None])
         if coasting > factor * LIMITS.coasting:
             return False
     limit = factor * LIMITS.significant * (1 + LIMITS.few_frames / len(latest))

@@ -1,27 +1,26 @@
 """Tracking of a view in the local map: match, estimate the pose, refine it (thesis 3.2-3.4)."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vo.contract import se3
 from vo.contract.arrays import Array
-from vo.contract.clock import Clock
-from vo.contract.observations import Observations
 from vo.features.image_quality import adapt_to_blur
 from vo.hooks import Hooks
 from vo.map.frame import Matches, View
-from vo.map.local_map import LocalMap
 from vo.map.state import TrackerState
 from vo.tracking import association
 from vo.tracking.diagnostics import images_look_swapped
 from vo.tracking.hooked import replace_inliers, replace_matches, replace_prediction
 from vo.tracking.klt import track_klt
 from vo.tracking.landmark_prior import sampling_weights
+from vo.tracking.new_view import is_new_view
 from vo.tracking.pose_refinement import find_consensus, refine_pose, select_inliers
 from vo.tracking.rotation_prior import align_rotation
 from vo.tracking.stationary import encoders_at_rest
+from vo.tracking.tracked import Context, NotTracked, Tracked
 
 
 @dataclass(frozen=True)
@@ -39,44 +38,6 @@ class RetryThresholds:
 
 
 LIMITS = RetryThresholds()
-
-
-@dataclass(frozen=True)
-class Context:
-    """Hooks on the stages of one frame, random numbers for RANSAC, and the clock."""
-
-    hooks: Hooks
-    rng: np.random.Generator
-    clock: Clock
-
-
-@dataclass(frozen=True)
-class Tracked:
-    """Pose (4, 4) of a view, with its covariance (6, 6) given the map and the matches it rests on.
-
-    `by_klt` is whether these come from the previous frame, not from templates; `counts` has the
-    number of items that passed each stage, and iterations.
-    """
-
-    view: View
-    T_odom_cam: Array
-    covariance: Array
-    matches: Matches
-    inliers: Matches
-    by_klt: bool
-    counts: Mapping[str, int]
-
-    def observations(self) -> Observations:
-        """All matches as observations."""
-        agree = np.isin(self.matches.ids, self.inliers.ids)
-        return replace(self.matches, inlier=agree).observations
-
-
-@dataclass(frozen=True)
-class NotTracked:
-    """A view without a pose: too few landmarks agree with any; counts as for `Tracked`."""
-
-    counts: Mapping[str, int]
 
 
 def predict_pose(state: TrackerState, view: View, hooks: Hooks) -> Array:
@@ -98,16 +59,6 @@ def track_local_map(
     return _estimate(state, view, T_guess, matches, context)
 
 
-def is_reliable(tracked: Tracked | NotTracked, local_map: LocalMap) -> bool:
-    """Whether enough of the landmarks in view are inliers (decision 22)."""
-    if isinstance(tracked, NotTracked):
-        return False
-    view = tracked.view
-    expected = association.project_landmarks(local_map.landmarks, tracked.T_odom_cam, view.rig)
-    visible = association.in_view(expected, view).sum()
-    return len(tracked.inliers) >= view.settings.matching.min_inlier_ratio * visible
-
-
 def retry_tracking(
     state: TrackerState, view: View, T_guess: Array, first: Tracked | NotTracked, context: Context
 ) -> Tracked | NotTracked:
@@ -122,7 +73,7 @@ def retry_tracking(
             if best and _confirms(attempt, best):
                 break
             best = max(attempt, best, key=_score) if best else attempt
-        if best and is_reliable(best, state.map):
+        if best and (best.is_reliable or context.budget.is_spent()):
             break
     return best or max(attempts, key=lambda attempt: attempt.counts["inliers"])
 
@@ -204,4 +155,10 @@ def _estimate(
     counts["found"], counts["inliers"] = len(matches), len(inliers)
     if len(inliers) < min_inliers:
         return NotTracked(counts)
-    return Tracked(view, pose.T_world_cam, pose.covariance, matches, inliers, by_klt, counts)
+    expected = association.project_landmarks(state.map.landmarks, pose.T_world_cam, view.rig)
+    last = state.map.keyframes[-1].observations
+    return Tracked(
+        view, pose.T_world_cam, pose.covariance, matches, inliers, by_klt,
+        tried=int(association.in_view(expected, view).sum()),
+        is_new=is_new_view(last, inliers, view.settings), counts=counts,
+    )  # fmt: skip

@@ -1,7 +1,6 @@
 """Time of the bundle adjustment backends on the windows of a drive, and how far they differ."""
 
 import os
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from time import process_time
@@ -48,7 +47,7 @@ def record_windows(dataset: Path, settings: OdometrySettings) -> list[Bundle]:
     optimize = BACKENDS[name]
 
     def record(
-        bundle: Bundle, estimates: Sequence[PointEstimates], settings: RefinementSettings
+        bundle: Bundle, estimates: PointEstimates, settings: RefinementSettings
     ) -> tuple[Array, int]:
         windows.append(bundle)
         return optimize(bundle, estimates, settings)

@@ -1,0 +1,41 @@
+"""When a view is so new that it becomes a keyframe (thesis 3.4)."""
+
+import numpy as np
+
+from vo.config import OdometrySettings
+from vo.contract.arrays import Indices, find_sorted
+from vo.contract.observations import Observations
+
+MIN_FLOW_PX = 1.0
+"""Median flow since the last keyframe below which the camera counts as not moved: however few
+landmarks are left, another keyframe would only add its own error (thesis 5.1.3)."""
+
+
+def is_new_view(
+    seen: Observations, inliers: Observations, settings: OdometrySettings, share: float = 1.0
+) -> bool:
+    """Whether a view has moved far enough from the last keyframe to become one itself.
+
+    The information of a landmark on the translation grows with the disparity, as its image motion
+    does: the near ones, which soon leave the image, have most (decision 19), those without
+    disparity none. Where hardly any of it, or few inliers, are left, `MIN_FLOW_PX` suffices.
+
+    The keyframe's observations come first. The inliers are those of a share of the information:
+    of the landmarks in view, not all may have been looked for.
+    """
+    s = settings.refinement
+    place = find_sorted(inliers.ids, seen.ids)
+    then, now = np.flatnonzero(place >= 0), place[place >= 0]
+    if len(then) == 0:
+        return True
+    flow_px = np.median(np.linalg.norm(inliers.pixels[now] - seen.pixels[then], axis=1))
+    left = information_of(seen, inliers.ids)
+    few = left < share * s.keyframe_tracked_ratio * information_of(seen, seen.ids)
+    few |= len(inliers) < settings.motion.weak_inliers
+    return bool(flow_px > (MIN_FLOW_PX if few else s.keyframe_parallax_px))
+
+
+def information_of(seen: Observations, ids: Indices) -> float:
+    """Information on the translation, up to a factor, of observations of some landmarks (N,)."""
+    rows = find_sorted(seen.ids, ids)
+    return float((np.nan_to_num(seen.disparity_px[rows[rows >= 0]]) ** 2).sum())
