@@ -17,7 +17,7 @@ import pytest
 from small_tasks import Measured, die, measure_once, mixed_tasks
 from terminal import ROOT
 
-from trials.execution import cache
+from trials.execution import cache, cluster
 from trials.execution.cluster import SINGLE_THREAD, Workers
 from trials.execution.executor import compute, perform, using
 from trials.execution.store import present
@@ -39,6 +39,16 @@ def until(condition):
         assert time.monotonic() < deadline
         time.sleep(0.02)
     return found
+
+
+@pytest.fixture(scope="module", autouse=True)
+def two_cores() -> Iterator[None]:
+    """Start workers here, whatever the other tests do: a task that kills its process would kill
+    the tests.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(cluster, "usable_cores", lambda: 2)
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -44,8 +44,8 @@ def track_displaced(
     The first search fails fast; most predictions are better than its radius.
     """
     result: Tracked | NotTracked = NotTracked({"matches": 0, "inliers": 0})
-    if len(previous.observations) < MIN_KNOWN:
-        return result
+    if len(previous.observations) < MIN_KNOWN or view.settings.motion.landmark_prior:
+        return result  # the prior chooses among all landmarks, not among the last inliers
     for radius_px in (NEAR_PX, view.settings.matching.search_radius_px):
         with context.clock("matching"):
             matches = find_displaced(state.map, previous, view, T_guess, radius_px)
