@@ -34,11 +34,9 @@ def optimize_reduced(
 BACKENDS = {"schur": optimize_reduced, "gtsam": optimize_factors}
 """Optimisers of cameras and points by `refinement.backend`.
 
-Each takes a bundle, the estimates of all of its blocks, which it leaves at the solution, and
-settings; it returns the cameras (K, 4, 4) and its Levenberg-Marquardt steps.
+Each takes a bundle, the estimates of its points, which it leaves at the solution, and settings; it
+returns the cameras (K, 4, 4) and its Levenberg-Marquardt steps.
 """
-
-SIX = np.arange(6)
 
 MEDIAN_CHI2 = (1.386, 0.455)
 """Medians of chi-squared with two degrees of freedom, a pixel's, and with one, a disparity's."""

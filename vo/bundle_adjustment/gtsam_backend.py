@@ -11,7 +11,7 @@ from gtsam.symbol_shorthand import L, X
 
 from vo.bundle_adjustment.point_estimates import PointEstimates
 from vo.bundle_adjustment.problem import Bundle
-from vo.bundle_adjustment.solver import RELATIVE_TOLERANCE
+from vo.bundle_adjustment.single_camera import RELATIVE_TOLERANCE
 from vo.config import RefinementSettings
 from vo.contract.arrays import Array
 

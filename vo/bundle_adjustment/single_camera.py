@@ -14,7 +14,7 @@ REWEIGHTINGS = 3
 """Rounds in which the Huber weights are renewed (Holland and Welsch, 1977)."""
 
 RELATIVE_TOLERANCE = 1e-4
-"""Relative decrease of the cost that ends a round."""
+"""Relative decrease of the cost that ends an optimisation, or a round of it."""
 
 FIRST_DAMPING, MAX_DAMPING = 1e-4, 1e4
 """Shares of its own that are added to the diagonal of the normal equations where a step fails."""

@@ -8,14 +8,8 @@ from collections.abc import Callable, Sequence
 import gtsam
 import numpy as np
 
+from vo.bundle_adjustment.single_camera import LIFT
 from vo.contract.arrays import Array
-
-DAMPING = 1e-9
-"""Share of its own that is added to the diagonal of normal equations: directions that nothing
-determines stay as they are."""
-
-RELATIVE_TOLERANCE = 1e-4
-"""Relative decrease of the cost that ends an optimisation."""
 
 TURN_LAST = [3, 4, 5, 0, 1, 2]
 """From GTSAM's tangents (w, v) to (v, w)."""
@@ -55,7 +49,7 @@ def information_inverse(H: Array) -> Array:
 
 
 def _lifted(H: Array) -> Array:
-    return H + np.diag(DAMPING * np.diag(H) + 1e-12)
+    return H + np.diag(LIFT * np.diag(H) + 1e-12)
 
 
 def _cholesky(H: Array) -> Array:
@@ -63,4 +57,4 @@ def _cholesky(H: Array) -> Array:
         return np.linalg.cholesky(_lifted(H))
     except np.linalg.LinAlgError:  # rounding made it indefinite
         values, vectors = np.linalg.eigh(_lifted(H))
-        return vectors * np.sqrt(np.maximum(values, DAMPING * values[-1] + 1e-12))
+        return vectors * np.sqrt(np.maximum(values, LIFT * values[-1] + 1e-12))

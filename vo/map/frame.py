@@ -113,7 +113,7 @@ class Matches(Observations):
         return both.select(np.argsort(both.rows))
 
     def renew(self, landmarks: Landmarks) -> Self:
-        """Matches of the same landmarks in a map that has moved, or has lost some of them."""
+        """Match the same landmarks in a map that has moved, or has lost some of them."""
         rows = find_sorted(landmarks.ids, self.ids)
         kept = self.select(rows >= 0)
         rows = rows[rows >= 0]

@@ -114,7 +114,7 @@ def _inliers(T_odom_cam: Array, matches: Matches, view: View, context: Context) 
 
 
 def _rough(settings: OdometrySettings, f_px: float) -> OdometrySettings:
-    """Settings with the inlier threshold of displacements, if theirs is smaller."""
+    """Raise the inlier threshold to that of displacements, if it is smaller."""
     threshold = max(settings.motion.threshold, ROUGH_PX / f_px)
     motion = settings.motion.model_copy(update={"threshold": threshold})
     return settings.model_copy(update={"motion": motion})

@@ -48,7 +48,7 @@ class Tracked:
     counts: Mapping[str, int]
 
     def moved(self, T_new_old: Array, landmarks: Landmarks) -> Self:
-        """The same view after a rigid motion (4, 4) of the map, which may have lost landmarks."""
+        """Move the view with a rigid motion (4, 4) of the map, which may have lost landmarks."""
         return replace(
             self,
             T_odom_cam=se3.orthonormal(T_new_old @ self.T_odom_cam),
