@@ -49,6 +49,15 @@ def test_route_timing_computes_the_begin(tmp_path, words, expected):
         assert text in done.stdout
 
 
+def test_route_timing_remarks_that_more_departed_than_arrived(tmp_path):
+    (tmp_path / "c.csv").write_text("0,0,0\n50,3,9\n")
+    words = ("--arrival", "60", "--counts", "c.csv", "--green-start", "1")
+    done = driftyard("route", "timing", *words, cwd=tmp_path)
+    assert done.returncode == 0
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("driftyard: remark: c.csv: 9 vehicles departed, but only 3 arrived")
+
+
 @pytest.mark.parametrize(
     ("words", "fragment"),
     [

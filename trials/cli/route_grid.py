@@ -8,6 +8,7 @@ from typing import ClassVar
 from trials.cli import console
 from trials.cli.options import option
 from trials.cli.route_signals import EIGHT
+from trials.cli.workers import WorkersOptions
 from trials.report.figure import save_figure
 from trials.report.tables import markdown_table
 from trials.routing import grid_report
@@ -55,6 +56,7 @@ class CityOptions:
 
 def route_grid(
     city: CityOptions,
+    workers: WorkersOptions,
     out: Path = option(..., "Folder for figure, tables and verdict."),
     volumes: str = option(
         "200,400", "Vehicles that enter at every entry in an hour.", metavar="A,B,C"

@@ -7,6 +7,7 @@ import numpy as np
 
 from vo.contract.arrays import Array
 from vo.contract.errors import SettingsError
+from vo.contract.remarks import remark
 from vo.recordings.tables import read_table
 
 
@@ -96,10 +97,19 @@ def read_counts(path: Path) -> Counts:
 
     Raises:
         SettingsError: If the file is missing or malformed, has no counts, or they fall.
+
+    More departures than arrivals in all are a remark: the queue is then too short.
     """
     expected = "a time in s, and the vehicles that arrived and departed until then"
     values = read_table(path, SettingsError).numbers(range(3), expected)
-    return Counts(str(path), *values.T)
+    counts = Counts(str(path), *values.T)
+    arrived, departed = counts.arrivals[-1], counts.departures[-1]
+    if departed > arrived:
+        remark(
+            f"{path}: {departed:g} vehicles departed, but only {arrived:g} arrived; the queue is "
+            "too short if the columns are swapped, or if vehicles stood there before the first row"
+        )
+    return counts
 
 
 def preemption_start_s(
