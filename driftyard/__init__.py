@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from driftyard.gating import GateResult, gate
     from driftyard.geometry import boxes, occupancy, point_cloud
     from driftyard.motion import Flow, flow, tracks
-    from driftyard.recording import record, scenes
+    from driftyard.recording import cameras, record, scenes
     from driftyard.scoring import score
     from driftyard.viewing import view
     from sim.graphics import GraphicsError
@@ -78,7 +78,7 @@ _HOMES = {
     "driftyard.gating": ("GateResult", "gate"),
     "driftyard.geometry": ("boxes", "occupancy", "point_cloud"),
     "driftyard.motion": ("Flow", "flow", "tracks"),
-    "driftyard.recording": ("record", "scenes"),
+    "driftyard.recording": ("cameras", "record", "scenes"),
     "driftyard.scoring": ("score",),
     "driftyard.viewing": ("view",),
     "sim.graphics": ("GraphicsError",),
@@ -151,6 +151,7 @@ __all__ = [
     "__version__",
     "benchmark",
     "boxes",
+    "cameras",
     "compare_systems",
     "export",
     "flow",

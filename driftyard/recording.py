@@ -10,6 +10,7 @@ from driftyard.failures import in_one_family
 from driftyard.given_settings import GivenSettings, sources_of
 from scenes import SCENES
 from sim.batch import DatasetTask, record_scene
+from sim.cameras import CAMERAS
 from trials.execution.recording_settings import recording_settings
 from vo.contract.remarks import remark
 
@@ -24,12 +25,23 @@ def scenes() -> dict[str, str]:
     return {name: builder.tests for name, builder in SCENES.items()}
 
 
+def cameras() -> dict[str, str]:
+    """Return the name of every camera, and what it is.
+
+    Example:
+        >>> dy.cameras()["zed"]
+        'Stereolabs ZED: 12 cm, 720p, rolling shutter, colour'
+    """
+    return dict(CAMERAS)
+
+
 @in_one_family
 def record(
     scene: PathLike,
     out: PathLike,
     *,
     seed: int | None = None,
+    camera: PathLike = "",
     disturb: str = "",
     settings: GivenSettings = None,
     overwrite: bool = False,
@@ -45,6 +57,8 @@ def record(
             `mujoco.MjSpec`.
         out: Folder to write.
         seed: Random seed of scene, route and noise; 0 by default.
+        camera: One of `cameras`, or a TOML file of settings, which are used where `settings` has
+            none; by default that of the scene.
         disturb: Disturbances such as `blur,noise=0.5`, which `driftyard scenes` lists.
         settings: Values by name, nested or as `key.path`, or a TOML file; `driftyard settings
             recording` lists them with units.
@@ -52,7 +66,7 @@ def record(
         progress: Called with the number of frames done and that of all frames.
 
     Raises:
-        SettingsError: If a scene, disturbance, key or value is unknown or not accepted.
+        SettingsError: If a scene, camera, disturbance, key or value is unknown or not accepted.
         DatasetError: If `out` exists, or the disk is full.
         DriftyardError: If the rover fails before the second frame, or there is no OpenGL.
 
@@ -64,7 +78,7 @@ def record(
     """
     config, overrides = sources_of(settings)
     name, folder = os.fspath(scene), Path(out)
-    resolved = recording_settings(name, seed, overrides, config, disturb)
+    resolved = recording_settings(name, seed, overrides, config, disturb, os.fspath(camera))
     recording = record_scene(DatasetTask(name, resolved, folder), overwrite, progress)
     for fault in recording.faults:
         remark(f"{folder}: {fault}")

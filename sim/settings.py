@@ -1,10 +1,11 @@
 """Settings of a recording, with units in the names and valid ranges."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
+from sim.camera_settings import CalibrationSettings, ExposureSettings, SensorSettings
 from vo.contract.settings import Settings, validated
 
 OptionValue = bool | int | float | str
@@ -132,79 +133,6 @@ class TerrainSettings(Settings):
     """Sliding friction coefficient of the slippery patches."""
     boxes_per_m: float = Field(default=0.0, ge=0.0, le=4.0)
     """Number of light cartons per metre of the route, which the rover pushes along; 0: none."""
-
-
-class ExposureSettings(Settings):
-    """Exposure time and shutter of the cameras."""
-
-    renamed: ClassVar[Mapping[str, str]] = {"eye_offset_ms": "right_offset_ms"}
-
-    time_ms: float = Field(default=0.0, ge=0.0, le=200.0)
-    """Exposure time, centred on the timestamp, ms; 0: an instant."""
-    step_px: float = Field(default=1.0, gt=0.05, le=1.0)
-    """Largest motion of any pixel from one rendered sub-frame to the next, px."""
-    subframes_max: int = Field(default=96, ge=1, le=512)
-    """Largest number of rendered sub-frames in a frame."""
-    line_time_us: float = Field(default=0.0, ge=0.0, le=200.0)
-    """Delay of each row of a rolling shutter, us; 0: global shutter. The middle row is on time."""
-    right_offset_ms: float = Field(default=0.0, ge=-50.0, le=50.0)
-    """Delay of the right camera's exposure after the left camera's, ms."""
-
-
-class SensorSettings(Settings):
-    """Lens, image sensor and electronics; the default camera is perfect."""
-
-    k1: float = Field(default=0.0, ge=-0.5, le=0.5)
-    """First radial distortion coefficient, OpenCV's convention."""
-    k2: float = Field(default=0.0, ge=-0.5, le=0.5)
-    """Second radial distortion coefficient, OpenCV's convention."""
-    p1: float = Field(default=0.0, ge=-0.02, le=0.02)
-    """First tangential distortion coefficient, OpenCV's convention."""
-    p2: float = Field(default=0.0, ge=-0.02, le=0.02)
-    """Second tangential distortion coefficient, OpenCV's convention."""
-    softness_px: float = Field(default=0.0, ge=0.0, le=12.0)
-    """Standard deviation of the lens's Gaussian point spread function, px; 0: sharp."""
-    vignetting: float = Field(default=0.0, ge=0.0, le=1.0)
-    """Fraction of the light that is lost in the image's corner."""
-    response: Literal["srgb", "linear"] = "srgb"
-    """Response curve from light to grey level."""
-    auto_exposure: bool = False
-    """Whether exposure time, then gain, keep the mean grey level at target_grey."""
-    target_grey: float = Field(default=110.0, ge=10.0, le=240.0)
-    """Mean grey level that the automatic exposure keeps, 0 to 255."""
-    exposure_max_ms: float = Field(default=20.0, gt=0.0, le=200.0)
-    """Largest exposure time of the automatic exposure, ms."""
-    gain_max_db: float = Field(default=36.0, ge=0.0, le=60.0)
-    """Largest gain of the automatic exposure, dB."""
-    delay_frames: int = Field(default=2, ge=1, le=10)
-    """Frames from an image to the exposure that its grey level determines."""
-    gain_db: float = Field(default=0.0, ge=0.0, le=60.0)
-    """Fixed gain, also on noise, beside that of the automatic exposure, dB."""
-    full_well: float = Field(default=0.0, ge=0.0, le=200_000.0)
-    """Electrons at the brightest grey level without gain, for shot noise; 0: no shot noise."""
-    read_noise: float = Field(default=0.0, ge=0.0, le=1000.0)
-    """Standard deviation of the read noise, electrons (of 10,000 where full_well is 0)."""
-    right_gain: float = Field(default=1.0, gt=0.1, le=10.0)
-    """Sensitivity of the right camera over that of the left."""
-    right_noise: float = Field(default=1.0, ge=0.0, le=20.0)
-    """Read noise of the right camera over that of the left."""
-    drop_share: float = Field(default=0.0, ge=0.0, le=0.9)
-    """Fraction of the frames that are lost."""
-
-
-class CalibrationSettings(Settings):
-    """Errors of the delivered calibration; its angles are turns of the true right camera."""
-
-    baseline_percent: float = Field(default=0.0, ge=-100.0, le=100.0)
-    """Error of the delivered baseline, percent of the true one."""
-    focal_percent: float = Field(default=0.0, ge=-100.0, le=100.0)
-    """Error of the delivered focal length, percent of the true one."""
-    roll_deg: float = Field(default=0.0, ge=-45.0, le=45.0)
-    """Uncalibrated roll of the right camera, degrees, positive clockwise as seen."""
-    pitch_deg: float = Field(default=0.0, ge=-45.0, le=45.0)
-    """Uncalibrated pitch of the right camera, degrees, positive upwards."""
-    yaw_deg: float = Field(default=0.0, ge=-45.0, le=45.0)
-    """Uncalibrated yaw of the right camera, degrees, positive to the right."""
 
 
 class RenderSettings(Settings):

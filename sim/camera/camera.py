@@ -8,10 +8,11 @@ import numpy as np
 
 from sim.camera.exposure import expose, mean_brightness, open_shutter
 from sim.camera.render import GeometryBuffers, StereoRenderer
+from sim.camera_settings import CalibrationSettings, SensorSettings
 from sim.imaging.auto_exposure import AutoExposure, Exposure
 from sim.imaging.image_sensor import ImageSensor
 from sim.imaging.linear_light import decode
-from sim.settings import CalibrationSettings, RecordSettings, SensorSettings
+from sim.settings import RecordSettings
 from sim.world.random_streams import stream
 from sim.world.trip import Trip
 from sim.world.world import World

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.camera.render import GeometryBuffers, StereoRenderer
+from sim.camera_settings import ExposureSettings
 from sim.imaging.linear_light import decode
-from sim.settings import ExposureSettings
 from sim.world.drawn import bodies_of
 from sim.world.trip import Trip
 from sim.world.world import World

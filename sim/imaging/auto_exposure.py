@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sim.camera_settings import SensorSettings
 from sim.imaging.linear_light import levels_to_light
-from sim.settings import SensorSettings
 
 EXPOSURE_MIN_MS = 0.02
 DAMPING = 0.5

@@ -11,8 +11,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from sim.camera_settings import CalibrationSettings, SensorSettings
 from sim.imaging.resample import TAPS_PX
-from sim.settings import CalibrationSettings, RecordSettings, SensorSettings
+from sim.settings import RecordSettings
 from vo.contract.arrays import Array
 from vo.contract.errors import SettingsError
 from vo.contract.rig import StereoRig

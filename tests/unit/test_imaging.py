@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
+from sim.camera_settings import SensorSettings
 from sim.imaging.auto_exposure import EXPOSURE_MIN_MS, AutoExposure
 from sim.imaging.image_sensor import WELL, ImageSensor
 from sim.imaging.lens import delivered_to_raw, margin_px, pixel_grid
@@ -19,7 +20,7 @@ from sim.imaging.linear_light import (
     normal_quantiles,
 )
 from sim.imaging.resample import sample_variance
-from sim.settings import RecordSettings, SensorSettings
+from sim.settings import RecordSettings
 from vo.contract.arrays import Array, Image
 from vo.contract.rig import StereoRig
 

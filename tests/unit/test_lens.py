@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
+from sim.camera_settings import CalibrationSettings, SensorSettings
 from sim.imaging.image_sensor import ImageSensor
 from sim.imaging.lens import (
     delivered_rig,
@@ -20,7 +21,7 @@ from sim.imaging.lens import (
     undistort,
 )
 from sim.imaging.linear_light import decode
-from sim.settings import CalibrationSettings, RecordSettings, RigSettings, SensorSettings
+from sim.settings import RecordSettings, RigSettings
 from vo.contract.arrays import Array, Image
 from vo.contract.errors import CalibrationError, SettingsError
 from vo.contract.rig import StereoRig

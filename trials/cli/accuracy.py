@@ -6,8 +6,9 @@ from itertools import product
 from pathlib import Path
 from typing import ClassVar
 
+from sim.cameras import camera_overrides
 from trials.cli import console
-from trials.cli.options import Distance, Disturb, Scenes, changes, option
+from trials.cli.options import Camera, Distance, Disturb, Scenes, changes, option
 from trials.cli.workers import WorkersOptions
 from trials.execution.jobs import Job, Recording, Result, jobs_of
 from trials.execution.recording_settings import parse_scenes
@@ -31,12 +32,14 @@ class DriveOptions:
     distance: Distance = 20.0
     seeds: int = option(5, "Number of drives in each scene.", min=1)
     scenes: Scenes = SCENES
+    camera: Camera = ""
     disturb: Disturb = ""
     overrides: list[str] = changes("recording")
 
     def recordings(self, names: Sequence[str]) -> list[Recording]:
         """Return the drives through scenes, from seed 0 on."""
-        settings = (f"drive.distance_m={self.distance:g}", *NO_LABELS, *self.overrides)
+        fixed = (f"drive.distance_m={self.distance:g}", *NO_LABELS)
+        settings = (*camera_overrides(self.camera), *fixed, *self.overrides)
         pairs = product(names, range(self.seeds))
         return [Recording(x, seed, settings, self.disturb) for x, seed in pairs]
 

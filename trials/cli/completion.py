@@ -32,6 +32,12 @@ def _scenes() -> Iterable[str]:
     return SCENES
 
 
+def _cameras() -> Iterable[str]:
+    from sim.cameras import CAMERAS
+
+    return CAMERAS
+
+
 def _disturbances() -> Iterable[str]:
     from sim.disturbances import DISTURBANCES
 
@@ -48,6 +54,7 @@ def _estimators() -> Iterable[str]:
 BY_PARAMETER = {
     "scene": several_of(_scenes),
     "scenes": several_of(lambda: [*_scenes(), "all"]),
+    "camera": one_of(_cameras),
     "disturb": several_of(_disturbances),
     "estimator": several_of(_estimators),
 }

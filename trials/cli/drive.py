@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from sim.batch import custom_fingerprint
 from trials.cli import console
-from trials.cli.options import Disturb, LiveViewOptions, SceneName, changes, option
+from trials.cli.options import Camera, Disturb, LiveViewOptions, SceneName, changes, option
 from trials.cli.workers import WorkersOptions
 from trials.execution.cache import source_digest
 from trials.execution.executor import compute
@@ -40,6 +40,7 @@ class WorldOptions:
         metavar="KEY=VALUE",
     )
     overrides: list[str] = changes("recording")
+    camera: Camera = ""
     disturb: Disturb = ""
 
     @property
@@ -54,6 +55,7 @@ class WorldOptions:
         return {
             "scene": scene,
             "rate_hz": 10.0,
+            "camera": self.camera,
             "disturb": self.disturb,
             "settings": parse_overrides(self.overrides),
             **own,

@@ -7,9 +7,11 @@ from typing import ClassVar
 
 import typer
 
+from sim.cameras import camera_overrides
 from trials.cli import console
 from trials.cli.options import (
     AnyEstimatorOptions,
+    Camera,
     Distance,
     Disturb,
     argument,
@@ -123,6 +125,7 @@ class DesignOptions:
     seeds: int = option(2, "Number of sequences of each scene.", min=1)
     first_seed: int = option(0, "Random seed of the first.", min=0)
     distance: Distance = 4.0
+    camera: Camera = ""
     disturb: Disturb = ""
     record: list[str] = changes("recording", "")
 
@@ -135,7 +138,11 @@ class DesignOptions:
             "seeds": self.seeds,
             "first_seed": self.first_seed,
             "disturb": self.disturb,
-            "overrides": [f"drive.distance_m={self.distance:g}", *self.record],
+            "overrides": [
+                *camera_overrides(self.camera),
+                f"drive.distance_m={self.distance:g}",
+                *self.record,
+            ],
         }
         return validated(Design, content)
 

@@ -1,7 +1,7 @@
 """`driftyard generate`: datasets with exact labels, one or many."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import Any, ClassVar
@@ -100,9 +100,7 @@ def _tasks(
             raise SettingsError(f"--vary {choice}: expected key=a,b,c")
         choices.append([f"{key}={value}" for value in values.split(",")])
     for name, values in product(names, product(*choices)):
-        varied = RecordingOptions(
-            recording.seed, [*recording.overrides, *values], recording.config, recording.disturb
-        )
+        varied = replace(recording, overrides=[*recording.overrides, *values])
         settings = varied.settings(name)
         for k in range(batch.count or 1):
             chosen = settings.model_copy(update={"seed": settings.seed + k})

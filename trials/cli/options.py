@@ -46,6 +46,14 @@ Disturb = Annotated[
         help="Disturbances that `driftyard scenes` lists, such as blur,brick_bump=0.5.",
     ),
 ]
+Camera = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME|FILE.toml",
+        help="Camera: ideal, machine_vision, stoc, webcam, d435_infra, zed, or a TOML file of "
+        "recording settings; other options take precedence.",
+    ),
+]
 Distance = Annotated[float, typer.Option(min=1.2, help="Length of each drive, m.")]
 
 
@@ -87,13 +95,16 @@ class RecordingOptions:
     seed: int | None = option(None, "Random seed of scene, route and noise.", show_default="0")
     overrides: list[str] = changes("recording")
     config: Path | None = option(None, "TOML file of recording settings.", metavar="FILE")
+    camera: Camera = ""
     disturb: Disturb = ""
 
     def settings(self, scene: str) -> "RecordSettings":
         """Resolve the settings of a recording of a scene, as `recording_settings`."""
         from trials.execution.recording_settings import recording_settings
 
-        return recording_settings(scene, self.seed, self.overrides, self.config, self.disturb)
+        return recording_settings(
+            scene, self.seed, self.overrides, self.config, self.disturb, self.camera
+        )
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from sim.cameras import camera_overrides
 from trials.cli import console
-from trials.cli.options import Distance, argument, changes, option
+from trials.cli.options import Camera, Distance, argument, changes, option
 from trials.cli.workers import WorkersOptions
 from trials.estimators.plugins.command import Command
 from trials.execution.jobs import Recording, Variant, scene_label
@@ -37,6 +38,7 @@ class SearchOptions:
     distance: Distance = 4.0
     drift: float = option(2.0, "Drift over 1 m above which a drive fails, %.", min=0)
     lost: float = option(5.0, "Lost frames above which a drive fails, %.", min=0)
+    camera: Camera = ""
     record: list[str] = changes("recording", "")
 
 
@@ -88,7 +90,8 @@ def stress(
 def _search(name: str, axis: Axis, variant: Variant, search: SearchOptions) -> Curve:
     scene = search.scene or axis.scene
     title = f"{variant.label}: {name} on {scene}"
-    shared = (f"drive.distance_m={search.distance:g}", *NO_LABELS, *search.record)
+    fixed = (f"drive.distance_m={search.distance:g}", *NO_LABELS)
+    shared = (*camera_overrides(search.camera), *fixed, *search.record)
     limits = Limits(search.drift, search.lost / 100)
 
     def drives(strength: float) -> list[Recording]:

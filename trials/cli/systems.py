@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
+from sim.cameras import camera_overrides
 from trials.cli import console
-from trials.cli.options import Distance, Disturb, Scenes, argument, changes, option
+from trials.cli.options import Camera, Distance, Disturb, Scenes, argument, changes, option
 from trials.estimators.systems.environments import SYSTEMS, install, is_installed, package_of
 from trials.report.tables import text_table
 from trials.studies.systems.pages import write_comparison
@@ -41,6 +42,7 @@ class DriveOptions:
     scenes: Scenes = "all"
     seeds: int = option(3, "Number of drives in each scene.", min=1)
     distance: Distance = 10.0
+    camera: Camera = ""
     disturb: Disturb = ""
     overrides: list[str] = changes("recording")
 
@@ -68,7 +70,7 @@ def systems_compare(
     """
     plan = Plan(
         estimator or EVERY, drives.scenes, drives.seeds, repeats, drives.distance,
-        drives.overrides, drives.disturb, add, jobs,
+        [*camera_overrides(drives.camera), *drives.overrides], drives.disturb, add, jobs,
     )  # fmt: skip
     command = shlex.join(["driftyard", *sys.argv[1:]])
     found = compare_systems(plan, command, console.progress_bar)

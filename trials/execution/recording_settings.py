@@ -5,6 +5,7 @@ from pathlib import Path
 
 from scenes import SCENES, find_scene
 from scenes.custom import is_custom
+from sim.cameras import camera_values
 from sim.disturbances import disturbed, parse_disturbances
 from sim.settings import RecordSettings
 from vo.contract.errors import SettingsError
@@ -17,17 +18,20 @@ def recording_settings(
     overrides: Sequence[str] = (),
     config: Path | None = None,
     disturb: str = "",
+    camera: str = "",
 ) -> RecordSettings:
     """Resolve the settings of a recording of a registered scene, MJCF file or `module:function`.
 
-    A seed takes precedence over that of other sources. Disturbances are `name=strength,...`.
+    A seed takes precedence over that of other sources. Disturbances are `name=strength,...`. The
+    settings of a camera, as of `camera_values`, take precedence over defaults alone.
 
     Raises:
-        SettingsError: If there is no such scene or disturbance, or a key or value is not accepted.
+        SettingsError: If there is no such scene, camera or disturbance, or a key or value is not
+            accepted.
     """
     wanted = parse_disturbances(disturb)
     seeded = [] if seed is None else [f"seed={seed}"]
-    base = find_scene(scene).defaults
+    base = {**find_scene(scene).defaults, **camera_values(camera)}
     return disturbed(resolve(RecordSettings, config, [*overrides, *seeded], base), wanted)
 
 

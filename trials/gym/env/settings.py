@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AfterValidator, BeforeValidator, Field, PositiveFloat, model_validator
 
 from scenes import find_scene, scene_options
+from sim.cameras import camera_values
 from sim.disturbances import disturbed, parse_disturbances
 from sim.settings import OptionValue, RecordSettings
 from trials.gym.env.localization import expect_localization
@@ -58,6 +59,8 @@ class TrialSettings(Settings):
     """Seed of the scene; none: the seed of the reset, kept by resets without a seed."""
     layouts_kept: int = Field(default=2, ge=1, le=1000)
     """Number of layouts that remain in memory, the present one included; 0.1 to 0.3 GB each."""
+    camera: str = ""
+    """Camera: name, or a TOML file of recording settings; none: that of the scene."""
     disturb: str = ""
     """Disturbances as on the command line: blur,brick_bump=0.5."""
     settings: Mapping[str, Any] = Field(default_factory=dict[str, Any])
@@ -114,6 +117,7 @@ class TrialSettings(Settings):
         scene_options(self.scene, self.scene_options)
         base: dict[str, Any] = {
             **find_scene(self.scene).defaults,
+            **camera_values(self.camera),
             **FAST,
             **self.settings,
             "seed": layout,
