@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from driftyard.gating import GateResult, gate
     from driftyard.geometry import boxes, occupancy, point_cloud
     from driftyard.motion import Flow, flow, tracks
+    from driftyard.realism import compare
     from driftyard.recording import cameras, record, scenes
     from driftyard.scoring import score
     from driftyard.viewing import view
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
     from trials.evaluation.score import Score
     from trials.gym.env.policies import NavigatorPolicy
     from trials.gym.media import Filmed
+    from trials.realism.comparison import Comparison, Distance
     from vo.contract.errors import (
         CalibrationError,
         DatasetError,
@@ -78,6 +80,7 @@ _HOMES = {
     "driftyard.gating": ("GateResult", "gate"),
     "driftyard.geometry": ("boxes", "occupancy", "point_cloud"),
     "driftyard.motion": ("Flow", "flow", "tracks"),
+    "driftyard.realism": ("compare",),
     "driftyard.recording": ("cameras", "record", "scenes"),
     "driftyard.scoring": ("score",),
     "driftyard.viewing": ("view",),
@@ -92,6 +95,7 @@ _HOMES = {
     "trials.evaluation.score": ("Score",),
     "trials.gym.env.policies": ("NavigatorPolicy",),
     "trials.gym.media": ("Filmed",),
+    "trials.realism.comparison": ("Comparison", "Distance"),
     "vo.contract.errors": (
         *("CalibrationError", "DatasetError", "DriftyardError", "FrameIndexError"),
         *("ImageError", "SettingsError", "TrajectoryError"),
@@ -115,8 +119,10 @@ __all__ = [
     "Box",
     "CalibrationError",
     "Command",
+    "Comparison",
     "Dataset",
     "DatasetError",
+    "Distance",
     "DriftyardError",
     "Estimate",
     "Filmed",
@@ -152,6 +158,7 @@ __all__ = [
     "benchmark",
     "boxes",
     "cameras",
+    "compare",
     "compare_systems",
     "export",
     "flow",

@@ -37,6 +37,7 @@ PANELS: dict[str, dict[str, tuple[str, str]]] = {
         "run": ("Run an estimator.", "court --out court.txt --estimator corner_flow"),
         "score": ("Compare trajectories with the ground truth.", "court court.txt --json"),
         "view": ("Show a dataset and runs in Rerun's viewer.", "court court.txt"),
+        "compare": ("Compare a simulated recording with a real one.", "kitti_06 court"),
         "report": ("Write an HTML report of runs.", "court court.txt --out court.html"),
         "explain": ("Attribute drift to stages.", "--scene brick_court --seeds 3"),
         "gate": ("Compare with a stored baseline.", "check --baseline gate.json"),

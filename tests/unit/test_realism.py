@@ -1,0 +1,185 @@
+"""Statistics without truth: known noise, blur, vignetting, shift and gain are found again."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+from folders import DISPARITY_PX, wall, write_euroc
+from scipy.special import erf
+from terminal import driftyard
+
+import driftyard as dy
+from sim.imaging.linear_light import decode, light_to_levels
+from trials.evaluation.runs import Tracks
+from trials.realism.comparison import block_draws, compare_measured, distances, summary
+from trials.realism.landmarks import cut_patches, patch_statistics
+from trials.realism.measure import _noise, measure, power_spectrum
+from trials.realism.noise import GREY, measure_blocks
+from trials.realism.quantities import QUANTITIES, Statistic
+from trials.realism.sharpness import edge_width, edge_widths
+from trials.realism.vignetting import LightPairs, vignetting_by_frame
+from vo.contract.rig import StereoRig
+
+RIG = StereoRig(320, 240, 200.0, 159.5, 119.5, 0.1)
+rng = np.random.default_rng(7)
+
+
+def texture(shape=(240, 320), cell=8):
+    coarse = rng.integers(40, 200, (shape[0] // cell + 2, shape[1] // cell + 2))
+    size = (coarse.shape[1] * cell, coarse.shape[0] * cell)
+    return cv2.resize(coarse.astype(np.float32), size, interpolation=cv2.INTER_CUBIC)
+
+
+def rounded(values):
+    return np.clip(np.round(values), 0, 255).astype(np.uint8)
+
+
+def test_noise_is_found_at_each_grey_level_despite_texture():
+    """Variance 2 + g / 50 on a ramp, half of which is textured."""
+    ramp = np.linspace(30, 220, 320) * np.ones((240, 1))
+    ramp[:120] += texture()[:120, :320] - 120
+    images = [
+        ramp + rng.normal(size=ramp.shape) * np.sqrt(2 + ramp.clip(0) / 50) for _ in range(15)
+    ]
+    found = _noise([measure_blocks(rounded(x)) for x in images])
+    variance = found.pooled(np.ones((1, 15)))[0]
+    known = np.isfinite(variance)
+    assert known.sum() >= 9
+    expected = 2 + GREY[known] / 50 + 1 / 12
+    assert variance[known] == pytest.approx(expected, rel=0.08)
+
+
+def edge_image(sigma_px, noise=0.004):
+    u, v = np.meshgrid(np.arange(320), np.arange(240))
+    distance = (u - 160) * np.cos(0.3) + (v - 120) * np.sin(0.3)
+    light = 0.25 + 0.2 * erf(distance / sigma_px / np.sqrt(2)) + rng.normal(0, noise, u.shape)
+    return rounded(light_to_levels("srgb", light))
+
+
+@pytest.mark.parametrize("sigma_px", [0.6, 1.3, 2.5])
+def test_width_of_a_blurred_edge_is_its_sigma(sigma_px):
+    images = [edge_image(sigma_px) for _ in range(2)]
+    widths = np.concatenate([edge_widths(x, decode(x)) for x in images])
+    assert edge_width(widths) == pytest.approx(sigma_px, rel=0.05)
+
+
+def test_texture_and_blank_images_have_no_edges():
+    blank = np.full((60, 80), 90, np.uint8)
+    assert np.isnan(edge_width(edge_widths(blank, decode(blank))))
+    noise = rng.integers(0, 255, (120, 160), dtype=np.uint8)
+    assert len(edge_widths(noise, decode(noise))) < 5
+
+
+@pytest.mark.parametrize("vignetting", [0.0, 0.4])
+def test_vignetting_is_found_despite_gain_and_outliers(vignetting):
+    r2 = rng.uniform(0, 0.9, (4000, 2))
+    shares = 1 - vignetting * r2
+    log_ratio = np.log(0.8 * shares[:, 1] / shares[:, 0]) + rng.normal(0, 0.02, 4000)
+    log_ratio[::10] += rng.normal(0, 2, 400)
+    pairs = LightPairs(r2, log_ratio, np.zeros(4000, int), np.arange(4000) // 100)
+    weights, weighted = vignetting_by_frame(pairs, 40)
+    assert weighted.sum() / weights.sum() == pytest.approx(vignetting, abs=0.004)
+    assert not vignetting_by_frame(LightPairs(*(x[:50] for x in vars(pairs).values())), 1)[0].any()
+
+
+def test_patches_have_the_known_residual_gain_and_fall_off():
+    """Noise of 3 grey levels in both eyes, 10 % less light in the right one, vignetting 0.3."""
+    scene = decode(rounded(texture((240, 380))[:240, :380]))
+    v, u = np.mgrid[:240, :320]
+    r2 = ((u - 159.5) ** 2 + (v - 119.5) ** 2) / (159.5**2 + 119.5**2)
+    pixels = np.stack(np.meshgrid(np.arange(60, 310, 9), np.arange(10, 230, 9)), -1).reshape(-1, 2)
+    patches, sigma = [], 3.0
+    for i in range(2):
+        light = scene[:, :320] * (1 - 0.3 * r2), 0.9 * scene[:, 40:360] * (1 - 0.3 * r2)
+        images = tuple(
+            rounded(light_to_levels("srgb", x) + rng.normal(0, sigma, r2.shape)) for x in light
+        )
+        ids = np.arange(len(pixels))
+        full = np.full(len(ids), 40.0), np.ones(len(ids), bool)
+        tracks = Tracks(ids, np.full(len(ids), i), pixels.astype(float), *full)
+        patches.append(cut_patches(images, tracks, i, decode))
+    found = patch_statistics(patches, RIG)
+    pooled = {name: x.pooled(np.ones((1, 2)))[0] for name, x in found.items()}
+    assert pooled["vignetting"][0] == pytest.approx(0.3, abs=0.03)
+    assert pooled["right_gain"][0] == pytest.approx(0.9, abs=0.01)
+    residual = pooled["residual"] @ QUANTITIES["residual"].x
+    assert residual == pytest.approx(sigma * 2**0.5, rel=0.05)
+
+
+def test_power_spectrum_of_white_noise_is_its_variance():
+    spectrum = power_spectrum(rounded(rng.normal(128, 5, (256, 256))))
+    assert spectrum[1:] == pytest.approx(np.full(15, 25 + 1 / 12), rel=0.15)
+    wave = 128 + 50 * np.sin(2 * np.pi * 0.25 * np.arange(64)) * np.ones((64, 1))
+    assert np.argmax(power_spectrum(rounded(wave))) == 7  # of 8/32
+    assert len(power_spectrum(np.zeros((20, 40), np.uint8))) == 0
+
+
+def test_distances_are_those_of_their_kinds():
+    grey = QUANTITIES["grey"]
+    real, shifted = np.zeros((1, 256)), np.zeros((1, 256))
+    real[0, [100, 120]] = 0.5  # a standard deviation of 10
+    shifted[0, [130, 150]] = 0.5
+    assert distances(grey, real, shifted) == pytest.approx(3)
+    noise = QUANTITIES["noise"]
+    assert distances(noise, np.ones((1, 16)), np.full((1, 16), 2.0)) == pytest.approx(np.log(2))
+    half = np.where(np.arange(16) < 8, 2.0, np.nan)[None]
+    assert distances(noise, np.ones((1, 16)), half) == pytest.approx(np.log(2))
+    one = np.array([[0.3]])
+    assert distances(QUANTITIES["vignetting"], one, one - 0.4) == pytest.approx(0.4)
+
+
+def test_bootstrap_gives_the_standard_error_of_a_mean():
+    values = np.random.default_rng(1).normal(10, 2, 2000)
+    statistic = Statistic(values[:, None], np.ones((2000, 1)))
+    means = statistic.pooled(block_draws(2000, np.random.default_rng(0)))[:, 0]
+    assert means.std() == pytest.approx(2 / 2000**0.5, rel=0.25)
+
+
+@pytest.fixture(scope="module")
+def walls(tmp_path_factory):
+    """A wall that moves by 4 px a frame, one that is dark, and a single pair."""
+    root = tmp_path_factory.mktemp("walls")
+    pairs = wall(8)
+    write_euroc(root / "wall", pairs)
+    write_euroc(root / "dark", [tuple(x // 128 for x in pair) for pair in pairs])
+    write_euroc(root / "single", pairs[:1])
+    return root
+
+
+def test_known_shift_is_disparity_motion_and_track_length(walls):
+    found = measure(walls / "wall", 100)
+    assert found.frames == 8
+    means = {name: summary(found, name) for name in ("disparity", "motion", "track_length")}
+    assert means["disparity"] == pytest.approx(DISPARITY_PX, abs=0.3)
+    assert means["motion"] == pytest.approx(4, abs=0.3)
+    assert 2 < means["track_length"] <= 8
+    same = compare_measured(found, found)
+    assert {x.value for x in same.distances.values()} <= {0.0, None}
+    assert same.distances["disparity"].error < 0.1
+
+
+def test_dark_recording_says_why_by_quantity_others_go_on(walls, tmp_path):
+    page = tmp_path / "page.html"
+    found = dy.compare(walls / "wall", walls / "dark", page)
+    assert found.distances["grey"].value > 1
+    assert found.distances["power"].value > 1
+    assert found.distances["disparity"].value is None
+    assert found.distances["disparity"].reason.startswith("dark: the estimator follows too few")
+    assert "too few landmarks" in page.read_text()
+
+
+def test_single_frame_has_distances_without_errors(walls):
+    found = dy.compare(walls / "single", walls / "wall")
+    assert found.distances["gradient"].value == pytest.approx(0, abs=1e-9)
+    assert found.distances["gradient"].error is None
+    assert found.distances["motion"].reason.startswith("single and wall: the estimator")
+
+
+def test_command_prints_json_or_writes_a_page(walls):
+    both = ("compare", "wall", "single")
+    done = driftyard(*both, "--json", cwd=walls)
+    assert json.loads(done.stdout)["quantities"]["grey"]["distance"] == 0, done.stderr
+    assert "grey level" in driftyard(*both, "--out", "c.html", cwd=walls).stdout
+    assert "<svg" in (walls / "c.html").read_text()
+    assert driftyard("compare", "wall", "nowhere", cwd=walls).returncode == 2

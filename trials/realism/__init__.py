@@ -1,0 +1,1 @@
+"""How far simulated recordings are from real ones: statistics, distances, and matched cameras."""

@@ -1,0 +1,133 @@
+"""Sharpness: the width of straight, isolated step edges, as a Gaussian standard deviation.
+
+Profiles across edges in linear light are fitted with the integral of a Gaussian between two slopes,
+as slanted edges are in ISO 12233; what is no step, such as lines and texture, is left out.
+
+Source: van Zwanenberg, Triantaphillidou, Jenkin and Psarrou, Edge detection techniques for
+quantifying spatial imaging system performance and image quality, CVPR workshops 2019.
+"""
+
+import cv2
+import numpy as np
+from scipy.special import erf
+
+from vo.contract.arrays import Array, Image
+
+EDGES = 300
+"""Largest number of edges of an image, the strongest."""
+SMOOTHING_PX = 1.0
+MIN_GRADIENT = 3.0
+"""Smallest gradient of an edge in the smoothed image, grey levels per px."""
+MARGIN_PX = 4
+REACHES_PX = (6, 12)
+"""Half lengths of profiles; a profile suffices for an edge of a third of it."""
+STEP_PX = 0.5
+MAX_RESIDUAL, MAX_SLOPE, MAX_UNCERTAINTY, MAX_OFFSET_PX = 0.03, 0.5, 0.12, 1.5
+"""Largest standard deviation of a profile about its fit, and light by the slopes, as shares of the
+step; uncertainty of the width as a share of it; distance of the edge from where it was found."""
+MIN_WIDTH_PX = 0.1
+ALONG_PX = (-1.0, 0.0, 1.0)
+"""Places along an edge whose profiles are averaged."""
+ITERATIONS = 15
+MIN_EDGES = 30
+"""Smallest number of edges from which the width is estimated."""
+
+
+def edge_widths(grey: Image, light: Array) -> Array:
+    """Return the widths (E,) of the step edges of an image, standard deviations in px.
+
+    Args:
+        grey: (H, W) uint8, in which edges are found.
+        light: (H, W) float32 linear light of it, in which they are measured.
+    """
+    points, normals = _find(grey)
+    widths: list[Array] = []
+    for reach_px in REACHES_PX:
+        if not len(points):
+            break
+        at = np.arange(-reach_px, reach_px + STEP_PX / 2, STEP_PX)
+        profiles = _profiles(light, points, normals, at)
+        whole = np.flatnonzero(np.isfinite(profiles).all(axis=1))
+        width_px, is_step = _fit(at, profiles[whole])
+        widths.append(width_px[is_step])
+        others = np.setdiff1d(np.arange(len(points)), whole[is_step])
+        points, normals = points[others], normals[others]
+    return np.concatenate(widths) if widths else np.zeros(0)
+
+
+def edge_width(widths_px: Array) -> float:
+    """Return the most frequent of the widths (E,): the middle of their shortest half; else NaN.
+
+    Edges of soft things and of shadows are wider, thin things narrower than the image of a step.
+    """
+    count = len(widths_px)
+    if count < MIN_EDGES:
+        return np.nan
+    ordered, half = np.sort(widths_px), count // 2
+    k = int(np.argmin(ordered[half:] - ordered[: count - half]))
+    return float(ordered[k] + ordered[k + half]) / 2
+
+
+def _find(grey: Image) -> tuple[Array, Array]:
+    """Return the places (E, 2) of the strongest edges, and their unit normals (E, 2), (u, v)."""
+    smooth = cv2.GaussianBlur(grey.astype(np.float32), (0, 0), SMOOTHING_PX)
+    du, dv = (cv2.Sobel(smooth, cv2.CV_32F, *x, scale=1 / 8) for x in ((1, 0), (0, 1)))
+    size = np.hypot(du, dv)
+    peak = (size == cv2.dilate(size, np.ones((3, 3), np.uint8))) & (size > MIN_GRADIENT)
+    m = MARGIN_PX
+    inner = np.zeros_like(peak)
+    inner[m:-m, m:-m] = peak[m:-m, m:-m]
+    v, u = np.nonzero(inner)
+    best = np.argsort(size[v, u])[::-1][:EDGES]
+    v, u = v[best], u[best]
+    normals = np.stack([du[v, u], dv[v, u]], axis=1) / size[v, u, None]
+    return np.stack([u, v], axis=1).astype(np.float64), normals
+
+
+def _profiles(light: Array, points: Array, normals: Array, at: Array) -> Array:
+    """Sample light across edges at distances (L,): (E, L), NaN beyond the image."""
+    along = normals[:, ::-1] * (-1, 1)
+    across = points[:, None] + at[:, None] * normals[:, None]
+    total = np.zeros((len(points), len(at)))
+    for x in ALONG_PX:
+        u, v = np.moveaxis((across + x * along[:, None]).astype(np.float32), -1, 0)
+        total += cv2.remap(light, u, v, cv2.INTER_CUBIC, borderValue=float("nan"))
+    return total / len(ALONG_PX)
+
+
+def _fit(at: Array, profiles: Array) -> tuple[Array, Array]:
+    """Fit profiles (E, L) at distances (L,): width in px, and whether it is a step, (E,) each."""
+    low, high = profiles[:, 0], profiles[:, -1]
+    parts = np.zeros((6, len(low)))
+    parts[0], parts[1], parts[3] = (low + high) / 2, (high - low) / 2, 1
+    for _ in range(ITERATIONS):
+        model, jacobian = _step(at, parts)
+        normal = np.einsum("eli,elj->eij", jacobian, jacobian) + 1e-9 * np.eye(6)
+        wanted = np.einsum("eli,el->ei", jacobian, profiles - model)
+        change = np.linalg.solve(normal, wanted[..., None])[..., 0]
+        change[:, 2:4] = np.clip(change[:, 2:4], -0.5, 0.5)
+        parts += change.T
+        parts[3] = np.clip(parts[3], 0.05, at[-1])
+    model, jacobian = _step(at, parts)
+    normal = np.einsum("eli,elj->eij", jacobian, jacobian) + 1e-9 * np.eye(6)
+    residual, step, width = (profiles - model).std(axis=1), abs(2 * parts[1]), parts[3]
+    # Samples are closer than pixels and share them.
+    uncertainty = np.sqrt(np.linalg.inv(normal)[:, 3, 3]) * residual / STEP_PX**0.5
+    is_step = (residual < MAX_RESIDUAL * step) & (uncertainty < MAX_UNCERTAINTY * width)
+    is_step &= abs(parts[4:]).max(axis=0) * at[-1] < MAX_SLOPE * step
+    is_step &= (abs(parts[2]) < MAX_OFFSET_PX) & (width > MIN_WIDTH_PX) & (width < at[-1] / 3)
+    return width, is_step
+
+
+def _step(at: Array, parts: Array) -> tuple[Array, Array]:
+    """Return the profile (E, L) of parts (6, E), and its Jacobian (E, L, 6).
+
+    The parts: mean, half the step, place, width, slope of the whole, slope of the outer parts.
+    """
+    mean, half, place, width, slope, bend = parts[:, :, None]
+    z = (at - place) / width
+    share = erf(z / np.sqrt(2))
+    bell = np.sqrt(2 / np.pi) * np.exp(-z * z / 2) * half / width
+    lines = np.broadcast_to(at, z.shape), np.broadcast_to(abs(at), z.shape)
+    columns = np.ones_like(share), share, -bell, -bell * z, *lines
+    return mean + half * share + slope * at + bend * abs(at), np.stack(columns, axis=-1)
