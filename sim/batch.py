@@ -39,18 +39,23 @@ class DatasetTask:
             return False
         if not (self.out / MANIFEST).is_file():
             raise DatasetError(f"{self.out}: exists and is not a dataset; choose another folder")
-        made = read_manifest(self.out)
+        self.check_same(read_manifest(self.out), str(self.out))
+        return True
+
+    def check_same(self, made: Mapping[str, Any], place: str) -> None:
+        """Compare with the manifest of a dataset at a place.
+
+        Raises:
+            DatasetError: If it is of another scene or of other settings.
+        """
         wanted = with_defaults(self.settings, find_scene(self.scene).defaults)
         same = recorded_settings(made["settings"]) == wanted
         if not same or made["scene"]["source"] != self.scene:
-            raise DatasetError(f"{self.out}: exists with other settings; choose another folder")
+            raise DatasetError(f"{place}: exists with other settings; choose another folder")
         if is_custom(self.scene) and "world" in made:
             world = build_world(build(self.scene, self.settings), self.settings)
             if problem := changes_since(made["world"], world):
-                raise DatasetError(
-                    f"{self.out}: exists, and {problem} since; choose another folder"
-                )
-        return True
+                raise DatasetError(f"{place}: exists, and {problem} since; choose another folder")
 
 
 def build(scene: str, settings: RecordSettings) -> Scene:

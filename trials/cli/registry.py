@@ -31,6 +31,8 @@ PANELS: dict[str, dict[str, tuple[str, str]]] = {
         "generate": ("Record datasets.", "brick_court --out court --set drive.distance_m=20"),
         "export": ("Write datasets in other formats.", "court --to kitti --out court_kitti"),
         "label": ("Write tracks, boxes and geometry.", "court --out court_labels --pictures"),
+        "index": ("List, index and verify many datasets.", "many --scene office --verify"),
+        "fetch": ("Download datasets by scene, seed and label.", "s3://bucket/many --out few"),
         "verify": ("Verify the hashes and the certificate of a dataset.", "court"),
     },
     "Estimators": {

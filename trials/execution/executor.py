@@ -21,7 +21,8 @@ import cloudpickle
 
 from sim.graphics import GraphicsError
 from trials.execution.cluster import Pool, Workers, pool_of
-from trials.execution.store import Store, StoreError, sharing
+from trials.execution.location import StoreError
+from trials.execution.store import Store, sharing
 from trials.execution.tasks import Reply, Report, Site, Task, UnusableWorkerError, WorkerError, work
 
 R = TypeVar("R")

@@ -10,103 +10,46 @@ import json
 import os
 import platform
 import shutil
-from collections.abc import Generator, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Generator, Iterable
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
-from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar
-from uuid import uuid4
+from typing import Any
 
 from trials.execution.cache import code_digest
-from vo.contract.errors import DriftyardError
+from trials.execution.location import Location, StoreError, chunks
 
 INDEX = ".index.json"
-AT_ONCE = 64
-"""Number of files in one request to the file system, which may send them together."""
-T = TypeVar("T")
 
 
-class StoreError(DriftyardError):
-    """A store that cannot be reached, read or written, or an object in it that is damaged."""
-
-
-@dataclass(frozen=True)
-class Store:
-    """Location of the objects, as fsspec writes it: a path, `s3://bucket/name`, `sftp://...`."""
-
-    url: str
-
-    @cached_property
-    def _place(self) -> tuple[Any, str]:
-        """File system and path in it."""
-        import fsspec
-
-        with self._stated("cannot be used"):
-            system, path = fsspec.core.url_to_fs(self.url)
-        return system, path.rstrip("/")
-
-    @contextmanager
-    def _stated(self, what: str) -> Generator[None]:
-        """State what libraries of file systems raise, which may be anything, in one line."""
-        try:
-            yield
-        except StoreError:
-            raise
-        except Exception as error:
-            reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
-            raise StoreError(f"store {self.url}: {what} ({reason.splitlines()[0]})") from error
-
-    def check(self) -> None:
-        """Write, read and remove a small object.
-
-        Raises:
-            StoreError: If that fails, as without credentials, permission or space.
-        """
-        system, path = self._place
-        probe, data = f"{path}/.probe-{uuid4().hex}", b"driftyard"
-        with self._stated("cannot be written"):
-            system.makedirs(path, exist_ok=True)
-            system.pipe_file(probe, data)
-            if system.cat_file(probe) != data:
-                raise StoreError(f"store {self.url}: returns other bytes than were written")
-            system.rm_file(probe)
+class Store(Location):
+    """Location of the objects."""
 
     def index(self, name: str) -> dict[str, Any] | None:
         """Return the index of an object; None if it is absent, or was not written to the end."""
-        system, path = self._place
-        with self._stated(f"{name} cannot be read"):
-            try:
-                content = json.loads(system.cat_file(f"{path}/{name}{INDEX}"))
+        for _, data in self.read([name + INDEX]):
+            with suppress(ValueError, AttributeError):
+                content = json.loads(data)
                 return content if isinstance(content.get("sha256"), dict) else None
-            except (FileNotFoundError, ValueError, AttributeError):
-                return None
+        return None
 
     def put(self, name: str, root: Path, files: Iterable[Path]) -> None:
         """Write files below `root` as an object, unless it is there."""
         if self.index(name) is not None:
             return
-        system, path = self._place
         hashes: dict[str, str] = {}
-        with self._stated(f"{name} cannot be written"):
-            for some in _chunks(sorted(files)):
-                read = {x.relative_to(root).as_posix(): x.read_bytes() for x in some}
-                hashes |= {inner: hashlib.sha256(data).hexdigest() for inner, data in read.items()}
-                targets = {f"{path}/{name}/{inner}": data for inner, data in read.items()}
-                for folder in {target.rpartition("/")[0] for target in targets}:
-                    system.makedirs(folder, exist_ok=True)
-                system.pipe(targets)
-            about = {
-                "sha256": hashes,
-                "code": code_digest(),
-                "host": platform.node(),
-                "time": datetime.now(UTC).isoformat(timespec="seconds"),
-            }
-            partial = f"{path}/{name}.{uuid4().hex}"
-            system.pipe_file(partial, json.dumps(about, indent=1).encode())
-            system.mv(partial, f"{path}/{name}{INDEX}")
+        for some in chunks(sorted(files)):
+            read = {x.relative_to(root).as_posix(): x.read_bytes() for x in some}
+            hashes |= {inner: hashlib.sha256(data).hexdigest() for inner, data in read.items()}
+            self.write({f"{name}/{inner}": data for inner, data in read.items()})
+        about = {
+            "sha256": hashes,
+            "code": code_digest(),
+            "host": platform.node(),
+            "time": datetime.now(UTC).isoformat(timespec="seconds"),
+        }
+        self.write_whole(name + INDEX, json.dumps(about, indent=1).encode())
 
     def get(self, name: str, root: Path) -> list[Path]:
         """Read an object into a folder; return its files, none if there is no such object.
@@ -117,13 +60,10 @@ class Store:
         about = self.index(name)
         if about is None:
             return []
-        system, path = self._place
         written: list[Path] = []
-        for some in _chunks([*about["sha256"]]):
-            with self._stated(f"{name} cannot be read"):
-                read = system.cat([f"{path}/{name}/{inner}" for inner in some])
-            for inner in some:  # they come in any order
-                data = read[f"{path}/{name}/{inner}"]
+        for some in chunks([*about["sha256"]]):
+            read = self.read_places([(f"{name}/{inner}", 0, None) for inner in some])
+            for inner, data in zip(some, read, strict=True):
                 if hashlib.sha256(data).hexdigest() != about["sha256"][inner]:
                     raise StoreError(
                         f"store {self.url}: {name}/{inner} is damaged; remove {name}{INDEX}"
@@ -133,11 +73,6 @@ class Store:
                 file.write_bytes(data)
                 written.append(file)
         return written
-
-
-def _chunks(items: Sequence[T]) -> Iterator[Sequence[T]]:
-    """Split into parts that a file system reads or writes at once."""
-    return (items[k : k + AT_ONCE] for k in range(0, len(items), AT_ONCE))
 
 
 shared: ContextVar[Store | None] = ContextVar("shared", default=None)

@@ -30,7 +30,7 @@ def write_webdataset(recording: Recording, out: Path, advance: Advance) -> None:
             while i < len(recording) and shard.offset < SHARD_BYTES:
                 for suffix, data in sample(recording, i).items():
                     # A name ends at its first dot.
-                    _add(shard, f"{recording.name.replace('.', '_')}_{i:06d}.{suffix}", data)
+                    add_file(shard, f"{recording.name.replace('.', '_')}_{i:06d}.{suffix}", data)
                 advance(i)
                 i += 1
         shards += 1
@@ -70,7 +70,8 @@ def _npy(values: Array) -> bytes:
     return file.getvalue()
 
 
-def _add(shard: tarfile.TarFile, name: str, data: bytes) -> None:
+def add_file(shard: tarfile.TarFile, name: str, data: bytes) -> None:
+    """Add a file without owner and time, so that equal content gives equal bytes."""
     entry = tarfile.TarInfo(name)
     entry.size = len(data)
     shard.addfile(entry, io.BytesIO(data))

@@ -1,0 +1,1 @@
+"""Datasets in locations such as buckets: as folders, or as tar files with an index."""
