@@ -14,9 +14,14 @@ UPDATE = ("update", "--baseline", "b.json")
 def test_gate_check_default_estimator_has_not_regressed(tmp_path, in_this_process):
     """Renderers differ between machines, so other datasets are accepted."""
     words = ("--accept", "datasets,platform", "--cache", ROOT / "build" / "cache")
-    result = driftyard("gate", *CHECK, *words, "--markdown", "c.md", cwd=tmp_path)
+    files = ("--markdown", "c.md", "--history", "h.jsonl", "--drive-table", "d.csv")
+    result = driftyard("gate", *CHECK, *words, *files, cwd=tmp_path)
     assert result.returncode in (PASS, UNDECIDED), result.stdout + result.stderr
     assert "driftyard against driftyard" in (tmp_path / "c.md").read_text()
+    assert "false discovery rate" in result.stdout
+    assert len((tmp_path / "d.csv").read_text().splitlines()) == 7
+    shown = driftyard("gate", "history", "h.jsonl", cwd=tmp_path)
+    assert "no trend" in shown.stdout
 
 
 def test_gate_bad_input_ends_in_one_line(tmp_path):

@@ -14,6 +14,8 @@ from trials.execution.jobs import Job, Recording, Result, jobs_of
 from trials.execution.recording_settings import parse_scenes
 from trials.execution.runner import NO_LABELS, cached_run, run_jobs
 from trials.execution.variants import named_variant
+from trials.report.columns import check_columns
+from trials.report.score_tables import write_drives, write_segments
 from trials.studies.accuracy import (
     SCENES,
     VARIANTS,
@@ -54,9 +56,19 @@ def accuracy(
     ),
     kitti: Path | None = option(None, "Recording that is scored, too.", metavar="DATASET"),
     out: Path | None = option(None, "JSON file of all scores.", "--json", metavar="FILE"),
+    drive_table: Path | None = option(
+        None, "Table of one row for each drive, .parquet or .csv.", metavar="FILE"
+    ),
+    segment_table: Path | None = option(
+        None, "Table of one row for each segment, .parquet or .csv.", metavar="FILE"
+    ),
 ) -> None:
     """Record or reuse drives from seed 0 on, run every estimator over them, print the errors."""
     names = parse_scenes(chosen.scenes)
+    tables = [(drive_table, write_drives), (segment_table, write_segments)]
+    for path, _ in tables:
+        if path is not None:
+            check_columns(path)  # before the drives
     if kitti is not None:
         open_sequence(kitti)  # a wrong path is refused before the drives
     variants = tuple(dict.fromkeys((*VARIANTS, *map(named_variant, against))))
@@ -75,3 +87,6 @@ def accuracy(
         console.out.print(table)
     if out is not None:
         write_scores(out, runs)
+    for path, write in tables:
+        if path is not None:
+            write(path, [x for of_scene in runs.values() for x in of_scene])

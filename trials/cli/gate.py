@@ -1,4 +1,4 @@
-"""`driftyard gate`: check an estimator against a baseline, update the baseline, plan its size."""
+"""`driftyard gate`: check an estimator, update the baseline, plan its size, show the history."""
 
 from dataclasses import asdict, dataclass
 from math import inf, log1p
@@ -21,13 +21,17 @@ from trials.cli.options import (
 from trials.cli.workers import WorkersOptions
 from trials.execution.cache import CACHE
 from trials.execution.recording_settings import parse_scenes
-from trials.gate import reports
+from trials.gate import reports, trends
 from trials.gate.baseline import Design, Rules, write_baseline
 from trials.gate.comparison import Comparison, compare, make_baseline
+from trials.gate.drive_table import write_checked_drives
+from trials.gate.history import append_record, check_history, read_history, record_of
 from trials.gate.statistics import MIN_DEGREES, degrees_of_freedom
+from trials.report.columns import check_columns
+from trials.report.figure import save_figure
 from trials.studies.gate_power import CASES, TESTS, resampled, simulate
 from vo.contract.errors import SettingsError
-from vo.contract.files import write_text
+from vo.contract.files import known_suffix, write_text
 from vo.contract.settings import validated
 
 EXIT = {"pass": 0, "regress": 1, "undecided": 3}
@@ -64,6 +68,24 @@ class ReportOptions:
     json_file: Path | None = option(None, "All figures as JSON.", "--json", metavar="FILE")
     markdown: Path | None = option(None, "Comment for a pull request.", metavar="FILE")
     junit: Path | None = option(None, "JUnit XML.", metavar="FILE")
+    drive_table: Path | None = option(
+        None, "Table of one row for each drive, .parquet or .csv.", metavar="FILE"
+    )
+    history: Path | None = option(
+        None, "History that the check is appended to, for `gate history`.", metavar="FILE.jsonl"
+    )
+    commit: str = option(
+        "", "Commit of this check in the history.", metavar="REV", show_default="HEAD of Git here"
+    )
+
+    def check(self) -> None:
+        """Raise DriftyardError for files that cannot be written, before the estimator runs."""
+        if self.history is not None:
+            check_history(self.history)
+        elif self.commit:
+            raise SettingsError(f"--commit {self.commit}: needs --history")
+        if self.drive_table is not None:
+            check_columns(self.drive_table)
 
 
 def gate_check(
@@ -76,6 +98,7 @@ def gate_check(
 
     Exit status: 0 pass, 1 regress, 3 undecided, 2 bad input.
     """
+    report.check()
     found = baseline.compare(estimator)
     for file, written in (
         (report.json_file, reports.as_json),
@@ -84,10 +107,42 @@ def gate_check(
     ):
         if file is not None:
             write_text(file, written(found))
+    if report.drive_table is not None:
+        write_checked_drives(report.drive_table, found)
+    if report.history is not None:
+        append_record(report.history, record_of(found, report.commit))
     console.print_table(reports.HEADER, reports.rows(found))
+    if by_scene := reports.scene_rows(found):
+        console.print_table(reports.SCENE_HEADER, by_scene)
     for line in [*reports.notes(found), reports.headline(found)]:
         console.out.print(line, markup=False)
     raise typer.Exit(EXIT[found.decision.verdict.value])
+
+
+def gate_history(
+    files: list[Path] = argument(
+        ..., "Files that `gate check --history` wrote, or folders of them.", metavar="FILE..."
+    ),
+    last: int | None = option(None, "Number of the newest checks.", show_default="all", min=1),
+    figure: Path | None = option(None, "Figure of all figures and scenes, PNG.", metavar="FILE"),
+) -> None:
+    """Print and draw the checks of a gate over its commits, with trends.
+
+    A trend is the median change of a figure from one check to the next, over the newest checks of
+    the same sequences and estimator. Scenes are those that regressed.
+    """
+    if figure is not None:
+        known_suffix(figure, (".png",))
+    records = read_history(files)
+    records = records if last is None else records[-last:]
+    console.print_table(trends.HEADER, trends.rows(records))
+    console.out.print(trends.NOTE, markup=False)
+    found = trends.trends(records)
+    for line in found or [f"no trend: fewer than {trends.MIN_CHECKS} checks of the same sequences"]:
+        console.out.print(str(line), markup=False)
+    if figure is not None:
+        save_figure(figure, trends.figure_size_in(records), lambda x: trends.draw(x, records))
+        console.out.print(f"{figure}", markup=False)
 
 
 def gate_plan(

@@ -45,6 +45,7 @@ PANELS: dict[str, dict[str, tuple[str, str]]] = {
         "gate": ("Compare with a stored baseline.", "check --baseline gate.json"),
         "gate check": ("Decide whether an estimator has regressed.", "--baseline gate.json"),
         "gate update": ("Write a baseline.", "--baseline gate.json --scenes all --seeds 2"),
+        "gate history": ("Show the checks of a gate over its commits.", "gate.jsonl --last 50"),
         "gate plan": ("Compute how many sequences find a change.", "5% --baseline gate.json"),
         "gate power": ("Simulate false alarm rate and power.", "--repetitions 1000"),
     },

@@ -4,6 +4,7 @@ import json
 import platform
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ from trials.execution.cache import source_digest
 from trials.gate.baseline import Baseline, Design, Measurement, Recorded, Rules, read_baseline
 from trials.gate.decision import Decision, decide
 from trials.gate.measure import measure
+from trials.gate.scene_changes import SceneChange, scene_changes
 from trials.gate.sequences import Bar, content_hashes, obtain, software
 from vo.contract.errors import DatasetError, SettingsError
 from vo.runner import companion
@@ -43,6 +45,12 @@ class Comparison:
     measured: Sequence[Measurement]
     decision: Decision
     mismatches: tuple[str, ...]
+
+    @cached_property
+    def scene_changes(self) -> list[SceneChange]:
+        """Change of the drift in each scene."""
+        known = self.baseline
+        return scene_changes(known.rules, known.scenes, known.measured, self.measured)
 
 
 def make_baseline(

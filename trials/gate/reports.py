@@ -8,17 +8,54 @@ import numpy as np
 
 from trials.gate.comparison import Comparison
 from trials.gate.decision import Change, Finding, Verdict, percent
+from trials.gate.scene_changes import SceneChange
 from trials.gate.statistics import scenes_needed, seeds_needed
 
 KIND, SCHEMA_VERSION = "driftyard gate result", 1
 MARKS = {Verdict.PASS: "✅", Verdict.REGRESS: "❌", Verdict.UNDECIDED: "⚠️"}
 TITLES = {"drift": "drift, %", "losses": "lost, %", "time": "time", "nees": "NEES"}
 HEADER = ("figure", "baseline", "now", "change", "bounds", "finds", "verdict")
+SCENE_HEADER = (
+    "drift by scene",
+    "pairs",
+    "baseline, %",
+    "change",
+    "p",
+    "q",
+    "newly lost",
+    "verdict",
+)
 
 
 def rows(found: Comparison) -> list[tuple[str, ...]]:
     """List cells under HEADER, a row for each figure."""
     return [_row(x) for x in found.decision.findings]
+
+
+def scene_rows(found: Comparison) -> list[tuple[str, ...]]:
+    """List cells under SCENE_HEADER, a row for each scene, the least probable increase first.
+
+    Empty if nothing can be said of single scenes: there is one, or one sequence of each.
+    """
+    changes = found.scene_changes
+    if len(changes) < 2 or not any(np.isfinite(x.p) for x in changes):
+        return []
+    return [
+        (
+            x.scene, str(x.pairs), _number(x.before),
+            percent(x.mean, signed=True) if x.pairs else "–", _number(x.p), _number(x.q),
+            str(x.newly_lost or ""), x.verdict,
+        )
+        for x in sorted(changes, key=lambda x: (np.nan_to_num(x.p, nan=-1 if x.verdict else 2)))
+    ]  # fmt: skip
+
+
+def regressed_scenes(found: Comparison) -> str:
+    """Name the scenes that regressed by themselves, in one line."""
+    named = [f"{x.scene} ({percent(x.mean, signed=True)})" for x in found.scene_changes
+             if x.has_regressed]  # fmt: skip
+    rate = f"false discovery rate {found.baseline.rules.level:.0%}"
+    return f"scenes whose drift regressed, {rate}: {', '.join(named) or 'none'}"
 
 
 def headline(found: Comparison) -> str:
@@ -55,6 +92,8 @@ def notes(found: Comparison) -> list[str]:
             f"few sequences remain: newly lost ones ({drift.counted}) count as {size} of drift, "
             f"whose bounds hold with {1 - drift.level:.2%} each"
         )
+    if scene_rows(found):
+        lines.append(regressed_scenes(found))
     lines += [f"accepted: {x}" for x in found.mismatches]
     for known, now in zip(found.baseline.sequences, found.measured, strict=True):
         if now.is_lost:
@@ -124,6 +163,7 @@ def as_json(found: Comparison) -> str:
         "rules": found.baseline.rules.model_dump(),
         "accepted": found.mismatches,
         "findings": [_finding(x) for x in decision.findings],
+        "scenes": [_scene(x) for x in found.scene_changes],
         "sequences": [
             {"scene": known.scene, "seed": known.seed}
             | {"baseline": known.measured.model_dump(), "now": now.model_dump()}
@@ -140,6 +180,9 @@ def as_markdown(found: Comparison) -> str:
     lines += ["", _table_line(HEADER), "|" + "---|" * len(HEADER)]
     lines += [_table_line(row) for row in rows(found)]
     lines += ["", *(f"- {_plain(x)}" for x in notes(found))]
+    if table := scene_rows(found):
+        lines += ["", "<details><summary>scenes</summary>", "", _table_line(SCENE_HEADER)]
+        lines += ["|" + "---|" * len(SCENE_HEADER), *map(_table_line, table), "", "</details>"]
     return "\n".join(lines) + "\n"
 
 
@@ -195,6 +238,23 @@ def _change(change: Change) -> dict[str, Any]:
         "log_ratios": effect.values.tolist(),
         "scenes": list(effect.scenes),
     }
+
+
+def _scene(change: SceneChange) -> dict[str, Any]:
+    return {
+        "scene": change.scene,
+        "sequences": change.pairs,
+        "newly_lost": change.newly_lost,
+        "drift_percent": _finite(change.before),
+        "ratio": _finite(float(np.exp(change.mean))),
+        "p": _finite(change.p),
+        "q": _finite(change.q),
+        "verdict": change.verdict,
+    }
+
+
+def _number(value: float) -> str:
+    return f"{value:.3f}" if np.isfinite(value) else "–"
 
 
 def _finite(value: float) -> float | None:
