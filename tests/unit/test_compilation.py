@@ -150,8 +150,8 @@ def test_fingerprint_is_the_same_in_every_process():
     """Sets and dictionaries of names have no order of their own."""
     code = (
         "from vo.contract.compilation import fingerprint\n"
-        "from vo.patches.alignment import sample\n"
-        "print(fingerprint(sample))"
+        "from vo.patches.sampling import correlate\n"
+        "print(fingerprint(correlate))"
     )
     found = {
         subprocess.run(

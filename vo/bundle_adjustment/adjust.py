@@ -7,10 +7,10 @@ import numpy as np
 from vo.bundle_adjustment.gtsam_backend import optimize_factors
 from vo.bundle_adjustment.joint import optimize_jointly
 from vo.bundle_adjustment.point_estimates import PointEstimates, unknowns
-from vo.bundle_adjustment.problem import Bundle, as_cameras
+from vo.bundle_adjustment.problem import Bundle, Optimum, as_cameras
 from vo.bundle_adjustment.robust_covariance import robust_covariance
 from vo.bundle_adjustment.single_camera import refine_camera
-from vo.bundle_adjustment.solver import TURN_LAST, information_inverse
+from vo.bundle_adjustment.solver import TURN_LAST
 from vo.config import RefinementSettings
 from vo.contract import se3
 from vo.contract.arrays import Array
@@ -18,24 +18,24 @@ from vo.contract.rig import StereoRig
 
 
 def optimize_reduced(
-    bundle: Bundle, estimates: PointEstimates, settings: RefinementSettings
-) -> tuple[Array, int]:
+    bundle: Bundle, estimates: PointEstimates, settings: RefinementSettings, covariances: bool
+) -> Optimum:
     """Solve the reduced camera system, with Huber weights that are renewed after the first step."""
     x, T = estimates, bundle.T_world_cam.copy()
     own = ~bundle.fixed[x.cameras]
     limits = settings.huber, settings.max_iterations
-    found, x.points, x.weight, iterations = optimize_jointly(
-        as_cameras(T[x.cameras]), x.points, x.data, unknowns(own), *limits
-    )
-    T[x.cameras[own]] = se3.orthonormal(se3.pose(found.R[own], found.t[own]))
-    return T, iterations
+    found = optimize_jointly(as_cameras(T[x.cameras]), x.points, x.data, unknowns(own), *limits)
+    x.points, x.weight = found.points, found.weights
+    cameras = found.cameras
+    T[x.cameras[own]] = se3.orthonormal(se3.pose(cameras.R[own], cameras.t[own]))
+    return Optimum(T, found.information, found.cost, found.steps)
 
 
 BACKENDS = {"schur": optimize_reduced, "gtsam": optimize_factors}
 """Optimisers of cameras and points by `refinement.backend`.
 
-Each takes a bundle, the estimates of its points, which it leaves at the solution, and settings; it
-returns the cameras (K, 4, 4) and its Levenberg-Marquardt steps.
+Each takes a bundle, the estimates of its points, which it leaves at the solution, settings, and
+whether the information is needed.
 """
 
 MEDIAN_CHI2 = (1.386, 0.455)
@@ -88,13 +88,12 @@ def refine_structure(
     Source: thesis eq. 2.29 with a Huber loss; the gauge is held by the fixed cameras.
     """
     x = PointEstimates(bundle, settings.use_disparity)
-    T, iterations = BACKENDS[settings.backend](bundle, x, settings)
+    T, H, error, iterations = BACKENDS[settings.backend](bundle, x, settings, covariances)
     here, own = T[x.cameras], ~bundle.fixed[x.cameras]
-    H, _, error = x.linearize(here, own, derivatives=covariances)
     covariance = np.zeros((len(T), 6, 6))
     if covariances and own.any():
         size = int(own.sum())
-        full = robust_covariance(information_inverse(H), x.score_products(here, own))
+        full = robust_covariance(H, x.score_products(here, own))
         blocks = full.reshape(size, 6, size, 6)[np.arange(size), :, np.arange(size)]
         covariance[x.cameras[own]] = blocks[:, TURN_LAST][:, :, TURN_LAST]
     return Refined(T, x.points, covariance, iterations, error, misfit(x, T))
@@ -127,5 +126,5 @@ def refine_motion(
     T, H, B, iterations = refine_camera(
         T_world_cam, points, measured, sigma, settings.use_disparity, f, *limits
     )
-    covariance = robust_covariance(information_inverse(H), B)
+    covariance = robust_covariance(H, B)
     return Pose(T, covariance[TURN_LAST][:, TURN_LAST], iterations)

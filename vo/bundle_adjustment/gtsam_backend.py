@@ -10,18 +10,17 @@ import numpy as np
 from gtsam.symbol_shorthand import L, X
 
 from vo.bundle_adjustment.point_estimates import PointEstimates
-from vo.bundle_adjustment.problem import Bundle
+from vo.bundle_adjustment.problem import Bundle, Optimum
 from vo.bundle_adjustment.single_camera import RELATIVE_TOLERANCE
 from vo.config import RefinementSettings
-from vo.contract.arrays import Array
 
 TO_STEREO = np.array([[1, 0, 0], [1, 0, -1], [0, 1, 0]])
 """From (u, v, disparity) to GTSAM's measurement (u left, u right, v)."""
 
 
 def optimize_factors(
-    bundle: Bundle, estimates: PointEstimates, settings: RefinementSettings
-) -> tuple[Array, int]:
+    bundle: Bundle, estimates: PointEstimates, settings: RefinementSettings, covariances: bool
+) -> Optimum:
     """Minimise the Huber loss of a bundle over cameras and points.
 
     A point behind a camera that measured it counts as GTSAM's cheirality error has it: a constant
@@ -49,8 +48,10 @@ def optimize_factors(
     for j in points:
         points_world[j] = values.atPoint3(L(j))
     estimates.points = points_world
-    estimates.reweight(T_world_cam[estimates.cameras], settings.huber)
-    return T_world_cam, iterations
+    here, moving = T_world_cam[estimates.cameras], ~bundle.fixed[estimates.cameras]
+    estimates.reweight(here, settings.huber)
+    H, _, error = estimates.linearize(here, moving, derivatives=covariances)
+    return Optimum(T_world_cam, H, error, iterations)
 
 
 def factor_graph(bundle: Bundle, settings: RefinementSettings) -> gtsam.NonlinearFactorGraph:

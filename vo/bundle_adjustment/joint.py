@@ -7,6 +7,8 @@ Source: Triggs, McLauchlan, Hartley and Fitzgibbon, Bundle Adjustment: A Modern 
 section 6.1.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from vo.bundle_adjustment.schur import (
@@ -29,37 +31,61 @@ from vo.contract.compilation import compiled
 from vo.contract.projection import stereo_residual
 
 
-@compiled(error_model="numpy")
+class Solution(NamedTuple):
+    """Where an optimisation ended.
+
+    Attributes:
+        cameras: K of them.
+        points: (J, 3) metres.
+        weights: (M, 3) of the measurements in the last step.
+        information: (6 S, 6 S) of the S cameras that may move, before the last step.
+        cost: Half the sum of squared residuals at the end.
+        steps: Number of steps.
+    """
+
+    cameras: Cameras
+    points: Array
+    weights: Array
+    information: Array
+    cost: float
+    steps: int
+
+
+@compiled()
 def optimize_jointly(
     start: Cameras, points: Array, data: Measurements, slot: Indices, huber: float,
     max_iterations: int,
-) -> tuple[Cameras, Array, Array, int]:  # fmt: skip
+) -> Solution:  # fmt: skip
     """Minimise the Huber cost over cameras and points (J, 3), metres.
 
     The slot (K,) is the place of each camera among the unknowns; -1 for one that is fixed. The
-    weights are renewed after the first step. Returns the cameras, the points, the weights (M, 3) of
-    the last step, and the number of steps.
+    weights are renewed after the first step.
     """
     cameras, solved = Cameras(start.R.copy(), start.t.copy()), points.copy()
     weights = robust_weights(cameras, solved, data, huber)
     weighted = Measurements(data.first, data.camera, data.measured, weights, data.intrinsics)
-    steps = _descend(cameras, solved, weighted, slot, min(1, max_iterations))
+    size = 6 * (slot.max() + 1)
+    H = np.empty((size, size))
+    steps, cost = _descend(cameras, solved, weighted, slot, H, min(1, max_iterations))
     if steps < max_iterations:
         weights = robust_weights(cameras, solved, data, huber)
         weighted = Measurements(data.first, data.camera, data.measured, weights, data.intrinsics)
-        steps += _descend(cameras, solved, weighted, slot, max_iterations - steps)
-    return cameras, solved, weights, steps
+        more, cost = _descend(cameras, solved, weighted, slot, H, max_iterations - steps)
+        steps += more
+    return Solution(cameras, solved, weights, H, cost, steps)
 
 
-@compiled(error_model="numpy")
+@compiled()
 def _descend(
-    cameras: Cameras, points: Array, data: Measurements, slot: Indices, max_iterations: int
-) -> int:
-    """Take steps, in place, until the cost hardly falls; return their number."""
-    size, n = 6 * (slot.max() + 1), len(points)
-    H, g = np.empty((size, size)), np.empty(size)
+    cameras: Cameras, points: Array, data: Measurements, slot: Indices, H: Array,
+    max_iterations: int,
+) -> tuple[int, float]:  # fmt: skip
+    """Take steps, in place, until the cost hardly falls; return their number and the cost."""
+    size, n = len(H), len(points)
+    g = np.empty(size)
     W, inverse, b = np.empty((len(data.camera), 6, 3)), np.empty((n, 3, 3)), np.empty((n, 3))
     moved, there = Cameras(cameras.R.copy(), cameras.t.copy()), points.copy()
+    cost = 0.0
     for step in range(max_iterations):
         cost = _eliminate(cameras, points, data, slot, H, g, W, inverse, b)
         damping, tried_cost = LIFT, np.inf
@@ -77,14 +103,15 @@ def _descend(
                 break
             damping = max(10 * damping, FIRST_DAMPING)
         if not tried_cost <= cost:
-            return step
+            return step, cost
         cameras.R[:], cameras.t[:], points[:] = moved.R, moved.t, there
         if cost - tried_cost <= RELATIVE_TOLERANCE * cost:
-            return step + 1
-    return max_iterations
+            return step + 1, tried_cost
+        cost = tried_cost
+    return max_iterations, cost
 
 
-@compiled(error_model="numpy")
+@compiled(distinct=True, fastmath={"reassoc", "contract"})
 def _eliminate(
     cameras: Cameras, points: Array, data: Measurements, slot: Indices, H: Array, g: Array,
     W: Array, inverse: Array, b: Array,
@@ -149,7 +176,7 @@ def _eliminate(
     return cost
 
 
-@compiled(error_model="numpy")
+@compiled(distinct=True, fastmath={"reassoc", "contract"})
 def _substitute(
     points: Array, data: Measurements, slot: Indices, tangent: Array, W: Array, inverse: Array,
     b: Array, there: Array,
@@ -172,7 +199,7 @@ def _substitute(
             )  # fmt: skip
 
 
-@compiled(error_model="numpy")
+@compiled(distinct=True, fastmath={"reassoc", "contract"})
 def total_cost(cameras: Cameras, points: Array, data: Measurements) -> float:
     """Half the sum of squared residuals."""
     cost, r = 0.0, np.empty(3)

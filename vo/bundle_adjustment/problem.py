@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
+from typing import NamedTuple
 
 import numpy as np
 
@@ -40,6 +41,23 @@ class Bundle:
     fixed: Mask
     K: Array
     baseline_m: float
+
+
+class Optimum(NamedTuple):
+    """Solution of a bundle by one of the optimisers.
+
+    Attributes:
+        T_world_cam: (K, 4, 4).
+        information: (6 S, 6 S) of the S cameras that may move, by tangents (w, v); anything if it
+            was not asked for.
+        error: Half the sum of the robust squared residuals, in sigmas.
+        iterations: Levenberg-Marquardt steps.
+    """
+
+    T_world_cam: Array
+    information: Array
+    error: float
+    iterations: int
 
 
 def collect(

@@ -11,20 +11,27 @@ An error that all landmarks have in common over a stretch of the route is in no 
 import numpy as np
 
 from vo.bundle_adjustment.schur import Cameras, Measurements, invert, linearize, workspace
+from vo.bundle_adjustment.single_camera import LIFT
 from vo.contract.arrays import Array, Indices
 from vo.contract.compilation import compiled
 
 
-def robust_covariance(inverse: Array, B: Array) -> Array:
+@compiled()
+def robust_covariance(H: Array, B: Array) -> Array:
     """Choose the covariance (N, N): by residuals where these exceed the assumed noise.
 
-    Few points fit too well; then the inverse of the normal equations, which is the assumed
+    Few points fit too well; then the inverse of the normal equations H, which is the assumed
     covariance, holds. B is the sum of the scores' outer products.
     """
-    return inverse @ B @ inverse if np.trace(B @ inverse) > len(B) else inverse
+    lifted = H.copy()
+    for i in range(len(H)):
+        lifted[i, i] += LIFT * H[i, i] + 1e-12
+    inverse = np.linalg.inv(lifted)
+    spread = B @ inverse
+    return inverse @ spread if np.trace(spread) > len(B) else inverse
 
 
-@compiled()
+@compiled(distinct=True, fastmath={"reassoc", "contract"})
 def score_products(
     cameras: Cameras, points: Array, data: Measurements, slot: Indices, size: int
 ) -> Array:
@@ -64,7 +71,7 @@ def score_products(
                 continue
             for m_other in range(first[j], first[j + 1]):
                 s_other = slot[camera[m_other]]
-                if s_other < 0:
+                if s_other < s:  # the rest is its mirror image
                     continue
                 for p in range(6):
                     for q in range(6):
@@ -72,5 +79,9 @@ def score_products(
         for m in range(first[j], first[j + 1]):
             s = slot[camera[m]]
             if s >= 0:
-                score[6 * s : 6 * s + 6] = 0.0
+                for p in range(6):
+                    score[6 * s + p] = 0.0
+    for p in range(6 * size):
+        for q in range(p):
+            B[p, q] = B[q, p]
     return B

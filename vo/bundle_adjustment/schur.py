@@ -67,7 +67,7 @@ class Workspace(NamedTuple):
     inverse: Array
 
 
-@compiled(error_model="numpy")
+@compiled()
 def workspace() -> Workspace:
     """Allocate a workspace."""
     return Workspace(
@@ -76,7 +76,7 @@ def workspace() -> Workspace:
     )  # fmt: skip
 
 
-@compiled(error_model="numpy")
+@compiled()
 def robust_weights(cameras: Cameras, points: Array, data: Measurements, huber: float) -> Array:
     """Scale weights (M, 3) so that their squares give the Huber loss, linear beyond `huber`.
 
@@ -94,7 +94,7 @@ def robust_weights(cameras: Cameras, points: Array, data: Measurements, huber: f
     return scaled
 
 
-@compiled(error_model="numpy")
+@compiled()
 def residuals(cameras: Cameras, points: Array, data: Measurements) -> Array:
     """Compute the residuals (M, 3) of all measurements, in sigmas."""
     found = np.empty((len(data.camera), 3))
@@ -104,7 +104,7 @@ def residuals(cameras: Cameras, points: Array, data: Measurements) -> Array:
     return found
 
 
-@compiled(error_model="numpy")
+@compiled()
 def eliminate_points(
     cameras: Cameras, points: Array, data: Measurements, slot: Indices, size: int
 ) -> tuple[Array, Array, float, Array]:
@@ -187,7 +187,7 @@ def eliminate_points(
     return H, g, cost, solved
 
 
-@compiled(error_model="numpy")
+@compiled()
 def _solve_point(
     cameras: Cameras, point: Array, data: Measurements, j: int, work: Workspace
 ) -> None:
@@ -233,7 +233,7 @@ def _solve_point(
             return
 
 
-@compiled(inline="always", error_model="numpy")
+@compiled(inline="always")
 def _residual(cameras: Cameras, point: Array, data: Measurements, m: int, out: Array) -> None:
     i = data.camera[m]
     stereo_residual(
@@ -241,7 +241,7 @@ def _residual(cameras: Cameras, point: Array, data: Measurements, m: int, out: A
     )
 
 
-@compiled(error_model="numpy")
+@compiled()
 def invert(V: Array, out: Array) -> None:
     """Invert a symmetric positive semi-definite 3x3 matrix, lifted a little off zero."""
     lift = DAMPING * (V[0, 0] + V[1, 1] + V[2, 2]) + 1e-300
@@ -254,7 +254,7 @@ def invert(V: Array, out: Array) -> None:
     out[2, 0], out[2, 1], out[2, 2] = C * scale, (b * c - a * e) * scale, (a * d - b * b) * scale
 
 
-@compiled(inline="always", error_model="numpy")
+@compiled(inline="always")
 def linearize(
     R: Array, t: Array, point: Array, measured: Array, weight: Array, intrinsics: Array, r: Array,
     F: Array, E: Array,
@@ -268,7 +268,7 @@ def linearize(
     stereo_jacobians(R, t, point, weight, intrinsics, F, E)
 
 
-@compiled(inline="always", error_model="numpy")
+@compiled(inline="always")
 def _add_point_terms(r: Array, E: Array, V: Array, b: Array) -> None:
     """Add the measurement that was linearized last to the normal equations of its point."""
     for p in range(3):

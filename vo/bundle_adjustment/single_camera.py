@@ -23,7 +23,7 @@ LIFT = 1e-9
 """Share that is always added: directions that nothing determines stay as they are."""
 
 
-@compiled(error_model="numpy")
+@compiled()
 def refine_camera(
     T_world_cam: Array, points: Array, measured: Array, sigma: Array, use_disparity: bool,
     intrinsics: Array, huber: float, max_iterations: int,
@@ -59,7 +59,7 @@ def refine_camera(
     return T, H, B, steps
 
 
-@compiled(error_model="numpy")
+@compiled()
 def _descend(camera: Cameras, points: Array, data: Measurements, max_iterations: int) -> int:
     """Take Levenberg-Marquardt steps, in place, until the cost hardly falls; return their number.
 
@@ -86,7 +86,7 @@ def _descend(camera: Cameras, points: Array, data: Measurements, max_iterations:
     return max_iterations
 
 
-@compiled(error_model="numpy")
+@compiled(distinct=True, fastmath={"reassoc", "contract"})
 def _normal_equations(
     cameras: Cameras, points: Array, data: Measurements
 ) -> tuple[Array, Array, float, Array]:
@@ -111,7 +111,7 @@ def _normal_equations(
     return H, g, cost, B
 
 
-@compiled(error_model="numpy")
+@compiled(distinct=True, fastmath={"reassoc", "contract"})
 def _cost(cameras: Cameras, points: Array, data: Measurements) -> float:
     """Half the sum of squared residuals."""
     cost, r = 0.0, np.empty(3)
@@ -122,7 +122,7 @@ def _cost(cameras: Cameras, points: Array, data: Measurements) -> float:
     return cost
 
 
-@compiled(error_model="numpy")
+@compiled()
 def move(camera: Cameras, i: int, tangent: Array, moved: Cameras) -> None:
     """Write T_world_cam @ exp(w, v) of camera i, to first order in v."""
     w, v = tangent[:3], tangent[3:]

@@ -43,11 +43,6 @@ def factor(keys: Sequence[int], linearize: Linearize) -> gtsam.CustomFactor:
     return gtsam.CustomFactor(gtsam.noiseModel.Unit.Create(size + 1), keys, residuals)
 
 
-def information_inverse(H: Array) -> Array:
-    """Covariance (6 S, 6 S) of what normal equations determine."""
-    return np.linalg.inv(_lifted(H))
-
-
 def _lifted(H: Array) -> Array:
     return H + np.diag(LIFT * np.diag(H) + 1e-12)
 

@@ -25,7 +25,9 @@ class Table:
 
     def select(self, rows: Mask | Indices) -> Self:
         """Keep some rows."""
-        return type(self)(**{name: column[rows] for name, column in vars(self).items()})
+        if rows.dtype == np.bool_:
+            rows = np.flatnonzero(rows)
+        return type(self)(**{name: x.take(rows, axis=0) for name, x in vars(self).items()})
 
     def extend(self, other: Self) -> Self:
         """Append the rows of another table."""
@@ -54,14 +56,28 @@ def find_sorted(values: Indices, wanted: Indices) -> Indices:
 
 
 @compiled()
-def ranks_in_groups(group: Indices) -> Indices:
-    """Count, for each of N entries, those before it that have the same group, a small number."""
-    taken = np.zeros(group.max() + 1 if len(group) else 0, dtype=np.int64)
-    ranks = np.empty_like(group)
-    for i in range(len(group)):
-        ranks[i] = taken[group[i]]
-        taken[group[i]] += 1
-    return ranks
+def choose_in_turn(groups: Indices, count: int) -> Mask:
+    """Choose at most so many of N entries, from each group, a small number, one in every round.
+
+    In a round, and of a group, earlier entries come first.
+    """
+    taken = np.zeros(groups.max() + 1 if len(groups) else 0, dtype=np.int64)
+    rounds = np.empty_like(groups)
+    sizes = np.zeros(len(groups) + 1, dtype=np.int64)
+    for i in range(len(groups)):
+        rounds[i] = taken[groups[i]]
+        taken[groups[i]] += 1
+        sizes[rounds[i]] += 1
+    whole, left = 0, count
+    while whole < len(groups) and sizes[whole] <= left:
+        left -= sizes[whole]
+        whole += 1
+    chosen = rounds < whole
+    for i in range(len(groups)):
+        if rounds[i] == whole and left > 0:
+            chosen[i] = True
+            left -= 1
+    return chosen
 
 
 @compiled()

@@ -22,6 +22,7 @@ import numba
 import numpy as np
 from numba.core import event
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
+from numba.core.compiler import Compiler
 from numba.core.dispatcher import Dispatcher
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -32,12 +33,25 @@ _MODULES = ("numpy", "math", "numba")
 """Modules whose content changes with their release only."""
 
 
-def compiled(**options: Any) -> Callable[[Function], Function]:
-    """Compile a function to machine code at its first call, by `numba.njit`'s options; keep it."""
+class _Distinct(Compiler):
+    """Compiles functions whose arguments share no memory: vectors are loaded and stored at will."""
+
+    def define_pipelines(self) -> Any:
+        self.state.flags.noalias = True
+        return super().define_pipelines()
+
+
+def compiled(distinct: bool = False, **options: Any) -> Callable[[Function], Function]:
+    """Compile a function to machine code at its first call, by `numba.njit`'s options; keep it.
+
+    Arrays that are `distinct` share no memory with each other in any call.
+    """
     njit: Any = numba.njit  # its types know neither this option nor options in a dictionary
+    if distinct:
+        options["pipeline_class"] = _Distinct
 
     def decorate(function: Function) -> Function:
-        dispatcher = njit(no_cfunc_wrapper=True, **options)(function)
+        dispatcher = njit(no_cfunc_wrapper=True, error_model="numpy", **options)(function)
         dispatcher._cache = _Cache(dispatcher)
         return dispatcher
 
@@ -56,7 +70,8 @@ def fingerprint(dispatcher: Dispatcher) -> str:
         current = pending.pop()
         function = current.py_func
         digest.update(_text(function.__qualname__).encode())
-        digest.update(_text((current.targetoptions, function.__defaults__)).encode())
+        pipeline = current._compiler.pipeline_class  # type: ignore[attr-defined]
+        digest.update(_text((current.targetoptions, pipeline, function.__defaults__)).encode())
         tuples = [x for x in function.__annotations__.values() if hasattr(x, "_fields")]
         digest.update(_text(tuples).encode())
         for code in _codes(function.__code__):
@@ -136,12 +151,23 @@ class _Codec(CompileResultCacheImpl):
 _CODEC = _Codec()
 
 
+class _Store(IndexDataCacheFile):
+    """Machine code of one function in one folder."""
+
+    def _load_index(self) -> dict[Any, str]:
+        """Load the index; none where it names types that this release no longer has."""
+        try:
+            return super()._load_index()
+        except (AttributeError, ImportError):
+            return {}
+
+
 class _Cache(FunctionCache):
     """Machine code of one function on the disk, one entry for each signature."""
 
     def __init__(self, dispatcher: Dispatcher) -> None:
         self._dispatcher, self._py_func = dispatcher, dispatcher.py_func
-        self._stores: list[IndexDataCacheFile] = []
+        self._stores: list[_Store] = []
         self.enable()
 
     @property
@@ -153,12 +179,12 @@ class _Cache(FunctionCache):
         for store in self._opened():
             store.flush()
 
-    def _opened(self) -> list[IndexDataCacheFile]:
+    def _opened(self) -> list[_Store]:
         if not self._stores:  # not before the first call: callees may stand further down
             source = Path(self._py_func.__code__.co_filename)
             name = f"{source.stem}.{self._py_func.__qualname__}.{sys.implementation.cache_tag}"
             stamp = fingerprint(self._dispatcher)
-            self._stores = [IndexDataCacheFile(str(x), name, stamp) for x in _folders(source)]
+            self._stores = [_Store(str(x), name, stamp) for x in _folders(source)]
         return self._stores
 
     def _load_overload(self, sig: object, target_context: Any) -> Any:

@@ -41,7 +41,7 @@ def project_points(points_odom: Array, T_odom_cam: Array, rig: StereoRig) -> Arr
     return _project_all(points_odom, T_odom_cam, f)
 
 
-@compiled(error_model="numpy")
+@compiled()
 def _project_all(points: Array, T: Array, intrinsics: Array) -> Array:
     fx, fy, cx, cy, fb = intrinsics
     found = np.empty((len(points), 3))
@@ -56,7 +56,7 @@ def _project_all(points: Array, T: Array, intrinsics: Array) -> Array:
     return found
 
 
-compiled_image_jacobian = compiled(inline="always", error_model="numpy")(image_jacobian)
+compiled_image_jacobian = compiled(inline="always")(image_jacobian)
 
 
 def point_jacobian(points_cam: Array, sigma: Array, rig: StereoRig) -> Array:
@@ -71,7 +71,7 @@ def point_jacobian(points_cam: Array, sigma: Array, rig: StereoRig) -> Array:
     return jacobian * ((rig.f_px / z)[:, None, None] / sigma[:, :, None])
 
 
-@compiled(error_model="numpy")
+@compiled()
 def stereo_residual(
     R: Array, t: Array, point: Array, measured: Array, weight: Array, intrinsics: Array, out: Array
 ) -> None:
@@ -87,7 +87,7 @@ def stereo_residual(
     out[2] = weight[2] * (fb / z - measured[2])
 
 
-@compiled(error_model="numpy")
+@compiled()
 def stereo_jacobians(
     R: Array, t: Array, point: Array, weight: Array, intrinsics: Array, by_camera: Array,
     by_point: Array,
@@ -107,7 +107,7 @@ def stereo_jacobians(
     _fill_row(by_camera[2], by_point[2], R, 0.0, 0.0, e, x, y, z)
 
 
-@compiled(error_model="numpy")
+@compiled()
 def _in_camera(R: Array, t: Array, point: Array) -> tuple[float, float, float]:
     """Transform a point to the camera frame, where R, t is the camera in the world."""
     dx, dy, dz = point[0] - t[0], point[1] - t[1], point[2] - t[2]
@@ -117,7 +117,7 @@ def _in_camera(R: Array, t: Array, point: Array) -> tuple[float, float, float]:
     return x, y, max(z, MIN_DEPTH_M)
 
 
-@compiled(inline="always", error_model="numpy")
+@compiled(inline="always")
 def _fill_row(
     by_camera: Array, by_point: Array, R: Array, a: float, b: float, c: float, x: float, y: float,
     z: float,

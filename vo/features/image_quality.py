@@ -57,10 +57,19 @@ def measure_image_quality(image: Image) -> ImageQuality:
     found = _measure_blocks(image)
     if not len(found):
         return ImageQuality(0.0, np.inf, 1.0)
-    noise = max(float(np.quantile(found[:, 0], NOISE_QUANTILE)), MIN_NOISE)
-    texture_to_noise = max(float(np.median(found[:, 1])) / noise**2 - 1, 0.0)
-    rows, columns = _softness(image[::LINE_STEP], noise), _softness(image.T[::LINE_STEP], noise)
+    ordered = np.sort(found, axis=0)
+    noise = max(_quantile(ordered[:, 0], NOISE_QUANTILE), MIN_NOISE)
+    texture_to_noise = max(_quantile(ordered[:, 1], 0.5) / noise**2 - 1, 0.0)
+    columns = np.ascontiguousarray(image[:, ::LINE_STEP].T)
+    rows, columns = _softness(image[::LINE_STEP], noise), _softness(columns, noise)
     return ImageQuality(noise, texture_to_noise, min(rows, columns))
+
+
+def _quantile(ordered: Array, quantile: float) -> float:
+    """Interpolate linearly in ascending values (N,), N >= 1."""
+    low, share = divmod(quantile * (len(ordered) - 1), 1)
+    high = min(int(low) + 1, len(ordered) - 1)
+    return float(ordered[int(low)] * (1 - share) + ordered[high] * share)
 
 
 def _softness(lines: Image, noise: float) -> float:
@@ -73,10 +82,13 @@ def _softness(lines: Image, noise: float) -> float:
 @compiled()
 def _mean_squares(lines: Image, distance: int) -> float:
     """Average the squared differences of pixels at a distance along lines (N, L)."""
-    total = 0
+    total, step = 0, np.uint64(distance)
     for i in range(lines.shape[0]):
-        for k in range(lines.shape[1] - distance):
-            total += (np.int32(lines[i, k + distance]) - np.int32(lines[i, k])) ** 2
+        line = np.int32(0)
+        for k in range(np.uint64(lines.shape[1] - distance)):
+            difference = np.int32(lines[i, k + step]) - np.int32(lines[i, k])
+            line += np.int32(difference * difference)
+        total += line
     return total / (lines.shape[0] * (lines.shape[1] - distance))
 
 
@@ -84,21 +96,24 @@ def _mean_squares(lines: Image, distance: int) -> float:
 def _measure_blocks(image: Image) -> Array:
     """Measure noise in grey levels, and variance, of every other block each way: (B, 2)."""
     rows, columns = (image.shape[0] - 2) // BLOCK_PX, (image.shape[1] - 2) // BLOCK_PX
-    count = BLOCK_PX * BLOCK_PX
+    count, one, two = BLOCK_PX * BLOCK_PX, np.uint64(1), np.uint64(2)
     found = np.empty(((rows + 1) // 2 * ((columns + 1) // 2), 2))
     block = 0
     for row in range(0, rows, 2):
         for column in range(0, columns, 2):
-            curved = total = squares = 0
-            for v in range(1 + row * BLOCK_PX, 1 + (row + 1) * BLOCK_PX):
-                above, here, below = image[v - 1], image[v], image[v + 1]
-                for u in range(1 + column * BLOCK_PX, 1 + (column + 1) * BLOCK_PX):
-                    x = np.int64(here[u])
-                    corners = np.int64(above[u - 1]) + above[u + 1] + below[u - 1] + below[u + 1]
-                    sides = np.int64(above[u]) + below[u] + here[u - 1] + here[u + 1]
-                    curved += abs(corners - 2 * sides + 4 * x)
-                    total += x
-                    squares += x * x
+            curved = total = squares = np.int32(0)
+            for v in range(np.uint64(row * BLOCK_PX), np.uint64((row + 1) * BLOCK_PX)):
+                first = np.uint64(column * BLOCK_PX)
+                for u in range(first, first + np.uint64(BLOCK_PX)):
+                    around = np.int32(0)  # the mask (1, -2, 1), each way
+                    here = np.int32(image[v + one, u + one])
+                    around += np.int32(image[v, u]) + np.int32(image[v, u + two])
+                    around += np.int32(image[v + two, u]) + np.int32(image[v + two, u + two])
+                    sides = np.int32(image[v, u + one]) + np.int32(image[v + two, u + one])
+                    sides += np.int32(image[v + one, u]) + np.int32(image[v + one, u + two])
+                    curved += np.int32(abs(np.int32(around - 2 * sides + 4 * here)))
+                    total += here
+                    squares += here * here
             found[block, 0] = np.sqrt(np.pi / 2) / 6 * curved / count
             found[block, 1] = squares / count - (total / count) ** 2
             block += 1

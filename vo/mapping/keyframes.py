@@ -3,11 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from vo.config import OdometrySettings
 from vo.contract import se3
-from vo.contract.arrays import Array
+from vo.contract.arrays import Array, Mask
+from vo.contract.compilation import compiled
 from vo.contract.observations import Observations
 from vo.hooks import NO_HOOKS, Hooks
 from vo.map.frame import Matches, View
@@ -87,9 +87,7 @@ def _new_observations(
     """
     s, pixels = view.settings, view.features
     taken = inliers.measured if inliers else np.zeros((0, 3))
-    free = np.ones(len(pixels), dtype=bool)
-    if len(taken):
-        free = KDTree(taken[:, :2]).query(pixels)[0] > s.features.min_distance_px
+    free = _lie_apart(pixels, taken, s.features.min_distance_px)
     pixels, descriptors = pixels[free], view.descriptors[free]
     found = measure_disparities(view.frame, view.dense, pixels, s.stereo, nearby=taken)
     found = replace_disparities(hooks, view.frame, pixels, found, s.stereo)
@@ -104,6 +102,19 @@ def _new_observations(
         sigma_px=measurement_sigma(exact, disparity_sigma, local_map.noise, s.refinement),
     )
     return observations, found.slopes[known], descriptors[known]
+
+
+@compiled()
+def _lie_apart(pixels: Array, others: Array, distance_px: float) -> Mask:
+    """Which pixels (N, 2) are further than a distance from all others (M, 2 or more)."""
+    apart = np.ones(len(pixels), dtype=np.bool_)
+    for i in range(len(pixels)):
+        u, v, near = pixels[i, 0], pixels[i, 1], 0
+        for j in range(len(others)):
+            du, dv = others[j, 0] - u, others[j, 1] - v
+            near += du * du + dv * dv <= distance_px * distance_px
+        apart[i] = near == 0
+    return apart
 
 
 def _renew_anchors(

@@ -13,6 +13,17 @@ import numpy as np
 
 from vo.contract.arrays import Array, Image
 from vo.contract.compilation import compiled
+from vo.patches.sampling import (
+    GU,
+    GV,
+    PATCH,
+    correlate,
+    is_inside,
+    noise_kept,
+    words,
+    workspace,
+    write_offsets,
+)  # fmt: skip
 from vo.patches.templates import Templates
 
 MAX_STEPS = 12
@@ -76,26 +87,32 @@ def align(
     if (np.shape(start), np.shape(warp)) != ((n, 2), (n, 3, 2)):
         raise ValueError(f"{n} templates, but shapes {np.shape(start)} and {np.shape(warp)}")
     start, warp = (np.ascontiguousarray(x, dtype=np.float64) for x in (start, warp))
-    return _align_all(templates, image, start, warp, horizontal_only)
+    size = (int(image.shape[0]), int(image.shape[1]))
+    return _align_all(templates, words(image), size, start, warp, horizontal_only)
 
 
 @compiled(fastmath={"reassoc", "contract"})  # sums in any order; NaN stays NaN
 def _align_all(
-    templates: Templates, image: Image, start: Array, warp: Array, horizontal_only: bool
-) -> Alignment:
-    patches, gradients, norms, noise_kept = templates
+    templates: Templates, grey: Array, size: tuple[int, int], start: Array, warp: Array,
+    horizontal_only: bool,
+) -> Alignment:  # fmt: skip
+    patches, gradients, norms, kept = templates
     n, side = len(norms), patches.shape[1]
     pixels, zncc, covariance = (
         np.full((n, 2), np.nan),
         np.full(n, np.nan),
         np.full((n, 2, 2), np.nan),
     )
-    offsets = np.empty((2, side * side), dtype=np.float32)
-    now = np.empty(side * side, dtype=np.float32)
+    work = workspace(side)
     for i in range(n):
-        at, there = (start[i, 0], start[i, 1]), (patches[i], gradients[i])
+        for j in range(side):
+            for k in range(side):
+                at = j * (side + 2) + k
+                work[PATCH, at] = patches[i, j, k]
+                work[GU, at], work[GV, at] = gradients[i, 0, j, k], gradients[i, 1, j, k]
+        template, at = (norms[i], kept[i], side), (start[i, 0], start[i, 1])
         u, v, score, uu, uv, vv = align_patch(
-            there, norms[i], noise_kept[i], image, at, warp[i], horizontal_only, (offsets, now)
+            template, grey, size, at, warp[i], horizontal_only, CONVERGED_PX, work
         )
         pixels[i, 0], pixels[i, 1], zncc[i] = u, v, score
         covariance[i, 0, 0], covariance[i, 1, 1] = uu, vv
@@ -105,29 +122,25 @@ def _align_all(
 
 @compiled(fastmath={"reassoc", "contract"})
 def align_patch(
-    template: tuple[Array, Array], norm: float, noise_kept: float, image: Image,
-    start: tuple[float, float], warp: Array, horizontal_only: bool, work: tuple[Array, Array],
+    template: tuple[float, float, int], grey: Array, size: tuple[int, int],
+    start: tuple[float, float], warp: Array, horizontal_only: bool, converged_px: float,
+    work: Array,
 ) -> tuple[float, float, float, float, float, float]:  # fmt: skip
-    """Align a patch (S, S) with gradients (2, S, S), as `align` does, from a start (u, v).
+    """Align the patch in a workspace, as `align` does, from a start (u, v).
 
-    The work arrays (2, S * S) and (S * S,) are float32. Returns u, v, the correlation, and the
-    covariance uu, uv, vv; all NaN where there is none.
+    Of the template, its norm, share of noise kept, and side are given; of the image, its grey
+    levels as words, height and width. The last step is shorter than `converged_px`. Returns u, v,
+    the correlation, and the covariance uu, uv, vv; all NaN where there is none.
     """
     none = (np.nan, np.nan, np.nan, np.nan, np.nan, np.nan)
+    norm, kept, side = template
     if not norm > MIN_NORM:
         return none
-    offsets, now = work
-    side = template[0].shape[0]
-    radius, count = side // 2, side * side
-    reach_u, reach_v = warp_offsets(warp, side, offsets)
-    patch, gu, gv = template[0].ravel(), template[1][0].ravel(), template[1][1].ravel()
-    a = b = d = np.float32(0)
-    for k in range(count):
-        a += gu[k] * gu[k]
-        b += gu[k] * gv[k]
-        d += gv[k] * gv[k]
+    radius, width = side // 2, size[1]
+    reach_u, reach_v = write_offsets(warp, side, work)
+    a, b, d = _energies(work)
     if horizontal_only:
-        b, d = np.float32(0), np.float32(1)
+        b, d = 0.0, 1.0
     determinant = a * d - b * b
     if not determinant > MIN_DETERMINANT:
         return none
@@ -135,21 +148,14 @@ def align_patch(
     zncc, now_norm = 0.0, 0.0
     found = False
     for _ in range(MAX_STEPS):
-        inside = u - reach_u >= 0 and u + reach_u < image.shape[1] - 1
-        inside = inside and v - reach_v >= 0 and v + reach_v < image.shape[0] - 1
-        if not inside:  # also where u, v or the warp is NaN
-            return none
-        now_norm = sample(image, u, v, offsets, now)
-        if not now_norm > MIN_NORM:
+        if not is_inside(u, v, (reach_u, reach_v), size):
             return none
         # The gradients sum to zero and are orthogonal to the patch: subtracting the mean
         # and the template from what is sampled would not change their products with it.
-        p = q = c = np.float32(0)
-        for k in range(count):
-            p += gu[k] * now[k]
-            q += gv[k] * now[k]
-            c += patch[k] * now[k]
-        zncc = float(c / now_norm)
+        now_norm, c, p, q = correlate(grey, width, u, v, side, work)
+        if not now_norm > MIN_NORM:
+            return none
+        zncc = c / now_norm
         p, q = p / now_norm, (0.0 if horizontal_only else q / now_norm)
         du, dv = (d * p - b * q) / determinant, (a * q - b * p) / determinant
         step_u = -(warp[0, 0] * du + warp[0, 1] * dv)
@@ -159,16 +165,28 @@ def align_patch(
         if abs(u - start[0]) > radius or abs(v - start[1]) > radius:
             return none
         found = True
-        if step_u * step_u + step_v * step_v < CONVERGED_PX * CONVERGED_PX:
+        if step_u * step_u + step_v * step_v < converged_px * converged_px:
             break
     if not found:
         return none
-    variance = noise_variance(zncc, norm, noise_kept, now_norm, offsets, u, v)
+    shares = kept, noise_kept(u, v, side, work)
+    variance = noise_variance(zncc, (norm, now_norm), shares, side * side)
     # Noise of the template is in its gradients too: it adds to their energy, not to the signal.
     of_template = variance * now_norm * now_norm / (now_norm * now_norm + norm * norm)
-    bias = of_template * noise_kept * count / 2
-    energy = (float(a), float(b), float(d))
-    return u, v, zncc, *_covariance(energy, variance, bias, warp, horizontal_only)
+    bias = of_template * kept * side * side / 2
+    return u, v, zncc, *_covariance((a, b, d), variance, bias, warp, horizontal_only)
+
+
+@compiled(fastmath={"reassoc", "contract"})
+def _energies(work: Array) -> tuple[float, float, float]:
+    """Sum the products of the template's derivatives: uu, uv, vv."""
+    uu = uv = vv = np.float32(0)
+    for k in range(np.uint64(work.shape[1])):
+        gu, gv = work[GU, k], work[GV, k]
+        uu += gu * gu
+        uv += gu * gv
+        vv += gv * gv
+    return float(uu), float(uv), float(vv)
 
 
 @compiled(fastmath={"reassoc", "contract"})
@@ -199,72 +217,16 @@ def _covariance(
     )
 
 
-@compiled(fastmath={"reassoc", "contract"})
-def warp_offsets(warp: Array, side: int, offsets: Array) -> tuple[float, float]:
-    """Write the offsets (2, side * side) of the template's samples from its centre in the image.
-
-    Return their largest sizes along u and v; NaN if the surface is seen almost edge-on.
-    """
-    r = side // 2
-    shrink = 1 - r * (abs(warp[2, 0]) + abs(warp[2, 1]))
-    if not shrink > 0.5:  # also where the warp is NaN
-        return np.nan, np.nan
-    for j in range(side):
-        y = j - r
-        for k in range(side):
-            x = k - r
-            scale = 1 / (1 + warp[2, 0] * x + warp[2, 1] * y)
-            offsets[0, j * side + k] = scale * (warp[0, 0] * x + warp[0, 1] * y)
-            offsets[1, j * side + k] = scale * (warp[1, 0] * x + warp[1, 1] * y)
-    reach_u = r * (abs(warp[0, 0]) + abs(warp[0, 1])) / shrink
-    reach_v = r * (abs(warp[1, 0]) + abs(warp[1, 1])) / shrink
-    return reach_u, reach_v
-
-
-@compiled(fastmath={"reassoc", "contract"})
-def sample(image: Image, u: float, v: float, offsets: Array, out: Array) -> float:
-    """Sample bilinearly at (u, v) + offsets (2, P), all inside the image.
-
-    Write the grey levels (P,), less an arbitrary constant; return their norm about their mean.
-    """
-    width = image.shape[1]
-    u0, v0 = int(u), int(v)
-    fu, fv = np.float32(u - u0), np.float32(v - v0)
-    origin = v0 * width + u0
-    flat = image.ravel()
-    pivot = np.float32(flat[origin])
-    one = np.float32(1)
-    total = squares = np.float32(0)
-    for k in range(out.shape[0]):
-        x, y = fu + offsets[0, k], fv + offsets[1, k]
-        x_floor, y_floor = np.floor(x), np.floor(y)
-        fx, fy = x - x_floor, y - y_floor
-        at = origin + int(y_floor) * width + int(x_floor)
-        top = flat[at] * (one - fx) + flat[at + 1] * fx
-        bottom = flat[at + width] * (one - fx) + flat[at + width + 1] * fx
-        value = top * (one - fy) + bottom * fy - pivot
-        out[k] = value
-        total += value
-        squares += value * value
-    return np.sqrt(max(squares - total * total / np.float32(out.shape[0]), np.float32(0)))
-
-
 @compiled()
 def noise_variance(
-    zncc: float, norm_a: float, kept_a: float, norm_b: float, offsets: Array, u: float, v: float
+    zncc: float, norms: tuple[float, float], kept: tuple[float, float], count: int
 ) -> float:
     """Estimate the variance of the difference of two normalised patches before interpolation.
 
-    |a - b|² = 2 - 2 zncc for unit a and b. Interpolation takes a share of the noise out of this
-    residual, but not out of the slow part of the noise, which moves the match: it weighs as
-    the noise of the pixels does.
+    |a - b|² = 2 - 2 zncc for unit a and b of so many samples. Interpolation takes a share of the
+    noise out of this residual, and keeps the rest, but not out of the slow part of the noise, which
+    moves the match: it weighs as the noise of the pixels does.
     """
-    kept = 0.0
-    n = offsets.shape[1]
-    for k in range(n):
-        x, y = u + offsets[0, k], v + offsets[1, k]
-        fx, fy = x - np.floor(x), y - np.floor(y)
-        kept += (1 - 2 * fx * (1 - fx)) * (1 - 2 * fy * (1 - fy))
-    weight_a, weight_b = 1 / (norm_a * norm_a), 1 / (norm_b * norm_b)
-    share = (kept_a * weight_a + kept / n * weight_b) / (weight_a + weight_b)
-    return max(2 - 2 * zncc, 0.0) / (n - PARAMETERS) / share
+    weight_a, weight_b = 1 / (norms[0] * norms[0]), 1 / (norms[1] * norms[1])
+    share = (kept[0] * weight_a + kept[1] * weight_b) / (weight_a + weight_b)
+    return max(2 - 2 * zncc, 0.0) / (count - PARAMETERS) / share

@@ -8,7 +8,7 @@ import numpy as np
 
 from vo.contract.arrays import Array, Image
 from vo.contract.compilation import compiled
-from vo.patches.row_correlation import correlate_row, write_patch
+from vo.patches.row_correlation import correlate_row, row_workspace, write_patch
 
 RADIUS_PX = 4
 """Half width of the patches, pixels of the halved images."""
@@ -40,7 +40,8 @@ def _search_all(before: Image, now: Image, places: Array, radius: int) -> Array:
     found = np.full((len(places), 3), np.nan)
     height, width = now.shape
     side = 2 * RADIUS_PX + 1
-    work = np.empty((5, 2 * radius + 1 + 2 * RADIUS_PX), dtype=np.float32)
+    work = row_workspace(2 * radius + 1, RADIUS_PX)
+    row = work.scores
     scores = np.empty((2 * radius + 1, 2 * radius + 1), dtype=np.float32)
     patch = np.empty(side * side, dtype=np.float32)
     for i in range(len(places)):
@@ -59,8 +60,7 @@ def _search_all(before: Image, now: Image, places: Array, radius: int) -> Array:
             continue
         best, column, line = np.float32(-2), 0, 0
         for y in range(bottom - top + 1):
-            row = correlate_row(patch, now, first, last, top + y, RADIUS_PX, work)
-            for x in range(last - first + 1):
+            for x in range(correlate_row(patch, now, first, last, top + y, RADIUS_PX, work)):
                 scores[y, x] = row[x]
                 if row[x] > best:
                     best, column, line = row[x], x, y

@@ -19,7 +19,7 @@ ROUNDING = 1e-6
 """Squared ratios down to minus this are double roots of y that rounding makes complex."""
 
 
-@compiled(error_model="numpy")
+@compiled()
 def legs_fischler_bolles(sides2: Array, cosines: Array, legs: Array) -> int:
     """Write candidates (8, 3) for the legs a, b, c, which the caller refines; return their number.
 
@@ -47,7 +47,7 @@ def legs_fischler_bolles(sides2: Array, cosines: Array, legs: Array) -> int:
     return found
 
 
-@compiled(error_model="numpy")
+@compiled()
 def _coefficients(K1: float, K2: float, cab: float, cac: float, cbc: float, quartic: Array) -> None:
     """Write the coefficients G4 to G0 of eq. A8."""
     difference, mixed = K1 * K2 - K1 - K2, K1 * K2 + K1 - K2

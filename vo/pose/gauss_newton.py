@@ -14,7 +14,7 @@ SINGULAR = 1e-13
 """Smallest share of a diagonal element that Cholesky elimination leaves of a regular matrix."""
 
 
-@compiled(error_model="numpy")
+@compiled()
 def gauss_newton_step(
     points_odom: Array, rays: Array, rows: Indices, pose: Array, moved: Array,
     weights: Array | None = None,
@@ -33,7 +33,7 @@ def gauss_newton_step(
     return True
 
 
-@compiled(error_model="numpy")
+@compiled()
 def normal_equations(
     points_odom: Array, rays: Array, rows: Indices, pose: Array, weights: Array | None = None
 ) -> tuple[Array, Array]:
@@ -57,7 +57,7 @@ def normal_equations(
     return information, gradient
 
 
-@compiled(error_model="numpy")
+@compiled()
 def _solve_symmetric(A: Array, b: Array) -> bool:
     """Solve A x = b by Cholesky, in place of b; False if A is not positive definite."""
     n = len(A)
@@ -84,14 +84,14 @@ def _solve_symmetric(A: Array, b: Array) -> bool:
     return True
 
 
-@compiled(error_model="numpy")
+@compiled()
 def determines_pose(points_odom: Array, rays: Array, rows: Indices, pose: Array) -> bool:
     """Whether the normal equations of some points at a pose (3, 4) are regular."""
     information, _ = normal_equations(points_odom, rays, rows, pose)
     return _solve_symmetric(information, np.zeros(6))
 
 
-@compiled(error_model="numpy")
+@compiled()
 def _project(p: Array, pose: Array) -> tuple[float, float, float]:
     """Project a point (3,) to x / z, y / z and 1 / z."""
     x = pose[0, 0] * p[0] + pose[0, 1] * p[1] + pose[0, 2] * p[2] + pose[0, 3]
@@ -100,7 +100,7 @@ def _project(p: Array, pose: Array) -> tuple[float, float, float]:
     return x / z, y / z, 1 / z
 
 
-@compiled(error_model="numpy")
+@compiled()
 def _move(pose: Array, tangent: Array, moved: Array) -> None:
     """Write [R | t] of T_odom_cam @ exp(w, v), to first order in v: R(-w) (p - v); Rodrigues."""
     w, p = tangent[:3], np.empty(3)

@@ -86,7 +86,7 @@ def draw_sample(numbers: Array, bounds: Array, sample: Indices) -> None:
         in_order[k] = row
 
 
-@compiled(error_model="numpy")
+@compiled()
 def propose(problem: Problem, sample: Indices, poses: Array) -> int:
     """Write the poses (4, 3, 4) that a sample (3,) of matches allows; return their number."""
     if problem.absolute:
@@ -103,7 +103,7 @@ def propose(problem: Problem, sample: Indices, poses: Array) -> int:
     return p3p(points_odom, rays_cam, problem.solver, poses)
 
 
-@compiled(error_model="numpy")
+@compiled()
 def squared_errors(problem: Problem, pose: Array, first: int, last: int, out: Array) -> None:
     """Write the squared errors of a range of matches over the squared threshold into (B,).
 
@@ -126,7 +126,7 @@ def squared_errors(problem: Problem, pose: Array, first: int, last: int, out: Ar
         out[k - first] = scale * error2 if z > 0 else np.inf
 
 
-@compiled(error_model="numpy")
+@compiled()
 def cost(problem: Problem, pose: Array, first: int, last: int, bail: float) -> float:
     """Sum the cost of a range of matches; infinite as soon as it cannot fall below `bail`."""
     total = 0.0
@@ -142,7 +142,7 @@ def cost(problem: Problem, pose: Array, first: int, last: int, bail: float) -> f
     return total
 
 
-@compiled(error_model="numpy")
+@compiled()
 def inlier_rows(problem: Problem, pose: Array, reach: float = 1.0) -> Indices:
     """Find the rows (K,) of the matches within `reach` thresholds."""
     errors = np.empty(len(problem.points_odom))
@@ -150,7 +150,7 @@ def inlier_rows(problem: Problem, pose: Array, reach: float = 1.0) -> Indices:
     return np.flatnonzero(errors < reach * reach)
 
 
-@compiled(error_model="numpy")
+@compiled()
 def refit(problem: Problem, pose: Array, now: float, iterations: int) -> float:
     """Refit a pose (3, 4), in place, to its inliers while its cost falls; return the cost.
 

@@ -16,7 +16,7 @@ from vo.contract.compilation import compiled
 from vo.pose.polynomial import real_roots
 
 
-@compiled(error_model="numpy")
+@compiled()
 def legs_lambda_twist(sides2: Array, cosines: Array, legs: Array) -> int:
     """Find the candidates for the legs, four at most, as `legs_fischler_bolles` does."""
     ab2, ac2, bc2 = sides2
@@ -76,7 +76,7 @@ def legs_lambda_twist(sides2: Array, cosines: Array, legs: Array) -> int:
     return found
 
 
-@compiled(error_model="numpy")
+@compiled()
 def _inner(A: Array, B: Array, rows: int) -> float:
     """Sum the products of the elements of the first rows of two matrices (3, 3)."""
     total = 0.0
@@ -86,7 +86,7 @@ def _inner(A: Array, B: Array, rows: int) -> float:
     return total
 
 
-@compiled(error_model="numpy")
+@compiled()
 def _simplest_root(cubic: Array) -> float:
     """Find the root within about 1 of zero that rounding moves least; NaN without one."""
     work, roots = np.empty(9), np.empty(3)
@@ -98,7 +98,7 @@ def _simplest_root(cubic: Array) -> float:
     return best
 
 
-@compiled(error_model="numpy")
+@compiled()
 def _adjugate(S: Array, adjugate: Array) -> None:
     """Write the adjugate (3, 3) of a symmetric matrix."""
     for i in range(3):
@@ -108,7 +108,7 @@ def _adjugate(S: Array, adjugate: Array) -> None:
             adjugate[i, m] = S[j, n] * S[k, o] - S[j, o] * S[k, n]
 
 
-@compiled(error_model="numpy")
+@compiled()
 def _meet(line: Array, conic: Array, sides2: Array, cosines: Array, legs: Array) -> int:
     """Write the positive legs where a line meets a conic, scaled to the sides; return how many."""
     k = 0

@@ -34,7 +34,7 @@ SAME = 1e-9
 """Relative difference of legs below which two candidates are one solution."""
 
 
-@compiled(error_model="numpy")
+@compiled()
 def p3p(points_ref: Array, rays_cam: Array, solver: int, poses: Array) -> int:
     """Write the poses (4, 3, 4) [R | t] that see points (3, 3) along unit rays (3, 3).
 
@@ -69,7 +69,7 @@ def p3p(points_ref: Array, rays_cam: Array, solver: int, poses: Array) -> int:
     return found
 
 
-@compiled(error_model="numpy")
+@compiled()
 def is_collinear(corners: Array) -> bool:
     """Whether three points (3, 3) are, to rounding, in a line, or not finite."""
     (ox, oy, oz), (ax, ay, az), (bx, by, bz) = corners[0], corners[1], corners[2]
@@ -79,7 +79,7 @@ def is_collinear(corners: Array) -> bool:
     return not area2 > COLLINEAR * longest2 * longest2
 
 
-@compiled(error_model="numpy")
+@compiled()
 def _refine(legs: Array, sides2: Array, cosines: Array) -> bool:
     """Refine legs (3,) by Newton's method on the laws of cosines; False if these do not hold."""
     a, b, c = legs
@@ -107,7 +107,7 @@ def _refine(legs: Array, sides2: Array, cosines: Array) -> bool:
     return exact and min(legs[0], legs[1], legs[2]) > 0
 
 
-@compiled(error_model="numpy")
+@compiled()
 def _triangle_motion(points_ref: Array, rays_cam: Array, legs: Array, pose: Array) -> None:
     """Write the [R | t] that carries the triangle of the points to the one at the legs' ends."""
     points_cam, here, there = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
@@ -126,7 +126,7 @@ def _triangle_motion(points_ref: Array, rays_cam: Array, legs: Array, pose: Arra
             pose[i, 3] -= pose[i, j] * (points_ref[0, j] + points_ref[1, j] + points_ref[2, j]) / 3
 
 
-@compiled(error_model="numpy")
+@compiled()
 def _axes(corners: Array, axes: Array) -> None:
     """Write unit axes as rows: along a triangle's first side, across it, normal to the plane."""
     u, v, normal = axes
@@ -142,12 +142,12 @@ def _axes(corners: Array, axes: Array) -> None:
         normal[i] = u[j] * v[k] - u[k] * v[j]
 
 
-@compiled(error_model="numpy")
+@compiled()
 def _dot(u: Array, v: Array) -> float:
     return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
 
 
-@compiled(error_model="numpy")
+@compiled()
 def _divide(v: Array, divisor: float) -> None:
     for k in range(3):
         v[k] /= divisor

@@ -15,7 +15,7 @@ TOUCHING = 1e-9
 """Largest value of an extremum that is a double root, relative to the terms that cancel there."""
 
 
-@compiled(error_model="numpy")
+@compiled()
 def real_roots(coefficients: Array, low: float, high: float, work: Array, roots: Array) -> int:
     """Write the roots (D,) inside [low, high] in increasing order; return their number.
 
@@ -51,7 +51,7 @@ def real_roots(coefficients: Array, low: float, high: float, work: Array, roots:
     return found
 
 
-@compiled(error_model="numpy")
+@compiled()
 def _bracketed(p: Array, low: float, high: float, rises: bool) -> float:
     """Find the root in a bracket by Newton's method, bisecting where a step leaves the bracket."""
     x = 0.5 * (low + high)
@@ -73,7 +73,7 @@ def _bracketed(p: Array, low: float, high: float, rises: bool) -> float:
     return x
 
 
-@compiled(error_model="numpy")
+@compiled()
 def _value(p: Array, x: float) -> float:
     value = 0.0
     for c in p:
@@ -81,7 +81,7 @@ def _value(p: Array, x: float) -> float:
     return value
 
 
-@compiled(error_model="numpy")
+@compiled()
 def _terms(p: Array, x: float) -> float:
     """Sum the absolute values of the terms."""
     total = 0.0

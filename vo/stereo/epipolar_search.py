@@ -8,7 +8,7 @@ import numpy as np
 
 from vo.contract.arrays import Array, Image
 from vo.contract.compilation import compiled
-from vo.patches.row_correlation import correlate_row, write_patch
+from vo.patches.row_correlation import correlate_row, highest, row_workspace, write_patch
 
 PEAK_PX = 2
 """Half width of a peak of correlation; correlations further away belong to another peak."""
@@ -42,31 +42,41 @@ def _search_all(
     height, width = left.shape
     span = 1
     for i in range(n):
-        if np.isfinite(places[i]).all():
+        if _is_finite(places, i):
             span = max(span, min(int(places[i, 2]) - int(places[i, 3]) + 1, width))
-    work = np.empty((5, span + 2 * radius), dtype=np.float32)
+    work = row_workspace(span, radius)
+    scores = work.scores
     patch = np.empty((2 * radius + 1) ** 2, dtype=np.float32)
     for i in range(n):
-        if not np.isfinite(places[i]).all():
+        if not _is_finite(places, i):
             continue
-        u, v, nearest, farthest = places[i].astype(np.int64)
+        u, v = int(places[i, 0]), int(places[i, 1])
+        nearest, farthest = int(places[i, 2]), int(places[i, 3])
         if v < radius or v >= height - radius or u < radius or u >= width - radius:
             continue
         first, last = max(u - nearest, radius), min(u - farthest, width - 1 - radius)
         if last < first or not write_patch(left, u, v, radius, patch):
             continue
-        scores = correlate_row(patch, right, first, last, v, radius, work)
-        best = int(np.argmax(scores))
+        count = correlate_row(patch, right, first, last, v, radius, work)
+        best = highest(scores, count)
         other = np.float32(-1)
-        for j in range(len(scores)):
+        for j in range(count):
             if abs(j - best) > PEAK_PX and scores[j] > other:
                 other = scores[j]
-        score = scores[best]
-        there = first + best
+        score, there = scores[best], first + best
         first, last = max(there + farthest, radius), min(there + nearest, width - 1 - radius)
         if not write_patch(right, there, v, radius, patch):
             continue
-        back = first + int(np.argmax(correlate_row(patch, left, first, last, v, radius, work)))
+        count = correlate_row(patch, left, first, last, v, radius, work)
+        back = first + highest(scores, count)
         if abs(back - u) <= 1:
             disparity[i], zncc[i], second[i] = u - there, score, other
     return disparity, zncc, second
+
+
+@compiled()
+def _is_finite(places: Array, i: int) -> bool:
+    total = 0.0
+    for k in range(4):
+        total += places[i, k] * 0
+    return total == 0  # not NaN

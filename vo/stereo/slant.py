@@ -11,7 +11,17 @@ import numpy as np
 
 from vo.contract.arrays import Array, Image
 from vo.contract.compilation import compiled
-from vo.patches.alignment import MIN_NORM, sample, warp_offsets
+from vo.patches.alignment import MIN_NORM
+from vo.patches.sampling import (
+    GU,
+    GV,
+    PATCH,
+    correlate,
+    is_inside,
+    words,
+    workspace,
+    write_offsets,
+)  # fmt: skip
 from vo.patches.templates import Templates
 
 MAX_STEPS = 10
@@ -30,17 +40,18 @@ def fit_patch_slopes(templates: Templates, right: Image, pixels_right: Array) ->
     The positions of the left image's templates in the right image, (N, 2), are right to within
     about two pixels. NaN where the fit left the image or did not converge.
     """
-    return _fit_all(templates, right, np.ascontiguousarray(pixels_right, dtype=np.float64))
+    size = (int(right.shape[0]), int(right.shape[1]))
+    start = np.ascontiguousarray(pixels_right, dtype=np.float64)
+    return _fit_all(templates, words(right), size, start)
 
 
 @compiled(fastmath={"reassoc", "contract"})  # sums in any order; NaN stays NaN
-def _fit_all(templates: Templates, right: Image, start: Array) -> Array:
+def _fit_all(templates: Templates, right: Array, size: tuple[int, int], start: Array) -> Array:
     patches, gradients, norms, _ = templates
     slopes = np.full((len(norms), 2), np.nan)
     side = patches.shape[1]
     r = side // 2
-    offsets = np.empty((2, side * side), dtype=np.float32)
-    now = np.empty(side * side, dtype=np.float32)
+    work = workspace(side)
     jacobian = np.empty((3, side * side), dtype=np.float32)
     warp = np.eye(3, 2)
     for i in range(len(patches)):
@@ -51,19 +62,20 @@ def _fit_all(templates: Templates, right: Image, start: Array) -> Array:
         if not np.linalg.det(hessian) > 1e-6:
             continue
         inverse = np.linalg.inv(hessian)
+        for j in range(side):
+            for k in range(side):
+                at = j * (side + 2) + k
+                work[PATCH, at], work[GU, at], work[GV, at] = jacobian[:, j * side + k]
         u, v = start[i]
         warp[0, 0], warp[0, 1] = 1.0, 0.0
         for _ in range(MAX_STEPS):
-            reach_u, reach_v = warp_offsets(warp, side, offsets)
-            inside = u - reach_u >= 0 and u + reach_u < right.shape[1] - 1
-            inside = inside and v - reach_v >= 0 and v + reach_v < right.shape[0] - 1
-            if not inside:
+            if not is_inside(u, v, write_offsets(warp, side, work), size):
                 break
-            norm = sample(right, u, v, offsets, now)
+            norm, by_shift, by_u, by_v = correlate(right, size[1], u, v, side, work)
             if not norm > MIN_NORM:
                 break
             # The increment, a map of the row u -> p0 + (1 + p1) u + p2 v, is undone.
-            p = inverse @ (jacobian @ now) / norm
+            p = inverse @ np.array([by_shift, by_u, by_v], dtype=np.float32) / norm
             scale = warp[0, 0] / (1 + p[1])
             u -= scale * p[0]
             warp[0, 0], warp[0, 1] = scale, warp[0, 1] - scale * p[2]

@@ -13,16 +13,12 @@ from typing import NamedTuple
 import numpy as np
 
 from vo.config import StereoSettings
-from vo.contract.arrays import Array, Image, Mask
+from vo.contract.arrays import Array, Mask
 from vo.contract.compilation import compiled
 from vo.contract.sequence import StereoFrame
-from vo.patches.alignment import align_patch
-from vo.patches.templates import (
-    PatchWorkspace,
-    extract_patch,
-    extract_templates,
-    patch_workspace,
-)  # fmt: skip
+from vo.patches.alignment import CONVERGED_PX, align_patch
+from vo.patches.sampling import words, workspace
+from vo.patches.templates import extract_patch, extract_templates, square_workspace
 from vo.stereo.dense import sample_nearest
 from vo.stereo.epipolar_search import search_epipolar
 from vo.stereo.plane_fit import fit_plane_slopes
@@ -36,6 +32,9 @@ MAX_CORRECTION_PX = 2.0
 
 SLANT_PATCH_PX = 13
 """Side of the patch that gives the slant of a feature without neighbours: slopes need a lever."""
+
+TEST_CONVERGED_PX = 0.1
+"""Length of the last step of shifted windows: a third of their disagreement is added to sigmas."""
 
 DISAGREEMENT_SIGMAS = 3.0
 """Disagreement of the shifted windows, in standard deviations that it adds."""
@@ -99,6 +98,9 @@ def measure_disparities(
         return Disparities(values_px, sigma_px, _plane_slopes(pixels, values_px, nearby))
 
     start = np.where(distinct, start, np.nan)
+    if expected_px is not None:  # to a fraction of a pixel, where the search has confirmed it
+        with np.errstate(invalid="ignore"):
+            start = np.where(np.abs(start - expected_px) < 1, expected_px, start)
     slant = slopes
     if slant is None:
         facing = np.zeros((len(pixels), 2))
@@ -164,25 +166,27 @@ def _refine(
     pixels, start, slopes = (
         np.ascontiguousarray(x, dtype=np.float64) for x in (pixels, start, slopes)
     )
-    left, right, side = frame.left, frame.right, settings.align_px
-    return _refine_all(left, right, pixels, start, slopes, side, limits, shifted_windows)
+    size, side = (int(frame.left.shape[0]), int(frame.left.shape[1])), settings.align_px
+    pair = words(frame.left), words(frame.right)
+    return _refine_all(pair, size, pixels, start, slopes, side, limits, shifted_windows)
 
 
 @compiled(fastmath={"reassoc", "contract"})  # sums in any order; NaN stays NaN
 def _refine_all(
-    left: Image, right: Image, pixels: Array, start: Array, slopes: Array, side: int,
-    limits: Limits, shifted_windows: bool,
+    pair: tuple[Array, Array], size: tuple[int, int], pixels: Array, start: Array, slopes: Array,
+    side: int, limits: Limits, shifted_windows: bool,
 ) -> tuple[Array, Array]:  # fmt: skip
     n, small = len(pixels), side - 2
     values, sigmas = np.full(n, np.nan), np.full(n, np.nan)
-    whole, part = patch_workspace(side), patch_workspace(small)
+    whole = workspace(side), square_workspace(side, size[1])
+    part = workspace(small), square_workspace(small, size[1])
     warp = np.eye(3, 2)
     for i in range(n):
         if not np.isfinite(start[i]):
             continue
         u, v = pixels[i, 0], pixels[i, 1]
         warp[0, 0], warp[0, 1] = 1 - slopes[i, 0], -slopes[i, 1]  # u_right = u_left - d(u_left, v)
-        value, zncc, variance = _align_pixel(left, right, u, v, start[i], warp, whole)
+        value, zncc, variance = _align_pixel(pair, size, u, v, start[i], warp, CONVERGED_PX, whole)
         sigma = np.sqrt(variance)
         good = zncc > limits.min_zncc and sigma < limits.max_sigma_px
         if not (good and abs(value - start[i]) < MAX_CORRECTION_PX):
@@ -191,7 +195,9 @@ def _refine_all(
             largest = 0.0
             for shift in (-(side // 3), side // 3):
                 expected = value + slopes[i, 0] * shift
-                found, _, _ = _align_pixel(left, right, u + shift, v, expected, warp, part)
+                found, _, _ = _align_pixel(
+                    pair, size, u + shift, v, expected, warp, TEST_CONVERGED_PX, part
+                )
                 largest = max(largest, abs(found - expected)) if found == found else np.inf
             if not (largest < limits.max_disagreement_px and value > limits.min_disparity_px):
                 continue
@@ -202,13 +208,14 @@ def _refine_all(
 
 @compiled(fastmath={"reassoc", "contract"})
 def _align_pixel(
-    left: Image, right: Image, u: float, v: float, disparity: float, warp: Array,
-    work: PatchWorkspace,
+    pair: tuple[Array, Array], size: tuple[int, int], u: float, v: float, disparity: float,
+    warp: Array, converged_px: float, arrays: tuple[Array, tuple[Array, Array, int]],
 ) -> tuple[float, float, float]:  # fmt: skip
     """Disparity of the patch about a pixel, its correlation and variance; NaN where none."""
-    norm, kept = extract_patch(left, u, v, work.padded, work.patch, work.gradients)
-    template, scratch = (work.patch, work.gradients), (work.offsets, work.now)
+    work, square = arrays
+    norm, kept = extract_patch(pair[0], size, u, v, square, work)
+    template, start = (norm, kept, square[2]), (u - disparity, v)
     found, _, zncc, variance, _, _ = align_patch(
-        template, norm, kept, right, (u - disparity, v), warp, True, scratch
+        template, pair[1], size, start, warp, True, converged_px, work
     )
     return u - found, zncc, variance

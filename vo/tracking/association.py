@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from vo.config import OdometrySettings, RefinementSettings
-from vo.contract.arrays import Array, Indices, Mask, ranks_in_groups
+from vo.contract.arrays import Array, Indices, Mask, choose_in_turn
 from vo.contract.compilation import compiled
 from vo.contract.projection import project_points
 from vo.contract.rig import StereoRig
@@ -92,11 +92,11 @@ def spread(
     """
     if len(rows) <= count:
         return rows
-    column, line = (expected[rows, :2] // settings.features.cell_px).astype(np.int64).T
-    columns = int(column.max()) + 1
-    order = np.lexsort((-expected[rows, 2], ~first[rows]))
-    rank = ranks_in_groups((line * columns + column + columns)[order])
-    return np.sort(rows[order[np.argsort(rank, kind="stable")[:count]]])
+    cells = np.maximum(expected[rows, :2] // settings.features.cell_px, 0).astype(np.int64)
+    groups = cells[:, 1] * (cells[:, 0].max() + 1) + cells[:, 0]
+    # Those that come first count as nearer than any other.
+    order = np.argsort(-expected[rows, 2] - first[rows] * 1e6, kind="stable")
+    return np.sort(rows[order[choose_in_turn(groups[order], count)]])
 
 
 def _correlation_of_neighbours(
@@ -118,16 +118,24 @@ def _quantiles_about(values: Array, place: Indices, quantile: float) -> Array:
     """Quantile (N,) of the `NEIGHBOURS` values (M,) about each place (N,) among them."""
     count = min(NEIGHBOURS, len(values))
     low = int(quantile * (count - 1))
-    share = quantile * (count - 1) - low
-    found = np.full(len(values) - count + 1, np.nan)  # by the first of the neighbours
+    high, share = min(low + 1, count - 1), quantile * (count - 1) - low
+    found = np.empty(len(values) - count + 1)  # by the first of the neighbours
+    ordered = np.sort(values[:count])
+    for first in range(len(found)):
+        if first > 0:  # one value leaves, another comes, the others stay in order
+            k = np.searchsorted(ordered, values[first - 1])
+            new = values[first + count - 1]
+            while k + 1 < count and ordered[k + 1] < new:
+                ordered[k] = ordered[k + 1]
+                k += 1
+            while k > 0 and ordered[k - 1] > new:
+                ordered[k] = ordered[k - 1]
+                k -= 1
+            ordered[k] = new
+        found[first] = (1 - share) * ordered[low] + share * ordered[high]
     result = np.empty(len(place))
     for i in range(len(place)):
-        first = min(max(place[i] - count // 2, 0), len(values) - count)
-        if np.isnan(found[first]):
-            ordered = np.sort(values[first : first + count])
-            high = ordered[min(low + 1, count - 1)]
-            found[first] = (1 - share) * ordered[low] + share * high
-        result[i] = found[first]
+        result[i] = found[min(max(place[i] - count // 2, 0), len(values) - count)]
     return result
 
 

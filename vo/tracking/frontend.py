@@ -53,7 +53,9 @@ class Frontend:
             pair = frame.left, frame.right
             smoothed = (cv2.GaussianBlur(image, (0, 0), smoothing_px) for image in pair)
             left, right = (np.asarray(image, np.uint8) for image in smoothed)
-            frame = replace(frame, left=left, right=right)
+        else:  # a camera may write its next image where this one is
+            left, right = frame.left.copy(), frame.right.copy()
+        frame = replace(frame, left=left, right=right)
         with clock("stereo"):
             dense = self._dense_stereo(frame.left, frame.right)
 

@@ -3,12 +3,13 @@
 import numpy as np
 
 from vo.contract import se3
-from vo.contract.arrays import Array, Image, Indices
+from vo.contract.arrays import Array, Indices
 from vo.contract.compilation import compiled
 from vo.map.frame import View
 from vo.map.local_map import LocalMap
-from vo.patches.alignment import Alignment, align_patch
-from vo.patches.templates import extract_patch, patch_workspace
+from vo.patches.alignment import CONVERGED_PX, Alignment, align_patch
+from vo.patches.sampling import words, workspace
+from vo.patches.templates import extract_patch, square_workspace
 
 
 def align_landmarks(
@@ -20,35 +21,47 @@ def align_landmarks(
     """
     landmarks, rig, n = local_map.landmarks, view.rig, len(rows)
     found = Alignment(np.full((n, 2), np.nan), np.full(n, np.nan), np.full((n, 2, 2), np.nan))
+    if n == 0:
+        return found
     T_cam_odom = se3.inverse(T_odom_cam)
     intrinsics = np.array([rig.f_px, rig.cx_px, rig.cy_px, rig.f_px * rig.baseline_m])
     surface = (landmarks.anchor_pixels, landmarks.anchor_depth_m, landmarks.anchor_slopes)
-    anchor, side = landmarks.anchor[rows], view.settings.matching.align_px
-    for keyframe in local_map.keyframes:
-        here = np.flatnonzero(anchor == keyframe.serial)
-        T, images = T_cam_odom @ keyframe.T_odom_cam, (keyframe.left, view.frame.left)
-        _align_anchored(images, (rows, here), surface, T, intrinsics, side, start, found)
+    keyframes = local_map.keyframes
+    anchor = np.searchsorted([k.serial for k in keyframes], landmarks.anchor[rows])
+    T_cam_anchor = T_cam_odom @ np.stack([k.T_odom_cam for k in keyframes])
+    # As many as the window has: the machine code is for one number of images.
+    window = max(view.settings.refinement.window, len(keyframes))
+    images = [words(k.left) for k in keyframes]
+    images += [images[-1]] * (window - len(images)) + [words(view.frame.left)]
+    shape = (int(rig.height_px), int(rig.width_px), view.settings.matching.align_px)
+    which = (rows, anchor, start)
+    _align_anchored(tuple(images), which, surface, T_cam_anchor, intrinsics, shape, found)
     return found
 
 
 @compiled(fastmath={"reassoc", "contract"})  # sums in any order; NaN stays NaN
 def _align_anchored(
-    images: tuple[Image, Image], which: tuple[Indices, Indices],
-    surface: tuple[Array, Array, Array], T_cam_anchor: Array, intrinsics: Array, side: int,
-    start: Array, found: Alignment,
+    images: tuple[Array, ...], which: tuple[Indices, Indices, Array],
+    surface: tuple[Array, Array, Array], T_cam_anchor: Array, intrinsics: Array,
+    shape: tuple[int, int, int], found: Alignment,
 ) -> None:  # fmt: skip
-    """Align the landmarks of one anchor, at some places (K,) among the rows (N,)."""
-    rows, here = which
+    """Align rows (N,) of the landmarks, whose anchors (N,) are among the images, with the last one.
+
+    The images are words; from each anchor to the camera leads one of the transforms (K, 4, 4).
+    """
+    rows, anchor, starts = which
     pixels, depth_m, slopes = surface
-    padded, patch, gradients, offsets, now = patch_workspace(side)
-    template, work = (patch, gradients), (offsets, now)
+    height, width, side = shape
+    work, square = workspace(side), square_workspace(side, width)
+    size, now = (height, width), images[-1]
     warp = np.empty((3, 2))
-    for i in here:
-        j = rows[i]
-        write_plane_warp(pixels[j], depth_m[j], slopes[j], T_cam_anchor, intrinsics, warp)
-        norm, kept = extract_patch(images[0], pixels[j, 0], pixels[j, 1], padded, patch, gradients)
+    for i in range(len(rows)):
+        j, k = rows[i], anchor[i]
+        write_plane_warp(pixels[j], depth_m[j], slopes[j], T_cam_anchor[k], intrinsics, warp)
+        norm, kept = extract_patch(images[k], size, pixels[j, 0], pixels[j, 1], square, work)
+        template, at = (norm, kept, side), (starts[i, 0], starts[i, 1])
         u, v, zncc, uu, uv, vv = align_patch(
-            template, norm, kept, images[1], (start[i, 0], start[i, 1]), warp, False, work
+            template, now, size, at, warp, False, CONVERGED_PX, work
         )
         found.pixels[i, 0], found.pixels[i, 1], found.zncc[i] = u, v, zncc
         found.covariance_px2[i, 0, 0], found.covariance_px2[i, 1, 1] = uu, vv

@@ -3,7 +3,8 @@
 import numpy as np
 
 from vo.config import OdometrySettings
-from vo.contract.arrays import Indices, find_sorted
+from vo.contract.arrays import Array, Indices, find_sorted
+from vo.contract.compilation import compiled
 from vo.contract.observations import Observations
 
 MIN_FLOW_PX = 1.0
@@ -37,5 +38,16 @@ def is_new_view(
 
 def information_of(seen: Observations, ids: Indices) -> float:
     """Information on the translation, up to a factor, of observations of some landmarks (N,)."""
-    rows = find_sorted(seen.ids, ids)
-    return float((np.nan_to_num(seen.disparity_px[rows[rows >= 0]]) ** 2).sum())
+    return _sum_squares(seen.ids, seen.disparity_px, ids)
+
+
+@compiled()
+def _sum_squares(ids: Indices, values: Array, wanted: Indices) -> float:
+    """Sum the squares of the values (N,), or NaN, of wanted ids (M,); both ascending."""
+    total, row = 0.0, 0
+    for i in range(len(wanted)):
+        while row < len(ids) and ids[row] < wanted[i]:
+            row += 1
+        if row < len(ids) and ids[row] == wanted[i] and values[row] == values[row]:
+            total += values[row] * values[row]
+    return total

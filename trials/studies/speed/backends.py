@@ -12,7 +12,7 @@ from trials.report.tables import text_table
 from trials.studies.speed.drive import on_cores
 from vo.bundle_adjustment.adjust import BACKENDS, Refined, refine_structure
 from vo.bundle_adjustment.point_estimates import PointEstimates
-from vo.bundle_adjustment.problem import Bundle
+from vo.bundle_adjustment.problem import Bundle, Optimum
 from vo.config import THESIS, OdometrySettings, RefinementSettings
 from vo.contract.arrays import Array
 from vo.odometry import StereoOdometry
@@ -47,10 +47,10 @@ def record_windows(dataset: Path, settings: OdometrySettings) -> list[Bundle]:
     optimize = BACKENDS[name]
 
     def record(
-        bundle: Bundle, estimates: PointEstimates, settings: RefinementSettings
-    ) -> tuple[Array, int]:
+        bundle: Bundle, estimates: PointEstimates, settings: RefinementSettings, covariances: bool
+    ) -> Optimum:
         windows.append(bundle)
-        return optimize(bundle, estimates, settings)
+        return optimize(bundle, estimates, settings, covariances)
 
     sequence = open_sequence(dataset)
     estimator = StereoOdometry(sequence.rig, settings)
