@@ -3,12 +3,14 @@
 Every frame needs it, with six unknowns; a graph built for it would take longer than its solution.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
-from vo.bundle_adjustment.schur import Cameras, Measurements, linearize, robust_weights, workspace
+from vo.bundle_adjustment.schur import Cameras
 from vo.contract.arrays import Array
 from vo.contract.compilation import compiled
-from vo.contract.projection import stereo_residual
+from vo.contract.projection import MIN_DEPTH_M
 
 REWEIGHTINGS = 3
 """Rounds in which the Huber weights are renewed (Holland and Welsch, 1977)."""
@@ -23,6 +25,24 @@ LIFT = 1e-9
 """Share that is always added: directions that nothing determines stay as they are."""
 
 
+class Seen(NamedTuple):
+    """Measurements of N points by one camera, in columns.
+
+    Attributes:
+        points: (3, N) x, y, z in the world, metres.
+        measured: (3, N) u, v, disparity, pixels; anything where the weight is zero.
+        weight: (3, N) one over sigma; zero where nothing was measured.
+        here: (3, N) the points in the camera; written with the residuals.
+        residual: (3, N) in sigmas.
+    """
+
+    points: Array
+    measured: Array
+    weight: Array
+    here: Array
+    residual: Array
+
+
 @compiled()
 def refine_camera(
     T_world_cam: Array, points: Array, measured: Array, sigma: Array, use_disparity: bool,
@@ -35,46 +55,50 @@ def refine_camera(
     points' scores, and the steps.
     """
     n = len(points)
-    seen, weight = measured.copy(), np.zeros((n, 3))
+    columns = np.zeros((5, 3, n))
+    data = Seen(columns[0], columns[1], columns[2], columns[3], columns[4])
+    robust = Seen(data.points, data.measured, np.empty((3, n)), data.here, data.residual)
     for j in range(n):
-        for k in range(3 if use_disparity else 2):
-            if np.isnan(measured[j, k]):
-                seen[j, k] = 0.0
-            else:
-                weight[j, k] = 1 / sigma[j, k]
-    each = np.arange(n + 1)
-    data = Measurements(each, np.zeros(n, np.int64), seen, weight, intrinsics)
+        for k in range(3):
+            data.points[k, j] = points[j, k]
+            if not np.isnan(measured[j, k]) and (k < 2 or use_disparity):
+                data.measured[k, j], data.weight[k, j] = measured[j, k], 1 / sigma[j, k]
     camera = Cameras(np.empty((1, 3, 3)), np.empty((1, 3)))
     camera.R[0], camera.t[0] = T_world_cam[:3, :3], T_world_cam[:3, 3]
-    steps, weighted = 0, data
+    J, steps = np.zeros((6, 3, n)), 0
     for _ in range(REWEIGHTINGS if n else 0):
-        weights = robust_weights(camera, points, data, huber)
-        weighted = Measurements(data.first, data.camera, data.measured, weights, data.intrinsics)
-        steps += _descend(camera, points, weighted, max_iterations)
-    H, _, _, B = _normal_equations(camera, points, weighted)
+        _residuals(camera.R[0], camera.t[0], data, intrinsics)
+        _reweight(data.weight, data.residual, huber, robust.weight)
+        steps += _descend(camera, robust, intrinsics, max_iterations, J)
+    _residuals(camera.R[0], camera.t[0], robust, intrinsics)
+    _differentiate(robust.here, robust.weight, intrinsics, J)
+    by_all, scores = J.reshape(6, 3 * n), _scores(J, robust.residual)
     R = camera.R[0]
     T = np.eye(4)
     T[:3, :3] = R @ (1.5 * np.eye(3) - 0.5 * (R.T @ R))  # rounding of many products
     T[:3, 3] = camera.t[0]
-    return T, H, B, steps
+    return T, by_all @ by_all.T, scores @ scores.T, steps
 
 
 @compiled()
-def _descend(camera: Cameras, points: Array, data: Measurements, max_iterations: int) -> int:
+def _descend(camera: Cameras, data: Seen, intrinsics: Array, max_iterations: int, J: Array) -> int:
     """Take Levenberg-Marquardt steps, in place, until the cost hardly falls; return their number.
 
     Every step begins undamped: where the cost is nearly quadratic that is Gauss-Newton.
     """
+    cost = _residuals(camera.R[0], camera.t[0], data, intrinsics)
+    moved = Cameras(camera.R.copy(), camera.t.copy())
+    by_all = J.reshape(6, J.size // 6)
     for step in range(max_iterations):
-        H, g, cost, _ = _normal_equations(camera, points, data)
+        _differentiate(data.here, data.weight, intrinsics, J)
+        H, g = by_all @ by_all.T, by_all @ data.residual.ravel()
         damping, tried_cost = LIFT, np.inf
-        moved = Cameras(camera.R.copy(), camera.t.copy())
         while damping < MAX_DAMPING:
             lifted = H.copy()
             for i in range(6):
                 lifted[i, i] += damping * H[i, i] + 1e-12
             move(camera, 0, np.linalg.solve(lifted, -g), moved)
-            tried_cost = _cost(moved, points, data)
+            tried_cost = _residuals(moved.R[0], moved.t[0], data, intrinsics)
             if tried_cost <= cost:
                 break
             damping = max(10 * damping, FIRST_DAMPING)
@@ -83,43 +107,71 @@ def _descend(camera: Cameras, points: Array, data: Measurements, max_iterations:
         camera.R[:], camera.t[:] = moved.R, moved.t
         if cost - tried_cost <= RELATIVE_TOLERANCE * cost:
             return step + 1
+        cost = tried_cost
     return max_iterations
 
 
 @compiled(distinct=True, fastmath={"reassoc", "contract"})
-def _normal_equations(
-    cameras: Cameras, points: Array, data: Measurements
-) -> tuple[Array, Array, float, Array]:
-    """(6, 6) and (6,) normal equations, half the sum of squares, and score products (6, 6)."""
-    H, g, B, score = np.zeros((6, 6)), np.zeros(6), np.zeros((6, 6)), np.empty(6)
+def _residuals(R: Array, t: Array, data: Seen, intrinsics: Array) -> float:
+    """Write points in the camera and residuals; return half the sum of squares."""
+    points, measured, weight, here, residual = data
+    fx, fy, cx, cy, fb = intrinsics
     cost = 0.0
-    r, F, E, _, _, _ = workspace()
-    R, t = cameras.R[0], cameras.t[0]
-    _, _, measured, weight, intrinsics = data
-    for j in range(len(points)):
-        linearize(R, t, points[j], measured[j], weight[j], intrinsics, r, F, E)
-        cost += 0.5 * (r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
-        for p in range(6):
-            score[p] = F[0, p] * r[0] + F[1, p] * r[1] + F[2, p] * r[2]
-            g[p] += score[p]
-            for q in range(p + 1):
-                H[p, q] += F[0, p] * F[0, q] + F[1, p] * F[1, q] + F[2, p] * F[2, q]
-                B[p, q] += score[p] * score[q]
-    for p in range(6):
-        for q in range(p):
-            H[q, p], B[q, p] = H[p, q], B[p, q]
-    return H, g, cost, B
+    for j in range(np.uint64(points.shape[1])):
+        dx, dy, dz = points[0, j] - t[0], points[1, j] - t[1], points[2, j] - t[2]
+        x = R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz
+        y = R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz
+        z = max(R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz, MIN_DEPTH_M)
+        u = weight[0, j] * (fx * x / z + cx - measured[0, j])
+        v = weight[1, j] * (fy * y / z + cy - measured[1, j])
+        d = weight[2, j] * (fb / z - measured[2, j])
+        here[0, j], here[1, j], here[2, j] = x, y, z
+        residual[0, j], residual[1, j], residual[2, j] = u, v, d
+        cost += 0.5 * (u * u + v * v + d * d)
+    return cost
 
 
 @compiled(distinct=True, fastmath={"reassoc", "contract"})
-def _cost(cameras: Cameras, points: Array, data: Measurements) -> float:
-    """Half the sum of squared residuals."""
-    cost, r = 0.0, np.empty(3)
-    R, t = cameras.R[0], cameras.t[0]
-    for j in range(len(points)):
-        stereo_residual(R, t, points[j], data.measured[j], data.weight[j], data.intrinsics, r)
-        cost += 0.5 * (r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
-    return cost
+def _differentiate(here: Array, weight: Array, intrinsics: Array, J: Array) -> None:
+    """Write the derivatives (6, 3, N) of residuals by the tangent (w, v), but for zeros."""
+    fx, fy, _, _, fb = intrinsics
+    for j in range(np.uint64(here.shape[1])):
+        x, y, z = here[0, j], here[1, j], here[2, j]
+        # Rows (a, 0, c), (0, b, d), (0, 0, e) of d residual / d point in the camera's frame, and
+        # the camera moves by (w, v) in its own frame: d point = point x w - v.
+        a, b, e = weight[0, j] * fx / z, weight[1, j] * fy / z, -weight[2, j] * fb / (z * z)
+        c, d = -a * x / z, -b * y / z
+        J[0, 0, j], J[1, 0, j], J[2, 0, j] = -c * y, c * x - a * z, a * y
+        J[0, 1, j], J[1, 1, j], J[2, 1, j] = b * z - d * y, d * x, -b * x
+        J[0, 2, j], J[1, 2, j] = -e * y, e * x
+        J[3, 0, j], J[5, 0, j] = -a, -c
+        J[4, 1, j], J[5, 1, j] = -b, -d
+        J[5, 2, j] = -e
+
+
+@compiled(distinct=True, fastmath={"reassoc", "contract"})
+def _reweight(weight: Array, residual: Array, huber: float, robust: Array) -> None:
+    """Scale weights so that their squares give the Huber loss of each point's residual."""
+    for j in range(np.uint64(weight.shape[1])):
+        u, v, d = residual[0, j], residual[1, j], residual[2, j]
+        size = np.sqrt(u * u + v * v + d * d)
+        scale = np.sqrt(huber / max(size, huber))
+        for k in range(3):
+            robust[k, j] = weight[k, j] * scale
+
+
+@compiled()
+def _scores(J: Array, residual: Array) -> Array:
+    """Each point's part (6, N) of the gradient."""
+    scores = np.empty((6, J.shape[2]))
+    for p in range(6):
+        for j in range(J.shape[2]):
+            scores[p, j] = (
+                J[p, 0, j] * residual[0, j]
+                + J[p, 1, j] * residual[1, j]
+                + J[p, 2, j] * residual[2, j]
+            )
+    return scores
 
 
 @compiled()

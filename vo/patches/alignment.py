@@ -112,7 +112,7 @@ def _align_all(
                 work[GU, at], work[GV, at] = gradients[i, 0, j, k], gradients[i, 1, j, k]
         template, at = (norms[i], kept[i], side), (start[i, 0], start[i, 1])
         u, v, score, uu, uv, vv = align_patch(
-            template, grey, size, at, warp[i], horizontal_only, CONVERGED_PX, work
+            template, grey, size, at, warp[i], horizontal_only, work
         )
         pixels[i, 0], pixels[i, 1], zncc[i] = u, v, score
         covariance[i, 0, 0], covariance[i, 1, 1] = uu, vv
@@ -123,14 +123,13 @@ def _align_all(
 @compiled(fastmath={"reassoc", "contract"})
 def align_patch(
     template: tuple[float, float, int], grey: Array, size: tuple[int, int],
-    start: tuple[float, float], warp: Array, horizontal_only: bool, converged_px: float,
-    work: Array,
+    start: tuple[float, float], warp: Array, horizontal_only: bool, work: Array,
 ) -> tuple[float, float, float, float, float, float]:  # fmt: skip
     """Align the patch in a workspace, as `align` does, from a start (u, v).
 
     Of the template, its norm, share of noise kept, and side are given; of the image, its grey
-    levels as words, height and width. The last step is shorter than `converged_px`. Returns u, v,
-    the correlation, and the covariance uu, uv, vv; all NaN where there is none.
+    levels as words, height and width. Returns u, v, the correlation, and the covariance uu, uv, vv;
+    all NaN where there is none.
     """
     none = (np.nan, np.nan, np.nan, np.nan, np.nan, np.nan)
     norm, kept, side = template
@@ -165,7 +164,7 @@ def align_patch(
         if abs(u - start[0]) > radius or abs(v - start[1]) > radius:
             return none
         found = True
-        if step_u * step_u + step_v * step_v < converged_px * converged_px:
+        if step_u * step_u + step_v * step_v < CONVERGED_PX * CONVERGED_PX:
             break
     if not found:
         return none

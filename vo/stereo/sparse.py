@@ -16,7 +16,7 @@ from vo.config import StereoSettings
 from vo.contract.arrays import Array, Mask
 from vo.contract.compilation import compiled
 from vo.contract.sequence import StereoFrame
-from vo.patches.alignment import CONVERGED_PX, align_patch
+from vo.patches.alignment import align_patch
 from vo.patches.sampling import words, workspace
 from vo.patches.templates import extract_patch, extract_templates, square_workspace
 from vo.stereo.dense import sample_nearest
@@ -32,9 +32,6 @@ MAX_CORRECTION_PX = 2.0
 
 SLANT_PATCH_PX = 13
 """Side of the patch that gives the slant of a feature without neighbours: slopes need a lever."""
-
-TEST_CONVERGED_PX = 0.1
-"""Length of the last step of shifted windows: a third of their disagreement is added to sigmas."""
 
 DISAGREEMENT_SIGMAS = 3.0
 """Disagreement of the shifted windows, in standard deviations that it adds."""
@@ -81,16 +78,21 @@ def measure_disparities(
     expected_px: Array | None = None,
     slopes: Array | None = None,
     nearby: Array | None = None,
+    is_exact: bool = False,
 ) -> Disparities:
     """Find the disparity at pixels (N, 2); NaN where unknown, unlike, ambiguous or beyond the gate.
 
     A dense map, possibly of a smaller image, is used unless the method is sparse, which searches
-    about the expected disparities (N,), or over the whole range where they are NaN or not given.
+    about the expected disparities (N,), or over the whole range where they are NaN or not given. If
+    these are exact, to about a pixel, there is no search.
     The slant (N, 2) of the surface comes, if it is not known already, from planes through the
     disparities of neighbours, to which the (K, 3) u, v and disparity of features nearby belong.
     """
     pixels = np.asarray(pixels, dtype=np.float64)
-    start, distinct = _search(frame, dense, pixels, settings, expected_px)
+    if is_exact and expected_px is not None and settings.refine and settings.method == "sparse":
+        start, distinct = expected_px, np.isfinite(expected_px)
+    else:
+        start, distinct = _search(frame, dense, pixels, settings, expected_px)
     if not settings.refine:
         known = distinct & (start > settings.min_disparity_px)
         values_px = np.where(known, start, np.nan)
@@ -186,7 +188,7 @@ def _refine_all(
             continue
         u, v = pixels[i, 0], pixels[i, 1]
         warp[0, 0], warp[0, 1] = 1 - slopes[i, 0], -slopes[i, 1]  # u_right = u_left - d(u_left, v)
-        value, zncc, variance = _align_pixel(pair, size, u, v, start[i], warp, CONVERGED_PX, whole)
+        value, zncc, variance = _align_pixel(pair, size, u, v, start[i], warp, whole)
         sigma = np.sqrt(variance)
         good = zncc > limits.min_zncc and sigma < limits.max_sigma_px
         if not (good and abs(value - start[i]) < MAX_CORRECTION_PX):
@@ -195,9 +197,7 @@ def _refine_all(
             largest = 0.0
             for shift in (-(side // 3), side // 3):
                 expected = value + slopes[i, 0] * shift
-                found, _, _ = _align_pixel(
-                    pair, size, u + shift, v, expected, warp, TEST_CONVERGED_PX, part
-                )
+                found, _, _ = _align_pixel(pair, size, u + shift, v, expected, warp, part)
                 largest = max(largest, abs(found - expected)) if found == found else np.inf
             if not (largest < limits.max_disagreement_px and value > limits.min_disparity_px):
                 continue
@@ -209,13 +209,11 @@ def _refine_all(
 @compiled(fastmath={"reassoc", "contract"})
 def _align_pixel(
     pair: tuple[Array, Array], size: tuple[int, int], u: float, v: float, disparity: float,
-    warp: Array, converged_px: float, arrays: tuple[Array, tuple[Array, Array, int]],
+    warp: Array, arrays: tuple[Array, tuple[Array, Array, int]],
 ) -> tuple[float, float, float]:  # fmt: skip
     """Disparity of the patch about a pixel, its correlation and variance; NaN where none."""
     work, square = arrays
     norm, kept = extract_patch(pair[0], size, u, v, square, work)
     template, start = (norm, kept, square[2]), (u - disparity, v)
-    found, _, zncc, variance, _, _ = align_patch(
-        template, pair[1], size, start, warp, True, converged_px, work
-    )
+    found, _, zncc, variance, _, _ = align_patch(template, pair[1], size, start, warp, True, work)
     return u - found, zncc, variance

@@ -38,7 +38,7 @@ def find_matches(
         landmarks.descriptors, expected, view.descriptors, features, search_radius_px, s
     ).T
     return measure_matches(
-        local_map, view, T_odom_cam, rows, found, features[found], s.min_align_zncc
+        local_map, view, T_odom_cam, rows, found, features[found], s.min_align_zncc, is_exact=False
     )
 
 
@@ -185,9 +185,12 @@ def add_observations(local_map: LocalMap, view: View, matches: Matches) -> Local
 
 def measure_matches(
     local_map: LocalMap, view: View, T_odom_cam: Array, rows: Indices, features: Indices,
-    start: Array, min_zncc: Array | float,
+    start: Array, min_zncc: Array | float, is_exact: bool = True,
 ) -> Matches:  # fmt: skip
-    """Align landmarks in both images from where they are expected; keep those that correlate."""
+    """Align landmarks in both images from where they are expected; keep those that correlate.
+
+    The pose is exact to about a pixel, or else disparities are searched for.
+    """
     s = view.settings
     if s.matching.align:
         aligned = align_landmarks(local_map, view, T_odom_cam, rows, start)
@@ -203,6 +206,7 @@ def measure_matches(
     stereo = measure_disparities(
         view.frame, view.dense, pixels, s.stereo,
         expected_px=project_points(points, T_odom_cam, view.rig)[:, 2], slopes=slopes,
+        is_exact=is_exact,
     )  # fmt: skip
     variance = np.diagonal(aligned.covariance_px2[good], axis1=1, axis2=2)
     sigma_px = measurement_sigma(variance, stereo.sigma_px, local_map.noise, s.refinement)

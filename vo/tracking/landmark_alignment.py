@@ -7,7 +7,7 @@ from vo.contract.arrays import Array, Indices
 from vo.contract.compilation import compiled
 from vo.map.frame import View
 from vo.map.local_map import LocalMap
-from vo.patches.alignment import CONVERGED_PX, Alignment, align_patch
+from vo.patches.alignment import Alignment, align_patch
 from vo.patches.sampling import words, workspace
 from vo.patches.templates import extract_patch, square_workspace
 
@@ -60,9 +60,7 @@ def _align_anchored(
         write_plane_warp(pixels[j], depth_m[j], slopes[j], T_cam_anchor[k], intrinsics, warp)
         norm, kept = extract_patch(images[k], size, pixels[j, 0], pixels[j, 1], square, work)
         template, at = (norm, kept, side), (starts[i, 0], starts[i, 1])
-        u, v, zncc, uu, uv, vv = align_patch(
-            template, now, size, at, warp, False, CONVERGED_PX, work
-        )
+        u, v, zncc, uu, uv, vv = align_patch(template, now, size, at, warp, False, work)
         found.pixels[i, 0], found.pixels[i, 1], found.zncc[i] = u, v, zncc
         found.covariance_px2[i, 0, 0], found.covariance_px2[i, 1, 1] = uu, vv
         found.covariance_px2[i, 0, 1] = found.covariance_px2[i, 1, 0] = uv
