@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from driftyard.gating import GateResult, gate
     from driftyard.geometry import boxes, occupancy, point_cloud
     from driftyard.motion import Flow, flow, tracks
-    from driftyard.realism import compare
+    from driftyard.realism import compare, match
     from driftyard.recording import cameras, record, scenes
     from driftyard.scoring import score
     from driftyard.viewing import view
@@ -51,7 +51,9 @@ if TYPE_CHECKING:
     from trials.evaluation.score import Score
     from trials.gym.env.policies import NavigatorPolicy
     from trials.gym.media import Filmed
+    from trials.realism.camera_estimates import CameraSetting
     from trials.realism.comparison import Comparison, Distance
+    from trials.realism.matching import CameraMatch
     from vo.contract.errors import (
         CalibrationError,
         DatasetError,
@@ -80,7 +82,7 @@ _HOMES = {
     "driftyard.gating": ("GateResult", "gate"),
     "driftyard.geometry": ("boxes", "occupancy", "point_cloud"),
     "driftyard.motion": ("Flow", "flow", "tracks"),
-    "driftyard.realism": ("compare",),
+    "driftyard.realism": ("compare", "match"),
     "driftyard.recording": ("cameras", "record", "scenes"),
     "driftyard.scoring": ("score",),
     "driftyard.viewing": ("view",),
@@ -95,7 +97,9 @@ _HOMES = {
     "trials.evaluation.score": ("Score",),
     "trials.gym.env.policies": ("NavigatorPolicy",),
     "trials.gym.media": ("Filmed",),
+    "trials.realism.camera_estimates": ("CameraSetting",),
     "trials.realism.comparison": ("Comparison", "Distance"),
+    "trials.realism.matching": ("CameraMatch",),
     "vo.contract.errors": (
         *("CalibrationError", "DatasetError", "DriftyardError", "FrameIndexError"),
         *("ImageError", "SettingsError", "TrajectoryError"),
@@ -118,6 +122,8 @@ _MODULE_OF = {name: module for module, names in _HOMES.items() for name in names
 __all__ = [
     "Box",
     "CalibrationError",
+    "CameraMatch",
+    "CameraSetting",
     "Command",
     "Comparison",
     "Dataset",
@@ -164,6 +170,7 @@ __all__ = [
     "flow",
     "gate",
     "make_estimator",
+    "match",
     "occupancy",
     "open",
     "open_run",

@@ -5,6 +5,7 @@ from pathlib import Path
 from driftyard.dataset import Dataset, PathLike
 from driftyard.failures import in_one_family
 from trials.realism.comparison import FRAMES, Comparison, Progress, compare_recordings
+from trials.realism.matching import CameraMatch, match_camera
 from trials.realism.page import write_page
 
 
@@ -43,6 +44,47 @@ def compare(
     found = compare_recordings(_folder(real), _folder(simulated), frames, progress)
     if out is not None:
         write_page(found, Path(out))
+    return found
+
+
+@in_one_family
+def match(
+    real: Dataset | PathLike,
+    out: PathLike | None = None,
+    *,
+    scenes: str = "all",
+    frames: int = 100,
+    page: PathLike | None = None,
+    progress: Progress | None = None,
+) -> CameraMatch:
+    """Estimate the camera of a real recording, and find the scene that is nearest with it.
+
+    Each setting is estimated from the statistics of `compare`, with an interval; the scenes are
+    recorded with them, or taken from `build/cache`. `docs/compare.md` says how.
+
+    Args:
+        real: An open recording, or its folder.
+        out: TOML file of settings for `record(camera=)` and `driftyard generate --camera`.
+        scenes: Names `a,b` of scenes to try, or all; none if it is empty.
+        frames: Largest number of frames of the recording, from the first.
+        page: HTML page of the recording beside the nearest scene.
+        progress: Called with the number of steps done and that of all, for each part in turn.
+
+    Returns:
+        `values`, `estimates` with intervals, `scenes`, `unmatched`, `toml()`, `to_dict()`.
+
+    Raises:
+        DriftyardError: If the recording is unreadable, a scene is unknown, or a file cannot be
+            written.
+
+    Example:
+        >>> match = dy.match(ds, scenes="")
+        >>> match.values["rig.height_px"], match.values["sensor.drop_share"]
+        (120, 0.0)
+    """
+    found = match_camera(_folder(real), Path(out) if out else None, scenes, frames, progress)
+    if page is not None and found.comparison is not None:
+        write_page(found.comparison, Path(page))
     return found
 
 

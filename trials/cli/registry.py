@@ -40,6 +40,7 @@ PANELS: dict[str, dict[str, tuple[str, str]]] = {
         "score": ("Compare trajectories with the ground truth.", "court court.txt --json"),
         "view": ("Show a dataset and runs in Rerun's viewer.", "court court.txt"),
         "compare": ("Compare a simulated recording with a real one.", "kitti_06 court"),
+        "match": ("Find the camera settings of a real recording.", "kitti_06 --out camera.toml"),
         "report": ("Write an HTML report of runs.", "court court.txt --out court.html"),
         "explain": ("Attribute drift to stages.", "--scene brick_court --seeds 3"),
         "gate": ("Compare with a stored baseline.", "check --baseline gate.json"),

@@ -4,11 +4,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
-import cv2
 import numpy as np
 
 from trials.evaluation.runs import SavedRun, Tracks
-from trials.realism.quantities import QUANTITIES, Statistic
+from trials.realism.quantities import QUANTITIES, SHIFT_R2, Statistic
+from trials.realism.sharpness import sample_inside
 from trials.realism.vignetting import LightPairs, vignetting_by_frame
 from vo.contract.arrays import Array, Image, Indices
 from vo.contract.rig import StereoRig
@@ -111,6 +111,7 @@ def patch_statistics(patches: list[Patches], rig: StereoRig) -> dict[str, Statis
     pairs = LightPairs(r2, ratio, np.zeros(len(frame), np.int64), frame)
     weights, weighted = vignetting_by_frame(pairs, frames)
     found["vignetting"] = Statistic(weighted[:, None], weights[:, None])
+    shifts = np.bincount(frame, abs(r2[:, 0] - r2[:, 1]), frames)[:, None]
     vignetting = weighted.sum() / weights.sum() if weights.any() else 0.0
     fall_off = np.log1p(-np.clip(vignetting, -1, 0.99) * r2)
     gain = np.exp(ratio - fall_off[:, 1] + fall_off[:, 0])
@@ -118,6 +119,7 @@ def patch_statistics(patches: list[Patches], rig: StereoRig) -> dict[str, Statis
     medians = np.array([np.median(x) if len(x) else 0.0 for x in groups])[:, None]
     count = np.bincount(frame, minlength=frames)[:, None].astype(np.float64)
     found["right_gain"] = Statistic(medians * count, count)
+    found[SHIFT_R2] = Statistic(shifts, count)
     return found
 
 
@@ -140,11 +142,7 @@ def _cut(image: Array, pixels: Array) -> Array:
     """Sample (N, P) values around pixels (N, 2); NaN beyond the image."""
     side = np.arange(-HALF_PX, HALF_PX + 1)
     offsets = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
-    u, v = np.moveaxis((pixels[:, None] + offsets).astype(np.float32), -1, 0)
-    if not len(pixels):
-        return np.zeros(u.shape)
-    values = image.astype(np.float32)
-    return cv2.remap(values, u, v, cv2.INTER_CUBIC, borderValue=float("nan")).astype(np.float64)
+    return sample_inside(image.astype(np.float32), pixels[:, None] + offsets).astype(np.float64)
 
 
 def _residual(first: Array, second: Array) -> Array:

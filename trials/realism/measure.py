@@ -25,7 +25,7 @@ from trials.realism.landmarks import (
     run_statistics,
 )
 from trials.realism.noise import GREY, Blocks, measure_blocks, select_flat
-from trials.realism.quantities import TILE_PX, Measured, Statistic
+from trials.realism.quantities import NOISE_GREY, TILE_PX, Measured, Statistic
 from trials.realism.sharpness import edge_widths
 from vo.config import FeatureSettings
 from vo.contract.arrays import Array, Image
@@ -120,7 +120,7 @@ def _measure_images(
     found = {
         "grey": Statistic(np.array([x.grey for x in frames])),
         "gradient": Statistic(np.array([x.gradient for x in frames])),
-        "noise": _noise([x.blocks for x in frames]),
+        **_noise([x.blocks for x in frames]),
         "edge_width": _histogram("edge_width", [x.edge_widths for x in frames]),
         "features": per_frame(np.array([x.features for x in frames])),
         "coverage": per_frame(np.array([x.coverage for x in frames])),
@@ -172,16 +172,15 @@ def _histogram(name: str, values: list[Array]) -> Statistic:
     return histogram(name, np.concatenate(values), frame, len(values))
 
 
-def _noise(frames: list[Blocks]) -> Statistic:
-    """Sum the energy of the flat blocks of all frames by their bins of grey levels."""
+def _noise(frames: list[Blocks]) -> dict[str, Statistic]:
+    """Sum energy and mean of the flat blocks of all frames by their bins of grey levels."""
     parts = (np.concatenate([getattr(x, k) for x in frames]) for k in ("mean", "low", "high"))
     blocks = Blocks(*parts)
     bins, flat = select_flat(blocks)
     frame = np.repeat(np.arange(len(frames)), [len(x.mean) for x in frames])
     place = (frame * len(GREY) + bins)[flat]
-    shape = len(frames), len(GREY)
-    sums, counts = (
-        np.bincount(place, x, len(frames) * len(GREY)).reshape(shape)
-        for x in (blocks.high[flat], np.ones(flat.sum()))
+    energy, grey, counts = (
+        np.bincount(place, x[flat], len(frames) * len(GREY)).reshape(len(frames), len(GREY))
+        for x in (blocks.high, blocks.mean, np.ones(len(bins)))
     )
-    return Statistic(sums, counts)
+    return {"noise": Statistic(energy, counts), NOISE_GREY: Statistic(grey, counts)}

@@ -14,6 +14,9 @@ SMALLEST = 1e-3
 """Value that stands for a smaller one in ratios."""
 TILE_PX = 32
 """Side of the tiles whose power spectra are averaged."""
+NOISE_GREY, SHIFT_R2 = "noise_grey", "shift_r2"
+"""Statistics that only help: mean grey level of the flat blocks of each bin, and how much farther
+from the centre (squared, 1 in the corner) one eye sees points than the other."""
 NO_TRACKS = "the estimator follows too few landmarks"
 
 

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 from scipy.special import erf
 
+from sim.imaging.resample import sample
 from vo.contract.arrays import Array, Image
 
 EDGES = 300
@@ -90,9 +91,16 @@ def _profiles(light: Array, points: Array, normals: Array, at: Array) -> Array:
     across = points[:, None] + at[:, None] * normals[:, None]
     total = np.zeros((len(points), len(at)))
     for x in ALONG_PX:
-        u, v = np.moveaxis((across + x * along[:, None]).astype(np.float32), -1, 0)
-        total += cv2.remap(light, u, v, cv2.INTER_CUBIC, borderValue=float("nan"))
+        total += sample_inside(light, across + x * along[:, None])
     return total / len(ALONG_PX)
+
+
+def sample_inside(image: Array, places: Array) -> Array:
+    """Sample an image (H, W) float32 at places (N, L, 2), (u, v): (N, L), NaN beyond it."""
+    size = np.array(image.shape[::-1])
+    inside = ((places >= 0) & (places <= size - 1)).all(axis=-1, keepdims=True)
+    u, v = np.moveaxis(np.where(inside, places, np.nan).astype(np.float32), -1, 0)
+    return sample(image, np.ascontiguousarray(u), np.ascontiguousarray(v))
 
 
 def _fit(at: Array, profiles: Array) -> tuple[Array, Array]:
