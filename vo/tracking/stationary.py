@@ -13,7 +13,7 @@ from functools import reduce
 import numpy as np
 
 from vo.contract import se3
-from vo.contract.arrays import Array
+from vo.contract.arrays import Array, find_sorted
 from vo.contract.projection import image_jacobian
 from vo.contract.rig import StereoRig
 from vo.map.frame import Matches, View
@@ -127,8 +127,9 @@ def is_stationary(
 
 def _flow(first: Matches, now: Matches) -> tuple[Array, Array]:
     """Flow (N, 2) of the landmarks in both, and their positions (N, 3)."""
-    _, i, j = np.intersect1d(first.ids, now.ids, assume_unique=True, return_indices=True)
-    return now.pixels[j] - first.pixels[i], now.points_odom[j]
+    place = find_sorted(first.ids, now.ids)
+    both = place >= 0
+    return now.pixels[both] - first.pixels[place[both]], now.points_odom[both]
 
 
 def _pool(frames: tuple[Matches, ...]) -> Matches:
