@@ -20,7 +20,6 @@ from vo.map.frame import View, newest_matches
 from vo.map.local_map import TrackedFrame, pose_covariance
 from vo.map.run_history import RunHistory
 from vo.map.state import Halt, TrackerState
-from vo.mapping import relocalization
 from vo.mapping.batch_smoothing import smooth
 from vo.mapping.keyframes import add_keyframe, needs_keyframe
 from vo.mapping.mapper import Mapper
@@ -30,6 +29,7 @@ from vo.tracking.association import add_observations
 from vo.tracking.budget import Budget
 from vo.tracking.frontend import Frontend
 from vo.tracking.landmark_prior import cull_landmarks
+from vo.tracking.motion_model import gap_covariance
 from vo.tracking.stationary import detect_stationary, start_halt
 from vo.tracking.track_displaced import track_displaced
 from vo.tracking.track_local_map import (
@@ -105,10 +105,11 @@ class StereoOdometry:
             halt = detect_stationary(state.halt, tracked.view, tracked.inliers)
             if halt:  # zero-velocity update (5.1.3)
                 tracked = replace(tracked, T_odom_cam=halt.T_odom_cam, covariance=halt.covariance)
-            if is_keyframe := not halt and needs_keyframe(tracked):
-                moved = mapper.finish(
-                    state, self.hooks, counts
-                )  # what the keyframe before left to do
+            # The exposure has found its level: what was seen before is mostly rounding.
+            is_clearer = state.is_faint and not diagnostics.is_faint(view.frame.left)
+            if is_keyframe := is_clearer or (not halt and needs_keyframe(tracked)):
+                state.is_faint = False
+                moved = mapper.finish(state, self.hooks, counts)  # left to do by the one before
                 tracked = tracked.moved(moved, state.map.landmarks)
             step_covariance = self._advance(tracked, halt)
             if is_keyframe:
@@ -132,8 +133,10 @@ class StereoOdometry:
         """Start a map at the pose that the lost map gives, or else at the last pose."""
         state, lost_frames, none = self.state, self.state.lost_frames, np.zeros((6, 6))
         found = relocalize(state.lost_map, view, self._rng)  # (6)
-        unknown = relocalization.LIMITS.unknown_variance * np.eye(6) if lost_frames else none
-        T_odom_cam, covariance = found or (state.T_odom_cam, unknown)
+        T_odom_cam, covariance = found or (state.T_odom_cam, none)
+        if lost_frames and not found:  # as if the last motion had gone on
+            T_odom_cam = predict_pose(state, view, self.hooks)
+            covariance = gap_covariance(state, view.frame.timestamp_ns)
         new = add_keyframe(state.map, view, T_odom_cam, covariance, hooks=self.hooks)
         n, min_inliers = len(new.landmarks), view.settings.motion.min_inliers
         counts = {"matches": 0, "inliers": 0, "fresh": n}
@@ -141,7 +144,7 @@ class StereoOdometry:
             return self._lose(view, counts, clock, f"{n} features with depth, need {min_inliers}")
         state.map, state.lost_map = new, None if found else state.lost_map
         self._history.record_map(new, view.settings.refinement)
-        state.previous = new.keyframes[-1]
+        state.previous, state.is_faint = new.keyframes[-1], diagnostics.is_faint(view.frame.left)
         state.halt = start_halt(state.T_odom_cam, T_odom_cam, none, view, newest_matches(new))
         return Estimate(
             view.frame.timestamp_ns,
@@ -161,7 +164,6 @@ class StereoOdometry:
         self._mapper.finish(self.state, self.hooks, {})
         state, settings = self.state, self.settings
         state.lost_frames += 1
-        state.T_last_cam = np.eye(4)
         state.map, state.lost_map = mark_lost(
             state.map, state.lost_map, state.lost_frames, settings.patience_frames
         )
@@ -188,7 +190,7 @@ class StereoOdometry:
         view, counts, T_odom_cam = tracked.view, tracked.counts, tracked.T_odom_cam
         inliers, iterations = len(tracked.inliers), counts["motion iterations"]
         weakness = diagnostics.explain_weakness(inliers, iterations, view.settings)
-        keyframe, offsets_px = self.state.map.keyframes[-1], self.state.row_offsets_px
+        offsets_px = self.state.row_offsets_px
         left_out = self._budget.end()
         return Estimate(
             view.frame.timestamp_ns,
@@ -198,7 +200,7 @@ class StereoOdometry:
             counts={**view.detection.counts, **counts},
             timings_ms=clock.ms,
             observations=tracked.observations(),
-            covariance=pose_covariance(keyframe, T_odom_cam, tracked.covariance),
+            covariance=self.state.odom_covariance,
             step_covariance=step_covariance,
         )
 
@@ -209,6 +211,8 @@ class StereoOdometry:
         step_covariance = se3.transform_covariance(T_cam_last, state.covariance) + covariance
         state.T_last_cam, state.T_odom_cam = se3.inverse(T_cam_last), T_odom_cam
         state.covariance, state.lost_frames = covariance, 0
+        state.odom_covariance = pose_covariance(keyframe, T_odom_cam, covariance)
+        state.step_ns = view.frame.timestamp_ns - state.pose_ns
         state.pose_ns = view.frame.timestamp_ns
         T_keyframe_cam = se3.inverse(keyframe.T_odom_cam) @ T_odom_cam
         self._history.frames.append((state.pose_ns, keyframe.serial, T_keyframe_cam))

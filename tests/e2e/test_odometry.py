@@ -237,14 +237,45 @@ def test_new_segment_is_merged_with_the_lost_one(odometry, frames, truth):
 
 
 def test_new_segment_elsewhere_is_not_merged(odometry, frames):
-    """What shows nothing of the old segment goes on from its last pose, and says how unsure."""
+    """What shows nothing of the old segment goes on as it moved, and says how unsure."""
     dark = [blank(x) for x in frames[4 : 4 + PATIENCE + 2]]
     upended = [replaced(x, x.left[::-1].copy(), x.right[::-1].copy()) for x in frames[:3]]
     elsewhere = [later(x, 100) for x in upended]
     estimates = track_all(odometry, [*frames[:4], *dark, *elsewhere])
     start = estimates[4 + len(dark)]
-    np.testing.assert_allclose(start.T_odom_cam, estimates[3].T_odom_cam, atol=1e-3)
+    step = se3.log(se3.inverse(estimates[2].T_odom_cam) @ estimates[3].T_odom_cam)
+    expected = estimates[3].T_odom_cam @ se3.exp(10 * step)  # for a second, not for ten
+    np.testing.assert_allclose(start.T_odom_cam, expected, atol=0.02)
     assert start.covariance[0, 0] > 0.5
+
+
+def test_gap_is_bridged_by_the_last_motion(odometry, frames, truth):
+    """After darkness beyond patience nothing is known again; the path has gone on meanwhile."""
+    dark = [blank(x) for x in frames[4 : 4 + PATIENCE + 2]]
+    at = 4 + len(dark)
+    upended = replaced(frames[at], frames[at].left[::-1].copy(), frames[at].right[::-1].copy())
+    start = track_all(odometry, [*frames[:4], *dark, upended])[-1]
+    assert start.status is Status.START
+    driven_m = error_m(start, se3.inverse(truth[3]) @ truth[at] @ start.T_odom_cam)
+    assert 1e-6 < error_m(start, truth[at]) < 0.3 * driven_m
+    error = se3.log(se3.inverse(truth[at]) @ start.T_odom_cam)
+    sigma = np.sqrt(np.diag(start.covariance))
+    assert (np.abs(error) < 3 * sigma).all()
+    assert sigma[:3].max() < 0.5
+
+
+def test_start_on_a_faint_image_is_renewed(odometry, frames):
+    """An exposure that begins too low: the first landmarks are rounding, the next ones are not."""
+    levels = (0.08, 0.08, 0.2, 0.5, 1, 1)
+    shown = [
+        replaced(x, *(np.uint8(image * level) for image in (x.left, x.right)))
+        for x, level in zip(frames, levels, strict=False)
+    ]
+    estimates = track_all(odometry, shown)
+    assert shown[1].left.std() < 4 < shown[2].left.std()
+    assert statuses(estimates) == [Status.START] + [Status.TRACKED] * 5
+    renewed = estimates[3].observations.ids
+    assert not np.isin(renewed, estimates[1].observations.ids).all()
 
 
 def test_final_result_has_every_posed_frame_and_a_map(result, sequence):

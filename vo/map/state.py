@@ -52,8 +52,9 @@ class TrackerState:
         map: Keyframes and landmarks of the present segment; empty before its first frame.
         lost_map: Map of a segment that is not connected to the present one.
         T_odom_cam: (4, 4) pose of the last frame that had one, at `pose_ns`.
-        T_last_cam: (4, 4) motion that led to it from the pose before; identity after a loss.
+        T_last_cam: (4, 4) motion that led to it from the pose before, in `step_ns`.
         covariance: (6, 6) of T_odom_cam, given the map.
+        odom_covariance: (6, 6) of it in the odometry frame.
         previous: The last frame that had a pose.
         halt: Where the camera last moved to.
         pending: The last keyframe, as long as some of its work is left to do.
@@ -62,6 +63,7 @@ class TrackerState:
         smoothing_px: Standard deviation of the Gaussian for all images since a noisy one; 0: none.
         row_offsets_px: Of the last keyframes, vertical offset of the right image to the left one.
         lost_frames: Frames since the last pose.
+        is_faint: Whether the last keyframe is a faint image.
     """
 
     map: LocalMap = field(default_factory=empty_map)
@@ -69,6 +71,7 @@ class TrackerState:
     T_odom_cam: Array = field(default_factory=lambda: np.eye(4))
     T_last_cam: Array = field(default_factory=lambda: np.eye(4))
     covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    odom_covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
     previous: TrackedFrame | None = None
     halt: Halt | None = None
     pending: Pending | None = None
@@ -76,5 +79,7 @@ class TrackerState:
     smoothing_px: float = 0.0
     row_offsets_px: tuple[float, ...] = ()
     pose_ns: int = 0
+    step_ns: int = 0
     frame_ns: int = -1
     lost_frames: int = 0
+    is_faint: bool = False

@@ -15,8 +15,6 @@ from vo.tracking.pose_refinement import find_consensus, refine_pose, select_inli
 class RelocalizationThresholds:
     """Limits of the search, which starts without any prediction (decision 25)."""
 
-    unknown_variance: float = 1.0
-    """Variance, m² and rad², of the pose of a segment that is not connected to the one before."""
     candidate_inliers: int = 6
     """Of matches from all over the image, most of them false: enough to try a pose."""
     threshold_scale: float = 3.0

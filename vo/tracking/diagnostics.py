@@ -25,6 +25,8 @@ class DiagnosticThresholds:
     """Mean grey level of a dark image."""
     blank_grey: float = 2.0
     """Standard deviation of the grey levels of a blank image."""
+    faint_grey: float = 4.0
+    """Standard deviation of the grey levels of an image whose texture is mostly rounding."""
     few_features: int = 60
     probes: int = 80
     """Features on which the exchanged pair is tried, or the rows are compared."""
@@ -59,6 +61,11 @@ def _flaw(image: Image) -> str:
     if deviation < LIMITS.blank_grey:
         return f"blank (grey {mean:.0f} throughout)"
     return ""
+
+
+def is_faint(image: Image) -> bool:
+    """Whether the texture of an image is mostly rounding, as before the exposure adapts."""
+    return float(image.std()) < LIMITS.faint_grey
 
 
 def images_look_swapped(view: View) -> bool:

@@ -8,7 +8,7 @@ from vo.map.local_map import LocalMap, TrackedFrame
 from vo.patches.displacement_search import halve, search_displacements
 from vo.tracking.association import in_view, project_landmarks, spread
 
-NEAR_PX = 6.0
+NEAR_PX = 8.0
 """Radius of the first search: predictions of a steady motion are better than that."""
 
 SIGMA_PX = 0.7

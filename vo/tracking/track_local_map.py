@@ -16,6 +16,7 @@ from vo.tracking.diagnostics import images_look_swapped
 from vo.tracking.hooked import replace_inliers, replace_matches, replace_prediction
 from vo.tracking.klt import track_klt
 from vo.tracking.landmark_prior import sampling_weights
+from vo.tracking.motion_model import predict_motion
 from vo.tracking.new_view import is_new_view
 from vo.tracking.pose_refinement import find_consensus, refine_pose, select_inliers
 from vo.tracking.rotation_prior import align_rotation
@@ -44,7 +45,8 @@ def predict_pose(state: TrackerState, view: View, hooks: Hooks) -> Array:
     """Predict T_odom_cam (4, 4): constant velocity, or at rest where the encoders say so."""
     moving = view.settings.matching.motion_model == "constant_velocity"
     moving = moving and not encoders_at_rest(state.halt, view)
-    T_guess = state.T_odom_cam @ (state.T_last_cam if moving else np.eye(4))
+    now_ns = view.frame.timestamp_ns
+    T_guess = state.T_odom_cam @ (predict_motion(state, now_ns) if moving else np.eye(4))
     return replace_prediction(hooks, view.frame, state.pose_ns, state.T_odom_cam, T_guess)
 
 
