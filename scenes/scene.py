@@ -7,6 +7,7 @@ from enum import IntEnum
 import mujoco
 import numpy as np
 
+from scenes.lighting.baked_light import Light
 from vo.contract.arrays import Array
 
 HOME = "home"
@@ -59,6 +60,7 @@ class Scene:
         elevation: Height in metres of the drivable ground at (..., 2) x, y.
         source: Name that builds the scene again if it is not `name`: a file or `module:function`.
         assets: SHA-256 of each file that a custom scene is made from, by its path.
+        light: The lamps that are baked into a built-in scene; none: the spec's lamps are all.
         defaults: Recording settings of a registered scene, `key.path` to value, where none are set;
             the registry sets them.
     """
@@ -75,4 +77,5 @@ class Scene:
     elevation: Callable[[Array], Array] = lambda xy: np.zeros(np.shape(xy)[:-1])
     source: str = ""
     assets: Mapping[str, str] = field(default_factory=dict[str, str])
+    light: Light | None = None
     defaults: Mapping[str, float | str] = field(default_factory=dict[str, float | str])

@@ -197,7 +197,7 @@ class Stage:
         self.finish(light, sky, bake)
         routes, tag_set = {"default": route}, frozenset(tags.split())
         world = (self.spec, routes, extent(reach_m), tag_set, self.things, self.movers)
-        return Scene(self.spec.modelname, tests, *world)
+        return Scene(self.spec.modelname, tests, *world, light=light)
 
     def _gathered(self) -> list[_Part]:
         """Join what has the same material, object, body and state of light."""

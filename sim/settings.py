@@ -138,6 +138,8 @@ class TerrainSettings(Settings):
 class RenderSettings(Settings):
     """Quality of the images; labels do not depend on it."""
 
+    engine: Literal["classic", "filament"] = "classic"
+    """Renderer of the images: MuJoCo's classic one, or physically based over Vulkan."""
     backend: Literal["auto", "egl", "osmesa"] = "auto"
     """OpenGL backend; auto: MUJOCO_GL if set, else EGL where a device answers, else OSMesa."""
     samples: int = Field(default=4, ge=0, le=16)

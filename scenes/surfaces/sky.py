@@ -13,7 +13,7 @@ def town_sky(rng: np.random.Generator, side_px: int = 512, houses: float = 0.55)
 
     `houses` is the share of the skyline that is built up.
     """
-    return np.concatenate([to_image(face) for face in _shade(rng, _directions(side_px), houses)])
+    return np.concatenate([to_image(face) for face in _shade(rng, face_rays(side_px), houses)])
 
 
 def window_view(rng: np.random.Generator, shape: Shape) -> Image:
@@ -24,7 +24,7 @@ def window_view(rng: np.random.Generator, shape: Shape) -> Image:
     return to_image(blend(colour, (150, 160, 140), 0.8 * smoothstep(0.02, -0.02, up - edge)))
 
 
-def _directions(side_px: int) -> Array:
+def face_rays(side_px: int) -> Array:
     """Unit ray of each texel: (6, S, S, 3), world axes."""
     t = (np.arange(side_px) + 0.5) / side_px * 2 - 1
     down, right = np.meshgrid(t, t, indexing="ij")

@@ -48,8 +48,8 @@ class Capture:
 
     Attributes:
         index: Of the frame in the trip.
-        light: Left and right images in the rendered size: uint8 as rendered for a single
-            sub-frame, else float32 linear light.
+        light: Left and right images in the rendered size: uint8 as rendered by the classic engine
+            for a single sub-frame, else float32 linear light.
         brightness: (H',) light on each row over the rendered brightness.
         geometry: Depth and geom ids at mid-exposure, in the delivered size.
         T_world_cam: (4, 4) left camera.

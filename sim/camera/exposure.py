@@ -53,8 +53,8 @@ def expose(
     """Integrate the light on both cameras over the exposure; moves the world.
 
     Returns:
-        Left and right image, and the number of sub-frames. The images are uint8, as rendered, with
-            one sub-frame, and otherwise float32, linear light from 0 to 1.
+        Left and right image, and the number of sub-frames. With one sub-frame they are as
+            rendered, else float32 linear light, where 1 is the brightest grey level.
     """
     start_s, end_s = float(shutter.start_s.min()), float(shutter.end_s.max())
     slots = 1
@@ -73,7 +73,8 @@ def expose(
         _place(world, trip, float(time_s))
         for camera, image in enumerate(renderer.render_images()):
             by_row = weights[camera, :, slot].reshape(-1, *(1,) * (image.ndim - 1))
-            total[camera] = total[camera] + decode(image) * by_row
+            light = decode(image) if image.dtype == np.uint8 else image
+            total[camera] = total[camera] + light * by_row
     return (total[0], total[1]), slots
 
 

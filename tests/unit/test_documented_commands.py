@@ -11,7 +11,7 @@ from documented import NOTEBOOKS, PAGES, blocks, commands
 from terminal import ROOT
 
 from sim.settings import RecordSettings
-from trials.cli.doctor import BACKENDS, PACKAGES
+from trials.cli.doctor import BACKENDS, FILAMENT, PACKAGES
 from trials.cli.registry import COMMANDS, load
 from trials.gate.reports import HEADER
 from vo.config import OdometrySettings
@@ -121,7 +121,7 @@ def test_check_finds_what_does_not_exist():
 def test_output_of_doctor_has_the_rows_of_the_command():
     (shown,) = [x.text for x in blocks(ROOT / "docs/headless.md") if x.language == "text"]
     rows = [line.split()[0] for line in shown.splitlines()]
-    assert rows == ["machine", "python", "driftyard", *PACKAGES, *BACKENDS]
+    assert rows == ["machine", "python", "driftyard", *PACKAGES, *BACKENDS, FILAMENT]
 
 
 def test_output_of_the_gate_has_the_columns_of_the_command():

@@ -16,9 +16,11 @@ from rich.table import Table
 from sim.graphics import VARIABLES, GraphicsError, explain_fault
 from trials.cli import console
 from trials.execution.cluster import usable_cores
+from vo.contract.arrays import Image
 
-Wanted = Literal["auto", "egl", "osmesa"]
+Wanted = Literal["auto", "egl", "osmesa", "filament"]
 BACKENDS: tuple[Wanted, ...] = ("egl", "osmesa")
+FILAMENT: Wanted = "filament"
 PACKAGES = ("mujoco", "gtsam", "numpy", "opencv-python-headless", "numba", "scipy")
 TEST_SCENE = """
 <mujoco>
@@ -33,10 +35,11 @@ SIDE_PX = 64
 
 
 def doctor() -> None:
-    """Check which OpenGL drivers render and which packages are installed.
+    """Check which OpenGL drivers and engines render and which packages are installed.
 
     Each driver is tried without the environment's variables, then the one that they choose. The
-    exit status is 1 if that does not render.
+    exit status is 1 if that does not render. Filament, over Vulkan, is only needed where
+    render.engine chooses it.
     """
     table = Table(box=None, show_header=False)
     table.add_row("machine", f"{platform.platform()}, {usable_cores()} usable cores")
@@ -50,7 +53,8 @@ def doctor() -> None:
     given = [f"{name}={os.environ[name]}" for name in VARIABLES if name in os.environ]
     if given:
         working[escape(" ".join(given))] = _render_in_process("auto", ())
-    for label, (renders, words) in working.items():
+    filament = _render_in_process(FILAMENT, ())
+    for label, (renders, words) in {**working, FILAMENT: filament}.items():
         table.add_row(label, f"[green]renders[/]: {words}" if renders else f"[red]no[/]: {words}")
     console.out.print(table)
     used = list(working.values())[-1:] if given else working.values()
@@ -85,14 +89,43 @@ def _drop_variables(names: Sequence[str]) -> None:
 def render_test_scene(backend: Wanted) -> tuple[bool, str]:
     """Render a lit orange box; return whether its pixels show it, and the driver or the error."""
     try:
-        return _render_box(backend)
+        return _render_filament() if backend == "filament" else _render_box(backend)
     except GraphicsError as error:
         return False, str(error)
     except Exception as error:  # each import, and each call of the driver, may fail
         return False, explain_fault(error)
 
 
-def _render_box(backend: Wanted) -> tuple[bool, str]:
+def _render_filament() -> tuple[bool, str]:
+    import mujoco
+    import numpy as np
+
+    from sim.camera.filament.context import open_filament
+
+    device, mjrf, context = open_filament()
+    model = mujoco.MjModel.from_xml_string(TEST_SCENE)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    scene, resources = context.create_scene(mjrf.SceneParams()), mjrf.ModelResources(context, model)
+    parts = mjrf.ModelLights(scene, resources), mjrf.ModelRenderables(scene, resources)
+    for part in parts:
+        part.update(data)
+    colour = mjrf.PixelFormat.PIXEL_FORMAT_RGB8
+    size = {"width": SIDE_PX, "height": SIDE_PX}
+    target = context.create_render_target(mjrf.RenderTargetConfig(**size, color_format=colour))
+    read = mjrf.ReadRequest(target=target)
+    rgb = np.zeros((SIDE_PX, SIDE_PX, 3), np.uint8)
+    read.set_buffer(rgb)
+    towards = {"pos": [0, -2, 1], "forward": [0, 0.9, -0.4], "up": [0, 0.4, 0.9]}
+    frustum = {"frustum_width": 0.05, "frustum_bottom": -0.05, "frustum_top": 0.05}
+    camera = mjrf.Camera(**towards, **frustum, frustum_near=0.1, frustum_far=10)
+    viewport = mjrf.Rect(0, 0, SIDE_PX, SIDE_PX)
+    view = mjrf.RenderRequest(scene=scene, camera=camera, viewport=viewport, target=target)
+    context.wait_for_frame(context.render([view], [read]))
+    return _shows_box(rgb), device
+
+
+def _render_box(backend: Literal["auto", "egl", "osmesa"]) -> tuple[bool, str]:
     import mujoco
     import numpy as np
 
@@ -119,6 +152,10 @@ def _render_box(backend: Wanted) -> tuple[bool, str]:
         name = GL.glGetString(GL.GL_RENDERER).decode()
     finally:
         context.free()
-    # The box is orange: red is well above blue in some pixels, and not in all.
+    return _shows_box(rgb), name
+
+
+def _shows_box(rgb: Image) -> bool:
+    """The box is orange: red is well above blue in some pixels, and not in all."""
     orange = rgb[..., 0].astype(int) - rgb[..., 2] > 40
-    return bool(orange.any() and not orange.all()), name
+    return bool(orange.any() and not orange.all())

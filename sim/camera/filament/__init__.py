@@ -1,0 +1,1 @@
+"""The physically based renderer: MuJoCo's Filament, over Vulkan."""
