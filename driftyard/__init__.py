@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from driftyard.gating import GateResult, gate
     from driftyard.geometry import boxes, occupancy, point_cloud
     from driftyard.motion import Flow, flow, tracks
-    from driftyard.realism import compare, match
+    from driftyard.realism import compare, degrade, match
     from driftyard.recording import cameras, record, scenes
     from driftyard.scoring import score
     from driftyard.viewing import view
@@ -82,7 +82,7 @@ _HOMES = {
     "driftyard.gating": ("GateResult", "gate"),
     "driftyard.geometry": ("boxes", "occupancy", "point_cloud"),
     "driftyard.motion": ("Flow", "flow", "tracks"),
-    "driftyard.realism": ("compare", "match"),
+    "driftyard.realism": ("compare", "degrade", "match"),
     "driftyard.recording": ("cameras", "record", "scenes"),
     "driftyard.scoring": ("score",),
     "driftyard.viewing": ("view",),
@@ -166,6 +166,7 @@ __all__ = [
     "cameras",
     "compare",
     "compare_systems",
+    "degrade",
     "export",
     "flow",
     "gate",

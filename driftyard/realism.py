@@ -3,10 +3,13 @@
 from pathlib import Path
 
 from driftyard.dataset import Dataset, PathLike
+from driftyard.dataset import open as open_dataset
 from driftyard.failures import in_one_family
 from trials.realism.comparison import FRAMES, Comparison, Progress, compare_recordings
+from trials.realism.degradation import degrade_recording
 from trials.realism.matching import CameraMatch, match_camera
 from trials.realism.page import write_page
+from vo.recordings.pairing import ALL_FRAMES
 
 
 @in_one_family
@@ -86,6 +89,41 @@ def match(
     if page is not None and found.comparison is not None:
         write_page(found.comparison, Path(page))
     return found
+
+
+@in_one_family
+def degrade(
+    real: Dataset | PathLike,
+    disturb: str,
+    out: PathLike,
+    *,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Dataset:
+    """Apply disturbances of the simulator to a real recording, write it rectified, and open it.
+
+    Truth, inertial readings and encoders are carried over. A warning says so where motion within
+    a frame is estimated from the images.
+
+    Args:
+        real: An open recording, of which the chosen frames are used, or its folder.
+        disturb: Disturbances such as `noise=0.5,drop`: of lens, sensor, shutter and calibration.
+        out: Folder to write, which must not exist.
+        seed: Random seed of noise and lost frames.
+        progress: Called with the number of frames done and that of all frames.
+
+    Raises:
+        SettingsError: If a disturbance is unknown, or needs the simulator.
+        DatasetError: If the recording is unreadable, or `out` exists or cannot be written.
+
+    Example:
+        >>> worse = dy.degrade(ds, "noise=0.5,defocus=0.2", "worse")
+        >>> len(worse) == len(ds), worse.has_poses
+        (True, True)
+    """
+    frames = real.selection if isinstance(real, Dataset) else ALL_FRAMES
+    degrade_recording(_folder(real), disturb, Path(out), seed, frames, progress)
+    return open_dataset(out)
 
 
 def _folder(dataset: Dataset | PathLike) -> Path:

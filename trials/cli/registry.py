@@ -30,6 +30,7 @@ PANELS: dict[str, dict[str, tuple[str, str]]] = {
         "preview": ("Render pictures of a scene.", "brick_court --out preview.png"),
         "generate": ("Record datasets.", "brick_court --out court --set drive.distance_m=20"),
         "export": ("Write datasets in other formats.", "court --to kitti --out court_kitti"),
+        "degrade": ("Disturb a real recording.", "kitti_06 --disturb noise=0.5 --out noisy"),
         "label": ("Write tracks, boxes and geometry.", "court --out court_labels --pictures"),
         "index": ("List, index and verify many datasets.", "many --scene office --verify"),
         "fetch": ("Download datasets by scene, seed and label.", "s3://bucket/many --out few"),

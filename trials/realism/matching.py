@@ -23,7 +23,7 @@ from trials.realism.camera_estimates import (
     estimate_response,
     estimate_softness,
 )
-from trials.realism.comparison import Comparison, Progress, compare_measured
+from trials.realism.comparison import Comparison, Progress, compare_measured, summary
 from trials.realism.measure import measure
 from trials.realism.quantities import QUANTITIES, Measured
 from vo.contract.files import write_text
@@ -173,31 +173,33 @@ def _with_nearest_scene(
     cache: Path,
     progress: Callable[[int, int], None] | None,
 ) -> CameraMatch:
-    """Record scenes with the camera; return it with their distances, and light of the nearest."""
+    """Record scenes with the camera, at the real brightness; return it with their distances.
+
+    The automatic exposure is one of its settings if the nearest scene needs it.
+    """
+    target = float(np.clip(_mean_grey(real), 10.0, 240.0))
+    light = (
+        CameraSetting("sensor.auto_exposure", True, note="the scene has another brightness"),
+        CameraSetting("sensor.target_grey", round(target, 1), note="mean of the real recording"),
+    )
+    lit = replace(found, estimates=[*found.estimates, *light])
     compared: dict[str, Comparison] = {}
     for k, scene in enumerate(scenes):
-        compared[scene] = _compare_scene(found, real, scene, cache)
+        compared[scene] = _compare_scene(lit, real, scene, cache)
         if progress:
             progress(k + 1, len(scenes))
     order = sorted(compared, key=lambda x: mean_distance(compared[x]))
-    nearest = order[0]
-    grey = [float(x.estimate("grey") @ QUANTITIES["grey"].x) for x in _both(compared[nearest])]
+    plain = _compare_scene(found, real, order[0], cache)
+    if abs(_mean_grey(plain.simulated) - _mean_grey(real)) <= GREY_TOLERANCE:
+        best, comparison = found, plain
+    else:
+        best, comparison = lit, compared[order[0]]
     distances = {x: mean_distance(compared[x]) for x in order}
-    found = replace(found, scenes=distances, comparison=compared[nearest])
-    if abs(grey[1] - grey[0]) <= GREY_TOLERANCE:
-        return found
-    target = min(max(grey[0], 10.0), 240.0)
-    note = f"mean of the real recording; that of {nearest} would be {grey[1]:.0f}"
-    light = (
-        CameraSetting("sensor.auto_exposure", True, note="the scene has another brightness"),
-        CameraSetting("sensor.target_grey", round(target, 1), note=note),
-    )
-    found = replace(found, estimates=[*found.estimates, *light])
-    return replace(found, comparison=_compare_scene(found, real, nearest, cache))
+    return replace(best, scenes=distances, comparison=comparison)
 
 
-def _both(comparison: Comparison) -> tuple[Measured, Measured]:
-    return comparison.real, comparison.simulated
+def _mean_grey(measured: Measured) -> float:
+    return summary(measured, "grey") or 0.0
 
 
 def _compare_scene(found: CameraMatch, real: Measured, scene: str, cache: Path) -> Comparison:
