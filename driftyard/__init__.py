@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from driftyard.dataset import Dataset, open
     from driftyard.estimation import Run, make_estimator, open_run, run
     from driftyard.exporting import export
+    from driftyard.fetching import fetch
     from driftyard.figures import Plot, plot, report
     from driftyard.gating import GateResult, gate
     from driftyard.geometry import boxes, occupancy, point_cloud
@@ -78,6 +79,7 @@ _HOMES = {
     "driftyard.dataset": ("Dataset", "open"),
     "driftyard.estimation": ("Run", "make_estimator", "open_run", "run"),
     "driftyard.exporting": ("export",),
+    "driftyard.fetching": ("fetch",),
     "driftyard.figures": ("Plot", "plot", "report"),
     "driftyard.gating": ("GateResult", "gate"),
     "driftyard.geometry": ("boxes", "occupancy", "point_cloud"),
@@ -168,6 +170,7 @@ __all__ = [
     "compare_systems",
     "degrade",
     "export",
+    "fetch",
     "flow",
     "gate",
     "make_estimator",

@@ -3,9 +3,11 @@
 import gzip
 import json
 import tarfile
+import tempfile
 from importlib.util import find_spec
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from fsspec.implementations.memory import MemoryFileSystem
 from terminal import driftyard
@@ -99,12 +101,17 @@ def bucket():
         server.stop()
 
 
-def test_generate_location_holds_what_a_folder_holds(yard, folders, tmp_path):
+def test_generate_location_holds_what_a_folder_holds(yard, folders, tmp_path, monkeypatch):
     url = "memory://generate/many"
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path.parent))
+    killed = tmp_path.parent / "driftyard-recording-x"
+    killed.mkdir()
+    (killed / "left").touch()
     assert generate(yard, url, "--count", 2).endswith(f"2 datasets in {url}\n")
     for name, entry in read_entries(Location(url)).items():
         fetch(entry, None, tmp_path / name)
     assert content(tmp_path) == content(folders)
+    assert not killed.exists()
 
     store = MemoryFileSystem()
     half = store.cat_file("/generate/many/yard-00001/dataset.json")[:-9]
@@ -132,10 +139,10 @@ def test_generate_shards_hold_each_dataset_once(yard, folders, tmp_path):
     entries = read_entries(Location(str(out)))
     assert [*entries] == NAMES
     for name, entry in entries.items():
-        expected = content(folders / name)
-        assert entry.files.keys() == expected.keys()
+        expected, files = content(folders / name), entry.files
+        assert files.keys() == expected.keys()
         for path, data in expected.items():
-            file, start, size = entry.files[path]
+            file, start, size = files[path]
             assert after[file][start : start + size] == data
 
     last = max(x for x in after if x.endswith(INDEX))
@@ -236,26 +243,21 @@ def test_index_of_another_kind_is_refused(tmp_path, text, said):
         read_entries(Location(str(tmp_path)))
 
 
-def test_index_writes_one_row_a_frame(shards, folders, tmp_path):
-    pq = pytest.importorskip("pyarrow.parquet")
-    assert driftyard("index", shards.url, "--out", "x.parquet", cwd=tmp_path).returncode == 0
-    rows = pq.read_table(tmp_path / "x.parquet").to_pylist()
-    assert [x["frame"] for x in rows if x["dataset"] == NAMES[1]] == [*range(len(rows) // 2)]
-    row = rows[1]
-    assert (row["scene"], row["seed"], row["labels"]) == ("yard", 0, ["depth", "disparity", "flow"])
-    data = (Path(shards.url) / row["shard"]).read_bytes()
-    image = folders / NAMES[0] / f"mav0/cam1/data/{row['timestamp_ns']}.png"
-    start = row["right_offset"]
-    assert data[start : start + row["right_size"]] == image.read_bytes()
-    assert rows[len(rows) // 2 - 1]["flow_offset"] is None
-
-
-def test_index_without_pyarrow_says_what_to_install(folders, tmp_path):
-    if find_spec("pyarrow"):
-        pytest.skip("pyarrow is installed")
-    result = driftyard("index", folders, "--out", "x.parquet", cwd=tmp_path)
-    said = "pyarrow is not installed: pip install 'driftyard[parquet]'"
-    assert (result.returncode, result.stderr) == (2, f"driftyard: error: {said}\n")
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_index_writes_one_row_a_frame(shards, folders, tmp_path, suffix):
+    if suffix == "parquet":
+        pytest.importorskip("pyarrow")
+    file = tmp_path / f"frames.{suffix}"
+    result = driftyard("index", shards.url, "--out", f"file://{file}", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    rows = pd.read_csv(file) if suffix == "csv" else pd.read_parquet(file)
+    assert list(rows.frame[rows.dataset == NAMES[1]]) == [*range(len(rows) // 2)]
+    row = rows.iloc[1]
+    assert (row.scene, row.seed, row.labels) == ("yard", 0, "depth,disparity,flow")
+    image = folders / NAMES[0] / f"mav0/cam1/data/{row.timestamp_ns}.png"
+    data, start = (Path(shards.url) / row.shard).read_bytes(), int(row.right_offset)
+    assert data[start : start + int(row.right_size)] == image.read_bytes()
+    assert list(rows.flow_offset.isna()) == [x == rows.frame.max() for x in rows.frame]
 
 
 def test_fetch_reads_only_what_it_needs(folders, tmp_path, monkeypatch):
@@ -286,7 +288,8 @@ def test_fetch_reads_only_what_it_needs(folders, tmp_path, monkeypatch):
     needed = sum(map(len, part.values()))
     assert needed <= from_tar < needed + 2000 * len(part) < sum(map(len, whole.values()))
 
-    ds = dy.open(tmp_path / "few" / NAMES[1])
+    (ds,) = dy.fetch("memory://fetch", tmp_path / "few", seeds=[1], labels=["depth"])
+    assert ds.path == tmp_path / "few" / NAMES[1]
     assert ds.labels == ("depth",)
     assert ds.depth(0).shape == (48, 64)
     assert verify(ds.path) == []
@@ -303,8 +306,7 @@ def test_fetch_reads_only_what_it_needs(folders, tmp_path, monkeypatch):
 
 def test_fetch_names_a_damaged_file_and_leaves_nothing(shards, tmp_path):
     entry = read_entries(shards)[NAMES[0]]
-    (path,) = [x for x in entry.files if x == "map.png"]
-    file, start, size = entry.files[path]
+    file, start, size = entry.files["map.png"]
     data = bytearray((Path(shards.url) / file).read_bytes())
     data[start + size // 2] ^= 1
     for name, whole in content(Path(shards.url)).items():
@@ -313,6 +315,11 @@ def test_fetch_names_a_damaged_file_and_leaves_nothing(shards, tmp_path):
     with pytest.raises(StoreError, match=r"yard-00000/map\.png is damaged"):
         fetch(damaged, None, tmp_path / "few")
     assert not (tmp_path / "few").exists()
+
+
+def test_location_hides_its_password():
+    with pytest.raises(StoreError, match=r"store nowhere://me:\*\*\*@host/x: cannot be used"):
+        Location("nowhere://me:secret@host/x").check()
 
 
 def test_selection_says_what_there_is(shards, folders, tmp_path):
@@ -326,7 +333,7 @@ def test_selection_says_what_there_is(shards, folders, tmp_path):
         select(where, parse_selection("", "", "normals"))
     with pytest.raises(DatasetError, match="holds no complete dataset"):
         select([str(tmp_path / "absent")], parse_selection("", "", ""))
-    with pytest.raises(SettingsError, match="--labels snow: the labels are depth"):
+    with pytest.raises(SettingsError, match="labels: there is no snow, only depth"):
         parse_selection("", "", "snow")
     with pytest.raises(SettingsError, match="--seed 3-x: expected seeds as 0-9,12"):
         parse_selection("", "3-x", "")

@@ -17,7 +17,7 @@ from trials.cli.options import RecordingOptions, argument, option
 from trials.cli.workers import WorkersOptions
 from trials.execution.executor import perform
 from trials.execution.jobs import scene_label
-from trials.execution.location import Location, StoreError
+from trials.execution.location import Location, StoreError, location_of
 from trials.execution.tasks import Task, report_steps
 from trials.shards.recordings import Made, folder_tasks, missing, record_at, shard_tasks
 from vo.contract.dataset import MANIFEST, read_manifest
@@ -59,7 +59,7 @@ def generate(
         raise SettingsError(
             "--store: generate writes its datasets to --out, which takes a location"
         )
-    place = _location(out)
+    place = location_of(out)
     if source is not None:
         if scene or recording != RecordingOptions() or batch != BatchOptions():
             raise SettingsError("--from: takes scene and settings from the file alone")
@@ -85,11 +85,6 @@ def generate(
         return
     with replace(workers, store=out).using():  # machines need no common folder
         _generate_at(place, tasks, Path(out), batch.shard)
-
-
-def _location(out: str) -> Location | None:
-    """Return the location that --out names; None for a folder of this machine."""
-    return Location(out) if "://" in out or "::" in out else None
 
 
 def record_task(
@@ -144,7 +139,7 @@ def _generate_one(
     if place is None:
         name, recording = str(task.out), record_task(task, overwrite, recorded)
     else:
-        name = place.url
+        name = str(place)
         recording = record_at(
             place, overwrite, lambda out: record_task(replace(task, out=out), False, recorded)
         )
@@ -175,7 +170,7 @@ def _generate_at(
     ]
     waiting = missing(location, named)
     chosen = shard_tasks(location, waiting, shard) if shard else folder_tasks(location, waiting)
-    _perform(chosen, len(named) - len(waiting), len(named), location.url)
+    _perform(chosen, len(named) - len(waiting), len(named), str(location))
 
 
 def _perform(tasks: Sequence[Task[list[Made]]], there: int, total: int, place: str) -> None:

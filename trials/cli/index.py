@@ -1,21 +1,23 @@
 """`driftyard index`: which datasets locations hold, one row a frame, and their checksums."""
 
 from collections import defaultdict
+from pathlib import Path
 
 import typer
 
 from trials.cli import console
 from trials.cli.locations import SelectionOptions
 from trials.cli.options import option
+from trials.report.columns import check_columns
 from trials.shards.catalogue import Entry
 from trials.shards.checking import find_damage
-from trials.shards.table import write_parquet
+from trials.shards.table import write_frames
 
 
 def index(
     selection: SelectionOptions,
     out: str = option(
-        "", "Parquet file to write, a row a frame (extra `parquet`).", metavar="FILE.parquet"
+        "", "Table to write, a row a frame: .parquet (extra `parquet`) or .csv.", metavar="FILE"
     ),
     verify: bool = option(False, "Read all files and compare them with their checksums."),
 ) -> None:
@@ -24,6 +26,8 @@ def index(
     What an interruption left half-written is not listed. The exit status is 1 if --verify finds a
     difference.
     """
+    if out:
+        check_columns(Path(out))
     entries = selection.entries
     console.print_table(("scene", "datasets", "seeds", "frames", "labels"), _rows(entries))
     shards = {(x.location, name): y.size for x in entries for name, y in x.shards.items()}
@@ -32,7 +36,7 @@ def index(
         console.out.print(f"{len(shards)} tar files of {size:.3g} GiB")
     if out:
         with console.counting_bar("writing", len(entries)) as progress:
-            count = write_parquet(entries, out, progress)
+            count = write_frames(entries, out, progress)
         console.out.print(f"{out}: {count} frames", markup=False)
     if verify:
         with console.progress_bar("verifying") as update:

@@ -1,5 +1,6 @@
 """Locations of files: a folder, or any place that fsspec reaches, such as a bucket."""
 
+import re
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -31,6 +32,10 @@ class Location:
 
     url: str
 
+    def __str__(self) -> str:
+        """The location without a password."""
+        return re.sub(r"(://[^/@:]*):[^/@]*@", r"\1:***@", self.url)
+
     @cached_property
     def _place(self) -> tuple[Any, str]:
         """File system and path in it."""
@@ -54,7 +59,7 @@ class Location:
             raise
         except Exception as error:
             reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
-            raise StoreError(f"store {self.url}: {what} ({reason.splitlines()[0]})") from error
+            raise StoreError(f"store {self}: {what} ({reason.splitlines()[0]})") from error
 
     def check(self) -> None:
         """Write, read and remove a small file.
@@ -69,7 +74,7 @@ class Location:
             self._make_folders([name])
             system.pipe_file(probe, data)
             if system.cat_file(probe) != data:
-                raise StoreError(f"store {self.url}: returns other bytes than were written")
+                raise StoreError(f"store {self}: returns other bytes than were written")
             system.rm_file(probe)
 
     def contents(self) -> dict[str, bool]:
@@ -113,7 +118,7 @@ class Location:
                 if not isinstance(data, bytes):
                     raise data
                 if size is not None and len(data) != size:
-                    raise StoreError(f"store {self.url}: {name} ends before byte {start + size}")
+                    raise StoreError(f"store {self}: {name} ends before byte {start + size}")
             found.append(data)
         return found
 
@@ -170,6 +175,11 @@ class Location:
         if not self.is_bucket:  # a bucket has none, and would be made if its name is mistyped
             for folder in {f"{path}/{name}".rpartition("/")[0] for name in names}:
                 system.makedirs(folder, exist_ok=True)
+
+
+def location_of(text: str) -> Location | None:
+    """Return the location that an option names; None for a path of this machine."""
+    return Location(text) if "://" in text or "::" in text else None
 
 
 def chunks(items: Sequence[T]) -> Iterator[Sequence[T]]:

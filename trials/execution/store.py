@@ -66,7 +66,7 @@ class Store(Location):
             for inner, data in zip(some, read, strict=True):
                 if hashlib.sha256(data).hexdigest() != about["sha256"][inner]:
                     raise StoreError(
-                        f"store {self.url}: {name}/{inner} is damaged; remove {name}{INDEX}"
+                        f"store {self}: {name}/{inner} is damaged; remove {name}{INDEX}"
                     )
                 file = root / inner
                 file.parent.mkdir(parents=True, exist_ok=True)

@@ -6,10 +6,11 @@ files whose index, which is written last, is complete. What an interruption left
 
 import gzip
 import json
-from collections.abc import Generator, Iterable, Iterator, Mapping
+import zlib
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple, Self
 
 from sim.labels.formats import LABELS
@@ -46,16 +47,16 @@ class Entry:
     Attributes:
         location: That holds it.
         name: Of its folder.
-        about: Its manifest, or those ABOUT keys of it.
-        files: Where the bytes of each file are, by its path in the folder.
+        about: What `about` keeps of its manifest.
         shards: Tar files of the task that recorded it, which hold it; none of a folder.
+        read_files: What decodes its files.
     """
 
     location: Location
     name: str
     about: Mapping[str, Any]
-    files: Mapping[str, Place]
     shards: Mapping[str, Shard]
+    read_files: Callable[[], dict[str, Place]]
 
     def expected(self) -> Self:
         """Return it, or raise a KeyError, TypeError or ValueError if it is not as expected."""
@@ -95,10 +96,17 @@ class Entry:
         asked = self.about["settings"]["labels"]
         return tuple(x for x in LABELS if asked.get(x))
 
-    @cached_property
-    def members(self) -> Mapping[str, Mapping[int, str]]:
-        """Path of each image and label file, by MEMBERS and time, ns."""
-        return members_of(self.files)
+    @property
+    def files(self) -> dict[str, Place]:
+        """Where the bytes of each file are, by its path in the folder; decoded at each call.
+
+        Those of a million frames are gigabytes.
+
+        Raises:
+            StoreError: If its index is malformed.
+        """
+        with _checked(self.location, f"index of {self.name}"):
+            return self.read_files()
 
 
 def members_of(paths: Iterable[str]) -> dict[str, dict[int, str]]:
@@ -132,36 +140,53 @@ def read_entries(location: Location) -> dict[str, Entry]:
                 found.append(_folder_entry(location, path[: -len(MANIFEST) - 1], content))
     listed: set[str] = set()
     for path, data in location.read([x for x in names if x.endswith(INDEX)]):
-        content = _unpacked(data)
+        content = _json(_lines(data)[0])
         if content is None:
-            remark(f"{location.url}: {path} is incomplete, its datasets do not count")
+            remark(f"{location}: {path} is incomplete, its datasets do not count")
             continue
         with _checked(location, path, content):
-            shards = {name: Shard(*about) for name, about in content["shards"].items()}
-            found += _shard_entries(location, shards, content["datasets"])
+            shards = {name: Shard(*values) for name, values in content["shards"].items()}
+            for row, (name, kept) in enumerate(content["datasets"].items(), start=1):
+                read = partial(_shard_files, data, row, list(shards))
+                found.append(Entry(location, name, kept, shards, read).expected())
         if absent := shards.keys() - {*names}:
             raise StoreError(
-                f"store {location.url}: {min(absent)} is missing, though {path} lists it; restore "
+                f"store {location}: {min(absent)} is missing, though {path} lists it; restore "
                 "it, or remove that index to record its datasets again"
             )
         listed |= shards.keys()
     left = [x for x in names if x.endswith(TAR) and x not in listed]
     if left:
-        remark(f"{location.url}: {len(left)} tar files without index, as {left[0]}, do not count")
+        remark(f"{location}: {len(left)} tar files without index, as {left[0]}, do not count")
     return {x.name: x for x in sorted(found, key=lambda x: x.name)}
 
 
-def packed(content: Mapping[str, Any]) -> bytes:
-    """Encode an index; equal content gives equal bytes."""
-    text = json.dumps({"schema_version": SCHEMA_VERSION, **content}, separators=(",", ":"))
-    return gzip.compress(text.encode(), mtime=0)
+def about(manifest: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what an index repeats of a manifest: ABOUT, and whether the certificate passed."""
+    kept = {key: manifest[key] for key in ABOUT if key in manifest}
+    return {**kept, "certificate": {"passed": manifest["certificate"]["passed"]}}
 
 
-def _unpacked(data: bytes) -> dict[str, Any] | None:
-    """Decode an index; None if it is incomplete."""
-    with suppress(OSError, EOFError, ValueError):
-        return _json(gzip.decompress(data))
-    return None
+def packed(
+    shards: Mapping[str, Shard],
+    datasets: Mapping[str, Mapping[str, Any]],
+    files: Mapping[str, Mapping[str, tuple[int, int, int]]],
+) -> bytes:
+    """Encode an index as compressed lines of JSON; equal content gives equal bytes.
+
+    The first has the tar files and `about` of each dataset; those that follow have the files of
+    each dataset, as number of the tar file, offset and size.
+    """
+    head = {"schema_version": SCHEMA_VERSION, "shards": shards, "datasets": datasets}
+    lines = [json.dumps(x, separators=(",", ":")) for x in (head, *(files[y] for y in datasets))]
+    return gzip.compress("\n".join(lines).encode(), mtime=0)
+
+
+def _lines(data: bytes) -> list[bytes]:
+    """Decompress an index; one empty line if it is incomplete."""
+    with suppress(OSError, EOFError, zlib.error):
+        return gzip.decompress(data).split(b"\n")
+    return [b""]
 
 
 def _json(data: bytes) -> dict[str, Any] | None:
@@ -172,34 +197,34 @@ def _json(data: bytes) -> dict[str, Any] | None:
 
 
 @contextmanager
-def _checked(location: Location, path: str, content: Mapping[str, Any]) -> Generator[None]:
+def _checked(
+    location: Location, path: str, content: Mapping[str, Any] | None = None
+) -> Generator[None]:
     """Raise a StoreError if a manifest or index is of another version, or not as expected."""
-    version = content.get("schema_version")
+    version = SCHEMA_VERSION if content is None else content.get("schema_version")
     if version != SCHEMA_VERSION:
         raise StoreError(
-            f"store {location.url}: {path} has schema version {version}, this program reads "
+            f"store {location}: {path} has schema version {version}, this program reads "
             f"{SCHEMA_VERSION}"
         )
     try:
         yield
     except (AttributeError, IndexError, KeyError, TypeError, ValueError):
-        raise StoreError(f"store {location.url}: {path} is malformed") from None
+        raise StoreError(f"store {location}: {path} is malformed") from None
 
 
 def _folder_entry(location: Location, name: str, manifest: dict[str, Any]) -> Entry:
     prefix = f"{name}/" if name else ""
-    files = {x: (prefix + x, 0, None) for x in (*manifest["sha256"], MANIFEST)}
+    paths = zlib.compress("\n".join([*manifest["sha256"], MANIFEST]).encode())
     last = location.url.rstrip("/").rpartition("/")[2]
-    return Entry(location, name or last, manifest, files, {}).expected()
+    read = partial(_folder_files, prefix, paths)
+    return Entry(location, name or last, about(manifest), {}, read).expected()
 
 
-def _shard_entries(
-    location: Location, shards: Mapping[str, Shard], datasets: Mapping[str, Any]
-) -> Iterator[Entry]:
-    names = list(shards)
-    for name, content in datasets.items():
-        places = content["files"].items()
-        files = {path: (names[k], start, size) for path, (k, start, size) in places}
-        used = {x for x, _, _ in files.values()}
-        held = {x: shards[x] for x in sorted(used)}
-        yield Entry(location, name, content["about"], files, held).expected()
+def _folder_files(prefix: str, paths: bytes) -> dict[str, Place]:
+    return {x: (prefix + x, 0, None) for x in zlib.decompress(paths).decode().split("\n")}
+
+
+def _shard_files(data: bytes, row: int, shards: Sequence[str]) -> dict[str, Place]:
+    content: dict[str, tuple[int, int, int]] = json.loads(_lines(data)[row])
+    return {path: (shards[k], int(start), int(size)) for path, (k, start, size) in content.items()}

@@ -1,6 +1,7 @@
 """Checksums of datasets in locations: of tar files, and of the files of folders."""
 
 import hashlib
+import json
 from collections.abc import Callable, Iterator, Sequence
 
 from trials.execution.location import Location
@@ -24,17 +25,20 @@ def find_damage(
     total = len(shards) + len(folders)
     for k, ((location, name), shard) in enumerate(shards.items(), start=1):
         if _shard(location, name) != shard:
-            yield f"{location.url}/{name}: differs from its checksum"
+            yield f"{location}/{name}: differs from its checksum"
         progress(k, total)
     for k, entry in enumerate(folders, start=len(shards) + 1):
-        names = {place[0]: path for path, place in entry.files.items() if path != MANIFEST}
+        files = entry.files
+        (manifest,) = entry.location.read_places([files[MANIFEST]])
+        hashes: dict[str, str] = json.loads(manifest)["sha256"]
+        names = {files[path][0]: sha256 for path, sha256 in hashes.items()}
         present: set[str] = set()
         for name, data in entry.location.read([*names]):
             present.add(name)
-            if hashlib.sha256(data).hexdigest() != entry.about["sha256"][names[name]]:
-                yield f"{entry.location.url}/{name}: differs from its checksum"
+            if hashlib.sha256(data).hexdigest() != names[name]:
+                yield f"{entry.location}/{name}: differs from its checksum"
         for name in sorted(names.keys() - present):
-            yield f"{entry.location.url}/{name}: is missing"
+            yield f"{entry.location}/{name}: is missing"
         progress(k, total)
 
 

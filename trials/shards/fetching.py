@@ -2,14 +2,14 @@
 
 import hashlib
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from sim.certificate.manifest_check import check_digest
 from sim.labels.formats import LABELS
-from trials.execution.location import Place, StoreError, chunks
+from trials.execution.location import Location, Place, StoreError, chunks
 from trials.shards.catalogue import Entry
 from vo.contract.dataset import DIGEST, MANIFEST, DatasetWriter, read_manifest
 from vo.contract.errors import DatasetError
@@ -29,8 +29,11 @@ def fetch(entry: Entry, labels: Sequence[str] | None, out: Path) -> int:
         DatasetError: If the folder exists with other content, or the disk is full.
         StoreError: If a file is damaged or cannot be read; names it.
     """
-    where = f"{entry.location.url}: {entry.name}"
-    (data,) = entry.location.read_places([entry.files[MANIFEST]])
+    where = f"{entry.location}: {entry.name}"
+    files = entry.files
+    if MANIFEST not in files:
+        raise StoreError(f"store {where} has no {MANIFEST}")
+    (data,) = entry.location.read_places([files[MANIFEST]])
     whole = _manifest(data)
     if whole is None:
         raise StoreError(f"store {where}/{MANIFEST} is damaged: it differs from its own digest")
@@ -44,11 +47,11 @@ def fetch(entry: Entry, labels: Sequence[str] | None, out: Path) -> int:
     folders = tuple(f"mav0/{LABELS[x].folder}/" for x in left_out)
     hashes = {path: x for path, x in whole["sha256"].items() if not path.startswith(folders)}
     outside = [x for x in hashes if ".." in x.split("/") or x.startswith("/")]
-    if wrong := outside or [*(hashes.keys() - entry.files.keys())]:
+    if wrong := outside or [*(hashes.keys() - files.keys())]:
         raise StoreError(f"store {where}/{MANIFEST} lists {wrong[0]}, which is not there")
     count = len(data)
     with DatasetWriter(out) as writer:
-        for path, content in _read(entry, [*hashes]):
+        for path, content in _read(entry.location, {x: files[x] for x in hashes}):
             if hashlib.sha256(content).hexdigest() != hashes[path]:
                 raise StoreError(f"store {where}/{path} is damaged: it differs from its hash")
             writer.add(path, content)
@@ -79,22 +82,22 @@ def _statements(manifest: dict[str, Any]) -> dict[str, Any]:
     return {key: x for key, x in manifest.items() if key not in ("sha256", DIGEST)}
 
 
-def _read(entry: Entry, paths: Sequence[str]) -> Iterator[tuple[str, bytes]]:
+def _read(location: Location, files: Mapping[str, Place]) -> Iterator[tuple[str, bytes]]:
     """Yield files of a dataset, several requests at once."""
-    for some in chunks(list(_runs(entry, paths))):
-        read = entry.location.read_places([place for place, _ in some])
+    for some in chunks(list(_runs(files))):
+        read = location.read_places([place for place, _ in some])
         for ((_, start, _), inside), data in zip(some, read, strict=True):
             for path in inside:
-                _, offset, size = entry.files[path]
+                _, offset, size = files[path]
                 yield path, data if size is None else data[offset - start :][:size]
 
 
-def _runs(entry: Entry, paths: Sequence[str]) -> Iterator[tuple[Place, list[str]]]:
+def _runs(files: Mapping[str, Place]) -> Iterator[tuple[Place, list[str]]]:
     """Yield what one request reads, and the files in it, which are near each other."""
     place: Place = ("", 0, 0)
     inside: list[str] = []
-    for path in sorted(paths, key=lambda x: entry.files[x][:2]):
-        name, start, size = entry.files[path]
+    for path in sorted(files, key=lambda x: files[x][:2]):
+        name, start, size = files[path]
         grown = start + (size or 0) - place[1]
         if name == place[0] and grown <= AT_MOST and grown - (size or 0) - (place[2] or 0) <= GAP:
             place = (name, place[1], grown)

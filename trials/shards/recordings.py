@@ -1,11 +1,12 @@
 """Datasets that workers record into a location, each by way of a temporary folder of its own."""
 
+import os
 import shutil
 from collections.abc import Callable, Generator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, gettempdir
 
 from sim.batch import DatasetTask, record_scene
 from sim.graphics import GraphicsError
@@ -18,7 +19,10 @@ from trials.shards.catalogue import read_entries
 from trials.shards.writing import ShardWriter, send_folder
 from vo.contract.dataset import CONTENT, MANIFEST
 from vo.contract.errors import DatasetError, DriftyardError
+from vo.contract.partial import lock
 
+PREFIX = "driftyard-recording-"
+"""Begin of the names of temporary folders."""
 Made = tuple[str, Recording | DriftyardError]
 """Name of a dataset, and what its recording said, or why there is none."""
 
@@ -33,7 +37,7 @@ def missing(location: Location, tasks: Sequence[DatasetTask]) -> list[DatasetTas
     entries = read_entries(location)
     for task in tasks:
         if task.out.name in entries:
-            task.check_same(entries[task.out.name].about, f"{location.url}/{task.out.name}")
+            task.check_same(entries[task.out.name].about, f"{location}/{task.out.name}")
     return [task for task in tasks if task.out.name not in entries]
 
 
@@ -66,11 +70,9 @@ def record_at(location: Location, overwrite: bool, make: Callable[[Path], Record
     location.check()
     names = {*location.contents()}
     if MANIFEST in names and not overwrite:
-        raise DatasetError(
-            f"{location.url}: already exists; choose another location or --overwrite"
-        )
+        raise DatasetError(f"{location}: already exists; choose another location or --overwrite")
     if names - CONTENT:
-        raise DatasetError(f"{location.url}: holds {min(names - CONTENT)}; choose another location")
+        raise DatasetError(f"{location}: holds {min(names - CONTENT)}; choose another location")
     with _temporary() as folder:
         made = make(folder / "dataset")
         for name in sorted(names, key=lambda x: x != MANIFEST):  # without it, it is no dataset
@@ -123,8 +125,19 @@ def _part(k: int, count: int) -> Progress:
 
 @contextmanager
 def _temporary() -> Generator[Path]:
-    """Yield a folder that is removed afterwards; a full disk is named."""
-    with TemporaryDirectory(prefix="driftyard-") as folder:
+    """Yield a folder that is removed afterwards, also by the next writer after a kill.
+
+    Raises:
+        DatasetError: If the disk is full.
+    """
+    for left in Path(gettempdir()).glob(f"{PREFIX}*/*"):  # an empty one may just be starting
+        with suppress(OSError):  # of another user
+            held = lock(left.parent)
+            if held is not None:
+                shutil.rmtree(left.parent, ignore_errors=True)
+                os.close(held)
+    with TemporaryDirectory(prefix=PREFIX) as folder:
+        held = lock(Path(folder), wait=True)
         try:
             yield Path(folder)
         except OSError as error:
@@ -132,3 +145,6 @@ def _temporary() -> Generator[Path]:
                 raise
             reason = error.strerror or error
             raise DatasetError(f"{folder}: cannot be written ({reason}); set TMPDIR") from None
+        finally:
+            if held is not None:
+                os.close(held)

@@ -21,11 +21,18 @@ class Selection:
         scenes: Names or sources of scenes; empty for all.
         seeds: Ranges of seeds, both ends included; empty for all.
         labels: Labels that are needed; None for any.
+
+    Raises:
+        SettingsError: If there is no such label.
     """
 
     scenes: tuple[str, ...] = ()
     seeds: tuple[range, ...] = ()
     labels: tuple[str, ...] | None = None
+
+    def __post_init__(self) -> None:
+        if wrong := [x for x in self.labels or () if x not in LABELS]:
+            raise SettingsError(f"labels: there is no {wrong[0]}, only {', '.join(LABELS)}")
 
     def chooses(self, entry: Entry) -> bool:
         """Whether scene and seed are chosen."""
@@ -40,8 +47,6 @@ def parse_selection(scenes: str, seeds: str, labels: str) -> Selection:
         SettingsError: If a seed is no number or range, or there is no such label.
     """
     asked = tuple(x for x in labels.split(",") if x)
-    if wrong := [x for x in asked if x not in LABELS and asked != (NONE,)]:
-        raise SettingsError(f"--labels {wrong[0]}: the labels are {', '.join(LABELS)}; or {NONE}")
     ranges: list[range] = []
     for text in filter(None, seeds.split(",")):
         first, dash, last = text.partition("-")
@@ -63,14 +68,14 @@ def select(locations: Sequence[str], selection: Selection) -> list[Entry]:
         StoreError: If a location cannot be read.
     """
     entries: dict[str, Entry] = {}
-    for url in locations:
-        for name, entry in read_entries(Location(url)).items():
-            if name in entries:
-                first = entries[name].location.url
-                remark(f"{entry.location.url}: {name} is in {first} as well, which is used")
-            else:
-                entries[name] = entry
-    where = ", ".join(locations)
+    places = [Location(x) for x in locations]
+    for place in places:
+        found = read_entries(place)
+        if again := [x for x in found if x in entries]:
+            first = entries[again[0]].location
+            remark(f"{place}: {len(again)} datasets, as {again[0]}, are in {first}, and used there")
+        entries = found | entries
+    where = ", ".join(map(str, places))
     if not entries:
         raise DatasetError(f"{where}: holds no complete dataset, or does not exist")
     chosen = [x for x in entries.values() if selection.chooses(x)]
@@ -85,7 +90,7 @@ def select(locations: Sequence[str], selection: Selection) -> list[Entry]:
     lacking = [x for x in chosen if x not in found]
     if lacking:
         said = f"has no {' and '.join(set(selection.labels or ()) - {*lacking[0].labels})}"
-        said = f"{lacking[0].location.url}: {lacking[0].name} {said}"
+        said = f"{lacking[0].location}: {lacking[0].name} {said}"
         if not found:
             raise DatasetError(f"{said}, only {', '.join(lacking[0].labels) or 'images'}")
         remark(f"{said}; {len(lacking)} datasets without the labels are left out")

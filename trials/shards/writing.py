@@ -16,7 +16,7 @@ from typing import Any, Self
 from trials.execution.location import Location, chunks
 from trials.formats.recording import open_recording
 from trials.formats.webdataset import SHARD_BYTES, add_file, metadata
-from trials.shards.catalogue import ABOUT, INDEX, MEMBERS, TAR, Shard, members_of, packed
+from trials.shards.catalogue import INDEX, MEMBERS, TAR, Shard, about, members_of, packed
 from vo.contract.dataset import MANIFEST, read_manifest
 from vo.contract.remarks import Remark
 from vo.recordings.pairing import ALL_FRAMES
@@ -41,7 +41,9 @@ class ShardWriter:
         """Prepare to write; the tar file that is not full yet is kept in a folder."""
         self._location, self._name, self._folder = location, name, folder
         self._shards: dict[str, Shard] = {}
-        self._datasets: dict[str, Any] = {}
+        self._datasets: dict[str, dict[str, Any]] = {}
+        self._files: dict[str, dict[str, tuple[int, int, int]]] = {}
+        self._places: dict[str, tuple[int, int, int]] = {}
         self._tar: tarfile.TarFile | None = None
 
     def __enter__(self) -> Self:
@@ -59,12 +61,11 @@ class ShardWriter:
     def add(self, dataset: Path) -> None:
         """Write all files of a dataset, those of each frame one after the other."""
         manifest, name = read_manifest(dataset), dataset.name
-        about = {key: manifest[key] for key in ABOUT if key in manifest}
-        about["certificate"] = {"passed": manifest["certificate"]["passed"]}
         paths = [*manifest["sha256"], MANIFEST]
         frames = members_of(paths)
         others = {*paths}.difference(*(x.values() for x in frames.values()))
-        self._places: dict[str, tuple[int, int, int]] = {}
+        self._places = {}
+        self._files[name] = self._places
         for path in sorted(others, key=lambda x: (x != MANIFEST, x)):
             self._add(f"__{name}__/{path}", (dataset / path).read_bytes(), path)
         with warnings.catch_warnings():
@@ -79,14 +80,13 @@ class ShardWriter:
             self._add(f"{sample}.json", json.dumps(metadata(recording, i)).encode())
             if self._tar is not None and self._tar.offset >= SHARD_BYTES:
                 self._send()
-        self._datasets[name] = {"about": about, "files": self._places}
+        self._datasets[name] = about(manifest)
 
     def commit(self) -> None:
         """Send the last tar file, and the index, with which all of them count."""
         self._send()
-        shards = {name: list(shard) for name, shard in self._shards.items()}
-        content = {"shards": shards, "datasets": self._datasets}
-        self._location.write_whole(self._name + INDEX, packed(content))
+        index = packed(self._shards, self._datasets, self._files)
+        self._location.write_whole(self._name + INDEX, index)
 
     def _add(self, name: str, data: bytes, path: str = "") -> None:
         if self._tar is None:
