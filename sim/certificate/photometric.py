@@ -178,8 +178,8 @@ class PhotometricCheck:
     ) -> tuple[Array, "NoisyImage"]:
         """Return (H, W) corrected grey levels, and the delivered image with its noise."""
         sensor = self._sensors[camera]
-        noise = sensor.noise_sigma(gain), sensor.correction_gain(image, level)
-        return _grey(sensor.corrected(image, level)), NoisyImage(image, *noise)
+        levels, factor = sensor.corrected(image, level)
+        return _grey(levels), NoisyImage(image, sensor.noise_sigma(gain), factor)
 
     def _in_true_right(self, u: Array, v: Array) -> tuple[Array, Array]:
         """Map nominal right pixels to the true right camera, which may be turned."""

@@ -50,6 +50,7 @@ class ImageSensor:
             places = lens.delivered_to_raw(settings, rig, lens.pixel_grid(rig))
             u_px, v_px = (a + self.raw_margin_px for a in places)
             self._rectification = u_px.astype(np.float32), v_px.astype(np.float32)
+        self._share = None if self._falloff is None else self._rectified(self._falloff)
 
     def expose(
         self, light: Array, brightness: float, gain: float, rng: np.random.Generator
@@ -85,27 +86,18 @@ class ImageSensor:
         image = self._rectified(raw.astype(np.float32))
         return np.asarray(cv2.convertScaleAbs(np.maximum(image, 0)), np.uint8)
 
-    def corrected(self, image: Image, exposed: float = 1.0) -> Array:
+    def corrected(self, image: Image, exposed: float = 1.0) -> tuple[Array, Array]:
         """Undo vignetting, sensitivity and an exposure (with gain) in a rectified image.
 
-        (H, W[, 3]) grey levels, uint8 if there is nothing to undo, else float32.
+        Returns:
+            (H, W[, 3]) grey levels, uint8 if there is nothing to undo, else float32, and float32 in
+                the same shape, by which factor each multiplies small differences.
         """
-        share = self._light_share(image, exposed)
-        if share is None:
-            return image
-        response = self._sensor.response
-        light = levels_to_light(response, np.arange(256)).astype(np.float32)
-        return light_to_levels(response, light[image] / share).astype(np.float32)
-
-    def correction_gain(self, image: Image, exposed: float = 1.0) -> Array:
-        """Return the factor of `corrected` on small differences, (H, W[, 3]) float32."""
-        share = self._light_share(image, exposed)
-        if share is None:
-            return np.broadcast_to(np.float32(1), image.shape)
-        levels = np.arange(256)
-        slope = np.gradient(levels_to_light(self._sensor.response, levels))
-        after = np.interp(self.corrected(image, exposed), levels, slope)
-        return (slope[image] / (share * after)).astype(np.float32)
+        light = np.float32(self._sensitivity * exposed)
+        if self._share is None and light == 1:
+            return image, np.broadcast_to(np.float32(1), image.shape)
+        share = np.full(image.shape[:2], light) if self._share is None else light * self._share
+        return self._encoding.rescale(image, share)
 
     def noise_sigma(self, gain: float) -> Array:
         """Return the standard deviation (256,) of the noise at each noise-free grey level.
@@ -114,14 +106,6 @@ class ImageSensor:
         the gain only change the level. The array is float32 and read-only.
         """
         return _noise_table(self._sensor.response, *self._variances(gain))
-
-    def _light_share(self, image: Image, exposed: float) -> Array | None:
-        """Return each pixel's light over the reference; None where all is 1."""
-        light = np.float32(self._sensitivity * exposed)
-        if self._falloff is None:
-            return None if light == 1 else np.asarray(light)
-        share = light * self._rectified(self._falloff)
-        return share if image.ndim == 2 else share[..., None]
 
     def _rectified(self, raw: Array) -> Array:
         return raw if self._rectification is None else sample(raw, *self._rectification)

@@ -52,6 +52,8 @@ class Encoding:
     def __init__(self, response: Response) -> None:
         edges = levels_to_light(response, np.arange(255) + 0.5)
         self._edges = np.append(edges, np.inf).astype(np.float32)
+        light = levels_to_light(response, np.arange(256))
+        self._light, self._slope = light.astype(np.float32), np.gradient(light).astype(np.float32)
         starts = np.arange(ENCODING_BINS + 1) / np.float32(ENCODING_BINS)
         self._first = np.searchsorted(self._edges, starts, side="right").astype(np.uint8)
 
@@ -70,6 +72,19 @@ class Encoding:
         noise = np.float32(shot), np.float32(floor), drawn, normal_quantiles()
         _encode_noisy(light.ravel(), *noise, self._edges, self._first, out.reshape(-1))
         return out
+
+    def rescale(self, image: Image, share: Array) -> tuple[Array, Array]:
+        """Divide the light of an image (H, W[, 3]) by a share (H, W) of it, float32.
+
+        Returns:
+            Fractional grey levels up to 255, and the factor on small differences of levels, in
+                the shape of the image, float32. Between grey levels, light is taken as linear.
+        """
+        levels, factor = np.empty((2, *image.shape), np.float32)
+        channels = image.shape[2] if image.ndim == 3 else 1
+        each = (x.reshape(-1, channels) for x in (image, levels, factor))
+        _rescale(share.ravel(), *each, self._light, self._slope, self._first)
+        return levels, factor
 
 
 @lru_cache(maxsize=1)
@@ -112,3 +127,28 @@ def _encode_noisy(
     for i in range(len(light)):
         y = max(light[i], np.float32(0))
         out[i] = _level(y + np.sqrt(shot * y + floor) * quantiles[drawn[i]], edges, first)
+
+
+@compiled(nogil=True)
+def _rescale(
+    share: Array,
+    image: Image,
+    levels: Array,
+    factor: Array,
+    light: Array,
+    slope: Array,
+    first: Array,
+) -> None:
+    for i in range(len(share)):
+        for c in range(image.shape[1]):
+            level = image[i, c]
+            wanted = min(light[level] / share[i], np.float32(1))
+            low = min(int(first[int(wanted * np.float32(ENCODING_BINS))]), 254)
+            while low > 0 and light[low] > wanted:
+                low -= 1
+            while low < 254 and light[low + 1] <= wanted:
+                low += 1
+            rest = (wanted - light[low]) / (light[low + 1] - light[low])
+            after = slope[low] + rest * (slope[low + 1] - slope[low])
+            levels[i, c] = np.float32(low) + rest
+            factor[i, c] = slope[level] / (share[i] * after)

@@ -17,6 +17,7 @@ from sim.imaging.linear_light import (
     Response,
     decode,
     levels_to_light,
+    light_to_levels,
     normal_quantiles,
 )
 from sim.imaging.resample import sample_variance
@@ -225,9 +226,22 @@ def test_corrected_undoes_vignetting_and_sensitivity(shape: tuple[int, ...], k1:
     image = np.full((rendered.height_px, rendered.width_px, *shape[2:]), 180, np.uint8)
     picture = camera.undistort(camera.expose(decode(image), 1, 1, np.random.default_rng(0)))
     assert picture.min() < 150
-    np.testing.assert_allclose(camera.corrected(picture), 180, atol=1.5)
+    np.testing.assert_allclose(camera.corrected(picture)[0], 180, atol=1.5)
     plain, _ = sensor_of(0, right_gain=0.8)
-    assert plain.corrected(picture) is picture
+    assert plain.corrected(picture)[0] is picture
+
+
+@pytest.mark.parametrize("response", ["srgb", "linear"])
+def test_rescale_divides_light(response: Response):
+    image = np.arange(256, dtype=np.uint8).reshape(16, 16)
+    share = np.linspace(0.5, 1.3, 256).reshape(16, 16).astype(np.float32)
+    levels, factor = Encoding(response).rescale(image, share)
+    exact = light_to_levels(response, levels_to_light(response, image) / share)
+    np.testing.assert_allclose(levels, exact, atol=0.03)
+    more = light_to_levels(response, levels_to_light(response, image + 0.5) / share)
+    less = light_to_levels(response, levels_to_light(response, image - 0.5) / share)
+    inner = (exact > 3) & (exact < 252)
+    np.testing.assert_allclose(factor[inner], (more - less)[inner], rtol=0.02)
 
 
 def test_encode_applies_fixed_gain_and_sensitivity():
