@@ -1,9 +1,9 @@
 """Settings of a camera: exposure, lens and image sensor, and errors of its calibration."""
 
 from collections.abc import Mapping
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from vo.contract.settings import Settings
 
@@ -62,8 +62,21 @@ class SensorSettings(Settings):
     """Sensitivity of the right camera over that of the left."""
     right_noise: float = Field(default=1.0, ge=0.0, le=20.0)
     """Read noise of the right camera over that of the left."""
+    bits: Literal[8, 10, 12] = 8
+    """Bits of a grey level as it leaves the sensor; from 10 on, raw images are written, too."""
+    jpeg_quality: int = Field(default=0, ge=0, le=100)
+    """Quality of the JPEG files in which images leave the camera, with chroma 4:2:2; 0: none."""
     drop_share: float = Field(default=0.0, ge=0.0, le=0.9)
     """Fraction of the frames that are lost."""
+
+    @model_validator(mode="after")
+    def _jpeg_has_8_bits(self) -> Self:
+        if self.jpeg_quality and self.bits > 8:
+            raise ValueError(
+                f"sensor.jpeg_quality = {self.jpeg_quality} with sensor.bits = {self.bits}: JPEG "
+                "has 8 bits; set one of both"
+            )
+        return self
 
 
 class CalibrationSettings(Settings):

@@ -67,7 +67,10 @@ class Capture:
 
 @dataclass(frozen=True)
 class StereoImages:
-    """Left and right (H, W[, 3]) uint8 images, rectified, and raw if the lens distorts."""
+    """Left and right (H, W[, 3]) uint8 images, rectified, and raw if that differs.
+
+    Raw ones are uint16 where the sensor has more than 8 bits.
+    """
 
     rectified: tuple[Image, Image]
     raw: tuple[Image, Image] | None
@@ -126,7 +129,7 @@ class StereoCamera:
             rng = stream(self._settings.seed, f"noise/{k}/{capture.index}")
             raw.append(sensor.expose(light, level, capture.exposure.gain, rng))
         left, right = (s.undistort(image) for s, image in zip(self.sensors, raw, strict=True))
-        if left is raw[0]:
+        if left is raw[0]:  # no distortion, and 8 bits
             return StereoImages((left, right), None)
         margin_px = self.sensors[0].raw_margin_px
         return StereoImages((left, right), (_crop(raw[0], margin_px), _crop(raw[1], margin_px)))

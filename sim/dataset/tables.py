@@ -52,8 +52,9 @@ def write_cameras(
         comment = f"{side} {RECTIFIED_EYE}"
         sheet = _sheet("camera", comment, **optics, distortion_coefficients=[0.0] * 4)
         sheets[f"cam{camera}"] = sheet, times, ".png"
-        if has_distortion(lens):
+        if has_distortion(lens) or lens.bits > 8:
             comment = f"{side} eye as it leaves the sensor, distorted"
+            optics |= {"bits": lens.bits} if lens.bits > 8 else {}
             optics["distortion_coefficients"] = [lens.k1, lens.k2, lens.p1, lens.p2]
             sheets[f"raw{camera}"] = _sheet("camera", comment, **optics), times, ".png"
     for name, form in LABELS.items():

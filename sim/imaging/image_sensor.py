@@ -55,7 +55,9 @@ class ImageSensor:
     def expose(
         self, light: Array, brightness: float, gain: float, rng: np.random.Generator
     ) -> Image:
-        """Take a raw image, uint8; with default settings, the image that `light` was decoded from.
+        """Take a raw image; with default settings, the image that `light` was decoded from.
+
+        It is uint8, or uint16 of 0 to 2^bits - 1 where the sensor has more bits.
 
         The light (H', W'[, 3]) is float32 and linear, in the rendered size; 1 is the brightest
         level. The exposure is `brightness` times the one for which it holds; the gain is that of
@@ -68,9 +70,12 @@ class ImageSensor:
             light = light * (factor if light.ndim == 2 else factor[..., None])
         elif amplified != 1:
             light = light * amplified
-        if self._sensor.full_well > 0 or self._read_noise > 0:
-            return self._encoding.encode_noisy(light, *self._variances(gain), rng)
-        return self._encoding(light)
+        is_noisy = self._sensor.full_well > 0 or self._read_noise > 0
+        noise = (*self._variances(gain), rng) if is_noisy else None
+        if self._sensor.bits > 8:
+            return self._encoding.encode_deep(light, self._sensor.bits, noise)
+        image = self._encoding.encode_noisy(light, *noise) if noise else self._encoding(light)
+        return _compressed(image, self._sensor.jpeg_quality) if self._sensor.jpeg_quality else image
 
     def encode(self, light: Array) -> Image:
         """Return grey levels, uint8, of linear light, for metering: no noise, lens or falloff."""
@@ -79,12 +84,12 @@ class ImageSensor:
     def undistort(self, raw: Image) -> Image:
         """Rectify a raw image by the delivered calibration: (H, W[, 3]) uint8.
 
-        Without distortion, return `raw` itself.
+        Without distortion, return `raw` itself, if it has 8 bits.
         """
-        if self._rectification is None:
+        if self._rectification is None and raw.dtype == np.uint8:
             return raw
-        image = self._rectified(raw.astype(np.float32))
-        return np.asarray(cv2.convertScaleAbs(np.maximum(image, 0)), np.uint8)
+        image, scale = self._rectified(raw.astype(np.float32)), 255 / (2**self._sensor.bits - 1)
+        return np.asarray(cv2.convertScaleAbs(np.maximum(image, 0), None, scale), np.uint8)
 
     def corrected(self, image: Image, exposed: float = 1.0) -> tuple[Array, Array]:
         """Undo vignetting, sensitivity and an exposure (with gain) in a rectified image.
@@ -151,6 +156,17 @@ class ImageSensor:
             return light
 
         return optics
+
+
+def _compressed(image: Image, quality: int) -> Image:
+    """Return what remains of (H, W[, 3]) uint8 after JPEG with chroma 4:2:2."""
+    options = (
+        *(cv2.IMWRITE_JPEG_QUALITY, quality),
+        *(cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_422),
+    )
+    data = cv2.imencode(".jpg", image[..., ::-1] if image.ndim == 3 else image, options)[1]
+    decoded = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+    return np.ascontiguousarray(decoded[..., ::-1] if image.ndim == 3 else decoded, np.uint8)
 
 
 @lru_cache(maxsize=64)  # called for both cameras and every frame; the gain changes rarely

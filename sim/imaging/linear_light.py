@@ -50,6 +50,7 @@ class Encoding:
     """Conversion of linear light to the nearest grey level, by a table and one comparison."""
 
     def __init__(self, response: Response) -> None:
+        self._response: Response = response
         edges = levels_to_light(response, np.arange(255) + 0.5)
         self._edges = np.append(edges, np.inf).astype(np.float32)
         light = levels_to_light(response, np.arange(256))
@@ -72,6 +73,18 @@ class Encoding:
         noise = np.float32(shot), np.float32(floor), drawn, normal_quantiles()
         _encode_noisy(light.ravel(), *noise, self._edges, self._first, out.reshape(-1))
         return out
+
+    def encode_deep(
+        self, light: Array, bits: int, noise: tuple[float, float, np.random.Generator] | None
+    ) -> Array:
+        """Encode (H, W[, 3]) light as uint16 levels up to 2^bits - 1; noise as `encode_noisy`."""
+        light = np.maximum(light, 0)
+        if noise:
+            shot, floor, rng = noise
+            drawn = normal_quantiles()[rng.integers(0, QUANTILES, light.shape, dtype=np.uint16)]
+            light = light + np.sqrt(shot * light + floor) * drawn
+        levels = light_to_levels(self._response, light) * ((2**bits - 1) / 255)
+        return np.rint(levels).astype(np.uint16)
 
     def rescale(self, image: Image, share: Array) -> tuple[Array, Array]:
         """Divide the light of an image (H, W[, 3]) by a share (H, W) of it, float32.

@@ -312,3 +312,44 @@ def test_auto_exposure_ahead_of_updates_is_limited():
     meter.next()
     with pytest.raises(IndexError):
         meter.next()
+
+
+def test_expose_with_more_bits_is_a_finer_image():
+    (camera, rendered), (plain, _) = sensor_of(bits=12), sensor_of()
+    light = np.linspace(0, 1.2, RIG.height_px * RIG.width_px, dtype=np.float32)
+    light = light.reshape(rendered.height_px, rendered.width_px)
+    rng = np.random.default_rng(0)
+    raw = camera.expose(light, 1, 1, rng)
+    exact = light_to_levels("srgb", light) / 255 * 4095
+    assert (raw.dtype, raw.max()) == (np.uint16, 4095)
+    assert np.abs(raw - exact).max() <= 0.501
+    difference = camera.undistort(raw).astype(int) - plain.expose(light, 1, 1, rng)
+    assert np.abs(difference).max() <= 1
+    assert (difference != 0).mean() < 0.05
+
+
+def test_expose_noise_of_more_bits_has_the_same_variance():
+    camera, rendered = sensor_of(bits=10, full_well=2000.0, read_noise=20.0)
+    light = decode(flat(128, rendered))
+    raw = camera.expose(light, 1, 1, np.random.default_rng(0))
+    sigma = raw.std() / 1023 * 255
+    assert sigma == pytest.approx(float(camera.noise_sigma(1.0)[128]), rel=0.03)
+
+
+@pytest.mark.parametrize("channels", [(), (3,)])
+def test_expose_jpeg_is_that_of_opencv_in_blocks(channels: tuple[int, ...]):
+    camera, rendered = sensor_of(jpeg_quality=30)
+    u = np.arange(rendered.width_px) * np.ones((rendered.height_px, 1))
+    image = np.rint(127 + 90 * np.sin(u * u / 700)).astype(np.uint8)
+    image = np.stack([image, image // 2, 255 - image], axis=-1) if channels else image
+    raw = camera.expose(decode(image), 1, 1, np.random.default_rng(0))
+    error = raw.astype(int) - image
+    assert raw.shape == image.shape
+    assert 1 < np.abs(error).mean() < 8
+    inside, across = (np.abs(np.diff(error, axis=1))[:, k::8].mean() for k in (3, 7))
+    assert across > 1.2 * inside
+
+
+def test_jpeg_with_more_than_8_bits_is_refused():
+    with pytest.raises(ValueError, match="JPEG has 8 bits"):
+        SensorSettings(jpeg_quality=80, bits=12)
