@@ -28,14 +28,26 @@ class ExposureSettings(Settings):
 class SensorSettings(Settings):
     """Lens, image sensor and electronics; the default camera is perfect."""
 
-    k1: float = Field(default=0.0, ge=-0.5, le=0.5)
+    lens: Literal["radial_tangential", "equidistant"] = "radial_tangential"
+    """Lens model: Brown-Conrady with up to 8 coefficients, or Kannala-Brandt with k1 to k4."""
+    fov_deg: float = Field(default=180.0, ge=60.0, le=190.0)
+    """Horizontal field of view of the raw images of an equidistant lens, degrees."""
+    k1: float = Field(default=0.0, ge=-100.0, le=100.0)
     """First radial distortion coefficient, OpenCV's convention."""
-    k2: float = Field(default=0.0, ge=-0.5, le=0.5)
+    k2: float = Field(default=0.0, ge=-100.0, le=100.0)
     """Second radial distortion coefficient, OpenCV's convention."""
     p1: float = Field(default=0.0, ge=-0.02, le=0.02)
     """First tangential distortion coefficient, OpenCV's convention."""
     p2: float = Field(default=0.0, ge=-0.02, le=0.02)
     """Second tangential distortion coefficient, OpenCV's convention."""
+    k3: float = Field(default=0.0, ge=-100.0, le=100.0)
+    """Third radial distortion coefficient, OpenCV's convention."""
+    k4: float = Field(default=0.0, ge=-100.0, le=100.0)
+    """Fourth coefficient: of the rational model's denominator, or of an equidistant lens."""
+    k5: float = Field(default=0.0, ge=-100.0, le=100.0)
+    """Fifth coefficient, of the rational model's denominator."""
+    k6: float = Field(default=0.0, ge=-100.0, le=100.0)
+    """Sixth coefficient, of the rational model's denominator."""
     softness_px: float = Field(default=0.0, ge=0.0, le=12.0)
     """Standard deviation of the lens's Gaussian point spread function, px; 0: sharp."""
     vignetting: float = Field(default=0.0, ge=0.0, le=1.0)
@@ -68,6 +80,16 @@ class SensorSettings(Settings):
     """Quality of the JPEG files in which images leave the camera, with chroma 4:2:2; 0: none."""
     drop_share: float = Field(default=0.0, ge=0.0, le=0.9)
     """Fraction of the frames that are lost."""
+
+    @model_validator(mode="after")
+    def _equidistant_has_4_coefficients(self) -> Self:
+        others = [x for x in ("p1", "p2", "k5", "k6") if getattr(self, x)]
+        if self.lens == "equidistant" and others:
+            raise ValueError(
+                f"sensor.{others[0]} = {getattr(self, others[0]):g}: an equidistant lens has k1, "
+                "k2, k3 and k4 alone"
+            )
+        return self
 
     @model_validator(mode="after")
     def _jpeg_has_8_bits(self) -> Self:

@@ -13,8 +13,9 @@ import numpy as np
 from sim.camera.camera import FrameExposure
 from sim.certificate import bias
 from sim.certificate.bias import Shift
+from sim.imaging.distortion import has_distortion
 from sim.imaging.image_sensor import ImageSensor
-from sim.imaging.lens import has_distortion, miscalibration_rotation
+from sim.imaging.lens import miscalibration_rotation
 from sim.imaging.resample import sample, sample_variance
 from sim.labels.labels import VISIBLE, visible_in_right
 from sim.settings import RecordSettings

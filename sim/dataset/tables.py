@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 
 from sim.camera.camera import FrameExposure
-from sim.imaging.lens import has_distortion
+from sim.imaging.distortion import coefficients, has_distortion, is_equidistant
+from sim.imaging.lens import raw_focal_px
 from sim.labels.formats import FORWARD, LABELS
 from sim.sensors.inertial import T_body_imu, ideal_readings, imu_states, with_noise
 from sim.settings import RecordSettings
@@ -55,7 +56,12 @@ def write_cameras(
         if has_distortion(lens) or lens.bits > 8:
             comment = f"{side} eye as it leaves the sensor, distorted"
             optics |= {"bits": lens.bits} if lens.bits > 8 else {}
-            optics["distortion_coefficients"] = [lens.k1, lens.k2, lens.p1, lens.p2]
+            optics["distortion_coefficients"] = coefficients(lens)
+            if is_equidistant(lens):
+                f_px = raw_focal_px(lens, delivered)
+                f_px *= 1 + settings.calibration.focal_percent / 100
+                optics["intrinsics"] = [f_px, f_px, delivered.cx_px, delivered.cy_px]
+                optics["distortion_model"] = "equidistant"
             sheets[f"raw{camera}"] = _sheet("camera", comment, **optics), times, ".png"
     for name, form in LABELS.items():
         if getattr(settings.labels, name):

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from sim.imaging import lens
+from sim.imaging.distortion import has_distortion, is_equidistant
 from sim.imaging.linear_light import Encoding, Response, levels_to_light, light_to_levels
 from sim.imaging.resample import sample
 from sim.settings import RecordSettings
@@ -46,7 +47,7 @@ class ImageSensor:
         self._optics = self._optics_of(settings, camera, rig, rendered)
         self._falloff = _vignetting_falloff(sensor.vignetting, rig, self.raw_margin_px)
         self._rectification: tuple[Array, Array] | None = None
-        if lens.has_distortion(sensor):
+        if has_distortion(sensor):
             places = lens.delivered_to_raw(settings, rig, lens.pixel_grid(rig))
             u_px, v_px = (a + self.raw_margin_px for a in places)
             self._rectification = u_px.astype(np.float32), v_px.astype(np.float32)
@@ -134,7 +135,8 @@ class ImageSensor:
         pad = blur + self.raw_margin_px
         rows, columns = rendered.height_px - rig.height_px, rendered.width_px - rig.width_px
         top, left = rows // 2, columns // 2
-        bends = lens.has_distortion(settings.sensor) or not np.array_equal(R, np.eye(3))
+        bends = has_distortion(settings.sensor) or not np.array_equal(R, np.eye(3))
+        bends &= not is_equidistant(settings.sensor)  # its views are drawn as raw light
         grid = lens.pixel_grid(rig, pad)
         places = lens.raw_to_nominal(settings.sensor, rig, R, grid) if bends else None
         if places is None and min(top, left) < pad:

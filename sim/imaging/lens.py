@@ -1,8 +1,9 @@
-"""The lens and its calibration: distortion, miscalibration, and the render margin they need.
+"""The lens and its calibration: raw pixels and rays, miscalibration, and the margins they need.
 
 Three geometries of a camera share a centre of projection: nominal (the rendered pinhole, aligned
 with the other camera), raw (on the sensor, distorted and turned by the miscalibration) and
-delivered (the raw image rectified by the delivered calibration).
+delivered (the raw image rectified by the delivered calibration). Raw and delivered images of a
+radial-tangential lens have one focal length; that of an equidistant lens follows from its angle.
 """
 
 import math
@@ -12,14 +13,23 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from sim.camera_settings import CalibrationSettings, SensorSettings
+from sim.imaging.distortion import (
+    coefficients,
+    fold_angle_rad,
+    fold_radius,
+    has_distortion,
+    image_radius,
+    is_equidistant,
+    is_inside_fold,
+    project,
+    rays_of,
+)
 from sim.imaging.resample import TAPS_PX
 from sim.settings import RecordSettings
 from vo.contract.arrays import Array
 from vo.contract.errors import SettingsError
 from vo.contract.rig import StereoRig
 
-NEWTON_STEPS = 30
-CONVERGED = 1e-10
 MARGIN_MAX = 0.5
 """Largest margin on each side, as a fraction of the image's longer side."""
 BLUR_DEVIATIONS = 3.0
@@ -37,6 +47,14 @@ def delivered_rig(rig: StereoRig, settings: CalibrationSettings) -> StereoRig:
     return replace(rig, f_px=f_px, baseline_m=baseline_m)
 
 
+def raw_focal_px(settings: SensorSettings, rig: StereoRig) -> float:
+    """Return the focal length of the raw images of a rig, true or delivered."""
+    if not is_equidistant(settings):
+        return rig.f_px
+    radius = image_radius(settings, math.radians(settings.fov_deg) / 2)
+    return rig.width_px / 2 / radius if radius > 0 else math.inf
+
+
 def miscalibration_rotation(settings: CalibrationSettings) -> Array:
     """Return R_nominal_true (3, 3): the true right camera in the axes of its calibration.
 
@@ -46,42 +64,16 @@ def miscalibration_rotation(settings: CalibrationSettings) -> Array:
     return Rotation.from_euler("YXZ", angles_deg, degrees=True).as_matrix()
 
 
-def has_distortion(settings: SensorSettings) -> bool:
-    """Whether the lens distorts."""
-    return any((settings.k1, settings.k2, settings.p1, settings.p2))
+def raw_pixels(sensor: SensorSettings, rig: StereoRig, rays: Array) -> Array:
+    """Map rays (..., 3) of the true camera to raw pixels (..., 2); NaN where it has no light."""
+    return project(sensor, rays) * raw_focal_px(sensor, rig) + (rig.cx_px, rig.cy_px)
 
 
-def distort(settings: SensorSettings, points: Array) -> Array:
-    """Distort normalised (..., 2) points x/z, y/z.
-
-    Source: OpenCV, camera calibration and 3D reconstruction: k1, k2, p1, p2.
-    """
-    x, y = points[..., 0], points[..., 1]
-    r2 = x * x + y * y
-    radial = 1 + settings.k1 * r2 + settings.k2 * r2 * r2
-    u = x * radial + 2 * settings.p1 * x * y + settings.p2 * (r2 + 2 * x * x)
-    v = y * radial + settings.p1 * (r2 + 2 * y * y) + 2 * settings.p2 * x * y
-    return np.stack([u, v], axis=-1)
-
-
-def undistort(settings: SensorSettings, distorted: Array) -> Array:
-    """Invert `distort` for (..., 2) points by Newton's method.
-
-    NaN where no ray arrives, or only one from beyond a fold of the distortion.
-    """
-    points = np.array(distorted, dtype=np.float64)
-    with np.errstate(all="ignore"):
-        for _ in range(NEWTON_STEPS):
-            error = distort(settings, points) - distorted
-            (a, b), (c, d) = _jacobian(settings, points)
-            determinant = a * d - b * c
-            points[..., 0] -= (d * error[..., 0] - b * error[..., 1]) / determinant
-            points[..., 1] -= (a * error[..., 1] - c * error[..., 0]) / determinant
-            if np.abs(error).max(initial=0.0) < CONVERGED:
-                break
-        arrived = np.abs(distort(settings, points) - distorted).max(axis=-1) < 10 * CONVERGED
-    arrived &= _inside_fold(settings, points)
-    return np.where(arrived[..., None], points, np.nan)
+def raw_rays(sensor: SensorSettings, rig: StereoRig, pixels: Array) -> Array:
+    """Map raw pixels (..., 2) to unit rays (..., 3) of the true camera; NaN without light."""
+    points = (pixels - np.array([rig.cx_px, rig.cy_px])) / raw_focal_px(sensor, rig)
+    rays = rays_of(sensor, points)
+    return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
 
 
 def raw_to_nominal(
@@ -89,9 +81,9 @@ def raw_to_nominal(
 ) -> tuple[Array, Array]:
     """Map (..., 2) raw pixels to u_px and v_px (...) of the rendered pinhole, (0, 0) as in `rig`.
 
-    NaN where no light arrives.
+    NaN where no light arrives. The lens is radial-tangential.
     """
-    ray = undistort(sensor, rig.normalized(pixels))
+    ray = rays_of(sensor, rig.normalized(pixels))[..., :2]
     x, y, z = np.moveaxis(ray @ R_nominal_true[:, :2].T + R_nominal_true[:, 2], -1, 0)
     z = np.where(z > 0, z, np.nan)
     return rig.f_px * x / z + rig.cx_px, rig.f_px * y / z + rig.cy_px
@@ -102,7 +94,10 @@ def delivered_to_raw(
 ) -> tuple[Array, Array]:
     """Map (..., 2) delivered pixels to u_px and v_px (...) of the raw image."""
     delivered = delivered_rig(rig, settings.calibration)
-    raw = distort(settings.sensor, delivered.normalized(pixels)) * delivered.f_px
+    flat = delivered.normalized(pixels)
+    rays = np.concatenate([flat, np.ones_like(flat[..., :1])], axis=-1)
+    f_px = raw_focal_px(settings.sensor, rig) * delivered.f_px / rig.f_px
+    raw = project(settings.sensor, rays) * f_px
     return raw[..., 0] + rig.cx_px, raw[..., 1] + rig.cy_px
 
 
@@ -122,9 +117,11 @@ def raw_margin_px(settings: RecordSettings, rig: StereoRig) -> int:
     if not has_distortion(settings.sensor):
         return 0
     edge = _edge(rig, 0)
-    delivered = delivered_rig(rig, settings.calibration)
-    if not _inside_fold(settings.sensor, delivered.normalized(edge)).all():
-        raise _fold_error(settings)
+    flat = delivered_rig(rig, settings.calibration).normalized(edge)
+    rays = np.concatenate([flat, np.ones_like(flat[:, :1])], axis=-1)
+    inside = is_inside_fold(settings.sensor, rays).all()
+    if not inside or _folds_in_raw_image(settings.sensor, rig):
+        raise _fold_error(settings, rig)
     return _required_margin_px(rig, *delivered_to_raw(settings, rig, edge))
 
 
@@ -143,49 +140,44 @@ def margin_px(settings: RecordSettings, rig: StereoRig) -> int:
     delivered_rig(rig, settings.calibration)  # raises before anything is rendered
     pad_px = raw_margin_px(settings, rig) + psf_radius_px(settings.sensor)
     R_nominal_true = miscalibration_rotation(settings.calibration)
-    if np.array_equal(R_nominal_true, np.eye(3)) and not has_distortion(settings.sensor):
+    is_straight = np.array_equal(R_nominal_true, np.eye(3)) and not has_distortion(settings.sensor)
+    if is_straight or is_equidistant(settings.sensor):
         return pad_px
     margin = 0
     for R in (np.eye(3), R_nominal_true):
         u_px, v_px = raw_to_nominal(settings.sensor, rig, R, _edge(rig, pad_px))
         if np.isnan(u_px).any():
-            raise _fold_error(settings)
+            raise _fold_error(settings, rig)
         margin = max(margin, _required_margin_px(rig, u_px, v_px))
     return margin
 
 
-def _jacobian(settings: SensorSettings, points: Array) -> Array:
-    """Return the (2, 2, ...) derivative of `distort`."""
-    x, y = points[..., 0], points[..., 1]
-    k1, k2, p1, p2 = settings.k1, settings.k2, settings.p1, settings.p2
-    r2 = x * x + y * y
-    radial = 1 + k1 * r2 + k2 * r2 * r2
-    slope = 2 * k1 + 4 * k2 * r2
-    across = slope * x * y + 2 * p1 * x + 2 * p2 * y
-    along_x = radial + slope * x * x + 2 * p1 * y + 6 * p2 * x
-    along_y = radial + slope * y * y + 6 * p1 * y + 2 * p2 * x
-    return np.array([[along_x, across], [across, along_y]])
+def _folds_in_raw_image(sensor: SensorSettings, rig: StereoRig) -> bool:
+    """Whether an equidistant lens, which may leave corners dark, folds inside its field of view."""
+    if not is_equidistant(sensor):
+        return False
+    f_px = raw_focal_px(sensor, rig)
+    corner_px = math.hypot(rig.width_px, rig.height_px) / 2
+    return not 0 < f_px < math.inf or f_px * fold_radius(sensor) < corner_px
 
 
-def _inside_fold(settings: SensorSettings, points: Array) -> Array:
-    """Whether each (..., 2) ray lies inside the first fold, where the distortion turns back.
-
-    Radially, 1 + 3 k1 r^2 + 5 k2 r^4 > 0 all the way out to the ray.
-    """
-    r2 = (points**2).sum(axis=-1)
-    roots = np.roots([5 * settings.k2, 3 * settings.k1, 1.0])
-    folds = [root.real for root in roots if abs(root.imag) < 1e-12 and root.real > 0]
-    (a, b), (c, d) = _jacobian(settings, points)
-    return (r2 < min(folds, default=np.inf)) & (a * d - b * c > 0)
-
-
-def _fold_error(settings: RecordSettings) -> SettingsError:
-    """There is no fold in the radial distortion if 9 k1^2 < 20 k2."""
+def _fold_error(settings: RecordSettings, rig: StereoRig) -> SettingsError:
+    """There is no fold of two coefficients in the radial distortion if 9 k1^2 < 20 k2."""
     sensor = settings.sensor
+    names = "k1 k2 k3 k4" if is_equidistant(sensor) else "k1 k2 p1 p2 k3 k4 k5 k6"
+    known = zip(names.split(), coefficients(sensor), strict=False)
+    said = ", ".join(f"{name} = {value:g}" for name, value in known)
+    radius_px = fold_radius(sensor) * raw_focal_px(sensor, rig)
+    where = f" {radius_px:.0f} px from its centre" if 0 < radius_px < math.inf else ""
+    if is_equidistant(sensor):
+        where += f" {math.degrees(fold_angle_rad(sensor)):.0f} degrees from its axis"
+    angle = f"rig.hfov_deg = {settings.rig.hfov_deg:g}"
+    hint = f", k2 above {0.45 * sensor.k1**2:.2g}," if not any((sensor.k3, sensor.k4)) else ""
+    if is_equidistant(sensor):
+        angle, hint = f"sensor.fov_deg = {sensor.fov_deg:g}", ""
     return SettingsError(
-        f"sensor.k1 = {sensor.k1:g}, k2 = {sensor.k2:g}, p1 = {sensor.p1:g}, p2 = {sensor.p2:g}: "
-        f"this lens folds the image at rig.hfov_deg = {settings.rig.hfov_deg:g}; use less "
-        f"distortion, k2 above {0.45 * sensor.k1**2:.2g}, or a smaller field of view"
+        f"sensor.{said}: this lens folds the image{where} at {angle}; use less distortion{hint} "
+        "or a smaller field of view"
     )
 
 
@@ -197,7 +189,7 @@ def _required_margin_px(rig: StereoRig, u_px: Array, v_px: Array) -> int:
     most = int(MARGIN_MAX * max(rig.width_px, rig.height_px))
     if margin > most:
         raise SettingsError(
-            f"sensor.k1 to p2 with calibration.roll_deg, pitch_deg and yaw_deg need {margin} px "
+            f"sensor.k1 to k6 with calibration.roll_deg, pitch_deg and yaw_deg need {margin} px "
             f"around the image, at most {most} px are rendered; use smaller values"
         )
     return margin

@@ -8,17 +8,20 @@ import numpy as np
 import pytest
 
 from sim.camera_settings import CalibrationSettings, SensorSettings
+from sim.imaging.distortion import coefficients as listed
+from sim.imaging.distortion import distort, undistort
 from sim.imaging.image_sensor import ImageSensor
 from sim.imaging.lens import (
     delivered_rig,
     delivered_to_raw,
-    distort,
     margin_px,
     miscalibration_rotation,
     pixel_grid,
+    raw_focal_px,
     raw_margin_px,
+    raw_pixels,
+    raw_rays,
     raw_to_nominal,
-    undistort,
 )
 from sim.imaging.linear_light import decode
 from sim.settings import RecordSettings, RigSettings
@@ -33,6 +36,8 @@ LENSES = {
     "barrel": SensorSettings(k1=-0.28, k2=0.07),
     "pincushion": SensorSettings(k1=0.12, k2=-0.02),
     "decentred": SensorSettings(k1=-0.1, k2=0.02, p1=0.004, p2=-0.003),
+    "five": SensorSettings(k1=-0.3, k2=0.15, k3=-0.01, p1=0.001),
+    "rational": SensorSettings(k1=0.5, k2=-2.7, k3=1.6, k4=0.39, k5=-2.5, k6=1.5, p1=0.0005),
 }
 
 
@@ -47,7 +52,7 @@ def widened(rig: StereoRig, margin: int) -> StereoRig:
 
 
 def coefficients(lens: SensorSettings) -> Array:
-    return np.array([lens.k1, lens.k2, lens.p1, lens.p2])
+    return np.array(listed(lens))
 
 
 def recording(lens: SensorSettings, **calibration: float) -> RecordSettings:
@@ -113,7 +118,7 @@ def test_rectified_distorted_image_is_the_pinhole_image(name: str):
     assert picture.shape == (120, 160)
     assert np.abs(error).max() < 4
     assert 0 < np.sqrt((error**2).mean()) < 0.8  # rounding thrice leaves 0.5
-    assert (sensor.raw_margin_px > 2) == (name == "pincushion")
+    assert (sensor.raw_margin_px > 2) == (name in ("pincushion", "rational"))
 
 
 @pytest.mark.parametrize("angle", ["roll_deg", "pitch_deg", "yaw_deg"])
@@ -188,3 +193,64 @@ def test_calibration_errors_scale_the_delivered_rig():
     for name in ("baseline_percent", "focal_percent"):
         with pytest.raises(CalibrationError, match="must be positive"):
             margin_px(recording(SensorSettings(), **{name: -100.0}), RIG)
+
+
+FISHEYE = SensorSettings(lens="equidistant", k1=0.02, k2=-0.01, k3=0.004, k4=-0.001)
+
+
+def directions(widest_deg: float) -> Array:
+    """Unit rays up to an angle from the axis, (N, 3)."""
+    angle, around = np.meshgrid(
+        np.radians(np.linspace(0, widest_deg, 30)), np.linspace(0, 2 * math.pi, 17)
+    )
+    rays = [np.sin(angle) * np.cos(around), np.sin(angle) * np.sin(around), np.cos(angle)]
+    return np.stack(rays, axis=-1).reshape(-1, 3)
+
+
+def test_fisheye_agrees_with_opencv():
+    rays = directions(85)
+    K = RIG.K.copy()
+    K[0, 0] = K[1, 1] = raw_focal_px(FISHEYE, RIG)
+    theirs = cv2.fisheye.projectPoints(
+        rays[:, None], np.zeros(3), np.zeros(3), K, coefficients(FISHEYE)
+    )[0][:, 0]
+    np.testing.assert_allclose(raw_pixels(FISHEYE, RIG, rays), theirs, atol=1e-6)
+
+
+@pytest.mark.parametrize("lens", [FISHEYE, *LENSES.values()])
+def test_raw_rays_invert_raw_pixels(lens: SensorSettings):
+    rays = directions(95 if lens is FISHEYE else 38)
+    pixels = raw_pixels(lens, RIG, rays)
+    np.testing.assert_allclose(raw_rays(lens, RIG, pixels), rays, atol=1e-8)
+
+
+def test_fisheye_field_of_view_is_that_of_the_setting():
+    """Also behind the image plane, and dark beyond 95 degrees."""
+    lens = FISHEYE.model_copy(update={"fov_deg": 190.0})
+    edge = raw_rays(lens, RIG, np.array([159.5, RIG.cy_px]))
+    assert math.degrees(math.atan2(edge[0], edge[2])) == pytest.approx(95, abs=1e-6)
+    outside = np.array([[161.0, RIG.cy_px], [159, 119]])
+    assert np.isnan(raw_rays(lens, RIG, outside)).all()
+    assert np.isnan(raw_pixels(lens, RIG, np.array([1.0, 0, math.tan(math.radians(-6))]))).all()
+
+
+@pytest.mark.parametrize(
+    ("lens", "message"),
+    [
+        ({"lens": "equidistant", "k1": -0.2}, "sensor.k1 = -0.2.*folds the image.* 87 px from"),
+        (
+            {"lens": "equidistant", "k4": -0.9},
+            "folds the image 44 degrees from its axis at sensor.fov",
+        ),
+        ({"k1": -0.2, "k2": 0.02, "k3": -0.6}, "folds the image.* px from its centre at rig.hfov"),
+        ({"k4": -2.0}, "folds"),
+    ],
+)
+def test_fold_is_refused_with_its_radius(lens: dict[str, float | str], message: str):
+    with pytest.raises(SettingsError, match=message):
+        margin_px(recording(SensorSettings.model_validate(lens)), RIG)
+
+
+def test_equidistant_lens_refuses_other_coefficients():
+    with pytest.raises(ValueError, match=r"sensor\.p1 = 0\.01: an equidistant lens has k1, k2"):
+        SensorSettings(lens="equidistant", p1=0.01)
