@@ -50,6 +50,10 @@ class SensorSettings(Settings):
     """Sixth coefficient, of the rational model's denominator."""
     softness_px: float = Field(default=0.0, ge=0.0, le=12.0)
     """Standard deviation of the lens's Gaussian point spread function, px; 0: sharp."""
+    chromatic_px: float = Field(default=0.0, ge=0.0, le=5.0)
+    """Shift of red outwards, and of blue inwards, in the image's corner, px."""
+    soiling: float = Field(default=0.0, ge=0.0, le=1.0)
+    """Amount of dust, drops and fingerprints on each lens; 0: clean."""
     vignetting: float = Field(default=0.0, ge=0.0, le=1.0)
     """Fraction of the light that is lost in the image's corner."""
     response: Literal["srgb", "linear"] = "srgb"

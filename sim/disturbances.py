@@ -60,6 +60,13 @@ DISTURBANCES: dict[str, Disturbance] = {
         },
     ),
     "defocus": Disturbance("lens out of focus", {"sensor.softness_px": 4.0}),
+    "chromatic": Disturbance(
+        "lens that images red larger, and blue smaller", {"sensor.chromatic_px": 1.5}
+    ),
+    "soiling": Disturbance(
+        "dust, drops and fingerprints on both lenses",
+        {"sensor.soiling": lambda s: min(0.5 * s, 1.0)},
+    ),
     "rolling_shutter": Disturbance("rolling shutter", {"exposure.line_time_us": 60.0}),
     "stereo_offset": Disturbance(
         "right camera exposed later than the left", {"exposure.right_offset_ms": 8.0}

@@ -124,7 +124,7 @@ def record_trip(
     exposures, frames = _write_frames(processor, captures, int(trip.delivered.sum()), progress)
     writer.add(MAP_FILE, encode_png(overhead.image))
     delivered, things = delivered_rig(world.rig, settings.calibration), annotator.things
-    write_cameras(writer, delivered, settings, trip)
+    write_cameras(writer, world.rig, delivered, settings, trip)
     write_exposures(writer, exposures)
     write_inertial(writer, settings, trip, world.gravity_mps2)
     write_wheels(writer, settings, trip)

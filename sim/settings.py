@@ -173,6 +173,17 @@ class LabelSettings(Settings):
     """Class of each pixel: sky, ground, static or moving."""
     normals: bool = False
     """Unit surface normals in camera axes."""
+    raw_depth: bool = False
+    """Distance along the ray, m, of the left raw image, as the lens distorts."""
+    raw_flow: bool = False
+    """Optical flow to the next left raw image, px."""
+    raw_segmentation: bool = False
+    """Number of the object that each pixel of the left raw image shows."""
+
+    @property
+    def are_raw(self) -> bool:
+        """Whether there are labels of the raw image."""
+        return self.raw_depth or self.raw_flow or self.raw_segmentation
 
 
 class RecordSettings(Settings):

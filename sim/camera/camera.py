@@ -11,12 +11,14 @@ from sim.camera.render import GeometryBuffers, StereoRenderer
 from sim.camera_settings import CalibrationSettings, SensorSettings
 from sim.imaging.auto_exposure import AutoExposure, Exposure
 from sim.imaging.image_sensor import ImageSensor
+from sim.imaging.lens import raw_margin_px
 from sim.imaging.linear_light import decode
+from sim.imaging.soiling import Soiling
 from sim.settings import RecordSettings
 from sim.world.random_streams import stream
 from sim.world.trip import Trip
 from sim.world.world import World
-from vo.contract.arrays import Array, Image
+from vo.contract.arrays import Array, Image, Indices
 
 REFERENCE_EXPOSURE_MS = 10.0
 """Exposure time of the rendered brightness where `exposure.time_ms` is 0."""
@@ -54,6 +56,7 @@ class Capture:
         geometry: Depth and geom ids at mid-exposure, in the delivered size.
         T_world_cam: (4, 4) left camera.
         T_world_bodies: (nbody, 4, 4) MuJoCo's bodies.
+        raw: Depth and numbers of the left camera as rendered, if its raw image is labelled.
     """
 
     index: int
@@ -63,6 +66,7 @@ class Capture:
     geometry: GeometryBuffers
     T_world_cam: Array
     T_world_bodies: Array
+    raw: tuple[Array, Indices] | None = None
 
 
 @dataclass(frozen=True)
@@ -87,9 +91,19 @@ class StereoCamera:
         """
         self._world, self._settings = world, settings
         cameras: tuple[Literal[0, 1], ...] = (0, 1)
-        self.sensors = [ImageSensor(settings, k, world.rig, world.render_rig) for k in cameras]
+        rigs, dirt = (world.rig, world.render_rig), self._soiling
+        self.sensors = [ImageSensor(settings, k, *rigs, dirt(k)) for k in cameras]
         perfect = SensorSettings(), CalibrationSettings()
         self._is_perfect = (settings.sensor, settings.calibration) == perfect
+
+    def _soiling(self, camera: int) -> Soiling | None:
+        """Draw the dirt on a lens."""
+        settings, rig = self._settings, self._world.rig
+        if not settings.sensor.soiling:
+            return None
+        margin_px = 2 * raw_margin_px(settings, rig)
+        size = rig.height_px + margin_px, rig.width_px + margin_px
+        return Soiling(settings.sensor.soiling, size, stream(settings.seed, f"soiling/{camera}"))
 
     def captures(self, trip: Trip, renderer: StereoRenderer) -> Iterator[Capture]:
         """Render a trip's delivered frames; moves the world."""
@@ -103,6 +117,10 @@ class StereoCamera:
             time_s = time_ns * 1e-9
             geometry = place_and_render(world, trip, renderer, time_ns)
             cropped = cropped_geometry(world, geometry)
+            whole = geometry
+            if settings.labels.are_raw and world.lens.views:
+                whole = renderer.render_view_geometry(world.lens.views)
+            raw = (whole.depth_left_m, whole.geoms_left) if settings.labels.are_raw else None
             truth = world.T_world_cam, world.T_world_bodies
             rows, open_s = world.render_rig.height_px, control.time_ms * 1e-3
             shutter = open_shutter(settings.exposure, time_s, open_s, rows)
@@ -112,7 +130,7 @@ class StereoCamera:
             exposure = FrameExposure(time_ns, control.time_ms, control.gain, count, level)
             if settings.sensor.auto_exposure:
                 automatic.update(self._mean_grey(light[0], exposure.level))
-            yield Capture(int(index), exposure, light, brightness, cropped, *truth)
+            yield Capture(int(index), exposure, light, brightness, cropped, *truth, raw)
 
     def form_images(self, capture: Capture) -> StereoImages:
         """Convert light to grey levels; noise depends on seed, frame and camera only."""

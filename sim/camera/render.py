@@ -10,14 +10,16 @@ import numpy as np
 
 from scenes.scene import COLLISION_GROUP, IMAGE_GROUP, LABEL_GROUP
 from sim.camera.filament.engine import FilamentImages
+from sim.camera.frustum import aim, in_frustum
 from sim.camera.gl import Framebuffer, decode_buffers, open_context
 from sim.camera.sky import SkyBands, allows_sky_last, uncovered_bands
 from sim.graphics import GraphicsError, explain_fault
+from sim.imaging.raw_lens import Views
 from sim.settings import RenderSettings
 from sim.world.drawn import drawn_objects, max_drawn, reflecting_materials
 from sim.world.rig import CAMERA
 from sim.world.world import World
-from vo.contract.arrays import Array, Image, Indices, Mask
+from vo.contract.arrays import Array, Image, Indices
 from vo.contract.remarks import remark
 from vo.contract.rig import StereoRig
 
@@ -62,6 +64,8 @@ class StereoRenderer:
         self._settings = settings
         self._color = color
         self._width, self._height = world.render_rig.width_px, world.render_rig.height_px
+        views = world.lens.views
+        self._view_px = views.rig.width_px if views else 0
         self._gl: Any = None
         self._filament: FilamentImages | None = None
         self._image_option = _showing(*BOTH_GROUPS, IMAGE_GROUP)
@@ -75,11 +79,11 @@ class StereoRenderer:
         model, settings = self._world.model, self._settings
         model.vis.map.znear = settings.near_m / model.stat.extent
         model.vis.map.zfar = settings.far_m / model.stat.extent
-        model.vis.global_.offwidth = 2 * self._width
-        model.vis.global_.offheight = self._height
+        width, height = (max(x, self._view_px) for x in (self._width, self._height))
+        model.vis.global_.offwidth, model.vis.global_.offheight = 2 * width, height
         model.vis.quality.offsamples = settings.samples
         model.vis.quality.shadowsize = settings.shadow_size_px
-        self._gl = open_context(settings.backend, 2 * self._width, self._height)
+        self._gl = open_context(settings.backend, 2 * width, height)
         try:
             self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
             self._context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
@@ -96,7 +100,6 @@ class StereoRenderer:
             shown = self._image_option
             self._filament = FilamentImages(self._world, settings, self._color, shown)
         self._rgba = np.empty((self._height, 2 * self._width, 4), np.uint8)
-        self._zbuffer = np.empty((self._height, 2 * self._width), np.float32)
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -123,9 +126,11 @@ class StereoRenderer:
     def render_images(self, sky: bool = True) -> tuple[Array, Array]:
         """Render left and right (H, W) grey or (H, W, 3) RGB image of the world as placed.
 
-        They are uint8 of the classic engine, and linear light, float32, of Filament. Without
-        visible sky, `sky=False` is faster.
+        They are uint8 of the classic engine, and linear light, float32, of Filament and of a wide
+        lens, whose raw light they are. Without visible sky, `sky=False` is faster.
         """
+        if self._world.lens.views:
+            return self._render_raw_light(self._world.lens.views)
         if self._filament:
             return self._filament.render()
         self._update_stereo(self._image_option)
@@ -139,12 +144,34 @@ class StereoRenderer:
                 self._draw(self._rect)
                 framebuffer.read_colour(self._rgba, low, high)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = True
+        return self._split(self._coloured(self._rgba))
+
+    def _render_raw_light(self, views: Views) -> tuple[Array, Array]:
+        size = self._view_px
+        rect, rgba = mujoco.MjrRect(0, 0, 2 * size, size), np.empty((size, 2 * size, 4), np.uint8)
+        stacks: list[tuple[Image, Image]] = []
+        for R in views.R_cam_views:
+            self._update_stereo(self._image_option, views.rig, R)
+            with self._image_framebuffer as framebuffer:
+                self._draw(rect)
+                framebuffer.read_colour(rgba)
+            stacks.append(self._split(self._coloured(rgba)))
+        left, right = (np.concatenate(x) for x in zip(*stacks, strict=True))
+        return self._world.lens.raw_light(0, left), self._world.lens.raw_light(1, right)
+
+    def _coloured(self, rgba: Image) -> Image:
         form = cv2.COLOR_RGBA2RGB if self._color else cv2.COLOR_RGBA2GRAY
-        return self._split(np.asarray(cv2.cvtColor(self._rgba, form), np.uint8))
+        return np.asarray(cv2.cvtColor(rgba, form), np.uint8)
 
     def render_geometry(self) -> GeometryBuffers:
         """Render depth and objects of both cameras at the world's present state."""
         return self._geometry(self._label_option)
+
+    def render_view_geometry(self, views: Views) -> GeometryBuffers:
+        """Render depth and objects in the stacked views (V N, N) of a wide lens."""
+        found = [self._geometry(self._label_option, views.rig, R) for R in views.R_cam_views]
+        stacks = zip(*(vars(x).values() for x in found), strict=True)
+        return GeometryBuffers(*(np.concatenate(x) for x in stacks))
 
     def render_drawn_geometry(self) -> GeometryBuffers:
         """Render as `render_geometry` what images draw, which must be the same."""
@@ -170,14 +197,19 @@ class StereoRenderer:
             layers.append(self._split(self._rgba))
         return layers
 
-    def _geometry(self, option: mujoco.MjvOption) -> GeometryBuffers:
-        self._update_stereo(option)
+    def _geometry(
+        self, option: mujoco.MjvOption, rig: StereoRig | None = None, R: Array | None = None
+    ) -> GeometryBuffers:
+        rig = rig or self._world.render_rig
+        self._update_stereo(option, rig, R)
+        rgba = np.empty((rig.height_px, 2 * rig.width_px, 4), np.uint8)
+        zbuffer = np.empty(rgba.shape[:2], np.float32)
         flags = [int(mujoco.mjtRndFlag.mjRND_SEGMENT), int(mujoco.mjtRndFlag.mjRND_IDCOLOR)]
         self._scene.flags[flags] = True
         with self._label_framebuffer as framebuffer:
-            self._draw(self._rect)
-            framebuffer.read_colour(self._rgba)
-            framebuffer.read_depth(self._zbuffer)
+            self._draw(mujoco.MjrRect(0, 0, 2 * rig.width_px, rig.height_px))
+            framebuffer.read_colour(rgba)
+            framebuffer.read_depth(zbuffer)
         self._scene.flags[flags] = False
         ids = np.full(self._scene.ngeom + 1, NO_GEOM, dtype=np.int32)
         for geom in self._scene.geoms[: self._scene.ngeom]:
@@ -186,7 +218,7 @@ class StereoRenderer:
                 ids[geom.segid + 1] = number
         visual, extent = self._world.model.vis, self._world.model.stat.extent
         near, far = np.float32(visual.map.znear * extent), np.float32(visual.map.zfar * extent)
-        depths, geoms = decode_buffers(self._zbuffer, self._rgba, ids, near, far)
+        depths, geoms = decode_buffers(zbuffer, rgba, ids, near, far)
         return GeometryBuffers(*depths, *geoms)
 
     def render_view(
@@ -216,18 +248,26 @@ class StereoRenderer:
         mujoco.mjr_readPixels(rgb, None, rect, context)
         return np.asarray(cv2.flip(rgb, 0), np.uint8)
 
-    def _update_stereo(self, option: mujoco.MjvOption) -> None:
-        """Update MuJoCo's scene with the geoms in the view frustums."""
+    def _update_stereo(
+        self, option: mujoco.MjvOption, rig: StereoRig | None = None, R: Array | None = None
+    ) -> None:
+        """Update MuJoCo's scene with the geoms in the view frustums of a rig.
+
+        Both cameras may be turned each around its centre, by R (3, 3) to the stereo camera's axes.
+        """
+        rig = rig or self._world.render_rig
         model, data = self._world.model, self._world.data
         camera = mujoco.MjvCamera()
         camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
         camera.fixedcamid = model.camera(CAMERA).id
         groups = model.geom_group.copy()
-        model.geom_group[~_in_frustum(model, data, self._world.render_rig)] = COLLISION_GROUP
+        model.geom_group[~in_frustum(model, data, rig, R)] = COLLISION_GROUP
         try:
             self._update(camera, option, mujoco.mjtStereo.mjSTEREO_SIDEBYSIDE)
         finally:
             model.geom_group[:] = groups
+        if R is not None:
+            aim(self._scene, self._world.T_world_cam, rig, R)
 
     def _update(
         self, camera: mujoco.MjvCamera, option: mujoco.MjvOption, stereo: mujoco.mjtStereo
@@ -247,7 +287,7 @@ class StereoRenderer:
 
     def _split(self, both: Array) -> tuple[Array, Array]:
         """Split (H, 2W, ...), bottom row first, into two upright, contiguous images."""
-        left, right = both[::-1, : self._width], both[::-1, self._width :]
+        left, right = np.split(both[::-1], 2, axis=1)
         return np.ascontiguousarray(left), np.ascontiguousarray(right)
 
 
@@ -257,24 +297,3 @@ def _showing(*groups: int) -> mujoco.MjvOption:
     option.geomgroup[list(groups)] = 1
     option.flags[mujoco.mjtVisFlag.mjVIS_RANGEFINDER] = 0
     return option
-
-
-def _in_frustum(model: mujoco.MjModel, data: mujoco.MjData, rig: StereoRig) -> Mask:
-    """Return which geoms (ngeom,) may appear in either centred image, by their bounding spheres.
-
-    A plane that is seen from behind is drawn in neither image nor label, as the faces of all other
-    geoms: MuJoCo would draw it as if it were of glass.
-    """
-    camera = model.camera(CAMERA).id
-    R_world_gl = data.cam_xmat[camera].reshape(3, 3)
-    tan_u, tan_v = rig.width_px / 2 / rig.f_px, rig.height_px / 2 / rig.f_px
-    inward = np.array(  # normals of the sides, in MuJoCo's camera axes: it faces along -z
-        [(1, 0, -tan_u), (-1, 0, -tan_u), (0, 1, -tan_v), (0, -1, -tan_v), (0, 0, -1)]
-    )
-    inward /= np.linalg.norm(inward, axis=1, keepdims=True)
-    away = data.geom_xpos - data.cam_xpos[camera]
-    distance = away @ (R_world_gl @ inward.T)
-    radius = model.geom_rbound + rig.baseline_m / 2
-    unbounded = model.geom_rbound == 0  # planes
-    is_faced = np.einsum("ni,ni->n", data.geom_xmat[:, 2::3], away) < 0
-    return np.where(unbounded, is_faced, (distance > -radius[:, None]).all(axis=1))

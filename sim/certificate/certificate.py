@@ -48,7 +48,10 @@ def exempt_parts(settings: RecordSettings) -> frozenset[str]:
     """Return the parts that cannot fail, because not all pixels were exposed at one time.
 
     Labels hold for both cameras at once and for the middle row; the residuals are only reported.
+    Nor do labels hold for dirt on a lens.
     """
+    if settings.sensor.soiling:
+        return frozenset({"stereo", "flow"})
     exposure = settings.exposure
     stereo = {"stereo"} if exposure.right_offset_ms != 0 else set[str]()
     return frozenset(stereo | ({"flow"} if exposure.line_time_us > 0 else set()))

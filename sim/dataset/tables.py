@@ -1,11 +1,13 @@
 """Sensors of a dataset: the sensor.yaml and the table of each, in EuRoC's keys."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from sim.camera.camera import FrameExposure
+from sim.camera_settings import SensorSettings
 from sim.imaging.distortion import coefficients, has_distortion, is_equidistant
 from sim.imaging.lens import raw_focal_px
 from sim.labels.formats import FORWARD, LABELS
@@ -38,37 +40,34 @@ TRUTH_COLUMNS = (
 
 
 def write_cameras(
-    writer: DatasetWriter, delivered: StereoRig, settings: RecordSettings, trip: Trip
+    writer: DatasetWriter,
+    rig: StereoRig,
+    delivered: StereoRig,
+    settings: RecordSettings,
+    trip: Trip,
 ) -> None:
-    """Write descriptions and file lists of the images and labels."""
-    times, lens = trip.timestamps_ns[trip.delivered].tolist(), settings.sensor
+    """Write descriptions and file lists of the images and labels, of a true and a delivered rig."""
+    times, sensor = trip.timestamps_ns[trip.delivered].tolist(), settings.sensor
     sheets: dict[str, tuple[dict[str, Any], list[int], str]] = {}
     for camera, side in enumerate(("left", "right")):
-        optics = {
-            **_pixels(delivered, settings, camera),
-            "camera_model": "pinhole",
-            "intrinsics": [delivered.f_px, delivered.f_px, delivered.cx_px, delivered.cy_px],
-            "distortion_model": "radial-tangential",
-        }
-        comment = f"{side} {RECTIFIED_EYE}"
-        sheet = _sheet("camera", comment, **optics, distortion_coefficients=[0.0] * 4)
+        pixels = _pixels(delivered, settings, camera)
+        sheet = _sheet("camera", f"{side} {RECTIFIED_EYE}", **pixels, **_lens(delivered))
         sheets[f"cam{camera}"] = sheet, times, ".png"
-        if has_distortion(lens) or lens.bits > 8:
-            comment = f"{side} eye as it leaves the sensor, distorted"
-            optics |= {"bits": lens.bits} if lens.bits > 8 else {}
-            optics["distortion_coefficients"] = coefficients(lens)
-            if is_equidistant(lens):
-                f_px = raw_focal_px(lens, delivered)
-                f_px *= 1 + settings.calibration.focal_percent / 100
-                optics["intrinsics"] = [f_px, f_px, delivered.cx_px, delivered.cy_px]
-                optics["distortion_model"] = "equidistant"
-            sheets[f"raw{camera}"] = _sheet("camera", comment, **optics), times, ".png"
+        if has_distortion(sensor) or sensor.bits > 8:
+            f_px = raw_focal_px(sensor, rig) * delivered.f_px / rig.f_px
+            raw = replace(delivered, f_px=f_px if is_equidistant(sensor) else delivered.f_px)
+            optics = {**pixels, **_lens(raw, sensor)}
+            optics |= {"bits": sensor.bits} if sensor.bits > 8 else {}
+            sheet = _sheet("camera", f"{side} eye as it leaves the sensor, distorted", **optics)
+            sheets[f"raw{camera}"] = sheet, times, ".png"
     for name, form in LABELS.items():
         if getattr(settings.labels, name):
+            exact = replace(rig, f_px=raw_focal_px(sensor, rig))
             sheet = _sheet(
                 form.folder[:-1],
                 form.about,
                 **_pixels(delivered, settings, int(form.folder[-1])),
+                **(_lens(exact, sensor) if name.startswith("raw") else {}),
                 unit=form.unit,
                 encoding=form.encoding,
                 invalid_value=form.invalid,
@@ -78,6 +77,16 @@ def write_cameras(
         writer.add_yaml(f"mav0/{folder}/sensor.yaml", sheet)
         rows = ((t, f"{t}{suffix}") for t in listed)
         writer.add_csv(f"mav0/{folder}/data.csv", (STAMP, "filename"), rows)
+
+
+def _lens(rig: StereoRig, sensor: SensorSettings | None = None) -> dict[str, Any]:
+    """Describe a camera with the focal length of a rig: a lens, or none."""
+    return {
+        "camera_model": "pinhole",
+        "intrinsics": [rig.f_px, rig.f_px, rig.cx_px, rig.cy_px],
+        "distortion_model": sensor.lens.replace("_", "-") if sensor else "radial-tangential",
+        "distortion_coefficients": coefficients(sensor) if sensor else [0.0] * 4,
+    }
 
 
 def write_exposures(writer: DatasetWriter, exposures: Sequence[FrameExposure]) -> None:

@@ -8,9 +8,11 @@ import cv2
 import numpy as np
 
 from sim.imaging import lens
+from sim.imaging.chromatic import lateral_colour
 from sim.imaging.distortion import has_distortion, is_equidistant
 from sim.imaging.linear_light import Encoding, Response, levels_to_light, light_to_levels
 from sim.imaging.resample import sample
+from sim.imaging.soiling import Soiling
 from sim.settings import RecordSettings
 from vo.contract.arrays import Array, Image
 from vo.contract.rig import StereoRig
@@ -26,7 +28,12 @@ class ImageSensor:
     """
 
     def __init__(
-        self, settings: RecordSettings, camera: Literal[0, 1], rig: StereoRig, rendered: StereoRig
+        self,
+        settings: RecordSettings,
+        camera: Literal[0, 1],
+        rig: StereoRig,
+        rendered: StereoRig,
+        soiling: Soiling | None = None,
     ) -> None:
         """Prepare all maps and tables of the left camera, 0, or the right one, 1.
 
@@ -45,6 +52,7 @@ class ImageSensor:
         self._read_noise = sensor.read_noise * (sensor.right_noise if camera else 1.0)
         self.raw_margin_px = lens.raw_margin_px(settings, rig)
         self._optics = self._optics_of(settings, camera, rig, rendered)
+        self._soiling = soiling
         self._falloff = _vignetting_falloff(sensor.vignetting, rig, self.raw_margin_px)
         self._rectification: tuple[Array, Array] | None = None
         if has_distortion(sensor):
@@ -65,6 +73,8 @@ class ImageSensor:
         the automatic exposure, besides `gain_db`. The generator is of this camera alone.
         """
         light = self._optics(light)
+        if self._soiling is not None:
+            light = self._soiling(light)
         amplified = np.float32(brightness * self._sensitivity * gain * self._fixed_gain)
         if self._falloff is not None:
             factor = amplified * self._falloff
@@ -137,7 +147,8 @@ class ImageSensor:
         top, left = rows // 2, columns // 2
         bends = has_distortion(settings.sensor) or not np.array_equal(R, np.eye(3))
         bends &= not is_equidistant(settings.sensor)  # its views are drawn as raw light
-        grid = lens.pixel_grid(rig, pad)
+        grid, shift_px = lens.pixel_grid(rig, pad), settings.sensor.chromatic_px
+        coloured = lateral_colour(rig, pad, shift_px) if shift_px else None
         places = lens.raw_to_nominal(settings.sensor, rig, R, grid) if bends else None
         if places is None and min(top, left) < pad:
             raise ValueError(f"rendered margin of {min(top, left)} px, needed {pad} px")
@@ -152,6 +163,8 @@ class ImageSensor:
             else:
                 height, width = rig.height_px + 2 * pad, rig.width_px + 2 * pad
                 light = light[top - pad :, left - pad :][:height, :width]
+            if coloured:
+                light = coloured(light)
             if blur:
                 size, sigma = (2 * blur + 1, 2 * blur + 1), settings.sensor.softness_px
                 light = cv2.GaussianBlur(light, size, sigma)[blur:-blur, blur:-blur]

@@ -11,7 +11,14 @@ from sim.camera.camera import Capture
 from sim.camera.render import GeometryBuffers
 from sim.labels.formats import FORWARD
 from sim.labels.labels import disparity_from_depth, normals, occlusion
-from sim.labels.views import View, covisibility_between, flow_between, masked
+from sim.labels.raw_labels import raw_depth, raw_flow, raw_numbers
+from sim.labels.views import (
+    View,
+    covisibility_between,
+    flow_between,
+    masked,
+    motions_between,
+)
 from sim.settings import LabelSettings
 from sim.world.drawn import bodies_of, drawn_objects
 from sim.world.world import World
@@ -27,7 +34,7 @@ class Annotator:
     """
 
     def __init__(self, world: World) -> None:
-        self.rig = world.rig
+        self.rig, self.lens = world.rig, world.lens
         self.body_of = np.append(bodies_of(world.model), 0)
         drawn = drawn_objects(world)
         things = drawn.things
@@ -133,6 +140,37 @@ class Annotation:
     def normals(self) -> Array:
         """(H, W, 3) float32, camera axes."""
         return normals(self.annotator.rig, self.depth)
+
+    @cached_property
+    def raw_depth(self) -> Array:
+        """(H, W) float32 metres along the ray."""
+        depth_m, numbers = self._rendered
+        return raw_depth(self.annotator.lens.grid, self.annotator.explained(numbers, depth_m))
+
+    @property
+    def raw_flow(self) -> Array:
+        """(H, W, 3) float32 du, dv, distance in the next frame."""
+        assert self.following is not None
+        numbers = self._raw_numbers
+        T_next_now = motions_between(self.view, _view(self.annotator, self.following))
+        bodies = self.annotator.body_of[numbers]
+        found = raw_flow(self.annotator.lens, self.raw_depth, bodies, T_next_now)
+        return masked(self.annotator.is_unpredicted[numbers], found, np.nan)
+
+    @property
+    def raw_segmentation(self) -> Array:
+        """(H, W) uint16."""
+        return self.annotator.object_of[self._raw_numbers]
+
+    @cached_property
+    def _raw_numbers(self) -> Indices:
+        """(H, W) what is drawn at each pixel of the raw image."""
+        return raw_numbers(self.annotator.lens.grid, self._rendered[1])
+
+    @property
+    def _rendered(self) -> tuple[Array, Indices]:
+        assert self.capture.raw is not None
+        return self.capture.raw
 
 
 def _view(annotator: Annotator, capture: Capture) -> View:

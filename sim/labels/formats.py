@@ -69,10 +69,28 @@ LABELS = {
         "1",
         FLOAT_3,
     ),
+    "raw_depth": LabelFormat(
+        "raw_depth0", "distance along the ray, at pixel centres of the raw image", "m"
+    ),
+    "raw_flow": LabelFormat(
+        "raw_flow0",
+        "where a raw pixel's point is in the next left raw image: du, dv in pixels, then its "
+        "distance there in metres; absent for the last frame",
+        "px, px, m",
+        FLOAT_3,
+        "nan; the distance of the sky is nan, its motion is not",
+    ),
+    "raw_segmentation": LabelFormat(
+        "raw_segmentation0",
+        "object of a raw pixel, as segmentation0",
+        "id",
+        CODES,
+        "0",
+    ),
 }
 
 
-FORWARD = frozenset({"flow", "covisibility"})
+FORWARD = frozenset({"flow", "covisibility", "raw_flow"})
 """Labels that need the next frame."""
 
 

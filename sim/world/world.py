@@ -11,6 +11,7 @@ import numpy as np
 
 from scenes.scene import HOME, Kind, Motion, Scene, Thing
 from sim.imaging.lens import margin_px
+from sim.imaging.raw_lens import RawLens
 from sim.settings import RecordSettings
 from sim.world.finite import expect_finite
 from sim.world.handheld import build_hand, walk
@@ -46,6 +47,7 @@ class World:
         things: Name of a geom to the thing it shows, as given by scene or terrain.
         model: With the carrier under the prefix `rover/`.
         data: At the start of the route, before settling.
+        lens: Of both cameras.
     """
 
     scene: Scene
@@ -57,6 +59,7 @@ class World:
     things: Mapping[str, Thing]
     model: mujoco.MjModel
     data: mujoco.MjData
+    lens: RawLens
 
     @property
     def is_driven(self) -> bool:
@@ -212,7 +215,8 @@ def build_world(scene: Scene, settings: RecordSettings) -> World:
     if scene.source:
         expect_finite(scene, model)
     data = mujoco.MjData(model)
-    world = World(scene, rig, render_rig, path, arrival_s, movers, things, model, data)
+    lens = RawLens(settings, rig, render_rig)
+    world = World(scene, rig, render_rig, path, arrival_s, movers, things, model, data, lens)
     world.reset()
     world.move_movers(0.0)
     mujoco.mj_forward(model, data)

@@ -77,7 +77,7 @@ def test_labels_requested_are_written_for_each_frame(dataset):
         sheet = yaml.safe_load((folder / "sensor.yaml").read_text().removeprefix("%YAML:1.0\n"))
         assert sheet["unit"] == form.unit
     assert len(images) == frames > 5
-    assert {"flow", "covisibility"} == FORWARD
+    assert {"flow", "covisibility", "raw_flow"} == FORWARD
 
 
 @pytest.mark.parametrize("name", [None, *LABELS])

@@ -21,8 +21,8 @@ def test_parse_disturbances_reads_names_and_strengths():
 
 
 def test_unknown_disturbance_lists_the_valid_ones():
-    with pytest.raises(SettingsError, match="unknown disturbance fog; valid: blur, brick_bump,"):
-        parse_disturbances("blur,fog=2")
+    with pytest.raises(SettingsError, match="unknown disturbance smog; valid: blur, brick_bump,"):
+        parse_disturbances("blur,smog=2")
 
 
 @pytest.mark.parametrize("strength", ["much", "-1", "nan", "inf", ""])
