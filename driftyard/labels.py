@@ -94,6 +94,18 @@ class DenseLabels(ABC):
         """Return the surface normals of frame i in camera axes: (H, W, 3) float32."""
         return self._label("normals", i)
 
+    def raw_depth(self, i: int) -> Array:
+        """Return the distance along the ray, float32 metres, at the pixels of the raw image."""
+        return self._label("raw_depth", i)
+
+    def raw_flow(self, i: int) -> Array:
+        """Return the motion of raw pixels to the next frame: (H, W, 3) float32, distance last."""
+        return self._label("raw_flow", i)
+
+    def raw_segmentation(self, i: int) -> Array:
+        """Return the object of each raw pixel; numbers are those of `segmentation`."""
+        return self._label("raw_segmentation", i)
+
     @property
     def _root(self) -> Path:
         """Folder of `mav0` and the manifest; the recording may be `mav0` itself."""

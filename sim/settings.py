@@ -135,6 +135,13 @@ class TerrainSettings(Settings):
     """Number of light cartons per metre of the route, which the rover pushes along; 0: none."""
 
 
+class WeatherSettings(Settings):
+    """Weather between the cameras and what they see."""
+
+    fog_m: float = Field(default=0.0, ge=0.0, le=100_000.0)
+    """Visibility in fog, at which 5 % of the contrast remains, m; 0: clear air."""
+
+
 class RenderSettings(Settings):
     """Quality of the images; labels do not depend on it."""
 
@@ -203,6 +210,7 @@ class RecordSettings(Settings):
     exposure: ExposureSettings = ExposureSettings()
     sensor: SensorSettings = SensorSettings()
     calibration: CalibrationSettings = CalibrationSettings()
+    weather: WeatherSettings = WeatherSettings()
     render: RenderSettings = RenderSettings()
     labels: LabelSettings = LabelSettings()
 

@@ -10,6 +10,7 @@ from sim.camera.exposure import expose, mean_brightness, open_shutter
 from sim.camera.render import GeometryBuffers, StereoRenderer
 from sim.camera_settings import CalibrationSettings, SensorSettings
 from sim.imaging.auto_exposure import AutoExposure, Exposure
+from sim.imaging.fog import foggy
 from sim.imaging.image_sensor import ImageSensor
 from sim.imaging.lens import raw_margin_px
 from sim.imaging.linear_light import decode
@@ -118,13 +119,17 @@ class StereoCamera:
             geometry = place_and_render(world, trip, renderer, time_ns)
             cropped = cropped_geometry(world, geometry)
             whole = geometry
-            if settings.labels.are_raw and world.lens.views:
+            if (settings.labels.are_raw or settings.weather.fog_m) and world.lens.views:
                 whole = renderer.render_view_geometry(world.lens.views)
             raw = (whole.depth_left_m, whole.geoms_left) if settings.labels.are_raw else None
             truth = world.T_world_cam, world.T_world_bodies
             rows, open_s = world.render_rig.height_px, control.time_ms * 1e-3
             shutter = open_shutter(settings.exposure, time_s, open_s, rows)
             light, count = expose(world, trip, renderer, settings.exposure, shutter, geometry)
+            if fog_m := settings.weather.fog_m:
+                depths = enumerate((whole.depth_left_m, whole.depth_right_m))
+                ranges = [world.lens.range_m(k, depth_m) for k, depth_m in depths]
+                light = foggy(light[0], ranges[0], fog_m), foggy(light[1], ranges[1], fog_m)
             brightness = control.brightness * mean_brightness(world, shutter)
             level = float(brightness.mean())
             exposure = FrameExposure(time_ns, control.time_ms, control.gain, count, level)

@@ -21,7 +21,8 @@ def lateral_colour(rig: StereoRig, pad_px: int, shift_px: float) -> Callable[[Ar
     """
     corner_px = np.hypot(rig.cx_px, rig.cy_px)
     centre = np.array([rig.cx_px, rig.cy_px])
-    away, places = pixel_grid(rig, pad_px) - centre, []
+    away = pixel_grid(rig, pad_px) - centre
+    places: list[tuple[Array, Array]] = []
     for sign in (1, -1):
         at = away / (1 + sign * shift_px / corner_px) + centre + pad_px
         places.append((at[..., 0].astype(np.float32), at[..., 1].astype(np.float32)))

@@ -181,9 +181,9 @@ def _radial_slope(settings: SensorSettings) -> Polynomial:
 
 def _first_root(polynomial: Polynomial) -> float:
     """Return the smallest positive real root, or infinity."""
-    roots = polynomial.trim().roots()
-    real = [float(x.real) for x in roots if abs(x.imag) < 1e-12 and x.real > 0]
-    return min(real, default=math.inf)
+    roots = np.asarray(polynomial.trim().roots(), complex)
+    real = roots.real[(np.abs(roots.imag) < 1e-12) & (roots.real > 0)]
+    return float(real.min(initial=math.inf))
 
 
 def _inside_fold(settings: SensorSettings, points: Array) -> Mask:

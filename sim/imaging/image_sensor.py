@@ -180,8 +180,8 @@ def _compressed(image: Image, quality: int) -> Image:
         *(cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_422),
     )
     data = cv2.imencode(".jpg", image[..., ::-1] if image.ndim == 3 else image, options)[1]
-    decoded = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
-    return np.ascontiguousarray(decoded[..., ::-1] if image.ndim == 3 else decoded, np.uint8)
+    decoded = np.asarray(cv2.imdecode(data, cv2.IMREAD_UNCHANGED), np.uint8)
+    return np.ascontiguousarray(decoded[..., ::-1]) if image.ndim == 3 else decoded
 
 
 @lru_cache(maxsize=64)  # called for both cameras and every frame; the gain changes rarely

@@ -95,8 +95,9 @@ class Encoding:
         """
         levels, factor = np.empty((2, *image.shape), np.float32)
         channels = image.shape[2] if image.ndim == 3 else 1
-        each = (x.reshape(-1, channels) for x in (image, levels, factor))
-        _rescale(share.ravel(), *each, self._light, self._slope, self._first)
+        pixels, out, factors = (x.reshape(-1, channels) for x in (image, levels, factor))
+        tables = self._light, self._slope, self._first
+        _rescale(share.ravel(), pixels, out, factors, *tables)
         return levels, factor
 
 

@@ -96,6 +96,26 @@ class RawLens:
         u, v, _ = np.moveaxis(self.rendered.project(rays).astype(np.float32), -1, 0)
         return Grid(rays, u, v, (1 / rays[..., 2]).astype(np.float32))
 
+    def range_m(self, camera: int, depth_m: Array) -> Array:
+        """Return the distance along the ray (H', W') of each pixel of the light that is rendered.
+
+        The planar depth is that of a camera in the rendered pinhole, or in the stacked views.
+        """
+        if self.views is None:
+            return depth_m * self._per_depth
+        u, v, per_depth = self.views.places(self._rays(camera))
+        lit = np.isfinite(u)
+        found = np.full(u.shape, np.nan, np.float32)
+        v_px, u_px = (np.rint(x[lit]).astype(int) for x in (v, u))
+        found[lit] = depth_m[v_px, u_px] * per_depth[lit]
+        return found
+
+    @cached_property
+    def _per_depth(self) -> Array:
+        """(H', W') distance along the ray over planar depth, in the rendered pinhole."""
+        flat = self.rendered.normalized(lens.pixel_grid(self.rendered))
+        return np.sqrt(1 + (flat**2).sum(axis=-1)).astype(np.float32)
+
     @cached_property
     def _light_places(self) -> list[tuple[Array, Array]]:
         assert self.views is not None

@@ -78,5 +78,5 @@ def _ridges(u: Array, v: Array, rng: np.random.Generator) -> Array:
 def _surround(light: Array) -> Array:
     height, width = light.shape[:2]
     small = cv2.resize(light, None, fx=1 / SCALED, fy=1 / SCALED, interpolation=cv2.INTER_AREA)
-    small = cv2.GaussianBlur(small, None, SURROUND * width / SCALED)
+    small = cv2.GaussianBlur(small, (0, 0), SURROUND * width / SCALED)
     return np.asarray(cv2.resize(small, (width, height), interpolation=cv2.INTER_LINEAR))

@@ -9,6 +9,7 @@ import pytest
 
 from sim.camera_settings import SensorSettings
 from sim.imaging.auto_exposure import EXPOSURE_MIN_MS, AutoExposure
+from sim.imaging.fog import AIRLIGHT, foggy
 from sim.imaging.image_sensor import WELL, ImageSensor
 from sim.imaging.lens import delivered_to_raw, margin_px, pixel_grid
 from sim.imaging.linear_light import (
@@ -21,6 +22,7 @@ from sim.imaging.linear_light import (
     normal_quantiles,
 )
 from sim.imaging.resample import sample_variance
+from sim.imaging.soiling import Soiling
 from sim.settings import RecordSettings
 from vo.contract.arrays import Array, Image
 from vo.contract.rig import StereoRig
@@ -353,3 +355,45 @@ def test_expose_jpeg_is_that_of_opencv_in_blocks(channels: tuple[int, ...]):
 def test_jpeg_with_more_than_8_bits_is_refused():
     with pytest.raises(ValueError, match="JPEG has 8 bits"):
         SensorSettings(jpeg_quality=80, bits=12)
+
+
+def test_foggy_follows_koschmieder():
+    light = np.full((2, 2, 3), 0.5, np.float32)
+    range_m = np.array([[0, 10], [20, np.nan]], np.float32)
+    found = foggy(light, range_m, 20.0)[..., 0]
+    passed = np.array([[1, 0.05**0.5], [0.05, 0]])
+    np.testing.assert_allclose(found, 0.5 * passed + AIRLIGHT * (1 - passed), rtol=1e-5)
+
+
+@pytest.mark.parametrize("channels", [(), (3,)])
+def test_chromatic_shift_is_that_of_the_setting_in_the_corner(channels: tuple[int, ...]):
+    """Of a radial ramp, red is darker and blue brighter by slope times shift."""
+    camera, rendered = sensor_of(chromatic_px=2.0, response="linear", softness_px=0.0)
+    u, v = np.meshgrid(np.arange(rendered.width_px), np.arange(rendered.height_px))
+    radius = np.hypot(u - rendered.cx_px, v - rendered.cy_px)
+    corner = float(np.hypot(rendered.cx_px, rendered.cy_px))
+    ramp = (radius / corner).astype(np.float32)
+    light = np.repeat(ramp[..., None], 3, axis=2) if channels else ramp
+    raw = camera.expose(light, 0.8, 1, np.random.default_rng(0)).astype(float)
+    shift = (raw - 255 * 0.8 * (ramp[..., None] if channels else ramp))[20:-20, 20:-20]
+    expected = 255 * 0.8 * 2 / corner * ramp[20:-20, 20:-20]
+    if channels:
+        assert np.abs(shift[..., 1]).max() <= 0.51
+        np.testing.assert_allclose(shift[..., 0], -expected, atol=0.7)
+        np.testing.assert_allclose(shift[..., 2], expected, atol=0.7)
+    else:
+        np.testing.assert_allclose(shift, expected * (0.114 - 0.299), atol=0.7)
+
+
+def test_soiling_is_fixed_differs_by_stream_and_only_takes_or_spreads_light():
+    first, again, other = (
+        Soiling(0.5, (120, 160), np.random.default_rng(seed))(np.ones((120, 160), np.float32))
+        for seed in (1, 1, 2)
+    )
+    np.testing.assert_array_equal(first, again)
+    assert (first != other).any()
+    assert first.max() <= 1.0 + 1e-6
+    assert 0.01 < (first < 0.99).mean() < 0.6
+    clean = Soiling(0.0, (120, 160), np.random.default_rng(1))
+    light = np.random.default_rng(3).random((120, 160, 3), np.float32)
+    np.testing.assert_array_equal(clean(light), light)

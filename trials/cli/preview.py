@@ -1,9 +1,12 @@
 """`driftyard preview`: pictures or a film of a scene before it is recorded."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from scenes import SCENES
 from sim.batch import build
+from sim.cameras import CAMERAS
+from sim.preview.camera_sheet import camera_sheet, camera_view
 from sim.preview.film import FILMS, make_film
 from sim.preview.preview import PICTURES, overview, tile, write_picture
 from sim.preview.preview import preview as write_sheet
@@ -15,7 +18,11 @@ from vo.contract.files import known_suffix
 
 def preview(
     recording: RecordingOptions,
-    scene: str = argument(..., "Scene as for `generate`, or `all` for one picture of every scene."),
+    scene: str = argument(
+        ...,
+        "Scene as for `generate`, or `all` for one picture of every scene; with `--camera all`, "
+        "through every camera.",
+    ),
     out: Path | None = option(
         None, "PNG or JPEG of views, labels and map.", show_default="preview.png, unless --film"
     ),
@@ -33,6 +40,11 @@ def preview(
             raise SettingsError("--film: shows one scene, not all")
         _preview_all(sheet, recording)
         return
+    if recording.camera == "all":
+        if film is not None or sheet is None:
+            raise SettingsError("--film: is of one camera, not of all")
+        _preview_cameras(sheet, scene, recording)
+        return
     settings = recording.settings(scene)
     built = build(scene, settings)
     if sheet is not None:
@@ -42,6 +54,18 @@ def preview(
         with console.progress_bar(f"filming {built.name}") as progress:
             make_film(built, settings, film, seconds, progress)
         console.out.print(f"{film}")
+
+
+def _preview_cameras(out: Path, scene: str, recording: RecordingOptions) -> None:
+    """Picture one moment of a scene through every camera."""
+    views = {}
+    with console.counting_bar("cameras", len(CAMERAS)) as advance:
+        for name in CAMERAS:
+            settings = replace(recording, camera=name).settings(scene)
+            views[name] = camera_view(build(scene, settings), settings)
+            advance(name)
+    write_picture(out, camera_sheet(views))
+    console.out.print(f"{out}")
 
 
 def _preview_all(out: Path, recording: RecordingOptions) -> None:
