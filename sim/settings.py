@@ -223,6 +223,15 @@ class RecordSettings(Settings):
         return longest_ms + self.exposure.line_time_us * 1e-3 * self.rig.height_px
 
     @model_validator(mode="after")
+    def _engine_renders_lens(self) -> Self:
+        if self.render.engine == "filament" and self.sensor.lens == "equidistant":
+            raise ValueError(
+                "sensor.lens = equidistant: the views of a wide lens are rendered by render.engine "
+                "= classic only"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _exposure_fits_frame_interval(self) -> Self:
         interval_ms = 1e3 / self.rig.rate_hz
         open_ms = self.exposure_max_ms + abs(self.exposure.right_offset_ms)

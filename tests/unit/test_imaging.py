@@ -385,7 +385,7 @@ def test_chromatic_shift_is_that_of_the_setting_in_the_corner(channels: tuple[in
         np.testing.assert_allclose(shift, expected * (0.114 - 0.299), atol=0.7)
 
 
-def test_soiling_is_fixed_differs_by_stream_and_only_takes_or_spreads_light():
+def test_soiling_is_that_of_its_generator_and_adds_no_light():
     first, again, other = (
         Soiling(0.5, (120, 160), np.random.default_rng(seed))(np.ones((120, 160), np.float32))
         for seed in (1, 1, 2)

@@ -251,6 +251,11 @@ def test_fold_is_refused_with_its_radius(lens: dict[str, float | str], message: 
         margin_px(recording(SensorSettings.model_validate(lens)), RIG)
 
 
+def test_equidistant_lens_is_refused_with_filament():
+    with pytest.raises(ValueError, match=r"by render\.engine = classic only"):
+        RecordSettings.model_validate({"render": {"engine": "filament"}, "sensor": FISHEYE})
+
+
 def test_equidistant_lens_refuses_other_coefficients():
     with pytest.raises(ValueError, match=r"sensor\.p1 = 0\.01: an equidistant lens has k1, k2"):
         SensorSettings(lens="equidistant", p1=0.01)
