@@ -29,6 +29,7 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from driftyard import torch as torch
     from driftyard.benchmarking import benchmark, compare_systems
+    from driftyard.calibrating import calibrate
     from driftyard.dataset import Dataset, open
     from driftyard.estimation import Run, make_estimator, open_run, run
     from driftyard.exporting import export
@@ -73,9 +74,11 @@ if TYPE_CHECKING:
     from vo.contract.trajectory import Trajectory
     from vo.hooks import Hooks
     from vo.odometry import StereoOdometry
+    from vo.recording_calibration import Calibration
 
 _HOMES = {
     "driftyard.benchmarking": ("benchmark", "compare_systems"),
+    "driftyard.calibrating": ("calibrate",),
     "driftyard.dataset": ("Dataset", "open"),
     "driftyard.estimation": ("Run", "make_estimator", "open_run", "run"),
     "driftyard.exporting": ("export",),
@@ -115,6 +118,7 @@ _HOMES = {
     "vo.contract.trajectory": ("Trajectory",),
     "vo.hooks": ("Hooks",),
     "vo.odometry": ("StereoOdometry",),
+    "vo.recording_calibration": ("Calibration",),
 }
 """Module to the public names that it defines."""
 _MODULES = ("torch",)
@@ -123,6 +127,7 @@ _MODULE_OF = {name: module for module, names in _HOMES.items() for name in names
 
 __all__ = [
     "Box",
+    "Calibration",
     "CalibrationError",
     "CameraMatch",
     "CameraSetting",
@@ -165,6 +170,7 @@ __all__ = [
     "__version__",
     "benchmark",
     "boxes",
+    "calibrate",
     "cameras",
     "compare",
     "compare_systems",

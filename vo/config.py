@@ -236,6 +236,9 @@ class OdometrySettings(Settings):
     """Lost frames after which a new map begins, or the age of the map where that is less."""
     stationary: Literal["none", "image", "encoders"] = "encoders"
     """Detection of standstill (E11): none, by optical flow (image), or by flow and wheels."""
+    self_calibration: Literal["off", "auto"] = "off"
+    """Whether errors of the stereo calibration that rows show (rotation, delay of the right camera)
+    are estimated, and corrected where significant (auto)."""
     budget_ms: float = Field(default=0, ge=0)
     """Time for a frame, ms, which then leaves out work and says which; 0: no limit."""
     features: FeatureSettings = FeatureSettings()

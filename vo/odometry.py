@@ -8,6 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from vo.calibration.self_calibration import NO_SAMPLES
+from vo.calibration.stereo_errors import StereoSamples
 from vo.config import OdometrySettings
 from vo.contract import se3
 from vo.contract.arrays import Array
@@ -30,6 +32,7 @@ from vo.tracking.budget import Budget
 from vo.tracking.frontend import Frontend
 from vo.tracking.landmark_prior import cull_landmarks
 from vo.tracking.motion_model import gap_covariance
+from vo.tracking.right_view import add_step, correct_right_camera
 from vo.tracking.stationary import detect_stationary, start_halt
 from vo.tracking.track_displaced import track_displaced
 from vo.tracking.track_local_map import (
@@ -67,7 +70,7 @@ class StereoOdometry:
         self._frontend = Frontend(rig, self.settings)
         self._rng = np.random.default_rng(self.settings.seed)
         self._budget = Budget(self.settings.budget_ms)
-        self._mapper = Mapper(rig, self.settings.refinement, self._history, self._rng)
+        self._mapper = Mapper(rig, self.settings, self._history, self._rng)
 
     def track(self, frame: StereoFrame) -> Estimate:
         """Estimate the pose of the next frame; never raises on image content."""
@@ -88,6 +91,7 @@ class StereoOdometry:
 
         context = Context(self.hooks, self._rng, clock, self._budget)
         T_guess = predict_pose(state, view, self.hooks)  # constant velocity, or at rest
+        view = correct_right_camera(state, view, T_guess)
         tracked: Tracked | NotTracked = NotTracked({"matches": 0, "inliers": 0})
         if self.settings.matching.search == "displacement" and state.previous:
             tracked = track_displaced(state, state.previous, view, T_guess, context)
@@ -120,6 +124,11 @@ class StereoOdometry:
         tracked = replace(tracked, counts={**tracked.counts, **counts})
         return self._estimate(tracked, step_covariance, clock)
 
+    @property
+    def calibration_samples(self) -> StereoSamples:
+        """Points that both cameras saw; none unless `self_calibration` is auto."""
+        return self._mapper.calibration.samples if self._mapper.calibration else NO_SAMPLES
+
     def finalize(self) -> FinalResult:
         """Return the map and, unless `refinement.smooth` is none, the smoothed trajectory (4.2)."""
         self._mapper.finish(self.state, self.hooks, {})
@@ -137,6 +146,7 @@ class StereoOdometry:
         if lost_frames and not found:  # as if the last motion had gone on
             T_odom_cam = predict_pose(state, view, self.hooks)
             covariance = gap_covariance(state, view.frame.timestamp_ns)
+        view = correct_right_camera(state, view, T_odom_cam)
         new = add_keyframe(state.map, view, T_odom_cam, covariance, hooks=self.hooks)
         n, min_inliers = len(new.landmarks), view.settings.motion.min_inliers
         counts = {"matches": 0, "inliers": 0, "fresh": n}
@@ -190,13 +200,15 @@ class StereoOdometry:
         view, counts, T_odom_cam = tracked.view, tracked.counts, tracked.T_odom_cam
         inliers, iterations = len(tracked.inliers), counts["motion iterations"]
         weakness = diagnostics.explain_weakness(inliers, iterations, view.settings)
-        offsets_px = self.state.row_offsets_px
+        misaligned = diagnostics.explain_calibration(self.state.row_offsets_px)
+        if self.settings.self_calibration == "auto":  # more than it could correct
+            weakness = weakness or misaligned
         left_out = self._budget.end()
         return Estimate(
             view.frame.timestamp_ns,
             Status.WEAK if weakness else Status.TRACKED,
             T_odom_cam,
-            reason=weakness or left_out or diagnostics.explain_calibration(offsets_px),
+            reason=weakness or left_out or misaligned,
             counts={**view.detection.counts, **counts},
             timings_ms=clock.ms,
             observations=tracked.observations(),
@@ -209,6 +221,8 @@ class StereoOdometry:
         state, keyframe = self.state, self.state.map.keyframes[-1]
         T_cam_last = se3.inverse(T_odom_cam) @ state.T_odom_cam
         step_covariance = se3.transform_covariance(T_cam_last, state.covariance) + covariance
+        if self.settings.self_calibration == "auto":
+            state.velocities = () if state.lost_frames else add_step(state, view, T_odom_cam)
         state.T_last_cam, state.T_odom_cam = se3.inverse(T_cam_last), T_odom_cam
         state.covariance, state.lost_frames = covariance, 0
         state.odom_covariance = pose_covariance(keyframe, T_odom_cam, covariance)

@@ -2,8 +2,8 @@
 
 Each slot of equal length has one rendered sub-frame. There are as few slots, up to
 `subframes_max`, as keep the motion of a grid of pixels from one to the next within `step_px`: one
-where nothing moves. With a rolling shutter or an offset of the right camera the slots cover all
-rows of both cameras, and each row has weights of its own.
+where nothing moves. With a rolling shutter the slots cover all rows, and each row has weights of
+its own. Cameras that are exposed at different times have slots of their own.
 """
 
 import math
@@ -56,6 +56,25 @@ def expose(
         Left and right image, and the number of sub-frames. With one sub-frame they are as
             rendered, else float32 linear light, where 1 is the brightest grey level.
     """
+    context = world, trip, renderer, settings, geometry
+    if (shutter.start_s[0] == shutter.start_s[1]).all():
+        return _integrate(*context, shutter)
+    of_each = [Shutter(shutter.start_s[[i, i]], shutter.end_s[[i, i]]) for i in range(2)]
+    (left, slots_left), (right, slots_right) = (_integrate(*context, x) for x in of_each)
+    if slots_left != slots_right:  # one may be as rendered, the other integrated
+        left, right = ([decode(x) if x.dtype == np.uint8 else x for x in y] for y in (left, right))
+    return (left[0], right[1]), max(slots_left, slots_right)
+
+
+def _integrate(
+    world: World,
+    trip: Trip,
+    renderer: StereoRenderer,
+    settings: ExposureSettings,
+    geometry: GeometryBuffers,
+    shutter: Shutter,
+) -> tuple[tuple[Array, Array], int]:
+    """Integrate over the time from the first row's exposure to the last one's."""
     start_s, end_s = float(shutter.start_s.min()), float(shutter.end_s.max())
     slots = 1
     if end_s > start_s:

@@ -332,10 +332,12 @@ def test_noisy_images_are_smoothed_and_tracked(odometry, frames, truth):
     assert error_m(estimates[-1], truth[-1]) < 0.02
 
 
-@pytest.mark.parametrize("lower_px", [0.0, 0.5])
-def test_vertical_offset_is_reported(sequence, lower_px):
+@pytest.mark.parametrize(("lower_px", "mode"), [(0.0, "off"), (0.5, "off"), (0.5, "auto")])
+def test_vertical_offset_is_reported_or_corrected(sequence, lower_px, mode):
     """A right eye that looks half a pixel higher than the calibration says."""
-    settings = OdometrySettings.model_validate({"refinement": {"keyframe_parallax_px": 0}})
+    settings = OdometrySettings.model_validate(
+        {"refinement": {"keyframe_parallax_px": 0}, "self_calibration": mode}
+    )
     odometry = StereoOdometry(sequence.rig, settings)
     down = np.float32([[1, 0, 0], [0, 1, lower_px]])
     size = (sequence.rig.width_px, sequence.rig.height_px)
@@ -343,7 +345,12 @@ def test_vertical_offset_is_reported(sequence, lower_px):
     shown = [replaced(x, right=cv2.warpAffine(x.right, down, size)) for x in frames]
     reasons = [x.reason for x in track_all(odometry, shown)]
     assert not any(reasons[:10])
-    if lower_px:
+    if mode == "auto":
+        assert not any(reasons)
+        errors = odometry.state.stereo_errors
+        f_px = sequence.rig.f_px
+        assert errors.row_px + f_px * errors.pitch_rad == pytest.approx(lower_px, abs=0.1)
+    elif lower_px:
         assert reasons[-1].startswith("right rows lie +0.")
         assert "calibration" in reasons[-1]
     else:

@@ -5,12 +5,14 @@ import numpy as np
 import pytest
 
 from vo.config import FeatureSettings, StereoSettings
+from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
 from vo.features.detector import detect
 from vo.patches.templates import extract_templates
 from vo.stereo.dense import DenseStereo
 from vo.stereo.epipolar_search import search_epipolar
 from vo.stereo.plane_fit import fit_plane_slopes
+from vo.stereo.right_camera import MisalignedFrame, RightCamera, StereoErrors
 from vo.stereo.slant import fit_patch_slopes
 from vo.stereo.sparse import measure_disparities
 
@@ -184,6 +186,21 @@ def test_epipolar_search_equals_opencv(plane):
         assert score == pytest.approx(scores[best], abs=1e-4)
         rest = np.delete(scores, range(max(best - 2, 0), min(best + 3, len(scores))))
         assert other == pytest.approx(rest.max(), abs=1e-4)
+
+
+def test_disparity_is_found_where_the_right_camera_is_lower(plane):
+    """The right image lies 1.5 px lower and 3 px further left than that of a rectified pair."""
+    move = np.float32([[1, 0, -3], [0, 1, 1.5]])
+    lower = cv2.warpAffine(plane.frame.right, move, (WIDTH, HEIGHT))
+    rig = StereoRig(WIDTH, HEIGHT, 4000.0, (WIDTH - 1) / 2, (HEIGHT - 1) / 2, 0.1)
+    turned = np.array([0, 0, 0, 0, 3 / 4000, 0])  # a small yaw in the time of the delay
+    right = RightCamera(StereoErrors(row_px=1.5, delay_s=1.0), rig, turned)
+    frame = MisalignedFrame(0, plane.frame.left, lower, None, right)
+    places = np.random.default_rng(0).uniform([130, 20], [WIDTH - 20, HEIGHT - 20], (60, 2))
+    found = measure_disparities(frame, np.zeros((0, 0)), places, SETTINGS)
+    assert found.known.mean() > 0.8
+    error_px = (found.values_px - plane.disparity_px(places))[found.known]
+    assert np.median(np.abs(error_px)) < 0.05
 
 
 def test_disparity_of_occluded_pixels_is_unknown():

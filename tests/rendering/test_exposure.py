@@ -222,7 +222,7 @@ def test_rolling_shutter_shears_sideways_motion(carry):
 @gl
 def test_right_offset_shows_the_later_right_image(carry):
     offset_s = 0.008
-    exposure = ExposureSettings(right_offset_ms=offset_s * 1e3, step_px=0.1, subframes_max=512)
+    exposure = ExposureSettings(right_offset_ms=offset_s * 1e3)
     stand = carry(sideways, exposure)
     capture = stand.captures()[0]
     (now, then) = stand.instants(np.array([START_S, START_S + offset_s]))

@@ -38,6 +38,7 @@ PANELS: dict[str, dict[str, tuple[str, str]]] = {
     },
     "Estimators": {
         "run": ("Run an estimator.", "court --out court.txt --estimator corner_flow"),
+        "calibrate": ("Estimate errors of a stereo calibration.", "court --picture rows.png"),
         "score": ("Compare trajectories with the ground truth.", "court court.txt --json"),
         "view": ("Show a dataset and runs in Rerun's viewer.", "court court.txt"),
         "compare": ("Compare a simulated recording with a real one.", "kitti_06 court"),

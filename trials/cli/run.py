@@ -3,6 +3,7 @@
 import statistics
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import driftyard
 from trials.cli import console
@@ -21,14 +22,17 @@ def run(
     budget_ms: float | None = option(
         None, "Time for a frame; it then leaves out work, and says which.", min=0, metavar="MS"
     ),
+    self_calibrate: Literal["auto", "off"] | None = option(
+        None, "Whether significant errors of the stereo calibration are corrected."
+    ),
 ) -> None:
     """Run an estimator over a dataset; write its trajectory and a record of every frame.
 
     Until the run is complete, the frames so far are in FILE.unfinished.txt beside the trajectory.
     """
-    if budget_ms is not None:
-        overrides = [*estimator.overrides, f"budget_ms={budget_ms}"]
-        estimator = replace(estimator, overrides=overrides)
+    given = {"budget_ms": budget_ms, "self_calibration": self_calibrate}
+    overrides = [f"{key}={value}" for key, value in given.items() if value is not None]
+    estimator = replace(estimator, overrides=[*estimator.overrides, *overrides])
     run_estimator(frames.open(dataset), estimator.choice, out, viewer.live)
 
 

@@ -108,6 +108,11 @@ def empty_map(
     return LocalMap((), landmarks, next_serial, next_id, noise=noise, first_serial=next_serial)
 
 
+def renewed_map(local_map: LocalMap) -> LocalMap:
+    """Make an empty map that continues the numbers and the learnt noise of another one."""
+    return empty_map(local_map.next_serial, local_map.next_id, local_map.noise)
+
+
 def pose_covariance(keyframe: Keyframe, T_odom_cam: Array, relative: Array) -> Array:
     """Covariance (6, 6) of a pose: a keyframe's at that pose, plus the relative one."""
     T_cam_keyframe = se3.inverse(T_odom_cam) @ keyframe.T_odom_cam

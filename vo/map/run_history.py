@@ -4,6 +4,7 @@ Bundle adjustment moves a keyframe until it leaves the window. Every other frame
 to its keyframe, so that the trajectory profits from later corrections.
 """
 
+import itertools
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -75,6 +76,21 @@ class RunHistory:
 
     def _columns(self) -> dict[str, Array]:
         return {name: getattr(self, name) for name in ("points", "views", "anchor", "grey")}
+
+    def velocity(self, time_ns: int) -> Array | None:
+        """Velocity (6,), m/s and rad/s, in the camera's frame, by the frames before and after one.
+
+        None if the frame is not between two with poses.
+        """
+        i = next((i for i in reversed(range(len(self.frames))) if self.frames[i][0] == time_ns), 0)
+        if not 0 < i < len(self.frames) - 1:
+            return None
+        near = self.frames[i - 1 : i + 2]
+        T = [self.keyframes[serial].T_odom_cam @ T for _, serial, T in near]
+        before_s, after_s = np.diff([1e-9 * time for time, _, _ in near])
+        before, after = (se3.log(se3.inverse(a) @ b) for a, b in itertools.pairwise(T))
+        share = after_s / (before_s + after_s)
+        return share * before / before_s + (1 - share) * after / after_s
 
     def transform(self, first: int, T_new_old: Array) -> None:
         """Transform keyframes from a serial on, and their landmarks, by a rigid motion of odom."""

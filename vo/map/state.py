@@ -8,6 +8,7 @@ import numpy as np
 from vo.contract.arrays import Array
 from vo.map.frame import Matches, View
 from vo.map.local_map import LocalMap, TrackedFrame, empty_map
+from vo.stereo.right_camera import StereoErrors
 
 
 @dataclass(frozen=True)
@@ -62,6 +63,9 @@ class TrackerState:
             empty without `motion.landmark_prior`.
         smoothing_px: Standard deviation of the Gaussian for all images since a noisy one; 0: none.
         row_offsets_px: Of the last keyframes, vertical offset of the right image to the left one.
+        stereo_errors: Errors of the calibration that are corrected; None if none are.
+        velocities: (6,) mean of each of the last two steps, m/s and rad/s, in the left camera's
+            frame; none after a loss, or where they are not needed.
         lost_frames: Frames since the last pose.
         is_faint: Whether the last keyframe is a faint image.
     """
@@ -78,6 +82,8 @@ class TrackerState:
     outlier_counts: Mapping[int, int] = field(default_factory=dict[int, int])
     smoothing_px: float = 0.0
     row_offsets_px: tuple[float, ...] = ()
+    stereo_errors: StereoErrors | None = None
+    velocities: tuple[Array, ...] = ()
     pose_ns: int = 0
     step_ns: int = 0
     frame_ns: int = -1

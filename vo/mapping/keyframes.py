@@ -11,7 +11,7 @@ from vo.contract.compilation import compiled
 from vo.contract.observations import Observations
 from vo.hooks import NO_HOOKS, Hooks
 from vo.map.frame import Matches, View
-from vo.map.local_map import Keyframe, Landmarks, LocalMap, empty_map
+from vo.map.local_map import Keyframe, Landmarks, LocalMap, renewed_map
 from vo.stereo.plane_fit import fit_plane_slopes
 from vo.stereo.sparse import measure_disparities
 from vo.tracking.association import measurement_sigma
@@ -46,7 +46,7 @@ def add_keyframe(
     settings, serial = view.settings, local_map.next_serial
     if 0 < settings.refinement.map_reset_keyframes <= serial - local_map.first_serial:
         # The firewall of Nistér, Naroditsky and Bergen, 2004: no error reaches beyond it.
-        local_map, inliers = empty_map(serial, local_map.next_id, local_map.noise), None
+        local_map, inliers = renewed_map(local_map), None
     observations, slopes, descriptors = _new_observations(view, inliers, local_map, hooks)
     points_cam = view.rig.triangulate(observations.pixels, observations.disparity_px)
     n = len(observations)

@@ -9,18 +9,22 @@ from dataclasses import replace
 
 import numpy as np
 
-from vo.config import RefinementSettings
+from vo.calibration.self_calibration import SelfCalibration
+from vo.config import OdometrySettings
 from vo.contract import se3
 from vo.contract.arrays import Array
 from vo.contract.rig import StereoRig
 from vo.hooks import Hooks
-from vo.map.local_map import pose_covariance, transform_map
+from vo.map.frame import Matches, View
+from vo.map.local_map import pose_covariance, renewed_map, transform_map
 from vo.map.run_history import RunHistory
 from vo.map.state import Pending, TrackerState
 from vo.mapping.keyframes import add_keyframe
 from vo.mapping.relocalization import relocalize
 from vo.mapping.window_adjustment import adjuster
+from vo.stereo.right_pixels import expect_right, find_right
 from vo.tracking.diagnostics import add_row_offset
+from vo.tracking.right_view import correct_right_camera
 from vo.tracking.tracked import Tracked
 
 
@@ -28,11 +32,12 @@ class Mapper:
     """Adds keyframes to the map of a tracker's state, and adjusts it."""
 
     def __init__(
-        self, rig: StereoRig, settings: RefinementSettings, history: RunHistory,
+        self, rig: StereoRig, settings: OdometrySettings, history: RunHistory,
         rng: np.random.Generator,
     ) -> None:  # fmt: skip
         self._history, self._rng = history, rng
-        self._adjust = adjuster(rig, settings)
+        self._adjust = adjuster(rig, settings.refinement)
+        self.calibration = SelfCalibration(rig) if settings.self_calibration == "auto" else None
 
     def begin(self, state: TrackerState, tracked: Tracked) -> None:
         """Make a tracked view, the last one of the state, a keyframe; none is pending."""
@@ -63,11 +68,29 @@ class Mapper:
         T_odom_cam = pending.T_odom_cam
         covariance = pose_covariance(state.map.keyframes[-1], T_odom_cam, pending.covariance)
         view = pending.view
+        if self._calibrate(state, view, inliers):
+            view = correct_right_camera(state, view, state.T_odom_cam)
+            state.map, inliers = renewed_map(state.map), None
         state.map = add_keyframe(state.map, view, T_odom_cam, covariance, inliers, hooks)
         keyframe, time_ns = state.map.keyframes[-1], view.frame.timestamp_ns
         if time_ns == state.pose_ns:
             state.previous = keyframe  # with its new landmarks
         self._history.record_keyframe(time_ns, keyframe.serial)
+
+    def _calibrate(self, state: TrackerState, view: View, inliers: Matches) -> bool:
+        """Take the inliers of a new keyframe for calibration; return whether the map is worn."""
+        calibration = self.calibration
+        if calibration is None or not calibration.gathers:
+            return False
+        is_worn = calibration.complete(self._history.velocity(calibration.time_ns))
+        if calibration.errors != state.stereo_errors:
+            state.stereo_errors, state.row_offsets_px = calibration.errors, ()
+        seen = inliers.select(calibration.unused(inliers.ids, state.map.next_id))
+        seen = seen.select(~np.isnan(seen.disparity_px))
+        start = expect_right(view.frame, seen.pixels, seen.disparity_px)
+        found = find_right(view.frame, seen.pixels, start, view.settings.stereo.align_px)
+        calibration.add(view.frame.timestamp_ns, seen.pixels, found)
+        return is_worn
 
     def _adjust_map(self, state: TrackerState, pending: Pending) -> int:
         """Adjust the map, and merge it with a lost one that the keyframe sees."""

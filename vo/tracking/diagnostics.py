@@ -11,9 +11,8 @@ from vo.contract.arrays import Image
 from vo.contract.observations import Observations
 from vo.contract.sequence import StereoFrame
 from vo.map.frame import View
-from vo.patches.alignment import align
-from vo.patches.templates import extract_templates
 from vo.stereo.dense import DenseStereo
+from vo.stereo.right_pixels import expect_right, find_right
 from vo.stereo.sparse import measure_disparities
 
 
@@ -91,9 +90,9 @@ def add_row_offset(
     if the pair is rectified as its calibration says. With few landmarks nothing is added.
     """
     known = seen.measured[~np.isnan(seen.disparity_px)][: LIMITS.probes]
-    start = known[:, :2] - np.column_stack([known[:, 2], np.zeros(len(known))])
-    templates = extract_templates(view.frame.left, known[:, :2], view.settings.stereo.align_px)
-    lower = align(templates, view.frame.right, start).pixels[:, 1] - known[:, 1]
+    pixels, side = known[:, :2], view.settings.stereo.align_px
+    start = expect_right(view.frame, pixels, known[:, 2])
+    lower = (find_right(view.frame, pixels, start, side) - start)[:, 1]
     lower = lower[~np.isnan(lower)]
     if len(lower) < LIMITS.min_offset_landmarks:
         return offsets_px

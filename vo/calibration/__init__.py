@@ -1,0 +1,1 @@
+"""Calibration of the pair by its own images."""

@@ -1,0 +1,39 @@
+"""The right camera of a view, by the errors of the calibration that are known so far."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from vo.contract import se3
+from vo.contract.arrays import Array
+from vo.map.frame import View
+from vo.map.state import TrackerState
+from vo.stereo.right_camera import MisalignedFrame, RightCamera
+
+
+def correct_right_camera(state: TrackerState, view: View, T_odom_cam: Array) -> View:
+    """Set the right camera of a view whose pose (4, 4) is known roughly."""
+    if state.stereo_errors is None:
+        return view
+    steps = add_step(state, view, T_odom_cam)
+    right = RightCamera(state.stereo_errors, view.rig, end_velocity(steps))
+    frame = view.frame
+    images = frame.timestamp_ns, frame.left, frame.right, frame.wheel_ticks
+    return replace(view, frame=MisalignedFrame(*images, right))
+
+
+def add_step(state: TrackerState, view: View, T_odom_cam: Array) -> tuple[Array, ...]:
+    """Velocities of the last steps, with that to the pose (4, 4) of a later view."""
+    seconds = (view.frame.timestamp_ns - state.pose_ns) * 1e-9
+    if seconds <= 0:
+        return state.velocities
+    step = se3.log(se3.inverse(state.T_odom_cam) @ T_odom_cam) / seconds
+    return (*state.velocities, step)[-2:]
+
+
+def end_velocity(velocities: tuple[Array, ...]) -> Array:
+    """Velocity (6,) at the end of the last two steps, or of one; zero where none is known."""
+    if len(velocities) < 2:
+        return velocities[0] if velocities else np.zeros(6)
+    before, last = velocities
+    return 1.5 * last - 0.5 * before
