@@ -7,6 +7,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from sim.camera.gl import open_context
 from trials.execution.store import publish
 from trials.execution.tasks import Task
 from vo.contract.dataset import DatasetWriter
@@ -50,6 +51,16 @@ def wait_in(file: str) -> None:
     """Write the number of this process, and wait."""
     Path(file).write_text(str(os.getpid()))
     time.sleep(60)
+
+
+def render_with(device: str) -> bool:
+    """Open and close a context of OpenGL with a device of EGL."""
+    os.environ["MUJOCO_EGL_DEVICE_ID"] = device
+    try:
+        open_context("auto", 8, 8).free()
+    finally:
+        del os.environ["MUJOCO_EGL_DEVICE_ID"]
+    return True
 
 
 @dataclass(frozen=True)

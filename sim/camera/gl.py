@@ -10,6 +10,7 @@ from typing import Any, Literal, Self
 import mujoco
 import numpy as np
 
+from sim.egl_devices import list_devices
 from sim.graphics import (
     LIBRARIES,
     Backend,
@@ -32,7 +33,7 @@ def choose_backend(wanted: Literal["auto", "egl", "osmesa"]) -> Backend:
     environment = os.environ.get("MUJOCO_GL", "").strip().lower()
     if environment == "osmesa" or environment == "egl":
         return environment
-    return "egl" if _egl_has_a_device() else "osmesa"
+    return "egl" if list_devices() else "osmesa"
 
 
 def open_context(wanted: Literal["auto", "egl", "osmesa"], width: int, height: int) -> Any:
@@ -87,23 +88,6 @@ def _load_triton() -> None:
     if found is not None and found.origin is not None:
         with suppress(OSError):  # a build without the library, or for another system
             ctypes.CDLL(str(Path(found.origin).parent / "_C/libtriton.so"))
-
-
-def _egl_has_a_device() -> bool:
-    """Query the library directly: binding PyOpenGL to EGL in vain would rule out OSMesa."""
-    try:
-        egl = ctypes.CDLL("libEGL.so.1")
-    except OSError:
-        return False
-    egl.eglGetProcAddress.restype = ctypes.c_void_p
-    address = egl.eglGetProcAddress(b"eglQueryDevicesEXT")
-    if not address:
-        return False
-    query = ctypes.CFUNCTYPE(
-        ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, ctypes.POINTER(ctypes.c_int)
-    )(address)
-    count = ctypes.c_int(0)
-    return bool(query(0, None, ctypes.byref(count))) and count.value > 0
 
 
 class Framebuffer:

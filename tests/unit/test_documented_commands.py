@@ -17,7 +17,7 @@ from trials.gate.reports import HEADER
 from vo.config import OdometrySettings
 from vo.contract.settings import keys
 
-OTHERS = {"git", "docker", "dask", "apt-get", "rerun", "export", "unset", "["}
+OTHERS = {"git", "kubectl", "ssh", "docker", "dask", "apt-get", "rerun", "export", "unset", "["}
 """Programs that are not of this project, whose options are not checked."""
 LANGUAGES = {"python", "sh", "text", "json", "toml", "xml", "yaml"}
 INLINE = re.compile(r"`(driftyard [^`\n]+)`")

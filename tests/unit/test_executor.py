@@ -14,11 +14,14 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
-from small_tasks import Measured, die, measure_once, mixed_tasks
+from distributed import Client
+from small_tasks import Measured, die, measure_once, mixed_tasks, render_with
 from terminal import ROOT
 
+from sim.graphics import GraphicsError
 from trials.execution import cache, cluster
 from trials.execution.cluster import SINGLE_THREAD, Workers
+from trials.execution.devices import claim_gpu
 from trials.execution.executor import compute, perform, using
 from trials.execution.store import present
 from trials.execution.tasks import Task, WorkerError
@@ -223,6 +226,48 @@ def test_forty_tasks_on_two_nodes_survive_two_kills(nodes, tmp_path, monkeypatch
     assert sorted(rows) == [*range(40)]
     assert content(tmp_path / "there") == content(tmp_path / "here")
     assert sorted(x.name for x in (tmp_path / "there").iterdir()) == sorted(map(str, range(40)))
+
+
+def test_worker_without_driftyard_that_joins_later_is_named(nodes, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(cluster, "COUNT_S", 0)  # it is counted, and gets tasks, at once
+    (tmp_path / "trials").mkdir()
+    (tmp_path / "trials/__init__.py").touch()
+    with using(Workers(scheduler=nodes.address)), Client(nodes.address) as client:
+        assert compute([Task("nothing", "x", divmod, (1, 1))]) == [(1, 0)]
+        late = nodes._start("worker", tmp_path, str(tmp_path), nodes.address, "--nthreads", "1")
+        try:
+            client.wait_for_workers(3, timeout=60)
+            with pytest.raises(
+                WorkerError, match=r"tcp://127.* has no driftyard; install it there"
+            ):
+                compute(mixed_tasks("there", 200))
+        finally:
+            late.kill()
+            late.wait()
+        until(lambda: len(client.nthreads()) == 2)
+
+
+def test_worker_without_opengl_ends_in_one_line(two_workers, tmp_path, monkeypatch):
+    """Nothing counts as done: the same task is computed again."""
+    monkeypatch.chdir(tmp_path)
+    tasks = [Task("trial", f"{k}", render_with, (str(9 - 9 * k),), bool) for k in range(2)]
+    with pytest.raises(GraphicsError, match=r"no off-screen .*DEVICE_ID .* got 9"):
+        compute(tasks[:1])
+    assert not [*tmp_path.rglob("trial-0-*")]
+    assert compute(tasks[1:]) == [True]
+
+
+def test_gpus_of_a_machine_are_shared_evenly(tmp_path):
+    """A claim ends with its process, as with its file here."""
+    with ExitStack() as stack:
+        claims = [claim_gpu((0, 3), tmp_path) for _ in range(5)]
+        files = [stack.enter_context(file) for _, file in claims]
+        assert [number for number, _ in claims] == [0, 3, 0, 3, 0]
+        files[1].close()
+        number, file = claim_gpu((0, 3), tmp_path)
+        stack.enter_context(file)
+        assert number == 3
 
 
 def test_worker_with_other_code_is_refused(nodes, monkeypatch):

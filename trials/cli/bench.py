@@ -19,7 +19,8 @@ def bench(
     quick: bool = option(False, "Use short drives, for rough figures."),
     only: str = option(
         "",
-        "Parts: generation, lengths, estimators, endurance, start, environments; all by default.",
+        "Parts: generation, lengths, estimators, endurance, start, environments; all by default. "
+        "And devices, costs, scheduler.",
         metavar="A,B,C",
     ),
     over: Path | None = option(

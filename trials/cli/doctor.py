@@ -4,17 +4,20 @@ import importlib.metadata
 import multiprocessing
 import os
 import platform
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from types import MappingProxyType
 from typing import Literal
 
 import typer
 from rich.markup import escape
 from rich.table import Table
 
+from sim.egl_devices import list_devices, mujoco_numbers
 from sim.graphics import VARIABLES, GraphicsError, explain_fault
 from trials.cli import console
+from trials.cli.options import option
 from trials.execution.cluster import usable_cores
 from vo.contract.arrays import Image
 
@@ -34,13 +37,20 @@ TEST_SCENE = """
 SIDE_PX = 64
 
 
-def doctor() -> None:
+def doctor(
+    devices: bool = option(
+        False, "List only the devices of EGL, and which of them render.", "--devices"
+    ),
+) -> None:
     """Check which OpenGL drivers and engines render and which packages are installed.
 
     Each driver is tried without the environment's variables, then the one that they choose. The
-    exit status is 1 if that does not render. Filament, over Vulkan, is only needed where
-    render.engine chooses it.
+    exit status is 1 if that does not render, or with --devices if no device does. Filament, over
+    Vulkan, is only needed where render.engine chooses it.
     """
+    if devices:
+        _doctor_devices()
+        return
     table = Table(box=None, show_header=False)
     table.add_row("machine", f"{platform.platform()}, {usable_cores()} usable cores")
     table.add_row("python", platform.python_version())
@@ -63,6 +73,38 @@ def doctor() -> None:
         raise typer.Exit(1)
 
 
+def _doctor_devices() -> None:
+    """Render with each device of EGL in turn, by its number in MUJOCO_EGL_DEVICE_ID."""
+    found = list_devices()
+    if not found:
+        console.out.print("EGL lists no device: its library is missing, or it has no driver.")
+        raise typer.Exit(1)
+    rows: list[tuple[str, ...]] = []
+    rendering: list[bool] = []
+    numbers = mujoco_numbers(found, os.environ.get("CUDA_VISIBLE_DEVICES", ""))
+    for number, device in zip(numbers, found, strict=True):
+        renders, words = False, "CUDA_VISIBLE_DEVICES leaves it out"
+        if number is not None:
+            variables = {"MUJOCO_EGL_DEVICE_ID": str(number)}
+            renders, words = _render_in_process("egl", VARIABLES, variables)
+        rendering.append(renders)
+        kind = "processor" if device.is_software else device.file or "GPU"
+        cuda = "–" if device.cuda is None else str(device.cuda)
+        rows.append(
+            (
+                "–" if number is None else str(number),
+                kind,
+                cuda,
+                "renders" if renders else "no",
+                words,
+            )
+        )
+    console.print_table(("number", "device", "CUDA", "", "driver"), rows)
+    if not any(rendering):
+        console.out.print("No device renders: generate and preview need OSMesa.")
+        raise typer.Exit(1)
+
+
 def _version(package: str, install: str = "") -> str:
     try:
         return importlib.metadata.version(package)
@@ -70,10 +112,15 @@ def _version(package: str, install: str = "") -> str:
         return f"[red]missing[/]; {install or f'pip install {package}'}"
 
 
-def _render_in_process(backend: Wanted, without: Sequence[str]) -> tuple[bool, str]:
-    """Render in a process of its own: OpenGL binds to a process, and a bad driver may crash it."""
+def _render_in_process(
+    backend: Wanted, without: Sequence[str], variables: Mapping[str, str] = MappingProxyType({})
+) -> tuple[bool, str]:
+    """Render in a process of its own, as OpenGL binds to a process and a bad driver may crash it.
+
+    It is without some variables of the environment, and has others.
+    """
     spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(1, spawn, _drop_variables, (without,)) as pool:
+    with ProcessPoolExecutor(1, spawn, _change_variables, (without, dict(variables))) as pool:
         try:
             renders, words = pool.submit(render_test_scene, backend).result()
         except BrokenProcessPool:
@@ -81,9 +128,10 @@ def _render_in_process(backend: Wanted, without: Sequence[str]) -> tuple[bool, s
     return renders, escape(words)
 
 
-def _drop_variables(names: Sequence[str]) -> None:
-    for name in names:
+def _change_variables(without: Sequence[str], variables: Mapping[str, str]) -> None:
+    for name in without:
         os.environ.pop(name, None)
+    os.environ.update(variables)
 
 
 def render_test_scene(backend: Wanted) -> tuple[bool, str]:

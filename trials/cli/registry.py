@@ -81,7 +81,7 @@ PANELS: dict[str, dict[str, tuple[str, str]]] = {
         "systems list": ("List the systems.", ""),
         "systems install": ("Install a system into an environment of its own.", "orbslam3"),
         "systems compare": ("Compare systems over scenes.", "--scenes office,dusk --seeds 2"),
-        "doctor": ("Check OpenGL drivers and packages.", ""),
+        "doctor": ("Check OpenGL drivers and packages.", "--devices"),
     },
 }
 """Panel to the commands in it, each with its summary and the words of an example."""

@@ -25,6 +25,12 @@ class WorkersOptions:
         "or ssh:HOST,HOST.",
         metavar="ADDRESS",
     )
+    workers_per_gpu: int | None = option(
+        None,
+        "Most local processes for each GPU, if there are any; `bench --only devices` measures it.",
+        min=1,
+        show_default="no limit",
+    )
     store: str = option(
         "",
         "Location where machines without a common folder share results: s3://BUCKET/NAME, "
@@ -46,5 +52,12 @@ class WorkersOptions:
                 console.err.print(f"dashboard: {link}", markup=False)
 
         return using(
-            Workers(self.workers, self.scheduler, store=self.store, log=self.log, announce=announce)
+            Workers(
+                self.workers,
+                self.scheduler,
+                store=self.store,
+                log=self.log,
+                per_gpu=self.workers_per_gpu,
+                announce=announce,
+            )
         )

@@ -6,13 +6,15 @@ import os
 from collections.abc import Callable, Generator
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 from uuid import uuid4
 
 from trials.execution.cache import code_digest
+from trials.execution.devices import gpus
 from trials.execution.tasks import Report, Site, WorkerError
 from vo.contract.errors import SettingsError
 
@@ -30,7 +32,12 @@ SINGLE_THREAD = dict.fromkeys(
 """Environment of a local worker: processes on all cores with several threads each are slower."""
 RESERVED = 0.9
 """Ratio of the available memory that local workers may use."""
-HAS_PACKAGE = "__import__('importlib.util').util.find_spec('trials') is not None"
+HAS_PACKAGE = (
+    "any(__import__('pathlib').Path(place, 'execution/tasks.py').is_file() for found in "
+    "[__import__('importlib.util').util.find_spec('trials')] if found for place in "
+    "found.submodule_search_locations or ())"
+)
+"""Expression that a process without this package can evaluate."""
 DASHBOARD = importlib.util.find_spec("bokeh") is not None
 
 P = ParamSpec("P")
@@ -50,6 +57,7 @@ class Workers:
         store: Location of fsspec where workers with caches of their own share results; empty if all
             share the folder of the command.
         log: File of JSON lines, one for each task; None for none.
+        per_gpu: Most local processes for each GPU, if there are GPUs; None for no limit.
         announce: Called with the address of Dask's dashboard.
     """
 
@@ -58,17 +66,22 @@ class Workers:
     pinned: bool = False
     store: str = ""
     log: Path | None = None
+    per_gpu: int | None = None
     announce: Callable[[str], None] = lambda _: None
 
 
 @dataclass(frozen=True)
 class Pool:
-    """Executor of calls, the number of calls that it runs at once, and the site of its tasks."""
+    """Executor of calls, the number of calls that it runs at once, and the site of its tasks.
+
+    `check` raises a WorkerError if a worker, which may have joined later, cannot run tasks.
+    """
 
     executor: Executor
     slots: Callable[[int], int]
     site: Site
     listen: Callable[[Report], None] = field(default=lambda _: None)
+    check: Callable[[], None] = field(default=lambda: None)
 
 
 class InThisProcess(Executor):
@@ -107,12 +120,10 @@ def pool_of(workers: Workers, memory_gb: float) -> Generator[Pool]:
     topic = f"driftyard-{uuid4().hex}"  # other commands may use the same scheduler
     if workers.scheduler:
         with _reached(workers, memory_gb) as client:
-            yield _pool(
-                client,
-                _counted(client),
-                workers,
-                Site(folder, code_digest(), topic, store=workers.store),
-            )
+            site = Site(folder, code_digest(), topic, store=workers.store)
+            checked = client, workers.scheduler, memory_gb
+            slots, check = _counted(*checked), partial(_check, *checked)
+            yield replace(_pool(client, slots, workers, site), check=check)
         return
     with _local(workers, memory_gb) as (client, slots):
         yield _pool(client, slots, workers, Site(folder, "", topic, workers.pinned, workers.store))
@@ -139,6 +150,8 @@ def _local(workers: Workers, memory_gb: float) -> "Generator[tuple[Client, Calla
     most = min(usable_cores(), room, workers.count or room)
     if workers.count and not workers.pinned:
         most = workers.count
+    if workers.per_gpu and gpus():
+        most = min(most, workers.per_gpu * len(gpus()))
     configuration: dict[str, Any] = {
         "distributed.nanny.pre-spawn-environ": SINGLE_THREAD,
         "distributed.scheduler.allowed-failures": TRIES - 1,
@@ -192,10 +205,13 @@ def _reached(workers: Workers, memory_gb: float) -> "Generator[Client]":
             yield client
 
 
-def _check(client: "Client", name: str, memory_gb: float) -> None:
+def _check(
+    client: "Client", name: str, memory_gb: float, addresses: list[str] | None = None
+) -> None:
     """Raise a WorkerError if a scheduler or its workers lack this package, or the memory."""
     places = {"the scheduler": client.run_on_scheduler(eval, HAS_PACKAGE)}
-    for place, found in (places | client.run(eval, HAS_PACKAGE)).items():
+    workers = client.run(eval, HAS_PACKAGE, workers=addresses)
+    for place, found in (places | workers).items():
         if not found:
             raise WorkerError(f"scheduler {name}: {place} has no driftyard; install it there")
     known = client.scheduler_info()["workers"].values()
@@ -249,15 +265,21 @@ def _imported(module: str, *names: str) -> list[Any]:
     return [getattr(found, name) for name in names]
 
 
-def _counted(client: "Client") -> Callable[[int], int]:
-    """Return a function that counts the workers of a cluster, at most every COUNT_S."""
-    known, counted_s = 1, -COUNT_S
+def _counted(client: "Client", name: str, memory_gb: float) -> Callable[[int], int]:
+    """Return a function that counts the workers of a cluster, and checks new ones, every COUNT_S.
+
+    A worker without this package ends with its first task, and its nanny starts it again.
+    """
+    known, counted_s = set[str](), -COUNT_S
 
     def slots(_: int) -> int:
         nonlocal known, counted_s
         if monotonic() - counted_s > COUNT_S:
             with suppress(OSError):  # a lost scheduler is noticed by its tasks
-                known, counted_s = max(1, len(client.nthreads())), monotonic()
-        return known
+                found = set(client.nthreads())
+                if new := sorted(found - known):
+                    _check(client, name, memory_gb, new)
+                known, counted_s = found, monotonic()
+        return max(1, len(known))
 
     return slots

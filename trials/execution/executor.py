@@ -183,6 +183,7 @@ def _outcomes(
                         f"scheduler {where}: lost; the same command continues from here"
                     ) from None
                 except Exception as error:
+                    pool.check()
                     if len(batch) > 1:
                         alone.extend(batch)
                     else:

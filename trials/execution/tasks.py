@@ -20,6 +20,7 @@ from pydantic import TypeAdapter
 
 from sim.graphics import GraphicsError, explain_fault, is_graphics_fault
 from trials.execution.cache import CACHE, cache_path, code_digest
+from trials.execution.devices import choose_gpu
 from trials.execution.store import present, publish, sharing
 from vo.contract.errors import DatasetError, DriftyardError
 from vo.contract.files import write_text
@@ -139,6 +140,7 @@ def work(tasks: Sequence[bytes], site: Site) -> list[bytes]:
 
         print_remarks()
         address = get_worker().address
+        choose_gpu()
         if site.code and site.code != code_digest():
             error = UnusableWorkerError(f"worker {address}: has other code; install this version")
             return [pickle.dumps(Reply(None, error, 0.0, 0.0, address))] * len(tasks)

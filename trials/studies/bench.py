@@ -29,10 +29,18 @@ from trials.studies.speed.comparison import (
     comparison_table,
     measure_rounds,
 )
+from trials.studies.speed.cost_report import measure_costs
+from trials.studies.speed.devices import device_table, measure_devices
 from trials.studies.speed.drive import TimedDrive, on_cores
 from trials.studies.speed.environment import QUICK_STEPS, STEPS, environment_table
 from trials.studies.speed.estimator import EstimatorSpeed, measure_estimator
 from trials.studies.speed.renderers import RenderSpeed, measure_renderers
+from trials.studies.speed.scheduler_load import (
+    QUICK_WORKERS,
+    WORKERS,
+    load_table,
+    measure_load,
+)
 from trials.studies.speed.start import start_table
 from vo.contract.errors import SettingsError
 from vo.recordings.readers import recording_name
@@ -134,6 +142,19 @@ def _environments(bench: Bench) -> Iterator[Table | str]:
     yield environment_table(bench.cores, QUICK_STEPS if bench.quick else STEPS)
 
 
+def _devices(bench: Bench) -> Iterator[Table | str]:
+    drive = TimedDrive(bench.scene, bench.seed, QUICK_DISTANCE_M)
+    yield device_table(measure_devices(drive, len(bench.cores), bench.folder / "devices"))
+
+
+def _costs(bench: Bench) -> Iterator[Table | str]:
+    yield from measure_costs(bench.cores, bench.quick, bench.folder, bench.bar)
+
+
+def _scheduler(bench: Bench) -> Iterator[Table | str]:
+    yield load_table([measure_load(x) for x in (QUICK_WORKERS if bench.quick else WORKERS)])
+
+
 PARTS: dict[str, Callable[[Bench], Iterator[Table | str]]] = {
     "generation": _generation,
     "lengths": _lengths,
@@ -141,14 +162,19 @@ PARTS: dict[str, Callable[[Bench], Iterator[Table | str]]] = {
     "endurance": _endurance,
     "start": _start,
     "environments": _environments,
+    "devices": _devices,
+    "costs": _costs,
+    "scheduler": _scheduler,
 }
 """Parts of the measurement by name."""
+ON_REQUEST = ("devices", "costs", "scheduler")
+"""Parts that are measured only if they are named: they concern many machines or GPUs."""
 
 
 def bench_parts(
     scene: str, seed: int, quick: bool, names: Sequence[str] = (), bar: ProgressBar = no_progress
 ) -> Iterator[Table | str]:
-    """Measure some parts of PARTS, by default all, or quickly; yield the report.
+    """Measure some parts of PARTS, by default all but ON_REQUEST, or quickly; yield the report.
 
     The load of the machine, which others may use, stands before each part.
 
@@ -160,7 +186,7 @@ def bench_parts(
     cores = sorted(os.sched_getaffinity(0))
     with tempfile.TemporaryDirectory(prefix="driftyard-bench-") as folder:
         bench = Bench(scene, seed, quick, cores, Path(folder), bar)
-        for name in names or PARTS:
+        for name in names or [x for x in PARTS if x not in ON_REQUEST]:
             yield f"{name}; load of the machine {os.getloadavg()[0]:.1f} on {len(cores)} cores"
             yield from PARTS[name](bench)
 
