@@ -118,24 +118,31 @@ class StereoCamera:
             time_s = time_ns * 1e-9
             geometry = place_and_render(world, trip, renderer, time_ns)
             cropped = cropped_geometry(world, geometry)
-            whole = geometry
-            if (settings.labels.are_raw or settings.weather.fog_m) and world.lens.views:
-                whole = renderer.render_view_geometry(world.lens.views)
+            needs_whole = settings.labels.are_raw or settings.weather.fog_m > 0
+            whole = renderer.render_whole_geometry(geometry) if needs_whole else geometry
             raw = (whole.depth_left_m, whole.geoms_left) if settings.labels.are_raw else None
             truth = world.T_world_cam, world.T_world_bodies
             rows, open_s = world.render_rig.height_px, control.time_ms * 1e-3
             shutter = open_shutter(settings.exposure, time_s, open_s, rows)
             light, count = expose(world, trip, renderer, settings.exposure, shutter, geometry)
-            if fog_m := settings.weather.fog_m:
-                depths = enumerate((whole.depth_left_m, whole.depth_right_m))
-                ranges = [world.lens.range_m(k, depth_m) for k, depth_m in depths]
-                light = foggy(light[0], ranges[0], fog_m), foggy(light[1], ranges[1], fog_m)
+            light = self.through_air(light, whole)
             brightness = control.brightness * mean_brightness(world, shutter)
             level = float(brightness.mean())
             exposure = FrameExposure(time_ns, control.time_ms, control.gain, count, level)
             if settings.sensor.auto_exposure:
                 automatic.update(self._mean_grey(light[0], exposure.level))
             yield Capture(int(index), exposure, light, brightness, cropped, *truth, raw)
+
+    def through_air(
+        self, light: tuple[Array, Array], whole: GeometryBuffers
+    ) -> tuple[Array, Array]:
+        """Return the light of both images in the weather; the geometry is all that is rendered."""
+        fog_m = self._settings.weather.fog_m
+        if not fog_m:
+            return light
+        depths_m = whole.depth_left_m, whole.depth_right_m
+        left_m, right_m = (self._world.lens.range_m(k, x) for k, x in enumerate(depths_m))
+        return foggy(light[0], left_m, fog_m), foggy(light[1], right_m, fog_m)
 
     def form_images(self, capture: Capture) -> StereoImages:
         """Convert light to grey levels; noise depends on seed, frame and camera only."""

@@ -167,8 +167,10 @@ class StereoRenderer:
         """Render depth and objects of both cameras at the world's present state."""
         return self._geometry(self._label_option)
 
-    def render_view_geometry(self, views: Views) -> GeometryBuffers:
-        """Render depth and objects in the stacked views (V N, N) of a wide lens."""
+    def render_whole_geometry(self, pinhole: GeometryBuffers) -> GeometryBuffers:
+        """Render that of the stacked views (V N, N) of a wide lens; of another, it is `pinhole`."""
+        if not (views := self._world.lens.views):
+            return pinhole
         found = [self._geometry(self._label_option, views.rig, R) for R in views.R_cam_views]
         stacks = zip(*(vars(x).values() for x in found), strict=True)
         return GeometryBuffers(*(np.concatenate(x) for x in stacks))
@@ -251,10 +253,7 @@ class StereoRenderer:
     def _update_stereo(
         self, option: mujoco.MjvOption, rig: StereoRig | None = None, R: Array | None = None
     ) -> None:
-        """Update MuJoCo's scene with the geoms in the view frustums of a rig.
-
-        Both cameras may be turned each around its centre, by R (3, 3) to the stereo camera's axes.
-        """
+        """Update MuJoCo's scene with the geoms in a rig's views, which R (3, 3) turns both."""
         rig = rig or self._world.render_rig
         model, data = self._world.model, self._world.data
         camera = mujoco.MjvCamera()
