@@ -33,7 +33,7 @@ class FeatureSettings(Settings):
     """Shape of CenSurE's centre and surround."""
     count: int = Field(default=800, ge=1)
     """Maximum number of features in an image."""
-    threshold: float = Field(default=4.0, ge=0)
+    threshold: float = Field(default=2.0, ge=0)
     """Minimum contrast of a feature, grey levels."""
     line_ratio: float = Field(default=12.0, gt=1)
     """Maximum ratio of the principal gradient energies."""
@@ -254,7 +254,7 @@ class OdometrySettings(Settings):
 
 THESIS = OdometrySettings(
     stationary="none",
-    features=FeatureSettings(count=500, cell_px=10_000, smoothing_px=0),
+    features=FeatureSettings(count=500, threshold=4.0, cell_px=10_000, smoothing_px=0),
     matching=MatchingSettings(
         motion_model="constant_position",
         search="features",
