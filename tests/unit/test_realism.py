@@ -6,7 +6,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from folders import BASELINE_M, DISPARITY_PX, WIDTH, wall, write_euroc
+from folders import BASELINE_M, DISPARITY_PX, HEIGHT, WIDTH, wall, write_euroc
 from scipy.special import erf
 from terminal import driftyard
 
@@ -32,6 +32,7 @@ from trials.realism.noise import GREY, measure_blocks
 from trials.realism.quantities import QUANTITIES, Measured, Statistic
 from trials.realism.sharpness import edge_width, edge_widths
 from trials.realism.vignetting import LightPairs, vignetting_by_frame
+from vo.contract.remarks import Remark
 from vo.contract.rig import StereoRig
 
 RIG = StereoRig(320, 240, 200.0, 159.5, 119.5, 0.1)
@@ -241,6 +242,17 @@ def test_dark_recording_says_why_by_quantity_others_go_on(walls, tmp_path):
     assert found.distances["disparity"].value is None
     assert found.distances["disparity"].reason.startswith("dark: the estimator follows too few")
     assert "too few landmarks" in page.read_text()
+
+
+def test_damaged_image_costs_its_frame_alone(walls):
+    write_euroc(walls / "damaged", wall(3))
+    file = sorted((walls / "damaged/mav0/cam1/data").iterdir())[1]
+    file.write_bytes(file.read_bytes()[:100])
+    with pytest.warns(Remark, match="1 of 3 frames"):
+        found = measure(walls / "damaged", 3)
+    assert found.statistics["grey"].parts.sum() == 2 * WIDTH * HEIGHT
+    assert found.statistics["power"].weights.sum() == 2
+    assert found.statistics["features"].weights.sum() == 2
 
 
 def test_single_frame_has_distances_without_errors(walls):

@@ -40,6 +40,11 @@ class Patches:
     light: Array
 
 
+_NO_PATCH, _NO_PLACE = np.zeros((0, (2 * HALF_PX + 1) ** 2)), np.zeros((0, 2))
+NO_PATCHES = Patches(np.zeros(0, np.int64), _NO_PLACE, _NO_PLACE, _NO_PATCH, _NO_PATCH, _NO_PLACE)
+"""Patches of an unreadable image."""
+
+
 def cut_patches(
     images: tuple[Image, Image], tracks: Tracks, frame: int, decode: Callable[[Image], Array]
 ) -> Patches:

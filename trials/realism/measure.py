@@ -14,8 +14,9 @@ import numpy as np
 
 from sim.imaging.linear_light import Response, levels_to_light
 from trials.estimators.choice import Named, estimate
-from trials.evaluation.runs import SavedRun, read_run
+from trials.evaluation.runs import SavedRun, Tracks, read_run
 from trials.realism.landmarks import (
+    NO_PATCHES,
     Patches,
     coverage,
     cut_patches,
@@ -24,12 +25,14 @@ from trials.realism.landmarks import (
     per_frame,
     run_statistics,
 )
-from trials.realism.noise import GREY, Blocks, measure_blocks, select_flat
+from trials.realism.noise import GREY, NO_BLOCKS, Blocks, measure_blocks, select_flat
 from trials.realism.quantities import NOISE_GREY, TILE_PX, Measured, Statistic
 from trials.realism.sharpness import edge_widths
 from vo.config import FeatureSettings
 from vo.contract.arrays import Array, Image
-from vo.contract.sequence import StereoSequence
+from vo.contract.errors import ImageError
+from vo.contract.rig import StereoRig
+from vo.contract.sequence import StereoFrame, StereoSequence
 from vo.features.detector import detect
 from vo.recordings.pairing import FrameSelection
 from vo.recordings.readers import open_sequence
@@ -48,12 +51,12 @@ def measure(
     response: Response = "srgb",
     progress: Callable[[int, int], None] | None = None,
 ) -> Measured:
-    """Measure the first frames of a recording.
+    """Measure the first frames of a recording; those with unreadable images count nothing.
 
     Progress is called with the number of frames done, and that of all passes.
 
     Raises:
-        DriftyardError: If the recording is unreadable.
+        DriftyardError: If the recording is unreadable, or no image is readable.
     """
     total = len(open_sequence(folder))
     selection = FrameSelection(last=min(frames, total) - 1)
@@ -80,11 +83,14 @@ class _Frame:
     grey: Array
     gradient: Array
     power: Array
-    features: int
+    features: float
     blocks: Blocks
-    edge_widths: Array
     patches: Patches
     coverage: float
+
+
+NOTHING = _Frame(np.zeros(256), np.zeros(256), np.zeros(0), np.nan, NO_BLOCKS, NO_PATCHES, np.nan)
+"""What a frame with an unreadable image contributes."""
 
 
 def _measure_images(
@@ -96,41 +102,50 @@ def _measure_images(
     count = len(sequence)
     with_edges = set(np.linspace(0, count - 1, min(EDGE_FRAMES, count)).astype(int).tolist())
     with_picture = np.linspace(0, count - 1, min(PICTURES, count)).astype(int).tolist()
-    frames: list[_Frame] = []
-    pictures: list[Image] = []
+    frames, widths, pictures = [NOTHING] * count, [np.zeros(0)] * count, list[Image]()
     tracks = run.tracks
     assert tracks is not None  # our own runs always write them
-    for i, frame in enumerate(sequence):
-        left = frame.left
-        frames.append(
-            _Frame(
-                np.bincount(left.ravel(), minlength=256).astype(np.float64),
-                _gradients(left),
-                power_spectrum(left),
-                len(detect(left, ALL_FEATURES)),
-                measure_blocks(left),
-                edge_widths(left, decode(left)) if i in with_edges else np.zeros(0),
-                cut_patches((left, frame.right), tracks, i, decode),
-                coverage(tracks.pixels[tracks.frame == i], sequence.rig),
-            )
-        )
-        if i in with_picture:
-            pictures.append(left)
+    for i in range(count):
         advance(i)
+        try:
+            frame = sequence[i]
+        except ImageError:
+            continue  # the run of the estimator has said so
+        frames[i] = _measure_frame(frame, tracks, i, sequence.rig, decode)
+        if i in with_edges:
+            widths[i] = edge_widths(frame.left, decode(frame.left))
+        if i in with_picture:
+            pictures.append(frame.left)
     found = {
         "grey": Statistic(np.array([x.grey for x in frames])),
         "gradient": Statistic(np.array([x.gradient for x in frames])),
         **_noise([x.blocks for x in frames]),
-        "edge_width": _histogram("edge_width", [x.edge_widths for x in frames]),
+        "edge_width": _histogram("edge_width", widths),
         "features": per_frame(np.array([x.features for x in frames])),
         "coverage": per_frame(np.array([x.coverage for x in frames])),
         **patch_statistics([x.patches for x in frames], sequence.rig),
         **run_statistics(run, count),
     }
-    if len(frames[0].power):
-        power = np.array([x.power for x in frames])
-        found["power"] = Statistic(power, np.ones((count, 1)))
+    if size := max(len(x.power) for x in frames):
+        known = np.array([[float(len(x.power) > 0)] for x in frames])
+        power = np.array([x.power if len(x.power) else np.zeros(size) for x in frames])
+        found["power"] = Statistic(power, known)
     return Measured(sequence.name, count, found, tuple(pictures))
+
+
+def _measure_frame(
+    frame: StereoFrame, tracks: Tracks, i: int, rig: StereoRig, decode: Callable[[Image], Array]
+) -> _Frame:
+    left = frame.left
+    return _Frame(
+        np.bincount(left.ravel(), minlength=256).astype(np.float64),
+        _gradients(left),
+        power_spectrum(left),
+        len(detect(left, ALL_FEATURES)),
+        measure_blocks(left),
+        cut_patches((left, frame.right), tracks, i, decode),
+        coverage(tracks.pixels[tracks.frame == i], rig),
+    )
 
 
 def power_spectrum(image: Image) -> Array:

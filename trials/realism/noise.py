@@ -42,6 +42,10 @@ class Blocks:
     high: Array
 
 
+NO_BLOCKS = Blocks(*(np.zeros(0),) * 3)
+"""Blocks of an unreadable image."""
+
+
 def measure_blocks(image: Image) -> Blocks:
     """Measure the blocks of an image (H, W) uint8 without clipped pixels."""
     inner = image[OFFSET_PX:, OFFSET_PX:]
