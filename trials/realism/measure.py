@@ -27,7 +27,7 @@ from trials.realism.landmarks import (
 )
 from trials.realism.noise import GREY, NO_BLOCKS, Blocks, measure_blocks, select_flat
 from trials.realism.quantities import NOISE_GREY, TILE_PX, Measured, Statistic
-from trials.realism.sharpness import edge_widths
+from trials.realism.sharpness import REACHES_PX, edge_widths, sufficient_reach
 from vo.config import FeatureSettings
 from vo.contract.arrays import Array, Image
 from vo.contract.errors import ImageError
@@ -102,7 +102,8 @@ def _measure_images(
     count = len(sequence)
     with_edges = set(np.linspace(0, count - 1, min(EDGE_FRAMES, count)).astype(int).tolist())
     with_picture = np.linspace(0, count - 1, min(PICTURES, count)).astype(int).tolist()
-    frames, widths, pictures = [NOTHING] * count, [np.zeros(0)] * count, list[Image]()
+    frames, pictures = [NOTHING] * count, list[Image]()
+    widths = [(np.zeros(0),) * len(REACHES_PX)] * count
     tracks = run.tracks
     assert tracks is not None  # our own runs always write them
     for i in range(count):
@@ -120,7 +121,7 @@ def _measure_images(
         "grey": Statistic(np.array([x.grey for x in frames])),
         "gradient": Statistic(np.array([x.gradient for x in frames])),
         **_noise([x.blocks for x in frames]),
-        "edge_width": _histogram("edge_width", widths),
+        "edge_width": _histogram("edge_width", sufficient_reach(widths)),
         "features": per_frame(np.array([x.features for x in frames])),
         "coverage": per_frame(np.array([x.coverage for x in frames])),
         **patch_statistics([x.patches for x in frames], sequence.rig),

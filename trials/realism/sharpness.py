@@ -7,6 +7,8 @@ Source: van Zwanenberg, Triantaphillidou, Jenkin and Psarrou, Edge detection tec
 quantifying spatial imaging system performance and image quality, CVPR workshops 2019.
 """
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 from scipy.special import erf
@@ -20,8 +22,8 @@ SMOOTHING_PX = 1.0
 MIN_GRADIENT = 3.0
 """Smallest gradient of an edge in the smoothed image, grey levels per px."""
 MARGIN_PX = 4
-REACHES_PX = (6, 12)
-"""Half lengths of profiles; a profile suffices for an edge of a third of it."""
+REACHES_PX = (6, 9, 14, 21)
+"""Half lengths of profiles; one suffices for widths of a quarter of it."""
 STEP_PX = 0.5
 MAX_RESIDUAL, MAX_SLOPE, MAX_UNCERTAINTY, MAX_OFFSET_PX = 0.03, 0.5, 0.12, 1.5
 """Largest standard deviation of a profile about its fit, and light by the slopes, as shares of the
@@ -34,26 +36,36 @@ MIN_EDGES = 30
 """Smallest number of edges from which the width is estimated."""
 
 
-def edge_widths(grey: Image, light: Array) -> Array:
-    """Return the widths (E,) of the step edges of an image, standard deviations in px.
+def edge_widths(grey: Image, light: Array) -> tuple[Array, ...]:
+    """Return the widths (E,) of the step edges of an image, for each of REACHES_PX.
+
+    They are standard deviations in px. Only short profiles fit between close edges, only long ones
+    hold a wide edge: `sufficient_reach` chooses.
 
     Args:
         grey: (H, W) uint8, in which edges are found.
         light: (H, W) float32 linear light of it, in which they are measured.
     """
     points, normals = _find(grey)
-    widths: list[Array] = []
+    found: list[Array] = []
     for reach_px in REACHES_PX:
-        if not len(points):
-            break
         at = np.arange(-reach_px, reach_px + STEP_PX / 2, STEP_PX)
-        profiles = _profiles(light, points, normals, at)
-        whole = np.flatnonzero(np.isfinite(profiles).all(axis=1))
-        width_px, is_step = _fit(at, profiles[whole])
-        widths.append(width_px[is_step])
-        others = np.setdiff1d(np.arange(len(points)), whole[is_step])
-        points, normals = points[others], normals[others]
-    return np.concatenate(widths) if widths else np.zeros(0)
+        profiles = _profiles(light, points, normals, at) if len(points) else np.zeros((0, len(at)))
+        width_px, is_step = _fit(at, profiles[np.isfinite(profiles).all(axis=1)])
+        found.append(width_px[is_step])
+    return tuple(found)
+
+
+def sufficient_reach(frames: Sequence[tuple[Array, ...]]) -> list[Array]:
+    """Return the widths in each of several images for the shortest profiles that hold the edges.
+
+    All widths of a recording are of profiles of one length.
+    """
+    for k, reach_px in enumerate(REACHES_PX):
+        widths = [x[k] for x in frames]
+        if edge_width(np.concatenate(widths)) < reach_px / 4:
+            return widths
+    return [x[0] for x in frames]
 
 
 def edge_width(widths_px: Array) -> float:
@@ -123,7 +135,7 @@ def _fit(at: Array, profiles: Array) -> tuple[Array, Array]:
     uncertainty = np.sqrt(np.linalg.inv(normal)[:, 3, 3]) * residual / STEP_PX**0.5
     is_step = (residual < MAX_RESIDUAL * step) & (uncertainty < MAX_UNCERTAINTY * width)
     is_step &= abs(parts[4:]).max(axis=0) * at[-1] < MAX_SLOPE * step
-    is_step &= (abs(parts[2]) < MAX_OFFSET_PX) & (width > MIN_WIDTH_PX) & (width < at[-1] / 3)
+    is_step &= (abs(parts[2]) < MAX_OFFSET_PX) & (width > MIN_WIDTH_PX) & (width < at[-1] / 2.5)
     return width, is_step
 
 
