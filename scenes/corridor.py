@@ -68,7 +68,7 @@ def build(rng: np.random.Generator, settings: Options) -> Scene:
     light = _lamps(rng)
     lamps = Lamplight(panels, np.full(len(panels), PANEL_POWER), stage.occluders, light)
     route = rounded_loop(_corners(middle), radius_m=0.65)
-    return stage.scene(TESTS, TAGS, light, bake=lamps.bake, route=route, reach_m=half + 0.15)
+    return stage.scene(TESTS, TAGS, light, lamps=lamps, route=route, reach_m=half + 0.15)
 
 
 def _corners(middle: Array) -> Array:

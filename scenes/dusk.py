@@ -58,9 +58,11 @@ def build(rng: np.random.Generator, settings: Options) -> Scene:
         stage.draw("flags", level(corners, tiled(rng, corners, FLAG_M, stage.atlases["flags"])))
     light = _evening()
     places, powers = (np.array(values) for values in zip(*lamps, strict=True))
-    bake, dim = Lamplight(places, powers, stage.occluders, light).bake, sky.town_sky(rng) / 255
+    lamplight = Lamplight(places, powers, stage.occluders, light)
+    dim = sky.town_sky(rng) / 255
     night = (255 * dim**1.3 * np.array([0.30, 0.33, 0.44])).astype(np.uint8)
-    scene = stage.scene(TESTS, TAGS, light, night, bake, route=_route(rng), reach_m=HALF_M + 0.4)
+    built = TESTS, TAGS, light, night, lamplight
+    scene = stage.scene(*built, route=_route(rng), reach_m=HALF_M + 0.4)
     return replace(scene, brightness=_brightness(rng, settings))
 
 

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from scenes.lighting.baked_light import Light
+from scenes.lighting.lamps import Lamplight
 from vo.contract.arrays import Array
 
 HOME = "home"
@@ -61,6 +62,7 @@ class Scene:
         source: Name that builds the scene again if it is not `name`: a file or `module:function`.
         assets: SHA-256 of each file that a custom scene is made from, by its path.
         light: The lamps that are baked into a built-in scene; none: the spec's lamps are all.
+        lamps: Lamps inside a built-in scene, which replace the key lamp of `light`.
         defaults: Recording settings of a registered scene, `key.path` to value, where none are set;
             the registry sets them.
     """
@@ -78,4 +80,5 @@ class Scene:
     source: str = ""
     assets: Mapping[str, str] = field(default_factory=dict[str, str])
     light: Light | None = None
+    lamps: Lamplight | None = None
     defaults: Mapping[str, float | str] = field(default_factory=dict[str, float | str])

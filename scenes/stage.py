@@ -10,6 +10,7 @@ import numpy as np
 
 from scenes.geometry.mesh import Mesh, Vector, cut_into_cells, merged
 from scenes.lighting.baked_light import Light, shaded_normals
+from scenes.lighting.lamps import Lamplight
 from scenes.lighting.shadow import Occluder, occlusion, visibility
 from scenes.mjcf import add_material, add_mesh_geom, add_texture, set_view
 from scenes.scene import COLLISION_GROUP, IMAGE_GROUP, LABEL_GROUP, Kind, Motion, Scene, Thing
@@ -181,7 +182,7 @@ class Stage:
         tags: str,
         light: Light,
         sky: Image | None = None,
-        bake: Bake | None = None,
+        lamps: Lamplight | None = None,
         *,
         route: Array,
         reach_m: Vector,
@@ -190,14 +191,15 @@ class Stage:
         """Finish the stage, with a collision plane at a height, and return it as a scene.
 
         `tags` are separated by spaces; `route`, (N, 2) metres, is the default one; `reach_m` is
-        `Scene.extent_m`, or (2,) half sizes about the origin. The others are as for `finish`.
+        `Scene.extent_m`, or (2,) half sizes about the origin. `lamps` replace the key lamp. The
+        others are as for `finish`.
         """
         if floor_m is not None:
             self.floor(floor_m)
-        self.finish(light, sky, bake)
+        self.finish(light, sky, lamps.bake if lamps else None)
         routes, tag_set = {"default": route}, frozenset(tags.split())
         world = (self.spec, routes, extent(reach_m), tag_set, self.things, self.movers)
-        return Scene(self.spec.modelname, tests, *world, light=light)
+        return Scene(self.spec.modelname, tests, *world, light=light, lamps=lamps)
 
     def _gathered(self) -> list[_Part]:
         """Join what has the same material, object, body and state of light."""

@@ -130,7 +130,9 @@ def record_trip(
     write_wheels(writer, settings, trip)
     checks = check_folder(writer.partial, settings, trip.ended, world.gravity_mps2)
     checks[COVERAGE] = coverage
-    certificate = certify(frames, checks, exempt_parts(settings))
+    certificate = certify(
+        frames, checks, exempt_parts(settings), settings.render.engine == "filament"
+    )
     entries = overhead.manifest_entry, renderer.gl_strings, certificate
     writer.commit(manifest(world, settings, delivered, trip, things, *entries))
     return Recording(certificate, trip.ended)

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from sim.certificate.bias import DATASET_ERRORS, DATASET_MAX_PX, FRAME_ERRORS
+from sim.certificate.highlights import beyond_noise_fraction
 from sim.certificate.photometric import BINS_PER_GREY, METHOD, FrameResidual, Residual, quantile
 from sim.certificate.trajectory_check import check_trajectory, read_states
 from sim.sensors.inertial import ImuReadings, integrate
@@ -58,11 +59,15 @@ def exempt_parts(settings: RecordSettings) -> frozenset[str]:
 
 
 def certify(
-    frames: Iterable[FrameResidual], checks: dict[str, Any], exempt: frozenset[str] = frozenset()
+    frames: Iterable[FrameResidual],
+    checks: dict[str, Any],
+    exempt: frozenset[str] = frozenset(),
+    glossy: bool = False,
 ) -> dict[str, Any]:
     """Return the manifest's `certificate`: the same images and labels always give the same numbers.
 
-    Checks come from `check_folder`; exempt parts, from `exempt_parts`, cannot fail.
+    Checks come from `check_folder`; exempt parts, from `exempt_parts`, cannot fail. Of `glossy`
+    surfaces, which look different from each side, the share of pixels beyond the noise is stated.
     """
     frames = list(frames)
     stereo = {frame.timestamp_ns: frame.stereo for frame in frames}
@@ -72,6 +77,12 @@ def certify(
         parts["stereo"] = _summary(stereo, "stereo" not in exempt, -1.0)
     if flow:
         parts["flow"] = _summary(flow, "flow" not in exempt, 1.0)
+    if glossy:
+        for name, residuals in (("stereo", stereo), ("flow", flow)):
+            if name in parts:
+                parts[name]["beyond_noise_fraction"] = beyond_noise_fraction(
+                    list(residuals.values())
+                )
     geometry = {x.timestamp_ns: x.geometry_px for x in frames if x.geometry_px is not None}
     if geometry:
         parts["geometry"] = _check_flow(geometry)

@@ -39,6 +39,7 @@ TOLERANCES = {
     "median_grey": 0.1,
     "rms_grey": 0.1,
     "p95_grey": 0.2,
+    "beyond_noise_fraction": 0.01,
     "worst_frame_median_grey": 0.2,
     "noise_median_grey": 0.1,
     "visible_fraction": 1e-4,
@@ -106,7 +107,7 @@ def _check_certificate(
     frames, contradictory = _measure(folder, settings, progress)
     gravity_mps2 = _gravity(folder, manifest)
     checks = check_folder(folder, settings, manifest.get("ended", ""), gravity_mps2)
-    found = certify(frames, checks, exempt_parts(settings))
+    found = certify(frames, checks, exempt_parts(settings), settings.render.engine == "filament")
     parts = {key: figures for key, figures in found.items() if isinstance(figures, dict)}
     findings = [x for part, figures in parts.items() for x in _compare(part, stated, figures)]
     if contradictory:

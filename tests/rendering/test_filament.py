@@ -5,22 +5,30 @@ The proof is by geometry: plates at known places, whose outlines' centroids are 
 
 from dataclasses import replace
 
+import cv2
 import mujoco
 import numpy as np
 import pytest
 
 from scenes.geometry.mesh import patch
-from scenes.lighting.baked_light import sun
+from scenes.lighting.baked_light import Light, lamp, sun
+from scenes.lighting.lamps import Lamplight
+from scenes.lighting.shadow import Occluder
 from scenes.scene import Scene
 from scenes.stage import Stage
 from sim.camera.filament.context import vulkan_devices
 from sim.camera.filament.engine import sample_grid
+from sim.camera.filament.look import BRIGHTEST, lamps_of
+from sim.camera.filament.sky import linear
 from sim.camera.render import StereoRenderer
+from sim.certificate.verify import verify
 from sim.graphics import GraphicsError
-from sim.imaging.linear_light import light_to_levels
-from sim.settings import RecordSettings, RenderSettings, RigSettings
+from sim.imaging.linear_light import LINEAR, light_to_levels
+from sim.record import record
+from sim.settings import DriveSettings, RecordSettings, RenderSettings, RigSettings
 from sim.world.world import World, build_world
 from vo.contract import se3
+from vo.contract.dataset import read_manifest
 
 pytestmark = pytest.mark.gl
 SETTINGS = RecordSettings.model_validate(
@@ -28,6 +36,7 @@ SETTINGS = RecordSettings.model_validate(
 )
 SHIFT_PX = 12.25, -17.5
 CORNER_PX = 0.05
+GREY_LEVEL = 150
 PLATES = (
     # centre x, y, z (m) and turn (rad); red, green and blue in turn
     (1.0, 0.30, 0.70, 0.3), (1.0, -0.35, 0.30, 0.2), (1.5, 0.60, 0.20, 0.4),
@@ -154,19 +163,58 @@ def test_channels_are_red_green_blue():
         assert left[v, u].argmax() == k
 
 
-def test_level_ground_has_the_grey_level_of_the_classic_engine():
-    stage, light = Stage("flat"), sun(np.random.default_rng(0))
-    stage.material("grey", np.full((64, 64, 3), 150, np.uint8))
+FLAT = SETTINGS.model_copy(
+    update={"rig": RigSettings(width_px=64, height_px=48, tilt_deg=40, rate_hz=4)}
+)
+
+
+def flat_scene(texture: np.ndarray, light: Light, lamps: Lamplight | None = None) -> Scene:
+    """Level ground that fills the image."""
+    stage = Stage("flat")
+    stage.material("grey", texture)
     stage.draw("grey", patch((-4, -4, 0), (8, 0, 0), (0, 8, 0), (8, 8), (1, 1), (0, 0)))
     route = np.array([(0.0, 0.0), (1.0, 0.0)])
-    scene = stage.scene("", "", light, route=route, reach_m=(4, 4))
-    rig = RigSettings(width_px=64, height_px=48, tilt_deg=40)
-    world = build_world(scene, SETTINGS.model_copy(update={"rig": rig}))
+    return stage.scene("", "", light, lamps=lamps, route=route, reach_m=(4, 4))
+
+
+def flat_world(light: Light, lamps: Lamplight | None = None) -> World:
+    grey = np.full((64, 64, 3), GREY_LEVEL, np.uint8)
+    world = build_world(flat_scene(grey, light, lamps), FLAT)
     world.place_bodies()
+    return world
+
+
+def test_level_ground_has_the_grey_level_of_the_classic_engine():
+    world = flat_world(sun(np.random.default_rng(0)))
     with StereoRenderer(world, RenderSettings()) as renderer:
         classic = renderer.render_images()[0]
     levels = light_to_levels("srgb", filament_images(world, samples=1)[0])
     assert abs(np.median(levels) - np.median(classic)) < 6  # sheen of the surface
+
+
+def test_lamp_lights_the_ground_by_the_square_of_its_distance():
+    height_m, away = 2.0, Occluder(np.full(3, 50.0), np.full(3, 0.1))
+    light = lamp((0.0, 60.0), (0.5, 0.5, 0.5), (0.1, 0.1, 0.1), (0.05, 0.05, 0.05))
+    lamps = Lamplight(np.array([(0.9, 0.0, height_m)]), np.array([2.0]), [away], light)
+    world = flat_world(light, lamps)
+    below = se3.transform(se3.inverse(world.T_world_cam), np.array([(0.9, 0.0, 0.0)]))
+    u, v = np.rint(world.render_rig.project(below)[0, :2]).astype(int)
+    share = filament_images(world, samples=1)[0][v, u] / LINEAR[GREY_LEVEL]
+    (_, candela), *_ = lamps_of(world, np.full(3, 1 / 3))
+    expected = candela / height_m**2 / (np.pi * BRIGHTEST) + linear(np.array(0.15))
+    assert share == pytest.approx(expected, rel=0.1)
+
+
+def test_recording_passes_and_states_its_highlights(tmp_path):
+    rng = np.random.default_rng(0)
+    coarse = cv2.resize(rng.integers(60, 200, (48, 48, 3), np.uint8), (512, 512))
+    changes = {"render": RenderSettings(engine="filament"), "drive": DriveSettings(distance_m=0.03)}
+    scene = flat_scene(coarse, sun(rng))
+    recording = record(scene, FLAT.model_copy(update=changes), tmp_path / "flat")
+    assert recording.certificate["stereo"]["passed"]
+    assert 0 <= recording.certificate["stereo"]["beyond_noise_fraction"] < 0.5
+    assert "filament" in read_manifest(tmp_path / "flat")["software"]["gl"]
+    assert verify(tmp_path / "flat") == []
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 from rich.table import Table
 
+from scenes import SCENES
 from trials.estimators.choice import COMPARED
 from trials.execution.progress import ProgressBar, no_progress
 from trials.report.tables import text_table
@@ -32,6 +33,7 @@ from trials.studies.speed.comparison import (
 from trials.studies.speed.cost_report import measure_costs
 from trials.studies.speed.devices import device_table, measure_devices
 from trials.studies.speed.drive import TimedDrive, on_cores
+from trials.studies.speed.engines import engine_tables
 from trials.studies.speed.environment import QUICK_STEPS, STEPS, environment_table
 from trials.studies.speed.estimator import EstimatorSpeed, measure_estimator
 from trials.studies.speed.renderers import RenderSpeed, measure_renderers
@@ -155,6 +157,11 @@ def _scheduler(bench: Bench) -> Iterator[Table | str]:
     yield load_table([measure_load(x) for x in (QUICK_WORKERS if bench.quick else WORKERS)])
 
 
+def _engines(bench: Bench) -> Iterator[Table | str]:
+    scenes = [bench.scene] if bench.quick else list(SCENES)
+    yield from engine_tables(scenes, bench.seed, bench.cores)
+
+
 PARTS: dict[str, Callable[[Bench], Iterator[Table | str]]] = {
     "generation": _generation,
     "lengths": _lengths,
@@ -165,10 +172,11 @@ PARTS: dict[str, Callable[[Bench], Iterator[Table | str]]] = {
     "devices": _devices,
     "costs": _costs,
     "scheduler": _scheduler,
+    "engines": _engines,
 }
 """Parts of the measurement by name."""
-ON_REQUEST = ("devices", "costs", "scheduler")
-"""Parts that are measured only if they are named: they concern many machines or GPUs."""
+ON_REQUEST = ("devices", "costs", "scheduler", "engines")
+"""Parts that are measured only if they are named: they concern many machines, GPUs or engines."""
 
 
 def bench_parts(

@@ -13,13 +13,21 @@ import mujoco
 import numpy as np
 
 from sim.camera.filament.context import open_filament
-from sim.camera.filament.look import BRIGHTEST, channel_model, headlight_of, options, sky_of
+from sim.camera.filament.look import (
+    BRIGHTEST,
+    channel_model,
+    headlight_of,
+    lamps_of,
+    options,
+    sky_of,
+)
 from sim.camera.filament.sky import ktx_file
 from sim.settings import RenderSettings
 from sim.world.world import World
 from vo.contract.arrays import Array
 from vo.contract.rig import StereoRig
 
+LAMP_CUTOFF_DEG, LAMP_RANGE_M = 85.0, 12.0
 GREY = ((0.299, 0.587, 0.114),)
 """Weights of red, green and blue in grey, ITU-R BT.601, as in the classic renderer."""
 RGB = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -92,6 +100,7 @@ class _Channel:
         self._headlight = headlight_of(world, weights)
         sky = sky_of(world, weights)
         self._sky = [] if sky is None else self._sky_light(ktx_file(sky))
+        self._lamps = [self._lamp(*lamp) for lamp in lamps_of(world, weights)]
 
     def render(self) -> Array:
         """Render both cameras side by side, (H, 2W) float32 linear light."""
@@ -120,6 +129,7 @@ class _Channel:
     def free(self) -> None:
         """Release what belongs to the context before it."""
         self._sky.clear()
+        self._lamps.clear()
         del self._surfaces, self._lights, self._resources, self._scene, self._read, self._target
         del self._context
 
@@ -142,6 +152,24 @@ class _Channel:
         light = self._context.create_light(params)
         self._scene.add_light(light)
         return [light, texture, upload, data]
+
+    def _lamp(self, place: Array, candela: float) -> Any:
+        """Let a lamp shine downwards and sideways."""
+        light = self._context.create_light(
+            self._mjrf.LightParams(
+                type=self._mjrf.LightType.LIGHT_SPOT,
+                color=[1, 1, 1],
+                intensity=candela,
+                cast_shadow=True,
+                range=LAMP_RANGE_M,
+                cutoff=LAMP_CUTOFF_DEG,
+                softness=1.0,
+                shadow_map_size=self._settings.shadow_size_px // 4,
+            )
+        )
+        light.set_pose(place.astype(np.float32), np.array([0, 0, -1], np.float32))
+        self._scene.add_light(light)
+        return light
 
     def _frustums(self, rig: StereoRig) -> list[dict[str, Any]]:
         """Return place, direction and frustum of both cameras, with the rig's principal point."""

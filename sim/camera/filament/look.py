@@ -5,6 +5,7 @@ from copy import copy
 import mujoco
 import numpy as np
 
+from scenes.surfaces.finish import finish_of
 from sim.camera.filament.sky import linear, sky_radiance, sun_irradiance
 from sim.settings import RenderSettings
 from sim.world.world import World
@@ -12,13 +13,14 @@ from vo.contract.arrays import Array, Image
 
 BRIGHTEST = 38400.0
 """Luminance of the brightest grey level, cd/m²: Filament's camera is at f/16, 1/125 s, ISO 100."""
-ROUGHNESS = 0.9
 CREASE_DEG = 70.0
 SAME_PLACE_M = 1e-5
 HEADLIGHT_LUX = 40000.0
 """MuJoCo's default of `filament.fallback.head_light_intensity`."""
 EMISSION = 0.3
 """Light of a white surface of MuJoCo's emission 1 in Filament."""
+LAMP_SHARE = 0.6
+"""Light of lamps over their baked one, whose pools are dimmed where they are brightest."""
 KEY = "key"
 """The lamp of `scenes.lighting.baked_light.Light`."""
 OPTIONS = """
@@ -56,15 +58,27 @@ def channel_model(world: World, settings: RenderSettings, weights: Array) -> muj
         return model
     model.tex_colorspace[:] = mujoco.mjtColorSpace.mjCOLORSPACE_SRGB
     model.mesh_normal[:] = true_normals(model)
-    model.mat_roughness[:], model.mat_metallic[:] = ROUGHNESS, 0
+    finishes = [finish_of(model.material(k).name) for k in range(model.nmat)]
+    model.mat_roughness[:] = [x.roughness for x in finishes]
+    model.mat_metallic[:] = [x.metallic for x in finishes]
     glow, colour = mujoco.mjtTextureRole.mjTEXROLE_EMISSIVE, mujoco.mjtTextureRole.mjTEXROLE_RGB
     model.mat_texid[:, glow] = np.where(model.mat_emission > 0, model.mat_texid[:, colour], -1)
     model.mat_emission[:] = linear(model.mat_emission) / EMISSION
     key = model.light(KEY).id
     model.light_diffuse[:] = 1
-    model.light_intensity[key] = np.pi * BRIGHTEST * float(sun_irradiance(light) @ weights)
-    model.light_castshadow[key] = True
+    sun = float(sun_irradiance(light) @ weights) if world.scene.lamps is None else 1e-6
+    model.light_intensity[key] = np.pi * BRIGHTEST * sun
+    model.light_castshadow[key] = world.scene.lamps is None
     return model
+
+
+def lamps_of(world: World, weights: Array) -> list[tuple[Array, float]]:
+    """Return place (3,) and one channel of the intensity, candela, of each lamp inside a scene."""
+    lamps = world.scene.lamps
+    if lamps is None:
+        return []
+    each = np.pi * BRIGHTEST * LAMP_SHARE * float(sun_irradiance(lamps.light) @ weights)
+    return [(x, each * float(y)) for x, y in zip(lamps.places, lamps.powers, strict=True)]
 
 
 def headlight_of(world: World, weights: Array) -> float:
