@@ -51,6 +51,13 @@ def test_defocus_is_a_gaussian_in_linear_light(folder):
     assert abs(decode(soft[1].left)[inner] - light[inner]).max() < 0.01
 
 
+@pytest.mark.parametrize("name", ["soiling", "chromatic"])
+def test_faults_of_the_lens_change_both_images(folder, name):
+    made, real = dy.degrade(folder / "wall", name, folder / name), dy.open(folder / "wall")
+    for eye in ("left", "right"):
+        assert abs(getattr(made[0], eye).astype(int) - getattr(real[0], eye)).max() > 20
+
+
 def test_truth_is_carried_over_from_any_layout(folder):
     real = dy.open(folder / "wall")
     kitti = dy.export(real, "kitti", folder / "kitti")

@@ -22,8 +22,9 @@ import yaml
 from sim.dataset.image_codecs import encode_png
 from sim.disturbances import DISTURBANCES, disturbed, parse_disturbances
 from sim.imaging.image_sensor import ImageSensor
-from sim.imaging.lens import delivered_rig, margin_px
+from sim.imaging.lens import delivered_rig, margin_px, raw_margin_px
 from sim.imaging.linear_light import levels_to_light
+from sim.imaging.soiling import Soiling
 from sim.settings import RecordSettings
 from sim.world.random_streams import stream
 from trials.formats.folder import new_folder, put
@@ -125,14 +126,21 @@ class _Camera:
         rendered = replace(rig, **size, cx_px=rig.cx_px + m, cy_px=rig.cy_px + m)
         self._margin = m
         self._sensors = (
-            ImageSensor(self.settings, 0, rig, rendered),
-            ImageSensor(self.settings, 1, rig, rendered),
+            ImageSensor(self.settings, 0, rig, rendered, self._dirt(0)),
+            ImageSensor(self.settings, 1, rig, rendered, self._dirt(1)),
         )
         levels = levels_to_light(self.settings.sensor.response, np.arange(256))
         self._light = levels.astype(np.float32)
         exposure = self.settings.exposure
         values = exposure.time_ms, exposure.line_time_us, exposure.right_offset_ms
         self.needs_motion = any(values) and len(self.sequence) > 1
+
+    def _dirt(self, k: int) -> Soiling | None:
+        """Draw the dirt on a lens."""
+        amount, rig = self.settings.sensor.soiling, self.sequence.rig
+        m = raw_margin_px(self.settings, rig)
+        size = rig.height_px + 2 * m, rig.width_px + 2 * m
+        return Soiling(amount, size, stream(self.seed, f"soiling/{k}")) if amount else None
 
     def images(self, i: int) -> list[Image]:
         """Take the left and the right image of frame i again: (H, W) uint8 each."""
