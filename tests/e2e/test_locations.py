@@ -117,6 +117,9 @@ def test_generate_location_holds_what_a_folder_holds(yard, folders, tmp_path, mo
     half = store.cat_file("/generate/many/yard-00001/dataset.json")[:-9]
     store.pipe_file("/generate/many/yard-00001/dataset.json", half)
     store.pipe_file("/generate/many/yard-00001/mav0/flow0/data/left.tiff", b"by a killed worker")
+    listed = driftyard("index", url, cwd=yard)
+    assert "1 folders without a complete dataset.json, as yard-00001, do not" in listed.stderr
+    assert listed.stdout.splitlines()[1].split()[:3] == ["yard", "1", "0"]
     assert "1 of 2 datasets are there already" in generate(yard, url, "--count", 2)
     assert not list(find_damage([*read_entries(Location(url)).values()]))
     assert not store.exists("/generate/many/yard-00001/mav0/flow0/data/left.tiff")

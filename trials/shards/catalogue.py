@@ -133,11 +133,16 @@ def read_entries(location: Location) -> dict[str, Entry]:
     if MANIFEST in names:  # it is a dataset itself
         manifests = [MANIFEST]
     found: list[Entry] = []
-    for path, data in location.read(manifests):
+    for path, data in location.read(list(manifests)):
         content = _json(data)
         if content is not None and "schema_version" in content:
             with _checked(location, path, content):
                 found.append(_folder_entry(location, path[: -len(MANIFEST) - 1], content))
+            manifests.remove(path)
+    if manifests:
+        some = f"{len(manifests)} folders without a complete {MANIFEST}"
+        first = manifests[0].rpartition("/")[0] or location
+        remark(f"{location}: {some}, as {first}, do not count")
     listed: set[str] = set()
     for path, data in location.read([x for x in names if x.endswith(INDEX)]):
         content = _json(_lines(data)[0])
