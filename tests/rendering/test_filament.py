@@ -4,6 +4,7 @@ The proof is by geometry: plates at known places, whose outlines' centroids are 
 """
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import cv2
 import mujoco
@@ -17,7 +18,7 @@ from scenes.lighting.shadow import Occluder
 from scenes.scene import Scene
 from scenes.stage import Stage
 from sim.camera.filament.context import vulkan_devices
-from sim.camera.filament.engine import sample_grid
+from sim.camera.filament.engine import FilamentImages, sample_grid
 from sim.camera.filament.look import BRIGHTEST, lamps_of
 from sim.camera.filament.sky import linear
 from sim.camera.render import StereoRenderer
@@ -29,6 +30,7 @@ from sim.settings import DriveSettings, RecordSettings, RenderSettings, RigSetti
 from sim.world.world import World, build_world
 from vo.contract import se3
 from vo.contract.dataset import read_manifest
+from vo.contract.errors import SettingsError
 
 pytestmark = pytest.mark.gl
 SETTINGS = RecordSettings.model_validate(
@@ -215,6 +217,13 @@ def test_recording_passes_and_states_its_highlights(tmp_path):
     assert 0 <= recording.certificate["stereo"]["beyond_noise_fraction"] < 0.5
     assert "filament" in read_manifest(tmp_path / "flat")["software"]["gl"]
     assert verify(tmp_path / "flat") == []
+
+
+def test_wide_lens_is_refused(plate_world):
+    wide = replace(plate_world, lens=SimpleNamespace(views=object()))
+    shown = mujoco.MjvOption()
+    with pytest.raises(SettingsError, match=r"render\.engine: filament has no lens"):
+        FilamentImages(wide, RenderSettings(), color=False, shown=shown)
 
 
 @pytest.mark.parametrize(

@@ -25,6 +25,7 @@ from sim.camera.filament.sky import ktx_file
 from sim.settings import RenderSettings
 from sim.world.world import World
 from vo.contract.arrays import Array
+from vo.contract.errors import SettingsError
 from vo.contract.rig import StereoRig
 
 LAMP_CUTOFF_DEG, LAMP_RANGE_M = 85.0, 12.0
@@ -46,7 +47,12 @@ class FilamentImages:
 
         Raises:
             GraphicsError: If Filament or Vulkan is missing.
+            SettingsError: If the lens is too wide for a single view.
         """
+        if world.lens.views:
+            raise SettingsError(
+                "setting render.engine: filament has no lens that needs several views; use classic"
+            )
         self._width_px = world.render_rig.width_px
         weights = np.array(RGB if color else GREY)
         self._channels = [_Channel(world, settings, x, shown) for x in weights]
