@@ -196,7 +196,7 @@ def test_run_output_folder_is_refused(dataset, tmp_path):
             ["generate", FREE, "--out", "o", "--set", "sensor.k1=-0.5"],
             ["sensor.k1 = -0.5", "folds the image"],
         ),
-        (["generate", "office", "--out", "o", "--disturb", "fog"], ["disturbance fog", "blur"]),
+        (["generate", "office", "--out", "o", "--disturb", "hail"], ["disturbance hail", "blur"]),
         (["generate", "office", "--out", "o", "--disturb", "blur=x"], ["blur", "not a number"]),
         (
             ["generate", FREE, "--out", "o", "--set", "drive.waypoints=[[1,1],[1,1]]"],

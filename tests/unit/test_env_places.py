@@ -208,5 +208,5 @@ def test_nav_settings_refuse_contradictions():
         NavSettings(distance_m=(5.0, 4.0))
     with pytest.raises(SettingsError, match=r"unknown setting rig\.wide; valid here"):
         NavSettings(settings={"rig.wide": 3}).recorded(0)
-    with pytest.raises(SettingsError, match="unknown disturbance fog"):
-        NavSettings(disturb="fog").recorded(0)
+    with pytest.raises(SettingsError, match="unknown disturbance hail"):
+        NavSettings(disturb="hail").recorded(0)
