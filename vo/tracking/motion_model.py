@@ -14,7 +14,7 @@ ACCELERATION = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
 """Standard deviations, m/s² and rad/s²: a small rover's on rough ground."""
 
 MAX_GAP_S = 1.0
-"""Time for which a velocity is believed; after that, nothing is known of the motion."""
+"""Longest time for which the last velocity is kept; after that, nothing is known of the motion."""
 
 UNKNOWN_VARIANCE = 1.0
 """Variance, m² and rad², of the pose of a segment that is not connected to the one before."""
