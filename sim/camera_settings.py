@@ -58,6 +58,12 @@ class SensorSettings(Settings):
     """Fraction of the light that is lost in the image's corner."""
     response: Literal["srgb", "linear"] = "srgb"
     """Response curve from light to grey level."""
+    gamma: float = Field(default=1.0, ge=0.2, le=5.0)
+    """Exponent of grey levels after the response curve; above 1, middle levels are darker."""
+    black_grey: float = Field(default=0.0, ge=0.0, le=100.0)
+    """Grey level of no light, 0 to 255."""
+    white_grey: float = Field(default=255.0, ge=101.0, le=1000.0)
+    """Grey level of the brightest light; above 255, what is brighter is clipped."""
     auto_exposure: bool = False
     """Whether exposure time, then gain, keep the mean grey level at target_grey."""
     target_grey: float = Field(default=110.0, ge=10.0, le=240.0)

@@ -21,13 +21,13 @@ class RigSettings(Settings):
     """Height of each image, px."""
     hfov_deg: float = Field(default=70.0, ge=10.0, le=150.0)
     """Horizontal field of view, degrees."""
-    baseline_m: float = Field(default=0.09, gt=0.0, le=0.3)
+    baseline_m: float = Field(default=0.09, gt=0.0, le=1.0)
     """Distance between the optical centres, m."""
     height_m: float = Field(default=0.5, ge=0.35, le=1.8)
     """Height of the optical centres above level ground, m."""
     tilt_deg: float = Field(default=25.0, ge=-45.0, le=60.0)
     """Angle of the optical axes below the horizon, degrees."""
-    rate_hz: float = Field(default=15.0, ge=1.0, le=240.0)
+    rate_hz: float = Field(default=15.0, ge=0.1, le=240.0)
     """Frame rate, Hz."""
     color: bool = False
     """Whether images are RGB; grey otherwise."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.camera_settings import SensorSettings
-from sim.imaging.linear_light import levels_to_light
+from sim.imaging.linear_light import curve_of, levels_to_light
 
 EXPOSURE_MIN_MS = 0.02
 DAMPING = 0.5
@@ -52,9 +52,9 @@ class AutoExposure:
     def update(self, mean_grey: float) -> None:
         """Correct the exposure by the mean grey level, 0 to 255, of the oldest pending image."""
         settings, taken = self._settings, self._pending.popleft()
-        target, measured = levels_to_light(
-            settings.response, np.array([settings.target_grey, max(mean_grey, 0.5)])
-        )
+        black, white = settings.black_grey, settings.white_grey
+        levels = np.clip([settings.target_grey, mean_grey], black + 0.5, white)
+        target, measured = levels_to_light(curve_of(settings), levels)
         step = float(np.clip(target / measured, 1 / STEP_MAX, STEP_MAX))
         right = taken.brightness * taken.gain * step
         self._wanted *= (right / self._wanted) ** DAMPING

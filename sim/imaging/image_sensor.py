@@ -10,7 +10,7 @@ import numpy as np
 from sim.imaging import lens
 from sim.imaging.chromatic import lateral_colour
 from sim.imaging.distortion import has_distortion, is_equidistant
-from sim.imaging.linear_light import Encoding, Response, levels_to_light, light_to_levels
+from sim.imaging.linear_light import Curve, Encoding, curve_of, levels_to_light, light_to_levels
 from sim.imaging.resample import sample
 from sim.imaging.soiling import Soiling
 from sim.settings import RecordSettings
@@ -45,7 +45,7 @@ class ImageSensor:
         """
         sensor = settings.sensor
         self._sensor = sensor
-        self._encoding = Encoding(sensor.response)
+        self._encoding = Encoding(curve_of(sensor))
         self._sensitivity = sensor.right_gain if camera else 1.0
         self._fixed_gain = 10 ** (sensor.gain_db / 20)
         self._well = sensor.full_well or WELL
@@ -121,7 +121,7 @@ class ImageSensor:
         It holds for the raw image, with clipping and without rounding; exposure settings besides
         the gain only change the level. The array is float32 and read-only.
         """
-        return _noise_table(self._sensor.response, *self._variances(gain))
+        return _noise_table(curve_of(self._sensor), *self._variances(gain))
 
     def _rectified(self, raw: Array) -> Array:
         return raw if self._rectification is None else sample(raw, *self._rectification)
@@ -185,12 +185,12 @@ def _compressed(image: Image, quality: int) -> Image:
 
 
 @lru_cache(maxsize=64)  # called for both cameras and every frame; the gain changes rarely
-def _noise_table(response: Response, shot: float, floor: float) -> Array:
+def _noise_table(curve: Curve, shot: float, floor: float) -> Array:
     """Standard deviation (256,) of each level of light y whose variance is shot y + floor."""
-    light = levels_to_light(response, np.arange(256))[:, None]
+    light = levels_to_light(curve, np.arange(256))[:, None]
     z = np.linspace(-6, 6, 241)
     share = np.exp(-z * z / 2) / np.exp(-z * z / 2).sum()
-    levels = light_to_levels(response, light + np.sqrt(shot * light + floor) * z)
+    levels = light_to_levels(curve, light + np.sqrt(shot * light + floor) * z)
     mean = (levels * share).sum(axis=1, keepdims=True)
     table = np.sqrt(((levels - mean) ** 2 * share).sum(axis=1)).astype(np.float32)
     table.flags.writeable = False

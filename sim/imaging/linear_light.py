@@ -1,16 +1,32 @@
 """Grey levels and linear light: decoding of rendered images, encoding of a sensor's light."""
 
 from functools import lru_cache
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import cv2
 import numpy as np
 from scipy.special import ndtri
 
+from sim.camera_settings import SensorSettings
 from vo.contract.arrays import Array, Image
 from vo.contract.compilation import compiled
 
 Response = Literal["srgb", "linear"]
+
+
+class Curve(NamedTuple):
+    """Grey levels of light: response, then an exponent, then the levels of no and of full light."""
+
+    response: Response = "srgb"
+    gamma: float = 1.0
+    black: float = 0.0
+    white: float = 255.0
+
+
+def curve_of(sensor: SensorSettings) -> Curve:
+    """Return the curve that settings describe."""
+    return Curve(sensor.response, sensor.gamma, sensor.black_grey, sensor.white_grey)
+
 
 ENCODING_BINS = 4096
 """Finer than the closest grey levels in linear light: each bin has at most one edge."""
@@ -20,7 +36,8 @@ QUANTILES = 1 << 16
 
 def _srgb_to_linear(srgb: Array) -> Array:
     """IEC 61966-2-1, both 0 to 1."""
-    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+    bright = ((np.maximum(srgb, 0) + 0.055) / 1.055) ** 2.4
+    return np.where(srgb <= 0.04045, srgb / 12.92, bright)
 
 
 LINEAR: Array = _srgb_to_linear(np.arange(256) / 255).astype(np.float32)
@@ -32,28 +49,35 @@ def decode(image: Image) -> Array:
     return np.asarray(cv2.LUT(image, LINEAR))
 
 
-def levels_to_light(response: Response, levels: Array) -> Array:
-    """Convert (fractional) grey levels 0 to 255 of a sensor, any shape, to linear light."""
-    share = np.asarray(levels, np.float64) / 255
+def levels_to_light(curve: Response | Curve, levels: Array) -> Array:
+    """Convert (fractional) grey levels of a sensor, any shape, to linear light.
+
+    It is negative below the level of no light, and over 1 beyond that of full light.
+    """
+    response, gamma, black, white = curve if isinstance(curve, Curve) else Curve(curve)
+    share = (np.asarray(levels, np.float64) - black) / (white - black)
+    share = np.sign(share) * abs(share) ** (1 / gamma)
     return _srgb_to_linear(share) if response == "srgb" else share
 
 
-def light_to_levels(response: Response, light: Array) -> Array:
+def light_to_levels(curve: Response | Curve, light: Array) -> Array:
     """Convert linear light, any shape, to fractional grey levels 0 to 255."""
-    light = np.clip(light, 0, 1)
-    if response == "linear":
-        return 255 * light
-    return 255 * np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    response, gamma, black, white = curve if isinstance(curve, Curve) else Curve(curve)
+    share = np.clip(light, float(levels_to_light(curve, np.array(0.0))), 1)
+    if response == "srgb":
+        bright = 1.055 * np.maximum(share, 0) ** (1 / 2.4) - 0.055
+        share = np.where(share <= 0.0031308, 12.92 * share, bright)
+    return black + (white - black) * np.sign(share) * abs(share) ** gamma
 
 
 class Encoding:
     """Conversion of linear light to the nearest grey level, by a table and one comparison."""
 
-    def __init__(self, response: Response) -> None:
-        self._response: Response = response
-        edges = levels_to_light(response, np.arange(255) + 0.5)
+    def __init__(self, curve: Response | Curve) -> None:
+        self._curve = curve
+        edges = levels_to_light(curve, np.arange(255) + 0.5)
         self._edges = np.append(edges, np.inf).astype(np.float32)
-        light = levels_to_light(response, np.arange(256))
+        light = levels_to_light(curve, np.arange(256))
         self._light, self._slope = light.astype(np.float32), np.gradient(light).astype(np.float32)
         starts = np.arange(ENCODING_BINS + 1) / np.float32(ENCODING_BINS)
         self._first = np.searchsorted(self._edges, starts, side="right").astype(np.uint8)
@@ -83,7 +107,7 @@ class Encoding:
             shot, floor, rng = noise
             drawn = normal_quantiles()[rng.integers(0, QUANTILES, light.shape, dtype=np.uint16)]
             light = light + np.sqrt(shot * light + floor) * drawn
-        levels = light_to_levels(self._response, light) * ((2**bits - 1) / 255)
+        levels = light_to_levels(self._curve, light) * ((2**bits - 1) / 255)
         return np.rint(levels).astype(np.uint16)
 
     def rescale(self, image: Image, share: Array) -> tuple[Array, Array]:
@@ -115,10 +139,14 @@ def normal_quantiles() -> Array:
 
 @compiled(nogil=True)
 def _level(light: np.float32, edges: Array, first: Array) -> int:
-    """Return the nearest grey level: the bin's first, or the next beyond the bin's edge."""
-    light = min(max(light, np.float32(0)), np.float32(1))
-    level = first[int(light * np.float32(ENCODING_BINS))]
-    return level + (light >= edges[level])
+    """Return the nearest grey level: the bin's first, or the next beyond an edge."""
+    light = min(light, np.float32(1))
+    level = int(first[int(max(light, np.float32(0)) * np.float32(ENCODING_BINS))])
+    while light >= edges[level]:
+        level += 1
+    while level > 0 and light < edges[level - 1]:
+        level -= 1
+    return level
 
 
 @compiled(nogil=True)
