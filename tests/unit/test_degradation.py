@@ -5,13 +5,14 @@ import warnings
 import cv2
 import numpy as np
 import pytest
-from folders import HEIGHT, WIDTH, wall, write_euroc
+from folders import DISPARITY_PX, HEIGHT, WIDTH, wall, write_euroc
 from terminal import driftyard
 
 import driftyard as dy
 from sim.disturbances import DISTURBANCES
 from sim.imaging.linear_light import decode
 from trials.realism.degradation import applicable, move
+from trials.realism.stereo_range import _filled
 from vo.contract.remarks import Remark
 
 STEP_PX = 4
@@ -27,6 +28,7 @@ def folder(tmp_path_factory):
 def test_only_disturbances_of_the_images_apply():
     lens_and_sensor = {"noise", "defocus", "drop", "stereo_mismatch", "miscalibration"}
     assert lens_and_sensor | {"blur", "rolling_shutter", "stereo_offset"} <= set(applicable())
+    assert "fog" in applicable()
     assert not {"slip", "load", "sill", "brick_bump", "collision"} & set(applicable())
     assert set(applicable()) <= set(DISTURBANCES)
 
@@ -92,6 +94,27 @@ def test_late_right_eye_moves_by_the_motion_and_says_so(folder):
     shifted = {d: abs(np.roll(before, -d, axis=1)[inner] - after).mean() for d in range(5)}
     assert min(shifted, key=shifted.get) == 2
     assert np.array_equal(made[0].left, dy.open(folder / "wall")[0].left)
+
+
+def test_fog_follows_the_estimated_distance_and_says_so(folder):
+    """The wall is at one depth: Koschmieder's law with the length of each ray, in both eyes."""
+    with pytest.warns(Remark, match="distances in fog are estimated by stereo"):
+        made = dy.degrade(folder / "wall", "fog", folder / "fog")
+    real = dy.open(folder / "wall")
+    rig = real.rig
+    depth_m = rig.f_px * rig.baseline_m / DISPARITY_PX
+    v, u = np.mgrid[:HEIGHT, :WIDTH]
+    ray = np.hypot(np.hypot(u - rig.cx_px, v - rig.cy_px) / rig.f_px, 1)
+    passed = 0.05 ** (depth_m * ray / 10)
+    inner = np.s_[20:-20, 40:-40]
+    for eye in ("left", "right"):
+        expected = decode(getattr(real[0], eye)) * passed + 0.6 * (1 - passed)
+        off = abs(decode(getattr(made[0], eye)) - expected)[inner]
+        assert np.median(off) < 0.01
+        assert np.quantile(off, 0.95) < 0.03
+    assert np.isnan(_filled(np.full((2, 4), np.nan))).all()
+    nan = np.nan
+    assert _filled(np.array([[nan, 5, nan, 3, nan]])).tolist() == [[5, 5, 3, 3, 3]]
 
 
 def test_rows_move_by_their_own_share():

@@ -2,7 +2,8 @@
 
 Lens, sensor, calibration and lost frames are those of the simulator. What depends on motion within
 a frame (blur, rolling shutter, a late right eye) moves pixels along the optical flow between
-successive images, which is estimated and thus wrong at occlusions and where motion is large.
+successive images, which is estimated and thus wrong at occlusions and where motion is large. Fog
+depends on distances, which are estimated by stereo, and wrong where there is no texture.
 
 Source of the flow: Kroeger, Timofte, Dai and Van Gool, Fast optical flow using dense inverse
 search, ECCV 2016, by OpenCV.
@@ -21,6 +22,7 @@ import yaml
 
 from sim.dataset.image_codecs import encode_png
 from sim.disturbances import DISTURBANCES, disturbed, parse_disturbances
+from sim.imaging.fog import foggy
 from sim.imaging.image_sensor import ImageSensor
 from sim.imaging.lens import delivered_rig, margin_px, raw_margin_px
 from sim.imaging.linear_light import levels_to_light
@@ -28,6 +30,7 @@ from sim.imaging.soiling import Soiling
 from sim.settings import RecordSettings
 from sim.world.random_streams import stream
 from trials.formats.folder import new_folder, put
+from trials.realism.stereo_range import estimate_ranges
 from vo.contract import se3
 from vo.contract.arrays import Array, Image
 from vo.contract.errors import SettingsError
@@ -39,8 +42,8 @@ from vo.recordings.readers import open_sequence, read_truth
 
 MOTION = ("exposure.time_ms", "exposure.line_time_us", "exposure.right_offset_ms")
 """Settings whose effect depends on motion within a frame."""
-GROUPS = ("sensor.", "calibration.")
-"""Beginnings of the settings that apply to images."""
+GROUPS = ("sensor.", "calibration.", "weather.")
+"""Beginnings of the settings that apply to images, or to images and distances."""
 MAX_SUBFRAMES = 32
 IMAGES = ("cam0", "cam1", "raw0", "raw1")
 """Folders of images, which are not carried over."""
@@ -103,6 +106,11 @@ def degrade_recording(
             f"{out}: motion within a frame is estimated by optical flow between images, which is "
             "wrong at occlusions and where it is large"
         )
+    if settings.weather.fog_m:
+        remark(
+            f"{out}: distances in fog are estimated by stereo matching, which is wrong where "
+            "nothing matches: the sky, plain walls, the margins of the images"
+        )
 
 
 def _settings(sequence: StereoSequence, wanted: Mapping[str, float]) -> RecordSettings:
@@ -147,7 +155,7 @@ class _Camera:
         return [self._image(i, k, sensor) for k, sensor in enumerate(self._sensors)]
 
     def _image(self, i: int, k: int, sensor: ImageSensor) -> Image:
-        light = self._exposed(i, k) if self.needs_motion else self._decode(self._load(i, k))
+        light = self._exposed(i, k) if self.needs_motion else self._decode(i, k)
         m = self._margin
         padded = cv2.copyMakeBorder(light, m, m, m, m, cv2.BORDER_REFLECT_101)
         rng = stream(self.seed, f"noise/{k}/{i}")
@@ -157,8 +165,13 @@ class _Camera:
         frame = self.sequence[i]
         return frame.right if k else frame.left
 
-    def _decode(self, image: Image) -> Array:
-        return np.asarray(cv2.LUT(image, self._light))
+    def _decode(self, i: int, k: int) -> Array:
+        """Return the light (H, W) of the image, in fog if there is any."""
+        light = np.asarray(cv2.LUT(self._load(i, k), self._light))
+        if not self.settings.weather.fog_m:
+            return light
+        ranges = estimate_ranges(self.sequence.rig, self._load(i, 0), self._load(i, 1))
+        return foggy(light, ranges[k], self.settings.weather.fog_m)
 
     def _exposed(self, i: int, k: int) -> Array:
         """Return the light (H, W) of an exposure while the image moves."""
@@ -173,7 +186,7 @@ class _Camera:
         speed = float(np.quantile(np.hypot(*np.moveaxis(flow, -1, 0)), 0.99)) / abs(period_ms)
         count = min(max(math.ceil(speed * exposure.time_ms), 1), MAX_SUBFRAMES)
         at_ms = exposure.time_ms * ((np.arange(count) + 0.5) / count - 0.5)
-        light = self._decode(image)
+        light = self._decode(i, k)
         total = sum((move(light, flow, (delay_ms + x) / period_ms) for x in at_ms), 0 * light)
         return total / np.float32(count)
 
