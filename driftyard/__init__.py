@@ -54,8 +54,8 @@ if TYPE_CHECKING:
     from trials.gym.env.policies import NavigatorPolicy
     from trials.gym.media import Filmed
     from trials.realism.camera_estimates import CameraSetting
+    from trials.realism.camera_match import CameraMatch
     from trials.realism.comparison import Comparison, Distance
-    from trials.realism.matching import CameraMatch
     from vo.contract.errors import (
         CalibrationError,
         DatasetError,
@@ -104,7 +104,7 @@ _HOMES = {
     "trials.gym.media": ("Filmed",),
     "trials.realism.camera_estimates": ("CameraSetting",),
     "trials.realism.comparison": ("Comparison", "Distance"),
-    "trials.realism.matching": ("CameraMatch",),
+    "trials.realism.camera_match": ("CameraMatch",),
     "vo.contract.errors": (
         *("CalibrationError", "DatasetError", "DriftyardError", "FrameIndexError"),
         *("ImageError", "SettingsError", "TrajectoryError"),

@@ -5,9 +5,11 @@ from pathlib import Path
 from driftyard.dataset import Dataset, PathLike
 from driftyard.dataset import open as open_dataset
 from driftyard.failures import in_one_family
+from trials.realism.camera_match import CameraMatch
 from trials.realism.comparison import FRAMES, Comparison, Progress, compare_recordings
 from trials.realism.degradation import degrade_recording
-from trials.realism.matching import CameraMatch, match_camera
+from trials.realism.match_figure import write_match_figure
+from trials.realism.matching import match_camera
 from trials.realism.page import write_page
 from vo.recordings.pairing import ALL_FRAMES
 
@@ -58,12 +60,14 @@ def match(
     scenes: str = "all",
     frames: int = 100,
     page: PathLike | None = None,
+    figure: PathLike | None = None,
     progress: Progress | None = None,
 ) -> CameraMatch:
     """Estimate the camera of a real recording, and find the scene that is nearest with it.
 
-    Each setting is estimated from the statistics of `compare`, with an interval; the scenes are
-    recorded with them, or taken from `build/cache`. `docs/compare.md` says how.
+    Each setting is estimated from the statistics of `compare`, with an interval. The scenes are
+    recorded with them, or taken from `build/cache`; the nearest one, the twin, corrects them.
+    `docs/compare.md` says how.
 
     Args:
         real: An open recording, or its folder.
@@ -71,6 +75,7 @@ def match(
         scenes: Names `a,b` of scenes to try, or all; none if it is empty.
         frames: Largest number of frames of the recording, from the first.
         page: HTML page of the recording beside the nearest scene.
+        figure: Image of both, and of the distances to the nearest scene and to the default picture.
         progress: Called with the number of steps done and that of all, for each part in turn.
 
     Returns:
@@ -88,6 +93,8 @@ def match(
     found = match_camera(_folder(real), Path(out) if out else None, scenes, frames, progress)
     if page is not None and found.comparison is not None:
         write_page(found.comparison, Path(page))
+    if figure is not None and found.comparison is not None:
+        write_match_figure(found, Path(figure))
     return found
 
 

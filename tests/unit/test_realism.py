@@ -14,23 +14,29 @@ import driftyard as dy
 from sim.cameras import camera_values
 from sim.imaging.image_sensor import ImageSensor
 from sim.imaging.lens import margin_px
-from sim.imaging.linear_light import decode, light_to_levels
+from sim.imaging.linear_light import Curve, Encoding, decode, levels_to_light, light_to_levels
 from sim.settings import RecordSettings
 from trials.evaluation.runs import Tracks
 from trials.realism.camera_estimates import (
     RENDERED_PX,
+    CameraSetting,
     estimate_drops,
     estimate_light,
     estimate_noise,
     estimate_response,
     estimate_softness,
 )
+from trials.realism.camera_match import CameraMatch
 from trials.realism.comparison import block_draws, compare_measured, distances, summary
+from trials.realism.geometry_estimates import estimate_ground, estimate_motion
 from trials.realism.landmarks import cut_patches, patch_statistics
-from trials.realism.measure import _histogram, _noise, measure, power_spectrum
+from trials.realism.match_figure import write_match_figure
+from trials.realism.matching import _rig, _with_values
+from trials.realism.measure import _histogram, _noise, gradients, measure, power_spectrum
 from trials.realism.noise import GREY, measure_blocks
 from trials.realism.quantities import QUANTITIES, Measured, Statistic
 from trials.realism.sharpness import edge_width, edge_widths, sufficient_reach
+from trials.realism.twin_corrections import corrected, fit_curve
 from trials.realism.vignetting import LightPairs, vignetting_by_frame
 from vo.contract.remarks import Remark
 from vo.contract.rig import StereoRig
@@ -176,16 +182,28 @@ def patches_and_images(frames, sensor):
     return patches, images
 
 
-def test_camera_is_found_again_from_its_pictures():
-    patches, images = patches_and_images(30, CAMERA)
+def measured_pictures(sensor):
+    patches, images = patches_and_images(20, sensor)
     widths = sufficient_reach([edge_widths(x, decode(x)) for x in images[:5]])
-    widths += [np.zeros(0)] * 25
+    widths += [np.zeros(0)] * 15
     statistics = {
+        "grey": Statistic(np.array([np.bincount(x.ravel(), minlength=256) for x in images], float)),
+        "gradient": Statistic(np.array([gradients(x) for x in images])),
+        "power": Statistic(np.array([power_spectrum(x) for x in images]), np.ones((20, 1))),
         **_noise([measure_blocks(x) for x in images]),
         "edge_width": _histogram("edge_width", widths),
         **patch_statistics(patches, RIG),
     }
-    measured = Measured("twin", 30, statistics)
+    return Measured("twin", 20, statistics, tuple(images[:3]))
+
+
+@pytest.fixture(scope="module")
+def pictures():
+    return measured_pictures(CAMERA)
+
+
+def test_camera_is_found_again_from_its_pictures(pictures):
+    measured = pictures
     assert estimate_response(measured) == "srgb"
     found = [*estimate_noise(measured, "srgb"), estimate_softness(measured)]
     found += estimate_light(measured)
@@ -195,6 +213,89 @@ def test_camera_is_found_again_from_its_pictures():
         assert setting.low < true < setting.high, setting
     assert found[4].key == "sensor.right_gain"
     assert found[4].value == pytest.approx(1, abs=0.01)
+
+
+def test_twin_with_another_camera_corrects_it(pictures):
+    wrong = {"full_well": 4000.0, "read_noise": 30.0, "softness_px": 0.9, "vignetting": 0.1}
+    wrong["right_gain"] = 0.9
+    values = {f"sensor.{key}": x for key, x in wrong.items()}
+    found = corrected(values, pictures, measured_pictures(wrong))
+    for key, true in CAMERA.items():
+        near = 0.3 if key == "read_noise" else 0.1
+        assert found[f"sensor.{key}"] == pytest.approx(true, rel=near), key
+    assert found["sensor.right_gain"] == pytest.approx(1, abs=0.015)
+
+
+def test_twin_that_is_too_slow_corrects_speed_or_rate(pictures):
+    values = {"drive.speed_mps": 0.3, "rig.rate_hz": 10.0, "rig.baseline_m": 0.2}
+    real = replace(pictures, steps_m=np.full(9, 0.02), baseline_m=0.1)  # the twin is twice as large
+    twin = replace(pictures, steps_m=np.r_[0.001, np.full(9, 0.03)], baseline_m=0.2)
+    found = corrected(values, real, twin)
+    assert (found["drive.speed_mps"], found["rig.rate_hz"]) == pytest.approx((0.4, 10))
+    found = corrected(values | {"drive.speed_mps": 1.5}, real, twin)
+    assert (found["drive.speed_mps"], found["rig.rate_hz"]) == pytest.approx((1.5, 7.5))
+
+
+def test_curve_of_a_camera_is_fitted_to_its_pictures(pictures):
+    table = light_to_levels(
+        Curve("srgb", 1.5, 15.0, 230.0), levels_to_light("srgb", np.arange(256))
+    )
+    images = [np.rint(table)[x].astype(np.uint8) for x in pictures.pictures]
+    statistics = {
+        "grey": Statistic(np.array([np.bincount(x.ravel(), minlength=256) for x in images], float)),
+        "gradient": Statistic(np.array([gradients(x) for x in images])),
+        "power": Statistic(np.array([power_spectrum(x) for x in images]), np.ones((3, 1))),
+    }
+    real = Measured("real", 3, statistics, tuple(images))
+    curve, exposure = fit_curve(real, pictures, Curve())
+    assert 1.1 < curve.gamma < 2
+    light = exposure * levels_to_light("srgb", np.arange(256))
+    mean = light_to_levels(curve, light) @ pictures.estimate("grey")
+    assert mean == pytest.approx(summary(real, "grey"), abs=3)
+
+
+def test_levels_of_a_curve_convert_to_light_and_back():
+    curve, levels = Curve("srgb", 0.7, 20.0, 230.0), np.arange(231.0)
+    assert light_to_levels(curve, levels_to_light(curve, levels)) == pytest.approx(levels)
+    encode, light = Encoding(curve), np.linspace(-0.1, 1.2, 999, dtype=np.float32)
+    assert (encode(light.clip(0)) == light_to_levels(curve, light.clip(0)).round()).all()
+    black = encode.encode_noisy(np.zeros(50_000, np.float32), 0, 1e-6, rng)
+    assert black.mean() == pytest.approx(20, abs=0.3)  # noise is on both sides of no light
+    assert black.min() < 10
+
+
+def test_ground_has_the_height_and_the_tilt_of_the_camera():
+    """A plane 0.5 m below a camera that looks down by 20 degrees, and a wall 3 m ahead."""
+    u, v = rng.uniform(0, 319, 600), rng.uniform(0, 239, 600)
+    x, y = (u - RIG.cx_px) / RIG.f_px, (v - RIG.cy_px) / RIG.f_px
+    down, along = np.cos(np.radians(20)), np.sin(np.radians(20))
+    inverse_depth = np.maximum((down * y + along) / 0.5, 1 / 3)
+    disparity = RIG.f_px * RIG.baseline_m * inverse_depth + rng.normal(0, 0.1, 600)
+    points = np.column_stack([u, v, disparity])
+    height, tilt = estimate_ground(points, RIG)
+    assert height.value == pytest.approx(0.5, rel=0.03)
+    assert tilt.value == pytest.approx(20, abs=1)
+    assert estimate_ground(points[:20], RIG)[0].value is None
+    points[:, 2] = 5 + x
+    assert estimate_ground(points, RIG)[0].note == "no level ground is seen"
+
+
+def test_speed_is_that_of_the_steps_and_slowed_with_the_rate():
+    halting = np.r_[np.full(20, 0.03), np.zeros(8)]
+    speed, rate = estimate_motion(halting, 0.1)
+    assert (speed.value, rate.value) == pytest.approx((0.3, 10))
+    speed, rate = estimate_motion(np.full(9, 1.2), 0.1)
+    assert (speed.value, rate.value) == pytest.approx((1.5, 1.25))
+    assert "12 m/s at 10 Hz" in speed.note
+    assert [x.key for x in estimate_motion(np.zeros(5), 0.1)] == ["rig.rate_hz"]
+
+
+def test_intervals_move_with_corrected_values():
+    found = CameraMatch("real", [CameraSetting("sensor.softness_px", 1.0, 0.8, 1.3, "")])
+    moved = _with_values(found, {"sensor.softness_px": 0.9, "sensor.gamma": 1.2})
+    assert moved.estimates[0].text == "0.9 (0.7 to 1.2)"
+    assert moved.values["sensor.gamma"] == 1.2
+    assert "corrected" in moved.estimates[0].note
 
 
 def test_linear_response_shows_in_the_noise():
@@ -254,6 +355,30 @@ def test_damaged_image_costs_its_frame_alone(walls):
     assert found.statistics["grey"].parts.sum() == 2 * WIDTH * HEIGHT
     assert found.statistics["power"].weights.sum() == 2
     assert found.statistics["features"].weights.sum() == 2
+
+
+def test_figure_shows_the_ratios_of_both_distances(walls, tmp_path):
+    real, *others = (measure(walls / x, 2) for x in ("wall", "single", "dark"))
+    near, far = (compare_measured(real, x) for x in others)
+    match = CameraMatch("wall", [], {"office": 0.1}, near, far)
+    assert match.ratios["grey"] < 0.1
+    assert "grey" not in match.undecided
+    write_match_figure(match, tmp_path / "match.png")
+    assert cv2.imread(str(tmp_path / "match.png")).shape[1] > 1000
+    with pytest.raises(dy.SettingsError, match=r"name it match\.png"):
+        write_match_figure(match, tmp_path / "match.jpg")
+
+
+def test_low_camera_is_enlarged_to_the_height_of_the_rover(walls):
+    points = np.column_stack(
+        [np.tile(np.arange(0, 240, 8.0), 10), np.repeat(np.arange(100, 180, 8.0), 30)]
+    )
+    disparity = (points[:, 1] - 89.5) * 0.1 / 0.14  # a plane 0.14 m below
+    measured = Measured("low", 3, {}, (), np.column_stack([points, disparity]), np.full(2, 0.01))
+    found = {x.key: x.value for x in _rig(dy.open(walls / "wall").sequence, measured)}
+    assert found["rig.height_m"] == pytest.approx(0.35)
+    assert found["rig.baseline_m"] == pytest.approx(0.25, abs=1e-3)
+    assert found["drive.speed_mps"] == pytest.approx(0.25, abs=1e-3)  # 0.01 m in 0.1 s, enlarged
 
 
 def test_single_frame_has_distances_without_errors(walls):

@@ -8,7 +8,7 @@ import typer
 import driftyard
 from trials.cli import console
 from trials.cli.options import Dataset, Scenes, option
-from trials.realism.matching import CameraMatch
+from trials.realism.camera_match import CameraMatch
 from trials.report.tables import text_table
 
 
@@ -21,6 +21,9 @@ def match(
     page: Path | None = option(
         None, "HTML page of the recording beside the nearest scene.", metavar="FILE"
     ),
+    figure: Path | None = option(
+        None, "Image of both, and of their distances.", metavar="FILE.png"
+    ),
     as_json: bool = option(False, "Print everything as JSON.", "--json"),
 ) -> None:
     """Estimate sensor, lens and light of a real recording, and find the nearest scene."""
@@ -30,6 +33,7 @@ def match(
             scenes="" if no_scenes else scenes,
             frames=frames,
             page=page,
+            figure=figure,
             progress=progress,
         )
     if as_json:
@@ -42,6 +46,9 @@ def _print(found: CameraMatch, out: Path) -> None:
     console.out.print(text_table(*found.table()))
     for k, (scene, distance) in enumerate(found.scenes.items()):
         console.out.print(f"{'nearest scene' if k == 0 else 'scene':14} {scene}: {distance:.3f}")
+    if ratios := found.ratios:
+        text = ", ".join(f"{name} {x:.2f}" for name, x in ratios.items())
+        console.out.print(f"distance, ratio to the default picture: {text}", markup=False)
     for line in found.unmatched:
         console.out.print(f"not matched: {line}", markup=False)
     console.out.print(f"{out}", markup=False)

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from sim.imaging.image_sensor import WELL
-from sim.imaging.linear_light import Response, levels_to_light
+from sim.imaging.linear_light import Curve, Response, levels_to_light
 from trials.realism.comparison import block_draws
 from trials.realism.noise import ROUNDING
 from trials.realism.quantities import NOISE_GREY, QUANTITIES, SHIFT_R2, Measured
@@ -148,15 +148,28 @@ def _noise_curves(measured: Measured, counts: Array) -> tuple[Array, Array, Arra
     return grey.pooled(counts), noise.pooled(counts) - ROUNDING, counts @ noise.weights
 
 
-def _fit(grey: Array, variance: Array, counts: Array, response: Response) -> tuple[Array, float]:
+def noise_parts(measured: Measured, curve: Response | Curve) -> Array | None:
+    """Return shot and read noise, as variances of light by light and alone, (2,).
+
+    None with too few grey levels.
+    """
+    grey, variance, counts = _noise_curves(measured, np.ones((1, measured.frames)))
+    if (np.isfinite(variance) & (variance > 0)).sum() < MIN_BINS:
+        return None
+    return _fit(grey[0], variance[0], counts[0], curve)[0]
+
+
+def _fit(
+    grey: Array, variance: Array, counts: Array, curve: Response | Curve
+) -> tuple[Array, float]:
     """Fit shot and read noise, as variances of light by light and alone, (2,); mean misfit.
 
     Bins count by the relative error of their variance.
     """
     known = np.isfinite(variance) & (variance > 0)
     level = grey[known]
-    light = levels_to_light(response, level)
-    slope = levels_to_light(response, level + 0.5) - levels_to_light(response, level - 0.5)
+    light = np.maximum(levels_to_light(curve, level), 0)
+    slope = levels_to_light(curve, level + 0.5) - levels_to_light(curve, level - 0.5)
     of_light = variance[known] * slope**2
     weight = np.sqrt(counts[known] / counts[known].sum()) / of_light
     columns = np.stack([light, np.ones(len(light))], axis=1) * weight[:, None]
@@ -177,10 +190,23 @@ def _electrons(
     grey: Array, variance: Array, counts: Array, response: Response
 ) -> tuple[float, float]:
     """Return full well and read noise; a full well of 0 without shot noise."""
-    (shot, floor), _ = _fit(grey, variance, counts, response)
+    return electrons(_fit(grey, variance, counts, response)[0])
+
+
+def electrons(parts: Array) -> tuple[float, float]:
+    """Return full well and read noise of noise parts (2,); a full well of 0 without shot noise."""
+    shot, floor = parts
     if shot <= 0:
         return 0.0, math.sqrt(floor) * WELL
     return 1 / shot, math.sqrt(floor) / shot
+
+
+def frequent_width(measured: Measured) -> float:
+    """Return the most frequent width of edges, px; NaN with too few."""
+    statistic = measured.statistics["edge_width"]
+    if statistic.parts.sum() < MIN_EDGES:
+        return np.nan
+    return float(_frequent_widths(statistic.parts.sum(axis=0)[None])[0])
 
 
 def _frequent_widths(counts: Array) -> Array:

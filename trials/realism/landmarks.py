@@ -86,6 +86,21 @@ def run_statistics(run: SavedRun, frames: int) -> dict[str, Statistic]:
     return found
 
 
+def landmarks_of(run: SavedRun) -> Array:
+    """Return columns, rows and disparities (N, 3), px, of the inliers of all frames."""
+    tracks = run.tracks
+    if tracks is None:
+        return np.zeros((0, 3))
+    known = tracks.inlier & np.isfinite(tracks.disparity_px)
+    return np.column_stack([tracks.pixels[known], tracks.disparity_px[known]]).astype(np.float64)
+
+
+def steps_of(run: SavedRun) -> Array:
+    """Return the distances (N,) from pose to pose, m."""
+    places = run.trajectory.T_ref_frame[:, :3, 3]
+    return np.linalg.norm(np.diff(places, axis=0), axis=1)
+
+
 def coverage(pixels: Array, rig: StereoRig) -> float:
     """Return the share of the cells of an image that hold one of N pixels (N, 2)."""
     cell = (pixels + 0.5) / (rig.width_px, rig.height_px) * CELLS

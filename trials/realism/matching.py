@@ -1,20 +1,19 @@
 """The simulated camera, light and scene that come nearest to a real recording."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from sim.camera_settings import SensorSettings
-from sim.settings import RigSettings
-from trials.evaluation.display import html_display, text_display
+from sim.cameras import camera_overrides
+from sim.settings import DriveSettings, RigSettings
 from trials.execution.cache import CACHE
 from trials.execution.jobs import Recording
 from trials.execution.recording_settings import parse_scenes
-from trials.execution.runner import NO_LABELS, cached_recording
+from trials.execution.runner import NO_LABELS, cached_recording, record_all
 from trials.realism.camera_estimates import (
     CameraSetting,
     estimate_drops,
@@ -23,112 +22,30 @@ from trials.realism.camera_estimates import (
     estimate_response,
     estimate_softness,
 )
+from trials.realism.camera_match import CameraMatch
 from trials.realism.comparison import Comparison, Progress, compare_measured, summary
+from trials.realism.geometry_estimates import estimate_ground, estimate_motion
 from trials.realism.measure import measure
-from trials.realism.quantities import QUANTITIES, Measured
+from trials.realism.quantities import Measured
+from trials.realism.twin_corrections import Values, corrected, with_fitted_curve
 from vo.contract.files import write_text
 from vo.contract.sequence import StereoSequence
-from vo.contract.settings import Settings
+from vo.contract.settings import Settings, overrides_of
 from vo.recordings.readers import open_sequence
 
-SCENE_FRAMES = 24
-"""Frames of each scene that are recorded to find the nearest one."""
-SPEED_MPS, MAX_DISTANCE_M = 0.3, 4.0
-GREY_TOLERANCE = 10.0
-"""Difference of mean grey levels above which the automatic exposure is set to that of the real
-recording."""
-MAX_DISTANCE, MAX_ERRORS = 0.1, 3.0
-"""Distance, and its number of errors beyond chance, above which a quantity is not matched."""
+SCENE_FRAMES, TWIN_FRAMES = 16, 50
+"""Frames of each scene that are recorded to find the nearest one, and of the nearest."""
+ROUNDS = (corrected, with_fitted_curve, corrected)
+"""Corrections of the camera by its twin, one after the other; each needs a new twin."""
+MAX_DISTANCE_M = 80.0
+DEFAULT = Recording("office", 0, ("drive.distance_m=1.2", *camera_overrides("ideal"), *NO_LABELS))
+"""The default picture, by the perfect camera."""
 CONTENT = (
     *("grey", "gradient", "power", "features", "coverage", "stereo_matches", "matches"),
-    *("inlier_ratio", "stereo_residual", "residual", "disparity"),
+    *("inlier_ratio", "stereo_residual", "residual", "disparity", "motion", "track_length"),
 )
 """Quantities whose mean distance tells which scene is nearest."""
-UNKNOWN = (
-    "rig.height_m and rig.tilt_deg: nothing in the images tells the ground from a wall",
-    "exposure.time_ms and exposure.line_time_us: motion blur and shutter are not estimated",
-    "sensor.k1 to p2: images are compared as rectified",
-    "black level and compression: there is no such setting, or it is not estimated",
-)
-
-
-@dataclass(frozen=True, repr=False)
-class CameraMatch:
-    """The camera that comes nearest to a real recording.
-
-    Attributes:
-        real: Name of the recording.
-        estimates: Settings with their intervals; those without a value are not in the file.
-        scenes: Mean distance of each scene that was tried, the nearest first.
-        comparison: The real recording beside the nearest scene with this camera; None without.
-
-    Example:
-        >>> match = dy.match("ds", "camera.toml", scenes="")
-        >>> match.values["rig.width_px"]
-        160
-    """
-
-    real: str
-    estimates: Sequence[CameraSetting]
-    scenes: Mapping[str, float] = field(default_factory=dict[str, float])
-    comparison: Comparison | None = None
-
-    @property
-    def values(self) -> dict[str, float | str | bool]:
-        """Settings by `key.path`, as `driftyard generate --camera` takes them from a file."""
-        return {x.key: x.value for x in self.estimates if x.value is not None}
-
-    @property
-    def unmatched(self) -> list[str]:
-        """What could not be matched, in words: settings, and quantities of the nearest scene."""
-        lacking = [f"{x.key}: {x.note}" for x in self.estimates if x.value is None]
-        distances = self.comparison.distances.values() if self.comparison else ()
-        far = [
-            f"{QUANTITIES[x.quantity].label}: distance {x.text}, by chance {x.chance or 0:.3f}"
-            for x in sorted(distances, key=lambda x: -(x.value or 0))
-            if x.value is not None
-            and x.value > MAX_DISTANCE + (x.chance or 0) + MAX_ERRORS * (x.error or 0)
-        ]
-        return [*lacking, *far, *UNKNOWN]
-
-    def table(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-        """Return header and rows: key, estimate with interval, and how it was found."""
-        return ("setting", "estimate", "note"), [(x.key, x.text, x.note) for x in self.estimates]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return everything as JSON takes it."""
-        estimates = {
-            x.key: {
-                "value": x.value,
-                "interval": [x.low, x.high] if math.isfinite(x.low) else None,
-                "note": x.note,
-            }
-            for x in self.estimates
-        }
-        twin = self.comparison.to_dict() if self.comparison else None
-        parts = {"scenes": dict(self.scenes), "unmatched": self.unmatched, "comparison": twin}
-        return {"real": self.real, "settings": estimates, **parts}
-
-    def toml(self) -> str:
-        """Return the file of the camera, with intervals and what is not matched as comments."""
-        lines = [f"# Camera nearest to {self.real}, by driftyard match."]
-        if self.scenes:
-            lines.append(f"# Nearest scene: {next(iter(self.scenes))}.")
-        lines += [f"# Not matched: {x}." for x in self.unmatched]
-        for group in dict.fromkeys(key.partition(".")[0] for key in self.values):
-            lines += ["", f"[{group}]"]
-            for x in self.estimates:
-                section, _, name = x.key.partition(".")
-                if section == group and x.value is not None:
-                    about = ", ".join(filter(None, (x.text, x.note)))
-                    lines.append(f"{name} = {_toml(x.value)}  # {about}")
-        return "\n".join(lines) + "\n"
-
-    def __repr__(self) -> str:
-        return text_display(f"Camera of {self.real}", [(x.key, x.text) for x in self.estimates])
-
-    def _repr_html_(self) -> str:
-        return html_display(f"Camera of {self.real}", [r[:2] for r in self.table()[1]])
+BY_TWIN = "corrected until the twin is measured as the real recording is"
 
 
 def match_camera(
@@ -149,10 +66,10 @@ def match_camera(
     measured = measure(real, frames, progress=progress)
     response = estimate_response(measured)
     linear = measured
-    if response != "srgb":
+    if response != "srgb" and not wanted:
         linear = measure(real, frames, response, progress)
     estimates = [
-        *_rig(sequence),
+        *_rig(sequence, measured),
         CameraSetting("sensor.response", response, note="explains the noise better"),
         *map(_within_range, estimate_noise(measured, response)),
         *map(_within_range, [estimate_softness(linear), *estimate_light(linear)]),
@@ -160,55 +77,92 @@ def match_camera(
     ]
     found = CameraMatch(measured.name, estimates)
     if wanted:
-        found = _with_nearest_scene(found, measured, wanted, cache, progress)
+        found = _with_twin(found, measured, wanted, cache, progress)
     if out is not None:
         write_text(out, found.toml())
     return found
 
 
-def _with_nearest_scene(
+def _with_twin(
     found: CameraMatch,
     real: Measured,
     scenes: Sequence[str],
     cache: Path,
-    progress: Callable[[int, int], None] | None,
+    progress: Progress | None,
 ) -> CameraMatch:
-    """Record scenes with the camera, at the real brightness; return it with their distances.
+    """Record scenes with the camera at the real brightness, and correct it by the nearest one."""
+    found = _lit(found, float(np.clip(summary(real, "grey") or 0.0, 10.0, 240.0)))
+    recordings = [twin_recording(found.values, x, SCENE_FRAMES) for x in scenes]
+    if len(scenes) > 1:
+        folders = record_all(recordings, cache, _counted(progress, len(scenes)))
+        compared = {
+            scene: compare_measured(real, measure(folder, min(SCENE_FRAMES, real.frames)))
+            for scene, folder in zip(scenes, folders, strict=True)
+        }
+        order = sorted(compared, key=lambda x: mean_distance(compared[x]))
+        found = replace(found, scenes={x: mean_distance(compared[x]) for x in order})
+        scenes = order
+    for k, correct in enumerate((*ROUNDS, None)):
+        count = min(SCENE_FRAMES if correct else TWIN_FRAMES, real.frames)
+        recording = twin_recording(found.values, scenes[0], count)
+        twin = measure(cached_recording(recording, cache), count)
+        if correct:
+            found = _with_values(found, correct(found.values, real, twin))
+        else:
+            comparison = compare_measured(real, twin)
+            known = found.scenes or {scenes[0]: mean_distance(comparison)}
+            found = replace(found, comparison=comparison, twin=recording, scenes=known)
+        if progress:
+            progress(k + 1, len(ROUNDS) + 1)
+    plain = measure(cached_recording(DEFAULT, cache), min(TWIN_FRAMES, real.frames))
+    return replace(found, default=compare_measured(real, plain))
 
-    The automatic exposure is one of its settings if the nearest scene needs it.
-    """
-    target = float(np.clip(_mean_grey(real), 10.0, 240.0))
+
+def _counted(progress: Progress | None, total: int):
+    done = 0
+
+    def advance(_: object) -> None:
+        nonlocal done
+        done += 1
+        if progress:
+            progress(done, total)
+
+    return advance
+
+
+def _lit(found: CameraMatch, target: float) -> CameraMatch:
     light = (
-        CameraSetting("sensor.auto_exposure", True, note="the scene has another brightness"),
+        CameraSetting("sensor.auto_exposure", True, note="scenes have another brightness"),
         CameraSetting("sensor.target_grey", round(target, 1), note="mean of the real recording"),
     )
-    lit = replace(found, estimates=[*found.estimates, *light])
-    compared: dict[str, Comparison] = {}
-    for k, scene in enumerate(scenes):
-        compared[scene] = _compare_scene(lit, real, scene, cache)
-        if progress:
-            progress(k + 1, len(scenes))
-    order = sorted(compared, key=lambda x: mean_distance(compared[x]))
-    plain = _compare_scene(found, real, order[0], cache)
-    if abs(_mean_grey(plain.simulated) - _mean_grey(real)) <= GREY_TOLERANCE:
-        best, comparison = found, plain
-    else:
-        best, comparison = lit, compared[order[0]]
-    distances = {x: mean_distance(compared[x]) for x in order}
-    return replace(best, scenes=distances, comparison=comparison)
+    return replace(found, estimates=[*found.estimates, *light])
 
 
-def _mean_grey(measured: Measured) -> float:
-    return summary(measured, "grey") or 0.0
+def _with_values(found: CameraMatch, values: Mapping[str, float]) -> CameraMatch:
+    """Replace values of settings; intervals move along."""
+    estimates = {x.key: x for x in found.estimates}
+    for key, value in values.items():
+        old = estimates.get(key, CameraSetting(key, None))
+        shift = value - old.value if isinstance(old.value, int | float) else math.nan
+        ends = max(old.low + shift, 0.0), old.high + shift
+        low, high = ends if math.isfinite(old.low) else (math.nan, math.nan)
+        estimates[key] = _within_range(CameraSetting(key, value, low, high, BY_TWIN))
+    return replace(found, estimates=list(estimates.values()))
 
 
-def _compare_scene(found: CameraMatch, real: Measured, scene: str, cache: Path) -> Comparison:
-    rate_hz = float(found.values.get("rig.rate_hz", RigSettings().rate_hz))
-    distance_m = min(SPEED_MPS * (SCENE_FRAMES / rate_hz + 1), MAX_DISTANCE_M)
-    values = {**found.values, "drive.distance_m": round(distance_m, 2)}
-    overrides = tuple(f"{key}={_toml(value)}" for key, value in values.items())
-    folder = cached_recording(Recording(scene, 0, (*overrides, *NO_LABELS)), cache)
-    return compare_measured(real, measure(folder, min(SCENE_FRAMES, real.frames)))
+def twin_recording(values: Values, scene: str, frames: int) -> Recording:
+    """Return the recording of a scene with a camera: of enough frames, soon at full speed."""
+    default = DriveSettings().speed_mps
+    rate_hz = float(values.get("rig.rate_hz", RigSettings().rate_hz))
+    speed = float(values.get("drive.speed_mps", default))
+    acceleration = min(max(speed * rate_hz / 2, 0.3), 3.0)
+    distance_m = speed * (frames / rate_hz) + speed**2 / acceleration
+    drive = {
+        "drive.acceleration_mps2": round(acceleration, 3),
+        "drive.lookahead_m": round(min(max(1.2 * speed, 0.35), 2.0), 3),
+        "drive.distance_m": round(min(distance_m, MAX_DISTANCE_M), 2),
+    }
+    return Recording(scene, 0, (*overrides_of({**values, **drive}), *NO_LABELS))
 
 
 def mean_distance(comparison: Comparison) -> float:
@@ -217,8 +171,8 @@ def mean_distance(comparison: Comparison) -> float:
     return float(np.mean(known)) if known else math.inf
 
 
-def _rig(sequence: StereoSequence) -> list[CameraSetting]:
-    """Return what the calibration and the times say of the rig."""
+def _rig(sequence: StereoSequence, measured: Measured) -> list[CameraSetting]:
+    """Return what the calibration, the times, the ground and the path say of the rig."""
     rig, note = sequence.rig, "of the calibration"
     hfov_deg = math.degrees(2 * math.atan(rig.width_px / 2 / rig.f_px))
     found = [
@@ -226,28 +180,46 @@ def _rig(sequence: StereoSequence) -> list[CameraSetting]:
         CameraSetting("rig.height_px", rig.height_px, note=note),
         CameraSetting("rig.hfov_deg", round(hfov_deg, 4), note=note),
         CameraSetting("rig.baseline_m", round(rig.baseline_m, 5), note=note),
+        *estimate_ground(measured.landmarks, rig),
     ]
+    steps_m, scale = measured.steps_m, _scale(found)
+    if scale != 1:
+        of_size = ("rig.baseline_m", "rig.height_m")
+        note = f"and {scale:.3g} times as large as it is, as the speed: the rover has this height"
+        found = [
+            replace(x, value=round(x.value * scale, 5), note=f"{x.note}, {note}")
+            if x.key in of_size and isinstance(x.value, float) else x
+            for x in found
+        ]  # fmt: skip
     if len(sequence) > 1:
         period_s = float(np.median(np.diff(sequence.timestamps_ns))) * 1e-9
-        found.append(CameraSetting("rig.rate_hz", round(1 / period_s, 3), note="of the times"))
+        found += estimate_motion(steps_m * scale, period_s)
     return [_within_range(x) for x in found]
+
+
+def _scale(found: Sequence[CameraSetting]) -> float:
+    """Return the size of the twin over the real one: images do not tell it, the rover limits it."""
+    height = next(x.value for x in found if x.key == "rig.height_m")
+    if not isinstance(height, float):
+        return 1.0
+    low, high = _limits("rig", "height_m")
+    return min(max(height, low), high) / height
+
+
+def _limits(group: str, name: str) -> tuple[float, float]:
+    models = {"rig": RigSettings, "drive": DriveSettings, "sensor": SensorSettings}
+    model: type[Settings] = models[group]
+    limits = {type(x).__name__: x for x in model.model_fields[name].metadata}
+    low = getattr(limits.get("Ge"), "ge", -math.inf)
+    return low, getattr(limits.get("Le"), "le", math.inf)
 
 
 def _within_range(setting: CameraSetting) -> CameraSetting:
     """Return a setting within the range that is accepted, with a note if it is beyond."""
     group, _, name = setting.key.partition(".")
-    model: type[Settings] = RigSettings if group == "rig" else SensorSettings
-    limits = {type(x).__name__: x for x in model.model_fields[name].metadata}
-    low = getattr(limits.get("Ge"), "ge", -math.inf)
-    high = getattr(limits.get("Le"), "le", math.inf)
+    low, high = _limits(group, name)
     value = setting.value
     if value is None or isinstance(value, str | bool) or low <= value <= high:
         return setting
     note = f"{value:g} {setting.note} is beyond the range of the setting"
     return replace(setting, value=min(max(value, low), high), note=note)
-
-
-def _toml(value: float | str | bool) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    return f'"{value}"' if isinstance(value, str) else f"{value:.6g}"

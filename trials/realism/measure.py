@@ -21,9 +21,11 @@ from trials.realism.landmarks import (
     coverage,
     cut_patches,
     histogram,
+    landmarks_of,
     patch_statistics,
     per_frame,
     run_statistics,
+    steps_of,
 )
 from trials.realism.noise import GREY, NO_BLOCKS, Blocks, measure_blocks, select_flat
 from trials.realism.quantities import NOISE_GREY, TILE_PX, Measured, Statistic
@@ -131,7 +133,8 @@ def _measure_images(
         known = np.array([[float(len(x.power) > 0)] for x in frames])
         power = np.array([x.power if len(x.power) else np.zeros(size) for x in frames])
         found["power"] = Statistic(power, known)
-    return Measured(sequence.name, count, found, tuple(pictures))
+    geometry = landmarks_of(run), steps_of(run), sequence.rig.baseline_m
+    return Measured(sequence.name, count, found, tuple(pictures), *geometry)
 
 
 def _measure_frame(
@@ -140,7 +143,7 @@ def _measure_frame(
     left = frame.left
     return _Frame(
         np.bincount(left.ravel(), minlength=256).astype(np.float64),
-        _gradients(left),
+        gradients(left),
         power_spectrum(left),
         len(detect(left, ALL_FEATURES)),
         measure_blocks(left),
@@ -175,7 +178,8 @@ def _light(response: Response, image: Image) -> Array:
     return np.asarray(cv2.LUT(image, table))
 
 
-def _gradients(image: Image) -> Array:
+def gradients(image: Image) -> Array:
+    """Count the sizes of the gradients of an image (H, W) in the bins of the quantity."""
     values = image.astype(np.float32)
     du = (values[1:-1, 2:] - values[1:-1, :-2]) / 2
     dv = (values[2:, 1:-1] - values[:-2, 1:-1]) / 2

@@ -132,12 +132,18 @@ class Measured:
         frames: Number of frames that were used.
         statistics: Those that could be computed, by the names in QUANTITIES.
         pictures: (H, W) uint8 left images, in order of time.
+        landmarks: (N, 3) columns, rows and disparities of landmarks, px.
+        steps_m: (M,) distances between the estimated poses of successive frames, m.
+        baseline_m: Of the calibration.
     """
 
     name: str
     frames: int
     statistics: Mapping[str, Statistic]
     pictures: tuple[Array, ...] = field(default=(), repr=False)
+    landmarks: Array = field(default_factory=lambda: np.zeros((0, 3)), repr=False)
+    steps_m: Array = field(default_factory=lambda: np.zeros(0), repr=False)
+    baseline_m: float = np.nan
 
     def estimate(self, name: str) -> Array | None:
         """Return the estimate (B,) of a quantity over all frames; None if there is too little."""

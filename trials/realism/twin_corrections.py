@@ -1,0 +1,196 @@
+"""Corrections of a camera by the recording of its twin, measured as the real recording is.
+
+What an estimate of the real recording has too much or too little, because of texture, edges or a
+wrong response, that of the twin has too: the difference of both corrects the setting.
+"""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.optimize import minimize
+
+from sim.imaging.linear_light import Curve, levels_to_light, light_to_levels
+from trials.realism.camera_estimates import electrons, frequent_width, noise_parts
+from trials.realism.comparison import distances, summary
+from trials.realism.geometry_estimates import FASTEST_MPS, SLOWEST_HZ
+from trials.realism.measure import gradients, power_spectrum
+from trials.realism.quantities import QUANTITIES, Measured
+from vo.contract.arrays import Array, Image
+
+Values = Mapping[str, float | str | bool]
+GAMMA, BLACK, WHITE = (0.3, 4.0), (0.0, 90.0), (110.0, 600.0)
+"""Ranges of the fitted curve."""
+EVALUATIONS = 160
+PREFERENCE = 0.05
+"""Weight of the deviation from a standard curve: exposure, exponent and levels are much alike."""
+LEVELS = np.arange(256)
+STRIP_PX = 64
+"""Height of the strips of pictures, every third one, that are used for the fit."""
+
+
+def curve_of_values(values: Values) -> Curve:
+    """Return the curve of settings by `key.path`."""
+    response = "linear" if values.get("sensor.response") == "linear" else "srgb"
+    standard = (("gamma", 1), ("black_grey", 0), ("white_grey", 255))
+    return Curve(response, *(float(values.get(f"sensor.{x}", y)) for x, y in standard))
+
+
+def corrected(values: Values, real: Measured, twin: Measured) -> dict[str, float]:
+    """Return corrected noise, lens, brightness and speed by `key.path`, those that can be told.
+
+    Args:
+        values: Settings with which the twin was recorded.
+        real: Statistics of the real recording.
+        twin: Those of the twin.
+    """
+    curve = curve_of_values(values)
+    return _known(
+        {
+            "sensor.softness_px": _softness(values, real, twin),
+            "sensor.vignetting": _shifted(values, real, twin),
+            "sensor.right_gain": _scaled(values, real, twin),
+            "sensor.target_grey": _target(values, real, twin),
+            **_motion(values, real, twin),
+            **_noise(values, (real, curve), (twin, curve)),
+        }
+    )
+
+
+def with_fitted_curve(values: Values, real: Measured, twin: Measured) -> dict[str, float]:
+    """Return response and brightness by `key.path`, and the noise that belongs to them.
+
+    Args as of `corrected`; noise and lens of the twin should be corrected already.
+    """
+    before = curve_of_values(values)
+    after, exposure = fit_curve(real, twin, before)
+    metered = levels_to_light(before, np.array(float(values["sensor.target_grey"])))
+    target = float(light_to_levels(after, metered * exposure))
+    found = {
+        "sensor.gamma": after.gamma,
+        "sensor.black_grey": after.black,
+        "sensor.white_grey": after.white,
+        "sensor.target_grey": float(np.clip(target, 10, 240)),
+    }
+    return _known({**found, **_noise(values, (real, after), (twin, before))})
+
+
+def _known(found: Values) -> dict[str, float]:
+    return {key: round(float(x), 6) for key, x in found.items() if math.isfinite(float(x))}
+
+
+def fit_curve(real: Measured, twin: Measured, curve: Curve) -> tuple[Curve, float]:
+    """Fit the curve with which the twin's grey levels and contrasts are nearest to the real ones.
+
+    Distances are those of the grey levels, gradients and power spectra of the twin's pictures.
+
+    Returns:
+        The curve, and the factor on the light that belongs to it.
+    """
+    light = levels_to_light(curve, LEVELS)
+    wanted = {name: real.estimate(name) for name in ("grey", "gradient", "power")}
+    target = {name: x[None] for name, x in wanted.items() if x is not None}
+    share = twin.estimate("grey")
+    assert share is not None  # every recording that could be measured has grey levels
+
+    strips = [x[k : k + STRIP_PX] for x in twin.pictures for k in range(0, len(x), 3 * STRIP_PX)]
+
+    def levels(parts: Array) -> Array:
+        return light_to_levels(_curve(curve, parts), light * _factor(parts[0]))
+
+    def misfit(parts: Array) -> float:
+        table = np.rint(levels(parts)).astype(np.uint8)
+        parts_of = _statistics([table[x] for x in strips])
+        parts_of["grey"] = np.bincount(table, share, 256)
+        known = [n for n in target if len(parts_of[n]) == target[n].shape[1]]
+        far = (float(distances(QUANTITIES[n], target[n], parts_of[n][None])[0]) for n in known)
+        return sum(far) + PREFERENCE * float(abs(parts[1:]).sum())
+
+    start = np.array([0.0, math.log(curve.gamma), curve.black / 30, (curve.white - 255) / 100])
+    simplex = start + np.vstack([np.zeros(4), np.diag([0.3, 0.3, 0.5, -0.5])])
+    options = {"maxfev": EVALUATIONS, "xatol": 0.01, "fatol": 0.003, "initial_simplex": simplex}
+    best = minimize(misfit, start, method="Nelder-Mead", options=options).x
+    return _curve(curve, best), _factor(best[0])
+
+
+def _curve(curve: Curve, parts: Array) -> Curve:
+    return Curve(
+        curve.response,
+        float(np.clip(_factor(parts[1]), *GAMMA)),
+        float(np.clip(30 * parts[2], *BLACK)),
+        float(np.clip(255 + 100 * parts[3], *WHITE)),
+    )
+
+
+def _factor(logarithm: float) -> float:
+    return math.exp(min(max(logarithm, -3.0), 3.0))
+
+
+def _statistics(pictures: list[Image]) -> dict[str, Array]:
+    histogram = np.sum([gradients(x) for x in pictures], axis=0)
+    power = [p for x in pictures if len(p := power_spectrum(x))]
+    return {
+        "gradient": histogram / max(histogram.sum(), 1),
+        "power": np.mean(power, axis=0) if power else np.zeros(0),
+    }
+
+
+def _softness(values: Values, real: Measured, twin: Measured) -> float:
+    """Correct the point spread by the widths of edges, as variances."""
+    now = float(values.get("sensor.softness_px", 0))
+    widths = frequent_width(real), frequent_width(twin)
+    return math.sqrt(max(now**2 + widths[0] ** 2 - widths[1] ** 2, 0.0))
+
+
+def _shifted(values: Values, real: Measured, twin: Measured) -> float:
+    pair = _both("vignetting", real, twin)
+    return float(np.clip(float(values.get("sensor.vignetting", 0)) + pair[0] - pair[1], 0, 1))
+
+
+def _scaled(values: Values, real: Measured, twin: Measured) -> float:
+    pair = _both("right_gain", real, twin)
+    return float(values.get("sensor.right_gain", 1)) * pair[0] / pair[1]
+
+
+def _target(values: Values, real: Measured, twin: Measured) -> float:
+    """Correct the metered grey level: metering sees neither falloff nor noise."""
+    shift = (summary(real, "grey") or 0.0) - (summary(twin, "grey") or 0.0)
+    wanted = float(values.get("sensor.target_grey", np.nan)) + shift
+    return min(max(wanted, 10.0), 240.0)
+
+
+def _motion(values: Values, real: Measured, twin: Measured) -> dict[str, float]:
+    """Correct the speed by the distance from frame to frame, or the frame rate at full speed."""
+    steps = [_usual(x.steps_m) for x in (real, twin)]
+    speed, rate = (float(values.get(x, np.nan)) for x in ("drive.speed_mps", "rig.rate_hz"))
+    scale = float(values.get("rig.baseline_m", np.nan)) / real.baseline_m
+    wanted = speed * scale * steps[0] / steps[1]
+    if not math.isfinite(wanted) or wanted <= 0:
+        return {}
+    reached = min(wanted, FASTEST_MPS)
+    return {"drive.speed_mps": reached, "rig.rate_hz": max(rate * reached / wanted, SLOWEST_HZ)}
+
+
+def _usual(steps_m: Array) -> float:
+    """Return the median of the distances (N,) of motion, without halts and the start."""
+    moving = steps_m[steps_m > 0.5 * steps_m.max()] if len(steps_m) else steps_m
+    return float(np.median(moving)) if len(moving) else np.nan
+
+
+def _both(name: str, real: Measured, twin: Measured) -> tuple[float, float]:
+    found = [x.estimate(name) for x in (real, twin)]
+    return tuple(np.nan if x is None else float(x[0]) for x in found)  # pyrefly: ignore
+
+
+def _noise(
+    values: Values, real: tuple[Measured, Curve], twin: tuple[Measured, Curve]
+) -> dict[str, float]:
+    """Correct shot and read noise, as variances; what the twin has too much is texture."""
+    wanted, found = noise_parts(*real), noise_parts(*twin)
+    if wanted is None or found is None:
+        return {}
+    well, read = (float(values.get(f"sensor.{x}", 0)) for x in ("full_well", "read_noise"))
+    shot = 1 / well if well else 0.0
+    made = np.array([shot, (read / (well or 10_000)) ** 2])
+    full_well, read_noise = electrons(np.maximum(made + wanted - found, 0))
+    return {"sensor.full_well": min(full_well, 200_000), "sensor.read_noise": min(read_noise, 1000)}
