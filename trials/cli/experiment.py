@@ -1,5 +1,6 @@
-"""`driftyard experiment`: claims of the thesis, tested."""
+"""`driftyard experiment`: claims of the thesis, and the validity of simulation, tested."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,20 +12,34 @@ from trials.report.tables import text_table
 from trials.studies.experiments import base
 from trials.studies.experiments.page import write_html_page, write_page
 from trials.studies.experiments.registry import EXPERIMENTS
+from trials.studies.validity import summary, table, validate
+from trials.studies.validity_page import CLAIM, page_text, write_study
 from vo.contract.errors import SettingsError
+from vo.contract.files import write_text
+
+VALIDITY = "V1"
 
 
 def experiment(
     workers: WorkersOptions,
     which: str = argument(
-        ..., f"{', '.join(EXPERIMENTS)}, several as a,b,c, or all.", metavar="ID"
+        ...,
+        f"{', '.join(EXPERIMENTS)}, several as a,b,c, or all; {VALIDITY} for the validity study.",
+        metavar="ID",
     ),
     out: Path = option(Path("build/experiments"), "Folder of figures, data and records."),
     seeds: int | None = option(None, "Number of drives of each setting.", min=1, show_default="3"),
     page: Path | None = option(None, "Markdown page of all records in --out.", metavar="FILE"),
     small: bool = option(False, "Use one short drive of each kind, as a test."),
+    real: str = option("", f"Real recordings of {VALIDITY}, as a,b,c.", metavar="DATASETS"),
+    scenes: str = option("all", f"Scenes that may be twins in {VALIDITY}, as a,b,c, or all."),
 ) -> None:
-    """Test claims of the thesis: record, run, draw, and state whether each claim holds."""
+    """Test claims of the thesis, or of this simulator: record, run, draw, and state the result."""
+    if which.upper() == VALIDITY:
+        _validate(real, scenes, seeds or 2, out, page)
+        return
+    if real:
+        raise SettingsError(f"--real: {which} has no real recordings; only {VALIDITY} has")
     chosen = _chosen(which)
     scale = base.SMALL if small else base.FULL
     scale = replace(scale, seeds=tuple(range(seeds))) if seeds else scale
@@ -41,6 +56,26 @@ def experiment(
     if page is not None:
         write_page(records, folder, page)
         console.out.print(f"{page}")
+
+
+def _validate(real: str, scenes: str, seeds: int, out: Path, page: Path | None) -> None:
+    """Run the validity study over real recordings, and write its files and page."""
+    folders = [Path(x) for x in real.split(",") if x]
+    if not folders:
+        raise SettingsError(f"{VALIDITY} needs real recordings with a ground truth: --real a,b,c")
+    found = validate(folders, scenes, seeds, lambda text: console.err.print(text, markup=False))
+    write_study(found, out)
+    for header, rows in (summary(found), table(found)):
+        console.out.print(text_table(header, rows))
+    verdict, sentence = found.finding
+    console.out.print(f"{CLAIM}\n[bold]The claim {verdict.value}.[/bold] {sentence}")
+    console.out.print(f"{out / 'V1.png'}", markup=False)
+    if page is not None:
+        pictures = page.parent / "images" / "experiments"
+        pictures.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(out / "V1.png", pictures / "V1.png")
+        write_text(page, page_text(found, "images/experiments/V1.png"))
+        console.out.print(f"{page}", markup=False)
 
 
 def _chosen(which: str) -> list[base.Experiment]:
