@@ -32,7 +32,7 @@ from vo.tracking.budget import Budget
 from vo.tracking.frontend import Frontend
 from vo.tracking.landmark_prior import cull_landmarks
 from vo.tracking.motion_model import gap_covariance
-from vo.tracking.right_view import add_step, correct_right_camera
+from vo.tracking.right_view import add_step, correct_cameras
 from vo.tracking.stationary import detect_stationary, start_halt
 from vo.tracking.track_displaced import track_displaced
 from vo.tracking.track_local_map import (
@@ -91,7 +91,7 @@ class StereoOdometry:
 
         context = Context(self.hooks, self._rng, clock, self._budget)
         T_guess = predict_pose(state, view, self.hooks)  # constant velocity, or at rest
-        view = correct_right_camera(state, view, T_guess)
+        view = correct_cameras(state, view, T_guess)
         tracked: Tracked | NotTracked = NotTracked({"matches": 0, "inliers": 0})
         if self.settings.matching.search == "displacement" and state.previous:
             tracked = track_displaced(state, state.previous, view, T_guess, context)
@@ -146,7 +146,7 @@ class StereoOdometry:
         if lost_frames and not found:  # as if the last motion had gone on
             T_odom_cam = predict_pose(state, view, self.hooks)
             covariance = gap_covariance(state, view.frame.timestamp_ns)
-        view = correct_right_camera(state, view, T_odom_cam)
+        view = correct_cameras(state, view, T_odom_cam)
         new = add_keyframe(state.map, view, T_odom_cam, covariance, hooks=self.hooks)
         n, min_inliers = len(new.landmarks), view.settings.motion.min_inliers
         counts = {"matches": 0, "inliers": 0, "fresh": n}
@@ -221,7 +221,7 @@ class StereoOdometry:
         state, keyframe = self.state, self.state.map.keyframes[-1]
         T_cam_last = se3.inverse(T_odom_cam) @ state.T_odom_cam
         step_covariance = se3.transform_covariance(T_cam_last, state.covariance) + covariance
-        if self.settings.self_calibration == "auto":
+        if self.settings.self_calibration == "auto" or self.rig.line_time_s:
             state.velocities = () if state.lost_frames else add_step(state, view, T_odom_cam)
         state.T_last_cam, state.T_odom_cam = se3.inverse(T_cam_last), T_odom_cam
         state.covariance, state.lost_frames = covariance, 0

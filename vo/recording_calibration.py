@@ -9,7 +9,9 @@ import numpy as np
 import yaml
 
 from vo.calibration.clock_offset import ClockOffset, estimate_clock_offset
+from vo.calibration.line_time import LineTime, SeenFrame, estimate_line_time
 from vo.calibration.stereo_errors import (
+    LIMITS,
     Quantity,
     StereoEstimate,
     StereoSamples,
@@ -22,6 +24,7 @@ from vo.contract.arrays import Array
 from vo.contract.errors import DatasetError
 from vo.contract.files import replacing
 from vo.contract.inertial import ImuLog
+from vo.contract.observations import Observations
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoSequence
 from vo.contract.trajectory import Trajectory
@@ -30,6 +33,9 @@ from vo.stereo.right_camera import RightCamera, StereoErrors
 
 MIN_POINTS = 40
 """Points in both images that a calibration needs."""
+
+MAX_FRAMES, PAIR_S = 600, 0.1
+"""Frames that show the line time, and time between two of them that are compared, s."""
 
 UNOBSERVED = (
     "baseline", "focal length of both cameras", "principal points along u", "yaw in columns"
@@ -46,6 +52,7 @@ class Calibration:
         samples: The points that both cameras saw.
         estimate: Its errors.
         clocks: Offset by sensor: s, to be added to the camera's times to get the sensor's.
+        line_time: Of a rolling shutter; None if motion does not show it.
 
     Example:
         >>> calibration = dy.calibrate(ds)
@@ -57,6 +64,15 @@ class Calibration:
     samples: StereoSamples
     estimate: StereoEstimate
     clocks: Mapping[str, ClockOffset]
+    line_time: LineTime | None = None
+
+    @property
+    def line_time_s(self) -> float:
+        """Line time by the images where it is significant, else as it is stated."""
+        found = self.line_time
+        if found and abs(found.value - self.rig.line_time_s) > LIMITS.sigmas * found.standard_error:
+            return found.value
+        return self.rig.line_time_s
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
@@ -77,6 +93,7 @@ class Calibration:
             "quantities": [x._asdict() for x in self.quantities],
             "row_sigma_px": dict(zip(("before", "after"), self.estimate.row_px, strict=True)),
             "clock_offsets_s": {name: x._asdict() for name, x in self.clocks.items()},
+            "line_time_s": self.line_time._asdict() if self.line_time else None,
             "not_observable": list(UNOBSERVED),
         }
 
@@ -101,10 +118,11 @@ class Calibration:
         rig, errors = self.rig, self.estimate.corrected
         right = RightCamera(errors, rig, np.zeros(6))
         f_px, cy_px = rig.f_px * (1 + errors.magnification), rig.cy_px + errors.row_px
+        shutter = {"line_delay": self.line_time_s} if self.line_time_s else {}
         T_cam_body, T_right_left = se3.inverse(rig.T_body_cam), se3.inverse(right.T_cam_right)
 
         def camera(f_px: float, cy_px: float, T_cam_body: Array) -> dict[str, Any]:
-            return {
+            return shutter | {
                 "camera_model": "pinhole",
                 "intrinsics": [float(x) for x in (f_px, f_px, rig.cx_px, cy_px)],
                 "distortion_model": "radtan",
@@ -129,11 +147,13 @@ def calibrate_recording(
     odometry = StereoOdometry(sequence.rig, OdometrySettings(self_calibration="auto"))
     times: list[int] = []
     poses: list[Array] = []
+    seen: list[Observations] = []
     for i, frame in enumerate(sequence):
         estimate = odometry.track(frame)
         if estimate.T_odom_cam is not None:
             times.append(estimate.timestamp_ns)
             poses.append(estimate.T_odom_cam)
+            seen += [_stereo(estimate.observations)] if len(seen) < MAX_FRAMES else []
         if progress:
             progress(i + 1, len(sequence))
     samples = odometry.calibration_samples
@@ -144,7 +164,29 @@ def calibrate_recording(
         )
     path = Trajectory(np.array(times), np.array(poses))
     clocks = _clock_offsets(path, sequence, imu)
-    return Calibration(sequence.rig, samples, estimate_errors(samples, sequence.rig), clocks)
+    line_time = estimate_line_time(_pairs(path, seen), sequence.rig)
+    errors = estimate_errors(samples, sequence.rig)
+    return Calibration(sequence.rig, samples, errors, clocks, line_time)
+
+
+def _stereo(seen: Observations | None) -> Observations:
+    """Inliers with a disparity; none of the first frame."""
+    if seen is None:
+        return Observations(np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros(0))
+    return seen.select(seen.inlier & ~np.isnan(seen.disparity_px))
+
+
+def _pairs(path: Trajectory, seen: list[Observations]) -> list[tuple[SeenFrame, SeenFrame]]:
+    """Pairs of frames about `PAIR_S` apart, each between two frames of about the same distance."""
+    seconds, T = path.timestamps_ns * 1e-9, path.T_ref_frame
+    if len(seen) < 3:
+        return []
+    velocity = se3.log(se3.inverse(T[:-2]) @ T[2:]) / (seconds[2:] - seconds[:-2])[:, None]
+    frames = [
+        SeenFrame(T[i], velocity[i - 1], seen[i]) for i in range(1, min(len(seen), len(T) - 1))
+    ]
+    step = max(round(PAIR_S / float(np.median(np.diff(seconds)))), 1)
+    return list(zip(frames[:-step], frames[step:], strict=True))
 
 
 def _clock_offsets(

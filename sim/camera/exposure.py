@@ -76,19 +76,18 @@ def _integrate(
 ) -> tuple[tuple[Array, Array], int]:
     """Integrate over the time from the first row's exposure to the last one's."""
     start_s, end_s = float(shutter.start_s.min()), float(shutter.end_s.max())
-    slots = 1
+    motion_px = 0.0
     if end_s > start_s:
         motion_px = max_image_speed_px_s(world, trip, geometry, start_s, end_s) * (end_s - start_s)
-        wanted = math.ceil(motion_px / settings.step_px - 1e-6)
-        slots = int(np.clip(wanted, 1, settings.subframes_max))
+    edges = slot_edges(shutter, motion_px / settings.step_px - 1e-6, settings.subframes_max)
+    slots, middles_s = len(edges) - 1, (edges[1:] + edges[:-1]) / 2
     sky = bool(np.isnan(geometry.depth_left_m).any() or np.isnan(geometry.depth_right_m).any())
-    edges = np.linspace(start_s, end_s, slots + 1)
     if slots == 1:
         _place(world, trip, (start_s + end_s) / 2)
         return renderer.render_images(sky), 1
     weights = slot_weights(shutter, edges)
     total = [np.zeros((), np.float32)] * 2
-    for slot, time_s in enumerate((edges[1:] + edges[:-1]) / 2):
+    for slot, time_s in enumerate(middles_s):
         _place(world, trip, float(time_s))
         for camera, image in enumerate(renderer.render_images()):
             by_row = weights[camera, :, slot].reshape(-1, *(1,) * (image.ndim - 1))
@@ -140,6 +139,22 @@ def mean_brightness(world: World, shutter: Shutter, samples: int = 33) -> Array:
         return np.full(len(start_s), world.scene.brightness(times_s).mean())
     times_s = start_s[:, None] + share * (end_s - start_s)[:, None]
     return world.scene.brightness(times_s).mean(axis=1)
+
+
+def slot_edges(shutter: Shutter, steps: float, slots_max: int) -> Array:
+    """Return the edges of as many even slots, in seconds, as a motion of so many steps needs.
+
+    Rows that are open for less than a slot blend two of them: there is one slot more, so that the
+    middles of the first and the last slot are those of the first and the last row.
+    """
+    start_s, end_s = float(shutter.start_s.min()), float(shutter.end_s.max())
+    slots = int(np.clip(math.ceil(steps), 1, slots_max))
+    open_s = float(shutter.end_s[0, 0] - shutter.start_s[0, 0])
+    is_rolling = shutter.start_s[0, -1] > shutter.start_s[0, 0]
+    if is_rolling and steps > 0 and open_s < (end_s - start_s) / slots and slots < slots_max:
+        outside_s = max(((end_s - start_s - open_s) / slots - open_s) / 2, 0.0)
+        start_s, end_s, slots = start_s - outside_s, end_s + outside_s, slots + 1
+    return np.linspace(start_s, end_s, slots + 1)
 
 
 def slot_weights(shutter: Shutter, edges: Array) -> Array:

@@ -88,5 +88,7 @@ def manifest(
 
 
 def rig_table(rig: StereoRig) -> dict[str, Any]:
-    """Return a rig as JSON-ready content."""
-    return {**asdict(rig), "T_body_cam": rig.T_body_cam.tolist()}
+    """Return a rig as JSON-ready content; its line time is in the settings and sensor.yaml."""
+    table = {**asdict(rig), "T_body_cam": rig.T_body_cam.tolist()}
+    del table["line_time_s"]
+    return table

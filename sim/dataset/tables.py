@@ -50,7 +50,7 @@ def write_cameras(
     times, sensor = trip.timestamps_ns[trip.delivered].tolist(), settings.sensor
     sheets: dict[str, tuple[dict[str, Any], list[int], str]] = {}
     for camera, side in enumerate(("left", "right")):
-        pixels = _pixels(delivered, settings, camera)
+        pixels = _pixels(delivered, settings, camera) | _shutter(settings)
         sheet = _sheet("camera", f"{side} {RECTIFIED_EYE}", **pixels, **_lens(delivered))
         sheets[f"cam{camera}"] = sheet, times, ".png"
         if has_distortion(sensor) or sensor.bits > 8:
@@ -172,6 +172,11 @@ def _pixels(rig: StereoRig, settings: RecordSettings, camera: int) -> dict[str, 
         "rate_hz": settings.rig.rate_hz,
         "resolution": [rig.width_px, rig.height_px],
     }
+
+
+def _shutter(settings: RecordSettings) -> dict[str, Any]:
+    line_time_us = settings.exposure.line_time_us
+    return {"line_delay": round(line_time_us * 1e-6, 12)} if line_time_us else {}
 
 
 def _matrix(T: Array) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import pytest
 
 from scenes.scene import Motion, Scene
 from sim.camera.camera import Capture, StereoCamera
-from sim.camera.exposure import Shutter, open_shutter, slot_weights
+from sim.camera.exposure import Shutter, open_shutter, slot_edges, slot_weights
 from sim.camera.render import StereoRenderer
 from sim.imaging.linear_light import Encoding, decode
 from sim.settings import (
@@ -327,3 +327,14 @@ def test_auto_exposure_darkens_bright_images(wall_scene):
 def _psnr(image: Image, reference: Image) -> float:
     error = image.astype(float) - reference
     return float(10 * np.log10(255**2 / np.maximum((error**2).mean(), 1e-12)))
+
+
+@pytest.mark.parametrize(("time_ms", "steps"), [(0, 0.4), (0, 3.2), (2, 1.5), (30, 0.5), (30, 40)])
+def test_slots_hold_the_time_of_each_row(time_ms, steps):
+    """The mean time of a row's sub-frames is the middle of its exposure, also where few are."""
+    settings = ExposureSettings(time_ms=time_ms, line_time_us=100)
+    shutter = open_shutter(settings, 1.0, time_ms * 1e-3, 97)
+    edges = slot_edges(shutter, steps, 96)
+    middle_s = slot_weights(shutter, edges)[0] @ (edges[1:] + edges[:-1]) / 2
+    of_rows_s = (shutter.start_s + shutter.end_s)[0] / 2
+    np.testing.assert_allclose(middle_s, of_rows_s, atol=0.02 * np.ptp(of_rows_s) + 1e-5)

@@ -49,7 +49,8 @@ def true_rig(dataset: Path, manifest: Mapping[str, Any]) -> StereoRig:
     """
     try:
         true = manifest["rig_true"]
-        values: dict[str, Any] = {field.name: true[field.name] for field in fields(StereoRig)}
+        names = [field.name for field in fields(StereoRig) if field.name in true]
+        values: dict[str, Any] = {name: true[name] for name in names}
         values["T_body_cam"] = np.array(values["T_body_cam"])
         return StereoRig(**values)
     except (KeyError, TypeError):

@@ -97,6 +97,8 @@ def degrade_recording(
             if progress:
                 progress(done, len(rows))
         delivered = delivered_rig(sequence.rig, settings.calibration)
+        line_time_s = delivered.line_time_s + settings.exposure.line_time_us * 1e-6
+        delivered = replace(delivered, line_time_s=line_time_s)
         _write_cameras(folder, delivered, [int(sequence.timestamps_ns[i]) for i in rows])
         _carry_over(real, sequence.rig, folder)
         about = {"source": sequence.name, "disturb": wanted, "seed": seed}
@@ -218,6 +220,7 @@ def _write_cameras(folder: Path, rig: StereoRig, times_ns: list[int]) -> None:
             "distortion_model": "radial-tangential",
             "distortion_coefficients": [0.0] * 4,
         }
+        sheet |= {"line_delay": rig.line_time_s} if rig.line_time_s else {}
         put(folder / f"mav0/cam{k}/sensor.yaml", yaml.safe_dump(_plain(sheet), sort_keys=False))
         rows = "".join(f"{t},{t}.png\n" for t in times_ns)
         put(folder / f"mav0/cam{k}/data.csv", "#timestamp [ns],filename\n" + rows)

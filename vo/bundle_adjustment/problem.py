@@ -81,7 +81,7 @@ def collect(
         points_world=points_world,
         camera=np.repeat(np.arange(len(counts)), counts)[used],
         point=place[used],
-        measured=seen.measured[used].astype(np.float64),
+        measured=seen.at_instant[used].astype(np.float64),
         sigma=seen.sigma_px[used].astype(np.float64),
         fixed=fixed,
         K=rig.K,

@@ -17,6 +17,8 @@ class Observations(Table):
         disparity_px: (N,) u_left - u_right; NaN where unknown.
         inlier: (N,) whether the landmark agrees with the frame's motion; by default, all do.
         sigma_px: (N, 3) standard deviations of u, v and disparity; by default NaN, unknown.
+        shift_px: (N, 3) what carries u, v and disparity from the time of their row to the frame's;
+            by default zero, as with a global shutter.
 
     Example:
         >>> seen = dy.Observations(np.array([7]), np.array([[31.5, 23.5]]), np.array([4.0]))
@@ -29,6 +31,7 @@ class Observations(Table):
     disparity_px: Array
     inlier: Mask = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
     sigma_px: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    shift_px: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
     def __post_init__(self) -> None:
         n = len(self.ids)
@@ -36,8 +39,15 @@ class Observations(Table):
             object.__setattr__(self, "inlier", np.ones(n, dtype=np.bool_))
         if len(self.sigma_px) < n:
             object.__setattr__(self, "sigma_px", np.full((n, 3), np.nan))
+        if len(self.shift_px) < n:
+            object.__setattr__(self, "shift_px", np.zeros((n, 3)))
 
     @property
     def measured(self) -> Array:
         """(N, 3) left-image u, v and disparity, px."""
         return np.column_stack([self.pixels, self.disparity_px])
+
+    @property
+    def at_instant(self) -> Array:
+        """(N, 3) the same at the instant of the frame, px."""
+        return self.measured + self.shift_px

@@ -56,6 +56,21 @@ def _project_all(points: Array, T: Array, intrinsics: Array) -> Array:
     return found
 
 
+def stereo_jacobian(points_cam: Array, rig: StereoRig) -> Array:
+    """Differentiate u, v and disparity of points (N, 3) by the camera's tangent (v, w): (N, 3, 6).
+
+    The points are in the camera frame, metres.
+    """
+    (x, y), inverse_z = (points_cam[:, :2] / points_cam[:, 2:]).T, 1 / points_cam[:, 2]
+    disparity = rig.baseline_m * inverse_z
+    of_disparity = (disparity * y, -disparity * x, 0.0, 0.0, 0.0, disparity * inverse_z)
+    rows = [  # from (w, v) to (v, w)
+        np.column_stack(np.broadcast_arrays(*row[3:], *row[:3], x)[:6])
+        for row in (*image_jacobian(x, y, inverse_z), of_disparity)
+    ]
+    return rig.f_px * np.stack(rows, axis=1)
+
+
 compiled_image_jacobian = compiled(inline="always")(image_jacobian)
 
 

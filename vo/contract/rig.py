@@ -17,6 +17,8 @@ class StereoRig:
         cx_px: Principal point of both cameras along u; (W - 1) / 2 when centred; so cy_px along v.
         baseline_m: Distance of the right camera along the left camera's x axis, > 0.
         T_body_cam: (4, 4) left camera in the carrier's body frame.
+        line_time_s: Time from the exposure of a row to that of the next one below; 0: global
+            shutter. A frame's timestamp is that of its middle row.
 
     Raises:
         CalibrationError: If a value is not finite, or size, focal length or baseline not positive.
@@ -34,13 +36,14 @@ class StereoRig:
     cy_px: float
     baseline_m: float
     T_body_cam: Array = field(default_factory=lambda: np.eye(4))
+    line_time_s: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("width_px", "height_px", "f_px", "baseline_m"):
             value = getattr(self, name)
             if not np.isfinite(value) or value <= 0:
                 raise CalibrationError(f"calibration: {name} is {value}, must be positive")
-        for name in ("cx_px", "cy_px"):
+        for name in ("cx_px", "cy_px", "line_time_s"):
             if not np.isfinite(getattr(self, name)):
                 raise CalibrationError(f"calibration: {name} is {getattr(self, name)}")
         T = np.asarray(self.T_body_cam, dtype=float)

@@ -49,6 +49,8 @@ class View:
         dense: Disparity map, px, NaN where unknown; of size zero where stereo is sparse.
         settings: Adapted to the image, for all later stages.
         smoothing_px: Standard deviation of the Gaussian that the images were smoothed by; 0: none.
+        velocity: (6,) of the left camera, tangent (v m/s, w rad/s) in its frame, by which rows of
+            a rolling shutter are carried to one instant; None with a global shutter.
     """
 
     frame: StereoFrame
@@ -57,6 +59,7 @@ class View:
     dense: Array
     settings: OdometrySettings
     smoothing_px: float = 0.0
+    velocity: Array | None = None
 
     @property
     def features(self) -> Array:
@@ -105,7 +108,9 @@ class Matches(Observations):
     @property
     def observations(self) -> Observations:
         """The observations without what concerns the map."""
-        return Observations(self.ids, self.pixels, self.disparity_px, self.inlier, self.sigma_px)
+        return Observations(
+            self.ids, self.pixels, self.disparity_px, self.inlier, self.sigma_px, self.shift_px
+        )
 
     def merge(self, other: Self) -> Self:
         """Add matches of other landmarks, sorted by landmark."""

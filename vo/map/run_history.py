@@ -55,9 +55,12 @@ class RunHistory:
             observations = known.observations if known else None
             if settings.smooth == "global" and keyframe is local_map.keyframes[-1]:
                 seen = keyframe.observations
-                measured = (seen.pixels, seen.disparity_px, seen.sigma_px)
-                pixels, disparity_px, sigma_px = (x.astype(np.float32) for x in measured)
-                observations = Observations(seen.ids, pixels, disparity_px, sigma_px=sigma_px)
+                measured, sigma_px = (
+                    x.astype(np.float32) for x in (seen.at_instant, seen.sigma_px)
+                )
+                observations = Observations(
+                    seen.ids, measured[:, :2], measured[:, 2], sigma_px=sigma_px
+                )
             self.keyframes[keyframe.serial] = KeyframeRecord(keyframe.T_odom_cam, observations)
         often = local_map.landmarks.views >= settings.min_views
         self.record_landmarks(local_map.landmarks.select(often), local_map.grey()[often])

@@ -13,10 +13,12 @@ from vo.hooks import NO_HOOKS, Hooks
 from vo.map.frame import Matches, View
 from vo.map.local_map import Keyframe, Landmarks, LocalMap, renewed_map
 from vo.stereo.plane_fit import fit_plane_slopes
+from vo.stereo.rolling_shutter import shift_to_instant
 from vo.stereo.sparse import measure_disparities
 from vo.tracking.association import measurement_sigma
 from vo.tracking.diagnostics import exceeds_iterations
 from vo.tracking.hooked import announce_landmarks, replace_disparities
+from vo.tracking.pose_refinement import row_shift
 from vo.tracking.tracked import Tracked
 
 
@@ -48,7 +50,8 @@ def add_keyframe(
         # The firewall of Nistér, Naroditsky and Bergen, 2004: no error reaches beyond it.
         local_map, inliers = renewed_map(local_map), None
     observations, slopes, descriptors = _new_observations(view, inliers, local_map, hooks)
-    points_cam = view.rig.triangulate(observations.pixels, observations.disparity_px)
+    at_instant = observations.at_instant
+    points_cam = view.rig.triangulate(at_instant[:, :2], at_instant[:, 2])
     n = len(observations)
     new = Landmarks(
         ids=observations.ids,
@@ -62,6 +65,7 @@ def add_keyframe(
     )
     announce_landmarks(hooks, view.frame, new.ids, new.anchor_pixels)
     if inliers:
+        inliers = replace(inliers, shift_px=row_shift(T_odom_cam, inliers, view))
         observations = inliers.observations.extend(observations)
     keyframe = Keyframe(view.frame.left, observations, serial, T_odom_cam, covariance)
     keyframes = (*local_map.keyframes, keyframe)[-settings.refinement.window :]
@@ -101,6 +105,9 @@ def _new_observations(
         disparity_px=found.values_px[known],
         sigma_px=measurement_sigma(exact, disparity_sigma, local_map.noise, s.refinement),
     )
+    if view.velocity is not None:
+        shift_px = shift_to_instant(observations.measured, view.rig, view.velocity)
+        observations = replace(observations, shift_px=shift_px)
     return observations, found.slopes[known], descriptors[known]
 
 

@@ -24,7 +24,7 @@ from vo.mapping.relocalization import relocalize
 from vo.mapping.window_adjustment import adjuster
 from vo.stereo.right_pixels import expect_right, find_right
 from vo.tracking.diagnostics import add_row_offset
-from vo.tracking.right_view import correct_right_camera
+from vo.tracking.right_view import correct_cameras
 from vo.tracking.tracked import Tracked
 
 
@@ -69,7 +69,7 @@ class Mapper:
         covariance = pose_covariance(state.map.keyframes[-1], T_odom_cam, pending.covariance)
         view = pending.view
         if self._calibrate(state, view, inliers):
-            view = correct_right_camera(state, view, state.T_odom_cam)
+            view = correct_cameras(state, view, state.T_odom_cam)
             state.map, inliers = renewed_map(state.map), None
         state.map = add_keyframe(state.map, view, T_odom_cam, covariance, inliers, hooks)
         keyframe, time_ns = state.map.keyframes[-1], view.frame.timestamp_ns

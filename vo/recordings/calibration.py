@@ -52,6 +52,10 @@ COEFFICIENTS = ("distortion_coefficients", "distortion_coeffs", "dist_coeffs", "
 MODELS = ("distortion_model", "distortion_type")
 POSES = ("T_BS", "T_imu_cam", "T_cam_imu", "T_cn_cnm1")
 BODY_POSES = (*POSES[:2], "body_T_cam0", "body_T_cam1", *ORBSLAM_BODY)
+LINE_TIMES = {"line_delay": 1.0, "line_delay_nanoseconds": 1e-9}
+"""Keys of the time from one row's exposure to that of the next one below, with their unit, s."""
+MAX_LINE_TIME_S = 1e-3
+"""Largest line time: larger ones are of another unit."""
 RECTIFIED = (("rectification_matrix", "R"), ("projection_matrix", "P"))
 
 COUNTS = {Lens.RADIAL_TANGENTIAL: (0, 2, 3, 4, 5, 8, 12, 14), Lens.EQUIDISTANT: (4,)}
@@ -100,7 +104,21 @@ def read_sensor_pose(path: Path) -> Array | None:
 def _camera(path: Path, sheet: Sheet, T_body_cam: Array, images: Path | None) -> Camera:
     width, height = _size(path, sheet, images)
     lens, distortion = _distortion(path, sheet)
-    return Camera(path, width, height, _matrix_K(path, sheet), distortion, T_body_cam, lens)
+    K, line_time_s = _matrix_K(path, sheet), _line_time_s(path, sheet)
+    return Camera(path, width, height, K, distortion, T_body_cam, lens, line_time_s)
+
+
+def _line_time_s(path: Path, sheet: Sheet) -> float:
+    """Return the time from one row's exposure to the next one's; 0, a global shutter, if unsaid."""
+    key = next((x for x in LINE_TIMES if sheet.get(x) is not None), None)
+    if key is None:
+        return 0.0
+    value = float(numbers(path, key, sheet[key], 1).item()) * LINE_TIMES[key]
+    if not abs(value) <= MAX_LINE_TIME_S:
+        raise CalibrationError(
+            f"{path}: {key} must be at most {MAX_LINE_TIME_S / LINE_TIMES[key]:g}, is {sheet[key]}"
+        )
+    return value
 
 
 def _size(path: Path, sheet: Sheet, images: Path | None) -> tuple[int, int]:

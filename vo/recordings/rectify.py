@@ -49,7 +49,8 @@ class Lens(StrEnum):
 class Camera:
     """A camera as a calibration file, the path, describes it: (3, 3) matrix K and (4, 4) pose.
 
-    The distortion (k,) has 4, 5, 8, 12 or 14 radial-tangential or 4 equidistant coefficients.
+    The distortion (k,) has 4, 5, 8, 12 or 14 radial-tangential or 4 equidistant coefficients. The
+    line time is that from one row's exposure to the next one's, 0 with a global shutter.
     """
 
     path: Path
@@ -59,6 +60,7 @@ class Camera:
     distortion: Array
     T_body_cam: Array
     lens: Lens = Lens.RADIAL_TANGENTIAL
+    line_time_s: float = 0.0
 
     def __post_init__(self) -> None:
         values = np.concatenate([self.K.ravel(), self.distortion, self.T_body_cam.ravel()])
@@ -88,6 +90,9 @@ def rectify(left: Camera, right: Camera) -> tuple[StereoRig, Remap, Remap]:
     """
     if (left.width_px, left.height_px) != (right.width_px, right.height_px):
         raise CalibrationError(f"{right.path}: resolution differs from {left.path}")
+    if left.line_time_s != right.line_time_s:
+        times = f"{1e6 * left.line_time_s:g} and {1e6 * right.line_time_s:g} us"
+        remark(f"{right.path}: line times of {times}: the left camera's is taken for both")
     T_right_left = se3.inverse(right.T_body_cam) @ left.T_body_cam
     baseline_m = float(np.linalg.norm(T_right_left[:3, 3]))
     if baseline_m < ALIGNED:
@@ -99,7 +104,7 @@ def rectify(left: Camera, right: Camera) -> tuple[StereoRig, Remap, Remap]:
     size = (left.width_px, left.height_px)
     if _is_aligned(left, right, T_right_left):
         f, cx, cy = left.K[0, 0], left.K[0, 2], left.K[1, 2]
-        rig = StereoRig(*size, f, cx, cy, baseline_m, left.T_body_cam)
+        rig = StereoRig(*size, f, cx, cy, baseline_m, left.T_body_cam, left.line_time_s)
         same = (left.K == right.K).all()
         return rig, _unchanged, _unchanged if same else _remap(right, np.eye(3), left.K)
     R_left, R_right, K = _rectified_axes(left, right, T_right_left)
@@ -109,7 +114,8 @@ def rectify(left: Camera, right: Camera) -> tuple[StereoRig, Remap, Remap]:
             f"{left.path}: the focal length of {zoom} by rectification: is the distortion right?"
         )
     T_body_rectified = left.T_body_cam @ se3.pose(R_left.T, np.zeros(3))
-    rig = StereoRig(*size, K[0, 0], K[0, 2], K[1, 2], baseline_m, T_body_rectified)
+    centre = K[0, 2], K[1, 2]
+    rig = StereoRig(*size, K[0, 0], *centre, baseline_m, T_body_rectified, left.line_time_s)
     return rig, _remap(left, R_left, K), _remap(right, R_right, K)
 
 

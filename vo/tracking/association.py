@@ -8,12 +8,12 @@ from vo.config import OdometrySettings, RefinementSettings
 from vo.contract.arrays import Array, Indices, Mask, choose_in_turn
 from vo.contract.compilation import compiled
 from vo.contract.projection import project_points
-from vo.contract.rig import StereoRig
 from vo.map.frame import NO_FEATURE, Matches, View
 from vo.map.local_map import Landmarks, LocalMap, TrackedFrame
 from vo.patches.alignment import Alignment, align
 from vo.patches.templates import extract_templates
 from vo.patches.zncc import match_mutual
+from vo.stereo.rolling_shutter import see_by_rows
 from vo.stereo.sparse import measure_disparities
 from vo.tracking.landmark_alignment import align_landmarks
 
@@ -33,7 +33,7 @@ def find_matches(
     with the landmark's template are dropped.
     """
     landmarks, features, s = local_map.landmarks, view.features, view.settings.matching
-    expected = project_landmarks(landmarks, T_odom_cam, view.rig)[:, :2]
+    expected = project_landmarks(landmarks, T_odom_cam, view)[:, :2]
     rows, found = match_mutual(
         landmarks.descriptors, expected, view.descriptors, features, search_radius_px, s
     ).T
@@ -49,7 +49,7 @@ def find_guided_matches(
 
     The pose (4, 4) is right to within about a pixel; the known matches, at least one, stay.
     """
-    expected = project_landmarks(local_map.landmarks, T_odom_cam, view.rig)
+    expected = project_landmarks(local_map.landmarks, T_odom_cam, view)
     visible = in_view(expected, view)
     visible[matches.rows] = False
     rows = np.flatnonzero(visible)
@@ -158,9 +158,13 @@ def is_consistent(
     return keep
 
 
-def project_landmarks(landmarks: Landmarks, T_odom_cam: Array, rig: StereoRig) -> Array:
-    """Project landmarks: (N, 3) left-image u, v and disparity, NaN behind the camera."""
-    return project_points(landmarks.points_odom, T_odom_cam, rig)
+def project_landmarks(landmarks: Landmarks, T_odom_cam: Array, view: View) -> Array:
+    """Project landmarks to where a view sees them: (N, 3) left-image u, v and disparity.
+
+    NaN behind the camera.
+    """
+    expected = project_points(landmarks.points_odom, T_odom_cam, view.rig)
+    return expected if view.velocity is None else see_by_rows(expected, view.rig, view.velocity)
 
 
 def in_view(expected: Array, view: View) -> Mask:

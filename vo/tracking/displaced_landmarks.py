@@ -23,7 +23,7 @@ def find_displaced(
     At most `matching.probes`, from every part of the image; to within a pixel, without disparity.
     """
     seen, landmarks, s = previous.observations, local_map.landmarks, view.settings.matching
-    expected = project_landmarks(landmarks, T_odom_cam, view.rig)
+    expected = project_landmarks(landmarks, T_odom_cam, view)
     place = find_sorted(seen.ids, landmarks.ids)
     known = place >= 0
     rows = np.flatnonzero(known & in_view(expected, view))

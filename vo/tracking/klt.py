@@ -33,7 +33,7 @@ def track_klt(
     rows = np.flatnonzero(np.isin(local_map.landmarks.ids, seen.ids))
     landmarks = local_map.landmarks.select(rows)
     start = seen.pixels[np.searchsorted(seen.ids, landmarks.ids)]
-    expected = project_landmarks(landmarks, T_odom_cam, view.rig)
+    expected = project_landmarks(landmarks, T_odom_cam, view)
     ahead = np.isfinite(expected).all(axis=1)
     rows, start, expected = rows[ahead], start[ahead], expected[ahead]
     pixels = _flow(previous.left, view.frame.left, start, expected[:, :2])

@@ -8,6 +8,7 @@ from vo.contract.projection import project_points
 from vo.map.frame import Matches, View
 from vo.pose.estimation import estimate_pose
 from vo.pose.ransac import Consensus
+from vo.stereo.rolling_shutter import shift_to_instant
 
 
 def find_consensus(
@@ -17,10 +18,11 @@ def find_consensus(
 
     RANSAC uses the sampling weights (N,) and not the predicted pose (4, 4).
     """
+    measured = measure_at_instant(T_odom_guess, matches, view)
     return estimate_pose(
         matches.points_odom,
-        view.rig.normalized(matches.pixels),
-        view.rig.triangulate(matches.pixels, matches.disparity_px),
+        view.rig.normalized(measured[:, :2]),
+        view.rig.triangulate(measured[:, :2], measured[:, 2]),
         view.settings.motion,
         rng,
         weights,
@@ -30,9 +32,9 @@ def find_consensus(
 
 def refine_pose(T_odom_cam: Array, matches: Matches, view: View) -> Pose:
     """Refine a pose on matches, with fixed landmarks; with `refinement.mode` none, keep it."""
-    settings = view.settings.refinement
+    settings, measured = view.settings.refinement, measure_at_instant(T_odom_cam, matches, view)
     refined = refine_motion(
-        T_odom_cam, matches.points_odom, matches.measured, matches.sigma_px, view.rig, settings
+        T_odom_cam, matches.points_odom, measured, matches.sigma_px, view.rig, settings
     )
     if settings.mode == "none":
         return Pose(T_odom_cam, refined.covariance, iterations=0)
@@ -42,5 +44,28 @@ def refine_pose(T_odom_cam: Array, matches: Matches, view: View) -> Pose:
 def select_inliers(T_odom_cam: Array, matches: Matches, view: View) -> Matches:
     """Keep the matches whose reprojection error is below the inlier threshold (5.4)."""
     expected = project_points(matches.points_odom, T_odom_cam, view.rig)
-    error_px = np.hypot(*(expected[:, :2] - matches.pixels).T)  # NaN behind the camera
+    measured = measure_at_instant(T_odom_cam, matches, view)
+    error_px = np.hypot(*(expected - measured)[:, :2].T)  # NaN behind the camera
     return matches.select(error_px < view.settings.motion.threshold * view.rig.f_px)
+
+
+def measure_at_instant(T_odom_cam: Array, matches: Matches, view: View) -> Array:
+    """Left-image u, v and disparity (N, 3) at the instant of the frame, at about a pose (4, 4)."""
+    if view.velocity is None:
+        return matches.measured
+    return matches.measured + row_shift(T_odom_cam, matches, view)
+
+
+def row_shift(T_odom_cam: Array, matches: Matches, view: View) -> Array:
+    """Shift (N, 3) of matches to the instant of the frame, whose pose (4, 4) is about known.
+
+    Where a disparity was not measured, it is the landmark's.
+    """
+    if view.velocity is None:
+        return np.zeros((len(matches), 3))
+    seen = matches.measured
+    unknown = np.isnan(seen[:, 2])
+    if unknown.any():
+        expected = project_points(matches.points_odom[unknown], T_odom_cam, view.rig)
+        seen[unknown, 2] = expected[:, 2]
+    return shift_to_instant(seen, view.rig, view.velocity)

@@ -1,4 +1,4 @@
-"""The right camera of a view, by the errors of the calibration that are known so far."""
+"""The cameras of a view in motion: rows of a rolling shutter, and a right camera in error."""
 
 from dataclasses import replace
 
@@ -11,12 +11,16 @@ from vo.map.state import TrackerState
 from vo.stereo.right_camera import MisalignedFrame, RightCamera
 
 
-def correct_right_camera(state: TrackerState, view: View, T_odom_cam: Array) -> View:
-    """Set the right camera of a view whose pose (4, 4) is known roughly."""
+def correct_cameras(state: TrackerState, view: View, T_odom_cam: Array) -> View:
+    """Set velocity and right camera of a view whose pose (4, 4) is known roughly, if it matters."""
+    if state.stereo_errors is None and not view.rig.line_time_s:
+        return view
+    velocity = end_velocity(add_step(state, view, T_odom_cam))
+    if view.rig.line_time_s:
+        view = replace(view, velocity=velocity)
     if state.stereo_errors is None:
         return view
-    steps = add_step(state, view, T_odom_cam)
-    right = RightCamera(state.stereo_errors, view.rig, end_velocity(steps))
+    right = RightCamera(state.stereo_errors, view.rig, velocity)
     frame = view.frame
     images = frame.timestamp_ns, frame.left, frame.right, frame.wheel_ticks
     return replace(view, frame=MisalignedFrame(*images, right))

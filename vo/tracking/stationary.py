@@ -14,7 +14,7 @@ import numpy as np
 
 from vo.contract import se3
 from vo.contract.arrays import Array, find_sorted
-from vo.contract.projection import image_jacobian
+from vo.contract.projection import stereo_jacobian
 from vo.contract.rig import StereoRig
 from vo.map.frame import Matches, View
 from vo.map.state import Halt
@@ -155,12 +155,7 @@ def motion_evidence(points_cam: Array, flow_px: Array, rig: StereoRig, along: Ar
 
     Source: Analysis of variance, after least absolute deviations by reweighting.
     """
-    x, y = (points_cam[:, :2] / points_cam[:, 2:]).T
-    rows = [  # from (w, v) to (v, w)
-        np.column_stack(np.broadcast_arrays(*row[3:], *row[:3]))
-        for row in image_jacobian(x, y, 1 / points_cam[:, 2])
-    ]
-    jacobian = rig.f_px * np.stack(rows, axis=1) @ along  # (N, 2, K)
+    jacobian = stereo_jacobian(points_cam, rig)[:, :2] @ along  # (N, 2, K)
     weight, noise_px, left_px = np.ones(len(flow_px)), 0.0, flow_px
     for _ in range(LIMITS.reweightings):
         weighted = jacobian * weight[:, None, None]

@@ -27,7 +27,7 @@ from vo.tracking.hooked import replace_inliers, replace_matches
 from vo.tracking.landmark_prior import sampling_weights
 from vo.tracking.new_view import information_of, is_new_view
 from vo.tracking.pose_refinement import find_consensus, refine_pose, select_inliers
-from vo.tracking.right_view import correct_right_camera
+from vo.tracking.right_view import correct_cameras
 from vo.tracking.tracked import Context, NotTracked, Tracked
 
 MIN_KNOWN = 60
@@ -73,9 +73,9 @@ def _estimate(
             return NotTracked(counts)
         agreeing = matches.select(consensus.inliers)
         T_odom_cam = refine_pose(consensus.T_odom_cam, agreeing, view).T_world_cam
-    view = correct_right_camera(state, view, T_odom_cam)  # by a better pose than the predicted one
+    view = correct_cameras(state, view, T_odom_cam)  # by a better pose than the predicted one
     with clock("guided matching"):  # at their projections (F5)
-        expected = project_landmarks(local_map.landmarks, T_odom_cam, view.rig)
+        expected = project_landmarks(local_map.landmarks, T_odom_cam, view)
         known = find_sorted(previous.observations.ids, local_map.landmarks.ids) >= 0
         visible, count = in_view(expected, view), settings.matching.landmarks_per_frame
         rows = np.flatnonzero(visible)

@@ -157,7 +157,7 @@ def _estimate(
     counts["found"], counts["inliers"] = len(matches), len(inliers)
     if len(inliers) < min_inliers:
         return NotTracked(counts)
-    expected = association.project_landmarks(state.map.landmarks, pose.T_world_cam, view.rig)
+    expected = association.project_landmarks(state.map.landmarks, pose.T_world_cam, view)
     last = state.map.keyframes[-1].observations
     return Tracked(
         view, pose.T_world_cam, pose.covariance, matches, inliers, by_klt,
