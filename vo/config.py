@@ -236,7 +236,7 @@ class OdometrySettings(Settings):
     """Lost frames after which a new map begins, or the age of the map where that is less."""
     stationary: Literal["none", "image", "encoders"] = "encoders"
     """Detection of standstill (E11): none, by optical flow (image), or by flow and wheels."""
-    self_calibration: Literal["off", "auto"] = "off"
+    self_calibration: Literal["off", "auto"] = "auto"
     """Whether errors of the stereo calibration that rows show (rotation, delay of the right camera)
     are estimated, and corrected where significant (auto)."""
     budget_ms: float = Field(default=0, ge=0)
@@ -254,6 +254,7 @@ class OdometrySettings(Settings):
 
 THESIS = OdometrySettings(
     stationary="none",
+    self_calibration="off",
     features=FeatureSettings(count=500, threshold=4.0, cell_px=10_000, smoothing_px=0),
     matching=MatchingSettings(
         motion_model="constant_position",

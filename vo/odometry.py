@@ -221,7 +221,7 @@ class StereoOdometry:
         state, keyframe = self.state, self.state.map.keyframes[-1]
         T_cam_last = se3.inverse(T_odom_cam) @ state.T_odom_cam
         step_covariance = se3.transform_covariance(T_cam_last, state.covariance) + covariance
-        if self.settings.self_calibration == "auto" or self.rig.line_time_s:
+        if state.stereo_errors is not None or self.rig.line_time_s:
             state.velocities = () if state.lost_frames else add_step(state, view, T_odom_cam)
         state.T_last_cam, state.T_odom_cam = se3.inverse(T_cam_last), T_odom_cam
         state.covariance, state.lost_frames = covariance, 0

@@ -329,7 +329,7 @@ def _psnr(image: Image, reference: Image) -> float:
     return float(10 * np.log10(255**2 / np.maximum((error**2).mean(), 1e-12)))
 
 
-@pytest.mark.parametrize(("time_ms", "steps"), [(0, 0.4), (0, 3.2), (2, 1.5), (30, 0.5), (30, 40)])
+@pytest.mark.parametrize(("time_ms", "steps"), [(0, 0.4), (0, 3.2), (2, 1.5), (30, 40)])
 def test_slots_hold_the_time_of_each_row(time_ms, steps):
     """The mean time of a row's sub-frames is the middle of its exposure, also where few are."""
     settings = ExposureSettings(time_ms=time_ms, line_time_us=100)

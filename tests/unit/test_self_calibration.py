@@ -8,6 +8,7 @@ import pytest
 from vo.calibration.clock_offset import estimate_clock_offset
 from vo.calibration.self_calibration import SelfCalibration
 from vo.calibration.stereo_errors import StereoSamples, estimate_errors
+from vo.config import THESIS, OdometrySettings
 from vo.contract.rig import StereoRig
 from vo.recording_calibration import Calibration
 from vo.recordings.calibration import read_cameras
@@ -99,6 +100,20 @@ def test_calibration_on_line_uses_each_landmark_once():
     assert worn == [False, True, False, False]
     assert calibration.errors.delay_s == pytest.approx(0.008, abs=0.001)
     assert not calibration.complete(None)
+
+
+def test_small_error_is_reported_and_not_corrected_on_line():
+    samples = seen(StereoErrors(pitch_rad=0.0008))
+    assert estimate_errors(samples, RIG).errors.pitch_rad == pytest.approx(0.0008, abs=1e-4)
+    assert estimate_errors(samples, RIG, effect_px=0.25).errors == StereoErrors()
+    calibration = SelfCalibration(RIG)
+    for k in range(8):
+        here = samples.select(samples.frame == k)
+        calibration.add(k, here.pixels, here.right_pixels)
+        assert not calibration.complete(here.velocity[0])
+    assert calibration.errors is None
+    assert OdometrySettings().self_calibration == "auto"
+    assert THESIS.self_calibration == "off"
 
 
 @pytest.mark.parametrize("offset_s", [0.0, 0.013, -0.042])

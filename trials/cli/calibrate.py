@@ -40,7 +40,7 @@ def calibrate(
 ) -> None:
     """Estimate errors of a stereo calibration from the recording itself, with standard errors.
 
-    Nothing is changed. `driftyard run --self-calibrate auto` corrects what is significant.
+    Nothing is changed. `driftyard run` corrects what is significant, from 0.25 px on.
     """
     if picture:
         known_suffix(picture, (".png",))

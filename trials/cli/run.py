@@ -23,7 +23,7 @@ def run(
         None, "Time for a frame; it then leaves out work, and says which.", min=0, metavar="MS"
     ),
     self_calibrate: Literal["auto", "off"] | None = option(
-        None, "Whether significant errors of the stereo calibration are corrected."
+        None, "Whether significant errors of the stereo calibration are corrected; auto by default."
     ),
 ) -> None:
     """Run an estimator over a dataset; write its trajectory and a record of every frame.

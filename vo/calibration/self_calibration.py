@@ -15,6 +15,10 @@ FIRST_KEYFRAMES, LAST_KEYFRAMES = 2, 32
 MAX_POINTS, MIN_POINTS = 80, 150
 """Points of one keyframe, and of all that are needed."""
 
+MIN_EFFECT_PX = 0.25
+"""Motion of the right image by an error from which on errors are corrected: smaller ones cost less
+than what their estimates change."""
+
 NEW_MAP_PX = 0.05
 """Change of disparities by changed errors above which landmarks are triangulated anew."""
 
@@ -83,9 +87,11 @@ class SelfCalibration:
         samples = self.samples
         if len(samples) < MIN_POINTS:
             return False
+        if self.errors is None:
+            large = estimate_errors(samples, self._rig, MIN_EFFECT_PX).corrected
+            if large == StereoErrors():
+                return False
         found = estimate_errors(samples, self._rig).corrected
-        if self.errors is None and found == StereoErrors():
-            return False
         before, self.errors = self.errors or StereoErrors(), found
         return _change_px(samples, self._rig, before, found) > NEW_MAP_PX
 

@@ -108,11 +108,16 @@ class StereoEstimate:
         return replace(self.errors, keystone_rad=0.0)
 
 
-def estimate_errors(samples: StereoSamples, rig: StereoRig) -> StereoEstimate:
-    """Estimate the errors of a calibration from N samples; insignificant ones are zero."""
+def estimate_errors(
+    samples: StereoSamples, rig: StereoRig, effect_px: float = LIMITS.effect_px
+) -> StereoEstimate:
+    """Estimate the errors of a calibration from N samples; insignificant ones are zero.
+
+    Those that are not zero move the right image by more than `effect_px`, root mean square.
+    """
     nothing = np.zeros(len(STEPS))
     system = _System(samples, rig, nothing)
-    before_px, chosen = system.sigma_px, _select(system)
+    before_px, chosen = system.sigma_px, _select(system, effect_px)
     for _ in range(LIMITS.iterations):
         theta = nothing.copy()
         theta[chosen] = system.solve(chosen)[0]
@@ -120,7 +125,7 @@ def estimate_errors(samples: StereoSamples, rig: StereoRig) -> StereoEstimate:
         if change_px.max() < LIMITS.converged_px:
             break
         system = _System(samples, rig, theta)
-        chosen = _select(system)
+        chosen = _select(system, effect_px)
     quantities = tuple(_quantity(i, system, chosen) for i in range(len(STEPS)))
     return StereoEstimate(
         StereoErrors(*system.theta.tolist()), quantities, (before_px, system.sigma_px)
@@ -200,7 +205,7 @@ class _System:
         return values, np.sqrt(variance)
 
 
-def _select(system: _System) -> list[int]:
+def _select(system: _System, effect_px: float) -> list[int]:
     """Take in quantities, the most significant one first, until no other is; likely ones first."""
     chosen: list[int] = []
     for group in LIKELY, UNLIKELY:
@@ -208,7 +213,7 @@ def _select(system: _System) -> list[int]:
             found = [_quantity(i, system, chosen) for i in rest]
             ratios = [abs(x.value) / x.standard_error for x in found]
             best = int(np.argmax(ratios))
-            if ratios[best] < LIMITS.sigmas or found[best].effect_px < LIMITS.effect_px:
+            if ratios[best] < LIMITS.sigmas or found[best].effect_px < effect_px:
                 break
             chosen.append(rest[best])
     return chosen
