@@ -9,8 +9,8 @@ from vo.contract.arrays import Array, Indices
 from vo.contract.rig import StereoRig
 from vo.stereo.right_camera import RightCamera, StereoErrors
 
-FIRST_KEYFRAMES, LAST_KEYFRAMES = 2, 32
-"""Keyframes at whose number errors are estimated first and last, each time for twice as many."""
+ESTIMATED_AT = (2, 8, 32)
+"""Numbers of keyframes at which errors are estimated; after the last one, none are gathered."""
 
 MAX_POINTS, MIN_POINTS = 80, 150
 """Points of one keyframe, and of all that are needed."""
@@ -47,7 +47,7 @@ class SelfCalibration:
     @property
     def gathers(self) -> bool:
         """Whether samples are still needed."""
-        return len(self._samples) < LAST_KEYFRAMES
+        return len(self._samples) < ESTIMATED_AT[-1]
 
     @property
     def samples(self) -> StereoSamples:
@@ -81,8 +81,7 @@ class SelfCalibration:
         frame = np.full(n, len(self._samples))
         new = StereoSamples(pixels, right_pixels, np.tile(velocity, (n, 1)), frame)
         self._samples.append(new)
-        count = len(self._samples)
-        if count < FIRST_KEYFRAMES or count & (count - 1):  # no power of two
+        if len(self._samples) not in ESTIMATED_AT:
             return False
         samples = self.samples
         if len(samples) < MIN_POINTS:

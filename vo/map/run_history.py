@@ -91,7 +91,7 @@ class RunHistory:
         near = self.frames[i - 1 : i + 2]
         T = [self.keyframes[serial].T_odom_cam @ T for _, serial, T in near]
         before_s, after_s = np.diff([1e-9 * time for time, _, _ in near])
-        before, after = (se3.log(se3.inverse(a) @ b) for a, b in itertools.pairwise(T))
+        before, after = se3.log(np.array([se3.inverse(a) @ b for a, b in itertools.pairwise(T)]))
         share = after_s / (before_s + after_s)
         return share * before / before_s + (1 - share) * after / after_s
 

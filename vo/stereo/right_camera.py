@@ -10,7 +10,6 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from vo.contract import se3
 from vo.contract.arrays import Array
@@ -78,7 +77,8 @@ class RightCamera:
     def _pose(self) -> tuple[Array, Array]:
         """R_cam_right (..., 3, 3) and the right camera's position (..., 3) over the baseline."""
         e = self.errors
-        R = Rotation.from_euler("XZ", [e.pitch_rad, e.roll_rad]).as_matrix()
+        (cp, cr), (sp, sr) = (f([e.pitch_rad, e.roll_rad]) for f in (np.cos, np.sin))
+        R = np.array([[cr, -sr, 0], [cp * sr, cp * cr, -sp], [sp * sr, sp * cr, cp]])  # X, then Z
         t = np.array([1.0, e.drop, e.advance])
         if not e.delay_s:
             return R, t
