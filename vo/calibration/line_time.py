@@ -87,7 +87,7 @@ def _score(before: SeenFrame, now: SeenFrame, rig: StereoRig) -> tuple[float, fl
     J = np.concatenate([stereo_jacobian(points, rig), -slope[:, :, None]], axis=2)
     if not np.isfinite(J).all():
         return None
-    weight, rest = np.ones_like(left), left
+    rest, information, gradient = left, np.eye(7), np.zeros(7)
     for _ in range(ITERATIONS):
         sigma = np.maximum(MAD_TO_SIGMA * np.median(np.abs(rest), axis=0), MIN_SIGMA_PX)
         weight = np.minimum(1, HUBER / np.maximum(np.abs(rest) / sigma, 1e-9)) / sigma**2
