@@ -180,11 +180,16 @@ def place_and_render(
 
 
 def cropped_geometry(world: World, geometry: GeometryBuffers) -> GeometryBuffers:
-    """Return depth and objects in the delivered size."""
+    """Return depth and objects in the delivered size; all but the left depth are views."""
     margin_px = (world.render_rig.width_px - world.rig.width_px) // 2
-    return GeometryBuffers(*(_crop(x, margin_px) for x in vars(geometry).values()))
+    left_m, *others = (_inner(x, margin_px) for x in vars(geometry).values())
+    return GeometryBuffers(np.ascontiguousarray(left_m), *others)
 
 
 def _crop(image: Array, margin_px: int) -> Array:
+    return np.ascontiguousarray(_inner(image, margin_px))
+
+
+def _inner(image: Array, margin_px: int) -> Array:
     inner = slice(margin_px, -margin_px) if margin_px else slice(None)
-    return np.ascontiguousarray(image[inner, inner])
+    return image[inner, inner]

@@ -18,7 +18,9 @@ from sim.world.drawn import bodies_of
 from sim.world.trip import Trip
 from sim.world.world import World
 from vo.contract import se3
-from vo.contract.arrays import Array
+from vo.contract.arrays import Array, Indices
+from vo.contract.compilation import compiled
+from vo.contract.rig import StereoRig
 
 PROBE_PX = 16
 """Spacing of the pixels whose motion determines the number of sub-frames."""
@@ -106,28 +108,50 @@ def max_image_speed_px_s(
     rig = world.render_rig
     depth = geometry.depth_left_m[::PROBE_PX, ::PROBE_PX].ravel().astype(float)
     geoms = geometry.geoms_left[::PROBE_PX, ::PROBE_PX].ravel()
-    v, u = (a.ravel() for a in np.mgrid[: rig.height_px : PROBE_PX, : rig.width_px : PROBE_PX])
-    rays = np.column_stack([rig.normalized(np.column_stack([u, v])), np.ones(len(u))])
-    is_sky = np.isnan(depth)
+    rays, is_sky = _probe_rays(rig), np.isnan(depth)
+    points_cam = np.where(is_sky, 1.0, depth)[:, None] * rays
     _place(world, trip, (start_s + end_s) / 2)
-    points = np.where(is_sky, 1.0, depth)[:, None] * rays
-    points_world = se3.transform(world.T_world_cam, points)
-    bodies = np.where(is_sky, 0, bodies_of(world.model)[geoms])
-    T_bodies_world = se3.inverse(world.T_world_bodies)[bodies]
-    homogeneous = np.column_stack([points_world, np.ones(len(points_world))])
-    points_body = np.einsum("nij,nj->ni", T_bodies_world, homogeneous)
-    directions_world = rays @ world.T_world_cam[:3, :3].T
+    T_cam_bodies = se3.inverse(world.T_world_cam) @ world.T_world_bodies
+    T_bodies_cam, R_sky = se3.inverse(T_cam_bodies), world.T_world_cam[:3, :3]
+    bodies = np.where(is_sky, len(T_bodies_cam), bodies_of(world.model)[geoms])
     count = int(np.clip(math.ceil((end_s - start_s) / PROBE_PERIOD_S), 2, PROBES_MAX))
-    pixels: list[Array] = []
-    for time_s in np.linspace(start_s, end_s, count + 1):
+    T = np.tile(np.eye(4), (count + 1, len(T_bodies_cam) + 1, 1, 1))
+    for k, time_s in enumerate(np.linspace(start_s, end_s, count + 1)):
         _place(world, trip, float(time_s))
-        moved = np.einsum("nij,nj->ni", world.T_world_bodies[bodies], points_body)[:, :3]
         T_cam_world = se3.inverse(world.T_world_cam)
-        points_cam = se3.transform(T_cam_world, moved)
-        points_cam[is_sky] = directions_world[is_sky] @ T_cam_world[:3, :3].T
-        pixels.append(rig.project(points_cam)[:, :2])
-    steps_px = np.linalg.norm(np.diff(np.array(pixels), axis=0), axis=-1)
-    return float(np.nanmax(steps_px, initial=0.0)) * count / (end_s - start_s)
+        T[k, :-1] = T_cam_world @ world.T_world_bodies @ T_bodies_cam
+        T[k, -1, :3, :3] = T_cam_world[:3, :3] @ R_sky
+    return rig.f_px * _longest_step(points_cam, bodies, T) * count / (end_s - start_s)
+
+
+def _probe_rays(rig: StereoRig) -> Array:
+    """Return the rays (N, 3), of depth 1, of the pixels whose motion is probed."""
+    v, u = (a.ravel() for a in np.mgrid[: rig.height_px : PROBE_PX, : rig.width_px : PROBE_PX])
+    return np.column_stack([rig.normalized(np.column_stack([u, v])), np.ones(len(u))])
+
+
+@compiled(nogil=True)
+def _longest_step(points: Array, bodies: Indices, T: Array) -> float:
+    """Return the longest step of points (N, 3) under motions (M, B, 4, 4), over the focal length.
+
+    The bodies (N,) have the motion; what comes to lie behind the camera does not count.
+    """
+    longest = 0.0
+    for i in range(len(points)):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        before_u, before_v = np.nan, np.nan
+        for k in range(len(T)):
+            M = T[k, bodies[i]]
+            depth = M[2, 0] * x + M[2, 1] * y + M[2, 2] * z + M[2, 3]
+            u = (M[0, 0] * x + M[0, 1] * y + M[0, 2] * z + M[0, 3]) / depth
+            v = (M[1, 0] * x + M[1, 1] * y + M[1, 2] * z + M[1, 3]) / depth
+            if depth <= 0:
+                u = np.nan
+            step = np.hypot(u - before_u, v - before_v)
+            if step > longest:
+                longest = step
+            before_u, before_v = u, v
+    return longest
 
 
 def mean_brightness(world: World, shutter: Shutter, samples: int = 33) -> Array:

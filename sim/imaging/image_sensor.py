@@ -10,8 +10,16 @@ import numpy as np
 from sim.imaging import lens
 from sim.imaging.chromatic import lateral_colour
 from sim.imaging.distortion import has_distortion, is_equidistant
-from sim.imaging.linear_light import Curve, Encoding, curve_of, levels_to_light, light_to_levels
+from sim.imaging.linear_light import (
+    Curve,
+    Encoding,
+    curve_of,
+    levels_to_light,
+    light_to_levels,
+    of_each_value,
+)
 from sim.imaging.resample import sample
+from sim.imaging.rescaling import log_of_share, rescale
 from sim.imaging.soiling import Soiling
 from sim.settings import RecordSettings
 from vo.contract.arrays import Array, Image
@@ -59,7 +67,9 @@ class ImageSensor:
             places = lens.delivered_to_raw(settings, rig, lens.pixel_grid(rig))
             u_px, v_px = (a + self.raw_margin_px for a in places)
             self._rectification = u_px.astype(np.float32), v_px.astype(np.float32)
-        self._share = None if self._falloff is None else self._rectified(self._falloff)
+        self._log_share: Array | None = None
+        if self._falloff is not None:
+            self._log_share = log_of_share(self._rectified(self._falloff))
 
     def expose(
         self, light: Array, brightness: float, gain: float, rng: np.random.Generator
@@ -76,16 +86,17 @@ class ImageSensor:
         if self._soiling is not None:
             light = self._soiling(light)
         amplified = np.float32(brightness * self._sensitivity * gain * self._fixed_gain)
-        if self._falloff is not None:
-            factor = amplified * self._falloff
-            light = light * (factor if light.ndim == 2 else factor[..., None])
-        elif amplified != 1:
-            light = light * amplified
         is_noisy = self._sensor.full_well > 0 or self._read_noise > 0
         noise = (*self._variances(gain), rng) if is_noisy else None
-        if self._sensor.bits > 8:
-            return self._encoding.encode_deep(light, self._sensor.bits, noise)
-        image = self._encoding.encode_noisy(light, *noise) if noise else self._encoding(light)
+        share = amplified if self._falloff is None else amplified * self._falloff
+        if noise and self._sensor.bits == 8:
+            image = self._encoding.encode_noisy(light, share, *noise)
+        else:
+            if share.ndim or share != 1:
+                light = light * of_each_value(share, light.shape).reshape(light.shape)
+            if self._sensor.bits > 8:
+                return self._encoding.encode_deep(light, self._sensor.bits, noise)
+            image = self._encoding(light)
         return _compressed(image, self._sensor.jpeg_quality) if self._sensor.jpeg_quality else image
 
     def encode(self, light: Array) -> Image:
@@ -110,10 +121,12 @@ class ImageSensor:
                 the same shape, by which factor each multiplies small differences.
         """
         light = np.float32(self._sensitivity * exposed)
-        if self._share is None and light == 1:
-            return image, np.broadcast_to(np.float32(1), image.shape)
-        share = np.full(image.shape[:2], light) if self._share is None else light * self._share
-        return self._encoding.rescale(image, share)
+        log_share = self._log_share
+        if log_share is None:
+            if light == 1:
+                return image, np.broadcast_to(np.float32(1), image.shape)
+            log_share = np.zeros(image.shape[:2], np.float32)
+        return rescale(curve_of(self._sensor), image, log_share, float(light))
 
     def noise_sigma(self, gain: float) -> Array:
         """Return the standard deviation (256,) of the noise at each noise-free grey level.

@@ -77,10 +77,11 @@ class Encoding:
         self._curve = curve
         edges = levels_to_light(curve, np.arange(255) + 0.5)
         self._edges = np.append(edges, np.inf).astype(np.float32)
-        light = levels_to_light(curve, np.arange(256))
-        self._light, self._slope = light.astype(np.float32), np.gradient(light).astype(np.float32)
         starts = np.arange(ENCODING_BINS + 1) / np.float32(ENCODING_BINS)
-        self._first = np.searchsorted(self._edges, starts, side="right").astype(np.uint8)
+        first = np.searchsorted(self._edges, starts, side="right")
+        self._first = first.astype(np.uint8)
+        is_fine = edges[0] >= 0 and np.diff(first).max() <= 1
+        self._bins = (self._edges[first], first.astype(np.int32)) if is_fine else None
 
     def __call__(self, light: Array) -> Image:
         """Encode (H, W[, 3]) float32 light; values outside [0, 1] are clipped."""
@@ -89,14 +90,30 @@ class Encoding:
         return out
 
     def encode_noisy(
-        self, light: Array, shot: float, floor: float, rng: np.random.Generator
+        self,
+        light: Array,
+        share: Array | np.float32,
+        shot: float,
+        floor: float,
+        rng: np.random.Generator,
     ) -> Image:
-        """Encode (H, W[, 3]) light with normal noise of variance shot * light + floor added."""
+        """Encode a share (H, W) of (H, W[, 3]) light, float32, with normal noise added.
+
+        Its variance is shot * light + floor.
+        """
+        words = rng.bit_generator.random_raw(-(-light.size // 4))
+        drawn = words.astype("<u8", copy=False).view(np.uint16)[: light.size]
+        variance, shares = (np.float32(shot), np.float32(floor)), of_each_value(share, light.shape)
         out = np.empty(light.shape, np.uint8)
-        drawn = rng.integers(0, QUANTILES, light.size, dtype=np.uint16)
-        noise = np.float32(shot), np.float32(floor), drawn, normal_quantiles()
-        _encode_noisy(light.ravel(), *noise, self._edges, self._first, out.reshape(-1))
-        return out
+        if self._bins:
+            table = normal_quantiles()
+            _encode_noisy(
+                light.ravel(), shares, *variance, drawn, table, *self._bins, out.reshape(-1)
+            )
+            return out
+        y = np.maximum(light.ravel() * shares, 0)
+        y += np.sqrt(variance[0] * y + variance[1]) * normal_quantiles()[drawn]
+        return self(y.reshape(light.shape))
 
     def encode_deep(
         self, light: Array, bits: int, noise: tuple[float, float, np.random.Generator] | None
@@ -110,19 +127,11 @@ class Encoding:
         levels = light_to_levels(self._curve, light) * ((2**bits - 1) / 255)
         return np.rint(levels).astype(np.uint16)
 
-    def rescale(self, image: Image, share: Array) -> tuple[Array, Array]:
-        """Divide the light of an image (H, W[, 3]) by a share (H, W) of it, float32.
 
-        Returns:
-            Fractional grey levels up to 255, and the factor on small differences of levels, in
-                the shape of the image, float32. Between grey levels, light is taken as linear.
-        """
-        levels, factor = np.empty((2, *image.shape), np.float32)
-        channels = image.shape[2] if image.ndim == 3 else 1
-        pixels, out, factors = (x.reshape(-1, channels) for x in (image, levels, factor))
-        tables = self._light, self._slope, self._first
-        _rescale(share.ravel(), pixels, out, factors, *tables)
-        return levels, factor
+def of_each_value(share: Array | np.float32, shape: tuple[int, ...]) -> Array:
+    """Repeat a share, (H, W) or one for all, for each value of an (H, W[, C]) image, (N,)."""
+    by_pixel = share.reshape(*share.shape, *(1,) * (len(shape) - share.ndim))
+    return np.broadcast_to(by_pixel, shape).ravel()
 
 
 @lru_cache(maxsize=1)
@@ -155,42 +164,22 @@ def _encode(light: Array, edges: Array, first: Array, out: Image) -> None:
         out[i] = _level(light[i], edges, first)
 
 
-@compiled(nogil=True)
+@compiled(distinct=True, nogil=True)
 def _encode_noisy(
     light: Array,
+    share: Array,
     shot: np.float32,
     floor: np.float32,
     drawn: Array,
     quantiles: Array,
-    edges: Array,
+    edge: Array,
     first: Array,
     out: Image,
 ) -> None:
+    """Encode as `_level`, by the only edge in each bin: without branches, by vectors."""
     for i in range(len(light)):
-        y = max(light[i], np.float32(0))
-        out[i] = _level(y + np.sqrt(shot * y + floor) * quantiles[drawn[i]], edges, first)
-
-
-@compiled(nogil=True)
-def _rescale(
-    share: Array,
-    image: Image,
-    levels: Array,
-    factor: Array,
-    light: Array,
-    slope: Array,
-    first: Array,
-) -> None:
-    for i in range(len(share)):
-        for c in range(image.shape[1]):
-            level = image[i, c]
-            wanted = min(light[level] / share[i], np.float32(1))
-            low = min(int(first[int(wanted * np.float32(ENCODING_BINS))]), 254)
-            while low > 0 and light[low] > wanted:
-                low -= 1
-            while low < 254 and light[low + 1] <= wanted:
-                low += 1
-            rest = (wanted - light[low]) / (light[low + 1] - light[low])
-            after = slope[low] + rest * (slope[low + 1] - slope[low])
-            levels[i, c] = np.float32(low) + rest
-            factor[i, c] = slope[level] / (share[i] * after)
+        y = max(light[i] * share[i], np.float32(0))
+        y += np.sqrt(shot * y + floor) * quantiles[drawn[i]]
+        y = min(max(y, np.float32(0)), np.float32(1))
+        k = np.int32(y * np.float32(ENCODING_BINS))
+        out[i] = np.uint8(first[k] + np.int32(y >= edge[k]))

@@ -22,6 +22,7 @@ from sim.imaging.linear_light import (
     normal_quantiles,
 )
 from sim.imaging.resample import sample_variance
+from sim.imaging.rescaling import log_of_share, rescale
 from sim.imaging.soiling import Soiling
 from sim.settings import RecordSettings
 from vo.contract.arrays import Array, Image
@@ -237,13 +238,21 @@ def test_corrected_undoes_vignetting_and_sensitivity(shape: tuple[int, ...], k1:
 def test_rescale_divides_light(response: Response):
     image = np.arange(256, dtype=np.uint8).reshape(16, 16)
     share = np.linspace(0.5, 1.3, 256).reshape(16, 16).astype(np.float32)
-    levels, factor = Encoding(response).rescale(image, share)
+    levels, factor = rescale(response, image, log_of_share(share))
     exact = light_to_levels(response, levels_to_light(response, image) / share)
     np.testing.assert_allclose(levels, exact, atol=0.03)
     more = light_to_levels(response, levels_to_light(response, image + 0.5) / share)
     less = light_to_levels(response, levels_to_light(response, image - 0.5) / share)
     inner = (exact > 3) & (exact < 252)
     np.testing.assert_allclose(factor[inner], (more - less)[inner], rtol=0.02)
+
+
+def test_rescale_clips_shares_beyond_its_table():
+    image, share = np.full((1, 4), 100, np.uint8), np.array([[0.0, 1e-9, 1e9, np.nan]], np.float32)
+    levels, factor = rescale("srgb", image, log_of_share(share))
+    np.testing.assert_allclose(levels[0, [0, 1, 3]], [255, 255, 100], atol=1e-3)
+    assert 0 <= levels[0, 2] < 5
+    assert np.isfinite(factor).all()
 
 
 def test_encode_applies_fixed_gain_and_sensitivity():
