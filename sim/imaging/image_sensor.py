@@ -90,7 +90,7 @@ class ImageSensor:
         noise = (*self._variances(gain), rng) if is_noisy else None
         share = amplified if self._falloff is None else amplified * self._falloff
         if noise and self._sensor.bits == 8:
-            image = self._encoding.encode_noisy(light, share, *noise)
+            image = self._encoding.encode_noisy(light, *noise, share)
         else:
             if share.ndim or share != 1:
                 light = light * of_each_value(share, light.shape).reshape(light.shape)

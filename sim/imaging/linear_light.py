@@ -28,6 +28,7 @@ def curve_of(sensor: SensorSettings) -> Curve:
     return Curve(sensor.response, sensor.gamma, sensor.black_grey, sensor.white_grey)
 
 
+ONE = np.float32(1)
 ENCODING_BINS = 4096
 """Finer than the closest grey levels in linear light: each bin has at most one edge."""
 QUANTILES = 1 << 16
@@ -92,10 +93,10 @@ class Encoding:
     def encode_noisy(
         self,
         light: Array,
-        share: Array | np.float32,
         shot: float,
         floor: float,
         rng: np.random.Generator,
+        share: Array | np.float32 = ONE,
     ) -> Image:
         """Encode a share (H, W) of (H, W[, 3]) light, float32, with normal noise added.
 

@@ -39,13 +39,14 @@ def camera_view(scene: Scene, settings: RecordSettings) -> Image:
 
 def camera_sheet(views: Mapping[str, Image]) -> Image:
     """Compose views by the name of their camera as (H, W, 3) RGB, each with its middle enlarged."""
-    rows = -(-len(views) // COLUMNS)
-    figure = Figure(figsize=(WIDTH_IN, rows * 0.62 * WIDTH_IN), dpi=DPI, facecolor=PAPER)
-    axes = figure.subplots(2 * rows, COLUMNS, squeeze=False)
+    columns = min(len(views), COLUMNS)
+    rows, width_in = -(-len(views) // columns), WIDTH_IN * columns / COLUMNS
+    figure = Figure(figsize=(width_in, rows * 0.62 * WIDTH_IN), dpi=DPI, facecolor=PAPER)
+    axes = figure.subplots(2 * rows, columns, squeeze=False)
     for cell in axes.flat:
         cell.set_axis_off()
     for k, (name, view) in enumerate(views.items()):
-        row, column = 2 * (k // COLUMNS), k % COLUMNS
+        row, column = 2 * (k // columns), k % columns
         height, width = view.shape[:2]
         v, u = height // 2 - height // 8, width // 2 - width // 8
         axes[row, column].imshow(view, interpolation="antialiased")

@@ -7,6 +7,7 @@ from terminal import driftyard
 
 from trials.execution.recording_settings import recording_settings
 from trials.studies.bench import PARTS, endurance_table, length_table
+from trials.studies.speed.cameras import CAMERAS, measure_cameras
 from trials.studies.speed.comparison import RECORDINGS, comparison_table, measure_rounds
 from trials.studies.speed.drive import TimedDrive
 from trials.studies.speed.estimator import EstimatorSpeed, measure_estimator, to_and_fro
@@ -35,6 +36,14 @@ def test_measure_lengths_times_frames_of_both_drives(tmp_path):
     cells = (column.cells for column in length_table(cost).columns[:2])
     rows = {str(x): str(y) for x, y in zip(*cells, strict=True)}
     assert rows["all"] == f"{cost.short.frame_ms:.1f}"
+
+
+def test_measure_cameras_times_frames_of_each(tmp_path):
+    (tmp_path / "yard.xml").write_text(YARD)
+    drive = "rig.width_px=64", "rig.height_px=48", "drive.distance_m=0.4"
+    found = measure_cameras(str(tmp_path / "yard.xml"), 0, 1, drive=drive)
+    assert found.shape == (1, len(CAMERAS), 2)
+    assert (found > 0).all()
 
 
 def test_endurance_table_compares_start_and_end():

@@ -20,7 +20,7 @@ def bench(
     only: str = option(
         "",
         "Parts: generation, lengths, estimators, endurance, start, environments; all by default. "
-        "And devices, costs, scheduler, engines.",
+        "And devices, costs, scheduler, engines, cameras.",
         metavar="A,B,C",
     ),
     over: Path | None = option(

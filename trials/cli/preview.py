@@ -1,5 +1,6 @@
 """`driftyard preview`: pictures or a film of a scene before it is recorded."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,8 +21,8 @@ def preview(
     recording: RecordingOptions,
     scene: str = argument(
         ...,
-        "Scene as for `generate`, or `all` for one picture of every scene; with `--camera all`, "
-        "through every camera.",
+        "Scene as for `generate`, or `all` for one picture of every scene; with `--camera all` or "
+        "`--camera A,B`, through several cameras.",
     ),
     out: Path | None = option(
         None, "PNG or JPEG of views, labels and map.", show_default="preview.png, unless --film"
@@ -40,10 +41,11 @@ def preview(
             raise SettingsError("--film: shows one scene, not all")
         _preview_all(sheet, recording)
         return
-    if recording.camera == "all":
+    cameras = list(CAMERAS) if recording.camera == "all" else recording.camera.split(",")
+    if len(cameras) > 1:
         if film is not None or sheet is None:
-            raise SettingsError("--film: is of one camera, not of all")
-        _preview_cameras(sheet, scene, recording)
+            raise SettingsError("--film: is of one camera, not of several")
+        _preview_cameras(sheet, scene, recording, cameras)
         return
     settings = recording.settings(scene)
     built = build(scene, settings)
@@ -56,11 +58,13 @@ def preview(
         console.out.print(f"{film}")
 
 
-def _preview_cameras(out: Path, scene: str, recording: RecordingOptions) -> None:
-    """Picture one moment of a scene through every camera."""
+def _preview_cameras(
+    out: Path, scene: str, recording: RecordingOptions, cameras: Sequence[str]
+) -> None:
+    """Picture one moment of a scene through several cameras."""
     views = {}
-    with console.counting_bar("cameras", len(CAMERAS)) as advance:
-        for name in CAMERAS:
+    with console.counting_bar("cameras", len(cameras)) as advance:
+        for name in cameras:
             settings = replace(recording, camera=name).settings(scene)
             views[name] = camera_view(build(scene, settings), settings)
             advance(name)

@@ -24,12 +24,8 @@ from trials.execution.progress import ProgressBar, no_progress
 from trials.report.tables import text_table
 from trials.studies.speed import generator
 from trials.studies.speed.backends import backend_table, measure_windows
-from trials.studies.speed.comparison import (
-    RECORDINGS,
-    ROUNDS,
-    comparison_table,
-    measure_rounds,
-)
+from trials.studies.speed.cameras import camera_table
+from trials.studies.speed.comparison import RECORDINGS, ROUNDS, comparison_table, measure_rounds
 from trials.studies.speed.cost_report import measure_costs
 from trials.studies.speed.devices import device_table, measure_devices
 from trials.studies.speed.drive import TimedDrive, on_cores
@@ -162,6 +158,10 @@ def _engines(bench: Bench) -> Iterator[Table | str]:
     yield from engine_tables(scenes, bench.seed, bench.cores)
 
 
+def _cameras(bench: Bench) -> Iterator[Table | str]:
+    yield camera_table(bench.scene, bench.seed, bench.quick, bench.cores, bench.bar)
+
+
 PARTS: dict[str, Callable[[Bench], Iterator[Table | str]]] = {
     "generation": _generation,
     "lengths": _lengths,
@@ -173,9 +173,10 @@ PARTS: dict[str, Callable[[Bench], Iterator[Table | str]]] = {
     "costs": _costs,
     "scheduler": _scheduler,
     "engines": _engines,
+    "cameras": _cameras,
 }
 """Parts of the measurement by name."""
-ON_REQUEST = ("devices", "costs", "scheduler", "engines")
+ON_REQUEST = ("devices", "costs", "scheduler", "engines", "cameras")
 """Parts that are measured only if they are named: they concern many machines, GPUs or engines."""
 
 
