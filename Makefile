@@ -2,7 +2,7 @@
 # Most targets are commands of driftyard, which take options: make bench ARGS=--quick
 
 .DEFAULT_GOAL := help
-.PHONY: demo check unit test suite lint bench accuracy label-accuracy response bump replanning routing traffic scenes gate gate-power experiments explain docs docs-serve notebooks clean help
+.PHONY: demo check unit test suite lint bench accuracy label-accuracy response bump replanning routing traffic cloud scenes gate gate-power experiments explain docs docs-serve notebooks clean help
 
 VENV := .venv
 READY := $(VENV)/.ready
@@ -67,6 +67,10 @@ routing: $(READY)  ## static and dynamic routing, with and without clearing (int
 traffic: $(READY)  ## install Eclipse SUMO (250 MB) and run its tests
 	$(BIN)/python -m pip install --quiet --editable ".[traffic]"
 	$(BIN)/pytest -q tests/e2e/test_route_grid.py
+
+cloud: $(READY)  ## install clients of buckets and clusters (150 MB) and run their tests
+	$(BIN)/python -m pip install --quiet --editable ".[cluster,parquet]" --group cloud
+	$(BIN)/pytest -q tests/e2e/test_locations.py tests/unit/test_store.py tests/unit/test_queues.py
 
 gate: $(READY)  ## compare the default estimator with tests/gate/baseline.json
 	$(BIN)/driftyard gate check --baseline tests/gate/baseline.json --accept datasets,platform $(ARGS)

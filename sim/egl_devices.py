@@ -1,13 +1,15 @@
-"""Devices that EGL can render with, and the numbers by which MUJOCO_EGL_DEVICE_ID chooses them.
+"""Devices that EGL can render with, and what chooses them for MuJoCo and for Vulkan.
 
 The library is asked directly: binding PyOpenGL to EGL in vain would rule out OSMesa.
 """
 
 import ctypes
 import os
+import re
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 
 from sim.graphics import LIBRARIES
 
@@ -99,9 +101,23 @@ def mujoco_numbers(devices: Sequence[EglDevice], visible: str) -> list[int | Non
     ]
 
 
-def gpu_numbers() -> list[int]:
-    """Return what MUJOCO_EGL_DEVICE_ID takes for each device that is no software and accessible."""
+def gpu_files() -> dict[int, str]:
+    """Return the device files of GPUs that are accessible, by what MUJOCO_EGL_DEVICE_ID takes."""
     devices = list_devices()
     numbers = mujoco_numbers(devices, os.environ.get("CUDA_VISIBLE_DEVICES", ""))
     pairs = zip(devices, numbers, strict=True)
-    return [n for x, n in pairs if n is not None and not x.is_software and x.is_accessible]
+    return {n: x.file for x, n in pairs if n is not None and not x.is_software and x.is_accessible}
+
+
+def vulkan_variables(file: str, system: Path = Path("/sys")) -> dict[str, str]:
+    """Return the environment in which Vulkan lists the GPU of a device file alone.
+
+    Mesa's layer of selection, of Debian's mesa-vulkan-drivers, hides all other devices, of any
+    driver. An order of the devices, as by VK_LOADER_DEVICE_SELECT, would not choose: of equal ones,
+    Filament takes the last. It is empty if the GPU has no address on the PCI bus.
+    """
+    device = (system / "class/drm" / Path(file).name / "device").resolve()
+    if not re.fullmatch(r"[0-9a-f]{4}:[0-9a-f]{2}:[0-9a-f]{2}\.[0-7]", device.name):
+        return {}
+    address = device.name.replace(":", "_").replace(".", "_")
+    return {"DRI_PRIME": f"pci-{address}", "MESA_VK_DEVICE_SELECT_FORCE_DEFAULT_DEVICE": "1"}

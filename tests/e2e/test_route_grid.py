@@ -194,5 +194,6 @@ def test_route_grid_writes_figure_tables_and_verdict(sumo, tmp_path):
     table = [*csv.DictReader(text.splitlines())]
     assert len(table) == 8
     assert (tmp_path / "b/routing_grid.csv").read_text() == text
+    assert len([*(tmp_path / "build/cache/results").glob("traffic-*")]) == 2  # b reads them
     summary = json.loads((tmp_path / "a/routing_grid.json").read_text())
     assert summary["settings"]["volumes"] == [150]

@@ -14,7 +14,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from sim.egl_devices import list_devices, mujoco_numbers
+from sim.egl_devices import list_devices, mujoco_numbers, vulkan_variables
 from sim.graphics import VARIABLES, GraphicsError, explain_fault
 from trials.cli import console
 from trials.cli.options import option
@@ -39,7 +39,7 @@ SIDE_PX = 64
 
 def doctor(
     devices: bool = option(
-        False, "List only the devices of EGL, and which of them render.", "--devices"
+        False, "List only the devices, and which of them EGL and Filament render with.", "--devices"
     ),
 ) -> None:
     """Check which OpenGL drivers and engines render and which packages are installed.
@@ -74,7 +74,10 @@ def doctor(
 
 
 def _doctor_devices() -> None:
-    """Render with each device of EGL in turn, by its number in MUJOCO_EGL_DEVICE_ID."""
+    """Render with each device in turn: by its number in MUJOCO_EGL_DEVICE_ID, and over Vulkan.
+
+    Filament renders with a GPU that is chosen by its address, and without GPUs with what it takes.
+    """
     found = list_devices()
     if not found:
         console.out.print("EGL lists no device: its library is missing, or it has no driver.")
@@ -89,6 +92,10 @@ def _doctor_devices() -> None:
             renders, words = _render_in_process("egl", VARIABLES, variables)
         rendering.append(renders)
         kind = "processor" if device.is_software else device.file or "GPU"
+        chosen, vulkan = vulkan_variables(device.file), "not chosen"
+        if chosen or all(x.is_software for x in found):
+            drawn, vulkan = _render_in_process(FILAMENT, (), chosen)
+            vulkan = vulkan if drawn else f"no: {vulkan}"
         cuda = "–" if device.cuda is None else str(device.cuda)
         rows.append(
             (
@@ -97,9 +104,10 @@ def _doctor_devices() -> None:
                 cuda,
                 "renders" if renders else "no",
                 words,
+                vulkan,
             )
         )
-    console.print_table(("number", "device", "CUDA", "", "driver"), rows)
+    console.print_table(("number", "device", "CUDA", "", "driver", "Filament, over Vulkan"), rows)
     if not any(rendering):
         console.out.print("No device renders: generate and preview need OSMesa.")
         raise typer.Exit(1)

@@ -5,7 +5,7 @@ import logging
 import os
 from collections.abc import Callable, Generator
 from concurrent.futures import Executor, Future
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -15,21 +15,17 @@ from uuid import uuid4
 
 from trials.execution.cache import code_digest
 from trials.execution.devices import gpus
+from trials.execution.queues import OURS, started_cluster
 from trials.execution.tasks import Report, Site, WorkerError
-from vo.contract.errors import SettingsError
 
 if TYPE_CHECKING:
     from distributed import Client
 
-TRIES = 3
-"""Attempts at a task whose worker was lost each time, by workers that this command started."""
 CONNECT_S, WORKER_S, COUNT_S = 10, 30, 5.0
 """Time that a scheduler has to answer, and to have a worker; period of counting its workers."""
-SINGLE_THREAD = dict.fromkeys(
-    ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS",
-     "LP_NUM_THREADS"), "1",
-)  # fmt: skip
-"""Environment of a local worker: processes on all cores with several threads each are slower."""
+LOUD = "distributed.client", "distributed.deploy", "tornado.application"
+ENOUGH = 0.99
+"""Ratio of the memory for a task that a worker must have: limits are rounded."""
 RESERVED = 0.9
 """Ratio of the available memory that local workers may use."""
 HAS_PACKAGE = (
@@ -116,7 +112,10 @@ def pool_of(workers: Workers, memory_gb: float) -> Generator[Pool]:
     if not workers.scheduler and 0 in (workers.count, cores):
         yield Pool(InThisProcess(), lambda _: 1, Site(folder, store=workers.store))
         return
-    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # errors are raised below
+    import distributed  # noqa: F401  # sets the levels of its loggers
+
+    for source in LOUD:  # what they log is raised below
+        logging.getLogger(source).setLevel(logging.CRITICAL)
     topic = f"driftyard-{uuid4().hex}"  # other commands may use the same scheduler
     if workers.scheduler:
         with _reached(workers, memory_gb) as client:
@@ -152,14 +151,6 @@ def _local(workers: Workers, memory_gb: float) -> "Generator[tuple[Client, Calla
         most = workers.count
     if workers.per_gpu and gpus():
         most = min(most, workers.per_gpu * len(gpus()))
-    configuration: dict[str, Any] = {
-        "distributed.nanny.pre-spawn-environ": SINGLE_THREAD,
-        "distributed.scheduler.allowed-failures": TRIES - 1,
-        # No task waits at a worker, where the loss of the worker would count against it.
-        "distributed.scheduler.worker-saturation": 1.0,
-        # On a busy machine a lost worker takes long to start again; given up, all would wait.
-        "distributed.deploy.lost-worker-timeout": "1 hour",
-    }
     quiet: dict[str, Any] = {
         "dashboard_address": "127.0.0.1:0",  # any free port
         "silence_logs": logging.CRITICAL,
@@ -167,7 +158,7 @@ def _local(workers: Workers, memory_gb: float) -> "Generator[tuple[Client, Calla
         "memory_limit": round(max(available_gb, memory_gb) / most * 2**30),
     }
     with (
-        dask.config.set(configuration),
+        dask.config.set(OURS),
         LocalCluster(n_workers=0, **quiet) as cluster,
         Client(cluster) as client,
     ):
@@ -189,7 +180,10 @@ def _reached(workers: Workers, memory_gb: float) -> "Generator[Client]":
     from distributed import Client
 
     name = workers.scheduler
-    with _cluster(workers, memory_gb) as target:
+    reached = nullcontext(name)
+    if "://" not in name:
+        reached = started_cluster(name, workers.count or 1, memory_gb)
+    with reached as target:
         try:
             client = Client(target, timeout=CONNECT_S)
         except (OSError, ValueError) as error:
@@ -216,53 +210,11 @@ def _check(
             raise WorkerError(f"scheduler {name}: {place} has no driftyard; install it there")
     known = client.scheduler_info()["workers"].values()
     limits = [x["memory_limit"] / 2**30 or float("inf") for x in known]
-    if max(limits) < memory_gb:
+    if max(limits) < ENOUGH * memory_gb:
         raise WorkerError(
             f"scheduler {name}: its workers have at most {max(limits):.1f} GB each; these tasks "
             f"need {memory_gb:g} GB (`dask worker --memory-limit`)"
         )
-
-
-@contextmanager
-def _cluster(workers: Workers, memory_gb: float) -> Generator[Any]:
-    """Yield what a client connects to: the address, or a cluster that was started for it."""
-    kind, _, hosts = workers.scheduler.partition(":")
-    count, memory = workers.count or 1, f"{memory_gb:g}GB"
-    if kind == "slurm":
-        (made,) = _imported("dask_jobqueue", "SLURMCluster")
-        cluster = made(cores=1, processes=1, memory=memory, job_cpu=1)
-    elif kind == "kubernetes":
-        (made,) = _imported("dask_kubernetes.operator", "KubeCluster")
-        needs = {"requests": {"cpu": "1", "memory": memory}, "limits": {"memory": memory}}
-        cluster = made(name="driftyard", n_workers=0, resources=needs)
-    elif kind == "ssh" and hosts:
-        _imported("asyncssh")
-        from distributed import SSHCluster
-
-        names = hosts.split(",")
-        options = {"nthreads": 1, "n_workers": workers.count or 1}
-        with SSHCluster([names[0], *names], worker_options=options) as cluster:
-            yield cluster
-        return
-    elif "://" in workers.scheduler:
-        yield workers.scheduler
-        return
-    else:
-        raise SettingsError(
-            f"--scheduler {workers.scheduler}: expected tcp://HOST:PORT, slurm, kubernetes or "
-            "ssh:HOST,HOST"
-        )
-    with cluster:
-        cluster.scale(count)
-        yield cluster
-
-
-def _imported(module: str, *names: str) -> list[Any]:
-    try:
-        found = importlib.import_module(module)
-    except ImportError:
-        raise WorkerError(f"{module} is not installed: pip install 'driftyard[cluster]'") from None
-    return [getattr(found, name) for name in names]
 
 
 def _counted(client: "Client", name: str, memory_gb: float) -> Callable[[int], int]:

@@ -9,27 +9,35 @@ from itertools import count
 from pathlib import Path
 from typing import IO
 
-from sim.egl_devices import gpu_numbers
+from sim.egl_devices import gpu_files, vulkan_variables
 
 VARIABLE = "MUJOCO_EGL_DEVICE_ID"
+OF_VULKAN = (
+    "DRI_PRIME", "MESA_VK_DEVICE_SELECT", "VK_DRIVER_FILES", "VK_ICD_FILENAMES",
+    "VK_LOADER_DEVICE_SELECT",
+)  # fmt: skip
+"""Variables by which a user chooses the device of Vulkan, with which Filament renders."""
 
 
 @cache
-def gpus() -> tuple[int, ...]:
-    """Numbers of this machine's GPUs for VARIABLE; none if the user has set it."""
-    return () if VARIABLE in os.environ else tuple(gpu_numbers())
+def gpus() -> dict[int, str]:
+    """Device files of this machine's GPUs by their number for VARIABLE; none if the user set it."""
+    return {} if VARIABLE in os.environ else gpu_files()
 
 
 @cache
 def choose_gpu() -> IO[bytes] | None:
     """Let this process render with a GPU from its first image on; none is chosen of less than two.
 
-    What it returns is open as long as the process uses the GPU.
+    That is the GPU of OpenGL and of Vulkan, unless the user chose Vulkan's device. What it returns
+    is open as long as the process uses the GPU.
     """
-    numbers = gpus()
-    if len(numbers) < 2:
+    files = gpus()
+    if len(files) < 2:
         return None
-    number, claim = claim_gpu(numbers, Path(tempfile.gettempdir()))
+    number, claim = claim_gpu([*files], Path(tempfile.gettempdir()))
+    if not any(x in os.environ for x in OF_VULKAN):
+        os.environ.update(vulkan_variables(files[number]))
     os.environ[VARIABLE] = str(number)
     return claim
 

@@ -1,5 +1,6 @@
 """Urgent vehicles in the simulated traffic of a city: all strategies over volumes and seeds."""
 
+import importlib.metadata
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +15,7 @@ from trials.routing.demand import make_demand
 from trials.routing.drive import STRATEGIES, Strategy
 from trials.routing.phases import EIGHT_PHASES, Phase
 from trials.routing.signal_controller import TRANSITION_S
+from trials.routing.sumo import require_sumo
 from trials.routing.traffic import FREE_S, Traffic, free_times_s
 from trials.routing.urgent import Preempted, Router, UrgentVehicle
 from vo.contract.arrays import Array
@@ -103,15 +105,19 @@ def run_study(
 ) -> list[Outcome]:
     """Simulate every strategy with every volume and seed, on all cores; `done` after each four.
 
+    What a version of SUMO has simulated is kept in the cache.
+
     Raises:
         SettingsError: If SUMO is missing.
         PlanningError: If no path leads to the goal.
         TrafficError: If SUMO refuses an input.
     """
+    require_sumo()
+    kept, causes = list[Outcome], (f"SUMO {importlib.metadata.version('libsumo')}",)
     tasks = [
-        Task("traffic", f"{x:g} vehicles an hour, seed {seed}", drive_all, (settings, x, seed))
+        Task("traffic", f"{x:g} an hour, seed {k}", drive_all, (settings, x, k), kept, causes)
         for x in volumes
-        for seed in seeds
+        for k in seeds
     ]
     return [outcome for outcomes in compute(tasks, done) for outcome in outcomes]
 

@@ -2,15 +2,21 @@
 
 import ctypes
 import os
+import re
 from collections.abc import Generator
 from contextlib import contextmanager
-from typing import Any
+from tempfile import TemporaryFile
+from typing import IO, Any
 
 from sim.graphics import GraphicsError
 
 VULKAN = "libvulkan.so.1"
 WHEEL = 'pip install "driftyard[filament]"'
 DRIVER = "apt-get install libvulkan1 mesa-vulkan-drivers"
+VERSION = 1 << 22 | 1 << 12
+"""Vulkan 1.1, which Filament asks for: selection by the address of a GPU needs it."""
+SELECTED = re.compile(r"^Selected physical device '(.+)' from", re.MULTILINE)
+"""What Filament says when it has chosen a device: the last of those of the best type."""
 NAME_BYTES = 20, 256
 """Place and length of a device's name in VkPhysicalDeviceProperties."""
 
@@ -19,12 +25,13 @@ def open_filament() -> tuple[str, Any, Any]:
     """Import MuJoCo's module and create a context, on a GPU if Vulkan has one, else in software.
 
     Returns:
-        The name of Vulkan's first device, the module `mujoco.mjrf` and its context.
+        The name of the device of Vulkan that Filament takes, the module `mujoco.mjrf` and its
+        context.
 
     Raises:
         GraphicsError: If the wheel, Vulkan or a device is missing; names the package that helps.
     """
-    device = vulkan_devices()[0]
+    device, *others = vulkan_devices()
     try:
         import mujoco.studio  # noqa: F401  # tells Filament where its materials are
         from mujoco import mjrf
@@ -32,8 +39,11 @@ def open_filament() -> tuple[str, Any, Any]:
         reason = " ".join(str(error).split())
         raise GraphicsError(f"no Filament: {reason}; {WHEEL}") from None
     api = mjrf.GraphicsApi.GRAPHICS_API_VULKAN
-    with _quiet():
-        return device, mjrf, mjrf.Context(mjrf.ContextConfig(graphics_api=api))
+    with _captured() as said:
+        context = mjrf.Context(mjrf.ContextConfig(graphics_api=api))
+        said.seek(0)
+        chosen = SELECTED.search(said.read()) if others else None
+        return chosen[1] if chosen else device, mjrf, context
 
 
 def vulkan_devices() -> list[str]:
@@ -47,7 +57,9 @@ def vulkan_devices() -> list[str]:
     except OSError:
         raise GraphicsError(f"no Filament: {VULKAN} is missing; {DRIVER}") from None
     instance, count = ctypes.c_void_p(), ctypes.c_uint32()
-    info = (ctypes.c_uint64 * 8)(1)  # VkInstanceCreateInfo without layers and extensions
+    about = (ctypes.c_uint64 * 6)(0, 0, 0, 0, 0, VERSION << 32)  # VkApplicationInfo
+    # VkInstanceCreateInfo without layers and extensions
+    info = (ctypes.c_uint64 * 8)(1, 0, 0, ctypes.addressof(about))
     names: list[str] = []
     if not vulkan.vkCreateInstance(info, None, ctypes.byref(instance)):
         vulkan.vkEnumeratePhysicalDevices(instance, ctypes.byref(count), None)
@@ -65,13 +77,13 @@ def vulkan_devices() -> list[str]:
 
 
 @contextmanager
-def _quiet() -> Generator[None]:
-    """Drop what Filament writes to the standard output, where a command's result belongs."""
-    kept, nothing = os.dup(1), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nothing, 1)
-    try:
-        yield
-    finally:
-        os.dup2(kept, 1)
-        os.close(kept)
-        os.close(nothing)
+def _captured() -> Generator[IO[str]]:
+    """Keep what Filament writes from the standard output, where a command's result belongs."""
+    kept = os.dup(1)
+    with TemporaryFile("w+", errors="replace") as said:
+        os.dup2(said.fileno(), 1)
+        try:
+            yield said
+        finally:
+            os.dup2(kept, 1)
+            os.close(kept)

@@ -1,15 +1,12 @@
 """Report of costs: what was measured, the model and its errors, and drives on several workers."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter, process_time
 
-import numpy as np
 from rich.table import Table
 
-from scenes import SCENES
 from trials.execution.cluster import Workers
 from trials.execution.executor import compute, using
 from trials.execution.progress import ProgressBar, counted
@@ -19,13 +16,15 @@ from trials.studies.speed.costs import (
     BASE,
     CHECKS,
     DEFAULT_LABELS,
+    IMAGES,
+    LABELS,
     Conditions,
     Cost,
     CostModel,
     design,
     measure_cost,
+    measure_scene,
     million_frames,
-    relative_errors,
 )
 from trials.studies.speed.drive import on_cores
 
@@ -33,36 +32,27 @@ WORKER_COUNTS, DRIVES = (1, 2), 4
 """Numbers of workers that record so many equal drives each, to check the model."""
 
 
-@dataclass(frozen=True)
-class Models:
-    """Models of milliseconds, of kilobytes of a frame, and the mean of seconds before the first."""
-
-    cpu: CostModel
-    size: CostModel
-    drive_s: float
-
-
 def measure_costs(
     cores: list[int], quick: bool, folder: Path, bar: ProgressBar
 ) -> Iterator[Table | str]:
-    """Measure all rows, fit the models, check them; yield the report."""
-    rows = [*design(quick), *CHECKS]
+    """Measure all rows, fit the model, check it; yield the report."""
+    by_scene: dict[str, list[Conditions]] = {}
+    for x in (*design(quick), *CHECKS):
+        by_scene.setdefault(x.scene, []).append(x)
     costs: dict[Conditions, Cost] = {}
-    with counted(bar, "costs", len(rows)) as count:
-        for number, x in enumerate(rows):
-            costs[x] = on_cores(cores[:1], measure_cost, x, folder / f"cost_{number}")
+    with counted(bar, "scenes", len(by_scene)) as count:
+        for scene, rows in by_scene.items():
+            found = on_cores(cores[:1], measure_scene, rows, folder / f"cost_{scene}")
+            costs.update(zip(rows, found, strict=True))
             count(None)
     yield _cost_table(costs)
-    fitted = {x: costs[x] for x in design(quick)}
-    models = Models(
-        CostModel.fit({x: cost.frame_ms for x, cost in fitted.items()}),
-        CostModel.fit({x: cost.frame_kb for x, cost in fitted.items()}),
-        float(np.mean([x.drive_s for x in costs.values()])),
-    )
-    yield _line_table(models)
-    yield _check_table(models, {x: costs[x] for x in CHECKS})
-    yield _million_table(models, [x for x in SCENES if x in models.cpu.scenes])
-    yield _worker_table(models)
+    model = CostModel.fit({x: costs[x] for x in design(quick)})
+    yield _scene_table(model)
+    yield _label_table(model)
+    yield _camera_table(model)
+    yield _check_table(model, {x: costs[x] for x in CHECKS})
+    yield _million_table(model)
+    yield _worker_table(model)
 
 
 def _cost_table(costs: Mapping[Conditions, Cost]) -> Table:
@@ -74,54 +64,81 @@ def _cost_table(costs: Mapping[Conditions, Cost]) -> Table:
     return text_table(("recording", "CPU ms a frame", "kB a frame", "CPU s a drive", "GB"), rows)
 
 
-def _line_table(models: Models) -> Table:
-    """Tabulate the lines of the models."""
+def _scene_table(model: CostModel) -> Table:
+    """Tabulate what a scene costs by megapixels."""
     rows = [
-        (name, f"{cpu.fixed:.1f}", f"{cpu.per_mpx:.0f}", f"{size.fixed:.0f}", f"{size.per_mpx:.0f}")
-        for of_cpu, of_size in (
-            (models.cpu.scenes, models.size.scenes),
-            (models.cpu.extra, models.size.extra),
-        )
-        for (name, cpu), size in zip(of_cpu.items(), of_size.values(), strict=True)
-    ]
-    return text_table(("a frame", "CPU ms", "and per Mpx", "kB", "and per Mpx"), rows)
-
-
-def _check_table(models: Models, costs: Mapping[Conditions, Cost]) -> Table:
-    """Tabulate predictions for rows that the models are not fitted to."""
-    times = {x: cost.frame_ms for x, cost in costs.items()}
-    sizes = {x: cost.frame_kb for x, cost in costs.items()}
-    errors = zip(
-        times, relative_errors(models.cpu, times), relative_errors(models.size, sizes), strict=True
-    )
-    rows = [
-        (str(x), f"{models.cpu.of(x):.1f}", f"{times[x]:.1f}", f"{100 * time:+.0f} %",
-         f"{100 * size:+.0f} %")
-        for x, time, size in errors
+        (scene, f"{x.images.fixed:.1f}", f"{x.images.per_mpx:.0f}", f"{x.labels.fixed:.1f}",
+         f"{x.labels.per_mpx:.0f}", f"{x.drive_s:.1f}")
+        for scene, x in model.scenes.items()
     ]  # fmt: skip
-    header = ("not fitted", "predicted ms", "measured ms", "error", "error of bytes")
-    return text_table(header, rows)
-
-
-def _million_table(models: Models, scenes: list[str]) -> Table:
-    """Tabulate a million frames of 640 x 480 pixels, with the default labels and with none."""
-    rows: list[tuple[str, ...]] = []
-    for scene in scenes:
-        cells: list[str] = []
-        for labels in ((), DEFAULT_LABELS):
-            conditions = Conditions(scene, (640, 480), labels)
-            hours, gb = million_frames(models.cpu, models.size, conditions)
-            cells += [f"{hours:.1f}", f"{gb:.0f}"]
-        rows.append((scene, *cells))
     header = (
-        "a million frames of 640 × 480", "core-hours", "GB", "with depth and disparity", "GB",
+        "a frame", "CPU ms of images", "and per Mpx", "of all labels", "and per Mpx",
+        "CPU s a drive",
     )  # fmt: skip
     return text_table(header, rows)
 
 
-def _worker_table(models: Models) -> Table:
+def _label_table(model: CostModel) -> Table:
+    """Tabulate the kilobytes of each part at one megapixel, and their exponents."""
+    rows: list[tuple[str, ...]] = []
+    for part in (IMAGES, *LABELS):
+        found = {scene: x.kb[part] for scene, x in model.scenes.items()}
+        least, most = (f(found, key=lambda x: found[x].per_mpx) for f in (min, max))
+        exponents = sorted(x.exponent for x in found.values())
+        rows.append(
+            (
+                part, f"{100 * model.shares[part]:.0f}" if part in model.shares else "",
+                f"{found[BASE].per_mpx:.0f}", f"{found[least].per_mpx:.0f} ({least})",
+                f"{found[most].per_mpx:.0f} ({most})",
+                f"{exponents[0]:.2f} to {exponents[-1]:.2f}",
+            )
+        )  # fmt: skip
+    header = ("part", "% of labels' CPU", f"kB at 1 Mpx, {BASE}", "least", "most", "exponent")
+    return text_table(header, rows)
+
+
+def _camera_table(model: CostModel) -> Table:
+    rows = [
+        (name, f"{x.fixed:.1f}", f"{x.per_mpx:.0f}", f"{model.image_kb[name]:.2f}")
+        for name, x in model.cameras.items()
+    ]
+    return text_table(("camera", "CPU ms a frame", "and per Mpx", "kB of images, ratio"), rows)
+
+
+def _check_table(model: CostModel, costs: Mapping[Conditions, Cost]) -> Table:
+    """Tabulate predictions for rows that the model is not fitted to."""
+    rows = [
+        (str(x), f"{model.frame_ms(x):.1f}", f"{cost.frame_ms:.1f}",
+         f"{100 * (model.frame_ms(x) / cost.frame_ms - 1):+.0f} %",
+         f"{model.frame_kb(x):.0f}", f"{cost.frame_kb:.0f}",
+         f"{100 * (model.frame_kb(x) / cost.frame_kb - 1):+.0f} %")
+        for x, cost in costs.items()
+    ]  # fmt: skip
+    header = (
+        "not fitted", "predicted ms", "measured", "error", "predicted kB", "measured", "error",
+    )  # fmt: skip
+    return text_table(header, rows)
+
+
+def _million_table(model: CostModel) -> Table:
+    """Tabulate a million frames of 640 x 480 pixels, with the default labels and with none."""
+    rows: list[tuple[str, ...]] = []
+    for scene in model.scenes:
+        cells: list[str] = []
+        for labels in ((), DEFAULT_LABELS, LABELS):
+            hours, gb = million_frames(model, Conditions(scene, labels=labels))
+            cells += [f"{hours:.1f}", f"{gb:.0f}"]
+        rows.append((scene, *cells))
+    header = (
+        "a million frames of 640 × 480", "core-hours", "GB", "with depth and disparity", "GB",
+        "with all labels", "GB",
+    )  # fmt: skip
+    return text_table(header, rows)
+
+
+def _worker_table(model: CostModel) -> Table:
     """Record drives on one and on two workers; tabulate prediction and measurement."""
-    conditions = Conditions(BASE, labels=DEFAULT_LABELS)
+    conditions = Conditions(size_px=(320, 240), labels=DEFAULT_LABELS)
     rows: list[tuple[str, ...]] = []
     for workers in WORKER_COUNTS:
         with using(Workers(workers, pinned=True)), TemporaryDirectory() as folder:
@@ -131,7 +148,8 @@ def _worker_table(models: Models) -> Table:
             wall_s = perf_counter() - start_s
         frames = sum(frames for frames, _ in found)
         used_s = sum(used_s for _, used_s in found)
-        predicted_s = DRIVES * models.drive_s + frames * models.cpu.of(conditions) / 1e3
+        drives_s = DRIVES * model.scenes[BASE].drive_s
+        predicted_s = drives_s + frames * model.frame_ms(conditions) / 1e3
         rows.append(
             (
                 str(workers), f"{predicted_s:.1f}", f"{used_s:.1f}",

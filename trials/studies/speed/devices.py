@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rich.table import Table
 
-from sim.egl_devices import gpu_numbers
+from sim.egl_devices import gpu_files
 from trials.report.tables import text_table
 from trials.studies.speed.drive import SPAWN, TimedDrive
 from trials.studies.speed.generator import GeneratorSpeed, measure_generator
@@ -38,7 +38,7 @@ def measure_devices(drive: TimedDrive, most: int, folder: Path) -> list[DeviceSp
     """
     numbers = sorted({min(2**k, most) for k in range(most.bit_length() + 1)})
     found: list[DeviceSpeed] = []
-    for device in gpu_numbers() or [0]:
+    for device in gpu_files() or [0]:
         first = _measure(device, drive, 1, folder)
         rates = {n: _rate(_measure(device, drive, n, folder)) for n in numbers}
         found.append(DeviceSpeed(device, first[0].gl, rates))
