@@ -17,11 +17,19 @@ from trials.gate.drive_table import write_checked_drives
 from trials.gate.history import (
     CheckRecord,
     FigureRecord,
+    SceneRecord,
     append_record,
     read_history,
     record_of,
 )
-from trials.gate.trends import comparable, draw, figure_size_in, trend, trends
+from trials.gate.trends import (
+    comparable,
+    draw,
+    figure_size_in,
+    scene_trends,
+    trend,
+    trends,
+)
 from trials.report.figure import make_figure
 from vo.contract.errors import DatasetError
 
@@ -119,6 +127,26 @@ def test_trend_is_of_the_same_sequences_and_estimator():
     assert comparable([*old, *new[:3], other, *new[3:]]) == new
     (found,) = trends([*old, *new])
     assert (found.direction, found.checks) == ("level", 5)
+
+
+def test_scene_whose_drift_rises_is_named():
+    """Among others that vary as much by chance."""
+    rng = np.random.default_rng(3)
+    names = [f"scene {k}" for k in range(12)]
+
+    def scenes(k):
+        drifts = {x: 0.1 * np.exp(rng.normal(0, 0.02)) for x in names}
+        drifts["scene 7"] *= 1.03**k
+        unknown = {"sequences": 2, "newly_lost": 0, "p": None, "q": None, "verdict": ""}
+        return [
+            SceneRecord(scene=x, drift_percent=0.2, ratio=y / 0.2, **unknown)
+            for x, y in drifts.items()
+        ]
+
+    records = [record(k, 0.1, scenes=tuple(scenes(k))) for k in range(12)]
+    (found,) = scene_trends(records)
+    assert str(found).startswith("drift, % in scene 7 rises: 0.1")
+    assert not scene_trends(records[:4])
 
 
 def test_figure_separates_sequences_and_marks_scenes(comparison):

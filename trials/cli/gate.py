@@ -129,7 +129,8 @@ def gate_history(
     """Print and draw the checks of a gate over its commits, with trends.
 
     A trend is the median change of a figure from one check to the next, over the newest checks of
-    the same sequences and estimator. Scenes are those that regressed.
+    the same sequences and estimator; those of scenes are printed if drift rises or falls there.
+    Scenes in the table are those that regressed.
     """
     if figure is not None:
         known_suffix(figure, (".png",))
@@ -137,7 +138,7 @@ def gate_history(
     records = records if last is None else records[-last:]
     console.print_table(trends.HEADER, trends.rows(records))
     console.out.print(trends.NOTE, markup=False)
-    found = trends.trends(records)
+    found = [*trends.trends(records), *trends.scene_trends(records)]
     for line in found or [f"no trend: fewer than {trends.MIN_CHECKS} checks of the same sequences"]:
         console.out.print(str(line), markup=False)
     if figure is not None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import factorial
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -34,6 +35,7 @@ class Trend:
         checks: Number of checks with this figure.
         first: Of the oldest, and `last` of the newest.
         per_check: Median relative change from one check to the next, with its bounds.
+        scene: Scene that it is of; empty for all.
     """
 
     figure: str
@@ -43,6 +45,7 @@ class Trend:
     per_check: float
     low: float
     high: float
+    scene: str = ""
 
     @property
     def direction(self) -> str:
@@ -50,32 +53,34 @@ class Trend:
         return "rises" if self.low > 0 else "falls" if self.high < 0 else "level"
 
     def __str__(self) -> str:
+        of = f" in {self.scene}" if self.scene else ""
         change, low, high = (100 * x for x in (self.per_check, self.low, self.high))
         return (
-            f"{TITLES[self.figure]} {self.direction}: {self.first:.3f} to {self.last:.3f} over "
+            f"{TITLES[self.figure]}{of} {self.direction}: {self.first:.3f} to {self.last:.3f} over "
             f"{self.checks} checks, {change:+.2f} % a check ({low:+.2f} to {high:+.2f} %)"
         )
 
 
-def trend(figure: str, values: Array) -> Trend | None:
+def trend(figure: str, values: Array, level: float = LEVEL, scene: str = "") -> Trend | None:
     """Fit a line to the logarithm of (N,) positive values; NaN is left out.
 
-    Bounds hold with 95 % for independent values. Those of successive commits often are the same,
+    Bounds hold but for `level` for independent values. Those of successive commits often are the same,
     so the bounds describe the history; they do not predict it.
 
     Returns:
-        None with fewer than MIN_CHECKS values.
+        None with so few values, below MIN_CHECKS, that their order alone exceeds the level.
 
     Source:
         Sen, Estimates of the regression coefficient based on Kendall's tau, JASA 63, 1968.
     """
     at = np.flatnonzero(np.isfinite(values) & (values > 0))
-    if len(at) < MIN_CHECKS:
+    if 2 / factorial(len(at)) > level:
         return None
     logs = np.log(values[at])
-    slope, _, low, high = stats.theilslopes(logs, at, 1 - LEVEL)
+    slope, _, low, high = stats.theilslopes(logs, at, 1 - level)
     ends = (float(x) for x in values[at[[0, -1]]])
-    return Trend(figure, len(at), *ends, *(float(np.expm1(x)) for x in (slope, low, high)))
+    found = (float(np.expm1(x)) for x in (slope, low, high))
+    return Trend(figure, len(at), *ends, *found, scene)
 
 
 def comparable(records: Sequence[CheckRecord]) -> list[CheckRecord]:
@@ -96,6 +101,25 @@ def trends(records: Sequence[CheckRecord]) -> list[Trend]:
     same = comparable(records)
     found = (trend(x, levels(same, x)) for x in ("drift", "time", "nees"))
     return [x for x in found if x is not None]
+
+
+def scene_trends(records: Sequence[CheckRecord]) -> list[Trend]:
+    """Return the trends of drift in scenes that rise or fall.
+
+    Of scenes without a change, one is named in LEVEL of the histories (Bonferroni).
+    """
+    same = comparable(records)
+    drifts: dict[str, dict[int, float]] = {}
+    for k, x in enumerate(same):
+        for y in x.scenes:
+            if y.drift_percent is not None and y.ratio is not None:
+                drifts.setdefault(y.scene, {})[k] = y.drift_percent * y.ratio
+    found = [
+        trend("drift", np.array([of.get(k, np.nan) for k in range(len(same))]), level, scene)
+        for level in [LEVEL / max(1, len(drifts))]
+        for scene, of in drifts.items()
+    ]
+    return [x for x in found if x is not None and x.direction != "level"]
 
 
 def rows(records: Sequence[CheckRecord]) -> list[tuple[str, ...]]:
