@@ -4,16 +4,14 @@ from dataclasses import replace
 
 import pytest
 
+from trials.studies.speed.cost_model import CostModel, Line, million_frames
 from trials.studies.speed.costs import (
     CHECKS,
     IMAGES,
     LABELS,
     Conditions,
     Cost,
-    CostModel,
-    Line,
     design,
-    million_frames,
 )
 
 SCENES = {"brick_court": (3, 80, 1.0), "office": (2, 60, 0.4), "long_haul": (60, 90, 1.6)}

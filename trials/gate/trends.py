@@ -64,8 +64,8 @@ class Trend:
 def trend(figure: str, values: Array, level: float = LEVEL, scene: str = "") -> Trend | None:
     """Fit a line to the logarithm of (N,) positive values; NaN is left out.
 
-    Bounds hold but for `level` for independent values. Those of successive commits often are the same,
-    so the bounds describe the history; they do not predict it.
+    Bounds hold but for `level` for independent values. Those of successive commits often are the
+    same, so the bounds describe the history; they do not predict it.
 
     Returns:
         None with so few values, below MIN_CHECKS, that their order alone exceeds the level.

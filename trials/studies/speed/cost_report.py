@@ -12,6 +12,7 @@ from trials.execution.executor import compute, using
 from trials.execution.progress import ProgressBar, counted
 from trials.execution.tasks import Task
 from trials.report.tables import text_table
+from trials.studies.speed.cost_model import CostModel, million_frames
 from trials.studies.speed.costs import (
     BASE,
     CHECKS,
@@ -20,11 +21,9 @@ from trials.studies.speed.costs import (
     LABELS,
     Conditions,
     Cost,
-    CostModel,
     design,
-    measure_cost,
+    measure_drives,
     measure_scene,
-    million_frames,
 )
 from trials.studies.speed.drive import on_cores
 
@@ -42,8 +41,7 @@ def measure_costs(
     costs: dict[Conditions, Cost] = {}
     with counted(bar, "scenes", len(by_scene)) as count:
         for scene, rows in by_scene.items():
-            found = on_cores(cores[:1], measure_scene, rows, folder / f"cost_{scene}")
-            costs.update(zip(rows, found, strict=True))
+            costs |= on_cores(cores[:1], measure_scene, rows, folder / f"cost_{scene}")
             count(None)
     yield _cost_table(costs)
     model = CostModel.fit({x: costs[x] for x in design(quick)})
@@ -168,5 +166,5 @@ def _task(conditions: Conditions, folder: str, seed: int) -> Task[tuple[int, flo
 def record_timed(conditions: Conditions, folder: str, seed: int) -> tuple[int, float]:
     """Record a drive; return its frames and the processor time."""
     start_s = process_time()
-    cost = measure_cost(conditions, Path(folder) / f"{seed}", abs(seed))
+    (cost,) = measure_drives([conditions], Path(folder) / f"{seed}", abs(seed))
     return cost.frames, process_time() - start_s
