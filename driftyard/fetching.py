@@ -7,7 +7,7 @@ from pathlib import Path
 from driftyard.dataset import Dataset, PathLike
 from driftyard.dataset import open as open_dataset
 from driftyard.failures import in_one_family
-from trials.shards.fetching import fetch as write
+from trials.shards.fetching import fetch_all
 from trials.shards.selection import Selection, select
 
 
@@ -55,7 +55,7 @@ def fetch(
         tuple(range(x, x + 1) for x in seeds),
         None if labels is None else tuple(labels),
     )
-    folders = [(x, Path(out) / x.name) for x in select([os.fspath(x) for x in many], chosen)]
-    for entry, folder in folders:
-        write(entry, chosen.labels, folder)
-    return [open_dataset(folder) for _, folder in folders]
+    entries = select([os.fspath(x) for x in many], chosen)
+    for _ in fetch_all(entries, chosen.labels, Path(out)):
+        pass
+    return [open_dataset(Path(out) / x.name) for x in entries]

@@ -17,7 +17,7 @@ from sim.certificate.verify import verify
 from trials.execution.location import Location, StoreError
 from trials.shards.catalogue import INDEX, read_entries
 from trials.shards.checking import find_damage
-from trials.shards.fetching import fetch
+from trials.shards.fetching import fetch, fetch_all
 from trials.shards.selection import parse_selection, select
 from trials.shards.writing import ShardWriter, send_folder
 from vo.contract.errors import DatasetError, SettingsError
@@ -318,6 +318,10 @@ def test_fetch_names_a_damaged_file_and_leaves_nothing(shards, tmp_path):
     with pytest.raises(StoreError, match=r"yard-00000/map\.png is damaged"):
         fetch(damaged, None, tmp_path / "few")
     assert not (tmp_path / "few").exists()
+    with pytest.raises(StoreError, match=r"yard-00000/map\.png is damaged"):
+        list(fetch_all([*read_entries(Location(str(tmp_path))).values()], None, tmp_path / "few"))
+    assert [x.name for x in (tmp_path / "few").iterdir()] == [NAMES[1]]
+    assert verify(tmp_path / "few" / NAMES[1]) == []
 
 
 def test_location_hides_its_password():

@@ -1,10 +1,13 @@
 """Results that machines share: written once, read back to the byte, damaged or unwritable ones."""
 
+import errno
 import json
 from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+from fsspec.implementations.memory import MemoryFileSystem
+from small_tasks import Measured, measure_once
 
 from trials.execution.cluster import Workers
 from trials.execution.executor import compute, using
@@ -86,3 +89,32 @@ def test_unusable_store_is_one_line_before_any_task(url, said, tmp_path):
         compute([Task("nothing", "x", (tmp_path / "done").write_text, ("x",))])
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "done").exists()
+
+
+def test_store_that_fills_up_ends_the_command(tmp_path, monkeypatch):
+    """What was not written to the end is not there, and is written with the space for it."""
+    monkeypatch.chdir(tmp_path)
+    write, url = MemoryFileSystem.pipe_file, "memory://full"
+
+    def pipe_file(self, path, value, **words):
+        if "trial-" in path:
+            write(self, path, value[:10], **words)
+            raise OSError(errno.ENOSPC, "No space left on device")
+        write(self, path, value, **words)
+
+    log = str(tmp_path / "log")
+    tasks = [Task("trial", "one", measure_once, (log, 1), list[Measured])]
+    with monkeypatch.context() as full:
+        full.setattr(MemoryFileSystem, "pipe_file", pipe_file)
+        with pytest.raises(StoreError) as caught, using(Workers(0, store=url)):
+            compute(tasks)
+    assert str(caught.value).endswith("cannot be written (No space left on device)")
+    result = tasks[0].file
+    with sharing(url):
+        result.unlink()
+        assert not fetch(result)
+    with using(Workers(0, store=url)):
+        compute(tasks)
+    result.unlink()
+    with sharing(url):
+        assert fetch(result)

@@ -5,7 +5,7 @@ from pathlib import Path
 from trials.cli import console
 from trials.cli.locations import SelectionOptions
 from trials.cli.options import option
-from trials.shards.fetching import fetch as write
+from trials.shards.fetching import fetch_all
 
 
 def fetch(
@@ -19,10 +19,9 @@ def fetch(
     entries = selection.entries
     size, there = 0, 0
     with console.counting_bar("fetching", len(entries)) as progress:
-        for entry in entries:
-            count = write(entry, selection.selection.labels, out / entry.name)
+        for count in fetch_all(entries, selection.selection.labels, out):
             size, there = size + count, there + (count == 0)
-            progress(entry)
+            progress(count)
     if there:
         console.out.print(f"{there} of {len(entries)} datasets are there already")
     console.out.print(f"{out}: {len(entries)} datasets, {size / 2**20:.1f} MiB read", markup=False)
