@@ -20,9 +20,10 @@ from terminal import ROOT
 
 from sim.graphics import GraphicsError
 from trials.execution import cache, cluster
-from trials.execution.cluster import SINGLE_THREAD, Workers
+from trials.execution.cluster import Workers
 from trials.execution.devices import claim_gpu
 from trials.execution.executor import compute, perform, using
+from trials.execution.queues import SINGLE_THREAD
 from trials.execution.store import present
 from trials.execution.tasks import Task, WorkerError
 from vo.contract.errors import SettingsError
