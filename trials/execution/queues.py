@@ -106,11 +106,11 @@ def kubernetes_spec(memory: str) -> dict[str, Any]:
         env={**(dask.config.get("kubernetes.env") or {}), **SINGLE_THREAD},
         worker_command=["dask", "worker", "--nthreads", "1"],
     )
-    words = {"scheduler": ["dask", "scheduler", "--host", "0.0.0.0"], "worker": []}
-    for part, instead in words.items():
+    for part in ("scheduler", "worker"):
         (container,) = spec["spec"][part]["spec"]["containers"]
-        container["command"] = instead or container["args"]
-        del container["args"]
+        container["command"] = container.pop("args")
+        if part == "scheduler":
+            container["command"] = ["dask", "scheduler", "--host", "0.0.0.0"]
     return spec
 
 

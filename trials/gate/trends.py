@@ -80,7 +80,7 @@ def trend(figure: str, values: Array, level: float = LEVEL, scene: str = "") -> 
     slope, _, low, high = stats.theilslopes(logs, at, 1 - level)
     ends = (float(x) for x in values[at[[0, -1]]])
     found = (float(np.expm1(x)) for x in (slope, low, high))
-    return Trend(figure, len(at), *ends, *found, scene)
+    return Trend(figure, len(at), *ends, *found, scene=scene)
 
 
 def comparable(records: Sequence[CheckRecord]) -> list[CheckRecord]:
