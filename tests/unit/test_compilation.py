@@ -184,6 +184,18 @@ def test_compile_ahead_keeps_code_once(capsys):
     assert capsys.readouterr().err == ""
 
 
+def test_what_compile_ahead_looks_for_is_compiled_by_it():
+    """Else every run would compile ahead again."""
+    code = (
+        "from vo import precompile\n"
+        "precompile._refine(), precompile._estimate()\n"
+        "print(*(bool(x.signatures) for x in precompile.LAST))"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True)
+    assert done.stdout.split() == [b"True", b"True"]
+
+
 def test_images_of_any_layout_share_machine_code():
     """Views into larger images, as of pairs side by side, and read-only ones, as of messages."""
     rig = StereoRig(WIDTH, HEIGHT, F_PX, (WIDTH - 1) / 2, (HEIGHT - 1) / 2, BASELINE_M)
@@ -210,7 +222,7 @@ def test_run_imports_neither_simulator_nor_studies():
     code = (
         "import sys, trials.cli.main, trials.cli.run, vo.precompile, trials.estimators.choice\n"
         "print(*sorted({'mujoco', 'OpenGL', 'gymnasium', 'matplotlib', 'pandas', 'rerun', 'torch',"
-        " 'scipy.stats', 'scipy.optimize', 'PIL', 'numba.cuda'} & set(sys.modules)))"
+        " 'scipy.stats', 'scipy.optimize', 'PIL', 'numba.cuda', 'gtsam'} & set(sys.modules)))"
     )
     result = subprocess.run(
         [sys.executable, "-c", code],

@@ -4,13 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vo.bundle_adjustment.gtsam_backend import optimize_factors
 from vo.bundle_adjustment.joint import optimize_jointly
 from vo.bundle_adjustment.point_estimates import PointEstimates, unknowns
-from vo.bundle_adjustment.problem import Bundle, Optimum, as_cameras
+from vo.bundle_adjustment.problem import TURN_LAST, Bundle, Optimum, as_cameras
 from vo.bundle_adjustment.robust_covariance import robust_covariance
 from vo.bundle_adjustment.single_camera import refine_camera
-from vo.bundle_adjustment.solver import TURN_LAST
 from vo.config import RefinementSettings
 from vo.contract import se3
 from vo.contract.arrays import Array
@@ -29,6 +27,15 @@ def optimize_reduced(
     cameras = found.cameras
     T[x.cameras[own]] = se3.orthonormal(se3.pose(cameras.R[own], cameras.t[own]))
     return Optimum(T, found.information, found.cost, found.steps)
+
+
+def optimize_factors(
+    bundle: Bundle, estimates: PointEstimates, settings: RefinementSettings, covariances: bool
+) -> Optimum:
+    """Solve by GTSAM's factors; see `vo.bundle_adjustment.gtsam_backend`."""
+    from vo.bundle_adjustment import gtsam_backend  # loads gtsam, a fifth of the start of a run
+
+    return gtsam_backend.optimize_factors(bundle, estimates, settings, covariances)
 
 
 BACKENDS = {"schur": optimize_reduced, "gtsam": optimize_factors}

@@ -17,8 +17,8 @@ import numpy as np
 from gtsam.symbol_shorthand import X
 
 from vo.bundle_adjustment.point_estimates import PointEstimates
-from vo.bundle_adjustment.problem import collect
-from vo.bundle_adjustment.solver import TURN_LAST, factor
+from vo.bundle_adjustment.problem import TURN_LAST, collect
+from vo.bundle_adjustment.solver import factor
 from vo.config import RefinementSettings
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices

@@ -15,6 +15,9 @@ from vo.contract.rig import StereoRig
 MIN_POINTS = 6
 """A camera that sees fewer points is not determined by them."""
 
+TURN_LAST = [3, 4, 5, 0, 1, 2]
+"""From the tangents (w, v) of normal equations to (v, w)."""
+
 
 @dataclass(frozen=True)
 class Bundle:

@@ -11,9 +11,6 @@ import numpy as np
 from vo.bundle_adjustment.single_camera import LIFT
 from vo.contract.arrays import Array
 
-TURN_LAST = [3, 4, 5, 0, 1, 2]
-"""From GTSAM's tangents (w, v) to (v, w)."""
-
 Linearize = Callable[[Array, bool], tuple[Array, Array, float]]
 """From (S, 4, 4) poses to (6 S, 6 S) information H, (6 S,) gradient g and cost f.
 

@@ -3,17 +3,20 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from vo.bundle_adjustment.adjust import misfit, refine_structure
-from vo.bundle_adjustment.fixed_lag import FixedLag
 from vo.bundle_adjustment.problem import MIN_POINTS, collect
 from vo.config import RefinementSettings
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices, Mask, find_sorted
 from vo.contract.rig import StereoRig
 from vo.map.local_map import Keyframe, LocalMap, pose_covariance
+
+if TYPE_CHECKING:
+    from vo.bundle_adjustment.fixed_lag import FixedLag
 
 LEARNING_RATE = 0.2
 """Share of one adjustment's residuals in the logarithm of the learnt noise."""
@@ -107,7 +110,9 @@ class IncrementalAdjustment:
     """
 
     def __init__(self, rig: StereoRig, settings: RefinementSettings) -> None:
-        self._rig, self._settings = rig, settings
+        from vo.bundle_adjustment import fixed_lag  # loads gtsam
+
+        self._rig, self._settings, self._new = rig, settings, fixed_lag.FixedLag
         self._smoother: FixedLag | None = None
         self._T_odom_cam: dict[int, Array] = {}
 
@@ -124,7 +129,7 @@ class IncrementalAdjustment:
         if len(keyframes) < 2 or mask[:, -1].sum() < MIN_POINTS:
             return local_map, 0
         oldest = keyframes[0]
-        smoother = smoother or FixedLag(first, oldest.T_odom_cam, oldest.covariance, s.window)
+        smoother = smoother or self._new(first, oldest.T_odom_cam, oldest.covariance, s.window)
         points = local_map.landmarks.points_odom[np.searchsorted(local_map.landmarks.ids, ids)]
         poses = {k.serial: k.T_odom_cam for k in keyframes}
         seen = {k.serial: k.observations for k in keyframes}
