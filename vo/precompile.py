@@ -14,6 +14,7 @@ import sys
 import tempfile
 from collections.abc import Generator
 from contextlib import contextmanager
+from functools import cache
 from itertools import islice
 from pathlib import Path
 
@@ -41,10 +42,12 @@ LAST = search_adaptive, optimize_jointly
 """What pose and refinement end with; a function that nothing calls would never be kept."""
 
 
+@cache
 def compile_ahead() -> None:
     """Compile the estimator's functions, unless their machine code is kept already.
 
-    Of several processes of a user and an installation, the first compiles and the others wait.
+    It looks once in a process. Of several processes of a user and an installation, the first
+    compiles and the others wait.
     """
     if _is_compiled():
         return

@@ -1,6 +1,7 @@
 """The stereo camera: light on both image sensors, and ground truth at mid-exposure, by frame."""
 
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import dataclass
 from typing import Literal
 
@@ -96,6 +97,15 @@ class StereoCamera:
         self.sensors = [ImageSensor(settings, k, *rigs, dirt(k)) for k in cameras]
         perfect = SensorSettings(), CalibrationSettings()
         self._is_perfect = (settings.sensor, settings.calibration) == perfect
+
+    def with_seed(self, seed: int) -> "StereoCamera":
+        """Return this camera with noise and dirt of another seed; clean lenses are shared."""
+        settings = self._settings.model_copy(update={"seed": seed})
+        if settings.sensor.soiling:
+            return StereoCamera(self._world, settings)
+        other = copy(self)
+        other._settings = settings
+        return other
 
     def _soiling(self, camera: int) -> Soiling | None:
         """Draw the dirt on a lens."""

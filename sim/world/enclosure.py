@@ -24,12 +24,16 @@ def enclosing_geom(model: mujoco.MjModel, data: mujoco.MjData, point: Array) -> 
     own = model.body_rootid[model.body(BODY).id]
     drawn = (model.geom_group < COLLISION_GROUP) & (model.body_rootid[model.geom_bodyid] != own)
     drawn &= opacity(model, model.geom_matid, model.geom_rgba) > 0
-    solid = (model.geom_contype | model.geom_conaffinity) != 0
-    local = np.einsum("nij,ni->nj", data.geom_xmat.reshape(-1, 3, 3), point - data.geom_xpos)
-    p, size, radius = np.abs(local), model.geom_size, model.geom_size[:, 0]
+    away_m, reach_m = np.linalg.norm(data.geom_xpos - point, axis=1), model.geom_rbound
+    geoms = np.flatnonzero(drawn & ((away_m <= 2 * reach_m) | (reach_m == 0)))  # 0: a plane
+    solid = (model.geom_contype[geoms] | model.geom_conaffinity[geoms]) != 0
+    R_world_geom = data.geom_xmat[geoms].reshape(-1, 3, 3)
+    local = np.einsum("nij,ni->nj", R_world_geom, point - data.geom_xpos[geoms])
+    box, kinds = model.geom_aabb[geoms], model.geom_type[geoms]
+    p, size, radius = np.abs(local), model.geom_size[geoms], model.geom_size[geoms, 0]
     across, along = np.hypot(p[:, 0], p[:, 1]), np.maximum(p[:, 2] - size[:, 1], 0)
     in_plane = ((p < size) | (size == 0))[:, :2].all(axis=1)
-    near = (np.abs(local - model.geom_aabb[:, :3]) <= model.geom_aabb[:, 3:]).all(axis=1)
+    near = (np.abs(local - box[:, :3]) <= box[:, 3:]).all(axis=1)
     inside = {
         GEOM.mjGEOM_BOX: (p < size).all(axis=1),
         GEOM.mjGEOM_SPHERE: np.linalg.norm(p, axis=1) < radius,
@@ -41,8 +45,9 @@ def enclosing_geom(model: mujoco.MjModel, data: mujoco.MjData, point: Array) -> 
         GEOM.mjGEOM_HFIELD: near,
     }
     for kind, mask in inside.items():
-        for geom in np.flatnonzero(mask & drawn & (model.geom_type == kind)).tolist():
-            if kind == GEOM.mjGEOM_MESH and _winding(model, geom, local[geom]) < INSIDE_WINDING:
+        for k in np.flatnonzero(mask & (kinds == kind)).tolist():
+            geom = int(geoms[k])
+            if kind == GEOM.mjGEOM_MESH and _winding(model, geom, local[k]) < INSIDE_WINDING:
                 continue
             if kind == GEOM.mjGEOM_HFIELD and not _is_below(model, data, geom, point):
                 continue

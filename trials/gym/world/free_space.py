@@ -8,6 +8,7 @@ by line-of-sight checks.
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import cv2
 import mujoco
@@ -201,11 +202,16 @@ class TraversableSpace:
 
     def distance_field(self, goal: Array) -> "DistanceField":
         """Find the shortest paths from everywhere to a traversable world point (2,)."""
-        index = int(np.ravel_multi_index(tuple(self.space.cells(goal)), self.mask.shape))
-        distances, before = dijkstra(
-            self._graph, directed=False, indices=index, return_predecessors=True
-        )
+        distances, before = self._search(goal, return_predecessors=True)
         return DistanceField(self, goal, distances.reshape(self.mask.shape), before)
+
+    def distances_m(self, point: Array, limit_m: float) -> Array:
+        """Find how far it is to a traversable world point (2,), (H, W); infinite beyond a limit."""
+        return self._search(point, limit=limit_m).reshape(self.mask.shape)
+
+    def _search(self, point: Array, **options: Any) -> Any:
+        index = int(np.ravel_multi_index(tuple(self.space.cells(point)), self.mask.shape))
+        return dijkstra(self._graph, directed=False, indices=index, **options)
 
     def shortest_path(self, start: Array, goal: Array) -> Array | None:
         """(N, 2) shortest path between two traversable points (2,); None if there is none."""

@@ -41,6 +41,7 @@ class RoverCamera:
         self._world, self._settings = world, settings
         self._renderer: StereoRenderer | None = None
         self.rig: StereoRig = delivered_rig(world.rig, settings.calibration)
+        self._camera = StereoCamera(world, settings)
         self.reset(0, 1)
 
     @property
@@ -54,8 +55,7 @@ class RoverCamera:
 
     def reset(self, seed: int, max_frames: int) -> None:
         """Begin a trial of at most `max_frames` image pairs; the seed is that of the noise."""
-        settings = self._settings.model_copy(update={"seed": seed})
-        self._camera = StereoCamera(self._world, settings)
+        self._camera = self._camera.with_seed(seed)
         self._drops = stream(seed, "drop")
         self._captures: Iterator[Capture] | None = None
         self._times_ns = np.zeros(max_frames, np.int64)

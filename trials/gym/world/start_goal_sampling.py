@@ -71,8 +71,8 @@ def sample_start_goal(
     clearance_m = max(MIN_START_CLEARANCE_M, traversable.min_clearance_m)
     roomy = component & (space.clearance_m >= clearance_m) & space.is_drawn
 
-    def far_enough(field: DistanceField, where: Mask = roomy) -> Indices:
-        return np.argwhere(where & (field.distances_m >= shortest) & (field.distances_m <= longest))
+    def far_enough(distances_m: Array, where: Mask = roomy) -> Indices:
+        return np.argwhere(where & (distances_m >= shortest) & (distances_m <= longest))
 
     def sampled(cells: Indices) -> Array:
         return space.points(cells[rng.integers(len(cells))])
@@ -81,7 +81,7 @@ def sample_start_goal(
         places = np.argwhere(roomy & space.is_level)
         for _ in range(1 if start is not None else MAX_STARTS if len(places) else 0):
             place = sampled(places) if start is None else start[:2]
-            goals = far_enough(traversable.distance_field(place))
+            goals = far_enough(traversable.distances_m(place, longest))
             if len(goals):
                 return _start_goal(traversable.distance_field(sampled(goals)), place, rng, start)
         between = f"{shortest:g} to {longest:g} m between them"
@@ -90,7 +90,7 @@ def sample_start_goal(
     field = traversable.distance_field(goal)
     said = f"goal ({goal[0]:g}, {goal[1]:g}) m"
     if start is None:
-        starts = far_enough(field, roomy & space.is_level)
+        starts = far_enough(field.distances_m, roomy & space.is_level)
         if len(starts) == 0:
             raise TrialError(f"{said}: no start at a distance of {shortest:g} to {longest:g} m")
         return _start_goal(field, sampled(starts), rng, start)
