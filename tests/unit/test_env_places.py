@@ -87,6 +87,8 @@ def test_shortest_path_around_the_pillar_is_the_taut_string(traversable):
     for p, q in pairwise(path):
         assert traversable.has_line(p, q)
     assert not traversable.has_line(a, b)
+    near = np.where(field.distances_m <= 2.5, field.distances_m, np.inf)
+    np.testing.assert_array_equal(traversable.distances_m(b, 2.5), near)
     along_grid = field.distance_m(a)  # octile: at most 8.3 % longer than straight
     assert path_length_m(path) - 0.05 < along_grid < 1.09 * taut
     assert traversable.has_line(np.array([-2.0, 1.0]), np.array([2.0, 1.0]))
