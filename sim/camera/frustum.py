@@ -20,7 +20,7 @@ def aim(scene: mujoco.MjvScene, T_world_cam: Array, rig: StereoRig, R: Array) ->
 
 
 def in_frustum(model: mujoco.MjModel, data: mujoco.MjData, rig: StereoRig, R: Array | None) -> Mask:
-    """Return which geoms (ngeom,) may appear in either centred image, by their bounding spheres.
+    """Return which geoms (ngeom,) may appear in either centred image, by their bounding boxes.
 
     Both cameras may be turned by R (3, 3), each around its centre.
     A plane that is seen from behind is drawn in neither image nor label, as the faces of all other
@@ -35,9 +35,16 @@ def in_frustum(model: mujoco.MjModel, data: mujoco.MjData, rig: StereoRig, R: Ar
         [(1, 0, -tan_u), (-1, 0, -tan_u), (0, 1, -tan_v), (0, -1, -tan_v), (0, 0, -1)]
     )
     inward /= np.linalg.norm(inward, axis=1, keepdims=True)
+    eyes = rig.baseline_m / 2 * np.abs(inward[:, 0])
     away = data.geom_xpos - data.cam_xpos[camera]
     distance = away @ (R_world_gl @ inward.T)
-    radius = model.geom_rbound + rig.baseline_m / 2
-    unbounded = model.geom_rbound == 0  # planes
-    is_faced = np.einsum("ni,ni->n", data.geom_xmat[:, 2::3], away) < 0
-    return np.where(unbounded, is_faced, (distance > -radius[:, None]).all(axis=1))
+    is_in = (distance > -(model.geom_rbound[:, None] + eyes)).all(axis=1)
+    boxed = np.flatnonzero(is_in)
+    R_geom_gl = np.einsum("nji,jk->nik", data.geom_xmat[boxed].reshape(-1, 3, 3), R_world_gl)
+    sides = R_geom_gl @ inward.T  # (N, 3, 5), in the axes of each geom
+    centre, half = np.split(model.geom_aabb[boxed][:, None], 2, axis=2)
+    farthest = distance[boxed] + (centre @ sides + half @ np.abs(sides))[:, 0]
+    is_in[boxed] = (farthest > -eyes).all(axis=1)
+    planes = np.flatnonzero(model.geom_rbound == 0)  # without bounds
+    is_in[planes] = np.einsum("ni,ni->n", data.geom_xmat[planes, 2::3], away[planes]) < 0
+    return is_in

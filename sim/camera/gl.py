@@ -162,9 +162,9 @@ class Framebuffer:
         self._gl.glDeleteRenderbuffers(2, self._buffers)
 
 
-@compiled(nogil=True)
+@compiled(distinct=True, nogil=True)
 def decode_buffers(
-    zbuffer: Array, codes: Image, ids: Array, near_m: np.float32, far_m: np.float32
+    zbuffer: Array, codes: Array, ids: Array, near_m: np.float32, far_m: np.float32
 ) -> tuple[Array, Indices]:
     """Split the buffers of both cameras and convert them to metres and ids, in one pass.
 
@@ -174,7 +174,7 @@ def decode_buffers(
 
     Args:
         zbuffer: (H, 2W) float32 s, 1 near, 0 far, bottom row first.
-        codes: (H, 2W, 4) uint8 number of the geom, lowest byte first; alpha is ignored.
+        codes: (H, 2W) uint32 number of the geom; the highest byte is ignored.
         ids: (N,) int32 id of each number.
         near_m: Near plane n.
         far_m: Far plane f.
@@ -183,13 +183,13 @@ def decode_buffers(
     depth = np.empty((2, height, width), np.float32)
     geoms = np.empty((2, height, width), np.int32)
     c, a = near_m / (far_m - near_m), far_m * near_m / (far_m - near_m)
-    for y in range(height):
-        v = height - 1 - y
-        for camera in range(2):
-            for u in range(width):
-                x = camera * width + u
-                s = zbuffer[y, x]
-                depth[camera, v, u] = a / (s + c) if s > 0 else np.nan
-                r, g, b = np.int32(codes[y, x, 0]), np.int32(codes[y, x, 1]), codes[y, x, 2]
-                geoms[camera, v, u] = ids[r | g << 8 | np.int32(b) << 16]
-    return depth, geoms  # single precision
+    for camera in range(2):
+        first = np.uint64(camera * width)
+        for v in range(height):
+            y = height - 1 - v
+            for u in range(np.uint64(width)):
+                s = zbuffer[y, first + u]
+                depth[camera, v, u] = a / (s + c) if s > 0 else np.float32(np.nan)
+            for u in range(np.uint64(width)):
+                geoms[camera, v, u] = ids[np.uint64(codes[y, first + u] & np.uint32(0xFFFFFF))]
+    return depth, geoms

@@ -12,7 +12,7 @@ from scenes.scene import COLLISION_GROUP, IMAGE_GROUP, LABEL_GROUP
 from sim.camera.filament.engine import FilamentImages
 from sim.camera.frustum import aim, in_frustum
 from sim.camera.gl import Framebuffer, decode_buffers, open_context
-from sim.camera.sky import SkyBands, allows_sky_last, uncovered_bands
+from sim.camera.sky import SkyBands, allows_sky_last
 from sim.graphics import GraphicsError, explain_fault
 from sim.imaging.raw_lens import Views
 from sim.settings import RenderSettings
@@ -97,9 +97,9 @@ class StereoRenderer:
         self._scene = mujoco.MjvScene(model, maxgeom=max_drawn(model) + SPARE_GEOMS)
         self._rect = mujoco.MjrRect(0, 0, 2 * self._width, self._height)
         if settings.engine == "filament":
-            shown = self._image_option
-            self._filament = FilamentImages(self._world, settings, self._color, shown)
+            self._filament = FilamentImages(self._world, settings, self._color, self._image_option)
         self._rgba = np.empty((self._height, 2 * self._width, 4), np.uint8)
+        self._codes, self._zbuffer = np.empty((0, 0), np.uint32), np.empty((0, 0), np.float32)
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -138,13 +138,18 @@ class StereoRenderer:
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = sky and not sky_last
         with self._image_framebuffer as framebuffer:
             self._draw(self._rect)
+            for band in self._sky.expected if sky_last else []:
+                self._draw_sky(*band)
             framebuffer.read_colour(self._rgba)
-            for low, high in uncovered_bands(self._rgba) if sky_last else []:
-                self._sky.prepare(self._scene, low, high)
-                self._draw(self._rect)
-                framebuffer.read_colour(self._rgba, low, high)
+            for band in self._sky.missing(self._rgba) if sky_last else []:
+                self._draw_sky(*band)
+                framebuffer.read_colour(self._rgba, *band)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = True
         return self._split(self._coloured(self._rgba))
+
+    def _draw_sky(self, low: int, high: int) -> None:
+        self._sky.prepare(self._scene, low, high)
+        self._draw(self._rect)
 
     def _render_raw_light(self, views: Views) -> tuple[Array, Array]:
         size = self._view_px
@@ -204,23 +209,20 @@ class StereoRenderer:
     ) -> GeometryBuffers:
         rig = rig or self._world.render_rig
         self._update_stereo(option, rig, R)
-        rgba = np.empty((rig.height_px, 2 * rig.width_px, 4), np.uint8)
-        zbuffer = np.empty(rgba.shape[:2], np.float32)
+        shape = rig.height_px, 2 * rig.width_px
+        if self._codes.shape != shape:
+            self._codes, self._zbuffer = np.empty(shape, np.uint32), np.empty(shape, np.float32)
         flags = [int(mujoco.mjtRndFlag.mjRND_SEGMENT), int(mujoco.mjtRndFlag.mjRND_IDCOLOR)]
         self._scene.flags[flags] = True
         with self._label_framebuffer as framebuffer:
-            self._draw(mujoco.MjrRect(0, 0, 2 * rig.width_px, rig.height_px))
-            framebuffer.read_colour(rgba)
-            framebuffer.read_depth(zbuffer)
+            self._draw(mujoco.MjrRect(0, 0, *shape[::-1]))
+            framebuffer.read_colour(self._codes.view(np.uint8).reshape(*shape, 4))
+            framebuffer.read_depth(self._zbuffer)
         self._scene.flags[flags] = False
-        ids = np.full(self._scene.ngeom + 1, NO_GEOM, dtype=np.int32)
-        for geom in self._scene.geoms[: self._scene.ngeom]:
-            number = self._drawn.number(geom.objtype, geom.objid)
-            if number is not None:
-                ids[geom.segid + 1] = number
-        visual, extent = self._world.model.vis, self._world.model.stat.extent
-        near, far = np.float32(visual.map.znear * extent), np.float32(visual.map.zfar * extent)
-        depths, geoms = decode_buffers(zbuffer, rgba, ids, near, far)
+        view, extent = self._world.model.vis.map, self._world.model.stat.extent
+        near, far = np.float32(view.znear * extent), np.float32(view.zfar * extent)
+        ids = self._drawn.numbers(self._scene, NO_GEOM)
+        depths, geoms = decode_buffers(self._zbuffer, self._codes, ids, near, far)
         return GeometryBuffers(*depths, *geoms)
 
     def render_view(

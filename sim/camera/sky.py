@@ -2,19 +2,22 @@
 
 MuJoCo draws the sky behind everything, over the whole image: a sixth of an image's time with a
 software renderer. Here MuJoCo first draws without sky; samples without alpha are uncovered, and
-MuJoCo draws the sky alone in their rows, with the same colours. MuJoCo clears before each drawing
-and draws the whole image; two geoms that are display lists limit both: clearing is discarded until
-the opaque one, drawn before the sky, ends that and sets a scissor rectangle, which the transparent
-one, drawn after the sky, removes.
+MuJoCo draws the sky alone in their rows, with the same colours. The rows of the frame before, and a
+margin, have it before the image is read; where these were too few, the rest is drawn and read.
+MuJoCo clears before each drawing and draws the whole image; two geoms that are display lists limit
+both: clearing is discarded until the opaque one, drawn before the sky, ends that and sets a scissor
+rectangle, which the transparent one, drawn after the sky, removes. Alpha remains as it was.
 """
 
 import mujoco
 import numpy as np
 
-from vo.contract.arrays import Image
+from vo.contract.arrays import Image, Indices
 
 GAP_PX = 32
 """Rows without sky between two bands that are worth a separate pass."""
+MARGIN_PX = 12
+"""The horizon moves by less from frame to frame, as a rule."""
 WIDE_PX = 1 << 15
 """Wider than any image."""
 OPAQUE = np.uint32(0xFF000000)
@@ -30,8 +33,11 @@ class SkyBands:
         self._gl = GL
         self._before = int(GL.glGenLists(2))
         self._base = context.baseMesh
+        self.expected: list[tuple[int, int]] = []
+        """Bands of rows of the next image that probably show sky."""
         GL.glNewList(self._before + 1, GL.GL_COMPILE)
         GL.glDisable(GL.GL_SCISSOR_TEST)
+        GL.glColorMask(True, True, True, True)
         GL.glEndList()
 
     def prepare(self, scene: mujoco.MjvScene, low: int, high: int) -> None:
@@ -44,6 +50,7 @@ class SkyBands:
         gl.glDisable(gl.GL_RASTERIZER_DISCARD)
         gl.glEnable(gl.GL_SCISSOR_TEST)
         gl.glScissor(0, low, WIDE_PX, high - low)
+        gl.glColorMask(True, True, True, False)
         gl.glEndList()
         scene.ngeom = 2
         for after, geom in enumerate(scene.geoms[:2]):
@@ -55,6 +62,16 @@ class SkyBands:
         scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = True
         gl.glEnable(gl.GL_RASTERIZER_DISCARD)
 
+    def missing(self, rgba: Image) -> list[tuple[int, int]]:
+        """Return bands of (H, W, 4) with uncovered samples that were not expected; expect anew."""
+        is_missing = rgba.view(np.uint32)[..., 0].min(axis=1) < OPAQUE
+        uncovered = np.flatnonzero(is_missing)
+        for low, high in self.expected:
+            is_missing[low:high] = False
+        bands = in_bands(uncovered)
+        self.expected = [(max(low - MARGIN_PX, 0), high + MARGIN_PX) for low, high in bands]
+        return in_bands(np.flatnonzero(is_missing))
+
     def free(self) -> None:
         """Release the lists; the context must be current."""
         self._gl.glDeleteLists(self._before, 2)
@@ -65,10 +82,7 @@ def allows_sky_last(scene: mujoco.MjvScene) -> bool:
     return not any(geom.transparent for geom in scene.geoms[: scene.ngeom])
 
 
-def uncovered_bands(rgba: Image) -> list[tuple[int, int]]:
-    """Return the bands of rows (first, after the last) of (H, W, 4) with uncovered samples."""
-    rows = np.flatnonzero(rgba.view(np.uint32).min(axis=(1, 2)) < OPAQUE)
-    if not len(rows):
-        return []
-    bands = np.split(rows, np.flatnonzero(np.diff(rows) > GAP_PX) + 1)
+def in_bands(rows: Indices) -> list[tuple[int, int]]:
+    """Return bands of rows (first, after the last) that contain all of the sorted `rows`."""
+    bands = np.split(rows, np.flatnonzero(np.diff(rows) > GAP_PX) + 1) if len(rows) else []
     return [(int(band[0]), int(band[-1]) + 1) for band in bands]

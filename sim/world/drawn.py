@@ -31,9 +31,13 @@ class DrawnObjects:
     deforms: Mask
     see_through: Mask
 
-    def number(self, kind: int, index: int) -> int | None:
-        """Return the number of an object by MuJoCo's type and index; None of other types."""
-        return self.first[kind] + index if kind in self.first else None
+    def numbers(self, scene: mujoco.MjvScene, nothing: int) -> Indices:
+        """Return the object's number for each number (N,) of a segmented drawing of the scene."""
+        numbers = np.full(scene.ngeom + 1, nothing, dtype=np.int32)
+        for geom in scene.geoms[: scene.ngeom]:
+            if geom.objtype in self.first:
+                numbers[geom.segid + 1] = self.first[geom.objtype] + geom.objid
+        return numbers
 
 
 def bodies_of(model: mujoco.MjModel) -> Indices:

@@ -1,13 +1,13 @@
 """The sky drawn afterwards, in bands, against MuJoCo's drawing at once: no byte differs."""
 
-import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import sim.camera.render
 from sim.batch import build
 from sim.camera.render import StereoRenderer
-from sim.camera.sky import allows_sky_last, uncovered_bands
+from sim.camera.sky import in_bands
 from sim.settings import RecordSettings
 from sim.world.world import build_world
 
@@ -26,7 +26,7 @@ YARD = f"""<mujoco><asset>
 """A fence of narrow gaps before the sky: samples without anything, far below the horizon too."""
 
 
-def painted(tmp_path, samples, color):
+def open_yard(tmp_path, samples, color):
     (tmp_path / "yard.xml").write_text(YARD)
     settings = RecordSettings.model_validate(
         {
@@ -36,7 +36,12 @@ def painted(tmp_path, samples, color):
         }
     )
     world = build_world(build(str(tmp_path / "yard.xml"), settings), settings)
-    with StereoRenderer(world, settings.render, color) as renderer:
+    return world, StereoRenderer(world, settings.render, color)
+
+
+def painted(tmp_path, samples, color):
+    _, opened = open_yard(tmp_path, samples, color)
+    with opened as renderer:
         return renderer.render_images(), renderer.render_images(sky=False)
 
 
@@ -52,19 +57,26 @@ def test_sky_in_bands_equals_the_whole_sky(tmp_path, monkeypatch, samples, color
         assert 0.1 < shown.mean() < 0.9
 
 
-def test_uncovered_bands_contain_all_rows_in_few_bands():
-    rgba = np.full((200, 6, 4), 255, np.uint8)
-    assert uncovered_bands(rgba) == []
-    for row in (3, 20, 90, 91, 199):
-        rgba[row, row % 6, 3] = 191
-    assert uncovered_bands(rgba) == [(3, 21), (90, 92), (199, 200)]
+def test_sky_of_the_frame_before_changes_no_byte(tmp_path, monkeypatch):
+    """The camera nods by more than the margin, stays, and looks up, where all rows are sky."""
+    world, opened = open_yard(tmp_path, 4, False)
+    frames = []
+    with opened as renderer:
+        straight = world.data.cam_xmat.copy()
+        for pitch in (0, 0.2, 0.2, -0.3, 1.4, 0):
+            nod = Rotation.from_euler("x", pitch).as_matrix()
+            world.data.cam_xmat[:] = (straight.reshape(-1, 3, 3) @ nod).reshape(-1, 9)
+            ours = renderer.render_images()
+            with monkeypatch.context() as patch:
+                patch.setattr(sim.camera.render, "allows_sky_last", lambda scene: False)
+                at_once = renderer.render_images()
+            np.testing.assert_array_equal(ours, at_once)
+            frames.append(ours)
+    np.testing.assert_array_equal(frames[1], frames[2])
+    np.testing.assert_array_equal(frames[0], frames[5])
+    assert (np.array(frames[4]) != frames[0]).mean() > 0.5
 
 
-def test_transparent_geom_prevents_sky_last():
-    scene = mujoco.MjvScene(mujoco.MjModel.from_xml_string("<mujoco/>"), maxgeom=3)
-    scene.ngeom = 2
-    for geom in scene.geoms[:2]:
-        geom.transparent = 0
-    assert allows_sky_last(scene)
-    scene.geoms[1].transparent = 1
-    assert not allows_sky_last(scene)
+def test_few_bands_contain_all_rows():
+    assert in_bands(np.array([], int)) == []
+    assert in_bands(np.array([3, 20, 90, 91, 199])) == [(3, 21), (90, 92), (199, 200)]

@@ -27,6 +27,8 @@ from vo.contract.arrays import Array, Image
 
 IN_A_ROW = 8
 """Successive frames of one renderer; a recording also draws without pauses."""
+FEW_PIXELS = ("rig.width_px=64", "rig.height_px=48")
+"""A hundredth of the pixels of the default camera, which sees the same."""
 opened: Any = SimpleNamespace()
 """World, trip and renderer of this process, which remain open as long as it lives."""
 
@@ -37,6 +39,7 @@ class RenderSpeed:
 
     Attributes:
         ours_ms: Both images, both depths, both identities.
+        few_pixels_ms: The same at FEW_PIXELS: what does not depend on the number of pixels.
         stock_ms: Both images, both depths.
         stock_left_ms: Both images, left depth.
         stock_files_ms: Encoding and writing the stock frame's images, depth and disparity.
@@ -44,10 +47,16 @@ class RenderSpeed:
     """
 
     ours_ms: float
+    few_pixels_ms: float
     stock_ms: float
     stock_left_ms: float
     stock_files_ms: float
     different_grey: float
+
+    @property
+    def pixels_ms(self) -> float:
+        """Time of ours that grows with the pixels: filling and shading, copying, decoding."""
+        return self.ours_ms - self.few_pixels_ms
 
 
 def measure_renderers(
@@ -62,6 +71,7 @@ def measure_renderers(
     os.environ["MUJOCO_GL"] = choose_backend("auto")
     with (
         ProcessPoolExecutor(1, SPAWN, _open, (drive, StereoRenderer)) as ours,
+        ProcessPoolExecutor(1, SPAWN, _open, (drive, StereoRenderer, *FEW_PIXELS)) as few,
         ProcessPoolExecutor(1, SPAWN, _open, (drive, stock_renderer)) as stock,
         bar("rendering") as progress,
     ):
@@ -70,9 +80,13 @@ def measure_renderers(
         rows: list[tuple[float, ...]] = []
         for done, turn in enumerate(turns):
             drawn = ours.submit(_draw_ours, turn.tolist()).result()
+            small = few.submit(_draw_ours, turn.tolist()).result()
             plain = stock.submit(_draw_stock, turn.tolist(), folder).result()
-            for (ours_ms, our_left), (*stock_ms, left) in zip(drawn, plain, strict=True):
-                rows.append((ours_ms, *stock_ms, np.abs(our_left.astype(int) - left).mean()))
+            for (ours_ms, our_left), (few_ms, _), (*stock_ms, left) in zip(
+                drawn, small, plain, strict=True
+            ):
+                different_grey = np.abs(our_left.astype(int) - left).mean()
+                rows.append((ours_ms, few_ms, *stock_ms, different_grey))
             progress(done, len(turns) - 1)
     return RenderSpeed(*np.median(rows[1:], axis=0).tolist())  # the first uploads textures
 
@@ -87,8 +101,8 @@ def stock_renderer(world: World, settings: RenderSettings) -> Generator[mujoco.R
         yield renderer
 
 
-def _open(drive: TimedDrive, renderer: Any) -> None:
-    settings = drive.settings()
+def _open(drive: TimedDrive, renderer: Any, *overrides: str) -> None:
+    settings = drive.settings(*overrides)
     opened.world, opened.trip = drive.build(settings)
     opened.context = renderer(opened.world, settings.render)
     opened.renderer = opened.context.__enter__()
