@@ -154,6 +154,11 @@ class MotionSettings(Settings):
     """Inliers below which a frame is lost."""
     weak_inliers: int = Field(default=25, ge=3)
     """Inliers below which a frame is weak."""
+    weak_step_m: float = Field(default=0.001, ge=0)
+    """Std. dev. of the step to a frame, or 2 % of the step if that is more, above which the frame
+    is weak, m; 0: no limit."""
+    weak_step_deg: float = Field(default=0.1, gt=0)
+    """Likewise of its rotation, degrees."""
 
     @model_validator(mode="after")
     def _distances_need_points(self) -> Self:
@@ -272,6 +277,7 @@ THESIS = OdometrySettings(
         threshold=0.005,
         confidence=0.99,
         min_inliers=3,
+        weak_step_m=0,
     ),
     refinement=RefinementSettings(
         backend="gtsam",

@@ -29,6 +29,7 @@ from vo.mapping.relocalization import mark_lost, relocalize
 from vo.tracking import diagnostics
 from vo.tracking.association import add_observations
 from vo.tracking.budget import Budget
+from vo.tracking.evidence import disagreement, explain_doubt
 from vo.tracking.frontend import Frontend
 from vo.tracking.landmark_prior import cull_landmarks
 from vo.tracking.motion_model import gap_covariance
@@ -42,6 +43,7 @@ from vo.tracking.track_local_map import (
     track_local_map,
 )
 from vo.tracking.tracked import Context, NotTracked, Tracked
+from vo.tracking.wheel_motion import explain_wheels, learn_wheels, read_wheels
 
 
 class StereoOdometry:
@@ -78,6 +80,7 @@ class StereoOdometry:
         if frame.timestamp_ns <= state.frame_ns:
             reason = f"not later than the frame before, at {state.frame_ns} ns"
             return Estimate(frame.timestamp_ns, Status.LOST, None, reason)
+        frame = read_wheels(state, frame, self.settings)
         self._budget.begin()
         waits = state.pending is not None and self._budget.lets_keyframe_wait()
         counts: dict[str, int] = {}
@@ -108,7 +111,8 @@ class StereoOdometry:
             state.previous = TrackedFrame(tracked.view.frame.left, tracked.inliers)
             halt = detect_stationary(state.halt, tracked.view, tracked.inliers)
             if halt:  # zero-velocity update (5.1.3)
-                tracked = replace(tracked, T_odom_cam=halt.T_odom_cam, covariance=halt.covariance)
+                held = halt.covariance + disagreement(halt.T_odom_cam, tracked.T_odom_cam)
+                tracked = replace(tracked, T_odom_cam=halt.T_odom_cam, covariance=held)
             # The exposure has found its level: what was seen before is mostly rounding.
             is_clearer = state.is_faint and not diagnostics.is_faint(view.frame.left)
             if is_keyframe := is_clearer or (not halt and needs_keyframe(tracked)):
@@ -145,7 +149,7 @@ class StereoOdometry:
         T_odom_cam, covariance = found or (state.T_odom_cam, none)
         if lost_frames and not found:  # as if the last motion had gone on
             T_odom_cam = predict_pose(state, view, self.hooks)
-            covariance = gap_covariance(state, view.frame.timestamp_ns)
+            covariance = gap_covariance(state, view.frame)
         view = correct_cameras(state, view, T_odom_cam)
         new = add_keyframe(state.map, view, T_odom_cam, covariance, hooks=self.hooks)
         n, min_inliers = len(new.landmarks), view.settings.motion.min_inliers
@@ -156,6 +160,7 @@ class StereoOdometry:
         self._history.record_map(new, view.settings.refinement)
         state.previous, state.is_faint = new.keyframes[-1], diagnostics.is_faint(view.frame.left)
         state.halt = start_halt(state.T_odom_cam, T_odom_cam, none, view, newest_matches(new))
+        state.wheels = replace(state.wheels, ticks=state.ticks)
         return Estimate(
             view.frame.timestamp_ns,
             Status.START,
@@ -164,7 +169,8 @@ class StereoOdometry:
             counts={**view.detection.counts, **counts},
             timings_ms=clock.ms,
             covariance=covariance,
-            step_covariance=self._set_pose(view, T_odom_cam, none) + covariance,
+            step_covariance=self._report(T_odom_cam, self._set_pose(view, T_odom_cam, none))[0]
+            + covariance,
         )
 
     def _lose(
@@ -193,28 +199,48 @@ class StereoOdometry:
         pose = tracked.T_odom_cam, tracked.covariance
         state.halt = halt or start_halt(state.T_odom_cam, *pose, view, inliers)
         cull_landmarks(state, view, tracked.matches, inliers)
-        return self._set_pose(view, *pose)
+        was_lost, step_covariance = state.lost_frames > 0, self._set_pose(view, *pose)
+        step = None if was_lost else state.T_last_cam
+        state.wheels = learn_wheels(state.wheels, state.ticks, step, step_covariance)
+        return step_covariance
 
     def _estimate(self, tracked: Tracked, step_covariance: Array, clock: Clock) -> Estimate:
         """Report the pose of a tracked frame."""
         view, counts, T_odom_cam = tracked.view, tracked.counts, tracked.T_odom_cam
+        step_covariance, moved = self._report(T_odom_cam, step_covariance)
         inliers, iterations = len(tracked.inliers), counts["motion iterations"]
         weakness = diagnostics.explain_weakness(inliers, iterations, view.settings)
+        weakness = weakness or explain_doubt(
+            self.state.T_last_cam, step_covariance, moved, tracked,
+            len(self.state.map.keyframes) == 1, view.settings,
+        )  # fmt: skip
         misaligned = diagnostics.explain_calibration(self.state.row_offsets_px)
         if self.settings.self_calibration == "auto":  # more than it could correct
             weakness = weakness or misaligned
-        left_out = self._budget.end()
+        said = "; ".join(x for x in (weakness, self._budget.end()) if x)
         return Estimate(
             view.frame.timestamp_ns,
             Status.WEAK if weakness else Status.TRACKED,
             T_odom_cam,
-            reason=weakness or left_out or misaligned,
+            reason=said or misaligned or explain_wheels(self.state.wheels),
             counts={**view.detection.counts, **counts},
             timings_ms=clock.ms,
             observations=tracked.observations(),
             covariance=self.state.odom_covariance,
             step_covariance=step_covariance,
         )
+
+    def _report(self, T_odom_cam: Array, step_covariance: Array) -> tuple[Array, Array]:
+        """Report a pose; return the covariance of the step from the last one reported.
+
+        What the map moved meanwhile, which is also returned as a covariance, is an error of the
+        steps before; this one makes it good.
+        """
+        state = self.state
+        T_last_cam = se3.inverse(state.T_reported) @ T_odom_cam
+        state.T_reported = T_odom_cam
+        moved = disagreement(T_last_cam, state.T_last_cam)
+        return step_covariance + moved, moved
 
     def _set_pose(self, view: View, T_odom_cam: Array, covariance: Array) -> Array:
         """Set the pose and its covariance given the map; return the covariance of the step."""

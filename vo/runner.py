@@ -13,6 +13,7 @@ from typing import IO, Any, Self
 
 import numpy as np
 
+from vo.contract import se3
 from vo.contract.arrays import Array
 from vo.contract.dataset import MANIFEST, installed_version
 from vo.contract.errors import DatasetError, ImageError
@@ -30,6 +31,9 @@ UNREADABLE = "unreadable image"
 
 FRAME_HEADER = ("timestamp_ns", "status", "reason", "frame_ms")
 """Columns of frames.csv before those of each stage."""
+
+REVISED_M, REVISED_DEG, REVISED_SHARE = 0.002, 0.2, 0.04
+"""Difference of a step in the smoothed trajectory, or over its length, above which it is marked."""
 
 COUNT, MILLISECONDS = "count:", "ms:"
 """Prefixes of the per-stage columns of frames.csv."""
@@ -110,10 +114,11 @@ def write_run(
 ) -> None:
     """Write the trajectory and its companions, all of them or none; the trajectory comes last.
 
-    The companions of the TUM file are `<stem>.frames.csv` (status, reason, counts and milliseconds
-    of every frame), `<stem>.tracks.npz` (one entry per landmark and frame), `.covariance.npz`,
-    `.smoothed.txt` and `.map.ply` where the estimator offers them, and `.run.json`: the estimator's
-    name and resolved settings, the folder of the sequence, and the hash of its manifest.
+    The companions of the TUM file are `<stem>.frames.csv` (status, reason, how the smoothed
+    trajectory revises the step, counts and milliseconds of every frame), `<stem>.tracks.npz` (one
+    entry per landmark and frame), `.covariance.npz`, `.smoothed.txt` and `.map.ply` where the
+    estimator offers them, and `.run.json`: the estimator's name and resolved settings, the folder
+    of the sequence, and the hash of its manifest.
     """
     manifest = dataset / MANIFEST
     about = {
@@ -210,16 +215,35 @@ def companion(out: Path, kind: str) -> Path:
 def _write_frames(path: Path, run: Run) -> None:
     counts = _stages(x.counts for x in run.estimates)
     timings = _stages(x.timings_ms for x in run.estimates)
-    header = [*FRAME_HEADER]
+    header, revised = [*FRAME_HEADER, "revised"], _revisions(run)
     header += [COUNT + name for name in counts] + [MILLISECONDS + name for name in timings]
     with path.open("w", encoding="utf-8", newline="") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(header)
         for x, ms in zip(run.estimates, run.frame_ms, strict=True):
             row = [x.timestamp_ns, x.status.value, x.reason, f"{ms:.3f}"]
+            row.append(revised.get(x.timestamp_ns, ""))
             row += [x.counts.get(name, "") for name in counts]
             row += [f"{x.timings_ms[n]:.3f}" if n in x.timings_ms else "" for n in timings]
             table.writerow(row)
+
+
+def _revisions(run: Run) -> dict[int, str]:
+    """Time of a frame whose step later frames contradict, to the difference of the smoothed one."""
+    online, smoothed = run.trajectory, run.final.trajectory
+    if smoothed is None or not np.array_equal(online.timestamps_ns, smoothed.timestamps_ns):
+        return {}
+    claimed, better = (
+        se3.inverse(x[:-1]) @ x[1:] for x in (online.T_ref_frame, smoothed.T_ref_frame)
+    )
+    apart = se3.log(se3.inverse(claimed) @ better)
+    metres, radians = (np.linalg.norm(x, axis=1) for x in (apart[:, :3], apart[:, 3:]))
+    limit_m = np.maximum(REVISED_M, REVISED_SHARE * np.linalg.norm(better[:, :3, 3], axis=1))
+    marked = np.flatnonzero((metres > limit_m) | (radians > np.radians(REVISED_DEG)))
+    return {
+        int(online.timestamps_ns[i + 1]): f"{1e3 * metres[i]:.1f} mm, {np.degrees(radians[i]):.2f}°"
+        for i in marked
+    }
 
 
 def _write_tracks(path: Path, estimates: tuple[Estimate, ...]) -> None:

@@ -53,24 +53,26 @@ def frames():
 
 
 def follow(frames, prior):
-    """Estimated way along x (F,), metres, and the share of matches on the panel at the turn."""
+    """Estimated way along x (F,), metres, share of matches on the panel at the turn, statuses."""
     odometry = StereoOdometry(
         RIG, OdometrySettings.model_validate({"motion": {"landmark_prior": prior}})
     )
     estimates = [odometry.track(frame) for frame in frames]
-    assert all(x.status in (Status.START, Status.TRACKED) for x in estimates)
+    statuses = {x.status for x in estimates}
+    assert statuses <= {Status.START, Status.TRACKED, Status.WEAK}
     seen = estimates[STARTS].observations
     panel = (seen.disparity_px > (FAR_PX + NEAR_PX) / 2).mean()
-    return np.array([x.T_odom_cam[0, 3] for x in estimates]), panel
+    return np.array([x.T_odom_cam[0, 3] for x in estimates]), panel, statuses
 
 
 def test_landmark_prior_prefers_the_static_world(frames):
-    along_m, panel = follow(frames, prior=True)
+    along_m, panel, _ = follow(frames, prior=True)
     assert panel > 0.55
     assert np.abs(along_m - STEP_M * np.arange(FRAMES)).max() < 0.01
 
 
 def test_without_landmark_prior_the_panel_wins(frames):
-    """Which shows that the recording above is hard."""
-    along_m, _ = follow(frames, prior=False)
+    """Which shows that the recording above is hard. It is not claimed in silence."""
+    along_m, _, statuses = follow(frames, prior=False)
+    assert Status.WEAK in statuses
     assert np.abs(along_m - STEP_M * np.arange(FRAMES)).max() > 0.1

@@ -54,12 +54,20 @@ def jacobian(T_world_cam, *data, step=1e-6):
 
 
 def covariance_by_differences(T_world_cam, *data):
-    """By the information, or clustered by point (Liang and Zeger, 1986) where that is larger."""
+    """By the information, in the directions in which scores by squares of the image have no more.
+
+    There are six squares along the width; of Cameron and Miller, 2015, eq. 11.
+    """
     J = jacobian(T_world_cam, *data).reshape(-1, 3, 6)
     scores = np.einsum("nij,ni->nj", J, whitened(T_world_cam, *data))
     inverse = np.linalg.inv(np.einsum("nij,nik->jk", J, J))
-    B = scores.T @ scores
-    return inverse @ B @ inverse if np.trace(B @ inverse) > 6 else inverse
+    square = data[1][:, :2] // (2 * RIG.cx_px / 6)
+    _, square = np.unique(square, axis=0, return_inverse=True)
+    sums = np.array([scores[square == k].sum(axis=0) for k in range(square.max() + 1)])
+    B = sums.T @ sums * len(sums) / max(len(sums) - 6, len(sums) / 2)
+    root = np.linalg.cholesky(inverse)
+    excess, turn = np.linalg.eigh(root.T @ B @ root)
+    return root @ turn @ np.diag(np.maximum(excess, 1)) @ turn.T @ root.T
 
 
 def scipy_motion(T_start, *data, loss="linear"):

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from scenes import SCENES
+from trials.evaluation.runs import read_run
+from trials.evaluation.wrong_steps import WrongSteps, count_wrong_steps
 from trials.execution.cache import source_digest
 from trials.execution.jobs import Job, Recording, Result, Variant
 from trials.execution.recording_settings import parse_scenes
@@ -14,7 +16,9 @@ from trials.studies.accuracy import (
     accuracy_table,
     bootstrap_interval,
     summary_tables,
+    wrong_steps_table,
 )
+from vo.contract import se3
 from vo.contract.errors import SettingsError
 from vo.contract.estimator import Estimate, Status
 from vo.contract.trajectory import Trajectory
@@ -108,3 +112,36 @@ def test_parse_scenes_takes_names_or_all():
     assert parse_scenes("all") == list(SCENES)
     with pytest.raises(SettingsError, match="--scenes: unknown offcie; valid: all, asphalt"):
         parse_scenes("offcie")
+
+
+def test_wrong_steps_are_counted_by_status_and_sigma(tmp_path):
+    """Of 40 steps four are wrong: two in silence, one beyond its sigmas, one after lost frames."""
+    times = 10**8 * np.arange(43)
+    step = np.array([0.05, 0.0, 0.0, 0.0, 0.0, 0.0])
+    truth = np.array([se3.exp(k * step) for k in range(43)])
+    errors = {5: ([0.003, 0, 0, 0, 0, 0], Status.TRACKED), 9: ([0, 0, 0.003, 0, 0, 0], Status.WEAK),
+              12: ([0, 0, 0, np.radians(0.3), 0, 0], Status.TRACKED)}  # fmt: skip
+    lost, right_but_weak = (20, 21), 30
+    estimates, T = [], np.eye(4)
+    for k, time in enumerate(times.tolist()):
+        error, status = errors.get(k, (np.zeros(6), Status.TRACKED))
+        T = T @ se3.exp(step) @ se3.exp(np.array(error)) if k else T
+        status = Status.START if k in (0, 22) else Status.WEAK if k == right_but_weak else status
+        sigma = 0.0004 if k == 5 else 0.002
+        if k == 22:
+            T = T @ se3.exp(np.array([0.05, 0, 0, 0, 0, 0]))
+        known = None if k in lost else T
+        estimates.append(
+            Estimate(time, Status.LOST if k in lost else status, known,
+                     covariance=np.eye(6), step_covariance=sigma**2 * np.eye(6))
+        )  # fmt: skip
+    file = tmp_path / "made.txt"
+    write_run(file, Run("made", tuple(estimates), (1.0,) * 43), "driftyard", {}, tmp_path)
+    counted = count_wrong_steps(Trajectory(times, truth), read_run(file))
+    assert counted == WrongSteps(steps=40, wrong=4, silent=2, flagged=1, beyond=2, sized=40)
+    made = Result(Job(Recording("office", 0), Variant("driftyard")), tmp_path, file)
+    vars(made)["truth"] = Trajectory(times, truth)
+    table = wrong_steps_table({"office": [made, made]})
+    rows = list(zip(*(column.cells for column in table.columns), strict=True))
+    assert rows[0] == ("driftyard", "office", "80", "8", "4", "4", "2.50")
+    assert rows[1][1:3] == ("all", "80")

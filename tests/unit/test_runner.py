@@ -211,6 +211,23 @@ def test_run_writes_what_the_estimator_offers(tmp_path, dataset):
     assert rows == [(0.5, -1, 2, 10, 10, 10, 3, 7), (3, 4, 5.25, 200, 200, 200, 12, 9)]
 
 
+def test_steps_that_smoothing_contradicts_are_marked(tmp_path):
+    """Steps of 50 mm; smoothed, the third pose lies 3 mm further on, the next 1.5 mm."""
+    T = np.tile(np.eye(4), (5, 1, 1))
+    T[:, 2, 3] = 0.05 * np.arange(5)
+    better, times = T.copy(), 10**8 * np.arange(5)
+    better[2, 2, 3] += 0.003
+    better[3:, 2, 3] += 0.0015
+    claimed = [Estimate(int(t), Status.TRACKED, x) for t, x in zip(times, T, strict=True)]
+    final = FinalResult(Trajectory(times, better))
+    out = tmp_path / "c.txt"
+    write_run(out, Run("made", tuple(claimed), (1.0,) * 5, final), "made", {}, tmp_path)
+    revised = read_run(out).frames.revised
+    assert revised == ("", "", "3.0 mm, 0.00°", "", "")
+    write_run(out, Run("made", tuple(claimed), (1.0,) * 5), "made", {}, tmp_path)
+    assert read_run(out).frames.revised == ("",) * 5
+
+
 def test_run_removes_companions_of_an_earlier_run(tmp_path, dataset):
     out = tmp_path / "b.txt"
     write_run(out, run(open_sequence(dataset), Reflective()), "reflective", {}, dataset)

@@ -22,6 +22,7 @@ from trials.studies.accuracy import (
     accuracy_table,
     summary_tables,
     write_scores,
+    wrong_steps_table,
 )
 from vo.recordings.readers import open_sequence
 
@@ -54,7 +55,9 @@ def accuracy(
         "Another estimator in the tables, with its settings; may be repeated.",
         metavar="'NAME KEY=VALUE ...'",
     ),
-    kitti: Path | None = option(None, "Recording that is scored, too.", metavar="DATASET"),
+    kitti: list[Path] = option(
+        [], "Recording that is scored, too; may be repeated.", metavar="DATASET"
+    ),
     out: Path | None = option(None, "JSON file of all scores.", "--json", metavar="FILE"),
     drive_table: Path | None = option(
         None, "Table of one row for each drive, .parquet or .csv.", metavar="FILE"
@@ -69,22 +72,23 @@ def accuracy(
     for path, _ in tables:
         if path is not None:
             check_columns(path)  # before the drives
-    if kitti is not None:
-        open_sequence(kitti)  # a wrong path is refused before the drives
+    for path in kitti:
+        open_sequence(path)  # a wrong one is refused before the drives
     variants = tuple(dict.fromkeys((*VARIANTS, *map(named_variant, against))))
     drives = chosen.recordings(names)
     with console.counting_bar("drives", len(drives)) as count:
         results = run_jobs(jobs_of(drives, variants), progress=count)
     runs = {name: [x for v in variants for x in results.of(v, name)] for name in names}
-    if kitti is not None:
-        of_kitti = Recording(kitti.resolve().name, 0)
+    for path in kitti:
+        of_kitti = Recording(path.resolve().name, 0)
         runs[of_kitti.scene] = [
-            Result(Job(of_kitti, v), kitti, cached_run(kitti, v)) for v in variants
+            Result(Job(of_kitti, v), path, cached_run(path, v)) for v in variants
         ]
     for name, of_scene in runs.items():
         console.out.print(accuracy_table(name, of_scene))
     for table in summary_tables(runs):
         console.out.print(table)
+    console.out.print(wrong_steps_table(runs))
     if out is not None:
         write_scores(out, runs)
     for path, write in tables:

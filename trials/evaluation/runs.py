@@ -38,6 +38,7 @@ class FrameTable:
         frame_ms: (N,) wall time of the estimator.
         counts: Stage to (N,) items that passed it; NaN where the stage did not run.
         timings_ms: Stage to (N,) milliseconds; NaN where the stage did not run.
+        revised: N texts: by how much the smoothed trajectory revises the step; mostly empty.
     """
 
     timestamps_ns: Indices
@@ -46,6 +47,7 @@ class FrameTable:
     frame_ms: Array
     counts: Mapping[str, Array]
     timings_ms: Mapping[str, Array]
+    revised: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.timestamps_ns)
@@ -174,6 +176,7 @@ def _read_frames(path: Path) -> FrameTable:
         column("frame_ms"),
         {x.removeprefix(COUNT): column(x) for x in names if x.startswith(COUNT)},
         {x.removeprefix(MILLISECONDS): column(x) for x in names if x.startswith(MILLISECONDS)},
+        tuple(row.get("revised") or "" for row in rows),
     )
 
 

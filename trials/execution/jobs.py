@@ -12,6 +12,7 @@ from trials.evaluation.alignment import Pair, associate
 from trials.evaluation.runs import FrameTable, SavedRun, Tracks, read_run
 from trials.evaluation.score import Score, score_run
 from trials.evaluation.truth import true_trajectory
+from trials.evaluation.wrong_steps import WrongSteps, count_wrong_steps
 from vo.contract.arrays import Array
 from vo.contract.errors import TrajectoryError
 from vo.contract.estimator import Status
@@ -119,6 +120,11 @@ class Result:
             return score_run(self.truth, self.run, len(self.frames))
         except TrajectoryError:
             return None
+
+    @cached_property
+    def wrong_steps(self) -> WrongSteps:
+        """Numbers of steps that are wrong, in silence or not."""
+        return count_wrong_steps(self.truth, self.run)
 
     @property
     def drift_percent(self) -> float:

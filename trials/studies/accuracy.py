@@ -16,6 +16,7 @@ from scipy import stats
 
 from trials.estimators.choice import COMPARED
 from trials.evaluation.score import Score
+from trials.evaluation.wrong_steps import SIGMAS, WRONG_DEG, WRONG_M, WrongSteps
 from trials.execution.jobs import Result, Variant
 from trials.report.tables import text_table
 from vo.contract.arrays import Array
@@ -114,12 +115,35 @@ def _statistics(values: list[float | None], digits: int) -> tuple[str, str, str]
     return median, worst, f"{low:.{digits}f}–{high:.{digits}f}"
 
 
+def wrong_steps_table(runs: Mapping[str, Sequence[Result]]) -> Table:
+    """Tabulate the wrong steps of each estimator: a row for each scene, and one for all."""
+    names = list(dict.fromkeys(x.job.variant.label for some in runs.values() for x in some))
+    parts = {**runs, "all": [x for of_scene in runs.values() for x in of_scene]}
+    rows: list[tuple[str, ...]] = []
+    for name in names:
+        for scene, some in parts.items():
+            n = sum((x.wrong_steps for x in _of(some, name)), WrongSteps())
+            beyond = str(n.beyond) if n.sized else "–"
+            first = name if scene == next(iter(parts)) else ""
+            numbers = (str(x) for x in (n.steps, n.wrong, n.silent))
+            rows.append((first, scene, *numbers, beyond, _percent(n.flagged, n.steps)))
+    header = ("estimator", "scene", "steps", "wrong", "of them tracked",
+              f"beyond {SIGMAS} sigma", "right but weak, %")  # fmt: skip
+    return text_table(
+        header, rows, f"steps wrong by more than {WRONG_M * 1e3:g} mm or {WRONG_DEG}°"
+    )
+
+
+def _percent(part: int, whole: int) -> str:
+    return f"{100 * part / whole:.2f}" if whole else "–"
+
+
 def write_scores(out: Path, runs: Mapping[str, Sequence[Result]]) -> None:
     """Write the scores of all runs as JSON, by scene."""
     content = {
         name: [
             {"seed": x.job.recording.seed, "estimator": x.job.variant.label,
-             "score": asdict(x.score) if x.score else None}
+             "score": asdict(x.score) if x.score else None, "steps": asdict(x.wrong_steps)}
             for x in of_scene
         ]
         for name, of_scene in runs.items()

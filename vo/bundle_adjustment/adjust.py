@@ -7,7 +7,7 @@ import numpy as np
 from vo.bundle_adjustment.joint import optimize_jointly
 from vo.bundle_adjustment.point_estimates import PointEstimates, unknowns
 from vo.bundle_adjustment.problem import TURN_LAST, Bundle, Optimum, as_cameras
-from vo.bundle_adjustment.robust_covariance import robust_covariance
+from vo.bundle_adjustment.robust_covariance import robust_covariance, widened_covariance
 from vo.bundle_adjustment.single_camera import refine_camera
 from vo.config import RefinementSettings
 from vo.contract import se3
@@ -133,5 +133,5 @@ def refine_motion(
     T, H, B, iterations = refine_camera(
         T_world_cam, points, measured, sigma, settings.use_disparity, f, *limits
     )
-    covariance = robust_covariance(H, B)
+    covariance = widened_covariance(H, B)
     return Pose(T, covariance[TURN_LAST][:, TURN_LAST], iterations)

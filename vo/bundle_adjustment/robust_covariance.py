@@ -5,6 +5,7 @@ independently, and as much as was assumed. Errors of a landmark's template are i
 measurements, and some err more. Taking each landmark's score, its part of the gradient, as one draw
 gives the covariance without either assumption: H^-1 B H^-1 with B the sum of the scores' outer
 products (Liang and Zeger, Biometrika 1986, eq. 7; Huber, 1967).
+For a single camera on points that stay, a square of the image is a draw (`single_camera`).
 An error that all landmarks have in common over a stretch of the route is in no residual.
 """
 
@@ -29,6 +30,22 @@ def robust_covariance(H: Array, B: Array) -> Array:
     inverse = np.linalg.inv(lifted)
     spread = B @ inverse
     return inverse @ spread if np.trace(spread) > len(B) else inverse
+
+
+@compiled()
+def widened_covariance(H: Array, B: Array) -> Array:
+    """Widen the assumed covariance (N, N), in the directions in which residuals exceed the noise.
+
+    Few draws say nothing of some directions, in which a sandwich would have no width at all.
+    """
+    lifted = H.copy()
+    for i in range(len(H)):
+        lifted[i, i] += LIFT * H[i, i] + 1e-12
+    information, axes = np.linalg.eigh(lifted)
+    whiten = axes / np.sqrt(np.maximum(information, 1e-12))
+    excess, turn = np.linalg.eigh(whiten.T @ B @ whiten)
+    found = whiten @ turn
+    return (found * np.maximum(excess, 1.0)) @ found.T
 
 
 @compiled(distinct=True, fastmath={"reassoc", "contract"})

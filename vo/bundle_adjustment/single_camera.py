@@ -24,6 +24,10 @@ FIRST_DAMPING, MAX_DAMPING = 1e-4, 1e4
 LIFT = 1e-9
 """Share that is always added: directions that nothing determines stay as they are."""
 
+CELLS = 6
+"""Squares along the image's width, in each of which errors may be alike: those of the points of one
+surface that is no plane, or that moves by itself."""
+
 
 class Seen(NamedTuple):
     """Measurements of N points by one camera, in columns.
@@ -52,7 +56,7 @@ def refine_camera(
 
     Measured are (N, 3) u, v and disparity, or NaN, with (N, 3) sigmas. Returns the camera, its
     normal equations (6, 6) by the tangent (w, v), the sum (6, 6) of the outer products of the
-    points' scores, and the steps.
+    scores by cells of the image, and the steps.
     """
     n = len(points)
     columns = np.zeros((5, 3, n))
@@ -73,11 +77,12 @@ def refine_camera(
     _residuals(camera.R[0], camera.t[0], robust, intrinsics)
     _differentiate(robust.here, robust.weight, intrinsics, J)
     by_all, scores = J.reshape(6, 3 * n), _scores(J, robust.residual)
+    B = _products_of_cells(scores, data.measured, 2 * max(intrinsics[2], 1.0) / CELLS)
     R = camera.R[0]
     T = np.eye(4)
     T[:3, :3] = R @ (1.5 * np.eye(3) - 0.5 * (R.T @ R))  # rounding of many products
     T[:3, 3] = camera.t[0]
-    return T, by_all @ by_all.T, scores @ scores.T, steps
+    return T, by_all @ by_all.T, B, steps
 
 
 @compiled()
@@ -172,6 +177,27 @@ def _scores(J: Array, residual: Array) -> Array:
                 + J[p, 2, j] * residual[2, j]
             )
     return scores
+
+
+@compiled()
+def _products_of_cells(scores: Array, measured: Array, side_px: float) -> Array:
+    """Sum the outer products (6, 6) of the scores of squares of the image.
+
+    A score is a sum over the points (6, N) in a square, whose errors may be dependent. That six
+    numbers were fitted to few squares is made up for.
+
+    Source: Cameron and Miller, A Practitioner's Guide to Cluster-Robust Inference, 2015, eq. 11.
+    """
+    sums, used = np.zeros((CELLS * CELLS, 6)), np.zeros(CELLS * CELLS)
+    for j in range(scores.shape[1]):
+        column = min(max(int(measured[0, j] / side_px), 0), CELLS - 1)
+        row = min(max(int(measured[1, j] / side_px), 0), CELLS - 1)
+        cell = row * CELLS + column
+        used[cell] = 1.0
+        for p in range(6):
+            sums[cell, p] += scores[p, j]
+    count = used.sum()
+    return sums.T @ sums * (count / max(count - 6, 0.5 * count, 1.0))
 
 
 @compiled()

@@ -82,6 +82,14 @@ def log(T: Array) -> Array:
     return np.concatenate([v, w], axis=-1)
 
 
+def log_small(T: Array) -> Array:
+    """Logarithm (6,) of a small motion (4, 4), exact to the square of its angle; it is quicker."""
+    (_, ab, ac, x), (ba, _, bc, y), (ca, cb, _, z), _ = T.tolist()
+    p, q, r = (cb - bc) / 2, (ac - ca) / 2, (ba - ab) / 2
+    v = x - (q * z - r * y) / 2, y - (r * x - p * z) / 2, z - (p * y - q * x) / 2
+    return np.array([*v, p, q, r])
+
+
 def rotation_vector(T: Array) -> Array:
     """Rotation part of (..., 4, 4) as axis times angle (..., 3) in radians."""
     R = np.reshape(T[..., :3, :3], (-1, 3, 3))

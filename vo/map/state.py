@@ -45,6 +45,29 @@ class Pending:
     added: bool = False
 
 
+@dataclass(frozen=True)
+class WheelMotion:
+    """What was learnt of the encoders of a run.
+
+    Attributes:
+        ticks: Counts at the last pose; None if there were none.
+        counts2: (2, 2) weighted sum of products of counts.
+        products: (2, 6) of counts with steps, (v m, w rad) in the camera's frame.
+        spread: (6, 6) of what counts did not predict.
+        weight: Weight of the steps in them.
+        strikes: Successive contradictions so far.
+        silent: Successive steps that the images saw and no encoder counted.
+    """
+
+    ticks: tuple[int, int] | None = None
+    counts2: Array = field(default_factory=lambda: np.zeros((2, 2)))
+    products: Array = field(default_factory=lambda: np.zeros((2, 6)))
+    spread: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    weight: float = 0.0
+    strikes: int = 0
+    silent: int = 0
+
+
 @dataclass
 class TrackerState:
     """Plain data, changed by `vo.odometry`, by the mapper and by the culling of landmarks only.
@@ -54,10 +77,13 @@ class TrackerState:
         lost_map: Map of a segment that is not connected to the present one.
         T_odom_cam: (4, 4) pose of the last frame that had one, at `pose_ns`.
         T_last_cam: (4, 4) motion that led to it from the pose before, in `step_ns`.
+        T_reported: (4, 4) that pose as it was reported; the map may have moved since.
         covariance: (6, 6) of T_odom_cam, given the map.
         odom_covariance: (6, 6) of it in the odometry frame.
         previous: The last frame that had a pose.
         halt: Where the camera last moved to.
+        wheels: What was learnt of the encoders.
+        ticks: Their counts at the present frame; None without encoders, or where none are used.
         pending: The last keyframe, as long as some of its work is left to do.
         outlier_counts: Landmark to the number of successive frames in which it was an outlier;
             empty without `motion.landmark_prior`.
@@ -74,10 +100,13 @@ class TrackerState:
     lost_map: LocalMap | None = None
     T_odom_cam: Array = field(default_factory=lambda: np.eye(4))
     T_last_cam: Array = field(default_factory=lambda: np.eye(4))
+    T_reported: Array = field(default_factory=lambda: np.eye(4))
     covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
     odom_covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
     previous: TrackedFrame | None = None
     halt: Halt | None = None
+    wheels: WheelMotion = field(default_factory=WheelMotion)
+    ticks: tuple[int, int] | None = None
     pending: Pending | None = None
     outlier_counts: Mapping[int, int] = field(default_factory=dict[int, int])
     smoothing_px: float = 0.0

@@ -69,3 +69,14 @@ def row_shift(T_odom_cam: Array, matches: Matches, view: View) -> Array:
         expected = project_points(matches.points_odom[unknown], T_odom_cam, view.rig)
         seen[unknown, 2] = expected[:, 2]
     return shift_to_instant(seen, view.rig, view.velocity)
+
+
+def weigh_consensus(pose: Pose, found: Matches, inliers: Matches, view: View) -> Array:
+    """Covariance (6, 6) of a pose by inliers, which are a share of the landmarks found around it.
+
+    Where others disagree, some of those that agree do so by chance, or move along: the inlier
+    threshold cuts off the errors that would show it. The standard deviation grows as the share
+    falls. Without guided matching, what disagrees is mostly false matches, which tell nothing.
+    """
+    share = len(inliers) / max(len(found), 1) if view.settings.matching.guided else 1.0
+    return pose.covariance / max(share, 1e-3) ** 2

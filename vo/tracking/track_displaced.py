@@ -26,7 +26,12 @@ from vo.tracking.displaced_landmarks import NEAR_PX, find_displaced
 from vo.tracking.hooked import replace_inliers, replace_matches
 from vo.tracking.landmark_prior import sampling_weights
 from vo.tracking.new_view import information_of, is_new_view
-from vo.tracking.pose_refinement import find_consensus, refine_pose, select_inliers
+from vo.tracking.pose_refinement import (
+    find_consensus,
+    refine_pose,
+    select_inliers,
+    weigh_consensus,
+)
 from vo.tracking.right_view import correct_cameras
 from vo.tracking.tracked import Context, NotTracked, Tracked
 
@@ -94,8 +99,9 @@ def _estimate(
     counts["motion iterations"] = pose.iterations
     if len(inliers) < few:
         return NotTracked(counts)
+    covariance = weigh_consensus(pose, found, inliers, view)
     return Tracked(
-        view, pose.T_world_cam, pose.covariance, found, inliers, by_klt=False, tried=len(tried),
+        view, pose.T_world_cam, covariance, found, inliers, by_klt=False, tried=len(tried),
         is_new=is_new, counts=counts,
     )  # fmt: skip
 

@@ -18,7 +18,12 @@ from vo.tracking.klt import track_klt
 from vo.tracking.landmark_prior import sampling_weights
 from vo.tracking.motion_model import predict_motion
 from vo.tracking.new_view import is_new_view
-from vo.tracking.pose_refinement import find_consensus, refine_pose, select_inliers
+from vo.tracking.pose_refinement import (
+    find_consensus,
+    refine_pose,
+    select_inliers,
+    weigh_consensus,
+)
 from vo.tracking.rotation_prior import align_rotation
 from vo.tracking.stationary import encoders_at_rest
 from vo.tracking.tracked import Context, NotTracked, Tracked
@@ -45,8 +50,7 @@ def predict_pose(state: TrackerState, view: View, hooks: Hooks) -> Array:
     """Predict T_odom_cam (4, 4): constant velocity, or at rest where the encoders say so."""
     moving = view.settings.matching.motion_model == "constant_velocity"
     moving = moving and not encoders_at_rest(state.halt, view)
-    now_ns = view.frame.timestamp_ns
-    T_guess = state.T_odom_cam @ (predict_motion(state, now_ns) if moving else np.eye(4))
+    T_guess = state.T_odom_cam @ (predict_motion(state, view.frame) if moving else np.eye(4))
     return replace_prediction(hooks, view.frame, state.pose_ns, state.T_odom_cam, T_guess)
 
 
@@ -159,8 +163,9 @@ def _estimate(
         return NotTracked(counts)
     expected = association.project_landmarks(state.map.landmarks, pose.T_world_cam, view)
     last = state.map.keyframes[-1].observations
+    covariance = weigh_consensus(pose, matches, inliers, view)
     return Tracked(
-        view, pose.T_world_cam, pose.covariance, matches, inliers, by_klt,
+        view, pose.T_world_cam, covariance, matches, inliers, by_klt,
         tried=int(association.in_view(expected, view).sum()),
         is_new=is_new_view(last, inliers, view.settings), counts=counts,
     )  # fmt: skip

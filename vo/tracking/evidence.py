@@ -1,0 +1,60 @@
+"""What speaks against a pose: how unsure its step is, and whether its start was confirmed."""
+
+import numpy as np
+
+from vo.config import OdometrySettings
+from vo.contract import se3
+from vo.contract.arrays import Array
+from vo.tracking.tracked import Tracked
+
+STEP_SHARE = 0.02
+"""Standard deviation of a step over its length that is no weakness, however long it is."""
+
+MIN_CONFIRMED = 0.5
+"""Landmarks of one view that a second must find, of those it looks for: until there is another
+keyframe, they rest on a single pair of images."""
+
+MIN_AGREEMENT = 0.8
+"""Inliers over landmarks found below which their disagreement is given as the reason."""
+
+
+def disagreement(T_ref_claimed: Array, T_ref_measured: Array) -> Array:
+    """Covariance (6, 6) that a claimed pose (4, 4) has beyond that of what was measured of it."""
+    apart = se3.log_small(se3.inverse(T_ref_claimed) @ T_ref_measured)
+    return np.outer(apart, apart)
+
+
+def explain_doubt(
+    T_last_cam: Array, step_covariance: Array, moved: Array, tracked: Tracked, is_start: bool,
+    settings: OdometrySettings,
+) -> str:  # fmt: skip
+    """Say why the step (4, 4) to a tracked frame is weak: its covariance (6, 6); empty if it isn't.
+
+    A part (6, 6) of the covariance is by what the map moved since the last frame.
+    """
+    s, inliers = settings.motion, len(tracked.inliers)
+    if s.weak_step_m == 0:
+        return ""
+    if is_start and inliers < MIN_CONFIRMED * tracked.tried:
+        return f"start not confirmed: {inliers} of {tracked.tried} landmarks found again"
+    sigma_m, sigma_rad = _largest(step_covariance)
+    limit_m = max(s.weak_step_m, STEP_SHARE * float(np.linalg.norm(T_last_cam[:3, 3])))
+    sigma_deg = np.degrees(sigma_rad)
+    if sigma_m <= limit_m and sigma_deg <= s.weak_step_deg:
+        return ""
+    doubt = f"step uncertain by {1e3 * sigma_m:.1f} mm, {sigma_deg:.2f}°"
+    moved_m, moved_rad = _largest(moved)
+    if moved_m > sigma_m / 2 or moved_rad > sigma_rad / 2:
+        moved_deg = np.degrees(moved_rad)
+        return f"{doubt}: the map was corrected by {1e3 * moved_m:.1f} mm, {moved_deg:.2f}°"
+    found = len(tracked.matches)
+    if inliers < MIN_AGREEMENT * found:
+        return f"{doubt}: {inliers} of {found} landmarks agree"
+    return doubt
+
+
+def _largest(covariance: Array) -> tuple[float, float]:
+    """Largest standard deviations of a covariance (6, 6), of translation and of rotation."""
+    parts = covariance[:3, :3], covariance[3:, 3:]
+    metres, radians = (float(np.sqrt(max(np.linalg.eigvalsh(x)[-1], 0.0))) for x in parts)
+    return metres, radians
