@@ -17,6 +17,8 @@ from vo.contract.arrays import Array, Indices
 WHEEL_RADIUS_M = 0.05
 TRACK_M = 0.38
 TYRE_HALF_WIDTH_M = 0.015
+TYRE_DEFLECTION_M = 0.0006
+"""Of each tyre under a third of the rover's weight, by its stiffness (`sim/world/tyres.py`)."""
 CASTER_RADIUS_M = 0.03
 CASTER_X_M = -0.27
 CASTER_TRAIL_M = 0.025
@@ -198,19 +200,20 @@ def _add_tyre(
     """Add a visible cylinder and, inside it, an ellipsoid: the crowned tyre that has contact.
 
     The crown touches flat ground in one point below the axle, which makes odometry's two
-    constants, radius and track, exact; a cylinder's contact wanders over its width.
+    constants, radius and track, exact; a cylinder's contact wanders over its width. Under the
+    rover's weight it rolls at the radius: unloaded, it is larger by half its deflection.
     """
+    unloaded_m = radius_m + TYRE_DEFLECTION_M / 2
     across = (2**-0.5, 2**-0.5, 0.0, 0.0)
     cylinder = mujoco.mjtGeom.mjGEOM_CYLINDER
     size = (radius_m, half_width_m, 0.0)
     _visible(wheel, (0, 0, 0), size, mass, RUBBER, type=cylinder, quat=across)
     wheel.add_geom(
         type=mujoco.mjtGeom.mjGEOM_ELLIPSOID,
-        size=(radius_m, half_width_m, radius_m),
+        size=(unloaded_m, half_width_m, unloaded_m),
         mass=0.0,
         condim=4,
         friction=(friction, 0.002, 0.0001),
-        solref=(0.01, 1.0),
         group=CONTACT_GROUP,
     )
 

@@ -21,6 +21,7 @@ from sim.world.rig import CAMERA, T_world_left, add_rig, stereo_rig, widened
 from sim.world.rover import BODY, PREFIX, WHEEL_RADIUS_M, WHEELS, build_rover
 from sim.world.start import START_CLEARANCE_M, check_start, check_view
 from sim.world.terrain import lay_terrain
+from sim.world.tyres import IMPEDANCE_RATIO, set_tyre_contacts
 from vo.contract import se3
 from vo.contract.arrays import Array
 from vo.contract.errors import SettingsError
@@ -199,7 +200,7 @@ def build_world(scene: Scene, settings: RecordSettings) -> World:
     spec.option.timestep = float(1 / steps_per_second(settings))
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    spec.option.impratio = 10.0  # keeps wheels at rest from creeping sideways
+    spec.option.impratio = IMPEDANCE_RATIO
     if 0 <= spec.memory < MEMORY_MIN:
         spec.memory = MEMORY_MIN
     try:
@@ -214,6 +215,8 @@ def build_world(scene: Scene, settings: RecordSettings) -> World:
         ) from None
     if scene.source:
         expect_finite(scene, model)
+    if arrival_s is None:
+        set_tyre_contacts(model)
     data = mujoco.MjData(model)
     lens = RawLens(settings, rig, render_rig)
     world = World(scene, rig, render_rig, path, arrival_s, movers, things, model, data, lens)
