@@ -12,7 +12,7 @@ from sim.world.rover import CONTACT_GROUP, WHEEL_BODIES
 
 STIFFNESS_N_PER_M = 60e3
 DAMPING_NS_PER_M = 230.0
-"""A quarter of critical with a third of the rover's mass: a loss factor of 0.5."""
+"""A quarter of critical with a third of the rover's mass: a loss factor of 0.5, as of butyl."""
 ONSET_M = 0.3e-3
 """Deflection over which spring and damper set in, so that no force begins with a jump."""
 IMPEDANCE = 0.3
