@@ -3,6 +3,7 @@
 import math
 
 import mujoco
+import numpy as np
 
 from sim.world.drive import TIPPED_RAD
 from sim.world.rover import BODY, WHEELS
@@ -11,10 +12,12 @@ FALL_M = 0.12
 """Drop of the axle from which the rover has fallen; a sill is lower."""
 TIPPED_FALL_M = 0.04
 """The same of a rover that lies on its side: over level ground, the axle does not drop."""
+STANDING = 0.5
+"""Vertical part of the normal of a contact that carries; beyond an edge, wheels scrape its side."""
 
 
 class FallMonitor:
-    """Compares the height of the axle with that when both driven wheels last touched something."""
+    """Compares the height of the axle with that when both driven wheels last stood on something."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Begin with the rover as it is."""
@@ -25,7 +28,8 @@ class FallMonitor:
     def has_fallen(self, data: mujoco.MjData) -> bool:
         """Whether the rover has fallen by now; call it after every few physics steps."""
         height_m, upright = float(data.xpos[self._body, 2]), float(data.xmat[self._body, 8])
-        touching = self._model.geom_bodyid[data.contact.geom]
+        carries = np.abs(data.contact.frame[:, 2]) > STANDING
+        touching = self._model.geom_bodyid[data.contact.geom[carries]]
         if all((touching == self._model.body(name).id).any() for name in WHEELS):
             self._height_m = height_m
         limit_m = FALL_M if upright > math.cos(TIPPED_RAD) else TIPPED_FALL_M
