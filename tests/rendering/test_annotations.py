@@ -173,6 +173,7 @@ def test_covisibility_behind_a_mover_is_hidden(scenery):
         corners = [(f(to[:, 1]), g(to[:, 0])) for f in BESIDE for g in BESIDE]
         met = np.array([then.geometry.depth_left_m[y, x] for y, x in corners]) / flow[v, u, 2]
         clear, covered = seen[v, u] == VISIBLE, seen[v, u] == HIDDEN
+        clear &= flow[v, u, 2] < 15  # beyond, the ground's depth changes by 2 % in a tenth of a row
         assert np.mean(np.nanmin(np.abs(met - 1), axis=0)[clear] < 0.02) > 0.999
         assert np.mean(np.nanmin(met, axis=0)[covered] < 0.99) > 0.99
         hidden += int((seen == HIDDEN).sum())
