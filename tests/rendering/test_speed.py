@@ -9,6 +9,7 @@ from trials.execution.recording_settings import recording_settings
 from trials.studies.bench import PARTS, endurance_table, length_table
 from trials.studies.speed.cameras import CAMERAS, measure_cameras
 from trials.studies.speed.comparison import RECORDINGS, comparison_table, measure_rounds
+from trials.studies.speed.costs import IMAGES, Conditions, measure_drives
 from trials.studies.speed.drive import TimedDrive
 from trials.studies.speed.estimator import EstimatorSpeed, measure_estimator, to_and_fro
 from trials.studies.speed.generator import measure_lengths
@@ -122,3 +123,15 @@ def test_time_program_counts_from_its_start_in_both_times(tmp_path):
     assert 0 < elapsed_s <= timed.wall_s
     assert letters == len(str(tmp_path))
     assert timed.cpu_s > 0
+
+
+def test_costs_of_drives_that_differ_in_labels(tmp_path):
+    """Of a world of a plane, whose images do not depend on the labels."""
+    world = tmp_path / "plane.xml"
+    world.write_text(YARD)
+    rows = [Conditions(str(world), (64, 48), x) for x in ((), ("depth",))]
+    plain, labelled = measure_drives(rows, tmp_path)
+    assert plain.kb.keys() == {IMAGES}
+    assert labelled.kb.keys() == {IMAGES, "depth"}
+    assert plain.kb[IMAGES] == labelled.kb[IMAGES] > 0
+    assert min(plain.frame_ms, labelled.frame_ms, plain.drive_s) > 0
