@@ -178,6 +178,7 @@ def _local(workers: Workers, memory_gb: float) -> "Generator[tuple[Client, Calla
 def _reached(workers: Workers, memory_gb: float) -> "Generator[Client]":
     """Connect to a scheduler, or ask a queue for workers."""
     from distributed import Client
+    from distributed import __version__ as version
 
     name = workers.scheduler
     reached = nullcontext(name)
@@ -186,9 +187,12 @@ def _reached(workers: Workers, memory_gb: float) -> "Generator[Client]":
     with reached as target:
         try:
             client = Client(target, timeout=CONNECT_S)
-        except (OSError, ValueError) as error:
+        except Exception as error:
             reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-            raise WorkerError(f"scheduler {name}: does not answer ({reason})") from None
+            said = "does not answer"
+            if not isinstance(error, OSError | ValueError):
+                said = f"does not answer as Dask {version} does; install the same there"
+            raise WorkerError(f"scheduler {name}: {said} ({reason})") from None
         with client:
             if target is name:
                 try:
