@@ -64,6 +64,7 @@ DISTURBANCES: dict[str, Disturbance] = {
         "lens that images red larger, and blue smaller", {"sensor.chromatic_px": 1.5}
     ),
     "fog": Disturbance("fog with a visibility of 10 m", {"weather.fog_m": lambda s: 10 / s}),
+    "rain": Disturbance("violent rain of 50 mm/h", {"weather.rain_mm_h": 50.0}),
     "soiling": Disturbance(
         "dust, drops and fingerprints on both lenses",
         {"sensor.soiling": lambda s: min(0.5 * s, 1.0)},

@@ -140,6 +140,13 @@ class WeatherSettings(Settings):
 
     fog_m: float = Field(default=0.0, ge=0.0, le=100_000.0)
     """Visibility in fog, at which 5 % of the contrast remains, m; 0: clear air."""
+    rain_mm_h: float = Field(default=0.0, ge=0.0, le=200.0)
+    """Rain, mm/h; 0: dry."""
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether there is nothing in the air."""
+        return self.fog_m == 0 and self.rain_mm_h == 0
 
 
 class RenderSettings(Settings):
@@ -228,6 +235,15 @@ class RecordSettings(Settings):
             raise ValueError(
                 "sensor.lens = equidistant: the views of a wide lens are rendered by render.engine "
                 "= classic only"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _rain_is_in_pinholes(self) -> Self:
+        if self.weather.rain_mm_h and self.sensor.lens == "equidistant":
+            raise ValueError(
+                f"weather.rain_mm_h = {self.weather.rain_mm_h:g} with sensor.lens = equidistant: "
+                "rain is not simulated for wide lenses; set one of both"
             )
         return self
 

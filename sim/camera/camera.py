@@ -15,6 +15,7 @@ from sim.imaging.fog import foggy
 from sim.imaging.image_sensor import ImageSensor
 from sim.imaging.lens import raw_margin_px
 from sim.imaging.linear_light import decode
+from sim.imaging.rain import draw_drops, rain_visibility_m, streaked
 from sim.imaging.soiling import Soiling
 from sim.settings import RecordSettings
 from sim.world.random_streams import stream
@@ -128,14 +129,14 @@ class StereoCamera:
             time_s = time_ns * 1e-9
             geometry = place_and_render(world, trip, renderer, time_ns)
             cropped = cropped_geometry(world, geometry)
-            needs_whole = settings.labels.are_raw or settings.weather.fog_m > 0
+            needs_whole = settings.labels.are_raw or not settings.weather.is_clear
             whole = renderer.render_whole_geometry(geometry) if needs_whole else geometry
             raw = (whole.depth_left_m, whole.geoms_left) if settings.labels.are_raw else None
             truth = world.T_world_cam, world.T_world_bodies
             rows, open_s = world.render_rig.height_px, control.time_ms * 1e-3
             shutter = open_shutter(settings.exposure, time_s, open_s, rows)
             light, count = expose(world, trip, renderer, settings.exposure, shutter, geometry)
-            light = self.through_air(light, whole)
+            light = self.through_air(light, whole, truth[0], open_s, int(index))
             brightness = control.brightness * mean_brightness(world, shutter)
             level = float(brightness.mean())
             exposure = FrameExposure(time_ns, control.time_ms, control.gain, count, level)
@@ -144,15 +145,32 @@ class StereoCamera:
             yield Capture(int(index), exposure, light, brightness, cropped, *truth, raw)
 
     def through_air(
-        self, light: tuple[Array, Array], whole: GeometryBuffers
+        self,
+        light: tuple[Array, Array],
+        whole: GeometryBuffers,
+        T_world_cam: Array,
+        open_s: float,
+        index: int,
     ) -> tuple[Array, Array]:
-        """Return the light of both images in the weather; the geometry is all that is rendered."""
-        fog_m = self._settings.weather.fog_m
-        if not fog_m:
+        """Return the light of both images of a frame in the weather, exposed for `open_s`.
+
+        The geometry is all that is rendered.
+        """
+        weather, rig = self._settings.weather, self._world.render_rig
+        if weather.is_clear:
             return light
         depths_m = whole.depth_left_m, whole.depth_right_m
-        left_m, right_m = (self._world.lens.range_m(k, x) for k, x in enumerate(depths_m))
-        return foggy(light[0], left_m, fog_m), foggy(light[1], right_m, fog_m)
+        ranges_m = (self._world.lens.range_m(k, x) for k, x in enumerate(depths_m))
+        rain = weather.rain_mm_h
+        ends_m = [x for x in (weather.fog_m, rain and rain_visibility_m(rain)) if x]
+        visibility_m = ends_m[0] if len(ends_m) == 1 else 1 / sum(1 / x for x in ends_m)
+        left, right = (foggy(x, y, visibility_m) for x, y in zip(light, ranges_m, strict=True))
+        if not rain:
+            return left, right
+        rng = stream(self._settings.seed, f"rain/{index}")
+        drops = draw_drops(rain, rig, open_s, -T_world_cam[2, :3], rng)
+        left = streaked(left, depths_m[0], rig, drops, 0.0)
+        return left, streaked(right, depths_m[1], rig, drops, rig.baseline_m)
 
     def form_images(self, capture: Capture) -> StereoImages:
         """Convert light to grey levels; noise depends on seed, frame and camera only."""

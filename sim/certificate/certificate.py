@@ -49,9 +49,9 @@ def exempt_parts(settings: RecordSettings) -> frozenset[str]:
     """Return the parts that cannot fail, because not all pixels were exposed at one time.
 
     Labels hold for both cameras at once and for the middle row; the residuals are only reported.
-    Nor do labels hold for dirt on a lens.
+    Nor do labels hold for dirt on a lens, and for rain.
     """
-    if settings.sensor.soiling:
+    if settings.sensor.soiling or settings.weather.rain_mm_h:
         return frozenset({"stereo", "flow"})
     exposure = settings.exposure
     stereo = {"stereo"} if exposure.right_offset_ms != 0 else set[str]()
@@ -150,7 +150,7 @@ def detectable_shifts(certificate: dict[str, Any]) -> list[str]:
             )
             continue
         if not figures["judged"]:
-            lines.append(f"{label}: not judged, since not all pixels were exposed at one time")
+            lines.append(f"{label}: not judged: not all pixels show the scene, or at one time")
             continue
         bias, error = (" ".join(f"{x:.3f}" for x in figures[key]) for key in BIAS)
         text = (

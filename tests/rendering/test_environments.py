@@ -372,7 +372,7 @@ def test_action_out_of_range_is_refused(make, action):
         ({"observe": ("smell",)}, "setting observe: unknown channel smell; valid: left, right"),
         ({"observe": "smell"}, "setting observe: unknown channel smell; valid: left, right"),
         ({"observe": ()}, "setting observe: names no channel; valid: left, right"),
-        ({"disturb": "rain"}, "unknown disturbance rain"),
+        ({"disturb": "hail"}, "unknown disturbance hail"),
         ({"settings": {"rig.width": 3}}, "unknown setting rig.width; valid here"),
         ({"scene_options": {"walls": 3}}, "unknown option walls"),
     ],

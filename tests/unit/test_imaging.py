@@ -21,6 +21,7 @@ from sim.imaging.linear_light import (
     light_to_levels,
     normal_quantiles,
 )
+from sim.imaging.rain import Drops, draw_drops, rain_visibility_m, streaked
 from sim.imaging.resample import sample_variance
 from sim.imaging.rescaling import log_of_share, rescale
 from sim.imaging.soiling import Soiling
@@ -406,3 +407,34 @@ def test_soiling_is_that_of_its_generator_and_adds_no_light():
     clean = Soiling(0.0, (120, 160), np.random.default_rng(1))
     light = np.random.default_rng(3).random((120, 160, 3), np.float32)
     np.testing.assert_array_equal(clean(light), light)
+
+
+RAIN_RIG = StereoRig(160, 120, 120.0, 79.5, 59.5, 0.09)
+DOWN = np.array([0.0, 1.0, 0.0])
+
+
+def test_drops_have_the_sizes_and_number_of_their_rain():
+    rng = np.random.default_rng(1)
+    few, many = (draw_drops(x, RAIN_RIG, 0.01, DOWN, rng) for x in (2.0, 50.0))
+    assert len(few.sizes_m) < len(many.sizes_m)
+    assert few.sizes_m.mean() < many.sizes_m.mean()
+    assert few.sizes_m.min() >= 0.5e-3
+    small = many.sizes_m < 0.6e-3  # 2.0 to 2.8 m/s by Atlas, in 10 ms
+    assert (many.falls_cam[small, 1] > 0.019).all()
+    assert (many.falls_cam[small, 1] < 0.029).all()
+    assert 1500 < rain_visibility_m(10.0) < 2500  # 0.312 R^0.67 per km says 2.05 km
+
+
+def test_streak_is_one_drop_in_both_eyes_and_hidden_by_nearer():
+    drops = Drops(np.array([[0.0, 0.0, 1.0]]), np.array([0.004]), np.array([[0.0, 0.1, 0.0]]))
+    far, dark = np.full((120, 160), 5.0, np.float32), np.zeros((120, 160), np.uint8)
+    left, right = (streaked(dark, far, RAIN_RIG, drops, x) for x in (0.0, 0.09))
+    v, u = np.mgrid[:120, :160]
+    for image, at in ((left, 79.5), (right, 79.5 - 120 * 0.09)):
+        assert (image * u).sum() / image.sum() == pytest.approx(at, abs=0.05)
+        assert (image * v).sum() / image.sum() == pytest.approx(59.5, abs=0.05)
+        assert np.ptp(np.flatnonzero(image.any(axis=1))) == pytest.approx(12.5, abs=1.5)
+        covered = -np.log(1 - image / AIRLIGHT).sum()  # its area, the mean over the exposure
+        assert covered == pytest.approx(np.pi / 4 * 0.48**2, rel=0.01)
+    near = np.full((120, 160), 0.5, np.float32)
+    assert not streaked(dark, near, RAIN_RIG, drops, 0.0).any()

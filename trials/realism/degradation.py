@@ -42,7 +42,7 @@ from vo.recordings.readers import open_sequence, read_truth
 
 MOTION = ("exposure.time_ms", "exposure.line_time_us", "exposure.right_offset_ms")
 """Settings whose effect depends on motion within a frame."""
-GROUPS = ("sensor.", "calibration.", "weather.")
+GROUPS = ("sensor.", "calibration.", "weather.fog")
 """Beginnings of the settings that apply to images, or to images and distances."""
 MAX_SUBFRAMES = 32
 IMAGES = ("cam0", "cam1", "raw0", "raw1")

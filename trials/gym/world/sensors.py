@@ -103,9 +103,9 @@ class RoverCamera:
         brightness = mean_brightness(world, shutter)
         exposure = FrameExposure(time_ns, 0.0, 1.0, 1, float(brightness.mean()))
         light = self.renderer.render_images()
-        if self._settings.weather.fog_m:
+        if not self._settings.weather.is_clear:
             geometry = self.renderer.render_whole_geometry(self.renderer.render_geometry())
-            light = self._camera.through_air(light, geometry)
+            light = self._camera.through_air(light, geometry, world.T_world_cam, 0.0, index)
         return Capture(
             index, exposure, light, brightness, NO_GEOMETRY, world.T_world_cam,
             world.T_world_bodies,
