@@ -23,6 +23,7 @@ from scenes import (
     meadow,
     office,
     ramp,
+    sandbox,
     sill,
     stop_and_go,
     turntable,
@@ -89,6 +90,7 @@ SCENES: dict[str, SceneBuilder] = {
     "meadow": _builder(meadow, {"rig.tilt_deg": 15.0}),
     "office": _builder(office),
     "ramp": _builder(ramp, {"rig.tilt_deg": 18.0}),
+    "sandbox": _builder(sandbox, {"rig.tilt_deg": 22.0, "rig.baseline_m": 0.07}),
     "sill": _builder(sill, {"rig.tilt_deg": 18.0}),
     "stop_and_go": _builder(
         stop_and_go, {"rig.tilt_deg": 8.0, "drive.stop_every_m": 0.9, "drive.stop_s": 4.0}
