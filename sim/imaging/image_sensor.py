@@ -203,7 +203,7 @@ def _noise_table(curve: Curve, shot: float, floor: float) -> Array:
     light = levels_to_light(curve, np.arange(256))[:, None]
     z = np.linspace(-6, 6, 241)
     share = np.exp(-z * z / 2) / np.exp(-z * z / 2).sum()
-    levels = light_to_levels(curve, light + np.sqrt(shot * light + floor) * z)
+    levels = light_to_levels(curve, light + np.sqrt(shot * np.maximum(light, 0) + floor) * z)
     mean = (levels * share).sum(axis=1, keepdims=True)
     table = np.sqrt(((levels - mean) ** 2 * share).sum(axis=1)).astype(np.float32)
     table.flags.writeable = False

@@ -36,7 +36,7 @@ from trials.realism.measure import _histogram, _noise, gradients, measure, power
 from trials.realism.noise import GREY, measure_blocks
 from trials.realism.quantities import QUANTITIES, Measured, Statistic
 from trials.realism.sharpness import edge_width, edge_widths, sufficient_reach
-from trials.realism.twin_corrections import corrected, fit_curve
+from trials.realism.twin_corrections import corrected, fit_curve, with_speed
 from trials.realism.vignetting import LightPairs, vignetting_by_frame
 from vo.contract.remarks import Remark
 from vo.contract.rig import StereoRig
@@ -230,9 +230,9 @@ def test_twin_that_is_too_slow_corrects_speed_or_rate(pictures):
     values = {"drive.speed_mps": 0.3, "rig.rate_hz": 10.0, "rig.baseline_m": 0.2}
     real = replace(pictures, steps_m=np.full(9, 0.02), baseline_m=0.1)  # the twin is twice as large
     twin = replace(pictures, steps_m=np.r_[0.001, np.full(9, 0.03)], baseline_m=0.2)
-    found = corrected(values, real, twin)
+    found = with_speed(values, real, twin)
     assert (found["drive.speed_mps"], found["rig.rate_hz"]) == pytest.approx((0.4, 10))
-    found = corrected(values | {"drive.speed_mps": 1.5}, real, twin)
+    found = with_speed(values | {"drive.speed_mps": 1.5}, real, twin)
     assert (found["drive.speed_mps"], found["rig.rate_hz"]) == pytest.approx((1.5, 7.5))
 
 
@@ -247,10 +247,10 @@ def test_curve_of_a_camera_is_fitted_to_its_pictures(pictures):
         "power": Statistic(np.array([power_spectrum(x) for x in images]), np.ones((3, 1))),
     }
     real = Measured("real", 3, statistics, tuple(images))
-    curve, exposure = fit_curve(real, pictures, Curve())
-    assert 1.1 < curve.gamma < 2
-    light = exposure * levels_to_light("srgb", np.arange(256))
-    mean = light_to_levels(curve, light) @ pictures.estimate("grey")
+    curve = fit_curve(real, pictures, Curve())
+    assert 1.2 < curve.gamma < 1.7
+    levels = light_to_levels(curve, levels_to_light("srgb", np.arange(256)))
+    mean = levels @ pictures.estimate("grey")
     assert mean == pytest.approx(summary(real, "grey"), abs=3)
 
 
@@ -262,6 +262,11 @@ def test_levels_of_a_curve_convert_to_light_and_back():
     black = encode.encode_noisy(np.zeros(50_000, np.float32), 0, 1e-6, rng)
     assert black.mean() == pytest.approx(20, abs=0.3)  # noise is on both sides of no light
     assert black.min() < 10
+    sensor = {"black_grey": 20.0, "gamma": 0.7, "full_well": 5000.0, "read_noise": 20.0}
+    settings = RecordSettings.model_validate({"sensor": sensor})
+    sigma = ImageSensor(settings, 0, RIG, RIG).noise_sigma(1.0)
+    assert np.isfinite(sigma).all()
+    assert sigma[21] > 1
 
 
 def test_ground_has_the_height_and_the_tilt_of_the_camera():

@@ -23,19 +23,19 @@ from trials.realism.camera_estimates import (
     estimate_softness,
 )
 from trials.realism.camera_match import CameraMatch
-from trials.realism.comparison import Comparison, Progress, compare_measured, summary
+from trials.realism.comparison import Comparison, Progress, compare_measured
 from trials.realism.geometry_estimates import estimate_ground, estimate_motion
 from trials.realism.measure import measure
 from trials.realism.quantities import Measured
-from trials.realism.twin_corrections import Values, corrected, with_fitted_curve
+from trials.realism.twin_corrections import Values, corrected, with_fitted_curve, with_speed
 from vo.contract.files import write_text
 from vo.contract.sequence import StereoSequence
 from vo.contract.settings import Settings, overrides_of
 from vo.recordings.readers import open_sequence
 
-SCENE_FRAMES, TWIN_FRAMES = 16, 50
+SCENE_FRAMES, TWIN_FRAMES = 10, 50
 """Frames of each scene that are recorded to find the nearest one, and of the nearest."""
-ROUNDS = (corrected, with_fitted_curve, corrected)
+ROUNDS = (with_speed, with_fitted_curve, corrected)
 """Corrections of the camera by its twin, one after the other; each needs a new twin."""
 MAX_DISTANCE_M = 80.0
 DEFAULT = Recording("office", 0, ("drive.distance_m=1.2", *camera_overrides("ideal"), *NO_LABELS))
@@ -71,6 +71,7 @@ def match_camera(
     estimates = [
         *_rig(sequence, measured),
         CameraSetting("sensor.response", response, note="explains the noise better"),
+        CameraSetting("sensor.auto_exposure", False, note="the curve holds the brightness"),
         *map(_within_range, estimate_noise(measured, response)),
         *map(_within_range, [estimate_softness(linear), *estimate_light(linear)]),
         estimate_drops(sequence.timestamps_ns),
@@ -90,8 +91,7 @@ def _with_twin(
     cache: Path,
     progress: Progress | None,
 ) -> CameraMatch:
-    """Record scenes with the camera at the real brightness, and correct it by the nearest one."""
-    found = _lit(found, float(np.clip(summary(real, "grey") or 0.0, 10.0, 240.0)))
+    """Record scenes with the camera, and correct it by the nearest one."""
     recordings = [twin_recording(found.values, x, SCENE_FRAMES) for x in scenes]
     if len(scenes) > 1:
         folders = record_all(recordings, cache, _counted(progress, len(scenes)))
@@ -128,14 +128,6 @@ def _counted(progress: Progress | None, total: int):
             progress(done, total)
 
     return advance
-
-
-def _lit(found: CameraMatch, target: float) -> CameraMatch:
-    light = (
-        CameraSetting("sensor.auto_exposure", True, note="scenes have another brightness"),
-        CameraSetting("sensor.target_grey", round(target, 1), note="mean of the real recording"),
-    )
-    return replace(found, estimates=[*found.estimates, *light])
 
 
 def _with_values(found: CameraMatch, values: Mapping[str, float]) -> CameraMatch:

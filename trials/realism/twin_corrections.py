@@ -12,14 +12,14 @@ from scipy.optimize import minimize
 
 from sim.imaging.linear_light import Curve, levels_to_light, light_to_levels
 from trials.realism.camera_estimates import electrons, frequent_width, noise_parts
-from trials.realism.comparison import distances, summary
+from trials.realism.comparison import distances
 from trials.realism.geometry_estimates import FASTEST_MPS, SLOWEST_HZ
 from trials.realism.measure import gradients, power_spectrum
 from trials.realism.quantities import QUANTITIES, Measured
 from vo.contract.arrays import Array, Image
 
 Values = Mapping[str, float | str | bool]
-GAMMA, BLACK, WHITE = (0.3, 4.0), (0.0, 90.0), (110.0, 600.0)
+GAMMA, BLACK, WHITE = (0.3, 4.0), (0.0, 90.0), (110.0, 900.0)
 """Ranges of the fitted curve."""
 EVALUATIONS = 160
 PREFERENCE = 0.05
@@ -37,7 +37,7 @@ def curve_of_values(values: Values) -> Curve:
 
 
 def corrected(values: Values, real: Measured, twin: Measured) -> dict[str, float]:
-    """Return corrected noise, lens, brightness and speed by `key.path`, those that can be told.
+    """Return corrected noise and lens by `key.path`, those that can be told.
 
     Args:
         values: Settings with which the twin was recorded.
@@ -50,27 +50,27 @@ def corrected(values: Values, real: Measured, twin: Measured) -> dict[str, float
             "sensor.softness_px": _softness(values, real, twin),
             "sensor.vignetting": _shifted(values, real, twin),
             "sensor.right_gain": _scaled(values, real, twin),
-            "sensor.target_grey": _target(values, real, twin),
-            **_motion(values, real, twin),
             **_noise(values, (real, curve), (twin, curve)),
         }
     )
 
 
+def with_speed(values: Values, real: Measured, twin: Measured) -> dict[str, float]:
+    """Return also the corrected speed, or the frame rate; arguments as of `corrected`."""
+    return {**corrected(values, real, twin), **_known(_motion(values, real, twin))}
+
+
 def with_fitted_curve(values: Values, real: Measured, twin: Measured) -> dict[str, float]:
-    """Return response and brightness by `key.path`, and the noise that belongs to them.
+    """Return the curve by `key.path`, and the noise that belongs to them.
 
     Args as of `corrected`; noise and lens of the twin should be corrected already.
     """
     before = curve_of_values(values)
-    after, exposure = fit_curve(real, twin, before)
-    metered = levels_to_light(before, np.array(float(values["sensor.target_grey"])))
-    target = float(light_to_levels(after, metered * exposure))
+    after = fit_curve(real, twin, before)
     found = {
         "sensor.gamma": after.gamma,
         "sensor.black_grey": after.black,
         "sensor.white_grey": after.white,
-        "sensor.target_grey": float(np.clip(target, 10, 240)),
     }
     return _known({**found, **_noise(values, (real, after), (twin, before))})
 
@@ -79,13 +79,12 @@ def _known(found: Values) -> dict[str, float]:
     return {key: round(float(x), 6) for key, x in found.items() if math.isfinite(float(x))}
 
 
-def fit_curve(real: Measured, twin: Measured, curve: Curve) -> tuple[Curve, float]:
+def fit_curve(real: Measured, twin: Measured, curve: Curve) -> Curve:
     """Fit the curve with which the twin's grey levels and contrasts are nearest to the real ones.
 
-    Distances are those of the grey levels, gradients and power spectra of the twin's pictures.
-
-    Returns:
-        The curve, and the factor on the light that belongs to it.
+    Distances are those of the grey levels, gradients and power spectra of the twin's pictures. The
+    exposure is a part of the curve: more light reaches its grey level with a higher level of full
+    light.
     """
     light = levels_to_light(curve, LEVELS)
     wanted = {name: real.estimate(name) for name in ("grey", "gradient", "power")}
@@ -96,7 +95,7 @@ def fit_curve(real: Measured, twin: Measured, curve: Curve) -> tuple[Curve, floa
     strips = [x[k : k + STRIP_PX] for x in twin.pictures for k in range(0, len(x), 3 * STRIP_PX)]
 
     def levels(parts: Array) -> Array:
-        return light_to_levels(_curve(curve, parts), light * _factor(parts[0]))
+        return np.clip(light_to_levels(_curve(curve, parts), light), 0, 255)
 
     def misfit(parts: Array) -> float:
         table = np.rint(levels(parts)).astype(np.uint8)
@@ -104,26 +103,22 @@ def fit_curve(real: Measured, twin: Measured, curve: Curve) -> tuple[Curve, floa
         parts_of["grey"] = np.bincount(table, share, 256)
         known = [n for n in target if len(parts_of[n]) == target[n].shape[1]]
         far = (float(distances(QUANTITIES[n], target[n], parts_of[n][None])[0]) for n in known)
-        return sum(far) + PREFERENCE * float(abs(parts[1:]).sum())
+        return sum(far) + PREFERENCE * float(abs(parts).sum())
 
-    start = np.array([0.0, math.log(curve.gamma), curve.black / 30, (curve.white - 255) / 100])
-    simplex = start + np.vstack([np.zeros(4), np.diag([0.3, 0.3, 0.5, -0.5])])
+    start = np.array([math.log(curve.gamma), curve.black / 30, (curve.white - 255) / 100])
+    simplex = start + np.vstack([np.zeros(3), np.diag([0.3, 0.5, -0.5])])
     options = {"maxfev": EVALUATIONS, "xatol": 0.01, "fatol": 0.003, "initial_simplex": simplex}
     best = minimize(misfit, start, method="Nelder-Mead", options=options).x
-    return _curve(curve, best), _factor(best[0])
+    return _curve(curve, best)
 
 
 def _curve(curve: Curve, parts: Array) -> Curve:
     return Curve(
         curve.response,
-        float(np.clip(_factor(parts[1]), *GAMMA)),
-        float(np.clip(30 * parts[2], *BLACK)),
-        float(np.clip(255 + 100 * parts[3], *WHITE)),
+        float(np.clip(math.exp(min(max(parts[0], -3.0), 3.0)), *GAMMA)),
+        float(np.clip(30 * parts[1], *BLACK)),
+        float(np.clip(255 + 100 * parts[2], *WHITE)),
     )
-
-
-def _factor(logarithm: float) -> float:
-    return math.exp(min(max(logarithm, -3.0), 3.0))
 
 
 def _statistics(pictures: list[Image]) -> dict[str, Array]:
@@ -152,19 +147,12 @@ def _scaled(values: Values, real: Measured, twin: Measured) -> float:
     return float(values.get("sensor.right_gain", 1)) * pair[0] / pair[1]
 
 
-def _target(values: Values, real: Measured, twin: Measured) -> float:
-    """Correct the metered grey level: metering sees neither falloff nor noise."""
-    shift = (summary(real, "grey") or 0.0) - (summary(twin, "grey") or 0.0)
-    wanted = float(values.get("sensor.target_grey", np.nan)) + shift
-    return min(max(wanted, 10.0), 240.0)
-
-
 def _motion(values: Values, real: Measured, twin: Measured) -> dict[str, float]:
     """Correct the speed by the distance from frame to frame, or the frame rate at full speed."""
     steps = [_usual(x.steps_m) for x in (real, twin)]
     speed, rate = (float(values.get(x, np.nan)) for x in ("drive.speed_mps", "rig.rate_hz"))
     scale = float(values.get("rig.baseline_m", np.nan)) / real.baseline_m
-    wanted = speed * scale * steps[0] / steps[1]
+    wanted = speed * float(np.clip(scale * steps[0] / steps[1], 0.5, 2))
     if not math.isfinite(wanted) or wanted <= 0:
         return {}
     reached = min(wanted, FASTEST_MPS)
