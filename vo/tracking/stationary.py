@@ -25,13 +25,18 @@ class StationaryThresholds:
     """Limits of the test; experiment E11 (docs/experiments.md) measures what they achieve."""
 
     pooled_frames: int = 7
-    """Frames that are pooled, at the beginning of a halt and at its end."""
+    """Frames that are pooled at the end of a halt; after as many, it is settled."""
+    reference_frames: int = 21
+    """Frames that are pooled at the beginning of a halt: their noise is in every later test."""
     significant: float = 28 * 5
     """Of chi-squared with six degrees of freedom: 28 is exceeded once in 10,000; overlapping
     patches share their noise, five times where they are widest."""
     coasting: float = 14 * 5
     """The same with one degree of freedom, along the arrival, until the halt is settled: tested
     for longer, chance would end every other halt."""
+    settled: float = 2.5
+    """Factor on the limit of a settled halt: its end brings the error of a new pose, which in noise
+    is more than what tyres creep in a minute."""
     few_frames: float = 3
     """Factor on the limit for a single frame, whose evidence has a longer tail, less one."""
     wheels_rest: float = 4.0
@@ -43,7 +48,7 @@ class StationaryThresholds:
     single_landmarks: int = 50
     """Landmarks of a single frame that can end a halt: fewer may agree by chance."""
     max_flow_px: float = 0.5
-    """Median flow that is always a motion."""
+    """Median flow above which a single frame is tested, too."""
     min_noise_px: float = 0.01
     """Of a pixel's flow: alignment converges to no better."""
     outlier_sigmas: float = 3.0
@@ -86,12 +91,12 @@ def extend_halt(halt: Halt, inliers: Matches) -> Halt:
     """Add a frame to a halt."""
     n = LIMITS.pooled_frames
     last = (*halt.last, inliers)
-    return replace(halt, first=(*halt.first, *last[:-n])[:n], last=last[-n:])
+    return replace(halt, first=(*halt.first, *last[:-n])[: LIMITS.reference_frames], last=last[-n:])
 
 
 def is_settled(halt: Halt) -> bool:
     """Whether a halt has lasted for as long as it takes to come to rest (a second at 15 Hz)."""
-    return len(halt.first) == LIMITS.pooled_frames
+    return len(halt.first) >= LIMITS.pooled_frames
 
 
 def is_stationary(
@@ -104,23 +109,27 @@ def is_stationary(
     evidence be, unless it is along the motion by which the camera arrived a moment ago.
     """
     first, latest = _pool(halt.first), extend_halt(halt, inliers).last
-    single_px, _ = _flow(first, inliers)
-    flow_px, points_odom = _flow(first, _pool(latest))
+    single, pooled = _flow(first, inliers), _flow(first, _pool(latest))
+    flow_px, points_odom = pooled
     if len(flow_px) < LIMITS.min_landmarks:
-        return False
-    sudden_px = single_px if len(single_px) >= LIMITS.single_landmarks else flow_px
-    if np.median(np.abs(sudden_px).max(axis=1)) > LIMITS.max_flow_px:
         return False
     factor = 1.0
     if wheel_ticks and halt.wheel_ticks:
         if np.abs(np.subtract(wheel_ticks, halt.wheel_ticks)).max() > LIMITS.same_ticks:
             return False
         factor = LIMITS.wheels_rest
-    points_cam = se3.transform(se3.inverse(halt.T_odom_cam), points_odom)
+    T_cam_odom, enough = se3.inverse(halt.T_odom_cam), len(single[0]) >= LIMITS.single_landmarks
+    sudden_px, points = single if enough else pooled
+    if np.median(np.abs(sudden_px).max(axis=1)) > LIMITS.max_flow_px:  # a motion, or noise
+        found = motion_evidence(se3.transform(T_cam_odom, points), sudden_px, rig, np.eye(6))
+        if found > factor * LIMITS.significant * (1 + LIMITS.few_frames):
+            return False
+    points_cam = se3.transform(T_cam_odom, points_odom)
     if not is_settled(halt):
         coasting = motion_evidence(points_cam, flow_px, rig, se3.log(halt.T_last_cam)[:, None])
         if coasting > factor * LIMITS.coasting:
             return False
+    factor *= LIMITS.settled if is_settled(halt) else 1.0
     limit = factor * LIMITS.significant * (1 + LIMITS.few_frames / len(latest))
     return motion_evidence(points_cam, flow_px, rig, np.eye(6)) < limit
 
