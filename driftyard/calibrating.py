@@ -16,7 +16,8 @@ def calibrate(
 
     The rows in which both cameras see the same points give their relative rotation, the delay of
     the right camera, and the differences of principal points along v and of focal lengths. A
-    gyroscope and wheels give the offsets of their clocks. The baseline, the common focal length
+    gyroscope and wheels give the offsets of their clocks; changes of the motion give the line time
+    of a rolling shutter (`line_time`). The baseline, the common focal length
     and the principal points along u change no row; they are left as they are.
 
     Args:

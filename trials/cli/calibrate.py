@@ -72,7 +72,7 @@ def _table(name: str, found: Calibration) -> Table:
     if found.line_time:
         value, error = (f"{1e6 * y:.4f}" for y in found.line_time)
         significant = "yes" if found.line_time_s != found.rig.line_time_s else "no"
-        rows.append(("line time of the shutter", f"{value} us", error, significant, ""))
+        rows.append(("line time", f"{value} us", error, significant, ""))
     before, after = found.estimate.row_px
     title = (
         f"{name}, right camera against left: {len(found.samples)} points, "
