@@ -139,7 +139,8 @@ def _frames() -> list[StereoFrame]:
 
     starts = [STEP_PX * k for k in range(FRAMES)]
     return [
-        StereoFrame(100_000_000 * k, cut(u), cut(u + DISPARITY_PX)) for k, u in enumerate(starts)
+        StereoFrame(100_000_000 * k, cut(u), cut(u + DISPARITY_PX), (u, u))
+        for k, u in enumerate(starts)
     ]
 
 

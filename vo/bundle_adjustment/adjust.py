@@ -1,6 +1,7 @@
 """Bundle adjustment: motion only, or motion and structure (thesis 2.8, 3.4)."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -76,12 +77,18 @@ class Refined:
 class Pose:
     """A camera (4, 4) refined on points that stay, and the Levenberg-Marquardt steps that it took.
 
-    The covariance (6, 6), by the measurements alone, is of tangents (v m, w rad) in its own frame.
+    Information and products (6, 6), of tangents (w rad, v m), are those of `refine_camera`.
     """
 
     T_world_cam: Array
-    covariance: Array
     iterations: int
+    information: Array
+    products: Array
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Covariance (6, 6), by the measurements alone, of tangents (v m, w rad) in its frame."""
+        return widened_covariance(self.information, self.products)[TURN_LAST][:, TURN_LAST]
 
 
 def refine_structure(
@@ -133,5 +140,4 @@ def refine_motion(
     T, H, B, iterations = refine_camera(
         T_world_cam, points, measured, sigma, settings.use_disparity, f, *limits
     )
-    covariance = widened_covariance(H, B)
-    return Pose(T, covariance[TURN_LAST][:, TURN_LAST], iterations)
+    return Pose(T, iterations, H, B)

@@ -1,10 +1,13 @@
 """What speaks against a pose: how unsure its step is, and whether its start was confirmed."""
 
+import math
+
 import numpy as np
 
 from vo.config import OdometrySettings
 from vo.contract import se3
 from vo.contract.arrays import Array
+from vo.contract.compilation import compiled
 from vo.tracking.tracked import Tracked
 
 STEP_SHARE = 0.02
@@ -38,14 +41,14 @@ def explain_doubt(
     if is_start and inliers < MIN_CONFIRMED * tracked.tried:
         return f"start not confirmed: {inliers} of {tracked.tried} landmarks found again"
     sigma_m, sigma_rad = _largest(step_covariance)
-    limit_m = max(s.weak_step_m, STEP_SHARE * float(np.linalg.norm(T_last_cam[:3, 3])))
-    sigma_deg = np.degrees(sigma_rad)
+    limit_m = max(s.weak_step_m, STEP_SHARE * math.hypot(*T_last_cam[:3, 3].tolist()))
+    sigma_deg = math.degrees(sigma_rad)
     if sigma_m <= limit_m and sigma_deg <= s.weak_step_deg:
         return ""
     doubt = f"step uncertain by {1e3 * sigma_m:.1f} mm, {sigma_deg:.2f}°"
     moved_m, moved_rad = _largest(moved)
     if moved_m > sigma_m / 2 or moved_rad > sigma_rad / 2:
-        moved_deg = np.degrees(moved_rad)
+        moved_deg = math.degrees(moved_rad)
         return f"{doubt}: the map was corrected by {1e3 * moved_m:.1f} mm, {moved_deg:.2f}°"
     found = len(tracked.matches)
     if inliers < MIN_AGREEMENT * found:
@@ -53,8 +56,9 @@ def explain_doubt(
     return doubt
 
 
+@compiled()
 def _largest(covariance: Array) -> tuple[float, float]:
     """Largest standard deviations of a covariance (6, 6), of translation and of rotation."""
-    parts = covariance[:3, :3], covariance[3:, 3:]
-    metres, radians = (float(np.sqrt(max(np.linalg.eigvalsh(x)[-1], 0.0))) for x in parts)
-    return metres, radians
+    metres2 = np.linalg.eigvalsh(covariance[:3, :3].copy())[-1]
+    radians2 = np.linalg.eigvalsh(covariance[3:, 3:].copy())[-1]
+    return np.sqrt(max(metres2, 0.0)), np.sqrt(max(radians2, 0.0))

@@ -1,5 +1,7 @@
 """Pose of a view from its matches: consensus, refinement and inliers (thesis 3.3, 3.4)."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from vo.bundle_adjustment.adjust import Pose, refine_motion
@@ -37,7 +39,7 @@ def refine_pose(T_odom_cam: Array, matches: Matches, view: View) -> Pose:
         T_odom_cam, matches.points_odom, measured, matches.sigma_px, view.rig, settings
     )
     if settings.mode == "none":
-        return Pose(T_odom_cam, refined.covariance, iterations=0)
+        return replace(refined, T_world_cam=T_odom_cam, iterations=0)
     return refined
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from vo.config import OdometrySettings
 from vo.contract import se3
 from vo.contract.arrays import Array
+from vo.contract.compilation import compiled
 from vo.contract.sequence import StereoFrame
 from vo.map.state import TrackerState, WheelMotion
 
@@ -38,10 +39,8 @@ MIN_STRIKES = 5
 RELEARN = 30
 """Successive contradictions after which what was learnt is dropped: the scale has changed."""
 
-FLOOR = np.full(6, 1e-4)
+FLOOR = 1e-4
 """Standard deviations of a step, m and rad, that are always left: suspension and counts."""
-
-FLOOR_COVARIANCE = np.diag(FLOOR**2)
 
 FLOOR_SHARE = 0.005
 """Standard deviation of a step over its length and over its angle that is always left."""
@@ -60,8 +59,13 @@ def predict_wheels(
 
     None without encoders, or where they are not believed, or have not yet done the like.
     """
-    found = None if explain_wheels(wheels) else _predict(wheels, ticks, steps)
-    return (se3.exp(found[0]), found[1]) if found else None
+    if ticks is None or wheels.ticks is None or wheels.weight < MIN_STEPS or explain_wheels(wheels):
+        return None
+    counts = np.subtract(ticks, wheels.ticks).astype(np.float64)
+    leverage, tangent, covariance = _predict(
+        wheels.counts2, wheels.products, wheels.spread / wheels.weight, counts, steps
+    )
+    return (se3.exp(tangent), covariance) if leverage <= MAX_LEVERAGE else None
 
 
 def explain_wheels(wheels: WheelMotion) -> str:
@@ -71,22 +75,47 @@ def explain_wheels(wheels: WheelMotion) -> str:
     return "wheel encoders contradict the images: not used" if wheels.strikes >= MIN_STRIKES else ""
 
 
+@compiled()
 def _predict(
-    wheels: WheelMotion, ticks: tuple[int, int] | None, steps: float
-) -> tuple[Array, Array] | None:
-    """Predict the tangent (6,) of the motion, and its covariance."""
-    if ticks is None or wheels.ticks is None or wheels.weight < MIN_STEPS:
-        return None
-    counts = np.subtract(ticks, wheels.ticks).astype(np.float64)
-    sizes, axes = np.linalg.eigh(wheels.counts2 + np.eye(2))
-    parts = (counts @ axes) ** 2 / sizes / steps**2
-    if parts[0] > MAX_LEVERAGE:
-        return None
-    tangent = counts @ (axes / sizes) @ axes.T @ wheels.products
-    squares = np.repeat([tangent[:3] @ tangent[:3], tangent[3:] @ tangent[3:]], 3)
-    floor = steps * FLOOR_COVARIANCE + np.diag(FLOOR_SHARE**2 * squares)
-    learnt = wheels.spread / wheels.weight
-    return tangent, learnt * (steps + parts.sum() * steps**2) + floor
+    counts2: Array, products: Array, spread: Array, counts: Array, steps: float
+) -> tuple[float, Array, Array]:
+    """Predict the tangent (6,) of a motion and its covariance; before them the leverage of counts.
+
+    It is that in the direction in which less was learnt.
+    """
+    sizes, axes = np.linalg.eigh(counts2 + np.eye(2))
+    along = np.array([counts @ axes[:, 0].copy(), counts @ axes[:, 1].copy()])
+    parts = along**2 / sizes / steps**2
+    tangent = (axes @ (along / sizes)) @ products
+    covariance = spread * (steps + parts.sum() * steps**2)
+    for i in range(6):
+        part = tangent[:3] if i < 3 else tangent[3:]
+        covariance[i, i] += steps * FLOOR**2 + FLOOR_SHARE**2 * (part**2).sum()
+    return parts[0], tangent, covariance
+
+
+@compiled()
+def _learn(
+    counts2: Array, products: Array, spread: Array, weight: float, counts: Array, step: Array,
+    covariance: Array,
+) -> float:  # fmt: skip
+    """Add a step (6,) in place; return its chi-squared, zero if nothing is predicted.
+
+    Where it is a contradiction, nothing is added.
+    """
+    chi2 = 0.0
+    if weight >= MIN_STEPS:
+        leverage, tangent, predicted = _predict(counts2, products, spread / weight, counts, 1.0)
+        if leverage <= MAX_LEVERAGE:
+            apart = step - tangent
+            chi2 = apart @ np.linalg.solve(predicted + covariance, apart)
+    if chi2 > CONTRADICTION:
+        return chi2
+    counts2[:] = MEMORY * counts2 + np.outer(counts, counts)
+    products[:] = MEMORY * products + np.outer(counts, step)
+    left = step - np.linalg.solve(counts2 + np.eye(2), counts) @ products
+    spread[:] = MEMORY * spread + np.outer(left, left)
+    return chi2
 
 
 def read_wheels(state: TrackerState, frame: StereoFrame, settings: OdometrySettings) -> StereoFrame:
@@ -112,20 +141,17 @@ def learn_wheels(
         return wheels
     step = se3.log_small(T_last_cam)
     if ticks == before:
-        moved = step.any() and step @ np.linalg.solve(covariance + FLOOR_COVARIANCE, step) > SEEN
+        moved = (
+            step.any() and step @ np.linalg.solve(covariance + FLOOR**2 * np.eye(6), step) > SEEN
+        )
         waits = 0 if wheels.silent < MIN_DEAD else wheels.silent
         return replace(wheels, silent=wheels.silent + 1 if moved else waits)
-    predicted = _predict(replace(wheels, ticks=before), ticks, 1.0)
-    if predicted:
-        apart = step - predicted[0]
-        chi2 = float(apart @ np.linalg.solve(predicted[1] + covariance, apart))
-        if chi2 > CONTRADICTION:
-            if wheels.strikes + 1 >= RELEARN:
-                return WheelMotion(ticks)
-            return replace(wheels, strikes=wheels.strikes + 1, silent=0)
-    counts = np.subtract(ticks, before).astype(np.float64)
-    counts2 = MEMORY * wheels.counts2 + np.outer(counts, counts)
-    products = MEMORY * wheels.products + np.outer(counts, step)
-    left = step - counts @ np.linalg.inv(counts2 + np.eye(2)) @ products
-    spread = MEMORY * wheels.spread + np.outer(left, left)
-    return WheelMotion(ticks, counts2, products, spread, MEMORY * wheels.weight + 1.0)
+    counts = np.array([ticks[0] - before[0], ticks[1] - before[1]], dtype=np.float64)
+    counts2, products, spread = (x.copy() for x in (wheels.counts2, wheels.products, wheels.spread))
+    covariance = np.ascontiguousarray(covariance)
+    chi2 = _learn(counts2, products, spread, wheels.weight, counts, step, covariance)
+    if chi2 <= CONTRADICTION:
+        return WheelMotion(ticks, counts2, products, spread, MEMORY * wheels.weight + 1.0)
+    if wheels.strikes + 1 >= RELEARN:
+        return WheelMotion(ticks)
+    return replace(wheels, strikes=wheels.strikes + 1, silent=0)
