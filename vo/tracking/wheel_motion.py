@@ -108,7 +108,7 @@ def _learn(
         leverage, tangent, predicted = _predict(counts2, products, spread / weight, counts, 1.0)
         if leverage <= MAX_LEVERAGE:
             apart = step - tangent
-            chi2 = apart @ np.linalg.solve(predicted + covariance, apart)
+            chi2 = float(apart @ np.linalg.solve(predicted + covariance, apart))
     if chi2 > CONTRADICTION:
         return chi2
     counts2[:] = MEMORY * counts2 + np.outer(counts, counts)
