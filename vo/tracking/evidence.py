@@ -17,6 +17,9 @@ MIN_CONFIRMED = 0.5
 """Landmarks of one view that a second must find, of those it looks for: until there is another
 keyframe, they rest on a single pair of images."""
 
+CONFIRMED = 100
+"""Landmarks found again that confirm a start, however many were looked for."""
+
 MIN_AGREEMENT = 0.8
 """Inliers over landmarks found below which their disagreement is given as the reason."""
 
@@ -38,7 +41,7 @@ def explain_doubt(
     s, inliers = settings.motion, len(tracked.inliers)
     if s.weak_step_m == 0:
         return ""
-    if is_start and inliers < MIN_CONFIRMED * tracked.tried:
+    if is_start and inliers < min(CONFIRMED, MIN_CONFIRMED * tracked.tried):
         return f"start not confirmed: {inliers} of {tracked.tried} landmarks found again"
     sigma_m, sigma_rad = _largest(step_covariance)
     limit_m = max(s.weak_step_m, STEP_SHARE * math.hypot(*T_last_cam[:3, 3].tolist()))
