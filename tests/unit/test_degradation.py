@@ -29,7 +29,7 @@ def test_only_disturbances_of_the_images_apply():
     lens_and_sensor = {"noise", "defocus", "drop", "stereo_mismatch", "miscalibration"}
     assert lens_and_sensor | {"blur", "rolling_shutter", "stereo_offset"} <= set(applicable())
     assert "fog" in applicable()
-    assert not {"slip", "load", "sill", "brick_bump", "collision"} & set(applicable())
+    assert not {"rain", "slip", "load", "sill", "brick_bump", "collision"} & set(applicable())
     assert set(applicable()) <= set(DISTURBANCES)
 
 
