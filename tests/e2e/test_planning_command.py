@@ -72,7 +72,7 @@ def test_drive_compares_static_and_dynamic_planning(tmp_path, in_this_process):
     assert static["outcome"] == dynamic["outcome"] == "success"
     assert static["plans"] == 1
     assert 0.5 * 5 * dynamic["time_s"] < dynamic["plans"] <= 5 * dynamic["time_s"] + 1
-    assert 0 < static["expanded"] < dynamic["expanded"]
+    assert 0 < static["expanded"] <= dynamic["expanded"]  # equal: no door was in the way
 
 
 def test_drive_refuses_contradicting_options_in_one_line(tmp_path):
