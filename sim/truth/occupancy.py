@@ -29,7 +29,7 @@ class Occupancy:
         >>> ground = dy.occupancy("yard.xml", 0.1)
         >>> ground.at([[0.0, 0.0], [1.5, 1.5], [9.0, 9.0]]).tolist()  # pillar, floor, beyond
         [100, 0, -1]
-        >>> voxels = dy.occupancy("yard.xml", 0.1, dimensions=3)
+        >>> voxels = dy.occupancy("yard.xml", 0.2, dimensions=3)
         >>> voxels.at([[0.0, 0.0, 0.3], [0.0, 0.0, 0.9]]).tolist()  # in the pillar, above it
         [100, 0]
     """
