@@ -38,9 +38,8 @@ from vo.tracking.stationary import detect_stationary, start_halt
 from vo.tracking.track_displaced import track_displaced
 from vo.tracking.track_local_map import (
     predict_pose,
-    retry_tracking,
+    search_pose,
     shows_swapped_images,
-    track_local_map,
 )
 from vo.tracking.tracked import Context, NotTracked, Tracked
 from vo.tracking.wheel_motion import explain_wheels, learn_wheels, read_wheels
@@ -98,11 +97,7 @@ class StereoOdometry:
         tracked: Tracked | NotTracked = NotTracked({"matches": 0, "inliers": 0})
         if self.settings.matching.search == "displacement" and state.previous:
             tracked = track_displaced(state, state.previous, view, T_guess, context)
-        if not tracked.is_reliable:
-            tracked = track_local_map(state, view, T_guess, context)  # match, P3P, refine (3.2-3.4)
-        if not tracked.is_reliable:  # a low ratio of inliers, or no pose
-            # By a rotation prior, by KLT and in a wide search (decision 22).
-            tracked = retry_tracking(state, view, T_guess, first=tracked, context=context)
+        tracked = search_pose(state, view, T_guess, first=tracked, context=context)  # (3.2-3.4)
         if isinstance(tracked, NotTracked) or shows_swapped_images(tracked, view):
             return self._lose(view, tracked.counts, clock)
 

@@ -1,7 +1,7 @@
 """Tracking of a view in the local map: match, estimate the pose, refine it (thesis 3.2-3.4)."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from vo.contract.arrays import Array
 from vo.features.image_quality import adapt_to_blur
 from vo.hooks import Hooks
 from vo.map.frame import Matches, View
-from vo.map.state import TrackerState
+from vo.map.state import TrackedFrame, TrackerState
 from vo.tracking import association
 from vo.tracking.diagnostics import images_look_swapped
 from vo.tracking.hooked import replace_inliers, replace_matches, replace_prediction
@@ -65,50 +65,77 @@ def track_local_map(
     return _estimate(state, view, T_guess, matches, context)
 
 
-def retry_tracking(
+@dataclass(frozen=True, eq=False)
+class _Turned:
+    """Searches from the last frame, turned by a rotation prior; each is made at most once."""
+
+    state: TrackerState
+    last: TrackedFrame
+    view: View
+    T_guess: Array
+    context: Context
+
+    @cached_property
+    def T_odom_cam(self) -> Array:
+        """The prediction (4, 4) with the rotation by which the whole images align."""
+        step = se3.inverse(self.state.T_odom_cam) @ self.T_guess
+        with self.context.clock("rotation prior"):
+            left, now, R_guess = self.last.left, self.view.frame.left, step[:3, :3]
+            step[:3, :3] = align_rotation(left, now, self.view.rig, R_guess)
+        return self.state.T_odom_cam @ step
+
+    @cached_property
+    def by_klt(self) -> Tracked | NotTracked:
+        """By the observations of the last frame, tracked into this one."""
+        blurred = replace(self.view, settings=adapt_to_blur(self.view.settings))
+        T_turned = self.T_odom_cam
+        with self.context.clock("KLT"):
+            matches = track_klt(self.last, self.state.map, blurred, T_turned)
+        return _estimate(self.state, blurred, T_turned, matches, self.context, by_klt=True)
+
+
+def search_pose(
     state: TrackerState, view: View, T_guess: Array, first: Tracked | NotTracked, context: Context
 ) -> Tracked | NotTracked:
-    """Try other predictions than the first until a pose is reliable; return the best (decision 22).
+    """Try other searches after the first until a pose is reliable; return the best (decision 22).
 
-    Rotation prior, KLT from the previous frame, and a wide search without prediction.
+    Near the prediction, near a rotation prior, by KLT from the previous frame, and a wide search
+    without prediction. Between them, KLT may confirm the best pose.
     """
+    settings, last, turned = view.settings.matching, state.previous, None
+    if settings.min_inlier_ratio and last:
+        turned = _Turned(state, last, view, T_guess, context)
+
+    def near(T_near: Array, radius_px: float | None = None) -> Tracked | NotTracked:
+        return track_local_map(state, view, T_near, context, radius_px)
+
+    searches = [lambda: near(T_guess)]
+    if turned:
+        searches += [lambda: near(turned.T_odom_cam), lambda: turned.by_klt]
+    searches += [lambda: near(state.T_odom_cam, settings.max_search_radius_px)]
     attempts, best = [first], first if isinstance(first, Tracked) else None
-    for attempt in _retries(state, view, T_guess, context):
-        attempts.append(attempt)
-        if isinstance(attempt, Tracked):
-            if best and _confirms(attempt, best):
-                break
-            best = max(attempt, best, key=_score) if best else attempt
+    for search in searches:
         if best and (best.is_reliable or context.budget.is_spent()):
             break
+        if best and turned and _is_consistent(best) and _confirms(turned.by_klt, best):
+            break
+        attempts.append(attempt := search())
+        if isinstance(attempt, Tracked):
+            best = max(attempt, best, key=_score) if best else attempt
     return best or max(attempts, key=lambda attempt: attempt.counts["inliers"])
-
-
-def _retries(
-    state: TrackerState, view: View, T_guess: Array, context: Context
-) -> Iterator[Tracked | NotTracked]:
-    s, clock, previous = view.settings.matching, context.clock, state.previous
-    if s.min_inlier_ratio and previous:
-        with clock("rotation prior"):
-            step = se3.inverse(state.T_odom_cam) @ T_guess
-            R_guess, now = step[:3, :3], view.frame.left
-            step[:3, :3] = align_rotation(previous.left, now, view.rig, R_guess)
-            T_turned = state.T_odom_cam @ step
-        yield track_local_map(state, view, T_turned, context)
-        blurred = replace(view, settings=adapt_to_blur(view.settings))
-        with clock("KLT"):
-            matches = track_klt(previous, state.map, blurred, T_turned)
-        yield _estimate(state, blurred, T_turned, matches, context, by_klt=True)
-    yield track_local_map(state, view, state.T_odom_cam, context, s.max_search_radius_px)
 
 
 def _score(attempt: Tracked) -> float:
     return len(attempt.inliers) * (LIMITS.klt_weight if attempt.by_klt else 1.0)
 
 
-def _confirms(klt: Tracked, best: Tracked) -> bool:
+def _is_consistent(best: Tracked) -> bool:
+    return not best.by_klt and len(best.inliers) >= LIMITS.min_match_ratio * len(best.matches)
+
+
+def _confirms(klt: Tracked | NotTracked, best: Tracked) -> bool:
     """Whether KLT agrees with a pose by templates, which warp with the surface and are exact."""
-    if not klt.by_klt or len(best.inliers) < LIMITS.min_match_ratio * len(best.matches):
+    if isinstance(klt, NotTracked):
         return False
     same = select_inliers(best.T_odom_cam, klt.inliers, klt.view)
     return len(same) >= LIMITS.min_klt_ratio * len(klt.inliers)
