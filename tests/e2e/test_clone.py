@@ -46,7 +46,7 @@ def test_make_help_lists_all_targets():
     result = make("help")
     named = {line.split()[1] for line in result.stdout.splitlines()}
     studies = {"bench", "accuracy", "scenes", "label-accuracy", "response", "bump", "replanning"}
-    studies |= {"routing", "traffic", "gate", "gate-power", "experiments", "explain"}
+    studies |= {"routing", "traffic", "cloud", "gate", "gate-power", "experiments", "explain"}
     pages = {"docs", "docs-serve", "notebooks"}
     assert named == {"demo", "check", "test", "lint", "clean", "help", *pages, *studies}
     makefile = (ROOT / "Makefile").read_text()

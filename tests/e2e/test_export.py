@@ -135,7 +135,8 @@ def test_estimate_on_an_export_is_that_on_the_dataset(dataset, there, name, tmp_
     back = estimate(Named("driftyard"), recording, tmp_path / "b.txt")
     assert np.array_equal(there.trajectory.timestamps_ns, back.trajectory.timestamps_ns)
     difference = there.trajectory.T_ref_frame - back.trajectory.T_ref_frame
-    assert np.abs(difference).max() < 1e-6
+    # A baseline that differs in its last digit may exchange one match of a consensus.
+    assert np.abs(difference).max() < 1e-4
     assert np.linalg.norm(back.trajectory.T_ref_frame[-1][:3, 3]) > 0.1
     expected, found = read_truth(dataset), read_truth(recording)
     if name == "mcap":
