@@ -194,7 +194,7 @@ class RefinementSettings(Settings):
     """Keyframes after which all landmarks are triangulated anew (F7); 0: never."""
     sigma_px: float = Field(default=0.07, gt=0)
     """Std. dev. of u and v beside image noise, px."""
-    sigma_disparity_px: float = Field(default=0.15, gt=0)
+    sigma_disparity_px: float = Field(default=0.05, gt=0)
     """Std. dev. of the disparity beside image noise, px."""
     learn_noise: bool = True
     """Adapt both standard deviations to the residuals."""
