@@ -29,7 +29,7 @@ from vo.mapping.relocalization import mark_lost, relocalize
 from vo.tracking import diagnostics
 from vo.tracking.association import add_observations
 from vo.tracking.budget import Budget
-from vo.tracking.evidence import disagreement, explain_doubt
+from vo.tracking.evidence import disagreement, explain_weak_step
 from vo.tracking.frontend import Frontend
 from vo.tracking.landmark_prior import cull_landmarks
 from vo.tracking.motion_model import gap_covariance
@@ -205,7 +205,7 @@ class StereoOdometry:
         step_covariance, moved = self._report(T_odom_cam, step_covariance)
         inliers, iterations = len(tracked.inliers), counts["motion iterations"]
         weakness = diagnostics.explain_weakness(inliers, iterations, view.settings)
-        weakness = weakness or explain_doubt(
+        weakness = weakness or explain_weak_step(
             self.state.T_last_cam, step_covariance, moved, tracked,
             len(self.state.map.keyframes) == 1, view.settings,
         )  # fmt: skip

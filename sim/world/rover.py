@@ -18,7 +18,7 @@ WHEEL_RADIUS_M = 0.05
 TRACK_M = 0.38
 TYRE_HALF_WIDTH_M = 0.015
 TYRE_DEFLECTION_M = 0.0006
-"""Of each tyre under a third of the rover's weight, by its stiffness (`sim/world/tyres.py`)."""
+"""Deflection of a tyre under a third of the rover's weight (stiffness of `sim/world/tyres.py`)."""
 CASTER_RADIUS_M = 0.03
 CASTER_X_M = -0.27
 CASTER_TRAIL_M = 0.025

@@ -72,7 +72,7 @@ def test_landmark_prior_prefers_the_static_world(frames):
 
 
 def test_without_landmark_prior_the_panel_wins(frames):
-    """Which shows that the recording above is hard. It is not claimed in silence."""
+    """The recording above is hard: the pose errs, and some frame is weak."""
     along_m, _, statuses = follow(frames, prior=False)
     assert Status.WEAK in statuses
     assert np.abs(along_m - STEP_M * np.arange(FRAMES)).max() > 0.1

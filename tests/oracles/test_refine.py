@@ -54,7 +54,7 @@ def jacobian(T_world_cam, *data, step=1e-6):
 
 
 def covariance_by_differences(T_world_cam, *data):
-    """By the information, in the directions in which scores by squares of the image have no more.
+    """The covariance is the inverse information where scores of squares have no more.
 
     There are six squares along the width; of Cameron and Miller, 2015, eq. 11.
     """

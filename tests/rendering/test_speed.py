@@ -126,7 +126,7 @@ def test_time_program_counts_from_its_start_in_both_times(tmp_path):
 
 
 def test_costs_of_drives_that_differ_in_labels(tmp_path):
-    """Of a world of a plane, whose images do not depend on the labels."""
+    """The images of a world of a plane do not depend on the labels."""
     world = tmp_path / "plane.xml"
     world.write_text(YARD)
     rows = [Conditions(str(world), (64, 48), x) for x in ((), ("depth",))]

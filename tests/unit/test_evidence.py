@@ -46,7 +46,7 @@ def test_step_includes_what_the_map_moved():
 
 
 def test_start_that_half_the_landmarks_deny_is_weak():
-    """Most of the second images shows something else: what is left of the start is a guess."""
+    """Most of the second images shows something else: what is left of the start is unconfirmed."""
     first, second = wall(2, 4)
     other = wall(1, 4, seed=1)[0]
     cut = int(0.85 * HEIGHT)

@@ -30,7 +30,7 @@ def disagreement(T_ref_claimed: Array, T_ref_measured: Array) -> Array:
     return np.outer(apart, apart)
 
 
-def explain_doubt(
+def explain_weak_step(
     T_last_cam: Array, step_covariance: Array, moved: Array, tracked: Tracked, is_start: bool,
     settings: OdometrySettings,
 ) -> str:  # fmt: skip
@@ -48,15 +48,15 @@ def explain_doubt(
     sigma_deg = math.degrees(sigma_rad)
     if sigma_m <= limit_m and sigma_deg <= s.weak_step_deg:
         return ""
-    doubt = f"step uncertain by {1e3 * sigma_m:.1f} mm, {sigma_deg:.2f}°"
+    reason = f"step uncertain by {1e3 * sigma_m:.1f} mm, {sigma_deg:.2f}°"
     moved_m, moved_rad = _largest(moved)
     if moved_m > sigma_m / 2 or moved_rad > sigma_rad / 2:
         moved_deg = math.degrees(moved_rad)
-        return f"{doubt}: the map was corrected by {1e3 * moved_m:.1f} mm, {moved_deg:.2f}°"
+        return f"{reason}: the map was corrected by {1e3 * moved_m:.1f} mm, {moved_deg:.2f}°"
     found = len(tracked.matches)
     if inliers < MIN_AGREEMENT * found:
-        return f"{doubt}: {inliers} of {found} landmarks agree"
-    return doubt
+        return f"{reason}: {inliers} of {found} landmarks agree"
+    return reason
 
 
 @compiled()

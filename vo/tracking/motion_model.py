@@ -1,7 +1,7 @@
 """Motion of the camera between poses: constant velocity, as far as the last one lasts.
 
 It predicts the next pose, and carries the path across frames without one, with what a vehicle's
-accelerations leave uncertain; by wheel encoders instead, where they are there and believed.
+accelerations leave uncertain; by wheel encoders instead, where these agree with the images.
 """
 
 import numpy as np

@@ -86,7 +86,7 @@ class _Turned:
 
     @cached_property
     def by_klt(self) -> Tracked | NotTracked:
-        """By the observations of the last frame, tracked into this one."""
+        """The pose by the observations of the last frame, tracked into this one."""
         blurred = replace(self.view, settings=adapt_to_blur(self.view.settings))
         T_turned = self.T_odom_cam
         with self.context.clock("KLT"):

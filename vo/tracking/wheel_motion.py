@@ -2,7 +2,7 @@
 
 The step of the camera is a linear function of the two counts since the frame before, whatever the
 radius of the wheels, their distance, and where the camera stands; what is left varies as learnt.
-So a wrong scale cannot be believed. Counts that contradict the images (slip, a sensor that died)
+So a wrong scale does no harm. Counts that contradict the images (slip, a sensor that died)
 are not learnt from, and not used until they agree again.
 
 Source: recursive least squares with exponential forgetting (Haykin, Adaptive Filter Theory, ch. 9).
@@ -46,10 +46,10 @@ FLOOR_SHARE = 0.005
 """Standard deviation of a step over its length and over its angle that is always left."""
 
 MIN_DEAD = 5
-"""Successive steps without a count, which images see beyond doubt, of a sensor that is dead."""
+"""Successive steps of significant motion without a count, of a sensor that is dead."""
 
 SEEN = 100.0
-"""Chi-squared of a step that is beyond doubt."""
+"""Chi-squared of a significant step."""
 
 
 def predict_wheels(
@@ -57,7 +57,7 @@ def predict_wheels(
 ) -> tuple[Array, Array] | None:
     """Predict the motion (4, 4) since the last pose, over a number of steps, and its covariance.
 
-    None without encoders, or where they are not believed, or have not yet done the like.
+    None without encoders, or where they are not used, or have not yet done the like.
     """
     if ticks is None or wheels.ticks is None or wheels.weight < MIN_STEPS or explain_wheels(wheels):
         return None
@@ -69,7 +69,7 @@ def predict_wheels(
 
 
 def explain_wheels(wheels: WheelMotion) -> str:
-    """Say why encoders are not believed; empty if they are."""
+    """Say why encoders are not used; empty if they are."""
     if wheels.silent >= MIN_DEAD:
         return "wheel encoders stand still while the images move: not used"
     return "wheel encoders contradict the images: not used" if wheels.strikes >= MIN_STRIKES else ""
