@@ -88,7 +88,7 @@ def draw_package(
         names = [part.removeprefix(f"{package}.") for part in parts]
         name, role = (names[0], summary(parts[0])) if len(names) == 1 else ("", ", ".join(names))
         axes.text(left + 0.15, y, name, va="center", weight="bold", fontsize=8)
-        indent, characters = (1.95, 46) if name else (0.15, 72)
+        indent, characters = (2.1, 43) if name else (0.15, 72)
         text = "\n".join(textwrap.wrap(role, characters))
         axes.text(left + indent, y, text, va="center", fontsize=6.8, color="#333333")
 
