@@ -122,6 +122,8 @@ def _unoccluded(points: Array, rays: Array, table: Table, inside: bool) -> Array
                 ahead = leave > 0 if inside else enter > -1e-3
                 if leave > enter and ahead:
                     left *= 1 - opacities[b]
+                    if left == 0:
+                        break
             seen[n] += left / len(rays)
     return seen
 

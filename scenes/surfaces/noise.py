@@ -36,18 +36,31 @@ def fractal(
     """
     height, width = shape[-2:]
     white = rng.standard_normal(tuple(shape), dtype=np.float32)
-    frequency = _frequencies(height, width, stretch)
-    shortest, longest = wavelengths_px
-    soft_edge = (frequency * shortest) ** 4  # a hard upper edge would ring
-    band = (frequency >= 1 / longest) & (soft_edge < MAX_EXPONENT)
-    gain = np.zeros(frequency.shape, np.float32)
-    gain[band] = frequency[band] ** -slope * np.exp(-soft_edge[band])
+    gain = _gain(height, width, wavelengths_px, slope, stretch)
     spectrum, rows = np.asarray(scipy.fft.rfft2(white)), len(gain)
     spectrum[..., :rows, :] *= gain
     spectrum[..., rows:, :] *= gain[height - rows : 0 : -1]
     noise = np.asarray(scipy.fft.irfft2(spectrum, s=(height, width)))
     noise /= np.maximum(noise.std(axis=(-2, -1), keepdims=True), 1e-9)
     return noise
+
+
+@lru_cache(maxsize=64)
+def _gain(
+    height: int, width: int, wavelengths_px: tuple[float, float], slope: float, stretch: float
+) -> Array:
+    """Return the gain (float32) of the rows of a real spectrum from 0 on, as of `_frequencies`.
+
+    A scene has some 50 of these, together 30 MB, and draws the same in each of its layouts.
+    """
+    frequency = _frequencies(height, width, stretch)
+    shortest, longest = wavelengths_px
+    soft_edge = (frequency * shortest) ** 4  # a hard upper edge would ring
+    band = (frequency >= 1 / longest) & (soft_edge < MAX_EXPONENT)
+    gain = np.zeros(frequency.shape, np.float32)
+    gain[band] = frequency[band] ** -slope * np.exp(-soft_edge[band])
+    gain.flags.writeable = False
+    return gain
 
 
 @lru_cache(maxsize=4)
