@@ -31,6 +31,7 @@ from vo.tracking.association import add_observations
 from vo.tracking.budget import Budget
 from vo.tracking.evidence import disagreement, explain_weak_step
 from vo.tracking.frontend import Frontend
+from vo.tracking.gyro_motion import explain_gyro, learn_gyro
 from vo.tracking.landmark_prior import cull_landmarks
 from vo.tracking.motion_model import gap_covariance
 from vo.tracking.right_view import add_step, correct_cameras
@@ -80,6 +81,7 @@ class StereoOdometry:
             reason = f"not later than the frame before, at {state.frame_ns} ns"
             return Estimate(frame.timestamp_ns, Status.LOST, None, reason)
         frame = read_wheels(state, frame, self.settings)
+        state.angles_rad = frame.gyro_rad
         self._budget.begin()
         waits = state.pending is not None and self._budget.lets_keyframe_wait()
         counts: dict[str, int] = {}
@@ -155,7 +157,8 @@ class StereoOdometry:
         self._history.record_map(new, view.settings.refinement)
         state.previous, state.is_faint = new.keyframes[-1], diagnostics.is_faint(view.frame.left)
         state.halt = start_halt(state.T_odom_cam, T_odom_cam, none, view, newest_matches(new))
-        state.wheels = replace(state.wheels, ticks=state.ticks)
+        state.wheels = replace(state.wheels, readings=state.ticks)
+        state.gyro = replace(state.gyro, readings=state.angles_rad)
         return Estimate(
             view.frame.timestamp_ns,
             Status.START,
@@ -197,6 +200,7 @@ class StereoOdometry:
         was_lost, step_covariance = state.lost_frames > 0, self._set_pose(view, *pose)
         step = None if was_lost else state.T_last_cam
         state.wheels = learn_wheels(state.wheels, state.ticks, step, step_covariance)
+        state.gyro = learn_gyro(state.gyro, state.angles_rad, step, step_covariance)
         return step_covariance
 
     def _estimate(self, tracked: Tracked, step_covariance: Array, clock: Clock) -> Estimate:
@@ -213,11 +217,12 @@ class StereoOdometry:
         if self.settings.self_calibration == "auto":  # more than it could correct
             weakness = weakness or misaligned
         said = "; ".join(x for x in (weakness, self._budget.end()) if x)
+        unused = explain_wheels(self.state.wheels) or explain_gyro(self.state.gyro)
         return Estimate(
             view.frame.timestamp_ns,
             Status.WEAK if weakness else Status.TRACKED,
             T_odom_cam,
-            reason=said or misaligned or explain_wheels(self.state.wheels),
+            reason=said or misaligned or unused,
             counts={**view.detection.counts, **counts},
             timings_ms=clock.ms,
             observations=tracked.observations(),

@@ -1,5 +1,8 @@
 """Evidence for a pose: what makes its step uncertain, and its frame weak."""
 
+from dataclasses import replace
+
+import cv2
 import numpy as np
 import pytest
 from folders import BASELINE_M, F_PX, HEIGHT, WIDTH, wall
@@ -136,3 +139,58 @@ def test_wheels_that_slip_are_noticed_and_not_used():
     assert "contradict the images" in estimates[19].reason
     step_m = np.diff([x.T_odom_cam[0, 3] for x in estimates])
     np.testing.assert_allclose(step_m, 3 * METRES_PER_PX, rtol=0.1)
+
+
+MOUNT = se3.exp(np.array([0, 0, 0, 0.3, -1.2, 0.7]))[:3, :3]
+BIAS_RAD = np.array([2e-3, -1e-3, 3e-3])
+DISTANCE_M = F_PX * METRES_PER_PX
+TEXTURE = np.kron(np.random.default_rng(3).integers(40, 215, (400, 400)), np.ones((4, 4)))
+TEXTURE = cv2.GaussianBlur(TEXTURE.astype(np.float32), None, 2.0)
+
+
+def roll(angles_deg, gyro_rad=None, gap_after=None):
+    """Frames of a wall from a camera that rolls; blank ones from 13 to 32 with `gap_after`."""
+    v, u = np.mgrid[:HEIGHT, :WIDTH].astype(float)
+    rays = np.stack([(u - RIG.cx_px) / F_PX, (v - RIG.cy_px) / F_PX], axis=-1) * DISTANCE_M
+    sequence = []
+    for i, angle in enumerate(np.radians(angles_deg)):
+        c, s = np.cos(angle), np.sin(angle)
+        R = np.array([[c, -s], [s, c]])
+        views = [
+            cv2.remap(TEXTURE, *np.moveaxis(at / METRES_PER_PX + 800, -1, 0).astype(np.float32), 1)
+            for at in ((rays + np.array([eye, 0])) @ R.T for eye in (0.0, BASELINE_M))
+        ]
+        pair = BLANK if gap_after and 13 <= i < gap_after else [x.astype(np.uint8) for x in views]
+        turned = np.array([0, 0, angle]) if gyro_rad is None else gyro_rad[i]
+        reading = tuple((1.1 * MOUNT @ turned + i * BIAS_RAD).tolist())
+        sequence.append(StereoFrame(i * 66_666_667, *pair, gyro_rad=reading))
+    return sequence
+
+
+SWAY_DEG = 2 * np.cumsum(np.sin(np.arange(13)))
+
+
+def test_gyroscope_bridges_a_gap_in_which_the_camera_turns():
+    """Whatever its axes, scale and bias; the last motion alone ends elsewhere."""
+    angles = [*SWAY_DEG, *(SWAY_DEG[-1] + 2.5 * np.arange(1, 23))]
+    sequence = roll(angles, gap_after=33)
+    with_gyro = track_all(sequence)[33]
+    without = track_all([replace(x, gyro_rad=None) for x in sequence])[33]
+    assert with_gyro.status is without.status is Status.START
+    turned = (se3.log(x.T_odom_cam)[5] for x in (with_gyro, without))
+    error, blind = np.abs(np.degrees(list(turned)) - (angles[33] - angles[0]))
+    assert error < 1.5 < 10 < blind
+    assert np.degrees(np.sqrt(with_gyro.covariance[5, 5])) < 2 < np.degrees(1.0)
+
+
+def test_gyroscope_that_died_or_lies_is_noticed():
+    angles = np.array([*SWAY_DEG, *(SWAY_DEG[-1] + 2.5 * np.arange(1, 12))])
+    true_rad = np.radians(angles)[:, None] * [0, 0, 1.0]
+    right, dead = roll(angles), roll(angles)
+    stopped = [replace(x, gyro_rad=right[13].gyro_rad) if i > 13 else x for i, x in enumerate(dead)]
+    lying = true_rad.copy()
+    lying[13:] = 2 * true_rad[12] - true_rad[13:]  # turns the other way
+    reasons = [track_all(x)[-1].reason for x in (right, stopped, roll(angles, lying))]
+    assert reasons[0] == ""
+    assert "gyroscope stands still while the images turn" in reasons[1]
+    assert "gyroscope contradicts the images" in reasons[2]

@@ -7,6 +7,7 @@ import numpy as np
 
 from vo.contract.arrays import Image, Indices
 from vo.contract.errors import DatasetError, ImageError
+from vo.contract.inertial import ImuLog
 from vo.contract.rig import StereoRig
 
 STALE_NS = 250_000_000
@@ -40,7 +41,8 @@ class WheelLog:
 class StereoFrame:
     """One rectified grey pair, (H, W) uint8 each, exposed at the same time, in the middle of it.
 
-    The wheel ticks are those of the left and the right encoder, forward positive; None without.
+    The wheel ticks are those of the left and the right encoder, forward positive; the gyroscope's
+    angles, rad, are integrals of its rates since the start, about its axes; None without.
 
     Example:
         >>> frame = dy.StereoFrame(0, np.zeros((48, 64), np.uint8), np.zeros((48, 64), np.uint8))
@@ -52,6 +54,7 @@ class StereoFrame:
     left: Image
     right: Image
     wheel_ticks: tuple[int, int] | None = None
+    gyro_rad: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,7 @@ class StereoSequence:
     timestamps_ns: Indices
     load: Callable[[int], tuple[Image, Image]]
     wheels: WheelLog | None = None
+    imu: ImuLog | None = None
 
     def __post_init__(self) -> None:
         if len(self.timestamps_ns) == 0:
@@ -97,7 +101,8 @@ class StereoSequence:
                 )
         timestamp_ns = int(self.timestamps_ns[i])
         ticks = self.wheels.at(timestamp_ns) if self.wheels else None
-        return StereoFrame(timestamp_ns, left, right, ticks)
+        angles_rad = self.imu.angles_at(timestamp_ns) if self.imu else None
+        return StereoFrame(timestamp_ns, left, right, ticks, angles_rad)
 
     def __iter__(self) -> Iterator[StereoFrame]:
         return (self[i] for i in range(len(self)))

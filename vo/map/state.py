@@ -46,26 +46,35 @@ class Pending:
 
 
 @dataclass(frozen=True)
-class WheelMotion:
-    """What was learnt of the encoders of a run.
+class LearntMotion:
+    """What was learnt in a run of the motion that N numbers of a sensor stand for.
 
     Attributes:
-        ticks: Counts at the last pose; None if there were none.
-        counts2: (2, 2) weighted sum of products of counts.
-        products: (2, 6) of counts with steps, (v m, w rad) in the camera's frame.
-        spread: (6, 6) of what counts did not predict.
+        squares: (N, N) weighted sum of products of the numbers of a step.
+        products: (N, M) of them with the step, of which M components are learnt.
+        spread: (M, M) of what they did not predict.
         weight: Weight of the steps in them.
+        readings: Of the sensor at the last pose, counted since the start; None if there were none.
         strikes: Successive contradictions so far.
-        silent: Successive steps that the images saw and no encoder counted.
+        silent: Successive steps that the images saw and the sensor did not.
     """
 
-    ticks: tuple[int, int] | None = None
-    counts2: Array = field(default_factory=lambda: np.zeros((2, 2)))
-    products: Array = field(default_factory=lambda: np.zeros((2, 6)))
-    spread: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    squares: Array
+    products: Array
+    spread: Array
     weight: float = 0.0
+    readings: tuple[float, ...] | None = None
     strikes: int = 0
     silent: int = 0
+
+
+def nothing_learnt(numbers: int, components: int) -> LearntMotion:
+    """Return the state before the first step."""
+    return LearntMotion(
+        np.zeros((numbers, numbers)),
+        np.zeros((numbers, components)),
+        np.zeros((components, components)),
+    )
 
 
 @dataclass
@@ -82,8 +91,10 @@ class TrackerState:
         odom_covariance: (6, 6) of it in the odometry frame.
         previous: The last frame that had a pose.
         halt: Where the camera last moved to.
-        wheels: What was learnt of the encoders.
-        ticks: Their counts at the present frame; None without encoders, or where none are used.
+        wheels: What was learnt of the encoders: 2 counts to a step, (v m, w rad).
+        gyro: What was learnt of the gyroscope: 3 angles and time to the rotation of a step.
+        ticks: Counts of the encoders at the present frame; None without, or where none are used.
+        angles_rad: By which the gyroscope has turned until then; None without one.
         pending: The last keyframe, as long as some of its work is left to do.
         outlier_counts: Landmark to the number of successive frames in which it was an outlier;
             empty without `motion.landmark_prior`.
@@ -105,8 +116,10 @@ class TrackerState:
     odom_covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
     previous: TrackedFrame | None = None
     halt: Halt | None = None
-    wheels: WheelMotion = field(default_factory=WheelMotion)
+    wheels: LearntMotion = field(default_factory=lambda: nothing_learnt(2, 6))
+    gyro: LearntMotion = field(default_factory=lambda: nothing_learnt(4, 3))
     ticks: tuple[int, int] | None = None
+    angles_rad: tuple[float, float, float] | None = None
     pending: Pending | None = None
     outlier_counts: Mapping[int, int] = field(default_factory=dict[int, int])
     smoothing_px: float = 0.0

@@ -1,15 +1,16 @@
 """Readers of all supported layouts; ground truth is read by a separate call."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from vo.contract.arrays import Array, Indices
 from vo.contract.dataset import check_whole
-from vo.contract.errors import DatasetError
+from vo.contract.errors import CalibrationError, DatasetError
 from vo.contract.inertial import ImuLog
+from vo.contract.remarks import remark
 from vo.contract.sequence import StereoSequence
 from vo.contract.trajectory import Trajectory
 from vo.recordings.euroc import (
@@ -97,12 +98,23 @@ READERS = (
 def open_sequence(folder: Path, frames: FrameSelection = ALL_FRAMES) -> StereoSequence:
     """Open the selected frames of a recording by its layout.
 
+    Inertial readings that are malformed are left out, with a remark, and those of bags, which take
+    long to read.
+
     Raises:
         DatasetError: If the folder is missing or of an unknown layout, or its content is invalid.
         CalibrationError: If its calibration is missing, malformed or of no stereo pair.
         SettingsError: If the selection is empty.
     """
-    return _reader(folder).open(folder, frames)
+    reader = _reader(folder)
+    sequence = reader.open(folder, frames)
+    if reader.imu is not read_imu_table:
+        return sequence
+    try:
+        return replace(sequence, imu=reader.imu(folder))
+    except (DatasetError, CalibrationError) as error:
+        remark(f"the gyroscope is not used: {error}")
+        return sequence
 
 
 def recording_name(folder: Path) -> str:

@@ -1,7 +1,8 @@
 """Motion of the camera between poses: constant velocity, as far as the last one lasts.
 
 It predicts the next pose, and carries the path across frames without one, with what a vehicle's
-accelerations leave uncertain; by wheel encoders instead, where these agree with the images.
+accelerations leave uncertain; by wheel encoders and a gyroscope instead, where these agree with the
+images.
 """
 
 import numpy as np
@@ -10,6 +11,7 @@ from vo.contract import se3
 from vo.contract.arrays import Array
 from vo.contract.sequence import StereoFrame
 from vo.map.state import TrackerState
+from vo.tracking.gyro_motion import predict_gyro
 from vo.tracking.wheel_motion import predict_wheels
 
 ACCELERATION = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
@@ -26,26 +28,45 @@ REGULAR = 1.5
 
 
 def predict_motion(state: TrackerState, frame: StereoFrame) -> Array:
-    """Predict T_last_now (4, 4), the motion since the last pose; of `MAX_GAP_S` without wheels."""
-    gap_s = (frame.timestamp_ns - state.pose_ns) * 1e-9
-    steps = gap_s / (state.step_ns * 1e-9) if state.step_ns else 1.0
-    if steps < REGULAR:
+    """Predict T_last_now (4, 4), the motion since the last pose."""
+    if _steps(state, frame) < REGULAR:
         return state.T_last_cam
-    if rolled := predict_wheels(state.wheels, state.ticks, steps):
-        return rolled[0]
-    return se3.exp(min(1.0, MAX_GAP_S / gap_s) * steps * se3.log(state.T_last_cam))
+    return _bridge(state, frame)[0]
 
 
 def gap_covariance(state: TrackerState, frame: StereoFrame) -> Array:
     """Covariance (6, 6) of a predicted pose after frames without one.
 
-    That of the last pose, and what wheels have shown to err, or accelerations change meanwhile.
+    That of the last pose, and what sensors have shown to err, or accelerations change meanwhile.
     """
-    gap_s = (frame.timestamp_ns - state.pose_ns) * 1e-9
-    steps = gap_s / (state.step_ns * 1e-9) if state.step_ns else 1.0
+    T_last_now, changed = _bridge(state, frame)
+    return se3.transform_covariance(se3.inverse(T_last_now), state.odom_covariance) + changed
+
+
+def _steps(state: TrackerState, frame: StereoFrame) -> float:
+    """Return the time since the last pose over that of the last step."""
+    return (frame.timestamp_ns - state.pose_ns) / state.step_ns if state.step_ns else 1.0
+
+
+def _bridge(state: TrackerState, frame: StereoFrame) -> tuple[Array, Array]:
+    """Predict the motion (4, 4) since the last pose, and the covariance (6, 6) of its error.
+
+    By wheels, or else by the last velocity for `MAX_GAP_S` at most; its rotation by a gyroscope.
+    """
+    gap_s, steps = (frame.timestamp_ns - state.pose_ns) * 1e-9, _steps(state, frame)
     rolled = predict_wheels(state.wheels, state.ticks, steps)
-    if rolled is None and (gap_s > MAX_GAP_S or not state.step_ns):
-        return UNKNOWN_VARIANCE * np.eye(6)
-    T_now_last = se3.inverse(predict_motion(state, frame))
-    changed = rolled[1] if rolled else np.diag((0.5 * ACCELERATION * gap_s**2) ** 2)
-    return se3.transform_covariance(T_now_last, state.odom_covariance) + changed
+    if rolled is not None:
+        T_last_now, changed = rolled
+    else:
+        lasting = min(1.0, MAX_GAP_S / gap_s) * steps
+        T_last_now = se3.exp(lasting * se3.log(state.T_last_cam))
+        is_known = gap_s <= MAX_GAP_S and state.step_ns > 0
+        drift = (0.5 * ACCELERATION * gap_s**2) ** 2
+        changed = np.diag(drift) if is_known else UNKNOWN_VARIANCE * np.eye(6)
+    turned = predict_gyro(state.gyro, state.angles_rad, steps)
+    if turned is not None:
+        R_last_now = se3.exp(np.concatenate([np.zeros(3), turned[0]]))[:3, :3]
+        T_last_now = se3.pose(R_last_now, T_last_now[:3, 3])
+        changed[3:], changed[:, 3:] = 0.0, 0.0
+        changed[3:, 3:] = turned[1]
+    return T_last_now, changed

@@ -21,9 +21,7 @@ def correct_cameras(state: TrackerState, view: View, T_odom_cam: Array) -> View:
     if state.stereo_errors is None:
         return view
     right = RightCamera(state.stereo_errors, view.rig, velocity)
-    frame = view.frame
-    images = frame.timestamp_ns, frame.left, frame.right, frame.wheel_ticks
-    return replace(view, frame=MisalignedFrame(*images, right))
+    return replace(view, frame=MisalignedFrame(**vars(view.frame) | {"right_camera": right}))
 
 
 def add_step(state: TrackerState, view: View, T_odom_cam: Array) -> tuple[Array, ...]:
