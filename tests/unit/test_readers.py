@@ -9,6 +9,7 @@ import yaml
 from folders import BASELINE_M, F_PX, HEIGHT, PERIOD_NS, WIDTH, wall, write_euroc
 
 from vo.contract.errors import CalibrationError, DatasetError, TrajectoryError
+from vo.contract.inertial import ImuLog
 from vo.contract.remarks import Remark
 from vo.contract.sequence import STALE_NS, WheelLog
 from vo.recordings.kitti import pose_files
@@ -366,6 +367,30 @@ def test_frame_has_the_last_wheel_reading(euroc):
     write_wheels(euroc, "\n".join(rows))
     ticks = [frame.wheel_ticks for frame in open_sequence(euroc)]
     assert ticks == [(-3, 4), (5, 6), (7, 8)]
+
+
+def test_frame_has_the_angles_of_the_gyroscope(euroc):
+    """The rate about x grows by 1 rad/s in a period, about y it is -2 rad/s, about z it is zero."""
+    table = euroc / "mav0" / "imu0" / "data.csv"
+    table.parent.mkdir()
+    times_ns = range(0, 4 * PERIOD_NS, PERIOD_NS // 10)
+    table.write_text("".join(f"{t},{t / PERIOD_NS},-2,0,0,0,9.81\n" for t in times_ns))
+    frames = list(open_sequence(euroc))
+    seconds = np.array([frame.timestamp_ns for frame in frames]) * 1e-9
+    expected = np.stack([seconds**2 / (2e-9 * PERIOD_NS), -2 * seconds, 0 * seconds], axis=-1)
+    np.testing.assert_allclose([frame.gyro_rad for frame in frames], expected, atol=1e-9)
+    table.write_text("0,1,2\n")
+    with pytest.warns(Remark, match="the gyroscope is not used"):
+        assert open_sequence(euroc)[0].gyro_rad is None
+
+
+def test_gyroscope_that_pauses_has_no_angles():
+    times_ns = np.array([1, 2, 5]) * 10**8
+    log = ImuLog(times_ns, np.ones((3, 3)), np.zeros((3, 3)))
+    assert log.angles_at(10**8 - 1) is None
+    assert log.angles_at(15 * 10**7) == pytest.approx((0.05, 0.05, 0.05))
+    assert log.angles_at(3 * 10**8) is None
+    assert log.angles_at(5 * 10**8 + 1) is None
 
 
 def test_stale_encoder_readings_are_none():
