@@ -27,6 +27,10 @@ NEAR_PX, FAR_PX = 2, 4
 LINE_STEP = 8
 """Rows, or columns, from one measured line to the next."""
 
+SMEARED = 3.2
+"""Softness in one direction alone above which an image is smeared by motion: sharp images of all
+scenes have at most 2.6, a path of 8 px gives 3.2, one of 20 px 3.7."""
+
 MIN_SIGNAL = 0.25
 """Smallest share of a difference's energy that counts as texture, not as noise."""
 
@@ -45,24 +49,26 @@ class ImageQuality:
         softness: Energy of differences over FAR_PX to that over NEAR_PX, the smaller of the ratios
             along rows and columns: 4, the square of the distances, where all is smooth, 1 to 2.5
             where it is sharp. Motion blurs one direction, a lens out of focus both.
+        smear: The larger of these ratios.
     """
 
     noise: float
     texture_to_noise: float
     softness: float
+    smear: float
 
 
 def measure_image_quality(image: Image) -> ImageQuality:
     """Measure noise, texture and softness of an image (H, W) uint8."""
     found = _measure_blocks(image)
     if not len(found):
-        return ImageQuality(0.0, np.inf, 1.0)
+        return ImageQuality(0.0, np.inf, 1.0, 1.0)
     ordered = np.sort(found, axis=0)
     noise = max(_quantile(ordered[:, 0], NOISE_QUANTILE), MIN_NOISE)
     texture_to_noise = max(_quantile(ordered[:, 1], 0.5) / noise**2 - 1, 0.0)
     columns = np.ascontiguousarray(image[:, ::LINE_STEP].T)
     rows, columns = _softness(image[::LINE_STEP], noise), _softness(columns, noise)
-    return ImageQuality(noise, texture_to_noise, min(rows, columns))
+    return ImageQuality(noise, texture_to_noise, min(rows, columns), max(rows, columns))
 
 
 def _quantile(ordered: Array, quantile: float) -> float:
@@ -120,13 +126,16 @@ def _measure_blocks(image: Image) -> Array:
     return found
 
 
-def adapt_settings(settings: OdometrySettings, low_snr: bool, defocus: bool) -> OdometrySettings:
+def adapt_settings(
+    settings: OdometrySettings, low_snr: bool, defocus: bool, smeared: bool = False
+) -> OdometrySettings:
     """Widen windows and admit less exact disparities and weaker features, as an image demands.
 
     Where noise is as strong as texture, or texture is coarse, a patch of the usual size holds
     little information: windows grow (Kanade and Okutomi, PAMI 1994), by one factor for the image.
+    An image that is smeared by motion is coarse in one direction.
     """
-    adaptations = ((settings.low_snr, low_snr), (settings.defocus, defocus))
+    adaptations = ((settings.low_snr, low_snr), (settings.defocus, defocus or smeared))
     active = [adaptation for adaptation, needed in adaptations if needed]
     window_scale = max((s.window_scale for s in active), default=1.0)
     search_scale = max((s.search_scale for s in active), default=1.0)

@@ -51,6 +51,9 @@ class View:
         smoothing_px: Standard deviation of the Gaussian that the images were smoothed by; 0: none.
         velocity: (6,) of the left camera, tangent (v m/s, w rad/s) in its frame, by which rows of
             a rolling shutter are carried to one instant; None with a global shutter.
+        is_smeared: Whether the image looks blurred by motion.
+        path_px: (2,) motion of the image during the exposure, px along u, v; None if it is not
+            known that there is any, here or in a keyframe.
     """
 
     frame: StereoFrame
@@ -60,6 +63,8 @@ class View:
     settings: OdometrySettings
     smoothing_px: float = 0.0
     velocity: Array | None = None
+    is_smeared: bool = False
+    path_px: Array | None = None
 
     @property
     def features(self) -> Array:

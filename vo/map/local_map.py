@@ -21,12 +21,14 @@ class TrackedFrame:
 class Keyframe(TrackedFrame):
     """A frame whose image and observations are kept, its number in the run and its pose (4, 4).
 
-    The covariance (6, 6) of T_odom_cam is of the tangent (v m, w rad) in the camera's frame.
+    The covariance (6, 6) of T_odom_cam is of the tangent (v m, w rad) in the camera's frame. The
+    image moved along a path (2,), px, during the exposure; None if by too little to be looked for.
     """
 
     serial: int
     T_odom_cam: Array
     covariance: Array
+    path_px: Array | None = None
 
 
 @dataclass(frozen=True)

@@ -67,7 +67,7 @@ def add_keyframe(
     if inliers:
         inliers = replace(inliers, shift_px=row_shift(T_odom_cam, inliers, view))
         observations = inliers.observations.extend(observations)
-    keyframe = Keyframe(view.frame.left, observations, serial, T_odom_cam, covariance)
+    keyframe = Keyframe(view.frame.left, observations, serial, T_odom_cam, covariance, view.path_px)
     keyframes = (*local_map.keyframes, keyframe)[-settings.refinement.window :]
     known = local_map.landmarks
     if inliers:

@@ -11,7 +11,7 @@ from vo.contract.clock import Clock
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
 from vo.features.detector import detect
-from vo.features.image_quality import adapt_settings, measure_image_quality
+from vo.features.image_quality import SMEARED, adapt_settings, measure_image_quality
 from vo.hooks import NO_HOOKS, Hooks
 from vo.map.frame import Detection, View
 from vo.patches.zncc import describe
@@ -41,8 +41,10 @@ class Frontend:
             smoothing_px = s.features.smoothing_px
         low_snr = quality.texture_to_noise < s.low_snr.texture_to_noise
         defocus = 0 < s.defocus.softness < quality.softness
-        settings = adapt_settings(s, low_snr, defocus)
-        return self.extract(frame, settings, smoothing_px, clock, hooks)
+        smeared = s.defocus.softness > 0 and quality.smear > SMEARED and not defocus
+        settings = adapt_settings(s, low_snr, defocus, smeared)
+        view = self.extract(frame, settings, smoothing_px, clock, hooks)
+        return replace(view, is_smeared=smeared)
 
     def extract(
         self, frame: StereoFrame, settings: OdometrySettings, smoothing_px: float, clock: Clock,

@@ -6,8 +6,9 @@ from vo.contract import se3
 from vo.contract.arrays import Array, Indices
 from vo.contract.compilation import compiled
 from vo.map.frame import View
-from vo.map.local_map import LocalMap
+from vo.map.local_map import Keyframe, LocalMap
 from vo.patches.alignment import Alignment, align_patch
+from vo.patches.motion_blur import blur_along, missing_blur
 from vo.patches.sampling import words, workspace
 from vo.patches.templates import extract_patch, square_workspace
 
@@ -31,12 +32,23 @@ def align_landmarks(
     T_cam_anchor = T_cam_odom @ np.stack([k.T_odom_cam for k in keyframes])
     # As many as the window has: the machine code is for one number of images.
     window = max(view.settings.refinement.window, len(keyframes))
-    images = [words(k.left) for k in keyframes]
-    images += [images[-1]] * (window - len(images)) + [words(view.frame.left)]
+    pairs = [_blurred_alike(k, view) for k in keyframes]
+    pairs += [pairs[-1]] * (window - len(pairs))
+    images = tuple(words for side in zip(*pairs, strict=True) for words in side)
     shape = (int(rig.height_px), int(rig.width_px), view.settings.matching.align_px)
     which = (rows, anchor, start)
-    _align_anchored(tuple(images), which, surface, T_cam_anchor, intrinsics, shape, found)
+    _align_anchored(images, which, surface, T_cam_anchor, intrinsics, shape, found)
     return found
+
+
+def _blurred_alike(keyframe: Keyframe, view: View) -> tuple[Array, Array]:
+    """Images of a keyframe and of a view as words, each with the blur that only the other has."""
+    images, paths = (keyframe.left, view.frame.left), (keyframe.path_px, view.path_px)
+    if paths[0] is None and paths[1] is None:
+        return words(images[0]), words(images[1])
+    then, now = (np.zeros(2) if path is None else path for path in paths)
+    missing = missing_blur(then, now)
+    return words(blur_along(images[0], missing[0])), words(blur_along(images[1], missing[1]))
 
 
 @compiled(fastmath={"reassoc", "contract"})  # sums in any order; NaN stays NaN
@@ -45,21 +57,23 @@ def _align_anchored(
     surface: tuple[Array, Array, Array], T_cam_anchor: Array, intrinsics: Array,
     shape: tuple[int, int, int], found: Alignment,
 ) -> None:  # fmt: skip
-    """Align rows (N,) of the landmarks, whose anchors (N,) are among the images, with the last one.
+    """Align rows (N,) of the landmarks, whose anchors (N,) are among the images, with a view.
 
-    The images are words; from each anchor to the camera leads one of the transforms (K, 4, 4).
+    The images are words: those of all anchors, then the view's as it is compared with each of
+    them. From each anchor to the camera leads one of the transforms (K, 4, 4).
     """
     rows, anchor, starts = which
     pixels, depth_m, slopes = surface
     height, width, side = shape
     work, square = workspace(side), square_workspace(side, width)
-    size, now = (height, width), images[-1]
+    size, window = (height, width), len(images) // 2
     warp = np.empty((3, 2))
     for i in range(len(rows)):
         j, k = rows[i], anchor[i]
         write_plane_warp(pixels[j], depth_m[j], slopes[j], T_cam_anchor[k], intrinsics, warp)
         norm, kept = extract_patch(images[k], size, pixels[j, 0], pixels[j, 1], square, work)
         template, at = (norm, kept, side), (starts[i, 0], starts[i, 1])
+        now = images[window + k]
         u, v, zncc, uu, uv, vv = align_patch(template, now, size, at, warp, False, work)
         found.pixels[i, 0], found.pixels[i, 1], found.zncc[i] = u, v, zncc
         found.covariance_px2[i, 0, 0], found.covariance_px2[i, 1, 1] = uu, vv

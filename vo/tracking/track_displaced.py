@@ -33,6 +33,7 @@ from vo.tracking.pose_refinement import (
     weigh_consensus,
 )
 from vo.tracking.right_view import correct_cameras
+from vo.tracking.smear import estimate_smear
 from vo.tracking.tracked import Context, NotTracked, Tracked
 
 MIN_KNOWN = 60
@@ -78,6 +79,7 @@ def _estimate(
             return NotTracked(counts)
         agreeing = matches.select(consensus.inliers)
         T_odom_cam = refine_pose(consensus.T_odom_cam, agreeing, view).T_world_cam
+    view = estimate_smear(state.map, previous, view, T_odom_cam)
     view = correct_cameras(state, view, T_odom_cam)  # by a better pose than the predicted one
     with clock("guided matching"):  # at their projections (F5)
         expected = project_landmarks(local_map.landmarks, T_odom_cam, view)

@@ -25,6 +25,7 @@ from vo.tracking.pose_refinement import (
     weigh_consensus,
 )
 from vo.tracking.rotation_prior import align_rotation
+from vo.tracking.smear import estimate_smear
 from vo.tracking.stationary import encoders_at_rest
 from vo.tracking.tracked import Context, NotTracked, Tracked
 
@@ -87,7 +88,8 @@ class _Turned:
     @cached_property
     def by_klt(self) -> Tracked | NotTracked:
         """The pose by the observations of the last frame, tracked into this one."""
-        blurred = replace(self.view, settings=adapt_to_blur(self.view.settings))
+        s = self.view.settings
+        blurred = replace(self.view, settings=s if self.view.is_smeared else adapt_to_blur(s))
         T_turned = self.T_odom_cam
         with self.context.clock("KLT"):
             matches = track_klt(self.last, self.state.map, blurred, T_turned)
@@ -103,6 +105,8 @@ def search_pose(
     without prediction. Between them, KLT may confirm the best pose.
     """
     settings, last, turned = view.settings.matching, state.previous, None
+    if last and not first.is_reliable:
+        view = estimate_smear(state.map, last, view, T_guess)
     if settings.min_inlier_ratio and last:
         turned = _Turned(state, last, view, T_guess, context)
 
