@@ -63,7 +63,8 @@ def _validate(real: str, scenes: str, seeds: int, out: Path, page: Path | None) 
     folders = [Path(x) for x in real.split(",") if x]
     if not folders:
         raise SettingsError(f"{VALIDITY} needs real recordings with a ground truth: --real a,b,c")
-    found = validate(folders, scenes, seeds, lambda text: console.err.print(text, markup=False))
+    with console.progress_bar("matches and runs") as progress:
+        found = validate(folders, scenes, seeds, progress)
     write_study(found, out)
     for header, rows in (summary(found), table(found)):
         console.out.print(text_table(header, rows))

@@ -8,9 +8,11 @@ from typing import Any
 from trials.evaluation.display import html_display, text_display
 from trials.execution.jobs import Recording
 from trials.realism.camera_estimates import CameraSetting
-from trials.realism.comparison import Comparison
-from trials.realism.quantities import QUANTITIES
+from trials.realism.comparison import Comparison, Distance
+from trials.realism.shortfalls import shortfall
 
+TARGET = 1 / 3
+"""Wanted distance to the twin over that to the default picture."""
 MAX_DISTANCE, MAX_ERRORS = 0.1, 3.0
 """Distance, and its number of errors beyond chance, above which a quantity is not matched."""
 UNKNOWN = (
@@ -32,6 +34,7 @@ class CameraMatch:
         default: The real recording beside `office` with all default settings and the camera
             `ideal`; None without scenes.
         twin: The recording of the nearest scene; None without.
+        seeds: Of the nearest scene, the nearest first.
 
     Example:
         >>> match = dy.match("ds", "camera.toml", scenes="")
@@ -45,6 +48,7 @@ class CameraMatch:
     comparison: Comparison | None = None
     default: Comparison | None = None
     twin: Recording | None = None
+    seeds: Sequence[int] = ()
 
     @property
     def ratios(self) -> dict[str, float]:
@@ -78,14 +82,20 @@ class CameraMatch:
     def unmatched(self) -> list[str]:
         """What could not be matched, in words: settings, and quantities of the nearest scene."""
         lacking = [f"{x.key}: {x.note}" for x in self.estimates if x.value is None]
-        distances = self.comparison.distances.values() if self.comparison else ()
-        far = [
-            f"{QUANTITIES[x.quantity].label}: distance {x.text}, by chance {x.chance or 0:.3f}"
-            for x in sorted(distances, key=lambda x: -(x.value or 0))
-            if x.value is not None
-            and x.value > MAX_DISTANCE + (x.chance or 0) + MAX_ERRORS * (x.error or 0)
-        ]
-        return [*lacking, *far, *UNKNOWN]
+        if self.comparison is None:
+            return [*lacking, *UNKNOWN]
+        both, found = (self.comparison.real, self.comparison.simulated), self.comparison.distances
+        far = sorted(filter(self._is_far, found.values()), key=lambda x: -(x.value or 0))
+        return [*lacking, *(shortfall(x, *both) for x in far), *UNKNOWN]
+
+    def _is_far(self, x: Distance) -> bool:
+        """Whether a distance is beyond chance, and large or above the target."""
+        if x.value is None:
+            return False
+        error, chance = x.error or 0, x.chance or 0
+        large = x.value > MAX_DISTANCE + chance + MAX_ERRORS * error
+        above = self.ratios.get(x.quantity, 0) > TARGET and x.quantity not in self.undecided
+        return large or (above and x.value > chance + 2 * error)
 
     def table(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
         """Return header and rows: key, estimate with interval, and how it was found."""

@@ -95,10 +95,15 @@ def landmarks_of(run: SavedRun) -> Array:
     return np.column_stack([tracks.pixels[known], tracks.disparity_px[known]]).astype(np.float64)
 
 
-def steps_of(run: SavedRun) -> Array:
-    """Return the distances (N,) from pose to pose, m."""
-    places = run.trajectory.T_ref_frame[:, :3, 3]
-    return np.linalg.norm(np.diff(places, axis=0), axis=1)
+def steps_of(run: SavedRun) -> tuple[Array, Array]:
+    """Return distances, m, and turns about the image's vertical, radians, (N,) each.
+
+    Both are from pose to pose.
+    """
+    T_ref_cam = run.trajectory.T_ref_frame
+    T_cam_next = np.linalg.inv(T_ref_cam[:-1]) @ T_ref_cam[1:]
+    turns = np.arctan2(T_cam_next[:, 0, 2], T_cam_next[:, 2, 2])
+    return np.linalg.norm(T_cam_next[:, :3, 3], axis=1), turns
 
 
 def coverage(pixels: Array, rig: StereoRig) -> float:

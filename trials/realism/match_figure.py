@@ -4,13 +4,12 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from trials.realism.camera_match import CameraMatch
+from trials.realism.camera_match import TARGET, CameraMatch
 from trials.realism.quantities import QUANTITIES
 from trials.report.figure import BLUE, GREY, INK, RED, save_figure, tidy
 from vo.contract.errors import SettingsError
 
 SIZE_IN = (10.0, 5.2)
-TARGET = 1 / 3
 LIMITS = 0.01, 10.0
 """Ratios beyond these are drawn at them."""
 

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from sim.settings import DriveSettings, RigSettings
 from trials.execution.cache import CACHE
 from trials.execution.jobs import Recording
 from trials.execution.recording_settings import parse_scenes
-from trials.execution.runner import NO_LABELS, cached_recording, record_all
+from trials.execution.runner import NO_LABELS, cached_recording
 from trials.realism.camera_estimates import (
     CameraSetting,
     estimate_drops,
@@ -23,28 +24,27 @@ from trials.realism.camera_estimates import (
     estimate_softness,
 )
 from trials.realism.camera_match import CameraMatch
-from trials.realism.comparison import Comparison, Progress, compare_measured
+from trials.realism.comparison import Progress, compare_measured
 from trials.realism.geometry_estimates import estimate_ground, estimate_motion
 from trials.realism.measure import measure
 from trials.realism.quantities import Measured
-from trials.realism.twin_corrections import Values, corrected, with_fitted_curve, with_speed
+from trials.realism.twin_corrections import with_fitted_curve, with_speed
+from trials.realism.twins import (
+    LAYOUTS,
+    SCENE_FRAMES,
+    far_by_default,
+    nearest_twins,
+    twin_recording,
+)
 from vo.contract.files import write_text
 from vo.contract.sequence import StereoSequence
-from vo.contract.settings import Settings, overrides_of
+from vo.contract.settings import Settings
 from vo.recordings.readers import open_sequence
 
-SCENE_FRAMES, TWIN_FRAMES = 10, 50
-"""Frames of each scene that are recorded to find the nearest one, and of the nearest."""
-ROUNDS = (with_speed, with_fitted_curve, corrected)
-"""Corrections of the camera by its twin, one after the other; each needs a new twin."""
-MAX_DISTANCE_M = 80.0
+TWIN_FRAMES = 50
+"""Frames of the twin that is compared."""
 DEFAULT = Recording("office", 0, ("drive.distance_m=1.2", *camera_overrides("ideal"), *NO_LABELS))
 """The default picture, by the perfect camera."""
-CONTENT = (
-    *("grey", "gradient", "power", "features", "coverage", "stereo_matches", "matches"),
-    *("inlier_ratio", "stereo_residual", "residual", "disparity", "motion", "track_length"),
-)
-"""Quantities whose mean distance tells which scene is nearest."""
 BY_TWIN = "corrected until the twin is measured as the real recording is"
 
 
@@ -92,42 +92,27 @@ def _with_twin(
     progress: Progress | None,
 ) -> CameraMatch:
     """Record scenes with the camera, and correct it by the nearest one."""
-    recordings = [twin_recording(found.values, x, SCENE_FRAMES) for x in scenes]
-    if len(scenes) > 1:
-        folders = record_all(recordings, cache, _counted(progress, len(scenes)))
-        compared = {
-            scene: compare_measured(real, measure(folder, min(SCENE_FRAMES, real.frames)))
-            for scene, folder in zip(scenes, folders, strict=True)
-        }
-        order = sorted(compared, key=lambda x: mean_distance(compared[x]))
-        found = replace(found, scenes={x: mean_distance(compared[x]) for x in order})
-        scenes = order
-    for k, correct in enumerate((*ROUNDS, None)):
+    plain = measure(cached_recording(DEFAULT, cache), min(TWIN_FRAMES, real.frames))
+    default = compare_measured(real, plain)
+    near = nearest_twins(found.values, default, [(x, 0) for x in scenes], cache, progress)
+    order = {scene: ratio for (scene, _), ratio in near.items()}
+    scene = next(iter(order))
+    others = [(scene, seed) for seed in range(1, LAYOUTS)]
+    near |= nearest_twins(found.values, default, others, cache, progress)
+    seeds = sorted(range(LAYOUTS), key=lambda seed: near[scene, seed])
+    curve = partial(with_fitted_curve, far=far_by_default(default))
+    for k, correct in enumerate((with_speed, curve, with_speed, None)):
         count = min(SCENE_FRAMES if correct else TWIN_FRAMES, real.frames)
-        recording = twin_recording(found.values, scenes[0], count)
+        recording = twin_recording(found.values, scene, count, real, seeds[0])
         twin = measure(cached_recording(recording, cache), count)
         if correct:
             found = _with_values(found, correct(found.values, real, twin))
         else:
             comparison = compare_measured(real, twin)
-            known = found.scenes or {scenes[0]: mean_distance(comparison)}
-            found = replace(found, comparison=comparison, twin=recording, scenes=known)
+            found = replace(found, comparison=comparison, twin=recording)
         if progress:
-            progress(k + 1, len(ROUNDS) + 1)
-    plain = measure(cached_recording(DEFAULT, cache), min(TWIN_FRAMES, real.frames))
-    return replace(found, default=compare_measured(real, plain))
-
-
-def _counted(progress: Progress | None, total: int):
-    done = 0
-
-    def advance(_: object) -> None:
-        nonlocal done
-        done += 1
-        if progress:
-            progress(done, total)
-
-    return advance
+            progress(k + 1, 4)
+    return replace(found, scenes=order, default=default, seeds=seeds)
 
 
 def _with_values(found: CameraMatch, values: Mapping[str, float]) -> CameraMatch:
@@ -140,27 +125,6 @@ def _with_values(found: CameraMatch, values: Mapping[str, float]) -> CameraMatch
         low, high = ends if math.isfinite(old.low) else (math.nan, math.nan)
         estimates[key] = _within_range(CameraSetting(key, value, low, high, BY_TWIN))
     return replace(found, estimates=list(estimates.values()))
-
-
-def twin_recording(values: Values, scene: str, frames: int) -> Recording:
-    """Return the recording of a scene with a camera: of enough frames, soon at full speed."""
-    default = DriveSettings().speed_mps
-    rate_hz = float(values.get("rig.rate_hz", RigSettings().rate_hz))
-    speed = float(values.get("drive.speed_mps", default))
-    acceleration = min(max(speed * rate_hz / 2, 0.3), 3.0)
-    distance_m = speed * (frames / rate_hz) + speed**2 / acceleration
-    drive = {
-        "drive.acceleration_mps2": round(acceleration, 3),
-        "drive.lookahead_m": round(min(max(1.2 * speed, 0.35), 2.0), 3),
-        "drive.distance_m": round(min(distance_m, MAX_DISTANCE_M), 2),
-    }
-    return Recording(scene, 0, (*overrides_of({**values, **drive}), *NO_LABELS))
-
-
-def mean_distance(comparison: Comparison) -> float:
-    """Return the mean of the known distances of CONTENT; infinite without any."""
-    known = [x for name in CONTENT if (x := comparison.distances[name].value) is not None]
-    return float(np.mean(known)) if known else math.inf
 
 
 def _rig(sequence: StereoSequence, measured: Measured) -> list[CameraSetting]:

@@ -133,7 +133,7 @@ def _measure_images(
         known = np.array([[float(len(x.power) > 0)] for x in frames])
         power = np.array([x.power if len(x.power) else np.zeros(size) for x in frames])
         found["power"] = Statistic(power, known)
-    geometry = landmarks_of(run), steps_of(run), sequence.rig.baseline_m
+    geometry = landmarks_of(run), *steps_of(run), sequence.rig.baseline_m
     return Measured(sequence.name, count, found, tuple(pictures), *geometry)
 
 

@@ -134,6 +134,7 @@ class Measured:
         pictures: (H, W) uint8 left images, in order of time.
         landmarks: (N, 3) columns, rows and disparities of landmarks, px.
         steps_m: (M,) distances between the estimated poses of successive frames, m.
+        turns: (M,) turns about the image's vertical between these poses, radians.
         baseline_m: Of the calibration.
     """
 
@@ -143,6 +144,7 @@ class Measured:
     pictures: tuple[Array, ...] = field(default=(), repr=False)
     landmarks: Array = field(default_factory=lambda: np.zeros((0, 3)), repr=False)
     steps_m: Array = field(default_factory=lambda: np.zeros(0), repr=False)
+    turns: Array = field(default_factory=lambda: np.zeros(0), repr=False)
     baseline_m: float = np.nan
 
     def estimate(self, name: str) -> Array | None:

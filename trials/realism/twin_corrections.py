@@ -25,6 +25,8 @@ EVALUATIONS = 160
 PREFERENCE = 0.05
 """Weight of the deviation from a standard curve: exposure, exponent and levels are much alike."""
 LEVELS = np.arange(256)
+STILL_PX = 0.5
+"""Motion in the image up to which a camera stands still."""
 STRIP_PX = 64
 """Height of the strips of pictures, every third one, that are used for the fit."""
 
@@ -60,13 +62,15 @@ def with_speed(values: Values, real: Measured, twin: Measured) -> dict[str, floa
     return {**corrected(values, real, twin), **_known(_motion(values, real, twin))}
 
 
-def with_fitted_curve(values: Values, real: Measured, twin: Measured) -> dict[str, float]:
+def with_fitted_curve(
+    values: Values, real: Measured, twin: Measured, far: Mapping[str, float]
+) -> dict[str, float]:
     """Return the curve by `key.path`, and the noise that belongs to them.
 
-    Args as of `corrected`; noise and lens of the twin should be corrected already.
+    Args as of `corrected` and `fit_curve`; noise and lens of the twin should be corrected already.
     """
     before = curve_of_values(values)
-    after = fit_curve(real, twin, before)
+    after = fit_curve(real, twin, before, far)
     found = {
         "sensor.gamma": after.gamma,
         "sensor.black_grey": after.black,
@@ -79,12 +83,18 @@ def _known(found: Values) -> dict[str, float]:
     return {key: round(float(x), 6) for key, x in found.items() if math.isfinite(float(x))}
 
 
-def fit_curve(real: Measured, twin: Measured, curve: Curve) -> Curve:
+def fit_curve(real: Measured, twin: Measured, curve: Curve, far: Mapping[str, float]) -> Curve:
     """Fit the curve with which the twin's grey levels and contrasts are nearest to the real ones.
 
     Distances are those of the grey levels, gradients and power spectra of the twin's pictures. The
     exposure is a part of the curve: more light reaches its grey level with a higher level of full
     light.
+
+    Args:
+        real: Statistics of the real recording.
+        twin: Those of the twin.
+        curve: With which the twin was recorded.
+        far: Distances by their names over which these are counted: those of the default picture.
     """
     light = levels_to_light(curve, LEVELS)
     wanted = {name: real.estimate(name) for name in ("grey", "gradient", "power")}
@@ -102,8 +112,8 @@ def fit_curve(real: Measured, twin: Measured, curve: Curve) -> Curve:
         parts_of = _statistics([table[x] for x in strips])
         parts_of["grey"] = np.bincount(table, share, 256)
         known = [n for n in target if len(parts_of[n]) == target[n].shape[1]]
-        far = (float(distances(QUANTITIES[n], target[n], parts_of[n][None])[0]) for n in known)
-        return sum(far) + PREFERENCE * float(abs(parts).sum())
+        off = (distances(QUANTITIES[n], target[n], parts_of[n][None])[0] / far[n] for n in known)
+        return float(sum(off)) + PREFERENCE * float(abs(parts).sum())
 
     start = np.array([math.log(curve.gamma), curve.black / 30, (curve.white - 255) / 100])
     simplex = start + np.vstack([np.zeros(3), np.diag([0.3, 0.5, -0.5])])
@@ -148,21 +158,23 @@ def _scaled(values: Values, real: Measured, twin: Measured) -> float:
 
 
 def _motion(values: Values, real: Measured, twin: Measured) -> dict[str, float]:
-    """Correct the speed by the distance from frame to frame, or the frame rate at full speed."""
-    steps = [_usual(x.steps_m) for x in (real, twin)]
+    """Correct the speed by the motion in the image, or the frame rate at full speed."""
+    moved = [_usual_motion(x) for x in (real, twin)]
     speed, rate = (float(values.get(x, np.nan)) for x in ("drive.speed_mps", "rig.rate_hz"))
-    scale = float(values.get("rig.baseline_m", np.nan)) / real.baseline_m
-    wanted = speed * float(np.clip(scale * steps[0] / steps[1], 0.5, 2))
+    wanted = speed * float(np.clip(moved[0] / moved[1], 0.5, 2))
     if not math.isfinite(wanted) or wanted <= 0:
         return {}
     reached = min(wanted, FASTEST_MPS)
     return {"drive.speed_mps": reached, "rig.rate_hz": max(rate * reached / wanted, SLOWEST_HZ)}
 
 
-def _usual(steps_m: Array) -> float:
-    """Return the median of the distances (N,) of motion, without halts and the start."""
-    moving = steps_m[steps_m > 0.5 * steps_m.max()] if len(steps_m) else steps_m
-    return float(np.median(moving)) if len(moving) else np.nan
+def _usual_motion(measured: Measured) -> float:
+    """Return the median motion in the image, px a frame, but of halts; NaN without any."""
+    share, x = measured.estimate("motion"), QUANTITIES["motion"].x
+    if share is None or not share[x > STILL_PX].any():
+        return np.nan
+    moving = np.cumsum(np.where(x > STILL_PX, share, 0))
+    return float(np.interp(0.5, moving / moving[-1], x))
 
 
 def _both(name: str, real: Measured, twin: Measured) -> tuple[float, float]:

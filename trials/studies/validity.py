@@ -1,7 +1,7 @@
 """V1: whether simulated twins order estimators as real recordings do, and predict their drift."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,9 @@ from trials.evaluation.truth import true_trajectory
 from trials.execution.cache import CACHE
 from trials.execution.jobs import Variant
 from trials.execution.runner import cached_run, record_all
-from trials.realism.matching import match_camera, twin_recording
+from trials.realism.comparison import Progress
+from trials.realism.matching import match_camera
+from trials.realism.twins import twin_recording
 from trials.studies.experiments.base import Verdict
 from trials.studies.experiments.variants import DEFAULT, THESIS, UNREFINED
 from vo.contract.arrays import Array
@@ -22,7 +24,7 @@ from vo.contract.errors import DatasetError, TrajectoryError
 from vo.recordings.pairing import FrameSelection
 from vo.recordings.readers import open_sequence
 
-FRAMES = 100
+FRAMES = 50
 VARIANTS = (
     DEFAULT,
     THESIS,
@@ -38,7 +40,7 @@ VARIANTS = (
 """Estimators that are compared: those at hand, and the default with single stages worsened."""
 MIN_RECORDINGS = 5
 """Smallest number of recordings from which a general verdict would be drawn."""
-Progress = Callable[[str], None]
+Advance = Callable[[object], None]
 
 
 @dataclass(frozen=True)
@@ -126,17 +128,27 @@ def validate(
     real: Sequence[Path],
     scenes: str = "all",
     seeds: int = 2,
-    progress: Progress = lambda _: None,
+    progress: Progress | None = None,
     cache: Path = CACHE,
 ) -> Validity:
     """Match each recording, record its twins, and run all variants over both.
+
+    Progress is called with the number of matches and runs that are done, and that of all.
 
     Raises:
         DriftyardError: If a recording is unreadable, has no truth, or stands still.
     """
     for folder in real:
         _check_moves(folder)
-    return Validity([_twinned(x, scenes, seeds, progress, cache) for x in real])
+    done, total = 0, len(real) * (1 + (1 + seeds) * len(VARIANTS))
+
+    def advance(_: object) -> None:
+        nonlocal done
+        done += 1
+        if progress:
+            progress(done, total)
+
+    return Validity([_twinned(x, scenes, seeds, advance, cache) for x in real])
 
 
 def _check_moves(folder: Path) -> None:
@@ -150,26 +162,26 @@ def _check_moves(folder: Path) -> None:
         )
 
 
-def _twinned(folder: Path, scenes: str, seeds: int, progress: Progress, cache: Path) -> Twinned:
+def _twinned(folder: Path, scenes: str, seeds: int, advance: Advance, cache: Path) -> Twinned:
     count = min(FRAMES, len(open_sequence(folder)))
-    progress(f"{folder.name}: match")
     found = match_camera(folder, None, scenes, count, cache=cache)
-    assert found.twin is not None  # scenes are given
-    twin = twin_recording(found.values, found.twin.scene, count)
-    twins = [replace(twin, seed=k) for k in range(seeds)]
-    folders = record_all(twins, cache)
+    advance(folder)
+    assert found.comparison is not None  # scenes are given
+    scene, real = next(iter(found.scenes)), found.comparison.real
+    layouts = [*found.seeds, *range(len(found.seeds), seeds)][:seeds]
+    twins = [twin_recording(found.values, scene, count, real, k) for k in layouts]
     rows: list[list[float]] = []
     path_m = 0.0
-    for k, dataset in enumerate((folder, *folders)):
+    for k, dataset in enumerate((folder, *record_all(twins, cache))):
         frames = FrameSelection(last=min(count, len(open_sequence(dataset))) - 1)
         rows.append([])
         for variant in VARIANTS:
-            progress(f"{folder.name}: {variant.label} on {f'twin {k}' if k else 'the recording'}")
             drift, length = _drift(dataset, variant, frames, cache)
+            advance(variant)
             rows[-1].append(drift)
             path_m = path_m if k else max(path_m, length)
     drifts = np.array(rows)
-    return Twinned(folder.name, found.twin.scene, count, path_m, drifts[0], drifts[1:])
+    return Twinned(folder.name, scene, count, path_m, drifts[0], drifts[1:])
 
 
 def _drift(
