@@ -67,12 +67,21 @@ def test_adapt_settings_widens_windows_and_nothing_else() -> None:
 
     defocused = adapt_settings(usual, low_snr=False, defocus=True)
     assert (defocused.matching.align_px, defocused.stereo.align_px, defocused.stereo.patch_px) == (
+        25,
+        25,
+        17,
+    )
+    assert defocused.stereo.max_sigma_px == 2 * usual.stereo.max_sigma_px
+    assert defocused.stereo.max_disagreement_px == 2 * usual.stereo.max_disagreement_px
+    assert defocused.features.threshold == usual.features.threshold / 4
+
+    smeared = adapt_settings(usual, low_snr=False, defocus=False, smeared=True)
+    assert (smeared.matching.align_px, smeared.stereo.align_px, smeared.stereo.patch_px) == (
         19,
         19,
         17,
     )
-    assert defocused.stereo.max_sigma_px == usual.stereo.max_sigma_px
-    assert defocused.features.threshold == usual.features.threshold / 2
+    assert smeared.features == usual.features
 
     both = adapt_settings(usual, low_snr=True, defocus=True)
     assert (both.matching, both.features) == (defocused.matching, defocused.features)

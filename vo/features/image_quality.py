@@ -29,7 +29,13 @@ LINE_STEP = 8
 
 SMEARED = 3.2
 """Softness in one direction alone above which an image is smeared by motion: sharp images of all
-scenes have at most 2.6, a path of 8 px gives 3.2, one of 20 px 3.7."""
+scenes have at most 2.6, of real recordings 2.9, a path of 8 px gives 3.2, one of 20 px 3.7."""
+
+SMEAR_WINDOW_SCALE = 2.1
+"""Factor on the sides of aligned patches in smeared images: texture is coarse in one direction."""
+
+DEFOCUS_DISPARITY_SCALE = 2.0
+"""Factor on the largest uncertainty and disagreement of disparities out of focus."""
 
 MIN_SIGNAL = 0.25
 """Smallest share of a difference's energy that counts as texture, not as noise."""
@@ -135,12 +141,18 @@ def adapt_settings(
     little information: windows grow (Kanade and Okutomi, PAMI 1994), by one factor for the image.
     An image that is smeared by motion is coarse in one direction.
     """
-    adaptations = ((settings.low_snr, low_snr), (settings.defocus, defocus or smeared))
-    active = [adaptation for adaptation, needed in adaptations if needed]
-    window_scale = max((s.window_scale for s in active), default=1.0)
-    search_scale = max((s.search_scale for s in active), default=1.0)
-    threshold_scale = settings.defocus.threshold_scale if defocus else 1.0
+    windows, searches, s = [1.0], [1.0], settings.defocus
+    if low_snr:
+        windows.append(settings.low_snr.window_scale)
+        searches.append(settings.low_snr.search_scale)
+    if defocus or smeared:
+        windows.append(s.window_scale if defocus else SMEAR_WINDOW_SCALE)
+        searches.append(s.search_scale)
+    window_scale, search_scale = max(windows), max(searches)
+    threshold_scale = s.threshold_scale if defocus else 1.0
     sigma_scale = settings.low_snr.sigma_scale if low_snr else 1.0
+    disagreement_scale = DEFOCUS_DISPARITY_SCALE if defocus else 1.0
+    sigma_scale = max(sigma_scale, disagreement_scale)
     features, matching, stereo = settings.features, settings.matching, settings.stereo
     features = features.model_copy(update={"threshold": threshold_scale * features.threshold})
     matching = matching.model_copy(update={"align_px": _widen(matching.align_px, window_scale)})
@@ -149,6 +161,7 @@ def adapt_settings(
             "patch_px": _widen(stereo.patch_px, search_scale),
             "align_px": _widen(stereo.align_px, window_scale),
             "max_sigma_px": sigma_scale * stereo.max_sigma_px,
+            "max_disagreement_px": disagreement_scale * stereo.max_disagreement_px,
         }
     )
     adapted = {"features": features, "matching": matching, "stereo": stereo}
@@ -157,7 +170,7 @@ def adapt_settings(
 
 def adapt_to_blur(settings: OdometrySettings) -> OdometrySettings:
     """Adapt settings to motion blur, which leaves coarse texture and little of it."""
-    return adapt_settings(settings, low_snr=True, defocus=True)
+    return adapt_settings(settings, low_snr=True, defocus=False, smeared=True)
 
 
 def _widen(side_px: int, scale: float) -> int:

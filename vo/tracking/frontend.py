@@ -10,6 +10,7 @@ from vo.contract.arrays import Array
 from vo.contract.clock import Clock
 from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
+from vo.features.band_pass import MIN_TEXTURE_TO_NOISE, amplify_threshold, band_pass
 from vo.features.detector import detect
 from vo.features.image_quality import SMEARED, adapt_settings, measure_image_quality
 from vo.hooks import NO_HOOKS, Hooks
@@ -43,6 +44,9 @@ class Frontend:
         defocus = 0 < s.defocus.softness < quality.softness
         smeared = s.defocus.softness > 0 and quality.smear > SMEARED and not defocus
         settings = adapt_settings(s, low_snr, defocus, smeared)
+        if defocus and quality.texture_to_noise < MIN_TEXTURE_TO_NOISE:
+            frame = replace(frame, left=band_pass(left), right=band_pass(right))
+            smoothing_px, settings = 0.0, amplify_threshold(settings)
         view = self.extract(frame, settings, smoothing_px, clock, hooks)
         return replace(view, is_smeared=smeared)
 
