@@ -10,7 +10,7 @@ from driftyard.failures import in_one_family
 from driftyard.given_settings import GivenSettings, sources_of
 from scenes import SCENES
 from sim.batch import DatasetTask, record_scene
-from sim.cameras import CAMERAS
+from sim.camera_names import CAMERAS, DEFAULT_CAMERA
 from trials.execution.recording_settings import recording_settings
 from vo.contract.remarks import remark
 
@@ -41,7 +41,7 @@ def record(
     out: PathLike,
     *,
     seed: int | None = None,
-    camera: PathLike = "",
+    camera: PathLike = DEFAULT_CAMERA,
     disturb: str = "",
     settings: GivenSettings = None,
     overwrite: bool = False,
@@ -58,7 +58,7 @@ def record(
         out: Folder to write.
         seed: Random seed of scene, route and noise; 0 by default.
         camera: One of `cameras`, or a TOML file of settings, which are used where `settings` has
-            none; by default that of the scene.
+            none. With `ideal`, a scene's own camera remains.
         disturb: Disturbances such as `blur,noise=0.5`, which `driftyard scenes` lists.
         settings: Values by name, nested or as `key.path`, or a TOML file; `driftyard settings
             recording` lists them with units.

@@ -26,7 +26,7 @@ class ExposureSettings(Settings):
 
 
 class SensorSettings(Settings):
-    """Lens, image sensor and electronics; the default camera is perfect."""
+    """Lens, image sensor and electronics; these defaults are perfect, cameras have their own."""
 
     lens: Literal["radial_tangential", "equidistant"] = "radial_tangential"
     """Lens model: Brown-Conrady with up to 8 coefficients, or Kannala-Brandt with k1 to k4."""

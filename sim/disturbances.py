@@ -119,16 +119,21 @@ def parse_disturbances(text: str) -> dict[str, float]:
     return wanted
 
 
-def disturbed(settings: RecordSettings, wanted: Mapping[str, float]) -> RecordSettings:
-    """Apply disturbances, by name and strength, to settings; strength 0 changes nothing.
-
-    Raises:
-        SettingsError: If a strength takes a setting out of its range.
-    """
+def disturbed_values(wanted: Mapping[str, float]) -> dict[str, float]:
+    """Return the settings of disturbances, by name and strength; strength 0 sets nothing."""
     values: dict[str, float] = {}
     for name, strength in wanted.items():
         if strength > 0:
             for key, rule in DISTURBANCES[name].recipe.items():
                 value = rule(strength) if callable(rule) else rule * strength
                 values[key] = max(value, values.get(key, 0.0))
-    return amended(settings, values)
+    return values
+
+
+def disturbed(settings: RecordSettings, wanted: Mapping[str, float]) -> RecordSettings:
+    """Apply disturbances, by name and strength, to settings.
+
+    Raises:
+        SettingsError: If a strength takes a setting out of its range.
+    """
+    return amended(settings, disturbed_values(wanted))

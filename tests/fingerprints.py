@@ -129,6 +129,11 @@ class Checkout:
             text = log.read_text("utf-8")[-2000:]
             raise SystemExit(f"driftyard {' '.join(words)}: status {done.returncode}\n{text}")
 
+    @property
+    def camera(self) -> list[str]:
+        """The option for the ideal camera, which a checkout of older names has by default."""
+        return [] if self.old_names else ["--camera", "ideal"]
+
     def option(self, word: str) -> list[str]:
         """Write a word of a case as the command line takes it."""
         if word.startswith("--"):
@@ -180,7 +185,7 @@ def generate(checkout: Checkout, out: Path, name: str) -> None:
         return
     scene, *words = DATASETS[name]
     checkout.driftyard(
-        "generate", scene, "--seed", SEED, "--out", str(folder),
+        "generate", scene, "--seed", SEED, "--out", str(folder), *checkout.camera,
         *checkout.options(("drive.distance_m=1.5", *words)), log=out / "log" / f"data-{name}.txt",
     )  # fmt: skip
 
@@ -209,7 +214,7 @@ def gate(checkout: Checkout, out: Path) -> None:
     bless = ("gate", "--bless") if checkout.old_names else ("gate", "update")
     checkout.driftyard(
         *bless, *common, "--scenes", "office,brick_court", "--seeds", "2", "--distance", "1.5",
-        "--time-margin", "0", *size, log=out / "log/gate-baseline.txt",
+        "--time-margin", "0", *size, *checkout.camera, log=out / "log/gate-baseline.txt",
     )  # fmt: skip
     check = ("gate",) if checkout.old_names else ("gate", "check")
     checkout.driftyard(
@@ -235,7 +240,14 @@ def drive(checkout: Checkout, out: Path) -> None:
         return
     file.parent.mkdir(parents=True, exist_ok=True)
     checkout.driftyard(
-        "drive", "office", "--worlds", "1", "--out", str(file), log=out / "log/drive.txt"
+        "drive",
+        "office",
+        "--worlds",
+        "1",
+        "--out",
+        str(file),
+        *checkout.camera,
+        log=out / "log/drive.txt",
     )
 
 

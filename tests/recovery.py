@@ -71,7 +71,8 @@ def recovered(seed: int, frames: int, cache: Path = CACHE) -> tuple[str, list[Fo
         "rig.width_px": 320,
         "rig.height_px": 240,
     }
-    made = Recording(scene, seed, (*overrides_of({**truth, **drive}), *NO_LABELS))
+    settings = (*overrides_of({**truth, **drive}), *NO_LABELS)
+    made = Recording(scene, seed, settings, camera="ideal")
     folder = cached_recording(made, cache)
     match = match_camera(folder, None, ",".join(SCENES), frames, cache=cache)
     estimates = {x.key: x for x in match.estimates}

@@ -81,6 +81,7 @@ def make_env(pen: Path, **options):
         NAV,
         **{
             "scene": str(pen),
+            "camera": "ideal",
             "settings": {"rig.width_px": 64, "rig.height_px": 48},
             "observe": ("left", "goal"),
             "localization": "wheels",

@@ -123,7 +123,9 @@ class StereoCamera:
         exposure_ms = settings.exposure.time_ms
         automatic = AutoExposure(settings.sensor, exposure_ms or REFERENCE_EXPOSURE_MS)
         fixed = Exposure(exposure_ms, 1.0, 1.0)
-        for index in np.flatnonzero(trip.delivered):
+        for index in range(len(trip)):
+            if not trip.delivered[index]:  # read in its turn: a live trip decides it late
+                continue
             control = automatic.next() if settings.sensor.auto_exposure else fixed
             time_ns = int(trip.timestamps_ns[index])
             time_s = time_ns * 1e-9

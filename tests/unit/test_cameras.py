@@ -4,11 +4,18 @@ import pytest
 from terminal import driftyard
 
 import driftyard as dy
-from sim.cameras import CAMERAS, camera_overrides, camera_values
-from sim.settings import RecordSettings
+from scenes import SCENES, find_scene
+from sim.camera_names import CAMERAS, DEFAULT_CAMERA
+from sim.camera_settings import SensorSettings
+from sim.cameras import camera_values
+from sim.disturbances import disturbed, parse_disturbances
+from sim.settings import RecordSettings, recorded_settings
 from trials.cli.accuracy import DriveOptions
+from trials.cli.gate import DesignOptions
 from trials.cli.options import RecordingOptions
+from trials.execution.jobs import Recording
 from trials.execution.recording_settings import recording_settings
+from trials.gate.baseline import Design
 from trials.gym.env.settings import NavSettings
 from vo.contract.errors import SettingsError
 from vo.contract.settings import resolve
@@ -19,7 +26,6 @@ def test_camera_settings_are_valid_alone(name):
     values = camera_values(name)
     built = resolve(RecordSettings, base=values)
     assert (built == RecordSettings()) == (name == "ideal")
-    assert resolve(RecordSettings, overrides=camera_overrides(name)) == built
 
 
 def test_camera_yields_to_config_and_overrides_but_not_scene(tmp_path):
@@ -32,8 +38,57 @@ def test_camera_yields_to_config_and_overrides_but_not_scene(tmp_path):
     assert (found.sensor.read_noise, found.rig.rate_hz, found.rig.tilt_deg) == (7.0, 5.0, 18.0)
 
 
-def test_ideal_camera_leaves_a_scene_as_it_is():
-    assert recording_settings("dusk", camera="ideal") == recording_settings("dusk")
+@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("disturb", ["", "blur=0.4,noise,drop"])
+def test_ideal_camera_leaves_a_scene_as_it_is(scene, disturb):
+    """It gives the settings of before there was a default camera."""
+    own = resolve(RecordSettings, base=find_scene(scene).defaults)
+    before = disturbed(own, parse_disturbances(disturb))
+    assert recording_settings(scene, disturb=disturb, camera="ideal") == before
+    trial = NavSettings(scene=scene, camera="ideal", disturb=disturb).recorded(0)
+    assert (trial.sensor, trial.exposure) == (before.sensor, before.exposure)
+
+
+def test_default_camera_is_that_of_recordings_trials_and_studies():
+    """Sensor and exposure are all that it sets."""
+    assert DEFAULT_CAMERA == "machine_vision"
+    default = resolve(RecordSettings, base=camera_values(DEFAULT_CAMERA))
+    wanted = default.sensor, default.exposure
+    assert default.sensor.full_well > 0
+    found = [
+        recording_settings("office"),
+        RecordingOptions().settings("office"),
+        NavSettings(scene="office").recorded(0),
+        recording_settings("office", camera=Recording("office", 0).camera),
+        recording_settings("office", camera=DriveOptions().recordings(["office"])[0].camera),
+    ]
+    assert [(x.sensor, x.exposure) for x in found] == [wanted] * len(found)
+
+
+def test_old_files_without_a_camera_are_of_the_ideal_one():
+    """Of a manifest, also where it lacks settings that came later; and of the gate's baselines."""
+    content = recording_settings("office", camera="ideal").model_dump(mode="json")
+    assert recorded_settings(content).sensor == SensorSettings()
+    assert recorded_settings({**content, "sensor": {}}).sensor == SensorSettings()
+    assert Design.model_validate({"scenes": ["office"]}).camera == "ideal"
+    assert DesignOptions(scenes="office").design.camera == DEFAULT_CAMERA
+
+
+@pytest.mark.parametrize("scene", ["office", "dusk"])
+def test_stated_exposure_time_turns_automatic_exposure_off(scene):
+    config = {"exposure": {"time_ms": 12.0}}
+    for found in (
+        recording_settings(scene, None, ["exposure.time_ms=12"]),
+        recording_settings(scene, disturb="blur=0.4"),
+        NavSettings(scene=scene, settings={"exposure.time_ms": 12.0}).recorded(0),
+        NavSettings(scene=scene, settings=config).recorded(0),
+        NavSettings(scene=scene, disturb="blur=0.4,noise").recorded(0),
+    ):
+        assert (found.exposure.time_ms, found.sensor.auto_exposure) == (12.0, False)
+        assert found.sensor.vignetting == camera_values(DEFAULT_CAMERA)["sensor.vignetting"]
+    both = ["exposure.time_ms=12", "sensor.auto_exposure=true"]
+    assert recording_settings(scene, None, both).sensor.auto_exposure
+    assert recording_settings(scene, disturb="blur=0").sensor.auto_exposure
 
 
 def test_camera_of_a_file_is_one_of_settings(tmp_path):
@@ -75,7 +130,7 @@ def test_environments_and_studies_take_a_camera():
     trial = NavSettings(camera="stoc", settings={"sensor.full_well": 5.0}).recorded(0)
     assert (trial.sensor.full_well, trial.rig.baseline_m) == (5.0, 0.09)
     drives = DriveOptions(camera="webcam", overrides=["sensor.read_noise=1"]).recordings(["office"])
-    found = recording_settings("office", 0, drives[0].overrides)
+    found = recording_settings("office", 0, drives[0].overrides, camera=drives[0].camera)
     assert (found.sensor.read_noise, found.rig.color) == (1.0, True)
 
 

@@ -110,11 +110,12 @@ def test_settings_in_python_equal_those_of_the_command_line():
         (RecordSettings().model_copy(update={"seed": 3}), ["seed=3"]),
         (amended(RecordSettings(), {"rig.rate_hz": 7}), ["rig.rate_hz=7"]),
     ):
-        assert with_defaults(built, scene) == recording_settings("dusk", None, overrides)
+        found = recording_settings("dusk", None, overrides, camera="ideal")
+        assert with_defaults(built, scene) == found
 
 
 def test_task_in_python_finds_its_dataset(tmp_path):
-    settings = recording_settings("dusk").model_dump(mode="json")
+    settings = recording_settings("dusk", camera="ideal").model_dump(mode="json")
     content = {"schema_version": 1, "settings": settings, "scene": {"source": "dusk"}}
     (tmp_path / MANIFEST).write_text(json.dumps(content))
     assert DatasetTask("dusk", RecordSettings(), tmp_path).is_done

@@ -6,7 +6,7 @@ from itertools import product
 from pathlib import Path
 from typing import ClassVar
 
-from sim.cameras import camera_overrides
+from sim.camera_names import DEFAULT_CAMERA
 from trials.cli import console
 from trials.cli.options import Camera, Distance, Disturb, Scenes, changes, option
 from trials.cli.workers import WorkersOptions
@@ -35,16 +35,16 @@ class DriveOptions:
     distance: Distance = 20.0
     seeds: int = option(5, "Number of drives in each scene.", min=1)
     scenes: Scenes = SCENES
-    camera: Camera = ""
+    camera: Camera = DEFAULT_CAMERA
     disturb: Disturb = ""
     overrides: list[str] = changes("recording")
 
     def recordings(self, names: Sequence[str]) -> list[Recording]:
         """Return the drives through scenes, from seed 0 on."""
         fixed = (f"drive.distance_m={self.distance:g}", *NO_LABELS)
-        settings = (*camera_overrides(self.camera), *fixed, *self.overrides)
+        settings = (*fixed, *self.overrides)
         pairs = product(names, range(self.seeds))
-        return [Recording(x, seed, settings, self.disturb) for x, seed in pairs]
+        return [Recording(x, seed, settings, self.disturb, self.camera) for x, seed in pairs]
 
 
 def accuracy(

@@ -33,7 +33,7 @@ def _scenes() -> Iterable[str]:
 
 
 def _cameras() -> Iterable[str]:
-    from sim.cameras import CAMERAS
+    from sim.camera_names import CAMERAS
 
     return CAMERAS
 

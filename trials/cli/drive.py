@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from sim.batch import custom_fingerprint
+from sim.camera_names import DEFAULT_CAMERA
 from trials.cli import console
 from trials.cli.options import Camera, Disturb, LiveViewOptions, SceneName, changes, option
 from trials.cli.workers import WorkersOptions
@@ -40,7 +41,7 @@ class WorldOptions:
         metavar="KEY=VALUE",
     )
     overrides: list[str] = changes("recording")
-    camera: Camera = ""
+    camera: Camera = DEFAULT_CAMERA
     disturb: Disturb = ""
 
     @property

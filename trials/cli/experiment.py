@@ -1,11 +1,13 @@
 """`driftyard experiment`: claims of the thesis, and the validity of simulation, tested."""
 
 import shutil
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import ClassVar
 
+from sim.camera_names import DEFAULT_CAMERA
 from trials.cli import console
-from trials.cli.options import argument, option
+from trials.cli.options import Camera, argument, option
 from trials.cli.workers import WorkersOptions
 from trials.execution.runner import run_jobs
 from trials.report.tables import text_table
@@ -20,7 +22,25 @@ from vo.contract.files import write_text
 VALIDITY = "V1"
 
 
+@dataclass(frozen=True)
+class DriveOptions:
+    """The drives of each setting."""
+
+    PANEL: ClassVar[str] = "Drives"
+    seeds: int | None = option(None, "Number of drives of each setting.", min=1, show_default="3")
+    camera: Camera = DEFAULT_CAMERA
+    small: bool = option(False, "Use one short drive of each kind, as a test.")
+
+    @property
+    def scale(self) -> base.Scale:
+        """Seeds, length and camera of the drives."""
+        scale = base.SMALL if self.small else base.FULL
+        seeds = tuple(range(self.seeds)) if self.seeds else scale.seeds
+        return replace(scale, seeds=seeds, camera=self.camera)
+
+
 def experiment(
+    drives: DriveOptions,
     workers: WorkersOptions,
     which: str = argument(
         ...,
@@ -28,22 +48,21 @@ def experiment(
         metavar="ID",
     ),
     out: Path = option(Path("build/experiments"), "Folder of figures, data and records."),
-    seeds: int | None = option(None, "Number of drives of each setting.", min=1, show_default="3"),
     page: Path | None = option(None, "Markdown page of all records in --out.", metavar="FILE"),
-    small: bool = option(False, "Use one short drive of each kind, as a test."),
     real: str = option("", f"Real recordings of {VALIDITY}, as a,b,c.", metavar="DATASETS"),
     scenes: str = option("all", f"Scenes that may be twins in {VALIDITY}, as a,b,c, or all."),
 ) -> None:
     """Test claims of the thesis, or of this simulator: record, run, draw, and state the result."""
     if which.upper() == VALIDITY:
-        _validate(real, scenes, seeds or 2, out, page)
+        if drives.camera != DEFAULT_CAMERA:
+            raise SettingsError(f"--camera: {VALIDITY} has the cameras that match its recordings")
+        _validate(real, scenes, drives.seeds or 2, out, page)
         return
     if real:
         raise SettingsError(f"--real: {which} has no real recordings; only {VALIDITY} has")
     chosen = _chosen(which)
-    scale = base.SMALL if small else base.FULL
-    scale = replace(scale, seeds=tuple(range(seeds))) if seeds else scale
-    folder = out / "small" if small else out  # so that small versions never replace results
+    scale = drives.scale
+    folder = out / "small" if drives.small else out  # so that small versions never replace results
     for one in chosen:
         jobs = one.jobs(scale)
         with console.counting_bar(one.id, len({x.recording for x in jobs})) as count:

@@ -1,11 +1,13 @@
 """`driftyard explain`: attribution of the drift to the stages of an estimator."""
 
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import ClassVar
 
+from sim.camera_names import DEFAULT_CAMERA
 from trials.cli import console
-from trials.cli.options import Distance, EstimatorOptions, argument, option
+from trials.cli.options import Camera, Distance, EstimatorOptions, argument, option
 from trials.cli.workers import WorkersOptions
 from trials.diagnosis.combinations import STAGES, Subject
 from trials.diagnosis.explanation import explain as explain_groups
@@ -27,13 +29,17 @@ class DriveOptions:
     scene: str = option("", "Scenes to drive through, or all.", metavar="A,B,C")
     seeds: int = option(3, "Number of drives in each, from seed 0.", min=1)
     distance: Distance = 4.0
+    camera: Camera = DEFAULT_CAMERA
 
     def record(self) -> dict[str, list[Path]]:
         """Record or reuse drives with depth labels; dataset folders by scene."""
         overrides = (f"drive.distance_m={self.distance:g}", "labels.depth=true",
                      "labels.disparity=false", "exposure.subframes_max=12")  # fmt: skip
         scenes = parse_scenes(self.scene, "--scene")
-        drives = [Recording(x, seed, overrides) for x in scenes for seed in range(self.seeds)]
+        drives = [
+            Recording(x, seed, overrides, camera=self.camera)
+            for x, seed in product(scenes, range(self.seeds))
+        ]
         groups: dict[str, list[Path]] = {drive.scene: [] for drive in drives}
         with console.counting_bar("drives", len(drives)) as count:
             folders = record_all(drives, progress=count)

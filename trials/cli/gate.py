@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import typer
 
-from sim.cameras import camera_overrides
+from sim.camera_names import DEFAULT_CAMERA
 from trials.cli import console
 from trials.cli.options import (
     AnyEstimatorOptions,
@@ -181,7 +181,7 @@ class DesignOptions:
     seeds: int = option(2, "Number of sequences of each scene.", min=1)
     first_seed: int = option(0, "Random seed of the first.", min=0)
     distance: Distance = 4.0
-    camera: Camera = ""
+    camera: Camera = DEFAULT_CAMERA
     disturb: Disturb = ""
     record: list[str] = changes("recording", "")
 
@@ -193,12 +193,9 @@ class DesignOptions:
             "recordings": list(map(str, self.recording)),
             "seeds": self.seeds,
             "first_seed": self.first_seed,
+            "camera": self.camera,
             "disturb": self.disturb,
-            "overrides": [
-                *camera_overrides(self.camera),
-                f"drive.distance_m={self.distance:g}",
-                *self.record,
-            ],
+            "overrides": [f"drive.distance_m={self.distance:g}", *self.record],
         }
         return validated(Design, content)
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, get_args, get_origin
 
 import typer
 
+from sim.camera_names import DEFAULT_CAMERA
 from trials.cli.completion import BY_PARAMETER, keys_of
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ Camera = Annotated[
     str,
     typer.Option(
         metavar="NAME|FILE.toml",
-        help="Camera: ideal, machine_vision, stoc, webcam, d435_infra, zed, or a TOML file of "
+        help="Camera: machine_vision, ideal, stoc, webcam, d435_infra, zed, or a TOML file of "
         "recording settings; other options take precedence.",
     ),
 ]
@@ -95,7 +96,7 @@ class RecordingOptions:
     seed: int | None = option(None, "Random seed of scene, route and noise.", show_default="0")
     overrides: list[str] = changes("recording")
     config: Path | None = option(None, "TOML file of recording settings.", metavar="FILE")
-    camera: Camera = ""
+    camera: Camera = DEFAULT_CAMERA
     disturb: Disturb = ""
 
     def settings(self, scene: str) -> "RecordSettings":

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from scenes import SCENES
 from sim.batch import build
-from sim.cameras import CAMERAS
+from sim.camera_names import CAMERAS
 from sim.preview.camera_sheet import camera_sheet, camera_view
 from sim.preview.film import FILMS, make_film
 from sim.preview.preview import PICTURES, overview, tile, write_picture

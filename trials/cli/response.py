@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
+from sim.camera_names import DEFAULT_CAMERA
 from trials.cli import console
-from trials.cli.options import option
+from trials.cli.options import Camera, option
 from trials.cli.workers import WorkersOptions
 from trials.studies.response import (
     disturbance_table,
@@ -19,6 +20,7 @@ def response(
     distance: float = option(4.0, "Length of each drive, m.", min=1.5),
     seeds: int = option(2, "Number of drives of each setting.", min=1),
     first_seed: int = option(0, "Random seed of the first drive.", min=0),
+    camera: Camera = DEFAULT_CAMERA,
     only: str = option("", "Disturbances and scenes; all by default.", metavar="A,B,C"),
     out: Path = option(Path("build/response.png"), "PNG of the curves."),
 ) -> None:
@@ -29,7 +31,7 @@ def response(
     settings = settings_of([name for name in only.split(",") if name])
     seeded = range(first_seed, first_seed + seeds)
     with console.counting_bar("drives", len(settings) * seeds) as count:
-        found = measure(settings, seeded, distance, count)
+        found = measure(settings, seeded, distance, camera, count)
     console.out.print(scene_table(found))
     console.out.print(disturbance_table(found))
     draw_responses(found, out)

@@ -1,7 +1,7 @@
 """`driftyard scenes`: the registered scenes, disturbances and cameras."""
 
 from scenes import SCENES
-from sim.cameras import CAMERAS
+from sim.camera_names import CAMERAS
 from sim.disturbances import DISTURBANCES
 from trials.cli import console
 

@@ -43,7 +43,8 @@ MODELS: dict[Kind, tuple[type[BaseModel], str]] = {
     Kind.RECORDING: (
         RecordSettings,
         "Recordings: `driftyard generate --set KEY=VALUE`, or a TOML file with `--config`. "
-        "Scenes may have other defaults.",
+        "These are the defaults of `--camera ideal`; other cameras, `machine_vision` by default, "
+        "and scenes have their own.",
     ),
     Kind.NAVIGATION: (
         NavSettings,

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from sim.cameras import camera_overrides
+from sim.camera_names import DEFAULT_CAMERA
 from trials.cli import console
 from trials.cli.options import Camera, Distance, argument, changes, option
 from trials.cli.workers import WorkersOptions
@@ -38,7 +38,7 @@ class SearchOptions:
     distance: Distance = 4.0
     drift: float = option(2.0, "Drift over 1 m above which a drive fails, %.", min=0)
     lost: float = option(5.0, "Lost frames above which a drive fails, %.", min=0)
-    camera: Camera = ""
+    camera: Camera = DEFAULT_CAMERA
     record: list[str] = changes("recording", "")
 
 
@@ -91,12 +91,13 @@ def _search(name: str, axis: Axis, variant: Variant, search: SearchOptions) -> C
     scene = search.scene or axis.scene
     title = f"{variant.label}: {name} on {scene}"
     fixed = (f"drive.distance_m={search.distance:g}", *NO_LABELS)
-    shared = (*camera_overrides(search.camera), *fixed, *search.record)
+    shared = (*fixed, *search.record)
     limits = Limits(search.drift, search.lost / 100)
 
     def drives(strength: float) -> list[Recording]:
         overrides, disturb = (*shared, *axis.overrides(strength)), axis.disturb(strength)
-        return [Recording(scene, seed, overrides, disturb) for seed in range(search.seeds)]
+        seeds, camera = range(search.seeds), search.camera
+        return [Recording(scene, seed, overrides, disturb, camera) for seed in seeds]
 
     with console.counting_bar(title, search.seeds * (search.points + search.rounds)) as count:
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from sim.cameras import camera_overrides
+from sim.camera_names import DEFAULT_CAMERA
 from trials.cli import console
 from trials.cli.options import Camera, Distance, Disturb, Scenes, argument, changes, option
 from trials.estimators.systems.environments import SYSTEMS, install, is_installed, package_of
@@ -42,7 +42,7 @@ class DriveOptions:
     scenes: Scenes = "all"
     seeds: int = option(3, "Number of drives in each scene.", min=1)
     distance: Distance = 10.0
-    camera: Camera = ""
+    camera: Camera = DEFAULT_CAMERA
     disturb: Disturb = ""
     overrides: list[str] = changes("recording")
 
@@ -70,7 +70,7 @@ def systems_compare(
     """
     plan = Plan(
         estimator or EVERY, drives.scenes, drives.seeds, repeats, drives.distance,
-        [*camera_overrides(drives.camera), *drives.overrides], drives.disturb, add, jobs,
+        drives.overrides, drives.disturb, drives.camera, add, jobs,
     )  # fmt: skip
     command = shlex.join(["driftyard", *sys.argv[1:]])
     found = compare_systems(plan, command, console.progress_bar)

@@ -9,8 +9,9 @@ import cv2
 import numpy as np
 from PIL import Image as Pillow
 
+from sim.camera_names import DEFAULT_CAMERA
 from trials.cli import console
-from trials.cli.options import argument, option
+from trials.cli.options import Camera, argument, option
 from trials.gym.env.policies import NavigatorPolicy
 from trials.gym.studies.trial_runner import rover_nav
 from vo.contract.arrays import Image
@@ -28,12 +29,18 @@ def trial_film(
     layout: int = option(0, "Random seed of the world.", min=0),
     seed: int = option(0, "Random seed of start, goal and noise.", min=0),
     sources: str = option("wheels,vo", "Sources of localization, as for `drive`.", metavar="A,B,C"),
+    camera: Camera = DEFAULT_CAMERA,
     seconds: float = option(45.0, "Time limit of the trial, s.", min=1),
 ) -> None:
     """Film a trial on slippery ground with each source of localization, one above the other."""
     known_suffix(out, (".webp",))
     options = {"scene": scene, "rate_hz": 10.0, "settings": ICE, "observe": NavigatorPolicy.NEEDS}
-    options |= {"layout": layout, "time_limit_s": seconds, "render_mode": "rgb_array"}
+    options |= {
+        "layout": layout,
+        "camera": camera,
+        "time_limit_s": seconds,
+        "render_mode": "rgb_array",
+    }
     films = [
         list(_frames({**options, "localization": source.strip()}, seed))
         for source in sources.split(",")

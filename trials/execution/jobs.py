@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from sim.camera_names import DEFAULT_CAMERA
 from trials.evaluation.alignment import Pair, associate
 from trials.evaluation.runs import FrameTable, SavedRun, Tracks, read_run
 from trials.evaluation.score import Score, score_run
@@ -28,12 +29,13 @@ def scene_label(scene: str) -> str:
 
 @dataclass(frozen=True)
 class Recording:
-    """A drive through a scene that is recorded; `disturb` is as for `driftyard generate`."""
+    """A drive through a scene that is recorded; the rest is as for `driftyard generate`."""
 
     scene: str
     seed: int
     overrides: tuple[str, ...] = ()
     disturb: str = ""
+    camera: str = DEFAULT_CAMERA
 
     @property
     def name(self) -> str:

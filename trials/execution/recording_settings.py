@@ -5,11 +5,12 @@ from pathlib import Path
 
 from scenes import SCENES, find_scene
 from scenes.custom import is_custom
+from sim.camera_names import DEFAULT_CAMERA
 from sim.cameras import camera_values
-from sim.disturbances import disturbed, parse_disturbances
+from sim.disturbances import disturbed, disturbed_values, parse_disturbances
 from sim.settings import RecordSettings
 from vo.contract.errors import SettingsError
-from vo.contract.settings import resolve
+from vo.contract.settings import given_values, resolve
 
 
 def recording_settings(
@@ -18,12 +19,12 @@ def recording_settings(
     overrides: Sequence[str] = (),
     config: Path | None = None,
     disturb: str = "",
-    camera: str = "",
+    camera: str = DEFAULT_CAMERA,
 ) -> RecordSettings:
     """Resolve the settings of a recording of a registered scene, MJCF file or `module:function`.
 
     A seed takes precedence over that of other sources. Disturbances are `name=strength,...`. The
-    settings of a camera, as of `camera_values`, take precedence over defaults alone.
+    settings of a camera, as of `camera_values`, take precedence over a scene's defaults alone.
 
     Raises:
         SettingsError: If there is no such scene, camera or disturbance, or a key or value is not
@@ -31,7 +32,8 @@ def recording_settings(
     """
     wanted = parse_disturbances(disturb)
     seeded = [] if seed is None else [f"seed={seed}"]
-    base = {**find_scene(scene).defaults, **camera_values(camera)}
+    stated = {*given_values(config, overrides), *disturbed_values(wanted)}
+    base = {**find_scene(scene).defaults, **camera_values(camera, stated)}
     return disturbed(resolve(RecordSettings, config, [*overrides, *seeded], base), wanted)
 
 

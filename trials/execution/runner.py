@@ -88,7 +88,12 @@ def recording_folder(recording: Recording, cache: Path) -> tuple[Path, "RecordSe
     from trials.execution.recording_settings import recording_settings
 
     settings = recording_settings(
-        recording.scene, recording.seed, recording.overrides, None, recording.disturb
+        recording.scene,
+        recording.seed,
+        recording.overrides,
+        None,
+        recording.disturb,
+        recording.camera,
     )
     causes = [settings.model_dump_json(), source_digest()]
     if world := custom_fingerprint(recording.scene, settings):

@@ -8,6 +8,7 @@ from typing import Any, Literal, Self
 
 from pydantic import Field, model_validator
 
+from sim.camera_names import IDEAL
 from vo.contract.errors import DatasetError, SettingsError
 from vo.contract.files import write_text
 from vo.contract.settings import Settings, validated
@@ -50,6 +51,8 @@ class Design(Settings):
     """Number of seeds of each scene."""
     first_seed: int = Field(default=0, ge=0)
     """Random seed of the first sequence of each scene."""
+    camera: str = IDEAL
+    """Camera, as for `driftyard generate`; baselines of earlier versions name none."""
     disturb: str = ""
     """Disturbances, as for `driftyard generate`."""
     overrides: tuple[str, ...] = ()

@@ -33,12 +33,13 @@ def obtain(design: Design, cache: Path, bar: Bar) -> tuple[list[Path], list[Path
         DriftyardError: If a setting is not accepted, or a recording is invalid or has no truth.
     """
     overrides = (*NO_LABELS, *design.overrides)
-    drives = [Recording(x, seed, overrides, design.disturb) for x, seed in design.drives]
+    how = overrides, design.disturb, design.camera
+    drives = [Recording(x, seed, *how) for x, seed in design.drives]
     recorded: list[Path] = []
     if drives:
         with bar("recording", len(drives)) as count:
             for x in drives:  # refuses now what a worker would refuse
-                recording_settings(x.scene, x.seed, x.overrides, None, x.disturb)
+                recording_settings(x.scene, x.seed, x.overrides, None, x.disturb, x.camera)
             recorded = record_all(drives, cache, count)
     runs = [x.with_name(f"{x.name}.candidate.txt") for x in recorded]
     others = [Path(x) for x in design.recordings]

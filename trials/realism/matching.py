@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from sim.camera_names import IDEAL
 from sim.camera_settings import SensorSettings
-from sim.cameras import camera_overrides
 from sim.settings import DriveSettings, RigSettings
 from trials.execution.cache import CACHE
 from trials.execution.jobs import Recording
@@ -43,8 +43,8 @@ from vo.recordings.readers import open_sequence
 
 TWIN_FRAMES = 50
 """Frames of the twin that is compared."""
-DEFAULT = Recording("office", 0, ("drive.distance_m=1.2", *camera_overrides("ideal"), *NO_LABELS))
-"""The default picture, by the perfect camera."""
+PERFECT = Recording("office", 0, ("drive.distance_m=1.2", *NO_LABELS), camera=IDEAL)
+"""The picture that a twin must be nearer than."""
 BY_TWIN = "corrected until the twin is measured as the real recording is"
 
 
@@ -92,7 +92,7 @@ def _with_twin(
     progress: Progress | None,
 ) -> CameraMatch:
     """Record scenes with the camera, and correct it by the nearest one."""
-    plain = measure(cached_recording(DEFAULT, cache), min(TWIN_FRAMES, real.frames))
+    plain = measure(cached_recording(PERFECT, cache), min(TWIN_FRAMES, real.frames))
     default = compare_measured(real, plain)
     near = nearest_twins(found.values, default, [(x, 0) for x in scenes], cache, progress)
     order = {scene: ratio for (scene, _), ratio in near.items()}

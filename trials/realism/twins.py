@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from sim.camera_names import IDEAL
 from sim.settings import DriveSettings, RigSettings
 from trials.execution.jobs import Recording
 from trials.execution.runner import NO_LABELS, record_all
@@ -57,7 +58,8 @@ def twin_recording(
     if halts:
         drive["drive.stop_every_m"] = round(distance_m / (1 + halts), 3)
         drive["drive.stop_s"] = round(min(still / halts / rate_hz, MAX_HALT_S), 3)
-    return Recording(scene, seed, (*overrides_of({**values, **drive}), *NO_LABELS))
+    settings = (*overrides_of({**values, **drive}), *NO_LABELS)
+    return Recording(scene, seed, settings, camera=IDEAL)
 
 
 def halts_of(steps_m: Array, frames: int) -> tuple[int, float]:

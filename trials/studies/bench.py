@@ -2,11 +2,11 @@
 
 The estimators run on a single core, the generator on all of them. The generator is compared with a
 plain loop over `mujoco.Renderer` that makes the same left image, right image and depth of the same
-drive with the same quality. The two renderers alternate every few frames, and the recording is
-timed before and after them, so that all have the same load of the machine. A drive of 300 m is
-compared with one of 30 m. The estimators run in turn over three recordings, and the default one
-over a long sequence. `--over DATASET` times the estimators alone, at the start and at the end of an
-existing recording, and the backends of bundle adjustment on its windows.
+drive, by the ideal camera, with the same quality. The two renderers alternate every few frames, and
+the recording is timed before and after them, so that all have the same load of the machine. A drive
+of 300 m is compared with one of 30 m. The estimators run in turn over three recordings, and the
+default one over a long sequence. `--over DATASET` times the estimators alone, at the start and at
+the end of an existing recording, and the backends of bundle adjustment on its windows.
 """
 
 import os
@@ -98,7 +98,7 @@ def _generation(bench: Bench) -> Iterator[Table | str]:
     }
     after = on_cores(cores, generator.measure_generator, drive, folder / "after", bar)
     scaling = generator.measure_scaling(drive, cores[:2], folder)
-    yield f"{bench.scene}, seed {bench.seed}, {drive.distance_m:g} m; {before.gl}"
+    yield f"{bench.scene}, seed {bench.seed}, {drive.distance_m:g} m, camera ideal; {before.gl}"
     yield from generator_tables((before, after), rendered, scaling)
     yield (
         f"{before.frames} frames in {before.whole_s:.1f} s with scene, drive and map; left "

@@ -34,11 +34,13 @@ Channel = tuple[Array, Array]
 """Times in seconds and values."""
 
 
-def record_bumps(scene: str, seed: int, bar: ProgressBar = no_progress) -> dict[str, Channel]:
+def record_bumps(
+    scene: str, seed: int, camera: str, bar: ProgressBar = no_progress
+) -> dict[str, Channel]:
     """Record a drive over loose bricks; returns `read_channels` and the inlier `features`."""
     overrides = ("drive.distance_m=3", "terrain.brick_mm=18", "terrain.brick_gap_m=0.6",
                  f"exposure.time_ms={SHUTTER_MS}")  # fmt: skip
-    settings = recording_settings(scene, seed, overrides)
+    settings = recording_settings(scene, seed, overrides, camera=camera)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / scene
         with bar(f"recording {scene}") as progress:

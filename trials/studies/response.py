@@ -43,11 +43,11 @@ class Setting:
     disturbance: str = ""
     strength: float = 0.0
 
-    def recording(self, seed: int, distance_m: float) -> Recording:
+    def recording(self, seed: int, distance_m: float, camera: str) -> Recording:
         """Return the recording of a drive."""
         disturb = f"{self.disturbance}={self.strength}" if self.disturbance else ""
         overrides = (f"drive.distance_m={distance_m:g}", *NO_LABELS, "exposure.subframes_max=12")
-        return Recording(self.scene, seed, overrides, disturb)
+        return Recording(self.scene, seed, overrides, disturb, camera)
 
 
 Responses = Mapping[Setting, Response]
@@ -75,10 +75,11 @@ def measure(
     settings: Sequence[Setting],
     seeds: Sequence[int],
     distance_m: float,
+    camera: str,
     progress: Callable[[object], None],
 ) -> Responses:
     """Record or reuse a drive for each setting and seed, and run the baseline over it."""
-    drives = {x: [x.recording(seed, distance_m) for seed in seeds] for x in settings}
+    drives = {x: [x.recording(seed, distance_m, camera) for seed in seeds] for x in settings}
     jobs = jobs_of([y for some in drives.values() for y in some], [BASELINE])
     results = run_jobs(jobs, progress=progress)
     return {

@@ -8,14 +8,15 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AfterValidator, BeforeValidator, Field, PositiveFloat, model_validator
 
 from scenes import find_scene, scene_options
+from sim.camera_names import DEFAULT_CAMERA
 from sim.cameras import camera_values
-from sim.disturbances import disturbed, parse_disturbances
+from sim.disturbances import disturbed, disturbed_values, parse_disturbances
 from sim.settings import OptionValue, RecordSettings
 from trials.gym.env.localization import expect_localization
 from trials.gym.world.dynamics import parse_dynamics
 from trials.gym.world.scene_instance import SceneInstance, build_instance
 from vo.contract.errors import SettingsError
-from vo.contract.settings import Settings, resolve
+from vo.contract.settings import Settings, flattened, resolve
 
 CHANNELS = ("left", "right", "disparity", "pose", "encoders", "imu", "goal")
 IMAGE_CHANNELS = frozenset({"left", "right", "disparity"})
@@ -59,8 +60,8 @@ class TrialSettings(Settings):
     """Seed of the scene; none: the seed of the reset, kept by resets without a seed."""
     layouts_kept: int = Field(default=2, ge=1, le=1000)
     """Number of layouts that remain in memory, the present one included; 0.1 to 0.3 GB each."""
-    camera: str = ""
-    """Camera: name, or a TOML file of recording settings; none: that of the scene."""
+    camera: str = DEFAULT_CAMERA
+    """Camera: name, or a TOML file of recording settings."""
     disturb: str = ""
     """Disturbances as on the command line: blur,brick_bump=0.5."""
     settings: Mapping[str, Any] = Field(default_factory=dict[str, Any])
@@ -115,9 +116,11 @@ class TrialSettings(Settings):
     def recorded(self, layout: int) -> RecordSettings:
         """Resolve the settings of scene, rover and sensors, or raise a SettingsError."""
         scene_options(self.scene, self.scene_options)
+        wanted = parse_disturbances(self.disturb)
+        stated = {*flattened(self.settings), *disturbed_values(wanted)}
         base: dict[str, Any] = {
             **find_scene(self.scene).defaults,
-            **camera_values(self.camera),
+            **camera_values(self.camera, stated),
             **FAST,
             **self.settings,
             "seed": layout,
@@ -127,8 +130,7 @@ class TrialSettings(Settings):
             "encoders.rate_hz": self.rate_hz,
             **self.route_settings,
         }
-        settings = resolve(RecordSettings, base=base)
-        return disturbed(settings, parse_disturbances(self.disturb))
+        return disturbed(resolve(RecordSettings, base=base), wanted)
 
     def build(self, layout: int) -> SceneInstance:
         """Build a layout; raises as `recorded` and `build_instance`."""

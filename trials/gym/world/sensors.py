@@ -1,7 +1,6 @@
 """Sensors of a trial: the stereo camera, which owns the OpenGL context, and the inertial unit."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
@@ -59,6 +58,7 @@ class RoverCamera:
         self._drops = stream(seed, "drop")
         self._captures: Iterator[Capture] | None = None
         self._times_ns = np.zeros(max_frames, np.int64)
+        self._is_kept = np.zeros(max_frames, bool)
         self.delivered: list[bool] = []
         self._last: tuple[Image, Image] | None = None
 
@@ -67,9 +67,10 @@ class RoverCamera:
         kept = self._drops.random() >= self._settings.sensor.drop_share or self._last is None
         index = len(self.delivered)
         self.delivered.append(bool(kept))
+        self._is_kept[index] = kept
         self._times_ns[index] = simulation.snapshot.time_ns
-        capture = self._expose(simulation, index)
         if kept or self._last is None:
+            capture = self._expose(simulation, index)
             self._last = self._camera.form_images(capture).rectified
         return self._last
 
@@ -90,7 +91,7 @@ class RoverCamera:
         data.qpos[:] = qpos
         self._world.move_movers(simulation.time_s)
         self._world.place_bodies()
-        return replace(capture, index=index)
+        return capture
 
     def _instant_exposure(self, time_ns: int, index: int) -> Capture:
         """Render the world as it is: nothing moves during an exposure of no duration."""
@@ -116,7 +117,7 @@ class RoverCamera:
         no_times, none = np.zeros(0, np.int64), np.zeros((0, 3))
         return Trip(
             self._times_ns,
-            np.ones(len(self._times_ns), bool),
+            self._is_kept,
             simulation.window,
             np.zeros((0, 4, 4)),
             none,

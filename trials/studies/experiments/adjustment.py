@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from scipy import stats
 
 from trials.evaluation.intervals import Interval, ratio_interval
-from trials.execution.jobs import Recording, Results, Variant
+from trials.execution.jobs import Results, Variant
 from trials.report.figure import BLUE, INK, RED, tidy
 from trials.studies.experiments.base import Data, Experiment, Finding, Rows, Steps, Verdict
 from trials.studies.experiments.measures import draw_means, mean_text, step_errors_m
@@ -195,7 +195,7 @@ E12 = Experiment(
     f"and of motion and structure (right); dashed: {GOOD} and {DROP}.",
     size_in=(9.0, 3.2),
     recordings=lambda scale: [
-        Recording(scene, seed, scale.drive) for scene in SCENES for seed in scale.seeds[:3]
+        scale.recording(scene, seed) for scene in SCENES for seed in scale.seeds[:3]
     ],
     variants=(KEEPING, DROPPING),
     steps=Steps(_conclude_iterations, _iterations_table, _draw_iterations, _iterations_data),

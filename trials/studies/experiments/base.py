@@ -4,13 +4,14 @@ import json
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from enum import StrEnum
-from itertools import zip_longest
+from itertools import product, zip_longest
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 from pydantic import TypeAdapter
 
+from sim.camera_names import DEFAULT_CAMERA, IDEAL
 from trials.execution.jobs import Job, Recording, Results, Variant, jobs_of
 from trials.execution.runner import NO_LABELS
 from trials.report.figure import save_figure
@@ -49,12 +50,13 @@ Finding = tuple[Verdict, str]
 
 @dataclass(frozen=True)
 class Scale:
-    """Drives of every setting: their seeds and length, scenes at most, and further settings."""
+    """Drives of every setting: seeds, length, scenes at most, further settings and camera."""
 
     seeds: tuple[int, ...]
     distance_m: float
     max_scenes: int = 99
     overrides: tuple[str, ...] = ()
+    camera: str = DEFAULT_CAMERA
 
     @property
     def drive(self) -> tuple[str, ...]:
@@ -63,8 +65,14 @@ class Scale:
 
     def recordings(self, scenes: Sequence[str], seeds: int | None = None) -> list[Recording]:
         """Return drives through scenes, each with all or the first few seeds."""
-        chosen = scenes[: self.max_scenes]
-        return [Recording(x, seed, self.drive) for x in chosen for seed in self.seeds[:seeds]]
+        pairs = product(scenes[: self.max_scenes], self.seeds[:seeds])
+        return [self.recording(*x) for x in pairs]
+
+    def recording(
+        self, scene: str, seed: int, settings: tuple[str, ...] = (), disturb: str = ""
+    ) -> Recording:
+        """Return a drive through a scene with further settings."""
+        return Recording(scene, seed, (*self.drive, *settings), disturb, self.camera)
 
     def with_length(self, length_m: float) -> "Scale":
         """Replace the length of drives; a smaller scale shortens it in proportion."""
@@ -137,6 +145,7 @@ class Record(Claim):
         figure: File name of the PNG, in the folder of the record.
         data: File names of the CSVs, likewise.
         distance_m: Length of each drive, unless the experiment sets its own.
+        camera: Camera of every drive; records of earlier versions name none.
     """
 
     verdict: Verdict
@@ -146,6 +155,7 @@ class Record(Claim):
     data: tuple[str, ...]
     seeds: tuple[int, ...]
     distance_m: float
+    camera: str = IDEAL
 
 
 def write_record(one: Experiment, results: Results, scale: Scale, out: Path) -> Record:
@@ -168,6 +178,7 @@ def write_record(one: Experiment, results: Results, scale: Scale, out: Path) -> 
         data=tuple(data),
         seeds=scale.seeds,
         distance_m=scale.distance_m,
+        camera=scale.camera,
     )
     content = {"schema": SCHEMA, **asdict(record)}
     write_text(out / f"{one.id}.json", json.dumps(content, indent=1) + "\n")

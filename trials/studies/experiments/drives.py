@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from trials.evaluation.intervals import mean_interval, ratio_interval
-from trials.execution.jobs import Recording, Result, Results, Variant
+from trials.execution.jobs import Result, Results, Variant
 from trials.report.figure import BLUE, INK, OCHRE, RED, TRUTH, tidy
 from trials.studies.experiments.base import Data, Experiment, Finding, Rows, Steps, Verdict
 from trials.studies.experiments.measures import aligned_poses, lost_text, mean_text, paths_m
@@ -250,7 +250,7 @@ E7 = Experiment(
     caption="Paths from above of the first seed, first poses aligned.",
     size_in=(11.0, 3.2),
     recordings=lambda scale: [
-        Recording(scene, seed, scale.drive, disturb)
+        scale.recording(scene, seed, disturb=disturb)
         for scene, disturb in PLACES.values()
         for seed in scale.seeds
     ],

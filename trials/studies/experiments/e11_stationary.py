@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from trials.evaluation.metrics import errors_between
-from trials.execution.jobs import Recording, Result, Results, Variant
+from trials.execution.jobs import Result, Results, Variant
 from trials.report.figure import BLUE, GREEN, GREY, OCHRE, RED, tidy
 from trials.studies.experiments.base import Data, Experiment, Finding, Rows, Steps, Verdict
 from trials.studies.experiments.measures import mean_text
@@ -149,7 +149,7 @@ E11 = Experiment(
     "first seed in sequence; grey lines separate them. Values below 0.001 mm are drawn there.",
     size_in=(9.0, 3.4),
     recordings=lambda scale: [
-        Recording("stop_and_go", seed, (*scale.with_length(LENGTH_M).drive, *STOPS), disturb)
+        scale.with_length(LENGTH_M).recording("stop_and_go", seed, STOPS, disturb)
         for disturb, seed in product(CONDITIONS.values(), scale.seeds)
     ],
     variants=SHOWN,

@@ -12,9 +12,10 @@ from vo.contract.files import write_text
 TITLE = "The claims of the thesis, tested"
 INTRODUCTION = """The thesis that this estimator follows judged its results by visual inspection of
 camera data without ground truth. Here each claim is tested against exact ground truth.
-`driftyard experiment all` makes the recordings, runs the variants, draws the figures and writes
-this page. Intervals are 95 % confidence intervals over drives (Student's t, clipped to the possible
-range; ratios of paired drives are averaged as logarithms).
+`driftyard experiment all` makes the recordings, by the camera that each section names (`--camera`),
+runs the variants, draws the figures and writes this page. Intervals are 95 % confidence intervals
+over drives (Student's t, clipped to the possible range; ratios of paired drives are averaged as
+logarithms).
 """
 
 MOODS = dict(zip(Verdict, ("good", "mixed", "bad", "open"), strict=True))
@@ -65,7 +66,8 @@ def _anchor(record: Record) -> str:
 
 
 def _setup(record: Record) -> str:
-    return f"{record.setup} Seeds {', '.join(map(str, record.seeds))} or the first of these."
+    seeds = ", ".join(map(str, record.seeds))
+    return f"{record.setup} Seeds {seeds} or the first of these; camera `{record.camera}`."
 
 
 def _section(record: Record, pictures: str) -> str:

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from trials.evaluation.intervals import mean_interval
 from trials.evaluation.runs import read_map
-from trials.execution.jobs import Recording, Result, Results, Variant
+from trials.execution.jobs import Result, Results, Variant
 from trials.report.figure import BLUE, OCHRE, RED, tidy
 from trials.studies.experiments.base import Data, Experiment, Finding, Rows, Steps, Verdict
 from trials.studies.experiments.measures import (
@@ -256,7 +256,7 @@ E8 = Experiment(
     f"{100 * FAILURE_M:g} cm above which a frame fails.",
     size_in=(9.0, 5.6),
     recordings=lambda scale: [
-        Recording("turntable", seed, (*scale.drive, _shutter(ms)))
+        scale.recording("turntable", seed, (_shutter(ms),))
         for ms in SHUTTERS_MS
         for seed in scale.seeds
     ],

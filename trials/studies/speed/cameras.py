@@ -9,6 +9,7 @@ import numpy as np
 from rich.table import Table
 
 from sim.batch import build
+from sim.camera_names import DEFAULT_CAMERA, IDEAL
 from sim.record import record
 from trials.execution.progress import ProgressBar, no_progress
 from trials.execution.recording_settings import recording_settings
@@ -16,7 +17,7 @@ from trials.report.tables import text_table
 from trials.studies.speed.drive import on_cores
 from vo.contract.arrays import Array
 
-CAMERAS = ("ideal", "machine_vision")
+CAMERAS = (IDEAL, DEFAULT_CAMERA)
 ROUNDS, QUICK_ROUNDS = 5, 3
 DRIVE = ("drive.distance_m=1.2",)
 FIRST = 5

@@ -1,5 +1,7 @@
 """Processor time, bytes and memory of a frame by scene, label, resolution and camera.
 
+The camera is the ideal one, to which CAMERAS add what costs time, one thing at a time.
+
 The rows of a scene are short drives that are recorded one after the other in a process of its own
 on one core, with the same world where only labels differ. Processor time is that of the process
 and its threads, over those frames in whose time as many are rendered as are written; what comes
@@ -15,6 +17,7 @@ from scenes import SCENES
 from sim.batch import build
 from sim.camera.camera import StereoCamera
 from sim.camera.render import StereoRenderer
+from sim.camera_names import IDEAL
 from sim.labels.formats import LABELS as FORMATS
 from sim.record import FRAMES_IN_FLIGHT, record_trip
 from sim.world.trip import make_trip
@@ -111,7 +114,7 @@ def measure_scene(rows: Sequence[Conditions], folder: Path) -> dict[Conditions, 
 def measure_drives(same: Sequence[Conditions], folder: Path, seed: int = 0) -> list[Cost]:
     """Record a drive with each of these labels in this process; all else is the same."""
     start_s = process_time()
-    settings = [recording_settings(x.scene, seed, x.overrides) for x in same]
+    settings = [recording_settings(x.scene, seed, x.overrides, camera=IDEAL) for x in same]
     first = settings[0]
     world = build_world(build(same[0].scene, first), first)
     trip, camera = make_trip(world, first), StereoCamera(world, first)

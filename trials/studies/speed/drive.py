@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from sim.batch import build
+from sim.camera_names import IDEAL
 from sim.settings import RecordSettings
 from sim.world.trip import Trip, make_trip
 from sim.world.world import World, build_world
@@ -23,7 +24,10 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class TimedDrive:
-    """Drive of some length through a scene that is timed; the seed is that of the recording."""
+    """Drive of some length through a scene that is timed, by the ideal camera.
+
+    Its images are what a stock renderer draws, too. The seed is that of the recording.
+    """
 
     scene: str
     seed: int
@@ -32,7 +36,7 @@ class TimedDrive:
     def settings(self, *overrides: str) -> RecordSettings:
         """Resolve the settings of the recording."""
         distance = f"drive.distance_m={self.distance_m}"
-        return recording_settings(self.scene, self.seed, [distance, *overrides])
+        return recording_settings(self.scene, self.seed, [distance, *overrides], camera=IDEAL)
 
     def build(self, settings: RecordSettings) -> tuple[World, Trip]:
         """Build the world, and simulate the drive without rendering."""

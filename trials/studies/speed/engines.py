@@ -9,6 +9,7 @@ from rich.table import Table
 
 from sim.batch import build
 from sim.camera.render import StereoRenderer
+from sim.camera_names import IDEAL
 from sim.imaging.linear_light import Encoding
 from sim.settings import RenderSettings
 from sim.world.world import build_world
@@ -42,7 +43,7 @@ def measure_engines(
 ) -> EngineSpeed:
     """Render the start of a scene, of width : height 4 : 3, by each engine."""
     size = f"rig.width_px={width_px}", f"rig.height_px={width_px * 3 // 4}"
-    settings = recording_settings(scene, seed, size)
+    settings = recording_settings(scene, seed, size, camera=IDEAL)
     world = build_world(build(scene, settings), settings)
     world.place_bodies()
     encode = Encoding("srgb")

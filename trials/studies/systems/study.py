@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
 
+from sim.camera_names import DEFAULT_CAMERA
 from trials.estimators.systems.environments import SYSTEMS
 from trials.execution.cache import CACHE
 from trials.execution.jobs import Recording, Variant
@@ -34,6 +35,7 @@ class Plan:
         distance_m: Length of each drive.
         overrides: Further settings of the recordings.
         disturb: Disturbances of the recordings.
+        camera: Camera of the recordings.
         added: `NAME=FOLDER` of trajectory files of other programs.
         jobs: Number of runs at a time, each on one core.
         cache: Folder of recordings and runs.
@@ -46,6 +48,7 @@ class Plan:
     distance_m: float = 10.0
     overrides: Sequence[str] = ()
     disturb: str = ""
+    camera: str = DEFAULT_CAMERA
     added: Sequence[str] = ()
     jobs: int = 1
     cache: Path = field(default=CACHE)
@@ -77,7 +80,7 @@ def compare_systems(
 def _record(plan: Plan, scenes: Sequence[str], bar: ProgressBar) -> list[Drive]:
     settings = (f"drive.distance_m={plan.distance_m:g}", *NO_LABELS, *plan.overrides)
     pairs = list(product(scenes, range(plan.seeds)))
-    recordings = [Recording(scene, seed, settings, plan.disturb) for scene, seed in pairs]
+    recordings = [Recording(*x, settings, plan.disturb, plan.camera) for x in pairs]
     with counted(bar, "drives", len(recordings)) as count:
         folders = record_all(recordings, plan.cache, count)
     return [Drive(*x, folder.resolve()) for x, folder in zip(pairs, folders, strict=True)]
