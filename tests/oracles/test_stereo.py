@@ -34,9 +34,11 @@ class Plane:
         # u_right = u - c - a u - b v, solved for the u of the left camera
         self.frame = StereoFrame(0, self._grey(u, v), self._grey((u + c + b * v) / (1 - a), v))
 
+    def wave(self, u, v):
+        return np.cos(np.stack([u, v], axis=-1) @ self._k + self._phase).sum(axis=-1)
+
     def _grey(self, u, v):
-        waves = np.cos(np.stack([u, v], axis=-1) @ self._k + self._phase).sum(axis=-1)
-        return np.round(128 + 7 * waves).clip(0, 255).astype(np.uint8)
+        return np.round(128 + 7 * self.wave(u, v)).clip(0, 255).astype(np.uint8)
 
     def disparity_px(self, pixels):
         return self.offset + pixels @ self.slopes
@@ -195,7 +197,7 @@ def test_disparity_is_found_where_the_right_camera_is_lower(plane):
     rig = StereoRig(WIDTH, HEIGHT, 4000.0, (WIDTH - 1) / 2, (HEIGHT - 1) / 2, 0.1)
     turned = np.array([0, 0, 0, 0, 3 / 4000, 0])  # a small yaw in the time of the delay
     right = RightCamera(StereoErrors(row_px=1.5, delay_s=1.0), rig, turned)
-    frame = MisalignedFrame(0, plane.frame.left, lower, None, right)
+    frame = MisalignedFrame(0, plane.frame.left, lower, right_camera=right)
     places = np.random.default_rng(0).uniform([130, 20], [WIDTH - 20, HEIGHT - 20], (60, 2))
     found = measure_disparities(frame, np.zeros((0, 0)), places, SETTINGS)
     assert found.known.mean() > 0.8

@@ -15,10 +15,14 @@ from sim.settings import (
     RigSettings,
 )
 from trials.diagnosis.hooks import MAX_INLIER_PX, ORACLES, Oracle
+from trials.evaluation.disparity_errors import disparity_errors
+from trials.evaluation.runs import FrameTable, SavedRun, Tracks
 from trials.evaluation.truth import TrueWorld
 from vo.contract import se3
 from vo.contract.errors import DatasetError, SettingsError
+from vo.contract.estimator import Status
 from vo.contract.sequence import StereoFrame
+from vo.contract.trajectory import Trajectory
 from vo.hooks import Hooks
 from vo.recordings.images import read_codes, read_float
 from vo.recordings.readers import open_sequence, read_truth
@@ -88,6 +92,24 @@ def test_disparity_outside_the_image_is_nan(dataset, times):
     pixels = np.array([[-0.1, 50.0], [50.0, 119.1], [np.nan, 3.0], [159.0, 119.0]])
     known = ~np.isnan(TrueWorld(dataset).disparity(times[0], pixels))
     assert known.tolist() == [False, False, False, True]
+
+
+def test_disparity_errors_are_those_put_in(dataset, times, grid):
+    """Every tenth disparity of inliers is wrong by 1 px, the others by 0.1; outliers by more."""
+    true = np.concatenate([TrueWorld(dataset).disparity(x, grid) for x in times])
+    n, row = len(true), np.arange(len(true))
+    inlier = row % 2 == 0
+    wrong = np.where(inlier, np.where(row % 20 == 0, 1.0, 0.1), 9.0)
+    frame = np.repeat([0, 1], n // 2)
+    tracks = Tracks(row, frame, np.concatenate([grid, grid]), true + wrong, inlier)
+    table = FrameTable(np.array(times), (Status.TRACKED,) * 2, ("", ""), np.ones(2), {}, {})
+    empty = Trajectory(np.zeros(0, dtype=np.int64), np.zeros((0, 4, 4)))
+    found = disparity_errors(dataset, SavedRun(dataset, "x", empty, table, tracks))
+    assert found.observations == (inlier & np.isfinite(true)).sum()
+    assert found.median_px == pytest.approx(0.1, abs=1e-6)
+    assert found.sigma_px == pytest.approx(0.0, abs=1e-6)
+    assert found.large_percent == pytest.approx(10, abs=1)
+    assert disparity_errors(dataset, SavedRun(dataset, "x", empty, table)) is None
 
 
 def test_project_visible_is_the_flow_of_visible_points(dataset, times, grid):

@@ -52,7 +52,7 @@ def score(
 
 def score_table(title: str, scores: Sequence[Score]) -> Table:
     """Lay out one column per run."""
-    labels = [label for label, _ in scores[0].rows]
-    columns = [[value for _, value in x.rows] for x in scores]
+    labels = list(dict.fromkeys(label for x in scores for label, _ in x.rows))
+    columns = [[dict(x.rows).get(label, "–") for label in labels] for x in scores]
     rows = zip(labels, *columns, strict=True)
     return text_table(("", *(x.estimator for x in scores)), rows, title)

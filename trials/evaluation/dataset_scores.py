@@ -1,8 +1,10 @@
 """Scores of runs over a dataset, with remarks on what does not fit its ground truth."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
+from trials.evaluation.disparity_errors import disparity_errors
 from trials.evaluation.mismatch import Frame, remark_mismatches
 from trials.evaluation.runs import SavedRun
 from trials.evaluation.score import Score, score_run
@@ -26,4 +28,7 @@ def score_runs(
     moved = [run.moved(frame.T_frame_cam(T_body_cam)) for run in runs]
     for run in moved:
         remark_mismatches(truth, run, T_body_cam, frame)
-    return [score_run(truth, run, frames) for run in moved]
+    return [
+        replace(score_run(truth, run, frames), disparity=disparity_errors(dataset, run))
+        for run in moved
+    ]

@@ -9,6 +9,7 @@ import numpy as np
 
 from trials.evaluation import metrics
 from trials.evaluation.alignment import Alignment, associate, gaps
+from trials.evaluation.disparity_errors import LARGE_PX, DisparityErrors
 from trials.evaluation.display import html_display, import_pandas, text_display
 from trials.evaluation.runs import SavedRun
 from vo.contract.arrays import Array
@@ -79,6 +80,8 @@ class Score:
         rpe_1m_m: The same over 1 m of path; rotation errors likewise.
         frame_ms: Median wall time of the estimator per frame, ms, which excludes compilation.
         stage_ms: Stage to its mean time per frame, over all frames.
+        disparity: Errors of the inliers' disparities; None unless the dataset has labels of depth
+            and the run its tracks.
 
     Example:
         >>> score = dy.score(ds, run)
@@ -87,7 +90,7 @@ class Score:
         >>> score.ate_m["se3"].rmse < 0.05
         True
         >>> sorted(score.to_dict())[:3]
-        ['ate_m', 'compared', 'drift_1m']
+        ['ate_m', 'compared', 'disparity']
     """
 
     estimator: str
@@ -109,6 +112,7 @@ class Score:
     rpe_1m_deg: ErrorSummary | None
     frame_ms: float | None
     stage_ms: Mapping[str, float]
+    disparity: DisparityErrors | None = None
 
     @property
     def drift_pct(self) -> float | None:
@@ -136,7 +140,8 @@ class Score:
     @property
     def rows(self) -> list[tuple[str, str]]:
         """Label with unit, and value as text or "–" where there is none, of every figure."""
-        values = [(label, figure(self), digits) for label, (figure, digits) in FIGURES.items()]
+        figures = FIGURES | (DISPARITY_FIGURES if self.disparity else {})
+        values = [(label, figure(self), digits) for label, (figure, digits) in figures.items()]
         return [(label, "–" if x is None else f"{x:.{n}f}") for label, x, n in values]
 
     def __repr__(self) -> str:
@@ -168,6 +173,16 @@ FIGURES: dict[str, tuple[Callable[[Score], float | None], int]] = {
     "ms per frame, median": (lambda x: x.frame_ms, 1),
 }
 """Rows of the table of errors, each a figure and its digits."""
+
+DISPARITY_FIGURES: dict[str, tuple[Callable[[Score], float | None], int]] = {
+    "disparity of inliers, median error, px": (
+        lambda x: x.disparity.median_px if x.disparity else None, 3),
+    "disparity of inliers, sigma, px": (
+        lambda x: x.disparity.sigma_px if x.disparity else None, 3),
+    f"disparity of inliers, above {LARGE_PX} px, %": (
+        lambda x: x.disparity.large_percent if x.disparity else None, 1),
+}  # fmt: skip
+"""Further rows where the dataset has labels of depth."""
 
 
 def score_run(truth: Trajectory, run: SavedRun, frames: int) -> Score:

@@ -13,6 +13,7 @@ from vo.hooks import NO_HOOKS, Hooks
 from vo.map.frame import Matches, View
 from vo.map.local_map import Keyframe, Landmarks, LocalMap, renewed_map
 from vo.stereo.plane_fit import fit_plane_slopes
+from vo.stereo.relief import has_relief
 from vo.stereo.rolling_shutter import shift_to_instant
 from vo.stereo.sparse import measure_disparities
 from vo.tracking.association import measurement_sigma
@@ -20,6 +21,9 @@ from vo.tracking.diagnostics import exceeds_iterations
 from vo.tracking.hooked import announce_landmarks, replace_disparities
 from vo.tracking.pose_refinement import row_shift
 from vo.tracking.tracked import Tracked
+
+ENOUGH_FLAT = 0.5
+"""Landmarks on flat patches, over `features.count`, above which no new ones are made elsewhere."""
 
 
 def needs_keyframe(tracked: Tracked) -> bool:
@@ -96,6 +100,9 @@ def _new_observations(
     found = measure_disparities(view.frame, view.dense, pixels, s.stereo, nearby=taken)
     found = replace_disparities(hooks, view.frame, pixels, found, s.stereo)
     known = found.known
+    flat = known & ~has_relief(found)
+    if flat.sum() + len(taken) >= ENOUGH_FLAT * s.features.count:
+        known = flat
     n = int(known.sum())
     # A new landmark is wherever its template was cut: its pixel has no error of its own.
     exact, disparity_sigma = np.zeros((n, 2)), found.sigma_px[known]

@@ -62,11 +62,14 @@ class Disparities:
             of neighbouring windows; NaN where unknown.
         slopes: (N, 2) slant of the surface: change of disparity per pixel along u and v; zero, a
             surface that faces the camera, where it is unknown.
+        residuals: (N, 2) root mean square difference of the aligned patches, in grey levels of the
+            left one and as a share of its contrast; NaN where unknown.
     """
 
     values_px: Array
     sigma_px: Array
     slopes: Array
+    residuals: Array
 
     @property
     def known(self) -> Mask:
@@ -106,7 +109,8 @@ def measure_disparities(
         known = distinct & (start > settings.min_disparity_px)
         values_px = np.where(known, start, np.nan)
         sigma_px = np.where(known, UNREFINED_SIGMA_PX, np.nan)
-        return Disparities(values_px, sigma_px, _plane_slopes(pixels, values_px, nearby))
+        slopes, none = _plane_slopes(pixels, values_px, nearby), np.full((len(pixels), 2), np.nan)
+        return Disparities(values_px, sigma_px, slopes, none)
 
     start = np.where(distinct, start, np.nan)
     if expected_px is not None:  # to a fraction of a pixel, where the search has confirmed it
@@ -115,13 +119,15 @@ def measure_disparities(
     slant = slopes
     if slant is None:
         facing = np.zeros((len(pixels), 2))
-        first_px, _ = _refine(frame, pixels, start, facing, settings, shifted_windows=False)
+        first_px, _, _ = _refine(frame, pixels, start, facing, settings, shifted_windows=False)
         slant = _complete_slopes(frame, pixels, start, _plane_slopes(pixels, first_px, nearby))
-    values_px, sigma_px = _refine(frame, pixels, start, slant, settings, shifted_windows=True)
+    values_px, sigma_px, residuals = _refine(
+        frame, pixels, start, slant, settings, shifted_windows=True
+    )
     if slopes is None:
         planes = _plane_slopes(pixels, values_px, nearby)
         slopes = np.where(planes.any(axis=1, keepdims=True), planes, slant)
-    return Disparities(values_px, sigma_px, slopes)
+    return Disparities(values_px, sigma_px, slopes, residuals)
 
 
 def _search(
@@ -182,8 +188,8 @@ def _complete_slopes(frame: StereoFrame, pixels: Array, start: Array, planes: Ar
 def _refine(
     frame: StereoFrame, pixels: Array, start: Array, slopes: Array, settings: StereoSettings,
     shifted_windows: bool,
-) -> tuple[Array, Array]:  # fmt: skip
-    """Align patches, columns (N,) apart: disparities and standard deviations, (N,) each, or NaN.
+) -> tuple[Array, Array, Array]:  # fmt: skip
+    """Align patches, columns (N,) apart: as the first two and the last of `Disparities`, or NaN.
 
     Without the shifted windows, nothing tests whether the patches lie on one surface.
     """
@@ -196,24 +202,24 @@ def _refine(
     start, slopes = (np.ascontiguousarray(x, dtype=np.float64) for x in (start, slopes))
     size, side = (int(frame.left.shape[0]), int(frame.left.shape[1])), settings.align_px
     pair = words(frame.left), words(frame.right)
-    values_px, sigma_px = _refine_all(
+    values_px, sigma_px, residuals = _refine_all(
         pair, size, places, start, slopes, side, limits, shifted_windows
     )
     if misaligned:
         values_px = _rectified(frame, pixels, values_px)
         values_px[~(values_px > settings.min_disparity_px)] = np.nan
         sigma_px[np.isnan(values_px)] = np.nan
-    return values_px, sigma_px
+    return values_px, sigma_px, residuals
 
 
 @compiled(fastmath={"reassoc", "contract"})  # sums in any order; NaN stays NaN
 def _refine_all(
     pair: tuple[Array, Array], size: tuple[int, int], places: Array, start: Array, slopes: Array,
     side: int, limits: Limits, shifted_windows: bool,
-) -> tuple[Array, Array]:  # fmt: skip
+) -> tuple[Array, Array, Array]:  # fmt: skip
     """Align the patches about u, v of the left image, in rows v of the right: places (N, 3)."""
     n, small = len(places), side - 2
-    values, sigmas = np.full(n, np.nan), np.full(n, np.nan)
+    values, sigmas, residuals = np.full(n, np.nan), np.full(n, np.nan), np.full((n, 2), np.nan)
     whole = workspace(side), square_workspace(side, size[1])
     part = workspace(small), square_workspace(small, size[1])
     warp = np.eye(3, 2)
@@ -222,7 +228,7 @@ def _refine_all(
             continue
         at = places[i, 0], places[i, 1], places[i, 2]
         warp[0, 0], warp[0, 1] = 1 - slopes[i, 0], -slopes[i, 1]  # u_right = u_left - d(u_left, v)
-        value, zncc, variance = _align_pixel(pair, size, at, start[i], warp, whole)
+        value, zncc, variance, norm = _align_pixel(pair, size, at, start[i], warp, whole)
         sigma = np.sqrt(variance)
         good = zncc > limits.min_zncc and sigma < limits.max_sigma_px
         if not (good and abs(value - start[i]) < MAX_CORRECTION_PX):
@@ -232,24 +238,26 @@ def _refine_all(
             for shift in (-(side // 3), side // 3):
                 expected = value + slopes[i, 0] * shift
                 beside = at[0] + shift, at[1], at[2]
-                found, _, _ = _align_pixel(pair, size, beside, expected, warp, part)
+                found, _, _, _ = _align_pixel(pair, size, beside, expected, warp, part)
                 largest = max(largest, abs(found - expected)) if found == found else np.inf
             if not (largest < limits.max_disagreement_px and value > limits.min_disparity_px):
                 continue
             sigma = np.hypot(sigma, largest / DISAGREEMENT_SIGMAS)
         values[i], sigmas[i] = value, sigma
-    return values, sigmas
+        residuals[i, 1] = np.sqrt(max(2 - 2 * zncc, 0.0))  # of unit vectors
+        residuals[i, 0] = residuals[i, 1] * norm / side
+    return values, sigmas, residuals
 
 
 @compiled(fastmath={"reassoc", "contract"})
 def _align_pixel(
     pair: tuple[Array, Array], size: tuple[int, int], place: tuple[float, float, float],
     disparity: float, warp: Array, arrays: tuple[Array, tuple[Array, Array, int]],
-) -> tuple[float, float, float]:  # fmt: skip
-    """Disparity of the patch about u, v, its correlation and variance; NaN where none."""
+) -> tuple[float, float, float, float]:  # fmt: skip
+    """Disparity of the patch about u, v, its correlation and variance, NaN if none; its norm."""
     u, v, row = place
     work, square = arrays
     norm, kept = extract_patch(pair[0], size, u, v, square, work)
     template, start = (norm, kept, square[2]), (u - disparity, row)
     found, _, zncc, variance, _, _ = align_patch(template, pair[1], size, start, warp, True, work)
-    return u - found, zncc, variance
+    return u - found, zncc, variance, norm

@@ -65,8 +65,10 @@ def replace_disparities(
     values_px = hooks.disparity(_frame(frame), _read_only(pixels), _read_only(found.values_px))
     known = values_px > settings.min_disparity_px  # not NaN
     sigma_px = np.where(np.isnan(found.sigma_px), UNREFINED_SIGMA_PX, found.sigma_px)
-    return Disparities(
-        np.where(known, values_px, np.nan), np.where(known, sigma_px, np.nan), found.slopes
+    return replace(
+        found,
+        values_px=np.where(known, values_px, np.nan),
+        sigma_px=np.where(known, sigma_px, np.nan),
     )
 
 
