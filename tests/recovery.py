@@ -3,9 +3,8 @@
     python tests/recovery.py 31 32 33
 
 Each seed draws a camera and a scene, and records the scene with it, of the same seed. `match` sees
-the images and the calibration alone, chooses the scene itself, and corrects by twins of other
-seeds (0 to 2). A value is found again if it is within 10 % of the truth, or if its interval holds
-the truth.
+the images and the calibration alone, and makes no twin. A value is found again if it is within 10 %
+of the truth, or if its interval holds the truth.
 """
 
 import sys
@@ -74,8 +73,7 @@ def recovered(seed: int, frames: int, cache: Path = CACHE) -> tuple[str, list[Fo
     settings = (*overrides_of({**truth, **drive}), *NO_LABELS)
     made = Recording(scene, seed, settings, camera="ideal")
     folder = cached_recording(made, cache)
-    match = match_camera(folder, None, ",".join(SCENES), frames, cache=cache)
-    estimates = {x.key: x for x in match.estimates}
+    estimates = {x.key: x for x in match_camera(folder, None, "", frames, cache=cache).estimates}
     return scene, [Found(value, estimates[key]) for key, value in truth.items()]
 
 

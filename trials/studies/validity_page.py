@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from trials.report.figure import INK, SERIES, grid_of_panels, save_figure, tidy
@@ -58,7 +59,8 @@ def _draw(figure: Figure, found: Validity) -> None:
             colour, several = SERIES[k % len(SERIES)], x.twins[:, k]
             panel.plot([x.real[k]] * len(several), several, "-", color=colour, lw=1.2)
             panel.plot(x.real[k], x.predicted[k], "o", color=colour, ms=6, label=variant.label)
-        panel.axline((1, 1), (2, 2), color=INK, lw=0.9, ls="--")
+        usual = float(np.nanmedian(x.real))
+        panel.axline((usual, usual), (2 * usual, 2 * usual), color=INK, lw=0.9, ls="--")
         panel.set_xscale("log")
         panel.set_yscale("log")
         tidy(panel, "drift on the recording, %", "drift on its twins, %", f"{x.name}: {x.scene}")
