@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator
 
 from trials.report.figure import INK, SERIES, grid_of_panels, save_figure, tidy
 from trials.report.tables import markdown_table
@@ -63,6 +64,9 @@ def _draw(figure: Figure, found: Validity) -> None:
         panel.axline((usual, usual), (2 * usual, 2 * usual), color=INK, lw=0.9, ls="--")
         panel.set_xscale("log")
         panel.set_yscale("log")
+        panel.xaxis.set_major_formatter("{x:g}")
+        panel.xaxis.set_minor_locator(LogLocator(subs=(2, 5)))
+        panel.xaxis.set_minor_formatter("{x:g}")
         tidy(panel, "drift on the recording, %", "drift on its twins, %", f"{x.name}: {x.scene}")
     figure.legend(
         *panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8
