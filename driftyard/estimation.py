@@ -20,6 +20,7 @@ from driftyard.notebook import data_frame, pose_columns
 from trials.estimators.choice import Named, estimate
 from trials.estimators.choice import make_estimator as build_estimator
 from trials.estimators.plugins.command import Command
+from trials.evaluation.covariances import read_covariances
 from trials.evaluation.display import html_display, text_display
 from trials.evaluation.runs import SavedRun, read_map, read_run
 from trials.view.target import Target, target_of
@@ -82,6 +83,14 @@ class Run(SavedRun):
         """T_odom_cam, smoothed after the last frame; None if the estimator does not."""
         file = companion(self.path, "smoothed.txt")
         return read_trajectory(file) if file.is_file() else None
+
+    def motion_covariance(self, start: int, end: int) -> Array:
+        """Covariance (6, 6) of the motion from a pose (row) to a later one, in the latter's frame.
+
+        Raises:
+            TrajectoryError: If the estimator gave no covariances.
+        """
+        return read_covariances(self).of_motions(np.array([start]), np.array([end]))[0]
 
     def table(self) -> "pd.DataFrame":
         """Return times, poses, and status and ms of every frame as a pandas.DataFrame."""

@@ -159,6 +159,8 @@ class StereoOdometry:
         state.halt = start_halt(state.T_odom_cam, T_odom_cam, none, view, newest_matches(new))
         state.wheels = replace(state.wheels, readings=state.ticks)
         state.gyro = replace(state.gyro, readings=state.angles_rad)
+        step_covariance, _ = self._report(T_odom_cam, self._set_pose(view, T_odom_cam, none))
+        step_covariance, state.drift = step_covariance + covariance, none
         return Estimate(
             view.frame.timestamp_ns,
             Status.START,
@@ -167,8 +169,8 @@ class StereoOdometry:
             counts={**view.detection.counts, **counts},
             timings_ms=clock.ms,
             covariance=covariance,
-            step_covariance=self._report(T_odom_cam, self._set_pose(view, T_odom_cam, none))[0]
-            + covariance,
+            step_covariance=step_covariance,
+            drift_covariance=step_covariance,
         )
 
     def _lose(
@@ -207,6 +209,7 @@ class StereoOdometry:
         """Report the pose of a tracked frame."""
         view, counts, T_odom_cam = tracked.view, tracked.counts, tracked.T_odom_cam
         step_covariance, moved = self._report(T_odom_cam, step_covariance)
+        drift, self.state.drift = self.state.drift, np.zeros((6, 6))
         inliers, iterations = len(tracked.inliers), counts["motion iterations"]
         weakness = diagnostics.explain_weakness(inliers, iterations, view.settings)
         weakness = weakness or explain_weak_step(
@@ -228,6 +231,7 @@ class StereoOdometry:
             observations=tracked.observations(),
             covariance=self.state.odom_covariance,
             step_covariance=step_covariance,
+            drift_covariance=drift,
         )
 
     def _report(self, T_odom_cam: Array, step_covariance: Array) -> tuple[Array, Array]:
@@ -247,6 +251,7 @@ class StereoOdometry:
         state, keyframe = self.state, self.state.map.keyframes[-1]
         T_cam_last = se3.inverse(T_odom_cam) @ state.T_odom_cam
         step_covariance = se3.transform_covariance(T_cam_last, state.covariance) + covariance
+        state.drift = se3.transform_covariance(T_cam_last, state.drift)
         if state.stereo_errors is not None or self.rig.line_time_s:
             state.velocities = () if state.lost_frames else add_step(state, view, T_odom_cam)
         state.T_last_cam, state.T_odom_cam = se3.inverse(T_cam_last), T_odom_cam

@@ -264,7 +264,7 @@ def _write_tracks(path: Path, estimates: tuple[Estimate, ...]) -> None:
 
 
 def _write_covariances(path: Path, estimates: tuple[Estimate, ...]) -> None:
-    """Write (N, 6, 6) of poses and of steps between them; NaN where the estimator does not say."""
+    """Write (N, 6, 6) of poses, steps and drift; NaN where the estimator does not say."""
 
     def stack(values: Iterable[Array | None]) -> Array:
         found = [np.full((6, 6), np.nan) if x is None else x for x in values]
@@ -276,6 +276,10 @@ def _write_covariances(path: Path, estimates: tuple[Estimate, ...]) -> None:
             timestamp_ns=np.array([x.timestamp_ns for x in estimates], dtype=np.int64),
             pose=stack(x.covariance for x in estimates),
             step=stack(x.step_covariance for x in estimates),
+            drift=stack(
+                x.step_covariance if x.drift_covariance is None else x.drift_covariance
+                for x in estimates
+            ),
         )
 
 

@@ -15,6 +15,7 @@ from trials.execution.variants import named_variant
 from trials.studies.accuracy import (
     accuracy_table,
     bootstrap_interval,
+    consistency_table,
     summary_tables,
     wrong_steps_table,
 )
@@ -145,3 +146,26 @@ def test_wrong_steps_are_counted_by_status_and_sigma(tmp_path):
     rows = list(zip(*(column.cells for column in table.columns), strict=True))
     assert rows[0] == ("driftyard", "office", "80", "8", "4", "4", "2.50")
     assert rows[1][1:3] == ("all", "80")
+
+
+def test_consistency_table_has_runs_with_covariances(tmp_path):
+    """Errors of three sigma along each of six axes, in steps of 5 cm; the other gives none."""
+    times = 10**8 * np.arange(30)
+    step = np.array([0.05, 0.0, 0.0, 0.0, 0.0, 0.0])
+    truth = np.array([se3.exp(k * step) for k in range(30)])
+    sigma, T, estimates = 1e-3, [np.eye(4)], []
+    for k in range(1, 30):
+        T.append(T[-1] @ se3.exp(step) @ se3.exp((-1) ** k * 3 * sigma * np.ones(6)))
+    for time, pose in zip(times.tolist(), T, strict=True):
+        C = sigma**2 * np.eye(6)
+        estimates.append(Estimate(time, Status.TRACKED, pose, covariance=C, step_covariance=C))
+    file = tmp_path / "sized.txt"
+    write_run(file, Run("made", tuple(estimates), (1.0,) * 30), "driftyard", {}, tmp_path)
+    sized = Result(Job(Recording("office", 0), Variant("driftyard")), tmp_path, file)
+    vars(sized)["truth"] = Trajectory(times, truth)
+    table = consistency_table({"office": [sized, result(tmp_path, "corner_flow", 0, 1.001)]})
+    rows = list(zip(*(c.cells for c in table.columns), strict=True))
+    assert [x[:5] for x in rows] == [
+        ("driftyard", "office", "29", "54.0", "0"), ("", "all", "29", "54.0", "0")
+    ]  # fmt: skip
+    assert float(rows[0][5]) < 3  # errors of successive steps cancel

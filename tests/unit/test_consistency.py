@@ -16,21 +16,30 @@ FRAMES = 60
 TIMES = 1_000_000_000 + 50_000_000 * np.arange(FRAMES)
 
 
-def drive(tmp_path, seed, belief=1.0, first=0):
-    """A random walk of errors on 6 m of path; covariances are `belief` times the right ones."""
+def drive(tmp_path, seed, belief=1.0, first=0, own=0.0):
+    """A random walk of errors on 6 m of path; covariances are `belief` times the right ones.
+
+    Beside the walk, each pose has an error of its own, `own` times that of a step.
+    """
     rng = np.random.default_rng(seed)
     step = se3.exp(np.array([0.01, 0.0, 0.1, 0.0, 0.02, 0.0]))
     A = rng.normal(size=(6, 6)) * np.array([1e-3] * 3 + [3e-4] * 3)[:, None]
     Q = A @ A.T
     T_true, T_odom, P = [np.eye(4)], [np.eye(4)], [np.zeros((6, 6))]
+    apart, Q_own = [np.eye(4)], own**2 * Q
     for _ in range(FRAMES - 1):
         noisy = step @ se3.exp(A @ rng.normal(size=6))
         T_true.append(T_true[-1] @ step)
         T_odom.append(T_odom[-1] @ noisy)
         P.append(se3.transform_covariance(se3.inverse(noisy), P[-1]) + belief * Q)
+        apart.append(se3.exp(own * A @ rng.normal(size=6)))
+    T_odom = [T @ e for T, e in zip(T_odom, apart, strict=True)]
+    own_before = se3.transform_covariance(se3.inverse(step), Q_own)
     estimates = tuple(
-        Estimate(int(t), Status.TRACKED if i else Status.START, T, covariance=p,
-                 step_covariance=belief * Q if i else np.zeros((6, 6)))
+        Estimate(int(t), Status.TRACKED if i else Status.START, T,
+                 covariance=p + belief * Q_own * (i > 0),
+                 step_covariance=belief * (Q + Q_own + own_before * (i > 1)) * (i > 0),
+                 drift_covariance=belief * Q if own else None)
         for i, (t, T, p) in enumerate(zip(TIMES, T_odom, P, strict=True))
     )  # fmt: skip
     out = tmp_path / f"{seed}-{belief}.txt"
@@ -52,6 +61,15 @@ def test_nees_of_correct_covariances_is_chi_squared(tmp_path):
         assert low < last.mean() < high, kind
     levels = np.linspace(0.1, 0.9, 9)
     np.testing.assert_allclose(calibration(steps, levels), levels, atol=0.03)
+
+
+def test_nees_over_1m_counts_both_own_errors_of_poses(tmp_path):
+    """What a pose errs by itself is in no later pose, and adds to a motion at both of its ends."""
+    runs = [nees(*drive(tmp_path, seed, own=5.0)) for seed in range(40)]
+    low, high = mean_bounds(40, 0.999)
+    for kind in ("absolute", "step", "over_1m"):
+        last = np.array([getattr(x, kind)[-1] for x in runs])
+        assert low < last.mean() < high, kind
 
 
 def test_nees_of_overconfident_covariances_is_large(tmp_path):

@@ -1,5 +1,7 @@
 """Metrics on trajectories whose errors can be worked out by hand."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -158,7 +160,7 @@ def test_score_of_a_run_without_frame_table():
     times = np.arange(11) * 10**8
     truth = Trajectory(times, along_x(0.5 * np.arange(11)))
     estimate = Trajectory(times[:9], along_x(0.49 * np.arange(9)))
-    score = score_run(truth, SavedRun("x.txt", "x", estimate), frames=11)
+    score = score_run(truth, SavedRun(Path("x.txt"), "x", estimate), frames=11)
     assert score.statuses == {}
     assert (score.frames, score.compared) == (11, 9)
     assert score.path_m == pytest.approx(4.0)
@@ -179,7 +181,7 @@ def test_score_with_true_positions_has_ate_only():
     T_odom_cam = se3.exp(turns)
     points = se3.pose(np.eye(3), T_odom_cam[:, :3, 0])
     truth = Trajectory(times, points, point_cam=np.array([1.0, 0, 0]))
-    score = score_run(truth, SavedRun("x.txt", "x", Trajectory(times, T_odom_cam)), 9)
+    score = score_run(truth, SavedRun(Path("x.txt"), "x", Trajectory(times, T_odom_cam)), 9)
     assert set(score.ate_m) == {"se3", "sim3"}
     assert score.ate_m["se3"].rmse == pytest.approx(0, abs=1e-9)
     assert (score.has_attitude, score.drift_1m, score.end_m, score.rpe_frame_m) == (
@@ -191,6 +193,6 @@ def test_score_with_true_positions_has_ate_only():
 def test_score_of_a_stationary_estimate_has_no_sim3():
     times = np.arange(3)
     truth = Trajectory(times, along_x([0, 1, 2]))
-    score = score_run(truth, SavedRun("x.txt", "x", Trajectory(times, along_x([0, 0, 0]))), 3)
+    score = score_run(truth, SavedRun(Path("x.txt"), "x", Trajectory(times, along_x([0, 0, 0]))), 3)
     assert score.drift_1m.mean_percent == pytest.approx(100)
     assert "sim3" not in score.ate_m

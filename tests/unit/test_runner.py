@@ -201,6 +201,7 @@ def test_run_writes_what_the_estimator_offers(tmp_path, dataset):
         assert file["timestamp_ns"].tolist() == [PERIOD_NS * k for k in (1, 2, 3, 4)]
         np.testing.assert_array_equal(file["pose"][3], 4 * np.diag(np.arange(1.0, 7.0)))
         np.testing.assert_array_equal(file["step"][1], np.diag(np.arange(1.0, 7.0)))
+        np.testing.assert_array_equal(file["drift"], file["step"])  # a random walk
         assert np.isnan(file["pose"][2]).all()
     assert len(read_trajectory(tmp_path / "b.smoothed.txt")) == 3
     header, _, body = (tmp_path / "b.map.ply").read_bytes().partition(b"end_header\n")

@@ -20,6 +20,7 @@ from trials.studies.accuracy import (
     SCENES,
     VARIANTS,
     accuracy_table,
+    consistency_table,
     summary_tables,
     write_scores,
     wrong_steps_table,
@@ -34,16 +35,17 @@ class DriveOptions:
     PANEL: ClassVar[str] = "Drives"
     distance: Distance = 20.0
     seeds: int = option(5, "Number of drives in each scene.", min=1)
+    first_seed: int = option(0, "Random seed of the first.", min=0)
     scenes: Scenes = SCENES
     camera: Camera = DEFAULT_CAMERA
     disturb: Disturb = ""
     overrides: list[str] = changes("recording")
 
     def recordings(self, names: Sequence[str]) -> list[Recording]:
-        """Return the drives through scenes, from seed 0 on."""
+        """Return the drives through scenes, each with every seed."""
         fixed = (f"drive.distance_m={self.distance:g}", *NO_LABELS)
         settings = (*fixed, *self.overrides)
-        pairs = product(names, range(self.seeds))
+        pairs = product(names, range(self.first_seed, self.first_seed + self.seeds))
         return [Recording(x, seed, settings, self.disturb, self.camera) for x, seed in pairs]
 
 
@@ -66,7 +68,7 @@ def accuracy(
         None, "Table of one row for each segment, .parquet or .csv.", metavar="FILE"
     ),
 ) -> None:
-    """Record or reuse drives from seed 0 on, run every estimator over them, print the errors."""
+    """Record or reuse drives of successive seeds, run all estimators over them, print errors."""
     names = parse_scenes(chosen.scenes)
     tables = [(drive_table, write_drives), (segment_table, write_segments)]
     for path, _ in tables:
@@ -89,6 +91,7 @@ def accuracy(
     for table in summary_tables(runs):
         console.out.print(table)
     console.out.print(wrong_steps_table(runs))
+    console.out.print(consistency_table(runs))
     if out is not None:
         write_scores(out, runs)
     for path, write in tables:

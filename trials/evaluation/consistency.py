@@ -12,13 +12,13 @@ import numpy as np
 from scipy.stats import chi2
 
 from trials.evaluation.alignment import Pair, associate
+from trials.evaluation.covariances import read_covariances
 from trials.evaluation.runs import SavedRun
 from vo.contract import se3
 from vo.contract.arrays import Array, Indices
 from vo.contract.errors import TrajectoryError
 from vo.contract.estimator import Status
 from vo.contract.trajectory import Trajectory
-from vo.runner import companion
 
 DEGREES = 6
 LENGTH_M = 1.0
@@ -38,8 +38,7 @@ class Nees:
         step: (N,) of the motion since the pose before.
         over_1m: (N,) of the motion over the last metre of true path.
 
-    An estimator gives covariances of steps and of poses. The covariance of a longer motion is the
-    increase of that of the pose, which assumes that later errors are independent.
+    The covariances of motions are those of `Covariances.of_motions`.
     """
 
     timestamps_ns: Indices
@@ -82,33 +81,34 @@ def nees(truth: Trajectory, run: SavedRun) -> Nees:
     Raises:
         TrajectoryError: If there are no covariances, or fewer than two times are shared.
     """
-    path = companion(run.path, "covariance.npz")
-    if not path.is_file():
-        raise TrajectoryError(f"{run.path}: the estimator gave no covariances ({path.name})")
-    pair = associate(truth, run.trajectory)
-    with np.load(path) as file:
-        times, poses, steps = file["timestamp_ns"], file["pose"], file["step"]
-    known = np.isin(pair.timestamps_ns, times)
-    if not known.all():
-        raise TrajectoryError(f"{path}: lacks frame {pair.timestamps_ns[~known][0]} ns")
-    rows = np.searchsorted(times, pair.timestamps_ns)
-    status = (Status.TRACKED,) * len(rows)
+    covariances, pair = read_covariances(run), associate(truth, run.trajectory)
+    at = np.searchsorted(run.trajectory.timestamps_ns, pair.timestamps_ns)
+    status = (Status.TRACKED,) * len(at)
     if run.frames is not None:
         by_time = dict(zip(run.frames.timestamps_ns.tolist(), run.frames.status, strict=True))
         status = tuple(by_time[x] for x in pair.timestamps_ns.tolist())
-    every = np.arange(len(rows))
-    absolute = _nees_of_motions(pair, poses[rows], np.zeros_like(every), every)
-    step, over_1m = np.full((2, len(rows)), np.nan)
+    step, over_1m = np.full((2, len(at)), np.nan)
 
-    at = np.searchsorted(run.trajectory.timestamps_ns, pair.timestamps_ns)
+    def of_motions(starts: Indices, ends: Indices) -> Array:
+        errors = se3.log(pair.motion_errors(starts, ends))
+        return normalized(errors, covariances.of_motions(at[starts], at[ends]))
+
+    absolute = _nees_of_poses(pair, covariances.poses[at])
     ends = np.flatnonzero(np.diff(at) == 1) + 1  # the pose before has a truth, too
-    step[ends] = normalized(se3.log(pair.motion_errors(ends - 1, ends)), steps[rows][ends])
-
+    step[ends] = of_motions(ends - 1, ends)
     travelled_m = pair.travelled_m
     ends = np.flatnonzero(travelled_m >= LENGTH_M)
     starts = np.searchsorted(travelled_m, travelled_m[ends] - LENGTH_M, side="right") - 1
-    over_1m[ends] = _nees_of_motions(pair, poses[rows], starts, ends)
+    over_1m[ends] = of_motions(starts, ends)
     return Nees(pair.timestamps_ns, status, absolute, step, over_1m)
+
+
+def consistency_of(truth: Trajectory, run: SavedRun) -> Nees | None:
+    """Compute the NEES of a run; None if it has no covariances, or fewer than two poses."""
+    try:
+        return nees(truth, run)
+    except TrajectoryError:
+        return None
 
 
 def mean_bounds(samples: int, confidence: float = CONFIDENCE) -> tuple[float, float]:
@@ -171,12 +171,13 @@ def summarize(runs: Sequence[Nees]) -> list[Summary]:
     return found
 
 
-def _nees_of_motions(pair: Pair, covariances: Array, starts: Indices, ends: Indices) -> Array:
-    """Return the NEES (K,) of motions, with the increase of the pose's covariance."""
-    T_end_start = se3.inverse(pair.T_odom_cam[ends]) @ pair.T_odom_cam[starts]
+def _nees_of_poses(pair: Pair, covariances: Array) -> Array:
+    """Return the NEES (N,) of poses, with covariances (N, 6, 6), since the first of them."""
+    every = np.arange(len(covariances))
+    T_cam_first = se3.inverse(pair.T_odom_cam) @ pair.T_odom_cam[0]
     growth = [
-        covariances[end] - se3.transform_covariance(T, covariances[start])
-        for T, start, end in zip(T_end_start, starts, ends, strict=True)
+        P - se3.transform_covariance(T, covariances[0])
+        for T, P in zip(T_cam_first, covariances, strict=True)
     ]
-    errors = se3.log(pair.motion_errors(starts, ends))
-    return normalized(errors, np.array(growth).reshape(-1, 6, 6))
+    errors = se3.log(pair.motion_errors(np.zeros_like(every), every))
+    return normalized(errors, np.array(growth))

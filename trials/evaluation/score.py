@@ -9,6 +9,7 @@ import numpy as np
 
 from trials.evaluation import metrics
 from trials.evaluation.alignment import Alignment, associate, gaps
+from trials.evaluation.consistency import consistency_of
 from trials.evaluation.disparity_errors import LARGE_PX, DisparityErrors
 from trials.evaluation.display import html_display, import_pandas, text_display
 from trials.evaluation.runs import SavedRun
@@ -78,6 +79,9 @@ class Score:
         ate_m: Alignment to the summary of position errors, metres.
         rpe_frame_m: Translation error of the motion between successive poses, metres.
         rpe_1m_m: The same over 1 m of path; rotation errors likewise.
+        nees_step: Mean NEES of steps between successive poses; 6 if their covariances are correct.
+            None without covariances.
+        nees_1m: The same of motions over 1 m.
         frame_ms: Median wall time of the estimator per frame, ms, which excludes compilation.
         stage_ms: Stage to its mean time per frame, over all frames.
         disparity: Errors of the inliers' disparities; None unless the dataset has labels of depth
@@ -110,6 +114,8 @@ class Score:
     rpe_frame_deg: ErrorSummary | None
     rpe_1m_m: ErrorSummary | None
     rpe_1m_deg: ErrorSummary | None
+    nees_step: float | None
+    nees_1m: float | None
     frame_ms: float | None
     stage_ms: Mapping[str, float]
     disparity: DisparityErrors | None = None
@@ -165,6 +171,8 @@ FIGURES: dict[str, tuple[Callable[[Score], float | None], int]] = {
     "ATE, first pose, m": (lambda x: _ate_m(x, Alignment.FIRST_POSE), 4),
     "ATE, SE(3), m": (lambda x: _ate_m(x, Alignment.SE3), 4),
     "ATE, Sim(3), m": (lambda x: _ate_m(x, Alignment.SIM3), 4),
+    "NEES of steps, expected 6": (lambda x: x.nees_step, 1),
+    "NEES over 1 m, expected 6": (lambda x: x.nees_1m, 1),
     "path, m": (lambda x: x.path_m, 2),
     "frames": (lambda x: x.frames, 0),
     "frames compared": (lambda x: x.compared, 0),
@@ -214,6 +222,7 @@ def score_run(truth: Trajectory, run: SavedRun, frames: int) -> Score:
         except TrajectoryError:  # the scale of an estimate without motion is undefined
             continue
     end_m = float(metrics.position_errors(pair, Alignment.FIRST_POSE)[-1]) if has_attitude else None
+    consistency = consistency_of(truth, run) if has_attitude else None
     return Score(
         estimator=run.estimator,
         frames=frames,
@@ -232,11 +241,18 @@ def score_run(truth: Trajectory, run: SavedRun, frames: int) -> Score:
         rpe_frame_deg=_degrees(over_frame) if has_attitude else None,
         rpe_1m_m=ErrorSummary.of(over_1m.translation_m) if has_1m else None,
         rpe_1m_deg=_degrees(over_1m) if has_1m else None,
+        nees_step=_mean(consistency.step) if consistency else None,
+        nees_1m=_mean(consistency.over_1m) if consistency else None,
         frame_ms=float(np.median(table.frame_ms)) if table else None,
         stage_ms={x: float(np.nansum(ms)) / len(table) for x, ms in table.timings_ms.items()}
         if table
         else {},
     )
+
+
+def _mean(values: Array) -> float | None:
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if len(known) else None
 
 
 def _degrees(errors: metrics.RelativeErrors) -> ErrorSummary:

@@ -10,6 +10,7 @@ import numpy as np
 
 from sim.camera_names import DEFAULT_CAMERA
 from trials.evaluation.alignment import Pair, associate
+from trials.evaluation.consistency import Nees, consistency_of
 from trials.evaluation.runs import FrameTable, SavedRun, Tracks, read_run
 from trials.evaluation.score import Score, score_run
 from trials.evaluation.truth import true_trajectory
@@ -127,6 +128,11 @@ class Result:
     def wrong_steps(self) -> WrongSteps:
         """Numbers of steps that are wrong, in silence or not."""
         return count_wrong_steps(self.truth, self.run)
+
+    @cached_property
+    def nees(self) -> Nees | None:
+        """Normalised errors; None without covariances, or with fewer than two poses."""
+        return consistency_of(self.truth, self.run)
 
     @property
     def drift_percent(self) -> float:

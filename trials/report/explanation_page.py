@@ -65,7 +65,7 @@ The normalised estimation error squared (NEES) is the squared error in units of 
 the estimator gave, with six degrees of freedom: its mean is 6 if the covariance is correct and
 larger if the estimator is overconfident. `expected` is the 95 % interval of the mean for correct
 covariances (of steps, if they were independent; of poses, one for each drive). The covariance over
-1 m is the increase of the covariance of the pose.
+1 m is that of the first step, and the drift afterwards (conventions.md).
 """
 
 

@@ -1,8 +1,8 @@
 """Drift of the default settings on drives that were not used for tuning; `driftyard accuracy`.
 
-Every scene is driven with seeds 0, 1, ...; parameters were chosen on seeds of 100 and above. A
-drive is one sample: results are medians over drives, with the worst drive and a bootstrap interval
-over drives.
+Every scene is driven with successive seeds, from 0 on by default; the decisions say on which seeds
+parameters were chosen. A drive is one sample: results are medians over drives, with the worst drive
+and a bootstrap interval over drives.
 """
 
 import json
@@ -15,6 +15,7 @@ from rich.table import Table
 from scipy import stats
 
 from trials.estimators.choice import COMPARED
+from trials.evaluation.consistency import summarize
 from trials.evaluation.score import Score
 from trials.evaluation.wrong_steps import SIGMAS, WRONG_DEG, WRONG_M, WrongSteps
 from trials.execution.jobs import Result, Variant
@@ -132,6 +133,32 @@ def wrong_steps_table(runs: Mapping[str, Sequence[Result]]) -> Table:
     return text_table(
         header, rows, f"steps wrong by more than {WRONG_M * 1e3:g} mm or {WRONG_DEG}°"
     )
+
+
+def consistency_table(runs: Mapping[str, Sequence[Result]]) -> Table:
+    """Tabulate the NEES of estimators that give covariances: a row for each scene and for all."""
+    names = list(dict.fromkeys(x.job.variant.label for some in runs.values() for x in some))
+    parts = {**runs, "all": [x for of_scene in runs.values() for x in of_scene]}
+    rows: list[tuple[str, ...]] = []
+    for name in names:
+        for scene, some in parts.items():
+            known = [x.nees for x in _of(some, name) if x.nees is not None]
+            for x in summarize(known)[:1]:
+                first = name if scene == next(iter(parts)) else ""
+                rows.append(
+                    (
+                        first,
+                        scene,
+                        str(x.steps),
+                        f"{x.step:.1f}",
+                        _number(100 * x.step_inside, 0),
+                        _number(x.over_1m, 1),
+                        _number(100 * x.over_1m_inside, 0),
+                    )
+                )
+    header = ("estimator", "scene", "steps", "NEES of steps", "% inside 95 %",
+              "NEES over 1 m", "% inside 95 %")  # fmt: skip
+    return text_table(header, rows, "consistency of covariances: the mean NEES should be 6")
 
 
 def _percent(part: int, whole: int) -> str:

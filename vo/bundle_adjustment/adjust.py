@@ -8,7 +8,7 @@ import numpy as np
 from vo.bundle_adjustment.joint import optimize_jointly
 from vo.bundle_adjustment.point_estimates import PointEstimates, unknowns
 from vo.bundle_adjustment.problem import TURN_LAST, Bundle, Optimum, as_cameras
-from vo.bundle_adjustment.robust_covariance import robust_covariance, widened_covariance
+from vo.bundle_adjustment.robust_covariance import camera_covariances, widened_covariance
 from vo.bundle_adjustment.single_camera import refine_camera
 from vo.config import RefinementSettings
 from vo.contract import se3
@@ -57,8 +57,10 @@ class Refined:
     Attributes:
         T_world_cam: (K, 4, 4).
         points_world: (J, 3) metres.
-        covariance: (K, 6, 6) of each camera given the fixed ones, tangent (v m, w rad) in its own
-            frame; zero for those, and for all if it was not asked for.
+        covariance: (K, 6, 6) of each camera given the fixed ones, by the measurements alone,
+            tangent (v m, w rad) in its own frame; zero for those, and for all if it was not asked
+            for.
+        excess: (K,) variance by the scores of whole landmarks, over that of the covariance.
         iterations: Levenberg-Marquardt steps; the largest number allowed if it did not converge.
         error: Final value of half the summed robust squared whitened residuals.
         misfit: (2,) median squared residual of pixels and of disparities, over what their sigmas
@@ -68,6 +70,7 @@ class Refined:
     T_world_cam: Array
     points_world: Array
     covariance: Array
+    excess: Array
     iterations: int
     error: float
     misfit: Array
@@ -104,13 +107,11 @@ def refine_structure(
     x = PointEstimates(bundle, settings.use_disparity)
     T, H, error, iterations = BACKENDS[settings.backend](bundle, x, settings, covariances)
     here, own = T[x.cameras], ~bundle.fixed[x.cameras]
-    covariance = np.zeros((len(T), 6, 6))
+    covariance, excess = np.zeros((len(T), 6, 6)), np.ones(len(T))
     if covariances and own.any():
-        size = int(own.sum())
-        full = robust_covariance(H, x.score_products(here, own))
-        blocks = full.reshape(size, 6, size, 6)[np.arange(size), :, np.arange(size)]
-        covariance[x.cameras[own]] = blocks[:, TURN_LAST][:, :, TURN_LAST]
-    return Refined(T, x.points, covariance, iterations, error, misfit(x, T))
+        found, excess[x.cameras[own]] = camera_covariances(H, x.score_products(here, own))
+        covariance[x.cameras[own]] = found[:, TURN_LAST][:, :, TURN_LAST]
+    return Refined(T, x.points, covariance, excess, iterations, error, misfit(x, T))
 
 
 def misfit(estimates: PointEstimates, T: Array) -> Array:

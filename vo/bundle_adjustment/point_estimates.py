@@ -37,7 +37,7 @@ class PointEstimates:
         return H, g, cost
 
     def score_products(self, T: Array, moving: Mask) -> Array:
-        """Sum the outer products of the points' scores, as `robust_covariance` describes."""
+        """Sum the outer products of the scores of the points."""
         data = self.data._replace(weight=self.weight)
         size = int(moving.sum())
         return score_products(as_cameras(T), self.points, data, unknowns(moving), size)

@@ -6,7 +6,8 @@ measurements, and some err more. Taking each landmark's score, its part of the g
 gives the covariance without either assumption: H^-1 B H^-1 with B the sum of the scores' outer
 products (Liang and Zeger, Biometrika 1986, eq. 7; Huber, 1967).
 For a single camera on points that stay, a square of the image is a draw (`single_camera`).
-An error that all landmarks have in common over a stretch of the route is in no residual.
+An error that all landmarks have in common over a stretch of the route is in no residual, but it is
+larger where the residuals of a template stay alike (`vo.mapping.window_adjustment`).
 """
 
 import numpy as np
@@ -15,21 +16,6 @@ from vo.bundle_adjustment.schur import Cameras, Measurements, invert, linearize,
 from vo.bundle_adjustment.single_camera import LIFT
 from vo.contract.arrays import Array, Indices
 from vo.contract.compilation import compiled
-
-
-@compiled()
-def robust_covariance(H: Array, B: Array) -> Array:
-    """Choose the covariance (N, N): by residuals where these exceed the assumed noise.
-
-    Few points fit too well; then the inverse of the normal equations H, which is the assumed
-    covariance, holds. B is the sum of the scores' outer products.
-    """
-    lifted = H.copy()
-    for i in range(len(H)):
-        lifted[i, i] += LIFT * H[i, i] + 1e-12
-    inverse = np.linalg.inv(lifted)
-    spread = B @ inverse
-    return inverse @ spread if np.trace(spread) > len(B) else inverse
 
 
 @compiled()
@@ -46,6 +32,27 @@ def widened_covariance(H: Array, B: Array) -> Array:
     excess, turn = np.linalg.eigh(whiten.T @ B @ whiten)
     found = whiten @ turn
     return (found * np.maximum(excess, 1.0)) @ found.T
+
+
+@compiled()
+def camera_covariances(H: Array, B: Array) -> tuple[Array, Array]:
+    """Covariances (S, 6, 6) of cameras by normal equations (6 S, 6 S), and their excess (S,).
+
+    The covariances are by the measurements alone, as if these erred independently. The excess is by
+    how much the scores of whole landmarks vary more, by their outer products B: the mean over six
+    directions. It is large where a template repeats its error from keyframe to keyframe.
+    """
+    size = len(H) // 6
+    lifted = H.copy()
+    for i in range(len(H)):
+        lifted[i, i] += LIFT * H[i, i] + 1e-12
+    inverse = np.linalg.inv(lifted)
+    found, excess = np.empty((size, 6, 6)), np.empty(size)
+    for i in range(size):
+        own = np.ascontiguousarray(inverse[:, 6 * i : 6 * i + 6])
+        found[i] = own[6 * i : 6 * i + 6]
+        excess[i] = np.trace(np.linalg.solve(found[i], own.T @ (B @ own))) / 6
+    return found, excess
 
 
 @compiled(distinct=True, fastmath={"reassoc", "contract"})

@@ -75,6 +75,8 @@ class Estimate:
         covariance: (6, 6) of T_odom_cam, tangent (v m, w rad) in the camera's frame; None if the
             estimator does not report it.
         step_covariance: (6, 6) of the motion since the last frame that had a pose, likewise.
+        drift_covariance: (6, 6) of the part of this step's error that later poses keep, likewise:
+            of the map. The rest is each pose's own. None if later poses keep all of it.
 
     Raises:
         ValueError: If there is a pose of a lost frame, or none of another.
@@ -93,6 +95,7 @@ class Estimate:
     observations: Observations | None = None
     covariance: Array | None = None
     step_covariance: Array | None = None
+    drift_covariance: Array | None = None
 
     def __post_init__(self) -> None:
         if (self.T_odom_cam is None) != (self.status is Status.LOST):

@@ -89,6 +89,7 @@ class TrackerState:
         T_reported: (4, 4) that pose as it was reported; the map may have moved since.
         covariance: (6, 6) of T_odom_cam, given the map.
         odom_covariance: (6, 6) of it in the odometry frame.
+        drift: (6, 6) that keyframes added to it since the last report.
         previous: The last frame that had a pose.
         halt: Where the camera last moved to.
         wheels: What was learnt of the encoders: 2 counts to a step, (v m, w rad).
@@ -114,6 +115,7 @@ class TrackerState:
     T_reported: Array = field(default_factory=lambda: np.eye(4))
     covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
     odom_covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    drift: Array = field(default_factory=lambda: np.zeros((6, 6)))
     previous: TrackedFrame | None = None
     halt: Halt | None = None
     wheels: LearntMotion = field(default_factory=lambda: nothing_learnt(2, 6))

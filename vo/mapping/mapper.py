@@ -16,7 +16,7 @@ from vo.contract.arrays import Array
 from vo.contract.rig import StereoRig
 from vo.hooks import Hooks
 from vo.map.frame import Matches, View
-from vo.map.local_map import pose_covariance, renewed_map, transform_map
+from vo.map.local_map import Keyframe, pose_covariance, renewed_map, transform_map
 from vo.map.run_history import RunHistory
 from vo.map.state import Pending, TrackerState
 from vo.mapping.keyframes import add_keyframe
@@ -105,7 +105,17 @@ class Mapper:
         state.row_offsets_px = add_row_offset(state.row_offsets_px, view, pending.inliers)
         T_new_old = state.map.keyframes[-1].T_odom_cam @ se3.inverse(T_odom_keyframe)
         state.T_odom_cam = se3.orthonormal(T_new_old @ state.T_odom_cam)
+        state.drift = state.drift + _added_covariance(state.map.keyframes, state.T_odom_cam)
         if state.halt:
             T_halt = se3.orthonormal(T_new_old @ state.halt.T_odom_cam)
             state.halt = replace(state.halt, T_odom_cam=T_halt)
         return iterations
+
+
+def _added_covariance(keyframes: tuple[Keyframe, ...], T_odom_cam: Array) -> Array:
+    """Covariance (6, 6), in the frame of a camera (4, 4), that the newest keyframe added."""
+    newest, none = keyframes[-1], np.zeros((6, 6))
+    added = newest.covariance
+    if len(keyframes) > 1:
+        added = added - pose_covariance(keyframes[-2], newest.T_odom_cam, none)
+    return se3.transform_covariance(se3.inverse(T_odom_cam) @ newest.T_odom_cam, added)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vo.bundle_adjustment.adjust import misfit, refine_structure
+from vo.bundle_adjustment.adjust import Refined, misfit, refine_structure
 from vo.bundle_adjustment.problem import MIN_POINTS, collect
 from vo.config import RefinementSettings
 from vo.contract import se3
@@ -20,6 +20,13 @@ if TYPE_CHECKING:
 
 LEARNING_RATE = 0.2
 """Share of one adjustment's residuals in the logarithm of the learnt noise."""
+
+COMMON = 1.8
+"""Square root of metres: variance of a window of 1 m over that of independent errors, where each
+landmark's scores vary as assumed. It makes the NEES over 1 m about 6 (decision 48)."""
+
+MIN_WINDOW_M = 0.25
+"""Length of a window below which it counts as that long: turns on the spot."""
 
 Adjuster = Callable[[LocalMap], tuple[LocalMap, int]]
 """Function of a map, which returns the adjusted one and the iterations; 0 if nothing changed."""
@@ -53,12 +60,27 @@ def adjust_window(
     T_odom_cam = np.stack([k.T_odom_cam for k in keyframes])
     bundle = collect(T_odom_cam, [k.observations for k in keyframes], ids, points, fixed, rig)
     refined = refine_structure(bundle, settings)
-    covariance = [  # without a relative one, of those that were fixed
-        pose_covariance(keyframes[0], T, relative) if relative.any() else k.covariance
-        for k, T, relative in zip(keyframes, refined.T_world_cam, refined.covariance, strict=True)
-    ]
+    covariance = [k.covariance for k in keyframes]
+    if refined.covariance[-1].any():
+        covariance[-1] = _extend_covariance(keyframes, refined)
     moved = _move_map(local_map, refined.T_world_cam, covariance, ids, refined.points_world)
     return _learn_noise(moved, refined.misfit, settings), refined.iterations
+
+
+def _extend_covariance(keyframes: tuple[Keyframe, ...], refined: Refined) -> Array:
+    """Covariance (6, 6) of the newest keyframe: that of the one before, and what one step adds.
+
+    Errors of a landmark's template are in all keyframes of a window that see it, so the sum of the
+    covariances of its steps is no measure of the whole: a step adds its share of the whole. What
+    templates have in common is in no residual, as the poses absorb it. It grows with what each
+    repeats, and lasts beyond a window, the more so the shorter that is.
+    """
+    T_odom_cam = refined.T_world_cam
+    length_m = max(np.linalg.norm(T_odom_cam[-1, :3, 3] - T_odom_cam[0, :3, 3]), MIN_WINDOW_M)
+    factor = max(COMMON * refined.excess[-1] ** 2 / np.sqrt(length_m), 1.0)
+    share = refined.covariance[-1] * factor / (len(keyframes) - 1)
+    before = replace(keyframes[-2], T_odom_cam=T_odom_cam[-2])
+    return pose_covariance(before, T_odom_cam[-1], share)
 
 
 def _select_landmarks(
