@@ -1,5 +1,7 @@
 """True trajectories of recordings: states, motion capture, positions only."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import yaml
@@ -125,7 +127,7 @@ def test_no_motion_is_compared_across_a_gap_of_the_truth():
     truth, estimate = Trajectory(times, T), T.copy()
     estimate[21:, 1, 3] += 5
     assert len(gaps(truth)) == 1
-    score = score_run(truth, SavedRun("x.txt", "x", Trajectory(times, estimate)), 142)
+    score = score_run(truth, SavedRun(Path("x.txt"), "x", Trajectory(times, estimate)), 142)
     assert (score.frames, score.compared) == (142, 42)
     assert score.path_m == pytest.approx(4)
     assert score.drift_1m.mean_percent == pytest.approx(0, abs=1e-9)
