@@ -66,7 +66,7 @@ def test_default_camera_is_that_of_recordings_trials_and_studies():
 
 
 def test_old_files_without_a_camera_are_of_the_ideal_one():
-    """Of a manifest, also where it lacks settings that came later; and of the gate's baselines."""
+    """So are manifests, also without settings that came later, and baselines of the gate."""
     content = recording_settings("office", camera="ideal").model_dump(mode="json")
     assert recorded_settings(content).sensor == SensorSettings()
     assert recorded_settings({**content, "sensor": {}}).sensor == SensorSettings()

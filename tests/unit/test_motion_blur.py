@@ -19,7 +19,7 @@ from vo.tracking.smear import estimate_smear
 
 RIG = StereoRig(320, 240, 230.0, 159.5, 119.5, 0.09)
 DISPARITY_PX, FLOW_PX, EXPOSURE = 12.0, 30.0, 0.6
-"""Of a wall; how far it moves to the left from frame to frame; share of it that blurs the image."""
+"""How far a wall moves to the left from frame to frame, and the share of it that blurs."""
 
 
 def wall(shift_px, path_px=0.0):

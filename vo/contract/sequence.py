@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -61,7 +62,8 @@ class StereoFrame:
 class StereoSequence:
     """Calibration, (N,) increasing times, N >= 1, and a loader of rectified pairs; no ground truth.
 
-    `load` maps a frame index to its (left, right) images.
+    `load` maps a frame index to its (left, right) images. `load_imu` reads the inertial readings,
+    as late as with the first frame, for long recordings have many.
     """
 
     name: str
@@ -69,7 +71,7 @@ class StereoSequence:
     timestamps_ns: Indices
     load: Callable[[int], tuple[Image, Image]]
     wheels: WheelLog | None = None
-    imu: ImuLog | None = None
+    load_imu: Callable[[], ImuLog | None] | None = None
 
     def __post_init__(self) -> None:
         if len(self.timestamps_ns) == 0:
@@ -84,6 +86,11 @@ class StereoSequence:
 
     def __len__(self) -> int:
         return len(self.timestamps_ns)
+
+    @cached_property
+    def imu(self) -> ImuLog | None:
+        """Inertial readings; None without."""
+        return self.load_imu() if self.load_imu else None
 
     def __getitem__(self, i: int) -> StereoFrame:
         """Load frame i.

@@ -98,8 +98,8 @@ READERS = (
 def open_sequence(folder: Path, frames: FrameSelection = ALL_FRAMES) -> StereoSequence:
     """Open the selected frames of a recording by its layout.
 
-    Inertial readings that are malformed are left out, with a remark, and those of bags, which take
-    long to read.
+    Inertial readings that are malformed are left out, with a remark when the first frame is read,
+    and so are those of bags, which take long to read.
 
     Raises:
         DatasetError: If the folder is missing or of an unknown layout, or its content is invalid.
@@ -110,11 +110,15 @@ def open_sequence(folder: Path, frames: FrameSelection = ALL_FRAMES) -> StereoSe
     sequence = reader.open(folder, frames)
     if reader.imu is not read_imu_table:
         return sequence
-    try:
-        return replace(sequence, imu=reader.imu(folder))
-    except (DatasetError, CalibrationError) as error:
-        remark(f"the gyroscope is not used: {error}")
-        return sequence
+
+    def load_imu() -> ImuLog | None:
+        try:
+            return reader.imu(folder)
+        except (DatasetError, CalibrationError) as error:
+            remark(f"the gyroscope is not used: {error}")
+            return None
+
+    return replace(sequence, load_imu=load_imu)
 
 
 def recording_name(folder: Path) -> str:

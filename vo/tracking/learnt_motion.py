@@ -27,8 +27,8 @@ MAX_LEVERAGE = 0.5
 the direction in which there was least, such as the turns of a straight drive."""
 
 CONTRADICTION = 60.0
-"""Chi-squared with six degrees of freedom beyond which a sensor contradicts the images: five sigma,
-and half as much again for a covariance that is learnt."""
+"""Chi-squared with at most six degrees of freedom beyond which a sensor contradicts the images:
+five sigma, and half as much again for a covariance that is learnt."""
 
 MIN_STRIKES = 5
 """Successive contradictions that are more than a bump, which jolts the camera a few times."""
