@@ -9,12 +9,12 @@ from vo.contract import se3
 from vo.contract.rig import StereoRig
 from vo.map.frame import Matches
 from vo.map.state import Halt
+from vo.tracking.motion_evidence import motion_evidence
 from vo.tracking.stationary import (
     LIMITS,
     extend_halt,
     is_settled,
     is_stationary,
-    motion_evidence,
 )
 
 RIG = StereoRig(640, 480, 457.0, 319.5, 239.5, 0.09)

@@ -27,7 +27,7 @@ def gauss_newton_step(
     """
     information, gradient = normal_equations(points_odom, rays, rows, pose, weights)
     tangent = -gradient
-    if not _solve_symmetric(information, tangent):
+    if not solve_symmetric(information, tangent):
         return False
     _move(pose, tangent, moved)
     return True
@@ -58,8 +58,11 @@ def normal_equations(
 
 
 @compiled()
-def _solve_symmetric(A: Array, b: Array) -> bool:
-    """Solve A x = b by Cholesky, in place of b; False if A is not positive definite."""
+def solve_symmetric(A: Array, b: Array) -> bool:
+    """Solve A x = b by Cholesky, in place of b; False if A is not positive definite.
+
+    Only the lower triangle of A is read.
+    """
     n = len(A)
     L = np.zeros((n, n))
     for i in range(n):
@@ -88,7 +91,7 @@ def _solve_symmetric(A: Array, b: Array) -> bool:
 def determines_pose(points_odom: Array, rays: Array, rows: Indices, pose: Array) -> bool:
     """Whether the normal equations of some points at a pose (3, 4) are regular."""
     information, _ = normal_equations(points_odom, rays, rows, pose)
-    return _solve_symmetric(information, np.zeros(6))
+    return solve_symmetric(information, np.zeros(6))
 
 
 @compiled()

@@ -14,10 +14,10 @@ import numpy as np
 
 from vo.contract import se3
 from vo.contract.arrays import Array, find_sorted
-from vo.contract.projection import stereo_jacobian
 from vo.contract.rig import StereoRig
 from vo.map.frame import Matches, View
 from vo.map.state import Halt
+from vo.tracking.motion_evidence import FLOW_FIT, motion_evidence
 
 
 @dataclass(frozen=True)
@@ -43,24 +43,13 @@ class StationaryThresholds:
     """Factor on the limits where encoders report no motion."""
     same_ticks: int = 1
     """Difference at rest: an encoder on the edge of a tick may count it back and forth."""
-    min_landmarks: int = 12
-    """Landmarks that can tell motion from noise."""
     single_landmarks: int = 50
     """Landmarks of a single frame that can end a halt: fewer may agree by chance."""
     max_flow_px: float = 0.5
     """Median flow above which a single frame is tested, too."""
-    min_noise_px: float = 0.01
-    """Of a pixel's flow: alignment converges to no better."""
-    outlier_sigmas: float = 3.0
-    """Standard deviations of flow beyond which a landmark moves by itself."""
-    reweightings: int = 5
-    """Iterations of the robust fit."""
 
 
 LIMITS = StationaryThresholds()
-
-MAD_TO_SIGMA = 1.4826
-"""From the median absolute value of normal errors to their standard deviation."""
 
 
 def detect_stationary(halt: Halt | None, view: View, inliers: Matches) -> Halt | None:
@@ -111,7 +100,7 @@ def is_stationary(
     first, latest = _pool(halt.first), extend_halt(halt, inliers).last
     single, pooled = _flow(first, inliers), _flow(first, _pool(latest))
     flow_px, points_odom = pooled
-    if len(flow_px) < LIMITS.min_landmarks:
+    if len(flow_px) < FLOW_FIT.min_landmarks:
         return False
     factor = 1.0
     if wheel_ticks and halt.wheel_ticks:
@@ -153,30 +142,3 @@ def _pool(frames: tuple[Matches, ...]) -> Matches:
     ordered, every = np.sort(pixels, axis=0), np.arange(len(ids))  # NaN last
     middle = (ordered[(count - 1) // 2, every] + ordered[count // 2, every]) / 2
     return replace(reduce(Matches.extend, frames).select(first), pixels=middle)
-
-
-def motion_evidence(points_cam: Array, flow_px: Array, rig: StereoRig, along: Array) -> float:
-    """Part of the flow that a small motion explains: chi-squared, K degrees of freedom.
-
-    The noise is that of the flow which no motion explains; what moves by itself is left out.
-    Infinite if hardly anything remains. The points (N, 3) are in metres, their flow (N, 2) in the
-    left image; (6, K) are the tangents of the motions in question.
-
-    Source: Analysis of variance, after least absolute deviations by reweighting.
-    """
-    jacobian = stereo_jacobian(points_cam, rig)[:, :2] @ along  # (N, 2, K)
-    weight, noise_px, left_px = np.ones(len(flow_px)), 0.0, flow_px
-    for _ in range(LIMITS.reweightings):
-        weighted = jacobian * weight[:, None, None]
-        information = np.einsum("nij,nik->jk", weighted, jacobian)
-        motion = np.linalg.pinv(information) @ np.einsum("nij,ni->j", weighted, flow_px)
-        left_px = flow_px - jacobian @ motion
-        noise_px = max(MAD_TO_SIGMA * float(np.median(np.abs(left_px))), LIMITS.min_noise_px)
-        weight = 1 / np.maximum(np.abs(left_px).max(axis=1) / noise_px, 1.0)
-    keep = np.abs(left_px).max(axis=1) < LIMITS.outlier_sigmas * noise_px
-    if keep.sum() < LIMITS.min_landmarks:
-        return np.inf
-    rows = jacobian[keep].reshape(-1, along.shape[1])
-    motion = np.linalg.lstsq(rows, flow_px[keep].ravel())[0]
-    noise_px = MAD_TO_SIGMA * float(np.median(np.abs(flow_px[keep].ravel() - rows @ motion)))
-    return float(((rows @ motion) ** 2).sum()) / max(noise_px, LIMITS.min_noise_px) ** 2
