@@ -1,7 +1,7 @@
 """A stereo frame with its features and depth, and its matches with the landmarks of the map."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Self
 
@@ -54,6 +54,8 @@ class View:
         is_smeared: Whether the image looks blurred by motion.
         path_px: (2,) motion of the image during the exposure, px along u, v; None if it is not
             known that there is any, here or in a keyframe.
+        blurred: Images of a keyframe and of this view, blurred alike, by the keyframe's serial and
+            the path of this one: every search of a frame needs them.
     """
 
     frame: StereoFrame
@@ -65,6 +67,9 @@ class View:
     velocity: Array | None = None
     is_smeared: bool = False
     path_px: Array | None = None
+    blurred: dict[tuple[int, float, float], tuple[Array, Array]] = field(
+        default_factory=dict[tuple[int, float, float], tuple[Array, Array]]
+    )
 
     @property
     def features(self) -> Array:

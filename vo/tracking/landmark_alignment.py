@@ -48,8 +48,12 @@ def _blurred_alike(keyframe: Keyframe, view: View, is_used: bool) -> tuple[Array
     if not is_used or (paths[0] is None and paths[1] is None):
         return words(images[0]), words(images[1])
     then, now = (np.zeros(2) if path is None else path for path in paths)
-    missing = missing_blur(then, now)
-    return words(blur_along(images[0], missing[0])), words(blur_along(images[1], missing[1]))
+    key = keyframe.serial, float(now[0]), float(now[1])
+    if key not in view.blurred:
+        of_then, of_now = missing_blur(then, now)
+        blurred = blur_along(images[0], of_then), blur_along(images[1], of_now)
+        view.blurred[key] = words(blurred[0]), words(blurred[1])
+    return view.blurred[key]
 
 
 @compiled(fastmath={"reassoc", "contract"})  # sums in any order; NaN stays NaN
