@@ -32,7 +32,7 @@ def bench(
 ) -> None:
     """Measure the speed of generator, estimators, start and environments on this machine.
 
-    The estimators run in turn over three recordings, and the default one over a long sequence.
+    The estimators run in turn over five recordings, and the default one over a long sequence.
     With --over, times and memory at the end of the dataset are printed beside those at its start,
     and the time of a window of keyframes by each backend of bundle adjustment.
     """

@@ -4,7 +4,7 @@ The estimators run on a single core, the generator on all of them. The generator
 plain loop over `mujoco.Renderer` that makes the same left image, right image and depth of the same
 drive, by the ideal camera, with the same quality. The two renderers alternate every few frames, and
 the recording is timed before and after them, so that all have the same load of the machine. A drive
-of 300 m is compared with one of 30 m. The estimators run in turn over three recordings, and the
+of 300 m is compared with one of 30 m. The estimators run in turn over five recordings, and the
 default one over a long sequence. `--over DATASET` times the estimators alone, at the start and at
 the end of an existing recording, and the backends of bundle adjustment on its windows.
 """

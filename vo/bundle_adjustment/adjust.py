@@ -13,6 +13,7 @@ from vo.bundle_adjustment.single_camera import refine_camera
 from vo.config import RefinementSettings
 from vo.contract import se3
 from vo.contract.arrays import Array
+from vo.contract.compilation import compiled
 from vo.contract.rig import StereoRig
 
 
@@ -117,10 +118,26 @@ def refine_structure(
 def misfit(estimates: PointEstimates, T: Array) -> Array:
     """Median squared residual of pixels and of disparities over what is expected, (2,)."""
     residuals, weight = estimates.residuals(T[estimates.cameras]), estimates.data.weight
-    pixels = (residuals[:, :2] ** 2).sum(axis=1)
-    disparities = residuals[weight[:, 2] > 0, 2] ** 2
-    parts = zip((pixels, disparities), MEDIAN_CHI2, strict=True)
-    return np.array([np.median(x) / chi2 if len(x) else np.nan for x, chi2 in parts])
+    return _median_squares(residuals, weight) / MEDIAN_CHI2
+
+
+@compiled()
+def _median_squares(residuals: Array, weight: Array) -> Array:
+    """Median squares of residuals (M, 3) of pixels, and of those disparities that weigh (M, 3)."""
+    pixels, disparities = np.empty(len(residuals)), np.empty(len(residuals))
+    known = 0
+    for i in range(len(residuals)):
+        u, v, d = residuals[i]
+        pixels[i] = u * u + v * v
+        if weight[i, 2] > 0:
+            disparities[known] = d * d
+            known += 1
+    found = np.full(2, np.nan)
+    if len(pixels) > 0:
+        found[0] = np.median(pixels)
+    if known > 0:
+        found[1] = np.median(disparities[:known])
+    return found
 
 
 def refine_motion(

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -76,7 +75,8 @@ def collect(
     The arguments are as in `Bundle`; observations are those of each camera, ids ascending.
     """
     counts = [len(seen) for seen in observations]
-    seen = reduce(Observations.extend, observations)
+    measured = np.concatenate([x.at_instant for x in observations])
+    sigma = np.concatenate([x.sigma_px for x in observations])
     place = np.concatenate([find_sorted(ids, x.ids) for x in observations])
     used = place >= 0
     return Bundle(
@@ -84,8 +84,8 @@ def collect(
         points_world=points_world,
         camera=np.repeat(np.arange(len(counts)), counts)[used],
         point=place[used],
-        measured=seen.at_instant[used].astype(np.float64),
-        sigma=seen.sigma_px[used].astype(np.float64),
+        measured=measured[used].astype(np.float64),
+        sigma=sigma[used].astype(np.float64),
         fixed=fixed,
         K=rig.K,
         baseline_m=rig.baseline_m,
@@ -96,7 +96,8 @@ def sorted_measurements(bundle: Bundle, use_disparity: bool = True) -> tuple[Ind
     """Sort the measurements of a bundle by point; they index the cameras (C,) that see any."""
     order = np.argsort(bundle.point, kind="stable")
     measured, weight = weigh(bundle.measured, bundle.sigma, use_disparity)
-    cameras, camera = np.unique(bundle.camera[order], return_inverse=True)
+    seeing = np.bincount(bundle.camera, minlength=len(bundle.T_world_cam)) > 0
+    cameras, camera = np.flatnonzero(seeing), (np.cumsum(seeing) - 1)[bundle.camera[order]]
     first = np.searchsorted(bundle.point[order], np.arange(len(bundle.points_world) + 1))
     f = intrinsics(bundle.K, bundle.baseline_m)
     return cameras, Measurements(first, camera, measured[order], weight[order], f)

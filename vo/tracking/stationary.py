@@ -98,7 +98,8 @@ def is_stationary(
     evidence be, unless it is along the motion by which the camera arrived a moment ago.
     """
     first, latest = _pool(halt.first), extend_halt(halt, inliers).last
-    single, pooled = _flow(first, inliers), _flow(first, _pool(latest))
+    single = _flow(first, inliers)
+    pooled = _flow(first, _pool(latest)) if len(latest) > 1 else single
     flow_px, points_odom = pooled
     if len(flow_px) < FLOW_FIT.min_landmarks:
         return False
