@@ -35,7 +35,7 @@ from trials.realism.matching import _rig, _with_values
 from trials.realism.measure import _histogram, _noise, gradients, measure, power_spectrum
 from trials.realism.noise import GREY, measure_blocks
 from trials.realism.quantities import QUANTITIES, Measured, Statistic
-from trials.realism.sharpness import edge_width, edge_widths, sufficient_reach
+from trials.realism.sharpness import edge_profiles, edge_width, edge_widths
 from trials.realism.twin_corrections import corrected, fit_curve, with_speed
 from trials.realism.vignetting import LightPairs, vignetting_by_frame
 from vo.contract.remarks import Remark
@@ -80,15 +80,15 @@ def edge_image(sigma_px, noise=0.004):
 @pytest.mark.parametrize("sigma_px", [0.6, 1.3, 2.5])
 def test_width_of_a_blurred_edge_is_its_sigma(sigma_px):
     images = [edge_image(sigma_px) for _ in range(2)]
-    widths = np.concatenate(sufficient_reach([edge_widths(x, decode(x)) for x in images]))
+    widths = np.concatenate(edge_widths([edge_profiles(x, decode(x)) for x in images]))
     assert edge_width(widths) == pytest.approx(sigma_px, rel=0.05, abs=0.08)  # 0.6 is undersampled
 
 
 def test_texture_and_blank_images_have_no_edges():
     blank = np.full((60, 80), 90, np.uint8)
-    assert np.isnan(edge_width(np.concatenate(edge_widths(blank, decode(blank)))))
+    assert np.isnan(edge_width(edge_widths([edge_profiles(blank, decode(blank))])[0]))
     noise = rng.integers(0, 255, (120, 160), dtype=np.uint8)
-    assert len(edge_widths(noise, decode(noise))[1]) < 5
+    assert len(edge_widths([edge_profiles(noise, decode(noise))])[0]) < 5
 
 
 @pytest.mark.parametrize("vignetting", [0.0, 0.4])
@@ -184,7 +184,7 @@ def patches_and_images(frames, sensor):
 
 def measured_pictures(sensor):
     patches, images = patches_and_images(20, sensor)
-    widths = sufficient_reach([edge_widths(x, decode(x)) for x in images[:5]])
+    widths = edge_widths([edge_profiles(x, decode(x)) for x in images[:5]])
     widths += [np.zeros(0)] * 15
     statistics = {
         "grey": Statistic(np.array([np.bincount(x.ravel(), minlength=256) for x in images], float)),

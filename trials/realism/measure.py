@@ -29,7 +29,7 @@ from trials.realism.landmarks import (
 )
 from trials.realism.noise import GREY, NO_BLOCKS, Blocks, measure_blocks, select_flat
 from trials.realism.quantities import NOISE_GREY, TILE_PX, Measured, Statistic
-from trials.realism.sharpness import REACHES_PX, edge_widths, sufficient_reach
+from trials.realism.sharpness import edge_profiles, edge_widths, no_profiles
 from vo.config import FeatureSettings
 from vo.contract.arrays import Array, Image
 from vo.contract.errors import ImageError
@@ -105,7 +105,7 @@ def _measure_images(
     with_edges = set(np.linspace(0, count - 1, min(EDGE_FRAMES, count)).astype(int).tolist())
     with_picture = np.linspace(0, count - 1, min(PICTURES, count)).astype(int).tolist()
     frames, pictures = [NOTHING] * count, list[Image]()
-    widths = [(np.zeros(0),) * len(REACHES_PX)] * count
+    edges = [no_profiles()] * count
     tracks = run.tracks
     assert tracks is not None  # our own runs always write them
     for i in range(count):
@@ -116,14 +116,14 @@ def _measure_images(
             continue  # the run of the estimator has said so
         frames[i] = _measure_frame(frame, tracks, i, sequence.rig, decode)
         if i in with_edges:
-            widths[i] = edge_widths(frame.left, decode(frame.left))
+            edges[i] = edge_profiles(frame.left, decode(frame.left))
         if i in with_picture:
             pictures.append(frame.left)
     found = {
         "grey": Statistic(np.array([x.grey for x in frames])),
         "gradient": Statistic(np.array([x.gradient for x in frames])),
         **_noise([x.blocks for x in frames]),
-        "edge_width": _histogram("edge_width", sufficient_reach(widths)),
+        "edge_width": _histogram("edge_width", edge_widths(edges)),
         "features": per_frame(np.array([x.features for x in frames])),
         "coverage": per_frame(np.array([x.coverage for x in frames])),
         **patch_statistics([x.patches for x in frames], sequence.rig),

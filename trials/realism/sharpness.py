@@ -31,41 +31,54 @@ step; uncertainty of the width as a share of it; distance of the edge from where
 MIN_WIDTH_PX = 0.1
 ALONG_PX = (-1.0, 0.0, 1.0)
 """Places along an edge whose profiles are averaged."""
-ITERATIONS = 15
+ITERATIONS, SETTLED_PX = 15, 1e-4
+"""Largest number of steps of a fit, which ends where place and width change by less."""
 MIN_EDGES = 30
 """Smallest number of edges from which the width is estimated."""
 
 
-def edge_widths(grey: Image, light: Array) -> tuple[Array, ...]:
-    """Return the widths (E,) of the step edges of an image, for each of REACHES_PX.
-
-    They are standard deviations in px. Only short profiles fit between close edges, only long ones
-    hold a wide edge: `sufficient_reach` chooses.
+def edge_profiles(grey: Image, light: Array) -> tuple[Array, ...]:
+    """Return profiles (E, L) across the strongest edges of an image, for each of REACHES_PX.
 
     Args:
         grey: (H, W) uint8, in which edges are found.
-        light: (H, W) float32 linear light of it, in which they are measured.
+        light: (H, W) float32 linear light of it, in which they are sampled.
     """
     points, normals = _find(grey)
-    found: list[Array] = []
-    for reach_px in REACHES_PX:
-        at = np.arange(-reach_px, reach_px + STEP_PX / 2, STEP_PX)
-        profiles = _profiles(light, points, normals, at) if len(points) else np.zeros((0, len(at)))
-        width_px, is_step = _fit(at, profiles[np.isfinite(profiles).all(axis=1)])
-        found.append(width_px[is_step])
-    return tuple(found)
+    if not len(points):
+        return no_profiles()
+    found = [_profiles(light, points, normals, _distances(x)) for x in REACHES_PX]
+    return tuple(x[np.isfinite(x).all(axis=1)] for x in found)
 
 
-def sufficient_reach(frames: Sequence[tuple[Array, ...]]) -> list[Array]:
-    """Return the widths in each of several images for the shortest profiles that hold the edges.
+def edge_widths(frames: Sequence[tuple[Array, ...]]) -> list[Array]:
+    """Return the widths (E,) of the step edges of each image, from their `edge_profiles`.
 
-    All widths of a recording are of profiles of one length.
+    They are standard deviations in px. Only short profiles fit between close edges, only long ones
+    hold a wide edge: all are fitted at the shortest length that holds the edges of the recording.
     """
+    tried: list[list[Array]] = []
     for k, reach_px in enumerate(REACHES_PX):
-        widths = [x[k] for x in frames]
-        if edge_width(np.concatenate(widths)) < reach_px / 4:
-            return widths
-    return [x[0] for x in frames]
+        tried.append([_step_widths(_distances(reach_px), x[k]) for x in frames])
+        if edge_width(np.concatenate(tried[-1])) < reach_px / 4:
+            return tried[-1]
+    return tried[0]
+
+
+def no_profiles() -> tuple[Array, ...]:
+    """Return what an image without edges has."""
+    return tuple(np.zeros((0, len(_distances(x)))) for x in REACHES_PX)
+
+
+def _distances(reach_px: int) -> Array:
+    """Distances (L,) from an edge at which profiles of a length are sampled, px."""
+    return np.arange(-reach_px, reach_px + STEP_PX / 2, STEP_PX)
+
+
+def _step_widths(at: Array, profiles: Array) -> Array:
+    """Widths (E,) of the profiles (N, L) that are steps."""
+    width_px, is_step = _fit(at, profiles)
+    return width_px[is_step]
 
 
 def edge_width(widths_px: Array) -> float:
@@ -120,16 +133,18 @@ def _fit(at: Array, profiles: Array) -> tuple[Array, Array]:
     low, high = profiles[:, 0], profiles[:, -1]
     parts = np.zeros((6, len(low)))
     parts[0], parts[1], parts[3] = (low + high) / 2, (high - low) / 2, 1
+    moving = np.arange(len(low))
     for _ in range(ITERATIONS):
-        model, jacobian = _step(at, parts)
-        normal = np.einsum("eli,elj->eij", jacobian, jacobian) + 1e-9 * np.eye(6)
-        wanted = np.einsum("eli,el->ei", jacobian, profiles - model)
-        change = np.linalg.solve(normal, wanted[..., None])[..., 0]
+        model, jacobian = _step(at, parts[:, moving])
+        normal = jacobian @ np.swapaxes(jacobian, 1, 2) + 1e-9 * np.eye(6)
+        wanted = jacobian @ (profiles[moving] - model)[..., None]
+        change = np.linalg.solve(normal, wanted)[..., 0]
         change[:, 2:4] = np.clip(change[:, 2:4], -0.5, 0.5)
-        parts += change.T
+        parts[:, moving] += change.T
         parts[3] = np.clip(parts[3], 0.05, at[-1])
+        moving = moving[abs(change[:, 2:4]).max(axis=1) > SETTLED_PX]
     model, jacobian = _step(at, parts)
-    normal = np.einsum("eli,elj->eij", jacobian, jacobian) + 1e-9 * np.eye(6)
+    normal = jacobian @ np.swapaxes(jacobian, 1, 2) + 1e-9 * np.eye(6)
     residual, step, width = (profiles - model).std(axis=1), abs(2 * parts[1]), parts[3]
     # Samples are closer than pixels and share them.
     uncertainty = np.sqrt(np.linalg.inv(normal)[:, 3, 3]) * residual / STEP_PX**0.5
@@ -140,7 +155,7 @@ def _fit(at: Array, profiles: Array) -> tuple[Array, Array]:
 
 
 def _step(at: Array, parts: Array) -> tuple[Array, Array]:
-    """Return the profile (E, L) of parts (6, E), and its Jacobian (E, L, 6).
+    """Return the profile (E, L) of parts (6, E), and its Jacobian (E, 6, L).
 
     The parts: mean, half the step, place, width, slope of the whole, slope of the outer parts.
     """
@@ -150,4 +165,4 @@ def _step(at: Array, parts: Array) -> tuple[Array, Array]:
     bell = np.sqrt(2 / np.pi) * np.exp(-z * z / 2) * half / width
     lines = np.broadcast_to(at, z.shape), np.broadcast_to(abs(at), z.shape)
     columns = np.ones_like(share), share, -bell, -bell * z, *lines
-    return mean + half * share + slope * at + bend * abs(at), np.stack(columns, axis=-1)
+    return mean + half * share + slope * at + bend * abs(at), np.stack(columns, axis=1)
