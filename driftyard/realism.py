@@ -86,7 +86,7 @@ def match(
             written.
 
     Example:
-        >>> match = dy.match(ds, scenes="")
+        >>> match = dy.match(ds, scenes="", frames=8)
         >>> match.values["rig.height_px"], match.values["sensor.drop_share"]
         (120, 0.0)
     """

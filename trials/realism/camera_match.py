@@ -37,7 +37,7 @@ class CameraMatch:
         seeds: Of the nearest scene, the nearest first.
 
     Example:
-        >>> match = dy.match("ds", "camera.toml", scenes="")
+        >>> match = dy.match("ds", "camera.toml", scenes="", frames=8)
         >>> match.values["rig.width_px"]
         160
     """
