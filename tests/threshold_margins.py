@@ -44,7 +44,7 @@ def views_of(folder: Path) -> tuple[list[View], LocalMap, list[View]]:
         estimator.track(frame)
     later = [frames[MAPPED_FRAMES + k] for k in LATER_FRAMES]
     seen, found = (
-        [frontend.process(x, 0.0, NO_HOOKS, Clock()) for x in some]
+        [frontend.process(x, 0.0, False, NO_HOOKS, Clock()) for x in some]
         for some in (frames[::10], later)
     )
     return seen, estimator.state.map, found

@@ -223,12 +223,12 @@ class LowSnrSettings(Settings):
 class DefocusSettings(Settings):
     """Adaptation to images that are out of focus."""
 
-    softness: float = Field(default=3.5, ge=0)
+    softness: float = Field(default=3.3, ge=0)
     """Energy of grey differences over 4 px to those over 2 px, of which smooth images have 4, above
     which an image is out of focus; 0: never."""
     window_scale: WindowScale = 2.8
     search_scale: SearchScale = 1.9
-    threshold_scale: float = Field(default=0.25, gt=0, le=1)
+    threshold_scale: float = Field(default=0.15, gt=0, le=1)
     """Factor on features.threshold."""
 
 

@@ -88,8 +88,10 @@ class StereoOdometry:
         if not waits:
             with clock("structure refinement"):
                 mapper.step(state, self.hooks, counts)
-        view = self._frontend.process(frame, state.smoothing_px, self.hooks, clock)  # (3.1, 3.2)
-        state.frame_ns, state.smoothing_px = frame.timestamp_ns, view.smoothing_px
+        before = state.smoothing_px, state.is_band_passed
+        view = self._frontend.process(frame, *before, self.hooks, clock)  # (3.1, 3.2)
+        state.smoothing_px, state.is_band_passed = view.smoothing_px, view.is_band_passed
+        state.frame_ns = frame.timestamp_ns
         if not state.map.keyframes:
             return self._initialize(view, clock)
 

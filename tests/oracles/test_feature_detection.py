@@ -10,7 +10,13 @@ from vo.config import FeatureSettings
 from vo.features.censure import _pass_rows, censure
 from vo.features.censure_kernels import SHAPES, kernels
 from vo.features.detector import detect
-from vo.features.image_quality import FAR_PX, LINE_STEP, NEAR_PX, measure_image_quality
+from vo.features.image_quality import (
+    FAR_PX,
+    LINE_STEP,
+    NEAR_PX,
+    NEXT_PX,
+    measure_image_quality,
+)
 from vo.patches.zncc import MIN_CONTRAST, describe
 
 KERNELS = tuple(SHAPES)
@@ -177,10 +183,13 @@ def test_describe_equals_slow_normalisation(patch_px):
 def test_softness_equals_mean_of_differences(shape):
     image = texture(shape, 0, 256, 1.5)
     quality = measure_image_quality(image)
-    ratios = []
+    softness, smear = [], []
     for lines in (image[::LINE_STEP], image.T[::LINE_STEP]):
-        near, far = (
-            np.mean((lines[:, d:].astype(float) - lines[:, :-d]) ** 2) for d in (NEAR_PX, FAR_PX)
+        next_, near, far = (
+            np.mean((lines[:, d:].astype(float) - lines[:, :-d]) ** 2)
+            for d in (NEXT_PX, NEAR_PX, FAR_PX)
         )
-        ratios.append((far - 2 * quality.noise**2) / (near - 2 * quality.noise**2))
-    assert quality.softness == pytest.approx(min(ratios), rel=1e-12)
+        smear.append((far - 2 * quality.noise**2) / (near - 2 * quality.noise**2))
+        softness.append(max(1 + 3 / 4 * (far - near) / (near - next_), smear[-1]))
+    assert quality.softness == pytest.approx(min(softness), rel=1e-12)
+    assert quality.smear == pytest.approx(max(smear), rel=1e-12)

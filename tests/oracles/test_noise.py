@@ -5,7 +5,12 @@ import numpy as np
 import pytest
 
 from vo.config import THESIS, OdometrySettings
+from vo.contract.clock import Clock
+from vo.contract.rig import StereoRig
+from vo.contract.sequence import StereoFrame
 from vo.features.image_quality import adapt_settings, measure_image_quality
+from vo.hooks import NO_HOOKS
+from vo.tracking.frontend import Frontend
 
 RNG = np.random.default_rng(4)
 
@@ -39,18 +44,19 @@ def test_quality_separates_texture_from_noise() -> None:
     assert measure_image_quality(np.zeros((10, 10), np.uint8)).texture_to_noise == np.inf
 
 
-@pytest.mark.parametrize("noise", [0.0, 1.0])
-def test_quality_softness_tells_defocus_from_motion_blur(noise) -> None:
+@pytest.mark.parametrize(("contrast", "noise"), [(12, 0.0), (12, 1.0), (3, 1.2)])
+def test_quality_softness_tells_defocus_from_motion_blur(contrast, noise) -> None:
     def softness(sigma_u: float, sigma_v: float) -> float:
         levels = RNG.standard_normal((480, 640))
         blurred = cv2.GaussianBlur(levels, (0, 0), sigmaX=sigma_u, sigmaY=sigma_v)
-        levels = 128 + 12 * blurred / blurred.std() + noise * RNG.standard_normal((480, 640))
+        levels = 128 + contrast * blurred / blurred.std() + noise * RNG.standard_normal((480, 640))
         return measure_image_quality(np.clip(np.rint(levels), 0, 255).astype(np.uint8)).softness
 
     limit = OdometrySettings().defocus.softness
     # Of Gaussian texture the energy over a distance is 1 - exp(-distance² / 4 sigma²).
-    expected = (1 - np.exp(-16 / 4 / 4**2)) / (1 - np.exp(-4 / 4 / 4**2))
-    assert softness(4, 4) == pytest.approx(expected, rel=0.1)  # noise is underrated a little
+    next_, near, far = (1 - np.exp(-(x**2) / 4 / 4**2) for x in (1, 2, 4))
+    expected = 1 + 3 / 4 * (far - near) / (near - next_)
+    assert softness(4, 4) == pytest.approx(expected, rel=0.05)
     assert softness(4, 4) > limit > softness(1, 1)
     assert softness(8, 1) < limit
     assert softness(1, 8) < limit
@@ -73,7 +79,7 @@ def test_adapt_settings_widens_windows_and_nothing_else() -> None:
     )
     assert defocused.stereo.max_sigma_px == 2 * usual.stereo.max_sigma_px
     assert defocused.stereo.max_disagreement_px == 2 * usual.stereo.max_disagreement_px
-    assert defocused.features.threshold == usual.features.threshold / 4
+    assert defocused.features.threshold == pytest.approx(0.15 * usual.features.threshold)
 
     smeared = adapt_settings(usual, low_snr=False, defocus=False, smeared=True)
     assert (smeared.matching.align_px, smeared.stereo.align_px, smeared.stereo.patch_px) == (
@@ -84,8 +90,21 @@ def test_adapt_settings_widens_windows_and_nothing_else() -> None:
     assert smeared.features == usual.features
 
     both = adapt_settings(usual, low_snr=True, defocus=True)
-    assert (both.matching, both.features) == (defocused.matching, defocused.features)
+    assert both.features == defocused.features
+    assert (both.matching.align_px, both.stereo.align_px, both.stereo.patch_px) == (31, 31, 31)
     assert both.stereo.max_sigma_px == pytest.approx(0.6)
     for settings in (noisy, defocused, both):
         assert (settings.motion, settings.refinement) == (usual.motion, usual.refinement)
     assert THESIS.low_snr.texture_to_noise == THESIS.defocus.softness == 0
+
+
+def test_noise_of_the_right_image_counts() -> None:
+    sharp = cv2.GaussianBlur(RNG.standard_normal((480, 640)), (0, 0), 1.2)
+    left = 128 + 12 * sharp / sharp.std()
+    right = np.clip(left + 12 * RNG.standard_normal(left.shape), 0, 255)
+    pair = (np.rint(x).astype(np.uint8) for x in (left, right))
+    rig = StereoRig(640, 480, 457.0, 319.5, 239.5, 0.09)
+    frontend = Frontend(rig, usual := OdometrySettings())
+    view = frontend.process(StereoFrame(1, *pair), 0.0, False, NO_HOOKS, Clock())
+    assert view.smoothing_px == usual.features.smoothing_px
+    assert view.settings.stereo == adapt_settings(usual, low_snr=True, defocus=False).stereo

@@ -46,7 +46,7 @@ def render(shift):
 def landmarks():
     """Pixels (N, 2), disparities and true disparities (N,) of the landmarks of a first keyframe."""
     frame = StereoFrame(0, render(0), render(1))
-    view = Frontend(RIG, OdometrySettings()).process(frame, 0.0, NO_HOOKS, Clock())
+    view = Frontend(RIG, OdometrySettings()).process(frame, 0.0, False, NO_HOOKS, Clock())
     first = add_keyframe(empty_map(), view, np.eye(4), np.zeros((6, 6)))
     seen = first.keyframes[0].observations
     u, v = np.rint(seen.pixels).T

@@ -102,16 +102,17 @@ def test_calibration_on_line_uses_each_landmark_once():
     assert not calibration.complete(None)
 
 
-def test_small_error_is_reported_and_not_corrected_on_line():
-    samples = seen(StereoErrors(pitch_rad=0.0008))
-    assert estimate_errors(samples, RIG).errors.pitch_rad == pytest.approx(0.0008, abs=1e-4)
-    assert estimate_errors(samples, RIG, effect_px=0.25).errors == StereoErrors()
+@pytest.mark.parametrize(("error_px", "corrected"), [(0.12, False), (0.2, True)])
+def test_small_errors_are_reported_and_larger_ones_corrected(error_px, corrected):
+    pitch_rad = error_px / RIG.f_px
+    samples = seen(StereoErrors(pitch_rad=pitch_rad))
+    assert estimate_errors(samples, RIG).errors.pitch_rad == pytest.approx(pitch_rad, abs=1e-4)
     calibration = SelfCalibration(RIG)
     for k in range(8):
         here = samples.select(samples.frame == k)
         calibration.add(k, here.pixels, here.right_pixels)
-        assert not calibration.complete(here.velocity[0])
-    assert calibration.errors is None
+        calibration.complete(here.velocity[0])
+    assert (calibration.errors is not None) == corrected
     assert OdometrySettings().self_calibration == "auto"
     assert THESIS.self_calibration == "off"
 

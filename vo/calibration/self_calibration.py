@@ -15,7 +15,7 @@ ESTIMATED_AT = (2, 8, 32)
 MAX_POINTS, MIN_POINTS = 80, 150
 """Points of one keyframe, and of all that are needed."""
 
-MIN_EFFECT_PX = 0.25
+MIN_EFFECT_PX = 0.15
 """Motion of the right image by an error from which on errors are corrected: smaller ones cost less
 than what their estimates change."""
 

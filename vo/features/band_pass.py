@@ -11,7 +11,7 @@ import numpy as np
 from vo.config import OdometrySettings
 from vo.contract.arrays import Image
 
-FINE_PX, COARSE_PX = 1.0, 8.0
+FINE_PX, COARSE_PX = 1.0, 6.0
 """Standard deviations of the Gaussians."""
 
 MIN_TEXTURE_TO_NOISE = 20.0

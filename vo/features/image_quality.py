@@ -4,6 +4,7 @@ Source: Immerkær, Fast noise variance estimation, CVIU 1996, here by blocks, of
 the least variation give the noise.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +22,7 @@ NOISE_QUANTILE = 0.1
 MIN_NOISE = 0.3
 """Smallest standard deviation of the noise, grey levels: that of rounding."""
 
-NEAR_PX, FAR_PX = 2, 4
+NEXT_PX, NEAR_PX, FAR_PX = 1, 2, 4
 """Distances whose differences of grey levels are compared to measure softness."""
 
 LINE_STEP = 8
@@ -66,15 +67,23 @@ class ImageQuality:
 
 def measure_image_quality(image: Image) -> ImageQuality:
     """Measure noise, texture and softness of an image (H, W) uint8."""
+    noise, texture_to_noise = measure_noise(image)
+    if not noise:
+        return ImageQuality(0.0, np.inf, 1.0, 1.0)
+    columns = np.ascontiguousarray(image[:, ::LINE_STEP].T)
+    lines = image[::LINE_STEP], columns
+    softness, smear = zip(*(_softness(x, noise) for x in lines), strict=True)
+    return ImageQuality(noise, texture_to_noise, min(softness), max(smear))
+
+
+def measure_noise(image: Image) -> tuple[float, float]:
+    """Measure noise and texture to noise of an image (H, W) uint8, as in `ImageQuality`."""
     found = _measure_blocks(image)
     if not len(found):
-        return ImageQuality(0.0, np.inf, 1.0, 1.0)
+        return 0.0, np.inf
     ordered = np.sort(found, axis=0)
     noise = max(_quantile(ordered[:, 0], NOISE_QUANTILE), MIN_NOISE)
-    texture_to_noise = max(_quantile(ordered[:, 1], 0.5) / noise**2 - 1, 0.0)
-    columns = np.ascontiguousarray(image[:, ::LINE_STEP].T)
-    rows, columns = _softness(image[::LINE_STEP], noise), _softness(columns, noise)
-    return ImageQuality(noise, texture_to_noise, min(rows, columns), max(rows, columns))
+    return noise, max(_quantile(ordered[:, 1], 0.5) / noise**2 - 1, 0.0)
 
 
 def _quantile(ordered: Array, quantile: float) -> float:
@@ -84,11 +93,18 @@ def _quantile(ordered: Array, quantile: float) -> float:
     return float(ordered[int(low)] * (1 - share) + ordered[high] * share)
 
 
-def _softness(lines: Image, noise: float) -> float:
-    """Compare the energy of differences over FAR_PX with that over NEAR_PX along lines (N, L)."""
-    near, far = _mean_squares(lines, NEAR_PX), _mean_squares(lines, FAR_PX)
+def _softness(lines: Image, noise: float) -> tuple[float, float]:
+    """Compare the energy of differences over FAR_PX with that over NEAR_PX along lines (N, L).
+
+    Second, less a known noise, which is underrated where brighter parts have more. First, without
+    the part that does not grow with the distance, if that is more: rounding does grow with it.
+    """
+    next_, near, far = (_mean_squares(lines, x) for x in (NEXT_PX, NEAR_PX, FAR_PX))
+    growth = max(near - next_, MIN_SIGNAL * near / 4, MIN_NOISE**2 / 4)
+    smooth = 1 + max(far - near, 0) / growth * (NEAR_PX**2 - NEXT_PX**2) / NEAR_PX**2
     floor = max(MIN_SIGNAL * near, MIN_NOISE**2)
-    return max(far - 2 * noise**2, floor) / max(near - 2 * noise**2, floor)
+    ratio = max(far - 2 * noise**2, floor) / max(near - 2 * noise**2, floor)
+    return max(smooth, ratio), ratio
 
 
 @compiled()
@@ -138,8 +154,8 @@ def adapt_settings(
     """Widen windows and admit less exact disparities and weaker features, as an image demands.
 
     Where noise is as strong as texture, or texture is coarse, a patch of the usual size holds
-    little information: windows grow (Kanade and Okutomi, PAMI 1994), by one factor for the image.
-    An image that is smeared by motion is coarse in one direction.
+    little information: windows grow (Kanade and Okutomi, PAMI 1994), by one factor for the image,
+    by both where it is noisy and out of focus. A smeared image is coarse in one direction.
     """
     windows, searches, s = [1.0], [1.0], settings.defocus
     if low_snr:
@@ -148,7 +164,8 @@ def adapt_settings(
     if defocus or smeared:
         windows.append(s.window_scale if defocus else SMEAR_WINDOW_SCALE)
         searches.append(s.search_scale)
-    window_scale, search_scale = max(windows), max(searches)
+    combined = math.prod if defocus else max
+    window_scale, search_scale = combined(windows), combined(searches)
     threshold_scale = s.threshold_scale if defocus else 1.0
     sigma_scale = settings.low_snr.sigma_scale if low_snr else 1.0
     disagreement_scale = DEFOCUS_DISPARITY_SCALE if defocus else 1.0

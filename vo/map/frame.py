@@ -49,6 +49,7 @@ class View:
         dense: Disparity map, px, NaN where unknown; of size zero where stereo is sparse.
         settings: Adapted to the image, for all later stages.
         smoothing_px: Standard deviation of the Gaussian that the images were smoothed by; 0: none.
+        is_band_passed: Whether the images are band-passes of those that were taken out of focus.
         velocity: (6,) of the left camera, tangent (v m/s, w rad/s) in its frame, by which rows of
             a rolling shutter are carried to one instant; None with a global shutter.
         is_smeared: Whether the image looks blurred by motion.
@@ -64,6 +65,7 @@ class View:
     dense: Array
     settings: OdometrySettings
     smoothing_px: float = 0.0
+    is_band_passed: bool = False
     velocity: Array | None = None
     is_smeared: bool = False
     path_px: Array | None = None

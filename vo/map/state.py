@@ -100,6 +100,7 @@ class TrackerState:
         outlier_counts: Landmark to the number of successive frames in which it was an outlier;
             empty without `motion.landmark_prior`.
         smoothing_px: Standard deviation of the Gaussian for all images since a noisy one; 0: none.
+        is_band_passed: Whether the last images were replaced by their band-pass.
         row_offsets_px: Of the last keyframes, vertical offset of the right image to the left one.
         stereo_errors: Errors of the calibration that are corrected; None if none are.
         velocities: (6,) mean of each of the last two steps, m/s and rad/s, in the left camera's
@@ -125,6 +126,7 @@ class TrackerState:
     pending: Pending | None = None
     outlier_counts: Mapping[int, int] = field(default_factory=dict[int, int])
     smoothing_px: float = 0.0
+    is_band_passed: bool = False
     row_offsets_px: tuple[float, ...] = ()
     stereo_errors: StereoErrors | None = None
     velocities: tuple[Array, ...] = ()

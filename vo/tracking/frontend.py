@@ -12,12 +12,20 @@ from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
 from vo.features.band_pass import MIN_TEXTURE_TO_NOISE, amplify_threshold, band_pass
 from vo.features.detector import detect
-from vo.features.image_quality import SMEARED, adapt_settings, measure_image_quality
+from vo.features.image_quality import (
+    SMEARED,
+    adapt_settings,
+    measure_image_quality,
+    measure_noise,
+)
 from vo.hooks import NO_HOOKS, Hooks
 from vo.map.frame import Detection, View
 from vo.patches.zncc import describe
 from vo.stereo.dense import DenseStereo
 from vo.tracking.hooked import replace_features
+
+STAYS_SOFT = 0.9
+"""Factor on the softness below which images that follow a band-pass are in focus again."""
 
 
 class Frontend:
@@ -27,10 +35,15 @@ class Frontend:
         self._rig, self._settings = rig, settings
         self._dense_stereo = DenseStereo(settings.stereo)
 
-    def process(self, frame: StereoFrame, smoothing_px: float, hooks: Hooks, clock: Clock) -> View:
+    def process(
+        self, frame: StereoFrame, smoothing_px: float, was_band_passed: bool, hooks: Hooks,
+        clock: Clock,
+    ) -> View:  # fmt: skip
         """Prepare the detection of features (thesis 3.2); match the pair if stereo is dense (3.1).
 
         After a noisy image, all images are smoothed: `smoothing_px` is that of the frame before.
+        After a band-pass, all are replaced by theirs until they are in focus: templates of one kind
+        do not match the other.
         """
         s = self._settings
         # A view, or an image that is read-only, would need machine code of its own.
@@ -38,17 +51,21 @@ class Frontend:
         frame = replace(frame, left=left, right=right)
         with clock("features"):
             quality = measure_image_quality(frame.left)
-        if quality.noise > s.features.noise_threshold_grey:
+            right_noise, right_texture_to_noise = measure_noise(frame.right)
+        if max(quality.noise, right_noise) > s.features.noise_threshold_grey:
             smoothing_px = s.features.smoothing_px
-        low_snr = quality.texture_to_noise < s.low_snr.texture_to_noise
-        defocus = 0 < s.defocus.softness < quality.softness
+        texture_to_noise = min(quality.texture_to_noise, right_texture_to_noise)
+        low_snr = texture_to_noise < s.low_snr.texture_to_noise
+        limit = s.defocus.softness * (STAYS_SOFT if was_band_passed else 1)
+        defocus = 0 < limit < quality.softness
         smeared = s.defocus.softness > 0 and quality.smear > SMEARED and not defocus
         settings = adapt_settings(s, low_snr, defocus, smeared)
-        if defocus and quality.texture_to_noise < MIN_TEXTURE_TO_NOISE:
+        is_poor = was_band_passed or texture_to_noise < MIN_TEXTURE_TO_NOISE
+        if is_band_passed := defocus and is_poor:
             frame = replace(frame, left=band_pass(left), right=band_pass(right))
             smoothing_px, settings = 0.0, amplify_threshold(settings)
         view = self.extract(frame, settings, smoothing_px, clock, hooks)
-        return replace(view, is_smeared=smeared)
+        return replace(view, is_smeared=smeared, is_band_passed=is_band_passed)
 
     def extract(
         self, frame: StereoFrame, settings: OdometrySettings, smoothing_px: float, clock: Clock,
