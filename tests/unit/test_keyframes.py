@@ -54,6 +54,17 @@ def test_keyframe_few_inliers_and_motion_suffice(count, flow_px, new) -> None:
     assert not is_new(keyframe, matches, lenient)
 
 
+@pytest.mark.parametrize(
+    ("count", "flow_px", "new"), [(40, 20.0, False), (40, 31.0, True), (24, 3.0, True)]
+)
+def test_keyframe_waits_for_the_work_of_the_last_one(count, flow_px, new) -> None:
+    """Unless the view changes fast, or hardly a landmark is left."""
+    keyframe = _keyframe(40)
+    matches = _matches(keyframe, count, flow_px)
+    assert is_new(keyframe, matches, SETTINGS)
+    assert is_new_view(keyframe.observations, matches, SETTINGS, waits=True) == new
+
+
 def test_keyframe_is_new_when_near_landmarks_have_left() -> None:
     """However many far ones stay."""
     keyframe = _keyframe(200)

@@ -11,10 +11,15 @@ MIN_FLOW_PX = 1.0
 """Median flow since the last keyframe below which the camera counts as not moved: however few
 landmarks are left, another keyframe would only add its own error (thesis 5.1.3)."""
 
+URGENT = 2.0
+"""Factor on the flow that makes a keyframe while the last one waits for its landmarks or for its
+adjustment: a frame takes the work of one, unless the view changes too fast."""
+
 
 def is_new_view(
-    seen: Observations, inliers: Observations, settings: OdometrySettings, share: float = 1.0
-) -> bool:
+    seen: Observations, inliers: Observations, settings: OdometrySettings, share: float = 1.0,
+    waits: bool = False,
+) -> bool:  # fmt: skip
     """Whether a view has moved far enough from the last keyframe to become one itself.
 
     The information of a landmark on the translation grows with the disparity, as its image motion
@@ -22,7 +27,7 @@ def is_new_view(
     disparity none. Where hardly any of it, or few inliers, are left, `MIN_FLOW_PX` suffices.
 
     The keyframe's observations come first. The inliers are those of a share of the information:
-    of the landmarks in view, not all may have been looked for.
+    of the landmarks in view, not all may have been looked for. The last keyframe may wait.
     """
     s = settings.refinement
     place = find_sorted(inliers.ids, seen.ids)
@@ -30,9 +35,11 @@ def is_new_view(
     if len(then) == 0:
         return True
     flow_px = np.median(np.linalg.norm(inliers.pixels[now] - seen.pixels[then], axis=1))
+    weak = len(inliers) < settings.motion.weak_inliers
+    if waits:
+        return bool(flow_px > (MIN_FLOW_PX if weak else URGENT * s.keyframe_parallax_px))
     left = information_of(seen, inliers.ids)
-    few = left < share * s.keyframe_tracked_ratio * information_of(seen, seen.ids)
-    few |= len(inliers) < settings.motion.weak_inliers
+    few = weak or left < share * s.keyframe_tracked_ratio * information_of(seen, seen.ids)
     return bool(flow_px > (MIN_FLOW_PX if few else s.keyframe_parallax_px))
 
 

@@ -4,7 +4,9 @@ The direction is that of the motion from frame to frame; its share during the ex
 recording needs to state, is the one by which blurred templates are most like the image.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -53,10 +55,20 @@ def estimate_smear(
     if np.hypot(*flow_px) < MIN_FLOW_PX:
         return still
 
-    def likeness(share: float) -> float:
-        trial = replace(view, path_px=share * flow_px)
+    @cache
+    def likeness(k: int) -> float:
+        trial = replace(view, path_px=SHARES[k] * flow_px)
         zncc = align_landmarks(local_map, trial, T_odom_cam, rows, expected[rows, :2]).zncc
         return float(np.nan_to_num(zncc).mean())
 
-    best = max(SHARES, key=likeness)
-    return replace(view, path_px=best * flow_px)
+    return replace(view, path_px=SHARES[_climb(likeness)] * flow_px)
+
+
+def _climb(likeness: Callable[[int], float]) -> int:
+    """Place of the best of SHARES, from the middle: too little and too much blur are both worse."""
+    k = len(SHARES) // 2
+    step = 1 if likeness(k) > likeness(k - 1) else -1
+    k = k if step > 0 else k - 1
+    while 0 <= k + step < len(SHARES) and likeness(k + step) > likeness(k):
+        k += step
+    return k

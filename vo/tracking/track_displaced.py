@@ -36,8 +36,9 @@ from vo.tracking.right_view import correct_cameras
 from vo.tracking.smear import estimate_smear
 from vo.tracking.tracked import Context, NotTracked, Tracked
 
-MIN_KNOWN = 60
-"""Observations in the previous frame; with fewer, features bring missed landmarks back."""
+MIN_KNOWN, MIN_KNOWN_NOISY = 40, 60
+"""Observations in the previous frame; with fewer, features bring missed landmarks back. In noisy
+images, which are smoothed, more are missed by chance."""
 
 ROUGH_PX = 2.5
 """Inlier threshold of displacements in halved images."""
@@ -51,7 +52,8 @@ def track_displaced(
     The first search fails fast; most predictions are better than its radius.
     """
     result: Tracked | NotTracked = NotTracked({"matches": 0, "inliers": 0})
-    if len(previous.observations) < MIN_KNOWN or view.settings.motion.landmark_prior:
+    few = MIN_KNOWN_NOISY if view.smoothing_px else MIN_KNOWN
+    if len(previous.observations) < few or view.settings.motion.landmark_prior:
         return result  # the prior chooses among all landmarks, not among the last inliers
     for radius_px in (NEAR_PX, view.settings.matching.search_radius_px):
         with context.clock("matching"):
@@ -91,7 +93,8 @@ def _estimate(
     pose, found, inliers = _refine(T_odom_cam, found, state, view, context)
     seen, ids = local_map.keyframes[-1].observations, local_map.landmarks.ids
     share = information_of(seen, ids[tried]) / max(information_of(seen, ids[rows]), 1e-9)
-    is_new = len(inliers) >= few and is_new_view(seen, inliers, settings, share)
+    waits = state.pending is not None
+    is_new = len(inliers) >= few and is_new_view(seen, inliers, settings, share, waits)
     if is_new:
         with clock("guided matching"):
             tried = rows

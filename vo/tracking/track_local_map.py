@@ -193,10 +193,10 @@ def _estimate(
     if len(inliers) < min_inliers:
         return NotTracked(counts)
     expected = association.project_landmarks(state.map.landmarks, pose.T_world_cam, view)
-    last = state.map.keyframes[-1].observations
+    last, waits = state.map.keyframes[-1].observations, state.pending is not None
     covariance = weigh_consensus(pose, matches, inliers, view)
     return Tracked(
         view, pose.T_world_cam, covariance, matches, inliers, by_klt,
         tried=int(association.in_view(expected, view).sum()),
-        is_new=is_new_view(last, inliers, view.settings), counts=counts,
+        is_new=is_new_view(last, inliers, view.settings, waits=waits), counts=counts,
     )  # fmt: skip
