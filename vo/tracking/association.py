@@ -83,19 +83,21 @@ def find_visible(
 
 
 def spread(
-    rows: Indices, expected: Array, first: Mask, count: int, settings: OdometrySettings
-) -> Indices:
+    rows: Indices, expected: Array, first: Mask, count: int, settings: OdometrySettings,
+    worth: Array | None = None,
+) -> Indices:  # fmt: skip
     """Select at most `count` of some rows of landmarks, ascending, from every part of the image.
 
-    In every cell those of a mask (L,) come first, and of these the nearest, which have most
-    information on the translation. The landmarks are expected at u, v and disparity, (L, 3).
+    In every cell those of a mask (L,) come first, and of these those that are worth (L,) most, or
+    else the nearest. The landmarks are expected at u, v and disparity, (L, 3).
     """
     if len(rows) <= count:
         return rows
     cells = np.maximum(expected[rows, :2] // settings.features.cell_px, 0).astype(np.int64)
     groups = cells[:, 1] * (cells[:, 0].max() + 1) + cells[:, 0]
-    # Those that come first count as nearer than any other.
-    order = np.argsort(-expected[rows, 2] - first[rows] * 1e6, kind="stable")
+    worth = expected[:, 2] if worth is None else worth
+    # Those that come first count for more than any other.
+    order = np.argsort(-worth[rows] - first[rows] * 1e6, kind="stable")
     return np.sort(rows[order[choose_in_turn(groups[order], count)]])
 
 

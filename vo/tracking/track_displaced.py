@@ -11,7 +11,8 @@ import numpy as np
 
 from vo.bundle_adjustment.adjust import Pose
 from vo.config import OdometrySettings
-from vo.contract.arrays import Array, find_sorted
+from vo.contract.arrays import Array, Indices, Mask, find_sorted
+from vo.contract.observations import Observations
 from vo.map.frame import Matches, View
 from vo.map.local_map import TrackedFrame
 from vo.map.state import TrackerState
@@ -85,12 +86,14 @@ def _estimate(
     view = correct_cameras(state, view, T_odom_cam)  # by a better pose than the predicted one
     with clock("guided matching"):  # at their projections (F5)
         expected = project_landmarks(local_map.landmarks, T_odom_cam, view)
-        known = find_sorted(previous.observations.ids, local_map.landmarks.ids) >= 0
+        known, worth = rank_landmarks(local_map.landmarks.ids, expected, previous.observations)
         visible, count = in_view(expected, view), settings.matching.landmarks_per_frame
-        rows = np.flatnonzero(visible)
-        tried = spread(rows, expected, known, context.budget.landmarks(count), settings)
+        rows, count = np.flatnonzero(visible), context.budget.landmarks(count)
+        tried = spread(rows, expected, known, count, settings, worth)
         found = find_visible(local_map, view, T_odom_cam, expected, tried, known)
-    pose, found, inliers = _refine(T_odom_cam, found, state, view, context)
+    # What denies a pose by displacements would correct it most: a pose without it errs alike.
+    views = replace(view, settings=rough.settings), view
+    pose, found, inliers = refine_on_inliers(T_odom_cam, found, state, views, context)
     seen, ids = local_map.keyframes[-1].observations, local_map.landmarks.ids
     share = information_of(seen, ids[tried]) / max(information_of(seen, ids[rows]), 1e-9)
     waits = state.pending is not None
@@ -99,7 +102,7 @@ def _estimate(
         with clock("guided matching"):
             tried = rows
             found = find_guided_matches(local_map, view, pose.T_world_cam, found)
-        pose, found, inliers = _refine(pose.T_world_cam, found, state, view, context)
+        pose, found, inliers = refine_on_inliers(pose.T_world_cam, found, state, (view,), context)
     counts["found"], counts["inliers"] = len(found), len(inliers)
     counts["motion iterations"] = pose.iterations
     if len(inliers) < few:
@@ -111,12 +114,20 @@ def _estimate(
     )  # fmt: skip
 
 
-def _refine(
-    T_odom_cam: Array, matches: Matches, state: TrackerState, view: View, context: Context
-) -> tuple[Pose, Matches, Matches]:
-    """Refine a pose on its inliers; with the matches, and those that agree with the result."""
+def refine_on_inliers(
+    T_odom_cam: Array, matches: Matches, state: TrackerState, views: tuple[View, ...],
+    context: Context,
+) -> tuple[Pose, Matches, Matches]:  # fmt: skip
+    """Refine a pose on its inliers; with the matches, and those that agree with the result.
+
+    The views are of one frame, with inlier thresholds that fall: one round of refinement by each.
+    """
+    *rough, view = views
     with context.clock("motion refinement"):  # of every frame (3.4)
         matches = replace_matches(context.hooks, matches, state.map, view)
+        for wide in rough:
+            inliers = _inliers(T_odom_cam, matches, wide, context)
+            T_odom_cam = refine_pose(T_odom_cam, inliers, wide).T_world_cam
         pose = refine_pose(T_odom_cam, _inliers(T_odom_cam, matches, view, context), view)
         return pose, matches, _inliers(pose.T_world_cam, matches, view, context)
 
@@ -131,3 +142,15 @@ def _rough(settings: OdometrySettings, f_px: float) -> OdometrySettings:
     threshold = max(settings.motion.threshold, ROUGH_PX / f_px)
     motion = settings.motion.model_copy(update={"threshold": threshold})
     return settings.model_copy(update={"motion": motion})
+
+
+def rank_landmarks(ids: Indices, expected: Array, previous: Observations) -> tuple[Mask, Array]:
+    """Which landmarks (L,) a previous frame observed, and what each is worth for the translation.
+
+    It is the disparity, by which the image moves, of projections (L, 3); of those observed over the
+    standard deviation of their pixel: its square is the information.
+    """
+    place = find_sorted(previous.ids, ids)
+    known, worth = place >= 0, expected[:, 2].copy()
+    worth[known] /= np.hypot(*previous.sigma_px[place[known], :2].T)
+    return known, worth
