@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass
+from functools import cache, partial
 from typing import Literal
 
 import numpy as np
@@ -25,6 +26,9 @@ from vo.contract.arrays import Array, Image, Indices
 
 REFERENCE_EXPOSURE_MS = 10.0
 """Exposure time of the rendered brightness where `exposure.time_ms` is 0."""
+_EMPTY: Array = np.zeros((0, 0))
+NO_GEOMETRY = GeometryBuffers(_EMPTY, _EMPTY, _EMPTY, _EMPTY)
+"""Of frames without labels."""
 
 
 @dataclass(frozen=True)
@@ -117,8 +121,13 @@ class StereoCamera:
         size = rig.height_px + margin_px, rig.width_px + margin_px
         return Soiling(settings.sensor.soiling, size, stream(settings.seed, f"soiling/{camera}"))
 
-    def captures(self, trip: Trip, renderer: StereoRenderer) -> Iterator[Capture]:
-        """Render a trip's delivered frames; moves the world."""
+    def captures(
+        self, trip: Trip, renderer: StereoRenderer, labelled: bool = True
+    ) -> Iterator[Capture]:
+        """Render a trip's delivered frames; moves the world.
+
+        Unless they are to be labelled, they have geometry only in fog or rain.
+        """
         settings, world = self._settings, self._world
         exposure_ms = settings.exposure.time_ms
         automatic = AutoExposure(settings.sensor, exposure_ms or REFERENCE_EXPOSURE_MS)
@@ -129,15 +138,18 @@ class StereoCamera:
             control = automatic.next() if settings.sensor.auto_exposure else fixed
             time_ns = int(trip.timestamps_ns[index])
             time_s = time_ns * 1e-9
-            geometry = place_and_render(world, trip, renderer, time_ns)
-            cropped = cropped_geometry(world, geometry)
-            needs_whole = settings.labels.are_raw or not settings.weather.is_clear
-            whole = renderer.render_whole_geometry(geometry) if needs_whole else geometry
-            raw = (whole.depth_left_m, whole.geoms_left) if settings.labels.are_raw else None
+            world.place(time_s, trip.states.at(world.model, time_ns))
             truth = world.T_world_cam, world.T_world_bodies
+            rendered = cache(partial(place_and_render, world, trip, renderer, time_ns))
+            is_hazy = not settings.weather.is_clear
+            geometry = rendered() if labelled or is_hazy else NO_GEOMETRY
+            cropped = cropped_geometry(world, geometry)
+            is_raw = labelled and settings.labels.are_raw
+            whole = renderer.render_whole_geometry(geometry) if is_raw or is_hazy else geometry
+            raw = (whole.depth_left_m, whole.geoms_left) if is_raw else None
             rows, open_s = world.render_rig.height_px, control.time_ms * 1e-3
             shutter = open_shutter(settings.exposure, time_s, open_s, rows)
-            light, count = expose(world, trip, renderer, settings.exposure, shutter, geometry)
+            light, count = expose(world, trip, renderer, settings.exposure, shutter, rendered)
             light = self.through_air(light, whole, truth[0], open_s, int(index))
             brightness = control.brightness * mean_brightness(world, shutter)
             level = float(brightness.mean())

@@ -2,15 +2,18 @@
 
 Each slot of equal length has one rendered sub-frame. There are as few slots, up to
 `subframes_max`, as keep the motion of a grid of pixels from one to the next within `step_px`: one
-where nothing moves. With a rolling shutter the slots cover all rows, and each row has weights of
-its own. Cameras that are exposed at different times have slots of their own.
+where nothing moves. Where surfaces as near as their bounding boxes allow would move by less, depth
+is not needed to know that. With a rolling shutter the slots cover all rows, and each row has
+weights of its own. Cameras that are exposed at different times have slots of their own.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+from sim.camera.frustum import nearest_depths_m
 from sim.camera.render import GeometryBuffers, StereoRenderer
 from sim.camera_settings import ExposureSettings
 from sim.imaging.linear_light import decode
@@ -26,6 +29,9 @@ PROBE_PX = 16
 """Spacing of the pixels whose motion determines the number of sub-frames."""
 PROBE_PERIOD_S = 0.002
 PROBES_MAX = 16
+INFINITE_M = 1e6
+CERTAIN = 0.9
+"""Fraction of a step within which the bound on a motion makes depth superfluous."""
 
 
 @dataclass(frozen=True)
@@ -50,9 +56,11 @@ def expose(
     renderer: StereoRenderer,
     settings: ExposureSettings,
     shutter: Shutter,
-    geometry: GeometryBuffers,
+    geometry: Callable[[], GeometryBuffers],
 ) -> tuple[tuple[Array, Array], int]:
     """Integrate the light on both cameras over the exposure; moves the world.
+
+    `geometry` gives that of the frame; it is called only if the motion is not certainly small.
 
     Returns:
         Left and right image, and the number of sub-frames. With one sub-frame they are as
@@ -73,20 +81,20 @@ def _integrate(
     trip: Trip,
     renderer: StereoRenderer,
     settings: ExposureSettings,
-    geometry: GeometryBuffers,
+    geometry: Callable[[], GeometryBuffers],
     shutter: Shutter,
 ) -> tuple[tuple[Array, Array], int]:
     """Integrate over the time from the first row's exposure to the last one's."""
     start_s, end_s = float(shutter.start_s.min()), float(shutter.end_s.max())
     motion_px = 0.0
     if end_s > start_s:
-        motion_px = max_image_speed_px_s(world, trip, geometry, start_s, end_s) * (end_s - start_s)
+        certain_px = CERTAIN * settings.step_px if np.ptp(shutter.start_s) == 0 else 0.0
+        motion_px = _motion_px(world, trip, geometry, (start_s, end_s), certain_px)
     edges = slot_edges(shutter, motion_px / settings.step_px - 1e-6, settings.subframes_max)
     slots, middles_s = len(edges) - 1, (edges[1:] + edges[:-1]) / 2
-    sky = bool(np.isnan(geometry.depth_left_m).any() or np.isnan(geometry.depth_right_m).any())
     if slots == 1:
         _place(world, trip, (start_s + end_s) / 2)
-        return renderer.render_images(sky), 1
+        return renderer.render_images(), 1
     weights = slot_weights(shutter, edges)
     total = [np.zeros((), np.float32)] * 2
     for slot, time_s in enumerate(middles_s):
@@ -98,22 +106,48 @@ def _integrate(
     return (total[0], total[1]), slots
 
 
-def max_image_speed_px_s(
-    world: World, trip: Trip, geometry: GeometryBuffers, start_s: float, end_s: float
+def _motion_px(
+    world: World,
+    trip: Trip,
+    geometry: Callable[[], GeometryBuffers],
+    open_s: tuple[float, float],
+    certain_px: float,
 ) -> float:
-    """Return the largest speed in the left image of the surfaces at mid-exposure, px/s.
+    """Return the largest motion in the left image of the surfaces at mid-exposure, px.
 
-    Points move with their body; the sky only rotates.
+    Points move with their body; the sky only rotates. It is 0 if it is certainly at most
+    `certain_px`: the longest step of a ray is at its nearest or at its farthest point.
     """
     rig = world.render_rig
-    depth = geometry.depth_left_m[::PROBE_PX, ::PROBE_PX].ravel().astype(float)
-    geoms = geometry.geoms_left[::PROBE_PX, ::PROBE_PX].ravel()
-    rays, is_sky = _probe_rays(rig), np.isnan(depth)
-    points_cam = np.where(is_sky, 1.0, depth)[:, None] * rays
+    rays, T = _probe_rays(rig), _motions(world, trip, open_s)
+    px = rig.f_px * (len(T) - 1)
+    _place(world, trip, sum(open_s) / 2)
+    nearest_m = nearest_depths_m(world.model, world.data, rig)
+    seen = np.flatnonzero(np.isfinite(nearest_m))
+    ends_m = np.concatenate([nearest_m[seen], np.full(len(seen) + 1, INFINITE_M)])
+    points = (ends_m[:, None, None] * rays).reshape(-1, 3)
+    bodies = np.repeat([*seen, *seen, T.shape[1] - 1], len(rays))
+    bound_px = px * _longest_step(points, bodies, T)
+    if bound_px <= certain_px:
+        return 0.0
+    shown = geometry()
+    depth_m = shown.depth_left_m[::PROBE_PX, ::PROBE_PX].ravel().astype(float)
+    geoms = shown.geoms_left[::PROBE_PX, ::PROBE_PX].ravel()
+    is_sky = np.isnan(depth_m)
+    bodies = np.where(is_sky, T.shape[1] - 1, bodies_of(world.model)[geoms])
+    points = np.where(is_sky, 1.0, depth_m)[:, None] * rays
+    return px * _longest_step(points, bodies, T)
+
+
+def _motions(world: World, trip: Trip, open_s: tuple[float, float]) -> Array:
+    """Return the motions (M + 1, B + 1, 4, 4) of each body's points, in the left camera's axes.
+
+    They lead from mid-exposure to M + 1 times from the start to the end; the last is of the sky.
+    """
+    start_s, end_s = open_s
     _place(world, trip, (start_s + end_s) / 2)
     T_cam_bodies = se3.inverse(world.T_world_cam) @ world.T_world_bodies
     T_bodies_cam, R_sky = se3.inverse(T_cam_bodies), world.T_world_cam[:3, :3]
-    bodies = np.where(is_sky, len(T_bodies_cam), bodies_of(world.model)[geoms])
     count = int(np.clip(math.ceil((end_s - start_s) / PROBE_PERIOD_S), 2, PROBES_MAX))
     T = np.tile(np.eye(4), (count + 1, len(T_bodies_cam) + 1, 1, 1))
     for k, time_s in enumerate(np.linspace(start_s, end_s, count + 1)):
@@ -121,7 +155,7 @@ def max_image_speed_px_s(
         T_cam_world = se3.inverse(world.T_world_cam)
         T[k, :-1] = T_cam_world @ world.T_world_bodies @ T_bodies_cam
         T[k, -1, :3, :3] = T_cam_world[:3, :3] @ R_sky
-    return rig.f_px * _longest_step(points_cam, bodies, T) * count / (end_s - start_s)
+    return T
 
 
 def _probe_rays(rig: StereoRig) -> Array:

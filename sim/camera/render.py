@@ -123,19 +123,19 @@ class StereoRenderer:
         found = {name: GL.glGetString(code).decode() for name, code in names.items()}
         return found | ({"filament": self._filament.device} if self._filament else {})
 
-    def render_images(self, sky: bool = True) -> tuple[Array, Array]:
+    def render_images(self) -> tuple[Array, Array]:
         """Render left and right (H, W) grey or (H, W, 3) RGB image of the world as placed.
 
         They are uint8 of the classic engine, and linear light, float32, of Filament and of a wide
-        lens, whose raw light they are. Without visible sky, `sky=False` is faster.
+        lens, whose raw light they are.
         """
         if self._world.lens.views:
             return self._render_raw_light(self._world.lens.views)
         if self._filament:
             return self._filament.render()
         self._update_stereo(self._image_option)
-        sky_last = sky and allows_sky_last(self._scene)
-        self._scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = sky and not sky_last
+        sky_last = allows_sky_last(self._scene)
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = not sky_last
         with self._image_framebuffer as framebuffer:
             self._draw(self._rect)
             for band in self._sky.expected if sky_last else []:

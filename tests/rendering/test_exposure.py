@@ -10,7 +10,8 @@ import pytest
 
 from scenes.scene import Motion, Scene
 from sim.camera.camera import Capture, StereoCamera
-from sim.camera.exposure import Shutter, open_shutter, slot_edges, slot_weights
+from sim.camera.exposure import Shutter, expose, open_shutter, slot_edges, slot_weights
+from sim.camera.frustum import nearest_depths_m
 from sim.camera.render import StereoRenderer
 from sim.imaging.linear_light import Encoding, decode
 from sim.settings import (
@@ -22,6 +23,7 @@ from sim.settings import (
     RigSettings,
     SensorSettings,
 )
+from sim.world.drawn import bodies_of
 from sim.world.rover import BODY
 from sim.world.trip import Trip, make_trip
 from sim.world.world import START_S, World, build_world
@@ -133,6 +135,37 @@ def test_exposure_at_rest_takes_one_render(carry):
     ((left, right),) = stand.instants(np.array([START_S]))
     np.testing.assert_array_equal(captures[0].light[0], left)
     np.testing.assert_array_equal(captures[0].light[1], right)
+
+
+@gl
+@pytest.mark.parametrize(("motion", "times"), [(standing, 0), (turning, 1)], ids=["rest", "turn"])
+def test_depth_is_rendered_only_where_motion_needs_it(carry, motion, times):
+    stand = carry(motion, ExposureSettings(time_ms=20))
+    world, trip, exposure = stand.world, stand.trip, stand.settings.exposure
+    shutter = open_shutter(exposure, START_S, 0.02, RIG.height_px)
+    rendered = []
+    with StereoRenderer(world, stand.settings.render) as renderer:
+
+        def geometry():
+            rendered.append(renderer.render_geometry())
+            return rendered[-1]
+
+        light, _ = expose(world, trip, renderer, exposure, shutter, geometry)
+    assert len(rendered) == times
+    np.testing.assert_array_equal(light[0], stand.captures()[0].light[0])
+
+
+@gl
+def test_bodies_are_no_nearer_than_their_boxes(make_scene):
+    settings = RecordSettings(rig=RIG.model_copy(update={"tilt_deg": 25.0}))
+    world = build_world(make_scene(), settings)
+    with StereoRenderer(world, settings.render) as renderer:
+        geometry = renderer.render_geometry()
+    nearest_m = nearest_depths_m(world.model, world.data, world.render_rig)
+    bodies = np.where(geometry.geoms_left < 0, -1, bodies_of(world.model)[geometry.geoms_left])
+    for body in set(bodies.ravel().tolist()) - {-1}:
+        depth_m = geometry.depth_left_m[bodies == body].min()
+        assert 0.5 * depth_m < nearest_m[body] <= depth_m * (1 + 1e-5)
 
 
 @gl

@@ -7,6 +7,7 @@ encoders with the path.
 
 import tempfile
 from collections.abc import Sequence
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,6 +17,7 @@ import numpy as np
 
 from scenes.scene import LABEL_GROUP, Scene
 from sim.batch import build
+from sim.camera.camera import place_and_render
 from sim.camera.exposure import expose, open_shutter
 from sim.camera.render import StereoRenderer
 from sim.imaging.linear_light import Encoding, decode
@@ -226,9 +228,9 @@ def _blur(scene: str, seed: int) -> list[Check]:
     finest = settings.exposure.model_copy(update=reference_settings)
     with StereoRenderer(world, settings.render) as renderer:
         for k in [*fast, len(trip) - 1]:
-            time_s = trip.timestamps_ns[k] * 1e-9
-            world.place(time_s, trip.states.at(world.model, trip.timestamps_ns[k]))
-            geometry = renderer.render_geometry()
+            time_ns = int(trip.timestamps_ns[k])
+            geometry = cache(partial(place_and_render, world, trip, renderer, time_ns))
+            time_s = time_ns * 1e-9
             shutter = open_shutter(settings.exposure, time_s, 0.02, world.render_rig.height_px)
             image, count = expose(world, trip, renderer, settings.exposure, shutter, geometry)
             reference, _ = expose(world, trip, renderer, finest, shutter, geometry)

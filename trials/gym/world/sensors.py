@@ -4,9 +4,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from sim.camera.camera import Capture, FrameExposure, StereoCamera
+from sim.camera.camera import NO_GEOMETRY, Capture, FrameExposure, StereoCamera
 from sim.camera.exposure import mean_brightness, open_shutter
-from sim.camera.render import GeometryBuffers, StereoRenderer
+from sim.camera.render import StereoRenderer
 from sim.imaging.lens import delivered_rig
 from sim.sensors.inertial import T_body_imu, ideal_readings
 from sim.settings import ImuSettings, RecordSettings
@@ -17,9 +17,6 @@ from trials.gym.world.simulation import Simulation
 from vo.contract.arrays import Array, Image
 from vo.contract.rig import StereoRig
 
-_EMPTY: Array = np.zeros((0, 0))
-NO_GEOMETRY = GeometryBuffers(_EMPTY, _EMPTY, _EMPTY, _EMPTY)
-"""Depth and segmentation are rendered only for an exposure that takes time."""
 GYRO_MAX_RADPS, ACCEL_MAX_MPS2 = 35.0, 160.0
 """Measurement range; values beyond are clipped."""
 
@@ -84,7 +81,8 @@ class RoverCamera:
         if len(simulation.window.times_ns) == 1:
             return self._instant_exposure(simulation.snapshot.time_ns, index)
         if self._captures is None:
-            self._captures = self._camera.captures(self._live_trip(simulation), self.renderer)
+            trip = self._live_trip(simulation)
+            self._captures = self._camera.captures(trip, self.renderer, labelled=False)
         data = self._world.data
         qpos = data.qpos.copy()
         capture = next(self._captures)  # moves the world to and fro
