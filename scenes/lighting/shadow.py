@@ -7,7 +7,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from scenes.lighting.baked_light import Light
-from vo.contract.arrays import Array, Mask
+from vo.contract.arrays import Array, Indices, Mask
 from vo.contract.compilation import compiled
 
 Table = tuple[Array, Array, Array, Array]
@@ -17,6 +17,8 @@ OCCLUSION_REACHES = 8
 """Beyond this multiple of its reach, a box dims the fill by less than 1e-10."""
 MIN_CULLED_RAD = 0.1
 """Elevation of the lamp below which no box is culled: its shadows reach too far."""
+TILE_M, TILED = 1.0, 1000
+"""Side of the squares by which boxes are culled, and number of points that are worth it."""
 
 
 @dataclass(frozen=True)
@@ -49,13 +51,25 @@ def visibility(
     radius = light.softness_rad * np.sqrt((k + 0.5) / samples)
     turn = k * np.pi * (3 - np.sqrt(5))  # sunflower: even cover of the disc
     rays = light.key + radius * (np.cos(turn) * side + np.sin(turn) * up)
-    table = _shading(occluders, points, light)
-    return _unoccluded(np.ascontiguousarray(points, dtype=np.float64), rays, table, inside)
+    table, points = occluder_table(occluders), np.ascontiguousarray(points, dtype=np.float64)
+    seen = np.empty(len(points))
+    for near in _tiles(points):
+        some = points[near]
+        seen[near] = _unoccluded(some, rays, _shading(table, some, light), inside)
+    return seen
 
 
-def _shading(occluders: list[Occluder], points: Array, light: Light) -> Table:
+def _tiles(points: Array) -> list[Indices]:
+    """Divide (N, 3) points by squares of the plane; few remain together."""
+    if len(points) < TILED:
+        return [np.arange(len(points))]
+    _, tiles = np.unique(np.floor(points[:, :2] / TILE_M), axis=0, return_inverse=True)
+    order = np.argsort(tiles, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(tiles[order])) + 1)
+
+
+def _shading(table: Table, points: Array, light: Light) -> Table:
     """Select the boxes whose shadows can fall on any of (N, 3) points, by a bound on height."""
-    table = occluder_table(occluders)
     centres, halves = table[:2]
     lowest = np.arcsin(np.clip(light.key[2], -1, 1)) - light.softness_rad
     if lowest < MIN_CULLED_RAD:
