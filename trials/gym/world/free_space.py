@@ -1,25 +1,22 @@
 """Free space of a world, and the distance field of the shortest paths through it to one goal.
 
-Obstacles are the shapes that the rover can touch. Source of the paths: Dijkstra, A note on two
-problems in connexion with graphs, 1959, on the 8-connected grid (SciPy's); they are then shortened
-by line-of-sight checks.
+Obstacles are the shapes that the rover can touch. Paths on the grid are shortened by line-of-sight
+checks.
 """
 
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import cv2
 import mujoco
 import numpy as np
-from scipy import sparse
 from scipy.ndimage import distance_transform_edt
-from scipy.sparse.csgraph import dijkstra
 
 from scenes.scene import Kind
 from sim.world.rover import BODY
 from sim.world.world import World, thing_of
+from trials.gym.world.grid_search import grid_distances, grid_path
 from trials.gym.world.ground import CLIMBABLE_M, NO_GEOM, NO_GROUND, ground_extent, map_ground
 from vo.contract.arrays import Array, Indices, Mask
 
@@ -28,9 +25,6 @@ MAX_CELLS = 400
 """Cells along the longer side; larger worlds have larger cells."""
 HEADROOM_M = 0.1
 """Free height above the cameras that the rover needs to drive under a thing."""
-SQRT2 = float(np.sqrt(2))
-STEPS = ((0, 1, 1.0), (1, 0, 1.0), (1, 1, SQRT2), (1, -1, SQRT2))
-"""Down, right and length of half of the eight steps."""
 
 
 @dataclass(frozen=True)
@@ -182,36 +176,14 @@ class TraversableSpace:
         _, components = cv2.connectedComponents(self.mask.astype(np.uint8), connectivity=4)
         return np.asarray(components, np.int64)
 
-    @cached_property
-    def _graph(self) -> sparse.csr_matrix:
-        shape = self.mask.shape
-        number = np.arange(self.mask.size).reshape(shape)
-        edges: list[tuple[Array, Array, Array]] = []
-        for down, right, length in STEPS:
-            low = slice(max(0, -right), shape[1] - max(0, right))
-            high = slice(max(0, right), shape[1] - max(0, -right))
-            rows, below = slice(0, shape[0] - down), slice(down, shape[0])
-            both = self.mask[rows, low] & self.mask[below, high]
-            if down and right:
-                both &= self.mask[rows, high] & self.mask[below, low]
-            a, b = number[rows, low][both], number[below, high][both]
-            edges.append((a, b, np.full(len(a), length * self.space.cell_m)))
-        first, second, lengths = (np.concatenate(x) for x in zip(*edges, strict=True))
-        size = self.mask.size
-        return sparse.csr_matrix((lengths, (first, second)), shape=(size, size))
-
     def distance_field(self, goal: Array) -> "DistanceField":
         """Find the shortest paths from everywhere to a traversable world point (2,)."""
-        distances, before = self._search(goal, return_predecessors=True)
-        return DistanceField(self, goal, distances.reshape(self.mask.shape), before)
+        return DistanceField(self, goal, self.distances_m(goal))
 
-    def distances_m(self, point: Array, limit_m: float) -> Array:
+    def distances_m(self, point: Array, limit_m: float = math.inf) -> Array:
         """Find how far it is to a traversable world point (2,), (H, W); infinite beyond a limit."""
-        return self._search(point, limit=limit_m).reshape(self.mask.shape)
-
-    def _search(self, point: Array, **options: Any) -> Any:
-        index = int(np.ravel_multi_index(tuple(self.space.cells(point)), self.mask.shape))
-        return dijkstra(self._graph, directed=False, indices=index, **options)
+        row, column = self.space.cells(point).tolist()
+        return grid_distances(self.mask, row, column, self.space.cell_m, limit_m)
 
     def shortest_path(self, start: Array, goal: Array) -> Array | None:
         """(N, 2) shortest path between two traversable points (2,); None if there is none."""
@@ -236,13 +208,11 @@ class DistanceField:
         traversable: Space that the paths lead through.
         goal: (2,) world x, y.
         distances_m: (H, W) from each cell along the grid; infinite where there is no path.
-        next_cells: (H * W,) next cell on the path, negative at the goal and where there is none.
     """
 
     traversable: TraversableSpace
     goal: Array
     distances_m: Array
-    next_cells: Indices
 
     def distance_m(self, point: Array) -> float:
         """Length of the path from a world point (2,), at least the straight distance.
@@ -268,14 +238,11 @@ class DistanceField:
 
     def path_from(self, point: Array) -> Array:
         """(N, 2) waypoints from a traversable world point (2,), shortened; N >= 2."""
-        shape = self.distances_m.shape
-        node = int(np.ravel_multi_index(tuple(self.traversable.space.cells(point)), shape))
-        nodes = [node]
-        while self.next_cells[nodes[-1]] >= 0:
-            nodes.append(int(self.next_cells[nodes[-1]]))
-        cells = np.column_stack(np.unravel_index(nodes, shape))
-        path = np.vstack([point, self.traversable.space.points(cells[1:-1]), self.goal])
-        has_line = self.traversable.has_line
+        traversable, space = self.traversable, self.traversable.space
+        row, column = space.cells(point).tolist()
+        cells = grid_path(traversable.mask, self.distances_m, row, column, space.cell_m)
+        path = np.vstack([point, space.points(cells[1:-1]), self.goal])
+        has_line = traversable.has_line
         shortened = [path[0]]
         k = 0
         while k < len(path) - 1:
