@@ -16,7 +16,7 @@ from scipy.ndimage import distance_transform_edt
 from scenes.scene import Kind
 from sim.world.rover import BODY
 from sim.world.world import World, thing_of
-from trials.gym.world.grid_search import grid_distances, grid_path
+from trials.gym.world.grid_search import grid_distances, grid_path, is_clear_line
 from trials.gym.world.ground import CLIMBABLE_M, NO_GEOM, NO_GROUND, ground_extent, map_ground
 from vo.contract.arrays import Array, Indices, Mask
 
@@ -194,10 +194,9 @@ class TraversableSpace:
 
     def has_line(self, a: Array, b: Array) -> bool:
         """Whether the straight line between world points (2,) is traversable."""
-        steps = max(2, int(np.linalg.norm(b - a) / (0.5 * self.space.cell_m)) + 1)
-        fraction = np.linspace(0, 1, steps)[:, None]
-        rows, columns = self.space.cells(a + fraction * (b - a)).T
-        return bool(self.mask[rows, columns].all())
+        space = self.space
+        points = max(2, int(np.linalg.norm(b - a) / (0.5 * space.cell_m)) + 1)
+        return bool(is_clear_line(self.mask, space.origin, space.cell_m, a, b, points))
 
 
 @dataclass(frozen=True)

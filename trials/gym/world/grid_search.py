@@ -97,3 +97,20 @@ def grid_path(mask: Mask, distances: Array, row: int, column: int, cell_m: float
                         nearest, next_row, next_column = there, r + down, c + right
         r, c = next_row, next_column
     return path[:count]
+
+
+@compiled()
+def is_clear_line(
+    mask: Mask, origin: Array, cell_m: float, a: Array, b: Array, points: int
+) -> bool:
+    """Return whether evenly spaced points of a line from `a` to `b` (2,), x, y, are traversable.
+
+    The centre of cell (0, 0) is at the origin (2,); rows count along y.
+    """
+    for k in range(points):
+        share = k * (1.0 / (points - 1)) if k < points - 1 else 1.0
+        column = int(np.floor((a[0] + share * (b[0] - a[0]) - origin[0]) / cell_m + 0.5))
+        row = int(np.floor((a[1] + share * (b[1] - a[1]) - origin[1]) / cell_m + 0.5))
+        if not mask[row, column]:
+            return False
+    return True
