@@ -29,7 +29,7 @@ from vo.mapping.relocalization import mark_lost, relocalize
 from vo.tracking import diagnostics
 from vo.tracking.association import add_observations
 from vo.tracking.budget import Budget
-from vo.tracking.evidence import disagreement, explain_weak_step
+from vo.tracking.evidence import disagreement, explain_weak_step, start_covariance
 from vo.tracking.frontend import Frontend
 from vo.tracking.gyro_motion import explain_gyro, learn_gyro
 from vo.tracking.landmark_prior import cull_landmarks
@@ -211,13 +211,15 @@ class StereoOdometry:
         """Report the pose of a tracked frame."""
         view, counts, T_odom_cam = tracked.view, tracked.counts, tracked.T_odom_cam
         step_covariance, moved = self._report(T_odom_cam, step_covariance)
+        is_start = len(self.state.map.keyframes) == 1
         drift, self.state.drift = self.state.drift, np.zeros((6, 6))
         inliers, iterations = len(tracked.inliers), counts["motion iterations"]
         weakness = diagnostics.explain_weakness(inliers, iterations, view.settings)
         weakness = weakness or explain_weak_step(
-            self.state.T_last_cam, step_covariance, moved, tracked,
-            len(self.state.map.keyframes) == 1, view.settings,
+            self.state.T_last_cam, step_covariance, moved, tracked, is_start, view.settings,
         )  # fmt: skip
+        if is_start:
+            step_covariance = step_covariance + start_covariance(tracked.inliers, self.rig)
         misaligned = diagnostics.explain_calibration(self.state.row_offsets_px)
         if self.settings.self_calibration == "auto":  # more than it could correct
             weakness = weakness or misaligned

@@ -14,6 +14,7 @@ from vo.contract.rig import StereoRig
 from vo.contract.sequence import StereoFrame
 from vo.map.local_map import transform_map
 from vo.odometry import StereoOdometry
+from vo.tracking.evidence import UNSEEN_PX
 
 RIG = StereoRig(WIDTH, HEIGHT, F_PX, (WIDTH - 1) / 2, (HEIGHT - 1) / 2, BASELINE_M)
 
@@ -46,6 +47,14 @@ def test_step_includes_what_the_map_moved():
     assert a.status is Status.TRACKED
     assert b.status is Status.WEAK
     assert "map was corrected by 20" in b.reason
+
+
+def test_start_counts_with_landmarks_that_begin_to_move():
+    """Motion of a twentieth of a pixel, which no residual shows, widens the first step."""
+    _, (_, second) = track(wall(2, 4))
+    sigma_m = UNSEEN_PX * BASELINE_M / np.nanmedian(second.observations.disparity_px)
+    assert np.linalg.eigvalsh(second.step_covariance[:3, :3])[0] > sigma_m**2
+    assert second.status is Status.TRACKED
 
 
 def test_start_that_half_the_landmarks_deny_is_weak():

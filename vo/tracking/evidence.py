@@ -8,6 +8,8 @@ from vo.config import OdometrySettings
 from vo.contract import se3
 from vo.contract.arrays import Array
 from vo.contract.compilation import compiled
+from vo.contract.rig import StereoRig
+from vo.map.frame import Matches
 from vo.tracking.tracked import Tracked
 
 STEP_SHARE = 0.02
@@ -20,6 +22,9 @@ keyframe, they rest on a single pair of images."""
 CONFIRMED = 100
 """Landmarks found again that confirm a start, however many were looked for."""
 
+UNSEEN_PX = 0.05
+"""Motion of landmarks in the image, std. dev., that a start does not tell from the camera's own."""
+
 MIN_AGREEMENT = 0.8
 """Inliers over landmarks found below which their disagreement is given as the reason."""
 
@@ -28,6 +33,20 @@ def disagreement(T_ref_claimed: Array, T_ref_measured: Array) -> Array:
     """Covariance (6, 6) that a claimed pose (4, 4) has beyond that of what was measured of it."""
     apart = se3.log_small(se3.inverse(T_ref_claimed) @ T_ref_measured)
     return np.outer(apart, apart)
+
+
+def start_covariance(inliers: Matches, rig: StereoRig) -> Array:
+    """Covariance (6, 6) that steps have, beside that of the images, until the second keyframe.
+
+    Most of what a first view sees may begin to move with the camera: people do. As long as that is
+    below the noise of a pixel, all landmarks agree with a part of the motion.
+    """
+    covariance = np.zeros((6, 6))
+    disparity_px = inliers.disparity_px[~np.isnan(inliers.disparity_px)]
+    if len(disparity_px):
+        sigma_m = UNSEEN_PX * rig.baseline_m / float(np.median(disparity_px))
+        covariance[:3, :3] = sigma_m**2 * np.eye(3)
+    return covariance
 
 
 def explain_weak_step(
