@@ -21,9 +21,12 @@ if TYPE_CHECKING:
 LEARNING_RATE = 0.2
 """Share of one adjustment's residuals in the logarithm of the learnt noise."""
 
-COMMON = 1.8
+COMMON = 2.4
 """Square root of metres: variance of a window of 1 m over that of independent errors, where each
-landmark's scores vary as assumed. It makes the NEES over 1 m about 6 (decision 48)."""
+landmark's scores vary as assumed. It makes the NEES over 1 m about 6 (decision 51)."""
+
+LEAST_EXCESS = 0.9
+"""Excess of independent errors, some of which the loss has weighed down; less is chance."""
 
 MIN_WINDOW_M = 0.25
 """Length of a window below which it counts as that long: turns on the spot."""
@@ -62,12 +65,12 @@ def adjust_window(
     refined = refine_structure(bundle, settings)
     covariance = [k.covariance for k in keyframes]
     if refined.covariance[-1].any():
-        covariance[-1] = _extend_covariance(keyframes, refined)
+        covariance[-1] = extend_covariance(keyframes, refined)
     moved = _move_map(local_map, refined.T_world_cam, covariance, ids, refined.points_world)
     return _learn_noise(moved, refined.misfit, settings), refined.iterations
 
 
-def _extend_covariance(keyframes: tuple[Keyframe, ...], refined: Refined) -> Array:
+def extend_covariance(keyframes: tuple[Keyframe, ...], refined: Refined) -> Array:
     """Covariance (6, 6) of the newest keyframe: that of the one before, and what one step adds.
 
     Errors of a landmark's template are in all keyframes of a window that see it, so the sum of the
@@ -77,7 +80,8 @@ def _extend_covariance(keyframes: tuple[Keyframe, ...], refined: Refined) -> Arr
     """
     T_odom_cam = refined.T_world_cam
     length_m = max(np.linalg.norm(T_odom_cam[-1, :3, 3] - T_odom_cam[0, :3, 3]), MIN_WINDOW_M)
-    factor = max(COMMON * refined.excess[-1] ** 2 / np.sqrt(length_m), 1.0)
+    excess = max(refined.excess[-1], LEAST_EXCESS)
+    factor = max(COMMON * excess**2 / np.sqrt(length_m), 1.0)
     share = refined.covariance[-1] * factor / (len(keyframes) - 1)
     before = replace(keyframes[-2], T_odom_cam=T_odom_cam[-2])
     return pose_covariance(before, T_odom_cam[-1], share)
