@@ -1,7 +1,7 @@
 """A pit of loose sand in low sun: ripples, stones, and the tracks of the rover's own wheels."""
 
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -32,6 +32,10 @@ SUNK_M = 0.0006
 BOARD_M = (0.05, 0.24)
 """Thickness and height of the boards around the pit."""
 LAWN_M = -0.04
+WALL_M = (2.2, 4.0)
+"""Distance from the pit and height of the walls of the hall."""
+CEILING = np.full((6 * 16, 16, 3), 16, dtype=np.uint8)
+"""Six faces of a cube: the hall is dark above the lamp."""
 
 
 class Options(Settings):
@@ -43,6 +47,8 @@ class Options(Settings):
     """Number of places at which stones may lie."""
     mounds_m: Annotated[float, Field(ge=0, le=0.15)] = 0.06
     """Height of the mounds away from the route, m."""
+    surround: Literal["garden", "hall"] = "garden"
+    """Around the pit: lawn, hedge and trees, or a dark hall with boards, as of a laboratory."""
 
 
 class _Land:
@@ -90,17 +96,22 @@ def build(rng: np.random.Generator, settings: Options) -> Scene:
     stage.material("sand", loose.texture(light))
     _define_materials(stage, rng)
     _furnish(stage, rng, land, settings.stones)
-    _plant(stage, rng, light)
+    indoors = settings.surround == "hall"
+    if indoors:
+        _wall_in(stage, rng)
+    else:
+        _plant(stage, rng, light)
     ground = bake_ground(stage, light, HALF_M + 4, (rng, 0.10), 0.05)
     with stage.object("tracks", Kind.GROUND):
         ground.draw("tracks", track_mesh(ribbon))
     with stage.object("sand", Kind.GROUND):
         _lay_sand(ground, land)
-    with stage.object("lawn", Kind.GROUND):
+    outer = "walls" if indoors else "lawn"
+    with stage.object(outer, Kind.GROUND):
         corners = quads((-36, -36), (36, 36), 1.0)
         outside = (np.abs(corners.mean(axis=1)) > HALF_M).any(axis=1)
-        ground.draw("lawn", level(corners[outside], corners[outside] / 4.0, LAWN_M))
-    view = sky.town_sky(rng, houses=0.2)
+        ground.draw(outer, level(corners[outside], corners[outside] / 4.0, LAWN_M))
+    view = CEILING if indoors else sky.town_sky(rng, houses=0.2)
     return stage.scene(TESTS, TAGS, light, view, route=route, reach_m=HALF_M)
 
 
@@ -158,6 +169,34 @@ def _plant(stage: Stage, rng: np.random.Generator, light: Light) -> None:
             continue
         out = (HALF_M + rng.uniform(6.5, 12.0)) * (1.2, 1.3) * towards
         tree(stage, f"tree_{k}", rng, (*out, LAWN_M), rng.uniform(4.0, 7.0))
+
+
+def _wall_in(stage: Stage, rng: np.random.Generator) -> None:
+    """Stand dark walls around the pit, with boards that lean against them, and shelves.
+
+    The lamp is inside: walls cast no shadow.
+    """
+    stage.material("walls", timber.painted(rng, (256, 256), (22, 22, 24)))
+    stage.material("boards", timber.wood(rng, (256, 1024), (176, 148, 112)))
+    away, high = WALL_M
+    reach = HALF_M + away
+    for k, (axis, sign) in enumerate(((0, -1), (0, 1), (1, -1), (1, 1))):
+        centre, size = np.array([0.0, 0.0, high / 2 - 0.1]), np.array([0.1, 0.1, high])
+        centre[axis], size[1 - axis] = sign * reach[axis], 2 * reach[1 - axis]
+        with stage.object(f"wall_{k}"):
+            stage.draw("walls", box(centre, size, (2.0, 2.0), rng.random(2)))
+        stage.obstacle(f"wall_{k}", centre, size, shadow=False)
+        along = -reach[1 - axis] + rng.uniform(0.5, 2.0)
+        while along < reach[1 - axis] - 1.6:
+            wide, tall = rng.uniform(0.5, 1.4), rng.uniform(0.8, 2.2)
+            centre, size = np.array([0.0, 0.0, tall / 2 + LAWN_M]), np.array([0.04, 0.04, tall])
+            centre[axis] = sign * (reach[axis] - rng.uniform(0.1, 0.6))
+            centre[1 - axis], size[1 - axis] = along + wide / 2, wide
+            name, kind = f"board_{k}_{along:.1f}", str(rng.choice(["boards", "timber", "iron"]))
+            with stage.object(name):
+                stage.draw(kind, box(centre, size, (1.2, 0.6), rng.random(2)))
+            stage.obstacle(name, centre, size, shadow=False)
+            along += wide + rng.uniform(0.3, 3.0)
 
 
 def _lay_sand(ground: Ground, land: _Land) -> None:

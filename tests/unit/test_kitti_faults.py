@@ -6,6 +6,7 @@ import pytest
 from folders import BASELINE_M, F_PX, wall
 
 from vo.contract.errors import CalibrationError, DatasetError, DriftyardError, TrajectoryError
+from vo.contract.remarks import Remark
 from vo.recordings.readers import open_sequence, read_truth
 
 STILL = "1 0 0 0 0 1 0 0 0 0 1 0"
@@ -104,3 +105,16 @@ def test_kitti_without_calibration_is_refused(folder):
     (folder / "calib.txt").unlink()
     with pytest.raises(DriftyardError, match=str(folder)):
         open_sequence(folder)
+
+
+def test_kitti_positions_of_a_point_in_a_plane_are_a_truth(folder):
+    (folder / "poses.txt").unlink()
+    rows = "0,0,1.5,2\n1,0.1,1.6,2\n"
+    (folder / "gt_xy.csv").write_text(
+        f"# frame,t,x,y of the point (no camera), tracked; as is\n{rows}"
+    )
+    with pytest.warns(Remark, match="positions in a plane only"):
+        found = read_truth(folder)
+    assert found.timestamps_ns.tolist() == [0, 100_000_000]
+    assert found.T_ref_frame[:, :3, 3].tolist() == [[1.5, 2, 0], [1.6, 2, 0]]
+    assert found.point_cam.tolist() == [0, 0, 0]

@@ -35,6 +35,7 @@ from trials.realism.matching import _rig, _with_values
 from trials.realism.measure import _histogram, _noise, gradients, measure, power_spectrum
 from trials.realism.noise import GREY, measure_blocks
 from trials.realism.quantities import QUANTITIES, Measured, Statistic
+from trials.realism.saved_measures import saved_measure
 from trials.realism.sharpness import edge_profiles, edge_width, edge_widths
 from trials.realism.twin_corrections import corrected, fit_curve, with_speed
 from trials.realism.vignetting import LightPairs, vignetting_by_frame
@@ -361,6 +362,19 @@ def test_dark_recording_says_why_by_quantity_others_go_on(walls, tmp_path):
     assert found.distances["disparity"].value is None
     assert found.distances["disparity"].reason.startswith("dark: the estimator follows too few")
     assert "too few landmarks" in page.read_text()
+
+
+def test_kept_statistics_are_those_that_were_measured(walls, tmp_path, monkeypatch):
+    first = saved_measure(walls / "wall", 3, tmp_path)
+    monkeypatch.setattr("trials.realism.saved_measures.measure", None)
+    again = saved_measure(walls / "wall", 3, tmp_path)
+    assert again.statistics.keys() == first.statistics.keys()
+    for name, x in first.statistics.items():
+        assert np.array_equal(again.statistics[name].parts, x.parts)
+        assert (again.statistics[name].weights is None) == (x.weights is None)
+    assert (again.name, again.frames, again.baseline_m) == ("wall", 3, first.baseline_m)
+    assert np.array_equal(again.landmarks, first.landmarks)
+    assert np.array_equal(again.pictures, first.pictures)
 
 
 def test_damaged_image_costs_its_frame_alone(walls):

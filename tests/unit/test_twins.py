@@ -11,8 +11,8 @@ from trials.evaluation.runs import SavedRun
 from trials.realism.comparison import Comparison, Distance
 from trials.realism.landmarks import steps_of
 from trials.realism.quantities import Measured
-from trials.realism.twin_route import stretch_of
-from trials.realism.twins import UNKNOWN_RATIO, halts_of, mean_ratio
+from trials.realism.twin_route import route_of, stretch_of
+from trials.realism.twins import UNKNOWN_RATIO, halts_of, mean_ratio, places_of
 from vo.contract.trajectory import Trajectory
 
 LOOP = rounded_loop(np.array([(0, 0), (30, 0), (30, 8), (0, 8)], float), 3.0)
@@ -82,3 +82,9 @@ def test_halts_are_in_proportion():
     assert halts_of(steps_m, 4) == (0, 0.0)  # less than two frames
     assert halts_of(np.full(20, 0.04), 50) == (0, 0.0)
     assert halts_of(np.zeros(0), 50) == (0, 0.0)
+
+
+def test_sandbox_is_two_places_of_one_route():
+    garden, hall = places_of(["sandbox"])
+    assert (garden.label, hall.label) == ("sandbox", "sandbox scene.surround=hall")
+    assert np.array_equal(route_of("sandbox", 1), route_of("sandbox", 1, hall.options))

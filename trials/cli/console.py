@@ -46,6 +46,16 @@ def progress_bar(label: str) -> Generator[Update]:
         yield lambda done, total: progress.update(task, completed=done, total=total)
 
 
+@contextmanager
+def stage_bar() -> Generator[Callable[[str, int, int], None]]:
+    """Show a bar of what is being done; yields its update (what, done, total)."""
+    with _progress() as progress:
+        task = progress.add_task("", total=None)
+        yield lambda what, done, total: progress.update(
+            task, description=what, completed=done, total=total
+        )
+
+
 counting_bar = partial(counted, progress_bar)
 """Shows a bar of (label, total) that advances by one with every call of what it yields."""
 

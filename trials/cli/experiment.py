@@ -82,7 +82,7 @@ def _validate(real: str, scenes: str, seeds: int, out: Path, page: Path | None) 
     folders = [Path(x) for x in real.split(",") if x]
     if not folders:
         raise SettingsError(f"{VALIDITY} needs real recordings with a ground truth: --real a,b,c")
-    with console.progress_bar("matches and runs") as progress:
+    with console.stage_bar() as progress:
         found = validate(folders, scenes, seeds, progress)
     write_study(found, out)
     for header, rows in (summary(found), table(found)):

@@ -10,6 +10,7 @@ from trials.execution.jobs import Recording
 from trials.realism.camera_estimates import CameraSetting
 from trials.realism.comparison import Comparison, Distance
 from trials.realism.shortfalls import shortfall
+from trials.realism.twins import Place
 
 TARGET = 1 / 3
 """Wanted distance to the twin over that to the default picture."""
@@ -29,7 +30,8 @@ class CameraMatch:
     Attributes:
         real: Name of the recording.
         estimates: Settings with their intervals; those without a value are not in the file.
-        scenes: Mean distance of each scene that was tried, the nearest first.
+        scenes: Mean distance of each scene that was tried, with its options, the nearest first.
+        place: The nearest scene and its options; None without.
         comparison: The real recording beside the nearest scene with this camera; None without.
         default: The real recording beside `office` with all default settings and the camera
             `ideal`; None without scenes.
@@ -49,6 +51,7 @@ class CameraMatch:
     default: Comparison | None = None
     twin: Recording | None = None
     seeds: Sequence[int] = ()
+    place: Place | None = None
 
     @property
     def ratios(self) -> dict[str, float]:

@@ -26,14 +26,15 @@ from trials.realism.camera_estimates import (
 from trials.realism.camera_match import CameraMatch
 from trials.realism.comparison import Progress, compare_measured
 from trials.realism.geometry_estimates import estimate_ground, estimate_motion
-from trials.realism.measure import measure
 from trials.realism.quantities import Measured
+from trials.realism.saved_measures import saved_measure
 from trials.realism.twin_corrections import with_fitted_curve, with_speed
 from trials.realism.twins import (
     LAYOUTS,
     SCENE_FRAMES,
     far_by_default,
     nearest_twins,
+    places_of,
     twin_recording,
 )
 from vo.contract.files import write_text
@@ -63,11 +64,11 @@ def match_camera(
     """
     wanted = parse_scenes(scenes) if scenes else []
     sequence = open_sequence(real)
-    measured = measure(real, frames, progress=progress)
+    measured = saved_measure(real, frames, cache, progress=progress)
     response = estimate_response(measured)
     linear = measured
     if response != "srgb" and not wanted:
-        linear = measure(real, frames, response, progress)
+        linear = saved_measure(real, frames, cache, response, progress)
     estimates = [
         *_rig(sequence, measured),
         CameraSetting("sensor.response", response, note="explains the noise better"),
@@ -92,19 +93,21 @@ def _with_twin(
     progress: Progress | None,
 ) -> CameraMatch:
     """Record scenes with the camera, and correct it by the nearest one."""
-    plain = measure(cached_recording(PERFECT, cache), min(TWIN_FRAMES, real.frames))
+    count = min(TWIN_FRAMES, real.frames)
+    plain = saved_measure(cached_recording(PERFECT, cache), count, cache)
     default = compare_measured(real, plain)
-    near = nearest_twins(found.values, default, [(x, 0) for x in scenes], cache, progress)
-    order = {scene: ratio for (scene, _), ratio in near.items()}
-    scene = next(iter(order))
-    others = [(scene, seed) for seed in range(1, LAYOUTS)]
+    tried = [(x, 0) for x in places_of(scenes)]
+    near = nearest_twins(found.values, default, tried, cache, progress)
+    order = {place.label: ratio for (place, _), ratio in near.items()}
+    place = next(iter(near))[0]
+    others = [(place, seed) for seed in range(1, LAYOUTS)]
     near |= nearest_twins(found.values, default, others, cache, progress)
-    seeds = sorted(range(LAYOUTS), key=lambda seed: near[scene, seed])
+    seeds = sorted(range(LAYOUTS), key=lambda seed: near[place, seed])
     curve = partial(with_fitted_curve, far=far_by_default(default))
     for k, correct in enumerate((with_speed, curve, with_speed, None)):
         count = min(SCENE_FRAMES if correct else TWIN_FRAMES, real.frames)
-        recording = twin_recording(found.values, scene, count, real, seeds[0])
-        twin = measure(cached_recording(recording, cache), count)
+        recording = twin_recording(found.values, place, count, real, seeds[0])
+        twin = saved_measure(cached_recording(recording, cache), count, cache)
         if correct:
             found = _with_values(found, correct(found.values, real, twin))
         else:
@@ -112,7 +115,7 @@ def _with_twin(
             found = replace(found, comparison=comparison, twin=recording)
         if progress:
             progress(k + 1, 4)
-    return replace(found, scenes=order, default=default, seeds=seeds)
+    return replace(found, scenes=order, place=place, default=default, seeds=seeds)
 
 
 def _with_values(found: CameraMatch, values: Mapping[str, float]) -> CameraMatch:

@@ -20,9 +20,9 @@ QUANTILES = np.linspace(0.05, 0.95, 19)
 
 
 @lru_cache(maxsize=64)
-def route_of(scene: str, seed: int) -> Array:
-    """Return the waypoints (N, 2) of the route of a scene, world metres."""
-    settings = recording_settings(scene, seed)
+def route_of(scene: str, seed: int, options: tuple[str, ...] = ()) -> Array:
+    """Return the waypoints (N, 2) of the route of a scene with options, world metres."""
+    settings = recording_settings(scene, seed, options)
     return np.asarray(build(scene, settings).routes[settings.drive.route], dtype=float)
 
 

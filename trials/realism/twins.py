@@ -1,6 +1,7 @@
 """Simulated twins of a real recording: where they drive, and which scene and layout is nearest."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,8 @@ from trials.execution.jobs import Recording
 from trials.execution.runner import NO_LABELS, record_all
 from trials.realism.comparison import Comparison, Progress, compare_measured
 from trials.realism.geometry_estimates import SLOW
-from trials.realism.measure import measure
 from trials.realism.quantities import SMALLEST, Measured
+from trials.realism.saved_measures import saved_measure
 from trials.realism.twin_corrections import Values, with_fitted_curve
 from trials.realism.twin_route import route_of, stretch_of
 from vo.contract.arrays import Array
@@ -32,8 +33,30 @@ CONTENT = (
 """Quantities whose mean ratio to the default picture tells which scene is nearest."""
 
 
+@dataclass(frozen=True)
+class Place:
+    """A scene with options that are not its defaults, such as `scene.surround=hall`."""
+
+    scene: str
+    options: tuple[str, ...] = ()
+
+    @property
+    def label(self) -> str:
+        """The scene, and its options if there are any."""
+        return " ".join((self.scene, *self.options))
+
+
+OTHER_PLACES = {"sandbox": [("scene.surround=hall",)]}
+"""Options of scenes that make another place of them, which may be a twin too."""
+
+
+def places_of(scenes: Sequence[str]) -> list[Place]:
+    """Return the places that scenes may be."""
+    return [Place(x, options) for x in scenes for options in ((), *OTHER_PLACES.get(x, []))]
+
+
 def twin_recording(
-    values: Values, scene: str, frames: int, real: Measured, seed: int = 0
+    values: Values, place: Place, frames: int, real: Measured, seed: int = 0
 ) -> Recording:
     """Return the recording of a scene with a camera: of enough frames, soon at full speed.
 
@@ -46,7 +69,8 @@ def twin_recording(
     halts, still = halts_of(real.steps_m, frames)
     moving_s = (frames - still) / rate_hz
     distance_m = min(speed * moving_s + (1 + halts) * speed**2 / acceleration, MAX_DISTANCE_M)
-    stretch = stretch_of(route_of(scene, seed), distance_m, speed / rate_hz, real.turns)
+    route = route_of(place.scene, seed, place.options)
+    stretch = stretch_of(route, distance_m, speed / rate_hz, real.turns)
     drive = {
         "drive.acceleration_mps2": round(acceleration, 3),
         "drive.lookahead_m": round(min(max(1.2 * speed, 0.35), 2.0), 3),
@@ -58,8 +82,8 @@ def twin_recording(
     if halts:
         drive["drive.stop_every_m"] = round(distance_m / (1 + halts), 3)
         drive["drive.stop_s"] = round(min(still / halts / rate_hz, MAX_HALT_S), 3)
-    settings = (*overrides_of({**values, **drive}), *NO_LABELS)
-    return Recording(scene, seed, settings, camera=IDEAL)
+    settings = (*overrides_of({**values, **drive}), *place.options, *NO_LABELS)
+    return Recording(place.scene, seed, settings, camera=IDEAL)
 
 
 def halts_of(steps_m: Array, frames: int) -> tuple[int, float]:
@@ -80,18 +104,18 @@ def halts_of(steps_m: Array, frames: int) -> tuple[int, float]:
 def nearest_twins(
     values: Values,
     default: Comparison,
-    candidates: Sequence[tuple[str, int]],
+    candidates: Sequence[tuple[Place, int]],
     cache: Path,
     progress: Progress | None = None,
-) -> dict[tuple[str, int], float]:
-    """Record scenes of seeds with a camera; return their mean ratios, the nearest first.
+) -> dict[tuple[Place, int], float]:
+    """Record places of seeds with a camera; return their mean ratios, the nearest first.
 
     Each has the curve that brings it nearest, so that light and dark scenes are on a par.
 
     Args:
         values: Settings of the camera.
         default: The real recording beside the default picture.
-        candidates: Scenes and seeds.
+        candidates: Places and seeds.
         cache: Of recordings.
         progress: Called with the number of recordings and that of all.
     """
@@ -106,10 +130,10 @@ def nearest_twins(
 
     def measured(of: Sequence[Values], frames: int) -> list[Measured]:
         recordings = [
-            twin_recording(x, scene, frames, real, seed)
-            for x, (scene, seed) in zip(of, candidates, strict=True)
+            twin_recording(x, place, frames, real, seed)
+            for x, (place, seed) in zip(of, candidates, strict=True)
         ]
-        return [measure(x, frames) for x in record_all(recordings, cache, advance)]
+        return [saved_measure(x, frames, cache) for x in record_all(recordings, cache, advance)]
 
     first = measured([values] * len(candidates), CURVE_FRAMES)
     far = far_by_default(default)

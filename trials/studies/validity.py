@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,6 @@ from trials.evaluation.truth import true_trajectory
 from trials.execution.cache import CACHE
 from trials.execution.jobs import Variant
 from trials.execution.runner import cached_run, record_all
-from trials.realism.comparison import Progress
 from trials.realism.matching import match_camera
 from trials.realism.twins import twin_recording
 from trials.studies.experiments.base import Verdict
@@ -42,7 +42,7 @@ WANTED_FACTOR = 2.0
 """Factor within which 95 % of the drifts are to be predicted."""
 MIN_RECORDINGS = 5
 """Smallest number of recordings from which a general verdict would be drawn."""
-Advance = Callable[[object], None]
+Tell = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
@@ -133,27 +133,21 @@ def validate(
     real: Sequence[Path],
     scenes: str = "all",
     seeds: int = 2,
-    progress: Progress | None = None,
+    progress: Tell | None = None,
     cache: Path = CACHE,
 ) -> Validity:
     """Match each recording, record its twins, and run all variants over both.
 
-    Progress is called with the number of matches and runs that are done, and that of all.
+    Progress is called with the recording and what is done on it, the number of steps that are done,
+    and that of all. What the cache has of an earlier run, complete or not, is not done again.
 
     Raises:
         DriftyardError: If a recording is unreadable, has no truth, or stands still.
     """
     for folder in real:
         _check_moves(folder)
-    done, total = 0, len(real) * (1 + (1 + seeds) * len(VARIANTS))
-
-    def advance(_: object) -> None:
-        nonlocal done
-        done += 1
-        if progress:
-            progress(done, total)
-
-    return Validity([_twinned(x, scenes, seeds, advance, cache) for x in real])
+    tell = progress or (lambda *_: None)
+    return Validity([_twinned(x, scenes, seeds, tell, cache) for x in real])
 
 
 def _check_moves(folder: Path) -> None:
@@ -167,26 +161,28 @@ def _check_moves(folder: Path) -> None:
         )
 
 
-def _twinned(folder: Path, scenes: str, seeds: int, advance: Advance, cache: Path) -> Twinned:
+def _twinned(folder: Path, scenes: str, seeds: int, tell: Tell, cache: Path) -> Twinned:
     count = min(FRAMES, len(open_sequence(folder)))
-    found = match_camera(folder, None, scenes, count, cache=cache)
-    advance(folder)
+    matching = partial(tell, f"{folder.name}, match")
+    found = match_camera(folder, None, scenes, count, matching, cache)
     assert found.comparison is not None  # scenes are given
-    scene, real = next(iter(found.scenes)), found.comparison.real
+    assert found.place is not None
+    real = found.comparison.real
     layouts = [*found.seeds, *range(len(found.seeds), seeds)][:seeds]
-    twins = [twin_recording(found.values, scene, count, real, k) for k in layouts]
+    twins = [twin_recording(found.values, found.place, count, real, k) for k in layouts]
     rows: list[list[float]] = []
     path_m = 0.0
+    total = len(VARIANTS) * (1 + len(twins))
     for k, dataset in enumerate((folder, *record_all(twins, cache))):
         frames = FrameSelection(last=min(count, len(open_sequence(dataset))) - 1)
         rows.append([])
         for variant in VARIANTS:
             drift, length = _drift(dataset, variant, frames, cache)
-            advance(variant)
             rows[-1].append(drift)
+            tell(f"{folder.name}, runs", sum(map(len, rows)), total)
             path_m = path_m if k else max(path_m, length)
     drifts = np.array(rows)
-    return Twinned(folder.name, scene, count, path_m, drifts[0], drifts[1:])
+    return Twinned(folder.name, found.place.label, count, path_m, drifts[0], drifts[1:])
 
 
 def _drift(

@@ -16,6 +16,7 @@ from vo.recordings.pose_tables import matrix_poses
 from vo.recordings.recording import open_recording
 from vo.recordings.rectify import Camera
 from vo.recordings.tables import SECONDS, read_table
+from vo.recordings.truth_files import read_true_poses
 
 MAX_OFF_AXIS = 0.02
 """Largest offset of the right eye along y or z, in baselines; that of KITTI's colour pair is 0.005.
@@ -40,6 +41,8 @@ def _raw(left: str, right: str) -> Layout:
     return Layout(*eyes, keys, f"image_{left}/timestamps.txt", (name, f"../{name}"))
 
 
+POSITIONS = ("groundtruth.txt", "groundtruth.csv", "gt.txt", "gt.csv", "gt_xy.csv")
+"""Tables of the positions of a point beside a pair without true poses, with named columns."""
 LAYOUTS = (
     Layout("image_0", "image_1", ("P0", "P1"), "times.txt"),
     Layout("image_2", "image_3", ("P2", "P3"), "times.txt"),
@@ -109,14 +112,18 @@ def read_kitti_pose(folder: Path) -> Array:
 def read_kitti_truth(folder: Path, T_body_cam: Array) -> Trajectory | None:
     """Read the left camera's T_world_cam from `poses.txt`, `poses/NN.txt`, or raw data's `oxts`.
 
-    T_body_cam (4, 4) is the left camera in the left grey one.
+    Without these, the first of POSITIONS is taken, with a remark. T_body_cam (4, 4) is the left
+    camera in the left grey one.
 
     Raises:
         TrajectoryError: If a row is not 12 finite numbers, or rows and times differ.
     """
     path = next((x for x in pose_files(folder.resolve()) if x.is_file()), None)
     if path is None:
-        return read_oxts(folder, T_body_cam)
+        table = next(filter(Path.is_file, (folder / x for x in POSITIONS)), None)
+        if table is None:
+            return read_oxts(folder, T_body_cam)
+        return read_true_poses(table, T_body_cam, list_kitti(folder).timestamps_ns)
     T = read_kitti_poses(path)
     times = _read_times(folder / "times.txt")
     if len(T) != len(times):

@@ -19,6 +19,8 @@ ROTATION = re.compile(
     r"(?:q|r|quat|quaternion|rot|rotation|ori|orientation|q_\w+_)_?([wxyz])"
     r"|.*(?:orientation|rotation)[._]([wxyz])"
 )
+OF = re.compile(r" of .*")
+"""What follows a name in a header, such as `y of the tracked point`."""
 GROUPS = (
     (re.compile(r"(q|quat|quaternion|orientation|rotation)(\(wxyz\))"), ("qw", "qx", "qy", "qz")),
     (re.compile(r"q|quat|quaternion|orientation|rotation|q_\w+to\w+"), ("qx", "qy", "qz", "qw")),
@@ -38,7 +40,10 @@ MAX_POSITION_M = 1e9
 
 @dataclass(frozen=True)
 class PoseColumns:
-    """Indices of the columns of time, position and quaternion, scalar first; None without one."""
+    """Indices of the columns of time, position and quaternion, scalar first; None without one.
+
+    Positions of two columns are in a plane, z = 0.
+    """
 
     time: int
     position: tuple[int, ...]
@@ -51,7 +56,8 @@ class PoseColumns:
             DriftyardError: If a number is missing or not finite, or a quaternion is not of unit
                 length; of the table's class, names file and line.
         """
-        positions = table.numbers(self.position, expected)
+        positions = np.zeros((len(table), 3))
+        positions[:, : len(self.position)] = table.numbers(self.position, expected)
         for i in np.flatnonzero((np.abs(positions) > MAX_POSITION_M).any(axis=1)):
             raise table.fault(int(i), f"a position is beyond 1e9 m; expected {expected}")
         if self.quat_wxyz is None:
@@ -73,7 +79,8 @@ EUROC = PoseColumns(0, (1, 2, 3), (4, 5, 6, 7))
 def named_columns(table: Table) -> PoseColumns | None:
     """Find the columns by the names in a header; None unless time and position are named."""
     columns = max((len(row) for row in table.rows), default=0)
-    return next(filter(None, (_columns(header, columns) for header in table.headers)), None)
+    leading = table.separator is None
+    return next(filter(None, (_columns(x, columns, leading) for x in table.headers)), None)
 
 
 def unnamed_columns(table: Table, unit_ns: int, usual: PoseColumns) -> PoseColumns:
@@ -126,23 +133,28 @@ def _are_rotations(R: Array) -> Mask:
     return (errors < MAX_ROTATION_ERROR) & (np.linalg.det(R) > 0)
 
 
-def _columns(header: tuple[str, ...], columns: int) -> PoseColumns | None:
-    """Find the columns of a table of so many in the words of a header."""
+def _columns(header: tuple[str, ...], columns: int, leading: bool) -> PoseColumns | None:
+    """Find the columns of a table of so many in the words of a header.
+
+    Other words are leading, such as `format: timestamp tx ty tz qx qy qz qw`, or follow the names.
+    """
     names: list[str] = []
     for word in header:
-        name = re.sub(r"\s+", "", word.lower())
+        name = re.sub(r"\s+", "", OF.sub("", word.lower()))
         groups = (x for pattern, x in GROUPS if pattern.fullmatch(name) and header.count(word) == 1)
         names += next(groups, (name,))
     time = next((i for i, name in enumerate(names) if TIME.fullmatch(name)), 0)
-    if len(names) > columns:  # such as `format: timestamp tx ty tz qx qy qz qw`
+    if len(names) > columns and leading:
         names, time = names[time:], 0
     place: dict[str, int] = {}
     for i, name in enumerate(names[:columns]):
         for kind, pattern in (("p", POSITION), ("q", ROTATION)):
             if match := pattern.fullmatch(name):
                 place.setdefault(kind + (match[1] or match[2]), i)
-    if time in place.values() or not {"px", "py", "pz"} <= place.keys():
+    if time in place.values() or not {"px", "py"} <= place.keys():
         return None
     quat = tuple(place[x] for x in ("qw", "qx", "qy", "qz") if x in place)
-    position = (place["px"], place["py"], place["pz"])
+    position = tuple(place[x] for x in ("px", "py", "pz") if x in place)
+    if len(position) == 2 and quat:
+        return None
     return PoseColumns(time, position, quat if len(quat) == 4 else None)

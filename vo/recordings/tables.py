@@ -208,7 +208,7 @@ def read_table(path: Path, error: type[DriftyardError] = DatasetError) -> Table:
     Raises:
         DriftyardError: If the file is missing or not text; of the class `error`.
     """
-    headers: list[tuple[str, ...]] = []
+    comments: list[str] = []
     lines: list[int] = []
     rows: list[tuple[str, ...]] = []
     separator: str | None = None
@@ -217,13 +217,13 @@ def read_table(path: Path, error: type[DriftyardError] = DatasetError) -> Table:
         is_comment = text.startswith(("#", "%"))
         words = _split(text)
         if is_comment or not (rows or any(map(NUMBER_LIKE.match, words))):
-            names = _split(BRACKETS.sub("", text.lstrip("#% ")))
-            headers += [names] if names and not rows else []
+            comments += [] if rows else [BRACKETS.sub("", text.lstrip("#% "))]
         elif words:
             separator = separator if rows else _separator(text)
             lines.append(number)
             rows.append(words)
-    return Table(path, tuple(headers), separator, tuple(lines), tuple(rows), error)
+    headers = tuple(filter(None, (_split(x, separator) for x in comments)))
+    return Table(path, headers, separator, tuple(lines), tuple(rows), error)
 
 
 def _separator(text: str) -> str | None:
@@ -233,8 +233,10 @@ def _separator(text: str) -> str | None:
     return next((x for x in ";,\t" if x in text), None)
 
 
-def _split(text: str) -> tuple[str, ...]:
-    words = [word.strip().strip("\"'").strip() for word in text.split(_separator(text))]
+def _split(text: str, separator: str | None = None) -> tuple[str, ...]:
+    """Split at a separator that the text has, by default its own."""
+    at = separator if separator and separator in text else _separator(text)
+    words = [word.strip().strip("\"'").strip() for word in text.split(at)]
     while words and not words[-1]:
         words.pop()
     return tuple(words)

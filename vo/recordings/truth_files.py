@@ -67,7 +67,8 @@ def read_true_poses(
         return Trajectory(times_ns, T_world_sensor @ (T_sensor_body @ T_body_cam))
     origin_body = np.zeros(3) if T_body_sensor is None else T_body_sensor[:3, 3]
     where = "the body's origin" if T_body_sensor is None else "T_BS of sensor.yaml"
-    remark(f"{path}: has positions only, of a point at {where}; errors are ATE without attitude")
+    what = "positions in a plane" if len(columns.position) == 2 else "positions"
+    remark(f"{path}: has {what} only, of a point at {where}; errors are ATE without attitude")
     point_cam = se3.transform(se3.inverse(T_body_cam), origin_body[None])[0]
     return Trajectory(times_ns, T_world_sensor, point_cam)
 
