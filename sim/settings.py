@@ -10,6 +10,8 @@ from vo.contract.settings import Settings, validated
 
 OptionValue = bool | int | float | str
 Waypoint = Annotated[tuple[float, float], Field(description="x, y in world metres")]
+ROVER_MPS = 1.0
+"""Largest speed of the rover: that of its wheels' motors, 20 rad/s at a radius of 50 mm."""
 
 
 class RigSettings(Settings):
@@ -101,7 +103,7 @@ class DriveSettings(Settings):
     distance_m: float | None = Field(default=None, gt=0.0)
     """Path length to drive, m; none: the whole route once. Closed routes repeat."""
     speed_mps: float = Field(default=0.3, ge=0.02, le=1.5)
-    """Speed on straights, m/s."""
+    """Speed on straights, m/s; the rover's wheels turn at most 20 rad/s, which is 1 m/s."""
     acceleration_mps2: float = Field(default=0.3, gt=0.0, le=3.0)
     """Acceleration and deceleration, m/s^2."""
     turn_rate_max_deg_s: float = Field(default=40.0, gt=0.0, le=240.0)
@@ -112,6 +114,15 @@ class DriveSettings(Settings):
     """Path length between halts, m; 0: no halts."""
     stop_s: float = Field(default=0.0, ge=0.0, le=60.0)
     """Duration of each halt, s."""
+
+    @model_validator(mode="after")
+    def _rover_reaches_speed(self) -> Self:
+        if self.carrier == "rover" and self.speed_mps > ROVER_MPS:
+            raise ValueError(
+                f"drive.speed_mps = {self.speed_mps:g}: the rover's wheels turn at most 20 rad/s, "
+                f"which is {ROVER_MPS:g} m/s; only drive.carrier = handheld is faster"
+            )
+        return self
 
 
 class TerrainSettings(Settings):

@@ -9,7 +9,7 @@ import pytest
 from scenes import find_scene
 from sim.batch import DatasetTask
 from sim.camera.gl import choose_backend
-from sim.settings import RecordSettings, RigSettings
+from sim.settings import DriveSettings, RecordSettings, RigSettings
 from sim.world.random_streams import stream
 from sim.world.rover import ticks
 from sim.world.trip import SamplingClock
@@ -146,3 +146,9 @@ def test_choose_backend_auto_follows_the_environment(monkeypatch):
     assert choose_backend("egl") == "egl"
     monkeypatch.setenv("MUJOCO_GL", "glfw")
     assert choose_backend("auto") in ("egl", "osmesa")
+
+
+def test_speed_beyond_the_rovers_wheels_says_why():
+    with pytest.raises(ValueError, match=r"wheels turn at most 20 rad/s, which is 1 m/s"):
+        DriveSettings(speed_mps=1.5)
+    assert DriveSettings(speed_mps=1.5, carrier="handheld").speed_mps == 1.5
