@@ -64,7 +64,7 @@ MAIN: dict[str, Axis] = {
         overrides=lambda s: (f"scene.doors={0.8 * (1 - s):.6g}",), scene="corridor",
     ),
     "speed": Axis(
-        "speed, m/s", 1.5, minimum=0.3, overrides=_settings("drive.speed_mps",
+        "speed, m/s", 1.0, minimum=0.3, overrides=_settings("drive.speed_mps",
                                                           "drive.acceleration_mps2"),
     ),
 }  # fmt: skip
