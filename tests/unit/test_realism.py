@@ -38,6 +38,7 @@ from trials.realism.quantities import QUANTITIES, Measured, Statistic
 from trials.realism.saved_measures import saved_measure
 from trials.realism.sharpness import edge_profiles, edge_width, edge_widths
 from trials.realism.twin_corrections import corrected, fit_curve, with_speed
+from trials.realism.twins import Place
 from trials.realism.vignetting import LightPairs, vignetting_by_frame
 from vo.contract.remarks import Remark
 from vo.contract.rig import StereoRig
@@ -314,6 +315,15 @@ def test_intervals_move_with_corrected_values():
     assert moved.estimates[0].text == "0.9 (0.7 to 1.2)"
     assert moved.values["sensor.gamma"] == 1.2
     assert "corrected" in moved.estimates[0].note
+
+
+def test_command_of_a_twin_names_its_place_and_layout():
+    assert CameraMatch("real", []).twin_command("c.toml") == ""
+    place = Place("sandbox", ("scene.surround=hall",))
+    found = CameraMatch("real", [], {place.label: 0.3}, place=place, seeds=[2, 0, 1])
+    words = "driftyard generate sandbox --camera 'my c.toml' --set scene.surround=hall --seed 2"
+    assert found.twin_command("my c.toml") == f"{words} --out twin"
+    assert "# A recording of it: " + words.replace("'my c.toml'", "THIS_FILE") in found.toml()
 
 
 def test_linear_response_shows_in_the_noise():

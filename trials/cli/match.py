@@ -52,3 +52,5 @@ def _print(found: CameraMatch, out: Path) -> None:
     for line in found.unmatched:
         console.out.print(f"not matched: {line}", markup=False)
     console.out.print(f"{out}", markup=False)
+    if command := found.twin_command(str(out)):
+        console.out.print(f"record a twin: {command}", markup=False, soft_wrap=True)

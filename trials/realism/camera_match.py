@@ -1,6 +1,7 @@
 """The camera that comes nearest to a real recording, with its twin: what `match` returns."""
 
 import math
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -126,11 +127,22 @@ class CameraMatch:
             "ratios": self.ratios,
         }
 
+    def twin_command(self, camera: str) -> str:
+        """Return the command that records the nearest scene with a file of the camera, or ''."""
+        if self.place is None:
+            return ""
+        options = [word for x in self.place.options for word in ("--set", x)]
+        seed = ["--seed", str(self.seeds[0])] if self.seeds else []
+        words = ["driftyard", "generate", self.place.scene, "--camera", camera, *options, *seed]
+        return shlex.join([*words, "--out", "twin"])
+
     def toml(self) -> str:
         """Return the file of the camera, with intervals and what is not matched as comments."""
         lines = [f"# Camera nearest to {self.real}, by driftyard match."]
         if self.scenes:
             lines.append(f"# Nearest scene: {next(iter(self.scenes))}.")
+        if command := self.twin_command("THIS_FILE"):
+            lines.append(f"# A recording of it: {command}")
         lines += [f"# Not matched: {x}." for x in self.unmatched]
         for group in dict.fromkeys(key.partition(".")[0] for key in self.values):
             lines += ["", f"[{group}]"]
