@@ -10,7 +10,7 @@ from vo.contract.settings import Settings, validated
 
 OptionValue = bool | int | float | str
 Waypoint = Annotated[tuple[float, float], Field(description="x, y in world metres")]
-ROVER_MPS = 1.0
+MAX_ROVER_MPS = 1.0
 """Largest speed of the rover: that of its wheels' motors, 20 rad/s at a radius of 50 mm."""
 
 
@@ -117,10 +117,10 @@ class DriveSettings(Settings):
 
     @model_validator(mode="after")
     def _rover_reaches_speed(self) -> Self:
-        if self.carrier == "rover" and self.speed_mps > ROVER_MPS:
+        if self.carrier == "rover" and self.speed_mps > MAX_ROVER_MPS:
             raise ValueError(
                 f"drive.speed_mps = {self.speed_mps:g}: the rover's wheels turn at most 20 rad/s, "
-                f"which is {ROVER_MPS:g} m/s; only drive.carrier = handheld is faster"
+                f"which is {MAX_ROVER_MPS:g} m/s; only drive.carrier = handheld is faster"
             )
         return self
 

@@ -11,10 +11,11 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
-from sim.settings import RoverSettings
+from sim.settings import MAX_ROVER_MPS, RoverSettings
 from vo.contract.arrays import Array, Indices
 
 WHEEL_RADIUS_M = 0.05
+MAX_WHEEL_RADPS = MAX_ROVER_MPS / WHEEL_RADIUS_M
 TRACK_M = 0.38
 TYRE_HALF_WIDTH_M = 0.015
 TYRE_DEFLECTION_M = 0.0006
@@ -174,7 +175,7 @@ def _add_driven_wheel(
         name=name,
         trntype=mujoco.mjtTrn.mjTRN_JOINT,
         target=name,
-        ctrlrange=(-20.0, 20.0),
+        ctrlrange=(-MAX_WHEEL_RADPS, MAX_WHEEL_RADPS),
         forcerange=(-torque_max_nm, torque_max_nm),
     )
     motor.set_to_velocity(kv=2.0)

@@ -71,12 +71,12 @@ def no_profiles() -> tuple[Array, ...]:
 
 
 def _distances(reach_px: int) -> Array:
-    """Distances (L,) from an edge at which profiles of a length are sampled, px."""
+    """Return the distances (L,) from an edge at which profiles of a length are sampled, px."""
     return np.arange(-reach_px, reach_px + STEP_PX / 2, STEP_PX)
 
 
 def _step_widths(at: Array, profiles: Array) -> Array:
-    """Widths (E,) of the profiles (N, L) that are steps."""
+    """Return the widths (E,) of the profiles (N, L) that are steps."""
     width_px, is_step = _fit(at, profiles)
     return width_px[is_step]
 

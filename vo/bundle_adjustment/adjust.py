@@ -123,7 +123,7 @@ def misfit(estimates: PointEstimates, T: Array) -> Array:
 
 @compiled()
 def _median_squares(residuals: Array, weight: Array) -> Array:
-    """Median squares of residuals (M, 3) of pixels, and of those disparities that weigh (M, 3)."""
+    """Return median squares of residuals (M, 3): of pixels, and of disparities that weigh."""
     pixels, disparities = np.empty(len(residuals)), np.empty(len(residuals))
     known = 0
     for i in range(len(residuals)):

@@ -38,7 +38,7 @@ def disagreement(T_ref_claimed: Array, T_ref_measured: Array) -> Array:
 def start_covariance(inliers: Matches, rig: StereoRig) -> Array:
     """Covariance (6, 6) that steps have, beside that of the images, until the second keyframe.
 
-    Most of what a first view sees may begin to move with the camera: people do. As long as that is
+    Most of what a first view sees may begin to move with the camera, as a crowd. As long as that is
     below the noise of a pixel, all landmarks agree with a part of the motion.
     """
     covariance = np.zeros((6, 6))

@@ -84,7 +84,7 @@ def _evidence(points: Array, flow: Array, f_px: float, along: Array) -> float:
 
 @compiled()
 def _differentiate(points: Array, f_px: float, along: Array) -> Array:
-    """Derivatives (N, 2, K) of u and v of points (N, 3) by the motions along tangents (6, K)."""
+    """Differentiate u and v of points (N, 3) by the motions along tangents (6, K): (N, 2, K)."""
     size = along.shape[1]
     found = np.zeros((len(points), 2, size))
     du, dv = np.empty(6), np.empty(6)
@@ -136,7 +136,7 @@ def _subtract(jacobian: Array, motion: Array, flow: Array, left: Array, count: i
 
 @compiled()
 def _noise(left: Array, count: int) -> float:
-    """Standard deviation, px, of the first of the flow (N, 2): that of most of it."""
+    """Return the standard deviation, px, of most of the first of the flow (N, 2)."""
     size = np.empty(2 * count)
     for i in range(count):
         size[2 * i], size[2 * i + 1] = abs(left[i, 0]), abs(left[i, 1])

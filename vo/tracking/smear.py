@@ -65,7 +65,7 @@ def estimate_smear(
 
 
 def _climb(likeness: Callable[[int], float]) -> int:
-    """Place of the best of SHARES, from the middle: too little and too much blur are both worse."""
+    """Climb to the best of SHARES from the middle: too little and too much blur are both worse."""
     k = len(SHARES) // 2
     step = 1 if likeness(k) > likeness(k - 1) else -1
     k = k if step > 0 else k - 1

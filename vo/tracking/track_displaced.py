@@ -145,10 +145,10 @@ def _rough(settings: OdometrySettings, f_px: float) -> OdometrySettings:
 
 
 def rank_landmarks(ids: Indices, expected: Array, previous: Observations) -> tuple[Mask, Array]:
-    """Which landmarks (L,) a previous frame observed, and what each is worth for the translation.
+    """Return which landmarks (L,) a previous frame observed, and their worth for the translation.
 
-    It is the disparity, by which the image moves, of projections (L, 3); of those observed over the
-    standard deviation of their pixel: its square is the information.
+    The worth is the disparity, by which the image moves, of projections (L, 3); of those observed,
+    it is divided by the standard deviation of their pixel: its square is the information.
     """
     place = find_sorted(previous.ids, ids)
     known, worth = place >= 0, expected[:, 2].copy()
