@@ -9,6 +9,7 @@ from sim.imaging.linear_light import Response
 from trials.execution.cache import ESTIMATOR, cache_path, dataset_digest, source_digest
 from trials.realism.measure import measure
 from trials.realism.quantities import Measured, Statistic
+from vo.contract.files import replacing
 from vo.recordings.readers import recording_name
 
 SOURCES = (*ESTIMATOR, "trials/realism", "sim/imaging/linear_light.py")
@@ -29,10 +30,8 @@ def saved_measure(
     if file.is_file():
         return _read(file, name)
     found = measure(folder, frames, response, progress)
-    file.parent.mkdir(parents=True, exist_ok=True)
-    part = file.with_suffix(".part.npz")
-    _write(found, part)
-    part.replace(file)
+    with replacing(file) as partial:
+        _write(found, partial)
     return found
 
 
