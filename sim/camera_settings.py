@@ -88,6 +88,8 @@ class SensorSettings(Settings):
     """Bits of a grey level as it leaves the sensor; from 10 on, raw images are written, too."""
     jpeg_quality: int = Field(default=0, ge=0, le=100)
     """Quality of the JPEG files in which images leave the camera, with chroma 4:2:2; 0: none."""
+    h264_crf: int = Field(default=0, ge=0, le=51)
+    """Constant rate factor of the H.264 video in which images leave the camera; 0: none."""
     drop_share: float = Field(default=0.0, ge=0.0, le=0.9)
     """Fraction of the frames that are lost."""
 
@@ -102,11 +104,18 @@ class SensorSettings(Settings):
         return self
 
     @model_validator(mode="after")
-    def _jpeg_has_8_bits(self) -> Self:
-        if self.jpeg_quality and self.bits > 8:
+    def _one_compression_of_8_bits(self) -> Self:
+        compressions = {"jpeg_quality": "JPEG", "h264_crf": "H.264"}
+        used = [x for x in compressions if getattr(self, x)]
+        if used and self.bits > 8:
             raise ValueError(
-                f"sensor.jpeg_quality = {self.jpeg_quality} with sensor.bits = {self.bits}: JPEG "
-                "has 8 bits; set one of both"
+                f"sensor.{used[0]} = {getattr(self, used[0])} with sensor.bits = {self.bits}: "
+                f"{compressions[used[0]]} has 8 bits; set one of both"
+            )
+        if len(used) > 1:
+            raise ValueError(
+                f"sensor.h264_crf = {self.h264_crf} with sensor.jpeg_quality = "
+                f"{self.jpeg_quality}: a camera compresses once; set one of both to 0"
             )
         return self
 

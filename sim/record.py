@@ -212,7 +212,9 @@ def _write_frames(
         if progress:
             progress(len(residuals), total)
 
-    with ThreadPoolExecutor(WORKERS, "frames") as pool:
+    # Frames of a video follow one another: a single thread takes them in order.
+    workers = 1 if processor.settings.sensor.h264_crf else WORKERS
+    with ThreadPoolExecutor(workers, "frames") as pool:
 
         def submitted() -> Iterator[_Frame]:
             for capture in captures:

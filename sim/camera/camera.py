@@ -18,6 +18,7 @@ from sim.imaging.lens import raw_margin_px
 from sim.imaging.linear_light import decode
 from sim.imaging.rain import draw_drops, rain_visibility_m, streaked
 from sim.imaging.soiling import Soiling
+from sim.imaging.video import Video
 from sim.settings import RecordSettings
 from sim.world.random_streams import stream
 from sim.world.trip import Trip
@@ -88,28 +89,37 @@ class StereoImages:
 
 
 class StereoCamera:
-    """Both cameras; captures frames in order, forms images in any order and thread."""
+    """Both cameras; captures frames in order, forms images in any order and thread.
+
+    With H.264 (`sensor.h264_crf`) images are formed in order, as each depends on those before.
+    """
 
     def __init__(self, world: World, settings: RecordSettings) -> None:
         """Prepare lenses and sensors.
 
         Raises:
-            SettingsError: If the distortion folds inside the image.
+            SettingsError: If the distortion folds inside the image, or the package for H.264 is
+                missing.
         """
         self._world, self._settings = world, settings
         cameras: tuple[Literal[0, 1], ...] = (0, 1)
         rigs, dirt = (world.rig, world.render_rig), self._soiling
         self.sensors = [ImageSensor(settings, k, *rigs, dirt(k)) for k in cameras]
         perfect = SensorSettings(), CalibrationSettings()
+        self._videos = _open_videos(settings)
         self._is_perfect = (settings.sensor, settings.calibration) == perfect
 
     def with_seed(self, seed: int) -> "StereoCamera":
-        """Return this camera with noise and dirt of another seed; clean lenses are shared."""
+        """Return this camera at its start, with noise and dirt of another seed.
+
+        Clean lenses are shared.
+        """
         settings = self._settings.model_copy(update={"seed": seed})
         if settings.sensor.soiling:
             return StereoCamera(self._world, settings)
         other = copy(self)
         other._settings = settings
+        other._videos = _open_videos(settings)
         return other
 
     def _soiling(self, camera: int) -> Soiling | None:
@@ -199,7 +209,8 @@ class StereoCamera:
             if (rows != 1).any():
                 light = light * rows.astype(np.float32).reshape(-1, *(1,) * (light.ndim - 1))
             rng = stream(self._settings.seed, f"noise/{k}/{capture.index}")
-            raw.append(sensor.expose(light, level, capture.exposure.gain, rng))
+            image = sensor.expose(light, level, capture.exposure.gain, rng)
+            raw.append(self._videos[k].through(image) if self._videos else image)
         left, right = (s.undistort(image) for s, image in zip(self.sensors, raw, strict=True))
         if left is raw[0]:  # no distortion, and 8 bits
             return StereoImages((left, right), None)
@@ -211,6 +222,11 @@ class StereoCamera:
         few = light[::8, ::8]
         few = decode(np.ascontiguousarray(few)) if few.dtype == np.uint8 else few
         return float(self.sensors[0].encode(few * np.float32(factor)).mean())
+
+
+def _open_videos(settings: RecordSettings) -> tuple[Video, ...]:
+    crf = settings.sensor.h264_crf
+    return (Video(crf), Video(crf)) if crf else ()
 
 
 def place_and_render(

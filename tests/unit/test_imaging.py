@@ -367,6 +367,13 @@ def test_jpeg_with_more_than_8_bits_is_refused():
         SensorSettings(jpeg_quality=80, bits=12)
 
 
+def test_two_compressions_are_refused():
+    with pytest.raises(ValueError, match="compresses once; set one of both to 0"):
+        SensorSettings(jpeg_quality=80, h264_crf=30)
+    with pytest.raises(ValueError, match=r"H\.264 has 8 bits"):
+        SensorSettings(h264_crf=30, bits=10)
+
+
 def test_foggy_follows_koschmieder():
     light = np.full((2, 2, 3), 0.5, np.float32)
     range_m = np.array([[0, 10], [20, np.nan]], np.float32)

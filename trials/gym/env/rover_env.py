@@ -138,7 +138,7 @@ class RoverEnv(gymnasium.Env[Any, Array]):
         self._layouts.clear()
         self._episode = None
 
-    def save_dataset(self, out: Path) -> None:
+    def save_dataset(self, out: str | Path) -> None:
         """Write the trial so far as a dataset folder with exact labels; see `record`.
 
         It is rendered again as the recorder does it; the images equal those of the trial byte by
@@ -162,7 +162,7 @@ class RoverEnv(gymnasium.Env[Any, Array]):
         camera = StereoCamera(world, settings.model_copy(update={"seed": episode.noise_seed}))
         before = world.data.qpos.copy()
         try:
-            with DatasetWriter(out) as writer:
+            with DatasetWriter(Path(out)) as writer:
                 record_trip(writer, world, trip, settings, camera, instance.camera.renderer)
         finally:
             world.data.qpos[:] = before
