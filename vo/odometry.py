@@ -93,7 +93,7 @@ class StereoOdometry:
         state.smoothing_px, state.is_band_passed = view.smoothing_px, view.is_band_passed
         state.frame_ns = frame.timestamp_ns
         if not state.map.keyframes:
-            return self._initialize(view, clock)
+            return self._initialize(view, frame, clock)
 
         context = Context(self.hooks, self._rng, clock, self._budget)
         T_guess = predict_pose(state, view, self.hooks)  # constant velocity, or at rest
@@ -103,7 +103,7 @@ class StereoOdometry:
             tracked = track_displaced(state, state.previous, view, T_guess, context)
         tracked = search_pose(state, view, T_guess, first=tracked, context=context)  # (3.2-3.4)
         if isinstance(tracked, NotTracked) or shows_swapped_images(tracked, view):
-            return self._lose(view, tracked.counts, clock)
+            return self._lose(view, frame, tracked.counts, clock)
 
         with clock("structure refinement"):
             state.map = add_observations(state.map, tracked.view, tracked.inliers)
@@ -113,7 +113,7 @@ class StereoOdometry:
                 held = halt.covariance + disagreement(halt.T_odom_cam, tracked.T_odom_cam)
                 tracked = replace(tracked, T_odom_cam=halt.T_odom_cam, covariance=held)
             # The exposure has found its level: what was seen before is mostly rounding.
-            is_clearer = state.is_faint and not diagnostics.is_faint(view.frame.left)
+            is_clearer = state.is_faint and not view.is_faint
             if is_keyframe := is_clearer or (not halt and needs_keyframe(tracked)):
                 state.is_faint = False
                 moved = mapper.finish(state, self.hooks, counts)  # left to do by the one before
@@ -141,7 +141,7 @@ class StereoOdometry:
         trajectory = None if refinement.smooth == "none" else history.trajectory
         return FinalResult(trajectory, history.point_map)
 
-    def _initialize(self, view: View, clock: Clock) -> Estimate:
+    def _initialize(self, view: View, frame: StereoFrame, clock: Clock) -> Estimate:
         """Start a map at the pose that the lost map gives, or else at the last pose."""
         state, lost_frames, none = self.state, self.state.lost_frames, np.zeros((6, 6))
         found = relocalize(state.lost_map, view, self._rng)  # (6)
@@ -154,10 +154,11 @@ class StereoOdometry:
         n, min_inliers = len(new.landmarks), view.settings.motion.min_inliers
         counts = {"matches": 0, "inliers": 0, "fresh": n}
         if n < min_inliers:
-            return self._lose(view, counts, clock, f"{n} features with depth, need {min_inliers}")
+            few = f"{n} features with depth, need {min_inliers}"
+            return self._lose(view, frame, counts, clock, few)
         state.map, state.lost_map = new, None if found else state.lost_map
         self._history.record_map(new, view.settings.refinement)
-        state.previous, state.is_faint = new.keyframes[-1], diagnostics.is_faint(view.frame.left)
+        state.previous, state.is_faint = new.keyframes[-1], view.is_faint
         state.halt = start_halt(state.T_odom_cam, T_odom_cam, none, view, newest_matches(new))
         state.wheels = replace(state.wheels, readings=state.ticks)
         state.gyro = replace(state.gyro, readings=state.angles_rad)
@@ -176,8 +177,9 @@ class StereoOdometry:
         )
 
     def _lose(
-        self, view: View, counts: Mapping[str, int], clock: Clock, few: str | None = None
-    ) -> Estimate:
+        self, view: View, frame: StereoFrame, counts: Mapping[str, int], clock: Clock,
+        few: str | None = None,
+    ) -> Estimate:  # fmt: skip
         """Report a frame without a pose; after some, the next one starts a new map."""
         self._mapper.finish(self.state, self.hooks, {})
         state, settings = self.state, self.settings
@@ -190,7 +192,7 @@ class StereoOdometry:
             view.frame.timestamp_ns,
             Status.LOST,
             None,
-            reason=diagnostics.explain_failure(view) or few,
+            reason=diagnostics.explain_failure(view, frame) or few,
             counts={**view.detection.counts, **counts},
             timings_ms=clock.ms,
         )

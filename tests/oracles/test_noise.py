@@ -101,7 +101,7 @@ def test_adapt_settings_widens_windows_and_nothing_else() -> None:
 def test_noise_of_the_right_image_counts() -> None:
     sharp = cv2.GaussianBlur(RNG.standard_normal((480, 640)), (0, 0), 1.2)
     left = 128 + 12 * sharp / sharp.std()
-    right = np.clip(left + 12 * RNG.standard_normal(left.shape), 0, 255)
+    right = np.clip(left + 8 * RNG.standard_normal(left.shape), 0, 255)
     pair = (np.rint(x).astype(np.uint8) for x in (left, right))
     rig = StereoRig(640, 480, 457.0, 319.5, 239.5, 0.09)
     frontend = Frontend(rig, usual := OdometrySettings())

@@ -46,6 +46,34 @@ MAX_SIDE_PX = 31
 
 
 @dataclass(frozen=True)
+class VeryLowSnr:
+    """Adaptation to noisy images whose texture is buried in noise, as at dusk (decision 53).
+
+    There, correlations of what is the same are low, and features are hardly found twice.
+    """
+
+    texture_to_noise: float = 0.5
+    """Limit, over that of a low SNR."""
+    ends: float = 1.3
+    """Factor on the limit at which the adaptation ends: it does not begin and end in turn."""
+    smoothing: float = 1.5
+    """Factor on the standard deviation of the Gaussian for noisy images."""
+    window_scale: float = 2.8
+    """Factor on the sides of aligned patches."""
+    sigma_scale: float = 6.0
+    """Factor on the largest uncertainty of disparities: many weak landmarks determine a pose."""
+    min_zncc: float = 0.6
+    """Minimum correlation of a match."""
+    min_align_zncc: float = 0.5
+    """Minimum correlation after alignment: large windows tell false matches from true ones."""
+    variance: float = 1.5
+    """Factor on the covariance of a pose: smoothed noise is alike in neighbouring pixels."""
+
+
+VERY_LOW_SNR = VeryLowSnr()
+
+
+@dataclass(frozen=True)
 class ImageQuality:
     """Noise, texture and softness of an image.
 
@@ -149,17 +177,20 @@ def _measure_blocks(image: Image) -> Array:
 
 
 def adapt_settings(
-    settings: OdometrySettings, low_snr: bool, defocus: bool, smeared: bool = False
-) -> OdometrySettings:
+    settings: OdometrySettings, low_snr: bool, defocus: bool, smeared: bool = False,
+    very_low_snr: bool = False,
+) -> OdometrySettings:  # fmt: skip
     """Widen windows and admit less exact disparities and weaker features, as an image demands.
 
     Where noise is as strong as texture, or texture is coarse, a patch of the usual size holds
     little information: windows grow (Kanade and Okutomi, PAMI 1994), by one factor for the image,
-    by both where it is noisy and out of focus. A smeared image is coarse in one direction.
+    by both where it is noisy and out of focus. A smeared image is coarse in one direction. A very
+    low SNR is a low one, too.
     """
-    windows, searches, s = [1.0], [1.0], settings.defocus
+    windows, searches, s, very_low = [1.0], [1.0], settings.defocus, VERY_LOW_SNR
     if low_snr:
-        windows.append(settings.low_snr.window_scale)
+        scale = very_low.window_scale if very_low_snr else settings.low_snr.window_scale
+        windows.append(scale)
         searches.append(settings.low_snr.search_scale)
     if defocus or smeared:
         windows.append(s.window_scale if defocus else SMEAR_WINDOW_SCALE)
@@ -168,11 +199,15 @@ def adapt_settings(
     window_scale, search_scale = combined(windows), combined(searches)
     threshold_scale = s.threshold_scale if defocus else 1.0
     sigma_scale = settings.low_snr.sigma_scale if low_snr else 1.0
+    sigma_scale = very_low.sigma_scale if very_low_snr else sigma_scale
     disagreement_scale = DEFOCUS_DISPARITY_SCALE if defocus else 1.0
     sigma_scale = max(sigma_scale, disagreement_scale)
     features, matching, stereo = settings.features, settings.matching, settings.stereo
     features = features.model_copy(update={"threshold": threshold_scale * features.threshold})
     matching = matching.model_copy(update={"align_px": _widen(matching.align_px, window_scale)})
+    if very_low_snr:
+        least = {"min_zncc": very_low.min_zncc, "min_align_zncc": very_low.min_align_zncc}
+        matching = matching.model_copy(update=least)
     stereo = stereo.model_copy(
         update={
             "patch_px": _widen(stereo.patch_px, search_scale),
@@ -183,6 +218,24 @@ def adapt_settings(
     )
     adapted = {"features": features, "matching": matching, "stereo": stereo}
     return settings.model_copy(update=adapted)
+
+
+def choose_smoothing(
+    noise: float, texture_to_noise: float, faint: bool, before_px: float, s: OdometrySettings
+) -> float:
+    """Choose the standard deviation of the Gaussian for a pair of images, px; 0 for none.
+
+    `before_px` is that of the frame before. After a noisy image, all are smoothed: templates of
+    smoothed images match those of others less well. More than usual if the SNR is very low.
+    """
+    usual_px, very_low = s.features.smoothing_px, VERY_LOW_SNR
+    is_noisy = noise > s.features.noise_threshold_grey
+    limit = very_low.texture_to_noise * s.low_snr.texture_to_noise
+    if before_px > usual_px:
+        limit *= very_low.ends
+    if (is_noisy or faint) and texture_to_noise < limit:
+        return very_low.smoothing * usual_px
+    return usual_px if is_noisy else min(before_px, usual_px)
 
 
 def adapt_to_blur(settings: OdometrySettings) -> OdometrySettings:

@@ -50,6 +50,8 @@ class View:
         settings: Adapted to the image, for all later stages.
         smoothing_px: Standard deviation of the Gaussian that the images were smoothed by; 0: none.
         is_band_passed: Whether the images are band-passes of those that were taken out of focus.
+        is_faint: Whether the texture of the left image, as it was taken, is mostly rounding.
+        very_low_snr: Whether texture is buried in noise, and the settings are adapted to that.
         velocity: (6,) of the left camera, tangent (v m/s, w rad/s) in its frame, by which rows of
             a rolling shutter are carried to one instant; None with a global shutter.
         is_smeared: Whether the image looks blurred by motion.
@@ -66,6 +68,8 @@ class View:
     settings: OdometrySettings
     smoothing_px: float = 0.0
     is_band_passed: bool = False
+    is_faint: bool = False
+    very_low_snr: bool = False
     velocity: Array | None = None
     is_smeared: bool = False
     path_px: Array | None = None

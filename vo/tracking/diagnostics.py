@@ -42,9 +42,9 @@ class DiagnosticThresholds:
 LIMITS = DiagnosticThresholds()
 
 
-def explain_failure(view: View) -> str:
-    """Say what is wrong with the images of a frame; empty if nothing is."""
-    images = {"left": view.frame.left, "right": view.frame.right}
+def explain_failure(view: View, frame: StereoFrame) -> str:
+    """Say what is wrong with the images of a frame, as they were taken; empty if nothing is."""
+    images = {"left": frame.left, "right": frame.right}
     flaws = [f"{name} image {flaw}" for name, image in images.items() if (flaw := _flaw(image))]
     if flaws:
         return ", ".join(flaws)

@@ -7,6 +7,7 @@ import numpy as np
 from vo.bundle_adjustment.adjust import Pose, refine_motion
 from vo.contract.arrays import Array
 from vo.contract.projection import project_points
+from vo.features.image_quality import VERY_LOW_SNR
 from vo.map.frame import Matches, View
 from vo.pose.estimation import estimate_pose
 from vo.pose.ransac import Consensus
@@ -81,4 +82,5 @@ def weigh_consensus(pose: Pose, found: Matches, inliers: Matches, view: View) ->
     falls. Without guided matching, what disagrees is mostly false matches, which tell nothing.
     """
     share = len(inliers) / max(len(found), 1) if view.settings.matching.guided else 1.0
-    return pose.covariance / max(share, 1e-3) ** 2
+    covariance = pose.covariance / max(share, 1e-3) ** 2
+    return VERY_LOW_SNR.variance * covariance if view.very_low_snr else covariance

@@ -37,9 +37,10 @@ from vo.tracking.right_view import correct_cameras
 from vo.tracking.smear import estimate_smear
 from vo.tracking.tracked import Context, NotTracked, Tracked
 
-MIN_KNOWN, MIN_KNOWN_NOISY = 40, 60
+MIN_KNOWN, MIN_KNOWN_NOISY, MIN_KNOWN_BURIED = 40, 60, 16
 """Observations in the previous frame; with fewer, features bring missed landmarks back. In noisy
-images, which are smoothed, more are missed by chance."""
+images, which are smoothed, more are missed by chance. In those of very low SNR features are hardly
+found twice."""
 
 ROUGH_PX = 2.5
 """Inlier threshold of displacements in halved images."""
@@ -54,6 +55,7 @@ def track_displaced(
     """
     result: Tracked | NotTracked = NotTracked({"matches": 0, "inliers": 0})
     few = MIN_KNOWN_NOISY if view.smoothing_px else MIN_KNOWN
+    few = MIN_KNOWN_BURIED if view.very_low_snr else few
     if len(previous.observations) < few or view.settings.motion.landmark_prior:
         return result  # the prior chooses among all landmarks, not among the last inliers
     for radius_px in (NEAR_PX, view.settings.matching.search_radius_px):
