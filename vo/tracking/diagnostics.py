@@ -4,6 +4,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from statistics import median
 
+import cv2
 import numpy as np
 
 from vo.config import OdometrySettings
@@ -64,7 +65,8 @@ def _flaw(image: Image) -> str:
 
 def is_faint(image: Image) -> bool:
     """Whether the texture of an image is mostly rounding, as before the exposure adapts."""
-    return float(image.std()) < LIMITS.faint_grey
+    _, deviation = cv2.meanStdDev(image)
+    return float(deviation[0, 0]) < LIMITS.faint_grey
 
 
 def images_look_swapped(view: View) -> bool:
