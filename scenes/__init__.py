@@ -26,6 +26,7 @@ from scenes import (
     sandbox,
     sill,
     stop_and_go,
+    street,
     turntable,
     warehouse,
 )
@@ -95,6 +96,7 @@ SCENES: dict[str, SceneBuilder] = {
     "stop_and_go": _builder(
         stop_and_go, {"rig.tilt_deg": 8.0, "drive.stop_every_m": 0.9, "drive.stop_s": 4.0}
     ),
+    "street": _builder(street, {"rig.tilt_deg": 12.0, "render.far_m": 250.0}),
     "turntable": _builder(
         turntable,
         {"rig.tilt_deg": 15.0, "drive.turn_rate_max_deg_s": 120.0, "exposure.time_ms": 18.0},

@@ -23,6 +23,8 @@ from vo.contract.settings import Settings
 
 TESTS = "A loop of 300 m around a block: drift accumulates, and the end revisits the start."
 TAGS = "outdoor level long textured"
+MARGIN_M = 12.0
+"""Distance that the lawn reaches beyond the route."""
 HALF_M = np.array([46.0, 29.0])
 """Half sizes of the route's rectangle, before it is scaled to its length."""
 
@@ -71,14 +73,14 @@ def build(rng: np.random.Generator, settings: Options) -> Scene:
     _build_up(stage, rng, plots, ribbon, settings.houses)
     _furnish(stage, rng, plots, ribbon)
     _plant(stage, rng, plots, ribbon, settings.trees)
-    ground = BlockGround(stage, rng, ribbon, light)
+    low, high = ribbon.route.min(axis=0), ribbon.route.max(axis=0)
+    ground = BlockGround(stage, rng, light, low - MARGIN_M, high + MARGIN_M)
     with stage.object("path", Kind.GROUND):
         pave(ground, rng, ribbon)
     with stage.object("lawn", Kind.GROUND):
         lawn(ground, rng, ribbon)
-    route = ribbon.route
-    around = (*(route.min(axis=0) - 8), *(route.max(axis=0) + 8))
-    return stage.scene(TESTS, TAGS, light, sky.town_sky(rng), route=route, reach_m=around)
+    around = (*(low - 8), *(high + 8))
+    return stage.scene(TESTS, TAGS, light, sky.town_sky(rng), route=ribbon.route, reach_m=around)
 
 
 def _route(rng: np.random.Generator, length_m: float) -> Array:

@@ -30,7 +30,8 @@ SEED = "3"
 SMALL = ("rig.width_px=320", "rig.height_px=240")
 SCENES = (
     *("asphalt", "brick_court", "corridor", "crowded", "dusk", "lab_circle", "long_haul"),
-    *("meadow", "office", "ramp", "sandbox", "sill", "stop_and_go", "turntable", "warehouse"),
+    *("meadow", "office", "ramp", "sandbox", "sill", "stop_and_go", "street", "turntable"),
+    "warehouse",
 )
 LABELS = ("labels.flow=true", "labels.occlusion=true", "labels.segmentation=true")
 

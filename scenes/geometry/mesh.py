@@ -205,6 +205,23 @@ def box(
     return _parallelograms(corners, edges_u, edges_v, cells[:drawn], texture_m, offset)
 
 
+def boxes(lows: Array, highs: Array, texture_m: float = 1.0, offset: Vector = (0.0, 0.0)) -> Mesh:
+    """Build N axis-aligned boxes between (N, 3) corners, undersides included.
+
+    Sides are not divided: baked light varies from corner to corner only. The texture has a period
+    of `texture_m`, shifted by `offset` (2,).
+    """
+    extent = (highs - lows)[:, None]
+    corner = (lows + highs)[:, None] / 2 + CORNERS * extent / 2
+    along, up = EDGES_U * extent, EDGES_V * extent
+    wide, high = (np.linalg.norm(side, axis=-1) / texture_m for side in (along, up))
+    flat = 0 * wide
+    rim = ((flat, flat), (wide, flat), (wide, -high), (flat, -high))
+    uv = np.stack([np.stack(place, axis=-1) for place in rim], axis=2) + np.asarray(offset)
+    corners = np.stack([corner, corner + along, corner + along + up, corner + up], axis=2)
+    return polygons(corners.reshape(-1, 4, 3), uv.reshape(-1, 4, 2))
+
+
 def tube(start: Vector, end: Vector, radius_m: float, sides: int = 10, taper: float = 1.0) -> Mesh:
     """Build a round bar; u runs once around, v along; `taper` scales the end's radius."""
     a, b = np.asarray(start, dtype=float), np.asarray(end, dtype=float)

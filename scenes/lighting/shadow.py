@@ -17,7 +17,7 @@ OCCLUSION_REACHES = 8
 """Beyond this multiple of its reach, a box dims the fill by less than 1e-10."""
 MIN_CULLED_RAD = 0.1
 """Elevation of the lamp below which no box is culled: its shadows reach too far."""
-TILE_M, TILED = 1.0, 1000
+TILE_M, TILED = 3.0, 1000
 """Side of the squares by which boxes are culled, and number of points that are worth it."""
 
 

@@ -103,3 +103,56 @@ def hedge(
     stage.draw("leaves", merged(lobes).moved((*a, 0.0), yaw))
     centre = (*(a + b) / 2, height_m / 2)
     stage.obstacle(name, centre, (length, 0.6, height_m), yaw)
+
+
+@one_object
+def street_tree(
+    stage: Stage, name: str, rng: np.random.Generator, foot: Vector, height_m: float, leaves: int
+) -> None:
+    """Plant a young tree at (3,) metres between three stakes, its crown of single leaves."""
+    base, up = np.asarray(foot, dtype=float), np.array((0, 0, height_m))
+    crown, reach = base + 0.64 * up, height_m * np.array([0.24, 0.24, 0.32])
+    stage.draw("bark", tube(base, base + 0.8 * up, 0.016 * height_m, 7, 0.4))
+    for turn in rng.uniform(0, 2 * np.pi, 6):
+        way = np.array([np.cos(turn), np.sin(turn), rng.uniform(0.4, 1.2)])
+        fork = base + rng.uniform(0.38, 0.6) * up
+        stage.draw("bark", tube(fork, fork + 0.2 * height_m * way, 0.006 * height_m, 5, 0.4))
+    high = np.array([0, 0, 1.75])
+    for turn in 2 * np.pi * (np.arange(3) / 3) + rng.uniform(0, 6):
+        out = np.array([np.cos(turn), np.sin(turn), 0.0])
+        stage.draw("timber", tube(base + 0.55 * out, base + 0.4 * out + 1.08 * high, 0.04, 6))
+        across = np.array([np.cos(turn + 2.1), np.sin(turn + 2.1), 0.0])
+        stage.draw("timber", tube(base + 0.41 * out + high, base + 0.41 * across + high, 0.03, 5))
+    stage.draw("foliage", leafy(rng, crown, reach, leaves, 0.075))
+    stage.obstacle(name, base + 0.57 * high, (1.0, 1.0, 2.0), shadow=False)
+    stage.occluder(base + 0.25 * up, np.array([0.03, 0.03, 0.5]) * height_m)
+    for _ in range(5):
+        at = crown + rng.uniform(-0.55, 0.55, 3) * reach
+        stage.occluder(at, reach * rng.uniform(0.5, 1.0, 3), rng.uniform(0, 1.5), 0.62)
+
+
+def leafy(
+    rng: np.random.Generator, centre: Vector, reach: Vector, count: int, leaf_m: float
+) -> Mesh:
+    """Fill an ellipsoid of (3,) half sizes with leaves that face outwards, each lit on its own.
+
+    They crowd in clusters, so that the sky shows between them.
+    """
+    heart = rng.standard_normal((max(6, count // 22), 3))
+    heart *= rng.uniform(0.3, 1, (len(heart), 1)) / np.linalg.norm(heart, axis=1, keepdims=True)
+    at = heart[rng.integers(len(heart), size=count)] + rng.normal(0, 0.13, (count, 3))
+    normal = _unit(_unit(at) + 0.6 * rng.standard_normal((count, 3)))
+    along = _unit(np.cross(normal, rng.standard_normal((count, 3))))
+    across = np.cross(normal, along)
+    size = leaf_m * rng.uniform(0.6, 1.4, (count, 1))
+    root = np.asarray(centre) + at * np.asarray(reach)
+    rim = (1.3 * along, 0.8 * across - along, -0.8 * across - along)
+    corners = np.stack([root + size * way for way in rim], axis=1)
+    uv = rng.random((count, 1, 2)) + np.array([(0, 0), (0.06, -0.03), (0.06, 0.03)])
+    lit = _unit(normal + 0.9 * rng.standard_normal((count, 3)))  # leaves catch the sun one by one
+    return polygons(corners, uv, np.repeat(lit[:, None], 3, axis=1))
+
+
+def _unit(vectors: Array) -> Array:
+    """Scale (N, 3) vectors to length one."""
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)

@@ -15,26 +15,27 @@ from scenes.stage import Stage
 from scenes.structures.ground import coursed, level, quads, scattered, tiled
 from scenes.surfaces.atlas import Atlas
 from scenes.surfaces.noise import fractal, smoothstep
+from vo.contract.arrays import Array
 
 PATH_M = 2.4
 EDGE_M = 0.1
 LAWN_M = -0.015
 """Height of the lawn, a little below the path."""
-MARGIN_M = 12.0
-"""Distance that the lawn reaches beyond the route."""
 SECTIONS = ("asphalt", "slabs", "bricks", "gravel", "asphalt", "setts", "slabs", "bricks")
 CHUNK_FACES = 1200
 """Meshes of the ground are lit in pieces of this size, each by the occluders around it."""
 
 
 class BlockGround:
-    """Draws meshes that lie on the ground, in the light that passes the occluders."""
+    """Draws meshes that lie on the ground, in the light that passes the occluders.
+
+    It reaches from `low` to `high`, (2,) metres, rounded outwards to whole ones.
+    """
 
     def __init__(
-        self, stage: Stage, rng: np.random.Generator, ribbon: Ribbon, light: Light
+        self, stage: Stage, rng: np.random.Generator, light: Light, low: Array, high: Array
     ) -> None:
         self.stage, self._light = stage, light
-        low, high = ribbon.route.min(axis=0) - MARGIN_M, ribbon.route.max(axis=0) + MARGIN_M
         self.low, self.high = np.floor(low), np.ceil(high)
         cells = tuple(((self.high - self.low) / 0.25).astype(int))
         clouds = 1 - 0.24 * smoothstep(-0.6, 2.0, fractal(rng, cells, (2.5, 60), 0.7))

@@ -37,6 +37,15 @@ def asphalt(rng: np.random.Generator, side_px: int) -> Image:
     return to_image(colour * (1 + 0.05 * fine)[..., None])
 
 
+def roadway(rng: np.random.Generator, side_px: int) -> Image:
+    """Draw asphalt that has carried traffic: as `asphalt`, blotched up to a tenth of a metre."""
+    size = (side_px, side_px)
+    blotches = fractal(rng, size, (8, 110), 0.5)
+    dark = smoothstep(1.3, 2.2, fractal(rng, size, (12, 60), 0.3))
+    colour = asphalt(rng, side_px) * (1 + 0.16 * blotches)[..., None]
+    return to_image(blend(colour, (46, 45, 45), 0.55 * dark))
+
+
 def road_paint(rng: np.random.Generator, shape: Shape, wear: float, ground: Image) -> Image:
     """Draw a stripe of road paint along u, rubbed through to the `ground` below: (H, W, 3).
 

@@ -100,3 +100,22 @@ def grate(side_px: int) -> Image:
     rim = np.maximum(np.abs(u - 0.5), np.abs(v - 0.5)) > 0.44
     iron = (bars | rim | (np.abs(v - 0.5) < 0.03))[..., None]
     return np.where(iron, (96, 92, 88), (26, 26, 28)).astype(np.uint8)
+
+
+def traffic_signs(side_px: int) -> Image:
+    """Draw a warning, a ban on parking and a limit of speed, each to its rim: (3, S, S, 3)."""
+    signs = np.full((3, side_px, side_px, 3), 238, np.uint8)
+    red, middle = (186, 34, 40), (side_px // 2, side_px // 2)
+    radius, stroke = int(0.49 * side_px), side_px // 10
+    turn = np.pi / 2 + 2 * np.pi * np.arange(3) / 3
+    corners = side_px * (0.5 + 0.46 * np.stack([np.cos(turn), -np.sin(turn)], axis=-1))
+    cv2.polylines(signs[0], [corners.round().astype(np.int32)], True, red, stroke)
+    cv2.rectangle(signs[0], (middle[0] - 5, middle[1] - 22), (middle[0] + 5, middle[1] + 16), 0, -1)
+    signs[1] = (34, 66, 150)
+    ends = np.array([(0.18, 0.18), (0.82, 0.82)]) * side_px
+    cv2.line(signs[1], tuple(ends[0].astype(int)), tuple(ends[1].astype(int)), red, stroke)
+    for sign in signs[1:]:
+        cv2.circle(sign, middle, radius - stroke // 2, red, stroke)
+    font, at = cv2.FONT_HERSHEY_DUPLEX, (int(0.22 * side_px), int(0.64 * side_px))
+    cv2.putText(signs[2], "30", at, font, side_px / 75, (20, 20, 20), side_px // 26, cv2.LINE_AA)
+    return signs

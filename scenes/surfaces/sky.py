@@ -7,13 +7,20 @@ from scenes.surfaces import Shape
 from scenes.surfaces.noise import blend, fractal, ramp, smoothstep, to_image
 from vo.contract.arrays import Array, Image
 
+HAZY = ((214, 219, 221), (196, 209, 220), (160, 186, 212), (118, 154, 196))
+CLEAR = ((140, 149, 156), (112, 128, 146), (90, 112, 142), (70, 96, 136))
+"""Colours of the sky from the horizon to 69 degrees."""
 
-def town_sky(rng: np.random.Generator, side_px: int = 512, houses: float = 0.55) -> Image:
-    """Draw hazy sky, clouds, tree line and roofs: (6 S, S, 3), +x -x +y -y +z -z in the world.
 
-    `houses` is the share of the skyline that is built up.
+def town_sky(
+    rng: np.random.Generator, side_px: int = 512, houses: float = 0.55, clear: bool = False
+) -> Image:
+    """Draw sky, clouds, tree line and roofs: (6 S, S, 3), +x -x +y -y +z -z in the world.
+
+    `houses` is the share of the skyline that is built up; a clear sky is blue and has few clouds.
     """
-    return np.concatenate([to_image(face) for face in _shade(rng, face_rays(side_px), houses)])
+    shaded = _shade(rng, face_rays(side_px), houses, clear)
+    return np.concatenate([to_image(face) for face in shaded])
 
 
 def window_view(rng: np.random.Generator, shape: Shape) -> Image:
@@ -40,15 +47,15 @@ def face_rays(side_px: int) -> Array:
     return world / np.sqrt(x * x + y * y + z * z)[..., None]
 
 
-def _shade(rng: np.random.Generator, rays: Array, houses: float) -> Array:
+def _shade(rng: np.random.Generator, rays: Array, houses: float, clear: bool) -> Array:
     faces = np.full(rays.shape, (96.0, 100, 78))  # the ground, where nothing is drawn
     shown = ~(np.arcsin(rays[..., 2]) < -0.01)
     rays = rays[shown]
     azimuth, elevation = np.arctan2(rays[..., 1], rays[..., 0]), np.arcsin(rays[..., 2])
-    tones = ((214, 219, 221), (196, 209, 220), (160, 186, 212), (118, 154, 196))
-    colour = ramp(tones, np.clip(elevation / 1.2, 0, 1))
+    colour = ramp(CLEAR if clear else HAZY, np.clip(elevation / 1.2, 0, 1))
     cloud = _panorama(fractal(rng, (512, 2048), (8, 500), 1.3, stretch=2.0), azimuth, elevation)
-    colour = blend(colour, (236, 236, 234), 0.8 * smoothstep(0.1, 1.6, cloud))
+    cover = (0.12, 0.4, 2.6) if clear else (0.8, 0.1, 1.6)
+    colour = blend(colour, (236, 236, 234), cover[0] * smoothstep(*cover[1:], cloud))
     x = (azimuth / (2 * np.pi) + 0.5) * 1024
     roofs = np.repeat(rng.uniform(0.02, 0.16, 64) * (rng.random(64) < houses), 16)
     crowns = 0.075 + 0.022 * _panorama(fractal(rng, (8, 2048), (6, 300), 0.9), azimuth, 0 * x)
@@ -60,7 +67,8 @@ def _shade(rng: np.random.Generator, rays: Array, houses: float) -> Array:
     colour = np.where((elevation < roofs[column])[..., None], house, colour)
     trees = ramp(((40, 50, 34), (74, 88, 56), (116, 126, 88)), 0.28 + 4 * elevation + 0.2 * texture)
     colour = np.where((elevation < crowns)[..., None], trees, colour)
-    haze = 0.18 * (elevation < 0.2) * (elevation > -0.02)
+    near = smoothstep(0.22, 0.0, elevation) if clear else elevation < 0.2
+    haze = 0.18 * near * (elevation > -0.02)
     faces[shown] = blend(colour, (206, 210, 210), haze)
     return faces
 

@@ -33,6 +33,8 @@ REPEATED = "crowded"
 """Scene that is built again in another process: it uses most objects and surfaces."""
 RESEEDED = "stop_and_go"
 """Scene that is built from another seed, since it is built fastest."""
+LONG_M = {"long_haul": (250, 360), "street": (140, 260)}
+"""Shortest and longest route of the scenes that are not of the usual size."""
 STOPS = 3
 BLOCK_PX = 32
 RIM_PX = 20
@@ -162,7 +164,7 @@ def test_scene_carries_its_defaults(tour):
 def test_route_is_closed_long_and_gentle(tour):
     route = tour.scene.routes["default"]
     np.testing.assert_array_equal(route[0], route[-1])
-    low, high = (250, 360) if tour.scene.name == "long_haul" else (30, 60)
+    low, high = LONG_M.get(tour.scene.name, (30, 60))
     assert low < route_length(route) < high
     steps = np.linalg.norm(np.diff(route, axis=0), axis=1)
     assert steps.max() < 0.2
