@@ -83,7 +83,8 @@ class StereoOdometry:
         frame = read_wheels(state, frame, self.settings)
         state.angles_rad = frame.gyro_rad
         self._budget.begin()
-        waits = state.pending is not None and self._budget.lets_keyframe_wait()
+        has_work = state.pending is not None and state.pending.has_work
+        waits = has_work and self._budget.lets_keyframe_wait()
         counts: dict[str, int] = {}
         if not waits:
             with clock("structure refinement"):

@@ -80,19 +80,21 @@ def test_odometry_many_iterations_are_weak_and_no_keyframe(frames):
 
 
 def test_keyframes_are_finished_step_by_step(frames):
-    """Landmarks come with the next frame, the adjustment with the one after."""
+    """Landmarks come with the next frame, the adjustment with the one after, then one rests."""
     odometry = StereoOdometry(RIG, settings(keyframe_parallax_px=10))
     found = []
     for frame in frames:
         before = odometry.state.map.next_serial
         estimate = odometry.track(frame)
         added = odometry.state.map.next_serial - before
-        found.append((added, odometry.state.pending is not None, estimate.counts))
-    added, pending, counts = zip(*found, strict=True)
-    first = pending.index(True)
+        pending = odometry.state.pending
+        found.append((added, pending.steps if pending else None, estimate.counts))
+    added, steps, counts = zip(*found, strict=True)
+    first = steps.index(0)
     assert first > 1
     assert added[: first + 2] == (1, *[0] * (first - 1), 0, 1)
-    assert pending[first : first + 3] == (True, True, False)
+    assert steps[first : first + 3] == (0, 1, 2)
+    assert steps[first + 3] in (0, None)
     assert [i for i, x in enumerate(counts) if "structure iterations" in x] == [first + 2]
     assert "features" not in counts[first]  # detection is the keyframe's, not the frame's
 

@@ -35,14 +35,20 @@ class Halt:
 class Pending:
     """A view that becomes a keyframe, its inliers, pose (4, 4), and covariance given the map.
 
-    After the first step it is a keyframe, and only the adjustment of the map is left to do.
+    After the first step it is a keyframe, after the second the map is adjusted; it is kept for one
+    frame more, so that no other keyframe is made in that.
     """
 
     view: View
     inliers: Matches
     covariance: Array
     T_odom_cam: Array
-    added: bool = False
+    steps: int = 0
+
+    @property
+    def has_work(self) -> bool:
+        """Whether landmarks or the adjustment are left to do."""
+        return self.steps < 2
 
 
 @dataclass(frozen=True)
@@ -96,7 +102,7 @@ class TrackerState:
         gyro: What was learnt of the gyroscope: 3 angles and time to the rotation of a step.
         ticks: Counts of the encoders at the present frame; None without, or where none are used.
         angles_rad: By which the gyroscope has turned until then; None without one.
-        pending: The last keyframe, as long as some of its work is left to do.
+        pending: The last keyframe, as long as another one waits for it.
         outlier_counts: Landmark to the number of successive frames in which it was an outlier;
             empty without `motion.landmark_prior`.
         smoothing_px: Standard deviation of the Gaussian for all images since a noisy one; 0: none.

@@ -48,12 +48,13 @@ class Mapper:
     def step(self, state: TrackerState, hooks: Hooks, counts: dict[str, int]) -> None:
         """Take the next step, if one is pending; count the iterations of an adjustment."""
         pending = state.pending
-        if pending and pending.added:
-            state.pending = None
-            counts["structure iterations"] = self._adjust_map(state, pending)
-        elif pending:
+        if pending is None:
+            return
+        if pending.steps == 0:
             self._add(state, pending, hooks)
-            state.pending = replace(pending, added=True)
+        elif pending.steps == 1:
+            counts["structure iterations"] = self._adjust_map(state, pending)
+        state.pending = replace(pending, steps=pending.steps + 1) if pending.has_work else None
 
     def finish(self, state: TrackerState, hooks: Hooks, counts: dict[str, int]) -> Array:
         """Take all pending steps; return how the last pose moved, (4, 4)."""

@@ -13,7 +13,8 @@ landmarks are left, another keyframe would only add its own error (thesis 5.1.3)
 
 URGENT = 2.0
 """Factor on the flow that makes a keyframe while the last one waits for its landmarks or for its
-adjustment: a frame takes the work of one, unless the view changes too fast."""
+adjustment, or had it in this frame: a frame takes the work of one, and some take none, unless the
+view changes too fast."""
 
 
 def is_new_view(
