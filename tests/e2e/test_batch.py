@@ -35,6 +35,7 @@ SMALL = [
         "rig.height_px=72",
         "rig.rate_hz=20",
         "drive.distance_m=0.3",
+        "render.samples=0",
         "render.shadow_size_px=256",
     )
     for word in ("--set", setting)

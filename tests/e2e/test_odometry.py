@@ -42,7 +42,7 @@ MOVING = 20
 
 @pytest.fixture(scope="module")
 def scene():
-    return build_scene("brick_court", np.random.default_rng(5), {})
+    return build_scene("asphalt", np.random.default_rng(5), {})
 
 
 @pytest.fixture(scope="module")
@@ -410,9 +410,9 @@ def test_odd_image_sizes_do_not_raise(frames):
             assert all(x.T_odom_cam is not None or x.reason for x in estimates)
 
 
-def test_images_of_four_pixels_are_lost(frames):
-    rig = StereoRig(2, 2, 300.0, 0.5, 0.5, 0.09)
-    tiny = [replaced(x, x.left[:2, :2].copy(), x.right[:2, :2].copy()) for x in frames[:3]]
+def test_images_of_six_pixels_are_lost(frames):
+    rig = StereoRig(3, 2, 300.0, 1.0, 0.5, 0.09)
+    tiny = [replaced(x, x.left[:2, :3].copy(), x.right[:2, :3].copy()) for x in frames[:3]]
     for preset in (OdometrySettings(), THESIS):
         assert statuses(track_all(StereoOdometry(rig, preset), tiny)) == [Status.LOST] * 3
 

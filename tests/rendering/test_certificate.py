@@ -38,7 +38,7 @@ pytestmark = pytest.mark.gl
 SETTINGS = RecordSettings(
     rig=RigSettings(width_px=320, height_px=240, rate_hz=10),
     drive=DriveSettings(distance_m=0.3),
-    render=RenderSettings(shadow_size_px=256),
+    render=RenderSettings(samples=0, shadow_size_px=256),
     sensor=SensorSettings(full_well=500, read_noise=15),
     labels=LabelSettings(flow=True, covisibility=True),
 )

@@ -26,7 +26,7 @@ pytestmark = pytest.mark.gl
 
 SETTINGS = RecordSettings(
     rig=RigSettings(width_px=160, height_px=120, rate_hz=5, tilt_deg=15),
-    render=RenderSettings(shadow_size_px=0),
+    render=RenderSettings(samples=0, shadow_size_px=0),
     drive=DriveSettings(waypoints=((0.0, 0.0), (0.3, 0.0)), carrier="handheld"),
 )
 WORLD = """<mujoco><asset><material name="mirror" reflectance="0.8"/></asset>

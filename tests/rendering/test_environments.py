@@ -29,9 +29,9 @@ from vo.runner import run
 
 pytestmark = pytest.mark.gl
 
-SMALL = {"rig.width_px": 160, "rig.height_px": 120}
+SMALL = {"rig.width_px": 160, "rig.height_px": 120, "render.samples": 0}
 ICE = {**SMALL, "terrain.ice_share": 0.8, "terrain.ice_friction": 0.01}
-MEDIUM = {"rig.width_px": 320, "rig.height_px": 240}
+MEDIUM = {"rig.width_px": 320, "rig.height_px": 240, "render.samples": 0}
 QUICK = {"settings": SMALL, "localization": "truth", "camera": "ideal"}
 """Images of the ideal camera take the least time; tests of images have the default one, too."""
 ALL = ("left", "right", "disparity", "pose", "encoders", "imu", "goal")

@@ -71,7 +71,7 @@ def carry(wall_scene) -> Callable[..., Stand]:
             rig=RIG,
             drive=DriveSettings(carrier="handheld"),
             exposure=exposure,
-            render=RenderSettings(shadow_size_px=0),
+            render=RenderSettings(samples=0, shadow_size_px=0),
         )
         world = build_world(wall_scene, settings)
         world = replace(world, movers={BODY: motion}, arrival_s=START_S + duration_s)
@@ -175,7 +175,7 @@ def test_exposure_takes_more_renders_in_motion(make_scene):
         rig=RigSettings(width_px=160, height_px=120, rate_hz=10),
         drive=drive,
         exposure=ExposureSettings(time_ms=30, step_px=0.25),
-        render=RenderSettings(shadow_size_px=0),
+        render=RenderSettings(samples=0, shadow_size_px=0),
     )
     world = build_world(make_scene(), settings)
     trip = make_trip(world, settings)
@@ -319,7 +319,7 @@ def test_flicker_gives_bands_with_rolling_shutter(wall_scene):
         rig=RIG.model_copy(update={"rate_hz": 30}),
         drive=DriveSettings(carrier="handheld", distance_m=0.4),
         handheld=HandheldSettings(sway_m=0, sway_deg=0, tremor_m=0, tremor_deg=0),
-        render=RenderSettings(shadow_size_px=0),
+        render=RenderSettings(samples=0, shadow_size_px=0),
     )
     spread = {}
     for name, line_us in (("rolling", 166.7), ("global", 0.0)):
@@ -343,7 +343,7 @@ def test_auto_exposure_darkens_bright_images(wall_scene):
         rig=RIG,
         drive=DriveSettings(carrier="handheld", distance_m=0.3),
         sensor=sensor,
-        render=RenderSettings(shadow_size_px=0),
+        render=RenderSettings(samples=0, shadow_size_px=0),
     )
     world = build_world(wall_scene, settings)
     trip = make_trip(world, settings)

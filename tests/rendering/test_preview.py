@@ -33,7 +33,7 @@ from trials.cli.main import app
 from vo.contract import se3
 from vo.contract.errors import SettingsError
 
-SMALL = {"rig": {"width_px": 160, "height_px": 120}, "render": {"shadow_size_px": 0}}
+SMALL = {"rig": {"width_px": 160, "height_px": 120}, "render": {"samples": 0, "shadow_size_px": 0}}
 
 
 def settings_of(**changes) -> RecordSettings:

@@ -40,7 +40,7 @@ LOSSY = SensorSettings(drop_share=0.5)
 PLAIN = RecordSettings(
     rig=RigSettings(width_px=160, height_px=120, rate_hz=10),
     drive=DriveSettings(distance_m=0.2),
-    render=RenderSettings(shadow_size_px=256),
+    render=RenderSettings(samples=0, shadow_size_px=256),
     labels=LabelSettings(flow=True, covisibility=True),
 )
 FAULTS = {

@@ -26,7 +26,9 @@ def align_landmarks(
         return found
     T_cam_odom = se3.inverse(T_odom_cam)
     intrinsics = np.array([rig.f_px, rig.cx_px, rig.cy_px, rig.f_px * rig.baseline_m])
-    surface = (landmarks.anchor_pixels, landmarks.anchor_depth_m, landmarks.anchor_slopes)
+    # Contiguous, as a column of one element is: the machine code is for one layout.
+    depth_m = np.ascontiguousarray(landmarks.anchor_depth_m)
+    surface = (landmarks.anchor_pixels, depth_m, landmarks.anchor_slopes)
     keyframes = local_map.keyframes
     anchor = np.searchsorted([k.serial for k in keyframes], landmarks.anchor[rows])
     T_cam_anchor = T_cam_odom @ np.stack([k.T_odom_cam for k in keyframes])
@@ -37,7 +39,7 @@ def align_landmarks(
     pairs += [pairs[-1]] * (window - len(pairs))
     images = tuple(words for side in zip(*pairs, strict=True) for words in side)
     shape = (int(rig.height_px), int(rig.width_px), view.settings.matching.align_px)
-    which = (rows, anchor, start)
+    which = (np.ascontiguousarray(rows), anchor, start)
     _align_anchored(images, which, surface, T_cam_anchor, intrinsics, shape, found)
     return found
 
