@@ -30,6 +30,8 @@ SMALLER = (
     (r'"width_px": \d+, "height_px": \d+', '"width_px": 128, "height_px": 96'),
     (r'"rate_hz": \d+', '"rate_hz": 5'),
     (r'\{"drive.distance_m": \d+\}', repr(SMALL)),
+    (r'"rig": {', '"render": {"samples": 0}, "rig": {'),
+    (r"frames=20", "frames=4"),
     (r'"distance_m": 1.5, "speed_mps": 0.5', '"distance_m": 1.2, "speed_mps": 0.6'),
     (r'distance_m=\(2.0, 2.5\)', 'distance_m=(1.0, 1.5)'),
     (

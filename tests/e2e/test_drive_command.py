@@ -11,7 +11,8 @@ from vo.recordings.readers import open_sequence
 
 pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("in_this_process")]
 
-SMALL = ("--set", "rig.width_px=320", "--set", "rig.height_px=240")
+SIZE = ("--set", "rig.width_px=320", "--set", "rig.height_px=240")
+SMALL = (*SIZE, "--set", "render.samples=0")
 SHORT = ("--trial", "distance_m=[1.0, 2.0]", "--trial", "rate_hz=5.0")
 
 

@@ -19,6 +19,7 @@ TINY = [
         "rig.width_px=64",
         "rig.height_px=48",
         "drive.distance_m=0.05",
+        "render.samples=0",
         "render.shadow_size_px=256",
     )
     for word in ("--set", setting)

@@ -29,7 +29,7 @@ YARD = """<mujoco><asset>
  width="64" height="64"/>
 <material name="t" texture="t" texrepeat="4 4" texuniform="true"/></asset><worldbody>
 <light pos="0 0 4"/><geom type="plane" size="5 5 1" material="t"/></worldbody></mujoco>"""
-SETTINGS = ("rig.width_px=64", "rig.height_px=48", "drive.distance_m=0.02")
+SETTINGS = ("rig.width_px=64", "rig.height_px=48", "drive.distance_m=0.02", "render.samples=0")
 TINY = [
     word
     for setting in (*SETTINGS, "render.shadow_size_px=256", "labels.flow=true")

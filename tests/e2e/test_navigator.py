@@ -20,7 +20,7 @@ def env(tmp_path_factory):
         "driftyard/RoverNav-v0",
         disable_env_checker=True,
         scene=str(write_yard(tmp_path_factory.mktemp("navigator"))),
-        settings={"rig.width_px": 320, "rig.height_px": 240},
+        settings={"rig.width_px": 320, "rig.height_px": 240, "render.samples": 0},
         localization="truth",
         observe=NavigatorPolicy.NEEDS,
         rate_hz=10.0,

@@ -42,7 +42,7 @@ MOVING = 20
 
 @pytest.fixture(scope="module")
 def scene():
-    return build_scene("asphalt", np.random.default_rng(5), {})
+    return build_scene("brick_court", np.random.default_rng(5), {})
 
 
 @pytest.fixture(scope="module")

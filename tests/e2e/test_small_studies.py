@@ -82,6 +82,7 @@ def test_stress_finds_where_the_baseline_fails(tmp_path):
     words += ("--scene", scene, "--distance", "1.2", "--drift", "0")
     words += ("--record", "rig.width_px=160", "--record", "rig.height_px=120")
     words += ("--record", "rig.rate_hz=8", "--record", "drive.speed_mps=0.6")
+    words += ("--record", "render.samples=0")
     result = driftyard("stress", "noise", *words, cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert "Fails on yard without any disturbance" in result.stdout

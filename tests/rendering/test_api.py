@@ -48,6 +48,7 @@ def folder(tmp_path_factory) -> Path:
         labels = {"flow": True, "segmentation": True}
         dy.record("yard.xml", "ds", settings=SMALL | {"labels": labels})
         overrides = ("drive.distance_m=1.2", "rig.width_px=64", "rig.height_px=48", "rig.rate_hz=5")
+        overrides = (*overrides, "render.samples=0")
         design = Design(scenes=("yard.xml",), overrides=overrides)
         bar = partial(counted, no_progress)
         found = make_baseline(Named("corner_flow"), "corner_flow", Rules(), design, Path("c"), bar)

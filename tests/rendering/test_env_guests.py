@@ -13,7 +13,7 @@ NAV = next(iter(trials.gym.ENVIRONMENTS))
 
 def make(folder, **options):
     scene = str(write_yard(folder))
-    small = {"rig.width_px": 64, "rig.height_px": 48}
+    small = {"rig.width_px": 64, "rig.height_px": 48, "render.samples": 0}
     return gymnasium.make(NAV, scene=scene, settings=small, localization="truth", **options)
 
 

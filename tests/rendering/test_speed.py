@@ -41,7 +41,7 @@ def test_measure_lengths_times_frames_of_both_drives(tmp_path):
 
 def test_measure_cameras_times_frames_of_each(tmp_path):
     (tmp_path / "yard.xml").write_text(YARD)
-    drive = "rig.width_px=64", "rig.height_px=48", "drive.distance_m=0.4"
+    drive = "rig.width_px=64", "rig.height_px=48", "drive.distance_m=0.4", "render.samples=0"
     found = measure_cameras(str(tmp_path / "yard.xml"), 0, 1, drive=drive)
     assert found.shape == (1, len(CAMERAS), 2)
     assert (found > 0).all()
