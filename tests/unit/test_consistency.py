@@ -5,6 +5,7 @@ import pytest
 from scipy.stats import chi2, kstest
 
 from trials.evaluation.consistency import calibration, mean_bounds, nees, normalized, summarize
+from trials.evaluation.covariances import Covariances
 from trials.evaluation.runs import read_run
 from vo.contract import se3
 from vo.contract.errors import TrajectoryError
@@ -70,6 +71,19 @@ def test_nees_over_1m_counts_both_own_errors_of_poses(tmp_path):
     for kind in ("absolute", "step", "over_1m"):
         last = np.array([getattr(x, kind)[-1] for x in runs])
         assert low < last.mean() < high, kind
+
+
+def test_own_errors_of_both_ends_of_a_motion_count():
+    """A blurred frame errs by more than those before, and so does every motion that ends there."""
+    own = np.array([0.0, 1.0, 1.0, 9.0])[:, None, None] * np.eye(6)
+    drift = 0.25 * np.tile(np.eye(6), (4, 1, 1))
+    steps = own + np.roll(own, 1, axis=0) + drift
+    found = Covariances(np.tile(np.eye(4), (4, 1, 1)), own, steps, drift)
+    motions = found.of_motions(np.array([1, 1, 2]), np.array([2, 3, 3]))
+    np.testing.assert_allclose(motions[:, 0, 0], [2.25, (2.25 + 10.25) / 2 + 0.25, 10.25])
+    summed = Covariances(found.T_odom_cam, own, drift, drift)  # all of a step's error lasts
+    last = summed.of_motions(np.array([0]), np.array([3]))
+    np.testing.assert_allclose(last[0], 3 * drift[0])
 
 
 def test_nees_of_overconfident_covariances_is_large(tmp_path):

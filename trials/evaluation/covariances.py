@@ -36,14 +36,17 @@ class Covariances:
     def of_motions(self, starts: Indices, ends: Indices) -> Array:
         """Covariances (K, 6, 6) of motions from poses to later ones, in the last camera's frame.
 
-        It is that of the first step, in which both poses have own errors, and the drift afterwards.
+        Own errors of the first and of the last pose are in it: half those of the first step, which
+        contain two, half those of the last, and the drift between. Of one step, it is the step's.
         """
-        firsts = starts + 1
+        firsts, lasts = starts + 1, ends - 1
         steps, drift = (_transform(self.T_odom_cam, x) for x in (self.steps, self.drift))
         drift[0] = 0.0  # no motion needs it, and it may be unknown
         sums = np.cumsum(drift, axis=0)
-        T_end_odom = se3.inverse(self.T_odom_cam[ends])
-        return _transform(T_end_odom, steps[firsts] + sums[ends] - sums[firsts])
+        own = (steps[firsts] + drift[firsts] + steps[ends] + drift[ends]) / 2
+        motions = own + sums[lasts] - sums[np.minimum(firsts, lasts)]
+        motions[firsts == ends] = steps[ends[firsts == ends]]
+        return _transform(se3.inverse(self.T_odom_cam[ends]), motions)
 
 
 def _transform(T_b_a: Array, covariances_a: Array) -> Array:

@@ -15,6 +15,10 @@ from vo.tracking.tracked import Tracked
 STEP_SHARE = 0.02
 """Standard deviation of a step over its length that is no weakness, however long it is."""
 
+BURIED_SHARE = 0.67
+"""Factor on the largest standard deviations of steps in images of very low SNR, where many are near
+them: a third of what counts as wrong, instead of half."""
+
 MIN_CONFIRMED = 0.5
 """Landmarks of one view that a second must find, of those it looks for: until there is another
 keyframe, they rest on a single pair of images."""
@@ -64,8 +68,8 @@ def explain_weak_step(
         return f"start not confirmed: {inliers} of {tracked.tried} landmarks found again"
     sigma_m, sigma_rad = _largest(step_covariance)
     limit_m = max(s.weak_step_m, STEP_SHARE * math.hypot(*T_last_cam[:3, 3].tolist()))
-    sigma_deg = math.degrees(sigma_rad)
-    if sigma_m <= limit_m and sigma_deg <= s.weak_step_deg:
+    sigma_deg, share = math.degrees(sigma_rad), BURIED_SHARE if tracked.view.very_low_snr else 1.0
+    if sigma_m <= share * limit_m and sigma_deg <= share * s.weak_step_deg:
         return ""
     reason = f"step uncertain by {1e3 * sigma_m:.1f} mm, {sigma_deg:.2f}°"
     moved_m, moved_rad = _largest(moved)
