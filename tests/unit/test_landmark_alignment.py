@@ -5,6 +5,7 @@ import pytest
 
 from vo.contract import se3
 from vo.contract.arrays import find_sorted
+from vo.contract.observations import Observations
 from vo.contract.projection import project_points
 from vo.contract.rig import StereoRig
 from vo.tracking.landmark_alignment import write_plane_warp
@@ -44,3 +45,11 @@ def test_rows_of_sorted_values(wanted):
     rows = find_sorted(values, np.array(wanted, dtype=np.int64))
     found = {1: 0, 3: 1, 4: 2, 9: 3}
     assert rows.tolist() == [found.get(x, -1) for x in wanted]
+
+
+def test_rows_of_observations_are_selected_in_order():
+    seen = Observations(np.array([3, 5, 8]), np.arange(6.0).reshape(3, 2), np.array([1, np.nan, 2]))
+    assert seen.select(np.array([True, True, True])) is seen
+    assert seen.select(np.array([False, True, True])).ids.tolist() == [5, 8]
+    assert seen.select(np.array([2, 0, 1])).ids.tolist() == [8, 3, 5]
+    np.testing.assert_equal(seen.measured, [[0, 1, 1], [2, 3, np.nan], [4, 5, 2]])

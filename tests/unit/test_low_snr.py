@@ -66,3 +66,16 @@ def test_smoothing_is_strong_until_the_snr_has_risen(noise, faint):
     assert choose_smoothing(noise, 1.4 * limit, faint, strong_px, usual) == usual_px
     assert choose_smoothing(1.0, 0.9 * limit, False, 0.0, usual) == 0  # plain, but without noise
     assert choose_smoothing(noise, 0.1, faint, 0.0, THESIS) == 0
+
+
+def test_alike_images_share_their_settings():
+    frontend = Frontend(RIG, OdometrySettings())
+    views = [
+        frontend.process(frame, 0.0, False, NO_HOOKS, Clock())
+        for texture, noise in ((20.0, 0.0), (5.0, 8.0))
+        for frame in pairs_at_dusk(2, 100, texture, noise)
+    ]
+    clear, noisy = views[:2], views[2:]
+    assert clear[0].settings is clear[1].settings
+    assert noisy[0].settings is noisy[1].settings
+    assert noisy[0].settings.matching.min_zncc < clear[0].settings.matching.min_zncc

@@ -24,9 +24,11 @@ class Table:
         return len(next(iter(vars(self).values())))
 
     def select(self, rows: Mask | Indices) -> Self:
-        """Keep some rows."""
+        """Keep some rows; if a mask keeps all, the table itself."""
         if rows.dtype == np.bool_:
-            rows = np.flatnonzero(rows)
+            rows = rows.nonzero()[0]
+            if len(rows) == len(self):
+                return self
         return type(self)(**{name: x.take(rows, axis=0) for name, x in vars(self).items()})
 
     def extend(self, other: Self) -> Self:

@@ -45,7 +45,9 @@ class Observations(Table):
     @property
     def measured(self) -> Array:
         """(N, 3) left-image u, v and disparity, px."""
-        return np.column_stack([self.pixels, self.disparity_px])
+        measured = np.empty((len(self.ids), 3))
+        measured[:, :2], measured[:, 2] = self.pixels, self.disparity_px
+        return measured
 
     @property
     def at_instant(self) -> Array:

@@ -1,6 +1,7 @@
 """Frontend: adaptation to the image, features and dense disparity of a frame."""
 
 from dataclasses import replace
+from functools import cache, partial
 
 import cv2
 import numpy as np
@@ -40,6 +41,7 @@ class Frontend:
     def __init__(self, rig: StereoRig, settings: OdometrySettings) -> None:
         self._rig, self._settings = rig, settings
         self._dense_stereo = DenseStereo(settings.stereo)
+        self._adapt = cache(partial(adapt_settings, settings))  # most images demand the same
 
     def process(
         self, frame: StereoFrame, smoothing_px: float, was_band_passed: bool, hooks: Hooks,
@@ -67,7 +69,7 @@ class Frontend:
         defocus = 0 < limit < quality.softness
         smeared = s.defocus.softness > 0 and quality.smear > SMEARED and not defocus
         very_low_snr = smoothing_px > s.features.smoothing_px and not defocus
-        settings = adapt_settings(s, low_snr, defocus, smeared, very_low_snr)
+        settings = self._adapt(low_snr, defocus, smeared, very_low_snr)
         is_poor = was_band_passed or texture_to_noise < MIN_TEXTURE_TO_NOISE
         if is_band_passed := defocus and is_poor:
             frame = replace(frame, left=band_pass(left), right=band_pass(right))
