@@ -73,6 +73,7 @@ class Passage:
             landmarks,
             ids=ids,
             points_odom=points,
+            spread_odom=np.zeros((n, 3)),
             views=views,
             anchor=anchor,
             descriptors=np.zeros((n, 1), np.float32),

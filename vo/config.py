@@ -68,8 +68,7 @@ class MatchingSettings(Settings):
     max_search_radius_px: float = Field(default=96.0, gt=0)
     """Half side of the search window without a prediction, px."""
     min_inlier_ratio: float = Field(default=0.22, ge=0, le=1)
-    """Inliers over landmarks in view below which other predictions (rotation prior, optical flow,
-    wide search) are tried; 0: the first pose is taken."""
+    """Share of inliers of the landmarks in view below which other searches follow; 0: none do."""
     circular_check: bool = False
     """Matches must agree with the previous frame (F4)."""
     guided: bool = True
@@ -174,8 +173,7 @@ class RefinementSettings(Settings):
     """Scope: none, the pose of every frame (motion), also the last keyframes with their landmarks
     (window), or these incrementally with marginalisation of older ones (fixed_lag)."""
     deferred: bool = True
-    """A keyframe's landmarks are added with the next frame, and the window is adjusted with the one
-    after: no frame takes much longer than another."""
+    """A keyframe's landmarks are added one frame later, and the window is adjusted two later."""
     smooth: Literal["none", "window", "global"] = "window"
     """Smoothed trajectory at the end: none, by the last refinement of each keyframe (window), or by
     full-batch bundle adjustment (global)."""
@@ -184,6 +182,8 @@ class RefinementSettings(Settings):
     on keyframes and landmarks (gtsam), as always where smooth is global."""
     window: int = Field(default=8, ge=2)
     """Number of keyframes in the window."""
+    exact_landmarks: bool = False
+    """Whether landmarks count as exact for the pose of a frame, or by the error of their depth."""
     min_views: int = Field(default=3, ge=2)
     """Frames that must have seen a refined landmark (4.4)."""
     use_disparity: bool = True
@@ -282,6 +282,7 @@ THESIS = OdometrySettings(
     refinement=RefinementSettings(
         backend="gtsam",
         deferred=False,
+        exact_landmarks=True,
         keyframe_parallax_px=0,
         sigma_px=0.5,
         sigma_disparity_px=0.5,

@@ -66,7 +66,8 @@ def test_excess_below_that_of_independent_errors():
 
     def of_excess(excess):
         excess = np.full(3, excess)
-        refined = Refined(T, np.zeros((9, 3)), covariance, excess, 1, 0.0, np.ones(2))
+        points = np.zeros((9, 3)), np.zeros((9, 3, 3))
+        refined = Refined(T, *points, covariance, excess, 1, 0.0, np.ones(2))
         return extend_covariance(keyframes, refined)
 
     np.testing.assert_array_equal(of_excess(0.6), of_excess(LEAST_EXCESS))

@@ -80,8 +80,8 @@ def test_keyframe_is_new_when_near_landmarks_have_left() -> None:
 def test_mark_lost_keeps_a_map_for_its_views(views: int) -> None:
     n = 20
     landmarks = Landmarks(
-        np.arange(n), np.ones((n, 3)), np.zeros((n, 9)), np.full(n, views), np.zeros(n, np.int64),
-        np.ones((n, 2)), np.ones(n), np.zeros((n, 2)),
+        np.arange(n), np.ones((n, 3)), np.zeros((n, 3)), np.zeros((n, 9)), np.full(n, views),
+        np.zeros(n, np.int64), np.ones((n, 2)), np.ones(n), np.zeros((n, 2)),
     )  # fmt: skip
     local_map = replace(empty_map(1, n), keyframes=(_keyframe(n),), landmarks=landmarks)
     lost_map, waited = None, 0

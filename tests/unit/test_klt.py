@@ -46,6 +46,7 @@ def test_klt_tracks_known_landmarks_of_the_previous_frame():
         empty_map().landmarks,
         ids=ids[known],
         points_odom=points[known],
+        spread_odom=np.zeros((4, 3)),
         descriptors=np.zeros((4, 169)),
         views=np.full(4, 3),
         anchor=np.zeros(4, np.int64),

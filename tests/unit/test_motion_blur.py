@@ -48,6 +48,7 @@ def map_of(left):
         empty_map().landmarks,
         ids=np.arange(n),
         points_odom=np.column_stack([RIG.normalized(pixels), np.ones(n)]) * depth_m,
+        spread_odom=np.zeros((n, 3)),
         descriptors=np.zeros((n, 169)),
         views=np.full(n, 3),
         anchor=np.zeros(n, np.int64),

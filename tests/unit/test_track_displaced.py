@@ -31,7 +31,7 @@ def matches_of_a_camera_at_the_origin(rng):
     points = RIG.triangulate(pixels, RIG.f_px * RIG.baseline_m / depth_m)
     seen = project_points(points, np.eye(4), RIG) + rng.normal(0, 0.1, (COUNT, 3))
     ids, none = np.arange(COUNT), empty_map().landmarks
-    landmarks = replace(none, ids=ids, points_odom=points)
+    landmarks = replace(none, ids=ids, points_odom=points, spread_odom=np.zeros((COUNT, 3)))
     return Matches.of(landmarks, ids, seen[:, :2], seen[:, 2], np.full((COUNT, 3), 0.1))
 
 

@@ -58,6 +58,7 @@ class Refined:
     Attributes:
         T_world_cam: (K, 4, 4).
         points_world: (J, 3) metres.
+        information: (J, 3, 3) of each point given the cameras.
         covariance: (K, 6, 6) of each camera given the fixed ones, by the measurements alone,
             tangent (v m, w rad) in its own frame; zero for those, and for all if it was not asked
             for.
@@ -70,6 +71,7 @@ class Refined:
 
     T_world_cam: Array
     points_world: Array
+    information: Array
     covariance: Array
     excess: Array
     iterations: int
@@ -112,7 +114,9 @@ def refine_structure(
     if covariances and own.any():
         found, excess[x.cameras[own]] = camera_covariances(H, x.score_products(here, own))
         covariance[x.cameras[own]] = found[:, TURN_LAST][:, :, TURN_LAST]
-    return Refined(T, x.points, covariance, excess, iterations, error, misfit(x, T))
+    return Refined(
+        T, x.points, x.information(here), covariance, excess, iterations, error, misfit(x, T)
+    )
 
 
 def misfit(estimates: PointEstimates, T: Array) -> Array:
@@ -147,15 +151,20 @@ def refine_motion(
     sigma: Array,
     rig: StereoRig,
     settings: RefinementSettings,
+    spread_world: Array | None = None,
 ) -> Pose:
     """Minimise the reprojection error over one camera, from (4, 4), while the points (N, 3) stay.
 
-    Measured are (N, 3) left-image u, v and disparity, pixels or NaN, with (N, 3) sigmas.
+    Measured are (N, 3) left-image u, v and disparity, pixels or NaN, with (N, 3) sigmas. The points
+    are exact, or known to within a standard deviation along a vector, the spread (N, 3), metres.
     """
     f = np.array([rig.f_px, rig.f_px, rig.cx_px, rig.cy_px, rig.f_px * rig.baseline_m])
     points = np.ascontiguousarray(points_world, dtype=np.float64)
     limits = settings.huber, settings.max_iterations
+    spread = np.zeros_like(points)
+    if spread_world is not None:
+        spread = np.ascontiguousarray(spread_world, dtype=np.float64)
     T, H, B, iterations = refine_camera(
-        T_world_cam, points, measured, sigma, settings.use_disparity, f, *limits
+        T_world_cam, points, spread, measured, sigma, settings.use_disparity, f, *limits
     )
     return Pose(T, iterations, H, B)

@@ -4,7 +4,12 @@ import numpy as np
 
 from vo.bundle_adjustment.problem import Bundle, as_cameras, sorted_measurements
 from vo.bundle_adjustment.robust_covariance import score_products
-from vo.bundle_adjustment.schur import eliminate_points, residuals, robust_weights
+from vo.bundle_adjustment.schur import (
+    eliminate_points,
+    point_information,
+    residuals,
+    robust_weights,
+)
 from vo.contract.arrays import Array, Indices, Mask
 
 
@@ -49,6 +54,11 @@ class PointEstimates:
     def residuals(self, T: Array) -> Array:
         """Residuals (M, 3) in sigmas, zero where nothing was measured."""
         return residuals(as_cameras(T), self.points, self.data)
+
+    def information(self, T: Array) -> Array:
+        """Information (J, 3, 3) of each point, 1/m², given the cameras."""
+        data = self.data._replace(weight=self.weight)
+        return point_information(as_cameras(T), self.points, data)
 
 
 def unknowns(moving: Mask) -> Indices:

@@ -105,6 +105,21 @@ def residuals(cameras: Cameras, points: Array, data: Measurements) -> Array:
 
 
 @compiled()
+def point_information(cameras: Cameras, points: Array, data: Measurements) -> Array:
+    """Information (J, 3, 3) of each point, given the cameras."""
+    work, found = workspace(), np.zeros((len(points), 3, 3))
+    for j in range(len(points)):
+        for m in range(data.first[j], data.first[j + 1]):
+            k = data.camera[m]
+            linearize(
+                cameras.R[k], cameras.t[k], points[j], data.measured[m], data.weight[m],
+                data.intrinsics, work.r, work.F, work.E,
+            )  # fmt: skip
+            _add_point_terms(work.r, work.E, found[j], work.b)
+    return found
+
+
+@compiled()
 def eliminate_points(
     cameras: Cameras, points: Array, data: Measurements, slot: Indices, size: int
 ) -> tuple[Array, Array, float, Array]:

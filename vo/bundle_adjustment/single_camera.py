@@ -36,32 +36,38 @@ class Seen(NamedTuple):
         points: (3, N) x, y, z in the world, metres.
         measured: (3, N) u, v, disparity, pixels; anything where the weight is zero.
         weight: (3, N) one over sigma; zero where nothing was measured.
+        common: (3, N) share c of the error that u, v and disparity have in common, by the depth of
+            the point: residuals in sigmas and their derivatives are multiplied by I - c cᵀ.
         here: (3, N) the points in the camera; written with the residuals.
-        residual: (3, N) in sigmas.
+        residual: (3, N) in sigmas, independent.
     """
 
     points: Array
     measured: Array
     weight: Array
+    common: Array
     here: Array
     residual: Array
 
 
 @compiled()
 def refine_camera(
-    T_world_cam: Array, points: Array, measured: Array, sigma: Array, use_disparity: bool,
-    intrinsics: Array, huber: float, max_iterations: int,
+    T_world_cam: Array, points: Array, spread: Array, measured: Array, sigma: Array,
+    use_disparity: bool, intrinsics: Array, huber: float, max_iterations: int,
 ) -> tuple[Array, Array, Array, int]:  # fmt: skip
     """Minimise the Huber cost of one camera (4, 4) over its measurements of points (N, 3), metres.
 
-    Measured are (N, 3) u, v and disparity, or NaN, with (N, 3) sigmas. Returns the camera, its
-    normal equations (6, 6) by the tangent (w, v), the sum (6, 6) of the outer products of the
-    scores by cells of the image, and the steps.
+    The points are known to within a standard deviation along a vector, the spread (N, 3). Measured
+    are (N, 3) u, v and disparity, or NaN, with (N, 3) sigmas. Returns the camera, its normal
+    equations (6, 6) by the tangent (w, v), the sum (6, 6) of the outer products of the scores by
+    cells of the image, and the steps.
     """
     n = len(points)
-    columns = np.zeros((5, 3, n))
-    data = Seen(columns[0], columns[1], columns[2], columns[3], columns[4])
-    robust = Seen(data.points, data.measured, np.empty((3, n)), data.here, data.residual)
+    columns = np.zeros((6, 3, n))
+    data = Seen(columns[0], columns[1], columns[2], columns[3], columns[4], columns[5])
+    robust = Seen(
+        data.points, data.measured, np.empty((3, n)), data.common, data.here, data.residual
+    )
     for j in range(n):
         for k in range(3):
             data.points[k, j] = points[j, k]
@@ -69,13 +75,15 @@ def refine_camera(
                 data.measured[k, j], data.weight[k, j] = measured[j, k], 1 / sigma[j, k]
     camera = Cameras(np.empty((1, 3, 3)), np.empty((1, 3)))
     camera.R[0], camera.t[0] = T_world_cam[:3, :3], T_world_cam[:3, 3]
+    _residuals(camera.R[0], camera.t[0], data, intrinsics)
+    _write_common(camera.R[0], spread, data, intrinsics)
     J, steps = np.zeros((6, 3, n)), 0
     for _ in range(REWEIGHTINGS if n else 0):
         _residuals(camera.R[0], camera.t[0], data, intrinsics)
         _reweight(data.weight, data.residual, huber, robust.weight)
         steps += _descend(camera, robust, intrinsics, max_iterations, J)
     _residuals(camera.R[0], camera.t[0], robust, intrinsics)
-    _differentiate(robust.here, robust.weight, intrinsics, J)
+    _differentiate(robust, intrinsics, J)
     by_all, scores = J.reshape(6, 3 * n), _scores(J, robust.residual)
     B = _products_of_cells(scores, data.measured, 2 * max(intrinsics[2], 1.0) / CELLS)
     R = camera.R[0]
@@ -95,7 +103,7 @@ def _descend(camera: Cameras, data: Seen, intrinsics: Array, max_iterations: int
     moved = Cameras(camera.R.copy(), camera.t.copy())
     by_all = J.reshape(6, J.size // 6)
     for step in range(max_iterations):
-        _differentiate(data.here, data.weight, intrinsics, J)
+        _differentiate(data, intrinsics, J)
         H, g = by_all @ by_all.T, by_all @ data.residual.ravel()
         damping, tried_cost = LIFT, np.inf
         while damping < MAX_DAMPING:
@@ -119,7 +127,7 @@ def _descend(camera: Cameras, data: Seen, intrinsics: Array, max_iterations: int
 @compiled(distinct=True, fastmath={"reassoc", "contract"})
 def _residuals(R: Array, t: Array, data: Seen, intrinsics: Array) -> float:
     """Write points in the camera and residuals; return half the sum of squares."""
-    points, measured, weight, here, residual = data
+    points, measured, weight, common, here, residual = data
     fx, fy, cx, cy, fb = intrinsics
     cost = 0.0
     for j in range(np.uint64(points.shape[1])):
@@ -131,27 +139,64 @@ def _residuals(R: Array, t: Array, data: Seen, intrinsics: Array) -> float:
         v = weight[1, j] * (fy * y / z + cy - measured[1, j])
         d = weight[2, j] * (fb / z - measured[2, j])
         here[0, j], here[1, j], here[2, j] = x, y, z
+        p, q, r = common[0, j], common[1, j], common[2, j]
+        along = p * u + q * v + r * d
+        u, v, d = u - p * along, v - q * along, d - r * along
         residual[0, j], residual[1, j], residual[2, j] = u, v, d
         cost += 0.5 * (u * u + v * v + d * d)
     return cost
 
 
 @compiled(distinct=True, fastmath={"reassoc", "contract"})
-def _differentiate(here: Array, weight: Array, intrinsics: Array, J: Array) -> None:
-    """Write the derivatives (6, 3, N) of residuals by the tangent (w, v), but for zeros."""
+def _write_common(R: Array, spread: Array, data: Seen, intrinsics: Array) -> None:
+    """Write what residuals in sigmas have in common by the spread (N, 3) of points in a camera.
+
+    Their covariance is I + b bᵀ, where b are derivatives along the spread; its inverse is the
+    square of I - c cᵀ with c along b.
+    """
     fx, fy, _, _, fb = intrinsics
+    weight, common, here = data.weight, data.common, data.here
+    for j in range(np.uint64(here.shape[1])):
+        x, y, z = here[0, j], here[1, j], here[2, j]
+        sx, sy, sz = spread[j, 0], spread[j, 1], spread[j, 2]
+        dx = R[0, 0] * sx + R[1, 0] * sy + R[2, 0] * sz
+        dy = R[0, 1] * sx + R[1, 1] * sy + R[2, 1] * sz
+        dz = R[0, 2] * sx + R[1, 2] * sy + R[2, 2] * sz
+        u = weight[0, j] * fx * (dx - x / z * dz) / z
+        v = weight[1, j] * fy * (dy - y / z * dz) / z
+        d = -weight[2, j] * fb * dz / (z * z)
+        square = max(u * u + v * v + d * d, 1e-12)
+        scale = np.sqrt((1 - 1 / np.sqrt(1 + square)) / square)
+        common[0, j], common[1, j], common[2, j] = scale * u, scale * v, scale * d
+
+
+@compiled(distinct=True, fastmath={"reassoc", "contract"})
+def _differentiate(data: Seen, intrinsics: Array, J: Array) -> None:
+    """Write the derivatives (6, 3, N) of residuals by the tangent (w, v)."""
+    fx, fy, _, _, fb = intrinsics
+    weight, common, here = data.weight, data.common, data.here
     for j in range(np.uint64(here.shape[1])):
         x, y, z = here[0, j], here[1, j], here[2, j]
         # Rows (a, 0, c), (0, b, d), (0, 0, e) of d residual / d point in the camera's frame, and
         # the camera moves by (w, v) in its own frame: d point = point x w - v.
         a, b, e = weight[0, j] * fx / z, weight[1, j] * fy / z, -weight[2, j] * fb / (z * z)
         c, d = -a * x / z, -b * y / z
-        J[0, 0, j], J[1, 0, j], J[2, 0, j] = -c * y, c * x - a * z, a * y
-        J[0, 1, j], J[1, 1, j], J[2, 1, j] = b * z - d * y, d * x, -b * x
-        J[0, 2, j], J[1, 2, j] = -e * y, e * x
-        J[3, 0, j], J[5, 0, j] = -a, -c
-        J[4, 1, j], J[5, 1, j] = -b, -d
-        J[5, 2, j] = -e
+        p, q, r = common[0, j], common[1, j], common[2, j]
+        u, v, w = -c * y, b * z - d * y, -e * y
+        s = p * u + q * v + r * w
+        J[0, 0, j], J[0, 1, j], J[0, 2, j] = u - p * s, v - q * s, w - r * s
+        u, v, w = c * x - a * z, d * x, e * x
+        s = p * u + q * v + r * w
+        J[1, 0, j], J[1, 1, j], J[1, 2, j] = u - p * s, v - q * s, w - r * s
+        u, v = a * y, -b * x
+        s = p * u + q * v
+        J[2, 0, j], J[2, 1, j], J[2, 2, j] = u - p * s, v - q * s, -r * s
+        s = -p * a
+        J[3, 0, j], J[3, 1, j], J[3, 2, j] = -a - p * s, -q * s, -r * s
+        s = -q * b
+        J[4, 0, j], J[4, 1, j], J[4, 2, j] = -p * s, -b - q * s, -r * s
+        s = -(p * c + q * d + r * e)
+        J[5, 0, j], J[5, 1, j], J[5, 2, j] = -c - p * s, -d - q * s, -e - r * s
 
 
 @compiled(distinct=True, fastmath={"reassoc", "contract"})

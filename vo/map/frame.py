@@ -97,12 +97,20 @@ class Matches(Observations):
         points_odom: (N, 3) their positions, metres.
         features: (N,) rows of the view's features, NO_FEATURE where there is none.
         zncc: (N,) correlation with the landmark's template; NaN if unknown.
+        spread_odom: (N, 3) standard deviation of the positions along a vector, metres; by default
+            zero, exact.
     """
 
     rows: Indices
     points_odom: Array
     features: Indices
     zncc: Array
+    spread_odom: Array = field(default_factory=lambda: np.zeros((0, 3)))
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.spread_odom) < len(self.ids):
+            object.__setattr__(self, "spread_odom", np.zeros((len(self.ids), 3)))
 
     @classmethod
     def of(
@@ -117,6 +125,7 @@ class Matches(Observations):
             sigma_px=sigma_px,
             rows=rows,
             points_odom=landmarks.points_odom[rows],
+            spread_odom=landmarks.spread_odom[rows],
             features=np.full(len(rows), NO_FEATURE) if features is None else features,
             zncc=np.full(len(rows), np.nan) if zncc is None else zncc,
         )
@@ -138,7 +147,8 @@ class Matches(Observations):
         rows = find_sorted(landmarks.ids, self.ids)
         kept = self.select(rows >= 0)
         rows = rows[rows >= 0]
-        return replace(kept, rows=rows, points_odom=landmarks.points_odom[rows])
+        points, spread = landmarks.points_odom[rows], landmarks.spread_odom[rows]
+        return replace(kept, rows=rows, points_odom=points, spread_odom=spread)
 
 
 def newest_matches(local_map: LocalMap) -> Matches:

@@ -38,6 +38,7 @@ class Landmarks(Table):
     Attributes:
         ids: (N,) ascending, unique over the whole run.
         points_odom: (N, 3) metres.
+        spread_odom: (N, 3) standard deviation of the point along the ray that saw it first.
         descriptors: (N, P) latest descriptor, for matching.
         views: (N,) frames that observed the landmark, keyframes or not.
         anchor: (N,) serial of the keyframe that holds the template for alignment.
@@ -48,6 +49,7 @@ class Landmarks(Table):
 
     ids: Indices
     points_odom: Array
+    spread_odom: Array
     descriptors: Array
     views: Indices
     anchor: Indices
@@ -100,6 +102,7 @@ def empty_map(
     landmarks = Landmarks(
         ids=none,
         points_odom=np.zeros((0, 3)),
+        spread_odom=np.zeros((0, 3)),
         descriptors=np.zeros((0, 0), np.float32),
         views=none,
         anchor=none,
@@ -135,5 +138,6 @@ def transform_map(local_map: LocalMap, T_new_old: Array, covariance: Array) -> L
 
     keyframes = tuple(map(transformed, local_map.keyframes))
     points = se3.transform(T_new_old, local_map.landmarks.points_odom)
-    landmarks = replace(local_map.landmarks, points_odom=points)
+    spread = local_map.landmarks.spread_odom @ T_new_old[:3, :3].T
+    landmarks = replace(local_map.landmarks, points_odom=points, spread_odom=spread)
     return replace(local_map, keyframes=keyframes, landmarks=landmarks)

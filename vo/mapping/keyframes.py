@@ -57,9 +57,12 @@ def add_keyframe(
     at_instant = observations.at_instant
     points_cam = view.rig.triangulate(at_instant[:, :2], at_instant[:, 2])
     n = len(observations)
+    # To first order, a depth errs by the share of it by which its disparity does.
+    spread_cam = points_cam * (observations.sigma_px[:, 2] / at_instant[:, 2])[:, None]
     new = Landmarks(
         ids=observations.ids,
         points_odom=se3.transform(T_odom_cam, points_cam),
+        spread_odom=spread_cam @ T_odom_cam[:3, :3].T,
         descriptors=descriptors,
         views=np.ones(n, dtype=np.int64),
         anchor=np.full(n, serial),

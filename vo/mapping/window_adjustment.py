@@ -31,6 +31,9 @@ LEAST_EXCESS = 0.9
 MIN_WINDOW_M = 0.25
 """Length of a window below which it counts as that long: turns on the spot."""
 
+UNKNOWN = 1e-6
+"""Least information along the spread of a landmark, in spreads: it grows no more than so much."""
+
 Adjuster = Callable[[LocalMap], tuple[LocalMap, int]]
 """Function of a map, which returns the adjusted one and the iterations; 0 if nothing changed."""
 
@@ -66,7 +69,8 @@ def adjust_window(
     covariance = [k.covariance for k in keyframes]
     if refined.covariance[-1].any():
         covariance[-1] = extend_covariance(keyframes, refined)
-    moved = _move_map(local_map, refined.T_world_cam, covariance, ids, refined.points_world)
+    points = refined.points_world, refined.information
+    moved = _move_map(local_map, refined.T_world_cam, covariance, ids, *points)
     return _learn_noise(moved, refined.misfit, settings), refined.iterations
 
 
@@ -100,23 +104,28 @@ def _select_landmarks(
 
 def _move_map(
     local_map: LocalMap, T_odom_cam: Array, covariance: list[Array], ids: Indices,
-    points_odom: Array,
+    points_odom: Array, information: Array,
 ) -> LocalMap:  # fmt: skip
     """Replace poses (K, 4, 4), covariances (6, 6), and the points (J, 3) of adjusted landmarks.
 
-    The other landmarks move with their anchors.
+    Their information (J, 3, 3) tells how well they are known along their spread. The other
+    landmarks move with their anchors.
     """
     keyframes, landmarks = local_map.keyframes, local_map.landmarks
     moved = T_odom_cam @ se3.inverse(np.stack([k.T_odom_cam for k in keyframes]))
     anchor = landmarks.anchor - keyframes[0].serial
     points = np.einsum("nij,nj->ni", moved[anchor, :3, :3], landmarks.points_odom)
     points += moved[anchor, :3, 3]
-    points[np.searchsorted(landmarks.ids, ids)] = points_odom
+    rows, spread = np.searchsorted(landmarks.ids, ids), landmarks.spread_odom.copy()
+    points[rows] = points_odom
+    known = np.einsum("ni,nij,nj->n", spread[rows], information, spread[rows])
+    spread[rows] /= np.sqrt(np.maximum(known, UNKNOWN))[:, None]
     keyframes = tuple(
         replace(k, T_odom_cam=T, covariance=C)
         for k, T, C in zip(keyframes, T_odom_cam, covariance, strict=True)
     )
-    return replace(local_map, keyframes=keyframes, landmarks=replace(landmarks, points_odom=points))
+    landmarks = replace(landmarks, points_odom=points, spread_odom=spread)
+    return replace(local_map, keyframes=keyframes, landmarks=landmarks)
 
 
 def _learn_noise(local_map: LocalMap, misfits: Array, settings: RefinementSettings) -> LocalMap:
@@ -166,7 +175,9 @@ class IncrementalAdjustment:
         unmoved = local_map.keyframes[: -len(keyframes)]
         T = [k.T_odom_cam for k in unmoved] + list(found.T_odom_cam)
         covariance = [k.covariance for k in unmoved] + list(found.covariance)
-        moved = _move_map(local_map, np.array(T), covariance, found.ids, found.estimates.points)
+        x = found.estimates
+        points = x.points, x.information(found.T_odom_cam[x.cameras])
+        moved = _move_map(local_map, np.array(T), covariance, found.ids, *points)
         self._smoother = smoother
         self._T_odom_cam = {k.serial: k.T_odom_cam for k in moved.keyframes}
         noise = misfit(found.estimates, found.T_odom_cam)

@@ -33,12 +33,16 @@ def find_consensus(
     )
 
 
-def refine_pose(T_odom_cam: Array, matches: Matches, view: View) -> Pose:
-    """Refine a pose on matches, with fixed landmarks; with `refinement.mode` none, keep it."""
+def refine_pose(T_odom_cam: Array, matches: Matches, view: View, is_rough: bool = False) -> Pose:
+    """Refine a pose on matches, with fixed landmarks; with `refinement.mode` none, keep it.
+
+    The landmarks count by the error of their depth, unless the matches still hold outliers: an
+    error of the depth would excuse them.
+    """
     settings, measured = view.settings.refinement, measure_at_instant(T_odom_cam, matches, view)
-    refined = refine_motion(
-        T_odom_cam, matches.points_odom, measured, matches.sigma_px, view.rig, settings
-    )
+    spread_odom = None if is_rough or settings.exact_landmarks else matches.spread_odom
+    seen = matches.points_odom, measured, matches.sigma_px
+    refined = refine_motion(T_odom_cam, *seen, view.rig, settings, spread_odom)
     if settings.mode == "none":
         return replace(refined, T_world_cam=T_odom_cam, iterations=0)
     return refined

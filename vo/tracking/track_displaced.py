@@ -83,7 +83,7 @@ def _estimate(
         if consensus is None or counts["consensus"] < few:
             return NotTracked(counts)
         agreeing = matches.select(consensus.inliers)
-        T_odom_cam = refine_pose(consensus.T_odom_cam, agreeing, view).T_world_cam
+        T_odom_cam = refine_pose(consensus.T_odom_cam, agreeing, view, is_rough=True).T_world_cam
     view = estimate_smear(state.map, previous, view, T_odom_cam)
     view = correct_cameras(state, view, T_odom_cam)  # by a better pose than the predicted one
     with clock("guided matching"):  # at their projections (F5)
@@ -129,7 +129,7 @@ def refine_on_inliers(
         matches = replace_matches(context.hooks, matches, state.map, view)
         for wide in rough:
             inliers = _inliers(T_odom_cam, matches, wide, context)
-            T_odom_cam = refine_pose(T_odom_cam, inliers, wide).T_world_cam
+            T_odom_cam = refine_pose(T_odom_cam, inliers, wide, is_rough=True).T_world_cam
         pose = refine_pose(T_odom_cam, _inliers(T_odom_cam, matches, view, context), view)
         return pose, matches, _inliers(pose.T_world_cam, matches, view, context)
 

@@ -180,9 +180,10 @@ def _estimate(
         if len(inliers) < min_inliers:
             return NotTracked(counts)
     with clock("motion refinement"):  # of every frame (3.4)
-        pose = refine_pose(consensus.T_odom_cam, inliers, view)
+        guided = view.settings.matching.guided and not by_klt
+        pose = refine_pose(consensus.T_odom_cam, inliers, view, is_rough=guided)
         counts["motion iterations"] = pose.iterations
-    if view.settings.matching.guided and not by_klt:
+    if guided:
         with clock("guided matching"):  # the other landmarks, at their projections (F5)
             matches = association.find_guided_matches(state.map, view, pose.T_world_cam, matches)
             matches = verified(matches)
