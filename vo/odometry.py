@@ -83,8 +83,7 @@ class StereoOdometry:
         frame = read_wheels(state, frame, self.settings)
         state.angles_rad = frame.gyro_rad
         self._budget.begin()
-        has_work = state.pending is not None and state.pending.has_work
-        waits = has_work and self._budget.lets_keyframe_wait()
+        waits = state.has_work and self._budget.lets_keyframe_wait()
         counts: dict[str, int] = {}
         if not waits:
             with clock("structure refinement"):
@@ -115,6 +114,7 @@ class StereoOdometry:
                 tracked = replace(tracked, T_odom_cam=halt.T_odom_cam, covariance=held)
             # The exposure has found its level: what was seen before is mostly rounding.
             is_clearer = state.is_faint and not view.is_faint
+            is_urgent = state.has_work
             if is_keyframe := is_clearer or (not halt and needs_keyframe(tracked)):
                 state.is_faint = False
                 moved = mapper.finish(state, self.hooks, counts)  # left to do by the one before
@@ -122,7 +122,7 @@ class StereoOdometry:
             step_covariance = self._advance(tracked, halt)
             if is_keyframe:
                 mapper.begin(state, tracked)  # bundle adjustment (3.4, 4.4)
-                if not self.settings.refinement.deferred:
+                if is_urgent or not self.settings.refinement.deferred:
                     moved = mapper.finish(state, self.hooks, counts)
                     tracked = tracked.moved(moved, state.map.landmarks)
         tracked = replace(tracked, counts={**tracked.counts, **counts})

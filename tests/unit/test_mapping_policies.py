@@ -15,6 +15,7 @@ from vo.odometry import StereoOdometry
 from vo.tracking.association import find_matches
 from vo.tracking.diagnostics import explain_weakness
 from vo.tracking.frontend import Frontend
+from vo.tracking.new_view import must_wait
 
 RIG = StereoRig(WIDTH, HEIGHT, F_PX, (WIDTH - 1) / 2, (HEIGHT - 1) / 2, BASELINE_M)
 
@@ -72,7 +73,7 @@ def test_odometry_many_iterations_are_weak_and_no_keyframe(frames):
     tracked = [free.track(frame) for frame in frames[:4]][1:]
     weak = [dropping.track(frame) for frame in frames[:4]][1:]
     assert all(x.status is Status.TRACKED for x in tracked)
-    assert all("structure iterations" in x.counts for x in tracked[1:])
+    assert any("structure iterations" in x.counts for x in tracked)
     for x in weak:
         assert x.status is Status.WEAK
         assert x.reason == f"{x.counts['motion iterations']} iterations, more than 1"
@@ -109,9 +110,31 @@ def test_keyframes_at_once_or_deferred_give_about_the_same(frames):
     np.testing.assert_allclose(moved(True), moved(False), atol=1e-3)
 
 
+def test_urgent_keyframe_is_finished_at_once(frames):
+    """One that comes before the last has its adjustment, which is done now, too."""
+    odometry = StereoOdometry(RIG, settings(keyframe_parallax_px=0))
+    found = []
+    for frame in frames[:5]:
+        odometry.track(frame)
+        pending = odometry.state.pending
+        found.append((pending.steps if pending else None, odometry.state.map.next_serial))
+    assert found == [(None, 1), (0, 1), (None, 3), (0, 3), (None, 5)]
+
+
+def test_keyframe_waits_for_the_last_within_two_baselines(frames):
+    odometry = StereoOdometry(RIG, settings(keyframe_parallax_px=0))
+    near, far = np.eye(4), np.eye(4)
+    near[0, 3], far[2, 3] = 1.9 * RIG.baseline_m, 2.1 * RIG.baseline_m
+    odometry.track(frames[0])
+    assert not must_wait(odometry.state, near, RIG)  # there is none
+    last = odometry.track(frames[1]).T_odom_cam
+    assert must_wait(odometry.state, last @ near, RIG)
+    assert not must_wait(odometry.state, last @ far, RIG)
+
+
 def test_loss_finishes_a_pending_keyframe(frames):
     odometry = StereoOdometry(RIG, settings(keyframe_parallax_px=0))
-    for frame in frames[:5]:
+    for frame in frames[:4]:
         odometry.track(frame)
     assert odometry.state.pending
     serial = odometry.state.map.next_serial

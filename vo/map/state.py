@@ -141,3 +141,8 @@ class TrackerState:
     frame_ns: int = -1
     lost_frames: int = 0
     is_faint: bool = False
+
+    @property
+    def has_work(self) -> bool:
+        """Whether the last keyframe waits for its landmarks or its adjustment."""
+        return self.pending is not None and self.pending.has_work

@@ -1,8 +1,8 @@
 """The work that a new keyframe brings: its landmarks, and the adjustment of the map (thesis 3.4).
 
-It is done at once, or in two steps at the start of the next two frames, which then take about as
-long as others. Steps are by the number of frames, never by the clock: equal frames give equal poses
-on every machine.
+It is done in two steps at the start of the next two frames, which then take about as long as
+others, or at once, if the keyframe came before the last one had its landmarks and adjustment. That
+is by the number of frames, never by the clock: equal frames give equal poses on every machine.
 """
 
 from dataclasses import replace

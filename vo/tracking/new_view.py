@@ -1,11 +1,15 @@
 """When a view is so new that it becomes a keyframe (thesis 3.4)."""
 
+import math
+
 import numpy as np
 
 from vo.config import OdometrySettings
 from vo.contract.arrays import Array, Indices, find_sorted
 from vo.contract.compilation import compiled
 from vo.contract.observations import Observations
+from vo.contract.rig import StereoRig
+from vo.map.state import TrackerState
 
 MIN_FLOW_PX = 1.0
 """Median flow since the last keyframe below which the camera counts as not moved: however few
@@ -15,6 +19,18 @@ URGENT = 2.0
 """Factor on the flow that makes a keyframe while the last one waits for its landmarks or for its
 adjustment, or had it in this frame: a frame takes the work of one, and some take none, unless the
 view changes too fast."""
+
+FAR_BASELINES = 2.0
+"""Way from a keyframe, in baselines, from which the next one does not wait for it: further on,
+landmarks are known better by the motion of the camera than by one pair of images."""
+
+
+def must_wait(state: TrackerState, T_odom_cam: Array, rig: StereoRig) -> bool:
+    """Whether a keyframe at a pose (4, 4) would wait for the last one."""
+    if state.pending is None:
+        return False
+    way = T_odom_cam[:3, 3] - state.pending.T_odom_cam[:3, 3]
+    return math.hypot(*way.tolist()) < FAR_BASELINES * rig.baseline_m
 
 
 def is_new_view(

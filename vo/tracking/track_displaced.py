@@ -26,7 +26,7 @@ from vo.tracking.association import (
 from vo.tracking.displaced_landmarks import NEAR_PX, find_displaced
 from vo.tracking.hooked import replace_inliers, replace_matches
 from vo.tracking.landmark_prior import sampling_weights
-from vo.tracking.new_view import information_of, is_new_view
+from vo.tracking.new_view import information_of, is_new_view, must_wait
 from vo.tracking.pose_refinement import (
     find_consensus,
     refine_pose,
@@ -98,7 +98,7 @@ def _estimate(
     pose, found, inliers = refine_on_inliers(T_odom_cam, found, state, views, context)
     seen, ids = local_map.keyframes[-1].observations, local_map.landmarks.ids
     share = information_of(seen, ids[tried]) / max(information_of(seen, ids[rows]), 1e-9)
-    waits = state.pending is not None
+    waits = must_wait(state, pose.T_world_cam, view.rig)
     is_new = len(inliers) >= few and is_new_view(seen, inliers, settings, share, waits)
     if is_new:
         with clock("guided matching"):

@@ -17,7 +17,7 @@ from vo.tracking.hooked import replace_inliers, replace_matches, replace_predict
 from vo.tracking.klt import track_klt
 from vo.tracking.landmark_prior import sampling_weights
 from vo.tracking.motion_model import predict_motion
-from vo.tracking.new_view import is_new_view
+from vo.tracking.new_view import is_new_view, must_wait
 from vo.tracking.pose_refinement import (
     find_consensus,
     refine_pose,
@@ -194,7 +194,8 @@ def _estimate(
     if len(inliers) < min_inliers:
         return NotTracked(counts)
     expected = association.project_landmarks(state.map.landmarks, pose.T_world_cam, view)
-    last, waits = state.map.keyframes[-1].observations, state.pending is not None
+    last = state.map.keyframes[-1].observations
+    waits = must_wait(state, pose.T_world_cam, view.rig)
     covariance = weigh_consensus(pose, matches, inliers, view)
     return Tracked(
         view, pose.T_world_cam, covariance, matches, inliers, by_klt,
