@@ -28,7 +28,7 @@ def add_mesh_geom(
 ) -> None:
     """Add a mesh and a geom of `name` that shows it and does not collide; "" is no material.
 
-    MuJoCo copies lists in half the time that arrays take.
+    MuJoCo copies lists faster than arrays.
     """
     added = spec.add_mesh(name=name, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
     added.uservert, added.usernormal, added.usertexcoord = (
