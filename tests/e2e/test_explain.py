@@ -60,7 +60,8 @@ def test_explain_gives_shares_bound_and_consistency(drive, cache):
     assert found.attribution.drift.value == pytest.approx(found.drift[0])
     assert 0 < found.attribution.shares[-1].share.value < 0.7
     (bound,) = found.bounded
-    assert 1 < bound.over_1m_percent / bound.bound_over_1m_percent < 50
+    # The bound is that of the mean square: a single drive may have better luck.
+    assert 0.5 < bound.over_1m_percent / bound.bound_over_1m_percent < 50
     assert all(0.005 < x < 0.5 for x in bound.noise_px)
     assert np.isfinite(found.pooled("step")).sum() > 20
 
@@ -93,7 +94,8 @@ def test_estimator_without_hooks_is_inseparable(drive, cache, tmp_path, monkeypa
     assert found.inseparable == STAGES
     assert len(found.drift) == 1
     (bound,) = found.bounded  # by its tracks alone
-    assert 1 < bound.over_1m_percent / bound.bound_over_1m_percent < 50
+    # The bound is that of the mean square: a single drive may have better luck.
+    assert 0.5 < bound.over_1m_percent / bound.bound_over_1m_percent < 50
 
 
 def test_explain_command_writes_page_figures_and_data(drive, place):
