@@ -26,7 +26,7 @@ from vo.bundle_adjustment.single_camera import (
     RELATIVE_TOLERANCE,
     move,
 )  # fmt: skip
-from vo.contract.arrays import Array, Indices
+from vo.contract.arrays import Array, Indices, copy_values
 from vo.contract.compilation import compiled
 from vo.contract.projection import stereo_residual
 
@@ -104,7 +104,9 @@ def _descend(
             damping = max(10 * damping, FIRST_DAMPING)
         if not tried_cost <= cost:
             return step, cost
-        cameras.R[:], cameras.t[:], points[:] = moved.R, moved.t, there
+        copy_values(moved.R, cameras.R)
+        copy_values(moved.t, cameras.t)
+        copy_values(there, points)
         if cost - tried_cost <= RELATIVE_TOLERANCE * cost:
             return step + 1, tried_cost
         cost = tried_cost
@@ -184,7 +186,7 @@ def _substitute(
     """Write the points that belong to cameras moved by tangents (6 S,)."""
     total = np.empty(3)
     for j in range(len(points)):
-        total[:] = b[j]
+        copy_values(b[j], total)
         for m in range(data.first[j], data.first[j + 1]):
             at = 6 * slot[data.camera[m]]
             if at < 0:

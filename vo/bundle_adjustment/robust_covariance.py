@@ -14,7 +14,7 @@ import numpy as np
 
 from vo.bundle_adjustment.schur import Cameras, Measurements, invert, linearize, workspace
 from vo.bundle_adjustment.single_camera import LIFT
-from vo.contract.arrays import Array, Indices
+from vo.contract.arrays import Array, Indices, copy_values
 from vo.contract.compilation import compiled
 
 
@@ -50,7 +50,7 @@ def camera_covariances(H: Array, B: Array) -> tuple[Array, Array]:
     found, excess = np.empty((size, 6, 6)), np.empty(size)
     for i in range(size):
         own = np.ascontiguousarray(inverse[:, 6 * i : 6 * i + 6])
-        found[i] = own[6 * i : 6 * i + 6]
+        copy_values(own[6 * i : 6 * i + 6], found[i])
         excess[i] = np.trace(np.linalg.solve(found[i], own.T @ (B @ own))) / 6
     return found, excess
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vo.bundle_adjustment.schur import Cameras
-from vo.contract.arrays import Array
+from vo.contract.arrays import Array, copy_values
 from vo.contract.compilation import compiled
 from vo.contract.projection import MIN_DEPTH_M
 
@@ -74,7 +74,8 @@ def refine_camera(
             if not np.isnan(measured[j, k]) and (k < 2 or use_disparity):
                 data.measured[k, j], data.weight[k, j] = measured[j, k], 1 / sigma[j, k]
     camera = Cameras(np.empty((1, 3, 3)), np.empty((1, 3)))
-    camera.R[0], camera.t[0] = T_world_cam[:3, :3], T_world_cam[:3, 3]
+    copy_values(T_world_cam[:3, :3], camera.R[0])
+    copy_values(T_world_cam[:3, 3], camera.t[0])
     _residuals(camera.R[0], camera.t[0], data, intrinsics)
     _write_common(camera.R[0], spread, data, intrinsics)
     J, steps = np.zeros((6, 3, n)), 0
@@ -88,8 +89,9 @@ def refine_camera(
     B = _products_of_cells(scores, data.measured, 2 * max(intrinsics[2], 1.0) / CELLS)
     R = camera.R[0]
     T = np.eye(4)
-    T[:3, :3] = R @ (1.5 * np.eye(3) - 0.5 * (R.T @ R))  # rounding of many products
-    T[:3, 3] = camera.t[0]
+    # Less the rounding of many products.
+    copy_values(R @ (1.5 * np.eye(3) - 0.5 * (R.T @ R)), T[:3, :3])
+    copy_values(camera.t[0], T[:3, 3])
     return T, by_all @ by_all.T, B, steps
 
 
@@ -117,7 +119,8 @@ def _descend(camera: Cameras, data: Seen, intrinsics: Array, max_iterations: int
             damping = max(10 * damping, FIRST_DAMPING)
         if not tried_cost <= cost:
             return step
-        camera.R[:], camera.t[:] = moved.R, moved.t
+        copy_values(moved.R, camera.R)
+        copy_values(moved.t, camera.t)
         if cost - tried_cost <= RELATIVE_TOLERANCE * cost:
             return step + 1
         cost = tried_cost
@@ -261,5 +264,5 @@ def move(camera: Cameras, i: int, tangent: Array, moved: Cameras) -> None:
         turn[p, p] = 1 + c * (w[p] * w[p] - angle2)
         turn[p, q] = c * w[p] * w[q] - s * w[k]
         turn[p, k] = c * w[p] * w[k] + s * w[q]
-    moved.R[i] = camera.R[i] @ turn
-    moved.t[i] = camera.t[i] + camera.R[i] @ v
+    copy_values(camera.R[i] @ turn, moved.R[i])
+    copy_values(camera.t[i] + camera.R[i] @ v, moved.t[i])

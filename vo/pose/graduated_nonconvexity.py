@@ -11,7 +11,7 @@ import numpy as np
 
 from vo.config import MotionSettings
 from vo.contract import se3
-from vo.contract.arrays import Array
+from vo.contract.arrays import Array, copy_values
 from vo.pose.gauss_newton import gauss_newton_step
 from vo.pose.hypotheses import Problem, squared_errors
 from vo.pose.ransac import Consensus, determined_consensus
@@ -57,7 +57,7 @@ def descend(problem: Problem, pose: Array) -> bool:
             rows = np.flatnonzero(weights)
             if not gauss_newton_step(problem.points_odom, problem.rays, rows, pose, moved, weights):
                 return False
-            pose[:] = moved
+            copy_values(moved, pose)
         if width == 1:
             return True
         width /= NARROWING

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from vo.contract.arrays import Array
+from vo.contract.arrays import Array, copy_values
 from vo.contract.compilation import compiled
 from vo.map.state import LearntMotion, nothing_learnt
 
@@ -130,9 +130,9 @@ def _learn(
             chi2 = float(apart @ np.linalg.solve(predicted + covariance, apart))
     if chi2 > CONTRADICTION:
         return chi2
-    squares[:] = MEMORY * squares + np.outer(numbers, numbers)
-    products[:] = MEMORY * products + np.outer(numbers, step)
+    copy_values(MEMORY * squares + np.outer(numbers, numbers), squares)
+    copy_values(MEMORY * products + np.outer(numbers, step), products)
     fitted = np.linalg.solve(squares + np.eye(len(numbers)), numbers) @ products
     left = step - fitted
-    spread[:] = MEMORY * spread + np.outer(left, left)
+    copy_values(MEMORY * spread + np.outer(left, left), spread)
     return chi2
