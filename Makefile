@@ -29,9 +29,12 @@ unit: $(READY)
 test: $(READY)  ## style, types, import layers and every test, the small gate included
 	@$(MAKE) --no-print-directory --jobs 2 suite lint
 
+# One process more than two cores: some tests wait for processes of their own.
+PROCESSES := $(shell n=$$(nproc); echo $$(( n < 3 ? 3 : n > 4 ? 4 : n )))
+
 # Bytes of two recordings differed in one of 4,000 tests in two whole runs, and in no repetition; the
 # cause is not found. So tests that fail run once more, alone.
-PARALLEL := -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
+PARALLEL := -n $(PROCESSES) --dist loadfile --no-loadscope-reorder
 AGAIN := --last-failed --last-failed-no-failures none
 
 # Workers that start without machine code would all compile the same, each for itself.
